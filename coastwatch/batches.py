@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from enum import IntEnum, IntFlag
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,9 +45,7 @@ class Struct:
                 continue
             self._check(f.name, getattr(self, f.name), f.metadata["dtype"], f.metadata["shape"], sizes)
 
-    def _check(
-        self, name: str, got: Any, dtype: np.dtype[Any], shape: tuple[str | int, ...], sizes: dict[str, int]
-    ) -> None:
+    def _check(self, name: str, got: Any, dtype: np.dtype[Any], shape: tuple[str | int, ...], sizes: dict[str, int]) -> None:
         where = f"{type(self).__name__}.{name}"
         if not isinstance(got, np.ndarray):
             raise TypeError(f"{where}: got {type(got).__name__}, needed an array")
@@ -155,9 +153,7 @@ class Reports:
 
     def between(self, after_s: float, until_s: float) -> Reports:
         """The reports with after_s < received_s <= until_s; each part must be sorted by received_s."""
-        return Reports(
-            *(self._cut(part, after_s, until_s) for part in (self.radar, self.ais, self.statics, self.bearing))
-        )
+        return Reports(*(self._cut(part, after_s, until_s) for part in (self.radar, self.ais, self.statics, self.bearing)))
 
     @staticmethod
     def _cut(part: Any, after_s: float, until_s: float) -> Any:
@@ -317,9 +313,7 @@ class Tracks(Batch):
     position_deg: Floats = column(np.float64, "N", 2)
     velocity_m_s: Floats = column(np.float64, "N", 2)
     covariance: Floats = column(np.float64, "N", 4, 4)  # NaN where the source gives none
-    report_covariance: Floats = column(
-        np.float64, "N", 2, 2
-    )  # of one report of the sensor at this place, by its specification
+    report_covariance: Floats = column(np.float64, "N", 2, 2)  # of one report of the sensor at this place, by its specification
     updated_s: Floats = column(np.float64, "N")  # of the newest report in the track
     started_s: Floats = column(np.float64, "N")
     mmsi: Ints = column(np.int64, "N")  # -1 where there is none
@@ -422,7 +416,6 @@ class Members(Batch):
 class Flag(IntFlag):
     """What an operator should look at."""
 
-    NONE: ClassVar[int] = 0
     DARK = 1  # radar sees it inside AIS coverage, no AIS
     AIS_WITHOUT_RADAR = 2  # AIS says it is there, a radar that should see it does not
     AIS_CONTRADICTED = 4  # AIS and radar of one vessel have come apart

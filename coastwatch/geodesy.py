@@ -74,9 +74,7 @@ def difference_m(to_deg: Floats, from_deg: Floats) -> Floats:
     Args: to_deg, from_deg: (..., 2). Returns: (..., 2).
     """
     north, east = scale_m_deg(0.5 * (to_deg[..., 0] + from_deg[..., 0]))
-    return np.stack(
-        [wrap_deg(to_deg[..., 1] - from_deg[..., 1]) * east, (to_deg[..., 0] - from_deg[..., 0]) * north], axis=-1
-    )
+    return np.stack([wrap_deg(to_deg[..., 1] - from_deg[..., 1]) * east, (to_deg[..., 0] - from_deg[..., 0]) * north], axis=-1)
 
 
 def offset_deg(from_deg: Floats, metres: Floats) -> Floats:
