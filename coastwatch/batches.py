@@ -219,6 +219,7 @@ class Recording:
     stop_s: float
     truth: Trajectories | None = None
     faults: tuple[Fault, ...] = ()
+    silenced: tuple[int, ...] = ()  # origins whose AIS was switched off on purpose
 
 
 # ---- who says it ------------------------------------------------------------------------------------------------------
@@ -318,6 +319,27 @@ class Tracks(Batch):
     started_s: Floats = column(np.float64, "N")
     mmsi: Ints = column(np.int64, "N")  # -1 where there is none
     origin: Ints = column(np.int64, "N")
+
+    def known_covariance(self, velocity_sigma_m_s: float) -> Floats:
+        """The covariances, and where a source gives none that of one report and of a velocity known so well. (N, 4, 4)"""
+        out = self.covariance.copy()
+        unknown = ~np.isfinite(out).all(axis=(1, 2))
+        if unknown.any():
+            made = np.zeros((int(unknown.sum()), 4, 4))
+            made[:, :2, :2] = self.report_covariance[unknown]
+            made[:, 2, 2] = made[:, 3, 3] = velocity_sigma_m_s**2
+            out[unknown] = made
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class AisAlarms(Batch):
+    """What is odd about AIS tracks; one row a track of the Tracks of the same step."""
+
+    track_id: Ints = column(np.int64, "N")
+    mmsi: Ints = column(np.int64, "N")
+    impossible_speed: Bools = column(np.bool_, "N")  # a report lately needed a speed that no ship has
+    twice: Bools = column(np.bool_, "N")  # its MMSI is heard from two places
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,22 @@
+"""Which tracks are the same vessel: the methods of the stage."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from coastwatch.associations.bearing_likelihood import BearingLikelihood
+from coastwatch.associations.bearing_literal import BearingWindowedCovariance
+from coastwatch.associations.windowed_covariance import WindowedCovariance
+from coastwatch.associations.windowed_covariance_literal import WindowedCovarianceLiteral
+
+Associator = Annotated[WindowedCovariance | WindowedCovarianceLiteral, Field(discriminator="method")]
+BearingAssociator = Annotated[BearingLikelihood | BearingWindowedCovariance, Field(discriminator="method")]
+
+__all__ = [
+    "Associator",
+    "BearingAssociator",
+    "BearingLikelihood",
+    "BearingWindowedCovariance",
+    "WindowedCovariance",
+    "WindowedCovarianceLiteral",
+]

@@ -1,0 +1,13 @@
+"""One estimate from all tracks of a vessel: the methods of the stage."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from coastwatch.fused_tracks.covariance_intersection import CovarianceIntersection
+from coastwatch.fused_tracks.imm_of_tracks import ImmOfTracks
+from coastwatch.fused_tracks.weighted_average import WeightedAverage
+
+Fuser = Annotated[CovarianceIntersection | WeightedAverage | ImmOfTracks, Field(discriminator="method")]
+
+__all__ = ["CovarianceIntersection", "Fuser", "ImmOfTracks", "WeightedAverage"]

@@ -1,0 +1,266 @@
+"""Bearing association by likelihood: a vessel of the picture against a vessel that nobody else has seen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from coastwatch.associations.bearing_history import Path
+from coastwatch.batches import Array, BearingAssociations, BearingTracks, Bools, Floats, Ints, Octants, Picture, Sensors
+from coastwatch.geodesy import KNOT_M_S, axes, earth_centred, to_plane, wrap_rad
+from coastwatch.stage import Method, Spread
+
+Positive = Annotated[float, Field(gt=0.0)]
+Share = Annotated[float, Field(gt=0.0, lt=1.0)]
+
+RANGE_SHARES = np.array([1.0, 0.6, 0.36, 0.22, 0.13, 0.08])  # of the sensor's range, where an unknown vessel may be
+RANGE_WEIGHTS = RANGE_SHARES**2 / (RANGE_SHARES**2).sum()  # by the area that each stands for
+COVERED_EDGE = 0.5  # that a vessel outside the nominal coverage is heard: as likely as not
+
+
+@dataclass(frozen=True, eq=False)
+class LikelihoodMemory:
+    path: Path  # of vessels in reach of a sensor of bearings: Earth-centred position, standard deviation per axis
+    bias_rad: Floats  # (K,) of each sensor of bearings; no row before the first cycle
+    bias_sigma_rad: Floats  # (K,) what is not known of it
+
+
+class BearingLikelihood(Method):
+    """One-to-one pairs that explain the bearings of a sensor best; what no vessel explains well is of an unknown vessel.
+
+    The statistic of a pair is its log odds: the likelihood of the window of bearings given the path of the vessel (white noise of the
+    sensor's specification, a position error correlated in time, what is not known of the sensor's bias) over that given an
+    unknown vessel anywhere in reach, times the prior odds. The bias of each sensor is the running median residual of its pairs.
+    Source: Y. Bar-Shalom, P. K. Willett, X. Tian, Tracking and Data Fusion, ch. 8-9 (likelihood ratio association); the null
+    hypothesis and the numbers are ours: scaling/decisions/bearing_association.py.
+    """
+
+    method: Literal["bearing_likelihood"] = "bearing_likelihood"
+    threshold: float = 0.0  # log odds that a pair must have
+    window_s: Positive = 300.0  # bearings and paths older than this are not looked at
+    spacing_s: Positive = 1.0  # instants of the paths are no closer than this
+    heard: Share = 0.9  # that a vessel inside the coverage of a sensor has a track of it
+    unknown: Share = 0.05  # at least this share of a sensor's tracks are of vessels that are not in the picture
+    unknown_speed_kn: Positive = 10.0  # standard deviation per axis, of such a vessel
+    unknown_kick_m_s2: Positive = 0.1  # its changes of course and speed: standard deviation per axis grows so over a second
+    position_floor_m: Annotated[float, Field(ge=0.0)] = 3.0  # position errors that no covariance tells (hull, antenna)
+    position_unknown_m: Positive = 15.0  # standard deviation per axis where a vessel has no covariance
+    position_memory_s: Positive = 20.0  # correlation time of position errors
+    bias_sigma_deg: Annotated[float, Field(ge=0.0)] = 0.5  # of an uncalibrated sensor; 0: sensors have none
+    bias_floor_deg: Annotated[float, Field(ge=0.0)] = 0.03  # what remains unknown of it at best
+    bias_gain: Annotated[float, Field(ge=0.0, le=1.0)] = 0.2  # share of the median residual taken over in a cycle; 0: no calibration
+    bias_pairs: Annotated[int, Field(ge=1)] = 5  # fewer calibrate nothing
+    give_up: Annotated[float, Field(lt=0.0)] = -25.0  # log odds at which a pair is not looked at any further
+
+    def init(self) -> LikelihoodMemory:
+        return LikelihoodMemory(Path.empty(4), np.zeros(0), np.zeros(0))
+
+    def step(
+        self,
+        memory: LikelihoodMemory,
+        bearing_tracks: BearingTracks,
+        picture: Picture,
+        octants: Octants,
+        time_s: float,
+        sensors: Sensors,
+        spread: Spread,
+    ) -> tuple[LikelihoodMemory, BearingAssociations]:
+        """Which bearing track is which vessel at this cycle.
+
+        Args: bearing_tracks: (N); picture: (V); octants: pairs of their rows; time_s: of the cycle, to which both are predicted.
+        Returns: memory and BearingAssociations, sorted by bearing_row.
+        """
+        count = len(sensors.sonars)
+        bias, bias_sigma = memory.bias_rad, memory.bias_sigma_rad
+        if len(bias) != count:
+            bias, bias_sigma = np.zeros(count), np.full(count, np.radians(self.bias_sigma_deg))
+        path = self._path(memory.path, picture, octants, time_s, sensors)
+        row, gain, residual = self._scored(path, bearing_tracks, picture, octants, sensors, bias, bias_sigma, spread)
+        bearing_row, vessel_row = octants.bearing_row[row], octants.vessel_row[row]
+        sonar = octants.octant[row] // 8
+        chosen = _one_to_one(bearing_row, vessel_row + sonar * len(picture), gain - self.threshold)
+        bearing_row, vessel_row, sonar = bearing_row[chosen], vessel_row[chosen], sonar[chosen]
+        bias, bias_sigma = self._calibrated(bias, bias_sigma, sonar, residual[chosen])
+        found = BearingAssociations(bearing_row, vessel_row, gain[chosen], bias)
+        return LikelihoodMemory(path, bias, bias_sigma), found
+
+    def _path(self, path: Path, picture: Picture, octants: Octants, time_s: float, sensors: Sensors) -> Path:
+        """The paths of the vessels that are, or soon may be, compared with bearings, one instant longer."""
+        xyz = earth_centred(picture.position_deg)
+        rows = np.flatnonzero(_in_reach(xyz, sensors) | _mask(octants.vessel_row, len(picture)))
+        rows = rows[np.argsort(picture.vessel_id[rows], kind="stable")]
+        variance = 0.5 * (picture.covariance[rows, 0, 0] + picture.covariance[rows, 1, 1])
+        variance = np.where(np.isfinite(variance), variance, self.position_unknown_m**2) + self.position_floor_m**2
+        values = np.column_stack([xyz[rows], np.sqrt(variance)])
+        return path.extended(picture.vessel_id[rows], values, time_s, self.window_s, self.spacing_s)
+
+    def _scored(
+        self,
+        path: Path,
+        tracks: BearingTracks,
+        picture: Picture,
+        octants: Octants,
+        sensors: Sensors,
+        bias: Floats,
+        bias_sigma: Floats,
+        spread: Spread,
+    ) -> tuple[Ints, Floats, Floats]:
+        """Pairs above the threshold: index into the octants, log odds, mean difference of bearings; sorted by index."""
+        sonar = tracks.source - sensors.sonar_source(0)
+        before, blend = path.instants(tracks.window_time_s)
+        frame, origin, frame_axes = _frames(tracks)
+        inside, outside = self._priors(sonar, tracks, picture, octants, sensors)
+        arc_from, arc_width = _arcs(sensors)
+        arrays = {
+            "pair_bearing": octants.bearing_row,
+            "pair_path": path.rows(picture.vessel_id)[octants.vessel_row],
+            "time": tracks.window_time_s,
+            "bearing": tracks.window_bearing_rad,
+            "frame": frame,
+            "frame_origin": origin,
+            "frame_axes": frame_axes,
+            "before": before,
+            "blend": blend,
+            "path": path.values,
+            "prior_inside": inside,
+            "prior_outside": outside,
+            "reach": sensors.sonars.range_m[sonar],
+            "arc_from": arc_from[sonar],
+            "arc_width": arc_width[sonar],
+            "bias": bias[sonar],
+            "bias_variance": bias_sigma[sonar] ** 2,
+            "variance": sensors.sonars.bearing_sigma_rad[sonar] ** 2,
+        }
+        parts = spread(score_octant, self, arrays, _by_octant(octants))
+        row = np.concatenate([np.zeros(0, np.int64), *(p[0] for p in parts)])
+        order = np.argsort(row, kind="stable")
+        gain, residual = (np.concatenate([np.zeros(0), *(p[k] for p in parts)])[order] for k in (1, 2))
+        return row[order], gain, residual
+
+    def _priors(
+        self, sonar: Ints, tracks: BearingTracks, picture: Picture, octants: Octants, sensors: Sensors
+    ) -> tuple[Floats, Floats]:
+        """Log prior odds, less the log density of unknown vessels by bearing, of vessels inside and outside the coverage.
+
+        The sensor says how many vessels there are, the picture how many of them are known.
+        Returns: (N,) and (N,).
+        """
+        count = len(sensors.sonars)
+        heard = np.bincount(sonar, minlength=count)
+        known = _known(tracks, picture, octants, sensors)
+        unseen = np.maximum(heard - self.heard * known, np.maximum(self.unknown * heard, 0.5))
+        density = np.log(unseen / _arcs(sensors)[1])[sonar]
+        odds = np.log(self.heard / (1.0 - self.heard)), np.log(COVERED_EDGE / (1.0 - COVERED_EDGE))
+        return odds[0] - density, odds[1] - density
+
+    def _calibrated(self, bias: Floats, bias_sigma: Floats, sonar: Ints, residual: Floats) -> tuple[Floats, Floats]:
+        """The bias of each sensor, moved towards the median residual of its pairs, and what is not known of it."""
+        if self.bias_gain == 0.0:
+            return bias, bias_sigma
+        bias, bias_sigma = bias.copy(), bias_sigma.copy()
+        widest, least = np.radians(self.bias_sigma_deg), np.radians(self.bias_floor_deg)
+        for s in np.unique(sonar):
+            off = wrap_rad(residual[sonar == s] - bias[s])
+            if len(off) < self.bias_pairs:
+                continue
+            middle = float(np.median(off))
+            scatter = 1.4826 * float(np.median(np.abs(off - middle)))
+            bias[s] = wrap_rad(bias[s] + self.bias_gain * middle)
+            doubt = least**2 + middle**2 + 1.57 * scatter**2 / len(off)
+            now = min(float(np.sqrt(doubt)), widest)
+            bias_sigma[s] += self.bias_gain * (now - bias_sigma[s])
+        return bias, bias_sigma
+
+
+def score_octant(settings: BearingLikelihood, arrays: Mapping[str, Array], rows: Ints) -> tuple[Array, ...]:
+    """Pairs of these rows above the threshold: row, log odds, mean difference of bearings. A pair's answer is its own alone."""
+    from coastwatch.kernels.bearing import known_vessel, unknown_vessel  # noqa: PLC0415
+
+    track, at = np.unique(arrays["pair_bearing"][rows], return_inverse=True)
+    time, bearing = arrays["time"][track], arrays["bearing"][track]
+    variance, reach = arrays["variance"][track], arrays["reach"][track]
+    null = np.empty((len(track), time.shape[1] + 1))
+    speed, kick = settings.unknown_speed_kn * KNOT_M_S, settings.unknown_kick_m_s2**2
+    unknown_vessel(time, bearing, variance, reach, RANGE_SHARES, RANGE_WEIGHTS, speed, kick, null)
+    gain, residual = np.empty(len(rows)), np.empty(len(rows))
+    frames = arrays["frame"][track], arrays["frame_origin"], arrays["frame_axes"]
+    paths = arrays["before"][track], arrays["blend"][track], arrays["path"]
+    priors = arrays["prior_inside"][track], arrays["prior_outside"][track]
+    cover = reach, arrays["arc_from"][track], arrays["arc_width"][track]
+    noise = arrays["bias"][track], arrays["bias_variance"][track], variance, settings.position_memory_s
+    pair = at.astype(np.int64), arrays["pair_path"][rows], time, bearing
+    known_vessel(*pair, *frames, *paths, null, *priors, *cover, *noise, settings.give_up, gain, residual)
+    keep = gain > settings.threshold
+    return rows[keep], gain[keep], residual[keep]
+
+
+def _one_to_one(left: Ints, right: Ints, gain: Floats) -> Bools:
+    """Which pairs are in the assignment with the greatest sum of gains, each left and right at most once."""
+    from coastwatch.kernels.assignment import assign  # noqa: PLC0415
+
+    return np.asarray(assign(left, right, gain), np.bool_)
+
+
+def _mask(rows: Ints, count: int) -> Bools:
+    out = np.zeros(count, np.bool_)
+    out[rows] = True
+    return out
+
+
+def _in_reach(xyz: Floats, sensors: Sensors) -> Bools:
+    """Which points are, with a margin, within the range of any sensor of bearings at its first site. Args: (V, 3)."""
+    from scipy.spatial import cKDTree  # noqa: PLC0415
+
+    if len(sensors.sonars) == 0 or len(xyz) == 0:
+        return np.zeros(len(xyz), np.bool_)
+    reach = 1.2 * float(sensors.sonars.range_m.max())
+    nearest = cKDTree(earth_centred(sensors.sonars.site_deg)).query(xyz, distance_upper_bound=reach)[0]
+    return np.isfinite(nearest)
+
+
+def _frames(tracks: BearingTracks) -> tuple[Ints, Floats, Floats]:
+    """Where each bearing was taken from: (N, W) rows of (F, 3) origins and (F, 2, 3) axes east and north, Earth-centred.
+
+    A sensor that stands still needs one frame a track; only where it moves has every bearing its own.
+    """
+    n, w = tracks.window_time_s.shape
+    moved = (tracks.window_site_deg != tracks.site_deg[:, None]).any(axis=2) & np.isfinite(tracks.window_time_s)
+    frame = np.repeat(np.arange(n)[:, None], w, axis=1)
+    frame[moved] = n + np.arange(int(moved.sum()))
+    sites = np.concatenate([tracks.site_deg, tracks.window_site_deg[moved]])
+    return frame, earth_centred(sites), np.ascontiguousarray(axes(sites)[:, :2])
+
+
+def _arcs(sensors: Sensors) -> tuple[Floats, Floats]:
+    """Where the arc of each sensor begins, and its width: 2 pi for one that hears all round. Returns: (K,) and (K,)."""
+    width = (sensors.sonars.arc_to_deg - sensors.sonars.arc_from_deg) % 360.0
+    return np.radians(sensors.sonars.arc_from_deg), np.radians(np.where(width == 0.0, 360.0, width))
+
+
+def _known(tracks: BearingTracks, picture: Picture, octants: Octants, sensors: Sensors) -> Ints:
+    """How many vessels of the picture each sensor should hear, in the octants that have tracks. Returns: (K,)."""
+    octant, start = np.unique(octants.octant, return_index=True)
+    first = np.full(int(octant.max(initial=-1)) + 1, -1, np.int64)
+    first[octant] = octants.bearing_row[start]
+    once = octants.bearing_row == first[octants.octant]
+    pair = np.unique(np.column_stack([octants.octant[once] // 8, octants.vessel_row[once]]), axis=0)
+    site = np.full((len(sensors.sonars), 2), np.nan)
+    newest_last = np.argsort(tracks.updated_s, kind="stable")  # where one sensor's tracks differ, the newest knows where it is
+    site[tracks.source[newest_last] - sensors.sonar_source(0)] = tracks.site_deg[newest_last]
+    arc_from, arc_width = _arcs(sensors)
+    where = to_plane(picture.position_deg[pair[:, 1]], site[pair[:, 0]])
+    direction = np.arctan2(where[:, 0], where[:, 1])
+    heard = np.hypot(where[:, 0], where[:, 1]) <= sensors.sonars.range_m[pair[:, 0]]
+    heard &= (direction - arc_from[pair[:, 0]]) % (2.0 * np.pi) <= arc_width[pair[:, 0]]
+    return np.bincount(pair[heard, 0], minlength=len(sensors.sonars)).astype(np.int64)
+
+
+def _by_octant(octants: Octants) -> list[Ints]:
+    """The indices of the pairs of each octant."""
+    order = np.argsort(octants.octant, kind="stable")
+    edge = np.flatnonzero(np.diff(octants.octant[order])) + 1
+    return [part for part in np.split(order, edge) if len(part)]

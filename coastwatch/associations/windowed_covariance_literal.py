@@ -1,0 +1,94 @@
+"""Track-to-track association as the paper has it: the sample covariance of the window, a chi-square test, the nearest wins."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from coastwatch.associations.history import History
+from coastwatch.associations.pairing import gated_pairs, one_to_one, rows_of_spots, vessels
+from coastwatch.batches import Array, Associations, Ints, Spots, Tracks
+from coastwatch.geodesy import earth_centred
+from coastwatch.stage import Method, Spread
+
+
+@dataclass(frozen=True, eq=False)
+class LiteralMemory:
+    history: History
+
+
+class WindowedCovarianceLiteral(Method):
+    """Pairs whose newest difference passes a chi-square test with the sample covariance of the last p differences.
+
+    Kept because the published figures need it; p and the confidence are not published. With `one_to_one` false each track of
+    the lower source takes its nearest (smallest statistic) partner of each other source, and where two take the same one the
+    nearer keeps it only if the vessel would otherwise have two tracks of one source. `threshold = "hotelling"` uses the
+    distribution that the statistic really has, 4 (p - 1) / (p - 4) F(4, p - 4). p <= 4 makes the covariance singular and is refused.
+    Statistic: x = Delta^T Phi^-1 Delta.
+
+    Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven Approach,
+    eq. 7-9 and section III-E.
+    """
+
+    method: Literal["windowed_covariance_literal"] = "windowed_covariance_literal"
+    window: Annotated[int, Field(ge=5, le=200)] = 10  # p, cycles
+    confidence: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.95
+    threshold: Literal["chi_square", "hotelling"] = "chi_square"
+    one_to_one: bool = False
+    gate_m: Annotated[float, Field(gt=0.0)] = 1000.0
+
+    def init(self) -> LiteralMemory:
+        return LiteralMemory(History.empty(self.window))
+
+    def limit(self) -> float:
+        """The value that x must stay below."""
+        from scipy import stats
+
+        if self.threshold == "chi_square":
+            return float(stats.chi2.ppf(self.confidence, 4))
+        p = self.window
+        return float(4.0 * (p - 1) / (p - 4) * stats.f.ppf(self.confidence, 4, p - 4))
+
+    def step(self, memory: LiteralMemory, tracks: Tracks, spots: Spots, spread: Spread) -> tuple[LiteralMemory, Associations]:
+        """Associations of these tracks. Args: tracks: (N); spots: of the same rows. Returns: memory and Associations."""
+        history = memory.history.extended(tracks, np.zeros(len(tracks)))
+        arrays = {
+            "point_m": earth_centred(tracks.position_deg),
+            "source": tracks.source,
+            "position_deg": history.position_deg,
+            "velocity_m_s": history.velocity_m_s,
+            "length": history.length,
+        }
+        parts = spread(accept_in_spot, self, arrays, rows_of_spots(spots))
+        first, second = (np.concatenate([np.zeros(0, np.int64), *(p[k] for p in parts)]) for k in range(2))
+        x = np.concatenate([np.zeros(0), *(p[2] for p in parts)])
+        order = np.lexsort((second, first))
+        first, second, x = first[order], second[order], x[order]
+        gain = 2.0 * self.limit() - x
+        chosen = one_to_one(tracks, first, second, gain) if self.one_to_one else _nearest(tracks, first, second, x)
+        first, second, x, gain = first[chosen], second[chosen], x[chosen], gain[chosen]
+        vessel, kept = vessels(tracks, first, second, gain)
+        return LiteralMemory(history.sorted()), Associations(first[kept], second[kept], x[kept], vessel)
+
+
+def accept_in_spot(settings: WindowedCovarianceLiteral, arrays: Mapping[str, Array], rows: Ints) -> tuple[Array, ...]:
+    """Pairs that this spot owns and that pass the test: rows of the first and second track, x."""
+    from coastwatch.kernels.windows import sample_statistics
+
+    first, second = gated_pairs(arrays, rows, settings.gate_m)
+    if len(first) == 0:
+        return first, second, np.zeros(0)
+    x = sample_statistics(first, second, arrays["position_deg"], arrays["velocity_m_s"], arrays["length"], settings.window)
+    keep = x < settings.limit()
+    return first[keep], second[keep], x[keep]
+
+
+def _nearest(tracks: Tracks, first: Ints, second: Ints, x: Array) -> Ints:
+    """For each track and other source the pair with the smallest x."""
+    order = np.lexsort((second, x, tracks.source[second], first))
+    key = first[order] * (int(tracks.source.max(initial=0)) + 1) + tracks.source[second][order]
+    return np.sort(order[np.unique(key, return_index=True)[1]]).astype(np.int64)

@@ -1,0 +1,117 @@
+"""One-to-one assignment of a sparse list of pairs: components found by scipy, each solved by scalar code compiled by numba."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+
+@njit(cache=True)
+def _solve(cost, match):  # type: ignore[no-untyped-def]
+    """Row of each column in the cheapest assignment of all rows, -1 for none, into `match`; no more rows than columns.
+
+    Shortest augmenting paths with potentials; among equal paths the lowest column wins, so the answer is a function of the matrix.
+    """
+    rows, columns = cost.shape
+    u, v = np.zeros(rows), np.zeros(columns)
+    way = np.zeros(columns, np.int64)
+    shortest, done = np.zeros(columns), np.zeros(columns, np.bool_)
+    match[:] = -1
+    for start in range(rows):
+        shortest[:] = np.inf
+        done[:] = False
+        row, column, reached = start, -1, 0.0
+        while True:
+            nearest, least = -1, np.inf
+            for c in range(columns):
+                if done[c]:
+                    continue
+                length = reached + cost[row, c] - u[row] - v[c]
+                if length < shortest[c]:
+                    shortest[c] = length
+                    way[c] = column
+                if shortest[c] < least:
+                    nearest, least = c, shortest[c]
+            column, reached = nearest, least
+            done[column] = True
+            if match[column] < 0:
+                break
+            row = match[column]
+        u[start] += reached
+        for c in range(columns):
+            if done[c] and c != column:
+                u[match[c]] += reached - shortest[c]
+                v[c] -= reached - shortest[c]
+        while way[column] >= 0:
+            match[column] = match[way[column]]
+            column = way[column]
+        match[column] = start
+
+
+@njit(cache=True)
+def _solve_components(start, row, column, gain, row_place, column_place, selected):  # type: ignore[no-untyped-def]
+    """Select pairs of every component; pairs of component k stand at start[k]..start[k + 1]; places are scratch, all -1."""
+    for k in range(len(start) - 1):
+        lo, hi = start[k], start[k + 1]
+        if hi - lo == 1:
+            selected[lo] = True
+            continue
+        rows = columns = 0
+        for a in range(lo, hi):
+            if row_place[row[a]] < 0:
+                row_place[row[a]] = rows
+                rows += 1
+            if column_place[column[a]] < 0:
+                column_place[column[a]] = columns
+                columns += 1
+        tall = rows > columns
+        cost = np.zeros((min(rows, columns), max(rows, columns)))
+        for a in range(lo, hi):
+            i, j = row_place[row[a]], column_place[column[a]]
+            if tall:
+                i, j = j, i
+            cost[i, j] = -gain[a]
+        match = np.empty(cost.shape[1], np.int64)
+        _solve(cost, match)
+        for a in range(lo, hi):
+            i, j = row_place[row[a]], column_place[column[a]]
+            if tall:
+                i, j = j, i
+            selected[a] = match[j] == i
+
+
+def assign(first: Ints, second: Ints, gain: Floats) -> Bools:
+    """Which pairs to take so that their gains sum to the most, each `first` and each `second` in one pair at most.
+
+    A pair without a positive gain is never taken. The answer does not depend on the order of the pairs; equal sums are decided by
+    the labels alone.
+    Args: first, second: (A,) labels of the two sides, any integers, no pair twice; gain: (A,), NaN is no gain.
+    Returns: (A,).
+    Source: R. Jonker, A. Volgenant, A shortest augmenting path algorithm for dense and sparse linear assignment problems,
+        Computing 38, 1987; per connected component, because the sum separates.
+    """
+    selected = np.zeros(len(first), np.bool_)
+    useful = np.flatnonzero(gain > 0.0)
+    if len(useful) == 0:
+        return selected
+    firsts, row = np.unique(first[useful], return_inverse=True)
+    seconds, column = np.unique(second[useful], return_inverse=True)
+    nodes = len(firsts) + len(seconds)
+    graph = coo_matrix((np.ones(len(useful), np.int8), (row, column + len(firsts))), shape=(nodes, nodes))
+    count, label = connected_components(graph, directed=False)
+    component = label[row]
+    order = np.lexsort((column, row, component))
+    start = np.searchsorted(component[order], np.arange(count + 1)).astype(np.int64)
+    taken = np.zeros(len(useful), np.bool_)
+    row_place, column_place = np.full(len(firsts), -1, np.int64), np.full(len(seconds), -1, np.int64)
+    ordered = row[order].astype(np.int64), column[order].astype(np.int64), gain[useful][order].astype(np.float64)
+    _solve_components(start, *ordered, row_place, column_place, taken)
+    selected[useful[order[taken]]] = True
+    return selected

@@ -1,0 +1,202 @@
+"""Statistics of windows of differences between pairs of tracks: scalar code a pair, compiled by numba.
+
+A window is a row of a ring that has been laid out in time: newest last, `length` valid entries at the end.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+SEMI_MAJOR = 6378137.0
+ECCENTRICITY2 = (2.0 - 1.0 / 298.257223563) / 298.257223563
+
+
+@njit(cache=True)
+def _scales(latitude):  # type: ignore[no-untyped-def]
+    """Metres a degree north and east: the scalar twin of geodesy.scale_m_deg."""
+    s = math.sin(math.radians(latitude))
+    w2 = 1.0 - ECCENTRICITY2 * s * s
+    north = SEMI_MAJOR * (1.0 - ECCENTRICITY2) / (w2 * math.sqrt(w2)) * math.pi / 180.0
+    east = SEMI_MAJOR / math.sqrt(w2) * math.cos(math.radians(latitude)) * math.pi / 180.0
+    return north, east
+
+
+@njit(cache=True)
+def _differences(a, b, position, velocity, n, out):  # type: ignore[no-untyped-def]
+    """east, north, east rate, north rate of b less a for the newest n entries, oldest first."""
+    w = position.shape[1]
+    north, east = _scales(0.5 * (position[a, w - 1, 0] + position[b, w - 1, 0]))
+    for k in range(n):
+        i = w - n + k
+        turn = position[b, i, 1] - position[a, i, 1]
+        if turn > 180.0:
+            turn -= 360.0
+        elif turn < -180.0:
+            turn += 360.0
+        out[k, 0] = turn * east
+        out[k, 1] = (position[b, i, 0] - position[a, i, 0]) * north
+        out[k, 2] = velocity[b, i, 0] - velocity[a, i, 0]
+        out[k, 3] = velocity[b, i, 1] - velocity[a, i, 1]
+
+
+@njit(cache=True)
+def _cholesky(m, low):  # type: ignore[no-untyped-def]
+    """Lower Cholesky factor of a 4 x 4 matrix into `low`; False where it is not positive definite."""
+    for i in range(4):
+        for j in range(i + 1):
+            s = m[i, j]
+            for k in range(j):
+                s -= low[i, k] * low[j, k]
+            if i == j:
+                if not s > 0.0:
+                    return False
+                low[i, i] = math.sqrt(s)
+            else:
+                low[i, j] = s / low[j, j]
+    return True
+
+
+@njit(cache=True)
+def _whiten(low, d, white):  # type: ignore[no-untyped-def]
+    """Solve low @ white = d; returns the squared length of white."""
+    total = 0.0
+    for i in range(4):
+        s = d[i]
+        for k in range(i):
+            s -= low[i, k] * white[k]
+        white[i] = s / low[i, i]
+        total += white[i] * white[i]
+    return total
+
+
+@njit(cache=True)
+def _spread(delta, n, low, first):  # type: ignore[no-untyped-def]
+    """tr(Phi0^-1 S) / 2 of the 2 x 2 block that begins at `first`; S is the sample covariance about the mean."""
+    mean0 = 0.0
+    mean1 = 0.0
+    for k in range(n):
+        mean0 += delta[k, first]
+        mean1 += delta[k, first + 1]
+    mean0 /= n
+    mean1 /= n
+    s00 = 0.0
+    s01 = 0.0
+    s11 = 0.0
+    for k in range(n):
+        x = delta[k, first] - mean0
+        y = delta[k, first + 1] - mean1
+        s00 += x * x
+        s01 += x * y
+        s11 += y * y
+    p00 = 0.0
+    p01 = 0.0
+    p11 = 0.0
+    for k in range(first + 1):
+        p00 += low[first, k] * low[first, k]
+        p01 += low[first, k] * low[first + 1, k]
+    for k in range(first + 2):
+        p11 += low[first + 1, k] * low[first + 1, k]
+    determinant = p00 * p11 - p01 * p01
+    return (s00 * p11 - 2.0 * s01 * p01 + s11 * p00) / determinant / (2.0 * (n - 1))
+
+
+@njit(cache=True, nogil=True)
+def windowed_scores(  # type: ignore[no-untyped-def]
+    first, second, position, velocity, variance, length, phi, density, floor, cap, memory, limit, null_speed
+):
+    """Discounted log-likelihood ratio of "one vessel" against "no partner" over the common window of each pair.
+
+    Phi of a step is the given covariance, scaled in its position and its velocity block by what the window shows about it (floored
+    and capped) and by how much larger the summed position variance was then than it is now.
+
+    Args:
+        first, second: (A,) rows of tracks.
+        position: (N, W, 2) latitude, longitude in degrees, newest last. velocity: (N, W, 2).
+        variance: (N, W) position variance (trace) of the track at each entry. length: (N,) valid entries.
+        phi: (A, 4, 4) covariance of the difference now. density: (A,) unrelated tracks a square metre.
+        floor, cap: of the scale. memory: factor by which what was known counts one cycle later. limit: bound of one step and,
+        as -limit, of the sum. null_speed: standard deviation a axis of the velocity of unrelated vessels.
+    Returns: (A,) score; (A,) squared Mahalanobis distance of the newest difference with the scaled Phi.
+    """
+    count = len(first)
+    score = np.empty(count)
+    distance2 = np.empty(count)
+    delta = np.empty((position.shape[1], 4))
+    low = np.zeros((4, 4))
+    white = np.empty(4)
+    scaled = np.empty(4)
+    w = position.shape[1]
+    null_variance = 2.0 * null_speed * null_speed
+    for p in range(count):
+        a = first[p]
+        b = second[p]
+        n = min(length[a], length[b])
+        if n < 1 or not _cholesky(phi[p], low):
+            score[p] = -math.inf
+            distance2[p] = math.inf
+            continue
+        _differences(a, b, position, velocity, n, delta)
+        gain_p = 1.0
+        gain_v = 1.0
+        if n > 2:
+            gain_p = min(max(_spread(delta, n, low, 0), floor), cap)
+            gain_v = min(max(_spread(delta, n, low, 2), floor), cap)
+        log_det = 2.0 * (math.log(low[0, 0]) + math.log(low[1, 1]) + math.log(low[2, 2]) + math.log(low[3, 3]))
+        log_det += 2.0 * math.log(gain_p) + 2.0 * math.log(gain_v)
+        now = variance[a, w - 1] + variance[b, w - 1]
+        total = 0.0
+        for k in range(n):
+            i = w - n + k
+            older = max((variance[a, i] + variance[b, i]) / now, 1.0)
+            scaled[0] = delta[k, 0] / math.sqrt(gain_p * older)
+            scaled[1] = delta[k, 1] / math.sqrt(gain_p * older)
+            scaled[2] = delta[k, 2] / math.sqrt(gain_v * older)
+            scaled[3] = delta[k, 3] / math.sqrt(gain_v * older)
+            d2 = _whiten(low, scaled, white)
+            speed2 = delta[k, 2] * delta[k, 2] + delta[k, 3] * delta[k, 3]
+            same = -0.5 * (d2 + log_det) - 2.0 * math.log(older) - 2.0 * math.log(2.0 * math.pi)
+            other = math.log(density[p]) - 0.5 * speed2 / null_variance - math.log(2.0 * math.pi * null_variance)
+            step = min(max(same - other, -limit), limit)
+            total = max(memory * total + step, -limit)
+            if k == n - 1:
+                distance2[p] = d2
+        score[p] = total
+    return score, distance2
+
+
+@njit(cache=True, nogil=True)
+def sample_statistics(first, second, position, velocity, length, p):  # type: ignore[no-untyped-def]
+    """x = Delta^T S^-1 Delta of the newest difference, S the sample covariance of the newest p differences (paper, eq. 7).
+
+    Args: as `windowed_scores`; p: length of the window. Returns: (A,) x, infinite where the common window is shorter than p or S is
+    singular.
+    """
+    count = len(first)
+    out = np.empty(count)
+    delta = np.empty((position.shape[1], 4))
+    low = np.zeros((4, 4))
+    white = np.empty(4)
+    mean = np.empty(4)
+    s = np.empty((4, 4))
+    for q in range(count):
+        a = first[q]
+        b = second[q]
+        out[q] = math.inf
+        if min(length[a], length[b]) < p:
+            continue
+        _differences(a, b, position, velocity, p, delta)
+        for i in range(4):
+            mean[i] = 0.0
+            for k in range(p):
+                mean[i] += delta[k, i]
+            mean[i] /= p
+        for i in range(4):
+            for j in range(4):
+                s[i, j] = 0.0
+                for k in range(p):
+                    s[i, j] += (delta[k, i] - mean[i]) * (delta[k, j] - mean[j])
+                s[i, j] /= p - 1
+        if _cholesky(s, low):
+            out[q] = _whiten(low, delta[p - 1], white)
+    return out

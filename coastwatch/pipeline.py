@@ -1,0 +1,140 @@
+"""The whole flow on one page. Pure: (memory, reports) -> (memory, what the stages yielded)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import Any
+
+from coastwatch.batches import (
+    AisAlarms,
+    Associations,
+    BearingAssociations,
+    BearingTracks,
+    FusedTracks,
+    Members,
+    Octants,
+    Picture,
+    Reports,
+    Sensors,
+    Spots,
+    Tracks,
+)
+from coastwatch.scenario import Scenario
+from coastwatch.stage import Spread
+
+Timer = Callable[[str], AbstractContextManager[object]]
+
+STAGES = (
+    "plots",
+    "tracks",
+    "ais_tracks",
+    "bearing_tracks",
+    "spots",
+    "associations",
+    "fused_tracks",
+    "picture",
+    "octants",
+    "bearing_associations",
+)
+
+
+@dataclass(frozen=True)
+class Memory:
+    """The memory of every stage: plain data, so that a pickled run resumes bit for bit."""
+
+    plots: Any
+    tracks: tuple[Any, ...]  # one a region
+    ais_tracks: Any
+    bearing_tracks: Any
+    spots: Any
+    associations: Any
+    fused_tracks: Any
+    picture: Any
+    octants: Any
+    bearing_associations: Any
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """What the stages yielded in one cycle."""
+
+    time_s: float
+    tracks: Tracks  # of radars and AIS, at time_s
+    alarms: AisAlarms
+    bearing_tracks: BearingTracks
+    spots: Spots
+    associations: Associations
+    fused: FusedTracks
+    picture: Picture
+    members: Members
+    octants: Octants
+    bearing_associations: BearingAssociations
+
+
+def start(scenario: Scenario, sensors: Sensors) -> Memory:
+    """The memory before the first cycle."""
+    s = scenario
+    return Memory(
+        s.plots.init(),
+        tuple(s.tracks.init() for _ in sensors.region_names),
+        s.ais_tracks.init(),
+        s.bearing_tracks.init(),
+        s.spots.init(),
+        s.associations.init(),
+        s.fused_tracks.init(),
+        s.picture.init(),
+        s.octants.init(),
+        s.bearing_associations.init(),
+    )
+
+
+def step(
+    scenario: Scenario, sensors: Sensors, memory: Memory, reports: Reports, time_s: float, spread: Spread, timer: Timer
+) -> tuple[Memory, Cycle]:
+    """One cycle.
+
+    Args: reports: all that arrived since the last cycle; time_s: of the picture; spread: of per-spot work; timer: called with
+    the name of each stage, the stage runs inside what it returns.
+    """
+    s, m = scenario, memory
+    with timer("plots"):
+        plots_memory, plots = s.plots.step(m.plots, reports.radar, sensors)
+    with timer("tracks"):
+        regions = [s.tracks.step(old, plots.take(plots.region == k), time_s, sensors, k) for k, old in enumerate(m.tracks)]
+    with timer("ais_tracks"):
+        ais_memory, ais_tracks, alarms = s.ais_tracks.step(m.ais_tracks, reports.ais, time_s, sensors)
+    with timer("bearing_tracks"):
+        bearing_memory, bearing_tracks = s.bearing_tracks.step(m.bearing_tracks, reports.bearing, time_s, sensors)
+    tracks = Tracks.join([*(yielded for _, yielded in regions), ais_tracks])
+    with timer("spots"):
+        spots_memory, spots = s.spots.step(m.spots, tracks)
+    with timer("associations"):
+        associations_memory, associations = s.associations.step(m.associations, tracks, spots, spread)
+    with timer("fused_tracks"):
+        fused_memory, fused = s.fused_tracks.step(m.fused_tracks, tracks, associations, time_s, sensors.source_kinds)
+    with timer("picture"):
+        picture_memory, picture, members = s.picture.step(m.picture, tracks, associations, fused, alarms, time_s, sensors)
+    with timer("octants"):
+        octants_memory, octants = s.octants.step(m.octants, bearing_tracks, picture, sensors)
+    with timer("bearing_associations"):
+        bearings_memory, bearing_associations = s.bearing_associations.step(
+            m.bearing_associations, bearing_tracks, picture, octants, time_s, sensors, spread
+        )
+    after = Memory(
+        plots_memory,
+        tuple(new for new, _ in regions),
+        ais_memory,
+        bearing_memory,
+        spots_memory,
+        associations_memory,
+        fused_memory,
+        picture_memory,
+        octants_memory,
+        bearings_memory,
+    )
+    cycle = Cycle(
+        time_s, tracks, alarms, bearing_tracks, spots, associations, fused, picture, members, octants, bearing_associations
+    )
+    return after, cycle

@@ -1,0 +1,210 @@
+"""Identity and flags: what an id must survive and when a flag is up."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from coastwatch.batches import (
+    AisAlarms,
+    Associations,
+    Flag,
+    FusedTracks,
+    Radars,
+    Sensors,
+    Sonars,
+    Stations,
+    Tracks,
+)
+from coastwatch.geodesy import offset_deg
+from coastwatch.picture import Identity
+
+SITE = np.array([50.0, -1.0])
+PERIOD_S = 3.0
+EAST_M_S = 4.0
+
+
+def sensors(ais_range_m=50e3, radar_range_m=50e3):
+    one, two = np.array(["a"], "U32"), np.array(["r1", "r2"], "U32")
+    radars = Radars(
+        two,
+        np.array([0, 1]),
+        np.stack([SITE, SITE]),
+        np.full(2, radar_range_m),
+        np.full(2, 3.0),
+        np.full(2, 10.0),
+        np.full(2, 0.005),
+    )
+    return Sensors(
+        radars, Stations(one, SITE[None], np.array([ais_range_m])), Sonars.empty(), ("west", "east"), np.stack([SITE, SITE])
+    )
+
+
+def cycle_of(cycle, rows):
+    """Tracks of rows (track_id, source, vessel number, east_m, mmsi, origin): all sail east at 4 m/s."""
+    time_s = PERIOD_S * cycle
+    n = len(rows)
+    ids, source, vessel, east, mmsi, origin = (
+        (np.array([r[k] for r in rows]) for k in range(6)) if n else (np.zeros(0, int),) * 6
+    )
+    at = offset_deg(np.broadcast_to(SITE, (n, 2)), np.stack([east + EAST_M_S * time_s, np.zeros(n)], axis=1))
+    velocity = np.tile([EAST_M_S, 0.0], (n, 1))
+    covariance = np.tile(np.diag([25.0, 25.0, 0.1, 0.1]), (n, 1, 1))
+    tracks = Tracks(
+        ids,
+        source,
+        np.full(n, time_s),
+        at,
+        velocity,
+        covariance,
+        np.tile(100.0 * np.eye(2), (n, 1, 1)),
+        np.full(n, time_s),
+        np.zeros(n),
+        mmsi,
+        origin,
+    )
+    count = int(vessel.max()) + 1 if n else 0
+    first = np.array([np.flatnonzero(vessel == v)[0] for v in range(count)], np.int64)
+    none = np.zeros(0, np.int64)
+    fused = FusedTracks(np.full(count, time_s), at[first], velocity[first], covariance[first])
+    return tracks, Associations(none, none, np.zeros(0), vessel.astype(np.int64)), fused
+
+
+def alarms(tracks, twice=(), impossible=()):
+    ais = tracks.take(tracks.mmsi >= 0)
+    return AisAlarms(ais.track_id, ais.mmsi, np.isin(ais.track_id, impossible), np.isin(ais.track_id, twice))
+
+
+def play(script, method=None, where=None, **alarm):
+    """The pictures of a script: for each cycle the rows of `cycle_of`."""
+    method, where = method or Identity(), where or sensors()
+    memory, out = method.init(), []
+    for cycle, rows in enumerate(script):
+        tracks, associations, fused = cycle_of(cycle, rows)
+        frozen = pickle.dumps(memory)
+        memory_1, picture, members = method.step(
+            memory, tracks, associations, fused, alarms(tracks, **alarm), PERIOD_S * cycle, where
+        )
+        assert pickle.dumps(memory) == frozen, "a step must not write to its memory"
+        resumed, again, _ = method.step(
+            pickle.loads(frozen), tracks, associations, fused, alarms(tracks, **alarm), PERIOD_S * cycle, where
+        )
+        assert pickle.dumps(resumed) == pickle.dumps(memory_1)
+        np.testing.assert_array_equal(again.vessel_id, picture.vessel_id)
+        memory = memory_1
+        out.append((picture, members))
+    return out
+
+
+RADAR, OTHER_RADAR, AIS = (1, 0, 0, 0.0, -1, 5), (2, 1, 0, 0.0, -1, 5), (3, 2, 0, 0.0, 235000001, 5)
+
+
+def ids(out):
+    return [p.vessel_id.tolist() for p, _ in out]
+
+
+def test_an_id_is_no_mmsi_and_counts_up():
+    out = play([[RADAR], [RADAR, (9, 0, 1, 5000.0, -1, 6)]])
+    assert ids(out) == [[1], [1, 2]]
+
+
+def test_it_survives_the_loss_and_the_return_of_ais():
+    script = [[RADAR, AIS]] * 5 + [[RADAR]] * 5 + [[RADAR, AIS]] * 3
+    out = play(script)
+    assert ids(out) == [[1]] * 13
+    assert {int(p.mmsi[0]) for p, _ in out} == {235000001}, "the name stays known"
+
+
+def test_it_survives_a_hand_over_between_radars():
+    out = play([[RADAR]] * 4 + [[RADAR, OTHER_RADAR]] * 2 + [[OTHER_RADAR]] * 4)
+    assert ids(out) == [[1]] * 10
+
+
+def test_it_survives_a_hand_over_with_a_gap():
+    out = play([[RADAR]] * 4 + [[]] * 5 + [[OTHER_RADAR]] * 2)
+    assert ids(out) == [[1]] * 11
+    assert out[6][0].flags[0] & Flag.COASTING
+    assert not out[9][0].flags[0] & Flag.COASTING
+
+
+def test_ais_alone_returns_by_its_mmsi_after_minutes():
+    script = [[AIS]] * 3 + [[]] * 200 + [[(77, 2, 0, 0.0, 235000001, 5)]]
+    out = play(script)
+    assert out[-1][0].vessel_id.tolist() == [1]
+    assert len(out[150][0]) == 0, "it is not shown for ever"
+
+
+def test_a_far_return_with_the_same_mmsi_is_another_vessel():
+    out = play([[AIS]] * 3 + [[]] * 20 + [[(77, 2, 0, 90e3, 235000001, 6)]])
+    assert out[-1][0].vessel_id.tolist()[-1] == 2
+
+
+def test_a_vessel_joined_in_error_gets_its_id_back():
+    stranger = (4, 2, 1, 400.0, 235000002, 6)
+    script = [[RADAR, stranger]] * 3 + [[RADAR, (4, 2, 0, 400.0, 235000002, 6)]] * 2 + [[RADAR, stranger]] * 3
+    out = play(script)
+    assert ids(out)[0] == [1, 2]
+    assert len(ids(out)[3]) == 1
+    assert ids(out)[-1] == [1, 2]
+    assert {m.vessel_id[m.track_id == 4][0] for _, m in out[-2:]} == {2}
+
+
+def test_a_swap_of_radar_tracks_leaves_the_ids_with_ais():
+    a, b = (3, 2, 0, 0.0, 235000001, 5), (4, 2, 1, 500.0, 235000002, 6)
+    before = [(1, 0, 0, 0.0, -1, 5), a, (2, 0, 1, 500.0, -1, 6), b]
+    after = [(2, 0, 0, 0.0, -1, 5), a, (1, 0, 1, 500.0, -1, 6), b]
+    out = play([before] * 4 + [after] * 2)
+    for picture, _ in out:
+        assert dict(zip(picture.mmsi.tolist(), picture.vessel_id.tolist(), strict=True)) == {235000001: 1, 235000002: 2}
+
+
+def flagged(out, flag):
+    return [bool((p.flags & flag).any()) for p, _ in out]
+
+
+def test_dark_only_after_a_while_and_only_where_ais_is_heard():
+    script = [[RADAR, AIS]] * 5 + [[RADAR]] * 30
+    up = flagged(play(script), Flag.DARK)
+    assert up.index(True) == 5 + 20, "sixty seconds of three"
+    assert not any(flagged(play(script, where=sensors(ais_range_m=100.0, radar_range_m=50e3)), Flag.DARK))
+
+
+def test_ais_without_radar_only_where_a_radar_sees():
+    script = [[AIS]] * 30
+    assert flagged(play(script), Flag.AIS_WITHOUT_RADAR)[-1]
+    assert not any(flagged(play(script, where=sensors(radar_range_m=10.0)), Flag.AIS_WITHOUT_RADAR))
+    assert not any(flagged(play([[RADAR, AIS]] * 30), Flag.AIS_WITHOUT_RADAR))
+
+
+def test_contradicted_when_ais_leaves_its_radar():
+    away = (3, 2, 1, 600.0, 235000001, 5)
+    out = play([[RADAR, AIS]] * 15 + [[RADAR, away]] * 10)
+    up = [sorted((p.flags & Flag.AIS_CONTRADICTED > 0).tolist()) for p, _ in out]
+    assert not any(any(u) for u in up[:15])
+    assert up[-1] == [True, True]
+    near = (3, 2, 1, 50.0, 235000001, 5)
+    assert not any(flagged(play([[RADAR, AIS]] * 15 + [[RADAR, near]] * 10), Flag.AIS_CONTRADICTED))
+
+
+def test_contradicted_not_when_ais_found_its_true_radar():
+    other = (8, 0, 1, 600.0, -1, 6)
+    out = play([[RADAR, AIS, other]] * 15 + [[RADAR, (3, 2, 1, 600.0, 235000001, 6), other]] * 10)
+    assert not any(flagged(out, Flag.AIS_CONTRADICTED))
+
+
+@pytest.mark.parametrize(("alarm", "flag"), [("twice", Flag.MMSI_TWICE), ("impossible", Flag.IMPOSSIBLE_SPEED)])
+def test_alarms_become_flags(alarm, flag):
+    out = play([[RADAR, AIS]], **{alarm: (3,)})
+    assert flagged(out, flag) == [True]
+    assert not any(flagged(play([[RADAR, AIS]]), flag))
+
+
+def test_members_name_every_track_of_every_vessel():
+    ((_, members),) = play([[RADAR, OTHER_RADAR, AIS, (9, 0, 1, 5000.0, -1, 6)]])
+    rows = list(zip(members.vessel_id.tolist(), members.source.tolist(), members.track_id.tolist(), strict=True))
+    assert rows == [(1, 0, 1), (1, 1, 2), (1, 2, 3), (2, 0, 9)]
+
+
+def test_no_track_at_all():
+    ((picture, members),) = play([[]])
+    assert len(picture) == len(members) == 0

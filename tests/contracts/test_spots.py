@@ -1,0 +1,82 @@
+"""k-means spots: a partition with a halo that loses no pair."""
+
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from coastwatch.batches import Tracks
+from coastwatch.geodesy import earth_centred, from_plane
+from coastwatch.spots import KMeansSpots
+
+
+def tracks(seed, n, spread_m=20e3, origin=(58.0, 179.9)):
+    rng = np.random.default_rng([seed, 0])
+    position = from_plane(rng.normal(0.0, spread_m, (n, 2)), np.array(origin))
+    zero = np.zeros(n)
+    return Tracks(
+        np.arange(n),
+        np.zeros(n, np.int64),
+        zero,
+        position,
+        np.zeros((n, 2)),
+        np.zeros((n, 4, 4)),
+        np.zeros((n, 2, 2)),
+        zero,
+        zero,
+        np.full(n, -1),
+        np.arange(n),
+    )
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10**6), st.integers(1, 120), st.integers(1, 30), st.floats(0.0, 8000.0))
+def test_every_pair_within_reach_is_in_the_spot_of_either(seed, n, count, halo_m):
+    t = tracks(seed, n)
+    method = KMeansSpots(count=count, halo_m=halo_m)
+    _, spots = method.step(method.init(), t)
+    points = earth_centred(t.position_deg)
+    near = np.linalg.norm(points[:, None] - points[None], axis=2) <= halo_m
+    in_spot = np.zeros((len(spots.centre_m), n), bool)
+    in_spot[spots.spot, np.arange(n)] = True
+    in_spot[spots.halo_spot, spots.halo_row] = True
+    a, b = np.nonzero(near)
+    assert in_spot[spots.spot[a], b].all()
+
+
+def test_every_track_is_in_the_nearest_spot():
+    t = tracks(1, 200)
+    method = KMeansSpots(count=7)
+    _, spots = method.step(method.init(), t)
+    distance = np.linalg.norm(earth_centred(t.position_deg)[:, None] - spots.centre_m[None], axis=2)
+    np.testing.assert_array_equal(spots.spot, distance.argmin(axis=1))
+
+
+def test_seeded_resumable_and_warm():
+    method = KMeansSpots(count=5)
+    memory, first = method.step(method.init(), tracks(1, 200))
+    _, same = method.step(method.init(), tracks(1, 200))
+    np.testing.assert_array_equal(first.centre_m, same.centre_m)
+    frozen = pickle.dumps(memory)
+    _, a = method.step(memory, tracks(2, 210))
+    _, b = method.step(pickle.loads(frozen), tracks(2, 210))
+    np.testing.assert_array_equal(a.centre_m, b.centre_m)
+    assert pickle.dumps(memory) == frozen
+    moved = np.linalg.norm(a.centre_m - first.centre_m, axis=1)
+    assert 0.0 < moved.max() < 20e3
+
+
+def test_centroids_stay_when_told_to():
+    method = KMeansSpots(count=5, warm_steps=0)
+    memory, first = method.step(method.init(), tracks(1, 200))
+    _, later = method.step(memory, tracks(2, 200))
+    np.testing.assert_array_equal(first.centre_m, later.centre_m)
+
+
+@pytest.mark.parametrize(("n", "count", "want"), [(0, 0, 0), (1, 0, 1), (1, 5, 1), (900, 0, 3), (900, 4, 4)])
+def test_number_of_spots(n, count, want):
+    method = KMeansSpots(count=count)
+    _, spots = method.step(method.init(), tracks(1, n))
+    assert len(spots.centre_m) == want

@@ -1,0 +1,59 @@
+"""A batch refuses what does not fit and says what."""
+
+import numpy as np
+import pytest
+
+from coastwatch.batches import AisReports, AisStatics, BearingReports, Members, RadarReports, Reports, Trajectories
+
+
+def members(n):
+    return Members(np.arange(n), np.arange(n) + 10, np.zeros(n, np.int64))
+
+
+def test_wrong_length_names_the_field():
+    with pytest.raises(ValueError, match=r"Members\.track_id: got shape \(2,\), needed \('L',\)"):
+        Members(np.arange(3), np.arange(2), np.arange(3))
+
+
+def test_wrong_dtype_names_the_field():
+    with pytest.raises(TypeError, match=r"Members\.source: got dtype float64, needed int64"):
+        Members(np.arange(3), np.arange(3), np.zeros(3))
+
+
+def test_no_array_names_the_field():
+    with pytest.raises(TypeError, match=r"Members\.vessel_id: got list, needed an array"):
+        Members([1], np.arange(1), np.arange(1))
+
+
+def test_take_join_and_empty():
+    both = Members.join([members(2), members(3)])
+    assert len(both) == 5
+    assert both.take(np.array([4, 0])).track_id.tolist() == [12, 10]
+    assert len(Members.join([])) == 0
+
+
+def test_reports_are_cut_by_arrival_each_once():
+    n = 7
+    times = np.array([0.0, 1.0, 3.0, 3.0, 4.0, 6.0, 9.0])
+    ais = AisReports(times, times, np.arange(n), np.zeros((n, 2)), np.zeros(n), np.zeros(n), np.zeros(n, bool), np.arange(n))
+    reports = Reports(RadarReports.empty(), ais, AisStatics.empty(), BearingReports.empty())
+    cut = [reports.between(a, a + 3.0).ais.origin.tolist() for a in (-3.0, 0.0, 3.0, 6.0)]
+    assert cut == [[0], [1, 2, 3], [4, 5], [6]]
+
+
+def test_truth_between_samples():
+    position = np.array([[[10.0, 20.0], [12.0, 20.0]], [[0.0, 0.0], [1.0, 1.0]]])
+    truth = Trajectories(
+        np.array([7, 8]),
+        np.array([0.0, 4.0]),
+        position,
+        np.zeros((2, 2, 2)),
+        np.array([[True, True], [True, False]]),
+        np.zeros((2, 0)),
+        np.zeros(2),
+        np.zeros(2),
+        np.zeros((2, 2)),
+    )
+    at = truth.at(3.0)
+    assert at.vessel.tolist() == [7]
+    np.testing.assert_allclose(at.position_deg, [[11.5, 20.0]])
