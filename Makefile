@@ -27,7 +27,7 @@ check: .venv/.ready  ## style, types and the import contract
 	$(BIN)/lint-imports
 
 bench: .venv/.ready  ## time the kernels and print the stage shares of the main scenarios
-	$(BIN)/python -m pytest scaling/kernels --benchmark-only
+	$(BIN)/python -m pytest scaling/kernels/bench_*.py --benchmark-only
 	$(BIN)/python -m scaling.load.stages
 
 docs: .venv/.ready  ## write the generated parts of the documentation again

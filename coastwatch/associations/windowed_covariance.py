@@ -24,10 +24,10 @@ class WindowMemory:
 class WindowedCovariance(Method):
     """Pairs by a log-likelihood ratio accumulated over the window, then the best one-to-one assignment.
 
-    The covariance of a difference is what the tracks and the sensors' specifications say, scaled in position and velocity by
-    the sample covariance of the window about its mean (never below `floor`, never above `cap` times), so that neither a quiet pair is
-    refused nor a drifting one accepted. `registration` adds that share of a radar plot's covariance: a constant azimuth or range
-    bias is as large as the noise of the specification. The ratio is against an unrelated vessel of the local density. What a pair
+    The covariance of a difference is what the tracks say, scaled in position and velocity by the sample covariance of the window
+    about its mean (never below `floor`, never above `cap` times), so that neither a quiet pair is refused nor a drifting one
+    accepted. `registration` adds that share of a radar plot's covariance, unscaled: a constant azimuth or range bias is as large as
+    the noise of the specification and does not show in the window. The ratio is against an unrelated vessel of the local density. What a pair
     was counts `forgetting` times less a cycle later and one step counts at most `step_limit`, so that a track that changes vessel
     loses its partner within a few cycles. Statistic: the accumulated log-likelihood ratio.
 
@@ -85,7 +85,6 @@ def score_spot(settings: WindowedCovariance, arrays: Mapping[str, Array], rows: 
         return first, second, np.zeros(0)
     report = arrays["report"]
     phi = arrays["covariance"][first] + arrays["covariance"][second]
-    phi[:, :2, :2] += report[first] + report[second]
     candidates = np.bincount(first, minlength=len(arrays["source"]))[first]
     density = np.maximum(candidates - 1, 1) / (np.pi * settings.gate_m**2)
     score, _ = windowed_scores(
@@ -96,6 +95,7 @@ def score_spot(settings: WindowedCovariance, arrays: Mapping[str, Array], rows: 
         arrays["variance_m2"],
         arrays["length"],
         phi,
+        report[first] + report[second],
         density,
         settings.floor,
         settings.cap,

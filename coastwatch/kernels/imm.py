@@ -1,5 +1,7 @@
 """Interacting multiple models, one row a track: scalar code compiled by numba, the same to the bit in any batch.
 
+The three public functions can be called from Python and from other compiled code; arrays that are contiguous compile once.
+
 State: east, north, east rate, north rate, turn rate (rad/s, positive to port, that is from east towards north).
 Models, by `kind`:
     0  constant velocity: white acceleration of density `noise` (m2/s3); the turn rate is no part of the motion and after any
@@ -207,6 +209,7 @@ def _estimate_rows(x, p, mode, mean, cov):  # type: ignore[no-untyped-def]
         _moments(x[row], p[row], mode[row], mean[row], cov[row])
 
 
+@njit(cache=True)
 def imm_predict(
     state: Floats,
     covariance: Floats,
@@ -228,13 +231,12 @@ def imm_predict(
     Returns: state (N, J, 5), covariance (N, J, 5, 5), mode (N, J).
     Source: see the module.
     """
-    c = np.ascontiguousarray
     out = np.empty(state.shape), np.empty(covariance.shape), np.empty(mode.shape)
-    models = c(kind), c(noise), c(turn_noise), c(turn_sigma), c(sojourn_s)
-    _predict_rows(c(state), c(covariance), c(mode), c(dt_s), *models, *out)
+    _predict_rows(state, covariance, mode, dt_s, kind, noise, turn_noise, turn_sigma, sojourn_s, out[0], out[1], out[2])
     return out
 
 
+@njit(cache=True)
 def imm_update(
     state: Floats, covariance: Floats, mode: Floats, z: Floats, noise: Floats, has_velocity: Bools
 ) -> tuple[Floats, Floats, Floats, Floats]:
@@ -248,24 +250,25 @@ def imm_update(
         measurement (N,).
     Source: see the module.
     """
-    c = np.ascontiguousarray
     out = np.empty(state.shape), np.empty(covariance.shape), np.empty(mode.shape), np.empty(len(mode))
-    _update_rows(c(state), c(covariance), c(mode), c(z), c(noise), c(has_velocity), *out)
+    _update_rows(state, covariance, mode, z, noise, has_velocity, out[0], out[1], out[2], out[3])
     return out
 
 
+@njit(cache=True)
 def imm_estimate(state: Floats, covariance: Floats, mode: Floats) -> tuple[Floats, Floats]:
     """Mean and covariance over the models.
 
     Args: state: (N, J, 5); covariance: (N, J, 5, 5); mode: (N, J), rows sum to 1. Returns: (N, 5) and (N, 5, 5).
     """
-    c = np.ascontiguousarray
     mean, cov = np.empty((len(mode), SIZE)), np.empty((len(mode), SIZE, SIZE))
-    _estimate_rows(c(state), c(covariance), c(mode), mean, cov)
+    _estimate_rows(state, covariance, mode, mean, cov)
     return mean, cov
 
 
-def one_model(state: NDArray[Any], dt_s: float, kind: int, noise: float, turn_noise: float, turn_sigma: float) -> tuple[Floats, ...]:
+def one_model(
+    state: NDArray[Any], dt_s: float, kind: int, noise: float, turn_noise: float, turn_sigma: float
+) -> tuple[Floats, ...]:
     """One state moved by one model: the state, its Jacobian F and the process noise Q, for a filter that keeps its own books.
 
     Args: state: (5,). Returns: (5,), (5, 5), (5, 5).

@@ -103,18 +103,19 @@ def _spread(delta, n, low, first):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def windowed_scores(  # type: ignore[no-untyped-def]
-    first, second, position, velocity, variance, length, phi, density, floor, cap, memory, limit, null_speed
+    first, second, position, velocity, variance, length, phi, registration, density, floor, cap, memory, limit, null_speed
 ):
     """Discounted log-likelihood ratio of "one vessel" against "no partner" over the common window of each pair.
 
-    Phi of a step is the given covariance, scaled in its position and its velocity block by what the window shows about it (floored
-    and capped) and by how much larger the summed position variance was then than it is now.
+    The covariance of a step is phi, scaled in its position and its velocity block by what the window shows about it (floored and
+    capped), plus the registration term, which is constant and cannot show; all that by how much larger the summed position variance
+    was then than it is now.
 
     Args:
         first, second: (A,) rows of tracks.
         position: (N, W, 2) latitude, longitude in degrees, newest last. velocity: (N, W, 2).
         variance: (N, W) position variance (trace) of the track at each entry. length: (N,) valid entries.
-        phi: (A, 4, 4) covariance of the difference now. density: (A,) unrelated tracks a square metre.
+        phi: (A, 4, 4) covariance of the difference of the tracks now. registration: (A, 2, 2) of a constant offset. density: (A,) unrelated tracks a square metre.
         floor, cap: of the scale. memory: factor by which what was known counts one cycle later. limit: bound of one step and,
         as -limit, of the sum. null_speed: standard deviation a axis of the velocity of unrelated vessels.
     Returns: (A,) score; (A,) squared Mahalanobis distance of the newest difference with the scaled Phi.
@@ -126,6 +127,7 @@ def windowed_scores(  # type: ignore[no-untyped-def]
     low = np.zeros((4, 4))
     white = np.empty(4)
     scaled = np.empty(4)
+    total_phi = np.empty((4, 4))
     w = position.shape[1]
     null_variance = 2.0 * null_speed * null_speed
     for p in range(count):
@@ -142,17 +144,23 @@ def windowed_scores(  # type: ignore[no-untyped-def]
         if n > 2:
             gain_p = min(max(_spread(delta, n, low, 0), floor), cap)
             gain_v = min(max(_spread(delta, n, low, 2), floor), cap)
+        for i in range(4):
+            for j in range(4):
+                total_phi[i, j] = phi[p, i, j] * math.sqrt((gain_p if i < 2 else gain_v) * (gain_p if j < 2 else gain_v))
+                if i < 2 and j < 2:
+                    total_phi[i, j] += registration[p, i, j]
+        if not _cholesky(total_phi, low):
+            score[p] = -math.inf
+            distance2[p] = math.inf
+            continue
         log_det = 2.0 * (math.log(low[0, 0]) + math.log(low[1, 1]) + math.log(low[2, 2]) + math.log(low[3, 3]))
-        log_det += 2.0 * math.log(gain_p) + 2.0 * math.log(gain_v)
         now = variance[a, w - 1] + variance[b, w - 1]
         total = 0.0
         for k in range(n):
             i = w - n + k
             older = max((variance[a, i] + variance[b, i]) / now, 1.0)
-            scaled[0] = delta[k, 0] / math.sqrt(gain_p * older)
-            scaled[1] = delta[k, 1] / math.sqrt(gain_p * older)
-            scaled[2] = delta[k, 2] / math.sqrt(gain_v * older)
-            scaled[3] = delta[k, 3] / math.sqrt(gain_v * older)
+            for i in range(4):
+                scaled[i] = delta[k, i] / math.sqrt(older)
             d2 = _whiten(low, scaled, white)
             speed2 = delta[k, 2] * delta[k, 2] + delta[k, 3] * delta[k, 3]
             same = -0.5 * (d2 + log_det) - 2.0 * math.log(older) - 2.0 * math.log(2.0 * math.pi)

@@ -24,6 +24,10 @@ class Stopwatch:
         finally:
             self._cycle[stage] = self._cycle.get(stage, 0.0) + time.perf_counter() - begun
 
+    def so_far(self) -> dict[str, float]:
+        """The seconds of each stage of the cycle in hand."""
+        return dict(self._cycle)
+
     def lap(self) -> dict[str, float]:
         """The seconds of each stage since the last lap."""
         done, self._cycle = self._cycle, {}

@@ -29,7 +29,7 @@ def differences(a, b, position, velocity, n):
     return np.concatenate([d, velocity[b, -n:] - velocity[a, -n:]], axis=1)
 
 
-def score_by_hand(delta, variance, phi, density, floor, cap, memory, limit, null_speed):
+def score_by_hand(delta, variance, phi, registration, density, floor, cap, memory, limit, null_speed):
     n = len(delta)
     gain = [1.0, 1.0]
     if n > 2:
@@ -37,11 +37,12 @@ def score_by_hand(delta, variance, phi, density, floor, cap, memory, limit, null
             part = slice(2 * block, 2 * block + 2)
             s = np.cov(delta[:, part].T, ddof=1)
             gain[block] = np.clip(np.trace(np.linalg.solve(phi[part, part], s)) / 2.0, floor, cap)
+    grown = np.diag(np.sqrt(np.repeat(gain, 2))) @ phi @ np.diag(np.sqrt(np.repeat(gain, 2)))
+    grown[:2, :2] += registration
     total = 0.0
     for k in range(n):
         older = max(variance[k] / variance[-1], 1.0)
-        d = np.diag(np.sqrt(np.repeat(gain, 2) * older))
-        scaled = d @ phi @ d
+        scaled = older * grown
         same = -0.5 * delta[k] @ np.linalg.solve(scaled, delta[k]) - 0.5 * np.linalg.slogdet(2.0 * np.pi * scaled)[1]
         v2 = 2.0 * null_speed**2
         other = np.log(density) - 0.5 * (delta[k, 2:] ** 2).sum() / v2 - np.log(2.0 * np.pi * v2)
@@ -57,13 +58,19 @@ def test_scores_equal_the_long_way(seed, n, window):
     first, second = rng.integers(0, n, (2, 5))
     root = rng.normal(0.0, 5.0, (5, 4, 4))
     phi = root @ root.transpose(0, 2, 1) + 10.0 * np.eye(4)
+    registration = rng.uniform(0.0, 30.0, (5, 1, 1)) * np.eye(2)
     density = rng.uniform(1e-7, 1e-5, 5)
     settings_ = (0.5, 4.0, 0.9, 20.0, 4.0)
-    got, _ = windowed_scores(first, second, position, velocity, variance, length, phi, density, *settings_)
+    got, _ = windowed_scores(first, second, position, velocity, variance, length, phi, registration, density, *settings_)
     for p, (a, b) in enumerate(zip(first, second, strict=True)):
         m = min(length[a], length[b])
         want = score_by_hand(
-            differences(a, b, position, velocity, m), (variance[a] + variance[b])[-m:], phi[p], density[p], *settings_
+            differences(a, b, position, velocity, m),
+            (variance[a] + variance[b])[-m:],
+            phi[p],
+            registration[p],
+            density[p],
+            *settings_,
         )
         assert got[p] == pytest.approx(want, rel=1e-7, abs=1e-7)
 
@@ -92,6 +99,7 @@ def test_a_bad_covariance_never_pairs():
         variance,
         length,
         -np.eye(4)[None],
+        np.zeros((1, 2, 2)),
         np.array([1e-6]),
         0.5,
         4.0,

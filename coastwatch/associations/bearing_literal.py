@@ -1,0 +1,143 @@
+"""Bearing association as the paper has it: the sample covariance of the window, a chi-square test, the nearest wins."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from coastwatch.associations.bearing_history import Path
+from coastwatch.batches import Array, BearingAssociations, BearingTracks, Floats, Ints, Octants, Picture, Sensors
+from coastwatch.geodesy import axes, earth_centred, wrap_rad
+from coastwatch.stage import Method, Spread
+
+ALL_S = 1e12  # a window by count, not by time
+
+
+@dataclass(frozen=True, eq=False)
+class LiteralBearingMemory:
+    tracks: Path  # bearing, rate, latitude and longitude of the site at the last p cycles
+    vessels: Path  # Earth-centred position and velocity at the last p cycles
+
+
+class BearingWindowedCovariance(Method):
+    """Pairs whose newest difference of bearing and rate passes a chi-square test with the sample covariance of the last p.
+
+    Kept because the published figures need it; p and the confidence are not published. Each bearing track takes its nearest
+    vessel (smallest statistic), whoever else takes it too, unless `one_to_one`. p <= 2 makes the covariance singular and is
+    refused; a pair without p cycles of history is not tested. Statistic: x = Delta^T Phi^-1 Delta.
+    Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven
+    Approach, eq. 7, 10, 11 and section III-E.
+    """
+
+    method: Literal["bearing_windowed_covariance"] = "bearing_windowed_covariance"
+    window: Annotated[int, Field(ge=3, le=200)] = 5  # p, cycles
+    confidence: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.95
+    one_to_one: bool = False
+
+    def init(self) -> LiteralBearingMemory:
+        return LiteralBearingMemory(Path.empty(4), Path.empty(6))
+
+    def limit(self) -> float:
+        """The value that x must stay below: -2 ln(1 - confidence) is the chi-square quantile of 2 degrees of freedom."""
+        return float(-2.0 * np.log1p(-self.confidence))
+
+    def step(
+        self,
+        memory: LiteralBearingMemory,
+        bearing_tracks: BearingTracks,
+        picture: Picture,
+        octants: Octants,
+        time_s: float,
+        sensors: Sensors,
+        spread: Spread,
+    ) -> tuple[LiteralBearingMemory, BearingAssociations]:
+        """Which bearing track is which vessel at this cycle.
+
+        Args: bearing_tracks: (N); picture: (V); octants: pairs of their rows; time_s: of the cycle, to which both are predicted.
+        Returns: memory and BearingAssociations, sorted by bearing_row; the biases are 0: the paper knows none.
+        """
+        p = self.window
+        said = np.column_stack([bearing_tracks.bearing_rad, bearing_tracks.rate_rad_s, bearing_tracks.site_deg])
+        tracks = _newest(memory.tracks, p).extended(bearing_tracks.track_id, said, time_s, ALL_S, 0.0)
+        moving = np.einsum("vij,vi->vj", axes(picture.position_deg)[:, :2], picture.velocity_m_s)
+        where = np.column_stack([earth_centred(picture.position_deg), moving])
+        vessels = _newest(memory.vessels, p).extended(picture.vessel_id, where, time_s, ALL_S, 0.0)
+        row, x = self._tested(tracks, vessels, bearing_tracks, picture, octants, spread)
+        bearing_row, vessel_row = octants.bearing_row[row], octants.vessel_row[row]
+        chosen = self._chosen(bearing_row, vessel_row, octants.octant[row] // 8 * len(picture), x)
+        found = BearingAssociations(bearing_row[chosen], vessel_row[chosen], x[chosen], np.zeros(len(sensors.sonars)))
+        return LiteralBearingMemory(tracks, vessels), found
+
+    def _tested(
+        self, tracks: Path, vessels: Path, now: BearingTracks, picture: Picture, octants: Octants, spread: Spread
+    ) -> tuple[Ints, Floats]:
+        """Pairs that pass: index into the octants and x, sorted by index."""
+        if len(tracks.time_s) < self.window:
+            return np.zeros(0, np.int64), np.zeros(0)
+        arrays = {
+            "track": tracks.rows(now.track_id)[octants.bearing_row],
+            "vessel": vessels.rows(picture.vessel_id)[octants.vessel_row],
+            "said": tracks.values,
+            "path": vessels.values,
+        }
+        order = np.argsort(octants.octant, kind="stable")
+        edge = np.flatnonzero(np.diff(octants.octant[order])) + 1
+        parts = spread(accept_in_octant, self, arrays, [rows for rows in np.split(order, edge) if len(rows)])
+        row = np.concatenate([np.zeros(0, np.int64), *(part[0] for part in parts)])
+        order = np.argsort(row, kind="stable")
+        return row[order], np.concatenate([np.zeros(0), *(part[1] for part in parts)])[order]
+
+    def _chosen(self, bearing_row: Ints, vessel_row: Ints, of_sonar: Ints, x: Floats) -> Array:
+        if self.one_to_one:
+            from coastwatch.kernels.assignment import assign  # noqa: PLC0415
+
+            return np.asarray(assign(bearing_row, vessel_row + of_sonar, 2.0 * self.limit() - x))
+        order = np.lexsort((vessel_row, x, bearing_row))
+        return order[np.unique(bearing_row[order], return_index=True)[1]]
+
+
+def accept_in_octant(settings: BearingWindowedCovariance, arrays: Mapping[str, Array], rows: Ints) -> tuple[Array, ...]:
+    """Pairs of these rows that pass the test: row, x."""
+    delta = differences(arrays["said"][arrays["track"][rows]], arrays["path"][arrays["vessel"][rows]])
+    whole = np.isfinite(delta).all(axis=(1, 2))
+    rows, delta = rows[whole], delta[whole]
+    x = sample_statistic(delta)
+    keep = x < settings.limit()
+    return rows[keep], x[keep]
+
+
+def differences(said: Floats, path: Floats) -> Floats:
+    """Bearing and rate of tracks less those of vessels, seen from the site of the track.
+
+    Args: said: (A, p, 4) bearing, rate, site; path: (A, p, 6) Earth-centred position and velocity. Returns: (A, p, 2).
+    """
+    site = said[:, :, 2:]
+    plane = axes(site)[:, :, :2]
+    off = np.einsum("apij,apj->api", plane, path[:, :, :3] - earth_centred(site))
+    speed = np.einsum("apij,apj->api", plane, path[:, :, 3:])
+    square = np.maximum((off**2).sum(2), 1.0)
+    rate = (speed[:, :, 0] * off[:, :, 1] - speed[:, :, 1] * off[:, :, 0]) / square
+    bearing = wrap_rad(said[:, :, 0] - np.arctan2(off[:, :, 0], off[:, :, 1]))
+    return np.stack([bearing, said[:, :, 1] - rate], axis=2)
+
+
+def sample_statistic(delta: Floats) -> Floats:
+    """x = Delta^T Phi^-1 Delta of the newest difference, Phi the sample covariance of all; infinite where Phi is singular.
+
+    Args: delta: (A, p, 2). Returns: (A,).
+    """
+    centred = delta - delta.mean(axis=1, keepdims=True)
+    phi = np.einsum("api,apj->aij", centred, centred) / (delta.shape[1] - 1)
+    det = phi[:, 0, 0] * phi[:, 1, 1] - phi[:, 0, 1] ** 2
+    a, b = delta[:, -1, 0], delta[:, -1, 1]
+    top = phi[:, 1, 1] * a * a - 2.0 * phi[:, 0, 1] * a * b + phi[:, 0, 0] * b * b
+    return np.where(det > 0.0, top / np.where(det > 0.0, det, 1.0), np.inf)
+
+
+def _newest(path: Path, window: int) -> Path:
+    """The path without what falls out of a window of so many instants when one more comes."""
+    return Path(path.ids, path.time_s[-(window - 1) :], path.values[:, -(window - 1) :])

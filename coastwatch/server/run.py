@@ -1,0 +1,212 @@
+"""One scenario from its first report to a stored picture: the clock, the pool, the signal handler and the store meet here."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import pickle
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from coastwatch import pipeline, store
+from coastwatch.batches import Fault, Recording, Sensors
+from coastwatch.pipeline import Cycle, Memory
+from coastwatch.scenario import Scenario
+from coastwatch.scores import Tally, add, result, start
+from coastwatch.server.timing import Stopwatch
+from coastwatch.stage import Plan, Spread
+from coastwatch.workers import spread_over
+
+DEFAULT_DATABASE = "sqlite:///coastwatch.db"
+Progress = Callable[[int, int, str], None]
+OnCycle = Callable[[Cycle], None]
+
+
+def version() -> str:
+    """The version that is stored with every run."""
+    return importlib.metadata.version("coastwatch")
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """What a run leaves behind."""
+
+    run_id: int
+    scenario: str
+    seed: int
+    version: str
+    scores: dict[str, Any]
+    timings_s: dict[str, dict[str, float]]
+    database: str
+    faults: tuple[Fault, ...]
+    vessels: int
+    cycles: int
+    elapsed_s: float
+    interrupted: bool
+
+
+@dataclass(frozen=True)
+class Point:
+    """Where a run stands after a cycle: all that is needed to go on."""
+
+    cycle: int  # the next one
+    memory: Memory
+    tally: Tally
+
+
+def run_scenario(
+    scenario: Scenario,
+    *,
+    seed: int | None = None,
+    workers: int | None = None,
+    database: str | None = None,
+    resume: bool = False,
+    restart: bool = False,
+    progress: Progress | None = None,
+    on_cycle: OnCycle | None = None,
+) -> RunResult:
+    """Run a scenario into a database. Ctrl-C ends it after the cycle in hand; the database then holds whole cycles only.
+
+    Args:
+        seed, workers: instead of the scenario's. database: SQLAlchemy URL.
+        resume: go on with the newest unfinished run of this scenario, seed and version, from its last checkpoint, if there is one.
+        restart: delete earlier runs of this scenario and seed first.
+        progress: called with cycles done, cycles in all and a word on what is being done. on_cycle: called with each cycle's yield.
+    Raises: StoreError, OSError, ValueError: what the caller can repair, with what to repair in the message.
+    """
+    begun = time.perf_counter()
+    seed = scenario.seed if seed is None else seed
+    database = database or DEFAULT_DATABASE
+    say = progress or (lambda done, total, what: None)
+    say(0, 1, "reading input")
+    sensors, plan = scenario.sensors(), scenario.plan()
+    recording = scenario.input.load(sensors, seed, plan)
+    with store.open_store(database) as kept:
+        if restart:
+            store.discard_runs(kept, scenario.name, seed)
+        run_id, point = _begin(kept, scenario, sensors, recording, plan, seed, workers, resume)
+        watch = Stopwatch()
+        with spread_over(workers or scenario.workers.count) as spread, _interrupt_as_flag() as interrupted:
+            try:
+                run = _Run(scenario, sensors, recording, plan, kept, run_id, spread, watch)
+                point, vessels = _cycles(run, point, interrupted, say, on_cycle)
+            except BaseException:
+                store.finish_run(kept, run_id, "failed", {}, recording.faults)
+                raise
+        scores = result(point.tally, recording, sensors)
+        status = "interrupted" if interrupted.is_set() and point.cycle < plan.cycles else "finished"
+        store.finish_run(kept, run_id, status, scores, recording.faults)
+    return RunResult(
+        run_id,
+        scenario.name,
+        seed,
+        version(),
+        scores,
+        watch.summary(),
+        database,
+        recording.faults,
+        vessels,
+        point.cycle,
+        time.perf_counter() - begun,
+        status == "interrupted",
+    )
+
+
+@dataclass(frozen=True)
+class _Run:
+    """What stays the same from cycle to cycle."""
+
+    scenario: Scenario
+    sensors: Sensors
+    recording: Recording
+    plan: Plan
+    kept: Any
+    run_id: int
+    spread: Spread
+    watch: Stopwatch
+
+
+def _begin(
+    kept: Any, scenario: Scenario, sensors: Sensors, recording: Recording, plan: Plan, seed: int, workers: int | None, resume: bool
+) -> tuple[int, Point]:
+    """The run's number and where it starts: at a checkpoint where one is asked for and found, else at the first cycle."""
+    if resume:
+        found = store.resume_point(kept, scenario.name, seed, version(), scenario.model_dump(mode="json"))
+        if found is not None:
+            run_id, _, blob = found
+            return run_id, pickle.loads(blob)
+    run_id = store.begin_run(
+        kept,
+        scenario=scenario.name,
+        title=scenario.title,
+        seed=seed,
+        version=version(),
+        settings=scenario.model_dump(mode="json"),
+        sensors=sensors,
+        plan=plan,
+        warmup_cycles=scenario.warmup_cycles,
+        workers=workers or scenario.workers.count,
+    )
+    return run_id, Point(0, pipeline.start(scenario, sensors), start(sensors))
+
+
+def _cycles(
+    run: _Run, point: Point, interrupted: threading.Event, say: Progress, on_cycle: OnCycle | None
+) -> tuple[Point, int]:
+    """Run from a point to the end, or to the first whole cycle after an interrupt."""
+    vessels = 0
+    while point.cycle < run.plan.cycles and not interrupted.is_set():
+        point, cycle = _one(run, point)
+        vessels = len(cycle.picture)
+        if on_cycle is not None:
+            on_cycle(cycle)
+        say(point.cycle, run.plan.cycles, f"{vessels} vessels")
+    return point, vessels
+
+
+def _one(run: _Run, point: Point) -> tuple[Point, Cycle]:
+    """One cycle: reports, pipeline, scores, store."""
+    scenario, plan, number = run.scenario, run.plan, point.cycle
+    before_s = plan.start_s if number == 0 else plan.instant_s(number - 1)
+    reports = run.recording.reports.between(before_s if number else float("-inf"), plan.instant_s(number))
+    memory, cycle = pipeline.step(
+        scenario, run.sensors, point.memory, reports, plan.instant_s(number), run.spread, run.watch
+    )
+    tally = point.tally
+    if number >= scenario.warmup_cycles and run.recording.truth is not None:
+        with run.watch("scores"):
+            tally = add(tally, cycle, run.recording, run.sensors)
+    after = Point(number + 1, memory, tally)
+    due = (number + 1) % scenario.store.checkpoint_every == 0
+    blob = pickle.dumps(after, pickle.HIGHEST_PROTOCOL) if due else None
+    with run.watch("store"):
+        store.write_cycle(run.kept, run.run_id, number, cycle, reports, run.watch.so_far(), scenario.store, blob)
+    run.watch.lap()
+    return after, cycle
+
+
+@contextmanager
+def _interrupt_as_flag() -> Iterator[threading.Event]:
+    """An event that Ctrl-C or SIGTERM sets, so that a cycle is never cut in two; a second Ctrl-C is the usual one."""
+    event = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield event
+        return
+    usual = {s: signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)}
+
+    def note(number: int, frame: object) -> None:
+        if event.is_set():
+            raise KeyboardInterrupt
+        event.set()
+
+    for s in usual:
+        signal.signal(s, note)
+    try:
+        yield event
+    finally:
+        for s, handler in usual.items():
+            signal.signal(s, handler)

@@ -1,0 +1,52 @@
+"""Time of each stage a cycle, for whole scenarios: `python -m scaling.load.stages SCENARIO ... [--workers N]`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import tempfile
+from pathlib import Path
+
+from coastwatch.scenario import load_scenario
+from coastwatch.server.run import RunResult, run_scenario
+
+DEFAULT = ("context-driven-100", "context-driven-1000")
+
+
+def measure(name: str, seed: int, workers: int) -> RunResult:
+    """One run of a shipped scenario into a database that is thrown away."""
+    with tempfile.TemporaryDirectory() as folder:
+        database = f"sqlite:///{Path(folder) / 'run.db'}"
+        return run_scenario(load_scenario(name), seed=seed, workers=workers, database=database)
+
+
+def table(name: str, result: RunResult, period_s: float) -> str:
+    """The timings of a run as text, milliseconds a cycle."""
+    rows = [f"{name}: {result.cycles} cycles, {result.vessels} vessels at the end, {result.elapsed_s:.1f} s in all"]
+    compute = sum(t["median"] for stage, t in result.timings_s.items() if stage != "store")
+    for stage, t in result.timings_s.items():
+        rows.append(
+            f"  {stage:<22} median {1e3 * t['median']:8.2f} ms   p99 {1e3 * t['p99']:8.2f} ms   {100 * t['share']:5.1f} %"
+        )
+    rows.append(
+        f"  compute (sum of medians) {1e3 * compute:.1f} ms = {100 * compute / period_s:.2f} % of the period of {period_s:g} s"
+    )
+    return "\n".join(rows)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("scenario", nargs="*", default=list(DEFAULT))
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--json", action="store_true")
+    asked = parser.parse_args()
+    print(f"# {os.cpu_count()} processors, load {os.getloadavg()[0]:.2f}")
+    for name in asked.scenario:
+        result = measure(name, asked.seed, asked.workers)
+        print(json.dumps({name: result.timings_s}) if asked.json else table(name, result, load_scenario(name).period_s))
+
+
+if __name__ == "__main__":
+    main()
