@@ -187,6 +187,8 @@ class Trajectories(Struct):
     kick_m_s: Floats = column(np.float64, "V")  # standard deviation of each perturbation, per axis
     turn_rate_rad_s: Floats = column(np.float64, "V")  # known and constant, 0 for straight motion
     acceleration_m_s2: Floats = column(np.float64, "V", 2)  # known and constant while accelerating
+    # What a perturbation leaves of the deviation from the mean velocity; empty: all of it, a random walk.
+    kick_keep: Floats = field(default_factory=lambda: np.zeros(0), metadata={"dtype": np.dtype(np.float64), "shape": ("D",)})
 
     def at(self, time_s: float) -> Truth:
         """The vessels present at an instant, interpolated linearly between samples."""
@@ -198,6 +200,19 @@ class Trajectories(Struct):
         here = self.present[:, lo if w < 0.5 else hi]
         blend = [(1.0 - w) * a[here, lo] + w * a[here, hi] for a in (self.position_deg, self.velocity_m_s)]
         return Truth(self.vessel[here], np.full(here.sum(), float(time_s)), *blend)
+
+
+@dataclass(frozen=True, eq=False)
+class Noise(Struct):
+    """True errors of simulated sensors, which methods never see and the physical bound may know."""
+
+    range_sigma_m: Floats = column(np.float64, "R")
+    azimuth_sigma_rad: Floats = column(np.float64, "R")
+    range_bias_m: Floats = column(np.float64, "R")
+    azimuth_bias_rad: Floats = column(np.float64, "R")
+    time_bias_s: Floats = column(np.float64, "R")
+    ais_position_sigma_m: float = 0.0  # per axis
+    ais_velocity_sigma_m_s: float = 0.0  # per axis
 
 
 @dataclass(frozen=True)
@@ -220,6 +235,7 @@ class Recording:
     truth: Trajectories | None = None
     faults: tuple[Fault, ...] = ()
     silenced: tuple[int, ...] = ()  # origins whose AIS was switched off on purpose
+    noise: Noise | None = None  # of simulated sensors
 
 
 # ---- who says it ------------------------------------------------------------------------------------------------------

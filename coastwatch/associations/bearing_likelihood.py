@@ -17,7 +17,7 @@ from coastwatch.stage import Method, Spread
 Positive = Annotated[float, Field(gt=0.0)]
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
 
-RANGE_SHARES = np.array([1.0, 0.6, 0.36, 0.22, 0.13, 0.08])  # of the sensor's range, where an unknown vessel may be
+RANGE_SHARES = np.array([1.0, 0.5, 0.25, 0.1])  # of the sensor's range, where an unknown vessel may be
 RANGE_WEIGHTS = RANGE_SHARES**2 / (RANGE_SHARES**2).sum()  # by the area that each stands for
 COVERED_EDGE = 0.5  # that a vessel outside the nominal coverage is heard: as likely as not
 
@@ -43,7 +43,7 @@ class BearingLikelihood(Method):
     threshold: float = 0.0  # log odds that a pair must have
     window_s: Positive = 300.0  # bearings and paths older than this are not looked at
     spacing_s: Positive = 1.0  # instants of the paths are no closer than this
-    heard: Share = 0.9  # that a vessel inside the coverage of a sensor has a track of it
+    heard: Share = 0.95  # that a vessel inside the coverage of a sensor has a track of it
     unknown: Share = 0.05  # at least this share of a sensor's tracks are of vessels that are not in the picture
     unknown_speed_kn: Positive = 10.0  # standard deviation per axis, of such a vessel
     unknown_kick_m_s2: Positive = 0.1  # its changes of course and speed: standard deviation per axis grows so over a second
@@ -52,7 +52,9 @@ class BearingLikelihood(Method):
     position_memory_s: Positive = 20.0  # correlation time of position errors
     bias_sigma_deg: Annotated[float, Field(ge=0.0)] = 0.5  # of an uncalibrated sensor; 0: sensors have none
     bias_floor_deg: Annotated[float, Field(ge=0.0)] = 0.03  # what remains unknown of it at best
-    bias_gain: Annotated[float, Field(ge=0.0, le=1.0)] = 0.2  # share of the median residual taken over in a cycle; 0: no calibration
+    bias_gain: Annotated[float, Field(ge=0.0, le=1.0)] = (
+        0.2  # share of the median residual taken over in a cycle; 0: no calibration
+    )
     bias_pairs: Annotated[int, Field(ge=1)] = 5  # fewer calibrate nothing
     give_up: Annotated[float, Field(lt=0.0)] = -25.0  # log odds at which a pair is not looked at any further
 

@@ -30,7 +30,7 @@ class BearingWindowedCovariance(Method):
     vessel (smallest statistic), whoever else takes it too, unless `one_to_one`. p <= 2 makes the covariance singular and is
     refused; a pair without p cycles of history is not tested. Statistic: x = Delta^T Phi^-1 Delta.
     Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven
-    Approach, eq. 7, 10, 11 and section III-E.
+    Approach, eq. 7, 10, 11 and section III-E (the bearing as measured, the rate from the last p bearings).
     """
 
     method: Literal["bearing_windowed_covariance"] = "bearing_windowed_covariance"
@@ -61,7 +61,7 @@ class BearingWindowedCovariance(Method):
         Returns: memory and BearingAssociations, sorted by bearing_row; the biases are 0: the paper knows none.
         """
         p = self.window
-        said = np.column_stack([bearing_tracks.bearing_rad, bearing_tracks.rate_rad_s, bearing_tracks.site_deg])
+        said = np.column_stack([*measured(bearing_tracks, p), bearing_tracks.site_deg])
         tracks = _newest(memory.tracks, p).extended(bearing_tracks.track_id, said, time_s, ALL_S, 0.0)
         moving = np.einsum("vij,vi->vj", axes(picture.position_deg)[:, :2], picture.velocity_m_s)
         where = np.column_stack([earth_centred(picture.position_deg), moving])
@@ -108,6 +108,20 @@ def accept_in_octant(settings: BearingWindowedCovariance, arrays: Mapping[str, A
     x = sample_statistic(delta)
     keep = x < settings.limit()
     return rows[keep], x[keep]
+
+
+def measured(tracks: BearingTracks, bearings: int) -> tuple[Floats, Floats]:
+    """The newest bearing as it was measured, carried to the time of the track, and the rate of the newest bearings by least squares.
+
+    Not the filtered bearing of the track: its errors are so alike from cycle to cycle that their sample covariance means nothing.
+    Returns: (N,) and (N,); NaN for a track without that many bearings.
+    """
+    time, bearing = tracks.window_time_s[:, -bearings:], tracks.window_bearing_rad[:, -bearings:]
+    if time.shape[1] < bearings:
+        return np.full(len(tracks), np.nan), np.full(len(tracks), np.nan)
+    t = time - time.mean(axis=1, keepdims=True)
+    rate = (t * wrap_rad(bearing - bearing[:, -1:])).sum(1) / (t * t).sum(1)
+    return wrap_rad(bearing[:, -1] + rate * (tracks.time_s - time[:, -1])), rate
 
 
 def differences(said: Floats, path: Floats) -> Floats:

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numba import njit
 
-from coastwatch.kernels.ais_filter import anchor_near, mean_of, measure, predict, restart, update
+from coastwatch.kernels.ais_filter import anchor_near, mean_of, measure, restart, step_filter
 from coastwatch.kernels.tangent import SEMI_MAJOR, to_tangent
 
 TAKEN, REPEAT, IMPOSSIBLE, CROWDED = 0, 1, 2, 3
@@ -25,12 +25,12 @@ def absorb(tracks, first, slots, reports, begin, end, rules, stuck, verdict):  #
         spoilt: start again from the former ones, with more); verdict: (M,) TAKEN, REPEAT, IMPOSSIBLE or CROWDED.
     """
     z, noise, moving = np.zeros((1, 4)), np.zeros((1, 4, 4)), np.zeros(1, np.bool_)
-    spare = np.zeros(1, tracks.dtype)[0]
+    spare, span, fit = np.zeros(1, tracks.dtype)[0], np.zeros(1), np.zeros(1)
     for v in range(len(first)):
         stuck[v] = False
         for m in range(begin[v], end[v]):
             _expire(tracks, first[v], slots, reports[m].time, rules)
-            verdict[m] = _hear(tracks, first[v], slots, reports[m], rules, z, noise, moving, spare)
+            verdict[m] = _hear(tracks, first[v], slots, reports[m], rules, z, noise, moving, spare, span, fit)
             if verdict[m] == CROWDED and slots == 1:
                 stuck[v] = True
                 break
@@ -55,21 +55,21 @@ def _expire(tracks, first, slots, time, rules):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _hear(tracks, first, slots, report, rules, z, noise, moving, spare):  # type: ignore[no-untyped-def]
+def _hear(tracks, first, slots, report, rules, z, noise, moving, spare, span, fit):  # type: ignore[no-untyped-def]
     """The verdict on a report, which goes to the track it fits, or opens one."""
-    best = _choose(tracks, first, slots, report, rules)
+    best = _choose(tracks, first, slots, report, rules, z)
     if best >= 0:
-        return _continue(tracks[best], report, rules, z, noise, moving, spare)
+        return _continue(tracks[best], report, rules, z, noise, moving, spare, span, fit)
     place, known = -1, False
     for t in range(first, first + slots):
-        if tracks[t].hits > 0 and tracks[t].confirmed == 1:
+        if tracks[t].hits == 0:
+            place = t
+            break
+        if tracks[t].confirmed == 1:
             known = True
             tracks[t].alarm = report.time + rules.alarm
-        elif place < 0:
-            place = t
     if place < 0:
         return CROWDED
-    outlier = known or tracks[place].hits > 0
     tracks[place].number = -1
     tracks[place].started = report.time
     tracks[place].hits = 0
@@ -78,12 +78,15 @@ def _hear(tracks, first, slots, report, rules, z, noise, moving, spare):  # type
     tracks[place].confirmed = 0 if known else 1
     restart(tracks[place], report, rules, z, noise, moving)
     _book(tracks[place], report, rules)
-    return IMPOSSIBLE if outlier else TAKEN
+    return IMPOSSIBLE if known else TAKEN
 
 
 @njit(cache=True)
-def _choose(tracks, first, slots, report, rules):  # type: ignore[no-untyped-def]
-    """The row of the track that a ship could have come from, the live before the lost, then the nearest; -1 for none."""
+def _choose(tracks, first, slots, report, rules, z):  # type: ignore[no-untyped-def]
+    """The row of the track that a ship could have come from, the live before the lost, then the nearest; -1 for none.
+
+    Into z (1, 4) goes the place of the report in that track's plane.
+    """
     best, best_live, best_miss = -1, False, np.inf
     for t in range(first, first + slots):
         if tracks[t].hits == 0:
@@ -101,11 +104,12 @@ def _choose(tracks, first, slots, report, rules):  # type: ignore[no-untyped-def
         miss = de * de + dn * dn
         if best < 0 or (live and not best_live) or (live == best_live and miss < best_miss):
             best, best_live, best_miss = t, live, miss
+            z[0, 0], z[0, 1] = east, north
     return best
 
 
 @njit(cache=True)
-def _continue(track, report, rules, z, noise, moving, spare):  # type: ignore[no-untyped-def]
+def _continue(track, report, rules, z, noise, moving, spare, span, fit):  # type: ignore[no-untyped-def]
     """The report into its own track: the verdict on it."""
     dt = report.time - track.updated
     if 0.0 < dt <= rules.repeat and report.lat == track.lat and report.lon == track.lon:
@@ -113,11 +117,9 @@ def _continue(track, report, rules, z, noise, moving, spare):  # type: ignore[no
     if dt > track.patience:
         restart(track, report, rules, z, noise, moving)
     else:
-        if dt > 0.0:
-            predict(track, dt, rules, spare)
-        anchor_near(track, rules)
+        anchor_near(track, report, rules, z)
         measure(track, report, rules, z, noise, moving)
-        update(track, z, noise, moving, spare)
+        step_filter(track, dt, z, noise, moving, rules, spare, span, fit)
         if dt > 0.0:
             track.interval = dt if dt > track.interval else track.interval + 0.1 * (dt - track.interval)
     track.confirmed = 1

@@ -1,10 +1,9 @@
 """The filter of one AIS vessel: what a report measures, one IMM step, a change of plane, the prediction. Scalar, by numba.
 
-A track is a row of `track_dtype`; a report is a row of REPORT. SI and radians, but for latitudes and longitudes (degrees).
+A track is a row of TRACK; a report is a row of REPORT. SI and radians, but for latitudes and longitudes (degrees).
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -12,127 +11,78 @@ from numba import njit
 from coastwatch.kernels.imm import _estimate_rows, _predict_rows, _update_rows
 from coastwatch.kernels.tangent import from_tangent, to_tangent, turn_to
 
-REPORT = np.dtype(
+BLOCK = 64  # tracks predicted at once: what they need stays in the cache
+MODELS = 3  # room in a row; fewer may be in use
+# One layout for all settings: numba numbers record types anew in each process, so that code cached for a row of two models
+# would be taken for the code of a row of three.
+WORDS = ["mmsi", "number", "confirmed", "hits", "class_b", "origin"]
+REALS = ["updated", "started", "heard", "interval", "expected", "patience", "alarm", "lat", "lon", "anchor_lat", "anchor_lon"]
+TRACK = np.dtype(
     [
-        ("time", "f8"),
-        ("mmsi", "i8"),
-        ("lat", "f8"),
-        ("lon", "f8"),
-        ("sog", "f8"),
-        ("cog", "f8"),
-        ("class_b", "i8"),
-        ("origin", "i8"),
+        *((word, "i8") for word in WORDS),
+        *((real, "f8") for real in REALS),
+        ("mode", "f8", (MODELS,)),
+        ("state", "f8", (MODELS, 5)),  # in the plane at the anchor
+        ("covariance", "f8", (MODELS, 5, 5)),
     ]
-)  # sog in m/s, cog in radians clockwise from north, NaN where not available
-
-
-class Rules(NamedTuple):
-    """Settings of the filter, SI and radians. Letters J: models."""
-
-    kind: np.ndarray  # (J,) 0 constant velocity, 1 coordinated turn
-    noise: np.ndarray  # (J,)
-    turn_noise: np.ndarray  # (J,)
-    turn_sigma: np.ndarray  # (J,)
-    sojourn: np.ndarray  # (J,)
-    share: np.ndarray  # (J,) of time spent in each model
-    position_variance: float
-    sog_variance: float
-    cog_variance: float
-    still_speed: float  # under which a report without COG says that the vessel stands
-    polar_speed: float  # at which COG begins to mean something
-    jitter: float
-    start_speed_variance: float
-    max_speed: float
-    tolerance: float  # added to the way that max_speed allows
-    repeat: float
-    patience_least: float
-    patience_factor: float
-    moving_a: float  # nominal intervals
-    moving_b: float
-    slow: float
-    slow_speed: float
-    forget: float  # after which an MMSI is a new vessel
-    alarm: float
-    reach: float  # from the anchor, before a new one is taken
-
-
-def track_dtype(models: int) -> np.dtype:
-    """The row of a track whose IMM has so many models: state (J, 5) and covariance (J, 5, 5) in the plane at the anchor."""
-    words = ["mmsi", "number", "confirmed", "hits", "class_b", "origin"]
-    times = [
-        "updated",
-        "started",
-        "heard",
-        "interval",
-        "expected",
-        "patience",
-        "alarm",
-        "lat",
-        "lon",
-        "anchor_lat",
-        "anchor_lon",
+)
+# sog in m/s, cog in radians clockwise from north, NaN where not available
+REPORT = np.dtype(
+    [("mmsi", "i8"), ("class_b", "i8"), ("origin", "i8"), *((real, "f8") for real in ["time", "lat", "lon", "sog", "cog"])]
+)
+RULES = np.dtype(
+    [
+        ("models", "i8"),  # in use
+        ("kind", "i8", (MODELS,)),  # 0 constant velocity, 1 coordinated turn
+        *((name, "f8", (MODELS,)) for name in ("noise", "turn_noise", "turn_sigma", "sojourn", "share")),
+        ("position_variance", "f8"),
+        ("sog_variance", "f8"),
+        ("cog_variance", "f8"),
+        ("still_speed", "f8"),  # under which a report without COG says that the vessel stands
+        ("polar_speed", "f8"),  # at which COG begins to mean something
+        ("jitter", "f8"),  # of the time of a fix
+        ("start_speed_variance", "f8"),
+        ("max_speed", "f8"),
+        ("tolerance", "f8"),  # added to the way that max_speed allows
+        ("repeat", "f8"),  # the same place so soon is the same fix
+        ("patience_least", "f8"),
+        ("patience_factor", "f8"),
+        ("moving_a", "f8"),  # nominal intervals
+        ("moving_b", "f8"),
+        ("slow", "f8"),
+        ("slow_speed", "f8"),
+        ("forget", "f8"),  # after which an MMSI is a new vessel
+        ("alarm", "f8"),
+        ("reach", "f8"),  # from the anchor, before a new one is taken
     ]
-    arrays = [("mode", "f8", (models,)), ("state", "f8", (models, 5)), ("covariance", "f8", (models, 5, 5))]
-    return np.dtype([*((w, "i8") for w in words), *((t, "f8") for t in times), *arrays])
+)
 
 
 @njit(cache=True)
 def mean_of(track, k):  # type: ignore[no-untyped-def]
     """Element k of the state, averaged over the models."""
     total = 0.0
-    for j in range(track.mode.shape[0]):
+    for j in range(MODELS):
         total += track.mode[j] * track.state[j, k]
     return total
 
 
 @njit(cache=True)
-def predict(track, dt, rules, spare):  # type: ignore[no-untyped-def]
-    """The track's models after dt, in place; spare is a row to work in."""
-    models = track.mode.shape[0]
-    spare.state[:] = track.state
-    spare.covariance[:] = track.covariance
-    spare.mode[:] = track.mode
-    _predict_rows(
-        spare.state.reshape((1, models, 5)),
-        spare.covariance.reshape((1, models, 5, 5)),
-        spare.mode.reshape((1, models)),
-        np.full(1, dt),
-        rules.kind,
-        rules.noise,
-        rules.turn_noise,
-        rules.turn_sigma,
-        rules.sojourn,
-        track.state.reshape((1, models, 5)),
-        track.covariance.reshape((1, models, 5, 5)),
-        track.mode.reshape((1, models)),
-    )
-
-
-@njit(cache=True)
-def update(track, z, noise, moving, spare):  # type: ignore[no-untyped-def]
-    """The track's models after a measurement, in place; spare is a row to work in."""
-    models = track.mode.shape[0]
-    spare.state[:] = track.state
-    spare.covariance[:] = track.covariance
-    spare.mode[:] = track.mode
-    _update_rows(
-        spare.state.reshape((1, models, 5)),
-        spare.covariance.reshape((1, models, 5, 5)),
-        spare.mode.reshape((1, models)),
-        z,
-        noise,
-        moving,
-        track.state.reshape((1, models, 5)),
-        track.covariance.reshape((1, models, 5, 5)),
-        track.mode.reshape((1, models)),
-        np.empty(1),
-    )
+def step_filter(track, dt, z, noise, moving, rules, spare, span, fit):  # type: ignore[no-untyped-def]
+    """The track's models after dt and a measurement, in place; spare is a row to work in, span and fit are (1,)."""
+    j = rules.models
+    flat, square, line = (1, j, 5), (1, j, 5, 5), (1, j)
+    span[0] = dt
+    state, covariance, mode = track.state[:j].reshape(flat), track.covariance[:j].reshape(square), track.mode[:j].reshape(line)
+    ahead = spare.state[:j].reshape(flat), spare.covariance[:j].reshape(square), spare.mode[:j].reshape(line)
+    models = rules.kind[:j], rules.noise[:j], rules.turn_noise[:j], rules.turn_sigma[:j], rules.sojourn[:j]
+    _predict_rows(state, covariance, mode, span, *models, *ahead)
+    _update_rows(*ahead, z, noise, moving, state, covariance, mode, fit)
 
 
 @njit(cache=True)
 def measure(track, report, rules, z, noise, moving):  # type: ignore[no-untyped-def]
-    """What a report measures in the track's plane, into z (1, 4), noise (1, 4, 4) and moving (1,): has it a velocity."""
-    z[0, 0], z[0, 1], _ = to_tangent(report.lat, report.lon, track.anchor_lat, track.anchor_lon)
+    """What a report measures besides the place, which z (1, 4) has: the rest of z, noise (1, 4, 4), moving (1,) or not."""
     noise[:] = 0.0
     noise[0, 0, 0] = noise[0, 1, 1] = rules.position_variance
     speed, course = report.sog, report.cog
@@ -165,8 +115,9 @@ def measure(track, report, rules, z, noise, moving):  # type: ignore[no-untyped-
 def restart(track, report, rules, z, noise, moving):  # type: ignore[no-untyped-def]
     """A track's filter begun anew from one report."""
     track.anchor_lat, track.anchor_lon = report.lat, report.lon
+    z[0, 0] = z[0, 1] = 0.0
     measure(track, report, rules, z, noise, moving)
-    for j in range(track.mode.shape[0]):
+    for j in range(rules.models):
         track.mode[j] = rules.share[j]
         track.state[j, :4] = z[0]
         track.state[j, 4] = 0.0
@@ -178,8 +129,8 @@ def restart(track, report, rules, z, noise, moving):  # type: ignore[no-untyped-
 
 
 @njit(cache=True)
-def anchor_near(track, rules):  # type: ignore[no-untyped-def]
-    """A new anchor under the track where the former is out of reach; the filter is moved and turned into its plane."""
+def anchor_near(track, report, rules, z):  # type: ignore[no-untyped-def]
+    """A new anchor under the track where the former is out of reach; filter and report's place go into the new plane."""
     east, north = mean_of(track, 0), mean_of(track, 1)
     if east * east + north * north < rules.reach * rules.reach:
         return
@@ -188,7 +139,8 @@ def anchor_near(track, rules):  # type: ignore[no-untyped-def]
     turn[0, 0], turn[0, 1], turn[1, 0], turn[1, 1] = turn_to(track.anchor_lat, track.anchor_lon, lat, lon)
     turn[2:4, 2:4] = turn[:2, :2]
     track.anchor_lat, track.anchor_lon = lat, lon
-    for j in range(track.mode.shape[0]):
+    z[0, 0], z[0, 1], _ = to_tangent(report.lat, report.lon, lat, lon)
+    for j in range(rules.models):
         state, covariance = track.state[j].copy(), track.covariance[j].copy()
         state[0] -= east
         state[1] -= north
@@ -206,32 +158,41 @@ def anchor_near(track, rules):  # type: ignore[no-untyped-def]
 def foresee(tracks, rows, time, rules, position, velocity, covariance):  # type: ignore[no-untyped-def]
     """Tracks predicted to a time: degrees, and metres a second and covariance east and north there.
 
-    Args: tracks: TRACK rows; rows: (N,) of these; time: not before their newest report; rules; position (N, 2),
+    Args: tracks: rows of TRACK; rows: (N,) of these; time: not before their newest report; rules; position (N, 2),
         velocity (N, 2), covariance (N, 4, 4): written.
     """
-    work, mean, spread = np.zeros(2, tracks.dtype), np.zeros((1, 5)), np.zeros((1, 5, 5))
-    track = work[0]
-    for i in range(len(rows)):
-        work[0] = tracks[rows[i]]
-        if time > track.updated:
-            predict(track, time - track.updated, rules, work[1])
-        models = track.mode.shape[0]
-        _estimate_rows(
-            track.state.reshape((1, models, 5)),
-            track.covariance.reshape((1, models, 5, 5)),
-            track.mode.reshape((1, models)),
-            mean,
-            spread,
-        )
-        lat, lon = from_tangent(mean[0, 0], mean[0, 1], track.anchor_lat, track.anchor_lon)
-        position[i, 0], position[i, 1] = lat, lon
-        ee, en, ne, nn = turn_to(track.anchor_lat, track.anchor_lon, lat, lon)
-        velocity[i, 0] = ee * mean[0, 2] + en * mean[0, 3]
-        velocity[i, 1] = ne * mean[0, 2] + nn * mean[0, 3]
-        for a in range(0, 4, 2):
-            for b in range(0, 4, 2):
-                w, x, y, q = spread[0, a, b], spread[0, a, b + 1], spread[0, a + 1, b], spread[0, a + 1, b + 1]
-                covariance[i, a, b] = ee * (w * ee + x * en) + en * (y * ee + q * en)
-                covariance[i, a, b + 1] = ee * (w * ne + x * nn) + en * (y * ne + q * nn)
-                covariance[i, a + 1, b] = ne * (w * ee + x * en) + nn * (y * ee + q * en)
-                covariance[i, a + 1, b + 1] = ne * (w * ne + x * nn) + nn * (y * ne + q * nn)
+    span, mean, spread = np.zeros(BLOCK), np.zeros((BLOCK, 5)), np.zeros((BLOCK, 5, 5))
+    j = rules.models
+    state, ahead = np.zeros((BLOCK, j, 5)), np.zeros((BLOCK, j, 5))
+    cov, cov_ahead = np.zeros((BLOCK, j, 5, 5)), np.zeros((BLOCK, j, 5, 5))
+    mode, mode_ahead = np.zeros((BLOCK, j)), np.zeros((BLOCK, j))
+    models = rules.kind[:j], rules.noise[:j], rules.turn_noise[:j], rules.turn_sigma[:j], rules.sojourn[:j]
+    for start in range(0, len(rows), BLOCK):
+        n = min(BLOCK, len(rows) - start)
+        for i in range(n):
+            track = tracks[rows[start + i]]
+            span[i] = time - track.updated
+            state[i] = track.state[:j]
+            cov[i] = track.covariance[:j]
+            mode[i] = track.mode[:j]
+        _predict_rows(state[:n], cov[:n], mode[:n], span[:n], *models, ahead[:n], cov_ahead[:n], mode_ahead[:n])
+        _estimate_rows(ahead[:n], cov_ahead[:n], mode_ahead[:n], mean[:n], spread[:n])
+        for i in range(n):
+            track, k = tracks[rows[start + i]], start + i
+            _settle(track, mean[i], spread[i], position[k], velocity[k], covariance[k])
+
+
+@njit(cache=True)
+def _settle(track, mean, spread, position, velocity, covariance):  # type: ignore[no-untyped-def]
+    """An estimate in the track's plane as degrees, and east and north at its own place; the last three are written."""
+    lat, lon = from_tangent(mean[0], mean[1], track.anchor_lat, track.anchor_lon)
+    position[0], position[1] = lat, lon
+    ee, en, ne, nn = turn_to(track.anchor_lat, track.anchor_lon, lat, lon)
+    velocity[0], velocity[1] = ee * mean[2] + en * mean[3], ne * mean[2] + nn * mean[3]
+    for a in range(0, 4, 2):
+        for b in range(0, 4, 2):
+            w, x, y, q = spread[a, b], spread[a, b + 1], spread[a + 1, b], spread[a + 1, b + 1]
+            covariance[a, b] = ee * (w * ee + x * en) + en * (y * ee + q * en)
+            covariance[a, b + 1] = ee * (w * ne + x * nn) + en * (y * ne + q * nn)
+            covariance[a + 1, b] = ne * (w * ee + x * en) + nn * (y * ee + q * en)
+            covariance[a + 1, b + 1] = ne * (w * ne + x * nn) + nn * (y * ne + q * nn)

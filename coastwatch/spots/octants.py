@@ -92,9 +92,8 @@ def position_sigma_m(covariance: Floats) -> Floats:
 def _newest_of_each(sonar: Ints, updated_s: Floats) -> tuple[Ints, Ints]:
     """The sonars that have tracks, sorted, and the row of the newest track of each: it knows where the sonar is now."""
     order = np.lexsort((updated_s, sonar))
-    sonars, start = np.unique(sonar[order], return_index=True)
-    last = np.append(start[1:], len(order)) - 1
-    return sonars, order[last]
+    sonars = np.unique(sonar)
+    return sonars, order[np.searchsorted(sonar[order], sonars, side="right") - 1]
 
 
 def _within(position_deg: Floats, site_deg: Floats, reach_m: Floats) -> list[Ints]:

@@ -1,0 +1,47 @@
+"""Where the picture is kept. README.md says what is in it; `tables` is every table."""
+
+from coastwatch.store.opening import Store, StoreError, open_store
+from coastwatch.store.questions import Parameter, Question, operator_queries, operator_query
+from coastwatch.store.read import (
+    INSTANTS,
+    Rows,
+    bearing_tracks,
+    history,
+    latest_run,
+    picture,
+    run,
+    runs,
+    sensors,
+    sources,
+    timings,
+    track,
+)
+from coastwatch.store.runs import begin_run, discard_runs, finish_run, resume_point
+from coastwatch.store.write import write_cycle
+
+__all__ = [
+    "INSTANTS",
+    "Parameter",
+    "Question",
+    "Rows",
+    "Store",
+    "StoreError",
+    "bearing_tracks",
+    "begin_run",
+    "discard_runs",
+    "finish_run",
+    "history",
+    "latest_run",
+    "open_store",
+    "operator_queries",
+    "operator_query",
+    "picture",
+    "resume_point",
+    "run",
+    "runs",
+    "sensors",
+    "sources",
+    "timings",
+    "track",
+    "write_cycle",
+]

@@ -1,0 +1,16 @@
+"""Plots, AIS reports and bearings into tracks: the methods of the stage, one union for each kind of source."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from coastwatch.tracks.ais import AisFilter
+from coastwatch.tracks.bearing import BearingWindow
+from coastwatch.tracks.filterpy_imm import FilterpyImm
+from coastwatch.tracks.imm import Imm
+
+RadarTracker = Annotated[Imm | FilterpyImm, Field(discriminator="method")]
+AisTracker = Annotated[AisFilter, Field()]
+BearingTracker = Annotated[BearingWindow, Field()]
+
+__all__ = ["AisFilter", "AisTracker", "BearingTracker", "BearingWindow", "FilterpyImm", "Imm", "RadarTracker"]

@@ -1,0 +1,205 @@
+"""What AIS receivers would report of vessels that move as given: `transmit`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from coastwatch.batches import AisReports, Bools, Floats, Ints, Stations
+from coastwatch.geodesy import KNOT_M_S, offset_deg, to_plane
+from coastwatch.sensors.vessels import Share, chosen
+from coastwatch.stage import Settings
+
+# Streams of random numbers: a change of one leaves the others as they are.
+CARRIERS, PHASE, NOISE, LOSS, LATENCY, SILENCE, SPOOFING, CLONES = 21, 22, 23, 24, 25, 26, 27, 28
+
+State = Callable[[Ints, Floats], tuple[Floats, Floats]]
+POSITION_STEP_DEG = 1.0 / 600_000.0  # 1/10 000 minute
+SOG_STEP_KN, COG_STEP_DEG, SOG_MOST_KN = 0.1, 0.1, 102.2
+AT_ANCHOR_KN, ANCHORED_S = 0.3, 180.0  # slower is taken as moored or at anchor
+TURNING_RAD_S = np.radians(5.0) / 15.0  # heading more than 5 deg off its mean over the last 30 s
+# Upper speed in knots: seconds between reports on a steady course, and while turning (class B has no such rule).
+CLASS_A = ((14.0, 10.0, 10.0 / 3.0), (23.0, 6.0, 2.0), (np.inf, 2.0, 2.0))
+CLASS_B = ((2.0, 180.0, 180.0), (14.0, 30.0, 30.0), (23.0, 15.0, 15.0), (np.inf, 5.0, 5.0))
+COUNTRIES = np.array([710, 701, 770, 636, 538, 352, 255, 311, 477, 563, 235, 244, 219, 257, 371, 248])
+
+
+class AisTruth(Settings):
+    """Who carries AIS, what it sends and what of that is heard."""
+
+    share: Share = 0.5  # of the vessels carry AIS: exactly, at random
+    class_b_share: Share = 0.0  # of these carry class B
+    intervals: Literal["fixed", "itu"] = "fixed"  # one interval for all, or class A and class B as ITU-R M.1371 has them
+    interval_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 3.0  # where fixed; each vessel has a random phase
+    position_sigma_m: Annotated[float, Field(ge=0.0, le=10_000.0)] = 3.33  # per axis
+    velocity_sigma_kn: Annotated[float, Field(ge=0.0, le=20.0)] = 0.2  # per axis; SOG and COG err by what it does to them
+    wire_steps: bool = True  # round to 1/10 000 minute, 0.1 kn and 0.1 deg as a message does
+    whole_seconds: bool = False  # stamp the fix with the whole second before it, as a message does
+    velocity_missing_share: Share = 0.0  # of reports without SOG and COG
+    loss: Share = 0.0  # of reports that nobody hears
+    latency_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 0.0  # from the fix to the arrival, at least
+    latency_spread_s: Annotated[float, Field(ge=0.0, le=3600.0)] = (
+        0.0  # mean of an exponential part on top: puts reports out of order
+    )
+    silent_share: Share = 0.0  # of the carriers are switched off for a while
+    silent_from_s: Annotated[float, Field(ge=0.0)] = 0.0  # after the start of the run
+    silent_to_s: float | None = Field(default=None, ge=0.0, description="after the start of the run; none: to the end")
+    spoofing_share: Share = 0.0  # of the carriers report positions that drift away from the truth
+    spoofing_from_s: Annotated[float, Field(ge=0.0)] = 0.0  # after the start of the run
+    spoofing_drift_m_s: Annotated[float, Field(ge=0.0, le=1000.0)] = (
+        5.0  # growth of the offset, in a direction of each vessel's own
+    )
+    cloned_share: Share = 0.0  # of the vessels without AIS send under the MMSI of a carrier
+    cloned_from_s: Annotated[float, Field(ge=0.0)] = 0.0  # after the start of the run
+    static_interval_s: Annotated[float, Field(gt=0.0)] = 360.0  # between messages with name and type
+    static_within_s: Annotated[float, Field(ge=0.0)] = 30.0  # of the start the first of these is sent
+
+
+@dataclass(frozen=True, eq=False)
+class Carriers:
+    """The vessels that send, in order of their number, true carriers and clones."""
+
+    row: Ints  # (C,) of the vessel that sends
+    mmsi: Ints  # (C,)
+    class_b: Bools  # (C,)
+    silent: Bools  # (C,)
+    spoofing: Bools  # (C,)
+    clone: Bools  # (C,)
+
+
+def carriers(truth: AisTruth, count: int, seed: int) -> Carriers:
+    """Who sends under which number, of vessels 0..count-1."""
+    rng = np.random.default_rng([seed, CARRIERS])
+    row = chosen(count, truth.share, rng)
+    number = rng.permutation(1_000_000)[:count] if count <= 1_000_000 else np.arange(count) % 1_000_000
+    mmsi = (COUNTRIES[rng.integers(0, len(COUNTRIES), count)] * 1_000_000 + number)[row]
+    class_b, silent, spoofing = (np.zeros(len(row), np.bool_) for _ in range(3))
+    class_b[chosen(len(row), truth.class_b_share, rng)] = True
+    silent[chosen(len(row), truth.silent_share, np.random.default_rng([seed, SILENCE]))] = True
+    spoofing[chosen(len(row), truth.spoofing_share, np.random.default_rng([seed, SPOOFING]))] = True
+    rng = np.random.default_rng([seed, CLONES])
+    without = np.setdiff1d(np.arange(count), row)
+    clone = without[chosen(len(without), truth.cloned_share if len(row) else 0.0, rng)]
+    victim = rng.integers(0, max(len(row), 1), len(clone))
+    off = np.zeros(len(clone), np.bool_)
+    return Carriers(
+        np.concatenate([row, clone]),
+        np.concatenate([mmsi, mmsi[victim]]),
+        np.concatenate([class_b, class_b[victim]]),
+        np.concatenate([silent, off]),
+        np.concatenate([spoofing, off]),
+        np.concatenate([np.zeros(len(row), np.bool_), ~off]),
+    )
+
+
+def transmit(
+    truth: AisTruth,
+    sent_by: Carriers,
+    stations: Stations,
+    state: State,
+    start_s: float,
+    stop_s: float,
+    seed: int,
+) -> AisReports:
+    """Position reports that arrive between two times, in order of arrival; a report that arrives later is lost.
+
+    Args: sent_by: the carriers (C); stations: reports are heard inside the range of one of them, everywhere if there are none;
+    state: gives position (M, 2) deg, NaN where absent, and velocity (M, 2) m/s of vessel rows (M,) at times (M,).
+    """
+    who, time = _times(truth, sent_by, state, start_s, stop_s, seed)
+    elapsed = time - start_s
+    position, velocity = state(sent_by.row[who], time)
+    heard = np.isfinite(position[:, 0]) & within(stations, position)
+    heard &= np.random.default_rng([seed, LOSS]).random(len(who)) >= truth.loss
+    until = np.inf if truth.silent_to_s is None else truth.silent_to_s
+    heard &= ~(sent_by.silent[who] & (elapsed >= truth.silent_from_s) & (elapsed < until))
+    heard &= ~sent_by.clone[who] | (elapsed >= truth.cloned_from_s)
+    drift = truth.spoofing_drift_m_s * np.maximum(elapsed - truth.spoofing_from_s, 0.0)
+    away = np.random.default_rng([seed, SPOOFING, 1]).uniform(0.0, 2.0 * np.pi, len(sent_by.row))[who]
+    offset = np.where(sent_by.spoofing[who], drift, 0.0)[:, None] * np.column_stack([np.sin(away), np.cos(away)])
+    rng = np.random.default_rng([seed, NOISE])
+    draws, missing = rng.standard_normal((len(who), 4)), rng.random(len(who)) < truth.velocity_missing_share
+    position = offset_deg(position, truth.position_sigma_m * draws[:, :2] + offset)
+    position, sog, cog = _on_the_wire(truth, position, velocity + truth.velocity_sigma_kn * KNOT_M_S * draws[:, 2:], missing)
+    delay = np.random.default_rng([seed, LATENCY]).exponential(1.0, len(who)) * truth.latency_spread_s + truth.latency_s
+    made = AisReports(
+        time_s=np.floor(time) if truth.whole_seconds else time,
+        received_s=time + delay,
+        mmsi=sent_by.mmsi[who],
+        position_deg=position,
+        sog_kn=sog,
+        cog_deg=cog,
+        class_b=sent_by.class_b[who],
+        origin=sent_by.row[who],
+    ).take(heard & (time + delay <= stop_s))
+    return made.take(np.lexsort((made.mmsi, made.time_s, made.received_s)))
+
+
+def within(stations: Stations, position_deg: Floats) -> Bools:
+    """Whether a station would hear a report from there; everywhere if there are no stations. Args: (M, 2). Returns: (M,)."""
+    out = np.full(len(position_deg), len(stations) == 0)
+    for site, reach in zip(stations.site_deg, stations.range_m, strict=True):
+        at = to_plane(position_deg, site)
+        out |= np.hypot(at[:, 0], at[:, 1]) <= reach
+    return out
+
+
+def _on_the_wire(truth: AisTruth, position: Floats, velocity: Floats, missing: Bools) -> tuple[Floats, Floats, Floats]:
+    """Position, SOG and COG as a message has them."""
+    sog = np.hypot(velocity[:, 0], velocity[:, 1]) / KNOT_M_S
+    cog = np.degrees(np.arctan2(velocity[:, 0], velocity[:, 1])) % 360.0
+    if truth.wire_steps:
+        position = np.round(position / POSITION_STEP_DEG) * POSITION_STEP_DEG
+        sog, cog = np.round(sog / SOG_STEP_KN) * SOG_STEP_KN, np.round(cog / COG_STEP_DEG) * COG_STEP_DEG % 360.0
+    return position, np.where(missing, np.nan, np.minimum(sog, SOG_MOST_KN)), np.where(missing, np.nan, cog)
+
+
+def _times(truth: AisTruth, sent_by: Carriers, state: State, start_s: float, stop_s: float, seed: int) -> tuple[Ints, Floats]:
+    """Who sends when, ordered by carrier, then time. (M,), (M,)"""
+    phase = np.random.default_rng([seed, PHASE]).random(len(sent_by.row))
+    if truth.intervals == "fixed":
+        number = np.arange(int(np.ceil((stop_s - start_s) / truth.interval_s)) + 1)
+        times = start_s + (phase[:, None] + number) * truth.interval_s
+        who, _ = np.nonzero(times <= stop_s)
+        return who, times[times <= stop_s]
+    return _itu_times(sent_by, state, phase, start_s, stop_s)
+
+
+def _itu_times(sent_by: Carriers, state: State, phase: Floats, start_s: float, stop_s: float) -> tuple[Ints, Floats]:
+    """By rounds: each carrier's next report follows its last by what speed and turning then ask for.
+
+    Source: Recommendation ITU-R M.1371-5 (2014), annex 1, tables 1 and 2.
+    """
+    who = np.arange(len(sent_by.row))
+    time = np.full(len(who), start_s)
+    wait = _itu_interval(sent_by, state, who, time) * phase
+    sent: list[tuple[Ints, Floats]] = []
+    while len(who):
+        time = time + wait
+        who, time = who[time <= stop_s], time[time <= stop_s]
+        sent.append((who, time))
+        wait = _itu_interval(sent_by, state, who, time)
+    everyone, times = np.concatenate([w for w, _ in sent]), np.concatenate([t for _, t in sent])
+    order = np.lexsort((times, everyone))
+    return everyone[order], times[order]
+
+
+def _itu_interval(sent_by: Carriers, state: State, who: Ints, time_s: Floats) -> Floats:
+    row = sent_by.row[who]
+    _, now = state(row, time_s)
+    _, before = state(row, time_s - 1.0)
+    speed = np.hypot(now[:, 0], now[:, 1]) / KNOT_M_S
+    turned = np.arctan2(now[:, 0] * before[:, 1] - now[:, 1] * before[:, 0], (now * before).sum(axis=1))
+    turning = np.abs(turned) > TURNING_RAD_S
+    out = np.empty(len(who))
+    for class_b, table in ((False, CLASS_A), (True, CLASS_B)):
+        limits, steady, in_turn = (np.array(part) for part in zip(*table, strict=True))
+        step = np.searchsorted(limits, speed, side="right")
+        step = np.minimum(step, len(limits) - 1)
+        mine = sent_by.class_b[who] == class_b
+        out = np.where(mine, np.where(turning, in_turn[step], steady[step]), out)
+    return np.where((speed < AT_ANCHOR_KN) & ~sent_by.class_b[who], ANCHORED_S, out)

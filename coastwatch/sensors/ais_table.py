@@ -1,0 +1,206 @@
+"""Decoded AIS in tables: CSV or Parquet, any names of columns."""
+
+from __future__ import annotations
+
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from coastwatch.batches import AisReports, AisStatics, Bools, Fault, Floats, Ints, Recording, Sensors
+from coastwatch.geodesy import KNOT_M_S
+from coastwatch.sensors.ais_rows import NON_FINITE, AisIntake, AisRows, StaticRows, accept
+from coastwatch.sensors.cells import BAD_CELL, EMPTY_CELL, Table, read_table
+from coastwatch.sensors.faults import Tally
+from coastwatch.sensors.places import Fingerprint, fingerprint
+from coastwatch.sensors.recording import ais_recording, by_arrival, span_of
+from coastwatch.stage import Method, Plan, Settings
+
+SPEED_KN = {"kn": 1.0, "m/s": 1.0 / KNOT_M_S, "km/h": 1.0 / 1.852}
+
+KNOWN: dict[str, tuple[str, ...]] = {
+    "time": (
+        "time",
+        "time_s",
+        "timestamp",
+        "time_utc",
+        "timestamp_utc",
+        "basedatetime",
+        "base_date_time",
+        "datetime",
+        "date_time",
+        "t",
+    ),
+    "received": ("received", "received_s", "receivetime", "receive_time", "received_utc"),
+    "mmsi": ("mmsi", "sourcemmsi", "userid", "user_id"),
+    "latitude": ("latitude", "lat", "latitude_deg", "latitude_degrees", "y"),
+    "longitude": ("longitude", "lon", "lng", "long", "longitude_deg", "longitude_degrees", "x"),
+    "sog": ("sog", "sog_kn", "sog_knots", "speed", "speed_over_ground", "speedoverground"),
+    "cog": ("cog", "cog_deg", "cog_degrees", "course", "course_over_ground", "courseoverground"),
+    "ais_class": ("class", "ais_class", "type_of_mobile", "transceiver", "transceiverclass"),
+    "name": ("name", "shipname", "ship_name", "vesselname", "vessel_name"),
+    "call_sign": ("call_sign", "callsign"),
+    "ship_type": ("ship_type_code", "shiptype", "vesseltype", "vessel_type", "ship_type"),
+    "length": ("length", "length_m"),
+    "beam": ("beam", "beam_m", "width"),
+}
+"""Names, in small letters, by which a column is recognised where the settings do not name it."""
+
+REQUIRED = ("time", "mmsi", "latitude", "longitude")
+STATIC = ("name", "call_sign", "ship_type", "length", "beam")
+
+
+class AisColumns(Settings):
+    """Which column is what; one that is not named is looked for by its usual names."""
+
+    time: str | None = None
+    received: str | None = None
+    mmsi: str | None = None
+    latitude: str | None = None
+    longitude: str | None = None
+    sog: str | None = None
+    cog: str | None = None
+    ais_class: str | None = None
+    name: str | None = None
+    call_sign: str | None = None
+    ship_type: str | None = None
+    length: str | None = None
+    beam: str | None = None
+
+
+class AisTable(Method):
+    """AIS from decoded tables. Settings: see README.md of this folder."""
+
+    method: Literal["ais_table"] = "ais_table"
+    files: Annotated[tuple[Path, ...], Field(min_length=1)]
+    columns: AisColumns = AisColumns()
+    time_format: str = "auto"
+    separator: Annotated[str, Field(min_length=1, max_length=1)] = ","
+    speed_unit: Literal["kn", "m/s", "km/h"] = "kn"
+    intake: AisIntake = AisIntake()
+
+    def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
+        """The recording: AIS reports and static data of all files in order of arrival, and what was refused.
+
+        Raises: FileNotFoundError, OSError or ValueError that names the file.
+        """
+        return ais_recording(*self.read())
+
+    def span(self) -> tuple[float, float]:
+        """Whole seconds before the first and after the last time of reception.
+
+        Raises: ValueError where no record can be used.
+        """
+        reports, statics, faults = self.read()
+        return span_of(reports.received_s, statics.received_s, faults=faults)
+
+    def read(self) -> tuple[AisReports, AisStatics, tuple[Fault, ...]]:
+        """All that the tables say, in order of arrival."""
+        return _read(self, fingerprint(self.files))
+
+
+@lru_cache(maxsize=1)
+def _read(settings: AisTable, files: Fingerprint) -> tuple[AisReports, AisStatics, tuple[Fault, ...]]:
+    tally = Tally()
+    parts = [_one_file(settings, path, tally) for path, _, _ in files]
+    reports, statics = by_arrival([p[0] for p in parts]), by_arrival([p[1] for p in parts])
+    return reports, statics, tally.faults()
+
+
+def _one_file(settings: AisTable, path: Path, tally: Tally) -> tuple[AisReports, AisStatics]:
+    table = read_table(path, settings.separator, tally)
+    column = {
+        key: (table.need if key in REQUIRED else table.find)(getattr(settings.columns, key), names)
+        for key, names in KNOWN.items()
+    }
+    table, values = good_cells(table, column, REQUIRED, settings.time_format, tally)
+    received = values["received"]
+    stamp = np.where(np.isnan(received), values["time"], received)
+    rows = AisRows(
+        row=table.row,
+        stamp_s=stamp,
+        fix_s=np.where(np.isnan(received), np.nan, values["time"]),
+        second=np.full(len(table), -1, np.int64),
+        mmsi=_whole(values["mmsi"]),
+        position_deg=np.stack([values["latitude"], values["longitude"]], axis=-1),
+        sog_kn=values["sog"] * SPEED_KN[settings.speed_unit],
+        cog_deg=values["cog"],
+        class_b=_class_b(table, column["ais_class"]),
+        digest=_digest(values),
+    )
+    statics, said = _statics(table, column, values, rows.mmsi, stamp)
+    return accept(rows, statics, said, settings.intake, tally, lambda row: table.place(int(np.searchsorted(table.row, row))))
+
+
+def good_cells(
+    table: Table, column: dict[str, str | None], required: tuple[str, ...], time_format: str, tally: Tally
+) -> tuple[Table, dict[str, Floats]]:
+    """The rows in which every required cell has a number and no cell is garbled, and their numbers by key.
+
+    Keys "time" and "received" are times; "radar", "sonar", "name", "call_sign", "ais_class" are texts and not touched.
+    """
+    texts = ("radar", "sonar", "name", "call_sign", "ais_class")
+    good = np.ones(len(table), np.bool_)
+    values: dict[str, Floats] = {}
+    for key, name in column.items():
+        if key in texts:
+            continue
+        made, bad = table.times(name, time_format) if key in ("time", "received") else table.numbers(name)
+        if key in STATIC:
+            bad = np.zeros(len(table), np.bool_)  # a bad length does not spoil a position
+        empty = table.empty(name).to_numpy() if name is not None and key in required else np.zeros(len(table), np.bool_)
+        infinite = np.isinf(made) | (np.isnan(made) & ~empty & ~bad if key in required else False)
+        infinite = infinite & (key not in STATIC)
+        for kind, mask in ((EMPTY_CELL, empty), (BAD_CELL, bad), (NON_FINITE, infinite)):
+            tally.add_rows(kind, good & mask, partial(table.place, column=str(name)), table.example)
+            good &= ~mask
+        values[key] = made
+    return table.at(good), {key: made[good] for key, made in values.items()}
+
+
+def _whole(number: Floats) -> Ints:
+    """As integers; what is none becomes -1, which is no MMSI."""
+    return np.where((number == np.floor(number)) & (np.abs(number) < 1e12), number, -1.0).astype(np.int64)
+
+
+def _class_b(table: Table, column: str | None) -> Bools:
+    if column is None:
+        return np.zeros(len(table), np.bool_)
+    return table.frame[column].cast(str).fill_null("").str.to_lowercase().str.contains(r"^(class )?b\b").to_numpy()
+
+
+def _digest(values: dict[str, Floats]) -> Ints:
+    """A number that is equal where time, position, SOG and COG are."""
+    said = np.stack([np.nan_to_num(values[k], nan=-1.0) for k in ("time", "latitude", "longitude", "sog", "cog")], axis=-1)
+    if not len(said):
+        return np.zeros(0, np.int64)
+    order = np.lexsort(said.T)
+    new = np.concatenate([[True], (said[order[1:]] != said[order[:-1]]).any(axis=1)])
+    out = np.empty(len(said), np.int64)
+    out[order] = np.cumsum(new)
+    return out
+
+
+def _statics(
+    table: Table, column: dict[str, str | None], values: dict[str, Floats], mmsi: Ints, stamp: Floats
+) -> tuple[AisStatics, StaticRows]:
+    """Static data of the rows in which a vessel says other than in its row before."""
+    name, sign = np.array(table.texts(column["name"]), "U20"), np.array(table.texts(column["call_sign"]), "U7")
+    code = np.nan_to_num(values["ship_type"], nan=-1.0, posinf=-1.0, neginf=-1.0).astype(np.int64)
+    length, beam = (np.where(values[k] > 0.0, values[k], np.nan) for k in ("length", "beam"))
+    says = (name != "") | (sign != "") | (code > 0) | np.isfinite(length) | np.isfinite(beam)
+    order = np.argsort(mmsi, kind="stable")
+    order = order[says[order]]
+    same = np.zeros(len(order), np.bool_)
+    if len(order):
+        same[1:] = mmsi[order[1:]] == mmsi[order[:-1]]
+        for cells in (name, sign, code, np.nan_to_num(length), np.nan_to_num(beam)):
+            same[1:] &= cells[order[1:]] == cells[order[:-1]]
+    rows = np.sort(order[~same])
+    statics = AisStatics(
+        stamp[rows], mmsi[rows], name[rows], sign[rows], np.where(code > 0, code, -1)[rows], length[rows], beam[rows]
+    )
+    number = np.arange(len(rows), dtype=np.int64)
+    return statics, StaticRows(row=table.row[rows], stamp_s=stamp[rows], digest=number, static=number)

@@ -1,0 +1,239 @@
+"""The Autoferry recordings: radar, lidar, infrared and visible cameras on a moving boat, two boats with GNSS truth."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import zlib
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from coastwatch.batches import Array, BearingReports, Fault, Floats, Ints, RadarReports, Recording, Sensors, Trajectories
+from coastwatch.geodesy import from_plane
+from coastwatch.sensors.faults import SET_ASIDE, Tally
+from coastwatch.sensors.places import Fingerprint, data_folder, fingerprint
+from coastwatch.sensors.recording import recording, span_of
+from coastwatch.stage import Method, Plan
+
+PIREN_DEG = np.array([63.4389029083, 10.39908278])
+LIDAR, RADAR, INFRARED, VISIBLE = 1, 2, 3, 4
+VELOCITY_OVER_S = 0.5  # true velocity is the mean over this to each side: fixes of 10 Hz with centimetres of noise
+
+MALFORMED = "not a detection"
+NON_FINITE = "non-finite"
+NO_SENSOR = SET_ASIDE + "no sensor for it in the scenario"
+
+Seconds = Annotated[float, Field(ge=0.0, le=10.0)]
+
+
+class Autoferry(Method):
+    """One Autoferry scenario. Settings: see README.md of this folder.
+
+    The first radar is the radar, the second, with `use_lidar`, the lidar; the first sonar is the infrared, the second
+    the visible camera.
+    """
+
+    method: Literal["autoferry"] = "autoferry"
+    scenario: Annotated[int, Field(ge=1)]
+    root: Path | None = None  # the folder of the dataset; none: shared/data/autoferry next to the checkout
+    radar_time_lag_s: Seconds = 0.0  # by which the stamps of the radar are late
+    lidar_time_lag_s: Seconds = 0.0
+    use_lidar: bool = False
+    use_cameras: bool = True
+
+    def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
+        """The recording, in order of arrival, with the truth at the instants of the plan.
+
+        Raises: FileNotFoundError that names the folder; OSError where a file is not what it should be.
+        """
+        frames, truth, faults = self._read()
+        tally = Tally()
+        radar, bearing = _radar_reports(frames, self, sensors, tally), _bearing_reports(frames, self, sensors, tally)
+        instants = plan.start_s + plan.period_s * np.arange(plan.cycles + 1, dtype=np.float64)
+        return recording(radar=radar, bearing=bearing, truth=_trajectories(truth, np.asarray(instants)), faults=faults + tally.faults())
+
+    def span(self) -> tuple[float, float]:
+        """Whole seconds before the first and after the last arrival."""
+        frames, _, faults = self._read()
+        return span_of(frames.received_s, faults=faults)
+
+    def _read(self) -> tuple[_Returns, tuple[_Fixes, ...], tuple[Fault, ...]]:
+        folder = data_folder(self.root, "autoferry") / f"scenario{self.scenario}"
+        names = tuple(folder / f"scenario{self.scenario}_{part}.json.gz" for part in ("detections", "groundTruth"))
+        return _read(fingerprint(names))
+
+
+class _Returns(NamedTuple):
+    """Single returns of all sensors, in order of arrival; north and east of a camera are of a unit vector."""
+
+    sensor: Ints
+    time_s: Floats
+    received_s: Floats
+    own_ne_m: Floats
+    ne_m: Floats
+
+
+class _Fixes(NamedTuple):
+    """The true path of one boat."""
+
+    target: int
+    time_s: Floats
+    ne_m: Floats
+
+
+@lru_cache(maxsize=1)
+def _read(files: Fingerprint) -> tuple[_Returns, tuple[_Fixes, ...], tuple[Fault, ...]]:
+    tally = Tally()
+    detections, truth = (_objects(path) for path, _, _ in files)
+    name = files[0][0].name
+    return _returns(detections, name, tally), _fixes(truth), tally.faults()
+
+
+def _objects(path: Path) -> list[Any]:
+    try:
+        content = path.read_bytes()
+        found = json.loads(gzip.decompress(content) if content[:2] == b"\x1f\x8b" else content)
+    except (ValueError, EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise OSError(f"{path}: got {error}, needed JSON, packed or not") from error
+    if not isinstance(found, list):
+        raise OSError(f"{path}: got {type(found).__name__}, needed a list")
+    return found
+
+
+def _returns(detections: list[Any], name: str, tally: Tally) -> _Returns:
+    sensors: list[int] = []
+    times: list[float] = []
+    own: list[Floats] = []
+    frames: list[Floats] = []
+    for i, item in enumerate(detections):
+        try:
+            sensor, time_s, own_ne = int(item["sensorID"]), float(item["time"]), np.array(item["ownshipPosition"], float)
+            ne = _measured(sensor, item["measurement"])
+            if own_ne.shape != (2,):
+                raise ValueError("ownshipPosition")
+        except (KeyError, TypeError, ValueError):
+            tally.add(MALFORMED, f"{name}, item {i}", str(item))
+            continue
+        if not (np.isfinite(time_s) and np.isfinite(own_ne).all() and np.isfinite(ne).all()):
+            tally.add(NON_FINITE, f"{name}, item {i}", str(item))
+            continue
+        sensors.append(sensor)
+        times.append(time_s)
+        own.append(own_ne)
+        frames.append(ne)
+    stamp = np.array(times, np.float64)
+    # A record arrives at the newest stamp so far: by grid time g came what stands before the first stamp later than g.
+    received = np.maximum.accumulate(stamp)
+    frame = np.repeat(np.arange(len(frames)), [len(f) for f in frames])
+    return _Returns(
+        sensor=np.array(sensors, np.int64)[frame],
+        time_s=stamp[frame],
+        received_s=received[frame],
+        own_ne_m=np.array(own, np.float64).reshape(-1, 2)[frame],
+        ne_m=np.concatenate([np.zeros((0, 2)), *frames]),
+    )
+
+
+def _measured(sensor: int, measurement: Any) -> Floats:
+    """The returns of one frame as rows north, east, whatever shape they are written in. (M, 2)"""
+    values = np.array(measurement, np.float64)
+    if sensor in (INFRARED, VISIBLE):
+        angle = values.reshape(-1)
+        return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    if sensor not in (LIDAR, RADAR):
+        raise ValueError("sensorID")
+    return values.reshape(2, -1).T if values.size else np.zeros((0, 2))
+
+
+def _fixes(truth: list[Any]) -> tuple[_Fixes, ...]:
+    """Each boat's fixes, each once, in order of time; their pairing with detections is thrown away."""
+    found: dict[int, dict[float, tuple[float, float]]] = {}
+    for item in truth:
+        for fix in item if isinstance(item, list) else [item]:
+            north, east = fix["position"][:2]
+            found.setdefault(int(fix["targetID"]), {})[float(fix["time"])] = (float(north), float(east))
+    out = []
+    for target, fixes in sorted(found.items()):
+        times = sorted(fixes)
+        out.append(_Fixes(target, np.array(times), np.array([fixes[t] for t in times])))
+    return tuple(out)
+
+
+def _radar_reports(found: _Returns, settings: Autoferry, sensors: Sensors, tally: Tally) -> RadarReports:
+    wanted = [(RADAR, settings.radar_time_lag_s), (LIDAR, settings.lidar_time_lag_s)][: 2 if settings.use_lidar else 1]
+    number = np.full(len(found.sensor), -1, np.int64)
+    lag = np.zeros(len(found.sensor))
+    for i, (kind, lag_s) in enumerate(wanted):
+        mine = found.sensor == kind
+        if i < len(sensors.radars):
+            number[mine] = i
+            lag[mine] = lag_s
+        else:
+            tally.add_rows(NO_SENSOR, mine, lambda _: "detections", lambda _, k=kind: f"sensorID {k}")  # type: ignore[misc]
+    rows = np.flatnonzero(number >= 0)
+    ne = found.ne_m[rows]
+    return RadarReports(
+        sensor=number[rows],
+        time_s=found.time_s[rows] - lag[rows],
+        received_s=found.received_s[rows],
+        range_m=np.hypot(ne[:, 0], ne[:, 1]),
+        azimuth_deg=np.degrees(np.arctan2(ne[:, 1], ne[:, 0])) % 360.0,
+        site_deg=_geodetic(found.own_ne_m[rows]),
+        origin=np.full(len(rows), -1, np.int64),
+    )
+
+
+def _bearing_reports(found: _Returns, settings: Autoferry, sensors: Sensors, tally: Tally) -> BearingReports:
+    number = np.full(len(found.sensor), -1, np.int64)
+    for i, kind in enumerate((INFRARED, VISIBLE) if settings.use_cameras else ()):
+        mine = found.sensor == kind
+        if i < len(sensors.sonars):
+            number[mine] = i
+        else:
+            tally.add_rows(NO_SENSOR, mine, lambda _: "detections", lambda _, k=kind: f"sensorID {k}")  # type: ignore[misc]
+    rows = np.flatnonzero(number >= 0)
+    ne = found.ne_m[rows]
+    return BearingReports(
+        sensor=number[rows],
+        time_s=found.time_s[rows],
+        received_s=found.received_s[rows],
+        bearing_deg=np.degrees(np.arctan2(ne[:, 1], ne[:, 0])) % 360.0,
+        contact=np.full(len(rows), -1, np.int64),
+        site_deg=_geodetic(found.own_ne_m[rows]),
+        origin=np.full(len(rows), -1, np.int64),
+    )
+
+
+def _geodetic(ne_m: Array) -> Floats:
+    return from_plane(ne_m[..., ::-1], PIREN_DEG)
+
+
+def _trajectories(truth: tuple[_Fixes, ...], instants: Floats) -> Trajectories:
+    position = np.zeros((len(truth), len(instants), 2))
+    velocity = np.zeros_like(position)
+    present = np.zeros((len(truth), len(instants)), np.bool_)
+    for v, fixes in enumerate(truth):
+        ahead, behind = (np.clip(instants + d, fixes.time_s[0], fixes.time_s[-1]) for d in (VELOCITY_OVER_S, -VELOCITY_OVER_S))
+        present[v] = (instants >= fixes.time_s[0]) & (instants <= fixes.time_s[-1])
+        position[v] = _geodetic(_interpolated(instants, fixes))
+        step = _interpolated(ahead, fixes) - _interpolated(behind, fixes)
+        velocity[v] = step[:, ::-1] / np.maximum(ahead - behind, 1e-3)[:, None]
+    return Trajectories(
+        vessel=np.array([f.target for f in truth], np.int64),
+        time_s=instants,
+        position_deg=position,
+        velocity_m_s=velocity,
+        present=present,
+        kick_s=np.zeros((len(truth), 0)),
+        kick_m_s=np.full(len(truth), np.nan),
+        turn_rate_rad_s=np.full(len(truth), np.nan),
+        acceleration_m_s2=np.full((len(truth), 2), np.nan),
+    )
+
+
+def _interpolated(time_s: Floats, fixes: _Fixes) -> Floats:
+    return np.stack([np.interp(time_s, fixes.time_s, fixes.ne_m[:, k]) for k in (0, 1)], axis=-1)

@@ -1,0 +1,190 @@
+"""Raw NMEA 0183: AIVDM and AIVDO of any talker, with or without tag blocks, receive times and clock sentences."""
+
+from __future__ import annotations
+
+import gzip
+import math
+import zlib
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from pydantic import AwareDatetime, Field
+
+from coastwatch.batches import AisReports, AisStatics, Fault, Floats, Recording, Sensors
+from coastwatch.sensors.ais_rows import AisIntake, AisRows, StaticRows, accept
+from coastwatch.sensors.faults import SET_ASIDE, Tally
+from coastwatch.sensors.messages import PositionRow, StaticRow, rows_of, whole
+from coastwatch.sensors.places import Fingerprint, fingerprint
+from coastwatch.sensors.recording import ais_recording, by_arrival, span_of
+from coastwatch.sensors.sentences import heard
+from coastwatch.stage import Method, Plan
+
+TIME_MISSING = "time missing"
+TIME_OF_NEIGHBOUR = SET_ASIDE + "time missing, that of its neighbour taken"
+OWN_SHIP = SET_ASIDE + "own ship"
+CUT_FILE = "file cut short"
+
+GZIP_MAGIC = b"\x1f\x8b"
+
+
+class Nmea(Method):
+    """AIS from files of NMEA 0183 sentences. Settings: see README.md of this folder."""
+
+    method: Literal["nmea"] = "nmea"
+    files: Annotated[tuple[Path, ...], Field(min_length=1)]
+    assume_start_utc: AwareDatetime | None = None  # when the first sentence was heard, where no line says a time
+    assume_interval_s: Annotated[float, Field(ge=0.0)] = 0.1  # from one message to the next, where no line says a time
+    drop_own_ship: bool = False  # VDO, and VDM of the same MMSI
+    intake: AisIntake = AisIntake()
+
+    def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
+        """The recording: AIS reports and static data of all files in order of arrival, and what was refused.
+
+        Raises: FileNotFoundError or OSError that names the file.
+        """
+        return ais_recording(*self.read())
+
+    def span(self) -> tuple[float, float]:
+        """Whole seconds before the first and after the last time of reception.
+
+        Raises: ValueError where no record can be used.
+        """
+        reports, statics, faults = self.read()
+        return span_of(reports.received_s, statics.received_s, faults=faults)
+
+    def read(self) -> tuple[AisReports, AisStatics, tuple[Fault, ...]]:
+        """All that the files say, in order of arrival."""
+        return _read(self, fingerprint(self.files))
+
+
+class _Raw(NamedTuple):
+    positions: list[PositionRow]
+    statics: list[StaticRow]
+    own: set[int]  # lines of VDO
+    stamp_s: Floats  # of each message; NaN: not known
+
+
+@lru_cache(maxsize=1)
+def _read(settings: Nmea, files: Fingerprint) -> tuple[AisReports, AisStatics, tuple[Fault, ...]]:
+    tally = Tally()
+    parts = [_one_file(settings, path, tally) for path, _, _ in files]
+    reports, statics = by_arrival([p[0] for p in parts]), by_arrival([p[1] for p in parts])
+    return reports, statics, tally.faults()
+
+
+def _one_file(settings: Nmea, path: Path, tally: Tally) -> tuple[AisReports, AisStatics]:
+    name = path.name
+    raw = _messages(settings, path, tally)
+    rows = _position_rows(raw)
+    statics, said = _static_rows(raw)
+    rows, said = rows.take(np.isfinite(rows.stamp_s)), said.take(np.isfinite(said.stamp_s))
+    if settings.drop_own_ship:
+        rows, said = _without_own(rows, said, statics, raw.own, name, tally)
+    return accept(rows, statics, said, settings.intake, tally, lambda line: f"{name}:{line}")
+
+
+def _position_rows(raw: _Raw) -> AisRows:
+    table = list(zip(*raw.positions, strict=True)) or [()] * 10
+    return AisRows(
+        row=np.array(table[0], np.int64),
+        stamp_s=raw.stamp_s[np.array(table[1], np.int64)],
+        fix_s=np.full(len(table[0]), np.nan),
+        second=np.array(table[2], np.int64),
+        mmsi=np.array(table[3], np.int64),
+        position_deg=np.stack([np.array(table[4], np.float64), np.array(table[5], np.float64)], axis=-1),
+        sog_kn=np.array(table[6], np.float64),
+        cog_deg=np.array(table[7], np.float64),
+        class_b=np.array(table[8], np.bool_),
+        digest=np.array(table[9], np.int64),
+    )
+
+
+def _messages(settings: Nmea, path: Path, tally: Tally) -> _Raw:
+    """The rows of a file, and when each of its messages was received as well as it is known."""
+    name = path.name
+    positions: list[PositionRow] = []
+    statics: list[StaticRow] = []
+    own: set[int] = set()
+    stamps: list[float] = []
+    lines: list[int] = []
+    for message in whole(heard(_lines(path, tally), name, tally), name, tally):
+        position, static = rows_of(message, len(stamps), name, tally)
+        stamps.append(message.clock_s if math.isnan(message.own_s) else message.own_s)
+        lines.append(message.line)
+        if message.sentence.type == "VDO":
+            own.add(message.line)
+        if position is not None:
+            positions.append(position)
+        if static is not None:
+            statics.append(static)
+    stamp_s = np.array(stamps, np.float64)
+    missing = np.isnan(stamp_s)
+    kind = TIME_MISSING if missing.all() and settings.assume_start_utc is None else TIME_OF_NEIGHBOUR
+    if not missing.all() or settings.assume_start_utc is None:
+        tally.add_rows(kind, missing, lambda i: f"{name}:{lines[i]}", lambda i: "")
+    return _Raw(positions, statics, own, _filled(stamp_s, settings))
+
+
+def _filled(stamp_s: Floats, settings: Nmea) -> Floats:
+    """Stamps where those that are missing are taken from before, at the start from behind; all missing: assumed, if set so."""
+    known = np.flatnonzero(np.isfinite(stamp_s))
+    if len(known):
+        before = np.maximum.accumulate(np.where(np.isfinite(stamp_s), np.arange(len(stamp_s)), known[0]))
+        return np.asarray(stamp_s[before])
+    if settings.assume_start_utc is None:
+        return stamp_s
+    steps = np.arange(len(stamp_s), dtype=np.float64)
+    return np.asarray(settings.assume_start_utc.timestamp() + settings.assume_interval_s * steps)
+
+
+def _static_rows(raw: _Raw) -> tuple[AisStatics, StaticRows]:
+    table = list(zip(*raw.statics, strict=True)) or [()] * 9
+    received = raw.stamp_s[np.array(table[1], np.int64)]
+    statics = AisStatics(
+        received_s=received,
+        mmsi=np.array(table[3], np.int64),
+        name=np.array(table[4], "U20"),
+        call_sign=np.array(table[5], "U7"),
+        ship_type=np.array(table[6], np.int64),
+        length_m=np.array(table[7], np.float64),
+        beam_m=np.array(table[8], np.float64),
+    )
+    said = StaticRows(
+        row=np.array(table[0], np.int64),
+        stamp_s=received,
+        digest=np.array(table[2], np.int64),
+        static=np.arange(len(raw.statics), dtype=np.int64),
+    )
+    return statics, said
+
+
+def _without_own(
+    rows: AisRows, said: StaticRows, statics: AisStatics, own: set[int], name: str, tally: Tally
+) -> tuple[AisRows, StaticRows]:
+    """The rows that are not of the own ship: not of its own sentences and not of a number that stood in one."""
+    lines = np.array(sorted(own), np.int64)
+    number = statics.mmsi[said.static]
+    mine = np.concatenate([rows.mmsi[np.isin(rows.row, lines)], number[np.isin(said.row, lines)]])
+    owned, told = np.isin(rows.mmsi, mine), np.isin(number, mine)
+    tally.add_rows(OWN_SHIP, owned, lambda i: f"{name}:{rows.row[i]}", lambda i: f"MMSI {rows.mmsi[i]}")
+    tally.add_rows(OWN_SHIP, told, lambda i: f"{name}:{said.row[i]}", lambda i: f"static data of MMSI {number[i]}")
+    return rows.take(~owned), said.take(~told)
+
+
+def _lines(path: Path, tally: Tally) -> Iterator[bytes]:
+    """The lines of a file, unpacked where it is packed; a file that breaks off in the middle is counted and used so far."""
+    read = 0
+    with path.open("rb") as plain:
+        packed = plain.read(2) == GZIP_MAGIC
+    with gzip.open(path, "rb") if packed else path.open("rb") as stream:
+        try:
+            for line in stream:
+                read += 1
+                yield line
+        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+            if not read:
+                raise OSError(f"{path}: got {error}, needed text or gzip") from error
+            tally.add(CUT_FILE, f"{path.name}:{read}", str(error))

@@ -1,0 +1,119 @@
+"""Simulated input: vessels that move as drawn, and what radars, AIS and sonars would report of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Literal, TypeVar
+
+import numpy as np
+from pydantic import Field
+
+from coastwatch.batches import Array, BearingReports, Floats, Noise, RadarReports, Recording, Reports, Sensors, Trajectories
+from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, scale_m_deg, wrap_deg
+from coastwatch.sensors.ais import POSITION_STEP_DEG, SOG_STEP_KN, AisTruth, carriers, transmit
+from coastwatch.sensors.radar import RadarTruth, observe
+from coastwatch.sensors.sonar import SonarTruth, listen
+from coastwatch.sensors.statics import introduce
+from coastwatch.sensors.vessels import VesselMotion, set_out
+from coastwatch.sensors.voyages import Voyages
+from coastwatch.stage import Method, Plan
+
+PLACES = 51  # stream of random numbers
+ROUNDING = np.sqrt(12.0)  # a step over the standard deviation that rounding to it adds
+AnyTruth = TypeVar("AnyTruth", RadarTruth, SonarTruth)
+AnyReports = TypeVar("AnyReports", RadarReports, BearingReports)
+
+
+class Simulated(Method):
+    """Vessels spread evenly over a rectangle, seen by the scenario's sensors.
+
+    The sensors' specifications are the scenario's; what they truly do beyond them (misses, clutter, biases, faults) is set here.
+    Every purpose draws from a stream of its own, so that a change of clutter, say, moves no vessel.
+
+    Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven Approach,
+    sections III-B and IV.
+    """
+
+    method: Literal["simulated"] = "simulated"
+    area_latitude_deg: Annotated[float, Field(gt=-85.0, lt=85.0)]  # of the middle of the rectangle
+    area_longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0)]  # of the middle of the rectangle
+    area_width_nm: Annotated[float, Field(gt=0.0, le=5000.0)] = 10.0
+    area_height_nm: Annotated[float, Field(gt=0.0, le=5000.0)] = 10.0
+    count: Annotated[int, Field(ge=0, le=1_000_000)] = 1000  # vessels
+    motion: VesselMotion = VesselMotion()
+    radar: RadarTruth = RadarTruth()
+    radars: tuple[RadarTruth, ...] = ()
+    ais: AisTruth = AisTruth()
+    sonar: SonarTruth = SonarTruth()
+    sonars: tuple[SonarTruth, ...] = ()
+
+    def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
+        """All the input of a run of this plan, with the truth at its instants.
+
+        Raises: ValueError where [[input.radars]] or [[input.sonars]] name no sensor of the scenario.
+        """
+        radar_truths = truths_of("radars", sensors.radars.name, self.radar, self.radars)
+        sonar_truths = truths_of("sonars", sensors.sonars.name, self.sonar, self.sonars)
+        start_s, stop_s = plan.start_s, plan.instant_s(plan.cycles - 1)
+        voyages = set_out(self.motion, self._places(seed), start_s, stop_s - start_s, seed)
+        vessel, span = np.arange(self.count), (start_s, stop_s, seed)
+        sent_by = carriers(self.ais, self.count, seed)
+        ais = transmit(self.ais, sent_by, sensors.stations, voyages.state, *span)
+        return Recording(
+            reports=Reports(
+                radar=_arrived(observe(sensors.radars, radar_truths, voyages.where, vessel, *span), stop_s),
+                ais=ais,
+                statics=introduce(self.ais, sent_by, ais.mmsi, *span),
+                bearing=_arrived(listen(sensors.sonars, sonar_truths, voyages.where, vessel, *span), stop_s),
+            ),
+            start_s=start_s,
+            stop_s=stop_s,
+            truth=_truth(voyages, plan),
+            silenced=tuple(int(v) for v in sent_by.row[sent_by.silent]),
+            noise=self._noise(sensors, radar_truths),
+        )
+
+    def _places(self, seed: int) -> Floats:
+        """Where the vessels are at the start, evenly over the area. (V, 2)"""
+        draws = np.random.default_rng([seed, PLACES]).uniform(-0.5, 0.5, (self.count, 2))
+        north, _ = scale_m_deg(np.array(self.area_latitude_deg))
+        lat = self.area_latitude_deg + draws[:, 0] * self.area_height_nm * NAUTICAL_MILE_M / north
+        lat = np.clip(lat, -85.0, 85.0)
+        _, east = scale_m_deg(lat)
+        lon = self.area_longitude_deg + draws[:, 1] * self.area_width_nm * NAUTICAL_MILE_M / east
+        return np.column_stack([lat, wrap_deg(lon)])
+
+    def _noise(self, sensors: Sensors, truths: Sequence[RadarTruth]) -> Noise:
+        factor = np.array([t.noise_factor for t in truths])
+        wire, degree_m = float(self.ais.wire_steps), 60.0 * NAUTICAL_MILE_M
+        return Noise(
+            range_sigma_m=factor * sensors.radars.range_sigma_m,
+            azimuth_sigma_rad=factor * sensors.radars.azimuth_sigma_rad,
+            range_bias_m=np.array([t.range_bias_m for t in truths]),
+            azimuth_bias_rad=np.radians([t.azimuth_bias_deg for t in truths]),
+            time_bias_s=np.array([t.time_bias_s for t in truths]),
+            ais_position_sigma_m=float(np.hypot(self.ais.position_sigma_m, wire * POSITION_STEP_DEG * degree_m / ROUNDING)),
+            ais_velocity_sigma_m_s=float(np.hypot(self.ais.velocity_sigma_kn, wire * SOG_STEP_KN / ROUNDING)) * KNOT_M_S,
+        )
+
+
+def truths_of(kind: str, names: Array, every: AnyTruth, named: Sequence[AnyTruth]) -> tuple[AnyTruth, ...]:
+    """For each sensor what it does: what is said of its name, else what is said of all.
+
+    Raises: ValueError where a name is no sensor's, or stands twice.
+    """
+    by_name = {t.name: t for t in named}
+    known = [str(n) for n in names]
+    if set(by_name) - set(known) or len(by_name) < len(named):
+        raise ValueError(f"input.{kind}: got the names {[t.name for t in named]}, needed each once and one of {known}")
+    return tuple(by_name.get(name, every) for name in known)
+
+
+def _arrived(reports: AnyReports, stop_s: float) -> AnyReports:
+    """Those that arrive before the end."""
+    return reports.take(reports.received_s <= stop_s)
+
+
+def _truth(voyages: Voyages, plan: Plan) -> Trajectories:
+    instants = [plan.start_s, *(plan.instant_s(c) for c in range(plan.cycles))]
+    return voyages.sampled(np.array(instants))

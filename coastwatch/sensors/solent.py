@@ -1,0 +1,234 @@
+"""Recorded AIS as it was, and radars simulated along the recorded motion: the Solent on 12 January 2016.
+
+The fixes of each vessel are shared out: the even ones are the AIS reports, as they stand; the odd ones, smoothed, are the truth that
+the radars see. So AIS is never scored against itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from coastwatch.batches import AisReports, Bools, Fault, Floats, Ints, Radars, Recording, Sensors, Trajectories
+from coastwatch.geodesy import KNOT_M_S, difference_m, from_plane, to_plane, turn
+from coastwatch.sensors.ais_rows import utc
+from coastwatch.sensors.ais_table import AisTable
+from coastwatch.sensors.faults import Tally
+from coastwatch.sensors.places import Fingerprint, data_folder, fingerprint
+from coastwatch.sensors.radar import RadarTruth, along, observe
+from coastwatch.sensors.recording import recording, span_of
+from coastwatch.sensors.simulated import truths_of
+from coastwatch.sensors.smoothing import between, smooth
+from coastwatch.stage import Method, Plan
+
+FILE = "SolentAIS_20160112_130211.csv.gz"
+PLANE_DEG = np.array([50.78, -1.11])
+SILENCE = 31  # stream of random numbers
+GRID_S = 1.0  # between samples of the truth: a vessel that turns at 1 deg/s strays 2 cm from the chord
+
+POSITION_JUMP = "position jump"
+JUMP_M, JUMP_M_S = 500.0, 50.0  # no vessel goes so far so fast, there and back
+
+# What a fix is worth. The data's README names 5 m along and 0.7 s of time jitter; but the jitter of neighbouring fixes is alike, and
+# left-out fixes are met better with less: at 5-12 m/s 95 % within 12 m, not 16 m (tests/golden/test_recorded_solent.py).
+ACROSS_M, ALONG_M, JITTER_S = 1.0, 2.0, 0.3
+SOG_SIGMA_M_S, COG_SIGMA_RAD, COG_FROM_M_S = 0.2 * KNOT_M_S, np.radians(2.0), 2.0 * KNOT_M_S
+UNKNOWN_COURSE_M = 5.0  # both ways, where no course says which is along
+JERK_M2_S5 = 1e-2
+
+MOVING_M_S = 0.5 * KNOT_M_S  # median speed of a vessel that counts as moving
+COVERED_SHARE, COVERED_S = 0.5, 60.0  # of its time, and at least so long, in range of a radar to be silenced
+
+
+class Solent(Method):
+    """Recorded AIS with radars simulated along the recorded motion. Settings: see README.md of this folder."""
+
+    method: Literal["solent"] = "solent"
+    root: Path | None = None  # the folder of the dataset; none: shared/data/solent_ais next to the checkout
+    gap_s: Annotated[float, Field(gt=0.0)] = 60.0  # a silence this long breaks a path
+    berthed_gap_s: Annotated[float, Field(ge=0.0)] = 0.0  # bridged where a vessel lies still to both sides; 0: never
+    silence_mmsi: tuple[int, ...] = ()  # vessels whose AIS is switched off
+    silence_share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0  # of the other moving vessels in radar cover, drawn
+    silence_from_s: Annotated[float, Field(ge=0.0)] = 0.0  # after the start of the run
+    radar: RadarTruth = RadarTruth()  # what every radar does beyond its specification
+    radars: tuple[RadarTruth, ...] = ()  # the same of single radars, by name
+
+    def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
+        """The recording: even fixes as AIS, radar reports along the smoothed odd ones, that truth, and who was silenced.
+
+        Raises: FileNotFoundError that names the folder; ValueError where a name is no radar's or an MMSI is not recorded.
+        """
+        fixes, paths, faults = self._read()
+        stop_s = plan.instant_s(plan.cycles - 1)
+        truth = _trajectories(fixes, paths, plan, stop_s)
+        silenced = self._silenced(fixes, truth, sensors.radars, seed)
+        ais = fixes.ais
+        dark = np.isin(ais.origin, silenced) & (ais.received_s > plan.start_s + self.silence_from_s)
+        truths = truths_of("radars", sensors.radars.name, self.radar, self.radars)
+        radar = observe(sensors.radars, truths, along(truth), truth.vessel, plan.start_s, stop_s, seed)
+        return recording(radar=radar, ais=ais.take(~dark), truth=truth, faults=faults, silenced=tuple(silenced.tolist()))
+
+    def span(self) -> tuple[float, float]:
+        """Whole seconds before the first and after the last report."""
+        fixes, _, faults = self._read()
+        return span_of(fixes.ais.received_s, faults=faults)
+
+    def _read(self) -> tuple[_Fixes, _Paths, tuple[Fault, ...]]:
+        file = data_folder(self.root, "solent_ais") / FILE
+        return _read(fingerprint((file,)), self.gap_s, self.berthed_gap_s)
+
+    def _silenced(self, fixes: _Fixes, truth: Trajectories, radars: Radars, seed: int) -> Ints:
+        """The numbers of the vessels whose AIS is switched off, in order."""
+        unknown = set(self.silence_mmsi) - set(fixes.mmsi.tolist())
+        if unknown:
+            raise ValueError(f"input.silence_mmsi: got {sorted(unknown)}, needed numbers of the recording")
+        named = np.flatnonzero(np.isin(fixes.mmsi, self.silence_mmsi))
+        free = np.setdiff1d(truth.vessel[_moves_in_cover(truth, radars)], named)
+        drawn = np.random.default_rng([seed, SILENCE]).permutation(free)[: round(self.silence_share * len(free))]
+        return np.union1d(named, drawn).astype(np.int64)
+
+
+class _Fixes(NamedTuple):
+    """The cleaned recording."""
+
+    mmsi: Ints  # of each vessel number
+    ais: AisReports  # the even fixes, in order of arrival
+
+
+class _Paths(NamedTuple):
+    """The odd fixes, smoothed; by vessel, then time."""
+
+    vessel: Ints
+    part: Ints
+    time_s: Floats
+    state: Floats  # (M, 6) in the plane
+
+
+@lru_cache(maxsize=1)
+def _read(files: Fingerprint, gap_s: float, berthed_gap_s: float) -> tuple[_Fixes, _Paths, tuple[Fault, ...]]:
+    path = files[0][0]
+    reports, _, faults = AisTable(files=(path,)).read()
+    mmsi, vessel = np.unique(reports.mmsi, return_inverse=True)
+    reports = replace(reports, origin=vessel.astype(np.int64))
+    reports = reports.take(np.lexsort((reports.received_s, reports.origin)))
+    tally = Tally()
+    jump = _jumps(reports)
+    where = [f"{path.name}, at {utc(t)}" for t in reports.time_s[jump]]
+    tally.add_rows(POSITION_JUMP, jump, lambda _: where[0], lambda i: f"MMSI {reports.mmsi[i]} {reports.position_deg[i]}")
+    reports = reports.take(~jump)
+    part = np.cumsum(_breaks(reports, gap_s, berthed_gap_s))
+    odd = (np.arange(len(part)) - np.searchsorted(part, part)) % 2 == 1
+    seen, said = reports.take(odd), reports.take(~odd)
+    paths = _Paths(seen.origin, part[odd], seen.time_s, _smoothed(seen, part[odd]))
+    replayed = said.take(np.argsort(said.received_s, kind="stable"))
+    return _Fixes(mmsi, replayed), paths, faults + tally.faults()
+
+
+def _steps(reports: AisReports) -> tuple[Bools, Floats, Floats]:
+    """From each row to the next: whether it is the same vessel, how far, m, and how long, s. (M - 1,) each"""
+    moved = difference_m(reports.position_deg[1:], reports.position_deg[:-1])
+    same = np.diff(reports.origin) == 0
+    return same, np.hypot(moved[:, 0], moved[:, 1]), np.diff(reports.time_s)
+
+
+def _jumps(reports: AisReports) -> Bools:
+    """Fixes that lie too far from both their neighbours."""
+    same, far, long = _steps(reports)
+    leap = np.concatenate([[False], same & (far > JUMP_M) & (far > JUMP_M_S * long), [False]])
+    return np.asarray(leap[1:] & leap[:-1])
+
+
+def _breaks(reports: AisReports, gap_s: float, berthed_gap_s: float) -> Bools:
+    """Which rows begin a new path."""
+    same, far, long = _steps(reports)
+    still = (reports.sog_kn[1:] * KNOT_M_S < MOVING_M_S) & (reports.sog_kn[:-1] * KNOT_M_S < MOVING_M_S) & (far < 25.0)
+    joined = same & ((long <= gap_s) | (still & (long <= berthed_gap_s)))
+    return np.concatenate([[True], ~joined])
+
+
+def _smoothed(fixes: AisReports, part: Ints) -> Floats:
+    """The states of the odd fixes, path by path. (M, 6)"""
+    start = np.flatnonzero(np.concatenate([[True], np.diff(part) > 0]))
+    length = np.diff(np.append(start, len(part)))
+    plane = turn(fixes.position_deg, PLANE_DEG)
+    speed = np.nan_to_num(fixes.sog_kn) * KNOT_M_S
+    known = np.isfinite(fixes.cog_deg) & (speed > 0.0)
+    course = np.radians(np.where(known, fixes.cog_deg, 0.0))
+    ahead = np.einsum("mij,mj->mi", plane, np.stack([np.sin(course), np.cos(course)], axis=-1))
+    beside = np.stack([ahead[:, 1], -ahead[:, 0]], axis=-1)
+    along_m = np.where(known, np.hypot(ALONG_M, JITTER_S * speed), UNKNOWN_COURSE_M)
+    across_m = np.where(known, ACROSS_M, UNKNOWN_COURSE_M)
+    turning = np.where(speed > COG_FROM_M_S, speed * COG_SIGMA_RAD, speed) + SOG_SIGMA_M_S
+    swift = np.where(known, SOG_SIGMA_M_S, speed + SOG_SIGMA_M_S)
+    noise = np.zeros((len(part), 4, 4))
+    noise[:, :2, :2] = _ellipse(ahead, along_m) + _ellipse(beside, across_m)
+    noise[:, 2:, 2:] = _ellipse(ahead, swift) + _ellipse(beside, turning)
+    seen = np.concatenate([to_plane(fixes.position_deg, PLANE_DEG), np.where(known, speed, 0.0)[:, None] * ahead], axis=1)
+    return smooth(start, length, fixes.time_s, seen, noise, JERK_M2_S5)
+
+
+def _ellipse(axis: Floats, sigma: Floats) -> Floats:
+    return (sigma**2)[:, None, None] * axis[:, :, None] * axis[:, None, :]
+
+
+def _trajectories(fixes: _Fixes, paths: _Paths, plan: Plan, stop_s: float) -> Trajectories:
+    """The truth of all vessels that are somewhere during the run, each second and at the instants of the plan."""
+    instants = plan.start_s + plan.period_s * np.arange(plan.cycles + 1)
+    time_s: Floats = np.unique(np.concatenate([instants, np.arange(plan.start_s, stop_s, GRID_S)]))
+    vessels, found = [], []
+    for vessel in range(len(fixes.mmsi)):
+        mine = slice(*np.searchsorted(paths.vessel, [vessel, vessel + 1]))
+        if mine.stop - mine.start < 2:
+            continue
+        made = between(paths.time_s[mine], paths.state[mine], paths.part[mine], time_s)
+        if made[2].any():
+            vessels.append(vessel)
+            found.append(made)
+    shape = (len(found), len(time_s))
+    present = np.array([f[2] for f in found], np.bool_).reshape(shape)
+    held = _nearest(present, time_s)
+    flat, rate = (np.array([f[k] for f in found]).reshape(*shape, 2) for k in (0, 1))
+    flat, velocity = (np.take_along_axis(a, held[..., None], axis=1) for a in (flat, rate))
+    position = from_plane(flat, PLANE_DEG)
+    back = np.swapaxes(turn(position, PLANE_DEG), -1, -2)
+    return Trajectories(
+        vessel=np.array(vessels, np.int64),
+        time_s=time_s,
+        position_deg=position,
+        velocity_m_s=np.einsum("vtij,vtj->vti", back, velocity),
+        present=present,
+        kick_s=np.zeros((len(found), 0)),
+        kick_m_s=np.full(len(found), np.nan),
+        turn_rate_rad_s=np.full(len(found), np.nan),
+        acceleration_m_s2=np.full((len(found), 2), np.nan),
+    )
+
+
+def _nearest(present: Bools, time_s: Floats) -> Ints:
+    """For each sample the nearest one at which its vessel is present; every vessel is somewhere. (V, T)"""
+    number = np.broadcast_to(np.arange(len(time_s)), present.shape)
+    before = np.maximum.accumulate(np.where(present, number, -1), axis=1)
+    after = np.minimum.accumulate(np.where(present, number, len(time_s))[:, ::-1], axis=1)[:, ::-1]
+    since = np.where(before >= 0, time_s - time_s[np.maximum(before, 0)], np.inf)
+    until = np.where(after < len(time_s), time_s[np.minimum(after, len(time_s) - 1)] - time_s, np.inf)
+    return np.where(since <= until, before, after)
+
+
+def _moves_in_cover(truth: Trajectories, radars: Radars) -> Bools:
+    """Which vessels move, and are long enough in range of a radar to be missed by AIS and seen by radar. (V,)"""
+    covered = np.zeros(truth.present.shape, np.bool_)
+    for r in range(len(radars)):
+        away = to_plane(truth.position_deg, radars.site_deg[r])
+        covered |= np.hypot(away[..., 0], away[..., 1]) <= radars.range_m[r]
+    seconds = (covered & truth.present).sum(axis=1) * float(np.median(np.diff(truth.time_s)))
+    share = (covered & truth.present).sum(axis=1) / np.maximum(truth.present.sum(axis=1), 1)
+    speed = np.where(truth.present, np.hypot(truth.velocity_m_s[..., 0], truth.velocity_m_s[..., 1]), np.nan)
+    moving = np.array(
+        [np.median(s[p]) > MOVING_M_S if p.any() else False for s, p in zip(speed, truth.present, strict=True)], np.bool_
+    )
+    return np.asarray(moving & (share >= COVERED_SHARE) & (seconds >= COVERED_S))

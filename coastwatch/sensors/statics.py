@@ -1,0 +1,69 @@
+"""Names, types and sizes that simulated vessels send: made up, the same for the same seed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from coastwatch.batches import AisStatics, Array, Ints
+from coastwatch.sensors.ais import AisTruth, Carriers
+
+WHO, WHEN = 31, 32  # streams of random numbers
+FIRST_WORDS = "AMBER BOLD CALM CORAL DAWN EAST GOLDEN GRAND IVORY LONE NORTH NOBLE QUIET SILVER SWIFT WILD"
+LAST_WORDS = "ALBATROSS BRIGHT CURRENT DOLPHIN EAGLE FORTUNE GULL HARBOUR HORIZON ISLAND PEARL SPIRIT STAR TIDE WAVE WIND"
+FIRST, LAST = np.array(FIRST_WORDS.split()), np.array(LAST_WORDS.split())
+LETTERS = np.array(list("ABCDEFGHIJKLMNOPQRSTUVWXYZ"))
+# ITU-R M.1371 type, how common it is, shortest and longest length in metres.
+TYPES = np.array(
+    [
+        (30, 0.20, 10.0, 45.0),  # fishing
+        (36, 0.08, 8.0, 20.0),  # sailing
+        (37, 0.12, 8.0, 30.0),  # pleasure craft
+        (52, 0.10, 20.0, 40.0),  # tug
+        (60, 0.10, 20.0, 300.0),  # passenger
+        (70, 0.25, 80.0, 400.0),  # cargo
+        (80, 0.15, 80.0, 330.0),  # tanker
+    ]
+)
+LENGTH_OVER_BEAM = 6.0
+
+
+def introduce(truth: AisTruth, sent_by: Carriers, reports_mmsi: Ints, start_s: float, stop_s: float, seed: int) -> AisStatics:
+    """Static reports of the true carriers that are heard at all, in order of arrival: one early, then one an interval.
+
+    Args: reports_mmsi: (M,) of the position reports that were heard; who is never heard sends nothing that is.
+    """
+    mine = ~sent_by.clone
+    mmsi, silent = sent_by.mmsi[mine], sent_by.silent[mine]
+    count = len(mmsi)
+    rng = np.random.default_rng([seed, WHO])
+    number = np.arange(count)
+    name = _joined(FIRST[rng.integers(0, len(FIRST), count)], " ", LAST[rng.integers(0, len(LAST), count)])
+    name = np.where(number < 256, name, _joined(name, " ", (number % 1000).astype("U3"))).astype("U20")
+    call = np.ascontiguousarray(LETTERS[rng.integers(0, 26, (count, 4))]).view("U4").ravel() if count else np.zeros(0, "U4")
+    call_sign = _joined(call, rng.integers(0, 10, count).astype("U1")).astype("U7")
+    kind = rng.choice(len(TYPES), count, p=TYPES[:, 1])
+    length = np.round(rng.uniform(TYPES[kind, 2], TYPES[kind, 3]))
+    first = np.random.default_rng([seed, WHEN]).random(count) * truth.static_within_s
+    times = (
+        start_s + first[:, None] + truth.static_interval_s * np.arange(int((stop_s - start_s) / truth.static_interval_s) + 1)
+    )
+    until = np.inf if truth.silent_to_s is None else truth.silent_to_s
+    quiet = silent[:, None] & (times - start_s >= truth.silent_from_s) & (times - start_s < until)
+    row, sent = np.nonzero((times <= stop_s) & ~quiet & np.isin(mmsi, reports_mmsi)[:, None])
+    made = AisStatics(
+        received_s=times[row, sent],
+        mmsi=mmsi[row],
+        name=name[row],
+        call_sign=call_sign[row],
+        ship_type=TYPES[kind[row], 0].astype(np.int64),
+        length_m=length[row],
+        beam_m=np.maximum(np.round(length[row] / LENGTH_OVER_BEAM), 2.0),
+    )
+    return made.take(np.lexsort((made.mmsi, made.received_s)))
+
+
+def _joined(*parts: Array | str) -> Array:
+    out: Array = np.asarray(parts[0])
+    for part in parts[1:]:
+        out = np.strings.add(out, part)
+    return out

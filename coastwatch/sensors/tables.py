@@ -1,0 +1,277 @@
+"""Files of one's own: radar plots and bearings in tables, with AIS tables and raw NMEA, merged in order of arrival."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import AwareDatetime, Field, model_validator
+
+from coastwatch.batches import (
+    Array,
+    BearingReports,
+    Bools,
+    Floats,
+    Ints,
+    RadarReports,
+    Radars,
+    Recording,
+    Sensors,
+    Sonars,
+)
+from coastwatch.geodesy import NAUTICAL_MILE_M, to_plane
+from coastwatch.sensors.ais_rows import HIGHEST_LATITUDE, LATITUDE, LONGITUDE, AisIntake
+from coastwatch.sensors.ais_table import AisColumns, AisTable, good_cells
+from coastwatch.sensors.arrival import arrive
+from coastwatch.sensors.cells import EMPTY_CELL, Table, read_table
+from coastwatch.sensors.faults import Tally
+from coastwatch.sensors.nmea import Nmea
+from coastwatch.sensors.places import fingerprint
+from coastwatch.sensors.recording import by_arrival, recording, span_of
+from coastwatch.stage import Method, Plan, Settings
+
+UNKNOWN_RADAR, UNKNOWN_SONAR = "unknown radar", "unknown sonar"
+RANGE = "range out of range"
+AZIMUTH = "angle out of range"
+
+TIMES: dict[str, tuple[str, ...]] = {
+    "time": ("time", "time_s", "timestamp", "time_utc", "timestamp_utc", "datetime", "t"),
+    "received": ("received", "received_s", "receive_time", "received_utc"),
+    "site_latitude": ("site_latitude", "site_latitude_deg", "site_lat", "own_latitude", "own_latitude_deg"),
+    "site_longitude": ("site_longitude", "site_longitude_deg", "site_lon", "own_longitude", "own_longitude_deg"),
+}
+PLOTS: dict[str, tuple[str, ...]] = TIMES | {
+    "radar": ("radar", "sensor", "radar_name", "sensor_name"),
+    "range_m": ("range_m", "range"),
+    "range_nm": ("range_nm",),
+    "azimuth": ("azimuth_deg", "azimuth", "bearing_deg", "bearing"),
+    "latitude": ("latitude", "lat", "latitude_deg"),
+    "longitude": ("longitude", "lon", "longitude_deg"),
+}
+BEARINGS: dict[str, tuple[str, ...]] = TIMES | {
+    "sonar": ("sonar", "sensor", "sonar_name", "sensor_name", "camera"),
+    "bearing": ("bearing_deg", "bearing", "azimuth_deg", "azimuth"),
+    "contact": ("contact", "track", "contact_id", "track_id"),
+}
+
+
+class PlotColumns(Settings):
+    """Which column of a table of plots is what; one that is not named is looked for by its usual names."""
+
+    time: str | None = None
+    received: str | None = None
+    radar: str | None = None
+    range_m: str | None = None
+    range_nm: str | None = None
+    azimuth: str | None = None
+    latitude: str | None = None  # of the plot, instead of range and azimuth
+    longitude: str | None = None
+    site_latitude: str | None = None  # of the antenna, where it moves
+    site_longitude: str | None = None
+
+
+class BearingColumns(Settings):
+    """Which column of a table of bearings is what; one that is not named is looked for by its usual names."""
+
+    time: str | None = None
+    received: str | None = None
+    sonar: str | None = None
+    bearing: str | None = None
+    contact: str | None = None
+    site_latitude: str | None = None
+    site_longitude: str | None = None
+
+
+class Tables(Method):
+    """Recorded files of any sensors. Settings: see README.md of this folder."""
+
+    method: Literal["tables"] = "tables"
+    plots: tuple[Path, ...] = ()
+    bearings: tuple[Path, ...] = ()
+    ais: tuple[Path, ...] = ()
+    nmea: tuple[Path, ...] = ()
+    plot_columns: PlotColumns = PlotColumns()
+    bearing_columns: BearingColumns = BearingColumns()
+    ais_columns: AisColumns = AisColumns()
+    time_format: str = "auto"
+    separator: Annotated[str, Field(min_length=1, max_length=1)] = ","
+    speed_unit: Literal["kn", "m/s", "km/h"] = "kn"
+    assume_start_utc: AwareDatetime | None = None  # of NMEA files without any time
+    assume_interval_s: Annotated[float, Field(ge=0.0)] = 0.1
+    drop_own_ship: bool = False
+    intake: AisIntake = AisIntake()
+
+    @model_validator(mode="after")
+    def _has_files(self) -> Self:
+        if not (self.plots or self.bearings or self.ais or self.nmea):
+            raise ValueError("plots, bearings, ais, nmea: got no file, needed at least one")
+        return self
+
+    def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
+        """The recording: all that the files say, each kind in order of arrival, and what was refused.
+
+        Raises: FileNotFoundError, OSError or ValueError that names the file.
+        """
+        tally = Tally()
+        radar = by_arrival(
+            [RadarReports.empty(), *(_plots(self, p, sensors.radars, tally) for p, _, _ in fingerprint(self.plots))]
+        )
+        bearing = by_arrival(
+            [BearingReports.empty(), *(_bearings(self, p, sensors.sonars, tally) for p, _, _ in fingerprint(self.bearings))]
+        )
+        heard = [feed.read() for feed in self._ais_feeds()]
+        faults = tuple(f for _, _, some in heard for f in some) + tally.faults()
+        if not heard:
+            return recording(radar=radar, bearing=bearing, faults=faults)
+        ais, statics = by_arrival([h[0] for h in heard]), by_arrival([h[1] for h in heard])
+        return recording(radar, ais, statics, bearing, faults=faults)
+
+    def span(self) -> tuple[float, float]:
+        """Whole seconds before the first and after the last time of reception.
+
+        Raises: ValueError where no record can be used.
+        """
+        tally = Tally()
+        received: list[Floats] = []
+        for files, times in ((self.plots, self.plot_columns), (self.bearings, self.bearing_columns)):
+            for path, _, _ in fingerprint(files):
+                received.append(_received(self, read_table(path, self.separator, Tally()), times, tally))
+        heard = [feed.read() for feed in self._ais_feeds()]
+        faults = tuple(f for _, _, some in heard for f in some) + tally.faults()
+        return span_of(*received, *(part.received_s for h in heard for part in h[:2]), faults=faults)
+
+    def _ais_feeds(self) -> list[AisTable | Nmea]:
+        feeds: list[AisTable | Nmea] = []
+        if self.ais:
+            feeds.append(
+                AisTable(
+                    files=self.ais,
+                    columns=self.ais_columns,
+                    time_format=self.time_format,
+                    separator=self.separator,
+                    speed_unit=self.speed_unit,
+                    intake=self.intake,
+                )
+            )
+        if self.nmea:
+            feeds.append(
+                Nmea(
+                    files=self.nmea,
+                    assume_start_utc=self.assume_start_utc,
+                    assume_interval_s=self.assume_interval_s,
+                    drop_own_ship=self.drop_own_ship,
+                    intake=self.intake,
+                )
+            )
+        return feeds
+
+
+def _received(settings: Tables, table: Table, columns: PlotColumns | BearingColumns, tally: Tally) -> Floats:
+    """When the rows of a table that have a time arrived."""
+    time, _ = table.times(table.need(columns.time, TIMES["time"]), settings.time_format)
+    received, _ = table.times(table.find(columns.received, TIMES["received"]), settings.time_format)
+    stamp = np.where(np.isnan(received), time, received)
+    return _arrived(table.at(np.isfinite(stamp)), stamp[np.isfinite(stamp)], settings.intake, tally)[1]
+
+
+def _arrived(table: Table, stamp: Floats, intake: AisIntake, tally: Tally) -> tuple[Array, Floats]:
+    """The rows whose time is believed, in order of arrival, and when they arrived."""
+    order = np.argsort(stamp, kind="stable") if intake.order == "time" else np.arange(len(stamp))
+    arrived = arrive(stamp[order], intake.lateness_s, intake.longest_silence_s)
+    for kind, mask in arrived.faults.items():
+        tally.add_rows(kind, mask, lambda i: table.place(int(order[i])), lambda i: table.example(int(order[i])))
+    return order[arrived.believed], arrived.received_s[arrived.believed]
+
+
+def _plots(settings: Tables, path: Path, radars: Radars, tally: Tally) -> RadarReports:
+    table = read_table(path, settings.separator, tally)
+    column = {key: table.find(getattr(settings.plot_columns, key), names) for key, names in PLOTS.items()}
+    polar = (column["range_m"] or column["range_nm"]) is not None and column["azimuth"] is not None
+    place = ("azimuth", "range_m" if column["range_m"] else "range_nm") if polar else ("latitude", "longitude")
+    for key in ("time", *place):
+        table.need(column[key], PLOTS[key])
+    table, values = good_cells(table, column, ("time", *place), settings.time_format, tally)
+    sensor = _sensors(table, column["radar"], radars.name, UNKNOWN_RADAR, tally)
+    site = _sites(values, radars.site_deg, sensor)
+    range_m, azimuth_deg = _polar(values, site, polar)
+    good = sensor >= 0
+    for kind, mask in _plot_faults(values, range_m, azimuth_deg, polar).items():
+        tally.add_rows(kind, good & mask, table.place, table.example)
+        good &= ~mask
+    stamp = np.where(np.isnan(values["received"]), values["time"], values["received"])[good]
+    kept = np.flatnonzero(good)
+    rows, received = _arrived(table.at(good), stamp, settings.intake, tally)
+    rows = kept[rows]
+    return RadarReports(
+        sensor=sensor[rows],
+        time_s=values["time"][rows],
+        received_s=received,
+        range_m=range_m[rows],
+        azimuth_deg=azimuth_deg[rows] % 360.0,
+        site_deg=site[rows],
+        origin=np.full(len(rows), -1, np.int64),
+    )
+
+
+def _polar(values: dict[str, Floats], site: Floats, polar: bool) -> tuple[Floats, Floats]:
+    if polar:
+        metres = values["range_m"]
+        return np.where(np.isnan(metres), values["range_nm"] * NAUTICAL_MILE_M, metres), values["azimuth"]
+    flat = to_plane(np.stack([values["latitude"], values["longitude"]], axis=-1), site)
+    return np.hypot(flat[:, 0], flat[:, 1]), np.degrees(np.arctan2(flat[:, 0], flat[:, 1]))
+
+
+def _plot_faults(values: dict[str, Floats], range_m: Floats, azimuth_deg: Floats, polar: bool) -> dict[str, Bools]:
+    shape = {RANGE: ~(range_m > 0.0), AZIMUTH: ~(np.abs(azimuth_deg) <= 360.0)}
+    if polar:
+        return shape
+    far = {LATITUDE: ~(np.abs(values["latitude"]) <= HIGHEST_LATITUDE), LONGITUDE: ~(np.abs(values["longitude"]) <= 180.0)}
+    return far | shape
+
+
+def _bearings(settings: Tables, path: Path, sonars: Sonars, tally: Tally) -> BearingReports:
+    table = read_table(path, settings.separator, tally)
+    column = {key: table.find(getattr(settings.bearing_columns, key), names) for key, names in BEARINGS.items()}
+    for key in ("time", "bearing"):
+        table.need(column[key], BEARINGS[key])
+    table, values = good_cells(table, column, ("time", "bearing"), settings.time_format, tally)
+    sensor = _sensors(table, column["sonar"], sonars.name, UNKNOWN_SONAR, tally)
+    wrong = np.abs(values["bearing"]) > 360.0
+    good = (sensor >= 0) & ~wrong
+    tally.add_rows(AZIMUTH, (sensor >= 0) & wrong, table.place, table.example)
+    stamp = np.where(np.isnan(values["received"]), values["time"], values["received"])[good]
+    kept = np.flatnonzero(good)
+    rows, received = _arrived(table.at(good), stamp, settings.intake, tally)
+    rows = kept[rows]
+    return BearingReports(
+        sensor=sensor[rows],
+        time_s=values["time"][rows],
+        received_s=received,
+        bearing_deg=values["bearing"][rows] % 360.0,
+        contact=np.nan_to_num(values["contact"], nan=-1.0).astype(np.int64)[rows],
+        site_deg=_sites(values, sonars.site_deg, sensor)[rows],
+        origin=np.full(len(rows), -1, np.int64),
+    )
+
+
+def _sensors(table: Table, column: str | None, names: Array, kind: str, tally: Tally) -> Ints:
+    """The number of the sensor of each row, -1 where its name is not known; a lone sensor need not be named."""
+    if column is None and len(names) == 1:
+        return np.zeros(len(table), np.int64)
+    if column is None:
+        tally.add_rows(EMPTY_CELL, np.ones(len(table), np.bool_), table.place, table.example)
+        return np.full(len(table), -1, np.int64)
+    said, number = np.unique(np.array(table.texts(column), "U"), return_inverse=True)
+    known = {str(n): i for i, n in enumerate(names)}
+    out = np.array([known.get(str(n), -1) for n in said], np.int64)[number]
+    tally.add_rows(kind, out < 0, lambda i: table.place(i, column), lambda i: f"{said[number[i]]!s}, known: {sorted(known)}")
+    return out
+
+
+def _sites(values: dict[str, Floats], of_sensor: Floats, sensor: Ints) -> Floats:
+    """Where the sensor of each row was: as the row says, else as the scenario says."""
+    if not len(of_sensor):
+        return np.full((len(sensor), 2), np.nan)
+    said = np.stack([values["site_latitude"], values["site_longitude"]], axis=-1)
+    return np.where(np.isfinite(said).all(axis=1, keepdims=True), said, of_sensor[np.maximum(sensor, 0)])

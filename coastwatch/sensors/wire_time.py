@@ -1,0 +1,117 @@
+"""Times as they stand in recordings of NMEA 0183: before a sentence, behind it, in tag blocks and in sentences of their own."""
+
+from __future__ import annotations
+
+import math
+import re
+from datetime import UTC, datetime
+from functools import lru_cache
+
+MILLISECONDS_FROM, MICROSECONDS_FROM, NANOSECONDS_FROM = 1e11, 1e14, 1e17
+"""A unix time this large counts smaller units: as seconds it would lie beyond the year 5000."""
+
+BEHIND = re.compile(rb"(?:^|[,;\s])(\d{9,10}(?:\.\d+)?|\d{13})\s*$")
+GROUP = re.compile(rb"(\d+)G(\d+):(\d+)")
+
+
+def unix_s(number: float) -> float:
+    """Seconds, from a unix time in seconds, milliseconds, microseconds or nanoseconds."""
+    for limit, divisor in ((NANOSECONDS_FROM, 1e9), (MICROSECONDS_FROM, 1e6), (MILLISECONDS_FROM, 1e3)):
+        if abs(number) >= limit:
+            return number / divisor
+    return number
+
+
+def _date_s(*fields: int) -> float:
+    try:
+        return datetime(*fields, tzinfo=UTC).timestamp()  # type: ignore[misc,arg-type]
+    except (ValueError, OverflowError):
+        return math.nan
+
+
+def written_s(text: bytes) -> float:
+    """The time that a text begins with: a unix time or an ISO date and time, UTC where it does not say; NaN where none is."""
+    words = text.strip(b" \t,;[]()").decode("ascii", "replace")
+    first = re.split(r"[,;\t]", words, maxsplit=1)[0].strip()
+    for candidate in (first, first.split(" ")[0]):
+        try:
+            number = float(candidate)
+        except ValueError:
+            try:
+                when = datetime.fromisoformat(candidate)
+            except ValueError:
+                continue
+            return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
+        return unix_s(number) if math.isfinite(number) and number >= 0.0 else math.nan
+    return math.nan
+
+
+def behind_s(text: bytes) -> float:
+    """The unix time at the end of what follows a checksum; NaN where none is."""
+    found = BEHIND.search(text)
+    return unix_s(float(found[1])) if found else math.nan
+
+
+def pghp_s(sentence: bytes) -> float:
+    """The time of a `$PGHP,1,year,month,day,hour,minute,second,millisecond,...` sentence; NaN where it has none."""
+    fields = sentence.split(b",")
+    try:
+        numbers = [int(f) for f in fields[2:9]]
+    except ValueError:
+        return math.nan
+    return _date_s(*numbers[:6], numbers[6] * 1000) if len(numbers) == 7 else math.nan
+
+
+def clock_s(sentence: bytes) -> float:
+    """The time of a ZDA or a valid RMC sentence of any talker; NaN of any other."""
+    fields = sentence.split(b"*")[0].split(b",")
+    kind = fields[0][3:]
+    try:
+        if kind == b"ZDA":
+            day, month, year = (int(f) for f in fields[2:5])
+        elif kind == b"RMC" and fields[2] == b"A":
+            day, month, year = (int(fields[9][k : k + 2]) for k in (0, 2, 4))
+        else:
+            return math.nan
+        second = float(fields[1][4:])
+        whole = _date_s(year + 2000 if year < 100 else year, month, day, int(fields[1][:2]), int(fields[1][2:4]))
+    except (ValueError, IndexError):
+        return math.nan
+    return whole + second
+
+
+@lru_cache(maxsize=4096)
+def tag_block(text: bytes) -> tuple[bool, float, bytes, bytes]:
+    """Whether the checksum of a tag block is right, its time (NaN: none), its station and its group (empty: none)."""
+    body, star, digits = text.rpartition(b"*")
+    right = bool(star) and digits.strip().upper() == f"{checksum(body):02X}".encode()
+    time_s, station, group = math.nan, b"", b""
+    for item in body.split(b",") if right else ():
+        key, _, value = item.partition(b":")
+        old = GROUP.fullmatch(item)
+        if old is not None:
+            group = old[3]
+        elif key == b"g":
+            group = value.rpartition(b"-")[2]
+        elif key == b"s":
+            station = value
+        elif key == b"c":
+            try:
+                time_s = unix_s(float(value))
+            except ValueError:
+                time_s = math.nan
+    return right, time_s, station, group
+
+
+def sound(sentence: bytes) -> bool:
+    """Whether the checksum of a sentence is right, or there is none."""
+    body, star, digits = sentence.partition(b"*")
+    return not star or digits[:2].upper() == f"{checksum(body[1:]):02X}".encode()
+
+
+def checksum(body: bytes) -> int:
+    """The exclusive or of all bytes."""
+    out = 0
+    for byte in body:
+        out ^= byte
+    return out

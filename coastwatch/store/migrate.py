@@ -1,0 +1,154 @@
+"""The tables made, brought to this version, compared with it, and written down: db/migrations and db/schema."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from alembic import command
+from alembic.autogenerate import compare_metadata
+from alembic.config import Config
+from alembic.runtime.migration import MigrationContext
+from alembic.util import CommandError
+from sqlalchemy import Connection, text
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.schema import CreateIndex, CreateTable
+
+from coastwatch.shipped import migrations_folder, schema_folder
+from coastwatch.store.opening import WAIT_S, Store, StoreError, connect, reading, revision, writing
+from coastwatch.store.tables import REVISION, REVISION_TABLE, Base
+
+DIALECTS = {"sqlite": sqlite.dialect, "postgresql": postgresql.dialect}
+
+
+def upgrade(url: str, to: str = "head", *, wait_s: float = WAIT_S) -> None:
+    """Make the tables, or bring those of an older version to this one. What is stored is kept.
+
+    Raises: StoreError where the database is another program's, of a newer version, locked or unreachable.
+    """
+    with connect(url, wait_s, may_create=True) as store:
+        upgrade_open(store, to)
+
+
+def upgrade_open(store: Store, to: str = "head") -> None:
+    """`upgrade` of a database that is open: all steps in one transaction."""
+    config = Config()
+    config.set_main_option("script_location", str(migrations_folder()).replace("%", "%%"))
+    with writing(store) as connection:
+        revision(connection, store.where)
+        config.attributes["connection"] = connection
+        try:
+            command.upgrade(config, to)
+        except CommandError as error:
+            raise StoreError(f"{store.where}: cannot be brought to schema {REVISION}: {error}") from error
+
+
+def check(url: str, *, wait_s: float = WAIT_S) -> list[str]:
+    """What is wrong with a database, one sentence each: schema, integrity, write-ahead log, whole cycles. Empty: nothing.
+
+    Raises: StoreError where it is absent, unreachable or another program's.
+    """
+    with connect(url, wait_s, may_create=False) as store, reading(store) as connection:
+        found = revision(connection, store.where)
+        if found != REVISION:
+            return [f"schema: got {found or 'no tables'}, needed {REVISION}"]
+        return [*differences(connection), *_sqlite(connection), *_cycles(connection)]
+
+
+def differences(connection: Connection) -> list[str]:
+    """How the tables of a database differ from the models."""
+    ours = set(Base.metadata.tables)
+
+    def of_ours(name: str | None, kind: str, parents: Any) -> bool:
+        return kind != "table" or name in ours
+
+    options = {"compare_type": True, "version_table": REVISION_TABLE, "include_name": of_ours}
+    context = MigrationContext.configure(connection, opts=options)
+    out = [f"schema: {change}" for change in compare_metadata(context, Base.metadata)]
+    if connection.dialect.name == "sqlite":
+        listed = connection.execute(text("SELECT name, wr FROM pragma_table_list WHERE type = 'table'"))
+        in_key_order = {row.name: bool(row.wr) for row in listed}
+        for name, table in Base.metadata.tables.items():
+            wanted = table.dialect_options["sqlite"]["with_rowid"] is False
+            if in_key_order.get(name, wanted) is not wanted:
+                out.append(f"schema: table {name}: got WITHOUT ROWID {in_key_order[name]}, needed {wanted}")
+    return out
+
+
+def _sqlite(connection: Connection) -> list[str]:
+    if connection.dialect.name != "sqlite":
+        return []
+    said = [row[0] for row in connection.execute(text("PRAGMA integrity_check"))]
+    out = [f"integrity: {line}" for line in said if line != "ok"]
+    out += [
+        f"foreign key: a row of {row[0]} names a missing {row[2]}"
+        for row in connection.execute(text("PRAGMA foreign_key_check"))
+    ]
+    mode = connection.execute(text("PRAGMA journal_mode")).scalar_one()
+    return out if mode in ("wal", "memory") else [*out, f"journal_mode: got {mode}, needed wal"]
+
+
+WHOLE = {
+    "cycles are numbered from 0 without a gap": """
+        SELECT run_id FROM cycle GROUP BY run_id HAVING count(*) <> max(number) + 1""",
+    "a kept cycle has as many rows of history as vessels": """
+        SELECT c.run_id FROM cycle c LEFT JOIN (SELECT run_id, cycle, count(*) AS n FROM history GROUP BY run_id, cycle) h
+            ON h.run_id = c.run_id AND h.cycle = c.number
+        WHERE coalesce(h.n, 0) <> CASE WHEN c.history_kept THEN c.vessels ELSE 0 END""",
+    "a kept cycle has as many associations as pairs": """
+        SELECT c.run_id FROM cycle c LEFT JOIN (SELECT run_id, cycle, count(*) AS n FROM association GROUP BY run_id, cycle) a
+            ON a.run_id = c.run_id AND a.cycle = c.number
+        WHERE coalesce(a.n, 0) <> CASE WHEN c.associations_kept THEN c.pairs ELSE 0 END""",
+    "a kept cycle has as many bearing associations as bearing pairs": """
+        SELECT c.run_id FROM cycle c
+            LEFT JOIN (SELECT run_id, cycle, count(*) AS n FROM bearing_association GROUP BY run_id, cycle) a
+            ON a.run_id = c.run_id AND a.cycle = c.number
+        WHERE coalesce(a.n, 0) <> CASE WHEN c.associations_kept THEN c.bearing_pairs ELSE 0 END""",
+    "rows of history belong to a cycle": """
+        SELECT h.run_id FROM (SELECT DISTINCT run_id, cycle FROM history) h
+            LEFT JOIN cycle c ON c.run_id = h.run_id AND c.number = h.cycle WHERE c.number IS NULL""",
+    "timings belong to a cycle": """
+        SELECT t.run_id FROM (SELECT DISTINCT run_id, cycle FROM stage_timing) t
+            LEFT JOIN cycle c ON c.run_id = t.run_id AND c.number = t.cycle WHERE c.number IS NULL""",
+    "the picture has the vessels of the newest cycle": """
+        SELECT c.run_id FROM cycle c JOIN (SELECT run_id, max(number) AS n FROM cycle GROUP BY run_id) l
+            ON l.run_id = c.run_id AND l.n = c.number
+        WHERE c.vessels <> (SELECT count(*) FROM vessel v WHERE v.run_id = c.run_id)""",
+    "the vessels of the picture are those that are present": """
+        SELECT v.run_id FROM vessel v WHERE NOT EXISTS (SELECT 1 FROM presence p
+            WHERE p.run_id = v.run_id AND p.vessel_id = v.vessel_id AND p.to_cycle IS NULL)
+        UNION SELECT p.run_id FROM presence p WHERE p.to_cycle IS NULL AND NOT EXISTS (SELECT 1 FROM vessel v
+            WHERE v.run_id = p.run_id AND v.vessel_id = p.vessel_id)""",
+    "the members are those whose stay has not ended": """
+        SELECT m.run_id FROM member m GROUP BY m.run_id
+        HAVING count(*) <> (SELECT count(*) FROM member_history h WHERE h.run_id = m.run_id AND h.to_cycle IS NULL)""",
+    "no checkpoint is newer than the newest cycle": """
+        SELECT k.run_id FROM checkpoint k WHERE k.cycle > (SELECT max(number) FROM cycle c WHERE c.run_id = k.run_id)""",
+}
+"""What holds of a database that has whole cycles only; each query gives the runs of which it does not."""
+
+
+def _cycles(connection: Connection) -> list[str]:
+    out = []
+    for what, sql in WHOLE.items():
+        runs = sorted({str(row[0]) for row in connection.execute(text(sql))})
+        if runs:
+            out.append(f"whole cycles: not so in run {', '.join(runs)}: {what}")
+    return out
+
+
+def schema(dialect: str) -> str:
+    """The SQL that makes the tables of this version. Args: dialect: sqlite or postgresql."""
+    made = DIALECTS[dialect]()
+    out = [
+        f"-- Generated from coastwatch/store/tables.py, schema {REVISION}; `make docs` or write_schemas() writes it again.\n"
+    ]
+    for table in Base.metadata.sorted_tables:
+        statements = [CreateTable(table), *(CreateIndex(i) for i in sorted(table.indexes, key=lambda i: str(i.name)))]
+        out += [f"{str(s.compile(dialect=made)).strip()};\n" for s in statements]
+    return "\n".join("\n".join(line.rstrip() for line in part.splitlines()) + "\n" for part in out)
+
+
+def write_schemas() -> None:
+    """Write db/schema again after a change of the tables."""
+    for dialect in DIALECTS:
+        (schema_folder() / f"{dialect}.sql").write_text(schema(dialect), "utf-8")

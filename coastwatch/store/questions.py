@@ -1,0 +1,114 @@
+"""The questions an operator asks on watch: each a file db/operator/<name>.sql, portable over SQLite and PostgreSQL.
+
+The first line of a file is `-- <title>`; then comment lines say what comes back, and
+`-- parameter: radius_nm = 2, nautical miles around the position` declares a parameter with its default and meaning (`= required`
+where there is none). `:run` is a parameter of every question; its default is the latest run.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from sqlalchemy import text
+
+from coastwatch.shipped import operator_queries_folder
+from coastwatch.store.opening import Store, StoreError, reading
+from coastwatch.store.read import Rows, latest_run
+
+PARAMETER = re.compile(r"^-- parameter: (?P<name>\w+) = (?P<default>[^,]+), (?P<meaning>.+)$")
+Value = int | float | str
+
+
+class Parameter(NamedTuple):
+    """A value that a question asks for. A default of None: it must be given."""
+
+    default: Value | None
+    meaning: str
+
+
+class Question(NamedTuple):
+    """One file of db/operator."""
+
+    title: str
+    parameters: dict[str, Parameter]
+    explanation: str
+    sql: str  # without comments
+
+
+def operator_queries() -> dict[str, Question]:
+    """Every question by its name, sorted."""
+    return {path.stem: _read(path) for path in sorted(operator_queries_folder().glob("*.sql"))}
+
+
+def operator_query(store: Store, name: str, parameters: Mapping[str, Any] | None = None) -> Rows:
+    """The answer to one question; the database is only read.
+
+    Args: parameters: by name, as numbers or as text; what is not given has its default. `run`: the number of a run.
+    Raises: StoreError for an unknown name or parameter, a value of the wrong kind, or one that is missing.
+    """
+    known = operator_queries()
+    if name not in known:
+        raise StoreError(f"query: got {name!r}, needed one of {', '.join(known)}")
+    question, given = known[name], dict(parameters or {})
+    run_id = given.pop("run", None)
+    unknown = sorted(set(given) - set(question.parameters))
+    if unknown:
+        raise StoreError(f"query {name}: got parameter {', '.join(unknown)}, needed {', '.join((*question.parameters, 'run'))}")
+    values = {key: _value(name, key, given.get(key), known.default) for key, known in question.parameters.items()}
+    values["run"] = latest_run(store) if run_id is None else _value(name, "run", run_id, 1)
+    with reading(store) as connection:
+        if connection.scalar(text("SELECT count(*) FROM run WHERE id = :run"), {"run": values["run"]}) == 0:
+            raise StoreError(f"{store.where}: there is no run {values['run']}")
+        if connection.dialect.name != "sqlite":
+            result = connection.execute(text(question.sql), values)
+            return Rows(tuple(result.keys()), [tuple(row) for row in result])
+        connection.exec_driver_sql("PRAGMA query_only = ON")
+        try:
+            result = connection.execute(text(question.sql), values)
+            return Rows(tuple(result.keys()), [tuple(row) for row in result])
+        finally:
+            connection.exec_driver_sql("PRAGMA query_only = OFF")
+
+
+def _read(path: Path) -> Question:
+    lines = path.read_text("utf-8").splitlines()
+    comments = [line for line in lines if line.startswith("--")]
+    found = [match for match in map(PARAMETER.match, comments) if match]
+    said = [line[2:].strip() for line in comments[1:] if not PARAMETER.match(line)]
+    return Question(
+        title=comments[0][2:].strip(),
+        parameters={m["name"]: Parameter(_default(m["default"].strip()), m["meaning"]) for m in found},
+        explanation=" ".join(said),
+        sql="\n".join(line.split("--")[0] for line in lines),
+    )
+
+
+def _default(written: str) -> Value | None:
+    return None if written == "required" else _number(written)
+
+
+def _number(written: str) -> Value:
+    for kind in (int, float):
+        try:
+            return kind(written)
+        except ValueError:
+            continue
+    return written
+
+
+def _value(question: str, key: str, given: Any, default: Value | None) -> Value:
+    """What was given as the kind of number that the default is; the default where nothing was given."""
+    if given is None:
+        if default is None:
+            raise StoreError(f"query {question}: parameter {key} has no default: needed a number")
+        return default
+    value = _number(given) if isinstance(given, str) else given
+    wants_number = not isinstance(default, str)
+    if wants_number and (isinstance(value, str) or value != value or value in (float("inf"), float("-inf"))):
+        raise StoreError(f"query {question}: parameter {key}: got {given!r}, needed a number")
+    if isinstance(default, int) and value != int(value):
+        raise StoreError(f"query {question}: parameter {key}: got {given!r}, needed a whole number")
+    return int(value) if isinstance(default, int) else float(value) if isinstance(default, float) else value  # type: ignore[no-any-return]

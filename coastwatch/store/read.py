@@ -1,0 +1,276 @@
+"""What is stored, as rows of plain values. Each function sees one state of the database: whole cycles only."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from sqlalchemy import Connection, Select, and_, func, or_, select, true
+
+from coastwatch.store.opening import Store, StoreError, reading
+from coastwatch.store.tables import (
+    Association,
+    BearingAssociation,
+    BearingTrack,
+    Cycle,
+    History,
+    MemberHistory,
+    Presence,
+    Run,
+    Sensor,
+    Source,
+    StageTiming,
+    Vessel,
+    VesselStatic,
+)
+
+INSTANTS = ("time_s", "since_s", "updated_s", "start_s", "from_s", "to_s", "first_s", "last_s")
+"""Columns that hold an instant, seconds since 1970 UTC; any other column in `_s` is a length of time."""
+
+Box = tuple[float, float, float, float]
+
+STATIC = (VesselStatic.name, VesselStatic.call_sign, VesselStatic.ship_type, VesselStatic.length_m, VesselStatic.beam_m)
+
+
+class Rows(NamedTuple):
+    """Named columns and rows of plain values."""
+
+    columns: tuple[str, ...]
+    rows: list[tuple[Any, ...]]
+
+    def column(self, name: str) -> list[Any]:
+        """The values of one column."""
+        at = self.columns.index(name)
+        return [row[at] for row in self.rows]
+
+
+def runs(store: Store) -> Rows:
+    """Every run, newest first, without its settings and scores."""
+    stored = select(Cycle.run_id, func.count().label("done")).group_by(Cycle.run_id).subquery()
+    columns = (
+        Run.id,
+        Run.scenario,
+        Run.title,
+        Run.seed,
+        Run.version,
+        Run.status,
+        Run.started_utc,
+        Run.finished_utc,
+        Run.workers,
+    )
+    query = select(*columns, func.coalesce(stored.c.done, 0).label("cycles_stored"), Run.cycles, Run.period_s, Run.start_s)
+    return _ask(store, query.outerjoin(stored, stored.c.run_id == Run.id).order_by(Run.id.desc()))
+
+
+def run(store: Store, run_id: int) -> dict[str, Any]:
+    """One run with settings, scores and faults. Raises: StoreError where there is none."""
+    found = _ask(store, select(*Run.__table__.columns).where(Run.id == run_id))
+    if not found.rows:
+        raise StoreError(f"{store.where}: there is no run {run_id}")
+    return dict(zip(found.columns, found.rows[0], strict=True))
+
+
+def latest_run(store: Store, scenario: str | None = None) -> int:
+    """The number of the newest run (of a scenario). Raises: StoreError where there is none."""
+    query = select(func.max(Run.id))
+    found = _ask(store, query if scenario is None else query.where(Run.scenario == scenario)).rows[0][0]
+    if found is None:
+        raise StoreError(f"{store.where}: holds no run" + (f" of {scenario}" if scenario else ""))
+    return int(found)
+
+
+def sensors(store: Store, run_id: int) -> Rows:
+    """The sensors of a run; `spec` is a dict."""
+    columns = [c for c in Sensor.__table__.columns if c.name != "run_id"]
+    return _ask(store, select(*columns).where(Sensor.run_id == run_id).order_by(Sensor.kind, Sensor.number))
+
+
+def sources(store: Store, run_id: int) -> Rows:
+    """Who makes tracks in a run: number, name, kind (radar, ais, bearing)."""
+    return _ask(store, select(Source.number, Source.name, Source.kind).where(Source.run_id == run_id).order_by(Source.number))
+
+
+def bearing_tracks(store: Store, run_id: int) -> Rows:
+    """The bearing tracks of now with the sensor they are of and the vessel they were given to."""
+    b = BearingTrack
+    columns = (b.track_id, Source.name.label("source"), b.bearing_deg, b.rate_deg_s, b.latitude_deg, b.longitude_deg)
+    same = and_(Source.run_id == b.run_id, Source.number == b.source)
+    query = select(*columns, b.vessel_id, b.updated_s).join(Source, same).where(b.run_id == run_id)
+    return _ask(store, query.order_by(b.source, b.track_id))
+
+
+def picture(store: Store, run_id: int, at_s: float | None = None, bbox: Box | None = None) -> Rows:
+    """One row a vessel: now, or as stored at the last kept cycle up to an instant.
+
+    Args: at_s: seconds since 1970 UTC; bbox: south, west, north, east in degrees, west > east crosses the antimeridian.
+    Raises: StoreError where there is no such run, or nothing is stored so early.
+    """
+    with reading(store) as connection:
+        _run_exists(connection, store, run_id)
+        if at_s is None:
+            return _rows(connection, _current(run_id, bbox))
+        before = and_(Cycle.run_id == run_id, Cycle.history_kept.is_(True), Cycle.time_s <= at_s)
+        cycle = connection.scalar(select(func.max(Cycle.number)).where(before))
+        if cycle is None:
+            first = connection.scalar(select(func.min(Cycle.time_s)).where(Cycle.run_id == run_id))
+            raise StoreError(f"{store.where}: run {run_id} holds nothing up to {at_s:.0f} s, its first cycle is at {first} s")
+        return _with_sources(connection, run_id, cycle, _rows(connection, _past(run_id, cycle, bbox)))
+
+
+def track(store: Store, run_id: int, vessel_id: int) -> dict[str, Any]:
+    """One vessel: `vessel` (its newest row as a dict), and Rows `history`, `members`, `stays`, `associations`,
+    `bearing_associations`, oldest first.
+
+    Raises: StoreError where the run never had such a vessel.
+    """
+    stays = select(Presence.from_cycle, Presence.to_cycle, Presence.since_s)
+    stays = stays.where(Presence.run_id == run_id, Presence.vessel_id == vessel_id).order_by(Presence.from_cycle)
+    with reading(store) as connection:
+        there = _rows(connection, stays)
+        if not there.rows:
+            _run_exists(connection, store, run_id)
+            raise StoreError(f"{store.where}: run {run_id} never had a vessel {vessel_id}")
+        past = _rows(connection, _through_time(History, run_id, vessel_id, ("run_id", "cycle", "vessel_id")))
+        now = _rows(connection, _current(run_id, None).where(Vessel.vessel_id == vessel_id))
+        return {
+            "vessel": _newest_row(connection, run_id, vessel_id, now, past, there),
+            "history": past,
+            "members": _rows(connection, _members(run_id, vessel_id)),
+            "stays": there,
+            "associations": _rows(connection, _through_time(Association, run_id, vessel_id, ("run_id", "cycle", "vessel_id"))),
+            "bearing_associations": _rows(
+                connection, _through_time(BearingAssociation, run_id, vessel_id, ("run_id", "cycle", "vessel_id"))
+            ),
+        }
+
+
+def history(store: Store, run_id: int, from_s: float | None = None, to_s: float | None = None) -> Rows:
+    """Every vessel in every kept cycle between two instants, both included: cycle, time_s, vessel_id, position, motion, flags."""
+    columns = [c for c in History.__table__.columns if c.name not in ("run_id", "cycle")]
+    span = [Cycle.run_id == run_id]
+    span += [] if from_s is None else [Cycle.time_s >= from_s]
+    span += [] if to_s is None else [Cycle.time_s <= to_s]
+    same = and_(History.run_id == Cycle.run_id, History.cycle == Cycle.number)
+    query = select(Cycle.number.label("cycle"), Cycle.time_s, *columns).join(History, same).where(*span)
+    return _ask(store, query.order_by(Cycle.number, History.vessel_id))
+
+
+def timings(store: Store, run_id: int) -> Rows:
+    """For each stage, in the order in which they ran: cycles, milliseconds (median, p99, longest, total), share and rows a cycle."""
+    query = select(StageTiming.stage, StageTiming.number, StageTiming.seconds, StageTiming.rows)
+    stored = _ask(store, query.where(StageTiming.run_id == run_id).order_by(StageTiming.cycle, StageTiming.number)).rows
+    by_stage: dict[str, list[tuple[Any, ...]]] = {}
+    for row in stored:
+        by_stage.setdefault(row[0], []).append(row)
+    everything = sum(row[2] for row in stored) or 1.0
+    out = []
+    for stage, rows in sorted(by_stage.items(), key=lambda item: max(row[1] for row in item[1])):
+        ms = np.array([row[2] for row in rows]) * 1e3
+        yielded = [row[3] for row in rows if row[3] is not None]
+        figures = (np.median(ms), np.percentile(ms, 99), ms.max(), ms.sum(), ms.sum() / 1e3 / everything)
+        out.append((stage, len(rows), *(float(x) for x in figures), sum(yielded) / len(yielded) if yielded else None))
+    return Rows(("stage", "cycles", "median_ms", "p99_ms", "longest_ms", "total_ms", "share", "rows"), out)
+
+
+def _run_exists(connection: Connection, store: Store, run_id: int) -> None:
+    if connection.scalar(select(Run.id).where(Run.id == run_id)) is None:
+        raise StoreError(f"{store.where}: there is no run {run_id}")
+
+
+def _inside(table: type[Vessel] | type[History], bbox: Box | None) -> Any:
+    if bbox is None:
+        return true()
+    south, west, north, east = bbox
+    after, before = table.longitude_deg >= west, table.longitude_deg <= east
+    return and_(table.latitude_deg.between(south, north), and_(after, before) if west <= east else or_(after, before))
+
+
+def _picture_columns(table: Any) -> tuple[Any, ...]:
+    place = (table.vessel_id, table.latitude_deg, table.longitude_deg, table.sog_kn, table.cog_deg, table.mmsi)
+    return (*place, *STATIC, table.flags)
+
+
+def _static(table: Any) -> Any:
+    return and_(VesselStatic.run_id == table.run_id, VesselStatic.mmsi == table.mmsi)
+
+
+def _current(run_id: int, bbox: Box | None) -> Select[Any]:
+    ellipse = (Vessel.major_m, Vessel.minor_m, Vessel.orientation_deg)
+    columns = (*_picture_columns(Vessel), Vessel.time_s, Vessel.since_s, Vessel.updated_s, *ellipse, Vessel.sources)
+    query = select(*columns).outerjoin(VesselStatic, _static(Vessel))
+    return query.where(Vessel.run_id == run_id, _inside(Vessel, bbox)).order_by(Vessel.vessel_id)
+
+
+def _past(run_id: int, cycle: int, bbox: Box | None) -> Select[Any]:
+    then = and_(Cycle.run_id == History.run_id, Cycle.number == History.cycle)
+    there = and_(Presence.run_id == History.run_id, Presence.vessel_id == History.vessel_id, _holds(Presence, cycle))
+    ellipse = (History.major_m, History.minor_m, History.orientation_deg)
+    columns = (*_picture_columns(History), Cycle.time_s, Presence.since_s, History.updated_s, *ellipse)
+    query = select(*columns).join(Cycle, then).outerjoin(Presence, there).outerjoin(VesselStatic, _static(History))
+    where = (History.run_id == run_id, History.cycle == cycle, _inside(History, bbox))
+    return query.where(*where).order_by(History.vessel_id)
+
+
+def _holds(stay: type[Presence] | type[MemberHistory], cycle: int) -> Any:
+    return and_(stay.from_cycle <= cycle, or_(stay.to_cycle.is_(None), stay.to_cycle >= cycle))
+
+
+def _with_sources(connection: Connection, run_id: int, cycle: int, rows: Rows) -> Rows:
+    """The rows with a last column: names of the sources that each vessel had in a cycle, as `vessel.sources` has them now."""
+    same = and_(Source.run_id == MemberHistory.run_id, Source.number == MemberHistory.source)
+    query = select(MemberHistory.vessel_id, Source.name).join(Source, same)
+    query = query.where(MemberHistory.run_id == run_id, _holds(MemberHistory, cycle))
+    names: dict[int, dict[str, None]] = {}
+    for vessel, name in connection.execute(query.order_by(MemberHistory.vessel_id, Source.number)):
+        names.setdefault(vessel, {})[name] = None
+    return Rows((*rows.columns, "sources"), [(*row, ",".join(names.get(row[0], ()))) for row in rows.rows])
+
+
+def _members(run_id: int, vessel_id: int) -> Select[Any]:
+    m, first, last = MemberHistory, Cycle.__table__.alias("first"), Cycle.__table__.alias("last")
+    columns = (Source.name.label("source"), Source.kind, m.track_id, m.from_cycle, m.to_cycle)
+    query = select(*columns, first.c.time_s.label("from_s"), last.c.time_s.label("to_s")).select_from(m)
+    query = query.join(Source, and_(Source.run_id == m.run_id, Source.number == m.source))
+    query = query.join(first, and_(first.c.run_id == m.run_id, first.c.number == m.from_cycle))
+    query = query.outerjoin(last, and_(last.c.run_id == m.run_id, last.c.number == m.to_cycle))
+    return query.where(m.run_id == run_id, m.vessel_id == vessel_id).order_by(m.from_cycle, m.source, m.track_id)
+
+
+def _through_time(table: Any, run_id: int, vessel_id: int, without: Sequence[str]) -> Select[Any]:
+    """The rows of one vessel by seeking the key (run, cycle, vessel) in each cycle of its stays."""
+    stay = and_(
+        Presence.run_id == Cycle.run_id,
+        Presence.vessel_id == vessel_id,
+        Presence.from_cycle <= Cycle.number,
+        or_(Presence.to_cycle.is_(None), Presence.to_cycle >= Cycle.number),
+    )
+    same = and_(table.run_id == Cycle.run_id, table.cycle == Cycle.number, table.vessel_id == vessel_id)
+    columns = [c for c in table.__table__.columns if c.name not in without]
+    query = (
+        select(Cycle.number.label("cycle"), Cycle.time_s, *columns).select_from(Cycle).join(Presence, stay).join(table, same)
+    )
+    return query.where(Cycle.run_id == run_id).order_by(Cycle.number)
+
+
+def _newest_row(connection: Connection, run_id: int, vessel_id: int, now: Rows, past: Rows, stays: Rows) -> dict[str, Any]:
+    """The row of the current picture, or for a vessel that has left it the newest row of its history."""
+    if now.rows:
+        return {**dict(zip(now.columns, now.rows[0], strict=True)), "in_picture": True}
+    if not past.rows:
+        return {"vessel_id": vessel_id, "since_s": stays.rows[0][2], "in_picture": False}
+    cycle = int(past.rows[-1][0])
+    last = _with_sources(
+        connection, run_id, cycle, _rows(connection, _past(run_id, cycle, None).where(History.vessel_id == vessel_id))
+    )
+    return {**dict(zip(last.columns, last.rows[0], strict=True)), "in_picture": False}
+
+
+def _ask(store: Store, query: Select[Any]) -> Rows:
+    with reading(store) as connection:
+        return _rows(connection, query)
+
+
+def _rows(connection: Connection, query: Any) -> Rows:
+    result = connection.execute(query)
+    return Rows(tuple(result.keys()), [tuple(row) for row in result])

@@ -1,0 +1,289 @@
+"""Every table of the database. Column names carry units; positions are degrees, speeds knots, times seconds since 1970 UTC.
+
+The big tables (history, association, bearing_association) have the primary key (run, cycle, ...) and no other index: rows
+arrive in key order, so a B-tree only ever grows at its right end and writing stays as fast after a week as on the first day.
+An index on (vessel, time) does not have that property (coastwatch/store/README.md has the figures). One vessel through time is
+answered by seeking (run, cycle, vessel) for each cycle in which `presence` says it was there.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sqlalchemy import JSON, BigInteger, Boolean, Float, ForeignKey, Index, Integer, LargeBinary, String, Text, text
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+
+REVISION = "0002"
+"""The migration at which the database equals the models below; a test compares it with db/migrations."""
+
+REVISION_TABLE = "coastwatch_revision"
+"""Not Alembic's default name, so that a PostgreSQL schema may be shared with another program that uses Alembic."""
+
+Key = BigInteger().with_variant(Integer, "sqlite")
+"""An id of eight bytes. SQLite wants the word INTEGER where the column is to be the row's own address."""
+
+IN_KEY_ORDER = {"sqlite_with_rowid": False}
+"""The row stands in the B-tree of its primary key: one tree to write, and neighbours in key are neighbours on disk."""
+
+
+ENDED = text("to_cycle IS NOT NULL")
+
+
+class Base(DeclarativeBase):
+    """What every table shares: how Python types become columns."""
+
+    type_annotation_map = {int: Key, float: Float(53), str: Text, bytes: LargeBinary, bool: Boolean, dict[str, Any]: JSON}  # noqa: RUF012
+
+
+def of_run() -> Mapped[int]:
+    """The column that names the run a row belongs to, first in the primary key."""
+    return mapped_column(ForeignKey("run.id"), primary_key=True)
+
+
+def key() -> Mapped[int]:
+    """A further column of the primary key."""
+    return mapped_column(primary_key=True, autoincrement=False)
+
+
+class Run(Base):
+    """One run of a scenario. Ids are never used twice."""
+
+    __tablename__ = "run"
+    __table_args__ = {"sqlite_autoincrement": True}  # noqa: RUF012
+    id: Mapped[int] = mapped_column(primary_key=True)
+    scenario: Mapped[str]
+    title: Mapped[str]
+    seed: Mapped[int]
+    version: Mapped[str] = mapped_column(String(32))
+    settings: Mapped[dict[str, Any]]
+    command: Mapped[str]
+    started_utc: Mapped[str] = mapped_column(String(32))
+    finished_utc: Mapped[str | None] = mapped_column(String(32))
+    status: Mapped[str] = mapped_column(String(16))  # running, finished, interrupted, failed
+    period_s: Mapped[float]
+    cycles: Mapped[int]  # planned, warm-up included
+    warmup_cycles: Mapped[int]
+    start_s: Mapped[float]
+    workers: Mapped[int]
+    scores: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    faults: Mapped[list[Any]] = mapped_column(JSON)
+
+
+class Sensor(Base):
+    """A radar, AIS receiver or sonar by its specification."""
+
+    __tablename__ = "sensor"
+    run_id: Mapped[int] = of_run()
+    kind: Mapped[str] = mapped_column(String(16), primary_key=True)  # radar, ais, bearing
+    number: Mapped[int] = key()  # within its kind
+    name: Mapped[str]
+    latitude_deg: Mapped[float]
+    longitude_deg: Mapped[float]
+    range_m: Mapped[float]
+    region: Mapped[str | None]
+    spec: Mapped[dict[str, Any]]
+
+
+class Source(Base):
+    """Who makes tracks: a region of radars, AIS, or one sonar."""
+
+    __tablename__ = "source"
+    run_id: Mapped[int] = of_run()
+    number: Mapped[int] = key()
+    name: Mapped[str]
+    kind: Mapped[str] = mapped_column(String(16))
+
+
+class Cycle(Base):
+    """One row a cycle, written in the same transaction as everything else of the cycle."""
+
+    __tablename__ = "cycle"
+    run_id: Mapped[int] = of_run()
+    number: Mapped[int] = key()
+    time_s: Mapped[float]
+    vessels: Mapped[int]
+    tracks: Mapped[int]
+    pairs: Mapped[int]
+    bearing_pairs: Mapped[int]
+    reports: Mapped[int]
+    history_kept: Mapped[bool]
+    associations_kept: Mapped[bool]
+
+
+class StageTiming(Base):
+    """How long a stage took in a cycle, in the order in which stages ran."""
+
+    __tablename__ = "stage_timing"
+    __table_args__ = IN_KEY_ORDER
+    run_id: Mapped[int] = of_run()
+    cycle: Mapped[int] = key()
+    number: Mapped[int] = key()
+    stage: Mapped[str]
+    seconds: Mapped[float]
+    rows: Mapped[int | None]
+
+
+class Vessel(Base):
+    """The current picture: each vessel once."""
+
+    __tablename__ = "vessel"
+    __table_args__ = IN_KEY_ORDER
+    run_id: Mapped[int] = of_run()
+    vessel_id: Mapped[int] = key()
+    time_s: Mapped[float]
+    latitude_deg: Mapped[float]
+    longitude_deg: Mapped[float]
+    sog_kn: Mapped[float | None]
+    cog_deg: Mapped[float | None]
+    major_m: Mapped[float | None]  # 1-sigma ellipse of position
+    minor_m: Mapped[float | None]
+    orientation_deg: Mapped[float | None]  # of the major axis, clockwise from north, 0..180
+    since_s: Mapped[float]
+    updated_s: Mapped[float]
+    mmsi: Mapped[int | None]
+    flags: Mapped[int]  # sum of batches.Flag
+    sources: Mapped[str]  # names, "guanabara,ais"
+    covariance: Mapped[bytes | None]  # ten little-endian float64: upper triangle of east, north, east rate, north rate
+
+
+class Member(Base):
+    """Which tracks are in which vessel now."""
+
+    __tablename__ = "member"
+    __table_args__ = IN_KEY_ORDER
+    run_id: Mapped[int] = of_run()
+    vessel_id: Mapped[int] = key()
+    source: Mapped[int] = key()
+    track_id: Mapped[int] = key()
+
+
+class MemberHistory(Base):
+    """Which tracks were in which vessel, one row a stay. to_cycle is the last cycle of the stay, null while it lasts."""
+
+    __tablename__ = "member_history"
+    __table_args__ = IN_KEY_ORDER
+    run_id: Mapped[int] = of_run()
+    vessel_id: Mapped[int] = key()
+    source: Mapped[int] = key()
+    track_id: Mapped[int] = key()
+    from_cycle: Mapped[int] = key()
+    to_cycle: Mapped[int | None]
+
+
+class Presence(Base):
+    """When a vessel was in the picture. to_cycle is the last cycle of it, null while it is there."""
+
+    __tablename__ = "presence"
+    __table_args__ = (
+        Index("presence_from", "run_id", "from_cycle"),
+        Index("presence_to", "run_id", "to_cycle", sqlite_where=ENDED, postgresql_where=ENDED),
+        IN_KEY_ORDER,
+    )
+    run_id: Mapped[int] = of_run()
+    vessel_id: Mapped[int] = key()
+    from_cycle: Mapped[int] = key()
+    to_cycle: Mapped[int | None]
+    since_s: Mapped[float]  # when the vessel was first seen, by its own account
+
+
+class History(Base):
+    """Each vessel in each cycle that is kept."""
+
+    __tablename__ = "history"
+    __table_args__ = IN_KEY_ORDER
+    run_id: Mapped[int] = of_run()
+    cycle: Mapped[int] = key()
+    vessel_id: Mapped[int] = key()
+    latitude_deg: Mapped[float]
+    longitude_deg: Mapped[float]
+    sog_kn: Mapped[float | None]
+    cog_deg: Mapped[float | None]
+    major_m: Mapped[float | None]
+    minor_m: Mapped[float | None]
+    orientation_deg: Mapped[float | None]
+    updated_s: Mapped[float]
+    mmsi: Mapped[int | None]
+    flags: Mapped[int]
+
+
+class Association(Base):
+    """Two tracks that a cycle took for one vessel, with the statistic of the method that decided."""
+
+    __tablename__ = "association"
+    __table_args__ = IN_KEY_ORDER
+    run_id: Mapped[int] = of_run()
+    cycle: Mapped[int] = key()
+    vessel_id: Mapped[int] = key()  # -1: the tracks are not in the picture
+    first_source: Mapped[int] = key()
+    first_track: Mapped[int] = key()
+    second_source: Mapped[int] = key()
+    second_track: Mapped[int] = key()
+    statistic: Mapped[float | None]
+
+
+class BearingAssociation(Base):
+    """A bearing track that a cycle took for a vessel."""
+
+    __tablename__ = "bearing_association"
+    __table_args__ = IN_KEY_ORDER
+    run_id: Mapped[int] = of_run()
+    cycle: Mapped[int] = key()
+    vessel_id: Mapped[int] = key()
+    source: Mapped[int] = key()
+    bearing_track: Mapped[int] = key()
+    statistic: Mapped[float | None]
+    bearing_deg: Mapped[float]
+
+
+class BearingTrack(Base):
+    """The bearing tracks of now."""
+
+    __tablename__ = "bearing_track"
+    __table_args__ = IN_KEY_ORDER
+    run_id: Mapped[int] = of_run()
+    source: Mapped[int] = key()
+    track_id: Mapped[int] = key()
+    bearing_deg: Mapped[float]
+    rate_deg_s: Mapped[float | None]
+    latitude_deg: Mapped[float]  # of the sensor
+    longitude_deg: Mapped[float]
+    vessel_id: Mapped[int | None]
+    updated_s: Mapped[float]
+
+
+class Spot(Base):
+    """The groups into which a cycle cut its tracks."""
+
+    __tablename__ = "spot"
+    __table_args__ = IN_KEY_ORDER
+    run_id: Mapped[int] = of_run()
+    cycle: Mapped[int] = key()
+    spot: Mapped[int] = key()
+    latitude_deg: Mapped[float]
+    longitude_deg: Mapped[float]
+    members: Mapped[int]
+    halo: Mapped[int]
+
+
+class VesselStatic(Base):
+    """The newest name, type and size that came with an MMSI."""
+
+    __tablename__ = "vessel_static"
+    __table_args__ = IN_KEY_ORDER
+    run_id: Mapped[int] = of_run()
+    mmsi: Mapped[int] = key()
+    name: Mapped[str | None] = mapped_column(String(20))
+    call_sign: Mapped[str | None] = mapped_column(String(7))
+    ship_type: Mapped[int | None]
+    length_m: Mapped[float | None]
+    beam_m: Mapped[float | None]
+    updated_s: Mapped[float]
+
+
+class Checkpoint(Base):
+    """The memory of the chain after a cycle: the newest only."""
+
+    __tablename__ = "checkpoint"
+    run_id: Mapped[int] = of_run()
+    cycle: Mapped[int]
+    memory: Mapped[bytes]

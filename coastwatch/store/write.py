@@ -1,0 +1,202 @@
+"""The cycles of a run into the database: one transaction a cycle, so that what stands there is always whole cycles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from sqlalchemy import Connection, Table, bindparam, delete, func, insert, select, update
+
+from coastwatch.batches import Array, Ints, Reports
+from coastwatch.store import columns, statics
+from coastwatch.store.bulk import append
+from coastwatch.store.opening import Store, StoreError, writing
+from coastwatch.store.rewind import rewind
+from coastwatch.store.tables import Base, Checkpoint, Member, Presence, Run, Source
+from coastwatch.store.tables import Cycle as CycleRow
+
+if TYPE_CHECKING:  # to read a database needs no stage of the pipeline, which are slow to import
+    from coastwatch.pipeline import Cycle
+    from coastwatch.scenario import StoreSettings
+
+TABLES = Base.metadata.tables
+
+
+@dataclass(frozen=True, eq=False)
+class Newest:
+    """What the database holds of a run's newest cycle: against it the next one is compared."""
+
+    cycle: int  # -1 before the first
+    members: Ints  # (L, 3) vessel, source, track, sorted
+    vessels: Ints  # (V, 1) sorted
+    source_names: tuple[str, ...]
+    source_kinds: tuple[str, ...]
+    statics: dict[int, statics.Static]
+
+
+def write_cycle(
+    store: Store,
+    run_id: int,
+    number: int,
+    cycle: Cycle,
+    reports: Reports,
+    seconds: Mapping[str, float],
+    keep: StoreSettings,
+    checkpoint: bytes | None = None,
+) -> None:
+    """Write all that one cycle yielded, in one transaction: after a SIGKILL the cycle is there as a whole or not at all.
+
+    The cycle becomes the newest of its run: where the database already holds it or later ones (a run that goes on from an older
+    checkpoint), those are replaced in the same transaction.
+
+    Args: number: of the cycle, from 0; seconds: of each stage, in order; keep: how often the large tables get their rows;
+    checkpoint: the memory after this cycle, where one is to be kept.
+    Raises: StoreError where the run is absent, a cycle is left out, the database is locked or the disk is full.
+    """
+    picture = cycle.picture.take(np.argsort(cycle.picture.vessel_id, kind="stable"))
+    members, moving = columns.memberships(cycle), columns.motion(picture)
+    keeps = number % keep.history_every == 0, number % keep.associations_every == 0
+    with writing(store) as connection:
+        before = store.newest.get(run_id) or _newest(connection, run_id, store.where)
+        if number > before.cycle + 1:
+            raise StoreError(f"{store.where}: run {run_id}: got cycle {number}, needed {before.cycle + 1}")
+        if number <= before.cycle:
+            rewind(connection, run_id, number)
+            before = _newest(connection, run_id, store.where)
+        _cycle_row(connection, run_id, number, cycle, reports, keeps)
+        _timings(connection, run_id, number, seconds, _rows_by_stage(cycle, reports, before.source_kinds))
+        texts = columns.source_texts(picture.vessel_id, members, before.source_names)
+        _replace(connection, "vessel", run_id, columns.vessels(run_id, picture, texts, moving))
+        now = columns.bearing_tracks(run_id, cycle.bearing_tracks, cycle.bearing_associations, cycle.picture)
+        _replace(connection, "bearing_track", run_id, now)
+        _stays(connection, run_id, number, before, members, picture.vessel_id[:, None], picture.since_s)
+        if keeps[0]:
+            append(connection, TABLES["history"], columns.history(run_id, number, picture, moving))
+            append(connection, TABLES["spot"], columns.spots(run_id, number, cycle.spots))
+        if keeps[1]:
+            _associations(connection, run_id, number, cycle, members)
+        known = statics.merge(connection, run_id, before.statics, reports.statics)
+        if checkpoint is not None:
+            connection.execute(delete(Checkpoint).where(Checkpoint.run_id == run_id))
+            connection.execute(insert(Checkpoint).values(run_id=run_id, cycle=number, memory=checkpoint))
+    vessels = picture.vessel_id[:, None]
+    store.newest[run_id] = Newest(number, members, vessels, before.source_names, before.source_kinds, known)
+
+
+def _newest(connection: Connection, run_id: int, where: str) -> Newest:
+    """What the database holds of the newest cycle; the run is marked as running."""
+    running = connection.execute(update(Run).where(Run.id == run_id).values(status="running", finished_utc=None))
+    if running.rowcount == 0:
+        raise StoreError(f"{where}: there is no run {run_id}")
+    cycle = connection.scalar(select(func.max(CycleRow.number)).where(CycleRow.run_id == run_id))
+    members = select(Member.vessel_id, Member.source, Member.track_id).where(Member.run_id == run_id)
+    vessels = select(Presence.vessel_id).where(Presence.run_id == run_id, Presence.to_cycle.is_(None))
+    names = connection.execute(select(Source.name, Source.kind).where(Source.run_id == run_id).order_by(Source.number)).all()
+    return Newest(
+        cycle=-1 if cycle is None else cycle,
+        members=_array(connection, members.order_by(Member.vessel_id, Member.source, Member.track_id), 3),
+        vessels=_array(connection, vessels.order_by(Presence.vessel_id), 1),
+        source_names=tuple(row.name for row in names),
+        source_kinds=tuple(row.kind for row in names),
+        statics=statics.known(connection, run_id),
+    )
+
+
+def _array(connection: Connection, query: Any, width: int) -> Ints:
+    return np.array([tuple(row) for row in connection.execute(query)], np.int64).reshape(-1, width)
+
+
+def _cycle_row(
+    connection: Connection, run_id: int, number: int, cycle: Cycle, reports: Reports, keeps: tuple[bool, bool]
+) -> None:
+    row = {
+        "run_id": run_id,
+        "number": number,
+        "time_s": cycle.time_s,
+        "vessels": len(cycle.picture),
+        "tracks": len(cycle.tracks) + len(cycle.bearing_tracks),
+        "pairs": len(cycle.associations.first),
+        "bearing_pairs": len(cycle.bearing_associations.bearing_row),
+        "reports": len(reports),
+        "history_kept": keeps[0],
+        "associations_kept": keeps[1],
+    }
+    connection.execute(insert(CycleRow), [row])
+
+
+def _rows_by_stage(cycle: Cycle, reports: Reports, kinds: Sequence[str]) -> dict[str, int]:
+    """How many rows each stage yielded; `store` and other stages that yield none are absent."""
+    ais = int((np.array([kind == "ais" for kind in kinds], bool)[cycle.tracks.source]).sum())
+    return {
+        "plots": len(reports.radar),
+        "tracks": len(cycle.tracks) - ais,
+        "ais_tracks": ais,
+        "bearing_tracks": len(cycle.bearing_tracks),
+        "spots": len(cycle.spots.centre_m),
+        "associations": len(cycle.associations.first),
+        "fused_tracks": len(cycle.fused),
+        "picture": len(cycle.picture),
+        "octants": len(cycle.octants.bearing_row),
+        "bearing_associations": len(cycle.bearing_associations.bearing_row),
+    }
+
+
+def _timings(connection: Connection, run_id: int, number: int, seconds: Mapping[str, float], rows: Mapping[str, int]) -> None:
+    stages = list(seconds)
+    same = [[run_id] * len(stages), [number] * len(stages), list(range(len(stages))), stages]
+    append(connection, TABLES["stage_timing"], [*same, [float(s) for s in seconds.values()], [rows.get(s) for s in stages]])
+
+
+def _replace(connection: Connection, name: str, run_id: int, rows: list[columns.Column]) -> None:
+    connection.execute(delete(TABLES[name]).where(TABLES[name].c.run_id == run_id))
+    append(connection, TABLES[name], rows)
+
+
+def _associations(connection: Connection, run_id: int, number: int, cycle: Cycle, members: Ints) -> None:
+    append(connection, TABLES["association"], columns.associations(run_id, number, cycle, members))
+    found = columns.bearing_associations(run_id, number, cycle.bearing_tracks, cycle.bearing_associations, cycle.picture)
+    append(connection, TABLES["bearing_association"], found)
+
+
+def _stays(
+    connection: Connection, run_id: int, number: int, before: Newest, members: Ints, vessels: Ints, since_s: Array
+) -> None:
+    """Open and close what came and went since the last cycle; what stayed costs nothing."""
+    gone, come = _changed(before.members, members)
+    _end(connection, TABLES["member_history"], run_id, number, gone)
+    names = ("vessel_id", "source", "track_id")
+    if len(gone):
+        where = [Member.run_id == run_id, *(TABLES["member"].c[name] == bindparam(f"of_{name}") for name in names)]
+        rows = [{f"of_{name}": x for name, x in zip(names, row, strict=True)} for row in gone.tolist()]
+        connection.execute(delete(TABLES["member"]).where(*where), rows)
+    same, fresh = [run_id] * len(come), come.T.tolist()
+    append(connection, TABLES["member"], [same, *fresh])
+    append(connection, TABLES["member_history"], [same, *fresh, [number] * len(come), [None] * len(come)])
+    gone, come = _changed(before.vessels, vessels)
+    _end(connection, TABLES["presence"], run_id, number, gone)
+    since = columns.plain(since_s[np.searchsorted(vessels[:, 0], come[:, 0])])
+    same = [run_id] * len(come)
+    append(connection, TABLES["presence"], [same, come[:, 0].tolist(), [number] * len(come), [None] * len(come), since])
+
+
+def _end(connection: Connection, table: Table, run_id: int, number: int, gone: Ints) -> None:
+    if not len(gone):
+        return
+    names = ("vessel_id", "source", "track_id")[: gone.shape[1]]
+    where = [table.c[name] == bindparam(f"of_{name}") for name in names]
+    rows = [{f"of_{name}": x for name, x in zip(names, row, strict=True)} for row in gone.tolist()]
+    ending = update(table).where(table.c.run_id == run_id, table.c.to_cycle.is_(None), *where).values(to_cycle=number - 1)
+    connection.execute(ending, rows)
+
+
+def _changed(before: Ints, now: Ints) -> tuple[Ints, Ints]:
+    """Rows that are only in the first and rows that are only in the second of two sorted tables without repetition."""
+    if np.array_equal(before, now):
+        return before[:0], now[:0]
+    rows = np.concatenate([before, now])
+    order = np.lexsort(rows.T[::-1])
+    twin = (rows[order][1:] == rows[order][:-1]).all(1)
+    alone = np.sort(order[~(np.append(twin, False) | np.append(False, twin))])
+    return before[alone[alone < len(before)]], now[alone[alone >= len(before)] - len(before)]

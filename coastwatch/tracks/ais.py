@@ -1,0 +1,187 @@
+"""AIS tracks: one filter a vessel, batched, with late reports in their places and one MMSI in two places kept apart."""
+
+from __future__ import annotations
+
+from typing import Any, Literal, Self
+
+import numpy as np
+from pydantic import Field, PositiveFloat, model_validator
+
+from coastwatch.batches import AisAlarms, AisReports, Bools, Floats, Ints, Sensors, Tracks
+from coastwatch.geodesy import KNOT_M_S
+from coastwatch.stage import Method, Settings
+from coastwatch.tracks.lateness import Memory, Rows, admit, blank, keep, listen
+
+ID_STEP = 2**40  # a track's id is its source times this, and a number that is never given twice
+WIRE_POSITION_M = 0.185  # ITU-R M.1371: latitude and longitude in 1/10,000 minute
+WIRE_SOG_KN = 0.1
+WIRE_COG_DEG = 0.1
+POLAR_SPEED_KN = 2.0  # at which half the variance of a slow vessel's velocity is left across its course
+STILL_SPEED_KN = 0.5  # a report slower than this that has no COG is of a vessel at rest
+TOLERANCE_SIGMAS = 8.0  # of one report, between two
+STAMP_S = 1.0  # what whole seconds of UTC and a wait on the channel do to the time between two reports
+MODEL_FIELDS = {
+    "noise": "noise_m2_s3",
+    "turn_noise": "turn_noise_rad2_s3",
+    "turn_sigma": "turn_sigma_rad_s",
+    "sojourn": "sojourn_s",
+    "share": "share",
+}
+REACH_M = 20e3  # from the anchor of a track's plane: the plane's scale is wrong by 5e-6 there
+
+
+class Motion(Settings):
+    """One model of an IMM."""
+
+    kind: Literal["straight", "turning"]  # constant velocity, or coordinated turn
+    noise_m2_s3: float = Field(ge=0.0)  # density of white acceleration
+    turn_noise_rad2_s3: float = Field(0.0, ge=0.0)  # density of the drift of the turn rate
+    turn_sigma_rad_s: float = Field(0.01, gt=0.0)  # turn rate at which a turn is thought to begin
+    sojourn_s: PositiveFloat  # mean time in this model
+    share: PositiveFloat  # of the time, at the start
+
+
+STEADY = Motion(kind="straight", noise_m2_s3=1e-4, sojourn_s=60.0, share=0.8)
+KICKED = Motion(kind="straight", noise_m2_s3=0.2, sojourn_s=3.0, share=0.1)
+TURNING = Motion(kind="turning", noise_m2_s3=1e-3, turn_noise_rad2_s3=1e-6, sojourn_s=60.0, share=0.1)
+
+
+class AisFilter(Method):
+    """One IMM a vessel over its AIS reports, each in its own tangent plane.
+
+    Reports up to `lateness_s` late give, once they are there, the bits that they would have given in order. A report that no
+    ship could have come to from where its MMSI was opens a second track of that MMSI on trial; the next one that fits
+    confirms it. A vessel gone silent is predicted for patience_s + patience_intervals times its expected interval, which
+    is the longer of the nominal and the learned one; back within `return_s`, it goes on under its id.
+    """
+
+    method: Literal["ais_filter"] = "ais_filter"
+    position_sigma_m: PositiveFloat = 3.33  # of one report, an axis
+    sog_sigma_kn: PositiveFloat = 0.2  # of a reported speed
+    cog_sigma_deg: PositiveFloat = 2.0  # of a reported course at speed; near rest it widens to what the speed's noise allows
+    time_jitter_s: float = Field(0.0, ge=0.0)  # of the time of a fix: 0.4 to 1.0 where reports are stamped on receipt
+    start_speed_sigma_kn: PositiveFloat = 10.0  # of a first report that has no speed
+    models: tuple[Motion, ...] = Field((STEADY, KICKED, TURNING), min_length=1, max_length=3)  # of the IMM
+    lateness_s: float = Field(10.0, ge=0.0)  # from fix to receipt, up to which a report is put in its place
+    ahead_s: float = Field(5.0, ge=0.0)  # a fix up to so far after its receipt is kept until its time has come
+    repeat_s: float = Field(1.5, ge=0.0)  # the same place again so soon is the same fix again
+    max_speed_kn: PositiveFloat = 60.0  # no ship goes faster from one report to the next
+    alarm_s: PositiveFloat = 60.0  # how long an impossible speed stays flagged
+    patience_s: PositiveFloat = 20.0  # for which a silent vessel is predicted, and besides for
+    patience_intervals: PositiveFloat = 3.0  # so many of its expected intervals
+    interval_moving_s: PositiveFloat = 10.0  # class A under way: the slowest that ITU-R M.1371 has
+    interval_moving_b_s: PositiveFloat = 30.0  # class B under way
+    interval_slow_s: PositiveFloat = 180.0  # at anchor, moored, or class B slower than 2 kn
+    slow_kn: PositiveFloat = 1.0  # under which that interval is expected
+    return_s: PositiveFloat = 3600.0  # for which a lost vessel's id is kept
+
+    @model_validator(mode="after")
+    def _memory_outlasts_lateness(self) -> Self:
+        if self.return_s <= 2.0 * self.lateness_s:
+            raise ValueError(f"return_s: got {self.return_s}, needed more than twice lateness_s ({self.lateness_s})")
+        return self
+
+    def init(self) -> Memory:
+        return blank()
+
+    def step(self, memory: Memory, reports: AisReports, time_s: float, sensors: Sensors) -> tuple[Memory, Tracks, AisAlarms]:
+        """Tracks of all vessels that are heard, predicted to `time_s`, and what is odd about each, row by row.
+
+        Args: memory: of the cycle before; reports: those that arrived since, in any order; time_s: now; sensors: the scenario's.
+        Returns: memory, Tracks sorted by MMSI, AisAlarms in the same order.
+        Raises: ValueError: time_s is not after that of the cycle before.
+        """
+        if not time_s > memory.now.time_s:
+            raise ValueError(f"AisFilter.step time_s: got {time_s}, needed a time after the last cycle's, {memory.now.time_s}")
+        rules = self._rules()
+        fresh, memory = admit(memory, reports, time_s, self.lateness_s, self.ahead_s)
+        if len(fresh):
+            memory = listen(memory, fresh, rules)
+        tracks = memory.now.tracks
+        forgotten = time_s - tracks["updated"] > self.return_s + self.lateness_s
+        if forgotten.any():
+            tracks = tracks[~forgotten]
+        nameless = (tracks["confirmed"] == 1) & (tracks["number"] < 0)
+        counter = memory.counter + int(nameless.sum())
+        if counter > memory.counter:
+            tracks = tracks.copy()
+            tracks["number"][nameless] = np.arange(memory.counter, counter)
+        memory = keep(memory, fresh, tracks, counter, time_s, self.lateness_s)
+        shown = np.flatnonzero((tracks["confirmed"] == 1) & (time_s - tracks["updated"] <= tracks["patience"]))
+        return memory, *self._show(tracks, shown, time_s, sensors.ais_source, rules)
+
+    def _show(self, tracks: Rows, shown: Ints, time_s: float, source: int, rules: Any) -> tuple[Tracks, AisAlarms]:
+        from coastwatch.kernels.ais_filter import foresee
+
+        n = len(shown)
+        position, velocity, covariance = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 4, 4))
+        foresee(tracks, shown, time_s, rules, position, velocity, covariance)
+        said = {name: tracks[name][shown] for name in ("mmsi", "number", "origin", "updated", "started", "alarm")}
+        out = Tracks(
+            track_id=source * ID_STEP + said["number"],
+            source=np.full(n, source, np.int64),
+            time_s=np.full(n, float(time_s)),
+            position_deg=position,
+            velocity_m_s=velocity,
+            covariance=covariance,
+            report_covariance=np.tile(np.eye(2) * rules["position_variance"], (n, 1, 1)),
+            updated_s=said["updated"],
+            started_s=said["started"],
+            mmsi=said["mmsi"],
+            origin=said["origin"],
+        )
+        twice = _twice(out.mmsi, out.started_s, out.updated_s)
+        alarms = AisAlarms(track_id=out.track_id, mmsi=out.mmsi, impossible_speed=said["alarm"] > time_s, twice=twice)
+        return out, alarms
+
+    def _rules(self) -> Any:
+        """The settings as the kernel takes them."""
+        from coastwatch.kernels.ais_filter import RULES
+
+        knot2 = KNOT_M_S**2
+        max_speed = self.max_speed_kn * KNOT_M_S
+        one = {
+            "position_variance": self.position_sigma_m**2 + WIRE_POSITION_M**2 / 12.0,
+            "sog_variance": (self.sog_sigma_kn**2 + WIRE_SOG_KN**2 / 12.0) * knot2,
+            "cog_variance": np.radians(1.0) ** 2 * (self.cog_sigma_deg**2 + WIRE_COG_DEG**2 / 12.0),
+            "still_speed": STILL_SPEED_KN * KNOT_M_S,
+            "polar_speed": POLAR_SPEED_KN * KNOT_M_S,
+            "jitter": self.time_jitter_s,
+            "start_speed_variance": self.start_speed_sigma_kn**2 * knot2,
+            "max_speed": max_speed,
+            "tolerance": TOLERANCE_SIGMAS * self.position_sigma_m + max_speed * (STAMP_S + self.time_jitter_s),
+            "repeat": self.repeat_s,
+            "patience_least": self.patience_s,
+            "patience_factor": self.patience_intervals,
+            "moving_a": self.interval_moving_s,
+            "moving_b": self.interval_moving_b_s,
+            "slow": self.interval_slow_s,
+            "slow_speed": self.slow_kn * KNOT_M_S,
+            "forget": self.return_s,
+            "alarm": self.alarm_s,
+            "reach": REACH_M,
+        }
+        rules = np.zeros(1, RULES)
+        for name, value in one.items():
+            rules[name] = value
+        used = rules["models"] = len(self.models)
+        for name, of_model in MODEL_FIELDS.items():
+            rules[name][0, :used] = [getattr(m, of_model) for m in self.models]
+        rules["kind"][0, :used] = [m.kind == "turning" for m in self.models]
+        rules["share"] /= rules["share"].sum()
+        return rules[0]
+
+
+def refused(memory: Memory) -> dict[str, int]:
+    """How many reports were not taken into the track they name, by kind, since the start."""
+    return dict(memory.refused)
+
+
+def _twice(mmsi: Ints, started: Floats, updated: Floats) -> Bools:
+    """Which tracks, sorted by MMSI, were heard at the same time as another of their MMSI: a jump is none."""
+    out = np.zeros(len(mmsi), bool)
+    for k in (1, 2, 3):  # lateness.SLOTS less one
+        same = (mmsi[k:] == mmsi[:-k]) & (updated[k:] > started[:-k]) & (updated[:-k] > started[k:])
+        out[k:] |= same
+        out[:-k] |= same
+    return out

@@ -1,0 +1,278 @@
+"""AIS reports that come late give the answer that they would have given in order: snapshots, a log, and playing again.
+
+Memory is never written to, so a snapshot of all tracks at the end of a former cycle costs a reference. Two are kept: `old`,
+from before anything that may still arrive, and `recent`. The log has what was admitted since `old`, one entry a cycle. A late
+report sends its vessel alone, and no other, back to the snapshot before it; the log is played again from there. What is kept
+is bounded by time: no more than twice the lateness and two cycles of reports.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coastwatch.batches import AisReports, Bools, Ints
+from coastwatch.geodesy import KNOT_M_S
+
+Rows = NDArray[np.void]  # structured: coastwatch.kernels.ais_filter.REPORT or TRACK
+SLOTS = 4  # tracks of one MMSI at most, the one on trial included
+TOP_SOG_KN = 102.2  # ITU-R M.1371: what is above says that there is none, as does a COG of 360
+VERDICTS = ("repeated position", "impossible speed", "crowded")  # of coastwatch.kernels.ais, from REPEAT on
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """All tracks as they were when a cycle ended: every admitted report up to its time is in them, no other."""
+
+    time_s: float
+    tracks: Rows  # sorted by mmsi
+
+
+@dataclass(frozen=True, eq=False)
+class Memory:
+    """The tracks of all vessels, and what it takes to go back by the lateness."""
+
+    now: Snapshot
+    recent: Snapshot
+    old: Snapshot
+    log: tuple[Rows, ...]  # admitted in the cycles since `old`, each sorted by `in_order`
+    log_time_s: tuple[float, ...]  # when each of these cycles ended
+    held: Rows  # reports of a time still to come
+    counter: int  # tracks numbered so far
+    refused: dict[str, int]
+
+
+def blank() -> Memory:
+    """The memory before the first cycle."""
+    from coastwatch.kernels.ais_filter import REPORT, TRACK
+
+    nothing = Snapshot(-np.inf, np.zeros(0, TRACK))
+    return Memory(nothing, nothing, nothing, (), (), np.zeros(0, REPORT), 0, {})
+
+
+def in_order(reports: Rows) -> Ints:
+    """The indices that sort reports by vessel, then time, then all that is in them: no order of arrival is left."""
+    order = np.lexsort((reports["time"], reports["mmsi"]))
+    mmsi, time = reports["mmsi"][order], reports["time"][order]
+    again = (mmsi[1:] == mmsi[:-1]) & (time[1:] == time[:-1])
+    if again.any():
+        tied = np.flatnonzero(np.append(again, False) | np.append(False, again))
+        some = reports[order[tied]]
+        names = ("origin", "class_b", "cog", "sog", "lon", "lat", "time", "mmsi")
+        order[tied] = order[tied][np.lexsort([some[n] for n in names])]
+    return order
+
+
+def vessels(reports: Rows) -> tuple[Ints, Ints, Ints]:
+    """Each MMSI in reports sorted by it, and the rows where its reports begin and end."""
+    mmsi = reports["mmsi"]
+    begin = np.flatnonzero(np.append(True, mmsi[1:] != mmsi[:-1])[: len(mmsi)])
+    return mmsi[begin], begin, np.append(begin[1:], len(mmsi)).astype(np.int64)
+
+
+def among(mmsi: Ints, chosen: Ints) -> Bools:
+    """Which of these numbers are among the chosen, which are sorted."""
+    if not len(chosen):
+        return np.zeros(len(mmsi), bool)
+    at = np.minimum(np.searchsorted(chosen, mmsi), len(chosen) - 1)
+    found: Bools = chosen[at] == mmsi
+    return found
+
+
+def records(reports: AisReports) -> Rows:
+    """The reports as rows for the kernel, in SI and radians."""
+    from coastwatch.kernels.ais_filter import REPORT
+
+    rows = np.empty(len(reports), REPORT)
+    rows["time"], rows["mmsi"] = reports.time_s, reports.mmsi
+    rows["lat"], rows["lon"] = reports.position_deg[:, 0] + 0.0, reports.position_deg[:, 1] + 0.0  # no -0.0: bits are compared
+    speed, course = reports.sog_kn, reports.cog_deg
+    rows["sog"] = np.where((speed >= 0.0) & (speed <= TOP_SOG_KN), speed * KNOT_M_S, np.nan)
+    rows["cog"] = np.where((course >= 0.0) & (course < 360.0), np.radians(course), np.nan)
+    rows["class_b"], rows["origin"] = reports.class_b, reports.origin
+    return rows
+
+
+def admit(memory: Memory, reports: AisReports, time_s: float, lateness_s: float, ahead_s: float) -> tuple[Rows, Memory]:
+    """The reports to take now, sorted by `in_order`, and the memory with the rest held or counted as refused."""
+    rows = records(reports)
+    received = np.where(np.isfinite(reports.received_s), np.minimum(reports.received_s, time_s), time_s)
+    lat, lon, time = rows["lat"], rows["lon"], rows["time"]
+    delay = np.where(np.isfinite(time), received - time, 0.0)
+    wrong = {
+        "time not finite": ~np.isfinite(time),
+        "not a position": ~((np.abs(lat) < 90.0) & (np.abs(lon) <= 180.0)),
+        "not an MMSI": (rows["mmsi"] <= 0) | (rows["mmsi"] > 999_999_999),
+        "from the future": delay < -ahead_s,
+        "too late": (delay > lateness_s) | (time <= memory.old.time_s),
+    }
+    refused, good = dict(memory.refused), np.ones(len(rows), bool)
+    for kind, bad in wrong.items():
+        _count(refused, kind, int((good & bad).sum()))
+        good &= ~bad
+    rows = np.concatenate([memory.held, rows[good]])
+    wait = rows["time"] > time_s
+    held, rows = rows[wait], rows[~wait]
+    rows = rows[in_order(rows)]
+    fresh = rows[~_said_before(memory, rows)]
+    _count(refused, "duplicate", len(rows) - len(fresh))
+    return fresh, replace(memory, held=held, refused=refused)
+
+
+def _count(refused: dict[str, int], kind: str, count: int) -> None:
+    if count:
+        refused[kind] = refused.get(kind, 0) + count
+
+
+def _repeats(rows: Rows) -> Bools:
+    """Which rows have vessel, time and place of the row before."""
+    same = np.ones(max(len(rows) - 1, 0), bool)
+    for name in ("mmsi", "time", "lat", "lon"):
+        same &= rows[name][1:] == rows[name][:-1]
+    return np.append(False, same)[: len(rows)]
+
+
+def _said_before(memory: Memory, rows: Rows) -> Bools:
+    """Which reports, sorted by `in_order`, are in the log already or twice among themselves."""
+    again = _repeats(rows)
+    back = np.flatnonzero(rows["time"] <= _heard(memory.now.tracks, rows["mmsi"]))
+    if len(back):
+        logged = _logged(memory, np.unique(rows["mmsi"][back]))
+        both = np.concatenate([logged, rows[back]])
+        order = np.lexsort((both["lon"], both["lat"], both["time"], both["mmsi"]))  # stable: the logged come first
+        again[back] |= _repeats(both[order])[np.argsort(order)][len(logged) :]
+    return again
+
+
+def _heard(tracks: Rows, mmsi: Ints) -> NDArray[np.float64]:
+    """When each vessel's newest report was, -inf for a vessel unknown."""
+    if not len(tracks):
+        return np.full(len(mmsi), -np.inf)
+    known = np.ascontiguousarray(tracks["mmsi"])  # the rows are wide: a search among them misses the cache at every step
+    at = np.minimum(np.searchsorted(known, mmsi), len(tracks) - 1)
+    return np.where(known[at] == mmsi, tracks["heard"][at], -np.inf)
+
+
+def _logged(memory: Memory, mmsi: Ints) -> Rows:
+    """What the log has of these vessels since the old snapshot."""
+    parts = [entry[among(entry["mmsi"], mmsi) & (entry["time"] > memory.old.time_s)] for entry in memory.log]
+    return np.concatenate([memory.held[:0], *parts])
+
+
+def _edges(rows: Rows, mmsi: Ints) -> tuple[Ints, Ints]:
+    """Where the rows of each vessel begin and end, among rows sorted by MMSI."""
+    known = np.ascontiguousarray(rows["mmsi"])
+    return np.searchsorted(known, mmsi), np.searchsorted(known, mmsi, side="right")
+
+
+def advance(tracks: Rows, mmsi: Ints, reports: Rows, rules: Any) -> tuple[Rows, Ints]:
+    """The tracks of these vessels after their reports, sorted by MMSI, and the verdict on each report.
+
+    Args: tracks: sorted by mmsi; mmsi: (V,) sorted; reports: of these vessels only, sorted by `in_order`.
+    """
+    from coastwatch.kernels.ais import absorb
+
+    (low, high), (begin, end) = _edges(tracks, mmsi), _edges(reports, mmsi)
+    verdict, stuck = np.zeros(len(reports), np.int64), np.zeros(len(mmsi), bool)
+    if len(tracks):
+        lone = tracks[np.minimum(low, len(tracks) - 1)]
+        lone[low == high] = np.zeros(1, tracks.dtype)
+    else:
+        lone = np.zeros(len(mmsi), tracks.dtype)
+    several = high - low > 1
+    absorb(lone, np.arange(len(mmsi)), 1, reports, begin, np.where(several, begin, end), rules, stuck, verdict)
+    again = np.flatnonzero(several | stuck)
+    if not len(again) and lone["hits"].all():
+        return lone, verdict
+    wide = np.zeros(len(again) * SLOTS, tracks.dtype)
+    for k in range(SLOTS):
+        there = np.flatnonzero(low[again] + k < high[again])
+        wide[there * SLOTS + k] = tracks[low[again][there] + k]
+    absorb(wide, np.arange(len(again)) * SLOTS, SLOTS, reports, begin[again], end[again], rules, stuck[again], verdict)
+    lone["hits"][again] = 0
+    rows = np.concatenate([lone, wide])
+    rows = rows[rows["hits"] > 0]
+    return rows[np.argsort(rows["mmsi"], kind="stable")], verdict
+
+
+def put(tracks: Rows, mmsi: Ints, rows: Rows) -> Rows:
+    """Tracks with all those of these vessels (sorted) exchanged for others, sorted by MMSI."""
+    out = among(tracks["mmsi"], mmsi)
+    if out.all():
+        return rows
+    if np.array_equal(tracks["mmsi"][out], rows["mmsi"]):
+        tracks = tracks.copy()
+        tracks[out] = rows
+        return tracks
+    return _merge(tracks[~out], rows)
+
+
+def _merge(first: Rows, second: Rows) -> Rows:
+    """Two sets of rows as one, sorted by MMSI."""
+    order = np.argsort(np.concatenate([first["mmsi"], second["mmsi"]]), kind="stable")
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    out = np.empty(len(order), first.dtype)
+    out[place[: len(first)]], out[place[len(first) :]] = first, second
+    return out
+
+
+def listen(memory: Memory, fresh: Rows, rules: Any) -> Memory:
+    """The memory with the admitted reports in its tracks, in order of their times wherever the lateness allows."""
+    mmsi, begin, _ = vessels(fresh)
+    late = fresh["time"][begin] <= np.maximum(_heard(memory.now.tracks, mmsi), memory.recent.time_s)
+    behind = among(fresh["mmsi"], mmsi[late])
+    rows, verdict = advance(memory.now.tracks, mmsi[~late], fresh[~behind], rules)
+    recent, refused = memory.recent, dict(memory.refused)
+    _judge(refused, verdict)
+    if late.any():
+        recent, played = _play_again(memory, mmsi[late], fresh[behind], rules, refused)
+        rows = _merge(rows, played)
+    now = replace(memory.now, tracks=put(memory.now.tracks, mmsi, rows))
+    return replace(memory, now=now, recent=recent, refused=refused)
+
+
+def _play_again(memory: Memory, mmsi: Ints, fresh: Rows, rules: Any, refused: dict[str, int]) -> tuple[Snapshot, Rows]:
+    """The recent snapshot and the tracks of these vessels, with late reports in their places; counts into refused."""
+    logged = _logged(memory, mmsi)
+    play = np.concatenate([logged, fresh])
+    order = in_order(play)
+    play, new = play[order], order >= len(logged)
+    recent = memory.recent
+    first = np.unique(fresh["mmsi"][fresh["time"] <= recent.time_s])
+    before = play["time"] <= recent.time_s
+    if len(first):
+        part = before & among(play["mmsi"], first)
+        rows, verdict = advance(memory.old.tracks, first, play[part], rules)
+        _judge(refused, verdict[new[part]])
+        recent = replace(recent, tracks=put(recent.tracks, first, _numbered(recent.tracks, rows, first)))
+    rows, verdict = advance(recent.tracks, mmsi, play[~before], rules)
+    _judge(refused, verdict[new[~before]])
+    return recent, _numbered(memory.now.tracks, rows, mmsi)
+
+
+def _judge(refused: dict[str, int], verdict: Ints) -> None:
+    for code, kind in enumerate(VERDICTS, start=1):
+        _count(refused, kind, int((verdict == code).sum()))
+
+
+def _numbered(former: Rows, rows: Rows, mmsi: Ints) -> Rows:
+    """Tracks that came out of playing again, with the numbers they had before."""
+    from coastwatch.kernels.ais import carry_numbers
+
+    rows = rows.copy()
+    carry_numbers(former, *_edges(former, mmsi), rows, *_edges(rows, mmsi))
+    return rows
+
+
+def keep(memory: Memory, fresh: Rows, tracks: Rows, counter: int, time_s: float, lateness_s: float) -> Memory:
+    """The memory at the end of a cycle: snapshots moved on where the lateness allows, the log cut to what they need."""
+    now, recent, old = Snapshot(time_s, tracks), memory.recent, memory.old
+    if recent.time_s <= time_s - lateness_s:
+        old, recent = recent, now
+    entries = [(t, e) for t, e in zip((*memory.log_time_s, time_s), (*memory.log, fresh), strict=True) if t > old.time_s]
+    log, times = tuple(e for _, e in entries), tuple(t for t, _ in entries)
+    return replace(memory, now=now, recent=recent, old=old, log=log, log_time_s=times, counter=counter)

@@ -1,0 +1,137 @@
+"""Which plot belongs to which track: gates, gains and the global nearest neighbour, or the known origin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from coastwatch.batches import Array, Bools, Floats, Ints, Plots
+from coastwatch.geodesy import KNOT_M_S
+from coastwatch.kernels.assignment import assign
+from coastwatch.kernels.gating import near_pairs
+from coastwatch.kernels.gaussian import gate, squared_distance
+from coastwatch.tracks.motion import Filters
+from coastwatch.tracks.table import Bank, Stage, Table, with_plots
+from coastwatch.tracks.upkeep import Upkeep
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Pairs of a track and a plot inside its gate, and what each would make of the other."""
+
+    track: Ints  # (A,) row of the table
+    plot: Ints  # (A,) row of the plots
+    gain: Floats  # (A,) log-likelihood ratio of "its plot" against "missed, and the plot is of nothing known"
+    fresh: Bools  # (A,) the track has had no plot of this radar in this look
+    after: Filters  # (A, ...) the track after the plot
+
+    def take(self, rows: Array) -> Candidates:
+        return Candidates(self.track[rows], self.plot[rows], self.gain[rows], self.fresh[rows], self.after.take(rows))
+
+
+def absorb(bank: Bank, filters: Filters, dt_s: Floats, plots: Plots) -> tuple[Filters, Floats, Floats]:
+    """Filters after a plot each, its log-likelihood and its squared distance in standard deviations.
+
+    A plot older than what the filter has seen is brought forward by the velocity and is as much less certain.
+    Args: filters: (A, ...); dt_s: (A,) from the filter to the plot; plots: (A,).
+    """
+    late = np.minimum(dt_s, 0.0)
+    predicted = bank.predict(filters, np.maximum(dt_s, 0.0))
+    mean, spread = bank.estimate(predicted)
+    z = plots.position_m - mean[:, 2:4] * late[:, None]
+    noise = plots.covariance + spread[:, 2:4, 2:4] * (late**2)[:, None, None]
+    after, fit = bank.update(predicted, z, noise)
+    return after, fit, squared_distance(z - mean[:, :2], spread[:, :2, :2] + noise)
+
+
+def candidates(upkeep: Upkeep, bank: Bank, table: Table, rows: Ints, plots: Plots, period_s: Floats) -> Candidates:
+    """Every pair of one of these tracks and a plot inside its gate, sorted by track, then plot.
+
+    Args: rows: (B,) of the table; plots: of one slice of time; period_s: (R,) of one turn of each radar.
+    """
+    furthest = gate(upkeep.gate_probability, 2)
+    track, plot = _near(bank, table, rows, plots, furthest)
+    dt = plots.time_s[plot] - table.updated_s[track]
+    usable = dt >= -upkeep.late_s
+    track, plot, dt = track[usable], plot[usable], dt[usable]
+    after, fit, square = absorb(bank, table.filters.take(track), dt, plots.take(plot))
+    inside = (square <= furthest) & _reachable(upkeep, table, track, plots, plot, dt)
+    radar = plots.sensor[plot]
+    fresh = plots.time_s[plot] - table.radar_s[track, radar] > 0.5 * period_s[radar]
+    found = upkeep.detection_probability / (1.0 - upkeep.detection_probability)
+    gain = fit + np.log(found / upkeep.false_plots_per_m2)
+    return Candidates(track, plot, gain, fresh, after).take(inside)
+
+
+def _near(bank: Bank, table: Table, rows: Ints, plots: Plots, furthest: float) -> tuple[Ints, Ints]:
+    """Pairs that cannot be ruled out from where the tracks are at the middle of the slice."""
+    middle = 0.5 * (plots.time_s.min() + plots.time_s.max())
+    half = 0.5 * float(plots.time_s.max() - plots.time_s.min())
+    mean, spread = bank.estimate(bank.predict(table.filters.take(rows), np.maximum(middle - table.updated_s[rows], 0.0)))
+    widest = float(np.trace(plots.covariance, axis1=1, axis2=2).max())
+    rate_spread = np.sqrt(spread[:, 2, 2] + spread[:, 3, 3])
+    sigma = np.sqrt(spread[:, 0, 0] + spread[:, 1, 1] + widest) + half * rate_spread
+    reach = np.sqrt(furthest) * sigma + half * np.hypot(mean[:, 2], mean[:, 3])
+    track, plot = near_pairs(mean[:, :2], reach, plots.position_m)
+    return rows[track], plot
+
+
+def _reachable(upkeep: Upkeep, table: Table, track: Ints, plots: Plots, plot: Ints, dt_s: Floats) -> Bools:
+    """Whether a track of one plot could have come here within the greatest speed, give or take three standard deviations."""
+    gap = plots.position_m[plot] - table.state[track, 0, :2]
+    noise = plots.covariance[plot] + table.covariance[track, 0, :2, :2]
+    slack = 3.0 * np.sqrt(np.trace(noise, axis1=1, axis2=2))
+    within = np.hypot(gap[:, 0], gap[:, 1]) <= upkeep.max_speed_kn * KNOT_M_S * np.abs(dt_s) + slack
+    reachable: Bools = within | (table.stage[track] != Stage.SINGLE)
+    return reachable
+
+
+def choose(table: Table, pairs: Candidates, plots: Plots, radars: int) -> Bools:
+    """Which pairs to believe: confirmed tracks choose first, then tentative ones from what is left.
+
+    Each radar gives a track one plot at most, each plot goes to one track at most.
+    Returns: (A,).
+    """
+    chosen = np.zeros(len(pairs.track), np.bool_)
+    left = pairs.track * radars + plots.sensor[pairs.plot]
+    taken = np.zeros(len(plots), np.bool_)
+    for stage in (Stage.CONFIRMED, Stage.TENTATIVE, Stage.SINGLE):
+        rows = np.flatnonzero((table.stage[pairs.track] == stage) & pairs.fresh & ~taken[pairs.plot])
+        won = rows[assign(left[rows], pairs.plot[rows], pairs.gain[rows])]
+        chosen[won] = True
+        taken[pairs.plot[won]] = True
+    return chosen
+
+
+def apply(bank: Bank, table: Table, track: Ints, plot: Ints, plots: Plots, first: Filters | None) -> Table:
+    """The table after these pairs, each track's plots in order of time, in rounds of one plot a track.
+
+    Args: track, plot: (B,); first: (B, ...) each track after this plot alone, where that is at hand.
+    """
+    order = np.lexsort((plot, plots.time_s[plot], track))
+    start = np.searchsorted(track[order], track[order], side="left")
+    turn = np.arange(len(order)) - start
+    for k in range(int(turn.max(initial=-1)) + 1):
+        at = order[turn == k]
+        taken, rows = plots.take(plot[at]), track[at]
+        if k == 0 and first is not None:
+            after = first.take(at)
+        else:
+            after, _, _ = absorb(bank, table.filters.take(rows), taken.time_s - table.updated_s[rows], taken)
+        table = with_plots(table, rows, after, taken)
+    return table
+
+
+def begins(pairs: Candidates, chosen: Bools, plots: Plots) -> Bools:
+    """Which plots may begin a track: unused, and inside the gate of no track that may still be waiting for one.
+
+    A track that has had this look's plot of the same radar waits for none: a vessel gives a radar one plot a look.
+    Args: pairs, chosen: of the tracks of more than one plot. Returns: (M,).
+    """
+    free = np.ones(len(plots), np.bool_)
+    free[pairs.plot[chosen]] = False
+    radars = int(plots.sensor.max(initial=0)) + 1
+    wanted = pairs.track * radars + plots.sensor[pairs.plot]
+    free[pairs.plot[pairs.fresh & ~np.isin(wanted, wanted[chosen])]] = False
+    return free

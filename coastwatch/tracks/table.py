@@ -1,0 +1,169 @@
+"""What the radar tracker keeps between cycles: a table of tracks, and what it knows of its radars."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from typing import Protocol
+
+import numpy as np
+
+from coastwatch.batches import Array, Batch, Bools, Floats, Ints, Plots, Sensors, column
+from coastwatch.geodesy import to_plane
+from coastwatch.tracks.motion import Filters, Motion
+
+NEWEST = 5  # plots whose origin is kept, for the scores
+
+
+class Stage(IntEnum):
+    """How far a track has come."""
+
+    SINGLE = 0  # one plot
+    TENTATIVE = 1
+    CONFIRMED = 2
+
+
+class Bank(Protocol):
+    """A bank of filters, one a track: what the tracker needs done, whoever does it."""
+
+    def predict(self, filters: Filters, dt_s: Floats) -> Filters:
+        """The filters after dt_s (N,), not negative."""
+        ...
+
+    def update(self, filters: Filters, position_m: Floats, covariance: Floats) -> tuple[Filters, Floats]:
+        """The filters after a plot each, (N, 2) and (N, 2, 2), and the logarithm of its likelihood (N,)."""
+        ...
+
+    def estimate(self, filters: Filters) -> tuple[Floats, Floats]:
+        """Mean (N, 5) and covariance (N, 5, 5) over the models."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Table(Batch):
+    """Tracks of one region, the older first."""
+
+    track_id: Ints = column(np.int64, "N")  # increasing
+    stage: Ints = column(np.int64, "N")
+    state: Floats = column(np.float64, "N", "J", 5)  # at updated_s
+    covariance: Floats = column(np.float64, "N", "J", 5, 5)
+    mode: Floats = column(np.float64, "N", "J")
+    started_s: Floats = column(np.float64, "N")
+    updated_s: Floats = column(np.float64, "N")  # newest plot
+    hits: Ints = column(np.int64, "N")
+    radar_s: Floats = column(np.float64, "N", "R")  # newest plot of each radar, -inf where there is none
+    origins: Ints = column(np.int64, "N", NEWEST)  # of the newest plots, newest first; -1 beyond the first
+
+    @property
+    def filters(self) -> Filters:
+        return Filters(self.state, self.covariance, self.mode)
+
+
+@dataclass(frozen=True, eq=False)
+class Twins(Batch):
+    """Pairs of tracks that may be one vessel."""
+
+    first: Ints = column(np.int64, "A")  # track ids
+    second: Ints = column(np.int64, "A")
+    since_s: Floats = column(np.float64, "A")
+
+
+@dataclass(frozen=True, eq=False)
+class RadarMemory:
+    """One region between two cycles."""
+
+    table: Table
+    twins: Twins
+    next_id: int  # within the region
+    site_m: Floats  # (R, 2) where each radar was last, NaN where it has sent nothing
+    heard_s: Floats  # (R,) newest plot of each radar, -inf where it has sent nothing
+    dropped: int  # plots that are not finite or from the future
+
+    @classmethod
+    def empty(cls, motion: Motion) -> RadarMemory:
+        """No track, and no radar heard."""
+        return cls(Table.empty(J=motion.count), Twins.empty(), 1, np.zeros((0, 2)), np.zeros(0), 0)
+
+    def for_radars(self, count: int) -> RadarMemory:
+        """This memory with room for so many radars; it has room already but before the first cycle.
+
+        Raises: ValueError where the memory is of a scenario with another number of radars.
+        """
+        if len(self.heard_s) == count:
+            return self
+        if len(self.heard_s):
+            raise ValueError(f"memory of radar tracks: got {len(self.heard_s)} radars, needed {count}")
+        table = Table.empty(J=self.table.mode.shape[1], R=count)
+        return replace(self, table=table, site_m=np.full((count, 2), np.nan), heard_s=np.full(count, -np.inf))
+
+    def hear(self, plots: Plots) -> RadarMemory:
+        """This memory with the radars' places and times of these plots, sorted by time."""
+        site, heard = self.site_m.copy(), self.heard_s.copy()
+        site[plots.sensor] = plots.site_m
+        np.maximum.at(heard, plots.sensor, plots.time_s)
+        return replace(self, site_m=site, heard_s=heard)
+
+
+@dataclass(frozen=True, eq=False)
+class Coverage:
+    """Which radars of a region see which place."""
+
+    radars: Ints  # (R',) of this region
+    site_m: Floats  # (R', 2)
+    range_m: Floats  # (R',)
+    period_s: Floats  # (R',)
+
+    def sees(self, position_m: Floats) -> Bools:
+        """Whether each radar reaches each place. (N, R')"""
+        gap = position_m[:, None] - self.site_m
+        within: Bools = np.hypot(gap[..., 0], gap[..., 1]) <= self.range_m
+        return within
+
+
+def coverage_of(memory: RadarMemory, sensors: Sensors, region: int) -> Coverage:
+    """The radars of a region where they were last, and those not heard yet where their specification puts them."""
+    radars = np.flatnonzero(sensors.radars.region == region)
+    specified = to_plane(sensors.radars.site_deg[radars], sensors.region_origin_deg[region])
+    seen = memory.site_m[radars]
+    site = np.where(np.isfinite(seen), seen, specified)
+    return Coverage(radars, site, sensors.radars.range_m[radars], sensors.radars.period_s[radars])
+
+
+def started(motion: Motion, plots: Plots, first_id: int, radars: int) -> Table:
+    """A track for each of these plots."""
+    n = len(plots)
+    filters = motion.start(plots.position_m, plots.covariance)
+    radar_s = np.full((n, radars), -np.inf)
+    radar_s[np.arange(n), plots.sensor] = plots.time_s
+    origins = np.full((n, NEWEST), -1, np.int64)
+    origins[:, 0] = plots.origin
+    return Table(
+        track_id=first_id + np.arange(n, dtype=np.int64),
+        stage=np.full(n, Stage.SINGLE, np.int64),
+        state=filters.state,
+        covariance=filters.covariance,
+        mode=filters.mode,
+        started_s=plots.time_s.copy(),
+        updated_s=plots.time_s.copy(),
+        hits=np.ones(n, np.int64),
+        radar_s=radar_s,
+        origins=origins,
+    )
+
+
+def with_plots(table: Table, rows: Ints, filters: Filters, plots: Plots) -> Table:
+    """The table after one plot for each of these rows, no row twice.
+
+    Args: rows: (B,); filters: of these rows, after the plots; plots: (B,).
+    """
+    new: dict[str, Array] = {
+        name: getattr(table, name).copy()
+        for name in ("state", "covariance", "mode", "updated_s", "hits", "radar_s", "origins", "stage")
+    }
+    new["state"][rows], new["covariance"][rows], new["mode"][rows] = filters
+    new["updated_s"][rows] = np.maximum(table.updated_s[rows], plots.time_s)
+    new["hits"][rows] += 1
+    new["radar_s"][rows, plots.sensor] = np.maximum(table.radar_s[rows, plots.sensor], plots.time_s)
+    new["origins"][rows] = np.column_stack([plots.origin, table.origins[rows, :-1]])
+    new["stage"][rows] = np.maximum(table.stage[rows], Stage.TENTATIVE)
+    return replace(table, **new)

@@ -1,0 +1,14 @@
+"""Run by Alembic around the migrations. coastwatch/store/migrate.py hands over a connection in whose transaction they run."""
+
+from alembic import context
+
+from coastwatch.store.tables import REVISION_TABLE, Base
+
+context.configure(
+    connection=context.config.attributes["connection"],
+    target_metadata=Base.metadata,
+    version_table=REVISION_TABLE,
+    transactional_ddl=True,
+)
+with context.begin_transaction():
+    context.run_migrations()

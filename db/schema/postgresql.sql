@@ -1,0 +1,216 @@
+-- Generated from coastwatch/store/tables.py, schema 0002; `make docs` or write_schemas() writes it again.
+
+CREATE TABLE run (
+	id BIGSERIAL NOT NULL,
+	scenario TEXT NOT NULL,
+	title TEXT NOT NULL,
+	seed BIGINT NOT NULL,
+	version VARCHAR(32) NOT NULL,
+	settings JSON NOT NULL,
+	command TEXT NOT NULL,
+	started_utc VARCHAR(32) NOT NULL,
+	finished_utc VARCHAR(32),
+	status VARCHAR(16) NOT NULL,
+	period_s FLOAT(53) NOT NULL,
+	cycles BIGINT NOT NULL,
+	warmup_cycles BIGINT NOT NULL,
+	start_s FLOAT(53) NOT NULL,
+	workers BIGINT NOT NULL,
+	scores JSON,
+	faults JSON NOT NULL,
+	PRIMARY KEY (id)
+);
+
+CREATE TABLE association (
+	run_id BIGINT NOT NULL,
+	cycle BIGINT NOT NULL,
+	vessel_id BIGINT NOT NULL,
+	first_source BIGINT NOT NULL,
+	first_track BIGINT NOT NULL,
+	second_source BIGINT NOT NULL,
+	second_track BIGINT NOT NULL,
+	statistic FLOAT(53),
+	PRIMARY KEY (run_id, cycle, vessel_id, first_source, first_track, second_source, second_track),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE TABLE bearing_association (
+	run_id BIGINT NOT NULL,
+	cycle BIGINT NOT NULL,
+	vessel_id BIGINT NOT NULL,
+	source BIGINT NOT NULL,
+	bearing_track BIGINT NOT NULL,
+	statistic FLOAT(53),
+	bearing_deg FLOAT(53) NOT NULL,
+	PRIMARY KEY (run_id, cycle, vessel_id, source, bearing_track),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE TABLE bearing_track (
+	run_id BIGINT NOT NULL,
+	source BIGINT NOT NULL,
+	track_id BIGINT NOT NULL,
+	bearing_deg FLOAT(53) NOT NULL,
+	rate_deg_s FLOAT(53),
+	latitude_deg FLOAT(53) NOT NULL,
+	longitude_deg FLOAT(53) NOT NULL,
+	vessel_id BIGINT,
+	updated_s FLOAT(53) NOT NULL,
+	PRIMARY KEY (run_id, source, track_id),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE TABLE checkpoint (
+	run_id BIGINT NOT NULL,
+	cycle BIGINT NOT NULL,
+	memory BYTEA NOT NULL,
+	PRIMARY KEY (run_id),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE TABLE cycle (
+	run_id BIGINT NOT NULL,
+	number BIGINT NOT NULL,
+	time_s FLOAT(53) NOT NULL,
+	vessels BIGINT NOT NULL,
+	tracks BIGINT NOT NULL,
+	pairs BIGINT NOT NULL,
+	bearing_pairs BIGINT NOT NULL,
+	reports BIGINT NOT NULL,
+	history_kept BOOLEAN NOT NULL,
+	associations_kept BOOLEAN NOT NULL,
+	PRIMARY KEY (run_id, number),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE TABLE history (
+	run_id BIGINT NOT NULL,
+	cycle BIGINT NOT NULL,
+	vessel_id BIGINT NOT NULL,
+	latitude_deg FLOAT(53) NOT NULL,
+	longitude_deg FLOAT(53) NOT NULL,
+	sog_kn FLOAT(53),
+	cog_deg FLOAT(53),
+	major_m FLOAT(53),
+	minor_m FLOAT(53),
+	orientation_deg FLOAT(53),
+	updated_s FLOAT(53) NOT NULL,
+	mmsi BIGINT,
+	flags BIGINT NOT NULL,
+	PRIMARY KEY (run_id, cycle, vessel_id),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE TABLE member (
+	run_id BIGINT NOT NULL,
+	vessel_id BIGINT NOT NULL,
+	source BIGINT NOT NULL,
+	track_id BIGINT NOT NULL,
+	PRIMARY KEY (run_id, vessel_id, source, track_id),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE TABLE member_history (
+	run_id BIGINT NOT NULL,
+	vessel_id BIGINT NOT NULL,
+	source BIGINT NOT NULL,
+	track_id BIGINT NOT NULL,
+	from_cycle BIGINT NOT NULL,
+	to_cycle BIGINT,
+	PRIMARY KEY (run_id, vessel_id, source, track_id, from_cycle),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE TABLE presence (
+	run_id BIGINT NOT NULL,
+	vessel_id BIGINT NOT NULL,
+	from_cycle BIGINT NOT NULL,
+	to_cycle BIGINT,
+	since_s FLOAT(53) NOT NULL,
+	PRIMARY KEY (run_id, vessel_id, from_cycle),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE INDEX presence_from ON presence (run_id, from_cycle);
+
+CREATE INDEX presence_to ON presence (run_id, to_cycle) WHERE to_cycle IS NOT NULL;
+
+CREATE TABLE sensor (
+	run_id BIGINT NOT NULL,
+	kind VARCHAR(16) NOT NULL,
+	number BIGINT NOT NULL,
+	name TEXT NOT NULL,
+	latitude_deg FLOAT(53) NOT NULL,
+	longitude_deg FLOAT(53) NOT NULL,
+	range_m FLOAT(53) NOT NULL,
+	region TEXT,
+	spec JSON NOT NULL,
+	PRIMARY KEY (run_id, kind, number),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE TABLE source (
+	run_id BIGINT NOT NULL,
+	number BIGINT NOT NULL,
+	name TEXT NOT NULL,
+	kind VARCHAR(16) NOT NULL,
+	PRIMARY KEY (run_id, number),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE TABLE spot (
+	run_id BIGINT NOT NULL,
+	cycle BIGINT NOT NULL,
+	spot BIGINT NOT NULL,
+	latitude_deg FLOAT(53) NOT NULL,
+	longitude_deg FLOAT(53) NOT NULL,
+	members BIGINT NOT NULL,
+	halo BIGINT NOT NULL,
+	PRIMARY KEY (run_id, cycle, spot),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE TABLE stage_timing (
+	run_id BIGINT NOT NULL,
+	cycle BIGINT NOT NULL,
+	number BIGINT NOT NULL,
+	stage TEXT NOT NULL,
+	seconds FLOAT(53) NOT NULL,
+	rows BIGINT,
+	PRIMARY KEY (run_id, cycle, number),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE TABLE vessel (
+	run_id BIGINT NOT NULL,
+	vessel_id BIGINT NOT NULL,
+	time_s FLOAT(53) NOT NULL,
+	latitude_deg FLOAT(53) NOT NULL,
+	longitude_deg FLOAT(53) NOT NULL,
+	sog_kn FLOAT(53),
+	cog_deg FLOAT(53),
+	major_m FLOAT(53),
+	minor_m FLOAT(53),
+	orientation_deg FLOAT(53),
+	since_s FLOAT(53) NOT NULL,
+	updated_s FLOAT(53) NOT NULL,
+	mmsi BIGINT,
+	flags BIGINT NOT NULL,
+	sources TEXT NOT NULL,
+	covariance BYTEA,
+	PRIMARY KEY (run_id, vessel_id),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE TABLE vessel_static (
+	run_id BIGINT NOT NULL,
+	mmsi BIGINT NOT NULL,
+	name VARCHAR(20),
+	call_sign VARCHAR(7),
+	ship_type BIGINT,
+	length_m FLOAT(53),
+	beam_m FLOAT(53),
+	updated_s FLOAT(53) NOT NULL,
+	PRIMARY KEY (run_id, mmsi),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);

@@ -1,0 +1,226 @@
+-- Generated from coastwatch/store/tables.py, schema 0002; `make docs` or write_schemas() writes it again.
+
+CREATE TABLE run (
+	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
+	scenario TEXT NOT NULL,
+	title TEXT NOT NULL,
+	seed INTEGER NOT NULL,
+	version VARCHAR(32) NOT NULL,
+	settings JSON NOT NULL,
+	command TEXT NOT NULL,
+	started_utc VARCHAR(32) NOT NULL,
+	finished_utc VARCHAR(32),
+	status VARCHAR(16) NOT NULL,
+	period_s FLOAT NOT NULL,
+	cycles INTEGER NOT NULL,
+	warmup_cycles INTEGER NOT NULL,
+	start_s FLOAT NOT NULL,
+	workers INTEGER NOT NULL,
+	scores JSON,
+	faults JSON NOT NULL
+);
+
+CREATE TABLE association (
+	run_id INTEGER NOT NULL,
+	cycle INTEGER NOT NULL,
+	vessel_id INTEGER NOT NULL,
+	first_source INTEGER NOT NULL,
+	first_track INTEGER NOT NULL,
+	second_source INTEGER NOT NULL,
+	second_track INTEGER NOT NULL,
+	statistic FLOAT,
+	PRIMARY KEY (run_id, cycle, vessel_id, first_source, first_track, second_source, second_track),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+)
+ WITHOUT ROWID;
+
+CREATE TABLE bearing_association (
+	run_id INTEGER NOT NULL,
+	cycle INTEGER NOT NULL,
+	vessel_id INTEGER NOT NULL,
+	source INTEGER NOT NULL,
+	bearing_track INTEGER NOT NULL,
+	statistic FLOAT,
+	bearing_deg FLOAT NOT NULL,
+	PRIMARY KEY (run_id, cycle, vessel_id, source, bearing_track),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+)
+ WITHOUT ROWID;
+
+CREATE TABLE bearing_track (
+	run_id INTEGER NOT NULL,
+	source INTEGER NOT NULL,
+	track_id INTEGER NOT NULL,
+	bearing_deg FLOAT NOT NULL,
+	rate_deg_s FLOAT,
+	latitude_deg FLOAT NOT NULL,
+	longitude_deg FLOAT NOT NULL,
+	vessel_id INTEGER,
+	updated_s FLOAT NOT NULL,
+	PRIMARY KEY (run_id, source, track_id),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+)
+ WITHOUT ROWID;
+
+CREATE TABLE checkpoint (
+	run_id INTEGER NOT NULL,
+	cycle INTEGER NOT NULL,
+	memory BLOB NOT NULL,
+	PRIMARY KEY (run_id),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE TABLE cycle (
+	run_id INTEGER NOT NULL,
+	number INTEGER NOT NULL,
+	time_s FLOAT NOT NULL,
+	vessels INTEGER NOT NULL,
+	tracks INTEGER NOT NULL,
+	pairs INTEGER NOT NULL,
+	bearing_pairs INTEGER NOT NULL,
+	reports INTEGER NOT NULL,
+	history_kept BOOLEAN NOT NULL,
+	associations_kept BOOLEAN NOT NULL,
+	PRIMARY KEY (run_id, number),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE TABLE history (
+	run_id INTEGER NOT NULL,
+	cycle INTEGER NOT NULL,
+	vessel_id INTEGER NOT NULL,
+	latitude_deg FLOAT NOT NULL,
+	longitude_deg FLOAT NOT NULL,
+	sog_kn FLOAT,
+	cog_deg FLOAT,
+	major_m FLOAT,
+	minor_m FLOAT,
+	orientation_deg FLOAT,
+	updated_s FLOAT NOT NULL,
+	mmsi INTEGER,
+	flags INTEGER NOT NULL,
+	PRIMARY KEY (run_id, cycle, vessel_id),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+)
+ WITHOUT ROWID;
+
+CREATE TABLE member (
+	run_id INTEGER NOT NULL,
+	vessel_id INTEGER NOT NULL,
+	source INTEGER NOT NULL,
+	track_id INTEGER NOT NULL,
+	PRIMARY KEY (run_id, vessel_id, source, track_id),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+)
+ WITHOUT ROWID;
+
+CREATE TABLE member_history (
+	run_id INTEGER NOT NULL,
+	vessel_id INTEGER NOT NULL,
+	source INTEGER NOT NULL,
+	track_id INTEGER NOT NULL,
+	from_cycle INTEGER NOT NULL,
+	to_cycle INTEGER,
+	PRIMARY KEY (run_id, vessel_id, source, track_id, from_cycle),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+)
+ WITHOUT ROWID;
+
+CREATE TABLE presence (
+	run_id INTEGER NOT NULL,
+	vessel_id INTEGER NOT NULL,
+	from_cycle INTEGER NOT NULL,
+	to_cycle INTEGER,
+	since_s FLOAT NOT NULL,
+	PRIMARY KEY (run_id, vessel_id, from_cycle),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+)
+ WITHOUT ROWID;
+
+CREATE INDEX presence_from ON presence (run_id, from_cycle);
+
+CREATE INDEX presence_to ON presence (run_id, to_cycle) WHERE to_cycle IS NOT NULL;
+
+CREATE TABLE sensor (
+	run_id INTEGER NOT NULL,
+	kind VARCHAR(16) NOT NULL,
+	number INTEGER NOT NULL,
+	name TEXT NOT NULL,
+	latitude_deg FLOAT NOT NULL,
+	longitude_deg FLOAT NOT NULL,
+	range_m FLOAT NOT NULL,
+	region TEXT,
+	spec JSON NOT NULL,
+	PRIMARY KEY (run_id, kind, number),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE TABLE source (
+	run_id INTEGER NOT NULL,
+	number INTEGER NOT NULL,
+	name TEXT NOT NULL,
+	kind VARCHAR(16) NOT NULL,
+	PRIMARY KEY (run_id, number),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE TABLE spot (
+	run_id INTEGER NOT NULL,
+	cycle INTEGER NOT NULL,
+	spot INTEGER NOT NULL,
+	latitude_deg FLOAT NOT NULL,
+	longitude_deg FLOAT NOT NULL,
+	members INTEGER NOT NULL,
+	halo INTEGER NOT NULL,
+	PRIMARY KEY (run_id, cycle, spot),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+)
+ WITHOUT ROWID;
+
+CREATE TABLE stage_timing (
+	run_id INTEGER NOT NULL,
+	cycle INTEGER NOT NULL,
+	number INTEGER NOT NULL,
+	stage TEXT NOT NULL,
+	seconds FLOAT NOT NULL,
+	rows INTEGER,
+	PRIMARY KEY (run_id, cycle, number),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+)
+ WITHOUT ROWID;
+
+CREATE TABLE vessel (
+	run_id INTEGER NOT NULL,
+	vessel_id INTEGER NOT NULL,
+	time_s FLOAT NOT NULL,
+	latitude_deg FLOAT NOT NULL,
+	longitude_deg FLOAT NOT NULL,
+	sog_kn FLOAT,
+	cog_deg FLOAT,
+	major_m FLOAT,
+	minor_m FLOAT,
+	orientation_deg FLOAT,
+	since_s FLOAT NOT NULL,
+	updated_s FLOAT NOT NULL,
+	mmsi INTEGER,
+	flags INTEGER NOT NULL,
+	sources TEXT NOT NULL,
+	covariance BLOB,
+	PRIMARY KEY (run_id, vessel_id),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+)
+ WITHOUT ROWID;
+
+CREATE TABLE vessel_static (
+	run_id INTEGER NOT NULL,
+	mmsi INTEGER NOT NULL,
+	name VARCHAR(20),
+	call_sign VARCHAR(7),
+	ship_type INTEGER,
+	length_m FLOAT,
+	beam_m FLOAT,
+	updated_s FLOAT NOT NULL,
+	PRIMARY KEY (run_id, mmsi),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+)
+ WITHOUT ROWID;

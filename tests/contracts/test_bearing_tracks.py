@@ -1,0 +1,197 @@
+"""Bearing tracks: windows, wrapped angles, least squares, tracks of our own where a sensor numbers nothing."""
+
+from __future__ import annotations
+
+import pickle
+
+import bearing_world as bw
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from coastwatch.batches import BearingReports, Floats, Sensors
+from coastwatch.geodesy import wrap_deg
+from coastwatch.tracks.bearing import ID_STRIDE, BearingWindow
+
+ROUNDING = 1e-9
+START = bw.START_S
+
+
+def say(sensor: Floats, time_s: Floats, bearing_deg: Floats, contact: Floats, site_deg: Floats | None = None) -> BearingReports:
+    n = len(np.atleast_1d(bearing_deg))
+    whole = [np.broadcast_to(np.asarray(a, np.int64), n).copy() for a in (sensor, contact)]
+    stamp = np.broadcast_to(np.asarray(time_s, float), n).copy() + START
+    site = np.broadcast_to(bw.ORIGIN_DEG if site_deg is None else site_deg, (n, 2)).copy()
+    return BearingReports(
+        whole[0], stamp, stamp, np.atleast_1d(np.asarray(bearing_deg, float)), whole[1], site, whole[1] * 0 + 5
+    )
+
+
+def two_sensors() -> Sensors:
+    return bw.sensors_of(np.array([[0.0, 0.0], [9000.0, 0.0]]), 7000.0, (0.0, 360.0))
+
+
+def play(method: BearingWindow, cycles: list[BearingReports], sensors: Sensors, period_s: float = 3.0):
+    memory, tracks = method.init(), None
+    for k, reports in enumerate(cycles):
+        memory, tracks = method.step(memory, reports, START + period_s * (k + 1), sensors)
+    return memory, tracks
+
+
+def same(a: object, b: object) -> bool:
+    return pickle.dumps(a) == pickle.dumps(b)
+
+
+def test_a_line_across_the_wrap_is_recovered() -> None:
+    sensors = two_sensors()
+    rate = 0.2
+    cycles = [say(1, 3.0 * (k + 1), (176.0 + rate * 3.0 * (k + 1)) % 360.0, 8) for k in range(15)]
+    _, tracks = play(BearingWindow(rate_sigma_deg_s=1e3), cycles, sensors)
+    assert np.degrees(tracks.rate_rad_s) == pytest.approx([rate], abs=1e-4)  # the wide prior draws it to 0 by this little
+    assert wrap_deg(np.degrees(tracks.bearing_rad) - (176.0 + rate * 45.0)) == pytest.approx([0.0], abs=1e-3)
+    assert tracks.source.tolist() == [sensors.sonar_source(1)]
+    assert tracks.track_id.tolist() == [sensors.sonar_source(1) * ID_STRIDE]
+    shown = np.isfinite(tracks.window_time_s[0])
+    assert shown.sum() == 15
+    assert shown[-15:].all()
+    assert (np.diff(tracks.window_time_s[0][shown]) > 0.0).all()
+    assert (np.abs(tracks.window_bearing_rad[0][shown]) <= np.pi).all()
+    assert tracks.origin.tolist() == [5]
+
+
+def test_covariance_is_that_of_least_squares() -> None:
+    rng = np.random.default_rng([1, 1])
+    sensors = two_sensors()
+    n = 600
+    contacts = np.arange(n)
+    cycles = [say(0, 3.0 * (k + 1), rng.normal(100.0, 1.0, n), contacts) for k in range(10)]
+    _, tracks = play(BearingWindow(), cycles, sensors)
+    error = np.column_stack([tracks.bearing_rad - np.radians(100.0), tracks.rate_rad_s])
+    nees = np.einsum("ni,nij,nj->n", error, np.linalg.inv(tracks.covariance), error).sum()
+    assert 1200 - 5 * 49 < nees < 1200 + 5 * 49  # chi-square of 2 n degrees of freedom, 5 sigma
+    alone = play(BearingWindow(), [say(0, 1.0, 10.0, 1)], sensors)[1]
+    assert alone.rate_rad_s.tolist() == [0.0]
+    assert np.sqrt(alone.covariance[0, 1, 1]) == pytest.approx(np.radians(0.5))
+
+
+def test_memory_is_not_written_and_resumes_bit_for_bit() -> None:
+    rng = np.random.default_rng([1, 2])
+    sensors, method = two_sensors(), BearingWindow(length=5, window_s=15.0)
+    memory = method.init()
+    for k in range(12):
+        n = int(rng.integers(0, 9))
+        contact = rng.permutation(np.arange(-3, 6))[:n]
+        reports = say(
+            rng.integers(0, 2, n), 3.0 * k + rng.uniform(0.1, 3.0, n), rng.uniform(0.0, 360.0, n), np.maximum(contact, -1)
+        )
+        before = pickle.dumps(memory)
+        answer = method.step(memory, reports, START + 3.0 * (k + 1), sensors)
+        assert pickle.dumps(memory) == before
+        shuffled = reports.take(rng.permutation(n))
+        again = method.step(pickle.loads(before), shuffled, START + 3.0 * (k + 1), sensors)
+        for a, b in zip(answer, again, strict=True):
+            for name in vars(a):
+                np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+        memory = answer[0]
+
+
+def test_silence_ends_a_contact_and_its_number_begins_anew() -> None:
+    sensors, method = two_sensors(), BearingWindow(drop_after_s=30.0)
+    memory, first = method.step(method.init(), say(0, 1.0, 10.0, 3), START + 3.0, sensors)
+    memory, tracks = method.step(memory, say(0, [], [], []), START + 32.0, sensors)
+    assert len(tracks) == 0
+    _, second = method.step(memory, say(0, 33.0, 10.0, 3), START + 35.0, sensors)
+    assert second.track_id[0] == first.track_id[0] + 1
+    long_cycle = say(0, [1.0, 40.0, 42.0], [10.0, 10.0, 10.0], 3)  # both within one cycle of a minute
+    _, tracks = method.step(method.init(), long_cycle, START + 60.0, sensors)
+    assert tracks.track_id.tolist() == second.track_id.tolist()
+    assert tracks.started_s.tolist() == [START + 40.0]
+
+
+def test_late_double_and_broken_reports_change_nothing() -> None:
+    sensors, method = two_sensors(), BearingWindow()
+    memory, tracks = method.step(method.init(), say(0, [1.0, 2.9], [10.0, 12.0], 3), START + 3.0, sensors)
+    bad = say(0, [2.0, 2.9, 4.0, np.nan], [50.0, 60.0, np.nan, 70.0], 3)
+    memory, after = method.step(memory, bad, START + 3.0, sensors)
+    for name in vars(tracks):
+        np.testing.assert_array_equal(getattr(after, name), getattr(tracks, name))
+
+
+def test_fast_reports_share_slots_and_lose_no_precision() -> None:
+    rng = np.random.default_rng([1, 3])
+    sensors = two_sensors()
+    method = BearingWindow(window_s=60.0, length=20, rate_length=20)
+    times = np.arange(1, 480) / 8.0
+    cycles = [say(0, t[: len(t)], 90.0 + rng.normal(0.0, 1.0, len(t)), 4) for t in np.array_split(times, 60)]
+    memory, tracks = play(method, cycles, sensors, 1.0)
+    assert np.isfinite(tracks.window_time_s[0]).sum() == 20
+    assert tracks.window_time_s[0, -1] - tracks.window_time_s[0, 0] > 40.0
+    sigma = np.sqrt(tracks.covariance[0, 0, 0])
+    assert sigma < np.radians(0.15)  # 1 deg through some 350 reports: 2 / sqrt(350) = 0.11 deg at the end of the line
+    assert abs(tracks.bearing_rad[0] - np.radians(90.0)) < 5.0 * sigma
+    assert memory.weight[0].sum() > 300
+
+
+def test_slots_of_a_moving_platform_across_the_antimeridian() -> None:
+    sensors = two_sensors()
+    sites = np.array([[0.0, 179.9999], [0.0, -179.9999]])
+    reports = say(0, [1.0, 1.5], [10.0, 20.0], 3, sites)
+    _, tracks = play(BearingWindow(), [reports], sensors)
+    assert abs(abs(tracks.site_deg[0, 1]) - 180.0) < ROUNDING
+    assert np.degrees(tracks.window_bearing_rad[0, -1]) == pytest.approx(15.0)
+
+
+def test_own_tracks_keep_two_ships_apart_through_clutter_and_gaps() -> None:
+    rng = np.random.default_rng([1, 4])
+    sensors = bw.sensors_of(np.zeros((1, 2)), 2000.0, (0.0, 360.0), noise_deg=0.5)
+    method = BearingWindow(window_s=10.0, length=40, drop_after_s=3.0)
+    cycles = []
+    for second in range(40):
+        parts = []
+        for t in second + np.arange(1, 9) / 8.0:
+            truth = np.array([178.0 + 0.3 * t, 20.0 - 0.5 * t])
+            seen = (truth + rng.normal(0.0, 0.5, 2))[rng.uniform(size=2) < 0.8]
+            seen = np.concatenate([seen, rng.uniform(0.0, 360.0, 2)])
+            parts.append(say(0, t, seen % 360.0, -1))
+        cycles.append(BearingReports.join(parts))
+    memory, ids = method.init(), []
+    for second, reports in enumerate(cycles):
+        memory, tracks = method.step(memory, reports, START + second + 1.0, sensors)
+        if second >= 2:
+            truth = np.array([178.0 + 0.3 * (second + 1), 20.0 - 0.5 * (second + 1)])
+            off = np.abs(wrap_deg(np.degrees(tracks.bearing_rad)[:, None] - truth))
+            assert (off.min(0) < 2.5).all()
+            long_lived = tracks.started_s < START + 1.0
+            ids.append(set(tracks.track_id[long_lived].tolist()))
+    assert len(ids[-1]) == 2
+    assert all(ids[-1] <= earlier for earlier in ids)
+
+
+def test_own_tracks_need_their_hits_and_end_on_misses() -> None:
+    sensors = two_sensors()
+    method = BearingWindow(start_hits=3, start_looks=5, end_misses=4)
+    steady = [say(0, 3.0 * k + 1.0, [40.0, 200.0], -1) for k in range(3)]
+    assert len(play(method, steady[:2], sensors)[1]) == 0
+    assert len(play(method, steady, sensors)[1]) == 2
+    blind_one = [say(0, 3.0 * k + 1.0, [200.0], -1) for k in range(3, 7)]
+    assert len(play(method, steady + blind_one[:3], sensors)[1]) == 2
+    assert len(play(method, steady + blind_one, sensors)[1]) == 1
+    flicker = [say(0, 3.0 * k + 1.0, [40.0] if k in (0, 4) else [200.0], -1) for k in range(8)]
+    assert len(play(method, flicker, sensors)[1]) == 1
+
+
+def test_nothing_at_all() -> None:
+    none = bw.sensors_of(np.zeros((0, 2)), 1000.0, (0.0, 360.0))
+    for sensors in (none, two_sensors()):
+        memory, tracks = play(BearingWindow(), [say(0, [], [], [])] * 3, sensors)
+        assert len(tracks) == 0
+        assert tracks.window_time_s.shape == (0, 100)
+
+
+def test_wrong_input_is_named() -> None:
+    with pytest.raises(ValueError, match=r"BearingReports\.sensor: got 2, needed 0 to 1"):
+        play(BearingWindow(), [say(2, 1.0, 10.0, 3)], two_sensors())
+    with pytest.raises(ValueError, match=r"BearingReports\.contact"):
+        play(BearingWindow(), [say(0, 1.0, 10.0, 2**40)], two_sensors())
+    with pytest.raises(ValidationError, match="length"):
+        BearingWindow(length=1)
