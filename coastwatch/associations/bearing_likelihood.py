@@ -180,7 +180,7 @@ class BearingLikelihood(Method):
 
 def score_octant(settings: BearingLikelihood, arrays: Mapping[str, Array], rows: Ints) -> tuple[Array, ...]:
     """Pairs of these rows above the threshold: row, log odds, mean difference of bearings. A pair's answer is its own alone."""
-    from coastwatch.kernels.bearing import known_vessel, unknown_vessel  # noqa: PLC0415
+    from coastwatch.kernels.bearing import known_vessel, unknown_vessel
 
     track, at = np.unique(arrays["pair_bearing"][rows], return_inverse=True)
     time, bearing = arrays["time"][track], arrays["bearing"][track]
@@ -202,7 +202,7 @@ def score_octant(settings: BearingLikelihood, arrays: Mapping[str, Array], rows:
 
 def _one_to_one(left: Ints, right: Ints, gain: Floats) -> Bools:
     """Which pairs are in the assignment with the greatest sum of gains, each left and right at most once."""
-    from coastwatch.kernels.assignment import assign  # noqa: PLC0415
+    from coastwatch.kernels.assignment import assign
 
     return np.asarray(assign(left, right, gain), np.bool_)
 
@@ -215,7 +215,7 @@ def _mask(rows: Ints, count: int) -> Bools:
 
 def _in_reach(xyz: Floats, sensors: Sensors) -> Bools:
     """Which points are, with a margin, within the range of any sensor of bearings at its first site. Args: (V, 3)."""
-    from scipy.spatial import cKDTree  # noqa: PLC0415
+    from scipy.spatial import cKDTree
 
     if len(sensors.sonars) == 0 or len(xyz) == 0:
         return np.zeros(len(xyz), np.bool_)

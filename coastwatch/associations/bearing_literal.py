@@ -93,7 +93,7 @@ class BearingWindowedCovariance(Method):
 
     def _chosen(self, bearing_row: Ints, vessel_row: Ints, of_sonar: Ints, x: Floats) -> Array:
         if self.one_to_one:
-            from coastwatch.kernels.assignment import assign  # noqa: PLC0415
+            from coastwatch.kernels.assignment import assign
 
             return np.asarray(assign(bearing_row, vessel_row + of_sonar, 2.0 * self.limit() - x))
         order = np.lexsort((vessel_row, x, bearing_row))

@@ -84,6 +84,35 @@ def unknown_vessel(time, bearing, variance, reach, share, weight, speed, kick, o
 
 
 @njit(cache=True)
+def _seen_from(path, at, blend, origin, axes):  # type: ignore[no-untyped-def]
+    """East, north and standard deviation of a vessel between two instants of its path, from a site; NaN where it was absent."""
+    east, north = 0.0, 0.0
+    for c in range(3):
+        d = (1.0 - blend) * path[at, c] + blend * path[at + 1, c] - origin[c]
+        east += axes[0, c] * d
+        north += axes[1, c] * d
+    return east, north, (1.0 - blend) * path[at, 3] + blend * path[at + 1, 3]
+
+
+@njit(cache=True)
+def _later(state, rho):  # type: ignore[no-untyped-def]
+    """The state (offset, position error, p00, p01, p11) when the error, of unit variance, has kept `rho` of itself."""
+    offset, error, p00, p01, p11 = state
+    return offset, rho * error, p00, rho * p01, rho * rho * p11 + 1.0 - rho * rho
+
+
+@njit(cache=True)
+def _updated(state, difference, h, variance):  # type: ignore[no-untyped-def]
+    """The state after one bearing difference, offset + h * error + noise, and the log density of that difference."""
+    offset, error, p00, p01, p11 = state
+    g0, g1 = p00 + h * p01, p01 + h * p11
+    s = g0 + h * g1 + variance
+    v = difference - offset - h * error
+    after = offset + g0 / s * v, error + g1 / s * v, p00 - g0 * g0 / s, p01 - g0 * g1 / s, p11 - g1 * g1 / s
+    return after, -0.5 * (LOG_2PI + math.log(s) + v * v / s)
+
+
+@njit(cache=True)
 def known_vessel(  # type: ignore[no-untyped-def]
     pair_bearing,
     pair_vessel,
@@ -126,48 +155,30 @@ def known_vessel(  # type: ignore[no-untyped-def]
     for a in range(pair_bearing.shape[0]):
         i, j = pair_bearing[a], pair_vessel[a]
         out_gain[a], out_residual[a] = -np.inf, np.nan
-        offset, error = 0.0, 0.0
-        p00, p01, p11 = bias_variance[i], 0.0, 1.0
-        total, prior, weights, weighted = 0.0, 0.0, 0.0, 0.0
-        used = 0
+        state = (0.0, 0.0, bias_variance[i], 0.0, 1.0)
+        odds, weights, weighted, used = 0.0, 0.0, 0.0, 0
         for k in range(w - 1, -1, -1):
-            at = before[i, k]
-            if at < 0 or math.isnan(bearing[i, k]):
+            if before[i, k] < 0 or math.isnan(bearing[i, k]):
                 break
-            b, f = blend[i, k], frame[i, k]
-            east, north = 0.0, 0.0
-            for c in range(3):
-                d = (1.0 - b) * path[j, at, c] + b * path[j, at + 1, c] - frame_origin[f, c]
-                east += frame_axes[f, 0, c] * d
-                north += frame_axes[f, 1, c] * d
+            f = frame[i, k]
+            east, north, sigma = _seen_from(path[j], before[i, k], blend[i, k], frame_origin[f], frame_axes[f])
             if math.isnan(east):
                 break
-            distance = max(math.sqrt(east * east + north * north), NEAREST)
-            h = ((1.0 - b) * path[j, at, 3] + b * path[j, at + 1, 3]) / distance
-            direction = math.atan2(east, north)
-            difference = wrap(bearing[i, k] - direction - bias[i])
+            distance, direction = max(math.sqrt(east * east + north * north), NEAREST), math.atan2(east, north)
+            h = sigma / distance
             if used == 0:
                 inside = distance <= reach[i] and (direction - arc_from[i]) % (2.0 * math.pi) <= arc_width[i]
-                prior = prior_inside[i] if inside else prior_outside[i]
+                odds = prior_inside[i] if inside else prior_outside[i]
             else:
-                rho = math.exp(-abs(time[i, k + 1] - time[i, k]) / memory)
-                error *= rho
-                p01 *= rho
-                p11 = rho * rho * p11 + 1.0 - rho * rho
-            g0, g1 = p00 + h * p01, p01 + h * p11
-            s = g0 + h * g1 + variance[i]
-            v = difference - offset - h * error
-            total -= 0.5 * (LOG_2PI + math.log(s) + v * v / s)
-            offset += g0 / s * v
-            error += g1 / s * v
-            p00 -= g0 * g0 / s
-            p01 -= g0 * g1 / s
-            p11 -= g1 * g1 / s
+                state = _later(state, math.exp(-abs(time[i, k + 1] - time[i, k]) / memory))
+            difference = wrap(bearing[i, k] - direction - bias[i])
+            state, density = _updated(state, difference, h, variance[i])
+            odds += density
             used += 1
             weights += 1.0 / (variance[i] + h * h)
             weighted += difference / (variance[i] + h * h)
-            if total + prior - null[i, used] < give_up:
+            if odds - null[i, used] < give_up:
                 break
         if used > 0:
-            out_gain[a] = total + prior - null[i, used]
+            out_gain[a] = odds - null[i, used]
             out_residual[a] = weighted / weights + bias[i]

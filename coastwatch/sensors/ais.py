@@ -20,7 +20,7 @@ CARRIERS, PHASE, NOISE, LOSS, LATENCY, SILENCE, SPOOFING, CLONES = 21, 22, 23, 2
 State = Callable[[Ints, Floats], tuple[Floats, Floats]]
 POSITION_STEP_DEG = 1.0 / 600_000.0  # 1/10 000 minute
 SOG_STEP_KN, COG_STEP_DEG, SOG_MOST_KN = 0.1, 0.1, 102.2
-AT_ANCHOR_KN, ANCHORED_S = 0.3, 180.0  # slower is taken as moored or at anchor
+AT_ANCHOR_KN, ANCHORED_S = 0.01, 180.0  # what stands is taken as moored or at anchor
 TURNING_RAD_S = np.radians(5.0) / 15.0  # heading more than 5 deg off its mean over the last 30 s
 # Upper speed in knots: seconds between reports on a steady course, and while turning (class B has no such rule).
 CLASS_A = ((14.0, 10.0, 10.0 / 3.0), (23.0, 6.0, 2.0), (np.inf, 2.0, 2.0))

@@ -127,6 +127,8 @@ def read_table(path: Path, separator: str, tally: Tally) -> Table:
 def _read_csv(path: Path, separator: str, tally: Tally) -> Table:
     lines = _lines(_unpacked(path, tally))
     row = np.flatnonzero((lines.str.strip_chars() != "").to_numpy()) + 1
+    if not len(row):
+        raise OSError(f"{path}: got no line, needed a table with a header")
     lines = lines[row - 1]
     bare = lines.str.replace_all('"[^"]*"', "")
     cells = bare.str.count_matches(separator, literal=True)

@@ -8,7 +8,18 @@ from typing import Annotated, Literal, TypeVar
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import Array, BearingReports, Floats, Noise, RadarReports, Recording, Reports, Sensors, Trajectories
+from coastwatch.batches import (
+    Array,
+    BearingReports,
+    Bools,
+    Floats,
+    Noise,
+    RadarReports,
+    Recording,
+    Reports,
+    Sensors,
+    Trajectories,
+)
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, scale_m_deg, wrap_deg
 from coastwatch.sensors.ais import POSITION_STEP_DEG, SOG_STEP_KN, AisTruth, carriers, transmit
 from coastwatch.sensors.radar import RadarTruth, observe
@@ -19,6 +30,7 @@ from coastwatch.sensors.voyages import Voyages
 from coastwatch.stage import Method, Plan
 
 PLACES = 51  # stream of random numbers
+TRIES = 100  # draws of `count` places before water is called too small
 ROUNDING = np.sqrt(12.0)  # a step over the standard deviation that rounding to it adds
 AnyTruth = TypeVar("AnyTruth", RadarTruth, SonarTruth)
 AnyReports = TypeVar("AnyReports", RadarReports, BearingReports)
@@ -39,6 +51,7 @@ class Simulated(Method):
     area_longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0)]  # of the middle of the rectangle
     area_width_nm: Annotated[float, Field(gt=0.0, le=5000.0)] = 10.0
     area_height_nm: Annotated[float, Field(gt=0.0, le=5000.0)] = 10.0
+    water_deg: tuple[tuple[float, float], ...] = ()  # corners (latitude, longitude) of the water in the area; none: all of it
     count: Annotated[int, Field(ge=0, le=1_000_000)] = 1000  # vessels
     motion: VesselMotion = VesselMotion()
     radar: RadarTruth = RadarTruth()
@@ -74,8 +87,22 @@ class Simulated(Method):
         )
 
     def _places(self, seed: int) -> Floats:
-        """Where the vessels are at the start, evenly over the area. (V, 2)"""
-        draws = np.random.default_rng([seed, PLACES]).uniform(-0.5, 0.5, (self.count, 2))
+        """Where the vessels are at the start, evenly over the area, or over its water. (V, 2)"""
+        rng = np.random.default_rng([seed, PLACES])
+        if not self.water_deg:
+            return self._spread(rng, self.count)
+        corners, found = np.array(self.water_deg), np.zeros((0, 2))
+        for _ in range(TRIES):
+            more = self._spread(rng, self.count)
+            found = np.concatenate([found, more[inside(more, corners)]])
+            if len(found) >= self.count:
+                return found[: self.count]
+        raise ValueError(
+            f"input.water_deg: got under 1 % of the area around {self.area_latitude_deg}, {self.area_longitude_deg}"
+        )
+
+    def _spread(self, rng: np.random.Generator, count: int) -> Floats:
+        draws = rng.uniform(-0.5, 0.5, (count, 2))
         north, _ = scale_m_deg(np.array(self.area_latitude_deg))
         lat = self.area_latitude_deg + draws[:, 0] * self.area_height_nm * NAUTICAL_MILE_M / north
         lat = np.clip(lat, -85.0, 85.0)
@@ -107,6 +134,16 @@ def truths_of(kind: str, names: Array, every: AnyTruth, named: Sequence[AnyTruth
     if set(by_name) - set(known) or len(by_name) < len(named):
         raise ValueError(f"input.{kind}: got the names {[t.name for t in named]}, needed each once and one of {known}")
     return tuple(by_name.get(name, every) for name in known)
+
+
+def inside(position_deg: Floats, corners_deg: Floats) -> Bools:
+    """Whether each place lies inside a polygon (even-odd rule). Args: (V, 2), (C, 2); not across the antimeridian. Returns: (V,)."""
+    lat, lon = position_deg[:, :1], position_deg[:, 1:]
+    lat_1, lon_1 = corners_deg.T
+    lat_2, lon_2 = np.roll(corners_deg, -1, axis=0).T
+    level = np.where(lat_2 == lat_1, 1.0, lat_2 - lat_1)
+    crosses = ((lat_1 > lat) != (lat_2 > lat)) & (lon < lon_1 + (lat - lat_1) / level * (lon_2 - lon_1))
+    return np.asarray(crosses.sum(axis=1) % 2 == 1)
 
 
 def _arrived(reports: AnyReports, stop_s: float) -> AnyReports:

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import BearingTracks, Floats, Ints, Octants, Picture, Sensors
+from coastwatch.batches import BearingTracks, Bools, Floats, Ints, Octants, Picture, Sensors
 from coastwatch.geodesy import earth_centred, to_plane, wrap_deg
 from coastwatch.stage import Method
 
@@ -70,13 +70,14 @@ class OctantSpots(Method):
         return octants[order].astype(np.int64), vessels[order].astype(np.int64)
 
     @staticmethod
-    def _outside(direction_deg: Floats, tolerance_deg: Floats) -> Floats:
+    def _outside(direction_deg: Floats, tolerance_deg: Floats) -> Bools:
         """Whether each direction is farther outside each sector than its tolerance. Args: (R,), (R,). Returns: (R, 8)."""
         middle = (np.arange(SECTORS) + 0.5) * SECTOR_DEG
         off = np.abs(wrap_deg(direction_deg[:, None] - middle))
-        far: Floats = off > SECTOR_DEG / 2.0 + tolerance_deg[:, None]
+        far: Bools = off > SECTOR_DEG / 2.0 + tolerance_deg[:, None]
         own = np.arange(SECTORS) == sector(direction_deg)[:, None]
-        return far & ~own
+        out: Bools = far & ~own
+        return out
 
 
 def sector(direction_deg: Floats) -> Ints:

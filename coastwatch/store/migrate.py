@@ -11,7 +11,7 @@ from alembic.runtime.migration import MigrationContext
 from alembic.util import CommandError
 from sqlalchemy import Connection, text
 from sqlalchemy.dialects import postgresql, sqlite
-from sqlalchemy.schema import CreateIndex, CreateTable
+from sqlalchemy.schema import CreateIndex, CreateTable, ExecutableDDLElement
 
 from coastwatch.shipped import migrations_folder, schema_folder
 from coastwatch.store.opening import WAIT_S, Store, StoreError, connect, reading, revision, writing
@@ -143,7 +143,10 @@ def schema(dialect: str) -> str:
         f"-- Generated from coastwatch/store/tables.py, schema {REVISION}; `make docs` or write_schemas() writes it again.\n"
     ]
     for table in Base.metadata.sorted_tables:
-        statements = [CreateTable(table), *(CreateIndex(i) for i in sorted(table.indexes, key=lambda i: str(i.name)))]
+        statements: list[ExecutableDDLElement] = [
+            CreateTable(table),
+            *(CreateIndex(i) for i in sorted(table.indexes, key=lambda i: str(i.name))),
+        ]
         out += [f"{str(s.compile(dialect=made)).strip()};\n" for s in statements]
     return "\n".join("\n".join(line.rstrip() for line in part.splitlines()) + "\n" for part in out)
 

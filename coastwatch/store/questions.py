@@ -111,4 +111,4 @@ def _value(question: str, key: str, given: Any, default: Value | None) -> Value:
         raise StoreError(f"query {question}: parameter {key}: got {given!r}, needed a number")
     if isinstance(default, int) and value != int(value):
         raise StoreError(f"query {question}: parameter {key}: got {given!r}, needed a whole number")
-    return int(value) if isinstance(default, int) else float(value) if isinstance(default, float) else value  # type: ignore[no-any-return]
+    return int(value) if isinstance(default, int) else float(value) if isinstance(default, float) else value

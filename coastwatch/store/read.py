@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from sqlalchemy import Connection, Select, and_, func, or_, select, true
+from sqlalchemy import Connection, Executable, Select, and_, func, or_, select, true
+from sqlalchemy.orm import aliased
 
 from coastwatch.store.opening import Store, StoreError, reading
 from coastwatch.store.tables import (
@@ -131,17 +131,15 @@ def track(store: Store, run_id: int, vessel_id: int) -> dict[str, Any]:
         if not there.rows:
             _run_exists(connection, store, run_id)
             raise StoreError(f"{store.where}: run {run_id} never had a vessel {vessel_id}")
-        past = _rows(connection, _through_time(History, run_id, vessel_id, ("run_id", "cycle", "vessel_id")))
+        past = _rows(connection, _through_time(History, run_id, vessel_id))
         now = _rows(connection, _current(run_id, None).where(Vessel.vessel_id == vessel_id))
         return {
             "vessel": _newest_row(connection, run_id, vessel_id, now, past, there),
             "history": past,
             "members": _rows(connection, _members(run_id, vessel_id)),
             "stays": there,
-            "associations": _rows(connection, _through_time(Association, run_id, vessel_id, ("run_id", "cycle", "vessel_id"))),
-            "bearing_associations": _rows(
-                connection, _through_time(BearingAssociation, run_id, vessel_id, ("run_id", "cycle", "vessel_id"))
-            ),
+            "associations": _rows(connection, _through_time(Association, run_id, vessel_id)),
+            "bearing_associations": _rows(connection, _through_time(BearingAssociation, run_id, vessel_id)),
         }
 
 
@@ -195,14 +193,14 @@ def _static(table: Any) -> Any:
     return and_(VesselStatic.run_id == table.run_id, VesselStatic.mmsi == table.mmsi)
 
 
-def _current(run_id: int, bbox: Box | None) -> Select[Any]:
+def _current(run_id: int, bbox: Box | None) -> Select[*tuple[Any, ...]]:
     ellipse = (Vessel.major_m, Vessel.minor_m, Vessel.orientation_deg)
     columns = (*_picture_columns(Vessel), Vessel.time_s, Vessel.since_s, Vessel.updated_s, *ellipse, Vessel.sources)
     query = select(*columns).outerjoin(VesselStatic, _static(Vessel))
     return query.where(Vessel.run_id == run_id, _inside(Vessel, bbox)).order_by(Vessel.vessel_id)
 
 
-def _past(run_id: int, cycle: int, bbox: Box | None) -> Select[Any]:
+def _past(run_id: int, cycle: int, bbox: Box | None) -> Select[*tuple[Any, ...]]:
     then = and_(Cycle.run_id == History.run_id, Cycle.number == History.cycle)
     there = and_(Presence.run_id == History.run_id, Presence.vessel_id == History.vessel_id, _holds(Presence, cycle))
     ellipse = (History.major_m, History.minor_m, History.orientation_deg)
@@ -227,7 +225,7 @@ def _with_sources(connection: Connection, run_id: int, cycle: int, rows: Rows) -
     return Rows((*rows.columns, "sources"), [(*row, ",".join(names.get(row[0], ()))) for row in rows.rows])
 
 
-def _members(run_id: int, vessel_id: int) -> Select[Any]:
+def _members(run_id: int, vessel_id: int) -> Select[*tuple[Any, ...]]:
     m, first, last = MemberHistory, Cycle.__table__.alias("first"), Cycle.__table__.alias("last")
     columns = (Source.name.label("source"), Source.kind, m.track_id, m.from_cycle, m.to_cycle)
     query = select(*columns, first.c.time_s.label("from_s"), last.c.time_s.label("to_s")).select_from(m)
@@ -237,20 +235,19 @@ def _members(run_id: int, vessel_id: int) -> Select[Any]:
     return query.where(m.run_id == run_id, m.vessel_id == vessel_id).order_by(m.from_cycle, m.source, m.track_id)
 
 
-def _through_time(table: Any, run_id: int, vessel_id: int, without: Sequence[str]) -> Select[Any]:
-    """The rows of one vessel by seeking the key (run, cycle, vessel) in each cycle of its stays."""
-    stay = and_(
-        Presence.run_id == Cycle.run_id,
-        Presence.vessel_id == vessel_id,
-        Presence.from_cycle <= Cycle.number,
-        or_(Presence.to_cycle.is_(None), Presence.to_cycle >= Cycle.number),
-    )
-    same = and_(table.run_id == Cycle.run_id, table.cycle == Cycle.number, table.vessel_id == vessel_id)
-    columns = [c for c in table.__table__.columns if c.name not in without]
-    query = (
-        select(Cycle.number.label("cycle"), Cycle.time_s, *columns).select_from(Cycle).join(Presence, stay).join(table, same)
-    )
-    return query.where(Cycle.run_id == run_id).order_by(Cycle.number)
+def _through_time(table: Any, run_id: int, vessel_id: int) -> Select[*tuple[Any, ...]]:
+    """The rows of one vessel by seeking the key (run, cycle, vessel) in each cycle of its stays.
+
+    The cycles are an IN list and not a join, which SQLite's planner now and then turns into a scan of the large table.
+    """
+    stay = and_(Presence.run_id == Cycle.run_id, Presence.vessel_id == vessel_id, Presence.from_cycle <= Cycle.number)
+    lasts = or_(Presence.to_cycle.is_(None), Presence.to_cycle >= Cycle.number)
+    there = select(Cycle.number).join(Presence, and_(stay, lasts)).where(Cycle.run_id == run_id)
+    columns = [c for c in table.__table__.columns if c.name not in ("run_id", "cycle", "vessel_id")]
+    then = aliased(Cycle)
+    query = select(table.cycle, then.time_s, *columns).join(then, and_(then.run_id == table.run_id, then.number == table.cycle))
+    key = (table.run_id == run_id, table.cycle.in_(there), table.vessel_id == vessel_id)
+    return query.where(*key).order_by(table.cycle)
 
 
 def _newest_row(connection: Connection, run_id: int, vessel_id: int, now: Rows, past: Rows, stays: Rows) -> dict[str, Any]:
@@ -266,11 +263,11 @@ def _newest_row(connection: Connection, run_id: int, vessel_id: int, now: Rows, 
     return {**dict(zip(last.columns, last.rows[0], strict=True)), "in_picture": False}
 
 
-def _ask(store: Store, query: Select[Any]) -> Rows:
+def _ask(store: Store, query: Executable) -> Rows:
     with reading(store) as connection:
         return _rows(connection, query)
 
 
-def _rows(connection: Connection, query: Any) -> Rows:
+def _rows(connection: Connection, query: Executable) -> Rows:
     result = connection.execute(query)
     return Rows(tuple(result.keys()), [tuple(row) for row in result])

@@ -40,8 +40,9 @@ def merge(connection: Connection, run_id: int, before: dict[int, Static], heard:
     fresh: dict[int, Static] = {}
     for mmsi, *said in zip(heard.mmsi.tolist(), *texts, *numbers, strict=True):
         old = fresh.get(mmsi) or before.get(mmsi)
-        new = Static(*said)
-        fresh[mmsi] = new if old is None else Static(*(a if a is not None else b for a, b in zip(new, old, strict=True)))
+        fresh[mmsi] = (
+            Static(*said) if old is None else Static._make(a if a is not None else b for a, b in zip(said, old, strict=True))
+        )
     connection.execute(
         delete(TABLE).where(TABLE.c.run_id == run_id, TABLE.c.mmsi == bindparam("of_mmsi")),
         [{"of_mmsi": mmsi} for mmsi in fresh],

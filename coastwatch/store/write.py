@@ -145,7 +145,7 @@ def _rows_by_stage(cycle: Cycle, reports: Reports, kinds: Sequence[str]) -> dict
 
 def _timings(connection: Connection, run_id: int, number: int, seconds: Mapping[str, float], rows: Mapping[str, int]) -> None:
     stages = list(seconds)
-    same = [[run_id] * len(stages), [number] * len(stages), list(range(len(stages))), stages]
+    same: list[columns.Column] = [[run_id] * len(stages), [number] * len(stages), range(len(stages)), stages]
     append(connection, TABLES["stage_timing"], [*same, [float(s) for s in seconds.values()], [rows.get(s) for s in stages]])
 
 

@@ -73,7 +73,7 @@ class BearingWindow(Method):
 
     def _look(self, table: Table, reports: BearingReports, sigma_rad: Floats) -> None:
         """One look of each of some sensors without numbers of their own: assign, begin, end."""
-        from coastwatch.kernels.assignment import assign  # noqa: PLC0415
+        from coastwatch.kernels.assignment import assign
 
         c = table.column
         reports = reports.take(np.argsort(reports.sensor, kind="stable"))

@@ -101,8 +101,11 @@ class Table:
         c["weight"][row, -1] = weight
         c["time_s"][row, -1] += (reports.time_s - c["time_s"][row, -1]) / weight
         c["bearing_rad"][row, -1] = wrap_rad(bearing + wrap_rad(np.radians(reports.bearing_deg) - bearing) / weight)
-        site = site + off / weight[:, None]
-        c["site_deg"][row, -1] = np.column_stack([site[:, 0], wrap_deg(site[:, 1])])
+        moved = site + off / weight[:, None]
+        moved[:, 1] = wrap_deg(moved[:, 1])
+        c["site_deg"][row, -1] = np.where(
+            off == 0.0, site, moved
+        )  # wrapping rounds: a sensor that stands still stays, to the bit
 
     def begin(self, reports: BearingReports) -> None:
         """Adds a track for each report."""

@@ -13,17 +13,16 @@ from coastwatch.tracks.table import Coverage, Stage, Table, Twins
 from coastwatch.tracks.upkeep import Upkeep
 
 PAIR = 2**31  # more than there are tracks of a region in a run
-LOOK_SLACK = 0.1  # of a turn: the next look counts as over only so much later, for antennas that do not turn evenly
 
 
-def looks(coverage: Coverage, heard_s: Floats, position_m: Floats, since_s: Floats) -> Ints:
+def looks(upkeep: Upkeep, coverage: Coverage, heard_s: Floats, position_m: Floats, since_s: Floats) -> Ints:
     """How often radars have surely looked at each place since a time, by what they have sent. (N,)
 
     A radar that sends nothing at all has not looked.
     Args: heard_s: (R,) newest plot of each radar of the scenario; position_m: (N, 2); since_s: (N,).
     """
     waited = np.maximum(heard_s[coverage.radars] - since_s[:, None], 0.0)
-    turns = np.floor(waited / coverage.period_s - LOOK_SLACK)
+    turns = np.floor(waited / coverage.period_s - upkeep.look_slack)
     seen: Ints = np.where(coverage.sees(position_m), np.maximum(turns, 0.0), 0.0).sum(axis=1).astype(np.int64)
     return seen
 
@@ -34,11 +33,12 @@ def survivors(upkeep: Upkeep, table: Table, coverage: Coverage, heard_s: Floats,
     A single plot lives for one look (two plots in two looks begin a track), a tentative track for `confirm_looks`.
     """
     place = table.state[:, 0, :2] + table.state[:, 0, 2:4] * np.maximum(time_s - table.updated_s, 0.0)[:, None]
-    age = 1 + looks(coverage, heard_s, place, table.started_s)
-    missed = looks(coverage, heard_s, place, table.updated_s)
+    age = 1 + looks(upkeep, coverage, heard_s, place, table.started_s)
+    missed = looks(upkeep, coverage, heard_s, place, table.updated_s)
     confirmed = (table.stage == Stage.CONFIRMED) | (table.hits >= upkeep.confirm_hits)
-    allowed = np.where(confirmed, upkeep.delete_misses, upkeep.confirm_looks)
-    lost = np.where(table.stage == Stage.SINGLE, age >= 2, np.where(confirmed, missed >= allowed, age >= allowed))
+    allowed = np.minimum(upkeep.delete_misses, np.ceil(upkeep.misses_per_hit * table.hits))
+    tried = np.where(table.stage == Stage.SINGLE, 2, upkeep.confirm_looks)
+    lost = np.where(confirmed, missed >= allowed, age >= tried)
     lost |= time_s - table.updated_s > upkeep.coast_s
     stage = np.where(confirmed, np.int64(Stage.CONFIRMED), table.stage)
     return replace(table, stage=stage).take(~lost)

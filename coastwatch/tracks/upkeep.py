@@ -25,6 +25,8 @@ class Upkeep(Settings):
     confirm_hits: Annotated[int, Field(ge=2)] = 3
     confirm_looks: Count = 4
     delete_misses: Count = 6  # looks in a row
+    misses_per_hit: Positive = 0.5  # a track with few hits ends after so many misses for each; `delete_misses` is the most
+    look_slack: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.1  # turns after which the next look is over, less one
     coast_s: Positive = 30.0  # where no radar looks
     merge_probability: Probability = 0.99
     merge_looks: Count = 3

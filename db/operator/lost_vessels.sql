@@ -1,6 +1,7 @@
 -- Vessels that left the picture lately
 -- Latest first, with where and how each was last: in the newest cycle of its stay of which the history is kept.
 -- parameter: minutes = 10.0, how far back
+-- parameter: count = 100, how many at most
 WITH latest AS (
     SELECT max(time_s) AS time_s FROM cycle WHERE run_id = :run
 ), ended AS (
@@ -25,3 +26,4 @@ FROM kept k
     LEFT JOIN history h ON h.run_id = k.run_id AND h.cycle = k.cycle AND h.vessel_id = k.vessel_id
     LEFT JOIN vessel_static s ON s.run_id = h.run_id AND s.mmsi = h.mmsi
 ORDER BY k.last_s DESC, k.vessel_id
+LIMIT :count

@@ -1,11 +1,12 @@
 -- Vessels that came into the picture lately
--- Newest first, with the time at which each came. A vessel that was lost and has returned is among them, with its old number.
+-- Newest first, with the time at which each came. One that was lost and has returned is among them, with its old number.
 -- parameter: minutes = 10.0, how far back
+-- parameter: count = 100, how many at most
 WITH latest AS (
     SELECT max(time_s) AS time_s FROM cycle WHERE run_id = :run
 )
-SELECT v.vessel_id, c.time_s AS from_s, v.latitude_deg, v.longitude_deg, v.sog_kn, v.cog_deg, v.mmsi, s.name, v.sources, v.flags,
-    v.since_s
+SELECT v.vessel_id, c.time_s AS from_s, v.latitude_deg, v.longitude_deg, v.sog_kn, v.cog_deg, v.mmsi, s.name, v.sources,
+    v.flags, v.since_s
 FROM presence p
     JOIN cycle c ON c.run_id = p.run_id AND c.number = p.from_cycle
     JOIN vessel v ON v.run_id = p.run_id AND v.vessel_id = p.vessel_id
@@ -13,3 +14,4 @@ FROM presence p
     CROSS JOIN latest l
 WHERE p.run_id = :run AND p.to_cycle IS NULL AND c.time_s > l.time_s - :minutes * 60.0
 ORDER BY c.time_s DESC, v.vessel_id
+LIMIT :count

@@ -2,14 +2,14 @@
 -- For each source: its tracks in the picture, the vessels they are of, and the vessels that no other source has.
 WITH held AS (
     SELECT vessel_id, source, count(*) AS tracks FROM member WHERE run_id = :run GROUP BY vessel_id, source
-), alone AS (
-    SELECT vessel_id FROM held GROUP BY vessel_id HAVING count(*) = 1
+), beside AS (
+    SELECT source, tracks, CASE WHEN count(*) OVER (PARTITION BY vessel_id) = 1 THEN 1 ELSE 0 END AS alone FROM held
+), summed AS (
+    SELECT source, sum(tracks) AS tracks, count(*) AS vessels, sum(alone) AS vessels_of_it_alone FROM beside GROUP BY source
 )
-SELECT o.number, o.name, o.kind, CAST(coalesce(sum(h.tracks), 0) AS INTEGER) AS tracks, count(h.vessel_id) AS vessels,
-    count(a.vessel_id) AS vessels_of_it_alone
+SELECT o.number, o.name, o.kind, CAST(coalesce(s.tracks, 0) AS INTEGER) AS tracks, coalesce(s.vessels, 0) AS vessels,
+    coalesce(s.vessels_of_it_alone, 0) AS vessels_of_it_alone
 FROM source o
-    LEFT JOIN held h ON h.source = o.number
-    LEFT JOIN alone a ON a.vessel_id = h.vessel_id
+    LEFT JOIN summed s ON s.source = o.number
 WHERE o.run_id = :run
-GROUP BY o.number, o.name, o.kind
 ORDER BY o.number

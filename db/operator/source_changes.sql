@@ -1,6 +1,6 @@
 -- Tracks that joined or left a vessel lately
--- Latest first: a hand-over between radars, AIS switched off or on, a track that went to another vessel. One row a change; a track
--- that came with a new vessel or went with a lost one is not among them.
+-- Latest first: a hand-over between radars, AIS switched off or on, a track that went to another vessel. One row a change; what
+-- came with a new vessel or went with a lost one is not among them.
 -- parameter: minutes = 10.0, how far back
 -- parameter: count = 100, how many at most
 WITH latest AS (

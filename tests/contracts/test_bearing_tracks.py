@@ -183,7 +183,7 @@ def test_own_tracks_need_their_hits_and_end_on_misses() -> None:
 def test_nothing_at_all() -> None:
     none = bw.sensors_of(np.zeros((0, 2)), 1000.0, (0.0, 360.0))
     for sensors in (none, two_sensors()):
-        memory, tracks = play(BearingWindow(), [say(0, [], [], [])] * 3, sensors)
+        _, tracks = play(BearingWindow(), [say(0, [], [], [])] * 3, sensors)
         assert len(tracks) == 0
         assert tracks.window_time_s.shape == (0, 100)
 

@@ -1,0 +1,58 @@
+"""Progress of a run on stderr: a bar on a terminal, a line every ten seconds elsewhere."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, Protocol
+
+LINE_EVERY_S = 10.0
+
+
+class Progress(Protocol):
+    def __call__(self, done: int, total: int, what: str) -> None: ...
+
+
+@contextmanager
+def shown() -> Iterator[Progress]:
+    """A function (done, total, what) that shows how far a run has come, closed in the end."""
+    if sys.stderr.isatty():
+        bar = _Bar()
+        try:
+            yield bar
+        finally:
+            bar.close()
+    else:
+        yield _Lines()
+
+
+class _Bar:
+    def __init__(self) -> None:
+        self._bar: Any = None
+
+    def __call__(self, done: int, total: int, what: str) -> None:
+        if self._bar is None:
+            from tqdm import tqdm
+
+            self._bar = tqdm(total=total, unit="cycle", file=sys.stderr, dynamic_ncols=True, leave=False)
+        if self._bar.total != total:
+            self._bar.total = total
+        self._bar.set_postfix_str(what, refresh=False)
+        self._bar.update(done - self._bar.n)
+
+    def close(self) -> None:
+        if self._bar is not None:
+            self._bar.close()
+
+
+class _Lines:
+    def __init__(self) -> None:
+        self._next_s = time.monotonic() + LINE_EVERY_S
+
+    def __call__(self, done: int, total: int, what: str) -> None:
+        now_s = time.monotonic()
+        if now_s >= self._next_s:
+            self._next_s = now_s + LINE_EVERY_S
+            print(f"cycle {done} of {total}: {what}", file=sys.stderr, flush=True)

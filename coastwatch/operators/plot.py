@@ -1,0 +1,241 @@
+"""The picture drawn as a PNG: a Scene in, a file out. Degrees are drawn on a plane with its own longitude zero, so that a
+scene across the antimeridian is one piece; only the labels are wrapped."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Rectangle
+from matplotlib.path import Path as Outline
+from matplotlib.ticker import FuncFormatter, MultipleLocator
+
+from coastwatch.batches import Array, Flag, Floats
+from coastwatch.geodesy import NAUTICAL_MILE_M, offset_deg, scale_m_deg, wrap_deg
+from coastwatch.operators.scene import AIS_ONLY, BEARING, FUSED, RADAR, RADAR_ONLY, STATION, Scene
+
+matplotlib.use("Agg")
+
+WATER, LAND, SHORE, INK, FAINT = "#e4eef4", "#efe6cf", "#a59c86", "#1d2733", "#5b6b7a"
+RADAR_COLOURS = ("#1f5fbf", "#c62f2f", "#1f8a70", "#7b4bb3", "#8a6a1f", "#c2417f")
+SONAR_COLOUR, STATION_COLOUR, BOW_TIE_COLOUR, AIS_COLOUR = "#e08a1e", "#5f9e6e", "#d21f26", "#1f9c3a"
+ALARM_COLOUR, WARNING_COLOUR = "#ff00c8", "#7a00ff"
+BOW_TIE = Outline([(-1.0, -0.8), (-1.0, 0.8), (1.0, -0.8), (1.0, 0.8), (-1.0, -0.8)], closed=True)
+WIDTH_IN = 9.0
+LEADER_S = 180.0
+SIGMAS = 2.0
+ELLIPSE_SCALES = (1, 2, 5, 10, 20, 50, 100)
+ELLIPSE_SHARE = 0.03  # of the width: as long as the longer half axis of nine in ten may be drawn
+TICKS_MIN = (0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600)
+SCALE_BARS_NM = (0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200)
+TURN = np.linspace(0.0, 2.0 * np.pi, 37)
+
+
+def write(scene: Scene, output: str) -> None:
+    """Draws the scene into a PNG file."""
+    figure = draw(scene)
+    figure.savefig(output, format="png", dpi=150, bbox_inches="tight", pad_inches=0.25, metadata={"Title": scene.title})
+
+
+def draw(scene: Scene) -> Figure:
+    """The figure of a scene, sized after its area."""
+    width_deg, height_deg = _extent(scene)
+    shape = np.clip(scene.height_nm / scene.width_nm, 0.45, 1.5)
+    figure = Figure(figsize=(WIDTH_IN, float(WIDTH_IN * shape)), facecolor="white")
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.set_facecolor(WATER)
+    lat, lon = scene.centre_deg
+    axes.set_aspect(1.0 / np.cos(np.radians(lat)))
+    axes.set_xlim(lon - 0.5 * width_deg, lon + 0.5 * width_deg)
+    axes.set_ylim(lat - 0.5 * height_deg, lat + 0.5 * height_deg)
+    axes.autoscale(False)
+    _land(axes, scene)
+    marks = [*_coverage(axes, scene), *_bearings(axes, scene), *_trails(axes, scene)]
+    scale = _ellipses(axes, scene)
+    marks = [*_vessels(axes, scene), *marks]
+    _grid(axes, width_deg, height_deg)
+    _scale_bar(axes, scene, width_deg, height_deg)
+    _words(axes, scene, marks, scale)
+    return figure
+
+
+def _extent(scene: Scene) -> tuple[float, float]:
+    north, east = scale_m_deg(np.array(scene.centre_deg[0]))
+    return scene.width_nm * NAUTICAL_MILE_M / float(east), scene.height_nm * NAUTICAL_MILE_M / float(north)
+
+
+def _flat(scene: Scene, position_deg: Floats) -> Floats:
+    """x, y of positions: longitudes within half a turn of the centre of the scene."""
+    lon = scene.centre_deg[1] + wrap_deg(position_deg[..., 1] - scene.centre_deg[1])
+    return np.stack([lon, position_deg[..., 0]], axis=-1)
+
+
+def _land(axes: Axes, scene: Scene) -> None:
+    for line in scene.land:
+        xy = _flat(scene, line.position_deg)
+        if line.closed:
+            axes.fill(*xy.T, facecolor=LAND, edgecolor=SHORE, linewidth=0.9, zorder=1)
+        else:
+            axes.plot(*xy.T, color=SHORE, linewidth=1.2, zorder=1)
+
+
+def _ring(scene: Scene, site_deg: Floats, range_m: float, arc_deg: tuple[float, float]) -> Floats:
+    """Outline of a sector; a full turn has no spokes."""
+    first, last = arc_deg
+    span = (last - first) % 360.0 or 360.0
+    angle = np.radians(first + np.linspace(0.0, span, 181))
+    ring = offset_deg(np.asarray(site_deg, float), range_m * np.stack([np.sin(angle), np.cos(angle)], -1))
+    if span < 360.0:
+        ring = np.vstack([site_deg, ring, site_deg])
+    return _flat(scene, ring)
+
+
+def _coverage(axes: Axes, scene: Scene) -> list[Any]:
+    marks, radars = [], 0
+    for c in scene.coverages:
+        colour = {STATION: STATION_COLOUR, BEARING: SONAR_COLOUR}.get(c.kind, RADAR_COLOURS[radars % len(RADAR_COLOURS)])
+        radars += c.kind == RADAR
+        dash: Any = (0, (6, 4)) if c.kind == STATION else "solid"
+        ring = _ring(scene, c.site_deg, c.range_m, c.arc_deg)
+        if c.kind != STATION:
+            axes.fill(*ring.T, facecolor=colour, alpha=0.07, linewidth=0, zorder=2)
+        axes.plot(*ring.T, color=colour, linewidth=1.6 if c.kind != STATION else 1.0, linestyle=dash, zorder=3)
+        site = _flat(scene, c.site_deg)
+        shape = {STATION: "v", BEARING: "D"}.get(c.kind, "o")
+        axes.plot(*site, marker=shape, color=colour, markersize=7.5, markeredgecolor="white", markeredgewidth=1.0, zorder=9)
+        text = f"{c.name}: {('AIS', 'radar', 'bearings')[(STATION, RADAR, BEARING).index(c.kind)]}, {_short(c.range_m)}"
+        marks.append(
+            Line2D([], [], color=colour, linestyle=dash, marker=shape, markeredgecolor="white", markersize=7, label=text)
+        )
+    return marks
+
+
+def _short(range_m: float) -> str:
+    return f"{range_m / NAUTICAL_MILE_M:.3g} NM"
+
+
+def _bearings(axes: Axes, scene: Scene) -> list[Any]:
+    if not len(scene.bearing_from_deg):
+        return []
+    lines = np.stack([_flat(scene, scene.bearing_from_deg), _flat(scene, scene.bearing_to_deg)], 1)
+    style = {"colors": BOW_TIE_COLOUR, "linestyles": (0, (1, 2.2)), "linewidths": 1.1}
+    axes.add_collection(LineCollection(list(lines), alpha=0.75, zorder=4, **style))
+    return [Line2D([], [], color=BOW_TIE_COLOUR, linestyle=(0, (1, 2.2)), label=f"associated bearing ({len(lines)})")]
+
+
+def _trails(axes: Axes, scene: Scene) -> list[Any]:
+    marks = []
+    if scene.trails_deg:
+        trails = [_flat(scene, t) for t in scene.trails_deg]
+        axes.add_collection(LineCollection(trails, colors=FAINT, linewidths=0.9, alpha=0.55, zorder=4))
+        marks.append(Line2D([], [], color=FAINT, linewidth=0.9, label=f"trail, last {scene.trail_s / 60.0:g} min"))
+    moving = np.isfinite(scene.velocity_m_s).all(-1) & (np.hypot(*scene.velocity_m_s.T) > 0.1)
+    if moving.any():
+        start = scene.position_deg[moving]
+        tip = offset_deg(start, LEADER_S * scene.velocity_m_s[moving])
+        lines = np.stack([_flat(scene, start), _flat(scene, tip)], 1)
+        axes.add_collection(LineCollection(list(lines), colors=INK, linewidths=0.8, alpha=0.8, zorder=5))
+        marks.append(Line2D([], [], color=INK, linewidth=0.8, label=f"leader, {LEADER_S / 60.0:g} min ahead"))
+    return marks
+
+
+def _ellipses(axes: Axes, scene: Scene) -> int:
+    """How many times larger than life the ellipses of 2 sigma are drawn; 0: there is none."""
+    known = np.isfinite(scene.ellipse).all(-1)
+    if not known.any():
+        return 0
+    major, minor, direction = scene.ellipse[known].T * np.array([[SIGMAS], [SIGMAS], [np.pi / 180.0]])
+    wanted = ELLIPSE_SHARE * scene.width_nm * NAUTICAL_MILE_M / max(float(np.percentile(major, 90.0)), 1e-3)
+    scale = max(s for s in ELLIPSE_SCALES if s <= max(wanted, 1.0))
+    along, across = scale * major[:, None] * np.cos(TURN), scale * minor[:, None] * np.sin(TURN)
+    sine, cosine = np.sin(direction)[:, None], np.cos(direction)[:, None]
+    metres = np.stack([along * sine + across * cosine, along * cosine - across * sine], -1)
+    outline = _flat(scene, offset_deg(scene.position_deg[known][:, None, :], metres))
+    axes.add_collection(PolyCollection(list(outline), facecolors="#1d273318", edgecolors="#1d273399", linewidths=0.6, zorder=5))
+    return scale
+
+
+def _vessels(axes: Axes, scene: Scene) -> list[Any]:
+    styles: dict[str, tuple[Any, str, str, float]] = {
+        AIS_ONLY: ("^", AIS_COLOUR, "#0d5a1e", 34.0),
+        RADAR_ONLY: ("s", "white", INK, 26.0),
+        FUSED: (BOW_TIE, BOW_TIE_COLOUR, "#7d0f14", 46.0),
+    }
+    xy, marks = _flat(scene, scene.position_deg), []
+    for kind, (marker, face, edge, size) in styles.items():
+        rows = scene.kind == kind
+        axes.scatter(xy[rows, 0], xy[rows, 1], s=size, marker=marker, facecolor=face, edgecolor=edge, linewidth=0.9, zorder=7)
+        points = float(np.sqrt(size)) + 0.8
+        style: dict[str, Any] = {"markerfacecolor": face, "markeredgecolor": edge, "markersize": points, "linestyle": "none"}
+        marks.append(Line2D([], [], marker=marker, label=f"{kind} ({rows.sum()})", **style))
+    for flags, colour, name in (
+        (Flag.DARK, ALARM_COLOUR, "dark: radar, no AIS where AIS is heard"),
+        (Flag.AIS_CONTRADICTED | Flag.MMSI_TWICE | Flag.IMPOSSIBLE_SPEED, WARNING_COLOUR, "AIS contradicted or impossible"),
+    ):
+        marks += _rings(axes, xy[(scene.flags & int(flags)) != 0], colour, name)
+    return marks
+
+
+def _rings(axes: Axes, xy: Array, colour: str, name: str) -> list[Any]:
+    if not len(xy):
+        return []
+    axes.scatter(xy[:, 0], xy[:, 1], s=150.0, marker="o", facecolor="none", edgecolor=colour, linewidth=1.7, zorder=8)
+    style: dict[str, Any] = {
+        "markerfacecolor": "none",
+        "markeredgecolor": colour,
+        "markersize": 11,
+        "markeredgewidth": 1.7,
+        "linestyle": "none",
+    }
+    return [Line2D([], [], marker="o", label=f"{name} ({len(xy)})", **style)]
+
+
+def _grid(axes: Axes, width_deg: float, height_deg: float) -> None:
+    for axis, span_deg, ends in ((axes.xaxis, width_deg, "EW"), (axes.yaxis, height_deg, "NS")):
+        step = next((t for t in TICKS_MIN if span_deg * 60.0 / t <= 7), TICKS_MIN[-1])
+        axis.set_major_locator(MultipleLocator(step / 60.0))
+        axis.set_major_formatter(FuncFormatter(lambda value, _, ends=ends, step=step: _degrees(value, ends, step)))
+    axes.grid(color="white", linewidth=0.9, zorder=0.5)
+    axes.tick_params(labelsize=9, colors=FAINT)
+    for spine in axes.spines.values():
+        spine.set_color(FAINT)
+
+
+def _degrees(value: float, ends: str, step_min: float) -> str:
+    """Degrees and minutes with the letter of the hemisphere, longitude wrapped."""
+    turned = float(wrap_deg(value)) if ends == "EW" else value
+    digits = 0 if step_min >= 1 else 2 if step_min < 0.1 else 1
+    minutes = round(abs(turned) * 60.0, digits)
+    letter = ends[0] if turned >= 0.0 else ends[1]
+    return f"{int(minutes // 60)}°{minutes % 60:0{digits + 3 if digits else 2}.{digits}f}'{letter}"
+
+
+def _scale_bar(axes: Axes, scene: Scene, width_deg: float, height_deg: float) -> None:
+    length_nm = max(s for s in SCALE_BARS_NM if s <= max(0.25 * scene.width_nm, SCALE_BARS_NM[0]))
+    length = width_deg * length_nm / scene.width_nm
+    x, y = axes.get_xlim()[0] + 0.04 * width_deg, axes.get_ylim()[0] + 0.035 * height_deg
+    back: dict[str, Any] = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "zorder": 9.5}
+    margin = 0.015 * width_deg
+    axes.add_patch(Rectangle((x - margin, y - 0.02 * height_deg), length + 2.0 * margin, 0.065 * height_deg, **back))
+    for k in range(4):
+        ends = [x + 0.25 * k * length, x + 0.25 * (k + 1) * length]
+        axes.plot(ends, [y, y], color=INK if k % 2 == 0 else "white", linewidth=5, solid_capstyle="butt", zorder=11)
+    axes.plot([x, x + length], [y, y], color=INK, linewidth=6.6, solid_capstyle="butt", zorder=10)
+    axes.text(x + 0.5 * length, y + 0.012 * height_deg, f"{length_nm:g} NM", ha="center", va="bottom", color=INK, zorder=11)
+
+
+def _words(axes: Axes, scene: Scene, marks: list[Any], scale: int) -> None:
+    axes.set_title(scene.title, loc="left", fontsize=14, fontweight="bold", color=INK, pad=22)
+    axes.text(0.0, 1.012, scene.subtitle, transform=axes.transAxes, fontsize=10, color=FAINT, va="bottom")
+    if scale:
+        times = f", drawn {scale} x" if scale > 1 else ""
+        marks = [*marks, Patch(facecolor="#1d273318", edgecolor="#1d273399", label=f"uncertainty, {SIGMAS:g} sigma{times}")]
+    if scene.land:
+        marks = [*marks, Patch(facecolor=LAND, edgecolor=SHORE, label=scene.land_label)]
+    style: dict[str, Any] = {"frameon": False, "fontsize": 9.5, "labelcolor": INK, "labelspacing": 0.75, "borderaxespad": 0.0}
+    axes.legend(handles=marks, loc="upper left", bbox_to_anchor=(1.015, 1.0), **style)

@@ -1,0 +1,169 @@
+"""What there is to draw at one instant of a run, read from the store into plain arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from coastwatch import store
+from coastwatch.batches import Array, Floats, Ints
+from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, offset_deg, scale_m_deg, wrap_deg
+from coastwatch.operators import coastline
+from coastwatch.operators.coastline import Shore
+from coastwatch.scenario import utc_text
+from coastwatch.shipped import scenarios_folder
+from coastwatch.store import Rows, Store, read
+
+RADAR, STATION, BEARING = "radar", "station", "bearing"
+AIS_ONLY, RADAR_ONLY, FUSED = "AIS only", "radar only", "fused"
+TRAIL_S = 180.0
+TRAILS_MOST = 5000  # vessels; above, trails would only blacken the picture
+
+
+@dataclass(frozen=True, eq=False)
+class Coverage:
+    """Where one sensor sees."""
+
+    name: str
+    kind: str  # RADAR, STATION or BEARING
+    site_deg: Floats  # (2,)
+    range_m: float
+    arc_deg: tuple[float, float] = (0.0, 360.0)  # clockwise from, to
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A picture and its surroundings. V vessels, B bearing lines."""
+
+    title: str
+    subtitle: str
+    centre_deg: tuple[float, float]
+    width_nm: float
+    height_nm: float
+    coverages: tuple[Coverage, ...]
+    position_deg: Floats  # (V, 2)
+    velocity_m_s: Floats  # (V, 2)
+    ellipse: Floats  # (V, 3) 1-sigma half axes, m, and direction of the longer one, deg from north; NaN where there is none
+    kind: Array  # (V,) AIS_ONLY, RADAR_ONLY or FUSED
+    flags: Ints  # (V,) sum of batches.Flag
+    bearing_from_deg: Floats  # (B, 2)
+    bearing_to_deg: Floats  # (B, 2)
+    trails_deg: tuple[Floats, ...] = ()  # each (P, 2), oldest first
+    trail_s: float = 0.0
+    land: tuple[Shore, ...] = ()
+    land_label: str = "land"
+
+
+def load(
+    found: Store, run: dict[str, Any], at_s: float | None, bbox: tuple[float, float, float, float] | None, shore: str | None
+) -> Scene:
+    """The scene of a run, now or at an instant.
+
+    Args: run: as `store.run` gives it. bbox: south, west, north, east in degrees, instead of the scenario's area. shore: GeoJSON
+    file instead of the scenario's own coastline.
+    Raises: StoreError, BadInput.
+    """
+    rows = store.picture(found, run["id"], at_s, bbox)
+    names = rows.columns
+    table = {name: [row[k] for row in rows.rows] for k, name in enumerate(names)}
+    position = _numbers(table, "latitude_deg", "longitude_deg")
+    time_s = max(table["time_s"], default=None)
+    land, note = _land(run["scenario"], shore)
+    bearings = _bearings(found, run["id"], table, position) if at_s is None else np.zeros((2, 0, 2))
+    when = f"{utc_text(round(time_s))[:-5]}Z · " if time_s is not None else ""
+    centre_deg, width_nm, height_nm = _frame(run["settings"]["area"], bbox)
+    return Scene(
+        title=run["title"],
+        subtitle=f"{when}run {run['id']} of {run['scenario']}, seed {run['seed']} · {len(rows.rows)} vessels",
+        centre_deg=centre_deg,
+        width_nm=width_nm,
+        height_nm=height_nm,
+        coverages=_coverages(read.sensors(found, run["id"])),
+        position_deg=position,
+        velocity_m_s=_velocity(_numbers(table, "sog_kn", "cog_deg")),
+        ellipse=_numbers(table, "major_m", "minor_m", "orientation_deg"),
+        kind=_kinds(table["sources"], store.sources(found, run["id"])),
+        flags=np.array(table["flags"], np.int64),
+        bearing_from_deg=bearings[0],
+        bearing_to_deg=bearings[1],
+        trails_deg=_trails(found, run["id"], table["vessel_id"], time_s),
+        trail_s=TRAIL_S,
+        land=land,
+        land_label=f"land ({note})" if note else "land",
+    )
+
+
+def _numbers(table: dict[str, list[Any]], *names: str) -> Floats:
+    return np.array([table[name] for name in names], float).reshape(len(names), -1).T
+
+
+def _velocity(sog_cog: Floats) -> Floats:
+    sog, cog = sog_cog[:, 0] * KNOT_M_S, np.radians(sog_cog[:, 1])
+    still = sog_cog[:, 0] == 0.0
+    return np.where(still[:, None], 0.0, np.stack([sog * np.sin(cog), sog * np.cos(cog)], -1))
+
+
+def _frame(area: dict[str, float], bbox: tuple[float, float, float, float] | None) -> tuple[tuple[float, float], float, float]:
+    """Centre, width and height in NM of what is drawn."""
+    if bbox is None:
+        return (area["latitude_deg"], area["longitude_deg"]), area["width_nm"], area["height_nm"]
+    south, west, north, east = bbox
+    centre = 0.5 * (south + north), float(wrap_deg(west + 0.5 * ((east - west) % 360.0)))
+    scale_north, scale_east = (float(s) / NAUTICAL_MILE_M for s in scale_m_deg(np.array(centre[0])))
+    return centre, ((east - west) % 360.0) * scale_east, (north - south) * scale_north
+
+
+def _coverages(rows: Rows) -> tuple[Coverage, ...]:
+    kinds = {"radar": RADAR, "ais": STATION, "bearing": BEARING}
+    out = []
+    for row in rows.rows:
+        said = dict(zip(rows.columns, row, strict=True))
+        site = np.array([said["latitude_deg"], said["longitude_deg"]], float)
+        arc = (float(said["spec"].get("arc_from_deg", 0.0)), float(said["spec"].get("arc_to_deg", 360.0)))
+        out.append(Coverage(said["name"], kinds[said["kind"]], site, float(said["range_m"]), arc))
+    return tuple(sorted(out, key=lambda c: (RADAR, BEARING, STATION).index(c.kind)))
+
+
+def _kinds(sources: list[str], known: Rows) -> Array:
+    kind_of = dict(zip(known.column("name"), known.column("kind"), strict=True))
+    kinds = [{kind_of.get(name) for name in text.split(",")} for text in sources]
+    words = [FUSED if {"radar", "ais"} <= k else AIS_ONLY if "ais" in k else RADAR_ONLY for k in kinds]
+    return np.array(words, "U10")
+
+
+def _bearings(found: Store, run_id: int, table: dict[str, list[Any]], position_deg: Floats) -> Floats:
+    """Ends of the lines from a sensor along what it measured, as far as the vessel that it was given to. (2, B, 2)"""
+    row_of = {vessel: k for k, vessel in enumerate(table["vessel_id"])}
+    rows = store.bearing_tracks(found, run_id)
+    lines = []
+    for row in rows.rows:
+        said = dict(zip(rows.columns, row, strict=True))
+        if said["vessel_id"] in row_of:
+            lines.append((row_of[said["vessel_id"]], said["latitude_deg"], said["longitude_deg"], said["bearing_deg"]))
+    made = np.array(lines, float).reshape(-1, 4)
+    site, angle = made[:, 1:3], np.radians(made[:, 3])
+    reach = np.hypot(*difference_m(position_deg[made[:, 0].astype(int)], site).T)
+    return np.stack([site, offset_deg(site, reach[:, None] * np.stack([np.sin(angle), np.cos(angle)], -1))])
+
+
+def _trails(found: Store, run_id: int, vessels: list[int], time_s: float | None) -> tuple[Floats, ...]:
+    if time_s is None or len(vessels) > TRAILS_MOST:
+        return ()
+    past = store.history(found, run_id, time_s - TRAIL_S, time_s)
+    if not past.rows:
+        return ()
+    vessel = np.array(past.column("vessel_id"), np.int64)
+    place = np.array([past.column("latitude_deg"), past.column("longitude_deg")], float).T
+    order = np.flatnonzero(np.isin(vessel, vessels))
+    order = order[np.argsort(vessel[order], kind="stable")]
+    cuts = np.flatnonzero(np.diff(vessel[order])) + 1
+    return tuple(place[rows] for rows in np.split(order, cuts) if len(rows) > 1)
+
+
+def _land(scenario: str, shore: str | None) -> tuple[tuple[Shore, ...], str]:
+    if shore is not None:
+        return coastline.read(shore)
+    own = scenarios_folder() / scenario / "coastline.geojson"
+    return coastline.read(own) if own.is_file() else ((), "")

@@ -1,0 +1,166 @@
+"""Every setting a scenario can have, found by walking the pydantic models: where it is written, its kind, default and meaning."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import io
+import json
+import textwrap
+import tokenize
+import types
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+UNITS = {
+    "_m_s2": "m/s2",
+    "_m_s": "m/s",
+    "_rad_s": "rad/s",
+    "_deg_s": "deg/s",
+    "_per_m2": "1/m2",
+    "_m2": "m2",
+    "_nm": "NM",
+    "_kn": "kn",
+    "_deg": "deg",
+    "_rad": "rad",
+    "_ms": "ms",
+    "_min": "min",
+    "_s": "s",
+    "_m": "m",
+    "rpm": "turns a minute",
+}
+BOUNDS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<=", "min_length": "length >=", "max_length": "length <="}
+NAMES = {float: "number", int: "whole number", str: "text", bool: "true or false", dict: "table", type(None): "nothing"}
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One key of a table."""
+
+    key: str
+    kind: str
+    unit: str
+    default: str
+    meaning: str
+
+
+@dataclass(frozen=True)
+class Table:
+    """One table of a scenario file, or one method that a table may choose."""
+
+    header: str  # as in TOML: [tracks], [[radars]]
+    method: str  # empty where there is no choice
+    chosen: bool  # it is what a scenario has that says nothing
+    model: type[BaseModel]
+    settings: tuple[Setting, ...]
+
+    @property
+    def meaning(self) -> str:
+        """The docstring."""
+        return inspect.cleandoc(self.model.__doc__ or "")
+
+
+def tables(model: type[BaseModel], header: str = "") -> Iterator[Table]:
+    """The table of this model and every table below it, in the order in which they are declared."""
+    yield _table(model, header, chosen=True)
+    for key, field in model.model_fields.items():
+        below, many = models_of(field.annotation)
+        path = f"{header}.{key}" if header else key
+        for choice in below:
+            for table in tables(choice, path):
+                head = f"[[{path}]]" if many and table.header == path else table.header
+                chosen = table.chosen and (len(below) == 1 or isinstance(field.default, choice))
+                yield Table(head, table.method, chosen, table.model, table.settings)
+
+
+def models_of(annotation: Any) -> tuple[list[type[BaseModel]], bool]:
+    """The models that an annotation allows, and whether it holds a list of them."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation], False
+    origin, parts = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        return models_of(parts[0])
+    found = [models_of(part) for part in parts] if origin in (Union, types.UnionType, tuple, list) else []
+    return [m for models, _ in found for m in models], origin in (tuple, list) or any(many for _, many in found)
+
+
+def _table(model: type[BaseModel], header: str, *, chosen: bool) -> Table:
+    meanings = _comments(model)
+    settings, method = [], ""
+    for key, field in model.model_fields.items():
+        if key == "method":
+            method = str(get_args(field.annotation)[0])
+        elif not models_of(field.annotation)[0]:
+            meaning = field.description or meanings.get(key, "")
+            settings.append(Setting(key, kind_of(field.annotation, field.metadata), unit_of(key), _default(field), meaning))
+    return Table(header, method, chosen, model, tuple(settings))
+
+
+def unit_of(key: str) -> str:
+    """The unit that the end of a name says."""
+    return next((unit for ending, unit in UNITS.items() if key.endswith(ending)), "")
+
+
+def kind_of(annotation: Any, metadata: Any = ()) -> str:
+    """What may be written, in words: "number > 0", "text", one of some words."""
+    origin, parts = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        text = kind_of(parts[0], (*parts[1:], *metadata))
+    elif origin is Literal:
+        text = " or ".join(json.dumps(part) for part in parts)
+    elif origin in (Union, types.UnionType):
+        text = " or ".join(kind_of(part) for part in parts if part is not type(None)) + _limits(metadata)
+    elif origin in (tuple, list):
+        inner = [kind_of(part) for part in parts if part is not Ellipsis]
+        text = (
+            ("list of " + ", ".join(dict.fromkeys(inner))) if Ellipsis in parts or origin is list else f"[{', '.join(inner)}]"
+        )
+    else:
+        text = NAMES.get(origin or annotation, str(getattr(annotation, "__name__", annotation))) + _limits(metadata)
+    return text.replace("Path", "text (path)").replace("datetime", "instant").replace("AwareDatetime", "instant")
+
+
+def _limits(metadata: Any) -> str:
+    found = []
+    for item in metadata:
+        for constraint in getattr(item, "metadata", [item]):
+            found += [f"{sign} {getattr(constraint, name):g}" for name, sign in BOUNDS.items() if hasattr(constraint, name)]
+    return " " + ", ".join(found) if found else ""
+
+
+def _default(field: FieldInfo) -> str:
+    if field.is_required():
+        return "needed"
+    value = field.get_default(call_default_factory=True)
+    if value is None:
+        return "none"
+    return json.dumps(value, default=str)
+
+
+def _comments(model: type[BaseModel]) -> dict[str, str]:
+    """The comment at the end of the line on which a field is declared, or the text below it, by field."""
+    found: dict[str, str] = {}
+    for cls in reversed(model.__mro__):
+        if cls in (BaseModel, object) or not issubclass(cls, BaseModel):
+            continue
+        source = textwrap.dedent(inspect.getsource(cls))
+        tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+        by_line = {t.start[0]: t.string.lstrip("# ").strip() for t in tokens if t.type == tokenize.COMMENT}
+        body = ast.parse(source).body[0]
+        assert isinstance(body, ast.ClassDef)
+        for here, below in zip(body.body, [*body.body[1:], ast.Pass()], strict=True):
+            if isinstance(here, ast.AnnAssign) and isinstance(here.target, ast.Name):
+                lines = range(here.lineno, (here.end_lineno or here.lineno) + 1)
+                text = " ".join(by_line[k] for k in lines if k in by_line) or _text_of(below)
+                found[here.target.id] = " ".join(text.split())
+    return found
+
+
+def _text_of(statement: ast.stmt) -> str:
+    if isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant) and isinstance(statement.value.value, str):
+        return statement.value.value
+    return ""

@@ -1,0 +1,124 @@
+"""Reads of the store in the units of an operator: UTC, MMSI of nine digits, flags as words, figures rounded to what they are worth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from coastwatch import store
+from coastwatch.batches import Flag
+from coastwatch.operators.bad_input import BadInput
+from coastwatch.scenario import utc_text
+from coastwatch.store import Rows, Store
+
+DIGITS = {"latitude_deg": 6, "longitude_deg": 6, "sog_kn": 2, "statistic": 3, "share": 4}
+ENDINGS = {"_deg": 2, "_deg_s": 4, "_m": 1, "_nm": 3, "_kn": 2, "_ms": 3, "_s": 3, "_min": 2}
+SHOWN = (
+    "vessel_id",
+    "mmsi",
+    "name",
+    "latitude_deg",
+    "longitude_deg",
+    "sog_kn",
+    "cog_deg",
+    "major_m",
+    "updated_utc",
+    "sources",
+    "flags",
+)
+"""Columns of the picture that fit on a screen; files have all."""
+
+
+@dataclass(frozen=True)
+class Vessel:
+    """What is known of one vessel."""
+
+    facts: dict[str, Any]
+    tables: dict[str, Rows]
+
+    def as_object(self) -> dict[str, Any]:
+        """The same as plain values: each table a list of objects."""
+        lists = {key: [dict(zip(rows.columns, row, strict=True)) for row in rows.rows] for key, rows in self.tables.items()}
+        return {**self.facts, **lists}
+
+
+@contextmanager
+def opened(url: str) -> Iterator[Store]:
+    """The database, which must be there. Raises: StoreError."""
+    with store.open_store(url, create=False) as found:
+        yield found
+
+
+def run(found: Store, run_id: int | None) -> dict[str, Any]:
+    """The run of this number, or the latest. Raises: StoreError where there is none."""
+    return store.run(found, store.latest_run(found) if run_id is None else run_id)
+
+
+def picture(found: Store, run_id: int, at_s: float | None, bbox: tuple[float, float, float, float] | None) -> Rows:
+    """One row a vessel, for people."""
+    return for_people(store.picture(found, run_id, at_s, bbox))
+
+
+def shown(rows: Rows) -> Rows:
+    """The columns of the picture that fit on a screen."""
+    keep = [rows.columns.index(name) for name in SHOWN if name in rows.columns]
+    return Rows(tuple(rows.columns[k] for k in keep), [tuple(row[k] for k in keep) for row in rows.rows])
+
+
+def vessel(found: Store, run_id: int, vessel_id: int) -> Vessel:
+    """All that is stored of one vessel, for people. Raises: StoreError where the run never had it."""
+    said = store.track(found, run_id, vessel_id)
+    facts = said.pop("vessel")
+    row = for_people(Rows(tuple(facts), [tuple(facts.values())]))
+    tables = {key.replace("_", " "): for_people(rows) for key, rows in said.items() if key != "stays"}
+    return Vessel({"run": run_id, **dict(zip(row.columns, row.rows[0], strict=True))}, tables)
+
+
+def questions() -> Rows:
+    """Name, title and parameters of every question."""
+    rows: list[tuple[Any, ...]] = []
+    for name, question in store.operator_queries().items():
+        told = [f"{key}{'' if p.default is None else f'={p.default}'} ({p.meaning})" for key, p in question.parameters.items()]
+        rows.append((name, question.title, "; ".join(told)))
+    return Rows(("question", "answers", "parameters"), rows)
+
+
+def answer(found: Store, name: str, parameters: Mapping[str, str]) -> Rows:
+    """The answer to a question, for people. Raises: BadInput, StoreError."""
+    known = store.operator_queries()
+    if name not in known:
+        raise BadInput(f"query: got {name!r}, needed one of {', '.join(known)}")
+    takes = known[name].parameters
+    unknown = [key for key in parameters if key not in (*takes, "run")]
+    missing = [key for key, p in takes.items() if p.default is None and key not in parameters]
+    if unknown or missing:
+        got = f"got {', '.join(unknown)}" if unknown else f"got no {', '.join(missing)}"
+        raise BadInput(f"query {name}: {got}, needed --set with {', '.join((*takes, 'run'))}")
+    return for_people(store.operator_query(found, name, parameters))
+
+
+def for_people(rows: Rows) -> Rows:
+    """The same rows with every value as an operator reads it; instants are renamed from `_s` to `_utc`."""
+    makers = [_maker(name) for name in rows.columns]
+    names = tuple(f"{name[:-2]}_utc" if name in store.INSTANTS else name for name in rows.columns)
+    made = [tuple(None if v is None else make(v) for v, make in zip(row, makers, strict=True)) for row in rows.rows]
+    return Rows(names, made)
+
+
+def flag_words(flags: int) -> str:
+    """The names of the flags in small letters, with blanks between."""
+    return " ".join(str(flag.name).lower() for flag in Flag(flags))
+
+
+def _maker(name: str) -> Callable[[Any], Any]:
+    if name in store.INSTANTS:
+        return lambda value: utc_text(float(value))
+    if name == "mmsi" or name.endswith("_mmsi"):
+        return lambda value: f"{int(value):09d}"
+    if name == "flags":
+        return lambda value: flag_words(int(value)) if isinstance(value, int) else value
+    ending = max((e for e in ENDINGS if name.endswith(e)), key=len, default="")
+    digits = DIGITS.get(name, ENDINGS.get(ending, 6))
+    return lambda value: round(value, digits) if isinstance(value, float) else value

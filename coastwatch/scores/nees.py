@@ -1,0 +1,30 @@
+"""Normalised estimation error squared: are covariances as large as the errors?"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import chi2
+
+from coastwatch.batches import Floats
+
+
+def nees(error: Floats, covariance: Floats) -> Floats:
+    """The squared error in units of its covariance, mean d for a consistent estimator.
+
+    Args: error: (N, d); covariance: (N, d, d), positive definite. Returns: (N,), NaN where either is NaN.
+    Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, eq. 5.4.2-1.
+    """
+    known = np.isfinite(error).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2))
+    out = np.full(len(error), np.nan)
+    solved = np.linalg.solve(covariance[known], error[known][..., None])[..., 0]
+    out[known] = (error[known] * solved).sum(axis=1)
+    return out
+
+
+def band(count: int, dimension: int, level: float) -> tuple[float, float]:
+    """Between which values the mean of independent NEES lies but for this probability, half on each side.
+
+    Args: count: of values averaged; dimension: d of each; level: e.g. 1e-6.
+    """
+    low, high = chi2.ppf([0.5 * level, 1.0 - 0.5 * level], count * dimension) / count
+    return float(low), float(high)

@@ -1,0 +1,174 @@
+"""What a run adds up from cycle to cycle, and what is said of it at the end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Any, Protocol
+
+import numpy as np
+
+from coastwatch.batches import (
+    Associations,
+    BearingAssociations,
+    BearingTracks,
+    Floats,
+    FusedTracks,
+    Ints,
+    Picture,
+    Recording,
+    Sensors,
+    Tracks,
+    Trajectories,
+    Truth,
+)
+from coastwatch.geodesy import difference_m
+from coastwatch.scores.bound import bound
+from coastwatch.scores.confusion import Confusion, association, bearing_association
+from coastwatch.scores.dark import Dark, never_heard, watch
+from coastwatch.scores.nees import nees
+from coastwatch.scores.purity import purity
+from coastwatch.scores.rmse import Errors, FusionErrors, errors, fusion_errors, true_rows
+
+
+class Yielded(Protocol):
+    """What a cycle yields and scores read."""
+
+    @property
+    def time_s(self) -> float: ...
+    @property
+    def tracks(self) -> Tracks: ...
+    @property
+    def associations(self) -> Associations: ...
+    @property
+    def fused(self) -> FusedTracks: ...
+    @property
+    def bearing_tracks(self) -> BearingTracks: ...
+    @property
+    def picture(self) -> Picture: ...
+    @property
+    def bearing_associations(self) -> BearingAssociations: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Tally:
+    """Sums so far: plain data."""
+
+    associations: Confusion = Confusion()
+    bearing_associations: Confusion = Confusion()
+    fused: Errors = Errors()
+    radar: Errors = Errors()
+    ais: Errors = Errors()
+    nees_sum: float = 0.0
+    nees_count: int = 0
+    counted: tuple[tuple[float, Ints], ...] = ()  # time and true vessels over which the fused errors were taken
+    seen: tuple[tuple[Ints, Ints], ...] = ()  # identities of the picture and their true vessels
+    may_be_silent: Ints | None = None
+    dark: Dark | None = None
+
+
+def start(sensors: Sensors) -> Tally:
+    """Before the first cycle."""
+    return Tally()
+
+
+def add(tally: Tally, cycle: Yielded, recording: Recording, sensors: Sensors) -> Tally:
+    """The sums after one more cycle; unchanged where the recording has no truth."""
+    if recording.truth is None:
+        return tally
+    truth, kinds, tracks = recording.truth.at(cycle.time_s), sensors.source_kinds, cycle.tracks
+    known = bool((tracks.origin >= 0).any())
+    bearings_known = bool((cycle.bearing_tracks.origin >= 0).any())
+    decided = association(tracks, cycle.associations, kinds) if known else Confusion()
+    heard = bearing_association(cycle.bearing_tracks, cycle.picture, cycle.bearing_associations) if bearings_known else Confusion()
+    made = fusion_errors(truth, tracks, cycle.associations, cycle.fused, kinds)
+    nees_sum, nees_count = _fused_nees(truth, cycle, made)
+    tally = replace(
+        tally,
+        associations=tally.associations + decided,
+        bearing_associations=tally.bearing_associations + heard,
+        fused=tally.fused + made.fused,
+        radar=tally.radar + made.radar,
+        ais=tally.ais + made.ais,
+        nees_sum=tally.nees_sum + nees_sum,
+        nees_count=tally.nees_count + nees_count,
+        counted=(*tally.counted, (cycle.time_s, made.origin)),
+    )
+    return _watched(tally, truth, cycle.picture, recording, sensors) if known else tally
+
+
+def result(tally: Tally, recording: Recording, sensors: Sensors) -> dict[str, Any]:
+    """All scores, by stage; empty where there is no truth. A figure without anything to count is none."""
+    if recording.truth is None:
+        return {}
+    lone = {"radar": tally.radar.as_dict(), "ais": tally.ais.as_dict()}
+    seen = [np.concatenate([s[k] for s in tally.seen]) for k in (0, 1)] if tally.seen else []
+    cycle = np.repeat(np.arange(len(tally.seen)), [len(s[0]) for s in tally.seen])
+    kept = purity(seen[0], seen[1], cycle)._asdict() if seen else {}
+    return {
+        "associations": _decisions(tally.associations),
+        "bearing_associations": _decisions(tally.bearing_associations),
+        "fused_tracks": {
+            **tally.fused.as_dict(),
+            **{f"bound_{name}": value for name, value in _bound_errors(tally, recording).as_dict().items()},
+            **{f"{source}_{name}": value for source, made in lone.items() for name, value in made.items()},
+            "nees": tally.nees_sum / tally.nees_count if tally.nees_count else None,
+            "count": tally.fused.count,
+        },
+        "picture": {**(tally.dark.as_dict() if tally.dark else {}), **kept},
+    }
+
+
+def _decisions(confusion: Confusion) -> dict[str, float]:
+    return confusion.as_dict() if confusion != Confusion() else {}
+
+
+def _fused_nees(truth: Truth, cycle: Yielded, made: FusionErrors) -> tuple[float, int]:
+    """Sum and count of the NEES of the counted vessels, position and velocity, where the fuser gives a covariance."""
+    at = true_rows(truth, made.origin)
+    fused = cycle.fused.take(made.row)
+    off = difference_m(fused.position_deg, truth.position_deg[at])
+    values = nees(np.column_stack([off, fused.velocity_m_s - truth.velocity_m_s[at]]), fused.covariance)
+    known = np.isfinite(values)
+    return float(values[known].sum()), int(known.sum())
+
+
+def _watched(tally: Tally, truth: Truth, picture: Picture, recording: Recording, sensors: Sensors) -> Tally:
+    """What the picture said of identities and of silent vessels."""
+    assert recording.truth is not None
+    every, ais = np.sort(recording.truth.vessel), recording.reports.ais
+    silent = tally.may_be_silent
+    if silent is None:
+        silent = np.union1d(never_heard(every, ais), np.array(recording.silenced, np.int64))
+    dark = watch(tally.dark or Dark.over(len(every)), every, silent, truth, ais, picture, sensors)
+    return replace(tally, may_be_silent=silent, dark=dark, seen=(*tally.seen, (picture.vessel_id, picture.origin)))
+
+
+def _bound_errors(tally: Tally, recording: Recording) -> Errors:
+    """Errors of the exact filter over the vessels and instants over which the fused errors were taken."""
+    truth, noise = recording.truth, recording.noise
+    if truth is None or noise is None or not tally.counted:
+        return Errors()
+    rows = np.flatnonzero(np.isin(truth.vessel, np.concatenate([origin for _, origin in tally.counted])))
+    few = _of(truth, rows)
+    times = np.array([time_s for time_s, _ in tally.counted])
+    best = bound(few, recording.reports.radar, recording.reports.ais, noise, times)
+    total = Errors()
+    for t, (time_s, origin) in enumerate(tally.counted):
+        now = truth.at(time_s)
+        at, row = true_rows(now, origin), np.flatnonzero(np.isin(few.vessel, origin))
+        row = row[np.argsort(few.vessel[row], kind="stable")][np.searchsorted(np.sort(origin), origin)]
+        known = np.isfinite(best.position_deg[row, t, 0])
+        total += errors(*_known(best.position_deg[row, t], best.velocity_m_s[row, t], known), *_known(now.position_deg[at], now.velocity_m_s[at], known))
+    return total
+
+
+def _known(position: Floats, velocity: Floats, known: Any) -> tuple[Floats, Floats]:
+    return position[known], velocity[known]
+
+
+def _of(truth: Trajectories, rows: Ints) -> Trajectories:
+    """The trajectories of some vessels."""
+    whole = {"time_s"} | ({"kick_keep"} if not len(truth.kick_keep) else set())
+    return Trajectories(
+        **{f.name: getattr(truth, f.name) if f.name in whole else getattr(truth, f.name)[rows] for f in fields(truth)}
+    )

@@ -1,0 +1,102 @@
+"""The house style of DESIGN.md, sections 2 and 7, where a program can check it."""
+
+import ast
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+HOUSE = Path(__file__).parents[2]
+TOP = ("coastwatch", "db", "scaling", "scenarios", "tests", "ops")
+FORBIDDEN = {"utils", "helpers", "common", "misc", "tools", "scripts", "core", "base", "contrib"}
+MODULE_LINES = 300
+FUNCTION_LINES = 40
+GENERATED = {"__pycache__", "versions"}
+
+
+def tracked() -> list[Path]:
+    """Files of the house: what git knows or would take; in an export without git, all of them."""
+    asked = subprocess.run(
+        ["git", "ls-files", "--cached", "--others", "--exclude-standard"],
+        cwd=HOUSE,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    names = asked.stdout.splitlines() if asked.returncode == 0 else []
+    found = [HOUSE / name for name in names] or [p for top in TOP for p in (HOUSE / top).rglob("*")]
+    return sorted(p for p in found if p.is_file() and "__pycache__" not in p.parts)
+
+
+FILES = tracked()
+MODULES = [p for p in FILES if p.suffix == ".py"]
+FOLDERS = sorted({parent for p in FILES for parent in p.parents if parent != HOUSE and HOUSE in parent.parents})
+
+
+def name_of(path: Path) -> str:
+    return str(path.relative_to(HOUSE))
+
+
+def needs_readme(folder: Path) -> bool:
+    """Folders that hold modules or documents of their own; data of a test and Alembic's versions belong to the folder above."""
+    top = folder.relative_to(HOUSE).parts[0]
+    return top in TOP and folder.name not in {*GENERATED, "coastwatch"} and len(folder.relative_to(HOUSE).parts) <= 2
+
+
+@pytest.mark.parametrize("folder", [f for f in FOLDERS if needs_readme(f)], ids=name_of)
+def test_a_folder_says_what_it_admits(folder: Path) -> None:
+    readme = folder / "README.md"
+    assert readme.is_file(), f"{name_of(folder)} has no README.md"
+    first = next(line for line in readme.read_text("utf-8").splitlines() if line.strip() and not line.startswith("#"))
+    scenario = folder.parent == HOUSE / "scenarios"
+    assert scenario or re.match(r"(A|An|One) \w+.* here\b", first), (
+        f"{name_of(readme)}: first line {first!r} is no admission rule"
+    )
+
+
+def test_no_forbidden_name() -> None:
+    wrong = [name_of(p) for p in [*FILES, *FOLDERS] if p.stem.lower() in FORBIDDEN]
+    assert wrong == []
+
+
+def body_lines(function: ast.FunctionDef) -> int:
+    """Lines of what a function does: neither its signature nor its docstring, which grow with what a reader needs."""
+    first = function.body[1] if ast.get_docstring(function) and len(function.body) > 1 else function.body[0]
+    return (function.end_lineno or 0) - first.lineno + 1
+
+
+@pytest.mark.parametrize("module", MODULES, ids=name_of)
+def test_lengths(module: Path) -> None:
+    text = module.read_text("utf-8")
+    assert text.count("\n") < MODULE_LINES or module.name == "batches.py", f"{name_of(module)} has {text.count(chr(10))} lines"
+    functions = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef)]
+    long = [f"{name_of(module)}:{f.lineno} {f.name}: {body_lines(f)}" for f in functions if body_lines(f) >= FUNCTION_LINES]
+    assert long == []
+
+
+@pytest.mark.parametrize("module", [m for m in MODULES if "coastwatch" in m.relative_to(HOUSE).parts[:1]], ids=name_of)
+def test_a_module_says_what_it_is(module: Path) -> None:
+    text = module.read_text("utf-8")
+    assert not text.strip() or ast.get_docstring(ast.parse(text)), f"{name_of(module)} has no docstring"
+
+
+def test_the_readme_gives_two_commands_that_the_makefile_has() -> None:
+    verbs = set(re.findall(r"^([a-z]+):", (HOUSE / "Makefile").read_text("utf-8"), re.MULTILINE))
+    named = set(re.findall(r"\bmake ([a-z]+)", (HOUSE / "README.md").read_text("utf-8")))
+    assert {"demo", "test"} <= named
+    assert named <= verbs
+
+
+def test_ci_calls_verbs_that_the_makefile_has() -> None:
+    verbs = set(re.findall(r"^([a-z]+):", (HOUSE / "Makefile").read_text("utf-8"), re.MULTILINE))
+    assert set(re.findall(r"^make ([a-z]+)", (HOUSE / ".ci" / "run").read_text("utf-8"), re.MULTILINE)) <= verbs
+
+
+def test_every_link_of_the_documentation_leads_somewhere() -> None:
+    dead = []
+    for page in [p for p in FILES if p.suffix == ".md"]:
+        for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", page.read_text("utf-8")):
+            if "://" not in target and not (page.parent / target).exists():
+                dead.append(f"{name_of(page)}: {target}")
+    assert dead == []

@@ -1,0 +1,260 @@
+"""Tables of AIS, plots and bearings: any names of columns, every kind of bad row, and the Solent table with its README's counts."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from pydantic import TypeAdapter, ValidationError
+
+from coastwatch.batches import Fault, Radars, Sensors, Sonars, Stations
+from coastwatch.geodesy import from_plane
+from coastwatch.sensors import Feed
+from coastwatch.sensors.ais_table import AisTable
+from coastwatch.sensors.tables import Tables
+from coastwatch.stage import Plan
+
+DATA = Path(__file__).parents[2].parent / "shared" / "data"
+T0 = 1_452_603_731.0  # 2016-01-12 13:02:11 UTC
+PLAN = Plan(start_s=T0, period_s=3.0, cycles=10)
+METRES = 0.05  # the plane at the radar against the ellipsoid, 5 km out
+HEADER = "Time,MMSI,Latitude,Longitude,SOG,COG"
+
+
+def table(path: Path, *rows: str, header: str = HEADER) -> Path:
+    file = path / "table.csv"
+    file.write_text("\n".join([header, *rows]) + "\n")
+    return file
+
+
+def row(t: float = 0.0, mmsi: str = "235070762", lat: str = "50.7", lon: str = "-1.1", sog: str = "5", cog: str = "90") -> str:
+    return f"{T0 + t},{mmsi},{lat},{lon},{sog},{cog}"
+
+
+def kinds(faults: tuple[Fault, ...]) -> dict[str, int]:
+    return {f.kind: f.count for f in faults}
+
+
+def sensors() -> Sensors:
+    one = np.ones(2)
+    names = np.array(["north", "south"], "U32")
+    site = np.array([[50.8, -1.1], [50.7, -1.1]])
+    radars = Radars(names, np.zeros(2, np.int64), site, 2e4 * one, 3.0 * one, 10.0 * one, 0.005 * one)
+    sonars = Sonars(np.array(["hull", "mast"], "U32"), site, 1e4 * one, 0.02 * one, one, 0.0 * one, 360.0 * one)
+    return Sensors(radars, Stations.empty(), sonars, ("region",), site[:1])
+
+
+@pytest.mark.parametrize(
+    "stamp",
+    [
+        "1452603731",
+        "1452603731.000",
+        "1452603731000",
+        "2016-01-12 13:02:11",
+        "2016-01-12T13:02:11Z",
+        "2016-01-12T14:02:11.000+01:00",
+    ],
+)
+def test_every_way_to_write_a_time(tmp_path: Path, stamp: str) -> None:
+    reports, _, faults = AisTable(files=(table(tmp_path, f"{stamp},235070762,50.7,-1.1,5,90"),)).read()
+    assert reports.received_s.tolist() == [T0]
+    assert not faults
+
+
+def test_a_pattern_of_time_may_be_given(tmp_path: Path) -> None:
+    file = table(tmp_path, "13:02:11 12.01.2016,235070762,50.7,-1.1,5,90")
+    assert AisTable(files=(file,), time_format="%H:%M:%S %d.%m.%Y").read()[0].received_s.tolist() == [T0]
+    assert kinds(AisTable(files=(file,)).read()[2]) == {"unparsable cell": 1}
+
+
+def test_columns_may_have_any_name_and_unit(tmp_path: Path) -> None:
+    file = table(tmp_path, f"x;235070762;{T0};-1.1;50.7;10;S V;7;B", header="a;who;when;east;north;v;label;len;kind")
+    columns = {
+        "time": "when",
+        "mmsi": "who",
+        "latitude": "north",
+        "longitude": "east",
+        "sog": "v",
+        "name": "label",
+        "length": "len",
+    }
+    feed = AisTable(files=(file,), columns=columns | {"ais_class": "kind"}, separator=";", speed_unit="m/s")
+    reports, statics, faults = feed.read()
+    assert reports.position_deg.tolist() == [[50.7, -1.1]]
+    np.testing.assert_allclose(reports.sog_kn, 10.0 * 3600.0 / 1852.0)
+    assert np.isnan(reports.cog_deg).all()
+    assert reports.class_b.all()
+    assert (statics.name.tolist(), statics.length_m.tolist()) == (["S V"], [7.0])
+    assert not faults
+
+
+def test_a_column_that_is_not_there_is_named(tmp_path: Path) -> None:
+    file = table(tmp_path, "1,2", header="Time,MMSI")
+    with pytest.raises(ValueError, match=r"table\.csv: got columns \['Time', 'MMSI'\], needed one of \['latitude'"):
+        AisTable(files=(file,)).read()
+    with pytest.raises(ValueError, match="needed 'nord'"):
+        AisTable(files=(file,), columns={"latitude": "nord"}).read()
+
+
+def test_every_kind_of_bad_row_is_counted_with_its_line_and_stops_nothing(tmp_path: Path) -> None:
+    bad = {
+        "set aside: duplicate": row(0),
+        "half a line": row(1)[:32],
+        "line with too many cells": row(1) + ",7",
+        "quotation without end": row(1).replace("235070762", '"235070762'),
+        "empty cell": row(1, lat=""),
+        "unparsable cell": row(1, lon="west"),
+        "non-finite": row(1, lat="nan"),
+        "position not available": row(1, lat="91"),
+        "latitude out of range": row(1, lat="-95"),
+        "longitude out of range": row(1, lon="200"),
+        "not an MMSI": row(1, mmsi="23507076"),
+        "time going backwards": row(-100),
+        "set aside: quick repeat of one position": row(1, sog="5.1"),
+        "time far from the rest": row(-1e9),
+    }
+    file = table(tmp_path, row(0), *bad.values(), row(8, lat="50.701", cog="360"))
+    reports, _, faults = AisTable(files=(file,)).read()
+    assert reports.received_s.tolist() == [T0, T0 + 8.0]
+    assert np.isnan(reports.cog_deg[1])
+    assert kinds(faults) == dict.fromkeys(bad, 1)
+    places = {f.kind: f.where.partition(",")[0] for f in faults}
+    assert places == {kind: f"table.csv:{i}" for i, kind in enumerate(bad, 3)}
+    assert next(f.where for f in faults if f.kind == "unparsable cell").endswith("column Longitude")
+
+
+@pytest.mark.parametrize("value", ["inf", "-inf", "1e400"])
+def test_infinite_speed_is_refused_and_empty_speed_is_not_available(tmp_path: Path, value: str) -> None:
+    reports, _, faults = AisTable(files=(table(tmp_path, row(0, sog=value), row(3, sog="")),)).read()
+    assert kinds(faults) == {"non-finite": 1}
+    assert np.isnan(reports.sog_kn).tolist() == [True]
+
+
+def test_a_table_in_another_order_is_sorted_where_asked(tmp_path: Path) -> None:
+    rows = [row(t, mmsi=m, lat=f"50.{t:04d}") for m in ("235070762", "235070763") for t in range(0, 1000, 10)]
+    file = table(tmp_path, *rows)
+    assert len(AisTable(files=(file,)).read()[0]) < 200
+    reports, _, faults = AisTable(files=(file,), intake={"order": "time"}).read()
+    assert len(reports) == 200
+    assert not faults
+    assert (np.diff(reports.received_s) >= 0.0).all()
+
+
+def test_parquet_and_packed_csv_say_the_same_as_csv(tmp_path: Path) -> None:
+    plain = table(tmp_path, *(row(3 * i, lat=f"50.7{i}") for i in range(9)))
+    packed = tmp_path / "table.csv.gz"
+    packed.write_bytes(gzip.compress(plain.read_bytes()))
+    frame = pl.read_csv(plain)
+    stamped = frame.with_columns(
+        pl.from_epoch((pl.col("Time") * 1000).cast(pl.Int64), time_unit="ms").dt.replace_time_zone("UTC")
+    )
+    stamped.write_parquet(tmp_path / "table.parquet")
+    want = AisTable(files=(plain,)).read()[0]
+    for file in (packed, tmp_path / "table.parquet"):
+        got = AisTable(files=(file,)).read()[0]
+        for name in ("received_s", "position_deg", "mmsi", "sog_kn", "cog_deg"):
+            np.testing.assert_array_equal(getattr(got, name), getattr(want, name))
+
+
+@pytest.mark.parametrize(
+    ("name", "content"), [("empty.csv", b""), ("no.parquet", b"PAR?"), ("bad.csv.gz", b"\x1f\x8b\x08junkjunkjunk")]
+)
+def test_an_unreadable_file_is_named(tmp_path: Path, name: str, content: bytes) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(OSError, match=name):
+        AisTable(files=(tmp_path / name,)).read()
+
+
+def test_a_header_alone_gives_nothing(tmp_path: Path) -> None:
+    reports, statics, faults = AisTable(files=(table(tmp_path),)).read()
+    assert (len(reports), len(statics), faults) == (0, 0, ())
+
+
+def test_plots_polar_and_geodetic_are_the_same_place(tmp_path: Path) -> None:
+    away = np.array([[3000.0, 4000.0], [-4000.0, 0.0]])
+    polar, places = tmp_path / "polar.csv", tmp_path / "places.csv"
+    polar.write_text(
+        "time,radar,range_nm,azimuth_deg\n"
+        f"{T0},north,{5000 / 1852},{np.degrees(np.arctan2(3, 4))}\n{T0 + 1},south,{4000 / 1852},-90\n"
+    )
+    at = from_plane(away, sensors().radars.site_deg)
+    places.write_text(
+        "time,radar,lat,lon\n" + "".join(f"{T0 + i},{n},{at[i, 0]},{at[i, 1]}\n" for i, n in enumerate(("north", "south")))
+    )
+    a, b = (Tables(plots=(f,)).load(sensors(), 1, PLAN).reports.radar for f in (polar, places))
+    np.testing.assert_allclose(a.range_m, [5000.0, 4000.0])
+    np.testing.assert_allclose(a.azimuth_deg, [36.8699, 270.0], atol=1e-4)
+    np.testing.assert_allclose(b.range_m, a.range_m, atol=METRES)
+    np.testing.assert_allclose(np.radians(b.azimuth_deg) * b.range_m, np.radians(a.azimuth_deg) * a.range_m, atol=METRES)
+    assert a.sensor.tolist() == b.sensor.tolist() == [0, 1]
+    np.testing.assert_array_equal(a.site_deg, sensors().radars.site_deg)
+
+
+def test_bad_plots_and_bearings_are_counted(tmp_path: Path) -> None:
+    plots, bearings = tmp_path / "plots.csv", tmp_path / "bearings.csv"
+    plots.write_text(
+        "time,received,radar,range_m,azimuth_deg,site_lat,site_lon\n"
+        f"{T0},{T0 + 1},north,1000,10,,\n{T0},{T0 + 2},west,1000,10,,\n{T0},{T0 + 2},north,-5,10,,\n"
+        f"{T0},{T0 + 2},north,1000,inf,,\n{T0},{T0 + 2},north,1000,400,,\n{T0},{T0 + 2},north,10\n{T0},{T0 + 3},south,1000,10,50.1,-1.2\n"
+    )
+    bearings.write_text(
+        f"time,sonar,bearing_deg,contact\n{T0},hull,-10,4\n{T0 + 1},keel,5,\n{T0 + 2},mast,,\n"
+        f"{T0 + 3},mast,370,\n{T0 + 4},mast,1,\n"
+    )
+    recording = Tables(plots=(plots,), bearings=(bearings,)).load(sensors(), 1, PLAN)
+    radar, bearing = recording.reports.radar, recording.reports.bearing
+    assert radar.received_s.tolist() == [T0 + 1.0, T0 + 3.0]
+    assert radar.site_deg.tolist() == [[50.8, -1.1], [50.1, -1.2]]
+    assert bearing.bearing_deg.tolist() == [350.0, 1.0]
+    assert bearing.contact.tolist() == [4, -1]
+    assert {f.kind: (f.count, f.where.partition(",")[0]) for f in recording.faults} == {
+        "half a line": (1, "plots.csv:7"),
+        "non-finite": (1, "plots.csv:5"),
+        "unknown radar": (1, "plots.csv:3"),
+        "range out of range": (1, "plots.csv:4"),
+        "angle out of range": (2, "plots.csv:6"),
+        "empty cell": (1, "bearings.csv:4"),
+        "unknown sonar": (1, "bearings.csv:3"),
+    }
+    assert next(f.example for f in recording.faults if f.kind == "unknown radar").startswith("west, known: ['north', 'south']")
+
+
+def test_all_kinds_of_files_make_one_recording(tmp_path: Path) -> None:
+    plots, wire = tmp_path / "plots.csv", tmp_path / "ais.nmea"
+    plots.write_text(f"time,radar,range_m,azimuth_deg\n{T0 + 2},north,1000,10\n")
+    wire.write_text("1452603734 !AIVDM,1,1,,B,14pWHb?P03rwO<F:RQOnROw<25bd,0*3E\n")
+    feed = Tables(plots=(plots,), ais=(table(tmp_path, row(1)),), nmea=(wire,))
+    assert feed.span() == (T0, T0 + 3.0)
+    recording = feed.load(sensors(), 1, PLAN)
+    assert (recording.start_s, recording.stop_s) == (T0, T0 + 3.0)
+    assert len(recording.reports.between(T0, T0 + 3.0)) == 3
+    assert recording.reports.ais.mmsi.tolist() == [235070762, 327801000]
+
+
+def test_no_file_is_refused() -> None:
+    with pytest.raises(ValidationError, match="got no file, needed at least one"):
+        Tables()
+
+
+def test_a_scenario_chooses_the_feed_by_its_method() -> None:
+    feed = TypeAdapter(Feed).validate_python({"method": "ais_table", "files": ["a.csv"], "intake": {"lateness_s": 5}})
+    assert isinstance(feed, AisTable)
+    assert feed.intake.lateness_s == 5.0
+    with pytest.raises(ValidationError, match=r"ais_table\.intake\.lateness"):
+        TypeAdapter(Feed).validate_python({"method": "ais_table", "files": ["a.csv"], "intake": {"lateness": 5}})
+
+
+def test_the_solent_table_has_the_counts_of_its_readme() -> None:
+    file = DATA / "solent_ais" / "SolentAIS_20160112_130211.csv.gz"
+    if not file.exists():
+        pytest.skip(f"{file} is not on this machine")
+    reports, _, faults = AisTable(files=(file,)).read()
+    assert kinds(faults) == {"set aside: duplicate": 3, "set aside: quick repeat of one position": 85}
+    assert len(reports) + 88 == 18_623
+    assert len(np.unique(reports.mmsi)) == 91
+    assert abs(float(reports.received_s[0]) - 1452603731.218) < 1e-3
+    assert abs(float(reports.received_s[-1]) - 1452608801.924) < 1e-3
+    assert float(np.diff(reports.received_s).max()) < 2.5

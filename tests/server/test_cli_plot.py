@@ -1,0 +1,130 @@
+"""The plot: it is a PNG of the right size, everything in the scene is in it, and the antimeridian changes nothing but labels."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.collections import PolyCollection
+
+from coastwatch.batches import Flag, Floats
+from coastwatch.geodesy import offset_deg
+from coastwatch.operators import coastline, plot, scene
+from coastwatch.operators.bad_input import BadInput
+
+SEED = 20
+ROUND_EARTH = 0.02  # a degree of latitude and one of longitude differ by under 1 % at the equator
+PIXEL_SHARE = 0.004  # of pixels that may differ between two places: tick labels and their grid lines are drawn at other minutes
+
+
+def a_scene(centre_deg: tuple[float, float], vessels: int = 30) -> scene.Scene:
+    rng = np.random.default_rng([SEED, 1, 0])
+    centre = np.array(centre_deg)
+    position = offset_deg(centre, rng.uniform(-9000.0, 9000.0, (vessels, 2)))
+    velocity = rng.normal(0.0, 4.0, (vessels, 2))
+    kinds = np.array([scene.AIS_ONLY, scene.RADAR_ONLY, scene.FUSED])
+    ellipse = np.tile([20.0, 5.0, 90.0], (vessels, 1))
+    ellipse[:3] = np.nan
+    site: Floats = offset_deg(centre, np.array([0.0, -4000.0]))
+    bearing = min(vessels, 4)
+    return scene.Scene(
+        title="Trial",
+        subtitle="run 1",
+        centre_deg=centre_deg,
+        width_nm=10.0,
+        height_nm=8.0,
+        coverages=(
+            scene.Coverage("north", scene.RADAR, centre, 6000.0),
+            scene.Coverage("listener", scene.STATION, centre, 9000.0),
+            scene.Coverage("sonar", scene.BEARING, site, 5000.0, (270.0, 90.0)),
+        ),
+        position_deg=position,
+        velocity_m_s=velocity,
+        ellipse=ellipse,
+        kind=kinds[np.arange(vessels) % 3],
+        flags=np.where(np.arange(vessels) == 1, int(Flag.DARK), 0),
+        bearing_from_deg=np.tile(site, (bearing, 1)),
+        bearing_to_deg=position[:bearing],
+        trails_deg=tuple(np.stack([p, q]) for p, q in zip(offset_deg(position, -120.0 * velocity), position, strict=True)),
+        trail_s=120.0,
+    )
+
+
+def pixels(made: scene.Scene) -> Floats:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    canvas = FigureCanvasAgg(plot.draw(made))
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba(), float)
+
+
+def labels(made: scene.Scene) -> list[str]:
+    legend = plot.draw(made).axes[0].get_legend()
+    assert legend is not None
+    return [text.get_text() for text in legend.get_texts()]
+
+
+def test_a_png_is_written(tmp_path: Path) -> None:
+    path = tmp_path / "picture.png"
+    plot.write(a_scene((-22.9, -43.1)), str(path))
+    assert path.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    assert path.stat().st_size > 20_000
+
+
+def test_the_legend_counts_what_is_drawn() -> None:
+    said = labels(a_scene((-22.9, -43.1)))
+    for wanted in ("AIS only (10)", "radar only (10)", "fused (10)", "associated bearing (4)", "leader, 3 min ahead"):
+        assert wanted in said
+    assert any(text.startswith("dark") and text.endswith("(1)") for text in said)
+    assert any("2 sigma, drawn" in text for text in said)
+    assert "north: radar, 3.24 NM" in said
+
+
+def test_the_long_axis_of_an_ellipse_points_where_it_should() -> None:
+    made = a_scene((0.0, 20.0))
+    outlines = plot.draw(made).axes[0].collections
+    (ellipses,) = [c for c in outlines if isinstance(c, PolyCollection)]
+    spans = np.array([np.ptp(path.vertices, axis=0) for path in ellipses.get_paths()])
+    assert len(spans) == 27  # three have none
+    np.testing.assert_allclose(spans[:, 0] / spans[:, 1], 4.0, rtol=ROUND_EARTH)
+
+
+def test_an_empty_picture_is_drawn() -> None:
+    assert "fused (0)" in labels(a_scene((-22.9, -43.1), vessels=0))
+
+
+def test_the_antimeridian_moves_nothing() -> None:
+    inside, across = (pixels(a_scene((-17.0, lon))) for lon in (170.0, 180.0))
+    assert inside.shape == across.shape
+    assert (np.abs(inside - across).max(-1) > 64.0).mean() < PIXEL_SHARE
+    across = pixels(a_scene((-17.0, -180.0)))
+    assert (np.abs(inside - across).max(-1) > 64.0).mean() < PIXEL_SHARE
+
+
+@pytest.mark.parametrize(
+    ("value", "ends", "step", "text"),
+    [
+        (-22.5, "NS", 5, "22°30'S"),
+        (180.05, "EW", 1, "179°57'W"),
+        (-43.0, "EW", 10, "43°00'W"),
+        (0.0, "NS", 1, "0°00'N"),
+        (10.0083333333, "EW", 0.5, "10°00.5'E"),
+        (9.9999999999, "EW", 1, "10°00'E"),
+    ],
+)
+def test_degrees_are_written_with_minutes(value: float, ends: str, step: float, text: str) -> None:
+    assert plot._degrees(value, ends, step) == text
+
+
+def test_a_coastline_is_read_and_a_wrong_one_is_named(tmp_path: Path) -> None:
+    bay = Path(__file__).parents[2] / "scenarios" / "guanabara" / "coastline.geojson"
+    shores, note = coastline.read(bay)
+    assert note.startswith("approximate, not for navigation")
+    assert sum(len(s.position_deg) for s in shores) >= 60
+    assert all(s.closed and (s.position_deg[0] == s.position_deg[-1]).all() for s in shores)
+    every = np.vstack([s.position_deg for s in shores])
+    assert (np.abs(every - [-22.88, -43.15]) < 0.4).all()
+    wrong = tmp_path / "wrong.geojson"
+    for text in ("{", '{"type": "Feature"}', "[]", '{"type": "LineString", "coordinates": [["a", 1]]}'):
+        wrong.write_text(text)
+        with pytest.raises(BadInput, match=r"wrong\.geojson"):
+            coastline.read(wrong)
