@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import re
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,7 +50,7 @@ def document(files: Files, sensors: Mapping[str, list[dict[str, Any]]], period_s
     }
     names = [Path(name).name for part in given.values() for name in part]
     return {
-        "name": "fuse",
+        "name": _name([name for part in given.values() for name in part]),
         "title": "Recorded: " + ", ".join(names),
         "period_s": period_s,
         "cycles": 0,
@@ -58,6 +59,12 @@ def document(files: Files, sensors: Mapping[str, list[dict[str, Any]]], period_s
         **sensors,
         "input": {"method": "tables", **given, **_columns(files.columns, [part for part in COLUMNS if given[part]])},
     }
+
+
+def _name(files: list[str]) -> str:
+    """A name of its own for each set of files, so that --restart and --resume touch no other recording's run."""
+    digest = zlib.crc32("\n".join(str(Path(name).resolve()) for name in files).encode())
+    return f"fuse-{re.sub(r'[^A-Za-z0-9_]+', '-', Path(files[0]).name)[:16].strip('-')}-{digest:08x}"
 
 
 def is_nmea(name: str) -> bool:

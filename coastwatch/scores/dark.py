@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from coastwatch.batches import AisReports, Bools, Flag, Floats, Ints, Picture, Sensors, Truth
+from coastwatch.batches import AisReports, Bools, Flag, Floats, Ints, Picture, Sensors, Trajectories, Truth
 from coastwatch.geodesy import to_plane
+from coastwatch.scores.rmse import rows_of
 
 SILENT_FOR_S = 60.0  # without a report: silent now
 SETTLED_S = 120.0  # so long silent in cover: the flag is due
+LOOKS = 5  # instants at which that is asked
 
 
 @dataclass(frozen=True, eq=False)
 class Dark:
     """What was due and what was flagged, over instants and over vessels."""
 
-    since_s: Floats  # (V,) of all true vessels: since when silent in cover, inf: not
-    due: Bools  # (V,) the flag was due at some instant
+    due: Bools  # (V,) of all true vessels: the flag was due at some instant
     flagged: Bools  # (V,) and stood at some instant at which it was due
     false_ids: Ints  # ids of vessels of the picture that were flagged and not silent
     due_count: int = 0  # instants at which a flag was due
@@ -30,7 +31,7 @@ class Dark:
     def over(vessels: int) -> Dark:
         """Before the first instant."""
         none = np.zeros(vessels, np.bool_)
-        return Dark(np.full(vessels, np.inf), none, none, np.zeros(0, np.int64))
+        return Dark(none, none, np.zeros(0, np.int64))
 
     def as_dict(self) -> dict[str, float | int | None]:
         """Shares and counts; a share of nothing is none."""
@@ -49,32 +50,25 @@ def never_heard(vessel: Ints, ais: AisReports) -> Ints:
 
 
 def watch(
-    dark: Dark, every_vessel: Ints, may_be_silent: Ints, truth: Truth, ais: AisReports, picture: Picture, sensors: Sensors
+    dark: Dark, may_be_silent: Ints, truth: Trajectories, now_s: float, ais: AisReports, picture: Picture, sensors: Sensors
 ) -> Dark:
     """The counts after one more instant.
 
-    A vessel is silent when it is one of those that may be and was not heard for 60 s. Its flag is due after 120 s of that inside
-    the range of a radar and of an AIS station, whether or not the picture has it.
+    A vessel is silent when it is one of those that may be and was not heard for 60 s. Its flag is due when it was so, inside the
+    range of a radar and of an AIS station, now and for 120 s, whether or not the picture has it.
 
-    Args: every_vessel: (V,) sorted, of the whole run; may_be_silent: their origins; truth: now; ais: all reports of the run.
+    Args: may_be_silent: true vessels; truth, ais: of the whole run; picture: of now.
     """
-    if not len(truth):
-        return dark
-    now_s = float(truth.time_s[0])
-    lo, hi = np.searchsorted(ais.received_s, [now_s - SILENT_FOR_S, now_s], side="right")
-    silent = np.isin(truth.vessel, may_be_silent) & ~np.isin(truth.vessel, ais.origin[lo:hi])
-    cover = covered(truth.position_deg, sensors.radars.site_deg, sensors.radars.range_m)
-    cover &= covered(truth.position_deg, sensors.stations.site_deg, sensors.stations.range_m)
-    state = np.zeros(len(every_vessel), np.bool_)
-    state[np.searchsorted(every_vessel, truth.vessel[silent & cover])] = True
-    since = np.where(state, np.minimum(dark.since_s, now_s), np.inf)
-    due = now_s - since >= SETTLED_S
+    settled = [_silent(may_be_silent, truth, now_s - ago, ais) for ago in np.linspace(0.0, SETTLED_S, LOOKS)]
+    due = np.full(len(truth.vessel), now_s - SETTLED_S >= truth.time_s[0])
+    for then, row in settled:
+        there = np.zeros(len(due), np.bool_)
+        there[row[_in_cover(then, sensors)]] = True
+        due &= there
     flag = (picture.flags & Flag.DARK) != 0
-    flagged = due & np.isin(every_vessel, picture.origin[flag])
-    clear = ~np.isin(picture.origin, truth.vessel[silent])
-    return replace(
-        dark,
-        since_s=since,
+    flagged = due & np.isin(truth.vessel, picture.origin[flag])
+    clear = ~np.isin(picture.origin, settled[0][0].vessel)
+    return Dark(
         due=dark.due | due,
         flagged=dark.flagged | flagged,
         false_ids=np.union1d(dark.false_ids, picture.vessel_id[flag & clear]),
@@ -83,6 +77,19 @@ def watch(
         clear_count=dark.clear_count + int(clear.sum()),
         false_count=dark.false_count + int((flag & clear).sum()),
     )
+
+
+def _silent(may_be_silent: Ints, truth: Trajectories, time_s: float, ais: AisReports) -> tuple[Truth, Ints]:
+    """The vessels that are silent at a time, and their rows in the trajectories."""
+    there = truth.at(time_s)
+    lo, hi = np.searchsorted(ais.received_s, [time_s - SILENT_FOR_S, time_s], side="right")
+    silent = there.take(np.isin(there.vessel, may_be_silent) & ~np.isin(there.vessel, ais.origin[lo:hi]))
+    return silent, rows_of(truth.vessel, silent.vessel)
+
+
+def _in_cover(there: Truth, sensors: Sensors) -> Bools:
+    seen = covered(there.position_deg, sensors.radars.site_deg, sensors.radars.range_m)
+    return seen & covered(there.position_deg, sensors.stations.site_deg, sensors.stations.range_m)
 
 
 def covered(position_deg: Floats, site_deg: Floats, range_m: Floats) -> Bools:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import gammainccinv, gammaincinv
 
 from coastwatch.batches import Floats
 
@@ -26,5 +26,6 @@ def band(count: int, dimension: int, level: float) -> tuple[float, float]:
 
     Args: count: of values averaged; dimension: d of each; level: e.g. 1e-6.
     """
-    low, high = chi2.ppf([0.5 * level, 1.0 - 0.5 * level], count * dimension) / count
-    return float(low), float(high)
+    shape = 0.5 * count * dimension
+    low, high = (2.0 / count * float(inverse(shape, 0.5 * level)) for inverse in (gammaincinv, gammainccinv))
+    return low, high

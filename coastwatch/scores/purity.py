@@ -2,71 +2,78 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
-from coastwatch.batches import Bools, Ints
+from coastwatch.batches import Ints
+
+NONE = np.zeros(0, np.int64)
+SHIFT = np.int64(1) << 32  # origin and identity in one number; both stay below 2**31
 
 
-class Purity(NamedTuple):
-    """Over all that was seen."""
+@dataclass(frozen=True, eq=False)
+class Identities:
+    """Sums so far, bounded by the number of vessels and identities, not of cycles."""
 
-    purity: float  # share of the rows that belong to the most frequent vessel of their track
-    switches: int  # times at which a vessel was seen under none of the identities of the time before
-    longest_single_share: float  # mean over vessels of the longest unbroken run under one identity, as a share of its times
+    pair: Ints  # (P,) sorted: identity and true vessel seen together, -1 none
+    rows: Ints  # (P,) how often
+    last: Ints  # (L,) sorted: true vessel and identity when the vessel was last seen
+    run: Ints  # (L,) for how many times in a row by then
+    vessel: Ints  # (V,) sorted: true vessels seen at all
+    times: Ints  # (V,) how often
+    longest: Ints  # (V,) longest run under one identity
+    switches: int = 0
 
+    @staticmethod
+    def empty() -> Identities:
+        """Before the first cycle."""
+        return Identities(NONE, NONE, NONE, NONE, NONE, NONE, NONE)
 
-def purity(identity: Ints, origin: Ints, cycle: Ints) -> Purity:
-    """How well identities and true vessels agree; rows of no true vessel spoil purity and are otherwise passed over.
+    def seen(self, identity: Ints, origin: Ints) -> Identities:
+        """The sums after one more cycle. A vessel may have several identities at once; a gap in which it is not seen breaks nothing.
 
-    A vessel may be seen under several identities at once; gaps in which it is not seen break nothing.
+        Args: identity: (M,) of the tracks or vessels of the picture; origin: (M,) true vessel, -1 none.
+        """
+        pair, rows = _summed(self.pair, self.rows, identity * SHIFT + origin + 1)
+        now = np.unique((origin * SHIFT + identity)[origin >= 0])
+        run = 1 + _looked_up(self.last, self.run, now)
+        who = now // SHIFT
+        vessel, times = _summed(self.vessel, self.times, np.unique(who))
+        longest = _looked_up(self.vessel, self.longest, vessel)
+        np.maximum.at(longest, np.searchsorted(vessel, who), run)
+        returned = np.intersect1d(who, self.vessel)
+        stay = ~np.isin(self.last // SHIFT, who)
+        last, runs = np.concatenate([self.last[stay], now]), np.concatenate([self.run[stay], run])
+        order = np.argsort(last)
+        switches = self.switches + len(np.setdiff1d(returned, who[run > 1]))
+        return Identities(pair, rows, last[order], runs[order], vessel, times, longest, switches)
 
-    Args: identity: (M,) of the track or vessel of the picture; origin: (M,) true vessel, -1 none; cycle: (M,) number of the time.
-    """
-    if not len(identity):
-        return Purity(0.0, 0, 0.0)
-    pairs, count = np.unique(np.column_stack([identity, origin]), axis=0, return_counts=True)
-    first = np.flatnonzero(np.diff(pairs[:, 0], prepend=pairs[0, 0] - 1))
-    most = np.maximum.reduceat(np.where(pairs[:, 1] >= 0, count, 0), first)
-    real = origin >= 0
-    rows = np.unique(np.column_stack([origin, cycle, identity])[real], axis=0)
-    if not len(rows):
-        return Purity(0.0, 0, 0.0)
-    vessel, seen, times = _numbered(rows[:, 0], rows[:, 1])
-    order = np.lexsort((seen, rows[:, 2], vessel))
-    kept = _follows(vessel[order], rows[order, 2], seen[order])
-    moment = np.cumsum(np.concatenate([[0], times[:-1]]))[vessel[order]] + seen[order]
-    held = np.zeros(int(times.sum()), np.bool_)
-    held[moment[kept]] = True
-    longest = _longest_runs(vessel[order], kept)
-    return Purity(
-        float(most.sum() / len(identity)),
-        int((~held).sum() - len(times)),
-        float((longest / times).mean()),
-    )
-
-
-def _numbered(origin: Ints, cycle: Ints) -> tuple[Ints, Ints, Ints]:
-    """Vessels numbered from 0, their times numbered from 0 each, and how many times each has. Rows sorted by origin, cycle."""
-    new_vessel = np.diff(origin, prepend=origin[0] - 1) != 0
-    new_time = new_vessel | (np.diff(cycle, prepend=cycle[0]) != 0)
-    vessel, moment = np.cumsum(new_vessel) - 1, np.cumsum(new_time) - 1
-    first = moment[new_vessel]
-    return vessel, moment - first[vessel], np.diff(np.append(first, moment[-1] + 1))
-
-
-def _follows(vessel: Ints, identity: Ints, seen: Ints) -> Bools:
-    """Whether each row continues the row before: same vessel, same identity, next time. Rows sorted by these."""
-    out = np.zeros(len(vessel), np.bool_)
-    out[1:] = (np.diff(vessel) == 0) & (np.diff(identity) == 0) & (np.diff(seen) == 1)
-    return out
+    def as_dict(self) -> dict[str, float | int | None]:
+        """purity: share of the rows that are of the most frequent vessel of their identity (rows of no vessel spoil it);
+        id_switches: times at which a vessel was seen under none of the identities of the time before; longest_single_id:
+        mean over vessels of the longest run under one identity, as a share of its times. None where nothing was seen.
+        """
+        if not len(self.pair):
+            return {"purity": None, "id_switches": 0, "longest_single_id": None}
+        identity, real = self.pair // SHIFT, self.pair % SHIFT > 0
+        first = np.flatnonzero(np.diff(identity, prepend=identity[0] - 1))
+        most = np.maximum.reduceat(np.where(real, self.rows, 0), first)
+        longest = float((self.longest / self.times).mean()) if len(self.vessel) else None
+        return {"purity": float(most.sum() / self.rows.sum()), "id_switches": self.switches, "longest_single_id": longest}
 
 
-def _longest_runs(vessel: Ints, kept: Bools) -> Ints:
-    """The longest run of rows of each vessel."""
-    starts = np.flatnonzero(~kept)
-    length = np.diff(np.append(starts, len(kept)))
-    out = np.zeros(int(vessel[-1]) + 1, np.int64)
-    np.maximum.at(out, vessel[starts], length)
-    return out
+def _summed(keys: Ints, counts: Ints, more: Ints) -> tuple[Ints, Ints]:
+    """Sorted keys with counts, each occurrence of more added as one."""
+    out, at = np.unique(np.concatenate([keys, more]), return_inverse=True)
+    total = np.zeros(len(out), np.int64)
+    np.add.at(total, at, np.concatenate([counts, np.ones(len(more), np.int64)]))
+    return out, total
+
+
+def _looked_up(keys: Ints, values: Ints, wanted: Ints) -> Ints:
+    """The values of wanted keys, 0 where there is no such key. Args: keys: sorted."""
+    if not len(keys):
+        return np.zeros(len(wanted), np.int64)
+    at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+    return np.where(keys[at] == wanted, values[at], 0)

@@ -52,13 +52,13 @@ def errors(position_deg: Floats, velocity_m_s: Floats, true_position_deg: Floats
     )
 
 
-def true_rows(truth: Truth, origin: Ints) -> Ints:
-    """The row of the truth for each origin, -1 where it has none. Args: truth: any order; origin: (N,)."""
-    order = np.argsort(truth.vessel, kind="stable")
-    at = np.minimum(np.searchsorted(truth.vessel[order], origin), max(len(order) - 1, 0))
-    if not len(order):
+def rows_of(vessel: Ints, origin: Ints) -> Ints:
+    """The row at which each true vessel stands, -1 where it does not. Args: vessel: (V,) any order; origin: (N,)."""
+    if not len(vessel):
         return np.full(len(origin), -1)
-    return np.where(truth.vessel[order][at] == origin, order[at], -1)
+    order = np.argsort(vessel, kind="stable")
+    at = np.minimum(np.searchsorted(vessel[order], origin), len(order) - 1)
+    return np.where(vessel[order][at] == origin, order[at], -1)
 
 
 def whole_vessels(tracks: Tracks, associations: Associations, kinds: Ints) -> tuple[Bools, Ints]:
@@ -85,6 +85,7 @@ class FusionErrors:
     radar: Errors
     ais: Errors
     origin: Ints  # (C,) the true vessels that were counted
+    row: Ints  # (C,) of FusedTracks
 
 
 def fusion_errors(truth: Truth, tracks: Tracks, associations: Associations, fused: FusedTracks, kinds: Ints) -> FusionErrors:
@@ -93,7 +94,7 @@ def fusion_errors(truth: Truth, tracks: Tracks, associations: Associations, fuse
     Args: truth: at the time of the tracks; tracks: (N); associations: of the same rows; fused: one row a vessel.
     """
     whole, origin = whole_vessels(tracks, associations, kinds)
-    at = true_rows(truth, origin)
+    at = rows_of(truth.vessel, origin)
     counted = np.flatnonzero(whole & (at >= 0))
     kind, label = kinds[tracks.source], associations.vessel
     inside = np.isin(label, counted)
@@ -103,6 +104,7 @@ def fusion_errors(truth: Truth, tracks: Tracks, associations: Associations, fuse
         errors(tracks.position_deg[radar], tracks.velocity_m_s[radar], *_at(truth, at[label[radar]])),
         errors(tracks.position_deg[ais], tracks.velocity_m_s[ais], *_at(truth, at[label[ais]])),
         origin[counted],
+        counted,
     )
 
 

@@ -8,10 +8,10 @@ from typing import Any, Protocol
 import numpy as np
 
 from coastwatch.batches import (
+    AisReports,
     Associations,
     BearingAssociations,
     BearingTracks,
-    Floats,
     FusedTracks,
     Ints,
     Picture,
@@ -26,8 +26,8 @@ from coastwatch.scores.bound import bound
 from coastwatch.scores.confusion import Confusion, association, bearing_association
 from coastwatch.scores.dark import Dark, never_heard, watch
 from coastwatch.scores.nees import nees
-from coastwatch.scores.purity import purity
-from coastwatch.scores.rmse import Errors, FusionErrors, errors, fusion_errors, true_rows
+from coastwatch.scores.purity import Identities
+from coastwatch.scores.rmse import Errors, FusionErrors, errors, fusion_errors, rows_of
 
 
 class Yielded(Protocol):
@@ -60,8 +60,8 @@ class Tally:
     ais: Errors = Errors()
     nees_sum: float = 0.0
     nees_count: int = 0
-    counted: tuple[tuple[float, Ints], ...] = ()  # time and true vessels over which the fused errors were taken
-    seen: tuple[tuple[Ints, Ints], ...] = ()  # identities of the picture and their true vessels
+    counted: tuple[tuple[float, Ints], ...] = ()  # time and true vessels of the fused errors, for the bound
+    identities: Identities | None = None
     may_be_silent: Ints | None = None
     dark: Dark | None = None
 
@@ -79,7 +79,9 @@ def add(tally: Tally, cycle: Yielded, recording: Recording, sensors: Sensors) ->
     known = bool((tracks.origin >= 0).any())
     bearings_known = bool((cycle.bearing_tracks.origin >= 0).any())
     decided = association(tracks, cycle.associations, kinds) if known else Confusion()
-    heard = bearing_association(cycle.bearing_tracks, cycle.picture, cycle.bearing_associations) if bearings_known else Confusion()
+    heard = (
+        bearing_association(cycle.bearing_tracks, cycle.picture, cycle.bearing_associations) if bearings_known else Confusion()
+    )
     made = fusion_errors(truth, tracks, cycle.associations, cycle.fused, kinds)
     nees_sum, nees_count = _fused_nees(truth, cycle, made)
     tally = replace(
@@ -91,9 +93,9 @@ def add(tally: Tally, cycle: Yielded, recording: Recording, sensors: Sensors) ->
         ais=tally.ais + made.ais,
         nees_sum=tally.nees_sum + nees_sum,
         nees_count=tally.nees_count + nees_count,
-        counted=(*tally.counted, (cycle.time_s, made.origin)),
+        counted=(*tally.counted, (cycle.time_s, made.origin)) if recording.noise is not None else (),
     )
-    return _watched(tally, truth, cycle.picture, recording, sensors) if known else tally
+    return _watched(tally, recording.truth, cycle, recording.reports.ais, recording.silenced, sensors) if known else tally
 
 
 def result(tally: Tally, recording: Recording, sensors: Sensors) -> dict[str, Any]:
@@ -101,9 +103,6 @@ def result(tally: Tally, recording: Recording, sensors: Sensors) -> dict[str, An
     if recording.truth is None:
         return {}
     lone = {"radar": tally.radar.as_dict(), "ais": tally.ais.as_dict()}
-    seen = [np.concatenate([s[k] for s in tally.seen]) for k in (0, 1)] if tally.seen else []
-    cycle = np.repeat(np.arange(len(tally.seen)), [len(s[0]) for s in tally.seen])
-    kept = purity(seen[0], seen[1], cycle)._asdict() if seen else {}
     return {
         "associations": _decisions(tally.associations),
         "bearing_associations": _decisions(tally.bearing_associations),
@@ -114,7 +113,10 @@ def result(tally: Tally, recording: Recording, sensors: Sensors) -> dict[str, An
             "nees": tally.nees_sum / tally.nees_count if tally.nees_count else None,
             "count": tally.fused.count,
         },
-        "picture": {**(tally.dark.as_dict() if tally.dark else {}), **kept},
+        "picture": {
+            **(tally.dark.as_dict() if tally.dark else {}),
+            **(tally.identities.as_dict() if tally.identities else {}),
+        },
     }
 
 
@@ -124,7 +126,7 @@ def _decisions(confusion: Confusion) -> dict[str, float]:
 
 def _fused_nees(truth: Truth, cycle: Yielded, made: FusionErrors) -> tuple[float, int]:
     """Sum and count of the NEES of the counted vessels, position and velocity, where the fuser gives a covariance."""
-    at = true_rows(truth, made.origin)
+    at = rows_of(truth.vessel, made.origin)
     fused = cycle.fused.take(made.row)
     off = difference_m(fused.position_deg, truth.position_deg[at])
     values = nees(np.column_stack([off, fused.velocity_m_s - truth.velocity_m_s[at]]), fused.covariance)
@@ -132,15 +134,16 @@ def _fused_nees(truth: Truth, cycle: Yielded, made: FusionErrors) -> tuple[float
     return float(values[known].sum()), int(known.sum())
 
 
-def _watched(tally: Tally, truth: Truth, picture: Picture, recording: Recording, sensors: Sensors) -> Tally:
+def _watched(
+    tally: Tally, truth: Trajectories, cycle: Yielded, ais: AisReports, silenced: tuple[int, ...], sensors: Sensors
+) -> Tally:
     """What the picture said of identities and of silent vessels."""
-    assert recording.truth is not None
-    every, ais = np.sort(recording.truth.vessel), recording.reports.ais
     silent = tally.may_be_silent
     if silent is None:
-        silent = np.union1d(never_heard(every, ais), np.array(recording.silenced, np.int64))
-    dark = watch(tally.dark or Dark.over(len(every)), every, silent, truth, ais, picture, sensors)
-    return replace(tally, may_be_silent=silent, dark=dark, seen=(*tally.seen, (picture.vessel_id, picture.origin)))
+        silent = np.union1d(never_heard(truth.vessel, ais), np.array(silenced, np.int64))
+    dark = watch(tally.dark or Dark.over(len(truth.vessel)), silent, truth, cycle.time_s, ais, cycle.picture, sensors)
+    identities = (tally.identities or Identities.empty()).seen(cycle.picture.vessel_id, cycle.picture.origin)
+    return replace(tally, may_be_silent=silent, dark=dark, identities=identities)
 
 
 def _bound_errors(tally: Tally, recording: Recording) -> Errors:
@@ -155,15 +158,11 @@ def _bound_errors(tally: Tally, recording: Recording) -> Errors:
     total = Errors()
     for t, (time_s, origin) in enumerate(tally.counted):
         now = truth.at(time_s)
-        at, row = true_rows(now, origin), np.flatnonzero(np.isin(few.vessel, origin))
-        row = row[np.argsort(few.vessel[row], kind="stable")][np.searchsorted(np.sort(origin), origin)]
+        at, row = rows_of(now.vessel, origin), rows_of(few.vessel, origin)
         known = np.isfinite(best.position_deg[row, t, 0])
-        total += errors(*_known(best.position_deg[row, t], best.velocity_m_s[row, t], known), *_known(now.position_deg[at], now.velocity_m_s[at], known))
+        estimate = best.position_deg[row, t][known], best.velocity_m_s[row, t][known]
+        total += errors(*estimate, now.position_deg[at][known], now.velocity_m_s[at][known])
     return total
-
-
-def _known(position: Floats, velocity: Floats, known: Any) -> tuple[Floats, Floats]:
-    return position[known], velocity[known]
 
 
 def _of(truth: Trajectories, rows: Ints) -> Trajectories:

@@ -86,6 +86,13 @@ class Simulated(Method):
             noise=self._noise(sensors, radar_truths),
         )
 
+    def span(self) -> tuple[float, float]:
+        """Nothing: a simulation has no beginning of its own.
+
+        Raises: ValueError that says what a scenario with this input needs.
+        """
+        raise ValueError("start_utc, cycles: got none or 0, needed both where input.method is simulated")
+
     def _places(self, seed: int) -> Floats:
         """Where the vessels are at the start, evenly over the area, or over its water. (V, 2)"""
         rng = np.random.default_rng([seed, PLACES])

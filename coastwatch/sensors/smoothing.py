@@ -89,9 +89,10 @@ def between(time_s: Floats, state: Floats, part: Ints, at_s: Floats) -> tuple[Fl
     By the cubic through positions and velocities of the fixes to both sides.
     Args: time_s: (M,) increasing; state: (M, 6); part: (M,) equal within an unbroken path; at_s: (T,). Returns: (T, 2), (T, 2), (T,).
     """
-    hi = np.clip(np.searchsorted(time_s, at_s, side="left"), 1, max(len(time_s) - 1, 1))
-    lo = hi - 1
-    hi = np.minimum(hi, len(time_s) - 1)
+    last = max(len(time_s) - 1, 0)
+    hi = np.clip(np.searchsorted(time_s, at_s, side="left"), 1, max(last, 1))
+    hi = np.where((part[hi - 1] != part[np.minimum(hi, last)]) & (at_s == time_s[np.minimum(hi, last)]), hi + 1, hi)
+    lo, hi = np.minimum(hi - 1, last), np.minimum(hi, last)
     inside = (at_s >= time_s[lo]) & (at_s <= time_s[hi]) & (part[lo] == part[hi]) & (hi > lo)
     step = np.where(hi > lo, time_s[hi] - time_s[lo], 1.0)[:, None]
     u = np.clip((at_s - time_s[lo])[:, None] / step, 0.0, 1.0)

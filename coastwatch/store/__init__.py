@@ -1,5 +1,6 @@
 """Where the picture is kept. README.md says what is in it; `tables` is every table."""
 
+from coastwatch.store.lifetime import begin_run, discard_runs, finish_run, resume_point
 from coastwatch.store.opening import Store, StoreError, open_store
 from coastwatch.store.questions import Parameter, Question, operator_queries, operator_query
 from coastwatch.store.read import (
@@ -16,7 +17,6 @@ from coastwatch.store.read import (
     timings,
     track,
 )
-from coastwatch.store.runs import begin_run, discard_runs, finish_run, resume_point
 from coastwatch.store.write import write_cycle
 
 __all__ = [

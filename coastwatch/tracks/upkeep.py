@@ -22,9 +22,9 @@ class Upkeep(Settings):
     detection_probability: Probability = 0.9
     false_plots_per_m2: Positive = 1e-6  # clutter and new vessels, in one look
     max_speed_kn: Positive = 50.0  # between the first two plots of a track
-    confirm_hits: Annotated[int, Field(ge=2)] = 3
-    confirm_looks: Count = 4
-    delete_misses: Count = 6  # looks in a row
+    confirm_hits: Annotated[int, Field(ge=2)] = 4
+    confirm_looks: Count = 5
+    delete_misses: Count = 5  # looks in a row
     misses_per_hit: Positive = 0.5  # a track with few hits ends after so many misses for each; `delete_misses` is the most
     look_slack: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.1  # turns after which the next look is over, less one
     coast_s: Positive = 30.0  # where no radar looks

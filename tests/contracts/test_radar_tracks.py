@@ -13,6 +13,7 @@ from radar_world import ORIGIN_DEG, plots_of, two_radars, world
 from coastwatch.batches import Plots
 from coastwatch.geodesy import to_plane
 from coastwatch.tracks import FilterpyImm, Imm, RadarTracker
+from coastwatch.tracks.table import Table
 
 METHODS = [Imm(), FilterpyImm()]
 PERIOD_S = 3.0
@@ -120,6 +121,58 @@ def test_clutter_and_misses():
     assert false < 0.06 * true  # clutter alone makes three short tracks at a time in 460 km2
     assert changed <= 2  # swaps between vessels, in 90 s
     assert true > 0.97 * 30 * 105  # 105 vessels are in cover
+
+
+def test_two_tracks_of_one_vessel_become_one():
+    """Every track doubled, as after two radars began one each: within some turns the younger ones are gone."""
+    plots = plots_of(world(40, 17), two_radars(), 60.0, 17)
+    memory, out = run(Imm(), plots, 8)
+    twin = replace(
+        memory.table, track_id=memory.table.track_id + memory.next_id, radar_s=np.full_like(memory.table.radar_s, -np.inf)
+    )
+    doubled = replace(memory, table=Table.join([memory.table, twin]), next_id=2 * memory.next_id)
+    _, after = run(Imm(), plots, 12, memory=doubled, first=8)
+    assert len(np.unique(after[0].origin)) < len(after[0])
+    assert np.isin(out[-1].track_id, after[-1].track_id).mean() > 0.9
+    _, count = np.unique(after[-1].origin, return_counts=True)
+    assert (count == 1).all()
+
+
+def test_ships_abreast_stay_two():
+    """Two ships 60 m apart on one course, seen by both radars from 4 km: two tracks throughout."""
+    one = world(1, 18)
+    place = to_plane(two_radars().radars.site_deg[0], ORIGIN_DEG) + np.array([[4000.0, -500.0], [4060.0, -500.0]])
+    pair = replace(
+        one,
+        start_m=place,
+        velocity_m_s=np.tile([0.0, 5.0], (2, 1)),
+        rate_rad_s=np.zeros(2),
+        kick_s=np.repeat(one.kick_s, 2, axis=0),
+        kick_m_s=np.zeros((2, one.kick_m_s.shape[1], 2)),
+    )
+    plots = plots_of(pair, two_radars(), 120.0, 18)
+    _, out = run(Imm(), plots, 40)
+    assert [len(tracks) for tracks in out[12:]] == [2] * 28
+
+
+def test_a_young_track_is_given_fewer_misses():
+    """After 4 plots 2 misses end it, after 20 it takes 5; of one radar, so that a look is a turn."""
+    sensors = two_radars()
+    one = replace(sensors, radars=sensors.radars.take(slice(1, 2)))
+    plots = plots_of(world(60, 19), one, 120.0, 19)
+    beacon, rest = plots.take(plots.origin == plots.origin[0]), plots.take(plots.origin != plots.origin[0])
+
+    def alive(hits, turns):
+        memory = Imm().init()
+        there = Plots.join([beacon, rest.take(rest.time_s < PERIOD_S * hits)])
+        for cycle in range(hits + turns):
+            memory, tracks = Imm().step(memory, cut(there, cycle), PERIOD_S * (cycle + 1), one, 0)
+        return len(tracks) - 1
+
+    assert alive(5, 1) > 10
+    assert alive(5, 4) == 0
+    assert alive(20, 4) > 10
+    assert alive(20, 7) == 0
 
 
 def test_known_origin_drops_clutter_and_starts_at_two_plots():
@@ -252,7 +305,7 @@ def test_settings_from_text_and_back():
     with pytest.raises(ValidationError, match=r"upkeep\.gate"):
         reader.validate_python({"method": "imm", "upkeep": {"gate": 0.9}})
     with pytest.raises(ValidationError, match="confirm_hits"):
-        reader.validate_python({"method": "imm", "upkeep": {"confirm_hits": 5}})
+        reader.validate_python({"method": "imm", "upkeep": {"confirm_hits": 6}})
 
 
 def test_a_memory_of_other_radars_is_refused(busy):

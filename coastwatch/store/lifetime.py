@@ -13,7 +13,7 @@ from sqlalchemy import Connection, delete, func, insert, select, update
 from coastwatch.batches import Fault, Sensors, SourceKind
 from coastwatch.stage import Plan
 from coastwatch.store.opening import Store, as_json, reading, writing
-from coastwatch.store.sensors import sensor_rows
+from coastwatch.store.specifications import sensor_rows
 from coastwatch.store.tables import Base, Checkpoint, Run
 
 STATUSES = ("running", "finished", "interrupted", "failed")

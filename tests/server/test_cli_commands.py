@@ -1,0 +1,161 @@
+"""Each command on a real run: a small scenario is run once, then looked at in every way the command line offers."""
+
+import csv
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import polars
+import pytest
+
+from coastwatch import store
+from coastwatch.batches import Flag
+from coastwatch.operators import stored
+from coastwatch.operators.cli import main
+
+SMALL = ["--set", "input.count=14", "--set", "cycles=6", "--set", "warmup_s=18"]
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, dict[str, Any], Path]:
+    """URL of a database with one run, what the run printed, and its tracks as CSV."""
+    folder = tmp_path_factory.mktemp("cli")
+    url, tracks = f"sqlite:///{folder / 'x.db'}", folder / "tracks.csv"
+    with pytest.MonkeyPatch.context() as patch:
+        out = io.StringIO()
+        patch.setattr("sys.stdout", out)
+        line = ["run", "context-driven-100", "--db", url, "--json", "--seed", "3", *SMALL, "--tracks-csv", str(tracks)]
+        assert main(line) == 0
+    assert out.getvalue().count("\n") == 1
+    return url, json.loads(out.getvalue()), tracks
+
+
+def answer(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    assert main(arguments) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    return out
+
+
+def test_the_json_of_a_run(ran: tuple[str, dict[str, Any], Path]) -> None:
+    url, made, _ = ran
+    assert made["database"] == url
+    assert (made["scenario"], made["seed"], made["cycles"], made["interrupted"]) == ("context-driven-100", 3, 12, False)
+    assert made["vessels"] > 7
+    assert {"tp", "fn", "fp", "tn", "accuracy", "precision", "recall", "f1", "specificity", "mcc"} <= set(
+        made["scores"]["associations"]
+    )
+    assert {"position_rmse_m", "course_rmse_deg", "speed_rmse_kn", "bound_position_rmse_m"} <= set(
+        made["scores"]["fused_tracks"]
+    )
+    assert {"tracks", "associations", "store"} <= set(made["timings_s"])
+    assert {"median", "p99", "total", "share"} == set(made["timings_s"]["tracks"])
+
+
+def test_the_picture_is_the_same_in_every_format(
+    ran: tuple[str, dict[str, Any], Path], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    url, made, _ = ran
+    rows = list(csv.DictReader(io.StringIO(answer(["picture", "--db", url, "--format", "csv"], capsys))))
+    assert len(rows) == made["vessels"]
+    with_ais = [row for row in rows if row["mmsi"]]
+    assert with_ais
+    assert all(len(row["mmsi"]) == 9 for row in with_ais)
+    assert all(row["time_utc"].endswith("Z") for row in rows)
+    geo = json.loads(answer(["picture", "--db", url, "--format", "geojson"], capsys))
+    assert [f["properties"]["vessel_id"] for f in geo["features"]] == [int(row["vessel_id"]) for row in rows]
+    path = tmp_path / "p.parquet"
+    assert answer(["picture", "--db", url, "--format", "parquet", "--output", str(path)], capsys) == ""
+    assert polars.read_parquet(path)["vessel_id"].to_list() == [int(row["vessel_id"]) for row in rows]
+    table = answer(["picture", "--db", url], capsys).splitlines()
+    assert len(table) == len(rows) + 2
+    assert table[0].split() == list(stored.SHOWN)
+
+
+def test_the_picture_of_the_past_and_of_a_box(
+    ran: tuple[str, dict[str, Any], Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    url, _, _ = ran
+    past = answer(["picture", "--db", url, "--at", "2025-06-01T12:00:30Z", "--format", "csv"], capsys)
+    assert {row["time_utc"] for row in csv.DictReader(io.StringIO(past))} == {"2025-06-01T12:00:30.000Z"}
+    half = answer(["picture", "--db", url, "--bbox=-23.05,-44,-22,-43", "--format", "csv"], capsys)
+    found = list(csv.DictReader(io.StringIO(half)))
+    assert found
+    assert all(float(row["latitude_deg"]) >= -23.05 for row in found)
+
+
+def test_a_track(ran: tuple[str, dict[str, Any], Path], capsys: pytest.CaptureFixture[str]) -> None:
+    url, _, _ = ran
+    said = json.loads(answer(["track", "1", "--db", url, "--json"], capsys))
+    assert said["vessel_id"] == 1
+    assert len(said["history"]) >= 6
+    assert said["members"]
+    text = answer(["track", "1", "--db", url], capsys)
+    assert "vessel id" in text
+    assert "\nhistory" in text
+    assert main(["track", "999", "--db", url]) == 1
+    assert "999" in capsys.readouterr().err
+
+
+def test_every_question_has_an_answer(ran: tuple[str, dict[str, Any], Path], capsys: pytest.CaptureFixture[str]) -> None:
+    url, _, _ = ran
+    listed = answer(["query"], capsys)
+    needed = {"mmsi": "123456789", "latitude_deg": "-23.05", "longitude_deg": "-43.1"}
+    for name, question in store.operator_queries().items():
+        assert name in listed
+        given = [f"--set={key}={needed[key]}" for key, p in question.parameters.items() if p.default is None]
+        answer(["query", name, "--db", url, *given], capsys)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "wanted"),
+    [(["sunken"], "sunken"), (["fastest", "--set", "knots=3"], "knots"), (["history_of_mmsi"], "mmsi")],
+)
+def test_a_wrong_question_is_bad_input(
+    arguments: list[str], wanted: str, ran: tuple[str, dict[str, Any], Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["query", *arguments, "--db", ran[0]]) == 2
+    assert wanted in capsys.readouterr().err
+
+
+def test_a_plot(ran: tuple[str, dict[str, Any], Path], capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "p.png"
+    for more in ([], ["--at", "2025-06-01T12:00:30Z"], ["--bbox=-23.1,-43.2,-23.0,-43.1"]):
+        assert answer(["plot", "--db", ran[0], "--output", str(path), *more], capsys) == f"{path}\n"
+        assert path.read_bytes()[:4] == b"\x89PNG"
+        path.unlink()
+
+
+def test_a_database_is_checked_and_made(
+    ran: tuple[str, dict[str, Any], Path], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert ran[0] in answer(["db", "check", "--db", ran[0]], capsys)
+    url = f"sqlite:///{tmp_path / 'new.db'}"
+    assert main(["db", "check", "--db", url]) == 1
+    capsys.readouterr()
+    answer(["db", "upgrade", "--db", url], capsys)
+    answer(["db", "check", "--db", url], capsys)
+    assert main(["picture", "--db", url]) == 1
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_tracks_as_csv_are_metres_from_the_centre(ran: tuple[str, dict[str, Any], Path]) -> None:
+    rows = list(csv.DictReader(ran[2].open()))
+    assert {"time", "track_id", "north", "east", "vn", "ve"} <= set(rows[0])
+    assert len({row["time"] for row in rows}) == 12
+    metre_deg = 1.0 / 110_700.0  # of latitude, there
+    for row in rows:
+        assert float(row["latitude_deg"]) == pytest.approx(-23.05 + float(row["north"]) * metre_deg, abs=2e-4)
+        assert abs(float(row["east"])) < 12_000.0
+
+
+def test_flags_are_words() -> None:
+    assert stored.flag_words(0) == ""
+    assert stored.flag_words(int(Flag.DARK | Flag.COASTING)) == "dark coasting"
+    made = stored.for_people(
+        store.Rows(("mmsi", "flags", "time_s", "silent_s"), [(2320001, 4, 0.0, 12.34567), (None, 0, 1.5, None)])
+    )
+    assert made.columns == ("mmsi", "flags", "time_utc", "silent_s")
+    assert made.rows[0] == ("002320001", "ais_contradicted", "1970-01-01T00:00:00.000Z", 12.346)
+    assert made.rows[1] == (None, "", "1970-01-01T00:00:01.500Z", None)
