@@ -20,7 +20,7 @@ from coastwatch.plots import PlotConverter, PolarConversion
 from coastwatch.sensors import Feed
 from coastwatch.shipped import scenarios_folder
 from coastwatch.spots import KMeansSpots, OctantGrouper, OctantSpots, SpotGrouper
-from coastwatch.stage import Plan, Settings
+from coastwatch.stage import Method, Plan, Settings
 from coastwatch.tracks import AisFilter, AisTracker, BearingTracker, BearingWindow, Imm, RadarTracker
 
 Latitude = Annotated[float, Field(gt=-85.0, lt=85.0)]
@@ -119,6 +119,18 @@ class Scenario(Settings):
     store: StoreSettings = StoreSettings()
     workers: WorkerSettings = WorkerSettings()
 
+    @model_validator(mode="before")
+    @classmethod
+    def _default_method_where_none_is_named(cls, data: Any) -> Any:
+        """So that a setting of the default method of a stage can be changed without naming the method."""
+        if not isinstance(data, dict):
+            return data
+        out = dict(data)
+        for name, field in cls.model_fields.items():
+            if isinstance(field.default, Method) and isinstance(out.get(name), dict):
+                out[name] = {"method": field.default.model_dump()["method"], **out[name]}
+        return out
+
     @model_validator(mode="after")
     def _names_are_unique(self) -> Scenario:
         for kind in ("radars", "stations", "sonars"):
@@ -182,14 +194,12 @@ class Scenario(Settings):
 
     def plan(self) -> Plan:
         """The instants of the run. Where start or length are left open the input is asked for its span."""
-        start_s, stop_s = (self.start_utc.timestamp(), None) if self.start_utc else (None, None)
-        if start_s is None or self.cycles == 0:
-            first_s, stop_s = self.input.span()
-            start_s = float(np.floor(first_s)) - 1.0 if start_s is None else start_s
-        cycles = self.warmup_cycles + self.cycles
-        if self.cycles == 0:
-            assert stop_s is not None
-            cycles = max(int(np.ceil((stop_s - start_s) / self.period_s)), 0)
+        if self.start_utc is not None and self.cycles > 0:
+            cycles = self.warmup_cycles + self.cycles
+            return Plan(start_s=self.start_utc.timestamp(), period_s=self.period_s, cycles=cycles)
+        first_s, stop_s = self.input.span()
+        start_s = float(np.floor(first_s)) - 1.0 if self.start_utc is None else self.start_utc.timestamp()
+        cycles = self.warmup_cycles + self.cycles if self.cycles else max(int(np.ceil((stop_s - start_s) / self.period_s)), 0)
         return Plan(start_s=start_s, period_s=self.period_s, cycles=cycles)
 
 

@@ -116,7 +116,7 @@ class ImmOfTracks(Method):
 
         turn_noise = np.array([0.0, 0.0, self.turn_noise_rad_s15])
         turn_sigma = np.full(3, self.turn_sigma_rad_s)
-        return imm.imm_predict(  # type: ignore[no-any-return]
+        return imm.imm_predict(
             memory.state[rows],
             memory.covariance[rows],
             memory.mode[rows],

@@ -61,7 +61,8 @@ class WeightedAverage(Method):
         anchor[vessel[::-1]] = np.arange(len(vessel))[::-1]
         shift = difference_m(tracks.position_deg, tracks.position_deg[anchor[vessel]])
         state = np.concatenate([shift, tracks.velocity_m_s], axis=1)
-        mean = np.stack([np.bincount(vessel, weight * state[:, k], minlength=count) for k in range(4)], axis=1)
+        sums = [np.bincount(vessel, weight * state[:, k], minlength=count) for k in range(4)]
+        mean = np.stack(sums, axis=1).astype(np.float64)
         spread = np.zeros((count, 4, 4))
         np.add.at(spread, vessel, weight[:, None, None] ** 2 * covariance)
         position = offset_deg(tracks.position_deg[anchor], mean[:, :2])

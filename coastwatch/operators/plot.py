@@ -31,6 +31,7 @@ LEADER_S = 180.0
 SIGMAS = 2.0
 ELLIPSE_SCALES = (1, 2, 5, 10, 20, 50, 100)
 ELLIPSE_SHARE = 0.03  # of the width: as long as the longer half axis of nine in ten may be drawn
+LARGEST_SHARE = 0.08  # of the width: an ellipse with a longer half axis is not drawn
 TICKS_MIN = (0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600)
 SCALE_BARS_NM = (0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200)
 TURN = np.linspace(0.0, 2.0 * np.pi, 37)
@@ -56,11 +57,10 @@ def draw(scene: Scene) -> Figure:
     axes.autoscale(False)
     _land(axes, scene)
     marks = [*_coverage(axes, scene), *_bearings(axes, scene), *_trails(axes, scene)]
-    scale = _ellipses(axes, scene)
-    marks = [*_vessels(axes, scene), *marks]
+    marks = [*_vessels(axes, scene), *marks, *_ellipses(axes, scene)]
     _grid(axes, width_deg, height_deg)
     _scale_bar(axes, scene, width_deg, height_deg)
-    _words(axes, scene, marks, scale)
+    _words(axes, scene, marks)
     return figure
 
 
@@ -144,20 +144,24 @@ def _trails(axes: Axes, scene: Scene) -> list[Any]:
     return marks
 
 
-def _ellipses(axes: Axes, scene: Scene) -> int:
-    """How many times larger than life the ellipses of 2 sigma are drawn; 0: there is none."""
-    known = np.isfinite(scene.ellipse).all(-1)
-    if not known.any():
-        return 0
+def _ellipses(axes: Axes, scene: Scene) -> list[Any]:
+    """Ellipses of 2 sigma, as many times larger than life as the legend says; one that would cover the rest is left out."""
+    known = np.flatnonzero(np.isfinite(scene.ellipse).all(-1))
+    if not len(known):
+        return []
     major, minor, direction = scene.ellipse[known].T * np.array([[SIGMAS], [SIGMAS], [np.pi / 180.0]])
     wanted = ELLIPSE_SHARE * scene.width_nm * NAUTICAL_MILE_M / max(float(np.percentile(major, 90.0)), 1e-3)
     scale = max(s for s in ELLIPSE_SCALES if s <= max(wanted, 1.0))
+    fits = scale * major <= LARGEST_SHARE * scene.width_nm * NAUTICAL_MILE_M
+    known, major, minor, direction = known[fits], major[fits], minor[fits], direction[fits]
     along, across = scale * major[:, None] * np.cos(TURN), scale * minor[:, None] * np.sin(TURN)
     sine, cosine = np.sin(direction)[:, None], np.cos(direction)[:, None]
     metres = np.stack([along * sine + across * cosine, along * cosine - across * sine], -1)
     outline = _flat(scene, offset_deg(scene.position_deg[known][:, None, :], metres))
-    axes.add_collection(PolyCollection(list(outline), facecolors="#1d273318", edgecolors="#1d273399", linewidths=0.6, zorder=5))
-    return scale
+    style: dict[str, Any] = {"facecolor": "#1d273318", "edgecolor": "#1d273399"}
+    axes.add_collection(PolyCollection(list(outline), linewidths=0.6, zorder=5, **style))
+    label = f"uncertainty, {SIGMAS:g} sigma" + (f", drawn {scale} x" if scale > 1 else "")
+    return [Patch(label=label + (f" ({(~fits).sum()} too large to draw)" if not fits.all() else ""), **style)]
 
 
 def _vessels(axes: Axes, scene: Scene) -> list[Any]:
@@ -229,12 +233,10 @@ def _scale_bar(axes: Axes, scene: Scene, width_deg: float, height_deg: float) ->
     axes.text(x + 0.5 * length, y + 0.012 * height_deg, f"{length_nm:g} NM", ha="center", va="bottom", color=INK, zorder=11)
 
 
-def _words(axes: Axes, scene: Scene, marks: list[Any], scale: int) -> None:
+def _words(axes: Axes, scene: Scene, marks: list[Any]) -> None:
     axes.set_title(scene.title, loc="left", fontsize=14, fontweight="bold", color=INK, pad=22)
-    axes.text(0.0, 1.012, scene.subtitle, transform=axes.transAxes, fontsize=10, color=FAINT, va="bottom")
-    if scale:
-        times = f", drawn {scale} x" if scale > 1 else ""
-        marks = [*marks, Patch(facecolor="#1d273318", edgecolor="#1d273399", label=f"uncertainty, {SIGMAS:g} sigma{times}")]
+    above: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points"}
+    axes.annotate(scene.subtitle, (0.0, 1.0), (0.0, 6.0), fontsize=10, color=FAINT, va="bottom", **above)
     if scene.land:
         marks = [*marks, Patch(facecolor=LAND, edgecolor=SHORE, label=scene.land_label)]
     style: dict[str, Any] = {"frameon": False, "fontsize": 9.5, "labelcolor": INK, "labelspacing": 0.75, "borderaxespad": 0.0}

@@ -1,4 +1,5 @@
-"""REFERENCE.md, made from the code: commands, scenario settings, methods, questions. `make docs` writes it again."""
+"""REFERENCE.md, made from the code: commands, scenario settings, methods, questions. `make docs` runs this module, which writes
+it and the generated schemas of db/schema again."""
 
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ from typing import Any
 from coastwatch.operators import settings, stored
 from coastwatch.operators.cli import EPILOG, make_parser
 from coastwatch.scenario import Scenario, scenario_names
+from coastwatch.store.migrate import write_schemas
 
 FILE = Path(__file__).with_name("REFERENCE.md")
 HEAD = """\
@@ -99,4 +101,4 @@ def _table(table: settings.Table) -> Iterator[str]:
 
 if __name__ == "__main__":
     FILE.write_text(text(), "utf-8")
-    print(FILE)
+    write_schemas()

@@ -91,7 +91,7 @@ def load(
         trails_deg=_trails(found, run["id"], table["vessel_id"], time_s),
         trail_s=TRAIL_S,
         land=land,
-        land_label=f"land ({note})" if note else "land",
+        land_label=f"land ({note.partition(':')[0]})" if note else "land",
     )
 
 

@@ -177,7 +177,7 @@ def _itu_times(sent_by: Carriers, state: State, phase: Floats, start_s: float, s
     who = np.arange(len(sent_by.row))
     time = np.full(len(who), start_s)
     wait = _itu_interval(sent_by, state, who, time) * phase
-    sent: list[tuple[Ints, Floats]] = []
+    sent = [(who[:0], time[:0])]
     while len(who):
         time = time + wait
         who, time = who[time <= stop_s], time[time <= stop_s]

@@ -55,19 +55,19 @@ STATIC = ("name", "call_sign", "ship_type", "length", "beam")
 class AisColumns(Settings):
     """Which column is what; one that is not named is looked for by its usual names."""
 
-    time: str | None = None
-    received: str | None = None
-    mmsi: str | None = None
-    latitude: str | None = None
-    longitude: str | None = None
-    sog: str | None = None
-    cog: str | None = None
-    ais_class: str | None = None
-    name: str | None = None
-    call_sign: str | None = None
-    ship_type: str | None = None
-    length: str | None = None
-    beam: str | None = None
+    time: str | None = None  # of the fix, or of reception where `received` is not there
+    received: str | None = None  # time of reception
+    mmsi: str | None = None  # number of the vessel, 9 digits
+    latitude: str | None = None  # deg, north positive
+    longitude: str | None = None  # deg, east positive
+    sog: str | None = None  # speed over ground, in the unit of `speed_unit`
+    cog: str | None = None  # course over ground, deg true; 360 is not available
+    ais_class: str | None = None  # of the transponder: "B" or "Class B" is class B
+    name: str | None = None  # of the vessel
+    call_sign: str | None = None  # of the vessel
+    ship_type: str | None = None  # code of ITU-R M.1371
+    length: str | None = None  # m
+    beam: str | None = None  # m
 
 
 class AisTable(Method):

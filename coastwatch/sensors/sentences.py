@@ -20,6 +20,7 @@ OTHER_SENTENCE = SET_ASIDE + "other sentence"
 REMEMBERED_GROUPS = 4096
 AIS_SENTENCES = (b"VDM", b"VDO")
 BACKSLASH, BANG = b"\\", b"!"
+BARE = b"!$"  # a line that begins so has nothing ahead of its sentence
 
 
 class Heard(NamedTuple):
@@ -53,7 +54,8 @@ def heard(lines: Iterable[bytes], name: str, tally: Tally) -> Iterator[Heard]:
         line = raw.strip()
         if not line or line[:1] == b"#":
             continue
-        ahead, rest = (waiting, line) if line[:1] == BANG else _ahead(line, waiting, f"{name}:{number}", tally)
+        bare = line[0] in BARE
+        ahead, rest = (waiting, line) if bare else _ahead(line, waiting, f"{name}:{number}", tally)
         if rest[:1] == b"$":
             waiting, clock = _dollar(rest, waiting, clock, f"{name}:{number}", tally)
             continue

@@ -59,28 +59,28 @@ BEARINGS: dict[str, tuple[str, ...]] = TIMES | {
 class PlotColumns(Settings):
     """Which column of a table of plots is what; one that is not named is looked for by its usual names."""
 
-    time: str | None = None
-    received: str | None = None
-    radar: str | None = None
-    range_m: str | None = None
-    range_nm: str | None = None
-    azimuth: str | None = None
-    latitude: str | None = None  # of the plot, instead of range and azimuth
-    longitude: str | None = None
-    site_latitude: str | None = None  # of the antenna, where it moves
-    site_longitude: str | None = None
+    time: str | None = None  # of the beam
+    received: str | None = None  # time of arrival; none: as `time`
+    radar: str | None = None  # name of the radar in the scenario; one radar alone need not be named
+    range_m: str | None = None  # m
+    range_nm: str | None = None  # instead of `range_m`
+    azimuth: str | None = None  # deg true
+    latitude: str | None = None  # deg, of the plot, instead of range and azimuth
+    longitude: str | None = None  # deg, of the plot, instead of range and azimuth
+    site_latitude: str | None = None  # deg, of the antenna, where it moves
+    site_longitude: str | None = None  # deg, of the antenna, where it moves
 
 
 class BearingColumns(Settings):
     """Which column of a table of bearings is what; one that is not named is looked for by its usual names."""
 
-    time: str | None = None
-    received: str | None = None
-    sonar: str | None = None
-    bearing: str | None = None
-    contact: str | None = None
-    site_latitude: str | None = None
-    site_longitude: str | None = None
+    time: str | None = None  # of the bearing
+    received: str | None = None  # time of arrival; none: as `time`
+    sonar: str | None = None  # name of the sonar in the scenario; one sonar alone need not be named
+    bearing: str | None = None  # deg true
+    contact: str | None = None  # the sensor's own track number
+    site_latitude: str | None = None  # deg, of the sensor, where it moves
+    site_longitude: str | None = None  # deg, of the sensor, where it moves
 
 
 class Tables(Method):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import re
 from datetime import UTC, datetime
-from functools import lru_cache
+from functools import lru_cache, reduce
+from operator import xor
 
 MILLISECONDS_FROM, MICROSECONDS_FROM, NANOSECONDS_FROM = 1e11, 1e14, 1e17
 """A unix time this large counts smaller units: as seconds it would lie beyond the year 5000."""
@@ -111,7 +112,4 @@ def sound(sentence: bytes) -> bool:
 
 def checksum(body: bytes) -> int:
     """The exclusive or of all bytes."""
-    out = 0
-    for byte in body:
-        out ^= byte
-    return out
+    return reduce(xor, body, 0)

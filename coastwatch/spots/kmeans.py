@@ -56,12 +56,13 @@ class KMeansSpots(Method):
 
     def _cold(self, points: Floats, count: int) -> Floats:
         if count == 1:
-            return points.mean(0, keepdims=True)
+            return np.asarray(points.mean(0, keepdims=True))
         from sklearn.cluster import KMeans
 
         shift = points.mean(0)
         found = KMeans(count, init="k-means++", n_init=1, max_iter=50, random_state=self.seed).fit(points - shift)
-        return np.asarray(found.cluster_centers_, np.float64) + shift
+        centre: Floats = np.asarray(found.cluster_centers_, np.float64) + shift
+        return centre
 
 
 def _nearest(points: Floats, centre: Floats) -> Ints:
@@ -88,7 +89,8 @@ def _halo(points: Floats, centre: Floats, spot: Ints, reach_m: float) -> tuple[I
     tree, own = cKDTree(centre), np.linalg.norm(points - centre[spot], axis=1)
     near = min(8, len(centre))
     while True:
-        distance, index = tree.query(points, k=np.arange(1, near + 1))
+        found = tree.query(points, k=np.arange(1, near + 1))
+        distance, index = np.asarray(found[0]), np.asarray(found[1])
         within = distance <= (own + 2.0 * reach_m)[:, None]
         if near == len(centre) or not within[:, -1].any():
             break

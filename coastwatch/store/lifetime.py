@@ -6,17 +6,20 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import Connection, delete, func, insert, select, update
 
-from coastwatch.batches import Fault, Sensors, SourceKind
-from coastwatch.stage import Plan
-from coastwatch.store.opening import Store, as_json, reading, writing
-from coastwatch.store.specifications import sensor_rows
+from coastwatch.batches import Fault, Sensors
+from coastwatch.store.opening import Store, StoreError, as_json, reading, writing
+from coastwatch.store.specifications import sensor_rows, source_rows
 from coastwatch.store.tables import Base, Checkpoint, Run
 
+if TYPE_CHECKING:  # to read a database needs no pydantic, which is slow to import
+    from coastwatch.stage import Plan
+
 STATUSES = ("running", "finished", "interrupted", "failed")
+LARGEST = 2**63
 
 
 def begin_run(
@@ -38,33 +41,29 @@ def begin_run(
 
     Raises: StoreError.
     """
+    if not 0 <= seed < LARGEST:
+        raise StoreError(f"{store.where}: seed: got {seed}, needed 0 to {LARGEST - 1}, the largest number a database can hold")
+    row = {
+        "scenario": scenario,
+        "title": title,
+        "seed": seed,
+        "version": version,
+        "settings": dict(settings),
+        "command": command,
+        "status": "running",
+        "period_s": plan.period_s,
+        "cycles": plan.cycles,
+        "warmup_cycles": warmup_cycles,
+        "start_s": plan.start_s,
+        "workers": workers,
+        "faults": [asdict(fault) for fault in faults],
+    }
     with writing(store) as connection:
-        row = {
-            "scenario": scenario,
-            "title": title,
-            "seed": seed,
-            "version": version,
-            "settings": dict(settings),
-            "command": command,
-            "started_utc": _utc(connection),
-            "finished_utc": None,
-            "status": "running",
-            "period_s": plan.period_s,
-            "cycles": plan.cycles,
-            "warmup_cycles": warmup_cycles,
-            "start_s": plan.start_s,
-            "workers": workers,
-            "scores": None,
-            "faults": [asdict(fault) for fault in faults],
-        }
+        row["started_utc"] = _utc(connection)
         run_id = int(connection.execute(insert(Run).values(row).returning(Run.id)).scalar_one())
-        rows = sensor_rows(run_id, sensors)
-        if rows:
-            connection.execute(insert(Base.metadata.tables["sensor"]), rows)
-        kinds = [SourceKind(kind).name.lower() for kind in sensors.source_kinds.tolist()]
-        named = enumerate(zip(sensors.source_names, kinds, strict=True))
-        rows = [{"run_id": run_id, "number": k, "name": name, "kind": kind} for k, (name, kind) in named]
-        connection.execute(insert(Base.metadata.tables["source"]), rows)
+        for name, rows in (("sensor", sensor_rows(run_id, sensors)), ("source", source_rows(run_id, sensors))):
+            if rows:
+                connection.execute(insert(Base.metadata.tables[name]), rows)
     return run_id
 
 

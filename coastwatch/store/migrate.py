@@ -51,7 +51,12 @@ def check(url: str, *, wait_s: float = WAIT_S) -> list[str]:
         found = revision(connection, store.where)
         if found != REVISION:
             return [f"schema: got {found or 'no tables'}, needed {REVISION}"]
-        return [*differences(connection), *_sqlite(connection), *_cycles(connection)]
+        return problems(connection)
+
+
+def problems(connection: Connection) -> list[str]:
+    """What is wrong with a database that is open and of this version, one sentence each."""
+    return [*differences(connection), *_sqlite(connection), *_cycles(connection)]
 
 
 def differences(connection: Connection) -> list[str]:
@@ -140,7 +145,7 @@ def schema(dialect: str) -> str:
     """The SQL that makes the tables of this version. Args: dialect: sqlite or postgresql."""
     made = DIALECTS[dialect]()
     out = [
-        f"-- Generated from coastwatch/store/tables.py, schema {REVISION}; `make docs` or write_schemas() writes it again.\n"
+        f"-- Generated from coastwatch/store/tables.py, schema {REVISION}; `python -m coastwatch.store.migrate` writes it again.\n"
     ]
     for table in Base.metadata.sorted_tables:
         statements: list[ExecutableDDLElement] = [
@@ -155,3 +160,7 @@ def write_schemas() -> None:
     """Write db/schema again after a change of the tables."""
     for dialect in DIALECTS:
         (schema_folder() / f"{dialect}.sql").write_text(schema(dialect), "utf-8")
+
+
+if __name__ == "__main__":
+    write_schemas()

@@ -88,7 +88,8 @@ def connect(url: str, wait_s: float, *, may_create: bool) -> Store:
     except (ArgumentError, NoSuchModuleError) as error:
         raise StoreError(f"{where}: {error}") from error
     except ModuleNotFoundError as error:
-        raise StoreError(f"{where}: needs the Python package {error.name!r}: pip install 'coastwatch[postgresql]'") from error
+        how = ": pip install 'coastwatch[postgresql]'" if error.name == "psycopg" else ""
+        raise StoreError(f"{where}: needs the Python package {error.name!r}{how}") from error
     store = Store(engine, where, wait_s)
     _prepare(store)
     if engine.dialect.name == "sqlite" and may_create:

@@ -1,4 +1,4 @@
-"""The sensors of a scenario as rows of table `sensor`: what is common as columns, what is of one kind only as JSON."""
+"""The sensors of a scenario as rows of tables `sensor` and `source`: what is common as columns, what is of one kind only as JSON."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from coastwatch.batches import Radars, Sensors, Sonars, Stations
+from coastwatch.batches import Radars, Sensors, Sonars, SourceKind, Stations
 
 
 def sensor_rows(run_id: int, sensors: Sensors) -> list[dict[str, Any]]:
@@ -20,6 +20,13 @@ def sensor_rows(run_id: int, sensors: Sensors) -> list[dict[str, Any]]:
         )
         for k, row in enumerate(rows)
     ]
+
+
+def source_rows(run_id: int, sensors: Sensors) -> list[dict[str, Any]]:
+    """One row for each that makes tracks. `number` is the source that tracks carry."""
+    kinds = [SourceKind(kind).name.lower() for kind in sensors.source_kinds.tolist()]
+    named = enumerate(zip(sensors.source_names, kinds, strict=True))
+    return [{"run_id": run_id, "number": k, "name": name, "kind": kind} for k, (name, kind) in named]
 
 
 def _common(of: Radars | Stations | Sonars, k: int) -> dict[str, Any]:

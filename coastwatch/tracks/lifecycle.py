@@ -12,6 +12,7 @@ from coastwatch.kernels.gaussian import gate, squared_distance
 from coastwatch.tracks.table import Coverage, Stage, Table, Twins
 from coastwatch.tracks.upkeep import Upkeep
 
+DAY_S = 86400.0  # older plots are of a clock that was never set
 PAIR = 2**31  # more than there are tracks of a region in a run
 
 
@@ -58,7 +59,8 @@ def without_twins(
     apart = np.subtract(table.radar_s[first], table.radar_s[second], where=served, out=np.full(served.shape, np.inf))
     both = (np.abs(apart) < 0.5 * period_s).any(axis=1)
     first, second = first[~both], second[~both]
-    since = _since(twins, table.track_id[first], table.track_id[second], time_s)
+    newest = np.maximum(np.maximum(table.updated_s[first], table.updated_s[second]), time_s)
+    since = _since(twins, table.track_id[first], table.track_id[second], newest)
     served = np.isfinite(table.radar_s[first]) | np.isfinite(table.radar_s[second])
     turn = np.where(served, period_s, 0.0).max(axis=1, initial=0.0)
     same = time_s - since >= upkeep.merge_looks * turn
@@ -83,13 +85,13 @@ def _alike(upkeep: Upkeep, table: Table, mean: Floats, covariance: Floats) -> tu
     return first[alike], second[alike]
 
 
-def _since(twins: Twins, first: Ints, second: Ints, time_s: float) -> Floats:
+def _since(twins: Twins, first: Ints, second: Ints, now_s: Floats) -> Floats:
     """Since when each of these pairs is suspected: now, where it was not before. Pairs are sorted, before and now."""
     if len(twins) == 0:
-        return np.full(len(first), time_s)
+        return now_s
     old, new = twins.first * PAIR + twins.second, first * PAIR + second
     at = np.minimum(np.searchsorted(old, new), len(old) - 1)
-    since: Floats = np.where(old[at] == new, twins.since_s[at], time_s)
+    since: Floats = np.where(old[at] == new, twins.since_s[at], now_s)
     return since
 
 
@@ -106,7 +108,8 @@ def quick_enough(slice_s: float, period_s: Floats) -> float:
 
 
 def usable(upkeep: Upkeep, plots: Plots, time_s: float) -> Bools:
-    """Which plots can be believed: finite, and not from after the cycle. (M,)"""
+    """Which plots can be believed: finite, not from after the cycle, and not older than a day. (M,)"""
     numbers = np.column_stack([plots.time_s, plots.position_m, plots.covariance.reshape(-1, 4)])
-    good: Bools = np.logical_and(np.isfinite(numbers).all(axis=1), plots.time_s <= time_s + upkeep.ahead_s)
+    lived = (plots.time_s <= time_s + upkeep.ahead_s) & (plots.time_s > time_s - DAY_S)
+    good: Bools = np.logical_and(np.isfinite(numbers).all(axis=1), lived)
     return good

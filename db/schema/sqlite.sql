@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0002; `make docs` or write_schemas() writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0002; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,

@@ -6,9 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coastwatch.batches import Floats, Ints, Plots, Radars, Sensors, Sonars, Stations
+from coastwatch.batches import Floats, Ints, Plots, Radars, Sensors, Sonars, Stations, Tracks
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, from_plane, to_plane
+from coastwatch.tracks import RadarTracker
+from coastwatch.tracks.table import RadarMemory
 
+PERIOD_S = 3.0
 ORIGIN_DEG = np.array([-22.95, -43.1])
 
 
@@ -135,3 +138,27 @@ def _plots(
         site_m=np.tile(site, (n, 1)),
         origin=origin,
     )
+
+
+def cut(plots: Plots, cycle: int) -> Plots:
+    """The plots of one cycle."""
+    return plots.take((plots.time_s > PERIOD_S * cycle) & (plots.time_s <= PERIOD_S * (cycle + 1)))
+
+
+def run(
+    method: RadarTracker,
+    plots: Plots,
+    cycles: int,
+    sensors: Sensors | None = None,
+    region: int = 0,
+    memory: RadarMemory | None = None,
+    first: int = 0,
+) -> tuple[RadarMemory, list[Tracks]]:
+    """Memory and the tracks of each cycle."""
+    sensors = sensors or two_radars()
+    memory = method.init() if memory is None else memory
+    out = []
+    for cycle in range(first, first + cycles):
+        memory, tracks = method.step(memory, cut(plots, cycle), PERIOD_S * (cycle + 1), sensors, region)
+        out.append(tracks)
+    return memory, out

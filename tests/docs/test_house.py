@@ -30,7 +30,7 @@ def tracked() -> list[Path]:
 
 
 FILES = tracked()
-MODULES = [p for p in FILES if p.suffix == ".py"]
+MODULES = [p for p in FILES if p.suffix == ".py" and p.relative_to(HOUSE).parts[0] in ("coastwatch", "scaling")]
 FOLDERS = sorted({parent for p in FILES for parent in p.parents if parent != HOUSE and HOUSE in parent.parents})
 
 

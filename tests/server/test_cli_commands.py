@@ -3,6 +3,10 @@
 import csv
 import io
 import json
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +18,7 @@ from coastwatch.batches import Flag
 from coastwatch.operators import stored
 from coastwatch.operators.cli import main
 
+PATIENCE_S = 120.0  # compiling the kernels for the first time takes most of it
 SMALL = ["--set", "input.count=14", "--set", "cycles=6", "--set", "warmup_s=18"]
 
 
@@ -79,7 +84,7 @@ def test_the_picture_of_the_past_and_of_a_box(
     url, _, _ = ran
     past = answer(["picture", "--db", url, "--at", "2025-06-01T12:00:30Z", "--format", "csv"], capsys)
     assert {row["time_utc"] for row in csv.DictReader(io.StringIO(past))} == {"2025-06-01T12:00:30.000Z"}
-    half = answer(["picture", "--db", url, "--bbox=-23.05,-44,-22,-43", "--format", "csv"], capsys)
+    half = answer(["picture", "--db", url, "--bbox", "-23.05,-44,-22,-43", "--format", "csv"], capsys)
     found = list(csv.DictReader(io.StringIO(half)))
     assert found
     assert all(float(row["latitude_deg"]) >= -23.05 for row in found)
@@ -159,3 +164,30 @@ def test_flags_are_words() -> None:
     assert made.columns == ("mmsi", "flags", "time_utc", "silent_s")
     assert made.rows[0] == ("002320001", "ais_contradicted", "1970-01-01T00:00:00.000Z", 12.346)
     assert made.rows[1] == (None, "", "1970-01-01T00:00:01.500Z", None)
+
+
+def test_ctrl_c_ends_a_run_after_a_whole_cycle(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    url = f"sqlite:///{tmp_path / 'x.db'}"
+    line = ["run", "context-driven-100", "--db", url, "--json", "--set", "input.count=14", "--set", "cycles=5000"]
+    code = "import sys; from coastwatch.operators.cli import main; sys.exit(main(sys.argv[1:]))"
+    started = subprocess.Popen([sys.executable, "-c", code, *line], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    until = time.monotonic() + PATIENCE_S
+    while time.monotonic() < until and started.poll() is None and cycles_in(url) < 3:
+        time.sleep(0.2)
+    started.send_signal(signal.SIGINT)
+    out, err = started.communicate(timeout=PATIENCE_S)
+    assert started.returncode == 130, err
+    assert "--resume" in err
+    made = json.loads(out)
+    assert made["interrupted"] is True
+    assert cycles_in(url) == made["cycles"] >= 3
+    answer(["db", "check", "--db", url], capsys)
+
+
+def cycles_in(url: str) -> int:
+    """Cycles stored of the newest run; 0 while there is no database."""
+    try:
+        with stored.opened(url) as found:
+            return int(store.runs(found).column("cycles_stored")[0])
+    except (store.StoreError, IndexError):
+        return 0

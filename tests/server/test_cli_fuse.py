@@ -130,7 +130,7 @@ def test_the_area_holds_what_the_sensors_cover_across_the_antimeridian() -> None
     ]
     files = recorded.Files((), __file__, None, {})
     made = recorded.framed(make_scenario(recorded.document(files, {"radars": sensors}, 3.0), "trial", {})).area
-    assert abs(made.longitude_deg) == pytest.approx(180.0, abs=1e-6)
-    assert made.latitude_deg == pytest.approx(-17.05, abs=1e-6)
+    assert abs(made.longitude_deg) == pytest.approx(180.0, abs=1e-3)
+    assert made.latitude_deg == pytest.approx(-17.05, abs=1e-3)
     assert made.width_nm == pytest.approx(1.1 * (12.0 + 0.2 * 60.0 * np.cos(np.radians(17.05))), rel=0.01)
     assert made.height_nm == pytest.approx(1.1 * (12.0 + 6.0), rel=0.01)

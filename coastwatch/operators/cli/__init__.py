@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 import traceback
 from collections.abc import Sequence
@@ -58,7 +59,7 @@ def make_parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> int:
     """The exit code of one command. Args: arguments: as typed after `coastwatch`; none: those of this process."""
     try:
-        options = make_parser().parse_args(arguments)
+        options = make_parser().parse_args(_joined(sys.argv[1:] if arguments is None else arguments))
         code: int = options.act(options)
         sys.stdout.flush()
     except KeyboardInterrupt:
@@ -73,6 +74,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"coastwatch: error: {_one_line(error)}", file=sys.stderr)
         return BAD_INPUT if _is_bad_input(error) else FAILED
     return code
+
+
+def _joined(words: Sequence[str]) -> list[str]:
+    """The words with an option of places and its value in one: argparse would take a value that begins with a minus for an option."""
+    out: list[str] = []
+    for word in words:
+        if out and out[-1] in ("--bbox", "--tracks-origin") and re.match(r"-[\d.]", word):
+            out[-1] += f"={word}"
+        else:
+            out.append(word)
+    return out
 
 
 def _forget_stdout() -> None:

@@ -28,7 +28,7 @@ def add_moment(parser: argparse.ArgumentParser) -> None:
         "--bbox",
         metavar="S,W,N,E",
         type=box,
-        help="only what lies in this box, degrees; W > E crosses the antimeridian; a negative south needs --bbox=S,W,N,E",
+        help="only what lies in this box, degrees; W > E crosses the antimeridian",
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, Protocol
 
 LINE_EVERY_S = 10.0
@@ -55,4 +55,5 @@ class _Lines:
         now_s = time.monotonic()
         if now_s >= self._next_s:
             self._next_s = now_s + LINE_EVERY_S
-            print(f"cycle {done} of {total}: {what}", file=sys.stderr, flush=True)
+            with suppress(OSError):  # nobody reads stderr any more: no reason to end a run
+                print(f"cycle {done} of {total}: {what}", file=sys.stderr, flush=True)

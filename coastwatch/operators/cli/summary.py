@@ -93,7 +93,7 @@ def _shares(values: Mapping[str, Any]) -> Iterator[str]:
             yield f"{'MCC' if key == 'mcc' else key.replace('_', ' ')} {_figure(key, value)}"
     counts = [f"{key} {values[key]}" for key in COUNTS if values.get(key) is not None]
     if counts:
-        yield "(" + " ".join(counts) + ")"
+        yield " ".join(counts)
 
 
 def _fusion_score(values: Mapping[str, Any]) -> Iterator[str]:
@@ -104,8 +104,9 @@ def _fusion_score(values: Mapping[str, Any]) -> Iterator[str]:
     for key, name, unit in (("course_rmse_deg", "course", "deg"), ("speed_rmse_kn", "speed", "kn")):
         if values.get(key) is not None:
             yield f"{name} {values[key]:.2f} {unit}"
-    known = {"position_rmse_m", "bound_position_rmse_m", "course_rmse_deg", "speed_rmse_kn"}
-    yield from _shares({key: value for key, value in values.items() if key not in known})
+    alone = [(n, values.get(f"{key}_position_rmse_m")) for key, n in (("radar", "radar"), ("ais", "AIS"))]
+    if any(rmse is not None for _, rmse in alone):
+        yield "alone: " + ", ".join(f"{name} {rmse:.2f} m" for name, rmse in alone if rmse is not None)
 
 
 def _figure(key: str, value: Any) -> str:

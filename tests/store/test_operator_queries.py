@@ -1,0 +1,288 @@
+"""Every question of db/operator gives the planted answer, on SQLite and PostgreSQL."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import store_world as world
+from sqlalchemy import text
+
+from coastwatch import store as kept
+from coastwatch.batches import Associations, Flag, Members, Picture
+from coastwatch.geodesy import KNOT_M_S, offset_deg
+from coastwatch.shipped import operator_queries_folder
+from coastwatch.store import INSTANTS, Store, StoreError
+from coastwatch.store.opening import writing
+
+CYCLES = 40
+LAST_S = world.instant_s(CYCLES - 1)
+SPHERE = 0.006
+"""The questions measure on a sphere of 60 NM a degree, the planted distances are of the ellipsoid: at most 0.6 % apart."""
+
+HARBOUR = np.array([-22.9, -43.2])
+PLACES_M = np.array(
+    [
+        [0, 0],
+        [300, 0],
+        [5000, 0],
+        [5000, 4000],
+        [-6000, 0],
+        [-6000, 8000],
+        [20_000, 0],
+        [20_000, 3000],
+        [40_000, 0],
+        [60_000, 0],
+    ]
+)
+"""Where vessels 1 to 10 lie, metres east and north of the harbour. 1 and 2 are close; 3 and 4 are on opposite courses."""
+
+VELOCITY_KN = np.array([[0, 0], [0, 4], [0, 11], [0, -10], [30, 0], [0, 5], [0, 6], [0, 7], [0, 8], [0, 9]])
+FLAGS = {
+    3: Flag.DARK,
+    4: Flag.AIS_WITHOUT_RADAR,
+    5: Flag.IMPOSSIBLE_SPEED,
+    6: Flag.AIS_CONTRADICTED,
+    7: Flag.MMSI_TWICE,
+    8: Flag.MMSI_TWICE,
+    9: Flag.DARK | Flag.COASTING,
+}
+MMSI = {1: 710_000_001, 2: 710_000_002, 4: 710_000_004, 5: 710_000_005, 6: 710_000_006, 7: 710_000_007, 8: 710_000_007}
+
+
+def planted(number: int) -> Picture:
+    """Vessels 1 to 10; vessel 10 comes in cycle 30, vessel 2 leaves after cycle 35 and vessel 8 is away from 32 to 34."""
+    there = [
+        v for v in range(1, 11) if (v != 10 or number >= 30) and (v != 2 or number <= 35) and (v != 8 or not 32 <= number <= 34)
+    ]
+    ids = np.array(there)
+    n = len(ids)
+    covariance = np.zeros((n, 4, 4))
+    covariance[:, range(4), range(4)] = (1.0 + ids[:, None] / 10.0) ** 2
+    covariance[ids == 6, 0, 0] = 900.0
+    time_s = world.instant_s(number)
+    return Picture(
+        vessel_id=ids,
+        time_s=np.full(n, time_s),
+        position_deg=offset_deg(HARBOUR, PLACES_M[ids - 1].astype(float)),
+        velocity_m_s=VELOCITY_KN[ids - 1] * KNOT_M_S,
+        covariance=covariance,
+        since_s=np.where(ids == 10, world.instant_s(30), world.START_S),
+        updated_s=np.where(ids == 9, time_s - 40.0, time_s - 1.0),
+        mmsi=np.array([MMSI.get(v, -1) for v in there]),
+        flags=np.array([int(FLAGS.get(v, 0)) for v in there]),
+        origin=np.full(n, -1),
+    )
+
+
+def without_radar(cycle: Any, number: int) -> Any:
+    """The cycle as if vessel 4 had no radar track, and vessel 1 had been handed from one region to the other in cycle 20."""
+    members, vessel = cycle.members, cycle.members.vessel_id
+    source, track = members.source.copy(), members.track_id.copy()
+    handed = (vessel == 1) & (source != world.AIS) & (number >= 20)
+    source[handed], track[handed] = 0, 2001
+    stays = ~((vessel == 4) & (source != world.AIS))
+    order = np.lexsort((track[stays], source[stays], vessel[stays]))
+    members = Members(vessel[stays][order], track[stays][order], source[stays][order])
+    none = np.zeros(0, np.int64)
+    return replace(cycle, members=members, associations=Associations(none, none, np.zeros(0), cycle.associations.vessel))
+
+
+@pytest.fixture
+def store(url: str) -> Iterator[Store]:
+    """Forty cycles of the planted sea, after a run of another one."""
+    with kept.open_store(url) as store:
+        other = world.begin(store, "other")
+        world.write(store, other, 0)
+        run = world.begin(store)
+        for number in range(CYCLES):
+            picture = planted(number)
+            cycle = without_radar(world.cycle_of(number, 0, picture), number)
+            world.write(store, run, number, cycle=cycle, reports=world.reports_of(1, 2))
+        yield store
+
+
+def ask(store: Store, name: str, /, **parameters: Any) -> list[dict[str, Any]]:
+    found = kept.operator_query(store, name, parameters)
+    return [dict(zip(found.columns, row, strict=True)) for row in found.rows]
+
+
+def ids(rows: list[dict[str, Any]]) -> list[int]:
+    return [row["vessel_id"] for row in rows]
+
+
+def test_every_question(store: Store) -> None:
+    """One database for all: each answer is what was planted."""
+    asked: set[str] = set()
+
+    def rows(name: str, **parameters: Any) -> list[dict[str, Any]]:
+        asked.add(name)
+        return ask(store, name, **parameters)
+
+    dark = rows("dark_vessels")
+    assert ids(dark) == [3, 9]
+    assert dark[0]["watched_for_s"] == LAST_S - world.START_S
+    assert ids(rows("dark_vessels", min_sog_kn=9.0)) == [3]
+    alone = rows("ais_without_radar")
+    assert [(row["vessel_id"], row["mmsi"], row["sources"]) for row in alone] == [(4, 710_000_004, "ais")]
+    assert ids(rows("contradicted")) == [6]
+    assert [(row["vessel_id"], row["mmsi"]) for row in rows("mmsi_twice")] == [(7, 710_000_007), (8, 710_000_007)]
+    assert ids(rows("impossible_speed")) == [5]
+
+    new = rows("new_vessels", minutes=1)
+    assert [(row["vessel_id"], row["from_s"]) for row in new] == [(8, world.instant_s(35)), (10, world.instant_s(30))]
+    assert ids(rows("new_vessels", minutes=0.4)) == [8]
+    lost = rows("lost_vessels")
+    assert [(row["vessel_id"], row["last_s"], row["mmsi"]) for row in lost] == [(2, world.instant_s(35), 710_000_002)]
+    assert lost[0]["sog_kn"] == pytest.approx(4.0)
+    assert rows("lost_vessels", minutes=0.1) == []
+
+    assert ids(rows("fastest", count=4)) == [5, 3, 4, 10]
+    uncertain = rows("uncertain", count=2)
+    assert [(row["vessel_id"], row["major_m"]) for row in uncertain] == [(6, 30.0), (10, 2.0)]
+    assert [(row["vessel_id"], row["age_s"]) for row in rows("silent")] == [(9, 40.0)]
+    assert [row["time_s"] for row in rows("history_of_mmsi", mmsi=710_000_002)] == [world.instant_s(k) for k in range(36)]
+    assert len(rows("history_of_mmsi", mmsi="710000007", minutes=0.25)) == 6 + 5
+
+    near = rows("near_position", latitude_deg=HARBOUR[0], longitude_deg=HARBOUR[1], radius_nm=3.0)
+    assert ids(near) == [1, 3]
+    assert near[1]["distance_nm"] == pytest.approx(5000.0 / 1852.0, rel=SPHERE)
+    heard = rows("bearings")
+    assert [(row["source"], row["vessel_id"], row["bearing_deg"]) for row in heard] == [("mouth", 1, pytest.approx(270.0))]
+
+    changes = rows("source_changes")
+    said = [(row["time_s"], row["vessel_id"], row["what"], row["source"], row["track_id"]) for row in changes]
+    handed_s = world.instant_s(20)
+    assert said == [(handed_s, 1, "joined", "guanabara", 2001), (handed_s, 1, "left", "ilha", 1001)]
+    coverage = {row["name"]: (row["tracks"], row["vessels"], row["vessels_of_it_alone"]) for row in rows("sensor_coverage")}
+    assert coverage == {"guanabara": (4, 4, 1), "ilha": (4, 4, 2), "ais": (6, 6, 1), "mouth": (1, 1, 0)}
+    load = {row["stage"]: row for row in rows("load", cycles=10)}
+    assert list(load) == list(world.SECONDS)
+    assert load["tracks"]["mean_ms"] == pytest.approx(4.0)
+    assert load["tracks"]["cycles"] == 10
+    assert sum(row["share"] for row in load.values()) == pytest.approx(1.0)
+
+    passing = rows("closest_approach")
+    assert [(row["first_id"], row["second_id"]) for row in passing] == [(3, 4)]
+    assert passing[0]["passing_m"] == pytest.approx(0.0, abs=1.0)
+    assert passing[0]["passing_in_s"] == pytest.approx(4000.0 / (21.0 * KNOT_M_S), rel=SPHERE)
+    assert rows("closest_pairs") == []
+    pairs = rows("closest_pairs", within_m=4500.0)
+    assert [(row["first_id"], row["second_id"]) for row in pairs] == [(7, 8), (3, 4)]
+    assert [row["distance_m"] for row in pairs] == pytest.approx([3000.0, 4000.0], rel=SPHERE)
+    assert asked == set(kept.operator_queries()), "a question without a planted answer"
+
+
+def test_another_run_may_be_asked(store: Store) -> None:
+    assert ids(ask(store, "fastest", run=1, count=1)) == [20]
+    assert ids(ask(store, "fastest", run="1", count="2")) == [20, 19]
+    assert ask(store, "dark_vessels", run=1) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "said"),
+    [
+        ("darkvessels", {}, "got 'darkvessels', needed one of ais_without_radar,"),
+        ("fastest", {"counts": 3}, "got parameter counts, needed count, run"),
+        ("fastest", {"count": "many"}, "parameter count: got 'many', needed a number"),
+        ("fastest", {"count": 2.5}, "parameter count: got 2.5, needed a whole number"),
+        ("fastest", {"run": 99}, "there is no run 99"),
+        ("fastest", {"run": "last"}, "parameter run: got 'last', needed a number"),
+        ("near_position", {"latitude_deg": 1.0}, "parameter longitude_deg has no default"),
+        ("near_position", {"latitude_deg": "nan", "longitude_deg": 0}, "parameter latitude_deg: got 'nan'"),
+    ],
+)
+def test_a_wrong_question_is_answered_with_what_is_needed(
+    tmp_path: Path, name: str, parameters: dict[str, Any], said: str
+) -> None:
+    with kept.open_store(str(tmp_path / "x.db")) as store:
+        world.write(store, world.begin(store), 0)
+        with pytest.raises(StoreError, match=said):
+            kept.operator_query(store, name, parameters)
+
+
+def test_close_to_the_antimeridian(url: str) -> None:
+    """Two vessels 222 m apart on the two sides of it; the cells of the questions wrap as the Earth does."""
+    picture = planted(0).take(slice(0, 3))
+    place = np.array([[0.0, 179.999], [0.0, -179.999], [0.0, 179.9]])
+    with kept.open_store(url) as store:
+        world.write(store, world.begin(store), 0, cycle=world.cycle_of(0, 0, replace(picture, position_deg=place)))
+        pairs = ask(store, "closest_pairs")
+        assert [(row["first_id"], row["second_id"]) for row in pairs] == [(1, 2)]
+        assert pairs[0]["distance_m"] == pytest.approx(0.002 * 111_320.0, rel=SPHERE)
+        assert sorted(ids(ask(store, "near_position", latitude_deg=0.0, longitude_deg=180.0, radius_nm=1))) == [1, 2]
+
+
+@pytest.mark.parametrize("within_m", [50.0, 700.0, 2_000.0])
+def test_cells_find_every_pair(tmp_path: Path, within_m: float) -> None:
+    """The pairs found by cells are those found by comparing all."""
+    rng = np.random.default_rng([3, 1])
+    n = 300
+    picture = world.picture_of(0, n * 11 // 10)
+    n = len(picture)
+    place = HARBOUR + rng.uniform(-0.05, 0.05, (n, 2))
+    picture = replace(picture, position_deg=place, velocity_m_s=np.full((n, 2), 3.0))
+    apart = (
+        (place[:, None] - place)
+        * 111_120.0
+        * np.stack([np.ones((n, n)), np.cos(np.radians((place[:, None, 0] + place[:, 0]) / 2))], -1)
+    )
+    first, second = np.nonzero(np.triu(np.hypot(apart[..., 0], apart[..., 1]) <= within_m, 1))
+    with kept.open_store(str(tmp_path / "x.db")) as store:
+        world.write(store, world.begin(store), 0, cycle=world.cycle_of(0, 0, picture))
+        found = {(row["first_id"], row["second_id"]) for row in ask(store, "closest_pairs", within_m=within_m, count=10**6)}
+    wanted = set(zip(picture.vessel_id[first].tolist(), picture.vessel_id[second].tolist(), strict=True))
+    assert found == wanted
+    assert len(found) > 0
+
+
+def test_a_run_without_cycles_has_no_answers_and_no_errors(url: str) -> None:
+    given = {"latitude_deg": 0.0, "longitude_deg": 0.0, "mmsi": 710_000_001}
+    with kept.open_store(url) as store:
+        world.begin(store)
+        for name, question in kept.operator_queries().items():
+            required = {key: given[key] for key, parameter in question.parameters.items() if parameter.default is None}
+            found = kept.operator_query(store, name, required)
+            assert found.rows == [] or name == "sensor_coverage"
+
+
+def test_questions_are_written_as_questions_are_written() -> None:
+    questions = kept.operator_queries()
+    assert len(questions) >= 10
+    assert len({question.title for question in questions.values()}) == len(questions)
+    for name, question in questions.items():
+        written = (operator_queries_folder() / f"{name}.sql").read_text("utf-8")
+        assert written.startswith(f"-- {question.title}\n")
+        assert question.explanation, f"{name} does not say what it returns"
+        used = set(re.findall(r"(?<![:\w]):(\w+)", question.sql))
+        assert used == set(question.parameters) | {"run"}, name
+        assert max(map(len, written.splitlines())) <= 128, name
+        assert all(parameter.meaning for parameter in question.parameters.values())
+
+
+def test_times_are_instants_or_lengths(store: Store) -> None:
+    """A column in `_s` is an instant where INSTANTS says so, which the command line shows as UTC; else a length of time."""
+    given = {"latitude_deg": -22.9, "longitude_deg": -43.2, "mmsi": 710_000_001, "minutes": 60}
+    for name, question in kept.operator_queries().items():
+        found = kept.operator_query(store, name, {key: given[key] for key in question.parameters if key in given})
+        for column, value in zip(found.columns, found.rows[0] if found.rows else (), strict=False):
+            if column.endswith("_s") and value is not None:
+                assert (value > world.START_S - 1.0) == (column in INSTANTS), f"{name}.{column}"
+
+
+def test_a_question_cannot_write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, url: str) -> None:
+    (tmp_path / "wreck.sql").write_text("-- Wreck\n-- Deletes the picture.\nDELETE FROM vessel WHERE run_id = :run\n")
+    monkeypatch.setattr("coastwatch.store.questions.operator_queries_folder", lambda: tmp_path)
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        world.write(store, run, 0)
+        with pytest.raises(StoreError):
+            kept.operator_query(store, "wreck")
+        assert len(kept.picture(store, run).rows) == 28
+        with writing(store) as connection:  # and the connection can write again
+            assert connection.execute(text("DELETE FROM vessel")).rowcount == 28

@@ -1,0 +1,218 @@
+"""Models, migrations and written schemas are one; an old database comes along with all its rows; a foreign one is left alone."""
+
+from __future__ import annotations
+
+import re
+import sqlite3
+from pathlib import Path
+
+import pytest
+import store_world as world
+from alembic.config import Config
+from alembic.script import ScriptDirectory
+from sqlalchemy import MetaData, text
+
+from coastwatch import store as kept
+from coastwatch.shipped import migrations_folder, schema_folder
+from coastwatch.store import StoreError, migrate
+from coastwatch.store.opening import connect, reading, revision, writing
+from coastwatch.store.tables import REVISION, REVISION_TABLE, Base
+
+SINCE_0002 = {"presence"}
+"""Tables that schema 0001 does not have."""
+
+
+def test_models_are_what_the_migrations_make(url: str) -> None:
+    migrate.upgrade(url)
+    with connect(url, 1.0, may_create=False) as store, reading(store) as connection:
+        assert migrate.differences(connection) == []
+        assert revision(connection, "") == REVISION
+    assert migrate.check(url) == []
+
+
+def test_the_newest_migration_is_the_one_that_the_models_name() -> None:
+    config = Config()
+    config.set_main_option("script_location", str(migrations_folder()))
+    scripts = ScriptDirectory.from_config(config)
+    assert scripts.get_heads() == [REVISION]
+    assert len(list(scripts.walk_revisions())) >= 2
+
+
+@pytest.mark.parametrize("dialect", migrate.DIALECTS)
+def test_the_written_schema_is_current(dialect: str) -> None:
+    written = (schema_folder() / f"{dialect}.sql").read_text("utf-8")
+    assert written == migrate.schema(dialect), "write it again: python -m coastwatch.store.migrate"
+
+
+@pytest.mark.parametrize("dialect", migrate.DIALECTS)
+def test_the_written_schema_makes_the_tables(dialect: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
+    """The schema file alone, without Alembic, makes a database that equals the models."""
+    url = str(tmp_path / "x.db") if dialect == "sqlite" else str(request.getfixturevalue("postgresql_url"))
+    with connect(url, 1.0, may_create=True) as store:
+        lines = (schema_folder() / f"{dialect}.sql").read_text("utf-8").splitlines()
+        with writing(store) as connection:
+            for statement in "\n".join(line for line in lines if not line.startswith("--")).split(";"):
+                if statement.strip():
+                    connection.exec_driver_sql(statement)
+        with reading(store) as connection:
+            assert migrate.differences(connection) == []
+
+
+def test_a_database_of_the_first_schema_comes_along_with_all_its_rows(url: str, tmp_path: Path) -> None:
+    """The rows of two runs are put into schema 0001; `presence`, which it does not have, is made from the history."""
+    source = str(tmp_path / "today.db")
+    with kept.open_store(source) as today:
+        run, other = world.begin(today), world.begin(today, "lake")
+        for number in range(13):
+            world.write(today, run, number)
+        world.write(today, other, 0)
+        with reading(today) as connection:
+            rows = {
+                name: [dict(row._mapping) for row in connection.execute(t.select())] for name, t in Base.metadata.tables.items()
+            }
+    migrate.upgrade(url, "0001")
+    with connect(url, 1.0, may_create=False) as old:
+        with writing(old) as connection:
+            for table in Base.metadata.sorted_tables:
+                if table.name not in SINCE_0002:
+                    connection.execute(table.insert(), rows[table.name])
+        with reading(old) as connection:
+            there = MetaData()
+            there.reflect(connection)
+            assert set(there.tables) == set(Base.metadata.tables) - SINCE_0002 | {REVISION_TABLE}
+    with pytest.raises(StoreError, match=r"got schema 0001, needed 0002: `coastwatch db upgrade`"):
+        kept.open_store(url)
+    assert migrate.check(url) == ["schema: got 0001, needed 0002"]
+    migrate.upgrade(url)
+    assert migrate.check(url) == []
+    with kept.open_store(url) as store:
+        with reading(store) as connection:
+            for name, table in Base.metadata.tables.items():
+                found = [dict(row._mapping) for row in connection.execute(table.select())]
+                ours = rows[name]
+                if name == "presence":  # when a vessel that has left was first seen is no longer known, but its first cycle
+                    ours = [{**row, "since_s": row["since_s"] if row["to_cycle"] is None else None} for row in ours]
+                    found = [{**row, "since_s": row["since_s"] if row["to_cycle"] is None else None} for row in found]
+                    stays = [
+                        (row["from_cycle"], row["to_cycle"]) for row in found if row["vessel_id"] == 8 and row["run_id"] == run
+                    ]
+                    assert sorted(stays) == [(0, 2), (4, None)]
+                    returned = {row["vessel_id"] for row in ours if row["to_cycle"] is None}
+                    ours = [row for row in ours if row["to_cycle"] is None or row["vessel_id"] not in returned]
+                    found = [row for row in found if row["to_cycle"] is None or row["vessel_id"] not in returned]
+                assert sorted(map(repr, found)) == sorted(map(repr, ours)), name
+        world.write(store, run, 13)
+        world.write(store, run, 14)
+    assert migrate.check(url) == []
+
+
+def test_an_upgrade_of_a_current_database_changes_nothing(url: str) -> None:
+    with kept.open_store(url) as store:
+        world.write(store, world.begin(store), 0)
+    migrate.upgrade(url)
+    assert migrate.check(url) == []
+    with kept.open_store(url, create=False) as store:
+        assert len(kept.picture(store, 1).rows) == 28
+
+
+def test_an_upgrade_that_fails_leaves_the_old_database(tmp_path: Path) -> None:
+    path = tmp_path / "old.db"
+    migrate.upgrade(str(path), "0001")
+    with sqlite3.connect(path) as raw:
+        raw.execute("CREATE VIEW presence_from AS SELECT 1")  # in the way of the index that 0002 makes last
+    before = path.read_bytes()
+    with pytest.raises(StoreError, match="presence_from"):
+        migrate.upgrade(str(path))
+    with sqlite3.connect(path) as raw:
+        assert raw.execute(f"SELECT version_num FROM {REVISION_TABLE}").fetchall() == [("0001",)]
+        assert raw.execute("SELECT count(*) FROM sqlite_master WHERE name = 'presence'").fetchone() == (0,)
+    assert len(before) > 0
+
+
+def test_the_database_of_another_program_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "theirs.db"
+    with sqlite3.connect(path) as raw:
+        raw.execute("CREATE TABLE customers (name TEXT)")
+    before = path.stat().st_size
+    for act in (lambda: kept.open_store(str(path)), lambda: migrate.upgrade(str(path)), lambda: migrate.check(str(path))):
+        with pytest.raises(StoreError, match="not a Coastwatch database: it has customers"):
+            act()
+    with sqlite3.connect(path) as raw:
+        assert raw.execute("SELECT name FROM sqlite_master").fetchall() == [("customers",)]
+    assert path.stat().st_size == before
+
+
+def test_a_schema_may_be_shared_with_tables_of_other_names(postgresql_url: str) -> None:
+    with connect(postgresql_url, 1.0, may_create=True) as store, writing(store) as connection:
+        connection.execute(text("CREATE TABLE customers (name TEXT)"))
+    with kept.open_store(postgresql_url) as store:
+        world.write(store, world.begin(store), 0)
+    assert migrate.check(postgresql_url) == []
+    with connect(postgresql_url, 1.0, may_create=True) as store, writing(store) as connection:
+        connection.execute(text(f"DROP TABLE {REVISION_TABLE}"))
+    with pytest.raises(StoreError, match="not a Coastwatch database: it has association"):
+        kept.open_store(postgresql_url)
+
+
+def test_a_database_of_a_newer_version_is_left_alone(url: str) -> None:
+    migrate.upgrade(url)
+    with connect(url, 1.0, may_create=False) as store, writing(store) as connection:
+        connection.execute(text(f"UPDATE {REVISION_TABLE} SET version_num = '9999'"))
+    with pytest.raises(StoreError, match="got schema 9999, needed 0002: it was written by a newer Coastwatch"):
+        kept.open_store(url)
+    with pytest.raises(StoreError, match="9999"):
+        migrate.upgrade(url)
+
+
+def test_an_empty_database_is_not_filled_by_looking_at_it(tmp_path: Path) -> None:
+    path = tmp_path / "empty.db"
+    path.touch()
+    with pytest.raises(StoreError, match="holds no tables"):
+        kept.open_store(str(path), create=False)
+    assert path.stat().st_size == 0
+
+
+SPOILED = {
+    "DELETE FROM cycle WHERE number = 1": "numbered from 0 without a gap",
+    "DELETE FROM history WHERE cycle = 1 AND vessel_id = 1": "as many rows of history as vessels",
+    "DELETE FROM association WHERE cycle = 1": "as many associations as pairs",
+    "DELETE FROM bearing_association WHERE cycle = 1": "as many bearing associations",
+    "UPDATE history SET cycle = 7 WHERE cycle = 2": "rows of history belong to a cycle",
+    "UPDATE stage_timing SET cycle = 7 WHERE cycle = 2": "timings belong to a cycle",
+    "DELETE FROM vessel WHERE vessel_id = 1": "the picture has the vessels of the newest cycle",
+    "DELETE FROM presence WHERE vessel_id = 1": "are those that are present",
+    "DELETE FROM member WHERE vessel_id = 1": "the members are those whose stay has not ended",
+    "UPDATE checkpoint SET cycle = 9": "no checkpoint is newer",
+    "DROP INDEX presence_to": "schema: .*presence_to",
+    "ALTER TABLE vessel ADD COLUMN more INTEGER": "schema: .*more",
+}
+
+
+def test_a_check_finds_what_is_wrong(url: str) -> None:
+    """Each harm is done in a transaction that is taken back."""
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        for number in range(3):
+            world.write(store, run, number)
+        for harm, said in SPOILED.items():
+            with store.engine.connect() as connection, connection.begin() as transaction:
+                connection.execute(text(harm))
+                found = "\n".join(migrate.problems(connection))
+                assert re.search(said, found), f"{harm}: {found}"
+                transaction.rollback()
+    assert migrate.check(url) == []
+
+
+def test_a_check_finds_what_only_sqlite_can_have(tmp_path: Path) -> None:
+    path = tmp_path / "x.db"
+    with kept.open_store(str(path)) as store:
+        run = world.begin(store)
+        world.write(store, run, 0)
+    with sqlite3.connect(path) as raw:
+        raw.execute("INSERT INTO vessel_static (run_id, mmsi, updated_s) VALUES (99, 1, 0)")
+        raw.commit()
+        raw.execute("PRAGMA journal_mode = DELETE")
+    assert migrate.check(str(path)) == [
+        "foreign key: a row of vessel_static names a missing run",
+        "journal_mode: got delete, needed wal",
+    ]
