@@ -34,9 +34,9 @@ class BearingLikelihood(Method):
 
     The statistic of a pair is its log odds: the likelihood of the window of bearings given the path of the vessel (white noise of the
     sensor's specification, a position error correlated in time, what is not known of the sensor's bias) over that given an
-    unknown vessel anywhere in reach, times the prior odds. The bias of each sensor is the running
-    median residual of its pairs. Positions with three times these errors (30 m) cost 2.6 points of F1, six times 11, all but a
-    few of them partners missed, and there a longer window does not help.
+    unknown vessel anywhere in reach, times the prior odds. The bias of each sensor is the running median residual of its pairs.
+    Position errors three times those that the picture admits (30 m for 10 m) cost 2 to 3 points of F1, six times over 10, nearly all
+    of it partners missed, and there a longer window makes it worse.
     Source: Y. Bar-Shalom, P. K. Willett, X. Tian, Tracking and Data Fusion, ch. 8-9 (likelihood ratio association); the null
     hypothesis and the numbers are ours: scaling/decisions/bearing_association.py.
     """

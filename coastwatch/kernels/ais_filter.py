@@ -158,6 +158,9 @@ def anchor_near(track, report, rules, z):  # type: ignore[no-untyped-def]
 def foresee(tracks, rows, time, rules, position, velocity, covariance):  # type: ignore[no-untyped-def]
     """Tracks predicted to a time: degrees, and metres a second and covariance east and north there.
 
+    A vessel at rest that got under way would be heard within the interval of a moving one. Silence for longer says that it still
+    lies there: it is predicted for that interval alone, and for the rest of the time it may have drifted as fast as it last seemed to.
+
     Args: tracks: rows of TRACK; rows: (N,) of these; time: not before their newest report; rules; position (N, 2),
         velocity (N, 2), covariance (N, 4, 4): written.
     """
@@ -166,12 +169,13 @@ def foresee(tracks, rows, time, rules, position, velocity, covariance):  # type:
     state, ahead = np.zeros((BLOCK, j, 5)), np.zeros((BLOCK, j, 5))
     cov, cov_ahead = np.zeros((BLOCK, j, 5, 5)), np.zeros((BLOCK, j, 5, 5))
     mode, mode_ahead = np.zeros((BLOCK, j)), np.zeros((BLOCK, j))
+    drift = np.zeros(BLOCK)
     models = rules.kind[:j], rules.noise[:j], rules.turn_noise[:j], rules.turn_sigma[:j], rules.sojourn[:j]
     for start in range(0, len(rows), BLOCK):
         n = min(BLOCK, len(rows) - start)
         for i in range(n):
             track = tracks[rows[start + i]]
-            span[i] = time - track.updated
+            span[i], drift[i] = _split(track, time - track.updated, rules)
             state[i] = track.state[:j]
             cov[i] = track.covariance[:j]
             mode[i] = track.mode[:j]
@@ -180,6 +184,19 @@ def foresee(tracks, rows, time, rules, position, velocity, covariance):  # type:
         for i in range(n):
             track, k = tracks[rows[start + i]], start + i
             _settle(track, mean[i], spread[i], position[k], velocity[k], covariance[k])
+            covariance[k, 0, 0] += drift[i]
+            covariance[k, 1, 1] += drift[i]
+
+
+@njit(cache=True)
+def _split(track, dt, rules):  # type: ignore[no-untyped-def]
+    """For how long of a time to predict a track, and the position variance of the drift in the rest of it."""
+    east, north = mean_of(track, 2), mean_of(track, 3)
+    speed2 = east * east + north * north
+    under_way = rules.moving_b if track.class_b else rules.moving_a
+    if speed2 >= rules.still_speed * rules.still_speed or dt <= under_way:
+        return dt, 0.0
+    return under_way, speed2 * (dt - under_way) ** 2
 
 
 @njit(cache=True)

@@ -152,7 +152,7 @@ def _bound_errors(tally: Tally, recording: Recording) -> Errors:
     if truth is None or noise is None or not tally.counted:
         return Errors()
     rows = np.flatnonzero(np.isin(truth.vessel, np.concatenate([origin for _, origin in tally.counted])))
-    few = _of(truth, rows)
+    few = rows_of_vessels(truth, rows)
     times = np.array([time_s for time_s, _ in tally.counted])
     best = bound(few, recording.reports.radar, recording.reports.ais, noise, times)
     total = Errors()
@@ -165,7 +165,7 @@ def _bound_errors(tally: Tally, recording: Recording) -> Errors:
     return total
 
 
-def _of(truth: Trajectories, rows: Ints) -> Trajectories:
+def rows_of_vessels(truth: Trajectories, rows: Ints) -> Trajectories:
     """The trajectories of some vessels."""
     whole = {"time_s"} | ({"kick_keep"} if not len(truth.kick_keep) else set())
     return Trajectories(

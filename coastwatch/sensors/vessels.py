@@ -17,7 +17,7 @@ KICK_INTERVAL_S = {"rw60": 60.0, "rw1": 1.0, "ou": 10.0}
 # Standard deviation of one kick per axis over fraction * highest speed (for `ou`: of the bounded deviation). The paper's words
 # taken literally are 1; these give the physical bounds of the specification's table, see coastwatch/sensors/README.md.
 KICK_SHARE = {"rw60": 0.2, "rw1": 0.5, "ou": 0.5}
-MANOEUVRE_SHARE = 0.25  # of that, for vessels that turn or accelerate: the paper scales their noise by the smaller acceleration
+MANOEUVRE_SHARE = 0.15  # of that, for vessels that turn or accelerate: the paper scales their noise by the smaller acceleration
 
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Weight = Annotated[float, Field(ge=0.0)]

@@ -45,14 +45,14 @@ class Motion(Settings):
     """
 
     quiet_noise_m2_s3: NotNegative = 1e-4
-    agile_noise_m2_s3: NotNegative = 0.7
+    agile_noise_m2_s3: NotNegative = 0.25
     turn_noise_m2_s3: NotNegative = 0.001
-    turn_rate_noise_rad2_s3: NotNegative = 1e-8
-    turn_rate_sigma_deg_s: Positive = 0.5  # of turn rates before anything is known
-    quiet_sojourn_s: Positive = 600.0
-    agile_sojourn_s: Positive = 5.0
-    turn_sojourn_s: Positive = 900.0
-    start_speed_kn: Positive = 10.0  # standard deviation of each velocity component before anything is known
+    turn_rate_noise_rad2_s3: NotNegative = 5e-9
+    turn_rate_sigma_deg_s: Positive = 0.45  # of turn rates before anything is known
+    quiet_sojourn_s: Positive = 900.0
+    agile_sojourn_s: Positive = 100.0
+    turn_sojourn_s: Positive = 1200.0
+    start_speed_kn: Positive = 8.0  # standard deviation of each velocity component before anything is known
     start_share: tuple[Positive, Positive, Positive] = (0.4, 0.2, 0.4)  # of the models at the start
 
     @model_validator(mode="after")

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -28,10 +29,23 @@ HISTORIES = (30, 60, 120, 180, 300)
 DECISIONS_S = 30
 
 
-def run(associate, sensors, vessels, seed, bias_deg=0.0, misses=0.0, kick=0.1, phase_s=0.0, spots=None, histories=HISTORIES):
+def run(
+    associate,
+    sensors,
+    vessels,
+    seed,
+    bias_deg=0.0,
+    misses=0.0,
+    kick=0.1,
+    phase_s=0.0,
+    spots=None,
+    worse=1.0,
+    histories=HISTORIES,
+):
     """Counts (histories, 4) of one seed."""
     last = max(histories) + DECISIONS_S
     world = bw.make_world(vessels, last, seed, kick)
+    world = replace(world, error_m=world.error_m * worse)
     tracker, spots = BearingWindow(), spots or OctantSpots()
     tm, sm, am = tracker.init(), spots.init(), associate.init()
     counts = np.zeros((len(histories), 4))
@@ -61,6 +75,8 @@ def main() -> None:
         ("200 centre, 20 % missed", bw.centre(), 200, {"misses": 0.2}),
         ("200 centre, phase 1.3", bw.centre(), 200, {"phase_s": 1.3}),
         ("200 centre, kick .3", bw.centre(), 200, {"kick": 0.3}),
+        ("200 centre, position err x 3", bw.centre(), 200, {"worse": 3.0}),
+        ("200 centre, position err x 6", bw.centre(), 200, {"worse": 6.0}),
         ("200 centre, no overlap", bw.centre(), 200, {"spots": OctantSpots(overlap_deg=0, position_sigmas=0, range_margin=1)}),
     ]
     if "few" in rest:
@@ -70,7 +86,7 @@ def main() -> None:
         begin = time.perf_counter()
         total = sum(run(associate, sensors, vessels, seed, **extra) for seed in seeds)
         line = "  ".join(f"{100 * bw.f1(c):6.2f} ({bw.mcc(c):.3f})" for c in total)
-        print(f"{name:26s} {line}   {time.perf_counter() - begin:.0f} s", flush=True)
+        print(f"{name:28s} {line}   {time.perf_counter() - begin:.0f} s", flush=True)
 
 
 if __name__ == "__main__":

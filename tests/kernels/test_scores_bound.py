@@ -15,7 +15,7 @@ from coastwatch.scores.nees import band, nees
 
 INSTANTS = START_S + 3.0 * np.arange(21, 61)
 STEPS_APART = 20  # instants between two errors that count as independent: a minute
-SLOW_FILTER_M = 1e-3  # same arithmetic in another order and without the plane's rotation
+PLANES_M = 0.01  # the slow one adds in one plane, the fast one goes over the Earth: centimetres at 10 km, weighted down
 TURNING = {"circular_weight": 1.0, "linear_weight": 0.0}
 
 
@@ -41,13 +41,13 @@ def textbook(made, v):
     events = [(t, 2, None, None) for t in truth.kick_s[v] if np.isfinite(t)] + [(t, 3, None, None) for t in INSTANTS]
     for i in np.flatnonzero(r.origin == v):
         angle = np.radians(r.azimuth_deg[i])
-        site = to_plane(r.site_deg[i], origin)
-        along = turn(r.site_deg[i], origin) @ [np.sin(angle), np.cos(angle)]
+        said = turn(r.site_deg[i], origin) @ [np.sin(angle), np.cos(angle)]
         far = r.range_m[i] * np.exp(0.5 * noise.azimuth_sigma_rad[r.sensor[i]] ** 2)
+        at = turn(r.site_deg[i], origin) @ to_plane(truth.at(r.time_s[i]).position_deg[v], r.site_deg[i])
+        along, d = at / np.linalg.norm(at), np.linalg.norm(at)
         spread = np.column_stack([along, [-along[1], along[0]]])
-        d = np.linalg.norm(to_plane(truth.at(r.time_s[i]).position_deg[v], r.site_deg[i]))
         sigma = np.diag([noise.range_sigma_m[r.sensor[i]], d * noise.azimuth_sigma_rad[r.sensor[i]]]) ** 2
-        events.append((r.time_s[i], 0, site + far * along, spread @ sigma @ spread.T))
+        events.append((r.time_s[i], 0, to_plane(r.site_deg[i], origin) + far * said, spread @ sigma @ spread.T))
     for i in np.flatnonzero(a.origin == v):
         course = np.radians(a.cog_deg[i])
         events.append((a.time_s[i], 0, to_plane(a.position_deg[i], origin), noise.ais_position_sigma_m**2 * np.eye(2)))
@@ -73,7 +73,7 @@ def test_equals_the_textbook_filter():
     made, best = run(4, motion={"process_noise_fraction": 0.2})
     for v in range(4):
         slow, origin = textbook(made, v)
-        np.testing.assert_allclose(to_plane(best.position_deg[v], origin), slow, atol=SLOW_FILTER_M)
+        np.testing.assert_allclose(to_plane(best.position_deg[v], origin), slow, atol=PLANES_M)
 
 
 @pytest.mark.parametrize(
