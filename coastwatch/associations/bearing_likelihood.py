@@ -52,6 +52,8 @@ class BearingLikelihood(Method):
     position_floor_m: Annotated[float, Field(ge=0.0)] = 3.0  # position errors that no covariance tells (hull, antenna)
     position_unknown_m: Positive = 15.0  # standard deviation per axis where a vessel has no covariance
     position_memory_s: Positive = 20.0  # correlation time of position errors
+    settle_s: Annotated[float, Field(ge=0.0)] = 20.0  # a vessel known for less, and worse than the next setting, is not compared
+    settled_m: Positive = 15.0  # standard deviation per axis: the first guesses of a track err by more than they admit
     bias_sigma_deg: Annotated[float, Field(ge=0.0)] = 0.5  # of an uncalibrated sensor; 0: sensors have none
     bias_floor_deg: Annotated[float, Field(ge=0.0)] = 0.03  # what remains unknown of it at best
     bias_gain: Annotated[float, Field(ge=0.0, le=1.0)] = (
@@ -100,6 +102,7 @@ class BearingLikelihood(Method):
         variance = 0.5 * (picture.covariance[rows, 0, 0] + picture.covariance[rows, 1, 1])
         variance = np.where(np.isfinite(variance), variance, self.position_unknown_m**2) + self.position_floor_m**2
         values = np.column_stack([xyz[rows], np.sqrt(variance)])
+        values[(time_s - picture.since_s[rows] < self.settle_s) & (variance > self.settled_m**2)] = np.nan
         return path.extended(picture.vessel_id[rows], values, time_s, self.window_s, self.spacing_s)
 
     def _scored(

@@ -15,7 +15,7 @@ from coastwatch.stage import Settings
 MOTION, KICKS, PRESENCE = 1, 2, 3  # streams of random numbers: a change of one leaves the others as they are
 KICK_INTERVAL_S = {"rw60": 60.0, "rw1": 1.0, "ou": 10.0}
 # Standard deviation of one kick per axis over fraction * highest speed (for `ou`: of the bounded deviation). The paper's words
-# taken literally are 1; these give the physical bounds of the specification's table, see coastwatch/sensors/README.md.
+# taken literally are 1; these give the physical bounds of the specification's table, see coastwatch/scores/README.md.
 KICK_SHARE = {"rw60": 0.2, "rw1": 0.5, "ou": 0.5}
 MANOEUVRE_SHARE = 0.15  # of that, for vessels that turn or accelerate: the paper scales their noise by the smaller acceleration
 
@@ -31,9 +31,9 @@ class VesselMotion(Settings):
     linear_weight: Weight = 1.0  # vessels that go straight on, relative to the other two weights
     circular_weight: Weight = 0.0  # vessels that turn at a constant rate, half of them to each side
     accelerated_weight: Weight = 0.0  # vessels that change speed at a constant rate
-    turn_rate_from_deg_s: Annotated[float, Field(ge=0.0, le=10.0)] = 0.2
-    turn_rate_to_deg_s: Annotated[float, Field(ge=0.0, le=10.0)] = 0.8
-    acceleration_from_m_s2: Annotated[float, Field(ge=0.0, le=1.0)] = 0.005
+    turn_rate_from_deg_s: Annotated[float, Field(ge=0.0, le=10.0)] = 0.2  # of circular motion, uniform between the two
+    turn_rate_to_deg_s: Annotated[float, Field(ge=0.0, le=10.0)] = 0.8  # of circular motion
+    acceleration_from_m_s2: Annotated[float, Field(ge=0.0, le=1.0)] = 0.005  # of accelerated motion, uniform between the two
     acceleration_to_m_s2: Annotated[float, Field(ge=0.0, le=1.0)] = (
         0.03  # less where the speed would leave its range in the run
     )

@@ -172,6 +172,18 @@ def test_an_area_across_the_antimeridian_and_far_north():
     assert lon.max() > 179.0
 
 
+def test_vessels_start_on_the_water_where_there_is_a_shore():
+    lat, lon = CENTRE_DEG
+    corners = [(lat - 0.06, lon - 0.06), (lat + 0.06, lon - 0.06), (lat - 0.06, lon + 0.06)]  # south-west of the diagonal
+    truth = recorded(400, cycles=1, water_deg=corners).truth
+    north, east = (truth.position_deg[:, 0] - CENTRE_DEG).T
+    assert len(truth.vessel) == 400
+    assert (np.minimum(north, east) >= -0.06).all()
+    assert (north + east <= 0.0).all()
+    with pytest.raises(ValueError, match=r"input\.water_deg"):
+        recorded(20, water_deg=[(10.0, 10.0), (10.0, 11.0), (11.0, 11.0)])
+
+
 @pytest.mark.parametrize(
     ("settings", "what"),
     [
