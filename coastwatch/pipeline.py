@@ -122,19 +122,7 @@ def step(
         bearings_memory, bearing_associations = s.bearing_associations.step(
             m.bearing_associations, bearing_tracks, picture, octants, time_s, sensors, spread
         )
-    after = Memory(
-        plots_memory,
-        tuple(new for new, _ in regions),
-        ais_memory,
-        bearing_memory,
-        spots_memory,
-        associations_memory,
-        fused_memory,
-        picture_memory,
-        octants_memory,
-        bearings_memory,
-    )
-    cycle = Cycle(
-        time_s, tracks, alarms, bearing_tracks, spots, associations, fused, picture, members, octants, bearing_associations
-    )
-    return after, cycle
+    first = plots_memory, tuple(new for new, _ in regions), ais_memory, bearing_memory, spots_memory
+    after = Memory(*first, associations_memory, fused_memory, picture_memory, octants_memory, bearings_memory)
+    found = spots, associations, fused, picture, members, octants, bearing_associations
+    return after, Cycle(time_s, tracks, alarms, bearing_tracks, *found)

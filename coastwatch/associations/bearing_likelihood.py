@@ -52,7 +52,9 @@ class BearingLikelihood(Method):
     position_floor_m: Annotated[float, Field(ge=0.0)] = 3.0  # position errors that no covariance tells (hull, antenna)
     position_unknown_m: Positive = 15.0  # standard deviation per axis where a vessel has no covariance
     position_memory_s: Positive = 20.0  # correlation time of position errors
-    settle_s: Annotated[float, Field(ge=0.0)] = 20.0  # a vessel known for less, and worse than the next setting, is not compared
+    settle_s: Annotated[float, Field(ge=0.0)] = (
+        20.0  # a vessel known for less, and worse than the next setting, is not compared
+    )
     settled_m: Positive = 15.0  # standard deviation per axis: the first guesses of a track err by more than they admit
     bias_sigma_deg: Annotated[float, Field(ge=0.0)] = 0.5  # of an uncalibrated sensor; 0: sensors have none
     bias_floor_deg: Annotated[float, Field(ge=0.0)] = 0.03  # what remains unknown of it at best

@@ -35,7 +35,9 @@ class BearingWindowedCovariance(Method):
 
     method: Literal["bearing_windowed_covariance"] = "bearing_windowed_covariance"
     window: Annotated[int, Field(ge=3, le=200)] = 5  # p, cycles
-    confidence: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.95
+    confidence: Annotated[float, Field(gt=0.0, lt=1.0)] = (
+        0.95  # that a true pair passes, if its errors were as the test assumes
+    )
     one_to_one: bool = False
 
     def init(self) -> LiteralBearingMemory:

@@ -26,10 +26,10 @@ class WindowedCovariance(Method):
 
     The covariance of a difference is what the tracks say, scaled in position and velocity by the sample covariance of the window
     about its mean (never below `floor`, never above `cap` times), so that neither a quiet pair is refused nor a drifting one
-    accepted. `registration` adds that share of a radar plot's covariance, unscaled: a constant azimuth or range bias is as large as
-    the noise of the specification and does not show in the window. The ratio is against an unrelated vessel of the local density. What a pair
-    was counts `forgetting` times less a cycle later and one step counts at most `step_limit`, so that a track that changes vessel
-    loses its partner within a few cycles. Statistic: the accumulated log-likelihood ratio.
+    accepted. `registration` adds that share of a radar plot's covariance, unscaled: a constant azimuth or range bias is as large
+    as the noise of the specification and does not show in the window. The ratio is against an unrelated vessel of the local
+    density. What a pair was counts `forgetting` times less a cycle later and one step counts at most `step_limit`, so that a
+    track that changes vessel loses its partner within a few cycles. Statistic: the accumulated log-likelihood ratio.
 
     Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven Approach,
     eq. 5 and 7, with the covariance bounded; Y. Bar-Shalom and H. Chen, Multisensor track-to-track association for tracks with
@@ -44,7 +44,7 @@ class WindowedCovariance(Method):
     forgetting: Annotated[float, Field(ge=0.0, le=1.0)] = 0.9
     registration: Annotated[float, Field(ge=0.0)] = 1.0
     step_limit: Annotated[float, Field(gt=0.0)] = 20.0
-    threshold: float = 0.0
+    threshold: float = 0.0  # that a pair's statistic must exceed
     unrelated_speed_m_s: Annotated[float, Field(gt=0.0)] = 4.0
     unknown_velocity_sigma_m_s: Annotated[float, Field(gt=0.0)] = 0.5  # of a source that gives no covariance
 

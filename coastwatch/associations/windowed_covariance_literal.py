@@ -36,7 +36,9 @@ class WindowedCovarianceLiteral(Method):
 
     method: Literal["windowed_covariance_literal"] = "windowed_covariance_literal"
     window: Annotated[int, Field(ge=5, le=200)] = 10  # p, cycles
-    confidence: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.95
+    confidence: Annotated[float, Field(gt=0.0, lt=1.0)] = (
+        0.95  # that a true pair passes, if its errors were as the test assumes
+    )
     threshold: Literal["chi_square", "hotelling"] = "chi_square"
     one_to_one: bool = False
     gate_m: Annotated[float, Field(gt=0.0)] = 1000.0

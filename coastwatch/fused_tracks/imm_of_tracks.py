@@ -42,7 +42,7 @@ class ImmOfTracks(Method):
     method: Literal["imm_of_tracks"] = "imm_of_tracks"
     inflation: Annotated[float, Field(gt=0.0)] = 4.0
     noise_m_s15: tuple[float, float, float] = (0.01, 0.1, 0.02)  # acceleration noise of the three models, m/s^1.5
-    turn_noise_rad_s15: Annotated[float, Field(gt=0.0)] = 0.0005
+    turn_noise_rad_s15: Annotated[float, Field(gt=0.0)] = 0.0005  # drift of the turn rate, rad/s^1.5
     turn_sigma_rad_s: Annotated[float, Field(gt=0.0)] = 0.02
     sojourn_s: tuple[float, float, float] = (60.0, 15.0, 60.0)
     unknown_velocity_sigma_m_s: Annotated[float, Field(gt=0.0)] = 0.5

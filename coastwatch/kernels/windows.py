@@ -101,6 +101,36 @@ def _spread(delta, n, low, first):  # type: ignore[no-untyped-def]
     return (s00 * p11 - 2.0 * s01 * p01 + s11 * p00) / determinant / (2.0 * (n - 1))
 
 
+@njit(cache=True)
+def _bounded(delta, n, phi, registration, floor, cap, low, total):  # type: ignore[no-untyped-def]
+    """Factor of phi, scaled block by block by what the window shows, plus the registration term, into `low`; False: not positive.
+
+    `total` is room for the sum.
+    """
+    if not _cholesky(phi, low):
+        return False
+    gain_p = gain_v = 1.0
+    if n > 2:
+        gain_p = min(max(_spread(delta, n, low, 0), floor), cap)
+        gain_v = min(max(_spread(delta, n, low, 2), floor), cap)
+    for i in range(4):
+        for j in range(4):
+            total[i, j] = phi[i, j] * math.sqrt((gain_p if i < 2 else gain_v) * (gain_p if j < 2 else gain_v))
+            if i < 2 and j < 2:
+                total[i, j] += registration[i, j]
+    return _cholesky(total, low)
+
+
+@njit(cache=True)
+def _ratio(delta, low, older, log_other, null_variance, white):  # type: ignore[no-untyped-def]
+    """Log-likelihood ratio of one difference, its covariance `older` times that of the factor; squared Mahalanobis distance."""
+    d2 = _whiten(low, delta, white) / older
+    log_det = 2.0 * (math.log(low[0, 0]) + math.log(low[1, 1]) + math.log(low[2, 2]) + math.log(low[3, 3]))
+    same = -0.5 * (d2 + log_det) - 2.0 * math.log(older) - 2.0 * math.log(2.0 * math.pi)
+    speed2 = delta[2] * delta[2] + delta[3] * delta[3]
+    return same - log_other + 0.5 * speed2 / null_variance, d2
+
+
 @njit(cache=True, nogil=True)
 def windowed_scores(  # type: ignore[no-untyped-def]
     first, second, position, velocity, variance, length, phi, registration, density, floor, cap, memory, limit, null_speed
@@ -115,60 +145,32 @@ def windowed_scores(  # type: ignore[no-untyped-def]
         first, second: (A,) rows of tracks.
         position: (N, W, 2) latitude, longitude in degrees, newest last. velocity: (N, W, 2).
         variance: (N, W) position variance (trace) of the track at each entry. length: (N,) valid entries.
-        phi: (A, 4, 4) covariance of the difference of the tracks now. registration: (A, 2, 2) of a constant offset. density: (A,) unrelated tracks a square metre.
+        phi: (A, 4, 4) covariance of the difference of the tracks now. registration: (A, 2, 2) of a constant offset.
+        density: (A,) unrelated tracks a square metre.
         floor, cap: of the scale. memory: factor by which what was known counts one cycle later. limit: bound of one step and,
         as -limit, of the sum. null_speed: standard deviation a axis of the velocity of unrelated vessels.
     Returns: (A,) score; (A,) squared Mahalanobis distance of the newest difference with the scaled Phi.
     """
     count = len(first)
-    score = np.empty(count)
-    distance2 = np.empty(count)
-    delta = np.empty((position.shape[1], 4))
-    low = np.zeros((4, 4))
-    white = np.empty(4)
-    scaled = np.empty(4)
-    total_phi = np.empty((4, 4))
+    score, distance2 = np.full(count, -math.inf), np.full(count, math.inf)
     w = position.shape[1]
+    delta, low, total_phi, white = np.empty((w, 4)), np.zeros((4, 4)), np.empty((4, 4)), np.empty(4)
     null_variance = 2.0 * null_speed * null_speed
     for p in range(count):
-        a = first[p]
-        b = second[p]
+        a, b = first[p], second[p]
         n = min(length[a], length[b])
-        if n < 1 or not _cholesky(phi[p], low):
-            score[p] = -math.inf
-            distance2[p] = math.inf
+        if n < 1:
             continue
         _differences(a, b, position, velocity, n, delta)
-        gain_p = 1.0
-        gain_v = 1.0
-        if n > 2:
-            gain_p = min(max(_spread(delta, n, low, 0), floor), cap)
-            gain_v = min(max(_spread(delta, n, low, 2), floor), cap)
-        for i in range(4):
-            for j in range(4):
-                total_phi[i, j] = phi[p, i, j] * math.sqrt((gain_p if i < 2 else gain_v) * (gain_p if j < 2 else gain_v))
-                if i < 2 and j < 2:
-                    total_phi[i, j] += registration[p, i, j]
-        if not _cholesky(total_phi, low):
-            score[p] = -math.inf
-            distance2[p] = math.inf
+        if not _bounded(delta, n, phi[p], registration[p], floor, cap, low, total_phi):
             continue
-        log_det = 2.0 * (math.log(low[0, 0]) + math.log(low[1, 1]) + math.log(low[2, 2]) + math.log(low[3, 3]))
+        log_other = math.log(density[p]) - math.log(2.0 * math.pi * null_variance)
         now = variance[a, w - 1] + variance[b, w - 1]
         total = 0.0
         for k in range(n):
-            i = w - n + k
-            older = max((variance[a, i] + variance[b, i]) / now, 1.0)
-            for i in range(4):
-                scaled[i] = delta[k, i] / math.sqrt(older)
-            d2 = _whiten(low, scaled, white)
-            speed2 = delta[k, 2] * delta[k, 2] + delta[k, 3] * delta[k, 3]
-            same = -0.5 * (d2 + log_det) - 2.0 * math.log(older) - 2.0 * math.log(2.0 * math.pi)
-            other = math.log(density[p]) - 0.5 * speed2 / null_variance - math.log(2.0 * math.pi * null_variance)
-            step = min(max(same - other, -limit), limit)
-            total = max(memory * total + step, -limit)
-            if k == n - 1:
-                distance2[p] = d2
+            older = max((variance[a, w - n + k] + variance[b, w - n + k]) / now, 1.0)
+            step, distance2[p] = _ratio(delta[k], low, older, log_other, null_variance, white)
+            total = max(memory * total + min(max(step, -limit), limit), -limit)
         score[p] = total
     return score, distance2
 

@@ -54,7 +54,9 @@ class Autoferry(Method):
         tally = Tally()
         radar, bearing = _radar_reports(frames, self, sensors, tally), _bearing_reports(frames, self, sensors, tally)
         instants = plan.start_s + plan.period_s * np.arange(plan.cycles + 1, dtype=np.float64)
-        return recording(radar=radar, bearing=bearing, truth=_trajectories(truth, np.asarray(instants)), faults=faults + tally.faults())
+        return recording(
+            radar=radar, bearing=bearing, truth=_trajectories(truth, np.asarray(instants)), faults=faults + tally.faults()
+        )
 
     def span(self) -> tuple[float, float]:
         """Whole seconds before the first and after the last arrival."""

@@ -92,8 +92,8 @@ def run_scenario(
         watch = Stopwatch()
         with spread_over(workers or scenario.workers.count) as spread, _interrupt_as_flag() as interrupted:
             try:
-                run = _Run(scenario, sensors, recording, plan, kept, run_id, spread, watch)
-                point, vessels = _cycles(run, point, interrupted, say, on_cycle)
+                run = _Run(scenario, sensors, recording, plan, kept, run_id, spread, watch, interrupted)
+                point, vessels = _cycles(run, point, say, on_cycle)
             except BaseException:
                 store.finish_run(kept, run_id, "failed", {}, recording.faults)
                 raise
@@ -128,10 +128,18 @@ class _Run:
     run_id: int
     spread: Spread
     watch: Stopwatch
+    interrupted: threading.Event
 
 
 def _begin(
-    kept: Any, scenario: Scenario, sensors: Sensors, recording: Recording, plan: Plan, seed: int, workers: int | None, resume: bool
+    kept: Any,
+    scenario: Scenario,
+    sensors: Sensors,
+    recording: Recording,
+    plan: Plan,
+    seed: int,
+    workers: int | None,
+    resume: bool,
 ) -> tuple[int, Point]:
     """The run's number and where it starts: at a checkpoint where one is asked for and found, else at the first cycle."""
     if resume:
@@ -154,12 +162,10 @@ def _begin(
     return run_id, Point(0, pipeline.start(scenario, sensors), start(sensors))
 
 
-def _cycles(
-    run: _Run, point: Point, interrupted: threading.Event, say: Progress, on_cycle: OnCycle | None
-) -> tuple[Point, int]:
-    """Run from a point to the end, or to the first whole cycle after an interrupt."""
+def _cycles(run: _Run, point: Point, say: Progress, on_cycle: OnCycle | None) -> tuple[Point, int]:
+    """Run from a point to the end, or to the first whole cycle after an interrupt, which then has a checkpoint."""
     vessels = 0
-    while point.cycle < run.plan.cycles and not interrupted.is_set():
+    while point.cycle < run.plan.cycles and not run.interrupted.is_set():
         point, cycle = _one(run, point)
         vessels = len(cycle.picture)
         if on_cycle is not None:
@@ -173,16 +179,15 @@ def _one(run: _Run, point: Point) -> tuple[Point, Cycle]:
     scenario, plan, number = run.scenario, run.plan, point.cycle
     before_s = plan.start_s if number == 0 else plan.instant_s(number - 1)
     reports = run.recording.reports.between(before_s if number else float("-inf"), plan.instant_s(number))
-    memory, cycle = pipeline.step(
-        scenario, run.sensors, point.memory, reports, plan.instant_s(number), run.spread, run.watch
-    )
+    memory, cycle = pipeline.step(scenario, run.sensors, point.memory, reports, plan.instant_s(number), run.spread, run.watch)
     tally = point.tally
     if number >= scenario.warmup_cycles and run.recording.truth is not None:
         with run.watch("scores"):
             tally = add(tally, cycle, run.recording, run.sensors)
     after = Point(number + 1, memory, tally)
-    due = (number + 1) % scenario.store.checkpoint_every == 0
-    blob = pickle.dumps(after, pickle.HIGHEST_PROTOCOL) if due else None
+    due = number == 0 or (number + 1) % scenario.store.checkpoint_every == 0 or run.interrupted.is_set()
+    with run.watch("checkpoint"):
+        blob = pickle.dumps(after, pickle.HIGHEST_PROTOCOL) if due else None
     with run.watch("store"):
         store.write_cycle(run.kept, run.run_id, number, cycle, reports, run.watch.so_far(), scenario.store, blob)
     run.watch.lap()

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
+LATE = ("store",)  # ends after its row is written
+
 
 @dataclass
 class Stopwatch:
@@ -25,8 +27,8 @@ class Stopwatch:
             self._cycle[stage] = self._cycle.get(stage, 0.0) + time.perf_counter() - begun
 
     def so_far(self) -> dict[str, float]:
-        """The seconds of each stage of the cycle in hand."""
-        return dict(self._cycle)
+        """The seconds of each stage of the cycle in hand; of a stage that is not over, such as the store's own, those of the last."""
+        return {**{stage: values[-1] for stage, values in self.seconds.items() if stage in LATE}, **self._cycle}
 
     def lap(self) -> dict[str, float]:
         """The seconds of each stage since the last lap."""

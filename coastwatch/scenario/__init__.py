@@ -1,0 +1,20 @@
+"""One TOML file to one frozen, validated Scenario."""
+
+from coastwatch.scenario.model import Scenario, StoreSettings, WorkerSettings
+from coastwatch.scenario.reading import ScenarioError, load_scenario, make_scenario, scenario_names, utc_text
+from coastwatch.scenario.sites import Area, Radar, Sonar, Station
+
+__all__ = [
+    "Area",
+    "Radar",
+    "Scenario",
+    "ScenarioError",
+    "Sonar",
+    "Station",
+    "StoreSettings",
+    "WorkerSettings",
+    "load_scenario",
+    "make_scenario",
+    "scenario_names",
+    "utc_text",
+]

@@ -1,0 +1,109 @@
+"""Everything that decides a run but the seed: one frozen, validated struct."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import AwareDatetime, Field, model_validator
+
+from coastwatch.associations import Associator, BearingAssociator, BearingLikelihood, WindowedCovariance
+from coastwatch.batches import Sensors
+from coastwatch.fused_tracks import CovarianceIntersection, Fuser
+from coastwatch.picture import Identity
+from coastwatch.plots import PlotConverter, PolarConversion
+from coastwatch.scenario.sites import Area, Name, Positive, Radar, Sonar, Station, sensors_of
+from coastwatch.sensors import Feed
+from coastwatch.spots import KMeansSpots, OctantGrouper, OctantSpots, SpotGrouper
+from coastwatch.stage import Method, Plan, Settings
+from coastwatch.tracks import AisFilter, AisTracker, BearingTracker, BearingWindow, Imm, RadarTracker
+
+
+class StoreSettings(Settings):
+    """What is kept of a run."""
+
+    history_every: Annotated[int, Field(ge=1)] = 1  # cycles
+    associations_every: Annotated[int, Field(ge=1)] = 1  # cycles
+    checkpoint_every: Annotated[int, Field(ge=1)] = 10  # cycles
+
+
+class WorkerSettings(Settings):
+    """How per-spot work is spread; the picture is the same for all."""
+
+    count: Annotated[int, Field(ge=1, le=256)] = 1  # 1: in this process
+
+
+class Scenario(Settings):
+    """Everything that decides a run but the seed."""
+
+    name: Name  # the run is kept under it
+    title: str  # one line for lists and plots
+    seed: Annotated[int, Field(ge=0)] = 1  # of all that is random
+    start_utc: AwareDatetime | None = None  # none: where the recording begins
+    period_s: Positive = 3.0
+    cycles: Annotated[int, Field(ge=0)] = 40  # scored; 0: to the end of the recording
+    warmup_s: Annotated[float, Field(ge=0.0)] = 60.0  # before the first scored cycle
+    area: Area
+    radars: tuple[Radar, ...] = ()
+    stations: tuple[Station, ...] = ()
+    sonars: tuple[Sonar, ...] = ()
+    input: Feed
+    plots: PlotConverter = PolarConversion()
+    tracks: RadarTracker = Imm()
+    ais_tracks: AisTracker = AisFilter()
+    bearing_tracks: BearingTracker = BearingWindow()
+    spots: SpotGrouper = KMeansSpots()
+    octants: OctantGrouper = OctantSpots()
+    associations: Associator = WindowedCovariance()
+    bearing_associations: BearingAssociator = BearingLikelihood()
+    fused_tracks: Fuser = CovarianceIntersection()
+    picture: Identity = Identity()
+    store: StoreSettings = StoreSettings()
+    workers: WorkerSettings = WorkerSettings()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _default_method_where_none_is_named(cls, data: Any) -> Any:
+        """So that a setting of the default method of a stage can be changed without naming the method."""
+        if not isinstance(data, dict):
+            return data
+        out = dict(data)
+        for name, field in cls.model_fields.items():
+            if isinstance(field.default, Method) and isinstance(out.get(name), dict):
+                out[name] = {"method": field.default.model_dump()["method"], **out[name]}
+        return out
+
+    @model_validator(mode="after")
+    def _names_are_unique(self) -> Scenario:
+        for kind in ("radars", "stations", "sonars"):
+            names = [s.name for s in getattr(self, kind)]
+            if len(set(names)) < len(names):
+                raise ValueError(f"{kind}: got names {names}, needed each once")
+        return self
+
+    @model_validator(mode="after")
+    def _halo_covers_the_gate(self) -> Scenario:
+        if self.spots.halo_m < self.associations.gate_m:
+            raise ValueError(
+                f"spots.halo_m: got {self.spots.halo_m}, needed at least associations.gate_m = {self.associations.gate_m}, "
+                "or pairs across the border of two spots are lost"
+            )
+        return self
+
+    def sensors(self) -> Sensors:
+        """The sensors as arrays, regions and sources numbered."""
+        return sensors_of(self.radars, self.stations, self.sonars)
+
+    @property
+    def warmup_cycles(self) -> int:
+        return int(np.ceil(self.warmup_s / self.period_s))
+
+    def plan(self) -> Plan:
+        """The instants of the run. Where start or length are left open the input is asked for its span."""
+        if self.start_utc is not None and self.cycles > 0:
+            cycles = self.warmup_cycles + self.cycles
+            return Plan(start_s=self.start_utc.timestamp(), period_s=self.period_s, cycles=cycles)
+        first_s, stop_s = self.input.span()
+        start_s = float(np.floor(first_s)) - 1.0 if self.start_utc is None else self.start_utc.timestamp()
+        cycles = self.warmup_cycles + self.cycles if self.cycles else max(int(np.ceil((stop_s - start_s) / self.period_s)), 0)
+        return Plan(start_s=start_s, period_s=self.period_s, cycles=cycles)

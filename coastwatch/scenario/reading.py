@@ -1,0 +1,110 @@
+"""TOML to Scenario, with the place of whatever is wrong."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from coastwatch.scenario.model import Scenario
+from coastwatch.shipped import scenarios_folder
+
+
+class ScenarioError(Exception):
+    """A scenario cannot be read; the message names the file, the key, what it got and what it needed."""
+
+
+def scenario_names() -> list[tuple[str, str]]:
+    """Name and title of every scenario that is shipped, sorted."""
+    found = []
+    for path in sorted(scenarios_folder().glob("*/scenario.toml")):
+        found.append((path.parent.name, str(tomllib.loads(path.read_text("utf-8")).get("title", ""))))
+    return found
+
+
+def load_scenario(name_or_path: str, overrides: Mapping[str, str] | None = None) -> Scenario:
+    """The scenario of this name, or in this file or folder, with settings overridden.
+
+    Args: overrides: dotted key to value written as in TOML; a bare word counts as text. `radars.0.rpm` names a list item.
+    Raises: ScenarioError that names the file and the key.
+    """
+    path = _find(name_or_path)
+    try:
+        data = tomllib.loads(path.read_text("utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ScenarioError(f"{path}: cannot be read: {error}") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ScenarioError(f"{path}: not TOML: {error}") from error
+    return make_scenario(data, str(path), overrides or {})
+
+
+def make_scenario(data: dict[str, Any], where: str, overrides: Mapping[str, str]) -> Scenario:
+    """The scenario that a parsed TOML document describes, with settings overridden. Raises: ScenarioError."""
+    for key, text in overrides.items():
+        _override(data, key, text)
+    try:
+        return Scenario.model_validate(data)
+    except ValidationError as error:
+        lines = [f"{where}: {_path(e['loc'])}: {e['msg']}, got {_short(e['input'])}" for e in error.errors()]
+        raise ScenarioError("\n".join(lines)) from error
+
+
+def _find(name_or_path: str) -> Path:
+    path = Path(name_or_path)
+    if path.is_dir():
+        path = path / "scenario.toml"
+    if path.suffix == ".toml":
+        return path
+    shipped = scenarios_folder() / name_or_path / "scenario.toml"
+    if not shipped.is_file():
+        known = ", ".join(name for name, _ in scenario_names())
+        raise ScenarioError(f"no scenario is called {name_or_path!r}; there are: {known}; or give a path to a .toml file")
+    return shipped
+
+
+def _override(data: dict[str, Any], key: str, text: str) -> None:
+    try:
+        value = tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = text
+    *parents, last = key.split(".")
+    here: Any = data
+    for depth, part in enumerate(parents):
+        here = _step_into(here, part, ".".join(parents[: depth + 1]))
+    if isinstance(here, list):
+        here[_index(here, last, key)] = value
+    else:
+        here[last] = value
+
+
+def _step_into(here: Any, part: str, path: str) -> Any:
+    if isinstance(here, list):
+        return here[_index(here, part, path)]
+    found = here.setdefault(part, {})
+    if not isinstance(found, dict | list):
+        raise ScenarioError(f"--set {path}: is {found!r}, not a table")
+    return found
+
+
+def _index(items: list[Any], part: str, path: str) -> int:
+    if not part.isdigit() or int(part) >= len(items):
+        raise ScenarioError(f"--set {path}: got {part!r}, needed a number from 0 to {len(items) - 1}")
+    return int(part)
+
+
+def _path(loc: tuple[int | str, ...]) -> str:
+    return ".".join(str(part) for part in loc) or "scenario"
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
+def utc_text(time_s: float) -> str:
+    """Seconds since the Unix epoch as ISO 8601 text, UTC."""
+    return datetime.fromtimestamp(time_s, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")

@@ -1,0 +1,122 @@
+"""The sensors of a scenario by their specification, and the same as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from coastwatch.batches import Array, Floats, Radars, Sensors, Sonars, Stations
+from coastwatch.geodesy import NAUTICAL_MILE_M
+from coastwatch.stage import Settings
+
+Latitude = Annotated[float, Field(gt=-85.0, lt=85.0)]
+Longitude = Annotated[float, Field(ge=-180.0, le=180.0)]
+Positive = Annotated[float, Field(gt=0.0)]
+Name = Annotated[str, Field(min_length=1, max_length=32)]
+
+
+class Area(Settings):
+    """The rectangle that is plotted."""
+
+    latitude_deg: Latitude
+    longitude_deg: Longitude
+    width_nm: Positive = 10.0
+    height_nm: Positive = 10.0
+
+
+class Radar(Settings):
+    """A radar by its specification."""
+
+    name: Name  # unique among the radars
+    region: Name = "region"  # radars of one region make one set of tracks
+    latitude_deg: Latitude
+    longitude_deg: Longitude
+    range_nm: Positive
+    rpm: Positive
+    range_noise_m: Positive = 10.0
+    azimuth_noise_deg: Positive = 0.3
+
+
+class Station(Settings):
+    """An AIS receiver: inside its range AIS would be heard."""
+
+    name: Name  # unique among the stations
+    latitude_deg: Latitude
+    longitude_deg: Longitude
+    range_nm: Positive
+
+
+class Sonar(Settings):
+    """A sensor that gives bearings: a passive sonar, a camera, a direction finder."""
+
+    name: Name  # unique among the sonars
+    latitude_deg: Latitude
+    longitude_deg: Longitude
+    range_nm: Positive
+    bearing_noise_deg: Positive = 1.0
+    interval_s: Positive = 3.0
+    arc_from_deg: Annotated[float, Field(ge=0.0, le=360.0)] = 0.0
+    arc_to_deg: Annotated[float, Field(ge=0.0, le=360.0)] = 360.0
+
+
+def sensors_of(radars: Sequence[Radar], stations: Sequence[Station], sonars: Sequence[Sonar]) -> Sensors:
+    """The sensors as arrays; regions are numbered in order of first mention, their planes touch at the mean of their radars."""
+    regions = list(dict.fromkeys(r.region for r in radars))
+    sites = _sites(radars)
+    number = np.array([regions.index(r.region) for r in radars], np.int64)
+    origins = [_mean_place(sites[number == k]) for k in range(len(regions))]
+    return Sensors(
+        radars=_radars(radars, number),
+        stations=Stations(
+            name=_names(stations), site_deg=_sites(stations), range_m=_column(stations, "range_nm") * NAUTICAL_MILE_M
+        ),
+        sonars=_sonars(sonars),
+        region_names=tuple(regions),
+        region_origin_deg=np.array(origins).reshape(-1, 2),
+    )
+
+
+def _radars(radars: Sequence[Radar], region: Array) -> Radars:
+    return Radars(
+        name=_names(radars),
+        region=region,
+        site_deg=_sites(radars),
+        range_m=_column(radars, "range_nm") * NAUTICAL_MILE_M,
+        period_s=60.0 / _column(radars, "rpm"),
+        range_sigma_m=_column(radars, "range_noise_m"),
+        azimuth_sigma_rad=np.radians(_column(radars, "azimuth_noise_deg")),
+    )
+
+
+def _sonars(sonars: Sequence[Sonar]) -> Sonars:
+    return Sonars(
+        name=_names(sonars),
+        site_deg=_sites(sonars),
+        range_m=_column(sonars, "range_nm") * NAUTICAL_MILE_M,
+        bearing_sigma_rad=np.radians(_column(sonars, "bearing_noise_deg")),
+        interval_s=_column(sonars, "interval_s"),
+        arc_from_deg=_column(sonars, "arc_from_deg"),
+        arc_to_deg=_column(sonars, "arc_to_deg"),
+    )
+
+
+def _names(sensors: Sequence[Radar | Station | Sonar]) -> Array:
+    return np.array([s.name for s in sensors], "U32")
+
+
+def _column(sensors: Sequence[Radar | Station | Sonar], field: str) -> Floats:
+    return np.array([getattr(s, field) for s in sensors], np.float64)
+
+
+def _sites(sensors: Sequence[Radar | Station | Sonar]) -> Floats:
+    return np.array([[s.latitude_deg, s.longitude_deg] for s in sensors], np.float64).reshape(-1, 2)
+
+
+def _mean_place(places_deg: Floats) -> Floats:
+    """The mean of nearby places, right across the antimeridian."""
+    first = places_deg[0]
+    east = (places_deg[:, 1] - first[1] + 180.0) % 360.0 - 180.0
+    return np.asarray(first + np.column_stack([places_deg[:, 0] - first[0], east]).mean(0))

@@ -1,0 +1,202 @@
+"""A scenario file says what is wrong with it, and `--set` reaches every setting."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from coastwatch.scenario import Scenario, ScenarioError, load_scenario, scenario_names
+
+HOUSE = Path(__file__).parents[2]
+BASE = (HOUSE / "scenarios" / "context-driven-100" / "scenario.toml").read_text("utf-8")
+SHIPPED = sorted(p.parent.name for p in (HOUSE / "scenarios").glob("*/scenario.toml"))
+
+
+def written(folder: Path, text: str | bytes) -> str:
+    path = folder / "mine.toml"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return str(path)
+
+
+def refusal(path: str, overrides: dict[str, str] | None = None) -> str:
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(path, overrides)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_every_shipped_scenario_loads(name: str) -> None:
+    scenario = load_scenario(name)
+    assert scenario.name == name
+    assert (
+        scenario
+        == load_scenario(str(HOUSE / "scenarios" / name))
+        == load_scenario(str(HOUSE / "scenarios" / name / "scenario.toml"))
+    )
+    assert len(scenario.sensors().radars) == len(scenario.radars) > 0
+
+
+def test_the_listing_has_every_shipped_scenario() -> None:
+    assert [name for name, _ in scenario_names()] == SHIPPED
+    assert all(title for _, title in scenario_names())
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_scenario_comes_back_from_what_it_dumps(name: str) -> None:
+    scenario = load_scenario(name)
+    assert Scenario.model_validate(scenario.model_dump()) == scenario
+    assert Scenario.model_validate(scenario.model_dump(mode="json")) == scenario
+    assert Scenario.model_validate_json(scenario.model_dump_json()) == scenario
+
+
+def replaced(old: str, new: str) -> Callable[[], str]:
+    def change() -> str:
+        assert old in BASE, f"the scenario changed: {old!r} is gone"
+        return BASE.replace(old, new, 1)
+
+    return change
+
+
+def added(text: str) -> Callable[[], str]:
+    return lambda: BASE + text
+
+
+WRONG = {
+    "key": (replaced("\ncycles = 40", "\ncylces = 40"), "cylces", "Extra inputs are not permitted, got 40"),
+    "key of a table": (replaced("[area]", "[aria]"), "area", "Field required"),
+    "key of the input": (replaced("count = 100", "coumt = 100"), "coumt", "got 100"),
+    "key two tables down": (added("\n[tracks.motion]\nquiet_noise = 1.0\n"), "motion.quiet_noise", "got 1.0"),
+    "unit": (replaced("range_nm = 6.0", "range_km = 6.0"), "radars.0.range_km", "got 6.0"),
+    "unit of the second": (replaced("rpm = 20.0", "hz = 0.3"), "radars.1.hz", "got 0.3"),
+    "text for a number": (replaced("rpm = 15.0", 'rpm = "fast"'), "radars.0.rpm", "got 'fast'"),
+    "fraction for a count": (replaced("cycles = 40", "cycles = 40.5"), "cycles", "got 40.5"),
+    "number for a table": (replaced("[[stations]]", "[stations]"), "stations", "Input should be"),
+    "time without a zone": (replaced("12:00:00Z", "12:00:00"), "start_utc", "timezone"),
+    "negative range": (replaced("range_nm = 6.0", "range_nm = -6.0"), "radars.0.range_nm", "greater than 0, got -6.0"),
+    "no range": (replaced("range_nm = 3.99\n", ""), "sonars.0.range_nm", "Field required"),
+    "not a number": (replaced("period_s = 3.0", "period_s = nan"), "period_s", "finite number, got nan"),
+    "infinite": (replaced("warmup_s = 120.0", "warmup_s = inf"), "warmup_s", "finite number, got inf"),
+    "no time passes": (replaced("period_s = 3.0", "period_s = 0.0"), "period_s", "greater than 0, got 0.0"),
+    "latitude 91": (replaced("latitude_deg = -23.008333", "latitude_deg = 91.0"), "radars.0.latitude_deg", "got 91.0"),
+    "longitude 181": (replaced("longitude_deg = -43.20\n", "longitude_deg = 181.0\n"), "stations.0.longitude_deg", "got 181.0"),
+    "latitude 91 of the input": (replaced("area_latitude_deg = -23.05", "area_latitude_deg = 91.0"), "area_latitude_deg", "got 91.0"),
+    "method": (replaced('method = "imm"', 'method = "magic"'), "tracks", "'magic' found using 'method'"),
+    "method of the input": (replaced('method = "simulated"', 'method = "psychic"'), "input", "'psychic' found using 'method'"),
+    "no input": (replaced('method = "simulated"\n', ""), "input", "method"),
+    "two of a name": (replaced('"radar-2"', '"radar-1"'), "radars", "got names ['radar-1', 'radar-1'], needed each once"),
+    "halo": (added("\n[spots]\nhalo_m = 100.0\n"), "spots.halo_m", "got 100.0, needed at least associations.gate_m = 1000.0"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_what_is_wrong_is_named_with_file_and_key(wrong: str, tmp_path: Path) -> None:
+    change, key, reason = WRONG[wrong]
+    path = written(tmp_path, change())
+    said = refusal(path)
+    assert said.startswith(f"{path}: ")
+    assert key in said
+    assert reason in said
+
+
+def test_every_wrong_key_is_named_at_once(tmp_path: Path) -> None:
+    text = BASE.replace("rpm = 15.0", "rpm = -1.0").replace("count = 100", "count = -5").replace("cycles = 40", "cycles = 1e99")
+    said = refusal(written(tmp_path, text)).splitlines()
+    assert [("radars.0.rpm" in line, "count" in line, "cycles" in line) for line in said].count((False, False, False)) == 0
+    assert len(said) == 3
+
+
+def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
+    assert "mine.toml: not TOML" in refusal(written(tmp_path, "radars are round"))
+    assert "mine.toml: not TOML" in refusal(written(tmp_path, BASE.rstrip()[:-3]))
+    assert "mine.toml: cannot be read" in refusal(written(tmp_path, b"\xff\xfe\x00scenario"))
+    assert "none.toml: cannot be read" in refusal(str(tmp_path / "none.toml"))
+    assert "scenario.toml: cannot be read" in refusal(str(tmp_path))
+    assert refusal(written(tmp_path, "")).count("Field required") >= 3
+
+
+def test_an_unknown_scenario_is_answered_with_those_there_are() -> None:
+    said = refusal("atlantis")
+    assert "'atlantis'" in said
+    assert all(name in said for name in SHIPPED)
+
+
+REACHED: dict[str, tuple[str, Callable[[Any], Any], Any]] = {
+    "cycles": ("7", lambda s: s.cycles, 7),
+    "start_utc": ("2026-01-02T03:04:05Z", lambda s: s.start_utc.isoformat(), "2026-01-02T03:04:05+00:00"),
+    "title": ("two words", lambda s: s.title, "two words"),
+    "name": ('"quoted"', lambda s: s.name, "quoted"),
+    "area.width_nm": ("12", lambda s: s.area.width_nm, 12.0),
+    "radars.0.rpm": ("24.0", lambda s: [r.rpm for r in s.radars], [24.0, 20.0]),
+    "radars.1.name": ("north", lambda s: [r.name for r in s.radars], ["radar-1", "north"]),
+    "stations": ("[]", lambda s: s.stations, ()),
+    "input.radar.clutter_per_m2": ("5e-7", lambda s: s.input.radar.clutter_per_m2, 5e-7),
+    "input.motion.process_noise": ("rw1", lambda s: s.input.motion.process_noise, "rw1"),
+    "tracks.upkeep.delete_misses": ("9", lambda s: s.tracks.upkeep.delete_misses, 9),
+    "tracks.motion.start_share": ("[0.5, 0.2, 0.3]", lambda s: s.tracks.motion.start_share, (0.5, 0.2, 0.3)),
+    "ais_tracks.lateness_s": ("4", lambda s: s.ais_tracks.lateness_s, 4.0),
+    "ais_tracks.models": (
+        '[{kind = "straight", noise_m2_s3 = 0.1, sojourn_s = 9.0, share = 1.0}]',
+        lambda s: [m.noise_m2_s3 for m in s.ais_tracks.models],
+        [0.1],
+    ),
+    "spots.count": ("5", lambda s: s.spots.count, 5),
+    "associations.gate_m": ("300", lambda s: (s.associations.method, s.associations.gate_m), ("windowed_covariance", 300.0)),
+    "associations.method": ("windowed_covariance_literal", lambda s: s.associations.window, 10),
+    "bearing_associations.method": (
+        "bearing_windowed_covariance",
+        lambda s: s.bearing_associations.method,
+        "bearing_windowed_covariance",
+    ),
+    "fused_tracks.method": ("convex", lambda s: s.fused_tracks.method, "convex"),
+    "picture.coast_s": ("1.5", lambda s: s.picture.coast_s, 1.5),
+    "store.history_every": ("3", lambda s: s.store.history_every, 3),
+    "workers.count": ("2", lambda s: s.workers.count, 2),
+}
+
+
+@pytest.mark.parametrize("key", REACHED)
+def test_an_override_reaches_its_setting_and_no_other(key: str) -> None:
+    text, found, wanted = REACHED[key]
+    plain, changed = load_scenario("context-driven-100"), load_scenario("context-driven-100", {key: text})
+    assert found(changed) == wanted
+    assert found(plain) != wanted or key.endswith("method")
+    stage = key.split(".")[0]
+    assert plain.model_dump(exclude={stage}) == changed.model_dump(exclude={stage})
+
+
+def test_every_stage_takes_a_setting_of_its_default_method_without_the_method() -> None:
+    tried = []
+    for stage, field in Scenario.model_fields.items():
+        default = field.default
+        settings = default.model_dump() if "method" in getattr(type(default), "model_fields", {}) else {}
+        setting = next((k for k, v in settings.items() if k != "method" and isinstance(v, float | int)), None)
+        if setting is None:
+            continue
+        tried.append(stage)
+        made = getattr(load_scenario("solent", {f"{stage}.{setting}": str(getattr(default, setting))}), stage)
+        assert made.method == default.method, stage
+    assert load_scenario("guanabara", {"tracks.upkeep.delete_misses": "9"}).tracks.method == "imm"
+    assert {"spots", "octants", "associations", "bearing_associations", "fused_tracks", "picture"} <= set(tried)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "wanted"),
+    [
+        ("radars.2.rpm", "3", "radars.2: got '2', needed a number from 0 to 1"),
+        ("radars.first.rpm", "3", "radars.first: got 'first', needed a number from 0 to 1"),
+        ("radars.-1.rpm", "3", "needed a number from 0 to 1"),
+        ("radars.rpm", "3", "radars.rpm: got 'rpm'"),
+        ("period_s.x", "3", "period_s: is 3.0, not a table"),
+        ("radars.0.rpm", "-3", "radars.0.rpm: Input should be greater than 0, got -3"),
+        ("radars.0.range_km", "3", "radars.0.range_km: Extra inputs are not permitted, got 3"),
+        ("associations.gate_m", "5000", "spots.halo_m"),
+        ("spots", "many", "spots: Input should be"),
+        ("tracks.method", "magic", "'magic'"),
+        ("", "3", "Extra inputs are not permitted"),
+    ],
+)
+def test_a_wrong_override_is_named(key: str, value: str, wanted: str) -> None:
+    assert wanted in refusal("context-driven-100", {key: value})
