@@ -42,6 +42,7 @@ def arrive(stamp_s: Floats, lateness_s: float, longest_silence_s: float) -> Arri
         low, high = _corridor(t)
         believed[rows] = (t >= low - lateness_s) & (t <= high + lateness_s)
     received = np.maximum.accumulate(np.where(believed, stamp_s, -np.inf))
+    believed &= received - stamp_s <= 2.0 * lateness_s  # late behind a record that was itself early
     late = believed & (stamp_s < received)
     return Arrival(received, believed, {FAR: ~mainland, BACKWARDS: mainland & ~believed, LATE: late})
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import tomllib
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,7 @@ SMALL = ("cycles=10",)
 TINY = ("input.count=30", "cycles=4", "warmup_s=45.0")  # for what is slow, or only has to run
 
 
-@lru_cache(maxsize=None)
+@cache
 def scores(scenario: str, settings: tuple[str, ...], seed: int, folder: Path) -> dict[str, Any]:
     """The scores of one run; each is made once however many figures are read from it."""
     made = load_scenario(scenario, dict(pair.split("=", 1) for pair in settings))
