@@ -1,0 +1,67 @@
+"""Scores of a scenario over seeds, mean and worst: `python -m scaling.load.seeds SCENARIO --seeds 1000-1009 [--set KEY=VALUE ...]`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from coastwatch.scenario import load_scenario
+from coastwatch.server.run import run_scenario
+
+FIGURES = (
+    ("associations", "f1", 100.0, "association F1, %", min),
+    ("bearing_associations", "f1", 100.0, "bearing association F1, %", min),
+    ("bearing_associations", "mcc", 1.0, "bearing association MCC", min),
+    ("fused_tracks", "position_rmse_m", 1.0, "fused position RMSE, m", max),
+    ("fused_tracks", "bound_position_rmse_m", 1.0, "bound of it, m", max),
+    ("fused_tracks", "radar_position_rmse_m", 1.0, "radar track position RMSE, m", max),
+    ("picture", "dark_recall", 100.0, "instants at which a dark vessel was flagged, %", min),
+    ("picture", "dark_false_rate", 100.0, "instants at which another was, %", max),
+)
+
+
+def scores_of(name: str, overrides: dict[str, str], seed: int) -> dict[str, Any]:
+    """The scores of one run into a database that is thrown away."""
+    with tempfile.TemporaryDirectory() as folder:
+        database = f"sqlite:///{Path(folder) / 'run.db'}"
+        return run_scenario(load_scenario(name, overrides), seed=seed, database=database).scores
+
+
+def table(scores: list[dict[str, Any]]) -> list[str]:
+    """A line a figure: mean, standard deviation and worst over the runs that have it."""
+    lines = []
+    for stage, key, scale, title, worst in FIGURES:
+        values = [scale * s[stage][key] for s in scores if s.get(stage, {}).get(key) is not None]
+        if values:
+            lines.append(f"{title:<48} {np.mean(values):9.3f} +- {np.std(values):6.3f}   worst {worst(values):9.3f}")
+    ratios = [
+        f["position_rmse_m"] / f["bound_position_rmse_m"] for s in scores if (f := s["fused_tracks"])["bound_position_rmse_m"]
+    ]
+    if ratios:
+        lines.append(
+            f"{'fused position RMSE over its bound':<48} {np.mean(ratios):9.3f} +- {np.std(ratios):6.3f}   worst {max(ratios):9.3f}"
+        )
+    return lines
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("scenario")
+    parser.add_argument("--seeds", default="1000-1009", help="first-last")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
+    parser.add_argument("--json", action="store_true", help="the scores of every seed instead of the table")
+    asked = parser.parse_args()
+    first, last = (int(s) for s in asked.seeds.split("-"))
+    overrides = dict(item.split("=", 1) for item in asked.set)
+    scores = [scores_of(asked.scenario, overrides, seed) for seed in range(first, last + 1)]
+    print(f"# {asked.scenario}, seeds {asked.seeds}{''.join(f', {item}' for item in asked.set)}")
+    print(json.dumps(scores) if asked.json else "\n".join(table(scores)))
+
+
+if __name__ == "__main__":
+    main()
