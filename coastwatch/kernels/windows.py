@@ -122,13 +122,15 @@ def _bounded(delta, n, phi, registration, floor, cap, low, total):  # type: igno
 
 
 @njit(cache=True)
-def _ratio(delta, low, older, log_other, null_variance, white):  # type: ignore[no-untyped-def]
-    """Log-likelihood ratio of one difference, its covariance `older` times that of the factor; squared Mahalanobis distance."""
+def _ratio(delta, low, older, log_floor, null_variance, white):  # type: ignore[no-untyped-def]
+    """Log-likelihood ratio of one difference, its covariance `older` times that of the factor; squared Mahalanobis distance.
+
+    log_floor: the ratio of a difference of zero with the factor's covariance.
+    """
     d2 = _whiten(low, delta, white) / older
-    log_det = 2.0 * (math.log(low[0, 0]) + math.log(low[1, 1]) + math.log(low[2, 2]) + math.log(low[3, 3]))
-    same = -0.5 * (d2 + log_det) - 2.0 * math.log(older) - 2.0 * math.log(2.0 * math.pi)
-    speed2 = delta[2] * delta[2] + delta[3] * delta[3]
-    return same - log_other + 0.5 * speed2 / null_variance, d2
+    if older > 1.0:
+        log_floor -= 2.0 * math.log(older)
+    return log_floor - 0.5 * d2 + 0.5 * (delta[2] * delta[2] + delta[3] * delta[3]) / null_variance, d2
 
 
 @njit(cache=True, nogil=True)
@@ -164,12 +166,13 @@ def windowed_scores(  # type: ignore[no-untyped-def]
         _differences(a, b, position, velocity, n, delta)
         if not _bounded(delta, n, phi[p], registration[p], floor, cap, low, total_phi):
             continue
-        log_other = math.log(density[p]) - math.log(2.0 * math.pi * null_variance)
+        log_floor = -math.log(low[0, 0] * low[1, 1] * low[2, 2] * low[3, 3]) - 2.0 * math.log(2.0 * math.pi)
+        log_floor -= math.log(density[p]) - math.log(2.0 * math.pi * null_variance)
         now = variance[a, w - 1] + variance[b, w - 1]
         total = 0.0
         for k in range(n):
             older = max((variance[a, w - n + k] + variance[b, w - n + k]) / now, 1.0)
-            step, distance2[p] = _ratio(delta[k], low, older, log_other, null_variance, white)
+            step, distance2[p] = _ratio(delta[k], low, older, log_floor, null_variance, white)
             total = max(memory * total + min(max(step, -limit), limit), -limit)
         score[p] = total
     return score, distance2

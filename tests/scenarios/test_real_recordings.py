@@ -96,7 +96,7 @@ def test_what_autoferry_brings_later_changes_no_picture_of_before(number: int, t
     assert plan.start_s == cut.plan().start_s
     common = int(np.floor((until_s - plan.start_s) / plan.period_s))
     assert 30 < common < 60
-    assert len(history(tmp_path / "whole.db", common)) > common
+    assert len(history(tmp_path / "whole.db", common)) > 20
     assert history(tmp_path / "whole.db", common) == history(tmp_path / "cut.db", common)
 
 

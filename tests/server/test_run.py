@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import sqlite3
 import subprocess
 import sys
-import threading
 import time
-from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -187,9 +184,9 @@ def wait_for(path: Path, cycles: int, started: subprocess.Popen[str]) -> None:
 
 
 @pytest.fixture(scope="module")
-def uninterrupted(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, RunResult]]:
+def uninterrupted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunResult]:
     path = tmp_path_factory.mktemp("uninterrupted") / "x.db"
-    yield path, run(path, load_scenario("context-driven-100", LONG))
+    return path, run(path, load_scenario("context-driven-100", LONG))
 
 
 def test_killed_at_random_moments_it_resumes_to_the_rows_of_an_uninterrupted_run(
@@ -266,11 +263,21 @@ def test_no_vessels_give_an_empty_picture(tmp_path: Path) -> None:
     assert check(url(path)) == []
 
 
-def test_clutter_alone_is_no_vessel_for_long(tmp_path: Path) -> None:
+def test_clutter_alone(tmp_path: Path) -> None:
     path = tmp_path / "x.db"
-    settings = {"input__count": "0", "input__radar__clutter_per_m2": "5e-7", "tracks__plot_origin": "estimated"}
-    run(path, small(**settings))
+    run(path, small(input__count="0", input__radar__clutter_per_m2="5e-7", tracks__plot_origin="estimated"))
     assert column(path, "SELECT sum(reports) FROM cycle")[0] > 100
+    assert column(path, "SELECT status FROM run") == ["finished"]
+
+
+@pytest.mark.parametrize("without", [{"input__ais__share": "0.0"}, {"radars": "[]"}], ids=["AIS", "radars"])
+def test_where_nothing_can_be_fused_the_rest_is_scored(without: dict[str, str], tmp_path: Path) -> None:
+    path = tmp_path / "x.db"
+    made = run(path, small(**without))
+    assert made.vessels > 20
+    assert made.scores["fused_tracks"]["count"] == 0
+    assert made.scores["fused_tracks"]["bound_position_rmse_m"] is None
+    assert column(path, "SELECT status FROM run") == ["finished"]
 
 
 def test_one_vessel(tmp_path: Path) -> None:
