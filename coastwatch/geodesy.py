@@ -128,3 +128,13 @@ def turn(position_deg: Floats, origin_deg: Floats) -> Floats:
     here, there = axes(position_deg)[..., :2, :], axes(np.asarray(origin_deg, float))[..., :2, :]
     out: Floats = np.einsum("...ik,...jk->...ij", there, here)
     return out
+
+
+def within_any(position_deg: Floats, site_deg: Floats, range_m: Floats) -> NDArray[np.bool_]:
+    """Whether each place is within range of any site. Args: (V, 2), (R, 2), (R,). Returns: (V,)."""
+    out = np.zeros(len(position_deg), np.bool_)
+    for site, reach in zip(site_deg, range_m, strict=True):
+        near = np.abs(position_deg[:, 0] - site[0]) * 110_000.0 <= reach * 1.02 + 100.0
+        rows = np.flatnonzero(near & ~out)
+        out[rows] = np.linalg.norm(to_plane(position_deg[rows], site), axis=1) <= reach
+    return out

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 from pydantic import BaseModel, ConfigDict
@@ -23,6 +24,11 @@ class Method(Settings):
     yields; it never writes to what it was given. Memory is plain data (dataclasses, tuples, dicts, arrays, numbers):
     pickled in mid-run it resumes bit for bit.
     """
+
+
+@dataclass(frozen=True)
+class NoMemory:
+    """The memory of a method that needs nothing of the past."""
 
 
 Work = Callable[[Any, Mapping[str, Array], Ints], tuple[Array, ...]]

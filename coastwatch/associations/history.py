@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from coastwatch.batches import Floats, Ints, Tracks
+from coastwatch.kernels.lookup import find
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,11 +56,3 @@ class History:
             self.variance_m2[order],
             self.length[order],
         )
-
-
-def find(sorted_ids: Ints, ids: Ints) -> Ints:
-    """Where each id stands among sorted ids; -1 where it does not. Args: (N,), (M,). Returns: (M,)."""
-    if len(sorted_ids) == 0:
-        return np.full(len(ids), -1, np.int64)
-    at = np.minimum(np.searchsorted(sorted_ids, ids), len(sorted_ids) - 1)
-    return np.where(sorted_ids[at] == ids, at, -1).astype(np.int64)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
@@ -11,12 +10,7 @@ from pydantic import Field
 from coastwatch.batches import Associations, FusedTracks, Ints, Tracks
 from coastwatch.fused_tracks.membership import rounds
 from coastwatch.geodesy import difference_m, offset_deg
-from coastwatch.stage import Method
-
-
-@dataclass(frozen=True, eq=False)
-class NoMemory:
-    """This method needs nothing of the past."""
+from coastwatch.stage import Method, NoMemory
 
 
 class Convex(Method):

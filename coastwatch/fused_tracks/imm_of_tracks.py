@@ -11,6 +11,7 @@ from pydantic import Field
 from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Tracks
 from coastwatch.fused_tracks.membership import rounds
 from coastwatch.geodesy import difference_m, offset_deg
+from coastwatch.kernels.lookup import find
 from coastwatch.stage import Method
 
 KINDS = np.array([0, 0, 1], np.int64)  # constant velocity, constant velocity, coordinated turn
@@ -131,7 +132,5 @@ class ImmOfTracks(Method):
 
 def _lookup(memory: Bank, track_id: Ints) -> Ints:
     """The bank row that each track was in; -1 where none."""
-    if len(memory.track_id) == 0:
-        return np.full(len(track_id), -1, np.int64)
-    at = np.minimum(np.searchsorted(memory.track_id, track_id), len(memory.track_id) - 1)
-    return np.where(memory.track_id[at] == track_id, memory.row[at], -1).astype(np.int64)
+    at = find(memory.track_id, track_id)
+    return np.where(at >= 0, memory.row[at], -1).astype(np.int64) if len(memory.row) else at

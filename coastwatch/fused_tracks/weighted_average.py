@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
@@ -10,12 +9,7 @@ from pydantic import Field, model_validator
 
 from coastwatch.batches import Associations, Floats, FusedTracks, Ints, SourceKind, Tracks
 from coastwatch.geodesy import difference_m, offset_deg
-from coastwatch.stage import Method
-
-
-@dataclass(frozen=True, eq=False)
-class NoMemory:
-    """This method needs nothing of the past."""
+from coastwatch.stage import Method, NoMemory
 
 
 class WeightedAverage(Method):

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from coastwatch.batches import AisAlarms, Bools, Flag, Floats, Ints, Picture, Sensors, SourceKind, Tracks
-from coastwatch.geodesy import difference_m, to_plane
-from coastwatch.picture.succession import find
+from coastwatch.geodesy import difference_m, within_any
+from coastwatch.kernels.lookup import find
 
 if TYPE_CHECKING:
     from coastwatch.picture.identity import Identity
@@ -48,8 +48,8 @@ def flags_of(
     row = find(picture.vessel_id, of_track)
     has_ais, has_radar = (_any(row[kinds == kind], len(picture)) for kind in (SourceKind.AIS, SourceKind.RADAR))
     margin = settings.cover_margin
-    heard = covered(picture.position_deg, sensors.stations.site_deg, margin * sensors.stations.range_m)
-    seen = covered(picture.position_deg, sensors.radars.site_deg, margin * sensors.radars.range_m)
+    heard = within_any(picture.position_deg, sensors.stations.site_deg, margin * sensors.stations.range_m)
+    seen = within_any(picture.position_deg, sensors.radars.site_deg, margin * sensors.radars.range_m)
     at = find(memory.vessel_id, picture.vessel_id)
     no_ais = _since(has_radar & ~has_ais & heard, memory.no_ais_since_s, at, time_s)
     no_radar = _since(has_ais & ~has_radar & seen, memory.no_radar_since_s, at, time_s)
@@ -66,16 +66,6 @@ def flags_of(
         picture.vessel_id, no_ais, no_radar, pairs.ais_track, pairs.radar_track, pairs.paired_since_s, pairs.parted_since_s
     )
     return after, flags
-
-
-def covered(position_deg: Floats, site_deg: Floats, range_m: Floats) -> Bools:
-    """Whether each place is within range of any site. Args: (V, 2), (R, 2), (R,). Returns: (V,)."""
-    out = np.zeros(len(position_deg), np.bool_)
-    for site, reach in zip(site_deg, range_m, strict=True):
-        near = np.abs(position_deg[:, 0] - site[0]) * 110_000.0 <= reach * 1.02 + 100.0
-        rows = np.flatnonzero(near & ~out)
-        out[rows] = np.linalg.norm(to_plane(position_deg[rows], site), axis=1) <= reach
-    return out
 
 
 def find_any(ids: Ints, wanted: Ints) -> Ints:

@@ -9,17 +9,10 @@ import numpy as np
 
 from coastwatch.batches import Associations, Flag, Floats, Ints, Picture, Sensors, SourceKind, Tracks
 from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred, offset_deg
+from coastwatch.kernels.lookup import find
 
 if TYPE_CHECKING:
     from coastwatch.picture.identity import Identity, PictureMemory
-
-
-def find(sorted_ids: Ints, ids: Ints) -> Ints:
-    """Where each id stands among sorted ids; -1 where it does not. Args: (N,), (M,). Returns: (M,)."""
-    if len(sorted_ids) == 0:
-        return np.full(len(ids), -1, np.int64)
-    at = np.minimum(np.searchsorted(sorted_ids, ids), len(sorted_ids) - 1)
-    return np.where(sorted_ids[at] == ids, at, -1).astype(np.int64)
 
 
 def inherit(

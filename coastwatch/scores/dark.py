@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coastwatch.batches import AisReports, Bools, Flag, Floats, Ints, Picture, Sensors, Trajectories, Truth
-from coastwatch.geodesy import to_plane
+from coastwatch.batches import AisReports, Bools, Flag, Ints, Picture, Sensors, Trajectories, Truth
+from coastwatch.geodesy import within_any
 from coastwatch.scores.rmse import rows_of
 
 SILENT_FOR_S = 60.0  # without a report: silent now
@@ -88,13 +88,5 @@ def _silent(may_be_silent: Ints, truth: Trajectories, time_s: float, ais: AisRep
 
 
 def _in_cover(there: Truth, sensors: Sensors) -> Bools:
-    seen = covered(there.position_deg, sensors.radars.site_deg, sensors.radars.range_m)
-    return seen & covered(there.position_deg, sensors.stations.site_deg, sensors.stations.range_m)
-
-
-def covered(position_deg: Floats, site_deg: Floats, range_m: Floats) -> Bools:
-    """Whether each place is within range of any site. Args: (V, 2), (R, 2), (R,). Returns: (V,)."""
-    out = np.zeros(len(position_deg), np.bool_)
-    for site, reach in zip(site_deg, range_m, strict=True):
-        out |= np.linalg.norm(to_plane(position_deg, site), axis=1) <= reach
-    return out
+    seen = within_any(there.position_deg, sensors.radars.site_deg, sensors.radars.range_m)
+    return seen & within_any(there.position_deg, sensors.stations.site_deg, sensors.stations.range_m)

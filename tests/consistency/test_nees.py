@@ -137,5 +137,5 @@ def test_a_covariance_that_is_too_small_or_too_large_would_be_seen(folder: Path)
     """The bands are narrow enough for errors of 15 % in the standard deviation, of either sign."""
     for found in samples(MODEL_IS_TRUE, folder):
         low, high = band(len(found), DIMENSION, CHANCE)
-        assert 4.0 * 1.15**-2 < low
+        assert low > 4.0 * 1.15**-2
         assert high < 4.0 * 1.15**2

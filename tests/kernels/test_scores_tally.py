@@ -13,9 +13,9 @@ from scores_world import RADAR, bearing_tracks, joined, picture, tracks
 from simulated_world import CENTRE_DEG, START_S, recorded, sensors
 
 from coastwatch.batches import AisReports, BearingAssociations, Flag, FusedTracks, Stations
-from coastwatch.geodesy import NAUTICAL_MILE_M
+from coastwatch.geodesy import NAUTICAL_MILE_M, within_any
 from coastwatch.scores import add, result, start
-from coastwatch.scores.dark import Dark, covered, never_heard, watch
+from coastwatch.scores.dark import Dark, never_heard, watch
 
 WITH_STATION = replace(
     sensors(), stations=Stations(np.array(["shore"], "U32"), CENTRE_DEG[None], np.array([40.0 * NAUTICAL_MILE_M]))
@@ -172,7 +172,7 @@ def test_a_flag_is_due_after_two_minutes_in_cover():
     assert flagged(nothing, START_S + 119.0, silent).due_count == 0
     late = flagged(nothing, START_S + 121.0, silent)
     now = MADE.truth.at(START_S + 121.0)
-    inside = covered(now.position_deg, sensors().radars.site_deg, sensors().radars.range_m)
+    inside = within_any(now.position_deg, sensors().radars.site_deg, sensors().radars.range_m)
     assert 0 < late.due_count <= int(np.isin(now.vessel[inside], silent).sum())
     assert late.flagged_count == late.clear_count == 0
     assert late.as_dict()["dark_recall"] == 0.0
