@@ -26,19 +26,6 @@ from coastwatch.stage import Spread
 
 Timer = Callable[[str], AbstractContextManager[object]]
 
-STAGES = (
-    "plots",
-    "tracks",
-    "ais_tracks",
-    "bearing_tracks",
-    "spots",
-    "associations",
-    "fused_tracks",
-    "picture",
-    "octants",
-    "bearing_associations",
-)
-
 
 @dataclass(frozen=True)
 class Memory:

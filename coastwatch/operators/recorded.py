@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import re
 import zlib
 from collections.abc import Mapping
@@ -11,16 +10,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 
 from coastwatch.geodesy import NAUTICAL_MILE_M, scale_m_deg, wrap_deg
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.scenario import Area, Scenario
+from coastwatch.scenario.sites import Radar, Sonar, Station
 from coastwatch.sensors.ais_table import AisColumns
 from coastwatch.sensors.tables import BearingColumns, PlotColumns
 
 LOOK_BYTES = 65_536
 SENTENCE = re.compile(rb"[!$][A-Z]{2}VD[MO],")
+GZIP_MAGIC, PARQUET_MAGIC = b"\x1f\x8b", b"PAR1"
+NEVER_TEXT = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
+BINARY_SHARE = 0.02  # random bytes have 11 %; a bad cell in a table must not make it binary
 COLUMNS: dict[str, type[BaseModel]] = {"ais": AisColumns, "plots": PlotColumns, "bearings": BearingColumns}
 SETTING = {"ais": "ais_columns", "plots": "plot_columns", "bearings": "bearing_columns"}
 MARGIN = 1.1
@@ -42,6 +45,9 @@ class Files:
 def document(files: Files, sensors: Mapping[str, list[dict[str, Any]]], period_s: float) -> dict[str, Any]:
     """What a scenario file would say. Raises: BadInput, OSError."""
     sentences = {name: is_nmea(name) for name in files.ais}
+    for name in (*(name for name, so in sentences.items() if not so), files.plots, files.bearings):
+        if name is not None:
+            _check_table(name, "neither NMEA 0183 nor a table" if name in sentences else "no table")
     given: dict[str, list[str]] = {
         "nmea": [name for name, so in sentences.items() if so],
         "ais": [name for name, so in sentences.items() if not so],
@@ -69,12 +75,51 @@ def _name(files: list[str]) -> str:
 
 def is_nmea(name: str) -> bool:
     """Whether a file, packed or not, holds AIS sentences near its beginning. Raises: OSError."""
+    return SENTENCE.search(_head(name)) is not None
+
+
+def _head(name: str) -> bytes:
+    """The beginning of a file, unpacked where it is packed. Raises: BadInput for a packed file without a beginning; OSError."""
     with open(name, "rb") as file:
         head = file.read(LOOK_BYTES)
-    if head[:2] == b"\x1f\x8b":
-        with gzip.open(name, "rb") as file:
-            head = file.read(LOOK_BYTES)
-    return SENTENCE.search(head) is not None
+    if not head.startswith(GZIP_MAGIC):
+        return head
+    try:
+        return zlib.decompressobj(wbits=31).decompress(head, LOOK_BYTES)
+    except zlib.error as error:
+        raise BadInput(f"{name}: got gzip that cannot be unpacked ({error}), needed text, gzip or Parquet") from error
+
+
+def _check_table(name: str, what: str) -> None:
+    """Refuses what cannot be a table at all; the reader of tables says what is wrong inside one."""
+    head = _head(name)
+    if Path(name).suffix == ".parquet":
+        got = "" if head.startswith(PARQUET_MAGIC) else "bytes that do not begin as Parquet does"
+    elif not head.strip():
+        got = "an empty file"
+    else:
+        got = "bytes that are no text" if len(NEVER_TEXT.findall(head)) > BINARY_SHARE * len(head) else ""
+    if got:
+        raise BadInput(f"{name}: is {what}: got {got}, needed {'NMEA lines, ' if 'NMEA' in what else ''}CSV or Parquet")
+
+
+def check_sensors(radars: list[dict[str, Any]], stations: list[dict[str, Any]], sonars: list[dict[str, Any]]) -> None:
+    """Refuses what --radar, --station or --sonar cannot be, in terms of the option. Raises: BadInput."""
+    kinds: tuple[tuple[str, type[BaseModel], list[dict[str, Any]]], ...] = (
+        ("--radar", Radar, radars),
+        ("--station", Station, stations),
+        ("--sonar", Sonar, sonars),
+    )
+    for option, model, given in kinds:
+        names = [sensor["name"] for sensor in given]
+        for sensor in given:
+            if names.count(sensor["name"]) > 1:
+                raise BadInput(f"{option}: got the name {sensor['name']!r} {names.count(sensor['name'])} times, needed it once")
+            try:
+                model.model_validate(sensor)
+            except ValidationError as error:
+                wrong = "; ".join(f"{e['loc'][0]}: got {e['input']!r}: {e['msg']}" for e in error.errors())
+                raise BadInput(f"{option} {sensor['name']}: {wrong}") from error
 
 
 def _columns(wanted: Mapping[str, str], parts: list[str]) -> dict[str, dict[str, str]]:

@@ -12,6 +12,7 @@ from coastwatch.batches import Flag
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.scenario import utc_text
 from coastwatch.store import Rows, Store
+from coastwatch.store.questions import ParameterError
 
 DIGITS = {"latitude_deg": 6, "longitude_deg": 6, "sog_kn": 2, "statistic": 3, "share": 4}
 ENDINGS = {"_deg": 2, "_deg_s": 4, "_m": 1, "_nm": 3, "_kn": 2, "_ms": 3, "_s": 3, "_min": 2}
@@ -96,7 +97,10 @@ def answer(found: Store, name: str, parameters: Mapping[str, str]) -> Rows:
     if unknown or missing:
         got = f"got {', '.join(unknown)}" if unknown else f"got no {', '.join(missing)}"
         raise BadInput(f"query {name}: {got}, needed --set with {', '.join((*takes, 'run'))}")
-    return for_people(store.operator_query(found, name, parameters))
+    try:
+        return for_people(store.operator_query(found, name, parameters))
+    except ParameterError as error:
+        raise BadInput(str(error)) from error
 
 
 def for_people(rows: Rows) -> Rows:

@@ -82,16 +82,14 @@ def _override(data: dict[str, Any], key: str, text: str) -> None:
 
 
 def _step_into(here: Any, part: str, path: str) -> Any:
-    if isinstance(here, list):
-        return here[_index(here, part, path)]
-    found = here.setdefault(part, {})
+    found = here[_index(here, part, path)] if isinstance(here, list) else here.setdefault(part, {})
     if not isinstance(found, dict | list):
         raise ScenarioError(f"--set {path}: is {found!r}, not a table")
     return found
 
 
 def _index(items: list[Any], part: str, path: str) -> int:
-    if not part.isdigit() or int(part) >= len(items):
+    if not (part.isascii() and part.isdigit()) or int(part) >= len(items):
         raise ScenarioError(f"--set {path}: got {part!r}, needed a number from 0 to {len(items) - 1}")
     return int(part)
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from coastwatch.batches import AisReports, Floats, Ints, Noise, RadarReports, Trajectories
 from coastwatch.geodesy import KNOT_M_S, difference_m, from_plane, to_plane, turn, wrap_deg
+from coastwatch.kernels.lookup import find
 from coastwatch.scores.exact_filter import INSTANT, KICK, POSITION, VELOCITY, Events, filtered
 
 AnyReports = TypeVar("AnyReports", RadarReports, AisReports)
@@ -115,9 +116,9 @@ def _measured(row: Ints, time_s: Floats, kind: int, value: Floats, covariance: F
 def _of_vessels(truth: Trajectories, origin: Ints, reports: AnyReports) -> tuple[Ints, AnyReports]:
     """The row of the true vessel of each report, and the reports that have one."""
     order = np.argsort(truth.vessel, kind="stable")
-    at = np.minimum(np.searchsorted(truth.vessel[order], origin), len(order) - 1)
-    mine = truth.vessel[order][at] == origin
-    return order[at][mine], reports.take(mine)
+    at = find(truth.vessel[order], origin)
+    mine = at >= 0
+    return order[at[mine]], reports.take(mine)
 
 
 def _interpolated(truth: Trajectories, row: Ints, time_s: Floats) -> Floats:

@@ -21,13 +21,18 @@ from coastwatch.batches import (
     Trajectories,
     Truth,
 )
-from coastwatch.geodesy import difference_m
+from coastwatch.geodesy import difference_m, earth_centred
 from coastwatch.scores.bound import bound
 from coastwatch.scores.confusion import Confusion, association, bearing_association
 from coastwatch.scores.dark import Dark, never_heard, watch
+from coastwatch.scores.gospa import gospa
 from coastwatch.scores.nees import nees
+from coastwatch.scores.ospa import ospa
 from coastwatch.scores.purity import Identities
 from coastwatch.scores.rmse import Errors, FusionErrors, errors, fusion_errors, rows_of
+
+CUTOFF_M = 20.0  # of GOSPA and OSPA: the value of Helgesen et al. 2022, about three sigma of a harbour radar
+ORDER = 2.0
 
 
 class Yielded(Protocol):
@@ -60,6 +65,9 @@ class Tally:
     ais: Errors = Errors()
     nees_sum: float = 0.0
     nees_count: int = 0
+    gospa_squares_m2: float = 0.0  # of the picture against all that is there, sum over instants
+    ospa_m: float = 0.0
+    instants: int = 0
     counted: tuple[tuple[float, Ints], ...] = ()  # time and true vessels of the fused errors, for the bound
     identities: Identities | None = None
     may_be_silent: Ints | None = None
@@ -84,6 +92,7 @@ def add(tally: Tally, cycle: Yielded, recording: Recording, sensors: Sensors) ->
     )
     made = fusion_errors(truth, tracks, cycle.associations, cycle.fused, kinds)
     nees_sum, nees_count = _fused_nees(truth, cycle, made)
+    points = earth_centred(cycle.picture.position_deg), earth_centred(truth.position_deg), CUTOFF_M, ORDER
     tally = replace(
         tally,
         associations=tally.associations + decided,
@@ -93,6 +102,9 @@ def add(tally: Tally, cycle: Yielded, recording: Recording, sensors: Sensors) ->
         ais=tally.ais + made.ais,
         nees_sum=tally.nees_sum + nees_sum,
         nees_count=tally.nees_count + nees_count,
+        gospa_squares_m2=tally.gospa_squares_m2 + gospa(*points).total_m ** 2,
+        ospa_m=tally.ospa_m + ospa(*points).total_m,
+        instants=tally.instants + 1,
         counted=(*tally.counted, (cycle.time_s, made.origin)) if recording.noise is not None else (),
     )
     return _watched(tally, recording.truth, cycle, recording.reports.ais, recording.silenced, sensors) if known else tally
@@ -114,6 +126,8 @@ def result(tally: Tally, recording: Recording, sensors: Sensors) -> dict[str, An
             "count": tally.fused.count,
         },
         "picture": {
+            "gospa_rms_m": float(np.sqrt(tally.gospa_squares_m2 / tally.instants)) if tally.instants else None,
+            "ospa_mean_m": tally.ospa_m / tally.instants if tally.instants else None,
             **(tally.dark.as_dict() if tally.dark else {}),
             **(tally.identities.as_dict() if tally.identities else {}),
         },

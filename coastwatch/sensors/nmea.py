@@ -27,6 +27,8 @@ TIME_OF_NEIGHBOUR = SET_ASIDE + "time missing, that of its neighbour taken"
 OWN_SHIP = SET_ASIDE + "own ship"
 CUT_FILE = "file cut short"
 
+REMEDY = "--set input.assume_start_utc=2026-07-01T12:00:00Z says when the first sentence was heard"
+
 GZIP_MAGIC = b"\x1f\x8b"
 
 
@@ -53,11 +55,21 @@ class Nmea(Method):
         Raises: ValueError where no record can be used.
         """
         reports, statics, faults = self.read()
-        return span_of(reports.received_s, statics.received_s, faults=faults)
+        return span_heard(reports.received_s, statics.received_s, faults=faults)
 
     def read(self) -> tuple[AisReports, AisStatics, tuple[Fault, ...]]:
         """All that the files say, in order of arrival."""
         return _read(self, fingerprint(self.files))
+
+
+def span_heard(*received_s: Floats, faults: tuple[Fault, ...]) -> tuple[float, float]:
+    """As `span_of`. Raises: ValueError, with the remedy where sentences have no time and so none can be used."""
+    try:
+        return span_of(*received_s, faults=faults)
+    except ValueError as error:
+        if not any(f.kind == TIME_MISSING for f in faults):
+            raise
+        raise ValueError(f"{error}; where no line says a time, {REMEDY}") from error
 
 
 class _Raw(NamedTuple):

@@ -26,9 +26,9 @@ from coastwatch.sensors.ais_table import AisColumns, AisTable, good_cells
 from coastwatch.sensors.arrival import arrive
 from coastwatch.sensors.cells import EMPTY_CELL, Table, read_table
 from coastwatch.sensors.faults import Tally
-from coastwatch.sensors.nmea import Nmea
+from coastwatch.sensors.nmea import Nmea, span_heard
 from coastwatch.sensors.places import fingerprint
-from coastwatch.sensors.recording import by_arrival, recording, span_of
+from coastwatch.sensors.recording import by_arrival, recording
 from coastwatch.stage import Method, Plan, Settings
 
 UNKNOWN_RADAR, UNKNOWN_SONAR = "unknown radar", "unknown sonar"
@@ -139,7 +139,7 @@ class Tables(Method):
                 received.append(_received(self, read_table(path, self.separator, Tally()), times, tally))
         heard = [feed.read() for feed in self._ais_feeds()]
         faults = tuple(f for _, _, some in heard for f in some) + tally.faults()
-        return span_of(*received, *(part.received_s for h in heard for part in h[:2]), faults=faults)
+        return span_heard(*received, *(part.received_s for h in heard for part in h[:2]), faults=faults)
 
     def _ais_feeds(self) -> list[AisTable | Nmea]:
         feeds: list[AisTable | Nmea] = []

@@ -94,10 +94,10 @@ def run_scenario(
             try:
                 run = _Run(scenario, sensors, recording, plan, kept, run_id, spread, watch, interrupted)
                 point, vessels = _cycles(run, point, say, on_cycle)
+                scores = result(point.tally, recording, sensors)
             except BaseException:
                 store.finish_run(kept, run_id, "failed", {}, recording.faults)
                 raise
-        scores = result(point.tally, recording, sensors)
         status = "interrupted" if interrupted.is_set() and point.cycle < plan.cycles else "finished"
         store.finish_run(kept, run_id, status, scores, recording.faults)
     return RunResult(
@@ -146,7 +146,7 @@ def _begin(
         found = store.resume_point(kept, scenario.name, seed, version(), scenario.model_dump(mode="json"))
         if found is not None:
             run_id, _, blob = found
-            return run_id, pickle.loads(blob)
+            return run_id, _point(blob, run_id)
     run_id = store.begin_run(
         kept,
         scenario=scenario.name,
@@ -160,6 +160,17 @@ def _begin(
         workers=workers or scenario.workers.count,
     )
     return run_id, Point(0, pipeline.start(scenario, sensors), start(sensors))
+
+
+def _point(blob: bytes, run_id: int) -> Point:
+    """The point of a checkpoint. It is unpickled, which runs what it says: resume from databases of one's own."""
+    try:
+        point = pickle.loads(blob)
+    except Exception as error:
+        raise ValueError(f"run {run_id}: its checkpoint is of other code ({error}); --restart begins again") from error
+    if not isinstance(point, Point):
+        raise ValueError(f"run {run_id}: its checkpoint holds a {type(point).__name__}; --restart begins again")
+    return point
 
 
 def _cycles(run: _Run, point: Point, say: Progress, on_cycle: OnCycle | None) -> tuple[Point, int]:

@@ -2,7 +2,8 @@
 
 The first line of a file is `-- <title>`; then comment lines say what comes back, and
 `-- parameter: radius_nm = 2, nautical miles around the position` declares a parameter with its default and meaning (`= required`
-where there is none). `:run` is a parameter of every question; its default is the latest run.
+where there is none). `:run` is a parameter of every question; its default is the latest run. What a value may be is decided by
+the parameter's name or its unit, the last word of the name: LIMITS.
 """
 
 from __future__ import annotations
@@ -20,6 +21,21 @@ from coastwatch.store.read import Rows, latest_run
 
 PARAMETER = re.compile(r"^-- parameter: (?P<name>\w+) = (?P<default>[^,]+), (?P<meaning>.+)$")
 Value = int | float | str
+
+LARGEST = 2**31 - 1  # both databases hold it, in every column
+LIMITS: dict[str, tuple[float, float]] = {
+    "run": (1, LARGEST),
+    "latitude_deg": (-90.0, 90.0),
+    "longitude_deg": (-180.0, 180.0),
+    **dict.fromkeys(("m", "nm", "kn", "seconds", "minutes", "cycles", "count"), (0, LARGEST)),
+}
+"""Lowest and highest value, by name or by unit."""
+
+MMSI = re.compile(r"[0-9]{9}")
+
+
+class ParameterError(StoreError):
+    """A value that a question cannot be asked with."""
 
 
 class Parameter(NamedTuple):
@@ -47,7 +63,7 @@ def operator_query(store: Store, name: str, parameters: Mapping[str, Any] | None
     """The answer to one question; the database is only read.
 
     Args: parameters: by name, as numbers or as text; what is not given has its default. `run`: the number of a run.
-    Raises: StoreError for an unknown name or parameter, a value of the wrong kind, or one that is missing.
+    Raises: StoreError for an unknown name or parameter; ParameterError for a value of the wrong kind, out of its limits, or missing.
     """
     known = operator_queries()
     if name not in known:
@@ -71,6 +87,11 @@ def operator_query(store: Store, name: str, parameters: Mapping[str, Any] | None
             return Rows(tuple(result.keys()), [tuple(row) for row in result])
         finally:
             connection.exec_driver_sql("PRAGMA query_only = OFF")
+
+
+def limits(key: str) -> tuple[float, float]:
+    """The lowest and the highest value of a parameter; without any where neither its name nor its unit is known."""
+    return LIMITS.get(key) or LIMITS.get(key.rsplit("_", 1)[-1], (float("-inf"), float("inf")))
 
 
 def _read(path: Path) -> Question:
@@ -103,12 +124,18 @@ def _value(question: str, key: str, given: Any, default: Value | None) -> Value:
     """What was given as the kind of number that the default is; the default where nothing was given."""
     if given is None:
         if default is None:
-            raise StoreError(f"query {question}: parameter {key} has no default: needed a number")
+            raise ParameterError(f"query {question}: parameter {key} has no default: needed a number")
         return default
+    if key == "mmsi" and not MMSI.fullmatch(f"{given:09d}" if isinstance(given, int) else str(given)):
+        raise ParameterError(f"query {question}: parameter {key}: got {given!r}, needed nine digits")
     value = _number(given) if isinstance(given, str) else given
     wants_number = not isinstance(default, str)
     if wants_number and (isinstance(value, str) or value != value or value in (float("inf"), float("-inf"))):
-        raise StoreError(f"query {question}: parameter {key}: got {given!r}, needed a number")
+        raise ParameterError(f"query {question}: parameter {key}: got {given!r}, needed a number")
     if isinstance(default, int) and value != int(value):
-        raise StoreError(f"query {question}: parameter {key}: got {given!r}, needed a whole number")
+        raise ParameterError(f"query {question}: parameter {key}: got {given!r}, needed a whole number")
+    low, high = limits(key)
+    if not isinstance(value, str) and not low <= value <= high:
+        needed = f"{low:g} or more" if value < low and high == LARGEST else f"{low:g} to {high:.10g}"
+        raise ParameterError(f"query {question}: parameter {key}: got {given!r}, needed {needed}")
     return int(value) if isinstance(default, int) else float(value) if isinstance(default, float) else value

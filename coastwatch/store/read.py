@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -113,8 +114,10 @@ def picture(store: Store, run_id: int, at_s: float | None = None, bbox: Box | No
         before = and_(Cycle.run_id == run_id, Cycle.history_kept.is_(True), Cycle.time_s <= at_s)
         cycle = connection.scalar(select(func.max(Cycle.number)).where(before))
         if cycle is None:
-            first = connection.scalar(select(func.min(Cycle.time_s)).where(Cycle.run_id == run_id))
-            raise StoreError(f"{store.where}: run {run_id} holds nothing up to {at_s:.0f} s, its first cycle is at {first} s")
+            kept = and_(Cycle.run_id == run_id, Cycle.history_kept.is_(True))
+            first_s = connection.scalar(select(func.min(Cycle.time_s)).where(kept))
+            has = "it has no cycle yet" if first_s is None else f"its first kept cycle is at {_utc(first_s)}"
+            raise StoreError(f"{store.where}: run {run_id} holds nothing up to {_utc(at_s)}, {has}")
         return _with_sources(connection, run_id, cycle, _rows(connection, _past(run_id, cycle, bbox)))
 
 
@@ -169,6 +172,10 @@ def timings(store: Store, run_id: int) -> Rows:
         figures = (np.median(ms), np.percentile(ms, 99), ms.max(), ms.sum(), ms.sum() / 1e3 / everything)
         out.append((stage, len(rows), *(float(x) for x in figures), sum(yielded) / len(yielded) if yielded else None))
     return Rows(("stage", "cycles", "median_ms", "p99_ms", "longest_ms", "total_ms", "share", "rows"), out)
+
+
+def _utc(time_s: float) -> str:
+    return datetime.fromtimestamp(time_s, UTC).isoformat().replace("+00:00", "Z")
 
 
 def _run_exists(connection: Connection, store: Store, run_id: int) -> None:

@@ -139,7 +139,8 @@ def test_without_known_origins_nothing_is_decided():
         bearing_tracks=replace(unknown.bearing_tracks, origin=np.full(len(unknown.bearing_tracks), -1)),
     )
     scores = result(over([unknown]), replace(MADE, noise=None), WITH_STATION)
-    assert scores["associations"] == scores["bearing_associations"] == scores["picture"] == {}
+    assert scores["associations"] == scores["bearing_associations"] == {}
+    assert scores["picture"] == {"gospa_rms_m": 0.0, "ospa_mean_m": 0.0}, "places are compared whoever is where"
     assert scores["fused_tracks"]["position_rmse_m"] is None
     assert scores["fused_tracks"]["bound_position_rmse_m"] is None
 

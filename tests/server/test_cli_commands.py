@@ -115,13 +115,42 @@ def test_every_question_has_an_answer(ran: tuple[str, dict[str, Any], Path], cap
 
 @pytest.mark.parametrize(
     ("arguments", "wanted"),
-    [(["sunken"], "sunken"), (["fastest", "--set", "knots=3"], "knots"), (["history_of_mmsi"], "mmsi")],
+    [
+        (["sunken"], "sunken"),
+        (["fastest", "--set", "knots=3"], "knots"),
+        (["history_of_mmsi"], "mmsi"),
+        (["history_of_mmsi", "--set", "mmsi=12345"], "parameter mmsi: got '12345', needed nine digits"),
+        (["fastest", "--set", "count=-1"], "parameter count: got '-1', needed 0 or more"),
+        (["fastest", "--run", "0"], "parameter run: got '0', needed 1 or more"),
+        (["fastest", "--run", "1", "--set", "run=2"], "--run 1 and --set run=2"),
+        (
+            ["near_position", "--set", "latitude_deg=91", "--set", "longitude_deg=0"],
+            "parameter latitude_deg: got '91', needed -90 to 90",
+        ),
+    ],
 )
 def test_a_wrong_question_is_bad_input(
     arguments: list[str], wanted: str, ran: tuple[str, dict[str, Any], Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["query", *arguments, "--db", ran[0]]) == 2
     assert wanted in capsys.readouterr().err
+
+
+def test_a_question_of_a_run(ran: tuple[str, dict[str, Any], Path], capsys: pytest.CaptureFixture[str]) -> None:
+    url, made, _ = ran
+    latest = answer(["query", "fastest", "--db", url], capsys)
+    assert answer(["query", "fastest", "--db", url, "--run", str(made["run_id"])], capsys) == latest
+    assert answer(["query", "fastest", "--db", url, "--set", f"run={made['run_id']}"], capsys) == latest
+    assert main(["query", "fastest", "--db", url, "--run", "99"]) == 1
+    assert "there is no run 99" in capsys.readouterr().err
+
+
+def test_a_picture_before_the_first_cycle_names_it_in_utc(
+    ran: tuple[str, dict[str, Any], Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["picture", "--db", ran[0], "--at", "2025-06-01T11:00:00Z"]) == 1
+    said = "holds nothing up to 2025-06-01T11:00:00Z, its first kept cycle is at 2025-06-01T12:00:03Z\n"
+    assert capsys.readouterr().err.endswith(said)
 
 
 def test_a_plot(ran: tuple[str, dict[str, Any], Path], capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -141,6 +170,7 @@ def test_a_database_is_checked_and_made(
     capsys.readouterr()
     answer(["db", "upgrade", "--db", url], capsys)
     answer(["db", "check", "--db", url], capsys)
+    answer(["db", "check", "--db", str(tmp_path / "new.db")], capsys)  # a path names the same database
     assert main(["picture", "--db", url]) == 1
     assert capsys.readouterr().err.count("\n") == 1
 

@@ -86,7 +86,7 @@ def outcome(**changed: Any) -> Any:
 def a_scenario() -> Any:
     radar = types.SimpleNamespace(region="bay")
     return types.SimpleNamespace(
-        name="x", title="A trial", seed=5, period_s=3.0, radars=(radar,), stations=(), sonars=(radar, radar)
+        name="x", title="A trial", seed=5, period_s=3.0, radars=(radar,), stations=(), sonars=(radar, radar), input=None
     )
 
 
@@ -114,6 +114,14 @@ def test_the_summary_is_for_people() -> None:
     for wanted in ("3 x checksum: a.nmea:17", "sqlite:///x.db", "coastwatch plot"):
         assert wanted in text
     assert "nan" not in text
+
+
+def test_the_summary_counts_the_files_that_were_given() -> None:
+    scenario = a_scenario()
+    scenario.radars = scenario.sonars = ()
+    assert "sources: none" in summary.as_text(scenario, outcome())
+    scenario.input = types.SimpleNamespace(nmea=("a", "b"), ais=("c",), plots=(), bearings=("d", "e"))
+    assert "sources: 1 AIS table, 2 NMEA files, 2 tables of bearings\n" in summary.as_text(scenario, outcome())
 
 
 @pytest.mark.parametrize(

@@ -87,7 +87,18 @@ def test_radar_ais_and_bearings_become_two_ships(files: Path, capsys: pytest.Cap
         (["--bearings", "bearings.csv"], "--sonar"),
         (["--plots", "plots.csv", "--radar", "hill,-17.0"], "needed name"),
         (["--plots", "plots.csv", "--radar", "hill,-17.0,x,12"], "hill"),
-        (["--plots", "plots.csv", "--radar", "hill,95,179,12,20"], "latitude"),
+        (
+            ["--plots", "plots.csv", "--radar", "hill,-17.0,179,12"],
+            "4 values, needed name,latitude_deg,longitude_deg,range_nm,rpm[",
+        ),
+        (["--plots", "plots.csv", "--radar", "hill,95,179,12,20"], "--radar hill: latitude_deg: got 95.0"),
+        (["--plots", "plots.csv", RADAR, RADAR], "--radar: got the name 'hill' 2 times, needed it once\n"),
+        (["--ais", "empty.nmea"], "empty.nmea: is neither NMEA 0183 nor a table: got an empty file"),
+        (["--ais", "random.log"], "random.log: is neither NMEA 0183 nor a table: got bytes that are no text"),
+        (["--ais", "random.parquet"], "random.parquet: is neither NMEA 0183 nor a table"),
+        (["--ais", "random.gz"], "random.gz: got gzip that cannot be unpacked"),
+        (["--plots", "random.log", RADAR], "random.log: is no table"),
+        (["--ais", "untimed.nmea"], "--set input.assume_start_utc=2026-07-01T12:00:00Z"),
         (["--plots", "plots.csv", RADAR], "when"),
         (["--plots", "plots.csv", RADAR, "--columns", "time=when,mmsi=ship"], "mmsi"),
         (["--ais", "nothing.csv"], "nothing.csv"),
@@ -100,6 +111,10 @@ def test_what_is_wrong_is_named(
     arguments: list[str], wanted: str, files: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(files)
+    noise = np.random.default_rng([SEED, 2, 0]).bytes(3000)
+    contents = {"empty.nmea": b"", "untimed.nmea": SENTENCE.encode(), "random.gz": b"\x1f\x8b" + noise}
+    for name, content in {**contents, "random.log": noise, "random.parquet": noise}.items():
+        (files / name).write_bytes(content)
     assert main(["fuse", *arguments]) == 2
     err = capsys.readouterr().err
     assert wanted in err

@@ -267,12 +267,6 @@ def test_no_vessels_give_an_empty_picture(tmp_path: Path) -> None:
     assert check(url(path)) == []
 
 
-unfinished_bound = pytest.mark.xfail(
-    raises=IndexError, strict=True, reason="scores.bound._of_vessels indexes an empty array where no vessel was ever fused"
-)
-
-
-@unfinished_bound
 def test_clutter_alone(tmp_path: Path) -> None:
     path = tmp_path / "x.db"
     run(path, small(input__count="0", input__radar__clutter_per_m2="5e-7", tracks__plot_origin="estimated"))
@@ -280,7 +274,6 @@ def test_clutter_alone(tmp_path: Path) -> None:
     assert column(path, "SELECT status FROM run") == ["finished"]
 
 
-@unfinished_bound
 @pytest.mark.parametrize("without", [{"input__ais__share": "0.0"}, {"radars": "[]"}], ids=["AIS", "radars"])
 def test_where_nothing_can_be_fused_the_rest_is_scored(without: dict[str, str], tmp_path: Path) -> None:
     path = tmp_path / "x.db"

@@ -19,6 +19,7 @@ from coastwatch.geodesy import KNOT_M_S, offset_deg
 from coastwatch.shipped import operator_queries_folder
 from coastwatch.store import INSTANTS, Store, StoreError
 from coastwatch.store.opening import writing
+from coastwatch.store.questions import limits
 
 CYCLES = 40
 LAST_S = world.instant_s(CYCLES - 1)
@@ -195,6 +196,15 @@ def test_another_run_may_be_asked(store: Store) -> None:
         ("fastest", {"run": "last"}, "parameter run: got 'last', needed a number"),
         ("near_position", {"latitude_deg": 1.0}, "parameter longitude_deg has no default"),
         ("near_position", {"latitude_deg": "nan", "longitude_deg": 0}, "parameter latitude_deg: got 'nan'"),
+        ("near_position", {"latitude_deg": -91, "longitude_deg": 0}, "parameter latitude_deg: got -91, needed -90 to 90"),
+        ("near_position", {"latitude_deg": 0, "longitude_deg": "181"}, "longitude_deg: got '181', needed -180 to 180"),
+        ("near_position", {"latitude_deg": 0, "longitude_deg": 0, "radius_nm": -2}, "radius_nm: got -2, needed 0 or more"),
+        ("fastest", {"count": 10**20}, "parameter count: got 100000000000000000000, needed 0 to 2147483647"),
+        ("fastest", {"min_sog_kn": -1}, "got parameter min_sog_kn"),
+        ("dark_vessels", {"min_sog_kn": "-0.5"}, "parameter min_sog_kn: got '-0.5', needed 0 or more"),
+        ("silent", {"seconds": -1.0}, "parameter seconds: got -1.0, needed 0 or more"),
+        ("history_of_mmsi", {"mmsi": "71000000"}, "parameter mmsi: got '71000000', needed nine digits"),
+        ("history_of_mmsi", {"mmsi": 7_100_000_020}, "parameter mmsi: got 7100000020, needed nine digits"),
     ],
 )
 def test_a_wrong_question_is_answered_with_what_is_needed(
@@ -244,7 +254,9 @@ def test_cells_find_every_pair(tmp_path: Path, within_m: float) -> None:
 def test_a_run_without_cycles_has_no_answers_and_no_errors(url: str) -> None:
     given = {"latitude_deg": 0.0, "longitude_deg": 0.0, "mmsi": 710_000_001}
     with kept.open_store(url) as store:
-        world.begin(store)
+        run = world.begin(store)
+        with pytest.raises(StoreError, match="holds nothing up to 2025-06-01T00:00:00Z, it has no cycle yet"):
+            kept.picture(store, run, 1_748_736_000.0)
         for name, question in kept.operator_queries().items():
             required = {key: given[key] for key, parameter in question.parameters.items() if parameter.default is None}
             found = kept.operator_query(store, name, required)
@@ -263,6 +275,7 @@ def test_questions_are_written_as_questions_are_written() -> None:
         assert used == set(question.parameters) | {"run"}, name
         assert max(map(len, written.splitlines())) <= 128, name
         assert all(parameter.meaning for parameter in question.parameters.values())
+        assert all(key == "mmsi" or limits(key)[1] < float("inf") for key in question.parameters), f"{name}: no limits"
 
 
 def test_times_are_instants_or_lengths(store: Store) -> None:

@@ -12,7 +12,10 @@ Box = tuple[float, float, float, float]
 
 def add_db(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--db", metavar="URL", default=DEFAULT_DB, help=f"database, any SQLAlchemy URL (default: {DEFAULT_DB}, in this folder)"
+        "--db",
+        metavar="URL",
+        default=DEFAULT_DB,
+        help=f"database: SQLAlchemy URL, or a path of an SQLite file (default: {DEFAULT_DB}, in this folder)",
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from typing import Any
 
 from coastwatch.operators.bad_input import BadInput
@@ -13,6 +12,7 @@ from coastwatch.operators.cli.runs import add_running, carry_out
 RADAR = ("name", "latitude_deg", "longitude_deg", "range_nm", "rpm", "range_noise_m", "azimuth_noise_deg")
 STATION = ("name", "latitude_deg", "longitude_deg", "range_nm")
 SONAR = ("name", "latitude_deg", "longitude_deg", "range_nm", "bearing_noise_deg")
+NEEDED = {RADAR: 5, STATION: 4, SONAR: 4}
 
 TEXT = """\
 Fuse recorded files into one stored picture; no scenario is needed. What the files hold is found out by looking into them."""
@@ -46,21 +46,28 @@ def add(commands: Any) -> None:
     fuse.set_defaults(act=_fuse)
 
 
-def _spec(what: str, names: Sequence[str]) -> str:
-    return f'{what}: "{",".join(names)}"; what is left off at the end takes its default; repeatable'
+def _spec(what: str, names: tuple[str, ...]) -> str:
+    left_off = "" if len(names) == NEEDED[names] else "; what is in brackets may be left off and takes its default"
+    return f'{what}: "{_form(names)}"{left_off}; repeatable'
 
 
-def _of(names: Sequence[str]) -> Any:
+def _form(names: tuple[str, ...]) -> str:
+    """How the value of an option is written: name,...,rpm[,range_noise_m[,azimuth_noise_deg]]."""
+    needed, more = names[: NEEDED[names]], names[NEEDED[names] :]
+    return ",".join(needed) + "".join(f"[,{name}" for name in more) + "]" * len(more)
+
+
+def _of(names: tuple[str, ...]) -> Any:
     """A function from text such as "north,50.7,-1.2,12" to the settings of a sensor."""
 
     def read(text: str) -> dict[str, Any]:
         parts = [part.strip() for part in text.split(",")]
-        if not 4 <= len(parts) <= len(names):
-            raise argparse.ArgumentTypeError(f"got {text!r}, needed {','.join(names)}")
+        if not NEEDED[names] <= len(parts) <= len(names):
+            raise argparse.ArgumentTypeError(f"got {text!r}, {len(parts)} values, needed {_form(names)}")
         try:
             return {names[0]: parts[0], **{n: float(p) for n, p in zip(names[1:], parts[1:], strict=False)}}
         except ValueError as error:
-            raise argparse.ArgumentTypeError(f"got {text!r}: {error}; needed {','.join(names)}") from None
+            raise argparse.ArgumentTypeError(f"got {text!r}: {error}; needed {_form(names)}") from None
 
     return read
 
@@ -79,6 +86,7 @@ def _fuse(options: argparse.Namespace) -> int:
     from coastwatch.operators import recorded
     from coastwatch.scenario import make_scenario
 
+    recorded.check_sensors(options.radar, options.station, options.sonar)
     sensors = {"radars": options.radar, "stations": options.station, "sonars": options.sonar}
     files = recorded.Files(tuple(options.ais), options.plots, options.bearings, options.columns)
     document = recorded.document(files, sensors, options.period)

@@ -7,6 +7,13 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 PERCENT = ("f1", "precision", "recall", "accuracy", "specificity")
+INPUTS = (
+    ("ais", "AIS table"),
+    ("nmea", "NMEA file"),
+    ("files", "AIS file"),
+    ("plots", "table of plots"),
+    ("bearings", "table of bearings"),
+)
 COUNTS = ("tp", "fn", "fp", "tn")
 
 
@@ -66,8 +73,14 @@ def _sources(scenario: Any) -> str:
         (len(scenario.radars), "radar", f" in {len({r.region for r in scenario.radars})} region(s)"),
         (len(scenario.stations), "AIS station", ""),
         (len(scenario.sonars), "bearing sensor", ""),
+        *((len(files), name, "") for key, name in INPUTS if isinstance(files := getattr(scenario.input, key, ()), tuple)),
     ]
-    return ", ".join(f"{n} {name}{'s' if n > 1 else ''}{rest}" for n, name, rest in parts if n) or "none"
+    return ", ".join(f"{n} {_several(name) if n > 1 else name}{rest}" for n, name, rest in parts if n) or "none"
+
+
+def _several(name: str) -> str:
+    first, of, rest = name.partition(" of ")
+    return f"{first}s{of}{rest}"
 
 
 def _scores(scores: Mapping[str, Any]) -> Iterator[str]:
