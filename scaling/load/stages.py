@@ -30,8 +30,9 @@ def table(name: str, result: RunResult, period_s: float) -> str:
         rows.append(
             f"  {stage:<22} median {1e3 * t['median']:8.2f} ms   p99 {1e3 * t['p99']:8.2f} ms   {100 * t['share']:5.1f} %"
         )
+    without, share = ", ".join(BESIDES), 100 * compute / period_s
     rows.append(
-        f"  compute (sum of medians, without {', '.join(BESIDES)}) {1e3 * compute:.1f} ms = {100 * compute / period_s:.2f} % of the period of {period_s:g} s"
+        f"  compute (sum of medians, without {without}) {1e3 * compute:.1f} ms = {share:.2f} % of the period of {period_s:g} s"
     )
     return "\n".join(rows)
 

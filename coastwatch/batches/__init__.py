@@ -1,0 +1,92 @@
+"""Every kind of data that flows: shapes, units, axis letters. The first file to read.
+
+Axis letters, fixed once:
+    M reports or plots      N tracks          V vessels (truth, fused, picture)     A associated pairs
+    K spots                 W window          L members (track in vessel)           H halo entries
+    T instants              J models of an IMM (kernels only)
+
+Positions are latitude, longitude in degrees (WGS 84); velocities are metres a second east, north; times are seconds since
+the Unix epoch, UTC. A covariance of a track is of east, north, east rate, north rate in the local tangent plane at the track.
+An absent value is NaN, or -1 for a number that names something. `origin` is the number of the true vessel behind a row where
+input is simulated, -1 elsewhere: scores read it, methods do not (one that does says "known origin" in its name of setting).
+"""
+
+from coastwatch.batches.reports import (
+    AisReports,
+    AisStatics,
+    BearingReports,
+    Fault,
+    Noise,
+    RadarReports,
+    Recording,
+    Reports,
+    Trajectories,
+    Truth,
+)
+from coastwatch.batches.sensors import (
+    Radars,
+    Sensors,
+    Sonars,
+    SourceKind,
+    Stations,
+)
+from coastwatch.batches.struct import (
+    Array,
+    Batch,
+    Bools,
+    Floats,
+    Ints,
+    Struct,
+    column,
+)
+from coastwatch.batches.yields import (
+    AisAlarms,
+    Associations,
+    BearingAssociations,
+    BearingTracks,
+    Flag,
+    FusedTracks,
+    Members,
+    Octants,
+    Picture,
+    Plots,
+    Spots,
+    Tracks,
+)
+
+__all__ = [
+    "AisAlarms",
+    "AisReports",
+    "AisStatics",
+    "Array",
+    "Associations",
+    "Batch",
+    "BearingAssociations",
+    "BearingReports",
+    "BearingTracks",
+    "Bools",
+    "Fault",
+    "Flag",
+    "Floats",
+    "FusedTracks",
+    "Ints",
+    "Members",
+    "Noise",
+    "Octants",
+    "Picture",
+    "Plots",
+    "RadarReports",
+    "Radars",
+    "Recording",
+    "Reports",
+    "Sensors",
+    "Sonars",
+    "SourceKind",
+    "Spots",
+    "Stations",
+    "Struct",
+    "Tracks",
+    "Trajectories",
+    "Truth",
+    "column",
+]

@@ -1,0 +1,79 @@
+"""Who says it: sensors by their specification."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from coastwatch.batches.struct import Array, Batch, Floats, Ints, column
+
+
+@dataclass(frozen=True, eq=False)
+class Radars(Batch):
+    """Radars by their specification."""
+
+    name: Array = column("U32", "R")
+    region: Ints = column(np.int64, "R")
+    site_deg: Floats = column(np.float64, "R", 2)  # at the start, where the platform moves
+    range_m: Floats = column(np.float64, "R")
+    period_s: Floats = column(np.float64, "R")  # of one turn
+    range_sigma_m: Floats = column(np.float64, "R")
+    azimuth_sigma_rad: Floats = column(np.float64, "R")
+
+
+@dataclass(frozen=True, eq=False)
+class Stations(Batch):
+    """AIS receivers: where AIS would be heard."""
+
+    name: Array = column("U32", "R")
+    site_deg: Floats = column(np.float64, "R", 2)
+    range_m: Floats = column(np.float64, "R")
+
+
+@dataclass(frozen=True, eq=False)
+class Sonars(Batch):
+    """Sensors of bearings by their specification."""
+
+    name: Array = column("U32", "R")
+    site_deg: Floats = column(np.float64, "R", 2)
+    range_m: Floats = column(np.float64, "R")
+    bearing_sigma_rad: Floats = column(np.float64, "R")
+    interval_s: Floats = column(np.float64, "R")
+    arc_from_deg: Floats = column(np.float64, "R")  # clockwise to arc_to_deg; 0 to 360 is all round
+    arc_to_deg: Floats = column(np.float64, "R")
+
+
+@dataclass(frozen=True, eq=False)
+class Sensors:
+    """All sensors of a scenario. Sources of tracks are numbered: regions first, then AIS, then one for each sonar."""
+
+    radars: Radars
+    stations: Stations
+    sonars: Sonars
+    region_names: tuple[str, ...]
+    region_origin_deg: Floats  # (regions, 2)
+
+    @property
+    def ais_source(self) -> int:
+        return len(self.region_names)
+
+    def sonar_source(self, sonar: int) -> int:
+        return len(self.region_names) + 1 + sonar
+
+    @property
+    def source_names(self) -> tuple[str, ...]:
+        return (*self.region_names, "ais", *(str(n) for n in self.sonars.name))
+
+    @property
+    def source_kinds(self) -> Ints:
+        """SourceKind of each source."""
+        kinds = [0] * len(self.region_names) + [1] + [2] * len(self.sonars)
+        return np.array(kinds, np.int64)
+
+
+class SourceKind(IntEnum):
+    RADAR = 0  # tracks of a region's radars
+    AIS = 1
+    BEARING = 2

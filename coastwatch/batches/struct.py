@@ -1,0 +1,74 @@
+"""Frozen structs of arrays whose shapes are checked when they are made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+
+def column(dtype: Any, *shape: str | int) -> Any:
+    """A field that holds an array of this dtype and shape; a letter in the shape is one size throughout the struct."""
+    return field(metadata={"dtype": np.dtype(dtype), "shape": shape})
+
+
+@dataclass(frozen=True, eq=False)
+class Struct:
+    """Arrays that belong together, checked when made.
+
+    Raises: TypeError or ValueError that names the field, what it got and what it needed.
+    """
+
+    def __post_init__(self) -> None:
+        sizes: dict[str, int] = {}
+        for f in fields(self):
+            if "shape" not in f.metadata:
+                continue
+            self._check(f.name, getattr(self, f.name), f.metadata["dtype"], f.metadata["shape"], sizes)
+
+    def _check(self, name: str, got: Any, dtype: np.dtype[Any], shape: tuple[str | int, ...], sizes: dict[str, int]) -> None:
+        where = f"{type(self).__name__}.{name}"
+        if not isinstance(got, np.ndarray):
+            raise TypeError(f"{where}: got {type(got).__name__}, needed an array")
+        if got.dtype.kind != dtype.kind or (dtype.kind != "U" and got.dtype != dtype):
+            raise TypeError(f"{where}: got dtype {got.dtype}, needed {dtype}")
+        need = tuple(sizes.get(s, "any") if isinstance(s, str) else s for s in shape)
+        if got.ndim != len(shape) or any(n not in ("any", g) for n, g in zip(need, got.shape, strict=True)):
+            raise ValueError(f"{where}: got shape {got.shape}, needed {shape} with {sizes}")
+        sizes.update({s: g for s, g in zip(shape, got.shape, strict=True) if isinstance(s, str)})
+
+
+@dataclass(frozen=True, eq=False)
+class Batch(Struct):
+    """A Struct whose every column has the same first axis: rows can be counted, taken and joined."""
+
+    def __len__(self) -> int:
+        return len(getattr(self, fields(self)[0].name))
+
+    def take(self, rows: Array) -> Self:
+        """The rows at these indices or under this mask, in that order."""
+        return type(self)(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+
+    @classmethod
+    def join(cls, parts: list[Self]) -> Self:
+        """The rows of all parts, one after the other; no part gives an empty batch."""
+        if not parts:
+            return cls.empty()
+        return cls(**{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)})
+
+    @classmethod
+    def empty(cls, **sizes: int) -> Self:
+        """No rows. Letters other than the first take their size from the arguments, 0 where not given."""
+        made = {}
+        for f in fields(cls):
+            shape = f.metadata["shape"]
+            rest = [s if isinstance(s, int) else sizes.get(s, 0) for s in shape[1:]]
+            made[f.name] = np.zeros((0, *rest), f.metadata["dtype"])
+        return cls(**made)

@@ -1,0 +1,165 @@
+"""What the stages make of reports, in the order of the flow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntFlag
+
+import numpy as np
+
+from coastwatch.batches.struct import Batch, Bools, Floats, Ints, Struct, column
+
+
+@dataclass(frozen=True, eq=False)
+class Plots(Batch):
+    """Radar reports in the plane of a region (metres east and north of its origin), in order of arrival."""
+
+    sensor: Ints = column(np.int64, "M")
+    region: Ints = column(np.int64, "M")
+    time_s: Floats = column(np.float64, "M")
+    position_m: Floats = column(np.float64, "M", 2)
+    covariance: Floats = column(np.float64, "M", 2, 2)
+    site_m: Floats = column(np.float64, "M", 2)
+    origin: Ints = column(np.int64, "M")
+
+
+@dataclass(frozen=True, eq=False)
+class Tracks(Batch):
+    """Confirmed tracks of any source that have a position, all predicted to one time."""
+
+    track_id: Ints = column(np.int64, "N")  # never reused
+    source: Ints = column(np.int64, "N")  # index into the scenario's sources
+    time_s: Floats = column(np.float64, "N")
+    position_deg: Floats = column(np.float64, "N", 2)
+    velocity_m_s: Floats = column(np.float64, "N", 2)
+    covariance: Floats = column(np.float64, "N", 4, 4)  # NaN where the source gives none
+    report_covariance: Floats = column(np.float64, "N", 2, 2)  # of one report of the sensor at this place, by its specification
+    updated_s: Floats = column(np.float64, "N")  # of the newest report in the track
+    started_s: Floats = column(np.float64, "N")
+    mmsi: Ints = column(np.int64, "N")  # -1 where there is none
+    origin: Ints = column(np.int64, "N")
+
+    def known_covariance(self, velocity_sigma_m_s: float) -> Floats:
+        """The covariances, and where a source gives none that of one report and of a velocity known so well. (N, 4, 4)"""
+        out = self.covariance.copy()
+        unknown = ~np.isfinite(out).all(axis=(1, 2))
+        if unknown.any():
+            made = np.zeros((int(unknown.sum()), 4, 4))
+            made[:, :2, :2] = self.report_covariance[unknown]
+            made[:, 2, 2] = made[:, 3, 3] = velocity_sigma_m_s**2
+            out[unknown] = made
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class AisAlarms(Batch):
+    """What is odd about AIS tracks; one row a track of the Tracks of the same step."""
+
+    track_id: Ints = column(np.int64, "N")
+    mmsi: Ints = column(np.int64, "N")
+    impossible_speed: Bools = column(np.bool_, "N")  # a report lately needed a speed that no ship has
+    twice: Bools = column(np.bool_, "N")  # its MMSI is heard from two places
+
+
+@dataclass(frozen=True, eq=False)
+class BearingTracks(Batch):
+    """Tracks that have only a bearing, with the newest W bearings behind them, oldest first, NaN before the first."""
+
+    track_id: Ints = column(np.int64, "N")
+    source: Ints = column(np.int64, "N")
+    time_s: Floats = column(np.float64, "N")
+    bearing_rad: Floats = column(np.float64, "N")  # clockwise from true north, -pi..pi
+    rate_rad_s: Floats = column(np.float64, "N")
+    covariance: Floats = column(np.float64, "N", 2, 2)  # of bearing and rate
+    site_deg: Floats = column(np.float64, "N", 2)
+    updated_s: Floats = column(np.float64, "N")
+    started_s: Floats = column(np.float64, "N")
+    window_time_s: Floats = column(np.float64, "N", "W")
+    window_bearing_rad: Floats = column(np.float64, "N", "W")
+    window_site_deg: Floats = column(np.float64, "N", "W", 2)
+    origin: Ints = column(np.int64, "N")
+
+
+@dataclass(frozen=True, eq=False)
+class Spots(Struct):
+    """Groups of neighbouring tracks. Each track is a member of one spot and may stand in the halo of others."""
+
+    centre_m: Floats = column(np.float64, "K", 3)  # Earth-centred
+    spot: Ints = column(np.int64, "N")  # of each track row
+    halo_spot: Ints = column(np.int64, "H")  # sorted
+    halo_row: Ints = column(np.int64, "H")
+
+
+@dataclass(frozen=True, eq=False)
+class Octants(Struct):
+    """For each sensor of bearings, which bearing tracks may be compared with which vessels: pairs of rows, sorted."""
+
+    bearing_row: Ints = column(np.int64, "A")
+    vessel_row: Ints = column(np.int64, "A")
+    octant: Ints = column(np.int64, "A")  # sensor * 8 + sector
+
+
+@dataclass(frozen=True, eq=False)
+class Associations(Struct):
+    """Which tracks are the same vessel."""
+
+    first: Ints = column(np.int64, "A")  # row of a track
+    second: Ints = column(np.int64, "A")  # row of its partner, of another source
+    statistic: Floats = column(np.float64, "A")  # the method's own; its docstring says of what
+    vessel: Ints = column(np.int64, "N")  # of each track row: 0..V-1, every vessel has at least one track
+
+
+@dataclass(frozen=True, eq=False)
+class FusedTracks(Batch):
+    """One row for each `Associations.vessel`: the estimate from all of its tracks."""
+
+    time_s: Floats = column(np.float64, "V")
+    position_deg: Floats = column(np.float64, "V", 2)
+    velocity_m_s: Floats = column(np.float64, "V", 2)
+    covariance: Floats = column(np.float64, "V", 4, 4)
+
+
+@dataclass(frozen=True, eq=False)
+class BearingAssociations(Struct):
+    """Which bearing track is which vessel."""
+
+    bearing_row: Ints = column(np.int64, "A")
+    vessel_row: Ints = column(np.int64, "A")
+    statistic: Floats = column(np.float64, "A")
+    sensor_bias_rad: Floats = column(np.float64, "K")  # the bearing offset of each bearing source, as calibrated so far
+
+
+@dataclass(frozen=True, eq=False)
+class Picture(Batch):
+    """Each vessel once."""
+
+    vessel_id: Ints = column(np.int64, "V")  # never an MMSI, never reused
+    time_s: Floats = column(np.float64, "V")
+    position_deg: Floats = column(np.float64, "V", 2)
+    velocity_m_s: Floats = column(np.float64, "V", 2)
+    covariance: Floats = column(np.float64, "V", 4, 4)
+    since_s: Floats = column(np.float64, "V")  # when the vessel was first seen
+    updated_s: Floats = column(np.float64, "V")  # newest report of any source
+    mmsi: Ints = column(np.int64, "V")  # -1 where there is none
+    flags: Ints = column(np.int64, "V")  # sum of Flag
+    origin: Ints = column(np.int64, "V")
+
+
+@dataclass(frozen=True, eq=False)
+class Members(Batch):
+    """Which tracks of which sources are in which vessel of the picture, sorted by vessel_id, then source."""
+
+    vessel_id: Ints = column(np.int64, "L")
+    track_id: Ints = column(np.int64, "L")
+    source: Ints = column(np.int64, "L")
+
+
+class Flag(IntFlag):
+    """What an operator should look at."""
+
+    DARK = 1  # radar sees it inside AIS coverage, no AIS
+    AIS_WITHOUT_RADAR = 2  # AIS says it is there, a radar that should see it does not
+    AIS_CONTRADICTED = 4  # AIS and radar of one vessel have come apart
+    MMSI_TWICE = 8  # its MMSI is heard from two places
+    IMPOSSIBLE_SPEED = 16  # consecutive AIS reports need a speed no ship has
+    COASTING = 32  # no track supports it now; predicted
