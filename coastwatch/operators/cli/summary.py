@@ -142,7 +142,7 @@ def _timings(timings_s: Mapping[str, Any], period_s: float) -> Iterator[str]:
 
 def _faults(faults: Any) -> Iterator[str]:
     if faults:
-        yield "records refused, by kind, with the first of each"
+        yield "records refused or set aside, by kind, with the first of each"
         for f in faults:
             yield f"  {f.count:>8} x {f.kind}: {f.where}" + (f": {f.example}" if f.example else "")
 
