@@ -89,7 +89,7 @@ def _newest(connection: Connection, run_id: int, where: str) -> Newest:
     """What the database holds of the newest cycle; the run is marked as running."""
     running = connection.execute(update(Run).where(Run.id == run_id).values(status="running", finished_utc=None))
     if running.rowcount == 0:
-        raise StoreError(f"{where}: there is no run {run_id}")
+        raise StoreError(f"{where}: there is no run {run_id}; another process may have restarted it")
     cycle = connection.scalar(select(func.max(CycleRow.number)).where(CycleRow.run_id == run_id))
     members = select(Member.vessel_id, Member.source, Member.track_id).where(Member.run_id == run_id)
     vessels = select(Presence.vessel_id).where(Presence.run_id == run_id, Presence.to_cycle.is_(None))
