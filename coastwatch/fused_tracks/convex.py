@@ -7,9 +7,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import Associations, FusedTracks, Ints, Tracks
-from coastwatch.fused_tracks.membership import rounds
-from coastwatch.geodesy import difference_m, offset_deg
+from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Tracks
+from coastwatch.fused_tracks.pairwise import combined
 from coastwatch.stage import Method, NoMemory
 
 
@@ -40,19 +39,14 @@ class Convex(Method):
         together = np.bincount(associations.vessel, minlength=1)[associations.vessel] > 1
         doubted = together & (tracks.mmsi < 0)
         covariance[doubted, :2, :2] += self.registration * tracks.report_covariance[doubted]
-        plan = rounds(associations.vessel, np.argsort(np.argsort(np.linalg.det(covariance), kind="stable"), kind="stable"))
-        if not plan:
-            return memory, FusedTracks.empty()
-        _, row = plan[0]
-        position, velocity, fused = tracks.position_deg[row], tracks.velocity_m_s[row], covariance[row]
-        for who, row in plan[1:]:
-            shift = np.concatenate(
-                [difference_m(tracks.position_deg[row], position[who]), tracks.velocity_m_s[row] - velocity[who]], axis=1
-            )
-            gain = np.linalg.solve(fused[who] + covariance[row], fused[who]).swapaxes(1, 2)
-            mean = np.einsum("gij,gj->gi", gain, shift)
-            less = fused[who] - gain @ fused[who]
-            fused[who] = 0.5 * (less + less.swapaxes(1, 2))
-            position[who] = offset_deg(position[who], mean[:, :2])
-            velocity[who] = velocity[who] + mean[:, 2:]
-        return memory, FusedTracks(np.full(len(position), float(time_s)), position, velocity, fused)
+        return memory, combined(tracks, covariance, associations.vessel, time_s, weigh)
+
+
+def weigh(first: Floats, second: Floats, shift: Floats) -> tuple[Floats, Floats]:
+    """Mean (relative to the first) and covariance of two estimates with independent errors.
+
+    Args: first, second: (G, 4, 4); shift: (G, 4) second less first. Returns: (G, 4), (G, 4, 4).
+    """
+    gain = np.linalg.solve(first + second, first).swapaxes(1, 2)
+    less = first - gain @ first
+    return np.einsum("gij,gj->gi", gain, shift), 0.5 * (less + less.swapaxes(1, 2))

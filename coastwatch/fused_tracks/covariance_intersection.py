@@ -8,8 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Tracks
-from coastwatch.fused_tracks.membership import rounds
-from coastwatch.geodesy import difference_m, offset_deg
+from coastwatch.fused_tracks.pairwise import combined
 from coastwatch.stage import Method, NoMemory
 
 
@@ -34,20 +33,9 @@ class CovarianceIntersection(Method):
         Returns: memory and FusedTracks, one row for each vessel number.
         """
         covariance = tracks.known_covariance(self.unknown_velocity_sigma_m_s)
-        size = np.linalg.det(covariance)
-        plan = rounds(associations.vessel, np.argsort(np.argsort(size, kind="stable"), kind="stable"))
-        if not plan:
-            return memory, FusedTracks.empty()
-        _, row = plan[0]
-        position, velocity, fused = tracks.position_deg[row], tracks.velocity_m_s[row], covariance[row]
-        for who, row in plan[1:]:
-            shift = np.concatenate(
-                [difference_m(tracks.position_deg[row], position[who]), tracks.velocity_m_s[row] - velocity[who]], axis=1
-            )
-            mean, fused[who] = intersect(fused[who], covariance[row], shift, self.steps)
-            position[who] = offset_deg(position[who], mean[:, :2])
-            velocity[who] = velocity[who] + mean[:, 2:]
-        return memory, FusedTracks(np.full(len(position), float(time_s)), position, velocity, fused)
+        return memory, combined(
+            tracks, covariance, associations.vessel, time_s, lambda a, b, shift: intersect(a, b, shift, self.steps)
+        )
 
 
 def intersect(first: Floats, second: Floats, shift: Floats, steps: int) -> tuple[Floats, Floats]:

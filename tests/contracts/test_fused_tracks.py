@@ -7,11 +7,18 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from coastwatch.batches import Associations, Tracks
-from coastwatch.fused_tracks import CovarianceIntersection, Fuser, ImmOfTracks, WeightedAverage
+from coastwatch.fused_tracks import Convex, CovarianceIntersection, Fuser, ImmOfTracks, WeightedAverage
 from coastwatch.fused_tracks.covariance_intersection import intersect
 from coastwatch.geodesy import difference_m, offset_deg
 
-METHODS = [CovarianceIntersection(), WeightedAverage(), WeightedAverage(weights="fixed"), ImmOfTracks()]
+METHODS = [
+    Convex(),
+    Convex(registration=0.1),
+    CovarianceIntersection(),
+    WeightedAverage(),
+    WeightedAverage(weights="fixed"),
+    ImmOfTracks(),
+]
 KINDS = np.array([0, 0, 1, 2], np.int64)
 ROUNDING_M = 1e-6
 
