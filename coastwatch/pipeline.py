@@ -13,6 +13,7 @@ from coastwatch.batches import (
     BearingAssociations,
     BearingTracks,
     FusedTracks,
+    Measurements,
     Members,
     Octants,
     Picture,
@@ -91,16 +92,19 @@ def step(
     with timer("tracks"):
         regions = [s.tracks.step(old, plots.take(plots.region == k), time_s, sensors, k) for k, old in enumerate(m.tracks)]
     with timer("ais_tracks"):
-        ais_memory, ais_tracks, alarms = s.ais_tracks.step(m.ais_tracks, reports.ais, time_s, sensors)
+        ais_memory, ais_tracks, alarms, ais_taken = s.ais_tracks.step(m.ais_tracks, reports.ais, time_s, sensors)
     with timer("bearing_tracks"):
         bearing_memory, bearing_tracks = s.bearing_tracks.step(m.bearing_tracks, reports.bearing, time_s, sensors)
-    tracks = Tracks.join([*(yielded for _, yielded in regions), ais_tracks])
+    tracks = Tracks.join([*(yielded for _, yielded, _ in regions), ais_tracks])
+    measurements = Measurements.join([*(taken for *_, taken in regions), ais_taken])
     with timer("spots"):
         spots_memory, spots = s.spots.step(m.spots, tracks)
     with timer("associations"):
         associations_memory, associations = s.associations.step(m.associations, tracks, spots, spread)
     with timer("fused_tracks"):
-        fused_memory, fused = s.fused_tracks.step(m.fused_tracks, tracks, associations, time_s, sensors.source_kinds)
+        fused_memory, fused = s.fused_tracks.step(
+            m.fused_tracks, tracks, measurements, associations, time_s, sensors.source_kinds
+        )
     with timer("picture"):
         picture_memory, picture, members = s.picture.step(m.picture, tracks, associations, fused, alarms, time_s, sensors)
     with timer("octants"):
@@ -109,7 +113,7 @@ def step(
         bearings_memory, bearing_associations = s.bearing_associations.step(
             m.bearing_associations, bearing_tracks, picture, octants, time_s, sensors, spread
         )
-    first = plots_memory, tuple(new for new, _ in regions), ais_memory, bearing_memory, spots_memory
+    first = plots_memory, tuple(new for new, *_ in regions), ais_memory, bearing_memory, spots_memory
     after = Memory(*first, associations_memory, fused_memory, picture_memory, octants_memory, bearings_memory)
     found = spots, associations, fused, picture, members, octants, bearing_associations
     return after, Cycle(time_s, tracks, alarms, bearing_tracks, *found)

@@ -52,6 +52,19 @@ class Tracks(Batch):
 
 
 @dataclass(frozen=True, eq=False)
+class Measurements(Batch):
+    """Plots and AIS reports that went into the Tracks of the same step, sorted by track_id, then time."""
+
+    track_id: Ints = column(np.int64, "M")
+    sensor: Ints = column(np.int64, "M")  # radar; -1: AIS
+    time_s: Floats = column(np.float64, "M")  # of the measurement; those that came late are older than the cycle before
+    position_deg: Floats = column(np.float64, "M", 2)
+    velocity_m_s: Floats = column(np.float64, "M", 2)  # NaN where none was measured
+    covariance: Floats = column(np.float64, "M", 4, 4)  # in the tangent plane at the position; NaN where nothing was measured
+    site_deg: Floats = column(np.float64, "M", 2)  # of the radar's antenna; NaN for AIS
+
+
+@dataclass(frozen=True, eq=False)
 class AisAlarms(Batch):
     """What is odd about AIS tracks; one row a track of the Tracks of the same step."""
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Tracks
+from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, Tracks
 from coastwatch.fused_tracks.membership import rounds
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.kernels.lookup import find
@@ -56,9 +56,15 @@ class ImmOfTracks(Method):
         )
 
     def step(
-        self, memory: Bank, tracks: Tracks, associations: Associations, time_s: float, kinds: Ints
+        self,
+        memory: Bank,
+        tracks: Tracks,
+        measurements: Measurements,
+        associations: Associations,
+        time_s: float,
+        kinds: Ints,
     ) -> tuple[Bank, FusedTracks]:
-        """One estimate a vessel. Args: tracks: (N); associations: of its rows; kinds: SourceKind of each source.
+        """One estimate a vessel. Args: tracks: (N); measurements: unused; associations: of its rows; kinds: SourceKind of each source.
 
         Returns: memory and FusedTracks, one row for each vessel number.
         """

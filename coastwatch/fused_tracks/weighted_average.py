@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from coastwatch.batches import Associations, Floats, FusedTracks, Ints, SourceKind, Tracks
+from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, SourceKind, Tracks
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.stage import Method, NoMemory
 
@@ -39,9 +39,15 @@ class WeightedAverage(Method):
         return NoMemory()
 
     def step(
-        self, memory: NoMemory, tracks: Tracks, associations: Associations, time_s: float, kinds: Ints
+        self,
+        memory: NoMemory,
+        tracks: Tracks,
+        measurements: Measurements,
+        associations: Associations,
+        time_s: float,
+        kinds: Ints,
     ) -> tuple[NoMemory, FusedTracks]:
-        """One estimate a vessel. Args: tracks: (N); associations: of its rows; kinds: SourceKind of each source.
+        """One estimate a vessel. Args: tracks: (N); measurements: unused; associations: of its rows; kinds: SourceKind of each source.
 
         Returns: memory and FusedTracks, one row for each vessel number.
         """

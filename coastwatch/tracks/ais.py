@@ -7,9 +7,10 @@ from typing import Any, Literal, Self
 import numpy as np
 from pydantic import Field, PositiveFloat, model_validator
 
-from coastwatch.batches import AisAlarms, AisReports, Bools, Floats, Ints, Sensors, Tracks
+from coastwatch.batches import AisAlarms, AisReports, Bools, Floats, Ints, Measurements, Sensors, Tracks
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.stage import Method, Settings
+from coastwatch.tracks.ais_reports import taken_reports
 from coastwatch.tracks.lateness import Memory, Rows, admit, blank, keep, listen
 
 ID_STEP = 2**40  # a track's id is its source times this, and a number that is never given twice
@@ -84,11 +85,13 @@ class AisFilter(Method):
     def init(self) -> Memory:
         return blank()
 
-    def step(self, memory: Memory, reports: AisReports, time_s: float, sensors: Sensors) -> tuple[Memory, Tracks, AisAlarms]:
+    def step(
+        self, memory: Memory, reports: AisReports, time_s: float, sensors: Sensors
+    ) -> tuple[Memory, Tracks, AisAlarms, Measurements]:
         """Tracks of all vessels that are heard, predicted to `time_s`, and what is odd about each, row by row.
 
         Args: memory: of the cycle before; reports: those that arrived since, in any order; time_s: now; sensors: the scenario's.
-        Returns: memory, Tracks sorted by MMSI, AisAlarms in the same order.
+        Returns: memory; Tracks sorted by MMSI; AisAlarms in the same order; the reports that went into these tracks.
         Raises: ValueError: time_s is not after that of the cycle before.
         """
         if not time_s > memory.now.time_s:
@@ -108,7 +111,8 @@ class AisFilter(Method):
             tracks["number"][nameless] = np.arange(memory.counter, counter)
         memory = keep(memory, fresh, tracks, counter, time_s, self.lateness_s)
         shown = np.flatnonzero((tracks["confirmed"] == 1) & (time_s - tracks["updated"] <= tracks["patience"]))
-        return memory, *self._show(tracks, shown, time_s, sensors.ais_source, rules)
+        out, alarms = self._show(tracks, shown, time_s, sensors.ais_source, rules)
+        return memory, out, alarms, taken_reports(fresh, out, rules)
 
     def _show(self, tracks: Rows, shown: Ints, time_s: float, source: int, rules: Any) -> tuple[Tracks, AisAlarms]:
         from coastwatch.kernels.ais_filter import foresee

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from coastwatch.batches import Plots, Sensors, Tracks
+from coastwatch.batches import Measurements, Plots, Sensors, Tracks
 from coastwatch.stage import Method
 from coastwatch.tracks.motion import Motion
 from coastwatch.tracks.table import RadarMemory
@@ -25,7 +25,7 @@ class FilterpyImm(Method):
 
     def step(
         self, memory: RadarMemory, plots: Plots, time_s: float, sensors: Sensors, region: int
-    ) -> tuple[RadarMemory, Tracks]:
+    ) -> tuple[RadarMemory, Tracks, Measurements]:
         """The confirmed tracks of one region at time_s; see `Imm.step`."""
         from coastwatch.tracks.filterpy_bank import ObjectBank
         from coastwatch.tracks.management import track_region

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from coastwatch.batches import Plots, Sensors, Tracks
+from coastwatch.batches import Measurements, Plots, Sensors, Tracks
 from coastwatch.stage import Method
 from coastwatch.tracks.motion import Motion
 from coastwatch.tracks.table import RadarMemory
@@ -29,11 +29,11 @@ class Imm(Method):
 
     def step(
         self, memory: RadarMemory, plots: Plots, time_s: float, sensors: Sensors, region: int
-    ) -> tuple[RadarMemory, Tracks]:
+    ) -> tuple[RadarMemory, Tracks, Measurements]:
         """The confirmed tracks of one region at time_s.
 
         Args: plots: of this region, that arrived in this cycle; region: its number.
-        Returns: memory, and tracks predicted to time_s, sorted by track_id, which is never reused.
+        Returns: memory; tracks predicted to time_s, sorted by track_id, which is never reused; the plots that they took.
         Raises: ValueError where the memory is of a scenario with other radars.
         """
         from coastwatch.tracks.compiled_bank import CompiledBank

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from coastwatch.batches import Floats, Plots, Sensors, Tracks
+from coastwatch.batches import Floats, Measurements, Plots, Sensors, Tracks
 from coastwatch.tracks.lifecycle import quick_enough, survivors, usable, without_twins
 from coastwatch.tracks.matching import apply, begins, candidates, choose
 from coastwatch.tracks.motion import Motion
-from coastwatch.tracks.report import report
-from coastwatch.tracks.table import Bank, RadarMemory, Stage, Table, coverage_of, started
+from coastwatch.tracks.report import report, taken_plots
+from coastwatch.tracks.table import Bank, RadarMemory, Stage, Table, Taken, coverage_of, started
 from coastwatch.tracks.upkeep import PlotOrigin, Upkeep
 
 
@@ -25,8 +25,8 @@ def track_region(
     time_s: float,
     sensors: Sensors,
     region: int,
-) -> tuple[RadarMemory, Tracks]:
-    """Memory after a cycle and the confirmed tracks at its end.
+) -> tuple[RadarMemory, Tracks, Measurements]:
+    """Memory after a cycle, the confirmed tracks at its end, and the plots that they took in it.
 
     Args: plots: of this region, in any order; time_s: end of the cycle; region: its number.
     """
@@ -38,16 +38,19 @@ def track_region(
     slice_s = quick_enough(upkeep.slice_s, sensors.radars.period_s[sensors.radars.region == region])
     number = np.floor(plots.time_s / slice_s).astype(np.int64)
     cuts = np.flatnonzero(np.diff(number)) + 1
+    taken = []
     for rows in np.split(np.arange(len(plots)), cuts) if len(plots) else []:
         part = plots.take(rows)
         memory = memory.hear(part)
         if plot_origin == "known":
-            memory = _by_origin(motion, bank, memory, part)
+            memory, used = _by_origin(motion, bank, memory, part)
         else:
-            memory = _by_place(motion, upkeep, bank, memory, part, sensors.radars.period_s)
+            memory, used = _by_place(motion, upkeep, bank, memory, part, sensors.radars.period_s)
+        taken.append(used)
         memory = _survive(upkeep, memory, float(part.time_s[-1]), sensors, region)
     memory = _survive(upkeep, memory, time_s, sensors, region)
-    return memory, report(bank, memory, time_s, sensors, region)
+    tracks = report(bank, memory, time_s, sensors, region)
+    return memory, tracks, taken_plots(tracks, taken, sensors, region)
 
 
 def _survive(upkeep: Upkeep, memory: RadarMemory, time_s: float, sensors: Sensors, region: int) -> RadarMemory:
@@ -55,7 +58,9 @@ def _survive(upkeep: Upkeep, memory: RadarMemory, time_s: float, sensors: Sensor
     return replace(memory, table=kept)
 
 
-def _by_place(motion: Motion, upkeep: Upkeep, bank: Bank, memory: RadarMemory, plots: Plots, period_s: Floats) -> RadarMemory:
+def _by_place(
+    motion: Motion, upkeep: Upkeep, bank: Bank, memory: RadarMemory, plots: Plots, period_s: Floats
+) -> tuple[RadarMemory, Taken]:
     """One slice: tracks of more than one plot take theirs, single plots find a second, what is left begins new tracks."""
     memory = _merge(upkeep, bank, memory, float(plots.time_s[0]), period_s)
     table = memory.table
@@ -64,14 +69,18 @@ def _by_place(motion: Motion, upkeep: Upkeep, bank: Bank, memory: RadarMemory, p
     chosen = choose(table, pairs, plots, len(period_s))
     free = begins(pairs, chosen, plots)
     used = pairs.take(chosen)
+    taken = [Taken(table.track_id[used.track], plots.take(used.plot))]
     table = apply(bank, table, used.track, used.plot, plots, used.after)
     memory = replace(memory, table=table)
     for radar in np.unique(plots.sensor[free]).tolist():
-        memory = _begin(motion, upkeep, bank, memory, plots.take(free & (plots.sensor == radar)), period_s)
-    return memory
+        memory, begun = _begin(motion, upkeep, bank, memory, plots.take(free & (plots.sensor == radar)), period_s)
+        taken.append(begun)
+    return memory, Taken.join(taken)
 
 
-def _begin(motion: Motion, upkeep: Upkeep, bank: Bank, memory: RadarMemory, plots: Plots, period_s: Floats) -> RadarMemory:
+def _begin(
+    motion: Motion, upkeep: Upkeep, bank: Bank, memory: RadarMemory, plots: Plots, period_s: Floats
+) -> tuple[RadarMemory, Taken]:
     """The plots of one radar that no track took: to single plots of before, of any radar, or else new single plots."""
     table = memory.table
     rows = np.flatnonzero(table.stage == Stage.SINGLE)
@@ -80,7 +89,9 @@ def _begin(motion: Motion, upkeep: Upkeep, bank: Bank, memory: RadarMemory, plot
     table = apply(bank, table, used.track, used.plot, plots, used.after)
     left = np.ones(len(plots), np.bool_)
     left[used.plot] = False
-    return _append(motion, replace(memory, table=table), plots.take(left))
+    return _append(motion, replace(memory, table=table), plots.take(left)), Taken(
+        table.track_id[used.track], plots.take(used.plot)
+    )
 
 
 def _append(motion: Motion, memory: RadarMemory, plots: Plots) -> RadarMemory:
@@ -95,7 +106,7 @@ def _merge(upkeep: Upkeep, bank: Bank, memory: RadarMemory, time_s: float, perio
     return replace(memory, table=table, twins=twins)
 
 
-def _by_origin(motion: Motion, bank: Bank, memory: RadarMemory, plots: Plots) -> RadarMemory:
+def _by_origin(motion: Motion, bank: Bank, memory: RadarMemory, plots: Plots) -> tuple[RadarMemory, Taken]:
     """One slice with the known vessel behind each plot: plots of nothing are dropped, two plots are a confirmed track."""
     plots = plots.take(plots.origin >= 0)
     vessels, first = np.unique(plots.origin, return_index=True)
@@ -107,4 +118,5 @@ def _by_origin(motion: Motion, bank: Bank, memory: RadarMemory, plots: Plots) ->
     row = order[np.searchsorted(table.origins[order, 0], plots.origin[rest])]
     table = apply(bank, table, row.astype(np.int64), rest, plots, None)
     stage = np.where(table.hits >= 2, np.int64(Stage.CONFIRMED), table.stage)
-    return replace(memory, table=replace(table, stage=stage))
+    taken = Taken(table.track_id[row], plots.take(rest))
+    return replace(memory, table=replace(table, stage=stage)), taken

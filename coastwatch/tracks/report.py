@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from coastwatch.batches import Floats, Ints, Sensors, Tracks
+from coastwatch.batches import Floats, Ints, Measurements, Sensors, Tracks
 from coastwatch.geodesy import from_plane, turn
+from coastwatch.kernels.lookup import find
 from coastwatch.kernels.polar import polar_to_plane
-from coastwatch.tracks.table import NEWEST, Bank, Coverage, RadarMemory, Stage, Table, coverage_of
+from coastwatch.tracks.table import NEWEST, Bank, Coverage, RadarMemory, Stage, Table, Taken, coverage_of
 
 ID_STRIDE = 2**40  # track ids of one region
 
@@ -34,6 +35,33 @@ def report(bank: Bank, memory: RadarMemory, time_s: float, sensors: Sensors, reg
         started_s=table.started_s,
         mmsi=np.full(len(table), -1, np.int64),
         origin=_origin(table),
+    )
+
+
+def taken_plots(tracks: Tracks, taken: list[Taken], sensors: Sensors, region: int) -> Measurements:
+    """The plots of this cycle that are in these tracks, sorted by track, then time.
+
+    Args: tracks: of the region, sorted by track_id; taken: the plots of each slice and the tracks of the region that took them.
+    """
+    if not taken:
+        return Measurements.empty()
+    used = Taken.join(taken)
+    track_id = region * ID_STRIDE + used.track_id
+    shown = np.flatnonzero(find(tracks.track_id, track_id) >= 0)
+    rows = shown[np.lexsort((used.plots.sensor[shown], used.plots.time_s[shown], track_id[shown]))]
+    plots, n, origin = used.plots.take(rows), len(rows), sensors.region_origin_deg[region]
+    position = from_plane(plots.position_m, origin)
+    back = turn(position, origin).swapaxes(-1, -2)
+    covariance = np.full((n, 4, 4), np.nan)
+    covariance[:, :2, :2] = back @ plots.covariance @ back.swapaxes(-1, -2)
+    return Measurements(
+        track_id=track_id[rows],
+        sensor=plots.sensor,
+        time_s=plots.time_s,
+        position_deg=position,
+        velocity_m_s=np.full((n, 2), np.nan),
+        covariance=covariance,
+        site_deg=from_plane(plots.site_m, origin),
     )
 
 

@@ -60,6 +60,18 @@ class Table(Batch):
 
 
 @dataclass(frozen=True, eq=False)
+class Taken:
+    """Plots, and the track of the region that took each."""
+
+    track_id: Ints  # (M,)
+    plots: Plots  # (M,)
+
+    @classmethod
+    def join(cls, parts: list[Taken]) -> Taken:
+        return cls(np.concatenate([p.track_id for p in parts]), Plots.join([p.plots for p in parts]))
+
+
+@dataclass(frozen=True, eq=False)
 class Twins(Batch):
     """Pairs of tracks that may be one vessel."""
 

@@ -46,7 +46,7 @@ def run(method, rows, cycles, memory=None, first=0, outputs=None):
     for k in range(first, first + cycles):
         lo, hi = START_S + k * PERIOD_S, START_S + (k + 1) * PERIOD_S
         part = every.take((every.received_s > lo) & (every.received_s <= hi))
-        memory, tracks, alarms = method.step(memory, part, hi, SENSORS)
+        memory, tracks, alarms, _ = method.step(memory, part, hi, SENSORS)
         if outputs is not None:
             outputs.append((tracks, alarms))
     return memory, tracks, alarms

@@ -159,6 +159,6 @@ def run(
     memory = method.init() if memory is None else memory
     out = []
     for cycle in range(first, first + cycles):
-        memory, tracks = method.step(memory, cut(plots, cycle), PERIOD_S * (cycle + 1), sensors, region)
+        memory, tracks, _ = method.step(memory, cut(plots, cycle), PERIOD_S * (cycle + 1), sensors, region)
         out.append(tracks)
     return memory, out

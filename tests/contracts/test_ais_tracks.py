@@ -33,8 +33,8 @@ def test_pickled_in_mid_run_it_resumes_bit_for_bit():
 def test_order_of_arrival_within_a_cycle_does_not_matter():
     method, every = AisFilter(), reports(fleet())
     order = np.random.default_rng([1, 2]).permutation(len(every))
-    _, one, _ = method.step(method.init(), every, START_S + 60.0, SENSORS)
-    _, two, _ = method.step(method.init(), every.take(order), START_S + 60.0, SENSORS)
+    _, one, *_ = method.step(method.init(), every, START_S + 60.0, SENSORS)
+    _, two, *_ = method.step(method.init(), every.take(order), START_S + 60.0, SENSORS)
     assert len(one) == 12
     assert same(one, two)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from coastwatch.batches import Associations, Tracks
+from coastwatch.batches import Associations, Measurements, Tracks
 from coastwatch.fused_tracks import Convex, CovarianceIntersection, Fuser, ImmOfTracks, WeightedAverage
 from coastwatch.fused_tracks.covariance_intersection import intersect
 from coastwatch.geodesy import difference_m, offset_deg
@@ -55,7 +55,7 @@ VESSEL, SOURCE = np.array([0, 1, 2, 2, 0, 3, 2]), np.array([0, 0, 0, 1, 2, 2, 2]
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: f"{m.method}-{getattr(m, 'weights', '')}")
 def test_one_row_a_vessel_and_a_lone_track_is_itself(method):
     t = tracks(VESSEL, SOURCE)
-    _, fused = method.step(method.init(), t, associated(VESSEL), 0.0, KINDS)
+    _, fused = method.step(method.init(), t, Measurements.empty(), associated(VESSEL), 0.0, KINDS)
     assert len(fused) == 4
     lone = {1: 1, 3: 5}
     for vessel, row in lone.items():
@@ -72,13 +72,13 @@ def test_pure_and_resumable_and_indifferent_to_order(method):
     for cycle in range(3):
         t = tracks(VESSEL, SOURCE, seed=cycle, time_s=3.0 * cycle)
         before = pickle.dumps(memory)
-        again, fused = method.step(pickle.loads(before), t, associated(VESSEL), 3.0 * cycle, KINDS)
-        memory_1, fused_1 = method.step(memory, t, associated(VESSEL), 3.0 * cycle, KINDS)
+        again, fused = method.step(pickle.loads(before), t, Measurements.empty(), associated(VESSEL), 3.0 * cycle, KINDS)
+        memory_1, fused_1 = method.step(memory, t, Measurements.empty(), associated(VESSEL), 3.0 * cycle, KINDS)
         assert pickle.dumps(memory) == before
         assert pickle.dumps(again) == pickle.dumps(memory_1)
         np.testing.assert_array_equal(fused.position_deg, fused_1.position_deg)
         order = rng.permutation(len(VESSEL))
-        _, shuffled = method.step(memory, t.take(order), associated(VESSEL[order]), 3.0 * cycle, KINDS)
+        _, shuffled = method.step(memory, t.take(order), Measurements.empty(), associated(VESSEL[order]), 3.0 * cycle, KINDS)
         assert np.abs(difference_m(shuffled.position_deg, fused.position_deg)).max() < ROUNDING_M
         memory = memory_1
 
@@ -86,7 +86,7 @@ def test_pure_and_resumable_and_indifferent_to_order(method):
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: f"{m.method}-{getattr(m, 'weights', '')}")
 def test_no_track(method):
     none = np.zeros(0, np.int64)
-    _, fused = method.step(method.init(), Tracks.empty(), associated(none), 0.0, KINDS)
+    _, fused = method.step(method.init(), Tracks.empty(), Measurements.empty(), associated(none), 0.0, KINDS)
     assert len(fused) == 0
 
 
@@ -94,7 +94,7 @@ def test_no_track(method):
 def test_a_source_without_covariance_counts_with_its_specification(method):
     t = tracks(np.array([0, 0]), np.array([0, 2]))
     t.covariance[0] = np.nan
-    _, fused = method.step(method.init(), t, associated(np.array([0, 0])), 0.0, KINDS)
+    _, fused = method.step(method.init(), t, Measurements.empty(), associated(np.array([0, 0])), 0.0, KINDS)
     assert np.isfinite(fused.position_deg).all()
     assert np.isfinite(fused.covariance).all()
 
@@ -106,7 +106,7 @@ def test_round_trip_through_settings():
 
 def test_fixed_weights_are_the_papers():
     t = tracks(np.array([0, 0]), np.array([0, 2]))
-    _, fused = WeightedAverage(weights="fixed").step(None, t, associated(np.array([0, 0])), 0.0, KINDS)
+    _, fused = WeightedAverage(weights="fixed").step(None, t, Measurements.empty(), associated(np.array([0, 0])), 0.0, KINDS)
     between = difference_m(t.position_deg[1], t.position_deg[0])
     np.testing.assert_allclose(difference_m(fused.position_deg[0], t.position_deg[0]), 0.8 * between, atol=1e-4)
     np.testing.assert_allclose(fused.velocity_m_s[0], 0.2 * t.velocity_m_s[0] + 0.8 * t.velocity_m_s[1])
@@ -115,7 +115,7 @@ def test_fixed_weights_are_the_papers():
 def test_calibrated_weights_at_an_rmse_of_four_to_one():
     t = tracks(np.array([0, 0]), np.array([0, 2]))
     t.covariance[0], t.covariance[1] = 16.0 * np.eye(4), np.eye(4)
-    _, fused = WeightedAverage().step(None, t, associated(np.array([0, 0])), 0.0, KINDS)
+    _, fused = WeightedAverage().step(None, t, Measurements.empty(), associated(np.array([0, 0])), 0.0, KINDS)
     share = difference_m(fused.position_deg[0], t.position_deg[0]) / difference_m(t.position_deg[1], t.position_deg[0])
     np.testing.assert_allclose(share, 16.0 / 17.0, atol=1e-4)
 

@@ -92,7 +92,7 @@ def test_a_young_track_is_given_fewer_misses():
         memory = Imm().init()
         there = Plots.join([beacon, rest.take(rest.time_s < PERIOD_S * hits)])
         for cycle in range(hits + turns):
-            memory, tracks = Imm().step(memory, cut(there, cycle), PERIOD_S * (cycle + 1), one, 0)
+            memory, tracks, _ = Imm().step(memory, cut(there, cycle), PERIOD_S * (cycle + 1), one, 0)
         return len(tracks) - 1
 
     assert alive(5, 1) > 10

@@ -134,7 +134,7 @@ def test_plots_that_come_a_cycle_late_still_count():
     method, memory = Imm(), Imm().init()
     for cycle in range(30):
         there = (received > PERIOD_S * cycle) & (received <= PERIOD_S * (cycle + 1))
-        memory, tracks = method.step(memory, plots.take(there), PERIOD_S * (cycle + 1), sensors, 0)
+        memory, tracks, _ = method.step(memory, plots.take(there), PERIOD_S * (cycle + 1), sensors, 0)
     _, prompt = run(method, plots, 30)
     assert len(tracks) >= 0.97 * len(prompt[-1])
     _, count = np.unique(tracks.origin, return_counts=True)
@@ -146,10 +146,10 @@ def test_plots_that_come_a_cycle_late_still_count():
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.method)
 def test_no_plot_and_one_plot(method):
     sensors = two_radars()
-    memory, tracks = method.step(method.init(), Plots.empty(), 3.0, sensors, 0)
+    memory, tracks, _ = method.step(method.init(), Plots.empty(), 3.0, sensors, 0)
     assert len(tracks) == 0
     plots = plots_of(world(20, 16), sensors, 6.0, 16)
-    memory, tracks = method.step(memory, cut(plots, 0).take(slice(0, 1)), 3.0, sensors, 0)
+    memory, tracks, _ = method.step(memory, cut(plots, 0).take(slice(0, 1)), 3.0, sensors, 0)
     assert len(tracks) == 0
     assert len(memory.table) == 1
 
@@ -163,8 +163,8 @@ def test_a_plot_that_is_no_number_or_of_the_future_is_dropped(busy, column, valu
     plots = cut(busy, 5)
     bad = getattr(plots, column).copy()
     bad[0] = value
-    after, tracks = method.step(memory, replace(plots, **{column: bad}), 6 * PERIOD_S, two_radars(), 0)
-    want, clean = method.step(memory, plots.take(slice(1, None)), 6 * PERIOD_S, two_radars(), 0)
+    after, tracks, _ = method.step(memory, replace(plots, **{column: bad}), 6 * PERIOD_S, two_radars(), 0)
+    want, clean, _ = method.step(memory, plots.take(slice(1, None)), 6 * PERIOD_S, two_radars(), 0)
     assert after.dropped == want.dropped + 1
     assert same(tracks, clean)
 
@@ -175,7 +175,7 @@ def test_old_and_repeated_plots_do_no_harm(busy):
     memory, out = run(method, busy, 8)
     plots = cut(busy, 8)
     old = replace(plots, time_s=plots.time_s - 60.0)
-    memory, tracks = method.step(memory, Plots.join([plots, plots, old]), 9 * PERIOD_S, two_radars(), 0)
+    memory, tracks, _ = method.step(memory, Plots.join([plots, plots, old]), 9 * PERIOD_S, two_radars(), 0)
     assert len(tracks) >= len(out[-1]) - 2
     assert np.isfinite(tracks.position_deg).all()
     assert np.isin(out[-1].track_id, tracks.track_id).mean() > 0.9

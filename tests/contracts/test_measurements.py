@@ -1,0 +1,80 @@
+"""What the trackers say went into their tracks."""
+
+import numpy as np
+import pytest
+
+from coastwatch.batches import AisReports
+from coastwatch.geodesy import offset_deg, to_plane
+from coastwatch.kernels.ais_filter import TRACK, measure
+from coastwatch.tracks import AisFilter, Imm
+from coastwatch.tracks.lateness import records
+from tests.contracts.ais_world import HOME, PERIOD_S, SENSORS, START_S, reports, sail
+from tests.contracts.radar_world import cut, plots_of, two_radars, world
+from tests.contracts.radar_world import run as run_radar
+
+NEAR_M = 1e-3  # the trip through the region's plane and back
+MMSI = 235000001
+
+
+def step(method, memory, rows, cycle):
+    every = reports(rows)
+    lo, hi = START_S + cycle * PERIOD_S, START_S + (cycle + 1) * PERIOD_S
+    return method.step(memory, every.take((every.received_s > lo) & (every.received_s <= hi)), hi, SENSORS)
+
+
+@pytest.mark.parametrize(("sog", "cog"), [(12.0, 40.0), (0.2, 90.0), (0.1, np.nan), (4.0, np.nan), (np.nan, 10.0)])
+def test_a_report_measures_what_the_kernel_takes_from_it(sog, cog):
+    method = AisFilter(time_jitter_s=0.5)
+    rows = [(START_S + 1.0, START_S + 1.0, MMSI, *HOME, sog, cog)]
+    _, _, _, taken = step(method, method.init(), rows, 0)
+    track = np.zeros(1, TRACK)[0]
+    track["anchor_lat"], track["anchor_lon"] = HOME
+    z, noise, moving = np.zeros((1, 4)), np.zeros((1, 4, 4)), np.zeros(1, np.bool_)
+    measure(track, records(reports(rows))[0], method._rules(), z, noise, moving)
+    assert len(taken) == 1
+    assert np.isfinite(taken.velocity_m_s).all() == moving[0]
+    known = slice(0, 4 if moving[0] else 2)
+    np.testing.assert_allclose(taken.covariance[0][known, known], noise[0][known, known], rtol=1e-9, atol=1e-12)
+    if moving[0]:
+        np.testing.assert_allclose(taken.velocity_m_s[0], z[0, 2:], atol=1e-9)
+    else:
+        assert np.isnan(taken.covariance[0, 2:]).all()
+
+
+def test_every_report_is_of_its_track_and_a_lie_or_a_repeat_of_none():
+    method = AisFilter()
+    honest = [row for k in range(3) for row in sail(MMSI + k, START_S + np.arange(0.5, 12.0, 1.5), HOME + 0.01 * k)]
+    memory, t = method.init(), START_S + 10.2
+    lie = (t, t, MMSI, *offset_deg(HOME, np.array([9000.0, 0.0])), 12.0, 40.0)
+    repeat = (honest[6][0] + 0.5, honest[6][0] + 0.5, *honest[6][2:])
+    for cycle in range(4):
+        memory, tracks, _, taken = step(method, memory, [*honest, lie, repeat], cycle)
+        assert (np.diff(taken.track_id) >= 0).all()
+        expected = [r for r in honest if START_S + 3.0 * cycle < r[0] <= START_S + 3.0 * (cycle + 1)]
+        assert len(taken) == len(expected)
+        row = np.searchsorted(tracks.track_id, taken.track_id)
+        ours = {(tracks.mmsi[r], float(s)) for r, s in zip(row, taken.time_s, strict=True)}
+        assert ours == {(r[2], r[0]) for r in expected}
+    _, _, _, nothing = method.step(memory, AisReports.empty(), START_S + 15.0, SENSORS)
+    assert len(nothing) == 0
+
+
+@pytest.mark.parametrize("origin", ["known", "estimated"])
+def test_plots_are_of_the_tracks_that_took_them(origin):
+    sensors = two_radars()
+    plots = plots_of(world(40, 5), sensors, 30.0, 5, detection=0.9, clutter_per_m2=1e-7)
+    method = Imm(plot_origin=origin)
+    memory, _ = run_radar(method, plots, 8)
+    _, tracks, taken = method.step(memory, cut(plots, 8), 9 * PERIOD_S, sensors, 0)
+    row = np.searchsorted(tracks.track_id, taken.track_id)
+    assert (tracks.track_id[row] == taken.track_id).all()
+    assert (np.lexsort((taken.time_s, taken.track_id)) == np.arange(len(taken))).all()
+    cycle = cut(plots, 8)
+    which = np.abs(cycle.time_s[None] - taken.time_s[:, None]).argmin(axis=1)
+    assert len(np.unique(which)) == len(taken) >= 0.8 * (cycle.origin >= 0).sum()
+    same_vessel = cycle.origin[which] == tracks.origin[row]
+    assert same_vessel.mean() >= (1.0 if origin == "known" else 0.97)
+    back = to_plane(taken.position_deg, sensors.region_origin_deg[0])
+    assert np.abs(back - cycle.position_m[which]).max() < NEAR_M
+    assert np.isfinite(taken.site_deg).all()
+    assert np.isnan(taken.velocity_m_s).all()
