@@ -132,6 +132,7 @@ def _book(track, report, rules):  # type: ignore[no-untyped-def]
     """What the track knows besides its filter, and how long it will wait for the next report."""
     track.mmsi, track.class_b, track.origin = report.mmsi, report.class_b, report.origin
     track.updated, track.lat, track.lon = report.time, report.lat, report.lon
+    track.sog, track.cog = report.sog, report.cog
     track.hits += 1
     fast = math.sqrt(mean_of(track, 2) ** 2 + mean_of(track, 3) ** 2) > rules.slow_speed
     nominal = (rules.moving_b if report.class_b == 1 else rules.moving_a) if fast else rules.slow

@@ -16,11 +16,12 @@ MODELS = 3  # room in a row; fewer may be in use
 # One layout for all settings: numba numbers record types anew in each process, so that code cached for a row of two models
 # would be taken for the code of a row of three.
 WORDS = ["mmsi", "number", "confirmed", "hits", "class_b", "origin"]
-REALS = ["updated", "started", "heard", "interval", "expected", "patience", "alarm", "lat", "lon", "anchor_lat", "anchor_lon"]
+REALS = ["updated", "started", "heard", "interval", "expected", "patience", "alarm", "anchor_lat", "anchor_lon"]
+SAID = ["lat", "lon", "sog", "cog"]  # by the newest report, as in REPORT
 TRACK = np.dtype(
     [
         *((word, "i8") for word in WORDS),
-        *((real, "f8") for real in REALS),
+        *((real, "f8") for real in (*REALS, *SAID)),
         ("mode", "f8", (MODELS,)),
         ("state", "f8", (MODELS, 5)),  # in the plane at the anchor
         ("covariance", "f8", (MODELS, 5, 5)),

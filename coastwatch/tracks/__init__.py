@@ -5,12 +5,22 @@ from typing import Annotated
 from pydantic import Field
 
 from coastwatch.tracks.ais import AisFilter
+from coastwatch.tracks.ais_dead_reckoning import AisDeadReckoning
 from coastwatch.tracks.bearing import BearingWindow
 from coastwatch.tracks.filterpy_imm import FilterpyImm
 from coastwatch.tracks.imm import Imm
 
 RadarTracker = Annotated[Imm | FilterpyImm, Field(discriminator="method")]
-AisTracker = Annotated[AisFilter, Field()]
+AisTracker = Annotated[AisFilter | AisDeadReckoning, Field(discriminator="method")]
 BearingTracker = Annotated[BearingWindow, Field()]
 
-__all__ = ["AisFilter", "AisTracker", "BearingTracker", "BearingWindow", "FilterpyImm", "Imm", "RadarTracker"]
+__all__ = [
+    "AisDeadReckoning",
+    "AisFilter",
+    "AisTracker",
+    "BearingTracker",
+    "BearingWindow",
+    "FilterpyImm",
+    "Imm",
+    "RadarTracker",
+]

@@ -94,9 +94,15 @@ class AisFilter(Method):
         Returns: memory; Tracks sorted by MMSI; AisAlarms in the same order; the reports that went into these tracks.
         Raises: ValueError: time_s is not after that of the cycle before.
         """
+        rules = self.rules()
+        memory, shown, fresh = self.heard(memory, reports, time_s, rules)
+        tracks, alarms = self._show(memory.now.tracks, shown, time_s, sensors.ais_source, rules)
+        return memory, tracks, alarms, taken_reports(fresh, tracks, rules)
+
+    def heard(self, memory: Memory, reports: AisReports, time_s: float, rules: Any) -> tuple[Memory, Ints, Rows]:
+        """The memory with these reports in it, the rows of `memory.now.tracks` to be shown at `time_s`, the reports admitted."""
         if not time_s > memory.now.time_s:
-            raise ValueError(f"AisFilter.step time_s: got {time_s}, needed a time after the last cycle's, {memory.now.time_s}")
-        rules = self._rules()
+            raise ValueError(f"{self.method} time_s: got {time_s}, needed a time after the last cycle's, {memory.now.time_s}")
         fresh, memory = admit(memory, reports, time_s, self.lateness_s, self.ahead_s)
         if len(fresh):
             memory = listen(memory, fresh, rules)
@@ -110,9 +116,7 @@ class AisFilter(Method):
             tracks = tracks.copy()
             tracks["number"][nameless] = np.arange(memory.counter, counter)
         memory = keep(memory, fresh, tracks, counter, time_s, self.lateness_s)
-        shown = np.flatnonzero((tracks["confirmed"] == 1) & (time_s - tracks["updated"] <= tracks["patience"]))
-        out, alarms = self._show(tracks, shown, time_s, sensors.ais_source, rules)
-        return memory, out, alarms, taken_reports(fresh, out, rules)
+        return memory, np.flatnonzero((tracks["confirmed"] == 1) & (time_s - tracks["updated"] <= tracks["patience"])), fresh
 
     def _show(self, tracks: Rows, shown: Ints, time_s: float, source: int, rules: Any) -> tuple[Tracks, AisAlarms]:
         from coastwatch.kernels.ais_filter import foresee
@@ -120,25 +124,10 @@ class AisFilter(Method):
         n = len(shown)
         position, velocity, covariance = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 4, 4))
         foresee(tracks, shown, time_s, rules, position, velocity, covariance)
-        said = {name: tracks[name][shown] for name in ("mmsi", "number", "origin", "updated", "started", "alarm")}
-        out = Tracks(
-            track_id=source * ID_STEP + said["number"],
-            source=np.full(n, source, np.int64),
-            time_s=np.full(n, float(time_s)),
-            position_deg=position,
-            velocity_m_s=velocity,
-            covariance=covariance,
-            report_covariance=np.tile(np.eye(2) * rules["position_variance"], (n, 1, 1)),
-            updated_s=said["updated"],
-            started_s=said["started"],
-            mmsi=said["mmsi"],
-            origin=said["origin"],
-        )
-        twice = _twice(out.mmsi, out.started_s, out.updated_s)
-        alarms = AisAlarms(track_id=out.track_id, mmsi=out.mmsi, impossible_speed=said["alarm"] > time_s, twice=twice)
-        return out, alarms
+        estimate = position, velocity, covariance
+        return yielded(tracks, shown, time_s, source, *estimate, rules["position_variance"])
 
-    def _rules(self) -> Any:
+    def rules(self) -> Any:
         """The settings as the kernel takes them."""
         from coastwatch.kernels.ais_filter import RULES
 
@@ -179,6 +168,35 @@ class AisFilter(Method):
 def refused(memory: Memory) -> dict[str, int]:
     """How many reports were not taken into the track they name, by kind, since the start."""
     return dict(memory.refused)
+
+
+def yielded(
+    tracks: Rows,
+    shown: Ints,
+    time_s: float,
+    source: int,
+    position: Floats,
+    velocity: Floats,
+    covariance: Floats,
+    report_variance: float,
+) -> tuple[Tracks, AisAlarms]:
+    """Tracks and alarms of the rows that are shown. Args: position (N, 2) deg, velocity (N, 2), covariance (N, 4, 4): at `time_s`."""
+    known = {name: tracks[name][shown] for name in ("mmsi", "number", "origin", "updated", "started", "alarm")}
+    out = Tracks(
+        track_id=source * ID_STEP + known["number"],
+        source=np.full(len(shown), source, np.int64),
+        time_s=np.full(len(shown), float(time_s)),
+        position_deg=position,
+        velocity_m_s=velocity,
+        covariance=covariance,
+        report_covariance=np.tile(np.eye(2) * report_variance, (len(shown), 1, 1)),
+        updated_s=known["updated"],
+        started_s=known["started"],
+        mmsi=known["mmsi"],
+        origin=known["origin"],
+    )
+    twice = _twice(out.mmsi, out.started_s, out.updated_s)
+    return out, AisAlarms(track_id=out.track_id, mmsi=out.mmsi, impossible_speed=known["alarm"] > time_s, twice=twice)
 
 
 def _twice(mmsi: Ints, started: Floats, updated: Floats) -> Bools:

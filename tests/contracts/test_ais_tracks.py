@@ -1,4 +1,4 @@
-"""AisFilter: pure, resumable, blind to the order of arrival; bad, late and repeated reports."""
+"""AIS tracks, every method: pure, resumable, blind to the order of arrival; bad, late and repeated reports."""
 
 import pickle
 
@@ -7,22 +7,29 @@ import pytest
 from ais_world import HOME, SENSORS, START_S, fleet, reports, run, sail, same
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import TypeAdapter
 
 from coastwatch.batches import AisReports
 from coastwatch.geodesy import KNOT_M_S
-from coastwatch.tracks.ais import AisFilter, refused
+from coastwatch.tracks import AisDeadReckoning, AisFilter, AisTracker
+from coastwatch.tracks.ais import refused
+
+METHODS = [AisFilter(), AisDeadReckoning(), AisDeadReckoning(aligned=False)]
+every_method = pytest.mark.parametrize("method", METHODS, ids=["ais_filter", "dead_reckoning", "not aligned"])
 
 
-def test_step_writes_nothing_it_was_given():
-    method, rows = AisFilter(), fleet()
+@every_method
+def test_step_writes_nothing_it_was_given(method):
+    rows = fleet()
     memory, _, _ = run(method, rows, 8)
     before = pickle.dumps(memory)
     run(method, rows, 1, memory, 8)
     assert pickle.dumps(memory) == before
 
 
-def test_pickled_in_mid_run_it_resumes_bit_for_bit():
-    method, rows = AisFilter(), fleet()
+@every_method
+def test_pickled_in_mid_run_it_resumes_bit_for_bit(method):
+    rows = fleet()
     memory, _, _ = run(method, rows, 9)
     _, one, alarms = run(method, rows, 8, memory, 9)
     _, two, alarms_too = run(method, rows, 8, pickle.loads(pickle.dumps(memory)), 9)
@@ -30,8 +37,9 @@ def test_pickled_in_mid_run_it_resumes_bit_for_bit():
     assert same(alarms, alarms_too)
 
 
-def test_order_of_arrival_within_a_cycle_does_not_matter():
-    method, every = AisFilter(), reports(fleet())
+@every_method
+def test_order_of_arrival_within_a_cycle_does_not_matter(method):
+    every = reports(fleet())
     order = np.random.default_rng([1, 2]).permutation(len(every))
     _, one, *_ = method.step(method.init(), every, START_S + 60.0, SENSORS)
     _, two, *_ = method.step(method.init(), every.take(order), START_S + 60.0, SENSORS)
@@ -39,9 +47,9 @@ def test_order_of_arrival_within_a_cycle_does_not_matter():
     assert same(one, two)
 
 
-def test_settings_make_the_round_trip():
-    method = AisFilter(lateness_s=4.0, time_jitter_s=0.7)
-    assert AisFilter.model_validate_json(method.model_dump_json()) == method
+@pytest.mark.parametrize("method", [AisFilter(lateness_s=4.0, time_jitter_s=0.7), AisDeadReckoning(lateness_s=4.0)])
+def test_settings_make_the_round_trip(method):
+    assert TypeAdapter(AisTracker).validate_json(method.model_dump_json()) == method
 
 
 @st.composite
@@ -75,45 +83,50 @@ def test_late_reports_give_the_bits_of_reports_in_order(rows):
     assert len(np.unique(shown_late.track_id)) == len(shown_late)
 
 
-def test_late_reports_keep_the_track_id():
+@every_method
+def test_late_reports_keep_the_track_id(method):
     times = START_S + 1.0 + np.arange(0.0, 40.0, 2.0)
     delay = np.where(np.arange(20) % 3 == 1, 9.0, 0.0)
     delay[0] = 5.0  # the second report comes before the first
     outputs = []
-    memory, tracks, _ = run(AisFilter(), sail(235000001, times, delay=delay), 20, outputs=outputs)
+    memory, tracks, _ = run(method, sail(235000001, times, delay=delay), 20, outputs=outputs)
     assert {int(i) for t, _ in outputs for i in t.track_id} == {2 * 2**40}
     assert tracks.started_s[0] == times[0]
     assert memory.counter == 1
 
 
-def test_later_than_the_lateness_is_dropped_and_counted():
+@every_method
+def test_later_than_the_lateness_is_dropped_and_counted(method):
     rows = sail(235000001, START_S + 1.0 + np.arange(0.0, 30.0, 3.0))
     late = sail(235000001, [START_S + 5.5], delay=[10.5])
-    memory, tracks, _ = run(AisFilter(), rows + late, 12)
-    _, clean, _ = run(AisFilter(), rows, 12)
+    memory, tracks, _ = run(method, rows + late, 12)
+    _, clean, _ = run(method, rows, 12)
     assert refused(memory) == {"too late": 1}
     assert same(tracks, clean)
 
 
-def test_duplicates_are_dropped_and_counted():
+@every_method
+def test_duplicates_are_dropped_and_counted(method):
     rows = sail(235000001, START_S + 1.0 + np.arange(0.0, 30.0, 3.0))
     again = [(r[0], r[0] + d, *r[2:]) for r, d in ((rows[2], 0.0), (rows[3], 4.0), (rows[4], 7.0))]
-    memory, tracks, _ = run(AisFilter(), rows + again, 12)
-    _, clean, _ = run(AisFilter(), rows, 12)
+    memory, tracks, _ = run(method, rows + again, 12)
+    _, clean, _ = run(method, rows, 12)
     assert refused(memory) == {"duplicate": 3}
     assert same(tracks, clean)
 
 
-def test_a_fix_said_twice_is_taken_once():
+@every_method
+def test_a_fix_said_twice_is_taken_once(method):
     rows = sail(235000001, START_S + 1.0 + np.arange(0.0, 30.0, 3.0))
     again = [(rows[4][0] + 1.0, rows[4][0] + 1.0, *rows[4][2:])]
-    memory, tracks, _ = run(AisFilter(), rows + again, 12)
-    _, clean, _ = run(AisFilter(), rows, 12)
+    memory, tracks, _ = run(method, rows + again, 12)
+    _, clean, _ = run(method, rows, 12)
     assert refused(memory) == {"repeated position": 1}
     assert same(tracks, clean)
 
 
-def test_bad_rows_are_counted_by_kind_and_do_no_harm():
+@every_method
+def test_bad_rows_are_counted_by_kind_and_do_no_harm(method):
     good = sail(235000001, START_S + 1.0 + np.arange(0.0, 30.0, 3.0))
     t = START_S + 10.0
     bad = [
@@ -124,22 +137,24 @@ def test_bad_rows_are_counted_by_kind_and_do_no_harm():
         (t, t, 0, 50.0, 0.0, 1.0, 0.0),
         (t + 60.0, t, 235000001, 50.0, 0.0, 1.0, 0.0),
     ]
-    memory, tracks, _ = run(AisFilter(), good + bad, 12)
-    _, clean, _ = run(AisFilter(), good, 12)
+    memory, tracks, _ = run(method, good + bad, 12)
+    _, clean, _ = run(method, good, 12)
     assert refused(memory) == {"not a position": 3, "time not finite": 1, "not an MMSI": 1, "from the future": 1}
     assert same(tracks, clean)
 
 
-def test_a_report_of_a_time_to_come_waits_for_it():
+@every_method
+def test_a_report_of_a_time_to_come_waits_for_it(method):
     rows = sail(235000001, START_S + 1.0 + np.arange(0.0, 30.0, 3.0))
     early = [(r[0], r[0] - 2.5 if k == 5 else r[0], *r[2:]) for k, r in enumerate(rows)]
-    _, tracks, _ = run(AisFilter(), early, 12)
-    _, clean, _ = run(AisFilter(), rows, 12)
+    _, tracks, _ = run(method, early, 12)
+    _, clean, _ = run(method, rows, 12)
     assert same(tracks, clean)
 
 
-def test_no_report_and_no_vessel():
-    memory, tracks, alarms = run(AisFilter(), [], 3)
+@every_method
+def test_no_report_and_no_vessel(method):
+    memory, tracks, alarms = run(method, [], 3)
     assert len(tracks) == len(alarms) == 0
     assert refused(memory) == {}
 
@@ -162,8 +177,8 @@ def test_no_course_at_rest_is_a_vessel_at_rest():
     assert tracks.covariance[0, 2, 2] < (0.2 * KNOT_M_S) ** 2
 
 
-def test_time_must_go_on():
-    method = AisFilter()
+@every_method
+def test_time_must_go_on(method):
     memory, _, _ = run(method, [], 2)
     with pytest.raises(ValueError, match="time_s"):
         method.step(memory, AisReports.empty(), START_S, SENSORS)

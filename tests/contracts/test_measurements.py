@@ -30,7 +30,7 @@ def test_a_report_measures_what_the_kernel_takes_from_it(sog, cog):
     track = np.zeros(1, TRACK)[0]
     track["anchor_lat"], track["anchor_lon"] = HOME
     z, noise, moving = np.zeros((1, 4)), np.zeros((1, 4, 4)), np.zeros(1, np.bool_)
-    measure(track, records(reports(rows))[0], method._rules(), z, noise, moving)
+    measure(track, records(reports(rows))[0], method.rules(), z, noise, moving)
     assert len(taken) == 1
     assert np.isfinite(taken.velocity_m_s).all() == moving[0]
     known = slice(0, 4 if moving[0] else 2)

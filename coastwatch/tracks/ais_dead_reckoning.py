@@ -1,0 +1,70 @@
+"""AIS tracks as the paper has them: what each vessel said last, carried to now by the speed and course it said."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field, PositiveFloat
+
+from coastwatch.batches import AisAlarms, AisReports, Floats, Ints, Measurements, Sensors, Tracks
+from coastwatch.geodesy import offset_deg
+from coastwatch.stage import Method
+from coastwatch.tracks.ais import STEADY, AisFilter, yielded
+from coastwatch.tracks.ais_reports import taken_reports
+from coastwatch.tracks.lateness import Memory, Rows, blank
+
+
+class AisDeadReckoning(Method):
+    """The newest report of each vessel, raw, extrapolated by its speed and course over ground; no filter.
+
+    Whose report it is, what is refused, when a silent vessel is dropped and what raises an alarm is as in `ais_filter` (which runs
+    beneath, with one model, to know where a report of a vessel may be). A late report changes nothing but that, unless it is the newest.
+    A report without speed or course is not moved. The covariance is NaN: an AIS receiver gives none.
+    `aligned = false` leaves a report where it was made, for readers who take the paper's AIS track to be that; the paper extrapolates.
+
+    Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven Approach,
+    sections III-E (extrapolation to align sensors) and IV-B (position accuracy).
+    """
+
+    method: Literal["dead_reckoning"] = "dead_reckoning"
+    position_sigma_m: PositiveFloat = 3.33  # of one report, an axis, by its specification
+    aligned: bool = True  # carried to the time of the cycle
+    lateness_s: float = Field(10.0, ge=0.0)  # from fix to receipt, up to which a report is taken
+    patience_s: PositiveFloat = 20.0  # for which a silent vessel is extrapolated, and besides for
+    patience_intervals: PositiveFloat = 3.0  # so many of its expected intervals
+
+    def init(self) -> Memory:
+        return blank()
+
+    def step(
+        self, memory: Memory, reports: AisReports, time_s: float, sensors: Sensors
+    ) -> tuple[Memory, Tracks, AisAlarms, Measurements]:
+        """Tracks of all vessels that are heard, at `time_s`, and what is odd about each, row by row.
+
+        Args: memory: of the cycle before; reports: those that arrived since, in any order; time_s: now; sensors: the scenario's.
+        Returns: memory; Tracks sorted by MMSI; AisAlarms in the same order; the reports that went into these tracks.
+        Raises: ValueError: time_s is not after that of the cycle before.
+        """
+        beneath = self._beneath()
+        rules: Any = beneath.rules()
+        memory, shown, fresh = beneath.heard(memory, reports, time_s, rules)
+        tracks = memory.now.tracks
+        position, velocity = extrapolated(tracks, shown, time_s if self.aligned else tracks["updated"][shown])
+        unknown = np.full((len(shown), 4, 4), np.nan)
+        estimate = position, velocity, unknown
+        out, alarms = yielded(tracks, shown, time_s, sensors.ais_source, *estimate, rules["position_variance"])
+        return memory, out, alarms, taken_reports(fresh, out, rules)
+
+    def _beneath(self) -> AisFilter:
+        """The filter that says which report is whose."""
+        same = {name: getattr(self, name) for name in ("position_sigma_m", "lateness_s", "patience_s", "patience_intervals")}
+        return AisFilter(models=(STEADY,), **same)
+
+
+def extrapolated(tracks: Rows, shown: Ints, time_s: float | Floats) -> tuple[Floats, Floats]:
+    """Where the newest reports put the vessels that are shown at a time, (N, 2) deg, and the velocity that they say, (N, 2) m/s."""
+    lat, lon, sog, cog, updated = (tracks[name][shown] for name in ("lat", "lon", "sog", "cog", "updated"))
+    velocity = sog[:, None] * np.column_stack([np.sin(cog), np.cos(cog)])
+    velocity[~np.isfinite(velocity).all(axis=1)] = 0.0
+    return offset_deg(np.column_stack([lat, lon]), (time_s - updated)[:, None] * velocity), velocity
