@@ -6,6 +6,7 @@ from pydantic import Field
 
 from coastwatch.associations.bearing_likelihood import BearingLikelihood
 from coastwatch.associations.bearing_literal import BearingWindowedCovariance
+from coastwatch.associations.candidates import Candidates, step_with_candidates
 from coastwatch.associations.windowed_covariance import WindowedCovariance
 from coastwatch.associations.windowed_covariance_literal import WindowedCovarianceLiteral
 
@@ -17,6 +18,8 @@ __all__ = [
     "BearingAssociator",
     "BearingLikelihood",
     "BearingWindowedCovariance",
+    "Candidates",
     "WindowedCovariance",
     "WindowedCovarianceLiteral",
+    "step_with_candidates",
 ]

@@ -7,8 +7,11 @@ from pydantic import Field
 from coastwatch.fused_tracks.convex import Convex
 from coastwatch.fused_tracks.covariance_intersection import CovarianceIntersection
 from coastwatch.fused_tracks.imm_of_tracks import ImmOfTracks
+from coastwatch.fused_tracks.imm_of_tracks_literal import ImmOfTracksLiteral
 from coastwatch.fused_tracks.weighted_average import WeightedAverage
 
-Fuser = Annotated[Convex | CovarianceIntersection | WeightedAverage | ImmOfTracks, Field(discriminator="method")]
+Fuser = Annotated[
+    Convex | CovarianceIntersection | WeightedAverage | ImmOfTracks | ImmOfTracksLiteral, Field(discriminator="method")
+]
 
-__all__ = ["Convex", "CovarianceIntersection", "Fuser", "ImmOfTracks", "WeightedAverage"]
+__all__ = ["Convex", "CovarianceIntersection", "Fuser", "ImmOfTracks", "ImmOfTracksLiteral", "WeightedAverage"]

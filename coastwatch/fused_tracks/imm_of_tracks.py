@@ -42,8 +42,8 @@ class ImmOfTracks(Method):
 
     method: Literal["imm_of_tracks"] = "imm_of_tracks"
     inflation: Annotated[float, Field(gt=0.0)] = 4.0
-    noise_m_s15: tuple[float, float, float] = (0.01, 0.1, 0.02)  # acceleration noise of the three models, m/s^1.5
-    turn_noise_rad_s15: Annotated[float, Field(gt=0.0)] = 0.0005  # drift of the turn rate, rad/s^1.5
+    noise_m2_s3: tuple[float, float, float] = (0.01, 0.1, 0.02)  # density of white acceleration of the three models
+    turn_noise_rad2_s3: Annotated[float, Field(gt=0.0)] = 2.5e-7  # density of the drift of the turn rate
     turn_sigma_rad_s: Annotated[float, Field(gt=0.0)] = 0.02
     sojourn_s: tuple[float, float, float] = (60.0, 15.0, 60.0)
     unknown_velocity_sigma_m_s: Annotated[float, Field(gt=0.0)] = 0.5
@@ -121,7 +121,7 @@ class ImmOfTracks(Method):
     def _predicted(self, memory: Bank, rows: Ints, time_s: float) -> tuple[Any, Any, Any]:
         from coastwatch.kernels import imm
 
-        turn_noise = np.array([0.0, 0.0, self.turn_noise_rad_s15])
+        turn_noise = np.array([0.0, 0.0, self.turn_noise_rad2_s3])
         turn_sigma = np.full(3, self.turn_sigma_rad_s)
         return imm.imm_predict(
             memory.state[rows],
@@ -129,7 +129,7 @@ class ImmOfTracks(Method):
             memory.mode[rows],
             np.full(len(rows), time_s - memory.time_s),
             KINDS,
-            np.array(self.noise_m_s15),
+            np.array(self.noise_m2_s3),
             turn_noise,
             turn_sigma,
             np.array(self.sojourn_s),

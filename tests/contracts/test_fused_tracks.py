@@ -1,14 +1,16 @@
 """Every method of the fused_tracks stage: one row a vessel, pure, resumable, indifferent to the order of tracks."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from coastwatch.batches import Associations, Measurements, Tracks
-from coastwatch.fused_tracks import Convex, CovarianceIntersection, Fuser, ImmOfTracks, WeightedAverage
+from coastwatch.fused_tracks import Convex, CovarianceIntersection, Fuser, ImmOfTracks, ImmOfTracksLiteral, WeightedAverage
 from coastwatch.fused_tracks.covariance_intersection import intersect
+from coastwatch.fused_tracks.window import Window
 from coastwatch.geodesy import difference_m, offset_deg
 
 METHODS = [
@@ -18,6 +20,8 @@ METHODS = [
     WeightedAverage(),
     WeightedAverage(weights="fixed"),
     ImmOfTracks(),
+    ImmOfTracksLiteral(),
+    ImmOfTracksLiteral(window=6, scatter="values"),
 ]
 KINDS = np.array([0, 0, 1, 2], np.int64)
 ROUNDING_M = 1e-6
@@ -69,7 +73,7 @@ def test_one_row_a_vessel_and_a_lone_track_is_itself(method):
 def test_pure_and_resumable_and_indifferent_to_order(method):
     memory = method.init()
     rng = np.random.default_rng([5, 0])
-    for cycle in range(3):
+    for cycle in range(8):
         t = tracks(VESSEL, SOURCE, seed=cycle, time_s=3.0 * cycle)
         before = pickle.dumps(memory)
         again, fused = method.step(pickle.loads(before), t, Measurements.empty(), associated(VESSEL), 3.0 * cycle, KINDS)
@@ -136,3 +140,44 @@ def test_intersection_has_the_smallest_determinant_and_stays_consistent():
     mean, same = intersect(a[:1], a[:1], np.zeros((1, 4)), 30)
     np.testing.assert_allclose(same[0], a[0], rtol=1e-9)
     np.testing.assert_allclose(mean, 0.0)
+
+
+@pytest.mark.parametrize("about_line", [False, True])
+def test_the_window_has_the_sample_covariance_of_the_last_states(about_line):
+    window, shown = Window.empty(7), []
+    for cycle in range(10):
+        t = tracks(VESSEL, SOURCE, seed=cycle, time_s=3.0 * cycle)
+        window = window.extended(t, 3.0 * cycle)
+        shown.append((t.position_deg, t.velocity_m_s))
+    found = window.covariance(t.track_id, about_line=about_line)
+    for k in range(len(t)):
+        metres = [difference_m(p[k], t.position_deg[k]) for p, _ in shown[-7:]]
+        state = np.column_stack([np.array(metres), [v[k] for _, v in shown[-7:]]])
+        if about_line:
+            time = np.arange(7.0)
+            state = state - np.stack([np.polyval(np.polyfit(time, x, 1), time) for x in state.T], axis=1)
+        np.testing.assert_allclose(found[k], np.cov(state.T), rtol=1e-6, atol=1e-6)
+
+
+def test_the_window_of_a_track_that_was_away_begins_again():
+    window = Window.empty(6)
+    for cycle in range(6):
+        t = tracks(VESSEL, SOURCE, seed=cycle)
+        window = window.extended(t.take(np.arange(6)) if cycle == 2 else t, 3.0 * cycle)
+    found = window.covariance(t.track_id, about_line=False)
+    assert np.isfinite(found[:6]).all()
+    assert np.isnan(found[6]).all()
+
+
+def test_the_literal_imm_believes_the_smoother_track_however_wrong_it_is():
+    """A radar track 10 m off without scatter against an AIS track that scatters by 3 m about the truth."""
+    method, rng = ImmOfTracksLiteral(), np.random.default_rng([4, 0])
+    memory, off = method.init(), []
+    for cycle in range(30):
+        t = tracks(np.array([0, 0]), np.array([0, 2]))
+        where = offset_deg(np.array([-23.0, 179.9995]), np.array([[10.0, 0.0], rng.normal(0.0, 3.0, 2)]))
+        t = replace(t, position_deg=where, velocity_m_s=0.01 * rng.normal(size=(2, 2)))
+        memory, fused = method.step(memory, t, Measurements.empty(), associated(np.array([0, 0])), 3.0 * cycle, KINDS)
+        off.append(difference_m(fused.position_deg[0], np.array([-23.0, 179.9995]))[0])
+    assert np.abs(np.array(off[:5])).max() < 8.0
+    assert np.mean(off[20:]) > 9.0

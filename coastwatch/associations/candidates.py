@@ -1,0 +1,48 @@
+"""The score of every pair that a windowed covariance tests in a cycle, taken or not: what a receiver operating curve is drawn from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from coastwatch.associations.windowed_covariance import WindowedCovariance
+from coastwatch.associations.windowed_covariance_literal import WindowedCovarianceLiteral
+from coastwatch.batches import Array, Associations, Floats, Ints, Spots, Tracks
+from coastwatch.stage import Work, in_turn
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """All pairs inside the gate that were tested, sorted by first, then second."""
+
+    first: Ints  # (A,) row of a track
+    second: Ints  # (A,) row of a track of a later source
+    score: Floats  # (A,) greater is more alike: the log-likelihood ratio of the default, -x of the literal method
+
+
+def step_with_candidates(
+    method: WindowedCovariance | WindowedCovarianceLiteral, memory: Any, tracks: Tracks, spots: Spots
+) -> tuple[Any, Associations, Candidates]:
+    """What `method.step` gives, and besides every pair that it tested, with its score before threshold and assignment.
+
+    The work of each spot is done a second time with the threshold open, so that memory and associations are those of an
+    ordinary step. A pair without the history that the test needs (literal: p cycles) is not tested.
+    Args: memory: of the method; tracks: (N); spots: of the same rows.
+    """
+    literal = isinstance(method, WindowedCovarianceLiteral)
+    opened = method.model_copy(update={"confidence": 1.0} if literal else {"threshold": -np.inf})
+    found: list[tuple[Array, ...]] = []
+
+    def twice(work: Work, settings: Any, arrays: Mapping[str, Array], spots: Sequence[Ints]) -> list[tuple[Array, ...]]:
+        found.extend(in_turn(work, opened, arrays, spots))
+        return in_turn(work, settings, arrays, spots)
+
+    memory, associations = method.step(memory, tracks, spots, twice)
+    first, second = (np.concatenate([np.zeros(0, np.int64), *(part[k] for part in found)]) for k in range(2))
+    statistic = np.concatenate([np.zeros(0), *(part[2] for part in found)])
+    order = np.lexsort((second, first))
+    score = -statistic if literal else statistic
+    return memory, associations, Candidates(first[order], second[order], score[order])
