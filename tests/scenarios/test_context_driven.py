@@ -96,6 +96,21 @@ def test_the_literal_association_runs_and_is_worse(folder: Path) -> None:
     assert 0.0 < literal["associations"]["f1"] < default["associations"]["f1"]
 
 
+def test_the_chain_by_the_letter_misses_partners_until_its_threshold_is_hotellings(folder: Path) -> None:
+    """Raw AIS, eq. 7, the second IMM: as in the READMEs of associations and fused_tracks."""
+    letter = ("ais_tracks.method=dead_reckoning", "fused_tracks.method=imm_of_tracks_literal", *SMALL)
+    literal = ("associations.method=windowed_covariance_literal",)
+    found = scores("context-driven-200", (*letter, *literal), SEEDS[0], folder)
+    finite(found)
+    assert 0.5 < found["associations"]["f1"] < 0.85
+    assert found["associations"]["specificity"] > 0.99
+    wide = ("associations.threshold=hotelling", "associations.confidence=0.999", "associations.one_to_one=true")
+    found = scores("context-driven-200", (*letter, *literal, *wide), SEEDS[0], folder)
+    assert found["associations"]["f1"] > 0.98
+    fused = found["fused_tracks"]
+    assert 2.0 * fused["bound_position_rmse_m"] < fused["position_rmse_m"] < fused["radar_position_rmse_m"]
+
+
 def test_the_literal_association_of_bearings_runs_and_is_worse(folder: Path) -> None:
     settings = ("bearing_associations.method=bearing_windowed_covariance", *SMALL)
     literal = scores("context-driven-100", settings, SEEDS[0], folder)
