@@ -82,6 +82,7 @@ def _settings() -> Iterator[str]:
     yield (
         "## Settings of a scenario\n\nA scenario is one TOML file. Every setting can be overridden with `--set KEY=VALUE`, the key being\n"
         "the table and the setting with dots between (`tracks.method=imm`), a number naming an item of a list (`radars.0.rpm=20`).\n"
+        '`extends = "NAME"` at the top of the file takes over what another scenario says: see coastwatch/scenario/README.md.\n'
     )
     for table in settings.tables(Scenario):
         yield from _table(table)

@@ -1,7 +1,8 @@
 """One TOML file to one frozen, validated Scenario."""
 
+from coastwatch.scenario.extending import ScenarioError
 from coastwatch.scenario.model import Scenario, StoreSettings, WorkerSettings
-from coastwatch.scenario.reading import ScenarioError, load_scenario, make_scenario, scenario_names, utc_text
+from coastwatch.scenario.reading import load_scenario, make_scenario, scenario_names, utc_text
 from coastwatch.scenario.sites import Area, Radar, Sonar, Station
 
 __all__ = [

@@ -83,10 +83,10 @@ class Scenario(Settings):
 
     @model_validator(mode="after")
     def _halo_covers_the_gate(self) -> Scenario:
-        if self.spots.halo_m < self.associations.gate_m:
+        if 0.0 < self.spots.halo_m < self.associations.gate_m:
             raise ValueError(
                 f"spots.halo_m: got {self.spots.halo_m}, needed at least associations.gate_m = {self.associations.gate_m}, "
-                "or pairs across the border of two spots are lost"
+                "or pairs across the border of two spots are lost (0: no halo, as in the paper, and they are)"
             )
         return self
 

@@ -10,12 +10,9 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from coastwatch.scenario.extending import ScenarioError, extended
 from coastwatch.scenario.model import Scenario
 from coastwatch.shipped import scenarios_folder
-
-
-class ScenarioError(Exception):
-    """A scenario cannot be read; the message names the file, the key, what it got and what it needed."""
 
 
 def scenario_names() -> list[tuple[str, str]]:
@@ -29,17 +26,12 @@ def scenario_names() -> list[tuple[str, str]]:
 def load_scenario(name_or_path: str, overrides: Mapping[str, str] | None = None) -> Scenario:
     """The scenario of this name, or in this file or folder, with settings overridden.
 
-    Args: overrides: dotted key to value written as in TOML; a bare word counts as text. `radars.0.rpm` names a list item.
+    Args: overrides: dotted key to value written as in TOML; a bare word counts as text. `radars.0.rpm` names a list item. They
+    come last, after what a file says and what it extends.
     Raises: ScenarioError that names the file and the key.
     """
     path = _find(name_or_path)
-    try:
-        data = tomllib.loads(path.read_text("utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ScenarioError(f"{path}: cannot be read: {error}") from error
-    except tomllib.TOMLDecodeError as error:
-        raise ScenarioError(f"{path}: not TOML: {error}") from error
-    return make_scenario(data, str(path), overrides or {})
+    return make_scenario(extended(path), str(path), overrides or {})
 
 
 def make_scenario(data: dict[str, Any], where: str, overrides: Mapping[str, str]) -> Scenario:

@@ -30,7 +30,7 @@ class KMeansSpots(Method):
     method: Literal["kmeans"] = "kmeans"
     count: Annotated[int, Field(ge=0)] = 0  # spots; 0: one for every `tracks_per_spot` tracks
     tracks_per_spot: Annotated[int, Field(ge=1)] = 400
-    halo_m: Annotated[float, Field(ge=0.0)] = 1500.0  # not under the gate of the association
+    halo_m: Annotated[float, Field(ge=0.0)] = 1500.0  # not under the gate of the association; 0: none, as in the paper
     warm_steps: Annotated[int, Field(ge=0)] = 1  # Lloyd steps a cycle; 0 keeps the centroids of the first cycle
     seed: Annotated[int, Field(ge=0)] = 0
 

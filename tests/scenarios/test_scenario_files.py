@@ -11,7 +11,7 @@ import pytest
 from coastwatch.scenario import Scenario, ScenarioError, load_scenario, scenario_names
 
 HOUSE = Path(__file__).parents[2]
-BASE = (HOUSE / "scenarios" / "context-driven-100" / "scenario.toml").read_text("utf-8")
+BASE = (HOUSE / "scenarios" / "context-driven-1000" / "scenario.toml").read_text("utf-8")
 SHIPPED = sorted(p.parent.name for p in (HOUSE / "scenarios").glob("*/scenario.toml"))
 
 
@@ -67,7 +67,7 @@ def added(text: str) -> Callable[[], str]:
 WRONG = {
     "key": (replaced("\ncycles = 40", "\ncylces = 40"), "cylces", "Extra inputs are not permitted, got 40"),
     "key of a table": (replaced("[area]", "[aria]"), "area", "Field required"),
-    "key of the input": (replaced("count = 100", "coumt = 100"), "coumt", "got 100"),
+    "key of the input": (replaced("count = 1000", "coumt = 100"), "coumt", "got 100"),
     "key two tables down": (added("\n[tracks.motion]\nquiet_noise = 1.0\n"), "motion.quiet_noise", "got 1.0"),
     "unit": (replaced("range_nm = 6.0", "range_km = 6.0"), "radars.0.range_km", "got 6.0"),
     "unit of the second": (replaced("rpm = 20.0", "hz = 0.3"), "radars.1.hz", "got 0.3"),
@@ -102,7 +102,9 @@ def test_what_is_wrong_is_named_with_file_and_key(wrong: str, tmp_path: Path) ->
 
 
 def test_every_wrong_key_is_named_at_once(tmp_path: Path) -> None:
-    text = BASE.replace("rpm = 15.0", "rpm = -1.0").replace("count = 100", "count = -5").replace("cycles = 40", "cycles = 1e99")
+    text = (
+        BASE.replace("rpm = 15.0", "rpm = -1.0").replace("count = 1000", "count = -5").replace("cycles = 40", "cycles = 1e99")
+    )
     said = refusal(written(tmp_path, text)).splitlines()
     assert [("radars.0.rpm" in line, "count" in line, "cycles" in line) for line in said].count((False, False, False)) == 0
     assert len(said) == 3
