@@ -32,6 +32,9 @@ class AisTruth(Settings):
     """Who carries AIS, what it sends and what of that is heard."""
 
     share: Share = 0.5  # of the vessels carry AIS: exactly, at random
+    carried_by: tuple[
+        Annotated[int, Field(ge=0)], ...
+    ] = ()  # numbers, from 0, of the vessels that carry AIS, instead of a share
     class_b_share: Share = 0.0  # of these carry class B
     intervals: Literal["fixed", "itu"] = "fixed"  # one interval for all, or class A and class B as ITU-R M.1371 has them
     interval_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 3.0  # where fixed; each vessel has a random phase
@@ -75,6 +78,10 @@ def carriers(truth: AisTruth, count: int, seed: int) -> Carriers:
     """Who sends under which number, of vessels 0..count-1."""
     rng = np.random.default_rng([seed, CARRIERS])
     row = chosen(count, truth.share, rng)
+    if truth.carried_by:
+        row = np.unique(np.array(truth.carried_by, np.int64))
+        if row[-1] >= count:
+            raise ValueError(f"input.ais.carried_by: got vessel {row[-1]}, needed numbers below input.count = {count}")
     number = rng.permutation(1_000_000)[:count] if count <= 1_000_000 else np.arange(count) % 1_000_000
     mmsi = (COUNTRIES[rng.integers(0, len(COUNTRIES), count)] * 1_000_000 + number)[row]
     class_b, silent, spoofing = (np.zeros(len(row), np.bool_) for _ in range(3))

@@ -53,6 +53,9 @@ class Simulated(Method):
     area_height_nm: Annotated[float, Field(gt=0.0, le=5000.0)] = 10.0
     water_deg: tuple[tuple[float, float], ...] = ()  # corners (latitude, longitude) of the water in the area; none: all of it
     count: Annotated[int, Field(ge=0, le=1_000_000)] = 1000  # vessels
+    places_deg: tuple[
+        tuple[float, float], ...
+    ] = ()  # latitude, longitude at the start of the first vessels; the others are drawn
     motion: VesselMotion = VesselMotion()
     radar: RadarTruth = RadarTruth()
     radars: tuple[RadarTruth, ...] = ()
@@ -94,8 +97,13 @@ class Simulated(Method):
         raise ValueError("start_utc, cycles: got none or 0, needed both where input.method is simulated")
 
     def _places(self, seed: int) -> Floats:
-        """Where the vessels are at the start, evenly over the area, or over its water. (V, 2)"""
-        rng = np.random.default_rng([seed, PLACES])
+        """Where the vessels are at the start: as set, and the others evenly over the area, or over its water. (V, 2)"""
+        if len(self.places_deg) > self.count:
+            raise ValueError(f"input.places_deg: got {len(self.places_deg)} places, needed at most input.count = {self.count}")
+        drawn = self._drawn(np.random.default_rng([seed, PLACES]))
+        return np.concatenate([np.array(self.places_deg, np.float64).reshape(-1, 2), drawn[len(self.places_deg) :]])
+
+    def _drawn(self, rng: np.random.Generator) -> Floats:
         if not self.water_deg:
             return self._spread(rng, self.count)
         corners, found = np.array(self.water_deg), np.zeros((0, 2))

@@ -211,3 +211,10 @@ def test_no_carrier_at_all():
     assert len(made.reports.ais) == len(made.reports.statics) == 0
     whole = dataclasses.replace(sensors(), stations=Stations.empty())
     assert len(recorded(0, where=whole, ais={"intervals": "itu"}).reports.ais) == 0
+
+
+def test_the_vessels_that_are_named_carry_ais_and_no_other():
+    made = recorded(20, ais={"carried_by": [7, 3], "share": 0.5})
+    assert set(np.unique(made.reports.ais.origin)) == {3, 7}
+    with pytest.raises(ValueError, match="carried_by: got vessel 20, needed numbers below input"):
+        carriers(AisTruth(carried_by=(1, 20)), 20, 1)
