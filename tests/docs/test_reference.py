@@ -29,7 +29,7 @@ def test_every_command_and_argument_is_documented(name: str, parser: object) -> 
 
 
 def test_the_commands_of_the_contract_are_there() -> None:
-    wanted = {"run", "scenarios", "fuse", "picture", "track", "query", "plot", "db upgrade", "db check"}
+    wanted = {"run", "scenarios", "fuse", "reproduce", "picture", "track", "query", "plot", "db upgrade", "db check"}
     assert {f"coastwatch {name}" for name in wanted} <= {name for name, _ in COMMANDS}
 
 

@@ -1,4 +1,4 @@
-"""Progress of a run on stderr: a bar on a terminal, a line every ten seconds elsewhere."""
+"""Progress on stderr: a bar on a terminal, a line every ten seconds elsewhere."""
 
 from __future__ import annotations
 
@@ -16,27 +16,28 @@ class Progress(Protocol):
 
 
 @contextmanager
-def shown() -> Iterator[Progress]:
-    """A function (done, total, what) that shows how far a run has come, closed in the end."""
+def shown(unit: str = "cycle") -> Iterator[Progress]:
+    """A function (done, total, what) that shows how far it has come, in these units, closed in the end."""
     if sys.stderr.isatty():
-        bar = _Bar()
+        bar = _Bar(unit)
         try:
             yield bar
         finally:
             bar.close()
     else:
-        yield _Lines()
+        yield _Lines(unit)
 
 
 class _Bar:
-    def __init__(self) -> None:
+    def __init__(self, unit: str) -> None:
+        self._unit = unit
         self._bar: Any = None
 
     def __call__(self, done: int, total: int, what: str) -> None:
         if self._bar is None:
             from tqdm import tqdm
 
-            self._bar = tqdm(total=total, unit="cycle", file=sys.stderr, dynamic_ncols=True, leave=False)
+            self._bar = tqdm(total=total, unit=self._unit, file=sys.stderr, dynamic_ncols=True, leave=False)
         if self._bar.total != total:
             self._bar.total = total
         self._bar.set_postfix_str(what, refresh=False)
@@ -48,7 +49,8 @@ class _Bar:
 
 
 class _Lines:
-    def __init__(self) -> None:
+    def __init__(self, unit: str) -> None:
+        self._unit = unit
         self._next_s = time.monotonic() + LINE_EVERY_S
 
     def __call__(self, done: int, total: int, what: str) -> None:
@@ -56,4 +58,4 @@ class _Lines:
         if now_s >= self._next_s:
             self._next_s = now_s + LINE_EVERY_S
             with suppress(OSError):  # nobody reads stderr any more: no reason to end a run
-                print(f"cycle {done} of {total}: {what}", file=sys.stderr, flush=True)
+                print(f"{self._unit} {done} of {total}: {what}", file=sys.stderr, flush=True)

@@ -1,0 +1,175 @@
+"""The plots of a report, each a data URI: nothing is loaded from anywhere."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Callable, Iterable, Mapping, Sequence
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from coastwatch.batches import Floats
+from coastwatch.operators.reproduction.figures import Made, Record, Spread, at, values
+from coastwatch.operators.reproduction.published import Published
+
+matplotlib.use("Agg")
+
+LITERAL, OURS, BOUND, PUBLISHED, INK = "#b8442f", "#1f5fbf", "#7d8894", "#c99a2e", "#1d2733"
+NOISE, SPOTS, VESSELS = "input.motion.process_noise_fraction", "spots.count", "input.count"
+LEAST_RATE = 1e-6  # left end of a ROC curve
+POINTS = 400  # of a ROC curve
+ABOUT_5 = 5.0  # per cent of the time with one spot, 1000 vessels and 20 spots: section IV-C
+
+
+def drawn(kind: str, of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+    """Data URI and caption of the plots of one kind; none where their data are absent."""
+    return KINDS[kind](of, made)
+
+
+def _picture(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+    shown = [(r["seed"], r["picture"]["png"]) for one in made for r in one.records if r.get("picture")]
+    return [(f"data:image/png;base64,{png}", f"The last picture of the run with seed {seed}.") for seed, png in shown[:1]]
+
+
+def _time_shares(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+    vessels, spots = (sorted({dict(one.wanted.point)[key] for one in made}, key=float) for key in (VESSELS, SPOTS))
+    figure, panels = _panels(len(of.variant))
+    for axes, variant in zip(panels, of.variant, strict=True):
+        for k, count in enumerate(spots):
+            shares = [100.0 * _share(made, variant.name, {VESSELS: n, SPOTS: count}) for n in vessels]
+            place = np.arange(len(vessels)) + (k - 0.5 * (len(spots) - 1)) * 0.16
+            bars = axes.bar(place, shares, 0.15, label=f"{count} spots", color=matplotlib.colormaps["Blues"](0.9 - 0.16 * k))
+            axes.bar_label(bars, fmt="%.0f", fontsize=7, color=INK)
+        axes.set_xticks(np.arange(len(vessels)), [f"{n} vessels" for n in vessels])
+        axes.axhline(ABOUT_5, color=PUBLISHED, linewidth=1.2, linestyle="--", label="published, 1000 vessels, 20 spots")
+        _label(axes, variant.title, "", "time of the association, % of that with one spot")
+    return [(_uri(figure), "Share of the time of the association with one spot, mean over the runs.")]
+
+
+def _share(made: Sequence[Made], variant: str, point: Mapping[str, float | int | str]) -> float:
+    one, alone = at(made, variant, point), at(made, variant, {**point, SPOTS: 1})
+    times = [values(x.records, "timings_s.associations.median") if x else () for x in (one, alone)]
+    return float(np.mean([a / b for a, b in zip(*times, strict=False)])) if all(times) else 0.0
+
+
+def _noise(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+    fractions = sorted({float(dict(one.wanted.point)[NOISE]) for one in made})
+    kinds = (("position", "m"), ("course", "deg"), ("speed", "kn"))
+    figure, panels = _panels(len(kinds))
+    for axes, (quantity, unit) in zip(panels, kinds, strict=True):
+        name = f"{quantity}_rmse_{unit}"
+        for variant in of.variant:
+            found = [_spread(made, variant.name, f, f"fused_tracks.{name}") for f in fractions]
+            style = "--" if variant.name.startswith("literal") else "-"
+            _bars(axes, fractions, found, variant.title, style, OURS if variant.name == "default" else None)
+        bounds = [_spread(made, of.variant[-1].name, f, f"fused_tracks.bound_{name}") for f in fractions]
+        _bars(axes, fractions, bounds, "physical bound", ":", BOUND)
+        for method, marker in (("Weighted Average", "s"), ("IMM Filter", "D")):
+            said = [(f.at[NOISE], f.published) for f in of.figure if f.name.endswith(f"{method}, {quantity}") and f.published]
+            axes.plot(*zip(*said, strict=True), marker, color=PUBLISHED, label=f"published, {method}")
+        axes.set_ylim(bottom=0.0)
+        _label(axes, quantity, "process noise f, of the highest speed", f"RMSE, {unit}")
+    return [(_uri(figure), "Errors of the fused tracks against the process noise; bars are one standard deviation of a run.")]
+
+
+def _spread(made: Sequence[Made], variant: str, fraction: float, path: str) -> Spread:
+    one = at(made, variant, {NOISE: fraction})
+    return Spread(values(one.records, path) if one else ())
+
+
+def _bars(axes: Axes, x: Sequence[float], found: Sequence[Spread], label: str, style: str, colour: str | None) -> None:
+    axes.errorbar(
+        x, [s.mean for s in found], np.nan_to_num([s.std for s in found]), label=label, linestyle=style, color=colour, capsize=3
+    )
+
+
+def _history(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+    stage = "bearing_associations" if any("bearing" in f.path for f in of.figure) else "associations"
+    figure, (axes,) = _panels(1)
+    for variant in (v for v in of.variant if not v.sweep):
+        one = at(made, variant.name, {})
+        found = [Spread(values(one.records, f"history.{t:g}.{stage}.f1")) for t in of.history_s] if one else []
+        scaled = [Spread(tuple(100.0 * v for v in s.values)) for s in found]
+        literal = variant.name.startswith("literal")
+        _bars(axes, of.history_s, scaled, variant.title, "--" if literal else "-", None if literal else OURS)
+    said = next((f.published for f in of.figure if f.name == "F1" and f.published), None)
+    if said:
+        axes.axhline(100.0 * said, color=PUBLISHED, linestyle=":", label="published, over two minutes")
+    _label(axes, "F1 against the length of the history", "seconds after a cold start", "F1, %")
+    return [(_uri(figure), "F1 of the decisions at that time after a cold start; bars are one standard deviation of a run.")]
+
+
+def _roc(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+    figure, (axes,) = _panels(1)
+    for variant, colour in zip((v for v in of.variant if v.roc), (LITERAL, OURS, BOUND), strict=False):
+        one = at(made, variant.name, {})
+        said = [r["roc"] for r in one.records if r.get("roc")] if one else []
+        if said and variant.roc:
+            axes.plot(*roc_curve(said, variant.roc.better), color=colour, label=variant.title)
+    axes.set_xscale("log")
+    axes.set_xlim(LEAST_RATE, 1.0)
+    _label(
+        axes,
+        "The test alone",
+        "share of pairs of two vessels that are accepted",
+        "share of pairs of one vessel that are accepted",
+    )
+    caption = (
+        "ROC of the association test: every candidate pair, before any choice among partners, over all thresholds. A curve ends where the "
+        "most similar wrong pairs that are kept run out, or where the statistic is not defined."
+    )
+    return [(_uri(figure), caption)]
+
+
+def roc_curve(said: Sequence[Record], better: str) -> tuple[Floats, Floats]:
+    """Share of wrong and of true pairs that are accepted, over thresholds.
+
+    Args: said: `true`, `wrong` statistics, best first, of a run each, and the counts of all; better: "lower" or "higher".
+    """
+    sign = 1.0 if better == "lower" else -1.0
+    true, wrong = (sign * np.concatenate([np.array(run[key], float) for run in said]) for key in ("true", "wrong"))
+    trues, wrongs = (max(sum(int(run[f"{key}_count"]) for run in said), 1) for key in ("true", "wrong"))
+    cut = min((sign * run["wrong"][-1] for run in said if len(run["wrong"]) < run["wrong_count"]), default=np.inf)
+    every = np.sort(np.concatenate([true, wrong]))
+    every = every[every <= cut]
+    threshold = every[np.unique(np.linspace(0, len(every) - 1, POINTS).astype(int))] if len(every) else every
+    accepted = [np.searchsorted(np.sort(part), threshold, side="right") for part in (wrong, true)]
+    return np.maximum(accepted[0] / wrongs, LEAST_RATE), accepted[1] / trues
+
+
+def _panels(count: int) -> tuple[Figure, Sequence[Axes]]:
+    figure = Figure(figsize=(4.4 * count + 1.8 if count > 1 else 7.0, 4.2), layout="constrained")
+    return figure, list(np.atleast_1d(figure.subplots(1, count)))
+
+
+def _label(axes: Axes, title: str, x: str, y: str) -> None:
+    axes.set_title(title, fontsize=10, loc="left", color=INK)
+    axes.set_xlabel(x, fontsize=9)
+    axes.set_ylabel(y, fontsize=9)
+    axes.tick_params(labelsize=8)
+    axes.grid(color="#e3e8ec", linewidth=0.8)
+    axes.set_axisbelow(True)
+    _legend(axes, axes.get_legend_handles_labels()[1])
+
+
+def _legend(axes: Axes, labels: Iterable[str]) -> None:
+    if any(labels):
+        axes.legend(fontsize=7, frameon=False)
+
+
+def _uri(figure: Figure) -> str:
+    held = io.BytesIO()
+    figure.savefig(held, format="svg", metadata={"Date": None, "Creator": None})
+    return f"data:image/svg+xml;base64,{base64.b64encode(held.getvalue()).decode()}"
+
+
+KINDS: dict[str, Callable[[Published, Sequence[Made]], list[tuple[str, str]]]] = {
+    "picture": _picture,
+    "time_shares": _time_shares,
+    "noise": _noise,
+    "history": _history,
+    "roc": _roc,
+}

@@ -1,0 +1,117 @@
+"""Mean and standard deviation over runs of every figure, for what was published, for the literal methods and for ours."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from coastwatch.operators.reproduction.planning import Wanted
+from coastwatch.operators.reproduction.published import Figure, Point, Published, Value
+
+Record = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Spread:
+    """A figure over runs."""
+
+    values: tuple[float, ...] = ()  # one a run that has it
+
+    @property
+    def mean(self) -> float:
+        """The mean; NaN where no run has the figure."""
+        return float(np.mean(self.values)) if self.values else math.nan
+
+    @property
+    def std(self) -> float:
+        """The standard deviation of one run, unbiased; NaN with fewer than two."""
+        return float(np.std(self.values, ddof=1)) if len(self.values) > 1 else math.nan
+
+
+@dataclass(frozen=True)
+class Made:
+    """A variant at a point, with what its runs measured."""
+
+    wanted: Wanted
+    records: tuple[Record, ...]
+
+
+@dataclass(frozen=True)
+class Row:
+    """A figure with all its columns; those that it has not are empty."""
+
+    figure: Figure
+    literal: Spread = field(default_factory=Spread)
+    default: Spread = field(default_factory=Spread)
+    asked_of: Spread = field(default_factory=Spread)
+    bound: Spread = field(default_factory=Spread)
+
+    @property
+    def reached(self) -> bool | None:
+        """Whether what is asked is reached; none where nothing is, or nothing was measured."""
+        asked, got = self.figure.asked, self.asked_of.mean
+        if asked is None or math.isnan(got):
+            return None
+        return got <= asked if self.figure.better == "lower" else got >= asked
+
+
+def rows(of: Published, made: Sequence[Made]) -> list[Row]:
+    """Every figure of a folder."""
+    return [
+        Row(
+            figure,
+            _column(made, figure, figure.literal, figure.path),
+            _column(made, figure, figure.default, figure.path),
+            _column(made, figure, figure.asked_of if figure.asked is not None else "", figure.path),
+            _column(made, figure, figure.default or figure.literal, figure.bound) if figure.bound else Spread(),
+        )
+        for figure in of.figure
+    ]
+
+
+def values(records: Sequence[Record], path: str) -> tuple[float, ...]:
+    """What stands at a path, of the runs that have it."""
+    found = (at_path(record, path) for record in records)
+    return tuple(value for value in found if value is not None)
+
+
+def at_path(record: Record, path: str) -> float | None:
+    """The number at a dotted path of what was measured; scores need not say so. None where there is none."""
+    here: Any = record
+    first = path.split(".")[0]
+    for part in path.split(".") if first in record else ["scores", *path.split(".")]:
+        here = here.get(part) if isinstance(here, Mapping) else None
+    return float(here) if isinstance(here, int | float) and math.isfinite(here) else None
+
+
+def at(made: Sequence[Made], variant: str, point: Mapping[str, Value]) -> Made | None:
+    """A variant where the named settings have these values; the first where others are swept too."""
+    for one in made:
+        if one.wanted.variant.name == variant and _agrees(one.wanted.point, point):
+            return one
+    return None
+
+
+def _agrees(point: Point, wanted: Mapping[str, Value]) -> bool:
+    have = dict(point)
+    return all(have.get(key) == value for key, value in wanted.items())
+
+
+def _column(made: Sequence[Made], figure: Figure, variant: str, path: str) -> Spread:
+    one = at(made, variant, figure.at) if variant else None
+    if one is None:
+        return Spread()
+    below = at(made, variant, {**figure.at, **figure.against}) if figure.against else None
+    found = []
+    for k, record in enumerate(one.records):
+        value = at_path(record, path)
+        over = at_path(record, figure.over) if figure.over else 1.0
+        if below is not None:  # the same seed at the other point
+            over = at_path(below.records[k], path) if k < len(below.records) else None
+        if value is not None and over:
+            found.append(value / over)
+    return Spread(tuple(found))

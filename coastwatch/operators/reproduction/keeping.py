@@ -1,0 +1,62 @@
+"""What was measured, kept as one file a run in the output folder: what is there is not run again."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from coastwatch.operators.bad_input import BadInput
+from coastwatch.server.run import version
+from coastwatch.shipped import PACKAGE
+
+MEASURING = ("listening.py", "measuring.py")  # of this folder: the others only show what was measured
+
+
+def code() -> str:
+    """The version, and a digest of every module that can change what is measured."""
+    here = Path(__file__).parent
+    below = (p for p in PACKAGE.rglob("*.py") if p.relative_to(PACKAGE).parts[0] != "operators")
+    digest = hashlib.sha256()
+    for path in sorted([*below, *(here / name for name in MEASURING)]):
+        digest.update(path.relative_to(PACKAGE).as_posix().encode() + b"\0" + path.read_bytes())
+    return f"{version()}+{digest.hexdigest()[:12]}"
+
+
+class Kept:
+    """The runs in an output folder."""
+
+    def __init__(self, output: str) -> None:
+        """Makes the folder. Raises: BadInput where nothing can be written there."""
+        self.folder = Path(output)
+        self._runs = self.folder / "runs"
+        try:
+            self._runs.mkdir(parents=True, exist_ok=True)
+            probe = self._runs / f".{os.getpid()}"
+            probe.touch()
+            probe.unlink()
+        except OSError as error:
+            raise BadInput(f"--output: got {output!r}, needed a folder that can be written: {error.strerror}") from error
+
+    def record(self, key: str) -> dict[str, Any] | None:
+        """What was measured in a run; none where it is not there, or is not whole."""
+        try:
+            found: dict[str, Any] = json.loads((self._runs / f"{key}.json").read_text("utf-8"))
+        except (FileNotFoundError, ValueError):
+            return None
+        return found
+
+    def keep(self, key: str, record: Mapping[str, Any]) -> None:
+        """Writes what was measured in a run."""
+        self.write(f"runs/{key}.json", json.dumps(record, allow_nan=False))
+
+    def write(self, name: str, text: str) -> Path:
+        """Writes a file of the folder, as a whole or not at all."""
+        path = self.folder / name
+        beside = path.with_name(f".{path.name}.{os.getpid()}")
+        beside.write_text(text, "utf-8")
+        os.replace(beside, path)
+        return path

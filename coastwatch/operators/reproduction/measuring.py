@@ -1,0 +1,86 @@
+"""One run and what is measured in it: plain values that can be kept as JSON."""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from coastwatch.operators.cli.summary import as_plain
+from coastwatch.operators.reproduction.listening import Decisions, Pairs
+from coastwatch.operators.reproduction.planning import Job
+from coastwatch.pipeline import Cycle
+from coastwatch.server.run import RunResult, run_scenario
+
+NOWHERE = "sqlite://"  # in memory, gone with the run
+AROUND = 1  # investigations before and after an instant that are counted with it
+
+
+def measure(job: Job) -> dict[str, Any] | None:
+    """What is measured in a run; none where it was interrupted.
+
+    Returns: seed, elapsed_s, scores (with the counts of decisions of the scored cycles), timings_s, and where asked `history`
+    (seconds after the start to scores), `roc`, `picture`.
+    """
+    decisions = Decisions(job.scenario.sensors())
+    pairs = Pairs(job.roc) if job.roc else None
+
+    def on_cycle(cycle: Cycle) -> None:
+        decisions.hear(cycle)
+        if pairs:
+            pairs.hear(cycle)
+
+    with tempfile.TemporaryDirectory(prefix="coastwatch-") as folder:
+        database = f"sqlite:///{Path(folder) / 'run.db'}" if job.picture else NOWHERE
+        scenario = job.scenario if job.picture else _unkept(job)
+        result = run_scenario(scenario, seed=job.seed, workers=1, database=database, on_cycle=on_cycle)
+        if result.interrupted:
+            return None
+        shown = _picture(result, database) if job.picture else None
+    plain: dict[str, Any] = as_plain(
+        {
+            "seed": job.seed,
+            "elapsed_s": result.elapsed_s,
+            "scores": _scores(job, result, decisions),
+            "timings_s": result.timings_s,
+            "history": {f"{at:g}": _at(job, decisions, at) for at in job.history_s},
+            "roc": pairs.said(job.roc_better) if pairs else None,
+            "picture": shown,
+        }
+    )
+    return plain
+
+
+def _unkept(job: Job) -> Any:
+    """The scenario with as little stored as can be: nobody will read it."""
+    seldom = {"history_every": 10**9, "associations_every": 10**9, "checkpoint_every": 10**9}
+    return job.scenario.model_copy(update={"store": job.scenario.store.model_copy(update=seldom)})
+
+
+def _scores(job: Job, result: RunResult, decisions: Decisions) -> dict[str, Any]:
+    first, stop = job.scenario.warmup_cycles, result.cycles
+    counted = {stage: decisions.between(stage, first, stop) for stage in decisions.rows}
+    return {**result.scores, **{stage: {**result.scores.get(stage, {}), **of} for stage, of in counted.items()}}
+
+
+def _at(job: Job, decisions: Decisions, at_s: float) -> dict[str, dict[str, float]]:
+    """The decisions around the first instant that is so long after the start."""
+    cycle = math.ceil(at_s / job.scenario.period_s) - 1
+    return {stage: decisions.between(stage, cycle - AROUND, cycle + AROUND + 1) for stage in decisions.rows}
+
+
+def _picture(result: RunResult, database: str) -> dict[str, Any]:
+    """How many vessels of each kind the last picture shows, and the picture as a PNG."""
+    from coastwatch.operators import plot, scene, stored
+    from coastwatch.shipped import scenarios_folder
+
+    land = scenarios_folder() / "guanabara" / "coastline.geojson"
+    with stored.opened(database) as found:
+        what = scene.load(found, stored.run(found, result.run_id), None, None, str(land))
+    drawn = io.BytesIO()
+    plot.draw(what).savefig(drawn, format="png", dpi=90, bbox_inches="tight", pad_inches=0.2)
+    kinds = {kind.replace(" ", "_"): int((what.kind == kind).sum()) for kind in (scene.AIS_ONLY, scene.RADAR_ONLY, scene.FUSED)}
+    return {**kinds, "bearings": len(what.bearing_from_deg), "png": base64.b64encode(drawn.getvalue()).decode()}

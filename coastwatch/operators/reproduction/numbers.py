@@ -1,0 +1,107 @@
+"""The whole reproduction as one JSON object: figures, raw values of every run, settings, code, machine, date."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from coastwatch.operators.reproduction.figures import Made, Record, Row, Spread
+from coastwatch.operators.reproduction.published import Published
+
+SCHEMA = 1  # of this object; a key that goes or changes its meaning counts it up
+LARGE = ("picture", "roc")  # in the report as plots
+
+
+@dataclass(frozen=True)
+class Folder:
+    """A scenario folder, reproduced."""
+
+    name: str
+    of: Published
+    made: tuple[Made, ...]
+    rows: tuple[Row, ...]
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """All that a report says."""
+
+    paper: str
+    folders: tuple[Folder, ...]
+    date_utc: str
+    code: str
+    machine: Mapping[str, Any]
+    command: str
+
+
+def as_object(said: Reproduction) -> dict[str, Any]:
+    """Plain values; what is not a finite number is null."""
+    return {
+        "schema": SCHEMA,
+        "paper": said.paper,
+        "command": said.command,
+        "date_utc": said.date_utc,
+        "code": said.code,
+        "machine": dict(said.machine),
+        "scenarios": {
+            folder.name: {
+                "title": folder.of.title,
+                "figures": [_figure(row) for row in folder.rows],
+                "variants": [_variant(made) for made in folder.made],
+            }
+            for folder in said.folders
+        },
+    }
+
+
+def _figure(row: Row) -> dict[str, Any]:
+    f = row.figure
+    return {
+        "name": f.name,
+        "source": f.source,
+        "published": f.published,
+        "asked": f.asked,
+        "asked_of": f.asked_of if f.asked is not None else None,
+        "reached": row.reached,
+        "better": f.better,
+        "unit": "fraction of 1" if f.unit == "%" else f.unit,
+        "path": f.path,
+        "at": dict(f.at),
+        **{
+            name: {"variant": variant, **_spread(spread)}
+            for name, variant, spread in (("literal", f.literal, row.literal), ("default", f.default, row.default))
+        },
+        "bound": _spread(row.bound),
+    }
+
+
+def _spread(spread: Spread) -> dict[str, Any]:
+    return {"mean": _finite(spread.mean), "std": _finite(spread.std), "runs": len(spread.values), "values": list(spread.values)}
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _variant(made: Made) -> dict[str, Any]:
+    return {
+        "name": made.wanted.variant.name,
+        "title": made.wanted.variant.title,
+        "settings": list(made.wanted.settings),
+        "at": dict(made.wanted.point),
+        "scenario": made.wanted.jobs[0].scenario.model_dump(mode="json"),
+        "runs": [_run(record) for record in made.records],
+    }
+
+
+def _run(record: Record) -> dict[str, Any]:
+    plain = {key: value for key, value in record.items() if key not in LARGE}
+    shown = record.get("picture")
+    return plain | ({"picture": {k: v for k, v in shown.items() if k != "png"}} if shown else {})
+
+
+def seeds(folders: Sequence[Folder]) -> list[int]:
+    """The seeds of all runs, sorted."""
+    return sorted({int(record["seed"]) for folder in folders for made in folder.made for record in made.records})

@@ -1,0 +1,92 @@
+"""Which runs a reproduction needs: a job for every variant, point of the sweeps and seed; what is the same is run once."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from coastwatch.operators.bad_input import BadInput
+from coastwatch.operators.reproduction.published import Point, Published, Variant, settings_of
+from coastwatch.scenario import Scenario, ScenarioError, load_scenario
+
+FIRST_SEED = 1000
+ROC_SEEDS = 2  # the statistics of all pairs are large, and two runs have enough of them
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run and what is to be measured in it."""
+
+    key: str  # of all that decides what is measured, and the code
+    scenario: Scenario
+    seed: int
+    history_s: tuple[float, ...] = ()
+    picture: bool = False
+    roc: Scenario | None = None  # whose associator refuses no pair
+    roc_better: str = ""  # which of its statistics speaks for one vessel
+    serial: bool = False
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """The runs of one variant at one point."""
+
+    variant: Variant
+    point: Point
+    settings: tuple[str, ...]
+    jobs: tuple[Job, ...]
+
+
+def plan(
+    folders: Mapping[str, Published], runs: int | None, code: str, further: tuple[str, ...] = ()
+) -> dict[str, list[Wanted]]:
+    """Folder to what it needs. Args: runs: instead of the folders' own; code: digest of the code; further: settings of all runs."""
+    if runs is not None and runs < 1:
+        raise BadInput(f"--runs: got {runs}, needed 1 or more")
+    return {
+        name: [
+            _wanted(name, of, variant, point, runs or of.runs, code, further)
+            for variant in of.variant
+            for point in of.points(variant)
+        ]
+        for name, of in folders.items()
+    }
+
+
+def unlike(plan: Mapping[str, list[Wanted]]) -> list[Job]:
+    """Every job of a plan once, those that must run alone last."""
+    found = {job.key: job for wanted in plan.values() for one in wanted for job in one.jobs}
+    return sorted(found.values(), key=lambda job: job.serial)
+
+
+def _wanted(name: str, of: Published, variant: Variant, point: Point, runs: int, code: str, further: tuple[str, ...]) -> Wanted:
+    settings = settings_of(variant, point)
+    scenario = _scenario(name, variant, (*settings, *further))
+    shadow = _scenario(name, variant, (*settings, *variant.roc.settings, *further)) if variant.roc else None
+    better = variant.roc.better if variant.roc else ""
+    jobs = tuple(_job(of, scenario, FIRST_SEED + k, shadow if k < ROC_SEEDS else None, better, code) for k in range(runs))
+    return Wanted(variant, point, settings, jobs)
+
+
+def _scenario(name: str, variant: Variant, settings: tuple[str, ...]) -> Scenario:
+    try:
+        return load_scenario(name, dict(pair.split("=", 1) for pair in settings))
+    except ScenarioError as error:
+        raise ScenarioError(f"published.toml, variant {variant.name!r}: {error}") from error
+
+
+def _job(of: Published, scenario: Scenario, seed: int, roc: Scenario | None, better: str, code: str) -> Job:
+    """A job; its key leaves out what names a run and changes nothing in it, so that two tables can share runs."""
+    decides = {
+        "settings": scenario.model_dump(mode="json", exclude={"name", "title", "workers", "seed"}),
+        "seed": seed,
+        "history_s": of.history_s,
+        "picture": of.picture,
+        "roc": roc and roc.associations.model_dump(mode="json"),
+        "serial": of.serial,
+        "code": code,
+    }
+    key = hashlib.sha256(json.dumps(decides, sort_keys=True).encode()).hexdigest()[:20]
+    return Job(key, scenario, seed, of.history_s, of.picture, roc, better if roc else "", of.serial)

@@ -1,0 +1,158 @@
+"""`published.toml` of the scenario folders that reproduce a paper: what was published, and which variants of a run answer it."""
+
+from __future__ import annotations
+
+import itertools
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, ValidationError, model_validator
+
+from coastwatch.operators.bad_input import BadInput
+from coastwatch.shipped import scenarios_folder
+from coastwatch.stage import Settings
+
+Value = float | int | str
+Point = tuple[tuple[str, Value], ...]
+"""One setting of each sweep, sorted by key."""
+
+
+class Roc(Settings):
+    """How the statistics of all candidate pairs of a variant are had: by a second associator that refuses none."""
+
+    settings: tuple[str, ...]  # of that associator, over the variant's
+    better: Literal["lower", "higher"]  # which statistic speaks for one vessel
+
+
+class Variant(Settings):
+    """One column: the folder's scenario with some settings changed."""
+
+    name: str
+    title: str
+    settings: tuple[str, ...] = ()  # KEY=VALUE
+    sweep: dict[str, tuple[Value, ...]] = Field(default_factory=dict)  # key to values, beyond those of the folder
+    roc: Roc | None = None
+
+
+class Figure(Settings):
+    """One published or asked figure."""
+
+    name: str
+    source: str = ""
+    published: float | None = None
+    asked: float | None = None
+    asked_by: str = ""
+    asked_of: str = "default"  # the variant that must reach it
+    better: Literal["higher", "lower"] = "higher"
+    path: str  # where in what was measured it stands
+    over: str = ""  # what it is divided by
+    bound: str = ""  # path of the physical bound
+    at: dict[str, Value] = Field(default_factory=dict)  # which point of the sweeps
+    against: dict[str, Value] = Field(default_factory=dict)  # divided by the same at this other point
+    unit: str = ""  # "%": the value is a fraction of 1
+    digits: int = 2
+    literal: str = "literal"  # the variant of that column; empty: none
+    default: str = "default"  # the variant of that column; empty: none
+
+
+class Published(Settings):
+    """The whole file."""
+
+    paper: str
+    order: int  # in the report
+    title: str
+    runs: Annotated[int, Field(ge=1)] = 10  # unless the operator says otherwise
+    serial: bool = False  # its runs are timed: one at a time, with nothing beside them
+    why: str = ""  # what differs and why, for the report
+    history_s: tuple[float, ...] = ()  # after a cold start, at which decisions are counted apart
+    picture: bool = False  # the picture is drawn
+    plots: tuple[Literal["picture", "time_shares", "noise", "history", "roc"], ...] = ()
+    short: tuple[str, ...] = ()  # settings that a test changes to be quick
+    sweep: dict[str, tuple[Value, ...]] = Field(default_factory=dict)
+    variant: tuple[Variant, ...]
+    figure: tuple[Figure, ...] = ()
+
+    @model_validator(mode="after")
+    def _figures_name_what_there_is(self) -> Published:
+        names = [v.name for v in self.variant]
+        if len(set(names)) < len(names):
+            raise ValueError(f"variant: got names {names}, needed each once")
+        for figure in self.figure:
+            missing = {figure.literal, figure.default, figure.asked_of if figure.asked is not None else ""} - {*names, ""}
+            if missing:
+                raise ValueError(f"figure {figure.name!r}: got variants {sorted(missing)}, needed some of {names}")
+            for key, value in {**figure.at, **figure.against}.items():
+                if value not in self.sweep.get(key, ()):
+                    raise ValueError(f"figure {figure.name!r}: got {key} = {value}, needed one of {self.sweep.get(key, ())}")
+        return self
+
+    def points(self, variant: Variant) -> Iterator[Point]:
+        """Every combination of the swept settings of a variant; one that is empty where nothing is swept."""
+        swept = sorted({**self.sweep, **variant.sweep}.items())
+        for values in itertools.product(*(values for _, values in swept)):
+            yield tuple(zip((key for key, _ in swept), values, strict=True))
+
+    def named(self, name: str) -> Variant:
+        """The variant of this name."""
+        return next(v for v in self.variant if v.name == name)
+
+
+def settings_of(variant: Variant, point: Point) -> tuple[str, ...]:
+    """KEY=VALUE of all that a variant changes at a point."""
+    return (*variant.settings, *(f"{key}={_written(value)}" for key, value in point))
+
+
+def _written(value: Value) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def papers() -> dict[str, dict[str, Published]]:
+    """Paper, then scenario, to what is published, in the order of the report. Raises: BadInput where a file is wrong."""
+    found: dict[str, dict[str, Published]] = {}
+    for path in scenarios_folder().glob("*/published.toml"):
+        made = read(path)
+        if made is not None:
+            found.setdefault(made.paper, {})[path.parent.name] = made
+    return {paper: dict(sorted(of.items(), key=lambda item: item[1].order)) for paper, of in sorted(found.items())}
+
+
+def read(path: Path) -> Published | None:
+    """What a file says; none where it is of no paper that is reproduced. Raises: BadInput that names file and key."""
+    try:
+        data: dict[str, Any] = tomllib.loads(path.read_text("utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise BadInput(f"{path}: cannot be read: {error}") from error
+    if "paper" not in data:
+        return None
+    other = data.pop("variants_of", None)
+    if other is not None:
+        data["variant"] = _variants(path, other)
+    try:
+        return Published.model_validate(data)
+    except ValidationError as error:
+        lines = [f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors()]
+        raise BadInput(f"{path}: {'; '.join(lines)}") from error
+
+
+def _variants(path: Path, folder: object) -> list[Any]:
+    """The variants of another scenario's file."""
+    there = scenarios_folder() / str(folder) / "published.toml"
+    found = tomllib.loads(there.read_text("utf-8")).get("variant", []) if there.is_file() else []
+    if not found:
+        raise BadInput(f"{path}: variants_of: got {folder!r}, needed a scenario with [[variant]] in its published.toml")
+    return list(found)
+
+
+def chosen(paper: str, only: tuple[str, ...]) -> dict[str, Published]:
+    """The folders of a paper, or some of them; a name may leave the paper off. Raises: BadInput."""
+    known = papers()
+    if paper not in known:
+        raise BadInput(f"reproduce: got {paper!r}, needed a paper of {', '.join(known)}")
+    folders = known[paper]
+    wanted = [name if name in folders else f"{paper}-{name}" for name in only]
+    unknown = [name for name, whole in zip(only, wanted, strict=True) if whole not in folders]
+    if unknown:
+        raise BadInput(f"--only: got {', '.join(unknown)}, needed some of {', '.join(folders)}")
+    return {name: of for name, of in folders.items() if not only or name in wanted}

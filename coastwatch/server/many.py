@@ -1,0 +1,60 @@
+"""Many independent pieces of work over some processes, results as they come."""
+
+from __future__ import annotations
+
+import itertools
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from multiprocessing import get_context
+from typing import TypeVar
+
+One = TypeVar("One")
+Made = TypeVar("Made")
+
+
+def over_processes(work: Callable[[One], Made], pieces: Sequence[One], count: int) -> Iterator[tuple[One, Made]]:
+    """Each piece with what the work makes of it, in the order in which they are ready.
+
+    Args: work: a module-level function; count: of processes, 1: here. Ctrl-C and SIGTERM end it: what was begun is let go.
+    Raises: KeyboardInterrupt; whatever the work raises, after which nothing further is begun.
+    """
+    with _terminated_as_interrupted():
+        if count == 1 or len(pieces) < 2:
+            for piece in pieces:
+                yield piece, work(piece)
+            return
+        # forked from a clean server: a fork after OpenMP has run here is unsafe
+        pool = ProcessPoolExecutor(min(count, len(pieces)), get_context("forkserver"), _ignore_interrupt)
+        waiting = iter(pieces)
+        running = {pool.submit(work, piece): piece for piece in itertools.islice(waiting, count)}
+        try:
+            while running:
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    piece = running.pop(future)
+                    yield piece, future.result()
+                    following = next(waiting, None)
+                    if following is not None:
+                        running[pool.submit(work, following)] = following
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _ignore_interrupt() -> None:
+    """Ctrl-C reaches every process of a terminal; a run that is in its cycles takes it for itself, and the pool is ended from above."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@contextmanager
+def _terminated_as_interrupted() -> Iterator[None]:
+    """SIGTERM ends the work as Ctrl-C does, so that no process is left behind."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -1,0 +1,304 @@
+"""`coastwatch reproduce`: every folder runs, what is finished is kept, the report stands alone, the JSON has its schema."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from coastwatch.operators.bad_input import BadInput
+from coastwatch.operators.cli import main
+from coastwatch.operators.reproduction import keeping, planning, published, report, running
+from coastwatch.operators.reproduction.drawings import roc_curve
+from coastwatch.operators.reproduction.figures import at_path
+from coastwatch.operators.reproduction.keeping import Kept
+from coastwatch.server.many import over_processes
+
+FOLDERS = published.chosen("rangel", ())
+SHORT = ("cycles=3", "warmup_s=45", "input.count=40")  # only has to run
+TIMEOUT_S = 120.0
+RUN = "import sys; from coastwatch.operators.cli import main; sys.exit(main())"
+
+
+def quiet(*_: object) -> None:
+    """A progress that shows nothing."""
+
+
+def at_first_point(of: published.Published) -> published.Published:
+    """The same with one value a sweep, so that a test is over in seconds."""
+    variants = tuple(v.model_copy(update={"sweep": {k: x[:1] for k, x in v.sweep.items()}}) for v in of.variant)
+    return of.model_copy(update={"sweep": {k: x[:1] for k, x in of.sweep.items()}, "variant": variants})
+
+
+def reproduced(folder: Path, names: tuple[str, ...], further: tuple[str, ...] = SHORT) -> report.Reproduction:
+    """Some folders, short, one run of each variant."""
+    folders = {name: at_first_point(FOLDERS[name]) for name in names}
+    plan, kept = planning.plan(folders, 1, "test", further), Kept(str(folder))
+    running.carry_out(kept, planning.unlike(plan), 1, quiet)
+    return report.made("rangel", folders, plan, kept, "coastwatch reproduce rangel")
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[report.Reproduction, Path]:
+    """Every folder but the picture, short."""
+    folder = tmp_path_factory.mktemp("reproduction")
+    return reproduced(folder, tuple(name for name, of in FOLDERS.items() if not of.picture)), folder
+
+
+# ---- what runs ------------------------------------------------------------------------------------------------------
+
+
+def test_every_published_table_and_figure_has_a_folder() -> None:
+    said = " ".join(figure.source for of in FOLDERS.values() for figure in of.figure)
+    wanted = {"Fig. 2", "Fig. 3", *(f"Table {n}" for n in ("I", "II", "III", "IV", "V", "VI", "VII", "VIII"))}
+    assert wanted <= set(re.findall(r"Fig\. \d|Table [IV]+", said))
+
+
+def test_every_folder_runs_and_fills_the_columns_that_it_names(whole: tuple[report.Reproduction, Path]) -> None:
+    for folder in whole[0].folders:
+        first = {key: values[0] for key, values in folder.of.sweep.items()}
+        for row in folder.rows:
+            late = re.match(r"history\.(\d+)", row.figure.path)  # a short run does not last so long
+            if row.figure.at not in ({}, first) or (late and int(late[1]) > 45):
+                continue
+            wanted = [bool(row.figure.literal), bool(row.figure.default), bool(row.figure.bound)]
+            got = [bool(spread.values) for spread in (row.literal, row.default, row.bound)]
+            assert got == wanted, f"{folder.name}: {row.figure.name}"
+
+
+def test_equal_runs_of_two_tables_are_made_once() -> None:
+    plan = planning.plan({name: FOLDERS[name] for name in ("rangel-table-5", "rangel-table-7")}, 2, "test")
+    assert len(planning.unlike(plan)) == 2 * 15 < sum(len(w.jobs) for wanted in plan.values() for w in wanted) == 2 * 20
+    assert {job.key for w in plan["rangel-table-5"] for job in w.jobs} <= {
+        j.key for w in plan["rangel-table-7"] for j in w.jobs
+    }
+
+
+def test_timed_runs_come_last_and_as_many_as_the_paper_averages() -> None:
+    plan = planning.plan(FOLDERS, None, "test")
+    serial = [job.serial for job in planning.unlike(plan)]
+    assert serial == sorted(serial)
+    assert any(serial)
+    runs = {name: {len(w.jobs) for w in wanted} for name, wanted in plan.items()}
+    assert runs["rangel-table-5"] == runs["rangel-table-6"] == {30}
+    assert runs["rangel-tables-1-2"] == runs["rangel-table-8"] == {10}
+    assert [job.seed for job in plan["rangel-tables-1-2"][0].jobs] == list(range(1000, 1010))
+
+
+def test_the_screen_shows_what_figure_2_shows(tmp_path: Path) -> None:
+    said = reproduced(tmp_path, ("rangel-figure-2",), ())
+    assert [row.reached for row in said.folders[0].rows] == [True] * 4
+    assert [row.default.values for row in said.folders[0].rows] == [(1.0,), (1.0,), (1.0,), (2.0,)]
+    assert "data:image/png;base64,iVBOR" in report.written_page(Kept(str(tmp_path)), said).read_text("utf-8")
+
+
+# ---- what is kept ---------------------------------------------------------------------------------------------------
+
+
+def test_an_interrupted_reproduction_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    line = ["reproduce", "rangel", "--only", "tables-3-4", "--runs", "2", "--output", str(tmp_path)]
+    jobs = planning.unlike(planning.plan(published.chosen("rangel", ("tables-3-4",)), 2, keeping.code()))
+    seen: list[str] = []
+
+    def measured(job: planning.Job) -> dict[str, Any] | None:
+        seen.append(job.key)
+        return None if len(seen) == 6 else {"seed": job.seed, "scores": {}, "timings_s": {}, "history": {}, "elapsed_s": 1.0}
+
+    monkeypatch.setattr(running, "measure", measured)
+    assert main(line) == 130
+    assert f"interrupted with {len(jobs) - 5} of {len(jobs)} runs to do" in capsys.readouterr().err
+    assert len(list((tmp_path / "runs").glob("*.json"))) == 5
+    assert not (tmp_path / "report.html").exists()
+    assert main(line) == 0
+    assert f"{len(jobs)} runs, {len(jobs) - 5} of them to do" in capsys.readouterr().err
+    assert sorted(seen) == sorted([*(job.key for job in jobs), seen[5]]), "every run once, the interrupted one again"
+    assert main(line) == 0
+    assert len(seen) == len(jobs) + 1
+    assert (tmp_path / "report.html").exists()
+
+
+def group_lives(number: int) -> bool:
+    """Whether any process of this group is there; the server of forks goes a moment after its parent."""
+    try:
+        os.killpg(number, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_ctrl_c_leaves_whole_files_and_no_process(tmp_path: Path) -> None:
+    line = ["reproduce", "rangel", "--only", "figure-2", "--runs", "9", "--workers", "2", "--output", str(tmp_path)]
+    going = subprocess.Popen(
+        [sys.executable, "-c", RUN, *line], stderr=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+    )
+    until = time.monotonic() + TIMEOUT_S
+    while not list((tmp_path / "runs").glob("*.json")) and time.monotonic() < until:
+        assert going.poll() is None
+        time.sleep(0.2)
+    os.killpg(going.pid, signal.SIGINT)
+    _, err = going.communicate(timeout=TIMEOUT_S)
+    assert going.returncode == 130, err
+    assert b"the same command goes on" in err
+    assert b"Traceback" not in err
+    kept = list((tmp_path / "runs").glob("*.json"))
+    assert kept
+    assert all(json.loads(path.read_text("utf-8"))["scores"] for path in kept)
+    while group_lives(going.pid):
+        assert time.monotonic() < until, "a process is left behind"
+        time.sleep(0.2)
+
+
+def test_a_file_that_is_not_whole_is_run_again(tmp_path: Path) -> None:
+    kept = Kept(str(tmp_path))
+    kept.keep("a", {"seed": 1})
+    assert kept.record("a") == {"seed": 1}
+    (tmp_path / "runs" / "a.json").write_text('{"seed": ', "utf-8")
+    assert kept.record("a") is None
+    assert kept.record("b") is None
+
+
+def test_settings_seed_and_code_decide_the_key() -> None:
+    def keys(code: str, *further: str) -> set[str]:
+        folders = {"rangel-table-5": FOLDERS["rangel-table-5"]}
+        return {job.key for job in planning.unlike(planning.plan(folders, 2, code, further))}
+
+    assert keys("a") == keys("a")
+    assert len(keys("a")) == 10
+    assert not keys("a") & keys("b")
+    assert not keys("a") & keys("a", "cycles=7")
+    assert re.fullmatch(r"[\d.]+\+[0-9a-f]{12}", keeping.code())
+
+
+def test_every_piece_of_work_is_done_once_over_processes() -> None:
+    for count in (1, 2, 3, 9):
+        assert sorted(over_processes(abs, [-1, -2, -3, -4, -5], count)) == [(-5, 5), (-4, 4), (-3, 3), (-2, 2), (-1, 1)]
+
+
+# ---- what is refused ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        (["nobody"], "got 'nobody', needed a paper of rangel"),
+        (["rangel", "--runs", "0"], "got '0', needed 1 or more"),
+        (["rangel", "--runs", "many"], "got 'many'"),
+        (["rangel", "--workers", "0"], "got '0', needed 1 or more"),
+        (["rangel", "--only", "table-9", "figure-2"], "--only: got table-9, needed some of rangel-figure-2, rangel-figure-3"),
+        (["rangel", "--only", "figure-2", "--output", "/proc/nowhere"], "--output: got '/proc/nowhere', needed a folder that can be"),
+        (["rangel", "--only", "figure-2", "--output", __file__], "needed a folder that can be written"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_done_is_one_line(words: list[str], wanted: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["reproduce", *words]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert wanted in err
+    assert err.splitlines()[-1].startswith("coastwatch: error: ")
+
+
+HEAD = 'paper = "p"\norder = 1\ntitle = "t"\n'
+VARIANT = '[[variant]]\nname = "default"\ntitle = "t"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        (HEAD, "variant: Field required"),
+        (HEAD + "rums = 3\n" + VARIANT, "rums: Extra inputs"),
+        (HEAD + "runs = 0\n" + VARIANT, "runs: Input should be greater"),
+        (HEAD + VARIANT + VARIANT, "got names ['default', 'default'], needed each once"),
+        (HEAD + VARIANT + '[[figure]]\nname = "f"\npath = "x"\n', "got variants ['literal'], needed some of ['default']"),
+        (HEAD + VARIANT + '[[figure]]\nname = "f"\npath = "x"\nliteral = ""\nat = {a = 1}\n', "got a = 1, needed one of ()"),
+        (HEAD + 'variants_of = "atlantis"\n', "variants_of: got 'atlantis', needed a scenario"),
+        ("paper is round", "cannot be read"),
+    ],
+)
+def test_a_wrong_file_is_named_with_its_key(text: str, wanted: str, tmp_path: Path) -> None:
+    path = tmp_path / "published.toml"
+    path.write_text(text, "utf-8")
+    with pytest.raises(BadInput) as caught:
+        published.read(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert wanted in str(caught.value)
+
+
+def test_a_file_of_no_paper_is_passed_over(tmp_path: Path) -> None:
+    (tmp_path / "published.toml").write_text('[[figure]]\nname = "f"\n', "utf-8")
+    assert published.read(tmp_path / "published.toml") is None
+
+
+# ---- what is written ------------------------------------------------------------------------------------------------
+
+
+def test_the_page_stands_alone(whole: tuple[report.Reproduction, Path]) -> None:
+    said, folder = whole
+    text = report.written_page(Kept(str(folder)), said).read_text("utf-8")
+    assert re.findall(r"https?:|<script|<link|@import|url\(", text) == []
+    assert set(re.findall(r'src="([^"]{0,10})', text)) == {"data:image"}
+    assert text.count("<table") == text.count("</table>") == 1 + 2 * len(said.folders)
+    assert text.count("<img") == sum(len(folder.of.plots) for folder in said.folders)
+    for part in (*(folder.of.title for folder in said.folders), "always associate", "MCC", "seeds 1000"):
+        assert part in text
+    assert "nan" not in re.sub(r'src="[^"]*"', "", text)
+
+
+def test_the_json_has_every_figure_and_every_run(whole: tuple[report.Reproduction, Path]) -> None:
+    said, folder = whole
+    made = json.loads(report.written_numbers(Kept(str(folder)), said).read_text("utf-8"))
+    assert set(made) == {"schema", "paper", "command", "date_utc", "code", "machine", "scenarios"}
+    assert made["schema"] == 1
+    assert {"processor", "processors", "system", "python", "load"} == set(made["machine"])
+    for name, scenario in made["scenarios"].items():
+        assert set(scenario) == {"title", "figures", "variants"}
+        assert [f["name"] for f in scenario["figures"]] == [f.name for f in FOLDERS[name].figure]
+        for variant in scenario["variants"]:
+            assert set(variant) == {"name", "title", "settings", "at", "scenario", "runs"}
+            assert [run["seed"] for run in variant["runs"]] == [1000]
+            assert {"scores", "timings_s", "history", "elapsed_s"} <= set(variant["runs"][0])
+    first = made["scenarios"]["rangel-tables-1-2"]
+    (f1,) = (f for f in first["figures"] if f["name"] == "F1")
+    runs = next(v for v in first["variants"] if v["name"] == "default")["runs"]
+    assert f1["default"]["values"] == [run["scores"]["associations"]["f1"] for run in runs] == [f1["default"]["mean"]]
+    assert (f1["published"], f1["asked"], f1["unit"]) == (0.9953, 0.999, "fraction of 1")
+
+
+def test_decisions_swaps_and_the_baseline_fit_together(whole: tuple[report.Reproduction, Path]) -> None:
+    for folder in whole[0].folders:
+        for made in folder.made:
+            for record in made.records:
+                for stage in ("associations", "bearing_associations"):
+                    said = record["scores"][stage]
+                    total = said["tp"] + said["fn"] + said["fp"] + said["tn"]
+                    assert total - said["swaps"] == said["decisions"]
+                    assert 0 <= said["swaps"] <= min(said["fn"], said["fp"])
+
+
+def test_a_path_leads_to_a_number_or_to_none() -> None:
+    record = {"scores": {"a": {"f1": 0.5, "none": None}}, "timings_s": {"a": {"median": 2.0}}}
+    assert at_path(record, "a.f1") == 0.5
+    assert at_path(record, "timings_s.a.median") == 2.0
+    assert at_path(record, "a.none") is at_path(record, "b.f1") is at_path(record, "a.f1.deeper") is None
+
+
+def test_a_roc_curve_counts_what_every_threshold_accepts() -> None:
+    rng = np.random.default_rng(5)
+    true, wrong = np.sort(rng.normal(0.0, 1.0, 200)), np.sort(rng.normal(3.0, 1.0, 300))
+    said = {"true": list(true), "wrong": list(wrong), "true_count": 250, "wrong_count": 1000}
+    false_rate, true_rate = roc_curve([said], "lower")
+    assert (np.diff(false_rate) >= 0.0).all()
+    assert (np.diff(true_rate) >= 0.0).all()
+    cut = wrong[-1]
+    assert true_rate[-1] == (true <= cut).sum() / 250
+    assert false_rate[-1] == 0.3
+    turned = {**said, "true": list(-true), "wrong": list(-wrong)}
+    np.testing.assert_array_equal(roc_curve([turned], "higher"), (false_rate, true_rate))
