@@ -109,8 +109,10 @@ def _roc(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
         said = [r["roc"] for r in one.records if r.get("roc")] if one else []
         if said and variant.roc:
             axes.plot(*roc_curve(said, variant.roc.better), color=colour, label=variant.title)
+            axes.plot(*accepted(said, variant.roc.better, np.array([variant.roc.threshold])), "o", color=colour)
     axes.set_xscale("log")
-    axes.set_xlim(LEAST_RATE, 1.0)
+    axes.set_xlim(0.7 * LEAST_RATE, 1.0)
+    axes.set_ylim(-0.03, 1.03)
     _label(
         axes,
         "The test alone",
@@ -119,7 +121,8 @@ def _roc(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
     )
     caption = (
         "ROC of the association test: every candidate pair, before any choice among partners, over all thresholds. A curve ends where the "
-        "most similar wrong pairs that are kept run out, or where the statistic is not defined."
+        "most similar wrong pairs that are kept run out. A dot is where the method's own threshold stands: a test can part the pairs well "
+        "and yet have its threshold in the wrong place."
     )
     return [(_uri(figure), caption)]
 
@@ -130,14 +133,22 @@ def roc_curve(said: Sequence[Record], better: str) -> tuple[Floats, Floats]:
     Args: said: `true`, `wrong` statistics, best first, of a run each, and the counts of all; better: "lower" or "higher".
     """
     sign = 1.0 if better == "lower" else -1.0
-    true, wrong = (sign * np.concatenate([np.array(run[key], float) for run in said]) for key in ("true", "wrong"))
-    trues, wrongs = (max(sum(int(run[f"{key}_count"]) for run in said), 1) for key in ("true", "wrong"))
     cut = min((sign * run["wrong"][-1] for run in said if len(run["wrong"]) < run["wrong_count"]), default=np.inf)
-    every = np.sort(np.concatenate([true, wrong]))
+    every = np.sort(sign * np.concatenate([np.array(run[key], float) for run in said for key in ("true", "wrong")]))
     every = every[every <= cut]
-    threshold = every[np.unique(np.linspace(0, len(every) - 1, POINTS).astype(int))] if len(every) else every
-    accepted = [np.searchsorted(np.sort(part), threshold, side="right") for part in (wrong, true)]
-    return np.maximum(accepted[0] / wrongs, LEAST_RATE), accepted[1] / trues
+    some = np.unique(np.linspace(0, max(len(every) - 1, 0), POINTS).astype(int))[: len(every)]
+    return accepted(said, better, sign * every[some])
+
+
+def accepted(said: Sequence[Record], better: str, threshold: Floats) -> tuple[Floats, Floats]:
+    """Share of wrong and of true pairs that are accepted at each threshold, the first no less than an axis can show."""
+    sign = 1.0 if better == "lower" else -1.0
+    shares = []
+    for key in ("wrong", "true"):
+        sorted_ = np.sort(sign * np.concatenate([np.array(run[key], float) for run in said]))
+        whole = max(sum(int(run[f"{key}_count"]) for run in said), 1)
+        shares.append(np.searchsorted(sorted_, sign * threshold, side="right") / whole)
+    return np.maximum(shares[0], LEAST_RATE), shares[1]
 
 
 def _panels(count: int) -> tuple[Figure, Sequence[Axes]]:

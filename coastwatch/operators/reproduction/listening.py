@@ -48,8 +48,8 @@ class Decisions:
 class Pairs:
     """A second associator beside the run's own, set to refuse no pair, whose work on each spot is listened to."""
 
-    def __init__(self, scenario: Scenario) -> None:
-        self._method: Any = scenario.associations
+    def __init__(self, scenario: Scenario, opened: Mapping[str, float]) -> None:
+        self._method: Any = scenario.associations.model_copy(update=dict(opened))
         self._memory: Any = self._method.init()
         self._from, self._cycle = scenario.warmup_cycles, 0
         self._found: list[tuple[Array, ...]] = []

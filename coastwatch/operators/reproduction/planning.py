@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from coastwatch.operators.bad_input import BadInput
-from coastwatch.operators.reproduction.published import Point, Published, Variant, settings_of
+from coastwatch.operators.reproduction.published import Point, Published, Roc, Variant, settings_of
 from coastwatch.scenario import Scenario, ScenarioError, load_scenario
 
 FIRST_SEED = 1000
@@ -24,8 +24,7 @@ class Job:
     seed: int
     history_s: tuple[float, ...] = ()
     picture: bool = False
-    roc: Scenario | None = None  # whose associator refuses no pair
-    roc_better: str = ""  # which of its statistics speaks for one vessel
+    roc: Roc | None = None  # how the statistics of all pairs are had
     serial: bool = False
 
 
@@ -64,9 +63,7 @@ def unlike(plan: Mapping[str, list[Wanted]]) -> list[Job]:
 def _wanted(name: str, of: Published, variant: Variant, point: Point, runs: int, code: str, further: tuple[str, ...]) -> Wanted:
     settings = settings_of(variant, point)
     scenario = _scenario(name, variant, (*settings, *further))
-    shadow = _scenario(name, variant, (*settings, *variant.roc.settings, *further)) if variant.roc else None
-    better = variant.roc.better if variant.roc else ""
-    jobs = tuple(_job(of, scenario, FIRST_SEED + k, shadow if k < ROC_SEEDS else None, better, code) for k in range(runs))
+    jobs = tuple(_job(of, scenario, FIRST_SEED + k, variant.roc if k < ROC_SEEDS else None, code) for k in range(runs))
     return Wanted(variant, point, settings, jobs)
 
 
@@ -77,16 +74,16 @@ def _scenario(name: str, variant: Variant, settings: tuple[str, ...]) -> Scenari
         raise ScenarioError(f"published.toml, variant {variant.name!r}: {error}") from error
 
 
-def _job(of: Published, scenario: Scenario, seed: int, roc: Scenario | None, better: str, code: str) -> Job:
+def _job(of: Published, scenario: Scenario, seed: int, roc: Roc | None, code: str) -> Job:
     """A job; its key leaves out what names a run and changes nothing in it, so that two tables can share runs."""
     decides = {
         "settings": scenario.model_dump(mode="json", exclude={"name", "title", "workers", "seed"}),
         "seed": seed,
         "history_s": of.history_s,
         "picture": of.picture,
-        "roc": roc and roc.associations.model_dump(mode="json"),
+        "roc": roc and roc.model_dump(mode="json"),
         "serial": of.serial,
         "code": code,
     }
     key = hashlib.sha256(json.dumps(decides, sort_keys=True).encode()).hexdigest()[:20]
-    return Job(key, scenario, seed, of.history_s, of.picture, roc, better if roc else "", of.serial)
+    return Job(key, scenario, seed, of.history_s, of.picture, roc, of.serial)
