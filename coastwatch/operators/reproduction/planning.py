@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -46,7 +47,7 @@ def plan(
         raise BadInput(f"--runs: got {runs}, needed 1 or more")
     return {
         name: [
-            _wanted(name, of, variant, point, runs or of.runs, code, further)
+            _wanted(name, of, variant, point, min(runs or of.runs, variant.most_runs or sys.maxsize), code, further)
             for variant in of.variant
             for point in of.points(variant)
         ]

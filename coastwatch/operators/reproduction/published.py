@@ -34,6 +34,7 @@ class Variant(Settings):
     title: str
     settings: tuple[str, ...] = ()  # KEY=VALUE
     sweep: dict[str, tuple[Value, ...]] = Field(default_factory=dict)  # key to values, beyond those of the folder
+    most_runs: Annotated[int, Field(ge=1)] | None = None  # of each point: fewer than the folder's where a sweep needs no more
     roc: Roc | None = None
 
 
