@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import matplotlib
 import numpy as np
@@ -71,6 +71,7 @@ def _noise(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
             said = [(f.at[NOISE], f.published) for f in of.figure if f.name.endswith(f"{method}, {quantity}") and f.published]
             axes.plot(*zip(*said, strict=True), marker, color=PUBLISHED, label=f"published, {method}")
         axes.set_ylim(bottom=0.0)
+        axes.set_xticks(fractions)
         _label(axes, quantity, "process noise f, of the highest speed", f"RMSE, {unit}")
     return [(_uri(figure), "Errors of the fused tracks against the process noise; bars are one standard deviation of a run.")]
 
@@ -89,12 +90,13 @@ def _bars(axes: Axes, x: Sequence[float], found: Sequence[Spread], label: str, s
 def _history(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
     stage = "bearing_associations" if any("bearing" in f.path for f in of.figure) else "associations"
     figure, (axes,) = _panels(1)
+    shades = iter((LITERAL, "#d98b6a", "#8a6f66"))
     for variant in (v for v in of.variant if not v.sweep):
         one = at(made, variant.name, {})
         found = [Spread(values(one.records, f"history.{t:g}.{stage}.f1")) for t in of.history_s] if one else []
         scaled = [Spread(tuple(100.0 * v for v in s.values)) for s in found]
         literal = variant.name.startswith("literal")
-        _bars(axes, of.history_s, scaled, variant.title, "--" if literal else "-", None if literal else OURS)
+        _bars(axes, of.history_s, scaled, variant.title, "--" if literal else "-", next(shades, None) if literal else OURS)
     said = next((f.published for f in of.figure if f.name == "F1" and f.published), None)
     if said:
         axes.axhline(100.0 * said, color=PUBLISHED, linestyle=":", label="published, over two minutes")
@@ -152,7 +154,7 @@ def accepted(said: Sequence[Record], better: str, threshold: Floats) -> tuple[Fl
 
 
 def _panels(count: int) -> tuple[Figure, Sequence[Axes]]:
-    figure = Figure(figsize=(4.4 * count + 1.8 if count > 1 else 7.0, 4.2), layout="constrained")
+    figure = Figure(figsize=(4.0 * count + 2.0 if count > 1 else 7.5, 4.8), layout="constrained")
     return figure, list(np.atleast_1d(figure.subplots(1, count)))
 
 
@@ -163,15 +165,12 @@ def _label(axes: Axes, title: str, x: str, y: str) -> None:
     axes.tick_params(labelsize=8)
     axes.grid(color="#e3e8ec", linewidth=0.8)
     axes.set_axisbelow(True)
-    _legend(axes, axes.get_legend_handles_labels()[1])
-
-
-def _legend(axes: Axes, labels: Iterable[str]) -> None:
-    if any(labels):
-        axes.legend(fontsize=7, frameon=False)
 
 
 def _uri(figure: Figure) -> str:
+    """The figure as a data URI, its legend, which is that of its last panel, below."""
+    handles, labels = figure.axes[-1].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 3), fontsize=8, frameon=False)
     held = io.BytesIO()
     figure.savefig(held, format="svg", metadata={"Date": None, "Creator": None})
     return f"data:image/svg+xml;base64,{base64.b64encode(held.getvalue()).decode()}"
