@@ -19,8 +19,9 @@ from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.cli import main
 from coastwatch.operators.reproduction import keeping, planning, published, report, running
 from coastwatch.operators.reproduction.drawings import roc_curve
-from coastwatch.operators.reproduction.figures import at_path
+from coastwatch.operators.reproduction.figures import Row, Spread, at_path
 from coastwatch.operators.reproduction.keeping import Kept
+from coastwatch.operators.reproduction.page import better_than_published
 from coastwatch.server.many import over_processes
 
 FOLDERS = published.chosen("rangel", ())
@@ -251,6 +252,15 @@ def test_the_page_stands_alone(whole: tuple[report.Reproduction, Path]) -> None:
     for part in (*(folder.of.title for folder in said.folders), "always associate", "MCC", "seeds 1000"):
         assert part in text
     assert "nan" not in re.sub(r'src="[^"]*"', "", text)
+
+
+def test_the_page_names_what_is_worse_than_published() -> None:
+    figure = next(f for f in FOLDERS["rangel-table-6"].figure if f.name == "Weighted Average, course")
+    assert figure.published == 1.09
+    assert [better_than_published(Row(figure, default=Spread((v,)))) for v in (1.0, 1.09, 1.5)] == [True, True, False]
+    assert better_than_published(Row(figure)) is None
+    counted = next(f for f in FOLDERS["rangel-tables-3-4"].figure if f.name == "TP")
+    assert better_than_published(Row(counted, default=Spread((1.0,)))) is None
 
 
 def test_the_json_has_every_figure_and_every_run(whole: tuple[report.Reproduction, Path]) -> None:

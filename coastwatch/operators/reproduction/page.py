@@ -84,6 +84,8 @@ def _summary(said: Reproduction) -> Iterator[str]:
     for row in (r for r in every if r.reached is False):
         yield f"<li class=no>Missed: {escape(_title(row))}: asked {_plain(row.figure.asked, row)}, got {_cell(row.asked_of, row)}.</li>"
     yield "</ul>"
+    for row in (r for r in every if better_than_published(r) is False):
+        yield f"<li>Worse than published: {escape(_title(row))}: {_plain(row.figure.published, row)}, ours {_cell(row.default, row)}.</li>"
     lead = [(folder, row) for folder in said.folders for row in _leading(folder)]
     head = ("figure", "published", "literal", "our default", "bound")
     yield _table(head, [(_title(row), *_columns(row)) for _, row in lead])
@@ -98,7 +100,7 @@ def _leading(folder: Folder) -> list[Row]:
 def better_than_published(row: Row) -> bool | None:
     """Whether the default is at least as good as what was published; none where there is nothing to compare."""
     said, got = row.figure.published, row.default.mean
-    if said is None or row.figure.asked is None or math.isnan(got):
+    if said is None or not row.figure.compared or math.isnan(got):
         return None
     return got <= said if row.figure.better == "lower" else got >= said
 

@@ -48,6 +48,7 @@ class Figure(Settings):
     asked_by: str = ""
     asked_of: str = "default"  # the variant that must reach it
     better: Literal["higher", "lower"] = "higher"
+    compared: bool = True  # whether ours can be better or worse than what was published: counts of decisions cannot
     path: str  # where in what was measured it stands
     over: str = ""  # what it is divided by
     bound: str = ""  # path of the physical bound
