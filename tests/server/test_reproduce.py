@@ -78,10 +78,10 @@ def test_every_folder_runs_and_fills_the_columns_that_it_names(whole: tuple[repo
 
 def test_equal_runs_of_two_tables_are_made_once() -> None:
     plan = planning.plan({name: FOLDERS[name] for name in ("rangel-table-5", "rangel-table-7")}, 2, "test")
-    assert len(planning.unlike(plan)) == 2 * 15 < sum(len(w.jobs) for wanted in plan.values() for w in wanted) == 2 * 20
-    assert {job.key for w in plan["rangel-table-5"] for job in w.jobs} <= {
-        j.key for w in plan["rangel-table-7"] for j in w.jobs
-    }
+    keys = {name: [job.key for one in wanted for job in one.jobs] for name, wanted in plan.items()}
+    assert all(len(set(of)) == len(of) for of in keys.values())
+    assert set(keys["rangel-table-5"]) <= set(keys["rangel-table-7"])
+    assert len(planning.unlike(plan)) == len(keys["rangel-table-7"])
 
 
 def test_timed_runs_come_last_and_as_many_as_the_paper_averages() -> None:
@@ -90,7 +90,9 @@ def test_timed_runs_come_last_and_as_many_as_the_paper_averages() -> None:
     assert serial == sorted(serial)
     assert any(serial)
     runs = {name: {len(w.jobs) for w in wanted} for name, wanted in plan.items()}
-    assert runs["rangel-table-5"] == runs["rangel-table-6"] == {30}
+    assert runs["rangel-table-5"] == runs["rangel-table-6"] == {30, 10}, (
+        "readings of the paper that are not its columns need fewer"
+    )
     assert runs["rangel-table-8"] == {10}
     assert runs["rangel-tables-1-2"] == {10, 3}, "a sweep's own points need fewer"
     assert [job.seed for job in plan["rangel-tables-1-2"][0].jobs] == list(range(1000, 1010))
@@ -174,7 +176,7 @@ def test_settings_seed_and_code_decide_the_key() -> None:
         return {job.key for job in planning.unlike(planning.plan(folders, 2, code, further))}
 
     assert keys("a") == keys("a")
-    assert len(keys("a")) == 10
+    assert len(keys("a")) == 2 * len(FOLDERS["rangel-table-5"].variant)
     assert not keys("a") & keys("b")
     assert not keys("a") & keys("a", "cycles=7")
     assert re.fullmatch(r"[\d.]+\+[0-9a-f]{12}", keeping.code())
