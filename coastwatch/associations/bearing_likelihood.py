@@ -10,23 +10,22 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch.associations.bearing_history import Path
+from coastwatch.associations.bearing_sensors import Calibration, Known, arcs
 from coastwatch.batches import Array, BearingAssociations, BearingTracks, Bools, Floats, Ints, Octants, Picture, Sensors
-from coastwatch.geodesy import KNOT_M_S, axes, earth_centred, to_plane, wrap_rad
+from coastwatch.geodesy import KNOT_M_S, axes, earth_centred
 from coastwatch.stage import Method, Spread
 
 Positive = Annotated[float, Field(gt=0.0)]
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
 
-RANGE_SHARES = np.array([1.0, 0.5, 0.25, 0.1])  # of the sensor's range, where an unknown vessel may be
+RANGE_SHARES = np.array([1.0, 0.5, 0.25, 0.1])
 RANGE_WEIGHTS = RANGE_SHARES**2 / (RANGE_SHARES**2).sum()  # by the area that each stands for
-COVERED_EDGE = 0.5  # that a vessel outside the nominal coverage is heard: as likely as not
 
 
 @dataclass(frozen=True, eq=False)
 class LikelihoodMemory:
     path: Path  # of vessels in reach of a sensor of bearings: Earth-centred position, standard deviation per axis
-    bias_rad: Floats  # (K,) of each sensor of bearings; no row before the first cycle
-    bias_sigma_rad: Floats  # (K,) what is not known of it
+    calibration: Calibration  # of no sensor before the first cycle
 
 
 class BearingLikelihood(Method):
@@ -35,6 +34,8 @@ class BearingLikelihood(Method):
     The statistic of a pair is its log odds: the likelihood of the window of bearings given the path of the vessel (white noise of the
     sensor's specification, a position error correlated in time, what is not known of the sensor's bias) over that given an
     unknown vessel anywhere in reach, times the prior odds. The bias of each sensor is the running median residual of its pairs.
+    That a vessel outside the nominal coverage is heard is at first as likely as not; each sensor's pairs then tell. A vessel that was
+    outside at any bearing of the window counts as outside.
     Position errors three times those that the picture admits (30 m for 10 m) cost 2 to 3 points of F1, six times over 10, nearly all
     of it partners missed, and there a longer window makes it worse.
     Source: Y. Bar-Shalom, P. K. Willett, X. Tian, Tracking and Data Fusion, ch. 8-9 (likelihood ratio association); the null
@@ -47,7 +48,7 @@ class BearingLikelihood(Method):
     spacing_s: Positive = 1.0  # instants of the paths are no closer than this
     heard: Share = 0.95  # that a vessel inside the coverage of a sensor has a track of it
     unknown: Share = 0.05  # at least this share of a sensor's tracks are of vessels that are not in the picture
-    unknown_speed_kn: Positive = 10.0  # standard deviation per axis, of such a vessel
+    unknown_speed_kn: Positive = 7.0  # standard deviation per axis, of such a vessel
     unknown_kick_m_s2: Positive = 0.1  # its changes of course and speed: standard deviation per axis grows so over a second
     position_floor_m: Annotated[float, Field(ge=0.0)] = 3.0  # position errors that no covariance tells (hull, antenna)
     position_unknown_m: Positive = 15.0  # standard deviation per axis where a vessel has no covariance
@@ -65,7 +66,7 @@ class BearingLikelihood(Method):
     give_up: Annotated[float, Field(lt=0.0)] = -25.0  # log odds at which a pair is not looked at any further
 
     def init(self) -> LikelihoodMemory:
-        return LikelihoodMemory(Path.empty(4), np.zeros(0), np.zeros(0))
+        return LikelihoodMemory(Path.empty(4), Calibration.of(0, 0.0))
 
     def step(
         self,
@@ -82,19 +83,20 @@ class BearingLikelihood(Method):
         Args: bearing_tracks: (N); picture: (V); octants: pairs of their rows; time_s: of the cycle, to which both are predicted.
         Returns: memory and BearingAssociations, sorted by bearing_row.
         """
-        count = len(sensors.sonars)
-        bias, bias_sigma = memory.bias_rad, memory.bias_sigma_rad
-        if len(bias) != count:
-            bias, bias_sigma = np.zeros(count), np.full(count, np.radians(self.bias_sigma_deg))
+        learnt = memory.calibration
+        if len(learnt.bias_rad) != len(sensors.sonars):
+            learnt = Calibration.of(len(sensors.sonars), float(np.radians(self.bias_sigma_deg)))
         path = self._path(memory.path, picture, octants, time_s, sensors)
-        row, gain, residual = self._scored(path, bearing_tracks, picture, octants, sensors, bias, bias_sigma, spread)
+        known = Known.of(bearing_tracks, picture, octants, sensors)
+        row, gain, residual = self._scored(path, bearing_tracks, picture, octants, sensors, learnt, known, spread)
         bearing_row, vessel_row = octants.bearing_row[row], octants.vessel_row[row]
         sonar = octants.octant[row] // 8
         chosen = _one_to_one(bearing_row, vessel_row + sonar * len(picture), gain - self.threshold)
         bearing_row, vessel_row, sonar = bearing_row[chosen], vessel_row[chosen], sonar[chosen]
-        bias, bias_sigma = self._calibrated(bias, bias_sigma, sonar, residual[chosen])
-        found = BearingAssociations(bearing_row, vessel_row, gain[chosen], bias)
-        return LikelihoodMemory(path, bias, bias_sigma), found
+        limits = np.radians([self.bias_floor_deg, self.bias_sigma_deg]).tolist()
+        learnt = learnt.with_bias(sonar, residual[chosen], self.bias_gain, self.bias_pairs, *limits)
+        learnt = learnt.with_heard(known, sonar, vessel_row)
+        return LikelihoodMemory(path, learnt), BearingAssociations(bearing_row, vessel_row, gain[chosen], learnt.bias_rad)
 
     def _path(self, path: Path, picture: Picture, octants: Octants, time_s: float, sensors: Sensors) -> Path:
         """The paths of the vessels that are, or soon may be, compared with bearings, one instant longer."""
@@ -114,16 +116,15 @@ class BearingLikelihood(Method):
         picture: Picture,
         octants: Octants,
         sensors: Sensors,
-        bias: Floats,
-        bias_sigma: Floats,
+        learnt: Calibration,
+        known: Known,
         spread: Spread,
     ) -> tuple[Ints, Floats, Floats]:
         """Pairs above the threshold: index into the octants, log odds, mean difference of bearings; sorted by index."""
         sonar = tracks.source - sensors.sonar_source(0)
         before, blend = path.instants(tracks.window_time_s)
         frame, origin, frame_axes = _frames(tracks)
-        inside, outside = self._priors(sonar, tracks, picture, octants, sensors)
-        arc_from, arc_width = _arcs(sensors)
+        arc_from, arc_width = arcs(sensors)
         arrays = {
             "pair_bearing": octants.bearing_row,
             "pair_path": path.rows(picture.vessel_id)[octants.vessel_row],
@@ -135,13 +136,13 @@ class BearingLikelihood(Method):
             "before": before,
             "blend": blend,
             "path": path.values,
-            "prior_inside": inside,
-            "prior_outside": outside,
+            "density": self._density(sonar, known, sensors),
             "reach": sensors.sonars.range_m[sonar],
             "arc_from": arc_from[sonar],
             "arc_width": arc_width[sonar],
-            "bias": bias[sonar],
-            "bias_variance": bias_sigma[sonar] ** 2,
+            "outside": learnt.heard_outside(self.heard)[sonar],
+            "bias": learnt.bias_rad[sonar],
+            "bias_variance": learnt.bias_sigma_rad[sonar] ** 2,
             "variance": sensors.sonars.bearing_sigma_rad[sonar] ** 2,
         }
         parts = spread(score_octant, self, arrays, _by_octant(octants))
@@ -150,39 +151,13 @@ class BearingLikelihood(Method):
         gain, residual = (np.concatenate([np.zeros(0), *(p[k] for p in parts)])[order] for k in (1, 2))
         return row[order], gain, residual
 
-    def _priors(
-        self, sonar: Ints, tracks: BearingTracks, picture: Picture, octants: Octants, sensors: Sensors
-    ) -> tuple[Floats, Floats]:
-        """Log prior odds, less the log density of unknown vessels by bearing, of vessels inside and outside the coverage.
-
-        The sensor says how many vessels there are, the picture how many of them are known.
-        Returns: (N,) and (N,).
-        """
-        count = len(sensors.sonars)
-        heard = np.bincount(sonar, minlength=count)
-        known = _known(tracks, picture, octants, sensors)
-        unseen = np.maximum(heard - self.heard * known, np.maximum(self.unknown * heard, 0.5))
-        density = np.log(unseen / _arcs(sensors)[1])[sonar]
-        odds = np.log(self.heard / (1.0 - self.heard)), np.log(COVERED_EDGE / (1.0 - COVERED_EDGE))
-        return odds[0] - density, odds[1] - density
-
-    def _calibrated(self, bias: Floats, bias_sigma: Floats, sonar: Ints, residual: Floats) -> tuple[Floats, Floats]:
-        """The bias of each sensor, moved towards the median residual of its pairs, and what is not known of it."""
-        if self.bias_gain == 0.0:
-            return bias, bias_sigma
-        bias, bias_sigma = bias.copy(), bias_sigma.copy()
-        widest, least = np.radians(self.bias_sigma_deg), np.radians(self.bias_floor_deg)
-        for s in np.unique(sonar):
-            off = wrap_rad(residual[sonar == s] - bias[s])
-            if len(off) < self.bias_pairs:
-                continue
-            middle = float(np.median(off))
-            scatter = 1.4826 * float(np.median(np.abs(off - middle)))
-            bias[s] = wrap_rad(bias[s] + self.bias_gain * middle)
-            doubt = least**2 + middle**2 + 1.57 * scatter**2 / len(off)
-            now = min(float(np.sqrt(doubt)), widest)
-            bias_sigma[s] += self.bias_gain * (now - bias_sigma[s])
-        return bias, bias_sigma
+    def _density(self, sonar: Ints, known: Known, sensors: Sensors) -> Floats:
+        """Log density of unknown vessels by bearing, for each track: the sensor says how many vessels there are, the picture how
+        many of them are known. Args: sonar: (N,). Returns: (N,)."""
+        heard = np.bincount(sonar, minlength=len(sensors.sonars))
+        expected = self.heard * known.inside_count(len(sensors.sonars))
+        unseen = np.maximum(heard - expected, np.maximum(self.unknown * heard, 0.5))
+        return np.asarray(np.log(unseen / arcs(sensors)[1])[sonar])
 
 
 def score_octant(settings: BearingLikelihood, arrays: Mapping[str, Array], rows: Ints) -> tuple[Array, ...]:
@@ -198,8 +173,8 @@ def score_octant(settings: BearingLikelihood, arrays: Mapping[str, Array], rows:
     gain, residual = np.empty(len(rows)), np.empty(len(rows))
     frames = arrays["frame"][track], arrays["frame_origin"], arrays["frame_axes"]
     paths = arrays["before"][track], arrays["blend"][track], arrays["path"]
-    priors = arrays["prior_inside"][track], arrays["prior_outside"][track]
-    cover = reach, arrays["arc_from"][track], arrays["arc_width"][track]
+    priors = settings.heard, arrays["density"][track]
+    cover = arrays["outside"][track], reach, arrays["arc_from"][track], arrays["arc_width"][track]
     noise = arrays["bias"][track], arrays["bias_variance"][track], variance, settings.position_memory_s
     pair = at.astype(np.int64), arrays["pair_path"][rows], time, bearing
     known_vessel(*pair, *frames, *paths, null, *priors, *cover, *noise, settings.give_up, gain, residual)
@@ -242,30 +217,6 @@ def _frames(tracks: BearingTracks) -> tuple[Ints, Floats, Floats]:
     frame[moved] = n + np.arange(int(moved.sum()))
     sites = np.concatenate([tracks.site_deg, tracks.window_site_deg[moved]])
     return frame, earth_centred(sites), np.ascontiguousarray(axes(sites)[:, :2])
-
-
-def _arcs(sensors: Sensors) -> tuple[Floats, Floats]:
-    """Where the arc of each sensor begins, and its width: 2 pi for one that hears all round. Returns: (K,) and (K,)."""
-    width = (sensors.sonars.arc_to_deg - sensors.sonars.arc_from_deg) % 360.0
-    return np.radians(sensors.sonars.arc_from_deg), np.radians(np.where(width == 0.0, 360.0, width))
-
-
-def _known(tracks: BearingTracks, picture: Picture, octants: Octants, sensors: Sensors) -> Ints:
-    """How many vessels of the picture each sensor should hear, in the octants that have tracks. Returns: (K,)."""
-    octant, start = np.unique(octants.octant, return_index=True)
-    first = np.full(int(octant.max(initial=-1)) + 1, -1, np.int64)
-    first[octant] = octants.bearing_row[start]
-    once = octants.bearing_row == first[octants.octant]
-    pair = np.unique(np.column_stack([octants.octant[once] // 8, octants.vessel_row[once]]), axis=0)
-    site = np.full((len(sensors.sonars), 2), np.nan)
-    newest_last = np.argsort(tracks.updated_s, kind="stable")  # where one sensor's tracks differ, the newest knows where it is
-    site[tracks.source[newest_last] - sensors.sonar_source(0)] = tracks.site_deg[newest_last]
-    arc_from, arc_width = _arcs(sensors)
-    where = to_plane(picture.position_deg[pair[:, 1]], site[pair[:, 0]])
-    direction = np.arctan2(where[:, 0], where[:, 1])
-    heard = np.hypot(where[:, 0], where[:, 1]) <= sensors.sonars.range_m[pair[:, 0]]
-    heard &= (direction - arc_from[pair[:, 0]]) % (2.0 * np.pi) <= arc_width[pair[:, 0]]
-    return np.bincount(pair[heard, 0], minlength=len(sensors.sonars)).astype(np.int64)
 
 
 def _by_octant(octants: Octants) -> list[Ints]:

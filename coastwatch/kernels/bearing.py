@@ -113,6 +113,23 @@ def _updated(state, difference, h, variance):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def beyond(distance, direction, reach, arc_from, arc_width):  # type: ignore[no-untyped-def]
+    """How far a place is outside the coverage, negative inside."""
+    past = distance - reach
+    if arc_width < 2.0 * math.pi:
+        off = abs(wrap(direction - arc_from - 0.5 * arc_width)) - 0.5 * arc_width
+        past = max(past, distance * math.sin(min(max(off, -0.5 * math.pi), 0.5 * math.pi)))
+    return past
+
+
+@njit(cache=True)
+def less_heard(sigmas, heard, outside):  # type: ignore[no-untyped-def]
+    """What is added to the log odds of being heard of a vessel so many standard deviations outside the coverage."""
+    p = outside + (heard - outside) * 0.5 * math.erfc(sigmas / math.sqrt(2.0))
+    return math.log(p / (1.0 - p)) - math.log(heard / (1.0 - heard))
+
+
+@njit(cache=True)
 def known_vessel(  # type: ignore[no-untyped-def]
     pair_bearing,
     pair_vessel,
@@ -125,8 +142,9 @@ def known_vessel(  # type: ignore[no-untyped-def]
     blend,
     path,
     null,
-    prior_inside,
-    prior_outside,
+    heard,
+    unknown_density,
+    outside,
     reach,
     arc_from,
     arc_width,
@@ -147,8 +165,9 @@ def known_vessel(  # type: ignore[no-untyped-def]
         time, bearing: (N, W). frame: (N, W) rows of frame_origin (F, 3) and frame_axes (F, 2, 3), Earth-centred.
         before, blend: (N, W) the instant of the paths before each bearing (-1 none) and the share of the next one.
         path: (V, T, 4) Earth-centred position and its standard deviation per axis, NaN where absent.
-        null: (N, W + 1) of `unknown_vessel`. prior_inside, prior_outside: (N,) log odds added where the vessel is inside the
-        sensor's coverage (reach, arc_from, arc_width: (N,)) or not. bias, bias_variance, variance: (N,). memory, give_up: numbers.
+        null: (N, W + 1) of `unknown_vessel`. heard: that a vessel inside the coverage (reach, arc_from, arc_width: (N,)) is heard.
+        unknown_density: (N,) log density of unknown vessels, 1 / rad. outside: (N,) that a vessel outside the coverage is heard.
+        bias, bias_variance, variance: (N,). memory, give_up: numbers.
         out_gain: (A,) -inf where nothing could be compared. out_residual: (A,) NaN where nothing could be compared.
     """
     w = time.shape[1]
@@ -156,7 +175,8 @@ def known_vessel(  # type: ignore[no-untyped-def]
         i, j = pair_bearing[a], pair_vessel[a]
         out_gain[a], out_residual[a] = -np.inf, np.nan
         state = (0.0, 0.0, bias_variance[i], 0.0, 1.0)
-        odds, weights, weighted, used = 0.0, 0.0, 0.0, 0
+        odds, weights, weighted, used = math.log(heard / (1.0 - heard)) - unknown_density[i], 0.0, 0.0, 0
+        worst = -np.inf
         for k in range(w - 1, -1, -1):
             if before[i, k] < 0 or math.isnan(bearing[i, k]):
                 break
@@ -166,10 +186,9 @@ def known_vessel(  # type: ignore[no-untyped-def]
                 break
             distance, direction = max(math.sqrt(east * east + north * north), NEAREST), math.atan2(east, north)
             h = sigma / distance
-            if used == 0:
-                inside = distance <= reach[i] and (direction - arc_from[i]) % (2.0 * math.pi) <= arc_width[i]
-                odds = prior_inside[i] if inside else prior_outside[i]
-            else:
+            past = beyond(distance, direction, reach[i], arc_from[i], arc_width[i])
+            worst = max(worst, past / max(sigma, NEAREST))
+            if used > 0:
                 state = _later(state, math.exp(-abs(time[i, k + 1] - time[i, k]) / memory))
             difference = wrap(bearing[i, k] - direction - bias[i])
             state, density = _updated(state, difference, h, variance[i])
@@ -180,5 +199,5 @@ def known_vessel(  # type: ignore[no-untyped-def]
             if odds - null[i, used] < give_up:
                 break
         if used > 0:
-            out_gain[a] = odds - null[i, used]
+            out_gain[a] = odds - null[i, used] + less_heard(worst, heard, outside[i])
             out_residual[a] = weighted / weights + bias[i]

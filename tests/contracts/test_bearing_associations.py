@@ -39,13 +39,13 @@ class Run:
     """The chain from bearings to associations, cycle by cycle."""
 
     def __init__(self, method: Any, sensors: Sensors, vessels: int, seconds: int, seed: int = SEED, **hear: float) -> None:
-        self.method, self.sensors, self.hear, self.seed = method, sensors, hear, seed
+        self.method, self.sensors, self.hears, self.hear, self.seed = method, sensors, sensors, hear, seed
         self.world = bw.make_world(vessels, seconds, seed)
         self.tracker, self.tracks_memory, self.memory = BearingWindow(), BearingWindow().init(), method.init()
         self.seconds = seconds
 
     def inputs(self, t: int) -> tuple[BearingTracks, Picture]:
-        reports = bw.hear(self.world, self.sensors, t, self.seed, **self.hear)
+        reports = bw.hear(self.world, self.hears, t, self.seed, **self.hear)
         self.tracks_memory, tracks = self.tracker.step(self.tracks_memory, reports, bw.START_S + t, self.sensors)
         return tracks, self.world.picture(t)
 
@@ -140,6 +140,18 @@ def test_a_bias_costs_next_to_nothing_and_is_found() -> None:
     blind = Run(BearingLikelihood(bias_gain=0.0, bias_sigma_deg=0.0), bw.centre(), 200, 150, bias_deg=0.5)
     assert bw.f1(blind.counts(120)) < bw.f1(plain) - 0.02
     assert blind.found.sensor_bias_rad.tolist() == [0.0]
+
+
+def test_a_sensor_that_hears_farther_than_it_says_is_found_out() -> None:
+    """Vessels outside the nominal coverage are taken where the sensor hears them, and not where it does not."""
+    sensors, shares = bw.centre(), []
+    for farther in (1.04, 1.0):
+        run = Run(BearingLikelihood(), sensors, 200, 150, SEED + 1)
+        run.hears = replace(sensors, sonars=replace(sensors.sonars, range_m=sensors.sonars.range_m * farther))
+        assert bw.f1(run.counts(120)) >= 0.985
+        shares.append(run.memory.calibration.heard_outside(0.95)[0])
+    assert shares[0] > 0.5
+    assert shares[1] < 0.25
 
 
 def test_misses_and_a_clock_out_of_phase() -> None:

@@ -50,8 +50,22 @@ def test_unknown_vessel_is_the_dense_gaussian_mixture(seed: int, length: int, mi
     assert (out[0, length - missing :] == out[0, length - missing]).all()
 
 
+HEARD, HEARD_OUTSIDE = 1.0 / (1.0 + np.exp(-2.0)), 1.0 / (1.0 + np.exp(1.0))  # log odds 2 and -1
+
+
 def score(
-    time, bearing, path, before, blend, bias_sigma=0.01, bias=0.0, sigma=0.02, memory=20.0, give_up=GIVE_UP, arc=2 * np.pi
+    time,
+    bearing,
+    path,
+    before,
+    blend,
+    bias_sigma=0.01,
+    bias=0.0,
+    sigma=0.02,
+    memory=20.0,
+    give_up=GIVE_UP,
+    arc=2 * np.pi,
+    reach=9000.0,
 ):
     """Gain (against a null of 0) and residual of one pair, seen from SITE_DEG."""
     w = len(time)
@@ -69,9 +83,10 @@ def score(
         blend[None],
         path[None],
         np.zeros((1, w + 1)),
-        np.array([2.0]),
-        np.array([-1.0]),
-        np.array([9000.0]),
+        HEARD,
+        np.zeros(1),
+        np.array([HEARD_OUTSIDE]),
+        np.array([reach]),
         np.array([0.0]),
         np.array([arc]),
         np.array([bias]),
@@ -140,6 +155,19 @@ def test_prior_depends_on_coverage() -> None:
     assert inside - outside == pytest.approx(3.0)
     far = score(time, args[1], sailing(metres * 10.0, np.full(2, 10.0)), *args[3:])[0]
     assert inside - far == pytest.approx(3.0)
+    on_the_arc = score(*args, arc=np.pi / 4)[0]
+    half = 0.5 * (HEARD + HEARD_OUTSIDE)
+    assert on_the_arc - inside == pytest.approx(np.log(half / (1.0 - half)) - 2.0, abs=0.01)
+
+
+def test_one_bearing_from_outside_the_coverage_counts() -> None:
+    time, east = np.arange(5.0), np.full(6, 1000.0)
+    east[1] = 9100.0  # the second bearing was taken there
+    path = sailing(np.column_stack([east, np.full(6, 10.0)]), np.ones(6))
+    where = np.arctan2(east[:5], 10.0)
+    with_it = score(time, where, path, np.arange(5), np.zeros(5))[0]
+    kept = score(time, where, path, np.arange(5), np.zeros(5), reach=9200.0)[0]
+    assert kept - with_it == pytest.approx(3.0)
 
 
 def test_gives_up_only_below_the_limit() -> None:
