@@ -111,7 +111,7 @@ def step(
         octants_memory, octants = s.octants.step(m.octants, bearing_tracks, picture, sensors)
     with timer("bearing_associations"):
         bearings_memory, bearing_associations = s.bearing_associations.step(
-            m.bearing_associations, bearing_tracks, picture, octants, time_s, sensors, spread
+            m.bearing_associations, bearing_tracks, picture, octants, time_s, sensors, spread, reports.statics
         )
     first = plots_memory, tuple(new for new, *_ in regions), ais_memory, bearing_memory, spots_memory
     after = Memory(*first, associations_memory, fused_memory, picture_memory, octants_memory, bearings_memory)

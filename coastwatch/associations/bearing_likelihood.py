@@ -4,15 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from coastwatch.associations.bearing_history import Path
 from coastwatch.associations.bearing_sensors import Calibration, Known, arcs
-from coastwatch.batches import Array, BearingAssociations, BearingTracks, Bools, Floats, Ints, Octants, Picture, Sensors
+from coastwatch.associations.bearing_signatures import ShipTypes, signature_gain
+from coastwatch.batches import (
+    CLASSES,
+    AisStatics,
+    Array,
+    BearingAssociations,
+    BearingTracks,
+    Bools,
+    Floats,
+    Ints,
+    Octants,
+    Picture,
+    Sensors,
+)
 from coastwatch.geodesy import KNOT_M_S, axes, earth_centred
+from coastwatch.kernels.signatures import check_confusion, even_confusion
 from coastwatch.stage import Method, Spread
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -26,6 +40,7 @@ RANGE_WEIGHTS = RANGE_SHARES**2 / (RANGE_SHARES**2).sum()  # by the area that ea
 class LikelihoodMemory:
     path: Path  # of vessels in reach of a sensor of bearings: Earth-centred position, standard deviation per axis
     calibration: Calibration  # of no sensor before the first cycle
+    types: ShipTypes
 
 
 class BearingLikelihood(Method):
@@ -36,6 +51,7 @@ class BearingLikelihood(Method):
     unknown vessel anywhere in reach, times the prior odds. The bias of each sensor is the running median residual of its pairs.
     That a vessel outside the nominal coverage is heard is at first as likely as not; each sensor's pairs then tell. A vessel that was
     outside at any bearing of the window counts as outside.
+    Where a sensor tells the class of a vessel by its sound, the log odds of a pair gain what that says of the ship type in its AIS.
     Position errors three times those that the picture admits (30 m for 10 m) cost 2 to 3 points of F1, six times over 10, nearly all
     of it partners missed, and there a longer window makes it worse.
     Source: Y. Bar-Shalom, P. K. Willett, X. Tian, Tracking and Data Fusion, ch. 8-9 (likelihood ratio association); the null
@@ -63,10 +79,19 @@ class BearingLikelihood(Method):
         0.2  # share of the median residual taken over in a cycle; 0: no calibration
     )
     bias_pairs: Annotated[int, Field(ge=1)] = 5  # fewer calibrate nothing
+    signature_accuracy: Share = 0.7  # taken for the share of right classes by sound, the others said equally often
+    signature_confusion: tuple[tuple[Share, ...], ...] = ()  # instead: a row for each true class, how often each is said
+    signature_habit: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.8  # share of looks that only repeat the sensor's usual answer
+    type_doubt: Share = 0.05  # that a ship is not of the class that its AIS says
     give_up: Annotated[float, Field(lt=0.0)] = -25.0  # log odds at which a pair is not looked at any further
 
+    @model_validator(mode="after")
+    def _confusion_is_a_matrix(self) -> Self:
+        check_confusion("signature_confusion", self.signature_confusion, CLASSES)
+        return self
+
     def init(self) -> LikelihoodMemory:
-        return LikelihoodMemory(Path.empty(4), Calibration.of(0, 0.0))
+        return LikelihoodMemory(Path.empty(4), Calibration.of(0, 0.0), ShipTypes.empty())
 
     def step(
         self,
@@ -77,18 +102,20 @@ class BearingLikelihood(Method):
         time_s: float,
         sensors: Sensors,
         spread: Spread,
+        statics: AisStatics,
     ) -> tuple[LikelihoodMemory, BearingAssociations]:
         """Which bearing track is which vessel at this cycle.
 
-        Args: bearing_tracks: (N); picture: (V); octants: pairs of their rows; time_s: of the cycle, to which both are predicted.
+        Args: bearing_tracks: (N); picture: (V); octants: pairs of their rows; time_s: of the cycle, to which both are predicted;
+        statics: that arrived since the last cycle, for their ship types.
         Returns: memory and BearingAssociations, sorted by bearing_row.
         """
         learnt = memory.calibration
         if len(learnt.bias_rad) != len(sensors.sonars):
             learnt = Calibration.of(len(sensors.sonars), float(np.radians(self.bias_sigma_deg)))
-        path = self._path(memory.path, picture, octants, time_s, sensors)
+        path, types = self._path(memory.path, picture, octants, time_s, sensors), memory.types.heard(statics)
         known = Known.of(bearing_tracks, picture, octants, sensors)
-        row, gain, residual = self._scored(path, bearing_tracks, picture, octants, sensors, learnt, known, spread)
+        row, gain, residual = self._scored(path, bearing_tracks, picture, octants, sensors, learnt, known, types, spread)
         bearing_row, vessel_row = octants.bearing_row[row], octants.vessel_row[row]
         sonar = octants.octant[row] // 8
         chosen = _one_to_one(bearing_row, vessel_row + sonar * len(picture), gain - self.threshold)
@@ -96,7 +123,9 @@ class BearingLikelihood(Method):
         limits = np.radians([self.bias_floor_deg, self.bias_sigma_deg]).tolist()
         learnt = learnt.with_bias(sonar, residual[chosen], self.bias_gain, self.bias_pairs, *limits)
         learnt = learnt.with_heard(known, sonar, vessel_row)
-        return LikelihoodMemory(path, learnt), BearingAssociations(bearing_row, vessel_row, gain[chosen], learnt.bias_rad)
+        return LikelihoodMemory(path, learnt, types), BearingAssociations(
+            bearing_row, vessel_row, gain[chosen], learnt.bias_rad
+        )
 
     def _path(self, path: Path, picture: Picture, octants: Octants, time_s: float, sensors: Sensors) -> Path:
         """The paths of the vessels that are, or soon may be, compared with bearings, one instant longer."""
@@ -118,6 +147,7 @@ class BearingLikelihood(Method):
         sensors: Sensors,
         learnt: Calibration,
         known: Known,
+        types: ShipTypes,
         spread: Spread,
     ) -> tuple[Ints, Floats, Floats]:
         """Pairs above the threshold: index into the octants, log odds, mean difference of bearings; sorted by index."""
@@ -125,6 +155,7 @@ class BearingLikelihood(Method):
         before, blend = path.instants(tracks.window_time_s)
         frame, origin, frame_axes = _frames(tracks)
         arc_from, arc_width = arcs(sensors)
+        classes = types.of(picture.mmsi)
         arrays = {
             "pair_bearing": octants.bearing_row,
             "pair_path": path.rows(picture.vessel_id)[octants.vessel_row],
@@ -141,6 +172,8 @@ class BearingLikelihood(Method):
             "arc_from": arc_from[sonar],
             "arc_width": arc_width[sonar],
             "outside": learnt.heard_outside(self.heard)[sonar],
+            "vessel_class": classes[octants.vessel_row],
+            "signature": self._signature(tracks, classes),
             "bias": learnt.bias_rad[sonar],
             "bias_variance": learnt.bias_sigma_rad[sonar] ** 2,
             "variance": sensors.sonars.bearing_sigma_rad[sonar] ** 2,
@@ -150,6 +183,13 @@ class BearingLikelihood(Method):
         order = np.argsort(row, kind="stable")
         gain, residual = (np.concatenate([np.zeros(0), *(p[k] for p in parts)])[order] for k in (1, 2))
         return row[order], gain, residual
+
+    def _signature(self, tracks: BearingTracks, classes: Ints) -> Floats:
+        """What log odds gain by the sound of each track, for each class of vessel and an unknown one. Returns: (N, C + 1)."""
+        confusion = even_confusion(self.signature_accuracy, CLASSES)
+        if self.signature_confusion:
+            confusion = np.array(self.signature_confusion)
+        return signature_gain(tracks.signatures, classes, confusion, self.signature_habit, self.type_doubt)
 
     def _density(self, sonar: Ints, known: Known, sensors: Sensors) -> Floats:
         """Log density of unknown vessels by bearing, for each track: the sensor says how many vessels there are, the picture how
@@ -178,6 +218,7 @@ def score_octant(settings: BearingLikelihood, arrays: Mapping[str, Array], rows:
     noise = arrays["bias"][track], arrays["bias_variance"][track], variance, settings.position_memory_s
     pair = at.astype(np.int64), arrays["pair_path"][rows], time, bearing
     known_vessel(*pair, *frames, *paths, null, *priors, *cover, *noise, settings.give_up, gain, residual)
+    gain += arrays["signature"][arrays["pair_bearing"][rows], arrays["vessel_class"][rows]]
     keep = gain > settings.threshold
     return rows[keep], gain[keep], residual[keep]
 

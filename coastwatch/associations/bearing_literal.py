@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch.associations.bearing_history import Path
-from coastwatch.batches import Array, BearingAssociations, BearingTracks, Floats, Ints, Octants, Picture, Sensors
+from coastwatch.batches import AisStatics, Array, BearingAssociations, BearingTracks, Floats, Ints, Octants, Picture, Sensors
 from coastwatch.geodesy import axes, earth_centred, wrap_rad
 from coastwatch.stage import Method, Spread
 
@@ -56,10 +56,12 @@ class BearingWindowedCovariance(Method):
         time_s: float,
         sensors: Sensors,
         spread: Spread,
+        statics: AisStatics,
     ) -> tuple[LiteralBearingMemory, BearingAssociations]:
         """Which bearing track is which vessel at this cycle.
 
-        Args: bearing_tracks: (N); picture: (V); octants: pairs of their rows; time_s: of the cycle, to which both are predicted.
+        Args: bearing_tracks: (N); picture: (V); octants: pairs of their rows; time_s: of the cycle, to which both are predicted;
+        statics: not looked at.
         Returns: memory and BearingAssociations, sorted by bearing_row; the biases are 0: the paper knows none.
         """
         p = self.window

@@ -11,6 +11,7 @@ An absent value is NaN, or -1 for a number that names something. `origin` is the
 input is simulated, -1 elsewhere: scores read it, methods do not (one that does says "known origin" in its name of setting).
 """
 
+from coastwatch.batches.classes import CLASS_OF_TYPE, CLASSES, VesselClass
 from coastwatch.batches.reports import (
     AisReports,
     AisStatics,
@@ -56,6 +57,8 @@ from coastwatch.batches.yields import (
 )
 
 __all__ = [
+    "CLASSES",
+    "CLASS_OF_TYPE",
     "AisAlarms",
     "AisReports",
     "AisStatics",
@@ -90,5 +93,6 @@ __all__ = [
     "Tracks",
     "Trajectories",
     "Truth",
+    "VesselClass",
     "column",
 ]

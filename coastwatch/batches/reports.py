@@ -60,6 +60,7 @@ class BearingReports(Batch):
     bearing_deg: Floats = column(np.float64, "M")  # true, 0..360
     contact: Ints = column(np.int64, "M")  # the sensor's own track number; -1 where it gives none
     site_deg: Floats = column(np.float64, "M", 2)
+    signature: Ints = column(np.int64, "M")  # VesselClass by its sound; -1 where the sensor tells none
     origin: Ints = column(np.int64, "M")
 
 

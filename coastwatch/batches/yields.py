@@ -7,6 +7,7 @@ from enum import IntFlag
 
 import numpy as np
 
+from coastwatch.batches.classes import CLASSES
 from coastwatch.batches.struct import Batch, Bools, Floats, Ints, Struct, column
 
 
@@ -90,6 +91,7 @@ class BearingTracks(Batch):
     window_time_s: Floats = column(np.float64, "N", "W")
     window_bearing_rad: Floats = column(np.float64, "N", "W")
     window_site_deg: Floats = column(np.float64, "N", "W", 2)
+    signatures: Ints = column(np.int64, "N", CLASSES)  # reports so far that said each VesselClass
     origin: Ints = column(np.int64, "N")
 
 

@@ -60,6 +60,8 @@ class AisTruth(Settings):
     cloned_from_s: Annotated[float, Field(ge=0.0)] = 0.0  # after the start of the run
     static_interval_s: Annotated[float, Field(gt=0.0)] = 360.0  # between messages with name and type
     static_within_s: Annotated[float, Field(ge=0.0)] = 30.0  # of the start the first of these is sent
+    type_missing_share: Share = 0.0  # of the carriers never set their ship type
+    type_wrong_share: Share = 0.0  # of the carriers send a type at random
 
 
 @dataclass(frozen=True, eq=False)

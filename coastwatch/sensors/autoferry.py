@@ -206,6 +206,7 @@ def _bearing_reports(found: _Returns, settings: Autoferry, sensors: Sensors, tal
         bearing_deg=np.degrees(np.arctan2(ne[:, 1], ne[:, 0])) % 360.0,
         contact=np.full(len(rows), -1, np.int64),
         site_deg=_geodetic(found.own_ne_m[rows]),
+        signature=np.full(len(rows), -1, np.int64),
         origin=np.full(len(rows), -1, np.int64),
     )
 

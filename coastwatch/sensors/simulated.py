@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch.batches import (
+    CLASS_OF_TYPE,
     Array,
     BearingReports,
     Bools,
@@ -24,7 +25,7 @@ from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, scale_m_deg, wrap_deg
 from coastwatch.sensors.ais import POSITION_STEP_DEG, SOG_STEP_KN, AisTruth, carriers, transmit
 from coastwatch.sensors.radar import RadarTruth, observe
 from coastwatch.sensors.sonar import SonarTruth, listen
-from coastwatch.sensors.statics import introduce
+from coastwatch.sensors.statics import introduce, true_types
 from coastwatch.sensors.vessels import VesselMotion, set_out
 from coastwatch.sensors.voyages import Voyages
 from coastwatch.stage import Method, Plan
@@ -75,12 +76,13 @@ class Simulated(Method):
         vessel, span = np.arange(self.count), (start_s, stop_s, seed)
         sent_by = carriers(self.ais, self.count, seed)
         ais = transmit(self.ais, sent_by, sensors.stations, voyages.state, *span)
+        sounds = CLASS_OF_TYPE[true_types(sent_by, self.count, seed)]
         return Recording(
             reports=Reports(
                 radar=_arrived(observe(sensors.radars, radar_truths, voyages.where, vessel, *span), stop_s),
                 ais=ais,
                 statics=introduce(self.ais, sent_by, ais.mmsi, *span),
-                bearing=_arrived(listen(sensors.sonars, sonar_truths, voyages.where, vessel, *span), stop_s),
+                bearing=_arrived(listen(sensors.sonars, sonar_truths, voyages.where, vessel, sounds, *span), stop_s),
             ),
             start_s=start_s,
             stop_s=stop_s,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from coastwatch.batches import AisStatics, Array, Ints
+from coastwatch.batches import AisStatics, Array, Floats, Ints
 from coastwatch.sensors.ais import AisTruth, Carriers
 
-WHO, WHEN = 31, 32  # streams of random numbers
+WHO, WHEN, WHAT, LIES = 31, 32, 33, 34  # streams of random numbers
 FIRST_WORDS = "AMBER BOLD CALM CORAL DAWN EAST GOLDEN GRAND IVORY LONE NORTH NOBLE QUIET SILVER SWIFT WILD"
 LAST_WORDS = "ALBATROSS BRIGHT CURRENT DOLPHIN EAGLE FORTUNE GULL HARBOUR HORIZON ISLAND PEARL SPIRIT STAR TIDE WAVE WIND"
 FIRST, LAST = np.array(FIRST_WORDS.split()), np.array(LAST_WORDS.split())
@@ -35,14 +35,7 @@ def introduce(truth: AisTruth, sent_by: Carriers, reports_mmsi: Ints, start_s: f
     mine = ~sent_by.clone
     mmsi, silent = sent_by.mmsi[mine], sent_by.silent[mine]
     count = len(mmsi)
-    rng = np.random.default_rng([seed, WHO])
-    number = np.arange(count)
-    name = _joined(FIRST[rng.integers(0, len(FIRST), count)], " ", LAST[rng.integers(0, len(LAST), count)])
-    name = np.where(number < 256, name, _joined(name, " ", (number % 1000).astype("U3"))).astype("U20")
-    call = np.ascontiguousarray(LETTERS[rng.integers(0, 26, (count, 4))]).view("U4").ravel() if count else np.zeros(0, "U4")
-    call_sign = _joined(call, rng.integers(0, 10, count).astype("U1")).astype("U7")
-    kind = rng.choice(len(TYPES), count, p=TYPES[:, 1])
-    length = np.round(rng.uniform(TYPES[kind, 2], TYPES[kind, 3]))
+    name, call_sign, kind, length = _drawn(count, seed)
     first = np.random.default_rng([seed, WHEN]).random(count) * truth.static_within_s
     times = (
         start_s + first[:, None] + truth.static_interval_s * np.arange(int((stop_s - start_s) / truth.static_interval_s) + 1)
@@ -55,11 +48,40 @@ def introduce(truth: AisTruth, sent_by: Carriers, reports_mmsi: Ints, start_s: f
         mmsi=mmsi[row],
         name=name[row],
         call_sign=call_sign[row],
-        ship_type=TYPES[kind[row], 0].astype(np.int64),
+        ship_type=_said(truth, TYPES[kind, 0].astype(np.int64), seed)[row],
         length_m=length[row],
         beam_m=np.maximum(np.round(length[row] / LENGTH_OVER_BEAM), 2.0),
     )
     return made.take(np.lexsort((made.mmsi, made.received_s)))
+
+
+def true_types(sent_by: Carriers, count: int, seed: int) -> Ints:
+    """The ITU-R M.1371 type that each of the vessels 0..count-1 really is, whether it has AIS or not. Returns: (count,)."""
+    mine = ~sent_by.clone
+    kind = np.random.default_rng([seed, WHAT]).choice(len(TYPES), count, p=TYPES[:, 1])
+    kind[sent_by.row[mine]] = _drawn(int(mine.sum()), seed)[2]
+    return np.asarray(TYPES[kind, 0], np.int64)
+
+
+def _drawn(count: int, seed: int) -> tuple[Array, Array, Ints, Floats]:
+    """Name, call sign, row of TYPES and length in metres of each of so many carriers."""
+    rng = np.random.default_rng([seed, WHO])
+    number = np.arange(count)
+    name = _joined(FIRST[rng.integers(0, len(FIRST), count)], " ", LAST[rng.integers(0, len(LAST), count)])
+    name = np.where(number < 256, name, _joined(name, " ", (number % 1000).astype("U3"))).astype("U20")
+    call = np.ascontiguousarray(LETTERS[rng.integers(0, 26, (count, 4))]).view("U4").ravel() if count else np.zeros(0, "U4")
+    call_sign = _joined(call, rng.integers(0, 10, count).astype("U1")).astype("U7")
+    kind = rng.choice(len(TYPES), count, p=TYPES[:, 1])
+    length = np.round(rng.uniform(TYPES[kind, 2], TYPES[kind, 3]))
+    return name, call_sign, kind, length
+
+
+def _said(truth: AisTruth, ship_type: Ints, seed: int) -> Ints:
+    """The type that each carrier sends: 0 where it was never set, another where it was set wrong. Args: (C,) the true ones."""
+    rng = np.random.default_rng([seed, LIES])
+    missing, wrong, other = rng.random(len(ship_type)), rng.random(len(ship_type)), rng.choice(len(TYPES), len(ship_type))
+    said = np.where(wrong < truth.type_wrong_share, TYPES[other, 0].astype(np.int64), ship_type)
+    return np.where(missing < truth.type_missing_share, 0, said)
 
 
 def _joined(*parts: Array | str) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import AwareDatetime, Field, model_validator
 
 from coastwatch.batches import (
+    CLASSES,
     Array,
     BearingReports,
     Bools,
@@ -53,6 +54,7 @@ BEARINGS: dict[str, tuple[str, ...]] = TIMES | {
     "sonar": ("sonar", "sensor", "sonar_name", "sensor_name", "camera"),
     "bearing": ("bearing_deg", "bearing", "azimuth_deg", "azimuth"),
     "contact": ("contact", "track", "contact_id", "track_id"),
+    "signature": ("signature", "signature_class", "vessel_class"),
 }
 
 
@@ -79,6 +81,7 @@ class BearingColumns(Settings):
     sonar: str | None = None  # name of the sonar in the scenario; one sonar alone need not be named
     bearing: str | None = None  # deg true
     contact: str | None = None  # the sensor's own track number
+    signature: str | None = None  # number of the VesselClass by its sound, coastwatch/batches/classes.py; others are none
     site_latitude: str | None = None  # deg, of the sensor, where it moves
     site_longitude: str | None = None  # deg, of the sensor, where it moves
 
@@ -251,8 +254,15 @@ def _bearings(settings: Tables, path: Path, sonars: Sonars, tally: Tally) -> Bea
         bearing_deg=values["bearing"][rows] % 360.0,
         contact=np.nan_to_num(values["contact"], nan=-1.0).astype(np.int64)[rows],
         site_deg=_sites(values, sonars.site_deg, sensor)[rows],
+        signature=_signatures(values["signature"][rows]),
         origin=np.full(len(rows), -1, np.int64),
     )
+
+
+def _signatures(said: Floats) -> Ints:
+    """The class that each cell says, -1 where it says none."""
+    whole = np.isin(said, np.arange(CLASSES))
+    return np.where(whole, np.where(whole, said, -1.0), -1.0).astype(np.int64)
 
 
 def _sensors(table: Table, column: str | None, names: Array, kind: str, tally: Tally) -> Ints:

@@ -140,6 +140,7 @@ class BearingWindow(Method):
             window_time_s=np.where(old, np.nan, window["time_s"]),
             window_bearing_rad=np.where(old, np.nan, window["bearing_rad"]),
             window_site_deg=np.where(old[:, :, None], np.nan, site),
+            signatures=memory.signatures[out],
             origin=memory.origin[out],
         )
 

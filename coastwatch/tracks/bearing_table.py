@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from coastwatch.batches import Array, BearingReports, Bools, Floats, Ints
+from coastwatch.batches import CLASSES, Array, BearingReports, Bools, Floats, Ints
 from coastwatch.geodesy import wrap_deg, wrap_rad
 
 SAME_SLOT = 0.75  # of the spacing: a clock that jitters by a quarter still fills one slot a report
@@ -31,12 +31,15 @@ class WindowMemory:
     bearing_rad: Floats  # (N, W) mean of the slot
     weight: Floats  # (N, W) reports in the slot, 0 where there is none
     site_deg: Floats  # (N, W, 2)
+    signatures: Ints  # (N, C) reports that said each VesselClass
     counter: Ints  # (K,) tracks that each sensor has had
 
     @staticmethod
     def empty(window: int) -> WindowMemory:
         n, x, ring = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, window))
-        return WindowMemory(n, n, n, x, x, x, n, n, n, n, ring, ring, ring, np.zeros((0, window, 2)), n)
+        return WindowMemory(
+            n, n, n, x, x, x, n, n, n, n, ring, ring, ring, np.zeros((0, window, 2)), np.zeros((0, CLASSES), np.int64), n
+        )
 
 
 ROWS = tuple(f.name for f in fields(WindowMemory) if f.name != "counter")
@@ -82,6 +85,8 @@ class Table:
         self._same_slot(row[same], reports.take(same))
         c["updated_s"][row], c["origin"][row] = reports.time_s, reports.origin
         c["hits"][row] += 1
+        told = reports.signature >= 0
+        c["signatures"][row[told], reports.signature[told]] += 1
 
     def _new_slot(self, row: Ints, reports: BearingReports) -> None:
         bearing = wrap_rad(np.radians(reports.bearing_deg))

@@ -19,7 +19,7 @@ import bearing_world as bw
 
 from coastwatch.associations.bearing_likelihood import BearingLikelihood
 from coastwatch.associations.bearing_literal import BearingWindowedCovariance
-from coastwatch.batches import Picture
+from coastwatch.batches import AisStatics, Picture
 from coastwatch.geodesy import offset_deg
 from coastwatch.spots.octants import OctantSpots
 from coastwatch.stage import in_turn
@@ -44,7 +44,7 @@ def reports_at(seconds: float, start_deg, velocity, home, sensors, rng):
     rows = np.flatnonzero(np.hypot(*off.T) <= RANGE_M)
     said = np.degrees(np.arctan2(off[rows, 0], off[rows, 1])) + rng.normal(size=len(rows))
     stamp = np.full(len(rows), bw.START_S + seconds)
-    return BearingReports(home[rows], stamp, stamp, said % 360.0, rows, sensors.sonars.site_deg[home[rows]], rows)
+    return BearingReports(home[rows], stamp, stamp, said % 360.0, rows, sensors.sonars.site_deg[home[rows]], rows * 0 - 1, rows)
 
 
 def main() -> None:
@@ -71,7 +71,7 @@ def main() -> None:
         sm, octants = spots.step(sm, tracks, picture, sensors)
         marks.append(time.perf_counter())
         for k, method in enumerate(methods):
-            am[k], found = method.step(am[k], tracks, picture, octants, bw.START_S + now, sensors, in_turn)
+            am[k], found = method.step(am[k], tracks, picture, octants, bw.START_S + now, sensors, in_turn, AisStatics.empty())
             marks.append(time.perf_counter())
             if k == 0:
                 score = bw.f1(bw.count(found.bearing_row, found.vessel_row, tracks.origin, picture.origin))

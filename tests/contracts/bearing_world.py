@@ -108,7 +108,7 @@ def hear(
         stamp = np.full(len(rows), START_S + now)
         site = np.broadcast_to(sensors.sonars.site_deg[s], (len(rows), 2)).copy()
         said = (bearing + noise + bias_deg)[rows] % 360.0
-        parts.append(BearingReports(np.full(len(rows), s), stamp, stamp, said, rows, site, rows))
+        parts.append(BearingReports(np.full(len(rows), s), stamp, stamp, said, rows, site, rows * 0 - 1, rows))
     return BearingReports.join(parts)
 
 

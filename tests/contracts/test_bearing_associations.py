@@ -14,7 +14,8 @@ from pydantic import ValidationError
 from coastwatch.associations.bearing_history import Path
 from coastwatch.associations.bearing_likelihood import BearingLikelihood, score_octant
 from coastwatch.associations.bearing_literal import BearingWindowedCovariance, sample_statistic
-from coastwatch.batches import BearingTracks, Picture, Sensors
+from coastwatch.batches import CLASSES, AisStatics, BearingTracks, Picture, Sensors
+from coastwatch.sensors.sonar import SonarTruth, say_class
 from coastwatch.spots.octants import OctantSpots
 from coastwatch.stage import in_turn
 from coastwatch.tracks.bearing import BearingWindow
@@ -42,7 +43,7 @@ class Run:
         self.method, self.sensors, self.hears, self.hear, self.seed = method, sensors, sensors, hear, seed
         self.world = bw.make_world(vessels, seconds, seed)
         self.tracker, self.tracks_memory, self.memory = BearingWindow(), BearingWindow().init(), method.init()
-        self.seconds = seconds
+        self.seconds, self.statics = seconds, AisStatics.empty()
 
     def inputs(self, t: int) -> tuple[BearingTracks, Picture]:
         reports = bw.hear(self.world, self.hears, t, self.seed, **self.hear)
@@ -51,7 +52,7 @@ class Run:
 
     def associate(self, memory: Any, tracks: BearingTracks, picture: Picture, t: int, spread: Any = in_turn) -> Any:
         _, octants = OctantSpots().step((), tracks, picture, self.sensors)
-        return self.method.step(memory, tracks, picture, octants, bw.START_S + t, self.sensors, spread)
+        return self.method.step(memory, tracks, picture, octants, bw.START_S + t, self.sensors, spread, self.statics)
 
     def counts(self, after: int) -> Any:
         total = np.zeros(4)
@@ -113,7 +114,7 @@ def test_empty_and_single(method: Any) -> None:
         assert len(found.bearing_row) == 0
         assert len(run.associate(memory, tracks, picture, 6)[1].bearing_row) >= 0
     _, octants = OctantSpots().step((), tracks.take([]), picture, nowhere)
-    _, found = method.step(method.init(), tracks.take([]), picture, octants, bw.START_S, nowhere, in_turn)
+    _, found = method.step(method.init(), tracks.take([]), picture, octants, bw.START_S, nowhere, in_turn, AisStatics.empty())
     assert len(found.sensor_bias_rad) == 0
     memory = method.init()
     for t in range(6, 31, 3):
@@ -152,6 +153,52 @@ def test_a_sensor_that_hears_farther_than_it_says_is_found_out() -> None:
         shares.append(run.memory.calibration.heard_outside(0.95)[0])
     assert shares[0] > 0.5
     assert shares[1] < 0.25
+
+
+def with_sounds(run: Run, accuracy: float, habit: float = 0.8) -> Run:
+    """A run whose sonar says classes at every look, and whose vessels of even numbers sent their type."""
+    inputs, rng = run.inputs, np.random.default_rng([SEED, 11])
+    count = len(run.world.known)
+    true, sent = rng.integers(0, CLASSES, count), np.arange(0, count, 2)
+    blank, none = np.full(len(sent), "", "U7"), np.full(len(sent), np.nan)
+    codes = np.array([70, 80, 60, 30, 52, 36, 35])[true[sent]]
+    run.statics = AisStatics(np.full(len(sent), bw.START_S), sent, blank.astype("U20"), blank, codes, none, none)
+    sonar = SonarTruth(signature_share=1.0, signature_accuracy=accuracy, signature_habit=habit)
+    heard = say_class(sonar, true, np.tile(np.arange(count), 9), rng)
+    counts = np.zeros((count, CLASSES), np.int64)
+    np.add.at(counts, (np.tile(np.arange(count), 9), heard), 1)
+
+    def sounding(t: int) -> tuple[BearingTracks, Picture]:
+        tracks, picture = inputs(t)
+        mmsi = np.where(picture.origin % 2 == 0, picture.origin, -1)
+        return replace(tracks, signatures=counts[tracks.origin]), replace(picture, mmsi=mmsi)
+
+    run.inputs = sounding  # type: ignore[method-assign]
+    return run
+
+
+def test_classes_by_sound_tell_vessels_apart_and_may_be_wrong() -> None:
+    plain, sounding, wrong = (np.zeros(4) for _ in range(3))
+    for seed in (SEED, SEED + 1):
+        plain += Run(BearingLikelihood(), bw.centre(), 200, 45, seed).counts(30)
+        sounding += with_sounds(Run(BearingLikelihood(), bw.centre(), 200, 45, seed), 0.8).counts(30)
+        wrong += with_sounds(Run(BearingLikelihood(signature_accuracy=0.9), bw.centre(), 200, 45, seed), 0.5).counts(30)
+    assert bw.f1(sounding) > bw.f1(plain) + 0.01
+    assert bw.f1(wrong) > bw.f1(plain) - 0.005
+
+
+def test_ship_types_alone_change_nothing() -> None:
+    runs = [Run(BearingLikelihood(), bw.centre(), 60, 30), with_sounds(Run(BearingLikelihood(), bw.centre(), 60, 30), 0.8)]
+    for t in range(3, 31, 3):
+        found = []
+        for run in runs:
+            tracks, picture = run.inputs(t)
+            silent = replace(tracks, signatures=tracks.signatures * 0)
+            run.memory, one = run.associate(run.memory, silent, picture, t)
+            found.append(one)
+        assert_same(*found)
+    assert len(found[0].bearing_row) > 10
+    assert len(runs[1].memory.types.mmsi) == 30
 
 
 def test_misses_and_a_clock_out_of_phase() -> None:

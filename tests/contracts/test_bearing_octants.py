@@ -5,7 +5,7 @@ from __future__ import annotations
 import bearing_world as bw
 import numpy as np
 
-from coastwatch.batches import BearingTracks, Floats, Octants, Picture, Sensors
+from coastwatch.batches import CLASSES, BearingTracks, Floats, Octants, Picture, Sensors
 from coastwatch.geodesy import from_plane, to_plane, wrap_deg
 from coastwatch.spots.octants import OctantSpots, sector
 
@@ -20,7 +20,22 @@ def tracks_at(sensors: Sensors, sonar: Floats, bearing_deg: Floats) -> BearingTr
     ring, rows = np.zeros((n, 1)), np.arange(n)
     source = sensors.sonar_source(0) + sonar
     covariance = np.tile(np.eye(2), (n, 1, 1))
-    return BearingTracks(rows, source, stamp, angle, stamp * 0, covariance, site, stamp, stamp, ring, ring, site[:, None], rows)
+    return BearingTracks(
+        rows,
+        source,
+        stamp,
+        angle,
+        stamp * 0,
+        covariance,
+        site,
+        stamp,
+        stamp,
+        ring,
+        ring,
+        site[:, None],
+        np.zeros((n, CLASSES), np.int64),
+        rows,
+    )
 
 
 def vessels_at(position_deg: Floats, sigma_m: float) -> Picture:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 
 import bearing_world as bw
 import numpy as np
@@ -23,7 +24,14 @@ def say(sensor: Floats, time_s: Floats, bearing_deg: Floats, contact: Floats, si
     stamp = np.broadcast_to(np.asarray(time_s, float), n).copy() + START
     site = np.broadcast_to(bw.ORIGIN_DEG if site_deg is None else site_deg, (n, 2)).copy()
     return BearingReports(
-        whole[0], stamp, stamp, np.atleast_1d(np.asarray(bearing_deg, float)), whole[1], site, whole[1] * 0 + 5
+        whole[0],
+        stamp,
+        stamp,
+        np.atleast_1d(np.asarray(bearing_deg, float)),
+        whole[1],
+        site,
+        whole[1] * 0 - 1,
+        whole[1] * 0 + 5,
     )
 
 
@@ -195,3 +203,12 @@ def test_wrong_input_is_named() -> None:
         play(BearingWindow(), [say(0, 1.0, 10.0, 2**40)], two_sensors())
     with pytest.raises(ValidationError, match="length"):
         BearingWindow(length=1)
+
+
+def test_classes_are_counted_by_contact() -> None:
+    cycles = []
+    for k, classes in enumerate(([2, -1], [2, 5], [0, -1])):
+        reports = say(0, 3.0 * (k + 1), np.array([10.0, 90.0]), np.array([7, 8]))
+        cycles.append(replace(reports, signature=np.array(classes)))
+    _, tracks = play(BearingWindow(), cycles, two_sensors())
+    assert tracks.signatures.tolist() == [[1, 0, 2, 0, 0, 0, 0], [0, 0, 0, 0, 0, 1, 0]]

@@ -210,6 +210,7 @@ def test_bad_plots_and_bearings_are_counted(tmp_path: Path) -> None:
     assert radar.site_deg.tolist() == [[50.8, -1.1], [50.1, -1.2]]
     assert bearing.bearing_deg.tolist() == [350.0, 1.0]
     assert bearing.contact.tolist() == [4, -1]
+    assert bearing.signature.tolist() == [-1, -1]
     assert {f.kind: (f.count, f.where.partition(",")[0]) for f in recording.faults} == {
         "half a line": (1, "plots.csv:7"),
         "non-finite": (1, "plots.csv:5"),
@@ -258,3 +259,13 @@ def test_the_solent_table_has_the_counts_of_its_readme() -> None:
     assert abs(float(reports.received_s[0]) - 1452603731.218) < 1e-3
     assert abs(float(reports.received_s[-1]) - 1452608801.924) < 1e-3
     assert float(np.diff(reports.received_s).max()) < 2.5
+
+
+def test_classes_by_sound_in_a_table_of_bearings(tmp_path: Path) -> None:
+    bearings = tmp_path / "bearings.csv"
+    bearings.write_text(
+        f"time,sonar,bearing_deg,signature\n{T0},hull,10,4\n{T0 + 1},hull,11,\n{T0 + 2},hull,12,7\n{T0 + 3},hull,13,0\n",
+        "utf-8",
+    )
+    recording = Tables(bearings=(bearings,)).load(sensors(), 1, PLAN)
+    assert recording.reports.bearing.signature.tolist() == [4, -1, -1, 0]

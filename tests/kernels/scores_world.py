@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from coastwatch.batches import Associations, BearingTracks, FusedTracks, Picture, Tracks, Truth
+from coastwatch.batches import CLASSES, Associations, BearingTracks, FusedTracks, Picture, Tracks, Truth
 
 KINDS = np.array([0, 0, 1, 2])  # two regions, AIS, a sonar
 RADAR, OTHER_RADAR, AIS = 0, 1, 2
@@ -71,6 +71,7 @@ def bearing_tracks(origin):
         window_time_s=np.zeros((n, 0)),
         window_bearing_rad=np.zeros((n, 0)),
         window_site_deg=np.zeros((n, 0, 2)),
+        signatures=np.zeros((n, CLASSES), np.int64),
         origin=np.array(origin, np.int64),
     )
 

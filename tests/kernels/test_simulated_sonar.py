@@ -7,6 +7,7 @@ import pytest
 from scipy.stats import binom
 from simulated_world import LEVEL, START_S, assert_unit_normal, recorded, sensors
 
+from coastwatch.batches import CLASS_OF_TYPE, CLASSES
 from coastwatch.geodesy import NAUTICAL_MILE_M, to_plane, wrap_deg
 
 CYCLES = 60
@@ -76,3 +77,45 @@ def test_order_of_arrival_and_names():
     assert reports.received_s.min() > START_S
     with pytest.raises(ValueError, match=r"input\.sonars"):
         heard(sonars=[{"name": "radar"}])
+
+
+def said_of(accuracy, habit, share=1.0, count=400):
+    """Reports by a sonar that says classes, the true class of each, and the class that is sent of each vessel."""
+    made = recorded(
+        count,
+        CYCLES,
+        sonar={"signature_share": share, "signature_accuracy": accuracy, "signature_habit": habit},
+        ais={"share": 1.0},
+    )
+    types = dict(zip(made.reports.statics.mmsi.tolist(), made.reports.statics.ship_type.tolist(), strict=True))
+    ship = dict(zip(made.reports.ais.origin.tolist(), made.reports.ais.mmsi.tolist(), strict=True))
+    reports = made.reports.bearing
+    return reports, np.array([CLASS_OF_TYPE[types[ship[o]]] for o in reports.origin.tolist()])
+
+
+def test_signatures_are_of_the_true_type_as_often_as_said():
+    reports, true = said_of(0.6, 0.0, share=0.5)
+    told = reports.signature >= 0
+    low, high = binom.ppf([LEVEL / 2, 1 - LEVEL / 2], len(reports), 0.5)
+    assert low <= told.sum() <= high
+    low, high = binom.ppf([LEVEL / 2, 1 - LEVEL / 2], told.sum(), 0.6)
+    assert low <= (reports.signature == true)[told].sum() <= high
+    wrong = reports.signature[told & (reports.signature != true)]
+    assert set(wrong.tolist()) == set(range(CLASSES))
+
+
+def test_a_habit_is_kept_of_each_vessel():
+    reports, true = said_of(0.6, 0.95)
+    vessels = np.unique(reports.origin)
+    right = np.array([(reports.signature == true)[reports.origin == v].mean() for v in vessels])
+    assert ((right > 0.8) | (right < 0.2)).all()  # 0.95 + 0.05 * 0.6 or 0.05 * 0.6, of up to sixty looks
+    low, high = binom.ppf([LEVEL / 2, 1 - LEVEL / 2], len(vessels), 0.6)
+    assert low <= (right > 0.5).sum() <= high
+
+
+def test_signatures_change_nothing_else():
+    plain, _ = heard()
+    reports, _ = heard(sonar={"signature_share": 0.5})
+    assert (plain.signature == -1).all()
+    np.testing.assert_array_equal(plain.bearing_deg, reports.bearing_deg)
+    np.testing.assert_array_equal(plain.contact, reports.contact)
