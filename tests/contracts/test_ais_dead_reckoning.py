@@ -14,7 +14,7 @@ ROUNDING_M = 1e-6
 def test_position_is_the_newest_report_moved_by_its_speed_and_course():
     every = reports(fleet())
     method = AisDeadReckoning()
-    _, tracks, alarms = method.step(method.init(), every, START_S + 60.0, SENSORS)
+    _, tracks, alarms, _ = method.step(method.init(), every, START_S + 60.0, SENSORS)
     for k, mmsi in enumerate(tracks.mmsi):
         own = every.take(every.mmsi == mmsi)
         newest = own.take([int(np.argmax(own.time_s))])
