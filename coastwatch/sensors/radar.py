@@ -10,18 +10,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from coastwatch.batches import Floats, Ints, RadarReports, Radars, Trajectories
+from coastwatch.batches import Bools, Floats, Ints, RadarReports, Radars, Trajectories
 from coastwatch.geodesy import KNOT_M_S, from_plane, to_plane, wrap_deg, wrap_rad
+from coastwatch.sensors.vessels import Share, chosen
 from coastwatch.stage import Settings
 
 Where = Callable[[Ints, Floats], Floats]
 
-NOISE, DETECTION, CLUTTER, PHASE = 11, 12, 13, 14  # streams of random numbers: a change of one leaves the others as they are
+NOISE, DETECTION, CLUTTER, PHASE, UNSEEN, OUTAGE = 11, 12, 13, 14, 15, 16  # streams of random numbers: a change of one leaves the others as they are
 TURN_RAD = 2.0 * np.pi
 BLOCK = 4096  # vessels at a time, which bounds memory and changes no number
 BEAM_ROUNDS = 3  # each shrinks the error of the beam time by azimuth rate x turn period, under 0.1 beyond 300 m
@@ -32,6 +33,7 @@ class RadarTruth(Settings):
 
     name: str = ""  # of the radar in [[radars]]; empty in [input.radar], which is of all radars that are not named
     detection_probability: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0  # of a vessel in range, each turn
+    unseen_share: Share = 0.0  # of the vessels no radar ever sees, the same ones for all radars of this share
     clutter_per_m2: Annotated[float, Field(ge=0.0, le=1e-4)] = 0.0  # false plots each turn, uniform over the disc of the range
     noise_factor: Annotated[float, Field(ge=0.0, le=100.0)] = 1.0  # real noise over that of the specification
     range_bias_m: Annotated[float, Field(ge=-1000.0, le=1000.0)] = 0.0  # added to what is measured
@@ -40,8 +42,23 @@ class RadarTruth(Settings):
     latency_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0  # from the beam to the arrival of the report
     start_s: Annotated[float, Field(ge=0.0)] = 0.0  # switched on, after the start of the run
     stop_s: float | None = Field(default=None, ge=0.0, description="switched off, after the start of the run; none: never")
+    outage_s: Annotated[float, Field(ge=0.0)] = 0.0  # it is down for so long, again and again
+    outage_every_s: Annotated[float, Field(gt=0.0)] = 60.0  # from one outage to the next, the first at a random time
+    blind_from_deg: Annotated[float, Field(ge=0.0, le=360.0)] = 0.0  # sector without plots, clockwise
+    blind_to_deg: Annotated[float, Field(ge=0.0, le=360.0)] = 0.0  # end of it; the same as its begin: none
     course_deg: Annotated[float, Field(ge=0.0, le=360.0)] = 0.0  # of a moving platform
     speed_kn: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0  # of a moving platform; 0: on shore
+
+    @model_validator(mode="after")
+    def _it_works_between_outages(self) -> Self:
+        if self.outage_s >= self.outage_every_s:
+            raise ValueError(f"outage_s: got {self.outage_s}, needed less than outage_every_s = {self.outage_every_s}")
+        return self
+
+    def looks_at(self, azimuth_deg: Floats) -> Bools:
+        """Whether azimuths lie outside the blind sector. Args: (M,), NaN is inside none. Returns: (M,)."""
+        width = (self.blind_to_deg - self.blind_from_deg) % 360.0
+        return np.asarray(~((azimuth_deg - self.blind_from_deg) % 360.0 < width))
 
 
 def along(trajectories: Trajectories) -> Where:
@@ -84,7 +101,7 @@ def observe(
         antenna = Antenna(radars, r, truth, start_s, start_s - phase * period, turns, seed)
         for made in (antenna.echoes(where, vessel), antenna.clutter()):
             beam = made.time_s - truth.time_bias_s
-            parts.append(made.take((beam >= on) & (beam <= off)))
+            parts.append(made.take((beam >= on) & (beam <= off) & antenna.works(beam)))
     joined = RadarReports.join(parts)
     return joined.take(np.lexsort((joined.sensor, joined.time_s, joined.received_s)))
 
@@ -110,9 +127,17 @@ class Antenna:
         run = self.truth.speed_kn * KNOT_M_S * np.array([np.sin(course), np.cos(course)])
         return from_plane((time_s - self.start_s)[:, None] * run, here)
 
+    def works(self, time_s: Floats) -> Bools:
+        """Whether it is not down. Args: time_s: (M,). Returns: (M,)."""
+        every = self.truth.outage_every_s
+        phase = float(np.random.default_rng([self.seed, OUTAGE, self.r]).random()) * every
+        return np.asarray((time_s - self.start_s + phase) % every >= self.truth.outage_s)
+
     def echoes(self, where: Where, vessel: Ints) -> RadarReports:
         """Plots of vessels, vessel by vessel."""
         detection, noise = (np.random.default_rng([self.seed, stream, self.r]) for stream in (DETECTION, NOISE))
+        hidden = np.zeros(len(vessel), np.bool_)
+        hidden[chosen(len(vessel), self.truth.unseen_share, np.random.default_rng([self.seed, UNSEEN]))] = True
         parts = []
         for lo in range(0, len(vessel), BLOCK):
             row = np.arange(lo, min(lo + BLOCK, len(vessel)))
@@ -120,6 +145,7 @@ class Antenna:
             found = detection.random(len(time)) < self.truth.detection_probability
             errors = noise.standard_normal((len(time), 2)) * self.truth.noise_factor
             seen = found & (distance <= self.radars.range_m[self.r])  # an absent vessel is NaN far
+            seen &= ~np.repeat(hidden[row], len(self.turns)) & self.truth.looks_at(np.degrees(azimuth))
             measured = distance + errors[:, 0] * self.radars.range_sigma_m[self.r] + self.truth.range_bias_m
             turned = np.degrees(azimuth + errors[:, 1] * self.radars.azimuth_sigma_rad[self.r]) + self.truth.azimuth_bias_deg
             origin = np.repeat(vessel[row], len(self.turns))
@@ -134,7 +160,8 @@ class Antenna:
         total = int(count.sum())
         part, distance = rng.random(total), np.sqrt(rng.random(total)) * reach
         time = self.first_s + (np.repeat(self.turns, count) + part) * self.radars.period_s[self.r]
-        return self._reports(time, distance, 360.0 * part, np.full(total, -1, np.int64))
+        made = self._reports(time, distance, 360.0 * part, np.full(total, -1, np.int64))
+        return made.take(self.truth.looks_at(made.azimuth_deg))
 
     def _beams(self, where: Where, row: Ints) -> tuple[Floats, Floats, Floats]:
         """When the beam passes each vessel, and its distance and azimuth then: each (rows * turns,).
