@@ -17,26 +17,26 @@ class History:
     track_id: Ints  # (N,)
     position_deg: Floats  # (N, W, 2)
     velocity_m_s: Floats  # (N, W, 2)
-    variance_m2: Floats  # (N, W) trace of the position covariance
+    variance: Floats  # (N, W, 2) traces of the covariances of position (m2) and velocity (m2/s2)
     length: Ints  # (N,) valid entries, at the end
 
     @staticmethod
     def empty(window: int) -> History:
         none = np.zeros(0, np.int64)
-        return History(none, np.zeros((0, window, 2)), np.zeros((0, window, 2)), np.zeros((0, window)), none)
+        return History(none, np.zeros((0, window, 2)), np.zeros((0, window, 2)), np.zeros((0, window, 2)), none)
 
-    def extended(self, tracks: Tracks, variance_m2: Floats) -> History:
+    def extended(self, tracks: Tracks, variance: Floats) -> History:
         """The windows after this cycle, rows in the order of `tracks`; tracks that are gone are forgotten.
 
-        Args: tracks: (N); variance_m2: (N,) trace of the position covariance of each.
+        Args: tracks: (N); variance: (N, 2) traces of the covariances of position and velocity of each.
         """
         window = self.position_deg.shape[1]
         row = find(self.track_id, tracks.track_id)
         known = row >= 0
         safe = np.where(known, row, 0) if len(self.track_id) else np.zeros(len(tracks), np.int64)
-        new = [tracks.position_deg, tracks.velocity_m_s, variance_m2]
+        new = [tracks.position_deg, tracks.velocity_m_s, variance]
         rings = []
-        for ring, value in zip((self.position_deg, self.velocity_m_s, self.variance_m2), new, strict=True):
+        for ring, value in zip((self.position_deg, self.velocity_m_s, self.variance), new, strict=True):
             out = np.zeros((len(tracks), *ring.shape[1:]))
             if len(ring):
                 out[:, :-1] = ring[safe, 1:]
@@ -53,6 +53,6 @@ class History:
             self.track_id[order],
             self.position_deg[order],
             self.velocity_m_s[order],
-            self.variance_m2[order],
+            self.variance[order],
             self.length[order],
         )

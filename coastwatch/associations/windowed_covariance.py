@@ -25,11 +25,13 @@ class WindowedCovariance(Method):
     """Pairs by a log-likelihood ratio accumulated over the window, then the best one-to-one assignment.
 
     The covariance of a difference is what the tracks say, scaled in position and velocity by the sample covariance of the window
-    about its mean (never below `floor`, never above `cap` times), so that neither a quiet pair is refused nor a drifting one
-    accepted. `registration` adds that share of a radar plot's covariance, unscaled: a constant azimuth or range bias is as large
-    as the noise of the specification and does not show in the window. The ratio is against an unrelated vessel of the local
-    density. What a pair was counts `forgetting` times less a cycle later and one step counts at most `step_limit`, so that a
-    track that changes vessel loses its partner within a few cycles. Statistic: the accumulated log-likelihood ratio.
+    about its mean, so that neither a quiet pair is refused nor a drifting one accepted. A short window of track errors, which
+    persist, shows little: it weighs against `prior` entries, and the scale stays between `floor` and `cap`. `registration` adds
+    that share of a radar plot's covariance, unscaled: a constant azimuth or range bias is as large as the noise of the
+    specification and does not show in the window. With probability `misled_share` the velocities do not count, because a track
+    that took foreign plots is where it should be but not under way as it should. The ratio is against an unrelated vessel of
+    the local density. What a pair was counts `forgetting` times less a cycle later and one step counts at most `step_limit`, so
+    that a track that changes vessel loses its partner within a few cycles. Statistic: the accumulated log-likelihood ratio.
 
     Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven Approach,
     eq. 5 and 7, with the covariance bounded; Y. Bar-Shalom and H. Chen, Multisensor track-to-track association for tracks with
@@ -39,11 +41,13 @@ class WindowedCovariance(Method):
     method: Literal["windowed_covariance"] = "windowed_covariance"
     window: Annotated[int, Field(ge=1, le=200)] = 20  # cycles
     gate_m: Annotated[float, Field(gt=0.0)] = 1000.0
+    prior: Annotated[float, Field(ge=0.0)] = 10.0  # entries of the window that the tracks' own covariance counts as
     floor: Annotated[float, Field(gt=0.0, le=1.0)] = 0.5
-    cap: Annotated[float, Field(ge=1.0)] = 4.0
+    cap: Annotated[float, Field(ge=1.0)] = 2.0
     forgetting: Annotated[float, Field(ge=0.0, le=1.0)] = 0.9
-    registration: Annotated[float, Field(ge=0.0)] = 1.0
+    registration: Annotated[float, Field(ge=0.0)] = 0.5
     step_limit: Annotated[float, Field(gt=0.0)] = 20.0
+    misled_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.01  # of tracks whose velocity foreign plots have spoilt
     threshold: float = 0.0  # that a pair's statistic must exceed
     unrelated_speed_m_s: Annotated[float, Field(gt=0.0)] = 4.0
     unknown_velocity_sigma_m_s: Annotated[float, Field(gt=0.0)] = 0.5  # of a source that gives no covariance
@@ -54,7 +58,8 @@ class WindowedCovariance(Method):
     def step(self, memory: WindowMemory, tracks: Tracks, spots: Spots, spread: Spread) -> tuple[WindowMemory, Associations]:
         """Associations of these tracks. Args: tracks: (N); spots: of the same rows. Returns: memory and Associations."""
         covariance = tracks.known_covariance(self.unknown_velocity_sigma_m_s)
-        variance = covariance[:, 0, 0] + covariance[:, 1, 1]
+        own = np.diagonal(covariance, axis1=1, axis2=2)
+        variance = np.column_stack([own[:, 0] + own[:, 1], own[:, 2] + own[:, 3]])
         history = memory.history.extended(tracks, variance)
         arrays = {
             "point_m": earth_centred(tracks.position_deg),
@@ -63,7 +68,7 @@ class WindowedCovariance(Method):
             "report": _registration(tracks, self.registration),
             "position_deg": history.position_deg,
             "velocity_m_s": history.velocity_m_s,
-            "variance_m2": history.variance_m2,
+            "variance": history.variance,
             "length": history.length,
         }
         parts = spread(score_spot, self, arrays, rows_of_spots(spots))
@@ -92,15 +97,17 @@ def score_spot(settings: WindowedCovariance, arrays: Mapping[str, Array], rows: 
         second,
         arrays["position_deg"],
         arrays["velocity_m_s"],
-        arrays["variance_m2"],
+        arrays["variance"],
         arrays["length"],
         phi,
         report[first] + report[second],
         density,
+        settings.prior,
         settings.floor,
         settings.cap,
         settings.forgetting,
         settings.step_limit,
+        settings.misled_share,
         settings.unrelated_speed_m_s,
     )
     keep = score > settings.threshold

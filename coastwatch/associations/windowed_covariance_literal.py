@@ -61,7 +61,7 @@ class WindowedCovarianceLiteral(Method):
 
     def step(self, memory: LiteralMemory, tracks: Tracks, spots: Spots, spread: Spread) -> tuple[LiteralMemory, Associations]:
         """Associations of these tracks. Args: tracks: (N); spots: of the same rows. Returns: memory and Associations."""
-        history = memory.history.extended(tracks, np.zeros(len(tracks)))
+        history = memory.history.extended(tracks, np.zeros((len(tracks), 2)))
         arrays = {
             "point_m": earth_centred(tracks.position_deg),
             "source": tracks.source,

@@ -102,7 +102,14 @@ def _spread(delta, n, low, first):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _bounded(delta, n, phi, registration, floor, cap, low, total):  # type: ignore[no-untyped-def]
+def _scale(delta, n, low, first, prior, floor, cap):  # type: ignore[no-untyped-def]
+    """Factor of the 2 x 2 block that begins at `first`: what the window shows, drawn to 1 as by so many more entries."""
+    weight = (n - 1.0) / (n - 1.0 + prior)
+    return min(max(1.0 + weight * (_spread(delta, n, low, first) - 1.0), floor), cap)
+
+
+@njit(cache=True)
+def _bounded(delta, n, phi, registration, prior, floor, cap, low, total):  # type: ignore[no-untyped-def]
     """Factor of phi, scaled block by block by what the window shows, plus the registration term, into `low`; False: not positive.
 
     `total` is room for the sum.
@@ -111,8 +118,8 @@ def _bounded(delta, n, phi, registration, floor, cap, low, total):  # type: igno
         return False
     gain_p = gain_v = 1.0
     if n > 2:
-        gain_p = min(max(_spread(delta, n, low, 0), floor), cap)
-        gain_v = min(max(_spread(delta, n, low, 2), floor), cap)
+        gain_p = _scale(delta, n, low, 0, prior, floor, cap)
+        gain_v = _scale(delta, n, low, 2, prior, floor, cap)
     for i in range(4):
         for j in range(4):
             total[i, j] = phi[i, j] * math.sqrt((gain_p if i < 2 else gain_v) * (gain_p if j < 2 else gain_v))
@@ -122,41 +129,68 @@ def _bounded(delta, n, phi, registration, floor, cap, low, total):  # type: igno
 
 
 @njit(cache=True)
-def _ratio(delta, low, older, log_floor, null_variance, white):  # type: ignore[no-untyped-def]
-    """Log-likelihood ratio of one difference, its covariance `older` times that of the factor; squared Mahalanobis distance.
+def _ratio(delta, low, older, log_density, misled, null_variance, white):  # type: ignore[no-untyped-def]
+    """Log-likelihood ratio of one difference, and its squared Mahalanobis distance.
 
-    log_floor: the ratio of a difference of zero with the factor's covariance.
+    Args: delta: (4,), overwritten; low: factor of its covariance now; older: (2,) by how much larger the variances of position and
+    velocity were then; log_density: of unrelated tracks; misled: share of tracks whose velocity says nothing, so that the position
+    alone decides; null_variance: of each component of the difference of unrelated velocities; white: (4,), room.
     """
-    d2 = _whiten(low, delta, white) / older
-    if older > 1.0:
-        log_floor -= 2.0 * math.log(older)
-    return log_floor - 0.5 * d2 + 0.5 * (delta[2] * delta[2] + delta[3] * delta[3]) / null_variance, d2
+    null = 0.5 * (delta[2] * delta[2] + delta[3] * delta[3]) / null_variance
+    for i in range(4):
+        delta[i] /= math.sqrt(older[i // 2])
+    d2 = _whiten(low, delta, white)
+    place = -math.log(2.0 * math.pi * low[0, 0] * low[1, 1] * older[0]) - log_density
+    course = math.log(null_variance / (low[2, 2] * low[3, 3] * older[1])) + null
+    place -= 0.5 * (white[0] * white[0] + white[1] * white[1])
+    course -= 0.5 * (white[2] * white[2] + white[3] * white[3])
+    if course > 30.0:
+        return place + course + math.log1p(-misled), d2
+    return place + math.log(misled + (1.0 - misled) * math.exp(course)), d2
 
 
 @njit(cache=True, nogil=True)
 def windowed_scores(  # type: ignore[no-untyped-def]
-    first, second, position, velocity, variance, length, phi, registration, density, floor, cap, memory, limit, null_speed
+    first,
+    second,
+    position,
+    velocity,
+    variance,
+    length,
+    phi,
+    registration,
+    density,
+    prior,
+    floor,
+    cap,
+    memory,
+    limit,
+    misled,
+    null_speed,
 ):
     """Discounted log-likelihood ratio of "one vessel" against "no partner" over the common window of each pair.
 
-    The covariance of a step is phi, scaled in its position and its velocity block by what the window shows about it (floored and
-    capped), plus the registration term, which is constant and cannot show; all that by how much larger the summed position variance
-    was then than it is now.
+    The covariance of a step is phi, scaled in its position and its velocity block by what the window shows about it (drawn to 1 by
+    the prior, floored and capped), plus the registration term, which is constant and cannot show; each block of all that by how much
+    larger the summed variance was then than it is now. The likelihood is a mixture: where a track is misled its velocity is as
+    that of an unrelated vessel.
 
     Args:
         first, second: (A,) rows of tracks.
         position: (N, W, 2) latitude, longitude in degrees, newest last. velocity: (N, W, 2).
-        variance: (N, W) position variance (trace) of the track at each entry. length: (N,) valid entries.
+        variance: (N, W, 2) of position and of velocity (traces) of the track at each entry. length: (N,) valid entries.
         phi: (A, 4, 4) covariance of the difference of the tracks now. registration: (A, 2, 2) of a constant offset.
         density: (A,) unrelated tracks a square metre.
-        floor, cap: of the scale. memory: factor by which what was known counts one cycle later. limit: bound of one step and,
-        as -limit, of the sum. null_speed: standard deviation a axis of the velocity of unrelated vessels.
+        prior: entries of the window that phi counts as. floor, cap: of the scale. memory: factor by which what was known counts one
+        cycle later. limit: bound of one step and, as -limit, of the sum. misled: share, 0 to 1. null_speed: standard deviation a
+        axis of the velocity of unrelated vessels.
     Returns: (A,) score; (A,) squared Mahalanobis distance of the newest difference with the scaled Phi.
     """
     count = len(first)
     score, distance2 = np.full(count, -math.inf), np.full(count, math.inf)
     w = position.shape[1]
     delta, low, total_phi, white = np.empty((w, 4)), np.zeros((4, 4)), np.empty((4, 4)), np.empty(4)
+    older = np.empty(2)
     null_variance = 2.0 * null_speed * null_speed
     for p in range(count):
         a, b = first[p], second[p]
@@ -164,15 +198,15 @@ def windowed_scores(  # type: ignore[no-untyped-def]
         if n < 1:
             continue
         _differences(a, b, position, velocity, n, delta)
-        if not _bounded(delta, n, phi[p], registration[p], floor, cap, low, total_phi):
+        if not _bounded(delta, n, phi[p], registration[p], prior, floor, cap, low, total_phi):
             continue
-        log_floor = -math.log(low[0, 0] * low[1, 1] * low[2, 2] * low[3, 3]) - 2.0 * math.log(2.0 * math.pi)
-        log_floor -= math.log(density[p]) - math.log(2.0 * math.pi * null_variance)
-        now = variance[a, w - 1] + variance[b, w - 1]
+        log_density = math.log(density[p])
         total = 0.0
         for k in range(n):
-            older = max((variance[a, w - n + k] + variance[b, w - n + k]) / now, 1.0)
-            step, distance2[p] = _ratio(delta[k], low, older, log_floor, null_variance, white)
+            for i in range(2):
+                now = variance[a, w - 1, i] + variance[b, w - 1, i]
+                older[i] = max((variance[a, w - n + k, i] + variance[b, w - n + k, i]) / now, 1.0)
+            step, distance2[p] = _ratio(delta[k], low, older, log_density, misled, null_variance, white)
             total = max(memory * total + min(max(step, -limit), limit), -limit)
         score[p] = total
     return score, distance2

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from coastwatch.batches import AisReports, Bools, Floats, Ints, Stations
 from coastwatch.geodesy import KNOT_M_S, offset_deg, to_plane
@@ -15,7 +15,7 @@ from coastwatch.sensors.vessels import Share, chosen
 from coastwatch.stage import Settings
 
 # Streams of random numbers: a change of one leaves the others as they are.
-CARRIERS, PHASE, NOISE, LOSS, LATENCY, SILENCE, SPOOFING, CLONES = 21, 22, 23, 24, 25, 26, 27, 28
+CARRIERS, PHASE, NOISE, LOSS, LATENCY, SILENCE, SPOOFING, CLONES, GAPS = 21, 22, 23, 24, 25, 26, 27, 28, 29
 
 State = Callable[[Ints, Floats], tuple[Floats, Floats]]
 POSITION_STEP_DEG = 1.0 / 600_000.0  # 1/10 000 minute
@@ -44,6 +44,8 @@ class AisTruth(Settings):
     whole_seconds: bool = False  # stamp the fix with the whole second before it, as a message does
     velocity_missing_share: Share = 0.0  # of reports without SOG and COG
     loss: Share = 0.0  # of reports that nobody hears
+    gap_s: Annotated[float, Field(ge=0.0)] = 0.0  # each carrier goes unheard for so long, again and again
+    gap_every_s: Annotated[float, Field(gt=0.0)] = 120.0  # from one gap to the next, the first at a random time of each
     latency_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 0.0  # from the fix to the arrival, at least
     latency_spread_s: Annotated[float, Field(ge=0.0, le=3600.0)] = (
         0.0  # mean of an exponential part on top: puts reports out of order
@@ -62,6 +64,12 @@ class AisTruth(Settings):
     static_within_s: Annotated[float, Field(ge=0.0)] = 30.0  # of the start the first of these is sent
     type_missing_share: Share = 0.0  # of the carriers never set their ship type
     type_wrong_share: Share = 0.0  # of the carriers send a type at random
+
+    @model_validator(mode="after")
+    def _it_is_heard_between_gaps(self) -> Self:
+        if self.gap_s >= self.gap_every_s:
+            raise ValueError(f"gap_s: got {self.gap_s}, needed less than gap_every_s = {self.gap_every_s}")
+        return self
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +134,8 @@ def transmit(
     heard &= np.random.default_rng([seed, LOSS]).random(len(who)) >= truth.loss
     until = np.inf if truth.silent_to_s is None else truth.silent_to_s
     heard &= ~(sent_by.silent[who] & (elapsed >= truth.silent_from_s) & (elapsed < until))
+    phase = np.random.default_rng([seed, GAPS]).random(len(sent_by.row))[who] * truth.gap_every_s
+    heard &= (elapsed + phase) % truth.gap_every_s >= truth.gap_s
     heard &= ~sent_by.clone[who] | (elapsed >= truth.cloned_from_s)
     drift = truth.spoofing_drift_m_s * np.maximum(elapsed - truth.spoofing_from_s, 0.0)
     away = np.random.default_rng([seed, SPOOFING, 1]).uniform(0.0, 2.0 * np.pi, len(sent_by.row))[who]

@@ -22,7 +22,14 @@ from coastwatch.stage import Settings
 
 Where = Callable[[Ints, Floats], Floats]
 
-NOISE, DETECTION, CLUTTER, PHASE, UNSEEN, OUTAGE = 11, 12, 13, 14, 15, 16  # streams of random numbers: a change of one leaves the others as they are
+NOISE, DETECTION, CLUTTER, PHASE, UNSEEN, OUTAGE = (
+    11,
+    12,
+    13,
+    14,
+    15,
+    16,
+)  # streams of random numbers: a change of one leaves the others as they are
 TURN_RAD = 2.0 * np.pi
 BLOCK = 4096  # vessels at a time, which bounds memory and changes no number
 BEAM_ROUNDS = 3  # each shrinks the error of the beam time by azimuth rate x turn period, under 0.1 beyond 300 m

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal, Self, TypeVar
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from coastwatch.batches import (
     CLASS_OF_TYPE,
@@ -23,6 +23,7 @@ from coastwatch.batches import (
 )
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, scale_m_deg, wrap_deg
 from coastwatch.sensors.ais import POSITION_STEP_DEG, SOG_STEP_KN, AisTruth, carriers, transmit
+from coastwatch.sensors.company import Convoys, Passings, in_company
 from coastwatch.sensors.radar import RadarTruth, observe
 from coastwatch.sensors.sonar import SonarTruth, listen
 from coastwatch.sensors.statics import introduce, true_types
@@ -58,11 +59,21 @@ class Simulated(Method):
         tuple[float, float], ...
     ] = ()  # latitude, longitude at the start of the first vessels; the others are drawn
     motion: VesselMotion = VesselMotion()
+    convoys: Convoys = Convoys()
+    passings: Passings = Passings()
     radar: RadarTruth = RadarTruth()
     radars: tuple[RadarTruth, ...] = ()
     ais: AisTruth = AisTruth()
     sonar: SonarTruth = SonarTruth()
     sonars: tuple[SonarTruth, ...] = ()
+
+    @model_validator(mode="after")
+    def _company_is_of_vessels_that_there_are(self) -> Self:
+        if self.convoys.share + self.passings.share > 1.0:
+            raise ValueError(
+                f"convoys.share + passings.share: got {self.convoys.share} + {self.passings.share}, needed at most 1 in all"
+            )
+        return self
 
     def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
         """All the input of a run of this plan, with the truth at its instants.
@@ -72,7 +83,9 @@ class Simulated(Method):
         radar_truths = truths_of("radars", sensors.radars.name, self.radar, self.radars)
         sonar_truths = truths_of("sonars", sensors.sonars.name, self.sonar, self.sonars)
         start_s, stop_s = plan.start_s, plan.instant_s(plan.cycles - 1)
-        voyages = set_out(self.motion, self._places(seed), start_s, stop_s - start_s, seed)
+        span_s = stop_s - start_s
+        voyages = set_out(self.motion, self._places(seed), start_s, span_s, seed)
+        voyages = in_company(self.convoys, self.passings, voyages, span_s, seed)
         vessel, span = np.arange(self.count), (start_s, stop_s, seed)
         sent_by = carriers(self.ais, self.count, seed)
         ais = transmit(self.ais, sent_by, sensors.stations, voyages.state, *span)

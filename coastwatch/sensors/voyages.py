@@ -43,11 +43,12 @@ class Voyages(Struct):
 
     def state(self, row: Ints, time_s: Floats) -> tuple[Floats, Floats]:
         """Latitude and longitude, NaN where absent, and velocity east and north there. Args: (M,), (M,). Returns: (M, 2), (M, 2)."""
-        position, velocity = self._known(row, time_s)
+        position, velocity = self.sailed(row, time_s)
         position[~self.present(row, time_s)] = np.nan
         return position, velocity
 
-    def _known(self, row: Ints, time_s: Floats) -> tuple[Floats, Floats]:
+    def sailed(self, row: Ints, time_s: Floats) -> tuple[Floats, Floats]:
+        """As `state`, whether the vessel is there or not. Args: (M,), (M,). Returns: (M, 2), (M, 2)."""
         metres, velocity = self._in_plane(row, time_s)
         position = from_plane(metres, self.anchor_deg[row])
         return position, np.einsum("mji,mj->mi", turn(position, self.anchor_deg[row]), velocity)
@@ -56,7 +57,7 @@ class Voyages(Struct):
         """The truth at common instants. Args: (T,) increasing."""
         v, t = len(self.anchor_deg), len(time_s)
         row, time = np.repeat(np.arange(v), t), np.tile(time_s, v)
-        position, velocity = self._known(row, time)
+        position, velocity = self.sailed(row, time)
         return Trajectories(
             vessel=np.arange(v),
             time_s=time_s,

@@ -21,7 +21,7 @@ def problem():
         second,
         position,
         velocity,
-        np.ones((TRACKS, WINDOW)),
+        np.ones((TRACKS, WINDOW, 2)),
         np.full(TRACKS, WINDOW),
         phi,
         np.zeros((PAIRS, 2, 2)),
@@ -40,7 +40,7 @@ def by_numpy(first, second, position, velocity, variance, length, phi, registrat
 
 @pytest.mark.benchmark(group="windowed scores, 20,000 pairs")
 def test_kernel(benchmark, problem):
-    benchmark(windowed_scores, *problem, 0.5, 4.0, 0.9, 20.0, 4.0)
+    benchmark(windowed_scores, *problem, 10.0, 0.5, 2.0, 0.9, 20.0, 0.01, 4.0)
 
 
 @pytest.mark.benchmark(group="windowed scores, 20,000 pairs")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.stats import multivariate_normal
 
 from coastwatch import geodesy
 from coastwatch.kernels.windows import sample_statistics, windowed_scores
@@ -17,7 +18,7 @@ def tracks(seed, n, window):
     metres = rng.normal(0.0, 100.0, (n, 1, 2)) + np.cumsum(rng.normal(0.0, 5.0, (n, window, 2)), axis=1)
     position = geodesy.offset_deg(np.broadcast_to(origin, metres.shape), metres)
     velocity = rng.normal(0.0, 2.0, (n, window, 2))
-    variance = rng.uniform(50.0, 500.0, (n, window))
+    variance = rng.uniform(50.0, 500.0, (n, window, 2))
     length = rng.integers(1, window + 1, n)
     return position, velocity, variance, length
 
@@ -29,24 +30,28 @@ def differences(a, b, position, velocity, n):
     return np.concatenate([d, velocity[b, -n:] - velocity[a, -n:]], axis=1)
 
 
-def score_by_hand(delta, variance, phi, registration, density, floor, cap, memory, limit, null_speed):
+def score_by_hand(delta, variance, phi, registration, density, prior, floor, cap, memory, limit, misled, null_speed):
     n = len(delta)
     gain = [1.0, 1.0]
     if n > 2:
         for block in (0, 1):
             part = slice(2 * block, 2 * block + 2)
             s = np.cov(delta[:, part].T, ddof=1)
-            gain[block] = np.clip(np.trace(np.linalg.solve(phi[part, part], s)) / 2.0, floor, cap)
+            shown = np.trace(np.linalg.solve(phi[part, part], s)) / 2.0
+            gain[block] = np.clip(((n - 1) * shown + prior) / (n - 1 + prior), floor, cap)
     grown = np.diag(np.sqrt(np.repeat(gain, 2))) @ phi @ np.diag(np.sqrt(np.repeat(gain, 2)))
     grown[:2, :2] += registration
+    v2 = 2.0 * null_speed**2
     total = 0.0
     for k in range(n):
-        older = max(variance[k] / variance[-1], 1.0)
-        scaled = older * grown
-        same = -0.5 * delta[k] @ np.linalg.solve(scaled, delta[k]) - 0.5 * np.linalg.slogdet(2.0 * np.pi * scaled)[1]
-        v2 = 2.0 * null_speed**2
-        other = np.log(density) - 0.5 * (delta[k, 2:] ** 2).sum() / v2 - np.log(2.0 * np.pi * v2)
-        total = max(memory * total + np.clip(same - other, -limit, limit), -limit)
+        older = np.diag(np.sqrt(np.repeat(np.maximum(variance[k] / variance[-1], 1.0), 2)))
+        scaled = older @ grown @ older
+        unrelated = multivariate_normal.logpdf(delta[k, 2:], cov=v2 * np.eye(2))
+        place = multivariate_normal.logpdf(delta[k, :2], cov=scaled[:2, :2])
+        whole = multivariate_normal.logpdf(delta[k], cov=scaled)
+        same = np.logaddexp(np.log1p(-misled) + whole, np.log(misled) + place + unrelated)
+        step = same - np.log(density) - unrelated
+        total = max(memory * total + np.clip(step, -limit, limit), -limit)
     return total
 
 
@@ -60,7 +65,7 @@ def test_scores_equal_the_long_way(seed, n, window):
     phi = root @ root.transpose(0, 2, 1) + 10.0 * np.eye(4)
     registration = rng.uniform(0.0, 30.0, (5, 1, 1)) * np.eye(2)
     density = rng.uniform(1e-7, 1e-5, 5)
-    settings_ = (0.5, 4.0, 0.9, 20.0, 4.0)
+    settings_ = (10.0, 0.5, 4.0, 0.9, 20.0, 0.01, 4.0)
     got, _ = windowed_scores(first, second, position, velocity, variance, length, phi, registration, density, *settings_)
     for p, (a, b) in enumerate(zip(first, second, strict=True)):
         m = min(length[a], length[b])
@@ -101,10 +106,12 @@ def test_a_bad_covariance_never_pairs():
         -np.eye(4)[None],
         np.zeros((1, 2, 2)),
         np.array([1e-6]),
+        10.0,
         0.5,
         4.0,
         0.9,
         20.0,
+        0.01,
         4.0,
     )
     assert got[0] == -np.inf
