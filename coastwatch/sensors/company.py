@@ -50,11 +50,11 @@ def in_company(convoys: Convoys, passings: Passings, voyages: Voyages, span_s: f
     count = len(voyages.anchor_deg)
     rng = np.random.default_rng([seed, CONVOYS])
     order = rng.permutation(count)
-    number = int(round(convoys.share * count)) // convoys.ships
+    number = round(convoys.share * count) // convoys.ships
     in_convoys, free = np.split(order, [number * convoys.ships])
     if number:
         voyages = _lined_up(convoys, voyages, in_convoys.reshape(number, convoys.ships), rng)
-    pairs = min(int(round(passings.share * count)), len(free)) // 2
+    pairs = min(round(passings.share * count), len(free)) // 2
     if pairs:
         voyages = _passing(passings, voyages, free[:pairs], free[pairs : 2 * pairs], span_s, seed)
     return voyages

@@ -16,13 +16,15 @@ from coastwatch.stage import Method
 @dataclass(frozen=True, eq=False)
 class KMeansMemory:
     centre_m: Floats  # (K, 3) of the last cycle; no row before the first
+    age: int = 0  # cycles since they were last fitted to the tracks
 
 
 class KMeansSpots(Method):
     """Neighbouring tracks in spots around centroids, each spot with a halo of tracks within reach of its border.
 
     k-means++ from `seed` at the first cycle and whenever the number of spots changes; one warm Lloyd step from the last
-    centroids at every other cycle. Because of the halo the pairs that the next stage finds do not depend on the spots.
+    centroids at every other cycle, or every `fit_every` cycles. Because of the halo the pairs that the next stage finds do not
+    depend on the spots.
     Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven
     Approach, section III-D (there: random start, no halo).
     """
@@ -32,6 +34,7 @@ class KMeansSpots(Method):
     tracks_per_spot: Annotated[int, Field(ge=1)] = 400
     halo_m: Annotated[float, Field(ge=0.0)] = 1500.0  # not under the gate of the association; 0: none, as in the paper
     warm_steps: Annotated[int, Field(ge=0)] = 1  # Lloyd steps a cycle; 0 keeps the centroids of the first cycle
+    fit_every: Annotated[int, Field(ge=1)] = 1  # cycles from one such step to the next: centroids grow so old
     seed: Annotated[int, Field(ge=0)] = 0
 
     def init(self) -> KMeansMemory:
@@ -44,15 +47,16 @@ class KMeansSpots(Method):
         if count == 0:
             none = np.zeros(0, np.int64)
             return memory, Spots(np.zeros((0, 3)), none, none, none)
-        if len(memory.centre_m) != count:
-            centre = self._cold(points, count)
-        else:
-            centre = memory.centre_m
+        centre, age = memory.centre_m, memory.age + 1
+        if len(centre) != count:
+            centre, age = self._cold(points, count), 0
+        elif age >= self.fit_every:
+            age = 0
             for _ in range(self.warm_steps):
                 centre = _means(points, _nearest(points, centre), centre)
         spot = _nearest(points, centre)
         halo_spot, halo_row = _halo(points, centre, spot, self.halo_m)
-        return KMeansMemory(centre), Spots(centre, spot, halo_spot, halo_row)
+        return KMeansMemory(centre, age), Spots(centre, spot, halo_spot, halo_row)
 
     def _cold(self, points: Floats, count: int) -> Floats:
         if count == 1:

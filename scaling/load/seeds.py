@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from coastwatch.scenario import load_scenario
-from coastwatch.server.run import run_scenario
+from coastwatch.server.run import OnCycle, run_scenario
 
 FIGURES = (
     ("associations", "f1", 100.0, "association F1, %", min),
@@ -25,11 +25,11 @@ FIGURES = (
 )
 
 
-def scores_of(name: str, overrides: dict[str, str], seed: int) -> dict[str, Any]:
-    """The scores of one run into a database that is thrown away."""
+def scores_of(name: str, overrides: dict[str, str], seed: int, on_cycle: OnCycle | None = None) -> dict[str, Any]:
+    """The scores of one run into a database that is thrown away. Args: on_cycle: called with what each cycle yields."""
     with tempfile.TemporaryDirectory() as folder:
         database = f"sqlite:///{Path(folder) / 'run.db'}"
-        return run_scenario(load_scenario(name, overrides), seed=seed, database=database).scores
+        return run_scenario(load_scenario(name, overrides), seed=seed, database=database, on_cycle=on_cycle).scores
 
 
 def table(scores: list[dict[str, Any]]) -> list[str]:
