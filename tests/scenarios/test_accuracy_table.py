@@ -1,0 +1,58 @@
+"""The cases of the table of accuracy can be run: their scenarios load, their figures exist, their asked values can be missed."""
+
+from __future__ import annotations
+
+import pytest
+
+from coastwatch.scenario import load_scenario
+from coastwatch.scores.confusion import Confusion
+from scaling.load.accuracy import Case, Figure, Run, cold_start, lines_of, load_cases, run_case, value_of
+
+CASES = load_cases()
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_every_setting_of_a_case_is_one(case: Case) -> None:
+    assert load_scenario(case.scenario, dict(pair.split("=", 1) for pair in case.settings)).input.method == "simulated"
+
+
+def test_a_case_has_the_settings_of_those_it_is_like() -> None:
+    by_name = {case.name: case for case in CASES}
+    both = by_name["plots, bias"].settings
+    assert set(by_name["bias"].settings) | set(by_name["plots"].settings) == set(both)
+
+
+def test_a_case_like_none_is_refused(tmp_path) -> None:
+    path = tmp_path / "cases.toml"
+    path.write_text('[[case]]\nname = "one"\nlike = ["two"]\nfigure = [{ path = "a.b" }]\n', "utf-8")
+    with pytest.raises(ValueError, match=r"one: got like = \['two'\], needed names of earlier cases"):
+        load_cases(path)
+
+
+def test_a_run_gives_every_figure_and_every_cycle() -> None:
+    small = ("input.count=40", "cycles=2", "warmup_s=12")
+    case = Case(name="small", settings=("sonars=[]", *small), figure=CASES[-1].figure, cold_start_s=9.0)
+    run = run_case(case, 1)
+    assert [time_s for time_s, _ in run.decisions] == [3.0, 6.0, 9.0, 12.0, 15.0, 18.0]
+    assert 0.0 < value_of(Figure(path="associations.f1", scale=100.0), run.scores) <= 100.0
+    assert len(list(lines_of(case, [run]))) == len(case.figure) + 2
+
+
+def test_what_is_missed_is_said() -> None:
+    runs = [Run({"a": {"x": 2.0, "y": 4.0}}, []), Run({"a": {"x": 3.0, "y": 4.0}}, [])]
+    figures = (Figure(path="a.x", asked=2.5), Figure(path="a.x", over="a.y", asked=0.8, better="lower"))
+    high, low = lines_of(Case(name="made up", figure=figures), runs)
+    assert high.split()[-4:] == ["2.500", "2.500", "2.000", "NO"]
+    assert low.split()[-4:] == ["0.800", "0.625", "0.750", "yes"]
+
+
+def test_a_cold_start_is_over_when_all_runs_together_stay_right() -> None:
+    right, wrong = Confusion(tp=1000), Confusion(tp=990, fn=10)
+    runs = [
+        Run({}, [(3.0, right), (6.0, wrong), (9.0, right), (12.0, right)]),
+        Run({}, [(3.0, right), (6.0, right), (9.0, right), (12.0, right)]),
+    ]
+    reached_s, pooled = cold_start(runs)
+    assert reached_s == 9.0
+    assert pooled[1] == (6.0, pytest.approx(2 * 1990 / (2 * 1990 + 10)))
+    assert cold_start([Run({}, [(3.0, wrong)])])[0] == float("inf")
