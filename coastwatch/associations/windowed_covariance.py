@@ -92,7 +92,7 @@ def score_spot(settings: WindowedCovariance, arrays: Mapping[str, Array], rows: 
     phi = arrays["covariance"][first] + arrays["covariance"][second]
     candidates = np.bincount(first, minlength=len(arrays["source"]))[first]
     density = np.maximum(candidates - 1, 1) / (np.pi * settings.gate_m**2)
-    score, _ = windowed_scores(
+    score: Array = windowed_scores(
         first,
         second,
         arrays["position_deg"],

@@ -129,24 +129,29 @@ def _bounded(delta, n, phi, registration, prior, floor, cap, low, total):  # typ
 
 
 @njit(cache=True)
-def _ratio(delta, low, older, log_density, misled, null_variance, white):  # type: ignore[no-untyped-def]
-    """Log-likelihood ratio of one difference, and its squared Mahalanobis distance.
+def _ratio(delta, low, older_p, older_v, place, course, misled, null_variance, limit):  # type: ignore[no-untyped-def]
+    """Log-likelihood ratio of one difference, bounded by the limit.
 
-    Args: delta: (4,), overwritten; low: factor of its covariance now; older: (2,) by how much larger the variances of position and
-    velocity were then; log_density: of unrelated tracks; misled: share of tracks whose velocity says nothing, so that the position
-    alone decides; null_variance: of each component of the difference of unrelated velocities; white: (4,), room.
+    Args: delta: (4,); low: factor of its covariance now; older_p, older_v: by how much larger the variances of position and velocity
+    were then, 1 or more; place, course: the ratio of a difference of zero, of the position and of the velocity given it; misled: share
+    of tracks whose velocity says nothing, so that the position alone decides; null_variance: of each component of the
+    difference of unrelated velocities.
     """
-    null = 0.5 * (delta[2] * delta[2] + delta[3] * delta[3]) / null_variance
-    for i in range(4):
-        delta[i] /= math.sqrt(older[i // 2])
-    d2 = _whiten(low, delta, white)
-    place = -math.log(2.0 * math.pi * low[0, 0] * low[1, 1] * older[0]) - log_density
-    course = math.log(null_variance / (low[2, 2] * low[3, 3] * older[1])) + null
-    place -= 0.5 * (white[0] * white[0] + white[1] * white[1])
-    course -= 0.5 * (white[2] * white[2] + white[3] * white[3])
+    p, v = 1.0 / math.sqrt(older_p), 1.0 / math.sqrt(older_v)
+    a = p * delta[0] / low[0, 0]
+    b = (p * delta[1] - low[1, 0] * a) / low[1, 1]
+    place -= 0.5 * (a * a + b * b)
+    course += 0.5 * (delta[2] * delta[2] + delta[3] * delta[3]) / null_variance
+    if place + max(course, 0.0) <= -limit:  # most pairs, without a logarithm: what follows only makes it less
+        return -limit
+    c = (v * delta[2] - low[2, 0] * a - low[2, 1] * b) / low[2, 2]
+    d = (v * delta[3] - low[3, 0] * a - low[3, 1] * b - low[3, 2] * c) / low[3, 3]
+    course -= 0.5 * (c * c + d * d)
+    place -= math.log(older_p)
+    course -= math.log(older_v)
     if course > 30.0:
-        return place + course + math.log1p(-misled), d2
-    return place + math.log(misled + (1.0 - misled) * math.exp(course)), d2
+        return min(max(place + course + math.log1p(-misled), -limit), limit)
+    return min(max(place + math.log(misled + (1.0 - misled) * math.exp(course)), -limit), limit)
 
 
 @njit(cache=True, nogil=True)
@@ -184,13 +189,12 @@ def windowed_scores(  # type: ignore[no-untyped-def]
         prior: entries of the window that phi counts as. floor, cap: of the scale. memory: factor by which what was known counts one
         cycle later. limit: bound of one step and, as -limit, of the sum. misled: share, 0 to 1. null_speed: standard deviation a
         axis of the velocity of unrelated vessels.
-    Returns: (A,) score; (A,) squared Mahalanobis distance of the newest difference with the scaled Phi.
+    Returns: (A,).
     """
     count = len(first)
-    score, distance2 = np.full(count, -math.inf), np.full(count, math.inf)
+    score = np.full(count, -math.inf)
     w = position.shape[1]
-    delta, low, total_phi, white = np.empty((w, 4)), np.zeros((4, 4)), np.empty((4, 4)), np.empty(4)
-    older = np.empty(2)
+    delta, low, total_phi = np.empty((w, 4)), np.zeros((4, 4)), np.empty((4, 4))
     null_variance = 2.0 * null_speed * null_speed
     for p in range(count):
         a, b = first[p], second[p]
@@ -200,16 +204,18 @@ def windowed_scores(  # type: ignore[no-untyped-def]
         _differences(a, b, position, velocity, n, delta)
         if not _bounded(delta, n, phi[p], registration[p], prior, floor, cap, low, total_phi):
             continue
-        log_density = math.log(density[p])
+        place = -math.log(2.0 * math.pi * low[0, 0] * low[1, 1] * density[p])
+        course = math.log(null_variance / (low[2, 2] * low[3, 3]))
+        now_p = variance[a, w - 1, 0] + variance[b, w - 1, 0]
+        now_v = variance[a, w - 1, 1] + variance[b, w - 1, 1]
         total = 0.0
         for k in range(n):
-            for i in range(2):
-                now = variance[a, w - 1, i] + variance[b, w - 1, i]
-                older[i] = max((variance[a, w - n + k, i] + variance[b, w - n + k, i]) / now, 1.0)
-            step, distance2[p] = _ratio(delta[k], low, older, log_density, misled, null_variance, white)
-            total = max(memory * total + min(max(step, -limit), limit), -limit)
+            older_p = max((variance[a, w - n + k, 0] + variance[b, w - n + k, 0]) / now_p, 1.0)
+            older_v = max((variance[a, w - n + k, 1] + variance[b, w - n + k, 1]) / now_v, 1.0)
+            step = _ratio(delta[k], low, older_p, older_v, place, course, misled, null_variance, limit)
+            total = max(memory * total + step, -limit)
         score[p] = total
-    return score, distance2
+    return score
 
 
 @njit(cache=True, nogil=True)

@@ -66,7 +66,7 @@ def test_scores_equal_the_long_way(seed, n, window):
     registration = rng.uniform(0.0, 30.0, (5, 1, 1)) * np.eye(2)
     density = rng.uniform(1e-7, 1e-5, 5)
     settings_ = (10.0, 0.5, 4.0, 0.9, 20.0, 0.01, 4.0)
-    got, _ = windowed_scores(first, second, position, velocity, variance, length, phi, registration, density, *settings_)
+    got = windowed_scores(first, second, position, velocity, variance, length, phi, registration, density, *settings_)
     for p, (a, b) in enumerate(zip(first, second, strict=True)):
         m = min(length[a], length[b])
         want = score_by_hand(
@@ -96,7 +96,7 @@ def test_sample_statistic_is_eq_7(seed, p):
 
 def test_a_bad_covariance_never_pairs():
     position, velocity, variance, length = tracks(1, 2, 4)
-    got, _ = windowed_scores(
+    got = windowed_scores(
         np.array([0]),
         np.array([1]),
         position,
