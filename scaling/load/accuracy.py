@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -140,7 +141,9 @@ def main() -> None:
     if len(cases) < len(set(asked.case)):
         parser.error(f"--case: got {asked.case}, needed names out of {[case.name for case in load_cases(asked.cases)]}")
     first, last = (int(s) for s in asked.seeds.split("-"))
-    print(f"# python -m scaling.load.accuracy --seeds {asked.seeds}{''.join(f' --case {name}' for name in asked.case)}")
+    print(
+        f"# python -m scaling.load.accuracy --seeds {asked.seeds}{''.join(f' --case {shlex.quote(name)}' for name in asked.case)}"
+    )
     print(_row(*HEADS), flush=True)
     for case in cases:
         runs = [run_case(case, seed) for seed in range(first, last + 1)]
