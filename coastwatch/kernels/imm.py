@@ -141,9 +141,8 @@ def _predict_rows(x, p, mode, dt, kind, noise, turn_noise, turn_sigma, sojourn, 
 
 
 @njit(cache=True)
-def _correct(x, p, z, r, d, low, gain, x_out, p_out):  # type: ignore[no-untyped-def]
-    """One Kalman update with the first d components measured; returns the log-likelihood."""
-    white = np.zeros(d)
+def _correct(x, p, z, r, d, white, low, gain, x_out, p_out):  # type: ignore[no-untyped-def]
+    """One Kalman update with the first d components measured; returns the log-likelihood. x_out may be x, and p_out p."""
     log_det = 0.0
     for a in range(d):
         for b in range(a + 1):
@@ -182,12 +181,12 @@ def _correct(x, p, z, r, d, low, gain, x_out, p_out):  # type: ignore[no-untyped
 @njit(cache=True)
 def _update_rows(x, p, mode, z, r, has_velocity, x_out, p_out, mode_out, log_likelihood):  # type: ignore[no-untyped-def]
     n, j = mode.shape
-    low, gain, weight = np.zeros((4, 4)), np.zeros((SIZE, 4)), np.zeros(j)
+    white, low, gain, weight = np.zeros(4), np.zeros((4, 4)), np.zeros((SIZE, 4)), np.zeros(j)
     for row in range(n):
         d = 4 if has_velocity[row] else 2
         best = -np.inf
         for m in range(j):
-            fit = _correct(x[row, m], p[row, m], z[row], r[row], d, low, gain, x_out[row, m], p_out[row, m])
+            fit = _correct(x[row, m], p[row, m], z[row], r[row], d, white, low, gain, x_out[row, m], p_out[row, m])
             weight[m] = fit + math.log(max(mode[row, m], FLOOR))
             best = max(best, weight[m])
         total = 0.0

@@ -16,7 +16,7 @@ from coastwatch.scenario.sites import Area, Name, Positive, Radar, Sonar, Statio
 from coastwatch.sensors import Feed
 from coastwatch.spots import KMeansSpots, OctantGrouper, OctantSpots, SpotGrouper
 from coastwatch.stage import Method, Plan, Settings
-from coastwatch.tracks import AisFilter, AisTracker, BearingTracker, BearingWindow, Imm, RadarTracker
+from coastwatch.tracks import AisFilter, AisTracker, BearingTracker, BearingWindow, RadarTracker, SidedImm
 
 
 class StoreSettings(Settings):
@@ -49,7 +49,7 @@ class Scenario(Settings):
     sonars: tuple[Sonar, ...] = ()
     input: Feed
     plots: PlotConverter = PolarConversion()
-    tracks: RadarTracker = Imm()
+    tracks: RadarTracker = SidedImm()
     ais_tracks: AisTracker = AisFilter()
     bearing_tracks: BearingTracker = BearingWindow()
     spots: SpotGrouper = KMeansSpots()

@@ -114,14 +114,19 @@ def result(tally: Tally, recording: Recording, sensors: Sensors) -> dict[str, An
     """All scores, by stage; empty where there is no truth. A figure without anything to count is none."""
     if recording.truth is None:
         return {}
-    lone = {"radar": tally.radar.as_dict(), "ais": tally.ais.as_dict()}
+    ais = recording.reports.ais
+    parts = {
+        "bound": _bound_errors(tally, recording, ais),
+        "radar": tally.radar,
+        "radar_bound": _bound_errors(tally, recording, ais.take(np.zeros(0, np.int64))),
+        "ais": tally.ais,
+    }
     return {
         "associations": _decisions(tally.associations),
         "bearing_associations": _decisions(tally.bearing_associations),
         "fused_tracks": {
             **tally.fused.as_dict(),
-            **{f"bound_{name}": value for name, value in _bound_errors(tally, recording).as_dict().items()},
-            **{f"{source}_{name}": value for source, made in lone.items() for name, value in made.items()},
+            **{f"{part}_{name}": value for part, made in parts.items() for name, value in made.as_dict().items()},
             "nees": tally.nees_sum / tally.nees_count if tally.nees_count else None,
             "count": tally.fused.count,
         },
@@ -160,15 +165,18 @@ def _watched(
     return replace(tally, may_be_silent=silent, dark=dark, identities=identities)
 
 
-def _bound_errors(tally: Tally, recording: Recording) -> Errors:
-    """Errors of the exact filter over the vessels and instants over which the fused errors were taken."""
+def _bound_errors(tally: Tally, recording: Recording, ais: AisReports) -> Errors:
+    """Errors of the exact filter over the vessels and instants over which the fused errors were taken.
+
+    Args: ais: the reports that it has besides all plots.
+    """
     truth, noise = recording.truth, recording.noise
     if truth is None or noise is None or not tally.counted:
         return Errors()
     rows = np.flatnonzero(np.isin(truth.vessel, np.concatenate([origin for _, origin in tally.counted])))
     few = rows_of_vessels(truth, rows)
     times = np.array([time_s for time_s, _ in tally.counted])
-    best = bound(few, recording.reports.radar, recording.reports.ais, noise, times)
+    best = bound(few, recording.reports.radar, ais, noise, times)
     total = Errors()
     for t, (time_s, origin) in enumerate(tally.counted):
         now = truth.at(time_s)

@@ -9,8 +9,9 @@ from coastwatch.tracks.ais_dead_reckoning import AisDeadReckoning
 from coastwatch.tracks.bearing import BearingWindow
 from coastwatch.tracks.filterpy_imm import FilterpyImm
 from coastwatch.tracks.imm import Imm
+from coastwatch.tracks.sided_imm import SidedImm
 
-RadarTracker = Annotated[Imm | FilterpyImm, Field(discriminator="method")]
+RadarTracker = Annotated[SidedImm | Imm | FilterpyImm, Field(discriminator="method")]
 AisTracker = Annotated[AisFilter | AisDeadReckoning, Field(discriminator="method")]
 BearingTracker = Annotated[BearingWindow, Field()]
 
@@ -23,4 +24,5 @@ __all__ = [
     "FilterpyImm",
     "Imm",
     "RadarTracker",
+    "SidedImm",
 ]

@@ -9,14 +9,14 @@ import numpy as np
 from coastwatch.batches import Floats, Measurements, Plots, Sensors, Tracks
 from coastwatch.tracks.lifecycle import quick_enough, survivors, usable, without_twins
 from coastwatch.tracks.matching import apply, begins, candidates, choose
-from coastwatch.tracks.motion import Motion
+from coastwatch.tracks.motion import Prior
 from coastwatch.tracks.report import report, taken_plots
 from coastwatch.tracks.table import Bank, RadarMemory, Stage, Table, Taken, coverage_of, started
 from coastwatch.tracks.upkeep import PlotOrigin, Upkeep
 
 
 def track_region(
-    motion: Motion,
+    motion: Prior,
     upkeep: Upkeep,
     plot_origin: PlotOrigin,
     bank: Bank,
@@ -59,7 +59,7 @@ def _survive(upkeep: Upkeep, memory: RadarMemory, time_s: float, sensors: Sensor
 
 
 def _by_place(
-    motion: Motion, upkeep: Upkeep, bank: Bank, memory: RadarMemory, plots: Plots, period_s: Floats
+    motion: Prior, upkeep: Upkeep, bank: Bank, memory: RadarMemory, plots: Plots, period_s: Floats
 ) -> tuple[RadarMemory, Taken]:
     """One slice: tracks of more than one plot take theirs, single plots find a second, what is left begins new tracks."""
     memory = _merge(upkeep, bank, memory, float(plots.time_s[0]), period_s)
@@ -79,7 +79,7 @@ def _by_place(
 
 
 def _begin(
-    motion: Motion, upkeep: Upkeep, bank: Bank, memory: RadarMemory, plots: Plots, period_s: Floats
+    motion: Prior, upkeep: Upkeep, bank: Bank, memory: RadarMemory, plots: Plots, period_s: Floats
 ) -> tuple[RadarMemory, Taken]:
     """The plots of one radar that no track took: to single plots of before, of any radar, or else new single plots."""
     table = memory.table
@@ -94,7 +94,7 @@ def _begin(
     )
 
 
-def _append(motion: Motion, memory: RadarMemory, plots: Plots) -> RadarMemory:
+def _append(motion: Prior, memory: RadarMemory, plots: Plots) -> RadarMemory:
     fresh = started(motion, plots, memory.next_id, len(memory.heard_s))
     return replace(memory, table=Table.join([memory.table, fresh]), next_id=memory.next_id + len(plots))
 
@@ -106,7 +106,7 @@ def _merge(upkeep: Upkeep, bank: Bank, memory: RadarMemory, time_s: float, perio
     return replace(memory, table=table, twins=twins)
 
 
-def _by_origin(motion: Motion, bank: Bank, memory: RadarMemory, plots: Plots) -> tuple[RadarMemory, Taken]:
+def _by_origin(motion: Prior, bank: Bank, memory: RadarMemory, plots: Plots) -> tuple[RadarMemory, Taken]:
     """One slice with the known vessel behind each plot: plots of nothing are dropped, two plots are a confirmed track."""
     plots = plots.take(plots.origin >= 0)
     vessels, first = np.unique(plots.origin, return_index=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple, Self
+from typing import Annotated, NamedTuple, Protocol, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -18,7 +18,7 @@ CONSTANT_VELOCITY, COORDINATED_TURN = 0, 1  # as the kernel numbers them
 
 
 class Filters(NamedTuple):
-    """What the filters of N tracks know, each in J models of east, north, east rate, north rate, turn rate."""
+    """What the filters of N tracks know, each in J models of east, north, east rate, north rate, turn rate (`sided_imm`: the model's own)."""
 
     state: Floats  # (N, J, 5) m, m/s, rad/s in the region's plane
     covariance: Floats  # (N, J, 5, 5)
@@ -26,6 +26,19 @@ class Filters(NamedTuple):
 
     def take(self, rows: Ints | Bools) -> Filters:
         return Filters(self.state[rows], self.covariance[rows], self.mode[rows])
+
+
+class Prior(Protocol):
+    """What is taken of motion before a track is seen to move."""
+
+    @property
+    def count(self) -> int:
+        """J, the number of models."""
+        ...
+
+    def start(self, position_m: Floats, covariance: Floats) -> Filters:
+        """Filters that know one plot and no velocity. Args: (N, 2); (N, 2, 2) of the plots."""
+        ...
 
 
 class Parameters(NamedTuple):

@@ -10,7 +10,7 @@ import numpy as np
 
 from coastwatch.batches import Array, Batch, Bools, Floats, Ints, Plots, Sensors, column
 from coastwatch.geodesy import to_plane
-from coastwatch.tracks.motion import Filters, Motion
+from coastwatch.tracks.motion import Filters, Prior
 
 NEWEST = 5  # plots whose origin is kept, for the scores
 
@@ -92,7 +92,7 @@ class RadarMemory:
     dropped: int  # plots that are not finite or from the future
 
     @classmethod
-    def empty(cls, motion: Motion) -> RadarMemory:
+    def empty(cls, motion: Prior) -> RadarMemory:
         """No track, and no radar heard."""
         return cls(Table.empty(J=motion.count), Twins.empty(), 1, np.zeros((0, 2)), np.zeros(0), 0)
 
@@ -141,7 +141,7 @@ def coverage_of(memory: RadarMemory, sensors: Sensors, region: int) -> Coverage:
     return Coverage(radars, site, sensors.radars.range_m[radars], sensors.radars.period_s[radars])
 
 
-def started(motion: Motion, plots: Plots, first_id: int, radars: int) -> Table:
+def started(motion: Prior, plots: Plots, first_id: int, radars: int) -> Table:
     """A track for each of these plots."""
     n = len(plots)
     filters = motion.start(plots.position_m, plots.covariance)
