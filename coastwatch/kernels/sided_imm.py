@@ -1,4 +1,4 @@
-"""Interacting multiple models with a turn to each side and a change of speed: scalar code by numba, a row a track, nothing allocated a track.
+"""Interacting multiple models with a turn to each side and a change of speed: scalar code by numba, a row a track.
 
 State: east, north, east rate, north rate, and a fifth component that is each model's own.
 A model is a row of `models`, by column:
@@ -14,7 +14,7 @@ component from the prior of the model drawn. So what is mixed into a model is it
 every model; the work is linear in the number of models, and the chain of models is that of continuous time exactly.
 TURNING and SPEEDING are linearised about the state (extended Kalman filter). While velocity is hardly known that is right only where
 the turn rate is roughly known; therefore one model a side, each with a prior that is narrow (scaling/decisions/turns_to_a_side.py).
-Code is written out without views of arrays: a view costs more than the sums on it.
+Arrays are indexed in full and nothing is allocated a track: a view of a row costs more than the sums on it (scaling/kernels).
 
 Sources: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, sections 6.2.2, 11.6.6
 and 11.7; K. Granstrom, P. Willett, Y. Bar-Shalom, Systematic approach to IMM mixing for unequal dimension states, IEEE Trans. AES
@@ -34,6 +34,7 @@ from coastwatch.kernels.models import KIND, NOISE, OWN, OWN_NOISE, OWN_SIGMA, SH
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
 
 SLOW = 0.5  # m/s: a vessel slower than this has no direction in which to gain speed
 
@@ -150,46 +151,49 @@ def _carry(p, row, m, f, n):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _predict_row(x, p, mode, row, dt, renewal_s, models, mean, cov, d, f, n):  # type: ignore[no-untyped-def]
+    """One row after dt > 0, in place; the arguments behind `models` are room to work in."""
+    keep = math.exp(-dt / renewal_s)
+    _pool(x, p, mode, row, mean, cov)
+    for m in range(mode.shape[1]):
+        old = keep * mode[row, m]
+        mode[row, m] = old + (1.0 - keep) * models[m, SHARE]
+        _mix(x, p, row, m, old / mode[row, m], mean, cov, models, d)
+        if models[m, KIND] == STRAIGHT:
+            _go_straight(x, p, row, m, dt)
+        else:
+            if models[m, KIND] == TURNING:
+                _turn(x, row, m, dt, f)
+            else:
+                _speed_up(x, row, m, dt, f)
+            _carry(p, row, m, f, n)
+            p[row, m, 4, 4] += models[m, OWN_NOISE] * dt
+        noise = models[m, NOISE] * dt
+        for a in range(2):
+            p[row, m, a, a] += noise * dt * dt / 3.0
+            p[row, m, a + 2, a] += 0.5 * noise * dt
+            p[row, m, a + 2, a + 2] += noise
+        for a in range(SIZE):
+            for b in range(a):
+                p[row, m, b, a] = p[row, m, a, b]
+
+
+@njit(cache=True)
 def predict_in_place(x, p, mode, dt_s, renewal_s, models):  # type: ignore[no-untyped-def]
     """As sided_predict, but x, p and mode are overwritten."""
     mean, cov, d, f, n = np.empty(4), np.empty((4, 4)), np.empty(4), np.empty((4, 3)), np.empty((4, 3))
     for row in range(len(mode)):
-        dt = dt_s[row]
-        if dt <= 0.0:
-            continue
-        keep = math.exp(-dt / renewal_s)
-        _pool(x, p, mode, row, mean, cov)
-        for m in range(mode.shape[1]):
-            old = keep * mode[row, m]
-            mode[row, m] = old + (1.0 - keep) * models[m, SHARE]
-            _mix(x, p, row, m, old / mode[row, m], mean, cov, models, d)
-            kind = models[m, KIND]
-            if kind == STRAIGHT:
-                _go_straight(x, p, row, m, dt)
-            else:
-                if kind == TURNING:
-                    _turn(x, row, m, dt, f)
-                else:
-                    _speed_up(x, row, m, dt, f)
-                _carry(p, row, m, f, n)
-                p[row, m, 4, 4] += models[m, OWN_NOISE] * dt
-            noise = models[m, NOISE] * dt
-            for a in range(2):
-                p[row, m, a, a] += noise * dt * dt / 3.0
-                p[row, m, a + 2, a] += 0.5 * noise * dt
-                p[row, m, a + 2, a + 2] += noise
-            for a in range(SIZE):
-                for b in range(a):
-                    p[row, m, b, a] = p[row, m, a, b]
+        if dt_s[row] > 0.0:
+            _predict_row(x, p, mode, row, dt_s[row], renewal_s, models, mean, cov, d, f, n)
 
 
 @njit(cache=True)
-def _fix(x, p, row, m, z, r, gain):  # type: ignore[no-untyped-def]
-    """One Kalman update by a position, in place; returns the log-likelihood. gain: (4, 5), room to work in."""
-    ee, en, nn = p[row, m, 0, 0] + r[row, 0, 0], p[row, m, 1, 0] + r[row, 1, 0], p[row, m, 1, 1] + r[row, 1, 1]
+def _fix(x, p, row, m, z, r, at, gain):  # type: ignore[no-untyped-def]
+    """One Kalman update by the position in row `at` of z and r, in place; returns the log-likelihood. gain: (4, 5), room to work in."""
+    ee, en, nn = p[row, m, 0, 0] + r[at, 0, 0], p[row, m, 1, 0] + r[at, 1, 0], p[row, m, 1, 1] + r[at, 1, 1]
     det = ee * nn - en * en
     ie, ix, io = nn / det, -en / det, ee / det
-    east, north = z[row, 0] - x[row, m, 0], z[row, 1] - x[row, m, 1]
+    east, north = z[at, 0] - x[row, m, 0], z[at, 1] - x[row, m, 1]
     for a in range(SIZE):
         pe, pn = p[row, m, a, 0], p[row, m, a, 1]
         gain[0, a], gain[1, a] = pe * ie + pn * ix, pe * ix + pn * io
@@ -226,14 +230,31 @@ def _weigh(mode, row, fit):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def update_in_place(x, p, mode, z, r, has_velocity, log_likelihood):  # type: ignore[no-untyped-def]
     """As sided_update, but x, p, mode and log_likelihood are overwritten."""
-    fit, two, white, low, four = np.empty(mode.shape[1]), np.empty((4, SIZE)), np.empty(4), np.empty((4, 4)), np.empty((SIZE, 4))
+    fit, two, white, low, four = (
+        np.empty(mode.shape[1]),
+        np.empty((4, SIZE)),
+        np.empty(4),
+        np.empty((4, 4)),
+        np.empty((SIZE, 4)),
+    )
     for row in range(len(mode)):
         for m in range(mode.shape[1]):
             if has_velocity[row]:
                 fit[m] = _correct(x[row, m], p[row, m], z[row], r[row], 4, white, low, four, x[row, m], p[row, m])
             else:
-                fit[m] = _fix(x, p, row, m, z, r, two)
+                fit[m] = _fix(x, p, row, m, z, r, row, two)
         log_likelihood[row] = _weigh(mode, row, fit)
+
+
+@njit(cache=True)
+def _copy_row(x, p, mode, row, x_out, p_out, mode_out, to):  # type: ignore[no-untyped-def]
+    """One row to the row `to` of others."""
+    for m in range(mode.shape[1]):
+        mode_out[to, m] = mode[row, m]
+        for a in range(SIZE):
+            x_out[to, m, a] = x[row, m, a]
+            for b in range(SIZE):
+                p_out[to, m, a, b] = p[row, m, a, b]
 
 
 @njit(cache=True)
@@ -264,3 +285,83 @@ def sided_update(
     out = state.copy(), covariance.copy(), mode.copy(), np.empty(len(mode))
     update_in_place(out[0], out[1], out[2], z, noise, has_velocity, out[3])
     return out
+
+
+@njit(cache=True)
+def sided_foresee(
+    state: Floats, covariance: Floats, mode: Floats, dt_s: Floats, renewal_s: float, models: Floats
+) -> tuple[Floats, Floats]:
+    """Mean and covariance of position and velocity after dt, over the models; what they know apart is not kept.
+
+    Args: as of sided_predict. Returns: (N, 4) and (N, 4, 4).
+    """
+    rows, j = mode.shape
+    mean, cov = np.empty((rows, 4)), np.empty((rows, 4, 4))
+    one = np.empty((1, j, SIZE)), np.empty((1, j, SIZE, SIZE)), np.empty((1, j))
+    room = np.empty(4), np.empty((4, 4)), np.empty(4), np.empty((4, 3)), np.empty((4, 3))
+    for row in range(rows):
+        _copy_row(state, covariance, mode, row, one[0], one[1], one[2], 0)
+        if dt_s[row] > 0.0:
+            _predict_row(one[0], one[1], one[2], 0, dt_s[row], renewal_s, models, room[0], room[1], room[2], room[3], room[4])
+        _pool(one[0], one[1], one[2], 0, room[0], room[1])
+        for a in range(4):
+            mean[row, a] = room[0][a]
+            for b in range(a + 1):
+                cov[row, a, b] = room[1][a, b]
+                cov[row, b, a] = room[1][a, b]
+    return mean, cov
+
+
+@njit(cache=True)
+def _measure(z, r, mean, cov, late, z_out, r_out):  # type: ignore[no-untyped-def]
+    """A plot brought forward by `late` seconds (not positive: back in time) into the last two (1, 2), (1, 2, 2); its squared distance."""
+    for a in range(2):
+        z_out[0, a] = z[a] - mean[a + 2] * late
+        for b in range(2):
+            r_out[0, a, b] = r[a, b] + cov[max(a, b) + 2, min(a, b) + 2] * late * late
+    ee, en, nn = cov[0, 0] + r_out[0, 0, 0], cov[1, 0] + r_out[0, 1, 0], cov[1, 1] + r_out[0, 1, 1]
+    east, north = z_out[0, 0] - mean[0], z_out[0, 1] - mean[1]
+    return (nn * east * east - 2.0 * en * east * north + ee * north * north) / (ee * nn - en * en)
+
+
+@njit(cache=True)
+def _absorb_rows(state, covariance, mode, rows, dt_s, position, noise, renewal_s, models, x, p, weight, fit, square):  # type: ignore[no-untyped-def]
+    j = mode.shape[1]
+    mean, cov, d, f, n = np.empty(4), np.empty((4, 4)), np.empty(4), np.empty((4, 3)), np.empty((4, 3))
+    each, gain, z, r = np.empty(j), np.empty((4, SIZE)), np.empty((1, 2)), np.empty((1, 2, 2))
+    for k in range(len(rows)):
+        _copy_row(state, covariance, mode, rows[k], x, p, weight, k)
+        if dt_s[k] > 0.0:
+            _predict_row(x, p, weight, k, dt_s[k], renewal_s, models, mean, cov, d, f, n)
+        _pool(x, p, weight, k, mean, cov)
+        square[k] = _measure(position[k], noise[k], mean, cov, min(dt_s[k], 0.0), z, r)
+        for m in range(j):
+            each[m] = _fix(x, p, k, m, z, r, 0, gain)
+        fit[k] = _weigh(weight, k, each)
+
+
+@njit(cache=True)
+def sided_absorb(
+    state: Floats,
+    covariance: Floats,
+    mode: Floats,
+    rows: Ints,
+    dt_s: Floats,
+    position: Floats,
+    noise: Floats,
+    renewal_s: float,
+    models: Floats,
+) -> tuple[Floats, ...]:
+    """Prediction, distance and update by a position in one pass: what is read of a row stays in the processor's cache.
+
+    A position that is older than its row (dt_s < 0) is brought forward by the velocity and is as much less certain.
+    Args: state, covariance, mode: of N rows; rows: (A,) of these; dt_s: (A,); position: (A, 2); noise: (A, 2, 2); else as of
+        sided_predict.
+    Returns: state (A, J, 5), covariance (A, J, 5, 5), mode (A, J), natural logarithm of the density of the position (A,), and its
+        squared distance from where all models together expect it (A,).
+    """
+    count, j = len(rows), mode.shape[1]
+    x, p, weight = np.empty((count, j, SIZE)), np.empty((count, j, SIZE, SIZE)), np.empty((count, j))
+    fit, square = np.empty(count), np.empty(count)
+    _absorb_rows(state, covariance, mode, rows, dt_s, position, noise, renewal_s, models, x, p, weight, fit, square)
+    return x, p, weight, fit, square

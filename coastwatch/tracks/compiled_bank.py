@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coastwatch.batches import Floats
+from coastwatch.batches import Floats, Ints
 from coastwatch.kernels.imm import imm_estimate, imm_predict, imm_update
+from coastwatch.tracks import stepwise
 from coastwatch.tracks.motion import Filters, Parameters
 
 
@@ -32,3 +33,11 @@ class CompiledBank:
     def estimate(self, filters: Filters) -> tuple[Floats, Floats]:
         mean, covariance = imm_estimate(*filters)
         return mean, covariance
+
+    def foresee(self, filters: Filters, dt_s: Floats) -> tuple[Floats, Floats]:
+        return stepwise.foresee(self, filters, dt_s)
+
+    def absorb(
+        self, filters: Filters, rows: Ints, dt_s: Floats, position_m: Floats, covariance: Floats
+    ) -> tuple[Filters, Floats, Floats]:
+        return stepwise.absorb(self, filters, rows, dt_s, position_m, covariance)

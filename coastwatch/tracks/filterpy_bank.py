@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from filterpy.kalman import IMMEstimator, KalmanFilter
 
-from coastwatch.batches import Floats
+from coastwatch.batches import Floats, Ints
 from coastwatch.kernels.imm import FLOOR, one_model
+from coastwatch.tracks import stepwise
 from coastwatch.tracks.motion import Filters, Parameters
 
 
@@ -50,6 +51,14 @@ class ObjectBank:
         for row, imm in enumerate(made):
             mean[row], covariance[row] = imm.x, imm.P
         return mean, covariance
+
+    def foresee(self, filters: Filters, dt_s: Floats) -> tuple[Floats, Floats]:
+        return stepwise.foresee(self, filters, dt_s)
+
+    def absorb(
+        self, filters: Filters, rows: Ints, dt_s: Floats, position_m: Floats, covariance: Floats
+    ) -> tuple[Filters, Floats, Floats]:
+        return stepwise.absorb(self, filters, rows, dt_s, position_m, covariance)
 
     def _estimator(self, state: Floats, covariance: Floats, mode: Floats, transition: Floats) -> IMMEstimator:
         p = self.parameters

@@ -42,7 +42,8 @@ def survivors(upkeep: Upkeep, table: Table, coverage: Coverage, heard_s: Floats,
     lost = np.where(confirmed, missed >= allowed, age >= tried)
     lost |= time_s - table.updated_s > upkeep.coast_s
     stage = np.where(confirmed, np.int64(Stage.CONFIRMED), table.stage)
-    return replace(table, stage=stage).take(~lost)
+    kept = replace(table, stage=stage)
+    return kept.take(~lost) if lost.any() else kept
 
 
 def without_twins(

@@ -101,7 +101,7 @@ def _append(motion: Prior, memory: RadarMemory, plots: Plots) -> RadarMemory:
 
 def _merge(upkeep: Upkeep, bank: Bank, memory: RadarMemory, time_s: float, period_s: Floats) -> RadarMemory:
     table = memory.table
-    mean, spread = bank.estimate(bank.predict(table.filters, np.maximum(time_s - table.updated_s, 0.0)))
+    mean, spread = bank.foresee(table.filters, np.maximum(time_s - table.updated_s, 0.0))
     table, twins = without_twins(upkeep, table, memory.twins, mean, spread, period_s, time_s)
     return replace(memory, table=table, twins=twins)
 

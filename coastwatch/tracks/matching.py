@@ -10,7 +10,7 @@ from coastwatch.batches import Array, Bools, Floats, Ints, Plots
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.kernels.assignment import assign
 from coastwatch.kernels.gating import near_pairs
-from coastwatch.kernels.gaussian import gate, squared_distance
+from coastwatch.kernels.gaussian import gate
 from coastwatch.tracks.motion import Filters
 from coastwatch.tracks.table import Bank, Stage, Table, with_plots
 from coastwatch.tracks.upkeep import Upkeep
@@ -30,21 +30,6 @@ class Candidates:
         return Candidates(self.track[rows], self.plot[rows], self.gain[rows], self.fresh[rows], self.after.take(rows))
 
 
-def absorb(bank: Bank, filters: Filters, dt_s: Floats, plots: Plots) -> tuple[Filters, Floats, Floats]:
-    """Filters after a plot each, its log-likelihood and its squared distance in standard deviations.
-
-    A plot older than what the filter has seen is brought forward by the velocity and is as much less certain.
-    Args: filters: (A, ...); dt_s: (A,) from the filter to the plot; plots: (A,).
-    """
-    late = np.minimum(dt_s, 0.0)
-    predicted = bank.predict(filters, np.maximum(dt_s, 0.0))
-    mean, spread = bank.estimate(predicted)
-    z = plots.position_m - mean[:, 2:4] * late[:, None]
-    noise = plots.covariance + spread[:, 2:4, 2:4] * (late**2)[:, None, None]
-    after, fit = bank.update(predicted, z, noise)
-    return after, fit, squared_distance(z - mean[:, :2], spread[:, :2, :2] + noise)
-
-
 def candidates(upkeep: Upkeep, bank: Bank, table: Table, rows: Ints, plots: Plots, period_s: Floats) -> Candidates:
     """Every pair of one of these tracks and a plot inside its gate, sorted by track, then plot.
 
@@ -55,7 +40,7 @@ def candidates(upkeep: Upkeep, bank: Bank, table: Table, rows: Ints, plots: Plot
     dt = plots.time_s[plot] - table.updated_s[track]
     usable = dt >= -upkeep.late_s
     track, plot, dt = track[usable], plot[usable], dt[usable]
-    after, fit, square = absorb(bank, table.filters.take(track), dt, plots.take(plot))
+    after, fit, square = bank.absorb(table.filters, track, dt, plots.position_m[plot], plots.covariance[plot])
     inside = (square <= furthest) & _reachable(upkeep, table, track, plots, plot, dt)
     radar = plots.sensor[plot]
     fresh = plots.time_s[plot] - table.radar_s[track, radar] > 0.5 * period_s[radar]
@@ -68,7 +53,7 @@ def _near(bank: Bank, table: Table, rows: Ints, plots: Plots, furthest: float) -
     """Pairs that cannot be ruled out from where the tracks are at the middle of the slice."""
     middle = 0.5 * (plots.time_s.min() + plots.time_s.max())
     half = 0.5 * float(plots.time_s.max() - plots.time_s.min())
-    mean, spread = bank.estimate(bank.predict(table.filters.take(rows), np.maximum(middle - table.updated_s[rows], 0.0)))
+    mean, spread = bank.foresee(table.filters.take(rows), np.maximum(middle - table.updated_s[rows], 0.0))
     widest = float(np.trace(plots.covariance, axis1=1, axis2=2).max())
     rate_spread = np.sqrt(spread[:, 2, 2] + spread[:, 3, 3])
     sigma = np.sqrt(spread[:, 0, 0] + spread[:, 1, 1] + widest) + half * rate_spread
@@ -118,7 +103,8 @@ def apply(bank: Bank, table: Table, track: Ints, plot: Ints, plots: Plots, first
         if k == 0 and first is not None:
             after = first.take(at)
         else:
-            after, _, _ = absorb(bank, table.filters.take(rows), taken.time_s - table.updated_s[rows], taken)
+            dt = taken.time_s - table.updated_s[rows]
+            after, _, _ = bank.absorb(table.filters, rows, dt, taken.position_m, taken.covariance)
         table = with_plots(table, rows, after, taken)
     return table
 

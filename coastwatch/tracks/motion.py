@@ -18,7 +18,10 @@ CONSTANT_VELOCITY, COORDINATED_TURN = 0, 1  # as the kernel numbers them
 
 
 class Filters(NamedTuple):
-    """What the filters of N tracks know, each in J models of east, north, east rate, north rate, turn rate (`sided_imm`: the model's own)."""
+    """What the filters of N tracks know, each in J models of east, north, east rate, north rate and turn rate.
+
+    In `sided_imm` the fifth is what the model has of its own: turn rate, acceleration along the track, or nothing.
+    """
 
     state: Floats  # (N, J, 5) m, m/s, rad/s in the region's plane
     covariance: Floats  # (N, J, 5, 5)

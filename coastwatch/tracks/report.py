@@ -16,7 +16,7 @@ ID_STRIDE = 2**40  # track ids of one region
 def report(bank: Bank, memory: RadarMemory, time_s: float, sensors: Sensors, region: int) -> Tracks:
     """The confirmed tracks, predicted to time_s, in the tangent plane at each track."""
     table = memory.table.take(memory.table.stage == Stage.CONFIRMED)
-    mean, spread = bank.estimate(bank.predict(table.filters, np.maximum(time_s - table.updated_s, 0.0)))
+    mean, spread = bank.foresee(table.filters, np.maximum(time_s - table.updated_s, 0.0))
     origin = sensors.region_origin_deg[region]
     position = from_plane(mean[:, :2], origin)
     back = turn(position, origin).swapaxes(-1, -2)

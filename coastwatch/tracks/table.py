@@ -26,16 +26,18 @@ class Stage(IntEnum):
 class Bank(Protocol):
     """A bank of filters, one a track: what the tracker needs done, whoever does it."""
 
-    def predict(self, filters: Filters, dt_s: Floats) -> Filters:
-        """The filters after dt_s (N,), not negative."""
+    def foresee(self, filters: Filters, dt_s: Floats) -> tuple[Floats, Floats]:
+        """Mean (N, D) and covariance (N, D, D) after dt_s (N,), not negative: east, north, east rate, north rate, perhaps more."""
         ...
 
-    def update(self, filters: Filters, position_m: Floats, covariance: Floats) -> tuple[Filters, Floats]:
-        """The filters after a plot each, (N, 2) and (N, 2, 2), and the logarithm of its likelihood (N,)."""
-        ...
+    def absorb(
+        self, filters: Filters, rows: Ints, dt_s: Floats, position_m: Floats, covariance: Floats
+    ) -> tuple[Filters, Floats, Floats]:
+        """Some filters after a plot each, the logarithm of its likelihood (A,), and its squared distance in standard deviations (A,).
 
-    def estimate(self, filters: Filters) -> tuple[Floats, Floats]:
-        """Mean (N, 5) and covariance (N, 5, 5) over the models."""
+        A plot older than what the filter has seen is brought forward by the velocity and is as much less certain.
+        Args: rows: (A,) of the filters; dt_s: (A,) from the filter to the plot; position_m: (A, 2); covariance: (A, 2, 2).
+        """
         ...
 
 

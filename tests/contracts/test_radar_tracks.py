@@ -1,4 +1,4 @@
-"""Radar tracks: both methods are pure and resumable, equal to rounding, and one vessel is one track."""
+"""Radar tracks: all methods are pure and resumable, equal to rounding, and one vessel is one track."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from radar_world import ORIGIN_DEG, PERIOD_S, cut, plots_of, run, two_radars, wo
 
 from coastwatch.batches import Plots
 from coastwatch.geodesy import to_plane
-from coastwatch.tracks import FilterpyImm, Imm, RadarTracker
+from coastwatch.tracks import FilterpyImm, Imm, RadarTracker, SidedImm
 
-METHODS = [Imm(), FilterpyImm()]
+METHODS = [SidedImm(), Imm(), FilterpyImm()]
 ROUNDING = 1e-9  # relative; the two gains differ by rounding times the condition of the innovation
 
 
@@ -75,7 +75,7 @@ def test_filterpy_is_equal_to_rounding(busy, origin):
 def test_known_origin_drops_clutter_and_starts_at_two_plots():
     truth, sensors = world(60, 9), two_radars()
     plots = plots_of(truth, sensors, 30.0, 9, clutter_per_m2=5e-7)
-    _, out = run(Imm(plot_origin="known"), plots, 10)
+    _, out = run(SidedImm(plot_origin="known"), plots, 10)
     until = plots.take((plots.time_s <= 30.0) & (plots.origin >= 0))
     vessels, count = np.unique(until.origin, return_counts=True)
     assert np.array_equal(np.sort(out[-1].origin), vessels[count >= 2])
@@ -84,7 +84,7 @@ def test_known_origin_drops_clutter_and_starts_at_two_plots():
 def test_errors_are_as_large_as_the_covariance_says():
     truth, sensors = world(150, 10), two_radars()
     plots = plots_of(truth, sensors, 120.0, 10)
-    _, out = run(Imm(plot_origin="known"), plots, 40)
+    _, out = run(SidedImm(plot_origin="known"), plots, 40)
     tracks = out[-1]
     where, velocity = truth.at(tracks.origin, np.full(len(tracks), 120.0))
     error = np.hstack([to_plane(tracks.position_deg, ORIGIN_DEG) - where, tracks.velocity_m_s - velocity])
@@ -97,7 +97,7 @@ def test_errors_are_as_large_as_the_covariance_says():
 def test_what_a_plot_is_worth_at_the_track():
     truth, sensors = world(60, 11), two_radars()
     plots = plots_of(truth, sensors, 60.0, 11)
-    _, out = run(Imm(), plots, 20)
+    _, out = run(SidedImm(), plots, 20)
     tracks = out[-1]
     sites = to_plane(sensors.radars.site_deg, ORIGIN_DEG)
     place = to_plane(tracks.position_deg, ORIGIN_DEG)
@@ -110,14 +110,14 @@ def test_what_a_plot_is_worth_at_the_track():
 def test_ids_are_of_the_region():
     sensors = two_radars(region=1)
     plots = plots_of(world(20, 13), sensors, 30.0, 13)
-    _, out = run(Imm(), plots, 10, sensors, region=1)
+    _, out = run(SidedImm(), plots, 10, sensors, region=1)
     assert len(out[-1]) > 0
     assert (out[-1].track_id // 2**40 == 1).all()
     assert (out[-1].source == 1).all()
 
 
 def test_order_of_plots_within_a_cycle_is_of_no_matter(busy):
-    method = Imm()
+    method = SidedImm()
     memory, _ = run(method, busy, 5)
     plots = cut(busy, 5)
     shuffled = plots.take(np.random.default_rng([14, 1]).permutation(len(plots)))
@@ -131,7 +131,7 @@ def test_plots_that_come_a_cycle_late_still_count():
     truth, sensors = world(100, 15), two_radars()
     plots = plots_of(truth, sensors, 90.0, 15)
     received = plots.time_s + np.where(plots.sensor == 0, 2.0, 0.0)
-    method, memory = Imm(), Imm().init()
+    method, memory = SidedImm(), SidedImm().init()
     for cycle in range(30):
         there = (received > PERIOD_S * cycle) & (received <= PERIOD_S * (cycle + 1))
         memory, tracks, _ = method.step(memory, plots.take(there), PERIOD_S * (cycle + 1), sensors, 0)
@@ -158,7 +158,7 @@ def test_no_plot_and_one_plot(method):
     ("column", "value"), [("position_m", np.nan), ("time_s", np.inf), ("time_s", np.nan), ("time_s", 1e6), ("time_s", -1e300)]
 )
 def test_a_plot_that_is_no_number_or_of_the_future_is_dropped(busy, column, value):
-    method = Imm()
+    method = SidedImm()
     memory, _ = run(method, busy, 5)
     plots = cut(busy, 5)
     bad = getattr(plots, column).copy()
@@ -171,7 +171,7 @@ def test_a_plot_that_is_no_number_or_of_the_future_is_dropped(busy, column, valu
 
 def test_old_and_repeated_plots_do_no_harm(busy):
     """Time that goes backwards by a minute, and every plot twice: the tracks stay, nothing is divided by zero."""
-    method = Imm()
+    method = SidedImm()
     memory, out = run(method, busy, 8)
     plots = cut(busy, 8)
     old = replace(plots, time_s=plots.time_s - 60.0)
@@ -193,8 +193,8 @@ def test_settings_from_text_and_back():
 
 
 def test_a_memory_of_other_radars_is_refused(busy):
-    memory, _ = run(Imm(), busy, 1)
+    memory, _ = run(SidedImm(), busy, 1)
     sensors = two_radars()
     one = replace(sensors, radars=sensors.radars.take(slice(0, 1)))
     with pytest.raises(ValueError, match="got 2 radars, needed 1"):
-        Imm().step(memory, Plots.empty(), 6.0, one, 0)
+        SidedImm().step(memory, Plots.empty(), 6.0, one, 0)

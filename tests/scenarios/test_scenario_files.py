@@ -68,7 +68,7 @@ WRONG = {
     "key": (replaced("\ncycles = 40", "\ncylces = 40"), "cylces", "Extra inputs are not permitted, got 40"),
     "key of a table": (replaced("[area]", "[aria]"), "area", "Field required"),
     "key of the input": (replaced("count = 1000", "coumt = 100"), "coumt", "got 100"),
-    "key two tables down": (added("\n[tracks.motion]\nquiet_noise = 1.0\n"), "motion.quiet_noise", "got 1.0"),
+    "key two tables down": (added("\n[tracks.motion]\nrenewal = 1.0\n"), "motion.renewal", "got 1.0"),
     "unit": (replaced("range_nm = 6.0", "range_km = 6.0"), "radars.0.range_km", "got 6.0"),
     "unit of the second": (replaced("rpm = 20.0", "hz = 0.3"), "radars.1.hz", "got 0.3"),
     "text for a number": (replaced("rpm = 15.0", 'rpm = "fast"'), "radars.0.rpm", "got 'fast'"),
@@ -83,7 +83,7 @@ WRONG = {
     "latitude 91": (replaced("latitude_deg = -23.008333", "latitude_deg = 91.0"), "radars.0.latitude_deg", "got 91.0"),
     "longitude 181": (replaced("longitude_deg = -43.20\n", "longitude_deg = 181.0\n"), "stations.0.longitude_deg", "got 181.0"),
     "latitude 91 of the input": (replaced("area_latitude_deg = -23.05", "area_latitude_deg = 91.0"), "area_latitude_deg", "got 91.0"),
-    "method": (replaced('method = "imm"', 'method = "magic"'), "tracks", "'magic' found using 'method'"),
+    "method": (replaced('method = "sided_imm"', 'method = "magic"'), "tracks", "'magic' found using 'method'"),
     "method of the input": (replaced('method = "simulated"', 'method = "psychic"'), "input", "'psychic' found using 'method'"),
     "no input": (replaced('method = "simulated"\n', ""), "input", "method"),
     "two of a name": (replaced('"radar-2"', '"radar-1"'), "radars", "got names ['radar-1', 'radar-1'], needed each once"),
@@ -137,7 +137,12 @@ REACHED: dict[str, tuple[str, Callable[[Any], Any], Any]] = {
     "input.radar.clutter_per_m2": ("5e-7", lambda s: s.input.radar.clutter_per_m2, 5e-7),
     "input.motion.process_noise": ("rw1", lambda s: s.input.motion.process_noise, "rw1"),
     "tracks.upkeep.delete_misses": ("9", lambda s: s.tracks.upkeep.delete_misses, 9),
-    "tracks.motion.start_share": ("[0.5, 0.2, 0.3]", lambda s: s.tracks.motion.start_share, (0.5, 0.2, 0.3)),
+    "tracks.motion.renewal_s": ("600", lambda s: s.tracks.motion.renewal_s, 600.0),
+    "tracks.motion.models": (
+        '[{kind = "straight", noise_m2_s3 = 0.1, share = 1.0}]',
+        lambda s: [m.noise_m2_s3 for m in s.tracks.motion.models],
+        [0.1],
+    ),
     "ais_tracks.lateness_s": ("4", lambda s: s.ais_tracks.lateness_s, 4.0),
     "ais_tracks.models": (
         '[{kind = "straight", noise_m2_s3 = 0.1, sojourn_s = 9.0, share = 1.0}]',
@@ -180,7 +185,7 @@ def test_every_stage_takes_a_setting_of_its_default_method_without_the_method() 
         tried.append(stage)
         made = getattr(load_scenario("solent", {f"{stage}.{setting}": str(getattr(default, setting))}), stage)
         assert made.method == default.method, stage
-    assert load_scenario("guanabara", {"tracks.upkeep.delete_misses": "9"}).tracks.method == "imm"
+    assert load_scenario("guanabara", {"tracks.upkeep.delete_misses": "9"}).tracks.method == "sided_imm"
     assert {"spots", "octants", "associations", "bearing_associations", "fused_tracks", "picture"} <= set(tried)
 
 

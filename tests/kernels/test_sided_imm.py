@@ -1,0 +1,158 @@
+"""The kernel with a turn to each side against the textbook, and its passes in one against its steps."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from coastwatch.kernels.imm import imm_estimate
+from coastwatch.kernels.models import OWN, OWN_SIGMA, SHARE, SPEEDING, STRAIGHT, TURNING
+from coastwatch.kernels.sided_imm import sided_absorb, sided_foresee, sided_predict, sided_update
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "oracles"))
+import imm_textbook as textbook
+import sided_textbook as sided
+
+ROUNDING = 1e-9  # relative to the largest element of its kind
+NUMERIC_JACOBIAN = 2e-6  # relative: the oracle takes derivatives by differences
+INNOVATION = 1e-7  # relative: two forms of the gain differ by rounding times the condition of the innovation
+
+
+def bank(n: int, j: int, seed: int):
+    """Random filters, and models with unlike settings."""
+    rng = np.random.default_rng([seed, 17])
+    scale = np.array([50.0, 50.0, 4.0, 4.0, 0.01])
+    models = np.zeros((j, 6))
+    models[:, 0] = rng.permutation(np.arange(j) % 3)
+    models[:, 1] = 10.0 ** rng.uniform(-4, 0, j)
+    models[:, OWN], models[:, OWN_SIGMA] = rng.normal(size=j) * 0.01, rng.uniform(0.001, 0.05, j)
+    models[:, 4] = 10.0 ** rng.uniform(-9, -5, j)
+    models[:, SHARE] = rng.dirichlet(np.ones(j))
+    straight = models[:, 0] == STRAIGHT
+    models[straight, OWN:SHARE] = 0.0
+    x = rng.normal(size=(n, j, 5)) * scale * 5.0
+    a = rng.normal(size=(n, j, 5, 7)) * scale[:, None]
+    x[:, straight, 4], a[:, straight, 4] = 0.0, 0.0
+    mode = rng.dirichlet(np.ones(j), n).reshape(n, j) * (1.0 - j * 1e-6) + 1e-6
+    return x, a @ a.swapaxes(-1, -2), mode, float(rng.uniform(5.0, 500.0)), models
+
+
+def close(got, want, tolerance=ROUNDING):
+    """Equal, each component relative to the largest of its kind in the batch."""
+    size = np.abs(want).max(initial=1e-12)
+    np.testing.assert_allclose(got, want, rtol=0.0, atol=tolerance * size)
+
+
+def plots(x, seed):
+    """Positions near the filters, with noise."""
+    rng = np.random.default_rng([seed, 19])
+    a = rng.normal(size=(len(x), 2, 4)) * 20.0
+    return x.mean(axis=1)[:, :2] + 30.0 * rng.normal(size=(len(x), 2)), a @ a.swapaxes(-1, -2)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 4), st.integers(1, 7), st.integers(0, 10**6))
+def test_predict_is_the_textbook(n, j, seed):
+    x, p, mode, renewal, models = bank(n, j, seed)
+    dt = np.random.default_rng([seed, 18]).uniform(0.01, 20.0, n)
+    xs, ps, modes = sided_predict(x, p, mode, dt, renewal, models)
+    for row in range(n):
+        want = sided.predict(x[row], p[row], mode[row], dt[row], renewal, models)
+        close(xs[row], want[0])
+        close(ps[row], want[1], NUMERIC_JACOBIAN)
+        close(modes[row], want[2])
+    assert np.array_equal(ps, ps.swapaxes(-1, -2))
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 4), st.integers(1, 7), st.integers(0, 10**6))
+def test_update_is_the_textbook_by_place_and_by_place_and_velocity(n, j, seed):
+    x, p, mode, _, _ = bank(n, j, seed)
+    rng = np.random.default_rng([seed, 20])
+    z = x.mean(axis=1)[:, :4] + rng.normal(size=(n, 4))
+    a = rng.normal(size=(n, 4, 6))
+    r, has_velocity = a @ a.swapaxes(-1, -2), rng.random(n) < 0.5
+    xs, ps, modes, fit = sided_update(x, p, mode, z, r, has_velocity)
+    for row in range(n):
+        d = 4 if has_velocity[row] else 2
+        want = textbook.update(x[row], p[row], mode[row], z[row, :d], r[row, :d, :d])
+        close(xs[row], want[0], INNOVATION)
+        close(ps[row], want[1], INNOVATION)
+        np.testing.assert_allclose(modes[row], np.maximum(want[2], 1e-12), rtol=1e-6, atol=1e-10)
+        np.testing.assert_allclose(fit[row], want[3], rtol=1e-8)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 5), st.integers(1, 7), st.integers(0, 10**6))
+def test_one_pass_is_its_steps(n, j, seed):
+    """Late plots too: what is older than its row is brought forward by the velocity."""
+    x, p, mode, renewal, models = bank(n, j, seed)
+    rng = np.random.default_rng([seed, 21])
+    rows, dt = rng.permutation(n), rng.uniform(-5.0, 10.0, n)
+    position, noise = plots(x[rows], seed)
+    ahead = sided_predict(x[rows], p[rows], mode[rows], np.maximum(dt, 0.0), renewal, models)
+    mean, cov = imm_estimate(*ahead)
+    seen = sided_foresee(x[rows], p[rows], mode[rows], np.maximum(dt, 0.0), renewal, models)
+    close(seen[0], mean[:, :4])
+    close(seen[1], cov[:, :4, :4])
+    late = np.minimum(dt, 0.0)
+    z, r = np.zeros((n, 4)), np.zeros((n, 4, 4))
+    z[:, :2] = position - mean[:, 2:4] * late[:, None]
+    r[:, :2, :2] = noise + cov[:, 2:4, 2:4] * (late**2)[:, None, None]
+    want = sided_update(*ahead, z, r, np.zeros(n, np.bool_))
+    got = sided_absorb(x, p, mode, rows, dt, position, noise, renewal, models)
+    for a, b in zip(got[:3], want[:3], strict=True):
+        close(a, b, INNOVATION)
+    np.testing.assert_allclose(got[3], want[3], rtol=1e-7)
+    gap, spread = z[:, :2] - mean[:, :2], cov[:, :2, :2] + r[:, :2, :2]
+    np.testing.assert_allclose(got[4], (gap * np.linalg.solve(spread, gap[..., None])[..., 0]).sum(axis=1), rtol=1e-7)
+
+
+def test_a_row_is_the_same_alone():
+    x, p, mode, renewal, models = bank(6, 7, 1)
+    position, noise = plots(x, 1)
+    rows, dt = np.arange(6), np.linspace(-2.0, 8.0, 6)
+    together = sided_absorb(x, p, mode, rows, dt, position, noise, renewal, models)
+    for k in range(6):
+        at = slice(k, k + 1)
+        alone = sided_absorb(x[at], p[at], mode[at], np.array([0]), dt[at], position[at], noise[at], renewal, models)
+        assert all(np.array_equal(a[at], b) for a, b in zip(together, alone, strict=True))
+
+
+def test_no_time_changes_nothing_and_nothing_is_written():
+    x, p, mode, renewal, models = bank(3, 5, 2)
+    kept = x.copy(), p.copy(), mode.copy()
+    same = sided_predict(x, p, mode, np.zeros(3), renewal, models)
+    sided_update(x, p, mode, np.zeros((3, 4)), np.tile(np.eye(4), (3, 1, 1)), np.zeros(3, np.bool_))
+    sided_absorb(x, p, mode, np.arange(3), np.ones(3), np.zeros((3, 2)), np.tile(np.eye(2), (3, 1, 1)), renewal, models)
+    for before, now, after in zip(kept, (x, p, mode), same, strict=True):
+        assert np.array_equal(before, now)
+        assert np.array_equal(before, after)
+
+
+def test_the_chain_of_models_composes():
+    """Three times 3 s is 9 s for the probabilities, exactly; a long time ends at the shares."""
+    x, p, mode, renewal, models = bank(4, 7, 3)
+    short = x, p, mode
+    for _ in range(3):
+        short = sided_predict(*short, np.full(4, 3.0), renewal, models)
+    close(short[2], sided_predict(x, p, mode, np.full(4, 9.0), renewal, models)[2])
+    close(sided_predict(x, p, mode, np.full(4, 1e6), renewal, models)[2], np.tile(models[:, SHARE], (4, 1)))
+
+
+def test_kinds_are_what_they_say():
+    """One model, no noise: the vessel goes straight, turns to port at its rate, or gains speed along its course."""
+    state = np.array([[[0.0, 0.0, 3.0, 4.0, 0.01]]])
+    for kind, course_deg, speed in (
+        (STRAIGHT, 0.0, 5.0),
+        (TURNING, 5.7296, 5.0),
+        (SPEEDING, 0.0, 5.0 + 0.1 * 5.0 / np.hypot(5.0, 0.5)),
+    ):
+        models = np.array([[kind, 0.0, 0.0, 1e-3, 0.0, 1.0]])
+        x, _, _ = sided_predict(state, np.zeros((1, 1, 5, 5)), np.ones((1, 1)), np.array([10.0]), 1e12, models)
+        turned = np.degrees(np.arctan2(x[0, 0, 3], x[0, 0, 2]) - np.arctan2(4.0, 3.0))
+        np.testing.assert_allclose((turned, np.hypot(*x[0, 0, 2:4])), (course_deg, speed), atol=1e-3)
