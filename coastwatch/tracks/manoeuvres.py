@@ -60,8 +60,11 @@ Model = Annotated[Straight | Turning | Speeding, Field(discriminator="kind")]
 STEADY = Straight(noise_m2_s3=4e-4, share=0.4)
 RESTLESS = Straight(noise_m2_s3=5e-3, share=0.1)
 AGILE = Straight(noise_m2_s3=0.15, share=0.05)
-PORT = Turning(noise_m2_s3=1e-4, rate_deg_s=0.5, rate_sigma_deg_s=0.2, share=0.15)
-STARBOARD = Turning(noise_m2_s3=1e-4, rate_deg_s=-0.5, rate_sigma_deg_s=0.2, share=0.15)
+GENTLE_PORT = Turning(noise_m2_s3=1e-4, rate_deg_s=0.35, rate_sigma_deg_s=0.12, share=0.075)
+GENTLE_STARBOARD = Turning(noise_m2_s3=1e-4, rate_deg_s=-0.35, rate_sigma_deg_s=0.12, share=0.075)
+HARD_PORT = Turning(noise_m2_s3=1e-4, rate_deg_s=0.65, rate_sigma_deg_s=0.12, share=0.075)
+HARD_STARBOARD = Turning(noise_m2_s3=1e-4, rate_deg_s=-0.65, rate_sigma_deg_s=0.12, share=0.075)
+TURNS = (GENTLE_PORT, GENTLE_STARBOARD, HARD_PORT, HARD_STARBOARD)
 SHARP = Turning(noise_m2_s3=5e-3, rate_deg_s=0.0, rate_sigma_deg_s=1.0, rate_noise_rad2_s3=1e-9, share=0.05)
 CHANGING = Speeding(noise_m2_s3=4e-4, acceleration_sigma_m_s2=0.06, share=0.1)
 
@@ -71,7 +74,7 @@ class Manoeuvres(Settings):
 
     renewal_s: Positive = 1000.0
     start_speed_kn: Positive = 8.0  # standard deviation of each velocity component before anything is known
-    models: tuple[Model, ...] = Field((STEADY, RESTLESS, AGILE, PORT, STARBOARD, SHARP, CHANGING), min_length=1)
+    models: tuple[Model, ...] = Field((STEADY, RESTLESS, AGILE, *TURNS, SHARP, CHANGING), min_length=1)
 
     @model_validator(mode="after")
     def _shares_sum_to_one(self) -> Self:

@@ -15,7 +15,7 @@ class SidedImm(Method):
     """As `imm`, but a model to each side of what turns, one of what changes speed, and a prior of when a motion ends.
 
     A turn is linearised about its rate, so one model for both sides believes too soon in the rate it began with.
-    Source: see coastwatch/kernels/sided_imm.py.
+    Source: see coastwatch/kernels/sided_motion.py.
     """
 
     method: Literal["sided_imm"] = "sided_imm"

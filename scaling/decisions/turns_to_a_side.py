@@ -2,7 +2,7 @@
 
 Radar tracks of known plot origin on every kind of simulated motion: position RMSE (m), over the radar-only bound, course (deg), speed
 (kn), and the mean NEES of position and velocity (4: consistent), for sets of models. What is asked:
-    Is one turning model enough?          `imm`, and `one turn` (the default set with both sides in one model)
+    Is one turning model enough?          `imm`; the default set with `one turn` for all, and with `one turn a side`
     What could any filter reach that does not know the rate?  `prior of rates known`: turns in 60 narrow models, nothing else; the
         best there is on circles, since given its rate a turn is linear
     What is each other model for?         the default set without it
@@ -24,7 +24,7 @@ from coastwatch.scores.bound import bound
 from coastwatch.scores.nees import nees
 from coastwatch.scores.rmse import Errors, errors, rows_of
 from coastwatch.tracks import Imm, RadarTracker, SidedImm
-from coastwatch.tracks.manoeuvres import AGILE, CHANGING, PORT, RESTLESS, SHARP, STARBOARD, STEADY, Manoeuvres, Model, Turning
+from coastwatch.tracks.manoeuvres import AGILE, CHANGING, RESTLESS, SHARP, STEADY, TURNS, Manoeuvres, Model, Turning
 
 CIRCLES = {"input.motion.linear_weight": "0", "input.motion.circular_weight": "1"}
 KINDS = {
@@ -39,7 +39,7 @@ KINDS = {
     "circles, rw1": {**CIRCLES, "input.motion.process_noise": "rw1"},
     "circles, 1-3 deg/s": {**CIRCLES, "input.motion.turn_rate_from_deg_s": "1", "input.motion.turn_rate_to_deg_s": "3"},
 }
-EVERY = (STEADY, RESTLESS, AGILE, PORT, STARBOARD, SHARP, CHANGING)
+EVERY = (STEADY, RESTLESS, AGILE, *TURNS, SHARP, CHANGING)
 
 
 def sided(*models: Model, renewal_s: float = Manoeuvres().renewal_s) -> SidedImm:
@@ -63,17 +63,19 @@ def _narrow(width_deg_s: float = 0.02) -> list[Turning]:
     ]
 
 
+def _turn(rate_deg_s: float, sigma_deg_s: float, share: float) -> Turning:
+    return TURNS[0].model_copy(update={"rate_deg_s": rate_deg_s, "rate_sigma_deg_s": sigma_deg_s, "share": share})
+
+
+def _with_turns(*turns: Turning) -> SidedImm:
+    return sided(STEADY, RESTLESS, AGILE, *turns, SHARP, CHANGING)
+
+
 METHODS: dict[str, RadarTracker] = {
     "imm": Imm(plot_origin="known"),
     "sided_imm": sided(*EVERY),
-    "one turn": sided(
-        STEADY,
-        RESTLESS,
-        AGILE,
-        PORT.model_copy(update={"rate_deg_s": 0.0, "rate_sigma_deg_s": 0.54, "share": 0.3}),
-        SHARP,
-        CHANGING,
-    ),
+    "one turn": _with_turns(_turn(0.0, 0.54, 0.3)),
+    "one turn a side": _with_turns(_turn(0.5, 0.2, 0.15), _turn(-0.5, 0.2, 0.15)),
     "prior of rates known": sided(*_narrow(), renewal_s=1e9),
     "no restless": _without(RESTLESS),
     "no agile": _without(AGILE),

@@ -33,9 +33,7 @@ MODEL_IS_TRUE = (
     ("input.motion.process_noise", "none"),
     ("input.ais.wire_steps", "false"),
     # the filters believe in just that,
-    ("tracks.motion.quiet_noise_m2_s3", "1e-9"),
-    ("tracks.motion.start_share", "[0.999998, 1e-6, 1e-6]"),
-    ("tracks.motion.quiet_sojourn_s", "1e12"),
+    ("tracks.motion.models", '[{kind = "straight", noise_m2_s3 = 1e-9, share = 1.0}]'),
     ("ais_tracks.models", ONE_STRAIGHT_MODEL),
     # and with no process noise in common the errors of two tracks of a vessel are independent
     ("fused_tracks.method", "convex"),

@@ -78,6 +78,7 @@ def test_a_perfect_chain_scores_perfectly():
     assert fusion["position_rmse_m"] == pytest.approx(0.0, abs=1e-6)
     assert fusion["nees"] == pytest.approx(0.0, abs=1e-6)
     assert 0.9 < fusion["bound_position_rmse_m"] < 2.0
+    assert 4.0 * fusion["bound_position_rmse_m"] < fusion["radar_bound_position_rmse_m"] < 30.0
     assert fusion["count"] == scores["associations"]["tp"] > 0
     shown = scores["picture"]
     assert shown["dark_recall"] == 1.0

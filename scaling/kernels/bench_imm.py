@@ -1,0 +1,51 @@
+"""One prediction, gate and update of each of 20,000 radar tracks: the two banks of models, and filterpy on 100 of them."""
+
+import numpy as np
+import pytest
+
+from coastwatch.tracks.compiled_bank import CompiledBank
+from coastwatch.tracks.filterpy_bank import ObjectBank
+from coastwatch.tracks.manoeuvres import Manoeuvres
+from coastwatch.tracks.motion import Motion
+from coastwatch.tracks.sided_bank import SidedBank
+
+TRACKS, FEW = 20_000, 100
+
+
+def problem(prior, bank, tracks):
+    """Filters that have had a second plot, and the arguments of `absorb` for a third."""
+    rng = np.random.default_rng([1, 0])
+    noise = np.tile(np.diag([100.0, 900.0]), (tracks, 1, 1))
+    place = rng.normal(size=(tracks, 2)) * 1000.0
+    rows, dt = np.arange(tracks), rng.uniform(1.0, 4.0, tracks)
+    near = place + rng.normal(size=(2, tracks, 2)) * 20.0
+    filters, _, _ = bank.absorb(prior.start(place, noise), rows, dt, near[0], noise)
+    return filters, rows, dt, near[1], noise
+
+
+@pytest.mark.benchmark(group="radar filters, 20,000 tracks")
+def test_sided_imm(benchmark):
+    prior = Manoeuvres()
+    bank = SidedBank(prior.renewal_s, prior.table())
+    benchmark(bank.absorb, *problem(prior, bank, TRACKS))
+
+
+@pytest.mark.benchmark(group="radar filters, 20,000 tracks")
+def test_sided_imm_of_three_models(benchmark):
+    """As many models as `imm` has."""
+    models = tuple(m.model_copy(update={"share": 1.0 / 3.0}) for m in Manoeuvres().models[2:5])
+    prior = Manoeuvres(models=models)
+    bank = SidedBank(prior.renewal_s, prior.table())
+    benchmark(bank.absorb, *problem(prior, bank, TRACKS))
+
+
+@pytest.mark.benchmark(group="radar filters, 20,000 tracks")
+def test_imm(benchmark):
+    bank = CompiledBank(Motion().parameters())
+    benchmark(bank.absorb, *problem(Motion(), bank, TRACKS))
+
+
+@pytest.mark.benchmark(group="radar filters, 100 tracks")
+def test_filterpy(benchmark):
+    bank = ObjectBank(Motion().parameters())
+    benchmark.pedantic(bank.absorb, args=problem(Motion(), bank, FEW), rounds=3)
