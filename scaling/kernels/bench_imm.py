@@ -1,4 +1,4 @@
-"""One prediction, gate and update of each of 20,000 radar tracks: the two banks of models, and filterpy on 100 of them."""
+"""One prediction, gate and update of each of 4,000 radar tracks: the two banks of models, and filterpy on 100 of them."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from coastwatch.tracks.manoeuvres import Manoeuvres
 from coastwatch.tracks.motion import Motion
 from coastwatch.tracks.sided_bank import SidedBank
 
-TRACKS, FEW = 20_000, 100
+TRACKS, FEW = 4_000, 100
 
 
 def problem(prior, bank, tracks):
@@ -23,14 +23,14 @@ def problem(prior, bank, tracks):
     return filters, rows, dt, near[1], noise
 
 
-@pytest.mark.benchmark(group="radar filters, 20,000 tracks")
+@pytest.mark.benchmark(group="radar filters, 4,000 tracks")
 def test_sided_imm(benchmark):
     prior = Manoeuvres()
     bank = SidedBank(prior.renewal_s, prior.table())
     benchmark(bank.absorb, *problem(prior, bank, TRACKS))
 
 
-@pytest.mark.benchmark(group="radar filters, 20,000 tracks")
+@pytest.mark.benchmark(group="radar filters, 4,000 tracks")
 def test_sided_imm_of_three_models(benchmark):
     """As many models as `imm` has."""
     models = tuple(m.model_copy(update={"share": 1.0 / 3.0}) for m in Manoeuvres().models[2:5])
@@ -39,7 +39,7 @@ def test_sided_imm_of_three_models(benchmark):
     benchmark(bank.absorb, *problem(prior, bank, TRACKS))
 
 
-@pytest.mark.benchmark(group="radar filters, 20,000 tracks")
+@pytest.mark.benchmark(group="radar filters, 4,000 tracks")
 def test_imm(benchmark):
     bank = CompiledBank(Motion().parameters())
     benchmark(bank.absorb, *problem(Motion(), bank, TRACKS))
