@@ -169,7 +169,7 @@ def test_every_fusion_is_better_than_its_radar_tracks_and_not_better_than_the_bo
 
 def test_the_filters_of_filterpy_give_the_scores_of_the_compiled_ones(folder: Path) -> None:
     slow = scores("context-driven-100", ("tracks.method=filterpy_imm", *TINY), SEEDS[0], folder)
-    fast = scores("context-driven-100", TINY, SEEDS[0], folder)
+    fast = scores("context-driven-100", ("tracks.method=imm", *TINY), SEEDS[0], folder)
     finite(slow)
     for stage in ("associations", "bearing_associations", "picture"):
         assert slow[stage] == fast[stage]
