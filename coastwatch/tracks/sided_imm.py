@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from coastwatch.batches import Plots, Sensors, Tracks
+from coastwatch.batches import Measurements, Plots, Sensors, Tracks
 from coastwatch.stage import Method
 from coastwatch.tracks.manoeuvres import Manoeuvres
 from coastwatch.tracks.table import RadarMemory
@@ -29,7 +29,7 @@ class SidedImm(Method):
 
     def step(
         self, memory: RadarMemory, plots: Plots, time_s: float, sensors: Sensors, region: int
-    ) -> tuple[RadarMemory, Tracks]:
+    ) -> tuple[RadarMemory, Tracks, Measurements]:
         """The confirmed tracks of one region at time_s; see `Imm.step`."""
         from coastwatch.tracks.management import track_region
         from coastwatch.tracks.sided_bank import SidedBank

@@ -37,7 +37,7 @@ CASES = {
     "azimuth bias 0.3": {"input.radar.azimuth_bias_deg": "0.3"},
     "10 % AIS without radar": {},
 }
-DEAD_RECKONING = {"ais_tracks.method": "dead_reckoning"}
+DEAD_RECKONING = {"tracks.method": "imm", "ais_tracks.method": "dead_reckoning"}  # the tracks that the paper has
 METHODS = {
     "literal p=10 .95 nearest": WindowedCovarianceLiteral(),
     "literal p=10 .9999 one-to-one": WindowedCovarianceLiteral(confidence=0.9999, one_to_one=True),
