@@ -4,6 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from coastwatch.fused_tracks.central_imm import CentralImm
 from coastwatch.fused_tracks.convex import Convex
 from coastwatch.fused_tracks.covariance_intersection import CovarianceIntersection
 from coastwatch.fused_tracks.imm_of_tracks import ImmOfTracks
@@ -11,7 +12,8 @@ from coastwatch.fused_tracks.imm_of_tracks_literal import ImmOfTracksLiteral
 from coastwatch.fused_tracks.weighted_average import WeightedAverage
 
 Fuser = Annotated[
-    Convex | CovarianceIntersection | WeightedAverage | ImmOfTracks | ImmOfTracksLiteral, Field(discriminator="method")
+    CentralImm | Convex | CovarianceIntersection | WeightedAverage | ImmOfTracks | ImmOfTracksLiteral,
+    Field(discriminator="method"),
 ]
 
-__all__ = ["Convex", "CovarianceIntersection", "Fuser", "ImmOfTracks", "ImmOfTracksLiteral", "WeightedAverage"]
+__all__ = ["CentralImm", "Convex", "CovarianceIntersection", "Fuser", "ImmOfTracks", "ImmOfTracksLiteral", "WeightedAverage"]

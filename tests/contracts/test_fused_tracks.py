@@ -8,7 +8,15 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from coastwatch.batches import Associations, Measurements, Tracks
-from coastwatch.fused_tracks import Convex, CovarianceIntersection, Fuser, ImmOfTracks, ImmOfTracksLiteral, WeightedAverage
+from coastwatch.fused_tracks import (
+    CentralImm,
+    Convex,
+    CovarianceIntersection,
+    Fuser,
+    ImmOfTracks,
+    ImmOfTracksLiteral,
+    WeightedAverage,
+)
 from coastwatch.fused_tracks.covariance_intersection import intersect
 from coastwatch.fused_tracks.window import Window
 from coastwatch.geodesy import difference_m, offset_deg
@@ -22,6 +30,7 @@ METHODS = [
     ImmOfTracks(),
     ImmOfTracksLiteral(),
     ImmOfTracksLiteral(window=6, scatter="values"),
+    CentralImm(),
 ]
 KINDS = np.array([0, 0, 1, 2], np.int64)
 ROUNDING_M = 1e-6
