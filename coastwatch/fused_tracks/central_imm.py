@@ -137,7 +137,7 @@ class CentralImm(Method):
         place = m.covariance[:, :2, :2] + self._registration(m) * with_ais[mine, None, None]
         z[:, 4:7] = place[:, [0, 1, 1], [0, 0, 1]]
         z[:, 7:] = m.covariance[:, [2, 3, 3], [2, 2, 3]]
-        taken = np.lexsort((z[:, 1], z[:, 0], m.sensor, m.time_s, mine))
+        taken = np.lexsort((m.sensor, m.time_s, mine))
         begin = np.searchsorted(mine[taken], np.arange(len(rows) + 1))
         filters, mode, newest_s = bank.filters.copy(), bank.mode.copy(), bank.newest_s.copy()
         absorb(filters, mode, newest_s, m.time_s, z, taken, begin, self._models(), np.empty(len(rows)))

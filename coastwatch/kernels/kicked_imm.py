@@ -214,7 +214,7 @@ def absorb(filters, mode, time, measured_time, z, order, begin, models, log_like
     """Filters after their measurements, in place.
 
     Measurements are taken in order of time. One older than the filter is brought forward by the filter's velocity; to play it again in
-    its place would take 0.4 % off the error where every report is 2 to 10 s late (coastwatch/fused_tracks/README.md).
+    its place would take 0.6 % off the error where every report is 2 s late and more (scaling/decisions/central_imm.py).
 
     Args:
         filters: (V, J, WIDTH); mode: (V, J) probabilities; time: (V,) of the newest measurement in each.

@@ -9,7 +9,7 @@ from pydantic import AwareDatetime, Field, model_validator
 
 from coastwatch.associations import Associator, BearingAssociator, BearingLikelihood, WindowedCovariance
 from coastwatch.batches import Sensors
-from coastwatch.fused_tracks import CovarianceIntersection, Fuser
+from coastwatch.fused_tracks import CentralImm, Fuser
 from coastwatch.picture import Identity
 from coastwatch.plots import PlotConverter, PolarConversion
 from coastwatch.scenario.sites import Area, Name, Positive, Radar, Sonar, Station, sensors_of
@@ -56,7 +56,7 @@ class Scenario(Settings):
     octants: OctantGrouper = OctantSpots()
     associations: Associator = WindowedCovariance()
     bearing_associations: BearingAssociator = BearingLikelihood()
-    fused_tracks: Fuser = CovarianceIntersection()
+    fused_tracks: Fuser = CentralImm()
     picture: Identity = Identity()
     store: StoreSettings = StoreSettings()
     workers: WorkerSettings = WorkerSettings()

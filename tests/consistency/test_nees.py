@@ -38,8 +38,26 @@ MODEL_IS_TRUE = (
     # and with no process noise in common the errors of two tracks of a vessel are independent
     ("fused_tracks.method", "convex"),
 )
-BASE = ()
+WHITE_NOISE_M2_S3 = 2.4e-4  # of the sea below: a kick of 0.0154 m/s an axis each second
+ONE_MODEL_OF_THE_CENTRAL_FILTER = (
+    # the velocities take a small step each second,
+    ("input.motion.process_noise", "rw1"),
+    ("input.motion.process_noise_fraction", "0.004"),
+    ("input.ais.wire_steps", "false"),
+    # the filter of plots and reports believes in that and in nothing else,
+    ("fused_tracks.method", "central_imm"),
+    ("fused_tracks.noise_m2_s3", f"[{WHITE_NOISE_M2_S3}, 1e-3, 1e-3, 1e-3]"),
+    ("fused_tracks.share", "[1.0, 1e-9, 1e-9, 1e-9]"),
+    ("fused_tracks.sojourn_s", "[1e15, 1e-3, 1e-3, 1e-3]"),
+    ("fused_tracks.kick_m_s", "0.0"),
+    # and in the radars
+    ("fused_tracks.range_registration", "0.0"),
+    ("fused_tracks.azimuth_registration", "0.0"),
+)
+CENTRAL = (("fused_tracks.method", "central_imm"),)
+BASE = (("fused_tracks.method", "covariance_intersection"),)
 THROUGH_PLOT_FUSION = (
+    *BASE,
     ("tracks.plot_origin", "estimated"),
     ("input.radar.detection_probability", "0.9"),
     ("input.radar.clutter_per_m2", "5e-7"),
@@ -129,6 +147,26 @@ def test_with_kicks_and_turns_to_reckon_with_no_covariance_is_too_small(
     found = getattr(samples(settings, folder), source)
     assert len(found) > ENOUGH
     assert found.mean() < band(len(found), DIMENSION, CHANCE)[1]
+
+
+def test_the_filter_of_plots_and_reports_is_right_where_its_model_is_true(folder: Path) -> None:
+    """Two minutes of plots and reports of two radars and AIS, one filter: mean and spread. Measured: 3.93 of 519, 95.6 % inside."""
+    from scipy import stats
+
+    found = samples(ONE_MODEL_OF_THE_CENTRAL_FILTER, folder).fused
+    assert len(found) > ENOUGH
+    low, high = band(len(found), DIMENSION, CHANCE)
+    assert low < found.mean() < high
+    inside = int((found < stats.chi2.ppf(0.95, DIMENSION)).sum())
+    low, high = stats.binom.ppf([0.5 * CHANCE, 1.0 - 0.5 * CHANCE], len(found), 0.95)
+    assert low <= inside <= high
+
+
+def test_the_filter_of_plots_and_reports_is_not_too_sure_in_the_base_case(folder: Path) -> None:
+    """It is nearer to 4 than the intersection of tracks, from the same side. Measured: 3.56 and 2.73 of 519."""
+    found = samples(CENTRAL, folder).fused
+    most = band(len(found), DIMENSION, CHANCE)[1]
+    assert samples(BASE, folder).fused.mean() < found.mean() < most
 
 
 def test_a_covariance_that_is_too_small_or_too_large_would_be_seen(folder: Path) -> None:
