@@ -93,7 +93,7 @@ def cycles(scenario: Scenario, recording: Recording, sensors: Sensors, method: R
         since = plan.instant_s(number - 1) if number else -np.inf
         reports = recording.reports.between(since, plan.instant_s(number)).radar
         converted, plots = scenario.plots.step(converted, reports, sensors)
-        memory, tracks = method.step(memory, plots, plan.instant_s(number), sensors, 0)
+        memory, tracks, _ = method.step(memory, plots, plan.instant_s(number), sensors, 0)
         if number >= scenario.warmup_cycles:
             yield plan.instant_s(number), tracks
 

@@ -64,7 +64,7 @@ def _of_one(settings: dict[str, str], seed: int) -> Floats:
         since = plan.instant_s(number - 1) if number else -np.inf
         reports = recording.reports.between(since, plan.instant_s(number)).radar
         converted, plots = scenario.plots.step(converted, reports, sensors)
-        memory, tracks = scenario.tracks.step(memory, plots, plan.instant_s(number), sensors, 0)
+        memory, tracks, _ = scenario.tracks.step(memory, plots, plan.instant_s(number), sensors, 0)
     truth = recording.truth.at(plan.instant_s(plan.cycles - 1))
     at = rows_of(truth.vessel, tracks.origin)
     off = difference_m(tracks.position_deg, truth.position_deg[at])
