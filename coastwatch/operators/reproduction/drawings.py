@@ -110,8 +110,8 @@ def _roc(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
         one = at(made, variant.name, {})
         said = [r["roc"] for r in one.records if r.get("roc")] if one else []
         if said and variant.roc:
-            axes.plot(*roc_curve(said, variant.roc.better), color=colour, label=variant.title)
-            axes.plot(*accepted(said, variant.roc.better, np.array([variant.roc.threshold])), "o", color=colour)
+            axes.plot(*roc_curve(said), color=colour, label=variant.title)
+            axes.plot(*accepted(said, np.array([variant.roc.threshold])), "o", color=colour)
     axes.set_xscale("log")
     axes.set_xlim(0.7 * LEAST_RATE, 1.0)
     axes.set_ylim(-0.03, 1.03)
@@ -129,27 +129,25 @@ def _roc(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
     return [(_uri(figure), caption)]
 
 
-def roc_curve(said: Sequence[Record], better: str) -> tuple[Floats, Floats]:
+def roc_curve(said: Sequence[Record]) -> tuple[Floats, Floats]:
     """Share of wrong and of true pairs that are accepted, over thresholds.
 
-    Args: said: `true`, `wrong` statistics, best first, of a run each, and the counts of all; better: "lower" or "higher".
+    Args: said: `true`, `wrong` scores, greatest first, of a run each, and the counts of all.
     """
-    sign = 1.0 if better == "lower" else -1.0
-    cut = min((sign * run["wrong"][-1] for run in said if len(run["wrong"]) < run["wrong_count"]), default=np.inf)
-    every = np.sort(sign * np.concatenate([np.array(run[key], float) for run in said for key in ("true", "wrong")]))
-    every = every[every <= cut]
+    cut = max((run["wrong"][-1] for run in said if len(run["wrong"]) < run["wrong_count"]), default=-np.inf)
+    every = np.sort(np.concatenate([np.array(run[key], float) for run in said for key in ("true", "wrong")]))[::-1]
+    every = every[every >= cut]
     some = np.unique(np.linspace(0, max(len(every) - 1, 0), POINTS).astype(int))[: len(every)]
-    return accepted(said, better, sign * every[some])
+    return accepted(said, every[some])
 
 
-def accepted(said: Sequence[Record], better: str, threshold: Floats) -> tuple[Floats, Floats]:
+def accepted(said: Sequence[Record], threshold: Floats) -> tuple[Floats, Floats]:
     """Share of wrong and of true pairs that are accepted at each threshold, the first no less than an axis can show."""
-    sign = 1.0 if better == "lower" else -1.0
     shares = []
     for key in ("wrong", "true"):
-        sorted_ = np.sort(sign * np.concatenate([np.array(run[key], float) for run in said]))
+        against = np.sort(-np.concatenate([np.array(run[key], float) for run in said]))
         whole = max(sum(int(run[f"{key}_count"]) for run in said), 1)
-        shares.append(np.searchsorted(sorted_, sign * threshold, side="right") / whole)
+        shares.append(np.searchsorted(against, -threshold, side="right") / whole)
     return np.maximum(shares[0], LEAST_RATE), shares[1]
 
 

@@ -1,19 +1,18 @@
-"""What a run says beyond its scores: decisions investigation by investigation, and the statistics of all candidate pairs."""
+"""What a run says beyond its scores: decisions investigation by investigation, and the scores of all candidate pairs."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from coastwatch.batches import Array, Floats, Ints, Sensors, SourceKind
+from coastwatch.associations import step_with_candidates
+from coastwatch.batches import Floats, Sensors, SourceKind
 from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario
 from coastwatch.scores.confusion import Confusion, association, bearing_association
-from coastwatch.stage import Work, in_turn
 
-KEPT_WRONG = 5000  # pairs of two vessels whose statistics look most like one; the others only count
+KEPT_WRONG = 5000  # pairs of two vessels that look most like one; the others only count
 EVERY = 8  # scored cycles between those whose pairs are kept: neighbours say the same
 
 
@@ -46,42 +45,33 @@ class Decisions:
 
 
 class Pairs:
-    """A second associator beside the run's own, set to refuse no pair, whose work on each spot is listened to."""
+    """A second associator beside the run's own, whose scores of all candidate pairs are kept."""
 
-    def __init__(self, scenario: Scenario, opened: Mapping[str, float]) -> None:
-        self._method: Any = scenario.associations.model_copy(update=dict(opened))
+    def __init__(self, scenario: Scenario) -> None:
+        self._method: Any = scenario.associations
         self._memory: Any = self._method.init()
         self._from, self._cycle = scenario.warmup_cycles, 0
-        self._found: list[tuple[Array, ...]] = []
         self._true: list[Floats] = []
         self._wrong: list[Floats] = []
 
     def hear(self, cycle: Cycle) -> None:
-        """The statistics of one cycle's candidates."""
-        self._found = []
-        self._memory, _ = self._method.step(self._memory, cycle.tracks, cycle.spots, self._listen)
+        """The scores of one cycle's candidates."""
+        self._memory, _, found = step_with_candidates(self._method, self._memory, cycle.tracks, cycle.spots)
         number, self._cycle = self._cycle - self._from, self._cycle + 1
         if number < 0 or number % EVERY:
             return
         origin = cycle.tracks.origin
-        for first, second, statistic in self._found:
-            true = (origin[first] == origin[second]) & (origin[first] >= 0)
-            self._true.append(statistic[true])
-            self._wrong.append(statistic[~true])
+        true = (origin[found.first] == origin[found.second]) & (origin[found.first] >= 0)
+        self._true.append(found.score[true])
+        self._wrong.append(found.score[~true])
 
-    def _listen(self, work: Work, settings: Any, arrays: Mapping[str, Array], spots: Sequence[Ints]) -> list[tuple[Array, ...]]:
-        self._found = in_turn(work, settings, arrays, spots)
-        none = np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
-        return [none for _ in spots]
-
-    def said(self, better: str) -> dict[str, Any]:
-        """Statistics of pairs of one vessel, and of the wrong pairs that look most like one; both sorted, best first."""
-        sign = 1.0 if better == "lower" else -1.0
-        true, wrong = (np.sort(sign * np.concatenate([np.zeros(0), *part])) for part in (self._true, self._wrong))
+    def said(self) -> dict[str, Any]:
+        """Scores of pairs of one vessel, and of the wrong pairs that look most like one; both sorted, greatest first."""
+        true, wrong = (np.sort(np.concatenate([np.zeros(0), *part]))[::-1] for part in (self._true, self._wrong))
         kept = wrong[:KEPT_WRONG]
         return {
-            "true": [float(f"{sign * v:.5g}") for v in true[np.isfinite(true)]],
-            "wrong": [float(f"{sign * v:.5g}") for v in kept[np.isfinite(kept)]],
+            "true": [float(f"{v:.5g}") for v in true[np.isfinite(true)]],
+            "wrong": [float(f"{v:.5g}") for v in kept[np.isfinite(kept)]],
             "true_count": len(true),
             "wrong_count": len(wrong),
         }

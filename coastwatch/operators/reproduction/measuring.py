@@ -26,7 +26,7 @@ def measure(job: Job) -> dict[str, Any] | None:
     (seconds after the start to scores), `roc`, `picture`.
     """
     decisions = Decisions(job.scenario.sensors())
-    pairs = Pairs(job.scenario, job.roc.opened) if job.roc else None
+    pairs = Pairs(job.scenario) if job.roc else None
 
     def on_cycle(cycle: Cycle) -> None:
         decisions.hear(cycle)
@@ -47,7 +47,7 @@ def measure(job: Job) -> dict[str, Any] | None:
             "scores": _scores(job, result, decisions),
             "timings_s": result.timings_s,
             "history": {f"{at:g}": _at(job, decisions, at) for at in job.history_s},
-            "roc": pairs.said(job.roc.better) if pairs and job.roc else None,
+            "roc": pairs.said() if pairs else None,
             "picture": shown,
         }
     )

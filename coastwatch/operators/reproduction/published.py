@@ -20,11 +20,9 @@ Point = tuple[tuple[str, Value], ...]
 
 
 class Roc(Settings):
-    """How the statistics of all candidate pairs of a variant are had: by a second associator that refuses none."""
+    """That the scores of all candidate pairs of a variant are wanted."""
 
-    opened: dict[str, float]  # settings of `associations` with which it refuses none, beyond what a scenario may have
-    better: Literal["lower", "higher"]  # which statistic speaks for one vessel
-    threshold: float  # of the variant itself: marked on the curve
+    threshold: float  # score from which the variant itself accepts: marked on the curve
 
 
 class Variant(Settings):
