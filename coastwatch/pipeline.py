@@ -17,6 +17,7 @@ from coastwatch.batches import (
     Members,
     Octants,
     Picture,
+    RadarCorrections,
     Reports,
     Sensors,
     Spots,
@@ -42,6 +43,8 @@ class Memory:
     picture: Any
     octants: Any
     bearing_associations: Any
+    registration: Any
+    corrections: RadarCorrections  # of the radars, for the next cycle
 
 
 @dataclass(frozen=True)
@@ -59,6 +62,7 @@ class Cycle:
     members: Members
     octants: Octants
     bearing_associations: BearingAssociations
+    corrections: RadarCorrections  # found in this cycle, for the next
 
 
 def start(scenario: Scenario, sensors: Sensors) -> Memory:
@@ -75,6 +79,8 @@ def start(scenario: Scenario, sensors: Sensors) -> Memory:
         s.picture.init(),
         s.octants.init(),
         s.bearing_associations.init(),
+        s.registration.init(),
+        RadarCorrections.none(len(sensors.radars)),
     )
 
 
@@ -88,9 +94,10 @@ def step(
     """
     s, m = scenario, memory
     with timer("plots"):
-        plots_memory, plots = s.plots.step(m.plots, reports.radar, sensors)
+        plots_memory, plots = s.plots.step(m.plots, reports.radar, sensors, m.corrections)
     with timer("tracks"):
-        regions = [s.tracks.step(old, plots.take(plots.region == k), time_s, sensors, k) for k, old in enumerate(m.tracks)]
+        held = [old.without_radars(m.corrections.jumped) for old in m.tracks]
+        regions = [s.tracks.step(old, plots.take(plots.region == k), time_s, sensors, k) for k, old in enumerate(held)]
     with timer("ais_tracks"):
         ais_memory, ais_tracks, alarms, ais_taken = s.ais_tracks.step(m.ais_tracks, reports.ais, time_s, sensors)
     with timer("bearing_tracks"):
@@ -113,7 +120,12 @@ def step(
         bearings_memory, bearing_associations = s.bearing_associations.step(
             m.bearing_associations, bearing_tracks, picture, octants, time_s, sensors, spread, reports.statics
         )
+    with timer("registration"):
+        heard = bearing_tracks, bearing_associations
+        registration_memory, corrections = s.registration.step(
+            m.registration, plots, ais_tracks, alarms, measurements, picture, members, *heard, time_s, sensors, m.corrections
+        )
     first = plots_memory, tuple(new for new, *_ in regions), ais_memory, bearing_memory, spots_memory
-    after = Memory(*first, associations_memory, fused_memory, picture_memory, octants_memory, bearings_memory)
-    found = spots, associations, fused, picture, members, octants, bearing_associations
+    after = Memory(*first, associations_memory, fused_memory, picture_memory, octants_memory, bearings_memory, registration_memory, corrections)
+    found = spots, associations, fused, picture, members, octants, bearing_associations, corrections
     return after, Cycle(time_s, tracks, alarms, bearing_tracks, *found)

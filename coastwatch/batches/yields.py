@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntFlag
+from enum import IntEnum, IntFlag
 
 import numpy as np
 
@@ -167,6 +167,37 @@ class Members(Batch):
     vessel_id: Ints = column(np.int64, "L")
     track_id: Ints = column(np.int64, "L")
     source: Ints = column(np.int64, "L")
+
+
+class RegistrationState(IntEnum):
+    """How well the registration of a radar is known."""
+
+    UNKNOWN = 0  # nothing that it sees has been recognised
+    ACQUIRING = 1  # references are in view, the errors are not known well yet
+    SETTLED = 2
+
+
+@dataclass(frozen=True, eq=False)
+class RadarCorrections(Batch):
+    """One row a radar of the scenario: the registration errors to be taken out of its reports in the next cycle."""
+
+    azimuth_bias_rad: Floats = column(np.float64, "R")  # how far its azimuths are clockwise of the truth
+    range_bias_m: Floats = column(np.float64, "R")  # how far its ranges are too long
+    time_lag_s: Floats = column(np.float64, "R")  # how late its time stamps are
+    azimuth_sigma_rad: Floats = column(np.float64, "R")  # NaN where nothing is known, as the next two
+    range_sigma_m: Floats = column(np.float64, "R")
+    lag_sigma_s: Floats = column(np.float64, "R")
+    references: Ints = column(np.int64, "R")  # vessels behind the estimate
+    residuals: Floats = column(np.float64, "R")  # plots behind it, the older the less
+    state: Ints = column(np.int64, "R")  # RegistrationState
+    jumped: Bools = column(np.bool_, "R")  # by so much that tracks from its former plots are in the wrong place
+
+    @classmethod
+    def none(cls, radars: int) -> RadarCorrections:
+        """Nothing is known of any radar, and nothing taken out."""
+        zero, unknown = np.zeros(radars), np.full(radars, np.nan)
+        number, no = np.zeros(radars, np.int64), np.zeros(radars, np.bool_)
+        return cls(zero, zero, zero, unknown, unknown, unknown, number, zero, number, no)
 
 
 class Flag(IntFlag):

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import Bools, Floats, Plots, RadarReports, Sensors
+from coastwatch.batches import Bools, Floats, Plots, RadarCorrections, RadarReports, Sensors
 from coastwatch.geodesy import from_plane, to_plane, turn
 from coastwatch.kernels.polar import polar_to_plane
 from coastwatch.stage import Method
@@ -22,7 +22,7 @@ class PolarMemory:
 
 
 class PolarConversion(Method):
-    """Plots with covariance, by the unbiased conversion; known registration errors are taken out of the reports first."""
+    """Plots with covariance, by the unbiased conversion; registration errors, known or found on line, are taken out first."""
 
     method: Literal["polar"] = "polar"
     azimuth_bias_deg: dict[str, float] = Field(default_factory=dict)
@@ -33,10 +33,12 @@ class PolarConversion(Method):
         """Nothing refused yet."""
         return PolarMemory(0)
 
-    def step(self, memory: PolarMemory, reports: RadarReports, sensors: Sensors) -> tuple[PolarMemory, Plots]:
+    def step(
+        self, memory: PolarMemory, reports: RadarReports, sensors: Sensors, corrections: RadarCorrections
+    ) -> tuple[PolarMemory, Plots]:
         """Plots of the reports that are a place, in their order of arrival.
 
-        Args: reports: what arrived; sensors: the radars by their specification.
+        Args: reports: what arrived; sensors: the radars by their specification; corrections: on top of the settings.
         Returns: the memory with the refused reports counted; plots in the plane of the region of each radar.
         Raises: ValueError where a correction names a radar that the scenario does not have.
         """
@@ -46,6 +48,9 @@ class PolarConversion(Method):
         lag_s, bias_m, bias_deg = (
             _per_radar(name, getattr(self, name), sensors)[radar] for name in ("time_lag_s", "range_bias_m", "azimuth_bias_deg")
         )
+        lag_s = lag_s + corrections.time_lag_s[radar]
+        bias_m = bias_m + corrections.range_bias_m[radar]
+        bias_deg = bias_deg + np.degrees(corrections.azimuth_bias_rad[radar])
         range_sigma, azimuth_sigma = sensors.radars.range_sigma_m[radar], sensors.radars.azimuth_sigma_rad[radar]
         distance = np.maximum(kept.range_m - bias_m, 0.0)
         azimuth = np.radians(kept.azimuth_deg - bias_deg)

@@ -44,7 +44,8 @@ class RadarTruth(Settings):
     clutter_per_m2: Annotated[float, Field(ge=0.0, le=1e-4)] = 0.0  # false plots each turn, uniform over the disc of the range
     noise_factor: Annotated[float, Field(ge=0.0, le=100.0)] = 1.0  # real noise over that of the specification
     range_bias_m: Annotated[float, Field(ge=-1000.0, le=1000.0)] = 0.0  # added to what is measured
-    azimuth_bias_deg: Annotated[float, Field(ge=-10.0, le=10.0)] = 0.0  # added to what is measured
+    azimuth_bias_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = 0.0  # added to what is measured
+    azimuth_drift_deg_h: Annotated[float, Field(ge=-3600.0, le=3600.0)] = 0.0  # by which the bias grows from the start of the run
     time_bias_s: Annotated[float, Field(ge=-60.0, le=60.0)] = 0.0  # added to the true time of the beam
     latency_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0  # from the beam to the arrival of the report
     start_s: Annotated[float, Field(ge=0.0)] = 0.0  # switched on, after the start of the run
@@ -155,6 +156,7 @@ class Antenna:
             seen &= ~np.repeat(hidden[row], len(self.turns)) & self.truth.looks_at(np.degrees(azimuth))
             measured = distance + errors[:, 0] * self.radars.range_sigma_m[self.r] + self.truth.range_bias_m
             turned = np.degrees(azimuth + errors[:, 1] * self.radars.azimuth_sigma_rad[self.r]) + self.truth.azimuth_bias_deg
+            turned = turned + self.truth.azimuth_drift_deg_h * (time - self.start_s) / 3600.0
             origin = np.repeat(vessel[row], len(self.turns))
             parts.append(self._reports(time[seen], measured[seen], turned[seen], origin[seen]))
         return RadarReports.join(parts)

@@ -110,6 +110,13 @@ class RadarMemory:
         table = Table.empty(J=self.table.mode.shape[1], R=count)
         return replace(self, table=table, site_m=np.full((count, 2), np.nan), heard_s=np.full(count, -np.inf))
 
+    def without_radars(self, moved: Bools) -> RadarMemory:
+        """This memory without the tracks that hold plots of these radars (R,), whose registration has jumped."""
+        if not moved.any() or not len(self.heard_s):
+            return self
+        kept = ~np.isfinite(self.table.radar_s[:, moved]).any(axis=1)
+        return replace(self, table=self.table.take(kept))
+
     def hear(self, plots: Plots) -> RadarMemory:
         """This memory with the radars' places and times of these plots, sorted by time."""
         site, heard = self.site_m.copy(), self.heard_s.copy()

@@ -1,0 +1,137 @@
+"""Plots of a radar against AIS vessels, in the radar's own polar coordinates and at the time of the plot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from coastwatch.batches import Array, Batch, Bools, Floats, Ints, Plots, RadarCorrections, Sensors, Tracks, column
+from coastwatch.geodesy import from_plane, to_plane, turn, wrap_rad
+
+OLDEST_S = 10.0  # a plot older than this is left out: a vessel is carried back to it along a straight line
+
+
+@dataclass(frozen=True, eq=False)
+class Echoes(Batch):
+    """What radars measured, as if nothing had been taken out by registration, and where they stood."""
+
+    radar: Ints = column(np.int64, "M")
+    time_s: Floats = column(np.float64, "M")  # as stamped
+    range_m: Floats = column(np.float64, "M")
+    azimuth_rad: Floats = column(np.float64, "M")
+    site_deg: Floats = column(np.float64, "M", 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs(Batch):
+    """Plots and vessels that may be behind them: plot less vessel, the vessel where it was at the stamp less the known lag."""
+
+    plot: Ints = column(np.int64, "A")
+    vessel: Ints = column(np.int64, "A")  # row of the AIS tracks
+    radar: Ints = column(np.int64, "A")
+    range_m: Floats = column(np.float64, "A")  # differences
+    azimuth_rad: Floats = column(np.float64, "A")
+    range_rate_m_s: Floats = column(np.float64, "A")  # of the vessel, seen from the radar
+    azimuth_rate_rad_s: Floats = column(np.float64, "A")
+    distance_m: Floats = column(np.float64, "A")  # of the vessel
+    range_variance_m2: Floats = column(np.float64, "A")  # of the vessel's place, along the beam
+    across_variance_m2: Floats = column(np.float64, "A")
+
+
+def echoes(plots: Plots, given: RadarCorrections, time_s: float, sensors: Sensors) -> Echoes:
+    """The plots that are not too old, in an order that does not depend on that of arrival, with the corrections put back."""
+    order = np.lexsort((plots.position_m[:, 0], plots.position_m[:, 1], plots.time_s, plots.sensor))
+    plots = plots.take(order[plots.time_s[order] >= time_s - OLDEST_S])
+    origin, radar = sensors.region_origin_deg[plots.region], plots.sensor
+    site = from_plane(plots.site_m, origin)
+    at = to_plane(from_plane(plots.position_m, origin), site)
+    stretched = np.exp(-0.5 * sensors.radars.azimuth_sigma_rad[radar] ** 2)  # the unbiased conversion has divided by it
+    return Echoes(
+        radar=radar,
+        time_s=plots.time_s + given.time_lag_s[radar],
+        range_m=np.hypot(at[:, 0], at[:, 1]) * stretched + given.range_bias_m[radar],
+        azimuth_rad=np.arctan2(at[:, 0], at[:, 1]) + given.azimuth_bias_rad[radar],
+        site_deg=site,
+    )
+
+
+def compared(
+    said: Echoes, vessels: Tracks, given: RadarCorrections, range_search_m: float, azimuth_search_rad: float, sensors: Sensors
+) -> Pairs:
+    """All pairs of a plot and a vessel whose ranges and azimuths differ by no more than the search allows.
+
+    The rates and the places are those at the stamp less the lag in `given`. Sorted by radar, vessel, plot.
+    """
+    parts = [_near(said, np.flatnonzero(said.radar == r), vessels, range_search_m) for r in np.unique(said.radar).tolist()]
+    plot = np.concatenate([p for p, _ in parts]) if parts else np.zeros(0, np.int64)
+    vessel = np.concatenate([v for _, v in parts]) if parts else np.zeros(0, np.int64)
+    found = _differences(said, plot, vessels, vessel, given)
+    close = (np.abs(found.range_m) <= range_search_m) & (np.abs(found.azimuth_rad) <= azimuth_search_rad)
+    found = found.take(close & (found.distance_m <= sensors.radars.range_m[found.radar] + range_search_m))
+    return found.take(np.lexsort((found.plot, found.vessel, found.radar)))
+
+
+def in_cover(said: Echoes, vessels: Tracks, sensors: Sensors) -> Ints:
+    """How many of these vessels each radar that has said something could see. (R,)"""
+    count = np.zeros(len(sensors.radars), np.int64)
+    for r in np.unique(said.radar).tolist():
+        site = said.site_deg[np.flatnonzero(said.radar == r)[0]]
+        at = to_plane(vessels.position_deg, site)
+        count[r] = (np.hypot(at[:, 0], at[:, 1]) <= sensors.radars.range_m[r]).sum()
+    return count
+
+
+def _near(said: Echoes, plot: Ints, vessels: Tracks, range_search_m: float) -> tuple[Ints, Ints]:
+    """Pairs of one radar with nearly equal ranges, by the vessels' places now and a margin for how they move."""
+    site = said.site_deg[plot[0]]
+    at = to_plane(vessels.position_deg, site)
+    distance = np.hypot(at[:, 0], at[:, 1])
+    speed = float(np.hypot(vessels.velocity_m_s[:, 0], vessels.velocity_m_s[:, 1]).max(initial=0.0))
+    own = to_plane(said.site_deg[plot], site)
+    reach = range_search_m + speed * OLDEST_S + float(np.hypot(own[:, 0], own[:, 1]).max(initial=0.0))
+    order = np.argsort(distance, kind="stable")
+    first = np.searchsorted(distance[order], said.range_m[plot] - reach)
+    count = np.searchsorted(distance[order], said.range_m[plot] + reach, side="right") - first
+    which = np.repeat(np.arange(len(plot)), count)
+    place = np.arange(len(which)) - np.repeat(np.cumsum(count) - count - first, count)
+    return plot[which], order[place]
+
+
+def _differences(said: Echoes, plot: Ints, vessels: Tracks, vessel: Ints, given: RadarCorrections) -> Pairs:
+    site, radar = said.site_deg[plot], said.radar[plot]
+    rotation = turn(vessels.position_deg[vessel], site)
+    velocity = (rotation @ vessels.velocity_m_s[vessel][:, :, None])[..., 0]
+    ahead = said.time_s[plot] - given.time_lag_s[radar] - vessels.time_s[vessel]
+    at = to_plane(vessels.position_deg[vessel], site) + velocity * ahead[:, None]
+    distance = np.maximum(np.hypot(at[:, 0], at[:, 1]), 1.0)
+    along = at / distance[:, None]
+    across = np.column_stack([along[:, 1], -along[:, 0]])  # clockwise
+    known = vessels.known_covariance(1.0)[vessel]
+    # The error of the velocity counts for as long as the vessel is carried along with it.
+    spread = rotation @ (known[:, :2, :2] + known[:, 2:, 2:] * (ahead**2)[:, None, None]) @ rotation.swapaxes(-1, -2)
+    return Pairs(
+        plot=plot,
+        vessel=vessel,
+        radar=radar,
+        range_m=said.range_m[plot] - distance,
+        azimuth_rad=np.asarray(wrap_rad(said.azimuth_rad[plot] - np.arctan2(at[:, 0], at[:, 1]))),
+        range_rate_m_s=_dot(velocity, along),
+        azimuth_rate_rad_s=_dot(velocity, across) / distance,
+        distance_m=distance,
+        range_variance_m2=_dot(along, (spread @ along[:, :, None])[..., 0]),
+        across_variance_m2=_dot(across, (spread @ across[:, :, None])[..., 0]),
+    )
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    out: Floats = (a * b).sum(axis=1)
+    return out
+
+
+def alone(key: Array, rows: Bools) -> Bools:
+    """Which of these rows share their key with no other of them. Args: key: (A,); rows: (A,)."""
+    _, of, count = np.unique(key[rows], return_inverse=True, return_counts=True)
+    out = np.zeros(len(key), np.bool_)
+    out[rows] = count[of] == 1
+    return out
