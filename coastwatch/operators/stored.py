@@ -9,12 +9,13 @@ from typing import Any
 
 from coastwatch import store
 from coastwatch.batches import Flag
+from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.scenario import utc_text
 from coastwatch.store import Rows, Store
 from coastwatch.store.questions import ParameterError
 
-DIGITS = {"latitude_deg": 6, "longitude_deg": 6, "sog_kn": 2, "statistic": 3, "share": 4}
+DIGITS = {"latitude_deg": 6, "longitude_deg": 6, "sog_kn": 2, "statistic": 3, "share": 4, "azimuth_bias_deg": 4, "azimuth_sigma_deg": 4, "azimuth_change_deg": 4}
 ENDINGS = {"_deg": 2, "_deg_s": 4, "_m": 1, "_nm": 3, "_kn": 2, "_ms": 3, "_s": 3, "_min": 2}
 SHOWN = (
     "vessel_id",
@@ -30,6 +31,9 @@ SHOWN = (
     "flags",
 )
 """Columns of the picture that fit on a screen; files have all."""
+
+ERRORS = (("azimuth_bias_deg", "azimuth_sigma_deg"), ("range_bias_m", "range_sigma_m"), ("time_lag_s", "lag_sigma_s"))
+"""Registration errors of a sensor and their standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +79,28 @@ def vessel(found: Store, run_id: int, vessel_id: int) -> Vessel:
     row = for_people(Rows(tuple(facts), [tuple(facts.values())]))
     tables = {key.replace("_", " "): for_people(rows) for key, rows in said.items() if key != "stays"}
     return Vessel({"run": run_id, **dict(zip(row.columns, row.rows[0], strict=True))}, tables)
+
+
+def sensors(found: Store, run_id: int, at_s: float | None) -> Rows:
+    """One row a sensor with all that is stored of it, for people."""
+    return for_people(store.sensor_states(found, run_id, at_s))
+
+
+def registration(rows: Rows) -> Rows:
+    """The rows of `sensors` as they fit on a screen: an error and what is not known of it in one cell."""
+    names = ("kind", "name", "region", "latitude_deg", "longitude_deg", "range_nm", "specification", "heard_utc")
+    made = []
+    for row in rows.rows:
+        s = dict(zip(rows.columns, row, strict=True))
+        spec = " ".join(f"{key}={round(value, 3):g}" for key, value in s["spec"].items())
+        errors = [_with_sigma(s[value], s[sigma]) for value, sigma in ERRORS]
+        place = (s["kind"], s["name"], s["region"], s["latitude_deg"], s["longitude_deg"])
+        made.append((*place, round(s["range_m"] / NAUTICAL_MILE_M, 2), spec, s["heard_utc"], s["state"], *errors, s["vessels"]))
+    return Rows((*names, "state", *(value for value, _ in ERRORS), "vessels"), made)
+
+
+def _with_sigma(value: float | None, sigma: float | None) -> str | None:
+    return None if value is None else f"{value:.3f}" if sigma is None else f"{value:.3f} +- {sigma:.3f}"
 
 
 def questions() -> Rows:

@@ -50,6 +50,7 @@ class OnLineMemory:
     locked: Bools  # (R,) the bias has been acquired
     centre: Floats  # (R, 3) azimuth rad, range m, lag s at which it was
     evidence: Evidence
+    known: Estimate  # what the evidence says
     quiet_s: Floats  # (R,) time without any residual
 
 
@@ -82,7 +83,9 @@ class OnLineRegistration(Method):
     drift_deg_h: Annotated[float, Field(ge=0.0)] = 0.5  # by which an azimuth bias may go off while nothing is compared
 
     def init(self) -> OnLineMemory:
-        return OnLineMemory(-np.inf, Votes.none(0, 0), np.zeros(0, np.bool_), np.zeros((0, 3)), Evidence.empty(), np.zeros(0))
+        nothing = np.zeros((0, 3))
+        nobody = Votes.none(0, 0), np.zeros(0, np.bool_), nothing, Evidence.empty()
+        return OnLineMemory(-np.inf, *nobody, Estimate(nothing, nothing, np.zeros(0, np.int64), np.zeros(0)), np.zeros(0))
 
     def step(
         self,
@@ -116,13 +119,12 @@ class OnLineRegistration(Method):
         counted = self._vote(memory, pairs, seen, dt, sensors)
         locked, centre, found = self._acquire(memory, counted, pairs, sensors)
         evidence = memory.evidence.take(~found[memory.evidence.radar])
-        before = self._solved(evidence, centre, sensors)
-        rows = self._rows(said, pairs, vessels, given, before, locked & ~found, sensors)
+        rows = self._rows(said, pairs, vessels, given, memory.known, locked & ~found, sensors)
         heard = np.bincount(rows.radar, minlength=len(locked)) > 0
         evidence = learn(evidence, rows, np.where(heard, np.exp(-dt / self.memory_s), 1.0))
         quiet_s = np.where(heard | found, 0.0, memory.quiet_s + dt)
-        after = OnLineMemory(time_s, counted, locked, centre, evidence, quiet_s)
-        return after, self._corrections(after, self._solved(evidence, centre, sensors), found, seen, given, dt, sensors)
+        after = OnLineMemory(time_s, counted, locked, centre, evidence, self._solved(evidence, centre, sensors), quiet_s)
+        return after, self._corrections(after, found, seen, given, dt, sensors)
 
     def _for(self, memory: OnLineMemory, time_s: float, sensors: Sensors) -> OnLineMemory:
         """This memory with room for the radars of the scenario."""
@@ -130,8 +132,9 @@ class OnLineRegistration(Method):
         if len(memory.locked) == n:
             return memory
         windows = int(np.ceil(2.0 * np.radians(self.azimuth_search_deg) / self._bin_rad(sensors))) - 1
-        nobody = Votes.none(n, max(windows, 1))
-        return OnLineMemory(memory.time_s, nobody, np.zeros(n, np.bool_), np.zeros((n, 3)), Evidence.empty(), np.zeros(n))
+        centre, evidence = np.zeros((n, 3)), Evidence.empty()
+        nobody = Votes.none(n, max(windows, 1)), np.zeros(n, np.bool_), centre, evidence
+        return OnLineMemory(memory.time_s, *nobody, self._solved(evidence, centre, sensors), np.zeros(n))
 
     def _bin_rad(self, sensors: Sensors) -> float:
         return float(max(np.radians(self.bin_deg), 2.0 * sensors.radars.azimuth_sigma_rad.max(initial=0.0)))
@@ -154,8 +157,7 @@ class OnLineRegistration(Method):
         best, sure = votes.significant(counted, self.false_alarm, self.least_vessels, self.least_share)
         window = (best + 1.0) * width - np.radians(self.azimuth_search_deg)
         azimuth, distance, count = votes.middle(pairs, window, width, len(best))
-        now = self._solved(memory.evidence, memory.centre, sensors).mean[:, 0]
-        elsewhere = np.abs(window - now) > ACROSS_BINS * width
+        elsewhere = np.abs(window - memory.known.mean[:, 0]) > ACROSS_BINS * width
         found = sure & (count > 0) & (~memory.locked | elsewhere)
         centre = np.where(found[:, None], np.column_stack([azimuth, distance, memory.centre[:, NO_LAG]]), memory.centre)
         return memory.locked | found, centre, found
@@ -217,7 +219,6 @@ class OnLineRegistration(Method):
     def _corrections(
         self,
         memory: OnLineMemory,
-        known: Estimate,
         found: Bools,
         seen: Ints,
         given: RadarCorrections,
@@ -225,7 +226,7 @@ class OnLineRegistration(Method):
         sensors: Sensors,
     ) -> RadarCorrections:
         """The next corrections: at once where a bias was acquired, else a step towards the estimate."""
-        units = self._units(sensors)
+        units, known = self._units(sensors), memory.known
         old = np.column_stack([given.azimuth_bias_rad, given.range_bias_m, given.time_lag_s])
         wanted = np.where(memory.locked[:, None], known.mean, old)
         wanted[known.sigma[:, NO_LAG] > self.lag_known_s, NO_LAG] = old[known.sigma[:, NO_LAG] > self.lag_known_s, NO_LAG]

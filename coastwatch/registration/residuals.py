@@ -63,7 +63,7 @@ def compared(
 
     The rates and the places are those at the stamp less the lag in `given`. Sorted by radar, vessel, plot.
     """
-    parts = [_near(said, np.flatnonzero(said.radar == r), vessels, range_search_m) for r in np.unique(said.radar).tolist()]
+    parts = [_near(said, np.flatnonzero(said.radar == r), vessels, range_search_m, azimuth_search_rad) for r in np.unique(said.radar).tolist()]
     plot = np.concatenate([p for p, _ in parts]) if parts else np.zeros(0, np.int64)
     vessel = np.concatenate([v for _, v in parts]) if parts else np.zeros(0, np.int64)
     found = _differences(said, plot, vessels, vessel, given)
@@ -82,20 +82,26 @@ def in_cover(said: Echoes, vessels: Tracks, sensors: Sensors) -> Ints:
     return count
 
 
-def _near(said: Echoes, plot: Ints, vessels: Tracks, range_search_m: float) -> tuple[Ints, Ints]:
-    """Pairs of one radar with nearly equal ranges, by the vessels' places now and a margin for how they move."""
+def _near(
+    said: Echoes, plot: Ints, vessels: Tracks, range_search_m: float, azimuth_search_rad: float
+) -> tuple[Ints, Ints]:
+    """Pairs of one radar that may be within the search, by the vessels' places now and a margin for how they move."""
     site = said.site_deg[plot[0]]
     at = to_plane(vessels.position_deg, site)
     distance = np.hypot(at[:, 0], at[:, 1])
     speed = float(np.hypot(vessels.velocity_m_s[:, 0], vessels.velocity_m_s[:, 1]).max(initial=0.0))
     own = to_plane(said.site_deg[plot], site)
-    reach = range_search_m + speed * OLDEST_S + float(np.hypot(own[:, 0], own[:, 1]).max(initial=0.0))
+    way = speed * OLDEST_S + float(np.hypot(own[:, 0], own[:, 1]).max(initial=0.0))
+    reach = range_search_m + way
     order = np.argsort(distance, kind="stable")
     first = np.searchsorted(distance[order], said.range_m[plot] - reach)
     count = np.searchsorted(distance[order], said.range_m[plot] + reach, side="right") - first
     which = np.repeat(np.arange(len(plot)), count)
     place = np.arange(len(which)) - np.repeat(np.cumsum(count) - count - first, count)
-    return plot[which], order[place]
+    plot, vessel = plot[which], order[place]
+    apart = np.abs(wrap_rad(said.azimuth_rad[plot] - np.arctan2(at[vessel, 0], at[vessel, 1])))
+    near = apart <= azimuth_search_rad + 0.5 * np.pi * way / np.maximum(distance[vessel], 1.0)
+    return plot[near], vessel[near]
 
 
 def _differences(said: Echoes, plot: Ints, vessels: Tracks, vessel: Ints, given: RadarCorrections) -> Pairs:

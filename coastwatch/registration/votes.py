@@ -61,7 +61,12 @@ def significant(votes: Votes, false_alarm: float, least_vessels: int, least_shar
     moored boats, convoys); and if it has the greater part of the vessels. The mean number of vessels counts, not their sum
     over cycles: the same vessels again are no new evidence.
     """
-    from scipy.stats import binom
+    from scipy.special import betainc
+
+    def at_least(count: Floats, of: Floats, probability: Floats) -> Floats:
+        """That a binomial number is so high or higher."""
+        some = np.maximum(count, 1.0)
+        return np.where(count < 1.0, 1.0, betainc(some, np.maximum(of - some, 0.0) + 1.0, np.minimum(probability, 1.0)))
 
     windows = votes.hits.shape[1]
     best = votes.hits.argmax(axis=1)
@@ -73,8 +78,8 @@ def significant(votes: Votes, false_alarm: float, least_vessels: int, least_shar
     chance = (np.where(others, share, 0.0).sum(axis=1) * n + 1.0) / np.maximum(n * others.sum(axis=1), 1.0)
     rival = np.maximum(np.where(others, share, 0.0).max(axis=1), chance)
     count = np.floor(np.minimum(peak, 1.0) * n + 1e-9)
-    by_chance = binom.sf(count - 1.0, n, np.minimum(chance, 1.0)) * windows
-    by_rival = binom.sf(count - 1.0, n, np.minimum(rival, 1.0))
+    by_chance = at_least(count, n, chance) * windows
+    by_rival = at_least(count, n, rival)
     sure = (n >= least_vessels) & (peak >= least_share) & (by_chance <= false_alarm) & (by_rival <= RIVAL_PROBABILITY)
     return best, sure
 

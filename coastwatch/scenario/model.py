@@ -25,6 +25,7 @@ class StoreSettings(Settings):
 
     history_every: Annotated[int, Field(ge=1)] = 1  # cycles
     associations_every: Annotated[int, Field(ge=1)] = 1  # cycles
+    registration_every: Annotated[int, Field(ge=1)] = 1  # cycles
     checkpoint_every: Annotated[int, Field(ge=1)] = 10  # cycles
 
 

@@ -17,6 +17,7 @@ from coastwatch.store.read import (
     timings,
     track,
 )
+from coastwatch.store.registrations import sensor_states
 from coastwatch.store.write import write_cycle
 
 __all__ = [
@@ -39,6 +40,7 @@ __all__ = [
     "resume_point",
     "run",
     "runs",
+    "sensor_states",
     "sensors",
     "sources",
     "timings",

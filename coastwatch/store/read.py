@@ -26,7 +26,7 @@ from coastwatch.store.tables import (
     VesselStatic,
 )
 
-INSTANTS = ("time_s", "since_s", "updated_s", "start_s", "from_s", "to_s", "first_s", "last_s")
+INSTANTS = ("time_s", "since_s", "updated_s", "start_s", "from_s", "to_s", "first_s", "last_s", "heard_s")
 """Columns that hold an instant, seconds since 1970 UTC; any other column in `_s` is a length of time."""
 
 Box = tuple[float, float, float, float]
@@ -111,13 +111,7 @@ def picture(store: Store, run_id: int, at_s: float | None = None, bbox: Box | No
         _run_exists(connection, store, run_id)
         if at_s is None:
             return _rows(connection, _current(run_id, bbox))
-        before = and_(Cycle.run_id == run_id, Cycle.history_kept.is_(True), Cycle.time_s <= at_s)
-        cycle = connection.scalar(select(func.max(Cycle.number)).where(before))
-        if cycle is None:
-            kept = and_(Cycle.run_id == run_id, Cycle.history_kept.is_(True))
-            first_s = connection.scalar(select(func.min(Cycle.time_s)).where(kept))
-            has = "it has no cycle yet" if first_s is None else f"its first kept cycle is at {_utc(first_s)}"
-            raise StoreError(f"{store.where}: run {run_id} holds nothing up to {_utc(at_s)}, {has}")
+        cycle = cycle_at(connection, store, run_id, at_s, Cycle.history_kept.is_(True))
         return _with_sources(connection, run_id, cycle, _rows(connection, _past(run_id, cycle, bbox)))
 
 
@@ -172,6 +166,21 @@ def timings(store: Store, run_id: int) -> Rows:
         figures = (np.median(ms), np.percentile(ms, 99), ms.max(), ms.sum(), ms.sum() / 1e3 / everything)
         out.append((stage, len(rows), *(float(x) for x in figures), sum(yielded) / len(yielded) if yielded else None))
     return Rows(("stage", "cycles", "median_ms", "p99_ms", "longest_ms", "total_ms", "share", "rows"), out)
+
+
+def cycle_at(connection: Connection, store: Store, run_id: int, at_s: float | None, kept: Any = true()) -> int:  # noqa: B008
+    """The newest cycle (of those that are kept) up to an instant; -1 where no instant is asked and there is none.
+
+    Raises: StoreError where there is no such run, or nothing is stored so early.
+    """
+    _run_exists(connection, store, run_id)
+    before = true() if at_s is None else Cycle.time_s <= at_s
+    cycle = connection.scalar(select(func.max(Cycle.number)).where(Cycle.run_id == run_id, kept, before))
+    if cycle is None and at_s is not None:
+        first_s = connection.scalar(select(func.min(Cycle.time_s)).where(Cycle.run_id == run_id, kept))
+        has = "it has no cycle yet" if first_s is None else f"its first kept cycle is at {_utc(first_s)}"
+        raise StoreError(f"{store.where}: run {run_id} holds nothing up to {_utc(at_s)}, {has}")
+    return -1 if cycle is None else int(cycle)
 
 
 def _utc(time_s: float) -> str:

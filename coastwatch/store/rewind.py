@@ -6,7 +6,7 @@ from sqlalchemy import Connection, delete, insert, select, update
 
 from coastwatch.store.tables import Base, Checkpoint, Member, MemberHistory
 
-OF_CYCLE = ("stage_timing", "history", "association", "bearing_association", "spot")
+OF_CYCLE = ("stage_timing", "history", "association", "bearing_association", "spot", "sensor_registration")
 """Tables with rows of one cycle each, under column `cycle`."""
 
 

@@ -1,4 +1,4 @@
-"""Every table of the database. Column names carry units; positions are degrees, speeds knots, times seconds since 1970 UTC.
+"""Every table of the database but `sensor_registration` (registrations.py). Column names carry units; positions are degrees, speeds knots, times seconds since 1970 UTC.
 
 The big tables (history, association, bearing_association) have the primary key (run, cycle, ...) and no other index: rows
 arrive in key order, so a B-tree only ever grows at its right end and writing stays as fast after a week as on the first day.
@@ -13,7 +13,7 @@ from typing import Any
 from sqlalchemy import JSON, BigInteger, Boolean, Float, ForeignKey, Index, Integer, LargeBinary, String, Text, text
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
-REVISION = "0002"
+REVISION = "0003"
 """The migration at which the database equals the models below; a test compares it with db/migrations."""
 
 REVISION_TABLE = "coastwatch_revision"

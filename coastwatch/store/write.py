@@ -10,7 +10,7 @@ import numpy as np
 from sqlalchemy import Connection, Table, bindparam, delete, func, insert, select, update
 
 from coastwatch.batches import Array, Ints, Reports
-from coastwatch.store import columns, statics
+from coastwatch.store import columns, registrations, statics
 from coastwatch.store.bulk import append
 from coastwatch.store.opening import Store, StoreError, writing
 from coastwatch.store.rewind import rewind
@@ -34,6 +34,7 @@ class Newest:
     source_names: tuple[str, ...]
     source_kinds: tuple[str, ...]
     statics: dict[int, statics.Static]
+    heard: registrations.Heard
 
 
 def write_cycle(
@@ -78,11 +79,12 @@ def write_cycle(
         if keeps[1]:
             _associations(connection, run_id, number, cycle, members)
         known = statics.merge(connection, run_id, before.statics, reports.statics)
+        heard = registrations.merge(connection, run_id, number, before.heard, cycle, reports, keep.registration_every)
         if checkpoint is not None:
             connection.execute(delete(Checkpoint).where(Checkpoint.run_id == run_id))
             connection.execute(insert(Checkpoint).values(run_id=run_id, cycle=number, memory=checkpoint))
     vessels = picture.vessel_id[:, None]
-    store.newest[run_id] = Newest(number, members, vessels, before.source_names, before.source_kinds, known)
+    store.newest[run_id] = Newest(number, members, vessels, before.source_names, before.source_kinds, known, heard)
 
 
 def _newest(connection: Connection, run_id: int, where: str) -> Newest:
@@ -101,6 +103,7 @@ def _newest(connection: Connection, run_id: int, where: str) -> Newest:
         source_names=tuple(row.name for row in names),
         source_kinds=tuple(row.kind for row in names),
         statics=statics.known(connection, run_id),
+        heard=registrations.known(connection, run_id),
     )
 
 
@@ -140,6 +143,7 @@ def _rows_by_stage(cycle: Cycle, reports: Reports, kinds: Sequence[str]) -> dict
         "picture": len(cycle.picture),
         "octants": len(cycle.octants.bearing_row),
         "bearing_associations": len(cycle.bearing_associations.bearing_row),
+        "registration": len(cycle.corrections),
     }
 
 

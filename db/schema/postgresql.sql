@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0002; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0003; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id BIGSERIAL NOT NULL,
@@ -146,6 +146,25 @@ CREATE TABLE sensor (
 	region TEXT,
 	spec JSON NOT NULL,
 	PRIMARY KEY (run_id, kind, number),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE TABLE sensor_registration (
+	run_id BIGINT NOT NULL,
+	cycle BIGINT NOT NULL,
+	kind VARCHAR(16) NOT NULL,
+	number BIGINT NOT NULL,
+	heard_s FLOAT(53),
+	state VARCHAR(16),
+	azimuth_bias_deg FLOAT(53),
+	azimuth_sigma_deg FLOAT(53),
+	range_bias_m FLOAT(53),
+	range_sigma_m FLOAT(53),
+	time_lag_s FLOAT(53),
+	lag_sigma_s FLOAT(53),
+	vessels BIGINT,
+	residuals FLOAT(53),
+	PRIMARY KEY (run_id, cycle, kind, number),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 

@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0002; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0003; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
@@ -154,6 +154,26 @@ CREATE TABLE sensor (
 	PRIMARY KEY (run_id, kind, number),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
+
+CREATE TABLE sensor_registration (
+	run_id INTEGER NOT NULL,
+	cycle INTEGER NOT NULL,
+	kind VARCHAR(16) NOT NULL,
+	number INTEGER NOT NULL,
+	heard_s FLOAT,
+	state VARCHAR(16),
+	azimuth_bias_deg FLOAT,
+	azimuth_sigma_deg FLOAT,
+	range_bias_m FLOAT,
+	range_sigma_m FLOAT,
+	time_lag_s FLOAT,
+	lag_sigma_s FLOAT,
+	vessels INTEGER,
+	residuals FLOAT,
+	PRIMARY KEY (run_id, cycle, kind, number),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+)
+ WITHOUT ROWID;
 
 CREATE TABLE source (
 	run_id INTEGER NOT NULL,

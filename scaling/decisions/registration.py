@@ -50,8 +50,10 @@ def run(name: str, seed: int, wrong: str, more: dict[str, str]) -> Course:
     rest = {k: v for k, v in more.items() if k != "first"}
     names = [r.name for r in load_scenario(name).radars]
     named = names[:1] if "first" in more else names
-    table = "[" + ", ".join(f'{{name="{n}", {wrong}}}' for n in named) + "]"
     settings = {"warmup_s": "0", "cycles": str(round(LASTS_S / load_scenario(name).period_s)), **rest}
+    every = load_scenario(name, settings).input.radar.model_dump(exclude_defaults=True)  # a named radar takes nothing from it
+    said = [*(f"{key}={value}" for key, value in every.items()), wrong]
+    table = "[" + ", ".join(f'{{name="{n}", {", ".join(said)}}}' for n in named) + "]"
     scenario = load_scenario(name, settings | ({"input.radars": table} if wrong else {}))
     kinds, out = scenario.sensors().source_kinds, Course([], [], [])
 

@@ -19,6 +19,7 @@ from coastwatch.batches import (
     Members,
     Octants,
     Picture,
+    RadarCorrections,
     RadarReports,
     Radars,
     Reports,
@@ -121,6 +122,15 @@ def bearings_of(picture: Picture) -> tuple[BearingTracks, BearingAssociations]:
     return tracks, BearingAssociations(np.zeros(n, np.int64), np.zeros(n, np.int64), np.full(n, 3.5), np.zeros(1))
 
 
+def corrections_of(number: int) -> RadarCorrections:
+    """The first radar settles in cycle 20, its azimuth bias grows by a thousandth of a degree a cycle; nothing is known of the second."""
+    settled = number >= 20
+    sigma = [np.array([s, np.nan]) for s in (np.radians(0.01 if settled else 0.2), 3.0, 0.1)]
+    biases = [np.array([b, 0.0]) for b in (np.radians(5.0 + 0.001 * number), -12.0, 1.5)]
+    state = np.array([2 if settled else 1, 0])
+    return RadarCorrections(*biases, *sigma, np.array([7, 0]), np.array([10.0 * number, 0.0]), state, np.zeros(2, np.bool_))
+
+
 def cycle_of(number: int, vessels: int, picture: Picture | None = None) -> Cycle:
     """What the pipeline yields in a cycle."""
     picture = picture_of(number, vessels) if picture is None else picture
@@ -139,6 +149,7 @@ def cycle_of(number: int, vessels: int, picture: Picture | None = None) -> Cycle
         time_s=instant_s(number), tracks=tracks, alarms=AisAlarms.empty(), bearing_tracks=bearings, spots=spots,
         associations=found, fused=fused,
         picture=picture, members=members, octants=Octants(none, none, none), bearing_associations=heard,
+        corrections=corrections_of(number),
     )  # fmt: skip
 
 
