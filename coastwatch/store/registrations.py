@@ -50,13 +50,19 @@ def known(connection: Connection, run_id: int) -> Heard:
     """What the database holds."""
     t = SensorRegistration
     newest = select(t.kind, t.number, func.max(t.heard_s)).where(t.run_id == run_id).group_by(t.kind, t.number)
-    return Heard({(row[0], row[1]): row[2] for row in connection.execute(newest) if row[2] is not None}, ())
+    last = select(func.max(t.cycle)).where(t.run_id == run_id).scalar_subquery()
+    radars = select(t.state).where(t.run_id == run_id, t.cycle == last, t.kind == "radar").order_by(t.number)
+    states = tuple(int(RegistrationState[str(row.state).upper()]) for row in connection.execute(radars))
+    return Heard({(row[0], row[1]): row[2] for row in connection.execute(newest) if row[2] is not None}, states)
 
 
 def merge(
     connection: Connection, run_id: int, number: int, before: Heard, cycle: pipeline.Cycle, reports: Reports, every: int
 ) -> Heard:
-    """Writes the sensors' rows in every so many cycles, and where the state of a radar has changed or its corrections jumped."""
+    """Writes the sensors' rows in every so many cycles, and where the state of a radar has changed or its corrections jumped.
+
+    Returns: what is kept in hand for the next cycle.
+    """
     at_s = dict(before.at_s)
     for kind, part in (("radar", reports.radar), ("bearing", reports.bearing)):
         for sensor in np.unique(part.sensor).tolist():

@@ -1,6 +1,6 @@
 -- Registration of radars, and bias of sonars
--- One row a sensor but AIS receivers: state, the errors that are taken out of its reports with what is not known of them, when it
--- was heard last, and by how much its azimuth bias has changed. No sigma: nothing is known yet.
+-- One row a sensor but AIS receivers: state, the errors that are taken out of its reports with what is not known of them, when
+-- it was heard last, and by how much its azimuth bias has changed. No sigma: nothing is known yet.
 -- parameter: minutes = 60.0, over which the change is
 WITH latest AS (
     SELECT max(number) AS number, max(time_s) AS time_s FROM cycle WHERE run_id = :run
@@ -18,8 +18,10 @@ SELECT s.kind, s.name, r.state, r.azimuth_bias_deg, r.azimuth_sigma_deg, r.range
     r.time_lag_s, r.lag_sigma_s, r.vessels, r.azimuth_bias_deg - o.azimuth_bias_deg AS azimuth_change_deg, r.heard_s
 FROM newest n
     JOIN sensor s ON s.run_id = :run AND s.kind = n.kind AND s.number = n.number
-    JOIN sensor_registration r ON r.run_id = :run AND r.cycle = n.cycle AND r.kind = n.kind AND r.number = n.number
+    JOIN sensor_registration r
+        ON r.run_id = :run AND r.cycle = n.cycle AND r.kind = n.kind AND r.number = n.number
     LEFT JOIN former f ON f.kind = n.kind AND f.number = n.number
-    LEFT JOIN sensor_registration o ON o.run_id = :run AND o.cycle = f.cycle AND o.kind = f.kind AND o.number = f.number
+    LEFT JOIN sensor_registration o
+        ON o.run_id = :run AND o.cycle = f.cycle AND o.kind = f.kind AND o.number = f.number
 WHERE s.kind <> 'ais'
 ORDER BY s.kind DESC, s.number

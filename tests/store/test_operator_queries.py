@@ -162,6 +162,18 @@ def test_every_question(store: Store) -> None:
     assert said == [(handed_s, 1, "joined", "guanabara", 2001), (handed_s, 1, "left", "ilha", 1001)]
     coverage = {row["name"]: (row["tracks"], row["vessels"], row["vessels_of_it_alone"]) for row in rows("sensor_coverage")}
     assert coverage == {"guanabara": (4, 4, 1), "ilha": (4, 4, 2), "ais": (6, 6, 1), "mouth": (1, 1, 0)}
+    registered = {row["name"]: row for row in rows("sensor_registration", minutes=1.0)}
+    assert [(name, row["state"], row["vessels"]) for name, row in registered.items()] == [
+        ("fort", "settled", 7),
+        ("island", "unknown", 0),
+        ("mouth", None, None),
+    ]
+    fort = registered["fort"]
+    assert fort["azimuth_bias_deg"] == pytest.approx(5.0 + 0.001 * (CYCLES - 1))
+    assert fort["azimuth_sigma_deg"] == pytest.approx(0.01)
+    assert fort["azimuth_change_deg"] == pytest.approx(0.001 * 60.0 / world.PERIOD_S)
+    assert (fort["range_bias_m"], fort["time_lag_s"]) == (-12.0, 1.5)
+    assert registered["island"]["azimuth_sigma_deg"] is None
     load = {row["stage"]: row for row in rows("load", cycles=10)}
     assert list(load) == list(world.SECONDS)
     assert load["tracks"]["mean_ms"] == pytest.approx(4.0)

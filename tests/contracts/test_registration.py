@@ -1,0 +1,166 @@
+"""What every registrar promises, and what the one on line finds."""
+
+from __future__ import annotations
+
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+import registration_world as world
+from pydantic import TypeAdapter
+from scipy.stats import chi2
+
+from coastwatch.batches import RadarCorrections, RegistrationState
+from coastwatch.registration import NoRegistration, OnLineRegistration, Registrar
+
+METHODS = [NoRegistration(), OnLineRegistration()]
+SIGMAS = 4.5  # of a normal error: three figures a radar, a dozen tests
+SEEDS = 24
+BAND = 1e-6  # probability of the chi-square band: red means wrong
+LIKE_PLOTS_DEG, LIKE_PLOTS_M = 0.05, 3.0  # by which a radar that is right may be moved: a sixth, a third of a plot's noise
+
+same_method = pytest.mark.parametrize("method", METHODS, ids=lambda m: m.method)
+
+
+def same(a: Any, b: Any) -> bool:
+    return pickle.dumps(a) == pickle.dumps(b)
+
+
+@same_method
+def test_a_round_trip_through_settings(method: Any) -> None:
+    adapter: TypeAdapter[Any] = TypeAdapter(Registrar)
+    assert adapter.validate_python(method.model_dump()) == method
+
+
+@same_method
+def test_memory_resumes_bit_for_bit_and_is_not_written_to(method: Any) -> None:
+    sea = world.Sea(1, radars=2, errors=((5.0, 30.0, 1.5), (-3.0, 0.0, 0.0)))
+    memory, given, _ = world.run(method, sea, 6)
+    before = pickle.dumps(memory)
+    _, on, _ = world.run(method, sea, 6, first=6, memory=memory, given=given)
+    assert pickle.dumps(memory) == before
+    _, again, _ = world.run(method, sea, 6, first=6, memory=pickle.loads(before), given=given)
+    assert same(on, again)
+
+
+@same_method
+def test_the_order_of_plots_does_not_matter(method: Any) -> None:
+    sea = world.Sea(2, radars=2, errors=((5.0, 30.0, 1.5), (-3.0, 0.0, 0.0)))
+    assert same(world.run(method, sea, 8)[1], world.run(method, sea, 8, order="shuffled")[1])
+
+
+@same_method
+def test_nothing_said_and_nobody_there(method: Any) -> None:
+    sea = world.Sea(3, vessels=0, ais=0, clutter=0)
+    given = world.run(method, sea, 3)[1]
+    assert given.state.tolist() == [RegistrationState.UNKNOWN]
+    assert given.azimuth_bias_rad.tolist() == [0.0]
+    assert not given.jumped.any()
+
+
+@pytest.mark.parametrize("error", [(5.0, 30.0, 1.5), (-15.0, -60.0, 2.0), (0.3, 0.0, 0.0)])
+def test_errors_are_found(error: tuple[float, float, float]) -> None:
+    _, given, course = world.run(OnLineRegistration(), world.Sea(4, errors=(error,)), 60)
+    assert given.state.tolist() == [RegistrationState.SETTLED]
+    assert np.abs(world.errors_of(given, (error,))).max() < SIGMAS
+    assert np.degrees(given.azimuth_sigma_rad[0]) < 0.02
+    assert given.lag_sigma_s[0] < 0.3
+    jumps = [bool(c.jumped[0]) for c in course]
+    assert sum(jumps) == (abs(error[0]) > 1.0), "tracks end once, where the bias is large"
+
+
+def test_two_radars_each_with_errors_of_its_own() -> None:
+    errors = ((7.0, 0.0, 1.0), (-4.0, 40.0, 0.0))
+    _, given, _ = world.run(OnLineRegistration(), world.Sea(5, radars=2, errors=errors), 60)
+    assert np.abs(world.errors_of(given, errors)).max() < SIGMAS
+
+
+def test_a_radar_that_is_right_is_not_shifted() -> None:
+    for seed in range(6):
+        sea = world.Sea(seed, vessels=14, ais=8, errors=((0.0, 0.0, 0.0),))
+        _, given, course = world.run(OnLineRegistration(), sea, 40)
+        assert not any(c.jumped.any() for c in course)
+        assert np.abs(world.errors_of(given, ((0.0, 0.0, 0.0),))).max() < SIGMAS
+        far = max(abs(np.degrees(c.azimuth_bias_rad[0])) for c in course[10:])
+        assert far < 3.0 * LIKE_PLOTS_DEG
+
+
+def test_the_standard_deviations_are_honest() -> None:
+    """Normalised squared errors of three figures over seeds lie in the chi-square band; their covariances are left out, which
+    costs little: the sum of three squares of correlated figures has the same mean and a wider spread."""
+    squares = []
+    for seed in range(SEEDS):
+        sea = world.Sea(100 + seed, ais_sigma_m=5.0)
+        _, given, _ = world.run(OnLineRegistration(apply_s=0.1), sea, 40)
+        squares.append(float((world.errors_of(given, sea.errors) ** 2).sum()))
+    low, high = chi2.ppf([BAND / 2, 1 - BAND / 2], 3 * SEEDS)
+    assert low < sum(squares) < high
+
+
+def test_few_vessels_wait_and_others_are_no_evidence() -> None:
+    """Three AIS vessels are too few; and where the radar sees none of the AIS vessels, whatever bias looks best is none."""
+    for seed in range(12):
+        few = world.Sea(200 + seed, vessels=30, ais=3)
+        wrong = world.Sea(300 + seed, vessels=40, ais=8, silent=8)
+        for sea in (few, wrong):
+            _, given, _ = world.run(OnLineRegistration(), sea, 25)
+            assert given.state.tolist() == [RegistrationState.ACQUIRING]
+            assert given.azimuth_bias_rad.tolist() == [0.0]
+
+
+def test_spoofers_among_the_references_are_outvoted() -> None:
+    """Each fourth vessel says that it is elsewhere: some far, some within the gate and the same way off."""
+    sea = world.Sea(6)
+    shift = np.zeros((sea.ais, 2))
+    shift[::4] = [60.0, 0.0]
+    shift[::8] = [0.0, 900.0]
+    _, given, _ = world.run(OnLineRegistration(), sea, 60, shift_m=lambda _: shift)
+    assert given.state.tolist() == [RegistrationState.SETTLED]
+    assert np.degrees(given.azimuth_bias_rad[0]) == pytest.approx(5.0, abs=LIKE_PLOTS_DEG)
+    assert given.range_bias_m[0] == pytest.approx(30.0, abs=LIKE_PLOTS_M)
+
+
+def test_a_drift_is_followed_as_far_behind_as_the_memory_is_long() -> None:
+    rate_deg_s = 6.0 / 3600.0
+    method = OnLineRegistration(memory_s=60.0)
+    course = world.run(method, world.Sea(7), 150, errors=lambda c: ((5.0 + rate_deg_s * world.PERIOD_S * c, 0.0, 0.0),))[2]
+    true = 5.0 + rate_deg_s * world.PERIOD_S * 149
+    behind = true - np.degrees(course[-1].azimuth_bias_rad[0])
+    assert 0.5 < behind / (rate_deg_s * (60.0 + method.apply_s)) < 1.5
+
+
+def test_a_radar_that_is_turned_is_acquired_again() -> None:
+    sea = world.Sea(8)
+    course = world.run(OnLineRegistration(), sea, 90, errors=lambda c: ((5.0 if c < 30 else -6.0, 0.0, 0.0),))[2]
+    jumps = [k for k, c in enumerate(course) if c.jumped[0]]
+    assert len(jumps) == 2
+    assert 30 <= jumps[1] <= 60
+    assert np.degrees(course[-1].azimuth_bias_rad[0]) == pytest.approx(-6.0, abs=LIKE_PLOTS_DEG)
+
+
+def test_what_is_known_is_held_while_nothing_is_compared() -> None:
+    sea = world.Sea(9)
+    memory, given, _ = world.run(OnLineRegistration(), sea, 40)
+    sea.ais = 0
+    _, later, _ = world.run(OnLineRegistration(), sea, 40, first=40, memory=memory, given=given)
+    assert later.state.tolist() == [RegistrationState.SETTLED]
+    assert np.degrees(later.azimuth_bias_rad - given.azimuth_bias_rad)[0] == pytest.approx(0.0, abs=0.02)
+    assert later.azimuth_sigma_rad[0] > given.azimuth_sigma_rad[0]
+
+
+def test_a_jump_ends_the_tracks_that_hold_plots_of_that_radar() -> None:
+    from coastwatch.tracks.motion import Motion
+    from coastwatch.tracks.table import RadarMemory, started
+
+    sea = world.Sea(10, radars=2, errors=((0.0, 0.0, 0.0),) * 2)
+    plots = sea.plots(0, RadarCorrections.none(2))
+    from dataclasses import replace
+
+    memory = RadarMemory.empty(Motion()).for_radars(2)
+    memory = replace(memory, table=started(Motion(), plots, 1, 2), next_id=1 + len(plots))
+    left = memory.without_radars(np.array([True, False]))
+    assert len(left.table) == (plots.sensor == 1).sum()
+    assert np.isinf(left.table.radar_s[:, 0]).all()
+    assert left.next_id == memory.next_id, "numbers are never given twice"
+    assert memory.without_radars(np.array([False, False])) is memory
