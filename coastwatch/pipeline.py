@@ -126,6 +126,15 @@ def step(
             m.registration, plots, ais_tracks, alarms, measurements, picture, members, *heard, time_s, sensors, m.corrections
         )
     first = plots_memory, tuple(new for new, *_ in regions), ais_memory, bearing_memory, spots_memory
-    after = Memory(*first, associations_memory, fused_memory, picture_memory, octants_memory, bearings_memory, registration_memory, corrections)
+    after = Memory(
+        *first,
+        associations_memory,
+        fused_memory,
+        picture_memory,
+        octants_memory,
+        bearings_memory,
+        registration_memory,
+        corrections,
+    )
     found = spots, associations, fused, picture, members, octants, bearing_associations, corrections
     return after, Cycle(time_s, tracks, alarms, bearing_tracks, *found)

@@ -184,7 +184,8 @@ class RadarCorrections(Batch):
     azimuth_bias_rad: Floats = column(np.float64, "R")  # how far its azimuths are clockwise of the truth
     range_bias_m: Floats = column(np.float64, "R")  # how far its ranges are too long
     time_lag_s: Floats = column(np.float64, "R")  # how late its time stamps are
-    azimuth_sigma_rad: Floats = column(np.float64, "R")  # NaN where nothing is known, as the next two
+    estimated_lag_s: Floats = column(np.float64, "R")  # a lag is taken out only once it is known well; NaN where nothing is known
+    azimuth_sigma_rad: Floats = column(np.float64, "R")  # of the estimates; NaN where nothing is known
     range_sigma_m: Floats = column(np.float64, "R")
     lag_sigma_s: Floats = column(np.float64, "R")
     references: Ints = column(np.int64, "R")  # vessels behind the estimate
@@ -197,7 +198,7 @@ class RadarCorrections(Batch):
         """Nothing is known of any radar, and nothing taken out."""
         zero, unknown = np.zeros(radars), np.full(radars, np.nan)
         number, no = np.zeros(radars, np.int64), np.zeros(radars, np.bool_)
-        return cls(zero, zero, zero, unknown, unknown, unknown, number, zero, number, no)
+        return cls(zero, zero, zero, unknown, unknown, unknown, unknown, number, zero, number, no)
 
 
 class Flag(IntFlag):

@@ -15,7 +15,16 @@ from coastwatch.scenario import utc_text
 from coastwatch.store import Rows, Store
 from coastwatch.store.questions import ParameterError
 
-DIGITS = {"latitude_deg": 6, "longitude_deg": 6, "sog_kn": 2, "statistic": 3, "share": 4, "azimuth_bias_deg": 4, "azimuth_sigma_deg": 4, "azimuth_change_deg": 4}
+DIGITS = {
+    "latitude_deg": 6,
+    "longitude_deg": 6,
+    "sog_kn": 2,
+    "statistic": 3,
+    "share": 4,
+    "azimuth_bias_deg": 4,
+    "azimuth_sigma_deg": 4,
+    "azimuth_change_deg": 4,
+}
 ENDINGS = {"_deg": 2, "_deg_s": 4, "_m": 1, "_nm": 3, "_kn": 2, "_ms": 3, "_s": 3, "_min": 2}
 SHOWN = (
     "vessel_id",
@@ -32,8 +41,8 @@ SHOWN = (
 )
 """Columns of the picture that fit on a screen; files have all."""
 
-ERRORS = (("azimuth_bias_deg", "azimuth_sigma_deg"), ("range_bias_m", "range_sigma_m"), ("time_lag_s", "lag_sigma_s"))
-"""Registration errors of a sensor and their standard deviations."""
+ERRORS = (("azimuth_bias_deg", "azimuth_sigma_deg"), ("range_bias_m", "range_sigma_m"), ("time_lag_s", ""), ("estimated_lag_s", "lag_sigma_s"))
+"""Registration errors of a sensor and their standard deviations; a lag is taken out only once it is known well."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +102,7 @@ def registration(rows: Rows) -> Rows:
     for row in rows.rows:
         s = dict(zip(rows.columns, row, strict=True))
         spec = " ".join(f"{key}={round(value, 3):g}" for key, value in s["spec"].items())
-        errors = [_with_sigma(s[value], s[sigma]) for value, sigma in ERRORS]
+        errors = [_with_sigma(s[value], s.get(sigma)) for value, sigma in ERRORS]
         place = (s["kind"], s["name"], s["region"], s["latitude_deg"], s["longitude_deg"])
         made.append((*place, round(s["range_m"] / NAUTICAL_MILE_M, 2), spec, s["heard_utc"], s["state"], *errors, s["vessels"]))
     return Rows((*names, "state", *(value for value, _ in ERRORS), "vessels"), made)

@@ -49,8 +49,8 @@ class Estimate(NamedTuple):
 
     mean: Floats  # (R, 3)
     sigma: Floats  # (R, 3)
-    references: Ints  # (R,)
-    count: Floats  # (R,)
+    references: Ints  # (R,) vessels that tell the bias
+    plots: Floats  # (R,)
 
 
 def learn(evidence: Evidence, rows: Rows, keep: Floats) -> Evidence:
@@ -109,13 +109,13 @@ def solve(evidence: Evidence, centre: Floats, prior_sigma: Floats) -> Estimate:
     weight, off = np.ones(len(evidence)), np.zeros((radars, 3))
     eigen, axes = np.linalg.eigh(information)
     told = eigen > SEPARATE * eigen[:, -1:]
-    inverse = np.zeros((radars, 3, 3))
+    inverse: Floats = np.zeros((radars, 3, 3))
     square = np.zeros(len(evidence))
     for _ in range(ROUNDS):
         whole, right = prior.copy(), np.zeros((radars, 3))
         np.add.at(whole, evidence.radar, information * weight[:, None, None])
         np.add.at(right, evidence.radar, vector * weight[:, None])
-        inverse = np.linalg.inv(whole)
+        inverse = np.asarray(np.linalg.inv(whole), np.float64)
         off = (inverse @ right[:, :, None])[..., 0]
         left = vector - (information @ off[evidence.radar][:, :, None])[..., 0]
         seen = (axes.swapaxes(-1, -2) @ left[:, :, None])[..., 0]
@@ -129,7 +129,7 @@ def solve(evidence: Evidence, centre: Floats, prior_sigma: Floats) -> Estimate:
     return Estimate(
         centre + off,
         sigma,
-        np.bincount(evidence.radar, weight >= 0.5, radars).astype(np.int64),
+        np.bincount(evidence.radar, (weight >= 0.5) & (evidence.design2[:, 0, 0] > 0.0), radars).astype(np.int64),
         np.bincount(evidence.radar, evidence.count, radars).astype(np.float64),
     )
 

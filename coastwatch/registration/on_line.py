@@ -25,6 +25,7 @@ from coastwatch.batches import (
     Tracks,
 )
 from coastwatch.registration import votes
+from coastwatch.registration.bearings import Waiting, compare, queue
 from coastwatch.registration.evidence import Estimate, Evidence, Rows, learn, solve
 from coastwatch.registration.residuals import Echoes, Pairs, alone, compared, echoes, in_cover
 from coastwatch.registration.votes import Votes
@@ -51,6 +52,7 @@ class OnLineMemory:
     centre: Floats  # (R, 3) azimuth rad, range m, lag s at which it was
     evidence: Evidence
     known: Estimate  # what the evidence says
+    waiting: Waiting
     quiet_s: Floats  # (R,) time without any residual
 
 
@@ -70,7 +72,9 @@ class OnLineRegistration(Method):
     range_search_m: Positive = 200.0  # to each side
     bin_deg: Positive = 0.5  # windows are two bins wide; never less than twice the radar's azimuth noise
     vote_memory_s: Positive = 30.0  # time constant of the votes
-    false_alarm: Annotated[float, Field(gt=0.0, lt=1.0)] = 1e-6  # that a window is best by chance, vessels and plots evenly spread
+    false_alarm: Annotated[float, Field(gt=0.0, lt=1.0)] = (
+        1e-6  # that a window is best by chance, vessels and plots evenly spread
+    )
     least_vessels: Count = 4  # in cover of a radar; fewer begin no registration
     least_share: Share = 0.5  # of the vessels in cover, that the best window must explain
     memory_s: Positive = 300.0  # time constant of the least squares: a drift is followed so far behind
@@ -78,14 +82,17 @@ class OnLineRegistration(Method):
     reference_sigma_m: Positive = 5.0  # per axis, of what lies between an AIS position and its echo
     range_prior_m: Positive = 50.0  # standard deviation of a range bias before anything is known
     lag_prior_s: Positive = 1.5  # of a lag
-    lag_known_s: Positive = 0.5  # a lag is applied when its standard deviation is under this
+    lag_known_s: Positive = 0.25  # a lag is applied when its standard deviation is under this
     settled_share: Positive = 0.25  # settled: the azimuth bias is known to this share of the radar's azimuth noise
+    use_bearings: bool = True  # of cameras and sonars, for the lag
     drift_deg_h: Annotated[float, Field(ge=0.0)] = 0.5  # by which an azimuth bias may go off while nothing is compared
 
     def init(self) -> OnLineMemory:
         nothing = np.zeros((0, 3))
         nobody = Votes.none(0, 0), np.zeros(0, np.bool_), nothing, Evidence.empty()
-        return OnLineMemory(-np.inf, *nobody, Estimate(nothing, nothing, np.zeros(0, np.int64), np.zeros(0)), np.zeros(0))
+        return OnLineMemory(
+            -np.inf, *nobody, Estimate(nothing, nothing, np.zeros(0, np.int64), np.zeros(0)), Waiting.empty(), np.zeros(0)
+        )
 
     def step(
         self,
@@ -120,10 +127,18 @@ class OnLineRegistration(Method):
         locked, centre, found = self._acquire(memory, counted, pairs, sensors)
         evidence = memory.evidence.take(~found[memory.evidence.radar])
         rows = self._rows(said, pairs, vessels, given, memory.known, locked & ~found, sensors)
+        waiting, with_bearings = memory.waiting, Rows.empty()
+        if self.use_bearings:
+            unsure = memory.known.sigma[:, NO_LAG] > self.lag_known_s  # AIS tells more, where there is enough of it
+            waiting = queue(memory.waiting, measurements, given, unsure, time_s)
+            waiting, with_bearings = compare(waiting, picture, members, bearing_tracks, bearing_associations, sensors)
+        rows = Rows.join([rows, with_bearings])
         heard = np.bincount(rows.radar, minlength=len(locked)) > 0
         evidence = learn(evidence, rows, np.where(heard, np.exp(-dt / self.memory_s), 1.0))
         quiet_s = np.where(heard | found, 0.0, memory.quiet_s + dt)
-        after = OnLineMemory(time_s, counted, locked, centre, evidence, self._solved(evidence, centre, sensors), quiet_s)
+        after = OnLineMemory(
+            time_s, counted, locked, centre, evidence, self._solved(evidence, centre, sensors), waiting, quiet_s
+        )
         return after, self._corrections(after, found, seen, given, dt, sensors)
 
     def _for(self, memory: OnLineMemory, time_s: float, sensors: Sensors) -> OnLineMemory:
@@ -134,7 +149,7 @@ class OnLineRegistration(Method):
         windows = int(np.ceil(2.0 * np.radians(self.azimuth_search_deg) / self._bin_rad(sensors))) - 1
         centre, evidence = np.zeros((n, 3)), Evidence.empty()
         nobody = Votes.none(n, max(windows, 1)), np.zeros(n, np.bool_), centre, evidence
-        return OnLineMemory(memory.time_s, *nobody, self._solved(evidence, centre, sensors), np.zeros(n))
+        return OnLineMemory(memory.time_s, *nobody, self._solved(evidence, centre, sensors), Waiting.empty(), np.zeros(n))
 
     def _bin_rad(self, sensors: Sensors) -> float:
         return float(max(np.radians(self.bin_deg), 2.0 * sensors.radars.azimuth_sigma_rad.max(initial=0.0)))
@@ -149,9 +164,7 @@ class OnLineRegistration(Method):
         search, keep = np.radians(self.azimuth_search_deg), float(np.exp(-dt / self.vote_memory_s))
         return votes.add(memory.votes, pairs, self._bin_rad(sensors), search, seen, share, keep)
 
-    def _acquire(
-        self, memory: OnLineMemory, counted: Votes, pairs: Pairs, sensors: Sensors
-    ) -> tuple[Bools, Floats, Bools]:
+    def _acquire(self, memory: OnLineMemory, counted: Votes, pairs: Pairs, sensors: Sensors) -> tuple[Bools, Floats, Bools]:
         """Which radars are locked, at what, and which of them now."""
         width = self._bin_rad(sensors)
         best, sure = votes.significant(counted, self.false_alarm, self.least_vessels, self.least_share)
@@ -228,27 +241,28 @@ class OnLineRegistration(Method):
         """The next corrections: at once where a bias was acquired, else a step towards the estimate."""
         units, known = self._units(sensors), memory.known
         old = np.column_stack([given.azimuth_bias_rad, given.range_bias_m, given.time_lag_s])
-        wanted = np.where(memory.locked[:, None], known.mean, old)
+        wanted = np.where(memory.locked[:, None] | [False, False, True], known.mean, old)
         wanted[known.sigma[:, NO_LAG] > self.lag_known_s, NO_LAG] = old[known.sigma[:, NO_LAG] > self.lag_known_s, NO_LAG]
         new = old + (wanted - old) * (1.0 - np.exp(-dt / self.apply_s))
         # A bias smaller than the noise of a plot can wait for a better estimate: a radar that is right is not shifted.
         at_once = found[:, None] & (np.abs(memory.centre - old) > units) & [True, True, False]
         new = np.where(at_once, memory.centre, np.where(found[:, None], old, new))
         moved = np.abs(new - old)[:, :2] > TRACKS_SIGMAS * units[:, :2]
-        sigma = np.where(memory.locked[:, None], known.sigma, np.nan)
+        sigma = np.where(memory.locked[:, None] | ((known.plots > 0.0)[:, None] & [False, False, True]), known.sigma, np.nan)
         sigma[:, 0] = np.hypot(sigma[:, 0], np.radians(self.drift_deg_h) * memory.quiet_s / 3600.0)
         sure = memory.locked & (sigma[:, 0] <= self.settled_share * units[:, 0]) & (known.references >= self.least_vessels)
-        hopeful = memory.locked | (seen > 0) | (memory.votes.looked > 0.0)
+        hopeful = memory.locked | (seen > 0) | (memory.votes.looked > 0.0) | (known.plots > 0.0)
         state = np.where(sure, RegistrationState.SETTLED, np.where(hopeful, RegistrationState.ACQUIRING, 0))
         return RadarCorrections(
             azimuth_bias_rad=new[:, 0],
             range_bias_m=new[:, 1],
             time_lag_s=new[:, 2],
+            estimated_lag_s=np.where(np.isfinite(sigma[:, NO_LAG]), known.mean[:, NO_LAG], np.nan),
             azimuth_sigma_rad=sigma[:, 0],
             range_sigma_m=sigma[:, 1],
             lag_sigma_s=sigma[:, 2],
             references=known.references,
-            residuals=known.count,
+            residuals=known.plots,
             state=state.astype(np.int64),
-            jumped=moved.any(axis=1),
+            jumped=moved[:, 0] | moved[:, 1],
         )

@@ -63,7 +63,10 @@ def compared(
 
     The rates and the places are those at the stamp less the lag in `given`. Sorted by radar, vessel, plot.
     """
-    parts = [_near(said, np.flatnonzero(said.radar == r), vessels, range_search_m, azimuth_search_rad) for r in np.unique(said.radar).tolist()]
+    parts = [
+        _near(said, np.flatnonzero(said.radar == r), vessels, range_search_m, azimuth_search_rad)
+        for r in np.unique(said.radar).tolist()
+    ]
     plot = np.concatenate([p for p, _ in parts]) if parts else np.zeros(0, np.int64)
     vessel = np.concatenate([v for _, v in parts]) if parts else np.zeros(0, np.int64)
     found = _differences(said, plot, vessels, vessel, given)
@@ -82,9 +85,7 @@ def in_cover(said: Echoes, vessels: Tracks, sensors: Sensors) -> Ints:
     return count
 
 
-def _near(
-    said: Echoes, plot: Ints, vessels: Tracks, range_search_m: float, azimuth_search_rad: float
-) -> tuple[Ints, Ints]:
+def _near(said: Echoes, plot: Ints, vessels: Tracks, range_search_m: float, azimuth_search_rad: float) -> tuple[Ints, Ints]:
     """Pairs of one radar that may be within the search, by the vessels' places now and a margin for how they move."""
     site = said.site_deg[plot[0]]
     at = to_plane(vessels.position_deg, site)

@@ -45,7 +45,9 @@ class RadarTruth(Settings):
     noise_factor: Annotated[float, Field(ge=0.0, le=100.0)] = 1.0  # real noise over that of the specification
     range_bias_m: Annotated[float, Field(ge=-1000.0, le=1000.0)] = 0.0  # added to what is measured
     azimuth_bias_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = 0.0  # added to what is measured
-    azimuth_drift_deg_h: Annotated[float, Field(ge=-3600.0, le=3600.0)] = 0.0  # by which the bias grows from the start of the run
+    azimuth_drift_deg_h: Annotated[float, Field(ge=-3600.0, le=3600.0)] = (
+        0.0  # by which the bias grows from the start of the run
+    )
     time_bias_s: Annotated[float, Field(ge=-60.0, le=60.0)] = 0.0  # added to the true time of the beam
     latency_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0  # from the beam to the arrival of the report
     start_s: Annotated[float, Field(ge=0.0)] = 0.0  # switched on, after the start of the run

@@ -34,7 +34,8 @@ class SensorRegistration(Base):
     range_bias_m: Mapped[float | None]
     range_sigma_m: Mapped[float | None]
     time_lag_s: Mapped[float | None]
-    lag_sigma_s: Mapped[float | None]
+    estimated_lag_s: Mapped[float | None]
+    lag_sigma_s: Mapped[float | None]  # of the estimate
     vessels: Mapped[int | None]  # behind the estimate
     residuals: Mapped[float | None]  # plots behind it, the older the less
 
@@ -90,7 +91,7 @@ def _columns(
     others = stations + len(bias)
     none: list[Any] = [None] * others
     azimuth = [*[None] * stations, *bias.tolist(), *np.degrees(c.azimuth_bias_rad).tolist()]
-    radars = (np.degrees(c.azimuth_sigma_rad), c.range_bias_m, c.range_sigma_m, c.time_lag_s, c.lag_sigma_s)
+    radars = (np.degrees(c.azimuth_sigma_rad), c.range_bias_m, c.range_sigma_m, c.time_lag_s, c.estimated_lag_s, c.lag_sigma_s)
     return [
         [run_id] * len(names),
         [number] * len(names),

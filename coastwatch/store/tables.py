@@ -1,4 +1,6 @@
-"""Every table of the database but `sensor_registration` (registrations.py). Column names carry units; positions are degrees, speeds knots, times seconds since 1970 UTC.
+"""Every table of the database but `sensor_registration`, which is in registrations.py.
+
+Column names carry units; positions are degrees, speeds knots, times seconds since 1970 UTC.
 
 The big tables (history, association, bearing_association) have the primary key (run, cycle, ...) and no other index: rows
 arrive in key order, so a B-tree only ever grows at its right end and writing stays as fast after a week as on the first day.

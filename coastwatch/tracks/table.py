@@ -114,8 +114,8 @@ class RadarMemory:
         """This memory without the tracks that hold plots of these radars (R,), whose registration has jumped."""
         if not moved.any() or not len(self.heard_s):
             return self
-        kept = ~np.isfinite(self.table.radar_s[:, moved]).any(axis=1)
-        return replace(self, table=self.table.take(kept))
+        kept = np.isneginf(self.table.radar_s[:, moved]).all(axis=1)
+        return replace(self, table=self.table.take(np.flatnonzero(kept)))
 
     def hear(self, plots: Plots) -> RadarMemory:
         """This memory with the radars' places and times of these plots, sorted by time."""

@@ -15,7 +15,8 @@ WITH latest AS (
     GROUP BY r.kind, r.number
 )
 SELECT s.kind, s.name, r.state, r.azimuth_bias_deg, r.azimuth_sigma_deg, r.range_bias_m, r.range_sigma_m,
-    r.time_lag_s, r.lag_sigma_s, r.vessels, r.azimuth_bias_deg - o.azimuth_bias_deg AS azimuth_change_deg, r.heard_s
+    r.time_lag_s, r.estimated_lag_s, r.lag_sigma_s, r.vessels,
+    r.azimuth_bias_deg - o.azimuth_bias_deg AS azimuth_change_deg, r.heard_s
 FROM newest n
     JOIN sensor s ON s.run_id = :run AND s.kind = n.kind AND s.number = n.number
     JOIN sensor_registration r

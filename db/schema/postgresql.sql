@@ -161,6 +161,7 @@ CREATE TABLE sensor_registration (
 	range_bias_m FLOAT(53),
 	range_sigma_m FLOAT(53),
 	time_lag_s FLOAT(53),
+	estimated_lag_s FLOAT(53),
 	lag_sigma_s FLOAT(53),
 	vessels BIGINT,
 	residuals FLOAT(53),

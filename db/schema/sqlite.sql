@@ -167,6 +167,7 @@ CREATE TABLE sensor_registration (
 	range_bias_m FLOAT,
 	range_sigma_m FLOAT,
 	time_lag_s FLOAT,
+	estimated_lag_s FLOAT,
 	lag_sigma_s FLOAT,
 	vessels INTEGER,
 	residuals FLOAT,

@@ -69,7 +69,9 @@ def run(name: str, seed: int, wrong: str, more: dict[str, str]) -> Course:
 
 def smoothed(course: Course) -> np.ndarray:
     """F1 over half a minute up to each cycle."""
-    return np.array([sum(course.counts[max(k - OVER + 1, 0) : k + 1], Confusion()).as_dict()["f1"] for k in range(len(course.counts))])
+    return np.array(
+        [sum(course.counts[max(k - OVER + 1, 0) : k + 1], Confusion()).as_dict()["f1"] for k in range(len(course.counts))]
+    )
 
 
 def told(corrections: RadarCorrections) -> str:
@@ -77,7 +79,7 @@ def told(corrections: RadarCorrections) -> str:
     c = corrections
     return "; ".join(
         f"{np.degrees(c.azimuth_bias_rad[k]):.3f}+-{np.degrees(c.azimuth_sigma_rad[k]):.3f} deg "
-        f"{c.range_bias_m[k]:.1f}+-{c.range_sigma_m[k]:.1f} m {c.time_lag_s[k]:.2f}+-{c.lag_sigma_s[k]:.2f} s "
+        f"{c.range_bias_m[k]:.1f}+-{c.range_sigma_m[k]:.1f} m {c.estimated_lag_s[k]:.2f}+-{c.lag_sigma_s[k]:.2f} s "
         f"{RegistrationState(int(c.state[k])).name.lower()}"
         for k in range(len(c))
     )
@@ -105,7 +107,9 @@ def main() -> None:
             short = np.flatnonzero(f1 < best - WITHIN)
             since = (short[-1] + 2) * period_s if len(short) else 0.0
             when = f"{since:.0f} s" if since < LASTS_S else "never"
-            print(f"seed {seed}, {title}: {when}; F1 {100 * f1[-1]:.3f} % against {100 * best[-1]:.3f} %; {course.vessels[-1]} vessels")
+            print(
+                f"seed {seed}, {title}: {when}; F1 {100 * f1[-1]:.3f} % against {100 * best[-1]:.3f} %; {course.vessels[-1]} vessels"
+            )
             print(f"    {told(course.corrections[-1])}", flush=True)
             if asked.course:
                 print("    " + " ".join(f"{100 * v:.2f}" for v in f1[4::5]), flush=True)

@@ -148,6 +148,6 @@ def run(method: Any, sea: Sea, cycles: int, first: int = 0, memory: Any = None, 
 
 def errors_of(given: RadarCorrections, true: Any) -> Floats:
     """Corrections less the true errors over the standard deviations. (R, 3)"""
-    got = np.column_stack([given.azimuth_bias_rad, given.range_bias_m, given.time_lag_s])
+    got = np.column_stack([given.azimuth_bias_rad, given.range_bias_m, given.estimated_lag_s])
     want = np.array([[np.radians(a), m, s] for a, m, s in true])
     return (got - want) / np.column_stack([given.azimuth_sigma_rad, given.range_sigma_m, given.lag_sigma_s])

@@ -125,7 +125,7 @@ def bearings_of(picture: Picture) -> tuple[BearingTracks, BearingAssociations]:
 def corrections_of(number: int) -> RadarCorrections:
     """The first radar settles in cycle 20, its azimuth bias grows by a thousandth of a degree a cycle; nothing is known of the second."""
     settled = number >= 20
-    sigma = [np.array([s, np.nan]) for s in (np.radians(0.01 if settled else 0.2), 3.0, 0.1)]
+    sigma = [np.array([s, np.nan]) for s in (1.6, np.radians(0.01 if settled else 0.2), 3.0, 0.1)]
     biases = [np.array([b, 0.0]) for b in (np.radians(5.0 + 0.001 * number), -12.0, 1.5)]
     state = np.array([2 if settled else 1, 0])
     return RadarCorrections(*biases, *sigma, np.array([7, 0]), np.array([10.0 * number, 0.0]), state, np.zeros(2, np.bool_))

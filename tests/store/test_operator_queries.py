@@ -173,6 +173,7 @@ def test_every_question(store: Store) -> None:
     assert fort["azimuth_sigma_deg"] == pytest.approx(0.01)
     assert fort["azimuth_change_deg"] == pytest.approx(0.001 * 60.0 / world.PERIOD_S)
     assert (fort["range_bias_m"], fort["time_lag_s"]) == (-12.0, 1.5)
+    assert (fort["estimated_lag_s"], fort["lag_sigma_s"]) == (1.6, 0.1)
     assert registered["island"]["azimuth_sigma_deg"] is None
     load = {row["stage"]: row for row in rows("load", cycles=10)}
     assert list(load) == list(world.SECONDS)

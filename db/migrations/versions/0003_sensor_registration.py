@@ -18,6 +18,7 @@ MEASURED = (
     "range_bias_m",
     "range_sigma_m",
     "time_lag_s",
+    "estimated_lag_s",
     "lag_sigma_s",
 )
 
