@@ -11,6 +11,7 @@ The map, in the order in which data flows (each stage is a folder with a README)
 | associations   | tracks in a spot               | Associations: which tracks are one vessel         |
 | fused_tracks   | associated tracks              | FusedTracks: one estimate a vessel                |
 | picture        | fused tracks                   | Picture: stable identity, sources, flags          |
+| registration   | plots, tracks, bearings        | RadarCorrections for the plots of the next cycle  |
 | scores         | truth and any of the above     | numbers                                           |
 
 `batches` is what flows, `scenario` one TOML file, `pipeline` the whole flow on one page, `workers` how it is spread,

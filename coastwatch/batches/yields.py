@@ -184,7 +184,9 @@ class RadarCorrections(Batch):
     azimuth_bias_rad: Floats = column(np.float64, "R")  # how far its azimuths are clockwise of the truth
     range_bias_m: Floats = column(np.float64, "R")  # how far its ranges are too long
     time_lag_s: Floats = column(np.float64, "R")  # how late its time stamps are
-    estimated_lag_s: Floats = column(np.float64, "R")  # a lag is taken out only once it is known well; NaN where nothing is known
+    estimated_lag_s: Floats = column(
+        np.float64, "R"
+    )  # a lag is taken out only once it is known well; NaN where nothing is known
     azimuth_sigma_rad: Floats = column(np.float64, "R")  # of the estimates; NaN where nothing is known
     range_sigma_m: Floats = column(np.float64, "R")
     lag_sigma_s: Floats = column(np.float64, "R")

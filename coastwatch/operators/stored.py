@@ -41,7 +41,12 @@ SHOWN = (
 )
 """Columns of the picture that fit on a screen; files have all."""
 
-ERRORS = (("azimuth_bias_deg", "azimuth_sigma_deg"), ("range_bias_m", "range_sigma_m"), ("time_lag_s", ""), ("estimated_lag_s", "lag_sigma_s"))
+ERRORS = (
+    ("azimuth_bias_deg", "azimuth_sigma_deg"),
+    ("range_bias_m", "range_sigma_m"),
+    ("time_lag_s", ""),
+    ("estimated_lag_s", "lag_sigma_s"),
+)
 """Registration errors of a sensor and their standard deviations; a lag is taken out only once it is known well."""
 
 

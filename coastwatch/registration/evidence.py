@@ -16,6 +16,7 @@ from coastwatch.batches import Batch, Floats, Ints, column
 ROUNDS = 4  # of reweighting; weights change in the third digit after three
 BELIEVED = 11.3  # squared distance that three degrees of freedom exceed once in a hundred
 SEPARATE = 1e-6  # of the greatest eigenvalue: directions of which a vessel says less are none
+CHANCE = 4.0  # standard deviations: once in 16,000 cycles
 PRIOR_VESSELS = 10.0  # as if so many had said that the model's variances are right
 
 
@@ -42,6 +43,38 @@ class Evidence(Batch):
     design_value: Floats = column(np.float64, "N", 3)
     own_value: Floats = column(np.float64, "N", 2)
     count: Floats = column(np.float64, "N")
+
+
+@dataclass(frozen=True, eq=False)
+class Surprise:
+    """What the newest azimuths say against the estimate, forgotten within seconds: a drift shows here first."""
+
+    total: Floats  # (R,) sum of residuals over their standard deviations
+    weight: Floats  # (R,) of how many
+    variance: Floats  # (R,) of that sum while nothing drifts
+
+    @classmethod
+    def none(cls, radars: int) -> Surprise:
+        return cls(np.zeros(radars), np.zeros(radars), np.zeros(radars))
+
+    def after(self, rows: Rows, mean: Floats, keep: float) -> Surprise:
+        """With these rows. Args: mean: (R, 3) in the units of the rows; keep: what is left of the former sums."""
+        rows = rows.take(rows.design[:, 0] > 0.0)
+        left = rows.value - (rows.design * mean[rows.radar]).sum(axis=1)
+        share, radars = 1.0 / (1.0 + rows.own[:, 1] ** 2), len(self.total)
+        total, weight = (np.bincount(rows.radar, w, radars).astype(np.float64) for w in (left * share, share))
+        return Surprise(self.total * keep + total, self.weight * keep + weight, self.variance * keep**2 + weight)
+
+    @property
+    def sigmas(self) -> Floats:
+        """By how many of its standard deviations the sum is off. (R,)"""
+        out: Floats = np.abs(self.total) / np.sqrt(np.maximum(self.variance, 1.0))
+        return out
+
+    @property
+    def mean(self) -> Floats:
+        """By how much the estimate is off lately, in units of the azimuth's standard deviation, where that is no chance. (R,)"""
+        return np.where(self.sigmas > CHANCE, np.abs(self.total) / np.maximum(self.weight, 1.0), 0.0)
 
 
 class Estimate(NamedTuple):

@@ -26,7 +26,7 @@ from coastwatch.batches import (
 )
 from coastwatch.registration import votes
 from coastwatch.registration.bearings import Waiting, compare, queue
-from coastwatch.registration.evidence import Estimate, Evidence, Rows, learn, solve
+from coastwatch.registration.evidence import CHANCE, Estimate, Evidence, Rows, Surprise, learn, solve
 from coastwatch.registration.residuals import Echoes, Pairs, alone, compared, echoes, in_cover
 from coastwatch.registration.votes import Votes
 from coastwatch.stage import Method
@@ -52,6 +52,7 @@ class OnLineMemory:
     centre: Floats  # (R, 3) azimuth rad, range m, lag s at which it was
     evidence: Evidence
     known: Estimate  # what the evidence says
+    surprise: Surprise
     waiting: Waiting
     quiet_s: Floats  # (R,) time without any residual
 
@@ -78,6 +79,7 @@ class OnLineRegistration(Method):
     least_vessels: Count = 4  # in cover of a radar; fewer begin no registration
     least_share: Share = 0.5  # of the vessels in cover, that the best window must explain
     memory_s: Positive = 300.0  # time constant of the least squares: a drift is followed so far behind
+    drift_memory_s: Positive = 30.0  # the same while the newest residuals contradict the estimate
     apply_s: Positive = 10.0  # time constant with which the estimate is taken over
     reference_sigma_m: Positive = 5.0  # per axis, of what lies between an AIS position and its echo
     range_prior_m: Positive = 50.0  # standard deviation of a range bias before anything is known
@@ -91,7 +93,12 @@ class OnLineRegistration(Method):
         nothing = np.zeros((0, 3))
         nobody = Votes.none(0, 0), np.zeros(0, np.bool_), nothing, Evidence.empty()
         return OnLineMemory(
-            -np.inf, *nobody, Estimate(nothing, nothing, np.zeros(0, np.int64), np.zeros(0)), Waiting.empty(), np.zeros(0)
+            -np.inf,
+            *nobody,
+            Estimate(nothing, nothing, np.zeros(0, np.int64), np.zeros(0)),
+            Surprise.none(0),
+            Waiting.empty(),
+            np.zeros(0),
         )
 
     def step(
@@ -134,10 +141,14 @@ class OnLineRegistration(Method):
             waiting, with_bearings = compare(waiting, picture, members, bearing_tracks, bearing_associations, sensors)
         rows = Rows.join([rows, with_bearings])
         heard = np.bincount(rows.radar, minlength=len(locked)) > 0
-        evidence = learn(evidence, rows, np.where(heard, np.exp(-dt / self.memory_s), 1.0))
+        surprise = memory.surprise.after(
+            rows, memory.known.mean / self._units(sensors), float(np.exp(-dt / self.drift_memory_s))
+        )
+        memory_s = np.where(surprise.sigmas > CHANCE, self.drift_memory_s, self.memory_s)
+        evidence = learn(evidence, rows, np.where(heard, np.exp(-dt / memory_s), 1.0))
         quiet_s = np.where(heard | found, 0.0, memory.quiet_s + dt)
         after = OnLineMemory(
-            time_s, counted, locked, centre, evidence, self._solved(evidence, centre, sensors), waiting, quiet_s
+            time_s, counted, locked, centre, evidence, self._solved(evidence, centre, sensors), surprise, waiting, quiet_s
         )
         return after, self._corrections(after, found, seen, given, dt, sensors)
 
@@ -149,7 +160,9 @@ class OnLineRegistration(Method):
         windows = int(np.ceil(2.0 * np.radians(self.azimuth_search_deg) / self._bin_rad(sensors))) - 1
         centre, evidence = np.zeros((n, 3)), Evidence.empty()
         nobody = Votes.none(n, max(windows, 1)), np.zeros(n, np.bool_), centre, evidence
-        return OnLineMemory(memory.time_s, *nobody, self._solved(evidence, centre, sensors), Waiting.empty(), np.zeros(n))
+        return OnLineMemory(
+            memory.time_s, *nobody, self._solved(evidence, centre, sensors), Surprise.none(n), Waiting.empty(), np.zeros(n)
+        )
 
     def _bin_rad(self, sensors: Sensors) -> float:
         return float(max(np.radians(self.bin_deg), 2.0 * sensors.radars.azimuth_sigma_rad.max(initial=0.0)))
@@ -249,7 +262,8 @@ class OnLineRegistration(Method):
         new = np.where(at_once, memory.centre, np.where(found[:, None], old, new))
         moved = np.abs(new - old)[:, :2] > TRACKS_SIGMAS * units[:, :2]
         sigma = np.where(memory.locked[:, None] | ((known.plots > 0.0)[:, None] & [False, False, True]), known.sigma, np.nan)
-        sigma[:, 0] = np.hypot(sigma[:, 0], np.radians(self.drift_deg_h) * memory.quiet_s / 3600.0)
+        unseen = np.radians(self.drift_deg_h) * memory.quiet_s / 3600.0
+        sigma[:, 0] = np.sqrt(sigma[:, 0] ** 2 + unseen**2 + (memory.surprise.mean * units[:, 0]) ** 2)
         sure = memory.locked & (sigma[:, 0] <= self.settled_share * units[:, 0]) & (known.references >= self.least_vessels)
         hopeful = memory.locked | (seen > 0) | (memory.votes.looked > 0.0) | (known.plots > 0.0)
         state = np.where(sure, RegistrationState.SETTLED, np.where(hopeful, RegistrationState.ACQUIRING, 0))

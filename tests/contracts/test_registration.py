@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ from scipy.stats import chi2
 
 from coastwatch.batches import RadarCorrections, RegistrationState
 from coastwatch.registration import NoRegistration, OnLineRegistration, Registrar
+from coastwatch.tracks.motion import Motion
+from coastwatch.tracks.table import RadarMemory, started
 
 METHODS = [NoRegistration(), OnLineRegistration()]
 SIGMAS = 4.5  # of a normal error: three figures a radar, a dozen tests
@@ -121,13 +124,14 @@ def test_spoofers_among_the_references_are_outvoted() -> None:
     assert given.range_bias_m[0] == pytest.approx(30.0, abs=LIKE_PLOTS_M)
 
 
-def test_a_drift_is_followed_as_far_behind_as_the_memory_is_long() -> None:
-    rate_deg_s = 6.0 / 3600.0
-    method = OnLineRegistration(memory_s=60.0)
-    course = world.run(method, world.Sea(7), 150, errors=lambda c: ((5.0 + rate_deg_s * world.PERIOD_S * c, 0.0, 0.0),))[2]
-    true = 5.0 + rate_deg_s * world.PERIOD_S * 149
-    behind = true - np.degrees(course[-1].azimuth_bias_rad[0])
-    assert 0.5 < behind / (rate_deg_s * (60.0 + method.apply_s)) < 1.5
+@pytest.mark.parametrize("rate_deg_h", [6.0, 30.0])
+def test_a_drift_is_followed_and_the_deviation_tells_how_far_behind(rate_deg_h: float) -> None:
+    step = rate_deg_h * world.PERIOD_S / 3600.0
+    method = OnLineRegistration()
+    course = world.run(method, world.Sea(7), 200, errors=lambda c: ((5.0 + step * c, 0.0, 0.0),))[2]
+    behind = 5.0 + step * 199 - np.degrees(course[-1].azimuth_bias_rad[0])
+    assert 0.0 < behind < 2.0 * rate_deg_h * (method.drift_memory_s + method.apply_s) / 3600.0
+    assert behind < SIGMAS * np.degrees(course[-1].azimuth_sigma_rad[0])
 
 
 def test_a_radar_that_is_turned_is_acquired_again() -> None:
@@ -150,13 +154,8 @@ def test_what_is_known_is_held_while_nothing_is_compared() -> None:
 
 
 def test_a_jump_ends_the_tracks_that_hold_plots_of_that_radar() -> None:
-    from coastwatch.tracks.motion import Motion
-    from coastwatch.tracks.table import RadarMemory, started
-
     sea = world.Sea(10, radars=2, errors=((0.0, 0.0, 0.0),) * 2)
     plots = sea.plots(0, RadarCorrections.none(2))
-    from dataclasses import replace
-
     memory = RadarMemory.empty(Motion()).for_radars(2)
     memory = replace(memory, table=started(Motion(), plots, 1, 2), next_id=1 + len(plots))
     left = memory.without_radars(np.array([True, False]))

@@ -90,6 +90,28 @@ def test_the_picture_of_the_past_and_of_a_box(
     assert all(float(row["latitude_deg"]) >= -23.05 for row in found)
 
 
+def test_sensors(ran: tuple[str, dict[str, Any], Path], capsys: pytest.CaptureFixture[str]) -> None:
+    """The radars of the run are right, have AIS vessels in view, and are said to be so; the past has its own state."""
+    url = ran[0]
+    said = json.loads(answer(["sensors", "--db", url, "--json"], capsys))
+    assert [(s["kind"], s["name"]) for s in said] == [
+        ("ais", "ais-1"),
+        ("bearing", "sonar-1"),
+        ("radar", "radar-1"),
+        ("radar", "radar-2"),
+    ]
+    assert all(s["heard_utc"].endswith("Z") for s in said)
+    assert {s["state"] for s in said if s["kind"] == "radar"} <= {"unknown", "acquiring", "settled"}
+    assert said[2]["spec"]["period_s"] == 4.0
+    table = answer(["sensors", "--db", url], capsys).splitlines()
+    assert len(table) == 2 + 4
+    assert "azimuth_sigma_deg=0.3" in table[4]
+    begun = json.loads(answer(["sensors", "--db", url, "--json", "--at", "2025-06-01T12:00:04Z"], capsys))
+    assert begun[2]["time_utc"] == "2025-06-01T12:00:03.000Z"
+    assert main(["sensors", "--db", url, "--at", "2025-06-01T11:00:00Z"]) == 1
+    assert "holds nothing up to 2025-06-01T11:00:00Z" in capsys.readouterr().err
+
+
 def test_a_track(ran: tuple[str, dict[str, Any], Path], capsys: pytest.CaptureFixture[str]) -> None:
     url, _, _ = ran
     said = json.loads(answer(["track", "1", "--db", url, "--json"], capsys))

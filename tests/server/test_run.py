@@ -34,6 +34,7 @@ STATE = (
     "bearing_association",
     "bearing_track",
     "spot",
+    "sensor_registration",
 )
 KILLS = 3
 PAGES = 175  # of 4 kB: room for a few cycles and the checkpoint

@@ -13,9 +13,10 @@ def add(commands: Any) -> None:
     """Adds `sensors` to the parser."""
     text = (
         "The sensors of a run: specification, when each was heard last, and its registration: the azimuth bias, range bias and time "
-        "lag that are taken out of a radar's reports, one standard deviation behind +-, how well they are known (unknown, acquiring, "
-        "settled), and the estimate of the lag, which is taken out only once it is known well; of a sonar the bias of its bearings. Degrees clockwise, metres too long, seconds too late. AIS reports do not say "
-        "which receiver heard them: of each the newest is shown."
+        "lag that are taken out of a radar's reports, one standard deviation behind +-, and how well they are known (unknown, "
+        "acquiring, settled); the estimate of the lag, which is taken out only once it is known well; of a sonar the bias of its "
+        "bearings. Degrees clockwise, metres too long, seconds too late. AIS reports do not say which receiver heard them: of each "
+        "the newest is shown."
     )
     sensors = commands.add_parser("sensors", help="show sensors and their registration", description=text)
     add_db(sensors)
