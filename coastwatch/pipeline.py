@@ -96,8 +96,7 @@ def step(
     with timer("plots"):
         plots_memory, plots = s.plots.step(m.plots, reports.radar, sensors, m.corrections)
     with timer("tracks"):
-        held = [old.without_radars(m.corrections.jumped) for old in m.tracks]
-        regions = [s.tracks.step(old, plots.take(plots.region == k), time_s, sensors, k) for k, old in enumerate(held)]
+        regions = [s.tracks.step(old, plots.take(plots.region == k), time_s, sensors, k) for k, old in enumerate(m.tracks)]
     with timer("ais_tracks"):
         ais_memory, ais_tracks, alarms, ais_taken = s.ais_tracks.step(m.ais_tracks, reports.ais, time_s, sensors)
     with timer("bearing_tracks"):
@@ -121,20 +120,11 @@ def step(
             m.bearing_associations, bearing_tracks, picture, octants, time_s, sensors, spread, reports.statics
         )
     with timer("registration"):
-        heard = bearing_tracks, bearing_associations
-        registration_memory, corrections = s.registration.step(
-            m.registration, plots, ais_tracks, alarms, measurements, picture, members, *heard, time_s, sensors, m.corrections
-        )
-    first = plots_memory, tuple(new for new, *_ in regions), ais_memory, bearing_memory, spots_memory
-    after = Memory(
-        *first,
-        associations_memory,
-        fused_memory,
-        picture_memory,
-        octants_memory,
-        bearings_memory,
-        registration_memory,
-        corrections,
-    )
+        seen = plots, ais_tracks, alarms, measurements, picture, members, bearing_tracks, bearing_associations
+        registration_memory, corrections = s.registration.step(m.registration, *seen, time_s, sensors, m.corrections)
+    # Tracks that hold plots of a radar whose corrections have jumped lie where the next plots will not.
+    radar_memory = tuple(new.without_radars(corrections.jumped) for new, *_ in regions)
+    first = plots_memory, radar_memory, ais_memory, bearing_memory, spots_memory, associations_memory, fused_memory
+    after = Memory(*first, picture_memory, octants_memory, bearings_memory, registration_memory, corrections)
     found = spots, associations, fused, picture, members, octants, bearing_associations, corrections
     return after, Cycle(time_s, tracks, alarms, bearing_tracks, *found)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -9,10 +11,11 @@ import numpy as np
 import pytest
 
 from coastwatch.batches import RadarCorrections, RegistrationState
-from coastwatch.pipeline import Cycle
+from coastwatch.pipeline import Cycle, start, step
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.confusion import Confusion, association
 from coastwatch.server.run import run_scenario
+from coastwatch.stage import in_turn
 
 SEED = 7
 SMALL = {"input.count": "160", "warmup_s": "0.0", "cycles": "60"}
@@ -53,6 +56,29 @@ def test_association_is_as_good_and_no_ghost_remains(folder: Path) -> None:
         twice = np.unique(cycle.picture.origin[cycle.picture.origin >= 0], return_counts=True)[1]
         assert radar_only.any()
         assert twice.max() == 1, "a vessel stands twice in the picture"
+
+
+def test_tracks_begun_in_the_wrong_place_end_where_a_bias_is_acquired_late() -> None:
+    """Registration is switched on after 90 s, when the picture has each vessel of radar and AIS twice."""
+    scenario = load_scenario("misregistered-radars", SMALL)
+    off = load_scenario("misregistered-radars", SMALL | {"registration.method": "none"})
+    sensors, plan = scenario.sensors(), scenario.plan()
+    reports = scenario.input.load(sensors, SEED, plan).reports
+    memory, doubled, before = start(off, sensors), [], -np.inf
+    for number in range(50):
+        now = plan.instant_s(number)
+        memory = memory if number != 30 else replace(memory, registration=scenario.registration.init())
+        chosen = off if number < 30 else scenario
+        memory, cycle = step(chosen, sensors, memory, reports.between(before, now), now, in_turn, lambda _: nullcontext())
+        before = now
+        vessels = cycle.picture.origin[cycle.picture.origin >= 0]
+        doubled.append(int((np.unique(vessels, return_counts=True)[1] > 1).sum()))
+        if number == 31:
+            radar_tracks = cycle.tracks.started_s[cycle.tracks.source == 0]
+            assert (radar_tracks > plan.instant_s(29)).all(), "a track from before the jump is still there"
+    assert min(doubled[20:30]) > 20
+    gone = int(np.ceil(scenario.picture.coast_s / scenario.period_s))
+    assert max(doubled[31 + gone :]) == 0
 
 
 def test_a_radar_that_is_right_ends_no_track(folder: Path) -> None:
