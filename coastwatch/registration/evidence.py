@@ -105,7 +105,7 @@ def learn(evidence: Evidence, rows: Rows, keep: Floats) -> Evidence:
         own2=d[:, :, None] * d[:, None, :],
         design_value=h * y[:, None],
         own_value=d * y[:, None],
-        count=np.full(len(y), 0.5),  # a plot is two rows
+        count=np.where(h[:, :2].any(axis=1), 0.5, 1.0),  # against AIS a plot is two rows
     )
     return _summed(Evidence.join([old.take(old.count > FORGOTTEN), new]))
 

@@ -91,7 +91,7 @@ class OnLineRegistration(Method):
 
     def init(self) -> OnLineMemory:
         nothing = np.zeros((0, 3))
-        nobody = Votes.none(0, 0), np.zeros(0, np.bool_), nothing, Evidence.empty()
+        nobody = Votes.none(0, 1), np.zeros(0, np.bool_), nothing, Evidence.empty()
         return OnLineMemory(
             -np.inf,
             *nobody,

@@ -10,7 +10,7 @@ import pytest
 from pydantic import ValidationError
 from radar_world import two_radars
 
-from coastwatch.batches import RadarReports
+from coastwatch.batches import RadarCorrections, RadarReports
 from coastwatch.geodesy import difference_m, from_plane, offset_deg, to_plane
 from coastwatch.plots import PolarConversion
 
@@ -31,9 +31,12 @@ def reports(n: int = 6, **columns) -> RadarReports:
     return RadarReports(**{**base, **columns})
 
 
-def converted(given: RadarReports, sensors=None, **settings):
+NOTHING = RadarCorrections.none(2)
+
+
+def converted(given: RadarReports, sensors=None, found=NOTHING, **settings):
     method = PolarConversion(**settings)
-    return method.step(method.init(), given, sensors or two_radars())
+    return method.step(method.init(), given, sensors or two_radars(), found)
 
 
 def test_the_place_is_where_the_antenna_points():
@@ -77,6 +80,16 @@ def test_known_errors_are_taken_out():
     mended = converted(bent, **settings)[1]
     np.testing.assert_allclose(mended.position_m, clean.position_m, atol=1e-6)
     np.testing.assert_allclose(mended.time_s, clean.time_s)
+    found = replace(
+        NOTHING,
+        azimuth_bias_rad=np.radians([0.4, 0.0]),
+        range_bias_m=np.array([-10.0, 0.0]),
+        time_lag_s=np.array([0.5, 0.0]),
+    )
+    settings = {"azimuth_bias_deg": {"north": 0.3}, "range_bias_m": {"north": 50.0}, "time_lag_s": {"north": 1.0}}
+    both = converted(bent, found=found, **settings)[1]
+    np.testing.assert_allclose(both.position_m, clean.position_m, atol=1e-6)
+    np.testing.assert_allclose(both.time_s, clean.time_s)
 
 
 def test_a_correction_of_no_radar_is_refused():
@@ -112,9 +125,9 @@ def test_what_is_no_place_is_dropped_and_counted(column, value):
 
 def test_no_report_and_memory():
     method = PolarConversion()
-    memory, plots = method.step(method.init(), RadarReports.empty(), two_radars())
+    memory, plots = method.step(method.init(), RadarReports.empty(), two_radars(), NOTHING)
     assert len(plots) == 0
-    again, _ = method.step(pickle.loads(pickle.dumps(memory)), reports(range_m=np.full(6, np.nan)), two_radars())
+    again, _ = method.step(pickle.loads(pickle.dumps(memory)), reports(range_m=np.full(6, np.nan)), two_radars(), NOTHING)
     assert (memory.dropped, again.dropped) == (0, 6)
 
 
