@@ -115,8 +115,9 @@ FORGOTTEN = 0.02  # plots: a vessel of which so little is left is dropped
 
 def _summed(parts: Evidence) -> Evidence:
     """One row a radar and vessel, summed in the order in which the parts stand."""
-    key, of = np.unique(np.column_stack([parts.radar, parts.reference]), axis=0, return_inverse=True)
-    of = of.reshape(-1)
+    references, which = np.unique(parts.reference, return_inverse=True)
+    key, of = np.unique(parts.radar * len(references) + which, return_inverse=True)
+    count = max(len(references), 1)
 
     def total(values: Floats) -> Floats:
         out = np.zeros((len(key), *values.shape[1:]))
@@ -124,7 +125,9 @@ def _summed(parts: Evidence) -> Evidence:
         return out
 
     names = ("design2", "design_own", "own2", "design_value", "own_value", "count")
-    return Evidence(radar=key[:, 0], reference=key[:, 1], **{name: total(getattr(parts, name)) for name in names})
+    return Evidence(
+        radar=key // count, reference=references[key % count], **{name: total(getattr(parts, name)) for name in names}
+    )
 
 
 def solve(evidence: Evidence, centre: Floats, prior_sigma: Floats) -> Estimate:

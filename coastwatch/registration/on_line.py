@@ -39,6 +39,7 @@ GATE = 13.8  # squared distance that two degrees of freedom exceed once in a tho
 UNSURE_M = 30.0  # an AIS track whose position is less certain is no reference
 ACROSS_BINS = 1.5  # from the estimate to a significant window that cannot be the same bias
 TRACKS_SIGMAS = 2.0  # of a plot: a correction that changes by more leaves tracks in the wrong place
+TINY = 1e-30
 NO_LAG = 2  # column of the state
 
 
@@ -222,8 +223,9 @@ class OnLineRegistration(Method):
         wide_azimuth = wide_azimuth + np.minimum(known.sigma[r, 0], azimuth_sigma) ** 2
         inside = locked[r] & (off_range**2 / wide_range + off_azimuth**2 / wide_azimuth <= GATE)
         turn = np.floor(said.time_s[pairs.plot] / radars.period_s[r]).astype(np.int64)
-        _, once = np.unique(np.column_stack([r, pairs.vessel, turn]), axis=0, return_inverse=True)
-        good = np.flatnonzero(inside & alone(pairs.plot, inside) & alone(once.reshape(-1), inside))
+        turn -= turn.min() if len(turn) else 0
+        look = (r * (turn.max(initial=0) + 1) + turn) * len(vessels) + pairs.vessel
+        good = np.flatnonzero(inside & alone(pairs.plot, inside) & alone(look, inside))
         p, r = pairs.take(good), r[good]
         n, zero = len(p), np.zeros(len(p))
         sigma_r, sigma_a = range_sigma[good], azimuth_sigma[good]
@@ -254,7 +256,9 @@ class OnLineRegistration(Method):
         """The next corrections: at once where a bias was acquired, else a step towards the estimate."""
         units, known = self._units(sensors), memory.known
         old = np.column_stack([given.azimuth_bias_rad, given.range_bias_m, given.time_lag_s])
-        wanted = np.where(memory.locked[:, None] | [False, False, True], known.mean, old)
+        # What is no larger than its deviation is more likely noise than error: shrunk by the positive-part James-Stein rule.
+        shrunk = known.mean * np.maximum(1.0 - known.sigma**2 / np.maximum(known.mean**2, TINY), 0.0)
+        wanted = np.where(memory.locked[:, None] | [False, False, True], shrunk, old)
         wanted[known.sigma[:, NO_LAG] > self.lag_known_s, NO_LAG] = old[known.sigma[:, NO_LAG] > self.lag_known_s, NO_LAG]
         new = old + (wanted - old) * (1.0 - np.exp(-dt / self.apply_s))
         # A bias smaller than the noise of a plot can wait for a better estimate: a radar that is right is not shifted.

@@ -9,6 +9,7 @@ import numpy as np
 from coastwatch.batches import Array, Batch, Bools, Floats, Ints, Plots, RadarCorrections, Sensors, Tracks, column
 from coastwatch.geodesy import from_plane, to_plane, turn, wrap_rad
 
+DEGREE_M = 110_500.0  # of latitude, at least
 OLDEST_S = 10.0  # a plot older than this is left out: a vessel is carried back to it along a straight line
 
 
@@ -80,20 +81,28 @@ def in_cover(said: Echoes, vessels: Tracks, sensors: Sensors) -> Ints:
     count = np.zeros(len(sensors.radars), np.int64)
     for r in np.unique(said.radar).tolist():
         site = said.site_deg[np.flatnonzero(said.radar == r)[0]]
-        at = to_plane(vessels.position_deg, site)
-        count[r] = (np.hypot(at[:, 0], at[:, 1]) <= sensors.radars.range_m[r]).sum()
+        reach = float(sensors.radars.range_m[r])
+        at = to_plane(vessels.position_deg[_abreast(vessels, site, reach)], site)
+        count[r] = (np.hypot(at[:, 0], at[:, 1]) <= reach).sum()
     return count
+
+
+def _abreast(vessels: Tracks, site_deg: Floats, reach_m: float) -> Ints:
+    """Rows of the vessels that latitude does not put out of reach: on a long coast most are."""
+    gap_m = np.abs(vessels.position_deg[:, 0] - site_deg[0]) * DEGREE_M
+    return np.flatnonzero(gap_m <= reach_m)
 
 
 def _near(said: Echoes, plot: Ints, vessels: Tracks, range_search_m: float, azimuth_search_rad: float) -> tuple[Ints, Ints]:
     """Pairs of one radar that may be within the search, by the vessels' places now and a margin for how they move."""
     site = said.site_deg[plot[0]]
-    at = to_plane(vessels.position_deg, site)
-    distance = np.hypot(at[:, 0], at[:, 1])
     speed = float(np.hypot(vessels.velocity_m_s[:, 0], vessels.velocity_m_s[:, 1]).max(initial=0.0))
     own = to_plane(said.site_deg[plot], site)
     way = speed * OLDEST_S + float(np.hypot(own[:, 0], own[:, 1]).max(initial=0.0))
     reach = range_search_m + way
+    rows = _abreast(vessels, site, float(said.range_m[plot].max()) + reach)
+    at = to_plane(vessels.position_deg[rows], site)
+    distance = np.hypot(at[:, 0], at[:, 1])
     order = np.argsort(distance, kind="stable")
     first = np.searchsorted(distance[order], said.range_m[plot] - reach)
     count = np.searchsorted(distance[order], said.range_m[plot] + reach, side="right") - first
@@ -102,7 +111,7 @@ def _near(said: Echoes, plot: Ints, vessels: Tracks, range_search_m: float, azim
     plot, vessel = plot[which], order[place]
     apart = np.abs(wrap_rad(said.azimuth_rad[plot] - np.arctan2(at[vessel, 0], at[vessel, 1])))
     near = apart <= azimuth_search_rad + 0.5 * np.pi * way / np.maximum(distance[vessel], 1.0)
-    return plot[near], vessel[near]
+    return plot[near], rows[vessel[near]]
 
 
 def _differences(said: Echoes, plot: Ints, vessels: Tracks, vessel: Ints, given: RadarCorrections) -> Pairs:

@@ -36,13 +36,13 @@ def add(votes: Votes, pairs: Pairs, bin_rad: float, search_rad: float, seen: Int
     """
     windows = votes.hits.shape[1]
     slot = np.floor((pairs.azimuth_rad + search_rad) / bin_rad).astype(np.int64)
-    hits = np.zeros_like(votes.hits)
     # Window w is slots w and w + 1.
     at = np.concatenate([slot, slot - 1])
     vessel, radar = np.tile(pairs.vessel, 2), np.tile(pairs.radar, 2)
     inside = (at >= 0) & (at < windows)
-    once = np.unique(np.column_stack([radar, at, vessel])[inside], axis=0)
-    np.add.at(hits, (once[:, 0], once[:, 1]), 1.0)
+    rows = int(pairs.vessel.max(initial=0)) + 1
+    once = np.unique(((radar * windows + at) * rows + vessel)[inside]) // rows
+    hits = np.bincount(once, minlength=votes.hits.size).reshape(votes.hits.shape).astype(np.float64)
     said = (seen > 0).astype(float)
     kept = np.where(seen > 0, keep, 1.0)  # nothing is forgotten while nothing is learned
     return Votes(
