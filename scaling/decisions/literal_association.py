@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from coastwatch.associations import WindowedCovariance, WindowedCovarianceLiteral
+from coastwatch.batches import RadarCorrections
 from coastwatch.geodesy import NAUTICAL_MILE_M, scale_m_deg
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.confusion import Confusion, association
@@ -60,11 +61,11 @@ def cycles_of(overrides, seed, hidden_share=0.0):
         scenario.ais_tracks.init(),
         scenario.spots.init(),
     )
-    out = []
+    exact, out = RadarCorrections.none(len(sensors.radars)), []
     for cycle in range(plan.cycles):
         now = plan.instant_s(cycle)
         part = reports.between(plan.instant_s(cycle - 1) if cycle else -np.inf, now)
-        plots_memory, plots = scenario.plots.step(plots_memory, part.radar, sensors)
+        plots_memory, plots = scenario.plots.step(plots_memory, part.radar, sensors, exact)
         radar, seen, _ = scenario.tracks.step(radar, plots, now, sensors, 0)
         ais, said, *_ = scenario.ais_tracks.step(ais, part.ais, now, sensors)
         seen = seen.take(~(np.isin(seen.origin, hidden) & np.isin(seen.origin, said.origin)))

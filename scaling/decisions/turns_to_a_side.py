@@ -17,7 +17,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from coastwatch.batches import Floats, Recording, Sensors, Tracks
+from coastwatch.batches import Floats, RadarCorrections, Recording, Sensors, Tracks
 from coastwatch.geodesy import difference_m
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.scores.bound import bound
@@ -89,10 +89,11 @@ METHODS: dict[str, RadarTracker] = {
 def cycles(scenario: Scenario, recording: Recording, sensors: Sensors, method: RadarTracker) -> Iterator[tuple[float, Tracks]]:
     """Time and radar tracks of each cycle that is scored: plots and tracks alone, no other stage."""
     plan, memory, converted = scenario.plan(), method.init(), scenario.plots.init()
+    exact = RadarCorrections.none(len(sensors.radars))
     for number in range(plan.cycles):
         since = plan.instant_s(number - 1) if number else -np.inf
         reports = recording.reports.between(since, plan.instant_s(number)).radar
-        converted, plots = scenario.plots.step(converted, reports, sensors)
+        converted, plots = scenario.plots.step(converted, reports, sensors, exact)
         memory, tracks, _ = method.step(memory, plots, plan.instant_s(number), sensors, 0)
         if number >= scenario.warmup_cycles:
             yield plan.instant_s(number), tracks

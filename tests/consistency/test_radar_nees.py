@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from coastwatch.batches import Floats
+from coastwatch.batches import Floats, RadarCorrections
 from coastwatch.geodesy import KNOT_M_S, difference_m
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.nees import band, nees
@@ -63,7 +63,7 @@ def _of_one(settings: dict[str, str], seed: int) -> Floats:
     for number in range(plan.cycles):
         since = plan.instant_s(number - 1) if number else -np.inf
         reports = recording.reports.between(since, plan.instant_s(number)).radar
-        converted, plots = scenario.plots.step(converted, reports, sensors)
+        converted, plots = scenario.plots.step(converted, reports, sensors, RadarCorrections.none(len(sensors.radars)))
         memory, tracks, _ = scenario.tracks.step(memory, plots, plan.instant_s(number), sensors, 0)
     truth = recording.truth.at(plan.instant_s(plan.cycles - 1))
     at = rows_of(truth.vessel, tracks.origin)

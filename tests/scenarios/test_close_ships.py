@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from coastwatch.associations import WindowedCovariance
-from coastwatch.batches import Associations, Ints, Tracks
+from coastwatch.batches import Associations, Ints, RadarCorrections, Tracks
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.confusion import Confusion, association
 from coastwatch.spots import KMeansSpots
@@ -33,9 +33,9 @@ def tracks_of(cycles: int, *settings: str) -> tuple[tuple[Tracks, ...], Ints]:
     for cycle in range(cycles):
         now_s = plan.instant_s(cycle)
         part = reports.between(before_s, now_s)
-        plots, echoes = s.plots.step(plots, part.radar, sensors)
-        tracker, radar = s.tracks.step(tracker, echoes, now_s, sensors, 0)
-        ais, named, _ = s.ais_tracks.step(ais, part.ais, now_s, sensors)
+        plots, echoes = s.plots.step(plots, part.radar, sensors, RadarCorrections.none(len(sensors.radars)))
+        tracker, radar, _ = s.tracks.step(tracker, echoes, now_s, sensors, 0)
+        ais, named, *_ = s.ais_tracks.step(ais, part.ais, now_s, sensors)
         out.append(Tracks.join([radar, named]))
         before_s = now_s
     return tuple(out), sensors.source_kinds

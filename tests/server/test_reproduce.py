@@ -27,7 +27,11 @@ from coastwatch.server.many import over_processes
 FOLDERS = published.chosen("rangel", ())
 SHORT = ("cycles=3", "warmup_s=45", "input.count=40")  # only has to run
 TIMEOUT_S = 120.0
-RUN = "import sys; from coastwatch.operators.cli import main; sys.exit(main())"
+# A shell that runs the tests in the background has its children ignore Ctrl-C; a user's does not.
+RUN = (
+    "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    "from coastwatch.operators.cli import main; sys.exit(main())"
+)
 
 
 def quiet(*_: object) -> None:
