@@ -1,4 +1,7 @@
-"""The table of accuracy: `python -m scaling.load.accuracy [--seeds FIRST-LAST] [--case NAME ...]`; the cases stand in accuracy.toml."""
+"""The table of accuracy: `python -m scaling.load.accuracy [--seeds FIRST-LAST] [--case NAME ...] [--set KEY=VALUE ...]`.
+
+The cases stand in accuracy.toml.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,7 @@ from scaling.load.seeds import scores_of
 CASES = Path(__file__).with_name("accuracy.toml")
 REACHED = 0.999  # association F1 that is asked after a cold start
 HEADS = "case", "figure", "asked", "mean", "worst", "met"
-WIDTHS = 22, 34, 9, 10, 10, 4
+WIDTHS = 22, 64, 7, 8, 8, 4
 
 
 class Figure(Settings):
@@ -135,18 +138,21 @@ def main() -> None:
     parser.add_argument(
         "--case", action="append", default=[], metavar="NAME", help="only this case; more than once for several"
     )
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", help="a setting of all cases, after their own"
+    )
     parser.add_argument("--cases", type=Path, default=CASES, help="the file of cases")
     asked = parser.parse_args()
     cases = [case for case in load_cases(asked.cases) if not asked.case or case.name in asked.case]
     if len(cases) < len(set(asked.case)):
         parser.error(f"--case: got {asked.case}, needed names out of {[case.name for case in load_cases(asked.cases)]}")
     first, last = (int(s) for s in asked.seeds.split("-"))
-    print(
-        f"# python -m scaling.load.accuracy --seeds {asked.seeds}{''.join(f' --case {shlex.quote(name)}' for name in asked.case)}"
-    )
+    given = [f" --case {shlex.quote(name)}" for name in asked.case] + [f" --set {shlex.quote(pair)}" for pair in asked.set]
+    print(f"# python -m scaling.load.accuracy --seeds {asked.seeds}{''.join(given)}")
     print(_row(*HEADS), flush=True)
     for case in cases:
-        runs = [run_case(case, seed) for seed in range(first, last + 1)]
+        changed = case.model_copy(update={"settings": (*case.settings, *asked.set)})
+        runs = [run_case(changed, seed) for seed in range(first, last + 1)]
         print("\n".join(lines_of(case, runs)), flush=True)
 
 
