@@ -17,6 +17,7 @@ ROUNDS = 4  # of reweighting; weights change in the third digit after three
 BELIEVED = 11.3  # squared distance that three degrees of freedom exceed once in a hundred
 SEPARATE = 1e-6  # of the greatest eigenvalue: directions of which a vessel says less are none
 CHANCE = 4.0  # standard deviations: once in 16,000 cycles
+FORGOTTEN = 0.02  # plots: a vessel of which so little is left is dropped
 PRIOR_VESSELS = 10.0  # as if so many had said that the model's variances are right
 
 
@@ -108,9 +109,6 @@ def learn(evidence: Evidence, rows: Rows, keep: Floats) -> Evidence:
         count=np.where(h[:, :2].any(axis=1), 0.5, 1.0),  # against AIS a plot is two rows
     )
     return _summed(Evidence.join([old.take(old.count > FORGOTTEN), new]))
-
-
-FORGOTTEN = 0.02  # plots: a vessel of which so little is left is dropped
 
 
 def _summed(parts: Evidence) -> Evidence:
