@@ -1,14 +1,19 @@
-"""The whole flow on one page. Pure: (memory, reports) -> (memory, what the stages yielded)."""
+"""The whole flow on one page. Pure: (memory, reports) -> (memory, what the stages yielded).
+
+Two kinds of centre run it: regional centres make tracks of reports, the high-level centre makes the picture of the tracks that it
+receives. `step` is both in one; `fuse` is the high-level centre alone, for tracks that were made elsewhere.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from coastwatch.batches import (
     AisAlarms,
+    AisStatics,
     Associations,
     BearingAssociations,
     BearingTracks,
@@ -30,6 +35,18 @@ Timer = Callable[[str], AbstractContextManager[object]]
 
 
 @dataclass(frozen=True)
+class CentreMemory:
+    """The memory of the stages of the high-level centre."""
+
+    spots: Any
+    associations: Any
+    fused_tracks: Any
+    picture: Any
+    octants: Any
+    bearing_associations: Any
+
+
+@dataclass(frozen=True)
 class Memory:
     """The memory of every stage: plain data, so that a pickled run resumes bit for bit."""
 
@@ -37,14 +54,20 @@ class Memory:
     tracks: tuple[Any, ...]  # one a region
     ais_tracks: Any
     bearing_tracks: Any
-    spots: Any
-    associations: Any
-    fused_tracks: Any
-    picture: Any
-    octants: Any
-    bearing_associations: Any
+    centre: CentreMemory
     registration: Any
     corrections: RadarCorrections  # of the radars, for the next cycle
+
+
+@dataclass(frozen=True)
+class Received:
+    """What the high-level centre receives in a cycle."""
+
+    tracks: Tracks  # of every region and AIS, each at the time of its own
+    measurements: Measurements  # behind them, where the sender gives them
+    alarms: AisAlarms
+    bearing_tracks: BearingTracks
+    statics: AisStatics
 
 
 @dataclass(frozen=True)
@@ -65,6 +88,13 @@ class Cycle:
     corrections: RadarCorrections  # found in this cycle, for the next
 
 
+def start_centre(scenario: Scenario) -> CentreMemory:
+    """The memory of the high-level centre before the first cycle."""
+    s = scenario
+    first = s.spots.init(), s.associations.init(), s.fused_tracks.init(), s.picture.init()
+    return CentreMemory(*first, s.octants.init(), s.bearing_associations.init())
+
+
 def start(scenario: Scenario, sensors: Sensors) -> Memory:
     """The memory before the first cycle."""
     s = scenario
@@ -73,15 +103,45 @@ def start(scenario: Scenario, sensors: Sensors) -> Memory:
         tuple(s.tracks.init() for _ in sensors.region_names),
         s.ais_tracks.init(),
         s.bearing_tracks.init(),
-        s.spots.init(),
-        s.associations.init(),
-        s.fused_tracks.init(),
-        s.picture.init(),
-        s.octants.init(),
-        s.bearing_associations.init(),
+        start_centre(s),
         s.registration.init(),
         RadarCorrections.none(len(sensors.radars)),
     )
+
+
+def fuse(
+    scenario: Scenario,
+    sensors: Sensors,
+    memory: CentreMemory,
+    received: Received,
+    time_s: float,
+    spread: Spread,
+    timer: Timer,
+) -> tuple[CentreMemory, Cycle]:
+    """One cycle of the high-level centre; the registration of radars is not its business. Args: as `step`."""
+    s, m = scenario, memory
+    with timer("alignment"):
+        tracks = s.alignment.step(received.tracks, time_s)
+    with timer("spots"):
+        spots_memory, spots = s.spots.step(m.spots, tracks)
+    with timer("associations"):
+        associations_memory, associations = s.associations.step(m.associations, tracks, spots, spread)
+    with timer("fused_tracks"):
+        fused_memory, fused = s.fused_tracks.step(
+            m.fused_tracks, tracks, received.measurements, associations, time_s, sensors.source_kinds
+        )
+    alarms, bearing_tracks = received.alarms, received.bearing_tracks
+    with timer("picture"):
+        picture_memory, picture, members = s.picture.step(m.picture, tracks, associations, fused, alarms, time_s, sensors)
+    with timer("octants"):
+        octants_memory, octants = s.octants.step(m.octants, bearing_tracks, picture, sensors)
+    with timer("bearing_associations"):
+        bearings_memory, bearing_associations = s.bearing_associations.step(
+            m.bearing_associations, bearing_tracks, picture, octants, time_s, sensors, spread, received.statics
+        )
+    after = CentreMemory(spots_memory, associations_memory, fused_memory, picture_memory, octants_memory, bearings_memory)
+    found = spots, associations, fused, picture, members, octants, bearing_associations
+    return after, Cycle(time_s, tracks, alarms, bearing_tracks, *found, RadarCorrections.none(len(sensors.radars)))
 
 
 def step(
@@ -103,28 +163,12 @@ def step(
         bearing_memory, bearing_tracks = s.bearing_tracks.step(m.bearing_tracks, reports.bearing, time_s, sensors)
     tracks = Tracks.join([*(yielded for _, yielded, _ in regions), ais_tracks])
     measurements = Measurements.join([*(taken for *_, taken in regions), ais_taken])
-    with timer("spots"):
-        spots_memory, spots = s.spots.step(m.spots, tracks)
-    with timer("associations"):
-        associations_memory, associations = s.associations.step(m.associations, tracks, spots, spread)
-    with timer("fused_tracks"):
-        fused_memory, fused = s.fused_tracks.step(
-            m.fused_tracks, tracks, measurements, associations, time_s, sensors.source_kinds
-        )
-    with timer("picture"):
-        picture_memory, picture, members = s.picture.step(m.picture, tracks, associations, fused, alarms, time_s, sensors)
-    with timer("octants"):
-        octants_memory, octants = s.octants.step(m.octants, bearing_tracks, picture, sensors)
-    with timer("bearing_associations"):
-        bearings_memory, bearing_associations = s.bearing_associations.step(
-            m.bearing_associations, bearing_tracks, picture, octants, time_s, sensors, spread, reports.statics
-        )
+    received = Received(tracks, measurements, alarms, bearing_tracks, reports.statics)
+    centre_memory, cycle = fuse(s, sensors, m.centre, received, time_s, spread, timer)
     with timer("registration"):
-        seen = plots, ais_tracks, alarms, measurements, picture, members, bearing_tracks, bearing_associations
+        seen = plots, ais_tracks, alarms, measurements, cycle.picture, cycle.members, bearing_tracks, cycle.bearing_associations
         registration_memory, corrections = s.registration.step(m.registration, *seen, time_s, sensors, m.corrections)
     # Tracks that hold plots of a radar whose corrections have jumped lie where the next plots will not.
     radar_memory = tuple(new.without_radars(corrections.jumped) for new, *_ in regions)
-    first = plots_memory, radar_memory, ais_memory, bearing_memory, spots_memory, associations_memory, fused_memory
-    after = Memory(*first, picture_memory, octants_memory, bearings_memory, registration_memory, corrections)
-    found = spots, associations, fused, picture, members, octants, bearing_associations, corrections
-    return after, Cycle(time_s, tracks, alarms, bearing_tracks, *found)
+    first = plots_memory, radar_memory, ais_memory, bearing_memory, centre_memory
+    return Memory(*first, registration_memory, corrections), replace(cycle, corrections=corrections)

@@ -6,9 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from coastwatch.batches import Array, Ints
+from coastwatch.batches import Array, Ints, Struct
+from coastwatch.batches.struct import column
 
 
 class Settings(BaseModel):
@@ -31,23 +33,58 @@ class NoMemory:
     """The memory of a method that needs nothing of the past."""
 
 
-Work = Callable[[Any, Mapping[str, Array], Ints], tuple[Array, ...]]
-"""A module-level pure function (settings, arrays, rows) -> arrays: what is done for the rows of one spot."""
+@dataclass(frozen=True, eq=False)
+class Groups(Struct):
+    """Rows in groups, one after the other: those of group k are row[start[k]:start[k + 1]]."""
+
+    row: Ints = column(np.int64, "L")
+    start: Ints = column(np.int64, "K1")  # K + 1, from 0 to L
+
+    def __len__(self) -> int:
+        return len(self.start) - 1
+
+    def of(self, group: int) -> Ints:
+        """The rows of one group."""
+        return self.row[self.start[group] : self.start[group + 1]]
+
+    def take(self, groups: Sequence[int] | Ints) -> Groups:
+        """These groups, in this order."""
+        parts = [self.of(int(k)) for k in groups]
+        start = np.cumsum([0, *(len(p) for p in parts)]).astype(np.int64)
+        return Groups(np.concatenate([np.zeros(0, np.int64), *parts]), start)
+
+
+Shared = Mapping[str, Any]
+"""Arrays by name, or tuples of arrays of which most are the very objects of the last cycle: those travel once."""
+
+Work = Callable[[Any, Shared, Groups], tuple[Array, ...]]
+"""A module-level pure function (settings, arrays, groups) -> arrays: what is done for a chunk of spots at once.
+
+What it says of a spot does not depend on what else is in the chunk; the caller brings the rows of all chunks into an order of its own.
+"""
+
+
+def by_group(
+    of_one: Callable[[Any, Shared, Ints], tuple[Array, ...]], settings: Any, arrays: Shared, groups: Groups
+) -> tuple[Array, ...]:
+    """What of_one(settings, arrays, rows) gives for the rows of each group, one after the other."""
+    parts = [of_one(settings, arrays, groups.of(k)) for k in range(len(groups))]
+    if not parts:
+        parts = [of_one(settings, arrays, np.zeros(0, np.int64))]
+    return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
 
 
 class Spread(Protocol):
     """How per-spot work is spread over processors: `coastwatch.workers` has the kinds. The result is the same for all."""
 
-    def __call__(
-        self, work: Work, settings: Any, arrays: Mapping[str, Array], spots: Sequence[Ints]
-    ) -> list[tuple[Array, ...]]:
-        """work(settings, arrays, rows) for the rows of every spot, in the order of the spots."""
+    def __call__(self, work: Work, settings: Any, arrays: Shared, spots: Groups) -> list[tuple[Array, ...]]:
+        """What work(settings, arrays, chunk) gives for chunks that hold every spot once."""
         ...
 
 
-def in_turn(work: Work, settings: Any, arrays: Mapping[str, Array], spots: Sequence[Ints]) -> list[tuple[Array, ...]]:
-    """The plain Spread: one spot after the other, here."""
-    return [work(settings, arrays, rows) for rows in spots]
+def in_turn(work: Work, settings: Any, arrays: Shared, spots: Groups) -> list[tuple[Array, ...]]:
+    """The plain Spread: all spots as one chunk, here."""
+    return [work(settings, arrays, spots)]
 
 
 class Plan(Settings):

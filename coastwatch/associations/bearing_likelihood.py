@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal, Self
 
@@ -12,6 +11,7 @@ from pydantic import Field, model_validator
 from coastwatch.associations.bearing_history import Path
 from coastwatch.associations.bearing_sensors import Calibration, Known, arcs
 from coastwatch.associations.bearing_signatures import ShipTypes, signature_gain
+from coastwatch.associations.pairing import by_octant
 from coastwatch.batches import (
     CLASSES,
     AisStatics,
@@ -27,7 +27,7 @@ from coastwatch.batches import (
 )
 from coastwatch.geodesy import KNOT_M_S, axes, earth_centred
 from coastwatch.kernels.signatures import check_confusion, even_confusion
-from coastwatch.stage import Method, Spread
+from coastwatch.stage import Groups, Method, Shared, Spread, by_group
 
 Positive = Annotated[float, Field(gt=0.0)]
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
@@ -178,7 +178,7 @@ class BearingLikelihood(Method):
             "bias_variance": learnt.bias_sigma_rad[sonar] ** 2,
             "variance": sensors.sonars.bearing_sigma_rad[sonar] ** 2,
         }
-        parts = spread(score_octant, self, arrays, _by_octant(octants))
+        parts = spread(score_octants, self, arrays, by_octant(octants))
         row = np.concatenate([np.zeros(0, np.int64), *(p[0] for p in parts)])
         order = np.argsort(row, kind="stable")
         gain, residual = (np.concatenate([np.zeros(0), *(p[k] for p in parts)])[order] for k in (1, 2))
@@ -200,7 +200,12 @@ class BearingLikelihood(Method):
         return np.asarray(np.log(unseen / arcs(sensors)[1])[sonar])
 
 
-def score_octant(settings: BearingLikelihood, arrays: Mapping[str, Array], rows: Ints) -> tuple[Array, ...]:
+def score_octants(settings: BearingLikelihood, arrays: Shared, octants: Groups) -> tuple[Array, ...]:
+    """What passes of the pairs of these octants: row, statistic and, of the likelihood, the mean difference of bearings."""
+    return by_group(_score_octant, settings, arrays, octants)
+
+
+def _score_octant(settings: BearingLikelihood, arrays: Shared, rows: Ints) -> tuple[Array, ...]:
     """Pairs of these rows above the threshold: row, log odds, mean difference of bearings. A pair's answer is its own alone."""
     from coastwatch.kernels.bearing import known_vessel, unknown_vessel
 
@@ -258,10 +263,3 @@ def _frames(tracks: BearingTracks) -> tuple[Ints, Floats, Floats]:
     frame[moved] = n + np.arange(int(moved.sum()))
     sites = np.concatenate([tracks.site_deg, tracks.window_site_deg[moved]])
     return frame, earth_centred(sites), np.ascontiguousarray(axes(sites)[:, :2])
-
-
-def _by_octant(octants: Octants) -> list[Ints]:
-    """The indices of the pairs of each octant."""
-    order = np.argsort(octants.octant, kind="stable")
-    edge = np.flatnonzero(np.diff(octants.octant[order])) + 1
-    return [part for part in np.split(order, edge) if len(part)]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -10,9 +9,10 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch.associations.bearing_history import Path
+from coastwatch.associations.pairing import by_octant
 from coastwatch.batches import AisStatics, Array, BearingAssociations, BearingTracks, Floats, Ints, Octants, Picture, Sensors
 from coastwatch.geodesy import axes, earth_centred, wrap_rad
-from coastwatch.stage import Method, Spread
+from coastwatch.stage import Groups, Method, Shared, Spread, by_group
 
 ALL_S = 1e12  # a window by count, not by time
 
@@ -88,9 +88,7 @@ class BearingWindowedCovariance(Method):
             "said": tracks.values,
             "path": vessels.values,
         }
-        order = np.argsort(octants.octant, kind="stable")
-        edge = np.flatnonzero(np.diff(octants.octant[order])) + 1
-        parts = spread(accept_in_octant, self, arrays, [rows for rows in np.split(order, edge) if len(rows)])
+        parts = spread(accept_in_octants, self, arrays, by_octant(octants))
         row = np.concatenate([np.zeros(0, np.int64), *(part[0] for part in parts)])
         order = np.argsort(row, kind="stable")
         return row[order], np.concatenate([np.zeros(0), *(part[1] for part in parts)])[order]
@@ -104,7 +102,12 @@ class BearingWindowedCovariance(Method):
         return order[np.unique(bearing_row[order], return_index=True)[1]]
 
 
-def accept_in_octant(settings: BearingWindowedCovariance, arrays: Mapping[str, Array], rows: Ints) -> tuple[Array, ...]:
+def accept_in_octants(settings: BearingWindowedCovariance, arrays: Shared, octants: Groups) -> tuple[Array, ...]:
+    """What passes of the pairs of these octants: row, statistic and, of the likelihood, the mean difference of bearings."""
+    return by_group(_accept_in_octant, settings, arrays, octants)
+
+
+def _accept_in_octant(settings: BearingWindowedCovariance, arrays: Shared, rows: Ints) -> tuple[Array, ...]:
     """Pairs of these rows that pass the test: row, x."""
     delta = differences(arrays["said"][arrays["track"][rows]], arrays["path"][arrays["vessel"][rows]])
     whole = np.isfinite(delta).all(axis=(1, 2))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 from coastwatch.associations.windowed_covariance import WindowedCovariance
 from coastwatch.associations.windowed_covariance_literal import WindowedCovarianceLiteral
 from coastwatch.batches import Array, Associations, Floats, Ints, Spots, Tracks
-from coastwatch.stage import Work, in_turn
+from coastwatch.stage import Groups, Shared, Work, in_turn
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +35,7 @@ def step_with_candidates(
     opened = method.model_copy(update={"confidence": 1.0} if literal else {"threshold": -np.inf})
     found: list[tuple[Array, ...]] = []
 
-    def twice(work: Work, settings: Any, arrays: Mapping[str, Array], spots: Sequence[Ints]) -> list[tuple[Array, ...]]:
+    def twice(work: Work, settings: Any, arrays: Shared, spots: Groups) -> list[tuple[Array, ...]]:
         found.extend(in_turn(work, opened, arrays, spots))
         return in_turn(work, settings, arrays, spots)
 

@@ -2,26 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from coastwatch.batches import Array, Floats, Ints, Spots, Tracks
+from coastwatch.batches import Floats, Ints, Octants, Spots, Tracks
+from coastwatch.stage import Groups, Shared
 
 
-def rows_of_spots(spots: Spots) -> list[Ints]:
-    """For each spot its rows: members as they are, halo rows as -1 - row, so that one array says both."""
+def rows_of_spots(spots: Spots) -> Groups:
+    """A group a spot with its rows: members as they are, halo rows as -1 - row, so that one array says both."""
     count = len(spots.centre_m)
     members = np.argsort(spots.spot, kind="stable")
     starts = np.searchsorted(spots.spot[members], np.arange(count + 1))
     halo = np.searchsorted(spots.halo_spot, np.arange(count + 1))
-    return [
-        np.concatenate([members[starts[k] : starts[k + 1]], -1 - spots.halo_row[halo[k] : halo[k + 1]]]).astype(np.int64)
-        for k in range(count)
-    ]
+    start = starts + halo
+    row = np.empty(len(members) + len(spots.halo_row), np.int64)
+    row[np.arange(len(members)) + np.repeat(halo[:-1], np.diff(starts))] = members
+    row[np.arange(len(spots.halo_row)) + np.repeat(starts[1:], np.diff(halo))] = -1 - spots.halo_row
+    return Groups(row, start.astype(np.int64))
 
 
-def gated_pairs(arrays: Mapping[str, Array], rows: Ints, gate_m: float) -> tuple[Ints, Ints]:
+def by_octant(octants: Octants) -> Groups:
+    """A group an octant that has pairs: their indices."""
+    order = np.argsort(octants.octant, kind="stable")
+    edge = np.flatnonzero(np.diff(octants.octant[order])) + 1
+    ends = [len(order)] if len(order) else []
+    return Groups(order.astype(np.int64), np.concatenate([[0], edge, ends]).astype(np.int64))
+
+
+def gated_pairs(arrays: Shared, rows: Ints, gate_m: float) -> tuple[Ints, Ints]:
     """Pairs of tracks of different sources within the gate that this spot owns: it owns a pair whose lower source is its member.
 
     Args:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -13,7 +12,7 @@ from coastwatch.associations.history import History
 from coastwatch.associations.pairing import gated_pairs, one_to_one, rows_of_spots, vessels
 from coastwatch.batches import Array, Associations, Ints, Spots, Tracks
 from coastwatch.geodesy import earth_centred
-from coastwatch.stage import Method, Spread
+from coastwatch.stage import Groups, Method, Shared, Spread, by_group
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +70,7 @@ class WindowedCovariance(Method):
             "variance": history.variance,
             "length": history.length,
         }
-        parts = spread(score_spot, self, arrays, rows_of_spots(spots))
+        parts = spread(score_spots, self, arrays, rows_of_spots(spots))
         first, second, score = (_joined(parts, k) for k in range(3))
         order = np.lexsort((second, first))
         first, second, score = first[order], second[order], score[order]
@@ -81,7 +80,12 @@ class WindowedCovariance(Method):
         return WindowMemory(history.sorted()), Associations(first[kept], second[kept], score[kept], vessel)
 
 
-def score_spot(settings: WindowedCovariance, arrays: Mapping[str, Array], rows: Ints) -> tuple[Array, ...]:
+def score_spots(settings: WindowedCovariance, arrays: Shared, spots: Groups) -> tuple[Array, ...]:
+    """Pairs that these spots own and that pass: rows of the first and second track, statistic."""
+    return by_group(_score_spot, settings, arrays, spots)
+
+
+def _score_spot(settings: WindowedCovariance, arrays: Shared, rows: Ints) -> tuple[Array, ...]:
     """Pairs that this spot owns whose score is above the threshold: rows of the first and second track, score."""
     from coastwatch.kernels.windows import windowed_scores
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -13,7 +12,7 @@ from coastwatch.associations.history import History
 from coastwatch.associations.pairing import gated_pairs, one_to_one, rows_of_spots, vessels
 from coastwatch.batches import Array, Associations, Ints, Spots, Tracks
 from coastwatch.geodesy import earth_centred
-from coastwatch.stage import Method, Spread
+from coastwatch.stage import Groups, Method, Shared, Spread, by_group
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +68,7 @@ class WindowedCovarianceLiteral(Method):
             "velocity_m_s": history.velocity_m_s,
             "length": history.length,
         }
-        parts = spread(accept_in_spot, self, arrays, rows_of_spots(spots))
+        parts = spread(accept_in_spots, self, arrays, rows_of_spots(spots))
         first, second = (np.concatenate([np.zeros(0, np.int64), *(p[k] for p in parts)]) for k in range(2))
         x = np.concatenate([np.zeros(0), *(p[2] for p in parts)])
         order = np.lexsort((second, first))
@@ -81,7 +80,12 @@ class WindowedCovarianceLiteral(Method):
         return LiteralMemory(history.sorted()), Associations(first[kept], second[kept], x[kept], vessel)
 
 
-def accept_in_spot(settings: WindowedCovarianceLiteral, arrays: Mapping[str, Array], rows: Ints) -> tuple[Array, ...]:
+def accept_in_spots(settings: WindowedCovarianceLiteral, arrays: Shared, spots: Groups) -> tuple[Array, ...]:
+    """Pairs that these spots own and that pass: rows of the first and second track, statistic."""
+    return by_group(_accept_in_spot, settings, arrays, spots)
+
+
+def _accept_in_spot(settings: WindowedCovarianceLiteral, arrays: Shared, rows: Ints) -> tuple[Array, ...]:
     """Pairs that this spot owns and that pass the test: rows of the first and second track, x."""
     from coastwatch.kernels.windows import sample_statistics
 

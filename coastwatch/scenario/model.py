@@ -17,7 +17,16 @@ from coastwatch.scenario.sites import Area, Name, Positive, Radar, Sonar, Statio
 from coastwatch.sensors import Feed
 from coastwatch.spots import KMeansSpots, OctantGrouper, OctantSpots, SpotGrouper
 from coastwatch.stage import Method, Plan, Settings
-from coastwatch.tracks import AisFilter, AisTracker, BearingTracker, BearingWindow, RadarTracker, SidedImm
+from coastwatch.tracks import (
+    AisFilter,
+    AisTracker,
+    BearingTracker,
+    BearingWindow,
+    ConstantVelocity,
+    RadarTracker,
+    SidedImm,
+    TrackAligner,
+)
 
 
 class StoreSettings(Settings):
@@ -54,6 +63,7 @@ class Scenario(Settings):
     tracks: RadarTracker = SidedImm()
     ais_tracks: AisTracker = AisFilter()
     bearing_tracks: BearingTracker = BearingWindow()
+    alignment: TrackAligner = ConstantVelocity()
     spots: SpotGrouper = KMeansSpots()
     octants: OctantGrouper = OctantSpots()
     associations: Associator = WindowedCovariance()

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from coastwatch.tracks.ais import AisFilter
 from coastwatch.tracks.ais_dead_reckoning import AisDeadReckoning
+from coastwatch.tracks.alignment import ConstantVelocity
 from coastwatch.tracks.bearing import BearingWindow
 from coastwatch.tracks.filterpy_imm import FilterpyImm
 from coastwatch.tracks.imm import Imm
@@ -14,6 +15,7 @@ from coastwatch.tracks.sided_imm import SidedImm
 RadarTracker = Annotated[SidedImm | Imm | FilterpyImm, Field(discriminator="method")]
 AisTracker = Annotated[AisFilter | AisDeadReckoning, Field(discriminator="method")]
 BearingTracker = Annotated[BearingWindow, Field()]
+TrackAligner = Annotated[ConstantVelocity, Field()]
 
 __all__ = [
     "AisDeadReckoning",
@@ -21,8 +23,10 @@ __all__ = [
     "AisTracker",
     "BearingTracker",
     "BearingWindow",
+    "ConstantVelocity",
     "FilterpyImm",
     "Imm",
     "RadarTracker",
     "SidedImm",
+    "TrackAligner",
 ]

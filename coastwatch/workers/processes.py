@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from coastwatch.batches import Array, Ints
-from coastwatch.stage import Work, in_turn
+from coastwatch.batches import Array
+from coastwatch.stage import Groups, Shared, Work, in_turn
 
 ALIGNMENT = 64
 CHUNKS_A_WORKER = 4
@@ -21,9 +21,8 @@ class Processes:
     """A Spread over `count` processes that are started once and kept; use it in a `with` block.
 
     Arrays are laid in one block of shared memory, which grows when needed; a task names the block and lists spots, so that nothing
-    large is pickled. Spots are dealt largest first to the chunk with the least work (their number of rows is the cost). Results come
-    back in the order of the spots: they are those of `in_turn`, bit for bit. Processes are forked from a clean server
-    (forkserver): a fork after OpenMP has run in the parent is unsafe.
+    large is pickled. Spots are dealt largest first to the chunk with the least work (their number of rows is the cost). Processes are
+    forked from a clean server (forkserver): a fork after OpenMP has run in the parent is unsafe.
     """
 
     def __init__(self, count: int) -> None:
@@ -45,21 +44,16 @@ class Processes:
         self._pool.join()
         self._release()
 
-    def __call__(
-        self, work: Work, settings: Any, arrays: Mapping[str, Array], spots: Sequence[Ints]
-    ) -> list[tuple[Array, ...]]:
-        """work(settings, arrays, rows) for the rows of every spot, in the order of the spots."""
+    def __call__(self, work: Work, settings: Any, arrays: Shared, spots: Groups) -> list[tuple[Array, ...]]:
+        """What work(settings, arrays, chunk) gives for chunks that hold every spot once."""
         if len(spots) < 2:
             return in_turn(work, settings, arrays, spots)
         layout = self._publish(arrays)
         assert self._block is not None
-        chunks = deal([len(rows) for rows in spots], self.count * CHUNKS_A_WORKER)
-        tasks = [(self._block.name, layout, work, settings, [spots[k] for k in chunk]) for chunk in chunks]
-        out: list[tuple[Array, ...]] = [()] * len(spots)
-        for chunk, results in zip(chunks, self._pool.map(_run, tasks, chunksize=1), strict=True):
-            for k, result in zip(chunk, results, strict=True):
-                out[k] = result
-        return out
+        chunks = deal(np.diff(spots.start).tolist(), self.count * CHUNKS_A_WORKER)
+        tasks = [(self._block.name, layout, work, settings, spots.take(chunk)) for chunk in chunks]
+        found: list[tuple[Array, ...]] = self._pool.map(_run, tasks, chunksize=1)
+        return found
 
     def _publish(self, arrays: Mapping[str, Array]) -> dict[str, tuple[str, tuple[int, ...], int]]:
         """Copies the arrays into the block. Returns: name to dtype, shape and offset."""
@@ -111,7 +105,7 @@ def _attach(name: str) -> SharedMemory:
     return _attached[name]
 
 
-def _run(task: tuple[str, dict[str, tuple[str, tuple[int, ...], int]], Work, Any, list[Ints]]) -> list[tuple[Array, ...]]:
+def _run(task: tuple[str, dict[str, tuple[str, tuple[int, ...], int]], Work, Any, Groups]) -> tuple[Array, ...]:
     name, layout, work, settings, spots = task
     block = _attach(name)
     arrays = {}
@@ -119,4 +113,4 @@ def _run(task: tuple[str, dict[str, tuple[str, tuple[int, ...], int]], Work, Any
         view: Array = np.ndarray(shape, dtype, block.buf, offset)
         view.flags.writeable = False
         arrays[key] = view
-    return in_turn(work, settings, arrays, spots)
+    return work(settings, arrays, spots)

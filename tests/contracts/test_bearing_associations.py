@@ -12,12 +12,12 @@ import pytest
 from pydantic import ValidationError
 
 from coastwatch.associations.bearing_history import Path
-from coastwatch.associations.bearing_likelihood import BearingLikelihood, score_octant
+from coastwatch.associations.bearing_likelihood import BearingLikelihood, score_octants
 from coastwatch.associations.bearing_literal import BearingWindowedCovariance, sample_statistic
 from coastwatch.batches import CLASSES, AisStatics, BearingTracks, Picture, Sensors
 from coastwatch.sensors.sonar import SonarTruth, say_class
 from coastwatch.spots.octants import OctantSpots
-from coastwatch.stage import in_turn
+from coastwatch.stage import Groups, in_turn
 from coastwatch.tracks.bearing import BearingWindow
 
 METHODS = (BearingLikelihood(), BearingWindowedCovariance())
@@ -30,8 +30,9 @@ def piecewise(work: Any, settings: Any, arrays: Any, spots: Any) -> list[Any]:
     for a in lent.values():
         a.flags.writeable = False
     answers = []
-    for rows in spots:
-        parts = [work(settings, lent, part) for part in reversed([rows[k::3] for k in range(3)])]
+    for rows in reversed([spots.of(k) for k in range(len(spots))]):
+        thirds = [rows[k::3] for k in range(3)]
+        parts = [work(settings, lent, Groups(part, np.array([0, len(part)]))) for part in reversed(thirds)]
         answers.append(tuple(np.concatenate(columns) for columns in zip(*parts, strict=True)))
     return answers
 
@@ -264,9 +265,11 @@ def test_a_pair_alone_scores_as_in_company() -> None:
     for t in range(3, 31, 3):
         tracks, picture = run.inputs(t)
         run.memory, _ = run.associate(run.memory, tracks, picture, t, spy)
-    for rows in kept["spots"]:
-        whole = score_octant(run.method, kept["arrays"], rows)
-        single = [score_octant(run.method, kept["arrays"], rows[k : k + 1]) for k in range(len(rows))]
+    for k in range(len(kept["spots"])):
+        rows = kept["spots"].of(k)
+        whole = score_octants(run.method, kept["arrays"], Groups(rows, np.array([0, len(rows)])))
+        alone = [Groups(rows[k : k + 1], np.array([0, 1])) for k in range(len(rows))]
+        single = [score_octants(run.method, kept["arrays"], one) for one in alone]
         for got, parts in zip(whole, zip(*single, strict=True), strict=True):
             np.testing.assert_array_equal(got, np.concatenate(parts))
 

@@ -1,0 +1,35 @@
+"""Tracks of many centres, each at the time of its newest report, brought to the time of the picture."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from coastwatch.batches import Tracks
+from coastwatch.stage import Settings
+
+
+class ConstantVelocity(Settings):
+    """Each track moved at its own velocity, its covariance grown by the white acceleration that a ship may have meanwhile.
+
+    Tracks that already stand at the time of the picture, as those of our own regional centres do, are passed on untouched.
+    Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 6.2.2.
+    """
+
+    method: Literal["constant_velocity"] = "constant_velocity"
+    noise_m2_s3: Annotated[float, Field(ge=0.0)] = 0.01
+
+    def step(self, tracks: Tracks, time_s: float) -> Tracks:
+        """The same tracks at `time_s`. Args: tracks: (N) each at its own time_s; a covariance of NaN stays NaN."""
+        if bool((tracks.time_s == time_s).all()):
+            return tracks
+        from coastwatch.kernels.alignment import advance
+        from coastwatch.kernels.threads import in_blocks
+
+        moved, spread = np.empty_like(tracks.position_deg), np.empty_like(tracks.covariance)
+        given = tracks.time_s, time_s, tracks.position_deg, tracks.velocity_m_s, tracks.covariance, self.noise_m2_s3
+        in_blocks(advance, len(tracks), *given, moved, spread)
+        return replace(tracks, time_s=np.full(len(tracks), float(time_s)), position_deg=moved, covariance=spread)
