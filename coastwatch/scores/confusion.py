@@ -8,6 +8,7 @@ import numpy as np
 
 from coastwatch.batches import (
     Associations,
+    Batch,
     BearingAssociations,
     BearingTracks,
     Bools,
@@ -15,6 +16,7 @@ from coastwatch.batches import (
     Picture,
     SourceKind,
     Tracks,
+    column,
 )
 
 
@@ -52,6 +54,20 @@ def _over(part: float, whole: float) -> float:
     return float(part / whole) if whole > 0 else 0.0
 
 
+@dataclass(frozen=True, eq=False)
+class Decisions(Batch):
+    """One row a decision: a swap is exists, not right, and wrong."""
+
+    row: Ints = column(np.int64, "D")  # of the track that was decided on
+    exists: Bools = column(np.bool_, "D")  # a true partner is there
+    right: Bools = column(np.bool_, "D")  # and chosen
+    wrong: Bools = column(np.bool_, "D")  # a wrong one is chosen
+
+    def counted(self) -> Confusion:
+        """The counts over all of them."""
+        return count_decisions(self.exists, self.right, self.wrong)
+
+
 def count_decisions(partner_exists: Bools, right_chosen: Bools, wrong_chosen: Bools) -> Confusion:
     """The counts over decisions. Args: each (N,): whether a true partner is there, is chosen, and whether a wrong one is chosen."""
     return Confusion(
@@ -63,6 +79,11 @@ def count_decisions(partner_exists: Bools, right_chosen: Bools, wrong_chosen: Bo
 
 
 def association(tracks: Tracks, associations: Associations, kinds: Ints) -> Confusion:
+    """The counts of `decisions`. Args: as there."""
+    return decisions(tracks, associations, kinds).counted()
+
+
+def decisions(tracks: Tracks, associations: Associations, kinds: Ints) -> Decisions:
     """One decision a radar track: which AIS track is it? The AIS tracks of its vessel are what was chosen.
 
     A track of clutter (origin -1) has no partner. Of two radar tracks of one true vessel, each is a decision.
@@ -75,7 +96,7 @@ def association(tracks: Tracks, associations: Associations, kinds: Ints) -> Conf
     label, origin = associations.vessel, tracks.origin
     chosen = _matches(label[radar], label[ais])
     right = np.where(exists, _matches(_keys(label, origin, radar), _keys(label, origin, ais)), 0)
-    return count_decisions(exists, right > 0, chosen > right)
+    return Decisions(radar, exists, right > 0, chosen > right)
 
 
 def bearing_association(

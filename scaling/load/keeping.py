@@ -1,0 +1,52 @@
+"""The store of a load run: every cycle written as the server writes it, rows counted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from sqlalchemy import event
+
+from coastwatch import store
+from coastwatch.batches import AisReports, AisStatics, BearingReports, RadarReports, Reports, Sensors
+from coastwatch.pipeline import Cycle
+from coastwatch.scenario import Scenario
+from coastwatch.server.run import version
+from coastwatch.stage import Plan
+
+
+class Keeper:
+    """A run in a database; use it in a `with` block. `rows` counts what was inserted, replaced rows each time."""
+
+    def __init__(self, url: str, scenario: Scenario, sensors: Sensors, plan: Plan, workers: int) -> None:
+        self._store, self._scenario, self.rows = store.open_store(url), scenario, 0
+        self._run_id = store.begin_run(
+            self._store,
+            scenario=scenario.name,
+            title=scenario.title,
+            seed=scenario.seed,
+            version=version(),
+            settings=scenario.model_dump(mode="json"),
+            sensors=sensors,
+            plan=plan,
+            workers=workers,
+        )
+        event.listen(self._store.engine, "after_cursor_execute", self._count)
+
+    def __enter__(self) -> Keeper:
+        return self
+
+    def __exit__(self, *failed: Any) -> None:
+        try:
+            store.finish_run(self._store, self._run_id, "failed" if failed[0] else "finished")
+        finally:
+            self._store.close()
+
+    def write(self, number: int, cycle: Cycle, statics: AisStatics, seconds: Mapping[str, float]) -> None:
+        """One cycle. Args: seconds: of each of its stages."""
+        reports = Reports(RadarReports.empty(), AisReports.empty(), statics, BearingReports.empty())
+        store.write_cycle(self._store, self._run_id, number, cycle, reports, seconds, self._scenario.store)
+
+    def _count(self, connection: Any, cursor: Any, statement: str, *unused: Any) -> None:
+        if statement.lstrip()[:6].upper() == "INSERT":
+            self.rows += max(cursor.rowcount, 0)
