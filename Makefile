@@ -26,9 +26,8 @@ check: .venv/.ready  ## style, types and the import contract
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-bench: .venv/.ready  ## time the kernels and print the stage shares of the main scenarios
-	$(BIN)/python -m pytest scaling/kernels/bench_*.py --benchmark-only
-	$(BIN)/python -m scaling.load.stages
+bench: .venv/.ready  ## time stages, load, peers and kernels: one table, also in scaling/results/bench.txt and bench.md
+	$(BIN)/python -m scaling.bench
 
 docs: .venv/.ready  ## write the generated parts of the documentation again
 	$(BIN)/python -m coastwatch.operators.reference

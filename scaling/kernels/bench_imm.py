@@ -23,29 +23,33 @@ def problem(prior, bank, tracks):
     return filters, rows, dt, near[1], noise
 
 
-@pytest.mark.benchmark(group="radar filters, 4,000 tracks")
-def test_sided_imm(benchmark):
+@pytest.mark.benchmark(group="imm: radar filters")
+def test_ours_sided_imm(benchmark):
     prior = Manoeuvres()
     bank = SidedBank(prior.renewal_s, prior.table())
+    benchmark.extra_info["rows"] = TRACKS
     benchmark(bank.absorb, *problem(prior, bank, TRACKS))
 
 
-@pytest.mark.benchmark(group="radar filters, 4,000 tracks")
-def test_sided_imm_of_three_models(benchmark):
+@pytest.mark.benchmark(group="imm: radar filters")
+def test_ours_sided_imm_of_three_models(benchmark):
     """As many models as `imm` has."""
     models = tuple(m.model_copy(update={"share": 1.0 / 3.0}) for m in Manoeuvres().models[2:5])
     prior = Manoeuvres(models=models)
     bank = SidedBank(prior.renewal_s, prior.table())
+    benchmark.extra_info["rows"] = TRACKS
     benchmark(bank.absorb, *problem(prior, bank, TRACKS))
 
 
-@pytest.mark.benchmark(group="radar filters, 4,000 tracks")
-def test_imm(benchmark):
+@pytest.mark.benchmark(group="imm: radar filters")
+def test_ours_imm(benchmark):
     bank = CompiledBank(Motion().parameters())
+    benchmark.extra_info["rows"] = TRACKS
     benchmark(bank.absorb, *problem(Motion(), bank, TRACKS))
 
 
-@pytest.mark.benchmark(group="radar filters, 100 tracks")
-def test_filterpy(benchmark):
+@pytest.mark.benchmark(group="imm: radar filters")
+def test_baseline_filterpy(benchmark):
     bank = ObjectBank(Motion().parameters())
+    benchmark.extra_info["rows"] = FEW
     benchmark.pedantic(bank.absorb, args=problem(Motion(), bank, FEW), rounds=3)

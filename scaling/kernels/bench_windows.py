@@ -38,11 +38,13 @@ def by_numpy(first, second, position, velocity, variance, length, phi, registrat
     return (delta * np.linalg.solve(phi[:, None], delta[..., None])[..., 0]).sum(axis=2)
 
 
-@pytest.mark.benchmark(group="windowed scores, 20,000 pairs")
-def test_kernel(benchmark, problem):
+@pytest.mark.benchmark(group="windows: scores of pairs")
+def test_ours(benchmark, problem):
+    benchmark.extra_info["rows"] = PAIRS
     benchmark(windowed_scores, *problem, 10.0, 0.5, 2.0, 0.9, 20.0, 0.01, 4.0)
 
 
-@pytest.mark.benchmark(group="windowed scores, 20,000 pairs")
-def test_numpy(benchmark, problem):
+@pytest.mark.benchmark(group="windows: scores of pairs")
+def test_baseline_numpy(benchmark, problem):
+    benchmark.extra_info["rows"] = PAIRS
     benchmark.pedantic(by_numpy, args=problem, rounds=3)

@@ -96,9 +96,9 @@ def _answer(python: Path, module: str, task: str, folder: Path) -> Answer:
 
 
 def run(comparisons: Sequence[Comparison], seed: int, clock: str) -> dict[str, Any]:
-    """All rows, and a sentence for each environment; a peer that cannot be had or fails is in the sentences alone."""
+    """All rows, a sentence for each environment, and one for each peer or task that could not be had."""
     places = {peer: prepare(peer) for peer in dict.fromkeys(c.peer for c in comparisons)}
-    said = [place.said for place in places.values()]
+    missing = [place.said for place in places.values() if place.python is None]
     rows: list[dict[str, Any]] = []
     able = [c for c in comparisons if places[c.peer].python is not None]
     for _, group in groupby(able, lambda c: (kind_of(c.task), c.tracks, c.cycles, c.measured)):
@@ -109,8 +109,16 @@ def run(comparisons: Sequence[Comparison], seed: int, clock: str) -> dict[str, A
                     sea = sea or laid(wanted, seed, Path(folder))
                     rows.append(compare(wanted, places[wanted.peer].python or Path(), sea, clock))
                 except Failed as error:
-                    said.append(str(error))
-    return {"machine": machine(), "date": date_utc(), "clock": clock, "seed": seed, "rows": rows, "said": said}
+                    missing.append(str(error))
+    return {
+        "machine": machine(),
+        "date": date_utc(),
+        "clock": clock,
+        "seed": seed,
+        "rows": rows,
+        "environments": [place.said for place in places.values() if place.python is not None],
+        "missing": missing,
+    }
 
 
 def table(result: dict[str, Any]) -> list[str]:
@@ -123,10 +131,15 @@ def table(result: dict[str, Any]) -> list[str]:
         _line(HEADS),
     ]
     for r in result["rows"]:
-        times = f"{r['peer_ms']:.2f}", f"{r['ours_ms']:.2f}", f"{r['ratio']:.3g}", f"{r['peer_us_each']:.3g}"
+        times = f"{r['peer_ms']:.2f}", f"{r['ours_ms']:.2f}", _figures(r["ratio"]), _figures(r["peer_us_each"])
         good = f"{r['peer_quality']:.2f}", f"{r['ours_quality']:.2f}"
         lines.append(_line((r["peer"], r["task"], str(r["tracks"]), *times, r["unit"], r["figure"], *good)))
-    return lines + [f"# {sentence}" for sentence in result["said"]]
+    return lines + [f"# {sentence}" for sentence in [*result["environments"], *result["missing"]]]
+
+
+def _figures(value: float) -> str:
+    """Three of them, without an exponent."""
+    return f"{value:,.0f}" if value >= 100.0 else f"{value:.3g}"
 
 
 def _line(cells: Iterable[str]) -> str:

@@ -1,0 +1,124 @@
+"""The one table of `make bench`: rows from what the parts say, a sentence for a part that fails."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from scaling import bench
+from scaling.bench import Part, as_markdown, as_text, last_object, measure
+from scaling.bench_rows import HEADS, Row, of_cycle, of_kernels, of_peers, of_stages
+
+HOUSE = Path(bench.__file__).parents[1]
+GROUPED = re.compile(r'group="([^"]+)"\)\ndef (test_\w+)\(')
+STAGES = {"context-driven-1000": {"tracks": {"median": 0.009}, "spots": {"median": 0.001}, "store": {"median": 0.012}}}
+CYCLE = {
+    "tracks": 100321,
+    "store": "sqlite",
+    "compute_s": {"median": 0.06, "share_of_period": 0.02},
+    "cycle_s": {"median": 0.12, "share_of_period": 0.04},
+    "rows_written": 66000,
+    "memory_mib": {"peak": 512.4},
+    "decisions": {"all": {"f1": 0.99987}},
+}
+PEERS = {
+    "rows": [
+        {
+            "peer": "stonesoup",
+            "task": "association",
+            "tracks": 200,
+            "versions": {"stonesoup": "1.9.1"},
+            "peer_ms": 163.5,
+            "ours_ms": 2.0,
+            "ratio": 81.75,
+            "figure": "F1 %",
+            "peer_quality": 99.25,
+            "ours_quality": 100.0,
+        }
+    ],
+    "missing": [],
+}
+
+
+def timed(group: str, name: str, median: float, rows: int) -> dict:
+    return {"group": group, "name": name, "stats": {"median": median}, "extra_info": {"rows": rows}}
+
+
+KERNELS = {
+    "benchmarks": [
+        timed("imm: filters", "test_ours_three", 0.004, 4000),
+        timed("imm: filters", "test_baseline_filterpy", 0.1, 100),
+        timed("windows: pairs", "test_ours", 0.02, 20_000),
+        timed("windows: pairs", "test_baseline_numpy", 0.1, 20_000),
+    ]
+}
+
+
+def test_compute_is_the_sum_of_the_stages_but_for_what_is_beside() -> None:
+    assert of_stages(STAGES)[-1] == Row("stages", "context-driven-1000: compute, the sum", "10.00 ms", "0.33 %")
+    assert len(of_stages(STAGES)) == 4
+
+
+def test_a_load_has_compute_storage_and_memory() -> None:
+    compute, whole, memory = of_cycle(CYCLE)
+    assert compute[1:5] == ("100,321 tracks: compute", "60.00 ms", "2.00 %", "F1 99.987 %")
+    assert whole[1:5] == ("100,321 tracks: whole cycle, sqlite", "120.00 ms", "4.00 %", "66,000 rows")
+    assert memory[1:3] == ("100,321 tracks: peak memory", "512 MiB")
+    assert len(of_cycle(CYCLE | {"store": "none"})) == 2
+
+
+def test_peers_stand_beside_ours_with_quality() -> None:
+    (row,) = of_peers(PEERS)
+    wanted = "association, 200 tracks", "2.00 ms", "", "F1 % 100.00", "stonesoup 1.9.1", "163.50 ms", "F1 % 99.25", "81.8 x"
+    assert row == Row("peers", *wanted)
+
+
+def test_kernels_are_compared_by_the_time_of_a_row() -> None:
+    first, second = of_kernels(KERNELS)
+    assert first == Row("kernels", "imm: filters, three", "1 us each", "", "", "filterpy", "1,000 us each", "", "1,000 x")
+    assert (second.what, second.ratio) == ("windows: pairs", "5 x")
+
+
+def test_the_table_as_text_and_as_markdown() -> None:
+    rows = [*of_cycle(CYCLE), *of_peers(PEERS)]
+    text = as_text(["machine and date"], rows, ["a part that is missing"])
+    assert text.splitlines()[:2] == ["# make bench", "# machine and date"]
+    assert text.splitlines()[2].split()[0] == HEADS[0]
+    assert text.endswith("# a part that is missing\n")
+    markdown = as_markdown(["machine and date"], rows, ["a part that is missing"]).splitlines()
+    table = [line for line in markdown if line.startswith("|")]
+    assert len(table) == 2 + len(rows)
+    assert {line.count("|") for line in table} == {len(HEADS) + 1}
+    assert markdown[-1] == "a part that is missing"
+
+
+def test_a_part_that_is_not_there_is_a_sentence() -> None:
+    rows, missing = measure(Part("load", "scaling.no_such_module", ("--json",), of_cycle))
+    assert rows == []
+    assert len(missing) == 1
+    assert missing[0].startswith("python -m scaling.no_such_module --json: ")
+    assert "No module named" in missing[0]
+
+
+def test_comments_around_the_json_do_not_matter() -> None:
+    assert last_object('# 2 processors\n{"a": 1}\n{"b": 2}\n') == {"b": 2}
+    with pytest.raises(ValueError, match="needed a line with a JSON object"):
+        last_object("# nothing\n")
+
+
+@pytest.mark.parametrize("path", sorted((HOUSE / "scaling" / "kernels").glob("bench_*.py")), ids=lambda p: p.stem)
+def test_every_problem_of_a_kernel_has_one_baseline_and_ours(path: Path) -> None:
+    groups: dict[str, list[str]] = {}
+    for group, name in GROUPED.findall(path.read_text("utf-8")):
+        groups.setdefault(group, []).append(name)
+    assert groups
+    assert (HOUSE / "coastwatch" / "kernels" / path.name.removeprefix("bench_")).is_file()
+    for group, names in groups.items():
+        assert group.startswith(f"{path.stem.removeprefix('bench_')}: ")
+        assert sum(n.startswith("test_baseline_") for n in names) == 1
+        assert sum(n.startswith("test_ours") for n in names) == len(names) - 1 > 0
+
+
+def test_the_makefile_starts_it() -> None:
+    assert "bench: .venv/.ready" in (HOUSE / "Makefile").read_text("utf-8")
+    assert "\t$(BIN)/python -m scaling.bench\n" in (HOUSE / "Makefile").read_text("utf-8")
