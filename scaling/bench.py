@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from coastwatch.server.machine import date_utc, machine
-from scaling.bench_rows import HEADS, Row, of_cycle, of_kernels, of_peers, of_stages
+from scaling.bench_rows import HEADS, STAGE, Row, of_cycle, of_kernels, of_peers, of_stages
 
 HOUSE = Path(__file__).parents[1]
 RESULTS = HOUSE / "scaling" / "results"
@@ -24,7 +24,9 @@ PACKAGES = "numpy", "scipy", "numba", "scikit-learn", "sqlalchemy"
 SCENARIO = "context-driven-1000"
 KERNELS = "scaling/kernels", "--benchmark-only", "--benchmark-timer=time.process_time", "-q", "-o", "python_files=bench_*.py"
 TIMEOUT_S = 600.0
-TIMES = "Stages and load: wall time a cycle. Peers and kernels: processor time of all threads."
+TIMES = (
+    "Stages and load: wall time a cycle, median. Peers: processor time a cycle, median. Kernels: processor time a row, least"
+)
 
 
 class Part(NamedTuple):
@@ -57,8 +59,11 @@ def measure(part: Part) -> tuple[list[Row], list[str]]:
         if done.returncode:
             return [], [f"{title}: {last_line(done.stderr or done.stdout)}"]
         kept = Path(folder) / "kernels.json"
-        found = json.loads(kept.read_text("utf-8")) if kept.exists() else last_object(done.stdout)
-    return part.read(found), found.get("missing", [])
+        try:
+            found = json.loads(kept.read_text("utf-8")) if kept.exists() else last_object(done.stdout)
+            return part.read(found), found.get("missing", [])
+        except (KeyError, ValueError) as error:
+            return [], [f"{title}: what it says cannot be read: {type(error).__name__} {error}"]
 
 
 def last_object(text: str) -> Any:
@@ -94,10 +99,10 @@ def as_text(heading: list[str], rows: list[Row], missing: list[str]) -> str:
 
 
 def as_markdown(heading: list[str], rows: list[Row], missing: list[str]) -> str:
-    """The table for a README."""
-    lines = ["| " + " | ".join(row) + " |" for row in (HEADS, *rows)]
+    """The table for a README, without the single stages."""
+    lines = ["| " + " | ".join(row) + " |" for row in (HEADS, *(row for row in rows if row.part != STAGE))]
     lines.insert(1, "|---" * len(HEADS) + "|")
-    return "\n".join(["`make bench`: " + ". ".join(heading), "", *lines, *(f"\n{line}" for line in missing)]) + "\n"
+    return "\n".join(["`make bench`: " + ". ".join(heading) + ".", "", *lines, *(f"\n{line}" for line in missing)]) + "\n"
 
 
 def main() -> None:

@@ -40,8 +40,8 @@ PEERS = {
 }
 
 
-def timed(group: str, name: str, median: float, rows: int) -> dict:
-    return {"group": group, "name": name, "stats": {"median": median}, "extra_info": {"rows": rows}}
+def timed(group: str, name: str, least: float, rows: int) -> dict:
+    return {"group": group, "name": name, "stats": {"min": least}, "extra_info": {"rows": rows}}
 
 
 KERNELS = {
@@ -56,7 +56,7 @@ KERNELS = {
 
 def test_compute_is_the_sum_of_the_stages_but_for_what_is_beside() -> None:
     assert of_stages(STAGES)[-1] == Row("stages", "context-driven-1000: compute, the sum", "10.00 ms", "0.33 %")
-    assert len(of_stages(STAGES)) == 4
+    assert [row.part for row in of_stages(STAGES)] == ["stage", "stage", "stage", "stages"]
 
 
 def test_a_load_has_compute_storage_and_memory() -> None:
@@ -81,11 +81,12 @@ def test_kernels_are_compared_by_the_time_of_a_row() -> None:
 
 def test_the_table_as_text_and_as_markdown() -> None:
     rows = [*of_cycle(CYCLE), *of_peers(PEERS)]
+    single = of_stages(STAGES)[:1]
     text = as_text(["machine and date"], rows, ["a part that is missing"])
     assert text.splitlines()[:2] == ["# make bench", "# machine and date"]
     assert text.splitlines()[2].split()[0] == HEADS[0]
     assert text.endswith("# a part that is missing\n")
-    markdown = as_markdown(["machine and date"], rows, ["a part that is missing"]).splitlines()
+    markdown = as_markdown(["machine and date"], [*single, *rows], ["a part that is missing"]).splitlines()
     table = [line for line in markdown if line.startswith("|")]
     assert len(table) == 2 + len(rows)
     assert {line.count("|") for line in table} == {len(HEADS) + 1}
@@ -98,6 +99,12 @@ def test_a_part_that_is_not_there_is_a_sentence() -> None:
     assert len(missing) == 1
     assert missing[0].startswith("python -m scaling.no_such_module --json: ")
     assert "No module named" in missing[0]
+
+
+def test_a_part_that_says_something_else_is_a_sentence() -> None:
+    rows, missing = measure(Part("load", "json.tool", ("--help",), of_cycle))
+    assert rows == []
+    assert missing[0].startswith("python -m json.tool --help: what it says cannot be read: ValueError got ")
 
 
 def test_comments_around_the_json_do_not_matter() -> None:
