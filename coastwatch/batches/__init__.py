@@ -37,6 +37,7 @@ from coastwatch.batches.struct import (
     Bools,
     Floats,
     Ints,
+    Rows,
     Struct,
     column,
 )
@@ -88,6 +89,7 @@ __all__ = [
     "Recording",
     "RegistrationState",
     "Reports",
+    "Rows",
     "Sensors",
     "Sonars",
     "SourceKind",

@@ -12,6 +12,8 @@ Array = NDArray[Any]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+Rows = NDArray[np.int32]
+"""Rows and groups within a cycle, where passes over millions of them wait for memory: half of it."""
 
 
 def column(dtype: Any, *shape: str | int) -> Any:

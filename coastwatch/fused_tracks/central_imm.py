@@ -10,8 +10,8 @@ from pydantic import Field
 
 from coastwatch.batches import Associations, Bools, Floats, FusedTracks, Ints, Measurements, SourceKind, Tracks
 from coastwatch.fused_tracks.continuity import former, going_on, newest
-from coastwatch.fused_tracks.covariance_intersection import intersect
-from coastwatch.fused_tracks.pairwise import combined
+from coastwatch.fused_tracks.covariance_intersection import intersected
+from coastwatch.fused_tracks.membership import at_time, by_vessel
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.kernels.lookup import find
 from coastwatch.stage import Method
@@ -168,9 +168,9 @@ class CentralImm(Method):
         """Filters of these vessels from their tracks alone, and the same as estimates. Args: begins: (V,) which."""
         from coastwatch.kernels.kicked_imm import WIDTH
 
-        count, member = int(begins.sum()), begins[vessel]
-        number = np.cumsum(begins) - 1
-        first = combined(tracks.take(member), covariance[member], number[vessel[member]], time_s, _intersected)
+        which = np.flatnonzero(begins).astype(np.int32)
+        count = len(which)
+        first = at_time(time_s, intersected(by_vessel(vessel), which, tracks, self.unknown_velocity_sigma_m_s, SEARCH_STEPS))
         filters = np.zeros((count, len(KINDS), WIDTH))
         low = np.tril_indices(4)
         filters[:, :, 2:4] = first.velocity_m_s[:, None]
@@ -189,10 +189,6 @@ class CentralImm(Method):
         kick_rate[0], kick_variance[0] = 1.0 / self.kick_interval_s, self.kick_m_s**2
         turn_sigma = np.full(j, np.radians(self.turn_rate_sigma_deg_s))
         return KINDS, np.array(self.noise_m2_s3), turn_noise, turn_sigma, np.array(self.sojourn_s), kick_rate, kick_variance
-
-
-def _intersected(first: Floats, second: Floats, shift: Floats) -> tuple[Floats, Floats]:
-    return intersect(first, second, shift, SEARCH_STEPS)
 
 
 def _with_tracks(bank: Bank, begun: Bank, rows: Ints, track_id: Ints, vessel: Ints) -> Bank:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, Tracks
-from coastwatch.fused_tracks.pairwise import combined
+from coastwatch.batches import Associations, FusedTracks, Ints, Measurements, Tracks
+from coastwatch.fused_tracks.membership import at_time, by_vessel, states, unwritten
+from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Method, NoMemory
 
 
@@ -41,18 +41,10 @@ class Convex(Method):
 
         Returns: memory and FusedTracks, one row for each vessel number.
         """
-        covariance = tracks.known_covariance(self.unknown_velocity_sigma_m_s)
-        together = np.bincount(associations.vessel, minlength=1)[associations.vessel] > 1
-        doubted = together & (tracks.mmsi < 0)
-        covariance[doubted, :2, :2] += self.registration * tracks.report_covariance[doubted]
-        return memory, combined(tracks, covariance, associations.vessel, time_s, weigh)
+        from coastwatch.kernels.fusing import convex
 
-
-def weigh(first: Floats, second: Floats, shift: Floats) -> tuple[Floats, Floats]:
-    """Mean (relative to the first) and covariance of two estimates with independent errors.
-
-    Args: first, second: (G, 4, 4); shift: (G, 4) second less first. Returns: (G, 4), (G, 4, 4).
-    """
-    gain = np.linalg.solve(first + second, first).swapaxes(1, 2)
-    less = first - gain @ first
-    return np.einsum("gij,gj->gi", gain, shift), 0.5 * (less + less.swapaxes(1, 2))
+        groups = by_vessel(associations.vessel)
+        out = unwritten(len(groups))
+        doubt = self.registration, tracks.mmsi
+        in_blocks(convex, len(groups), *groups, states(tracks), self.unknown_velocity_sigma_m_s, doubt, out)
+        return memory, at_time(time_s, out)

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, Tracks
-from coastwatch.fused_tracks.membership import rounds
+from coastwatch.fused_tracks.membership import by_vessel, rounds
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.kernels.lookup import find
 from coastwatch.stage import Method
@@ -71,7 +71,8 @@ class ImmOfTracks(Method):
         from coastwatch.kernels import imm
 
         covariance = tracks.known_covariance(self.unknown_velocity_sigma_m_s)
-        plan = rounds(associations.vessel, -tracks.source)
+        groups = by_vessel(associations.vessel)
+        plan = rounds(groups, -tracks.source)
         if not plan:
             return self.init(), FusedTracks.empty()
         bank = self._carried(memory, tracks, associations.vessel, plan, covariance, time_s)
@@ -84,7 +85,7 @@ class ImmOfTracks(Method):
         mean, total = imm.imm_estimate(state, spread, mode)
         position = offset_deg(bank.anchor_deg, mean[:, :2])
         velocity, fused = mean[:, 2:4].copy(), total[:, :4, :4].copy()
-        alone = np.bincount(associations.vessel)[plan[0][0]] == 1
+        alone = np.diff(groups.start) == 1
         row = plan[0][1][alone]
         position[alone], velocity[alone], fused[alone] = tracks.position_deg[row], tracks.velocity_m_s[row], covariance[row]
         return bank, FusedTracks(np.full(len(position), float(time_s)), position, velocity, fused)

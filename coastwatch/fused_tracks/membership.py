@@ -1,20 +1,53 @@
-"""The tracks of each vessel in rounds: the first track of every vessel, then the second of those that have one, ..."""
+"""The tracks of each vessel one after the other, and the arrays that the kernels take of them and give back."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from coastwatch.batches import Ints
+from coastwatch.batches import Floats, FusedTracks, Ints, Rows, Tracks
 
 
-def rounds(vessel: Ints, preference: Ints) -> list[tuple[Ints, Ints]]:
-    """For each round the vessels that take part and the row of their track.
+class Grouped(NamedTuple):
+    """The tracks of vessel v are row[start[v]:start[v + 1]]."""
 
-    Args: vessel: (N,) of each track, 0..V-1 with none left out; preference: (N,) smaller comes first.
-    Returns: list of (vessels (G,), rows (G,)); the first round has every vessel in order.
+    start: Rows  # (V + 1,)
+    row: Rows  # (N,)
+
+    def __len__(self) -> int:
+        return len(self.start) - 1
+
+
+def by_vessel(vessel: Ints) -> Grouped:
+    """Args: vessel: (N,) of each track, 0..V-1 with none left out."""
+    from coastwatch.kernels.grouping import grouped
+
+    return Grouped(*grouped(vessel, int(vessel.max(initial=-1)) + 1))
+
+
+def states(tracks: Tracks) -> tuple[Floats, Floats, Floats, Floats]:
+    """What the kernels read of tracks."""
+    return tracks.position_deg, tracks.velocity_m_s, tracks.covariance, tracks.report_covariance
+
+
+def unwritten(vessels: int) -> tuple[Floats, Floats, Floats]:
+    """What the kernels write: position, velocity and covariance of so many vessels."""
+    return np.empty((vessels, 2)), np.empty((vessels, 2)), np.empty((vessels, 4, 4))
+
+
+def at_time(time_s: float, out: tuple[Floats, Floats, Floats]) -> FusedTracks:
+    """The vessels that were written, at one time."""
+    return FusedTracks(np.full(len(out[0]), float(time_s)), *out)
+
+
+def rounds(groups: Grouped, preference: Ints) -> list[tuple[Ints, Ints]]:
+    """For each round the vessels that take part and the row of their track: the first tracks, then the second of those that have one, ...
+
+    Args: preference: (N,) smaller comes first. Returns: list of (vessels (G,), rows (G,)); the first round has every vessel in order.
     """
-    order = np.lexsort((preference, vessel))
-    sorted_vessel = vessel[order]
-    start = np.flatnonzero(np.r_[True, sorted_vessel[1:] != sorted_vessel[:-1]]) if len(vessel) else np.zeros(0, np.int64)
-    rank = np.arange(len(vessel)) - np.repeat(start, np.diff(np.r_[start, len(vessel)]))
-    return [(sorted_vessel[rank == r], order[rank == r]) for r in range(int(rank.max(initial=-1)) + 1)]
+    from coastwatch.kernels.grouping import preferred
+
+    row, size = preferred(*groups, preference), np.diff(groups.start)
+    parts = [np.flatnonzero(size > r) for r in range(int(size.max(initial=0)))]
+    return [(who, row[groups.start[who] + r]) for r, who in enumerate(parts)]

@@ -7,8 +7,9 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, SourceKind, Tracks
-from coastwatch.geodesy import difference_m, offset_deg
+from coastwatch.batches import Associations, FusedTracks, Ints, Measurements, SourceKind, Tracks
+from coastwatch.fused_tracks.membership import at_time, by_vessel, states, unwritten
+from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Method, NoMemory
 
 
@@ -51,33 +52,13 @@ class WeightedAverage(Method):
 
         Returns: memory and FusedTracks, one row for each vessel number.
         """
-        vessel = associations.vessel
-        if len(vessel) == 0:
-            return memory, FusedTracks.empty()
-        count = int(vessel.max()) + 1
-        covariance = tracks.known_covariance(self.unknown_velocity_sigma_m_s)
-        weight = self._weights(tracks, vessel, covariance, kinds)
-        anchor = np.zeros(count, np.int64)
-        anchor[vessel[::-1]] = np.arange(len(vessel))[::-1]
-        shift = difference_m(tracks.position_deg, tracks.position_deg[anchor[vessel]])
-        state = np.concatenate([shift, tracks.velocity_m_s], axis=1)
-        sums = [np.bincount(vessel, weight * state[:, k], minlength=count) for k in range(4)]
-        mean = np.stack(sums, axis=1).astype(np.float64)
-        spread = np.zeros((count, 4, 4))
-        np.add.at(spread, vessel, weight[:, None, None] ** 2 * covariance)
-        position = offset_deg(tracks.position_deg[anchor], mean[:, :2])
-        return memory, FusedTracks(np.full(count, float(time_s)), position, mean[:, 2:], spread)
+        from coastwatch.kernels.averaging import average
 
-    def _weights(self, tracks: Tracks, vessel: Ints, covariance: Floats, kinds: Ints) -> Floats:
-        """(N,) weights that add up to one in each vessel."""
-        if self.weights == "calibrated":
-            raw = 1.0 / (covariance[:, 0, 0] + covariance[:, 1, 1])
-        else:
-            kind = kinds[tracks.source]
-            of_kind = np.where(kind == SourceKind.AIS, self.ais_weight, self.radar_weight)
-            key = vessel * (int(kinds.max(initial=0)) + 1) + kind
-            raw = of_kind / np.bincount(key)[key]
-        total = np.bincount(vessel, raw)
-        alone = total[vessel] <= 0.0
-        members = np.bincount(vessel)[vessel]
-        return np.where(alone, 1.0 / members, raw / np.where(alone, 1.0, total[vessel]))
+        groups = by_vessel(associations.vessel)
+        out = unwritten(len(groups))
+        share = np.zeros(0)
+        if self.weights == "fixed":
+            share = np.where(kinds == SourceKind.AIS, self.ais_weight, self.radar_weight)
+        of_source = tracks.source, share, kinds
+        in_blocks(average, len(groups), *groups, states(tracks), self.unknown_velocity_sigma_m_s, *of_source, out)
+        return memory, at_time(time_s, out)

@@ -6,129 +6,118 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from coastwatch.batches import AisAlarms, Bools, Flag, Floats, Ints, Picture, Sensors, SourceKind, Tracks
-from coastwatch.geodesy import difference_m, within_any
-from coastwatch.kernels.lookup import find
+from coastwatch.batches import AisAlarms, Bools, Flag, Floats, Members, Picture, Rows, Sensors, Tracks
+from coastwatch.kernels.threads import in_blocks
+from coastwatch.picture.cover import Cover, cover
+from coastwatch.picture.succession import Heirs, LineUp
 
 if TYPE_CHECKING:
     from coastwatch.picture.identity import Identity
 
 
+Seen = NDArray[np.int8]
+
+
 @dataclass(frozen=True, eq=False)
 class FlagMemory:
-    """Since when each vessel is as it is, rows sorted by vessel_id; and the radar and AIS track that were last one vessel."""
+    """Since when each vessel that is shown is as it is; and of each AIS track the radar track that was last one vessel with it."""
 
-    vessel_id: Ints  # (V,)
-    no_ais_since_s: Floats  # (V,) inf: has AIS or is not where AIS is heard
-    no_radar_since_s: Floats  # (V,) inf: has radar or is not where a radar sees
-    ais_track: Ints  # (P,) sorted
-    radar_track: Ints  # (P,)
-    paired_since_s: Floats  # (P,)
-    parted_since_s: Floats  # (P,) inf while they are one
+    no_ais_since_s: Floats  # (R,) inf: has AIS or is not where AIS is heard
+    no_radar_since_s: Floats  # (R,) inf: has radar or is not where a radar sees
+    mate: Rows  # (N,) row of the radar track, -1 where none
+    paired_since_s: Floats  # (N,) inf where there is no mate
+    parted_since_s: Floats  # (N,) inf while they are one
 
     @staticmethod
     def empty() -> FlagMemory:
-        n, f = np.zeros(0, np.int64), np.zeros(0)
-        return FlagMemory(n, f, f, n, n, f, f)
+        f = np.zeros(0)
+        return FlagMemory(f, f, np.zeros(0, np.int32), f, f)
 
 
-def flags_of(
+@dataclass(frozen=True, eq=False)
+class Company:
+    """Who is one vessel with whom."""
+
+    seen_by: Seen  # (R,) 1 with a radar track, 2 with an AIS track, 3 with both
+    mate: Rows  # (N,) the first radar track in the vessel of an AIS track, -1 where none
+    paired: Bools  # (N,) whether a radar track is the mate of an AIS track
+
+
+def together(heirs: Heirs, line: LineUp, tracks: Tracks, sensors: Sensors) -> tuple[Members, Company]:
+    """The tracks of each row of the picture."""
+    from coastwatch.kernels.vessel_rows import members
+
+    n = len(tracks)
+    out = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
+    pairs = np.empty(len(line.come), np.int8), np.empty(n, np.int32), np.zeros(n, np.bool_)
+    given = heirs.start, heirs.row, (tracks.track_id, tracks.source), sensors.source_kinds
+    in_blocks(members, len(line.come), line.come, line.begin, line.vessel_id, *given, out, pairs)
+    return Members(*out), Company(*pairs)
+
+
+def flag(
     settings: Identity,
     memory: FlagMemory,
-    picture: Picture,
+    heirs: Heirs,
+    line: LineUp,
+    company: Company,
+    shown: Picture,
     tracks: Tracks,
-    of_track: Ints,
+    row: Rows,
     alarms: AisAlarms,
     time_s: float,
     sensors: Sensors,
-) -> tuple[FlagMemory, Ints]:
-    """The memory after this cycle and the flags of every vessel of the picture (sorted by vessel_id)."""
-    kinds = sensors.source_kinds[tracks.source]
-    row = find(picture.vessel_id, of_track)
-    has_ais, has_radar = (_any(row[kinds == kind], len(picture)) for kind in (SourceKind.AIS, SourceKind.RADAR))
-    margin = settings.cover_margin
-    heard = within_any(picture.position_deg, sensors.stations.site_deg, margin * sensors.stations.range_m)
-    seen = within_any(picture.position_deg, sensors.radars.site_deg, margin * sensors.radars.range_m)
-    at = find(memory.vessel_id, picture.vessel_id)
-    no_ais = _since(has_radar & ~has_ais & heard, memory.no_ais_since_s, at, time_s)
-    no_radar = _since(has_ais & ~has_radar & seen, memory.no_radar_since_s, at, time_s)
-    pairs = _parted(settings, memory, tracks, kinds, of_track, time_s, seen[row])
-    flags = picture.flags.copy()
-    flags |= np.where(time_s - no_ais >= settings.dark_after_s, int(Flag.DARK), 0)
-    flags |= np.where(time_s - no_radar >= settings.unseen_after_s, int(Flag.AIS_WITHOUT_RADAR), 0)
-    contradicted = (time_s - pairs.parted_since_s >= settings.contradicted_after_s) & _apart(settings, pairs, tracks)
-    for track in (pairs.ais_track[contradicted], pairs.radar_track[contradicted]):
-        flags[row[find_any(tracks.track_id, track)]] |= int(Flag.AIS_CONTRADICTED)
-    for alarm, flag in ((alarms.twice, Flag.MMSI_TWICE), (alarms.impossible_speed, Flag.IMPOSSIBLE_SPEED)):
-        flags[row[find_any(tracks.track_id, alarms.track_id[alarm])]] |= int(flag)
-    after = FlagMemory(
-        picture.vessel_id, no_ais, no_radar, pairs.ais_track, pairs.radar_track, pairs.paired_since_s, pairs.parted_since_s
-    )
-    return after, flags
-
-
-def find_any(ids: Ints, wanted: Ints) -> Ints:
-    """Rows of the ids that are wanted, in the order of the ids; ids need not be sorted."""
-    return np.flatnonzero(np.isin(ids, wanted))
-
-
-def _any(row: Ints, count: int) -> Bools:
-    out = np.zeros(count, np.bool_)
-    out[row] = True
-    return out
-
-
-def _since(state: Bools, before_s: Floats, at: Ints, time_s: float) -> Floats:
-    """Since when the state holds: as before where it held before, now where it is new, inf where it does not hold."""
-    held = np.where(at >= 0, before_s[np.maximum(at, 0)], np.inf) if len(before_s) else np.full(len(state), np.inf)
-    return np.where(state, np.minimum(held, time_s), np.inf)
-
-
-def _parted(
-    settings: Identity, memory: FlagMemory, tracks: Tracks, kinds: Ints, of_track: Ints, time_s: float, seen: Bools
 ) -> FlagMemory:
-    """The radar and AIS tracks that are, or lately were, one vessel.
+    """Adds the flags of this cycle to those of the picture, which was made for it. Args: row: (N,) of each track in the picture.
 
-    A pair of the past is dropped when either track ends, the AIS track has another radar partner, the radar track another AIS, AIS has
-    left radar cover, the pair was too young to mean anything, or it has been apart too long.
+    Returns: the memory after this cycle.
     """
-    ais, radar = np.flatnonzero(kinds == SourceKind.AIS), np.flatnonzero(kinds == SourceKind.RADAR)
-    order = np.argsort(of_track[radar], kind="stable")
-    mate = find(of_track[radar][order], of_track[ais])
-    now_ais, now_radar = tracks.track_id[ais[mate >= 0]], tracks.track_id[radar[order][mate[mate >= 0]]]
-    before = find(memory.ais_track, now_ais)
-    same = (before >= 0) & (memory.radar_track[before] == now_radar) if len(memory.ais_track) else np.zeros(len(now_ais), bool)
-    since = np.where(same, memory.paired_since_s[before], time_s) if len(memory.ais_track) else np.full(len(now_ais), time_s)
-    old = _still_parted(settings, memory, tracks, now_ais, now_radar, seen, time_s)
-    ais_track = np.concatenate([now_ais, memory.ais_track[old]])
-    by_ais = np.argsort(ais_track, kind="stable")
-    parted = np.concatenate([np.full(len(now_ais), np.inf), np.minimum(memory.parted_since_s[old], time_s)])
-    none = np.zeros(0)
-    return FlagMemory(
-        np.zeros(0, np.int64),
-        none,
-        none,
-        ais_track[by_ais],
-        np.concatenate([now_radar, memory.radar_track[old]])[by_ais],
-        np.concatenate([since, memory.paired_since_s[old]])[by_ais],
-        parted[by_ais],
-    )
+    from coastwatch.kernels.watching import unseen
+
+    heard, seen = (cover(by.site_deg, settings.cover_margin * by.range_m) for by in (sensors.stations, sensors.radars))
+    since = np.empty(len(shown)), np.empty(len(shown))
+    before = memory.no_ais_since_s, memory.no_radar_since_s
+    late = settings.dark_after_s, int(Flag.DARK), settings.unseen_after_s, int(Flag.AIS_WITHOUT_RADAR)
+    given = line.come, heirs.chosen, shown.position_deg, company.seen_by, heard, seen, before, (float(time_s), *late)
+    in_blocks(unseen, len(shown), *given, (*since, shown.flags))
+    pairs, contradicted = _part(settings, memory, heirs, company, shown, tracks, row, time_s, seen)
+    ais = np.flatnonzero(contradicted)
+    for track in (ais, pairs[0][ais]):
+        shown.flags[row[track]] |= int(Flag.AIS_CONTRADICTED)
+    _alarm(alarms, tracks, row, shown)
+    return FlagMemory(since[0], since[1], *pairs)
 
 
-def _still_parted(
-    settings: Identity, memory: FlagMemory, tracks: Tracks, now_ais: Ints, now_radar: Ints, seen: Bools, time_s: float
-) -> Bools:
-    alive = np.isin(memory.ais_track, tracks.track_id[seen]) & np.isin(memory.radar_track, tracks.track_id)
-    free = ~np.isin(memory.ais_track, now_ais) & ~np.isin(memory.radar_track, now_radar)
-    begun = np.minimum(memory.parted_since_s, time_s)
-    meant = begun - memory.paired_since_s >= settings.paired_s
-    return np.asarray(alive & free & meant & (time_s - begun <= settings.contradicted_for_s))
+def _part(
+    settings: Identity,
+    memory: FlagMemory,
+    heirs: Heirs,
+    company: Company,
+    shown: Picture,
+    tracks: Tracks,
+    row: Rows,
+    time_s: float,
+    seen: Cover,
+) -> tuple[tuple[Rows, Floats, Floats], Bools]:
+    """Mates with paired since and parted since, of this cycle and those of the past that still count; which are contradicted. (N,) each"""
+    from coastwatch.kernels.watching import parted
+
+    n, s = len(tracks), settings
+    pairs, contradicted = (company.mate, np.empty(n), np.empty(n)), np.empty(n, np.bool_)
+    past = memory.mate, memory.paired_since_s, memory.parted_since_s
+    limits = float(time_s), s.paired_s, s.contradicted_for_s, s.contradicted_after_s, s.contradicted_from_m
+    given = heirs.at, heirs.to, past, company.paired, row, shown.position_deg, tracks.position_deg, seen, limits
+    in_blocks(parted, n, *given, (*pairs, contradicted))
+    return pairs, contradicted
 
 
-def _apart(settings: Identity, pairs: FlagMemory, tracks: Tracks) -> Bools:
-    """Whether the two tracks of each pair are farther apart than a poor association would explain."""
-    order = np.argsort(tracks.track_id, kind="stable")
-    a, r = (order[find(tracks.track_id[order], ids)] for ids in (pairs.ais_track, pairs.radar_track))
-    metres = np.linalg.norm(difference_m(tracks.position_deg[a], tracks.position_deg[r]), axis=1)
-    return np.asarray(metres >= settings.contradicted_from_m)
+def _alarm(alarms: AisAlarms, tracks: Tracks, row: Rows, shown: Picture) -> None:
+    """Adds what is odd about AIS tracks to the flags. AIS tracks mostly are the last of all, in the order of the alarms."""
+    from coastwatch.kernels.following import standing
+
+    for alarm, what in ((alarms.twice, Flag.MMSI_TWICE), (alarms.impossible_speed, Flag.IMPOSSIBLE_SPEED)):
+        odd = np.flatnonzero(alarm)
+        at = standing(tracks.track_id, alarms.track_id[odd], odd + (len(tracks) - len(alarms)))
+        shown.flags[row[at[at >= 0]]] |= int(what)

@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import AisAlarms, Associations, Flag, FusedTracks, Ints, Members, Picture, Sensors, Tracks
-from coastwatch.picture.flags import FlagMemory, flags_of
-from coastwatch.picture.succession import coasted, inherit, return_of_the_lost
+from coastwatch.batches import AisAlarms, Associations, FusedTracks, Ints, Members, Picture, Rows, Sensors, Tracks
+from coastwatch.picture.flags import FlagMemory, flag, together
+from coastwatch.picture.known import Known, few
+from coastwatch.picture.returns import returned
+from coastwatch.picture.rows import pictured, unnamed
+from coastwatch.picture.succession import Heirs, inherit, line_up, remember
 from coastwatch.stage import Method
 
 
 @dataclass(frozen=True, eq=False)
 class PictureMemory:
-    """What must outlive a cycle."""
+    """What must outlive a cycle. Rows are those of `Known`."""
 
-    picture: Picture  # the newest row of every vessel that may come back, sorted by vessel_id
-    track_id: Ints  # (L,) every track of the last cycle, sorted
-    track_vessel: Ints  # (L,) the vessel it was in
-    track_home: Ints  # (L,) the first vessel it ever was in
+    known: Known
+    track_id: Ints  # (L,) every track of the last cycle, in its order
+    track_vessel: Rows  # (L,) slot of the vessel it was in
+    track_home: Rows  # (L,) slot of the first vessel it ever was in
     next_id: int
     flags: FlagMemory
 
@@ -52,7 +55,8 @@ class Identity(Method):
 
     def init(self) -> PictureMemory:
         none = np.zeros(0, np.int64)
-        return PictureMemory(Picture.empty(), none, none, none, 1, FlagMemory.empty())
+        no_slot = np.zeros(0, np.int32)
+        return PictureMemory(Known.nobody(), none, no_slot, no_slot, 1, FlagMemory.empty())
 
     def step(
         self,
@@ -68,73 +72,22 @@ class Identity(Method):
 
         Args: tracks: (N); associations: of its rows; fused: (V) one row for each vessel number; alarms: of AIS tracks.
         """
-        last = memory.picture
-        vessel_id, home = inherit(
-            memory.track_id, memory.track_vessel, memory.track_home, last, tracks, associations, time_s, sensors
-        )
-        present = self._row_of_tracks(tracks, associations, fused)
-        vessel_id = return_of_the_lost(self, vessel_id, memory, present, tracks, time_s)
-        fresh = vessel_id < 0
-        vessel_id = np.where(fresh, memory.next_id + np.cumsum(fresh) - 1, vessel_id)
-        present = _with_past(replace(present, vessel_id=vessel_id), last)
-        present = present.take(np.argsort(present.vessel_id, kind="stable"))
-        of_track = vessel_id[associations.vessel]
-        lost = coasted(self, last, memory, present, tracks, of_track, time_s)
-        shown = Picture.join([present, lost.take(time_s - lost.updated_s <= self.coast_s)])
-        shown = shown.take(np.argsort(shown.vessel_id, kind="stable"))
-        flag_memory, flags = flags_of(self, memory.flags, shown, tracks, of_track, alarms, time_s, sensors)
-        shown = replace(shown, flags=flags)
-        members = _members(tracks, of_track)
-        kept = Picture.join([present, lost])
-        order = np.argsort(tracks.track_id, kind="stable")
-        after = PictureMemory(
-            kept.take(np.argsort(kept.vessel_id, kind="stable")),
-            tracks.track_id[order],
-            of_track[order],
-            np.where(home < 0, of_track, home)[order],
-            memory.next_id + int(fresh.sum()),
-            flag_memory,
-        )
-        return after, shown, members
+        known, vessel, ids = memory.known, associations.vessel, memory.known.ids
+        heirs = inherit(memory, ids, tracks, associations, len(fused), time_s, sensors)
+        self._take_back(known, heirs, tracks, fused, time_s)
+        line = line_up(self, known, ids, heirs, time_s, memory.next_id)
+        shown, hidden = pictured(self, known, heirs, line, tracks, fused, time_s)
+        members, company = together(heirs, line, tracks, sensors)
+        was_in, was_home = remember(heirs, line, vessel)
+        flags = flag(self, memory.flags, heirs, line, company, shown, tracks, was_in, alarms, time_s, sensors)
+        after = Known(shown, hidden, line.gone_id)
+        next_id = memory.next_id + int((heirs.chosen < 0).sum())
+        return PictureMemory(after, tracks.track_id, was_in, was_home, next_id, flags), shown, members
 
-    def _row_of_tracks(self, tracks: Tracks, associations: Associations, fused: FusedTracks) -> Picture:
-        """One row a vessel with what its tracks say of it; the id is still open."""
-        count, vessel = len(fused), associations.vessel
-        since, updated = np.full(count, np.inf), np.full(count, -np.inf)
-        mmsi, origin = np.full(count, -1, np.int64), np.full(count, -1, np.int64)
-        np.minimum.at(since, vessel, tracks.started_s)
-        np.maximum.at(updated, vessel, tracks.updated_s)
-        named = tracks.mmsi >= 0
-        np.maximum.at(origin, vessel[~named], tracks.origin[~named])
-        mmsi[vessel[named]] = tracks.mmsi[named]
-        origin[vessel[named]] = tracks.origin[named]
-        return Picture(
-            np.full(count, -1, np.int64),
-            fused.time_s,
-            fused.position_deg,
-            fused.velocity_m_s,
-            fused.covariance,
-            since,
-            updated,
-            mmsi,
-            np.full(count, int(Flag(0)), np.int64),
-            origin,
-        )
-
-
-def _with_past(present: Picture, last: Picture) -> Picture:
-    """The rows with since and MMSI as known before, where the vessel was known before."""
-    if len(last) == 0:
-        return present
-    at = np.minimum(np.searchsorted(last.vessel_id, present.vessel_id), len(last) - 1)
-    known = last.vessel_id[at] == present.vessel_id
-    return replace(
-        present,
-        since_s=np.where(known, np.minimum(last.since_s[at], present.since_s), present.since_s),
-        mmsi=np.where(known & (present.mmsi < 0), last.mmsi[at], present.mmsi),
-    )
-
-
-def _members(tracks: Tracks, of_track: Ints) -> Members:
-    order = np.lexsort((tracks.track_id, tracks.source, of_track))
-    return Members(of_track[order], tracks.track_id[order], tracks.source[order])
+    def _take_back(self, known: Known, heirs: Heirs, tracks: Tracks, fused: FusedTracks, time_s: float) -> None:
+        """Gives vessels without tracks to the new vessels that are them."""
+        free = few((heirs.taken[: len(known)] < 0) & ~heirs.alive[: len(known)])
+        fresh = few(heirs.chosen < 0)
+        if len(free) > 0 and len(fresh) > 0:
+            rows, slots = returned(self, known, free, unnamed(fresh, heirs, tracks, fused), time_s)
+            heirs.give(fresh[rows], slots)

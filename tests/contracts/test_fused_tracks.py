@@ -17,7 +17,6 @@ from coastwatch.fused_tracks import (
     ImmOfTracksLiteral,
     WeightedAverage,
 )
-from coastwatch.fused_tracks.covariance_intersection import intersect
 from coastwatch.fused_tracks.window import Window
 from coastwatch.geodesy import difference_m, offset_deg
 
@@ -139,16 +138,23 @@ def test_two_weights_of_zero_are_refused():
 
 
 def test_intersection_has_the_smallest_determinant_and_stays_consistent():
-    rng = np.random.default_rng([9, 0])
-    root = rng.normal(0.0, 1.0, (2, 40, 4, 4))
-    a, b = root @ root.transpose(0, 1, 3, 2) + 0.1 * np.eye(4)
-    _, fused = intersect(a, b, np.zeros((40, 4)), 30)
+    method, pairs = CovarianceIntersection(steps=30), np.repeat(np.arange(40), 2)
+    t = tracks(pairs, np.tile([0, 2], 40))
+    _, fused = method.step(None, t, Measurements.empty(), associated(pairs), 0.0, KINDS)
+    a, b = t.covariance[::2], t.covariance[1::2]
     grid = np.linspace(0.0, 1.0, 401)[:, None, None, None]
     best = -np.linalg.slogdet(grid * np.linalg.inv(a) + (1.0 - grid) * np.linalg.inv(b))[1].max(axis=0)
-    assert (np.linalg.slogdet(fused)[1] <= best + 1e-4).all()
-    mean, same = intersect(a[:1], a[:1], np.zeros((1, 4)), 30)
-    np.testing.assert_allclose(same[0], a[0], rtol=1e-9)
-    np.testing.assert_allclose(mean, 0.0)
+    assert (np.linalg.slogdet(fused.covariance)[1] <= best + 1e-4).all()
+
+
+def test_tracks_that_are_known_alike_intersect_half_way():
+    t = tracks(np.array([0, 0]), np.array([0, 2]))
+    t.covariance[1] = t.covariance[0]
+    _, fused = CovarianceIntersection().step(None, t, Measurements.empty(), associated(np.array([0, 0])), 0.0, KINDS)
+    np.testing.assert_allclose(fused.covariance[0], t.covariance[0], rtol=1e-9)
+    between = difference_m(t.position_deg[1], t.position_deg[0])
+    np.testing.assert_allclose(difference_m(fused.position_deg[0], t.position_deg[0]), 0.5 * between, atol=1e-4)
+    np.testing.assert_allclose(fused.velocity_m_s[0], t.velocity_m_s.mean(axis=0))
 
 
 @pytest.mark.parametrize("about_line", [False, True])

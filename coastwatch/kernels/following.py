@@ -1,0 +1,113 @@
+"""Where the rows of one cycle stood in the last: ids mostly come in the order in which they came before. Linear, whatever the order.
+
+Scalar code compiled by numba. Ids are any integers, none twice.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+LOOK = 16  # rows that may have ended between two that go on before an id is sought elsewhere
+PATIENCE = 64  # ids in a row that were not found before all is searched for one; doubled each time
+SPREAD = np.uint64(0x9E3779B97F4A7C15)  # 2^64 over the golden ratio (Fibonacci hashing)
+
+
+@njit(cache=True, nogil=True)
+def _in_order(before, now, at, to):  # type: ignore[no-untyped-def]
+    """Rows that come in the order of the last cycle, into `at` and `to`; how many ids of now were not found."""
+    expected = waited = missing = 0
+    patience = PATIENCE
+    for n in range(len(now)):
+        found = -1
+        for k in range(expected, min(expected + LOOK, len(before))):
+            if before[k] == now[n]:
+                found = k
+                break
+        if found < 0 and waited >= patience:
+            patience *= 2
+            for k in range(len(before)):
+                if before[k] == now[n] and to[k] < 0:
+                    found = k
+                    break
+        if found < 0:
+            waited, missing = waited + 1, missing + 1
+            continue
+        waited, expected = 0, found + 1
+        if to[found] < 0:
+            at[n], to[found] = found, n
+        else:
+            missing += 1
+    return missing
+
+
+@njit(cache=True, nogil=True)
+def _table(count):  # type: ignore[no-untyped-def]
+    """An empty table for so many ids, and by how much a spread id is shifted to be a place in it."""
+    bits = 1
+    while (1 << bits) < 2 * count:
+        bits += 1
+    return np.full(1 << bits, -1, np.int32), np.uint64(64 - bits)
+
+
+@njit(cache=True, nogil=True)
+def _place(table, shift, ids, wanted):  # type: ignore[no-untyped-def]
+    """The place of an id in a table of rows of `ids`, or the free one where it would be."""
+    at = np.int64((np.uint64(wanted) * SPREAD) >> shift)
+    while table[at] >= 0 and ids[table[at]] != wanted:
+        at = (at + 1) & (len(table) - 1)
+    return at
+
+
+@njit(cache=True, nogil=True)
+def followed(before, now):  # type: ignore[no-untyped-def]
+    """The row in `before` of each id of `now`, and the row in `now` of each id of `before`; -1 where none. (L,), (N,) -> (N,), (L,)"""
+    at, to = np.full(len(now), -1, np.int32), np.full(len(before), -1, np.int32)
+    missing = _in_order(before, now, at, to) if len(before) > 0 else 0
+    if missing == 0 or len(now) - missing == len(before):
+        return at, to
+    table, shift = _table(missing)
+    for n in range(len(now)):
+        if at[n] < 0:
+            table[_place(table, shift, now, now[n])] = n
+    for k in range(len(before)):
+        if to[k] < 0:
+            n = table[_place(table, shift, now, before[k])]
+            if n >= 0:
+                at[n], to[k] = k, n
+    return at, to
+
+
+@njit(cache=True, nogil=True)
+def among(ids, wanted):  # type: ignore[no-untyped-def]
+    """Which ids are wanted; best where few are. Args: (N,), (M,) both may have an id twice. Returns: (N,)."""
+    out = np.zeros(len(ids), np.bool_)
+    if len(wanted) == 0:
+        return out
+    table, shift = _table(len(wanted))
+    for k in range(len(wanted)):
+        table[_place(table, shift, wanted, wanted[k])] = k
+    for n in range(len(ids)):
+        out[n] = table[_place(table, shift, wanted, ids[n])] >= 0
+    return out
+
+
+@njit(cache=True, nogil=True)
+def standing(ids, wanted, guess):  # type: ignore[no-untyped-def]
+    """The row of each wanted id, -1 where it is not; `guess` (M,) is where it may be, and costs next to nothing where it is right."""
+    out = np.full(len(wanted), -1, np.int32)
+    right = 0
+    for k in range(len(wanted)):
+        if 0 <= guess[k] < len(ids) and ids[guess[k]] == wanted[k]:
+            out[k] = guess[k]
+            right += 1
+    if right == len(wanted):
+        return out
+    table, shift = _table(len(wanted))
+    for k in range(len(wanted)):
+        table[_place(table, shift, wanted, wanted[k])] = k
+    for n in range(len(ids)):
+        k = table[_place(table, shift, wanted, ids[n])]
+        if k >= 0:
+            out[k] = n
+    return out

@@ -1,0 +1,388 @@
+"""The picture as arrays are sorted and sought, whole: how `Identity` was before its passes were linear. What it says is the measure.
+
+Slow above some 10,000 tracks. `step` takes the settings of `Identity`; `start` is the memory before the first cycle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from coastwatch.batches import (
+    AisAlarms,
+    Associations,
+    Bools,
+    Flag,
+    Floats,
+    FusedTracks,
+    Ints,
+    Members,
+    Picture,
+    Sensors,
+    SourceKind,
+    Tracks,
+)
+from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred, offset_deg, within_any
+from coastwatch.kernels.assignment import assign
+from coastwatch.picture import Identity
+
+
+def find(sorted_ids: Ints, ids: Ints) -> Ints:
+    """Where each id stands among sorted ids; -1 where it does not."""
+    if len(sorted_ids) == 0:
+        return np.full(len(ids), -1, np.int64)
+    at = np.minimum(np.searchsorted(sorted_ids, ids), len(sorted_ids) - 1)
+    return np.where(sorted_ids[at] == ids, at, -1).astype(np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class FlagMemory:
+    """Since when each vessel is as it is, rows sorted by vessel_id; and the radar and AIS track that were last one vessel."""
+
+    vessel_id: Ints  # (V,)
+    no_ais_since_s: Floats  # (V,) inf: has AIS or is not where AIS is heard
+    no_radar_since_s: Floats  # (V,) inf: has radar or is not where a radar sees
+    ais_track: Ints  # (P,) sorted
+    radar_track: Ints  # (P,)
+    paired_since_s: Floats  # (P,)
+    parted_since_s: Floats  # (P,) inf while they are one
+
+    @staticmethod
+    def empty() -> FlagMemory:
+        n, f = np.zeros(0, np.int64), np.zeros(0)
+        return FlagMemory(n, f, f, n, n, f, f)
+
+
+def flags_of(
+    settings: Identity,
+    memory: FlagMemory,
+    picture: Picture,
+    tracks: Tracks,
+    of_track: Ints,
+    alarms: AisAlarms,
+    time_s: float,
+    sensors: Sensors,
+) -> tuple[FlagMemory, Ints]:
+    """The memory after this cycle and the flags of every vessel of the picture (sorted by vessel_id)."""
+    kinds = sensors.source_kinds[tracks.source]
+    row = find(picture.vessel_id, of_track)
+    has_ais, has_radar = (_any(row[kinds == kind], len(picture)) for kind in (SourceKind.AIS, SourceKind.RADAR))
+    margin = settings.cover_margin
+    heard = within_any(picture.position_deg, sensors.stations.site_deg, margin * sensors.stations.range_m)
+    seen = within_any(picture.position_deg, sensors.radars.site_deg, margin * sensors.radars.range_m)
+    at = find(memory.vessel_id, picture.vessel_id)
+    no_ais = _since(has_radar & ~has_ais & heard, memory.no_ais_since_s, at, time_s)
+    no_radar = _since(has_ais & ~has_radar & seen, memory.no_radar_since_s, at, time_s)
+    pairs = _parted(settings, memory, tracks, kinds, of_track, time_s, seen[row])
+    flags = picture.flags.copy()
+    flags |= np.where(time_s - no_ais >= settings.dark_after_s, int(Flag.DARK), 0)
+    flags |= np.where(time_s - no_radar >= settings.unseen_after_s, int(Flag.AIS_WITHOUT_RADAR), 0)
+    contradicted = (time_s - pairs.parted_since_s >= settings.contradicted_after_s) & _apart(settings, pairs, tracks)
+    for track in (pairs.ais_track[contradicted], pairs.radar_track[contradicted]):
+        flags[row[find_any(tracks.track_id, track)]] |= int(Flag.AIS_CONTRADICTED)
+    for alarm, flag in ((alarms.twice, Flag.MMSI_TWICE), (alarms.impossible_speed, Flag.IMPOSSIBLE_SPEED)):
+        flags[row[find_any(tracks.track_id, alarms.track_id[alarm])]] |= int(flag)
+    after = FlagMemory(
+        picture.vessel_id, no_ais, no_radar, pairs.ais_track, pairs.radar_track, pairs.paired_since_s, pairs.parted_since_s
+    )
+    return after, flags
+
+
+def find_any(ids: Ints, wanted: Ints) -> Ints:
+    """Rows of the ids that are wanted, in the order of the ids; ids need not be sorted."""
+    return np.flatnonzero(np.isin(ids, wanted))
+
+
+def _any(row: Ints, count: int) -> Bools:
+    out = np.zeros(count, np.bool_)
+    out[row] = True
+    return out
+
+
+def _since(state: Bools, before_s: Floats, at: Ints, time_s: float) -> Floats:
+    """Since when the state holds: as before where it held before, now where it is new, inf where it does not hold."""
+    held = np.where(at >= 0, before_s[np.maximum(at, 0)], np.inf) if len(before_s) else np.full(len(state), np.inf)
+    return np.where(state, np.minimum(held, time_s), np.inf)
+
+
+def _parted(
+    settings: Identity, memory: FlagMemory, tracks: Tracks, kinds: Ints, of_track: Ints, time_s: float, seen: Bools
+) -> FlagMemory:
+    """The radar and AIS tracks that are, or lately were, one vessel.
+
+    A pair of the past is dropped when either track ends, the AIS track has another radar partner, the radar track another AIS, AIS has
+    left radar cover, the pair was too young to mean anything, or it has been apart too long.
+    """
+    ais, radar = np.flatnonzero(kinds == SourceKind.AIS), np.flatnonzero(kinds == SourceKind.RADAR)
+    order = np.argsort(of_track[radar], kind="stable")
+    mate = find(of_track[radar][order], of_track[ais])
+    now_ais, now_radar = tracks.track_id[ais[mate >= 0]], tracks.track_id[radar[order][mate[mate >= 0]]]
+    before = find(memory.ais_track, now_ais)
+    same = (before >= 0) & (memory.radar_track[before] == now_radar) if len(memory.ais_track) else np.zeros(len(now_ais), bool)
+    since = np.where(same, memory.paired_since_s[before], time_s) if len(memory.ais_track) else np.full(len(now_ais), time_s)
+    old = _still_parted(settings, memory, tracks, now_ais, now_radar, seen, time_s)
+    ais_track = np.concatenate([now_ais, memory.ais_track[old]])
+    by_ais = np.argsort(ais_track, kind="stable")
+    parted = np.concatenate([np.full(len(now_ais), np.inf), np.minimum(memory.parted_since_s[old], time_s)])
+    none = np.zeros(0)
+    return FlagMemory(
+        np.zeros(0, np.int64),
+        none,
+        none,
+        ais_track[by_ais],
+        np.concatenate([now_radar, memory.radar_track[old]])[by_ais],
+        np.concatenate([since, memory.paired_since_s[old]])[by_ais],
+        parted[by_ais],
+    )
+
+
+def _still_parted(
+    settings: Identity, memory: FlagMemory, tracks: Tracks, now_ais: Ints, now_radar: Ints, seen: Bools, time_s: float
+) -> Bools:
+    alive = np.isin(memory.ais_track, tracks.track_id[seen]) & np.isin(memory.radar_track, tracks.track_id)
+    free = ~np.isin(memory.ais_track, now_ais) & ~np.isin(memory.radar_track, now_radar)
+    begun = np.minimum(memory.parted_since_s, time_s)
+    meant = begun - memory.paired_since_s >= settings.paired_s
+    return np.asarray(alive & free & meant & (time_s - begun <= settings.contradicted_for_s))
+
+
+def _apart(settings: Identity, pairs: FlagMemory, tracks: Tracks) -> Bools:
+    """Whether the two tracks of each pair are farther apart than a poor association would explain."""
+    order = np.argsort(tracks.track_id, kind="stable")
+    a, r = (order[find(tracks.track_id[order], ids)] for ids in (pairs.ais_track, pairs.radar_track))
+    metres = np.linalg.norm(difference_m(tracks.position_deg[a], tracks.position_deg[r]), axis=1)
+    return np.asarray(metres >= settings.contradicted_from_m)
+
+
+@dataclass(frozen=True, eq=False)
+class PictureMemory:
+    """What must outlive a cycle."""
+
+    picture: Picture  # the newest row of every vessel that may come back, sorted by vessel_id
+    track_id: Ints  # (L,) every track of the last cycle, sorted
+    track_vessel: Ints  # (L,) the vessel it was in
+    track_home: Ints  # (L,) the first vessel it ever was in
+    next_id: int
+    flags: FlagMemory
+
+
+def start() -> PictureMemory:
+    """The memory before the first cycle."""
+    none = np.zeros(0, np.int64)
+    return PictureMemory(Picture.empty(), none, none, none, 1, FlagMemory.empty())
+
+
+def step(
+    settings: Identity,
+    memory: PictureMemory,
+    tracks: Tracks,
+    associations: Associations,
+    fused: FusedTracks,
+    alarms: AisAlarms,
+    time_s: float,
+    sensors: Sensors,
+) -> tuple[PictureMemory, Picture, Members]:
+    """The picture of this cycle, sorted by vessel_id, and the tracks in it.
+
+    Args: tracks: (N); associations: of its rows; fused: (V) one row for each vessel number; alarms: of AIS tracks.
+    """
+    last = memory.picture
+    vessel_id, home = inherit(
+        memory.track_id, memory.track_vessel, memory.track_home, last, tracks, associations, time_s, sensors
+    )
+    present = _row_of_tracks(tracks, associations, fused)
+    vessel_id = return_of_the_lost(settings, vessel_id, memory, present, tracks, time_s)
+    fresh = vessel_id < 0
+    vessel_id = np.where(fresh, memory.next_id + np.cumsum(fresh) - 1, vessel_id)
+    present = _with_past(replace(present, vessel_id=vessel_id), last)
+    present = present.take(np.argsort(present.vessel_id, kind="stable"))
+    of_track = vessel_id[associations.vessel]
+    lost = coasted(settings, last, memory, present, tracks, of_track, time_s)
+    shown = Picture.join([present, lost.take(time_s - lost.updated_s <= settings.coast_s)])
+    shown = shown.take(np.argsort(shown.vessel_id, kind="stable"))
+    flag_memory, flags = flags_of(settings, memory.flags, shown, tracks, of_track, alarms, time_s, sensors)
+    shown = replace(shown, flags=flags)
+    members = _members(tracks, of_track)
+    kept = Picture.join([present, lost])
+    order = np.argsort(tracks.track_id, kind="stable")
+    after = PictureMemory(
+        kept.take(np.argsort(kept.vessel_id, kind="stable")),
+        tracks.track_id[order],
+        of_track[order],
+        np.where(home < 0, of_track, home)[order],
+        memory.next_id + int(fresh.sum()),
+        flag_memory,
+    )
+    return after, shown, members
+
+
+def _row_of_tracks(tracks: Tracks, associations: Associations, fused: FusedTracks) -> Picture:
+    """One row a vessel with what its tracks say of it; the id is still open."""
+    count, vessel = len(fused), associations.vessel
+    since, updated = np.full(count, np.inf), np.full(count, -np.inf)
+    mmsi, origin = np.full(count, -1, np.int64), np.full(count, -1, np.int64)
+    np.minimum.at(since, vessel, tracks.started_s)
+    np.maximum.at(updated, vessel, tracks.updated_s)
+    named = tracks.mmsi >= 0
+    np.maximum.at(origin, vessel[~named], tracks.origin[~named])
+    mmsi[vessel[named]] = tracks.mmsi[named]
+    origin[vessel[named]] = tracks.origin[named]
+    return Picture(
+        np.full(count, -1, np.int64),
+        fused.time_s,
+        fused.position_deg,
+        fused.velocity_m_s,
+        fused.covariance,
+        since,
+        updated,
+        mmsi,
+        np.full(count, int(Flag(0)), np.int64),
+        origin,
+    )
+
+
+def _with_past(present: Picture, last: Picture) -> Picture:
+    """The rows with since and MMSI as known before, where the vessel was known before."""
+    if len(last) == 0:
+        return present
+    at = np.minimum(np.searchsorted(last.vessel_id, present.vessel_id), len(last) - 1)
+    known = last.vessel_id[at] == present.vessel_id
+    return replace(
+        present,
+        since_s=np.where(known, np.minimum(last.since_s[at], present.since_s), present.since_s),
+        mmsi=np.where(known & (present.mmsi < 0), last.mmsi[at], present.mmsi),
+    )
+
+
+def _members(tracks: Tracks, of_track: Ints) -> Members:
+    order = np.lexsort((tracks.track_id, tracks.source, of_track))
+    return Members(of_track[order], tracks.track_id[order], tracks.source[order])
+
+
+def inherit(
+    track_id: Ints,
+    track_vessel: Ints,
+    track_home: Ints,
+    last: Picture,
+    tracks: Tracks,
+    associations: Associations,
+    time_s: float,
+    sensors: Sensors,
+) -> tuple[Ints, Ints]:
+    """The id that the tracks of each vessel number vote for, -1 where none; and the home of each track, -1 for a new track.
+
+    A track votes for the vessel it was in, and with a fraction of a vote for the first it ever was in, so that a pair that was
+    joined in error parts into the vessels it was made of.
+    """
+    count = int(associations.vessel.max(initial=-1)) + 1
+    at = find(track_id, tracks.track_id)
+    known = at >= 0
+    vessel_id, home = np.full(count, -1, np.int64), np.full(len(tracks), -1, np.int64)
+    if not known.any():
+        return vessel_id, home
+    home[known] = track_home[at[known]]
+    group, previous = associations.vessel[known], track_vessel[at[known]]
+    weight = np.where(sensors.source_kinds[tracks.source[known]] == SourceKind.AIS, 1.2, 1.0)
+    group = np.concatenate([group, group])
+    voted = np.concatenate([previous, home[known]])
+    weight = np.concatenate([weight, 0.1 * weight])
+    key, inverse = np.unique(np.stack([group, voted], axis=1), axis=0, return_inverse=True)
+    votes = np.bincount(inverse.ravel(), weight)
+    row = find(last.vessel_id, key[:, 1])
+    age = np.where(row >= 0, time_s - last.since_s[np.maximum(row, 0)], 0.0) if len(last) else np.zeros(len(key))
+    gain = votes + 0.5 * age / (age + 60.0)
+    chosen = assign(key[:, 0], key[:, 1], gain)
+    vessel_id[key[chosen, 0]] = key[chosen, 1]
+    return vessel_id, home
+
+
+def return_of_the_lost(
+    settings: Identity, vessel_id: Ints, memory: PictureMemory, present: Picture, tracks: Tracks, time_s: float
+) -> Ints:
+    """Ids with those of vessels without tracks given to new vessels that are them by MMSI, or by position and velocity."""
+    last = memory.picture
+    alive = memory.track_vessel[np.isin(memory.track_id, tracks.track_id)]
+    free = np.flatnonzero(~np.isin(last.vessel_id, vessel_id) & ~np.isin(last.vessel_id, alive))
+    fresh = np.flatnonzero(vessel_id < 0)
+    if len(free) == 0 or len(fresh) == 0:
+        return vessel_id
+    out = vessel_id.copy()
+    for matcher in (_by_mmsi, _by_place):
+        new, old = matcher(settings, present.take(fresh), last.take(free), time_s)
+        out[fresh[new]] = last.vessel_id[free[old]]
+        fresh, free = np.delete(fresh, new), np.delete(free, old)
+        if len(free) == 0 or len(fresh) == 0:
+            break
+    return out
+
+
+def _by_mmsi(settings: Identity, new: Picture, old: Picture, time_s: float) -> tuple[Ints, Ints]:
+    order = np.lexsort((-old.updated_s, old.mmsi))
+    keys, first = np.unique(old.mmsi[order], return_index=True)
+    at = find(keys, new.mmsi)
+    at = np.where(new.mmsi >= 0, at, -1)
+    rows = np.flatnonzero(at >= 0)
+    candidates = order[first[at[rows]]]
+    gone_s = time_s - old.updated_s[candidates]
+    metres = np.linalg.norm(difference_m(new.position_deg[rows], old.position_deg[candidates]), axis=1)
+    fits = (gone_s <= settings.return_s) & (metres <= settings.max_speed_kn * KNOT_M_S * (gone_s + 10.0))
+    rows, candidates = rows[fits], candidates[fits]
+    _, once = np.unique(candidates, return_index=True)
+    return rows[once], candidates[once]
+
+
+def _by_place(settings: Identity, new: Picture, old: Picture, time_s: float) -> tuple[Ints, Ints]:
+    held = np.flatnonzero(time_s - old.updated_s <= settings.hold_s)
+    if len(held) == 0:
+        return held, held
+    moved = predicted(settings, old.take(held), time_s)
+    near = cKDTree(earth_centred(new.position_deg)).sparse_distance_matrix(
+        cKDTree(earth_centred(moved.position_deg)), 2000.0, output_type="ndarray"
+    )
+    i, j = near["i"].astype(np.int64), near["j"].astype(np.int64)
+    same_name = (new.mmsi[i] < 0) | (moved.mmsi[j] < 0) | (new.mmsi[i] == moved.mmsi[j])
+    i, j = i[same_name], j[same_name]
+    delta = np.concatenate(
+        [difference_m(new.position_deg[i], moved.position_deg[j]), new.velocity_m_s[i] - moved.velocity_m_s[j]], axis=1
+    )
+    total = new.covariance[i] + moved.covariance[j]
+    distance2 = np.einsum("ai,ai->a", delta, np.linalg.solve(total, delta[..., None])[..., 0]) if len(i) else np.zeros(0)
+    chosen = np.flatnonzero(assign(i, j, settings.return_gate - distance2))
+    return i[chosen], held[j[chosen]]
+
+
+def predicted(settings: Identity, vessels: Picture, time_s: float) -> Picture:
+    """The vessels moved on to a time in straight motion, with the growth of their uncertainty."""
+    dt = time_s - vessels.time_s
+    position = offset_deg(vessels.position_deg, vessels.velocity_m_s * dt[:, None])
+    return replace(
+        vessels, time_s=np.full(len(vessels), float(time_s)), position_deg=position, covariance=_grown(settings, vessels, dt)
+    )
+
+
+def _grown(settings: Identity, vessels: Picture, dt: Floats) -> Floats:
+    move = np.tile(np.eye(4), (len(vessels), 1, 1))
+    move[:, 0, 2] = move[:, 1, 3] = dt
+    q = np.zeros((len(vessels), 4, 4))
+    power = settings.drift_m_s15**2
+    for axis in (0, 1):
+        q[:, axis, axis] = power * dt**3 / 3.0
+        q[:, axis, axis + 2] = q[:, axis + 2, axis] = power * dt**2 / 2.0
+        q[:, axis + 2, axis + 2] = power * dt
+    return np.asarray(np.einsum("vij,vjk,vlk->vil", move, vessels.covariance, move) + q)
+
+
+def coasted(
+    settings: Identity, last: Picture, memory: PictureMemory, present: Picture, tracks: Tracks, of_track: Ints, time_s: float
+) -> Picture:
+    """Vessels of the past without tracks that may still come back, predicted; those whose tracks went into others are gone."""
+    absent = ~np.isin(last.vessel_id, present.vessel_id)
+    alive = np.isin(memory.track_id, tracks.track_id)
+    merged = np.isin(last.vessel_id, memory.track_vessel[alive])
+    lost = last.take(absent & ~merged)
+    gone_s = time_s - lost.updated_s
+    lost = lost.take((gone_s <= settings.hold_s) | ((lost.mmsi >= 0) & (gone_s <= settings.return_s)))
+    moved = predicted(settings, lost, time_s)
+    return replace(moved, flags=np.full(len(moved), int(Flag.COASTING), np.int64))
