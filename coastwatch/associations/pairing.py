@@ -10,15 +10,11 @@ from coastwatch.stage import Groups, Shared
 
 def rows_of_spots(spots: Spots) -> Groups:
     """A group a spot with its rows: members as they are, halo rows as -1 - row, so that one array says both."""
+    from coastwatch.kernels.sorting import by_key, joined
+
     count = len(spots.centre_m)
-    members = np.argsort(spots.spot, kind="stable")
-    starts = np.searchsorted(spots.spot[members], np.arange(count + 1))
-    halo = np.searchsorted(spots.halo_spot, np.arange(count + 1))
-    start = starts + halo
-    row = np.empty(len(members) + len(spots.halo_row), np.int64)
-    row[np.arange(len(members)) + np.repeat(halo[:-1], np.diff(starts))] = members
-    row[np.arange(len(spots.halo_row)) + np.repeat(starts[1:], np.diff(halo))] = -1 - spots.halo_row
-    return Groups(row, start.astype(np.int64))
+    halo = np.searchsorted(spots.halo_spot, np.arange(count + 1)).astype(np.int64)
+    return Groups(*joined(*by_key(spots.spot, count), -1 - spots.halo_row, halo))
 
 
 def by_octant(octants: Octants) -> Groups:

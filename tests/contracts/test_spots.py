@@ -1,6 +1,7 @@
 """k-means spots: a partition with a halo that loses no pair."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,10 @@ from hypothesis import strategies as st
 
 from coastwatch.batches import Tracks
 from coastwatch.geodesy import earth_centred, from_plane
+from coastwatch.kernels.threads import threads
 from coastwatch.spots import KMeansSpots
+
+SUMMING_M = 5e-3  # sums are of parts of a millimetre, three times over
 
 
 def tracks(seed, n, spread_m=20e3, origin=(58.0, 179.9)):
@@ -80,3 +84,41 @@ def test_number_of_spots(n, count, want):
     method = KMeansSpots(count=count)
     _, spots = method.step(method.init(), tracks(1, n))
     assert len(spots.centre_m) == want
+
+
+def test_the_number_of_spots_follows_that_of_the_tracks_with_a_delay():
+    method = KMeansSpots(tracks_per_spot=10)
+    memory, counts = method.init(), []
+    for n in (200, 209, 191, 250, 251, 200, 190, 1, 5):
+        memory, spots = method.step(memory, tracks(1, n))
+        counts.append(len(spots.centre_m))
+    assert counts == [20, 20, 20, 20, 26, 26, 19, 1, 1]
+
+
+def test_threads_and_what_was_known_of_the_tracks_change_nothing():
+    method = KMeansSpots(tracks_per_spot=20)
+    answers = []
+    for count, forgets in ((1, False), (2, False), (2, True)):
+        memory = method.init()
+        for cycle in range(3):
+            t = tracks(1, 20_000)
+            t = replace(t, position_deg=t.position_deg + 0.002 * cycle, track_id=t.track_id + (10**6 * cycle if forgets else 0))
+            with threads(count):
+                memory, spots = method.step(memory, t)
+        by = np.lexsort((spots.halo_row, spots.halo_spot))
+        answers.append(
+            (spots.centre_m.tobytes(), spots.spot.tobytes(), spots.halo_spot.tobytes(), spots.halo_row[by].tobytes())
+        )
+    assert answers[0] == answers[1] == answers[2]
+
+
+def test_warm_steps_are_those_of_lloyd():
+    method, t = KMeansSpots(count=6, warm_steps=3), tracks(4, 300)
+    memory, first = method.step(method.init(), t)
+    moved = replace(t, position_deg=t.position_deg + np.random.default_rng([4, 1]).normal(0.0, 0.05, (300, 2)))
+    _, spots = method.step(memory, moved)
+    points, centre = earth_centred(moved.position_deg), first.centre_m
+    for _ in range(3):
+        nearest = np.linalg.norm(points[:, None] - centre[None], axis=2).argmin(axis=1)
+        centre = np.array([points[nearest == k].mean(0) for k in range(6)])
+    np.testing.assert_allclose(spots.centre_m, centre, rtol=0.0, atol=SUMMING_M)
