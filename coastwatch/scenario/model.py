@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AwareDatetime, Field, model_validator
@@ -39,9 +39,10 @@ class StoreSettings(Settings):
 
 
 class WorkerSettings(Settings):
-    """How per-spot work is spread; the picture is the same for all."""
+    """Over what a run is spread; the picture is the same to the bit for all."""
 
-    count: Annotated[int, Field(ge=1, le=256)] = 1  # 1: in this process
+    method: Literal["auto", "threads", "processes"] = "auto"  # auto: threads, for work that is large enough
+    count: Annotated[int, Field(ge=0, le=256)] = 0  # processors; 0: all that the run may use; 1: no method spreads anything
 
 
 class Scenario(Settings):

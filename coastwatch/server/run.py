@@ -19,7 +19,7 @@ from coastwatch.scenario import Scenario
 from coastwatch.scores import Tally, add, result, start
 from coastwatch.server.timing import Stopwatch
 from coastwatch.stage import Plan, Spread
-from coastwatch.workers import spread_over
+from coastwatch.workers import processors, spread_over
 
 DEFAULT_DATABASE = "sqlite:///coastwatch.db"
 Progress = Callable[[int, int, str], None]
@@ -80,6 +80,7 @@ def run_scenario(
     """
     begun = time.perf_counter()
     seed = scenario.seed if seed is None else seed
+    workers = processors(scenario.workers.count if workers is None else workers)
     database = database or DEFAULT_DATABASE
     say = progress or (lambda done, total, what: None)
     say(0, 1, "reading input")
@@ -90,7 +91,7 @@ def run_scenario(
             store.discard_runs(kept, scenario.name, seed)
         run_id, point = _begin(kept, scenario, sensors, recording, plan, seed, workers, resume)
         watch = Stopwatch()
-        with spread_over(workers or scenario.workers.count) as spread, _interrupt_as_flag() as interrupted:
+        with spread_over(scenario.workers.method, workers) as spread, _interrupt_as_flag() as interrupted:
             try:
                 run = _Run(scenario, sensors, recording, plan, kept, run_id, spread, watch, interrupted)
                 point, vessels = _cycles(run, point, say, on_cycle)
@@ -138,7 +139,7 @@ def _begin(
     recording: Recording,
     plan: Plan,
     seed: int,
-    workers: int | None,
+    workers: int,
     resume: bool,
 ) -> tuple[int, Point]:
     """The run's number and where it starts: at a checkpoint where one is asked for and found, else at the first cycle."""
@@ -157,7 +158,7 @@ def _begin(
         sensors=sensors,
         plan=plan,
         warmup_cycles=scenario.warmup_cycles,
-        workers=workers or scenario.workers.count,
+        workers=workers,
     )
     return run_id, Point(0, pipeline.start(scenario, sensors), start(sensors))
 

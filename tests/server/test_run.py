@@ -85,8 +85,9 @@ def test_the_same_again_is_the_same_to_the_bit(alone: Path, tmp_path: Path) -> N
     assert rows(tmp_path / "again.db") == rows(alone)
 
 
-def test_two_workers_give_the_rows_of_one(alone: Path, tmp_path: Path) -> None:
-    made = run(tmp_path / "two.db", small(), workers=2)
+@pytest.mark.parametrize("method", ["processes", "threads"])
+def test_two_workers_give_the_rows_of_one(alone: Path, tmp_path: Path, method: str) -> None:
+    made = run(tmp_path / "two.db", small(workers__method=method), workers=2)
     assert column(tmp_path / "two.db", "SELECT workers FROM run") == [2]
     assert rows(tmp_path / "two.db") == rows(alone)
     assert made.scores == run(tmp_path / "one.db", small(), workers=1).scores
@@ -288,7 +289,7 @@ def test_where_nothing_can_be_fused_the_rest_is_scored(without: dict[str, str], 
 def test_one_vessel(tmp_path: Path) -> None:
     path = tmp_path / "x.db"
     settings = {"input__count": "1", "input__ais__share": "1.0", "input__area_width_nm": "1.0", "input__area_height_nm": "1.0"}
-    made = run(path, small(**settings), workers=2)
+    made = run(path, small(workers__method="processes", **settings), workers=2)
     assert made.vessels == 1
     assert set(column(path, "SELECT vessel_id FROM history")) == {1}
     assert check(url(path)) == []

@@ -44,7 +44,9 @@ def add(commands: Any) -> None:
 
 def add_running(parser: argparse.ArgumentParser) -> None:
     """Adds the options that every command has that makes a run."""
-    parser.add_argument("--workers", metavar="N", type=count, help="processes that share the spots (default: the scenario's)")
+    parser.add_argument(
+        "--workers", metavar="N", type=count, help="processors that share the work (default: the scenario's; see its [workers])"
+    )
     add_db(parser)
     again = parser.add_mutually_exclusive_group()
     again.add_argument("--resume", action="store_true", help="go on with the newest unfinished run of this scenario and seed")

@@ -1,0 +1,142 @@
+"""Arrays in shared memory: laid there once, found there by other processes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from multiprocessing.shared_memory import SharedMemory
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from coastwatch.batches import Array
+from coastwatch.kernels.threads import in_blocks
+from coastwatch.stage import Shared
+
+ROOM = 1.25  # of a new block, so that it also holds what comes when there are a few tracks more
+LEAST_BYTES = 4096
+ALIGNMENT = 64
+
+
+class Place(NamedTuple):
+    """Where an array lies."""
+
+    block: str
+    offset: int
+    dtype: str
+    shape: tuple[int, ...]
+
+
+Places = Mapping[str, Any]
+"""The places of arrays by name; of a tuple of arrays a tuple of places."""
+
+
+class Blocks:
+    """The arrays of one kind of work. What is the very object of the last time stays where it is; blocks that fall free are used again."""
+
+    def __init__(self) -> None:
+        self._held: dict[int, tuple[Array, SharedMemory]] = {}
+        self._free: list[SharedMemory] = []
+
+    def publish(self, arrays: Shared) -> dict[str, Any]:
+        """Lays the arrays into blocks and says where. They must not be written to as long as they are published."""
+        each = [array for value in arrays.values() for array in (value if isinstance(value, tuple) else (value,))]
+        before, self._held = self._held, {}
+        self._held = {id(array): before.pop(id(array)) for array in each if id(array) in before}
+        self._free.extend(block for _, block in before.values())
+        return {
+            name: tuple(map(self._place, value)) if isinstance(value, tuple) else self._place(value)
+            for name, value in arrays.items()
+        }
+
+    def close(self) -> None:
+        """Gives all blocks back."""
+        for block in [*self._free, *(block for _, block in self._held.values())]:
+            give_back(block)
+        self._held, self._free = {}, []
+
+    def _place(self, array: Array) -> Place:
+        if id(array) not in self._held:
+            block = self._block(array.nbytes)
+            _copy(array, np.ndarray(array.shape, array.dtype, block.buf))
+            self._held[id(array)] = array, block
+        return Place(self._held[id(array)][1].name, 0, array.dtype.str, array.shape)
+
+    def _block(self, size: int) -> SharedMemory:
+        """The smallest free block that is large enough, else a new one instead of the smallest."""
+        self._free.sort(key=lambda block: block.size)
+        for at, block in enumerate(self._free):
+            if block.size >= size:
+                return self._free.pop(at)
+        if self._free:
+            give_back(self._free.pop(0))
+        return new_block(size)
+
+
+def _copy(array: Array, out: Array) -> None:
+    def rows(low: int, high: int) -> None:
+        out[low:high] = array[low:high]
+
+    if array.ndim:
+        in_blocks(rows, len(array), least=1 << 16)
+    else:
+        out[...] = array
+
+
+def new_block(size: int) -> SharedMemory:
+    """A block with room for so many bytes and some more."""
+    return SharedMemory(create=True, size=max(int(ROOM * size), LEAST_BYTES))
+
+
+def give_back(block: SharedMemory) -> None:
+    """Lets go of a block and of its memory."""
+    block.close()
+    block.unlink()
+
+
+class Attached:
+    """Blocks of another process that are open here."""
+
+    def __init__(self) -> None:
+        self._open: dict[str, SharedMemory] = {}
+
+    def keep(self, names: Iterable[str]) -> None:
+        """Lets go of all other blocks; nobody may look at them any more."""
+        for name in self._open.keys() - set(names):
+            self._open.pop(name).close()
+
+    def arrays(self, places: Places) -> dict[str, Any]:
+        """The arrays at these places, read-only; other blocks are let go."""
+        self.keep(p.block for value in places.values() for p in ((value,) if isinstance(value, Place) else value))
+        return {
+            name: self._seen(value) if isinstance(value, Place) else tuple(map(self._seen, value))
+            for name, value in places.items()
+        }
+
+    def _seen(self, place: Place) -> Array:
+        out: Array = np.ndarray(place.shape, place.dtype, self.block(place.block).buf, place.offset)
+        out.flags.writeable = False
+        return out
+
+    def block(self, name: str) -> SharedMemory:
+        """The block of this name."""
+        if name not in self._open:
+            self._open[name] = SharedMemory(name)
+        return self._open[name]
+
+
+def lay(arrays: tuple[Array, ...], block: SharedMemory) -> list[Place] | None:
+    """Copies the arrays into a block, one after the other, and says where; none where it is too small."""
+    places, at = [], 0
+    for array in arrays:
+        places.append(Place(block.name, at, array.dtype.str, array.shape))
+        at += -(-array.nbytes // ALIGNMENT) * ALIGNMENT
+    if at > block.size:
+        return None
+    for place, array in zip(places, arrays, strict=True):
+        np.ndarray(place.shape, place.dtype, block.buf, place.offset)[...] = array
+    return places
+
+
+def taken(places: list[Place], block: SharedMemory) -> tuple[Array, ...]:
+    """Copies of the arrays in a block."""
+    return tuple(np.ndarray(p.shape, p.dtype, block.buf, p.offset).copy() for p in places)

@@ -1,0 +1,52 @@
+"""What the groups of a work cost, as measured in earlier cycles, and chunks of equal cost."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from coastwatch.batches import Floats, Ints
+from coastwatch.stage import Groups
+
+TRUST = 0.5  # in what one chunk took against the others, in logarithms: one disturbed chunk does not turn everything round
+
+
+class Costs:
+    """Seconds a row of each group; before the first measurement all rows cost the same.
+
+    Only whole chunks are measured: what a chunk took more or less than the others is laid to each of its groups alike, and because
+    groups are dealt anew in every cycle it is the costly ones that come out costly. Groups are told apart by their number, as
+    spots can be; where that tells nothing, chunks are less equal and nothing else.
+    """
+
+    def __init__(self) -> None:
+        self._rate = np.ones(0)
+
+    def expected(self, groups: Groups) -> Floats:
+        """What each group is expected to cost. Returns: (K,), seconds once something was measured."""
+        if len(self._rate) != len(groups):
+            self._rate = np.ones(len(groups))
+        return np.asarray(self._rate * np.maximum(np.diff(groups.start), 1))
+
+    def learn(self, expected: Floats, part: Ints, seconds: Floats) -> None:
+        """Takes over what each part took. Args: expected: (K,); part: (K,) of each group; seconds: (P,), every part with a group."""
+        together = np.bincount(part, expected, len(seconds))
+        overall = max(seconds.sum(), 1e-9) / together.sum()
+        ratio = np.maximum(seconds, 1e-9) / (together * overall)
+        self._rate = self._rate * overall * ratio[part] ** TRUST
+
+
+def chunks(expected: Floats, count: int) -> tuple[Ints, list[Ints]]:
+    """Groups dealt into at most so many chunks of equal cost: the chunk of each group, and the groups of each, costliest chunk first."""
+    from coastwatch.kernels.dealing import deal
+    from coastwatch.kernels.grouping import grouped
+
+    count = min(count, len(expected))
+    part = deal(expected, count)
+    order = np.argsort(-np.bincount(part, expected, count), kind="stable")
+    rank = np.empty(count, np.int64)
+    rank[order] = np.arange(count)
+    part = rank[part]
+    group, start = grouped(part, count)
+    return part, [group[a:b] for a, b in pairwise(start.tolist())]
