@@ -41,8 +41,8 @@ class StoreSettings(Settings):
 class WorkerSettings(Settings):
     """Over what a run is spread; the picture is the same to the bit for all."""
 
-    method: Literal["auto", "threads", "processes"] = "auto"  # auto: threads, for work that is large enough
-    count: Annotated[int, Field(ge=0, le=256)] = 0  # processors; 0: all that the run may use; 1: no method spreads anything
+    method: Literal["auto", "threads", "processes", "ray"] = "auto"  # auto: threads, for work that is large enough
+    count: Annotated[int, Field(ge=0, le=4096)] = 0  # processors; 0: all of the machine, or of the cluster
 
 
 class Scenario(Settings):

@@ -1,30 +1,29 @@
-"""How per-spot work is spread: in this process alone or over its threads, over a pool of processes, or over machines."""
+"""How per-spot work is spread: over the threads of this process, over a pool of processes, or over machines."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from coastwatch.kernels.threads import threads
 from coastwatch.stage import Spread, in_turn
+from coastwatch.workers.processors import processors
 
 __all__ = ["processors", "spread_over"]
 
 
-def processors(count: int) -> int:
-    """How many processors are used where so many are asked for: 0 means all that this process may use."""
-    if count:
-        return count
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 @contextmanager
 def spread_over(method: str, count: int) -> Iterator[Spread]:
-    """A Spread by this method over so many processors (0: all). Kernels in this process run over as many threads.
+    """A Spread by this method over so many processors (0: all). Kernels in this process run over as many threads as it may use.
 
-    Args: method: auto, threads, processes. What comes out is the same to the bit for all.
+    Args: method: auto, threads, processes, ray. What comes out is the same to the bit for all.
     """
+    if method == "ray":
+        from coastwatch.workers.ray import Actors
+
+        with threads(processors(0)), Actors(count) as actors:
+            yield actors
+        return
     count = processors(count)
     with threads(count):
         if method != "processes" or count == 1:

@@ -79,7 +79,7 @@ def measured(load: Load) -> Iterator[Measured]:
     kinds = sensors.source_kinds
     state, memory, watch = national.first(world), pipeline.start_centre(scenario), Stopwatch()
     with ExitStack() as open_:
-        spread = open_.enter_context(spread_over(load.workers))
+        spread = open_.enter_context(spread_over(scenario.workers.method, load.workers))
         keeper = None
         if load.store != "none":
             plan = Plan(start_s=world.time_s(-1), period_s=world.period_s, cycles=last)
