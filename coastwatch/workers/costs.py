@@ -40,7 +40,7 @@ class Costs:
 def chunks(expected: Floats, count: int) -> tuple[Ints, list[Ints]]:
     """Groups dealt into at most so many chunks of equal cost: the chunk of each group, and the groups of each, costliest chunk first."""
     from coastwatch.kernels.dealing import deal
-    from coastwatch.kernels.grouping import grouped
+    from coastwatch.kernels.sorting import by_key
 
     count = min(count, len(expected))
     part = deal(expected, count)
@@ -48,5 +48,5 @@ def chunks(expected: Floats, count: int) -> tuple[Ints, list[Ints]]:
     rank = np.empty(count, np.int64)
     rank[order] = np.arange(count)
     part = rank[part]
-    group, start = grouped(part, count)
+    group, start = by_key(part, count)
     return part, [group[a:b] for a, b in pairwise(start.tolist())]
