@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import Associations, Bools, Floats, FusedTracks, Ints, Measurements, SourceKind, Tracks
-from coastwatch.fused_tracks.continuity import former, going_on, newest
+from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, Rows, Tracks
+from coastwatch.fused_tracks.continuity import Going, continuity
 from coastwatch.fused_tracks.covariance_intersection import intersected
-from coastwatch.fused_tracks.membership import at_time, by_vessel
-from coastwatch.geodesy import difference_m, offset_deg
-from coastwatch.kernels.lookup import find
+from coastwatch.fused_tracks.membership import Grouped, at_time, by_vessel, states, unwritten
+from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Method
 
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
-Estimates = tuple[Floats, ...]  # position (V, 2) degrees, velocity (V, 2), covariance (V, 4, 4)
+Estimates = tuple[Floats, Floats, Floats]  # position (V, 2) degrees, velocity (V, 2), covariance (V, 4, 4)
+Filters = tuple[Floats, Floats, Floats, Floats]  # the first four of `Bank`
+Company = tuple[
+    Rows, Rows, Rows, Ints, Ints
+]  # vessels (F,); start, row: the tracks of each vessel; their sources; kinds of sources
 Models = tuple[Ints, Floats, Floats, Floats, Floats, Floats, Floats]
 Four = tuple[Positive, Positive, Positive, Positive]
 
 KINDS = np.array([0, 0, 0, 1], np.int64)  # steady, changing speed, agile: constant velocity; turning: coordinated turn
+FEW = 512  # filters that keep a thread busy for long enough
 SEARCH_STEPS = 16  # of the covariance intersection at which a filter begins
 
 
@@ -34,19 +38,13 @@ class Bank:
     filters: Floats  # (V, J, WIDTH), see coastwatch.kernels.kicked_imm
     mode: Floats  # (V, J)
     newest_s: Floats  # (V,) time of the newest measurement
-    track_id: Ints  # (L,) sorted
-    row: Ints  # (L,) of the filter
+    track_id: Ints  # (L,) every track of the last cycle, in its order
+    row: Rows  # (L,) its filter, -1 where none
 
     @property
-    def arrays(self) -> tuple[Floats, ...]:
+    def arrays(self) -> Filters:
         """What there is of each filter."""
         return self.anchor_deg, self.filters, self.mode, self.newest_s
-
-    def take(self, rows: Ints) -> Bank:
-        """These filters, without their tracks."""
-        none = np.zeros(0, np.int64)
-        anchor, filters, mode, newest_s = (part[rows] for part in self.arrays)
-        return Bank(anchor, filters, mode, newest_s, none, none)
 
 
 class CentralImm(Method):
@@ -76,10 +74,7 @@ class CentralImm(Method):
 
     def init(self) -> Bank:
         """No filter."""
-        from coastwatch.kernels.kicked_imm import WIDTH
-
-        j, none = len(KINDS), np.zeros(0, np.int64)
-        return Bank(np.zeros((0, 2)), np.zeros((0, j, WIDTH)), np.zeros((0, j)), np.zeros(0), none, none)
+        return Bank(*self._unwritten(0), np.zeros(0, np.int64), np.zeros(0, np.int32))
 
     def step(
         self,
@@ -99,87 +94,68 @@ class CentralImm(Method):
         vessel = associations.vessel
         if len(vessel) == 0:
             return self.init(), FusedTracks.empty()
-        covariance = tracks.known_covariance(self.unknown_velocity_sigma_m_s)
-        size = np.bincount(vessel)
-        going = going_on(vessel, former(memory.track_id, memory.row, tracks.track_id), len(size))
-        rows = np.flatnonzero(going >= 0)
-        bank = self._heard(memory.take(going[rows]), rows, tracks, measurements, vessel, kinds)
-        whole = np.flatnonzero(newest(vessel, tracks.updated_s, len(size))[rows] <= bank.newest_s)
-        rows, bank = rows[whole], bank.take(whole)
-        begins = size > 1
-        begins[rows] = False
-        bank, followed = self._shown(bank, time_s)
-        begun, first = self._begun(tracks, covariance, vessel, begins, time_s)
-        lead = np.zeros(len(size), np.int64)
-        lead[vessel] = np.arange(len(vessel))
-        out = tracks.position_deg[lead], tracks.velocity_m_s[lead], covariance[lead]
-        shown = (size > 1) | (np.bincount(vessel, kinds[tracks.source] == SourceKind.RADAR) > 0)
-        for given, of_filter, of_tracks in zip(out, followed, first, strict=True):
-            given[rows[shown[rows]]] = of_filter[shown[rows]]
-            given[begins] = of_tracks
-        bank = _with_tracks(bank, begun, np.append(rows, np.flatnonzero(begins)), tracks.track_id, vessel)
-        return bank, FusedTracks(np.full(len(size), float(time_s)), *out)
+        groups = by_vessel(vessel)
+        plan = continuity(memory.track_id, memory.row, memory.newest_s, groups, vessel, tracks, measurements)
+        filters = self._unwritten(len(plan.going) + len(plan.begins))
+        out = self._alone(groups, tracks)
+        told = self._heard(memory, plan, groups, tracks, measurements, kinds, filters)
+        self._shown(plan, told, time_s, filters, out)
+        self._begun(plan, groups, tracks, time_s, filters, out)
+        return Bank(*filters, tracks.track_id, plan.filter_of), at_time(time_s, out)
 
-    def _heard(self, bank: Bank, rows: Ints, tracks: Tracks, measurements: Measurements, vessel: Ints, kinds: Ints) -> Bank:
-        """The filters after the measurements of their vessels' tracks. Args: rows: (B,) the vessel of each filter."""
-        from coastwatch.kernels.kicked_imm import absorb
-
-        filter_of = np.full(int(vessel.max()) + 1, -1, np.int64)
-        filter_of[rows] = np.arange(len(rows))
-        order = np.argsort(tracks.track_id, kind="stable")
-        at = find(tracks.track_id[order], measurements.track_id)
-        mine = np.where(at >= 0, filter_of[vessel[order[at]]], -1)
-        m, mine = measurements.take(mine >= 0), mine[mine >= 0]
-        with_ais = np.bincount(vessel, kinds[tracks.source] == SourceKind.AIS)[rows] > 0
-        z = np.empty((len(m), 10))
-        z[:, :2] = difference_m(m.position_deg, bank.anchor_deg[mine])
-        z[:, 2:4] = m.velocity_m_s
-        place = m.covariance[:, :2, :2] + self._registration(m) * with_ais[mine, None, None]
-        z[:, 4:7] = place[:, [0, 1, 1], [0, 0, 1]]
-        z[:, 7:] = m.covariance[:, [2, 3, 3], [2, 2, 3]]
-        taken = np.lexsort((m.sensor, m.time_s, mine))
-        begin = np.searchsorted(mine[taken], np.arange(len(rows) + 1))
-        filters, mode, newest_s = bank.filters.copy(), bank.mode.copy(), bank.newest_s.copy()
-        absorb(filters, mode, newest_s, m.time_s, z, taken, begin, self._models(), np.empty(len(rows)))
-        return replace(bank, filters=filters, mode=mode, newest_s=newest_s)
-
-    def _registration(self, m: Measurements) -> Floats:
-        """What is added to the covariance of each plot's place, along and across its beam; nothing for AIS. (M, 2, 2)"""
-        out, plots = np.zeros((len(m), 2, 2)), m.sensor >= 0
-        beam = difference_m(m.position_deg[plots], m.site_deg[plots])
-        along = beam / np.maximum(np.hypot(beam[:, 0], beam[:, 1]), 1.0)[:, None]
-        across = np.column_stack([-along[:, 1], along[:, 0]])
-        for share, axis in ((self.range_registration, along), (self.azimuth_registration, across)):
-            variance = np.einsum("mi,mij,mj->m", axis, m.covariance[plots, :2, :2], axis)
-            out[plots] += (share * variance)[:, None, None] * axis[:, :, None] * axis[:, None, :]
-        return out
-
-    def _shown(self, bank: Bank, time_s: float) -> tuple[Bank, Estimates]:
-        """The filters with their anchors at where the vessels are at this time, and what they make of the vessels then."""
-        from coastwatch.kernels.kicked_imm import foresee
-
-        mean, spread = np.empty((len(bank.mode), 5)), np.empty((len(bank.mode), 5, 5))
-        foresee(bank.filters, bank.mode, bank.newest_s, float(time_s), self._models(), mean, spread)
-        position, filters = offset_deg(bank.anchor_deg, mean[:, :2]), bank.filters.copy()
-        filters[:, :, :2] -= mean[:, None, :2]
-        return replace(bank, anchor_deg=position, filters=filters), (position, mean[:, 2:4], spread[:, :4, :4])
-
-    def _begun(self, tracks: Tracks, covariance: Floats, vessel: Ints, begins: Bools, time_s: float) -> tuple[Bank, Estimates]:
-        """Filters of these vessels from their tracks alone, and the same as estimates. Args: begins: (V,) which."""
+    def _unwritten(self, count: int) -> Filters:
+        """So many filters of which nothing is written yet."""
         from coastwatch.kernels.kicked_imm import WIDTH
 
-        which = np.flatnonzero(begins).astype(np.int32)
-        count = len(which)
-        first = at_time(time_s, intersected(by_vessel(vessel), which, tracks, self.unknown_velocity_sigma_m_s, SEARCH_STEPS))
-        filters = np.zeros((count, len(KINDS), WIDTH))
-        low = np.tril_indices(4)
-        filters[:, :, 2:4] = first.velocity_m_s[:, None]
-        filters[:, :, 5:15] = first.covariance[:, None, low[0], low[1]]
-        filters[:, :, 19] = np.radians(self.turn_rate_sigma_deg_s) ** 2
-        mode = np.tile(np.array(self.share) / sum(self.share), (count, 1))
-        none = np.zeros(0, np.int64)
-        bank = Bank(first.position_deg, filters, mode, np.full(count, float(time_s)), none, none)
-        return bank, (first.position_deg, first.velocity_m_s, first.covariance)
+        j = len(KINDS)
+        return np.empty((count, 2)), np.empty((count, j, WIDTH)), np.empty((count, j)), np.empty(count)
+
+    def _alone(self, groups: Grouped, tracks: Tracks) -> Estimates:
+        """Estimates of which those of vessels of one track are written: they are that track."""
+        from coastwatch.kernels.vessel_filters import single
+
+        out = unwritten(len(groups))
+        in_blocks(single, len(groups), *groups, states(tracks), self.unknown_velocity_sigma_m_s, out)
+        return out
+
+    def _heard(
+        self, memory: Bank, plan: Going, groups: Grouped, tracks: Tracks, m: Measurements, kinds: Ints, filters: Filters
+    ) -> Company:
+        """Takes the filters that go on into this cycle's, and tells them the measurements of their vessels' tracks.
+
+        Returns: their vessels, and the tracks of each, as the kernels take them.
+        """
+        from coastwatch.kernels.kicked_imm import absorb
+        from coastwatch.kernels.vessel_filters import continued, expressed, told
+
+        count, z = len(plan.going), np.empty((len(m), 10))
+        who = plan.going, *groups, tracks.source, kinds
+        begin, order = told(plan.filter_of, plan.heard_row, m.time_s, m.sensor, count)
+        in_blocks(continued, count, plan.of, memory.arrays, filters, least=FEW)
+        given = m.position_deg, m.velocity_m_s, m.covariance, m.site_deg, m.sensor
+        shares = self.range_registration, self.azimuth_registration
+        in_blocks(expressed, count, *who, begin, order, given, filters[0], shares, z, least=FEW)
+        in_blocks(absorb, count, *filters[1:], m.time_s, z, order, begin, self._models(), np.empty(count), least=FEW)
+        return who
+
+    def _shown(self, plan: Going, who: Company, time_s: float, filters: Filters, out: Estimates) -> None:
+        """The anchors of the filters that go on to where the vessels are at this time, and those into their rows of `out`."""
+        from coastwatch.kernels.kicked_imm import foresee
+        from coastwatch.kernels.vessel_filters import shown
+
+        count = len(plan.going)
+        mean, spread = np.empty((count, 5)), np.empty((count, 5, 5))
+        in_blocks(foresee, count, *filters[1:], float(time_s), self._models(), mean, spread, least=FEW)
+        in_blocks(shown, count, *who, mean, spread, filters, out)
+
+    def _begun(self, plan: Going, groups: Grouped, tracks: Tracks, time_s: float, filters: Filters, out: Estimates) -> None:
+        """Vessels whose filters begin, from their tracks alone, into their rows of `out`, and those filters."""
+        from coastwatch.kernels.vessel_filters import begun
+
+        intersected(groups, plan.begins, tracks, self.unknown_velocity_sigma_m_s, SEARCH_STEPS, out)
+        share, turn = np.array(self.share) / sum(self.share), np.radians(self.turn_rate_sigma_deg_s) ** 2
+        given = plan.begins, len(plan.going), float(time_s), share, float(turn), out, filters
+        in_blocks(begun, len(plan.begins), *given)
 
     def _models(self) -> Models:
         """The models as the kernel takes them."""
@@ -189,14 +165,3 @@ class CentralImm(Method):
         kick_rate[0], kick_variance[0] = 1.0 / self.kick_interval_s, self.kick_m_s**2
         turn_sigma = np.full(j, np.radians(self.turn_rate_sigma_deg_s))
         return KINDS, np.array(self.noise_m2_s3), turn_noise, turn_sigma, np.array(self.sojourn_s), kick_rate, kick_variance
-
-
-def _with_tracks(bank: Bank, begun: Bank, rows: Ints, track_id: Ints, vessel: Ints) -> Bank:
-    """Both banks as one, with the tracks of their vessels. Args: rows: the vessel of each filter, of the first bank, then the second."""
-    filter_of = np.full(int(vessel.max()) + 1, -1, np.int64)
-    filter_of[rows] = np.arange(len(rows))
-    row = filter_of[vessel]
-    order = np.argsort(track_id, kind="stable")
-    order = order[row[order] >= 0]
-    anchor, filters, mode, newest_s = (np.concatenate(both) for both in zip(bank.arrays, begun.arrays, strict=True))
-    return Bank(anchor, filters, mode, newest_s, track_id[order], row[order])

@@ -1,44 +1,43 @@
-"""Which filters of vessels go on from one cycle to the next: those that have heard of one vessel only, as far as is known now."""
+"""Which filters of vessels go on from one cycle to the next, and what they are told."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from coastwatch.batches import Floats, Ints
-from coastwatch.kernels.lookup import find
+from coastwatch.batches import Floats, Ints, Measurements, Rows, Tracks
+from coastwatch.fused_tracks.membership import Grouped
+from coastwatch.kernels.threads import in_blocks
 
 
-def former(known_id: Ints, known_row: Ints, track_id: Ints) -> Ints:
-    """The filter that each track was in; -1 where none. Args: known_id: (L,) sorted; known_row: (L,); track_id: (N,)."""
-    at = find(known_id, track_id)
-    return np.where(at >= 0, known_row[at], -1).astype(np.int64) if len(known_id) else at
+class Going(NamedTuple):
+    """What becomes of the filters."""
+
+    going: Rows  # (G,) vessels whose filters go on, which are the first filters of this cycle
+    of: Rows  # (G,) the filters of the last cycle with which they do
+    begins: Rows  # (B,) vessels of several tracks whose filters begin: the filters after those
+    filter_of: Rows  # (N,) of each track, -1 where none
+    heard_row: Rows  # (M,) the track of each measurement, -1 where it is not among them
 
 
-def going_on(vessel: Ints, before: Ints, vessels: int) -> Ints:
-    """The filter with which each vessel goes on; -1: with none.
+def continuity(
+    known_id: Ints, known_row: Rows, newest_s: Floats, groups: Grouped, vessel: Ints, tracks: Tracks, measured: Measurements
+) -> Going:
+    """Filters that have heard of one vessel only, as far as is known now, and of all that its tracks were updated with, go on.
 
-    A filter goes on where all of its tracks that still live are, and no track of another filter: then nothing that it heard was of
-    another vessel. Tracks may have ended, and tracks without a filter may have come.
-    Args: vessel: (N,) of each track; before: (N,) its filter, -1 where none; vessels: how many. Returns: (V,).
+    Args: known_id, known_row: (L,) the tracks of the last cycle and the filter of each; newest_s: (F,) of each filter.
     """
-    filters = int(before.max(initial=-1)) + 1
-    lowest, highest = np.full(vessels, filters, np.int64), np.full(vessels, -1, np.int64)
-    old = before >= 0
-    np.minimum.at(lowest, vessel[old], before[old])
-    np.maximum.at(highest, vessel[old], before[old])
-    alive = np.bincount(before[old], minlength=filters)
-    here = np.bincount(vessel[old], minlength=vessels)
-    one = (highest >= 0) & (lowest == highest)
-    whole = one.copy()
-    whole[one] = alive[highest[one]] == here[one]
-    return np.where(whole, highest, -1)
+    from coastwatch.kernels.following import followed, owned
+    from coastwatch.kernels.vessel_filters import former, going_on
 
-
-def newest(vessel: Ints, updated_s: Floats, vessels: int) -> Floats:
-    """When the tracks of each vessel were updated last: a filter that has heard of nothing so new was not told of it. (V,)
-
-    Args: vessel: (N,) of each track; updated_s: (N,); vessels: how many.
-    """
-    out = np.full(vessels, -np.inf)
-    np.maximum.at(out, vessel, updated_s)
-    return out
+    at, _ = followed(known_id, tracks.track_id)
+    heard_row = owned(tracks.track_id, measured.track_id)
+    was = former(at, known_row, len(newest_s), heard_row, measured.time_s)
+    of = np.empty(len(groups), np.int32)
+    in_blocks(going_on, len(groups), *groups, *was, tracks.updated_s, newest_s, of)
+    going, begins = (np.flatnonzero(which).astype(np.int32) for which in (of >= 0, (of < 0) & (np.diff(groups.start) > 1)))
+    filter_of = np.full(len(groups), -1, np.int32)
+    filter_of[going] = np.arange(len(going))
+    filter_of[begins] = len(going) + np.arange(len(begins))
+    return Going(going, of[going], begins, filter_of[vessel], heard_row)

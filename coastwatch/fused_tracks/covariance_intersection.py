@@ -40,16 +40,15 @@ class CovarianceIntersection(Method):
         Returns: memory and FusedTracks, one row for each vessel number.
         """
         groups = by_vessel(associations.vessel)
-        everyone = np.arange(len(groups), dtype=np.int32)
-        return memory, at_time(time_s, intersected(groups, everyone, tracks, self.unknown_velocity_sigma_m_s, self.steps))
+        everyone, out = np.arange(len(groups), dtype=np.int32), unwritten(len(groups))
+        intersected(groups, everyone, tracks, self.unknown_velocity_sigma_m_s, self.steps, out)
+        return memory, at_time(time_s, out)
 
 
 def intersected(
-    groups: Grouped, which: Rows, tracks: Tracks, velocity_sigma_m_s: float, steps: int
-) -> tuple[Floats, Floats, Floats]:
-    """Position (B, 2), velocity (B, 2) and covariance (B, 4, 4) of these vessels (B,) by covariance intersection of their tracks."""
+    groups: Grouped, which: Rows, tracks: Tracks, velocity_sigma_m_s: float, steps: int, out: tuple[Floats, Floats, Floats]
+) -> None:
+    """These vessels (B,) by covariance intersection of their tracks, into their rows of `out`."""
     from coastwatch.kernels.fusing import intersection
 
-    out = unwritten(len(which))
     in_blocks(intersection, len(which), which, *groups, states(tracks), velocity_sigma_m_s, steps, out)
-    return out

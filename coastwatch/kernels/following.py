@@ -111,3 +111,34 @@ def standing(ids, wanted, guess):  # type: ignore[no-untyped-def]
         if k >= 0:
             out[k] = n
     return out
+
+
+@njit(cache=True, nogil=True)
+def owned(ids, wanted):  # type: ignore[no-untyped-def]
+    """The row of each wanted id, -1 where it is not: many may want one id, mostly one after the other and in the order of the ids."""
+    out = np.full(len(wanted), -1, np.int32)
+    expected = missing = 0
+    for k in range(len(wanted)):
+        if k > 0 and wanted[k] == wanted[k - 1]:
+            out[k] = out[k - 1]
+        else:
+            for n in range(expected, min(expected + LOOK, len(ids))):
+                if ids[n] == wanted[k]:
+                    out[k], expected = n, n + 1
+                    break
+        missing += out[k] < 0
+    if missing == 0:
+        return out
+    table, shift = _table(missing)
+    for k in range(len(wanted)):
+        if out[k] < 0:
+            table[_place(table, shift, wanted, wanted[k])] = k
+    row = np.full(len(table), -1, np.int32)
+    for n in range(len(ids)):
+        at = _place(table, shift, wanted, ids[n])
+        if table[at] >= 0:
+            row[at] = n
+    for k in range(len(wanted)):
+        if out[k] < 0:
+            out[k] = row[_place(table, shift, wanted, wanted[k])]
+    return out

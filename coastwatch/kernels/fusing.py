@@ -223,7 +223,7 @@ def _intersected(a, b, shift, steps):  # type: ignore[no-untyped-def]
 def intersection(low, high, which, start, row, tracks, sigma, steps, out):  # type: ignore[no-untyped-def]
     """Vessels which[low:high] by covariance intersection, the most precise track first. Args: steps: of the search of the weight.
 
-    Rows low to high of `out` are written.
+    Their rows of `out` are written.
     """
     most = 1
     for k in range(low, high):
@@ -239,7 +239,7 @@ def _intersection(low, high, which, start, row, tracks, sigma, steps, order, siz
         begin, end = start[which[v]], start[which[v] + 1]
         ask(tracks, row, begin, end)
         if end - begin == 1:
-            alone(tracks, row[begin], sigma, out, v)
+            alone(tracks, row[begin], sigma, out, which[v])
             continue
         _precise_first(tracks, sigma, doubt, row, begin, end, order, size)
         n = order[0]
@@ -250,4 +250,4 @@ def _intersection(low, high, which, start, row, tracks, sigma, steps, order, siz
             mean, covariance = _intersected(covariance, known(tracks, n, sigma), _moved(tracks, n, place, speed), steps)
             lat, lon = offset(place[0], place[1], place[2], place[3], mean[0], mean[1])
             place, speed = _at(lat, lon), (speed[0] + mean[2], speed[1] + mean[3])
-        _write(place, speed, covariance, out, v)
+        _write(place, speed, covariance, out, which[v])

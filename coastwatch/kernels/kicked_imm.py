@@ -17,6 +17,7 @@ import math
 import numpy as np
 from numba import njit
 
+from coastwatch.kernels.compiling import part
 from coastwatch.kernels.imm import FLOOR, LOG_TWO_PI, _turn_terms
 
 SIZE = 5
@@ -24,7 +25,13 @@ WIDTH = SIZE + SIZE * (SIZE + 1) // 2
 STRAIGHT = 4  # components of a model that does not turn
 
 
-@njit(cache=True)
+@part
+def _copy(row, out):  # type: ignore[no-untyped-def]
+    for k in range(len(out)):
+        out[k] = row[k]
+
+
+@part
 def _moments(rows, weight, size, out):  # type: ignore[no-untyped-def]
     """Mean and covariance of a mixture, of the first `size` components, into `out` (WIDTH,); the weights sum to one."""
     for a in range(size):
@@ -41,7 +48,7 @@ def _moments(rows, weight, size, out):  # type: ignore[no-untyped-def]
             at += 1
 
 
-@njit(cache=True)
+@part
 def _shaken(row, dt, variance):  # type: ignore[no-untyped-def]
     """A row in place, its velocity less certain by `variance`, of which every part of dt gave its share: a kick or noise."""
     row[5] += variance * dt * dt / 3.0
@@ -52,7 +59,7 @@ def _shaken(row, dt, variance):  # type: ignore[no-untyped-def]
     row[14] += variance
 
 
-@njit(cache=True)
+@part
 def _go_straight(row, dt, turn_sigma):  # type: ignore[no-untyped-def]
     """A row in place after dt at constant velocity; its turn rate is what it was before anything was known."""
     row[0] += dt * row[2]
@@ -68,7 +75,7 @@ def _go_straight(row, dt, turn_sigma):  # type: ignore[no-untyped-def]
     row[19] = turn_sigma * turn_sigma
 
 
-@njit(cache=True)
+@part
 def _turn(row, dt, turn_noise, f, p, half):  # type: ignore[no-untyped-def]
     """A row in place after dt at its turn rate, linearised; f, p, half (5, 5) are to work in."""
     s, c, ds, dc = _turn_terms(row[4], dt)
@@ -100,7 +107,7 @@ def _turn(row, dt, turn_noise, f, p, half):  # type: ignore[no-untyped-def]
     row[19] += turn_noise * dt
 
 
-@njit(cache=True)
+@part
 def _predict(rows, mode, dt, models, work, ahead, mode_ahead):  # type: ignore[no-untyped-def]
     """All models of a filter after dt without a kick, into the last two arguments: mixing, then each model's own motion."""
     kind, noise, turn_noise, turn_sigma, sojourn = models[:5]
@@ -127,7 +134,7 @@ def _predict(rows, mode, dt, models, work, ahead, mode_ahead):  # type: ignore[n
         _shaken(ahead[m], dt, noise[m] * dt)
 
 
-@njit(cache=True)
+@part
 def _correct(row, size, first, z0, z1, r00, r10, r11, u, w):  # type: ignore[no-untyped-def]
     """A row in place after its components first and first + 1 were measured; the log-likelihood. u, w (5,) are to work in."""
     for a in range(size):
@@ -149,7 +156,7 @@ def _correct(row, size, first, z0, z1, r00, r10, r11, u, w):  # type: ignore[no-
     return -0.5 * (e0 * (i00 * e0 + 2.0 * i10 * e1) + i11 * e1 * e1) - 0.5 * math.log(det) - LOG_TWO_PI
 
 
-@njit(cache=True)
+@part
 def _measured(row, size, z, u, w):  # type: ignore[no-untyped-def]
     """A row in place after a measurement of MEASURED numbers; the log-likelihood."""
     fit = _correct(row, size, 0, z[0], z[1], z[4], z[5], z[6], u, w)
@@ -158,7 +165,7 @@ def _measured(row, size, z, u, w):  # type: ignore[no-untyped-def]
     return fit
 
 
-@njit(cache=True)
+@part
 def _weigh(rows, mode, ahead, mode_ahead, dt, z, models, work, branch, chance):  # type: ignore[no-untyped-def]
     """All models of a filter after a measurement, kicked and not, into rows and mode; branch (2, J, WIDTH), chance (J, 2)."""
     kind, kick_rate, kick_variance = models[0], models[5], models[6]
@@ -169,7 +176,7 @@ def _weigh(rows, mode, ahead, mode_ahead, dt, z, models, work, branch, chance): 
         kicked = 1.0 - math.exp(-kick_rate[m] * dt)
         for k in range(2):
             chance[m, k] = -np.inf
-            branch[m, k] = ahead[m]
+            _copy(ahead[m], branch[m, k])
             if k == 1 and kicked > 0.0:
                 _shaken(branch[m, k], dt, kick_variance[m])
             if k == 0 or kicked > 0.0:
@@ -184,7 +191,7 @@ def _weigh(rows, mode, ahead, mode_ahead, dt, z, models, work, branch, chance): 
         total += mode[m]
     floored = 0.0
     for m in range(j):
-        rows[m] = branch[m, 0]
+        _copy(branch[m, 0], rows[m])
         if chance[m, 1] > FLOOR * mode[m]:
             chance[m, 0], chance[m, 1] = chance[m, 0] / mode[m], chance[m, 1] / mode[m]
             _moments(branch[m], chance[m], SIZE if kind[m] == 1 else STRAIGHT, rows[m])
@@ -195,11 +202,11 @@ def _weigh(rows, mode, ahead, mode_ahead, dt, z, models, work, branch, chance): 
     return best + math.log(total)
 
 
-@njit(cache=True)
+@part
 def _brought_forward(rows, mode, late, z, mean, out):  # type: ignore[no-untyped-def]
     """A measurement older than the filter by `late`, moved by the filter's velocity and as much less certain, into `out`."""
     _moments(rows, mode, SIZE, mean)
-    out[:] = z
+    _copy(z, out)
     out[0] += late * mean[2]
     out[1] += late * mean[3]
     out[4] += late * late * mean[10]
@@ -209,9 +216,9 @@ def _brought_forward(rows, mode, late, z, mean, out):  # type: ignore[no-untyped
     out[2], out[3] = cos * z[2] - sin * z[3], sin * z[2] + cos * z[3]
 
 
-@njit(cache=True)
-def absorb(filters, mode, time, measured_time, z, order, begin, models, log_likelihood):  # type: ignore[no-untyped-def]
-    """Filters after their measurements, in place.
+@njit(cache=True, nogil=True)
+def absorb(low, high, filters, mode, time, measured_time, z, order, begin, models, log_likelihood):  # type: ignore[no-untyped-def]
+    """Filters low to high after their measurements, in place.
 
     Measurements are taken in order of time. One older than the filter is brought forward by the filter's velocity; to play it again in
     its place would take 0.6 % off the error where every report is 2 s late and more (scaling/decisions/central_imm.py).
@@ -229,7 +236,7 @@ def absorb(filters, mode, time, measured_time, z, order, begin, models, log_like
     work = (np.zeros(j), np.zeros(j), np.zeros(square), np.zeros(square), np.zeros(square), line, np.zeros(SIZE))
     ahead, mode_ahead = np.zeros((j, WIDTH)), np.zeros(j)
     branch, chance, mean, moved = np.zeros((j, 2, WIDTH)), np.zeros((j, 2)), np.zeros(WIDTH), np.zeros(10)
-    for v in range(len(mode)):
+    for v in range(low, high):
         log_likelihood[v] = 0.0
         for k in range(begin[v], begin[v + 1]):
             dt = measured_time[order[k]] - time[v]
@@ -245,9 +252,9 @@ def absorb(filters, mode, time, measured_time, z, order, begin, models, log_like
             )
 
 
-@njit(cache=True)
-def foresee(filters, mode, time, now, models, mean, covariance):  # type: ignore[no-untyped-def]
-    """Filters predicted to one time and averaged over the models.
+@njit(cache=True, nogil=True)
+def foresee(low, high, filters, mode, time, now, models, mean, covariance):  # type: ignore[no-untyped-def]
+    """Filters low to high predicted to one time and averaged over the models.
 
     Args: filters, mode, time, models: as in `absorb`; now: a filter that has heard of later is not taken back; mean: (V, 5) and
     covariance: (V, 5, 5): written.
@@ -256,7 +263,7 @@ def foresee(filters, mode, time, now, models, mean, covariance):  # type: ignore
     square = (SIZE, SIZE)
     work = (np.zeros(j), np.zeros(j), np.zeros(square), np.zeros(square), np.zeros(square), np.zeros(SIZE), np.zeros(SIZE))
     ahead, mode_ahead, both = np.zeros((j, WIDTH)), np.zeros(j), np.zeros(WIDTH)
-    for v in range(len(mode)):
+    for v in range(low, high):
         dt = max(now - time[v], 0.0)
         ahead[:], mode_ahead[:] = filters[v], mode[v]
         if dt > 0.0:

@@ -71,7 +71,7 @@ def kernel(x, p, mode, time, z, r, models, kicks):
     when[place] = time.ravel()
     filters, mode, newest, fit = packed(x, p), mode.copy(), np.zeros(n), np.empty(n)
     begin = np.arange(n + 1) * count
-    absorb(filters, mode, newest, when, flat, place, begin, (*models, *kicks), fit)
+    absorb(0, n, filters, mode, newest, when, flat, place, begin, (*models, *kicks), fit)
     return filters, mode, newest, fit
 
 
@@ -86,7 +86,7 @@ def test_it_is_the_textbook(n, j, count, seed):
     time, z, r = measurements(n, count, seed, 0.01)
     filters, modes, newest, fit = kernel(x, p, mode, time, z, r, models, kicks)
     mean, spread = np.empty((n, 5)), np.empty((n, 5, 5))
-    foresee(filters, modes, newest, 12.0, (*models, *kicks), mean, spread)
+    foresee(0, n, filters, modes, newest, 12.0, (*models, *kicks), mean, spread)
     for row in range(n):
         state, now, total = (x[row], p[row], mode[row]), 0.0, 0.0
         for t, one, noise in zip(time[row], z[row], r[row], strict=True):
