@@ -87,7 +87,7 @@ def history(run_id: int, cycle: int, picture: Picture, moving: list[Column]) -> 
     """Columns of table `history`."""
     ids = picture.vessel_id.tolist()
     last = [plain(picture.updated_s), named(picture.mmsi), picture.flags.tolist()]
-    return [[run_id] * len(ids), [cycle] * len(ids), ids, *moving, *last]
+    return [[run_id] * len(ids), [cycle] * len(ids), ids, *moving, *last, [None] * len(ids), [False] * len(ids)]
 
 
 def memberships(cycle: Cycle) -> Ints:

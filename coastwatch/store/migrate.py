@@ -95,10 +95,10 @@ def _sqlite(connection: Connection) -> list[str]:
 WHOLE = {
     "cycles are numbered from 0 without a gap": """
         SELECT run_id FROM cycle GROUP BY run_id HAVING count(*) <> max(number) + 1""",
-    "a kept cycle has as many rows of history as vessels": """
+    "a cycle has as many rows of history as it says": """
         SELECT c.run_id FROM cycle c LEFT JOIN (SELECT run_id, cycle, count(*) AS n FROM history GROUP BY run_id, cycle) h
             ON h.run_id = c.run_id AND h.cycle = c.number
-        WHERE coalesce(h.n, 0) <> CASE WHEN c.history_kept THEN c.vessels ELSE 0 END""",
+        WHERE coalesce(h.n, 0) <> c.history_points""",
     "a kept cycle has as many associations as pairs": """
         SELECT c.run_id FROM cycle c LEFT JOIN (SELECT run_id, cycle, count(*) AS n FROM association GROUP BY run_id, cycle) a
             ON a.run_id = c.run_id AND a.cycle = c.number

@@ -111,7 +111,7 @@ def picture(store: Store, run_id: int, at_s: float | None = None, bbox: Box | No
         _run_exists(connection, store, run_id)
         if at_s is None:
             return _rows(connection, _current(run_id, bbox))
-        cycle = cycle_at(connection, store, run_id, at_s, Cycle.history_kept.is_(True))
+        cycle = cycle_at(connection, store, run_id, at_s, Cycle.history_from.is_not(None))
         return _with_sources(connection, run_id, cycle, _rows(connection, _past(run_id, cycle, bbox)))
 
 

@@ -12,10 +12,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import JSON, BigInteger, Boolean, Float, ForeignKey, Index, Integer, LargeBinary, String, Text, text
+from sqlalchemy import JSON, BigInteger, Boolean, Float, ForeignKey, Index, Integer, LargeBinary, String, Text, false, text
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
-REVISION = "0003"
+REVISION = "0004"
 """The migration at which the database equals the models below; a test compares it with db/migrations."""
 
 REVISION_TABLE = "coastwatch_revision"
@@ -108,7 +108,12 @@ class Cycle(Base):
     pairs: Mapped[int]
     bearing_pairs: Mapped[int]
     reports: Mapped[int]
-    history_kept: Mapped[bool]
+    picture_kept: Mapped[bool]  # tables `vessel` and `bearing_track` were written in this cycle
+    history_from: Mapped[
+        int | None
+    ]  # each vessel of this cycle has its newest point in one of the cycles from here to this one;
+    # null: the history of this cycle is not kept
+    history_points: Mapped[int]  # rows of `history` of this cycle, closing ones included
     associations_kept: Mapped[bool]
 
 
@@ -189,7 +194,11 @@ class Presence(Base):
 
 
 class History(Base):
-    """Each vessel in each cycle that is kept."""
+    """Points from which the past is dead-reckoned: a vessel is where the velocity of its newest point takes it (history_rule).
+
+    The first point of a stay is in the stay's first cycle. The cycle after its last one has a closing point: where the vessel was,
+    by its former point, when it was last there; it belongs to no picture.
+    """
 
     __tablename__ = "history"
     __table_args__ = IN_KEY_ORDER
@@ -206,6 +215,10 @@ class History(Base):
     updated_s: Mapped[float]
     mmsi: Mapped[int | None]
     flags: Mapped[int]
+    previous_cycle: Mapped[
+        int | None
+    ]  # of the vessel's former point in this stay; null: the first, or of schema 0003 and older
+    closing: Mapped[bool] = mapped_column(server_default=false())
 
 
 class Association(Base):

@@ -123,7 +123,9 @@ def _cycle_row(
         "pairs": len(cycle.associations.first),
         "bearing_pairs": len(cycle.bearing_associations.bearing_row),
         "reports": len(reports),
-        "history_kept": keeps[0],
+        "picture_kept": True,
+        "history_from": number if keeps[0] else None,
+        "history_points": len(cycle.picture) if keeps[0] else 0,
         "associations_kept": keeps[1],
     }
     connection.execute(insert(CycleRow), [row])

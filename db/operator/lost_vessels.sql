@@ -17,7 +17,7 @@ WITH latest AS (
 ), kept AS (
     SELECT e.vessel_id, e.last_s, e.since_s, e.run_id, (
         SELECT max(c.number) FROM cycle c
-        WHERE c.run_id = e.run_id AND c.number BETWEEN e.from_cycle AND e.to_cycle AND c.history_kept
+        WHERE c.run_id = e.run_id AND c.number BETWEEN e.from_cycle AND e.to_cycle AND c.history_from IS NOT NULL
     ) AS cycle
     FROM ended e
 )

@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0003; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0004; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id BIGSERIAL NOT NULL,
@@ -77,7 +77,9 @@ CREATE TABLE cycle (
 	pairs BIGINT NOT NULL,
 	bearing_pairs BIGINT NOT NULL,
 	reports BIGINT NOT NULL,
-	history_kept BOOLEAN NOT NULL,
+	picture_kept BOOLEAN NOT NULL,
+	history_from BIGINT,
+	history_points BIGINT NOT NULL,
 	associations_kept BOOLEAN NOT NULL,
 	PRIMARY KEY (run_id, number),
 	FOREIGN KEY(run_id) REFERENCES run (id)
@@ -97,6 +99,8 @@ CREATE TABLE history (
 	updated_s FLOAT(53) NOT NULL,
 	mmsi BIGINT,
 	flags BIGINT NOT NULL,
+	previous_cycle BIGINT,
+	closing BOOLEAN DEFAULT false NOT NULL,
 	PRIMARY KEY (run_id, cycle, vessel_id),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );

@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0003; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0004; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
@@ -79,7 +79,9 @@ CREATE TABLE cycle (
 	pairs INTEGER NOT NULL,
 	bearing_pairs INTEGER NOT NULL,
 	reports INTEGER NOT NULL,
-	history_kept BOOLEAN NOT NULL,
+	picture_kept BOOLEAN NOT NULL,
+	history_from INTEGER,
+	history_points INTEGER NOT NULL,
 	associations_kept BOOLEAN NOT NULL,
 	PRIMARY KEY (run_id, number),
 	FOREIGN KEY(run_id) REFERENCES run (id)
@@ -99,6 +101,8 @@ CREATE TABLE history (
 	updated_s FLOAT NOT NULL,
 	mmsi INTEGER,
 	flags INTEGER NOT NULL,
+	previous_cycle INTEGER,
+	closing BOOLEAN DEFAULT 0 NOT NULL,
 	PRIMARY KEY (run_id, cycle, vessel_id),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 )
