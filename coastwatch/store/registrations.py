@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from sqlalchemy import Connection, String, and_, func, select
 from sqlalchemy.orm import Mapped, mapped_column
 
-from coastwatch.batches import Array, Floats, RegistrationState, Reports
+from coastwatch.batches import Floats, RegistrationState, Reports
 from coastwatch.store.bulk import append
+from coastwatch.store.cells import Column, Named, Texts
 from coastwatch.store.opening import Store, reading
 from coastwatch.store.read import Rows, cycle_at
 from coastwatch.store.tables import IN_KEY_ORDER, Base, Cycle, Sensor, key, of_run
 
 if TYPE_CHECKING:
     from coastwatch import pipeline
+
+
+KINDS = ("ais", "bearing", "radar")  # in the order of the key
 
 
 class SensorRegistration(Base):
@@ -66,9 +70,10 @@ def merge(
     """
     at_s = dict(before.at_s)
     for kind, part in (("radar", reports.radar), ("bearing", reports.bearing)):
-        for sensor in np.unique(part.sensor).tolist():
-            newest = float(part.received_s[part.sensor == sensor].max())
-            at_s[kind, sensor] = max(newest, at_s.get((kind, sensor), newest))
+        newest_s = np.full(int(part.sensor.max(initial=-1)) + 1, -np.inf)
+        np.maximum.at(newest_s, part.sensor, part.received_s)
+        for sensor in np.flatnonzero(newest_s > -np.inf).tolist():
+            at_s[kind, sensor] = max(float(newest_s[sensor]), at_s.get((kind, sensor), -np.inf))
     if len(reports.ais):
         newest = float(reports.ais.received_s.max())
         at_s["ais", 0] = max(newest, at_s.get(("ais", 0), newest))
@@ -82,32 +87,33 @@ def merge(
 
 def _columns(
     run_id: int, number: int, cycle: pipeline.Cycle, at_s: dict[tuple[str, int], float], stations: int
-) -> list[list[Any]]:
+) -> list[Column]:
     """In key order: AIS receivers, sensors of bearings, radars."""
     c, bias = cycle.corrections, np.degrees(cycle.bearing_associations.sensor_bias_rad)
-    counts = (("ais", stations), ("bearing", len(bias)), ("radar", len(c)))
-    names = [(kind, k) for kind, n in counts for k in range(n)]
-    heard = [at_s.get(("ais", 0) if kind == "ais" else (kind, k)) for kind, k in names]
+    kinds = np.repeat([0, 1, 2], [stations, len(bias), len(c)])
+    numbers = np.concatenate([np.arange(n) for n in (stations, len(bias), len(c))])
+    heard = [at_s.get(("ais", 0) if kind == 0 else (KINDS[kind], k), np.nan) for kind, k in zip(kinds, numbers, strict=True)]
     others = stations + len(bias)
-    none: list[Any] = [None] * others
-    azimuth = [*[None] * stations, *bias.tolist(), *np.degrees(c.azimuth_bias_rad).tolist()]
+
+    def of_radars(values: Floats) -> Floats:
+        known = np.where(np.isfinite(values), values, np.nan)
+        return np.concatenate([np.full(others, np.nan), known])
+
+    azimuth = np.concatenate([np.full(stations, np.nan), bias, np.degrees(c.azimuth_bias_rad)])
     radars = (np.degrees(c.azimuth_sigma_rad), c.range_bias_m, c.range_sigma_m, c.time_lag_s, c.estimated_lag_s, c.lag_sigma_s)
+    none = np.full(others, -1)
     return [
-        [run_id] * len(names),
-        [number] * len(names),
-        [kind for kind, _ in names],
-        [k for _, k in names],
-        heard,
-        [*none, *(RegistrationState(s).name.lower() for s in c.state.tolist())],
+        run_id,
+        number,
+        Texts(kinds, KINDS),
+        numbers,
+        np.array(heard),
+        Texts(np.concatenate([none, c.state]), [state.name.lower() for state in RegistrationState]),
         azimuth,
-        *([*none, *_plain(column)] for column in radars),
-        [*none, *c.references.tolist()],
-        [*none, *c.residuals.tolist()],
+        *map(of_radars, radars),
+        Named(np.concatenate([none, c.references])),
+        of_radars(c.residuals),
     ]
-
-
-def _plain(values: Floats | Array) -> list[float | None]:
-    return [float(v) if np.isfinite(v) else None for v in values]
 
 
 def sensor_states(store: Store, run_id: int, at_s: float | None = None) -> Rows:

@@ -2,57 +2,66 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import numpy as np
+from sqlalchemy import Connection, select
 
-from sqlalchemy import Connection, bindparam, delete, select
-
-from coastwatch.batches import AisStatics
-from coastwatch.store.bulk import append
-from coastwatch.store.columns import named, plain
+from coastwatch.batches import AisStatics, Array, Bools, Ints
+from coastwatch.store.bulk import append, renew
+from coastwatch.store.cells import Column, Named, Texts, part
 from coastwatch.store.tables import Base, VesselStatic
 
 TABLE = Base.metadata.tables["vessel_static"]
 
 
-class Static(NamedTuple):
-    """One row of `vessel_static`, without run and MMSI."""
-
-    name: str | None
-    call_sign: str | None
-    ship_type: int | None
-    length_m: float | None
-    beam_m: float | None
-    updated_s: float
+def known(connection: Connection, run_id: int) -> Ints:
+    """Every MMSI of which something is stored, sorted."""
+    query = select(VesselStatic.mmsi).where(VesselStatic.run_id == run_id).order_by(VesselStatic.mmsi)
+    return np.array(connection.scalars(query).all(), np.int64)
 
 
-def known(connection: Connection, run_id: int) -> dict[int, Static]:
-    """What is stored of a run, by MMSI."""
-    rows = connection.execute(select(TABLE).where(VesselStatic.run_id == run_id))
-    return {row.mmsi: Static(*tuple(row)[2:]) for row in rows}
-
-
-def merge(connection: Connection, run_id: int, before: dict[int, Static], heard: AisStatics) -> dict[int, Static]:
-    """Write what is new of the messages of a cycle; returns all that is then known. `before` is left as it was."""
+def merge(connection: Connection, run_id: int, before: Ints, heard: AisStatics) -> Ints:
+    """Write what is new of the messages of a cycle. Args: before: every MMSI that has a row. Returns: the same afterwards."""
     if not len(heard):
         return before
-    texts = [[_text(x) for x in column.tolist()] for column in (heard.name, heard.call_sign)]
-    numbers = [named(heard.ship_type), plain(heard.length_m), plain(heard.beam_m), heard.received_s.tolist()]
-    fresh: dict[int, Static] = {}
-    for mmsi, *said in zip(heard.mmsi.tolist(), *texts, *numbers, strict=True):
-        old = fresh.get(mmsi) or before.get(mmsi)
-        fresh[mmsi] = (
-            Static(*said) if old is None else Static._make(a if a is not None else b for a, b in zip(said, old, strict=True))
-        )
-    connection.execute(
-        delete(TABLE).where(TABLE.c.run_id == run_id, TABLE.c.mmsi == bindparam("of_mmsi")),
-        [{"of_mmsi": mmsi} for mmsi in fresh],
-    )
-    mmsi = sorted(fresh)
-    columns = list(zip(*(fresh[number] for number in mmsi), strict=True))
-    append(connection, TABLE, [[run_id] * len(mmsi), mmsi, *columns])
-    return {**before, **fresh}
+    mmsi, said = _folded(heard)
+    at = np.searchsorted(before, mmsi)
+    new = np.append(before, -1)[at] != mmsi
+    append(connection, TABLE, [run_id, mmsi[new], *(part(column, new) for column in said.values())])
+    old = {name: part(column, ~new) for name, column in said.items()}
+    renew(connection, TABLE, {"mmsi": mmsi[~new]}, {"run_id": run_id}, old)
+    return np.insert(before, at[new], mmsi[new])
 
 
-def _text(said: str) -> str | None:
-    """What was said, without what PostgreSQL's text cannot hold and the padding of the wire; None where that is nothing."""
-    return said.replace("\x00", "").strip().rstrip("@") or None
+def _folded(heard: AisStatics) -> tuple[Ints, dict[str, Column]]:
+    """One row a MMSI, sorted, and of each column the last message that said something."""
+    order = np.argsort(heard.mmsi, kind="stable")
+    mmsi = heard.mmsi[order]
+    first = np.flatnonzero(np.append(True, mmsi[1:] != mmsi[:-1]))
+
+    def newest(said: Bools) -> Array:
+        rows = np.maximum.reduceat(np.where(said[order], np.arange(len(order)), -1), first)
+        return np.where(rows < 0, -1, order[rows])
+
+    def numbers(of: Array) -> Array:
+        rows = newest(~np.isnan(of))
+        return np.where(rows < 0, np.nan, of[rows])
+
+    def texts(of: Array) -> Texts:
+        cleaned = [_text(x) for x in of.tolist()]
+        rows = newest(np.array([x != "" for x in cleaned], np.bool_))
+        return Texts(np.where(rows < 0, -1, np.arange(len(rows))), [cleaned[row] for row in rows.tolist()])
+
+    kind = newest(heard.ship_type >= 0)
+    return mmsi[first], {
+        "name": texts(heard.name),
+        "call_sign": texts(heard.call_sign),
+        "ship_type": Named(np.where(kind < 0, -1, heard.ship_type[kind])),
+        "length_m": numbers(heard.length_m),
+        "beam_m": numbers(heard.beam_m),
+        "updated_s": heard.received_s[newest(np.ones(len(heard), np.bool_))],
+    }
+
+
+def _text(said: str) -> str:
+    """What was said, without what PostgreSQL's text cannot hold and the padding of the wire."""
+    return said.replace("\x00", "").strip().rstrip("@")

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from sqlalchemy import Connection, Table, bindparam, delete, func, insert, select, update
+from sqlalchemy import Connection, delete, func, insert, select, update
 
-from coastwatch.batches import Array, Ints, Reports
+from coastwatch.batches import Floats, Ints, Reports
 from coastwatch.store import columns, registrations, statics
-from coastwatch.store.bulk import append
+from coastwatch.store.bulk import amend, append, erase
+from coastwatch.store.cells import Column, Named, Texts
 from coastwatch.store.opening import Store, StoreError, writing
 from coastwatch.store.rewind import rewind
 from coastwatch.store.tables import Base, Checkpoint, Member, Presence, Run, Source
@@ -33,7 +34,7 @@ class Newest:
     vessels: Ints  # (V, 1) sorted
     source_names: tuple[str, ...]
     source_kinds: tuple[str, ...]
-    statics: dict[int, statics.Static]
+    statics: Ints  # MMSI, sorted
     heard: registrations.Heard
 
 
@@ -56,7 +57,9 @@ def write_cycle(
     checkpoint: the memory after this cycle, where one is to be kept.
     Raises: StoreError where the run is absent, a cycle is left out, the database is locked or the disk is full.
     """
-    picture = cycle.picture.take(np.argsort(cycle.picture.vessel_id, kind="stable"))
+    picture = cycle.picture
+    if (np.diff(picture.vessel_id) <= 0).any():
+        picture = picture.take(np.argsort(picture.vessel_id, kind="stable"))
     members, moving = columns.memberships(cycle), columns.motion(picture)
     keeps = number % keep.history_every == 0, number % keep.associations_every == 0
     with writing(store) as connection:
@@ -68,7 +71,7 @@ def write_cycle(
             before = _newest(connection, run_id, store.where)
         _cycle_row(connection, run_id, number, cycle, reports, keeps)
         _timings(connection, run_id, number, seconds, _rows_by_stage(cycle, reports, before.source_kinds))
-        texts = columns.source_texts(picture.vessel_id, members, before.source_names)
+        texts = columns.sources(picture.vessel_id, members, before.source_names)
         _replace(connection, "vessel", run_id, columns.vessels(run_id, picture, texts, moving))
         now = columns.bearing_tracks(run_id, cycle.bearing_tracks, cycle.bearing_associations, cycle.picture)
         _replace(connection, "bearing_track", run_id, now)
@@ -151,11 +154,13 @@ def _rows_by_stage(cycle: Cycle, reports: Reports, kinds: Sequence[str]) -> dict
 
 def _timings(connection: Connection, run_id: int, number: int, seconds: Mapping[str, float], rows: Mapping[str, int]) -> None:
     stages = list(seconds)
-    same: list[columns.Column] = [[run_id] * len(stages), [number] * len(stages), range(len(stages)), stages]
-    append(connection, TABLES["stage_timing"], [*same, [float(s) for s in seconds.values()], [rows.get(s) for s in stages]])
+    counts = np.array([rows.get(stage, -1) for stage in stages], np.int64)
+    places = np.arange(len(stages))
+    took = np.array([float(s) for s in seconds.values()])
+    append(connection, TABLES["stage_timing"], [run_id, number, places, Texts(places, stages), took, Named(counts)])
 
 
-def _replace(connection: Connection, name: str, run_id: int, rows: list[columns.Column]) -> None:
+def _replace(connection: Connection, name: str, run_id: int, rows: Sequence[Column]) -> None:
     connection.execute(delete(TABLES[name]).where(TABLES[name].c.run_id == run_id))
     append(connection, TABLES[name], rows)
 
@@ -167,42 +172,26 @@ def _associations(connection: Connection, run_id: int, number: int, cycle: Cycle
 
 
 def _stays(
-    connection: Connection, run_id: int, number: int, before: Newest, members: Ints, vessels: Ints, since_s: Array
+    connection: Connection, run_id: int, number: int, before: Newest, members: Ints, vessels: Ints, since_s: Floats
 ) -> None:
     """Open and close what came and went since the last cycle; what stayed costs nothing."""
     gone, come = _changed(before.members, members)
-    _end(connection, TABLES["member_history"], run_id, number, gone)
-    names = ("vessel_id", "source", "track_id")
-    if len(gone):
-        where = [Member.run_id == run_id, *(TABLES["member"].c[name] == bindparam(f"of_{name}") for name in names)]
-        rows = [{f"of_{name}": x for name, x in zip(names, row, strict=True)} for row in gone.tolist()]
-        connection.execute(delete(TABLES["member"]).where(*where), rows)
-    same, fresh = [run_id] * len(come), come.T.tolist()
-    append(connection, TABLES["member"], [same, *fresh])
-    append(connection, TABLES["member_history"], [same, *fresh, [number] * len(come), [None] * len(come)])
+    left = dict(zip(("vessel_id", "source", "track_id"), gone.T, strict=True))
+    amend(connection, TABLES["member_history"], left, {"run_id": run_id, "to_cycle": None}, {"to_cycle": number - 1})
+    erase(connection, TABLES["member"], left, {"run_id": run_id})
+    append(connection, TABLES["member"], [run_id, *come.T])
+    append(connection, TABLES["member_history"], [run_id, *come.T, number, None])
     gone, come = _changed(before.vessels, vessels)
-    _end(connection, TABLES["presence"], run_id, number, gone)
-    since = columns.plain(since_s[np.searchsorted(vessels[:, 0], come[:, 0])])
-    same = [run_id] * len(come)
-    append(connection, TABLES["presence"], [same, come[:, 0].tolist(), [number] * len(come), [None] * len(come), since])
-
-
-def _end(connection: Connection, table: Table, run_id: int, number: int, gone: Ints) -> None:
-    if not len(gone):
-        return
-    names = ("vessel_id", "source", "track_id")[: gone.shape[1]]
-    where = [table.c[name] == bindparam(f"of_{name}") for name in names]
-    rows = [{f"of_{name}": x for name, x in zip(names, row, strict=True)} for row in gone.tolist()]
-    ending = update(table).where(table.c.run_id == run_id, table.c.to_cycle.is_(None), *where).values(to_cycle=number - 1)
-    connection.execute(ending, rows)
+    left = {"vessel_id": gone[:, 0]}
+    amend(connection, TABLES["presence"], left, {"run_id": run_id, "to_cycle": None}, {"to_cycle": number - 1})
+    since = since_s[np.searchsorted(vessels[:, 0], come[:, 0])]
+    append(connection, TABLES["presence"], [run_id, come[:, 0], number, None, since])
 
 
 def _changed(before: Ints, now: Ints) -> tuple[Ints, Ints]:
     """Rows that are only in the first and rows that are only in the second of two sorted tables without repetition."""
-    if np.array_equal(before, now):
-        return before[:0], now[:0]
-    rows = np.concatenate([before, now])
-    order = np.lexsort(rows.T[::-1])
-    twin = (rows[order][1:] == rows[order][:-1]).all(1)
-    alone = np.sort(order[~(np.append(twin, False) | np.append(False, twin))])
-    return before[alone[alone < len(before)]], now[alone[alone >= len(before)] - len(before)]
+    from coastwatch.kernels.sorted_rows import differences
+
+    gone, come = np.zeros(len(before), np.bool_), np.zeros(len(now), np.bool_)
+    differences(before, now, gone, come)
+    return before[gone], now[come]

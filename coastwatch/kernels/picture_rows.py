@@ -1,0 +1,73 @@
+"""What the database keeps of a picture beside its numbers: speed and course, ellipse, half of a covariance, set of sources."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+KNOT = 1852.0 / 3600.0
+DEGREE = math.pi / 180.0
+
+
+@njit(cache=True, nogil=True)
+def motion_rows(low, high, velocity, covariance, moving, upper, known):  # type: ignore[no-untyped-def]
+    """Fills rows low to high.
+
+    Args: velocity: (V, 2) east, north in m/s; covariance: (V, 4, 4).
+    moving: (V, 5) knots, degrees true in [0, 360) (NaN for what stands still), 1-sigma half axes in metres, direction of the longer
+    one in degrees clockwise from north, [0, 180). upper: (V, 10) upper triangle of the covariance row by row. known: (V,)
+    whether no part of that is NaN.
+    """
+    for v in range(low, high):
+        east, north = velocity[v, 0], velocity[v, 1]
+        speed = math.hypot(east, north)
+        course = math.nan
+        if speed > 0.0:
+            course = math.atan2(east, north) / DEGREE % 360.0
+            if course >= 360.0:
+                course = 0.0
+        moving[v, 0], moving[v, 1] = speed / KNOT, course
+        c = covariance[v]
+        mean, half = 0.5 * (c[0, 0] + c[1, 1]), math.hypot(0.5 * (c[0, 0] - c[1, 1]), c[0, 1])
+        direction = 0.5 * math.atan2(2.0 * c[0, 1], c[1, 1] - c[0, 0]) / DEGREE % 180.0
+        if direction >= 180.0:
+            direction = 0.0
+        moving[v, 2] = math.sqrt(mean + half) if mean + half > 0.0 else mean + half - (mean + half)
+        moving[v, 3] = math.sqrt(mean - half) if mean - half > 0.0 else mean - half - (mean - half)
+        moving[v, 4] = direction
+        k = 0
+        for i in range(4):
+            for j in range(i, 4):
+                upper[v, k] = c[i, j]
+                k += 1
+        known[v] = not math.isnan(upper[v].sum())
+
+
+@njit(cache=True, nogil=True)
+def source_sets(vessel_id, members, code, parent, last):  # type: ignore[no-untyped-def]
+    """Numbers the sets of sources that vessels have; gives how many there are. Set 0 is the empty one.
+
+    Args: vessel_id: (V,) sorted; members: (L, 3) vessel, source, track, sorted. code: (V,) number of the vessel's set.
+    parent, last: (L + 1,) each set is that of its parent and one more source, of a higher number than those.
+    """
+    child, sibling = np.zeros(len(parent), np.int64), np.zeros(len(parent), np.int64)
+    count, row = 1, 0
+    for v in range(len(vessel_id)):
+        here = 0
+        while row < len(members) and members[row, 0] < vessel_id[v]:
+            row += 1
+        while row < len(members) and members[row, 0] == vessel_id[v]:
+            source = members[row, 1]
+            if here == 0 or last[here] != source:
+                found = child[here]
+                while found > 0 and last[found] != source:
+                    found = sibling[found]
+                if found == 0:
+                    found = count
+                    parent[count], last[count], sibling[count] = here, source, child[here]
+                    child[here] = count
+                    count += 1
+                here = found
+            row += 1
+        code[v] = here
+    return count
