@@ -135,7 +135,8 @@ def _prepare(store: Store) -> None:
     @event.listens_for(store.engine, "connect")
     def set_pragmas(raw: Any, record: Any) -> None:
         raw.isolation_level = None
-        for pragma in ("synchronous = NORMAL", "foreign_keys = ON", f"cache_size = -{CACHE_KIB}"):
+        # A build may overwrite what is deleted with zeros: the picture of every cycle would be written twice.
+        for pragma in ("synchronous = NORMAL", "foreign_keys = ON", "secure_delete = OFF", f"cache_size = -{CACHE_KIB}"):
             raw.execute(f"PRAGMA {pragma}")
         lend_mathematics(raw)
 

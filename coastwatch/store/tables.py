@@ -131,11 +131,13 @@ class StageTiming(Base):
 
 
 class Vessel(Base):
-    """The current picture: each vessel once."""
+    """The current picture: each vessel once. All rows are written again each time, with the row of `cycle` that names the run:
+    a foreign key of their own would double the time that PostgreSQL takes.
+    """
 
     __tablename__ = "vessel"
     __table_args__ = IN_KEY_ORDER
-    run_id: Mapped[int] = of_run()
+    run_id: Mapped[int] = key()
     vessel_id: Mapped[int] = key()
     time_s: Mapped[float]
     latitude_deg: Mapped[float]

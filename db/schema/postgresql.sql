@@ -21,6 +21,26 @@ CREATE TABLE run (
 	PRIMARY KEY (id)
 );
 
+CREATE TABLE vessel (
+	run_id BIGINT NOT NULL,
+	vessel_id BIGINT NOT NULL,
+	time_s FLOAT(53) NOT NULL,
+	latitude_deg FLOAT(53) NOT NULL,
+	longitude_deg FLOAT(53) NOT NULL,
+	sog_kn FLOAT(53),
+	cog_deg FLOAT(53),
+	major_m FLOAT(53),
+	minor_m FLOAT(53),
+	orientation_deg FLOAT(53),
+	since_s FLOAT(53) NOT NULL,
+	updated_s FLOAT(53) NOT NULL,
+	mmsi BIGINT,
+	flags BIGINT NOT NULL,
+	sources TEXT NOT NULL,
+	covariance BYTEA,
+	PRIMARY KEY (run_id, vessel_id)
+);
+
 CREATE TABLE association (
 	run_id BIGINT NOT NULL,
 	cycle BIGINT NOT NULL,
@@ -202,27 +222,6 @@ CREATE TABLE stage_timing (
 	seconds FLOAT(53) NOT NULL,
 	rows BIGINT,
 	PRIMARY KEY (run_id, cycle, number),
-	FOREIGN KEY(run_id) REFERENCES run (id)
-);
-
-CREATE TABLE vessel (
-	run_id BIGINT NOT NULL,
-	vessel_id BIGINT NOT NULL,
-	time_s FLOAT(53) NOT NULL,
-	latitude_deg FLOAT(53) NOT NULL,
-	longitude_deg FLOAT(53) NOT NULL,
-	sog_kn FLOAT(53),
-	cog_deg FLOAT(53),
-	major_m FLOAT(53),
-	minor_m FLOAT(53),
-	orientation_deg FLOAT(53),
-	since_s FLOAT(53) NOT NULL,
-	updated_s FLOAT(53) NOT NULL,
-	mmsi BIGINT,
-	flags BIGINT NOT NULL,
-	sources TEXT NOT NULL,
-	covariance BYTEA,
-	PRIMARY KEY (run_id, vessel_id),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 

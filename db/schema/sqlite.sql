@@ -20,6 +20,27 @@ CREATE TABLE run (
 	faults JSON NOT NULL
 );
 
+CREATE TABLE vessel (
+	run_id INTEGER NOT NULL,
+	vessel_id INTEGER NOT NULL,
+	time_s FLOAT NOT NULL,
+	latitude_deg FLOAT NOT NULL,
+	longitude_deg FLOAT NOT NULL,
+	sog_kn FLOAT,
+	cog_deg FLOAT,
+	major_m FLOAT,
+	minor_m FLOAT,
+	orientation_deg FLOAT,
+	since_s FLOAT NOT NULL,
+	updated_s FLOAT NOT NULL,
+	mmsi INTEGER,
+	flags INTEGER NOT NULL,
+	sources TEXT NOT NULL,
+	covariance BLOB,
+	PRIMARY KEY (run_id, vessel_id)
+)
+ WITHOUT ROWID;
+
 CREATE TABLE association (
 	run_id INTEGER NOT NULL,
 	cycle INTEGER NOT NULL,
@@ -210,28 +231,6 @@ CREATE TABLE stage_timing (
 	seconds FLOAT NOT NULL,
 	rows INTEGER,
 	PRIMARY KEY (run_id, cycle, number),
-	FOREIGN KEY(run_id) REFERENCES run (id)
-)
- WITHOUT ROWID;
-
-CREATE TABLE vessel (
-	run_id INTEGER NOT NULL,
-	vessel_id INTEGER NOT NULL,
-	time_s FLOAT NOT NULL,
-	latitude_deg FLOAT NOT NULL,
-	longitude_deg FLOAT NOT NULL,
-	sog_kn FLOAT,
-	cog_deg FLOAT,
-	major_m FLOAT,
-	minor_m FLOAT,
-	orientation_deg FLOAT,
-	since_s FLOAT NOT NULL,
-	updated_s FLOAT NOT NULL,
-	mmsi INTEGER,
-	flags INTEGER NOT NULL,
-	sources TEXT NOT NULL,
-	covariance BLOB,
-	PRIMARY KEY (run_id, vessel_id),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 )
  WITHOUT ROWID;

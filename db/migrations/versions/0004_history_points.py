@@ -1,7 +1,7 @@
 """The history as points from which the past is dead-reckoned, and of each cycle from which cycle on its points are.
 
 Older runs have a row a vessel in each kept cycle: those are points too. A vessel that left gets the closing point that it has today,
-where its last row left it. Their `previous_cycle` stays null.
+where its last row left it. Their `previous_cycle` stays null. Table `vessel` loses its foreign key.
 """
 
 import sqlalchemy as sa
@@ -39,8 +39,12 @@ UPDATE cycle SET
     history_points = (SELECT count(*) FROM history h WHERE h.run_id = cycle.run_id AND h.cycle = cycle.number)
 """
 
+MOTION = ("latitude_deg", "longitude_deg", "sog_kn", "cog_deg", "major_m", "minor_m", "orientation_deg")
+ALWAYS = ("time_s", "latitude_deg", "longitude_deg", "since_s", "updated_s")
+
 
 def upgrade() -> None:
+    without_key_of_run()
     op.add_column("history", sa.Column("previous_cycle", KEY, nullable=True))
     op.add_column("history", sa.Column("closing", sa.Boolean(), nullable=False, server_default=sa.false()))
     op.execute(sa.text(CLOSING))
@@ -53,3 +57,24 @@ def upgrade() -> None:
         for name in ("picture_kept", "history_points"):
             cycle.alter_column(name, server_default=None)
         cycle.drop_column("history_kept")
+
+
+def without_key_of_run() -> None:
+    """SQLite cannot drop a constraint: the table is made anew. It holds the current picture only."""
+    if op.get_bind().dialect.name == "postgresql":
+        op.drop_constraint("vessel_run_id_fkey", "vessel", type_="foreignkey")
+        return
+    op.create_table(
+        "vessel_of_0004",
+        sa.Column("run_id", KEY, primary_key=True, autoincrement=False),
+        sa.Column("vessel_id", KEY, primary_key=True, autoincrement=False),
+        *(sa.Column(n, sa.Float(53), nullable=n not in ALWAYS) for n in ("time_s", *MOTION, "since_s", "updated_s")),
+        sa.Column("mmsi", KEY, nullable=True),
+        sa.Column("flags", KEY, nullable=False),
+        sa.Column("sources", sa.Text(), nullable=False),
+        sa.Column("covariance", sa.LargeBinary(), nullable=True),
+        sqlite_with_rowid=False,
+    )
+    op.execute(sa.text("INSERT INTO vessel_of_0004 SELECT * FROM vessel ORDER BY run_id, vessel_id"))
+    op.drop_table("vessel")
+    op.rename_table("vessel_of_0004", "vessel")
