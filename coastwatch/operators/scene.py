@@ -88,7 +88,7 @@ def load(
         flags=np.array(table["flags"], np.int64),
         bearing_from_deg=bearings[0],
         bearing_to_deg=bearings[1],
-        trails_deg=_trails(found, run["id"], table["vessel_id"], time_s),
+        trails_deg=_trails(found, run["id"], table["vessel_id"], position, time_s),
         trail_s=TRAIL_S,
         land=land,
         land_label=f"land ({note.partition(':')[0]})" if note else "land",
@@ -148,14 +148,16 @@ def _bearings(found: Store, run_id: int, table: dict[str, list[Any]], position_d
     return np.stack([site, offset_deg(site, reach[:, None] * np.stack([np.sin(angle), np.cos(angle)], -1))])
 
 
-def _trails(found: Store, run_id: int, vessels: list[int], time_s: float | None) -> tuple[Floats, ...]:
+def _trails(found: Store, run_id: int, vessels: list[int], position_deg: Floats, time_s: float | None) -> tuple[Floats, ...]:
+    """Of each vessel the points of the last minutes and where it is. Args: position_deg: (V, 2)."""
     if time_s is None or len(vessels) > TRAILS_MOST:
         return ()
     past = store.history(found, run_id, time_s - TRAIL_S, time_s)
     if not past.rows:
         return ()
-    vessel = np.array(past.column("vessel_id"), np.int64)
+    vessel = np.array([*past.column("vessel_id"), *vessels], np.int64)
     place = np.array([past.column("latitude_deg"), past.column("longitude_deg")], float).T
+    place = np.concatenate([place, position_deg])
     order = np.flatnonzero(np.isin(vessel, vessels))
     order = order[np.argsort(vessel[order], kind="stable")]
     cuts = np.flatnonzero(np.diff(vessel[order])) + 1

@@ -5,7 +5,6 @@ from coastwatch.store.opening import Store, StoreError, open_store
 from coastwatch.store.questions import Parameter, Question, operator_queries, operator_query
 from coastwatch.store.read import (
     INSTANTS,
-    Rows,
     bearing_tracks,
     history,
     latest_run,
@@ -18,6 +17,7 @@ from coastwatch.store.read import (
     track,
 )
 from coastwatch.store.registrations import sensor_states
+from coastwatch.store.rows import Rows
 from coastwatch.store.write import write_cycle
 
 __all__ = [

@@ -23,28 +23,22 @@ class Motion(NamedTuple):
     known: Bools  # (V,)
 
 
-def motion(picture: Picture) -> Motion:
-    """Speed, course, ellipse and half of the covariance of every vessel."""
+def motion(velocity_m_s: Floats, covariance: Floats) -> Motion:
+    """Speed, course, ellipse and half of the covariance of vessels. Args: (V, 2), (V, 4, 4)."""
     from coastwatch.kernels.picture_rows import motion_rows
 
-    count = len(picture)
+    count = len(velocity_m_s)
     made = Motion(np.empty((count, 5)), np.empty((count, 10)), np.empty(count, np.bool_))
-    motion_rows(0, count, picture.velocity_m_s, picture.covariance, *made)
+    motion_rows(0, count, velocity_m_s, covariance, *made)
     return made
 
 
-def vessels(run_id: int, picture: Picture, sources: Texts, moved: Motion) -> list[Column]:
+def vessels(run_id: int, picture: Picture, sources: Texts) -> list[Column]:
     """Columns of table `vessel`."""
+    moved = motion(picture.velocity_m_s, picture.covariance)
     when: list[Column] = [picture.time_s, *picture.position_deg.T, *moved.moving.T, picture.since_s, picture.updated_s]
     bytes_of = moved.upper.astype("<f8", copy=False).view(np.uint8)
     return [run_id, picture.vessel_id, *when, Named(picture.mmsi), picture.flags, sources, Blobs(bytes_of, moved.known)]
-
-
-def history(run_id: int, cycle: int, picture: Picture, moved: Motion) -> list[Column]:
-    """Columns of table `history`."""
-    motion_of: list[Column] = [*picture.position_deg.T, *moved.moving.T]
-    last: list[Column] = [picture.updated_s, Named(picture.mmsi), picture.flags, None, False]
-    return [run_id, cycle, picture.vessel_id, *motion_of, *last]
 
 
 def memberships(cycle: Cycle) -> Ints:

@@ -114,15 +114,30 @@ WHOLE = {
     "timings belong to a cycle": """
         SELECT t.run_id FROM (SELECT DISTINCT run_id, cycle FROM stage_timing) t
             LEFT JOIN cycle c ON c.run_id = t.run_id AND c.number = t.cycle WHERE c.number IS NULL""",
-    "the picture has the vessels of the newest cycle": """
-        SELECT c.run_id FROM cycle c JOIN (SELECT run_id, max(number) AS n FROM cycle GROUP BY run_id) l
+    "the picture has the vessels of the cycle in which it was written": """
+        SELECT c.run_id FROM cycle c JOIN (SELECT run_id, max(number) AS n FROM cycle WHERE picture_kept GROUP BY run_id) l
             ON l.run_id = c.run_id AND l.n = c.number
         WHERE c.vessels <> (SELECT count(*) FROM vessel v WHERE v.run_id = c.run_id)""",
-    "the vessels of the picture are those that are present": """
-        SELECT v.run_id FROM vessel v WHERE NOT EXISTS (SELECT 1 FROM presence p
-            WHERE p.run_id = v.run_id AND p.vessel_id = v.vessel_id AND p.to_cycle IS NULL)
-        UNION SELECT p.run_id FROM presence p WHERE p.to_cycle IS NULL AND NOT EXISTS (SELECT 1 FROM vessel v
-            WHERE v.run_id = p.run_id AND v.vessel_id = p.vessel_id)""",
+    "the vessels of the picture are those that were present": """
+        SELECT v.run_id FROM vessel v JOIN (SELECT run_id, max(number) AS n FROM cycle WHERE picture_kept GROUP BY run_id) l
+            ON l.run_id = v.run_id
+        WHERE NOT EXISTS (SELECT 1 FROM presence p WHERE p.run_id = v.run_id AND p.vessel_id = v.vessel_id
+            AND p.from_cycle <= l.n AND (p.to_cycle IS NULL OR p.to_cycle >= l.n))""",
+    "as many vessels are present as the newest cycle says": """
+        SELECT c.run_id FROM cycle c JOIN (SELECT run_id, max(number) AS n FROM cycle GROUP BY run_id) l
+            ON l.run_id = c.run_id AND l.n = c.number
+        WHERE c.vessels <> (SELECT count(*) FROM presence p WHERE p.run_id = c.run_id AND p.to_cycle IS NULL)""",
+    "a vessel that has left has a closing point": """
+        SELECT p.run_id FROM presence p
+            JOIN cycle c ON c.run_id = p.run_id AND c.number = p.to_cycle + 1 AND c.history_from IS NOT NULL
+            JOIN history f ON f.run_id = p.run_id AND f.cycle = p.from_cycle AND f.vessel_id = p.vessel_id
+        WHERE NOT EXISTS (SELECT 1 FROM history h
+            WHERE h.run_id = p.run_id AND h.cycle = p.to_cycle + 1 AND h.vessel_id = p.vessel_id AND h.closing)""",
+    "every vessel of the newest cycle has a point since the cycle that it names": """
+        SELECT c.run_id FROM cycle c JOIN (SELECT run_id, max(number) AS n FROM cycle GROUP BY run_id) l
+            ON l.run_id = c.run_id AND l.n = c.number
+        WHERE c.history_from IS NOT NULL AND c.vessels > (SELECT count(DISTINCT h.vessel_id) FROM history h
+            WHERE h.run_id = c.run_id AND h.cycle BETWEEN c.history_from AND c.number AND NOT h.closing)""",
     "the members are those whose stay has not ended": """
         SELECT m.run_id FROM member m GROUP BY m.run_id
         HAVING count(*) <> (SELECT count(*) FROM member_history h WHERE h.run_id = m.run_id AND h.to_cycle IS NULL)""",

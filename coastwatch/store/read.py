@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from sqlalchemy import Connection, Executable, Select, and_, func, or_, select, true
+from sqlalchemy import Connection, Executable, Select, and_, false, func, or_, select, true
 from sqlalchemy.orm import aliased
 
 from coastwatch.store.opening import Store, StoreError, reading
+from coastwatch.store.past import picture_then
+from coastwatch.store.rows import Box, Rows, fetched, picture_columns, same_mmsi
 from coastwatch.store.tables import (
     Association,
     BearingAssociation,
@@ -29,21 +31,8 @@ from coastwatch.store.tables import (
 INSTANTS = ("time_s", "since_s", "updated_s", "start_s", "from_s", "to_s", "first_s", "last_s", "heard_s")
 """Columns that hold an instant, seconds since 1970 UTC; any other column in `_s` is a length of time."""
 
-Box = tuple[float, float, float, float]
-
-STATIC = (VesselStatic.name, VesselStatic.call_sign, VesselStatic.ship_type, VesselStatic.length_m, VesselStatic.beam_m)
-
-
-class Rows(NamedTuple):
-    """Named columns and rows of plain values."""
-
-    columns: tuple[str, ...]
-    rows: list[tuple[Any, ...]]
-
-    def column(self, name: str) -> list[Any]:
-        """The values of one column."""
-        at = self.columns.index(name)
-        return [row[at] for row in self.rows]
+OF_THE_RULE = ("previous_cycle", "closing")
+"""Columns of `history` by which points are found."""
 
 
 def runs(store: Store) -> Rows:
@@ -102,7 +91,7 @@ def bearing_tracks(store: Store, run_id: int) -> Rows:
 
 
 def picture(store: Store, run_id: int, at_s: float | None = None, bbox: Box | None = None) -> Rows:
-    """One row a vessel: now, or as stored at the last kept cycle up to an instant.
+    """One row a vessel: now, or in the last cycle up to an instant, then dead-reckoned within `store.history_error_m`.
 
     Args: at_s: seconds since 1970 UTC; bbox: south, west, north, east in degrees, west > east crosses the antimeridian.
     Raises: StoreError where there is no such run, or nothing is stored so early.
@@ -110,13 +99,13 @@ def picture(store: Store, run_id: int, at_s: float | None = None, bbox: Box | No
     with reading(store) as connection:
         _run_exists(connection, store, run_id)
         if at_s is None:
-            return _rows(connection, _current(run_id, bbox))
+            return fetched(connection, _current(run_id, bbox))
         cycle = cycle_at(connection, store, run_id, at_s, Cycle.history_from.is_not(None))
-        return _with_sources(connection, run_id, cycle, _rows(connection, _past(run_id, cycle, bbox)))
+        return picture_then(connection, run_id, cycle, bbox)
 
 
 def track(store: Store, run_id: int, vessel_id: int) -> dict[str, Any]:
-    """One vessel: `vessel` (its newest row as a dict), and Rows `history`, `members`, `stays`, `associations`,
+    """One vessel: `vessel` (its newest row as a dict), and Rows `history` (its points), `members`, `stays`, `associations`,
     `bearing_associations`, oldest first.
 
     Raises: StoreError where the run never had such a vessel.
@@ -124,31 +113,31 @@ def track(store: Store, run_id: int, vessel_id: int) -> dict[str, Any]:
     stays = select(Presence.from_cycle, Presence.to_cycle, Presence.since_s)
     stays = stays.where(Presence.run_id == run_id, Presence.vessel_id == vessel_id).order_by(Presence.from_cycle)
     with reading(store) as connection:
-        there = _rows(connection, stays)
+        there = fetched(connection, stays)
         if not there.rows:
             _run_exists(connection, store, run_id)
             raise StoreError(f"{store.where}: run {run_id} never had a vessel {vessel_id}")
-        past = _rows(connection, _through_time(History, run_id, vessel_id))
-        now = _rows(connection, _current(run_id, None).where(Vessel.vessel_id == vessel_id))
+        past = fetched(connection, _through_time(History, run_id, vessel_id).where(History.closing == false()))
+        now = fetched(connection, _current(run_id, None).where(Vessel.vessel_id == vessel_id))
         return {
-            "vessel": _newest_row(connection, run_id, vessel_id, now, past, there),
+            "vessel": _newest_row(connection, run_id, vessel_id, now, there),
             "history": past,
-            "members": _rows(connection, _members(run_id, vessel_id)),
+            "members": fetched(connection, _members(run_id, vessel_id)),
             "stays": there,
-            "associations": _rows(connection, _through_time(Association, run_id, vessel_id)),
-            "bearing_associations": _rows(connection, _through_time(BearingAssociation, run_id, vessel_id)),
+            "associations": fetched(connection, _through_time(Association, run_id, vessel_id)),
+            "bearing_associations": fetched(connection, _through_time(BearingAssociation, run_id, vessel_id)),
         }
 
 
 def history(store: Store, run_id: int, from_s: float | None = None, to_s: float | None = None) -> Rows:
-    """Every vessel in every kept cycle between two instants, both included: cycle, time_s, vessel_id, position, motion, flags."""
-    columns = [c for c in History.__table__.columns if c.name not in ("run_id", "cycle")]
+    """Every point between two instants, both included: cycle, time_s, vessel_id, position, motion, flags."""
+    columns = [c for c in History.__table__.columns if c.name not in ("run_id", "cycle", *OF_THE_RULE)]
     span = [Cycle.run_id == run_id]
     span += [] if from_s is None else [Cycle.time_s >= from_s]
     span += [] if to_s is None else [Cycle.time_s <= to_s]
     same = and_(History.run_id == Cycle.run_id, History.cycle == Cycle.number)
-    query = select(Cycle.number.label("cycle"), Cycle.time_s, *columns).join(History, same).where(*span)
-    return _ask(store, query.order_by(Cycle.number, History.vessel_id))
+    query = select(Cycle.number.label("cycle"), Cycle.time_s, *columns).join(History, same)
+    return _ask(store, query.where(*span, History.closing == false()).order_by(Cycle.number, History.vessel_id))
 
 
 def timings(store: Store, run_id: int) -> Rows:
@@ -192,53 +181,19 @@ def _run_exists(connection: Connection, store: Store, run_id: int) -> None:
         raise StoreError(f"{store.where}: there is no run {run_id}")
 
 
-def _inside(table: type[Vessel] | type[History], bbox: Box | None) -> Any:
+def _inside(bbox: Box | None) -> Any:
     if bbox is None:
         return true()
     south, west, north, east = bbox
-    after, before = table.longitude_deg >= west, table.longitude_deg <= east
-    return and_(table.latitude_deg.between(south, north), and_(after, before) if west <= east else or_(after, before))
-
-
-def _picture_columns(table: Any) -> tuple[Any, ...]:
-    place = (table.vessel_id, table.latitude_deg, table.longitude_deg, table.sog_kn, table.cog_deg, table.mmsi)
-    return (*place, *STATIC, table.flags)
-
-
-def _static(table: Any) -> Any:
-    return and_(VesselStatic.run_id == table.run_id, VesselStatic.mmsi == table.mmsi)
+    after, before = Vessel.longitude_deg >= west, Vessel.longitude_deg <= east
+    return and_(Vessel.latitude_deg.between(south, north), and_(after, before) if west <= east else or_(after, before))
 
 
 def _current(run_id: int, bbox: Box | None) -> Select[*tuple[Any, ...]]:
     ellipse = (Vessel.major_m, Vessel.minor_m, Vessel.orientation_deg)
-    columns = (*_picture_columns(Vessel), Vessel.time_s, Vessel.since_s, Vessel.updated_s, *ellipse, Vessel.sources)
-    query = select(*columns).outerjoin(VesselStatic, _static(Vessel))
-    return query.where(Vessel.run_id == run_id, _inside(Vessel, bbox)).order_by(Vessel.vessel_id)
-
-
-def _past(run_id: int, cycle: int, bbox: Box | None) -> Select[*tuple[Any, ...]]:
-    then = and_(Cycle.run_id == History.run_id, Cycle.number == History.cycle)
-    there = and_(Presence.run_id == History.run_id, Presence.vessel_id == History.vessel_id, _holds(Presence, cycle))
-    ellipse = (History.major_m, History.minor_m, History.orientation_deg)
-    columns = (*_picture_columns(History), Cycle.time_s, Presence.since_s, History.updated_s, *ellipse)
-    query = select(*columns).join(Cycle, then).outerjoin(Presence, there).outerjoin(VesselStatic, _static(History))
-    where = (History.run_id == run_id, History.cycle == cycle, _inside(History, bbox))
-    return query.where(*where).order_by(History.vessel_id)
-
-
-def _holds(stay: type[Presence] | type[MemberHistory], cycle: int) -> Any:
-    return and_(stay.from_cycle <= cycle, or_(stay.to_cycle.is_(None), stay.to_cycle >= cycle))
-
-
-def _with_sources(connection: Connection, run_id: int, cycle: int, rows: Rows) -> Rows:
-    """The rows with a last column: names of the sources that each vessel had in a cycle, as `vessel.sources` has them now."""
-    same = and_(Source.run_id == MemberHistory.run_id, Source.number == MemberHistory.source)
-    query = select(MemberHistory.vessel_id, Source.name).join(Source, same)
-    query = query.where(MemberHistory.run_id == run_id, _holds(MemberHistory, cycle))
-    names: dict[int, dict[str, None]] = {}
-    for vessel, name in connection.execute(query.order_by(MemberHistory.vessel_id, Source.number)):
-        names.setdefault(vessel, {})[name] = None
-    return Rows((*rows.columns, "sources"), [(*row, ",".join(names.get(row[0], ()))) for row in rows.rows])
+    columns = (*picture_columns(Vessel), Vessel.time_s, Vessel.since_s, Vessel.updated_s, *ellipse, Vessel.sources)
+    query = select(*columns).outerjoin(VesselStatic, same_mmsi(Vessel))
+    return query.where(Vessel.run_id == run_id, _inside(bbox)).order_by(Vessel.vessel_id)
 
 
 def _members(run_id: int, vessel_id: int) -> Select[*tuple[Any, ...]]:
@@ -259,31 +214,25 @@ def _through_time(table: Any, run_id: int, vessel_id: int) -> Select[*tuple[Any,
     stay = and_(Presence.run_id == Cycle.run_id, Presence.vessel_id == vessel_id, Presence.from_cycle <= Cycle.number)
     lasts = or_(Presence.to_cycle.is_(None), Presence.to_cycle >= Cycle.number)
     there = select(Cycle.number).join(Presence, and_(stay, lasts)).where(Cycle.run_id == run_id)
-    columns = [c for c in table.__table__.columns if c.name not in ("run_id", "cycle", "vessel_id")]
+    columns = [c for c in table.__table__.columns if c.name not in ("run_id", "cycle", "vessel_id", *OF_THE_RULE)]
     then = aliased(Cycle)
     query = select(table.cycle, then.time_s, *columns).join(then, and_(then.run_id == table.run_id, then.number == table.cycle))
     key = (table.run_id == run_id, table.cycle.in_(there), table.vessel_id == vessel_id)
     return query.where(*key).order_by(table.cycle)
 
 
-def _newest_row(connection: Connection, run_id: int, vessel_id: int, now: Rows, past: Rows, stays: Rows) -> dict[str, Any]:
-    """The row of the current picture, or for a vessel that has left it the newest row of its history."""
-    if now.rows:
+def _newest_row(connection: Connection, run_id: int, vessel_id: int, now: Rows, stays: Rows) -> dict[str, Any]:
+    """The row of the current picture, or for a vessel that has left it that of the last cycle in which it was there."""
+    _, to_cycle, since_s = stays.rows[-1]
+    if now.rows and to_cycle is None:
         return {**dict(zip(now.columns, now.rows[0], strict=True)), "in_picture": True}
-    if not past.rows:
-        return {"vessel_id": vessel_id, "since_s": stays.rows[0][2], "in_picture": False}
-    cycle = int(past.rows[-1][0])
-    last = _with_sources(
-        connection, run_id, cycle, _rows(connection, _past(run_id, cycle, None).where(History.vessel_id == vessel_id))
-    )
-    return {**dict(zip(last.columns, last.rows[0], strict=True)), "in_picture": False}
+    last = select(func.max(Cycle.number)).where(Cycle.run_id == run_id, Cycle.history_from.is_not(None))
+    cycle = connection.scalar(last if to_cycle is None else last.where(Cycle.number == to_cycle))
+    then = Rows((), []) if cycle is None else picture_then(connection, run_id, cycle, None, vessel_id)
+    found = dict(zip(then.columns, then.rows[0], strict=True)) if then.rows else {"vessel_id": vessel_id, "since_s": since_s}
+    return {**found, "in_picture": to_cycle is None}
 
 
 def _ask(store: Store, query: Executable) -> Rows:
     with reading(store) as connection:
-        return _rows(connection, query)
-
-
-def _rows(connection: Connection, query: Executable) -> Rows:
-    result = connection.execute(query)
-    return Rows(tuple(result.keys()), [tuple(row) for row in result])
+        return fetched(connection, query)

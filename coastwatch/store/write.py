@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from sqlalchemy import Connection, delete, func, insert, select, update
+from sqlalchemy import Connection, delete, insert, select
 
-from coastwatch.batches import Floats, Ints, Reports
-from coastwatch.store import columns, registrations, statics
+from coastwatch.batches import Floats, Ints, Picture, Reports
+from coastwatch.store import columns, history_rule, newest, registrations, statics
 from coastwatch.store.bulk import amend, append, erase
 from coastwatch.store.cells import Column, Named, Texts
+from coastwatch.store.newest import Newest
 from coastwatch.store.opening import Store, StoreError, writing
 from coastwatch.store.rewind import rewind
-from coastwatch.store.tables import Base, Checkpoint, Member, Presence, Run, Source
+from coastwatch.store.tables import Base, Checkpoint
 from coastwatch.store.tables import Cycle as CycleRow
 
 if TYPE_CHECKING:  # to read a database needs no stage of the pipeline, which are slow to import
@@ -23,19 +24,6 @@ if TYPE_CHECKING:  # to read a database needs no stage of the pipeline, which ar
     from coastwatch.scenario import StoreSettings
 
 TABLES = Base.metadata.tables
-
-
-@dataclass(frozen=True, eq=False)
-class Newest:
-    """What the database holds of a run's newest cycle: against it the next one is compared."""
-
-    cycle: int  # -1 before the first
-    members: Ints  # (L, 3) vessel, source, track, sorted
-    vessels: Ints  # (V, 1) sorted
-    source_names: tuple[str, ...]
-    source_kinds: tuple[str, ...]
-    statics: Ints  # MMSI, sorted
-    heard: registrations.Heard
 
 
 def write_cycle(
@@ -47,6 +35,8 @@ def write_cycle(
     seconds: Mapping[str, float],
     keep: StoreSettings,
     checkpoint: bytes | None = None,
+    *,
+    last: bool = False,
 ) -> None:
     """Write all that one cycle yielded, in one transaction: after a SIGKILL the cycle is there as a whole or not at all.
 
@@ -54,68 +44,73 @@ def write_cycle(
     checkpoint), those are replaced in the same transaction.
 
     Args: number: of the cycle, from 0; seconds: of each stage, in order; keep: how often the large tables get their rows;
-    checkpoint: the memory after this cycle, where one is to be kept.
+    checkpoint: the memory after this cycle, where one is to be kept; last: the run ends here, and its last picture is to be seen.
     Raises: StoreError where the run is absent, a cycle is left out, the database is locked or the disk is full.
     """
-    picture = cycle.picture
-    if (np.diff(picture.vessel_id) <= 0).any():
-        picture = picture.take(np.argsort(picture.vessel_id, kind="stable"))
-    members, moving = columns.memberships(cycle), columns.motion(picture)
-    keeps = number % keep.history_every == 0, number % keep.associations_every == 0
+    picture, members = _in_order(cycle.picture), columns.memberships(cycle)
     with writing(store) as connection:
-        before = store.newest.get(run_id) or _newest(connection, run_id, store.where)
-        if number > before.cycle + 1:
-            raise StoreError(f"{store.where}: run {run_id}: got cycle {number}, needed {before.cycle + 1}")
-        if number <= before.cycle:
-            rewind(connection, run_id, number)
-            before = _newest(connection, run_id, store.where)
-        _cycle_row(connection, run_id, number, cycle, reports, keeps)
+        before, again = _before(connection, store, run_id, number)
+        due = last or again or _picture_due(before, cycle, keep)
+        bound = history_rule.Bound(keep.history_error_m, keep.history_max_s)
+        points, added = history_rule.step(before.points, bound, number, cycle.time_s, before.time_s, picture)
+        _cycle_row(connection, run_id, number, cycle, reports, keep, due, added)
         _timings(connection, run_id, number, seconds, _rows_by_stage(cycle, reports, before.source_kinds))
-        texts = columns.sources(picture.vessel_id, members, before.source_names)
-        _replace(connection, "vessel", run_id, columns.vessels(run_id, picture, texts, moving))
-        now = columns.bearing_tracks(run_id, cycle.bearing_tracks, cycle.bearing_associations, cycle.picture)
-        _replace(connection, "bearing_track", run_id, now)
+        if due:
+            _picture(connection, run_id, cycle, picture, columns.sources(picture.vessel_id, members, before.source_names))
         _stays(connection, run_id, number, before, members, picture.vessel_id[:, None], picture.since_s)
-        if keeps[0]:
-            append(connection, TABLES["history"], columns.history(run_id, number, picture, moving))
+        append(connection, TABLES["history"], [run_id, number, *added.columns])
+        if number % keep.spots_every == 0:
             append(connection, TABLES["spot"], columns.spots(run_id, number, cycle.spots))
-        if keeps[1]:
+        if number % keep.associations_every == 0:
             _associations(connection, run_id, number, cycle, members)
         known = statics.merge(connection, run_id, before.statics, reports.statics)
         heard = registrations.merge(connection, run_id, number, before.heard, cycle, reports, keep.registration_every)
         if checkpoint is not None:
             connection.execute(delete(Checkpoint).where(Checkpoint.run_id == run_id))
             connection.execute(insert(Checkpoint).values(run_id=run_id, cycle=number, memory=checkpoint))
-    vessels = picture.vessel_id[:, None]
-    store.newest[run_id] = Newest(number, members, vessels, before.source_names, before.source_kinds, known, heard)
+    vessels, sources = picture.vessel_id[:, None], (before.source_names, before.source_kinds)
+    store.newest[run_id] = Newest(number, cycle.time_s, members, vessels, points, *sources, known, heard)
 
 
-def _newest(connection: Connection, run_id: int, where: str) -> Newest:
-    """What the database holds of the newest cycle; the run is marked as running."""
-    running = connection.execute(update(Run).where(Run.id == run_id).values(status="running", finished_utc=None))
-    if running.rowcount == 0:
-        raise StoreError(f"{where}: there is no run {run_id}; another process may have restarted it")
-    cycle = connection.scalar(select(func.max(CycleRow.number)).where(CycleRow.run_id == run_id))
-    members = select(Member.vessel_id, Member.source, Member.track_id).where(Member.run_id == run_id)
-    vessels = select(Presence.vessel_id).where(Presence.run_id == run_id, Presence.to_cycle.is_(None))
-    names = connection.execute(select(Source.name, Source.kind).where(Source.run_id == run_id).order_by(Source.number)).all()
-    return Newest(
-        cycle=-1 if cycle is None else cycle,
-        members=_array(connection, members.order_by(Member.vessel_id, Member.source, Member.track_id), 3),
-        vessels=_array(connection, vessels.order_by(Presence.vessel_id), 1),
-        source_names=tuple(row.name for row in names),
-        source_kinds=tuple(row.kind for row in names),
-        statics=statics.known(connection, run_id),
-        heard=registrations.known(connection, run_id),
-    )
+def _in_order(picture: Picture) -> Picture:
+    """The picture sorted by vessel."""
+    return picture if (np.diff(picture.vessel_id) > 0).all() else picture.take(np.argsort(picture.vessel_id, kind="stable"))
 
 
-def _array(connection: Connection, query: Any, width: int) -> Ints:
-    return np.array([tuple(row) for row in connection.execute(query)], np.int64).reshape(-1, width)
+def _before(connection: Connection, store: Store, run_id: int, number: int) -> tuple[Newest, bool]:
+    """The cycle before this one, and whether the run was taken back to it."""
+    before = store.newest.get(run_id) or newest.read(connection, run_id, store.where)
+    if number > before.cycle + 1:
+        raise StoreError(f"{store.where}: run {run_id}: got cycle {number}, needed {before.cycle + 1}")
+    if number == before.cycle + 1:
+        return before, False
+    rewind(connection, run_id, number)
+    return newest.read(connection, run_id, store.where), True
+
+
+def _picture_due(before: Newest, cycle: Cycle, keep: StoreSettings) -> bool:
+    """Whether the current picture is written: in every cycle while it is small, else in the first one of each interval."""
+    small = len(cycle.tracks) + len(cycle.bearing_tracks) <= keep.picture_large or keep.picture_every_s == 0.0
+    if small or not math.isfinite(before.time_s):
+        return True
+    return math.floor(cycle.time_s / keep.picture_every_s) > math.floor(before.time_s / keep.picture_every_s)
+
+
+def _picture(connection: Connection, run_id: int, cycle: Cycle, picture: Picture, sources: Texts) -> None:
+    _replace(connection, "vessel", run_id, columns.vessels(run_id, picture, sources))
+    now = columns.bearing_tracks(run_id, cycle.bearing_tracks, cycle.bearing_associations, cycle.picture)
+    _replace(connection, "bearing_track", run_id, now)
 
 
 def _cycle_row(
-    connection: Connection, run_id: int, number: int, cycle: Cycle, reports: Reports, keeps: tuple[bool, bool]
+    connection: Connection,
+    run_id: int,
+    number: int,
+    cycle: Cycle,
+    reports: Reports,
+    keep: StoreSettings,
+    picture_due: bool,
+    history: history_rule.Added,
 ) -> None:
     row = {
         "run_id": run_id,
@@ -126,10 +121,10 @@ def _cycle_row(
         "pairs": len(cycle.associations.first),
         "bearing_pairs": len(cycle.bearing_associations.bearing_row),
         "reports": len(reports),
-        "picture_kept": True,
-        "history_from": number if keeps[0] else None,
-        "history_points": len(cycle.picture) if keeps[0] else 0,
-        "associations_kept": keeps[1],
+        "picture_kept": picture_due,
+        "history_from": history.first_cycle,
+        "history_points": history.points,
+        "associations_kept": number % keep.associations_every == 0,
     }
     connection.execute(insert(CycleRow), [row])
 
@@ -161,8 +156,12 @@ def _timings(connection: Connection, run_id: int, number: int, seconds: Mapping[
 
 
 def _replace(connection: Connection, name: str, run_id: int, rows: Sequence[Column]) -> None:
-    connection.execute(delete(TABLES[name]).where(TABLES[name].c.run_id == run_id))
-    append(connection, TABLES[name], rows)
+    """A table of the current picture anew. Where it holds no other run SQLite, which has one writer, empties it without a look at rows."""
+    table = TABLES[name]
+    others = [select(table.c.run_id).where(other).limit(1) for other in (table.c.run_id < run_id, table.c.run_id > run_id)]
+    alone = connection.dialect.name == "sqlite" and not any(connection.execute(query).first() for query in others)
+    connection.execute(delete(table) if alone else delete(table).where(table.c.run_id == run_id))
+    append(connection, table, rows)
 
 
 def _associations(connection: Connection, run_id: int, number: int, cycle: Cycle, members: Ints) -> None:

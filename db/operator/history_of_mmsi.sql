@@ -1,5 +1,6 @@
 -- Where an MMSI was
--- Every kept position of the vessels that had this MMSI, oldest first. Two vessels at one time: two senders.
+-- The points of the vessels that had this MMSI, oldest first: until its next point a vessel goes on at the speed and
+-- course of the last one, within store.history_error_m. Two vessels at one time: two senders.
 -- parameter: mmsi = required, nine digits
 -- parameter: minutes = 60.0, how far back
 WITH latest AS (
@@ -9,5 +10,5 @@ SELECT c.time_s, h.vessel_id, h.latitude_deg, h.longitude_deg, h.sog_kn, h.cog_d
 FROM cycle c
     CROSS JOIN latest l
     JOIN history h ON h.run_id = c.run_id AND h.cycle = c.number
-WHERE c.run_id = :run AND c.time_s >= l.time_s - :minutes * 60.0 AND h.mmsi = :mmsi
+WHERE c.run_id = :run AND c.time_s >= l.time_s - :minutes * 60.0 AND h.mmsi = :mmsi AND NOT h.closing
 ORDER BY c.time_s, h.vessel_id

@@ -37,7 +37,15 @@ def rows(run_id: int, count: int) -> list[Column]:
     mmsi = np.where(rng.random(count) < 0.5, 710_000_000 + np.arange(count), -1)
     blob = rng.random((count, 10)).view(np.uint8)
     texts = Texts(rng.integers(0, 3, count), ("guanabara,ais", "ais", "ilha"))
-    return [run_id, np.arange(count), *reals, Named(mmsi), np.zeros(count, np.int64), texts, Blobs(blob, np.ones(count, np.bool_))]
+    return [
+        run_id,
+        np.arange(count),
+        *reals,
+        Named(mmsi),
+        np.zeros(count, np.int64),
+        texts,
+        Blobs(blob, np.ones(count, np.bool_)),
+    ]
 
 
 def seconds(store: Store, columns: list[Column], clock: Callable[[], float]) -> float:

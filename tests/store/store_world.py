@@ -39,7 +39,8 @@ START_S = 1_750_000_000.0
 PERIOD_S = 3.0
 REGIONS = ("guanabara", "ilha")
 AIS, SONAR = 2, 3
-KEEP = StoreSettings()
+KEEP = StoreSettings(history_max_s=0.0)
+"""A point of every vessel in every cycle, so that the past is found to the last digit."""
 
 
 def sensors() -> Sensors:
@@ -176,5 +177,6 @@ def write(store: Store, run_id: int, number: int, vessels: int = 30, **more: Any
     """Write one cycle of this sea and return it."""
     cycle = more.pop("cycle", None) or cycle_of(number, vessels)
     given = {"keep": KEEP, "checkpoint": b"memory %d" % number, "reports": reports_of(number, vessels), **more}
-    write_cycle(store, run_id, number, cycle, given["reports"], SECONDS, given["keep"], given["checkpoint"])
+    kept = given["keep"], given["checkpoint"]
+    write_cycle(store, run_id, number, cycle, given["reports"], SECONDS, *kept, last=given.get("last", False))
     return cycle

@@ -150,15 +150,45 @@ def test_how_often_the_large_tables_get_rows(url: str) -> None:
     with kept.open_store(url) as store:
         run = world.begin(store)
         for number in range(7):
-            world.write(store, run, number, keep=StoreSettings(history_every=3, associations_every=2))
+            world.write(store, run, number, keep=StoreSettings(spots_every=3, associations_every=2))
         with reading(store) as connection:
             cycles = {name: [row[0] for row in connection.execute(text(f"SELECT DISTINCT cycle FROM {name} ORDER BY 1"))]
-                      for name in ("history", "spot", "association", "bearing_association", "stage_timing")}  # fmt: skip
-        assert cycles["history"] == cycles["spot"] == [0, 3, 6]
+                      for name in ("spot", "association", "bearing_association", "stage_timing")}  # fmt: skip
+        assert cycles["spot"] == [0, 3, 6]
         assert cycles["association"] == cycles["bearing_association"] == [0, 2, 4, 6]
         assert cycles["stage_timing"] == list(range(7))
-        assert kept.picture(store, run, world.instant_s(5)).column("time_s")[0] == world.instant_s(3)
-        assert len(kept.track(store, run, 1)["history"].rows) == 3
+    assert check(url) == []
+
+
+def test_a_large_picture_is_written_at_an_interval(url: str) -> None:
+    """Cycles come every 3 s, the picture every 9 s and in the last cycle; what has happened since is in the history."""
+    keep = StoreSettings(picture_large=10, picture_every_s=9.0)
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        of_cycle = []
+        for number in range(9):
+            world.write(store, run, number, keep=keep, last=number == 8)
+            of_cycle.append(round((kept.picture(store, run).column("time_s")[0] - world.START_S) / world.PERIOD_S) - 1)
+            assert check(url) == []
+        first_of_interval = [n for n in range(9) if n == 0 or world.instant_s(n) // 9.0 > world.instant_s(n - 1) // 9.0]
+        assert of_cycle == [max(f for f in first_of_interval if f <= n) for n in range(8)] + [8]
+        assert len(first_of_interval) == 4
+        with reading(store) as connection:
+            written = connection.execute(text("SELECT number FROM cycle WHERE picture_kept ORDER BY number")).scalars().all()
+        assert written == [*first_of_interval, 8]
+        come = kept.track(store, run, 11)  # away in cycle 0
+        assert come["vessel"]["in_picture"]
+
+
+def test_after_a_restart_the_picture_is_not_of_a_cycle_to_come(url: str) -> None:
+    keep = StoreSettings(picture_large=10, picture_every_s=1000.0)
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        for number in range(5):
+            world.write(store, run, number, keep=keep, last=number == 4)
+        store.newest.clear()
+        world.write(store, run, 2, keep=keep)
+        assert kept.picture(store, run).column("time_s")[0] == world.instant_s(2)
     assert check(url) == []
 
 
@@ -337,7 +367,7 @@ def test_a_reader_sees_whole_cycles_while_they_are_written(url: str) -> None:
 
 LOOK = """
 SELECT number, vessels, (SELECT count(*) FROM vessel), (SELECT min(time_s) FROM vessel), (SELECT max(time_s) FROM vessel),
-    (SELECT count(*) FROM member), (SELECT count(*) FROM history h WHERE h.cycle = c.number)
+    (SELECT count(*) FROM member), (SELECT count(*) FROM history h WHERE h.cycle = c.number AND NOT closing)
 FROM cycle c ORDER BY number DESC LIMIT 1
 """
 

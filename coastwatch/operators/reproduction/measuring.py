@@ -56,7 +56,8 @@ def measure(job: Job) -> dict[str, Any] | None:
 
 def _unkept(job: Job) -> Any:
     """The scenario with as little stored as can be: nobody will read it."""
-    seldom = {"history_every": 10**9, "associations_every": 10**9, "checkpoint_every": 10**9}
+    every = dict.fromkeys(("spots_every", "associations_every", "registration_every", "checkpoint_every"), 10**9)
+    seldom = {**every, "history_error_m": 1e9, "history_max_s": 1e9}
     return job.scenario.model_copy(update={"store": job.scenario.store.model_copy(update=seldom)})
 
 
