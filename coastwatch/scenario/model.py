@@ -40,6 +40,7 @@ class StoreSettings(Settings):
     associations_every: Annotated[int, Field(ge=1)] = 1  # cycles
     registration_every: Annotated[int, Field(ge=1)] = 1  # cycles
     checkpoint_every: Annotated[int, Field(ge=1)] = 10  # cycles
+    overlap: bool = True  # a cycle is written while the next one is computed; the rows are the same
 
 
 class WorkerSettings(Settings):

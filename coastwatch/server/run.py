@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from coastwatch import pipeline, store
@@ -18,6 +19,7 @@ from coastwatch.pipeline import Cycle, Memory
 from coastwatch.scenario import Scenario
 from coastwatch.scores import Tally, add, result, start
 from coastwatch.server.timing import Stopwatch
+from coastwatch.server.writer import Writer
 from coastwatch.stage import Plan, Spread
 from coastwatch.workers import processors, spread_over
 
@@ -75,7 +77,8 @@ def run_scenario(
         seed, workers: instead of the scenario's. database: SQLAlchemy URL.
         resume: go on with the newest unfinished run of this scenario, seed and version, from its last checkpoint, if there is one.
         restart: delete earlier runs of this scenario and seed first.
-        progress: called with cycles done, cycles in all and a word on what is being done. on_cycle: called with each cycle's yield.
+        progress: called with cycles done, cycles in all and a word on what is being done. on_cycle: called with each cycle's yield,
+        which may not be stored yet.
     Raises: StoreError, OSError, ValueError: what the caller can repair, with what to repair in the message.
     """
     begun = time.perf_counter()
@@ -93,8 +96,9 @@ def run_scenario(
         watch = Stopwatch()
         with spread_over(scenario.workers.method, workers) as spread, _interrupt_as_flag() as interrupted:
             try:
-                run = _Run(scenario, sensors, recording, plan, kept, run_id, spread, watch, interrupted)
-                point, vessels = _cycles(run, point, say, on_cycle)
+                with Writer[None](watch, scenario.store.overlap and kept.shared) as writer:
+                    run = _Run(scenario, sensors, recording, plan, kept, run_id, spread, watch, writer, interrupted)
+                    point, vessels = _cycles(run, point, say, on_cycle)
                 scores = result(point.tally, recording, sensors)
             except BaseException:
                 store.finish_run(kept, run_id, "failed", {}, recording.faults)
@@ -129,6 +133,7 @@ class _Run:
     run_id: int
     spread: Spread
     watch: Stopwatch
+    writer: Writer[None]
     interrupted: threading.Event
 
 
@@ -200,8 +205,10 @@ def _one(run: _Run, point: Point) -> tuple[Point, Cycle]:
     due = number == 0 or (number + 1) % scenario.store.checkpoint_every == 0 or run.interrupted.is_set()
     with run.watch("checkpoint"):
         blob = pickle.dumps(after, pickle.HIGHEST_PROTOCOL) if due else None
-    with run.watch("store"):
-        store.write_cycle(run.kept, run.run_id, number, cycle, reports, run.watch.so_far(), scenario.store, blob)
+    run.writer.wait()
+    last = after.cycle == plan.cycles or run.interrupted.is_set()
+    of_cycle = run.run_id, number, cycle, reports, run.watch.so_far(), scenario.store, blob
+    run.writer.start(partial(store.write_cycle, run.kept, *of_cycle, last=last))
     run.watch.lap()
     return after, cycle
 

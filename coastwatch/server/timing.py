@@ -8,14 +8,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-LATE = ("store",)  # ends after its row is written
-
 
 @dataclass
 class Stopwatch:
     """Seconds of each stage, a list a stage with one entry a cycle; `lap()` ends a cycle and returns what it took."""
 
     seconds: dict[str, list[float]] = field(default_factory=dict)
+    _late: dict[str, float] = field(default_factory=dict)
     _cycle: dict[str, float] = field(default_factory=dict)
 
     @contextmanager
@@ -26,9 +25,14 @@ class Stopwatch:
         finally:
             self._cycle[stage] = self._cycle.get(stage, 0.0) + time.perf_counter() - begun
 
+    def late(self, stage: str, seconds: float) -> None:
+        """Note a stage of a cycle before that has only now ended, such as the store's own: its seconds stand in the row of this one."""
+        self._late[stage] = seconds
+        self.seconds.setdefault(stage, []).append(seconds)
+
     def so_far(self) -> dict[str, float]:
-        """The seconds of each stage of the cycle in hand; of a stage that is not over, such as the store's own, those of the last."""
-        return {**{stage: values[-1] for stage, values in self.seconds.items() if stage in LATE}, **self._cycle}
+        """The seconds of each stage of the cycle in hand; of one that ends after its row is written, those of the last."""
+        return {**self._late, **self._cycle}
 
     def lap(self) -> dict[str, float]:
         """The seconds of each stage since the last lap."""

@@ -32,7 +32,12 @@ class Store:
     engine: Engine
     where: str  # for messages: a path, or a URL without its password
     wait_s: float
-    newest: dict[int, Any] = field(default_factory=dict)  # run -> write.Newest
+    newest: dict[int, Any] = field(default_factory=dict)  # run -> newest.Newest
+
+    @property
+    def shared(self) -> bool:
+        """Whether all threads see one database: each has one of its own where it is in memory."""
+        return not is_sqlite(self.engine.url) or self.engine.url.database not in (None, "", ":memory:")
 
     def close(self) -> None:
         """Give the connections back. The last one to close an SQLite database folds its write-ahead log into the file."""
