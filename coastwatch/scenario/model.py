@@ -40,6 +40,9 @@ class StoreSettings(Settings):
     associations_every: Annotated[int, Field(ge=1)] = 1  # cycles
     registration_every: Annotated[int, Field(ge=1)] = 1  # cycles
     checkpoint_every: Annotated[int, Field(ge=1)] = 10  # cycles
+    history_hours: Annotated[float, Field(ge=0.0)] = 0.0  # of the past that can be asked for; 0: all
+    details_hours: Annotated[float, Field(ge=0.0)] = 0.0  # of associations, spots, timings and registrations; 0: all
+    picture_hours: Annotated[float, Field(ge=0.0)] = 0.0  # that the last picture of a run is kept after its end; 0: for ever
     overlap: bool = True  # a cycle is written while the next one is computed; the rows are the same
 
 

@@ -96,7 +96,7 @@ def run_scenario(
         watch = Stopwatch()
         with spread_over(scenario.workers.method, workers) as spread, _interrupt_as_flag() as interrupted:
             try:
-                with Writer[None](watch, scenario.store.overlap and kept.shared) as writer:
+                with Writer[store.Written](watch, scenario.store.overlap and kept.shared) as writer:
                     run = _Run(scenario, sensors, recording, plan, kept, run_id, spread, watch, writer, interrupted)
                     point, vessels = _cycles(run, point, say, on_cycle)
                 scores = result(point.tally, recording, sensors)
@@ -133,7 +133,7 @@ class _Run:
     run_id: int
     spread: Spread
     watch: Stopwatch
-    writer: Writer[None]
+    writer: Writer[store.Written]
     interrupted: threading.Event
 
 
@@ -183,16 +183,16 @@ def _cycles(run: _Run, point: Point, say: Progress, on_cycle: OnCycle | None) ->
     """Run from a point to the end, or to the first whole cycle after an interrupt, which then has a checkpoint."""
     vessels = 0
     while point.cycle < run.plan.cycles and not run.interrupted.is_set():
-        point, cycle = _one(run, point)
+        point, cycle, complaint = _one(run, point)
         vessels = len(cycle.picture)
         if on_cycle is not None:
             on_cycle(cycle)
-        say(point.cycle, run.plan.cycles, f"{vessels} vessels")
+        say(point.cycle, run.plan.cycles, f"{vessels} vessels" + (f"; {complaint}" if complaint else ""))
     return point, vessels
 
 
-def _one(run: _Run, point: Point) -> tuple[Point, Cycle]:
-    """One cycle: reports, pipeline, scores, store."""
+def _one(run: _Run, point: Point) -> tuple[Point, Cycle, str | None]:
+    """One cycle: reports, pipeline, scores, store; and what an operator should see to of the one before."""
     scenario, plan, number = run.scenario, run.plan, point.cycle
     before_s = plan.start_s if number == 0 else plan.instant_s(number - 1)
     reports = run.recording.reports.between(before_s if number else float("-inf"), plan.instant_s(number))
@@ -205,12 +205,12 @@ def _one(run: _Run, point: Point) -> tuple[Point, Cycle]:
     due = number == 0 or (number + 1) % scenario.store.checkpoint_every == 0 or run.interrupted.is_set()
     with run.watch("checkpoint"):
         blob = pickle.dumps(after, pickle.HIGHEST_PROTOCOL) if due else None
-    run.writer.wait()
+    before = run.writer.wait()
     last = after.cycle == plan.cycles or run.interrupted.is_set()
     of_cycle = run.run_id, number, cycle, reports, run.watch.so_far(), scenario.store, blob
     run.writer.start(partial(store.write_cycle, run.kept, *of_cycle, last=last))
     run.watch.lap()
-    return after, cycle
+    return after, cycle, before.complaint if before else None
 
 
 @contextmanager

@@ -18,7 +18,7 @@ from coastwatch.store.read import (
 )
 from coastwatch.store.registrations import sensor_states
 from coastwatch.store.rows import Rows
-from coastwatch.store.write import write_cycle
+from coastwatch.store.write import Written, write_cycle
 
 __all__ = [
     "INSTANTS",
@@ -27,6 +27,7 @@ __all__ = [
     "Rows",
     "Store",
     "StoreError",
+    "Written",
     "bearing_tracks",
     "begin_run",
     "discard_runs",

@@ -18,11 +18,11 @@ NATIVE_FROM = 256
 """Rows under which executemany is as fast, and a process that writes no more than that need not load the compiled code."""
 
 
-def append(connection: Connection, table: Table, columns: Sequence[Column]) -> None:
-    """Insert rows given as columns, in the order of the table's columns."""
+def append(connection: Connection, table: Table, columns: Sequence[Column]) -> int:
+    """Insert rows given as columns, in the order of the table's columns; gives how many."""
     names, count = [column.name for column in table.columns], length(columns)
     if not count:
-        return
+        return 0
     if connection.dialect.name == "sqlite":
         # Without "or fail" SQLite keeps a second copy of every page, to take back one statement; we take back the transaction.
         head = f"INSERT OR FAIL INTO {table.name} ({', '.join(names)}) VALUES "
@@ -36,6 +36,7 @@ def append(connection: Connection, table: Table, columns: Sequence[Column]) -> N
                 copy.write(some)
     else:
         connection.execute(insert(table), _dicts(names, columns, count))
+    return count
 
 
 def amend(

@@ -5,15 +5,15 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from sqlalchemy import Connection, delete, func, insert, select, update
+from sqlalchemy import delete, insert, select, update
 
 from coastwatch.batches import Fault, Sensors
 from coastwatch.store.opening import Store, StoreError, as_json, reading, writing
 from coastwatch.store.specifications import sensor_rows, source_rows
 from coastwatch.store.tables import Base, Checkpoint, Run
+from coastwatch.store.utc import utc
 
 if TYPE_CHECKING:  # to read a database needs no pydantic, which is slow to import
     from coastwatch.stage import Plan
@@ -59,7 +59,7 @@ def begin_run(
         "faults": [asdict(fault) for fault in faults],
     }
     with writing(store) as connection:
-        row["started_utc"] = _utc(connection)
+        row["started_utc"] = utc(connection)
         run_id = int(connection.execute(insert(Run).values(row).returning(Run.id)).scalar_one())
         for name, rows in (("sensor", sensor_rows(run_id, sensors)), ("source", source_rows(run_id, sensors))):
             if rows:
@@ -82,7 +82,7 @@ def finish_run(
             .where(Run.id == run_id)
             .values(
                 status=status,
-                finished_utc=_utc(connection),
+                finished_utc=utc(connection),
                 scores=dict(scores) if scores else None,
                 faults=[asdict(fault) for fault in faults],
             )
@@ -125,9 +125,3 @@ def discard_runs(store: Store, scenario: str, seed: int | None = None) -> list[i
     for run_id in found:
         store.newest.pop(run_id, None)
     return found
-
-
-def _utc(connection: Connection) -> str:
-    """The database's clock: nothing here reads one."""
-    now: datetime = connection.execute(select(func.current_timestamp())).scalar_one()
-    return (now.astimezone(UTC) if now.tzinfo else now).strftime("%Y-%m-%dT%H:%M:%SZ")

@@ -98,16 +98,16 @@ WHOLE = {
     "a cycle has as many rows of history as it says": """
         SELECT c.run_id FROM cycle c LEFT JOIN (SELECT run_id, cycle, count(*) AS n FROM history GROUP BY run_id, cycle) h
             ON h.run_id = c.run_id AND h.cycle = c.number
-        WHERE coalesce(h.n, 0) <> c.history_points""",
+        WHERE c.history_from IS NOT NULL AND coalesce(h.n, 0) <> c.history_points""",
     "a kept cycle has as many associations as pairs": """
         SELECT c.run_id FROM cycle c LEFT JOIN (SELECT run_id, cycle, count(*) AS n FROM association GROUP BY run_id, cycle) a
             ON a.run_id = c.run_id AND a.cycle = c.number
-        WHERE coalesce(a.n, 0) <> CASE WHEN c.associations_kept THEN c.pairs ELSE 0 END""",
+        WHERE c.associations_kept AND coalesce(a.n, 0) <> c.pairs""",
     "a kept cycle has as many bearing associations as bearing pairs": """
         SELECT c.run_id FROM cycle c
             LEFT JOIN (SELECT run_id, cycle, count(*) AS n FROM bearing_association GROUP BY run_id, cycle) a
             ON a.run_id = c.run_id AND a.cycle = c.number
-        WHERE coalesce(a.n, 0) <> CASE WHEN c.associations_kept THEN c.bearing_pairs ELSE 0 END""",
+        WHERE c.associations_kept AND coalesce(a.n, 0) <> c.bearing_pairs""",
     "rows of history belong to a cycle": """
         SELECT h.run_id FROM (SELECT DISTINCT run_id, cycle FROM history) h
             LEFT JOIN cycle c ON c.run_id = h.run_id AND c.number = h.cycle WHERE c.number IS NULL""",

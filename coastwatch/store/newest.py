@@ -9,7 +9,7 @@ import numpy as np
 from sqlalchemy import Connection, and_, select, update
 
 from coastwatch.batches import Ints
-from coastwatch.store import history_rule, registrations, statics
+from coastwatch.store import history_rule, registrations, retention, statics
 from coastwatch.store.opening import StoreError
 from coastwatch.store.past import newest_points, of_newest
 from coastwatch.store.tables import Cycle, History, Member, Presence, Run, Source
@@ -28,6 +28,8 @@ class Newest:
     source_kinds: tuple[str, ...]
     statics: Ints  # MMSI, sorted
     heard: registrations.Heard
+    forgotten: retention.Forgotten
+    period_s: float
 
 
 def read(connection: Connection, run_id: int, where: str) -> Newest:
@@ -51,6 +53,8 @@ def read(connection: Connection, run_id: int, where: str) -> Newest:
         source_kinds=tuple(row.kind for row in names),
         statics=statics.known(connection, run_id),
         heard=registrations.known(connection, run_id),
+        forgotten=retention.known(connection, run_id),
+        period_s=connection.scalars(select(Run.period_s).where(Run.id == run_id)).one(),
     )
 
 

@@ -170,7 +170,10 @@ class MemberHistory(Base):
     """Which tracks were in which vessel, one row a stay. to_cycle is the last cycle of the stay, null while it lasts."""
 
     __tablename__ = "member_history"
-    __table_args__ = IN_KEY_ORDER
+    __table_args__ = (
+        Index("member_history_to", "run_id", "to_cycle", sqlite_where=ENDED, postgresql_where=ENDED),
+        IN_KEY_ORDER,
+    )
     run_id: Mapped[int] = of_run()
     vessel_id: Mapped[int] = key()
     source: Mapped[int] = key()

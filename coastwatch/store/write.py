@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from sqlalchemy import Connection, delete, insert, select
 
 from coastwatch.batches import Floats, Ints, Picture, Reports
-from coastwatch.store import columns, history_rule, newest, registrations, statics
+from coastwatch.store import columns, history_rule, newest, registrations, retention, statics, write_ahead
 from coastwatch.store.bulk import amend, append, erase
 from coastwatch.store.cells import Column, Named, Texts
 from coastwatch.store.newest import Newest
@@ -26,6 +26,13 @@ if TYPE_CHECKING:  # to read a database needs no stage of the pipeline, which ar
 TABLES = Base.metadata.tables
 
 
+class Written(NamedTuple):
+    """What there is to say of a cycle that was written."""
+
+    rows: int  # that came into the tables of the picture, its history, stays and associations
+    complaint: str | None  # what an operator should see to
+
+
 def write_cycle(
     store: Store,
     run_id: int,
@@ -37,7 +44,7 @@ def write_cycle(
     checkpoint: bytes | None = None,
     *,
     last: bool = False,
-) -> None:
+) -> Written:
     """Write all that one cycle yielded, in one transaction: after a SIGKILL the cycle is there as a whole or not at all.
 
     The cycle becomes the newest of its run: where the database already holds it or later ones (a run that goes on from an older
@@ -45,31 +52,33 @@ def write_cycle(
 
     Args: number: of the cycle, from 0; seconds: of each stage, in order; keep: how often the large tables get their rows;
     checkpoint: the memory after this cycle, where one is to be kept; last: the run ends here, and its last picture is to be seen.
+    Returns: what there is to say of it.
     Raises: StoreError where the run is absent, a cycle is left out, the database is locked or the disk is full.
     """
     picture, members = _in_order(cycle.picture), columns.memberships(cycle)
     with writing(store) as connection:
+        write_ahead.set_length(connection, len(picture))
         before, again = _before(connection, store, run_id, number)
         due = last or again or _picture_due(before, cycle, keep)
         bound = history_rule.Bound(keep.history_error_m, keep.history_max_s)
         points, added = history_rule.step(before.points, bound, number, cycle.time_s, before.time_s, picture)
         _cycle_row(connection, run_id, number, cycle, reports, keep, due, added)
         _timings(connection, run_id, number, seconds, _rows_by_stage(cycle, reports, before.source_kinds))
+        rows = append(connection, TABLES["history"], [run_id, number, *added.columns])
         if due:
-            _picture(connection, run_id, cycle, picture, columns.sources(picture.vessel_id, members, before.source_names))
-        _stays(connection, run_id, number, before, members, picture.vessel_id[:, None], picture.since_s)
-        append(connection, TABLES["history"], [run_id, number, *added.columns])
-        if number % keep.spots_every == 0:
-            append(connection, TABLES["spot"], columns.spots(run_id, number, cycle.spots))
-        if number % keep.associations_every == 0:
-            _associations(connection, run_id, number, cycle, members)
+            names = columns.sources(picture.vessel_id, members, before.source_names)
+            rows += _picture(connection, run_id, cycle, picture, names)
+        rows += _stays(connection, run_id, number, before, members, picture.vessel_id[:, None], picture.since_s)
+        rows += _details(connection, run_id, number, cycle, members, keep)
         known = statics.merge(connection, run_id, before.statics, reports.statics)
         heard = registrations.merge(connection, run_id, number, before.heard, cycle, reports, keep.registration_every)
+        forgotten = retention.forget(connection, run_id, number, before.period_s, keep, before.forgotten, rows)
         if checkpoint is not None:
             connection.execute(delete(Checkpoint).where(Checkpoint.run_id == run_id))
             connection.execute(insert(Checkpoint).values(run_id=run_id, cycle=number, memory=checkpoint))
-    vessels, sources = picture.vessel_id[:, None], (before.source_names, before.source_kinds)
-    store.newest[run_id] = Newest(number, cycle.time_s, members, vessels, points, *sources, known, heard)
+    now = members, picture.vessel_id[:, None], points, before.source_names, before.source_kinds, known, heard, forgotten
+    store.newest[run_id] = Newest(number, cycle.time_s, *now, before.period_s)
+    return Written(rows, write_ahead.complaint(store, len(picture)))
 
 
 def _in_order(picture: Picture) -> Picture:
@@ -96,10 +105,10 @@ def _picture_due(before: Newest, cycle: Cycle, keep: StoreSettings) -> bool:
     return math.floor(cycle.time_s / keep.picture_every_s) > math.floor(before.time_s / keep.picture_every_s)
 
 
-def _picture(connection: Connection, run_id: int, cycle: Cycle, picture: Picture, sources: Texts) -> None:
-    _replace(connection, "vessel", run_id, columns.vessels(run_id, picture, sources))
+def _picture(connection: Connection, run_id: int, cycle: Cycle, picture: Picture, sources: Texts) -> int:
     now = columns.bearing_tracks(run_id, cycle.bearing_tracks, cycle.bearing_associations, cycle.picture)
-    _replace(connection, "bearing_track", run_id, now)
+    rows = _replace(connection, "vessel", run_id, columns.vessels(run_id, picture, sources))
+    return rows + _replace(connection, "bearing_track", run_id, now)
 
 
 def _cycle_row(
@@ -155,36 +164,42 @@ def _timings(connection: Connection, run_id: int, number: int, seconds: Mapping[
     append(connection, TABLES["stage_timing"], [run_id, number, places, Texts(places, stages), took, Named(counts)])
 
 
-def _replace(connection: Connection, name: str, run_id: int, rows: Sequence[Column]) -> None:
+def _replace(connection: Connection, name: str, run_id: int, rows: Sequence[Column]) -> int:
     """A table of the current picture anew. Where it holds no other run SQLite, which has one writer, empties it without a look at rows."""
     table = TABLES[name]
     others = [select(table.c.run_id).where(other).limit(1) for other in (table.c.run_id < run_id, table.c.run_id > run_id)]
     alone = connection.dialect.name == "sqlite" and not any(connection.execute(query).first() for query in others)
     connection.execute(delete(table) if alone else delete(table).where(table.c.run_id == run_id))
-    append(connection, table, rows)
+    return append(connection, table, rows)
 
 
-def _associations(connection: Connection, run_id: int, number: int, cycle: Cycle, members: Ints) -> None:
-    append(connection, TABLES["association"], columns.associations(run_id, number, cycle, members))
-    found = columns.bearing_associations(run_id, number, cycle.bearing_tracks, cycle.bearing_associations, cycle.picture)
-    append(connection, TABLES["bearing_association"], found)
+def _details(connection: Connection, run_id: int, number: int, cycle: Cycle, members: Ints, keep: StoreSettings) -> int:
+    """Spots and associations, in the cycles in which they are kept."""
+    rows = 0
+    if number % keep.spots_every == 0:
+        rows += append(connection, TABLES["spot"], columns.spots(run_id, number, cycle.spots))
+    if number % keep.associations_every == 0:
+        found = columns.bearing_associations(run_id, number, cycle.bearing_tracks, cycle.bearing_associations, cycle.picture)
+        rows += append(connection, TABLES["association"], columns.associations(run_id, number, cycle, members))
+        rows += append(connection, TABLES["bearing_association"], found)
+    return rows
 
 
 def _stays(
     connection: Connection, run_id: int, number: int, before: Newest, members: Ints, vessels: Ints, since_s: Floats
-) -> None:
+) -> int:
     """Open and close what came and went since the last cycle; what stayed costs nothing."""
     gone, come = _changed(before.members, members)
     left = dict(zip(("vessel_id", "source", "track_id"), gone.T, strict=True))
     amend(connection, TABLES["member_history"], left, {"run_id": run_id, "to_cycle": None}, {"to_cycle": number - 1})
     erase(connection, TABLES["member"], left, {"run_id": run_id})
-    append(connection, TABLES["member"], [run_id, *come.T])
-    append(connection, TABLES["member_history"], [run_id, *come.T, number, None])
+    rows = append(connection, TABLES["member"], [run_id, *come.T])
+    rows += append(connection, TABLES["member_history"], [run_id, *come.T, number, None])
     gone, come = _changed(before.vessels, vessels)
     left = {"vessel_id": gone[:, 0]}
     amend(connection, TABLES["presence"], left, {"run_id": run_id, "to_cycle": None}, {"to_cycle": number - 1})
     since = since_s[np.searchsorted(vessels[:, 0], come[:, 0])]
-    append(connection, TABLES["presence"], [run_id, come[:, 0], number, None, since])
+    return rows + append(connection, TABLES["presence"], [run_id, come[:, 0], number, None, since])
 
 
 def _changed(before: Ints, now: Ints) -> tuple[Ints, Ints]:

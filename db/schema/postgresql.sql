@@ -145,6 +145,8 @@ CREATE TABLE member_history (
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 
+CREATE INDEX member_history_to ON member_history (run_id, to_cycle) WHERE to_cycle IS NOT NULL;
+
 CREATE TABLE presence (
 	run_id BIGINT NOT NULL,
 	vessel_id BIGINT NOT NULL,

@@ -151,6 +151,8 @@ CREATE TABLE member_history (
 )
  WITHOUT ROWID;
 
+CREATE INDEX member_history_to ON member_history (run_id, to_cycle) WHERE to_cycle IS NOT NULL;
+
 CREATE TABLE presence (
 	run_id INTEGER NOT NULL,
 	vessel_id INTEGER NOT NULL,

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from sqlalchemy import event
-
 from coastwatch import store
 from coastwatch.batches import AisReports, AisStatics, BearingReports, RadarReports, Reports, Sensors
 from coastwatch.pipeline import Cycle
@@ -31,7 +29,6 @@ class Keeper:
             plan=plan,
             workers=workers,
         )
-        event.listen(self._store.engine, "after_cursor_execute", self._count)
 
     def __enter__(self) -> Keeper:
         return self
@@ -45,8 +42,4 @@ class Keeper:
     def write(self, number: int, cycle: Cycle, statics: AisStatics, seconds: Mapping[str, float]) -> None:
         """One cycle. Args: seconds: of each of its stages."""
         reports = Reports(RadarReports.empty(), AisReports.empty(), statics, BearingReports.empty())
-        store.write_cycle(self._store, self._run_id, number, cycle, reports, seconds, self._scenario.store)
-
-    def _count(self, connection: Any, cursor: Any, statement: str, *unused: Any) -> None:
-        if statement.lstrip()[:6].upper() == "INSERT":
-            self.rows += max(cursor.rowcount, 0)
+        self.rows += store.write_cycle(self._store, self._run_id, number, cycle, reports, seconds, self._scenario.store).rows

@@ -33,7 +33,7 @@ from coastwatch.geodesy import KNOT_M_S, earth_centred
 from coastwatch.pipeline import Cycle
 from coastwatch.scenario import StoreSettings
 from coastwatch.stage import Plan
-from coastwatch.store import Store, begin_run, write_cycle
+from coastwatch.store import Store, Written, begin_run, write_cycle
 
 START_S = 1_750_000_000.0
 PERIOD_S = 3.0
@@ -176,7 +176,13 @@ SECONDS = {"plots": 0.001, "tracks": 0.004, "spots": 0.0005, "picture": 0.002, "
 def write(store: Store, run_id: int, number: int, vessels: int = 30, **more: Any) -> Cycle:
     """Write one cycle of this sea and return it."""
     cycle = more.pop("cycle", None) or cycle_of(number, vessels)
-    given = {"keep": KEEP, "checkpoint": b"memory %d" % number, "reports": reports_of(number, vessels), **more}
-    kept = given["keep"], given["checkpoint"]
-    write_cycle(store, run_id, number, cycle, given["reports"], SECONDS, *kept, last=given.get("last", False))
+    write_and_say(store, run_id, number, vessels, cycle=cycle, **more)
     return cycle
+
+
+def write_and_say(store: Store, run_id: int, number: int, vessels: int = 30, **more: Any) -> Written:
+    """Write one cycle of this sea and return what the store says of it."""
+    cycle = more.pop("cycle", None) or cycle_of(number, vessels)
+    given = {"keep": KEEP, "checkpoint": b"memory %d" % number, "reports": reports_of(number, vessels), "last": False, **more}
+    kept = given["keep"], given["checkpoint"]
+    return write_cycle(store, run_id, number, cycle, given["reports"], SECONDS, *kept, last=given["last"])

@@ -1,7 +1,8 @@
 """The history as points from which the past is dead-reckoned, and of each cycle from which cycle on its points are.
 
 Older runs have a row a vessel in each kept cycle: those are points too. A vessel that left gets the closing point that it has today,
-where its last row left it. Their `previous_cycle` stays null. Table `vessel` loses its foreign key.
+where its last row left it. Their `previous_cycle` stays null. Table `vessel` loses its foreign key; stays of
+tracks are found by their end, to be forgotten some day.
 """
 
 import sqlalchemy as sa
@@ -13,6 +14,7 @@ branch_labels = None
 depends_on = None
 
 KEY = sa.BigInteger().with_variant(sa.Integer(), "sqlite")
+ENDED = sa.text("to_cycle IS NOT NULL")
 
 CLOSING = """
 INSERT INTO history (run_id, cycle, vessel_id, latitude_deg, longitude_deg, sog_kn, cog_deg, major_m, minor_m, orientation_deg,
@@ -45,6 +47,7 @@ ALWAYS = ("time_s", "latitude_deg", "longitude_deg", "since_s", "updated_s")
 
 def upgrade() -> None:
     without_key_of_run()
+    op.create_index("member_history_to", "member_history", ["run_id", "to_cycle"], sqlite_where=ENDED, postgresql_where=ENDED)
     op.add_column("history", sa.Column("previous_cycle", KEY, nullable=True))
     op.add_column("history", sa.Column("closing", sa.Boolean(), nullable=False, server_default=sa.false()))
     op.execute(sa.text(CLOSING))

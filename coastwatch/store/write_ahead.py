@@ -1,0 +1,68 @@
+"""SQLite's write-ahead log, kept short: no longer than a few cycles, unless a reader holds a transaction open, which is said.
+
+SQLite moves the log into the database when a transaction ends and the log is long; it begins the log anew once all of it has been
+moved and no reader looks into it. A reader that keeps a transaction open prevents both, and the log then grows by all that is written.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from sqlalchemy import Connection
+
+from coastwatch.store.opening import Store
+
+LEAST_PAGES = 1000
+"""SQLite's own measure, 4 MB: enough for small pictures."""
+
+VESSELS_A_PAGE = 16
+"""Rows of table `vessel` in 4 kB, with a reserve."""
+
+PICTURES = 4
+"""The log has room for so many cycles: a page that every cycle writes is then moved once for all of them."""
+
+TOO_LONG = 3
+"""Times that length from which on something is wrong."""
+
+PATIENCE_MS = 50
+
+
+def set_length(connection: Connection, vessels: int) -> None:
+    """Let the log of this connection's database grow to a few pictures of so many vessels. Any other database: nothing."""
+    if connection.dialect.name == "sqlite":
+        pages = _pages(vessels)
+        connection.exec_driver_sql(f"PRAGMA wal_autocheckpoint = {pages}").close()
+        most = TOO_LONG * pages * _page_bytes(connection)  # what it has grown by beyond that is given back
+        connection.exec_driver_sql(f"PRAGMA journal_size_limit = {most}").close()
+
+
+def complaint(store: Store, vessels: int) -> str | None:
+    """A sentence where the log has grown too long, and readers do not let go of it; None where all is well.
+
+    Where readers only follow close on each other, so that there is always one, the log is begun anew in a moment between them.
+    """
+    if store.engine.dialect.name != "sqlite" or not store.shared:
+        return None
+    path = Path(f"{store.engine.url.database}-wal")
+    if not path.exists() or path.stat().st_size < TOO_LONG * _pages(vessels) * 4096:
+        return None
+    with store.engine.connect() as connection:
+        raw = connection.connection.driver_connection
+        assert raw is not None
+        raw.execute(f"PRAGMA busy_timeout = {PATIENCE_MS}")
+        try:
+            held, _, _ = raw.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
+        finally:
+            raw.execute(f"PRAGMA busy_timeout = {int(store.wait_s * 1000.0)}")
+    if not held:
+        return None
+    size_mb = path.stat().st_size / 1e6
+    return f"{path} has grown to {size_mb:.0f} MB: another process reads in one transaction and does not end it"
+
+
+def _pages(vessels: int) -> int:
+    return max(LEAST_PAGES, PICTURES * vessels // VESSELS_A_PAGE)
+
+
+def _page_bytes(connection: Connection) -> int:
+    return int(connection.exec_driver_sql("PRAGMA page_size").scalar_one())
