@@ -86,15 +86,17 @@ def _by_keys(
     if connection.dialect.name == "sqlite":
         _on_sqlite(connection, f"{verb} WHERE {fixed} AND {' AND '.join(f'{name} = ?' for name in keys)}", "", columns, count)
     elif connection.dialect.driver == "psycopg":
+        # A row is looked up for each key, and then found by where it lies: left the choice, and new to the table, the planner scans it.
         names, arrays = ", ".join(keys), ", ".join(["%s::bigint[]"] * len(keys))
         alike = " AND ".join(f"{table.name}.{name} = k.{name}" for name in keys)
-        sql = f"{verb} {joint} unnest({arrays}) AS k ({names}) WHERE {fixed} AND {alike}"
+        of_key = f"SELECT {table.name}.ctid AS place FROM {table.name} WHERE {fixed} AND {alike} OFFSET 0"
+        found = f"unnest({arrays}) AS k ({names}) CROSS JOIN LATERAL ({of_key}) AS f"
         with _driver(connection).cursor() as cursor:
-            cursor.execute(sql, [column.tolist() for column in columns])
+            cursor.execute(f"{verb} {joint} {found} WHERE {table.name}.ctid = f.place", [column.tolist() for column in columns])
     else:
-        found = [table.c[name] == bindparam(f"of_{name}") for name in keys]
+        of_key_too = [table.c[name] == bindparam(f"of_{name}") for name in keys]
         of_all = [table.c[name].is_(None) if of is None else table.c[name] == of for name, of in same.items()]
-        connection.execute(usual.where(*of_all, *found), _dicts([f"of_{name}" for name in keys], columns, count))
+        connection.execute(usual.where(*of_all, *of_key_too), _dicts([f"of_{name}" for name in keys], columns, count))
 
 
 def _on_sqlite(connection: Connection, head: str, row: str, columns: Sequence[Column], count: int) -> None:
