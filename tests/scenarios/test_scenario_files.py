@@ -159,7 +159,7 @@ REACHED: dict[str, tuple[str, Callable[[Any], Any], Any]] = {
     ),
     "fused_tracks.method": ("convex", lambda s: s.fused_tracks.method, "convex"),
     "picture.coast_s": ("1.5", lambda s: s.picture.coast_s, 1.5),
-"store.history_error_m": ("25", lambda s: s.store.history_error_m, 25.0),
+    "store.history_error_m": ("25", lambda s: s.store.history_error_m, 25.0),
     "workers.method": ("processes", lambda s: s.workers.method, "processes"),
     "workers.count": ("2", lambda s: s.workers.count, 2),
 }
