@@ -37,7 +37,7 @@ def report(load: Load, cycles: Sequence[Measured]) -> dict[str, Any]:
     """The figures of a run: medians over the cycles after the warm-up."""
     counted = [c for c in cycles if c.counts]
     taken = [c.taken for c in counted]
-    stages = {stage: _spread([t.seconds[stage] for t in taken]) for stage in taken[0].seconds}
+    stages = {stage: _spread([t.seconds[stage] for t in taken]) for stage in taken[-1].seconds}
     compute, whole = ([getattr(t, name) for t in taken] for name in ("compute_s", "all_s"))
     budget: dict[str, Confusion] = {}
     for cycle in counted:
@@ -103,7 +103,7 @@ def arguments(description: str | None) -> argparse.ArgumentParser:
     """What every command of the load takes."""
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--warmup", type=int, default=20, help="cycles that do not count: windows must fill")
-    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--workers", type=int, default=0, help="processors; 0: all")
     parser.add_argument("--store", default="none", metavar="URL", help="SQLAlchemy URL of a database, or none")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="a setting of the scenario")

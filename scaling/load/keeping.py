@@ -14,10 +14,10 @@ from coastwatch.stage import Plan
 
 
 class Keeper:
-    """A run in a database; use it in a `with` block. `rows` counts what was inserted, replaced rows each time."""
+    """A run in a database; use it in a `with` block."""
 
     def __init__(self, url: str, scenario: Scenario, sensors: Sensors, plan: Plan, workers: int) -> None:
-        self._store, self._scenario, self.rows = store.open_store(url), scenario, 0
+        self._store, self._scenario = store.open_store(url), scenario
         self._run_id = store.begin_run(
             self._store,
             scenario=scenario.name,
@@ -39,7 +39,7 @@ class Keeper:
         finally:
             self._store.close()
 
-    def write(self, number: int, cycle: Cycle, statics: AisStatics, seconds: Mapping[str, float]) -> None:
-        """One cycle. Args: seconds: of each of its stages."""
+    def write(self, number: int, cycle: Cycle, statics: AisStatics, seconds: Mapping[str, float]) -> int:
+        """One cycle; how many rows came into the database. Args: seconds: of each of its stages."""
         reports = Reports(RadarReports.empty(), AisReports.empty(), statics, BearingReports.empty())
-        self.rows += store.write_cycle(self._store, self._run_id, number, cycle, reports, seconds, self._scenario.store).rows
+        return store.write_cycle(self._store, self._run_id, number, cycle, reports, seconds, self._scenario.store).rows

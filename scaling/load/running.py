@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass, field
+from functools import partial
 
 from coastwatch import pipeline
-from coastwatch.batches import Ints
+from coastwatch.batches import Ints, Sensors
 from coastwatch.pipeline import Cycle
+from coastwatch.scenario import Scenario
 from coastwatch.scores.confusion import Confusion
 from coastwatch.server.timing import Stopwatch
+from coastwatch.server.writer import STAGE, WAIT, Writer
 from coastwatch.stage import Plan
 from coastwatch.workers import spread_over
 from scaling.load import national
@@ -20,7 +23,7 @@ from scaling.load.keeping import Keeper
 from scaling.load.national import World
 from scaling.load.processes import memory_bytes, processor_s
 
-STORE = "store"  # the stage that is not compute
+STORING = (STAGE, WAIT)  # the stages that are not compute
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,8 @@ class Load:
 class Taken:
     """What a cycle took."""
 
-    seconds: Mapping[str, float]  # of each stage, wall
+    seconds: Mapping[str, float]  # of each stage, wall; of the store, what writing the cycle before took beside them
+    all_s: float  # from the start of the cycle until it is computed and the one before is written: the period that can be sustained
     compute_cpu_s: float  # of all processes, all stages but the store
     generator_s: float  # to make what was received, not part of the cycle
     rows_written: int
@@ -50,11 +54,7 @@ class Taken:
 
     @property
     def compute_s(self) -> float:
-        return sum(s for stage, s in self.seconds.items() if stage != STORE)
-
-    @property
-    def all_s(self) -> float:
-        return sum(self.seconds.values())
+        return sum(s for stage, s in self.seconds.items() if stage not in STORING)
 
 
 @dataclass(frozen=True)
@@ -72,31 +72,43 @@ class Measured:
 
 
 def measured(load: Load) -> Iterator[Measured]:
-    """Each cycle of a run, warm-up and all, as it ends."""
+    """Each cycle of a run, warm-up and all, as it ends.
+
+    A cycle is written while the next one is computed, as the server does; what the generator and the scores take falls into neither.
+    """
     world = national.lay_world(load.tracks, load.seed)
     scenario = national.scenario_of(world, load.settings)
     sensors, last = scenario.sensors(), load.warmup + load.cycles
-    kinds = sensors.source_kinds
     state, memory, watch = national.first(world), pipeline.start_centre(scenario), Stopwatch()
     with ExitStack() as open_:
         spread = open_.enter_context(spread_over(scenario.workers.method, load.workers))
-        keeper = None
-        if load.store != "none":
-            plan = Plan(start_s=world.time_s(-1), period_s=world.period_s, cycles=last)
-            keeper = open_.enter_context(Keeper(load.store, scenario, sensors, plan, load.workers))
+        keeper = open_.enter_context(_keeper(load, world, scenario, sensors))
+        writer = open_.enter_context(Writer[int](watch, scenario.store.overlap))
+        job = None
         for number in range(last):
             begun = time.perf_counter()
             state, received = national.receive(world, state, sensors)
-            generator_s, cpu_s, rows = time.perf_counter() - begun, processor_s(), keeper.rows if keeper else 0
+            generator_s, cpu_s, begun = time.perf_counter() - begun, processor_s(), time.perf_counter()
+            if job is not None:
+                writer.start(job)
             memory, cycle = pipeline.fuse(scenario, sensors, memory, received, world.time_s(number), spread, watch)
             cpu_s = processor_s() - cpu_s
-            if keeper:
-                with watch(STORE):
-                    keeper.write(number, cycle, received.statics, watch.so_far())
-            rows = keeper.rows - rows if keeper else 0
-            taken = Taken(watch.lap(), cpu_s, generator_s, rows, *memory_bytes())
-            yield _measured(load, world, scenario.associations.gate_m, kinds, number, cycle, taken)
+            rows = writer.wait() or 0
+            all_s = time.perf_counter() - begun
+            seconds = {**watch.so_far(), **watch.lap()}
+            taken = Taken(seconds, all_s, cpu_s, generator_s, rows, *memory_bytes())
+            yield _measured(load, world, scenario.associations.gate_m, sensors.source_kinds, number, cycle, taken)
+            job = partial(keeper.write, number, cycle, received.statics, seconds) if keeper else None
             del received, cycle  # or the next would be made beside them
+        if job is not None:
+            writer.start(job)
+
+
+def _keeper(load: Load, world: World, scenario: Scenario, sensors: Sensors) -> AbstractContextManager[Keeper | None]:
+    if load.store == "none":
+        return nullcontext()
+    plan = Plan(start_s=world.time_s(-1), period_s=world.period_s, cycles=load.warmup + load.cycles)
+    return Keeper(load.store, scenario, sensors, plan, load.workers)
 
 
 def _measured(load: Load, world: World, gate_m: float, kinds: Ints, number: int, cycle: Cycle, taken: Taken) -> Measured:

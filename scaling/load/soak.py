@@ -21,8 +21,9 @@ from sqlalchemy import make_url
 
 from coastwatch.operators.cli.progress import shown
 from coastwatch.server.machine import date_utc, machine
+from coastwatch.server.writer import STAGE
 from scaling.load.cycle import MIB, PERIOD_S, arguments, settings_of
-from scaling.load.running import STORE, Load, Measured, measured
+from scaling.load.running import Load, Measured, measured
 
 CYCLES_A_MINUTE = 20
 SETTLED_MIN = 6  # windows of five minutes are full, and one more
@@ -44,7 +45,7 @@ def minute_of(cycles: Sequence[Measured], wal_bytes: Sequence[int]) -> dict[str,
     """Medians of one minute; of the write-ahead log the largest, of rows the sum."""
     return {
         "compute_ms": 1e3 * median(c.taken.compute_s for c in cycles),
-        "store_ms": 1e3 * median(c.taken.seconds.get(STORE, 0.0) for c in cycles),
+        "store_ms": 1e3 * median(c.taken.seconds.get(STAGE, 0.0) for c in cycles),
         "late": sum(c.taken.all_s > PERIOD_S for c in cycles),
         "memory_mib": median(c.taken.memory_bytes for c in cycles) / MIB,
         "wal_mib": max(wal_bytes) / MIB,

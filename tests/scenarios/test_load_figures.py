@@ -124,6 +124,7 @@ def test_the_command_cycle_says_all_that_was_asked(
     assert figures["tracks"] == pytest.approx(1000, rel=0.06)
     assert {"alignment", "associations", "picture", "store"} <= set(figures["stages_s"])
     assert figures["cycle_s"]["median"] > figures["compute_s"]["median"] > 0.0
+    assert figures["cycle_s"]["median"] >= 0.9 * figures["stages_s"]["store"]["median"] > 0.0
     assert figures["rows_written"] > figures["vessels"]
     assert figures["decisions"]["all"]["f1"] > 0.95
     assert figures["memory_mib"]["peak"] > 100.0
