@@ -98,15 +98,12 @@ def resume_point(
     Raises: StoreError.
     """
     of_run = (Run.scenario == scenario, Run.seed == seed, Run.version == version, Run.status != "finished")
-    query = select(Run.id, Run.settings, Checkpoint.cycle).join(Checkpoint, Checkpoint.run_id == Run.id).where(*of_run)
+    query = select(Run.id, Run.settings, Checkpoint.cycle).join(Checkpoint, Checkpoint.run_id == Run.id)
     with reading(store) as connection:
-        for run_id, stored, cycle in connection.execute(query.order_by(Run.id.desc())):
+        for run_id, stored, cycle in connection.execute(query.where(*of_run, Checkpoint.piece == 0).order_by(Run.id.desc())):
             if settings is None or stored == json.loads(as_json(settings)):
-                return (
-                    run_id,
-                    cycle,
-                    connection.execute(select(Checkpoint.memory).where(Checkpoint.run_id == run_id)).scalar_one(),
-                )
+                pieces = select(Checkpoint.memory).where(Checkpoint.run_id == run_id).order_by(Checkpoint.piece)
+                return run_id, cycle, b"".join(connection.scalars(pieces))
     return None
 
 

@@ -12,8 +12,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import JSON, BigInteger, Boolean, Float, ForeignKey, Index, Integer, LargeBinary, String, Text, false, text
-from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+from sqlalchemy import JSON, Index, String, false, text
+from sqlalchemy.orm import Mapped, mapped_column
+
+from coastwatch.store.declaring import IN_KEY_ORDER as IN_KEY_ORDER
+from coastwatch.store.declaring import Base as Base
+from coastwatch.store.declaring import key as key
+from coastwatch.store.declaring import of_run as of_run
 
 REVISION = "0004"
 """The migration at which the database equals the models below; a test compares it with db/migrations."""
@@ -21,30 +26,7 @@ REVISION = "0004"
 REVISION_TABLE = "coastwatch_revision"
 """Not Alembic's default name, so that a PostgreSQL schema may be shared with another program that uses Alembic."""
 
-Key = BigInteger().with_variant(Integer, "sqlite")
-"""An id of eight bytes. SQLite wants the word INTEGER where the column is to be the row's own address."""
-
-IN_KEY_ORDER = {"sqlite_with_rowid": False}
-"""The row stands in the B-tree of its primary key: one tree to write, and neighbours in key are neighbours on disk."""
-
-
 ENDED = text("to_cycle IS NOT NULL")
-
-
-class Base(DeclarativeBase):
-    """What every table shares: how Python types become columns."""
-
-    type_annotation_map = {int: Key, float: Float(53), str: Text, bytes: LargeBinary, bool: Boolean, dict[str, Any]: JSON}  # noqa: RUF012
-
-
-def of_run() -> Mapped[int]:
-    """The column that names the run a row belongs to, first in the primary key."""
-    return mapped_column(ForeignKey("run.id"), primary_key=True)
-
-
-def key() -> Mapped[int]:
-    """A further column of the primary key."""
-    return mapped_column(primary_key=True, autoincrement=False)
 
 
 class Run(Base):
@@ -301,9 +283,10 @@ class VesselStatic(Base):
 
 
 class Checkpoint(Base):
-    """The memory of the chain after a cycle: the newest only."""
+    """The memory of the chain after a cycle: the newest only, in pieces, since no database takes more than a gigabyte in one."""
 
     __tablename__ = "checkpoint"
     run_id: Mapped[int] = of_run()
+    piece: Mapped[int] = key()
     cycle: Mapped[int]
     memory: Mapped[bytes]

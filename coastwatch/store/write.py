@@ -24,6 +24,7 @@ if TYPE_CHECKING:  # to read a database needs no stage of the pipeline, which ar
     from coastwatch.scenario import StoreSettings
 
 TABLES = Base.metadata.tables
+PIECE_BYTES = 1 << 26
 
 
 class Written(NamedTuple):
@@ -74,8 +75,7 @@ def write_cycle(
         heard = registrations.merge(connection, run_id, number, before.heard, cycle, reports, keep.registration_every)
         forgotten = retention.forget(connection, run_id, number, before.period_s, keep, before.forgotten, rows)
         if checkpoint is not None:
-            connection.execute(delete(Checkpoint).where(Checkpoint.run_id == run_id))
-            connection.execute(insert(Checkpoint).values(run_id=run_id, cycle=number, memory=checkpoint))
+            _checkpoint(connection, run_id, number, checkpoint)
     now = members, picture.vessel_id[:, None], points, before.source_names, before.source_kinds, known, heard, forgotten
     store.newest[run_id] = Newest(number, cycle.time_s, *now, before.period_s)
     return Written(rows, write_ahead.complaint(store, len(picture)))
@@ -171,6 +171,13 @@ def _replace(connection: Connection, name: str, run_id: int, rows: Sequence[Colu
     alone = connection.dialect.name == "sqlite" and not any(connection.execute(query).first() for query in others)
     connection.execute(delete(table) if alone else delete(table).where(table.c.run_id == run_id))
     return append(connection, table, rows)
+
+
+def _checkpoint(connection: Connection, run_id: int, number: int, memory: bytes) -> None:
+    connection.execute(delete(Checkpoint).where(Checkpoint.run_id == run_id))
+    for piece, low in enumerate(range(0, max(len(memory), 1), PIECE_BYTES)):
+        row = {"run_id": run_id, "piece": piece, "cycle": number, "memory": memory[low : low + PIECE_BYTES]}
+        connection.execute(insert(Checkpoint), [row])
 
 
 def _details(connection: Connection, run_id: int, number: int, cycle: Cycle, members: Ints, keep: StoreSettings) -> int:

@@ -82,9 +82,10 @@ CREATE TABLE bearing_track (
 
 CREATE TABLE checkpoint (
 	run_id BIGINT NOT NULL,
+	piece BIGINT NOT NULL,
 	cycle BIGINT NOT NULL,
 	memory BYTEA NOT NULL,
-	PRIMARY KEY (run_id),
+	PRIMARY KEY (run_id, piece),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 

@@ -85,9 +85,10 @@ CREATE TABLE bearing_track (
 
 CREATE TABLE checkpoint (
 	run_id INTEGER NOT NULL,
+	piece INTEGER NOT NULL,
 	cycle INTEGER NOT NULL,
 	memory BLOB NOT NULL,
-	PRIMARY KEY (run_id),
+	PRIMARY KEY (run_id, piece),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 

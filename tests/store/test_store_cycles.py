@@ -312,6 +312,19 @@ def test_a_run_that_goes_on_from_a_checkpoint_ends_as_one_that_never_stopped(url
     assert resumed == {name: [row.replace(f"({again},", f"({run},", 1) for row in rows] for name, rows in straight.items()}
 
 
+def test_a_checkpoint_larger_than_a_piece_comes_back_whole(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("coastwatch.store.write.PIECE_BYTES", 1000)
+    memory = np.random.default_rng(1).bytes(3500)
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        for number, said in enumerate((memory, memory[:1000], b"", memory[::-1])):
+            world.write(store, run, number, checkpoint=said)
+            assert kept.resume_point(store, "sea", 1, "0.1.0") == (run, number, said)
+        with reading(store) as connection:
+            assert connection.execute(text("SELECT count(*) FROM checkpoint")).scalar_one() == 4
+    assert check(url) == []
+
+
 def test_only_an_unfinished_run_of_the_same_kind_is_resumed(url: str) -> None:
     with kept.open_store(url) as store:
         run = world.begin(store)

@@ -22,7 +22,7 @@ from coastwatch.store.tables import REVISION, REVISION_TABLE, Base
 SINCE_0001 = {"presence", "sensor_registration"}
 """Tables that schema 0001 does not have."""
 
-SINCE_0004 = ("picture_kept", "history_from", "history_points", "previous_cycle", "closing")
+SINCE_0004 = ("picture_kept", "history_from", "history_points", "previous_cycle", "closing", "piece")
 """Columns that it does not have; it has `cycle.history_kept`."""
 
 

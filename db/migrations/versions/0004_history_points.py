@@ -2,7 +2,7 @@
 
 Older runs have a row a vessel in each kept cycle: those are points too. A vessel that left gets the closing point that it has today,
 where its last row left it. Their `previous_cycle` stays null. Table `vessel` loses its foreign key; stays of
-tracks are found by their end, to be forgotten some day.
+tracks are found by their end, to be forgotten some day; a checkpoint may have more than one piece.
 """
 
 import sqlalchemy as sa
@@ -47,6 +47,7 @@ ALWAYS = ("time_s", "latitude_deg", "longitude_deg", "since_s", "updated_s")
 
 def upgrade() -> None:
     without_key_of_run()
+    checkpoint_in_pieces()
     op.create_index("member_history_to", "member_history", ["run_id", "to_cycle"], sqlite_where=ENDED, postgresql_where=ENDED)
     op.add_column("history", sa.Column("previous_cycle", KEY, nullable=True))
     op.add_column("history", sa.Column("closing", sa.Boolean(), nullable=False, server_default=sa.false()))
@@ -81,3 +82,19 @@ def without_key_of_run() -> None:
     op.execute(sa.text("INSERT INTO vessel_of_0004 SELECT * FROM vessel ORDER BY run_id, vessel_id"))
     op.drop_table("vessel")
     op.rename_table("vessel_of_0004", "vessel")
+
+
+def checkpoint_in_pieces() -> None:
+    """The table made anew: its key is longer. Each checkpoint of before is one piece."""
+    op.rename_table("checkpoint", "checkpoint_of_0003")
+    if op.get_bind().dialect.name == "postgresql":  # the name of the key is the table's, and not renamed with it
+        op.drop_constraint("checkpoint_pkey", "checkpoint_of_0003", type_="primary")
+    op.create_table(
+        "checkpoint",
+        sa.Column("run_id", KEY, sa.ForeignKey("run.id"), primary_key=True, autoincrement=False),
+        sa.Column("piece", KEY, primary_key=True, autoincrement=False),
+        sa.Column("cycle", KEY, nullable=False),
+        sa.Column("memory", sa.LargeBinary(), nullable=False),
+    )
+    op.execute(sa.text("INSERT INTO checkpoint SELECT run_id, 0, cycle, memory FROM checkpoint_of_0003"))
+    op.drop_table("checkpoint_of_0003")
