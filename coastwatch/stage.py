@@ -92,6 +92,12 @@ class Spread(Protocol):
         ...
 
 
+def room_of(spread: Spread) -> Callable[..., Array]:
+    """Who makes empty arrays, as np.empty, that the work of a Spread will read: what is made there it need not copy."""
+    made: Callable[..., Array] = getattr(spread, "room", np.empty)
+    return made
+
+
 def in_turn(work: Work, settings: Any, arrays: Shared, spots: Groups) -> list[tuple[Array, ...]]:
     """The plain Spread: all spots as one chunk, here."""
     return [work(settings, arrays, spots)]

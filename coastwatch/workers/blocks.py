@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Iterable, Mapping
 from multiprocessing.shared_memory import SharedMemory
 from typing import Any, NamedTuple
@@ -30,38 +31,34 @@ Places = Mapping[str, Any]
 """The places of arrays by name; of a tuple of arrays a tuple of places."""
 
 
-class Blocks:
-    """The arrays of one kind of work. What is the very object of the last time stays where it is; blocks that fall free are used again."""
+class Ground:
+    """Blocks to lay arrays in; those that fall free are used again."""
 
     def __init__(self) -> None:
-        self._held: dict[int, tuple[Array, SharedMemory]] = {}
         self._free: list[SharedMemory] = []
+        self._made: dict[int, SharedMemory] = {}  # by the address where their memory begins
+        self._closed = False
 
-    def publish(self, arrays: Shared) -> dict[str, Any]:
-        """Lays the arrays into blocks and says where. They must not be written to as long as they are published."""
-        each = [array for value in arrays.values() for array in (value if isinstance(value, tuple) else (value,))]
-        before, self._held = self._held, {}
-        self._held = {id(array): before.pop(id(array)) for array in each if id(array) in before}
-        self._free.extend(block for _, block in before.values())
-        return {
-            name: tuple(map(self._place, value)) if isinstance(value, tuple) else self._place(value)
-            for name, value in arrays.items()
-        }
+    def room(self, shape: int | tuple[int, ...], dtype: Any = np.float64) -> Array:
+        """An array to be filled by who asks for it, as of np.empty, that need not be copied to be published.
 
-    def close(self) -> None:
-        """Gives all blocks back."""
-        for block in [*self._free, *(block for _, block in self._held.values())]:
-            give_back(block)
-        self._held, self._free = {}, []
+        Its block falls free with the last array that shows it, whoever has it.
+        """
+        block = self.block(int(np.prod(shape)) * np.dtype(dtype).itemsize)
+        made: Array = np.ndarray(shape, dtype, block.buf)
+        self._made[made.ctypes.data] = block
+        weakref.finalize(made, self._left, made.ctypes.data)
+        return made
 
-    def _place(self, array: Array) -> Place:
-        if id(array) not in self._held:
-            block = self._block(array.nbytes)
-            _copy(array, np.ndarray(array.shape, array.dtype, block.buf))
-            self._held[id(array)] = array, block
-        return Place(self._held[id(array)][1].name, 0, array.dtype.str, array.shape)
+    def place(self, array: Array) -> Place | None:
+        """Where an array lies that shows a room, whole or in part; none where it does not."""
+        at = array.ctypes.data
+        for address, block in self._made.items():
+            if address <= at < address + block.size and array.flags.c_contiguous:
+                return Place(block.name, at - address, array.dtype.str, array.shape)
+        return None
 
-    def _block(self, size: int) -> SharedMemory:
+    def block(self, size: int) -> SharedMemory:
         """The smallest free block that is large enough, else a new one instead of the smallest."""
         self._free.sort(key=lambda block: block.size)
         for at, block in enumerate(self._free):
@@ -70,6 +67,59 @@ class Blocks:
         if self._free:
             give_back(self._free.pop(0))
         return new_block(size)
+
+    def free(self, blocks: Iterable[SharedMemory]) -> None:
+        """Nobody looks at these blocks any more."""
+        self._free.extend(blocks)
+
+    def close(self) -> None:
+        """Gives all blocks back; those that arrays still show when the last of these is gone."""
+        self._closed = True
+        for block in self._free:
+            give_back(block)
+        for block in self._made.values():
+            block.unlink()
+
+    def _left(self, address: int) -> None:
+        block = self._made.pop(address)
+        if self._closed:
+            block.close()
+        else:
+            self._free.append(block)
+
+
+class Blocks:
+    """The arrays of one kind of work. What is the very object of the last time stays where it is."""
+
+    def __init__(self, ground: Ground) -> None:
+        self._ground = ground
+        self._held: dict[int, tuple[Array, SharedMemory]] = {}
+
+    def publish(self, arrays: Shared) -> dict[str, Any]:
+        """Lays the arrays into blocks, where they do not lie in one, and says where. They must not be written to any more."""
+        each = [array for value in arrays.values() for array in (value if isinstance(value, tuple) else (value,))]
+        before, self._held = self._held, {}
+        self._held = {id(array): before.pop(id(array)) for array in each if id(array) in before}
+        self._ground.free(block for _, block in before.values())
+        return {
+            name: tuple(map(self._place, value)) if isinstance(value, tuple) else self._place(value)
+            for name, value in arrays.items()
+        }
+
+    def close(self) -> None:
+        """Lets go of what is published."""
+        self._ground.free(block for _, block in self._held.values())
+        self._held = {}
+
+    def _place(self, array: Array) -> Place:
+        placed = self._ground.place(array)
+        if placed is not None:
+            return placed
+        if id(array) not in self._held:
+            block = self._ground.block(array.nbytes)
+            _copy(array, np.ndarray(array.shape, array.dtype, block.buf))
+            self._held[id(array)] = array, block
+        return Place(self._held[id(array)][1].name, 0, array.dtype.str, array.shape)
 
 
 def _copy(array: Array, out: Array) -> None:

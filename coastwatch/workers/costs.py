@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from coastwatch.batches import Floats, Ints
-from coastwatch.stage import Groups
+from coastwatch.stage import Groups, Shared
 
 TRUST = 0.5  # in what one chunk took against the others, in logarithms: one disturbed chunk does not turn everything round
 
@@ -37,16 +37,34 @@ class Costs:
         self._rate = self._rate * overall * ratio[part] ** TRUST
 
 
-def chunks(expected: Floats, count: int) -> tuple[Ints, list[Ints]]:
-    """Groups dealt into at most so many chunks of equal cost: the chunk of each group, and the groups of each, costliest chunk first."""
+def along(arrays: Shared, groups: Groups) -> Ints | None:
+    """Groups in the order of the axis along which they are spread most, by their first row; none where the arrays do not say where
+    it is. Returns: (K,)."""
+    if "rank" not in arrays or "point" not in arrays or len(groups.row) == 0:
+        return None
+    first = groups.row[np.minimum(groups.start[:-1], len(groups.row) - 1)]
+    point = arrays["point"][arrays["rank"][np.where(first >= 0, first, -1 - first)]]
+    return np.argsort(point[:, np.ptp(point, axis=0).argmax()], kind="stable")
+
+
+def chunks(expected: Floats, count: int, order: Ints | None) -> tuple[Ints, list[Ints]]:
+    """Groups in at most so many chunks of about equal cost: the chunk of each group, and the groups of each, costliest chunk first.
+
+    Args: expected: (K,) cost; order: (K,) in which neighbours in a chunk are cheaper than others, because they share their halo; none:
+    all are alike, and they are dealt one by one.
+    """
     from coastwatch.kernels.dealing import deal
     from coastwatch.kernels.sorting import by_key
 
     count = min(count, len(expected))
-    part = deal(expected, count)
-    order = np.argsort(-np.bincount(part, expected, count), kind="stable")
+    if order is None:
+        part = deal(expected, count)
+    else:
+        part, middle = np.empty(len(expected), np.int64), np.cumsum(expected[order]) - 0.5 * expected[order]
+        part[order] = np.minimum(middle * (count / expected.sum()), count - 1).astype(np.int64)
+    load = np.bincount(part, expected, count)
     rank = np.empty(count, np.int64)
-    rank[order] = np.arange(count)
+    rank[np.argsort(-load, kind="stable")] = np.arange(count)
     part = rank[part]
-    group, start = by_key(part, count)
+    group, start = by_key(part, int(np.count_nonzero(load)))
     return part, [group[a:b] for a, b in pairwise(start.tolist())]

@@ -13,11 +13,11 @@ import numpy as np
 
 from coastwatch.batches import Array
 from coastwatch.stage import Groups, Shared, Work, in_turn
-from coastwatch.workers.blocks import Blocks, give_back, new_block, taken
-from coastwatch.workers.costs import Costs, chunks
+from coastwatch.workers.blocks import ALIGNMENT, Blocks, Ground, give_back, new_block, taken
+from coastwatch.workers.costs import Costs, along, chunks
 from coastwatch.workers.serving import ROW, START, Done, Task, serve
 
-CHUNKS_A_WORKER = 4
+CHUNKS_A_WORKER = 2
 PRELOADED = ["coastwatch.associations", "coastwatch.kernels.windows"]
 
 
@@ -29,6 +29,7 @@ class _Hand:
     pipe: connection.Connection
     room: SharedMemory  # for its results
     chunk: int = -1  # in hand
+    answered: bool = False
 
     def close(self) -> None:
         self.process.kill()
@@ -42,7 +43,8 @@ class Processes:
 
     What the work reads lies in shared memory, where an array that is the object of the last cycle is left; a task names the blocks and
     the numbers of its spots, and results come back through shared memory. Spots are dealt by what they cost in earlier cycles, costliest
-    first, and a process that is through with its chunk takes the next. One that is lost costs the time of its chunk and is replaced.
+    first, and a process that is through with its chunk takes the next. One that is lost costs the time of its chunk and is replaced;
+    where none is left the work is done here.
     """
 
     def __init__(self, count: int) -> None:
@@ -52,7 +54,8 @@ class Processes:
         self._context = get_context("forkserver")  # a clean one: a fork after OpenMP has run here is unsafe
         self._context.set_forkserver_preload(PRELOADED)
         self._hands: list[_Hand] = []
-        self._blocks: dict[str, Blocks] = defaultdict(Blocks)
+        self._ground = Ground()
+        self._blocks: dict[str, Blocks] = defaultdict(lambda: Blocks(self._ground))
         self._costs: dict[str, Costs] = defaultdict(Costs)
 
     def __enter__(self) -> Processes:
@@ -65,6 +68,11 @@ class Processes:
             hand.close()
         for blocks in self._blocks.values():
             blocks.close()
+        self._ground.close()
+
+    def room(self, shape: int | tuple[int, ...], dtype: Any = np.float64) -> Array:
+        """An array, as of np.empty, that processes can read where it lies."""
+        return self._ground.room(shape, dtype)
 
     def __call__(self, work: Work, settings: Any, arrays: Shared, spots: Groups) -> list[tuple[Array, ...]]:
         """What work(settings, arrays, chunk) gives for chunks that hold every spot once."""
@@ -73,7 +81,7 @@ class Processes:
         kind = f"{work.__module__}.{work.__qualname__}"
         places = self._blocks[kind].publish({**arrays, ROW: spots.row, START: spots.start})
         expected = self._costs[kind].expected(spots)
-        part, chunk = chunks(expected, self.count * CHUNKS_A_WORKER)
+        part, chunk = chunks(expected, self.count * CHUNKS_A_WORKER, along(arrays, spots))
         what = pickle.dumps((work, settings))
         done = self._over_hands([Task(what, kind, places, groups, "") for groups in chunk])
         found = [d.found if d else work(settings, arrays, spots.take(c)) for d, c in zip(done, chunk, strict=True)]
@@ -93,14 +101,20 @@ class Processes:
         while busy := {hand.pipe: hand for hand in self._hands if hand.chunk >= 0}:
             for pipe in connection.wait(list(busy)):
                 hand = busy[pipe]  # type: ignore[index]
-                try:
-                    done[hand.chunk] = _taken(hand)
-                except (EOFError, OSError):
-                    hand.close()
-                    new = self._started()
-                    self._hands[self._hands.index(hand)] = hand = new
-                _give(hand, tasks, next(waiting, -1))
+                done[hand.chunk] = _taken(hand)
+                free = hand if done[hand.chunk] else self._replaced(hand)
+                if free:
+                    _give(free, tasks, next(waiting, -1))
         return done
+
+    def _replaced(self, lost: _Hand) -> _Hand | None:
+        """Another process for one that was lost; none for one that never answered, as the next would not either."""
+        lost.close()
+        self._hands.remove(lost)
+        if not lost.answered:
+            return None
+        self._hands.append(self._started())
+        return self._hands[-1]
 
     def _started(self) -> _Hand:
         here, there = self._context.Pipe()
@@ -119,12 +133,16 @@ def _give(hand: _Hand, tasks: list[Task], chunk: int) -> None:
             return  # as is seen when its answer is read
 
 
-def _taken(hand: _Hand) -> Done:
-    """The answer of a process; where its room was too small for it, a larger one is made."""
-    done: Done = hand.pipe.recv()
+def _taken(hand: _Hand) -> Done | None:
+    """The answer of a process, none where it is lost; where its room was too small for the answer, a larger one is made."""
+    try:
+        done: Done = hand.pipe.recv()
+    except (EOFError, OSError):
+        return None
+    hand.answered = True
     if isinstance(done.found, list):
         return done._replace(found=taken(done.found, hand.room))
     if isinstance(done.found, tuple):
         give_back(hand.room)
-        hand.room = new_block(sum(array.nbytes + 64 for array in done.found))
+        hand.room = new_block(sum(array.nbytes + ALIGNMENT for array in done.found))
     return done

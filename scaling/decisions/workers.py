@@ -1,19 +1,20 @@
 """What does the association work of a cycle take in turn, over threads and over processes? What `workers.method = "auto"` rests on.
 
 python -m scaling.decisions.workers [TRACKS [WORKERS [CYCLES]]]: over the national picture; CYCLES fill the windows first. All ways take
-turns in one run; every repeat is given new arrays where a new cycle would have them, so that processes copy what they would have to.
+turns in one run; every repeat is given new arrays where a new cycle would have them.
 """
 
 import os
 import sys
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from coastwatch.batches import Array, Floats
 from coastwatch.kernels.threads import threads
-from coastwatch.stage import Groups, Shared, Spread, Work, in_turn
+from coastwatch.stage import Groups, Shared, Spread, Work, in_turn, room_of
 from coastwatch.workers import spread_over
 from coastwatch.workers.processes import Processes
 from scaling.load import national
@@ -43,15 +44,21 @@ def call_of_a_cycle(count: int, cycles: int) -> Call:
     return asked[0]
 
 
-def as_in_a_new_cycle(arrays: dict[str, Any]) -> dict[str, Any]:
-    """Copies of all arrays, and in tuples of the newest."""
-    return {k: (*v[:-1], v[-1].copy()) if isinstance(v, tuple) else v.copy() for k, v in arrays.items()}
+def as_in_a_new_cycle(arrays: dict[str, Any], room: Callable[..., Array]) -> dict[str, Any]:
+    """Copies of all arrays, and in tuples of the newest, made where the Spread wants them."""
+
+    def copied(array: Array) -> Array:
+        out = room(array.shape, array.dtype)
+        out[...] = array
+        return out
+
+    return {k: (*v[:-1], copied(v[-1])) if isinstance(v, tuple) else copied(v) for k, v in arrays.items()}
 
 
 def timed(call: Call, spread: Spread) -> tuple[Floats, list[bytes]]:
     """Seconds by the clock, of this process's and of all processes' processor time; and what came out, sorted."""
     work, settings, arrays, spots = call
-    arrays = as_in_a_new_cycle(arrays)
+    arrays = as_in_a_new_cycle(arrays, room_of(spread))
     before = _clocks()
     parts = spread(work, settings, arrays, spots)
     took = _clocks() - before

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from coastwatch.kernels.dealing import deal
 from coastwatch.kernels.threads import blocks
-from coastwatch.stage import Groups, in_turn
+from coastwatch.stage import Groups, in_turn, room_of
 from coastwatch.workers import processors, spread_over
-from coastwatch.workers.blocks import Attached, Blocks
-from coastwatch.workers.costs import Costs, chunks
+from coastwatch.workers.blocks import Attached, Blocks, Ground
+from coastwatch.workers.costs import Costs, along, chunks
 from coastwatch.workers.processes import Processes
 
 
@@ -94,7 +94,8 @@ def test_a_ring_is_laid_once_and_read_for_cycles(pool):
 
 
 def test_what_is_the_object_of_the_last_cycle_is_not_copied_again():
-    kept, blocks_, seen = np.arange(100.0), Blocks(), Attached()
+    ground = Ground()
+    kept, blocks_, seen = np.arange(100.0), Blocks(ground), Attached()
     first = blocks_.publish({"kept": kept, "ring": (np.ones(3), np.ones(70))})
     arrays = seen.arrays(first)
     assert (arrays["kept"] == kept).all()
@@ -110,6 +111,35 @@ def test_what_is_the_object_of_the_last_cycle_is_not_copied_again():
     del arrays
     seen.keep([])
     blocks_.close()
+    ground.close()
+
+
+def test_what_is_made_in_a_room_is_not_copied_and_lives_as_long_as_anybody_has_it(pool):
+    ground = Ground()
+    room = room_of(pool)((7, 3), np.int32)
+    assert (room.shape, room.dtype) == ((7, 3), np.int32)
+    assert room_of(in_turn) is np.empty
+    made = ground.room(1000)
+    made[:] = np.arange(1000.0)
+    part, blocks_, seen = made[100:].reshape(300, 3), Blocks(ground), Attached()
+    del made
+    places = blocks_.publish({"part": part})
+    assert places["part"].offset == 800
+    part[0, 0] = -1.0  # before anybody reads it; it shows that both are one
+    assert (seen.arrays(places)["part"] == part).all()
+    other = ground.room(1000)
+    assert not np.shares_memory(other, part)
+    block = places["part"].block
+    del part
+    assert blocks_.publish({"copied": np.zeros(900)})["copied"].block == block
+    seen.keep([])
+    left = ground.room(5)
+    left[:] = 1.0
+    blocks_.close()
+    ground.close()
+    assert left.sum() == 5.0
+    with pytest.raises(FileNotFoundError):
+        seen.block(block)
 
 
 def test_shared_arrays_are_read_only_and_what_work_raises_is_raised_here(pool):
@@ -156,21 +186,40 @@ def test_every_spot_is_dealt_once_and_no_chunk_is_far_above_its_share(costs, par
 @given(st.lists(st.integers(0, 1000), min_size=1, max_size=60), st.integers(1, 9))
 def test_chunks_hold_every_group_once_and_the_costliest_comes_first(sizes, count):
     expected = Costs().expected(groups(np.zeros(sum(sizes), np.int64), sizes))
-    part, dealt = chunks(expected, count)
+    part, dealt = chunks(expected, count, None)
     assert sorted(np.concatenate(dealt).tolist()) == list(range(len(sizes)))
     assert all((part[chunk] == k).all() and len(chunk) for k, chunk in enumerate(dealt))
     loads = [expected[chunk].sum() for chunk in dealt]
     assert loads == sorted(loads, reverse=True)
 
 
-def test_measured_costs_even_out_the_chunks():
+@given(st.lists(st.floats(0.01, 1.0), min_size=1, max_size=60), st.integers(1, 9), st.randoms())
+def test_chunks_of_neighbours_are_in_order_and_about_as_costly(costs, count, random):
+    expected, order = np.array(costs), np.array(random.sample(range(len(costs)), len(costs)))
+    part, dealt = chunks(expected, count, order)
+    assert sorted(np.concatenate(dealt).tolist()) == list(range(len(costs)))
+    assert all((part[chunk] == k).all() and len(chunk) for k, chunk in enumerate(dealt))
+    assert np.count_nonzero(np.diff(part[order])) == len(dealt) - 1
+    assert max(expected[chunk].sum() for chunk in dealt) <= expected.sum() / min(count, len(costs)) + expected.max() + 1e-9
+
+
+def test_groups_along_an_axis():
+    rank, point = np.array([2, 0, 1, 3]), np.array([[0.0, 5.0, 1.0], [1.0, -7.0, 1.0], [0.0, 9.0, 1.0], [0.0, 0.0, 0.0]])
+    spots = groups(np.array([0, 1, -3, 2, 3]), [1, 0, 2, 1, 1, 0])  # at 9, (5), 5, -7, 0
+    order = along({"rank": rank, "point": point}, spots)
+    assert [k for k in order if np.diff(spots.start)[k]] == [3, 4, 2, 0]
+    assert along({"rank": rank}, spots) is None
+
+
+@pytest.mark.parametrize("order", [None, np.arange(200)], ids=["dealt", "neighbours"])
+def test_measured_costs_even_out_the_chunks(order):
     rng = np.random.default_rng([8, 0])
     sizes, rate = rng.integers(50, 400, 200), rng.lognormal(0.0, 1.0, 200) * 1e-6
     spots, costs = groups(np.zeros(sizes.sum(), np.int64), sizes), Costs()
     worst = []
     for _ in range(60):
         expected = costs.expected(spots)
-        part = chunks(expected, 8)[0]
+        part = chunks(expected, 8, order)[0]
         seconds = np.bincount(part, rate * sizes)
         costs.learn(expected, part, seconds)
         worst.append(seconds.max() / seconds.mean())
