@@ -59,13 +59,14 @@ class Groups(Struct):
 Shared = Mapping[str, Any]
 """Arrays by name, or tuples of arrays of which most are the very objects of the last cycle: those travel once.
 
-Arrays among which are those of RING can be cut down to some of their rows, for work on another machine. Rows of groups are then members,
-and halo as -1 - row; `rank[row]` is where a row stands in every other array that is as long; `row` there is its row, which is what
-results name. `ring`: the entries of the last W cycles, newest last, that of a cycle in the ranks of that cycle; `chain`: (N, W - 1),
-where a rank stands in the entry of the last cycle, of that before it, ...; `length`: (N,), how many entries it has.
+Arrays among which are those of CUT can be cut down to some of their rows, for work on another machine. Rows of groups are then
+members, and halo as -1 - row; `rank[row]` is where a row stands in every other array that is as long, and `row[rank]` the row there.
+`ring`: the entries of the last W cycles, newest last, that of a cycle in the ranks of that cycle; `chain`: (N, W - 1), where a rank stands
+in the entry of the last cycle, of that before it, ...; `length`: (N,), how many entries it has. `point`, if any: where it is.
 """
 
 RING = ("rank", "ring", "chain")
+CUT = (*RING, "row", "length")
 
 Work = Callable[[Any, Shared, Groups], tuple[Array, ...]]
 """A module-level pure function (settings, arrays, groups) -> arrays: what is done for a chunk of spots at once.

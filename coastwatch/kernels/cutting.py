@@ -32,26 +32,15 @@ def _number(place, out):  # type: ignore[no-untyped-def]
     return count
 
 
-@njit(cache=True, nogil=True)
-def _rename(row, rank, place, out):  # type: ignore[no-untyped-def]
-    for at in range(len(row)):
-        if row[at] >= 0:
-            out[at] = place[rank[row[at]]]
-        else:
-            out[at] = -1 - place[rank[-1 - row[at]]]
-
-
-def cut(row: Ints, rank: Array) -> tuple[Ints, Array, Ints]:
-    """The ranks that rows of groups have, ascending, and the rows as places among these.
+def cut(row: Ints, rank: Array) -> tuple[Ints, Array]:
+    """The ranks that rows of groups have, ascending.
 
     Args: row: (L,) rows of groups, those of a halo as -1 - row; rank: (N,) of each row.
-    Returns: (n,) ranks; (N,) where each rank is among them, -1 where it is not; (L,) places, those of a halo as -1 - place.
+    Returns: (n,) ranks; (N,) where each rank is among them, -1 where it is not.
     """
-    place, out, local = np.zeros(len(rank), np.int32), np.empty(len(rank), np.int64), np.empty(len(row), np.int64)
+    place, out = np.zeros(len(rank), np.int32), np.empty(len(rank), np.int64)
     _mark(row, rank, place)
-    out = out[: _number(place, out)]
-    _rename(row, rank, place, local)
-    return out, place, local
+    return out[: _number(place, out)], place
 
 
 @njit(cache=True, nogil=True)

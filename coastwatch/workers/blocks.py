@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Iterable, Mapping
+from multiprocessing import resource_tracker
 from multiprocessing.shared_memory import SharedMemory
 from typing import Any, NamedTuple
 
@@ -146,7 +147,10 @@ def give_back(block: SharedMemory) -> None:
 class Attached:
     """Blocks of another process that are open here."""
 
-    def __init__(self) -> None:
+    def __init__(self, related: bool) -> None:
+        """Args: related: that process started this one, and both have one tracker of resources; else this one's must not see the
+        blocks, or it would take them away when this process ends."""
+        self._related = related
         self._open: dict[str, SharedMemory] = {}
 
     def keep(self, names: Iterable[str]) -> None:
@@ -171,6 +175,8 @@ class Attached:
         """The block of this name."""
         if name not in self._open:
             self._open[name] = SharedMemory(name)
+            if not self._related:
+                resource_tracker.unregister(f"/{name}", "shared_memory")
         return self._open[name]
 
 

@@ -36,7 +36,7 @@ class Done(NamedTuple):
 def serve(pipe: Connection) -> None:
     """Answers tasks until the pipe is closed. Ctrl-C is for the parent, which ends its processes after a whole cycle."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    attached: dict[str, Attached] = defaultdict(Attached)
+    attached: dict[str, Attached] = defaultdict(lambda: Attached(related=True))
     while True:
         try:
             task = pipe.recv()
@@ -51,10 +51,15 @@ def serve(pipe: Connection) -> None:
 
 
 def _done(task: Task, attached: Attached, rooms: Attached) -> Done:
+    seconds, found = carried_out(task, attached)
+    return Done(seconds, lay(found, rooms.block(task.room)) or found)
+
+
+def carried_out(task: Task, attached: Attached) -> tuple[float, tuple[Array, ...]]:
+    """Processor seconds, and what the work gives for the chunk."""
     arrays: dict[str, Any] = attached.arrays(task.places)
     spots = Groups(arrays.pop(ROW), arrays.pop(START))
     work, settings = pickle.loads(task.what)
     begun = time.process_time()
     found = work(settings, arrays, spots.take(task.chunk))
-    seconds = time.process_time() - begun
-    return Done(seconds, lay(found, rooms.block(task.room)) or found)
+    return time.process_time() - begun, found

@@ -23,7 +23,7 @@ class Sent:
 
     anew: bool  # what is held is of no use
     arrays: dict[str, Array]  # (n, ...) but for chain and ring
-    groups: Groups  # of places among the n
+    groups: Groups  # of rows as the coordinator numbers them
     entry: Floats  # (n, C) the newest of the ring
     before: Array  # (n,) place in the last cycle, -1 for those whose window is given and those that have none
     given: Ints  # (m,) places whose windows are given
@@ -43,7 +43,7 @@ class Part:
 
         ring, every = arrays["ring"], len(arrays["rank"])
         follows = len(ring) > 1 and ring[-2] is self._entry
-        ranks, place, local = cut(groups.row, arrays["rank"])
+        ranks, place = cut(groups.row, arrays["rank"])
         some = {name: rows_of(a, ranks) for name, a in arrays.items() if name not in RING and len(a) == every}
         chain, length = rows_of(arrays["chain"], ranks), some["length"]
         before = np.full(len(ranks), -1, np.int32)
@@ -55,7 +55,7 @@ class Part:
             known = length[given] > age
             window[known, age - 1] = ring[-1 - age][chain[given[known], age - 1]]
         self._entry, self._place = ring[-1], place
-        return Sent(not follows, some, Groups(local, groups.start), rows_of(ring[-1], ranks), before, given, window)
+        return Sent(not follows, some, groups, rows_of(ring[-1], ranks), before, given, window)
 
 
 class Holder:
@@ -80,7 +80,10 @@ class Holder:
             ring[-age], chain[sent.given[known], age - 1] = ring[-age].with_rows(sent.window[known, age - 1])
         ring.append(_Entry(sent.entry))
         self._ring, self._chain = ring[-older:] if older else [], chain
-        own = {"rank": np.arange(count, dtype=np.int32), "chain": chain, "ring": tuple(entry.rows for entry in ring)}
+        row = sent.arrays["row"]
+        rank = np.full(int(row.max(initial=-1)) + 1, -1, np.int32)
+        rank[row] = np.arange(count)
+        own = {"rank": rank, "chain": chain, "ring": tuple(entry.rows for entry in ring)}
         return work(settings, {**sent.arrays, **own}, sent.groups)
 
 

@@ -1,13 +1,15 @@
-"""What does the association work of a cycle take in turn, over threads and over processes? What `workers.method = "auto"` rests on.
+"""What does the association work of a cycle take in turn, over threads, over processes, on Ray? What `workers.method = "auto"` rests on.
 
-python -m scaling.decisions.workers [TRACKS [WORKERS [CYCLES]]]: over the national picture; CYCLES fill the windows first. All ways take
-turns in one run; every repeat is given new arrays where a new cycle would have them.
+python -m scaling.decisions.workers [TRACKS [WORKERS [CYCLES [ray]]]]: over the national picture; CYCLES fill the windows first. All ways take
+turns in one run, each repeat a cycle further in a sea that has stopped. `ray`: on a cluster that is started here; "ray, far" are the same
+actors as if they were on other machines, which are sent what they need.
 """
 
 import os
 import sys
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from typing import Any
 
 import numpy as np
@@ -17,10 +19,11 @@ from coastwatch.kernels.threads import threads
 from coastwatch.stage import Groups, Shared, Spread, Work, in_turn, room_of
 from coastwatch.workers import spread_over
 from coastwatch.workers.processes import Processes
+from coastwatch.workers.ray import Actors
 from scaling.load import national
 from scaling.load.processes import processor_s
 
-REPEATS = 9
+SETTLING, REPEATS = 5, 9
 Call = tuple[Work, Any, dict[str, Any], Groups]
 
 
@@ -44,52 +47,67 @@ def call_of_a_cycle(count: int, cycles: int) -> Call:
     return asked[0]
 
 
-def as_in_a_new_cycle(arrays: dict[str, Any], room: Callable[..., Array]) -> dict[str, Any]:
-    """Copies of all arrays, and in tuples of the newest, made where the Spread wants them."""
+def a_cycle_further(arrays: dict[str, Any], room: Callable[..., Array]) -> dict[str, Any]:
+    """The arrays of the next cycle, if nothing has moved, made where the Spread wants them: the ring has one entry more."""
 
-    def copied(array: Array) -> Array:
+    def made(array: Array) -> Array:
         out = room(array.shape, array.dtype)
         out[...] = array
         return out
 
-    return {k: (*v[:-1], copied(v[-1])) if isinstance(v, tuple) else copied(v) for k, v in arrays.items()}
-
-
-def timed(call: Call, spread: Spread) -> tuple[Floats, list[bytes]]:
-    """Seconds by the clock, of this process's and of all processes' processor time; and what came out, sorted."""
-    work, settings, arrays, spots = call
-    arrays = as_in_a_new_cycle(arrays, room_of(spread))
-    before = _clocks()
-    parts = spread(work, settings, arrays, spots)
-    took = _clocks() - before
-    first, second, score = (np.concatenate([part[k] for part in parts]) for k in range(3))
-    order = np.lexsort((second, first))
-    return took, [column[order].tobytes() for column in (first, second, score)]
+    window, count = arrays["chain"].shape[1] + 1, len(arrays["row"])
+    chain = np.column_stack([np.arange(count, dtype=np.int32), arrays["chain"][:, :-1]])
+    length = np.minimum(arrays["length"] + 1, window).astype(arrays["length"].dtype)
+    new = {name: made(a) for name, a in {**arrays, "chain": chain, "length": length}.items() if name != "ring"}
+    return {**new, "ring": (*arrays["ring"], made(arrays["ring"][-1]))[-window:]}
 
 
 def _clocks() -> Floats:
     return np.array([time.perf_counter(), time.process_time(), processor_s()])
 
 
-def main(count: int, workers: int, cycles: int) -> None:
-    call = call_of_a_cycle(count, cycles)
-    found, took = timed(call, in_turn)[1], {}
-    with Processes(workers) as pool:
-        ways: dict[str, tuple[int, Spread]] = {
-            "in turn": (1, in_turn),
-            "threads": (workers, in_turn),
-            "processes": (workers, pool),
-        }
-        for repeat in range(REPEATS + 3):
+def _sorted(parts: list[tuple[Array, ...]]) -> list[bytes]:
+    first, second, score = (np.concatenate([part[k] for part in parts]) for k in range(3))
+    order = np.lexsort((second, first))
+    return [column[order].tobytes() for column in (first, second, score)]
+
+
+def _ways(workers: int, with_ray: bool, open_: ExitStack) -> dict[str, tuple[int, Spread]]:
+    ways: dict[str, tuple[int, Spread]] = {"in turn": (1, in_turn), "threads": (workers, in_turn)}
+    ways["processes"] = workers, open_.enter_context(Processes(workers))
+    if with_ray:
+        ways["ray"] = workers, open_.enter_context(Actors(workers))
+        far = Actors(workers)
+        far._hands = ways["ray"][1]._at_hand()  # type: ignore[attr-defined]
+        ways["ray, far"] = workers, far
+    return ways
+
+
+def main(count: int, workers: int, cycles: int, with_ray: bool) -> None:
+    work, settings, arrays, spots = call_of_a_cycle(count, cycles)
+    took: dict[str, list[Floats]] = {}
+    with ExitStack() as open_:
+        ways = _ways(workers, with_ray, open_)
+        each = dict.fromkeys(ways, arrays)
+        for repeat in range(SETTLING + REPEATS):
+            found = []
             for way, (number, spread) in ways.items():
+                each[way] = a_cycle_further(each[way], room_of(spread))
+                for hand in getattr(spread, "_hands", []):
+                    hand.here = way == "ray"
                 with threads(number):
-                    cost, same = timed(call, spread)
-                assert same == found
-                if repeat >= 3:  # compiled, started, laid, measured
+                    before = _clocks()
+                    parts = spread(work, settings, each[way], spots)
+                    cost = _clocks() - before
+                found.append(_sorted(parts))
+                if repeat >= SETTLING:  # compiled, started, windows sent, costs learnt
                     took.setdefault(way, []).append(cost)
-    print(
-        f"{count} tracks, {len(call[3])} spots, {len(found[0]) // 8} pairs, {workers} workers, load {os.getloadavg()[0]:.1f}; ms"
-    )
+            assert all(one == found[0] for one in found)
+    _report(count, len(spots), workers, took)
+
+
+def _report(count: int, spots: int, workers: int, took: dict[str, list[Floats]]) -> None:
+    print(f"{count} tracks, {spots} spots, {workers} workers, load {os.getloadavg()[0]:.1f}; ms")
     alone = np.median(took["in turn"], axis=0)
     for way, each in took.items():
         wall, here_s, all_s = 1e3 * np.median(each, axis=0)
@@ -100,4 +118,5 @@ def main(count: int, workers: int, cycles: int) -> None:
 
 
 if __name__ == "__main__":
-    main(*(int(a) for a in [*sys.argv[1:], *("100000", "2", "20")[len(sys.argv) - 1 :]]))
+    given = [a for a in sys.argv[1:] if a != "ray"]
+    main(*(int(a) for a in [*given, *("100000", "2", "20")[len(given) :]]), with_ray="ray" in sys.argv)

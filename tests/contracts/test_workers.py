@@ -95,7 +95,7 @@ def test_a_ring_is_laid_once_and_read_for_cycles(pool):
 
 def test_what_is_the_object_of_the_last_cycle_is_not_copied_again():
     ground = Ground()
-    kept, blocks_, seen = np.arange(100.0), Blocks(ground), Attached()
+    kept, blocks_, seen = np.arange(100.0), Blocks(ground), Attached(related=True)
     first = blocks_.publish({"kept": kept, "ring": (np.ones(3), np.ones(70))})
     arrays = seen.arrays(first)
     assert (arrays["kept"] == kept).all()
@@ -121,7 +121,7 @@ def test_what_is_made_in_a_room_is_not_copied_and_lives_as_long_as_anybody_has_i
     assert room_of(in_turn) is np.empty
     made = ground.room(1000)
     made[:] = np.arange(1000.0)
-    part, blocks_, seen = made[100:].reshape(300, 3), Blocks(ground), Attached()
+    part, blocks_, seen = made[100:].reshape(300, 3), Blocks(ground), Attached(related=True)
     del made
     places = blocks_.publish({"part": part})
     assert places["part"].offset == 800
