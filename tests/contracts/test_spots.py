@@ -122,3 +122,20 @@ def test_warm_steps_are_those_of_lloyd():
         nearest = np.linalg.norm(points[:, None] - centre[None], axis=2).argmin(axis=1)
         centre = np.array([points[nearest == k].mean(0) for k in range(6)])
     np.testing.assert_allclose(spots.centre_m, centre, rtol=0.0, atol=SUMMING_M)
+
+
+@pytest.mark.parametrize(("seed", "n", "count"), [(3, 4000, 25), (4, 12000, 40), (5, 900, 60)])
+def test_spots_after_some_cycles_are_as_compact_as_those_of_scikit_learn(seed, n, count):
+    """Both find a local best of their own, from seeds of their own: within a tenth of each other."""
+    from sklearn.cluster import KMeans
+
+    t = tracks(seed, n)
+    method = KMeansSpots(count=count)
+    memory = method.init()
+    for _ in range(10):
+        memory, spots = method.step(memory, t)
+    points = earth_centred(t.position_deg)
+    ours = ((points - spots.centre_m[spots.spot]) ** 2).sum()
+    shift = points.mean(0)
+    theirs = KMeans(count, init="k-means++", n_init=1, random_state=seed).fit(points - shift).inertia_
+    assert ours < 1.1 * theirs
