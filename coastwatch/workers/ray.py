@@ -62,8 +62,10 @@ class Actors:
         self._own_cluster = False
 
     def __enter__(self) -> Actors:
-        import ray
-
+        try:
+            import ray
+        except ImportError as error:
+            raise ValueError("workers.method = ray: Ray is not installed, needed: pip install 'coastwatch[ray]'") from error
         self._own_cluster = not ray.is_initialized()
         if self._own_cluster:
             local = {} if "RAY_ADDRESS" in os.environ else {"num_cpus": processors(self.count), "include_dashboard": False}

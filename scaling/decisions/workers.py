@@ -1,8 +1,8 @@
 """What does the association work of a cycle take in turn, over threads, over processes, on Ray? What `workers.method = "auto"` rests on.
 
-python -m scaling.decisions.workers [TRACKS [WORKERS [CYCLES [ray]]]]: over the national picture; CYCLES fill the windows first. All ways take
-turns in one run, each repeat a cycle further in a sea that has stopped. `ray`: on a cluster that is started here; "ray, far" are the same
-actors as if they were on other machines, which are sent what they need.
+python -m scaling.decisions.workers [TRACKS [WORKERS [CYCLES [ray]]]]: over the national picture; CYCLES fill the windows first. All ways
+take turns in one run, each repeat a cycle further in a sea that has stopped. `ray`: on a cluster that is started here; "ray, far" are the
+same actors as if they were on other machines, which are sent what they need.
 """
 
 import os
@@ -80,6 +80,7 @@ def _ways(workers: int, with_ray: bool, open_: ExitStack) -> dict[str, tuple[int
         far = Actors(workers)
         far._hands = ways["ray"][1]._at_hand()  # type: ignore[attr-defined]
         ways["ray, far"] = workers, far
+        open_.callback(far._ground.close)
     return ways
 
 
