@@ -32,7 +32,7 @@ from coastwatch.kernels.four import (
     towards,
 )
 from coastwatch.kernels.grouping import longest
-from coastwatch.kernels.mid_latitude import difference, offset
+from coastwatch.kernels.mid_latitude import difference, farther, offset
 from coastwatch.kernels.prefetch import fetch
 from coastwatch.kernels.tangent import DEGREE
 
@@ -99,10 +99,12 @@ def _doubted(a, share, report):  # type: ignore[no-untyped-def]
 
 
 @part
-def _read(tracks, n, sigma, share):  # type: ignore[no-untyped-def]
+def _read(tracks, n, sigma, doubt):  # type: ignore[no-untyped-def]
     """What a track is weighed with."""
     a = known(tracks, n, sigma)
-    return _doubted(a, share, tracks[3][n]) if share > 0.0 else a
+    if doubt[0] > 0.0 and doubt[1][n] < 0:
+        return _doubted(a, doubt[0], tracks[3][n])
+    return a
 
 
 @part
@@ -110,7 +112,7 @@ def _precise_first(tracks, sigma, doubt, row, begin, end, order, size):  # type:
     """The rows of a vessel into `order`, the smallest determinant first, equal ones as they come; `size` is to work in."""
     for k in range(end - begin):
         n = row[begin + k]
-        now = determinant(_read(tracks, n, sigma, doubt[0] if doubt[1][n] < 0 else 0.0))
+        now = determinant(_read(tracks, n, sigma, doubt))
         at = k
         while at > 0 and size[at - 1] > now:
             order[at], size[at] = order[at - 1], size[at - 1]
@@ -130,6 +132,13 @@ def _moved(tracks, n, place, speed):  # type: ignore[no-untyped-def]
 def _at(lat, lon):  # type: ignore[no-untyped-def]
     """A place with sine and cosine of its latitude."""
     return lat, lon, math.sin(lat * DEGREE), math.cos(lat * DEGREE)
+
+
+@part
+def _onward(place, mean):  # type: ignore[no-untyped-def]
+    """The place that lies so far from another."""
+    lat, lon = offset(place[0], place[1], place[2], place[3], mean[0], mean[1])
+    return lat, lon, *farther(place[0], place[2], place[3], lat - place[0])
 
 
 @part
@@ -165,19 +174,21 @@ def _convex(low, high, start, row, tracks, sigma, doubt, order, size, out):  # t
     for v in range(low, high):
         begin, end = start[v], start[v + 1]
         ask(tracks, row, begin, end)
+        if doubt[0] > 0.0:
+            for k in range(begin + AHEAD, min(end + AHEAD, len(row))):
+                fetch(doubt[1], row[k])
         if end - begin == 1:
             alone(tracks, row[begin], sigma, out, v)
             continue
         _precise_first(tracks, sigma, doubt, row, begin, end, order, size)
         n = order[0]
         place, speed = _at(tracks[0][n, 0], tracks[0][n, 1]), (tracks[1][n, 0], tracks[1][n, 1])
-        covariance = _read(tracks, n, sigma, doubt[0] if doubt[1][n] < 0 else 0.0)
+        covariance = _read(tracks, n, sigma, doubt)
         for k in range(1, end - begin):
             n = order[k]
-            other = _read(tracks, n, sigma, doubt[0] if doubt[1][n] < 0 else 0.0)
+            other = _read(tracks, n, sigma, doubt)
             mean, covariance = _weighed(covariance, other, _moved(tracks, n, place, speed))
-            lat, lon = offset(place[0], place[1], place[2], place[3], mean[0], mean[1])
-            place, speed = _at(lat, lon), (speed[0] + mean[2], speed[1] + mean[3])
+            place, speed = _onward(place, mean), (speed[0] + mean[2], speed[1] + mean[3])
         _write(place, speed, covariance, out, v)
 
 
@@ -248,6 +259,5 @@ def _intersection(low, high, which, start, row, tracks, sigma, steps, order, siz
         for k in range(1, end - begin):
             n = order[k]
             mean, covariance = _intersected(covariance, known(tracks, n, sigma), _moved(tracks, n, place, speed), steps)
-            lat, lon = offset(place[0], place[1], place[2], place[3], mean[0], mean[1])
-            place, speed = _at(lat, lon), (speed[0] + mean[2], speed[1] + mean[3])
+            place, speed = _onward(place, mean), (speed[0] + mean[2], speed[1] + mean[3])
         _write(place, speed, covariance, out, which[v])

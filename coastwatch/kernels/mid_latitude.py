@@ -24,7 +24,7 @@ def scales(sine, cosine):  # type: ignore[no-untyped-def]
 
 
 @part
-def _farther(lat, sine, cosine, degrees):  # type: ignore[no-untyped-def]
+def farther(lat, sine, cosine, degrees):  # type: ignore[no-untyped-def]
     """Sine and cosine of a latitude so many degrees farther north."""
     a = degrees * DEGREE
     if abs(a) > CLOSE:
@@ -47,16 +47,17 @@ def wrapped(lon):  # type: ignore[no-untyped-def]
 def difference(lat, lon, from_lat, from_lon, sine, cosine):  # type: ignore[no-untyped-def]
     """East and north metres to a point from another. Args: degrees; sine, cosine: of from_lat."""
     further = lat - from_lat
-    north, east = scales(*_farther(from_lat, sine, cosine, 0.5 * further))
+    north, east = scales(*farther(from_lat, sine, cosine, 0.5 * further))
     return wrapped(lon - from_lon) * east, further * north
 
 
 @part
 def offset(lat, lon, sine, cosine, east_m, north_m):  # type: ignore[no-untyped-def]
     """Latitude and longitude of the point that lies so many metres east and north. Args: degrees; sine, cosine: of lat."""
-    further = 0.0
-    for _ in range(2 if abs(north_m) < NEAR_M else 3):
-        north, _ = scales(*_farther(lat, sine, cosine, 0.5 * further))
+    north, _ = scales(sine, cosine)
+    further = north_m / north
+    for _ in range(1 if abs(north_m) < NEAR_M else 2):
+        north, _ = scales(*farther(lat, sine, cosine, 0.5 * further))
         further = north_m / north
-    _, east = scales(*_farther(lat, sine, cosine, 0.5 * further))
+    _, east = scales(*farther(lat, sine, cosine, 0.5 * further))
     return lat + further, wrapped(lon + east_m / east)

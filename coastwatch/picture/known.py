@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -36,14 +36,17 @@ class Known:
         """A column of the picture, of the slots with a past: of the shown and of the hidden."""
         return getattr(self.shown, column), getattr(self.hidden, column)
 
+    def of(self, column: str, slots: Rows) -> Array:
+        """A column of the picture for these slots, which have a past; for a few."""
+        shown, hidden = self.past(column)
+        later = slots >= len(shown)
+        out = np.empty((len(slots), *shown.shape[1:]), shown.dtype)
+        out[~later], out[later] = shown[slots[~later]], hidden[slots[later] - len(shown)]
+        return out
+
     def take(self, slots: Rows) -> Picture:
         """The rows of these slots, which have a past, in that order; for a few."""
-        split = len(self.shown)
-        later = slots >= split
-        rows = Picture.join([self.shown.take(slots[~later]), self.hidden.take(slots[later] - split)])
-        back = np.empty(len(slots), np.int64)
-        back[np.append(np.flatnonzero(~later), np.flatnonzero(later))] = np.arange(len(slots))
-        return rows.take(back)
+        return Picture(**{field.name: self.of(field.name, slots) for field in fields(Picture)})
 
 
 def columns(picture: Picture) -> Columns:

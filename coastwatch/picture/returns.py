@@ -8,6 +8,7 @@ import numpy as np
 
 from coastwatch.batches import Ints, Picture, Rows
 from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred
+from coastwatch.kernels.gaussian import squared_distance
 from coastwatch.kernels.lookup import find
 from coastwatch.picture.known import Known
 from coastwatch.picture.rows import moved_on
@@ -25,29 +26,25 @@ def returned(settings: Identity, known: Known, free: Rows, new: Picture, time_s:
     """
     from coastwatch.kernels.following import among
 
-    updated_s, mmsi = (np.concatenate(known.past(column))[free] for column in ("updated_s", "mmsi"))
-    free = free[(time_s - updated_s <= settings.hold_s) | among(mmsi, new.mmsi[new.mmsi >= 0])]
-    old = known.take(free)
-    by_id = np.argsort(old.vessel_id)
-    free, old, fresh = free[by_id], old.take(by_id), np.arange(len(new))
-    rows, slots = [fresh[:0]], [free[:0]]
-    for matcher in (_by_mmsi, _by_place):
-        if len(free) == 0 or len(fresh) == 0:
-            break
-        a, b = matcher(settings, new.take(fresh), old, time_s)
-        rows.append(fresh[a])
-        slots.append(free[b])
-        fresh, free, old = np.delete(fresh, a), np.delete(free, b), old.take(np.delete(np.arange(len(old)), b))
-    return np.concatenate(rows), np.concatenate(slots)
+    updated_s, mmsi, ids = (known.of(column, free) for column in ("updated_s", "mmsi", "vessel_id"))
+    may = np.flatnonzero((time_s - updated_s <= settings.hold_s) | among(mmsi, new.mmsi[new.mmsi >= 0]))
+    slots = free[may[np.argsort(ids[may])]]
+    old = known.take(slots)
+    named, called = _by_mmsi(settings, new, old, time_s)
+    left = np.delete(np.arange(len(new)), named)
+    held = time_s - old.updated_s <= settings.hold_s
+    held[called] = False
+    met, kept = _by_place(settings, new, left, old, np.flatnonzero(held), time_s)
+    return np.append(named, met), slots[np.append(called, kept)]
 
 
 def _by_mmsi(settings: Identity, new: Picture, old: Picture, time_s: float) -> tuple[Ints, Ints]:
+    """Rows of both, by the vessel of that MMSI that was lost last."""
     order = np.lexsort((-old.updated_s, old.mmsi))
-    keys, first = np.unique(old.mmsi[order], return_index=True)
-    at = find(keys, new.mmsi)
-    at = np.where(new.mmsi >= 0, at, -1)
-    rows = np.flatnonzero(at >= 0)
-    candidates = order[first[at[rows]]]
+    first = order[np.flatnonzero(np.diff(old.mmsi[order], prepend=-2))]
+    at = find(old.mmsi[first], new.mmsi)
+    rows = np.flatnonzero((at >= 0) & (new.mmsi >= 0))
+    candidates = first[at[rows]]
     gone_s = time_s - old.updated_s[candidates]
     metres = np.linalg.norm(difference_m(new.position_deg[rows], old.position_deg[candidates]), axis=1)
     fits = (gone_s <= settings.return_s) & (metres <= settings.max_speed_kn * KNOT_M_S * (gone_s + 10.0))
@@ -56,25 +53,26 @@ def _by_mmsi(settings: Identity, new: Picture, old: Picture, time_s: float) -> t
     return rows[once], candidates[once]
 
 
-def _by_place(settings: Identity, new: Picture, old: Picture, time_s: float) -> tuple[Ints, Ints]:
+def _by_place(settings: Identity, new: Picture, left: Ints, old: Picture, held: Ints, time_s: float) -> tuple[Ints, Ints]:
+    """Rows of both, best one-to-one by squared distance of position and velocity. Args: left, held: rows of each that are asked."""
     from scipy.spatial import cKDTree
 
     from coastwatch.kernels.assignment import assign
 
-    held = np.flatnonzero(time_s - old.updated_s <= settings.hold_s)
-    if len(held) == 0:
-        return held, held
+    if len(left) == 0 or len(held) == 0:
+        return left[:0], held[:0]
     moved = moved_on(settings, old.take(held), time_s)
-    near = cKDTree(earth_centred(new.position_deg)).sparse_distance_matrix(
+    near = cKDTree(earth_centred(new.position_deg[left])).sparse_distance_matrix(
         cKDTree(earth_centred(moved.position_deg)), NEAR_M, output_type="ndarray"
     )
-    i, j = near["i"].astype(np.int64), near["j"].astype(np.int64)
+    i, j = left[near["i"]], near["j"]
     same_name = (new.mmsi[i] < 0) | (moved.mmsi[j] < 0) | (new.mmsi[i] == moved.mmsi[j])
     i, j = i[same_name], j[same_name]
+    if len(i) == 0:
+        return left[:0], held[:0]
     delta = np.concatenate(
         [difference_m(new.position_deg[i], moved.position_deg[j]), new.velocity_m_s[i] - moved.velocity_m_s[j]], axis=1
     )
-    total = new.covariance[i] + moved.covariance[j]
-    distance2 = np.einsum("ai,ai->a", delta, np.linalg.solve(total, delta[..., None])[..., 0]) if len(i) else np.zeros(0)
-    chosen = np.flatnonzero(assign(i, j, settings.return_gate - distance2))
+    distance2 = squared_distance(delta, new.covariance[i] + moved.covariance[j])
+    chosen = np.flatnonzero(assign(i, j.astype(np.int64), settings.return_gate - distance2))
     return i[chosen], held[j[chosen]]

@@ -1,0 +1,171 @@
+"""What do fusing tracks and making the picture cost a cycle, at any size and over threads, and what against sorting and seeking?
+
+    python -m scaling.decisions.picture_cycle [--tracks N ...] [--threads N ...] [--method convex] [--cycles 12] [--numpy-up-to N]
+
+Tracks are those of the national picture (scaling/load), at the time of the picture, one vessel where they are of one, but for three in a
+thousand. Columns: medians of wall time of the stages and of both, the least of both, processor time of all threads; how many times that
+"numpy" takes, which is both stages as they were before they were kernels, kept as oracles in tests/contracts and given the same in the
+same run; and how many times it took before, by what the commit before measured with tracks made at random (BEFORE).
+The last line says what it costs to count who holds an array, where a number is read from one of two.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from coastwatch.batches import Associations, FusedTracks, Tracks
+from coastwatch.kernels.compiling import kernel
+from coastwatch.kernels.threads import threads
+from coastwatch.pipeline import Received
+from coastwatch.scenario import Scenario
+from scaling.load import national
+
+ORACLES = Path(__file__).parents[2] / "tests" / "contracts"
+APART = 0.003  # share of the tracks that are taken for a vessel of their own, in each cycle others
+WARMUP = 4  # cycles that do not count
+BEFORE = {100_000: 357.0}  # ms of processor time, both stages with convex combination, tracks made at random, at 81406e1
+PARTS = ("fused_tracks", "picture")
+
+
+class Given(NamedTuple):
+    """What the two stages get in a cycle."""
+
+    time_s: float
+    received: Received
+    tracks: Tracks
+    associations: Associations
+
+
+def cycles(scenario: Scenario, world: national.World, count: int) -> Iterator[Given]:
+    """The tracks of so many cycles, and which of them are one vessel."""
+    rng, state, sensors = np.random.default_rng([1, 71]), national.first(world), scenario.sensors()
+    none = np.zeros(0, np.int64)
+    for cycle in range(count):
+        state, received = national.receive(world, state, sensors)
+        tracks = scenario.alignment.step(received.tracks, world.time_s(cycle))
+        apart = np.where(rng.random(len(tracks)) < APART, 1 + tracks.source, 0)
+        _, first, of = np.unique(
+            tracks.origin * (len(sensors.source_names) + 1) + apart, return_index=True, return_inverse=True
+        )
+        number = np.empty(len(first), np.int64)
+        number[np.argsort(first)] = np.arange(len(first))
+        yield Given(world.time_s(cycle), received, tracks, Associations(none, none, np.zeros(0), number[of]))
+
+
+class Clock:
+    """Wall and processor time of named parts, in seconds, one of each a cycle."""
+
+    def __init__(self) -> None:
+        self.wall: dict[str, list[float]] = {}
+        self.cpu: dict[str, list[float]] = {}
+
+    def run(self, name: str, work: Any, *given: Any) -> Any:
+        """work(*given), timed."""
+        wall, cpu = time.perf_counter(), time.process_time()
+        done = work(*given)
+        self.wall.setdefault(name, []).append(time.perf_counter() - wall)
+        self.cpu.setdefault(name, []).append(time.process_time() - cpu)
+        return done
+
+    def median_ms(self, times: dict[str, list[float]], names: tuple[str, ...]) -> float:
+        """Of the sum of parts, after the warm-up."""
+        return 1e3 * float(np.median(np.sum([times[name][WARMUP:] for name in names], axis=0)))
+
+
+class Sorting:
+    """Both stages as they were, with their memory."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        sys.path.insert(0, str(ORACLES))
+        import fused_by_arrays
+        import picture_by_sorting
+
+        self.fuse, self.identify = fused_by_arrays.convex, picture_by_sorting.step
+        self.settings, self.sensors, self.memory = scenario.picture, scenario.sensors(), picture_by_sorting.start()
+
+    def step(self, given: Given) -> None:
+        """A cycle."""
+        vessel = given.associations.vessel
+        position, velocity, covariance = self.fuse(given.tracks, given.tracks.known_covariance(0.5), vessel)
+        fused = FusedTracks(np.full(len(position), given.time_s), position, velocity, covariance)
+        said = given.associations, fused, given.received.alarms, given.time_s, self.sensors
+        self.memory, *_ = self.identify(self.settings, self.memory, given.tracks, *said)
+
+
+def measure(tracks: int, count: int, method: str, cycle_count: int, with_numpy: bool) -> str:
+    """A line of figures for one size and number of threads."""
+    world = national.lay_world(tracks, 1)
+    scenario = national.scenario_of(world, {"fused_tracks.method": method})
+    sensors, fuser, picture, clock = scenario.sensors(), scenario.fused_tracks, scenario.picture, Clock()
+    memory, past, sorting = fuser.init(), picture.init(), Sorting(scenario)
+    kinds = sensors.source_kinds
+    with threads(count):
+        for given in cycles(scenario, world, WARMUP + cycle_count):
+            t, m = given.tracks, given.received.measurements
+            memory, fused = clock.run(PARTS[0], fuser.step, memory, t, m, given.associations, given.time_s, kinds)
+            said = given.associations, fused, given.received.alarms, given.time_s, sensors
+            past, *_ = clock.run(PARTS[1], picture.step, past, t, *said)
+            if with_numpy:
+                clock.run("numpy", sorting.step, given)
+    each = "".join(f"{clock.median_ms(clock.wall, (name,)):9.1f}" for name in PARTS)
+    wall, cpu = clock.median_ms(clock.wall, PARTS), clock.median_ms(clock.cpu, PARTS)
+    least = 1e3 * min(np.sum([clock.wall[name][WARMUP:] for name in PARTS], axis=0))
+    slower = f"{clock.median_ms(clock.cpu, ('numpy',)) / cpu:8.1f}" if with_numpy else f"{'-':>8}"
+    return f"{tracks:10d}{count:8d}{each}{wall:9.1f}{least:9.1f}{cpu:9.1f}{slower}{_before(tracks, cpu)}"
+
+
+def _before(tracks: int, cpu: float) -> str:
+    return f"{BEFORE[tracks] / cpu:8.1f}" if tracks in BEFORE else f"{'-':>8}"
+
+
+def _read(low: int, high: int, parts: Any, slot: Any, out: Any) -> None:
+    for k in range(low, high):
+        out[k] = parts[0][slot[k]] if slot[k] < len(parts[0]) else parts[1][slot[k] - len(parts[0])]
+
+
+def counting() -> tuple[float, float]:
+    """Nanoseconds a number read from one of two arrays, with and without the count of who holds them."""
+    rng, out, found = np.random.default_rng(1), np.empty(2000), []
+    given = 0, 2000, (rng.random(1000), rng.random(1000)), rng.permutation(2000), out
+    for compiled in (njit(nogil=True)(_read), kernel(_read)):
+        compiled(*given)
+        taken = []
+        for _ in range(200):
+            start = time.perf_counter()
+            compiled(*given)
+            taken.append(time.perf_counter() - start)
+        found.append(1e9 * min(taken) / 2000)
+    return found[0], found[1]
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--tracks", type=int, nargs="+", default=[10_000, 100_000, 400_000, 1_000_000])
+    parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
+    parser.add_argument("--method", default="convex")
+    parser.add_argument("--cycles", type=int, default=12)
+    parser.add_argument("--numpy-up-to", type=int, default=100_000, help="tracks beyond which numpy is not run")
+    asked = parser.parse_args()
+    print(
+        f"# {asked.method}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}; ms a cycle, medians of {asked.cycles}"
+    )
+    print("    tracks threads    fused  picture     both    least      cpu   numpy  before")
+    for tracks in asked.tracks:
+        for count in asked.threads:
+            with_numpy = asked.method == "convex" and tracks <= asked.numpy_up_to
+            print(measure(tracks, count, asked.method, asked.cycles, with_numpy), flush=True)
+    print("an array read, counted and not counted: {:.1f} and {:.1f} ns".format(*counting()))
+
+
+if __name__ == "__main__":
+    main()
