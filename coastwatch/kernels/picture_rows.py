@@ -1,4 +1,4 @@
-"""What the database keeps of a picture beside its numbers: speed and course, ellipse, half of a covariance, set of sources."""
+"""What the database keeps of a picture beside its numbers: speed and course, ellipse, half of a covariance, set of sources, owners."""
 
 import math
 
@@ -7,6 +7,7 @@ from numba import njit
 
 KNOT = 1852.0 / 3600.0
 DEGREE = math.pi / 180.0
+SPREAD = np.uint64(0x9E3779B97F4A7C15)  # 2^64 over the golden ratio (Fibonacci hashing)
 
 
 @njit(cache=True, nogil=True)
@@ -71,3 +72,26 @@ def source_sets(vessel_id, members, code, parent, last):  # type: ignore[no-unty
             row += 1
         code[v] = here
     return count
+
+
+@njit(cache=True, nogil=True)
+def _slot(table, shift, members, source, track):  # type: ignore[no-untyped-def]
+    """Where a track's row of `members` is in a table, or the free place where it would be."""
+    at = np.int64(((np.uint64(track) ^ (np.uint64(source) << np.uint64(40))) * SPREAD) >> shift)
+    while table[at] >= 0 and (members[table[at], 2] != track or members[table[at], 1] != source):
+        at = (at + 1) & (len(table) - 1)
+    return at
+
+
+@njit(cache=True, nogil=True)
+def vessel_of(members, source, track, out):  # type: ignore[no-untyped-def]
+    """Fills (A,) with the vessel that has each track, -1 where none has. Args: members: (L, 3) vessel, source, track."""
+    bits = 1
+    while (1 << bits) < 2 * len(members):
+        bits += 1
+    table, shift = np.full(1 << bits, -1, np.int32), np.uint64(64 - bits)
+    for row in range(len(members)):
+        table[_slot(table, shift, members, members[row, 1], members[row, 2])] = row
+    for a in range(len(out)):
+        row = table[_slot(table, shift, members, source[a], track[a])]
+        out[a] = members[row, 0] if row >= 0 else -1

@@ -74,24 +74,18 @@ def sources(vessel_id: Ints, members: Ints, names: Sequence[str]) -> Texts:
 
 def associations(run_id: int, number: int, cycle: Cycle, members: Ints) -> list[Column]:
     """Columns of table `association`, in key order."""
+    from coastwatch.kernels.picture_rows import vessel_of
+    from coastwatch.kernels.sorted_rows import is_sorted
+
     tracks, found = cycle.tracks, cycle.associations
     ends = [a for row in (found.first, found.second) for a in (tracks.source[row], tracks.track_id[row])]
-    vessel = _vessel_of(np.stack(ends[:2], 1), members)
-    order = np.lexsort((*ends[::-1], vessel))
-    return [run_id, number, *(a[order] for a in (vessel, *ends, found.statistic))]
-
-
-def _vessel_of(wanted: Ints, members: Ints) -> Ints:
-    """The vessel of each (source, track) in (A, 2); -1 where none has it. Joined by sorting: neither number has a bound."""
-    rows = np.concatenate([members[:, 1:], wanted])
-    order = np.lexsort(rows.T[::-1])
-    fresh = np.ones(len(rows), bool)
-    fresh[1:] = (rows[order][1:] != rows[order][:-1]).any(1)
-    group = np.empty(len(rows), np.int64)
-    group[order] = np.cumsum(fresh) - 1
-    vessel = np.full(len(rows), -1, np.int64)
-    vessel[group[: len(members)]] = members[:, 0]
-    return vessel[group[len(members) :]]
+    vessel = np.empty(len(found.first), np.int64)
+    vessel_of(members, ends[0], ends[1], vessel)
+    key = np.stack([vessel, *ends], 1)
+    order = np.argsort(vessel, kind="stable")
+    if not is_sorted(key[order]):
+        order = np.lexsort(key.T[::-1])
+    return [run_id, number, *key[order].T, found.statistic[order]]
 
 
 def bearing_associations(

@@ -58,7 +58,7 @@ def write_cycle(
     """
     picture, members = _in_order(cycle.picture), columns.memberships(cycle)
     with writing(store) as connection:
-        write_ahead.set_length(connection, len(picture))
+        write_ahead.fit(connection, len(picture))
         before, again = _before(connection, store, run_id, number)
         due = last or again or _picture_due(before, cycle, keep)
         bound = history_rule.Bound(keep.history_error_m, keep.history_max_s)

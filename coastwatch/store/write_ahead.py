@@ -10,7 +10,7 @@ from pathlib import Path
 
 from sqlalchemy import Connection
 
-from coastwatch.store.opening import Store
+from coastwatch.store.opening import CACHE_KIB, Store
 
 LEAST_PAGES = 1000
 """SQLite's own measure, 4 MB: enough for small pictures."""
@@ -21,19 +21,27 @@ VESSELS_A_PAGE = 16
 PICTURES = 4
 """The log has room for so many cycles: a page that every cycle writes is then moved once for all of them."""
 
+CHANGED = 2
+"""Pictures' worth of pages that a cycle changes."""
+
+MOST_CACHE_KIB = 512 * 1024
+
 TOO_LONG = 3
 """Times that length from which on something is wrong."""
 
 PATIENCE_MS = 50
 
 
-def set_length(connection: Connection, vessels: int) -> None:
-    """Let the log of this connection's database grow to a few pictures of so many vessels. Any other database: nothing."""
+def fit(connection: Connection, vessels: int) -> None:
+    """Let the log of this connection's database grow to a few pictures of so many vessels, and give it memory for what one cycle
+    changes: pages that do not fit in are written and read again within the cycle. Any other database: nothing.
+    """
     if connection.dialect.name == "sqlite":
-        pages = _pages(vessels)
-        connection.exec_driver_sql(f"PRAGMA wal_autocheckpoint = {pages}").close()
-        most = TOO_LONG * pages * _page_bytes(connection)  # what it has grown by beyond that is given back
-        connection.exec_driver_sql(f"PRAGMA journal_size_limit = {most}").close()
+        pages, page_kib = _pages(vessels), int(connection.exec_driver_sql("PRAGMA page_size").scalar_one()) // 1024
+        cache_kib = min(max(CACHE_KIB, CHANGED * vessels // VESSELS_A_PAGE * page_kib), MOST_CACHE_KIB)
+        most = TOO_LONG * pages * page_kib * 1024  # what the log has grown by beyond that is given back
+        for pragma in (f"wal_autocheckpoint = {pages}", f"journal_size_limit = {most}", f"cache_size = -{cache_kib}"):
+            connection.exec_driver_sql(f"PRAGMA {pragma}").close()
 
 
 def complaint(store: Store, vessels: int) -> str | None:
@@ -62,7 +70,3 @@ def complaint(store: Store, vessels: int) -> str | None:
 
 def _pages(vessels: int) -> int:
     return max(LEAST_PAGES, PICTURES * vessels // VESSELS_A_PAGE)
-
-
-def _page_bytes(connection: Connection) -> int:
-    return int(connection.exec_driver_sql("PRAGMA page_size").scalar_one())

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from coastwatch.kernels.picture_rows import motion_rows, source_sets
+from coastwatch.kernels.picture_rows import motion_rows, source_sets, vessel_of
 
 ROUNDING_DEG = 1e-9
 """Course and ellipse go through an arctangent: a few rounding errors of 360 degrees."""
@@ -37,6 +37,7 @@ def turned(one: np.ndarray, two: np.ndarray, whole: float) -> np.ndarray:
         lambda n: st.tuples(arrays(float, (n, 2), elements=numbers), arrays(float, (n, 4, 4), elements=numbers))
     )
 )
+@settings(deadline=None)
 def test_rows_are_those_of_numpy(given_rows: tuple[np.ndarray, np.ndarray]) -> None:
     velocity, covariance = given_rows
     moving, upper, known = filled(velocity, covariance)
@@ -81,6 +82,7 @@ def test_speed_and_course() -> None:
 
 
 @given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 3), st.integers(0, 2)), max_size=40), st.integers(0, 6))
+@settings(deadline=None)
 def test_vessels_of_the_same_sources_have_the_same_set(rows: list[tuple[int, int, int]], vessels: int) -> None:
     members = np.array(sorted(set(rows)), np.int64).reshape(-1, 3)
     vessel_id, code = np.arange(vessels), np.empty(vessels, np.int64)
@@ -93,3 +95,18 @@ def test_vessels_of_the_same_sources_have_the_same_set(rows: list[tuple[int, int
     assert len(set(sets)) == count
     for vessel in range(vessels):
         assert sets[code[vessel]] == tuple(sorted({source for v, source, _ in rows if v == vessel}))
+
+
+@given(
+    st.dictionaries(st.tuples(st.integers(0, 3), st.integers(0, 2**33)), st.integers(1, 50), max_size=60),
+    st.lists(st.tuples(st.integers(0, 3), st.integers(0, 2**33)), max_size=20),
+)
+@settings(deadline=None)
+def test_the_vessel_of_a_track_is_that_of_a_dictionary(
+    of_track: dict[tuple[int, int], int], others: list[tuple[int, int]]
+) -> None:
+    members = np.array([(vessel, *track) for track, vessel in of_track.items()], np.int64).reshape(-1, 3)
+    wanted = np.array([*of_track, *others, *of_track], np.int64).reshape(-1, 2)
+    out = np.empty(len(wanted), np.int64)
+    vessel_of(members, wanted[:, 0].copy(), wanted[:, 1].copy(), out)
+    assert out.tolist() == [of_track.get(tuple(track), -1) for track in wanted.tolist()]  # type: ignore[arg-type]
