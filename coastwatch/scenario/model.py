@@ -47,7 +47,11 @@ class StoreSettings(Settings):
 
 
 class WorkerSettings(Settings):
-    """Over what a run is spread; the picture is the same to the bit for all."""
+    """Over what a run is spread; the picture is the same to the bit for all.
+
+    `method`: `threads` of this process, `processes`, or `ray`, the machines of a cluster (see ops/ray); `auto` takes threads, and the best
+    way on one machine is left to it.
+    """
 
     method: Literal["auto", "threads", "processes", "ray"] = "auto"  # auto: threads, for work that is large enough
     count: Annotated[int, Field(ge=0, le=4096)] = 0  # processors; 0: all of the machine, or of the cluster
