@@ -39,15 +39,3 @@ def unwritten(vessels: int) -> tuple[Floats, Floats, Floats]:
 def at_time(time_s: float, out: tuple[Floats, Floats, Floats]) -> FusedTracks:
     """The vessels that were written, at one time."""
     return FusedTracks(np.full(len(out[0]), float(time_s)), *out)
-
-
-def rounds(groups: Grouped, preference: Ints) -> list[tuple[Ints, Ints]]:
-    """For each round the vessels that take part and the row of their track: the first tracks, then the second of those that have one, ...
-
-    Args: preference: (N,) smaller comes first. Returns: list of (vessels (G,), rows (G,)); the first round has every vessel in order.
-    """
-    from coastwatch.kernels.grouping import preferred
-
-    row, size = preferred(*groups, preference), np.diff(groups.start)
-    parts = [np.flatnonzero(size > r) for r in range(int(size.max(initial=0)))]
-    return [(who, row[groups.start[who] + r]) for r, who in enumerate(parts)]

@@ -26,6 +26,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from coastwatch.kernels.compiling import part
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
@@ -36,7 +38,7 @@ SMALL_TURN = 1e-3  # rad: below it the series replaces sin(a) / a and the like; 
 LOG_TWO_PI = math.log(2.0 * math.pi)
 
 
-@njit(cache=True)
+@part
 def _turn_terms(rate, dt):  # type: ignore[no-untyped-def]
     """sin(a)/w, (1-cos(a))/w and their derivatives by w, for a = w dt."""
     a = rate * dt
@@ -52,7 +54,7 @@ def _turn_terms(rate, dt):  # type: ignore[no-untyped-def]
     return s, c, (dt * cos - s) / rate, (dt * sin - c) / rate
 
 
-@njit(cache=True)
+@part
 def move(x, dt, kind, noise, turn_noise, turn_sigma, x_out, f_out, q_out):  # type: ignore[no-untyped-def]
     """One model's state after dt, the Jacobian of that and the process noise, into the last three arguments."""
     f_out[:] = 0.0
@@ -81,8 +83,8 @@ def move(x, dt, kind, noise, turn_noise, turn_sigma, x_out, f_out, q_out):  # ty
         q_out[k + 2, k + 2] = noise * dt
 
 
-@njit(cache=True)
-def _moments(x, p, weight, mean, cov):  # type: ignore[no-untyped-def]
+@part
+def moments(x, p, weight, mean, cov):  # type: ignore[no-untyped-def]
     """Mean and covariance of a mixture of Gaussians, into the last two arguments; the weights sum to one."""
     mean[:] = 0.0
     cov[:] = 0.0
@@ -99,7 +101,7 @@ def _moments(x, p, weight, mean, cov):  # type: ignore[no-untyped-def]
             cov[b, a] = cov[a, b]
 
 
-@njit(cache=True)
+@part
 def _sandwich(f, p, q, half, out):  # type: ignore[no-untyped-def]
     """F P F' + Q into `out`, symmetric to the bit."""
     for a in range(SIZE):
@@ -117,30 +119,52 @@ def _sandwich(f, p, q, half, out):  # type: ignore[no-untyped-def]
             out[b, a] = t
 
 
-@njit(cache=True)
-def _predict_rows(x, p, mode, dt, kind, noise, turn_noise, turn_sigma, sojourn, x_out, p_out, mode_out):  # type: ignore[no-untyped-def]
-    n, j = mode.shape
-    weight, stay, mixed = np.zeros(j), np.zeros(j), np.zeros(SIZE)
-    cov, f, q, half = np.zeros((SIZE, SIZE)), np.zeros((SIZE, SIZE)), np.zeros((SIZE, SIZE)), np.zeros((SIZE, SIZE))
-    for row in range(n):
+@part
+def predict_row(x, p, mode, dt, models, work, x_out, p_out, mode_out):  # type: ignore[no-untyped-def]
+    """One bank of models after dt, into the last three: x (J, 5), p (J, 5, 5), mode (J,); work: of `room_to_predict`."""
+    kind, noise, turn_noise, turn_sigma, sojourn = models
+    weight, stay, mixed, cov, f, q, half = work
+    j = len(mode)
+    for i in range(j):
+        stay[i] = 1.0
+        if j > 1:
+            stay[i] = (1.0 + (j - 1) * math.exp(-dt / sojourn[i] * j / (j - 1))) / j
+    for m in range(j):
+        total = 0.0
         for i in range(j):
-            stay[i] = 1.0
-            if j > 1:
-                stay[i] = (1.0 + (j - 1) * math.exp(-dt[row] / sojourn[i] * j / (j - 1))) / j
-        for m in range(j):
-            total = 0.0
-            for i in range(j):
-                weight[i] = mode[row, i] * (stay[i] if i == m else (1.0 - stay[i]) / (j - 1))
-                total += weight[i]
-            mode_out[row, m] = total
-            for i in range(j):
-                weight[i] /= total
-            _moments(x[row], p[row], weight, mixed, cov)
-            move(mixed, dt[row], kind[m], noise[m], turn_noise[m], turn_sigma[m], x_out[row, m], f, q)
-            _sandwich(f, cov, q, half, p_out[row, m])
+            weight[i] = mode[i] * (stay[i] if i == m else (1.0 - stay[i]) / (j - 1))
+            total += weight[i]
+        mode_out[m] = total
+        for i in range(j):
+            weight[i] /= total
+        moments(x, p, weight, mixed, cov)
+        move(mixed, dt, kind[m], noise[m], turn_noise[m], turn_sigma[m], x_out[m], f, q)
+        _sandwich(f, cov, q, half, p_out[m])
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
+def room_to_predict(j):  # type: ignore[no-untyped-def]
+    """Arrays that `predict_row` works in, for so many models."""
+    square = (SIZE, SIZE)
+    return (
+        np.zeros(j),
+        np.zeros(j),
+        np.zeros(SIZE),
+        np.zeros(square),
+        np.zeros(square),
+        np.zeros(square),
+        np.zeros(square),
+    )
+
+
+@njit(cache=True, nogil=True)
+def _predict_rows(x, p, mode, dt, kind, noise, turn_noise, turn_sigma, sojourn, x_out, p_out, mode_out):  # type: ignore[no-untyped-def]
+    work, models = room_to_predict(mode.shape[1]), (kind, noise, turn_noise, turn_sigma, sojourn)
+    for row in range(len(mode)):
+        predict_row(x[row], p[row], mode[row], dt[row], models, work, x_out[row], p_out[row], mode_out[row])
+
+
+@part
 def _correct(x, p, z, r, d, white, low, gain, x_out, p_out):  # type: ignore[no-untyped-def]
     """One Kalman update with the first d components measured; returns the log-likelihood. x_out may be x, and p_out p."""
     log_det = 0.0
@@ -178,37 +202,54 @@ def _correct(x, p, z, r, d, white, low, gain, x_out, p_out):  # type: ignore[no-
     return -0.5 * square - log_det - 0.5 * d * LOG_TWO_PI
 
 
-@njit(cache=True)
+@part
+def update_row(x, p, mode, z, r, d, work, x_out, p_out, mode_out):  # type: ignore[no-untyped-def]
+    """One bank of models after its first d components were measured, into the last three, which may be the first; the log-likelihood.
+
+    Args: x (J, 5), p (J, 5, 5), mode (J,); z (4,), r (4, 4); work: of `room_to_update`.
+    """
+    white, low, gain, weight = work
+    j, best = len(mode), -np.inf
+    for m in range(j):
+        fit = _correct(x[m], p[m], z, r, d, white, low, gain, x_out[m], p_out[m])
+        weight[m] = fit + math.log(max(mode[m], FLOOR))
+        best = max(best, weight[m])
+    total = 0.0
+    for m in range(j):
+        weight[m] = math.exp(weight[m] - best)
+        total += weight[m]
+    floored = 0.0
+    for m in range(j):
+        weight[m] = max(weight[m] / total, FLOOR)
+        floored += weight[m]
+    for m in range(j):
+        mode_out[m] = weight[m] / floored
+    return best + math.log(total)
+
+
+@njit(cache=True, nogil=True)
+def room_to_update(j):  # type: ignore[no-untyped-def]
+    """Arrays that `update_row` works in, for so many models."""
+    return np.zeros(4), np.zeros((4, 4)), np.zeros((SIZE, 4)), np.zeros(j)
+
+
+@njit(cache=True, nogil=True)
 def _update_rows(x, p, mode, z, r, has_velocity, x_out, p_out, mode_out, log_likelihood):  # type: ignore[no-untyped-def]
-    n, j = mode.shape
-    white, low, gain, weight = np.zeros(4), np.zeros((4, 4)), np.zeros((SIZE, 4)), np.zeros(j)
-    for row in range(n):
+    work = room_to_update(mode.shape[1])
+    for row in range(len(mode)):
         d = 4 if has_velocity[row] else 2
-        best = -np.inf
-        for m in range(j):
-            fit = _correct(x[row, m], p[row, m], z[row], r[row], d, white, low, gain, x_out[row, m], p_out[row, m])
-            weight[m] = fit + math.log(max(mode[row, m], FLOOR))
-            best = max(best, weight[m])
-        total = 0.0
-        for m in range(j):
-            weight[m] = math.exp(weight[m] - best)
-            total += weight[m]
-        log_likelihood[row] = best + math.log(total)
-        floored = 0.0
-        for m in range(j):
-            weight[m] = max(weight[m] / total, FLOOR)
-            floored += weight[m]
-        for m in range(j):
-            mode_out[row, m] = weight[m] / floored
+        log_likelihood[row] = update_row(
+            x[row], p[row], mode[row], z[row], r[row], d, work, x_out[row], p_out[row], mode_out[row]
+        )
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _estimate_rows(x, p, mode, mean, cov):  # type: ignore[no-untyped-def]
     for row in range(len(mode)):
-        _moments(x[row], p[row], mode[row], mean[row], cov[row])
+        moments(x[row], p[row], mode[row], mean[row], cov[row])
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def imm_predict(
     state: Floats,
     covariance: Floats,
@@ -235,7 +276,7 @@ def imm_predict(
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def imm_update(
     state: Floats, covariance: Floats, mode: Floats, z: Floats, noise: Floats, has_velocity: Bools
 ) -> tuple[Floats, Floats, Floats, Floats]:
@@ -254,7 +295,7 @@ def imm_update(
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def imm_estimate(state: Floats, covariance: Floats, mode: Floats) -> tuple[Floats, Floats]:
     """Mean and covariance over the models.
 

@@ -11,7 +11,10 @@ from collections.abc import Callable
 import numpy as np
 
 from coastwatch.batches import Floats, Ints, SourceKind, Tracks
+from coastwatch.fused_tracks import ImmOfTracks
+from coastwatch.fused_tracks.imm_of_tracks import KINDS
 from coastwatch.geodesy import difference_m, offset_deg
+from coastwatch.kernels.imm import imm_estimate, imm_predict, imm_update
 
 Fused = tuple[Floats, Floats, Floats]
 Combine = Callable[[Floats, Floats, Floats], tuple[Floats, Floats]]
@@ -104,3 +107,54 @@ def average(tracks: Tracks, covariance: Floats, vessel: Ints, kinds: Ints, share
     spread = np.zeros((count, 4, 4))
     np.add.at(spread, vessel, weight[:, None, None] ** 2 * covariance)
     return offset_deg(tracks.position_deg[anchor], mean[:, :2]), mean[:, 2:], spread
+
+
+class Filtered:
+    """The filters of `ImmOfTracks` by rounds: the first track of every vessel, then the second of those with one, ..."""
+
+    def __init__(self, method: ImmOfTracks) -> None:
+        self.method, self.time_s, self.row = method, 0.0, dict[int, int]()
+        self.anchor, self.bank = np.zeros((0, 2)), (np.zeros((0, 3, 5)), np.zeros((0, 3, 5, 5)), np.zeros((0, 3)))
+
+    def step(self, tracks: Tracks, covariance: Floats, vessel: Ints, time_s: float) -> Fused:
+        """A cycle."""
+        method, order = self.method, np.lexsort((-tracks.source, vessel))
+        of = vessel[order]
+        start = np.flatnonzero(np.r_[True, of[1:] != of[:-1]])
+        rank = np.arange(len(of)) - np.repeat(start, np.diff(np.r_[start, len(of)]))
+        plan = [(of[rank == r], order[rank == r]) for r in range(int(rank.max()) + 1)]
+        lead = plan[0][1]
+        anchor, (state, spread, mode) = tracks.position_deg[lead], self._begun(covariance[lead], tracks.velocity_m_s[lead])
+        before = np.full(len(lead), -1)
+        for who, row in plan:
+            was = np.array([self.row.get(k, -1) for k in tracks.track_id[row].tolist()])
+            before[who] = np.where(before[who] < 0, was, before[who])
+        known = before >= 0
+        if known.any():
+            turn_noise, turn_sigma = np.array([0.0, 0.0, method.turn_noise_rad2_s3]), np.full(3, method.turn_sigma_rad_s)
+            dt = np.full(int(known.sum()), time_s - self.time_s)
+            old = [part[before[known]] for part in self.bank]
+            models = np.array(method.noise_m2_s3), turn_noise, turn_sigma, np.array(method.sojourn_s)
+            old = list(imm_predict(*old, dt, KINDS, *models))
+            old[0][:, :, :2] -= difference_m(anchor[known], self.anchor[before[known]])[:, None, :]
+            state[known], spread[known], mode[known] = old
+        for who, row in plan:
+            away = difference_m(tracks.position_deg[row], anchor[who])
+            z, all_of_it = np.concatenate([away, tracks.velocity_m_s[row]], axis=1), np.ones(len(row), np.bool_)
+            made = imm_update(state[who], spread[who], mode[who], z, method.inflation * covariance[row], all_of_it)
+            state[who], spread[who], mode[who] = made[:3]
+        mean, total = imm_estimate(state, spread, mode)
+        position, velocity, fused = offset_deg(anchor, mean[:, :2]), mean[:, 2:4].copy(), total[:, :4, :4].copy()
+        alone = np.bincount(vessel) == 1
+        position[alone], velocity[alone] = tracks.position_deg[lead[alone]], tracks.velocity_m_s[lead[alone]]
+        fused[alone] = covariance[lead[alone]]
+        self.anchor, self.bank, self.time_s = anchor, (state, spread, mode), time_s
+        self.row = dict(zip(tracks.track_id.tolist(), vessel.tolist(), strict=True))
+        return position, velocity, fused
+
+    def _begun(self, covariance: Floats, velocity: Floats) -> tuple[Floats, Floats, Floats]:
+        state, spread = np.zeros((len(velocity), 3, 5)), np.zeros((len(velocity), 3, 5, 5))
+        state[:, :, 2:4] = velocity[:, None, :]
+        spread[:, :, :4, :4] = covariance[:, None]
+        spread[:, :, 4, 4] = self.method.turn_sigma_rad_s**2
+        return state, spread, np.full((len(velocity), 3), 1.0 / 3.0)

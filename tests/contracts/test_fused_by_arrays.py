@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from fused_by_arrays import average, convex, intersection
+from fused_by_arrays import Filtered, average, convex, intersection
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from coastwatch.batches import Associations, Measurements, Tracks
-from coastwatch.fused_tracks import Convex, CovarianceIntersection, WeightedAverage
+from coastwatch.fused_tracks import Convex, CovarianceIntersection, ImmOfTracks, WeightedAverage
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.kernels.threads import threads
 
@@ -17,14 +17,19 @@ ROUNDING = 1e-9  # of the largest number of a covariance
 ROUNDING_M = 1e-6
 
 
-def world(count, seed, alike=False):
-    """Tracks of vessels of one to five tracks, in any order; every fifth has no covariance where they may be alike."""
+def world(count, seed, alike=False, near=False):
+    """Tracks of vessels of one to five tracks, in any order; every fifth has no covariance where they may be alike.
+
+    Vessels are anywhere on Earth, or near each other.
+    """
     rng = np.random.default_rng([seed, 31])
     vessel = np.repeat(np.arange(count), rng.integers(1, 6, count)) if count else np.zeros(0, np.int64)
     vessel = rng.permutation(vessel)
     n = len(vessel)
     centre = np.column_stack([rng.uniform(-84.0, 84.0, count), rng.uniform(-180.0, 180.0, count)])
     centre[::3, 1] = 179.9995
+    if near:
+        centre = offset_deg(centre[:1], rng.normal(0.0, 300.0, (count, 2)))
     root = rng.normal(0.0, 1.0, (n, 4, 4)) * np.array([10.0, 10.0, 0.5, 0.5])[:, None] * rng.uniform(0.2, 3.0, (n, 1, 1))
     covariance = root @ root.transpose(0, 2, 1) + 0.01 * np.eye(4)
     if alike:
@@ -80,7 +85,32 @@ def test_average(count, seed, shares):
     same(fused, average(tracks, tracks.known_covariance(SIGMA_M_S), vessel, KINDS, shares))
 
 
-@pytest.mark.parametrize("method", [Convex(registration=0.1), CovarianceIntersection(), WeightedAverage()])
+@settings(max_examples=20, deadline=None)
+@given(st.integers(1, 20), st.integers(0, 10**6))
+def test_filters_of_tracks(count, seed):
+    """Vessels swap and lose tracks from cycle to cycle."""
+    tracks, vessel = world(count, seed, alike=True, near=True)
+    method, rng, none = (
+        ImmOfTracks(unknown_velocity_sigma_m_s=SIGMA_M_S),
+        np.random.default_rng([seed, 32]),
+        np.zeros(0, np.int64),
+    )
+    memory, oracle = method.init(), Filtered(method)
+    for cycle in range(5):
+        rows = rng.permutation(len(tracks))[: rng.integers(1, len(tracks) + 1)]
+        others = rng.random(len(rows)) < 0.1
+        of = np.unique(np.where(others, rng.integers(0, count, len(rows)), vessel[rows]), return_inverse=True)[1]
+        now, some = 3.0 * cycle, tracks.take(rows)
+        given_to = Associations(none, none, np.zeros(0), of)
+        memory, fused = method.step(memory, some, Measurements.empty(), given_to, now, KINDS)
+        wanted = oracle.step(some, some.known_covariance(SIGMA_M_S), of, now)
+        assert np.abs(difference_m(fused.position_deg, wanted[0])).max() < ROUNDING_M
+        np.testing.assert_allclose(fused.velocity_m_s, wanted[1], rtol=0.0, atol=ROUNDING_M)
+        size = np.abs(wanted[2]).max(axis=(1, 2), keepdims=True)
+        np.testing.assert_allclose(fused.covariance / size, wanted[2] / size, rtol=0.0, atol=ROUNDING_M)
+
+
+@pytest.mark.parametrize("method", [Convex(registration=0.1), CovarianceIntersection(), WeightedAverage(), ImmOfTracks()])
 def test_threads_change_no_bit(method):
     tracks, vessel = world(20_000, 5, alike=True)
     alone = stepped(method, tracks, vessel)
