@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import weakref
 from collections.abc import Iterable, Mapping
 from multiprocessing import resource_tracker
 from multiprocessing.shared_memory import SharedMemory
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -134,8 +137,23 @@ def _copy(array: Array, out: Array) -> None:
 
 
 def new_block(size: int) -> SharedMemory:
-    """A block with room for so many bytes and some more."""
-    return SharedMemory(create=True, size=max(int(ROOM * size), LEAST_BYTES))
+    """A block with room for so many bytes and some more.
+
+    Raises: OSError where the machine has not so much: without asking for it now, whoever writes there later would be killed.
+    """
+    room = max(int(ROOM * size), LEAST_BYTES)
+    block = SharedMemory(create=True, size=room)
+    file = Path("/dev/shm", block.name)
+    try:
+        if file.exists():
+            with file.open("r+b") as opened:
+                os.posix_fallocate(opened.fileno(), 0, room)
+    except OSError as error:
+        give_back(block)
+        free = shutil.disk_usage(file.parent).free
+        told = f"shared memory: got {free} bytes in {file.parent}, needed {room}; a larger one, or workers.method = threads"
+        raise OSError(error.errno, told) from error
+    return block
 
 
 def give_back(block: SharedMemory) -> None:

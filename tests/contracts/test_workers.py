@@ -13,7 +13,7 @@ from coastwatch.kernels.dealing import deal
 from coastwatch.kernels.threads import blocks
 from coastwatch.stage import Groups, in_turn, room_of
 from coastwatch.workers import processors, spread_over
-from coastwatch.workers.blocks import Attached, Blocks, Ground
+from coastwatch.workers.blocks import Attached, Blocks, Ground, new_block
 from coastwatch.workers.costs import Costs, along, chunks
 from coastwatch.workers.processes import Processes
 
@@ -140,6 +140,11 @@ def test_what_is_made_in_a_room_is_not_copied_and_lives_as_long_as_anybody_has_i
     assert left.sum() == 5.0
     with pytest.raises(FileNotFoundError):
         seen.block(block)
+
+
+def test_more_than_the_machine_has_is_refused_with_how_much_that_is():
+    with pytest.raises(OSError, match=r"shared memory: got \d+ bytes in /dev/shm, needed \d+; .*workers.method = threads"):
+        new_block(1 << 45)
 
 
 def test_shared_arrays_are_read_only_and_what_work_raises_is_raised_here(pool):
