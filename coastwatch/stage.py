@@ -62,7 +62,8 @@ Shared = Mapping[str, Any]
 Arrays among which are those of CUT can be cut down to some of their rows, for work on another machine. Rows of groups are then
 members, and halo as -1 - row; `rank[row]` is where a row stands in every other array that is as long, and `row[rank]` the row there.
 `ring`: the entries of the last W cycles, newest last, that of a cycle in the ranks of that cycle; `chain`: (N, W - 1), where a rank stands
-in the entry of the last cycle, of that before it, ...; `length`: (N,), how many entries it has. `point`, if any: where it is.
+in the entry of the last cycle, of that before it, ...; `length`: (N,), how many entries it has. `point`, if
+any: (N, 3 or more), where it is.
 """
 
 RING = ("rank", "ring", "chain")

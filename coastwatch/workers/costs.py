@@ -43,7 +43,7 @@ def along(arrays: Shared, groups: Groups) -> Ints | None:
     if "rank" not in arrays or "point" not in arrays or len(groups.row) == 0:
         return None
     first = groups.row[np.minimum(groups.start[:-1], len(groups.row) - 1)]
-    point = arrays["point"][arrays["rank"][np.where(first >= 0, first, -1 - first)]]
+    point = arrays["point"][arrays["rank"][np.where(first >= 0, first, -1 - first)], :3]
     return np.argsort(point[:, np.ptp(point, axis=0).argmax()], kind="stable")
 
 

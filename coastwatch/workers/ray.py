@@ -68,8 +68,8 @@ class Actors:
             raise ValueError("workers.method = ray: Ray is not installed, needed: pip install 'coastwatch[ray]'") from error
         self._own_cluster = not ray.is_initialized()
         if self._own_cluster:
-            local = {} if "RAY_ADDRESS" in os.environ else {"num_cpus": processors(self.count), "include_dashboard": False}
-            ray.init(log_to_driver=False, logging_level="ERROR", **local)
+            local = {"address": "local", "num_cpus": processors(self.count), "include_dashboard": False}
+            ray.init(log_to_driver=False, logging_level="ERROR", **({} if "RAY_ADDRESS" in os.environ else local))
         for _ in range(self.count or int(ray.cluster_resources().get("CPU", 1))):
             self._start()
         ray.wait([hand.joining for hand in self._hands], num_returns=len(self._hands), timeout=FIRST_PATIENCE_S)

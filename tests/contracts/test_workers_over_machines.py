@@ -1,18 +1,23 @@
 """Work over machines: windows that are kept by those who need them, spots that change hands, a machine that is lost."""
 
 import os
+import pickle
 import sys
 import time
 import warnings
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from test_associations import crowd
 
+from coastwatch.associations import WindowedCovariance
 from coastwatch.kernels.cutting import cut, rows_of
-from coastwatch.stage import Groups, in_turn
+from coastwatch.spots import KMeansSpots
+from coastwatch.stage import CUT, Groups, in_turn
 from coastwatch.workers.owners import UNEVEN, owners
 from coastwatch.workers.windows import Holder, Part
 
@@ -117,6 +122,39 @@ def test_a_cycle_brings_one_entry_of_each_track_and_windows_only_to_who_lacks_th
     arrays, spots = sea.cycle()
     more = part.cut(arrays, spots.take([2, 4]))
     assert 0 < len(more.given) < len(more.entry)
+
+
+class Held:
+    """A Spread over holders of windows, here."""
+
+    def __init__(self, hands):
+        self.holders, self.given = [(Part(), Holder()) for _ in range(hands)], []
+
+    def __call__(self, work, settings, arrays, spots):
+        if not set(CUT) <= set(arrays):
+            pytest.skip("arrays of the association cannot be cut")
+        parts = []
+        for k, (part, holder) in enumerate(self.holders):
+            sent = part.cut(arrays, spots.take(np.arange(k, len(spots), len(self.holders))))
+            self.given.append(len(sent.given) / max(len(sent.entry), 1))
+            parts.append(holder.work(work, settings, pickle.loads(pickle.dumps(sent))))
+        return parts
+
+
+def test_the_association_is_the_same_where_windows_are_held():
+    water, method, spots = crowd(5, n=600, regions=2), WindowedCovariance(), KMeansSpots(count=9)
+    spread, memories, spot_memory = Held(3), [method.init(), method.init()], spots.init()
+    for cycle in range(25):
+        tracks = water.tracks(cycle)
+        tracks = tracks.take(np.random.default_rng([5, cycle]).random(len(tracks)) > 0.02)
+        spot_memory, grouped = spots.step(spot_memory, tracks)
+        memories[0], alone = method.step(memories[0], tracks, grouped, in_turn)
+        memories[1], held = method.step(memories[1], tracks, grouped, spread)
+        for field in fields(alone):
+            one, other = getattr(alone, field.name), getattr(held, field.name)
+            assert np.asarray(one).tobytes() == np.asarray(other).tobytes(), field.name
+    assert len(alone.first) > 200
+    assert 0.0 < np.mean(spread.given[9:]) < 0.3
 
 
 @settings(deadline=None)
