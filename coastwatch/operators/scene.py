@@ -66,8 +66,7 @@ def load(
     Raises: StoreError, BadInput.
     """
     rows = store.picture(found, run["id"], at_s, bbox)
-    names = rows.columns
-    table = {name: [row[k] for row in rows.rows] for k, name in enumerate(names)}
+    table = {name: rows.column(name) for name in rows.columns}
     position = _numbers(table, "latitude_deg", "longitude_deg")
     time_s = max(table["time_s"], default=None)
     land, note = _land(run["scenario"], shore)
@@ -76,7 +75,7 @@ def load(
     centre_deg, width_nm, height_nm = _frame(run["settings"]["area"], bbox)
     return Scene(
         title=run["title"],
-        subtitle=f"{when}run {run['id']} of {run['scenario']}, seed {run['seed']} · {len(rows.rows)} vessels",
+        subtitle=f"{when}run {run['id']} of {run['scenario']}, seed {run['seed']} · {len(rows)} vessels",
         centre_deg=centre_deg,
         width_nm=width_nm,
         height_nm=height_nm,
@@ -153,7 +152,7 @@ def _trails(found: Store, run_id: int, vessels: list[int], position_deg: Floats,
     if time_s is None or len(vessels) > TRAILS_MOST:
         return ()
     past = store.history(found, run_id, time_s - TRAIL_S, time_s)
-    if not past.rows:
+    if not len(past):
         return ()
     vessel = np.array([*past.column("vessel_id"), *vessels], np.int64)
     place = np.array([past.column("latitude_deg"), past.column("longitude_deg")], float).T

@@ -12,7 +12,7 @@ from coastwatch.batches import Flag
 from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.scenario import utc_text
-from coastwatch.store import Rows, Store
+from coastwatch.store import Rows, Store, Table
 from coastwatch.store.questions import ParameterError
 
 DIGITS = {
@@ -50,6 +50,9 @@ ERRORS = (
 """Registration errors of a sensor and their standard deviations; a lag is taken out only once it is known well."""
 
 
+Box = tuple[float, float, float, float]
+
+
 @dataclass(frozen=True)
 class Vessel:
     """What is known of one vessel."""
@@ -75,9 +78,28 @@ def run(found: Store, run_id: int | None) -> dict[str, Any]:
     return store.run(found, store.latest_run(found) if run_id is None else run_id)
 
 
-def picture(found: Store, run_id: int, at_s: float | None, bbox: tuple[float, float, float, float] | None) -> Rows:
+def picture(found: Store, run_id: int, at_s: float | None, bbox: Box | None) -> Rows:
     """One row a vessel, for people."""
     return for_people(store.picture(found, run_id, at_s, bbox))
+
+
+def traffic(found: Store, run_id: int, bbox: Box, span_s: tuple[float, float]) -> Rows:
+    """What was in a box between two instants, for people. Raises: BadInput, StoreError."""
+    return for_people(store.traffic(found, run_id, bbox, *_span(span_s)))
+
+
+def encounters(found: Store, run_id: int, bbox: Box, span_s: tuple[float, float], limits: Mapping[str, Any]) -> Rows:
+    """Who came close to whom, for people. Args: limits: as `store.encounters` takes them. Raises: BadInput, StoreError."""
+    for name, value in limits.items():
+        if not 0.0 <= value < float("inf"):
+            raise BadInput(f"{name}: got {value:g}, needed 0 or more")
+    return for_people(store.encounters(found, run_id, bbox, *_span(span_s), **limits))
+
+
+def _span(span_s: tuple[float, float]) -> tuple[float, float]:
+    if span_s[0] > span_s[1]:
+        raise BadInput(f"--from: got {utc_text(span_s[0])}, needed an instant before --to, {utc_text(span_s[1])}")
+    return span_s
 
 
 def shown(rows: Rows) -> Rows:
@@ -143,7 +165,7 @@ def answer(found: Store, name: str, parameters: Mapping[str, str]) -> Rows:
         raise BadInput(str(error)) from error
 
 
-def for_people(rows: Rows) -> Rows:
+def for_people(rows: Rows | Table) -> Rows:
     """The same rows with every value as an operator reads it; instants are renamed from `_s` to `_utc`."""
     makers = [_maker(name) for name in rows.columns]
     names = tuple(f"{name[:-2]}_utc" if name in store.INSTANTS else name for name in rows.columns)

@@ -43,7 +43,9 @@ class StoreSettings(Settings):
     history_hours: Annotated[float, Field(ge=0.0)] = 0.0  # of the past that can be asked for; 0: all
     details_hours: Annotated[float, Field(ge=0.0)] = 0.0  # of associations, spots, timings and registrations; 0: all
     picture_hours: Annotated[float, Field(ge=0.0)] = 0.0  # that the last picture of a run is kept after its end; 0: for ever
+    recording_hours: Annotated[float, Field(ge=0.0)] = 0.0  # of the recording; 0: all
     overlap: bool = True  # a cycle is written while the next one is computed; the rows are the same
+    recording: bool = False  # of every picture with its members, bit for bit
 
 
 class WorkerSettings(Settings):

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from sqlalchemy import Connection, and_, select, update
 
 from coastwatch.batches import Ints
 from coastwatch.store import history_rule, registrations, retention, statics
+from coastwatch.store.blocks import Tail
 from coastwatch.store.opening import StoreError
 from coastwatch.store.past import newest_points, of_newest
 from coastwatch.store.tables import Cycle, History, Member, Presence, Run, Source
+
+if TYPE_CHECKING:  # with kernels, which are slow to import
+    from coastwatch.store.chunks import Key
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +34,8 @@ class Newest:
     heard: registrations.Heard
     forgotten: retention.Forgotten
     period_s: float
+    tail: Tail | None = None  # of the history by place; None: the database knows
+    key: Key | None = None  # of the full recording; None: the database knows
 
 
 def read(connection: Connection, run_id: int, where: str) -> Newest:

@@ -1,39 +1,68 @@
-"""Pictures of the past: the newest points up to a cycle, dead-reckoned to it (history_rule)."""
+"""The points of the history: all between two instants, those of one vessel, and the newest of each vessel up to a cycle."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from sqlalchemy import Connection, Select, Subquery, and_, false, func, or_, select, true
+from sqlalchemy import Connection, Subquery, and_, bindparam, false, func, select, text
 
-from coastwatch.batches import Floats
-from coastwatch.store.history_rule import reckoned
-from coastwatch.store.rows import Box, Rows, fetched, picture_columns, same_mmsi
-from coastwatch.store.tables import Cycle, History, MemberHistory, Presence, Source, VesselStatic
+from coastwatch.batches import Array
+from coastwatch.store.collect import collected
+from coastwatch.store.rows import Table
+from coastwatch.store.tables import Cycle, History, Presence
+
+MOVED = (
+    "latitude_deg",
+    "longitude_deg",
+    "sog_kn",
+    "cog_deg",
+    "major_m",
+    "minor_m",
+    "orientation_deg",
+    "updated_s",
+    "mmsi",
+    "flags",
+)
+COLUMNS = ("cycle", "time_s", "vessel_id", *MOVED)
+"""Of a history."""
+
+CHAIN = """
+WITH RECURSIVE start (cycle) AS (VALUES {starts}), back (cycle) AS (
+    SELECT CAST(s.cycle AS BIGINT) FROM start s
+    UNION
+    SELECT h.previous_cycle
+    FROM back b CROSS JOIN history h
+    WHERE h.run_id = :run AND h.cycle = b.cycle AND h.vessel_id = :vessel AND h.previous_cycle IS NOT NULL
+)
+SELECT cycle FROM back
+"""
 
 
-def picture_then(connection: Connection, run_id: int, cycle: int, bbox: Box | None, vessel_id: int | None = None) -> Rows:
-    """One row a vessel as it was in a cycle of which the history is kept: at its newest point's course and speed from there.
+def points_between(connection: Connection, run_id: int, first: int, last: int) -> Table:
+    """The points of a range of cycles, by cycle and vessel; no closing ones."""
+    of_run = and_(Cycle.run_id == run_id, Cycle.number.between(first, last))
+    points = connection.scalar(select(func.coalesce(func.sum(Cycle.history_points), 0)).where(of_run))
+    where = (History.run_id == run_id, History.cycle.between(first, last))
+    return _table(connection, run_id, where, int(points or 0))
 
-    Args: vessel_id: only this one.
+
+def points_of(connection: Connection, run_id: int, vessel_id: int) -> Table:
+    """The points of one vessel, oldest first; no closing ones.
+
+    Each point names the cycle of the one before it: the key (run, cycle, vessel) is sought once a point, from the newest one of each
+    stay back to its first. Rows of schema 0003 and older name none, there it is sought in every cycle of the stay.
     """
-    there = select(Cycle.history_from, Cycle.time_s).where(Cycle.run_id == run_id, Cycle.number == cycle)
-    first, time_s = connection.execute(there).one()
-    assert first is not None
-    points = _with_sources(connection, run_id, cycle, fetched(connection, _query(run_id, first, cycle, vessel_id)))
-    place = np.array([points.column(name) for name in ("latitude_deg", "longitude_deg")], float).reshape(2, -1).T
-    speed, course, at_s = (np.array(points.column(name), float) for name in ("sog_kn", "cog_deg", "time_s"))
-    now = reckoned(place, speed, course, time_s - at_s)
-    names, kept = points.columns, np.flatnonzero(_inside(now, bbox)).tolist()
-    column = {name: k for k, name in enumerate(names)}
-    made = []
-    for k in kept:
-        row = list(points.rows[k])
-        row[column["latitude_deg"]], row[column["longitude_deg"]] = now[k].tolist()
-        row[column["time_s"]] = time_s
-        made.append(tuple(row))
-    return Rows(names, made)
+    stays = select(Presence.from_cycle, Presence.to_cycle).where(Presence.run_id == run_id, Presence.vessel_id == vessel_id)
+    spans = [tuple(row) for row in connection.execute(stays.order_by(Presence.from_cycle))]
+    starts = [to + 1 for _, to in spans if to is not None]
+    if spans and spans[-1][1] is None:
+        starts += _last_cycles(connection, run_id)
+    chain = _chain(connection, run_id, vessel_id, starts)
+    cycles = sorted({*chain, *_unnamed(connection, run_id, spans, chain)})
+    where = (History.run_id == run_id, History.cycle.in_(bindparam("cycles", cycles, expanding=True, literal_execute=True)))
+    return _table(connection, run_id, (*where, History.vessel_id == vessel_id), len(cycles))
 
 
 def newest_points(run_id: int, first: int, cycle: int) -> Subquery:
@@ -48,37 +77,46 @@ def of_newest(run_id: int, newest: Subquery) -> Any:
     return and_(History.run_id == run_id, same, History.closing == false())
 
 
-def _query(run_id: int, first: int, cycle: int, vessel_id: int | None) -> Select[*tuple[Any, ...]]:
-    newest = newest_points(run_id, first, cycle)
-    then = and_(Cycle.run_id == run_id, Cycle.number == History.cycle)
-    there = and_(Presence.run_id == run_id, Presence.vessel_id == History.vessel_id, holds(Presence, cycle))
-    ellipse = (History.major_m, History.minor_m, History.orientation_deg)
-    columns = (*picture_columns(History), Cycle.time_s, Presence.since_s, History.updated_s, *ellipse)
-    query = select(*columns).select_from(newest).join(History, of_newest(run_id, newest)).join(Cycle, then)
-    query = query.outerjoin(Presence, there).outerjoin(VesselStatic, same_mmsi(History))
-    return query.where(true() if vessel_id is None else newest.c.vessel_id == vessel_id).order_by(History.vessel_id)
+def _table(connection: Connection, run_id: int, where: Sequence[Any], most: int) -> Table:
+    names = ("cycle", "vessel_id", *MOVED)
+    query = select(*(getattr(History, name) for name in names)).where(*where, History.closing == false())
+    found: dict[str, Array] = dict(zip(names, collected(connection, query, most), strict=True))
+    order = np.lexsort((found["vessel_id"], found["cycle"]))
+    found = {name: column[order] for name, column in found.items()}
+    number = found["cycle"]
+    found["time_s"] = np.zeros(0)
+    if len(number):
+        span = and_(Cycle.run_id == run_id, Cycle.number.between(int(number[0]), int(number[-1])))
+        rows = connection.execute(select(Cycle.number, Cycle.time_s).where(span).order_by(Cycle.number)).all()
+        known, time_s = (np.array(column) for column in zip(*rows, strict=True))
+        found["time_s"] = time_s[np.searchsorted(known, number)]
+    return Table(COLUMNS, tuple(found[name] for name in COLUMNS))
 
 
-def holds(stay: type[Presence] | type[MemberHistory], cycle: int) -> Any:
-    """Whether a stay has a cycle in it."""
-    return and_(stay.from_cycle <= cycle, or_(stay.to_cycle.is_(None), stay.to_cycle >= cycle))
+def _last_cycles(connection: Connection, run_id: int) -> list[int]:
+    """In one of these a vessel that is there now has its newest point."""
+    kept = select(Cycle.number, Cycle.history_from).where(Cycle.run_id == run_id, Cycle.history_from.is_not(None))
+    last = connection.execute(kept.order_by(Cycle.number.desc()).limit(1)).first()
+    return [] if last is None else list(range(last.history_from, last.number + 1))
 
 
-def _inside(position_deg: Floats, bbox: Box | None) -> Any:
-    if bbox is None:
-        return np.ones(len(position_deg), np.bool_)
-    south, west, north, east = bbox
-    latitude, longitude = position_deg.T
-    after, before = longitude >= west, longitude <= east
-    return (latitude >= south) & (latitude <= north) & (after & before if west <= east else after | before)
+def _chain(connection: Connection, run_id: int, vessel_id: int, starts: Sequence[int]) -> set[int]:
+    """The cycles that are reached from others."""
+    if not starts:
+        return set()
+    sql = CHAIN.format(starts=", ".join(f"({cycle})" for cycle in starts))
+    return set(connection.scalars(text(sql), {"run": run_id, "vessel": vessel_id}))
 
 
-def _with_sources(connection: Connection, run_id: int, cycle: int, rows: Rows) -> Rows:
-    """The rows with a last column: names of the sources that each vessel had in a cycle, as `vessel.sources` has them now."""
-    same = and_(Source.run_id == MemberHistory.run_id, Source.number == MemberHistory.source)
-    query = select(MemberHistory.vessel_id, Source.name).join(Source, same)
-    query = query.where(MemberHistory.run_id == run_id, holds(MemberHistory, cycle))
-    names: dict[int, dict[str, None]] = {}
-    for vessel, name in connection.execute(query.order_by(MemberHistory.vessel_id, Source.number)):
-        names.setdefault(vessel, {})[name] = None
-    return Rows((*rows.columns, "sources"), [(*row, ",".join(names.get(row[0], ()))) for row in rows.rows])
+def _unnamed(connection: Connection, run_id: int, spans: Sequence[Any], chain: set[int]) -> set[int]:
+    """The cycles of stays that lie before the first point that is reached."""
+    reached = np.array(sorted(chain), np.int64)
+    out: set[int] = set()
+    for first, last in spans:
+        here = reached[(reached >= first) & (reached <= (np.inf if last is None else last + 1))]
+        if len(here) and here[0] == first:
+            continue
+        kept = select(Cycle.number).where(Cycle.run_id == run_id, Cycle.history_from.is_not(None), Cycle.number >= first)
+        kept = kept if last is None else kept.where(Cycle.number <= last)
+        out |= set(connection.scalars(kept.where(Cycle.number < int(here[0])) if len(here) else kept))
+    return out

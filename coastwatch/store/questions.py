@@ -17,8 +17,8 @@ from sqlalchemy import text
 
 from coastwatch.shipped import operator_queries_folder
 from coastwatch.store.opening import Store, StoreError, reading
-from coastwatch.store.read import latest_run
 from coastwatch.store.rows import Rows
+from coastwatch.store.runs import latest_run
 
 PARAMETER = re.compile(r"^-- parameter: (?P<name>\w+) = (?P<default>[^,]+), (?P<meaning>.+)$")
 Value = int | float | str

@@ -2,72 +2,31 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-from sqlalchemy import Connection, Executable, Select, and_, false, func, or_, select, true
+from sqlalchemy import Connection, Executable, Select, and_, func, or_, select
 from sqlalchemy.orm import aliased
 
+from coastwatch.store.box import Box
 from coastwatch.store.opening import Store, StoreError, reading
-from coastwatch.store.past import picture_then
-from coastwatch.store.rows import Box, Rows, fetched, picture_columns, same_mmsi
+from coastwatch.store.past import points_between, points_of
+from coastwatch.store.pictures import COLUMNS, picture_now, picture_then
+from coastwatch.store.rows import Rows, Table, fetched
+from coastwatch.store.runs import cycle_at, run_exists
 from coastwatch.store.tables import (
     Association,
     BearingAssociation,
     BearingTrack,
     Cycle,
-    History,
     MemberHistory,
     Presence,
-    Run,
     Sensor,
     Source,
-    StageTiming,
-    Vessel,
-    VesselStatic,
 )
 
 INSTANTS = ("time_s", "since_s", "updated_s", "start_s", "from_s", "to_s", "first_s", "last_s", "heard_s")
 """Columns that hold an instant, seconds since 1970 UTC; any other column in `_s` is a length of time."""
-
-OF_THE_RULE = ("previous_cycle", "closing")
-"""Columns of `history` by which points are found."""
-
-
-def runs(store: Store) -> Rows:
-    """Every run, newest first, without its settings and scores."""
-    stored = select(Cycle.run_id, func.count().label("done")).group_by(Cycle.run_id).subquery()
-    columns = (
-        Run.id,
-        Run.scenario,
-        Run.title,
-        Run.seed,
-        Run.version,
-        Run.status,
-        Run.started_utc,
-        Run.finished_utc,
-        Run.workers,
-    )
-    query = select(*columns, func.coalesce(stored.c.done, 0).label("cycles_stored"), Run.cycles, Run.period_s, Run.start_s)
-    return _ask(store, query.outerjoin(stored, stored.c.run_id == Run.id).order_by(Run.id.desc()))
-
-
-def run(store: Store, run_id: int) -> dict[str, Any]:
-    """One run with settings, scores and faults. Raises: StoreError where there is none."""
-    found = _ask(store, select(*Run.__table__.columns).where(Run.id == run_id))
-    if not found.rows:
-        raise StoreError(f"{store.where}: there is no run {run_id}")
-    return dict(zip(found.columns, found.rows[0], strict=True))
-
-
-def latest_run(store: Store, scenario: str | None = None) -> int:
-    """The number of the newest run (of a scenario). Raises: StoreError where there is none."""
-    query = select(func.max(Run.id))
-    found = _ask(store, query if scenario is None else query.where(Run.scenario == scenario)).rows[0][0]
-    if found is None:
-        raise StoreError(f"{store.where}: holds no run" + (f" of {scenario}" if scenario else ""))
-    return int(found)
 
 
 def sensors(store: Store, run_id: int) -> Rows:
@@ -90,22 +49,27 @@ def bearing_tracks(store: Store, run_id: int) -> Rows:
     return _ask(store, query.order_by(b.source, b.track_id))
 
 
-def picture(store: Store, run_id: int, at_s: float | None = None, bbox: Box | None = None) -> Rows:
-    """One row a vessel: now, or in the last cycle up to an instant, then dead-reckoned within `store.history_error_m`.
+def picture(
+    store: Store, run_id: int, at_s: float | None = None, bbox: Box | None = None, columns: Sequence[str] = COLUMNS
+) -> Table:
+    """One row a vessel, by vessel_id: now; or in the last cycle up to an instant, exactly where that cycle was recorded, else
+    dead-reckoned within `store.history_error_m`.
 
-    Args: at_s: seconds since 1970 UTC; bbox: south, west, north, east in degrees, west > east crosses the antimeridian.
+    Args: at_s: seconds since 1970 UTC; bbox: south, west, north, east in degrees, west > east crosses the antimeridian; columns: those
+    that are wanted, in this order; names, sources and `since_s` cost as much as all others.
     Raises: StoreError where there is no such run, or nothing is stored so early.
     """
     with reading(store) as connection:
-        _run_exists(connection, store, run_id)
+        run_exists(connection, store, run_id)
         if at_s is None:
-            return fetched(connection, _current(run_id, bbox))
-        cycle = cycle_at(connection, store, run_id, at_s, Cycle.history_from.is_not(None))
-        return picture_then(connection, run_id, cycle, bbox)
+            return picture_now(connection, run_id, bbox, columns)
+        kept = or_(Cycle.history_from.is_not(None), Cycle.recorded)
+        cycle = cycle_at(connection, store, run_id, at_s, kept)
+        return picture_then(connection, run_id, cycle, bbox, columns)
 
 
 def track(store: Store, run_id: int, vessel_id: int) -> dict[str, Any]:
-    """One vessel: `vessel` (its newest row as a dict), and Rows `history` (its points), `members`, `stays`, `associations`,
+    """One vessel: `vessel` (its newest row as a dict), Table `history` (its points), and Rows `members`, `stays`, `associations`,
     `bearing_associations`, oldest first.
 
     Raises: StoreError where the run never had such a vessel.
@@ -115,13 +79,11 @@ def track(store: Store, run_id: int, vessel_id: int) -> dict[str, Any]:
     with reading(store) as connection:
         there = fetched(connection, stays)
         if not there.rows:
-            _run_exists(connection, store, run_id)
+            run_exists(connection, store, run_id)
             raise StoreError(f"{store.where}: run {run_id} never had a vessel {vessel_id}")
-        past = fetched(connection, _through_time(History, run_id, vessel_id).where(History.closing == false()))
-        now = fetched(connection, _current(run_id, None).where(Vessel.vessel_id == vessel_id))
         return {
-            "vessel": _newest_row(connection, run_id, vessel_id, now, there),
-            "history": past,
+            "vessel": _newest_row(connection, run_id, vessel_id, there),
+            "history": points_of(connection, run_id, vessel_id),
             "members": fetched(connection, _members(run_id, vessel_id)),
             "stays": there,
             "associations": fetched(connection, _through_time(Association, run_id, vessel_id)),
@@ -129,71 +91,24 @@ def track(store: Store, run_id: int, vessel_id: int) -> dict[str, Any]:
         }
 
 
-def history(store: Store, run_id: int, from_s: float | None = None, to_s: float | None = None) -> Rows:
-    """Every point between two instants, both included: cycle, time_s, vessel_id, position, motion, flags."""
-    columns = [c for c in History.__table__.columns if c.name not in ("run_id", "cycle", *OF_THE_RULE)]
+def history(
+    store: Store, run_id: int, from_s: float | None = None, to_s: float | None = None, vessel_id: int | None = None
+) -> Table:
+    """Every point between two instants, both included, of one vessel where one is given: cycle, time_s, vessel_id, position, motion,
+    ellipse, updated_s, mmsi, flags. Until its next point a vessel goes on at the course and speed of the last one.
+    """
     span = [Cycle.run_id == run_id]
     span += [] if from_s is None else [Cycle.time_s >= from_s]
     span += [] if to_s is None else [Cycle.time_s <= to_s]
-    same = and_(History.run_id == Cycle.run_id, History.cycle == Cycle.number)
-    query = select(Cycle.number.label("cycle"), Cycle.time_s, *columns).join(History, same)
-    return _ask(store, query.where(*span, History.closing == false()).order_by(Cycle.number, History.vessel_id))
-
-
-def timings(store: Store, run_id: int) -> Rows:
-    """For each stage, in the order in which they ran: cycles, milliseconds (median, p99, longest, total), share and rows a cycle."""
-    query = select(StageTiming.stage, StageTiming.number, StageTiming.seconds, StageTiming.rows)
-    stored = _ask(store, query.where(StageTiming.run_id == run_id).order_by(StageTiming.cycle, StageTiming.number)).rows
-    by_stage: dict[str, list[tuple[Any, ...]]] = {}
-    for row in stored:
-        by_stage.setdefault(row[0], []).append(row)
-    everything = sum(row[2] for row in stored) or 1.0
-    out = []
-    for stage, rows in sorted(by_stage.items(), key=lambda item: max(row[1] for row in item[1])):
-        ms = np.array([row[2] for row in rows]) * 1e3
-        yielded = [row[3] for row in rows if row[3] is not None]
-        figures = (np.median(ms), np.percentile(ms, 99), ms.max(), ms.sum(), ms.sum() / 1e3 / everything)
-        out.append((stage, len(rows), *(float(x) for x in figures), sum(yielded) / len(yielded) if yielded else None))
-    return Rows(("stage", "cycles", "median_ms", "p99_ms", "longest_ms", "total_ms", "share", "rows"), out)
-
-
-def cycle_at(connection: Connection, store: Store, run_id: int, at_s: float | None, kept: Any = true()) -> int:  # noqa: B008
-    """The newest cycle (of those that are kept) up to an instant; -1 where no instant is asked and there is none.
-
-    Raises: StoreError where there is no such run, or nothing is stored so early.
-    """
-    _run_exists(connection, store, run_id)
-    before = true() if at_s is None else Cycle.time_s <= at_s
-    cycle = connection.scalar(select(func.max(Cycle.number)).where(Cycle.run_id == run_id, kept, before))
-    if cycle is None and at_s is not None:
-        first_s = connection.scalar(select(func.min(Cycle.time_s)).where(Cycle.run_id == run_id, kept))
-        has = "it has no cycle yet" if first_s is None else f"its first kept cycle is at {_utc(first_s)}"
-        raise StoreError(f"{store.where}: run {run_id} holds nothing up to {_utc(at_s)}, {has}")
-    return -1 if cycle is None else int(cycle)
-
-
-def _utc(time_s: float) -> str:
-    return datetime.fromtimestamp(time_s, UTC).isoformat().replace("+00:00", "Z")
-
-
-def _run_exists(connection: Connection, store: Store, run_id: int) -> None:
-    if connection.scalar(select(Run.id).where(Run.id == run_id)) is None:
-        raise StoreError(f"{store.where}: there is no run {run_id}")
-
-
-def _inside(bbox: Box | None) -> Any:
-    if bbox is None:
-        return true()
-    south, west, north, east = bbox
-    after, before = Vessel.longitude_deg >= west, Vessel.longitude_deg <= east
-    return and_(Vessel.latitude_deg.between(south, north), and_(after, before) if west <= east else or_(after, before))
-
-
-def _current(run_id: int, bbox: Box | None) -> Select[*tuple[Any, ...]]:
-    ellipse = (Vessel.major_m, Vessel.minor_m, Vessel.orientation_deg)
-    columns = (*picture_columns(Vessel), Vessel.time_s, Vessel.since_s, Vessel.updated_s, *ellipse, Vessel.sources)
-    query = select(*columns).outerjoin(VesselStatic, same_mmsi(Vessel))
-    return query.where(Vessel.run_id == run_id, _inside(bbox)).order_by(Vessel.vessel_id)
+    with reading(store) as connection:
+        first, last = connection.execute(select(func.min(Cycle.number), func.max(Cycle.number)).where(*span)).one()
+        if first is None:
+            return points_between(connection, run_id, 0, -1)
+        if vessel_id is None:
+            return points_between(connection, run_id, first, last)
+        found = points_of(connection, run_id, vessel_id)
+    here = (found.array("cycle") >= first) & (found.array("cycle") <= last)
+    return Table(found.columns, tuple(column[here] for column in found.arrays))
 
 
 def _members(run_id: int, vessel_id: int) -> Select[*tuple[Any, ...]]:
@@ -213,22 +128,24 @@ def _through_time(table: Any, run_id: int, vessel_id: int) -> Select[*tuple[Any,
     """
     stay = and_(Presence.run_id == Cycle.run_id, Presence.vessel_id == vessel_id, Presence.from_cycle <= Cycle.number)
     lasts = or_(Presence.to_cycle.is_(None), Presence.to_cycle >= Cycle.number)
-    there = select(Cycle.number).join(Presence, and_(stay, lasts)).where(Cycle.run_id == run_id)
-    columns = [c for c in table.__table__.columns if c.name not in ("run_id", "cycle", "vessel_id", *OF_THE_RULE)]
+    there = select(Cycle.number).join(Presence, and_(stay, lasts)).where(Cycle.run_id == run_id, Cycle.associations_kept)
+    columns = [c for c in table.__table__.columns if c.name not in ("run_id", "cycle", "vessel_id")]
     then = aliased(Cycle)
     query = select(table.cycle, then.time_s, *columns).join(then, and_(then.run_id == table.run_id, then.number == table.cycle))
     key = (table.run_id == run_id, table.cycle.in_(there), table.vessel_id == vessel_id)
     return query.where(*key).order_by(table.cycle)
 
 
-def _newest_row(connection: Connection, run_id: int, vessel_id: int, now: Rows, stays: Rows) -> dict[str, Any]:
+def _newest_row(connection: Connection, run_id: int, vessel_id: int, stays: Rows) -> dict[str, Any]:
     """The row of the current picture, or for a vessel that has left it that of the last cycle in which it was there."""
     _, to_cycle, since_s = stays.rows[-1]
-    if now.rows and to_cycle is None:
-        return {**dict(zip(now.columns, now.rows[0], strict=True)), "in_picture": True}
+    if to_cycle is None:
+        now = picture_now(connection, run_id, None, vessel_id=vessel_id)
+        if len(now):
+            return {**dict(zip(now.columns, now.rows[0], strict=True)), "in_picture": True}
     last = select(func.max(Cycle.number)).where(Cycle.run_id == run_id, Cycle.history_from.is_not(None))
     cycle = connection.scalar(last if to_cycle is None else last.where(Cycle.number == to_cycle))
-    then = Rows((), []) if cycle is None else picture_then(connection, run_id, cycle, None, vessel_id)
+    then = Rows((), []) if cycle is None else picture_then(connection, run_id, cycle, None, vessel_id=vessel_id)
     found = dict(zip(then.columns, then.rows[0], strict=True)) if then.rows else {"vessel_id": vessel_id, "since_s": since_s}
     return {**found, "in_picture": to_cycle is None}
 

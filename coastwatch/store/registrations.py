@@ -12,8 +12,8 @@ from coastwatch.batches import Floats, RegistrationState, Reports
 from coastwatch.store.bulk import append
 from coastwatch.store.cells import Column, Named, Texts
 from coastwatch.store.opening import Store, reading
-from coastwatch.store.read import cycle_at
 from coastwatch.store.rows import Rows
+from coastwatch.store.runs import cycle_at
 from coastwatch.store.tables import IN_KEY_ORDER, Base, Cycle, Sensor, key, of_run
 
 if TYPE_CHECKING:

@@ -4,6 +4,7 @@
 |---|---|
 | `history_hours` | points, and the stays of vessels and of their tracks that ended before; pictures of so early cannot be had any more |
 | `details_hours` | associations, spots, timings and registrations |
+| `recording_hours` | recorded cycles, whole key cycles at a time |
 | `picture_hours` | the current picture of runs that ended so long ago by the database's clock |
 
 Rows of `cycle` and `run` stay. An SQLite file does not shrink: what becomes free is used again.
@@ -17,6 +18,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from sqlalchemy import Connection, Table, delete, func, select, update
 
+from coastwatch.store.blocks import forget_blocks
+from coastwatch.store.chunks_table import forget_chunks
 from coastwatch.store.tables import Base, Cycle, Run
 from coastwatch.store.utc import utc
 
@@ -29,6 +32,9 @@ DETAILS = ("association", "bearing_association", "spot", "stage_timing", "sensor
 
 ROWS = 10_000
 """Deleted of a table in a cycle beside twice as many as it got: what was kept too long is worked off at that rate."""
+
+RECORDED_CYCLES = 2
+"""Recorded cycles that are deleted in a cycle."""
 
 CYCLES = 1000
 """Cycles that one cycle may mark as forgotten."""
@@ -69,6 +75,8 @@ def forget(
     if details > 0:
         for name in DETAILS:
             _some(connection, TABLES[name], run_id, ("cycle",), details, most)
+    if keep.recording_hours > 0.0:
+        forget_chunks(connection, run_id, number + 1 - math.ceil(keep.recording_hours * 3600.0 / period_s), RECORDED_CYCLES)
     if keep.picture_hours > 0.0 and number % LOOK_EVERY == 0:
         _forget_pictures(connection, keep.picture_hours)
     return Forgotten(history, details)
@@ -91,6 +99,7 @@ def _forget_history(connection: Connection, run_id: int, kept: int, most: int) -
     first = connection.scalar(select(Cycle.history_from).where(Cycle.run_id == run_id, Cycle.number == kept))
     if first is not None:
         _some(connection, TABLES["history"], run_id, ("cycle", "vessel_id"), first, most)
+        forget_blocks(connection, run_id, before_cycle=first)
     for name in STAYS:
         _some(connection, TABLES[name], run_id, ("to_cycle",), kept, most)
 

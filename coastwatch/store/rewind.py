@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from sqlalchemy import Connection, delete, insert, select, update
 
+from coastwatch.store.blocks import forget_blocks
 from coastwatch.store.tables import Base, Checkpoint, Member, MemberHistory
 
-OF_CYCLE = ("stage_timing", "history", "association", "bearing_association", "spot", "sensor_registration")
+OF_CYCLE = ("stage_timing", "history", "association", "bearing_association", "spot", "sensor_registration", "chunk")
 """Tables with rows of one cycle each, under column `cycle`."""
 
 
@@ -19,6 +20,7 @@ def rewind(connection: Connection, run_id: int, number: int) -> None:
     for name in OF_CYCLE:
         table = tables[name]
         connection.execute(delete(table).where(table.c.run_id == run_id, table.c.cycle >= number))
+    forget_blocks(connection, run_id, from_cycle=number)
     for stay in (tables["presence"], tables["member_history"]):
         of_run = stay.c.run_id == run_id
         connection.execute(delete(stay).where(of_run, stay.c.from_cycle >= number))

@@ -1,17 +1,13 @@
-"""Rows as they are read, and the columns that every picture has, of now or of the past."""
+"""What is read, as rows of plain values or as columns of arrays."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from sqlalchemy import Connection, Executable, and_
+from sqlalchemy import Connection, Executable
 
-from coastwatch.store.tables import VesselStatic
-
-Box = tuple[float, float, float, float]
-"""South, west, north, east in degrees; west > east crosses the antimeridian."""
-
-STATIC = (VesselStatic.name, VesselStatic.call_sign, VesselStatic.ship_type, VesselStatic.length_m, VesselStatic.beam_m)
+from coastwatch.batches import Array
 
 
 class Rows(NamedTuple):
@@ -26,18 +22,48 @@ class Rows(NamedTuple):
         return [row[at] for row in self.rows]
 
 
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Named columns as arrays, for many rows: float64 (NaN: absent), int64 (-1: absent), bytes of UTF-8 (empty: absent), text."""
+
+    columns: tuple[str, ...]
+    arrays: tuple[Array, ...]
+
+    def __len__(self) -> int:
+        return len(self.arrays[0])
+
+    def __eq__(self, other: object) -> bool:
+        """Whether the same rows are told."""
+        return isinstance(other, Table) and self.columns == other.columns and self.rows == other.rows
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def array(self, name: str) -> Array:
+        """One column as it is."""
+        return self.arrays[self.columns.index(name)]
+
+    def column(self, name: str) -> list[Any]:
+        """The values of one column as those of `Rows` are."""
+        return plain(self.array(name))
+
+    @property
+    def rows(self) -> list[tuple[Any, ...]]:
+        """The rows as those of `Rows` are."""
+        return list(zip(*map(plain, self.arrays), strict=True))
+
+
+def plain(values: Array) -> list[Any]:
+    """Python's own values; what is absent is None."""
+    if values.dtype.kind == "S":
+        return [value.decode("utf-8", "replace") or None for value in values.tolist()]
+    if values.dtype.kind == "i":
+        return [None if value == -1 else value for value in values.tolist()]
+    if values.dtype.kind == "f":
+        return [None if value != value else value for value in values.tolist()]
+    return values.tolist()  # type: ignore[no-any-return]
+
+
 def fetched(connection: Connection, query: Executable) -> Rows:
     """The answer of the database."""
     result = connection.execute(query)
     return Rows(tuple(result.keys()), [tuple(row) for row in result])
-
-
-def picture_columns(table: Any) -> tuple[Any, ...]:
-    """What a picture begins with. Args: table: Vessel or History."""
-    place = (table.vessel_id, table.latitude_deg, table.longitude_deg, table.sog_kn, table.cog_deg, table.mmsi)
-    return (*place, *STATIC, table.flags)
-
-
-def same_mmsi(table: Any) -> Any:
-    """What joins the static data of its vessel to a row."""
-    return and_(VesselStatic.run_id == table.run_id, VesselStatic.mmsi == table.mmsi)

@@ -20,7 +20,7 @@ from coastwatch.store.declaring import Base as Base
 from coastwatch.store.declaring import key as key
 from coastwatch.store.declaring import of_run as of_run
 
-REVISION = "0004"
+REVISION = "0005"
 """The migration at which the database equals the models below; a test compares it with db/migrations."""
 
 REVISION_TABLE = "coastwatch_revision"
@@ -97,6 +97,7 @@ class Cycle(Base):
     # null: the history of this cycle is not kept
     history_points: Mapped[int]  # rows of `history` of this cycle, closing ones included
     associations_kept: Mapped[bool]
+    recorded: Mapped[bool] = mapped_column(server_default=false())  # table `chunk` has the whole picture of this cycle
 
 
 class StageTiming(Base):

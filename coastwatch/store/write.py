@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from sqlalchemy import Connection, delete, insert, select
 
-from coastwatch.batches import Floats, Ints, Picture, Reports
-from coastwatch.store import columns, history_rule, newest, registrations, retention, statics, write_ahead
+from coastwatch.batches import Floats, Ints, Members, Picture, Reports
+from coastwatch.store import blocks, columns, history_rule, newest, registrations, retention, statics, write_ahead
 from coastwatch.store.bulk import amend, append, erase
 from coastwatch.store.cells import Column, Named, Texts
 from coastwatch.store.newest import Newest
@@ -22,6 +22,7 @@ from coastwatch.store.tables import Cycle as CycleRow
 if TYPE_CHECKING:  # to read a database needs no stage of the pipeline, which are slow to import
     from coastwatch.pipeline import Cycle
     from coastwatch.scenario import StoreSettings
+    from coastwatch.store.chunks import Key
 
 TABLES = Base.metadata.tables
 PIECE_BYTES = 1 << 26
@@ -66,6 +67,7 @@ def write_cycle(
         _cycle_row(connection, run_id, number, cycle, reports, keep, due, added)
         _timings(connection, run_id, number, seconds, _rows_by_stage(cycle, reports, before.source_kinds))
         rows = append(connection, TABLES["history"], [run_id, number, *added.columns])
+        tail = blocks.extend(connection, run_id, number, added.points, before.tail)
         if due:
             names = columns.sources(picture.vessel_id, members, before.source_names)
             rows += _picture(connection, run_id, cycle, picture, names)
@@ -74,10 +76,11 @@ def write_cycle(
         known = statics.merge(connection, run_id, before.statics, reports.statics)
         heard = registrations.merge(connection, run_id, number, before.heard, cycle, reports, keep.registration_every)
         forgotten = retention.forget(connection, run_id, number, before.period_s, keep, before.forgotten, rows)
+        key = _record(connection, run_id, number, picture, cycle.members, before.key) if keep.recording else None
         if checkpoint is not None:
             _checkpoint(connection, run_id, number, checkpoint)
     now = members, picture.vessel_id[:, None], points, before.source_names, before.source_kinds, known, heard, forgotten
-    store.newest[run_id] = Newest(number, cycle.time_s, *now, before.period_s)
+    store.newest[run_id] = Newest(number, cycle.time_s, *now, before.period_s, tail, key)
     return Written(rows, write_ahead.complaint(store, len(picture)))
 
 
@@ -190,6 +193,12 @@ def _details(connection: Connection, run_id: int, number: int, cycle: Cycle, mem
         rows += append(connection, TABLES["association"], columns.associations(run_id, number, cycle, members))
         rows += append(connection, TABLES["bearing_association"], found)
     return rows
+
+
+def _record(connection: Connection, run_id: int, number: int, picture: Picture, members: Members, before: Key | None) -> Key:
+    from coastwatch.store.chunks import record  # with kernels, which are slow to import
+
+    return record(connection, run_id, number, picture, members, before)
 
 
 def _stays(

@@ -7,8 +7,9 @@ WITH latest AS (
     SELECT max(time_s) AS time_s FROM cycle WHERE run_id = :run
 )
 SELECT c.time_s, h.vessel_id, h.latitude_deg, h.longitude_deg, h.sog_kn, h.cog_deg, h.major_m, h.mmsi, h.flags
-FROM cycle c
-    CROSS JOIN latest l
-    JOIN history h ON h.run_id = c.run_id AND h.cycle = c.number
-WHERE c.run_id = :run AND c.time_s >= l.time_s - :minutes * 60.0 AND h.mmsi = :mmsi AND NOT h.closing
+FROM latest l
+    CROSS JOIN cycle c
+    CROSS JOIN history h
+WHERE c.run_id = :run AND c.time_s >= l.time_s - :minutes * 60.0
+    AND h.run_id = :run AND h.cycle = c.number AND h.mmsi = :mmsi AND NOT h.closing
 ORDER BY c.time_s, h.vessel_id

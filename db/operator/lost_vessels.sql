@@ -6,10 +6,13 @@ WITH latest AS (
     SELECT max(time_s) AS time_s FROM cycle WHERE run_id = :run
 ), ended AS (
     SELECT p.run_id, p.vessel_id, p.from_cycle, p.to_cycle, p.since_s, c.time_s AS last_s
-    FROM presence p
-        JOIN cycle c ON c.run_id = p.run_id AND c.number = p.to_cycle
-        CROSS JOIN latest l
-    WHERE p.run_id = :run AND p.to_cycle IS NOT NULL AND c.time_s >= l.time_s - :minutes * 60.0
+    FROM latest l
+        CROSS JOIN cycle c
+        CROSS JOIN presence gone
+        CROSS JOIN presence p
+    WHERE c.run_id = :run AND c.time_s >= l.time_s - :minutes * 60.0
+        AND gone.run_id = :run AND gone.to_cycle = c.number AND gone.to_cycle IS NOT NULL
+        AND p.run_id = :run AND p.vessel_id = gone.vessel_id AND p.from_cycle = gone.from_cycle
         AND NOT EXISTS (
             SELECT 1 FROM presence q
             WHERE q.run_id = p.run_id AND q.vessel_id = p.vessel_id AND q.from_cycle > p.from_cycle

@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0004; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0005; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id BIGSERIAL NOT NULL,
@@ -89,6 +89,21 @@ CREATE TABLE checkpoint (
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 
+CREATE TABLE chunk (
+	run_id BIGINT NOT NULL,
+	cycle BIGINT NOT NULL,
+	part BIGINT NOT NULL,
+	key_cycle BIGINT NOT NULL,
+	rows BIGINT NOT NULL,
+	south_deg FLOAT(53) NOT NULL,
+	west_deg FLOAT(53) NOT NULL,
+	north_deg FLOAT(53) NOT NULL,
+	east_deg FLOAT(53) NOT NULL,
+	data BYTEA NOT NULL,
+	PRIMARY KEY (run_id, cycle, part),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
 CREATE TABLE cycle (
 	run_id BIGINT NOT NULL,
 	number BIGINT NOT NULL,
@@ -102,6 +117,7 @@ CREATE TABLE cycle (
 	history_from BIGINT,
 	history_points BIGINT NOT NULL,
 	associations_kept BOOLEAN NOT NULL,
+	recorded BOOLEAN DEFAULT false NOT NULL,
 	PRIMARY KEY (run_id, number),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
@@ -123,6 +139,25 @@ CREATE TABLE history (
 	previous_cycle BIGINT,
 	closing BOOLEAN DEFAULT false NOT NULL,
 	PRIMARY KEY (run_id, cycle, vessel_id),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE TABLE history_block (
+	run_id BIGINT NOT NULL,
+	from_cycle BIGINT NOT NULL,
+	to_cycle BIGINT NOT NULL,
+	points BIGINT NOT NULL,
+	first_vessel BIGINT NOT NULL,
+	PRIMARY KEY (run_id, from_cycle),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE TABLE history_cell (
+	run_id BIGINT NOT NULL,
+	from_cycle BIGINT NOT NULL,
+	cell BIGINT NOT NULL,
+	data BYTEA NOT NULL,
+	PRIMARY KEY (run_id, from_cycle, cell),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 

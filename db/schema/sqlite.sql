@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0004; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0005; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
@@ -92,6 +92,22 @@ CREATE TABLE checkpoint (
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 
+CREATE TABLE chunk (
+	run_id INTEGER NOT NULL,
+	cycle INTEGER NOT NULL,
+	part INTEGER NOT NULL,
+	key_cycle INTEGER NOT NULL,
+	rows INTEGER NOT NULL,
+	south_deg FLOAT NOT NULL,
+	west_deg FLOAT NOT NULL,
+	north_deg FLOAT NOT NULL,
+	east_deg FLOAT NOT NULL,
+	data BLOB NOT NULL,
+	PRIMARY KEY (run_id, cycle, part),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+)
+ WITHOUT ROWID;
+
 CREATE TABLE cycle (
 	run_id INTEGER NOT NULL,
 	number INTEGER NOT NULL,
@@ -105,6 +121,7 @@ CREATE TABLE cycle (
 	history_from INTEGER,
 	history_points INTEGER NOT NULL,
 	associations_kept BOOLEAN NOT NULL,
+	recorded BOOLEAN DEFAULT 0 NOT NULL,
 	PRIMARY KEY (run_id, number),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
@@ -126,6 +143,27 @@ CREATE TABLE history (
 	previous_cycle INTEGER,
 	closing BOOLEAN DEFAULT 0 NOT NULL,
 	PRIMARY KEY (run_id, cycle, vessel_id),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+)
+ WITHOUT ROWID;
+
+CREATE TABLE history_block (
+	run_id INTEGER NOT NULL,
+	from_cycle INTEGER NOT NULL,
+	to_cycle INTEGER NOT NULL,
+	points INTEGER NOT NULL,
+	first_vessel INTEGER NOT NULL,
+	PRIMARY KEY (run_id, from_cycle),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+)
+ WITHOUT ROWID;
+
+CREATE TABLE history_cell (
+	run_id INTEGER NOT NULL,
+	from_cycle INTEGER NOT NULL,
+	cell INTEGER NOT NULL,
+	data BLOB NOT NULL,
+	PRIMARY KEY (run_id, from_cycle, cell),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 )
  WITHOUT ROWID;

@@ -15,11 +15,11 @@ from sqlalchemy import MetaData, text
 
 from coastwatch import store as kept
 from coastwatch.shipped import migrations_folder, schema_folder
-from coastwatch.store import StoreError, migrate
+from coastwatch.store import StoreError, blocks, migrate
 from coastwatch.store.opening import connect, reading, revision, writing
 from coastwatch.store.tables import REVISION, REVISION_TABLE, Base
 
-SINCE_0001 = {"presence", "sensor_registration"}
+SINCE_0001 = {"presence", "sensor_registration", "chunk", "history_block", "history_cell"}
 """Tables that schema 0001 does not have."""
 
 SINCE_0004 = ("picture_kept", "history_from", "history_points", "previous_cycle", "closing", "piece")
@@ -92,9 +92,9 @@ def test_a_database_of_the_first_schema_comes_along_with_all_its_rows(url: str, 
             assert set(there.tables) == set(Base.metadata.tables) - SINCE_0001 | {REVISION_TABLE}
             for name in (table.name for table in Base.metadata.sorted_tables if table.name not in SINCE_0001):
                 connection.execute(there.tables[name].insert(), as_in_0001(name, rows[name]))
-    with pytest.raises(StoreError, match=r"got schema 0001, needed 0004: `coastwatch db upgrade`"):
+    with pytest.raises(StoreError, match=r"got schema 0001, needed 0005: `coastwatch db upgrade`"):
         kept.open_store(url)
-    assert migrate.check(url) == ["schema: got 0001, needed 0004"]
+    assert migrate.check(url) == ["schema: got 0001, needed 0005"]
     migrate.upgrade(url)
     assert migrate.check(url) == []
     with kept.open_store(url) as store:
@@ -175,7 +175,7 @@ def test_a_database_of_a_newer_version_is_left_alone(url: str) -> None:
     migrate.upgrade(url)
     with connect(url, 1.0, may_create=False) as store, writing(store) as connection:
         connection.execute(text(f"UPDATE {REVISION_TABLE} SET version_num = '9999'"))
-    with pytest.raises(StoreError, match="got schema 9999, needed 0004: it was written by a newer Coastwatch"):
+    with pytest.raises(StoreError, match="got schema 9999, needed 0005: it was written by a newer Coastwatch"):
         kept.open_store(url)
     with pytest.raises(StoreError, match="9999"):
         migrate.upgrade(url)
@@ -203,17 +203,21 @@ SPOILED = {
     "DELETE FROM history WHERE cycle = 2 AND vessel_id = 2": "every vessel of the newest cycle has a point",
     "DELETE FROM member WHERE vessel_id = 1": "the members are those whose stay has not ended",
     "UPDATE checkpoint SET cycle = 9": "no checkpoint is newer",
+    "DELETE FROM chunk WHERE cycle = 1": "a recorded cycle has all of its vessels",
+    "DELETE FROM history_block WHERE from_cycle = 1": "the history by place has no gap",
+    "UPDATE history_block SET points = 1 WHERE from_cycle = 1": "the history by place has all points",
     "DROP INDEX presence_to": "schema: .*presence_to",
     "ALTER TABLE vessel ADD COLUMN more INTEGER": "schema: .*more",
 }
 
 
-def test_a_check_finds_what_is_wrong(url: str) -> None:
+def test_a_check_finds_what_is_wrong(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each harm is done in a transaction that is taken back."""
+    monkeypatch.setattr(blocks, "BLOCK_POINTS", 1)
     with kept.open_store(url) as store:
         run = world.begin(store)
         for number in range(3):
-            world.write(store, run, number)
+            world.write(store, run, number, keep=world.KEEP.model_copy(update={"recording": True}))
         for harm, said in SPOILED.items():
             with store.engine.connect() as connection, connection.begin() as transaction:
                 connection.execute(text(harm))

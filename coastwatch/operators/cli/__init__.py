@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from coastwatch.operators.bad_input import BadInput
-from coastwatch.operators.cli import database, drawing, fuse, look, questions, reproduce, runs, sensors
+from coastwatch.operators.cli import database, drawing, fuse, look, past, questions, reproduce, runs, sensors
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED, PIPE_CLOSED = 0, 1, 2, 130, 141
 
@@ -51,7 +51,7 @@ def make_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and leave")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for group in (runs, fuse, reproduce, look, sensors, questions, drawing, database):
+    for group in (runs, fuse, reproduce, look, past, sensors, questions, drawing, database):
         group.add(commands)
     return parser
 

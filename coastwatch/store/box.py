@@ -1,0 +1,33 @@
+"""A box of latitudes and longitudes, and what lies in it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from coastwatch.batches import Bools, Floats
+from coastwatch.geodesy import scale_m_deg, wrap_deg
+
+Box = tuple[float, float, float, float]
+"""South, west, north, east in degrees; west > east crosses the antimeridian."""
+
+FASTEST_M_S = 60.0
+"""So far around a box points are looked for, times the time that a point may be old: what is faster may be missed."""
+
+
+def inside(position_deg: Floats, bbox: Box) -> Bools:
+    """Which places are in a box, its edges included."""
+    (south, west, north, east), (latitude, longitude) = bbox, position_deg.T
+    after, before = longitude >= west, longitude <= east
+    out: Bools = (latitude >= south) & (latitude <= north) & (after & before if west <= east else after | before)
+    return out
+
+
+def widened(bbox: Box, by_m: float) -> Box:
+    """The box with so many metres more on every side."""
+    south, west, north, east = bbox
+    south, north = max(south - by_m / 110_574.0, -90.0), min(north + by_m / 110_574.0, 90.0)
+    _, a_degree_m = scale_m_deg(np.array([min(max(abs(south), abs(north)), 89.0)]))
+    aside = by_m / float(a_degree_m[0])
+    if (east - west) % 360.0 + 2.0 * aside >= 360.0 or (west, east) == (-180.0, 180.0):
+        return south, -180.0, north, 180.0
+    return south, float(wrap_deg(west - aside)), north, float(wrap_deg(east + aside))

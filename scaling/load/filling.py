@@ -1,0 +1,181 @@
+"""A database filled with the history of a national picture, as the writer of cycles would have left it, without the fusion before it.
+
+Vessels move as in the national picture (coasts, ports, lanes, fleets), stay for hours, and are seen with errors that last 20 s. Points
+are those of the bounded-error rule itself, in the order of cycles; blocks by place are made as in every run. What has no history by
+time (associations, spots, timings) is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from sqlalchemy import insert
+
+from coastwatch import store
+from coastwatch.batches import Array, Floats, Ints, Picture
+from coastwatch.geodesy import scale_m_deg, wrap_deg
+from coastwatch.stage import Plan
+from coastwatch.store import blocks, columns, history_rule
+from coastwatch.store.bulk import append
+from coastwatch.store.cells import Named, Texts
+from coastwatch.store.opening import writing
+from coastwatch.store.tables import Base, Cycle
+from scaling.load.coasts import geodetic
+from scaling.load.motion import courses
+from scaling.load.national import World, lay_world, scenario_of
+
+STAYS_LONGER = 8.0  # than in the national picture, where a vessel is seen for 30 to 90 minutes
+STRIDE = 4  # cycles between two looks at where everything is; between them straight lines
+POSITION_M, VELOCITY_M_S, LASTING_S = 4.0, 0.15, 20.0  # errors of the picture
+WITH_AIS = 0.78
+TOGETHER = 20  # cycles a transaction
+TABLES = Base.metadata.tables
+
+
+@dataclass
+class _Stays:
+    """Who is where: the vessel of each place, and the stays so far."""
+
+    number: Ints  # of the vessel of each place, 0 for none
+    came: Ints  # cycle
+    since_s: Floats
+    mmsi: Ints
+    rounds: Ints  # how many vessels of the place came before
+    next_number: int = 1
+    ended: list[tuple[Ints, ...]] = field(default_factory=list)  # vessel, from, to, since
+
+
+def fill(url: str, points: int, vessels: int, seed: int, say: Callable[[str], None]) -> int:
+    """Fill an empty database with about so many points; returns the number of cycles."""
+    world = lay_world(round(vessels * 1.5), seed)
+    world = replace(world, places=replace(world.places, life_s=world.places.life_s * STAYS_LONGER))
+    scenario = scenario_of(world, {})
+    sensors, plan = scenario.sensors(), Plan(start_s=world.time_s(0), period_s=world.period_s, cycles=10**6)
+    with store.open_store(url) as kept:
+        run_id = store.begin_run(
+            kept, scenario="national", title="History", seed=seed, version="0", settings=scenario.model_dump(mode="json"),
+            sensors=sensors, plan=plan,
+        )  # fmt: skip
+        bound = history_rule.Bound(scenario.store.history_error_m, scenario.store.history_max_s)
+        stays, number, written = _nobody(len(world.places)), 0, 0
+        held, tail, picture = history_rule.none(), None, Picture.empty()
+        pictures = _pictures(world, stays, seed)
+        while written < points:
+            with writing(kept) as connection:
+                for _ in range(TOGETHER):
+                    time_s, picture = next(pictures)
+                    held, added = history_rule.step(held, bound, number, time_s, time_s - world.period_s, picture)
+                    connection.execute(insert(Cycle), [_cycle(run_id, number, time_s, len(picture), added)])
+                    append(connection, TABLES["history"], [run_id, number, *added.columns])
+                    tail = blocks.extend(connection, run_id, number, added.points, tail)
+                    written, number = written + added.points, number + 1
+            if number % (10 * TOGETHER) == 0:
+                say(f"{number} cycles, {written / 1e6:.1f} M points, {written / number:.0f} a cycle")
+        with writing(kept) as connection:
+            _rest(connection, run_id, stays, picture, number)
+        store.finish_run(kept, run_id, "finished")
+    return number
+
+
+def _nobody(places: int) -> _Stays:
+    none = np.zeros(places, np.int64)
+    return _Stays(none, none.copy(), np.zeros(places), none - 1, none - 1)
+
+
+def _pictures(world: World, stays: _Stays, seed: int) -> Iterator[tuple[float, Picture]]:
+    """Time and picture of one cycle after the other."""
+    rng = np.random.default_rng([seed, 71])
+    count, cycle = len(world.places), 0
+    error = rng.normal(0.0, 1.0, (count, 4))
+    keep = np.exp(-world.period_s / LASTING_S)
+    covariance = np.broadcast_to(np.diag([POSITION_M**2] * 2 + [VELOCITY_M_S**2] * 2), (count, 4, 4))
+    after = _look(world, 0)
+    while True:
+        now, after = after, _look(world, cycle + STRIDE)
+        for step in range(STRIDE):
+            error = keep * error + np.sqrt(1.0 - keep**2) * rng.normal(0.0, 1.0, (count, 4))
+            place, velocity = _between(now, after, step / STRIDE)
+            here = _here(stays, now[2], now[3], cycle, world.time_s(cycle), rng)
+            yield world.time_s(cycle), _picture(stays, here, place, velocity, error, covariance, world.time_s(cycle))
+            cycle += 1
+
+
+def _look(world: World, cycle: int) -> tuple[Floats, Floats, Ints, Array]:
+    """Places, velocities, numbers of vessels of their places, and whether one is there."""
+    rows = np.arange(len(world.places))
+    true = courses(world.places, world.coasts, rows, np.full(len(rows), world.after_s(cycle)))
+    place, velocity = geodetic(world.coasts, world.places.coast, true.along_m, true.off_m, true.along_m_s, true.off_m_s)
+    return place, velocity, true.vessel, true.there
+
+
+def _between(
+    now: tuple[Floats, Floats, Ints, Array], after: tuple[Floats, Floats, Ints, Array], share: float
+) -> tuple[Floats, Floats]:
+    far = np.abs(after[0] - now[0]).max(1) > 0.1  # another vessel, somewhere else
+    step = np.where(far[:, None], 0.0, after[0] - now[0])
+    return now[0] + share * step, now[1] + share * np.where(far[:, None], 0.0, after[1] - now[1])
+
+
+def _here(stays: _Stays, vessel: Ints, there: Array, cycle: int, time_s: float, rng: np.random.Generator) -> Ints:
+    """The places with a vessel, by number of the vessel; stays are opened and closed."""
+    changed = (vessel != stays.rounds) | (there != (stays.number > 0))
+    left = np.flatnonzero(changed & (stays.number > 0))
+    if len(left):
+        gone = (stays.number[left], stays.came[left], np.full(len(left), cycle - 1), stays.since_s[left])
+        stays.ended.append(gone)
+        stays.number[left] = 0
+    come = np.flatnonzero(changed & there)
+    stays.rounds[changed] = vessel[changed]
+    stays.number[come] = stays.next_number + np.arange(len(come))
+    stays.next_number += len(come)
+    stays.came[come], stays.since_s[come] = cycle, time_s
+    stays.mmsi[come] = np.where(rng.random(len(come)) < WITH_AIS, 200_000_000 + stays.number[come], -1)
+    present = np.flatnonzero(stays.number > 0)
+    return present[np.argsort(stays.number[present], kind="stable")]
+
+
+def _picture(
+    stays: _Stays, here: Ints, place: Floats, velocity: Floats, error: Floats, covariance: Floats, time_s: float
+) -> Picture:
+    position, off = place[here], error[here]
+    north, east = scale_m_deg(position[:, 0])
+    latitude = position[:, 0] + POSITION_M * off[:, 0] / north
+    longitude = wrap_deg(position[:, 1] + POSITION_M * off[:, 1] / east)
+    seen, zeros = np.full(len(here), time_s), np.zeros(len(here), np.int64)
+    return Picture(
+        stays.number[here], seen, np.stack([latitude, longitude], 1), velocity[here] + VELOCITY_M_S * off[:, 2:],
+        covariance[: len(here)], stays.since_s[here], seen - 1.0, stays.mmsi[here], zeros, zeros - 1,
+    )  # fmt: skip
+
+
+def _cycle(run_id: int, number: int, time_s: float, vessels: int, added: history_rule.Added) -> dict[str, object]:
+    none = dict.fromkeys(("tracks", "pairs", "bearing_pairs", "reports"), 0)
+    points = {"history_from": added.first_cycle, "history_points": added.points, "associations_kept": False}
+    return {"run_id": run_id, "number": number, "time_s": time_s, "vessels": vessels, "picture_kept": True, **none, **points}
+
+
+def _rest(connection: object, run_id: int, stays: _Stays, picture: Picture, cycles: int) -> None:
+    """The stays of vessels and of their tracks, the current picture, and names."""
+    here = np.flatnonzero(stays.number > 0)
+    open_ = (stays.number[here], stays.came[here], np.full(len(here), -1), stays.since_s[here])
+    vessel, first, last, since = (np.concatenate(parts) for parts in zip(*stays.ended, open_, strict=True))
+    order = np.argsort(vessel, kind="stable")
+    vessel, first, last, since = vessel[order], first[order], last[order], since[order]
+    append(connection, TABLES["presence"], [run_id, vessel, first, Named(last), since])
+    row = np.repeat(np.arange(len(vessel)), 1 + (vessel % 5 < 3))
+    again = np.append(False, row[1:] == row[:-1])
+    source = np.where(again, 2, vessel[row] % 2)
+    rows = [vessel[row], source, 10 * vessel[row] + again]
+    append(connection, TABLES["member_history"], [run_id, *rows, first[row], Named(last[row])])
+    now = last[row] < 0
+    append(connection, TABLES["member"], [run_id, *(column[now] for column in rows)])
+    named = np.unique(picture.mmsi[picture.mmsi >= 0])
+    names, signs = (
+        Texts(np.arange(len(named)), [f"{word}{mmsi % 10**6}" for mmsi in named.tolist()]) for word in ("SHIP ", "S")
+    )
+    size = np.full(len(named), 80.0)
+    append(connection, TABLES["vessel_static"], [run_id, named, names, signs, Named(named % 90), size, size / 6.0, size])
+    sources = Texts(picture.vessel_id % 2, ["region-0,ais", "region-1"])
+    append(connection, TABLES["vessel"], columns.vessels(run_id, picture, sources))

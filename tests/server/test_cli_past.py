@@ -1,0 +1,100 @@
+"""The past on the command line: traffic, encounters, and recorded pictures as they were computed."""
+
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+import polars
+import pytest
+
+from coastwatch.batches import Picture
+from coastwatch.operators.cli import main
+from coastwatch.scenario import load_scenario
+from coastwatch.server.run import run_scenario
+
+SMALL = {"input.count": "14", "cycles": "6", "warmup_s": "18", "store.recording": "true"}
+BOX = "-24,-44,-22,-42"
+SPAN = ["--bbox", BOX, "--from", "2025-06-01T12:00:10Z", "--to", "2025-06-01T12:00:30Z"]
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, list[Picture]]:
+    """URL of a database with a recorded run, and its pictures."""
+    url = f"sqlite:///{tmp_path_factory.mktemp('past') / 'x.db'}"
+    pictures: list[Picture] = []
+    run_scenario(
+        load_scenario("context-driven-100", SMALL), seed=3, database=url, on_cycle=lambda cycle: pictures.append(cycle.picture)
+    )
+    return url, pictures
+
+
+def rows(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> list[dict[str, str]]:
+    assert main(arguments) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    return list(csv.DictReader(io.StringIO(out)))
+
+
+def test_a_replay_has_every_number_as_it_was(ran: tuple[str, list[Picture]], capsys: pytest.CaptureFixture[str]) -> None:
+    url, pictures = ran
+    found = rows(["replay", "--db", url], capsys)
+    assert [int(row["cycle"]) for row in found] == [n for n, p in enumerate(pictures) for _ in range(len(p))]
+    whole = Picture.join(pictures)
+    assert [float(row["latitude_deg"]) for row in found] == whole.position_deg[:, 0].tolist()
+    assert [float(row["north_m_s"]) for row in found] == whole.velocity_m_s[:, 1].tolist()
+    said = np.array([float(row["covariance_north_east_rate"] or "nan") for row in found])
+    assert np.array_equal(said, whole.covariance[:, 1, 2], equal_nan=True)
+    assert all(row["members"] for row in found if row["updated_s"] == row["time_s"])
+
+
+def test_a_replay_of_a_span_and_a_box_as_parquet(ran: tuple[str, list[Picture]], tmp_path: Path) -> None:
+    url, pictures = ran
+    path = tmp_path / "x.parquet"
+    line = ["replay", "--db", url, *SPAN, "--format", "parquet", "--output", str(path)]
+    assert main(line) == 0
+    found = polars.read_parquet(path)
+    assert sorted(set(found["cycle"].to_list())) == [3, 4, 5, 6, 7, 8, 9]
+    assert len(found) == sum(len(p) for p in pictures[3:10])
+
+
+def test_a_picture_of_a_recorded_instant_is_exact(ran: tuple[str, list[Picture]], capsys: pytest.CaptureFixture[str]) -> None:
+    url, pictures = ran
+    found = rows(["picture", "--db", url, "--at", "2025-06-01T12:00:15Z", "--format", "csv"], capsys)
+    then = pictures[4]
+    assert [int(row["vessel_id"]) for row in found] == then.vessel_id.tolist()
+    assert [float(row["latitude_deg"]) for row in found] == np.round(then.position_deg[:, 0], 6).tolist()
+    assert all(row["sources"] for row in found if row["updated_utc"] == row["time_utc"])
+
+
+def test_traffic_and_encounters(ran: tuple[str, list[Picture]], capsys: pytest.CaptureFixture[str]) -> None:
+    url, pictures = ran
+    found = rows(["traffic", "--db", url, *SPAN, "--format", "csv"], capsys)
+    assert {int(row["vessel_id"]) for row in found} == set(Picture.join(pictures[2:10]).vessel_id.tolist())
+    assert {"time_utc", "to_utc", "latitude_deg", "longitude_deg", "sog_kn", "cog_deg"} <= set(found[0])
+    near = rows(["encounters", "--db", url, *SPAN, "--within", "20000", "--min-sog", "0", "--format", "csv"], capsys)
+    metres = [float(row["distance_m"]) for row in near]
+    assert metres == sorted(metres)
+    assert 5 < len(near) <= 100
+    few = rows(
+        ["encounters", "--db", url, *SPAN, "--within", "20000", "--min-sog", "0", "--count", "2", "--format", "csv"], capsys
+    )
+    assert few == near[:2]
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "said"),
+    [
+        (["traffic", "--bbox", BOX, "--from", "2025-06-01T13:00:00Z", "--to", "2025-06-01T12:00:00Z"], 2, "needed an instant before --to"),
+        (["traffic", "--bbox", BOX, "--from", "2020-01-01", "--to", "2020-01-02"], 1, "holds nothing up to then"),
+        (["encounters", *SPAN, "--within", "-1"], 2, "within_m: got -1, needed 0 or more"),
+        (["replay", "--from", "2030-01-01"], 1, "has no recorded cycle then"),
+        (["replay", "--from", "2030-01-01", "--to", "2020-01-01"], 2, "--from"),
+        (["replay", "--format", "parquet"], 2, "--output"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_refused(
+    ran: tuple[str, list[Picture]], line: list[str], code: int, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*line, "--db", ran[0]]) == code
+    assert said in capsys.readouterr().err

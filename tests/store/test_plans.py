@@ -1,0 +1,153 @@
+"""No question reads a large table from end to end: every statement of every public reading function is explained.
+
+SQLite says how it looks up each table; PostgreSQL is told not to read any table in sequence where it can help it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import past_world
+import pytest
+import store_world as world
+from past_world import BOXES
+from sqlalchemy import Engine, event, text
+
+from coastwatch import store as kept
+from coastwatch.store import Store, blocks
+from coastwatch.store.opening import reading
+
+CYCLES = 30
+SPAN = world.instant_s(8), world.instant_s(20)
+
+LARGE = ("history", "history_cell", "chunk", "association", "bearing_association", "spot", "stage_timing")
+"""Tables that grow with every cycle. Of each at least the cycle, or for cells the block, must be given beside the run."""
+
+ASKED: dict[str, Callable[[Store, int], Any]] = {
+    "picture now": lambda s, run: kept.picture(s, run),
+    "box now": lambda s, run: kept.picture(s, run, bbox=BOXES[0]),
+    "picture then": lambda s, run: kept.picture(s, run, SPAN[0]),
+    "box then": lambda s, run: kept.picture(s, run, SPAN[0], BOXES[0]),
+    "recorded": lambda s, run: kept.recorded_at(s, run, SPAN[0], BOXES[0]),
+    "replay": lambda s, run: list(kept.replay(s, run, *SPAN)),
+    "traffic": lambda s, run: kept.traffic(s, run, BOXES[0], *SPAN),
+    "encounters": lambda s, run: kept.encounters(s, run, BOXES[0], *SPAN, within_m=2000.0, min_sog_kn=0.0),
+    "history of a vessel": lambda s, run: kept.history(s, run, vessel_id=5),
+    "history of a span": lambda s, run: kept.history(s, run, *SPAN),
+    "track": lambda s, run: kept.track(s, run, 5),
+    "track of one that left": lambda s, run: kept.track(s, run, _left(s)),
+    "sensors": lambda s, run: kept.sensor_states(s, run),
+    **{
+        f"question {name}": lambda s, run, name=name, q=q: kept.operator_query(s, name, _parameters(q))
+        for name, q in kept.operator_queries().items()
+        if name != "load"  # it is of the timings of the newest cycles, and says so
+    },
+}
+
+
+def _parameters(question: kept.Question) -> dict[str, Any]:
+    known = {"mmsi": 710_000_001, "latitude_deg": -22.9, "longitude_deg": -43.2}
+    return {name: known[name] for name, parameter in question.parameters.items() if parameter.default is None}
+
+
+def _left(store: Store) -> int:
+    with reading(store) as connection:
+        gone = text("SELECT min(vessel_id) FROM presence p WHERE to_cycle IS NOT NULL AND NOT EXISTS"
+                    " (SELECT 1 FROM vessel v WHERE v.vessel_id = p.vessel_id)")  # fmt: skip
+        return int(connection.execute(gone).scalar_one())
+
+
+@pytest.fixture
+def filled(url: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Store, int]]:
+    monkeypatch.setattr(blocks, "BLOCK_POINTS", 100)
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        keep = past_world.KEEP.model_copy(update={"recording": True})
+        past_world.write(store, run, past_world.pictures(9, CYCLES), keep=keep)
+        if store.engine.dialect.name == "postgresql":
+            with store.engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
+                connection.execute(text("ANALYZE"))
+        yield store, run
+
+
+@contextmanager
+def said(engine: Engine) -> Iterator[list[tuple[str, Any]]]:
+    """Every SELECT that is carried out meanwhile, with its parameters."""
+    out: list[tuple[str, Any]] = []
+
+    def note(connection: Any, cursor: Any, statement: str, parameters: Any, *unused: Any) -> None:
+        if statement.lstrip().upper().startswith(("SELECT", "WITH", "--")):
+            out.append((statement, parameters))
+
+    event.listen(engine, "before_cursor_execute", note)
+    try:
+        yield out
+    finally:
+        event.remove(engine, "before_cursor_execute", note)
+
+
+def plans(store: Store, statements: list[tuple[str, Any]]) -> Iterator[tuple[str, str]]:
+    """Each statement and the text of its plan."""
+    sqlite = store.engine.dialect.name == "sqlite"
+    with store.engine.connect() as connection:
+        if not sqlite:
+            connection.exec_driver_sql("SET enable_seqscan = off")
+        for statement, parameters in statements:
+            verb = "EXPLAIN QUERY PLAN " if sqlite else "EXPLAIN "
+            rows = connection.exec_driver_sql(verb + statement, parameters).all()
+            yield statement, "\n".join(str(row[-1]) for row in rows)
+
+
+@pytest.mark.parametrize("name", ASKED)
+def test_no_large_table_is_read_from_end_to_end(name: str, filled: tuple[Store, int]) -> None:
+    store, run = filled
+    with said(store.engine) as statements:
+        ASKED[name](store, run)
+    assert statements
+    for statement, plan in plans(store, statements):
+        for table in LARGE:
+            if re.search(rf"\b{table}\b", statement):
+                _by_cycle(table, statement, plan, store.engine.dialect.name)
+
+
+def _by_cycle(table: str, statement: str, plan: str, dialect: str) -> None:
+    """The table is looked up by its key, as far as the cycle at least."""
+    if dialect == "postgresql":
+        assert f"Seq Scan on {table} " not in plan, f"{statement}\n{plan}"
+        return
+    alias = {
+        m[1] or m[0] for m in re.findall(rf"\b({table})\b(?: AS)?(?: (?!WHERE|CROSS|JOIN|ON|LEFT|ORDER)(\w+))?", statement)
+    }
+    steps = [
+        line for line in plan.splitlines() if re.match(r"(SCAN|SEARCH) (\w+)", line) and line.split()[1] in {table, *alias}
+    ]
+    assert steps, f"{statement}\n{plan}"
+    for step in steps:
+        assert re.search(r"SEARCH \w+ USING (COVERING INDEX \w+|PRIMARY KEY) \(run_id=\? AND (from_)?cycle[=<>]", step), (
+            f"{statement}\n{plan}"
+        )
+
+
+def test_one_vessel_is_found_by_its_whole_key(filled: tuple[Store, int]) -> None:
+    store, run = filled
+    if store.engine.dialect.name != "sqlite":
+        pytest.skip("the plan of SQLite is what is looked at")
+    with said(store.engine) as statements:
+        kept.history(store, run, vessel_id=5)
+    of_history = [plan for statement, plan in plans(store, statements) if "history" in statement and "vessel_id" in statement]
+    assert len(of_history) == 2  # the chain, and the rows
+    assert all("(run_id=? AND cycle=? AND vessel_id=?)" in plan for plan in of_history)
+    assert all("SCAN history" not in plan and "SCAN h" not in plan for plan in of_history)
+
+
+def test_a_box_of_the_past_is_found_by_its_cells(filled: tuple[Store, int]) -> None:
+    store, run = filled
+    if store.engine.dialect.name != "sqlite":
+        pytest.skip("the plan of SQLite is what is looked at")
+    with said(store.engine) as statements:
+        kept.traffic(store, run, BOXES[0], *SPAN)
+    (plan,) = [plan for statement, plan in plans(store, statements) if "history_cell" in statement]
+    assert "(run_id=? AND from_cycle=? AND cell>? AND cell<?)" in plan

@@ -1,0 +1,47 @@
+"""A reader that polls never holds up the writer, and the write-ahead log stays short (test_retention has one that does not let go)."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import past_world
+import pytest
+import store_world as world
+
+from coastwatch import store as kept
+from coastwatch.store import blocks, write_ahead
+from coastwatch.store.migrate import check
+
+IMPATIENT_S = 0.02
+"""How long the writer waits for a lock: not as long as a reader's transaction lasts, so that a reader that held one would be an error."""
+
+
+def test_a_polling_reader_does_not_hold_up_the_writer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(blocks, "BLOCK_POINTS", 500)
+    path = tmp_path / "x.db"
+    made = past_world.pictures(11, 80, 400)
+    with kept.open_store(str(path), wait_s=IMPATIENT_S) as store:
+        run = world.begin(store)
+        past_world.write(store, run, made[:1])
+        command = [sys.executable, str(Path(__file__).with_name("polling_reader.py")), str(path)]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as reader:
+            assert reader.stdout is not None
+            assert reader.stdout.readline() == "ready\n"
+            sizes = []
+            for number, picture in enumerate(made[1:], 1):
+                cycle = world.cycle_of(number, 0, picture)
+                written = world.write_and_say(store, run, number, cycle=cycle, keep=past_world.KEEP)
+                assert written.complaint is None
+                sizes.append(Path(f"{path}-wal").stat().st_size)
+                time.sleep(0.01)
+            said, _ = reader.communicate()
+        told = json.loads(said.splitlines()[-1])
+    assert told["torn"] == 0
+    assert told["looks"] >= 5
+    assert told["cycles"] >= 3
+    assert max(sizes) < 2 * write_ahead.LEAST_PAGES * 4096
+    assert check(str(path)) == []
