@@ -1,58 +1,68 @@
-"""What tracks were at the last W cycles: rows are tracks, so that differences of any pair can be made on the fly."""
+"""What tracks were at the last W cycles: one array a cycle, never written again, and where each track stands in each."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from coastwatch.batches import Floats, Ints, Tracks
-from coastwatch.kernels.lookup import find
+from coastwatch.batches import Array, Floats, Ints
+
+Rows = NDArray[np.int32]
 
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """Windows of N tracks, newest last, sorted by track_id."""
+    """Windows of N tracks. A cycle adds an array to the ring and drops the oldest; nothing is copied.
 
-    track_id: Ints  # (N,)
-    position_deg: Floats  # (N, W, 2)
-    velocity_m_s: Floats  # (N, W, 2)
-    variance: Floats  # (N, W, 2) traces of the covariances of position (m2) and velocity (m2/s2)
-    length: Ints  # (N,) valid entries, at the end
+    Tracks are numbered by their rank: any order of a cycle. The array of a cycle is in the order of that cycle.
+    """
+
+    track_id: Ints  # (N,) as they came
+    rank: Rows  # (N,) of each of them
+    chain: Rows  # (N, W - 1) by rank: row in the array of the last cycle, of the one before that, ...
+    length: Rows  # (N,) by rank: entries that there are, 1 to W
+    ring: tuple[
+        Floats, ...
+    ]  # up to W arrays (any, 6), newest last, its rows by rank: latitude, longitude, velocity east, north,
+    # traces of the covariances of position (m2) and velocity (m2/s2)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Arrays that were pickled have data types that are equal to numpy's own, not the same, and would be pickled another way."""
+        for f in fields(self):
+            value = state[f.name]
+            object.__setattr__(self, f.name, tuple(map(_own, value)) if isinstance(value, tuple) else _own(value))
 
     @staticmethod
     def empty(window: int) -> History:
-        none = np.zeros(0, np.int64)
-        return History(none, np.zeros((0, window, 2)), np.zeros((0, window, 2)), np.zeros((0, window, 2)), none)
+        none = np.zeros(0, np.int32)
+        return History(np.zeros(0, np.int64), none, np.zeros((0, window - 1), np.int32), none, ())
 
-    def extended(self, tracks: Tracks, variance: Floats) -> History:
-        """The windows after this cycle, rows in the order of `tracks`; tracks that are gone are forgotten.
+    @property
+    def window(self) -> int:
+        """W."""
+        return int(self.chain.shape[1]) + 1
 
-        Args: tracks: (N); variance: (N, 2) traces of the covariances of position and velocity of each.
+    def extended(self, track_id: Ints, rank: Rows, entry: Floats, room: Callable[..., Any]) -> History:
+        """The windows after this cycle; tracks that are gone are forgotten.
+
+        Args: track_id: (N,) as they come; rank: (N,) of each, 0 to N - 1; entry: (N, 6) by rank; room: who makes arrays, as np.empty.
         """
-        window = self.position_deg.shape[1]
-        row = find(self.track_id, tracks.track_id)
-        known = row >= 0
-        safe = np.where(known, row, 0) if len(self.track_id) else np.zeros(len(tracks), np.int64)
-        new = [tracks.position_deg, tracks.velocity_m_s, variance]
-        rings = []
-        for ring, value in zip((self.position_deg, self.velocity_m_s, self.variance), new, strict=True):
-            out = np.zeros((len(tracks), *ring.shape[1:]))
-            if len(ring):
-                out[:, :-1] = ring[safe, 1:]
-            out[:, -1] = value
-            rings.append(out)
-        before = np.where(known, self.length[safe], 0) if len(self.length) else np.zeros(len(tracks), np.int64)
-        length = np.minimum(before + 1, window).astype(np.int64)
-        return History(tracks.track_id, rings[0], rings[1], rings[2], length)
+        from coastwatch.kernels.facts import carried, come_from
+        from coastwatch.kernels.following import followed
+        from coastwatch.kernels.threads import in_blocks
 
-    def sorted(self) -> History:
-        """The same rows by track_id, as `find` needs them."""
-        order = np.argsort(self.track_id, kind="stable")
-        return History(
-            self.track_id[order],
-            self.position_deg[order],
-            self.velocity_m_s[order],
-            self.variance[order],
-            self.length[order],
-        )
+        count = len(track_id)
+        before, chain, length = np.empty(count, np.int32), room((count, self.window - 1), np.int32), room(count, np.int32)
+        in_blocks(come_from, count, rank, followed(self.track_id, track_id)[0], self.rank, before)
+        in_blocks(carried, count, before, self.chain, self.length, chain, length)
+        return History(track_id, rank, chain, length, (*self.ring, entry)[-self.window :])
+
+
+def _own(array: Array) -> Array:
+    out: Array = np.empty(array.shape, array.dtype.type)
+    out[...] = array
+    return out

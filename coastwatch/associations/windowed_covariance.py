@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
 from coastwatch.associations.history import History
-from coastwatch.associations.pairing import gated_pairs, one_to_one, rows_of_spots, vessels
-from coastwatch.batches import Array, Associations, Ints, Spots, Tracks
-from coastwatch.geodesy import earth_centred
-from coastwatch.stage import Groups, Method, Shared, Spread, by_group
+from coastwatch.associations.pairing import in_order, one_to_one, rows_of_spots, vessels
+from coastwatch.batches import Array, Associations, Spots, Tracks
+from coastwatch.stage import Groups, Method, Shared, Spread, room_of
+
+if TYPE_CHECKING:
+    from coastwatch.kernels.screening import Rule
+
+
+LEAST_TRACKS = 1024  # for a thread
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,72 +62,108 @@ class WindowedCovariance(Method):
 
     def step(self, memory: WindowMemory, tracks: Tracks, spots: Spots, spread: Spread) -> tuple[WindowMemory, Associations]:
         """Associations of these tracks. Args: tracks: (N); spots: of the same rows. Returns: memory and Associations."""
-        covariance = tracks.known_covariance(self.unknown_velocity_sigma_m_s)
-        own = np.diagonal(covariance, axis1=1, axis2=2)
-        variance = np.column_stack([own[:, 0] + own[:, 1], own[:, 2] + own[:, 3]])
-        history = memory.history.extended(tracks, variance)
-        arrays = {
-            "point_m": earth_centred(tracks.position_deg),
-            "source": tracks.source,
-            "covariance": covariance,
-            "report": _registration(tracks, self.registration),
-            "position_deg": history.position_deg,
-            "velocity_m_s": history.velocity_m_s,
-            "variance": history.variance,
-            "length": history.length,
-        }
+        history, arrays = self._laid_out(memory.history, tracks, room_of(spread))
         parts = spread(score_spots, self, arrays, rows_of_spots(spots))
-        first, second, score = (_joined(parts, k) for k in range(3))
-        order = np.lexsort((second, first))
-        first, second, score = first[order], second[order], score[order]
+        first, second, score, tested = (_joined(parts, k) for k in range(4))
+        first, second, score = in_order(first, second, score, len(tracks))
         chosen = one_to_one(tracks, first, second, score - self.threshold)
         first, second, score = first[chosen], second[chosen], score[chosen]
         vessel, kept = vessels(tracks, first, second, score)
-        return WindowMemory(history.sorted()), Associations(first[kept], second[kept], score[kept], vessel)
+        return WindowMemory(history), Associations(first[kept], second[kept], score[kept], vessel, int(tested.sum()))
+
+    def rule(self) -> Rule:
+        """The settings as the kernels read them."""
+        from coastwatch.kernels.screening import Rule
+
+        bounds = self.prior, self.floor, self.cap, self.forgetting, self.step_limit
+        return Rule(self.gate_m, *bounds, self.misled_share, self.unrelated_speed_m_s, self.threshold)
+
+    def _laid_out(self, before: History, tracks: Tracks, room: Callable[..., Any]) -> tuple[History, dict[str, Any]]:
+        """The windows after this cycle, and what `score_spots` reads: tracks ranked so that neighbours stand together.
+
+        Args: room: who makes arrays, as np.empty.
+        """
+        from coastwatch.kernels.bands import in_order as in_bands
+        from coastwatch.kernels.facts import COLUMNS, facts
+        from coastwatch.kernels.rings import addresses, wide_rows
+        from coastwatch.kernels.screening import COLUMNS as OUTLINE_COLUMNS
+        from coastwatch.kernels.screening import outlines
+        from coastwatch.kernels.threads import in_blocks
+
+        count = len(tracks)
+        key, row, rank = in_bands(tracks.position_deg, self.gate_m, room)
+        entry, point, record, outline = room((count, 6)), *(wide_rows(count, c, room) for c in (4, COLUMNS, OUTLINE_COLUMNS))
+        given = (
+            tracks.position_deg,
+            tracks.velocity_m_s,
+            tracks.covariance,
+            tracks.report_covariance,
+            tracks.mmsi,
+            tracks.source,
+        )
+        own = self.unknown_velocity_sigma_m_s**2, self.registration, self.gate_m
+        in_blocks(facts, count, rank, *map(np.ascontiguousarray, given), *own, point, entry, record)
+        history = before.extended(tracks.track_id, rank, entry, room)
+        in_blocks(outlines, count, addresses(history.ring), history.chain, history.length, record, self.rule(), outline)
+        arrays = {"key": key, "row": row, "rank": rank, "point": point, "record": record, "outline": outline}
+        return history, {**arrays, "chain": history.chain, "length": history.length, "ring": history.ring}
 
 
 def score_spots(settings: WindowedCovariance, arrays: Shared, spots: Groups) -> tuple[Array, ...]:
-    """Pairs that these spots own and that pass: rows of the first and second track, statistic."""
-    return by_group(_score_spot, settings, arrays, spots)
+    """Pairs that these spots own and that pass: rows of the first and second track, score; and how many pairs were tested."""
+    from coastwatch.kernels.groups import parted
+    from coastwatch.kernels.pairs import fill_halo
+    from coastwatch.kernels.rings import addresses
+    from coastwatch.kernels.threads import in_blocks
+
+    seen = {name: _read_only(arrays[name]) for name in ("key", "point", "row", "rank", "chain", "length", "record", "outline")}
+    home = np.full(len(seen["row"]), -1, np.int32)
+    members, halo_home, halo_row = parted(_read_only(spots.row), _read_only(spots.start), seen["rank"], home)
+    track, near = np.arange(len(home), dtype=np.int32), (seen["key"], seen["point"], home)
+    if members < len(home):
+        here = home >= 0
+        here[seen["rank"][halo_row]] = True
+        track = np.flatnonzero(here).astype(np.int32)
+        near = _read_only(seen["key"][track]), _read_only(seen["point"][track]), home[track]
+    halo = np.full(1 << (2 * len(halo_row)).bit_length(), -1, np.int64)
+    fill_halo(halo_home, halo_row, halo)
+    places = near, track, seen["row"], halo, float(near[1][:, 3].max(initial=0.0))
+    windows = addresses(arrays["ring"]), seen["chain"], seen["length"], seen["record"], seen["outline"]
+    found = in_blocks(_score_block, len(track), settings.rule(), *places, windows, least=LEAST_TRACKS)
+    return tuple(np.concatenate(column) for column in zip(*found, strict=True))
 
 
-def _score_spot(settings: WindowedCovariance, arrays: Shared, rows: Ints) -> tuple[Array, ...]:
-    """Pairs that this spot owns whose score is above the threshold: rows of the first and second track, score."""
+def _read_only(array: Array) -> Array:
+    """The same, as other processes see it: code is then compiled for that alone."""
+    out = array.view()
+    out.flags.writeable = False
+    return out
+
+
+def _score_block(
+    low: int,
+    high: int,
+    rule: Rule,
+    near: tuple[Array, ...],
+    track: Array,
+    row: Array,
+    halo: Array,
+    top: float,
+    windows: tuple[Array, ...],
+) -> tuple[Array, ...]:
+    """What `score_spots` gives for those of its tracks, low to high, that are the first of a pair."""
+    from coastwatch.kernels.bands import height_deg
+    from coastwatch.kernels.pairs import candidates
+    from coastwatch.kernels.screening import cuts, slack
     from coastwatch.kernels.windows import windowed_scores
 
-    first, second = gated_pairs(arrays, rows, settings.gate_m)
-    if len(first) == 0:
-        return first, second, np.zeros(0)
-    report = arrays["report"]
-    phi = arrays["covariance"][first] + arrays["covariance"][second]
-    candidates = np.bincount(first, minlength=len(arrays["source"]))[first]
-    density = np.maximum(candidates - 1, 1) / (np.pi * settings.gate_m**2)
-    score: Array = windowed_scores(
-        first,
-        second,
-        arrays["position_deg"],
-        arrays["velocity_m_s"],
-        arrays["variance"],
-        arrays["length"],
-        phi,
-        report[first] + report[second],
-        density,
-        settings.prior,
-        settings.floor,
-        settings.cap,
-        settings.forgetting,
-        settings.step_limit,
-        settings.misled_share,
-        settings.unrelated_speed_m_s,
-    )
-    keep = score > settings.threshold
-    return first[keep], second[keep], score[keep]
-
-
-def _registration(tracks: Tracks, share: float) -> Array:
-    """The share of a report's covariance that a constant bias of its sensor may have; none for tracks that name themselves (AIS)."""
-    radar = (tracks.mmsi < 0)[:, None, None]
-    return np.where(radar, share * tracks.report_covariance, 0.0)
+    table, chain, length, record, outline = windows
+    window = chain.shape[1] + 1
+    places = *near, track, row, halo, height_deg(rule.gate), top
+    first, second, density, tested = candidates(low, high, *places, length, record, outline, rule, cuts(rule, window))  # type: ignore[call-arg]
+    score = windowed_scores(first, second, density, table, chain, length, record, rule, slack(rule, window))
+    keep = score > rule.threshold
+    return row[first[keep]].astype(np.int64), row[second[keep]].astype(np.int64), score[keep], np.array([tested])
 
 
 def _joined(parts: list[tuple[Array, ...]], k: int) -> Array:

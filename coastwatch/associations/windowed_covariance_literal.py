@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch.associations.history import History
-from coastwatch.associations.pairing import gated_pairs, one_to_one, rows_of_spots, vessels
+from coastwatch.associations.pairing import gated_pairs, in_order, one_to_one, rows_of_spots, vessels
 from coastwatch.batches import Array, Associations, Ints, Spots, Tracks
 from coastwatch.geodesy import earth_centred
 from coastwatch.stage import Groups, Method, Shared, Spread, by_group
@@ -60,41 +60,49 @@ class WindowedCovarianceLiteral(Method):
 
     def step(self, memory: LiteralMemory, tracks: Tracks, spots: Spots, spread: Spread) -> tuple[LiteralMemory, Associations]:
         """Associations of these tracks. Args: tracks: (N); spots: of the same rows. Returns: memory and Associations."""
-        history = memory.history.extended(tracks, np.zeros((len(tracks), 2)))
+        count = len(tracks)
+        entry = np.column_stack([tracks.position_deg, tracks.velocity_m_s, np.zeros((count, 2))])
+        row = np.arange(count, dtype=np.int32)
+        history = memory.history.extended(tracks.track_id, row, entry, np.empty)
         arrays = {
-            "point_m": earth_centred(tracks.position_deg),
+            "row": row,
+            "rank": row,
+            "point": earth_centred(tracks.position_deg),
             "source": tracks.source,
-            "position_deg": history.position_deg,
-            "velocity_m_s": history.velocity_m_s,
+            "chain": history.chain,
             "length": history.length,
+            "ring": history.ring,
         }
         parts = spread(accept_in_spots, self, arrays, rows_of_spots(spots))
         first, second = (np.concatenate([np.zeros(0, np.int64), *(p[k] for p in parts)]) for k in range(2))
         x = np.concatenate([np.zeros(0), *(p[2] for p in parts)])
-        order = np.lexsort((second, first))
-        first, second, x = first[order], second[order], x[order]
+        tested = sum(int(p[3].sum()) for p in parts)
+        first, second, x = in_order(first, second, x, count)
         gain = 2.0 * self.limit() - x
         chosen = one_to_one(tracks, first, second, gain) if self.one_to_one else _nearest(tracks, first, second, x)
         first, second, x, gain = first[chosen], second[chosen], x[chosen], gain[chosen]
         vessel, kept = vessels(tracks, first, second, gain)
-        return LiteralMemory(history.sorted()), Associations(first[kept], second[kept], x[kept], vessel)
+        return LiteralMemory(history), Associations(first[kept], second[kept], x[kept], vessel, tested)
 
 
 def accept_in_spots(settings: WindowedCovarianceLiteral, arrays: Shared, spots: Groups) -> tuple[Array, ...]:
-    """Pairs that these spots own and that pass: rows of the first and second track, statistic."""
+    """Pairs that these spots own and that pass: rows of the first and second track, statistic; and how many pairs each tested."""
     return by_group(_accept_in_spot, settings, arrays, spots)
 
 
 def _accept_in_spot(settings: WindowedCovarianceLiteral, arrays: Shared, rows: Ints) -> tuple[Array, ...]:
-    """Pairs that this spot owns and that pass the test: rows of the first and second track, x."""
-    from coastwatch.kernels.windows import sample_statistics
+    """Pairs that this spot owns and that pass the test: rows of the first and second track, x; and how many were tested."""
+    from coastwatch.kernels.rings import addresses
+    from coastwatch.kernels.sample_statistics import sample_statistics
 
     first, second = gated_pairs(arrays, rows, settings.gate_m)
+    tested = np.array([len(first)])
     if len(first) == 0:
-        return first, second, np.zeros(0)
-    x = sample_statistics(first, second, arrays["position_deg"], arrays["velocity_m_s"], arrays["length"], settings.window)
+        return first, second, np.zeros(0), tested
+    rank, windows = arrays["rank"], (addresses(arrays["ring"]), arrays["chain"], arrays["length"])
+    x = sample_statistics(rank[first], rank[second], *windows, settings.window)
     keep = x < settings.limit()
-    return first[keep], second[keep], x[keep]
+    return first[keep], second[keep], x[keep], tested
 
 
 def _nearest(tracks: Tracks, first: Ints, second: Ints, x: Array) -> Ints:

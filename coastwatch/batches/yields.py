@@ -122,6 +122,7 @@ class Associations(Struct):
     second: Ints = column(np.int64, "A")  # row of its partner, of another source
     statistic: Floats = column(np.float64, "A")  # the method's own; its docstring says of what
     vessel: Ints = column(np.int64, "N")  # of each track row: 0..V-1, every vessel has at least one track
+    tested: int = 0  # pairs that were inside the gate, whatever became of them
 
 
 @dataclass(frozen=True, eq=False)

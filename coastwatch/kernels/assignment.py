@@ -1,12 +1,14 @@
-"""One-to-one assignment of a sparse list of pairs: components found by scipy, each solved by scalar code compiled by numba."""
+"""One-to-one assignment of a sparse list of pairs: connected components, each solved by scalar code compiled by numba."""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
+
+from coastwatch.kernels.groups import by_both
+from coastwatch.kernels.threads import in_blocks
+from coastwatch.kernels.unions import root
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -55,16 +57,46 @@ def _solve(cost, match):  # type: ignore[no-untyped-def]
         match[column] = start
 
 
-@njit(cache=True)
-def _solve_components(start, row, column, gain, row_place, column_place, selected):  # type: ignore[no-untyped-def]
-    """Select pairs of every component; pairs of component k stand at start[k]..start[k + 1]; places are scratch, all -1."""
-    for k in range(len(start) - 1):
-        lo, hi = start[k], start[k + 1]
-        if hi - lo == 1:
-            selected[lo] = True
+@njit(cache=True, nogil=True)
+def _components(row, column, rows, columns):  # type: ignore[no-untyped-def]
+    """Pairs by connected component, in it as they come; components by their first pair. Returns: (A,) order; (C + 1,) starts.
+
+    Args: row: (A,) 0 to rows - 1; column: (A,) 0 to columns - 1.
+    """
+    parent = np.arange(rows + columns).astype(np.int32)
+    for a in range(len(row)):
+        i, j = root(parent, row[a]), root(parent, rows + column[a])
+        parent[max(i, j)] = min(i, j)
+    number, label = np.full(rows, -1, np.int32), np.empty(len(row), np.int32)
+    count = 0
+    for a in range(len(row)):
+        i = root(parent, row[a])  # the lowest of the component, hence a row
+        if number[i] < 0:
+            number[i] = count
+            count += 1
+        label[a] = number[i]
+    start = np.zeros(count + 1, np.int64)
+    for a in range(len(label)):
+        start[label[a] + 1] += 1
+    for k in range(count):
+        start[k + 1] += start[k]
+    order, place = np.empty(len(label), np.int64), start[:-1].copy()
+    for a in range(len(label)):
+        order[place[label[a]]] = a
+        place[label[a]] += 1
+    return order, start
+
+
+@njit(cache=True, nogil=True)
+def _solve_components(low, high, start, order, row, column, gain, row_place, column_place, selected):  # type: ignore[no-untyped-def]
+    """Select pairs of components low to high; places are scratch, all -1."""
+    for k in range(low, high):
+        pairs = order[start[k] : start[k + 1]]
+        if len(pairs) == 1:
+            selected[pairs[0]] = True
             continue
         rows = columns = 0
-        for a in range(lo, hi):
+        for a in pairs:
             if row_place[row[a]] < 0:
                 row_place[row[a]] = rows
                 rows += 1
@@ -73,18 +105,30 @@ def _solve_components(start, row, column, gain, row_place, column_place, selecte
                 columns += 1
         tall = rows > columns
         cost = np.zeros((min(rows, columns), max(rows, columns)))
-        for a in range(lo, hi):
+        for a in pairs:
             i, j = row_place[row[a]], column_place[column[a]]
             if tall:
                 i, j = j, i
             cost[i, j] = -gain[a]
         match = np.empty(cost.shape[1], np.int64)
         _solve(cost, match)
-        for a in range(lo, hi):
+        for a in pairs:
             i, j = row_place[row[a]], column_place[column[a]]
             if tall:
                 i, j = j, i
             selected[a] = match[j] == i
+
+
+def assign_numbered(row: Ints, column: Ints, gain: Floats, rows: int, columns: int) -> Bools:
+    """As `assign`, for pairs that are useful and sorted by row, then column, sides that are numbered from 0 on without gaps.
+
+    Args: row: (A,) 0 to rows - 1; column: (A,) 0 to columns - 1; gain: (A,) positive. Returns: (A,).
+    """
+    selected = np.zeros(len(row), np.bool_)
+    order, start = _components(row, column, rows, columns)
+    places = np.full(rows, -1, np.int64), np.full(columns, -1, np.int64)
+    in_blocks(_solve_components, len(start) - 1, start, order, row, column, gain, *places, selected, least=256)
+    return selected
 
 
 def assign(first: Ints, second: Ints, gain: Floats) -> Bools:
@@ -103,15 +147,7 @@ def assign(first: Ints, second: Ints, gain: Floats) -> Bools:
         return selected
     firsts, row = np.unique(first[useful], return_inverse=True)
     seconds, column = np.unique(second[useful], return_inverse=True)
-    nodes = len(firsts) + len(seconds)
-    graph = coo_matrix((np.ones(len(useful), np.int8), (row, column + len(firsts))), shape=(nodes, nodes))
-    count, label = connected_components(graph, directed=False)
-    component = label[row]
-    order = np.lexsort((column, row, component))
-    start = np.searchsorted(component[order], np.arange(count + 1)).astype(np.int64)
-    taken = np.zeros(len(useful), np.bool_)
-    row_place, column_place = np.full(len(firsts), -1, np.int64), np.full(len(seconds), -1, np.int64)
-    ordered = row[order].astype(np.int64), column[order].astype(np.int64), gain[useful][order].astype(np.float64)
-    _solve_components(start, *ordered, row_place, column_place, taken)
-    selected[useful[order[taken]]] = True
+    order = by_both(row, len(firsts), column, len(seconds))
+    sorted_pairs = row[order], column[order], gain[useful][order].astype(np.float64)
+    selected[useful[order]] = assign_numbered(*sorted_pairs, len(firsts), len(seconds))
     return selected

@@ -38,7 +38,7 @@ def _eighth(degrees):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, inline="always", error_model="numpy")
-def _sine_cosine(degrees):  # type: ignore[no-untyped-def]
+def sine_cosine(degrees):  # type: ignore[no-untyped-def]
     """Sine and cosine: of quarter turns q the signs and the exchange of the two are polynomials of q."""
     q, s, c = _eighth(degrees)
     odd = q * q * (4.0 - q * q) * (1.0 / 3.0)  # 1 for an odd quarter, else 0
@@ -54,8 +54,8 @@ def _laid(low, high, position, row, out):  # type: ignore[no-untyped-def]
         for i in range(count):
             latitude[i], longitude[i] = position[row[first + i], 0], position[row[first + i], 1]
         for i in range(ROWS):
-            sp, cp = _sine_cosine(latitude[i])
-            sl, cl = _sine_cosine(longitude[i])
+            sp, cp = sine_cosine(latitude[i])
+            sl, cl = sine_cosine(longitude[i])
             r = SEMI_MAJOR / math.sqrt(1.0 - ECCENTRICITY2 * sp * sp)
             place[0, i] = r * cp * cl
             place[1, i] = r * cp * sl

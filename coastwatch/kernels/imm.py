@@ -1,7 +1,5 @@
 """Interacting multiple models, one row a track: scalar code compiled by numba, the same to the bit in any batch.
 
-The three public functions can be called from Python and from other compiled code; arrays that are contiguous compile once.
-
 State: east, north, east rate, north rate, turn rate (rad/s, positive to port, that is from east towards north).
 Models, by `kind`:
     0  constant velocity: white acceleration of density `noise` (m2/s3); the turn rate is no part of the motion and after any
@@ -11,7 +9,6 @@ Models, by `kind`:
 Process noises are densities of continuous time, so that two short predictions are one long one.
 transition[i, j] is the probability of model j now, given model i before. A model is left at the rate 1 / sojourn, for each of the
 others alike; with equal sojourns this is the exact chain of continuous time, with unequal ones it is so to first order.
-The oracle is tests/oracles/imm.py.
 
 Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, sections 6.2.2
 (white acceleration), 11.6.6 (IMM) and 11.7 (coordinated turn).
@@ -27,6 +24,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from coastwatch.kernels.compiling import part
+from coastwatch.kernels.turning import turn_terms
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -34,24 +32,7 @@ Bools = NDArray[np.bool_]
 
 SIZE = 5
 FLOOR = 1e-12  # of a mode probability: a model that is ruled out today can come back, and nothing is divided by 0
-SMALL_TURN = 1e-3  # rad: below it the series replaces sin(a) / a and the like; its next term is under 1e-16 of the first
 LOG_TWO_PI = math.log(2.0 * math.pi)
-
-
-@part
-def _turn_terms(rate, dt):  # type: ignore[no-untyped-def]
-    """sin(a)/w, (1-cos(a))/w and their derivatives by w, for a = w dt."""
-    a = rate * dt
-    if abs(a) < SMALL_TURN:
-        a2 = a * a
-        s = dt * (1.0 - a2 / 6.0 * (1.0 - a2 / 20.0))
-        c = dt * a * (0.5 - a2 / 24.0 * (1.0 - a2 / 30.0))
-        ds = dt * dt * a * (-1.0 / 3.0 + a2 / 30.0)
-        dc = dt * dt * (0.5 - a2 / 8.0 * (1.0 - a2 / 18.0))
-        return s, c, ds, dc
-    sin, cos = math.sin(a), math.cos(a)
-    s, c = sin / rate, (1.0 - cos) / rate
-    return s, c, (dt * cos - s) / rate, (dt * sin - c) / rate
 
 
 @part
@@ -62,7 +43,7 @@ def move(x, dt, kind, noise, turn_noise, turn_sigma, x_out, f_out, q_out):  # ty
     for k in range(SIZE):
         f_out[k, k] = 1.0
     if kind == 1:
-        s, c, ds, dc = _turn_terms(x[4], dt)
+        s, c, ds, dc = turn_terms(x[4], dt)
         sin, cos = math.sin(x[4] * dt), math.cos(x[4] * dt)
         f_out[0, 2], f_out[0, 3], f_out[0, 4] = s, -c, ds * x[2] - dc * x[3]
         f_out[1, 2], f_out[1, 3], f_out[1, 4] = c, s, dc * x[2] + ds * x[3]

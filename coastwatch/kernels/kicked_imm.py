@@ -18,7 +18,8 @@ import numpy as np
 from numba import njit
 
 from coastwatch.kernels.compiling import part
-from coastwatch.kernels.imm import FLOOR, LOG_TWO_PI, _turn_terms
+from coastwatch.kernels.imm import FLOOR, LOG_TWO_PI
+from coastwatch.kernels.turning import turn_terms
 
 SIZE = 5
 WIDTH = SIZE + SIZE * (SIZE + 1) // 2
@@ -78,7 +79,7 @@ def _go_straight(row, dt, turn_sigma):  # type: ignore[no-untyped-def]
 @part
 def _turn(row, dt, turn_noise, f, p, half):  # type: ignore[no-untyped-def]
     """A row in place after dt at its turn rate, linearised; f, p, half (5, 5) are to work in."""
-    s, c, ds, dc = _turn_terms(row[4], dt)
+    s, c, ds, dc = turn_terms(row[4], dt)
     sin, cos = math.sin(row[4] * dt), math.cos(row[4] * dt)
     x, y = row[2], row[3]
     f[:] = 0.0

@@ -28,8 +28,9 @@ import math
 import numpy as np
 from numba import njit
 
-from coastwatch.kernels.imm import SIZE, _turn_terms
+from coastwatch.kernels.imm import SIZE
 from coastwatch.kernels.models import KIND, NOISE, OWN, OWN_NOISE, OWN_SIGMA, SHARE, STRAIGHT, TURNING
+from coastwatch.kernels.turning import turn_terms
 
 SLOW = 0.5  # m/s: a vessel slower than this has no direction in which to gain speed
 
@@ -89,7 +90,7 @@ def _go_straight(x, p, row, m, dt):  # type: ignore[no-untyped-def]
 def _turn(x, row, m, dt, f):  # type: ignore[no-untyped-def]
     """A state moved in place at its turn rate; f (4, 3) becomes the Jacobian of position and velocity by the last three."""
     rate, east, north = x[row, m, 4], x[row, m, 2], x[row, m, 3]
-    s, c, ds, dc = _turn_terms(rate, dt)
+    s, c, ds, dc = turn_terms(rate, dt)
     cos, sin = 1.0 - rate * c, rate * s
     f[0, 0], f[0, 1], f[0, 2] = s, -c, ds * east - dc * north
     f[1, 0], f[1, 1], f[1, 2] = c, s, dc * east + ds * north

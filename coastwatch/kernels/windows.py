@@ -1,19 +1,40 @@
-"""Statistics of windows of differences between pairs of tracks: scalar code a pair, compiled by numba.
+"""Statistics of windows of differences between pairs of tracks, compiled by numba.
 
-A window is a row of a ring that has been laid out in time: newest last, `length` valid entries at the end.
+The window of a track is a chain through the arrays of a ring (`kernels.rings`): its newest entry stands in its own row, that of `age`
+cycles before in row `chain[track, age - 1]` of the array of that cycle, and `length[track]` entries there are.
+
+Pairs are worked on LANES at a time: what is a few numbers a pair is done for all of them by one instruction, what is a row of steps a pair
+for eight steps by one. The room for that has a shape that is known when this is compiled: only then the compiler sees that what is
+written is not what is read. What a pair gets is the same to the bit as alone.
 """
 
 import math
 
 import numpy as np
-from numba import njit
+from numba import carray  # type: ignore[attr-defined]
+
+from coastwatch.kernels.compiling import arithmetic, arithmetic_part
+from coastwatch.kernels.rings import entry, fetch, fetch_window, pointer
 
 SEMI_MAJOR = 6378137.0
 ECCENTRICITY2 = (2.0 - 1.0 / 298.257223563) / 298.257223563
+LANES = 8
+AHEAD = 2  # pairs whose windows are asked for while one is laid out
+LONGEST = 200  # window that there is room for; a multiple of LANES
+EAST, NORTH, EAST_RATE, NORTH_RATE, OLDER_PLACE, OLDER_COURSE, PLACE, RAW_COURSE, COURSE, STEP_ROWS = range(10)
+SUM, FACTOR, BIAS = (
+    0,
+    10,
+    20,
+)  # lower triangles, row by row: of the summed covariance, of its factor, of the summed registration terms
+SQUARE = 23  # of position, and of velocity: sums of x x, x y, y y about the mean
+COUNT, DENSITY, GOOD, PLACE_0, COURSE_0, LANE_ROWS = range(29, 35)
+STEP_NUMBERS = LANES * STEP_ROWS * LONGEST
+ROOM = STEP_NUMBERS + LANE_ROWS * LANES  # numbers
 
 
-@njit(cache=True)
-def _scales(latitude):  # type: ignore[no-untyped-def]
+@arithmetic_part
+def scales(latitude):  # type: ignore[no-untyped-def]
     """Metres a degree north and east: the scalar twin of geodesy.scale_m_deg."""
     s = math.sin(math.radians(latitude))
     w2 = 1.0 - ECCENTRICITY2 * s * s
@@ -22,234 +43,239 @@ def _scales(latitude):  # type: ignore[no-untyped-def]
     return north, east
 
 
-@njit(cache=True)
-def _differences(a, b, position, velocity, n, out):  # type: ignore[no-untyped-def]
-    """east, north, east rate, north rate of b less a for the newest n entries, oldest first."""
-    w = position.shape[1]
-    north, east = _scales(0.5 * (position[a, w - 1, 0] + position[b, w - 1, 0]))
-    for k in range(n):
-        i = w - n + k
-        turn = position[b, i, 1] - position[a, i, 1]
-        if turn > 180.0:
-            turn -= 360.0
-        elif turn < -180.0:
-            turn += 360.0
-        out[k, 0] = turn * east
-        out[k, 1] = (position[b, i, 0] - position[a, i, 0]) * north
-        out[k, 2] = velocity[b, i, 0] - velocity[a, i, 0]
-        out[k, 3] = velocity[b, i, 1] - velocity[a, i, 1]
+@arithmetic_part
+def turned(longitude):  # type: ignore[no-untyped-def]
+    """A difference of longitudes the short way round."""
+    if longitude > 180.0:
+        return longitude - 360.0
+    if longitude < -180.0:
+        return longitude + 360.0
+    return longitude
 
 
-@njit(cache=True)
-def _cholesky(m, low):  # type: ignore[no-untyped-def]
-    """Lower Cholesky factor of a 4 x 4 matrix into `low`; False where it is not positive definite."""
-    for i in range(4):
-        for j in range(i + 1):
-            s = m[i, j]
-            for k in range(j):
-                s -= low[i, k] * low[j, k]
-            if i == j:
-                if not s > 0.0:
-                    return False
-                low[i, i] = math.sqrt(s)
-            else:
-                low[i, j] = s / low[j, j]
-    return True
+@arithmetic_part
+def steps(room):  # type: ignore[no-untyped-def]
+    """What there is for each lane and step, oldest first: (LANES, STEP_ROWS, LONGEST)."""
+    return carray(pointer(room), (LANES, STEP_ROWS, LONGEST), np.float64)  # type: ignore[call-arg]
 
 
-@njit(cache=True)
-def _whiten(low, d, white):  # type: ignore[no-untyped-def]
-    """Solve low @ white = d; returns the squared length of white."""
-    total = 0.0
-    for i in range(4):
-        s = d[i]
-        for k in range(i):
-            s -= low[i, k] * white[k]
-        white[i] = s / low[i, i]
-        total += white[i] * white[i]
+@arithmetic_part
+def lanes(room):  # type: ignore[no-untyped-def]
+    """What there is for each lane: (LANE_ROWS, LANES)."""
+    return carray(pointer(room + 8 * STEP_NUMBERS), (LANE_ROWS, LANES), np.float64)  # type: ignore[call-arg]
+
+
+@arithmetic_part
+def differences(a, b, n, table, chain, k, room):  # type: ignore[no-untyped-def]
+    """East, north and their rates of b less a, and summed variances, of the newest n entries, into lane k."""
+    w = steps(room)
+    i, j = entry(table, 0, a), entry(table, 0, b)
+    north, east = scales(0.5 * (i[0] + j[0]))
+    for age in range(n):
+        if age > 0:
+            i, j = entry(table, age, chain[a, age - 1]), entry(table, age, chain[b, age - 1])
+        t = n - 1 - age
+        w[k, EAST, t] = turned(j[1] - i[1]) * east
+        w[k, NORTH, t] = (j[0] - i[0]) * north
+        w[k, EAST_RATE, t] = j[2] - i[2]
+        w[k, NORTH_RATE, t] = j[3] - i[3]
+        w[k, OLDER_PLACE, t] = i[4] + j[4]
+        w[k, OLDER_COURSE, t] = i[5] + j[5]
+
+
+@arithmetic_part
+def _squares(n, k, room):  # type: ignore[no-untyped-def]
+    """Sums of products about the means of lane k into SQUARE."""
+    w, lane = steps(room), lanes(room)
+    m0 = m1 = m2 = m3 = 0.0
+    for t in range(n):
+        m0 += w[k, EAST, t]
+        m1 += w[k, NORTH, t]
+        m2 += w[k, EAST_RATE, t]
+        m3 += w[k, NORTH_RATE, t]
+    m0, m1, m2, m3 = m0 / n, m1 / n, m2 / n, m3 / n
+    xx = xy = yy = uu = uv = vv = 0.0
+    for t in range(n):
+        x, y, u, v = w[k, EAST, t] - m0, w[k, NORTH, t] - m1, w[k, EAST_RATE, t] - m2, w[k, NORTH_RATE, t] - m3
+        xx += x * x
+        xy += x * y
+        yy += y * y
+        uu += u * u
+        uv += u * v
+        vv += v * v
+    lane[SQUARE, k], lane[SQUARE + 1, k], lane[SQUARE + 2, k] = xx, xy, yy
+    lane[SQUARE + 3, k], lane[SQUARE + 4, k], lane[SQUARE + 5, k] = uu, uv, vv
+
+
+@arithmetic_part
+def _laid_out(p, k, first, second, density, table, chain, length, record, room):  # type: ignore[no-untyped-def]
+    """Pair p into lane k: its steps, their squares, the summed covariances and registration terms."""
+    lane, a, b = lanes(room), first[p], second[p]
+    n = min(length[a], length[b])
+    lane[COUNT, k], lane[DENSITY, k], lane[GOOD, k] = n, density[p], 1.0
+    for q in range(10):
+        lane[SUM + q, k] = lane[FACTOR + q, k] = record[a, q] + record[b, q]
+    for q in range(10, 13):
+        lane[SUM + q + 10, k] = record[a, q] + record[b, q]
+    differences(a, b, n, table, chain, k, room)
+    _squares(n, k, room)
+
+
+@arithmetic_part
+def factorise(room):  # type: ignore[no-untyped-def]
+    """The matrix in FACTOR becomes its lower Cholesky factor; GOOD becomes 0 where it is not positive definite."""
+    lane, f = lanes(room), FACTOR
+    for k in range(LANES):
+        s0 = lane[f, k]
+        l00 = math.sqrt(s0)
+        l10, l20, l30 = lane[f + 1, k] / l00, lane[f + 3, k] / l00, lane[f + 6, k] / l00
+        s1 = lane[f + 2, k] - l10 * l10
+        l11 = math.sqrt(s1)
+        l21, l31 = (lane[f + 4, k] - l20 * l10) / l11, (lane[f + 7, k] - l30 * l10) / l11
+        s2 = lane[f + 5, k] - l20 * l20 - l21 * l21
+        l22 = math.sqrt(s2)
+        l32 = (lane[f + 8, k] - l30 * l20 - l31 * l21) / l22
+        s3 = lane[f + 9, k] - l30 * l30 - l31 * l31 - l32 * l32
+        lane[f, k], lane[f + 1, k], lane[f + 2, k], lane[f + 3, k], lane[f + 4, k] = l00, l10, l11, l20, l21
+        lane[f + 5, k], lane[f + 6, k], lane[f + 7, k], lane[f + 8, k], lane[f + 9, k] = l22, l30, l31, l32, math.sqrt(s3)
+        lane[GOOD, k] = lane[GOOD, k] if (s0 > 0.0) & (s1 > 0.0) & (s2 > 0.0) & (s3 > 0.0) else 0.0
+
+
+@arithmetic_part
+def _gain(n, xx, xy, yy, p00, p01, p11, rule):  # type: ignore[no-untyped-def]
+    """Factor of a block: what the window shows of it, tr(Phi^-1 S) / 2, drawn to 1 as by so many more entries."""
+    shown = (xx * p11 - 2.0 * xy * p01 + yy * p00) / (p00 * p11 - p01 * p01) / (2.0 * (n - 1.0))
+    weight = (n - 1.0) / (n - 1.0 + rule.prior)
+    gain = min(max(1.0 + weight * (shown - 1.0), rule.floor), rule.cap)
+    return gain if n > 2.0 else 1.0
+
+
+@arithmetic_part
+def _scale(rule, room):  # type: ignore[no-untyped-def]
+    """The sum, scaled block by block by what the window shows, plus the registration terms, into FACTOR."""
+    lane, f, s = lanes(room), FACTOR, SQUARE
+    for k in range(LANES):
+        l00, l10, l11, l20, l21, l22 = (
+            lane[f, k],
+            lane[f + 1, k],
+            lane[f + 2, k],
+            lane[f + 3, k],
+            lane[f + 4, k],
+            lane[f + 5, k],
+        )
+        l30, l31, l32, l33 = lane[f + 6, k], lane[f + 7, k], lane[f + 8, k], lane[f + 9, k]
+        n, p00, p01, p11 = lane[COUNT, k], l00 * l00, l00 * l10, l10 * l10 + l11 * l11
+        gp = _gain(n, lane[s, k], lane[s + 1, k], lane[s + 2, k], p00, p01, p11, rule)
+        p00, p01 = l20 * l20 + l21 * l21 + l22 * l22, l20 * l30 + l21 * l31 + l22 * l32
+        p11 = l30 * l30 + l31 * l31 + l32 * l32 + l33 * l33
+        gv = _gain(n, lane[s + 3, k], lane[s + 4, k], lane[s + 5, k], p00, p01, p11, rule)
+        pp, pv, vv = math.sqrt(gp * gp), math.sqrt(gv * gp), math.sqrt(gv * gv)
+        for q, gain in ((0, pp), (1, pp), (2, pp), (3, pv), (4, pv), (5, vv), (6, pv), (7, pv), (8, vv), (9, vv)):
+            lane[f + q, k] = lane[SUM + q, k] * gain
+        for q in range(3):
+            lane[f + q, k] += lane[BIAS + q, k]
+
+
+@arithmetic_part
+def _whiten(n, k, null_variance, room):  # type: ignore[no-untyped-def]
+    """The exponents of every step of lane k into PLACE, RAW_COURSE and COURSE, and by how much variances were larger into OLDER_*."""
+    w, lane, f = steps(room), lanes(room), FACTOR
+    l00, l10, l11, l20, l21, l22 = lane[f, k], lane[f + 1, k], lane[f + 2, k], lane[f + 3, k], lane[f + 4, k], lane[f + 5, k]
+    l30, l31, l32, l33, place, course = (
+        lane[f + 6, k],
+        lane[f + 7, k],
+        lane[f + 8, k],
+        lane[f + 9, k],
+        lane[PLACE_0, k],
+        lane[COURSE_0, k],
+    )
+    now_p, now_v = w[k, OLDER_PLACE, n - 1], w[k, OLDER_COURSE, n - 1]
+    for t in range((n + LANES - 1) // LANES * LANES):  # whole vectors; what is behind n is left over and not read
+        older = max(w[k, OLDER_PLACE, t] / now_p, 1.0)
+        shrunk = 1.0 / math.sqrt(older)
+        a = shrunk * w[k, EAST, t] / l00
+        b = (shrunk * w[k, NORTH, t] - l10 * a) / l11
+        w[k, OLDER_PLACE, t] = older
+        older = max(w[k, OLDER_COURSE, t] / now_v, 1.0)
+        shrunk = 1.0 / math.sqrt(older)
+        x, y = w[k, EAST_RATE, t], w[k, NORTH_RATE, t]
+        c = (shrunk * x - l20 * a - l21 * b) / l22
+        d = (shrunk * y - l30 * a - l31 * b - l32 * c) / l33
+        w[k, OLDER_COURSE, t] = older
+        w[k, PLACE, t] = place - 0.5 * (a * a + b * b)
+        raw = course + 0.5 * (x * x + y * y) / null_variance
+        w[k, RAW_COURSE, t] = raw
+        w[k, COURSE, t] = raw - 0.5 * (c * c + d * d)
+
+
+@arithmetic_part
+def _bound(n, k, rule, room):  # type: ignore[no-untyped-def]
+    """A bound of what `_accumulate` gives: log(m + (1 - m) exp(c)) is at most the greater of c and 0, and age only takes away."""
+    w, total = steps(room), 0.0
+    for t in range(n):
+        step = min(max(w[k, PLACE, t] + max(w[k, COURSE, t], 0.0), -rule.limit), rule.limit)
+        total = max(rule.memory * total + step, -rule.limit)
     return total
 
 
-@njit(cache=True)
-def _spread(delta, n, low, first):  # type: ignore[no-untyped-def]
-    """tr(Phi0^-1 S) / 2 of the 2 x 2 block that begins at `first`; S is the sample covariance about the mean."""
-    mean0 = 0.0
-    mean1 = 0.0
-    for k in range(n):
-        mean0 += delta[k, first]
-        mean1 += delta[k, first + 1]
-    mean0 /= n
-    mean1 /= n
-    s00 = 0.0
-    s01 = 0.0
-    s11 = 0.0
-    for k in range(n):
-        x = delta[k, first] - mean0
-        y = delta[k, first + 1] - mean1
-        s00 += x * x
-        s01 += x * y
-        s11 += y * y
-    p00 = 0.0
-    p01 = 0.0
-    p11 = 0.0
-    for k in range(first + 1):
-        p00 += low[first, k] * low[first, k]
-        p01 += low[first, k] * low[first + 1, k]
-    for k in range(first + 2):
-        p11 += low[first + 1, k] * low[first + 1, k]
-    determinant = p00 * p11 - p01 * p01
-    return (s00 * p11 - 2.0 * s01 * p01 + s11 * p00) / determinant / (2.0 * (n - 1))
+@arithmetic_part
+def _accumulate(n, k, rule, room):  # type: ignore[no-untyped-def]
+    """The sum of the log-likelihood ratios of the steps of lane k, each bounded by the limit and counting less a cycle later."""
+    w, total, certain = steps(room), 0.0, math.log1p(-rule.misled)
+    for t in range(n):
+        place, course = w[k, PLACE, t], w[k, COURSE, t]
+        if place + max(w[k, RAW_COURSE, t], 0.0) <= -rule.limit:  # what follows would only make it less
+            total = max(rule.memory * total - rule.limit, -rule.limit)
+            continue
+        if w[k, OLDER_PLACE, t] != 1.0:
+            place -= math.log(w[k, OLDER_PLACE, t])
+        if w[k, OLDER_COURSE, t] != 1.0:
+            course -= math.log(w[k, OLDER_COURSE, t])
+        if course > 30.0:  # noqa: SIM108 a line for each, so that the order of the sum is seen
+            step = place + course + certain
+        else:
+            step = place + math.log(rule.misled + (1.0 - rule.misled) * math.exp(course))
+        total = max(rule.memory * total + min(max(step, -rule.limit), rule.limit), -rule.limit)
+    return total
 
 
-@njit(cache=True)
-def _scale(delta, n, low, first, prior, floor, cap):  # type: ignore[no-untyped-def]
-    """Factor of the 2 x 2 block that begins at `first`: what the window shows, drawn to 1 as by so many more entries."""
-    weight = (n - 1.0) / (n - 1.0 + prior)
-    return min(max(1.0 + weight * (_spread(delta, n, low, first) - 1.0), floor), cap)
-
-
-@njit(cache=True)
-def _bounded(delta, n, phi, registration, prior, floor, cap, low, total):  # type: ignore[no-untyped-def]
-    """Factor of phi, scaled block by block by what the window shows, plus the registration term, into `low`; False: not positive.
-
-    `total` is room for the sum.
-    """
-    if not _cholesky(phi, low):
-        return False
-    gain_p = gain_v = 1.0
-    if n > 2:
-        gain_p = _scale(delta, n, low, 0, prior, floor, cap)
-        gain_v = _scale(delta, n, low, 2, prior, floor, cap)
-    for i in range(4):
-        for j in range(4):
-            total[i, j] = phi[i, j] * math.sqrt((gain_p if i < 2 else gain_v) * (gain_p if j < 2 else gain_v))
-            if i < 2 and j < 2:
-                total[i, j] += registration[i, j]
-    return _cholesky(total, low)
-
-
-@njit(cache=True)
-def _ratio(delta, low, older_p, older_v, place, course, misled, null_variance, limit):  # type: ignore[no-untyped-def]
-    """Log-likelihood ratio of one difference, bounded by the limit.
-
-    Args: delta: (4,); low: factor of its covariance now; older_p, older_v: by how much larger the variances of position and velocity
-    were then, 1 or more; place, course: the ratio of a difference of zero, of the position and of the velocity given it; misled: share
-    of tracks whose velocity says nothing, so that the position alone decides; null_variance: of each component of the
-    difference of unrelated velocities.
-    """
-    p, v = 1.0 / math.sqrt(older_p), 1.0 / math.sqrt(older_v)
-    a = p * delta[0] / low[0, 0]
-    b = (p * delta[1] - low[1, 0] * a) / low[1, 1]
-    place -= 0.5 * (a * a + b * b)
-    course += 0.5 * (delta[2] * delta[2] + delta[3] * delta[3]) / null_variance
-    if place + max(course, 0.0) <= -limit:  # most pairs, without a logarithm: what follows only makes it less
-        return -limit
-    c = (v * delta[2] - low[2, 0] * a - low[2, 1] * b) / low[2, 2]
-    d = (v * delta[3] - low[3, 0] * a - low[3, 1] * b - low[3, 2] * c) / low[3, 3]
-    course -= 0.5 * (c * c + d * d)
-    place -= math.log(older_p)
-    course -= math.log(older_v)
-    if course > 30.0:
-        return min(max(place + course + math.log1p(-misled), -limit), limit)
-    return min(max(place + math.log(misled + (1.0 - misled) * math.exp(course)), -limit), limit)
-
-
-@njit(cache=True, nogil=True)
-def windowed_scores(  # type: ignore[no-untyped-def]
-    first,
-    second,
-    position,
-    velocity,
-    variance,
-    length,
-    phi,
-    registration,
-    density,
-    prior,
-    floor,
-    cap,
-    memory,
-    limit,
-    misled,
-    null_speed,
-):
+@arithmetic
+def windowed_scores(first, second, density, table, chain, length, record, rule, slack):  # type: ignore[no-untyped-def]
     """Discounted log-likelihood ratio of "one vessel" against "no partner" over the common window of each pair.
 
-    The covariance of a step is phi, scaled in its position and its velocity block by what the window shows about it (drawn to 1 by
-    the prior, floored and capped), plus the registration term, which is constant and cannot show; each block of all that by how much
-    larger the summed variance was then than it is now. The likelihood is a mixture: where a track is misled its velocity is as
-    that of an unrelated vessel.
+    The covariance of a step is that of both tracks, scaled in its position and its velocity block by what the window shows about it
+    (drawn to 1 by the prior, floored and capped), plus the registration term, which is constant and cannot show; each block of all that
+    by how much larger the summed variance was then than it is now. The likelihood is a mixture: where a track is misled its velocity
+    is as that of an unrelated vessel. A pair that cannot pass the threshold is given up before a logarithm is taken (`_bound`); `slack`
+    covers the roundings of what is not computed.
 
     Args:
-        first, second: (A,) rows of tracks.
-        position: (N, W, 2) latitude, longitude in degrees, newest last. velocity: (N, W, 2).
-        variance: (N, W, 2) of position and of velocity (traces) of the track at each entry. length: (N,) valid entries.
-        phi: (A, 4, 4) covariance of the difference of the tracks now. registration: (A, 2, 2) of a constant offset.
-        density: (A,) unrelated tracks a square metre.
-        prior: entries of the window that phi counts as. floor, cap: of the scale. memory: factor by which what was known counts one
-        cycle later. limit: bound of one step and, as -limit, of the sum. misled: share, 0 to 1. null_speed: standard deviation a
-        axis of the velocity of unrelated vessels.
-    Returns: (A,).
+        first, second: (A,) tracks. density: (A,) unrelated tracks a square metre.
+        table, chain, length: the windows, none longer than LONGEST; record: (N, facts.COLUMNS) of the tracks; rule: `screening.Rule`.
+    Returns: (A,), -inf where the covariance is not positive definite or the score would not exceed the threshold for certain.
     """
-    count = len(first)
-    score = np.full(count, -math.inf)
-    w = position.shape[1]
-    delta, low, total_phi = np.empty((w, 4)), np.zeros((4, 4)), np.empty((4, 4))
-    null_variance = 2.0 * null_speed * null_speed
-    for p in range(count):
-        a, b = first[p], second[p]
-        n = min(length[a], length[b])
-        if n < 1:
-            continue
-        _differences(a, b, position, velocity, n, delta)
-        if not _bounded(delta, n, phi[p], registration[p], prior, floor, cap, low, total_phi):
-            continue
-        place = -math.log(2.0 * math.pi * low[0, 0] * low[1, 1] * density[p])
-        course = math.log(null_variance / (low[2, 2] * low[3, 3]))
-        now_p = variance[a, w - 1, 0] + variance[b, w - 1, 0]
-        now_v = variance[a, w - 1, 1] + variance[b, w - 1, 1]
-        total = 0.0
-        for k in range(n):
-            older_p = max((variance[a, w - n + k, 0] + variance[b, w - n + k, 0]) / now_p, 1.0)
-            older_v = max((variance[a, w - n + k, 1] + variance[b, w - n + k, 1]) / now_v, 1.0)
-            step = _ratio(delta[k], low, older_p, older_v, place, course, misled, null_variance, limit)
-            total = max(memory * total + step, -limit)
-        score[p] = total
+    score, null_variance = np.full(len(first), -math.inf), 2.0 * rule.null_speed * rule.null_speed
+    buffer = np.ones(ROOM)
+    room = buffer.ctypes.data
+    lane = lanes(room)
+    for pair in range(0, len(first), LANES):
+        for k in range(LANES):
+            ahead = min(pair + k + AHEAD, len(first) - 1)
+            for track in (first[ahead], second[ahead]):
+                fetch_window(table, chain, length[track], track)
+                fetch(record.ctypes.data + 128 * track)  # type: ignore[call-arg]
+                fetch(record.ctypes.data + 128 * track + 64)
+            _laid_out(min(pair + k, len(first) - 1), k, first, second, density, table, chain, length, record, room)
+        factorise(room)
+        _scale(rule, room)
+        factorise(room)
+        for k in range(min(LANES, len(first) - pair)):
+            if lane[GOOD, k] == 0.0:
+                continue
+            lane[PLACE_0, k] = -math.log(2.0 * math.pi * lane[FACTOR, k] * lane[FACTOR + 2, k] * lane[DENSITY, k])
+            lane[COURSE_0, k] = math.log(null_variance / (lane[FACTOR + 5, k] * lane[FACTOR + 9, k]))
+            n = int(lane[COUNT, k])
+            _whiten(n, k, null_variance, room)
+            if not _bound(n, k, rule, room) + slack <= rule.threshold:
+                score[pair + k] = _accumulate(n, k, rule, room)
     return score
-
-
-@njit(cache=True, nogil=True)
-def sample_statistics(first, second, position, velocity, length, p):  # type: ignore[no-untyped-def]
-    """x = Delta^T S^-1 Delta of the newest difference, S the sample covariance of the newest p differences (paper, eq. 7).
-
-    Args: as `windowed_scores`; p: length of the window. Returns: (A,) x, infinite where the common window is shorter than p or S is
-    singular.
-    """
-    count = len(first)
-    out = np.empty(count)
-    delta = np.empty((position.shape[1], 4))
-    low = np.zeros((4, 4))
-    white = np.empty(4)
-    mean = np.empty(4)
-    s = np.empty((4, 4))
-    for q in range(count):
-        a = first[q]
-        b = second[q]
-        out[q] = math.inf
-        if min(length[a], length[b]) < p:
-            continue
-        _differences(a, b, position, velocity, p, delta)
-        for i in range(4):
-            mean[i] = 0.0
-            for k in range(p):
-                mean[i] += delta[k, i]
-            mean[i] /= p
-        for i in range(4):
-            for j in range(4):
-                s[i, j] = 0.0
-                for k in range(p):
-                    s[i, j] += (delta[k, i] - mean[i]) * (delta[k, j] - mean[j])
-                s[i, j] /= p - 1
-        if _cholesky(s, low):
-            out[q] = _whiten(low, delta[p - 1], white)
-    return out

@@ -1,47 +1,51 @@
-"""Windowed scores of 20,000 pairs: scalar code compiled by numba against numpy batches of the same arithmetic."""
+"""Windowed scores of 20,000 pairs: compiled code, windows in a ring, against numpy batches of the same arithmetic."""
 
 import numpy as np
 import pytest
 
 from coastwatch.geodesy import scale_m_deg
+from coastwatch.kernels.facts import COLUMNS
+from coastwatch.kernels.rings import addresses, wide_rows
+from coastwatch.kernels.screening import Rule
 from coastwatch.kernels.windows import windowed_scores
 
 TRACKS, PAIRS, WINDOW = 20_000, 20_000, 20
+VARIANCE = np.array([400.0, 0.0, 400.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])  # of the difference, lower triangle row by row
 
 
 @pytest.fixture(scope="module")
 def problem():
+    """Pairs of tracks that stand beside each other, and windows newest last. Returns: (A,), (A,), (N, W, 6)."""
     rng = np.random.default_rng([1, 0])
     position = np.array([-23.0, -43.0]) + rng.normal(0.0, 1e-4, (TRACKS, WINDOW, 2))
     velocity = rng.normal(0.0, 1.0, (TRACKS, WINDOW, 2))
-    first, second = rng.integers(0, TRACKS, (2, PAIRS))
-    phi = np.tile(np.diag([400.0, 400.0, 1.0, 1.0]), (PAIRS, 1, 1))
-    return (
-        first,
-        second,
-        position,
-        velocity,
-        np.ones((TRACKS, WINDOW, 2)),
-        np.full(TRACKS, WINDOW),
-        phi,
-        np.zeros((PAIRS, 2, 2)),
-        np.full(PAIRS, 1e-6),
-    )
+    first = np.arange(PAIRS) % TRACKS
+    second = (first + 1) % TRACKS
+    return first, second, np.concatenate([position, velocity, np.ones((TRACKS, WINDOW, 2))], axis=2)
 
 
-def by_numpy(first, second, position, velocity, variance, length, phi, registration, density):
+def by_numpy(first, second, entries):
     """The d2 part alone, batched: less than what the kernel does."""
+    position, velocity = entries[..., :2], entries[..., 2:4]
     north, east = scale_m_deg(position[first, -1, 0])
     d = position[second] - position[first]
     delta = np.concatenate([d[..., 1:] * east[:, None, None], d[..., :1] * north[:, None, None]], axis=2)
     delta = np.concatenate([delta, velocity[second] - velocity[first]], axis=2)
-    return (delta * np.linalg.solve(phi[:, None], delta[..., None])[..., 0]).sum(axis=2)
+    phi = np.diag([400.0, 400.0, 1.0, 1.0])
+    return (delta * np.linalg.solve(phi, delta[..., None])[..., 0]).sum(axis=2)
 
 
 @pytest.mark.benchmark(group="windows: scores of pairs")
 def test_ours(benchmark, problem):
+    first, second, entries = problem
+    ring = tuple(np.ascontiguousarray(entries[:, k]) for k in range(WINDOW))
+    chain = np.tile(np.arange(TRACKS, dtype=np.int32)[:, None], (1, WINDOW - 1))
+    record = wide_rows(TRACKS, COLUMNS, np.zeros)
+    record[:, :10] = 0.5 * VARIANCE
+    windows = addresses(ring), chain, np.full(TRACKS, WINDOW, np.int32), record
+    rule = Rule(1000.0, 10.0, 0.5, 2.0, 0.9, 20.0, 0.01, 4.0, -np.inf)
     benchmark.extra_info["rows"] = PAIRS
-    benchmark(windowed_scores, *problem, 10.0, 0.5, 2.0, 0.9, 20.0, 0.01, 4.0)
+    benchmark(windowed_scores, first, second, np.full(PAIRS, 1e-6), *windows, rule, 0.0)
 
 
 @pytest.mark.benchmark(group="windows: scores of pairs")

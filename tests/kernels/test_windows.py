@@ -7,7 +7,11 @@ from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
 from coastwatch import geodesy
-from coastwatch.kernels.windows import sample_statistics, windowed_scores
+from coastwatch.kernels.facts import COLUMNS
+from coastwatch.kernels.rings import addresses, wide_rows
+from coastwatch.kernels.sample_statistics import sample_statistics
+from coastwatch.kernels.screening import Rule
+from coastwatch.kernels.windows import LANES, windowed_scores
 
 ROUNDING = 1e-9  # relative; the differences are of degrees, 1e-9 of a metre is 1e-14 of a degree
 
@@ -21,6 +25,34 @@ def tracks(seed, n, window):
     variance = rng.uniform(50.0, 500.0, (n, window, 2))
     length = rng.integers(1, window + 1, n)
     return position, velocity, variance, length
+
+
+def ring_of(position, velocity, variance, seed):
+    """The same windows as a ring of arrays, each in an order of its own, and the chain through them."""
+    n, window = position.shape[:2]
+    rng = np.random.default_rng([seed, 2])
+    entries = np.concatenate([position, velocity, variance], axis=2)
+    ring, chain = [entries[:, -1].copy()], np.zeros((n, window - 1), np.int32)
+    for age in range(1, window):
+        row = rng.permutation(n + 3)[:n]
+        older = np.full((n + 3, 6), np.nan)
+        older[row] = entries[:, -1 - age]
+        ring.insert(0, older)
+        chain[:, age - 1] = row
+    return tuple(ring), chain
+
+
+def records(covariance, registration):
+    """Records of tracks. Args: (N, 4, 4), (N, 2, 2)."""
+    out = wide_rows(len(covariance), COLUMNS, np.zeros)
+    out[:, :10] = covariance[:, *np.tril_indices(4)]
+    out[:, 10:13] = registration[:, *np.tril_indices(2)]
+    return out
+
+
+def scored(first, second, density, ring, chain, length, record, rule):
+    table = addresses(ring)
+    return windowed_scores(first, second, density, table, chain, length.astype(np.int32), record, rule, 1e-6)
 
 
 def differences(a, b, position, velocity, n):
@@ -56,37 +88,43 @@ def score_by_hand(delta, variance, phi, registration, density, prior, floor, cap
 
 
 @settings(max_examples=50, deadline=None)
-@given(st.integers(0, 2**31), st.integers(1, 8), st.integers(1, 12))
-def test_scores_equal_the_long_way(seed, n, window):
+@given(st.integers(0, 2**31), st.integers(1, 8), st.integers(1, 12), st.integers(1, 2 * LANES + 1))
+def test_scores_equal_the_long_way(seed, n, window, pairs):
     position, velocity, variance, length = tracks(seed, n, window)
     rng = np.random.default_rng([seed, 1])
-    first, second = rng.integers(0, n, (2, 5))
-    root = rng.normal(0.0, 5.0, (5, 4, 4))
-    phi = root @ root.transpose(0, 2, 1) + 10.0 * np.eye(4)
-    registration = rng.uniform(0.0, 30.0, (5, 1, 1)) * np.eye(2)
-    density = rng.uniform(1e-7, 1e-5, 5)
+    first, second = rng.integers(0, n, (2, pairs))
+    root = rng.normal(0.0, 5.0, (n, 4, 4))
+    covariance = root @ root.transpose(0, 2, 1) + 5.0 * np.eye(4)
+    registration = rng.uniform(0.0, 30.0, (n, 1, 1)) * np.eye(2)
+    density = rng.uniform(1e-7, 1e-5, pairs)
     settings_ = (10.0, 0.5, 4.0, 0.9, 20.0, 0.01, 4.0)
-    got = windowed_scores(first, second, position, velocity, variance, length, phi, registration, density, *settings_)
+    windows = *ring_of(position, velocity, variance, seed), length, records(covariance, registration)
+    got = scored(first, second, density, *windows, Rule(1000.0, *settings_, -np.inf))
     for p, (a, b) in enumerate(zip(first, second, strict=True)):
         m = min(length[a], length[b])
         want = score_by_hand(
             differences(a, b, position, velocity, m),
             (variance[a] + variance[b])[-m:],
-            phi[p],
-            registration[p],
+            covariance[a] + covariance[b],
+            registration[a] + registration[b],
             density[p],
             *settings_,
         )
         assert got[p] == pytest.approx(want, rel=1e-7, abs=1e-7)
+    for threshold in (-20.0, 0.0, 20.0):
+        above = scored(first, second, density, *windows, Rule(1000.0, *settings_, threshold))
+        assert above[got > threshold].tolist() == got[got > threshold].tolist()
+        assert (above[got <= threshold] <= threshold).all()
 
 
 @settings(max_examples=50, deadline=None)
 @given(st.integers(0, 2**31), st.integers(5, 12))
 def test_sample_statistic_is_eq_7(seed, p):
-    position, velocity, _, _ = tracks(seed, 4, p + 2)
-    length = np.array([p + 2, p, p - 1, p + 1])
+    position, velocity, variance, _ = tracks(seed, 4, p + 2)
+    ring, chain = ring_of(position, velocity, variance, seed)
+    length = np.array([p + 2, p, p - 1, p + 1], np.int32)
     first, second = np.array([0, 0, 0]), np.array([1, 2, 3])
-    got = sample_statistics(first, second, position, velocity, length, p)
+    got = sample_statistics(first, second, addresses(ring), chain, length, p)
     assert np.isinf(got[1])
     for q in (0, 2):
         delta = differences(first[q], second[q], position, velocity, p)
@@ -94,24 +132,28 @@ def test_sample_statistic_is_eq_7(seed, p):
         assert got[q] == pytest.approx(want, rel=1e-6)
 
 
-def test_a_bad_covariance_never_pairs():
-    position, velocity, variance, length = tracks(1, 2, 4)
-    got = windowed_scores(
-        np.array([0]),
-        np.array([1]),
-        position,
-        velocity,
-        variance,
-        length,
-        -np.eye(4)[None],
-        np.zeros((1, 2, 2)),
-        np.array([1e-6]),
-        10.0,
-        0.5,
-        4.0,
-        0.9,
-        20.0,
-        0.01,
-        4.0,
-    )
-    assert got[0] == -np.inf
+def test_a_bad_covariance_never_pairs_and_leaves_its_neighbours_alone():
+    position, velocity, variance, length = tracks(1, 4, 4)
+    ring, chain = ring_of(position, velocity, variance, 1)
+    covariance = np.tile(100.0 * np.eye(4), (4, 1, 1))
+    rule = Rule(1000.0, 10.0, 0.5, 4.0, 0.9, 20.0, 0.01, 4.0, -np.inf)
+    first, second, density = np.array([0, 0, 2]), np.array([1, 2, 3]), np.full(3, 1e-6)
+    good = scored(first, second, density, ring, chain, length, records(covariance, np.zeros((4, 2, 2))), rule)
+    covariance[1] *= -1.0
+    got = scored(first, second, density, ring, chain, length, records(covariance, np.zeros((4, 2, 2))), rule)
+    assert np.isfinite(good).all()
+    assert got.tolist() == [-np.inf, *good[1:].tolist()]
+
+
+def test_a_ring_that_kernels_would_misread_is_refused():
+    for array in (np.zeros((3, 5)), np.zeros((3, 6), np.float32), np.zeros((6, 3)).T):
+        with pytest.raises(ValueError, match="needed contiguous float64"):
+            addresses((array,))
+
+
+def test_wide_rows_begin_where_a_line_of_the_cache_does():
+    for count in (1, 2, 1000):
+        rows = wide_rows(count, 16, np.empty)
+        assert rows.shape == (count, 16)
+        assert rows.ctypes.data % 64 == 0
+    assert wide_rows(0, 16, np.empty).shape == (0, 16)

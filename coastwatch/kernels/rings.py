@@ -1,0 +1,87 @@
+"""Arrays that are kept for some cycles, one a cycle, reached from compiled code by their addresses.
+
+A tuple of arrays would do as well, but numba compiles it anew for every length of the window.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import carray, types  # type: ignore[attr-defined]
+from numba.core import cgutils
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from coastwatch.kernels.compiling import arithmetic_part
+
+COLUMNS = 6  # of an entry: latitude, longitude, velocity east, north, variance of position, of velocity
+ENTRY_BYTES = 8 * COLUMNS
+LINE_BYTES = 64
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+def addresses(ring: Sequence[Floats]) -> Ints:
+    """Where the arrays stand, the newest first; they must outlive the use. Args: ring: newest last, (any, COLUMNS) each.
+
+    Raises: ValueError for an array that is not laid out as the kernels read it.
+    """
+    for array in ring:
+        if array.dtype != np.float64 or array.ndim != 2 or array.shape[1] != COLUMNS or not array.flags.c_contiguous:
+            raise ValueError(f"ring: got {array.dtype} {array.shape}, needed contiguous float64 (any, {COLUMNS})")
+    return np.array([array.ctypes.data for array in reversed(ring)], np.int64)
+
+
+def wide_rows(count: int, columns: int, room: Callable[..., Any]) -> Floats:
+    """Rows that begin where a line of the cache does, so that none lies across one more than it need.
+
+    Args: room: who makes arrays, as np.empty. Returns: (count, columns).
+    """
+    numbers: Floats = room(count * columns + LINE_BYTES // 8)
+    skipped = -numbers.ctypes.data % LINE_BYTES // 8
+    return numbers[skipped : skipped + count * columns].reshape(count, columns)
+
+
+@intrinsic
+def pointer(typingctx: Any, address: Any) -> Any:
+    """An address as `numba.carray` takes it."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.inttoptr(args[0], cgutils.voidptr_t)
+
+    return types.voidptr(types.int64), generate
+
+
+@intrinsic
+def fetch(typingctx: Any, address: Any) -> Any:
+    """Ask for the memory at an address, which is read soon; it need not be valid."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        number = ir.IntType(32)
+        shape = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t, number, number, number])
+        call = builder.module.declare_intrinsic("llvm.prefetch", [cgutils.voidptr_t], shape)
+        builder.call(call, [builder.inttoptr(args[0], cgutils.voidptr_t), number(0), number(3), number(1)])
+        return context.get_dummy_value()
+
+    return types.void(types.int64), generate
+
+
+@arithmetic_part
+def entry(table, age, row):  # type: ignore[no-untyped-def]
+    """The entry of a row of the array that came `age` cycles before the newest. Args: table: of `addresses`."""
+    return carray(pointer(table[age] + row * ENTRY_BYTES), (COLUMNS,), np.float64)  # type: ignore[call-arg]
+
+
+@arithmetic_part
+def fetch_window(table, chain, n, track):  # type: ignore[no-untyped-def]
+    """Ask for the newest n entries of a track, which may lie across two lines of the cache. Args: chain: as in `kernels.windows`."""
+    fetch(table[0] + track * ENTRY_BYTES)  # type: ignore[call-arg]
+    fetch(table[0] + track * ENTRY_BYTES + ENTRY_BYTES - 1)
+    for age in range(1, n):
+        address = table[age] + chain[track, age - 1] * ENTRY_BYTES
+        fetch(address)
+        fetch(address + ENTRY_BYTES - 1)

@@ -1,0 +1,299 @@
+"""Association by windowed covariance, a track, a pair and a component at a time: what the array code must give to the bit.
+
+This is how it was done before it was done by arrays. Sums are taken in the same order, with the same library functions.
+"""
+
+import math
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+A = 6378137.0
+E2 = (2.0 - 1.0 / 298.257223563) / 298.257223563
+
+
+@dataclass(frozen=True)
+class Rules:
+    """The settings, by the names that `WindowedCovariance` has for them."""
+
+    window: int = 20
+    gate_m: float = 1000.0
+    prior: float = 10.0
+    floor: float = 0.5
+    cap: float = 2.0
+    forgetting: float = 0.9
+    registration: float = 0.5
+    step_limit: float = 20.0
+    misled_share: float = 0.01
+    threshold: float = 0.0
+    unrelated_speed_m_s: float = 4.0
+    unknown_velocity_sigma_m_s: float = 0.5
+
+
+@dataclass
+class Found:
+    first: list = field(default_factory=list)
+    second: list = field(default_factory=list)
+    statistic: list = field(default_factory=list)
+    vessel: list = field(default_factory=list)
+    tested: int = 0
+    scores: dict = field(default_factory=dict)  # of every pair within the gate
+
+
+def covariance_of(tracks, row, rules):
+    if np.isfinite(tracks.covariance[row]).all():
+        return tracks.covariance[row]
+    out = np.zeros((4, 4))
+    out[:2, :2] = tracks.report_covariance[row]
+    out[2, 2] = out[3, 3] = rules.unknown_velocity_sigma_m_s**2
+    return out
+
+
+def step(windows, tracks, spots, rules):
+    """Windows after this cycle (a dict of ids to lists of entries, newest last), and Found. `windows` stays as it was."""
+    covariance = [covariance_of(tracks, row, rules) for row in range(len(tracks))]
+    after, history = {}, []
+    for row, track in enumerate(tracks.track_id.tolist()):
+        c = covariance[row]
+        entry = (*tracks.position_deg[row], *tracks.velocity_m_s[row], c[0, 0] + c[1, 1], c[2, 2] + c[3, 3])
+        after[track] = [*windows.get(track, []), tuple(float(x) for x in entry)][-rules.window :]
+        history.append(after[track])
+    registration = [
+        rules.registration * tracks.report_covariance[row] if tracks.mmsi[row] < 0 else np.zeros((2, 2))
+        for row in range(len(tracks))
+    ]
+    found = Found()
+    for pairs in pairs_by_spot(tracks, spots, rules.gate_m):
+        found.tested += len(pairs)
+        around = Counter(a for a, _ in pairs)
+        for a, b in pairs:
+            density = max(around[a] - 1, 1) / (np.pi * rules.gate_m**2)
+            phi, offset = covariance[a] + covariance[b], registration[a] + registration[b]
+            found.scores[(a, b)] = score(history[a], history[b], phi, offset, density, rules)
+    kept = sorted(pair for pair, value in found.scores.items() if value > rules.threshold)
+    first, second = (np.array([pair[k] for pair in kept], np.int64) for k in range(2))
+    value = np.array([found.scores[pair] for pair in kept])
+    sources = int(tracks.source.max(initial=0)) + 1
+    labels = first * sources + tracks.source[second], second * sources + tracks.source[first]
+    taken = assign(*labels, value - rules.threshold)
+    found.vessel, stands = vessels(tracks, first[taken], second[taken], value[taken])
+    found.first, found.second, found.statistic = (x[taken][stands].tolist() for x in (first, second, value))
+    return after, found
+
+
+def earth_centred(position_deg):
+    lat, lon = np.radians(position_deg[:, 0]), np.radians(position_deg[:, 1])
+    n = A / np.sqrt(1.0 - E2 * np.sin(lat) ** 2)
+    return np.stack([n * np.cos(lat) * np.cos(lon), n * np.cos(lat) * np.sin(lon), n * (1.0 - E2) * np.sin(lat)], axis=1)
+
+
+def pairs_by_spot(tracks, spots, gate_m):
+    """The pairs that each spot owns: those whose track of the lower source is its member, the other a member or in its halo."""
+    points = earth_centred(tracks.position_deg)
+    for k in range(len(spots.centre_m)):
+        member = np.flatnonzero(spots.spot == k)
+        every = np.concatenate([member, spots.halo_row[spots.halo_spot == k]])
+        if len(member) == 0 or len(every) < 2:
+            continue
+        near = cKDTree(points[member]).sparse_distance_matrix(cKDTree(points[every]), gate_m, output_type="ndarray")
+        pairs = zip(member[near["i"]].tolist(), every[near["j"]].tolist(), strict=True)
+        yield sorted((a, b) for a, b in pairs if tracks.source[a] < tracks.source[b])
+
+
+def scales(latitude):
+    s = math.sin(math.radians(latitude))
+    w2 = 1.0 - E2 * s * s
+    north = A * (1.0 - E2) / (w2 * math.sqrt(w2)) * math.pi / 180.0
+    return north, A / math.sqrt(w2) * math.cos(math.radians(latitude)) * math.pi / 180.0
+
+
+def cholesky(m):
+    """Lower factor, None where the matrix is not positive definite."""
+    low = np.zeros((4, 4)).tolist()
+    for i in range(4):
+        for j in range(i + 1):
+            s = float(m[i][j])
+            for k in range(j):
+                s -= low[i][k] * low[j][k]
+            if i == j:
+                if not s > 0.0:
+                    return None
+                low[i][i] = math.sqrt(s)
+            else:
+                low[i][j] = s / low[j][j]
+    return low
+
+
+def shown(delta, low, first):
+    """tr(Phi0^-1 S) / 2 of the 2 x 2 block that begins at `first`."""
+    n = len(delta)
+    mean0 = mean1 = 0.0
+    for d in delta:
+        mean0 += d[first]
+        mean1 += d[first + 1]
+    mean0, mean1 = mean0 / n, mean1 / n
+    s00 = s01 = s11 = 0.0
+    for d in delta:
+        x, y = d[first] - mean0, d[first + 1] - mean1
+        s00 += x * x
+        s01 += x * y
+        s11 += y * y
+    p00 = p01 = p11 = 0.0
+    for k in range(first + 1):
+        p00 += low[first][k] * low[first][k]
+        p01 += low[first][k] * low[first + 1][k]
+    for k in range(first + 2):
+        p11 += low[first + 1][k] * low[first + 1][k]
+    return (s00 * p11 - 2.0 * s01 * p01 + s11 * p00) / (p00 * p11 - p01 * p01) / (2.0 * (n - 1))
+
+
+def factor(delta, phi, registration, rules):
+    """Factor of phi, scaled block by block by what the window shows, plus the registration term."""
+    low, n = cholesky(phi), len(delta)
+    if low is None:
+        return None
+    gain = [1.0, 1.0]
+    if n > 2:
+        weight = (n - 1.0) / (n - 1.0 + rules.prior)
+        for block in range(2):
+            gain[block] = min(max(1.0 + weight * (shown(delta, low, 2 * block) - 1.0), rules.floor), rules.cap)
+    total = [[float(phi[i, j]) * math.sqrt(gain[i // 2] * gain[j // 2]) for j in range(4)] for i in range(4)]
+    for i in range(2):
+        for j in range(2):
+            total[i][j] += float(registration[i, j])
+    return cholesky(total)
+
+
+def ratio(delta, low, older_p, older_v, place, course, rules):
+    """Log-likelihood ratio of one difference, bounded by the limit."""
+    limit, null_variance = rules.step_limit, 2.0 * rules.unrelated_speed_m_s * rules.unrelated_speed_m_s
+    p, v = 1.0 / math.sqrt(older_p), 1.0 / math.sqrt(older_v)
+    a = p * delta[0] / low[0][0]
+    b = (p * delta[1] - low[1][0] * a) / low[1][1]
+    place -= 0.5 * (a * a + b * b)
+    course += 0.5 * (delta[2] * delta[2] + delta[3] * delta[3]) / null_variance
+    if place + max(course, 0.0) <= -limit:
+        return -limit
+    c = (v * delta[2] - low[2][0] * a - low[2][1] * b) / low[2][2]
+    d = (v * delta[3] - low[3][0] * a - low[3][1] * b - low[3][2] * c) / low[3][3]
+    course -= 0.5 * (c * c + d * d)
+    place -= math.log(older_p)
+    course -= math.log(older_v)
+    if course > 30.0:
+        return min(max(place + course + math.log1p(-rules.misled_share), -limit), limit)
+    mixed = rules.misled_share + (1.0 - rules.misled_share) * math.exp(course)
+    return min(max(place + math.log(mixed), -limit), limit)
+
+
+def score(one, other, phi, registration, density, rules):
+    """Discounted log-likelihood ratio over the common window of two lists of entries; -inf where there is no covariance."""
+    n = min(len(one), len(other))
+    one, other = one[-n:], other[-n:]
+    north, east = scales(0.5 * (one[-1][0] + other[-1][0]))
+    delta = []
+    for x, y in zip(one, other, strict=True):
+        turn = y[1] - x[1]
+        turn -= 360.0 if turn > 180.0 else -360.0 if turn < -180.0 else 0.0
+        delta.append((turn * east, (y[0] - x[0]) * north, y[2] - x[2], y[3] - x[3]))
+    low = factor(delta, phi, registration, rules)
+    if low is None:
+        return -math.inf
+    null_variance = 2.0 * rules.unrelated_speed_m_s * rules.unrelated_speed_m_s
+    place = -math.log(2.0 * math.pi * low[0][0] * low[1][1] * density)
+    course = math.log(null_variance / (low[2][2] * low[3][3]))
+    now_p, now_v, total = one[-1][4] + other[-1][4], one[-1][5] + other[-1][5], 0.0
+    for x, y, d in zip(one, other, delta, strict=True):
+        older_p, older_v = max((x[4] + y[4]) / now_p, 1.0), max((x[5] + y[5]) / now_v, 1.0)
+        total = max(rules.forgetting * total + ratio(d, low, older_p, older_v, place, course, rules), -rules.step_limit)
+    return total
+
+
+def solve(cost):
+    """Row of each column in the cheapest assignment of all rows, -1 for none; of equal paths the lowest column wins."""
+    rows, columns = cost.shape
+    u, v, way, match = [0.0] * rows, [0.0] * columns, [-1] * columns, [-1] * columns
+    for start in range(rows):
+        shortest, done = [math.inf] * columns, [False] * columns
+        row, column, reached = start, -1, 0.0
+        while True:
+            nearest, least = -1, math.inf
+            for c in range(columns):
+                if done[c]:
+                    continue
+                length = reached + cost[row, c] - u[row] - v[c]
+                if length < shortest[c]:
+                    shortest[c], way[c] = length, column
+                if shortest[c] < least:
+                    nearest, least = c, shortest[c]
+            column, reached = nearest, least
+            done[column] = True
+            if match[column] < 0:
+                break
+            row = match[column]
+        u[start] += reached
+        for c in range(columns):
+            if done[c] and c != column:
+                u[match[c]] += reached - shortest[c]
+                v[c] -= reached - shortest[c]
+        while way[column] >= 0:
+            match[column] = match[way[column]]
+            column = way[column]
+        match[column] = start
+    return match
+
+
+def assign(first, second, gain):
+    """Which pairs to take so that their gains sum to the most, each label of either side in one pair at most. Returns: (A,)."""
+    taken = np.zeros(len(first), np.bool_)
+    useful = np.flatnonzero(gain > 0.0)
+    if len(useful) == 0:
+        return taken
+    firsts, row = np.unique(first[useful], return_inverse=True)
+    seconds, column = np.unique(second[useful], return_inverse=True)
+    nodes = len(firsts) + len(seconds)
+    graph = coo_matrix((np.ones(len(useful)), (row, column + len(firsts))), shape=(nodes, nodes))
+    label = connected_components(graph, directed=False)[1][row]
+    for k in np.unique(label):
+        pairs = sorted(np.flatnonzero(label == k).tolist(), key=lambda p: (row[p], column[p]))
+        places = [list(dict.fromkeys(side[p] for p in pairs)) for side in (row, column)]
+        tall = len(places[0]) > len(places[1])
+        cost = np.zeros((len(places[0]), len(places[1])))
+        at = {p: (places[0].index(row[p]), places[1].index(column[p])) for p in pairs}
+        for p in pairs:
+            cost[at[p]] = -gain[useful[p]]
+        match = solve(cost.T if tall else cost)
+        for p in pairs:
+            i, j = at[p][::-1] if tall else at[p]
+            taken[useful[p]] = match[j] == i
+    return taken
+
+
+def vessels(tracks, first, second, gain):
+    """The vessel of each track, numbered by first row, no vessel with two tracks of a source; and the indices of the pairs that stand."""
+    group = {row: {row} for row in range(len(tracks))}
+    joined = {row: {row} for row in range(len(tracks))}
+    for a, b in zip(first.tolist(), second.tolist(), strict=True):
+        if joined[a] is not joined[b]:
+            joined[a] |= joined[b]
+            for row in joined[b]:
+                joined[row] = joined[a]
+    stands = []
+    order = sorted(range(len(first)), key=lambda p: (-gain[p], tracks.track_id[first[p]], tracks.track_id[second[p]]))
+    for p in order:
+        a, b = int(first[p]), int(second[p])
+        every = [tracks.source[row] for row in joined[a]]
+        if len(set(every)) < len(every) and group[a] is not group[b]:
+            held = [{tracks.source[row] for row in group[side]} for side in (a, b)]
+            if held[0] & held[1]:
+                continue
+        stands.append(p)
+        if group[a] is not group[b]:
+            group[a] |= group[b]
+            for row in group[b]:
+                group[row] = group[a]
+    number = {id(members): k for k, members in enumerate({id(m): m for m in (group[r] for r in range(len(tracks)))}.values())}
+    return [number[id(group[row])] for row in range(len(tracks))], np.array(sorted(stands), np.int64)
