@@ -1,8 +1,9 @@
-"""How much does the history take under which bound? Rows and bytes a vessel and hour, of a scenario from start to end.
+"""How much does the history take under which bound? Rows and bytes a vessel and hour, of a scenario or of the national load.
 
-Run: .venv/bin/python scaling/decisions/history_size.py [SCENARIO] [key=value]...     (default: solent; settings as of `run --set`)
-The scenario is run once with its own bound; the rule is asked on every picture under the others too. Bytes are what SQLite's pages
-of table `history` take, divided by its rows.
+Run: .venv/bin/python -m scaling.decisions.history_size [SCENARIO] [key=value]...       (default: solent; settings as of `run --set`)
+     .venv/bin/python -m scaling.decisions.history_size TRACKS CYCLES [key=value]...    (the load of scaling/load after 20 cycles)
+One run, stored under its own bound; the rule is asked on every picture under the others too. Bytes are what SQLite's pages of
+table `history` take, divided by its rows.
 """
 
 from __future__ import annotations
@@ -12,14 +13,21 @@ import sys
 import tempfile
 from itertools import product
 
+from coastwatch import pipeline
 from coastwatch.pipeline import Cycle
-from coastwatch.scenario import load_scenario
+from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.server.run import run_scenario
+from coastwatch.server.timing import Stopwatch
+from coastwatch.stage import Plan
 from coastwatch.store import history_rule
 from coastwatch.store.history_rule import Bound
+from coastwatch.workers import spread_over
+from scaling.load import national
+from scaling.load.keeping import Keeper
 
 ERRORS_M = (5.0, 10.0, 25.0, 100.0)
 LONGEST_S = (60.0, 300.0, 1800.0)
+WARM = 20  # cycles
 
 
 class Asked:
@@ -34,10 +42,27 @@ class Asked:
         self.rows, self._number, self._before_s = self.rows + added.points, self._number + 1, cycle.time_s
 
 
-def main(name: str, settings: dict[str, str]) -> None:
-    scenario = load_scenario(name, settings)
-    asked = [Asked(Bound(*of)) for of in product(ERRORS_M, LONGEST_S)]
-    hours = 0.0
+def table(name: str, scenario: Scenario, hours: float, asked: list[Asked], database: str) -> None:
+    """Print what each bound costs."""
+    with sqlite3.connect(database) as raw:
+        rows = raw.execute("SELECT count(*) FROM history").fetchone()[0]
+        a_row = raw.execute("SELECT sum(pgsize) FROM dbstat WHERE name = 'history'").fetchone()[0] / rows
+    print(
+        f"{name}: {hours:.1f} vessel-hours, {rows} rows stored, {a_row:.0f} bytes a row; a row a cycle: {3600.0 / scenario.period_s:.0f}"
+    )
+    print("off by at most | at least every | rows a vessel-hour | bytes a vessel-hour")
+    for one in asked:
+        a_hour = one.rows / hours
+        print(f"{one.bound.error_m:>12.0f} m | {one.bound.max_s:>12.0f} s | {a_hour:>18.1f} | {a_hour * a_row:>19.0f}")
+
+
+def bounds() -> list[Asked]:
+    return [Asked(Bound(*of)) for of in product(ERRORS_M, LONGEST_S)]
+
+
+def of_scenario(name: str, settings: dict[str, str]) -> None:
+    """From start to end."""
+    scenario, asked, hours = load_scenario(name, settings), bounds(), 0.0
 
     def on_cycle(cycle: Cycle) -> None:
         nonlocal hours
@@ -47,18 +72,39 @@ def main(name: str, settings: dict[str, str]) -> None:
 
     with tempfile.TemporaryDirectory() as folder:
         run_scenario(scenario, database=f"sqlite:///{folder}/x.db", on_cycle=on_cycle)
-        with sqlite3.connect(f"{folder}/x.db") as raw:
-            rows = raw.execute("SELECT count(*) FROM history").fetchone()[0]
-            a_row = raw.execute("SELECT sum(pgsize) FROM dbstat WHERE name = 'history'").fetchone()[0] / rows
-    print(
-        f"{name}: {hours:.1f} vessel-hours, {rows} rows stored, {a_row:.0f} bytes a row; a row a cycle: {3600.0 / scenario.period_s:.0f}"
-    )
-    print("off by at most | at least every | rows a vessel-hour | bytes a vessel-hour")
-    for one in asked:
-        a_hour = one.rows / hours
-        print(f"{one.bound.error_m:>11.0f} m | {one.bound.max_s:>12.0f} s | {a_hour:>18.1f} | {a_hour * a_row:>19.0f}")
+        table(name, scenario, hours, asked, f"{folder}/x.db")
+
+
+def of_load(tracks: int, cycles: int, settings: dict[str, str]) -> None:
+    """The tracks of a nation; the points with which its vessels begin are not counted."""
+    world = national.lay_world(tracks, 1)
+    scenario = national.scenario_of(world, settings)
+    sensors, asked, hours, watch = scenario.sensors(), bounds(), 0.0, Stopwatch()
+    plan = Plan(start_s=world.time_s(-1), period_s=world.period_s, cycles=WARM + cycles)
+    state, memory = national.first(world), pipeline.start_centre(scenario)
+    with tempfile.TemporaryDirectory() as folder, spread_over("threads", 1) as spread:
+        with Keeper(f"sqlite:///{folder}/x.db", scenario, sensors, plan, 1) as keeper:
+            for number in range(WARM + cycles):
+                state, received = national.receive(world, state, sensors)
+                memory, cycle = pipeline.fuse(scenario, sensors, memory, received, world.time_s(number), spread, watch)
+                keeper.write(number, cycle, received.statics, watch.lap())
+                for one in asked:
+                    one(cycle)
+                if number == WARM - 1:
+                    for one in asked:
+                        one.rows = 0
+                hours += len(cycle.picture) * scenario.period_s / 3600.0 * (number >= WARM)
+        table(f"{tracks} tracks", scenario, hours, asked, f"{folder}/x.db")
+
+
+def main(words: list[str]) -> None:
+    settings = dict(word.split("=", 1) for word in words if "=" in word)
+    named = [word for word in words if "=" not in word] or ["solent"]
+    if len(named) == 2:
+        of_load(int(named[0]), int(named[1]), settings)
+    else:
+        of_scenario(named[0], settings)
 
 
 if __name__ == "__main__":
-    words = sys.argv[1:] or ["solent"]
-    main(words[0], dict(word.split("=", 1) for word in words[1:]))
+    main(sys.argv[1:])
