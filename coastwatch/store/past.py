@@ -86,10 +86,11 @@ def _table(connection: Connection, run_id: int, where: Sequence[Any], most: int)
     number = found["cycle"]
     found["time_s"] = np.zeros(0)
     if len(number):
-        span = and_(Cycle.run_id == run_id, Cycle.number.between(int(number[0]), int(number[-1])))
-        rows = connection.execute(select(Cycle.number, Cycle.time_s).where(span).order_by(Cycle.number)).all()
-        known, time_s = (np.array(column) for column in zip(*rows, strict=True))
-        found["time_s"] = time_s[np.searchsorted(known, number)]
+        first, last = int(number[0]), int(number[-1])
+        span = select(Cycle.number, Cycle.time_s).where(Cycle.run_id == run_id, Cycle.number.between(first, last))
+        known, time_s = collected(connection, span, last - first + 1)
+        order = np.argsort(known)
+        found["time_s"] = time_s[order][np.searchsorted(known[order], number)]
     return Table(COLUMNS, tuple(found[name] for name in COLUMNS))
 
 

@@ -57,8 +57,11 @@ def picture(
 
     Args: at_s: seconds since 1970 UTC; bbox: south, west, north, east in degrees, west > east crosses the antimeridian; columns: those
     that are wanted, in this order; names, sources and `since_s` cost as much as all others.
-    Raises: StoreError where there is no such run, or nothing is stored so early.
+    Raises: StoreError where there is no such run or column, or nothing is stored so early.
     """
+    unknown = sorted(set(columns) - set(COLUMNS))
+    if unknown:
+        raise StoreError(f"columns: got {', '.join(unknown)}, needed some of {', '.join(COLUMNS)}")
     with reading(store) as connection:
         run_exists(connection, store, run_id)
         if at_s is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numba  # noqa: F401 - the compiled way is taken only where numba is loaded
 import numpy as np
 import past_world
 import pytest
@@ -108,3 +109,5 @@ def test_what_is_told_of_many_is_what_is_told_of_few(url: str, at: int | None, m
         monkeypatch.setattr(boxed, "MOST", 0)
         assert kept.picture(store, run, when) == few
         assert kept.picture(store, run, when, columns=("sources", "vessel_id")).columns == ("sources", "vessel_id")
+        with pytest.raises(kept.StoreError, match="columns: got colour, needed some of vessel_id"):
+            kept.picture(store, run, when, columns=("colour",))
