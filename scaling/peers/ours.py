@@ -40,7 +40,7 @@ def association(given: Given, watch: Watch) -> Answer:
     grouper, associator = KMeansSpots(), WindowedCovariance()
     spots_memory, memory = grouper.init(), associator.init()
     pairs = [np.zeros((0, 3), np.int64)]
-    with spread_over(1) as spread:
+    with spread_over("threads", 1) as spread:
         for cycle in range(len(given.time_s)):
             tracks, timed = tracks_at(given, cycle), cycle >= given.first
             with (watch if timed else Watch()).lap():

@@ -51,6 +51,8 @@ def test_every_silenced_vessel_in_the_solent_is_flagged_and_hardly_another(tmp_p
     assert found["silent_vessels_flagged"] == found["silent_vessels_in_cover"]
     assert found["dark_false_rate"] < FALSE_DARK
 
+EVERY_CYCLE = {"store.history_max_s": "0"}  # a point of every vessel in each, so that whole pictures are compared
+
 
 @needs_autoferry
 @needs_scorer
@@ -88,8 +90,8 @@ def cut_short(source: Path, target: Path, seconds: float) -> float:
 @pytest.mark.parametrize("number", [2, 6])
 def test_what_autoferry_brings_later_changes_no_picture_of_before(number: int, tmp_path: Path) -> None:
     until_s = cut_short(AUTOFERRY / f"scenario{number}", tmp_path / "data" / f"scenario{number}", 40.0)
-    whole = load_scenario(f"autoferry-{number}", {"cycles": "60"})
-    cut = load_scenario(f"autoferry-{number}", {"input.root": str(tmp_path / "data")})
+    whole = load_scenario(f"autoferry-{number}", {"cycles": "60", **EVERY_CYCLE})
+    cut = load_scenario(f"autoferry-{number}", {"input.root": str(tmp_path / "data"), **EVERY_CYCLE})
     run_scenario(whole, database=f"sqlite:///{tmp_path / 'whole.db'}")
     run_scenario(cut, database=f"sqlite:///{tmp_path / 'cut.db'}")
     plan = whole.plan()
@@ -109,7 +111,7 @@ def test_what_the_solent_brings_later_changes_no_picture_of_before(tmp_path: Pat
         found = load(self, sensors, seed, plan)
         return replace(found, reports=found.reports.between(float("-inf"), plan.instant_s(common - 1)))
 
-    scenario = load_scenario("solent", {"cycles": "15"})
+    scenario = load_scenario("solent", {"cycles": "15", **EVERY_CYCLE})
     run_scenario(scenario, seed=SEED, database=f"sqlite:///{tmp_path / 'whole.db'}")
     monkeypatch.setattr(Solent, "load", cut)
     run_scenario(scenario, seed=SEED, database=f"sqlite:///{tmp_path / 'cut.db'}")
