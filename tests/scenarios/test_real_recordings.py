@@ -51,6 +51,7 @@ def test_every_silenced_vessel_in_the_solent_is_flagged_and_hardly_another(tmp_p
     assert found["silent_vessels_flagged"] == found["silent_vessels_in_cover"]
     assert found["dark_false_rate"] < FALSE_DARK
 
+
 EVERY_CYCLE = {"store.history_max_s": "0"}  # a point of every vessel in each, so that whole pictures are compared
 
 
