@@ -54,8 +54,7 @@ def facts(  # type: ignore[no-untyped-def]
 ):
     """What is known of the tracks of rows low to high, each written where its rank says.
 
-    Rows are read one after the other and written anywhere, because a processor waits for what it reads and not for what it writes: half
-    the time of the other way round (scaling/decisions/association_cycle.py).
+    Rows are read one after the other and written anywhere, because a processor waits for what it reads and not for what it writes.
 
     Args:
         rank: (N,). position, velocity, covariance, report, mmsi, source: of the tracks, C-contiguous.
