@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Literal, Self
 
@@ -25,13 +26,14 @@ from coastwatch.batches import (
     Picture,
     Sensors,
 )
-from coastwatch.geodesy import KNOT_M_S, axes, earth_centred
+from coastwatch.geodesy import KNOT_M_S, earth_centred
 from coastwatch.kernels.signatures import check_confusion, even_confusion
-from coastwatch.stage import Groups, Method, Shared, Spread, by_group
+from coastwatch.stage import Groups, Method, Shared, Spread, room_of
 
 Positive = Annotated[float, Field(gt=0.0)]
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
 
+SOON = 1.2  # ranges of a sensor: nearer vessels are remembered, for they may soon be heard
 RANGE_SHARES = np.array([1.0, 0.5, 0.25, 0.1])
 RANGE_WEIGHTS = RANGE_SHARES**2 / (RANGE_SHARES**2).sum()  # by the area that each stands for
 
@@ -91,7 +93,7 @@ class BearingLikelihood(Method):
         return self
 
     def init(self) -> LikelihoodMemory:
-        return LikelihoodMemory(Path.empty(4), Calibration.of(0, 0.0), ShipTypes.empty())
+        return LikelihoodMemory(Path.empty(), Calibration.of(0, 0.0), ShipTypes.empty())
 
     def step(
         self,
@@ -113,7 +115,8 @@ class BearingLikelihood(Method):
         learnt = memory.calibration
         if len(learnt.bias_rad) != len(sensors.sonars):
             learnt = Calibration.of(len(sensors.sonars), float(np.radians(self.bias_sigma_deg)))
-        path, types = self._path(memory.path, picture, octants, time_s, sensors), memory.types.heard(statics)
+        types = memory.types.heard(statics)
+        path = self._path(memory.path, picture, octants, time_s, sensors, room_of(spread))
         known = Known.of(bearing_tracks, picture, octants, sensors)
         row, gain, residual = self._scored(path, bearing_tracks, picture, octants, sensors, learnt, known, types, spread)
         bearing_row, vessel_row = octants.bearing_row[row], octants.vessel_row[row]
@@ -127,16 +130,19 @@ class BearingLikelihood(Method):
             bearing_row, vessel_row, gain[chosen], learnt.bias_rad
         )
 
-    def _path(self, path: Path, picture: Picture, octants: Octants, time_s: float, sensors: Sensors) -> Path:
+    def _path(
+        self, path: Path, picture: Picture, octants: Octants, time_s: float, sensors: Sensors, room: Callable[..., Array]
+    ) -> Path:
         """The paths of the vessels that are, or soon may be, compared with bearings, one instant longer."""
-        xyz = earth_centred(picture.position_deg)
-        rows = np.flatnonzero(_in_reach(xyz, sensors) | _mask(octants.vessel_row, len(picture)))
-        rows = rows[np.argsort(picture.vessel_id[rows], kind="stable")]
+        from coastwatch.kernels.near_sites import near_sites
+
+        soon, _ = near_sites(picture.position_deg, sensors.sonars.site_deg, SOON * sensors.sonars.range_m)
+        rows = np.flatnonzero(_mask(soon, len(picture)) | _mask(octants.vessel_row, len(picture)))
         variance = 0.5 * (picture.covariance[rows, 0, 0] + picture.covariance[rows, 1, 1])
         variance = np.where(np.isfinite(variance), variance, self.position_unknown_m**2) + self.position_floor_m**2
-        values = np.column_stack([xyz[rows], np.sqrt(variance)])
+        values = np.column_stack([earth_centred(picture.position_deg[rows]), np.sqrt(variance)])
         values[(time_s - picture.since_s[rows] < self.settle_s) & (variance > self.settled_m**2)] = np.nan
-        return path.extended(picture.vessel_id[rows], values, time_s, self.window_s, self.spacing_s)
+        return path.extended(picture.vessel_id[rows], values, time_s, self.window_s, self.spacing_s, room)
 
     def _scored(
         self,
@@ -152,31 +158,27 @@ class BearingLikelihood(Method):
     ) -> tuple[Ints, Floats, Floats]:
         """Pairs above the threshold: index into the octants, log odds, mean difference of bearings; sorted by index."""
         sonar = tracks.source - sensors.sonar_source(0)
-        before, blend = path.instants(tracks.window_time_s)
-        frame, origin, frame_axes = _frames(tracks)
         arc_from, arc_width = arcs(sensors)
-        classes = types.of(picture.mmsi)
+        there = np.flatnonzero(_mask(octants.vessel_row, len(picture)))
+        slot = np.full(len(picture), -1, np.int64)
+        slot[there] = path.slots(picture.vessel_id[there])
         arrays = {
-            "pair_bearing": octants.bearing_row,
-            "pair_path": path.rows(picture.vessel_id)[octants.vessel_row],
+            "first_pair": np.searchsorted(octants.bearing_row, np.arange(len(tracks) + 1)).astype(np.int64),
+            "vessel": slot[octants.vessel_row],
             "time": tracks.window_time_s,
             "bearing": tracks.window_bearing_rad,
-            "frame": frame,
-            "frame_origin": origin,
-            "frame_axes": frame_axes,
-            "before": before,
-            "blend": blend,
+            "site": tracks.window_site_deg,
+            "instant": path.time_s,
             "path": path.values,
             "density": self._density(sonar, known, sensors),
+            "outside": learnt.heard_outside(self.heard)[sonar],
             "reach": sensors.sonars.range_m[sonar],
             "arc_from": arc_from[sonar],
             "arc_width": arc_width[sonar],
-            "outside": learnt.heard_outside(self.heard)[sonar],
-            "vessel_class": classes[octants.vessel_row],
-            "signature": self._signature(tracks, classes),
             "bias": learnt.bias_rad[sonar],
             "bias_variance": learnt.bias_sigma_rad[sonar] ** 2,
             "variance": sensors.sonars.bearing_sigma_rad[sonar] ** 2,
+            **self._sounds(tracks, picture, octants, types),
         }
         parts = spread(score_octants, self, arrays, by_octant(octants))
         row = np.concatenate([np.zeros(0, np.int64), *(p[0] for p in parts)])
@@ -184,12 +186,17 @@ class BearingLikelihood(Method):
         gain, residual = (np.concatenate([np.zeros(0), *(p[k] for p in parts)])[order] for k in (1, 2))
         return row[order], gain, residual
 
-    def _signature(self, tracks: BearingTracks, classes: Ints) -> Floats:
-        """What log odds gain by the sound of each track, for each class of vessel and an unknown one. Returns: (N, C + 1)."""
+    def _sounds(self, tracks: BearingTracks, picture: Picture, octants: Octants, types: ShipTypes) -> dict[str, Array]:
+        """What log odds gain by the sound of each track, for each class of vessel, (N, C + 1), and the class of the vessel of each
+        pair, (A,). Empty where nothing was heard of any class."""
+        if not tracks.signatures.any():
+            return {"signature": np.zeros((0, CLASSES + 1)), "vessel_class": np.zeros(0, np.int64)}
         confusion = even_confusion(self.signature_accuracy, CLASSES)
         if self.signature_confusion:
             confusion = np.array(self.signature_confusion)
-        return signature_gain(tracks.signatures, classes, confusion, self.signature_habit, self.type_doubt)
+        classes = types.of(picture.mmsi)
+        gain = signature_gain(tracks.signatures, classes, confusion, self.signature_habit, self.type_doubt)
+        return {"signature": gain, "vessel_class": classes[octants.vessel_row]}
 
     def _density(self, sonar: Ints, known: Known, sensors: Sensors) -> Floats:
         """Log density of unknown vessels by bearing, for each track: the sensor says how many vessels there are, the picture how
@@ -201,31 +208,30 @@ class BearingLikelihood(Method):
 
 
 def score_octants(settings: BearingLikelihood, arrays: Shared, octants: Groups) -> tuple[Array, ...]:
-    """What passes of the pairs of these octants: row, statistic and, of the likelihood, the mean difference of bearings."""
-    return by_group(_score_octant, settings, arrays, octants)
+    """Pairs of the bearing tracks of these octants that are above the threshold: index of the pair, log odds, mean difference of
+    bearings. A pair's answer is its own alone."""
+    from coastwatch.kernels.known_vessels import PLACES, Paths, Rule, Windows, known_vessels
+    from coastwatch.kernels.rings import addresses
+    from coastwatch.kernels.threads import in_blocks
+    from coastwatch.kernels.unknown_vessels import Strangers, unknown_vessels
 
-
-def _score_octant(settings: BearingLikelihood, arrays: Shared, rows: Ints) -> tuple[Array, ...]:
-    """Pairs of these rows above the threshold: row, log odds, mean difference of bearings. A pair's answer is its own alone."""
-    from coastwatch.kernels.bearing import known_vessel, unknown_vessel
-
-    track, at = np.unique(arrays["pair_bearing"][rows], return_inverse=True)
-    time, bearing = arrays["time"][track], arrays["bearing"][track]
-    variance, reach = arrays["variance"][track], arrays["reach"][track]
-    null = np.empty((len(track), time.shape[1] + 1))
-    speed, kick = settings.unknown_speed_kn * KNOT_M_S, settings.unknown_kick_m_s2**2
-    unknown_vessel(time, bearing, variance, reach, RANGE_SHARES, RANGE_WEIGHTS, speed, kick, null)
-    gain, residual = np.empty(len(rows)), np.empty(len(rows))
-    frames = arrays["frame"][track], arrays["frame_origin"], arrays["frame_axes"]
-    paths = arrays["before"][track], arrays["blend"][track], arrays["path"]
-    priors = settings.heard, arrays["density"][track]
-    cover = arrays["outside"][track], reach, arrays["arc_from"][track], arrays["arc_width"][track]
-    noise = arrays["bias"][track], arrays["bias_variance"][track], variance, settings.position_memory_s
-    pair = at.astype(np.int64), arrays["pair_path"][rows], time, bearing
-    known_vessel(*pair, *frames, *paths, null, *priors, *cover, *noise, settings.give_up, gain, residual)
-    gain += arrays["signature"][arrays["pair_bearing"][rows], arrays["vessel_class"][rows]]
+    track = octants.row
+    windows = Windows(**{name: arrays[name] for name in Windows._fields})
+    strangers = Strangers(RANGE_SHARES, RANGE_WEIGHTS, settings.unknown_speed_kn * KNOT_M_S, settings.unknown_kick_m_s2**2)
+    null = unknown_vessels(track, windows.time, windows.bearing, windows.variance, windows.reach, strangers)
+    table = addresses(arrays["path"], PLACES)[::-1].copy()
+    paths = Paths(arrays["instant"], table, np.array([len(a) for a in arrays["path"]], np.int64))
+    first, end = arrays["first_pair"][track], arrays["first_pair"][track + 1]
+    start = np.concatenate([np.zeros(1, np.int64), np.cumsum(end - first)])
+    pair = np.arange(start[-1]) + np.repeat(first - start[:-1], end - first)
+    gain, residual = np.empty(len(pair)), np.empty(len(pair))
+    rule = Rule(settings.heard, settings.position_memory_s, settings.give_up)
+    asked = track, start, arrays["vessel"][pair], windows, null, paths, rule, gain, residual
+    in_blocks(known_vessels, len(track), *asked, least=64)
+    if len(arrays["signature"]):
+        gain += arrays["signature"][np.repeat(track, end - first), arrays["vessel_class"][pair]]
     keep = gain > settings.threshold
-    return rows[keep], gain[keep], residual[keep]
+    return pair[keep], gain[keep], residual[keep]
 
 
 def _one_to_one(left: Ints, right: Ints, gain: Floats) -> Bools:
@@ -239,27 +245,3 @@ def _mask(rows: Ints, count: int) -> Bools:
     out = np.zeros(count, np.bool_)
     out[rows] = True
     return out
-
-
-def _in_reach(xyz: Floats, sensors: Sensors) -> Bools:
-    """Which points are, with a margin, within the range of any sensor of bearings at its first site. Args: (V, 3)."""
-    from scipy.spatial import cKDTree
-
-    if len(sensors.sonars) == 0 or len(xyz) == 0:
-        return np.zeros(len(xyz), np.bool_)
-    reach = 1.2 * float(sensors.sonars.range_m.max())
-    nearest = cKDTree(earth_centred(sensors.sonars.site_deg)).query(xyz, distance_upper_bound=reach)[0]
-    return np.isfinite(nearest)
-
-
-def _frames(tracks: BearingTracks) -> tuple[Ints, Floats, Floats]:
-    """Where each bearing was taken from: (N, W) rows of (F, 3) origins and (F, 2, 3) axes east and north, Earth-centred.
-
-    A sensor that stands still needs one frame a track; only where it moves has every bearing its own.
-    """
-    n, w = tracks.window_time_s.shape
-    moved = (tracks.window_site_deg != tracks.site_deg[:, None]).any(axis=2) & np.isfinite(tracks.window_time_s)
-    frame = np.repeat(np.arange(n)[:, None], w, axis=1)
-    frame[moved] = n + np.arange(int(moved.sum()))
-    sites = np.concatenate([tracks.site_deg, tracks.window_site_deg[moved]])
-    return frame, earth_centred(sites), np.ascontiguousarray(axes(sites)[:, :2])

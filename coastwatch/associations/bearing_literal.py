@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from coastwatch.associations.bearing_history import Path
+from coastwatch.associations.bearing_history import Path, values_of
 from coastwatch.associations.pairing import by_octant
 from coastwatch.batches import AisStatics, Array, BearingAssociations, BearingTracks, Floats, Ints, Octants, Picture, Sensors
 from coastwatch.geodesy import axes, earth_centred, wrap_rad
@@ -41,7 +41,7 @@ class BearingWindowedCovariance(Method):
     one_to_one: bool = False
 
     def init(self) -> LiteralBearingMemory:
-        return LiteralBearingMemory(Path.empty(4), Path.empty(6))
+        return LiteralBearingMemory(Path.empty(), Path.empty())
 
     def limit(self) -> float:
         """The value that x must stay below: -2 ln(1 - confidence) is the chi-square quantile of 2 degrees of freedom."""
@@ -66,10 +66,10 @@ class BearingWindowedCovariance(Method):
         """
         p = self.window
         said = np.column_stack([*measured(bearing_tracks, p), bearing_tracks.site_deg])
-        tracks = _newest(memory.tracks, p).extended(bearing_tracks.track_id, said, time_s, ALL_S, 0.0)
+        tracks = memory.tracks.newest(p - 1).extended(bearing_tracks.track_id, said, time_s, ALL_S, 0.0)
         moving = np.einsum("vij,vi->vj", axes(picture.position_deg)[:, :2], picture.velocity_m_s)
         where = np.column_stack([earth_centred(picture.position_deg), moving])
-        vessels = _newest(memory.vessels, p).extended(picture.vessel_id, where, time_s, ALL_S, 0.0)
+        vessels = memory.vessels.newest(p - 1).extended(picture.vessel_id, where, time_s, ALL_S, 0.0)
         row, x = self._tested(tracks, vessels, bearing_tracks, picture, octants, spread)
         bearing_row, vessel_row = octants.bearing_row[row], octants.vessel_row[row]
         chosen = self._chosen(bearing_row, vessel_row, octants.octant[row] // 8 * len(picture), x)
@@ -83,8 +83,9 @@ class BearingWindowedCovariance(Method):
         if len(tracks.time_s) < self.window:
             return np.zeros(0, np.int64), np.zeros(0)
         arrays = {
-            "track": tracks.rows(now.track_id)[octants.bearing_row],
-            "vessel": vessels.rows(picture.vessel_id)[octants.vessel_row],
+            "first_pair": np.searchsorted(octants.bearing_row, np.arange(len(now) + 1)).astype(np.int64),
+            "track": tracks.slots(now.track_id),
+            "vessel": vessels.slots(picture.vessel_id)[octants.vessel_row],
             "said": tracks.values,
             "path": vessels.values,
         }
@@ -103,18 +104,21 @@ class BearingWindowedCovariance(Method):
 
 
 def accept_in_octants(settings: BearingWindowedCovariance, arrays: Shared, octants: Groups) -> tuple[Array, ...]:
-    """What passes of the pairs of these octants: row, statistic and, of the likelihood, the mean difference of bearings."""
+    """Pairs of the bearing tracks of these octants that pass: index of the pair, x."""
     return by_group(_accept_in_octant, settings, arrays, octants)
 
 
 def _accept_in_octant(settings: BearingWindowedCovariance, arrays: Shared, rows: Ints) -> tuple[Array, ...]:
-    """Pairs of these rows that pass the test: row, x."""
-    delta = differences(arrays["said"][arrays["track"][rows]], arrays["path"][arrays["vessel"][rows]])
+    """Pairs of these bearing tracks that pass the test: index of the pair, x."""
+    first, count = arrays["first_pair"][rows], np.diff(arrays["first_pair"])[rows]
+    index = np.arange(count.sum()) + np.repeat(first - (np.cumsum(count) - count), count)
+    said, path = values_of(arrays["said"], arrays["track"][rows]), values_of(arrays["path"], arrays["vessel"][index])
+    delta = differences(np.repeat(said, count, axis=0), path)
     whole = np.isfinite(delta).all(axis=(1, 2))
-    rows, delta = rows[whole], delta[whole]
+    index, delta = index[whole], delta[whole]
     x = sample_statistic(delta)
     keep = x < settings.limit()
-    return rows[keep], x[keep]
+    return index[keep], x[keep]
 
 
 def measured(tracks: BearingTracks, bearings: int) -> tuple[Floats, Floats]:
@@ -157,8 +161,3 @@ def sample_statistic(delta: Floats) -> Floats:
     a, b = delta[:, -1, 0], delta[:, -1, 1]
     top = phi[:, 1, 1] * a * a - 2.0 * phi[:, 0, 1] * a * b + phi[:, 0, 0] * b * b
     return np.where(det > 0.0, top / np.where(det > 0.0, det, 1.0), np.inf)
-
-
-def _newest(path: Path, window: int) -> Path:
-    """The path without what falls out of a window of so many instants when one more comes."""
-    return Path(path.ids, path.time_s[-(window - 1) :], path.values[:, -(window - 1) :])

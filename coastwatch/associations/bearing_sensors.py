@@ -41,15 +41,13 @@ class Calibration:
         if gain == 0.0:
             return self
         bias, bias_sigma = self.bias_rad.copy(), self.bias_sigma_rad.copy()
-        for s in np.unique(sonar):
-            off = wrap_rad(residual[sonar == s] - bias[s])
-            if len(off) < least:
-                continue
-            middle = float(np.median(off))
-            scatter = 1.4826 * float(np.median(np.abs(off - middle)))
-            bias[s] = wrap_rad(bias[s] + gain * middle)
-            doubt = floor_rad**2 + middle**2 + 1.57 * scatter**2 / len(off)
-            bias_sigma[s] += gain * (min(float(np.sqrt(doubt)), widest_rad) - bias_sigma[s])
+        off = wrap_rad(residual - bias[sonar])
+        count, middle = _medians(sonar, off, len(bias))
+        _, scatter = _medians(sonar, np.abs(off - middle[sonar]), len(bias))
+        s = np.flatnonzero(count >= least)
+        bias[s] = wrap_rad(bias[s] + gain * middle[s])
+        doubt = floor_rad**2 + middle[s] ** 2 + 1.57 * (1.4826 * scatter[s]) ** 2 / count[s]
+        bias_sigma[s] += gain * (np.minimum(np.sqrt(doubt), widest_rad) - bias_sigma[s])
         return Calibration(bias, bias_sigma, self.outside_heard, self.outside_known)
 
     def with_heard(self, known: Known, sonar: Ints, vessel_row: Ints) -> Calibration:
@@ -76,26 +74,47 @@ class Known:
 
     @staticmethod
     def of(tracks: BearingTracks, picture: Picture, octants: Octants, sensors: Sensors) -> Known:
-        octant, start = np.unique(octants.octant, return_index=True)
-        first = np.full(int(octant.max(initial=-1)) + 1, -1, np.int64)
-        first[octant] = octants.bearing_row[start]
-        once = octants.bearing_row == first[octants.octant]
-        pair = np.unique(np.column_stack([octants.octant[once] // 8, octants.vessel_row[once]]), axis=0)
+        pair = _heard_by(octants, len(tracks), len(picture))
         site = np.full((len(sensors.sonars), 2), np.nan)
         newest_last = np.argsort(
             tracks.updated_s, kind="stable"
         )  # where one sensor's tracks differ, the newest knows where it is
         site[tracks.source[newest_last] - sensors.sonar_source(0)] = tracks.site_deg[newest_last]
         arc_from, arc_width = arcs(sensors)
-        where = to_plane(picture.position_deg[pair[:, 1]], site[pair[:, 0]])
+        where = to_plane(picture.position_deg[pair[1]], site[pair[0]])
         direction = np.arctan2(where[:, 0], where[:, 1])
-        inside = np.hypot(where[:, 0], where[:, 1]) <= sensors.sonars.range_m[pair[:, 0]]
-        inside &= (direction - arc_from[pair[:, 0]]) % (2.0 * np.pi) <= arc_width[pair[:, 0]]
-        return Known(pair[:, 0], pair[:, 1], inside, len(picture))
+        inside = np.hypot(where[:, 0], where[:, 1]) <= sensors.sonars.range_m[pair[0]]
+        inside &= (direction - arc_from[pair[0]]) % (2.0 * np.pi) <= arc_width[pair[0]]
+        return Known(pair[0], pair[1], inside, len(picture))
 
     def inside_count(self, sonars: int) -> Ints:
         """How many vessels each sensor should hear. Returns: (K,)."""
         return np.bincount(self.sonar[self.inside], minlength=sonars).astype(np.int64)
+
+
+def _medians(group: Ints, value: Floats, groups: int) -> tuple[Ints, Floats]:
+    """How many values each group has, and their median, NaN for none. Args: (A,), (A,). Returns: (groups,), (groups,)."""
+    values = value[np.lexsort((value, group))]
+    count = np.bincount(group, minlength=groups)
+    start = np.cumsum(count) - count
+    some = np.flatnonzero(count)
+    median = np.full(groups, np.nan)
+    low, high = start[some] + (count[some] - 1) // 2, start[some] + count[some] // 2
+    median[some] = 0.5 * (values[low] + values[high])
+    return count, median
+
+
+def _heard_by(octants: Octants, tracks: int, vessels: int) -> tuple[Ints, Ints]:
+    """Each pair of a sensor and a vessel in its octants once: (P,) sensors and (P,) rows of vessels, sorted."""
+    start = np.searchsorted(octants.bearing_row, np.arange(tracks + 1))
+    some = np.flatnonzero(np.diff(start))  # tracks that have pairs, all of them in one octant
+    one = some[
+        np.unique(octants.octant[start[some]], return_index=True)[1]
+    ]  # a track of every octant: all have the same vessels
+    size = start[one + 1] - start[one]
+    rows = np.arange(size.sum()) + np.repeat(start[one] - (np.cumsum(size) - size), size)
+    pair = np.unique(octants.octant[rows] // 8 * vessels + octants.vessel_row[rows])
+    return pair // max(vessels, 1), pair % max(vessels, 1)
 
 
 def arcs(sensors: Sensors) -> tuple[Floats, Floats]:

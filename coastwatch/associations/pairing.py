@@ -18,11 +18,12 @@ def rows_of_spots(spots: Spots) -> Groups:
 
 
 def by_octant(octants: Octants) -> Groups:
-    """A group an octant that has pairs: their indices."""
-    order = np.argsort(octants.octant, kind="stable")
-    edge = np.flatnonzero(np.diff(octants.octant[order])) + 1
+    """A group an octant that has pairs: the bearing tracks in it."""
+    first = np.flatnonzero(np.diff(octants.bearing_row, prepend=-1))
+    order = np.argsort(octants.octant[first], kind="stable")
+    edge = np.flatnonzero(np.diff(octants.octant[first[order]])) + 1
     ends = [len(order)] if len(order) else []
-    return Groups(order.astype(np.int64), np.concatenate([[0], edge, ends]).astype(np.int64))
+    return Groups(octants.bearing_row[first[order]], np.concatenate([[0], edge, ends]).astype(np.int64))
 
 
 def gated_pairs(arrays: Shared, rows: Ints, gate_m: float) -> tuple[Ints, Ints]:

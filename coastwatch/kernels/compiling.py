@@ -37,3 +37,8 @@ def arithmetic(function: Callable[..., Any]) -> Any:
 def arithmetic_part(function: Callable[..., Any]) -> Any:
     """The same, laid into the code that calls it."""
     return njit(cache=True, nogil=True, error_model="numpy", forceinline=True)(function)
+
+
+def bare_part(function: Callable[..., Any]) -> Any:
+    """As `part`, but a division by zero is infinite or not a number."""
+    return njit(**OPTIONS, error_model="numpy", forceinline=True)(function)

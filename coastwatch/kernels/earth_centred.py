@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from coastwatch.kernels.elementary import WHOLE
 from coastwatch.kernels.threads import in_blocks
 
 Floats = NDArray[np.float64]
@@ -16,7 +17,6 @@ Ints = NDArray[np.int64]
 SEMI_MAJOR = 6378137.0
 ECCENTRICITY2 = (2.0 - 1.0 / 298.257223563) / 298.257223563
 RADIANS = math.pi / 180.0
-WHOLE = 6755399441055744.0  # added and taken away it leaves the nearest whole number; np.rint is a call and stops vectorisation
 ROWS = 256  # at a time: three times eight bytes of each stay in the first cache
 
 

@@ -25,14 +25,14 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-def addresses(ring: Sequence[Floats]) -> Ints:
-    """Where the arrays stand, the newest first; they must outlive the use. Args: ring: newest last, (any, COLUMNS) each.
+def addresses(ring: Sequence[Floats], columns: int = COLUMNS) -> Ints:
+    """Where the arrays stand, the newest first; they must outlive the use. Args: ring: newest last, (any, columns) each.
 
     Raises: ValueError for an array that is not laid out as the kernels read it.
     """
     for array in ring:
-        if array.dtype != np.float64 or array.ndim != 2 or array.shape[1] != COLUMNS or not array.flags.c_contiguous:
-            raise ValueError(f"ring: got {array.dtype} {array.shape}, needed contiguous float64 (any, {COLUMNS})")
+        if array.dtype != np.float64 or array.ndim != 2 or array.shape[1] != columns or not array.flags.c_contiguous:
+            raise ValueError(f"ring: got {array.dtype} {array.shape}, needed contiguous float64 (any, {columns})")
     return np.array([array.ctypes.data for array in reversed(ring)], np.int64)
 
 
@@ -68,6 +68,16 @@ def fetch(typingctx: Any, address: Any) -> Any:
         return context.get_dummy_value()
 
     return types.void(types.int64), generate
+
+
+@intrinsic
+def number(typingctx: Any, address: Any) -> Any:
+    """The float64 at an address."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.load(builder.inttoptr(args[0], ir.DoubleType().as_pointer()))
+
+    return types.float64(types.int64), generate
 
 
 @arithmetic_part

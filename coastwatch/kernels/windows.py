@@ -278,4 +278,5 @@ def windowed_scores(first, second, density, table, chain, length, record, rule, 
             _whiten(n, k, null_variance, room)
             if not _bound(n, k, rule, room) + slack <= rule.threshold:
                 score[pair + k] = _accumulate(n, k, rule, room)
+    buffer[0] = 0.0  # or it would be given back as soon as its address is known
     return score

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch.batches import BearingTracks, Bools, Floats, Ints, Octants, Picture, Sensors
-from coastwatch.geodesy import earth_centred, to_plane, wrap_deg
+from coastwatch.geodesy import to_plane, wrap_deg
 from coastwatch.stage import Method
 
 SECTOR_DEG = 45.0
@@ -41,33 +41,29 @@ class OctantSpots(Method):
         sonar = bearing_tracks.source - sensors.sonar_source(0)
         vessel_octant, vessel_row = self._vessels(sonar, bearing_tracks, picture, sensors)
         octant = sonar * SECTORS + sector(np.degrees(bearing_tracks.bearing_rad))
-        start = np.searchsorted(vessel_octant, octant)
-        count = np.searchsorted(vessel_octant, octant, side="right") - start
+        start = np.searchsorted(vessel_octant, np.arange(len(sensors.sonars) * SECTORS + 1))
+        count = np.diff(start)[octant]
         bearing_row = np.repeat(np.arange(len(octant)), count)
-        skipped = np.cumsum(count) - count
-        entry = np.arange(len(bearing_row)) + np.repeat(start - skipped, count)
-        return memory, Octants(bearing_row.astype(np.int64), vessel_row[entry], np.repeat(octant, count).astype(np.int64))
+        entry = np.arange(len(bearing_row)) + np.repeat(start[octant] - (np.cumsum(count) - count), count)
+        return memory, Octants(bearing_row, vessel_row[entry], np.repeat(octant, count))
 
     def _vessels(self, sonar: Ints, tracks: BearingTracks, picture: Picture, sensors: Sensors) -> tuple[Ints, Ints]:
         """Octants and the rows of the vessels in them, sorted by octant, then row."""
+        from coastwatch.kernels.near_sites import near_sites
+
         sonars, newest = _newest_of_each(sonar, tracks.updated_s)
-        if len(sonars) == 0 or len(picture) == 0:
-            return np.zeros(0, np.int64), np.zeros(0, np.int64)
-        tolerance_m = self.position_sigmas * position_sigma_m(picture.covariance)
-        reach_m = sensors.sonars.range_m[sonars] * self.range_margin
-        near = _within(picture.position_deg, tracks.site_deg[newest], reach_m + tolerance_m.max())
-        parts = []
-        for s, row, reach, rows in zip(sonars, newest, reach_m, near, strict=True):
-            east_north = to_plane(picture.position_deg[rows], tracks.site_deg[row])
-            distance = np.hypot(east_north[:, 0], east_north[:, 1])
-            direction = np.degrees(np.arctan2(east_north[:, 0], east_north[:, 1]))
-            tolerance_deg = np.degrees(np.arctan2(tolerance_m[rows], distance)) + self.overlap_deg
-            outside = self._outside(direction, tolerance_deg) | (distance > reach + tolerance_m[rows])[:, None]
-            at, octant = np.nonzero(~outside)
-            parts.append((s * SECTORS + octant, rows[at]))
-        octants, vessels = (np.concatenate([p[k] for p in parts]) for k in range(2))
-        order = np.lexsort((vessels, octants))
-        return octants[order].astype(np.int64), vessels[order].astype(np.int64)
+        reach_m, site_deg = sensors.sonars.range_m[sonars] * self.range_margin, tracks.site_deg[newest]
+        row, site = near_sites(picture.position_deg, site_deg, reach_m, picture.covariance, self.position_sigmas)
+        east_north = to_plane(picture.position_deg[row], site_deg[site])
+        distance = np.hypot(east_north[:, 0], east_north[:, 1])
+        direction = np.degrees(np.arctan2(east_north[:, 0], east_north[:, 1]))
+        tolerance_m = self.position_sigmas * position_sigma_m(picture.covariance[row])
+        tolerance_deg = np.degrees(np.arctan2(tolerance_m, distance)) + self.overlap_deg
+        inside = ~self._outside(direction, tolerance_deg) & (distance <= reach_m[site] + tolerance_m)[:, None]
+        at, octant = np.nonzero(inside)
+        octant += sonars[site[at]] * SECTORS
+        order = np.argsort(octant, kind="stable")
+        return octant[order], row[at[order]]
 
     @staticmethod
     def _outside(direction_deg: Floats, tolerance_deg: Floats) -> Bools:
@@ -95,12 +91,3 @@ def _newest_of_each(sonar: Ints, updated_s: Floats) -> tuple[Ints, Ints]:
     order = np.lexsort((updated_s, sonar))
     sonars = np.unique(sonar)
     return sonars, order[np.searchsorted(sonar[order], sonars, side="right") - 1]
-
-
-def _within(position_deg: Floats, site_deg: Floats, reach_m: Floats) -> list[Ints]:
-    """Rows, sorted, of the positions within reach of each site. Args: (V, 2), (S, 2), (S,)."""
-    from scipy.spatial import cKDTree
-
-    tree = cKDTree(earth_centred(position_deg))
-    found = tree.query_ball_point(earth_centred(site_deg), reach_m, return_sorted=True)
-    return [np.array(rows, np.int64) for rows in found]

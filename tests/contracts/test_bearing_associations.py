@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from coastwatch.associations.bearing_history import Path
+from coastwatch.associations.bearing_history import Path, values_of
 from coastwatch.associations.bearing_likelihood import BearingLikelihood, score_octants
 from coastwatch.associations.bearing_literal import BearingWindowedCovariance, sample_statistic
 from coastwatch.batches import CLASSES, AisStatics, BearingTracks, Picture, Sensors
@@ -24,11 +24,15 @@ METHODS = (BearingLikelihood(), BearingWindowedCovariance())
 SEED = 40  # not one of those that settings were chosen on (1000 to 1009, 2000 to 2015)
 
 
+def read_only(array: Any) -> Any:
+    out = array.view()
+    out.flags.writeable = False
+    return out
+
+
 def piecewise(work: Any, settings: Any, arrays: Any, spots: Any) -> list[Any]:
     """A Spread that cuts every spot into three, works from the last to the first, and lends its arrays read-only."""
-    lent = {name: a.view() for name, a in arrays.items()}
-    for a in lent.values():
-        a.flags.writeable = False
+    lent = {name: tuple(map(read_only, a)) if isinstance(a, tuple) else read_only(a) for name, a in arrays.items()}
     answers = []
     for rows in reversed([spots.of(k) for k in range(len(spots))]):
         thirds = [rows[k::3] for k in range(3)]
@@ -76,6 +80,10 @@ def assert_same(a: Any, b: Any) -> None:
     for name, value in vars(a).items():
         if isinstance(value, np.ndarray):
             np.testing.assert_array_equal(value, getattr(b, name), strict=True)
+        elif isinstance(value, tuple):
+            assert len(value) == len(getattr(b, name))
+            for one, other in zip(value, getattr(b, name), strict=True):
+                np.testing.assert_array_equal(one, other, strict=True)
         else:
             assert_same(value, getattr(b, name))
 
@@ -303,16 +311,17 @@ def test_literal_is_worth_what_the_paper_says_and_breaks_under_bias() -> None:
 
 
 def test_path_keeps_what_the_window_needs() -> None:
-    path = Path.empty(1)
+    path = Path.empty()
     for k in range(10):
         ids = np.array([1, 5]) if k % 2 else np.array([5])
         path = path.extended(ids, np.full((len(ids), 1), float(k)), 10.0 * k, 35.0, 1.0)
     assert path.ids.tolist() == [1, 5]
     assert path.time_s.tolist() == [50.0, 60.0, 70.0, 80.0, 90.0]  # one at or before 55, then the window
-    np.testing.assert_array_equal(path.values[:, :, 0], [[5.0, np.nan, 7.0, np.nan, 9.0], [5.0, 6.0, 7.0, 8.0, 9.0]])
-    before, share = path.instants(np.array([55.0, 49.0, 90.0, 91.0, np.nan, 50.0]))
-    assert before.tolist() == [0, -1, 3, -1, -1, 0]
-    assert share.tolist() == [0.5, 0.0, 1.0, 0.0, 0.0, 0.0]
+    held = values_of(path.values, path.slots(np.array([1, 5, 6])))[:, :, 0]
+    nothing = [np.nan] * 5
+    np.testing.assert_array_equal(held, [[5.0, np.nan, 7.0, np.nan, 9.0], [5.0, 6.0, 7.0, 8.0, 9.0], nothing])
+    newest = path.newest(2)
+    np.testing.assert_array_equal(values_of(newest.values, newest.slots(np.array([1]))), [[[np.nan], [9.0]]])
     for k in range(1, 200):
         path = path.extended(np.array([7]), np.full((1, 1), float(k)), 90.0 + 0.3 * k, 35.0, 1.0)
     assert path.ids.tolist() == [7]
@@ -320,3 +329,28 @@ def test_path_keeps_what_the_window_needs() -> None:
     assert path.time_s[-1] == 90.0 + 0.3 * 199
     again = path.extended(np.array([7]), np.ones((1, 1)), float(path.time_s[-1]), 35.0, 1.0)
     assert again.time_s.tolist() == path.time_s.tolist()
+
+
+def test_a_slot_is_used_again_once_nothing_of_its_vessel_is_left() -> None:
+    """Against a dict of what each vessel had at each instant, with vessels that come, go, are unknown for a while and come back."""
+    rng = np.random.default_rng([SEED, 12])
+    path, had, most, time_s = Path.empty(), {}, 0, 0.0
+    for k in range(200):
+        time_s += [0.4, 3.0][int(rng.integers(2))]
+        ids = rng.permutation(np.arange(k // 4, k // 4 + 40))[: int(rng.integers(1, 40))]
+        values = rng.normal(size=(len(ids), 2))
+        values[rng.uniform(size=len(ids)) < 0.2] = np.nan
+        before = path.time_s
+        path = path.extended(ids, values, time_s, 20.0, 1.0)
+        for gone in set(before.tolist()) - set(path.time_s.tolist()):
+            had.pop(gone)
+        had[time_s] = dict(zip(ids.tolist(), values, strict=True))
+        assert sorted(had) == path.time_s.tolist()
+        every = np.arange(k // 4 + 60)
+        got = values_of(path.values, path.slots(every))
+        for t, instant in enumerate(path.time_s.tolist()):
+            expected = [had[instant].get(i, np.full(2, np.nan)) for i in every.tolist()]
+            np.testing.assert_array_equal(got[:, t], expected)
+        assert (np.diff(path.ids) > 0).all()
+        most = max(most, int(path.slot.max(initial=-1)) + 1)
+    assert most < 70  # of 90 vessels, of which 40 and those of the window are there at a time
