@@ -9,83 +9,18 @@ from typing import Any
 import bearing_world as bw
 import numpy as np
 import pytest
+from bearing_run import SEED, Run, assert_same, by_id, piecewise
 from pydantic import ValidationError
 
-from coastwatch.associations.bearing_history import Path, values_of
 from coastwatch.associations.bearing_likelihood import BearingLikelihood, score_octants
 from coastwatch.associations.bearing_literal import BearingWindowedCovariance, sample_statistic
-from coastwatch.batches import CLASSES, AisStatics, BearingTracks, Picture, Sensors
+from coastwatch.batches import CLASSES, AisStatics, BearingTracks, Picture
 from coastwatch.sensors.sonar import SonarTruth, say_class
 from coastwatch.spots.octants import OctantSpots
 from coastwatch.stage import Groups, in_turn
-from coastwatch.tracks.bearing import BearingWindow
+from coastwatch.workers import spread_over
 
 METHODS = (BearingLikelihood(), BearingWindowedCovariance())
-SEED = 40  # not one of those that settings were chosen on (1000 to 1009, 2000 to 2015)
-
-
-def read_only(array: Any) -> Any:
-    out = array.view()
-    out.flags.writeable = False
-    return out
-
-
-def piecewise(work: Any, settings: Any, arrays: Any, spots: Any) -> list[Any]:
-    """A Spread that cuts every spot into three, works from the last to the first, and lends its arrays read-only."""
-    lent = {name: tuple(map(read_only, a)) if isinstance(a, tuple) else read_only(a) for name, a in arrays.items()}
-    answers = []
-    for rows in reversed([spots.of(k) for k in range(len(spots))]):
-        thirds = [rows[k::3] for k in range(3)]
-        parts = [work(settings, lent, Groups(part, np.array([0, len(part)]))) for part in reversed(thirds)]
-        answers.append(tuple(np.concatenate(columns) for columns in zip(*parts, strict=True)))
-    return answers
-
-
-class Run:
-    """The chain from bearings to associations, cycle by cycle."""
-
-    def __init__(self, method: Any, sensors: Sensors, vessels: int, seconds: int, seed: int = SEED, **hear: float) -> None:
-        self.method, self.sensors, self.hears, self.hear, self.seed = method, sensors, sensors, hear, seed
-        self.world = bw.make_world(vessels, seconds, seed)
-        self.tracker, self.tracks_memory, self.memory = BearingWindow(), BearingWindow().init(), method.init()
-        self.seconds, self.statics = seconds, AisStatics.empty()
-
-    def inputs(self, t: int) -> tuple[BearingTracks, Picture]:
-        reports = bw.hear(self.world, self.hears, t, self.seed, **self.hear)
-        self.tracks_memory, tracks = self.tracker.step(self.tracks_memory, reports, bw.START_S + t, self.sensors)
-        return tracks, self.world.picture(t)
-
-    def associate(self, memory: Any, tracks: BearingTracks, picture: Picture, t: int, spread: Any = in_turn) -> Any:
-        _, octants = OctantSpots().step((), tracks, picture, self.sensors)
-        return self.method.step(memory, tracks, picture, octants, bw.START_S + t, self.sensors, spread, self.statics)
-
-    def counts(self, after: int) -> Any:
-        total = np.zeros(4)
-        for t in range(3, self.seconds + 1, 3):
-            tracks, picture = self.inputs(t)
-            self.memory, found = self.associate(self.memory, tracks, picture, t)
-            if t >= after:
-                total += bw.count(found.bearing_row, found.vessel_row, tracks.origin, picture.origin)
-        self.found = found
-        return total
-
-
-def by_id(found: Any, tracks: BearingTracks, picture: Picture) -> dict[tuple[int, int], float]:
-    pairs = zip(tracks.track_id[found.bearing_row].tolist(), picture.vessel_id[found.vessel_row].tolist(), strict=True)
-    return dict(zip(pairs, found.statistic.tolist(), strict=True))
-
-
-def assert_same(a: Any, b: Any) -> None:
-    """Equal to the bit, struct within struct."""
-    for name, value in vars(a).items():
-        if isinstance(value, np.ndarray):
-            np.testing.assert_array_equal(value, getattr(b, name), strict=True)
-        elif isinstance(value, tuple):
-            assert len(value) == len(getattr(b, name))
-            for one, other in zip(value, getattr(b, name), strict=True):
-                np.testing.assert_array_equal(one, other, strict=True)
-        else:
-            assert_same(value, getattr(b, name))
 
 
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.method)
@@ -111,6 +46,22 @@ def test_pure_resumable_and_invariant(method: Any) -> None:
         chosen += len(found.bearing_row)
         run.memory = memory
     assert chosen > 50
+
+
+@pytest.mark.parametrize("kind", ["threads", "processes"])
+@pytest.mark.parametrize("method", METHODS, ids=lambda m: m.method)
+def test_threads_and_processes_change_no_bit(method: Any, kind: str) -> None:
+    run = Run(method, bw.sensors_of(np.array([[0.0, 0.0], [3000.0, 0.0]]), 7000.0, (0.0, 360.0)), 150, 30)
+    memory, chosen = method.init(), 0
+    with spread_over(kind, 2) as spread:
+        for t in range(3, 31, 3):
+            tracks, picture = run.inputs(t)
+            run.memory, found = run.associate(run.memory, tracks, picture, t)
+            memory, again = run.associate(memory, tracks, picture, t, spread)
+            assert_same(again, found)
+            assert_same(memory, run.memory)
+            chosen += len(found.bearing_row)
+    assert chosen > 100
 
 
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.method)
@@ -308,49 +259,3 @@ def test_literal_is_worth_what_the_paper_says_and_breaks_under_bias() -> None:
     run = Run(BearingWindowedCovariance(one_to_one=True), bw.centre(), 100, 60)
     run.counts(60)
     assert len(np.unique(run.found.vessel_row)) == len(run.found.vessel_row)
-
-
-def test_path_keeps_what_the_window_needs() -> None:
-    path = Path.empty()
-    for k in range(10):
-        ids = np.array([1, 5]) if k % 2 else np.array([5])
-        path = path.extended(ids, np.full((len(ids), 1), float(k)), 10.0 * k, 35.0, 1.0)
-    assert path.ids.tolist() == [1, 5]
-    assert path.time_s.tolist() == [50.0, 60.0, 70.0, 80.0, 90.0]  # one at or before 55, then the window
-    held = values_of(path.values, path.slots(np.array([1, 5, 6])))[:, :, 0]
-    nothing = [np.nan] * 5
-    np.testing.assert_array_equal(held, [[5.0, np.nan, 7.0, np.nan, 9.0], [5.0, 6.0, 7.0, 8.0, 9.0], nothing])
-    newest = path.newest(2)
-    np.testing.assert_array_equal(values_of(newest.values, newest.slots(np.array([1]))), [[[np.nan], [9.0]]])
-    for k in range(1, 200):
-        path = path.extended(np.array([7]), np.full((1, 1), float(k)), 90.0 + 0.3 * k, 35.0, 1.0)
-    assert path.ids.tolist() == [7]
-    assert len(path.time_s) <= 36
-    assert path.time_s[-1] == 90.0 + 0.3 * 199
-    again = path.extended(np.array([7]), np.ones((1, 1)), float(path.time_s[-1]), 35.0, 1.0)
-    assert again.time_s.tolist() == path.time_s.tolist()
-
-
-def test_a_slot_is_used_again_once_nothing_of_its_vessel_is_left() -> None:
-    """Against a dict of what each vessel had at each instant, with vessels that come, go, are unknown for a while and come back."""
-    rng = np.random.default_rng([SEED, 12])
-    path, had, most, time_s = Path.empty(), {}, 0, 0.0
-    for k in range(200):
-        time_s += [0.4, 3.0][int(rng.integers(2))]
-        ids = rng.permutation(np.arange(k // 4, k // 4 + 40))[: int(rng.integers(1, 40))]
-        values = rng.normal(size=(len(ids), 2))
-        values[rng.uniform(size=len(ids)) < 0.2] = np.nan
-        before = path.time_s
-        path = path.extended(ids, values, time_s, 20.0, 1.0)
-        for gone in set(before.tolist()) - set(path.time_s.tolist()):
-            had.pop(gone)
-        had[time_s] = dict(zip(ids.tolist(), values, strict=True))
-        assert sorted(had) == path.time_s.tolist()
-        every = np.arange(k // 4 + 60)
-        got = values_of(path.values, path.slots(every))
-        for t, instant in enumerate(path.time_s.tolist()):
-            expected = [had[instant].get(i, np.full(2, np.nan)) for i in every.tolist()]
-            np.testing.assert_array_equal(got[:, t], expected)
-        assert (np.diff(path.ids) > 0).all()
-        most = max(most, int(path.slot.max(initial=-1)) + 1)
-    assert most < 70  # of 90 vessels, of which 40 and those of the window are there at a time
