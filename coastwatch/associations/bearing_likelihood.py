@@ -225,7 +225,9 @@ def score_octants(settings: BearingLikelihood, arrays: Shared, octants: Groups) 
     start = np.concatenate([np.zeros(1, np.int64), np.cumsum(end - first)])
     pair = np.arange(start[-1]) + np.repeat(first - start[:-1], end - first)
     gain, residual = np.empty(len(pair)), np.empty(len(pair))
-    rule = Rule(settings.heard, settings.position_memory_s, settings.give_up)
+    rule = Rule(
+        settings.heard, float(np.log(settings.heard / (1.0 - settings.heard))), settings.position_memory_s, settings.give_up
+    )
     asked = track, start, arrays["vessel"][pair], windows, null, paths, rule, gain, residual
     in_blocks(known_vessels, len(track), *asked, least=64)
     if len(arrays["signature"]):

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coastwatch.kernels.compiling import arithmetic, bare_part
-from coastwatch.kernels.elementary import angle, logarithm
+from coastwatch.kernels.earth_centred import sine_cosine
+from coastwatch.kernels.elementary import angle, exponential, logarithm
 from coastwatch.kernels.rings import fetch, number
 from coastwatch.kernels.tangent import centred
 from coastwatch.kernels.unknown_vessels import LOG_2PI, short_way
@@ -59,6 +60,7 @@ class Paths(NamedTuple):
 
 class Rule(NamedTuple):
     heard: float  # that a vessel inside the coverage has a track
+    odds: float  # the logarithm of its odds
     memory: float  # s, correlation time of position errors
     give_up: float  # log odds at which a pair is not looked at any further
 
@@ -74,10 +76,10 @@ def beyond(distance, direction, reach, arc_from, arc_width):  # type: ignore[no-
 
 
 @bare_part
-def less_heard(sigmas, heard, outside):  # type: ignore[no-untyped-def]
+def less_heard(sigmas, heard, odds, outside):  # type: ignore[no-untyped-def]
     """What is added to the log odds of being heard of a vessel so many standard deviations outside the coverage."""
     p = outside + (heard - outside) * 0.5 * math.erfc(sigmas / math.sqrt(2.0))
-    return math.log(p / (1.0 - p)) - math.log(heard / (1.0 - heard))
+    return math.log(p / (1.0 - p)) - odds
 
 
 @bare_part
@@ -97,30 +99,47 @@ def _instant(time, t, hi):  # type: ignore[no-untyped-def]
 
 
 @bare_part
-def _looked(first, count, row, windows, paths, rule, at, said, frame):  # type: ignore[no-untyped-def]
+def _ending(i, windows, paths, at, share):  # type: ignore[no-untyped-def]
+    """The instant before each bearing of track i, and the share of the one after it, from the newest back to where its window ends.
+
+    Returns: the oldest bearing that counts, W for none.
+    """
+    w, before = windows.time.shape[1], len(paths.time) - 2
+    for k in range(w - 1, -1, -1):
+        before, share[k] = _instant(paths.time, windows.time[i, k], before + 1)
+        if before < 0 or math.isnan(windows.bearing[i, k] + windows.site[i, k, 0] + windows.site[i, k, 1]):
+            at[k] = -1
+            return k + 1
+        at[k] = before
+    return 0
+
+
+@bare_part
+def _looked(first, count, row, windows, paths, rule, at, said, still, frame, room):  # type: ignore[no-untyped-def]
     """What the bearings of tracks `first` on say, whoever they are compared with.
 
     Args: at: (TRACKS, W) the instant before each bearing, -1 where a window ends; said: (TRACKS, W, 4) share of the instant after it, sine
-    and cosine of the bearing, what a position error keeps of itself since the next newer bearing; frame: (TRACKS, 7) where the newest was
-    taken from. All are written.
+    and cosine of the bearing, what a position error keeps of itself since the next newer bearing; still: (TRACKS,) whether all were taken
+    from one place; frame: (TRACKS, 7) where the newest was taken from. All are written, and room, (4, W), is written over.
     """
     w = windows.time.shape[1]
     for t in range(count):
-        i, before = row[first + t], len(paths.time) - 2
-        if w > 0:
-            x, y, z, sp, cp, sl, cl = centred(windows.site[i, w - 1, 0], windows.site[i, w - 1, 1])
-            frame[t, 0], frame[t, 1], frame[t, 2], frame[t, 3], frame[t, 4], frame[t, 5], frame[t, 6] = x, y, z, sp, cp, sl, cl
-        for k in range(w - 1, -1, -1):
-            before, share = _instant(paths.time, windows.time[i, k], before + 1)
-            if math.isnan(windows.bearing[i, k] + windows.site[i, k, 0] + windows.site[i, k, 1]):
-                before = -1
-            at[t, k] = before
-            if before < 0:
-                break
-            bearing = windows.bearing[i, k] - windows.bias[i]
-            said[t, k, 0], said[t, k, 1], said[t, k, 2] = share, math.sin(bearing), math.cos(bearing)
-            gap = abs(windows.time[i, k + 1] - windows.time[i, k]) if k < w - 1 else 0.0
-            said[t, k, 3] = math.exp(-gap / rule.memory)
+        i = row[first + t]
+        oldest = _ending(i, windows, paths, at[t], room[0])
+        if oldest == w:
+            continue
+        x, y, z, sp, cp, sl, cl = centred(windows.site[i, w - 1, 0], windows.site[i, w - 1, 1])
+        frame[t, 0], frame[t, 1], frame[t, 2], frame[t, 3], frame[t, 4], frame[t, 5], frame[t, 6] = x, y, z, sp, cp, sl, cl
+        still[t] = True
+        for k in range(oldest, w):
+            room[1, k], room[2, k] = sine_cosine((windows.bearing[i, k] - windows.bias[i]) * (180.0 / math.pi))
+            newer = windows.time[i, min(k + 1, w - 1)]
+            room[3, k] = exponential(-abs(newer - windows.time[i, k]) / rule.memory)
+        for k in range(oldest, w):
+            still[t] &= (
+                windows.site[i, k, 0] == windows.site[i, w - 1, 0] and windows.site[i, k, 1] == windows.site[i, w - 1, 1]
+            )
+            said[t, k, 0], said[t, k, 1], said[t, k, 2], said[t, k, 3] = room[0, k], room[1, k], room[2, k], room[3, k]
 
 
 @bare_part
@@ -129,7 +148,7 @@ def _begun(c, r, i, p, slot, windows, rule, x, number_of):  # type: ignore[no-un
     number_of[WANTED, c], number_of[TRACK, c], number_of[PAIR, c], number_of[SLOT, c], number_of[USED, c] = r, i, p, slot, 0
     x[VARIANCE, c], x[REACH, c] = windows.variance[i], windows.reach[i]
     x[OFFSET, c], x[ERROR, c], x[P00, c], x[P01, c], x[P11, c] = 0.0, 0.0, windows.bias_variance[i], 0.0, 1.0
-    x[ODDS, c] = math.log(rule.heard / (1.0 - rule.heard)) - windows.density[i]
+    x[ODDS, c] = rule.odds - windows.density[i]
     x[MARGIN, c], x[WORST, c], x[WEIGHTS, c], x[WEIGHTED, c] = -np.inf, -np.inf, 0.0, 0.0
 
 
@@ -150,7 +169,7 @@ def _ended(c, windows, rule, x, number_of, gain, residual):  # type: ignore[no-u
     if number_of[USED, c] > 0:
         residual[p] = x[WEIGHTED, c] / x[WEIGHTS, c] + windows.bias[i]
     if x[MARGIN, c] >= rule.give_up:
-        gain[p] += less_heard(x[WORST, c], rule.heard, windows.outside[i])
+        gain[p] += less_heard(x[WORST, c], rule.heard, rule.odds, windows.outside[i])
 
 
 @bare_part
@@ -164,7 +183,7 @@ def _place(before, after, share, x, y, z, sp, cp, sl, cl):  # type: ignore[no-un
 
 
 @bare_part
-def _stepped(c, first, windows, null, paths, rule, at, said, frame, x, number_of):  # type: ignore[no-untyped-def]
+def _stepped(c, first, windows, null, paths, rule, at, said, still, frame, x, number_of):  # type: ignore[no-untyped-def]
     """Lane c to its next step. Returns: whether there is one: a window ends with its bearings, with the path, and when it is given up."""
     i, s, used, w = number_of[TRACK, c], number_of[SLOT, c], number_of[USED, c], windows.time.shape[1]
     r = number_of[WANTED, c]
@@ -176,7 +195,7 @@ def _stepped(c, first, windows, null, paths, rule, at, said, frame, x, number_of
         return False
     before, after = paths.table[here] + s * PLACE_BYTES, paths.table[here + 1] + s * PLACE_BYTES
     fetch(paths.table[max(here - 1, 0)] + s * PLACE_BYTES)  # type: ignore[call-arg]
-    if windows.site[i, k, 0] == windows.site[i, w - 1, 0] and windows.site[i, k, 1] == windows.site[i, w - 1, 1]:
+    if still[t]:
         f = frame[t, 0], frame[t, 1], frame[t, 2], frame[t, 3], frame[t, 4], frame[t, 5], frame[t, 6]
     else:
         f = centred(windows.site[i, k, 0], windows.site[i, k, 1])
@@ -224,14 +243,14 @@ def _compared(m, x):  # type: ignore[no-untyped-def]
 
 
 @bare_part
-def _walked(first, count, row, start, slot, windows, null, paths, rule, at, said, frame, x, number_of, gain, residual):  # type: ignore[no-untyped-def]
+def _walked(first, count, row, start, slot, windows, null, paths, rule, at, said, still, frame, x, number_of, gain, residual):  # type: ignore[no-untyped-def]
     """The pairs of tracks `first` on, after `_looked`."""
     p, r, m = start[first], first, 0
     while True:
         c = 0
         while c < LANES:
             if c < m:
-                if _stepped(c, first, windows, null, paths, rule, at, said, frame, x, number_of):
+                if _stepped(c, first, windows, null, paths, rule, at, said, still, frame, x, number_of):
                     c += 1
                     continue
                 _ended(c, windows, rule, x, number_of, gain, residual)
@@ -267,7 +286,10 @@ def known_vessels(low, high, row, start, slot, windows, null, paths, rule, gain,
     w = windows.time.shape[1]
     x, number_of = np.empty((ROWS, LANES)), np.empty((NUMBERS, LANES), np.int64)
     at, said, frame = np.empty((TRACKS, w), np.int64), np.empty((TRACKS, w, 4)), np.empty((TRACKS, 7))
+    still, room = np.empty(TRACKS, np.bool_), np.empty((4, w))
     for first in range(low, high, TRACKS):
         count = min(TRACKS, high - first)
-        _looked(first, count, row, windows, paths, rule, at, said, frame)
-        _walked(first, count, row, start, slot, windows, null, paths, rule, at, said, frame, x, number_of, gain, residual)
+        _looked(first, count, row, windows, paths, rule, at, said, still, frame, room)
+        _walked(
+            first, count, row, start, slot, windows, null, paths, rule, at, said, still, frame, x, number_of, gain, residual
+        )

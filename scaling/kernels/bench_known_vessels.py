@@ -72,7 +72,19 @@ def test_ours(benchmark, problem):
 
     def both() -> None:
         null = unknown_vessels(row, windows.time, windows.bearing, windows.variance, windows.reach, strangers)
-        known_vessels(0, n, row, start, problem.slot, windows, null, paths, Rule(HEARD, MEMORY_S, -25.0), gain, residual)
+        known_vessels(
+            0,
+            n,
+            row,
+            start,
+            problem.slot,
+            windows,
+            null,
+            paths,
+            Rule(HEARD, np.log(HEARD / (1.0 - HEARD)), MEMORY_S, -25.0),
+            gain,
+            residual,
+        )
 
     benchmark.extra_info["rows"] = n * NEAR
     benchmark(both)

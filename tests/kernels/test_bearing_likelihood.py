@@ -86,7 +86,7 @@ def scores(
     known = Paths(np.asarray(instant, float), table, np.array([len(a) for a in arrays], np.int64))
     row = np.arange(n) if row is None else row
     gain, residual = np.empty(len(slot)), np.empty(len(slot))
-    rule = Rule(HEARD, memory, give_up)
+    rule = Rule(HEARD, 2.0, memory, give_up)
     known_vessels(0, len(row), row, start, slot, windows, np.zeros((len(row), w + 1)), known, rule, gain, residual)
     return gain, residual
 
