@@ -7,6 +7,7 @@ from contextlib import contextmanager
 
 from coastwatch.kernels.threads import threads
 from coastwatch.stage import Spread, in_turn
+from coastwatch.workers.freed import keep_freed_memory
 from coastwatch.workers.processors import processors
 
 __all__ = ["processors", "spread_over"]
@@ -18,6 +19,7 @@ def spread_over(method: str, count: int) -> Iterator[Spread]:
 
     Args: method: auto, threads, processes, ray. What comes out is the same to the bit for all.
     """
+    keep_freed_memory()
     if method == "ray":
         from coastwatch.workers.ray import Actors
 

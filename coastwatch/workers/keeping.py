@@ -9,6 +9,7 @@ from collections import defaultdict
 
 from coastwatch.batches import Array
 from coastwatch.workers.blocks import Attached
+from coastwatch.workers.freed import keep_freed_memory
 from coastwatch.workers.serving import Task, carried_out
 from coastwatch.workers.windows import Holder, Sent
 
@@ -22,6 +23,7 @@ class Keeper:
     """The windows of the spots of one actor, by the kind of work."""
 
     def __init__(self) -> None:
+        keep_freed_memory()
         self._holders: dict[str, Holder] = defaultdict(Holder)
         self._attached: dict[str, Attached] = defaultdict(lambda: Attached(related=False))
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from coastwatch.batches import Array, Ints
 from coastwatch.stage import Groups
 from coastwatch.workers.blocks import Attached, Place, Places, lay
+from coastwatch.workers.freed import keep_freed_memory
 
 ROW, START = "groups row", "groups start"  # beside the names of arrays
 
@@ -36,6 +37,7 @@ class Done(NamedTuple):
 def serve(pipe: Connection) -> None:
     """Answers tasks until the pipe is closed. Ctrl-C is for the parent, which ends its processes after a whole cycle."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    keep_freed_memory()
     attached: dict[str, Attached] = defaultdict(lambda: Attached(related=True))
     while True:
         try:

@@ -1,0 +1,32 @@
+"""A process that works in cycles asks the system for its memory once."""
+
+from __future__ import annotations
+
+import platform
+import subprocess
+import sys
+
+import pytest
+
+CYCLES = """
+import resource
+import numpy as np
+from coastwatch.workers import spread_over
+
+def faults():
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    np.empty(12_000_000)[::512] = 1.0  # every page of 96 MB
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+print(*[faults() for _ in range(5)])
+with spread_over("threads", 2):
+    print(*[faults() for _ in range(5)])
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="needs glibc, whose allocator can be told to keep memory")
+def test_memory_of_one_cycle_serves_the_next() -> None:
+    done = subprocess.run([sys.executable, "-c", CYCLES], capture_output=True, text=True, check=True)
+    plain, kept = ([int(n) for n in line.split()] for line in done.stdout.splitlines())
+    assert min(plain) >= 40  # of 4 kB, or of 2 MB where the system has such pages
+    assert max(kept[1:]) < 0.1 * min(plain)
