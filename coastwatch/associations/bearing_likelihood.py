@@ -26,7 +26,7 @@ from coastwatch.batches import (
     Picture,
     Sensors,
 )
-from coastwatch.geodesy import KNOT_M_S, earth_centred
+from coastwatch.geodesy import KNOT_M_S
 from coastwatch.kernels.signatures import check_confusion, even_confusion
 from coastwatch.stage import Groups, Method, Shared, Spread, room_of
 
@@ -134,13 +134,14 @@ class BearingLikelihood(Method):
         self, path: Path, picture: Picture, octants: Octants, time_s: float, sensors: Sensors, room: Callable[..., Array]
     ) -> Path:
         """The paths of the vessels that are, or soon may be, compared with bearings, one instant longer."""
+        from coastwatch.kernels.earth_centred import centred_rows
         from coastwatch.kernels.near_sites import near_sites
 
-        soon, _ = near_sites(picture.position_deg, sensors.sonars.site_deg, SOON * sensors.sonars.range_m)
+        soon, *_ = near_sites(picture.position_deg, sensors.sonars.site_deg, SOON * sensors.sonars.range_m)
         rows = np.flatnonzero(_mask(soon, len(picture)) | _mask(octants.vessel_row, len(picture)))
         variance = 0.5 * (picture.covariance[rows, 0, 0] + picture.covariance[rows, 1, 1])
         variance = np.where(np.isfinite(variance), variance, self.position_unknown_m**2) + self.position_floor_m**2
-        values = np.column_stack([earth_centred(picture.position_deg[rows]), np.sqrt(variance)])
+        values = np.column_stack([centred_rows(picture.position_deg, rows).T, np.sqrt(variance)])
         values[(time_s - picture.since_s[rows] < self.settle_s) & (variance > self.settled_m**2)] = np.nan
         return path.extended(picture.vessel_id[rows], values, time_s, self.window_s, self.spacing_s, room)
 

@@ -73,10 +73,10 @@ def _centred(position, first, count, cell_m, lat_lon, place, cell):  # type: ign
 
 
 @arithmetic
-def _near(low, high, position, covariance, sigmas, centre, reach, cell_m, key, head, after):  # type: ignore[no-untyped-def]
-    """Rows low to high: the row and the site of each pair. Returns: (2, P)."""
+def _near(low, high, position, covariance, sigmas, centre, plane, reach, cell_m, key, head, after):  # type: ignore[no-untyped-def]
+    """Rows low to high: the row and the site of each pair, (2, P), and east and north of the place from the site, (2, P)."""
     lat_lon, place, cell = np.zeros((2, ROWS)), np.empty((3, ROWS)), np.empty(ROWS, np.int64)
-    out, count = np.empty((2, 1024), np.int64), 0
+    out, off, count = np.empty((2, 1024), np.int64), np.empty((2, 1024)), 0
     for first in range(low, high, ROWS):
         rows = min(ROWS, high - first)
         _centred(position, first, rows, cell_m, lat_lon, place, cell)
@@ -95,29 +95,33 @@ def _near(low, high, position, covariance, sigmas, centre, reach, cell_m, key, h
                 most = MARGIN * (reach[s] + tolerance)
                 if dx * dx + dy * dy + dz * dz <= most * most:
                     if count == out.shape[1]:
-                        out = np.concatenate((out, out), axis=1)
+                        out, off = np.concatenate((out, out), axis=1), np.concatenate((off, off), axis=1)
                     out[0, count], out[1, count] = first + i, s
+                    sp, cp, sl, cl = plane[s]
+                    off[0, count], off[1, count] = cl * dy - sl * dx, cp * dz - sp * (cl * dx + sl * dy)
                     count += 1
                 at = at + 1 if asks_all else after[at]
-    return out[:, :count].copy()
+    return out[:, :count].copy(), off[:, :count].copy()
 
 
 def near_sites(
     position_deg: Floats, site_deg: Floats, reach_m: Floats, covariance: Floats = NOWHERE, sigmas: float = 0.0
-) -> tuple[Ints, Ints]:
+) -> tuple[Ints, Ints, Floats]:
     """Pairs of a place and a site that are no farther apart than the reach of the site, and so many standard deviations of the place.
 
     None is left out; some are a thousandth of the reach too far.
     Args: position_deg: (V, 2); site_deg: (S, 2); reach_m: (S,); covariance: (V, 4, 4), not looked at where sigmas is 0; NaN: known exactly.
-    Returns: (P,) rows of places and (P,) sites, sorted.
+    Returns: (P,) rows of places and (P,) sites, sorted; (P, 2) metres east and north of the place in the tangent plane at the site.
     """
     if len(site_deg) == 0 or len(position_deg) == 0:
-        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2))
     centre = np.ascontiguousarray(centred_rows(site_deg, np.arange(len(site_deg))).T)
     cell_m = MARGIN * (float(reach_m.max()) + SLACK_M)
     size = 1 << int(4 * 27 * len(centre)).bit_length()
     key, head, after = np.full(size, -1, np.int64), np.full(size, -1, np.int64), np.empty(27 * len(centre), np.int64)
     _entered(centre, cell_m, key, head, after)
-    asked = np.ascontiguousarray(position_deg), covariance, sigmas, centre, reach_m, cell_m, key, head, after
-    row, site = np.concatenate(in_blocks(_near, len(position_deg), *asked), axis=1)
-    return row, site
+    plane = np.column_stack([f(np.radians(site_deg[:, k])) for k in range(2) for f in (np.sin, np.cos)])
+    asked = np.ascontiguousarray(position_deg), covariance, sigmas, centre, plane, reach_m, cell_m, key, head, after
+    pairs, off = zip(*in_blocks(_near, len(position_deg), *asked), strict=True)
+    row, site = np.concatenate(pairs, axis=1)
+    return row, site, np.ascontiguousarray(np.concatenate(off, axis=1).T)

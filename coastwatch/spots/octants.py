@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch.batches import BearingTracks, Bools, Floats, Ints, Octants, Picture, Sensors
-from coastwatch.geodesy import to_plane, wrap_deg
+from coastwatch.geodesy import wrap_deg
 from coastwatch.stage import Method
 
 SECTOR_DEG = 45.0
@@ -53,8 +53,8 @@ class OctantSpots(Method):
 
         sonars, newest = _newest_of_each(sonar, tracks.updated_s)
         reach_m, site_deg = sensors.sonars.range_m[sonars] * self.range_margin, tracks.site_deg[newest]
-        row, site = near_sites(picture.position_deg, site_deg, reach_m, picture.covariance, self.position_sigmas)
-        east_north = to_plane(picture.position_deg[row], site_deg[site])
+        near = near_sites(picture.position_deg, site_deg, reach_m, picture.covariance, self.position_sigmas)
+        row, site, east_north = near
         distance = np.hypot(east_north[:, 0], east_north[:, 1])
         direction = np.degrees(np.arctan2(east_north[:, 0], east_north[:, 1]))
         tolerance_m = self.position_sigmas * position_sigma_m(picture.covariance[row])

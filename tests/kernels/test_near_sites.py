@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from coastwatch.geodesy import earth_centred
+from coastwatch.geodesy import earth_centred, to_plane
 from coastwatch.kernels.near_sites import MARGIN, SLACK_M, near_sites
 from coastwatch.kernels.threads import threads
 
@@ -29,7 +29,8 @@ def test_no_pair_is_left_out(middle_deg: tuple[float, float], sigmas: float) -> 
     place, site, reach, covariance = world(1, middle_deg)
     apart = np.linalg.norm(earth_centred(place)[:, None] - earth_centred(site), axis=2)
     most = reach + sigmas * np.sqrt(np.nan_to_num(covariance[:, 0, 0]))[:, None]
-    row, found = near_sites(place, site, reach, covariance, sigmas)
+    row, found, east_north = near_sites(place, site, reach, covariance, sigmas)
+    np.testing.assert_allclose(east_north, to_plane(place[row], site[found]), rtol=0.0, atol=1e-6)
     order = np.lexsort((found, row))
     assert (order == np.arange(len(order))).all()
     pairs = row * 40 + found
@@ -38,7 +39,8 @@ def test_no_pair_is_left_out(middle_deg: tuple[float, float], sigmas: float) -> 
     assert len(pairs) > 500
     with threads(3):
         again = near_sites(place, site, reach, covariance, sigmas)
-    np.testing.assert_array_equal(again, (row, found))
+    for one, other in zip(again, (row, found, east_north), strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 def test_nothing_near_nothing() -> None:
@@ -48,4 +50,4 @@ def test_nothing_near_nothing() -> None:
         (place, site[:0], reach[:0]),
         (place + np.array([0.0, 90.0]), site, reach),
     ):
-        assert [a.tolist() for a in near_sites(some, where, far)] == [[], []]
+        assert [a.tolist() for a in near_sites(some, where, far)] == [[], [], []]
