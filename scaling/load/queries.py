@@ -165,13 +165,26 @@ def main() -> None:
     asked.database.parent.mkdir(parents=True, exist_ok=True)
     url = f"sqlite:///{asked.database}"
     if not asked.database.exists():
-        begun = time.perf_counter()
-        fill(url, int(asked.points), asked.vessels, asked.seed, lambda said: print(f"# filling: {said}", flush=True))
-        print(f"# filled in {time.perf_counter() - begun:.0f} s, {asked.database.stat().st_size / 1e9:.2f} GB", flush=True)
+        _build(asked)
     _report(url, asked)
     if not asked.keep:
-        for ending in ("", "-wal", "-shm"):
-            asked.database.with_name(asked.database.name + ending).unlink(missing_ok=True)
+        _delete(asked.database)
+
+
+def _build(asked: argparse.Namespace) -> None:
+    """Fill a database under another name: what has the name that was asked for is whole, and is used again."""
+    growing = asked.database.with_name(asked.database.name + ".part")
+    _delete(growing)
+    begun, used = time.perf_counter(), time.process_time()
+    say = lambda said: print(f"# {time.perf_counter() - begun:4.0f} s: {said}", flush=True)  # noqa: E731
+    fill(f"sqlite:///{growing}", int(asked.points), asked.vessels, asked.seed, say)
+    growing.rename(asked.database)
+    say(f"filled, {time.process_time() - used:.0f} s of the processor, {asked.database.stat().st_size / 1e9:.2f} GB")
+
+
+def _delete(database: Path) -> None:
+    for ending in ("", "-wal", "-shm"):
+        database.with_name(database.name + ending).unlink(missing_ok=True)
 
 
 def _report(url: str, asked: argparse.Namespace) -> None:
