@@ -37,10 +37,15 @@ def picture_now(
     names = [name for name in COLUMNS if name not in STATIC and (name in wanted or name in ("vessel_id", "mmsi"))]
     here = true() if vessel_id is None else Vessel.vessel_id == vessel_id
     query = select(*(getattr(Vessel, name) for name in names)).where(Vessel.run_id == run_id, _inside(bbox), here)
-    written = select(Cycle.vessels).where(Cycle.run_id == run_id, Cycle.picture_kept)
-    most = connection.scalar(written.order_by(Cycle.number.desc()).limit(1)) or 0
+    most = most_vessels(connection, run_id)
     likely = most if bbox is None and vessel_id is None else 0
     return _table(connection, run_id, None, _sorted(names, collected(connection, query, most, likely=likely)), wanted)
+
+
+def most_vessels(connection: Connection, run_id: int) -> int:
+    """Of the current picture."""
+    written = select(Cycle.vessels).where(Cycle.run_id == run_id, Cycle.picture_kept)
+    return connection.scalar(written.order_by(Cycle.number.desc()).limit(1)) or 0
 
 
 def picture_then(

@@ -3,19 +3,20 @@
 The first line of a file is `-- <title>`; then comment lines say what comes back, and
 `-- parameter: radius_nm = 2, nautical miles around the position` declares a parameter with its default and meaning (`= required`
 where there is none). `:run` is a parameter of every question; its default is the latest run. What a value may be is decided by
-the parameter's name or its unit, the last word of the name: LIMITS.
+the parameter's name or its unit, the last word of the name: LIMITS. A file without SQL is of a question that is computed: COMPUTED.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from sqlalchemy import text
+from sqlalchemy import Connection, text
 
 from coastwatch.shipped import operator_queries_folder
+from coastwatch.store.near import closest_approach, closest_pairs
 from coastwatch.store.opening import Store, StoreError, reading
 from coastwatch.store.rows import Rows
 from coastwatch.store.runs import latest_run
@@ -31,6 +32,12 @@ LIMITS: dict[str, tuple[float, float]] = {
     **dict.fromkeys(("m", "nm", "kn", "seconds", "minutes", "cycles", "count"), (0, LARGEST)),
 }
 """Lowest and highest value, by name or by unit."""
+
+COMPUTED: dict[str, Callable[[Connection, Mapping[str, Any]], Rows]] = {
+    "closest_approach": closest_approach,
+    "closest_pairs": closest_pairs,
+}
+"""Questions for which SQL would compare row with row."""
 
 MMSI = re.compile(r"[0-9]{9}")
 
@@ -52,7 +59,7 @@ class Question(NamedTuple):
     title: str
     parameters: dict[str, Parameter]
     explanation: str
-    sql: str  # without comments
+    sql: str  # without comments; empty: it is computed
 
 
 def operator_queries() -> dict[str, Question]:
@@ -79,6 +86,8 @@ def operator_query(store: Store, name: str, parameters: Mapping[str, Any] | None
     with reading(store) as connection:
         if connection.scalar(text("SELECT count(*) FROM run WHERE id = :run"), {"run": values["run"]}) == 0:
             raise StoreError(f"{store.where}: there is no run {values['run']}")
+        if name in COMPUTED:
+            return COMPUTED[name](connection, values)
         if connection.dialect.name != "sqlite":
             result = connection.execute(text(question.sql), values)
             return Rows(tuple(result.keys()), [tuple(row) for row in result])
