@@ -18,7 +18,7 @@ from sqlalchemy.orm import Mapped
 
 from coastwatch.batches import Array, Bools, Floats, Ints
 from coastwatch.store.box import Box
-from coastwatch.store.collect import collected
+from coastwatch.store.collect import collected, listed
 from coastwatch.store.declaring import IN_KEY_ORDER, Base, key, of_run
 from coastwatch.store.tables import Cycle, History
 
@@ -38,7 +38,7 @@ POINT = np.dtype([("cycle", "<u2"), ("vessel", "<u4"), ("place", "<u2", 2), ("mo
 """Cycle less the block's first, CLOSING added to a closing one; vessel less the block's smallest; latitude, longitude; SOG, COG."""
 
 CELLS = """
-WITH span (block, low, high) AS (VALUES {spans})
+WITH {span}
 SELECT c.from_cycle, c.cell, c.data FROM span s CROSS JOIN history_cell c
 WHERE c.run_id = :run AND c.from_cycle = s.block AND c.cell BETWEEN s.low AND s.high
 """
@@ -139,11 +139,11 @@ def points_between(connection: Connection, run_id: int, first: int, last: int, b
 
 
 def _cells(connection: Connection, run_id: int, wanted: Sequence[tuple[int, int, int]]) -> list[Any]:
-    """The cells in ranges of them, each of one block. The ranges are in the statement, so that the key is sought once for each."""
+    """The cells in ranges of them, each of one block: the key is sought once for each."""
     out: list[Any] = []
     for some in range(0, len(wanted), SPANS_AT_ONCE):
-        spans = ", ".join(map(str, wanted[some : some + SPANS_AT_ONCE]))
-        out += connection.execute(text(CELLS.format(spans=spans)), {"run": run_id}).all()
+        span, given = listed(connection, "span", ("block", "low", "high"), wanted[some : some + SPANS_AT_ONCE])
+        out += connection.execute(text(CELLS.format(span=span)), {"run": run_id, **given}).all()
     return out
 
 

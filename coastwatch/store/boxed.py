@@ -9,7 +9,7 @@ from sqlalchemy import Connection, text
 from coastwatch.batches import Array, Floats
 from coastwatch.store.blocks import points_between
 from coastwatch.store.box import FASTEST_M_S, Box, inside, widened
-from coastwatch.store.collect import arrays
+from coastwatch.store.collect import arrays, listed
 from coastwatch.store.history_rule import newest, reckoned
 from coastwatch.store.tables import History
 
@@ -20,14 +20,14 @@ ROUNDED_M = 10.0
 """More than places and courses by place may be off."""
 
 NEWER = """
-WITH shown (cycle, vessel) AS (VALUES {keys})
+WITH {shown}
 SELECT s.vessel FROM shown s CROSS JOIN cycle c CROSS JOIN history h
 WHERE c.run_id = :run AND c.number > s.cycle AND c.number <= :cycle
     AND h.run_id = :run AND h.cycle = c.number AND h.vessel_id = s.vessel
 """
 
 ROWS = """
-WITH shown (cycle, vessel) AS (VALUES {keys})
+WITH {shown}
 SELECT {names} FROM shown s CROSS JOIN history h
 WHERE h.run_id = :run AND h.cycle = s.cycle AND h.vessel_id = s.vessel
 """
@@ -47,14 +47,14 @@ def newest_in_box(
     points = points.take(inside(now, widened(bbox, ROUNDED_M)))
     if len(points.cycle) > MOST:
         return None
-    keys = ", ".join(f"({c}, {v})" for c, v in zip(points.cycle.tolist(), points.vessel_id.tolist(), strict=True))
     types = [getattr(History, name).type for name in names]
-    if not keys:
+    if not len(points.cycle):
         return dict(zip(names, arrays([], types), strict=True))
-    bounds = {"run": run_id, "cycle": cycle}
-    left = set(connection.scalars(text(NEWER.format(keys=keys)), bounds))
+    keys = list(zip(points.cycle.tolist(), points.vessel_id.tolist(), strict=True))
+    shown, given = listed(connection, "shown", ("cycle", "vessel"), keys)
+    left = set(connection.scalars(text(NEWER.format(shown=shown)), {**given, "run": run_id, "cycle": cycle}))
     wanted = ", ".join(f"h.{name}" for name in names)
-    rows = connection.execute(text(ROWS.format(keys=keys, names=wanted)), {"run": run_id}).all()
+    rows = connection.execute(text(ROWS.format(shown=shown, names=wanted)), {**given, "run": run_id}).all()
     at = names.index("vessel_id")
     return dict(
         zip(names, arrays(sorted((r for r in rows if r[at] not in left), key=lambda r: int(r[at])), types), strict=True)

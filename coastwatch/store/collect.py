@@ -7,14 +7,15 @@ tuples takes 2.7 (scaling/decisions/native_read.py). Another database, or an SQL
 from __future__ import annotations
 
 import ctypes
+import json
 import sys
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from sqlalchemy import Connection, Float, Select, String, func
+from sqlalchemy import Connection, Float, Select, String, bindparam, func, select
 
-from coastwatch.batches import Array
+from coastwatch.batches import Array, Ints
 from coastwatch.store.native import handle, library
 
 NATIVE_FROM = 20_000
@@ -45,6 +46,25 @@ def collected(connection: Connection, query: Select[*tuple[Any, ...]], most: int
         if count <= most:
             return [column[:count] for column in out]
         most = count
+
+
+def among(connection: Connection, column: Any, numbers: Ints) -> Any:
+    """That a column has one of these numbers, of which there may be many: one parameter, and one statement for any of them."""
+    if connection.dialect.name == "sqlite":
+        listed = func.json_each(json.dumps(numbers.tolist())).table_valued("value")
+        return column.in_(select(listed.c.value))
+    return column.in_(bindparam("numbers", numbers.tolist(), expanding=True, literal_execute=True, unique=True))
+
+
+def listed(
+    connection: Connection, name: str, columns: Sequence[str], rows: Sequence[Sequence[int]]
+) -> tuple[str, dict[str, str]]:
+    """A table of whole numbers for a WITH clause, and its parameters. For SQLite any such table is the same statement."""
+    if connection.dialect.name != "sqlite":
+        written = ", ".join(f"({', '.join(map(str, row))})" for row in rows)
+        return f"{name} ({', '.join(columns)}) AS (VALUES {written})", {}
+    taken = ", ".join(f"json_extract(value, '$[{k}]') AS {column}" for k, column in enumerate(columns))
+    return f"{name} AS (SELECT {taken} FROM json_each(:{name}))", {name: json.dumps([list(row) for row in rows])}
 
 
 def loaded() -> bool:

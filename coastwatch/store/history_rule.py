@@ -43,6 +43,8 @@ class Added(NamedTuple):
     columns: list[Column]  # from `vessel_id` on, in key order
     points: int
     first_cycle: int  # in which, or after which, every vessel of this cycle has its newest point
+    named: Ints  # (n, 2) MMSI and vessel, where a vessel has an MMSI that it had not in the cycle before; in order
+    unnamed: Ints  # (n, 2) the same of those that were, and are no longer
 
 
 def none() -> Points:
@@ -104,7 +106,16 @@ def _rows(before: Points, fresh: Points, former: Ints, gone: Bools, before_s: fl
         np.repeat([False, True], [len(fresh.whole), len(left.whole)]),
     ]
     order = np.argsort(whole[:, 0], kind="stable")
-    return Added([part(column, order) for column in columns], len(order), first)
+    return Added([part(column, order) for column in columns], len(order), first, *_identities(before, fresh, former, left))
+
+
+def _identities(before: Points, fresh: Points, former: Ints, left: Points) -> tuple[Ints, Ints]:
+    """MMSI and vessel of what begins and of what ends. Args: former: row of the point before each fresh one, -1: none."""
+    vessel, mmsi = fresh.whole[:, 0], fresh.whole[:, 2]
+    was = np.append(before.whole[:, 2], -1)[former]
+    begins = np.stack([mmsi, vessel], 1)[(mmsi >= 0) & (mmsi != was)]
+    ends = np.concatenate([np.stack([was, vessel], 1)[mmsi != was], left.whole[:, [2, 0]]])
+    return begins[np.lexsort(begins.T[::-1])], ends[ends[:, 0] >= 0]
 
 
 def reckoned(position_deg: Floats, sog_kn: Floats, cog_deg: Floats, seconds: Floats) -> Floats:

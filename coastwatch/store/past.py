@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from sqlalchemy import Connection, Subquery, and_, bindparam, false, func, select, text
+from sqlalchemy import Connection, Subquery, and_, false, func, or_, select, text
 
 from coastwatch.batches import Array
-from coastwatch.store.collect import collected
+from coastwatch.store.collect import among, collected
 from coastwatch.store.rows import Table
 from coastwatch.store.tables import Cycle, History, Presence
 
@@ -34,7 +34,7 @@ WITH RECURSIVE start (cycle) AS (VALUES {starts}), back (cycle) AS (
     UNION
     SELECT h.previous_cycle
     FROM back b CROSS JOIN history h
-    WHERE h.run_id = :run AND h.cycle = b.cycle AND h.vessel_id = :vessel AND h.previous_cycle IS NOT NULL
+    WHERE h.run_id = :run AND h.cycle = b.cycle AND h.vessel_id = :vessel AND h.previous_cycle >= :first
 )
 SELECT cycle FROM back
 """
@@ -48,20 +48,21 @@ def points_between(connection: Connection, run_id: int, first: int, last: int) -
     return _table(connection, run_id, where, int(points or 0))
 
 
-def points_of(connection: Connection, run_id: int, vessel_id: int) -> Table:
-    """The points of one vessel, oldest first; no closing ones.
+def points_of(connection: Connection, run_id: int, vessel_id: int, first: int = 0) -> Table:
+    """The points of one vessel from a cycle on, oldest first; no closing ones.
 
     Each point names the cycle of the one before it: the key (run, cycle, vessel) is sought once a point, from the newest one of each
     stay back to its first. Rows of schema 0003 and older name none, there it is sought in every cycle of the stay.
     """
-    stays = select(Presence.from_cycle, Presence.to_cycle).where(Presence.run_id == run_id, Presence.vessel_id == vessel_id)
-    spans = [tuple(row) for row in connection.execute(stays.order_by(Presence.from_cycle))]
+    here, since = Presence.run_id == run_id, or_(Presence.to_cycle.is_(None), Presence.to_cycle >= first)
+    stays = select(Presence.from_cycle, Presence.to_cycle).where(here, Presence.vessel_id == vessel_id, since)
+    spans = [(max(row.from_cycle, first), row.to_cycle) for row in connection.execute(stays.order_by(Presence.from_cycle))]
     starts = [to + 1 for _, to in spans if to is not None]
     if spans and spans[-1][1] is None:
         starts += _last_cycles(connection, run_id)
-    chain = _chain(connection, run_id, vessel_id, starts)
+    chain = _chain(connection, run_id, vessel_id, starts, first)
     cycles = sorted({*chain, *_unnamed(connection, run_id, spans, chain)})
-    where = (History.run_id == run_id, History.cycle.in_(bindparam("cycles", cycles, expanding=True, literal_execute=True)))
+    where = (History.run_id == run_id, among(connection, History.cycle, np.array(cycles, np.int64)))
     return _table(connection, run_id, (*where, History.vessel_id == vessel_id), len(cycles))
 
 
@@ -101,12 +102,12 @@ def _last_cycles(connection: Connection, run_id: int) -> list[int]:
     return [] if last is None else list(range(last.history_from, last.number + 1))
 
 
-def _chain(connection: Connection, run_id: int, vessel_id: int, starts: Sequence[int]) -> set[int]:
-    """The cycles that are reached from others."""
+def _chain(connection: Connection, run_id: int, vessel_id: int, starts: Sequence[int], first: int) -> set[int]:
+    """The cycles from one on that are reached from others."""
     if not starts:
         return set()
     sql = CHAIN.format(starts=", ".join(f"({cycle})" for cycle in starts))
-    return set(connection.scalars(text(sql), {"run": run_id, "vessel": vessel_id}))
+    return set(connection.scalars(text(sql), {"run": run_id, "vessel": vessel_id, "first": first}))
 
 
 def _unnamed(connection: Connection, run_id: int, spans: Sequence[Any], chain: set[int]) -> set[int]:

@@ -11,9 +11,10 @@ from sqlalchemy import Connection, and_, or_, select, true
 from coastwatch.batches import Array, Ints
 from coastwatch.store.box import Box, inside
 from coastwatch.store.boxed import newest_in_box
-from coastwatch.store.collect import collected, loaded
+from coastwatch.store.collect import among, collected, loaded
 from coastwatch.store.columns import motion
 from coastwatch.store.history_rule import newest, reckoned
+from coastwatch.store.places import vessels_near
 from coastwatch.store.replay import read_cycle
 from coastwatch.store.rows import Table
 from coastwatch.store.tables import Cycle, History, Vessel
@@ -29,6 +30,9 @@ COLUMNS = (
 
 Columns = dict[str, Array]
 
+FEW = 5000
+"""Vessels of a box that are found by their numbers; for more the rows of the whole picture are looked at."""
+
 
 def picture_now(
     connection: Connection, run_id: int, bbox: Box | None, wanted: Sequence[str] = COLUMNS, vessel_id: int | None = None
@@ -36,6 +40,9 @@ def picture_now(
     """The current picture. Args: wanted: of COLUMNS; vessel_id: only this one."""
     names = [name for name in COLUMNS if name not in STATIC and (name in wanted or name in ("vessel_id", "mmsi"))]
     here = true() if vessel_id is None else Vessel.vessel_id == vessel_id
+    vessels = None if bbox is None else vessels_near(connection, run_id, bbox)
+    if vessels is not None and len(vessels) <= FEW:
+        here = among(connection, Vessel.vessel_id, vessels)
     query = select(*(getattr(Vessel, name) for name in names)).where(Vessel.run_id == run_id, _inside(bbox), here)
     most = most_vessels(connection, run_id)
     likely = most if bbox is None and vessel_id is None else 0
@@ -111,7 +118,8 @@ def _newest(vessel: Ints, cycle: Ints, closing: Array) -> Array:
     rows = np.empty(len(vessel), np.int64)
     rows = rows[: newest_rows(vessel, cycle, rows)]
     rows = rows[~closing[rows]]
-    return rows[np.argsort(vessel[rows], kind="stable")]
+    in_order = (np.diff(vessel[rows]) > 0).all()
+    return rows if in_order else rows[np.argsort(vessel[rows], kind="stable")]
 
 
 def _inside(bbox: Box | None) -> Any:

@@ -16,6 +16,8 @@ from typing import Any, NamedTuple
 from sqlalchemy import Connection, text
 
 from coastwatch.shipped import operator_queries_folder
+from coastwatch.store.coverage import sensor_coverage
+from coastwatch.store.identities import history_of_mmsi
 from coastwatch.store.near import closest_approach, closest_pairs
 from coastwatch.store.opening import Store, StoreError, reading
 from coastwatch.store.rows import Rows
@@ -36,8 +38,10 @@ LIMITS: dict[str, tuple[float, float]] = {
 COMPUTED: dict[str, Callable[[Connection, Mapping[str, Any]], Rows]] = {
     "closest_approach": closest_approach,
     "closest_pairs": closest_pairs,
+    "history_of_mmsi": history_of_mmsi,
+    "sensor_coverage": sensor_coverage,
 }
-"""Questions for which SQL would compare row with row."""
+"""Questions for which SQL would compare row with row, or read and sort whole tables."""
 
 MMSI = re.compile(r"[0-9]{9}")
 

@@ -109,7 +109,7 @@ def history(
             return points_between(connection, run_id, 0, -1)
         if vessel_id is None:
             return points_between(connection, run_id, first, last)
-        found = points_of(connection, run_id, vessel_id)
+        found = points_of(connection, run_id, vessel_id, int(first))
     here = (found.array("cycle") >= first) & (found.array("cycle") <= last)
     return Table(found.columns, tuple(column[here] for column in found.arrays))
 

@@ -2,7 +2,7 @@
 
 | setting | forgotten |
 |---|---|
-| `history_hours` | points, and the stays of vessels and of their tracks that ended before; pictures of so early cannot be had any more |
+| `history_hours` | points, and stays of vessels, their tracks and their MMSI that ended before; no pictures of so early |
 | `details_hours` | associations, spots, timings and registrations |
 | `recording_hours` | recorded cycles, whole key cycles at a time |
 | `picture_hours` | the current picture of runs that ended so long ago by the database's clock |
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from coastwatch.scenario import StoreSettings
 
 TABLES = Base.metadata.tables
-STAYS = ("presence", "member_history")
+STAYS = ("presence", "member_history", "identity")
 DETAILS = ("association", "bearing_association", "spot", "stage_timing", "sensor_registration")
 
 ROWS = 10_000
@@ -124,6 +124,6 @@ def _forget_pictures(connection: Connection, hours: float) -> None:
     has = select(vessel.c.run_id).where(vessel.c.run_id == Run.id).exists()
     old = connection.scalar(select(func.min(Run.id)).where(Run.status != "running", Run.finished_utc < then, has))
     if old is not None:
-        for name in ("vessel", "bearing_track"):
+        for name in ("vessel", "vessel_place", "bearing_track"):
             connection.execute(delete(TABLES[name]).where(TABLES[name].c.run_id == old))
         connection.execute(update(Cycle).where(Cycle.run_id == old).values(picture_kept=False))

@@ -21,7 +21,7 @@ def rewind(connection: Connection, run_id: int, number: int) -> None:
         table = tables[name]
         connection.execute(delete(table).where(table.c.run_id == run_id, table.c.cycle >= number))
     forget_blocks(connection, run_id, from_cycle=number)
-    for stay in (tables["presence"], tables["member_history"]):
+    for stay in (tables["presence"], tables["member_history"], tables["identity"]):
         of_run = stay.c.run_id == run_id
         connection.execute(delete(stay).where(of_run, stay.c.from_cycle >= number))
         connection.execute(update(stay).where(of_run, stay.c.to_cycle >= number - 1).values(to_cycle=None))

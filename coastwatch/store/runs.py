@@ -72,7 +72,8 @@ def cycle_at(connection: Connection, store: Store, run_id: int, at_s: float | No
     """
     run_exists(connection, store, run_id)
     before = true() if at_s is None else Cycle.time_s <= at_s
-    cycle = connection.scalar(select(func.max(Cycle.number)).where(Cycle.run_id == run_id, kept, before))
+    upto = select(Cycle.number).where(Cycle.run_id == run_id, kept, before)
+    cycle = connection.scalar(upto.order_by(Cycle.time_s.desc()).limit(1))
     if cycle is None and at_s is not None:
         first_s = connection.scalar(select(func.min(Cycle.time_s)).where(Cycle.run_id == run_id, kept))
         has = "it has no cycle yet" if first_s is None else f"its first kept cycle is at {_utc(first_s)}"

@@ -20,7 +20,7 @@ from coastwatch.store.declaring import Base as Base
 from coastwatch.store.declaring import key as key
 from coastwatch.store.declaring import of_run as of_run
 
-REVISION = "0005"
+REVISION = "0006"
 """The migration at which the database equals the models below; a test compares it with db/migrations."""
 
 REVISION_TABLE = "coastwatch_revision"
@@ -82,6 +82,7 @@ class Cycle(Base):
     """One row a cycle, written in the same transaction as everything else of the cycle."""
 
     __tablename__ = "cycle"
+    __table_args__ = (Index("cycle_time", "run_id", "time_s"),)
     run_id: Mapped[int] = of_run()
     number: Mapped[int] = key()
     time_s: Mapped[float]
@@ -154,6 +155,7 @@ class MemberHistory(Base):
 
     __tablename__ = "member_history"
     __table_args__ = (
+        Index("member_history_from", "run_id", "from_cycle"),
         Index("member_history_to", "run_id", "to_cycle", sqlite_where=ENDED, postgresql_where=ENDED),
         IN_KEY_ORDER,
     )

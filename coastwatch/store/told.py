@@ -9,7 +9,7 @@ from sqlalchemy import Connection, Select, and_, or_, select
 
 from coastwatch.batches import Array, Floats, Ints
 from coastwatch.store import columns
-from coastwatch.store.collect import collected, loaded
+from coastwatch.store.collect import among, collected, loaded
 from coastwatch.store.tables import MemberHistory, Presence, Source, VesselStatic
 
 FEW = 1000
@@ -57,14 +57,14 @@ def sources_of(connection: Connection, run_id: int, cycle: int, vessel_id: Ints)
 
 
 def holds(stay: type[Presence] | type[MemberHistory], cycle: int) -> Any:
-    """Whether a stay has a cycle in it."""
-    return and_(stay.from_cycle <= cycle, or_(stay.to_cycle.is_(None), stay.to_cycle >= cycle))
+    """Whether a stay has a cycle in it. The sum keeps SQLite from an index by cycles, most of which are before this one."""
+    return and_(stay.from_cycle + 0 <= cycle, or_(stay.to_cycle.is_(None), stay.to_cycle >= cycle))
 
 
 def _of(connection: Connection, query: Select[*tuple[Any, ...]], key: Any, wanted: Ints, most: int) -> list[Array]:
     """The rows of these keys, or, where they are many, of all keys."""
     if len(wanted) <= FEW:
-        return collected(connection, query.where(key.in_(wanted.tolist())), most, likely=len(wanted))
+        return collected(connection, query.where(among(connection, key, wanted)), most, likely=len(wanted))
     return collected(connection, query, most)
 
 

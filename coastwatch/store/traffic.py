@@ -5,19 +5,20 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from sqlalchemy import Connection, func, select, text
+from sqlalchemy import Connection, select, text
 
 from coastwatch.batches import Floats, Ints
 from coastwatch.geodesy import KNOT_M_S, scale_m_deg, wrap_deg
 from coastwatch.store.blocks import Points, points_between
 from coastwatch.store.box import FASTEST_M_S, Box, widened
+from coastwatch.store.collect import collected, listed
 from coastwatch.store.opening import Store, StoreError, reading
 from coastwatch.store.rows import Rows, Table
 from coastwatch.store.runs import run_exists
 from coastwatch.store.tables import Cycle
 
 MMSI = """
-WITH point (cycle, vessel) AS (VALUES {keys})
+WITH {point}
 SELECT h.cycle, h.vessel_id, h.mmsi FROM point p CROSS JOIN history h
 WHERE h.run_id = :run AND h.cycle = p.cycle AND h.vessel_id = p.vessel
 """
@@ -89,17 +90,19 @@ def _stretches(connection: Connection, store: Store, run_id: int, bbox: Box, fro
     """Of the vessels that were in a box or near it: a stretch from each point to the next, at most as long as points are valid."""
     run_exists(connection, store, run_id)
     c = Cycle
-    before = select(func.max(c.number)).where(c.run_id == run_id, c.time_s <= from_s).scalar_subquery()
-    first = connection.execute(select(c.number, c.history_from).where(c.run_id == run_id, c.number == before)).first()
-    start = 0 if first is None or first.history_from is None else int(first.history_from)
-    span = select(c.number, c.time_s, c.history_from).where(c.run_id == run_id, c.number >= start, c.time_s <= to_s)
-    rows = connection.execute(span.order_by(c.number)).all()
-    if not rows:
+    before = select(c.history_from).where(c.run_id == run_id, c.time_s <= from_s)
+    start = int(connection.scalar(before.order_by(c.time_s.desc()).limit(1)) or 0)
+    after = select(c.number).where(c.run_id == run_id, c.time_s <= to_s).order_by(c.time_s.desc()).limit(1)
+    end = connection.scalar(after)
+    if end is None:
         raise StoreError(f"{store.where}: run {run_id} holds nothing up to then")
-    time_s = np.array([row.time_s for row in rows])
-    held = np.array([row.number if row.history_from is None else row.history_from for row in rows], np.int64)
+    span = select(c.number, c.time_s, c.history_from).where(c.run_id == run_id, c.number.between(start, end))
+    number, time_s, held = collected(connection, span, end - start + 1)
+    order = np.argsort(number)
+    number, time_s, held = number[order], time_s[order], held[order]
+    held = np.where(held < 0, number, held)
     longest_s = float((time_s - time_s[np.clip(held - start, 0, None)]).max() + np.diff(time_s).max(initial=0.0))
-    found = points_between(connection, run_id, start, int(rows[-1].number), widened(bbox, longest_s * FASTEST_M_S))
+    found = points_between(connection, run_id, start, int(end), widened(bbox, longest_s * FASTEST_M_S))
     order = np.lexsort((found.cycle, found.vessel_id))
     return _in_line(found.take(order), time_s, start, longest_s, to_s)
 
@@ -203,6 +206,7 @@ def _mmsi(connection: Connection, run_id: int, points: Points) -> Ints:
     keys = {(int(c), int(v)) for c, v in zip(points.cycle, points.vessel_id, strict=True)}
     if not keys:
         return np.zeros(0, np.int64)
-    rows = connection.execute(text(MMSI.format(keys=", ".join(map(str, sorted(keys))))), {"run": run_id})
+    point, given = listed(connection, "point", ("cycle", "vessel"), sorted(keys))
+    rows = connection.execute(text(MMSI.format(point=point)), {"run": run_id, **given})
     known = {(row.cycle, row.vessel_id): row.mmsi for row in rows if row.mmsi is not None}
     return np.array([known.get((int(c), int(v)), -1) for c, v in zip(points.cycle, points.vessel_id, strict=True)], np.int64)

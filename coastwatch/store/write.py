@@ -13,8 +13,10 @@ from coastwatch.batches import Floats, Ints, Members, Picture, Reports
 from coastwatch.store import blocks, columns, history_rule, newest, registrations, retention, statics, write_ahead
 from coastwatch.store.bulk import amend, append, erase
 from coastwatch.store.cells import Column, Named, Texts
+from coastwatch.store.identities import write_identities
 from coastwatch.store.newest import Newest
 from coastwatch.store.opening import Store, StoreError, writing
+from coastwatch.store.places import write_places
 from coastwatch.store.rewind import rewind
 from coastwatch.store.tables import Base, Checkpoint
 from coastwatch.store.tables import Cycle as CycleRow
@@ -67,6 +69,7 @@ def write_cycle(
         _cycle_row(connection, run_id, number, cycle, reports, keep, due, added)
         _timings(connection, run_id, number, seconds, _rows_by_stage(cycle, reports, before.source_kinds))
         rows = append(connection, TABLES["history"], [run_id, number, *added.columns])
+        rows += write_identities(connection, run_id, number, added)
         tail = blocks.extend(connection, run_id, number, added.points, before.tail)
         if due:
             names = columns.sources(picture.vessel_id, members, before.source_names)
@@ -111,6 +114,7 @@ def _picture_due(before: Newest, cycle: Cycle, keep: StoreSettings) -> bool:
 def _picture(connection: Connection, run_id: int, cycle: Cycle, picture: Picture, sources: Texts) -> int:
     now = columns.bearing_tracks(run_id, cycle.bearing_tracks, cycle.bearing_associations, cycle.picture)
     rows = _replace(connection, "vessel", run_id, columns.vessels(run_id, picture, sources))
+    write_places(connection, run_id, picture.vessel_id, picture.position_deg)
     return rows + _replace(connection, "bearing_track", run_id, now)
 
 

@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0005; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0006; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id BIGSERIAL NOT NULL,
@@ -39,6 +39,13 @@ CREATE TABLE vessel (
 	sources TEXT NOT NULL,
 	covariance BYTEA,
 	PRIMARY KEY (run_id, vessel_id)
+);
+
+CREATE TABLE vessel_place (
+	run_id BIGINT NOT NULL,
+	part BIGINT NOT NULL,
+	data BYTEA NOT NULL,
+	PRIMARY KEY (run_id, part)
 );
 
 CREATE TABLE association (
@@ -122,6 +129,8 @@ CREATE TABLE cycle (
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 
+CREATE INDEX cycle_time ON cycle (run_id, time_s);
+
 CREATE TABLE history (
 	run_id BIGINT NOT NULL,
 	cycle BIGINT NOT NULL,
@@ -161,6 +170,18 @@ CREATE TABLE history_cell (
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 
+CREATE TABLE identity (
+	run_id BIGINT NOT NULL,
+	mmsi BIGINT NOT NULL,
+	vessel_id BIGINT NOT NULL,
+	from_cycle BIGINT NOT NULL,
+	to_cycle BIGINT,
+	PRIMARY KEY (run_id, mmsi, vessel_id, from_cycle),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE INDEX identity_to ON identity (run_id, to_cycle) WHERE to_cycle IS NOT NULL;
+
 CREATE TABLE member (
 	run_id BIGINT NOT NULL,
 	vessel_id BIGINT NOT NULL,
@@ -180,6 +201,8 @@ CREATE TABLE member_history (
 	PRIMARY KEY (run_id, vessel_id, source, track_id, from_cycle),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
+
+CREATE INDEX member_history_from ON member_history (run_id, from_cycle);
 
 CREATE INDEX member_history_to ON member_history (run_id, to_cycle) WHERE to_cycle IS NOT NULL;
 

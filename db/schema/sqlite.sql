@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0005; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0006; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
@@ -38,6 +38,14 @@ CREATE TABLE vessel (
 	sources TEXT NOT NULL,
 	covariance BLOB,
 	PRIMARY KEY (run_id, vessel_id)
+)
+ WITHOUT ROWID;
+
+CREATE TABLE vessel_place (
+	run_id INTEGER NOT NULL,
+	part INTEGER NOT NULL,
+	data BLOB NOT NULL,
+	PRIMARY KEY (run_id, part)
 )
  WITHOUT ROWID;
 
@@ -126,6 +134,8 @@ CREATE TABLE cycle (
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 
+CREATE INDEX cycle_time ON cycle (run_id, time_s);
+
 CREATE TABLE history (
 	run_id INTEGER NOT NULL,
 	cycle INTEGER NOT NULL,
@@ -168,6 +178,19 @@ CREATE TABLE history_cell (
 )
  WITHOUT ROWID;
 
+CREATE TABLE identity (
+	run_id INTEGER NOT NULL,
+	mmsi INTEGER NOT NULL,
+	vessel_id INTEGER NOT NULL,
+	from_cycle INTEGER NOT NULL,
+	to_cycle INTEGER,
+	PRIMARY KEY (run_id, mmsi, vessel_id, from_cycle),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+)
+ WITHOUT ROWID;
+
+CREATE INDEX identity_to ON identity (run_id, to_cycle) WHERE to_cycle IS NOT NULL;
+
 CREATE TABLE member (
 	run_id INTEGER NOT NULL,
 	vessel_id INTEGER NOT NULL,
@@ -189,6 +212,8 @@ CREATE TABLE member_history (
 	FOREIGN KEY(run_id) REFERENCES run (id)
 )
  WITHOUT ROWID;
+
+CREATE INDEX member_history_from ON member_history (run_id, from_cycle);
 
 CREATE INDEX member_history_to ON member_history (run_id, to_cycle) WHERE to_cycle IS NOT NULL;
 

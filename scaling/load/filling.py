@@ -20,7 +20,9 @@ from coastwatch.stage import Plan
 from coastwatch.store import blocks, columns, history_rule
 from coastwatch.store.bulk import append
 from coastwatch.store.cells import Named, Texts
+from coastwatch.store.identities import write_identities
 from coastwatch.store.opening import writing
+from coastwatch.store.places import write_places
 from coastwatch.store.tables import Base, Cycle
 from scaling.load.coasts import geodetic
 from scaling.load.motion import courses
@@ -69,6 +71,7 @@ def fill(url: str, points: int, vessels: int, seed: int, say: Callable[[str], No
                     held, added = history_rule.step(held, bound, number, time_s, time_s - world.period_s, picture)
                     connection.execute(insert(Cycle), [_cycle(run_id, number, time_s, len(picture), added)])
                     append(connection, TABLES["history"], [run_id, number, *added.columns])
+                    write_identities(connection, run_id, number, added)
                     tail = blocks.extend(connection, run_id, number, added.points, tail)
                     written, number = written + added.points, number + 1
             if number % (10 * TOGETHER) == 0:
@@ -179,3 +182,4 @@ def _rest(connection: object, run_id: int, stays: _Stays, picture: Picture, cycl
     append(connection, TABLES["vessel_static"], [run_id, named, names, signs, Named(named % 90), size, size / 6.0, size])
     sources = Texts(picture.vessel_id % 2, ["region-0,ais", "region-1"])
     append(connection, TABLES["vessel"], columns.vessels(run_id, picture, sources))
+    write_places(connection, run_id, picture.vessel_id, picture.position_deg)

@@ -143,6 +143,38 @@ def test_one_vessel_is_found_by_its_whole_key(filled: tuple[Store, int]) -> None
     assert all("SCAN history" not in plan and "SCAN h" not in plan for plan in of_history)
 
 
+FOUND_BY = {
+    "box now": {"vessel": "(run_id=? AND vessel_id=?)", "vessel_static": "(run_id=? AND mmsi=?)"},
+    "box then": {"member_history": "(run_id=? AND vessel_id=?"},
+    "question history_of_mmsi": {"identity": "(run_id=? AND mmsi=?)", "presence": "(run_id=? AND vessel_id=?)"},
+    "question source_changes": {"member_history": "_cycle=?)", "presence": "(run_id=? AND vessel_id=? AND from_cycle<?)"},
+    "question new_vessels": {"presence": "from_cycle=?)"},
+    "question lost_vessels": {"presence": "_cycle"},
+}
+"""By what tables that hold all vessels of a run are looked up."""
+
+
+@pytest.mark.parametrize("name", FOUND_BY)
+def test_no_table_of_vessels_is_read_from_end_to_end(name: str, filled: tuple[Store, int]) -> None:
+    store, run = filled
+    if store.engine.dialect.name != "sqlite":
+        pytest.skip("the plan of SQLite is what is looked at")
+    with said(store.engine) as statements:
+        ASKED[name](store, run)
+    looked = set()
+    for statement, plan in plans(store, statements):
+        for table, by in FOUND_BY[name].items():
+            for alias in {
+                alias or table
+                for alias in re.findall(rf"(?:FROM|JOIN) {table}\b(?: (?!WHERE|CROSS|LEFT|ON|AS)(\w+))?", statement)
+            }:
+                steps = [line for line in plan.splitlines() if re.match(rf"(SCAN|SEARCH) {alias}\b", line)]
+                assert steps, f"{statement}\n{plan}"
+                assert all(line.startswith("SEARCH") and by in line for line in steps), f"{statement}\n{plan}"
+                looked.add(table)
+    assert looked == set(FOUND_BY[name])
+
+
 def test_a_box_of_the_past_is_found_by_its_cells(filled: tuple[Store, int]) -> None:
     store, run = filled
     if store.engine.dialect.name != "sqlite":

@@ -19,7 +19,7 @@ from coastwatch.store import StoreError, blocks, migrate
 from coastwatch.store.opening import connect, reading, revision, writing
 from coastwatch.store.tables import REVISION, REVISION_TABLE, Base
 
-SINCE_0001 = {"presence", "sensor_registration", "chunk", "history_block", "history_cell"}
+SINCE_0001 = {"presence", "sensor_registration", "chunk", "history_block", "history_cell", "vessel_place", "identity"}
 """Tables that schema 0001 does not have."""
 
 SINCE_0004 = ("picture_kept", "history_from", "history_points", "previous_cycle", "closing", "piece")
@@ -34,6 +34,16 @@ def as_in_0001(table: str, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
         for row in rows
         if not row.get("closing")
     ]
+
+
+def as_one(stays: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Of every MMSI and vessel one stay: from its first cycle, and whether it lasts."""
+    out: dict[tuple[int, ...], tuple[int, bool]] = {}
+    for row in stays:
+        pair = row["run_id"], row["mmsi"], row["vessel_id"]
+        first, lasts = out.get(pair, (row["from_cycle"], False))
+        out[pair] = min(first, row["from_cycle"]), lasts or row["to_cycle"] is None
+    return [{"pair": pair, "stay": stay} for pair, stay in out.items()]
 
 
 def test_models_are_what_the_migrations_make(url: str) -> None:
@@ -92,16 +102,18 @@ def test_a_database_of_the_first_schema_comes_along_with_all_its_rows(url: str, 
             assert set(there.tables) == set(Base.metadata.tables) - SINCE_0001 | {REVISION_TABLE}
             for name in (table.name for table in Base.metadata.sorted_tables if table.name not in SINCE_0001):
                 connection.execute(there.tables[name].insert(), as_in_0001(name, rows[name]))
-    with pytest.raises(StoreError, match=r"got schema 0001, needed 0005: `coastwatch db upgrade`"):
+    with pytest.raises(StoreError, match=r"got schema 0001, needed 0006: `coastwatch db upgrade`"):
         kept.open_store(url)
-    assert migrate.check(url) == ["schema: got 0001, needed 0005"]
+    assert migrate.check(url) == ["schema: got 0001, needed 0006"]
     migrate.upgrade(url)
     assert migrate.check(url) == []
     with kept.open_store(url) as store:
         with reading(store) as connection:
             for name, table in Base.metadata.tables.items():
                 found = [dict(row._mapping) for row in connection.execute(table.select())]
-                ours = [] if name == "sensor_registration" else rows[name]  # nothing was estimated then
+                ours = [] if name in ("sensor_registration", "vessel_place") else rows[name]  # nothing was estimated then
+                if name == "identity":  # all stays of an MMSI with a vessel are one, open while the last one is
+                    ours, found = (as_one(of) for of in (ours, found))
                 if name == "presence":  # when a vessel that has left was first seen is no longer known, but its first cycle
                     ours = [{**row, "since_s": row["since_s"] if row["to_cycle"] is None else None} for row in ours]
                     found = [{**row, "since_s": row["since_s"] if row["to_cycle"] is None else None} for row in found]
@@ -175,7 +187,7 @@ def test_a_database_of_a_newer_version_is_left_alone(url: str) -> None:
     migrate.upgrade(url)
     with connect(url, 1.0, may_create=False) as store, writing(store) as connection:
         connection.execute(text(f"UPDATE {REVISION_TABLE} SET version_num = '9999'"))
-    with pytest.raises(StoreError, match="got schema 9999, needed 0005: it was written by a newer Coastwatch"):
+    with pytest.raises(StoreError, match="got schema 9999, needed 0006: it was written by a newer Coastwatch"):
         kept.open_store(url)
     with pytest.raises(StoreError, match="9999"):
         migrate.upgrade(url)
