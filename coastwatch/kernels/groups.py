@@ -7,34 +7,12 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True)
-def grouped(group, halo_group, halo_row, count):  # type: ignore[no-untyped-def]
-    """Rows by group, members ascending, and after them the rows of its halo as -1 - row, as they come.
-
-    Args: group: (N,) of each row, 0 to count - 1; halo_group, halo_row: (H,). Returns: (N + H,) rows, (count + 1,) where groups start.
-    """
-    start = np.zeros(count + 1, np.int64)
-    for r in range(len(group)):
-        start[group[r] + 1] += 1
-    inside = start[1:].copy()
-    for h in range(len(halo_group)):
-        start[halo_group[h] + 1] += 1
-    for k in range(count):
-        start[k + 1] += start[k]
-    row, place, beside = np.empty(len(group) + len(halo_group), np.int64), start[:-1].copy(), start[:-1] + inside
-    for r in range(len(group)):
-        row[place[group[r]]] = r
-        place[group[r]] += 1
-    for h in range(len(halo_group)):
-        row[beside[halo_group[h]]] = -1 - halo_row[h]
-        beside[halo_group[h]] += 1
-    return row, start
-
-
-@njit(cache=True, nogil=True)
 def parted(row, start, rank, home):  # type: ignore[no-untyped-def]
-    """What `grouped` put together: the group of every member into `home`, by its rank.
+    """The group of every member into `home`, by its rank, and who is in whose halo.
 
-    Args: rank: (N,) of every row; home: (N,), -1 where a row is no member. Returns: how many members; groups and rows of the halo, (H,).
+    Args: row: (L,) of all groups, members as they are, halo as -1 - row; start: (K + 1,) of each group; rank: (N,) of every row;
+        home: (N,), -1 where a row is no member.
+    Returns: how many members; groups and rows of the halo, (H,).
     """
     halo = 0
     for k in range(len(start) - 1):

@@ -82,14 +82,6 @@ def _runs(i, key, reach, run):  # type: ignore[no-untyped-def]
 
 
 @arithmetic_part
-def _ask(new, soon, record, outline):  # type: ignore[no-untyped-def]
-    """Ask for the outline of a track that is met for the first time soon, and for the record of one."""
-    fetch(outline.ctypes.data + 128 * new)  # type: ignore[call-arg]
-    fetch(outline.ctypes.data + 128 * new + 64)
-    fetch(record.ctypes.data + 128 * soon + 64)
-
-
-@arithmetic_part
 def _hole(table, word):  # type: ignore[no-untyped-def]
     """Where a word stands in a table, or would stand: the place of it or of a hole."""
     place = np.int64((np.uint64(word) * ODD) >> np.uint64(32)) & (len(table) - 1)
@@ -148,8 +140,9 @@ def candidates(low, high, key, point, home, track, row, halo, height, last, leng
     """
     first, second = np.empty(high - low + 64, np.int64), np.empty(high - low + 64, np.int64)
     density, found, run = np.empty(high - low + 64), np.empty(256, np.int64), np.zeros((9, 2), np.int64)
-    out, tested, band, reach = 0, 0, -1, 0
+    out, tested, band, reach, asked = 0, 0, -1, 0, 0
     for i in range(low, high):
+        fetch(record.ctypes.data + 128 * track[min(i + AHEAD, len(track) - 1)] + 64)  # type: ignore[call-arg]
         if home[i] < 0 or point[i, 3] == last:
             continue
         if key[i] >> LONGITUDE_BITS != band:
@@ -158,7 +151,10 @@ def candidates(low, high, key, point, home, track, row, halo, height, last, leng
             for k in range(3):
                 run[k, 0] = run[k, 1] = _from(key, ((band + k - 1) << LONGITUDE_BITS) + max((key[i] & (TURN - 1)) - reach, 0))
         most, count = _runs(i, key, reach, run), 0
-        _ask(track[min(run[2, 1] + AHEAD, len(track) - 1)], track[min(i + AHEAD, len(track) - 1)], record, outline)
+        for near in range(max(asked, run[2, 0]), min(run[2, 1] + AHEAD, len(track))):
+            fetch(outline.ctypes.data + 128 * track[near])
+            fetch(outline.ctypes.data + 128 * track[near] + 64)
+        asked = run[2, 1] + AHEAD
         if most >= len(found):
             found = np.empty(2 * most, np.int64)
         for k in range(9):

@@ -14,6 +14,7 @@ import numpy as np
 from numba import carray  # type: ignore[attr-defined]
 
 from coastwatch.kernels.compiling import arithmetic, arithmetic_part
+from coastwatch.kernels.elementary import exponential, logarithm
 from coastwatch.kernels.rings import entry, fetch, fetch_window, pointer
 
 SEMI_MAJOR = 6378137.0
@@ -22,6 +23,12 @@ LANES = 8
 AHEAD = 2  # pairs whose windows are asked for while one is laid out
 LONGEST = 200  # window that there is room for; a multiple of LANES
 EAST, NORTH, EAST_RATE, NORTH_RATE, OLDER_PLACE, OLDER_COURSE, PLACE, RAW_COURSE, COURSE, STEP_ROWS = range(10)
+LOG_PLACE, LOG_COURSE, MIXTURE, LOG_MIXTURE = (
+    EAST,
+    NORTH,
+    EAST_RATE,
+    NORTH_RATE,
+)  # whose differences are not wanted any more then
 SUM, FACTOR, BIAS = (
     0,
     10,
@@ -63,6 +70,12 @@ def steps(room):  # type: ignore[no-untyped-def]
 def lanes(room):  # type: ignore[no-untyped-def]
     """What there is for each lane: (LANE_ROWS, LANES)."""
     return carray(pointer(room + 8 * STEP_NUMBERS), (LANE_ROWS, LANES), np.float64)  # type: ignore[call-arg]
+
+
+@arithmetic_part
+def whole(n):  # type: ignore[no-untyped-def]
+    """So many steps as whole vectors have; what is behind n is left over and counts for nothing."""
+    return (n + LANES - 1) // LANES * LANES
 
 
 @arithmetic_part
@@ -190,7 +203,7 @@ def _whiten(n, k, null_variance, room):  # type: ignore[no-untyped-def]
         lane[COURSE_0, k],
     )
     now_p, now_v = w[k, OLDER_PLACE, n - 1], w[k, OLDER_COURSE, n - 1]
-    for t in range((n + LANES - 1) // LANES * LANES):  # whole vectors; what is behind n is left over and not read
+    for t in range(whole(n)):
         older = max(w[k, OLDER_PLACE, t] / now_p, 1.0)
         shrunk = 1.0 / math.sqrt(older)
         a = shrunk * w[k, EAST, t] / l00
@@ -219,23 +232,44 @@ def _bound(n, k, rule, room):  # type: ignore[no-untyped-def]
 
 
 @arithmetic_part
+def _logarithms(n, k, of, to, room):  # type: ignore[no-untyped-def]
+    """The logarithms of a row of lane k into another; the library is asked for those that are not certain."""
+    w = steps(room)
+    for t in range(whole(n)):
+        w[k, to, t] = logarithm(w[k, of, t])
+    for t in range(n):
+        if w[k, to, t] != w[k, to, t]:
+            w[k, to, t] = math.log(w[k, of, t])
+
+
+@arithmetic_part
+def _mix(n, k, rule, room):  # type: ignore[no-untyped-def]
+    """The likelihood ratio of velocities that may say nothing, from COURSE into MIXTURE of lane k."""
+    w = steps(room)
+    for t in range(whole(n)):
+        w[k, COURSE, t] -= w[k, LOG_COURSE, t]
+        w[k, MIXTURE, t] = rule.misled + (1.0 - rule.misled) * exponential(w[k, COURSE, t])
+    for t in range(n):
+        if w[k, MIXTURE, t] != w[k, MIXTURE, t]:
+            w[k, MIXTURE, t] = rule.misled + (1.0 - rule.misled) * math.exp(w[k, COURSE, t])
+
+
+@arithmetic_part
 def _accumulate(n, k, rule, room):  # type: ignore[no-untyped-def]
     """The sum of the log-likelihood ratios of the steps of lane k, each bounded by the limit and counting less a cycle later."""
     w, total, certain = steps(room), 0.0, math.log1p(-rule.misled)
+    _logarithms(n, k, OLDER_PLACE, LOG_PLACE, room)
+    _logarithms(n, k, OLDER_COURSE, LOG_COURSE, room)
+    _mix(n, k, rule, room)
+    _logarithms(n, k, MIXTURE, LOG_MIXTURE, room)
+    for t in range(whole(n)):
+        place, course = w[k, PLACE, t] - w[k, LOG_PLACE, t], w[k, COURSE, t]
+        sure, open_ = place + course + certain, place + w[k, LOG_MIXTURE, t]
+        step = min(max(sure if course > 30.0 else open_, -rule.limit), rule.limit)
+        least = w[k, PLACE, t] + max(w[k, RAW_COURSE, t], 0.0) <= -rule.limit  # logarithms only make it less
+        w[k, PLACE, t] = -rule.limit if least else step
     for t in range(n):
-        place, course = w[k, PLACE, t], w[k, COURSE, t]
-        if place + max(w[k, RAW_COURSE, t], 0.0) <= -rule.limit:  # what follows would only make it less
-            total = max(rule.memory * total - rule.limit, -rule.limit)
-            continue
-        if w[k, OLDER_PLACE, t] != 1.0:
-            place -= math.log(w[k, OLDER_PLACE, t])
-        if w[k, OLDER_COURSE, t] != 1.0:
-            course -= math.log(w[k, OLDER_COURSE, t])
-        if course > 30.0:  # noqa: SIM108 a line for each, so that the order of the sum is seen
-            step = place + course + certain
-        else:
-            step = place + math.log(rule.misled + (1.0 - rule.misled) * math.exp(course))
-        total = max(rule.memory * total + min(max(step, -rule.limit), rule.limit), -rule.limit)
+        total = max(rule.memory * total + w[k, PLACE, t], -rule.limit)
     return total
 
 
