@@ -14,7 +14,7 @@ BIAS = 10  # to 12: the registration term, likewise
 NORTH, EAST, ROUGH = 13, 14, 15  # metres a degree here; relative error of a difference within the gate by these
 LEAST_ERROR = 1e-4  # part of ROUGH besides what meridians that converge make of it
 AHEAD = (
-    4  # rows whose places are asked for while one is worked on: the order of tracks has nothing to do with that of their rows
+    10  # rows whose places are asked for while one is worked on: the order of tracks has nothing to do with that of their rows
 )
 
 

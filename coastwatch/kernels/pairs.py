@@ -9,9 +9,9 @@ from numba import njit
 
 from coastwatch.kernels.bands import LONGITUDE_BITS, TURN
 from coastwatch.kernels.compiling import arithmetic, arithmetic_part
+from coastwatch.kernels.differences import SEMI_MAJOR
 from coastwatch.kernels.rings import fetch
 from coastwatch.kernels.screening import screened
-from coastwatch.kernels.windows import SEMI_MAJOR
 
 AHEAD = 16  # tracks that are asked for while one is worked on
 ODD = np.uint64(0x9E3779B97F4A7C15)  # 2^64 over the golden ratio
@@ -59,10 +59,12 @@ def _near(low, high, i, point, reach2, found, count):  # type: ignore[no-untyped
 def _runs(i, key, reach, run):  # type: ignore[no-untyped-def]
     """Where those stand that may be within the gate of i: in its band and the two beside it, and there perhaps across the antimeridian.
 
-    Args: run: (9, 2) starts and ends, those of the first three rows not after what is looked for; changed. Returns: points in them.
+    Args: run: (9, 2) starts and ends, those of the first three rows not after what is looked for; changed.
+    Returns: how many of the rows count, 3 or 9; points in them.
     """
     band, here, count = key[i] >> LONGITUDE_BITS, key[i] & (TURN - 1), 0
-    for k in range(3, 9):
+    rows = 3 if here >= reach and here + reach < TURN else 9
+    for k in range(3, rows):
         run[k, 0] = run[k, 1] = 0
     for k in range(3):
         base = (band + k - 1) << LONGITUDE_BITS
@@ -76,9 +78,9 @@ def _runs(i, key, reach, run):  # type: ignore[no-untyped-def]
             run[3 + k, 0], run[3 + k, 1] = _from(key, base + low + TURN), _from(key, base + TURN)
         if high >= TURN:
             run[6 + k, 0], run[6 + k, 1] = _from(key, base), _from(key, base + high - TURN + 1)
-    for k in range(9):
+    for k in range(rows):
         count += run[k, 1] - run[k, 0]
-    return count
+    return rows, count
 
 
 @arithmetic_part
@@ -150,14 +152,15 @@ def candidates(low, high, key, point, home, track, row, halo, height, last, leng
             reach = _reach(band, height, rule.gate)
             for k in range(3):
                 run[k, 0] = run[k, 1] = _from(key, ((band + k - 1) << LONGITUDE_BITS) + max((key[i] & (TURN - 1)) - reach, 0))
-        most, count = _runs(i, key, reach, run), 0
+        count = 0
+        rows, most = _runs(i, key, reach, run)
         for near in range(max(asked, run[2, 0]), min(run[2, 1] + AHEAD, len(track))):
             fetch(outline.ctypes.data + 128 * track[near])
             fetch(outline.ctypes.data + 128 * track[near] + 64)
         asked = run[2, 1] + AHEAD
         if most >= len(found):
             found = np.empty(2 * most, np.int64)
-        for k in range(9):
+        for k in range(rows):
             count = _near(run[k, 0], run[k, 1], i, point, rule.gate * rule.gate, found, count)
         count = _owned(i, home, track, row, halo, found, count)
         tested += count

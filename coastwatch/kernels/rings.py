@@ -88,7 +88,7 @@ def entry(table, age, row):  # type: ignore[no-untyped-def]
 
 @arithmetic_part
 def fetch_window(table, chain, n, track):  # type: ignore[no-untyped-def]
-    """Ask for the newest n entries of a track, which may lie across two lines of the cache. Args: chain: as in `kernels.windows`."""
+    """Ask for the newest n entries of a track, which may lie across two lines of the cache. Args: chain: as in `kernels.differences`."""
     fetch(table[0] + track * ENTRY_BYTES)  # type: ignore[call-arg]
     fetch(table[0] + track * ENTRY_BYTES + ENTRY_BYTES - 1)
     for age in range(1, n):

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from coastwatch.kernels.compiling import arithmetic, arithmetic_part
-from coastwatch.kernels.windows import (
+from coastwatch.kernels.differences import (
     BIAS,
     EAST,
     EAST_RATE,

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coastwatch.kernels.compiling import arithmetic, arithmetic_part
+from coastwatch.kernels.differences import turned
 from coastwatch.kernels.facts import BIAS, EAST, NORTH, ROUGH
 from coastwatch.kernels.rings import entry, fetch_window
-from coastwatch.kernels.windows import turned
 
 SEEN = 7  # newest entries that the bounds are of; fewer make them weak, more make them dear
-AHEAD = 2  # tracks whose entries are asked for while one is worked on
+AHEAD = 6  # tracks whose entries are asked for while one is worked on
 LATITUDE, LONGITUDE, EAST_RATE, NORTH_RATE, VARIANCE, WORST, SIZE_EE, SIZE_EN, SIZE_NN = range(9)
 DRIFT_NORTH, DRIFT_EAST, BEND, CHANGE, AREA, RATE_AREA = range(9, 15)
 COLUMNS = 16  # of an outline
