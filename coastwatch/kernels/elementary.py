@@ -24,7 +24,7 @@ TINY = 1e-300
 
 @arithmetic_part
 def logarithm(x):  # type: ignore[no-untyped-def]
-    """Natural logarithm of a positive normal number: x = 2^e m, ln m = 2 artanh((m - 1) / (m + 1)), m about 1."""
+    """Natural logarithm of a positive normal number, -inf of 0: x = 2^e m, ln m = 2 artanh((m - 1) / (m + 1)), m about 1."""
     bits = np.float64(x).view(np.int64)
     e = (bits - ROOT_HALF_BITS) >> MANTISSA_BITS
     m = np.int64(bits - (e << MANTISSA_BITS)).view(np.float64)
@@ -33,7 +33,7 @@ def logarithm(x):  # type: ignore[no-untyped-def]
     p = 1.0 / 17.0 + z * (1.0 / 19.0 + z * (1.0 / 21.0))
     p = 1.0 / 9.0 + z * (1.0 / 11.0 + z * (1.0 / 13.0 + z * (1.0 / 15.0 + z * p)))
     p = z * (1.0 / 3.0 + z * (1.0 / 5.0 + z * (1.0 / 7.0 + z * p)))
-    return e * LN2_HIGH + (e * LN2_LOW + 2.0 * (t + t * p))
+    return e * LN2_HIGH + (e * LN2_LOW + 2.0 * (t + t * p)) if x > 0.0 else -math.inf
 
 
 @arithmetic_part

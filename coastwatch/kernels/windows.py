@@ -137,13 +137,10 @@ def _bound(n, k, rule, room):  # type: ignore[no-untyped-def]
 
 @arithmetic_part
 def _logarithms(n, k, of, to, room):  # type: ignore[no-untyped-def]
-    """The logarithms of a row of lane k into another; the library is asked for those that are not certain."""
+    """The logarithms of a row of lane k into another."""
     w = steps(room)
     for t in range(whole(n)):
         w[k, to, t] = logarithm(w[k, of, t])
-    for t in range(n):
-        if w[k, to, t] != w[k, to, t]:
-            w[k, to, t] = math.log(w[k, of, t])
 
 
 @arithmetic_part
@@ -153,9 +150,6 @@ def _mix(n, k, rule, room):  # type: ignore[no-untyped-def]
     for t in range(whole(n)):
         w[k, COURSE, t] -= w[k, LOG_COURSE, t]
         w[k, MIXTURE, t] = rule.misled + (1.0 - rule.misled) * exponential(w[k, COURSE, t])
-    for t in range(n):
-        if w[k, MIXTURE, t] != w[k, MIXTURE, t]:
-            w[k, MIXTURE, t] = rule.misled + (1.0 - rule.misled) * math.exp(w[k, COURSE, t])
 
 
 @arithmetic_part

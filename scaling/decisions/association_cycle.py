@@ -27,8 +27,8 @@ import numpy as np
 from coastwatch.associations import WindowedCovariance
 from coastwatch.batches import Spots, Tracks
 from coastwatch.kernels import threads as thread_blocks
-from coastwatch.kernels.threads import threads
 from coastwatch.stage import in_turn
+from coastwatch.workers import spread_over
 from scaling.decisions import association_plain
 from scaling.load import national
 
@@ -128,11 +128,11 @@ def median(clocks: list[Clock], kind: str, name: str) -> float:
 def measured(method: WindowedCovariance, memory: Any, given: Given, count: int) -> tuple[list[Clock], Any]:
     """A clock a cycle, and what the first cycle found."""
     clocks, answers = [], []
-    with threads(count):
+    with spread_over("threads", count) as spread:
         for tracks, spots in given:
             clock = Clock()
             with watched(clock):
-                memory, found = clock.run("step", method.step, memory, tracks, spots, in_turn)
+                memory, found = clock.run("step", method.step, memory, tracks, spots, spread)
             clocks.append(clock)
             answers.append(found)
     return clocks, answers[0]

@@ -88,9 +88,13 @@ def one_spot(tracks):
     return Spots(np.zeros((1, 3)), np.zeros(len(tracks), np.int64), none, none)
 
 
+ROUNDING = 1e-11  # of a score: logarithms of the library, and without a branch, differ in the last place
+
+
 def assert_equal(found, wanted):
-    for name in ("first", "second", "statistic", "vessel"):
+    for name in ("first", "second", "vessel"):
         assert getattr(found, name).tolist() == list(getattr(wanted, name)), name
+    np.testing.assert_allclose(found.statistic, wanted.statistic, rtol=0.0, atol=ROUNDING)
     assert found.tested == wanted.tested
 
 
@@ -144,7 +148,7 @@ def test_full_windows_and_what_is_screened():
         *_, all_pairs = step_with_candidates(method, before, tracks, one_spot(tracks))
         scores = {pair: value for pair, value in wanted.scores.items() if value > -np.inf}
         pairs = zip(all_pairs.first.tolist(), all_pairs.second.tolist(), strict=True)
-        assert dict(zip(pairs, all_pairs.score.tolist(), strict=True)) == scores
+        assert dict(zip(pairs, all_pairs.score.tolist(), strict=True)) == pytest.approx(scores, rel=0.0, abs=ROUNDING)
         given_up += found.tested - survivors(method, seen[-1])
     assert given_up > 2000
     assert max(len(entries) for entries in windows.values()) == 20

@@ -45,6 +45,7 @@ def test_logarithm() -> None:
     rng = np.random.default_rng([1, 1])
     every = np.concatenate([np.exp(rng.uniform(-700.0, 700.0, COUNT)), 1.0 + rng.uniform(-0.5, 1.0, COUNT), [1.0, 2.0, 0.5]])
     assert_close(of(_logarithms, every), np.log(every))
+    assert of(_logarithms, np.zeros(1)).tolist() == [-np.inf]
 
 
 def test_exponential() -> None:
