@@ -18,6 +18,9 @@ from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
 from coastwatch.store.tables import REVISION, REVISION_TABLE, Base
 
 WAIT_S = 10.0
+PAGE_BYTES = 16_384
+"""Of a new SQLite file: a cycle of 100,000 vessels changes a quarter as many pages as of SQLite's own 4 kB."""
+
 CACHE_KIB = 16_384
 
 
@@ -99,7 +102,8 @@ def connect(url: str, wait_s: float, *, may_create: bool) -> Store:
     _prepare(store)
     if engine.dialect.name == "sqlite" and may_create:
         with refusals(store), engine.connect() as connection:
-            connection.connection.cursor().execute("PRAGMA journal_mode = WAL")
+            for pragma in (f"page_size = {PAGE_BYTES}", "journal_mode = WAL"):  # the first is heard while the file is empty
+                connection.connection.cursor().execute(f"PRAGMA {pragma}")
     return store
 
 

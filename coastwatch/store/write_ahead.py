@@ -10,19 +10,19 @@ from pathlib import Path
 
 from sqlalchemy import Connection
 
-from coastwatch.store.opening import CACHE_KIB, Store
+from coastwatch.store.opening import CACHE_KIB, PAGE_BYTES, Store
 
-LEAST_PAGES = 1000
-"""SQLite's own measure, 4 MB: enough for small pictures."""
+LEAST_BYTES = 1000 * PAGE_BYTES
+"""SQLite's own measure, 1000 pages: enough for small pictures."""
 
-VESSELS_A_PAGE = 16
-"""Rows of table `vessel` in 4 kB, with a reserve."""
+VESSEL_BYTES = 256
+"""Of a row of table `vessel`, with a reserve."""
 
-PICTURES = 4
+PICTURES = 8
 """The log has room for so many cycles: a page that every cycle writes is then moved once for all of them."""
 
 CHANGED = 2
-"""Pictures' worth of pages that a cycle changes."""
+"""Pictures' worth of bytes that a cycle changes."""
 
 MOST_CACHE_KIB = 512 * 1024
 
@@ -37,9 +37,9 @@ def fit(connection: Connection, vessels: int) -> None:
     changes: pages that do not fit in are written and read again within the cycle. Any other database: nothing.
     """
     if connection.dialect.name == "sqlite":
-        pages, page_kib = _pages(vessels), int(connection.exec_driver_sql("PRAGMA page_size").scalar_one()) // 1024
-        cache_kib = min(max(CACHE_KIB, CHANGED * vessels // VESSELS_A_PAGE * page_kib), MOST_CACHE_KIB)
-        most = TOO_LONG * pages * page_kib * 1024  # what the log has grown by beyond that is given back
+        pages = _length(vessels) // int(connection.exec_driver_sql("PRAGMA page_size").scalar_one())
+        cache_kib = min(max(CACHE_KIB, CHANGED * vessels * VESSEL_BYTES // 1024), MOST_CACHE_KIB)
+        most = TOO_LONG * _length(vessels)  # what the log has grown by beyond that is given back
         for pragma in (f"wal_autocheckpoint = {pages}", f"journal_size_limit = {most}", f"cache_size = -{cache_kib}"):
             connection.exec_driver_sql(f"PRAGMA {pragma}").close()
 
@@ -52,7 +52,7 @@ def complaint(store: Store, vessels: int) -> str | None:
     if store.engine.dialect.name != "sqlite" or not store.shared:
         return None
     path = Path(f"{store.engine.url.database}-wal")
-    if not path.exists() or path.stat().st_size < TOO_LONG * _pages(vessels) * 4096:
+    if not path.exists() or path.stat().st_size < TOO_LONG * _length(vessels):
         return None
     with store.engine.connect() as connection:
         raw = connection.connection.driver_connection
@@ -68,5 +68,6 @@ def complaint(store: Store, vessels: int) -> str | None:
     return f"{path} has grown to {size_mb:.0f} MB: another process reads in one transaction and does not end it"
 
 
-def _pages(vessels: int) -> int:
-    return max(LEAST_PAGES, PICTURES * vessels // VESSELS_A_PAGE)
+def _length(vessels: int) -> int:
+    """Bytes up to which the log may grow."""
+    return max(LEAST_BYTES, PICTURES * vessels * VESSEL_BYTES)

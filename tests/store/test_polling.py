@@ -43,5 +43,5 @@ def test_a_polling_reader_does_not_hold_up_the_writer(tmp_path: Path, monkeypatc
     assert told["torn"] == 0
     assert told["looks"] >= 5
     assert told["cycles"] >= 3
-    assert max(sizes) < 2 * write_ahead.LEAST_PAGES * 4096
+    assert max(sizes) < 2 * write_ahead.LEAST_BYTES
     assert check(str(path)) == []

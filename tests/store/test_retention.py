@@ -15,7 +15,7 @@ from sqlalchemy import text
 from coastwatch import store as kept
 from coastwatch.geodesy import difference_m
 from coastwatch.scenario import StoreSettings
-from coastwatch.store import Store, StoreError, retention, write_ahead
+from coastwatch.store import Store, StoreError, opening, retention, write_ahead
 from coastwatch.store.migrate import check
 from coastwatch.store.opening import reading, writing
 
@@ -126,12 +126,12 @@ def test_the_log_is_moved_into_the_database_again_and_again(tmp_path: Path) -> N
             written = world.write_and_say(store, run, number, 600)
             assert written.complaint is None
             sizes.append(Path(f"{path}-wal").stat().st_size)
-        assert max(sizes) < 1.5 * write_ahead.LEAST_PAGES * 4096
+        assert max(sizes) < 1.5 * write_ahead.LEAST_BYTES
         assert sizes[-1] == max(sizes)  # it is used again from its beginning, not made anew
 
 
 def test_a_reader_that_holds_a_transaction_open_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(write_ahead, "LEAST_PAGES", 60)
+    monkeypatch.setattr(write_ahead, "LEAST_BYTES", 60 * opening.PAGE_BYTES)
     path = tmp_path / "x.db"
     with kept.open_store(str(path)) as store:
         run = world.begin(store)
@@ -147,11 +147,11 @@ def test_a_reader_that_holds_a_transaction_open_is_found(tmp_path: Path, monkeyp
         assert reader.execute("SELECT count(*), max(time_s) FROM vessel").fetchone() == seen  # and it is not disturbed
         reader.execute("COMMIT")
         assert world.write_and_say(store, run, 12, 600).complaint is None
-        assert Path(f"{path}-wal").stat().st_size < 3 * 60 * 4096
+        assert Path(f"{path}-wal").stat().st_size < 3 * 60 * opening.PAGE_BYTES
         reader.close()
     assert check(str(path)) == []
 
 
 def test_the_length_of_the_log_grows_with_the_picture() -> None:
-    assert write_ahead._pages(100) == write_ahead.LEAST_PAGES
-    assert math.isclose(write_ahead._pages(400_000), 4 * 400_000 / 16)
+    assert write_ahead._length(100) == write_ahead.LEAST_BYTES
+    assert math.isclose(write_ahead._length(400_000), 8 * 400_000 * 256)

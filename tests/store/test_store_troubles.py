@@ -129,10 +129,10 @@ def test_a_full_database_keeps_what_it_has_and_goes_on_when_there_is_room(tmp_pa
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A file system of one megabyte."""
+    """A file system of four megabytes: 256 pages."""
     folder = tmp_path / "disk"
     folder.mkdir()
-    made = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(folder)], capture_output=True, check=False)
+    made = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=4m", "tmpfs", str(folder)], capture_output=True, check=False)
     if made.returncode != 0:
         pytest.skip(f"no tmpfs can be mounted here: {made.stderr.decode().strip()}")
     yield folder
