@@ -113,7 +113,7 @@ def test_a_full_database_keeps_what_it_has_and_goes_on_when_there_is_room(tmp_pa
     path = tmp_path / "small.db"
     with kept.open_store(str(path)) as store:
         run = world.begin(store)
-        pages = {"most": 150}
+        pages = {"most": 100}
 
         @event.listens_for(store.engine, "begin")
         def limit(connection: Any) -> None:
