@@ -37,7 +37,7 @@ STATE = (
     "sensor_registration",
 )
 KILLS = 3
-PAGES = 175  # of 4 kB: room for a few cycles and the checkpoint
+PAGES = 80  # of 16 kB: room for a few cycles and the checkpoint
 LONG = {"input.count": "40", "cycles": "150", "warmup_s": "30.0", "store.checkpoint_every": "4"}
 """Some seconds: long enough to be killed three times. A checkpoint now and then, so that what is resumed lies before what is stored."""
 
