@@ -154,14 +154,14 @@ def _score_block(
     """What `score_spots` gives for those of its tracks, low to high, that are the first of a pair."""
     from coastwatch.kernels.bands import height_deg
     from coastwatch.kernels.pairs import candidates
-    from coastwatch.kernels.screening import cuts, slack
+    from coastwatch.kernels.screening import cuts
     from coastwatch.kernels.windows import windowed_scores
 
     table, chain, length, record, outline = windows
     window = chain.shape[1] + 1
     places = *near, track, row, halo, height_deg(rule.gate), top
     first, second, density, tested = candidates(low, high, *places, length, record, outline, rule, cuts(rule, window))  # type: ignore[call-arg]
-    score = windowed_scores(first, second, density, table, chain, length, record, rule, slack(rule, window))
+    score = windowed_scores(first, second, density, table, chain, length, record, rule)
     keep = score > rule.threshold
     return row[first[keep]].astype(np.int64), row[second[keep]].astype(np.int64), score[keep], np.array([tested])
 

@@ -42,3 +42,11 @@ def arithmetic_part(function: Callable[..., Any]) -> Any:
 def bare_part(function: Callable[..., Any]) -> Any:
     """As `part`, but a division by zero is infinite or not a number."""
     return njit(**OPTIONS, error_model="numpy", forceinline=True)(function)
+
+
+def lanes_part(function: Callable[..., Any]) -> Any:
+    """As `arithmetic_part`, but laid into the caller before either is compiled: shapes that the caller knows are then known here.
+
+    A part is compiled for any shape first, and only so laid in: a loop over lanes then asks each time whether rows overlap.
+    """
+    return njit(nogil=True, error_model="numpy", inline="always")(function)

@@ -1,117 +1,126 @@
-"""Windows of differences between pairs of tracks, laid out for LANES pairs at a time, compiled by numba.
+"""Windows of differences between pairs of tracks, LANES pairs side by side, compiled by numba.
 
 The window of a track is a chain through the arrays of a ring (`kernels.rings`): its newest entry stands in its own row, that of `age`
 cycles before in row `chain[track, age - 1]` of the array of that cycle, and `length[track]` entries there are.
 
-What is a few numbers a pair is done for all pairs at hand by one instruction, what is a row of steps a pair for eight steps by one. The
-room for that has a shape that is known when this is compiled: only then the compiler sees that what is written is not what is read.
+Every number is a row of LANES, one a pair, and is worked on by instructions for several pairs at once. What a pair gets does not depend on
+who is beside it.
 """
 
 import math
 
-import numpy as np
-from numba import carray  # type: ignore[attr-defined]
+from coastwatch.kernels.compiling import arithmetic_part, lanes_part
+from coastwatch.kernels.earth_centred import ECCENTRICITY2, SEMI_MAJOR, sine_cosine
+from coastwatch.kernels.rings import entry
 
-from coastwatch.kernels.compiling import arithmetic_part
-from coastwatch.kernels.rings import entry, pointer
-
-SEMI_MAJOR = 6378137.0
-ECCENTRICITY2 = (2.0 - 1.0 / 298.257223563) / 298.257223563
-LANES = 8
-LONGEST = 200  # window that there is room for; a multiple of LANES
-EAST, NORTH, EAST_RATE, NORTH_RATE, OLDER_PLACE, OLDER_COURSE, PLACE, RAW_COURSE, COURSE, STEP_ROWS = range(10)
-# lower triangles, row by row: of the summed covariance, of its factor, of the summed registration terms
+DEGREE = math.pi / 180.0
+LANES = 16
+LONGEST = 200  # window that there is room for
+# of a step: differences, summed variances
+EAST, NORTH, EAST_RATE, NORTH_RATE, VARIANCE, RATE_VARIANCE, STEP_ROWS = range(7)
+# of a pair; lower triangles, row by row: of the summed covariance, of its factor, of the summed registration terms
 SUM, FACTOR, BIAS = 0, 10, 20
 SQUARE = 23  # of position, and of velocity: sums of x x, x y, y y about the mean
-COUNT, DENSITY, GOOD, PLACE_0, COURSE_0, LANE_ROWS = range(29, 35)
-STEP_NUMBERS = LANES * STEP_ROWS * LONGEST
-ROOM = STEP_NUMBERS + LANE_ROWS * LANES  # numbers
-
-
-@arithmetic_part
-def scales(latitude):  # type: ignore[no-untyped-def]
-    """Metres a degree north and east: the scalar twin of geodesy.scale_m_deg."""
-    s = math.sin(math.radians(latitude))
-    w2 = 1.0 - ECCENTRICITY2 * s * s
-    north = SEMI_MAJOR * (1.0 - ECCENTRICITY2) / (w2 * math.sqrt(w2)) * math.pi / 180.0
-    east = SEMI_MAJOR / math.sqrt(w2) * math.cos(math.radians(latitude)) * math.pi / 180.0
-    return north, east
+MEAN, NEWEST = 29, 33  # of the four differences: sums of what they differ from the newest by, and that
+COUNT, ABSENT, DENSITY, GOOD, LATITUDE, SCALE_EAST, SCALE_NORTH, NEWEST_VARIANCE, NEWEST_RATE_VARIANCE = range(37, 46)
+PLACE, COURSE, STEP_PLACE, STEP_COURSE, SHARE, RATE_SHARE, TOTAL, LANE_ROWS = range(46, 54)
 
 
 @arithmetic_part
 def turned(longitude):  # type: ignore[no-untyped-def]
     """A difference of longitudes the short way round."""
-    if longitude > 180.0:
-        return longitude - 360.0
-    if longitude < -180.0:
-        return longitude + 360.0
-    return longitude
+    return longitude - 360.0 if longitude > 180.0 else longitude + 360.0 if longitude < -180.0 else longitude
 
 
-@arithmetic_part
-def steps(room):  # type: ignore[no-untyped-def]
-    """What there is for each lane and step, oldest first: (LANES, STEP_ROWS, LONGEST)."""
-    return carray(pointer(room), (LANES, STEP_ROWS, LONGEST), np.float64)  # type: ignore[call-arg]
+@lanes_part
+def differences(a, b, n, most, table, chain, k, lane, step):  # type: ignore[no-untyped-def]
+    """Degrees and rates of b less a, and summed variances, of the newest n entries, into the last n of `most` steps of lane k.
 
-
-@arithmetic_part
-def lanes(room):  # type: ignore[no-untyped-def]
-    """What there is for each lane: (LANE_ROWS, LANES)."""
-    return carray(pointer(room + 8 * STEP_NUMBERS), (LANE_ROWS, LANES), np.float64)  # type: ignore[call-arg]
-
-
-@arithmetic_part
-def whole(n):  # type: ignore[no-untyped-def]
-    """So many steps as whole vectors have; what is behind n is left over and counts for nothing."""
-    return (n + LANES - 1) // LANES * LANES
-
-
-@arithmetic_part
-def differences(a, b, n, table, chain, k, room):  # type: ignore[no-untyped-def]
-    """East, north and their rates of b less a, and summed variances, of the newest n entries, into lane k."""
-    w = steps(room)
-    i, j = entry(table, 0, a), entry(table, 0, b)
-    north, east = scales(0.5 * (i[0] + j[0]))
+    Steps are oldest first: whoever goes through them counts up from 0, or the compiler would allow for negative rows.
+    """
     for age in range(n):
         if age > 0:
             i, j = entry(table, age, chain[a, age - 1]), entry(table, age, chain[b, age - 1])
-        t = n - 1 - age
-        w[k, EAST, t] = turned(j[1] - i[1]) * east
-        w[k, NORTH, t] = (j[0] - i[0]) * north
-        w[k, EAST_RATE, t] = j[2] - i[2]
-        w[k, NORTH_RATE, t] = j[3] - i[3]
-        w[k, OLDER_PLACE, t] = i[4] + j[4]
-        w[k, OLDER_COURSE, t] = i[5] + j[5]
+        else:
+            i, j = entry(table, 0, a), entry(table, 0, b)
+            lane[LATITUDE, k], lane[NEWEST_VARIANCE, k], lane[NEWEST_RATE_VARIANCE, k] = (
+                0.5 * (i[0] + j[0]),
+                i[4] + j[4],
+                i[5] + j[5],
+            )
+        at = (most - 1 - age) * STEP_ROWS
+        step[at + NORTH, k] = j[0] - i[0]
+        step[at + EAST, k] = j[1] - i[1]
+        step[at + EAST_RATE, k] = j[2] - i[2]
+        step[at + NORTH_RATE, k] = j[3] - i[3]
+        step[at + VARIANCE, k] = i[4] + j[4]
+        step[at + RATE_VARIANCE, k] = i[5] + j[5]
+    for row in range((most - n) * STEP_ROWS):
+        step[row, k] = 0.0
+    lane[COUNT, k], lane[ABSENT, k] = n, most - n
 
 
-@arithmetic_part
-def squares(n, k, room):  # type: ignore[no-untyped-def]
-    """Sums of products about the means of lane k into SQUARE."""
-    w, lane = steps(room), lanes(room)
-    m0 = m1 = m2 = m3 = 0.0
-    for t in range(n):
-        m0 += w[k, EAST, t]
-        m1 += w[k, NORTH, t]
-        m2 += w[k, EAST_RATE, t]
-        m3 += w[k, NORTH_RATE, t]
-    m0, m1, m2, m3 = m0 / n, m1 / n, m2 / n, m3 / n
-    xx = xy = yy = uu = uv = vv = 0.0
-    for t in range(n):
-        x, y, u, v = w[k, EAST, t] - m0, w[k, NORTH, t] - m1, w[k, EAST_RATE, t] - m2, w[k, NORTH_RATE, t] - m3
-        xx += x * x
-        xy += x * y
-        yy += y * y
-        uu += u * u
-        uv += u * v
-        vv += v * v
-    lane[SQUARE, k], lane[SQUARE + 1, k], lane[SQUARE + 2, k] = xx, xy, yy
-    lane[SQUARE + 3, k], lane[SQUARE + 4, k], lane[SQUARE + 5, k] = uu, uv, vv
+@lanes_part
+def in_metres(most, lane, step):  # type: ignore[no-untyped-def]
+    """Differences of degrees become metres, by the metres a degree halfway between the newest entries (geodesy.scale_m_deg)."""
+    for k in range(LANES):
+        s, c = sine_cosine(lane[LATITUDE, k])
+        w2 = 1.0 - ECCENTRICITY2 * s * s
+        across = SEMI_MAJOR / math.sqrt(w2)
+        lane[SCALE_NORTH, k] = across * (1.0 - ECCENTRICITY2) / w2 * DEGREE
+        lane[SCALE_EAST, k] = across * c * DEGREE
+    for t in range(most):
+        at = t * STEP_ROWS
+        for k in range(LANES):
+            step[at + EAST, k] = turned(step[at + EAST, k]) * lane[SCALE_EAST, k]
+            step[at + NORTH, k] *= lane[SCALE_NORTH, k]
 
 
-@arithmetic_part
-def factorise(room):  # type: ignore[no-untyped-def]
+@lanes_part
+def squares(most, lane, step):  # type: ignore[no-untyped-def]
+    """Sums of products of the four differences about their means into SQUARE.
+
+    One pass: sums of what they differ from the newest by, less what the means of that account for.
+    """
+    for row in range(4):
+        for k in range(LANES):
+            lane[NEWEST + row, k] = step[(most - 1) * STEP_ROWS + row, k]
+    for row in range(SQUARE, NEWEST):
+        for k in range(LANES):
+            lane[row, k] = 0.0
+    for t in range(most):
+        at = t * STEP_ROWS
+        for k in range(LANES):
+            there = 1.0 if t >= lane[ABSENT, k] else 0.0
+            x, y = there * (step[at + EAST, k] - lane[NEWEST, k]), there * (step[at + NORTH, k] - lane[NEWEST + 1, k])
+            u, v = (
+                there * (step[at + EAST_RATE, k] - lane[NEWEST + 2, k]),
+                there * (step[at + NORTH_RATE, k] - lane[NEWEST + 3, k]),
+            )
+            lane[MEAN, k] += x
+            lane[MEAN + 1, k] += y
+            lane[MEAN + 2, k] += u
+            lane[MEAN + 3, k] += v
+            lane[SQUARE, k] += x * x
+            lane[SQUARE + 1, k] += x * y
+            lane[SQUARE + 2, k] += y * y
+            lane[SQUARE + 3, k] += u * u
+            lane[SQUARE + 4, k] += u * v
+            lane[SQUARE + 5, k] += v * v
+    for k in range(LANES):
+        x, y, u, v, n = lane[MEAN, k], lane[MEAN + 1, k], lane[MEAN + 2, k], lane[MEAN + 3, k], lane[COUNT, k]
+        lane[SQUARE, k] -= x * x / n
+        lane[SQUARE + 1, k] -= x * y / n
+        lane[SQUARE + 2, k] -= y * y / n
+        lane[SQUARE + 3, k] -= u * u / n
+        lane[SQUARE + 4, k] -= u * v / n
+        lane[SQUARE + 5, k] -= v * v / n
+
+
+@lanes_part
+def factorise(lane):  # type: ignore[no-untyped-def]
     """The matrix in FACTOR becomes its lower Cholesky factor; GOOD becomes 0 where it is not positive definite."""
-    lane, f = lanes(room), FACTOR
+    f = FACTOR
     for k in range(LANES):
         s0 = lane[f, k]
         l00 = math.sqrt(s0)

@@ -4,8 +4,11 @@ All are right to a few units of the last place (tests/kernels/test_elementary.py
 """
 
 import math
+from typing import Any
 
 import numpy as np
+from numba import types
+from numba.extending import intrinsic
 
 from coastwatch.kernels.compiling import arithmetic_part
 
@@ -22,28 +25,45 @@ LEAST_EXPONENT = -708.0
 TINY = 1e-300
 
 
+def _fused(typingctx: Any, a: Any, b: Any, c: Any) -> Any:
+    """a b + c, rounded once: one instruction where there are two otherwise."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.fma(*args)
+
+    return types.float64(types.float64, types.float64, types.float64), generate
+
+
+fused: Any = intrinsic(_fused)
+
+
 @arithmetic_part
 def logarithm(x):  # type: ignore[no-untyped-def]
-    """Natural logarithm of a positive normal number, -inf of 0: x = 2^e m, ln m = 2 artanh((m - 1) / (m + 1)), m about 1."""
+    """Natural logarithm of a positive normal number, -inf of 0: x = 2^e m, ln m = 2 artanh((m - 1) / (m + 1)), m about 1.
+
+    Source: FreeBSD msun, e_log.c: a minimax polynomial for the series of artanh, right to 2^-58.
+    """
     bits = np.float64(x).view(np.int64)
     e = (bits - ROOT_HALF_BITS) >> MANTISSA_BITS
     m = np.int64(bits - (e << MANTISSA_BITS)).view(np.float64)
     t = (m - 1.0) / (m + 1.0)
     z = t * t
-    p = 1.0 / 17.0 + z * (1.0 / 19.0 + z * (1.0 / 21.0))
-    p = 1.0 / 9.0 + z * (1.0 / 11.0 + z * (1.0 / 13.0 + z * (1.0 / 15.0 + z * p)))
-    p = z * (1.0 / 3.0 + z * (1.0 / 5.0 + z * (1.0 / 7.0 + z * p)))
-    return e * LN2_HIGH + (e * LN2_LOW + 2.0 * (t + t * p)) if x > 0.0 else -math.inf
+    p = fused(z, fused(z, 1.479819860511658591e-01, 1.531383769920937332e-01), 1.818357216161805012e-01)
+    p = fused(z, fused(z, p, 2.222219843214978396e-01), 2.857142874366239149e-01)
+    p = z * fused(z, fused(z, p, 3.999999999940941908e-01), 6.666666666666735130e-01)
+    return fused(e, LN2_HIGH, e * LN2_LOW + fused(t, p, 2.0 * t)) if x > 0.0 else -math.inf
 
 
 @arithmetic_part
 def exponential(x):  # type: ignore[no-untyped-def]
     """e^x of a number up to 700; 0 under -708."""
-    whole = (max(x, LEAST_EXPONENT) * (1.0 / LN2) + WHOLE) - WHOLE
-    r = max(x, LEAST_EXPONENT) - whole * LN2_HIGH - whole * LN2_LOW
-    p = 1.0 / 3628800.0 + r * (1.0 / 39916800.0 + r * (1.0 / 479001600.0 + r * (1.0 / 6227020800.0)))
-    p = 1.0 / 720.0 + r * (1.0 / 5040.0 + r * (1.0 / 40320.0 + r * (1.0 / 362880.0 + r * p)))
-    p = 1.0 + r * (1.0 + r * (0.5 + r * (1.0 / 6.0 + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r * p)))))
+    y = max(x, LEAST_EXPONENT)
+    whole = fused(y, 1.0 / LN2, WHOLE) - WHOLE
+    r = fused(-whole, LN2_LOW, fused(-whole, LN2_HIGH, y))
+    p = fused(r, fused(r, 1.0 / 6227020800.0, 1.0 / 479001600.0), 1.0 / 39916800.0)
+    p = fused(r, fused(r, fused(r, p, 1.0 / 3628800.0), 1.0 / 362880.0), 1.0 / 40320.0)
+    p = fused(r, fused(r, fused(r, p, 1.0 / 5040.0), 1.0 / 720.0), 1.0 / 120.0)
+    p = fused(r, fused(r, fused(r, fused(r, fused(r, p, 1.0 / 24.0), 1.0 / 6.0), 0.5), 1.0), 1.0)
     power = np.int64((np.int64(whole) + ONE_EXPONENT) << MANTISSA_BITS).view(np.float64)
     return p * power if x > LEAST_EXPONENT else 0.0
 
@@ -59,7 +79,8 @@ def angle(sine, cosine):  # type: ignore[no-untyped-def]
     t = t / (1.0 + math.sqrt(1.0 + t * t))
     t = t / (1.0 + math.sqrt(1.0 + t * t))
     z = t * t
-    p = 1.0 / 17.0 - z * (1.0 / 19.0 - z * (1.0 / 21.0 - z * (1.0 / 23.0)))
-    p = 1.0 / 9.0 - z * (1.0 / 11.0 - z * (1.0 / 13.0 - z * (1.0 / 15.0 - z * p)))
-    a = 8.0 * (t - t * z * (1.0 / 3.0 - z * (1.0 / 5.0 - z * (1.0 / 7.0 - z * p))))
+    p = fused(-z, fused(-z, fused(-z, 1.0 / 23.0, 1.0 / 21.0), 1.0 / 19.0), 1.0 / 17.0)
+    p = fused(-z, fused(-z, fused(-z, fused(-z, p, 1.0 / 15.0), 1.0 / 13.0), 1.0 / 11.0), 1.0 / 9.0)
+    p = fused(-z, fused(-z, fused(-z, p, 1.0 / 7.0), 1.0 / 5.0), 1.0 / 3.0)
+    a = 8.0 * fused(-t * z, p, t)
     return a if cosine >= 0.0 else math.copysign(math.pi, sine) - a

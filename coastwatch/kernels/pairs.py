@@ -9,7 +9,7 @@ from numba import njit
 
 from coastwatch.kernels.bands import LONGITUDE_BITS, TURN
 from coastwatch.kernels.compiling import arithmetic, arithmetic_part
-from coastwatch.kernels.differences import SEMI_MAJOR
+from coastwatch.kernels.earth_centred import SEMI_MAJOR
 from coastwatch.kernels.rings import fetch
 from coastwatch.kernels.screening import screened
 

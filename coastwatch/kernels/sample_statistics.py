@@ -11,13 +11,15 @@ from coastwatch.kernels.differences import (
     EAST_RATE,
     FACTOR,
     GOOD,
+    LANE_ROWS,
+    LANES,
+    LONGEST,
     NORTH,
     NORTH_RATE,
-    ROOM,
+    STEP_ROWS,
     differences,
     factorise,
-    lanes,
-    steps,
+    in_metres,
 )
 
 
@@ -29,32 +31,31 @@ def sample_statistics(first, second, table, chain, length, p):  # type: ignore[n
     S is singular.
     """
     out, mean = np.full(len(first), math.inf), np.empty(4)
-    buffer = np.ones(ROOM)
-    room = buffer.ctypes.data
-    w, lane = steps(room)[0], lanes(room)
+    lane, step = np.ones((LANE_ROWS, LANES)), np.zeros((LONGEST * STEP_ROWS, LANES))
     for q in range(len(first)):
         a, b = first[q], second[q]
         if min(length[a], length[b]) < p:
             continue
-        differences(a, b, p, table, chain, 0, room)
+        differences(a, b, p, p, table, chain, 0, lane, step)
+        in_metres(p, lane, step)
         for i in range(4):
             mean[i] = 0.0
             for t in range(p):
-                mean[i] += w[i, t]
+                mean[i] += step[t * STEP_ROWS + i, 0]
             mean[i] /= p
         at = FACTOR
         for i in range(4):
             for j in range(i + 1):
                 s = 0.0
                 for t in range(p):
-                    s += (w[i, t] - mean[i]) * (w[j, t] - mean[j])
+                    s += (step[t * STEP_ROWS + i, 0] - mean[i]) * (step[t * STEP_ROWS + j, 0] - mean[j])
                 lane[at, 0] = s / (p - 1)
                 at += 1
         lane[GOOD, 0] = 1.0
-        factorise(room)
+        factorise(lane)
         if lane[GOOD, 0] > 0.0:
-            out[q] = _length2(lane[FACTOR:BIAS, 0], w[EAST, p - 1], w[NORTH, p - 1], w[EAST_RATE, p - 1], w[NORTH_RATE, p - 1])
-    buffer[0] = 0.0  # or it would be given back as soon as its address is known
+            newest = step[(p - 1) * STEP_ROWS : p * STEP_ROWS, 0]
+            out[q] = _length2(lane[FACTOR:BIAS, 0], newest[EAST], newest[NORTH], newest[EAST_RATE], newest[NORTH_RATE])
     return out
 
 

@@ -45,7 +45,7 @@ def test_ours(benchmark, problem):
     windows = addresses(ring), chain, np.full(TRACKS, WINDOW, np.int32), record
     rule = Rule(1000.0, 10.0, 0.5, 2.0, 0.9, 20.0, 0.01, 4.0, -np.inf)
     benchmark.extra_info["rows"] = PAIRS
-    benchmark(windowed_scores, first, second, np.full(PAIRS, 1e-6), *windows, rule, 0.0)
+    benchmark(windowed_scores, first, second, np.full(PAIRS, 1e-6), *windows, rule)
 
 
 @pytest.mark.benchmark(group="windows: scores of pairs")

@@ -52,7 +52,7 @@ def records(covariance, registration):
 
 def scored(first, second, density, ring, chain, length, record, rule):
     table = addresses(ring)
-    return windowed_scores(first, second, density, table, chain, length.astype(np.int32), record, rule, 1e-6)
+    return windowed_scores(first, second, density, table, chain, length.astype(np.int32), record, rule)
 
 
 def differences(a, b, position, velocity, n):
