@@ -13,6 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 A = 6378137.0
+NUDGE = 1e-10  # of a score: far more than rounding, far less than what tells two assignments apart
 E2 = (2.0 - 1.0 / 298.257223563) / 298.257223563
 
 
@@ -42,6 +43,7 @@ class Found:
     vessel: list = field(default_factory=list)
     tested: int = 0
     scores: dict = field(default_factory=dict)  # of every pair within the gate
+    unique: bool = True  # no other assignment is as good: where scores are bounded many pairs have the same, and roundings decide
 
 
 def covariance_of(tracks, row, rules):
@@ -80,6 +82,9 @@ def step(windows, tracks, spots, rules):
     sources = int(tracks.source.max(initial=0)) + 1
     labels = first * sources + tracks.source[second], second * sources + tracks.source[first]
     taken = assign(*labels, value - rules.threshold)
+    for seed in range(2):
+        nudged = value - rules.threshold + NUDGE * np.random.default_rng([seed, 5]).uniform(-1.0, 1.0, len(value))
+        found.unique &= bool((assign(*labels, nudged) == taken).all())
     found.vessel, stands = vessels(tracks, first[taken], second[taken], value[taken])
     found.first, found.second, found.statistic = (x[taken][stands].tolist() for x in (first, second, value))
     return after, found
