@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from coastwatch.kernels.compiling import arithmetic, arithmetic_part
 from coastwatch.kernels.differences import turned
+from coastwatch.kernels.elementary import logarithm
 from coastwatch.kernels.facts import BIAS, EAST, NORTH, ROUGH
 from coastwatch.kernels.rings import entry, fetch_window
 
@@ -95,8 +96,8 @@ def _size(track, record, rule, out):  # type: ignore[no-untyped-def]
     rate = s00 * s11 - s01 * s01
     if s00 > REGULAR * c5 and rate > REGULAR * c5 * c9:
         out[track, AREA], out[track, RATE_AREA] = (
-            math.log(rule.floor * math.sqrt(place) + math.sqrt(bias)),
-            math.log(rule.floor * math.sqrt(rate)),
+            logarithm(rule.floor * math.sqrt(place) + math.sqrt(bias)),
+            logarithm(rule.floor * math.sqrt(rate)),
         )
 
 
@@ -142,7 +143,7 @@ def _log_sum(p, q):  # type: ignore[no-untyped-def]
 def screened(a, track, found, count, around, length, record, outline, rule, cut):  # type: ignore[no-untyped-def]
     """Leave those of the neighbours of a track whose score may exceed the threshold. Returns: how many.
 
-    A step is at most place + max(course, 0) - q / 2 (`windows._bound`), where
+    A step is at most place + max(course, 0) - q / 2, where
     - place = -log(2 pi density r), r the root of the determinant of the position block of the covariance. That is at least floor times the
       sum of the tracks' plus their registration terms, and roots of determinants of 2 x 2 matrices that are not negative are
       superadditive (Minkowski).
@@ -159,7 +160,7 @@ def screened(a, track, found, count, around, length, record, outline, rule, cut)
     """
     left, north, east, rough = 0, record[a, NORTH], record[a, EAST], record[a, ROUGH]
     half, course_0 = 0.25 / (rule.null_speed * rule.null_speed), math.log(2.0 * rule.null_speed * rule.null_speed)
-    alone = -math.log(2.0 * math.pi * around)
+    alone = -logarithm(2.0 * math.pi * around)
     for k in range(count):
         b = track[found[k]]
         n = min(length[a], length[b])

@@ -43,7 +43,9 @@ class Found:
     vessel: list = field(default_factory=list)
     tested: int = 0
     scores: dict = field(default_factory=dict)  # of every pair within the gate
-    unique: bool = True  # no other assignment is as good: where scores are bounded many pairs have the same, and roundings decide
+    unique: bool = (
+        True  # no other assignment is as good: where scores are bounded many pairs have the same, and roundings decide
+    )
 
 
 def covariance_of(tracks, row, rules):
