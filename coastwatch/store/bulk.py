@@ -1,7 +1,8 @@
 """Many rows into, in and out of one table by the fastest way that the driver has, inside the transaction in hand.
 
-SQLite: compiled code that binds the columns' own memory (`native`), executemany where there are few rows or its handle cannot be
-reached. PostgreSQL: COPY in binary, and arrays of keys. Any other database: SQLAlchemy's own way.
+SQLite: a copy of a table whose pages are made here, where it is empty (`image`), else compiled code that binds the columns'
+own memory (`native`), executemany where there are few rows or its handle cannot be reached. PostgreSQL: COPY in binary, and arrays
+of keys. Any other database: SQLAlchemy's own way.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ def append(connection: Connection, table: Table, columns: Sequence[Column]) -> i
     if connection.dialect.name == "sqlite":
         # Without "or fail" SQLite keeps a second copy of every page, to take back one statement; we take back the transaction.
         head = f"INSERT OR FAIL INTO {table.name} ({', '.join(names)}) VALUES "
+        if count >= NATIVE_FROM and _as_image(connection, table, columns):
+            return count
         _on_sqlite(connection, head, f"({', '.join('?' * len(names))})", columns, count)
     elif connection.dialect.driver == "psycopg":
         from coastwatch.store.copying import payload
@@ -97,6 +100,14 @@ def _by_keys(
         of_key_too = [table.c[name] == bindparam(f"of_{name}") for name in keys]
         of_all = [table.c[name].is_(None) if of is None else table.c[name] == of for name, of in same.items()]
         connection.execute(usual.where(*of_all, *of_key_too), _dicts([f"of_{name}" for name in keys], columns, count))
+
+
+def _as_image(connection: Connection, table: Table, columns: Sequence[Column]) -> bool:
+    from coastwatch.store import image, native
+
+    raw = _driver(connection)
+    address = native.handle(raw)
+    return address is not None and image.load(connection, raw, address, table, columns)
 
 
 def _on_sqlite(connection: Connection, head: str, row: str, columns: Sequence[Column], count: int) -> None:

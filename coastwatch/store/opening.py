@@ -15,6 +15,7 @@ from typing import Any, Self
 from sqlalchemy import URL, Connection, Engine, create_engine, event, inspect, make_url, text
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
 
+from coastwatch.store.image import let_go
 from coastwatch.store.tables import REVISION, REVISION_TABLE, Base
 
 WAIT_S = 10.0
@@ -149,6 +150,8 @@ def _prepare(store: Store) -> None:
         for pragma in ("synchronous = NORMAL", "foreign_keys = ON", "secure_delete = OFF", f"cache_size = -{CACHE_KIB}"):
             raw.execute(f"PRAGMA {pragma}")
         lend_mathematics(raw)
+
+    event.listen(store.engine, "checkin", let_go)
 
     @event.listens_for(store.engine, "begin")
     def begin(connection: Connection) -> None:
