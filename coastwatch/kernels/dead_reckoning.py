@@ -19,6 +19,8 @@ WHOLE, REAL = 5, 11
 longitude, knots, course, half axes and direction of the ellipse, newest report, then degrees a second north and east."""
 
 HASH, SPAN = 2654435761, 1 << 32
+MOST_M_DEG = 111_695.0
+"""More than a degree of latitude or longitude has anywhere."""
 
 
 @njit(cache=True, nogil=True)
@@ -61,11 +63,13 @@ def _due(whole, real, p, time, longest):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _off(real, p, latitude, longitude, time):  # type: ignore[no-untyped-def]
-    """Metres between a place and that to which a point has gone on."""
+def _close(real, p, latitude, longitude, time, bound):  # type: ignore[no-untyped-def]
+    """Whether a point has gone on to within some metres of a place: of most that is plain without the length of a degree there."""
     passed = time - real[p, TIME]
     north, east = real[p, LATITUDE] + real[p, NORTH_RATE] * passed, real[p, LONGITUDE] + real[p, EAST_RATE] * passed
-    return distance(north, east, latitude, longitude)
+    if MOST_M_DEG * (abs(north - latitude) + abs(east - longitude)) < bound:
+        return True
+    return distance(north, east, latitude, longitude) <= bound
 
 
 @njit(cache=True, nogil=True)
@@ -86,10 +90,19 @@ def decide(whole, real, vessel, place, mmsi, flags, time, bound, longest, former
             continue
         gone[p] = False
         same = whole[p, MMSI] == mmsi[v] and whole[p, FLAGS] == flags[v]
-        close = _off(real, p, place[v, 0], place[v, 1], time) <= bound
+        close = _close(real, p, place[v, 0], place[v, 1], time, bound)
         former[v], write[v] = p, not (same and close) or _due(whole, real, p, time, longest)
         p += 1
     gone[p:] = True
+
+
+@njit(cache=True, nogil=True)
+def _put_row(whole, real, p, out_whole, out_real, v):  # type: ignore[no-untyped-def]
+    """Copy one point."""
+    for k in range(WHOLE):
+        out_whole[v, k] = whole[p, k]
+    for k in range(REAL):
+        out_real[v, k] = real[p, k]
 
 
 @njit(cache=True, nogil=True)
@@ -98,7 +111,7 @@ def carry_on(whole, real, former, write, fresh_whole, fresh_real, out_whole, out
     k = 0
     for v in range(len(former)):
         if write[v]:
-            out_whole[v], out_real[v] = fresh_whole[k], fresh_real[k]
+            _put_row(fresh_whole, fresh_real, k, out_whole, out_real, v)
             k += 1
         else:
-            out_whole[v], out_real[v] = whole[former[v]], real[former[v]]
+            _put_row(whole, real, former[v], out_whole, out_real, v)

@@ -106,6 +106,27 @@ def test_no_vessel_is_ever_further_off_than_the_bound(
     assert keys == sorted(set(keys))  # in append order, each once
 
 
+def test_a_point_is_written_just_where_the_distance_is_more_than_the_bound() -> None:
+    """From the equator to 89.9 degrees, across the antimeridian, straight along a degree and askew, with distances about the bound."""
+    from coastwatch.kernels.dead_reckoning import decide
+
+    rng, count, bound = np.random.default_rng(17), 20_000, 10.0
+    latitude = np.where(rng.random(count) < 0.5, rng.uniform(-89.9, 89.9, count), rng.choice([0.0, 89.9, -89.9], count))
+    longitude = np.where(rng.random(count) < 0.5, rng.uniform(-180.0, 180.0, count), 180.0)
+    was, number = np.stack([latitude, longitude], 1), np.arange(count)
+    angle = np.where(rng.random(count) < 0.5, rng.uniform(0.0, 2.0 * np.pi, count), 0.5 * np.pi * rng.integers(0, 4, count))
+    far = bound * np.where(rng.random(count) < 0.5, rng.uniform(0.5, 1.5, count), rng.normal(1.0, 0.005, count))
+    here = offset_deg(was, far[:, None] * np.stack([np.sin(angle), np.cos(angle)], 1))
+    whole, real = np.zeros((count, 5), np.int64), np.zeros((count, 11))
+    whole[:, 0], real[:, 1:3] = number, was
+    former, write, gone = np.empty(count, np.int64), np.empty(count, np.bool_), np.empty(count, np.bool_)
+    decide(whole, real, number, here, whole[:, 2], whole[:, 3], 3.0, bound, 60.0, former, write, gone)
+    off = np.hypot(*difference_m(here, was).T)
+    plain_case = np.abs(off - bound) > 1e-9
+    assert (write == (off > bound))[plain_case].all()
+    assert 0.4 < write.mean() < 0.6
+
+
 def test_the_points_of_a_stay_are_a_chain() -> None:
     made = pictures(3, 30, 8, 1.0, 3.0)
     table, _, _ = rows_of(made, history_rule.Bound(10.0, 30.0))
