@@ -45,13 +45,22 @@ def motion_rows(low, high, velocity, covariance, moving, upper, known):  # type:
 
 
 @njit(cache=True, nogil=True)
-def source_sets(vessel_id, members, code, parent, last):  # type: ignore[no-untyped-def]
-    """Numbers the sets of sources that vessels have; gives how many there are. Set 0 is the empty one.
+def _set_slot(table, parent, last, here, source):  # type: ignore[no-untyped-def]
+    """Where the set that is another one and a source is in a table of sets, or the free place where it would be."""
+    at = np.int64(((np.uint64(here) << np.uint64(32)) ^ np.uint64(source)) * SPREAD >> np.uint64(40)) & (len(table) - 1)
+    while table[at] > 0 and (parent[table[at]] != here or last[table[at]] != source):
+        at = (at + 1) & (len(table) - 1)
+    return at
 
-    Args: vessel_id: (V,) sorted; members: (L, 3) vessel, source, track, sorted. code: (V,) number of the vessel's set.
-    parent, last: (L + 1,) each set is that of its parent and one more source, of a higher number than those.
+
+@njit(cache=True, nogil=True)
+def source_sets(vessel_id, members, code, parent, last):  # type: ignore[no-untyped-def]
+    """Numbers the sets of sources that vessels have; gives how many there are, -1 where they are more than there is room for.
+
+    Args: vessel_id: (V,) sorted; members: (L, 3) vessel, source, track, sorted. code: (V,) number of the vessel's set, 0 is the empty one.
+    parent, last: (S,) each set is that of its parent and one more source, of a higher number than those. S is a power of two.
     """
-    child, sibling = np.zeros(len(parent), np.int64), np.zeros(len(parent), np.int64)
+    table = np.zeros(2 * len(parent), np.int64)
     count, row = 1, 0
     for v in range(len(vessel_id)):
         here = 0
@@ -59,17 +68,16 @@ def source_sets(vessel_id, members, code, parent, last):  # type: ignore[no-unty
             row += 1
         while row < len(members) and members[row, 0] == vessel_id[v]:
             source = members[row, 1]
-            if here == 0 or last[here] != source:
-                found = child[here]
-                while found > 0 and last[found] != source:
-                    found = sibling[found]
-                if found == 0:
-                    found = count
-                    parent[count], last[count], sibling[count] = here, source, child[here]
-                    child[here] = count
-                    count += 1
-                here = found
             row += 1
+            if here > 0 and last[here] == source:
+                continue
+            at = _set_slot(table, parent, last, here, source)
+            if table[at] == 0:
+                if count == len(parent):
+                    return -1
+                table[at], parent[count], last[count] = count, here, source
+                count += 1
+            here = table[at]
         code[v] = here
     return count
 

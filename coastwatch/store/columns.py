@@ -15,6 +15,10 @@ if TYPE_CHECKING:  # to read a database needs no stage of the pipeline, which ar
     from coastwatch.pipeline import Cycle
 
 
+SETS = 1024
+"""Sets of sources for which there is room at first."""
+
+
 class Motion(NamedTuple):
     """What is computed of each vessel of a picture: what `picture_rows.motion_rows` fills."""
 
@@ -63,9 +67,10 @@ def sources(vessel_id: Ints, members: Ints, names: Sequence[str]) -> Texts:
     """
     from coastwatch.kernels.picture_rows import source_sets
 
-    code = np.empty(len(vessel_id), np.int64)
-    parent, last = np.empty(len(members) + 1, np.int64), np.empty(len(members) + 1, np.int64)
-    count = source_sets(vessel_id, members, code, parent, last)
+    code, count, room = np.empty(len(vessel_id), np.int64), -1, SETS
+    while count < 0:
+        parent, last = np.empty(room, np.int64), np.empty(room, np.int64)
+        count, room = source_sets(vessel_id, members, code, parent, last), 8 * room
     texts = [""]
     for before, source in zip(parent[1:count].tolist(), last[1:count].tolist(), strict=True):
         texts.append(f"{texts[before]},{names[source]}" if before else names[source])

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from coastwatch.kernels.picture_rows import motion_rows, source_sets, vessel_of
+from coastwatch.store.columns import sources
 
 ROUNDING_DEG = 1e-9
 """Course and ellipse go through an arctangent: a few rounding errors of 360 degrees."""
@@ -86,7 +87,7 @@ def test_speed_and_course() -> None:
 def test_vessels_of_the_same_sources_have_the_same_set(rows: list[tuple[int, int, int]], vessels: int) -> None:
     members = np.array(sorted(set(rows)), np.int64).reshape(-1, 3)
     vessel_id, code = np.arange(vessels), np.empty(vessels, np.int64)
-    parent, last = np.zeros(len(members) + 1, np.int64), np.zeros(len(members) + 1, np.int64)
+    parent, last = np.zeros(64, np.int64), np.zeros(64, np.int64)
     count = source_sets(vessel_id, members, code, parent, last)
     sets: list[tuple[int, ...]] = [()]
     for k in range(1, count):
@@ -95,6 +96,20 @@ def test_vessels_of_the_same_sources_have_the_same_set(rows: list[tuple[int, int
     assert len(set(sets)) == count
     for vessel in range(vessels):
         assert sets[code[vessel]] == tuple(sorted({source for v, source, _ in rows if v == vessel}))
+
+
+def test_there_is_room_for_as_many_sets_as_there_are() -> None:
+    vessels = 5000
+    rows = [(vessel, source) for vessel in range(vessels) for source in (vessel // 100, 100 + vessel % 100)]
+    members = np.array([(vessel, source, 0) for vessel, source in rows], np.int64)
+    names = [f"source {k}" for k in range(200)]
+    told = sources(np.arange(vessels), members, names)
+    assert len(told.of) == 1 + 50 + vessels
+    assert [told.of[code] for code in told.codes.tolist()] == [
+        f"source {v // 100},source {100 + v % 100}" for v in range(vessels)
+    ]
+    code = np.empty(vessels, np.int64)
+    assert source_sets(np.arange(vessels), members, code, *np.empty((2, 4096), np.int64)) == -1
 
 
 @given(
