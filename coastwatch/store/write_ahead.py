@@ -21,9 +21,6 @@ VESSEL_BYTES = 256
 PICTURES = 8
 """The log has room for so many cycles: a page that every cycle writes is then moved once for all of them."""
 
-CHANGED = 2
-"""Pictures' worth of bytes that a cycle changes."""
-
 MOST_CACHE_KIB = 512 * 1024
 
 TOO_LONG = 3
@@ -33,12 +30,12 @@ PATIENCE_MS = 50
 
 
 def fit(connection: Connection, vessels: int) -> None:
-    """Let the log of this connection's database grow to a few pictures of so many vessels, and give it memory for what one cycle
-    changes: pages that do not fit in are written and read again within the cycle. Any other database: nothing.
+    """Let the log of this connection's database grow to a few pictures of so many vessels, and give it memory for one: pages that do
+    not fit in are written before the transaction ends, and those that are changed again are read again. Any other database: nothing.
     """
     if connection.dialect.name == "sqlite":
         pages = _length(vessels) // int(connection.exec_driver_sql("PRAGMA page_size").scalar_one())
-        cache_kib = min(max(CACHE_KIB, CHANGED * vessels * VESSEL_BYTES // 1024), MOST_CACHE_KIB)
+        cache_kib = min(max(CACHE_KIB, vessels * VESSEL_BYTES // 1024), MOST_CACHE_KIB)
         most = TOO_LONG * _length(vessels)  # what the log has grown by beyond that is given back
         for pragma in (f"wal_autocheckpoint = {pages}", f"journal_size_limit = {most}", f"cache_size = -{cache_kib}"):
             connection.exec_driver_sql(f"PRAGMA {pragma}").close()

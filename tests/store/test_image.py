@@ -462,6 +462,15 @@ def test_an_index_of_the_operator_is_kept_up(store: Store, ways: list[str]) -> N
     assert told(store, "SELECT count(*) FROM rows WHERE named > 0") == [(int((columns(300)[5].values > 0).sum()),)]  # type: ignore[union-attr]
 
 
+def test_a_database_in_memory_takes_an_image_too(ways: list[str]) -> None:
+    with kept.open_store("sqlite://") as store:
+        run = world.begin(store)
+        for number in range(2):
+            world.write(store, run, number, VESSELS)
+        assert len(kept.picture(store, run).rows) > 600
+    assert ways.count("image") == 2
+
+
 def test_pictures_of_two_runs_stand_side_by_side(tmp_path: Path, ways: list[str]) -> None:
     with kept.open_store(str(tmp_path / "x.db")) as store:
         runs = [world.begin(store), world.begin(store)]
