@@ -43,6 +43,19 @@ def test_no_pair_is_left_out(middle_deg: tuple[float, float], sigmas: float) -> 
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.parametrize("reach_m", [300_000.0, 4_000_000.0])
+def test_no_pair_is_left_out_of_those_far_apart(reach_m: float) -> None:
+    rng = np.random.default_rng([int(reach_m), 6])
+    place, site = (np.column_stack([rng.uniform(-90.0, 90.0, n), rng.uniform(-180.0, 180.0, n)]) for n in (5000, 20))
+    place[0], place[1], site[0] = (90.0, 0.0), (-90.0, 180.0), (-90.0, 0.0)
+    reach = rng.uniform(0.1, 1.0, 20) * reach_m
+    apart = np.linalg.norm(earth_centred(place)[:, None] - earth_centred(site), axis=2)
+    row, found, _ = near_sites(place, site, reach)
+    assert np.isin(np.ravel_multi_index(np.nonzero(apart <= reach), apart.shape), row * 20 + found).all()
+    assert (apart[row, found] <= MARGIN * reach[found] + 1e-6).all()
+    assert len(row) > 20
+
+
 def test_nothing_near_nothing() -> None:
     place, site, reach, _ = world(2, (10.0, 10.0))
     for some, where, far in (
