@@ -38,6 +38,8 @@ class Path:
         Of instants closer than `spacing_s` the last one stands, so that a fast clock needs no more room than a slow one.
         Args: ids: (M,) unique; values: (M, C). time_s: not before the last instant. room: who makes arrays, as np.empty.
         """
+        from coastwatch.kernels.hearing import merged
+
         keep = int(np.searchsorted(self.time_s, time_s - window_s, side="right")) - 1
         first, last = max(keep, 0), len(self.time_s)
         if last - first >= 2 and self.time_s[-1] - self.time_s[-2] < spacing_s:
@@ -45,15 +47,12 @@ class Path:
         if last > first and self.time_s[last - 1] >= time_s:
             last -= 1
         kept = self._reaching(first, last)
-        ids, new_values = ids[order := np.argsort(ids, kind="stable")], values[order]
-        there = np.isfinite(new_values[:, 0])
-        every = np.union1d(kept.ids, ids[there]).astype(np.int64)
-        slot, last_s = kept._slots(every)
-        at = np.searchsorted(every, ids[there])
-        last_s[at] = time_s
+        there = np.flatnonzero(np.isfinite(values[:, 0]))
+        there = there[np.argsort(ids[there], kind="stable")]
+        every, slot, last_s, given = merged(kept.ids, kept.slot, kept.last_s, ids[there], float(time_s))
         newest = room((int(slot.max(initial=-1)) + 1, values.shape[1]))
         newest[...] = np.nan
-        newest[slot[at]] = new_values[there]
+        newest[given] = values[there]
         return Path(every, slot, last_s, np.append(self.time_s[first:last], time_s), (*self.values[first:last], newest))
 
     def _reaching(self, first: int, last: int) -> Path:
@@ -79,17 +78,6 @@ class Path:
         out = slot < len(values)
         out[out] = np.isfinite(values[slot[out], 0])
         return out
-
-    def _slots(self, every: Ints) -> tuple[Ints, Floats]:
-        """Slots and newest instants of these ids, which all of the path's are among; new ones get the lowest that are free."""
-        slot, last_s = np.full(len(every), -1, np.int64), np.full(len(every), -np.inf)
-        at = np.searchsorted(every, self.ids)
-        slot[at], last_s[at] = self.slot, self.last_s
-        new = np.flatnonzero(slot < 0)
-        free = np.ones(len(every) + int(self.slot.max(initial=-1)) + 1, np.bool_)
-        free[self.slot] = False
-        slot[new] = np.flatnonzero(free)[: len(new)]
-        return slot, last_s
 
     def slots(self, ids: Ints) -> Ints:
         """The slot of each of these ids, -1 for one that has no value. Args: (M,). Returns: (M,)."""

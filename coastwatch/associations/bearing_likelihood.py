@@ -12,7 +12,6 @@ from pydantic import Field, model_validator
 from coastwatch.associations.bearing_history import Path
 from coastwatch.associations.bearing_sensors import Calibration, Known, arcs
 from coastwatch.associations.bearing_signatures import ShipTypes, signature_gain
-from coastwatch.associations.pairing import by_octant
 from coastwatch.batches import (
     CLASSES,
     AisStatics,
@@ -116,29 +115,30 @@ class BearingLikelihood(Method):
         if len(learnt.bias_rad) != len(sensors.sonars):
             learnt = Calibration.of(len(sensors.sonars), float(np.radians(self.bias_sigma_deg)))
         types = memory.types.heard(statics)
-        path = self._path(memory.path, picture, octants, time_s, sensors, room_of(spread))
         known = Known.of(bearing_tracks, picture, octants, sensors)
+        path = self._path(memory.path, picture, known, time_s, sensors, room_of(spread))
         row, gain, residual = self._scored(path, bearing_tracks, picture, octants, sensors, learnt, known, types, spread)
         bearing_row, vessel_row = octants.bearing_row[row], octants.vessel_row[row]
         sonar = octants.octant[row] // 8
-        chosen = _one_to_one(bearing_row, vessel_row + sonar * len(picture), gain - self.threshold)
+        pair = known.at(sonar, vessel_row)
+        chosen = _one_to_one(bearing_row, pair, gain - self.threshold, len(bearing_tracks), len(known.sonar))
         bearing_row, vessel_row, sonar = bearing_row[chosen], vessel_row[chosen], sonar[chosen]
         limits = np.radians([self.bias_floor_deg, self.bias_sigma_deg]).tolist()
         learnt = learnt.with_bias(sonar, residual[chosen], self.bias_gain, self.bias_pairs, *limits)
-        learnt = learnt.with_heard(known, sonar, vessel_row)
+        learnt = learnt.with_heard(known, pair[chosen])
         return LikelihoodMemory(path, learnt, types), BearingAssociations(
             bearing_row, vessel_row, gain[chosen], learnt.bias_rad
         )
 
     def _path(
-        self, path: Path, picture: Picture, octants: Octants, time_s: float, sensors: Sensors, room: Callable[..., Array]
+        self, path: Path, picture: Picture, known: Known, time_s: float, sensors: Sensors, room: Callable[..., Array]
     ) -> Path:
         """The paths of the vessels that are, or soon may be, compared with bearings, one instant longer."""
         from coastwatch.kernels.earth_centred import centred_rows
         from coastwatch.kernels.near_sites import near_sites
 
         soon, *_ = near_sites(picture.position_deg, sensors.sonars.site_deg, SOON * sensors.sonars.range_m)
-        rows = np.flatnonzero(_mask(soon, len(picture)) | _mask(octants.vessel_row, len(picture)))
+        rows = np.flatnonzero(_mask(soon, len(picture)) | _mask(known.vessel_row, len(picture)))
         variance = 0.5 * (picture.covariance[rows, 0, 0] + picture.covariance[rows, 1, 1])
         variance = np.where(np.isfinite(variance), variance, self.position_unknown_m**2) + self.position_floor_m**2
         values = np.column_stack([centred_rows(picture.position_deg, rows).T, np.sqrt(variance)])
@@ -160,11 +160,11 @@ class BearingLikelihood(Method):
         """Pairs above the threshold: index into the octants, log odds, mean difference of bearings; sorted by index."""
         sonar = tracks.source - sensors.sonar_source(0)
         arc_from, arc_width = arcs(sensors)
-        there = np.flatnonzero(_mask(octants.vessel_row, len(picture)))
+        there = np.flatnonzero(_mask(known.vessel_row, len(picture)))
         slot = np.full(len(picture), -1, np.int64)
         slot[there] = path.slots(picture.vessel_id[there])
         arrays = {
-            "first_pair": np.searchsorted(octants.bearing_row, np.arange(len(tracks) + 1)).astype(np.int64),
+            "first_pair": known.first_pair,
             "vessel": slot[octants.vessel_row],
             "time": tracks.window_time_s,
             "bearing": tracks.window_bearing_rad,
@@ -181,7 +181,7 @@ class BearingLikelihood(Method):
             "variance": sensors.sonars.bearing_sigma_rad[sonar] ** 2,
             **self._sounds(tracks, picture, octants, types),
         }
-        parts = spread(score_octants, self, arrays, by_octant(octants))
+        parts = spread(score_octants, self, arrays, known.octants)
         row = np.concatenate([np.zeros(0, np.int64), *(p[0] for p in parts)])
         order = np.argsort(row, kind="stable")
         gain, residual = (np.concatenate([np.zeros(0), *(p[k] for p in parts)])[order] for k in (1, 2))
@@ -211,37 +211,42 @@ class BearingLikelihood(Method):
 def score_octants(settings: BearingLikelihood, arrays: Shared, octants: Groups) -> tuple[Array, ...]:
     """Pairs of the bearing tracks of these octants that are above the threshold: index of the pair, log odds, mean difference of
     bearings. A pair's answer is its own alone."""
+    from coastwatch.kernels.hearing import above, pairs_of
     from coastwatch.kernels.known_vessels import PLACES, Paths, Rule, Windows, known_vessels
     from coastwatch.kernels.rings import addresses
     from coastwatch.kernels.threads import in_blocks
     from coastwatch.kernels.unknown_vessels import Strangers, unknown_vessels
 
-    track = octants.row
+    track, first = octants.row, arrays["first_pair"]
     windows = Windows(**{name: arrays[name] for name in Windows._fields})
     strangers = Strangers(RANGE_SHARES, RANGE_WEIGHTS, settings.unknown_speed_kn * KNOT_M_S, settings.unknown_kick_m_s2**2)
     null = unknown_vessels(track, windows.time, windows.bearing, windows.variance, windows.reach, strangers)
     table = addresses(arrays["path"], PLACES)[::-1].copy()
     paths = Paths(arrays["instant"], table, np.array([len(a) for a in arrays["path"]], np.int64))
-    first, end = arrays["first_pair"][track], arrays["first_pair"][track + 1]
-    start = np.concatenate([np.zeros(1, np.int64), np.cumsum(end - first)])
-    pair = np.arange(start[-1]) + np.repeat(first - start[:-1], end - first)
-    gain, residual = np.empty(len(pair)), np.empty(len(pair))
+    start, slot = pairs_of(track, first, arrays["vessel"])
+    gain, residual = np.empty(len(slot)), np.empty(len(slot))
     rule = Rule(
         settings.heard, float(np.log(settings.heard / (1.0 - settings.heard))), settings.position_memory_s, settings.give_up
     )
-    asked = track, start, arrays["vessel"][pair], windows, null, paths, rule, gain, residual
-    in_blocks(known_vessels, len(track), *asked, least=64)
+    in_blocks(known_vessels, len(track), track, start, slot, windows, null, paths, rule, gain, residual, least=64)
     if len(arrays["signature"]):
-        gain += arrays["signature"][np.repeat(track, end - first), arrays["vessel_class"][pair]]
-    keep = gain > settings.threshold
-    return pair[keep], gain[keep], residual[keep]
+        vessel_class = pairs_of(track, first, arrays["vessel_class"])[1]
+        gain += arrays["signature"][np.repeat(track, np.diff(start)), vessel_class]
+    which, pair = above(track, first, start, gain, settings.threshold)
+    return pair, gain[which], residual[which]
 
 
-def _one_to_one(left: Ints, right: Ints, gain: Floats) -> Bools:
-    """Which pairs are in the assignment with the greatest sum of gains, each left and right at most once."""
-    from coastwatch.kernels.assignment import assign
+def _one_to_one(bearing_row: Ints, pair: Ints, gain: Floats, tracks: int, pairs: int) -> Bools:
+    """Which pairs are in the assignment with the greatest sum of gains, each left and right at most once.
 
-    return np.asarray(assign(left, right, gain), np.bool_)
+    Args: bearing_row: (A,) 0 to tracks - 1; pair: (A,) of `Known`, 0 to pairs - 1; gain: (A,) positive.
+    """
+    from coastwatch.kernels.assignment import assign_numbered
+    from coastwatch.kernels.groups import by_both
+
+    order, out = by_both(bearing_row, tracks, pair, pairs), np.empty(len(gain), np.bool_)
+    out[order] = assign_numbered(bearing_row[order], pair[order], gain[order], tracks, pairs)
+    return out
 
 
 def _mask(rows: Ints, count: int) -> Bools:

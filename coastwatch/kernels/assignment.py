@@ -120,7 +120,7 @@ def _solve_components(low, high, start, order, row, column, gain, row_place, col
 
 
 def assign_numbered(row: Ints, column: Ints, gain: Floats, rows: int, columns: int) -> Bools:
-    """As `assign`, for pairs that are useful and sorted by row, then column, sides that are numbered from 0 on without gaps.
+    """As `assign`, for pairs that are useful and sorted by row, then column, sides that are numbered from 0 on.
 
     Args: row: (A,) 0 to rows - 1; column: (A,) 0 to columns - 1; gain: (A,) positive. Returns: (A,).
     """
