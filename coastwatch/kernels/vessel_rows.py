@@ -8,13 +8,14 @@ from __future__ import annotations
 import math
 
 from coastwatch.kernels.compiling import kernel, part
-from coastwatch.kernels.mid_latitude import offset
+from coastwatch.kernels.mid_latitude import offset, wrapped
 from coastwatch.kernels.prefetch import fetch
 from coastwatch.kernels.tangent import DEGREE
 from coastwatch.kernels.voting import of_slot
 
 AHEAD = 16  # rows: memory is asked for those of so many on
 RADAR, AIS = 0, 1
+SHORTEST_DEGREE = 110_000.0  # m: no degree of latitude is shorter
 
 
 @part
@@ -43,6 +44,32 @@ def _copy(given, g, out, r):  # type: ignore[no-untyped-def]
     for i in range(4):
         for j in range(4):
             out[3][r, i, j] = given[3][g, i, j]
+
+
+@kernel
+def may_meet(low, high, position, velocity, time, now, near, place, order, out):  # type: ignore[no-untyped-def]
+    """Which of rows low to high may, moved on in straight motion, be within so many metres of a place; few are that are not.
+
+    Args: position, velocity, time: (F, ...) of the rows; now: s; near: m; place: (M, 2) degrees; order: (M,) of them by latitude.
+    out: (F,) written.
+    """
+    for r in range(low, high):
+        lat, lon = position[r, 0], position[r, 1]
+        speed = math.sqrt(velocity[r, 0] * velocity[r, 0] + velocity[r, 1] * velocity[r, 1])
+        most = (near + 1.01 * speed * abs(now - time[r]) + 10.0) / SHORTEST_DEGREE
+        low_k, high_k = 0, len(order)
+        while low_k < high_k:
+            middle = (low_k + high_k) // 2
+            if place[order[middle], 0] < lat - most:
+                low_k = middle + 1
+            else:
+                high_k = middle
+        out[r] = False
+        around = math.cos(min(abs(lat) + most, 90.0) * DEGREE)
+        while low_k < len(order) and place[order[low_k], 0] <= lat + most and not out[r]:
+            apart = abs(wrapped(place[order[low_k], 1] - lon))
+            out[r] = apart * around * (2.0 / math.pi) <= most  # a chord is no shorter than that part of its arc
+            low_k += 1
 
 
 @part
@@ -152,6 +179,25 @@ def members(low, high, come, begin, vessel_id, start, row, tracks, kinds, out, p
             mate[row[k]] = radar if ais else -1
             if ais and radar >= 0:
                 paired[radar] = True
+
+
+@part
+def _copy_all(ids, given, n, out_ids, out, r):  # type: ignore[no-untyped-def]
+    """One row into another."""
+    _copy(given, n, out, r)
+    out_ids[r], out[4][r], out[5][r] = ids[n], given[4][n], given[5][n]
+    out[6][r], out[7][r], out[8][r] = given[6][n], given[7][n], given[8][n]
+
+
+@kernel
+def recalled_rows(slots, shown, hidden, out):  # type: ignore[no-untyped-def]
+    """The rows of these slots of the shown and, after them, the hidden. Args: shown, hidden, out: ids and the nine columns; written."""
+    for r in range(len(slots)):
+        later = slots[r] - len(shown[0])
+        if later < 0:
+            _copy_all(shown[0], shown[1], slots[r], out[0], out[1], r)
+        else:
+            _copy_all(hidden[0], hidden[1], later, out[0], out[1], r)
 
 
 @part

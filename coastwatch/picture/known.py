@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -36,17 +36,14 @@ class Known:
         """A column of the picture, of the slots with a past: of the shown and of the hidden."""
         return getattr(self.shown, column), getattr(self.hidden, column)
 
-    def of(self, column: str, slots: Rows) -> Array:
-        """A column of the picture for these slots, which have a past; for a few."""
-        shown, hidden = self.past(column)
-        later = slots >= len(shown)
-        out = np.empty((len(slots), *shown.shape[1:]), shown.dtype)
-        out[~later], out[later] = shown[slots[~later]], hidden[slots[later] - len(shown)]
-        return out
-
     def take(self, slots: Rows) -> Picture:
-        """The rows of these slots, which have a past, in that order; for a few."""
-        return Picture(**{field.name: self.of(field.name, slots) for field in fields(Picture)})
+        """The rows of these slots, which have a past, in that order."""
+        from coastwatch.kernels.vessel_rows import recalled_rows
+
+        out = unwritten(np.empty(len(slots), np.int64))
+        of_each = ((p.vessel_id, columns(p)) for p in (self.shown, self.hidden, out))
+        recalled_rows(slots, *of_each)
+        return out
 
 
 def columns(picture: Picture) -> Columns:
