@@ -2,33 +2,108 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
+from queue import SimpleQueue
+from threading import Lock, Thread
 from typing import Any
 
 BLOCKS_A_THREAD = 4  # so that a thread that meets a dense port does not hold up the others
 
-_pools: list[tuple[int, ThreadPoolExecutor]] = []  # the innermost `threads` last; none: the caller's thread alone
+
+class _Helpers:
+    """Threads that wait for work. What concurrent.futures does for a piece of work, and to wait for it, takes 30 us more."""
+
+    def __init__(self, count: int) -> None:
+        self._asked: SimpleQueue[_Share | None] = SimpleQueue()
+        self._threads = [Thread(target=self._helped, name=f"kernels-{k}", daemon=True) for k in range(count)]
+        for thread in self._threads:
+            thread.start()
+
+    def __len__(self) -> int:
+        return len(self._threads)
+
+    def ask(self, share: _Share, helpers: int) -> None:
+        """So many of them to take part."""
+        for _ in range(helpers):
+            self._asked.put(share)
+
+    def end(self) -> None:
+        """Returns when all have ended what they are at."""
+        for _ in self._threads:
+            self._asked.put(None)
+        for thread in self._threads:
+            thread.join()
+
+    def _helped(self) -> None:
+        while (share := self._asked.get()) is not None:
+            share.help()
+            del share  # and what it holds, while this thread waits for the next
+
+
+class _Share:
+    """Work that several threads take parts of until none is left."""
+
+    def __init__(self, work: Callable[[], None], helpers: int) -> None:
+        self._work, self._failed = work, deque[BaseException]()
+        self._ends = [Lock() for _ in range(helpers)]
+        for end in self._ends:
+            end.acquire()
+        self._free = deque(self._ends)  # of helpers that have not begun
+
+    def help(self) -> None:
+        """Takes part, unless the work is done."""
+        try:
+            end = self._free.popleft()
+        except IndexError:
+            return
+        try:
+            self._work()
+        except BaseException as failure:
+            self._failed.append(failure)
+        finally:
+            end.release()
+
+    def close(self) -> None:
+        """Waits for the helpers that have begun; who has not by now is not needed."""
+        idle: list[Lock] = []
+        while self._free:
+            try:
+                idle.append(self._free.pop())
+            except IndexError:  # it was the last one's, who has just begun
+                break
+        for end in self._ends:
+            if end not in idle:
+                end.acquire()
+
+    def check(self) -> None:
+        """Raises: what a helper raised."""
+        if self._failed:
+            raise self._failed[0]
+
+
+_pools: list[_Helpers] = []  # the innermost `threads` last; none: the caller's thread alone
 
 
 @contextmanager
 def threads(count: int) -> Iterator[None]:
-    """Inside the block `in_blocks` runs over so many threads; results are the same for any number."""
+    """Inside the block `in_blocks` runs over so many threads, of which the caller's is one; results are the same for any number."""
     if count < 2:
         yield
         return
-    with ThreadPoolExecutor(count) as pool:
-        _pools.append((count, pool))
-        try:
-            yield
-        finally:
-            _pools.remove((count, pool))
+    helpers = _Helpers(count - 1)
+    _pools.append(helpers)
+    try:
+        yield
+    finally:
+        _pools.remove(helpers)
+        helpers.end()
 
 
 def blocks(count: int, least: int) -> list[tuple[int, int]]:
     """0..count cut into ranges for the threads at hand, none under `least` rows unless it is the only one."""
-    wanted = _pools[-1][0] * BLOCKS_A_THREAD if _pools else 1
+    wanted = (len(_pools[-1]) + 1) * BLOCKS_A_THREAD if _pools else 1
     parts = max(min(wanted, count // max(least, 1)), 1)
     return [(count * k // parts, count * (k + 1) // parts) for k in range(parts)]
 
@@ -46,7 +121,6 @@ def in_blocks(kernel: Callable[..., Any], count: int, *arguments: Any, least: in
     ranges = blocks(count, least)
     if len(ranges) == 1:
         return [kernel(*ranges[0], *arguments)]
-    threads_here, pool = _pools[-1]
     out: list[Any] = [None] * len(ranges)
     todo = iter(enumerate(ranges))  # its next one is taken whole by one thread
 
@@ -54,12 +128,12 @@ def in_blocks(kernel: Callable[..., Any], count: int, *arguments: Any, least: in
         for k, part in todo:
             out[k] = kernel(*part, *arguments)
 
-    others = [pool.submit(work) for _ in range(min(threads_here, len(ranges)) - 1)]
+    helpers = min(len(_pools[-1]), len(ranges) - 1)
+    share = _Share(work, helpers)
+    _pools[-1].ask(share, helpers)
     try:
         work()
     finally:
-        begun = [other for other in others if not other.cancel()]  # who has not begun by now is not needed
-        wait(begun)
-    for other in begun:
-        other.result()
+        share.close()
+    share.check()
     return out

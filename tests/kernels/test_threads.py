@@ -1,0 +1,69 @@
+"""Ranges of a kernel over threads: each taken once, errors told, nothing left behind."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import pytest
+
+from coastwatch.kernels.threads import blocks, in_blocks, threads
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 7])
+def test_every_range_is_taken_once_and_told_in_order(count: int) -> None:
+    taken: list[tuple[int, int]] = []
+
+    def kernel(low: int, high: int, factor: int) -> int:
+        taken.append((low, high))
+        return factor * low
+
+    with threads(count):
+        ranges = blocks(1000, 1)
+        for _ in range(300):  # a helper that comes late finds the work of the next call, or none
+            taken.clear()
+            assert in_blocks(kernel, 1000, 3, least=1) == [3 * low for low, _ in ranges]
+            assert sorted(taken) == ranges
+    assert len(ranges) == (1 if count == 1 else 4 * count)
+
+
+def test_helpers_take_part() -> None:
+    met, names = threading.Barrier(3), set()
+
+    def kernel(low: int, high: int) -> None:
+        names.add(threading.current_thread().name)
+        if low < 3:
+            met.wait(20.0)  # which nobody passes alone
+
+    with threads(3):
+        in_blocks(kernel, 12, least=1)
+    assert len(names) == 3
+
+
+@pytest.mark.parametrize("who", ["caller", "helper"])
+def test_an_error_of_any_thread_is_raised_when_all_have_stopped(who: str) -> None:
+    caller, running = threading.current_thread(), set()
+
+    def kernel(low: int, high: int) -> None:
+        running.add(threading.current_thread())
+        mine = "caller" if threading.current_thread() is caller else "helper"
+        if mine == who:
+            raise ValueError(f"of the {mine}")
+        time.sleep(0.05)
+        running.discard(threading.current_thread())
+
+    with threads(2):
+        with pytest.raises(ValueError, match=f"of the {who}"):
+            in_blocks(kernel, 80, least=1)
+        assert [thread for thread in running if (thread is caller) != (who == "caller")] == []
+        assert in_blocks(lambda low, high: high - low, 80, least=1) == [10] * 8
+
+
+def test_threads_end_with_the_block() -> None:
+    before = threading.active_count()
+    with threads(4), threads(2):
+        assert len(blocks(1000, 1)) == 8
+        in_blocks(lambda low, high: None, 1000, least=1)
+        assert threading.active_count() == before + 4
+    assert threading.active_count() == before
+    assert blocks(1000, 1) == [(0, 1000)]
