@@ -13,6 +13,51 @@ from numba import njit
 from coastwatch.kernels.tangent import centred
 
 SECTORS = 8
+SECTOR_DEG = 360.0 / SECTORS
+
+
+@njit(cache=True, nogil=True)
+def within_sectors(direction, tolerance, sensor, row, sensors):  # type: ignore[no-untyped-def]
+    """The vessels of each octant: those in it, and those no farther outside than their tolerance.
+
+    Args: of H vessels, sorted by row: direction, tolerance: (H,) degrees; sensor: (H,); row: (H,).
+    Returns: (G,) rows by octant, sorted in it; (8 sensors + 1,) where each octant begins.
+    """
+    mask, start = np.zeros(len(row), np.uint8), np.zeros(SECTORS * sensors + 1, np.int64)
+    for h in range(len(row)):
+        own = math.floor(direction[h] / SECTOR_DEG) % SECTORS
+        for k in range(SECTORS):
+            off = (-(direction[h] - (k + 0.5) * SECTOR_DEG) + 180.0) % 360.0 - 180.0
+            if k == own or abs(off) <= SECTOR_DEG / 2.0 + tolerance[h]:
+                mask[h] |= 1 << k
+                start[SECTORS * sensor[h] + k + 1] += 1
+    for k in range(1, len(start)):
+        start[k] += start[k - 1]
+    out, at = np.empty(start[-1], np.int64), start[:-1].copy()
+    for h in range(len(row)):
+        for k in range(SECTORS):
+            if mask[h] & (1 << k):
+                out[at[SECTORS * sensor[h] + k]] = row[h]
+                at[SECTORS * sensor[h] + k] += 1
+    return out, start
+
+
+@njit(cache=True, nogil=True)
+def paired(octant, start, row):  # type: ignore[no-untyped-def]
+    """Each track with all vessels of its octant. Args: octant: (N,) of each track; start, row: of `within_sectors`.
+
+    Returns: (A,) tracks, (A,) rows of vessels, (A,) octants.
+    """
+    count = 0
+    for o in octant:
+        count += start[o + 1] - start[o]
+    track, vessel, of = np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count, np.int64)
+    count = 0
+    for i in range(len(octant)):
+        for k in range(start[octant[i]], start[octant[i] + 1]):
+            track[count], vessel[count], of[count] = i, row[k], octant[i]
+            count += 1
+    return track, vessel, of
 
 
 @njit(cache=True, nogil=True)

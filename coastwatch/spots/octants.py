@@ -7,8 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import BearingTracks, Bools, Floats, Ints, Octants, Picture, Sensors
-from coastwatch.geodesy import wrap_deg
+from coastwatch.batches import BearingTracks, Floats, Ints, Octants, Picture, Sensors
 from coastwatch.stage import Method
 
 SECTOR_DEG = 45.0
@@ -38,17 +37,16 @@ class OctantSpots(Method):
         self, memory: tuple[()], bearing_tracks: BearingTracks, picture: Picture, sensors: Sensors
     ) -> tuple[tuple[()], Octants]:
         """Pairs of rows to compare. Args: bearing_tracks: (N); picture: (V). Returns: memory and Octants sorted by row."""
+        from coastwatch.kernels.hearing import paired
+
         sonar = bearing_tracks.source - sensors.sonar_source(0)
-        vessel_octant, vessel_row = self._vessels(sonar, bearing_tracks, picture, sensors)
+        vessel_row, start = self._vessels(sonar, bearing_tracks, picture, sensors)
         octant = sonar * SECTORS + sector(np.degrees(bearing_tracks.bearing_rad))
-        start = np.searchsorted(vessel_octant, np.arange(len(sensors.sonars) * SECTORS + 1))
-        count = np.diff(start)[octant]
-        bearing_row = np.repeat(np.arange(len(octant)), count)
-        entry = np.arange(len(bearing_row)) + np.repeat(start[octant] - (np.cumsum(count) - count), count)
-        return memory, Octants(bearing_row, vessel_row[entry], np.repeat(octant, count))
+        return memory, Octants(*paired(octant, start, vessel_row))
 
     def _vessels(self, sonar: Ints, tracks: BearingTracks, picture: Picture, sensors: Sensors) -> tuple[Ints, Ints]:
-        """Octants and the rows of the vessels in them, sorted by octant, then row."""
+        """The rows of the vessels in each octant, and where each octant begins."""
+        from coastwatch.kernels.hearing import within_sectors
         from coastwatch.kernels.near_sites import near_sites
 
         sonars, newest = _newest_of_each(sonar, tracks.updated_s)
@@ -57,22 +55,10 @@ class OctantSpots(Method):
         row, site, east_north = near
         distance = np.hypot(east_north[:, 0], east_north[:, 1])
         direction = np.degrees(np.arctan2(east_north[:, 0], east_north[:, 1]))
-        tolerance_m = self.position_sigmas * position_sigma_m(picture.covariance[row])
+        tolerance_m = self.position_sigmas * position_sigma_m(picture.covariance, row)
         tolerance_deg = np.degrees(np.arctan2(tolerance_m, distance)) + self.overlap_deg
-        inside = ~self._outside(direction, tolerance_deg) & (distance <= reach_m[site] + tolerance_m)[:, None]
-        at, octant = np.nonzero(inside)
-        octant += sonars[site[at]] * SECTORS
-        order = np.argsort(octant, kind="stable")
-        return octant[order], row[at[order]]
-
-    @staticmethod
-    def _outside(direction_deg: Floats, tolerance_deg: Floats) -> Bools:
-        """Whether each direction is farther outside each sector than its tolerance. Args: (R,), (R,). Returns: (R, 8)."""
-        middle = (np.arange(SECTORS) + 0.5) * SECTOR_DEG
-        off = np.abs(wrap_deg(direction_deg[:, None] - middle))
-        far: Bools = off > SECTOR_DEG / 2.0 + tolerance_deg[:, None]
-        own = np.arange(SECTORS) == sector(direction_deg)[:, None]
-        out: Bools = far & ~own
+        h = np.flatnonzero(distance <= reach_m[site] + tolerance_m)
+        out: tuple[Ints, Ints] = within_sectors(direction[h], tolerance_deg[h], sonars[site[h]], row[h], len(sensors.sonars))
         return out
 
 
@@ -81,9 +67,9 @@ def sector(direction_deg: Floats) -> Ints:
     return np.floor(direction_deg / SECTOR_DEG).astype(np.int64) % SECTORS
 
 
-def position_sigma_m(covariance: Floats) -> Floats:
-    """Standard deviation per axis of each position, 0 where there is no covariance. Args: (V, 4, 4). Returns: (V,)."""
-    return np.sqrt(np.nan_to_num(0.5 * (covariance[:, 0, 0] + covariance[:, 1, 1])))
+def position_sigma_m(covariance: Floats, row: Ints) -> Floats:
+    """Standard deviation per axis of these rows, 0 where there is no covariance. Args: covariance: (V, 4, 4). Returns: as row."""
+    return np.sqrt(np.nan_to_num(0.5 * (covariance[row, 0, 0] + covariance[row, 1, 1])))
 
 
 def _newest_of_each(sonar: Ints, updated_s: Floats) -> tuple[Ints, Ints]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from coastwatch.geodesy import to_plane
+from coastwatch.geodesy import to_plane, wrap_deg
 from coastwatch.kernels.hearing import (
     SECTORS,
     above,
@@ -15,8 +15,10 @@ from coastwatch.kernels.hearing import (
     inside,
     medians,
     merged,
+    paired,
     pairs_of,
     standing,
+    within_sectors,
 )
 
 SENSORS, VESSELS = 4, 90
@@ -45,6 +47,24 @@ def test_tracks_and_vessels_of_octants_and_sensors(seed: int) -> None:
     np.testing.assert_array_equal(np.repeat(np.arange(SENSORS), np.diff(begin)) * VESSELS + heard, expected)
     at = standing(begin, heard, octant // SECTORS, vessel)
     np.testing.assert_array_equal(expected[at], octant // SECTORS * VESSELS + vessel)
+
+
+def test_vessels_of_sectors_and_tracks_with_them() -> None:
+    rng = np.random.default_rng(8)
+    direction = np.append(rng.uniform(-180.0, 180.0, 292), 45.0 * np.arange(-4, 4))
+    tolerance, sensor = rng.uniform(0.0, 60.0, 300), rng.integers(0, SENSORS, 300)
+    tolerance[::3] = 0.0
+    row = np.sort(rng.integers(0, VESSELS, 300))
+    vessel, start = within_sectors(direction, tolerance, sensor, row, SENSORS)
+    off = np.abs(wrap_deg(direction[:, None] - 45.0 * (np.arange(SECTORS) + 0.5)))
+    near = (off <= 22.5 + tolerance[:, None]) | (np.arange(SECTORS) == (np.floor(direction / 45.0) % SECTORS)[:, None])
+    for k in range(SENSORS * SECTORS):
+        np.testing.assert_array_equal(vessel[start[k] : start[k + 1]], row[near[:, k % SECTORS] & (sensor == k // SECTORS)])
+    octant = rng.integers(0, SENSORS * SECTORS, 20)
+    track, of_track, of = paired(octant, start, vessel)
+    np.testing.assert_array_equal(track, np.repeat(np.arange(20), np.diff(start)[octant]))
+    np.testing.assert_array_equal(of_track, np.concatenate([vessel[start[o] : start[o + 1]] for o in octant]))
+    np.testing.assert_array_equal(of, octant[track])
 
 
 def test_inside_is_reach_and_arc_in_the_tangent_plane() -> None:
