@@ -69,7 +69,8 @@ def sector(direction_deg: Floats) -> Ints:
 
 def position_sigma_m(covariance: Floats, row: Ints) -> Floats:
     """Standard deviation per axis of these rows, 0 where there is no covariance. Args: covariance: (V, 4, 4). Returns: as row."""
-    return np.sqrt(np.nan_to_num(0.5 * (covariance[row, 0, 0] + covariance[row, 1, 1])))
+    out: Floats = np.sqrt(np.nan_to_num(0.5 * (covariance[row, 0, 0] + covariance[row, 1, 1])))
+    return out
 
 
 def _newest_of_each(sonar: Ints, updated_s: Floats) -> tuple[Ints, Ints]:
