@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from flags_by_sorting import find
 from fused_by_arrays import intersection
-from picture_by_sorting import find
 
 from coastwatch.batches import Associations, Bools, Floats, FusedTracks, Ints, Measurements, SourceKind, Tracks
 from coastwatch.fused_tracks import CentralImm

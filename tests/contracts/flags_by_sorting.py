@@ -1,0 +1,148 @@
+"""The flags of vessels and what must be remembered for them, as arrays are sorted and sought. What it says is the measure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from coastwatch.batches import (
+    AisAlarms,
+    Bools,
+    Flag,
+    Floats,
+    Ints,
+    Picture,
+    Sensors,
+    SourceKind,
+    Tracks,
+)
+from coastwatch.geodesy import difference_m, within_any
+from coastwatch.picture import Identity
+
+
+def find(sorted_ids: Ints, ids: Ints) -> Ints:
+    """Where each id stands among sorted ids; -1 where it does not."""
+    if len(sorted_ids) == 0:
+        return np.full(len(ids), -1, np.int64)
+    at = np.minimum(np.searchsorted(sorted_ids, ids), len(sorted_ids) - 1)
+    return np.where(sorted_ids[at] == ids, at, -1).astype(np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class FlagMemory:
+    """Since when each vessel is as it is, rows sorted by vessel_id; and the radar and AIS track that were last one vessel."""
+
+    vessel_id: Ints  # (V,)
+    no_ais_since_s: Floats  # (V,) inf: has AIS or is not where AIS is heard
+    no_radar_since_s: Floats  # (V,) inf: has radar or is not where a radar sees
+    ais_track: Ints  # (P,) sorted
+    radar_track: Ints  # (P,)
+    paired_since_s: Floats  # (P,)
+    parted_since_s: Floats  # (P,) inf while they are one
+
+    @staticmethod
+    def empty() -> FlagMemory:
+        n, f = np.zeros(0, np.int64), np.zeros(0)
+        return FlagMemory(n, f, f, n, n, f, f)
+
+
+def flags_of(
+    settings: Identity,
+    memory: FlagMemory,
+    picture: Picture,
+    tracks: Tracks,
+    of_track: Ints,
+    alarms: AisAlarms,
+    time_s: float,
+    sensors: Sensors,
+) -> tuple[FlagMemory, Ints]:
+    """The memory after this cycle and the flags of every vessel of the picture (sorted by vessel_id)."""
+    kinds = sensors.source_kinds[tracks.source]
+    row = find(picture.vessel_id, of_track)
+    has_ais, has_radar = (_any(row[kinds == kind], len(picture)) for kind in (SourceKind.AIS, SourceKind.RADAR))
+    margin = settings.cover_margin
+    heard = within_any(picture.position_deg, sensors.stations.site_deg, margin * sensors.stations.range_m)
+    seen = within_any(picture.position_deg, sensors.radars.site_deg, margin * sensors.radars.range_m)
+    at = find(memory.vessel_id, picture.vessel_id)
+    no_ais = _since(has_radar & ~has_ais & heard, memory.no_ais_since_s, at, time_s)
+    no_radar = _since(has_ais & ~has_radar & seen, memory.no_radar_since_s, at, time_s)
+    pairs = _parted(settings, memory, tracks, kinds, of_track, time_s, seen[row])
+    flags = picture.flags.copy()
+    flags |= np.where(time_s - no_ais >= settings.dark_after_s, int(Flag.DARK), 0)
+    flags |= np.where(time_s - no_radar >= settings.unseen_after_s, int(Flag.AIS_WITHOUT_RADAR), 0)
+    contradicted = (time_s - pairs.parted_since_s >= settings.contradicted_after_s) & _apart(settings, pairs, tracks)
+    for track in (pairs.ais_track[contradicted], pairs.radar_track[contradicted]):
+        flags[row[find_any(tracks.track_id, track)]] |= int(Flag.AIS_CONTRADICTED)
+    for alarm, flag in ((alarms.twice, Flag.MMSI_TWICE), (alarms.impossible_speed, Flag.IMPOSSIBLE_SPEED)):
+        flags[row[find_any(tracks.track_id, alarms.track_id[alarm])]] |= int(flag)
+    after = FlagMemory(
+        picture.vessel_id, no_ais, no_radar, pairs.ais_track, pairs.radar_track, pairs.paired_since_s, pairs.parted_since_s
+    )
+    return after, flags
+
+
+def find_any(ids: Ints, wanted: Ints) -> Ints:
+    """Rows of the ids that are wanted, in the order of the ids; ids need not be sorted."""
+    return np.flatnonzero(np.isin(ids, wanted))
+
+
+def _any(row: Ints, count: int) -> Bools:
+    out = np.zeros(count, np.bool_)
+    out[row] = True
+    return out
+
+
+def _since(state: Bools, before_s: Floats, at: Ints, time_s: float) -> Floats:
+    """Since when the state holds: as before where it held before, now where it is new, inf where it does not hold."""
+    held = np.where(at >= 0, before_s[np.maximum(at, 0)], np.inf) if len(before_s) else np.full(len(state), np.inf)
+    return np.where(state, np.minimum(held, time_s), np.inf)
+
+
+def _parted(
+    settings: Identity, memory: FlagMemory, tracks: Tracks, kinds: Ints, of_track: Ints, time_s: float, seen: Bools
+) -> FlagMemory:
+    """The radar and AIS tracks that are, or lately were, one vessel.
+
+    A pair of the past is dropped when either track ends, the AIS track has another radar partner, the radar track another AIS, AIS has
+    left radar cover, the pair was too young to mean anything, or it has been apart too long.
+    """
+    ais, radar = np.flatnonzero(kinds == SourceKind.AIS), np.flatnonzero(kinds == SourceKind.RADAR)
+    order = np.argsort(of_track[radar], kind="stable")
+    mate = find(of_track[radar][order], of_track[ais])
+    now_ais, now_radar = tracks.track_id[ais[mate >= 0]], tracks.track_id[radar[order][mate[mate >= 0]]]
+    before = find(memory.ais_track, now_ais)
+    same = (before >= 0) & (memory.radar_track[before] == now_radar) if len(memory.ais_track) else np.zeros(len(now_ais), bool)
+    since = np.where(same, memory.paired_since_s[before], time_s) if len(memory.ais_track) else np.full(len(now_ais), time_s)
+    old = _still_parted(settings, memory, tracks, now_ais, now_radar, seen, time_s)
+    ais_track = np.concatenate([now_ais, memory.ais_track[old]])
+    by_ais = np.argsort(ais_track, kind="stable")
+    parted = np.concatenate([np.full(len(now_ais), np.inf), np.minimum(memory.parted_since_s[old], time_s)])
+    none = np.zeros(0)
+    return FlagMemory(
+        np.zeros(0, np.int64),
+        none,
+        none,
+        ais_track[by_ais],
+        np.concatenate([now_radar, memory.radar_track[old]])[by_ais],
+        np.concatenate([since, memory.paired_since_s[old]])[by_ais],
+        parted[by_ais],
+    )
+
+
+def _still_parted(
+    settings: Identity, memory: FlagMemory, tracks: Tracks, now_ais: Ints, now_radar: Ints, seen: Bools, time_s: float
+) -> Bools:
+    alive = np.isin(memory.ais_track, tracks.track_id[seen]) & np.isin(memory.radar_track, tracks.track_id)
+    free = ~np.isin(memory.ais_track, now_ais) & ~np.isin(memory.radar_track, now_radar)
+    begun = np.minimum(memory.parted_since_s, time_s)
+    meant = begun - memory.paired_since_s >= settings.paired_s
+    return np.asarray(alive & free & meant & (time_s - begun <= settings.contradicted_for_s))
+
+
+def _apart(settings: Identity, pairs: FlagMemory, tracks: Tracks) -> Bools:
+    """Whether the two tracks of each pair are farther apart than a poor association would explain."""
+    order = np.argsort(tracks.track_id, kind="stable")
+    a, r = (order[find(tracks.track_id[order], ids)] for ids in (pairs.ais_track, pairs.radar_track))
+    metres = np.linalg.norm(difference_m(tracks.position_deg[a], tracks.position_deg[r]), axis=1)
+    return np.asarray(metres >= settings.contradicted_from_m)
