@@ -1,4 +1,4 @@
-"""What a cycle yields is found again as it was: now, at an instant, and through time."""
+"""What a cycle yields is found again as it was: now, at an instant, through time, and whole while the next is written."""
 
 from __future__ import annotations
 
@@ -12,20 +12,12 @@ import store_world as world
 from sqlalchemy import text
 
 from coastwatch import store as kept
-from coastwatch.batches import AisStatics, Picture, RadarReports, Reports
-from coastwatch.scenario import StoreSettings
-from coastwatch.store import Rows, Store, StoreError, columns
+from coastwatch.batches import AisStatics, Picture, Reports
+from coastwatch.store import Rows, StoreError, columns
 from coastwatch.store.cells import plain
 from coastwatch.store.migrate import check
 from coastwatch.store.opening import reading
 from coastwatch.store.tables import Base
-
-
-def everything(store: Store) -> dict[str, list[tuple[Any, ...]]]:
-    """All rows of all tables but the run itself, sorted."""
-    tables = {name: table for name, table in Base.metadata.tables.items() if name != "run"}
-    with reading(store) as connection:
-        return {name: sorted(map(repr, map(tuple, connection.execute(table.select())))) for name, table in tables.items()}
 
 
 def test_the_picture_is_found_as_it_was(url: str) -> None:
@@ -133,65 +125,6 @@ def test_one_vessel_through_time(url: str) -> None:
             kept.track(store, run, 99)
 
 
-def test_memberships_are_written_when_they_change(url: str) -> None:
-    with kept.open_store(url) as store:
-        run = world.begin(store)
-        same = world.cycle_of(0, 30)
-        for number in range(5):
-            world.write(store, run, number, cycle=replace(same, time_s=world.instant_s(number)))
-        with reading(store) as connection:
-            rows = connection.execute(text("SELECT DISTINCT from_cycle, to_cycle FROM member_history")).all()
-            assert [tuple(row) for row in rows] == [(0, None)]
-            count = connection.execute(text("SELECT count(*) FROM member_history")).scalar_one()
-        assert count == len(same.members) + 1  # and the bearing track
-
-
-def test_how_often_the_large_tables_get_rows(url: str) -> None:
-    with kept.open_store(url) as store:
-        run = world.begin(store)
-        for number in range(7):
-            world.write(store, run, number, keep=StoreSettings(spots_every=3, associations_every=2))
-        with reading(store) as connection:
-            cycles = {name: [row[0] for row in connection.execute(text(f"SELECT DISTINCT cycle FROM {name} ORDER BY 1"))]
-                      for name in ("spot", "association", "bearing_association", "stage_timing")}  # fmt: skip
-        assert cycles["spot"] == [0, 3, 6]
-        assert cycles["association"] == cycles["bearing_association"] == [0, 2, 4, 6]
-        assert cycles["stage_timing"] == list(range(7))
-    assert check(url) == []
-
-
-def test_a_large_picture_is_written_at_an_interval(url: str) -> None:
-    """Cycles come every 3 s, the picture every 9 s and in the last cycle; what has happened since is in the history."""
-    keep = StoreSettings(picture_large=10, picture_every_s=9.0)
-    with kept.open_store(url) as store:
-        run = world.begin(store)
-        of_cycle = []
-        for number in range(9):
-            world.write(store, run, number, keep=keep, last=number == 8)
-            of_cycle.append(round((kept.picture(store, run).column("time_s")[0] - world.START_S) / world.PERIOD_S) - 1)
-            assert check(url) == []
-        first_of_interval = [n for n in range(9) if n == 0 or world.instant_s(n) // 9.0 > world.instant_s(n - 1) // 9.0]
-        assert of_cycle == [max(f for f in first_of_interval if f <= n) for n in range(8)] + [8]
-        assert len(first_of_interval) == 4
-        with reading(store) as connection:
-            written = connection.execute(text("SELECT number FROM cycle WHERE picture_kept ORDER BY number")).scalars().all()
-        assert written == [*first_of_interval, 8]
-        come = kept.track(store, run, 11)  # away in cycle 0
-        assert come["vessel"]["in_picture"]
-
-
-def test_after_a_restart_the_picture_is_not_of_a_cycle_to_come(url: str) -> None:
-    keep = StoreSettings(picture_large=10, picture_every_s=1000.0)
-    with kept.open_store(url) as store:
-        run = world.begin(store)
-        for number in range(5):
-            world.write(store, run, number, keep=keep, last=number == 4)
-        store.newest.clear()
-        world.write(store, run, 2, keep=keep)
-        assert kept.picture(store, run).column("time_s")[0] == world.instant_s(2)
-    assert check(url) == []
-
-
 def test_cycles_without_vessels(url: str) -> None:
     with kept.open_store(url) as store:
         run = world.begin(store)
@@ -227,128 +160,6 @@ def test_what_a_message_leaves_out_is_remembered(url: str) -> None:
         row = dict(zip(found.columns, found.rows[1], strict=True))
         said = {name: row[name] for name in ("name", "call_sign", "ship_type", "length_m", "beam_m")}
         assert said == {"name": "BETA", "call_sign": "PX1", "ship_type": 70, "length_m": 120.0, "beam_m": None}
-
-
-def test_runs(url: str) -> None:
-    with kept.open_store(url) as store:
-        with pytest.raises(StoreError, match="holds no run"):
-            kept.latest_run(store)
-        one = world.begin(store, "sea", settings={"a": [1, float("nan")], "b": np.float64(2.0)}, command="coastwatch run sea")
-        two = world.begin(store, "lake", 7)
-        assert (kept.latest_run(store), kept.latest_run(store, "sea")) == (two, one)
-        world.write(store, one, 0)
-        kept.finish_run(store, one, "finished", {"f1": 0.5, "mcc": float("nan")})
-        stored = kept.run(store, one)
-        assert (stored["status"], stored["scores"], stored["settings"]) == (
-            "finished", {"f1": 0.5, "mcc": None}, {"a": [1, None], "b": 2.0}
-        )  # fmt: skip
-        assert stored["started_utc"] <= stored["finished_utc"] < "2200"
-        assert stored["finished_utc"].endswith("Z")
-        listed = kept.runs(store)
-        assert listed.column("id") == [two, one]
-        assert listed.column("cycles_stored") == [0, 1]
-        with pytest.raises(ValueError, match="status: got 'done'"):
-            kept.finish_run(store, one, "done")
-        with pytest.raises(StoreError, match="no run of pond"):
-            kept.latest_run(store, "pond")
-        found = kept.sensors(store, one)
-        assert [row[:3] for row in found.rows] == [
-            ("ais", 0, "hill"), ("bearing", 0, "mouth"), ("radar", 0, "fort"), ("radar", 1, "island")
-        ]  # fmt: skip
-        assert found.rows[1][-1]["arc_from_deg"] == 90.0
-        assert found.column("region") == [None, None, "guanabara", "ilha"]
-        assert kept.sources(store, one).column("kind") == ["radar", "radar", "ais", "bearing"]
-
-
-def test_timings(url: str) -> None:
-    with kept.open_store(url) as store:
-        run = world.begin(store)
-        for number in range(4):
-            world.write(store, run, number)
-        found = kept.timings(store, run)
-        assert found.column("stage") == list(world.SECONDS)
-        assert found.column("median_ms") == pytest.approx([1e3 * s for s in world.SECONDS.values()])
-        assert sum(found.column("share")) == pytest.approx(1.0)
-        assert found.rows[1][found.columns.index("rows")] == pytest.approx(
-            np.mean([world.present(n, 30).sum() for n in range(4)])
-        )
-
-
-def test_cycles_come_in_order(url: str) -> None:
-    with kept.open_store(url) as store:
-        run = world.begin(store)
-        world.write(store, run, 0)
-        with pytest.raises(StoreError, match="got cycle 2, needed 1"):
-            world.write(store, run, 2)
-        with pytest.raises(StoreError, match="no run 99"):
-            world.write(store, 99, 0)
-        world.write(store, run, 1)
-    assert check(url) == []
-
-
-@pytest.mark.parametrize("again_from", [0, 4, 9, 10])
-def test_a_run_that_goes_on_from_a_checkpoint_ends_as_one_that_never_stopped(url: str, again_from: int) -> None:
-    with kept.open_store(url) as store:
-        run = world.begin(store)
-        for number in range(10):
-            world.write(store, run, number, checkpoint=b"x" * 100_000 if number == again_from - 1 else None)
-        kept.finish_run(store, run, "interrupted")
-    with kept.open_store(url) as store:
-        point = kept.resume_point(store, "sea", 1, "0.1.0", {"period_s": world.PERIOD_S})
-        assert point == ((run, again_from - 1, b"x" * 100_000) if again_from else None)
-        for number in range(again_from, 14):
-            world.write(store, run, number)
-            assert number > again_from or check(url) == []
-        assert kept.run(store, run)["status"] == "running"
-        resumed = everything(store)
-        kept.discard_runs(store, "sea")
-        assert all(rows == [] for rows in everything(store).values())
-        again = world.begin(store)
-        assert again == run + 1
-        for number in range(14):
-            world.write(store, again, number)
-        straight = everything(store)
-    assert {name: len(rows) for name, rows in resumed.items()} == {name: len(rows) for name, rows in straight.items()}
-    assert resumed == {name: [row.replace(f"({again},", f"({run},", 1) for row in rows] for name, rows in straight.items()}
-
-
-def test_a_checkpoint_larger_than_a_piece_comes_back_whole(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("coastwatch.store.write.PIECE_BYTES", 1000)
-    memory = np.random.default_rng(1).bytes(3500)
-    with kept.open_store(url) as store:
-        run = world.begin(store)
-        for number, said in enumerate((memory, memory[:1000], b"", memory[::-1])):
-            world.write(store, run, number, checkpoint=said)
-            assert kept.resume_point(store, "sea", 1, "0.1.0") == (run, number, said)
-        with reading(store) as connection:
-            assert connection.execute(text("SELECT count(*) FROM checkpoint")).scalar_one() == 4
-    assert check(url) == []
-
-
-def test_only_an_unfinished_run_of_the_same_kind_is_resumed(url: str) -> None:
-    with kept.open_store(url) as store:
-        run = world.begin(store)
-        assert kept.resume_point(store, "sea", 1, "0.1.0") is None
-        world.write(store, run, 0)
-        assert kept.resume_point(store, "sea", 1, "0.1.0") == (run, 0, b"memory 0")
-        assert kept.resume_point(store, "sea", 2, "0.1.0") is None
-        assert kept.resume_point(store, "sea", 1, "0.2.0") is None
-        assert kept.resume_point(store, "lake", 1, "0.1.0") is None
-        assert kept.resume_point(store, "sea", 1, "0.1.0", {"period_s": 4.0}) is None
-        kept.finish_run(store, run, "finished")
-        assert kept.resume_point(store, "sea", 1, "0.1.0") is None
-
-
-def test_discarded_runs_leave_nothing_and_others_stay(url: str) -> None:
-    with kept.open_store(url) as store:
-        one, two, other = world.begin(store, seed=1), world.begin(store, seed=2), world.begin(store, "lake")
-        for run in (one, two, other):
-            world.write(store, run, 0)
-        assert kept.discard_runs(store, "sea", 1) == [one]
-        assert kept.runs(store).column("id") == [other, two]
-        assert kept.discard_runs(store, "sea") == [two]
-        assert len(kept.picture(store, other).rows) == len(world.picture_of(0, 30))
-    assert check(url) == []
 
 
 def test_a_reader_sees_whole_cycles_while_they_are_written(url: str) -> None:
@@ -397,37 +208,3 @@ def test_rows_have_columns() -> None:
     rows = Rows(("a", "b"), [(1, 2), (3, 4)])
     assert rows.column("b") == [2, 4]
     assert isinstance(world.picture_of(0, 3), Picture)
-
-
-def test_sensors_as_they_were(url: str) -> None:
-    """Registration and the newest arrival of each sensor, now and at an instant; rows come at an interval and on change."""
-    with kept.open_store(url) as store:
-        run = world.begin(store)
-        keep = StoreSettings(registration_every=8)
-        for number in range(23):
-            world.write(store, run, number, keep=keep)
-        with reading(store) as connection:
-            cycles = connection.execute(text("SELECT DISTINCT cycle FROM sensor_registration ORDER BY cycle")).scalars().all()
-        assert cycles == [0, 8, 16, 20]  # in cycle 20 the first radar settles
-        now, before = (kept.sensor_states(store, run, at_s) for at_s in (None, world.instant_s(9)))
-        assert now.column("name") == ["hill", "mouth", "fort", "island"]
-        assert now.column("state") == [None, None, "settled", "unknown"]
-        assert now.column("azimuth_bias_deg")[2] == pytest.approx(5.02)
-        assert before.column("state") == [None, None, "acquiring", "unknown"]
-        assert before.column("azimuth_bias_deg")[2] == pytest.approx(5.008)
-        assert before.column("azimuth_bias_deg")[1] == 0.0
-        with pytest.raises(StoreError, match="holds nothing up to"):
-            kept.sensor_states(store, run, world.START_S - 1.0)
-        empty = kept.sensor_states(store, world.begin(store, "other"))
-        assert empty.column("state") == [None] * 4
-
-
-def test_when_a_sensor_was_heard_outlasts_its_silence(url: str) -> None:
-    one = np.array([world.START_S + 1.0])
-    said = RadarReports(np.array([1]), one, one + 0.5, one * 0.0, one * 0.0, np.zeros((1, 2)), np.array([-1]))
-    with kept.open_store(url) as store:
-        run = world.begin(store)
-        world.write(store, run, 0, reports=replace(world.reports_of(0, 30), radar=said))
-    with kept.open_store(url) as store:
-        world.write(store, run, 1)
-        assert kept.sensor_states(store, run).column("heard_s") == [None, None, None, world.START_S + 1.5]

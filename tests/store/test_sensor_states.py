@@ -1,0 +1,50 @@
+"""Registration and the newest arrival of each sensor are found again as they were."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import store_world as world
+from sqlalchemy import text
+
+from coastwatch import store as kept
+from coastwatch.batches import RadarReports
+from coastwatch.scenario import StoreSettings
+from coastwatch.store import StoreError
+from coastwatch.store.opening import reading
+
+
+def test_sensors_as_they_were(url: str) -> None:
+    """Registration and the newest arrival of each sensor, now and at an instant; rows come at an interval and on change."""
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        keep = StoreSettings(registration_every=8)
+        for number in range(23):
+            world.write(store, run, number, keep=keep)
+        with reading(store) as connection:
+            cycles = connection.execute(text("SELECT DISTINCT cycle FROM sensor_registration ORDER BY cycle")).scalars().all()
+        assert cycles == [0, 8, 16, 20]  # in cycle 20 the first radar settles
+        now, before = (kept.sensor_states(store, run, at_s) for at_s in (None, world.instant_s(9)))
+        assert now.column("name") == ["hill", "mouth", "fort", "island"]
+        assert now.column("state") == [None, None, "settled", "unknown"]
+        assert now.column("azimuth_bias_deg")[2] == pytest.approx(5.02)
+        assert before.column("state") == [None, None, "acquiring", "unknown"]
+        assert before.column("azimuth_bias_deg")[2] == pytest.approx(5.008)
+        assert before.column("azimuth_bias_deg")[1] == 0.0
+        with pytest.raises(StoreError, match="holds nothing up to"):
+            kept.sensor_states(store, run, world.START_S - 1.0)
+        empty = kept.sensor_states(store, world.begin(store, "other"))
+        assert empty.column("state") == [None] * 4
+
+
+def test_when_a_sensor_was_heard_outlasts_its_silence(url: str) -> None:
+    one = np.array([world.START_S + 1.0])
+    said = RadarReports(np.array([1]), one, one + 0.5, one * 0.0, one * 0.0, np.zeros((1, 2)), np.array([-1]))
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        world.write(store, run, 0, reports=replace(world.reports_of(0, 30), radar=said))
+    with kept.open_store(url) as store:
+        world.write(store, run, 1)
+        assert kept.sensor_states(store, run).column("heard_s") == [None, None, None, world.START_S + 1.5]

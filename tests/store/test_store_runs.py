@@ -1,0 +1,145 @@
+"""Runs: they are listed, their cycles come in order, one resumed equals one that never stopped, and discarded ones leave nothing."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import store_world as world
+from sqlalchemy import text
+
+from coastwatch import store as kept
+from coastwatch.store import Store, StoreError
+from coastwatch.store.migrate import check
+from coastwatch.store.opening import reading
+from coastwatch.store.tables import Base
+
+
+def everything(store: Store) -> dict[str, list[tuple[Any, ...]]]:
+    """All rows of all tables but the run itself, sorted."""
+    tables = {name: table for name, table in Base.metadata.tables.items() if name != "run"}
+    with reading(store) as connection:
+        return {name: sorted(map(repr, map(tuple, connection.execute(table.select())))) for name, table in tables.items()}
+
+
+def test_runs(url: str) -> None:
+    with kept.open_store(url) as store:
+        with pytest.raises(StoreError, match="holds no run"):
+            kept.latest_run(store)
+        one = world.begin(store, "sea", settings={"a": [1, float("nan")], "b": np.float64(2.0)}, command="coastwatch run sea")
+        two = world.begin(store, "lake", 7)
+        assert (kept.latest_run(store), kept.latest_run(store, "sea")) == (two, one)
+        world.write(store, one, 0)
+        kept.finish_run(store, one, "finished", {"f1": 0.5, "mcc": float("nan")})
+        stored = kept.run(store, one)
+        assert (stored["status"], stored["scores"], stored["settings"]) == (
+            "finished", {"f1": 0.5, "mcc": None}, {"a": [1, None], "b": 2.0}
+        )  # fmt: skip
+        assert stored["started_utc"] <= stored["finished_utc"] < "2200"
+        assert stored["finished_utc"].endswith("Z")
+        listed = kept.runs(store)
+        assert listed.column("id") == [two, one]
+        assert listed.column("cycles_stored") == [0, 1]
+        with pytest.raises(ValueError, match="status: got 'done'"):
+            kept.finish_run(store, one, "done")
+        with pytest.raises(StoreError, match="no run of pond"):
+            kept.latest_run(store, "pond")
+        found = kept.sensors(store, one)
+        assert [row[:3] for row in found.rows] == [
+            ("ais", 0, "hill"), ("bearing", 0, "mouth"), ("radar", 0, "fort"), ("radar", 1, "island")
+        ]  # fmt: skip
+        assert found.rows[1][-1]["arc_from_deg"] == 90.0
+        assert found.column("region") == [None, None, "guanabara", "ilha"]
+        assert kept.sources(store, one).column("kind") == ["radar", "radar", "ais", "bearing"]
+
+
+def test_timings(url: str) -> None:
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        for number in range(4):
+            world.write(store, run, number)
+        found = kept.timings(store, run)
+        assert found.column("stage") == list(world.SECONDS)
+        assert found.column("median_ms") == pytest.approx([1e3 * s for s in world.SECONDS.values()])
+        assert sum(found.column("share")) == pytest.approx(1.0)
+        assert found.rows[1][found.columns.index("rows")] == pytest.approx(
+            np.mean([world.present(n, 30).sum() for n in range(4)])
+        )
+
+
+def test_cycles_come_in_order(url: str) -> None:
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        world.write(store, run, 0)
+        with pytest.raises(StoreError, match="got cycle 2, needed 1"):
+            world.write(store, run, 2)
+        with pytest.raises(StoreError, match="no run 99"):
+            world.write(store, 99, 0)
+        world.write(store, run, 1)
+    assert check(url) == []
+
+
+@pytest.mark.parametrize("again_from", [0, 4, 9, 10])
+def test_a_run_that_goes_on_from_a_checkpoint_ends_as_one_that_never_stopped(url: str, again_from: int) -> None:
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        for number in range(10):
+            world.write(store, run, number, checkpoint=b"x" * 100_000 if number == again_from - 1 else None)
+        kept.finish_run(store, run, "interrupted")
+    with kept.open_store(url) as store:
+        point = kept.resume_point(store, "sea", 1, "0.1.0", {"period_s": world.PERIOD_S})
+        assert point == ((run, again_from - 1, b"x" * 100_000) if again_from else None)
+        for number in range(again_from, 14):
+            world.write(store, run, number)
+            assert number > again_from or check(url) == []
+        assert kept.run(store, run)["status"] == "running"
+        resumed = everything(store)
+        kept.discard_runs(store, "sea")
+        assert all(rows == [] for rows in everything(store).values())
+        again = world.begin(store)
+        assert again == run + 1
+        for number in range(14):
+            world.write(store, again, number)
+        straight = everything(store)
+    assert {name: len(rows) for name, rows in resumed.items()} == {name: len(rows) for name, rows in straight.items()}
+    assert resumed == {name: [row.replace(f"({again},", f"({run},", 1) for row in rows] for name, rows in straight.items()}
+
+
+def test_a_checkpoint_larger_than_a_piece_comes_back_whole(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("coastwatch.store.write.PIECE_BYTES", 1000)
+    memory = np.random.default_rng(1).bytes(3500)
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        for number, said in enumerate((memory, memory[:1000], b"", memory[::-1])):
+            world.write(store, run, number, checkpoint=said)
+            assert kept.resume_point(store, "sea", 1, "0.1.0") == (run, number, said)
+        with reading(store) as connection:
+            assert connection.execute(text("SELECT count(*) FROM checkpoint")).scalar_one() == 4
+    assert check(url) == []
+
+
+def test_only_an_unfinished_run_of_the_same_kind_is_resumed(url: str) -> None:
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        assert kept.resume_point(store, "sea", 1, "0.1.0") is None
+        world.write(store, run, 0)
+        assert kept.resume_point(store, "sea", 1, "0.1.0") == (run, 0, b"memory 0")
+        assert kept.resume_point(store, "sea", 2, "0.1.0") is None
+        assert kept.resume_point(store, "sea", 1, "0.2.0") is None
+        assert kept.resume_point(store, "lake", 1, "0.1.0") is None
+        assert kept.resume_point(store, "sea", 1, "0.1.0", {"period_s": 4.0}) is None
+        kept.finish_run(store, run, "finished")
+        assert kept.resume_point(store, "sea", 1, "0.1.0") is None
+
+
+def test_discarded_runs_leave_nothing_and_others_stay(url: str) -> None:
+    with kept.open_store(url) as store:
+        one, two, other = world.begin(store, seed=1), world.begin(store, seed=2), world.begin(store, "lake")
+        for run in (one, two, other):
+            world.write(store, run, 0)
+        assert kept.discard_runs(store, "sea", 1) == [one]
+        assert kept.runs(store).column("id") == [other, two]
+        assert kept.discard_runs(store, "sea") == [two]
+        assert len(kept.picture(store, other).rows) == len(world.picture_of(0, 30))
+    assert check(url) == []
