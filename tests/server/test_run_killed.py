@@ -1,0 +1,101 @@
+"""A run that is killed or interrupted: what is stored is whole, and resumed it ends with the rows of one that never stopped."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from run_world import SEED, column, rows, run, stored, url
+
+from coastwatch.scenario import load_scenario
+from coastwatch.server.run import RunResult
+from coastwatch.store.migrate import check
+
+PATIENCE_S = 120.0  # compiling the kernels for the first time takes most of it
+KILLS = 3
+LONG = {"input.count": "40", "cycles": "150", "warmup_s": "30.0", "store.checkpoint_every": "4"}
+"""Some seconds: long enough to be killed three times. A checkpoint now and then, so that what is resumed lies before what is stored."""
+
+
+def command(path: Path, *words: str) -> subprocess.Popen[str]:
+    """`coastwatch run` of the long scenario in a process of its own."""
+    settings = [word for key, value in LONG.items() for word in ("--set", f"{key}={value}")]
+    line = [
+        sys.executable,
+        "-m",
+        "coastwatch.operators.cli",
+        "run",
+        "context-driven-100",
+        "--seed",
+        str(SEED),
+        "--db",
+        url(path),
+    ]
+    code = "import sys; from coastwatch.operators.cli import main; sys.exit(main(sys.argv[1:]))"
+    return subprocess.Popen(
+        [line[0], "-c", code, *line[3:], *settings, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+
+
+def wait_for(path: Path, cycles: int, started: subprocess.Popen[str]) -> None:
+    until = time.monotonic() + PATIENCE_S
+    while stored(path) < cycles:
+        assert started.poll() is None, started.communicate()
+        assert time.monotonic() < until, "no cycle was stored"
+        time.sleep(0.005)
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunResult]:
+    path = tmp_path_factory.mktemp("uninterrupted") / "x.db"
+    return path, run(path, load_scenario("context-driven-100", LONG))
+
+
+def test_killed_at_random_moments_it_resumes_to_the_rows_of_an_uninterrupted_run(
+    uninterrupted: tuple[Path, RunResult], tmp_path: Path
+) -> None:
+    path, rng = tmp_path / "x.db", np.random.default_rng([SEED, 1])
+    for kill in range(KILLS):
+        started = command(path, "--resume")
+        wait_for(path, 25 + 40 * kill, started)
+        time.sleep(0.1 * rng.random())
+        started.send_signal(signal.SIGKILL)
+        started.communicate()
+        assert started.returncode == -signal.SIGKILL
+        assert check(url(path)) == []
+        assert column(path, "SELECT status FROM run") == ["running"]
+        assert stored(path) < 160
+    started = command(path, "--resume")
+    _, err = started.communicate(timeout=PATIENCE_S)
+    assert started.returncode == 0, err
+    assert column(path, "SELECT status FROM run") == ["finished"]
+    assert check(url(path)) == []
+    whole, result = uninterrupted
+    assert rows(path) == rows(whole)
+    assert stored(path) == stored(whole) == result.cycles
+    assert column(path, "SELECT scores FROM run") == column(whole, "SELECT scores FROM run")
+
+
+def test_an_interrupt_ends_after_a_whole_cycle_and_resume_goes_on(
+    uninterrupted: tuple[Path, RunResult], tmp_path: Path
+) -> None:
+    path = tmp_path / "x.db"
+    started = command(path)
+    wait_for(path, 30, started)
+    started.send_signal(signal.SIGINT)
+    _, err = started.communicate(timeout=PATIENCE_S)
+    assert started.returncode == 130, err
+    assert column(path, "SELECT status FROM run") == ["interrupted"]
+    cycles = stored(path)
+    assert 30 <= cycles < 160
+    assert column(path, "SELECT max(number) + 1 FROM cycle") == [cycles]
+    assert column(path, "SELECT max(cycle) + 1 FROM spot") == [cycles]
+    assert check(url(path)) == []
+    made = run(path, load_scenario("context-driven-100", LONG), resume=True)
+    assert (made.run_id, made.interrupted) == (1, False)
+    assert rows(path) == rows(uninterrupted[0])
