@@ -31,6 +31,7 @@ def tracked() -> list[Path]:
 
 FILES = tracked()
 MODULES = [p for p in FILES if p.suffix == ".py" and p.relative_to(HOUSE).parts[0] in ("coastwatch", "scaling")]
+TESTS = [p for p in FILES if p.suffix == ".py" and p.relative_to(HOUSE).parts[0] == "tests"]
 FOLDERS = sorted({parent for p in FILES for parent in p.parents if parent != HOUSE and HOUSE in parent.parents})
 
 
@@ -73,6 +74,12 @@ def test_lengths(module: Path) -> None:
     functions = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef)]
     long = [f"{name_of(module)}:{f.lineno} {f.name}: {body_lines(f)}" for f in functions if body_lines(f) >= FUNCTION_LINES]
     assert long == []
+
+
+def test_modules_of_tests_are_no_longer() -> None:
+    lines = {name_of(p): p.read_text("utf-8").count("\n") for p in TESTS}
+    assert TESTS
+    assert {name: count for name, count in lines.items() if count >= MODULE_LINES} == {}
 
 
 @pytest.mark.parametrize("module", [m for m in MODULES if "coastwatch" in m.relative_to(HOUSE).parts[:1]], ids=name_of)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sqlite3
-import struct
 import weakref
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,209 +11,25 @@ from typing import Any
 import numpy as np
 import pytest
 import store_world as world
+from image_world import KEY, ROWS, VESSELS, bits, columns, expected, form, sql_of, table_of
 from sqlalchemy import (
     BigInteger,
-    Boolean,
     CheckConstraint,
     Column,
     Computed,
-    Float,
     ForeignKey,
-    LargeBinary,
     MetaData,
     Table,
     Text,
     UniqueConstraint,
 )
-from sqlalchemy.dialects import sqlite
-from sqlalchemy.schema import CreateTable
 
 from coastwatch import store as kept
 from coastwatch.store import StoreError, bulk, image, native
-from coastwatch.store.cells import Blobs, Named, Texts, part, plain
 from coastwatch.store.cells import Column as Cells
-from coastwatch.store.image_form import Form, form_of
+from coastwatch.store.cells import Named, Texts
+from coastwatch.store.image_form import form_of
 from coastwatch.store.opening import Store, connect, reading, writing
-
-VESSELS = 700
-PAGES = (1024, 4096, image.PAGE_BYTES)
-TEXTS = ("", "ais", "São Sebastião, 港", "x" * 60, "y" * 58)
-"""The last two on either side of where the serial type of a text becomes two bytes."""
-
-WHOLE = [s * (2**p + d) for p in (0, 7, 8, 15, 16, 23, 24, 31, 32, 47, 48, 62) for s in (1, -1) for d in (-1, 0, 1)]
-REALS = (
-    np.nan,
-    0.0,
-    -0.0,
-    1.0 / 3.0,
-    -1e308,
-    5e-324,
-    np.inf,
-    -np.inf,
-    1.0,
-    7.0,
-    -3e5,
-    2.0**47,
-    2.0**47 - 1,
-    -(2.0**47),
-    2.0**53,
-)
-KEY = {"primary_key": True, "autoincrement": False}
-
-
-def table_of(*more: Any, name: str = "rows", rowid: bool = False) -> Table:
-    """A table of whose columns one, `flag`, is before the key."""
-    return Table(
-        name,
-        MetaData(),
-        Column("flag", Boolean),
-        Column("run_id", BigInteger, **KEY),  # type: ignore[arg-type]
-        Column("id", BigInteger, **KEY),  # type: ignore[arg-type]
-        Column("real", Float(53)),
-        Column("whole", BigInteger, nullable=False),
-        Column("named", BigInteger),
-        Column("text", Text),
-        Column("blob", LargeBinary),
-        Column("same_text", Text),
-        Column("same_real", Float(53)),
-        Column("whole_as_real", Float(53)),
-        Column("empty", Text),
-        *more,
-        sqlite_with_rowid=rowid,
-    )
-
-
-ROWS = table_of()
-
-
-def sql_of(table: Table) -> str:
-    return str(CreateTable(table).compile(dialect=sqlite.dialect()))  # type: ignore[no-untyped-call]
-
-
-def columns(count: int) -> list[Cells]:
-    """Rows with everything that may be odd about a value."""
-    rng = np.random.default_rng([6, count])
-    blob = Blobs(rng.integers(0, 256, (count, 80), dtype=np.uint8), rng.random(count) < 0.7)
-    every = np.arange(2 * count)[::2] - count  # not beside each other in memory
-    whole = np.array([*WHOLE, 2**63 - 1, -(2**63)])
-    texts = Texts(rng.integers(-1, len(TEXTS), count), TEXTS)
-    named = Named(rng.choice([-1, 0, 1, 2**40, 2**63 - 1], count))
-    return [
-        rng.random(count) < 0.5, 3, every, rng.choice(REALS, count), rng.choice(whole, count), named, texts, blob, "ü", 0.1,
-        rng.integers(-5, 5, count), None,
-    ]  # fmt: skip
-
-
-def expected(given: list[Cells], count: int) -> list[tuple[Any, ...]]:
-    """The rows as Python would say them: reals by their bits."""
-    every = [list(plain(column, count)) for column in given]
-    every[10] = [float(value) for value in every[10]]
-    every[3] = [0.0 if value == 0.0 else value for value in every[3]]  # SQLite knows no -0.0
-    return [tuple(map(bits, row)) for row in zip(*every, strict=True)]
-
-
-def bits(value: Any) -> Any:
-    return struct.pack("<d", value) if isinstance(value, float) else value
-
-
-def form(table: Table = ROWS, page_bytes: int = image.PAGE_BYTES) -> Form:
-    found = form_of(sql_of(table), table.name, page_bytes)
-    assert found is not None
-    return found
-
-
-def levels(memory: bytes, page_bytes: int) -> int:
-    """How many pages there are from root to leaf."""
-    page, deep = 2, 1
-    while memory[(page - 1) * page_bytes] == 0x02:
-        at = (page - 1) * page_bytes + 8
-        page, deep = int.from_bytes(memory[at : at + 4], "big"), deep + 1
-    assert memory[(page - 1) * page_bytes] == 0x0A
-    return deep
-
-
-def opened(memory: bytes) -> sqlite3.Connection:
-    raw = sqlite3.connect(":memory:")
-    raw.deserialize(memory)
-    return raw
-
-
-@pytest.mark.parametrize("page_bytes", PAGES)
-@pytest.mark.parametrize("count", [1, 2, 300, 3000])
-def test_every_value_comes_back(count: int, page_bytes: int) -> None:
-    given = columns(count)
-    made = image.image_of(form(page_bytes=page_bytes), given, page_bytes)
-    assert made is not None
-    raw = opened(made.tobytes())
-    assert raw.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
-    found = [tuple(map(bits, row)) for row in raw.execute("SELECT * FROM rows ORDER BY run_id, id")]
-    assert found == [tuple(map(bits, row[:1])) + row[1:] for row in expected(given, count)]
-    types = {
-        name: raw.execute(f"SELECT DISTINCT typeof({name}) FROM rows").fetchall() for name in ("real", "whole_as_real", "flag")
-    }
-    assert ("integer",) not in types["real"] + types["whole_as_real"]
-    assert types["flag"] == [("integer",)]
-    raw.close()
-
-
-def records(memory: bytes) -> list[bytes]:
-    """Those of a table that is one page, as they lie there."""
-    page, found = image.PAGE_BYTES, []
-    for n in range(int.from_bytes(memory[page + 3 : page + 5], "big")):
-        at = page + int.from_bytes(memory[page + 8 + 2 * n : page + 10 + 2 * n], "big")
-        size = memory[at] if memory[at] < 128 else (memory[at] & 127) << 7 | memory[at + 1]
-        at += 1 if memory[at] < 128 else 2
-        found.append(memory[at : at + size])
-    return found
-
-
-def test_records_are_those_that_sqlite_makes() -> None:
-    """To the byte: whole reals are whole numbers there."""
-    given = columns(200)
-    raw = opened(form().empty)
-    rows = zip(*(plain(column, 200) for column in given), strict=True)
-    raw.executemany(f"INSERT INTO rows VALUES ({', '.join('?' * len(given))})", rows)
-    raw.commit()
-    made = image.image_of(form(), given, image.PAGE_BYTES)
-    assert made is not None
-    assert records(made.tobytes()) == records(raw.serialize())
-    assert len(records(made.tobytes())) == 200
-    raw.close()
-
-
-PAIR = Table("pair", MetaData(), Column("a", BigInteger, **KEY), Column("b", Text), sqlite_with_rowid=False)  # type: ignore[arg-type]
-
-
-def test_a_tree_of_any_number_of_rows_is_whole() -> None:
-    """Small pages, so that every way in which pages, and pages of pages, can end comes up."""
-    page_bytes, depths, rng = 512, set(), np.random.default_rng(7)
-    texts = ["z" * length for length in range(80)]
-    codes = rng.integers(0, 80, 1500)
-    for count in [*range(1, 700), 1500]:
-        made = image.image_of(form(PAIR, page_bytes), [np.arange(count) * 1000, Texts(codes[:count], texts)], page_bytes)
-        assert made is not None
-        raw = opened(made.tobytes())
-        assert raw.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
-        assert raw.execute("SELECT count(*), sum(length(b)), max(a) FROM pair").fetchall() == [
-            (count, int(codes[:count].sum()), (count - 1) * 1000)
-        ]
-        assert raw.execute("SELECT b FROM pair WHERE a = ?", (count // 2 * 1000,)).fetchone() == (texts[codes[count // 2]],)
-        raw.close()
-        depths.add(levels(made.tobytes(), page_bytes))
-    assert depths >= {1, 2, 3, 4}
-
-
-def test_a_page_is_filled_to_its_last_byte() -> None:
-    """Rows of one length: as many as fit in a page are one page, one more are three."""
-    page_bytes, sizes = 4096, []
-    same = Texts(np.zeros(200, np.int64), ["z" * 90])
-    for count in range(30, 60):
-        made = image.image_of(form(PAIR, page_bytes), [np.arange(count) + 1000, part(same, slice(count))], page_bytes)
-        assert made is not None
-        sizes.append(len(made) // page_bytes)
-    cell = 2 + 1 + 1 + 2 + 1 + 2 + 90  # place, length, length of the header, its two types, 1000, text
-    whole = (page_bytes - 8) // cell
-    assert sizes == [2 if count <= whole else 4 for count in range(30, 60)]
 
 
 def test_rows_go_by_way_of_an_image(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
