@@ -5,12 +5,21 @@ import math
 import numpy as np
 from numba import njit
 
+from coastwatch.kernels.compiling import kernel, part
+
 KNOT = 1852.0 / 3600.0
 DEGREE = math.pi / 180.0
 SPREAD = np.uint64(0x9E3779B97F4A7C15)  # 2^64 over the golden ratio (Fibonacci hashing)
 
 
-@njit(cache=True, nogil=True)
+@part
+def _turn(degrees, whole):  # type: ignore[no-untyped-def]
+    """A direction within a turn of 0 into [0, whole), or NaN: to the bit the remainder, which is a call."""
+    up = degrees + whole if degrees < 0.0 else degrees + 0.0
+    return 0.0 if up >= whole else up
+
+
+@kernel
 def motion_rows(low, high, velocity, covariance, moving, upper, known):  # type: ignore[no-untyped-def]
     """Fills rows low to high.
 
@@ -24,24 +33,21 @@ def motion_rows(low, high, velocity, covariance, moving, upper, known):  # type:
         speed = math.hypot(east, north)
         course = math.nan
         if speed > 0.0:
-            course = math.atan2(east, north) / DEGREE % 360.0
-            if course >= 360.0:
-                course = 0.0
+            course = _turn(math.atan2(east, north) / DEGREE, 360.0)
         moving[v, 0], moving[v, 1] = speed / KNOT, course
-        c = covariance[v]
-        mean, half = 0.5 * (c[0, 0] + c[1, 1]), math.hypot(0.5 * (c[0, 0] - c[1, 1]), c[0, 1])
-        direction = 0.5 * math.atan2(2.0 * c[0, 1], c[1, 1] - c[0, 0]) / DEGREE % 180.0
-        if direction >= 180.0:
-            direction = 0.0
+        xx, xy, yy = covariance[v, 0, 0], covariance[v, 0, 1], covariance[v, 1, 1]
+        mean, half = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
+        direction = 0.5 * math.atan2(2.0 * xy, yy - xx) / DEGREE
         moving[v, 2] = math.sqrt(mean + half) if mean + half > 0.0 else mean + half - (mean + half)
         moving[v, 3] = math.sqrt(mean - half) if mean - half > 0.0 else mean - half - (mean - half)
-        moving[v, 4] = direction
-        k = 0
+        moving[v, 4] = _turn(direction, 180.0)
+        k, total = 0, 0.0
         for i in range(4):
             for j in range(i, 4):
-                upper[v, k] = c[i, j]
+                upper[v, k] = covariance[v, i, j]
+                total += covariance[v, i, j]
                 k += 1
-        known[v] = not math.isnan(upper[v].sum())
+        known[v] = not math.isnan(total)
 
 
 @njit(cache=True, nogil=True)

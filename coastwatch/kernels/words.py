@@ -7,19 +7,39 @@ upper triangle of the covariance (10), and its lower triangle less the upper one
 import numpy as np
 from numba import njit
 
+from coastwatch.kernels.compiling import kernel, part
+from coastwatch.kernels.prefetch import fetch
+
+AHEAD = 16  # rows that are asked for while one is copied: a part's rows are neighbours at sea, and lie anywhere in the picture
 COUNT = 11  # the column of the count of members
 WORDS = 28
 
 
-@njit(cache=True, nogil=True)
-def _covariance_words(matrix, i, out):  # type: ignore[no-untyped-def]
+@part
+def _fetch_row(v, single, position, velocity, covariance, first):  # type: ignore[no-untyped-def]
+    number, time, since, updated, mmsi, flags, origin = single
+    fetch(number, v)
+    fetch(time, v)
+    fetch(since, v)
+    fetch(updated, v)
+    fetch(mmsi, v)
+    fetch(flags, v)
+    fetch(origin, v)
+    fetch(position, v)
+    fetch(velocity, v)
+    fetch(covariance, v)
+    fetch(first, v)
+
+
+@part
+def _covariance_words(covariance, v, i, out):  # type: ignore[no-untyped-def]
     upper, lower = COUNT + 1, COUNT + 11
     for r in range(4):
         for c in range(r, 4):
-            out[upper, i] = matrix[r, c]
+            out[upper, i] = covariance[v, r, c]
             upper += 1
             if c > r:
-                out[lower, i] = matrix[c, r] - matrix[r, c]
+                out[lower, i] = covariance[v, c, r] - covariance[v, r, c]
                 lower += 1
 
 
@@ -35,7 +55,7 @@ def _covariance(words, i, out):  # type: ignore[no-untyped-def]
                 lower += 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def row_words(rows, single, position, velocity, covariance, first, out):  # type: ignore[no-untyped-def]
     """Words of some rows.
 
@@ -45,13 +65,14 @@ def row_words(rows, single, position, velocity, covariance, first, out):  # type
     number, time, since, updated, mmsi, flags, origin = single
     for i in range(len(rows)):
         v = rows[i]
+        _fetch_row(rows[min(i + AHEAD, len(rows) - 1)], single, position, velocity, covariance, first)
         out[0, i], out[1, i] = number[v], time[v]
         out[2, i], out[3, i] = position[v, 0], position[v, 1]
         out[4, i], out[5, i] = velocity[v, 0], velocity[v, 1]
         out[6, i], out[7, i] = since[v], updated[v]
         out[8, i], out[9, i], out[10, i] = mmsi[v], flags[v], origin[v]
         out[COUNT, i] = np.uint64(first[v + 1] - first[v])
-        _covariance_words(covariance[v], i, out)
+        _covariance_words(covariance, v, i, out)
 
 
 @njit(cache=True, nogil=True)
@@ -83,20 +104,23 @@ def member_starts(number, vessel, out):  # type: ignore[no-untyped-def]
     return found
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def member_words(rows, first, track, source, place, base_first, out, out_place):  # type: ignore[no-untyped-def]
     """Track and source of the members of some rows, and the member of the base that each is likely to repeat.
 
     Args: rows, first: as of `row_words`; track, source: (L,) uint64; place: (N,) row of the base, -1 for none; base_first: (B + 1,)
     where the members of each row of the base begin; out: (2, M) uint64, out_place: (M,), written.
     """
-    k = 0
+    k, last = 0, len(rows) - 1
     for i in range(len(rows)):
-        v = rows[i]
-        p = place[i]
-        same = p >= 0 and base_first[p + 1] - base_first[p] == first[v + 1] - first[v]
-        for j in range(first[v + 1] - first[v]):
-            out[0, k], out[1, k] = track[first[v] + j], source[first[v] + j]
+        fetch(first, rows[min(i + 2 * AHEAD, last)])
+        soon = first[rows[min(i + AHEAD, last)]]
+        fetch(track, soon)
+        fetch(source, soon)
+        p, low, count = place[i], first[rows[i]], first[rows[i] + 1] - first[rows[i]]
+        same = p >= 0 and base_first[p + 1] - base_first[p] == count
+        for j in range(count):
+            out[0, k], out[1, k] = track[low + j], source[low + j]
             out_place[k] = base_first[p] + j if same else -1
             k += 1
 
