@@ -41,7 +41,7 @@ class Convex(Method):
 
         Returns: memory and FusedTracks, one row for each vessel number.
         """
-        from coastwatch.kernels.fusing import convex
+        from coastwatch.kernels.combining import convex
 
         groups = by_vessel(associations.vessel)
         out = unwritten(len(groups))

@@ -5,7 +5,7 @@ Compiled by numba; a matrix is a tuple (a00, a10, a11, a20, a21, a22, a30, a31, 
 
 from __future__ import annotations
 
-from coastwatch.kernels.compiling import part
+from coastwatch.kernels.compiling import lanes_part, part
 
 
 @part
@@ -39,7 +39,7 @@ def determinant(a):  # type: ignore[no-untyped-def]
     )
 
 
-@part
+@lanes_part
 def factor(a):  # type: ignore[no-untyped-def]
     """L and 1 / D of a positive definite L D L': l10, l20, l21, l30, l31, l32, then the four of 1 / D (Cholesky without roots)."""
     a00, a10, a11, a20, a21, a22, a30, a31, a32, a33 = a

@@ -18,20 +18,14 @@ from numba import njit
 
 from coastwatch.kernels.compiling import kernel, part
 from coastwatch.kernels.four import (
-    columns,
     determinant,
-    dot,
-    factor,
-    forward,
     inverse,
     less,
     lower,
     put,
-    squared,
     times,
     towards,
 )
-from coastwatch.kernels.grouping import longest
 from coastwatch.kernels.mid_latitude import difference, farther, offset
 from coastwatch.kernels.prefetch import fetch
 from coastwatch.kernels.tangent import DEGREE
@@ -99,7 +93,7 @@ def _doubted(a, share, report):  # type: ignore[no-untyped-def]
 
 
 @part
-def _read(tracks, n, sigma, doubt):  # type: ignore[no-untyped-def]
+def read(tracks, n, sigma, doubt):  # type: ignore[no-untyped-def]
     """What a track is weighed with."""
     a = known(tracks, n, sigma)
     if doubt[0] > 0.0 and doubt[1][n] < 0:
@@ -108,11 +102,11 @@ def _read(tracks, n, sigma, doubt):  # type: ignore[no-untyped-def]
 
 
 @part
-def _precise_first(tracks, sigma, doubt, row, begin, end, order, size):  # type: ignore[no-untyped-def]
+def precise_first(tracks, sigma, doubt, row, begin, end, order, size):  # type: ignore[no-untyped-def]
     """The rows of a vessel into `order`, the smallest determinant first, equal ones as they come; `size` is to work in."""
     for k in range(end - begin):
         n = row[begin + k]
-        now = determinant(_read(tracks, n, sigma, doubt))
+        now = determinant(read(tracks, n, sigma, doubt))
         at = k
         while at > 0 and size[at - 1] > now:
             order[at], size[at] = order[at - 1], size[at - 1]
@@ -146,50 +140,6 @@ def _write(place, speed, covariance, out, v):  # type: ignore[no-untyped-def]
     out[0][v, 0], out[0][v, 1] = place[0], place[1]
     out[1][v, 0], out[1][v, 1] = speed[0], speed[1]
     put(covariance, out[2], v)
-
-
-@part
-def _weighed(a, b, shift):  # type: ignore[no-untyped-def]
-    """Mean relative to the first and covariance of two estimates with independent errors: A - A (A + B)^-1 A."""
-    f = factor(towards(a, b, 1.0))
-    w0, w1, w2, w3 = columns(f, a)
-    u = forward(f, shift[0], shift[1], shift[2], shift[3])
-    mean = dot(f, w0, u), dot(f, w1, u), dot(f, w2, u), dot(f, w3, u)
-    return mean, less(a, squared(f, w0, w1, w2, w3))
-
-
-@njit(cache=True, nogil=True)
-def convex(low, high, start, row, tracks, sigma, doubt, out):  # type: ignore[no-untyped-def]
-    """Vessels low to high by convex combination, the most precise track first.
-
-    Args: doubt: share of a report's covariance that is added to a track without MMSI that is not alone, and mmsi (N,).
-    """
-    most = longest(low, high, start)
-    _convex(low, high, start, row, tracks, sigma, doubt, np.empty(most, np.int32), np.empty(most), out)
-
-
-@kernel
-def _convex(low, high, start, row, tracks, sigma, doubt, order, size, out):  # type: ignore[no-untyped-def]
-    """The same with room to work in, `order` and `size`."""
-    for v in range(low, high):
-        begin, end = start[v], start[v + 1]
-        ask(tracks, row, begin, end)
-        if doubt[0] > 0.0:
-            for k in range(begin + AHEAD, min(end + AHEAD, len(row))):
-                fetch(doubt[1], row[k])
-        if end - begin == 1:
-            alone(tracks, row[begin], sigma, out, v)
-            continue
-        _precise_first(tracks, sigma, doubt, row, begin, end, order, size)
-        n = order[0]
-        place, speed = _at(tracks[0][n, 0], tracks[0][n, 1]), (tracks[1][n, 0], tracks[1][n, 1])
-        covariance = _read(tracks, n, sigma, doubt)
-        for k in range(1, end - begin):
-            n = order[k]
-            other = _read(tracks, n, sigma, doubt)
-            mean, covariance = _weighed(covariance, other, _moved(tracks, n, place, speed))
-            place, speed = _onward(place, mean), (speed[0] + mean[2], speed[1] + mean[3])
-        _write(place, speed, covariance, out, v)
 
 
 @part
@@ -252,7 +202,7 @@ def _intersection(low, high, which, start, row, tracks, sigma, steps, order, siz
         if end - begin == 1:
             alone(tracks, row[begin], sigma, out, which[v])
             continue
-        _precise_first(tracks, sigma, doubt, row, begin, end, order, size)
+        precise_first(tracks, sigma, doubt, row, begin, end, order, size)
         n = order[0]
         place, speed = _at(tracks[0][n, 0], tracks[0][n, 1]), (tracks[1][n, 0], tracks[1][n, 1])
         covariance = known(tracks, n, sigma)

@@ -1,5 +1,7 @@
 """The kernels of the fused tracks against the same in numpy: any number of tracks a vessel, anywhere on Earth."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from fused_by_arrays import Filtered, average, convex, intersection
@@ -64,6 +66,25 @@ def test_convex(count, seed, registration):
     tracks, vessel = world(count, seed, alike=True)
     fused = stepped(Convex(registration=registration, unknown_velocity_sigma_m_s=SIGMA_M_S), tracks, vessel)
     same(fused, convex(tracks, tracks.known_covariance(SIGMA_M_S), vessel, registration))
+
+
+def test_convex_does_not_depend_on_who_is_beside_a_vessel():
+    tracks, vessel = world(200, 7, alike=True)
+    together = stepped(Convex(registration=0.2), tracks, vessel)
+    for v in range(200):
+        rows = np.flatnonzero(vessel == v)
+        alone = stepped(Convex(registration=0.2), tracks.take(rows), np.zeros(len(rows), np.int64))
+        for column in ("position_deg", "velocity_m_s", "covariance"):
+            assert getattr(alone, column)[0].tobytes() == getattr(together, column)[v].tobytes()
+
+
+@pytest.mark.parametrize("of_vessel", [2, 3])
+def test_convex_refuses_a_singular_sum(of_vessel):
+    tracks, _ = world(10, 8)
+    rows = np.arange(of_vessel)
+    nothing = dataclasses.replace(tracks.take(rows), covariance=np.zeros((of_vessel, 4, 4)))
+    with pytest.raises(ZeroDivisionError, match="singular"):
+        stepped(Convex(), nothing, np.zeros(of_vessel, np.int64))
 
 
 @settings(max_examples=30, deadline=None)
