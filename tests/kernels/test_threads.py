@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import threading
 import time
 
 import pytest
 
-from coastwatch.kernels.threads import blocks, in_blocks, threads
+from coastwatch.kernels.threads import NICE, WORST, blocks, in_blocks, threads
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 7])
@@ -67,3 +69,19 @@ def test_threads_end_with_the_block() -> None:
         assert threading.active_count() == before + 4
     assert threading.active_count() == before
     assert blocks(1000, 1) == [(0, 1000)]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="threads have a rank of their own on Linux alone")
+def test_helpers_give_way_and_the_caller_does_not() -> None:
+    ranks: dict[int, int] = {}
+    own = threading.get_native_id()
+
+    def kernel(low: int, high: int) -> None:
+        time.sleep(0.01)
+        ranks[threading.get_native_id()] = os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
+
+    with threads(2):
+        in_blocks(kernel, 40, least=1)
+    before = os.getpriority(os.PRIO_PROCESS, own)
+    assert ranks.pop(own) == before
+    assert list(ranks.values()) == [min(before + NICE, WORST)]
