@@ -89,7 +89,7 @@ class BearingWindowedCovariance(Method):
             "said": tracks.values,
             "path": vessels.values,
         }
-        parts = spread(accept_in_octants, self, arrays, by_octant(octants))
+        parts = spread(accept_in_octants, self, arrays, by_octant(octants, len(now)))
         row = np.concatenate([np.zeros(0, np.int64), *(part[0] for part in parts)])
         order = np.argsort(row, kind="stable")
         return row[order], np.concatenate([np.zeros(0), *(part[1] for part in parts)])[order]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from coastwatch.associations.pairing import without_empty
 from coastwatch.batches import BearingTracks, Bools, Floats, Ints, Octants, Picture, Sensors
 from coastwatch.geodesy import wrap_rad
 from coastwatch.stage import Groups
@@ -88,8 +89,7 @@ class Known:
         )  # where one sensor's tracks differ, the newest knows where it is
         site[tracks.source[newest_last] - sensors.sonar_source(0)] = tracks.site_deg[newest_last]
         within = inside(begin, row, picture.position_deg, site, sensors.sonars.range_m, *arcs(sensors))
-        groups = Groups(track, np.append(start[:1], start[1:][np.diff(start) > 0]))
-        return Known(np.repeat(np.arange(sonars), np.diff(begin)), row, begin, within, first, groups)
+        return Known(np.repeat(np.arange(sonars), np.diff(begin)), row, begin, within, first, without_empty(track, start))
 
     def inside_count(self, sonars: int) -> Ints:
         """How many vessels each sensor should hear. Returns: (K,)."""

@@ -17,13 +17,18 @@ def rows_of_spots(spots: Spots) -> Groups:
     return Groups(*joined(*by_key(spots.spot, count), -1 - spots.halo_row, halo))
 
 
-def by_octant(octants: Octants) -> Groups:
-    """A group an octant that has pairs: the bearing tracks in it."""
-    first = np.flatnonzero(np.diff(octants.bearing_row, prepend=-1))
-    order = np.argsort(octants.octant[first], kind="stable")
-    edge = np.flatnonzero(np.diff(octants.octant[first[order]])) + 1
-    ends = [len(order)] if len(order) else []
-    return Groups(octants.bearing_row[first[order]], np.concatenate([[0], edge, ends]).astype(np.int64))
+def by_octant(octants: Octants, tracks: int) -> Groups:
+    """A group an octant that has pairs: the bearing tracks in it. Args: tracks: N of them."""
+    from coastwatch.kernels.hearing import SECTORS, first_pairs
+    from coastwatch.kernels.hearing import by_octant as counted
+
+    sensors = int(octants.octant.max(initial=-1)) // SECTORS + 1
+    return without_empty(*counted(first_pairs(octants.bearing_row, tracks), octants.octant, sensors))
+
+
+def without_empty(row: Ints, start: Ints) -> Groups:
+    """Groups of rows of which some may have none. Args: row: (L,) of all groups; start: (K + 1,)."""
+    return Groups(row, np.append(start[:1], start[1:][np.diff(start) > 0]))
 
 
 def gated_pairs(arrays: Shared, rows: Ints, gate_m: float) -> tuple[Ints, Ints]:

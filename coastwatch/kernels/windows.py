@@ -45,7 +45,7 @@ from coastwatch.kernels.elementary import exponential, logarithm
 from coastwatch.kernels.rings import fetch, fetch_window
 
 AHEAD = 4  # pairs whose windows are asked for while one is laid out
-EVEN = 600.0  # log-likelihood ratio from which on `exponential` is not asked; what is beyond counts in full
+MOST_EXPONENT = 600.0  # of a likelihood ratio that is written out; what is beyond counts in full as a logarithm
 
 
 @lanes_part
@@ -147,7 +147,7 @@ def _accumulated(t, rule, lane):  # type: ignore[no-untyped-def]
     """
     limit, rest = rule.limit, 1.0 - rule.misled
     for k in range(LANES):
-        most = min(lane[STEP_COURSE, k], EVEN)
+        most = min(lane[STEP_COURSE, k], MOST_EXPONENT)
         mixture = rule.misled + rest * exponential(most) * lane[RATE_SHARE, k]
         ratio = lane[STEP_PLACE, k] + (lane[STEP_COURSE, k] - most) + logarithm(mixture * lane[SHARE, k])
         total = max(rule.memory * lane[TOTAL, k] + min(max(ratio, -limit), limit), -limit)
