@@ -5,10 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import KDTree
 
 from coastwatch.batches import Floats, Ints
 
@@ -43,6 +39,8 @@ def gospa(estimate_m: Floats, true_m: Floats, cutoff_m: float, order: float) -> 
 
 def _near(estimate_m: Floats, true_m: Floats, cutoff_m: float) -> tuple[Ints, Ints, Floats]:
     """Pairs that are nearer than the cutoff, and how far apart they are."""
+    from scipy.spatial import KDTree
+
     none = np.zeros(0, np.int64)
     if not len(estimate_m) or not len(true_m):
         return none, none, np.zeros(0)
@@ -53,6 +51,10 @@ def _near(estimate_m: Floats, true_m: Floats, cutoff_m: float) -> tuple[Ints, In
 
 def _assigned(first: Ints, second: Ints, cost: Floats, n: int, v: int, most: float) -> Floats:
     """Costs of the pairs of the assignment that saves most against `most` a pair."""
+    from scipy.optimize import linear_sum_assignment
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     graph = coo_array((np.ones(len(first)), (first, n + second)), shape=(n + v, n + v))
     _, label = connected_components(graph, directed=False)
     group = label[first]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from coastwatch.batches import Floats
 
@@ -24,6 +23,8 @@ def ospa(estimate_m: Floats, true_m: Floats, cutoff_m: float, order: float) -> O
     Args: estimate_m: (N, d); true_m: (V, d); cutoff_m: c; order: p >= 1.
     Source: D. Schuhmacher, B.-T. Vo, B.-N. Vo, A Consistent Metric for Performance Evaluation of Multi-Object Filters, 2008, eq. 3.
     """
+    from scipy.optimize import linear_sum_assignment
+
     most = max(len(estimate_m), len(true_m))
     if most == 0:
         return Ospa(0.0, 0.0, 0.0)

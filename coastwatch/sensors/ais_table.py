@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -12,11 +12,15 @@ from pydantic import Field
 from coastwatch.batches import AisReports, AisStatics, Bools, Fault, Floats, Ints, Recording, Sensors
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.sensors.ais_rows import NON_FINITE, AisIntake, AisRows, StaticRows, accept
-from coastwatch.sensors.cells import BAD_CELL, EMPTY_CELL, Table, read_table
 from coastwatch.sensors.faults import Tally
 from coastwatch.sensors.places import Fingerprint, fingerprint
 from coastwatch.sensors.recording import ais_recording, by_arrival, span_of
 from coastwatch.stage import Method, Plan, Settings
+
+if TYPE_CHECKING:
+    from coastwatch.sensors.cells import Table
+
+EMPTY_CELL, BAD_CELL = "empty cell", "unparsable cell"
 
 SPEED_KN = {"kn": 1.0, "m/s": 1.0 / KNOT_M_S, "km/h": 1.0 / 1.852}
 
@@ -110,6 +114,8 @@ def _read(settings: AisTable, files: Fingerprint) -> tuple[AisReports, AisStatic
 
 
 def _one_file(settings: AisTable, path: Path, tally: Tally) -> tuple[AisReports, AisStatics]:
+    from coastwatch.sensors.cells import read_table
+
     table = read_table(path, settings.separator, tally)
     column = {
         key: (table.need if key in REQUIRED else table.find)(getattr(settings.columns, key), names)

@@ -17,8 +17,6 @@ from coastwatch.sensors.wire_time import MICROSECONDS_FROM, MILLISECONDS_FROM, N
 HALF_A_LINE = "half a line"
 RAGGED = "line with too many cells"
 QUOTE = "quotation without end"
-EMPTY_CELL = "empty cell"
-BAD_CELL = "unparsable cell"
 CUT_FILE = "file cut short"
 
 GZIP_MAGIC = b"\x1f\x8b"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 import numpy as np
 from pydantic import AwareDatetime, Field, model_validator
@@ -23,14 +23,16 @@ from coastwatch.batches import (
 )
 from coastwatch.geodesy import NAUTICAL_MILE_M, to_plane
 from coastwatch.sensors.ais_rows import HIGHEST_LATITUDE, LATITUDE, LONGITUDE, AisIntake
-from coastwatch.sensors.ais_table import AisColumns, AisTable, good_cells
+from coastwatch.sensors.ais_table import EMPTY_CELL, AisColumns, AisTable, good_cells
 from coastwatch.sensors.arrival import arrive
-from coastwatch.sensors.cells import EMPTY_CELL, Table, read_table
 from coastwatch.sensors.faults import Tally
 from coastwatch.sensors.nmea import Nmea, span_heard
 from coastwatch.sensors.places import fingerprint
 from coastwatch.sensors.recording import by_arrival, recording
 from coastwatch.stage import Method, Plan, Settings
+
+if TYPE_CHECKING:
+    from coastwatch.sensors.cells import Table
 
 UNKNOWN_RADAR, UNKNOWN_SONAR = "unknown radar", "unknown sonar"
 RANGE = "range out of range"
@@ -135,6 +137,8 @@ class Tables(Method):
 
         Raises: ValueError where no record can be used.
         """
+        from coastwatch.sensors.cells import read_table
+
         tally = Tally()
         received: list[Floats] = []
         for files, times in ((self.plots, self.plot_columns), (self.bearings, self.bearing_columns)):
@@ -188,6 +192,8 @@ def _arrived(table: Table, stamp: Floats, intake: AisIntake, tally: Tally) -> tu
 
 
 def _plots(settings: Tables, path: Path, radars: Radars, tally: Tally) -> RadarReports:
+    from coastwatch.sensors.cells import read_table
+
     table = read_table(path, settings.separator, tally)
     column = {key: table.find(getattr(settings.plot_columns, key), names) for key, names in PLOTS.items()}
     polar = (column["range_m"] or column["range_nm"]) is not None and column["azimuth"] is not None
@@ -234,6 +240,8 @@ def _plot_faults(values: dict[str, Floats], range_m: Floats, azimuth_deg: Floats
 
 
 def _bearings(settings: Tables, path: Path, sonars: Sonars, tally: Tally) -> BearingReports:
+    from coastwatch.sensors.cells import read_table
+
     table = read_table(path, settings.separator, tally)
     column = {key: table.find(getattr(settings.bearing_columns, key), names) for key, names in BEARINGS.items()}
     for key in ("time", "bearing"):
