@@ -5,7 +5,6 @@ python -m scaling.load.cycle --tracks N --cycles C [--workers W] [--store URL|no
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Sequence
 from statistics import median
@@ -13,10 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from coastwatch.operators.cli.arguments import count
 from coastwatch.operators.cli.progress import shown
 from coastwatch.scores.confusion import Confusion
 from coastwatch.server.machine import date_utc, machine
-from scaling.load.running import Load, Measured, measured
+from scaling.load.command import arguments, one_sentence, settings_of
+from scaling.load.running import Load, Measured, measured, said
 
 PERIOD_S = 3.0
 MIB = 2.0**20
@@ -29,7 +30,7 @@ def run(load: Load) -> list[Measured]:
         say(0, every, "laying the world")
         for cycle in measured(load):
             out.append(cycle)
-            say(len(out), every, f"{cycle.tracks} tracks, {1e3 * cycle.taken.compute_s:.0f} ms")
+            say(len(out), every, f"{cycle.tracks} tracks, {1e3 * cycle.taken.compute_s:.0f} ms{said(cycle.taken)}")
     return out
 
 
@@ -99,33 +100,18 @@ def _times(name: str, t: dict[str, float]) -> str:
     return f"  {name:<22} median {1e3 * t['median']:9.2f} ms   p99 {1e3 * t['p99']:9.2f} ms   least {1e3 * t['least']:9.2f} ms"
 
 
-def arguments(description: str | None) -> argparse.ArgumentParser:
-    """What every command of the load takes."""
-    parser = argparse.ArgumentParser(description=description)
-    parser.add_argument("--warmup", type=int, default=20, help="cycles that do not count: windows must fill")
-    parser.add_argument("--workers", type=int, default=0, help="processors; 0: all")
-    parser.add_argument("--store", default="none", metavar="URL", help="SQLAlchemy URL of a database, or none")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="a setting of the scenario")
-    parser.add_argument("--json", action="store_true")
-    return parser
-
-
-def settings_of(asked: argparse.Namespace) -> dict[str, str]:
-    return dict(item.split("=", 1) for item in asked.set)
-
-
 def main() -> None:
     parser = arguments(__doc__)
-    parser.add_argument("--tracks", type=int, default=10_000)
-    parser.add_argument("--cycles", type=int, default=20)
+    parser.add_argument("--tracks", type=count, default=10_000)
+    parser.add_argument("--cycles", type=count, default=20)
     parser.add_argument(
         "--no-score", action="store_true", help="time and memory alone: counting decisions takes memory of its own"
     )
     asked = parser.parse_args()
     score, settings = not asked.no_score, settings_of(asked)
     load = Load(asked.tracks, asked.cycles, asked.warmup, asked.workers, asked.store, asked.seed, settings, score)
-    figures = report(load, run(load))
+    with one_sentence():
+        figures = report(load, run(load))
     print(json.dumps(figures) if asked.json else text(figures))
 
 

@@ -39,7 +39,7 @@ class Keeper:
         finally:
             self._store.close()
 
-    def write(self, number: int, cycle: Cycle, statics: AisStatics, seconds: Mapping[str, float]) -> int:
-        """One cycle; how many rows came into the database. Args: seconds: of each of its stages."""
+    def write(self, number: int, cycle: Cycle, statics: AisStatics, seconds: Mapping[str, float]) -> store.Written:
+        """One cycle; what the store says of it. Args: seconds: of each of its stages."""
         reports = Reports(RadarReports.empty(), AisReports.empty(), statics, BearingReports.empty())
-        return store.write_cycle(self._store, self._run_id, number, cycle, reports, seconds, self._scenario.store).rows
+        return store.write_cycle(self._store, self._run_id, number, cycle, reports, seconds, self._scenario.store)

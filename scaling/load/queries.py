@@ -11,11 +11,12 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -194,10 +195,15 @@ def _build(asked: argparse.Namespace) -> None:
     growing = asked.database.with_name(asked.database.name + ".part")
     _delete(growing)
     begun, used = time.perf_counter(), time.process_time()
-    say = lambda said: print(f"# {time.perf_counter() - begun:4.0f} s: {said}", flush=True)  # noqa: E731
+    say = lambda said: print(f"# {time.perf_counter() - begun:4.0f} s: {said}", file=comments(asked), flush=True)  # noqa: E731
     fill(f"sqlite:///{growing}", int(asked.points), asked.vessels, asked.seed, say)
     growing.rename(asked.database)
     say(f"filled, {time.process_time() - used:.0f} s of the processor, {asked.database.stat().st_size / 1e9:.2f} GB")
+
+
+def comments(asked: argparse.Namespace) -> TextIO:
+    """Where to say what is not an answer: standard output is JSON alone where that is asked for."""
+    return sys.stderr if asked.json else sys.stdout
 
 
 def _delete(database: Path) -> None:
@@ -208,7 +214,13 @@ def _delete(database: Path) -> None:
 def _report(url: str, asked: argparse.Namespace) -> None:
     with store.open_store(url, create=False) as kept:
         of = look(kept)
-    print(f"# {os.cpu_count()} processors, load {os.getloadavg()[0]:.2f}; {of.cycles} cycles, {len(of.vessel_id)} vessels now")
+    if of.to_s - of.from_s <= EARLY_S + WINDOW_S:
+        least = f"needed more than {EARLY_S + WINDOW_S:g} s: more --points, or fewer --vessels"
+        raise SystemExit(f"error: {asked.database}: got {of.to_s - of.from_s:g} s of history, {least}")
+    print(
+        f"# {os.cpu_count()} processors, load {os.getloadavg()[0]:.2f}; {of.cycles} cycles, {len(of.vessel_id)} vessels now",
+        file=comments(asked),
+    )
     every = questions(of, np.random.default_rng([asked.seed, 72]))
     wanted = {name: ask for name, ask in every.items() if asked.only in name}
     _remember(asked.database)

@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from coastwatch.operators.cli.arguments import count
 from coastwatch.operators.cli.progress import shown
-from scaling.load.cycle import arguments
+from scaling.load.command import arguments, one_sentence
 
 FIT_FROM = 10_000  # below, what does not depend on the number of tracks is most of it
 COSTS = ("compute_s", "compute_cpu_s")
@@ -28,9 +29,11 @@ def sizes(first: int, last: int, a_decade: int) -> list[int]:
 
 
 def figures_of(tracks: int, passed: Sequence[str]) -> dict[str, Any]:
-    """What `scaling.load.cycle` says of this size. Args: passed: further arguments of it."""
+    """What `scaling.load.cycle` says of this size; where it ends with an error, so does this process. Args: passed: further arguments."""
     command = [sys.executable, "-m", "scaling.load.cycle", "--tracks", str(tracks), "--json", *passed]
-    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
+    if done.returncode:
+        raise SystemExit(done.returncode)  # it has said why
     return dict(json.loads(done.stdout))
 
 
@@ -79,18 +82,18 @@ def _number(power: float | None) -> str:
 
 def main() -> None:
     parser = arguments(__doc__)
-    parser.add_argument("--from", type=int, default=1000, dest="first", metavar="TRACKS")
-    parser.add_argument("--to", type=int, default=1_000_000, dest="last", metavar="TRACKS")
-    parser.add_argument("--a-decade", type=int, default=2, help="sizes a decade")
-    parser.add_argument("--cycles", type=int, default=20)
+    parser.add_argument("--from", type=count, default=1000, dest="first", metavar="TRACKS")
+    parser.add_argument("--to", type=count, default=1_000_000, dest="last", metavar="TRACKS")
+    parser.add_argument("--a-decade", type=count, default=2, help="sizes a decade")
+    parser.add_argument("--cycles", type=count, default=20)
     asked = parser.parse_args()
-    if not 0 < asked.first < asked.last:
-        parser.error(f"--from, --to: got {asked.first} and {asked.last}, needed the first above 0 and below the last")
+    if asked.first >= asked.last:
+        parser.error(f"--from, --to: got {asked.first} and {asked.last}, needed the first below the last")
     names = ("cycles", "warmup", "workers", "store", "seed")
     passed = [part for name in names for part in (f"--{name}", str(getattr(asked, name)))]
-    passed += [part for item in asked.set for part in ("--set", item)]
+    passed += [part for key, value in asked.set for part in ("--set", f"{key}={value}")]
     wanted, every = sizes(asked.first, asked.last, asked.a_decade), []
-    with shown("size") as say:
+    with one_sentence(), shown("size") as say:
         for k, tracks in enumerate(wanted):
             say(k, len(wanted), f"{tracks} tracks")
             every.append(figures_of(tracks, passed))

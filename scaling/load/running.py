@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 
-from coastwatch import pipeline
+from coastwatch import pipeline, store
 from coastwatch.batches import Ints, Sensors
 from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario
@@ -49,12 +49,18 @@ class Taken:
     compute_cpu_s: float  # of all processes, all stages but the store
     generator_s: float  # to make what was received, not part of the cycle
     rows_written: int
+    complaint: str | None  # of the store, what an operator should see to
     memory_bytes: int
     peak_memory_bytes: int
 
     @property
     def compute_s(self) -> float:
         return sum(s for stage, s in self.seconds.items() if stage not in STORING)
+
+
+def said(taken: Taken) -> str:
+    """What the store complains of, to be put after other words; nothing where all is well."""
+    return f"; {taken.complaint}" if taken.complaint else ""
 
 
 @dataclass(frozen=True)
@@ -83,7 +89,7 @@ def measured(load: Load) -> Iterator[Measured]:
     with ExitStack() as open_:
         spread = open_.enter_context(spread_over(scenario.workers.method, load.workers))
         keeper = open_.enter_context(_keeper(load, world, scenario, sensors))
-        writer = open_.enter_context(Writer[int](watch, scenario.store.overlap))
+        writer = open_.enter_context(Writer[store.Written](watch, scenario.store.overlap))
         job = None
         for number in range(last):
             begun = time.perf_counter()
@@ -93,10 +99,10 @@ def measured(load: Load) -> Iterator[Measured]:
                 writer.start(job)
             memory, cycle = pipeline.fuse(scenario, sensors, memory, received, world.time_s(number), spread, watch)
             cpu_s = processor_s() - cpu_s
-            rows = writer.wait() or 0
+            written = writer.wait() or store.Written(0, None)
             all_s = time.perf_counter() - begun
             seconds = {**watch.so_far(), **watch.lap()}
-            taken = Taken(seconds, all_s, cpu_s, generator_s, rows, *memory_bytes())
+            taken = Taken(seconds, all_s, cpu_s, generator_s, *written, *memory_bytes())
             yield _measured(load, world, scenario.associations.gate_m, sensors.source_kinds, number, cycle, taken)
             job = partial(keeper.write, number, cycle, received.statics, seconds) if keeper else None
             del received, cycle  # or the next would be made beside them

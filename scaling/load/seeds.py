@@ -59,7 +59,8 @@ def main() -> None:
     first, last = (int(s) for s in asked.seeds.split("-"))
     overrides = dict(item.split("=", 1) for item in asked.set)
     scores = [scores_of(asked.scenario, overrides, seed) for seed in range(first, last + 1)]
-    print(f"# {asked.scenario}, seeds {asked.seeds}{''.join(f', {item}' for item in asked.set)}")
+    if not asked.json:
+        print(f"# {asked.scenario}, seeds {asked.seeds}{''.join(f', {item}' for item in asked.set)}")
     print(json.dumps(scores) if asked.json else "\n".join(table(scores)))
 
 

@@ -19,11 +19,13 @@ from typing import Any
 import numpy as np
 from sqlalchemy import make_url
 
+from coastwatch.operators.cli.arguments import count
 from coastwatch.operators.cli.progress import shown
 from coastwatch.server.machine import date_utc, machine
 from coastwatch.server.writer import STAGE
-from scaling.load.cycle import MIB, PERIOD_S, arguments, settings_of
-from scaling.load.running import Load, Measured, measured
+from scaling.load.command import arguments, one_sentence, settings_of
+from scaling.load.cycle import MIB, PERIOD_S
+from scaling.load.running import Load, Measured, measured, said
 
 CYCLES_A_MINUTE = 20
 SETTLED_MIN = 6  # windows of five minutes are full, and one more
@@ -58,14 +60,14 @@ def slope(values: Sequence[float]) -> dict[str, Any]:
 
     None of fewer than three values.
     """
-    count, mean = len(values), float(np.mean(values))
-    if count < 3:
+    number, mean = len(values), float(np.mean(values))
+    if number < 3:
         return {"a_minute": None, "error": None, "flat": None}
-    x = np.arange(count) - 0.5 * (count - 1)
+    x = np.arange(number) - 0.5 * (number - 1)
     growth = float(x @ np.array(values) / (x @ x))
     left = np.array(values) - mean - growth * x
-    error = float(np.sqrt(left @ left / (count - 2) / (x @ x)))
-    return {"a_minute": growth, "error": error, "flat": bool(abs(growth) <= max(2.0 * error, 0.01 * abs(mean) / count))}
+    error = float(np.sqrt(left @ left / (number - 2) / (x @ x)))
+    return {"a_minute": growth, "error": error, "flat": bool(abs(growth) <= max(2.0 * error, 0.01 * abs(mean) / number))}
 
 
 def soak(load: Load, paced: bool) -> tuple[list[dict[str, float]], dict[str, float]]:
@@ -86,7 +88,7 @@ def soak(load: Load, paced: bool) -> tuple[list[dict[str, float]], dict[str, flo
             if len(cycles) == CYCLES_A_MINUTE:
                 minutes.append(minute_of(cycles, wal))
                 cycles, wal = [], []
-                say(len(minutes), load.cycles // CYCLES_A_MINUTE, f"{minutes[-1]['memory_mib']:.0f} MiB")
+                say(len(minutes), load.cycles // CYCLES_A_MINUTE, f"{minutes[-1]['memory_mib']:.0f} MiB{said(cycle.taken)}")
             if paced:
                 time.sleep(max(begun + (cycle.number + 1) * PERIOD_S - time.monotonic(), 0.0))
     return minutes, told
@@ -115,12 +117,13 @@ def text(figures: dict[str, Any]) -> str:
 
 def main() -> None:
     parser = arguments(__doc__)
-    parser.add_argument("--tracks", type=int, default=100_000)
-    parser.add_argument("--minutes", type=int, default=20, help="of the picture: 20 cycles each")
+    parser.add_argument("--tracks", type=count, default=100_000)
+    parser.add_argument("--minutes", type=count, default=20, help="of the picture: 20 cycles each")
     parser.add_argument("--paced", action="store_true", help="a cycle every 3 s; else one after the other")
     asked = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        url = f"sqlite:///{Path(folder) / 'soak.db'}" if asked.store == "none" else asked.store
+    with one_sentence(), tempfile.TemporaryDirectory() as folder:
+        kept = str(Path(folder) / "soak.db") if asked.store == "none" else asked.store
+        url = kept if "://" in kept else f"sqlite:///{kept}"
         cycles, settings = asked.minutes * CYCLES_A_MINUTE, settings_of(asked)
         load = Load(asked.tracks, cycles, 0, asked.workers, url, asked.seed, settings, score=False)
         minutes, told = soak(load, asked.paced)

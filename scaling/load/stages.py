@@ -44,7 +44,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--json", action="store_true")
     asked = parser.parse_args()
-    print(f"# {os.cpu_count()} processors, load {os.getloadavg()[0]:.2f}")
+    if not asked.json:
+        print(f"# {os.cpu_count()} processors, load {os.getloadavg()[0]:.2f}")
     for name in asked.scenario:
         result = measure(name, asked.seed, asked.workers)
         print(json.dumps({name: result.timings_s}) if asked.json else table(name, result, load_scenario(name).period_s))

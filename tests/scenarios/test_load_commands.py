@@ -1,0 +1,113 @@
+"""How the commands of scaling/load end where something is wrong, and that JSON is all of their standard output where it is asked for."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+
+import pytest
+
+from coastwatch.store import write_ahead
+from scaling.load import cycle, queries, ramp, running, seeds, soak, stages
+from scaling.load.running import Load, measured
+
+
+def ended(
+    command: Callable[[], None], words: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> tuple[object, str]:
+    """Exit code and last line of a command that does not come to its end, which says nothing on standard output."""
+    monkeypatch.setattr(sys, "argv", ["command", *words.split()])
+    with pytest.raises(SystemExit) as end:
+        command()
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert "Traceback" not in err
+    return end.value.code, err.splitlines()[-1]
+
+
+@pytest.mark.parametrize(
+    ("command", "words", "said"),
+    [
+        (cycle.main, "--tracks 0", "--tracks: got '0', needed 1 or more"),
+        (cycle.main, "--tracks -5", "--tracks: got '-5', needed a whole number"),
+        (cycle.main, "--cycles 0", "--cycles: got '0', needed 1 or more"),
+        (cycle.main, "--warmup -1", "--warmup: got '-1', needed a whole number"),
+        (cycle.main, "--workers -1", "--workers: got '-1', needed a whole number"),
+        (cycle.main, "--set period_s", "--set: got 'period_s', needed KEY=VALUE"),
+        (soak.main, "--minutes 0", "--minutes: got '0', needed 1 or more"),
+        (ramp.main, "--from 10 --to 10", "got 10 and 10, needed the first below the last"),
+        (ramp.main, "--from 0", "--from: got '0', needed 1 or more"),
+    ],
+)
+def test_an_option_that_cannot_be_is_refused(
+    command: Callable[[], None], words: str, said: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    code, line = ended(command, words, monkeypatch, capfd)
+    assert code == 2
+    assert said in line
+
+
+@pytest.mark.parametrize(
+    ("command", "words", "said"),
+    [
+        (cycle.main, "--tracks 50 --store /nowhere/x.db", "error: /nowhere/x.db: there is no folder /nowhere"),
+        (cycle.main, "--tracks 50 --set colour=red", "error: national: colour: Extra inputs are not permitted"),
+        (soak.main, "--tracks 50 --store /nowhere/x.db", "error: /nowhere/x.db: there is no folder /nowhere"),
+        (ramp.main, "--from 50 --to 60 --store /nowhere/x.db", "error: /nowhere/x.db: there is no folder /nowhere"),
+    ],
+)
+def test_a_database_or_setting_that_is_refused_is_one_sentence(
+    command: Callable[[], None], words: str, said: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    code, line = ended(command, words, monkeypatch, capfd)
+    assert code == 1
+    assert line.startswith(said)
+
+
+def test_a_history_too_short_to_ask_about_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "argv", f"queries --points 500 --vessels 100 --database {tmp_path / 'q.db'} --json".split())
+    with pytest.raises(SystemExit, match="s of history, needed more than 720 s"):
+        queries.main()
+
+
+@pytest.mark.parametrize("command", [cycle, soak])
+def test_an_interrupt_ends_with_a_word(
+    command: ModuleType, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(load: Load) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(command, "measured", interrupted)
+    assert ended(command.main, "--tracks 50", monkeypatch, capfd) == (130, "interrupted")
+
+
+def test_a_reader_that_holds_the_log_is_said_in_the_progress(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(write_ahead, "LEAST_BYTES", 1 << 17)
+    monkeypatch.setattr(write_ahead, "VESSEL_BYTES", 1)
+    path = tmp_path / "load.db"
+    complaints = []
+    for one in measured(Load(300, 12, 0, store=f"sqlite:///{path}", score=False)):
+        if one.number == 2:
+            reader = sqlite3.connect(path, isolation_level=None)
+            reader.execute("BEGIN")
+            reader.execute("SELECT count(*) FROM cycle").fetchone()
+        complaints.append(running.said(one.taken))
+    reader.close()
+    assert complaints[0] == ""
+    assert "another process reads in one transaction and does not end it" in complaints[-1]
+
+
+def test_json_is_all_there_is_on_standard_output(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(stages, "measure", lambda *asked: SimpleNamespace(timings_s={"spots": {"median": 0.001}}))
+    monkeypatch.setattr(seeds, "scores_of", lambda *asked: {"associations": {"f1": 1.0}})
+    asked = f"--points 6000 --vessels 150 --database {tmp_path / 'q.db'} --ask 3 --only box --warm --json"
+    for command, words in ((queries, asked), (stages, "guanabara --json"), (seeds, "guanabara --seeds 1-1 --json")):
+        monkeypatch.setattr(sys, "argv", ["command", *words.split()])
+        command.main()
+        assert json.loads(capsys.readouterr().out)
