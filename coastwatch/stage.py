@@ -49,11 +49,9 @@ class Groups(Struct):
 
     def take(self, groups: Sequence[int] | Ints) -> Groups:
         """These groups, in this order."""
-        chosen = np.asarray(groups, np.int64)
-        size = np.diff(self.start)[chosen]
-        start = np.concatenate([np.zeros(1, np.int64), np.cumsum(size)])
-        at = np.arange(start[-1]) + np.repeat(self.start[chosen] - start[:-1], size)
-        return Groups(self.row[at], start)
+        from coastwatch.kernels.sorting import chosen
+
+        return Groups(*chosen(self.row, self.start, np.asarray(groups, np.int64)))
 
 
 Shared = Mapping[str, Any]

@@ -111,23 +111,23 @@ class WindowedCovariance(Method):
 
 def score_spots(settings: WindowedCovariance, arrays: Shared, spots: Groups) -> tuple[Array, ...]:
     """Pairs that these spots own and that pass: rows of the first and second track, score; and how many pairs were tested."""
-    from coastwatch.kernels.groups import parted
+    from coastwatch.kernels.groups import gathered, greatest, parted
     from coastwatch.kernels.pairs import fill_halo
     from coastwatch.kernels.rings import addresses
     from coastwatch.kernels.threads import in_blocks
 
     seen = {name: _read_only(arrays[name]) for name in ("key", "point", "row", "rank", "chain", "length", "record", "outline")}
-    home = np.full(len(seen["row"]), -1, np.int32)
-    members, halo_home, halo_row = parted(_read_only(spots.row), _read_only(spots.start), seen["rank"], home)
-    track, near = np.arange(len(home), dtype=np.int32), (seen["key"], seen["point"], home)
-    if members < len(home):
-        here = home >= 0
-        here[seen["rank"][halo_row]] = True
-        track = np.flatnonzero(here).astype(np.int32)
-        near = _read_only(seen["key"][track]), _read_only(seen["point"][track]), home[track]
+    members, low, home, halo_home, halo_row = parted(_read_only(spots.row), _read_only(spots.start), seen["rank"])
+    if members < len(seen["row"]):
+        most = min(members + len(halo_row), len(home))
+        key, point, home, track, top = gathered(low, home, most, seen["key"], seen["point"])
+        near = _read_only(key), _read_only(point), home
+    else:
+        near, track = (seen["key"], seen["point"], home), np.arange(len(home), dtype=np.int32)
+        top = greatest(seen["point"], 3)
     halo = np.full(1 << (2 * len(halo_row)).bit_length(), -1, np.int64)
     fill_halo(halo_home, halo_row, halo)
-    places = near, track, seen["row"], halo, float(near[1][:, 3].max(initial=0.0))
+    places = near, track, seen["row"], halo, top
     windows = addresses(arrays["ring"]), seen["chain"], seen["length"], seen["record"], seen["outline"]
     found = in_blocks(_score_block, len(track), settings.rule(), *places, windows, least=LEAST_TRACKS)
     return tuple(np.concatenate(column) for column in zip(*found, strict=True))

@@ -5,30 +5,63 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+NOWHERE, NEAR = -1, -2  # the group of a row that is in none, and of one that is only in halos
+
 
 @njit(cache=True, nogil=True)
-def parted(row, start, rank, home):  # type: ignore[no-untyped-def]
-    """The group of every member into `home`, by its rank, and who is in whose halo.
+def parted(row, start, rank):  # type: ignore[no-untyped-def]
+    """The group of every member, and who is in whose halo.
 
-    Args: row: (L,) of all groups, members as they are, halo as -1 - row; start: (K + 1,) of each group; rank: (N,) of every row;
-        home: (N,), -1 where a row is no member.
-    Returns: how many members; groups and rows of the halo, (H,).
+    Args: row: (L,) of all groups, members as they are, halo as -1 - row; start: (K + 1,) of each group; rank: (N,) of every row.
+    Returns: how many members; the lowest rank that there is; (R,) group of that and those after it up to the highest: NOWHERE, or NEAR of
+    one in halos alone; groups and rows of the halo, (H,).
     """
-    halo = 0
-    for k in range(len(start) - 1):
-        for at in range(start[k], start[k + 1]):
-            if row[at] >= 0:
-                home[rank[row[at]]] = k
-            else:
-                halo += 1
+    low, high, halo = len(rank), -1, 0
+    for at in range(len(row)):
+        here = rank[row[at] if row[at] >= 0 else -1 - row[at]]
+        low, high, halo = min(low, here), max(high, here), halo + (row[at] < 0)
+    home = np.full(max(high - low + 1, 0), NOWHERE, np.int32)
     halo_group, halo_row = np.empty(halo, np.int32), np.empty(halo, np.int64)
     halo = 0
     for k in range(len(start) - 1):
         for at in range(start[k], start[k + 1]):
-            if row[at] < 0:
-                halo_group[halo], halo_row[halo] = k, -1 - row[at]
-                halo += 1
-    return len(row) - halo, halo_group, halo_row
+            if row[at] >= 0:
+                home[rank[row[at]] - low] = k
+                continue
+            halo_group[halo], halo_row[halo] = k, -1 - row[at]
+            halo += 1
+            place = rank[-1 - row[at]] - low
+            if home[place] == NOWHERE:
+                home[place] = NEAR
+    return len(row) - halo, low, home, halo_group, halo_row
+
+
+@njit(cache=True, nogil=True)
+def gathered(low, home, most, key, point):  # type: ignore[no-untyped-def]
+    """Those that are somewhere, in order of rank. Args: low, home: of `parted`; most: that there may be; key: (N,); point: (N, 4), by rank.
+
+    Returns: keys, points, groups and ranks of L of them, (L,) but for points (L, 4); the greatest last number of a point, at least 0.
+    """
+    keys, points = np.empty(most, np.int64), np.empty((most, 4))
+    homes, track = np.empty(most, np.int32), np.empty(most, np.int32)
+    count, top = 0, 0.0
+    for place in range(len(home)):
+        if home[place] != NOWHERE:
+            keys[count], homes[count], track[count] = key[low + place], home[place], low + place
+            for k in range(4):
+                points[count, k] = point[low + place, k]
+            top = max(top, points[count, 3])
+            count += 1
+    return keys[:count], points[:count], homes[:count], track[:count], top
+
+
+@njit(cache=True, nogil=True)
+def greatest(point, column):  # type: ignore[no-untyped-def]
+    """Of a column, at least 0."""
+    most = 0.0
+    for n in range(len(point)):
+        most = max(most, point[n, column])
+    return most
 
 
 @njit(cache=True)

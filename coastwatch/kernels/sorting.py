@@ -72,6 +72,16 @@ def runs_by_key(key: Ints, size: Ints, value: Ints, count: int) -> tuple[Ints, I
     return np.repeat(key[order], size[order]), out
 
 
+def chosen(row: Ints, start: Ints, groups: Ints) -> tuple[Ints, Ints]:
+    """The rows of these groups, one after the other. Args: row: (L,); start: (K + 1,) of each group. Returns: rows, starts."""
+    size = np.diff(start)
+    end = np.zeros(len(groups) + 1, np.int64)
+    np.cumsum(size[groups], out=end[1:])
+    out = np.empty(end[-1], np.int64)
+    _copy_runs(0, len(groups), groups, start[:-1], size, end[1:], row, out)
+    return out, end
+
+
 @njit(cache=True, nogil=True)
 def _join(low, high, first, first_start, second, second_start, out):  # type: ignore[no-untyped-def]
     for k in range(low, high):

@@ -39,6 +39,7 @@ class Ground:
     """Blocks to lay arrays in; those that fall free are used again."""
 
     def __init__(self) -> None:
+        self._names: set[str] = set()
         self._free: list[SharedMemory] = []
         self._made: dict[int, SharedMemory] = {}  # by the address where their memory begins
         self._closed = False
@@ -69,8 +70,16 @@ class Ground:
             if block.size >= size:
                 return self._free.pop(at)
         if self._free:
+            self._names.discard(self._free[0].name)
             give_back(self._free.pop(0))
-        return new_block(size)
+        made = new_block(size)
+        self._names.add(made.name)
+        return made
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of all blocks that there are, whether anything lies in them now or not."""
+        return tuple(self._names)
 
     def free(self, blocks: Iterable[SharedMemory]) -> None:
         """Nobody looks at these blocks any more."""
@@ -177,8 +186,7 @@ class Attached:
             self._open.pop(name).close()
 
     def arrays(self, places: Places) -> dict[str, Any]:
-        """The arrays at these places, read-only; other blocks are let go."""
-        self.keep(p.block for value in places.values() for p in ((value,) if isinstance(value, Place) else value))
+        """The arrays at these places, read-only."""
         return {
             name: self._seen(value) if isinstance(value, Place) else tuple(map(self._seen, value))
             for name, value in places.items()

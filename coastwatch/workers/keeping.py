@@ -7,10 +7,10 @@ import pickle
 import time
 from collections import defaultdict
 
-from coastwatch.batches import Array
+from coastwatch.batches import Array, Ints
 from coastwatch.workers.blocks import Attached
 from coastwatch.workers.freed import keep_freed_memory
-from coastwatch.workers.serving import Task, carried_out
+from coastwatch.workers.serving import Call, carried_out, open_call
 from coastwatch.workers.windows import Holder, Sent
 
 
@@ -25,7 +25,7 @@ class Keeper:
     def __init__(self) -> None:
         keep_freed_memory()
         self._holders: dict[str, Holder] = defaultdict(Holder)
-        self._attached: dict[str, Attached] = defaultdict(lambda: Attached(related=False))
+        self._attached = Attached(related=False)
 
     def joined(self) -> tuple[str, str]:
         """The node that it is on, and the version of the program there."""
@@ -40,6 +40,6 @@ class Keeper:
         found = self._holders[kind].work(work, settings, sent)
         return time.process_time() - begun, found
 
-    def read(self, task: Task) -> tuple[float, tuple[Array, ...]]:
+    def read(self, call: Call, groups: Ints) -> tuple[float, tuple[Array, ...]]:
         """The same for groups whose arrays lie in the memory of this machine."""
-        return carried_out(task, self._attached[task.kind])
+        return carried_out(open_call(call, self._attached), groups)

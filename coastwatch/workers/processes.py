@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from coastwatch.batches import Array
+from coastwatch.batches import Array, Ints
 from coastwatch.stage import Groups, Shared, Work, in_turn
 from coastwatch.workers.blocks import ALIGNMENT, Blocks, Ground, give_back, new_block, taken
 from coastwatch.workers.costs import Costs, along, chunks
-from coastwatch.workers.serving import ROW, START, Done, Task, serve
+from coastwatch.workers.serving import ROW, START, Call, Chunk, Done, serve
 
 CHUNKS_A_WORKER = 2
 PRELOADED = ["coastwatch.associations", "coastwatch.kernels.windows"]
@@ -27,15 +27,17 @@ class _Hand:
 
     process: Any
     pipe: connection.Connection
-    room: SharedMemory  # for its results
+    rooms: list[SharedMemory]  # for its results, one after the other: that of a chunk is read while it is at the next
     chunk: int = -1  # in hand
+    called: bool = False  # has what the chunks of this call have in common
     answered: bool = False
 
     def close(self) -> None:
         self.process.kill()
         self.process.join()
         self.pipe.close()
-        give_back(self.room)
+        for room in self.rooms:
+            give_back(room)
 
 
 class Processes:
@@ -82,8 +84,7 @@ class Processes:
         places = self._blocks[kind].publish({**arrays, ROW: spots.row, START: spots.start})
         expected = self._costs[kind].expected(spots)
         part, chunk = chunks(expected, self.count * CHUNKS_A_WORKER, along(arrays, spots))
-        what = pickle.dumps((work, settings))
-        done = self._over_hands([Task(what, kind, places, groups, "") for groups in chunk])
+        done = self._over_hands(Call(pickle.dumps((work, settings)), places, self._names()), chunk)
         found = [d.found if d else work(settings, arrays, spots.take(c)) for d, c in zip(done, chunk, strict=True)]
         for result in found:
             if isinstance(result, BaseException):
@@ -92,19 +93,24 @@ class Processes:
             self._costs[kind].learn(expected, part, np.array([d.seconds for d in done if d]))
         return found  # type: ignore[return-value]
 
-    def _over_hands(self, tasks: list[Task]) -> list[Done | None]:
-        """What came of each task; none of one whose process was lost."""
-        done: list[Done | None] = [None] * len(tasks)
-        waiting = iter(range(len(tasks)))
+    def _names(self) -> tuple[str, ...]:
+        return self._ground.names + tuple(room.name for hand in self._hands for room in hand.rooms)
+
+    def _over_hands(self, call: Call, chunks: list[Ints]) -> list[Done | None]:
+        """What came of each chunk; none of one whose process was lost."""
+        done: list[Done | None] = [None] * len(chunks)
+        told, waiting = pickle.dumps(call), iter(range(len(chunks)))
         for hand in self._hands:
-            _give(hand, tasks, next(waiting, -1))
+            hand.called = False
+            _give(hand, told, chunks, next(waiting, -1))
         while busy := {hand.pipe: hand for hand in self._hands if hand.chunk >= 0}:
             for pipe in connection.wait(list(busy)):
                 hand = busy[pipe]  # type: ignore[index]
-                done[hand.chunk] = _taken(hand)
-                free = hand if done[hand.chunk] else self._replaced(hand)
+                chunk, answer = hand.chunk, _answer(hand)
+                free = hand if answer else self._replaced(hand)
                 if free:
-                    _give(free, tasks, next(waiting, -1))
+                    _give(free, told, chunks, next(waiting, -1))
+                done[chunk] = answer and _taken(answer, hand)
         return done
 
     def _replaced(self, lost: _Hand) -> _Hand | None:
@@ -121,28 +127,38 @@ class Processes:
         process = self._context.Process(target=serve, args=(there,), daemon=True)
         process.start()
         there.close()
-        return _Hand(process, here, new_block(0))
+        return _Hand(process, here, [new_block(0), new_block(0)])
 
 
-def _give(hand: _Hand, tasks: list[Task], chunk: int) -> None:
+def _give(hand: _Hand, told: bytes, chunks: list[Ints], chunk: int) -> None:
+    """Lets a process do a chunk, -1: none, with its results in its first room. Args: told: the call, pickled."""
     hand.chunk = chunk
     if chunk >= 0:
         try:
-            hand.pipe.send(tasks[chunk]._replace(room=hand.room.name))
+            if not hand.called:
+                hand.pipe.send_bytes(told)
+            hand.called = True
+            hand.pipe.send(Chunk(chunks[chunk], hand.rooms[0].name))
         except BrokenPipeError:
             return  # as is seen when its answer is read
 
 
-def _taken(hand: _Hand) -> Done | None:
-    """The answer of a process, none where it is lost; where its room was too small for the answer, a larger one is made."""
+def _answer(hand: _Hand) -> Done | None:
+    """The answer of a process, none where it is lost. Its results stay where they are, in what is then its last room."""
     try:
         done: Done = hand.pipe.recv()
     except (EOFError, OSError):
         return None
     hand.answered = True
+    hand.rooms.reverse()
+    return done
+
+
+def _taken(done: Done, hand: _Hand) -> Done:
+    """An answer with what it found; where the room was too small for that, a larger one is made."""
     if isinstance(done.found, list):
-        return done._replace(found=taken(done.found, hand.room))
+        return done._replace(found=taken(done.found, hand.rooms[-1]))
     if isinstance(done.found, tuple):
-        give_back(hand.room)
-        hand.room = new_block(sum(array.nbytes + ALIGNMENT for array in done.found))
+        give_back(hand.rooms[-1])
+        hand.rooms[-1] = new_block(sum(array.nbytes + ALIGNMENT for array in done.found))
     return done

@@ -17,7 +17,7 @@ from coastwatch.workers.costs import Costs, along
 from coastwatch.workers.keeping import Keeper, version
 from coastwatch.workers.owners import owners
 from coastwatch.workers.processors import processors
-from coastwatch.workers.serving import ROW, START, Task
+from coastwatch.workers.serving import ROW, START, Call
 from coastwatch.workers.windows import Part
 
 PATIENCE_S = 10.0  # with an actor that says nothing; its work is then done here
@@ -122,7 +122,7 @@ class Actors:
         for hand, mine in sorted(asked, key=lambda each: each[0].here):
             if hand.here:
                 places = places or self._kinds[name].blocks.publish({**arrays, ROW: spots.row, START: spots.start})
-                refs[hand] = hand.actor.read.remote(Task(pickled, name, places, mine, ""))
+                refs[hand] = hand.actor.read.remote(Call(pickled, places, self._ground.names), mine)
             else:
                 refs[hand] = hand.actor.work.remote(name, pickled, hand.parts[name].cut(arrays, spots.take(mine)))
         return [refs[hand] for hand, _ in asked]

@@ -21,7 +21,7 @@ from coastwatch.workers import spread_over
 from coastwatch.workers.processes import Processes
 from coastwatch.workers.ray import Actors
 from scaling.load import national
-from scaling.load.processes import processor_s
+from scaling.load.processes import faults, processor_s
 
 SETTLING, REPEATS = 5, 9
 Call = tuple[Work, Any, dict[str, Any], Groups]
@@ -62,8 +62,15 @@ def a_cycle_further(arrays: dict[str, Any], room: Callable[..., Array]) -> dict[
     return {**new, "ring": (*arrays["ring"], made(arrays["ring"][-1]))[-window:]}
 
 
-def _clocks() -> Floats:
-    return np.array([time.perf_counter(), time.process_time(), processor_s()])
+def _cost(spread: Spread, call: Call) -> tuple[list[tuple[Array, ...]], Floats]:
+    """What a Spread gives; seconds: wall, processor here, processor of all processes; page faults of all. What it takes to ask for what
+    others did, milliseconds of wall and processor, is left out."""
+    work, settings, arrays, spots = call
+    others, pages = processor_s() - time.process_time(), faults()
+    here, begun = time.process_time(), time.perf_counter()
+    parts = spread(work, settings, arrays, spots)
+    wall, here = time.perf_counter() - begun, time.process_time() - here
+    return parts, np.array([wall, here, here + processor_s() - time.process_time() - others, faults() - pages])
 
 
 def _sorted(parts: list[tuple[Array, ...]]) -> list[bytes]:
@@ -97,9 +104,7 @@ def main(count: int, workers: int, cycles: int, with_ray: bool) -> None:
                 for hand in getattr(spread, "_hands", []):
                     hand.here = way == "ray"
                 with threads(number):
-                    before = _clocks()
-                    parts = spread(work, settings, each[way], spots)
-                    cost = _clocks() - before
+                    parts, cost = _cost(spread, (work, settings, each[way], spots))
                 found.append(_sorted(parts))
                 if repeat >= SETTLING:  # compiled, started, windows sent, costs learnt
                     took.setdefault(way, []).append(cost)
@@ -111,10 +116,11 @@ def _report(count: int, spots: int, workers: int, took: dict[str, list[Floats]])
     print(f"{count} tracks, {spots} spots, {workers} workers, load {os.getloadavg()[0]:.1f}; ms")
     alone = np.median(took["in turn"], axis=0)
     for way, each in took.items():
-        wall, here_s, all_s = 1e3 * np.median(each, axis=0)
-        gain, least = 1e3 * alone[0] / wall, 1e3 * min(np.array(each)[:, 0])
+        wall, here_s, all_s, pages = np.median(each, axis=0)
+        gain, least = alone[0] / wall, 1e3 * min(np.array(each)[:, 0])
         print(
-            f"{way:<10} median {wall:8.1f} ({gain:.2f}x)  least {least:8.1f}  processor {here_s:8.1f} here, {all_s:8.1f} in all"
+            f"{way:<10} median {1e3 * wall:8.1f} ({gain:.2f}x)  least {least:8.1f}  "
+            f"processor {1e3 * here_s:8.1f} here, {1e3 * all_s:8.1f} in all  page faults {pages:6.0f}"
         )
 
 

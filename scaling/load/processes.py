@@ -29,7 +29,7 @@ def _below(pid: int, children: dict[int, list[int]]) -> Iterator[int]:
 
 
 def _stat(pid: int) -> list[str]:
-    """Fields of /proc/PID/stat after the name, which may hold blanks: state, parent, ..."""
+    """Fields of /proc/PID/stat after the name, which may hold blanks: state, parent, ..., 7 faults, ..., 11 and 12 ticks."""
     return Path(f"/proc/{pid}/stat").read_text("utf-8").rpartition(")")[2].split()
 
 
@@ -51,6 +51,15 @@ def memory_bytes() -> tuple[int, int]:
             now += pss
             peak += _kib(status, "VmHWM") - (rss - pss)
     return now * KIB, peak * KIB
+
+
+def faults() -> int:
+    """Pages that the system had to lay into the memory of this process and of all below it that live, without reading a disk."""
+    count = 0
+    for pid in family():
+        with suppress(OSError):
+            count += int(_stat(pid)[7])
+    return count
 
 
 def processor_s() -> float:

@@ -34,6 +34,17 @@ def refuse_to_write(settings, arrays, spots):
     return (spots.row,)
 
 
+def spun_out(settings, arrays, spots):
+    """Work whose results take longer to read than to make."""
+    return np.repeat(spots.row, settings), np.repeat(arrays["value"][spots.row], settings)
+
+
+def mapped(settings, arrays, spots):
+    """Work that says which of the blocks that `settings` names the process that it runs in has in its memory."""
+    maps = Path("/proc/self/maps").read_text()
+    return (np.repeat([[name in maps for name in settings]], len(spots), 0),)
+
+
 def die_where_told(settings, arrays, spots):
     """Work that kills the process that it runs in, once, but never the one that `settings` names."""
     where, parent = settings
@@ -83,6 +94,12 @@ def test_blocks_grow_with_the_arrays_and_rooms_with_the_results(pool):
     for size in (10, 3_000_000, 20):
         value = np.arange(size, dtype=float) + 1.0
         assert same(squares, 1.0, {"value": value}, groups(np.arange(size), [size // 2, size - size // 2]), pool) == size
+
+
+def test_what_a_process_finds_is_read_while_it_is_at_its_next_chunk(pool):
+    value, spots = np.arange(40.0), groups(np.arange(40), [5] * 8)
+    for _ in range(4):
+        assert same(spun_out, 20_000, {"value": value}, spots, pool) == 800_000
 
 
 def test_a_ring_is_laid_once_and_read_for_cycles(pool):
@@ -140,6 +157,25 @@ def test_what_is_made_in_a_room_is_not_copied_and_lives_as_long_as_anybody_has_i
     assert left.sum() == 5.0
     with pytest.raises(FileNotFoundError):
         seen.block(block)
+
+
+@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="asks the system what a process has in its memory")
+def test_a_process_keeps_a_block_in_its_memory_for_as_long_as_there_is_one():
+    spots = groups(np.arange(40), [5] * 8)
+    with Processes(2) as pool:
+        first, other = pool.room(5000), pool.room(6000)
+        blocks_ = [pool._ground.place(array).block for array in (first, other)]
+
+        def has(array):
+            parts = pool(mapped, blocks_, {"value": array}, spots)
+            return np.concatenate([part[0] for part in parts]).min(axis=0).tolist()
+
+        assert has(first)[0]
+        assert has(other) == [True, True]
+        assert has(np.arange(3.0)) == [True, True]
+        del first
+        assert not has(pool.room(100_000))[0]  # in place of the block that fell free
+        assert has(other)[1]
 
 
 def test_more_than_the_machine_has_is_refused_with_how_much_that_is():

@@ -6,7 +6,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from coastwatch.kernels.groups import alone, by_both, combined, parted
+from coastwatch.kernels.groups import NEAR, NOWHERE, alone, by_both, combined, gathered, greatest, parted
+from coastwatch.kernels.sorting import chosen
 from coastwatch.kernels.unions import joined, joined_without_sharing, numbered, told_of
 
 ROWS, SOURCES = 12, 4
@@ -82,7 +83,28 @@ def test_groups(seed, count):
 
 def test_members_and_halos():
     row, start, rank = np.array([2, 0, -4, -2, 1, -1]), np.array([0, 3, 3, 6]), np.array([3, 1, 0, 2])
-    home = np.full(4, -1, np.int32)
-    members, halo_home, halo_row = parted(row, start, rank, home)
-    assert (members, home.tolist()) == (3, [0, 2, -1, 0])
+    members, low, home, halo_home, halo_row = parted(row, start, rank)
+    assert (members, low, home.tolist()) == (3, 0, [0, 2, NEAR, 0])
     assert (halo_home.tolist(), halo_row.tolist()) == ([0, 2, 2], [3, 1, 0])
+    members, low, home, halo_home, halo_row = parted(row[1:4], np.array([0, 3]), np.array([9, 6, 0, 8, 1, 2, 3, 4, 5, 7]))
+    assert (members, low, home.tolist()) == (1, 6, [NEAR, NOWHERE, NEAR, 0])
+    assert (halo_home.tolist(), halo_row.tolist()) == ([0, 0], [3, 1])
+    assert parted(row[:0], start[:1], rank)[2].tolist() == []
+
+
+def test_chosen_groups():
+    row, start = np.arange(10, 16), np.array([0, 2, 2, 5, 6])
+    rows, starts = chosen(row, start, np.array([3, 0, 1, 2]))
+    assert (rows.tolist(), starts.tolist()) == ([15, 10, 11, 12, 13, 14], [0, 1, 3, 3, 6])
+    assert [a.tolist() for a in chosen(row, start, np.zeros(0, np.int64))] == [[], [0]]
+
+
+def test_what_is_somewhere_is_brought_together():
+    key, point = np.arange(10, 17), np.random.default_rng([5, 1]).normal(0.0, 1.0, (7, 4))
+    home = np.array([4, NOWHERE, NEAR, 0, NOWHERE], np.int32)
+    keys, points, homes, track, top = gathered(2, home, 4, key, point)
+    assert (keys.tolist(), homes.tolist(), track.tolist()) == ([12, 14, 15], [4, NEAR, 0], [2, 4, 5])
+    assert points.tolist() == point[[2, 4, 5]].tolist()
+    assert top == max(points[:, 3].max(), 0.0)
+    assert greatest(point, 3) == max(point[:, 3].max(), 0.0)
+    assert gathered(7, home[:0], 0, key, point)[4] == greatest(-np.abs(point), 3) == 0.0
