@@ -211,8 +211,9 @@ class BearingLikelihood(Method):
 def score_octants(settings: BearingLikelihood, arrays: Shared, octants: Groups) -> tuple[Array, ...]:
     """Pairs of the bearing tracks of these octants that are above the threshold: index of the pair, log odds, mean difference of
     bearings. A pair's answer is its own alone."""
+    from coastwatch.kernels.bearing_windows import PLACES, Paths, Rule, Windows
     from coastwatch.kernels.hearing import above, pairs_of
-    from coastwatch.kernels.known_vessels import PLACES, Paths, Rule, Windows, known_vessels
+    from coastwatch.kernels.known_vessels import known_vessels
     from coastwatch.kernels.rings import addresses
     from coastwatch.kernels.threads import in_blocks
     from coastwatch.kernels.unknown_vessels import Strangers, unknown_vessels

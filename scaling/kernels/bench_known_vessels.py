@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from coastwatch.geodesy import earth_centred, from_plane, to_plane, wrap_rad
-from coastwatch.kernels.known_vessels import Paths, Rule, Windows, known_vessels
+from coastwatch.kernels.bearing_windows import Paths, Rule, Windows
+from coastwatch.kernels.known_vessels import known_vessels
 from coastwatch.kernels.rings import addresses
 from coastwatch.kernels.unknown_vessels import Strangers, unknown_vessels
 

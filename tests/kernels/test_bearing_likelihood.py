@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
 from coastwatch.geodesy import earth_centred, from_plane
-from coastwatch.kernels.known_vessels import LANES, Paths, Rule, Windows, known_vessels
+from coastwatch.kernels.bearing_windows import LANES, Paths, Rule, Windows
+from coastwatch.kernels.known_vessels import known_vessels
 from coastwatch.kernels.rings import addresses
 from coastwatch.kernels.unknown_vessels import RANGES, Strangers, unknown_vessels
 
@@ -162,6 +163,28 @@ def test_pairs_are_the_same_alone_and_in_company() -> None:
         for a in range(i * size, (i + 1) * size):
             one = scores(time, bearing, paths, slot[a : a + 1], np.array([0, 1]), site=site, row=np.array([i]), **said)
             np.testing.assert_array_equal(one, ([gain[a]], [residual[a]]))
+
+
+def test_the_newest_bearing_rules_out_only_what_it_alone_would() -> None:
+    """Vessels all around, near and far, known well and badly: whoever has log odds left after the newest bearing is walked on with."""
+    rng = np.random.default_rng([9, 3])
+    vessels, limit = 800, -25.0
+    turn, distance = rng.uniform(-np.pi, np.pi, vessels), 10.0 ** rng.uniform(-1.0, 4.0, vessels)
+    place = sailing(distance[:, None] * np.column_stack([np.sin(turn), np.cos(turn)]), rng.uniform(0.1, 300.0, vessels))
+    time, bearing = np.array([[0.0, 1.0, 2.0]]), np.full((1, 3), 0.3)
+    pairs, start, paths = np.arange(vessels), np.array([0, vessels]), np.array([place] * 4)
+    said = {"instant": np.arange(4.0) - 0.5, "bias": 0.01}
+    first, _ = scores(time[:, 2:], bearing[:, 2:], paths[2:], pairs, start, instant=said["instant"][2:], bias=0.01)
+    whole, _ = scores(time, bearing, paths, pairs, start, **said)
+    gain, residual = scores(time, bearing, paths, pairs, start, give_up=limit, **said)
+    ruled_out = np.isnan(residual)
+    assert ruled_out.sum() > 100
+    assert (first[ruled_out] < limit).all()
+    assert (gain[ruled_out] < limit).all()
+    assert np.isfinite(residual[first >= limit]).all()
+    kept = gain >= limit
+    assert kept.sum() > 100
+    np.testing.assert_array_equal(gain[kept], whole[kept])
 
 
 def test_window_ends_where_the_path_does() -> None:
