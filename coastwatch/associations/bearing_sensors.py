@@ -9,8 +9,10 @@ import numpy as np
 from coastwatch.associations.pairing import without_empty
 from coastwatch.batches import BearingTracks, Bools, Floats, Ints, Octants, Picture, Sensors
 from coastwatch.geodesy import wrap_rad
+from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Groups
 
+LEAST_SONARS, LEAST_PAIRS = 8, 1024  # under which a thread costs more than it gains
 FORGET = 0.95  # of the counts of vessels outside the coverage, each cycle: what is learnt is of the last minute
 
 
@@ -88,7 +90,9 @@ class Known:
             tracks.updated_s, kind="stable"
         )  # where one sensor's tracks differ, the newest knows where it is
         site[tracks.source[newest_last] - sensors.sonar_source(0)] = tracks.site_deg[newest_last]
-        within = inside(begin, row, picture.position_deg, site, sensors.sonars.range_m, *arcs(sensors))
+        within = np.empty(len(row), np.bool_)
+        heard = begin, row, picture.position_deg, site, sensors.sonars.range_m, *arcs(sensors)
+        in_blocks(inside, sonars, *heard, within, least=LEAST_SONARS)
         return Known(np.repeat(np.arange(sonars), np.diff(begin)), row, begin, within, first, without_empty(track, start))
 
     def inside_count(self, sonars: int) -> Ints:
@@ -99,7 +103,8 @@ class Known:
         """Which of the pairs each of these is. Args: (A,), (A,), of the octants. Returns: (A,)."""
         from coastwatch.kernels.hearing import standing
 
-        out: Ints = standing(self.begin, self.vessel_row, sonar, vessel_row)
+        out = np.empty(len(sonar), np.int64)
+        in_blocks(standing, len(sonar), self.begin, self.vessel_row, sonar, vessel_row, out, least=LEAST_PAIRS)
         return out
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
+from functools import cached_property
 
 import numpy as np
 
 from coastwatch.batches.classes import CLASSES
-from coastwatch.batches.struct import Batch, Bools, Floats, Ints, Struct, column
+from coastwatch.batches.struct import Batch, Bools, Floats, Ints, Rows, Struct, column
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +124,14 @@ class Associations(Struct):
     statistic: Floats = column(np.float64, "A")  # the method's own; its docstring says of what
     vessel: Ints = column(np.int64, "N")  # of each track row: 0..V-1, every vessel has at least one track
     tested: int = 0  # pairs that were inside the gate, whatever became of them
+
+    @cached_property
+    def by_vessel(self) -> tuple[Rows, Rows]:
+        """The tracks of vessel v are row[start[v]:start[v + 1]]; two stages ask. Returns: start (V + 1,), row (N,)."""
+        from coastwatch.kernels.grouping import grouped
+
+        start, row = grouped(self.vessel, int(self.vessel.max(initial=-1)) + 1)
+        return start, row
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from pydantic import Field
 from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, Rows, Tracks
 from coastwatch.fused_tracks.continuity import Going, continuity
 from coastwatch.fused_tracks.covariance_intersection import intersected
-from coastwatch.fused_tracks.membership import Grouped, at_time, by_vessel, states, unwritten
+from coastwatch.fused_tracks.membership import Grouped, at_time, states, unwritten
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Method
 
@@ -94,7 +94,7 @@ class CentralImm(Method):
         vessel = associations.vessel
         if len(vessel) == 0:
             return self.init(), FusedTracks.empty()
-        groups = by_vessel(vessel)
+        groups = Grouped(*associations.by_vessel)
         plan = continuity(memory.track_id, memory.row, memory.newest_s, groups, vessel, tracks, measurements)
         filters = self._unwritten(len(plan.going) + len(plan.begins))
         out = self._alone(groups, tracks)

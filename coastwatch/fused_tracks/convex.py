@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from coastwatch.batches import Associations, FusedTracks, Ints, Measurements, Tracks
-from coastwatch.fused_tracks.membership import at_time, by_vessel, states, unwritten
+from coastwatch.fused_tracks.membership import Grouped, at_time, states, unwritten
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Method, NoMemory
 
@@ -43,7 +43,7 @@ class Convex(Method):
         """
         from coastwatch.kernels.combining import convex
 
-        groups = by_vessel(associations.vessel)
+        groups = Grouped(*associations.by_vessel)
         out = unwritten(len(groups))
         doubt = self.registration, tracks.mmsi
         in_blocks(convex, len(groups), *groups, states(tracks), self.unknown_velocity_sigma_m_s, doubt, out)

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, Rows, Tracks
-from coastwatch.fused_tracks.membership import Grouped, at_time, by_vessel, states, unwritten
+from coastwatch.fused_tracks.membership import Grouped, at_time, states, unwritten
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Method, NoMemory
 
@@ -39,7 +39,7 @@ class CovarianceIntersection(Method):
 
         Returns: memory and FusedTracks, one row for each vessel number.
         """
-        groups = by_vessel(associations.vessel)
+        groups = Grouped(*associations.by_vessel)
         everyone, out = np.arange(len(groups), dtype=np.int32), unwritten(len(groups))
         intersected(groups, everyone, tracks, self.unknown_velocity_sigma_m_s, self.steps, out)
         return memory, at_time(time_s, out)

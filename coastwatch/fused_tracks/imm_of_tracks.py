@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, Tracks
-from coastwatch.fused_tracks.membership import at_time, by_vessel, states, unwritten
+from coastwatch.fused_tracks.membership import Grouped, at_time, states, unwritten
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Method
 
@@ -72,7 +72,7 @@ class ImmOfTracks(Method):
         from coastwatch.kernels.grouping import preferred
         from coastwatch.kernels.track_filters import filtered
 
-        groups, j = by_vessel(associations.vessel), len(KINDS)
+        groups, j = Grouped(*associations.by_vessel), len(KINDS)
         count, row = len(groups), preferred(*groups, -tracks.source)
         at, _ = followed(memory.track_id, tracks.track_id)
         was = np.where(at >= 0, np.append(memory.row, -1)[at], -1).astype(np.int32)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coastwatch.batches import Floats, FusedTracks, Ints, Rows, Tracks
+from coastwatch.batches import Floats, FusedTracks, Rows, Tracks
 
 
 class Grouped(NamedTuple):
@@ -17,13 +17,6 @@ class Grouped(NamedTuple):
 
     def __len__(self) -> int:
         return len(self.start) - 1
-
-
-def by_vessel(vessel: Ints) -> Grouped:
-    """Args: vessel: (N,) of each track, 0..V-1 with none left out."""
-    from coastwatch.kernels.grouping import grouped
-
-    return Grouped(*grouped(vessel, int(vessel.max(initial=-1)) + 1))
 
 
 def states(tracks: Tracks) -> tuple[Floats, Floats, Floats, Floats]:

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from coastwatch.batches import Associations, FusedTracks, Ints, Measurements, SourceKind, Tracks
-from coastwatch.fused_tracks.membership import at_time, by_vessel, states, unwritten
+from coastwatch.fused_tracks.membership import Grouped, at_time, states, unwritten
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Method, NoMemory
 
@@ -54,7 +54,7 @@ class WeightedAverage(Method):
         """
         from coastwatch.kernels.averaging import average
 
-        groups = by_vessel(associations.vessel)
+        groups = Grouped(*associations.by_vessel)
         out = unwritten(len(groups))
         share = np.zeros(0)
         if self.weights == "fixed":

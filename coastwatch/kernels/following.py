@@ -5,8 +5,14 @@ Scalar code compiled by numba. Ids are any integers, none twice.
 
 from __future__ import annotations
 
+from weakref import ReferenceType, ref
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+Ints = NDArray[np.int64]
+Rows = NDArray[np.int32]
 
 LOOK = 16  # rows that may have ended between two that go on before an id is sought elsewhere
 PATIENCE = 64  # ids in a row that were not found before all is searched for one; doubled each time
@@ -60,8 +66,7 @@ def _place(table, shift, ids, wanted):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def followed(before, now):  # type: ignore[no-untyped-def]
-    """The row in `before` of each id of `now`, and the row in `now` of each id of `before`; -1 where none. (L,), (N,) -> (N,), (L,)"""
+def _followed(before, now):  # type: ignore[no-untyped-def]
     at, to = np.full(len(now), -1, np.int32), np.full(len(before), -1, np.int32)
     missing = _in_order(before, now, at, to) if len(before) > 0 else 0
     if missing == 0 or len(now) - missing == len(before):
@@ -76,6 +81,22 @@ def followed(before, now):  # type: ignore[no-untyped-def]
             if n >= 0:
                 at[n], to[k] = k, n
     return at, to
+
+
+_latest: list[tuple[ReferenceType[Ints], ReferenceType[Ints], tuple[Rows, Rows]]] = []
+
+
+def followed(before: Ints, now: Ints) -> tuple[Rows, Rows]:
+    """The row in `before` of each id of `now`, and the row in `now` of each id of `before`; -1 where none. (L,), (N,) -> (N,), (L,)
+
+    The latest answer is kept, and is not to be written to: three stages ask it of the same two arrays in a cycle. So neither are they.
+    """
+    for one, other, known in _latest:
+        if one() is before and other() is now:
+            return known
+    answer: tuple[Rows, Rows] = _followed(before, now)
+    _latest[:] = [(ref(before), ref(now), answer)]
+    return answer
 
 
 @njit(cache=True, nogil=True)

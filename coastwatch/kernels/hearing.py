@@ -111,38 +111,38 @@ def heard_by(track, start, first, vessel_row, vessels):  # type: ignore[no-untyp
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def inside(begin, row, position, site, reach, arc_from, arc_width):  # type: ignore[no-untyped-def]
-    """Whether each vessel is within reach of its sensor and in its arc, in the tangent plane at the sensor.
+def inside(low, high, begin, row, position, site, reach, arc_from, arc_width, out):  # type: ignore[no-untyped-def]
+    """Whether each vessel is within reach of its sensor, low to high, and in its arc, in the tangent plane at the sensor.
 
     Args: begin, row: of `heard_by`; position: (V, 2) degrees; site: (S, 2), NaN: unknown; reach: (S,) m; arc_from, arc_width: (S,) rad.
-    Returns: (P,).
+    out: (P,) written.
     """
-    out = np.zeros(len(row), np.bool_)
-    for s in range(len(site)):
+    for s in range(low, high):
         x, y, z, sp, cp, sl, cl = centred(site[s, 0], site[s, 1])
         for p in range(begin[s], begin[s + 1]):
             px, py, pz, _, _, _, _ = centred(position[row[p], 0], position[row[p], 1])
             dx, dy, dz = px - x, py - y, pz - z
             east, north = cl * dy - sl * dx, cp * dz - sp * (cl * dx + sl * dy)
-            if math.hypot(east, north) <= reach[s]:
+            out[p] = math.hypot(east, north) <= reach[s]
+            if out[p]:
                 out[p] = (math.atan2(east, north) - arc_from[s]) % (2.0 * math.pi) <= arc_width[s]
-    return out
 
 
 @njit(cache=True, nogil=True)
-def standing(begin, row, sensor, vessel):  # type: ignore[no-untyped-def]
-    """Which pair of `heard_by` is that of each sensor and vessel, which must be among them. Args: (A,), (A,). Returns: (A,)."""
-    out = np.empty(len(sensor), np.int64)
-    for a in range(len(sensor)):
-        low, high = begin[sensor[a]], begin[sensor[a] + 1] - 1
-        while low < high:
-            middle = (low + high) // 2
+def standing(low, high, begin, row, sensor, vessel, out):  # type: ignore[no-untyped-def]
+    """Which pair of `heard_by` is that of each sensor and vessel, low to high, which must be among them.
+
+    Args: sensor, vessel: (A,). out: (A,) written.
+    """
+    for a in range(low, high):
+        first, last = begin[sensor[a]], begin[sensor[a] + 1] - 1
+        while first < last:
+            middle = (first + last) // 2
             if row[middle] < vessel[a]:
-                low = middle + 1
+                first = middle + 1
             else:
-                high = middle
-        out[a] = low
-    return out
+                last = middle
+        out[a] = first
 
 
 @njit(cache=True, nogil=True)

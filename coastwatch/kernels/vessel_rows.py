@@ -156,8 +156,8 @@ def members(low, high, come, begin, vessel_id, start, row, tracks, kinds, out, p
     Args:
         come, start, row: as in `present`; begin: (R + 1,) of each row's tracks; vessel_id: (R,); tracks: track_id and source (N,);
         kinds: of each source.
-        out: vessel_id, track_id, source (N,); pairs: seen_by (R,) 1 for radar and 2 for AIS, mate (N,) the first radar track in the
-        vessel of an AIS track, -1 where none, and paired (N,) all False: whether a radar track is such a mate. Written.
+        out: vessel_id, track_id, source (N,); pairs: seen_by (R,) 1 for radar and 2 for AIS, mate (N,) all -1: the first radar track in
+        the vessel of an AIS track, and paired (N,) all False: whether a radar track is such a mate. Written.
     """
     seen_by, mate, paired = pairs
     for r in range(low, high):
@@ -174,11 +174,11 @@ def members(low, high, come, begin, vessel_id, start, row, tracks, kinds, out, p
             seen_by[r] |= 1 << kind
             if kind == RADAR and radar < 0:
                 radar = n
-        for k in range(start[g], start[g + 1]):
-            ais = kinds[tracks[1][row[k]]] == AIS
-            mate[row[k]] = radar if ais else -1
-            if ais and radar >= 0:
-                paired[radar] = True
+        if radar >= 0 and seen_by[r] >> AIS & 1:
+            paired[radar] = True
+            for k in range(start[g], start[g + 1]):
+                if kinds[tracks[1][row[k]]] == AIS:
+                    mate[row[k]] = radar
 
 
 @part

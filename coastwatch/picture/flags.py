@@ -51,7 +51,7 @@ def together(heirs: Heirs, line: LineUp, tracks: Tracks, sensors: Sensors) -> tu
 
     n = len(tracks)
     out = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
-    pairs = np.empty(len(line.come), np.int8), np.empty(n, np.int32), np.zeros(n, np.bool_)
+    pairs = np.empty(len(line.come), np.int8), np.full(n, -1, np.int32), np.zeros(n, np.bool_)
     given = heirs.start, heirs.row, (tracks.track_id, tracks.source), sensors.source_kinds
     in_blocks(members, len(line.come), line.come, line.begin, line.vessel_id, *given, out, pairs)
     return Members(*out), Company(*pairs)

@@ -45,11 +45,10 @@ def inherit(
     joined in error parts into the vessels it was made of. What nobody else votes for is settled in one pass; the rest one-to-one.
     """
     from coastwatch.kernels.following import followed
-    from coastwatch.kernels.grouping import grouped
     from coastwatch.kernels.voting import NOBODY, recalled, settled
 
     vessel, n = associations.vessel, len(tracks)
-    start, row = grouped(vessel, vessels)
+    start, row = associations.by_vessel
     at, to = followed(memory.track_id, tracks.track_id)
     previous, home = np.empty(n, np.int32), np.empty(n, np.int32)
     voter, taken, chosen = (np.full(count, NOBODY, np.int32) for count in (len(ids), len(ids), vessels))

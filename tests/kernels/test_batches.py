@@ -3,7 +3,16 @@
 import numpy as np
 import pytest
 
-from coastwatch.batches import AisReports, AisStatics, BearingReports, Members, RadarReports, Reports, Trajectories
+from coastwatch.batches import (
+    AisReports,
+    AisStatics,
+    Associations,
+    BearingReports,
+    Members,
+    RadarReports,
+    Reports,
+    Trajectories,
+)
 
 
 def members(n):
@@ -30,6 +39,15 @@ def test_take_join_and_empty():
     assert len(both) == 5
     assert both.take(np.array([4, 0])).track_id.tolist() == [12, 10]
     assert len(Members.join([])) == 0
+
+
+def test_tracks_of_vessels_are_brought_together_once():
+    none = np.zeros(0, np.int64)
+    associations = Associations(none, none, np.zeros(0), np.array([1, 0, 1, 2, 0]))
+    start, row = associations.by_vessel
+    assert [row[start[v] : start[v + 1]].tolist() for v in range(3)] == [[1, 4], [0, 2], [3]]
+    assert associations.by_vessel[1] is row
+    assert Associations(none, none, np.zeros(0), none).by_vessel[0].tolist() == [0]
 
 
 def test_reports_are_cut_by_arrival_each_once():

@@ -39,6 +39,15 @@ def test_rows_are_found_after_many_have_gone_or_come():
     check(ids.tolist(), [])
 
 
+def test_the_same_arrays_are_followed_once_and_others_anew():
+    before, now = np.array([3, 1, 2]), np.array([2, 3, 9])
+    once = followed(before, now)
+    assert followed(before, now) is once
+    assert followed(before, now[::-1].copy())[0].tolist() == [-1, 0, 2]
+    assert followed(before[::-1].copy(), now)[0].tolist() == [0, 2, -1]
+    assert followed(before, now)[0].tolist() == once[0].tolist() == [2, 0, -1]
+
+
 @settings(max_examples=50, deadline=None)
 @given(st.lists(st.integers(0, 30), max_size=60), st.lists(st.integers(0, 30), max_size=20))
 def test_wanted_ids_are_among_others(ids, wanted):

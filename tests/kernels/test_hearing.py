@@ -45,7 +45,9 @@ def test_tracks_and_vessels_of_octants_and_sensors(seed: int) -> None:
     heard, begin = heard_by(row, start, first, vessel, VESSELS)
     expected = np.unique(octant // SECTORS * VESSELS + vessel)
     np.testing.assert_array_equal(np.repeat(np.arange(SENSORS), np.diff(begin)) * VESSELS + heard, expected)
-    at = standing(begin, heard, octant // SECTORS, vessel)
+    at = np.empty(len(vessel), np.int64)
+    for low, high in ((0, 7), (7, len(vessel))):
+        standing(low, high, begin, heard, octant // SECTORS, vessel, at)
     np.testing.assert_array_equal(expected[at], octant // SECTORS * VESSELS + vessel)
 
 
@@ -79,7 +81,10 @@ def test_inside_is_reach_and_arc_in_the_tangent_plane() -> None:
     expected = (np.hypot(east, north) <= reach[of]) & (
         (np.arctan2(east, north) - arc_from[of]) % (2.0 * np.pi) <= arc_width[of]
     )
-    np.testing.assert_array_equal(inside(begin, np.arange(805), place, site, reach, arc_from, arc_width), expected)
+    within = np.empty(805, np.bool_)
+    for low, high in ((0, 1), (1, 3)):
+        inside(low, high, begin, np.arange(805), place, site, reach, arc_from, arc_width, within)
+    np.testing.assert_array_equal(within, expected)
     assert 20 < expected[:400].sum() < expected[400:800].sum()
     assert not expected[800:].any()
 
