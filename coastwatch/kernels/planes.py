@@ -10,7 +10,9 @@ from numba import njit
 
 ZERO, SAME, QUIET, NOISE = 0, 1, 2, 3
 SAMPLE = 256
-NOISE_FROM = 700  # sum of squared counts of a sample's bytes: 511 for bytes drawn evenly, 65,536 for one value
+NOISE_FROM = 1400
+"""Sum of squared counts of a sample's bytes: 511 for bytes drawn evenly, 65,536 for one value. So many is a plane of which a tenth is
+zero, of covariances that some vessels told anew unchanged: pressing it saves 5 % of it, for most of the time that pressing takes."""
 
 
 @njit(cache=True, nogil=True)

@@ -3,7 +3,7 @@
 Points stand in the history in the order of time. As soon as enough of them have come since the last block, they are written once
 more, in short and cell by cell: 14 bytes a point, the place to 0.2 m, speed to 0.01 kn, course to 0.01 deg. So a box and a span of
 time are answered from the cells of the box in the blocks of the span, and from the points after the last block, which are few.
-Blocks are made from the history alone. Figures: scaling/decisions/history_blocks.py.
+Blocks are made from the history alone, or from the same points in memory. Figures: scaling/decisions/history_blocks.py.
 """
 
 from __future__ import annotations
@@ -18,12 +18,16 @@ from sqlalchemy.orm import Mapped
 
 from coastwatch.batches import Array, Bools, Floats, Ints
 from coastwatch.store.box import Box
+from coastwatch.store.cells import Column
 from coastwatch.store.collect import collected, listed
 from coastwatch.store.declaring import IN_KEY_ORDER, Base, key, of_run
 from coastwatch.store.tables import Cycle, History
 
 BLOCK_POINTS = 65_536
 BLOCK_CYCLES = 30_000  # what two bytes hold
+HELD_CYCLES = (
+    64  # whose points stay in memory until they are a block: of large pictures, where to read them again takes half of the time
+)
 BLOCKS_AT_ONCE = 4  # where the history of an older version is made up for
 
 CELLS_A_DEG = 10
@@ -68,13 +72,6 @@ class HistoryCell(Base):
     data: Mapped[bytes]  # POINT after POINT
 
 
-class Tail(NamedTuple):
-    """The cycles after the last block."""
-
-    from_cycle: int
-    points: int
-
-
 class Points(NamedTuple):
     """Points of the history, in no order. P points."""
 
@@ -90,20 +87,40 @@ class Points(NamedTuple):
         return Points._make(column[rows] for column in self)
 
 
-def extend(connection: Connection, run_id: int, number: int, points: int, before: Tail | None) -> Tail:
+class Tail(NamedTuple):
+    """The cycles after the last block."""
+
+    from_cycle: int
+    points: int
+    held: (
+        tuple[Points, ...] | None
+    )  # all of these points, a cycle each; None: they are read from the database when they are wanted
+
+
+def placed(number: int, columns: Sequence[Column]) -> Points:
+    """The points that a cycle adds to the history. Args: columns: as `history_rule.Added` has them."""
+    arrays = (column for column in columns if isinstance(column, np.ndarray))
+    vessel, latitude, longitude, speed, course, *_, closing = arrays
+    return Points(np.full(len(vessel), number), vessel, np.stack([latitude, longitude], 1), speed, course, closing)
+
+
+def extend(connection: Connection, run_id: int, number: int, points: Points, before: Tail | None) -> Tail:
     """Make a block where enough points have come, in the transaction of the cycle.
 
     Args: points: that this cycle wrote into the history; before: what this function returned for the last cycle; None: the database
     knows.
     """
     tail = _tail(connection, run_id, number - 1) if before is None else before
-    tail = Tail(tail.from_cycle, tail.points + points)
+    held = None if tail.held is None or len(tail.held) == HELD_CYCLES else (*tail.held, points)
+    tail = Tail(tail.from_cycle, tail.points + len(points.cycle), held)
     for _ in range(BLOCKS_AT_ONCE):
         if tail.points < BLOCK_POINTS and number - tail.from_cycle < BLOCK_CYCLES:
             break
-        last, found = _end(connection, run_id, tail.from_cycle, number)
+        last, count = _end(connection, run_id, tail.from_cycle, number)
+        whole = tail.held if last == number else None
+        found = _stored(connection, run_id, tail.from_cycle, last, count) if whole is None else _joined(whole)
         _write(connection, run_id, tail.from_cycle, last, found)
-        tail = Tail(last + 1, tail.points - found)
+        tail = Tail(last + 1, tail.points - count, () if last == number else None)
     return tail
 
 
@@ -134,7 +151,7 @@ def points_between(connection: Connection, run_id: int, first: int, last: int, b
     since = max(first, blocks[-1].to_cycle + 1) if blocks else first
     if since <= last:
         parts.append(_from_history(connection, run_id, since, last, bbox))
-    found = Points._make(np.concatenate(columns) for columns in zip(*parts, strict=True))
+    found = _joined(parts)
     return found.take((found.cycle >= first) & (found.cycle <= last))
 
 
@@ -151,7 +168,8 @@ def _tail(connection: Connection, run_id: int, last: int) -> Tail:
     end = connection.scalar(select(func.max(HistoryBlock.to_cycle)).where(HistoryBlock.run_id == run_id))
     first = 0 if end is None else end + 1
     since = (Cycle.run_id == run_id) & Cycle.number.between(first, last)
-    return Tail(first, int(connection.scalar(select(func.coalesce(func.sum(Cycle.history_points), 0)).where(since)) or 0))
+    points = int(connection.scalar(select(func.coalesce(func.sum(Cycle.history_points), 0)).where(since)) or 0)
+    return Tail(first, points, None if points else ())
 
 
 def _end(connection: Connection, run_id: int, first: int, number: int) -> tuple[int, int]:
@@ -163,14 +181,22 @@ def _end(connection: Connection, run_id: int, first: int, number: int) -> tuple[
     return int(rows[at].number), int(points[at])
 
 
-def _write(connection: Connection, run_id: int, first: int, last: int, count: int) -> None:
-    found = _points(collected(connection, _history(run_id, first, last), count))
+def _stored(connection: Connection, run_id: int, first: int, last: int, count: int) -> Points:
+    """The points of some cycles, of which there are so many, from the rows of the history."""
+    return _points(collected(connection, _history(run_id, first, last), count))
+
+
+def _joined(parts: Sequence[Points]) -> Points:
+    return Points._make(np.concatenate(columns) for columns in zip(*parts, strict=True))
+
+
+def _write(connection: Connection, run_id: int, first: int, last: int, found: Points) -> None:
     points, smallest = len(found.cycle), int(found.vessel_id.min()) if len(found.cycle) else 0
     block = {"run_id": run_id, "from_cycle": first, "to_cycle": last, "points": points, "first_vessel": smallest}
     connection.execute(insert(HistoryBlock), [block])
     cell, packed = _packed(found, first, smallest)
     order = np.lexsort((found.cycle, found.vessel_id, cell))
-    cell, packed = cell[order], packed[order]
+    cell, packed = cell[order], packed.view(f"V{POINT.itemsize}")[order]  # as bytes, not field by field
     ends = np.flatnonzero(np.append(np.append(True, cell[1:] != cell[:-1]), True))[: points + 1]
     rows = [(run_id, first, int(cell[a]), packed[a:b].tobytes()) for a, b in pairwise(ends.tolist())]
     if rows and connection.dialect.name == "sqlite":

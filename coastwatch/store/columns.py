@@ -37,9 +37,8 @@ def motion(velocity_m_s: Floats, covariance: Floats) -> Motion:
     return made
 
 
-def vessels(run_id: int, picture: Picture, sources: Texts) -> list[Column]:
-    """Columns of table `vessel`."""
-    moved = motion(picture.velocity_m_s, picture.covariance)
+def vessels(run_id: int, picture: Picture, moved: Motion, sources: Texts) -> list[Column]:
+    """Columns of table `vessel`. Args: moved: of the vessels of the picture."""
     when: list[Column] = [picture.time_s, *picture.position_deg.T, *moved.moving.T, picture.since_s, picture.updated_s]
     bytes_of = moved.upper.astype("<f8", copy=False).view(np.uint8)
     return [run_id, picture.vessel_id, *when, Named(picture.mmsi), picture.flags, sources, Blobs(bytes_of, moved.known)]

@@ -17,7 +17,7 @@ import numpy as np
 from coastwatch.batches import Array, Bools, Floats, Ints, Picture
 from coastwatch.geodesy import KNOT_M_S, scale_m_deg, wrap_deg
 from coastwatch.store.cells import Column, Named, part
-from coastwatch.store.columns import motion
+from coastwatch.store.columns import Motion, motion
 
 ROUNDING_M = 1e-6
 """Taken off the distance, for the rounding of speed and course and of another's sine and cosine."""
@@ -52,10 +52,13 @@ def none() -> Points:
     return Points(np.zeros((0, 5), np.int64), np.zeros((0, 11)))
 
 
-def step(before: Points, bound: Bound, number: int, time_s: float, before_s: float, picture: Picture) -> tuple[Points, Added]:
+def step(
+    before: Points, bound: Bound, number: int, time_s: float, before_s: float, picture: Picture, moved: Motion | None = None
+) -> tuple[Points, Added]:
     """The newest points after a cycle, and the rows that it adds.
 
-    Args: time_s: of the cycle; before_s: of the one before; picture: (V) sorted by vessel.
+    Args: time_s: of the cycle; before_s: of the one before; picture: (V) sorted by vessel; moved: of its vessels, where it has been
+    computed.
     """
     from coastwatch.kernels.dead_reckoning import carry_on, decide
 
@@ -63,7 +66,7 @@ def step(before: Points, bound: Bound, number: int, time_s: float, before_s: flo
     former, write, gone = np.empty(count, np.int64), np.empty(count, np.bool_), np.empty(len(before.whole), np.bool_)
     seen = picture.vessel_id, picture.position_deg, picture.mmsi, picture.flags
     decide(*before, *seen, time_s, bound.error_m - ROUNDING_M, bound.max_s, former, write, gone)
-    fresh = _fresh(picture, write, former, number, time_s)
+    fresh = _fresh(picture, moved, write, former, number, time_s)
     after = Points(np.empty((count, 5), np.int64), np.empty((count, 11)))
     carry_on(*before, former, write, *fresh, *after)
     first = int(after.whole[:, 1].min(initial=number))
@@ -79,13 +82,13 @@ def points(whole: Ints, real: Floats) -> Points:
     return Points(whole, made)
 
 
-def _fresh(picture: Picture, write: Bools, former: Ints, number: int, time_s: float) -> Points:
+def _fresh(picture: Picture, moved: Motion | None, write: Bools, former: Ints, number: int, time_s: float) -> Points:
     """The points of this cycle, sorted by vessel."""
     here = np.flatnonzero(write)
     of_cycle = np.full(len(here), number)
     columns = picture.vessel_id[here], of_cycle, picture.mmsi[here], picture.flags[here], (former[here] < 0).astype(np.int64)
-    moving = motion(picture.velocity_m_s[here], picture.covariance[here]).moving
-    place = np.full((len(here), 1), time_s), picture.position_deg[here], moving, picture.updated_s[here, None]
+    made = motion(picture.velocity_m_s[here], picture.covariance[here]).moving if moved is None else moved.moving[here]
+    place = np.full((len(here), 1), time_s), picture.position_deg[here], made, picture.updated_s[here, None]
     return points(np.stack(columns, 1), np.concatenate(place, 1))
 
 

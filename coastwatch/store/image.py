@@ -1,9 +1,10 @@
-"""Many rows into an empty table of SQLite by way of a database in memory whose bytes are made here.
+"""Many rows into a table of SQLite by way of a database in memory whose bytes are made here.
 
 SQLite copies a table into an empty one of the same form record by record, without a look into them (its transfer optimisation). So
 the columns become the pages of such a table, in SQLite's file format (https://sqlite.org/fileformat2.html), which SQLite reads where
 they lie (sqlite3_deserialize). Since it does not look, all that it would check is checked here: order and uniqueness of keys, absent
-values, types. What cannot be so is left to `native`, which reports what is wrong with it.
+values, types. What cannot be so is left to `native`, which reports what is wrong with it. Into a table that has rows, or foreign keys
+that SQLite is to heed, the same statement inserts row by row with all of its checks, and spares only the binding of each value.
 Figures: scaling/decisions/bulk_insert.py.
 """
 
@@ -28,37 +29,43 @@ PAGE_BYTES = 65_536
 ROOT = 2
 """The page at which SQLite begins the first table of a database."""
 
-NAME = "image"
+IMAGES = "images"
+"""Under which a connection has its images: each by the name under which it is attached."""
+
+MANY = 1024
+"""Rows from which an image is worth its attaching where the table is not empty."""
+
 READ_ONLY = 4
 """SQLITE_DESERIALIZE_READONLY: the memory is ours, SQLite neither writes to it nor frees it."""
 
 
 def load(connection: Connection, raw: sqlite3.Connection, address: int, table: Table, columns: Sequence[Column]) -> bool:
-    """Insert rows into an empty table, in the transaction in hand; False: that is not possible, and nothing was done.
+    """Insert rows into a table, in the transaction in hand; False: that is not possible or not worth it, and nothing was done.
 
-    The image stays attached until the connection goes back to its pool (`let_go`), so there can be one a transaction.
+    Images stay attached until the connection goes back to its pool (`let_go`).
     Args: address: from `native.handle`; columns: in the order of the table's.
-    Raises: what the standard library raises where SQLite cannot write.
+    Raises: what the standard library raises where SQLite refuses a row or cannot write.
     """
     found = raw.execute("SELECT sql FROM main.sqlite_master WHERE type = 'table' AND name = ?", (table.name,)).fetchone()
-    form = form_of(found[0], table.name, PAGE_BYTES) if found and NAME not in connection.info else None
+    form = form_of(found[0], table.name, PAGE_BYTES) if found else None
     if form is None or form.names != tuple(column.name for column in table.columns) or not _may_attach(raw):
         return False
-    if raw.execute(f"SELECT 1 FROM main.{table.name} LIMIT 1").fetchone():
+    if length(columns) < MANY and raw.execute(f"SELECT 1 FROM main.{table.name} LIMIT 1").fetchone():
         return False
-    image = image_of(form, columns, PAGE_BYTES)
-    if image is None or not _attach(raw, address, image):
+    image, images = image_of(form, columns, PAGE_BYTES), connection.info.setdefault(IMAGES, {})
+    name = f"image_{len(images)}"
+    if image is None or not _attach(raw, address, name, image):
         return False
-    connection.info[NAME] = image
-    raw.execute(f"INSERT OR FAIL INTO main.{table.name} SELECT * FROM {NAME}.{table.name}")
+    images[name] = image
+    raw.execute(f"INSERT OR FAIL INTO main.{table.name} SELECT * FROM {name}.{table.name}")
     return True
 
 
 def let_go(raw: Any, record: Any) -> None:
-    """Detach and free the image of a connection that goes back to its pool, if it has one."""
-    if raw is not None and NAME in record.info:
-        raw.execute(f"DETACH {NAME}")
-        del record.info[NAME]
+    """Detach and free the images of a connection that goes back to its pool, if it has some."""
+    if raw is not None:
+        for name in record.info.pop(IMAGES, ()):
+            raw.execute(f"DETACH {name}")
 
 
 def _may_attach(raw: sqlite3.Connection) -> bool:
@@ -69,19 +76,19 @@ def _may_attach(raw: sqlite3.Connection) -> bool:
     )
 
 
-def _attach(raw: sqlite3.Connection, address: int, image: Array) -> bool:
+def _attach(raw: sqlite3.Connection, address: int, name: str, image: Array) -> bool:
     """Give SQLite a database that is this memory."""
     known = library()
     assert known is not None
     try:
-        raw.execute(f"ATTACH ':memory:' AS {NAME}")
+        raw.execute(f"ATTACH ':memory:' AS {name}")
     except sqlite3.OperationalError:  # as many are attached as may be
         return False
     give, whole = known.call.sqlite3_deserialize, ctypes.c_int64(image.nbytes)
     give.argtypes = [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64, ctypes.c_uint]
-    if give(address, NAME.encode(), image.ctypes.data, whole, whole, READ_ONLY) == 0:
+    if give(address, name.encode(), image.ctypes.data, whole, whole, READ_ONLY) == 0:
         return True
-    raw.execute(f"DETACH {NAME}")
+    raw.execute(f"DETACH {name}")
     return False
 
 

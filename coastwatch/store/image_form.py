@@ -58,8 +58,8 @@ class Told(NamedTuple):
 def form_of(sql: str, name: str, page_bytes: int) -> Form | None:
     """The form of the table that a statement makes; None where rows may not be put there without a look by SQLite.
 
-    They may in a table WITHOUT ROWID whose only index is its primary key, in ascending order, without foreign keys, conditions and
-    computed columns.
+    They may in a table WITHOUT ROWID whose only index is its primary key, in ascending order, without conditions and computed columns.
+    Foreign keys that SQLite is to heed it looks at whatever else it leaves out.
     """
     raw = sqlite3.connect(":memory:")
     try:
@@ -67,8 +67,7 @@ def form_of(sql: str, name: str, page_bytes: int) -> Form | None:
         raw.execute(sql)
         columns = raw.execute(f"PRAGMA table_xinfo({name})").fetchall()
         indices = raw.execute(f"PRAGMA index_list({name})").fetchall()
-        bound = raw.execute(f"PRAGMA foreign_key_list({name})").fetchall()
-        if len(indices) != 1 or bound or "CHECK" in sql.upper() or len(columns) > COLUMNS or any(c[6] for c in columns):
+        if len(indices) != 1 or "CHECK" in sql.upper() or len(columns) > COLUMNS or any(c[6] for c in columns):
             return None
         record = raw.execute(f"PRAGMA index_xinfo({indices[0][1]})").fetchall()
         order, descends = tuple(entry[1] for entry in record), any(entry[3] for entry in record)

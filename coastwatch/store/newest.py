@@ -42,7 +42,7 @@ def read(connection: Connection, run_id: int, where: str) -> Newest:
     """What is stored; the run is marked as running. Raises: StoreError where there is no such run."""
     running = connection.execute(update(Run).where(Run.id == run_id).values(status="running", finished_utc=None))
     if running.rowcount == 0:
-        raise StoreError(f"{where}: there is no run {run_id}; another process may have restarted it")
+        raise _missing(run_id, where)
     last = select(Cycle.number, Cycle.time_s).where(Cycle.run_id == run_id).order_by(Cycle.number.desc()).limit(1)
     found = connection.execute(last).first()
     number, time_s = (-1, -np.inf) if found is None else (found.number, found.time_s)
@@ -62,6 +62,16 @@ def read(connection: Connection, run_id: int, where: str) -> Newest:
         forgotten=retention.known(connection, run_id),
         period_s=connection.scalars(select(Run.period_s).where(Run.id == run_id)).one(),
     )
+
+
+def look(connection: Connection, run_id: int, where: str) -> None:
+    """See that a run is still there whose rows are about to be written. Raises: StoreError."""
+    if connection.scalar(select(Run.id).where(Run.id == run_id)) is None:
+        raise _missing(run_id, where)
+
+
+def _missing(run_id: int, where: str) -> StoreError:
+    return StoreError(f"{where}: there is no run {run_id}; another process may have restarted it")
 
 
 def _array(connection: Connection, query: Any, width: int) -> Ints:

@@ -155,8 +155,12 @@ def _prepare(store: Store) -> None:
 
     @event.listens_for(store.engine, "begin")
     def begin(connection: Connection) -> None:
-        writes = connection.get_execution_options().get("writes", False)
-        connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+        options = connection.get_execution_options()
+        known = options.get("parents_known", False)
+        if known != connection.info.get("parents_known", False):  # SQLite hears it only between transactions
+            connection.exec_driver_sql(f"PRAGMA foreign_keys = {'OFF' if known else 'ON'}").close()
+            connection.info["parents_known"] = known
+        connection.exec_driver_sql("BEGIN IMMEDIATE" if options.get("writes", False) else "BEGIN")
 
 
 def lend_mathematics(raw: sqlite3.Connection) -> None:
@@ -196,9 +200,14 @@ def reading(store: Store) -> Iterator[Connection]:
 
 
 @contextmanager
-def writing(store: Store) -> Iterator[Connection]:
-    """A connection in one transaction, which holds SQLite's only write lock from its first moment."""
-    with refusals(store), store.engine.connect() as plain, plain.execution_options(writes=True).begin():
+def writing(store: Store, *, parents_known: bool = False) -> Iterator[Connection]:
+    """A connection in one transaction, which holds SQLite's only write lock from its first moment.
+
+    Args: parents_known: who writes looks itself, in this transaction, whether the run is there that its rows name, and deletes no
+    run: then SQLite does not look for every row, and keeps no copy of the pages that a statement which may fail so has changed.
+    """
+    options = {"writes": True, "parents_known": parents_known}
+    with refusals(store), store.engine.connect() as plain, plain.execution_options(**options).begin():
         yield plain
 
 

@@ -60,20 +60,21 @@ def write_cycle(
     Raises: StoreError where the run is absent, a cycle is left out, the database is locked or the disk is full.
     """
     picture, members = _in_order(cycle.picture), columns.memberships(cycle)
-    with writing(store) as connection:
-        write_ahead.fit(connection, len(picture))
+    with writing(store, parents_known=True) as connection:
+        write_ahead.fit(connection, len(picture), recorded=keep.recording)
         before, again = _before(connection, store, run_id, number)
         due = last or again or _picture_due(before, cycle, keep)
         bound = history_rule.Bound(keep.history_error_m, keep.history_max_s)
-        points, added = history_rule.step(before.points, bound, number, cycle.time_s, before.time_s, picture)
+        moved = columns.motion(picture.velocity_m_s, picture.covariance) if due else None
+        points, added = history_rule.step(before.points, bound, number, cycle.time_s, before.time_s, picture, moved)
         _cycle_row(connection, run_id, number, cycle, reports, keep, due, added)
         _timings(connection, run_id, number, seconds, _rows_by_stage(cycle, reports, before.source_kinds))
         rows = append(connection, TABLES["history"], [run_id, number, *added.columns])
         rows += write_identities(connection, run_id, number, added)
-        tail = blocks.extend(connection, run_id, number, added.points, before.tail)
-        if due:
+        tail = blocks.extend(connection, run_id, number, blocks.placed(number, added.columns), before.tail)
+        if moved is not None:
             names = columns.sources(picture.vessel_id, members, before.source_names)
-            rows += _picture(connection, run_id, cycle, picture, names)
+            rows += _picture(connection, run_id, cycle, picture, moved, names)
         rows += _stays(connection, run_id, number, before, members, picture.vessel_id[:, None], picture.since_s)
         rows += _details(connection, run_id, number, cycle, members, keep)
         known = statics.merge(connection, run_id, before.statics, reports.statics)
@@ -94,6 +95,7 @@ def _in_order(picture: Picture) -> Picture:
 
 def _before(connection: Connection, store: Store, run_id: int, number: int) -> tuple[Newest, bool]:
     """The cycle before this one, and whether the run was taken back to it."""
+    newest.look(connection, run_id, store.where)
     before = store.newest.get(run_id) or newest.read(connection, run_id, store.where)
     if number > before.cycle + 1:
         raise StoreError(f"{store.where}: run {run_id}: got cycle {number}, needed {before.cycle + 1}")
@@ -111,9 +113,9 @@ def _picture_due(before: Newest, cycle: Cycle, keep: StoreSettings) -> bool:
     return math.floor(cycle.time_s / keep.picture_every_s) > math.floor(before.time_s / keep.picture_every_s)
 
 
-def _picture(connection: Connection, run_id: int, cycle: Cycle, picture: Picture, sources: Texts) -> int:
+def _picture(connection: Connection, run_id: int, cycle: Cycle, picture: Picture, moved: columns.Motion, sources: Texts) -> int:
     now = columns.bearing_tracks(run_id, cycle.bearing_tracks, cycle.bearing_associations, cycle.picture)
-    rows = _replace(connection, "vessel", run_id, columns.vessels(run_id, picture, sources))
+    rows = _replace(connection, "vessel", run_id, columns.vessels(run_id, picture, moved, sources))
     write_places(connection, run_id, picture.vessel_id, picture.position_deg)
     return rows + _replace(connection, "bearing_track", run_id, now)
 

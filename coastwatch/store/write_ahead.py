@@ -18,6 +18,9 @@ LEAST_BYTES = 1000 * PAGE_BYTES
 VESSEL_BYTES = 256
 """Of a row of table `vessel`, with a reserve."""
 
+REST_BYTES, RECORDED_BYTES = 128, 128
+"""Of a cycle's other pages a vessel: its points, the tables of members and stays and their indices; and its recording."""
+
 PICTURES = 8
 """The log has room for so many cycles: a page that every cycle writes is then moved once for all of them."""
 
@@ -29,13 +32,15 @@ TOO_LONG = 3
 PATIENCE_MS = 50
 
 
-def fit(connection: Connection, vessels: int) -> None:
-    """Let the log of this connection's database grow to a few pictures of so many vessels, and give it memory for one: pages that do
-    not fit in are written before the transaction ends, and those that are changed again are read again. Any other database: nothing.
+def fit(connection: Connection, vessels: int, *, recorded: bool = False) -> None:
+    """Let the log of this connection's database grow to a few pictures of so many vessels, and give it memory for one cycle: pages that
+    do not fit in are written before the transaction ends, and where one of these is changed again, all that was written since is read
+    again for its check sums. Any other database: nothing.
     """
     if connection.dialect.name == "sqlite":
         pages = _length(vessels) // int(connection.exec_driver_sql("PRAGMA page_size").scalar_one())
-        cache_kib = min(max(CACHE_KIB, vessels * VESSEL_BYTES // 1024), MOST_CACHE_KIB)
+        cycle_bytes = VESSEL_BYTES + REST_BYTES + (RECORDED_BYTES if recorded else 0)
+        cache_kib = min(max(CACHE_KIB, vessels * cycle_bytes // 1024), MOST_CACHE_KIB)
         most = TOO_LONG * _length(vessels)  # what the log has grown by beyond that is given back
         for pragma in (f"wal_autocheckpoint = {pages}", f"journal_size_limit = {most}", f"cache_size = -{cache_kib}"):
             connection.exec_driver_sql(f"PRAGMA {pragma}").close()

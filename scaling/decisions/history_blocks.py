@@ -70,7 +70,7 @@ def blocks_cost(url: str, cycles: int) -> tuple[float, float, float]:
                 with connection.begin() as transaction:
                     blocks.forget_blocks(connection, 1, from_cycle=first)
                     begun = time.process_time()
-                    blocks._write(connection, 1, first, last, count)
+                    blocks._write(connection, 1, first, last, blocks._stored(connection, 1, first, last, count))
                     took.append(1e3 * (time.process_time() - begun))
                     transaction.rollback()
         each = float(np.median(took[1:]))

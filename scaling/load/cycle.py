@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from statistics import median
+from statistics import mean, median
 from typing import Any
 
 import numpy as np
@@ -58,6 +58,7 @@ def report(load: Load, cycles: Sequence[Measured]) -> dict[str, Any]:
         "stages_s": stages,
         "compute_s": _spread(compute) | {"share_of_period": median(compute) / PERIOD_S},
         "compute_cpu_s": median(t.compute_cpu_s for t in taken),
+        "store_cpu_s": _spread([t.store_cpu_s for t in taken]) | {"mean": mean(t.store_cpu_s for t in taken)},
         "cycle_s": _spread(whole) | {"share_of_period": median(whole) / PERIOD_S},
         "generator_s": median(t.generator_s for t in taken),
         "pairs_tested": last.pairs_tested,
@@ -86,6 +87,8 @@ def text(figures: dict[str, Any]) -> str:
     lines.append(
         f"processor time of compute {1e3 * f['compute_cpu_s']:.0f} ms; generator {1e3 * f['generator_s']:.0f} ms, not counted"
     )
+    if f["store"] != "none":
+        lines.append("processor time of the writer: " + ", ".join(f"{k} {1e3 * s:.0f} ms" for k, s in f["store_cpu_s"].items()))
     memory = f["memory_mib"]
     lines.append(f"{f['pairs_tested']} pairs within the gate, {f['rows_written']:.0f} rows written a cycle")
     lines.append(f"memory of all processes: {memory['now']:.0f} MiB (PSS), peak at most {memory['peak']:.0f} MiB")

@@ -72,7 +72,7 @@ def fill(url: str, points: int, vessels: int, seed: int, say: Callable[[str], No
                     connection.execute(insert(Cycle), [_cycle(run_id, number, time_s, len(picture), added)])
                     append(connection, TABLES["history"], [run_id, number, *added.columns])
                     write_identities(connection, run_id, number, added)
-                    tail = blocks.extend(connection, run_id, number, added.points, tail)
+                    tail = blocks.extend(connection, run_id, number, blocks.placed(number, added.columns), tail)
                     written, number = written + added.points, number + 1
             if number % (10 * TOGETHER) == 0:
                 say(f"{number} cycles, {written / 1e6:.1f} M points, {written / number:.0f} a cycle")
@@ -181,5 +181,9 @@ def _rest(connection: object, run_id: int, stays: _Stays, picture: Picture, cycl
     size = np.full(len(named), 80.0)
     append(connection, TABLES["vessel_static"], [run_id, named, names, signs, Named(named % 90), size, size / 6.0, size])
     sources = Texts(picture.vessel_id % 2, ["region-0,ais", "region-1"])
-    append(connection, TABLES["vessel"], columns.vessels(run_id, picture, sources))
+    append(
+        connection,
+        TABLES["vessel"],
+        columns.vessels(run_id, picture, columns.motion(picture.velocity_m_s, picture.covariance), sources),
+    )
     write_places(connection, run_id, picture.vessel_id, picture.position_deg)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass, field
 from functools import partial
@@ -46,7 +46,8 @@ class Taken:
 
     seconds: Mapping[str, float]  # of each stage, wall; of the store, what writing the cycle before took beside them
     all_s: float  # from the start of the cycle until it is computed and the one before is written: the period that can be sustained
-    compute_cpu_s: float  # of all processes, all stages but the store
+    compute_cpu_s: float  # of all processes, all stages but the store; beside one, what its thread took falls into both
+    store_cpu_s: float  # of the thread that wrote the cycle before, 0 where there is none
     generator_s: float  # to make what was received, not part of the cycle
     rows_written: int
     complaint: str | None  # of the store, what an operator should see to
@@ -89,7 +90,7 @@ def measured(load: Load) -> Iterator[Measured]:
     with ExitStack() as open_:
         spread = open_.enter_context(spread_over(scenario.workers.method, load.workers))
         keeper = open_.enter_context(_keeper(load, world, scenario, sensors))
-        writer = open_.enter_context(Writer[store.Written](watch, scenario.store.overlap))
+        writer = open_.enter_context(Writer[tuple[store.Written, float]](watch, scenario.store.overlap))
         job = None
         for number in range(last):
             begun = time.perf_counter()
@@ -99,15 +100,21 @@ def measured(load: Load) -> Iterator[Measured]:
                 writer.start(job)
             memory, cycle = pipeline.fuse(scenario, sensors, memory, received, world.time_s(number), spread, watch)
             cpu_s = processor_s() - cpu_s
-            written = writer.wait() or store.Written(0, None)
+            written, store_cpu_s = writer.wait() or (store.Written(0, None), 0.0)
             all_s = time.perf_counter() - begun
             seconds = {**watch.so_far(), **watch.lap()}
-            taken = Taken(seconds, all_s, cpu_s, generator_s, *written, *memory_bytes())
+            taken = Taken(seconds, all_s, cpu_s, store_cpu_s, generator_s, *written, *memory_bytes())
             yield _measured(load, world, scenario.associations.gate_m, sensors.source_kinds, number, cycle, taken)
-            job = partial(keeper.write, number, cycle, received.statics, seconds) if keeper else None
+            job = partial(_written, partial(keeper.write, number, cycle, received.statics, seconds)) if keeper else None
             del received, cycle  # or the next would be made beside them
         if job is not None:
             writer.start(job)
+
+
+def _written(write: Callable[[], store.Written]) -> tuple[store.Written, float]:
+    """What there is to say of a cycle, and the processor time of the thread that writes it."""
+    begun = time.thread_time()
+    return write(), time.thread_time() - begun
 
 
 def _keeper(load: Load, world: World, scenario: Scenario, sensors: Sensors) -> AbstractContextManager[Keeper | None]:

@@ -51,6 +51,16 @@ def test_a_small_change_takes_few_bytes_and_noise_is_found() -> None:
     assert (q, s) == (1 + 4096, 2 * 4096)
 
 
+@pytest.mark.parametrize(("still", "as_what"), [(0.0, NOISE), (0.05, NOISE), (0.08, NOISE), (0.3, QUIET), (0.9, QUIET)])
+def test_noise_of_which_little_is_zero_is_not_pressed(still: float, as_what: int) -> None:
+    """As of covariances, where some vessels told nothing new."""
+    rng = np.random.default_rng([1, 53])
+    words = np.where(rng.random((1, 4096)) < still, 0, rng.integers(0, 256, (1, 4096))).astype(np.uint64)
+    out, *_, kind = there_and_back(words, words, np.arange(4096), False)
+    assert np.array_equal(out, words)
+    assert kind[0].tolist() == [as_what] + [ZERO] * 7
+
+
 def test_neighbours_on_the_curve_are_neighbours() -> None:
     cells = np.array([[_along(x, y) for x in range(SIDE)] for y in range(SIDE)])
     assert sorted(cells.ravel().tolist()) == list(range(SIDE * SIDE))

@@ -96,6 +96,25 @@ def _blocks(store: Store) -> list[Any]:
         ]
 
 
+@pytest.mark.parametrize(("held", "read"), [(blocks.HELD_CYCLES, 0), (1, 4)])
+def test_points_in_memory_make_the_blocks_that_rows_make(
+    tmp_path: Path, held: int, read: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The last points of a block are read where there were too many cycles to hold."""
+    monkeypatch.setattr(blocks, "BLOCK_POINTS", 40)
+    reads, usual = [], blocks._stored
+    told = []
+    for cycles in (held, 0):
+        monkeypatch.setattr(blocks, "HELD_CYCLES", cycles)
+        monkeypatch.setattr(blocks, "_stored", lambda *given, of=cycles: (reads.append(of), usual(*given))[1])
+        store, _ = filled(f"sqlite:///{tmp_path / str(cycles)}.db", 3)
+        with store, reading(store) as connection:
+            told.append([connection.execute(text(f"SELECT * FROM {name}")).all() for name in ("history_block", "history_cell")])
+    assert told[0] == told[1]
+    assert (reads.count(held) > 0) == (read > 0)
+    assert reads.count(0) > 3
+
+
 @pytest.mark.parametrize("most", [boxed.MOST, 5])
 def test_a_picture_in_a_box_is_part_of_the_whole_one(url: str, most: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where vessels jump: one whose newest point is elsewhere is not shown where it was before."""

@@ -155,3 +155,11 @@ def test_a_reader_that_holds_a_transaction_open_is_found(tmp_path: Path, monkeyp
 def test_the_length_of_the_log_grows_with_the_picture() -> None:
     assert write_ahead._length(100) == write_ahead.LEAST_BYTES
     assert math.isclose(write_ahead._length(400_000), 8 * 400_000 * 256)
+
+
+def test_a_cycle_fits_into_the_memory_of_its_connection(tmp_path: Path) -> None:
+    """Pages that do not are written before the transaction ends, and the log is read again for its check sums."""
+    with kept.open_store(str(tmp_path / "x.db")) as store, writing(store) as connection:
+        for vessels, recorded, kib in ((100, True, 16_384), (100_000, False, 37_500), (100_000, True, 50_000)):
+            write_ahead.fit(connection, vessels, recorded=recorded)
+            assert connection.exec_driver_sql("PRAGMA cache_size").scalar_one() == -kib
