@@ -17,6 +17,7 @@ from coastwatch.store.identities import write_identities
 from coastwatch.store.newest import Newest
 from coastwatch.store.opening import Store, StoreError, writing
 from coastwatch.store.places import write_places
+from coastwatch.store.rehearsal import rehearse
 from coastwatch.store.rewind import rewind
 from coastwatch.store.tables import Base, Checkpoint
 from coastwatch.store.tables import Cycle as CycleRow
@@ -59,6 +60,7 @@ def write_cycle(
     Returns: what there is to say of it.
     Raises: StoreError where the run is absent, a cycle is left out, the database is locked or the disk is full.
     """
+    rehearse(write_cycle, store, run_id, cycle, reports, seconds, keep)
     picture, members = _in_order(cycle.picture), columns.memberships(cycle)
     with writing(store, parents_known=True) as connection:
         write_ahead.fit(connection, len(picture), recorded=keep.recording)
