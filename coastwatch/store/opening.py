@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import shutil
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,6 +15,7 @@ from sqlalchemy import URL, Connection, Engine, create_engine, event, inspect, m
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
 
 from coastwatch.store.image import let_go
+from coastwatch.store.room import cannot_grow
 from coastwatch.store.tables import REVISION, REVISION_TABLE, Base
 
 WAIT_S = 10.0
@@ -227,8 +227,9 @@ def _sentence(store: Store, error: BaseException | None) -> str:
     low = said.lower()
     if "locked" in low or "lock timeout" in low:
         return f"database is locked by another process: {store.where} (waited {store.wait_s:g} s); end it, or use another --db"
-    if any(sign in low for sign in ("is full", "disk i/o error", "no space left", "could not extend file")):
-        return f"disk full: {store.where}: {_free(store)}{said.splitlines()[0]}; every whole cycle stored so far is kept"
+    refused = cannot_grow(store.where, said, PAGE_BYTES, here=store.engine.dialect.name == "sqlite")
+    if refused:
+        return refused
     if "not a database" in low:
         return f"{store.where}: is not an SQLite database"
     if "malformed" in low:
@@ -236,13 +237,6 @@ def _sentence(store: Store, error: BaseException | None) -> str:
     if "readonly" in low or "unable to open" in low:
         return f"{store.where}: cannot be opened or written: {said}"
     return f"{store.where}: {said.splitlines()[0] if said else type(error).__name__}"
-
-
-def _free(store: Store) -> str:
-    folder = Path(store.where).absolute().parent
-    if store.engine.dialect.name != "sqlite" or not folder.is_dir():
-        return ""
-    return f"{shutil.disk_usage(folder).free / 1e6:.1f} MB free in {folder}: "
 
 
 def as_json(value: Any) -> str:

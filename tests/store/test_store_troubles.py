@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import resource
 import sqlite3
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,7 +20,7 @@ import store_world as world
 from sqlalchemy import event
 
 from coastwatch import store as kept
-from coastwatch.store import Store, StoreError, opening
+from coastwatch.store import Store, StoreError, opening, room
 from coastwatch.store.migrate import check
 
 KILLS = 6
@@ -96,15 +98,18 @@ def locked(url: str) -> Iterator[None]:
     raw.close()
 
 
-def fill(store: Store, run: int) -> int:
-    """Write cycles until there is no room; returns how many stand."""
+DISK_FULL = "disk full", "MB free"
+
+
+def fill(store: Store, run: int, wanted: tuple[str, ...] = DISK_FULL) -> int:
+    """Write cycles until there is no room, which is said in these words; returns how many stand."""
     for number in range(500):
         try:
             world.write(store, run, number)
         except StoreError as refused:
             said = str(refused)
             break
-    for part in ("disk full", store.where, "MB free", "every whole cycle stored so far is kept"):
+    for part in (*wanted, store.where, "every whole cycle stored so far is kept"):
         assert part in said
     return number
 
@@ -125,6 +130,38 @@ def test_a_full_database_keeps_what_it_has_and_goes_on_when_there_is_room(tmp_pa
         pages["most"] = 100_000
         world.write(store, run, number)
     assert check(str(path)) == []
+
+
+def test_files_that_may_not_grow_are_not_called_a_full_disk(tmp_path: Path) -> None:
+    path, (soft, hard) = tmp_path / "x.db", resource.getrlimit(resource.RLIMIT_FSIZE)
+    with kept.open_store(str(path)) as store:
+        run = world.begin(store)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (3_000_000, hard))
+        try:
+            number = fill(store, run, ("file cannot grow: ", "this process may write files of 3.0 MB at most (ulimit -f)"))
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        assert kept.picture(store, run).column("time_s")[0] == world.instant_s(number - 1)
+        world.write(store, run, number)
+    assert check(str(path)) == []
+
+
+@pytest.mark.parametrize(
+    ("said", "free", "head"),
+    [
+        ("disk I/O error", 500_000_000, "cannot be written: "),
+        ("disk I/O error", 900_000, "disk full: "),
+        ("database or disk is full", 500_000_000, "disk full: "),
+    ],
+)
+def test_a_disk_with_room_is_called_full_only_where_the_database_says_so(
+    said: str, free: int, head: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(room.shutil, "disk_usage", lambda folder: SimpleNamespace(free=free))
+    sentence = room.cannot_grow(str(tmp_path / "x.db"), said, 16_384, here=True)
+    assert sentence is not None
+    assert sentence.startswith(head)
+    assert f"{free / 1e6:.1f} MB free" in sentence
 
 
 @pytest.fixture
