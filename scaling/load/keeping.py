@@ -12,6 +12,9 @@ from coastwatch.scenario import Scenario
 from coastwatch.server.run import version
 from coastwatch.stage import Plan
 
+STOPPED = (KeyboardInterrupt, GeneratorExit)
+"""By Ctrl-C, while a cycle was made and while it was said; a run that could not go on is `failed`."""
+
 
 class Keeper:
     """A run in a database; use it in a `with` block."""
@@ -30,12 +33,18 @@ class Keeper:
             workers=workers,
         )
 
+    @property
+    def shared(self) -> bool:
+        """Whether it can be written by a thread of its own."""
+        return self._store.shared
+
     def __enter__(self) -> Keeper:
         return self
 
     def __exit__(self, *failed: Any) -> None:
+        stopped = isinstance(failed[1], STOPPED)
         try:
-            store.finish_run(self._store, self._run_id, "failed" if failed[0] else "finished")
+            store.finish_run(self._store, self._run_id, "interrupted" if stopped else "failed" if failed[0] else "finished")
         finally:
             self._store.close()
 

@@ -90,7 +90,8 @@ def measured(load: Load) -> Iterator[Measured]:
     with ExitStack() as open_:
         spread = open_.enter_context(spread_over(scenario.workers.method, load.workers))
         keeper = open_.enter_context(_keeper(load, world, scenario, sensors))
-        writer = open_.enter_context(Writer[tuple[store.Written, float]](watch, scenario.store.overlap))
+        apart = scenario.store.overlap and (keeper is None or keeper.shared)
+        writer = open_.enter_context(Writer[tuple[store.Written, float]](watch, apart))
         job = None
         for number in range(last):
             begun = time.perf_counter()

@@ -43,6 +43,12 @@ def console(url: str, told: dict[str, float]) -> Iterator[None]:
             told |= json.loads(reader.communicate("")[0] or "{}")
 
 
+def in_memory(url: str) -> bool:
+    """Whether no other process can read what is written there."""
+    address = make_url(url)
+    return address.get_backend_name() == "sqlite" and address.database in (None, "", ":memory:")
+
+
 def minute_of(cycles: Sequence[Measured], wal_bytes: Sequence[int]) -> dict[str, float]:
     """Medians of one minute; of the write-ahead log the largest, of rows the sum."""
     return {
@@ -124,6 +130,8 @@ def main() -> None:
     with one_sentence(), tempfile.TemporaryDirectory() as folder:
         kept = str(Path(folder) / "soak.db") if asked.store == "none" else asked.store
         url = kept if "://" in kept else f"sqlite:///{kept}"
+        if in_memory(url):
+            parser.error(f"--store: got {asked.store!r}, needed a database that the console, another process, can read too")
         cycles, settings = asked.minutes * CYCLES_A_MINUTE, settings_of(asked)
         load = Load(asked.tracks, cycles, 0, asked.workers, url, asked.seed, settings, score=False)
         minutes, told = soak(load, asked.paced)

@@ -11,7 +11,7 @@ from types import ModuleType, SimpleNamespace
 
 import pytest
 
-from coastwatch.store import write_ahead
+from coastwatch.store import open_store, runs, write_ahead
 from scaling.load import cycle, queries, ramp, running, seeds, soak, stages
 from scaling.load.running import Load, measured
 
@@ -39,6 +39,12 @@ def ended(
         (cycle.main, "--workers -1", "--workers: got '-1', needed a whole number"),
         (cycle.main, "--set period_s", "--set: got 'period_s', needed KEY=VALUE"),
         (soak.main, "--minutes 0", "--minutes: got '0', needed 1 or more"),
+        (
+            soak.main,
+            "--store sqlite://",
+            "--store: got 'sqlite://', needed a database that the console, another process, can read",
+        ),
+        (soak.main, "--store :memory:", "--store: got ':memory:', needed a database that"),
         (ramp.main, "--from 10 --to 10", "got 10 and 10, needed the first below the last"),
         (ramp.main, "--from 0", "--from: got '0', needed 1 or more"),
     ],
@@ -83,6 +89,29 @@ def test_an_interrupt_ends_with_a_word(
 
     monkeypatch.setattr(command, "measured", interrupted)
     assert ended(command.main, "--tracks 50", monkeypatch, capfd) == (130, "interrupted")
+
+
+@pytest.mark.parametrize(
+    ("trouble", "status"),
+    [(KeyboardInterrupt(), "interrupted"), (None, "interrupted"), (ValueError("x"), "failed")],
+    ids=["within a cycle", "between two", "trouble"],
+)
+def test_a_run_in_the_database_says_how_it_ended(trouble: BaseException | None, status: str, tmp_path: Path) -> None:
+    path = tmp_path / "load.db"
+    made = measured(Load(100, 3, 0, store=f"sqlite:///{path}", score=False))
+    next(made)
+    if trouble is None:
+        made.close()
+    else:
+        with pytest.raises(type(trouble)):
+            made.throw(trouble)
+    with open_store(str(path)) as kept:
+        assert runs(kept).column("status") == [status]
+
+
+def test_a_database_in_memory_is_written_by_the_thread_that_made_it() -> None:
+    every = list(measured(Load(50, 3, 0, store="sqlite://", score=False)))
+    assert every[-1].taken.rows_written > 0
 
 
 def test_a_reader_that_holds_the_log_is_said_in_the_progress(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
