@@ -56,3 +56,9 @@ def test_the_makefile_calls_commands_that_there_are() -> None:
     assert len(calls) >= 2
     for call in calls:
         make_parser().parse_args(shlex.split(call))
+
+
+def test_a_node_of_ray_is_stopped_by_its_first_process() -> None:
+    """To which alone SIGTERM goes: where all have it, the node waits in vain for those that are gone already."""
+    unit = (HOUSE / "ops" / "ray" / "coastwatch-ray@.service").read_text("utf-8")
+    assert {"KillMode=mixed", "KillSignal=SIGTERM"} <= set(unit.splitlines())
