@@ -10,6 +10,7 @@ export UV_PROJECT_ENVIRONMENT = .venv
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check "uv==$(UV_VERSION)"
 	@$(BIN)/uv sync --quiet --locked --inexact
+	@$(BIN)/coastwatch compile
 	@touch $@
 
 demo: .venv/.ready  ## set up, run the guanabara scenario, leave a database and a picture in out/

@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 
 from coastwatch.kernels.ais_filter import anchor_near, mean_of, measure, restart, step_filter
+from coastwatch.kernels.compiling import inner
 from coastwatch.kernels.tangent import SEMI_MAJOR, to_tangent
 
 TAKEN, REPEAT, IMPOSSIBLE, CROWDED = 0, 1, 2, 3
@@ -39,7 +40,7 @@ def absorb(tracks, first, slots, reports, begin, end, rules, stuck, verdict):  #
                     tracks[t].heard = reports[m].time
 
 
-@njit(cache=True)
+@inner
 def _expire(tracks, first, slots, time, rules):  # type: ignore[no-untyped-def]
     """Slots emptied of tracks too old to come back and of second tracks never confirmed; the others move up."""
     kept = first
@@ -54,7 +55,7 @@ def _expire(tracks, first, slots, time, rules):  # type: ignore[no-untyped-def]
         tracks[t].hits = 0
 
 
-@njit(cache=True)
+@inner
 def _hear(tracks, first, slots, report, rules, z, noise, moving, spare, span, fit):  # type: ignore[no-untyped-def]
     """The verdict on a report, which goes to the track it fits, or opens one."""
     best = _choose(tracks, first, slots, report, rules, z)
@@ -81,7 +82,7 @@ def _hear(tracks, first, slots, report, rules, z, noise, moving, spare, span, fi
     return IMPOSSIBLE if known else TAKEN
 
 
-@njit(cache=True)
+@inner
 def _choose(tracks, first, slots, report, rules, z):  # type: ignore[no-untyped-def]
     """The row of the track that a ship could have come from, the live before the lost, then the nearest; -1 for none.
 
@@ -108,7 +109,7 @@ def _choose(tracks, first, slots, report, rules, z):  # type: ignore[no-untyped-
     return best
 
 
-@njit(cache=True)
+@inner
 def _continue(track, report, rules, z, noise, moving, spare, span, fit):  # type: ignore[no-untyped-def]
     """The report into its own track: the verdict on it."""
     dt = report.time - track.updated
@@ -127,7 +128,7 @@ def _continue(track, report, rules, z, noise, moving, spare, span, fit):  # type
     return TAKEN
 
 
-@njit(cache=True)
+@inner
 def _book(track, report, rules):  # type: ignore[no-untyped-def]
     """What the track knows besides its filter, and how long it will wait for the next report."""
     track.mmsi, track.class_b, track.origin = report.mmsi, report.class_b, report.origin

@@ -8,6 +8,7 @@ import math
 import numpy as np
 from numba import njit
 
+from coastwatch.kernels.compiling import inner
 from coastwatch.kernels.imm import _estimate_rows, _predict_rows, _update_rows
 from coastwatch.kernels.tangent import from_tangent, to_tangent, turn_to
 
@@ -59,7 +60,7 @@ RULES = np.dtype(
 )
 
 
-@njit(cache=True)
+@inner
 def mean_of(track, k):  # type: ignore[no-untyped-def]
     """Element k of the state, averaged over the models."""
     total = 0.0
@@ -68,7 +69,7 @@ def mean_of(track, k):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(cache=True)
+@inner
 def step_filter(track, dt, z, noise, moving, rules, spare, span, fit):  # type: ignore[no-untyped-def]
     """The track's models after dt and a measurement, in place; spare is a row to work in, span and fit are (1,)."""
     j = rules.models
@@ -112,7 +113,7 @@ def measure(track, report, rules, z, noise, moving):  # type: ignore[no-untyped-
     noise[0, 2, 3] = noise[0, 3, 2] = (along - across) * c * s
 
 
-@njit(cache=True)
+@inner
 def restart(track, report, rules, z, noise, moving):  # type: ignore[no-untyped-def]
     """A track's filter begun anew from one report."""
     track.anchor_lat, track.anchor_lon = report.lat, report.lon
@@ -129,7 +130,7 @@ def restart(track, report, rules, z, noise, moving):  # type: ignore[no-untyped-
             track.covariance[j, 2, 2] = track.covariance[j, 3, 3] = rules.start_speed_variance
 
 
-@njit(cache=True)
+@inner
 def anchor_near(track, report, rules, z):  # type: ignore[no-untyped-def]
     """A new anchor under the track where the former is out of reach; filter and report's place go into the new plane."""
     east, north = mean_of(track, 0), mean_of(track, 1)
@@ -189,7 +190,7 @@ def foresee(tracks, rows, time, rules, position, velocity, covariance):  # type:
             covariance[k, 1, 1] += drift[i]
 
 
-@njit(cache=True)
+@inner
 def _split(track, dt, rules):  # type: ignore[no-untyped-def]
     """For how long of a time to predict a track, and the position variance of the drift in the rest of it."""
     east, north = mean_of(track, 2), mean_of(track, 3)
@@ -200,7 +201,7 @@ def _split(track, dt, rules):  # type: ignore[no-untyped-def]
     return under_way, speed2 * (dt - under_way) ** 2
 
 
-@njit(cache=True)
+@inner
 def _settle(track, mean, spread, position, velocity, covariance):  # type: ignore[no-untyped-def]
     """An estimate in the track's plane as degrees, and east and north at its own place; the last three are written."""
     lat, lon = from_tangent(mean[0], mean[1], track.anchor_lat, track.anchor_lon)

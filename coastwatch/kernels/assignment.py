@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from coastwatch.kernels.compiling import inner
 from coastwatch.kernels.groups import by_both
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.kernels.unions import root
@@ -15,7 +16,7 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 
-@njit(cache=True)
+@inner
 def _solve(cost, match):  # type: ignore[no-untyped-def]
     """Row of each column in the cheapest assignment of all rows, -1 for none, into `match`; no more rows than columns.
 

@@ -17,6 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from coastwatch.kernels.compiling import inner
 from coastwatch.kernels.earth_centred import centred_rows
 from coastwatch.kernels.sorting import by_key, runs_by_key
 from coastwatch.kernels.threads import in_blocks
@@ -76,7 +77,7 @@ def _laid(row: Ints, start: Ints, points: Floats) -> Laid:
     return Laid(row, start, points, box)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _seen(points, first, count, centre, k, seen, nearest):  # type: ignore[no-untyped-def]
     """Points of a group as seen from centroid k, and their squared distances, into `seen`; k is the nearest so far."""
     cx, cy, cz = centre[k, 0], centre[k, 1], centre[k, 2]
@@ -124,7 +125,7 @@ def _around(k, sweep, centre, box, margin, found, towards):  # type: ignore[no-u
     return count
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _beyond(seen, count, towards, e, margin, beyond):  # type: ignore[no-untyped-def]
     """How far each point is this side of the border with a centroid; returns how many are within the margin of it, and how many
     not this side."""
@@ -138,7 +139,7 @@ def _beyond(seen, count, towards, e, margin, beyond):  # type: ignore[no-untyped
     return near, nearer
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _nearer(points, first, count, centre, j, beyond, seen, nearest):  # type: ignore[no-untyped-def]
     """Where centroid j is nearer than the nearest so far, or as near and before it, it is the nearest."""
     for i in range(count):
@@ -153,7 +154,7 @@ def _nearer(points, first, count, centre, j, beyond, seen, nearest):  # type: ig
                 seen[3, i], nearest[i] = d, j
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _add(seen, count, nearest, k, total):  # type: ignore[no-untyped-def]
     """Add the points of a group whose nearest centroid is its own to the total of centroid k."""
     sx = sy = sz = kept = np.int64(0)
@@ -204,16 +205,17 @@ def means(laid: Laid, centre: Floats) -> Floats:
     return mean
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _longer(values, least):  # type: ignore[no-untyped-def]
     if least <= len(values):
         return values
     out = np.empty(2 * least, np.int64)
-    out[: len(values)] = values
+    for k in range(len(values)):  # see `earth_centred._laid`
+        out[k] = values[k]
     return out
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _keep_own(first, k, nearest, run_size, low, high, place, at):  # type: ignore[no-untyped-def]
     """Take the points that are nearest to other centroids out of the runs of group k; returns where the runs now end."""
     read = at

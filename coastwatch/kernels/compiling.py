@@ -13,17 +13,24 @@ from typing import Any
 
 from numba import njit
 
-OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
+from coastwatch.kernels.laid_in import LaidIn
+
+GIVEN: dict[str, Any] = {"nogil": True, "_nrt": False}
 
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compiled, kept on disk, and free to run beside Python; it may make no array."""
-    return njit(**OPTIONS)(function)
+    return njit(cache=True, **GIVEN)(function)
 
 
 def part(function: Callable[..., Any]) -> Any:
     """The same, laid into the code that calls it: a call with a dozen arrays costs 30 ns."""
-    return njit(**OPTIONS, forceinline=True)(function)
+    return LaidIn(function, {**GIVEN, "forceinline": True})
+
+
+def inner(function: Callable[..., Any]) -> Any:
+    """For compiled code alone, which calls it or, where that is shorter, has it laid in. It may make arrays."""
+    return LaidIn(function, {"nogil": True})
 
 
 def arithmetic(function: Callable[..., Any]) -> Any:
@@ -36,12 +43,12 @@ def arithmetic(function: Callable[..., Any]) -> Any:
 
 def arithmetic_part(function: Callable[..., Any]) -> Any:
     """The same, laid into the code that calls it."""
-    return njit(cache=True, nogil=True, error_model="numpy", forceinline=True)(function)
+    return LaidIn(function, {"nogil": True, "error_model": "numpy", "forceinline": True})
 
 
 def bare_part(function: Callable[..., Any]) -> Any:
     """As `part`, but a division by zero is infinite or not a number."""
-    return njit(**OPTIONS, error_model="numpy", forceinline=True)(function)
+    return LaidIn(function, {**GIVEN, "error_model": "numpy", "forceinline": True})
 
 
 def lanes_part(function: Callable[..., Any]) -> Any:

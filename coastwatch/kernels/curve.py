@@ -3,6 +3,8 @@
 import numpy as np
 from numba import njit
 
+from coastwatch.kernels.compiling import inner
+
 SIDE = 256  # cells along each side of the box around all places
 
 
@@ -22,7 +24,7 @@ def _along(x, y):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _cell(value, low, scale):  # type: ignore[no-untyped-def]
     """Cell of a coordinate; 0 for what is no number."""
     at = (value - low) * scale

@@ -7,6 +7,8 @@ import math
 
 from numba import njit
 
+from coastwatch.kernels.compiling import inner
+
 SEMI_MAJOR = 6378137.0
 ECCENTRICITY2 = (2.0 - 1.0 / 298.257223563) / 298.257223563
 KNOT = 1852.0 / 3600.0
@@ -23,7 +25,7 @@ MOST_M_DEG = 111_695.0
 """More than a degree of latitude or longitude has anywhere."""
 
 
-@njit(cache=True, nogil=True)
+@inner
 def scales(latitude):  # type: ignore[no-untyped-def]
     """Metres a degree north and east: the scalar twin of geodesy.scale_m_deg."""
     s = math.sin(latitude * DEGREE)
@@ -32,7 +34,7 @@ def scales(latitude):  # type: ignore[no-untyped-def]
     return north, SEMI_MAJOR / math.sqrt(w2) * math.cos(latitude * DEGREE) * DEGREE
 
 
-@njit(cache=True, nogil=True)
+@inner
 def distance(latitude, longitude, other_latitude, other_longitude):  # type: ignore[no-untyped-def]
     """Metres between two points that are close: as geodesy.difference_m has them."""
     north, east = scales(0.5 * (latitude + other_latitude))
@@ -52,7 +54,7 @@ def set_rates(real):  # type: ignore[no-untyped-def]
             real[p, EAST_RATE] = speed * math.sin(course) / east
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _due(whole, real, p, time, longest):  # type: ignore[no-untyped-def]
     """Whether a point has stood for as long as it may: less after the first one of a stay, by the vessel's number, so that vessels
     that came together do not have all their points together."""
@@ -62,7 +64,7 @@ def _due(whole, real, p, time, longest):  # type: ignore[no-untyped-def]
     return time - real[p, TIME] >= may
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _close(real, p, latitude, longitude, time, bound):  # type: ignore[no-untyped-def]
     """Whether a point has gone on to within some metres of a place: of most that is plain without the length of a degree there."""
     passed = time - real[p, TIME]
@@ -96,7 +98,7 @@ def decide(whole, real, vessel, place, mmsi, flags, time, bound, longest, former
     gone[p:] = True
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _put_row(whole, real, p, out_whole, out_real, v):  # type: ignore[no-untyped-def]
     """Copy one point."""
     for k in range(WHOLE):

@@ -60,7 +60,9 @@ def _laid(low, high, position, row, out):  # type: ignore[no-untyped-def]
             place[0, i] = r * cp * cl
             place[1, i] = r * cp * sl
             place[2, i] = r * (1.0 - ECCENTRICITY2) * sp
-        out[:, first : first + count] = place[:, :count]
+        for axis in range(3):
+            for i in range(count):  # an array assigned whole would have numba compile how its shape is told in an error: 5 s
+                out[axis, first + i] = place[axis, i]
 
 
 def centred_rows(position: Floats, row: Ints) -> Floats:

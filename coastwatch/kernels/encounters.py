@@ -10,13 +10,15 @@ import math
 import numpy as np
 from numba import njit
 
+from coastwatch.kernels.compiling import inner
+
 LEAST_NORTH = 110_574.0
 """Metres a degree of latitude at the equator: nowhere less. In the grid no two places are farther apart than at sea."""
 
 FROM, TO, LATITUDE, LONGITUDE, NORTH_RATE, EAST_RATE, NORTH, EAST = range(8)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _slots(of, from_time, slot):  # type: ignore[no-untyped-def]
     """First and last slot of a piece."""
     return int((of[FROM] - from_time) / slot), int((of[TO] - from_time) / slot)
@@ -55,7 +57,7 @@ def closest(a, b, low, high):  # type: ignore[no-untyped-def]
     return math.hypot(x + u * passed, y + v * passed), low + passed
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _spread(pieces, chosen, low, high, least_east, out):  # type: ignore[no-untyped-def]
     """Where pieces are in the middle of their parts of a slot, metres; returns the farthest that one is from there at either end."""
     farthest = 0.0
@@ -69,13 +71,13 @@ def _spread(pieces, chosen, low, high, least_east, out):  # type: ignore[no-unty
     return farthest
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _chain(cell, size):  # type: ignore[no-untyped-def]
     """Which of 2^k chains a cell's entries are in."""
     return (cell[0] * 73856093 ^ cell[1] * 19349663) & (size - 1)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _compare(pieces, vessel, chosen, i, j, low, high, within, found, out, out_piece):  # type: ignore[no-untyped-def]
     """Adds the pair of two entries where it comes close enough; returns how many were found so far."""
     a, b = chosen[i], chosen[j]
@@ -91,7 +93,7 @@ def _compare(pieces, vessel, chosen, i, j, low, high, within, found, out, out_pi
     return found + 1
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _slot(pieces, vessel, moves, chosen, low, high, within, least_east, found, out, out_piece):  # type: ignore[no-untyped-def]
     """The pairs of one slot: each entry is compared with those before it in its own and the eight neighbouring cells."""
     count = len(chosen)

@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 Ints = NDArray[np.int64]
 Rows = NDArray[np.int32]
 
+from coastwatch.kernels.compiling import inner
+
 LOOK = 16  # rows that may have ended between two that go on before an id is sought elsewhere
 PATIENCE = 64  # ids in a row that were not found before all is searched for one; doubled each time
 SPREAD = np.uint64(0x9E3779B97F4A7C15)  # 2^64 over the golden ratio (Fibonacci hashing)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _in_order(before, now, at, to):  # type: ignore[no-untyped-def]
     """Rows that come in the order of the last cycle, into `at` and `to`; how many ids of now were not found."""
     expected = waited = missing = 0
@@ -47,7 +49,7 @@ def _in_order(before, now, at, to):  # type: ignore[no-untyped-def]
     return missing
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _table(count):  # type: ignore[no-untyped-def]
     """An empty table for so many ids, and by how much a spread id is shifted to be a place in it."""
     bits = 1
@@ -56,7 +58,7 @@ def _table(count):  # type: ignore[no-untyped-def]
     return np.full(1 << bits, -1, np.int32), np.uint64(64 - bits)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _place(table, shift, ids, wanted):  # type: ignore[no-untyped-def]
     """The place of an id in a table of rows of `ids`, or the free one where it would be."""
     at = np.int64((np.uint64(wanted) * SPREAD) >> shift)

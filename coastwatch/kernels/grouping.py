@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from coastwatch.kernels.compiling import inner
+
 
 @njit(cache=True, nogil=True)
 def grouped(group, count):  # type: ignore[no-untyped-def]
@@ -24,7 +26,7 @@ def grouped(group, count):  # type: ignore[no-untyped-def]
     return start[: count + 1], row
 
 
-@njit(cache=True, nogil=True)
+@inner
 def longest(low, high, start):  # type: ignore[no-untyped-def]
     """The rows of the largest of the groups low to high; 1 where there is none."""
     most = 1

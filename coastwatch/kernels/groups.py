@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from coastwatch.kernels.compiling import inner
+
 NOWHERE, NEAR = -1, -2  # the group of a row that is in none, and of one that is only in halos
 
 
@@ -64,7 +66,7 @@ def greatest(point, column):  # type: ignore[no-untyped-def]
     return most
 
 
-@njit(cache=True)
+@inner
 def _placed(value, count, order):  # type: ignore[no-untyped-def]
     """The order by value; where values are equal, as it was. Args: value: (A,) 0 to count - 1; order: (A,). Returns: (A,)."""
     place, out = np.zeros(count + 1, np.int32), np.empty(len(order), np.int32)

@@ -23,7 +23,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from coastwatch.kernels.compiling import part
+from coastwatch.kernels.compiling import inner, kernel, part
 from coastwatch.kernels.turning import turn_terms
 
 Floats = NDArray[np.float64]
@@ -123,19 +123,11 @@ def predict_row(x, p, mode, dt, models, work, x_out, p_out, mode_out):  # type: 
         _sandwich(f, cov, q, half, p_out[m])
 
 
-@njit(cache=True, nogil=True)
+@inner
 def room_to_predict(j):  # type: ignore[no-untyped-def]
     """Arrays that `predict_row` works in, for so many models."""
     square = (SIZE, SIZE)
-    return (
-        np.zeros(j),
-        np.zeros(j),
-        np.zeros(SIZE),
-        np.zeros(square),
-        np.zeros(square),
-        np.zeros(square),
-        np.zeros(square),
-    )
+    return np.zeros(j), np.zeros(j), np.zeros(SIZE), np.zeros(square), np.zeros(square), np.zeros(square), np.zeros(square)
 
 
 @njit(cache=True, nogil=True)
@@ -208,7 +200,7 @@ def update_row(x, p, mode, z, r, d, work, x_out, p_out, mode_out):  # type: igno
     return best + math.log(total)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def room_to_update(j):  # type: ignore[no-untyped-def]
     """Arrays that `update_row` works in, for so many models."""
     return np.zeros(4), np.zeros((4, 4)), np.zeros((SIZE, 4)), np.zeros(j)
@@ -224,7 +216,7 @@ def _update_rows(x, p, mode, z, r, has_velocity, x_out, p_out, mode_out, log_lik
         )
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _estimate_rows(x, p, mode, mean, cov):  # type: ignore[no-untyped-def]
     for row in range(len(mode)):
         moments(x[row], p[row], mode[row], mean[row], cov[row])
@@ -287,6 +279,11 @@ def imm_estimate(state: Floats, covariance: Floats, mode: Floats) -> tuple[Float
     return mean, cov
 
 
+@kernel
+def _moved(x, dt, kind, noise, turn_noise, turn_sigma, x_out, f, q):  # type: ignore[no-untyped-def]
+    move(x, dt, kind, noise, turn_noise, turn_sigma, x_out, f, q)
+
+
 def one_model(
     state: NDArray[Any], dt_s: float, kind: int, noise: float, turn_noise: float, turn_sigma: float
 ) -> tuple[Floats, ...]:
@@ -295,5 +292,5 @@ def one_model(
     Args: state: (5,). Returns: (5,), (5, 5), (5, 5).
     """
     out = np.empty(SIZE), np.empty((SIZE, SIZE)), np.empty((SIZE, SIZE))
-    move(np.ascontiguousarray(state), float(dt_s), int(kind), float(noise), float(turn_noise), float(turn_sigma), *out)
+    _moved(np.ascontiguousarray(state), float(dt_s), int(kind), float(noise), float(turn_noise), float(turn_sigma), *out)
     return out

@@ -3,6 +3,8 @@
 import numpy as np
 from numba import njit
 
+from coastwatch.kernels.compiling import inner
+
 SPREAD = 16
 """Numbers a row up to which each number has a place of its own, which costs one look into memory where hashing costs three."""
 
@@ -22,7 +24,7 @@ def newest_rows(number, when, out):  # type: ignore[no-untyped-def]
     return _by_hash(number, when, out)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _by_place(number, when, low, row, out):  # type: ignore[no-untyped-def]
     """Args: row: (numbers from `low` on,) all -1."""
     for i in range(len(number)):
@@ -37,7 +39,7 @@ def _by_place(number, when, low, row, out):  # type: ignore[no-untyped-def]
     return count
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _by_hash(number, when, out):  # type: ignore[no-untyped-def]
     size = 1
     while size < 2 * len(number):

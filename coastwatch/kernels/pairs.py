@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from coastwatch.kernels.bands import LONGITUDE_BITS, TURN
-from coastwatch.kernels.compiling import arithmetic, arithmetic_part
+from coastwatch.kernels.compiling import arithmetic, arithmetic_part, inner
 from coastwatch.kernels.earth_centred import SEMI_MAJOR
 from coastwatch.kernels.rings import fetch
 from coastwatch.kernels.screening import screened
@@ -120,7 +120,7 @@ def _owned(i, home, track, row, halo, found, count):  # type: ignore[no-untyped-
     return left
 
 
-@njit(cache=True)
+@inner
 def _grown(array):  # type: ignore[no-untyped-def]
     out = np.empty(2 * len(array), array.dtype)
     for k in range(len(array)):

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numba import njit
 
-from coastwatch.kernels.compiling import kernel, part
+from coastwatch.kernels.compiling import inner, kernel, part
 
 KNOT = 1852.0 / 3600.0
 DEGREE = math.pi / 180.0
@@ -50,7 +50,7 @@ def motion_rows(low, high, velocity, covariance, moving, upper, known):  # type:
         known[v] = not math.isnan(total)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _set_slot(table, parent, last, here, source):  # type: ignore[no-untyped-def]
     """Where the set that is another one and a source is in a table of sets, or the free place where it would be."""
     at = np.int64(((np.uint64(here) << np.uint64(32)) ^ np.uint64(source)) * SPREAD >> np.uint64(40)) & (len(table) - 1)
@@ -88,7 +88,7 @@ def source_sets(vessel_id, members, code, parent, last):  # type: ignore[no-unty
     return count
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _slot(table, shift, members, source, track):  # type: ignore[no-untyped-def]
     """Where a track's row of `members` is in a table, or the free place where it would be."""
     at = np.int64(((np.uint64(track) ^ (np.uint64(source) << np.uint64(40))) * SPREAD) >> shift)

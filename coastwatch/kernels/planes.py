@@ -8,6 +8,8 @@ and else goes to the bytes worth compressing or to the noise, which no compressi
 import numpy as np
 from numba import njit
 
+from coastwatch.kernels.compiling import inner
+
 ZERO, SAME, QUIET, NOISE = 0, 1, 2, 3
 SAMPLE = 256
 NOISE_FROM = 1400
@@ -15,7 +17,7 @@ NOISE_FROM = 1400
 zero, of covariances that some vessels told anew unchanged: pressing it saves 5 % of it, for most of the time that pressing takes."""
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _difference(words, c, base, place, out):  # type: ignore[no-untyped-def]
     """Zigzag differences of one column from its base rows (none where place is -1); returns all bits that occur, and that change."""
     some, change = np.uint64(0), np.uint64(0)
@@ -29,7 +31,7 @@ def _difference(words, c, base, place, out):  # type: ignore[no-untyped-def]
     return some, change
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _same(words, c, out):  # type: ignore[no-untyped-def]
     """One column as it is; returns all bits that occur, and that change."""
     some, change = np.uint64(0), np.uint64(0)
@@ -41,7 +43,7 @@ def _same(words, c, out):  # type: ignore[no-untyped-def]
     return some, change
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _is_noise(z, shift):  # type: ignore[no-untyped-def]
     """Whether bytes of a sample of rows are drawn about evenly."""
     step = len(z) // SAMPLE
@@ -56,7 +58,7 @@ def _is_noise(z, shift):  # type: ignore[no-untyped-def]
     return total < NOISE_FROM
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _put(z, shift, out):  # type: ignore[no-untyped-def]
     for i in range(len(z)):
         out[i] = np.uint8(z[i] >> shift)
@@ -93,7 +95,7 @@ def split(words, base, place, based, quiet, noise, kind):  # type: ignore[no-unt
     return q, s
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _add(plane, shift, out):  # type: ignore[no-untyped-def]
     for i in range(len(out)):
         out[i] |= np.uint64(plane[i]) << shift

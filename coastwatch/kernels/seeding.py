@@ -6,13 +6,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from coastwatch.kernels.compiling import inner
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 BLOCK = 256  # points that are looked at, or passed over, together
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _boxes(points, box):  # type: ignore[no-untyped-def]
     for b in range(len(box)):
         for axis in range(3):
@@ -20,7 +22,7 @@ def _boxes(points, box):  # type: ignore[no-untyped-def]
             box[b, axis], box[b, 3 + axis] = np.min(part), np.max(part)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _toward(points, seed, label, far, nearest, first, last):  # type: ignore[no-untyped-def]
     """Points of a block that are nearer to the new seed are its own. Returns: sum and greatest of the squared distances."""
     x, y, z = points[0, seed], points[1, seed], points[2, seed]
@@ -35,7 +37,7 @@ def _toward(points, seed, label, far, nearest, first, last):  # type: ignore[no-
     return total, greatest
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _drawn(draw, far, total):  # type: ignore[no-untyped-def]
     """The point at which this share of the sum of all squared distances is passed."""
     left = draw * np.sum(total)

@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from coastwatch.kernels.compiling import inner
 from coastwatch.kernels.imm import FLOOR, LOG_TWO_PI, SIZE, _correct
 from coastwatch.kernels.sided_motion import pool, predict_in_place, predict_row
 
@@ -21,7 +22,7 @@ Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 
 
-@njit(cache=True)
+@inner
 def _fix(x, p, row, m, z, r, at, gain):  # type: ignore[no-untyped-def]
     """One Kalman update by the position in row `at` of z and r, in place; returns the log-likelihood. gain: (4, 5), room to work in."""
     ee, en, nn = p[row, m, 0, 0] + r[at, 0, 0], p[row, m, 1, 0] + r[at, 1, 0], p[row, m, 1, 1] + r[at, 1, 1]
@@ -42,7 +43,7 @@ def _fix(x, p, row, m, z, r, at, gain):  # type: ignore[no-untyped-def]
     return -0.5 * (square + math.log(det)) - LOG_TWO_PI
 
 
-@njit(cache=True)
+@inner
 def _weigh(mode, row, fit):  # type: ignore[no-untyped-def]
     """Model probabilities of a row after log-likelihoods `fit` (J,), which is overwritten; returns that of all models."""
     best = -np.inf
@@ -61,7 +62,7 @@ def _weigh(mode, row, fit):  # type: ignore[no-untyped-def]
     return best + math.log(total)
 
 
-@njit(cache=True)
+@inner
 def update_in_place(x, p, mode, z, r, has_velocity, log_likelihood):  # type: ignore[no-untyped-def]
     """As sided_update, but x, p, mode and log_likelihood are overwritten."""
     fit, two, white, low, four = (
@@ -80,7 +81,7 @@ def update_in_place(x, p, mode, z, r, has_velocity, log_likelihood):  # type: ig
         log_likelihood[row] = _weigh(mode, row, fit)
 
 
-@njit(cache=True)
+@inner
 def _copy_row(x, p, mode, row, x_out, p_out, mode_out, to):  # type: ignore[no-untyped-def]
     """One row to the row `to` of others."""
     for m in range(mode.shape[1]):
@@ -146,7 +147,7 @@ def sided_foresee(
     return mean, cov
 
 
-@njit(cache=True)
+@inner
 def _measure(z, r, mean, cov, late, z_out, r_out):  # type: ignore[no-untyped-def]
     """A plot brought forward by `late` seconds (not positive: back in time) into the last two (1, 2), (1, 2, 2); its squared distance."""
     for a in range(2):
@@ -158,7 +159,7 @@ def _measure(z, r, mean, cov, late, z_out, r_out):  # type: ignore[no-untyped-de
     return (nn * east * east - 2.0 * en * east * north + ee * north * north) / (ee * nn - en * en)
 
 
-@njit(cache=True)
+@inner
 def _absorb_rows(state, covariance, mode, rows, dt_s, position, noise, renewal_s, models, x, p, weight, fit, square):  # type: ignore[no-untyped-def]
     j = mode.shape[1]
     mean, cov, d, f, n = np.empty(4), np.empty((4, 4)), np.empty(4), np.empty((4, 3)), np.empty((4, 3))

@@ -26,8 +26,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from coastwatch.kernels.compiling import inner
 from coastwatch.kernels.imm import SIZE
 from coastwatch.kernels.models import KIND, NOISE, OWN, OWN_NOISE, OWN_SIGMA, SHARE, STRAIGHT, TURNING
 from coastwatch.kernels.turning import turn_terms
@@ -35,7 +35,7 @@ from coastwatch.kernels.turning import turn_terms
 SLOW = 0.5  # m/s: a vessel slower than this has no direction in which to gain speed
 
 
-@njit(cache=True)
+@inner
 def pool(x, p, mode, row, mean, cov):  # type: ignore[no-untyped-def]
     """Moments of position and velocity over the models, into the last two (4,), (4, 4), of which the lower half."""
     for a in range(4):
@@ -53,7 +53,7 @@ def pool(x, p, mode, row, mean, cov):  # type: ignore[no-untyped-def]
                 cov[a, b] += weight * (p[row, m, a, b] + da * (x[row, m, b] - mean[b]))
 
 
-@njit(cache=True)
+@inner
 def _mix(x, p, row, m, old, mean, cov, models, d):  # type: ignore[no-untyped-def]
     """One model's state mixed with the pool, in place, `old` parts of one its own past; the lower half of its covariance."""
     new = 1.0 - old
@@ -71,7 +71,7 @@ def _mix(x, p, row, m, old, mean, cov, models, d):  # type: ignore[no-untyped-de
         p[row, m, 4, 4] = old * p[row, m, 4, 4] + new * models[m, OWN_SIGMA] ** 2 + both * gap * gap
 
 
-@njit(cache=True)
+@inner
 def _go_straight(x, p, row, m, dt):  # type: ignore[no-untyped-def]
     """A state moved in place at constant velocity, in the lower half of its covariance."""
     x[row, m, 0] += dt * x[row, m, 2]
@@ -86,7 +86,7 @@ def _go_straight(x, p, row, m, dt):  # type: ignore[no-untyped-def]
     p[row, m, 3, 1] += dt * nn
 
 
-@njit(cache=True)
+@inner
 def _turn(x, row, m, dt, f):  # type: ignore[no-untyped-def]
     """A state moved in place at its turn rate; f (4, 3) becomes the Jacobian of position and velocity by the last three."""
     rate, east, north = x[row, m, 4], x[row, m, 2], x[row, m, 3]
@@ -101,7 +101,7 @@ def _turn(x, row, m, dt, f):  # type: ignore[no-untyped-def]
     x[row, m, 2], x[row, m, 3] = cos * east - sin * north, sin * east + cos * north
 
 
-@njit(cache=True)
+@inner
 def _speed_up(x, row, m, dt, f):  # type: ignore[no-untyped-def]
     """A state moved in place at its acceleration along the track; f as in _turn."""
     gain, speed = dt * x[row, m, 4], math.sqrt(x[row, m, 2] ** 2 + x[row, m, 3] ** 2 + SLOW * SLOW)
@@ -117,7 +117,7 @@ def _speed_up(x, row, m, dt, f):  # type: ignore[no-untyped-def]
     x[row, m, 3] += gain * north
 
 
-@njit(cache=True)
+@inner
 def _carry(p, row, m, f, n):  # type: ignore[no-untyped-def]
     """F P F' in place, in the lower half of P. F is the unit matrix but for f: the first four rows of its last three columns.
 
@@ -146,7 +146,7 @@ def _carry(p, row, m, f, n):  # type: ignore[no-untyped-def]
             p[row, m, a, b] = n[a, 0] * f[b, 0] + n[a, 1] * f[b, 1] + n[a, 2] * f[b, 2]
 
 
-@njit(cache=True)
+@inner
 def predict_row(x, p, mode, row, dt, renewal_s, models, mean, cov, d, f, n):  # type: ignore[no-untyped-def]
     """One row after dt > 0, in place; the arguments behind `models` are room to work in."""
     keep = math.exp(-dt / renewal_s)
@@ -174,7 +174,7 @@ def predict_row(x, p, mode, row, dt, renewal_s, models, mean, cov, d, f, n):  # 
                 p[row, m, b, a] = p[row, m, a, b]
 
 
-@njit(cache=True)
+@inner
 def predict_in_place(x, p, mode, dt_s, renewal_s, models):  # type: ignore[no-untyped-def]
     """As sided_predict, but x, p and mode are overwritten."""
     mean, cov, d, f, n = np.empty(4), np.empty((4, 4)), np.empty(4), np.empty((4, 3)), np.empty((4, 3))

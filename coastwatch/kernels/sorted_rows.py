@@ -2,6 +2,8 @@
 
 from numba import njit
 
+from coastwatch.kernels.compiling import inner
+
 
 @njit(cache=True, nogil=True)
 def is_sorted(rows):  # type: ignore[no-untyped-def]
@@ -12,7 +14,7 @@ def is_sorted(rows):  # type: ignore[no-untyped-def]
     return r >= rows.shape[0]
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _order(one, i, two, j):  # type: ignore[no-untyped-def]
     """-1, 0 or 1: row i of one table comes before row j of the other, is the same, comes after it."""
     for c in range(one.shape[1]):

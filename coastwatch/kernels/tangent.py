@@ -7,6 +7,8 @@ import math
 
 from numba import njit
 
+from coastwatch.kernels.compiling import inner
+
 SEMI_MAJOR = 6378137.0
 FLATTENING = 1.0 / 298.257223563
 ECCENTRICITY2 = FLATTENING * (2.0 - FLATTENING)
@@ -14,7 +16,7 @@ STRETCH = 1.0 / ((1.0 - FLATTENING) * (1.0 - FLATTENING))
 DEGREE = math.pi / 180.0
 
 
-@njit(cache=True)
+@inner
 def centred(lat, lon):  # type: ignore[no-untyped-def]
     """Earth-centred x, y, z of a point on the ellipsoid, and its sin lat, cos lat, sin lon, cos lon.
 

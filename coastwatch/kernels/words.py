@@ -7,7 +7,7 @@ upper triangle of the covariance (10), and its lower triangle less the upper one
 import numpy as np
 from numba import njit
 
-from coastwatch.kernels.compiling import kernel, part
+from coastwatch.kernels.compiling import inner, kernel, part
 from coastwatch.kernels.prefetch import fetch
 
 AHEAD = 16  # rows that are asked for while one is copied: a part's rows are neighbours at sea, and lie anywhere in the picture
@@ -43,7 +43,7 @@ def _covariance_words(covariance, v, i, out):  # type: ignore[no-untyped-def]
                 lower += 1
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _covariance(words, i, out):  # type: ignore[no-untyped-def]
     upper, lower = COUNT + 1, COUNT + 11
     for r in range(4):

@@ -9,6 +9,7 @@ from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic
 
+from coastwatch.kernels.compiling import inner
 from coastwatch.store.native import DONE, INTEGER, NAMED, REAL, TEXT
 
 _WHOLE, _SHORT, _DOUBLE = (types.int64, ir.IntType(64)), (types.int32, ir.IntType(32)), (types.float64, ir.DoubleType())
@@ -49,7 +50,7 @@ def _act(context, function, statement):  # type: ignore[no-untyped-def]
     return _generated((_WHOLE,))
 
 
-@njit(cache=True, nogil=True)
+@inner
 def _bind(functions, statement, place, kind, width, cell, real):  # type: ignore[no-untyped-def]
     """One value. NaN and the address 0 are NULL for SQLite."""
     if kind == REAL:
