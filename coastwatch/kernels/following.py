@@ -11,10 +11,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from coastwatch.kernels.compiling import inner
+
 Ints = NDArray[np.int64]
 Rows = NDArray[np.int32]
-
-from coastwatch.kernels.compiling import inner
 
 LOOK = 16  # rows that may have ended between two that go on before an id is sought elsewhere
 PATIENCE = 64  # ids in a row that were not found before all is searched for one; doubled each time
