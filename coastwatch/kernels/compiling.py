@@ -13,24 +13,22 @@ from typing import Any
 
 from numba import njit
 
-from coastwatch.kernels.laid_in import LaidIn
-
-GIVEN: dict[str, Any] = {"nogil": True, "_nrt": False}
+OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
 
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compiled, kept on disk, and free to run beside Python; it may make no array."""
-    return njit(cache=True, **GIVEN)(function)
+    return njit(**OPTIONS)(function)
 
 
 def part(function: Callable[..., Any]) -> Any:
     """The same, laid into the code that calls it: a call with a dozen arrays costs 30 ns."""
-    return LaidIn(function, {**GIVEN, "forceinline": True})
+    return njit(**OPTIONS, forceinline=True)(function)
 
 
 def inner(function: Callable[..., Any]) -> Any:
     """For compiled code alone, which calls it or, where that is shorter, has it laid in. It may make arrays."""
-    return LaidIn(function, {"nogil": True})
+    return njit(cache=True, nogil=True)(function)
 
 
 def arithmetic(function: Callable[..., Any]) -> Any:
@@ -43,12 +41,12 @@ def arithmetic(function: Callable[..., Any]) -> Any:
 
 def arithmetic_part(function: Callable[..., Any]) -> Any:
     """The same, laid into the code that calls it."""
-    return LaidIn(function, {"nogil": True, "error_model": "numpy", "forceinline": True})
+    return njit(cache=True, nogil=True, error_model="numpy", forceinline=True)(function)
 
 
 def bare_part(function: Callable[..., Any]) -> Any:
     """As `part`, but a division by zero is infinite or not a number."""
-    return LaidIn(function, {**GIVEN, "error_model": "numpy", "forceinline": True})
+    return njit(**OPTIONS, error_model="numpy", forceinline=True)(function)
 
 
 def lanes_part(function: Callable[..., Any]) -> Any:

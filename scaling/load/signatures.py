@@ -67,11 +67,9 @@ def called() -> Iterator[str]:
     """Lines of all that this process has called or, where nothing was to be compiled, loaded."""
     from numba.core.dispatcher import Dispatcher
 
-    from coastwatch.kernels.laid_in import LaidIn
-
     for name, module in sorted(sys.modules.items()):
         for value in vars(module).values() if name.startswith("coastwatch.") else ():
-            if isinstance(value, Dispatcher) and not isinstance(value, LaidIn) and value.py_func.__module__ == name:
+            if isinstance(value, Dispatcher) and value.py_func.__module__ == name:
                 yield from (compiled.as_line(value, types) for types in value.overloads)
 
 

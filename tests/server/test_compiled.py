@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from coastwatch.kernels.compiling import part
 from coastwatch.operators.cli import _one_line
 from coastwatch.server import compiled
 
@@ -73,32 +72,6 @@ def test_two_processes_compile_no_function_twice(tmp_path: Path) -> None:
     assert made[1] >= len(lines)
     assert made[2] == made[1]
     assert int(said(COUNT, "2", *lines, NUMBA_CACHE_DIR=str(tmp_path / "2"))) == 0
-
-
-def test_a_part_is_not_for_python() -> None:
-    with pytest.raises(TypeError, match="Python cannot call it"):
-        part(test_a_part_is_not_for_python)()
-
-
-PLAIN_OR_PART = """
-import sys
-from numba import njit
-from coastwatch.kernels.compiling import part
-def inner(x):
-    return x + 1.0
-def outer(x):
-    return made(x)
-made = njit(cache=True)(inner) if sys.argv[1] == "plain" else part(inner)
-print(njit(outer)(1.0))
-"""
-
-
-def test_what_an_earlier_version_kept_of_a_part_is_not_taken_for_one(tmp_path: Path) -> None:
-    script = tmp_path / "made.py"
-    script.write_text(PLAIN_OR_PART)
-    for what in ("plain", "part", "part", "plain"):
-        done = subprocess.run([sys.executable, script, what], capture_output=True, text=True, check=False)
-        assert done.stdout == "2.0\n", done.stderr
 
 
 def test_where_nothing_can_be_kept_is_one_sentence() -> None:
