@@ -21,8 +21,9 @@ VESSEL_BYTES = 256
 REST_BYTES, RECORDED_BYTES = 128, 128
 """Of a cycle's other pages a vessel: its points, the tables of members and stays and their indices; and its recording."""
 
-PICTURES = 8
-"""The log has room for so many cycles: a page that every cycle writes is then moved once for all of them."""
+PICTURES, LEAST_PICTURES, LONG_BYTES = 4, 2, 1 << 28
+"""The log has room for so many pictures, fewer where they are longer than that: a page that every cycle writes is then moved once for
+several of them, and the cycle that has to move a log is not long after its time."""
 
 MOST_CACHE_KIB = 512 * 1024
 
@@ -72,4 +73,5 @@ def complaint(store: Store, vessels: int) -> str | None:
 
 def _length(vessels: int) -> int:
     """Bytes up to which the log may grow."""
-    return max(LEAST_BYTES, PICTURES * vessels * VESSEL_BYTES)
+    picture = vessels * VESSEL_BYTES
+    return max(LEAST_BYTES, LEAST_PICTURES * picture, min(PICTURES * picture, LONG_BYTES))

@@ -18,4 +18,4 @@ def keep_freed_memory() -> bool:
     if mallopt is None:
         return False
     wanted = {M_MMAP_THRESHOLD: MOST, M_TRIM_THRESHOLD: NEVER, M_TOP_PAD: TOP_BYTES, M_ARENA_MAX: ONE}
-    return all([mallopt(option, value) for option, value in wanted.items()])
+    return all(mallopt(option, value) for option, value in wanted.items())

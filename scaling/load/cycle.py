@@ -59,7 +59,7 @@ def report(load: Load, cycles: Sequence[Measured]) -> dict[str, Any]:
         "compute_s": _spread(compute) | {"share_of_period": median(compute) / PERIOD_S},
         "compute_cpu_s": median(t.compute_cpu_s for t in taken),
         "store_cpu_s": _spread([t.store_cpu_s for t in taken]) | {"mean": mean(t.store_cpu_s for t in taken)},
-        "cycle_s": _spread(whole) | {"share_of_period": median(whole) / PERIOD_S},
+        "cycle_s": _spread(whole) | {"mean": mean(whole), "share_of_period": median(whole) / PERIOD_S},
         "generator_s": median(t.generator_s for t in taken),
         "pairs_tested": last.pairs_tested,
         "rows_written": median(t.rows_written for t in taken),
@@ -84,6 +84,7 @@ def text(figures: dict[str, Any]) -> str:
         lines.append(_times(stage, t))
     for name in ("compute", "cycle"):
         lines.append(f"{_times(name, f[f'{name}_s'])}   {100 * f[f'{name}_s']['share_of_period']:6.2f} % of the period")
+    lines[-1] += f", mean {1e3 * f['cycle_s']['mean']:.2f} ms"
     lines.append(
         f"processor time of compute {1e3 * f['compute_cpu_s']:.0f} ms; generator {1e3 * f['generator_s']:.0f} ms, not counted"
     )

@@ -125,6 +125,7 @@ def test_the_command_cycle_says_all_that_was_asked(
     assert {"alignment", "associations", "picture", "store"} <= set(figures["stages_s"])
     assert figures["cycle_s"]["median"] > figures["compute_s"]["median"] > 0.0
     assert figures["cycle_s"]["median"] >= 0.9 * figures["stages_s"]["store"]["median"] > 0.0
+    assert figures["cycle_s"]["mean"] == pytest.approx(figures["cycle_s"]["median"])  # of two cycles
     assert figures["rows_written"] > figures["vessels"]
     assert figures["decisions"]["all"]["f1"] > 0.95
     assert figures["memory_mib"]["peak"] > 100.0

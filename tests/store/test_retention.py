@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sqlite3
 from pathlib import Path
 from typing import Any
@@ -154,7 +153,9 @@ def test_a_reader_that_holds_a_transaction_open_is_found(tmp_path: Path, monkeyp
 
 def test_the_length_of_the_log_grows_with_the_picture() -> None:
     assert write_ahead._length(100) == write_ahead.LEAST_BYTES
-    assert math.isclose(write_ahead._length(400_000), 8 * 400_000 * 256)
+    assert write_ahead._length(100_000) == 4 * 100_000 * 256
+    assert write_ahead._length(400_000) == 2**28
+    assert write_ahead._length(4_000_000) == 2 * 4_000_000 * 256
 
 
 def test_a_cycle_fits_into_the_memory_of_its_connection(tmp_path: Path) -> None:
