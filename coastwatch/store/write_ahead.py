@@ -21,9 +21,9 @@ VESSEL_BYTES = 256
 REST_BYTES, RECORDED_BYTES = 128, 128
 """Of a cycle's other pages a vessel: its points, the tables of members and stays and their indices; and its recording."""
 
-PICTURES, LEAST_PICTURES, LONG_BYTES = 4, 2, 1 << 28
-"""The log has room for so many pictures, fewer where they are longer than that: a page that every cycle writes is then moved once for
-several of them, and the cycle that has to move a log is not long after its time."""
+PICTURES, FEW_PICTURES, LONG_BYTES = 8, 2, 1 << 29
+"""The log has room for so many pictures: a page that every cycle writes is then moved once for all of them. For few where that is
+longer than so many bytes: the cycle that has to move such a log would be late."""
 
 MOST_CACHE_KIB = 512 * 1024
 
@@ -74,4 +74,4 @@ def complaint(store: Store, vessels: int) -> str | None:
 def _length(vessels: int) -> int:
     """Bytes up to which the log may grow."""
     picture = vessels * VESSEL_BYTES
-    return max(LEAST_BYTES, LEAST_PICTURES * picture, min(PICTURES * picture, LONG_BYTES))
+    return max(LEAST_BYTES, picture * (PICTURES if PICTURES * picture <= LONG_BYTES else FEW_PICTURES))
