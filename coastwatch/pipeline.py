@@ -87,6 +87,10 @@ class Cycle:
     bearing_associations: BearingAssociations
     corrections: RadarCorrections  # found in this cycle, for the next
 
+    def to_write(self) -> Cycle:
+        """What the store reads of it, so that where tracks are and how they move does not stay for as long as it takes to write."""
+        return replace(self, tracks=self.tracks.hollow("track_id", "source"), fused=self.fused.hollow())
+
 
 def start_centre(scenario: Scenario) -> CentreMemory:
     """The memory of the high-level centre before the first cycle."""
@@ -120,24 +124,26 @@ def fuse(
 ) -> tuple[CentreMemory, Cycle]:
     """One cycle of the high-level centre; the registration of radars is not its business. Args: as `step`."""
     s, m = scenario, memory
+    measurements, alarms = received.measurements, received.alarms
+    bearing_tracks, statics = received.bearing_tracks, received.statics
     with timer("alignment"):
         tracks = s.alignment.step(received.tracks, time_s)
+    del received  # where the caller has let go of it too, the tracks as they came
     with timer("spots"):
         spots_memory, spots = s.spots.step(m.spots, tracks)
     with timer("associations"):
         associations_memory, associations = s.associations.step(m.associations, tracks, spots, spread)
     with timer("fused_tracks"):
         fused_memory, fused = s.fused_tracks.step(
-            m.fused_tracks, tracks, received.measurements, associations, time_s, sensors.source_kinds
+            m.fused_tracks, tracks, measurements, associations, time_s, sensors.source_kinds
         )
-    alarms, bearing_tracks = received.alarms, received.bearing_tracks
     with timer("picture"):
         picture_memory, picture, members = s.picture.step(m.picture, tracks, associations, fused, alarms, time_s, sensors)
     with timer("octants"):
         octants_memory, octants = s.octants.step(m.octants, bearing_tracks, picture, sensors)
     with timer("bearing_associations"):
         bearings_memory, bearing_associations = s.bearing_associations.step(
-            m.bearing_associations, bearing_tracks, picture, octants, time_s, sensors, spread, received.statics
+            m.bearing_associations, bearing_tracks, picture, octants, time_s, sensors, spread, statics
         )
     after = CentreMemory(spots_memory, associations_memory, fused_memory, picture_memory, octants_memory, bearings_memory)
     found = spots, associations, fused, picture, members, octants, bearing_associations

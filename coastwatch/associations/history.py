@@ -27,11 +27,18 @@ class History:
     length: Rows  # (N,) by rank: entries that there are, 1 to W
     ring: tuple[
         Floats, ...
-    ]  # up to W arrays (any, 6), newest last, its rows by rank: latitude, longitude, velocity east, north,
+    ]  # up to W arrays (any, 4), newest last, its rows by rank: entries of `kernels.rings`, latitude, longitude, velocity east and north,
     # traces of the covariances of position (m2) and velocity (m2/s2)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Arrays that were pickled have data types that are equal to numpy's own, not the same, and would be pickled another way."""
+        """Arrays that were pickled have data types that are equal to numpy's own, not the same, and would be pickled another way.
+
+        Raises: ValueError for entries as they were kept once.
+        """
+        from coastwatch.kernels.rings import COLUMNS
+
+        if any(array.shape[1:] != (COLUMNS,) for array in state["ring"]):
+            raise ValueError(f"ring: got rows of {state['ring'][0].shape[1]}, needed {COLUMNS}")
         for f in fields(self):
             value = state[f.name]
             object.__setattr__(self, f.name, tuple(map(_own, value)) if isinstance(value, tuple) else _own(value))
@@ -49,7 +56,7 @@ class History:
     def extended(self, track_id: Ints, rank: Rows, entry: Floats, room: Callable[..., Any]) -> History:
         """The windows after this cycle; tracks that are gone are forgotten.
 
-        Args: track_id: (N,) as they come; rank: (N,) of each, 0 to N - 1; entry: (N, 6) by rank; room: who makes arrays, as np.empty.
+        Args: track_id: (N,) as they come; rank: (N,) of each, 0 to N - 1; entry: (N, 4) by rank; room: who makes arrays, as np.empty.
         """
         from coastwatch.kernels.facts import carried, come_from
         from coastwatch.kernels.following import followed

@@ -85,14 +85,16 @@ class WindowedCovariance(Method):
         """
         from coastwatch.kernels.bands import in_order as in_bands
         from coastwatch.kernels.facts import COLUMNS, facts
-        from coastwatch.kernels.rings import addresses, wide_rows
+        from coastwatch.kernels.rings import COLUMNS as ENTRY_COLUMNS
+        from coastwatch.kernels.rings import addresses, singles, wide_rows
         from coastwatch.kernels.screening import COLUMNS as OUTLINE_COLUMNS
         from coastwatch.kernels.screening import outlines
         from coastwatch.kernels.threads import in_blocks
 
         count = len(tracks)
         key, row, rank = in_bands(tracks.position_deg, self.gate_m, room)
-        entry, point, record, outline = room((count, 6)), *(wide_rows(count, c, room) for c in (4, COLUMNS, OUTLINE_COLUMNS))
+        columns = ENTRY_COLUMNS, 4, COLUMNS, OUTLINE_COLUMNS
+        entry, point, record, outline = (wide_rows(count, c, room) for c in columns)
         given = (
             tracks.position_deg,
             tracks.velocity_m_s,
@@ -102,7 +104,7 @@ class WindowedCovariance(Method):
             tracks.source,
         )
         own = self.unknown_velocity_sigma_m_s**2, self.registration, self.gate_m
-        in_blocks(facts, count, rank, *map(np.ascontiguousarray, given), *own, point, entry, record)
+        in_blocks(facts, count, rank, *map(np.ascontiguousarray, given), *own, point, entry, singles(entry), record)
         history = before.extended(tracks.track_id, rank, entry, room)
         in_blocks(outlines, count, addresses(history.ring), history.chain, history.length, record, self.rule(), outline)
         arrays = {"key": key, "row": row, "rank": rank, "point": point, "record": record, "outline": outline}

@@ -60,8 +60,10 @@ class WindowedCovarianceLiteral(Method):
 
     def step(self, memory: LiteralMemory, tracks: Tracks, spots: Spots, spread: Spread) -> tuple[LiteralMemory, Associations]:
         """Associations of these tracks. Args: tracks: (N); spots: of the same rows. Returns: memory and Associations."""
+        from coastwatch.kernels.rings import entries
+
         count = len(tracks)
-        entry = np.column_stack([tracks.position_deg, tracks.velocity_m_s, np.zeros((count, 2))])
+        entry = entries(tracks.position_deg, tracks.velocity_m_s, np.zeros((count, 2)))
         row = np.arange(count, dtype=np.int32)
         history = memory.history.extended(tracks.track_id, row, entry, np.empty)
         arrays = {

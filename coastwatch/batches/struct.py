@@ -58,6 +58,11 @@ class Batch(Struct):
         """The rows at these indices or under this mask, in that order."""
         return type(self)(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
+    def hollow(self, *kept: str) -> Self:
+        """As many rows, of which these columns alone have values: the others are NaN or 0 throughout, and take no memory."""
+        every = {f.name: getattr(self, f.name) for f in fields(self)}
+        return type(self)(**{name: array if name in kept else _without_values(array) for name, array in every.items()})
+
     @classmethod
     def join(cls, parts: list[Self]) -> Self:
         """The rows of all parts, one after the other; no part gives an empty batch."""
@@ -74,3 +79,8 @@ class Batch(Struct):
             rest = [s if isinstance(s, int) else sizes.get(s, 0) for s in shape[1:]]
             made[f.name] = np.zeros((0, *rest), f.metadata["dtype"])
         return cls(**made)
+
+
+def _without_values(array: Array) -> Array:
+    none = np.nan if array.dtype.kind == "f" else 0
+    return np.broadcast_to(np.array(none, array.dtype), array.shape)

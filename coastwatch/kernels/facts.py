@@ -6,7 +6,7 @@ import math
 
 from coastwatch.kernels.compiling import arithmetic, arithmetic_part
 from coastwatch.kernels.earth_centred import sine_cosine
-from coastwatch.kernels.rings import fetch
+from coastwatch.kernels.rings import EAST_RATE, ENTRY_BYTES, NORTH_RATE, RATE_VARIANCE, VARIANCE, fetch
 from coastwatch.kernels.tangent import DEGREE, ECCENTRICITY2, SEMI_MAJOR
 
 COLUMNS = 16  # of a record; 0 to 9: covariance, lower triangle row by row
@@ -22,8 +22,7 @@ AHEAD = (
 def _ask(i, point, entry, record):  # type: ignore[no-untyped-def]
     fetch(record.ctypes.data + 128 * i)  # type: ignore[call-arg]
     fetch(record.ctypes.data + 128 * i + 64)
-    fetch(entry.ctypes.data + 48 * i)
-    fetch(entry.ctypes.data + 48 * i + 47)
+    fetch(entry.ctypes.data + ENTRY_BYTES * i)
     fetch(point.ctypes.data + 32 * i)
 
 
@@ -50,7 +49,22 @@ def _shape(r, covariance, report, mmsi, velocity_variance, share, i, record):  #
 
 @arithmetic
 def facts(  # type: ignore[no-untyped-def]
-    low, high, rank, position, velocity, covariance, report, mmsi, source, velocity_variance, share, gate, point, entry, record
+    low,
+    high,
+    rank,
+    position,
+    velocity,
+    covariance,
+    report,
+    mmsi,
+    source,
+    velocity_variance,
+    share,
+    gate,
+    point,
+    entry,
+    single,
+    record,
 ):
     """What is known of the tracks of rows low to high, each written where its rank says.
 
@@ -59,7 +73,8 @@ def facts(  # type: ignore[no-untyped-def]
     Args:
         rank: (N,). position, velocity, covariance, report, mmsi, source: of the tracks, C-contiguous.
         velocity_variance: a axis, of a track without covariance; share: of a radar's report that is the registration term; gate: in metres.
-        point: (N, 4) Earth-centred, and the source; entry: (N, 6) of the ring; record: (N, COLUMNS).
+        point: (N, 4) Earth-centred, and the source; entry: (N, rings.COLUMNS) of the ring; single: the same of
+        `rings.singles`; record: (N, COLUMNS).
     """
     for r in range(low, high):
         _ask(rank[min(r + AHEAD, len(rank) - 1)], point, entry, record)
@@ -77,8 +92,9 @@ def facts(  # type: ignore[no-untyped-def]
         record[i, EAST], record[i, NORTH] = across * cp * DEGREE, across * (1.0 - ECCENTRICITY2) / w2 * DEGREE
         record[i, ROUGH] = LEAST_ERROR + gate / SEMI_MAJOR * abs(sp) / max(cp, LEAST_ERROR)
         _shape(r, covariance, report, mmsi, velocity_variance, share, i, record)
-        entry[i, 0], entry[i, 1], entry[i, 2], entry[i, 3] = position[r, 0], position[r, 1], velocity[r, 0], velocity[r, 1]
-        entry[i, 4], entry[i, 5] = record[i, 0] + record[i, 2], record[i, 5] + record[i, 9]
+        entry[i, 0], entry[i, 1] = position[r, 0], position[r, 1]
+        single[i, EAST_RATE], single[i, NORTH_RATE] = velocity[r, 0], velocity[r, 1]
+        single[i, VARIANCE], single[i, RATE_VARIANCE] = record[i, 0] + record[i, 2], record[i, 5] + record[i, 9]
 
 
 @arithmetic

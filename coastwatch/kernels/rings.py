@@ -17,7 +17,10 @@ from numpy.typing import NDArray
 
 from coastwatch.kernels.compiling import arithmetic_part
 
-COLUMNS = 6  # of an entry: latitude, longitude, velocity east, north, variance of position, of velocity
+COLUMNS = 4  # of an entry: latitude and longitude, and in the place of two more the four of RATES
+EAST_RATE, NORTH_RATE, VARIANCE, RATE_VARIANCE = RATES = range(4, 8)
+"""Of an entry as eight float32: velocity east, north, variance of position, of velocity. A window is read more often than anything
+else of a track, and of these seven digits are more than a track knows."""
 ENTRY_BYTES = 8 * COLUMNS
 LINE_BYTES = 64
 
@@ -34,6 +37,19 @@ def addresses(ring: Sequence[Floats], columns: int = COLUMNS) -> Ints:
         if array.dtype != np.float64 or array.ndim != 2 or array.shape[1] != columns or not array.flags.c_contiguous:
             raise ValueError(f"ring: got {array.dtype} {array.shape}, needed contiguous float64 (any, {columns})")
     return np.array([array.ctypes.data for array in reversed(ring)], np.int64)
+
+
+def entries(position: Floats, velocity: Floats, variance: Floats) -> Floats:
+    """Rows of a ring. Args: all (N, 2): degrees, velocity east and north, variance of position and velocity. Returns: (N, COLUMNS)."""
+    out: Floats = np.empty((len(position), COLUMNS))
+    out[:, :2] = position
+    singles(out)[:, RATES] = np.concatenate([velocity, variance], axis=1)
+    return out
+
+
+def singles(ring_array: Floats) -> NDArray[np.float32]:
+    """The same memory, of which the columns RATES count. Args: (any, COLUMNS)."""
+    return ring_array.view(np.float32)
 
 
 def wide_rows(count: int, columns: int, room: Callable[..., Any]) -> Floats:
@@ -82,16 +98,26 @@ def number(typingctx: Any, address: Any) -> Any:
 
 @arithmetic_part
 def entry(table, age, row):  # type: ignore[no-untyped-def]
-    """The entry of a row of the array that came `age` cycles before the newest. Args: table: of `addresses`."""
-    return carray(pointer(table[age] + row * ENTRY_BYTES), (COLUMNS,), np.float64)  # type: ignore[call-arg]
+    """The entry of a row of the array that came `age` cycles before the newest. Args: table: of `addresses`.
+
+    Returns: latitude, longitude, velocity east, north, variance of position, of velocity.
+    """
+    address = table[age] + row * ENTRY_BYTES
+    place = carray(pointer(address), (2,), np.float64)  # type: ignore[call-arg]
+    single = carray(pointer(address), (8,), np.float32)
+    return (
+        place[0],
+        place[1],
+        np.float64(single[EAST_RATE]),
+        np.float64(single[NORTH_RATE]),
+        np.float64(single[VARIANCE]),
+        np.float64(single[RATE_VARIANCE]),
+    )
 
 
 @arithmetic_part
 def fetch_window(table, chain, n, track):  # type: ignore[no-untyped-def]
-    """Ask for the newest n entries of a track, which may lie across two lines of the cache. Args: chain: as in `kernels.differences`."""
+    """Ask for the newest n entries of a track, none across two lines of the cache. Args: chain: as in `kernels.differences`."""
     fetch(table[0] + track * ENTRY_BYTES)  # type: ignore[call-arg]
-    fetch(table[0] + track * ENTRY_BYTES + ENTRY_BYTES - 1)
     for age in range(1, n):
-        address = table[age] + chain[track, age - 1] * ENTRY_BYTES
-        fetch(address)
-        fetch(address + ENTRY_BYTES - 1)
+        fetch(table[age] + chain[track, age - 1] * ENTRY_BYTES)

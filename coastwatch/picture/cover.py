@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 from functools import lru_cache
 
 import numpy as np
@@ -35,8 +36,14 @@ def _cover(sites: bytes, ranges: bytes) -> Cover:
     frame, room = np.empty((len(site), 9)), 256 * (len(site) + 1)
     framed(site, reach, frame)
     while True:
-        head, entry = np.zeros(ROWS * COLUMNS, np.int32), np.empty((room, 2), np.int32)
+        head, entry = _zeros(ROWS * COLUMNS), np.empty((room, 2), np.int32)
         count = cells(site, reach, frame, head, entry)
         if count < room:
             return frame, head, entry[: count + 1].copy()
         room = count + 1
+
+
+def _zeros(count: int) -> Array:
+    """Zeros that take memory only near where something else is written: most cells are far from any site. Returns: (count,) int32."""
+    bytes_ = mmap.mmap(-1, 4 * count, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    return np.frombuffer(bytes_, np.int32)

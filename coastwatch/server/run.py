@@ -188,6 +188,7 @@ def _cycles(run: _Run, point: Point, say: Progress, on_cycle: OnCycle | None) ->
         if on_cycle is not None:
             on_cycle(cycle)
         say(point.cycle, run.plan.cycles, f"{vessels} vessels" + (f"; {complaint}" if complaint else ""))
+        del cycle  # or it would stay beside the next
     return point, vessels
 
 
@@ -207,7 +208,7 @@ def _one(run: _Run, point: Point) -> tuple[Point, Cycle, str | None]:
         blob = pickle.dumps(after, pickle.HIGHEST_PROTOCOL) if due else None
     before = run.writer.wait()
     last = after.cycle == plan.cycles or run.interrupted.is_set()
-    of_cycle = run.run_id, number, cycle, reports, run.watch.so_far(), scenario.store, blob
+    of_cycle = run.run_id, number, cycle.to_write(), reports, run.watch.so_far(), scenario.store, blob
     run.writer.start(partial(store.write_cycle, run.kept, *of_cycle, last=last))
     run.watch.lap()
     return after, cycle, before.complaint if before else None

@@ -17,6 +17,7 @@ from coastwatch.associations import WindowedCovariance
 from coastwatch.associations.history import History
 from coastwatch.batches import Floats, Ints, Tracks
 from coastwatch.geodesy import earth_centred, scale_m_deg, wrap_deg
+from coastwatch.kernels.rings import RATES, singles
 
 AT_ONCE = 20_000  # pairs, whose windows stay in the cache
 
@@ -27,7 +28,8 @@ def windows_of(history: History) -> Floats:
     for age in range(len(history.ring)):
         has = history.length > age
         row = np.flatnonzero(has) if age == 0 else history.chain[has, age - 1]
-        out[has, -1 - age] = history.ring[-1 - age][row]
+        array = history.ring[-1 - age]
+        out[has, -1 - age] = np.concatenate([array[:, :2], singles(array)[:, RATES]], axis=1)[row]
     return out[history.rank]
 
 

@@ -96,18 +96,20 @@ def measured(load: Load) -> Iterator[Measured]:
         for number in range(last):
             begun = time.perf_counter()
             state, received = national.receive(world, state, sensors)
+            statics, given = received.statics, [received]
+            del received  # or the tracks as they came would stay beside the aligned ones
             generator_s, cpu_s, begun = time.perf_counter() - begun, processor_s(), time.perf_counter()
             if job is not None:
                 writer.start(job)
-            memory, cycle = pipeline.fuse(scenario, sensors, memory, received, world.time_s(number), spread, watch)
+            memory, cycle = pipeline.fuse(scenario, sensors, memory, given.pop(), world.time_s(number), spread, watch)
             cpu_s = processor_s() - cpu_s
             written, store_cpu_s = writer.wait() or (store.Written(0, None), 0.0)
             all_s = time.perf_counter() - begun
             seconds = {**watch.so_far(), **watch.lap()}
             taken = Taken(seconds, all_s, cpu_s, store_cpu_s, generator_s, *written, *memory_bytes())
             yield _measured(load, world, scenario.associations.gate_m, sensors.source_kinds, number, cycle, taken)
-            job = partial(_written, partial(keeper.write, number, cycle, received.statics, seconds)) if keeper else None
-            del received, cycle  # or the next would be made beside them
+            job = partial(_written, partial(keeper.write, number, cycle.to_write(), statics, seconds)) if keeper else None
+            del cycle  # or the next would be made beside them
         if job is not None:
             writer.start(job)
 

@@ -62,7 +62,8 @@ def step(windows, tracks, spots, rules):
     after, history = {}, []
     for row, track in enumerate(tracks.track_id.tolist()):
         c = covariance[row]
-        entry = (*tracks.position_deg[row], *tracks.velocity_m_s[row], c[0, 0] + c[1, 1], c[2, 2] + c[3, 3])
+        rates = np.array([*tracks.velocity_m_s[row], c[0, 0] + c[1, 1], c[2, 2] + c[3, 3]]).astype(np.float32)
+        entry = (*tracks.position_deg[row], *rates)
         after[track] = [*windows.get(track, []), tuple(float(x) for x in entry)][-rules.window :]
         history.append(after[track])
     registration = [

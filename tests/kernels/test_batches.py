@@ -8,6 +8,7 @@ from coastwatch.batches import (
     AisStatics,
     Associations,
     BearingReports,
+    FusedTracks,
     Members,
     RadarReports,
     Reports,
@@ -39,6 +40,21 @@ def test_take_join_and_empty():
     assert len(both) == 5
     assert both.take(np.array([4, 0])).track_id.tolist() == [12, 10]
     assert len(Members.join([])) == 0
+
+
+def test_hollow_columns_have_no_values_and_take_no_memory():
+    n = 1000
+    velocity, covariance = np.ones((n, 2)), np.ones((n, 4, 4))
+    fused = FusedTracks(np.full(n, 3.0), np.ones((n, 2)), velocity, covariance)
+    hollow = fused.hollow("time_s")
+    assert len(hollow) == n
+    assert hollow.time_s is fused.time_s
+    for name in ("position_deg", "velocity_m_s", "covariance"):
+        array = getattr(hollow, name)
+        assert np.isnan(array).all()
+        assert array.shape == getattr(fused, name).shape
+        assert array.strides == (0,) * array.ndim
+    assert members(n).hollow("source").track_id.tolist() == [0] * n
 
 
 def test_tracks_of_vessels_are_brought_together_once():

@@ -1,5 +1,8 @@
 """Places in range of sites, by cells, against every site asked for every place."""
 
+import resource
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -52,3 +55,15 @@ def test_the_other_side_of_the_earth_is_out_of_range():
         False,
         True,
     ]
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory of a process is read from Linux's /proc")
+def test_cells_far_from_any_site_take_no_memory():
+    def resident_bytes():
+        return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+
+    covered(cover(np.array([[-23.0, -43.0]]), np.array([60e3])), np.zeros((1, 2)))
+    before = resident_bytes()
+    kept = [cover(np.array([[lat, 10.0]]), np.array([60e3])) for lat in (40.0, 41.0, 42.0)]
+    assert sum(c[1].nbytes for c in kept) > 70e6
+    assert resident_bytes() - before < 10e6

@@ -1,5 +1,8 @@
 """The window kernels against numpy written the long way."""
 
+import pickle
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,8 +10,10 @@ from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
 from coastwatch import geodesy
+from coastwatch.associations.history import History
 from coastwatch.kernels.facts import COLUMNS
-from coastwatch.kernels.rings import addresses, wide_rows
+from coastwatch.kernels.rings import COLUMNS as ENTRY_COLUMNS
+from coastwatch.kernels.rings import addresses, entries, wide_rows
 from coastwatch.kernels.sample_statistics import sample_statistics
 from coastwatch.kernels.screening import Rule
 from coastwatch.kernels.windows import LANES, windowed_scores
@@ -21,8 +26,8 @@ def tracks(seed, n, window):
     origin = np.array([-23.0, 179.999])
     metres = rng.normal(0.0, 100.0, (n, 1, 2)) + np.cumsum(rng.normal(0.0, 5.0, (n, window, 2)), axis=1)
     position = geodesy.offset_deg(np.broadcast_to(origin, metres.shape), metres)
-    velocity = rng.normal(0.0, 2.0, (n, window, 2))
-    variance = rng.uniform(50.0, 500.0, (n, window, 2))
+    velocity = rng.normal(0.0, 2.0, (n, window, 2)).astype(np.float32).astype(float)
+    variance = rng.uniform(50.0, 500.0, (n, window, 2)).astype(np.float32).astype(float)
     length = rng.integers(1, window + 1, n)
     return position, velocity, variance, length
 
@@ -31,12 +36,12 @@ def ring_of(position, velocity, variance, seed):
     """The same windows as a ring of arrays, each in an order of its own, and the chain through them."""
     n, window = position.shape[:2]
     rng = np.random.default_rng([seed, 2])
-    entries = np.concatenate([position, velocity, variance], axis=2)
-    ring, chain = [entries[:, -1].copy()], np.zeros((n, window - 1), np.int32)
+    rows = [entries(position[:, k], velocity[:, k], variance[:, k]) for k in range(window)]
+    ring, chain = [rows[-1]], np.zeros((n, window - 1), np.int32)
     for age in range(1, window):
         row = rng.permutation(n + 3)[:n]
-        older = np.full((n + 3, 6), np.nan)
-        older[row] = entries[:, -1 - age]
+        older = np.full((n + 3, ENTRY_COLUMNS), np.nan)
+        older[row] = rows[-1 - age]
         ring.insert(0, older)
         chain[:, age - 1] = row
     return tuple(ring), chain
@@ -146,9 +151,17 @@ def test_a_bad_covariance_never_pairs_and_leaves_its_neighbours_alone():
 
 
 def test_a_ring_that_kernels_would_misread_is_refused():
-    for array in (np.zeros((3, 5)), np.zeros((3, 6), np.float32), np.zeros((6, 3)).T):
+    for array in (np.zeros((3, 5)), np.zeros((3, 4), np.float32), np.zeros((4, 3)).T):
         with pytest.raises(ValueError, match="needed contiguous float64"):
             addresses((array,))
+
+
+def test_windows_that_were_kept_otherwise_are_not_taken_from_a_checkpoint():
+    none = History.empty(3)
+    ring = (np.zeros((3, ENTRY_COLUMNS)),)
+    assert pickle.loads(pickle.dumps(replace(none, ring=ring))).ring[0].tobytes() == ring[0].tobytes()
+    with pytest.raises(ValueError, match="ring: got rows of 6, needed 4"):
+        pickle.loads(pickle.dumps(replace(none, ring=(np.zeros((3, 6)),))))
 
 
 def test_wide_rows_begin_where_a_line_of_the_cache_does():
