@@ -10,15 +10,18 @@ export UV_PROJECT_ENVIRONMENT = .venv
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check "uv==$(UV_VERSION)"
 	@$(BIN)/uv sync --quiet --locked --inexact
+	@touch $@
+
+.venv/.compiled: .venv/.ready $(wildcard coastwatch/kernels/*.py coastwatch/store/*.py) coastwatch/server/signatures.txt
 	@$(BIN)/coastwatch compile
 	@touch $@
 
-demo: .venv/.ready  ## set up, run the guanabara scenario, leave a database and a picture in out/
+demo: .venv/.compiled  ## set up, run the guanabara scenario, leave a database and a picture in out/
 	@mkdir -p out
 	$(BIN)/coastwatch run guanabara --db sqlite:///out/guanabara.db --restart
 	$(BIN)/coastwatch plot --db sqlite:///out/guanabara.db --output out/guanabara.png
 
-test: .venv/.ready  ## set up and run the tests
+test: .venv/.compiled  ## set up and run the tests
 	$(BIN)/python -m pytest
 
 check: .venv/.ready  ## style, types and the import contract
@@ -27,7 +30,7 @@ check: .venv/.ready  ## style, types and the import contract
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-bench: .venv/.ready  ## time stages, load, peers and kernels: one table, also in scaling/results/bench.txt and bench.md
+bench: .venv/.compiled  ## time stages, load, peers and kernels: one table, also in scaling/results/bench.txt and bench.md
 	$(BIN)/python -m scaling.bench
 
 docs: .venv/.ready  ## write the generated parts of the documentation again

@@ -8,10 +8,9 @@ give the same bits.
 import math
 
 import numpy as np
-from numba import njit
 
 from coastwatch.kernels.ais_filter import anchor_near, mean_of, measure, restart, step_filter
-from coastwatch.kernels.compiling import inner
+from coastwatch.kernels.compiling import inner, njit
 from coastwatch.kernels.tangent import SEMI_MAJOR, to_tangent
 
 TAKEN, REPEAT, IMPOSSIBLE, CROWDED = 0, 1, 2, 3

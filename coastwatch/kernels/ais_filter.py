@@ -6,9 +6,8 @@ A track is a row of TRACK; a report is a row of REPORT. SI and radians, but for 
 import math
 
 import numpy as np
-from numba import njit
 
-from coastwatch.kernels.compiling import inner
+from coastwatch.kernels.compiling import inner, njit
 from coastwatch.kernels.imm import _estimate_rows, _predict_rows, _update_rows
 from coastwatch.kernels.tangent import from_tangent, to_tangent, turn_to
 

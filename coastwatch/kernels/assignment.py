@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from coastwatch.kernels.compiling import inner
+from coastwatch.kernels.compiling import inner, njit
 from coastwatch.kernels.groups import by_both
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.kernels.unions import root

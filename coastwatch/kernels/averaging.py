@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
-from coastwatch.kernels.compiling import kernel, part
+from coastwatch.kernels.compiling import kernel, njit, part
 from coastwatch.kernels.four import put, towards
 from coastwatch.kernels.fusing import alone, ask, known
 from coastwatch.kernels.grouping import longest

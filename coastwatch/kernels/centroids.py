@@ -14,10 +14,9 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from coastwatch.kernels.compiling import inner
+from coastwatch.kernels.compiling import inner, njit
 from coastwatch.kernels.earth_centred import centred_rows
 from coastwatch.kernels.sorting import by_key, runs_by_key
 from coastwatch.kernels.threads import in_blocks

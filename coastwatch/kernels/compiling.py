@@ -11,7 +11,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from numba import njit
+from numba import cfunc, config, njit
+
+from coastwatch.kernels.stamps import LOCATORS
+
+__all__ = ["arithmetic", "arithmetic_part", "bare_part", "cfunc", "inner", "kernel", "lanes_part", "njit", "part"]
+
+if not getattr(
+    config, "CACHE_LOCATOR_CLASSES", ""
+):  # before anything is compiled: what is kept is known by all that it is made of
+    config.CACHE_LOCATOR_CLASSES = LOCATORS  # type: ignore[attr-defined]
 
 OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
 

@@ -1,9 +1,8 @@
 """Rows in the order of a curve through their places: neighbours on the curve are neighbours at sea."""
 
 import numpy as np
-from numba import njit
 
-from coastwatch.kernels.compiling import inner
+from coastwatch.kernels.compiling import inner, njit
 
 SIDE = 256  # cells along each side of the box around all places
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from coastwatch.kernels.compiling import njit
 from coastwatch.kernels.threads import in_blocks
 
 Ints = NDArray[np.int64]

@@ -5,9 +5,7 @@ A point's position goes on at the constant rates, in degrees a second, that its 
 
 import math
 
-from numba import njit
-
-from coastwatch.kernels.compiling import inner
+from coastwatch.kernels.compiling import inner, njit
 
 SEMI_MAJOR = 6378137.0
 ECCENTRICITY2 = (2.0 - 1.0 / 298.257223563) / 298.257223563

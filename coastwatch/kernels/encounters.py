@@ -8,9 +8,8 @@ and longitude, degrees east of a meridian to the west of all; their rates, degre
 import math
 
 import numpy as np
-from numba import njit
 
-from coastwatch.kernels.compiling import inner
+from coastwatch.kernels.compiling import inner, njit
 
 LEAST_NORTH = 110_574.0
 """Metres a degree of latitude at the equator: nowhere less. In the grid no two places are farther apart than at sea."""

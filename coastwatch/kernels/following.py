@@ -8,10 +8,9 @@ from __future__ import annotations
 from weakref import ReferenceType, ref
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from coastwatch.kernels.compiling import inner
+from coastwatch.kernels.compiling import inner, njit
 
 Ints = NDArray[np.int64]
 Rows = NDArray[np.int32]

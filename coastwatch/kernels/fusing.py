@@ -14,9 +14,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
-from coastwatch.kernels.compiling import kernel, part
+from coastwatch.kernels.compiling import kernel, njit, part
 from coastwatch.kernels.four import (
     determinant,
     inverse,

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from coastwatch.kernels.compiling import inner
+from coastwatch.kernels.compiling import inner, njit
 
 NOWHERE, NEAR = -1, -2  # the group of a row that is in none, and of one that is only in halos
 

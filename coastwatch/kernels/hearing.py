@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from coastwatch.kernels.compiling import njit
 from coastwatch.kernels.tangent import centred
 
 SECTORS = 8

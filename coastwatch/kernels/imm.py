@@ -20,10 +20,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from coastwatch.kernels.compiling import inner, kernel, part
+from coastwatch.kernels.compiling import inner, kernel, njit, part
 from coastwatch.kernels.turning import turn_terms
 
 Floats = NDArray[np.float64]

@@ -15,9 +15,8 @@ Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to
 import math
 
 import numpy as np
-from numba import njit
 
-from coastwatch.kernels.compiling import part
+from coastwatch.kernels.compiling import njit, part
 from coastwatch.kernels.imm import FLOOR, LOG_TWO_PI
 from coastwatch.kernels.turning import turn_terms
 

@@ -7,9 +7,8 @@ Slots name the vessels of the last cycle: those shown, sorted by id, then those 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from coastwatch.kernels.compiling import kernel
+from coastwatch.kernels.compiling import kernel, njit
 from coastwatch.kernels.voting import NOBODY, of_slot
 
 PRESENT, COASTING, HIDDEN, GONE, FORGOTTEN = range(5)

@@ -9,10 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from coastwatch.kernels.compiling import arithmetic, arithmetic_part, bare_part, part
+from coastwatch.kernels.compiling import arithmetic, arithmetic_part, bare_part, njit, part
 from coastwatch.kernels.earth_centred import ECCENTRICITY2, ROWS, SEMI_MAJOR, centred_rows, sine_cosine
 from coastwatch.kernels.elementary import WHOLE
 from coastwatch.kernels.threads import in_blocks

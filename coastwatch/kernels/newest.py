@@ -1,9 +1,8 @@
 """Of many rows in time the newest of each number that names something."""
 
 import numpy as np
-from numba import njit
 
-from coastwatch.kernels.compiling import inner
+from coastwatch.kernels.compiling import inner, njit
 
 SPREAD = 16
 """Numbers a row up to which each number has a place of its own, which costs one look into memory where hashing costs three."""

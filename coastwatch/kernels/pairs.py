@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from coastwatch.kernels.bands import LONGITUDE_BITS, TURN
-from coastwatch.kernels.compiling import arithmetic, arithmetic_part, inner
+from coastwatch.kernels.compiling import arithmetic, arithmetic_part, inner, njit
 from coastwatch.kernels.earth_centred import SEMI_MAJOR
 from coastwatch.kernels.rings import fetch
 from coastwatch.kernels.screening import screened

@@ -3,9 +3,8 @@
 import math
 
 import numpy as np
-from numba import njit
 
-from coastwatch.kernels.compiling import inner, kernel, part
+from coastwatch.kernels.compiling import inner, kernel, njit, part
 
 KNOT = 1852.0 / 3600.0
 DEGREE = math.pi / 180.0

@@ -6,9 +6,8 @@ and else goes to the bytes worth compressing or to the noise, which no compressi
 """
 
 import numpy as np
-from numba import njit
 
-from coastwatch.kernels.compiling import inner
+from coastwatch.kernels.compiling import inner, njit
 
 ZERO, SAME, QUIET, NOISE = 0, 1, 2, 3
 SAMPLE = 256

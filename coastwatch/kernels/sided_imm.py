@@ -10,10 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from coastwatch.kernels.compiling import inner
+from coastwatch.kernels.compiling import inner, njit
 from coastwatch.kernels.imm import FLOOR, LOG_TWO_PI, SIZE, _correct
 from coastwatch.kernels.sided_motion import pool, predict_in_place, predict_row
 

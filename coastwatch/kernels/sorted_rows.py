@@ -1,8 +1,6 @@
 """Tables of whole numbers whose rows are sorted and each there once: merged, and compared with what they were."""
 
-from numba import njit
-
-from coastwatch.kernels.compiling import inner
+from coastwatch.kernels.compiling import inner, njit
 
 
 @njit(cache=True, nogil=True)

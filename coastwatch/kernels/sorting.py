@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from coastwatch.kernels.compiling import njit
 from coastwatch.kernels.threads import blocks, in_blocks
 
 Ints = NDArray[np.int64]

@@ -5,9 +5,7 @@ Radians nowhere in the signatures: latitudes and longitudes are degrees, as repo
 
 import math
 
-from numba import njit
-
-from coastwatch.kernels.compiling import inner
+from coastwatch.kernels.compiling import inner, njit
 
 SEMI_MAJOR = 6378137.0
 FLATTENING = 1.0 / 298.257223563

@@ -8,9 +8,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
-from coastwatch.kernels.compiling import part
+from coastwatch.kernels.compiling import njit, part
 from coastwatch.kernels.fusing import alone, ask, known
 from coastwatch.kernels.imm import SIZE, moments, predict_row, room_to_predict, room_to_update, update_row
 from coastwatch.kernels.mid_latitude import difference, offset

@@ -9,9 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
-from coastwatch.kernels.compiling import kernel, part
+from coastwatch.kernels.compiling import kernel, njit, part
 from coastwatch.kernels.fusing import alone
 from coastwatch.kernels.grouping import grouped
 from coastwatch.kernels.kicked_imm import SIZE

@@ -7,9 +7,8 @@ track votes for the slot it was in, and with a share of its weight for the slot 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from coastwatch.kernels.compiling import kernel, part
+from coastwatch.kernels.compiling import kernel, njit, part
 from coastwatch.kernels.grouping import longest
 from coastwatch.kernels.prefetch import fetch
 

@@ -5,9 +5,8 @@ upper triangle of the covariance (10), and its lower triangle less the upper one
 """
 
 import numpy as np
-from numba import njit
 
-from coastwatch.kernels.compiling import inner, kernel, part
+from coastwatch.kernels.compiling import inner, kernel, njit, part
 from coastwatch.kernels.prefetch import fetch
 
 AHEAD = 16  # rows that are asked for while one is copied: a part's rows are neighbours at sea, and lie anywhere in the picture

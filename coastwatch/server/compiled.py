@@ -19,8 +19,11 @@ from pathlib import Path
 from typing import Any
 
 from coastwatch.server.many import over_processes
+from coastwatch.store.native import library
 
 SIGNATURES = Path(__file__).with_name("signatures.txt")
+CALLED_BACK = "coastwatch.store.collect_loop"
+"""The module of functions that SQLite calls, which are compiled when it is imported, where SQLite can be asked for more than SQL."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,8 @@ def compile_known(processes: int, say: Callable[[int, int, str], None]) -> Compi
     Args: say: called with kernels done, kernels in all and which was the last.
     """
     begun, kernels, made = time.perf_counter(), known(), []
+    if library() is not None:
+        kernels.append(CALLED_BACK)
     say(0, len(kernels), "")
     with tempfile.TemporaryDirectory(prefix="coastwatch-compile-") as locks:
         for kernel, one in over_processes(partial(compile_one, locks), kernels, processes):
@@ -76,6 +81,11 @@ def compile_one(locks: str, kernel: str) -> One:
 
     begun = time.process_time()
     name, _, given = kernel.partition(" ")
+    if not given:
+        module = importlib.import_module(name)
+        made = [module.take_row, module.finish]
+        compiled, folder = sum(one.cache_hits == 0 for one in made), str(made[0]._cache.cache_path)
+        return One(compiled, time.process_time() - begun, folder)
     dispatcher, types = function(name), argument_types(given)
     with locked(Path(locks)), event.install_recorder("numba:compile") as seen:
         dispatcher.compile(types)

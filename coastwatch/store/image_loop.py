@@ -7,9 +7,8 @@ its kind.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from coastwatch.kernels.compiling import inner
+from coastwatch.kernels.compiling import inner, njit
 from coastwatch.store.image_bytes import (
     ABSENT,
     FIRST_BLOB,

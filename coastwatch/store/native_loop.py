@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic
 
-from coastwatch.kernels.compiling import inner
+from coastwatch.kernels.compiling import inner, njit
 from coastwatch.store.native import DONE, INTEGER, NAMED, REAL, TEXT
 
 _WHOLE, _SHORT, _DOUBLE = (types.int64, ir.IntType(64)), (types.int32, ir.IntType(32)), (types.float64, ir.DoubleType())
