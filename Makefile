@@ -12,7 +12,7 @@ export UV_PROJECT_ENVIRONMENT = .venv
 	@$(BIN)/uv sync --quiet --locked --inexact
 	@touch $@
 
-.venv/.compiled: .venv/.ready $(wildcard coastwatch/kernels/*.py coastwatch/store/*.py) coastwatch/server/signatures.txt
+.venv/.compiled: .venv/.ready $(wildcard $(patsubst %,coastwatch/%/*.py,kernels store batches)) coastwatch/server/signatures.txt
 	@$(BIN)/coastwatch compile
 	@touch $@
 

@@ -11,16 +11,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from numba import cfunc, config, njit
+from numba import cfunc, njit
 
-from coastwatch.kernels.stamps import LOCATORS
+from coastwatch.kernels import stamps
 
 __all__ = ["arithmetic", "arithmetic_part", "bare_part", "cfunc", "inner", "kernel", "lanes_part", "njit", "part"]
 
-if not getattr(
-    config, "CACHE_LOCATOR_CLASSES", ""
-):  # before anything is compiled: what is kept is known by all that it is made of
-    config.CACHE_LOCATOR_CLASSES = LOCATORS  # type: ignore[attr-defined]
+stamps.take_over()  # before anything is compiled: what is kept is then known by all that it is made of
 
 OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
 

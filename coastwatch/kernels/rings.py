@@ -117,7 +117,10 @@ def entry(table, age, row):  # type: ignore[no-untyped-def]
 
 @arithmetic_part
 def fetch_window(table, chain, n, track):  # type: ignore[no-untyped-def]
-    """Ask for the newest n entries of a track, none across two lines of the cache. Args: chain: as in `kernels.differences`."""
+    """Ask for the newest n entries of a track, of which in `wide_rows` none lies across two lines of the cache.
+
+    Args: chain: as in `kernels.differences`.
+    """
     fetch(table[0] + track * ENTRY_BYTES)  # type: ignore[call-arg]
     for age in range(1, n):
         fetch(table[age] + chain[track, age - 1] * ENTRY_BYTES)

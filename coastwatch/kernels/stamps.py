@@ -84,6 +84,7 @@ class OfTheUser(_Whole, caching.UserWideCacheLocator):
     """In the user's cache."""
 
 
-OURS = [f"{kind.__module__}.{kind.__qualname__}" for kind in (Given, Beside, OfTheUser)]
-LOCATORS = ",".join([*OURS, "IPythonCacheLocator", "ZipCacheLocator"])
-"""numba's, in its order, as its setting CACHE_LOCATOR_CLASSES names them."""
+def take_over() -> None:
+    """From now on numba keeps functions of this house by these stamps, unless its setting CACHE_LOCATOR_CLASSES names others."""
+    ours = {kind.__mro__[2]: kind for kind in (Given, Beside, OfTheUser)}
+    caching.CacheImpl._locator_classes = [ours.get(kind, kind) for kind in caching.CacheImpl._locator_classes]

@@ -3,7 +3,10 @@
 Pairs are worked on LANES at a time. What a pair gets is the same to the bit as alone.
 """
 
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -43,6 +46,9 @@ from coastwatch.kernels.differences import (
 )
 from coastwatch.kernels.elementary import exponential, logarithm
 from coastwatch.kernels.rings import fetch, fetch_window
+
+if TYPE_CHECKING:
+    from coastwatch.kernels.screening import Rule
 
 AHEAD = 4  # pairs whose windows are asked for while one is laid out
 MOST_EXPONENT = 600.0  # of a likelihood ratio that is written out; what is beyond counts in full as a logarithm
@@ -155,7 +161,7 @@ def _accumulated(t, rule, lane):  # type: ignore[no-untyped-def]
 
 
 @arithmetic
-def windowed_scores(first, second, density, table, chain, length, record, rule):  # type: ignore[no-untyped-def]
+def windowed_scores(first, second, density, table, chain, length, record, rule: Rule):  # type: ignore[no-untyped-def]
     """Discounted log-likelihood ratio of "one vessel" against "no partner" over the common window of each pair.
 
     The covariance of a step is that of both tracks, scaled in its position and its velocity block by what the window shows about it

@@ -44,6 +44,9 @@ def _cover(sites: bytes, ranges: bytes) -> Cover:
 
 
 def _zeros(count: int) -> Array:
-    """Zeros that take memory only near where something else is written: most cells are far from any site. Returns: (count,) int32."""
+    """Zeros that take memory only near where something else is written: most cells are far from any site. Returns: (count,) int32.
+
+    np.zeros is given memory that others have left (`workers.freed`), and clears all of it.
+    """
     bytes_ = mmap.mmap(-1, 4 * count, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
     return np.frombuffer(bytes_, np.int32)

@@ -42,7 +42,7 @@ def fit(connection: Connection, vessels: int, *, recorded: bool = False) -> None
         pages = _length(vessels) // int(connection.exec_driver_sql("PRAGMA page_size").scalar_one())
         cycle_bytes = VESSEL_BYTES + REST_BYTES + (RECORDED_BYTES if recorded else 0)
         cache_kib = min(max(CACHE_KIB, vessels * cycle_bytes // 1024), MOST_CACHE_KIB)
-        most = TOO_LONG * _length(vessels)  # what the log has grown by beyond that is given back
+        most = TOO_LONG * _most(vessels)  # what the log has grown by beyond that is given back
         for pragma in (f"wal_autocheckpoint = {pages}", f"journal_size_limit = {most}", f"cache_size = -{cache_kib}"):
             connection.exec_driver_sql(f"PRAGMA {pragma}").close()
 
@@ -55,7 +55,7 @@ def complaint(store: Store, vessels: int) -> str | None:
     if store.engine.dialect.name != "sqlite" or not store.shared:
         return None
     path = Path(f"{store.engine.url.database}-wal")
-    if not path.exists() or path.stat().st_size < TOO_LONG * _length(vessels):
+    if not path.exists() or path.stat().st_size < TOO_LONG * _most(vessels):
         return None
     with store.engine.connect() as connection:
         raw = connection.connection.driver_connection
@@ -75,3 +75,9 @@ def _length(vessels: int) -> int:
     """Bytes up to which the log may grow."""
     picture = vessels * VESSEL_BYTES
     return max(LEAST_BYTES, picture * (PICTURES if PICTURES * picture <= LONG_BYTES else FEW_PICTURES))
+
+
+def _most(vessels: int) -> int:
+    """The same, no less than of fewer vessels: where a picture grows past LONG_BYTES the log of before is no one's fault."""
+    picture = vessels * VESSEL_BYTES
+    return max(LEAST_BYTES, FEW_PICTURES * picture, min(PICTURES * picture, LONG_BYTES))

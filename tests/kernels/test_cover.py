@@ -1,6 +1,7 @@
 """Places in range of sites, by cells, against every site asked for every place."""
 
-import resource
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -57,13 +58,29 @@ def test_the_other_side_of_the_earth_is_out_of_range():
     ]
 
 
-@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory of a process is read from Linux's /proc")
-def test_cells_far_from_any_site_take_no_memory():
-    def resident_bytes():
-        return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+FRUGAL = """
+import resource
+import numpy as np
+from coastwatch.picture.cover import cover
+from coastwatch.workers.freed import keep_freed_memory
 
-    covered(cover(np.array([[-23.0, -43.0]]), np.array([60e3])), np.zeros((1, 2)))
-    before = resident_bytes()
-    kept = [cover(np.array([[lat, 10.0]]), np.array([60e3])) for lat in (40.0, 41.0, 42.0)]
-    assert sum(c[1].nbytes for c in kept) > 70e6
-    assert resident_bytes() - before < 10e6
+def resident_bytes():
+    return int(open("/proc/self/statm").read().split()[1]) * resource.getpagesize()
+
+assert keep_freed_memory()
+cover(np.array([[-23.0, -43.0]]), np.array([60e3]))
+left = [np.ones(1 << 22) for _ in range(2)]
+del left
+before = resident_bytes()
+kept = [cover(np.array([[lat, 10.0]]), np.array([60e3])) for lat in range(40, 47)]
+print(sum(c[1].nbytes for c in kept) >> 20, (resident_bytes() - before) >> 20)
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory of a process is read from Linux's /proc")
+def test_cells_far_from_any_site_take_no_memory() -> None:
+    """Seven sets of cells of 25 MiB."""
+    done = subprocess.run([sys.executable, "-c", FRUGAL], capture_output=True, text=True, check=True)
+    made, taken = map(int, done.stdout.split())
+    assert made > 170
+    assert taken < 10

@@ -2,6 +2,7 @@
 
 import ast
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 from coastwatch.kernels import stamps
 from coastwatch.kernels.compiling import njit
 from coastwatch.kernels.facts import facts
+from coastwatch.server import compiled
 
 COMPILED = sorted(
     path
@@ -71,10 +73,21 @@ def test_nothing_is_compiled_but_through_the_house() -> None:
     assert len(COMPILED) >= 60
     for path in (stamps.HOUSE / "coastwatch").rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-            if isinstance(node, ast.ImportFrom) and node.module == "numba" and path.name != "compiling.py":
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("numba") and path.name != "compiling.py":
                 assert {alias.name for alias in node.names}.isdisjoint({"njit", "jit", "cfunc", "vectorize", "guvectorize"}), (
                     path
                 )
+            if isinstance(node, ast.Import):
+                assert "numba" not in {alias.name.partition(".")[0] for alias in node.names}, path
+
+
+def test_a_kernel_knows_the_modules_of_the_tuples_that_it_is_given() -> None:
+    given = [(line.partition(" ")[0], re.findall(r"named\('([\w.]+)'", line)) for line in compiled.known()]
+    assert sum(bool(tuples) for _, tuples in given) >= 3
+    for kernel, tuples in given:
+        for dotted in tuples:
+            path, home = (stamps.HOUSE / name.rpartition(".")[0].replace(".", "/") for name in (kernel, dotted))
+            assert home.with_suffix(".py") in stamps._reached(path.with_suffix(".py"), stamps.HOUSE), kernel
 
 
 def asked(house: Path) -> tuple[int, int, int]:
@@ -96,9 +109,9 @@ def test_a_part_of_a_part_that_changes_is_compiled_again_and_nothing_else_is(tmp
     assert asked(tmp_path) == (3, 0, 1)
     (kernels / "ours_beside.py").write_text("UNKNOWN = 1\n")
     assert asked(tmp_path) == (3, 1, 0)
-    (kernels / "ours_inner.py").write_text(INNER.format("x * 5"))
-    assert asked(tmp_path) == (25, 0, 1)
-    assert asked(tmp_path) == (25, 1, 0)
+    (kernels / "ours_inner.py").write_text(INNER.format("x * 50"))
+    assert asked(tmp_path) == (2500, 0, 1)
+    assert asked(tmp_path) == (2500, 1, 0)
 
 
 def stamp(dispatcher):

@@ -56,6 +56,14 @@ def test_a_run_compiles_nothing_after_the_command(words: tuple[str, ...]) -> Non
     assert said(COUNTED, *words).rpartition("COMPILED")[2].split() == [], AGAIN
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("after_the_command")
+@pytest.mark.skipif(compiled.library() is None, reason="this SQLite can be asked for SQL alone")
+def test_what_sqlite_calls_back_is_there_after_the_command() -> None:
+    code = f"import {compiled.CALLED_BACK} as c; print(c.take_row.cache_hits, c.finish.cache_hits)"
+    assert said(code).split() == ["1", "1"]
+
+
 def test_every_line_names_a_kernel_and_its_types() -> None:
     lines = compiled.known()
     assert len(lines) > 80

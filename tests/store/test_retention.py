@@ -155,6 +155,10 @@ def test_the_length_of_the_log_grows_with_the_picture() -> None:
     assert write_ahead._length(100) == write_ahead.LEAST_BYTES
     assert write_ahead._length(260_000) == 8 * 260_000 * 256
     assert write_ahead._length(4_000_000) == 2 * 4_000_000 * 256
+    most = [write_ahead._most(vessels) for vessels in (100, 260_000, 262_144, 262_145, 400_000, 4_000_000)]
+    assert most == sorted(most)
+    assert most[2] == most[3] == write_ahead._length(262_144)
+    assert most[-1] == write_ahead._length(4_000_000)
 
 
 def test_a_cycle_fits_into_the_memory_of_its_connection(tmp_path: Path) -> None:
