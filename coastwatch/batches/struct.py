@@ -30,21 +30,29 @@ class Struct:
 
     def __post_init__(self) -> None:
         sizes: dict[str, int] = {}
-        for f in fields(self):
-            if "shape" not in f.metadata:
-                continue
-            self._check(f.name, getattr(self, f.name), f.metadata["dtype"], f.metadata["shape"], sizes)
+        for name, dtype, shape in _columns(type(self)):
+            got = getattr(self, name)
+            if not isinstance(got, np.ndarray):
+                raise TypeError(f"{type(self).__name__}.{name}: got {type(got).__name__}, needed an array")
+            if got.dtype is not dtype and (got.dtype.kind != dtype.kind or (dtype.kind != "U" and got.dtype != dtype)):
+                raise TypeError(f"{type(self).__name__}.{name}: got dtype {got.dtype}, needed {dtype}")
+            if got.ndim != len(shape):
+                raise ValueError(f"{type(self).__name__}.{name}: got shape {got.shape}, needed {shape} with {sizes}")
+            for need, size in zip(shape, got.shape, strict=True):
+                if (sizes.setdefault(need, size) if isinstance(need, str) else need) != size:
+                    raise ValueError(f"{type(self).__name__}.{name}: got shape {got.shape}, needed {shape} with {sizes}")
 
-    def _check(self, name: str, got: Any, dtype: np.dtype[Any], shape: tuple[str | int, ...], sizes: dict[str, int]) -> None:
-        where = f"{type(self).__name__}.{name}"
-        if not isinstance(got, np.ndarray):
-            raise TypeError(f"{where}: got {type(got).__name__}, needed an array")
-        if got.dtype.kind != dtype.kind or (dtype.kind != "U" and got.dtype != dtype):
-            raise TypeError(f"{where}: got dtype {got.dtype}, needed {dtype}")
-        need = tuple(sizes.get(s, "any") if isinstance(s, str) else s for s in shape)
-        if got.ndim != len(shape) or any(n not in ("any", g) for n, g in zip(need, got.shape, strict=True)):
-            raise ValueError(f"{where}: got shape {got.shape}, needed {shape} with {sizes}")
-        sizes.update({s: g for s, g in zip(shape, got.shape, strict=True) if isinstance(s, str)})
+
+_COLUMNS: dict[type, tuple[tuple[str, np.dtype[Any], tuple[str | int, ...]], ...]] = {}
+
+
+def _columns(struct: type[Struct]) -> tuple[tuple[str, np.dtype[Any], tuple[str | int, ...]], ...]:
+    """Name, dtype and shape of each field that holds an array; asked of a class once, for a cycle makes a hundred structs."""
+    if struct not in _COLUMNS:
+        _COLUMNS[struct] = tuple(
+            (f.name, f.metadata["dtype"], f.metadata["shape"]) for f in fields(struct) if "shape" in f.metadata
+        )
+    return _COLUMNS[struct]
 
 
 @dataclass(frozen=True, eq=False)

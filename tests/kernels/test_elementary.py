@@ -63,3 +63,4 @@ def test_angle() -> None:
     assert_close(of(_angles, sine, cosine), np.arctan2(sine, cosine), ANGLE)
     zero = np.array([0.0, 0.0, 1.0, -1.0]), np.array([0.0, -1.0, 0.0, 0.0])
     np.testing.assert_allclose(of(_angles, *zero), np.arctan2(*zero), rtol=1e-15)
+    assert np.isnan(of(_angles, np.array([np.nan, np.nan, 1.0, 0.0]), np.array([1.0, np.nan, np.nan, np.nan]))).all()
