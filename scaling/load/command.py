@@ -17,7 +17,9 @@ FAILED, INTERRUPTED = 1, 130  # as `coastwatch` has them; bad options are argpar
 def arguments(description: str | None) -> argparse.ArgumentParser:
     """What every command of the load takes."""
     parser = argparse.ArgumentParser(description=description)
-    parser.add_argument("--warmup", type=whole, default=20, help="cycles that do not count: windows must fill")
+    parser.add_argument(
+        "--warmup", type=whole, default=20, help="cycles that do not count: windows must fill, those of bearings in 100"
+    )
     parser.add_argument("--workers", type=whole, default=0, help="processors; 0: all")
     parser.add_argument("--store", default="none", metavar="URL", help="SQLAlchemy URL of a database, or none")
     parser.add_argument("--seed", type=whole, default=1)

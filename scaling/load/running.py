@@ -32,7 +32,7 @@ class Load:
 
     tracks: int
     cycles: int  # that count
-    warmup: int = 20  # cycles before: windows must fill
+    warmup: int = 20  # cycles before: windows must fill, those of bearings in 100
     workers: int = 1
     store: str = "none"  # SQLAlchemy URL
     seed: int = 1
