@@ -47,7 +47,7 @@ _COLUMNS: dict[type, tuple[tuple[str, np.dtype[Any], tuple[str | int, ...]], ...
 
 
 def _columns(struct: type[Struct]) -> tuple[tuple[str, np.dtype[Any], tuple[str | int, ...]], ...]:
-    """Name, dtype and shape of each field that holds an array; asked of a class once, for a cycle makes a hundred structs."""
+    """Name, dtype and shape of each field that holds an array; asked of a class once, for a cycle checks a hundred arrays."""
     if struct not in _COLUMNS:
         _COLUMNS[struct] = tuple(
             (f.name, f.metadata["dtype"], f.metadata["shape"]) for f in fields(struct) if "shape" in f.metadata

@@ -24,7 +24,7 @@ WHOLE = (
 LEAST_EXPONENT = -708.0
 WHOLE_BITS = 0x4338000000000000  # of WHOLE: whole numbers that were added to it stand below
 TINY = 1e-300
-EIGHTH = math.tan(math.pi / 8.0)
+TANGENT_22_5_DEG = math.tan(math.pi / 8.0)
 
 
 def _fused(typingctx: Any, a: Any, b: Any, c: Any) -> Any:
@@ -83,7 +83,7 @@ def angle(sine, cosine):  # type: ignore[no-untyped-def]
     """
     up, along = abs(sine), abs(cosine)
     longer, shorter = up if up > along else along, along if up > along else up
-    tilted = shorter > EIGHTH * longer
+    tilted = shorter > TANGENT_22_5_DEG * longer
     t = (shorter - longer if tilted else shorter) / ((shorter + longer if tilted else longer) + TINY)
     z = t * t
     p = fused(z, fused(z, -0.01917688711906226, 0.03923165829558719), -0.0508544973794026)
