@@ -12,16 +12,17 @@ export UV_PROJECT_ENVIRONMENT = .venv
 	@$(BIN)/uv sync --quiet --locked --inexact
 	@touch $@
 
-.venv/.compiled: .venv/.ready $(wildcard $(patsubst %,coastwatch/%/*.py,kernels store batches)) coastwatch/server/signatures.txt
-	@$(BIN)/coastwatch compile
+# Two small scenarios, run side by side, compile the kernels that runs use.
+.venv/.warm: .venv/.ready $(wildcard coastwatch/kernels/*/*.py)
+	@$(BIN)/coastwatch run guanabara --db sqlite:////dev/null >/dev/null
 	@touch $@
 
-demo: .venv/.compiled  ## set up, run the guanabara scenario, leave a database and a picture in out/
+demo: .venv/.warm  ## set up, run the guanabara scenario, leave a database and a picture in out/
 	@mkdir -p out
 	$(BIN)/coastwatch run guanabara --db sqlite:///out/guanabara.db --restart
 	$(BIN)/coastwatch plot --db sqlite:///out/guanabara.db --output out/guanabara.png
 
-test: .venv/.compiled  ## set up and run the tests
+test: .venv/.warm  ## set up and run the tests
 	$(BIN)/python -m pytest
 
 check: .venv/.ready  ## style, types and the import contract
@@ -30,7 +31,7 @@ check: .venv/.ready  ## style, types and the import contract
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-bench: .venv/.compiled  ## time stages, load, peers and kernels: one table, also in scaling/results/bench.txt and bench.md
+bench: .venv/.warm  ## time stages, load, peers and kernels: one table, also in scaling/results/bench.txt and bench.md
 	$(BIN)/python -m scaling.bench
 
 docs: .venv/.ready  ## write the generated parts of the documentation again

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
+from coastwatch import kernels
 from coastwatch.batches import Array, Ints, Struct
 from coastwatch.batches.struct import column
 
@@ -49,9 +50,8 @@ class Groups(Struct):
 
     def take(self, groups: Sequence[int] | Ints) -> Groups:
         """These groups, in this order."""
-        from coastwatch.kernels.sorting import chosen
 
-        return Groups(*chosen(self.row, self.start, np.asarray(groups, np.int64)))
+        return Groups(*kernels.tables.sorting.chosen(self.row, self.start, np.asarray(groups, np.int64)))
 
 
 Shared = Mapping[str, Any]

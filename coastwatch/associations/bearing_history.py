@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from coastwatch import kernels
 from coastwatch.batches import Array, Bools, Floats, Ints
-from coastwatch.kernels.lookup import find
+from coastwatch.kernels.tables.lookup import find
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +39,6 @@ class Path:
         Of instants closer than `spacing_s` the last one stands, so that a fast clock needs no more room than a slow one.
         Args: ids: (M,) unique; values: (M, C). time_s: not before the last instant. room: who makes arrays, as np.empty.
         """
-        from coastwatch.kernels.hearing import merged
 
         keep = int(np.searchsorted(self.time_s, time_s - window_s, side="right")) - 1
         first, last = max(keep, 0), len(self.time_s)
@@ -49,7 +49,9 @@ class Path:
         kept = self._reaching(first, last)
         there = np.flatnonzero(np.isfinite(values[:, 0]))
         there = there[np.argsort(ids[there], kind="stable")]
-        every, slot, last_s, given = merged(kept.ids, kept.slot, kept.last_s, ids[there], float(time_s))
+        every, slot, last_s, given = kernels.bearings.candidates.merged(
+            kept.ids, kept.slot, kept.last_s, ids[there], float(time_s)
+        )
         newest = room((int(slot.max(initial=-1)) + 1, values.shape[1]))
         newest[...] = np.nan
         newest[given] = values[there]

@@ -9,6 +9,7 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
+from coastwatch import kernels
 from coastwatch.associations.bearing_history import Path
 from coastwatch.associations.bearing_sensors import Calibration, Known, arcs
 from coastwatch.associations.bearing_signatures import ShipTypes, signature_gain
@@ -26,7 +27,8 @@ from coastwatch.batches import (
     Sensors,
 )
 from coastwatch.geodesy import KNOT_M_S
-from coastwatch.kernels.signatures import check_confusion, even_confusion
+from coastwatch.kernels.bearings.signatures import check_confusion, even_confusion
+from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Groups, Method, Shared, Spread, room_of
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -134,14 +136,14 @@ class BearingLikelihood(Method):
         self, path: Path, picture: Picture, known: Known, time_s: float, sensors: Sensors, room: Callable[..., Array]
     ) -> Path:
         """The paths of the vessels that are, or soon may be, compared with bearings, one instant longer."""
-        from coastwatch.kernels.earth_centred import centred_rows
-        from coastwatch.kernels.near_sites import near_sites
 
-        soon, *_ = near_sites(picture.position_deg, sensors.sonars.site_deg, SOON * sensors.sonars.range_m)
+        soon, *_ = kernels.geometry.sensor_coverage.near_sites(
+            picture.position_deg, sensors.sonars.site_deg, SOON * sensors.sonars.range_m
+        )
         rows = np.flatnonzero(_mask(soon, len(picture)) | _mask(known.vessel_row, len(picture)))
         variance = 0.5 * (picture.covariance[rows, 0, 0] + picture.covariance[rows, 1, 1])
         variance = np.where(np.isfinite(variance), variance, self.position_unknown_m**2) + self.position_floor_m**2
-        values = np.column_stack([centred_rows(picture.position_deg, rows).T, np.sqrt(variance)])
+        values = np.column_stack([kernels.geometry.earth_centred.centred_rows(picture.position_deg, rows).T, np.sqrt(variance)])
         values[(time_s - picture.since_s[rows] < self.settle_s) & (variance > self.settled_m**2)] = np.nan
         return path.extended(picture.vessel_id[rows], values, time_s, self.window_s, self.spacing_s, room)
 
@@ -211,29 +213,40 @@ class BearingLikelihood(Method):
 def score_octants(settings: BearingLikelihood, arrays: Shared, octants: Groups) -> tuple[Array, ...]:
     """Pairs of the bearing tracks of these octants that are above the threshold: index of the pair, log odds, mean difference of
     bearings. A pair's answer is its own alone."""
-    from coastwatch.kernels.bearing_windows import PLACES, Paths, Rule, Windows
-    from coastwatch.kernels.hearing import above, pairs_of
-    from coastwatch.kernels.known_vessels import known_vessels
-    from coastwatch.kernels.rings import addresses
-    from coastwatch.kernels.threads import in_blocks
-    from coastwatch.kernels.unknown_vessels import Strangers, unknown_vessels
 
     track, first = octants.row, arrays["first_pair"]
-    windows = Windows(**{name: arrays[name] for name in Windows._fields})
-    strangers = Strangers(RANGE_SHARES, RANGE_WEIGHTS, settings.unknown_speed_kn * KNOT_M_S, settings.unknown_kick_m_s2**2)
-    null = unknown_vessels(track, windows.time, windows.bearing, windows.variance, windows.reach, strangers)
-    table = addresses(arrays["path"], PLACES)[::-1].copy()
-    paths = Paths(arrays["instant"], table, np.array([len(a) for a in arrays["path"]], np.int64))
-    start, slot = pairs_of(track, first, arrays["vessel"])
+    windows = kernels.bearings.windows.Windows(**{name: arrays[name] for name in kernels.bearings.windows.Windows._fields})
+    strangers = kernels.bearings.null_hypothesis.Strangers(
+        RANGE_SHARES, RANGE_WEIGHTS, settings.unknown_speed_kn * KNOT_M_S, settings.unknown_kick_m_s2**2
+    )
+    null = kernels.bearings.null_hypothesis.unknown_vessels(
+        track, windows.time, windows.bearing, windows.variance, windows.reach, strangers
+    )
+    table = kernels.association.history.addresses(arrays["path"], kernels.bearings.windows.PLACES)[::-1].copy()
+    paths = kernels.bearings.windows.Paths(arrays["instant"], table, np.array([len(a) for a in arrays["path"]], np.int64))
+    start, slot = kernels.bearings.candidates.pairs_of(track, first, arrays["vessel"])
     gain, residual = np.empty(len(slot)), np.empty(len(slot))
-    rule = Rule(
+    rule = kernels.bearings.windows.Rule(
         settings.heard, float(np.log(settings.heard / (1.0 - settings.heard))), settings.position_memory_s, settings.give_up
     )
-    in_blocks(known_vessels, len(track), track, start, slot, windows, null, paths, rule, gain, residual, least=64)
+    in_blocks(
+        kernels.bearings.likelihood.known_vessels,
+        len(track),
+        track,
+        start,
+        slot,
+        windows,
+        null,
+        paths,
+        rule,
+        gain,
+        residual,
+        least=64,
+    )
     if len(arrays["signature"]):
-        vessel_class = pairs_of(track, first, arrays["vessel_class"])[1]
+        vessel_class = kernels.bearings.candidates.pairs_of(track, first, arrays["vessel_class"])[1]
         gain += arrays["signature"][np.repeat(track, np.diff(start)), vessel_class]
-    which, pair = above(track, first, start, gain, settings.threshold)
+    which, pair = kernels.bearings.candidates.above(track, first, start, gain, settings.threshold)
     return pair, gain[which], residual[which]
 
 
@@ -242,11 +255,9 @@ def _one_to_one(bearing_row: Ints, pair: Ints, gain: Floats, tracks: int, pairs:
 
     Args: bearing_row: (A,) 0 to tracks - 1; pair: (A,) of `Known`, 0 to pairs - 1; gain: (A,) positive.
     """
-    from coastwatch.kernels.assignment import assign_numbered
-    from coastwatch.kernels.groups import by_both
 
-    order, out = by_both(bearing_row, tracks, pair, pairs), np.empty(len(gain), np.bool_)
-    out[order] = assign_numbered(bearing_row[order], pair[order], gain[order], tracks, pairs)
+    order, out = kernels.tables.groups.by_both(bearing_row, tracks, pair, pairs), np.empty(len(gain), np.bool_)
+    out[order] = kernels.association.assignment.assign_numbered(bearing_row[order], pair[order], gain[order], tracks, pairs)
     return out
 
 

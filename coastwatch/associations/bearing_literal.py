@@ -96,7 +96,7 @@ class BearingWindowedCovariance(Method):
 
     def _chosen(self, bearing_row: Ints, vessel_row: Ints, of_sonar: Ints, x: Floats) -> Array:
         if self.one_to_one:
-            from coastwatch.kernels.assignment import assign
+            from coastwatch.kernels.association.assignment import assign
 
             return np.asarray(assign(bearing_row, vessel_row + of_sonar, 2.0 * self.limit() - x))
         order = np.lexsort((vessel_row, x, bearing_row))

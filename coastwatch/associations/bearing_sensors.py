@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from coastwatch import kernels
 from coastwatch.associations.pairing import without_empty
 from coastwatch.batches import BearingTracks, Bools, Floats, Ints, Octants, Picture, Sensors
 from coastwatch.geodesy import wrap_rad
@@ -44,12 +45,11 @@ class Calibration:
         """
         if gain == 0.0:
             return self
-        from coastwatch.kernels.hearing import medians
 
         bias, bias_sigma = self.bias_rad.copy(), self.bias_sigma_rad.copy()
         off = wrap_rad(residual - bias[sonar])
-        count, middle = medians(sonar, off, len(bias))
-        _, scatter = medians(sonar, np.abs(off - middle[sonar]), len(bias))
+        count, middle = kernels.bearings.candidates.medians(sonar, off, len(bias))
+        _, scatter = kernels.bearings.candidates.medians(sonar, np.abs(off - middle[sonar]), len(bias))
         s = np.flatnonzero(count >= least)
         bias[s] = wrap_rad(bias[s] + gain * middle[s])
         doubt = floor_rad**2 + middle[s] ** 2 + 1.57 * (1.4826 * scatter[s]) ** 2 / count[s]
@@ -80,11 +80,10 @@ class Known:
 
     @staticmethod
     def of(tracks: BearingTracks, picture: Picture, octants: Octants, sensors: Sensors) -> Known:
-        from coastwatch.kernels.hearing import by_octant, first_pairs, heard_by, inside
 
-        sonars, first = len(sensors.sonars), first_pairs(octants.bearing_row, len(tracks))
-        track, start = by_octant(first, octants.octant, sonars)
-        row, begin = heard_by(track, start, first, octants.vessel_row, len(picture))
+        sonars, first = len(sensors.sonars), kernels.bearings.candidates.first_pairs(octants.bearing_row, len(tracks))
+        track, start = kernels.bearings.candidates.by_octant(first, octants.octant, sonars)
+        row, begin = kernels.bearings.candidates.heard_by(track, start, first, octants.vessel_row, len(picture))
         site = np.full((sonars, 2), np.nan)
         newest_last = np.argsort(
             tracks.updated_s, kind="stable"
@@ -92,7 +91,7 @@ class Known:
         site[tracks.source[newest_last] - sensors.sonar_source(0)] = tracks.site_deg[newest_last]
         within = np.empty(len(row), np.bool_)
         heard = begin, row, picture.position_deg, site, sensors.sonars.range_m, *arcs(sensors)
-        in_blocks(inside, sonars, *heard, within, least=LEAST_SONARS)
+        in_blocks(kernels.bearings.candidates.inside, sonars, *heard, within, least=LEAST_SONARS)
         return Known(np.repeat(np.arange(sonars), np.diff(begin)), row, begin, within, first, without_empty(track, start))
 
     def inside_count(self, sonars: int) -> Ints:
@@ -101,10 +100,18 @@ class Known:
 
     def at(self, sonar: Ints, vessel_row: Ints) -> Ints:
         """Which of the pairs each of these is. Args: (A,), (A,), of the octants. Returns: (A,)."""
-        from coastwatch.kernels.hearing import standing
 
         out = np.empty(len(sonar), np.int64)
-        in_blocks(standing, len(sonar), self.begin, self.vessel_row, sonar, vessel_row, out, least=LEAST_PAIRS)
+        in_blocks(
+            kernels.bearings.candidates.standing,
+            len(sonar),
+            self.begin,
+            self.vessel_row,
+            sonar,
+            vessel_row,
+            out,
+            least=LEAST_PAIRS,
+        )
         return out
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from coastwatch.batches import CLASS_OF_TYPE, CLASSES, AisStatics, Floats, Ints
-from coastwatch.kernels.lookup import find
-from coastwatch.kernels.signatures import log_likelihood
+from coastwatch.kernels.bearings.signatures import log_likelihood
+from coastwatch.kernels.tables.lookup import find
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from coastwatch import kernels
 from coastwatch.batches import Array, Floats, Ints
+from coastwatch.kernels.threads import in_blocks
 
 Rows = NDArray[np.int32]
 
@@ -35,10 +37,9 @@ class History:
 
         Raises: ValueError for entries as they were kept once.
         """
-        from coastwatch.kernels.rings import COLUMNS
 
-        if any(array.shape[1:] != (COLUMNS,) for array in state["ring"]):
-            raise ValueError(f"ring: got rows of {state['ring'][0].shape[1]}, needed {COLUMNS}")
+        if any(array.shape[1:] != (kernels.association.history.COLUMNS,) for array in state["ring"]):
+            raise ValueError(f"ring: got rows of {state['ring'][0].shape[1]}, needed {kernels.association.history.COLUMNS}")
         for f in fields(self):
             value = state[f.name]
             object.__setattr__(self, f.name, tuple(map(_own, value)) if isinstance(value, tuple) else _own(value))
@@ -58,14 +59,18 @@ class History:
 
         Args: track_id: (N,) as they come; rank: (N,) of each, 0 to N - 1; entry: (N, 4) by rank; room: who makes arrays, as np.empty.
         """
-        from coastwatch.kernels.facts import carried, come_from
-        from coastwatch.kernels.following import followed
-        from coastwatch.kernels.threads import in_blocks
 
         count = len(track_id)
         before, chain, length = np.empty(count, np.int32), room((count, self.window - 1), np.int32), room(count, np.int32)
-        in_blocks(come_from, count, rank, followed(self.track_id, track_id)[0], self.rank, before)
-        in_blocks(carried, count, before, self.chain, self.length, chain, length)
+        in_blocks(
+            kernels.association.pair_features.come_from,
+            count,
+            rank,
+            kernels.tables.match_ids.followed(self.track_id, track_id)[0],
+            self.rank,
+            before,
+        )
+        in_blocks(kernels.association.pair_features.carried, count, before, self.chain, self.length, chain, length)
         return History(track_id, rank, chain, length, (*self.ring, entry)[-self.window :])
 
 

@@ -4,26 +4,28 @@ from __future__ import annotations
 
 import numpy as np
 
+from coastwatch import kernels
 from coastwatch.batches import Floats, Ints, Octants, Spots, Tracks
 from coastwatch.stage import Groups, Shared
 
 
 def rows_of_spots(spots: Spots) -> Groups:
     """A group a spot with its rows: members as they are, halo rows as -1 - row, so that one array says both."""
-    from coastwatch.kernels.sorting import by_key, joined
 
     count = len(spots.centre_m)
     halo = np.searchsorted(spots.halo_spot, np.arange(count + 1)).astype(np.int64)
-    return Groups(*joined(*by_key(spots.spot, count), -1 - spots.halo_row, halo))
+    return Groups(*kernels.tables.sorting.joined(*kernels.tables.sorting.by_key(spots.spot, count), -1 - spots.halo_row, halo))
 
 
 def by_octant(octants: Octants, tracks: int) -> Groups:
     """A group an octant that has pairs: the bearing tracks in it. Args: tracks: N of them."""
-    from coastwatch.kernels.hearing import SECTORS, first_pairs
-    from coastwatch.kernels.hearing import by_octant as counted
 
-    sensors = int(octants.octant.max(initial=-1)) // SECTORS + 1
-    return without_empty(*counted(first_pairs(octants.bearing_row, tracks), octants.octant, sensors))
+    sensors = int(octants.octant.max(initial=-1)) // kernels.bearings.candidates.SECTORS + 1
+    return without_empty(
+        *kernels.bearings.candidates.by_octant(
+            kernels.bearings.candidates.first_pairs(octants.bearing_row, tracks), octants.octant, sensors
+        )
+    )
 
 
 def without_empty(row: Ints, start: Ints) -> Groups:
@@ -56,9 +58,8 @@ def gated_pairs(arrays: Shared, rows: Ints, gate_m: float) -> tuple[Ints, Ints]:
 
 def in_order(first: Ints, second: Ints, statistic: Floats, rows: int) -> tuple[Ints, Ints, Floats]:
     """The same pairs by first, then second: chunks of spots come in any order. Args: (A,); rows: N."""
-    from coastwatch.kernels.groups import by_both
 
-    order = by_both(first, rows, second, rows)
+    order = kernels.tables.groups.by_both(first, rows, second, rows)
     return first[order], second[order], statistic[order]
 
 
@@ -69,17 +70,17 @@ def one_to_one(tracks: Tracks, first: Ints, second: Ints, gain: Floats) -> Ints:
     Args: first, second: (A,) rows of tracks, pairs each once; gain: (A,), pairs without a positive gain are never chosen.
     Returns: (B,) indices into the pairs, sorted.
     """
-    from coastwatch.kernels.assignment import assign_numbered
-    from coastwatch.kernels.groups import alone, by_both, combined
 
     rows, source = len(tracks), tracks.source
-    taken = alone(first, second, gain, rows)
+    taken = kernels.tables.groups.alone(first, second, gain, rows)
     rest = np.flatnonzero((gain > 0.0) & ~taken)
     sources = int(source.max(initial=0)) + 1
-    row, row_count = combined(first[rest], rows, source[second[rest]], sources)
-    column, column_count = combined(second[rest], rows, source[first[rest]], sources)
-    order = by_both(row, row_count, column, column_count)
-    taken[rest[order]] = assign_numbered(row[order], column[order], gain[rest[order]], row_count, column_count)
+    row, row_count = kernels.tables.groups.combined(first[rest], rows, source[second[rest]], sources)
+    column, column_count = kernels.tables.groups.combined(second[rest], rows, source[first[rest]], sources)
+    order = kernels.tables.groups.by_both(row, row_count, column, column_count)
+    taken[rest[order]] = kernels.association.assignment.assign_numbered(
+        row[order], column[order], gain[rest[order]], row_count, column_count
+    )
     return np.flatnonzero(taken)
 
 
@@ -90,12 +91,13 @@ def vessels(tracks: Tracks, first: Ints, second: Ints, gain: Floats) -> tuple[In
     taken in order of gain and one that would break the rule is left out.
     Args: first, second, gain: (A,). Returns: (N,) vessel of each track, numbered by first track row; (B,) indices of pairs kept.
     """
-    from coastwatch.kernels.unions import joined, joined_without_sharing, numbered, told_of
 
-    parent, following, twice = joined(first, second, tracks.source)
+    parent, following, twice = kernels.association.connected_components.joined(first, second, tracks.source)
     kept = np.ones(len(first), np.bool_)
     if twice.any():
-        broken = np.flatnonzero(told_of(parent, twice, first))
+        broken = np.flatnonzero(kernels.association.connected_components.told_of(parent, twice, first))
         order = broken[np.lexsort((tracks.track_id[second[broken]], tracks.track_id[first[broken]], -gain[broken]))]
-        kept[order] = joined_without_sharing(first[order], second[order], tracks.source, parent, following)
-    return numbered(parent), np.flatnonzero(kept).astype(np.int64)
+        kept[order] = kernels.association.connected_components.joined_without_sharing(
+            first[order], second[order], tracks.source, parent, following
+        )
+    return kernels.association.connected_components.numbered(parent), np.flatnonzero(kept).astype(np.int64)

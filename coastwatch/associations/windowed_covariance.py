@@ -9,13 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
+from coastwatch import kernels
 from coastwatch.associations.history import History
 from coastwatch.associations.pairing import in_order, one_to_one, rows_of_spots, vessels
 from coastwatch.batches import Array, Associations, Spots, Tracks
+from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Groups, Method, Shared, Spread, room_of
 
 if TYPE_CHECKING:
-    from coastwatch.kernels.screening import Rule
+    from coastwatch.kernels.association.prune_pairs import Rule
 
 
 LEAST_TRACKS = 1024  # for a thread
@@ -71,30 +73,29 @@ class WindowedCovariance(Method):
         vessel, kept = vessels(tracks, first, second, score)
         return WindowMemory(history), Associations(first[kept], second[kept], score[kept], vessel, int(tested.sum()))
 
-    def rule(self) -> Rule:
+    def rule(self) -> kernels.association.prune_pairs.Rule:
         """The settings as the kernels read them."""
-        from coastwatch.kernels.screening import Rule
 
         bounds = self.prior, self.floor, self.cap, self.forgetting, self.step_limit
-        return Rule(self.gate_m, *bounds, self.misled_share, self.unrelated_speed_m_s, self.threshold)
+        return kernels.association.prune_pairs.Rule(
+            self.gate_m, *bounds, self.misled_share, self.unrelated_speed_m_s, self.threshold
+        )
 
     def _laid_out(self, before: History, tracks: Tracks, room: Callable[..., Any]) -> tuple[History, dict[str, Any]]:
         """The windows after this cycle, and what `score_spots` reads: tracks ranked so that neighbours stand together.
 
         Args: room: who makes arrays, as np.empty.
         """
-        from coastwatch.kernels.bands import in_order as in_bands
-        from coastwatch.kernels.facts import COLUMNS, facts
-        from coastwatch.kernels.rings import COLUMNS as ENTRY_COLUMNS
-        from coastwatch.kernels.rings import addresses, singles, wide_rows
-        from coastwatch.kernels.screening import COLUMNS as OUTLINE_COLUMNS
-        from coastwatch.kernels.screening import outlines
-        from coastwatch.kernels.threads import in_blocks
 
         count = len(tracks)
-        key, row, rank = in_bands(tracks.position_deg, self.gate_m, room)
-        columns = ENTRY_COLUMNS, 4, COLUMNS, OUTLINE_COLUMNS
-        entry, point, record, outline = (wide_rows(count, c, room) for c in columns)
+        key, row, rank = kernels.geometry.bands.in_order(tracks.position_deg, self.gate_m, room)
+        columns = (
+            kernels.association.history.COLUMNS,
+            4,
+            kernels.association.pair_features.COLUMNS,
+            kernels.association.prune_pairs.COLUMNS,
+        )
+        entry, point, record, outline = (kernels.association.history.wide_rows(count, c, room) for c in columns)
         given = (
             tracks.position_deg,
             tracks.velocity_m_s,
@@ -104,33 +105,56 @@ class WindowedCovariance(Method):
             tracks.source,
         )
         own = self.unknown_velocity_sigma_m_s**2, self.registration, self.gate_m
-        in_blocks(facts, count, rank, *map(np.ascontiguousarray, given), *own, point, entry, singles(entry), record)
+        in_blocks(
+            kernels.association.pair_features.facts,
+            count,
+            rank,
+            *map(np.ascontiguousarray, given),
+            *own,
+            point,
+            entry,
+            kernels.association.history.singles(entry),
+            record,
+        )
         history = before.extended(tracks.track_id, rank, entry, room)
-        in_blocks(outlines, count, addresses(history.ring), history.chain, history.length, record, self.rule(), outline)
+        in_blocks(
+            kernels.association.prune_pairs.outlines,
+            count,
+            kernels.association.history.addresses(history.ring),
+            history.chain,
+            history.length,
+            record,
+            self.rule(),
+            outline,
+        )
         arrays = {"key": key, "row": row, "rank": rank, "point": point, "record": record, "outline": outline}
         return history, {**arrays, "chain": history.chain, "length": history.length, "ring": history.ring}
 
 
 def score_spots(settings: WindowedCovariance, arrays: Shared, spots: Groups) -> tuple[Array, ...]:
     """Pairs that these spots own and that pass: rows of the first and second track, score; and how many pairs were tested."""
-    from coastwatch.kernels.groups import gathered, greatest, parted
-    from coastwatch.kernels.pairs import fill_halo
-    from coastwatch.kernels.rings import addresses
-    from coastwatch.kernels.threads import in_blocks
 
     seen = {name: _read_only(arrays[name]) for name in ("key", "point", "row", "rank", "chain", "length", "record", "outline")}
-    members, low, home, halo_home, halo_row = parted(_read_only(spots.row), _read_only(spots.start), seen["rank"])
+    members, low, home, halo_home, halo_row = kernels.tables.groups.parted(
+        _read_only(spots.row), _read_only(spots.start), seen["rank"]
+    )
     if members < len(seen["row"]):
         most = min(members + len(halo_row), len(home))
-        key, point, home, track, top = gathered(low, home, most, seen["key"], seen["point"])
+        key, point, home, track, top = kernels.tables.groups.gathered(low, home, most, seen["key"], seen["point"])
         near = _read_only(key), _read_only(point), home
     else:
         near, track = (seen["key"], seen["point"], home), np.arange(len(home), dtype=np.int32)
-        top = greatest(seen["point"], 3)
+        top = kernels.tables.groups.greatest(seen["point"], 3)
     halo = np.full(1 << (2 * len(halo_row)).bit_length(), -1, np.int64)
-    fill_halo(halo_home, halo_row, halo)
+    kernels.association.candidate_pairs.fill_halo(halo_home, halo_row, halo)
     places = near, track, seen["row"], halo, top
-    windows = addresses(arrays["ring"]), seen["chain"], seen["length"], seen["record"], seen["outline"]
+    windows = (
+        kernels.association.history.addresses(arrays["ring"]),
+        seen["chain"],
+        seen["length"],
+        seen["record"],
+        seen["outline"],
+    )
     found = in_blocks(_score_block, len(track), settings.rule(), *places, windows, least=LEAST_TRACKS)
     return tuple(np.concatenate(column) for column in zip(*found, strict=True))
 
@@ -154,16 +178,14 @@ def _score_block(
     windows: tuple[Array, ...],
 ) -> tuple[Array, ...]:
     """What `score_spots` gives for those of its tracks, low to high, that are the first of a pair."""
-    from coastwatch.kernels.bands import height_deg
-    from coastwatch.kernels.pairs import candidates
-    from coastwatch.kernels.screening import cuts
-    from coastwatch.kernels.windows import windowed_scores
 
     table, chain, length, record, outline = windows
     window = chain.shape[1] + 1
-    places = *near, track, row, halo, height_deg(rule.gate), top
-    first, second, density, tested = candidates(low, high, *places, length, record, outline, rule, cuts(rule, window))  # type: ignore[call-arg]
-    score = windowed_scores(first, second, density, table, chain, length, record, rule)
+    places = *near, track, row, halo, kernels.geometry.bands.height_deg(rule.gate), top
+    first, second, density, tested = kernels.association.candidate_pairs.candidates(
+        low, high, *places, length, record, outline, rule, kernels.association.prune_pairs.cuts(rule, window)
+    )
+    score = kernels.association.pair_score.windowed_scores(first, second, density, table, chain, length, record, rule)
     keep = score > rule.threshold
     return row[first[keep]].astype(np.int64), row[second[keep]].astype(np.int64), score[keep], np.array([tested])
 

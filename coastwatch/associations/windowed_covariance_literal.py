@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from coastwatch import kernels
 from coastwatch.associations.history import History
 from coastwatch.associations.pairing import gated_pairs, in_order, one_to_one, rows_of_spots, vessels
 from coastwatch.batches import Array, Associations, Ints, Spots, Tracks
@@ -60,10 +61,9 @@ class WindowedCovarianceLiteral(Method):
 
     def step(self, memory: LiteralMemory, tracks: Tracks, spots: Spots, spread: Spread) -> tuple[LiteralMemory, Associations]:
         """Associations of these tracks. Args: tracks: (N); spots: of the same rows. Returns: memory and Associations."""
-        from coastwatch.kernels.rings import entries
 
         count = len(tracks)
-        entry = entries(tracks.position_deg, tracks.velocity_m_s, np.zeros((count, 2)))
+        entry = kernels.association.history.entries(tracks.position_deg, tracks.velocity_m_s, np.zeros((count, 2)))
         row = np.arange(count, dtype=np.int32)
         history = memory.history.extended(tracks.track_id, row, entry, np.empty)
         arrays = {
@@ -94,15 +94,13 @@ def accept_in_spots(settings: WindowedCovarianceLiteral, arrays: Shared, spots: 
 
 def _accept_in_spot(settings: WindowedCovarianceLiteral, arrays: Shared, rows: Ints) -> tuple[Array, ...]:
     """Pairs that this spot owns and that pass the test: rows of the first and second track, x; and how many were tested."""
-    from coastwatch.kernels.rings import addresses
-    from coastwatch.kernels.sample_statistics import sample_statistics
 
     first, second = gated_pairs(arrays, rows, settings.gate_m)
     tested = np.array([len(first)])
     if len(first) == 0:
         return first, second, np.zeros(0), tested
-    rank, windows = arrays["rank"], (addresses(arrays["ring"]), arrays["chain"], arrays["length"])
-    x = sample_statistics(rank[first], rank[second], *windows, settings.window)
+    rank, windows = arrays["rank"], (kernels.association.history.addresses(arrays["ring"]), arrays["chain"], arrays["length"])
+    x = kernels.association.chi_square_statistic.sample_statistics(rank[first], rank[second], *windows, settings.window)
     keep = x < settings.limit()
     return first[keep], second[keep], x[keep], tested
 

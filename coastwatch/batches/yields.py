@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from coastwatch import kernels
 from coastwatch.batches.classes import CLASSES
 from coastwatch.batches.struct import Batch, Bools, Floats, Ints, Rows, Struct, column
 
@@ -128,9 +129,8 @@ class Associations(Struct):
     @cached_property
     def by_vessel(self) -> tuple[Rows, Rows]:
         """The tracks of vessel v are row[start[v]:start[v + 1]]; two stages ask. Returns: start (V + 1,), row (N,)."""
-        from coastwatch.kernels.grouping import grouped
 
-        start, row = grouped(self.vessel, int(self.vessel.max(initial=-1)) + 1)
+        start, row = kernels.tables.grouping.grouped(self.vessel, int(self.vessel.max(initial=-1)) + 1)
         return start, row
 
 

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from coastwatch import kernels
 from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, Rows, Tracks
 from coastwatch.fused_tracks.continuity import Going, continuity
 from coastwatch.fused_tracks.covariance_intersection import intersected
@@ -105,17 +106,22 @@ class CentralImm(Method):
 
     def _unwritten(self, count: int) -> Filters:
         """So many filters of which nothing is written yet."""
-        from coastwatch.kernels.kicked_imm import WIDTH
 
         j = len(KINDS)
-        return np.empty((count, 2)), np.empty((count, j, WIDTH)), np.empty((count, j)), np.empty(count)
+        return (
+            np.empty((count, 2)),
+            np.empty((count, j, kernels.filters.velocity_jumps.WIDTH)),
+            np.empty((count, j)),
+            np.empty(count),
+        )
 
     def _alone(self, groups: Grouped, tracks: Tracks) -> Estimates:
         """Estimates of which those of vessels of one track are written: they are that track."""
-        from coastwatch.kernels.vessel_filters import single
 
         out = unwritten(len(groups))
-        in_blocks(single, len(groups), *groups, states(tracks), self.unknown_velocity_sigma_m_s, out)
+        in_blocks(
+            kernels.filters.fused_filters.single, len(groups), *groups, states(tracks), self.unknown_velocity_sigma_m_s, out
+        )
         return out
 
     def _heard(
@@ -125,37 +131,45 @@ class CentralImm(Method):
 
         Returns: their vessels, and the tracks of each, as the kernels take them.
         """
-        from coastwatch.kernels.kicked_imm import absorb
-        from coastwatch.kernels.vessel_filters import continued, expressed, told
 
         count, z = len(plan.going), np.empty((len(m), 10))
         who = plan.going, *groups, tracks.source, kinds
-        begin, order = told(plan.filter_of, plan.heard_row, m.time_s, m.sensor, count)
-        in_blocks(continued, count, plan.of, memory.arrays, filters, least=FEW)
+        begin, order = kernels.filters.fused_filters.told(plan.filter_of, plan.heard_row, m.time_s, m.sensor, count)
+        in_blocks(kernels.filters.fused_filters.continued, count, plan.of, memory.arrays, filters, least=FEW)
         given = m.position_deg, m.velocity_m_s, m.covariance, m.site_deg, m.sensor
         shares = self.range_registration, self.azimuth_registration
-        in_blocks(expressed, count, *who, begin, order, given, filters[0], shares, z, least=FEW)
-        in_blocks(absorb, count, *filters[1:], m.time_s, z, order, begin, self._models(), np.empty(count), least=FEW)
+        in_blocks(kernels.filters.fused_filters.expressed, count, *who, begin, order, given, filters[0], shares, z, least=FEW)
+        in_blocks(
+            kernels.filters.velocity_jumps.absorb,
+            count,
+            *filters[1:],
+            m.time_s,
+            z,
+            order,
+            begin,
+            self._models(),
+            np.empty(count),
+            least=FEW,
+        )
         return who
 
     def _shown(self, plan: Going, who: Company, time_s: float, filters: Filters, out: Estimates) -> None:
         """The anchors of the filters that go on to where the vessels are at this time, and those into their rows of `out`."""
-        from coastwatch.kernels.kicked_imm import foresee
-        from coastwatch.kernels.vessel_filters import shown
 
         count = len(plan.going)
         mean, spread = np.empty((count, 5)), np.empty((count, 5, 5))
-        in_blocks(foresee, count, *filters[1:], float(time_s), self._models(), mean, spread, least=FEW)
-        in_blocks(shown, count, *who, mean, spread, filters, out)
+        in_blocks(
+            kernels.filters.velocity_jumps.foresee, count, *filters[1:], float(time_s), self._models(), mean, spread, least=FEW
+        )
+        in_blocks(kernels.filters.fused_filters.shown, count, *who, mean, spread, filters, out)
 
     def _begun(self, plan: Going, groups: Grouped, tracks: Tracks, time_s: float, filters: Filters, out: Estimates) -> None:
         """Vessels whose filters begin, from their tracks alone, into their rows of `out`, and those filters."""
-        from coastwatch.kernels.vessel_filters import begun
 
         intersected(groups, plan.begins, tracks, self.unknown_velocity_sigma_m_s, SEARCH_STEPS, out)
         share, turn = np.array(self.share) / sum(self.share), np.radians(self.turn_rate_sigma_deg_s) ** 2
         given = plan.begins, len(plan.going), float(time_s), share, float(turn), out, filters
-        in_blocks(begun, len(plan.begins), *given)
+        in_blocks(kernels.filters.fused_filters.begun, len(plan.begins), *given)
 
     def _models(self) -> Models:
         """The models as the kernel takes them."""

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from coastwatch import kernels
 from coastwatch.batches import Floats, Ints, Measurements, Rows, Tracks
 from coastwatch.fused_tracks.membership import Grouped
 from coastwatch.kernels.threads import in_blocks
@@ -28,14 +29,12 @@ def continuity(
 
     Args: known_id, known_row: (L,) the tracks of the last cycle and the filter of each; newest_s: (F,) of each filter.
     """
-    from coastwatch.kernels.following import followed, owned
-    from coastwatch.kernels.vessel_filters import former, going_on
 
-    at, _ = followed(known_id, tracks.track_id)
-    heard_row = owned(tracks.track_id, measured.track_id)
-    was = former(at, known_row, len(newest_s), heard_row, measured.time_s)
+    at, _ = kernels.tables.match_ids.followed(known_id, tracks.track_id)
+    heard_row = kernels.tables.match_ids.owned(tracks.track_id, measured.track_id)
+    was = kernels.filters.fused_filters.former(at, known_row, len(newest_s), heard_row, measured.time_s)
     of = np.empty(len(groups), np.int32)
-    in_blocks(going_on, len(groups), *groups, *was, tracks.updated_s, newest_s, of)
+    in_blocks(kernels.filters.fused_filters.going_on, len(groups), *groups, *was, tracks.updated_s, newest_s, of)
     going, begins = (np.flatnonzero(which).astype(np.int32) for which in (of >= 0, (of < 0) & (np.diff(groups.start) > 1)))
     filter_of = np.full(len(groups), -1, np.int32)
     filter_of[going] = np.arange(len(going))

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from coastwatch import kernels
 from coastwatch.batches import Associations, FusedTracks, Ints, Measurements, Tracks
 from coastwatch.fused_tracks.membership import Grouped, at_time, states, unwritten
 from coastwatch.kernels.threads import in_blocks
@@ -41,10 +42,17 @@ class Convex(Method):
 
         Returns: memory and FusedTracks, one row for each vessel number.
         """
-        from coastwatch.kernels.combining import convex
 
         groups = Grouped(*associations.by_vessel)
         out = unwritten(len(groups))
         doubt = self.registration, tracks.mmsi
-        in_blocks(convex, len(groups), *groups, states(tracks), self.unknown_velocity_sigma_m_s, doubt, out)
+        in_blocks(
+            kernels.fusion.convex_combination.convex,
+            len(groups),
+            *groups,
+            states(tracks),
+            self.unknown_velocity_sigma_m_s,
+            doubt,
+            out,
+        )
         return memory, at_time(time_s, out)

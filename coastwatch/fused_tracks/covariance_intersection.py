@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from coastwatch import kernels
 from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, Rows, Tracks
 from coastwatch.fused_tracks.membership import Grouped, at_time, states, unwritten
 from coastwatch.kernels.threads import in_blocks
@@ -49,6 +50,14 @@ def intersected(
     groups: Grouped, which: Rows, tracks: Tracks, velocity_sigma_m_s: float, steps: int, out: tuple[Floats, Floats, Floats]
 ) -> None:
     """These vessels (B,) by covariance intersection of their tracks, into their rows of `out`."""
-    from coastwatch.kernels.fusing import intersection
 
-    in_blocks(intersection, len(which), which, *groups, states(tracks), velocity_sigma_m_s, steps, out)
+    in_blocks(
+        kernels.fusion.covariance_intersection.intersection,
+        len(which),
+        which,
+        *groups,
+        states(tracks),
+        velocity_sigma_m_s,
+        steps,
+        out,
+    )

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from coastwatch import kernels
 from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, Tracks
 from coastwatch.fused_tracks.membership import Grouped, at_time, states, unwritten
 from coastwatch.kernels.threads import in_blocks
@@ -68,19 +69,27 @@ class ImmOfTracks(Method):
 
         Returns: memory and FusedTracks, one row for each vessel number.
         """
-        from coastwatch.kernels.following import followed
-        from coastwatch.kernels.grouping import preferred
-        from coastwatch.kernels.track_filters import filtered
 
         groups, j = Grouped(*associations.by_vessel), len(KINDS)
-        count, row = len(groups), preferred(*groups, -tracks.source)
-        at, _ = followed(memory.track_id, tracks.track_id)
+        count, row = len(groups), kernels.tables.grouping.preferred(*groups, -tracks.source)
+        at, _ = kernels.tables.match_ids.followed(memory.track_id, tracks.track_id)
         was = np.where(at >= 0, np.append(memory.row, -1)[at], -1).astype(np.int32)
         before = memory.anchor_deg, memory.state, memory.covariance, memory.mode
         after = np.empty((count, 2)), np.empty((count, j, 5)), np.empty((count, j, 5, 5)), np.empty((count, j))
         out, sigma = unwritten(count), self.unknown_velocity_sigma_m_s
         how = float(time_s - memory.time_s), self._models(), self.turn_sigma_rad_s**2, self.inflation, after, out
-        in_blocks(filtered, count, groups.start, row, states(tracks), sigma, was, before, *how, least=FEW)
+        in_blocks(
+            kernels.filters.track_to_track_imm.filtered,
+            count,
+            groups.start,
+            row,
+            states(tracks),
+            sigma,
+            was,
+            before,
+            *how,
+            least=FEW,
+        )
         return Bank(*after, float(time_s), tracks.track_id, associations.vessel), at_time(time_s, out)
 
     def _models(self) -> tuple[Ints, Floats, Floats, Floats, Floats]:

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from coastwatch import kernels
 from coastwatch.batches import Associations, FusedTracks, Ints, Measurements, SourceKind, Tracks
 from coastwatch.fused_tracks.membership import Grouped, at_time, states, unwritten
 from coastwatch.kernels.threads import in_blocks
@@ -52,7 +53,6 @@ class WeightedAverage(Method):
 
         Returns: memory and FusedTracks, one row for each vessel number.
         """
-        from coastwatch.kernels.averaging import average
 
         groups = Grouped(*associations.by_vessel)
         out = unwritten(len(groups))
@@ -60,5 +60,13 @@ class WeightedAverage(Method):
         if self.weights == "fixed":
             share = np.where(kinds == SourceKind.AIS, self.ais_weight, self.radar_weight)
         of_source = tracks.source, share, kinds
-        in_blocks(average, len(groups), *groups, states(tracks), self.unknown_velocity_sigma_m_s, *of_source, out)
+        in_blocks(
+            kernels.fusion.weighted_mean.average,
+            len(groups),
+            *groups,
+            states(tracks),
+            self.unknown_velocity_sigma_m_s,
+            *of_source,
+            out,
+        )
         return memory, at_time(time_s, out)

@@ -8,7 +8,7 @@ import numpy as np
 
 from coastwatch.batches import Floats, Ints, Tracks
 from coastwatch.geodesy import difference_m
-from coastwatch.kernels.lookup import find
+from coastwatch.kernels.tables.lookup import find
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,11 +7,12 @@ from functools import lru_cache
 
 import numpy as np
 
+from coastwatch import kernels
 from coastwatch.batches import Array, Bools, Floats
 from coastwatch.kernels.threads import in_blocks
 
 Cover = tuple[Floats, Array, Array]
-"""Sites, cells and entries as `coastwatch.kernels.cover` has them."""
+"""Sites, cells and entries as `coastwatch.kernels.geometry.cover` has them."""
 
 
 def cover(site_deg: Floats, range_m: Floats) -> Cover:
@@ -21,23 +22,21 @@ def cover(site_deg: Floats, range_m: Floats) -> Cover:
 
 def covered(place: Cover, position_deg: Floats) -> Bools:
     """Whether places are in range. Args: position_deg: (V, 2). Returns: (V,)."""
-    from coastwatch.kernels.cover import all_in_range
 
     out = np.empty(len(position_deg), np.bool_)
-    in_blocks(all_in_range, len(out), position_deg, *place, out)
+    in_blocks(kernels.geometry.cover.all_in_range, len(out), position_deg, *place, out)
     return out
 
 
 @lru_cache(maxsize=8)
 def _cover(sites: bytes, ranges: bytes) -> Cover:
-    from coastwatch.kernels.cover import COLUMNS, ROWS, cells, framed
 
     site, reach = np.frombuffer(sites).reshape(-1, 2), np.frombuffer(ranges)
     frame, room = np.empty((len(site), 9)), 256 * (len(site) + 1)
-    framed(site, reach, frame)
+    kernels.geometry.cover.framed(site, reach, frame)
     while True:
-        head, entry = _zeros(ROWS * COLUMNS), np.empty((room, 2), np.int32)
-        count = cells(site, reach, frame, head, entry)
+        head, entry = _zeros(kernels.geometry.cover.ROWS * kernels.geometry.cover.COLUMNS), np.empty((room, 2), np.int32)
+        count = kernels.geometry.cover.cells(site, reach, frame, head, entry)
         if count < room:
             return frame, head, entry[: count + 1].copy()
         room = count + 1

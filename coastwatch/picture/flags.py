@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from coastwatch import kernels
 from coastwatch.batches import AisAlarms, Bools, Flag, Floats, Members, Picture, Rows, Sensors, Tracks
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.picture.cover import Cover, cover
@@ -47,13 +48,14 @@ class Company:
 
 def together(heirs: Heirs, line: LineUp, tracks: Tracks, sensors: Sensors) -> tuple[Members, Company]:
     """The tracks of each row of the picture."""
-    from coastwatch.kernels.vessel_rows import members
 
     n = len(tracks)
     out = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
     pairs = np.empty(len(line.come), np.int8), np.full(n, -1, np.int32), np.zeros(n, np.bool_)
     given = heirs.start, heirs.row, (tracks.track_id, tracks.source), sensors.source_kinds
-    in_blocks(members, len(line.come), line.come, line.begin, line.vessel_id, *given, out, pairs)
+    in_blocks(
+        kernels.identity.picture_columns.members, len(line.come), line.come, line.begin, line.vessel_id, *given, out, pairs
+    )
     return Members(*out), Company(*pairs)
 
 
@@ -74,14 +76,13 @@ def flag(
 
     Returns: the memory after this cycle.
     """
-    from coastwatch.kernels.watching import unseen
 
     heard, seen = (cover(by.site_deg, settings.cover_margin * by.range_m) for by in (sensors.stations, sensors.radars))
     since = np.empty(len(shown)), np.empty(len(shown))
     before = memory.no_ais_since_s, memory.no_radar_since_s
     late = settings.dark_after_s, int(Flag.DARK), settings.unseen_after_s, int(Flag.AIS_WITHOUT_RADAR)
     given = line.come, heirs.chosen, shown.position_deg, company.seen_by, heard, seen, before, (float(time_s), *late)
-    in_blocks(unseen, len(shown), *given, (*since, shown.flags))
+    in_blocks(kernels.identity.alerts.unseen, len(shown), *given, (*since, shown.flags))
     pairs, contradicted = _part(settings, memory, heirs, company, shown, tracks, row, time_s, seen)
     ais = np.flatnonzero(contradicted)
     for track in (ais, pairs[0][ais]):
@@ -102,22 +103,20 @@ def _part(
     seen: Cover,
 ) -> tuple[tuple[Rows, Floats, Floats], Bools]:
     """Mates with paired since and parted since, of this cycle and those of the past that still count; which are contradicted. (N,) each"""
-    from coastwatch.kernels.watching import parted
 
     n, s = len(tracks), settings
     pairs, contradicted = (company.mate, np.empty(n), np.empty(n)), np.empty(n, np.bool_)
     past = memory.mate, memory.paired_since_s, memory.parted_since_s
     limits = float(time_s), s.paired_s, s.contradicted_for_s, s.contradicted_after_s, s.contradicted_from_m
     given = heirs.at, heirs.to, past, company.paired, row, shown.position_deg, tracks.position_deg, seen, limits
-    in_blocks(parted, n, *given, (*pairs, contradicted))
+    in_blocks(kernels.identity.alerts.parted, n, *given, (*pairs, contradicted))
     return pairs, contradicted
 
 
 def _alarm(alarms: AisAlarms, tracks: Tracks, row: Rows, shown: Picture) -> None:
     """Adds what is odd about AIS tracks to the flags. AIS tracks mostly are the last of all, in the order of the alarms."""
-    from coastwatch.kernels.following import standing
 
     for alarm, what in ((alarms.twice, Flag.MMSI_TWICE), (alarms.impossible_speed, Flag.IMPOSSIBLE_SPEED)):
         odd = np.flatnonzero(alarm)
-        at = standing(tracks.track_id, alarms.track_id[odd], odd + (len(tracks) - len(alarms)))
+        at = kernels.tables.match_ids.standing(tracks.track_id, alarms.track_id[odd], odd + (len(tracks) - len(alarms)))
         shown.flags[row[at[at >= 0]]] |= int(what)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from coastwatch import kernels
 from coastwatch.batches import Array, Bools, Floats, Ints, Picture, Rows
 
 Columns = tuple[Floats, Floats, Floats, Floats, Floats, Floats, Ints, Ints, Ints]
@@ -38,16 +39,15 @@ class Known:
 
     def take(self, slots: Rows) -> Picture:
         """The rows of these slots, which have a past, in that order."""
-        from coastwatch.kernels.vessel_rows import recalled_rows
 
         out = unwritten(np.empty(len(slots), np.int64))
         of_each = ((p.vessel_id, columns(p)) for p in (self.shown, self.hidden, out))
-        recalled_rows(slots, *of_each)
+        kernels.identity.picture_columns.recalled_rows(slots, *of_each)
         return out
 
 
 def columns(picture: Picture) -> Columns:
-    """The columns but the id, as `coastwatch.kernels.vessel_rows` takes them."""
+    """The columns but the id, as `coastwatch.kernels.identity.picture_columns` takes them."""
     p = picture
     first = p.time_s, p.position_deg, p.velocity_m_s, p.covariance, p.since_s, p.updated_s
     return *first, p.mmsi, p.flags, p.origin

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from coastwatch import kernels
 from coastwatch.batches import Floats, Ints, Picture, Rows
 from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred
-from coastwatch.kernels.gaussian import squared_distance
-from coastwatch.kernels.lookup import find
+from coastwatch.kernels.filters.gaussian import squared_distance
+from coastwatch.kernels.tables.lookup import find
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.picture.known import Known
 from coastwatch.picture.rows import moved_on
@@ -25,11 +26,10 @@ def returned(settings: Identity, known: Known, free: Rows, new: Picture, time_s:
 
     Returns: rows of `new` (B,), slots (B,).
     """
-    from coastwatch.kernels.following import among
 
     old = known.take(free)
     name = new.mmsi[new.mmsi >= 0]
-    may = np.flatnonzero((time_s - old.updated_s <= settings.hold_s) | among(old.mmsi, name))
+    may = np.flatnonzero((time_s - old.updated_s <= settings.hold_s) | kernels.tables.match_ids.among(old.mmsi, name))
     may = may[np.argsort(old.vessel_id[may])]
     slots = free[may]
     old = known.take(slots)
@@ -43,9 +43,8 @@ def returned(settings: Identity, known: Known, free: Rows, new: Picture, time_s:
 
 def _by_mmsi(settings: Identity, new: Picture, old: Picture, time_s: float) -> tuple[Ints, Ints]:
     """Rows of both, by the vessel of that MMSI that was lost last."""
-    from coastwatch.kernels.following import among
 
-    asked = np.flatnonzero(among(old.mmsi, new.mmsi[new.mmsi >= 0]))
+    asked = np.flatnonzero(kernels.tables.match_ids.among(old.mmsi, new.mmsi[new.mmsi >= 0]))
     order = asked[np.lexsort((-old.updated_s[asked], old.mmsi[asked]))]
     first = order[np.flatnonzero(np.diff(old.mmsi[order], prepend=-2))]
     at = find(old.mmsi[first], new.mmsi)
@@ -63,8 +62,6 @@ def _by_place(settings: Identity, new: Picture, left: Ints, old: Picture, held: 
     """Rows of both, best one-to-one by squared distance of position and velocity. Args: left, held: rows of each that are asked."""
     from scipy.spatial import cKDTree
 
-    from coastwatch.kernels.assignment import assign
-
     held = _reaching(new.position_deg[left], old, held, time_s)
     if len(left) == 0 or len(held) == 0:
         return left[:0], held[:0]
@@ -81,15 +78,14 @@ def _by_place(settings: Identity, new: Picture, left: Ints, old: Picture, held: 
         [difference_m(new.position_deg[i], moved.position_deg[j]), new.velocity_m_s[i] - moved.velocity_m_s[j]], axis=1
     )
     distance2 = squared_distance(delta, new.covariance[i] + moved.covariance[j])
-    chosen = np.flatnonzero(assign(i, j.astype(np.int64), settings.return_gate - distance2))
+    chosen = np.flatnonzero(kernels.association.assignment.assign(i, j.astype(np.int64), settings.return_gate - distance2))
     return i[chosen], held[j[chosen]]
 
 
 def _reaching(place_deg: Floats, old: Picture, held: Ints, time_s: float) -> Ints:
     """Those of the held that may be near any of these places: most are far from all. Args: place_deg: (M, 2); held: rows of `old`."""
-    from coastwatch.kernels.vessel_rows import may_meet
 
     out, order = np.empty(len(old), np.bool_), np.argsort(place_deg[:, 0])
     given = old.position_deg, old.velocity_m_s, old.time_s, float(time_s), NEAR_M, place_deg, order, out
-    in_blocks(may_meet, len(old), *given)
+    in_blocks(kernels.identity.picture_columns.may_meet, len(old), *given)
     return held[out[held]]

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from coastwatch import kernels
 from coastwatch.batches import Array, Flag, FusedTracks, Picture, Rows, Tracks
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.picture.known import Known, columns, few, unwritten
@@ -52,17 +53,15 @@ def moved_on(settings: Identity, vessels: Picture, time_s: float) -> Picture:
 
 def _write(come: Rows, since: Past, mmsi: Past, heirs: Heirs, tracks: Tracks, fused: FusedTracks, out: Picture) -> None:
     """The rows of vessels with tracks, into `out`; what comes from a slot with a past keeps since and MMSI."""
-    from coastwatch.kernels.vessel_rows import present
 
     of_fused = fused.time_s, fused.position_deg, fused.velocity_m_s, fused.covariance
     of_tracks = tracks.started_s, tracks.updated_s, tracks.mmsi, tracks.origin
     given = heirs.chosen, (since, mmsi), columns(out)
-    in_blocks(present, len(come), come, heirs.start, heirs.row, of_fused, of_tracks, *given)
+    in_blocks(kernels.identity.picture_columns.present, len(come), come, heirs.start, heirs.row, of_fused, of_tracks, *given)
 
 
 def _coast(settings: Identity, vessels: Picture, of: Rows, rows: Rows, time_s: float, out: Picture) -> None:
     """Rows of vessels without tracks, into `out`."""
-    from coastwatch.kernels.vessel_rows import coasting
 
     how = float(time_s), settings.drift_m_s15**2, int(Flag.COASTING), columns(out)
-    in_blocks(coasting, len(of), columns(vessels), of, rows, *how)
+    in_blocks(kernels.identity.picture_columns.coasting, len(of), columns(vessels), of, rows, *how)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from coastwatch import kernels
 from coastwatch.batches import Associations, Bools, Floats, Ints, Rows, Sensors, SourceKind, Tracks
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.picture.known import Known, few
@@ -44,20 +45,22 @@ def inherit(
     A track votes for the vessel it was in, and with a fraction of a vote for the first it ever was in, so that a pair that was
     joined in error parts into the vessels it was made of. What nobody else votes for is settled in one pass; the rest one-to-one.
     """
-    from coastwatch.kernels.following import followed
-    from coastwatch.kernels.voting import NOBODY, recalled, settled
 
     vessel, n = associations.vessel, len(tracks)
     start, row = associations.by_vessel
-    at, to = followed(memory.track_id, tracks.track_id)
+    at, to = kernels.tables.match_ids.followed(memory.track_id, tracks.track_id)
     previous, home = np.empty(n, np.int32), np.empty(n, np.int32)
-    voter, taken, chosen = (np.full(count, NOBODY, np.int32) for count in (len(ids), len(ids), vessels))
+    voter, taken, chosen = (
+        np.full(count, kernels.identity.identity_votes.NOBODY, np.int32) for count in (len(ids), len(ids), vessels)
+    )
     alive = np.zeros(len(ids), np.bool_)
-    recalled(at, vessel, memory.track_vessel, memory.track_home, previous, home, voter, alive, chosen)
+    kernels.identity.identity_votes.recalled(
+        at, vessel, memory.track_vessel, memory.track_home, previous, home, voter, alive, chosen
+    )
     weights = np.where(sensors.source_kinds == SourceKind.AIS, AIS_VOTE, 1.0)
     ballot = (previous, home, tracks.source), weights
     past = memory.known.past("since_s"), float(time_s)
-    in_blocks(settled, vessels, start, row, *ballot, voter, ids, *past, chosen, taken)
+    in_blocks(kernels.identity.identity_votes.settled, vessels, start, row, *ballot, voter, ids, *past, chosen, taken)
     _one_to_one(start, row, ballot, past, ids, chosen, taken)
     return Heirs(start, row, at, to, home, voter, alive, chosen, taken)
 
@@ -66,15 +69,13 @@ def _one_to_one(
     start: Rows, row: Rows, ballot: tuple[Any, Floats], past: tuple[Any, float], ids: Ints, chosen: Rows, taken: Rows
 ) -> None:
     """Settles the vessels that vie for a slot, into the last two."""
-    from coastwatch.kernels.assignment import assign
-    from coastwatch.kernels.voting import NOBODY, OPEN, ballots
 
-    rivals = np.flatnonzero(chosen == OPEN)
+    rivals = np.flatnonzero(chosen == kernels.identity.identity_votes.OPEN)
     if len(rivals) == 0:
         return
-    group, slot, gain = ballots(rivals, start, row, *ballot, *past)
-    best = assign(group, ids[slot], gain)
-    chosen[rivals] = NOBODY
+    group, slot, gain = kernels.identity.identity_votes.ballots(rivals, start, row, *ballot, *past)
+    best = kernels.association.assignment.assign(group, ids[slot], gain)
+    chosen[rivals] = kernels.identity.identity_votes.NOBODY
     chosen[group[best]], taken[slot[best]] = slot[best], group[best]
 
 
@@ -94,24 +95,24 @@ class LineUp:
 
 def line_up(settings: Identity, known: Known, ids: Ints, heirs: Heirs, time_s: float, next_id: int) -> LineUp:
     """Who is shown, hidden and gone. New vessels get ids from next_id on; those whose tracks went into others are gone."""
-    from coastwatch.kernels.lineup import COASTING, GONE, HIDDEN, fates, lined_up, placed
 
     fate, shown = np.empty(len(ids), np.int8), len(known.shown)
     times = float(time_s), settings.coast_s, settings.hold_s, settings.return_s
     given = heirs.taken, heirs.voter, heirs.alive, known.past("updated_s"), known.past("mmsi"), times
-    in_blocks(fates, len(ids), *given, fate)
-    back = shown + few(fate[shown:] <= COASTING)
+    in_blocks(kernels.identity.lifecycle.fates, len(ids), *given, fate)
+    back = shown + few(fate[shown:] <= kernels.identity.lifecycle.COASTING)
     back = back[np.argsort(ids[back])]
-    vessel_id, come, moved = lined_up(ids, fate, heirs.taken, shown, back, few(heirs.chosen < 0), next_id)
-    hidden, gone = few(fate == HIDDEN), few(fate == GONE)
-    row_of, begin = placed(come, heirs.start)
+    vessel_id, come, moved = kernels.identity.lifecycle.lined_up(
+        ids, fate, heirs.taken, shown, back, few(heirs.chosen < 0), next_id
+    )
+    hidden, gone = few(fate == kernels.identity.lifecycle.HIDDEN), few(fate == kernels.identity.lifecycle.GONE)
+    row_of, begin = kernels.identity.lifecycle.placed(come, heirs.start)
     return LineUp(vessel_id, come, moved, hidden, ids[hidden], ids[gone], row_of, begin)
 
 
 def remember(heirs: Heirs, line: LineUp, vessel: Ints) -> tuple[Rows, Rows]:
     """The slots in the next cycle of the vessels that each track is in, and was first in. (N,), (N,)"""
-    from coastwatch.kernels.lineup import remembered
 
     was_in, was_home = np.empty(len(vessel), np.int32), np.empty(len(vessel), np.int32)
-    in_blocks(remembered, len(vessel), vessel, line.row_of, heirs.home, line.moved, was_in, was_home)
+    in_blocks(kernels.identity.lifecycle.remembered, len(vessel), vessel, line.row_of, heirs.home, line.moved, was_in, was_home)
     return was_in, was_home

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from coastwatch.batches import Bools, Floats, Plots, RadarCorrections, RadarReports, Sensors
 from coastwatch.geodesy import from_plane, to_plane, turn
-from coastwatch.kernels.polar import polar_to_plane
+from coastwatch.kernels.geometry.polar import polar_to_plane
 from coastwatch.stage import Method
 
 

@@ -25,7 +25,7 @@ from coastwatch.batches import (
     column,
 )
 from coastwatch.geodesy import to_plane, wrap_rad
-from coastwatch.kernels.lookup import find
+from coastwatch.kernels.tables.lookup import find
 from coastwatch.registration.evidence import Rows
 
 SLOTS = 4  # of a window of bearings around a plot, through which a parabola is drawn

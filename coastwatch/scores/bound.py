@@ -16,7 +16,7 @@ import numpy as np
 
 from coastwatch.batches import AisReports, Floats, Ints, Noise, RadarReports, Trajectories
 from coastwatch.geodesy import KNOT_M_S, difference_m, from_plane, to_plane, turn, wrap_deg
-from coastwatch.kernels.lookup import find
+from coastwatch.kernels.tables.lookup import find
 from coastwatch.scores.exact_filter import INSTANT, KICK, POSITION, VELOCITY, Events, filtered
 
 AnyReports = TypeVar("AnyReports", RadarReports, AisReports)

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from coastwatch.batches import CLASSES, BearingReports, Floats, Ints, Sonars
 from coastwatch.geodesy import to_plane
-from coastwatch.kernels.signatures import check_confusion, even_confusion
+from coastwatch.kernels.bearings.signatures import check_confusion, even_confusion
 from coastwatch.sensors.radar import Where
 from coastwatch.sensors.vessels import Share
 from coastwatch.stage import Settings

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from coastwatch import kernels
 from coastwatch.batches import Floats, Ints, Spots, Tracks
 from coastwatch.stage import Method
 
@@ -49,8 +50,6 @@ class KMeansSpots(Method):
 
     def step(self, memory: KMeansMemory, tracks: Tracks) -> tuple[KMeansMemory, Spots]:
         """Spots of these tracks. Args: tracks: (N). Returns: memory and Spots with K >= 1 spots unless there is no track."""
-        from coastwatch.kernels.centroids import divided, lay, means
-        from coastwatch.kernels.following import followed
 
         if len(tracks) == 0:
             none = np.zeros(0, np.int64)
@@ -61,16 +60,16 @@ class KMeansSpots(Method):
             centre, age = self._cold(tracks.position_deg, count), 0
             guess, unknown = np.zeros(len(tracks), np.int64), np.arange(len(tracks))
         else:
-            at = followed(memory.track_id, tracks.track_id)[0]
+            at = kernels.tables.match_ids.followed(memory.track_id, tracks.track_id)[0]
             guess, unknown = memory.spot[at], np.flatnonzero(at < 0)
             if age >= self.fit_every:
                 steps, age = self.warm_steps, 0
         if len(unknown):
             guess[unknown] = _near(tracks.position_deg, unknown, centre)
-        laid = lay(tracks.position_deg, guess, count)
+        laid = kernels.geometry.centroids.lay(tracks.position_deg, guess, count)
         for _ in range(steps):
-            centre = means(laid, centre)
-        spot, halo_spot, halo_row = divided(laid, centre, self.halo_m)
+            centre = kernels.geometry.centroids.means(laid, centre)
+        spot, halo_spot, halo_row = kernels.geometry.centroids.divided(laid, centre, self.halo_m)
         return KMeansMemory(centre, tracks.track_id, spot, age), Spots(centre, spot, halo_spot, halo_row)
 
     def _spots_for(self, tracks: int, before: int) -> int:
@@ -82,21 +81,18 @@ class KMeansSpots(Method):
 
     def _cold(self, position_deg: Floats, count: int) -> Floats:
         """Centroids of a sample of these positions, the same whatever was before. Args: (N, 2). Returns: (count, 3)."""
-        from coastwatch.kernels.centroids import lay, means
-        from coastwatch.kernels.earth_centred import centred_rows
-        from coastwatch.kernels.seeding import seeds
 
         rng = np.random.default_rng([self.seed, 0])
         size = min(SAMPLE_A_SPOT * max(count, self.tracks_per_spot), len(position_deg))
         rows = np.sort(rng.choice(len(position_deg), size, replace=False, shuffle=False))
-        points = centred_rows(position_deg, rows)
+        points = kernels.geometry.earth_centred.centred_rows(position_deg, rows)
         along = np.argsort(points[np.ptp(points, axis=1).argmax()], kind="stable")
         points, rows = np.ascontiguousarray(points[:, along]), rows[along]
-        seed, nearest = seeds(points, rng.random(count))
+        seed, nearest = kernels.geometry.seeding.seeds(points, rng.random(count))
         centre = np.ascontiguousarray(points[:, seed].T)
-        laid = lay(position_deg[rows], nearest, count)
+        laid = kernels.geometry.centroids.lay(position_deg[rows], nearest, count)
         for _ in range(COLD_STEPS):
-            centre = means(laid, centre)
+            centre = kernels.geometry.centroids.means(laid, centre)
         return centre
 
 
@@ -104,9 +100,9 @@ def _near(position_deg: Floats, rows: Ints, centre: Floats) -> Ints:
     """A centroid near each of these rows, the nearest to some track of its cell: good enough to begin a search."""
     from scipy.spatial import cKDTree
 
-    from coastwatch.kernels.earth_centred import centred_rows
-
     cell = np.floor(position_deg[rows] / CELL_DEG).astype(np.int64) @ np.array([1 << 32, 1])
     _, some, of = np.unique(cell, return_index=True, return_inverse=True)
-    nearest = np.asarray(cKDTree(centre).query(centred_rows(position_deg, rows[some]).T)[1], np.int64)
+    nearest = np.asarray(
+        cKDTree(centre).query(kernels.geometry.earth_centred.centred_rows(position_deg, rows[some]).T)[1], np.int64
+    )
     return nearest[of]

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from coastwatch import kernels
 from coastwatch.batches import BearingTracks, Floats, Ints, Octants, Picture, Sensors
 from coastwatch.stage import Method
 
@@ -37,28 +38,29 @@ class OctantSpots(Method):
         self, memory: tuple[()], bearing_tracks: BearingTracks, picture: Picture, sensors: Sensors
     ) -> tuple[tuple[()], Octants]:
         """Pairs of rows to compare. Args: bearing_tracks: (N); picture: (V). Returns: memory and Octants sorted by row."""
-        from coastwatch.kernels.hearing import paired
 
         sonar = bearing_tracks.source - sensors.sonar_source(0)
         vessel_row, start = self._vessels(sonar, bearing_tracks, picture, sensors)
         octant = sonar * SECTORS + sector(np.degrees(bearing_tracks.bearing_rad))
-        return memory, Octants(*paired(octant, start, vessel_row))
+        return memory, Octants(*kernels.bearings.candidates.paired(octant, start, vessel_row))
 
     def _vessels(self, sonar: Ints, tracks: BearingTracks, picture: Picture, sensors: Sensors) -> tuple[Ints, Ints]:
         """The rows of the vessels in each octant, and where each octant begins."""
-        from coastwatch.kernels.hearing import within_sectors
-        from coastwatch.kernels.near_sites import near_sites
 
         sonars, newest = _newest_of_each(sonar, tracks.updated_s)
         reach_m, site_deg = sensors.sonars.range_m[sonars] * self.range_margin, tracks.site_deg[newest]
-        near = near_sites(picture.position_deg, site_deg, reach_m, picture.covariance, self.position_sigmas)
+        near = kernels.geometry.sensor_coverage.near_sites(
+            picture.position_deg, site_deg, reach_m, picture.covariance, self.position_sigmas
+        )
         row, site, east_north = near
         distance = np.hypot(east_north[:, 0], east_north[:, 1])
         direction = np.degrees(np.arctan2(east_north[:, 0], east_north[:, 1]))
         tolerance_m = self.position_sigmas * position_sigma_m(picture.covariance, row)
         tolerance_deg = np.degrees(np.arctan2(tolerance_m, distance)) + self.overlap_deg
         h = np.flatnonzero(distance <= reach_m[site] + tolerance_m)
-        out: tuple[Ints, Ints] = within_sectors(direction[h], tolerance_deg[h], sonars[site[h]], row[h], len(sensors.sonars))
+        out: tuple[Ints, Ints] = kernels.bearings.candidates.within_sectors(
+            direction[h], tolerance_deg[h], sonars[site[h]], row[h], len(sensors.sonars)
+        )
         return out
 
 

@@ -15,8 +15,8 @@ from sqlalchemy import Connection, insert, select, update
 from zstandard import ZstdCompressor
 
 from coastwatch.batches import Array, Ints, Members, Picture
-from coastwatch.kernels.curve import curve_order, extent
-from coastwatch.kernels.words import WORDS, member_starts, member_words, row_words, whereabouts
+from coastwatch.kernels.geometry.curve import curve_order, extent
+from coastwatch.kernels.tables.picture_codec import WORDS, member_starts, member_words, row_words, whereabouts
 from coastwatch.store.chunks_codec import Part, Words, compressor, packed, unpacked
 from coastwatch.store.chunks_table import Chunk, key_cycle
 from coastwatch.store.tables import Cycle

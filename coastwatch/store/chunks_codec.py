@@ -21,8 +21,8 @@ import zstandard
 from numpy.typing import NDArray
 
 from coastwatch.batches import Array, Ints, Members, Picture
-from coastwatch.kernels.planes import join, split
-from coastwatch.kernels.words import COUNT, WORDS, member_places, members_of, rows_of
+from coastwatch.kernels.tables.byte_planes import join, split
+from coastwatch.kernels.tables.picture_codec import COUNT, WORDS, member_places, members_of, rows_of
 
 Words = NDArray[np.uint64]
 

@@ -7,10 +7,9 @@ from typing import Any
 
 import llvmlite.binding as llvm
 from llvmlite import ir
-from numba import carray, types  # type: ignore[attr-defined]
+from numba import carray, cfunc, types  # type: ignore[attr-defined]
 from numba.extending import intrinsic
 
-from coastwatch.kernels.compiling import cfunc
 from coastwatch.store.native import library
 
 REAL, TEXT = 1, 2

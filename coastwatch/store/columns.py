@@ -29,7 +29,7 @@ class Motion(NamedTuple):
 
 def motion(velocity_m_s: Floats, covariance: Floats) -> Motion:
     """Speed, course, ellipse and half of the covariance of vessels. Args: (V, 2), (V, 4, 4)."""
-    from coastwatch.kernels.picture_rows import motion_rows
+    from coastwatch.kernels.tables.picture_rows import motion_rows
 
     count = len(velocity_m_s)
     made = Motion(np.empty((count, 5)), np.empty((count, 10)), np.empty(count, np.bool_))
@@ -46,7 +46,7 @@ def vessels(run_id: int, picture: Picture, moved: Motion, sources: Texts) -> lis
 
 def memberships(cycle: Cycle) -> Ints:
     """(L, 3) vessel, source, track, sorted: the members of the picture and the bearing tracks that were given to a vessel."""
-    from coastwatch.kernels.sorted_rows import is_sorted, merge
+    from coastwatch.kernels.tables.sorted_rows import is_sorted, merge
 
     members, bearings, found = cycle.members, cycle.bearing_tracks, cycle.bearing_associations
     rows = np.stack([members.vessel_id, members.source, members.track_id], 1)
@@ -64,7 +64,7 @@ def sources(vessel_id: Ints, members: Ints, names: Sequence[str]) -> Texts:
 
     Args: vessel_id: (V,) sorted; members: (L, 3) vessel, source, track, sorted.
     """
-    from coastwatch.kernels.picture_rows import source_sets
+    from coastwatch.kernels.tables.picture_rows import source_sets
 
     code, count, room = np.empty(len(vessel_id), np.int64), -1, SETS
     while count < 0:
@@ -78,8 +78,8 @@ def sources(vessel_id: Ints, members: Ints, names: Sequence[str]) -> Texts:
 
 def associations(run_id: int, number: int, cycle: Cycle, members: Ints) -> list[Column]:
     """Columns of table `association`, in key order."""
-    from coastwatch.kernels.picture_rows import vessel_of
-    from coastwatch.kernels.sorted_rows import is_sorted
+    from coastwatch.kernels.tables.picture_rows import vessel_of
+    from coastwatch.kernels.tables.sorted_rows import is_sorted
 
     tracks, found = cycle.tracks, cycle.associations
     ends = [a for row in (found.first, found.second) for a in (tracks.source[row], tracks.track_id[row])]

@@ -60,7 +60,7 @@ def step(
     Args: time_s: of the cycle; before_s: of the one before; picture: (V) sorted by vessel; moved: of its vessels, where it has been
     computed.
     """
-    from coastwatch.kernels.dead_reckoning import carry_on, decide
+    from coastwatch.kernels.geometry.dead_reckoning import carry_on, decide
 
     count = len(picture)
     former, write, gone = np.empty(count, np.int64), np.empty(count, np.bool_), np.empty(len(before.whole), np.bool_)
@@ -75,7 +75,7 @@ def step(
 
 def points(whole: Ints, real: Floats) -> Points:
     """Points that were read back. Args: whole: (P, 5); real: (P, 9) without the rates."""
-    from coastwatch.kernels.dead_reckoning import set_rates
+    from coastwatch.kernels.geometry.dead_reckoning import set_rates
 
     made = np.concatenate([real, np.zeros((len(real), 2))], 1)
     set_rates(made)

@@ -13,7 +13,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from coastwatch.kernels.compiling import inner
+from coastwatch.kernels.jit import jit
 
 ABSENT, FLOAT, ZERO, FIRST_BLOB, FIRST_TEXT = 0, 7, 8, 12, 13
 """Serial types: of NULL, of float64, of the number 0 (then that of 1), of a blob and of a text without bytes."""
@@ -91,13 +91,13 @@ def copy_bytes(context, to, at, count):  # type: ignore[no-untyped-def]
     return types.void(types.int64, types.int64, types.int64), code
 
 
-@inner
+@jit
 def varint_bytes(value):  # type: ignore[no-untyped-def]
     """Bytes of a number of SQLite's variable length, under 2^21."""
     return 1 if value < 1 << 7 else 2 if value < 1 << 14 else 3
 
 
-@inner
+@jit
 def put_varint(at, value):  # type: ignore[no-untyped-def]
     """Write such a number; gives the address behind it."""
     count = varint_bytes(value)
@@ -107,7 +107,7 @@ def put_varint(at, value):  # type: ignore[no-untyped-def]
     return at + count
 
 
-@inner
+@jit
 def serial_of(value):  # type: ignore[no-untyped-def]
     """The serial type of a whole number: the shortest that holds it."""
     if value == 0 or value == 1:
@@ -118,7 +118,7 @@ def serial_of(value):  # type: ignore[no-untyped-def]
     return 5 if size < 1 << 47 else 6
 
 
-@inner
+@jit
 def bytes_of(serial):  # type: ignore[no-untyped-def]
     """Bytes of a number of this serial type."""
     if serial >= ZERO:
@@ -126,7 +126,7 @@ def bytes_of(serial):  # type: ignore[no-untyped-def]
     return serial if serial < 5 else 6 if serial == 5 else 8
 
 
-@inner
+@jit
 def put_whole(at, value, serial):  # type: ignore[no-untyped-def]
     """Write a whole number of this serial type; gives the address behind it."""
     count = bytes_of(serial)
@@ -147,7 +147,7 @@ def put_whole(at, value, serial):  # type: ignore[no-untyped-def]
     return at + count
 
 
-@inner
+@jit
 def serial_of_real(bits):  # type: ignore[no-untyped-def]
     """The serial type that SQLite gives these bits of a float64 in a column of reals: a whole one that is shorter so is a whole number."""
     value = real_of(bits)  # type: ignore[call-arg,var-annotated]

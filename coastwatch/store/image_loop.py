@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from coastwatch.kernels.compiling import inner, njit
+from coastwatch.kernels.jit import jit
 from coastwatch.store.image_bytes import (
     ABSENT,
     FIRST_BLOB,
@@ -42,14 +42,14 @@ BLOCK = 2048
 """Rows whose records are measured column by column."""
 
 
-@inner
+@jit
 def _text(starts, letters, code):  # type: ignore[no-untyped-def]
     """Where a text begins and how many bytes it has."""
     first = word_at(starts + 8 * code)  # type: ignore[call-arg,var-annotated]
     return letters + first, word_at(starts + 8 * code + 8) - first
 
 
-@inner
+@jit
 def _rising(columns, keys, count):  # type: ignore[no-untyped-def]
     """Whether the key of every row is more than that of the row before."""
     for row in range(1, count):
@@ -65,7 +65,7 @@ def _rising(columns, keys, count):  # type: ignore[no-untyped-def]
     return True
 
 
-@inner
+@jit
 def _measure_numbers(kind, at, step, low, high, sizes):  # type: ignore[no-untyped-def]
     """Add what numbers of rows low to high take, beside one byte of each record's header; gives how many are absent."""
     absent = 0
@@ -83,7 +83,7 @@ def _measure_numbers(kind, at, step, low, high, sizes):  # type: ignore[no-untyp
     return absent
 
 
-@inner
+@jit
 def _measure_bytes(column, low, high, sizes, heads):  # type: ignore[no-untyped-def]
     """The same of texts and blobs."""
     absent, is_text = 0, column[KIND] == TEXT
@@ -103,7 +103,7 @@ def _measure_bytes(column, low, high, sizes, heads):  # type: ignore[no-untyped-
     return absent
 
 
-@njit(cache=True, nogil=True)
+@jit
 def measure(columns, keys, sizes, heads):  # type: ignore[no-untyped-def]
     """Bytes of each row's record; gives the most, or -1 where a required value is absent or rows are not in the order of their keys.
 
@@ -130,7 +130,7 @@ def measure(columns, keys, sizes, heads):  # type: ignore[no-untyped-def]
     return most
 
 
-@njit(cache=True, nogil=True)
+@jit
 def cut(sizes, child_bytes, room, risen):  # type: ignore[no-untyped-def]
     """Which records stand between the pages of one level of the tree, in the level above; gives how many there are.
 
@@ -149,7 +149,7 @@ def cut(sizes, child_bytes, room, risen):  # type: ignore[no-untyped-def]
     return count
 
 
-@inner
+@jit
 def _put_reals(columns, rows, places, bodies, count):  # type: ignore[no-untyped-def]
     """Write columns of float64 that stand side by side, of a page's rows.
 
@@ -169,7 +169,7 @@ def _put_reals(columns, rows, places, bodies, count):  # type: ignore[no-untyped
         places[n], bodies[n] = place + columns.shape[0], body
 
 
-@inner
+@jit
 def _put_wholes(kind, at, step, rows, places, bodies, count):  # type: ignore[no-untyped-def]
     """Write whole numbers."""
     for n in range(count):
@@ -181,7 +181,7 @@ def _put_wholes(kind, at, step, rows, places, bodies, count):  # type: ignore[no
         places[n], bodies[n] = place + 1, put_whole(body, value, serial) if there else body
 
 
-@inner
+@jit
 def _put_texts(at, step, starts, letters, rows, places, bodies, count):  # type: ignore[no-untyped-def]
     """Write texts."""
     for n in range(count):
@@ -194,7 +194,7 @@ def _put_texts(at, step, starts, letters, rows, places, bodies, count):  # type:
         places[n] = put_varint(places[n], serial)
 
 
-@inner
+@jit
 def _put_blobs(at, step, there, there_step, size, rows, places, bodies, count):  # type: ignore[no-untyped-def]
     """Write blobs."""
     for n in range(count):
@@ -206,7 +206,7 @@ def _put_blobs(at, step, there, there_step, size, rows, places, bodies, count): 
         places[n] = put_varint(places[n], serial)
 
 
-@inner
+@jit
 def _put_columns(columns, rows, places, bodies, count):  # type: ignore[no-untyped-def]
     """Write all columns of a page's rows."""
     c = 0
@@ -227,7 +227,7 @@ def _put_columns(columns, rows, places, bodies, count):  # type: ignore[no-untyp
         c += 1
 
 
-@inner
+@jit
 def _put_page(page, page_bytes, below, first, stop, sizes, heads, rows, places, bodies):  # type: ignore[no-untyped-def]
     """Write all of a page but what is in its records, and say where that belongs. Args: as of `fill` and `_put_reals`."""
     content, pointer, child = page + page_bytes, page + (12 if below else 8), 4 if below else 0
@@ -249,7 +249,7 @@ def _put_page(page, page_bytes, below, first, stop, sizes, heads, rows, places, 
         put_4(page + 8, below + stop)
 
 
-@njit(cache=True, nogil=True)
+@jit
 def fill(image, page_bytes, number, below, held, ends, columns, sizes, heads):  # type: ignore[no-untyped-def]
     """Write the pages of one level.
 

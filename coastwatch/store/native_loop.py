@@ -9,7 +9,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from coastwatch.kernels.compiling import inner, njit
+from coastwatch.kernels.jit import jit
 from coastwatch.store.native import DONE, INTEGER, NAMED, REAL, TEXT
 
 _WHOLE, _SHORT, _DOUBLE = (types.int64, ir.IntType(64)), (types.int32, ir.IntType(32)), (types.float64, ir.DoubleType())
@@ -50,7 +50,7 @@ def _act(context, function, statement):  # type: ignore[no-untyped-def]
     return _generated((_WHOLE,))
 
 
-@inner
+@jit
 def _bind(functions, statement, place, kind, width, cell, real):  # type: ignore[no-untyped-def]
     """One value. NaN and the address 0 are NULL for SQLite."""
     if kind == REAL:
@@ -62,7 +62,7 @@ def _bind(functions, statement, place, kind, width, cell, real):  # type: ignore
     return _bind_bytes(functions[3 if kind == TEXT else 4], statement, place, cell, width, np.int64(0))  # type: ignore[call-arg]
 
 
-@njit(cache=True, nogil=True)
+@jit
 def bind_and_step(functions, statement, width, together, places, kinds, widths, cells, reals):  # type: ignore[no-untyped-def]
     """Carry a prepared statement out for every row, `together` rows at a time; gives SQLite's answer, 0 when all is well.
 

@@ -107,7 +107,7 @@ def _pairs(found: Vessels, moves: Bools, search_m: float, within_m: float, horiz
 
 def _by_cells(found: Vessels, moves: Bools, search_m: float, within_m: float, horizon_s: float) -> Ints:
     """(Q, 2) rows. Cells are of the size of the search radius; columns are counted where the Earth is narrowest."""
-    from coastwatch.kernels.passing import passing_pairs
+    from coastwatch.kernels.geometry.closest_approach import passing_pairs
 
     latitude, longitude = found.position_deg.T
     size = max(search_m, LEAST_M)

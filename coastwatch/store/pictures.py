@@ -113,7 +113,7 @@ def _newest(vessel: Ints, cycle: Ints, closing: Array) -> Array:
     """The same as history_rule.newest, by compiled code where that is there."""
     if not loaded():
         return newest(vessel, cycle, closing)
-    from coastwatch.kernels.newest import newest_rows
+    from coastwatch.kernels.tables.latest_per_id import newest_rows
 
     rows = np.empty(len(vessel), np.int64)
     rows = rows[: newest_rows(vessel, cycle, rows)]

@@ -148,8 +148,8 @@ def _pairs(
     found: Stretches, bbox: Box, from_s: float, to_s: float, within_m: float, min_sog_kn: float
 ) -> tuple[Ints, Floats, Floats]:
     """Stretches of the pairs of vessels that came close, each pair once at its closest: (Q, 2), metres, time."""
-    from coastwatch.kernels.encounters import encounters as near
-    from coastwatch.kernels.encounters import slot_entries
+    from coastwatch.kernels.geometry.encounters import encounters as near
+    from coastwatch.kernels.geometry.encounters import slot_entries
 
     came, left = _stay(found, bbox, from_s, to_s)
     rows = np.flatnonzero(came <= left)

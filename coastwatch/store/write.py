@@ -228,7 +228,7 @@ def _stays(
 
 def _changed(before: Ints, now: Ints) -> tuple[Ints, Ints]:
     """Rows that are only in the first and rows that are only in the second of two sorted tables without repetition."""
-    from coastwatch.kernels.sorted_rows import differences
+    from coastwatch.kernels.tables.sorted_rows import differences
 
     gone, come = np.zeros(len(before), np.bool_), np.zeros(len(now), np.bool_)
     differences(before, now, gone, come)

@@ -7,6 +7,7 @@ from typing import Any, Literal, Self
 import numpy as np
 from pydantic import Field, PositiveFloat, model_validator
 
+from coastwatch import kernels
 from coastwatch.batches import AisAlarms, AisReports, Bools, Floats, Ints, Measurements, Sensors, Tracks
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.stage import Method, Settings
@@ -119,17 +120,15 @@ class AisFilter(Method):
         return memory, np.flatnonzero((tracks["confirmed"] == 1) & (time_s - tracks["updated"] <= tracks["patience"])), fresh
 
     def _show(self, tracks: Rows, shown: Ints, time_s: float, source: int, rules: Any) -> tuple[Tracks, AisAlarms]:
-        from coastwatch.kernels.ais_filter import foresee
 
         n = len(shown)
         position, velocity, covariance = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 4, 4))
-        foresee(tracks, shown, time_s, rules, position, velocity, covariance)
+        kernels.filters.ais_imm.foresee(tracks, shown, time_s, rules, position, velocity, covariance)
         estimate = position, velocity, covariance
         return yielded(tracks, shown, time_s, source, *estimate, rules["position_variance"])
 
     def rules(self) -> Any:
         """The settings as the kernel takes them."""
-        from coastwatch.kernels.ais_filter import RULES
 
         knot2 = KNOT_M_S**2
         max_speed = self.max_speed_kn * KNOT_M_S
@@ -154,7 +153,7 @@ class AisFilter(Method):
             "alarm": self.alarm_s,
             "reach": REACH_M,
         }
-        rules = np.zeros(1, RULES)
+        rules = np.zeros(1, kernels.filters.ais_imm.RULES)
         for name, value in one.items():
             rules[name] = value
         used = rules["models"] = len(self.models)

@@ -8,7 +8,9 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from coastwatch import kernels
 from coastwatch.batches import Tracks
+from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Settings
 
 
@@ -26,10 +28,8 @@ class ConstantVelocity(Settings):
         """The same tracks at `time_s`. Args: tracks: (N) each at its own time_s; a covariance of NaN stays NaN."""
         if bool((tracks.time_s == time_s).all()):
             return tracks
-        from coastwatch.kernels.alignment import advance
-        from coastwatch.kernels.threads import in_blocks
 
         moved, spread = np.empty_like(tracks.position_deg), np.empty_like(tracks.covariance)
         given = tracks.time_s, time_s, tracks.position_deg, tracks.velocity_m_s, tracks.covariance, self.noise_m2_s3
-        in_blocks(advance, len(tracks), *given, moved, spread)
+        in_blocks(kernels.fusion.alignment.advance, len(tracks), *given, moved, spread)
         return replace(tracks, time_s=np.full(len(tracks), float(time_s)), position_deg=moved, covariance=spread)

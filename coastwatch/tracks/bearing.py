@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from coastwatch import kernels
 from coastwatch.batches import Array, BearingReports, BearingTracks, Floats, Ints, Sensors
 from coastwatch.geodesy import wrap_rad
 from coastwatch.stage import Method
@@ -73,7 +74,6 @@ class BearingWindow(Method):
 
     def _look(self, table: Table, reports: BearingReports, sigma_rad: Floats) -> None:
         """One look of each of some sensors without numbers of their own: assign, begin, end."""
-        from coastwatch.kernels.assignment import assign
 
         c = table.column
         reports = reports.take(np.argsort(reports.sensor, kind="stable"))
@@ -89,7 +89,9 @@ class BearingWindow(Method):
         # The width of a gate counts against it, and a proven track goes first: else one that knows nothing wins every bearing.
         tier = WIDEST * (1.0 + (c["hits"][seen[pair]] >= self.start_hits))
         gain = np.where(off**2 < self.gate_sigmas**2 * spread, tier - off**2 / spread - np.log(spread / noise), 0.0)
-        chosen = np.asarray(assign(pair.astype(np.int64), report.astype(np.int64), gain), np.bool_)
+        chosen = np.asarray(
+            kernels.association.assignment.assign(pair.astype(np.int64), report.astype(np.int64), gain), np.bool_
+        )
         hit = seen[pair[chosen]]
         table.record(hit, reports.take(report[chosen]))
         table.look(seen, hit)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from filterpy.kalman import IMMEstimator, KalmanFilter
 
+from coastwatch import kernels
 from coastwatch.batches import Floats, Ints
-from coastwatch.kernels.imm import FLOOR, one_model
 from coastwatch.tracks import stepwise
 from coastwatch.tracks.motion import Filters, Parameters
 
@@ -27,7 +27,7 @@ class ModelFilter(KalmanFilter):  # type: ignore[misc]
 
     def predict(self, u: Any = None, B: Any = None, F: Any = None, Q: Any = None) -> None:
         """The state after dt_s; the arguments are filterpy's and of no use here."""
-        moved, jacobian, noise = one_model(self.x, self.dt_s, *self.model)
+        moved, jacobian, noise = kernels.filters.imm.one_model(self.x, self.dt_s, *self.model)
         self.P = jacobian @ self.P @ jacobian.T + noise
         self.x = moved
 
@@ -83,7 +83,7 @@ class ObjectBank:
         for one in imm.filters:
             one.R = noise
         imm.update(position_m)
-        after = np.maximum(imm.mu, FLOOR)
+        after = np.maximum(imm.mu, kernels.filters.imm.FLOOR)
         filters = Filters(np.array([f.x for f in imm.filters]), np.array([f.P for f in imm.filters]), after / after.sum())
         return filters, float(np.logaddexp.reduce(np.log(mode) + [f.log_likelihood for f in imm.filters]))
 

@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from coastwatch import kernels
 from coastwatch.batches import AisReports, Bools, Ints
 from coastwatch.geodesy import KNOT_M_S
 
-Rows = NDArray[np.void]  # structured: coastwatch.kernels.ais_filter.REPORT or TRACK
+Rows = NDArray[np.void]  # structured: coastwatch.kernels.filters.ais_imm.REPORT or TRACK
 SLOTS = 4  # tracks of one MMSI at most, the one on trial included
 TOP_SOG_KN = 102.2  # ITU-R M.1371: what is above says that there is none, as does a COG of 360
 VERDICTS = ("repeated position", "impossible speed", "crowded")  # of coastwatch.kernels.ais, from REPEAT on
@@ -47,10 +48,9 @@ class Memory:
 
 def blank() -> Memory:
     """The memory before the first cycle."""
-    from coastwatch.kernels.ais_filter import REPORT, TRACK
 
-    nothing = Snapshot(-np.inf, np.zeros(0, TRACK))
-    return Memory(nothing, nothing, nothing, (), (), np.zeros(0, REPORT), 0, {})
+    nothing = Snapshot(-np.inf, np.zeros(0, kernels.filters.ais_imm.TRACK))
+    return Memory(nothing, nothing, nothing, (), (), np.zeros(0, kernels.filters.ais_imm.REPORT), 0, {})
 
 
 def in_order(reports: Rows) -> Ints:
@@ -84,9 +84,8 @@ def among(mmsi: Ints, chosen: Ints) -> Bools:
 
 def records(reports: AisReports) -> Rows:
     """The reports as rows for the kernel, in SI and radians."""
-    from coastwatch.kernels.ais_filter import REPORT
 
-    rows = np.empty(len(reports), REPORT)
+    rows = np.empty(len(reports), kernels.filters.ais_imm.REPORT)
     rows["time"], rows["mmsi"] = reports.time_s, reports.mmsi
     rows["lat"], rows["lon"] = reports.position_deg[:, 0] + 0.0, reports.position_deg[:, 1] + 0.0  # no -0.0: bits are compared
     speed, course = reports.sog_kn, reports.cog_deg
@@ -173,7 +172,6 @@ def advance(tracks: Rows, mmsi: Ints, reports: Rows, rules: Any) -> tuple[Rows, 
 
     Args: tracks: sorted by mmsi; mmsi: (V,) sorted; reports: of these vessels only, sorted by `in_order`.
     """
-    from coastwatch.kernels.ais import absorb
 
     (low, high), (begin, end) = _edges(tracks, mmsi), _edges(reports, mmsi)
     verdict, stuck = np.zeros(len(reports), np.int64), np.zeros(len(mmsi), bool)
@@ -183,7 +181,9 @@ def advance(tracks: Rows, mmsi: Ints, reports: Rows, rules: Any) -> tuple[Rows, 
     else:
         lone = np.zeros(len(mmsi), tracks.dtype)
     several = high - low > 1
-    absorb(lone, np.arange(len(mmsi)), 1, reports, begin, np.where(several, begin, end), rules, stuck, verdict)
+    kernels.filters.ais_tracker.absorb(
+        lone, np.arange(len(mmsi)), 1, reports, begin, np.where(several, begin, end), rules, stuck, verdict
+    )
     again = np.flatnonzero(several | stuck)
     if not len(again) and lone["hits"].all():
         return lone, verdict
@@ -191,7 +191,9 @@ def advance(tracks: Rows, mmsi: Ints, reports: Rows, rules: Any) -> tuple[Rows, 
     for k in range(SLOTS):
         there = np.flatnonzero(low[again] + k < high[again])
         wide[there * SLOTS + k] = tracks[low[again][there] + k]
-    absorb(wide, np.arange(len(again)) * SLOTS, SLOTS, reports, begin[again], end[again], rules, stuck[again], verdict)
+    kernels.filters.ais_tracker.absorb(
+        wide, np.arange(len(again)) * SLOTS, SLOTS, reports, begin[again], end[again], rules, stuck[again], verdict
+    )
     lone["hits"][again] = 0
     rows = np.concatenate([lone, wide])
     rows = rows[rows["hits"] > 0]
@@ -261,10 +263,9 @@ def _judge(refused: dict[str, int], verdict: Ints) -> None:
 
 def _numbered(former: Rows, rows: Rows, mmsi: Ints) -> Rows:
     """Tracks that came out of playing again, with the numbers they had before."""
-    from coastwatch.kernels.ais import carry_numbers
 
     rows = rows.copy()
-    carry_numbers(former, *_edges(former, mmsi), rows, *_edges(rows, mmsi))
+    kernels.filters.ais_tracker.carry_numbers(former, *_edges(former, mmsi), rows, *_edges(rows, mmsi))
     return rows
 
 

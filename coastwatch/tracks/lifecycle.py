@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from coastwatch import kernels
 from coastwatch.batches import Bools, Floats, Ints, Plots
-from coastwatch.kernels.gating import near_pairs
-from coastwatch.kernels.gaussian import gate, squared_distance
+from coastwatch.kernels.filters.gaussian import gate, squared_distance
 from coastwatch.tracks.table import Coverage, Stage, Table, Twins
 from coastwatch.tracks.upkeep import Upkeep
 
@@ -78,7 +78,7 @@ def _alike(upkeep: Upkeep, table: Table, mean: Floats, covariance: Floats) -> tu
     furthest = gate(upkeep.merge_probability, 4)
     sigma = np.sqrt(covariance[rows, 0, 0] + covariance[rows, 1, 1])
     reach = np.sqrt(furthest * (sigma**2 + float(sigma.max(initial=0.0)) ** 2))
-    a, b = near_pairs(mean[rows, :2], reach, mean[rows, :2])
+    a, b = kernels.geometry.neighbours.near_pairs(mean[rows, :2], reach, mean[rows, :2])
     first, second = rows[a[a < b]], rows[b[a < b]]
     gap = mean[first, :4] - mean[second, :4]
     spread = covariance[first, :4, :4] + covariance[second, :4, :4]

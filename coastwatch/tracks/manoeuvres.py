@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from coastwatch.batches import Floats
 from coastwatch.geodesy import KNOT_M_S
-from coastwatch.kernels.models import OWN, OWN_SIGMA, SHARE, SPEEDING, STRAIGHT, TURNING
+from coastwatch.kernels.filters.model_kinds import OWN, OWN_SIGMA, SHARE, SPEEDING, STRAIGHT, TURNING
 from coastwatch.stage import Settings
 from coastwatch.tracks.motion import Filters, NotNegative, Positive
 

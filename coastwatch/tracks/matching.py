@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from coastwatch import kernels
 from coastwatch.batches import Array, Bools, Floats, Ints, Plots
 from coastwatch.geodesy import KNOT_M_S
-from coastwatch.kernels.assignment import assign
-from coastwatch.kernels.gating import near_pairs
-from coastwatch.kernels.gaussian import gate
+from coastwatch.kernels.filters.gaussian import gate
 from coastwatch.tracks.motion import Filters
 from coastwatch.tracks.table import Bank, Stage, Table, with_plots
 from coastwatch.tracks.upkeep import Upkeep
@@ -58,7 +57,7 @@ def _near(bank: Bank, table: Table, rows: Ints, plots: Plots, furthest: float) -
     rate_spread = np.sqrt(spread[:, 2, 2] + spread[:, 3, 3])
     sigma = np.sqrt(spread[:, 0, 0] + spread[:, 1, 1] + widest) + half * rate_spread
     reach = np.sqrt(furthest) * sigma + half * np.hypot(mean[:, 2], mean[:, 3])
-    track, plot = near_pairs(mean[:, :2], reach, plots.position_m)
+    track, plot = kernels.geometry.neighbours.near_pairs(mean[:, :2], reach, plots.position_m)
     return rows[track], plot
 
 
@@ -83,7 +82,7 @@ def choose(table: Table, pairs: Candidates, plots: Plots, radars: int) -> Bools:
     taken = np.zeros(len(plots), np.bool_)
     for stage in (Stage.CONFIRMED, Stage.TENTATIVE, Stage.SINGLE):
         rows = np.flatnonzero((table.stage[pairs.track] == stage) & pairs.fresh & ~taken[pairs.plot])
-        won = rows[assign(left[rows], pairs.plot[rows], pairs.gain[rows])]
+        won = rows[kernels.association.assignment.assign(left[rows], pairs.plot[rows], pairs.gain[rows])]
         chosen[won] = True
         taken[pairs.plot[won]] = True
     return chosen

@@ -6,8 +6,8 @@ import numpy as np
 
 from coastwatch.batches import Floats, Ints, Measurements, Sensors, Tracks
 from coastwatch.geodesy import from_plane, turn
-from coastwatch.kernels.lookup import find
-from coastwatch.kernels.polar import polar_to_plane
+from coastwatch.kernels.geometry.polar import polar_to_plane
+from coastwatch.kernels.tables.lookup import find
 from coastwatch.tracks.table import NEWEST, Bank, Coverage, RadarMemory, Stage, Table, Taken, coverage_of
 
 ID_STRIDE = 2**40  # track ids of one region

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from coastwatch.batches import Floats, Ints
-from coastwatch.kernels.gaussian import squared_distance
+from coastwatch.kernels.filters.gaussian import squared_distance
 from coastwatch.tracks.motion import Filters
 
 

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from coastwatch import kernels
 from coastwatch.batches import Floats, Ints
 from coastwatch.stage import Groups, Shared
 
@@ -53,12 +54,10 @@ def chunks(expected: Floats, count: int, order: Ints | None) -> tuple[Ints, list
     Args: expected: (K,) cost; order: (K,) in which neighbours in a chunk are cheaper than others, because they share their halo; none:
     all are alike, and they are dealt one by one.
     """
-    from coastwatch.kernels.dealing import deal
-    from coastwatch.kernels.sorting import by_key
 
     count = min(count, len(expected))
     if order is None:
-        part = deal(expected, count)
+        part = kernels.tables.dealing.deal(expected, count)
     else:
         part, middle = np.empty(len(expected), np.int64), np.cumsum(expected[order]) - 0.5 * expected[order]
         part[order] = np.minimum(middle * (count / expected.sum()), count - 1).astype(np.int64)
@@ -66,5 +65,5 @@ def chunks(expected: Floats, count: int, order: Ints | None) -> tuple[Ints, list
     rank = np.empty(count, np.int64)
     rank[np.argsort(-load, kind="stable")] = np.arange(count)
     part = rank[part]
-    group, start = by_key(part, int(np.count_nonzero(load)))
+    group, start = kernels.tables.sorting.by_key(part, int(np.count_nonzero(load)))
     return part, [group[a:b] for a, b in pairwise(start.tolist())]

@@ -18,7 +18,7 @@ from coastwatch.workers.costs import Costs, along, chunks
 from coastwatch.workers.serving import ROW, START, Call, Chunk, Done, serve
 
 CHUNKS_A_WORKER = 2
-PRELOADED = ["coastwatch.associations", "coastwatch.kernels.windows"]
+PRELOADED = ["coastwatch.associations", "coastwatch.kernels.association.pair_score"]
 
 
 @dataclass

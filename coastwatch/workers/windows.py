@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from coastwatch import kernels
 from coastwatch.batches import Array, Floats, Ints
 from coastwatch.stage import RING, Groups, Shared, Work
 
@@ -39,13 +40,14 @@ class Part:
 
     def cut(self, arrays: Shared, groups: Groups) -> Sent:
         """What the holder needs for these groups; he then holds it."""
-        from coastwatch.kernels.cutting import cut, rows_of
 
         ring, every = arrays["ring"], len(arrays["rank"])
         follows = len(ring) > 1 and ring[-2] is self._entry
-        ranks, place = cut(groups.row, arrays["rank"])
-        some = {name: rows_of(a, ranks) for name, a in arrays.items() if name not in RING and len(a) == every}
-        chain, length = rows_of(arrays["chain"], ranks), some["length"]
+        ranks, place = kernels.tables.subset.cut(groups.row, arrays["rank"])
+        some = {
+            name: kernels.tables.subset.rows_of(a, ranks) for name, a in arrays.items() if name not in RING and len(a) == every
+        }
+        chain, length = kernels.tables.subset.rows_of(arrays["chain"], ranks), some["length"]
         before = np.full(len(ranks), -1, np.int32)
         if follows:
             before[length > 1] = self._place[chain[length > 1, 0]]
@@ -55,7 +57,7 @@ class Part:
             known = length[given] > age
             window[known, age - 1] = ring[-1 - age][chain[given[known], age - 1]]
         self._entry, self._place = ring[-1], place
-        return Sent(not follows, some, groups, rows_of(ring[-1], ranks), before, given, window)
+        return Sent(not follows, some, groups, kernels.tables.subset.rows_of(ring[-1], ranks), before, given, window)
 
 
 class Holder:

@@ -34,18 +34,18 @@ from scaling.load import national
 
 STAGE = "coastwatch.associations.windowed_covariance"
 PARTS = (  # where a function is looked up, its name, what it is called here
-    ("coastwatch.kernels.bands", "in_order", "ranks"),
+    ("coastwatch.kernels.geometry.bands", "in_order", "ranks"),
     ("coastwatch.associations.history", "History.extended", "windows"),
     (STAGE, "rows_of_spots", "spots"),
-    ("coastwatch.kernels.groups", "parted", "spots"),
+    ("coastwatch.kernels.tables.groups", "parted", "spots"),
     (STAGE, "in_order", "order of pairs"),
     (STAGE, "one_to_one", "one-to-one"),
     (STAGE, "vessels", "vessels"),
 )
 BLOCKS = {"facts": "facts", "outlines": "outlines", "_score_block": "gate to score"}
 INSIDE = (
-    ("coastwatch.kernels.pairs", "candidates", " gate, screening"),
-    ("coastwatch.kernels.windows", "windowed_scores", " score"),
+    ("coastwatch.kernels.association.candidate_pairs", "candidates", " gate, screening"),
+    ("coastwatch.kernels.association.pair_score", "windowed_scores", " score"),
 )
 ORDER = ("ranks", "facts", "windows", "outlines", "spots", "gate to score", *(name for *_, name in INSIDE))
 ORDER += ("order of pairs", "one-to-one", "vessels")

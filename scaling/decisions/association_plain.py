@@ -17,7 +17,7 @@ from coastwatch.associations import WindowedCovariance
 from coastwatch.associations.history import History
 from coastwatch.batches import Floats, Ints, Tracks
 from coastwatch.geodesy import earth_centred, scale_m_deg, wrap_deg
-from coastwatch.kernels.rings import RATES, singles
+from coastwatch.kernels.association.history import RATES, singles
 
 AT_ONCE = 20_000  # pairs, whose windows stay in the cache
 

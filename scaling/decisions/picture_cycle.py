@@ -6,7 +6,6 @@ Tracks are those of the national picture (scaling/load), at the time of the pict
 thousand. Columns: medians of wall time of the stages and of both, the least of both, processor time of all threads; how many times that
 "numpy" takes, which is both stages as they were before they were kernels, kept as oracles in tests/contracts and given the same in the
 same run; and how many times it took before, by what the commit before measured with tracks made at random (BEFORE).
-The last line says what it costs to count who holds an array, where a number is read from one of two.
 """
 
 from __future__ import annotations
@@ -20,10 +19,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from coastwatch.batches import Associations, FusedTracks, Tracks
-from coastwatch.kernels.compiling import kernel
 from coastwatch.kernels.threads import threads
 from coastwatch.pipeline import Received
 from coastwatch.scenario import Scenario
@@ -127,26 +124,6 @@ def _before(tracks: int, cpu: float) -> str:
     return f"{BEFORE[tracks] / cpu:8.1f}" if tracks in BEFORE else f"{'-':>8}"
 
 
-def _read(low: int, high: int, parts: Any, slot: Any, out: Any) -> None:
-    for k in range(low, high):
-        out[k] = parts[0][slot[k]] if slot[k] < len(parts[0]) else parts[1][slot[k] - len(parts[0])]
-
-
-def counting() -> tuple[float, float]:
-    """Nanoseconds a number read from one of two arrays, with and without the count of who holds them."""
-    rng, out, found = np.random.default_rng(1), np.empty(2000), []
-    given = 0, 2000, (rng.random(1000), rng.random(1000)), rng.permutation(2000), out
-    for compiled in (njit(nogil=True)(_read), kernel(_read)):
-        compiled(*given)
-        taken = []
-        for _ in range(200):
-            start = time.perf_counter()
-            compiled(*given)
-            taken.append(time.perf_counter() - start)
-        found.append(1e9 * min(taken) / 2000)
-    return found[0], found[1]
-
-
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -164,7 +141,6 @@ def main() -> None:
         for count in asked.threads:
             with_numpy = asked.method == "convex" and tracks <= asked.numpy_up_to
             print(measure(tracks, count, asked.method, asked.cycles, with_numpy), flush=True)
-    print("an array read, counted and not counted: {:.1f} and {:.1f} ns".format(*counting()))
 
 
 if __name__ == "__main__":

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from coastwatch.geodesy import earth_centred, from_plane, to_plane, wrap_rad
-from coastwatch.kernels.bearing_windows import Paths, Rule, Windows
-from coastwatch.kernels.known_vessels import known_vessels
-from coastwatch.kernels.rings import addresses
-from coastwatch.kernels.unknown_vessels import Strangers, unknown_vessels
+from coastwatch.kernels.association.history import addresses
+from coastwatch.kernels.bearings.likelihood import known_vessels
+from coastwatch.kernels.bearings.null_hypothesis import Strangers, unknown_vessels
+from coastwatch.kernels.bearings.windows import Paths, Rule, Windows
 
 TRACKS, NEAR, WINDOW, SOME = 2000, 40, 100, 50
 SITE_DEG = np.array([-22.9, -43.1])

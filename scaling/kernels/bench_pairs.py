@@ -5,8 +5,9 @@ import pytest
 from scipy.spatial import cKDTree
 
 from coastwatch.geodesy import earth_centred
-from coastwatch.kernels import bands, screening
-from coastwatch.kernels.pairs import candidates
+from coastwatch.kernels.association import prune_pairs as screening
+from coastwatch.kernels.association.candidate_pairs import candidates
+from coastwatch.kernels.geometry import bands
 
 TRACKS, GATE_M = 50_000, 1000.0
 

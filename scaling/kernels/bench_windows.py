@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from coastwatch.geodesy import scale_m_deg
-from coastwatch.kernels.facts import COLUMNS
-from coastwatch.kernels.rings import addresses, entries, wide_rows
-from coastwatch.kernels.screening import Rule
-from coastwatch.kernels.windows import windowed_scores
+from coastwatch.kernels.association.history import addresses, entries, wide_rows
+from coastwatch.kernels.association.pair_features import COLUMNS
+from coastwatch.kernels.association.pair_score import windowed_scores
+from coastwatch.kernels.association.prune_pairs import Rule
 
 TRACKS, PAIRS, WINDOW = 20_000, 20_000, 20
 VARIANCE = np.array([400.0, 0.0, 400.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])  # of the difference, lower triangle row by row

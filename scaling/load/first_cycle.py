@@ -1,16 +1,14 @@
 """What does the first cycle cost where nothing is compiled, and where all is? And how much memory does the process keep?
 
-python -m scaling.load.first_cycle [--tracks N] [--root PATH] [--compile N]
+python -m scaling.load.first_cycle [--tracks N] [--root PATH]
 
-Each run is a process of its own with a scratch folder for what is compiled: one that finds nothing, then one that finds all; --compile N
-has `coastwatch compile` fill the folder first, in N processes, so that the first run finds all too. --root is another checkout, so that
-two versions can be set against one another in turns.
+Each run is a process of its own with a scratch folder for compiled kernels: the first finds nothing there, the second everything.
+--root names another checkout, so that two versions can be compared in turns.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import subprocess
 import sys
@@ -29,7 +27,6 @@ with tempfile.TemporaryDirectory() as folder:
             print(f"  to the end of cycle {k}: {time.perf_counter() - begun:6.1f} s, {time.process_time() - cpu:6.1f} s of the processor")
 print(f"  memory {memory_bytes()[0] / 2**20:.0f} MiB (PSS)")
 """
-COMPILE = "from coastwatch.operators.cli import main; raise SystemExit(main(['compile', '--json', '--processes', '{}']))"
 
 
 def said(root: Path, cache: str, code: str, *words: str) -> str:
@@ -43,13 +40,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tracks", type=int, default=2_000)
     parser.add_argument("--root", type=Path, default=Path(__file__).parents[2])
-    parser.add_argument("--compile", type=int, default=0, metavar="N")
     asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as cache:
-        if asked.compile:
-            made = json.loads(said(asked.root, cache, COMPILE.format(asked.compile)))
-            took = f"{made['elapsed_s']:.1f} s, {made['processor_s']:.1f} s of the processor"
-            print(f"coastwatch compile, {made['processes']} processes: {took}")
         for what in ("first run", "second run"):
             print(what, said(asked.root, cache, RUN, str(asked.tracks)), sep="\n", end="", flush=True)
 

@@ -15,7 +15,7 @@ from coastwatch.batches import Associations, Bools, Floats, FusedTracks, Ints, M
 from coastwatch.fused_tracks import CentralImm
 from coastwatch.fused_tracks.central_imm import KINDS, SEARCH_STEPS
 from coastwatch.geodesy import difference_m, offset_deg
-from coastwatch.kernels.kicked_imm import WIDTH, absorb, foresee
+from coastwatch.kernels.filters.velocity_jumps import WIDTH, absorb, foresee
 
 Estimates = tuple[Floats, ...]  # position (V, 2) degrees, velocity (V, 2), covariance (V, 4, 4)
 

@@ -14,7 +14,7 @@ from coastwatch.batches import Floats, Ints, SourceKind, Tracks
 from coastwatch.fused_tracks import ImmOfTracks
 from coastwatch.fused_tracks.imm_of_tracks import KINDS
 from coastwatch.geodesy import difference_m, offset_deg
-from coastwatch.kernels.imm import imm_estimate, imm_predict, imm_update
+from coastwatch.kernels.filters.imm import imm_estimate, imm_predict, imm_update
 
 Fused = tuple[Floats, Floats, Floats]
 Combine = Callable[[Floats, Floats, Floats], tuple[Floats, Floats]]

@@ -25,7 +25,7 @@ from coastwatch.batches import (
     Tracks,
 )
 from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred, offset_deg
-from coastwatch.kernels.assignment import assign
+from coastwatch.kernels.association.assignment import assign
 from coastwatch.picture import Identity
 
 

@@ -12,7 +12,7 @@ from coastwatch.associations import WindowedCovariance, step_with_candidates
 from coastwatch.associations.windowed_covariance import score_spots
 from coastwatch.batches import Spots, Tracks
 from coastwatch.geodesy import offset_deg
-from coastwatch.kernels.pairs import candidates
+from coastwatch.kernels.association.candidate_pairs import candidates
 from coastwatch.kernels.threads import threads
 from coastwatch.stage import in_turn
 from coastwatch.workers import spread_over
@@ -166,8 +166,8 @@ def test_full_windows_and_what_is_screened():
 
 def survivors(method, arrays):
     """Pairs that screening leaves."""
-    from coastwatch.kernels.bands import height_deg
-    from coastwatch.kernels.screening import cuts
+    from coastwatch.kernels.association.prune_pairs import cuts
+    from coastwatch.kernels.geometry.bands import height_deg
 
     count = len(arrays["row"])
     near = arrays["key"], arrays["point"], np.zeros(count, np.int32), np.arange(count, dtype=np.int32), arrays["row"]

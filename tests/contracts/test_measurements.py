@@ -5,7 +5,7 @@ import pytest
 
 from coastwatch.batches import AisReports
 from coastwatch.geodesy import offset_deg, to_plane
-from coastwatch.kernels.ais_filter import TRACK, measure
+from coastwatch.kernels.filters.ais_imm import TRACK, measure
 from coastwatch.tracks import AisFilter, Imm
 from coastwatch.tracks.lateness import records
 from tests.contracts.ais_world import HOME, PERIOD_S, SENSORS, START_S, reports, sail

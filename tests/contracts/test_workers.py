@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coastwatch.kernels.dealing import deal
+from coastwatch.kernels.tables.dealing import deal
 from coastwatch.kernels.threads import blocks
 from coastwatch.stage import Groups, in_turn, room_of
 from coastwatch.workers import processors, spread_over

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from test_associations import crowd
 
 from coastwatch.associations import WindowedCovariance
-from coastwatch.kernels.cutting import cut, rows_of
+from coastwatch.kernels.tables.subset import cut, rows_of
 from coastwatch.spots import KMeansSpots
 from coastwatch.stage import CUT, Groups, in_turn
 from coastwatch.workers.owners import UNEVEN, owners

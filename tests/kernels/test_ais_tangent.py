@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch import geodesy
-from coastwatch.kernels import tangent
+from coastwatch.kernels.geometry import tangent
 
 PLACE_M = 1e-5  # rounding of Earth-centred coordinates (1e-9) grows by the cosecant of the slope near the poles
 TURN = 1e-12

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
-from coastwatch.kernels.assignment import assign
+from coastwatch.kernels.association.assignment import assign
 
 ROUNDING = 1e-9  # sums of a few gains of order 1
 

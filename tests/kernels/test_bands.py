@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from coastwatch.geodesy import earth_centred
-from coastwatch.kernels import screening
-from coastwatch.kernels.bands import PART, TURN, height_deg, in_order
-from coastwatch.kernels.pairs import candidates, fill_halo
+from coastwatch.kernels.association import prune_pairs as screening
+from coastwatch.kernels.association.candidate_pairs import candidates, fill_halo
+from coastwatch.kernels.geometry.bands import PART, TURN, height_deg, in_order
 from coastwatch.kernels.threads import threads
 
 OPEN = screening.Rule(0.0, 10.0, 0.5, 2.0, 0.9, 20.0, 0.01, 4.0, -np.inf)

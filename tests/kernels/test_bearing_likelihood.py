@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
 from coastwatch.geodesy import earth_centred, from_plane
-from coastwatch.kernels.bearing_windows import LANES, Paths, Rule, Windows
-from coastwatch.kernels.known_vessels import known_vessels
-from coastwatch.kernels.rings import addresses
-from coastwatch.kernels.unknown_vessels import RANGES, Strangers, unknown_vessels
+from coastwatch.kernels.association.history import addresses
+from coastwatch.kernels.bearings.likelihood import known_vessels
+from coastwatch.kernels.bearings.null_hypothesis import RANGES, Strangers, unknown_vessels
+from coastwatch.kernels.bearings.windows import LANES, Paths, Rule, Windows
 
 ROUNDING = 1e-6  # log density: the dense form inverts a matrix of condition 1e6
 FLAT = 1e5  # rad^2, variance that stands for a flat offset in the dense form

@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from coastwatch.geodesy import earth_centred, from_plane
-from coastwatch.kernels.centroids import divided, lay, means
-from coastwatch.kernels.earth_centred import centred_rows
-from coastwatch.kernels.seeding import seeds
-from coastwatch.kernels.sorting import by_key, joined, runs_by_key
+from coastwatch.kernels.geometry.centroids import divided, lay, means
+from coastwatch.kernels.geometry.earth_centred import centred_rows
+from coastwatch.kernels.geometry.seeding import seeds
+from coastwatch.kernels.tables.sorting import by_key, joined, runs_by_key
 from coastwatch.kernels.threads import threads
 
 ROUNDING_M = 1e-8  # of places as far from the centre of the Earth as its surface

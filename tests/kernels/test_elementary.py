@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-
 from coastwatch.kernels.compiling import arithmetic
-from coastwatch.kernels.elementary import angle, exponential, logarithm
+
+from coastwatch.kernels.vectorised_math import angle, exponential, logarithm
 
 FEW, ANGLE = 2.0, 6.0  # units in the last place of the answer: an angle is eight times one of a series
 COUNT = 200_000

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from coastwatch.kernels.encounters import FROM, TO, closest, encounters, slot_entries
-from coastwatch.kernels.newest import SPREAD, newest_rows
+from coastwatch.kernels.geometry.encounters import FROM, TO, closest, encounters, slot_entries
+from coastwatch.kernels.tables.latest_per_id import SPREAD, newest_rows
 
 NORTH, EAST = 111_000.0, 71_000.0
 SPAN_S = 300.0

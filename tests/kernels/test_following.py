@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from coastwatch.kernels.following import PATIENCE, among, followed, standing
-from coastwatch.kernels.grouping import grouped, preferred
+from coastwatch.kernels.tables.grouping import grouped, preferred
+from coastwatch.kernels.tables.match_ids import PATIENCE, among, followed, standing
 
 IDS = st.lists(st.integers(-(2**62), 2**62), max_size=40, unique=True)
 

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from coastwatch.kernels.gating import near_pairs
-from coastwatch.kernels.gaussian import gate, squared_distance
+from coastwatch.kernels.filters.gaussian import gate, squared_distance
+from coastwatch.kernels.geometry.neighbours import near_pairs
 
 
 @settings(max_examples=100, deadline=None)

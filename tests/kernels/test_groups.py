@@ -6,9 +6,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from coastwatch.kernels.groups import NEAR, NOWHERE, alone, by_both, combined, gathered, greatest, parted
-from coastwatch.kernels.sorting import chosen
-from coastwatch.kernels.unions import joined, joined_without_sharing, numbered, told_of
+from coastwatch.kernels.association.connected_components import joined, joined_without_sharing, numbered, told_of
+from coastwatch.kernels.tables.groups import NEAR, NOWHERE, alone, by_both, combined, gathered, greatest, parted
+from coastwatch.kernels.tables.sorting import chosen
 
 ROWS, SOURCES = 12, 4
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from coastwatch.geodesy import to_plane, wrap_deg
-from coastwatch.kernels.hearing import (
+from coastwatch.kernels.bearings.candidates import (
     SECTORS,
     above,
     by_octant,

@@ -11,7 +11,7 @@ from filterpy.kalman import IMMEstimator, KalmanFilter
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from coastwatch.kernels.imm import FLOOR, imm_estimate, imm_predict, imm_update, one_model
+from coastwatch.kernels.filters.imm import FLOOR, imm_estimate, imm_predict, imm_update, one_model
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "oracles"))
 import imm_textbook as textbook

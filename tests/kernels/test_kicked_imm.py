@@ -9,7 +9,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from coastwatch.kernels.kicked_imm import WIDTH, absorb, foresee
+from coastwatch.kernels.filters.velocity_jumps import WIDTH, absorb, foresee
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "oracles"))
 import imm_textbook

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from coastwatch.geodesy import earth_centred, to_plane
-from coastwatch.kernels.near_sites import MARGIN, SLACK_M, near_sites
+from coastwatch.kernels.geometry.sensor_coverage import MARGIN, SLACK_M, near_sites
 from coastwatch.kernels.threads import threads
 
 

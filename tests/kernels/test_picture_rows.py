@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from coastwatch.kernels.picture_rows import motion_rows, source_sets, vessel_of
+from coastwatch.kernels.tables.picture_rows import motion_rows, source_sets, vessel_of
 from coastwatch.store.columns import sources
 
 ROUNDING_DEG = 1e-9

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from coastwatch.kernels.curve import SIDE, _along, curve_order, extent
-from coastwatch.kernels.planes import NOISE, QUIET, SAME, ZERO, join, split
+from coastwatch.kernels.geometry.curve import SIDE, _along, curve_order, extent
+from coastwatch.kernels.tables.byte_planes import NOISE, QUIET, SAME, ZERO, join, split
 
 
 def there_and_back(

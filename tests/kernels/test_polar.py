@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from coastwatch.kernels.polar import polar_to_plane
+from coastwatch.kernels.geometry.polar import polar_to_plane
 
 DRAWS = 200_000
 

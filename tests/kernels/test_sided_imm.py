@@ -9,9 +9,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from coastwatch.kernels.imm import imm_estimate
-from coastwatch.kernels.models import OWN, OWN_SIGMA, SHARE, SPEEDING, STRAIGHT, TURNING
-from coastwatch.kernels.sided_imm import sided_absorb, sided_foresee, sided_predict, sided_update
+from coastwatch.kernels.filters.imm import imm_estimate
+from coastwatch.kernels.filters.manoeuvre_imm import sided_absorb, sided_foresee, sided_predict, sided_update
+from coastwatch.kernels.filters.model_kinds import OWN, OWN_SIGMA, SHARE, SPEEDING, STRAIGHT, TURNING
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "oracles"))
 import imm_textbook as textbook

@@ -9,7 +9,7 @@ import pytest
 
 from coastwatch.associations.bearing_signatures import ShipTypes, signature_gain
 from coastwatch.batches import CLASS_OF_TYPE, CLASSES, AisStatics, VesselClass
-from coastwatch.kernels.signatures import check_confusion, even_confusion, log_likelihood
+from coastwatch.kernels.bearings.signatures import check_confusion, even_confusion, log_likelihood
 
 SKEW = np.array([[0.7, 0.2, 0.1], [0.3, 0.6, 0.1], [0.05, 0.15, 0.8]])  # asymmetric: rows are true, columns said
 ROUNDING = 1e-12

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from coastwatch.kernels.sorted_rows import differences, is_sorted, merge
+from coastwatch.kernels.tables.sorted_rows import differences, is_sorted, merge
 
 tables = st.sets(st.tuples(*[st.integers(-2, 4)] * 3), max_size=30)
 

@@ -9,7 +9,7 @@ import pytest
 
 from coastwatch.batches import Picture
 from coastwatch.geodesy import earth_centred, offset_deg
-from coastwatch.kernels.vessel_rows import may_meet
+from coastwatch.kernels.identity.picture_columns import may_meet
 from coastwatch.picture.known import Known, unwritten
 
 NEAR_M, NOW_S = 2000.0, 100.0

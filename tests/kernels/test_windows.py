@@ -11,12 +11,12 @@ from scipy.stats import multivariate_normal
 
 from coastwatch import geodesy
 from coastwatch.associations.history import History
-from coastwatch.kernels.facts import COLUMNS
-from coastwatch.kernels.rings import COLUMNS as ENTRY_COLUMNS
-from coastwatch.kernels.rings import addresses, entries, wide_rows
-from coastwatch.kernels.sample_statistics import sample_statistics
-from coastwatch.kernels.screening import Rule
-from coastwatch.kernels.windows import LANES, windowed_scores
+from coastwatch.kernels.association.chi_square_statistic import sample_statistics
+from coastwatch.kernels.association.history import COLUMNS as ENTRY_COLUMNS
+from coastwatch.kernels.association.history import addresses, entries, wide_rows
+from coastwatch.kernels.association.pair_features import COLUMNS
+from coastwatch.kernels.association.pair_score import LANES, windowed_scores
+from coastwatch.kernels.association.prune_pairs import Rule
 
 ROUNDING = 1e-9  # relative; the differences are of degrees, 1e-9 of a metre is 1e-14 of a degree
 

@@ -127,5 +127,5 @@ def test_every_problem_of_a_kernel_has_one_baseline_and_ours(path: Path) -> None
 
 
 def test_the_makefile_starts_it() -> None:
-    assert "bench: .venv/.compiled" in (HOUSE / "Makefile").read_text("utf-8")
+    assert "bench: .venv/.warm" in (HOUSE / "Makefile").read_text("utf-8")
     assert "\t$(BIN)/python -m scaling.bench\n" in (HOUSE / "Makefile").read_text("utf-8")

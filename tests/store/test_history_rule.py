@@ -108,7 +108,7 @@ def test_no_vessel_is_ever_further_off_than_the_bound(
 
 def test_a_point_is_written_just_where_the_distance_is_more_than_the_bound() -> None:
     """From the equator to 89.9 degrees, across the antimeridian, straight along a degree and askew, with distances about the bound."""
-    from coastwatch.kernels.dead_reckoning import decide
+    from coastwatch.kernels.geometry.dead_reckoning import decide
 
     rng, count, bound = np.random.default_rng(17), 20_000, 10.0
     latitude = np.where(rng.random(count) < 0.5, rng.uniform(-89.9, 89.9, count), rng.choice([0.0, 89.9, -89.9], count))

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from coastwatch.operators.bad_input import BadInput
-from coastwatch.operators.cli import compiling, database, drawing, fuse, look, past, questions, reproduce, runs, sensors
+from coastwatch.operators.cli import database, drawing, fuse, look, past, questions, reproduce, runs, sensors
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED, PIPE_CLOSED = 0, 1, 2, 130, 141
 
@@ -51,7 +51,7 @@ def make_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and leave")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for group in (runs, fuse, reproduce, look, past, sensors, questions, drawing, database, compiling):
+    for group in (runs, fuse, reproduce, look, past, sensors, questions, drawing, database):
         group.add(commands)
     return parser
 
@@ -118,11 +118,6 @@ def _one_line(error: Exception) -> str:
         text = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
     else:
         text = str(error)
-    if "no locator available" in text:  # numba, as it is imported
-        return (
-            "compiled code can be kept neither beside the program nor in the cache of the user; set NUMBA_CACHE_DIR to a folder "
-            "that can be written to"
-        )
     text = "; ".join(line.strip() for line in text.splitlines() if line.strip())
     known = _is_bad_input(error) or isinstance(error, OSError) or type(error).__module__.startswith("coastwatch.")
     return text if known and text else f"{type(error).__name__}: {text or 'no message'} (COASTWATCH_TRACEBACK=1 shows where)"

@@ -1,0 +1,18 @@
+"""Association: histories of tracks, candidate pairs, their scores, assignment. Modules load at first use: numba takes half a second."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submodules=[
+        "assignment",
+        "candidate_pairs",
+        "chi_square_statistic",
+        "connected_components",
+        "history",
+        "pair_differences",
+        "pair_features",
+        "pair_score",
+        "prune_pairs",
+    ],
+)

@@ -1,0 +1,23 @@
+"""Geometry: WGS 84, planes, neighbours, coverage. Modules load at first use: numba takes half a second."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submodules=[
+        "bands",
+        "centroids",
+        "closest_approach",
+        "cover",
+        "curve",
+        "dead_reckoning",
+        "earth_centred",
+        "encounters",
+        "mid_latitude",
+        "neighbours",
+        "polar",
+        "seeding",
+        "sensor_coverage",
+        "tangent",
+    ],
+)

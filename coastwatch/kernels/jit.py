@@ -1,0 +1,37 @@
+"""`jit`, the one decorator of compiled functions, and where numba keeps what it has compiled.
+
+numba checks only the module of a function, not the modules that this function calls (numba issue 1833). So the folder of its cache
+is named by a digest of all kernels: any change of a kernel begins a new folder.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+
+def cache_folder() -> Path:
+    """Folder of the compiled kernels: inside NUMBA_CACHE_DIR if that is set, else inside the user's cache folder."""
+    digest = hashlib.sha256(f"numba {version('numba')} {platform.machine()}".encode())
+    for module in sorted(Path(__file__).parent.rglob("*.py")):
+        digest.update(module.read_bytes())
+    user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "coastwatch"
+    return Path(os.environ.get("NUMBA_CACHE_DIR") or user) / f"kernels-{digest.hexdigest()[:16]}"
+
+
+os.environ["NUMBA_CACHE_DIR"] = str(cache_folder())
+
+from numba import njit  # noqa: E402 - numba reads its settings when it is imported
+
+
+def jit(function: Callable[..., Any]) -> Any:
+    """A function compiled by numba at its first call, kept on disk, and free to run beside other threads.
+
+    A division by zero gives infinity or NaN, as in numpy: numba's check of divisors prevents vectorisation.
+    """
+    return njit(cache=True, nogil=True, error_model="numpy")(function)
