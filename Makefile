@@ -12,9 +12,9 @@ export UV_PROJECT_ENVIRONMENT = .venv
 	@$(BIN)/uv sync --quiet --locked --inexact
 	@touch $@
 
-# Two small scenarios, run side by side, compile the kernels that runs use.
+# A small scenario compiles the kernels that runs use.
 .venv/.warm: .venv/.ready $(wildcard coastwatch/kernels/*/*.py)
-	@$(BIN)/coastwatch run guanabara --db sqlite:////dev/null >/dev/null
+	@$(BIN)/coastwatch run guanabara --db sqlite:///.venv/warm.db --restart >/dev/null
 	@touch $@
 
 demo: .venv/.warm  ## set up, run the guanabara scenario, leave a database and a picture in out/
