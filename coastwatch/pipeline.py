@@ -48,7 +48,7 @@ class CentreMemory:
 
 @dataclass(frozen=True)
 class Memory:
-    """The memory of every stage: plain data, so that a pickled run resumes bit for bit."""
+    """The memory of every stage. It is plain data, saved as arrays with a schema: a run resumes bit for bit."""
 
     plots: Any
     tracks: tuple[Any, ...]  # one a region

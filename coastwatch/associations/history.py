@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from coastwatch import kernels
-from coastwatch.batches import Array, Floats, Ints
+from coastwatch.batches import Floats, Ints
 from coastwatch.kernels.threads import in_blocks
 
 Rows = NDArray[np.int32]
@@ -31,18 +31,6 @@ class History:
         Floats, ...
     ]  # up to W arrays (any, 4), newest last, its rows by rank: entries of `kernels.rings`, latitude, longitude, velocity east and north,
     # traces of the covariances of position (m2) and velocity (m2/s2)
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Arrays that were pickled have data types that are equal to numpy's own, not the same, and would be pickled another way.
-
-        Raises: ValueError for entries as they were kept once.
-        """
-
-        if any(array.shape[1:] != (kernels.association.history.COLUMNS,) for array in state["ring"]):
-            raise ValueError(f"ring: got rows of {state['ring'][0].shape[1]}, needed {kernels.association.history.COLUMNS}")
-        for f in fields(self):
-            value = state[f.name]
-            object.__setattr__(self, f.name, tuple(map(_own, value)) if isinstance(value, tuple) else _own(value))
 
     @staticmethod
     def empty(window: int) -> History:
@@ -72,9 +60,3 @@ class History:
         )
         in_blocks(kernels.association.pair_features.carried, count, before, self.chain, self.length, chain, length)
         return History(track_id, rank, chain, length, (*self.ring, entry)[-self.window :])
-
-
-def _own(array: Array) -> Array:
-    out: Array = np.empty(array.shape, array.dtype.type)
-    out[...] = array
-    return out

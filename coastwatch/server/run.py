@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.metadata
-import pickle
 import signal
 import threading
 import time
@@ -15,9 +14,11 @@ from typing import Any
 
 from coastwatch import pipeline, store
 from coastwatch.batches import Fault, Recording, Sensors
-from coastwatch.pipeline import Cycle, Memory
+from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario
-from coastwatch.scores import Tally, add, result, start
+from coastwatch.scores import add, result, start
+from coastwatch.server import checkpoint
+from coastwatch.server.checkpoint import CheckpointError, Point
 from coastwatch.server.timing import Stopwatch
 from coastwatch.server.writer import Writer
 from coastwatch.stage import Plan, Spread
@@ -49,15 +50,6 @@ class RunResult:
     cycles: int
     elapsed_s: float
     interrupted: bool
-
-
-@dataclass(frozen=True)
-class Point:
-    """Where a run stands after a cycle: all that is needed to go on."""
-
-    cycle: int  # the next one
-    memory: Memory
-    tally: Tally
 
 
 def run_scenario(
@@ -168,14 +160,14 @@ def _begin(
     return run_id, Point(0, pipeline.start(scenario, sensors), start(sensors))
 
 
-def _point(blob: bytes, run_id: int) -> Point:
-    """The point of a checkpoint. It is unpickled, which runs what it says: resume from databases of one's own."""
+def _point(saved: bytes, run_id: int) -> Point:
+    """The point that a checkpoint holds. Raises: CheckpointError: it cannot be read."""
     try:
-        point = pickle.loads(blob)
-    except Exception as error:
-        raise ValueError(f"run {run_id}: its checkpoint is of other code ({error}); --restart begins again") from error
-    if not isinstance(point, Point):
-        raise ValueError(f"run {run_id}: its checkpoint holds a {type(point).__name__}; --restart begins again")
+        point = checkpoint.load(saved)
+        if not isinstance(point, Point):
+            raise CheckpointError(f"it holds a {type(point).__name__}")
+    except CheckpointError as error:
+        raise CheckpointError(f"run {run_id}: its checkpoint cannot be read: {error}; --restart begins again") from error
     return point
 
 
@@ -205,7 +197,7 @@ def _one(run: _Run, point: Point) -> tuple[Point, Cycle, str | None]:
     after = Point(number + 1, memory, tally)
     due = number == 0 or (number + 1) % scenario.store.checkpoint_every == 0 or run.interrupted.is_set()
     with run.watch("checkpoint"):
-        blob = pickle.dumps(after, pickle.HIGHEST_PROTOCOL) if due else None
+        blob = checkpoint.save(after) if due else None
     before = run.writer.wait()
     last = after.cycle == plan.cycles or run.interrupted.is_set()
     of_cycle = run.run_id, number, cycle.to_write(), reports, run.watch.so_far(), scenario.store, blob

@@ -1,7 +1,5 @@
 """AIS tracks, every method: pure, resumable, blind to the order of arrival; bad, late and repeated reports."""
 
-import pickle
-
 import numpy as np
 import pytest
 from ais_world import HOME, SENSORS, START_S, fleet, reports, run, sail, same
@@ -11,6 +9,7 @@ from pydantic import TypeAdapter
 
 from coastwatch.batches import AisReports
 from coastwatch.geodesy import KNOT_M_S
+from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks import AisDeadReckoning, AisFilter, AisTracker
 from coastwatch.tracks.ais import refused
 
@@ -22,17 +21,17 @@ every_method = pytest.mark.parametrize("method", METHODS, ids=["ais_filter", "de
 def test_step_writes_nothing_it_was_given(method):
     rows = fleet()
     memory, _, _ = run(method, rows, 8)
-    before = pickle.dumps(memory)
+    before = save(memory)
     run(method, rows, 1, memory, 8)
-    assert pickle.dumps(memory) == before
+    assert save(memory) == before
 
 
 @every_method
-def test_pickled_in_mid_run_it_resumes_bit_for_bit(method):
+def test_saved_in_mid_run_it_resumes_bit_for_bit(method):
     rows = fleet()
     memory, _, _ = run(method, rows, 9)
     _, one, alarms = run(method, rows, 8, memory, 9)
-    _, two, alarms_too = run(method, rows, 8, pickle.loads(pickle.dumps(memory)), 9)
+    _, two, alarms_too = run(method, rows, 8, load(save(memory)), 9)
     assert same(one, two)
     assert same(alarms, alarms_too)
 

@@ -1,7 +1,5 @@
 """The array code of the default association against the same done pair by pair: the same pairs, whatever the water and the settings."""
 
-import pickle
-
 import numpy as np
 import pytest
 from association_by_pairs import Rules, earth_centred, step
@@ -14,6 +12,7 @@ from coastwatch.batches import Spots, Tracks
 from coastwatch.geodesy import offset_deg
 from coastwatch.kernels.association.candidate_pairs import candidates
 from coastwatch.kernels.threads import threads
+from coastwatch.server.checkpoint import save
 from coastwatch.stage import in_turn
 from coastwatch.workers import spread_over
 
@@ -188,8 +187,8 @@ def test_threads_and_processes_change_no_bit(how, monkeypatch):
             for cycle in range(5):
                 tracks = port.tracks(cycle)
                 memory, found = method.step(memory, tracks, spots_of(tracks, 5, method.gate_m, 1), spread)
-                answers.append((many, pickle.dumps((found.first, found.second, found.statistic, found.vessel, found.tested))))
-            answers.append((many, pickle.dumps(memory)))
+                answers.append((many, save((found.first, found.second, found.statistic, found.vessel, found.tested))))
+            answers.append((many, save(memory)))
     one, other = ([answer for many, answer in answers if many is which] for which in (False, True))
     assert one == other
 

@@ -1,6 +1,5 @@
 """Every method of the associations stage, and the cases in which a windowed covariance is known to fail."""
 
-import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +9,7 @@ from pydantic import TypeAdapter, ValidationError
 from coastwatch.associations import Associator, WindowedCovariance, WindowedCovarianceLiteral
 from coastwatch.batches import Tracks
 from coastwatch.geodesy import difference_m, offset_deg
+from coastwatch.server.checkpoint import load, save
 from coastwatch.spots import KMeansSpots
 from coastwatch.stage import in_turn
 
@@ -100,12 +100,12 @@ def test_pure_resumable_and_indifferent_to_order(method):
     rng = np.random.default_rng([2, 0])
     for cycle in range(12):
         tracks = water.tracks(cycle)
-        frozen = pickle.dumps(memory)
+        frozen = save(memory)
         spot_memory, s = spots.step(spot_memory, tracks)
-        resumed, found = method.step(pickle.loads(frozen), tracks, s, in_turn)
+        resumed, found = method.step(load(frozen), tracks, s, in_turn)
         memory_1, found_1 = method.step(memory, tracks, s, in_turn)
-        assert pickle.dumps(memory) == frozen
-        assert pickle.dumps(resumed) == pickle.dumps(memory_1)
+        assert save(memory) == frozen
+        assert save(resumed) == save(memory_1)
         order = rng.permutation(len(tracks))
         shuffled = replace(s, spot=s.spot[order], **halo_of(s, order))
         _, other = method.step(memory, tracks.take(order), shuffled, in_turn)

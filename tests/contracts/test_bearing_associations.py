@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from dataclasses import replace
 from typing import Any
 
@@ -16,6 +15,7 @@ from coastwatch.associations.bearing_likelihood import BearingLikelihood, score_
 from coastwatch.associations.bearing_literal import BearingWindowedCovariance, sample_statistic
 from coastwatch.batches import CLASSES, AisStatics, BearingTracks, Picture
 from coastwatch.sensors.sonar import SonarTruth, say_class
+from coastwatch.server.checkpoint import load, save
 from coastwatch.spots.octants import OctantSpots
 from coastwatch.stage import Groups, in_turn
 from coastwatch.workers import spread_over
@@ -25,16 +25,16 @@ METHODS = (BearingLikelihood(), BearingWindowedCovariance())
 
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.method)
 def test_pure_resumable_and_invariant(method: Any) -> None:
-    """No memory is written, a pickled one resumes bit for bit, neither the order of rows nor the spread matters."""
+    """No memory is written, a saved one resumes bit for bit, neither the order of rows nor the spread matters."""
     run = Run(method, bw.coast(), 60, 45)
     rng = np.random.default_rng([SEED, 9])
     chosen = 0
     for t in range(3, 46, 3):
         tracks, picture = run.inputs(t)
-        before = pickle.dumps(run.memory)
+        before = save(run.memory)
         memory, found = run.associate(run.memory, tracks, picture, t)
-        assert pickle.dumps(run.memory) == before
-        spread_memory, spread_found = run.associate(pickle.loads(before), tracks, picture, t, piecewise)
+        assert save(run.memory) == before
+        spread_memory, spread_found = run.associate(load(before), tracks, picture, t, piecewise)
         assert_same(spread_memory, memory)
         assert_same(spread_found, found)
         mixed, shuffled = tracks.take(rng.permutation(len(tracks))), picture.take(rng.permutation(len(picture)))

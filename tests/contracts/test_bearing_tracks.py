@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from dataclasses import replace
 
 import bearing_world as bw
@@ -12,6 +11,7 @@ from pydantic import ValidationError
 
 from coastwatch.batches import BearingReports, Floats, Sensors
 from coastwatch.geodesy import wrap_deg
+from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks.bearing import ID_STRIDE, BearingWindow
 
 ROUNDING = 1e-9
@@ -47,7 +47,7 @@ def play(method: BearingWindow, cycles: list[BearingReports], sensors: Sensors, 
 
 
 def same(a: object, b: object) -> bool:
-    return pickle.dumps(a) == pickle.dumps(b)
+    return save(a) == save(b)
 
 
 def test_a_line_across_the_wrap_is_recovered() -> None:
@@ -92,11 +92,11 @@ def test_memory_is_not_written_and_resumes_bit_for_bit() -> None:
         reports = say(
             rng.integers(0, 2, n), 3.0 * k + rng.uniform(0.1, 3.0, n), rng.uniform(0.0, 360.0, n), np.maximum(contact, -1)
         )
-        before = pickle.dumps(memory)
+        before = save(memory)
         answer = method.step(memory, reports, START + 3.0 * (k + 1), sensors)
-        assert pickle.dumps(memory) == before
+        assert save(memory) == before
         shuffled = reports.take(rng.permutation(n))
-        again = method.step(pickle.loads(before), shuffled, START + 3.0 * (k + 1), sensors)
+        again = method.step(load(before), shuffled, START + 3.0 * (k + 1), sensors)
         for a, b in zip(answer, again, strict=True):
             for name in vars(a):
                 np.testing.assert_array_equal(getattr(a, name), getattr(b, name))

@@ -1,7 +1,5 @@
 """The filters of vessels carried on in linear passes against sorting and copying, whatever joins, parts, ends and is not told."""
 
-import pickle
-
 import central_by_arrays
 import numpy as np
 from hypothesis import given, settings
@@ -11,6 +9,7 @@ from coastwatch.batches import Associations, Measurements, Tracks
 from coastwatch.fused_tracks import CentralImm
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.kernels.threads import threads
+from coastwatch.server.checkpoint import load, save
 
 KINDS = np.array([0, 0, 1], np.int64)  # two regions of radars, AIS
 SITE = np.array([57.9, 179.9])
@@ -66,10 +65,10 @@ def test_it_is_what_copying_says(vessels, seed, trouble):
         now = 3.0 * cycle
         tracks, told, vessel = cycle_of(rng, vessels, now, trouble)
         joined = Associations(none, none, np.zeros(0), vessel)
-        before = pickle.dumps(memory)
+        before = save(memory)
         after, fused = method.step(memory, tracks, told, joined, now, KINDS)
-        assert pickle.dumps(memory) == before
-        memory = pickle.loads(pickle.dumps(after))
+        assert save(memory) == before
+        memory = load(save(after))
         oracle, wanted = central_by_arrays.step(method, oracle, tracks, told, joined, now, KINDS)
         assert len(memory.mode) == len(oracle.mode)
         assert np.abs(difference_m(fused.position_deg, wanted.position_deg)).max(initial=0.0) < CLOSE
@@ -88,5 +87,5 @@ def test_threads_change_no_bit():
                 tracks, told, vessel = cycle_of(rng, 6000, 3.0 * cycle, 0.03)
                 joined = Associations(none, none, np.zeros(0), vessel)
                 memory, fused = method.step(memory, tracks, told, joined, 3.0 * cycle, KINDS)
-        said.append(pickle.dumps((memory, fused)))
+        said.append(save((memory, fused)))
     assert said[0] == said[1]

@@ -1,13 +1,12 @@
 """The filter of plots and reports: fed with measurements, when it goes on, when it begins again, and what it does without."""
 
-import pickle
-
 import numpy as np
 import pytest
 
 from coastwatch.batches import Associations, Measurements, Tracks
 from coastwatch.fused_tracks import CentralImm, CovarianceIntersection
 from coastwatch.geodesy import difference_m, offset_deg
+from coastwatch.server.checkpoint import load, save
 
 KINDS = np.array([0, 0, 1], np.int64)  # two regions of radars, AIS
 PERIOD_S = 3.0
@@ -102,11 +101,11 @@ def test_measurements_and_tracks_may_come_in_any_order_and_memory_is_plain_and_n
     method, rng = CentralImm(), np.random.default_rng([1, 24])
     memory, other = method.init(), method.init()
     for tracks, measurements, vessel, time_s in world(late_s=2.0):
-        before = pickle.dumps(memory)
-        again, same = method.step(pickle.loads(before), tracks, measurements, associated(vessel), time_s, KINDS)
+        before = save(memory)
+        again, same = method.step(load(before), tracks, measurements, associated(vessel), time_s, KINDS)
         after, fused = method.step(memory, tracks, measurements, associated(vessel), time_s, KINDS)
-        assert pickle.dumps(memory) == before
-        assert pickle.dumps(again) == pickle.dumps(after)
+        assert save(memory) == before
+        assert save(again) == save(after)
         np.testing.assert_array_equal(same.position_deg, fused.position_deg)
         rows, lines = rng.permutation(len(tracks)), rng.permutation(len(measurements))
         relabel = rng.permutation(VESSELS)

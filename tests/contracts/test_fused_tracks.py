@@ -1,6 +1,5 @@
 """Every method of the fused_tracks stage: one row a vessel, pure, resumable, indifferent to the order of tracks."""
 
-import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +18,7 @@ from coastwatch.fused_tracks import (
 )
 from coastwatch.fused_tracks.window import Window
 from coastwatch.geodesy import difference_m, offset_deg
+from coastwatch.server.checkpoint import load, save
 
 METHODS = [
     Convex(),
@@ -83,11 +83,11 @@ def test_pure_and_resumable_and_indifferent_to_order(method):
     rng = np.random.default_rng([5, 0])
     for cycle in range(8):
         t = tracks(VESSEL, SOURCE, seed=cycle, time_s=3.0 * cycle)
-        before = pickle.dumps(memory)
-        again, fused = method.step(pickle.loads(before), t, Measurements.empty(), associated(VESSEL), 3.0 * cycle, KINDS)
+        before = save(memory)
+        again, fused = method.step(load(before), t, Measurements.empty(), associated(VESSEL), 3.0 * cycle, KINDS)
         memory_1, fused_1 = method.step(memory, t, Measurements.empty(), associated(VESSEL), 3.0 * cycle, KINDS)
-        assert pickle.dumps(memory) == before
-        assert pickle.dumps(again) == pickle.dumps(memory_1)
+        assert save(memory) == before
+        assert save(again) == save(memory_1)
         np.testing.assert_array_equal(fused.position_deg, fused_1.position_deg)
         order = rng.permutation(len(VESSEL))
         _, shuffled = method.step(memory, t.take(order), Measurements.empty(), associated(VESSEL[order]), 3.0 * cycle, KINDS)

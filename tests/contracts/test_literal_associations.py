@@ -1,6 +1,5 @@
 """The failure modes of eq. 7 as it stands, beside what the default makes of the same water; and the scores of all candidate pairs."""
 
-import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +10,7 @@ from test_associations import Water, crowd, f1, pair_of, quiet, run
 
 from coastwatch.associations import Candidates, WindowedCovariance, WindowedCovarianceLiteral, step_with_candidates
 from coastwatch.geodesy import difference_m
+from coastwatch.server.checkpoint import save
 from coastwatch.spots import KMeansSpots
 from coastwatch.stage import in_turn
 
@@ -131,7 +131,7 @@ def test_candidates_are_all_pairs_and_the_step_is_the_same(method):
         spot_memory, s = spots.step(spot_memory, tracks)
         plain_memory, plain = method.step(memory, tracks, s, in_turn)
         memory, found, candidates = step_with_candidates(method, memory, tracks, s)
-        assert pickle.dumps(memory) == pickle.dumps(plain_memory)
+        assert save(memory) == save(plain_memory)
         for name in ("first", "second", "statistic", "vessel"):
             np.testing.assert_array_equal(getattr(found, name), getattr(plain, name))
     assert isinstance(candidates, Candidates)

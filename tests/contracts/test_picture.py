@@ -1,7 +1,5 @@
 """Identity and flags: what an id must survive and when a flag is up."""
 
-import pickle
-
 import numpy as np
 import pytest
 
@@ -18,6 +16,7 @@ from coastwatch.batches import (
 )
 from coastwatch.geodesy import offset_deg
 from coastwatch.picture import Identity
+from coastwatch.server.checkpoint import load, save
 
 SITE = np.array([50.0, -1.0])
 PERIOD_S = 3.0
@@ -81,15 +80,15 @@ def play(script, method=None, where=None, **alarm):
     memory, out = method.init(), []
     for cycle, rows in enumerate(script):
         tracks, associations, fused = cycle_of(cycle, rows)
-        frozen = pickle.dumps(memory)
+        frozen = save(memory)
         memory_1, picture, members = method.step(
             memory, tracks, associations, fused, alarms(tracks, **alarm), PERIOD_S * cycle, where
         )
-        assert pickle.dumps(memory) == frozen, "a step must not write to its memory"
+        assert save(memory) == frozen, "a step must not write to its memory"
         resumed, again, _ = method.step(
-            pickle.loads(frozen), tracks, associations, fused, alarms(tracks, **alarm), PERIOD_S * cycle, where
+            load(frozen), tracks, associations, fused, alarms(tracks, **alarm), PERIOD_S * cycle, where
         )
-        assert pickle.dumps(resumed) == pickle.dumps(memory_1)
+        assert save(resumed) == save(memory_1)
         np.testing.assert_array_equal(again.vessel_id, picture.vessel_id)
         memory = memory_1
         out.append((picture, members))

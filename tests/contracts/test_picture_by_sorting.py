@@ -1,7 +1,5 @@
 """The linear passes of the picture against sorting and seeking: whatever splits, joins, ends, begins and changes its name."""
 
-import pickle
-
 import numpy as np
 import picture_by_sorting
 import pytest
@@ -12,6 +10,7 @@ from coastwatch.batches import AisAlarms, Associations, FusedTracks, Radars, Sen
 from coastwatch.geodesy import offset_deg
 from coastwatch.kernels.threads import threads
 from coastwatch.picture import Identity
+from coastwatch.server.checkpoint import load, save
 
 EXACT = ("vessel_id", "time_s", "since_s", "updated_s", "mmsi", "flags", "origin")
 CLOSE = ("position_deg", "velocity_m_s", "covariance")
@@ -108,10 +107,10 @@ def test_it_is_what_sorting_says(vessels, seed, trouble, method):
     memory, oracle = method.init(), picture_by_sorting.start()
     for cycle in range(14):
         given_to = sea.cycle(1.0 * cycle)
-        before = pickle.dumps(memory)
+        before = save(memory)
         after, picture, members = method.step(memory, *given_to, 1.0 * cycle, where)
-        assert pickle.dumps(memory) == before
-        memory = pickle.loads(pickle.dumps(after))
+        assert save(memory) == before
+        memory = load(save(after))
         oracle, wanted, of = picture_by_sorting.step(method, oracle, *given_to, 1.0 * cycle, where)
         same(picture, wanted, cycle)
         for column in ("vessel_id", "track_id", "source"):
@@ -145,5 +144,5 @@ def test_threads_change_no_bit(count):
         with threads(number):
             for cycle in range(4):
                 memory, picture, members = SHORT.step(memory, *sea.cycle(1.0 * cycle), 1.0 * cycle, where)
-        said.append(pickle.dumps((memory, picture, members)))
+        said.append(save((memory, picture, members)))
     assert said[0] == said[1]

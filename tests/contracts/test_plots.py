@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +12,7 @@ from radar_world import two_radars
 from coastwatch.batches import RadarCorrections, RadarReports
 from coastwatch.geodesy import difference_m, from_plane, offset_deg, to_plane
 from coastwatch.plots import PolarConversion
+from coastwatch.server.checkpoint import load, save
 
 ELLIPSOID_M = 0.3  # a range along the tangent plane at the antenna against one along the ground, at 18 NM
 
@@ -127,7 +127,7 @@ def test_no_report_and_memory():
     method = PolarConversion()
     memory, plots = method.step(method.init(), RadarReports.empty(), two_radars(), NOTHING)
     assert len(plots) == 0
-    again, _ = method.step(pickle.loads(pickle.dumps(memory)), reports(range_m=np.full(6, np.nan)), two_radars(), NOTHING)
+    again, _ = method.step(load(save(memory)), reports(range_m=np.full(6, np.nan)), two_radars(), NOTHING)
     assert (memory.dropped, again.dropped) == (0, 6)
 
 

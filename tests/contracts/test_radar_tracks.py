@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from dataclasses import fields, is_dataclass, replace
 
 import numpy as np
@@ -12,6 +11,7 @@ from radar_world import ORIGIN_DEG, PERIOD_S, cut, plots_of, run, two_radars, wo
 
 from coastwatch.batches import Plots
 from coastwatch.geodesy import to_plane
+from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks import FilterpyImm, Imm, RadarTracker, SidedImm
 
 METHODS = [SidedImm(), Imm(), FilterpyImm()]
@@ -38,8 +38,8 @@ def busy():
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.method)
 def test_step_is_pure(method, busy):
     memory, _ = run(method, busy, 4)
-    kept, plots = pickle.loads(pickle.dumps(memory)), cut(busy, 4)
-    kept_plots = pickle.loads(pickle.dumps(plots))
+    kept, plots = load(save(memory)), cut(busy, 4)
+    kept_plots = load(save(plots))
     first = method.step(memory, plots, 5 * PERIOD_S, two_radars(), 0)
     second = method.step(memory, plots, 5 * PERIOD_S, two_radars(), 0)
     assert same(memory, kept)
@@ -49,10 +49,10 @@ def test_step_is_pure(method, busy):
 
 
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.method)
-def test_pickled_in_mid_run_it_resumes_to_the_bit(method, busy):
+def test_saved_in_mid_run_it_resumes_to_the_bit(method, busy):
     whole, tracks = run(method, busy, 8)
     half, _ = run(method, busy, 4)
-    resumed, rest = run(method, busy, 4, memory=pickle.loads(pickle.dumps(half)), first=4)
+    resumed, rest = run(method, busy, 4, memory=load(save(half)), first=4)
     assert same(whole, resumed)
     assert same(tracks[-1], rest[-1])
 

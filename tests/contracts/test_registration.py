@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from dataclasses import replace
 from typing import Any
 
@@ -14,6 +13,7 @@ from scipy.stats import chi2
 
 from coastwatch.batches import RadarCorrections, RegistrationState
 from coastwatch.registration import NoRegistration, OnLineRegistration, Registrar
+from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks.motion import Motion
 from coastwatch.tracks.table import RadarMemory, started
 
@@ -27,7 +27,7 @@ same_method = pytest.mark.parametrize("method", METHODS, ids=lambda m: m.method)
 
 
 def same(a: Any, b: Any) -> bool:
-    return pickle.dumps(a) == pickle.dumps(b)
+    return save(a) == save(b)
 
 
 @same_method
@@ -40,10 +40,10 @@ def test_a_round_trip_through_settings(method: Any) -> None:
 def test_memory_resumes_bit_for_bit_and_is_not_written_to(method: Any) -> None:
     sea = world.Sea(1, radars=2, errors=((5.0, 30.0, 1.5), (-3.0, 0.0, 0.0)))
     memory, given, _ = world.run(method, sea, 6)
-    before = pickle.dumps(memory)
+    before = save(memory)
     _, on, _ = world.run(method, sea, 6, first=6, memory=memory, given=given)
-    assert pickle.dumps(memory) == before
-    _, again, _ = world.run(method, sea, 6, first=6, memory=pickle.loads(before), given=given)
+    assert save(memory) == before
+    _, again, _ = world.run(method, sea, 6, first=6, memory=load(before), given=given)
     assert same(on, again)
 
 

@@ -1,6 +1,5 @@
 """k-means spots: a partition with a halo that loses no pair."""
 
-import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +10,7 @@ from hypothesis import strategies as st
 from coastwatch.batches import Tracks
 from coastwatch.geodesy import earth_centred, from_plane
 from coastwatch.kernels.threads import threads
+from coastwatch.server.checkpoint import load, save
 from coastwatch.spots import KMeansSpots
 
 SUMMING_M = 5e-3  # sums are of parts of a millimetre, three times over
@@ -63,11 +63,11 @@ def test_seeded_resumable_and_warm():
     memory, first = method.step(method.init(), tracks(1, 200))
     _, same = method.step(method.init(), tracks(1, 200))
     np.testing.assert_array_equal(first.centre_m, same.centre_m)
-    frozen = pickle.dumps(memory)
+    frozen = save(memory)
     _, a = method.step(memory, tracks(2, 210))
-    _, b = method.step(pickle.loads(frozen), tracks(2, 210))
+    _, b = method.step(load(frozen), tracks(2, 210))
     np.testing.assert_array_equal(a.centre_m, b.centre_m)
-    assert pickle.dumps(memory) == frozen
+    assert save(memory) == frozen
     moved = np.linalg.norm(a.centre_m - first.centre_m, axis=1)
     assert 0.0 < moved.max() < 20e3
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from collections import Counter, defaultdict
 from itertools import pairwise
 
@@ -13,6 +12,7 @@ from hypothesis import strategies as st
 from scores_world import ints
 
 from coastwatch.scores.purity import Identities
+from coastwatch.server.checkpoint import load, save
 
 
 def over(cycles):
@@ -88,6 +88,6 @@ def test_as_one_by_one(cycles):
 
 def test_sums_are_plain_data():
     one = Identities.empty().seen(ints(1, 2), ints(7, 8))
-    again = pickle.loads(pickle.dumps(one)).seen(ints(2, 1), ints(8, 9))
+    again = load(save(one)).seen(ints(2, 1), ints(8, 9))
     assert again.as_dict() == one.seen(ints(2, 1), ints(8, 9)).as_dict()
     np.testing.assert_array_equal(one.vessel, [7, 8])

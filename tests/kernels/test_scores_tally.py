@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import pickle
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,6 +15,7 @@ from coastwatch.batches import AisReports, BearingAssociations, Flag, FusedTrack
 from coastwatch.geodesy import NAUTICAL_MILE_M, within_any
 from coastwatch.scores import add, result, start
 from coastwatch.scores.dark import Dark, never_heard, watch
+from coastwatch.server.checkpoint import load, save
 
 WITH_STATION = replace(
     sensors(), stations=Stations(np.array(["shore"], "U32"), CENTRE_DEG[None], np.array([40.0 * NAUTICAL_MILE_M]))
@@ -117,9 +117,9 @@ def test_the_bound_is_taken_over_the_vessels_that_count():
     assert fusion["bound_position_rmse_m"] < 10.0
 
 
-def test_a_pickled_tally_goes_on_alike():
+def test_a_saved_tally_goes_on_alike():
     cycles = [perfect(t) for t in TIMES[-10:]]
-    whole, half = over(cycles), pickle.loads(pickle.dumps(over(cycles[:5])))
+    whole, half = over(cycles), load(save(over(cycles[:5])))
     for cycle in cycles[5:]:
         half = add(half, cycle, MADE, WITH_STATION)
     assert result(half, MADE, WITH_STATION) == result(whole, MADE, WITH_STATION)

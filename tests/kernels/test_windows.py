@@ -1,8 +1,5 @@
 """The window kernels against numpy written the long way."""
 
-import pickle
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,7 +7,6 @@ from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
 from coastwatch import geodesy
-from coastwatch.associations.history import History
 from coastwatch.kernels.association.chi_square_statistic import sample_statistics
 from coastwatch.kernels.association.history import COLUMNS as ENTRY_COLUMNS
 from coastwatch.kernels.association.history import addresses, entries, wide_rows
@@ -154,14 +150,6 @@ def test_a_ring_that_kernels_would_misread_is_refused():
     for array in (np.zeros((3, 5)), np.zeros((3, 4), np.float32), np.zeros((4, 3)).T):
         with pytest.raises(ValueError, match="needed contiguous float64"):
             addresses((array,))
-
-
-def test_windows_that_were_kept_otherwise_are_not_taken_from_a_checkpoint():
-    none = History.empty(3)
-    ring = (np.zeros((3, ENTRY_COLUMNS)),)
-    assert pickle.loads(pickle.dumps(replace(none, ring=ring))).ring[0].tobytes() == ring[0].tobytes()
-    with pytest.raises(ValueError, match="ring: got rows of 6, needed 4"):
-        pickle.loads(pickle.dumps(replace(none, ring=(np.zeros((3, 6)),))))
 
 
 def test_wide_rows_begin_where_a_line_of_the_cache_does():

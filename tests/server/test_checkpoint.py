@@ -1,0 +1,183 @@
+"""Checkpoints: what is saved comes back to the bit, and a foreign one is refused with one sentence before anything of it runs."""
+
+from __future__ import annotations
+
+import io
+import json
+import pickle
+import sqlite3
+from contextlib import closing, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from run_world import run, small, url
+
+from coastwatch.batches import Tracks
+from coastwatch.operators.cli import main
+from coastwatch.server.checkpoint import CheckpointError, load, save
+from coastwatch.stage import NoMemory
+from coastwatch.tracks.motion import Filters
+
+RAN: list[str] = []
+
+
+class Payload:
+    """An object whose pickle runs code when it is read."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return RAN.append, ("the payload",)
+
+
+def npz(tree: str, **arrays: np.ndarray) -> bytes:
+    out = io.BytesIO()
+    np.savez(out, tree=np.frombuffer(tree.encode(), np.uint8), **arrays)
+    return out.getvalue()
+
+
+def of_class(name: str, **fields: object) -> bytes:
+    return npz(json.dumps({"class": name, "fields": fields}))
+
+
+def objects() -> np.ndarray:
+    return np.array([Payload()])
+
+
+TRACKS = "coastwatch.batches.yields.Tracks"
+GOOD = save((Tracks.empty(), NoMemory(), {"late": 3}, np.arange(1000.0)))
+FORMAT, DAMAGED, NAMES = "it is not in the format of this version", "it is damaged", "it names the class "
+HOSTILE = {
+    "a pickle": (pickle.dumps(Payload()), FORMAT),
+    "nothing": (b"", FORMAT),
+    "an array alone": (b"\x93NUMPY" + b"0" * 100, FORMAT),
+    "an array of objects": (npz('{"array":0}', **{"0": objects()}), "allow_pickle=False"),
+    "an array of objects that the tree does not use": (npz("1", **{"0": objects()}), "allow_pickle=False"),
+    "records with objects": (npz('{"array":0}', **{"0": np.zeros(1, [("a", object)])}), "allow_pickle=False"),
+    "a function": (of_class("os.system", command="true"), NAMES + "os.system"),
+    "a function of ours": (of_class("coastwatch.server.run.run_scenario", scenario=None), NAMES),
+    "a class outside of the stages": (of_class("coastwatch.server.run.RunResult", run_id=1), NAMES),
+    "a class that a stage imports": (of_class("coastwatch.stage.BaseModel"), NAMES),
+    "a class that is no dataclass": (of_class("coastwatch.tracks.imm.Imm", method="imm"), NAMES),
+    "an unknown class of a stage": (of_class("coastwatch.tracks.table.Backdoor"), NAMES),
+    "an unknown field": (of_class("coastwatch.stage.NoMemory", command="true"), "got the fields command, needed"),
+    "a missing field": (of_class("coastwatch.server.checkpoint.Point", cycle=1), "needed cycle, memory, tally"),
+    "a field of another type": (npz('{"class":"coastwatch.stage.Groups","fields":{"row":1,"start":2}}'), "Groups.row"),
+    "an unknown kind of part": (npz('{"call":"os.system"}'), "it has a part of unknown kind: call"),
+    "an array that is missing": (npz('{"array":7}'), DAMAGED),
+    "no tree": (GOOD.replace(b"tree.npy", b"trap.npy"), DAMAGED),
+    "a tree too deep": (npz("[" * 100_000 + "]" * 100_000), DAMAGED),
+    **{f"the first {size} bytes": (GOOD[:size], DAMAGED) for size in (10, 100, 1000, len(GOOD) // 2, len(GOOD) - 1)},
+}
+
+
+@pytest.mark.parametrize("kind", HOSTILE)
+def test_a_hostile_checkpoint_is_refused_and_nothing_of_it_runs(kind: str) -> None:
+    saved, reason = HOSTILE[kind]
+    with pytest.raises(CheckpointError) as refused:
+        load(saved)
+    assert reason in str(refused.value)
+    assert RAN == []
+
+
+def test_damage_anywhere_is_refused_or_harmless() -> None:
+    for at in range(0, len(GOOD), 7):
+        damaged = bytearray(GOOD)
+        damaged[at] ^= 0x55
+        with suppress(CheckpointError):
+            load(bytes(damaged))
+
+
+@dataclass
+class Foreign:
+    number: int
+
+
+@pytest.mark.parametrize("value", [Foreign(1), {1, 2}, objects(), [Payload()], b"bytes", 1j])
+def test_what_is_no_memory_is_not_saved(value: object) -> None:
+    with pytest.raises((TypeError, ValueError)):
+        save(value)
+
+
+RECORDS = np.zeros(3, np.dtype([("mmsi", np.int64), ("class_b", np.bool_), ("lat", np.float64)]))
+VALUES = [
+    None,
+    True,
+    -(2**80),
+    float("-inf"),
+    5e-324,
+    "ä\ud800",
+    [],
+    (),
+    {},
+    {1: "a", "b": (None, [2.5]), (3, 4): {}},
+    np.float32(0.1),
+    np.bool_(True),
+    np.zeros((0, 4)),
+    np.array(7),
+    np.array(["one", "zwölf"]),
+    np.array([b"x"]),
+    np.asfortranarray(np.arange(6.0).reshape(2, 3)),
+    np.arange(24).reshape(2, 3, 4)[:, ::2, ::-1],
+    np.broadcast_to(np.nan, (5, 2)),
+    RECORDS,
+    NoMemory(),
+    Tracks.empty(),
+    Filters(np.zeros((1, 3, 5)), np.ones((1, 3, 5, 5)), np.full((1, 3), 0.1)),
+]
+
+
+@pytest.mark.parametrize("value", VALUES, ids=lambda value: type(value).__name__)
+def test_a_value_comes_back_to_the_bit(value: object) -> None:
+    again = load(save(value))
+    assert type(again) is type(value)
+    assert save(again) == save(value)
+    if isinstance(value, np.ndarray):
+        assert (again.dtype, again.shape, again.tobytes()) == (value.dtype, value.shape, value.tobytes())
+        assert again.flags.writeable
+        assert not value.flags.f_contiguous or again.flags.f_contiguous
+    elif not hasattr(value, "__dataclass_fields__") and not isinstance(value, Filters):
+        assert again == value
+
+
+def test_not_a_number_comes_back() -> None:
+    assert np.isnan(load(save(float("nan"))))
+
+
+def half_run(path: Path) -> None:
+    def fail(cycle: object) -> None:
+        seen.append(cycle)
+        if len(seen) == 4:
+            raise RuntimeError("mast down")
+
+    seen: list[object] = []
+    with pytest.raises(RuntimeError, match="mast down"):
+        run(path, small(cycles="6", store__checkpoint_every="1"), on_cycle=fail)
+
+
+@pytest.mark.parametrize(
+    ("kind", "reason"),
+    [
+        ("a pickle", FORMAT),
+        ("a function", NAMES + "os.system"),
+        ("an array of objects", DAMAGED),
+        ("a value", "it holds a dict"),
+    ],
+)
+def test_a_run_does_not_resume_from_it(kind: str, reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "x.db"
+    half_run(path)
+    saved = save({"cycle": 3}) if kind == "a value" else HOSTILE[kind][0]
+    with closing(sqlite3.connect(path)) as raw, raw:
+        raw.execute("DELETE FROM checkpoint WHERE piece > 0")
+        raw.execute("UPDATE checkpoint SET memory = ?", (saved,))
+    given = {"cycles": "6", "warmup_s": "0.0", "spots.count": "3", "store.checkpoint_every": "1"}
+    words = [word for key, value in given.items() for word in ("--set", f"{key}={value}")]
+    command = ["run", "context-driven-100", "--seed", "2001", "--db", url(path), *words]
+    assert main([*command, "--resume"]) == 1
+    (said,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("coastwatch: error: ")]
+    assert said.startswith(f"coastwatch: error: run 1: its checkpoint cannot be read: {reason}")
+    assert "--restart" in said
+    assert RAN == []
+    assert main([*command, "--restart"]) == 0
