@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
-from coastwatch.batches import Floats
+from coastwatch.scores.gospa import Gospa
 
 
 class Ospa(NamedTuple):
@@ -17,19 +15,18 @@ class Ospa(NamedTuple):
     cardinality_m: float
 
 
-def ospa(estimate_m: Floats, true_m: Floats, cutoff_m: float, order: float) -> Ospa:
-    """The distance between two sets of points; nothing against nothing is 0, against something the cutoff.
+def ospa(assigned: Gospa, cutoff_m: float, order: float) -> Ospa:
+    """The OSPA distance of two sets whose GOSPA is known; of two empty sets 0, of an empty and another set the cutoff.
 
-    Args: estimate_m: (N, d); true_m: (V, d); cutoff_m: c; order: p >= 1.
+    A pair inside the cutoff c saves c**p - d**p in OSPA as in GOSPA with alpha = 2, so both have the same best pairs.
+
+    Args: assigned: the GOSPA of the sets with this cutoff_m, c, and order, p >= 1.
     Source: D. Schuhmacher, B.-T. Vo, B.-N. Vo, A Consistent Metric for Performance Evaluation of Multi-Object Filters, 2008, eq. 3.
     """
-    from scipy.optimize import linear_sum_assignment
-
-    most = max(len(estimate_m), len(true_m))
+    fewer, more = sorted((assigned.missed_count, assigned.false_count))  # unassigned points of the smaller and the larger set
+    most = assigned.assigned_count + more
     if most == 0:
         return Ospa(0.0, 0.0, 0.0)
-    apart = np.linalg.norm(estimate_m[:, None, :] - true_m[None, :, :], axis=2)
-    cost = np.minimum(apart, cutoff_m) ** order
-    near = float(cost[linear_sum_assignment(cost)].sum()) / most
-    missing = cutoff_m**order * abs(len(estimate_m) - len(true_m)) / most
+    near = (assigned.localisation + fewer * cutoff_m**order) / most
+    missing = (more - fewer) * cutoff_m**order / most
     return Ospa((near + missing) ** (1.0 / order), near ** (1.0 / order), missing ** (1.0 / order))

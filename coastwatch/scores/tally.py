@@ -92,7 +92,7 @@ def add(tally: Tally, cycle: Yielded, recording: Recording, sensors: Sensors) ->
     )
     made = fusion_errors(truth, tracks, cycle.associations, cycle.fused, kinds)
     nees_sum, nees_count = _fused_nees(truth, cycle, made)
-    points = earth_centred(cycle.picture.position_deg), earth_centred(truth.position_deg), CUTOFF_M, ORDER
+    distance = gospa(earth_centred(cycle.picture.position_deg), earth_centred(truth.position_deg), CUTOFF_M, ORDER)
     tally = replace(
         tally,
         associations=tally.associations + decided,
@@ -102,8 +102,8 @@ def add(tally: Tally, cycle: Yielded, recording: Recording, sensors: Sensors) ->
         ais=tally.ais + made.ais,
         nees_sum=tally.nees_sum + nees_sum,
         nees_count=tally.nees_count + nees_count,
-        gospa_squares_m2=tally.gospa_squares_m2 + gospa(*points).total_m ** 2,
-        ospa_m=tally.ospa_m + ospa(*points).total_m,
+        gospa_squares_m2=tally.gospa_squares_m2 + distance.total_m**2,
+        ospa_m=tally.ospa_m + ospa(distance, CUTOFF_M, ORDER).total_m,
         instants=tally.instants + 1,
         counted=(*tally.counted, (cycle.time_s, made.origin)) if recording.noise is not None else (),
     )
