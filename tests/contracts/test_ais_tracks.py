@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from ais_world import HOME, SENSORS, START_S, fleet, reports, run, sail, same
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
@@ -67,7 +67,6 @@ def disorder(draw):
     return rows
 
 
-@settings(max_examples=80, deadline=None)
 @given(disorder())
 def test_late_reports_give_the_bits_of_reports_in_order(rows):
     method = AisFilter(repeat_s=0.3)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from association_by_pairs import Rules, earth_centred, step
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.associations import WindowedCovariance, step_with_candidates
@@ -123,7 +123,6 @@ RULES = st.builds(
 )
 
 
-@settings(max_examples=15, deadline=None)
 @given(st.integers(0, 10**6), RULES, st.sampled_from([1, 4]), st.sampled_from([0.0, 1.0]))
 def test_any_settings_and_spots(seed, rules, count, halo):
     """With a halo that is wide enough or none, in which case pairs across a border are lost."""

@@ -2,7 +2,7 @@
 
 import central_by_arrays
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.batches import Associations, Measurements, Tracks
@@ -56,7 +56,6 @@ def measured(rng, tracks, place, trouble):
     return made.take(rng.permutation(n) if rng.random() < 0.3 else np.lexsort((time, ids)))
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.integers(0, 15), st.integers(0, 10**6), st.sampled_from([0.0, 0.03, 0.2]))
 def test_it_is_what_copying_says(vessels, seed, trouble):
     method, rng = CentralImm(), np.random.default_rng([seed, 61])

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from fused_by_arrays import Filtered, average, convex, intersection
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.batches import Associations, Measurements, Tracks
@@ -60,7 +60,6 @@ def same(fused, wanted):
     np.testing.assert_array_equal(fused.covariance, fused.covariance.swapaxes(1, 2))
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.integers(1, 40), st.integers(0, 10**6), st.sampled_from([0.0, 0.4]))
 def test_convex(count, seed, registration):
     tracks, vessel = world(count, seed, alike=True)
@@ -87,7 +86,6 @@ def test_convex_refuses_a_singular_sum(of_vessel):
         stepped(Convex(), nothing, np.zeros(of_vessel, np.int64))
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.integers(1, 40), st.integers(0, 10**6), st.integers(4, 16))
 def test_intersection(count, seed, steps):
     """Beyond 20 steps determinants differ by less than their rounding, and weights by what is decided by it: 1e-6."""
@@ -95,7 +93,6 @@ def test_intersection(count, seed, steps):
     same(stepped(CovarianceIntersection(steps=steps), tracks, vessel), intersection(tracks, tracks.covariance, vessel, steps))
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.integers(1, 40), st.integers(0, 10**6), st.sampled_from([None, (0.2, 0.8), (0.0, 1.0)]))
 def test_average(count, seed, shares):
     tracks, vessel = world(count, seed, alike=True)
@@ -106,7 +103,6 @@ def test_average(count, seed, shares):
     same(fused, average(tracks, tracks.known_covariance(SIGMA_M_S), vessel, KINDS, shares))
 
 
-@settings(max_examples=20, deadline=None)
 @given(st.integers(1, 20), st.integers(0, 10**6))
 def test_filters_of_tracks(count, seed):
     """Vessels swap and lose tracks from cycle to cycle."""

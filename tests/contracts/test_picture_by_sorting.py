@@ -3,7 +3,7 @@
 import numpy as np
 import picture_by_sorting
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.batches import AisAlarms, Associations, FusedTracks, Radars, Sensors, Sonars, Stations, Tracks
@@ -100,7 +100,6 @@ def same(got, wanted, said):
         )
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 30), st.integers(0, 10**6), st.sampled_from([0.02, 0.1, 0.3]), st.sampled_from([SHORT, PATIENT]))
 def test_it_is_what_sorting_says(vessels, seed, trouble, method):
     sea, where = Sea(vessels, seed, trouble), sensors(seed)

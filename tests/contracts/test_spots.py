@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.batches import Tracks
@@ -35,7 +35,6 @@ def tracks(seed, n, spread_m=20e3, origin=(58.0, 179.9)):
     )
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.integers(0, 10**6), st.integers(1, 120), st.integers(1, 30), st.floats(0.0, 8000.0))
 def test_every_pair_within_reach_is_in_the_spot_of_either(seed, n, count, halo_m):
     t = tracks(seed, n)

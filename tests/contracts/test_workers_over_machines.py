@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from test_associations import crowd
 
@@ -84,7 +84,6 @@ def in_order(parts):
     return row[order].tobytes(), value[order].tobytes()
 
 
-@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10**6), st.integers(1, 3))
 def test_holders_of_windows_give_what_the_coordinator_would(seed, hands):
     sea, rng = Sea(seed), np.random.default_rng([seed, 1])
@@ -157,7 +156,6 @@ def test_the_association_is_the_same_where_windows_are_held():
     assert 0.0 < np.mean(spread.given[9:]) < 0.3
 
 
-@settings(deadline=None)
 @given(st.integers(0, 10**6), st.integers(0, 30), st.sampled_from([np.float64, np.int32, np.int8, np.bool_]))
 def test_cut_rows(seed, count, dtype):
     rng = np.random.default_rng([seed, 0])
@@ -172,7 +170,6 @@ def test_cut_rows(seed, count, dtype):
     assert (place >= 0).sum() == len(ranks)
 
 
-@settings(deadline=None)
 @given(st.integers(0, 10**6), st.integers(1, 60), st.integers(1, 5))
 def test_groups_change_hands_only_when_loads_are_uneven(seed, count, hands):
     rng = np.random.default_rng([seed, 0])

@@ -134,7 +134,7 @@ def test_own_ship_is_dropped_where_asked(tmp_path: Path) -> None:
     assert faults["set aside: own ship"].count == 2
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 70), st.binary(min_size=0, max_size=3)), max_size=20))
 def test_no_damage_to_lines_stops_the_feed(tmp_path: Path, damage: list[tuple[int, int, bytes]]) -> None:
     five = wire({"msg_type": 5, "mmsi": 257000001, "shipname": "NORD"})

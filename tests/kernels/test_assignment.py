@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
@@ -23,7 +23,6 @@ def pairs(seed: int, integer: bool):
     return rng.permutation(1000)[:rows][first] - 500, rng.permutation(1000)[:columns][second] + 10**12, gain
 
 
-@settings(max_examples=300, deadline=None)
 @given(st.integers(0, 10**9), st.booleans())
 def test_as_good_as_dense_and_one_to_one(seed, integer):
     first, second, gain = pairs(seed, integer)
@@ -39,7 +38,6 @@ def test_as_good_as_dense_and_one_to_one(seed, integer):
     assert gain[taken].sum() == pytest.approx(best, abs=ROUNDING)
 
 
-@settings(max_examples=200, deadline=None)
 @given(st.integers(0, 10**9), st.booleans())
 def test_order_of_pairs_is_of_no_matter(seed, integer):
     first, second, gain = pairs(seed, integer)
@@ -48,7 +46,6 @@ def test_order_of_pairs_is_of_no_matter(seed, integer):
     assert np.array_equal(assign(first[order], second[order], gain[order]), taken[order])
 
 
-@settings(max_examples=100, deadline=None)
 @given(st.integers(0, 10**9), st.booleans())
 def test_components_do_not_see_each_other(seed, integer):
     one, other = pairs(seed, integer), pairs(seed + 1, integer)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.geodesy import earth_centred
@@ -52,7 +52,6 @@ def brute_force(position, source, gate_m):
     return list(zip(*(x.tolist() for x in np.nonzero((gap <= gate_m) & (source[:, None] < source[None]))), strict=True))
 
 
-@settings(max_examples=40, deadline=None)
 @given(st.integers(0, 10**6), st.integers(0, 60), st.sampled_from([5.0, 400.0, 1000.0, 60_000.0, 3e6, 1e7]))
 def test_every_pair_within_the_gate_is_found(seed, n, gate_m):
     position, source = points(seed, n, gate_m)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
@@ -30,7 +30,6 @@ def window(seed: int, length: int, missing: int) -> tuple[np.ndarray, np.ndarray
 
 
 @given(seed=st.integers(0, 10_000), length=st.integers(1, 12), missing=st.integers(0, 12))
-@settings(deadline=None, max_examples=40)
 def test_unknown_vessel_is_the_dense_gaussian_mixture(seed: int, length: int, missing: int) -> None:
     missing = min(missing, length)
     time, bearing = window(seed, length, missing)
@@ -122,7 +121,6 @@ def sighting(seed: int, length: int, missing: int) -> dict[str, np.ndarray]:
 
 
 @given(seed=st.integers(0, 10_000), length=st.integers(1, 12), missing=st.integers(0, 11))
-@settings(deadline=None, max_examples=40)
 def test_known_vessel_is_the_dense_gaussian(seed: int, length: int, missing: int) -> None:
     s = sighting(seed, length, min(missing, length - 1))
     bias, bias_sigma, noise, memory = 0.004, 0.01, 0.02, 20.0

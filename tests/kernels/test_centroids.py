@@ -3,7 +3,7 @@
 from itertools import pairwise
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.geodesy import earth_centred, from_plane
@@ -48,7 +48,6 @@ def rule_of_the_halo(d2, centre, spot, reach_m):
     return np.nonzero(within.T)
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10**6), st.integers(1, 150), st.integers(1, 40), st.floats(0.0, 8000.0))
 def test_nearest_centroid_and_halo_from_any_guess(seed, n, count, halo_m):
     position = water(seed, n)
@@ -63,7 +62,6 @@ def test_nearest_centroid_and_halo_from_any_guess(seed, n, count, halo_m):
     np.testing.assert_array_equal((halo_spot[by], halo_row[by]), (want_spot, want_row))
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.integers(0, 10**6), st.integers(1, 150), st.integers(1, 40))
 def test_means_are_those_of_the_nearest_points_whatever_the_guess(seed, n, count):
     position = water(seed, n)
@@ -100,7 +98,6 @@ def test_earth_centred_rows_are_those_of_the_ellipsoid():
     assert centred_rows(position, np.zeros(0, np.int64)).shape == (3, 0)
 
 
-@settings(max_examples=40, deadline=None)
 @given(st.integers(0, 10**6), st.integers(0, 300), st.integers(1, 30), st.integers(1, 3))
 def test_groups(seed, n, count, workers):
     rng = np.random.default_rng([seed, 0])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.geodesy import offset_deg, within_any
@@ -22,7 +22,6 @@ def places(site, reach, rng, count):
     return np.column_stack([np.clip(at[:, 0], -89.99, 89.99), at[:, 1]])
 
 
-@settings(max_examples=25, deadline=None)
 @given(st.integers(1, 12), st.integers(0, 10**6), st.sampled_from([300.0, 8e3, 60e3, 400e3]))
 def test_cells_say_what_every_site_says(sites, seed, reach_m):
     rng = np.random.default_rng([seed, 51])

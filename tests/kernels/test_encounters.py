@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.kernels.geometry.encounters import FROM, TO, closest, encounters, slot_entries
@@ -30,7 +30,6 @@ def sailing(seed: int, vessels: int) -> tuple[np.ndarray, np.ndarray]:
     return np.array(pieces).reshape(-1, 8), np.array(vessel, np.int64)
 
 
-@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10**6), st.integers(0, 25), st.sampled_from([5.0, 20.0, 400.0]), st.sampled_from([50.0, 500.0]))
 def test_encounters_are_all_that_there_are(seed: int, vessels: int, slot: float, within: float) -> None:
     pieces, vessel = sailing(seed, vessels)
@@ -77,7 +76,6 @@ def test_more_encounters_than_room_are_counted() -> None:
     assert counts[0] == counts[1] > 3
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 20), st.integers(0, 5)), max_size=60), st.sampled_from([1, 10**9]))
 def test_the_newest_row_of_each_number(rows: list[tuple[int, int]], apart: int) -> None:
     rows = [(number * apart, when) for number, when in rows]

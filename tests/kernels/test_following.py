@@ -1,7 +1,7 @@
 """Rows of one cycle found in the last, ids among others, and rows in groups, against dictionaries and numpy."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.kernels.tables.grouping import grouped, preferred
@@ -18,7 +18,6 @@ def check(before, now):
     assert to.tolist() == [rows.get(k, -1) for k in before]
 
 
-@settings(max_examples=100, deadline=None)
 @given(IDS, IDS, st.randoms(use_true_random=False))
 def test_rows_are_found_in_any_order(kept, more, random):
     before = kept + [k for k in more if k not in kept][::2]
@@ -48,14 +47,12 @@ def test_the_same_arrays_are_followed_once_and_others_anew():
     assert followed(before, now)[0].tolist() == once[0].tolist() == [2, 0, -1]
 
 
-@settings(max_examples=50, deadline=None)
 @given(st.lists(st.integers(0, 30), max_size=60), st.lists(st.integers(0, 30), max_size=20))
 def test_wanted_ids_are_among_others(ids, wanted):
     ids, wanted = np.array(ids, np.int64), np.array(wanted, np.int64)
     np.testing.assert_array_equal(among(ids, wanted), np.isin(ids, wanted))
 
 
-@settings(max_examples=50, deadline=None)
 @given(IDS, IDS, st.integers(-2, 5))
 def test_wanted_ids_stand_where_they_are_guessed_or_elsewhere(ids, more, shift):
     wanted = np.array(list(dict.fromkeys(ids[::3] + more))[:20], np.int64)
@@ -64,7 +61,6 @@ def test_wanted_ids_stand_where_they_are_guessed_or_elsewhere(ids, more, shift):
     assert standing(np.array(ids, np.int64), wanted, guess).tolist() == [rows.get(int(k), -1) for k in wanted]
 
 
-@settings(max_examples=50, deadline=None)
 @given(st.lists(st.integers(0, 9), max_size=60), st.integers(0, 10**6))
 def test_rows_in_groups(group, seed):
     group = np.array(group, np.int64)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
@@ -12,7 +12,6 @@ from coastwatch.kernels.filters.gaussian import gate, squared_distance
 from coastwatch.kernels.geometry.neighbours import near_pairs
 
 
-@settings(max_examples=100, deadline=None)
 @given(st.integers(0, 40), st.integers(0, 40), st.integers(0, 10**6))
 def test_near_pairs_are_all_that_are_near(n, m, seed):
     rng = np.random.default_rng([seed, 5])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch import geodesy
@@ -15,7 +15,6 @@ longitudes = st.floats(-180.0, 180.0)
 shifts = st.floats(-3000.0, 3000.0)
 
 
-@settings(max_examples=200, deadline=None)
 @given(latitudes, longitudes, shifts, shifts)
 def test_difference_is_right_to_a_decimetre_inside_the_gate(lat, lon, east, north):
     here = np.array([lat, lon])
@@ -26,7 +25,6 @@ def test_difference_is_right_to_a_decimetre_inside_the_gate(lat, lon, east, nort
     assert abs(np.linalg.norm(geodesy.difference_m(there, here)) - chord) < INSIDE_GATE_M
 
 
-@settings(max_examples=100, deadline=None)
 @given(latitudes, longitudes, shifts, shifts)
 def test_offset_undoes_difference(lat, lon, east, north):
     here = np.array([lat, lon])
@@ -35,7 +33,6 @@ def test_offset_undoes_difference(lat, lon, east, north):
     np.testing.assert_allclose(back, metres, atol=1e-4)
 
 
-@settings(max_examples=100, deadline=None)
 @given(latitudes, longitudes, st.floats(-9e4, 9e4), st.floats(-9e4, 9e4))
 def test_plane_and_back(lat, lon, east, north):
     origin = np.array([lat, lon])

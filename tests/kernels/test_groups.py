@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.kernels.association.connected_components import joined, joined_without_sharing, numbered, told_of
@@ -18,7 +18,6 @@ def pairs(seed, count):
     return rng.integers(0, ROWS, (2, count))
 
 
-@settings(max_examples=100, deadline=None)
 @given(st.integers(0, 10**6), st.integers(0, 40))
 def test_order_and_numbers(seed, count):
     first, second = pairs(seed, count)
@@ -29,7 +28,6 @@ def test_order_and_numbers(seed, count):
     assert np.array_equal(number, inverse)
 
 
-@settings(max_examples=100, deadline=None)
 @given(st.integers(0, 10**6), st.integers(0, 20))
 def test_alone(seed, count):
     first, second = pairs(seed, count)
@@ -58,7 +56,6 @@ def grouped(first, second, members):
     return group, stands
 
 
-@settings(max_examples=200, deadline=None)
 @given(st.integers(0, 10**6), st.integers(0, 14))
 def test_groups(seed, count):
     first, second = pairs(seed, count)

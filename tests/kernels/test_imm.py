@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from filterpy.kalman import IMMEstimator, KalmanFilter
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.kernels.filters.imm import FLOOR, imm_estimate, imm_predict, imm_update, one_model
@@ -38,7 +38,6 @@ def close(got, want, tolerance=ROUNDING):
     np.testing.assert_allclose(got, want, rtol=0.0, atol=tolerance * size)
 
 
-@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 5), st.integers(1, 4), st.integers(0, 10**6))
 def test_predict_is_the_textbook(n, j, seed):
     x, p, mode, models = bank(n, j, seed)
@@ -53,7 +52,6 @@ def test_predict_is_the_textbook(n, j, seed):
         close(modes[row], want[2])
 
 
-@settings(max_examples=50, deadline=None)
 @given(st.integers(0, 5), st.integers(1, 4), st.integers(0, 10**6), st.floats(-2.0, 4.0))
 def test_update_is_the_textbook(n, j, seed, exponent):
     x, p, mode, _ = bank(n, j, seed)
@@ -72,7 +70,6 @@ def test_update_is_the_textbook(n, j, seed, exponent):
         np.testing.assert_allclose(fit[row], want[3], rtol=1e-8)
 
 
-@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 5), st.integers(1, 4), st.integers(0, 10**6))
 def test_estimate_is_the_textbook(n, j, seed):
     x, p, mode, _ = bank(n, j, seed)

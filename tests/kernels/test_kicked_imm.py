@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.kernels.filters.velocity_jumps import WIDTH, absorb, foresee
@@ -79,7 +79,6 @@ def close(got, want, tolerance):
     np.testing.assert_allclose(got, want, rtol=0.0, atol=tolerance * np.abs(want).max(initial=1e-12))
 
 
-@settings(max_examples=20, deadline=None)
 @given(st.integers(0, 4), st.integers(1, 4), st.integers(0, 3), st.integers(0, 10**6))
 def test_it_is_the_textbook(n, j, count, seed):
     x, p, mode, models, kicks = bank(n, j, seed)
@@ -104,7 +103,6 @@ def test_it_is_the_textbook(n, j, count, seed):
         close(spread[row], want[1], SIMILAR)
 
 
-@settings(max_examples=20, deadline=None)
 @given(st.integers(1, 4), st.integers(0, 10**6), st.floats(0.0, 8.0))
 def test_a_late_measurement_is_brought_forward_by_the_velocity(j, seed, late_s):
     x, p, mode, models, kicks = bank(1, j, seed)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -38,7 +38,6 @@ def turned(one: np.ndarray, two: np.ndarray, whole: float) -> np.ndarray:
         lambda n: st.tuples(arrays(float, (n, 2), elements=numbers), arrays(float, (n, 4, 4), elements=numbers))
     )
 )
-@settings(deadline=None)
 def test_rows_are_those_of_numpy(given_rows: tuple[np.ndarray, np.ndarray]) -> None:
     velocity, covariance = given_rows
     moving, upper, known = filled(velocity, covariance)
@@ -83,7 +82,6 @@ def test_speed_and_course() -> None:
 
 
 @given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 3), st.integers(0, 2)), max_size=40), st.integers(0, 6))
-@settings(deadline=None)
 def test_vessels_of_the_same_sources_have_the_same_set(rows: list[tuple[int, int, int]], vessels: int) -> None:
     members = np.array(sorted(set(rows)), np.int64).reshape(-1, 3)
     vessel_id, code = np.arange(vessels), np.empty(vessels, np.int64)
@@ -116,7 +114,6 @@ def test_there_is_room_for_as_many_sets_as_there_are() -> None:
     st.dictionaries(st.tuples(st.integers(0, 3), st.integers(0, 2**33)), st.integers(1, 50), max_size=60),
     st.lists(st.tuples(st.integers(0, 3), st.integers(0, 2**33)), max_size=20),
 )
-@settings(deadline=None)
 def test_the_vessel_of_a_track_is_that_of_a_dictionary(
     of_track: dict[tuple[int, int], int], others: list[tuple[int, int]]
 ) -> None:

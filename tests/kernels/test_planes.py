@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.kernels.geometry.curve import SIDE, _along, curve_order, extent
@@ -23,7 +23,6 @@ def there_and_back(
     return out, q, s, kind
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 600), st.integers(0, 50), st.booleans(), st.integers(0, 10**6))
 def test_words_come_back(rows: int, known: int, based: bool, seed: int) -> None:
     rng = np.random.default_rng([seed, 51])

@@ -6,7 +6,7 @@ from itertools import combinations, permutations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
@@ -33,7 +33,6 @@ def by_all_assignments(x, y, cutoff, order):
     return best ** (1.0 / order)
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     st.integers(0, 4), st.integers(0, 4), st.integers(0, 10**6), st.sampled_from([5.0, 15.0, 60.0]), st.sampled_from([1.0, 2.0])
 )
@@ -60,7 +59,6 @@ def test_gospa_of_many():
     assert got.localisation <= 6000.0 + TIGHT
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 5), st.integers(0, 5), st.integers(0, 10**6), st.sampled_from([1.0, 2.0]))
 def test_ospa_is_the_least_over_all_assignments(n, v, seed, order):
     x, y = points(n, seed), points(v, seed + 1)

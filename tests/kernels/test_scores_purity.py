@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scores_world import ints
 
@@ -79,7 +79,6 @@ def test_nothing():
 rows = st.lists(st.tuples(st.integers(0, 5), st.integers(-1, 3)), max_size=6, unique_by=lambda r: r[0])
 
 
-@settings(max_examples=200, deadline=None)
 @given(st.lists(rows, max_size=8))
 def test_as_one_by_one(cycles):
     got, want = over(cycles), slowly(cycles)

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.kernels.filters.imm import imm_estimate
@@ -54,7 +54,6 @@ def plots(x, seed):
     return x.mean(axis=1)[:, :2] + 30.0 * rng.normal(size=(len(x), 2)), a @ a.swapaxes(-1, -2)
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.integers(0, 4), st.integers(1, 7), st.integers(0, 10**6))
 def test_predict_is_the_textbook(n, j, seed):
     x, p, mode, renewal, models = bank(n, j, seed)
@@ -68,7 +67,6 @@ def test_predict_is_the_textbook(n, j, seed):
     assert np.array_equal(ps, ps.swapaxes(-1, -2))
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.integers(0, 4), st.integers(1, 7), st.integers(0, 10**6))
 def test_update_is_the_textbook_by_place_and_by_place_and_velocity(n, j, seed):
     x, p, mode, _, _ = bank(n, j, seed)
@@ -86,7 +84,6 @@ def test_update_is_the_textbook_by_place_and_by_place_and_velocity(n, j, seed):
         np.testing.assert_allclose(fit[row], want[3], rtol=1e-8)
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.integers(0, 5), st.integers(1, 7), st.integers(0, 10**6))
 def test_one_pass_is_its_steps(n, j, seed):
     """Late plots too: what is older than its row is brought forward by the velocity."""

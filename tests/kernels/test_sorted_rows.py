@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.kernels.tables.sorted_rows import differences, is_sorted, merge
@@ -16,7 +16,6 @@ def table(rows: set[tuple[int, ...]]) -> np.ndarray:
 
 
 @given(tables, tables)
-@settings(deadline=None)
 def test_differences_are_those_of_sets(before: set[tuple[int, ...]], now: set[tuple[int, ...]]) -> None:
     gone, come = np.zeros(len(before), np.bool_), np.zeros(len(now), np.bool_)
     differences(table(before), table(now), gone, come)
@@ -25,7 +24,6 @@ def test_differences_are_those_of_sets(before: set[tuple[int, ...]], now: set[tu
 
 
 @given(tables, tables)
-@settings(deadline=None)
 def test_merged_rows_are_sorted(one: set[tuple[int, ...]], two: set[tuple[int, ...]]) -> None:
     out = np.empty((len(one) + len(two), 3), np.int64)
     merge(table(one), table(two), out)
@@ -34,6 +32,5 @@ def test_merged_rows_are_sorted(one: set[tuple[int, ...]], two: set[tuple[int, .
 
 
 @given(st.lists(st.tuples(st.integers(0, 2), st.integers(0, 2)), max_size=8))
-@settings(deadline=None)
 def test_what_is_sorted(rows: list[tuple[int, int]]) -> None:
     assert is_sorted(np.array(rows, np.int64).reshape(-1, 2)) == (sorted(set(rows)) == rows)

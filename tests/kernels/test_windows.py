@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
@@ -88,7 +88,6 @@ def score_by_hand(delta, variance, phi, registration, density, prior, floor, cap
     return total
 
 
-@settings(max_examples=50, deadline=None)
 @given(st.integers(0, 2**31), st.integers(1, 8), st.integers(1, 12), st.integers(1, 2 * LANES + 1))
 def test_scores_equal_the_long_way(seed, n, window, pairs):
     position, velocity, variance, length = tracks(seed, n, window)
@@ -118,7 +117,6 @@ def test_scores_equal_the_long_way(seed, n, window, pairs):
         assert (above[got <= threshold] <= threshold).all()
 
 
-@settings(max_examples=50, deadline=None)
 @given(st.integers(0, 2**31), st.integers(5, 12))
 def test_sample_statistic_is_eq_7(seed, p):
     position, velocity, variance, _ = tracks(seed, 4, p + 2)

@@ -28,8 +28,6 @@ NAMES = (
 PLACES = np.array([[-22.9, -43.2], [0.0, 180.0], [70.0, -180.0], [84.0, 10.0], [-0.001, 0.0]])
 """The antimeridian, the equator and the far north are among them."""
 
-ANYTHING = {"suppress_health_check": list(HealthCheck), "deadline": None, "max_examples": 60}
-
 
 def pictures(seed: int, cycles: int, vessels: int, wild: float, period_s: float) -> list[Picture]:
     """Vessels that come, go, turn, jump, stand still and change their flags. Args: wild: how much of that there is, 0 to 1."""
@@ -88,7 +86,7 @@ def found(table: dict[str, np.ndarray], times: np.ndarray, first: int, cycle: in
     st.integers(0, 10**6), st.integers(1, 25), st.integers(0, 12), st.floats(0.0, 1.0),
     st.sampled_from([0.5, 10.0, 200.0]), st.sampled_from([0.0, 7.0, 60.0, 1e6]), st.sampled_from([1.0, 3.0, 60.0]),
 )  # fmt: skip
-@settings(**ANYTHING)
+@settings(suppress_health_check=list(HealthCheck))
 def test_no_vessel_is_ever_further_off_than_the_bound(
     seed: int, cycles: int, vessels: int, wild: float, error_m: float, max_s: float, period_s: float
 ) -> None:
