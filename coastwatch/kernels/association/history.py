@@ -1,11 +1,9 @@
-"""Arrays that are kept for some cycles, one a cycle, reached from compiled code by their addresses.
-
-A tuple of arrays would do as well, but numba compiles it anew for every length of the window.
-"""
+"""`History`: what many ids were at the newest W cycles, in one array that each cycle writes one column of."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,16 +14,108 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from coastwatch.kernels.jit import jit
+from coastwatch.kernels.tables.match_ids import followed
 
+Array = NDArray[Any]
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Rows = NDArray[np.int32]
+
+MARGIN = 8  # one slot in so many more than needed, so that few cycles have to make the array larger
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """Values of ids at the newest W cycles. An id keeps its slot, a row of `values`, for as long as it is there.
+
+    The value of a slot `age` cycles ago stands in column `(cycle - age) % W`. It counts only for `age < length[slot]`.
+    What a value is, the caller says: a record with named fields, or C numbers.
+
+    `advanced` writes into the arrays of the history that it is called on. Use only the history that it returns.
+    """
+
+    values: Array  # (S, W) records or (S, W, C) numbers
+    ids: Ints  # (L,) the ids that have a slot
+    slot: Rows  # (L,) of each id
+    absent: Rows  # (L,) cycles since the id was there
+    free: Rows  # (F,) slots without an id
+    length: Rows  # (S,) cycles since the first value of the slot, that one counted, at most W
+    cycle: int  # number of the newest cycle; -1 before the first
+
+    @staticmethod
+    def empty(window: int, dtype: Any = np.float64, columns: tuple[int, ...] = ()) -> History:
+        """No id yet. Args: window: W; dtype: of a value, records for named fields; columns: () or (C,)."""
+        none = np.zeros(0, np.int32)
+        return History(np.zeros((0, window, *columns), dtype), np.zeros(0, np.int64), none, none, none, none, -1)
+
+    @property
+    def window(self) -> int:
+        """W."""
+        return int(self.values.shape[1])
+
+    @property
+    def column(self) -> int:
+        """Where the values of the newest cycle stand."""
+        return self.cycle % self.window
+
+    def advanced(self, ids: Ints, order: Ints | Rows | None = None, patience: int = 0) -> tuple[History, Rows]:
+        """The history one cycle later, and the slot of each id. The caller writes `history.values[slot, history.column]`.
+
+        Args:
+            ids: (N,) that are there now, each once.
+            order: (N,) rows of ids in the order in which new ones take slots, for neighbours to lie together; as they come if None.
+            patience: cycles that an id may be absent and keeps its slot, at most W - 1. Its values are NaN meanwhile.
+        Returns: the history, (N,) slots.
+        """
+        at, to = followed(self.ids, ids)
+        new = np.flatnonzero(at < 0) if order is None else order[at[order] < 0]
+        waits = (to < 0) & (self.absent < patience)
+        history = self._with_free_slots(self.slot[(to < 0) & ~waits], len(new))
+        slot = np.full(len(ids), -1, np.int32)
+        known = at >= 0
+        slot[known] = self.slot[at[known]]
+        left = len(history.free) - len(new)
+        slot[new] = history.free[left:]
+        waiting, cycle = self.slot[waits], self.cycle + 1
+        history.length[slot[new]] = 0
+        for rows in (slot, waiting):
+            history.length[rows] = np.minimum(history.length[rows] + 1, self.window)
+        absent, slots = np.zeros(len(slot), np.int32), slot
+        if len(waiting):
+            history.values[waiting, cycle % self.window] = np.nan
+            ids, slots = np.concatenate([ids, self.ids[waits]]), np.concatenate([slot, waiting])
+            absent = np.concatenate([absent, self.absent[waits] + 1])
+        return History(history.values, ids, slots, absent, history.free[:left], history.length, cycle), slot
+
+    def slots_of(self, ids: Ints) -> Rows:
+        """The slot of each of these ids, -1 for one that has none. Args: (M,), each once. Returns: (M,)."""
+        at = followed(self.ids, ids)[0]
+        return np.where(at >= 0, np.append(self.slot, np.int32(-1))[at], -1).astype(np.int32)
+
+    def columns(self, ages: Ints) -> Ints:
+        """Where values of these ages stand. Args: (A,) cycles before the newest, 0 to W - 1. Returns: (A,)."""
+        return (self.cycle - ages) % self.window
+
+    def _with_free_slots(self, left: Rows, count: int) -> History:
+        """The same with the slots that ids have left among the free ones, and at least so many of these."""
+        free, values, length = np.concatenate([self.free, left]), self.values, self.length
+        missing = count - len(free)
+        if missing > 0:
+            before = len(length)
+            more = missing + (before + missing) // MARGIN
+            values = np.concatenate([values, np.zeros((more, *values.shape[1:]), values.dtype)])
+            length = np.concatenate([length, np.zeros(more, np.int32)])
+            free = np.concatenate([np.arange(before, before + more, dtype=np.int32), free])
+        return History(values, self.ids, self.slot, self.absent, free, length, self.cycle)
+
+
+# What follows is read by address, and goes with its last user.
 COLUMNS = 4  # of an entry: latitude and longitude, and in the place of two more the four of RATES
 EAST_RATE, NORTH_RATE, VARIANCE, RATE_VARIANCE = RATES = range(4, 8)
 """Of an entry as eight float32: velocity east, north, variance of position, of velocity. A window is read more often than anything
 else of a track, and of these seven digits are more than a track knows."""
 ENTRY_BYTES = 8 * COLUMNS
 LINE_BYTES = 64
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 def addresses(ring: Sequence[Floats], columns: int = COLUMNS) -> Ints:
