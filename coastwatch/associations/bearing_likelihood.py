@@ -143,7 +143,7 @@ class BearingLikelihood(Method):
         rows = np.flatnonzero(_mask(soon, len(picture)) | _mask(known.vessel_row, len(picture)))
         variance = 0.5 * (picture.covariance[rows, 0, 0] + picture.covariance[rows, 1, 1])
         variance = np.where(np.isfinite(variance), variance, self.position_unknown_m**2) + self.position_floor_m**2
-        values = np.column_stack([kernels.geometry.earth_centred.centred_rows(picture.position_deg, rows).T, np.sqrt(variance)])
+        values = np.column_stack([kernels.geometry.ellipsoid.ecef_of_rows(picture.position_deg, rows), np.sqrt(variance)])
         values[(time_s - picture.since_s[rows] < self.settle_s) & (variance > self.settled_m**2)] = np.nan
         return path.extended(picture.vessel_id[rows], values, time_s, self.window_s, self.spacing_s, room)
 

@@ -85,7 +85,7 @@ class KMeansSpots(Method):
         rng = np.random.default_rng([self.seed, 0])
         size = min(SAMPLE_A_SPOT * max(count, self.tracks_per_spot), len(position_deg))
         rows = np.sort(rng.choice(len(position_deg), size, replace=False, shuffle=False))
-        points = kernels.geometry.earth_centred.centred_rows(position_deg, rows)
+        points = kernels.geometry.ellipsoid.ecef_of_rows(position_deg, rows).T
         along = np.argsort(points[np.ptp(points, axis=1).argmax()], kind="stable")
         points, rows = np.ascontiguousarray(points[:, along]), rows[along]
         seed, nearest = kernels.geometry.seeding.seeds(points, rng.random(count))
@@ -102,7 +102,5 @@ def _near(position_deg: Floats, rows: Ints, centre: Floats) -> Ints:
 
     cell = np.floor(position_deg[rows] / CELL_DEG).astype(np.int64) @ np.array([1 << 32, 1])
     _, some, of = np.unique(cell, return_index=True, return_inverse=True)
-    nearest = np.asarray(
-        cKDTree(centre).query(kernels.geometry.earth_centred.centred_rows(position_deg, rows[some]).T)[1], np.int64
-    )
+    nearest = np.asarray(cKDTree(centre).query(kernels.geometry.ellipsoid.ecef_of_rows(position_deg, rows[some]))[1], np.int64)
     return nearest[of]

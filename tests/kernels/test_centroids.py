@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from coastwatch.geodesy import earth_centred, from_plane
 from coastwatch.kernels.geometry.centroids import divided, lay, means
-from coastwatch.kernels.geometry.earth_centred import centred_rows
+from coastwatch.kernels.geometry.ellipsoid import ecef_of_rows
 from coastwatch.kernels.geometry.seeding import seeds
 from coastwatch.kernels.tables.sorting import by_key, joined, runs_by_key
 from coastwatch.kernels.threads import threads
@@ -32,7 +32,7 @@ def centroids(seed, position, count):
 
 
 def squared(position, centre):
-    points = centred_rows(position, np.arange(len(position))).T
+    points = ecef_of_rows(position, np.arange(len(position)))
     d = points[:, None] - centre[None]
     return d[..., 0] ** 2 + d[..., 1] ** 2 + d[..., 2] ** 2
 
@@ -86,16 +86,6 @@ def test_threads_and_guesses_change_no_bit():
         answers.append((means(laid, centre).tobytes(), spot.tobytes(), halo_spot.tobytes(), halo_row[by].tobytes()))
     assert answers[0] == answers[1] == answers[2]
     assert len(halo_row) > 5_000
-
-
-def test_earth_centred_rows_are_those_of_the_ellipsoid():
-    rng = np.random.default_rng([7, 0])
-    position = np.column_stack([rng.uniform(-90.0, 90.0, 1000), rng.uniform(-540.0, 540.0, 1000)])
-    edges = [(0, 180), (90, -180), (-90, 0), (45, 135), (45, -135), (-45, 90), (0, -90), (-0.0, 45), (1e-300, 360)]
-    position[: len(edges)] = edges
-    rows = rng.permutation(1000)
-    np.testing.assert_allclose(centred_rows(position, rows).T, earth_centred(position[rows]), rtol=0.0, atol=ROUNDING_M)
-    assert centred_rows(position, np.zeros(0, np.int64)).shape == (3, 0)
 
 
 @given(st.integers(0, 10**6), st.integers(0, 300), st.integers(1, 30), st.integers(1, 3))

@@ -9,7 +9,7 @@ import numpy as np
 from coastwatch.kernels.association.history import fetch
 from coastwatch.kernels.association.prune_pairs import screened
 from coastwatch.kernels.geometry.bands import LONGITUDE_BITS, TURN
-from coastwatch.kernels.geometry.earth_centred import SEMI_MAJOR
+from coastwatch.kernels.geometry.ellipsoid import SEMI_MAJOR
 from coastwatch.kernels.jit import jit
 
 AHEAD = 16  # tracks that are asked for while one is worked on

@@ -9,11 +9,11 @@ who is beside it.
 
 import math
 
+from coastwatch.geodesy import ECCENTRICITY2
 from coastwatch.kernels.association.history import entry
-from coastwatch.kernels.geometry.earth_centred import ECCENTRICITY2, SEMI_MAJOR, sine_cosine
+from coastwatch.kernels.geometry.ellipsoid import DEGREE, SEMI_MAJOR, sine_cosine
 from coastwatch.kernels.jit import jit
 
-DEGREE = math.pi / 180.0
 LANES = 16
 LONGEST = 200  # window that there is room for
 # of a step: differences, summed variances

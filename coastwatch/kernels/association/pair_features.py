@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
+from coastwatch.geodesy import ECCENTRICITY2
 from coastwatch.kernels.association.history import EAST_RATE, ENTRY_BYTES, NORTH_RATE, RATE_VARIANCE, VARIANCE, fetch
-from coastwatch.kernels.geometry.earth_centred import sine_cosine
-from coastwatch.kernels.geometry.tangent import DEGREE, ECCENTRICITY2, SEMI_MAJOR
+from coastwatch.kernels.geometry.ellipsoid import DEGREE, SEMI_MAJOR, sine_cosine
 from coastwatch.kernels.jit import jit
 
 COLUMNS = 16  # of a record; 0 to 9: covariance, lower triangle row by row

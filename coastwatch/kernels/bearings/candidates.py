@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from coastwatch.kernels.geometry.tangent import centred
+from coastwatch.kernels.geometry.ellipsoid import ecef_and_axes
 from coastwatch.kernels.jit import jit
 
 SECTORS = 8
@@ -118,9 +118,9 @@ def inside(low, high, begin, row, position, site, reach, arc_from, arc_width, ou
     out: (P,) written.
     """
     for s in range(low, high):
-        x, y, z, sp, cp, sl, cl = centred(site[s, 0], site[s, 1])
+        x, y, z, sp, cp, sl, cl = ecef_and_axes(site[s, 0], site[s, 1])
         for p in range(begin[s], begin[s + 1]):
-            px, py, pz, _, _, _, _ = centred(position[row[p], 0], position[row[p], 1])
+            px, py, pz, _, _, _, _ = ecef_and_axes(position[row[p], 0], position[row[p], 1])
             dx, dy, dz = px - x, py - y, pz - z
             east, north = cl * dy - sl * dx, cp * dz - sp * (cl * dx + sl * dy)
             out[p] = math.hypot(east, north) <= reach[s]

@@ -32,7 +32,7 @@ from coastwatch.kernels.bearings.windows import (
     looked,
     sifted,
 )
-from coastwatch.kernels.geometry.tangent import centred
+from coastwatch.kernels.geometry.ellipsoid import ecef_and_axes
 from coastwatch.kernels.jit import jit
 from coastwatch.kernels.vectorised_math import angle, logarithm
 
@@ -120,7 +120,7 @@ def _elsewhere(m, first, row, windows, still, x, number_of):  # type: ignore[no-
     for c in range(m):
         if not still[number_of[WANTED, c] - first]:
             i, k = row[number_of[WANTED, c]], windows.time.shape[1] - (number_of[STEP, c] - number_of[FIRST, c])
-            f = centred(windows.site[i, k, 0], windows.site[i, k, 1])
+            f = ecef_and_axes(windows.site[i, k, 0], windows.site[i, k, 1])
             x[FRAME, c], x[FRAME + 1, c], x[FRAME + 2, c], x[FRAME + 3, c] = f[0], f[1], f[2], f[3]
             x[FRAME + 4, c], x[FRAME + 5, c], x[FRAME + 6, c] = f[4], f[5], f[6]
 

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from coastwatch.kernels.association.history import number
 from coastwatch.kernels.bearings.null_hypothesis import LOG_2PI
-from coastwatch.kernels.geometry.earth_centred import sine_cosine
-from coastwatch.kernels.geometry.tangent import centred
+from coastwatch.kernels.geometry.ellipsoid import ecef_and_axes, sine_cosine
 from coastwatch.kernels.jit import jit
 from coastwatch.kernels.vectorised_math import exponential
 
@@ -111,7 +110,7 @@ def looked(first, count, row, windows, null, paths, rule, said, where, still, fr
         still[t] = True
         if steps == 0:
             continue
-        x, y, z, sp, cp, sl, cl = centred(windows.site[i, w - 1, 0], windows.site[i, w - 1, 1])
+        x, y, z, sp, cp, sl, cl = ecef_and_axes(windows.site[i, w - 1, 0], windows.site[i, w - 1, 1])
         frame[t, 0], frame[t, 1], frame[t, 2], frame[t, 3], frame[t, 4], frame[t, 5], frame[t, 6] = x, y, z, sp, cp, sl, cl
         for n in range(steps):
             k = w - 1 - n

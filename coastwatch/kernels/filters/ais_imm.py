@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from coastwatch.kernels.filters.imm import _estimate_rows, _predict_rows, _update_rows
-from coastwatch.kernels.geometry.tangent import from_tangent, to_tangent, turn_to
+from coastwatch.kernels.geometry.ellipsoid import enu_rotation, from_enu, to_enu
 from coastwatch.kernels.jit import jit
 
 BLOCK = 64  # tracks predicted at once: what they need stays in the cache
@@ -96,7 +96,7 @@ def measure(track, report, rules, z, noise, moving):  # type: ignore[no-untyped-
         z[0, 2] = z[0, 3] = 0.0
         noise[0, 2, 2] = noise[0, 3, 3] = rules.sog_variance + 0.5 * speed * speed
         return
-    ee, en, ne, nn = turn_to(report.lat, report.lon, track.anchor_lat, track.anchor_lon)
+    ee, en, ne, nn = enu_rotation(report.lat, report.lon, track.anchor_lat, track.anchor_lon)
     c = ee * math.sin(course) + en * math.cos(course)
     s = ne * math.sin(course) + nn * math.cos(course)
     z[0, 2], z[0, 3] = speed * c, speed * s
@@ -135,12 +135,12 @@ def anchor_near(track, report, rules, z):  # type: ignore[no-untyped-def]
     east, north = mean_of(track, 0), mean_of(track, 1)
     if east * east + north * north < rules.reach * rules.reach:
         return
-    lat, lon = from_tangent(east, north, track.anchor_lat, track.anchor_lon)
+    lat, lon = from_enu(east, north, track.anchor_lat, track.anchor_lon)
     turn = np.eye(5)
-    turn[0, 0], turn[0, 1], turn[1, 0], turn[1, 1] = turn_to(track.anchor_lat, track.anchor_lon, lat, lon)
+    turn[0, 0], turn[0, 1], turn[1, 0], turn[1, 1] = enu_rotation(track.anchor_lat, track.anchor_lon, lat, lon)
     turn[2:4, 2:4] = turn[:2, :2]
     track.anchor_lat, track.anchor_lon = lat, lon
-    z[0, 0], z[0, 1], _ = to_tangent(report.lat, report.lon, lat, lon)
+    z[0, 0], z[0, 1], _ = to_enu(report.lat, report.lon, lat, lon)
     for j in range(rules.models):
         state, covariance = track.state[j].copy(), track.covariance[j].copy()
         state[0] -= east
@@ -203,9 +203,9 @@ def _split(track, dt, rules):  # type: ignore[no-untyped-def]
 @jit
 def _settle(track, mean, spread, position, velocity, covariance):  # type: ignore[no-untyped-def]
     """An estimate in the track's plane as degrees, and east and north at its own place; the last three are written."""
-    lat, lon = from_tangent(mean[0], mean[1], track.anchor_lat, track.anchor_lon)
+    lat, lon = from_enu(mean[0], mean[1], track.anchor_lat, track.anchor_lon)
     position[0], position[1] = lat, lon
-    ee, en, ne, nn = turn_to(track.anchor_lat, track.anchor_lon, lat, lon)
+    ee, en, ne, nn = enu_rotation(track.anchor_lat, track.anchor_lon, lat, lon)
     velocity[0], velocity[1] = ee * mean[2] + en * mean[3], ne * mean[2] + nn * mean[3]
     for a in range(0, 4, 2):
         for b in range(0, 4, 2):

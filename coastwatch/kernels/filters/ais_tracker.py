@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from coastwatch.kernels.filters.ais_imm import anchor_near, mean_of, measure, restart, step_filter
-from coastwatch.kernels.geometry.tangent import SEMI_MAJOR, to_tangent
+from coastwatch.kernels.geometry.ellipsoid import SEMI_MAJOR, to_enu
 from coastwatch.kernels.jit import jit
 
 TAKEN, REPEAT, IMPOSSIBLE, CROWDED = 0, 1, 2, 3
@@ -92,7 +92,7 @@ def _choose(tracks, first, slots, report, rules, z):  # type: ignore[no-untyped-
         if tracks[t].hits == 0:
             break
         dt = report.time - tracks[t].updated
-        east, north, up = to_tangent(report.lat, report.lon, tracks[t].anchor_lat, tracks[t].anchor_lon)
+        east, north, up = to_enu(report.lat, report.lon, tracks[t].anchor_lat, tracks[t].anchor_lon)
         de, dn = east - mean_of(tracks[t], 0), north - mean_of(tracks[t], 1)
         way = rules.max_speed * dt + rules.tolerance
         # The plane folds the far half of the Earth onto the near one.

@@ -12,8 +12,7 @@ import numpy as np
 
 from coastwatch.kernels.filters.velocity_jumps import SIZE
 from coastwatch.kernels.fusion.covariance_intersection import alone
-from coastwatch.kernels.geometry.mid_latitude import difference, offset
-from coastwatch.kernels.geometry.tangent import DEGREE
+from coastwatch.kernels.geometry.ellipsoid import add_enu_offset, enu_offset
 from coastwatch.kernels.jit import jit
 from coastwatch.kernels.tables.grouping import grouped
 
@@ -102,8 +101,7 @@ def continued(low, high, of, before, after):  # type: ignore[no-untyped-def]
 @jit
 def _registration(plot, site, p00, p10, p11, shares):  # type: ignore[no-untyped-def]
     """What is added to the covariance of a plot's place: shares of its variance along and across the beam."""
-    sine, cosine = math.sin(site[0] * DEGREE), math.cos(site[0] * DEGREE)
-    east, north = difference(plot[0], plot[1], site[0], site[1], sine, cosine)
+    east, north = enu_offset(plot[0], plot[1], site[0], site[1])
     far = max(math.sqrt(east * east + north * north), 1.0)
     e, n = east / far, north / far
     along = shares[0] * (e * e * p00 + 2.0 * e * n * p10 + n * n * p11)
@@ -126,10 +124,9 @@ def expressed(low, high, which, start, row, source, kinds, begin, order, given, 
         for k in range(start[which[f]], start[which[f] + 1]):
             ais = ais or kinds[source[row[k]]] == AIS
         lat, lon = anchor[f, 0], anchor[f, 1]
-        sine, cosine = math.sin(lat * DEGREE), math.cos(lat * DEGREE)
         for k in range(begin[f], begin[f + 1]):
             m, c = order[k], covariance[order[k]]
-            z[m, 0], z[m, 1] = difference(position[m, 0], position[m, 1], lat, lon, sine, cosine)
+            z[m, 0], z[m, 1] = enu_offset(position[m, 0], position[m, 1], lat, lon)
             z[m, 2], z[m, 3] = velocity[m, 0], velocity[m, 1]
             z[m, 4], z[m, 5], z[m, 6] = c[0, 0], c[1, 0], c[1, 1]
             z[m, 7], z[m, 8], z[m, 9] = c[2, 2], c[3, 2], c[3, 3]
@@ -147,9 +144,8 @@ def shown(low, high, which, start, row, source, kinds, mean, spread, filters, ou
     """
     anchor, models = filters[0], filters[1]
     for f in range(low, high):
-        v, lat = which[f], anchor[f, 0]
-        sine, cosine = math.sin(lat * DEGREE), math.cos(lat * DEGREE)
-        anchor[f, 0], anchor[f, 1] = offset(lat, anchor[f, 1], sine, cosine, mean[f, 0], mean[f, 1])
+        v = which[f]
+        anchor[f, 0], anchor[f, 1] = add_enu_offset(anchor[f, 0], anchor[f, 1], mean[f, 0], mean[f, 1])
         for j in range(models.shape[1]):
             models[f, j, 0] -= mean[f, 0]
             models[f, j, 1] -= mean[f, 1]

@@ -5,14 +5,11 @@ Scalar code compiled by numba, arguments as in `fusing`; the filter is that of `
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from coastwatch.kernels.filters.imm import SIZE, moments, predict_row, room_to_predict, room_to_update, update_row
 from coastwatch.kernels.fusion.covariance_intersection import alone, ask, known
-from coastwatch.kernels.geometry.mid_latitude import difference, offset
-from coastwatch.kernels.geometry.tangent import DEGREE
+from coastwatch.kernels.geometry.ellipsoid import add_enu_offset, enu_offset
 from coastwatch.kernels.jit import jit
 
 
@@ -41,9 +38,9 @@ def _begin(tracks, n, sigma, turn_variance, state, spread, mode):  # type: ignor
 
 @jit
 def _measure(tracks, n, sigma, inflation, place, z, r):  # type: ignore[no-untyped-def]
-    """A track as a measurement from a place (lat, lon, sine, cosine), its covariance taken `inflation` times, into the last two."""
+    """A track as a measurement from a place (lat, lon), its covariance taken `inflation` times, into the last two."""
     position, velocity = tracks[0], tracks[1]
-    z[0], z[1] = difference(position[n, 0], position[n, 1], place[0], place[1], place[2], place[3])
+    z[0], z[1] = enu_offset(position[n, 0], position[n, 1], place[0], place[1])
     z[2], z[3] = velocity[n, 0], velocity[n, 1]
     a, s = known(tracks, n, sigma), inflation
     _fill((s * a[0], s * a[1], s * a[2], s * a[3], s * a[4], s * a[5], s * a[6], s * a[7], s * a[8], s * a[9]), r)
@@ -74,14 +71,14 @@ def filtered(low, high, start, row, tracks, sigma, was, before, dt, models, turn
         begin, end = start[v], start[v + 1]
         ask(tracks, row, begin, end)
         lat, lon = tracks[0][row[begin], 0], tracks[0][row[begin], 1]
-        place = lat, lon, math.sin(lat * DEGREE), math.cos(lat * DEGREE)
+        place = lat, lon
         anchor[v, 0], anchor[v, 1] = lat, lon
         f = _former(begin, end, row, was)
         if f < 0:
             _begin(tracks, row[begin], sigma, turn_variance, state[v], spread[v], mode[v])
         else:
             predict_row(before[1][f], before[2][f], before[3][f], dt, models, predicting, state[v], spread[v], mode[v])
-            east, north = difference(before[0][f, 0], before[0][f, 1], place[0], place[1], place[2], place[3])
+            east, north = enu_offset(before[0][f, 0], before[0][f, 1], place[0], place[1])
             for m in range(mode.shape[1]):
                 state[v, m, 0] += east
                 state[v, m, 1] += north
@@ -92,7 +89,7 @@ def filtered(low, high, start, row, tracks, sigma, was, before, dt, models, turn
             alone(tracks, row[begin], sigma, out, v)
             continue
         moments(state[v], spread[v], mode[v], mean, total)
-        out[0][v, 0], out[0][v, 1] = offset(lat, lon, place[2], place[3], mean[0], mean[1])
+        out[0][v, 0], out[0][v, 1] = add_enu_offset(lat, lon, mean[0], mean[1])
         out[1][v, 0], out[1][v, 1] = mean[2], mean[3]
         for i in range(4):
             for j in range(4):

@@ -4,9 +4,11 @@ import math
 
 import numpy as np
 
-from coastwatch.kernels.geometry.earth_centred import ECCENTRICITY2, RADIANS, ROWS, SEMI_MAJOR, sine_cosine
+from coastwatch.geodesy import ECCENTRICITY2
+from coastwatch.kernels.geometry.ellipsoid import DEGREE, SEMI_MAJOR, sine_cosine
 from coastwatch.kernels.jit import jit
 
+ROWS = 256  # at a time
 LATITUDE, LONGITUDE, EAST, NORTH = range(4)  # of a row in the scratch: where it is, and how far it goes, m
 
 
@@ -17,10 +19,10 @@ def _moved(x):  # type: ignore[no-untyped-def]
         latitude = x[LATITUDE, i]
         sine, _ = sine_cosine(latitude)
         w2 = 1.0 - ECCENTRICITY2 * sine * sine
-        north = RADIANS * SEMI_MAJOR * (1.0 - ECCENTRICITY2) / (w2 * math.sqrt(w2))
+        north = DEGREE * SEMI_MAJOR * (1.0 - ECCENTRICITY2) / (w2 * math.sqrt(w2))
         x[LATITUDE, i] = latitude + x[NORTH, i] / north
         sine, cosine = sine_cosine(0.5 * (latitude + x[LATITUDE, i]))
-        east = RADIANS * SEMI_MAJOR / math.sqrt(1.0 - ECCENTRICITY2 * sine * sine) * cosine
+        east = DEGREE * SEMI_MAJOR / math.sqrt(1.0 - ECCENTRICITY2 * sine * sine) * cosine
         longitude = x[LONGITUDE, i] + x[EAST, i] / east
         x[LONGITUDE, i] = longitude - (360.0 if longitude > 180.0 else -360.0 if longitude <= -180.0 else 0.0)
 

@@ -8,16 +8,16 @@ import math
 
 import numpy as np
 
+from coastwatch.geodesy import ECCENTRICITY2
 from coastwatch.kernels.filters.symmetric4 import columns, determinant, dot, factor, forward, less, put, squared, towards
 from coastwatch.kernels.fusion.covariance_intersection import AHEAD, alone, ask, precise_first, read
-from coastwatch.kernels.geometry.earth_centred import ECCENTRICITY2, RADIANS, SEMI_MAJOR, sine_cosine
-from coastwatch.kernels.geometry.mid_latitude import wrapped
+from coastwatch.kernels.geometry.ellipsoid import DEGREE, SEMI_MAJOR, sine_cosine, wrap_degrees
 from coastwatch.kernels.jit import jit
 from coastwatch.kernels.prefetch import fetch
 from coastwatch.kernels.tables.grouping import longest
 
 LANES = 16
-DEGREES_A_METRE = 1.0 / (SEMI_MAJOR * RADIANS)  # at the equator
+DEGREES_A_METRE = 1.0 / (SEMI_MAJOR * DEGREE)  # at the equator
 LATITUDE, LONGITUDE, EAST_RATE, NORTH_RATE, COVARIANCE = range(5)  # of an estimate: degrees, m/s, the lower triangle by rows
 SECOND = 14  # rows of an estimate: what is combined so far stands first, the track that comes to it second
 EAST, NORTH, SCALE, LATER, SINGULAR, LANE_ROWS = range(
@@ -77,15 +77,15 @@ def _in_order(lane):  # type: ignore[no-untyped-def]
 
 @jit
 def _apart(lane):  # type: ignore[no-untyped-def]
-    """East and north metres from the first to the second, as `mid_latitude.difference`."""
+    """East and north metres from the first to the second, as `ellipsoid.enu_offset`."""
     for k in range(LANES):
         latitude, further = lane[LATITUDE, k], lane[SECOND + LATITUDE, k] - lane[LATITUDE, k]
         sine, cosine = sine_cosine(latitude + 0.5 * further)
         w2 = 1.0 - ECCENTRICITY2 * sine * sine
-        parallel = SEMI_MAJOR * RADIANS / math.sqrt(w2)
+        parallel = SEMI_MAJOR * DEGREE / math.sqrt(w2)
         lane[SCALE, k] = parallel * (1.0 - ECCENTRICITY2) / w2
         lane[NORTH, k] = further * lane[SCALE, k]
-        lane[EAST, k] = wrapped(lane[SECOND + LONGITUDE, k] - lane[LONGITUDE, k]) * (parallel * cosine)
+        lane[EAST, k] = wrap_degrees(lane[SECOND + LONGITUDE, k] - lane[LONGITUDE, k]) * (parallel * cosine)
 
 
 @jit
@@ -110,7 +110,7 @@ def _weighed(lane):  # type: ignore[no-untyped-def]
 
 @jit
 def _moved(lane):  # type: ignore[no-untyped-def]
-    """The first by its metres, as `mid_latitude.offset`: two rounds find the latitude to rounding up to 100 km."""
+    """The first by its metres, as `ellipsoid.add_enu_offset`: two rounds find the latitude to rounding up to 100 km."""
     for k in range(LANES):
         latitude, north = lane[LATITUDE, k], lane[NORTH, k]
         further = north / lane[SCALE, k]
@@ -121,7 +121,7 @@ def _moved(lane):  # type: ignore[no-untyped-def]
         sine, cosine = sine_cosine(latitude + 0.5 * further)
         east = lane[EAST, k] * math.sqrt(1.0 - ECCENTRICITY2 * sine * sine) * DEGREES_A_METRE / cosine
         lane[LATITUDE, k] = latitude + further
-        lane[LONGITUDE, k] = wrapped(lane[LONGITUDE, k] + east)
+        lane[LONGITUDE, k] = wrap_degrees(lane[LONGITUDE, k] + east)
 
 
 @jit

@@ -24,8 +24,7 @@ from coastwatch.kernels.filters.symmetric4 import (
     times,
     towards,
 )
-from coastwatch.kernels.geometry.mid_latitude import difference, farther, offset
-from coastwatch.kernels.geometry.tangent import DEGREE
+from coastwatch.kernels.geometry.ellipsoid import add_enu_offset, enu_offset
 from coastwatch.kernels.jit import jit
 from coastwatch.kernels.prefetch import fetch
 
@@ -115,23 +114,10 @@ def precise_first(tracks, sigma, doubt, row, begin, end, order, size):  # type: 
 
 @jit
 def _moved(tracks, n, place, speed):  # type: ignore[no-untyped-def]
-    """A track less a place (lat, lon, sine, cosine) and a speed: east, north, east rate, north rate."""
+    """A track less a place (lat, lon) and a speed: east, north, east rate, north rate."""
     position, velocity = tracks[0], tracks[1]
-    east, north = difference(position[n, 0], position[n, 1], place[0], place[1], place[2], place[3])
+    east, north = enu_offset(position[n, 0], position[n, 1], place[0], place[1])
     return east, north, velocity[n, 0] - speed[0], velocity[n, 1] - speed[1]
-
-
-@jit
-def _at(lat, lon):  # type: ignore[no-untyped-def]
-    """A place with sine and cosine of its latitude."""
-    return lat, lon, math.sin(lat * DEGREE), math.cos(lat * DEGREE)
-
-
-@jit
-def _onward(place, mean):  # type: ignore[no-untyped-def]
-    """The place that lies so far from another."""
-    lat, lon = offset(place[0], place[1], place[2], place[3], mean[0], mean[1])
-    return lat, lon, *farther(place[0], place[2], place[3], lat - place[0])
 
 
 @jit
@@ -203,10 +189,10 @@ def _intersection(low, high, which, start, row, tracks, sigma, steps, order, siz
             continue
         precise_first(tracks, sigma, doubt, row, begin, end, order, size)
         n = order[0]
-        place, speed = _at(tracks[0][n, 0], tracks[0][n, 1]), (tracks[1][n, 0], tracks[1][n, 1])
+        place, speed = (tracks[0][n, 0], tracks[0][n, 1]), (tracks[1][n, 0], tracks[1][n, 1])
         covariance = known(tracks, n, sigma)
         for k in range(1, end - begin):
             n = order[k]
             mean, covariance = _intersected(covariance, known(tracks, n, sigma), _moved(tracks, n, place, speed), steps)
-            place, speed = _onward(place, mean), (speed[0] + mean[2], speed[1] + mean[3])
+            place, speed = add_enu_offset(place[0], place[1], mean[0], mean[1]), (speed[0] + mean[2], speed[1] + mean[3])
         _write(place, speed, covariance, out, which[v])

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from coastwatch.kernels.filters.symmetric4 import put, towards
 from coastwatch.kernels.fusion.covariance_intersection import alone, ask, known
-from coastwatch.kernels.geometry.mid_latitude import difference, offset
-from coastwatch.kernels.geometry.tangent import DEGREE
+from coastwatch.kernels.geometry.ellipsoid import add_enu_offset, enu_offset
 from coastwatch.kernels.jit import jit
 from coastwatch.kernels.tables.grouping import longest
 
@@ -59,15 +56,14 @@ def _average(low, high, start, row, tracks, sigma, source, share, kind, weight, 
             continue
         _weights(begin, end, row, tracks, sigma, source, share, kind, weight)
         lat, lon = position[first, 0], position[first, 1]
-        sine, cosine = math.sin(lat * DEGREE), math.cos(lat * DEGREE)
         east = north = east_rate = north_rate = 0.0
         covariance = NONE
         for k in range(end - begin):
             n, w = row[begin + k], weight[k]
-            to_east, to_north = difference(position[n, 0], position[n, 1], lat, lon, sine, cosine)
+            to_east, to_north = enu_offset(position[n, 0], position[n, 1], lat, lon)
             east, north = east + w * to_east, north + w * to_north
             east_rate, north_rate = east_rate + w * velocity[n, 0], north_rate + w * velocity[n, 1]
             covariance = towards(covariance, known(tracks, n, sigma), w * w)
-        out[0][v, 0], out[0][v, 1] = offset(lat, lon, sine, cosine, east, north)
+        out[0][v, 0], out[0][v, 1] = add_enu_offset(lat, lon, east, north)
         out[1][v, 0], out[1][v, 1] = east_rate, north_rate
         put(covariance, out[2], v)

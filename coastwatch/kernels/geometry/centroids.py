@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from coastwatch.kernels.geometry.earth_centred import centred_rows
+from coastwatch.kernels.geometry.ellipsoid import ecef_of_rows
 from coastwatch.kernels.jit import jit
 from coastwatch.kernels.tables.sorting import by_key, runs_by_key
 from coastwatch.kernels.threads import in_blocks
@@ -67,7 +67,7 @@ def _boxes(low, high, points, start, out):  # type: ignore[no-untyped-def]
 def lay(position: Floats, guess: Ints, count: int) -> Laid:
     """The points in groups by their guess. Args: position: (N, 2) latitude, longitude; guess: (N,) from 0 to count - 1."""
     row, start = by_key(guess, count)
-    return _laid(row, start, centred_rows(position, row))
+    return _laid(row, start, np.ascontiguousarray(ecef_of_rows(position, row).T))
 
 
 def _laid(row: Ints, start: Ints, points: Floats) -> Laid:
@@ -209,7 +209,7 @@ def _longer(values, least):  # type: ignore[no-untyped-def]
     if least <= len(values):
         return values
     out = np.empty(2 * least, np.int64)
-    for k in range(len(values)):  # see `earth_centred._laid`
+    for k in range(len(values)):  # an array assigned whole compiles for 5 s
         out[k] = values[k]
     return out
 

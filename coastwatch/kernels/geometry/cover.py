@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import math
 
-from coastwatch.kernels.geometry.tangent import DEGREE, SEMI_MAJOR, centred
+from coastwatch.kernels.geometry.ellipsoid import DEGREE, SEMI_MAJOR, SHORTEST_RADIUS, ecef_and_axes
 from coastwatch.kernels.jit import jit
 from coastwatch.kernels.prefetch import fetch
 
 CELLS = 10  # a degree
 ROWS, COLUMNS = 180 * CELLS, 360 * CELLS
 RADIUS = 1.001 * SEMI_MAJOR * DEGREE * math.sqrt(0.5) / CELLS  # of a cell about its centre, no cell is wider
-SHORTEST = 6_330_000.0  # a radius of curvature less than any
 WITHIN = -1  # of a cell: all of it is in range
 
 
@@ -23,7 +22,7 @@ WITHIN = -1  # of a cell: all of it is in range
 def framed(site, reach, out):  # type: ignore[no-untyped-def]
     """Sites (R, 2) in degrees and their ranges as `in_range` takes them, into `out` (R, 9)."""
     for k in range(len(site)):
-        x, y, z, sp, cp, sl, cl = centred(site[k, 0], site[k, 1])
+        x, y, z, sp, cp, sl, cl = ecef_and_axes(site[k, 0], site[k, 1])
         out[k, 0], out[k, 1], out[k, 2] = x, y, z
         out[k, 3], out[k, 4], out[k, 5], out[k, 6] = sp, cp, sl, cl
         out[k, 7], out[k, 8] = site[k, 0], reach[k]
@@ -44,7 +43,7 @@ def ask(lat, lon, head):  # type: ignore[no-untyped-def]
 @jit
 def _block(site, reach):  # type: ignore[no-untyped-def]
     """First and last row, first column and number of columns of the cells that may be in range of a site."""
-    angle = math.asin(min(1.0, reach / SHORTEST)) + 0.02 * DEGREE
+    angle = math.asin(min(1.0, reach / SHORTEST_RADIUS)) + 0.02 * DEGREE
     low = max(int((site[0] - angle / DEGREE + 90.0) * CELLS) - 1, 0)
     high = min(int((site[0] + angle / DEGREE + 90.0) * CELLS) + 1, ROWS - 1)
     if abs(site[0]) * DEGREE + angle >= 0.5 * math.pi - 0.01:
@@ -69,10 +68,10 @@ def cells(site, reach, frame, head, entry):  # type: ignore[no-untyped-def]
         for i in range(low, high + 1):
             for j in range(first, first + wide):
                 cell = i * COLUMNS + j % COLUMNS
-                x, y, z, _, _, _, _ = centred((i + 0.5) / CELLS - 90.0, (j + 0.5) / CELLS - 180.0)
+                x, y, z, _, _, _, _ = ecef_and_axes((i + 0.5) / CELLS - 90.0, (j + 0.5) / CELLS - 180.0)
                 away = math.sqrt((x - frame[k, 0]) ** 2 + (y - frame[k, 1]) ** 2 + (z - frame[k, 2]) ** 2)
                 least = max(away - RADIUS, 0.0)
-                seen = least * math.sqrt(max(1.0 - 0.25 * (least / SHORTEST) ** 2, 0.0))
+                seen = least * math.sqrt(max(1.0 - 0.25 * (least / SHORTEST_RADIUS) ** 2, 0.0))
                 if head[cell] == WITHIN or seen > 1.001 * reach[k]:
                     continue
                 if away + RADIUS <= reach[k]:
@@ -91,7 +90,7 @@ def in_range(lat, lon, frame, head, entry):  # type: ignore[no-untyped-def]
     at = head[_cell(lat, lon)]
     if at <= 0:
         return at == WITHIN
-    x, y, z, _, _, _, _ = centred(lat, lon)
+    x, y, z, _, _, _, _ = ecef_and_axes(lat, lon)
     while at > 0:
         k = entry[at, 0]
         dx, dy, dz, reach = x - frame[k, 0], y - frame[k, 1], z - frame[k, 2], frame[k, 8]

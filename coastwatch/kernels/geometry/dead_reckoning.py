@@ -5,12 +5,10 @@ A point's position goes on at the constant rates, in degrees a second, that its 
 
 import math
 
+from coastwatch.kernels.geometry.ellipsoid import DEGREE, metres_per_degree
 from coastwatch.kernels.jit import jit
 
-SEMI_MAJOR = 6378137.0
-ECCENTRICITY2 = (2.0 - 1.0 / 298.257223563) / 298.257223563
 KNOT = 1852.0 / 3600.0
-DEGREE = math.pi / 180.0
 
 VESSEL, CYCLE, MMSI, FLAGS, FIRST = range(5)
 TIME, LATITUDE, LONGITUDE, SPEED, COURSE, NORTH_RATE, EAST_RATE = 0, 1, 2, 3, 4, 9, 10
@@ -24,18 +22,9 @@ MOST_M_DEG = 111_695.0
 
 
 @jit
-def scales(latitude):  # type: ignore[no-untyped-def]
-    """Metres a degree north and east: the scalar twin of geodesy.scale_m_deg."""
-    s = math.sin(latitude * DEGREE)
-    w2 = 1.0 - ECCENTRICITY2 * s * s
-    north = SEMI_MAJOR * (1.0 - ECCENTRICITY2) / (w2 * math.sqrt(w2)) * DEGREE
-    return north, SEMI_MAJOR / math.sqrt(w2) * math.cos(latitude * DEGREE) * DEGREE
-
-
-@jit
 def distance(latitude, longitude, other_latitude, other_longitude):  # type: ignore[no-untyped-def]
     """Metres between two points that are close: as geodesy.difference_m has them."""
-    north, east = scales(0.5 * (latitude + other_latitude))
+    north, east = metres_per_degree(0.5 * (latitude + other_latitude))
     turn = (other_longitude - longitude + 180.0) % 360.0 - 180.0
     return math.hypot(turn * east, (other_latitude - latitude) * north)
 
@@ -47,7 +36,7 @@ def set_rates(real):  # type: ignore[no-untyped-def]
         real[p, NORTH_RATE], real[p, EAST_RATE] = 0.0, 0.0
         speed, course = real[p, SPEED] * KNOT, real[p, COURSE] * DEGREE
         if speed > 0.0 and not math.isnan(course):
-            north, east = scales(real[p, LATITUDE])
+            north, east = metres_per_degree(real[p, LATITUDE])
             real[p, NORTH_RATE] = speed * math.cos(course) / north
             real[p, EAST_RATE] = speed * math.sin(course) / east
 

@@ -11,7 +11,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from coastwatch.kernels.geometry.earth_centred import ECCENTRICITY2, ROWS, SEMI_MAJOR, centred_rows, sine_cosine
+from coastwatch.geodesy import ECCENTRICITY2
+from coastwatch.kernels.geometry.ellipsoid import SEMI_MAJOR, SHORTEST_RADIUS, ecef_of_rows, sine_cosine
 from coastwatch.kernels.jit import jit
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.kernels.vectorised_math import WHOLE
@@ -26,7 +27,7 @@ SPREAD = -7046029254386353131  # 2^64 over the golden ratio: neighbours fall far
 NOWHERE = np.zeros((0, 4, 4))
 MARKS = 1 << 16  # they stay in the cache; a cell that shares the mark of another lets a few places through
 MOST_COLUMNS = 7200  # of marked cells around the Earth
-SHORTEST = 6_330_000.0  # m: a radius of curvature less than any
+ROWS = 256  # at a time
 
 
 @jit
@@ -76,7 +77,7 @@ def _marked(site, reach, columns, marks):  # type: ignore[no-untyped-def]
     """Marks every cell that has a place within reach of a site. Args: site: (S, 2); reach: (S,) m; marks: (MARKS,) False."""
     a_degree = columns / 360.0
     for s in range(len(site)):
-        angle = math.degrees(math.asin(min(1.0, reach[s] / SHORTEST)))
+        angle = math.degrees(math.asin(min(1.0, reach[s] / SHORTEST_RADIUS)))
         low, high = int(max(site[s, 0] - angle + 90.0, 0.0) * a_degree), int(min(site[s, 0] + angle + 90.0, 180.0) * a_degree)
         first, wide = 0, columns
         if abs(site[s, 0]) + angle < 89.0:
@@ -188,10 +189,10 @@ def near_sites(
     """
     if len(site_deg) == 0 or len(position_deg) == 0:
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2))
-    centre = np.ascontiguousarray(centred_rows(site_deg, np.arange(len(site_deg))).T)
+    centre = ecef_of_rows(site_deg, np.arange(len(site_deg)))
     most_m = MARGIN * (reach_m + SLACK_M)
     cell_m, marks = float(most_m.max()), np.zeros(MARKS, np.bool_)
-    columns = min(max(int(4.0 * np.pi * SHORTEST / cell_m), 8), MOST_COLUMNS)
+    columns = min(max(int(4.0 * np.pi * SHORTEST_RADIUS / cell_m), 8), MOST_COLUMNS)
     _marked(site_deg, most_m, columns, marks)
     size = 1 << int(4 * 27 * len(centre)).bit_length()
     key, head, after = np.full(size, -1, np.int64), np.full(size, -1, np.int64), np.empty(27 * len(centre), np.int64)

@@ -8,8 +8,7 @@ from __future__ import annotations
 import math
 
 from coastwatch.kernels.geometry.cover import ask, in_range
-from coastwatch.kernels.geometry.mid_latitude import difference
-from coastwatch.kernels.geometry.tangent import DEGREE
+from coastwatch.kernels.geometry.ellipsoid import enu_offset
 from coastwatch.kernels.jit import jit
 
 AHEAD = 16  # rows: memory is asked for the cells of those of so many on
@@ -44,9 +43,7 @@ def unseen(low, high, come, chosen, position, seen_by, heard, seen, before, time
 @jit
 def _metres(position, a, b):  # type: ignore[no-untyped-def]
     """How far track a is from track b."""
-    lat, lon = position[b, 0], position[b, 1]
-    sine, cosine = math.sin(lat * DEGREE), math.cos(lat * DEGREE)
-    east, north = difference(position[a, 0], position[a, 1], lat, lon, sine, cosine)
+    east, north = enu_offset(position[a, 0], position[a, 1], position[b, 0], position[b, 1])
     return math.sqrt(east * east + north * north)
 
 

@@ -7,15 +7,13 @@ from __future__ import annotations
 
 import math
 
-from coastwatch.kernels.geometry.mid_latitude import offset, wrapped
-from coastwatch.kernels.geometry.tangent import DEGREE
+from coastwatch.kernels.geometry.ellipsoid import DEGREE, SHORTEST_DEGREE, add_enu_offset, wrap_degrees
 from coastwatch.kernels.identity.identity_votes import of_slot
 from coastwatch.kernels.jit import jit
 from coastwatch.kernels.prefetch import fetch
 
 AHEAD = 16  # rows: memory is asked for those of so many on
 RADAR, AIS = 0, 1
-SHORTEST_DEGREE = 110_000.0  # m: no degree of latitude is shorter
 
 
 @jit
@@ -67,7 +65,7 @@ def may_meet(low, high, position, velocity, time, now, near, place, order, out):
         out[r] = False
         around = math.cos(min(abs(lat) + most, 90.0) * DEGREE)
         while low_k < len(order) and place[order[low_k], 0] <= lat + most and not out[r]:
-            apart = abs(wrapped(place[order[low_k], 1] - lon))
+            apart = abs(wrap_degrees(place[order[low_k], 1] - lon))
             out[r] = apart * around * (2.0 / math.pi) <= most  # a chord is no shorter than that part of its arc
             low_k += 1
 
@@ -220,8 +218,7 @@ def coasting(low, high, given, of, to, now, power, flag, out):  # type: ignore[n
         n, r = of[k], to[k]
         dt = now - given[0][n]
         lat, lon = given[1][n, 0], given[1][n, 1]
-        sine, cosine = math.sin(lat * DEGREE), math.cos(lat * DEGREE)
-        out[1][r, 0], out[1][r, 1] = offset(lat, lon, sine, cosine, dt * given[2][n, 0], dt * given[2][n, 1])
+        out[1][r, 0], out[1][r, 1] = add_enu_offset(lat, lon, dt * given[2][n, 0], dt * given[2][n, 1])
         out[2][r, 0], out[2][r, 1] = given[2][n, 0], given[2][n, 1]
         _grow(given[3], n, dt, power, out[3], r)
         out[0][r], out[4][r], out[5][r] = now, given[4][n], given[5][n]
