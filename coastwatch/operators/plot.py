@@ -17,7 +17,7 @@ from matplotlib.ticker import FuncFormatter, MultipleLocator
 
 from coastwatch.batches import Array, Flag, Floats
 from coastwatch.geodesy import NAUTICAL_MILE_M, offset_deg, scale_m_deg, wrap_deg
-from coastwatch.operators.scene import AIS_ONLY, BEARING, FUSED, RADAR, RADAR_ONLY, STATION, Scene
+from coastwatch.operators.scene import AIS_ONLY, BEARING, COASTING, FUSED, RADAR, RADAR_ONLY, SONAR_ONLY, STATION, Scene
 
 matplotlib.use("Agg")
 
@@ -169,10 +169,14 @@ def _vessels(axes: Axes, scene: Scene) -> list[Any]:
         AIS_ONLY: ("^", AIS_COLOUR, "#0d5a1e", 34.0),
         RADAR_ONLY: ("s", "white", INK, 26.0),
         FUSED: (BOW_TIE, BOW_TIE_COLOUR, "#7d0f14", 46.0),
+        SONAR_ONLY: ("D", SONAR_COLOUR, INK, 26.0),
+        COASTING: ("X", FAINT, "white", 40.0),
     }
     xy, marks = _flat(scene, scene.position_deg), []
     for kind, (marker, face, edge, size) in styles.items():
         rows = scene.kind == kind
+        if kind in (SONAR_ONLY, COASTING) and not rows.any():
+            continue  # most pictures have none, and then no line of the legend
         axes.scatter(xy[rows, 0], xy[rows, 1], s=size, marker=marker, facecolor=face, edgecolor=edge, linewidth=0.9, zorder=7)
         points = float(np.sqrt(size)) + 0.8
         style: dict[str, Any] = {"markerfacecolor": face, "markeredgecolor": edge, "markersize": points, "linestyle": "none"}

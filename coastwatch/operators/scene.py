@@ -17,7 +17,8 @@ from coastwatch.shipped import scenarios_folder
 from coastwatch.store import Rows, Store, read
 
 RADAR, STATION, BEARING = "radar", "station", "bearing"
-AIS_ONLY, RADAR_ONLY, FUSED = "AIS only", "radar only", "fused"
+AIS_ONLY, RADAR_ONLY, SONAR_ONLY, FUSED, COASTING = "AIS only", "radar only", "sonar only", "fused", "no sensor now"
+KIND_OF_SENSOR = {"ais": AIS_ONLY, "radar": RADAR_ONLY, "bearing": SONAR_ONLY}
 TRAIL_S = 180.0
 TRAILS_MOST = 5000  # vessels; above, trails would only blacken the picture
 
@@ -46,7 +47,7 @@ class Scene:
     position_deg: Floats  # (V, 2)
     velocity_m_s: Floats  # (V, 2)
     ellipse: Floats  # (V, 3) 1-sigma half axes, m, and direction of the longer one, deg from north; NaN where there is none
-    kind: Array  # (V,) AIS_ONLY, RADAR_ONLY or FUSED
+    kind: Array  # (V,) one of KIND_OF_SENSOR, FUSED (two kinds of sensor or more) or COASTING (no track at this time)
     flags: Ints  # (V,) sum of batches.Flag
     bearing_from_deg: Floats  # (B, 2)
     bearing_to_deg: Floats  # (B, 2)
@@ -125,11 +126,11 @@ def _coverages(rows: Rows) -> tuple[Coverage, ...]:
     return tuple(sorted(out, key=lambda c: (RADAR, BEARING, STATION).index(c.kind)))
 
 
-def _kinds(sources: list[str], known: Rows) -> Array:
-    kind_of = dict(zip(known.column("name"), known.column("kind"), strict=True))
-    kinds = [{kind_of.get(name) for name in text.split(",")} for text in sources]
-    words = [FUSED if {"radar", "ais"} <= k else AIS_ONLY if "ais" in k else RADAR_ONLY for k in kinds]
-    return np.array(words, "U10")
+def _kinds(sources: list[str | None], known: Rows) -> Array:
+    """Which kinds of sensor have a track of each vessel. Args: sources: names with commas between, None or empty for none."""
+    kind_of = {f",{name},": KIND_OF_SENSOR[kind] for name, kind in zip(known.column("name"), known.column("kind"), strict=True)}
+    kinds = [{kind for name, kind in kind_of.items() if name in f",{text},"} for text in sources]  # a name may hold a comma
+    return np.array([FUSED if len(found) > 1 else min(found, default=COASTING) for found in kinds], "U13")
 
 
 def _bearings(found: Store, run_id: int, table: dict[str, list[Any]], position_deg: Floats) -> Floats:
