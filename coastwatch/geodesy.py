@@ -107,15 +107,13 @@ def from_plane(metres: Floats, origin_deg: Floats) -> Floats:
     """
     origin_deg = np.asarray(origin_deg, float)
     frame, start = axes(origin_deg), earth_centred(origin_deg)
-    up = -0.5 * (metres**2).sum(-1) / SEMI_MAJOR_M
-    flat = start + np.einsum("...ij,...i->...j", frame[..., :2, :], metres)
+    flat, upward = start + np.einsum("...ij,...i->...j", frame[..., :2, :], metres), frame[..., 2, :]
+    # the root near 0 of |flat + height upward|^2 = a^2, in coordinates in which the ellipsoid is a sphere
     weight = np.array([1.0, 1.0, 1.0 / (1.0 - FLATTENING) ** 2])
-    for _ in range(4):
-        p = flat + up[..., None] * frame[..., 2, :]
-        level = (p * p * weight).sum(-1) - SEMI_MAJOR_M**2
-        slope = 2.0 * (p * weight * frame[..., 2, :]).sum(-1)
-        up = up - level / slope
-    p = flat + up[..., None] * frame[..., 2, :]
+    square, half = (upward * upward * weight).sum(-1), (flat * weight * upward).sum(-1)
+    level = (flat * flat * weight).sum(-1) - SEMI_MAJOR_M**2
+    height = -level / (half + np.sqrt(half * half - square * level))
+    p = flat + height[..., None] * upward
     lat = np.arctan2(p[..., 2], (1.0 - ECCENTRICITY2) * np.hypot(p[..., 0], p[..., 1]))
     return np.stack([np.degrees(lat), np.degrees(np.arctan2(p[..., 1], p[..., 0]))], axis=-1)
 

@@ -110,20 +110,17 @@ def to_enu(lat, lon, anchor_lat, anchor_lon):  # type: ignore[no-untyped-def]
 
 @jit
 def from_enu(east, north, anchor_lat, anchor_lon):  # type: ignore[no-untyped-def]
-    """Latitude and longitude of a point of the plane, dropped to the ellipsoid by Newton's method: the inverse of `to_enu`."""
+    """Latitude and longitude of a point of the plane, dropped to the ellipsoid: the inverse of `to_enu`."""
     ax, ay, az, sin_lat, cos_lat, sin_lon, cos_lon = ecef_and_axes(anchor_lat, anchor_lon)
     x = ax - sin_lon * east - sin_lat * cos_lon * north
     y = ay + cos_lon * east - sin_lat * sin_lon * north
     z = az + cos_lat * north
     ux, uy, uz = cos_lat * cos_lon, cos_lat * sin_lon, sin_lat
-    up = -0.5 * (east * east + north * north) / SEMI_MAJOR
-    for _ in range(4):
-        px, py, pz = x + up * ux, y + up * uy, z + up * uz
-        level = px * px + py * py + POLAR_STRETCH * pz * pz - SEMI_MAJOR * SEMI_MAJOR
-        step = 0.5 * level / (px * ux + py * uy + POLAR_STRETCH * pz * uz)
-        up -= step
-        if abs(step) < 1e-9:
-            break
+    # the root near 0 of |p + up u|^2 = a^2, in coordinates in which the ellipsoid is a sphere
+    square = ux * ux + uy * uy + POLAR_STRETCH * uz * uz
+    half = x * ux + y * uy + POLAR_STRETCH * z * uz
+    level = x * x + y * y + POLAR_STRETCH * z * z - SEMI_MAJOR * SEMI_MAJOR
+    up = -level / (half + math.sqrt(half * half - square * level))
     px, py, pz = x + up * ux, y + up * uy, z + up * uz
     lat = math.atan2(pz, (1.0 - ECCENTRICITY2) * math.sqrt(px * px + py * py)) / DEGREE
     return lat, math.atan2(py, px) / DEGREE
