@@ -3,8 +3,6 @@
 import re
 from pathlib import Path
 
-import pytest
-
 from coastwatch.operators import reference, settings, stored
 from coastwatch.operators.cli import make_parser
 from coastwatch.scenario import Scenario, scenario_names
@@ -19,13 +17,13 @@ def test_the_file_is_current() -> None:
     assert reference.text() == WRITTEN, "run `make docs`"
 
 
-@pytest.mark.parametrize(("name", "parser"), COMMANDS, ids=[name for name, _ in COMMANDS])
-def test_every_command_and_argument_is_documented(name: str, parser: object) -> None:
-    assert f"### {name}\n" in WRITTEN
-    assert parser.description.endswith(".")
-    for how, what in reference.arguments(parser):
-        assert f"`{reference._cell(how)}`" in WRITTEN
-        assert len(what) > 3, f"{name} {how} has no help"
+def test_every_command_and_argument_is_documented() -> None:
+    missing = [name for name, parser in COMMANDS if f"### {name}\n" not in WRITTEN or not parser.description.endswith(".")]
+    for name, parser in COMMANDS:
+        for how, what in reference.arguments(parser):
+            if f"`{reference._cell(how)}`" not in WRITTEN or len(what) <= 3:
+                missing.append(f"{name} {how}")
+    assert missing == []
 
 
 def test_the_commands_of_the_contract_are_there() -> None:
@@ -40,21 +38,22 @@ def readme_of(model: type) -> str:
     return readme.read_text("utf-8") if readme.is_file() else ""
 
 
-@pytest.mark.parametrize("table", TABLES, ids=[f"{t.header or 'top'} {t.method}".strip() for t in TABLES])
-def test_every_setting_has_a_meaning(table: settings.Table) -> None:
-    assert table.meaning, f"{table.model.__name__} has no docstring"
-    told = table.meaning + readme_of(table.model)
-    named = set(re.findall(r"\w+", " ".join(re.findall(r"`([^`\n]+)`", told))))
-    bare = [s.key for s in table.settings if not s.meaning and not s.unit and s.key not in named]
-    assert bare == [], (
-        f"{table.model.__module__}.{table.model.__name__}: settings without a comment, text or row in a README: {bare}"
-    )
+def test_every_setting_has_a_meaning() -> None:
+    """In its comment, in the text of its model, or as a row of the folder's README."""
+    bare = [table.model.__name__ for table in TABLES if not table.meaning]
+    for table in TABLES:
+        told = table.meaning + readme_of(table.model)
+        named = set(re.findall(r"\w+", " ".join(re.findall(r"`([^`\n]+)`", told))))
+        unsaid = (s for s in table.settings if not s.meaning and not s.unit and s.key not in named)
+        bare += [f"{table.model.__module__}.{table.model.__name__}.{s.key}" for s in unsaid]
+    assert bare == []
 
 
-@pytest.mark.parametrize("table", [t for t in TABLES if t.method], ids=lambda t: f"{t.header} {t.method}")
-def test_every_method_is_documented(table: settings.Table) -> None:
-    assert f'`method = "{table.method}"`' in WRITTEN
-    assert table.method in readme_of(table.model), f"{table.method} is not in the README of {table.model.__module__}"
+def test_every_method_is_documented() -> None:
+    methods = [table for table in TABLES if table.method]
+    assert len(methods) >= 20
+    unsaid = [t for t in methods if f'`method = "{t.method}"`' not in WRITTEN or t.method not in readme_of(t.model)]
+    assert [f"{t.header} {t.method}" for t in unsaid] == []
 
 
 def test_every_stage_is_reached() -> None:
