@@ -31,4 +31,5 @@ class FilterpyImm(Method):
         from coastwatch.tracks.management import track_region
 
         bank = ObjectBank(self.motion.parameters())
-        return track_region(self.motion, self.upkeep, self.plot_origin, bank, memory, plots, time_s, sensors, region)
+        given = self.motion, self.upkeep, self.plot_origin, bank, memory, plots, time_s
+        return track_region(*given, sensors=sensors, region=region)

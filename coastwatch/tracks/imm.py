@@ -40,4 +40,5 @@ class Imm(Method):
         from coastwatch.tracks.management import track_region
 
         bank = CompiledBank(self.motion.parameters())
-        return track_region(self.motion, self.upkeep, self.plot_origin, bank, memory, plots, time_s, sensors, region)
+        given = self.motion, self.upkeep, self.plot_origin, bank, memory, plots, time_s
+        return track_region(*given, sensors=sensors, region=region)

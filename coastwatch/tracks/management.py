@@ -23,6 +23,7 @@ def track_region(
     memory: RadarMemory,
     plots: Plots,
     time_s: float,
+    *,
     sensors: Sensors,
     region: int,
 ) -> tuple[RadarMemory, Tracks, Measurements]:

@@ -35,4 +35,5 @@ class SidedImm(Method):
         from coastwatch.tracks.sided_bank import SidedBank
 
         bank = SidedBank(self.motion.renewal_s, self.motion.table())
-        return track_region(self.motion, self.upkeep, self.plot_origin, bank, memory, plots, time_s, sensors, region)
+        given = self.motion, self.upkeep, self.plot_origin, bank, memory, plots, time_s
+        return track_region(*given, sensors=sensors, region=region)

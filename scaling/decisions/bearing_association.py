@@ -35,6 +35,7 @@ def run(
     sensors,
     vessels,
     seed,
+    *,
     bias_deg=0.0,
     misses=0.0,
     kick=0.1,

@@ -54,7 +54,7 @@ def report(
     for lo in range(0, count, ROWS):
         mine = slice(lo, min(lo + ROWS, count))
         room = {name: values[done:] for name, values in out.items()}
-        done += _block(places, posts.take(mine), coasts, sites, journal, after, mine, after_s, rng, room)
+        done += _block(places, posts.take(mine), coasts, sites, journal, after, mine=mine, after_s=after_s, rng=rng, out=room)
     rows = slice(0, done)
     out["updated_s"][rows] += start_s
     out["started_s"][rows] += start_s
@@ -78,6 +78,7 @@ def _block(
     sites: Floats,
     journal: Journal,
     after: Journal,
+    *,
     mine: slice,
     after_s: float,
     rng: np.random.Generator,
