@@ -106,12 +106,12 @@ def watched(clock: Clock) -> ExitStack:
 
 def cycles(count: int, number: int) -> tuple[WindowedCovariance, Any, Given]:
     """The method of the national picture, its memory when windows are full, and the cycles that follow."""
-    world = national.lay_world(count, 1)
+    world = national.build_world(count, 1)
     scenario = national.scenario_of(world, {})
-    state, sensors, method = national.first(world), scenario.sensors(), scenario.associations
+    state, sensors, method = national.initial_state(world), scenario.sensors(), scenario.associations
     memory, past, given = method.init(), scenario.spots.init(), []
     for cycle in range(method.window + 1 + number):
-        state, received = national.receive(world, state, sensors)
+        state, received = national.next_cycle(world, state, sensors)
         tracks = scenario.alignment.step(received.tracks, world.time_s(cycle))
         past, spots = scenario.spots.step(past, tracks)
         if cycle <= method.window:

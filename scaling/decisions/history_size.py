@@ -23,7 +23,7 @@ from coastwatch.store import history_rule
 from coastwatch.store.history_rule import Bound
 from coastwatch.workers import spread_over
 from scaling.load import national
-from scaling.load.keeping import Keeper
+from scaling.load.run import RunDatabase
 
 ERRORS_M = (5.0, 10.0, 25.0, 100.0)
 LONGEST_S = (60.0, 300.0, 1800.0)
@@ -77,15 +77,15 @@ def of_scenario(name: str, settings: dict[str, str]) -> None:
 
 def of_load(tracks: int, cycles: int, settings: dict[str, str]) -> None:
     """The tracks of a nation; the points with which its vessels begin are not counted."""
-    world = national.lay_world(tracks, 1)
+    world = national.build_world(tracks, 1)
     scenario = national.scenario_of(world, settings)
     sensors, asked, hours, watch = scenario.sensors(), bounds(), 0.0, Stopwatch()
     plan = Plan(start_s=world.time_s(-1), period_s=world.period_s, cycles=WARM + cycles)
-    state, memory = national.first(world), pipeline.start_centre(scenario)
+    state, memory = national.initial_state(world), pipeline.start_centre(scenario)
     with tempfile.TemporaryDirectory() as folder, spread_over("threads", 1) as spread:
-        with Keeper(f"sqlite:///{folder}/x.db", scenario, sensors, plan, 1) as keeper:
+        with RunDatabase(f"sqlite:///{folder}/x.db", scenario, sensors, plan, 1) as keeper:
             for number in range(WARM + cycles):
-                state, received = national.receive(world, state, sensors)
+                state, received = national.next_cycle(world, state, sensors)
                 memory, cycle = pipeline.fuse(scenario, sensors, memory, received, world.time_s(number), spread, watch)
                 keeper.write(number, cycle, received.statics, watch.lap())
                 for one in asked:

@@ -44,10 +44,10 @@ class Given(NamedTuple):
 
 def cycles(scenario: Scenario, world: national.World, count: int) -> Iterator[Given]:
     """The tracks of so many cycles, and which of them are one vessel."""
-    rng, state, sensors = np.random.default_rng([1, 71]), national.first(world), scenario.sensors()
+    rng, state, sensors = np.random.default_rng([1, 71]), national.initial_state(world), scenario.sensors()
     none = np.zeros(0, np.int64)
     for cycle in range(count):
-        state, received = national.receive(world, state, sensors)
+        state, received = national.next_cycle(world, state, sensors)
         tracks = scenario.alignment.step(received.tracks, world.time_s(cycle))
         apart = np.where(rng.random(len(tracks)) < APART, 1 + tracks.source, 0)
         _, first, of = np.unique(
@@ -100,7 +100,7 @@ class Sorting:
 
 def measure(tracks: int, count: int, method: str, cycle_count: int, with_numpy: bool) -> str:
     """A line of figures for one size and number of threads."""
-    world = national.lay_world(tracks, 1)
+    world = national.build_world(tracks, 1)
     scenario = national.scenario_of(world, {"fused_tracks.method": method})
     sensors, fuser, picture, clock = scenario.sensors(), scenario.fused_tracks, scenario.picture, Clock()
     memory, past, sorting = fuser.init(), picture.init(), Sorting(scenario)

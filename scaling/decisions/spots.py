@@ -19,13 +19,13 @@ CYCLES, REPEATS = 4, 9
 def main(count: int, workers: int) -> None:
     from scipy.spatial import cKDTree
 
-    world = national.lay_world(count, 1)
+    world = national.build_world(count, 1)
     scenario = national.scenario_of(world, {})
-    state, sensors, method = national.first(world), scenario.sensors(), scenario.spots
+    state, sensors, method = national.initial_state(world), scenario.sensors(), scenario.spots
     memory, took, tree = method.init(), [], []
     with threads(workers):
         for cycle in range(CYCLES):
-            state, received = national.receive(world, state, sensors)
+            state, received = national.next_cycle(world, state, sensors)
             tracks = scenario.alignment.step(received.tracks, world.time_s(cycle))
             if cycle == 0:
                 some, _ = method.step(memory, tracks.take(np.arange(2000)))

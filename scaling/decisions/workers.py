@@ -21,7 +21,7 @@ from coastwatch.workers import spread_over
 from coastwatch.workers.processes import Processes
 from coastwatch.workers.ray import Actors
 from scaling.load import national
-from scaling.load.processes import faults, processor_s
+from scaling.load.processes import page_faults, processor_s
 
 SETTLING, REPEATS = 5, 9
 Call = tuple[Work, Any, dict[str, Any], Groups]
@@ -29,9 +29,9 @@ Call = tuple[Work, Any, dict[str, Any], Groups]
 
 def call_of_a_cycle(count: int, cycles: int) -> Call:
     """What the associator asks its Spread for after so many cycles."""
-    world = national.lay_world(count, 1)
+    world = national.build_world(count, 1)
     scenario = national.scenario_of(world, {})
-    state, sensors = national.first(world), scenario.sensors()
+    state, sensors = national.initial_state(world), scenario.sensors()
     spots_memory, memory, asked = scenario.spots.init(), scenario.associations.init(), []
 
     def noted(work: Work, settings: Any, arrays: Shared, spots: Groups) -> list[tuple[Array, ...]]:
@@ -40,7 +40,7 @@ def call_of_a_cycle(count: int, cycles: int) -> Call:
 
     with spread_over("threads", 0):
         for cycle in range(cycles):
-            state, received = national.receive(world, state, sensors)
+            state, received = national.next_cycle(world, state, sensors)
             tracks = scenario.alignment.step(received.tracks, world.time_s(cycle))
             spots_memory, spots = scenario.spots.step(spots_memory, tracks)
             memory, _ = scenario.associations.step(memory, tracks, spots, noted)
@@ -66,11 +66,11 @@ def _cost(spread: Spread, call: Call) -> tuple[list[tuple[Array, ...]], Floats]:
     """What a Spread gives; seconds: wall, processor here, processor of all processes; page faults of all. What it takes to ask for what
     others did, milliseconds of wall and processor, is left out."""
     work, settings, arrays, spots = call
-    others, pages = processor_s() - time.process_time(), faults()
+    others, pages = processor_s() - time.process_time(), page_faults()
     here, begun = time.process_time(), time.perf_counter()
     parts = spread(work, settings, arrays, spots)
     wall, here = time.perf_counter() - begun, time.process_time() - here
-    return parts, np.array([wall, here, here + processor_s() - time.process_time() - others, faults() - pages])
+    return parts, np.array([wall, here, here + processor_s() - time.process_time() - others, page_faults() - pages])
 
 
 def _sorted(parts: list[tuple[Array, ...]]) -> list[bytes]:

@@ -24,9 +24,9 @@ from coastwatch.store.identities import write_identities
 from coastwatch.store.opening import writing
 from coastwatch.store.places import write_places
 from coastwatch.store.tables import Base, Cycle
-from scaling.load.coasts import geodetic
-from scaling.load.motion import courses
-from scaling.load.national import World, lay_world, scenario_of
+from scaling.load.national import World, build_world, scenario_of
+from scaling.load.national.coasts import to_geodetic
+from scaling.load.national.traffic import true_motion
 
 STAYS_LONGER = 8.0  # than in the national picture, where a vessel is seen for 30 to 90 minutes
 STRIDE = 4  # cycles between two looks at where everything is; between them straight lines
@@ -51,8 +51,8 @@ class _Stays:
 
 def fill(url: str, points: int, vessels: int, seed: int, say: Callable[[str], None]) -> int:
     """Fill an empty database with about so many points; returns the number of cycles."""
-    world = lay_world(round(vessels * 1.5), seed)
-    world = replace(world, places=replace(world.places, life_s=world.places.life_s * STAYS_LONGER))
+    world = build_world(round(vessels * 1.5), seed)
+    world = replace(world, slots=replace(world.slots, lifetime_s=world.slots.lifetime_s * STAYS_LONGER))
     scenario = scenario_of(world, {})
     sensors, plan = scenario.sensors(), Plan(start_s=world.time_s(0), period_s=world.period_s, cycles=10**6)
     with store.open_store(url) as kept:
@@ -61,7 +61,7 @@ def fill(url: str, points: int, vessels: int, seed: int, say: Callable[[str], No
             sensors=sensors, plan=plan,
         )  # fmt: skip
         bound = history_rule.Bound(scenario.store.history_error_m, scenario.store.history_max_s)
-        stays, number, written = _nobody(len(world.places)), 0, 0
+        stays, number, written = _nobody(len(world.slots)), 0, 0
         held, tail, picture = history_rule.none(), None, Picture.empty()
         pictures = _pictures(world, stays, seed)
         while written < points:
@@ -90,7 +90,7 @@ def _nobody(places: int) -> _Stays:
 def _pictures(world: World, stays: _Stays, seed: int) -> Iterator[tuple[float, Picture]]:
     """Time and picture of one cycle after the other."""
     rng = np.random.default_rng([seed, 71])
-    count, cycle = len(world.places), 0
+    count, cycle = len(world.slots), 0
     error = rng.normal(0.0, 1.0, (count, 4))
     keep = np.exp(-world.period_s / LASTING_S)
     covariance = np.broadcast_to(np.diag([POSITION_M**2] * 2 + [VELOCITY_M_S**2] * 2), (count, 4, 4))
@@ -107,10 +107,11 @@ def _pictures(world: World, stays: _Stays, seed: int) -> Iterator[tuple[float, P
 
 def _look(world: World, cycle: int) -> tuple[Floats, Floats, Ints, Array]:
     """Places, velocities, numbers of vessels of their places, and whether one is there."""
-    rows = np.arange(len(world.places))
-    true = courses(world.places, world.coasts, rows, np.full(len(rows), world.after_s(cycle)))
-    place, velocity = geodetic(world.coasts, world.places.coast, true.along_m, true.off_m, true.along_m_s, true.off_m_s)
-    return place, velocity, true.vessel, true.there
+    rows = np.arange(len(world.slots))
+    true = true_motion(world.slots, world.coasts, rows, np.full(len(rows), world.elapsed_s(cycle)))
+    shore = true.along_m, true.offshore_m, true.along_m_s, true.offshore_m_s
+    place, velocity = to_geodetic(world.coasts, world.slots.coast, *shore)
+    return place, velocity, true.generation, true.present
 
 
 def _between(

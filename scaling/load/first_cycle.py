@@ -17,12 +17,12 @@ from pathlib import Path
 
 RUN = """
 import sys, time, tempfile
-from scaling.load.running import Load, measured
+from scaling.load.run import Load, run_cycles
 from scaling.load.processes import memory_bytes
 with tempfile.TemporaryDirectory() as folder:
     begun, cpu = time.perf_counter(), time.process_time()
     load = Load(int(sys.argv[1]), 6, 0, 2, f"sqlite:///{folder}/run.db", settings={"store.recording": "true"}, score=False)
-    for k, cycle in enumerate(measured(load)):
+    for k, cycle in enumerate(run_cycles(load)):
         if k in (0, 5):
             print(f"  to the end of cycle {k}: {time.perf_counter() - begun:6.1f} s, {time.process_time() - cpu:6.1f} s of the processor")
 print(f"  memory {memory_bytes()[0] / 2**20:.0f} MiB (PSS)")

@@ -1,4 +1,4 @@
-"""Memory and processor time of this process and of all that it started, from /proc. Linux alone."""
+"""Memory and processor time of this process and its descendants, from /proc. Linux only."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from contextlib import suppress
 from pathlib import Path
 
 KIB = 1024
-TICKS_A_SECOND = os.sysconf("SC_CLK_TCK")
+TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 
 
-def family(pid: int | None = None) -> list[int]:
-    """This process, or another, and all that descend from it."""
+def process_tree(pid: int | None = None) -> list[int]:
+    """Process ids of this process, or of another, and of all its descendants."""
     children: dict[int, list[int]] = {}
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
@@ -29,7 +29,7 @@ def _below(pid: int, children: dict[int, list[int]]) -> Iterator[int]:
 
 
 def _stat(pid: int) -> list[str]:
-    """Fields of /proc/PID/stat after the name, which may hold blanks: state, parent, ..., 7 faults, ..., 11 and 12 ticks."""
+    """Fields of /proc/PID/stat after the name: 0 state, 1 parent, 7 minor page faults, 11 and 12 user and system ticks."""
     return Path(f"/proc/{pid}/stat").read_text("utf-8").rpartition(")")[2].split()
 
 
@@ -38,13 +38,13 @@ def _kib(path: Path, key: str) -> int:
 
 
 def memory_bytes() -> tuple[int, int]:
-    """What all processes hold now, and an upper bound of what they held at their peak; pages that they share count once.
+    """Memory of all processes now, and an upper bound of their peak, in bytes; shared pages count once.
 
-    Now: the sum of PSS. Peak: the sum of the highest resident sizes (VmHWM), less what the resident sizes of now count more than once
-    (RSS less PSS); as if all peaks had been at one time.
+    Now: the sum of PSS. Peak: the sum of the highest resident sizes (VmHWM), less the pages now counted more than once
+    (RSS less PSS). The bound assumes that all processes peaked at one time.
     """
     now = peak = 0
-    for pid in family():
+    for pid in process_tree():
         with suppress(OSError):
             rollup, status = Path(f"/proc/{pid}/smaps_rollup"), Path(f"/proc/{pid}/status")
             pss, rss = _kib(rollup, "Pss"), _kib(rollup, "Rss")
@@ -53,19 +53,19 @@ def memory_bytes() -> tuple[int, int]:
     return now * KIB, peak * KIB
 
 
-def faults() -> int:
-    """Pages that the system had to lay into the memory of this process and of all below it that live, without reading a disk."""
+def page_faults() -> int:
+    """Minor page faults, without disk access, of this process and its live descendants."""
     count = 0
-    for pid in family():
+    for pid in process_tree():
         with suppress(OSError):
             count += int(_stat(pid)[7])
     return count
 
 
 def processor_s() -> float:
-    """Processor seconds, user and system, of this process and, in steps of its clock, of all below it that live."""
+    """Processor seconds, user and system, of this process and its live descendants; theirs in steps of the system clock tick."""
     ticks = 0
-    for pid in family()[1:]:
+    for pid in process_tree()[1:]:
         with suppress(OSError):
             ticks += sum(int(field) for field in _stat(pid)[11:13])
-    return time.process_time() + ticks / TICKS_A_SECOND
+    return time.process_time() + ticks / TICKS_PER_S

@@ -19,17 +19,17 @@ CYCLES = (0, 12)  # fresh tracks, and errors that have lasted
 @cache
 def received() -> dict[int, Tracks]:
     """Tracks by cycle."""
-    world = national.lay_world(TRACKS, 3)
-    sensors, state, out = national.scenario_of(world, {}).sensors(), national.first(world), {}
+    world = national.build_world(TRACKS, 3)
+    sensors, state, out = national.scenario_of(world, {}).sensors(), national.initial_state(world), {}
     for number in range(max(CYCLES) + 1):
-        state, got = national.receive(world, state, sensors)
+        state, got = national.next_cycle(world, state, sensors)
         out[number] = got.tracks
     return out
 
 
 def errors(tracks: Tracks) -> Floats:
     """East, north, east rate, north rate of each track at its own time. (N, 4)"""
-    true = national.truth(national.lay_world(TRACKS, 3), tracks.origin, tracks.time_s)
+    true = national.truth(national.build_world(TRACKS, 3), tracks.origin, tracks.time_s)
     assert np.array_equal(true.vessel, tracks.origin)
     return np.column_stack([difference_m(tracks.position_deg, true.position_deg), tracks.velocity_m_s - true.velocity_m_s])
 

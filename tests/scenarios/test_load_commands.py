@@ -12,8 +12,8 @@ from types import ModuleType, SimpleNamespace
 import pytest
 
 from coastwatch.store import open_store, runs, write_ahead
-from scaling.load import cycle, queries, ramp, running, seeds, soak, stages
-from scaling.load.running import Load, measured
+from scaling.load import cycle, queries, ramp, seeds, soak, stages
+from scaling.load.run import Load, run_cycles
 
 
 def ended(
@@ -45,6 +45,11 @@ def ended(
             "--store: got 'sqlite://', needed a database that the console, another process, can read",
         ),
         (soak.main, "--store :memory:", "--store: got ':memory:', needed a database that"),
+        (
+            cycle.main,
+            "--baseline /nowhere",
+            "--baseline: got /nowhere, needed a checkout with .venv/bin/python, and no --store",
+        ),
         (ramp.main, "--from 10 --to 10", "got 10 and 10, needed the first below the last"),
         (ramp.main, "--from 0", "--from: got '0', needed 1 or more"),
     ],
@@ -87,7 +92,7 @@ def test_an_interrupt_ends_with_a_word(
     def interrupted(load: Load) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(command, "measured", interrupted)
+    monkeypatch.setattr(command, "run_cycles", interrupted)
     assert ended(command.main, "--tracks 50", monkeypatch, capfd) == (130, "interrupted")
 
 
@@ -98,7 +103,7 @@ def test_an_interrupt_ends_with_a_word(
 )
 def test_a_run_in_the_database_says_how_it_ended(trouble: BaseException | None, status: str, tmp_path: Path) -> None:
     path = tmp_path / "load.db"
-    made = measured(Load(100, 3, 0, store=f"sqlite:///{path}", score=False))
+    made = run_cycles(Load(100, 3, 0, store=f"sqlite:///{path}", score=False))
     next(made)
     if trouble is None:
         made.close()
@@ -110,8 +115,8 @@ def test_a_run_in_the_database_says_how_it_ended(trouble: BaseException | None, 
 
 
 def test_a_database_in_memory_is_written_by_the_thread_that_made_it() -> None:
-    every = list(measured(Load(50, 3, 0, store="sqlite://", score=False)))
-    assert every[-1].taken.rows_written > 0
+    every = list(run_cycles(Load(50, 3, 0, store="sqlite://", score=False)))
+    assert every[-1].rows_written > 0
 
 
 def test_a_reader_that_holds_the_log_is_said_in_the_progress(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -119,12 +124,12 @@ def test_a_reader_that_holds_the_log_is_said_in_the_progress(tmp_path: Path, mon
     monkeypatch.setattr(write_ahead, "VESSEL_BYTES", 1)
     path = tmp_path / "load.db"
     complaints = []
-    for one in measured(Load(300, 12, 0, store=f"sqlite:///{path}", score=False)):
+    for one in run_cycles(Load(300, 12, 0, store=f"sqlite:///{path}", score=False)):
         if one.number == 2:
             reader = sqlite3.connect(path, isolation_level=None)
             reader.execute("BEGIN")
             reader.execute("SELECT count(*) FROM cycle").fetchone()
-        complaints.append(running.said(one.taken))
+        complaints.append(one.warning_text)
     reader.close()
     assert complaints[0] == ""
     assert "another process reads in one transaction and does not end it" in complaints[-1]

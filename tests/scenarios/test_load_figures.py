@@ -18,11 +18,10 @@ from coastwatch.geodesy import difference_m
 from coastwatch.pipeline import Cycle
 from coastwatch.scores.confusion import Confusion
 from coastwatch.stage import in_turn
+from scaling.load import baseline, national, ramp, soak
 from scaling.load import cycle as cycle_command
-from scaling.load import national, ramp, soak
-from scaling.load.budget import ALL, BEARINGS, WATERS, YOUNG, YOUNG_S, budget_of, pairs_within
-from scaling.load.processes import family, memory_bytes, processor_s
-from scaling.load.running import Load, measured
+from scaling.load.processes import memory_bytes, process_tree, processor_s
+from scaling.load.run import ALL, BEARINGS, TRAFFIC, YOUNG, YOUNG_S, Load, decision_counts, pairs_within_gate, run_cycles
 
 TRACKS, CYCLES = 2000, 6
 WRONG = 150  # tracks that are given another vessel
@@ -31,12 +30,12 @@ WRONG = 150  # tracks that are given another vessel
 @cache
 def last_cycle() -> tuple[national.World, Cycle, Ints]:
     """A cycle with wrong decisions in it: some tracks change vessels among each other, some are left alone."""
-    world = national.lay_world(TRACKS, 5)
+    world = national.build_world(TRACKS, 5)
     scenario = national.scenario_of(world, {})
     sensors = scenario.sensors()
-    state, memory = national.first(world), pipeline.start_centre(scenario)
+    state, memory = national.initial_state(world), pipeline.start_centre(scenario)
     for number in range(CYCLES):
-        state, received = national.receive(world, state, sensors)
+        state, received = national.next_cycle(world, state, sensors)
         now = world.time_s(number)
         memory, cycle = pipeline.fuse(scenario, sensors, memory, received, now, in_turn, lambda stage: nullcontext())
     rng = np.random.default_rng([5, 1])
@@ -61,8 +60,8 @@ def counted(world: national.World, cycle: Cycle, kinds: Ints, part: str) -> Conf
             continue
         mate, mine = ais.get(origin[k]), chosen.get(label[k], [])
         ages = [cycle.time_s - t.started_s[row] for row in (k, mate) if row is not None]
-        water = WATERS[int(world.places.water[origin[k] % len(world.places)])]
-        if part not in (ALL, water) and not (part == YOUNG and min(ages) < YOUNG_S):
+        kind_of_traffic = TRAFFIC[int(world.slots.kind[origin[k] % len(world.slots)])]
+        if part not in (ALL, kind_of_traffic) and not (part == YOUNG and min(ages) < YOUNG_S):
             continue
         right = mate is not None and mate in mine
         wrong = any(row != mate for row in mine)
@@ -71,19 +70,19 @@ def counted(world: national.World, cycle: Cycle, kinds: Ints, part: str) -> Conf
     return total
 
 
-@pytest.mark.parametrize("part", [ALL, YOUNG, *WATERS])
+@pytest.mark.parametrize("part", [ALL, YOUNG, *TRAFFIC])
 def test_decisions_are_those_of_a_slow_count(part: str) -> None:
     world, cycle, kinds = last_cycle()
-    told = budget_of(world, cycle, kinds)
-    assert told[part] == counted(world, cycle, kinds, part)
-    assert told[ALL].fn > WRONG // 4
-    assert told[ALL].fp > 10
+    counts = decision_counts(world, cycle, kinds)
+    assert counts[part] == counted(world, cycle, kinds, part)
+    assert counts[ALL].fn > WRONG // 4
+    assert counts[ALL].fp > 10
 
 
-def test_the_waters_make_up_the_whole() -> None:
-    told = budget_of(*last_cycle())
-    assert sum((told[water] for water in WATERS), Confusion()) == told[ALL]
-    assert told[BEARINGS].tp > 30
+def test_the_kinds_of_traffic_make_up_the_whole() -> None:
+    counts = decision_counts(*last_cycle())
+    assert sum((counts[kind] for kind in TRAFFIC), Confusion()) == counts[ALL]
+    assert counts[BEARINGS].tp > 30
 
 
 def test_pairs_are_those_of_different_sources_within_the_gate() -> None:
@@ -91,13 +90,13 @@ def test_pairs_are_those_of_different_sources_within_the_gate() -> None:
     metres = difference_m(tracks.position_deg[:, None], tracks.position_deg[None, :])
     near = np.hypot(metres[..., 0], metres[..., 1]) <= 1000.0
     wanted = int((near & (tracks.source[:, None] < tracks.source[None, :])).sum())
-    assert pairs_within(tracks, 1000.0) == pytest.approx(wanted, abs=2)  # a pair at the gate may fall to either side
+    assert pairs_within_gate(tracks, 1000.0) == pytest.approx(wanted, abs=2)  # a pair at the gate may fall to either side
     assert wanted > 500
 
 
 def test_memory_and_time_of_all_processes_are_read() -> None:
     now, peak = memory_bytes()
-    assert len(family()) >= 1
+    assert len(process_tree()) >= 1
     assert 50e6 < now < 1.05 * peak
     begun = processor_s()
     np.linalg.inv(np.eye(400) + 0.001)
@@ -106,11 +105,16 @@ def test_memory_and_time_of_all_processes_are_read() -> None:
 
 def test_a_cycle_of_the_load_is_the_same_for_any_workers() -> None:
     """Decisions, pairs and vessels; bit for bit they are compared in tests/contracts/test_workers.py."""
-    alone, together = (list(measured(Load(1000, 2, 1, workers=workers))) for workers in (1, 2))
+    alone, together = (list(run_cycles(Load(1000, 2, 1, workers=workers))) for workers in (1, 2))
     for a, b in zip(alone, together, strict=True):
-        assert (a.tracks, a.vessels, a.pairs_tested, a.budget) == (b.tracks, b.vessels, b.pairs_tested, b.budget)
-    assert [bool(a.budget) for a in alone] == [False, True, True]
-    assert alone[-1].pairs_tested > 1000
+        assert (a.tracks, a.vessels, a.pairs_within_gate, a.decisions) == (
+            b.tracks,
+            b.vessels,
+            b.pairs_within_gate,
+            b.decisions,
+        )
+    assert [bool(a.decisions) for a in alone] == [False, True, True]
+    assert alone[-1].pairs_within_gate > 1000
 
 
 def test_the_command_cycle_says_all_that_was_asked(
@@ -129,14 +133,16 @@ def test_the_command_cycle_says_all_that_was_asked(
     assert figures["rows_written"] > figures["vessels"]
     assert figures["decisions"]["all"]["f1"] > 0.95
     assert figures["memory_mib"]["peak"] > 100.0
-    assert "rows written a cycle" in cycle_command.text(figures)
+    printed = cycle_command.text(figures).splitlines()
+    assert printed[1].endswith("no plots; non-default settings: fused_tracks.method=convex associations.gate_m=800")
+    assert any("rows written a cycle" in line for line in printed)
 
 
 def test_a_ramp_fits_the_power_of_its_costs() -> None:
     assert ramp.sizes(1000, 1_000_000, 1) == [1000, 10_000, 100_000, 1_000_000]
     every = [
         {
-            "asked": {"tracks": n},
+            "load": {"tracks": n},
             "tracks": n,
             "compute_s": {"median": 1e-6 * n**1.5},
             "compute_cpu_s": 1e-6 * n,
@@ -144,7 +150,7 @@ def test_a_ramp_fits_the_power_of_its_costs() -> None:
         }
         for n in (1000, 10_000, 100_000)
     ]
-    fitted = ramp.summary(every)
+    fitted = ramp.exponents(every)
     assert fitted["exponent"] == pytest.approx({"compute_s": 1.5, "compute_cpu_s": 1.0, "stages_s.spots": 0.5})
     assert fitted["local"]["compute_s"] == pytest.approx([1.5, 1.5])
 
@@ -165,4 +171,39 @@ def test_a_soak_of_a_minute_runs_with_a_console(monkeypatch: pytest.MonkeyPatch,
     assert figures["minutes"][0]["rows"] > 20 * 150
     assert figures["minutes"][0]["wal_mib"] > 0.0
     assert figures["console"]["questions"] > 0
-    assert "WAL" in soak.text(figures)
+    printed = soak.text(figures).splitlines()
+    assert printed[1].endswith("no plots; non-default settings: fused_tracks.method=convex")
+    assert "WAL" in printed[3]
+
+
+def test_a_baseline_is_run_in_turns_and_compared(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    runs: list[Path] = []
+    seconds = {"this": iter([0.2, 0.3, 0.2]), "other": iter([0.1, 0.1, 0.4])}
+
+    def figures(checkout: Path, arguments: list[str]) -> dict[str, object]:
+        runs.append(checkout)
+        assert arguments[:2] == ["--tracks", "50"]
+        assert arguments[-3:] == ["--set", "associations.gate_m=800", "--no-score"]
+        s = next(seconds["this" if checkout == baseline.CHECKOUT else "other"])
+        return {"compute_s": {"median": s}, "compute_cpu_s": 3.0 * s}
+
+    other = baseline.CHECKOUT / "tests"
+    monkeypatch.setattr(baseline, "cycle_figures", figures)
+    monkeypatch.setattr(baseline, "python_of", lambda checkout: Path(sys.executable))
+    words = f"cycle --tracks 50 --set associations.gate_m=800 --baseline {other} --turns 3"
+    monkeypatch.setattr(sys, "argv", words.split())
+    cycle_command.main()
+    assert runs == [baseline.CHECKOUT, other, other, baseline.CHECKOUT, baseline.CHECKOUT, other]
+    out = capsys.readouterr().out
+    assert "fused_tracks.method=convex associations.gate_m=800" in out
+    assert out.count("ratio 2.000") == 2
+
+
+@pytest.mark.slow
+def test_a_checkout_can_be_its_own_baseline(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    words = f"cycle --tracks 500 --cycles 3 --warmup 3 --turns 1 --json --baseline {baseline.CHECKOUT}"
+    monkeypatch.setattr(sys, "argv", words.split())
+    cycle_command.main()
+    figures = json.loads(capsys.readouterr().out)
+    for cost in ("compute_wall_s", "compute_cpu_s"):
+        assert figures["ratio"][cost] == figures[cost]["this"][0] / figures[cost]["baseline"][0] > 0.0

@@ -14,8 +14,8 @@ from coastwatch.batches import Batch, Ints, Sensors
 from coastwatch.geodesy import difference_m, earth_centred
 from coastwatch.pipeline import Received
 from scaling.load import national
-from scaling.load.carriers import Kind
-from scaling.load.waters import SHARES, Water
+from scaling.load.national.tracks import ChannelKind
+from scaling.load.national.traffic import SHARES, Traffic
 
 CYCLES = 120  # six minutes: vessels come and go, tracks break, MMSIs change
 STEP_S = 0.01
@@ -23,7 +23,7 @@ STEP_S = 0.01
 
 @cache
 def world(tracks: int = 2000, seed: int = 1) -> tuple[national.World, Sensors]:
-    made = national.lay_world(tracks, seed)
+    made = national.build_world(tracks, seed)
     return made, national.scenario_of(made, {}).sensors()
 
 
@@ -31,9 +31,9 @@ def run(
     cycles: int, tracks: int = 2000, seed: int = 1, state: national.State | None = None
 ) -> tuple[national.State, list[Received]]:
     made, sensors = world(tracks, seed)
-    state, out = state or national.first(made), []
+    state, out = state or national.initial_state(made), []
     for _ in range(cycles):
-        state, received = national.receive(made, state, sensors)
+        state, received = national.next_cycle(made, state, sensors)
         out.append(received)
     return state, out
 
@@ -73,7 +73,7 @@ def test_the_shares_are_those_of_the_issue(tracks: int, within: float) -> None:
     assert len(got) == pytest.approx(tracks, rel=within)
     assert (got.mmsi < 0).mean() == pytest.approx(0.5, abs=within / 2)
     assert len(np.intersect1d(radar, ais)) / len(vessels) == pytest.approx(0.5, abs=within)
-    waters = np.bincount(world(tracks)[0].water_of(vessels), minlength=len(Water)) / len(vessels)
+    waters = np.bincount(world(tracks)[0].traffic_of(vessels), minlength=len(Traffic)) / len(vessels)
     assert waters == pytest.approx(np.array(SHARES), abs=0.01)
 
 
@@ -88,10 +88,10 @@ def test_a_vessel_in_an_overlap_has_a_track_in_both_regions() -> None:
     assert len(np.unique(source)) == len(world(20_000)[1].region_names)
 
 
-@pytest.mark.parametrize("water", Water)
-def test_a_velocity_is_the_rate_of_its_position(water: Water) -> None:
+@pytest.mark.parametrize("kind", Traffic)
+def test_a_velocity_is_the_rate_of_its_position(kind: Traffic) -> None:
     made, _ = world()
-    rows = np.flatnonzero(made.places.water == water)
+    rows = np.flatnonzero(made.slots.kind == kind)
     times = np.full(len(rows), national.START_S + 700.0)
     now = national.truth(made, rows, times)
     there = now.vessel == national.truth(made, rows, times + STEP_S).vessel
@@ -103,10 +103,10 @@ def test_a_velocity_is_the_rate_of_its_position(water: Water) -> None:
 
 def test_ships_at_anchor_and_trawlers_lie_as_close_as_is_said() -> None:
     made, _ = world(20_000)
-    rows = np.arange(len(made.places))
+    rows = np.arange(len(made.slots))
     points = earth_centred(national.truth(made, rows, np.full(len(rows), national.START_S + 700.0)).position_deg)
     gap = cKDTree(points).query(points, k=2)[0][:, 1]
-    at_anchor, fishing = (gap[made.places.water == water] for water in (Water.ANCHORAGE, Water.FLEET))
+    at_anchor, fishing = (gap[made.slots.kind == kind] for kind in (Traffic.ANCHORAGE, Traffic.FLEET))
     assert 100.0 < np.median(at_anchor) < 350.0
     assert 60.0 < at_anchor.min() < 110.0
     assert 100.0 < fishing.min() < 200.0
@@ -153,7 +153,7 @@ def test_every_track_has_a_time_of_its_own_within_its_interval() -> None:
         assert age_s[of_radar].max() < 4.0
         assert age_s[~of_radar].max() < 10.0
         assert len(np.unique(received.tracks.time_s)) > 0.99 * len(received.tracks)
-    intervals = made.posts.interval_s[made.posts.kind == Kind.AIS]
+    intervals = made.channels.interval_s[made.channels.kind == ChannelKind.AIS]
     assert np.unique(intervals).tolist() == [2.0, 6.0, 10.0]
 
 
@@ -173,8 +173,8 @@ def test_sonars_hear_about_a_hundred_vessels_with_their_windows() -> None:
 
 def test_waters_are_as_crowded_in_a_large_world() -> None:
     lengths = [
-        made.coasts.length_m * len(made.coasts.latitude_deg) for made in (national.lay_world(n, 1) for n in (5000, 200_000))
+        made.coasts.length_m * len(made.coasts.latitude_deg) for made in (national.build_world(n, 1) for n in (5000, 200_000))
     ]
-    ratio: Ints = np.array([len(national.lay_world(n, 1).places) for n in (5000, 200_000)])
+    ratio: Ints = np.array([len(national.build_world(n, 1).slots) for n in (5000, 200_000)])
     assert lengths[1] / lengths[0] == pytest.approx(ratio[1] / ratio[0], rel=1e-3)
     assert lengths[1] > 3.0e6

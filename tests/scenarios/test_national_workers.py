@@ -42,10 +42,10 @@ def _blocks_of_few_rows(monkeypatch: pytest.MonkeyPatch) -> None:
 @cache
 def load() -> tuple[national.World, Sensors, list[Received]]:
     """A world and what its centre receives."""
-    world = national.lay_world(TRACKS, SEED)
-    sensors, state, out = national.scenario_of(world, {}).sensors(), national.first(world), []
+    world = national.build_world(TRACKS, SEED)
+    sensors, state, out = national.scenario_of(world, {}).sensors(), national.initial_state(world), []
     for _ in range(CYCLES):
-        state, received = national.receive(world, state, sensors)
+        state, received = national.next_cycle(world, state, sensors)
         out.append(received)
     return world, sensors, out
 

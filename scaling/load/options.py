@@ -1,4 +1,4 @@
-"""What the commands of the load have in common: their options, and an end in one sentence where a user can repair what is wrong."""
+"""Command-line options that the load commands share, and errors as one line."""
 
 from __future__ import annotations
 
@@ -11,14 +11,17 @@ from coastwatch.operators.cli.arguments import pair, whole
 from coastwatch.scenario import ScenarioError
 from coastwatch.store import StoreError
 
-FAILED, INTERRUPTED = 1, 130  # as `coastwatch` has them; bad options are argparse's 2
+FAILED, INTERRUPTED = 1, 130  # exit codes, the same as those of `coastwatch`; argparse uses 2
 
 
-def arguments(description: str | None) -> argparse.ArgumentParser:
-    """What every command of the load takes."""
-    parser = argparse.ArgumentParser(description=description)
+def load_parser(description: str | None) -> argparse.ArgumentParser:
+    """A parser with the options of every load command."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
-        "--warmup", type=whole, default=20, help="cycles that do not count: windows must fill, those of bearings in 100"
+        "--warmup",
+        type=whole,
+        default=20,
+        help="cycles that do not count; windows of tracks fill in 20, those of bearings in 100",
     )
     parser.add_argument("--workers", type=whole, default=0, help="processors; 0: all")
     parser.add_argument("--store", default="none", metavar="URL", help="SQLAlchemy URL of a database, or none")
@@ -28,13 +31,15 @@ def arguments(description: str | None) -> argparse.ArgumentParser:
     return parser
 
 
-def settings_of(asked: argparse.Namespace) -> dict[str, str]:
-    return dict(asked.set)
+def as_arguments(options: argparse.Namespace, *names: str) -> list[str]:
+    """These options, and every `--set`, as arguments of another load command."""
+    out = [part for name in names for part in (f"--{name}", str(getattr(options, name)))]
+    return out + [part for key, value in options.set for part in ("--set", f"{key}={value}")]
 
 
 @contextmanager
-def one_sentence() -> Iterator[None]:
-    """Ends the process with a line on stderr, and no traceback, on Ctrl-C and where the scenario or the database is refused."""
+def errors_as_one_line() -> Iterator[None]:
+    """Ends the process with one line on stderr on Ctrl-C, and when the scenario or the database is refused."""
     try:
         yield
     except KeyboardInterrupt:
