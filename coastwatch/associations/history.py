@@ -54,7 +54,7 @@ class History:
             kernels.association.pair_features.come_from,
             count,
             rank,
-            kernels.tables.match_ids.followed(self.track_id, track_id)[0],
+            kernels.tables.match_ids.index_of(self.track_id, track_id),
             self.rank,
             before,
         )

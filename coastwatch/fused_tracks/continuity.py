@@ -30,8 +30,8 @@ def continuity(
     Args: known_id, known_row: (L,) the tracks of the last cycle and the filter of each; newest_s: (F,) of each filter.
     """
 
-    at, _ = kernels.tables.match_ids.followed(known_id, tracks.track_id)
-    heard_row = kernels.tables.match_ids.owned(tracks.track_id, measured.track_id)
+    at = kernels.tables.match_ids.index_of(known_id, tracks.track_id)
+    heard_row = kernels.tables.match_ids.index_of(tracks.track_id, measured.track_id)
     was = kernels.filters.fused_filters.former(at, known_row, len(newest_s), heard_row, measured.time_s)
     of = np.empty(len(groups), np.int32)
     in_blocks(kernels.filters.fused_filters.going_on, len(groups), *groups, *was, tracks.updated_s, newest_s, of)

@@ -72,7 +72,7 @@ class ImmOfTracks(Method):
 
         groups, j = Grouped(*associations.by_vessel), len(KINDS)
         count, row = len(groups), kernels.tables.grouping.preferred(*groups, -tracks.source)
-        at, _ = kernels.tables.match_ids.followed(memory.track_id, tracks.track_id)
+        at = kernels.tables.match_ids.index_of(memory.track_id, tracks.track_id)
         was = np.where(at >= 0, np.append(memory.row, -1)[at], -1).astype(np.int32)
         before = memory.anchor_deg, memory.state, memory.covariance, memory.mode
         after = np.empty((count, 2)), np.empty((count, j, 5)), np.empty((count, j, 5, 5)), np.empty((count, j))

@@ -60,7 +60,7 @@ class KMeansSpots(Method):
             centre, age = self._cold(tracks.position_deg, count), 0
             guess, unknown = np.zeros(len(tracks), np.int64), np.arange(len(tracks))
         else:
-            at = kernels.tables.match_ids.followed(memory.track_id, tracks.track_id)[0]
+            at = kernels.tables.match_ids.index_of(memory.track_id, tracks.track_id)
             guess, unknown = memory.spot[at], np.flatnonzero(at < 0)
             if age >= self.fit_every:
                 steps, age = self.warm_steps, 0

@@ -127,7 +127,7 @@ def test_the_troubles_of_the_test_are_met():
         now = set(picture.vessel_id.tolist())
         came_back += len((now - shown) & seen)
         seen, shown = seen | now, now
-        hidden, gone = max(hidden, len(memory.known.hidden)), max(gone, len(memory.known.gone_id))
+        hidden, gone = max(hidden, len(memory.known.hidden)), max(gone, len(memory.known.merged_id))
     assert flags == 63
     assert came_back > 5
     assert hidden > 0

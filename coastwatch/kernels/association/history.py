@@ -14,7 +14,7 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from coastwatch.kernels.jit import jit
-from coastwatch.kernels.tables.match_ids import followed
+from coastwatch.kernels.tables.match_ids import index_of, match_ids
 
 Array = NDArray[Any]
 Floats = NDArray[np.float64]
@@ -67,7 +67,7 @@ class History:
             patience: cycles that an id may be absent and keeps its slot, at most W - 1. Its values are NaN meanwhile.
         Returns: the history, (N,) slots.
         """
-        at, to = followed(self.ids, ids)
+        at, to = match_ids(self.ids, ids)
         new = np.flatnonzero(at < 0) if order is None else order[at[order] < 0]
         waits = (to < 0) & (self.absent < patience)
         history = self._with_free_slots(self.slot[(to < 0) & ~waits], len(new))
@@ -89,7 +89,7 @@ class History:
 
     def slots_of(self, ids: Ints) -> Rows:
         """The slot of each of these ids, -1 for one that has none. Args: (M,), each once. Returns: (M,)."""
-        at = followed(self.ids, ids)[0]
+        at = index_of(self.ids, ids)
         return np.where(at >= 0, np.append(self.slot, np.int32(-1))[at], -1).astype(np.int32)
 
     def columns(self, ages: Ints) -> Ints:

@@ -1,7 +1,5 @@
-"""Identity: votes for a vessel, life cycle, picture columns, alerts. Modules load at first use: numba takes half a second."""
+"""Identity: votes for a vessel, life cycle, columns of the picture. Modules load at first use: numba takes half a second."""
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__, submodules=["alerts", "identity_votes", "lifecycle", "picture_columns"]
-)
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submodules=["lifecycle", "match", "picture_columns"])

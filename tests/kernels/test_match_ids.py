@@ -1,17 +1,17 @@
-"""Rows of one cycle found in the last, ids among others, and rows in groups, against dictionaries and numpy."""
+"""Rows of ids among other ids, and rows in groups, against dictionaries and numpy."""
 
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.kernels.tables.grouping import grouped, preferred
-from coastwatch.kernels.tables.match_ids import PATIENCE, among, followed, standing
+from coastwatch.kernels.tables.match_ids import LOOK_AHEAD, index_of, match_ids
 
 IDS = st.lists(st.integers(-(2**62), 2**62), max_size=40, unique=True)
 
 
 def check(before, now):
-    at, to = followed(np.array(before, np.int64), np.array(now, np.int64))
+    at, to = match_ids(np.array(before, np.int64), np.array(now, np.int64))
     rows = {k: row for row, k in enumerate(before)}
     assert at.tolist() == [rows.get(k, -1) for k in now]
     rows = {k: row for row, k in enumerate(now)}
@@ -28,8 +28,8 @@ def test_rows_are_found_in_any_order(kept, more, random):
 
 
 def test_rows_are_found_after_many_have_gone_or_come():
-    ids = np.arange(20 * PATIENCE) * 7
-    for gone in (slice(0, 5 * PATIENCE), slice(100, 10 * PATIENCE), slice(0, None, 2)):
+    ids = np.arange(80 * LOOK_AHEAD) * 7
+    for gone in (slice(0, 20 * LOOK_AHEAD), slice(100, 40 * LOOK_AHEAD), slice(0, None, 2)):
         some = np.delete(ids, gone)
         check(ids.tolist(), some.tolist())
         check(some.tolist(), ids.tolist())
@@ -38,27 +38,12 @@ def test_rows_are_found_after_many_have_gone_or_come():
     check(ids.tolist(), [])
 
 
-def test_the_same_arrays_are_followed_once_and_others_anew():
-    before, now = np.array([3, 1, 2]), np.array([2, 3, 9])
-    once = followed(before, now)
-    assert followed(before, now) is once
-    assert followed(before, now[::-1].copy())[0].tolist() == [-1, 0, 2]
-    assert followed(before[::-1].copy(), now)[0].tolist() == [0, 2, -1]
-    assert followed(before, now)[0].tolist() == once[0].tolist() == [2, 0, -1]
-
-
-@given(st.lists(st.integers(0, 30), max_size=60), st.lists(st.integers(0, 30), max_size=20))
-def test_wanted_ids_are_among_others(ids, wanted):
-    ids, wanted = np.array(ids, np.int64), np.array(wanted, np.int64)
-    np.testing.assert_array_equal(among(ids, wanted), np.isin(ids, wanted))
-
-
-@given(IDS, IDS, st.integers(-2, 5))
-def test_wanted_ids_stand_where_they_are_guessed_or_elsewhere(ids, more, shift):
-    wanted = np.array(list(dict.fromkeys(ids[::3] + more))[:20], np.int64)
-    guess = np.arange(len(wanted)) * 3 + shift
+@given(st.lists(st.integers(0, 30), max_size=60, unique=True), st.lists(st.integers(0, 40), max_size=60))
+def test_an_id_may_be_wanted_more_than_once(ids, wanted):
     rows = {k: row for row, k in enumerate(ids)}
-    assert standing(np.array(ids, np.int64), wanted, guess).tolist() == [rows.get(int(k), -1) for k in wanted]
+    for order in (wanted, sorted(wanted)):
+        found = index_of(np.array(ids, np.int64), np.array(order, np.int64))
+        assert found.tolist() == [rows.get(k, -1) for k in order]
 
 
 @given(st.lists(st.integers(0, 9), max_size=60), st.integers(0, 10**6))

@@ -1,0 +1,82 @@
+"""Votes of tracks for vessels: which vessel of the last cycle a group of tracks continues.
+
+A vessel is a row of the vessels known from the last cycle. A group is the tracks that are associated in this cycle.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from coastwatch.kernels.jit import jit
+
+FIRST_VESSEL_SHARE = 0.1
+"""Share of a track's weight that goes to the first vessel it ever was in: a pair joined in error splits into its old vessels."""
+
+
+@jit
+def _add_vote(vessels, gains, begin, end, vessel, weight):  # type: ignore[no-untyped-def]
+    """Add a vote to the entries begin to end, which hold one vessel each. Returns: the end after it."""
+    for k in range(begin, end):
+        if vessels[k] == vessel:
+            gains[k] += weight
+            return end
+    vessels[end], gains[end] = vessel, weight
+    return end + 1
+
+
+@jit
+def count_votes(start, row, previous, first_vessel, weight, seniority):  # type: ignore[no-untyped-def]
+    """Every vessel that a group votes for, with the gain of continuing it; group by group.
+
+    Args:
+        start, row: (V + 1,), (N,) the tracks of group g are row[start[g]:start[g + 1]].
+        previous, first_vessel: (N,) the vessel that a track was in at the last cycle, and the first it ever was in; -1 if new.
+        weight: (N,) of the vote of each track; seniority: (K,) added to the gain of each vessel.
+    Returns: group, vessel, gain: (A,) each.
+    """
+    group, vessel, gain = np.empty(2 * len(row), np.int64), np.empty(2 * len(row), np.int64), np.empty(2 * len(row))
+    end = 0
+    for g in range(len(start) - 1):
+        begin = end
+        for k in range(start[g], start[g + 1]):
+            n = row[k]
+            if previous[n] >= 0:
+                end = _add_vote(vessel, gain, begin, end, previous[n], weight[n])
+        for k in range(start[g], start[g + 1]):
+            n = row[k]
+            if previous[n] >= 0:
+                end = _add_vote(vessel, gain, begin, end, first_vessel[n], FIRST_VESSEL_SHARE * weight[n])
+        for k in range(begin, end):
+            group[k] = g
+            gain[k] += seniority[vessel[k]]
+    return group[:end], vessel[:end], gain[:end]
+
+
+@jit
+def settle_uncontested(group, vessel, gain, vessel_id, vessel_of_group):  # type: ignore[no-untyped-def]
+    """Settle each group that shares no vessel with another: it continues the vessel of greatest gain, of equals the lowest id.
+
+    Args:
+        group, vessel, gain: (A,) of `count_votes`; vessel_id: (K,).
+        vessel_of_group: (V,) -1 throughout; written for the groups that are settled.
+    Returns: (A,) bool, the votes of the other groups.
+    """
+    voters = np.zeros(len(vessel_id), np.int32)
+    for v in vessel:
+        voters[v] += 1
+    contested = np.zeros(len(group), np.bool_)
+    begin = 0
+    while begin < len(group):
+        end, best, shared = begin, begin, False
+        while end < len(group) and group[end] == group[begin]:
+            lower_id = vessel_id[vessel[end]] < vessel_id[vessel[best]]
+            if gain[end] > gain[best] or (gain[end] == gain[best] and lower_id):
+                best = end
+            shared |= voters[vessel[end]] > 1
+            end += 1
+        if shared:
+            contested[begin:end] = True
+        else:
+            vessel_of_group[group[begin]] = vessel[best]
+        begin = end
+    return contested

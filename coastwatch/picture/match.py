@@ -1,0 +1,165 @@
+"""Which vessel of the last cycle each group of tracks continues: by votes of its tracks, else by MMSI, else by position.
+
+A vessel is a row of `Known`; a group is a number of `Associations.vessel`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from coastwatch import kernels
+from coastwatch.batches import Array, Associations, Floats, FusedTracks, Ints, Picture, Rows, Sensors, SourceKind, Tracks
+from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred
+from coastwatch.kernels.filters.gaussian import squared_distance
+from coastwatch.picture.settings import IdentitySettings
+from coastwatch.picture.vessels import Groups, Known, KnownColumns, predict, rows_of_groups
+
+AIS_WEIGHT = 1.2  # of the vote of an AIS track; a radar track has 1
+SENIORITY_GAIN, SENIORITY_S = 0.5, 60.0  # most that a vessel gains by its age, and the age for half of it
+NEAR_M = 2000.0  # farther off than a vessel without tracks can be
+MMSI_SLACK_S = 10.0  # added to the time of a return by MMSI, for the error of both positions
+
+
+@dataclass(frozen=True, eq=False)
+class KnownTracks:
+    """The tracks of the last cycle, and what they remember."""
+
+    track_id: Ints  # (L,)
+    vessel: Ints  # (L,) the vessel it was in
+    first_vessel: Ints  # (L,) the first vessel it ever was in
+
+    @classmethod
+    def none(cls) -> KnownTracks:
+        none = np.zeros(0, np.int64)
+        return cls(none, none, none)
+
+
+@dataclass(frozen=True, eq=False)
+class IdentityMatch:
+    """Which vessel each group continues."""
+
+    groups: Groups
+    track_now: Rows  # (L,) row of each track of the last cycle, -1 where it has ended
+    first_vessel: Ints  # (N,) the first vessel that a track ever was in, -1 for a new track
+    remembered: Array  # (K,) how living tracks remember each vessel, as in `kernels.identity.lifecycle`
+    vessel_of_group: Ints  # (V,) -1: a new vessel
+    group_of_vessel: Ints  # (K,) -1: a vessel without tracks
+
+
+def match_identities(
+    settings: IdentitySettings,
+    known: Known,
+    columns: KnownColumns,
+    before: KnownTracks,
+    tracks: Tracks,
+    associations: Associations,
+    fused: FusedTracks,
+    time_s: float,
+    sensors: Sensors,
+) -> IdentityMatch:
+    """Match the groups of this cycle with the vessels of the last one-to-one.
+
+    A track votes for the vessel it was in, and with a share of its vote for the first it ever was in. A group without votes may be
+    a vessel that has lost all its tracks.
+    """
+    lifecycle = kernels.identity.lifecycle
+    groups = associations.by_vessel
+    row_before, track_now = kernels.tables.match_ids.match_ids(before.track_id, tracks.track_id)
+    old = np.flatnonzero(row_before >= 0)
+    row_before = row_before[old]
+    previous, first_vessel = np.full(len(tracks), -1, np.int64), np.full(len(tracks), -1, np.int64)
+    previous[old], first_vessel[old] = before.vessel[row_before], before.first_vessel[row_before]
+    remembered = np.full(len(columns.vessel_id), lifecycle.NOT_REMEMBERED, np.int8)
+    remembered[first_vessel[old]] = lifecycle.AS_FIRST
+    remembered[previous[old]] = lifecycle.AS_PREVIOUS
+
+    weight = np.where(sensors.source_kinds == SourceKind.AIS, AIS_WEIGHT, 1.0)[tracks.source]
+    vessel_of_group = _settle_votes(groups, previous, first_vessel, weight, columns, time_s)
+
+    is_free = remembered[: len(known.shown) + len(known.hidden)] != lifecycle.AS_PREVIOUS
+    is_free[vessel_of_group[(vessel_of_group >= 0) & (vessel_of_group < len(is_free))]] = False
+    free, new = np.flatnonzero(is_free), np.flatnonzero(vessel_of_group < 0)
+    if len(free) > 0 and len(new) > 0:
+        rows, vessels = _match_returns(settings, known, columns, free, rows_of_groups(new, groups, tracks, fused), time_s)
+        vessel_of_group[new[rows]] = vessels
+
+    group_of_vessel = np.full(len(columns.vessel_id), -1, np.int64)
+    matched = np.flatnonzero(vessel_of_group >= 0)
+    group_of_vessel[vessel_of_group[matched]] = matched
+    return IdentityMatch(groups, track_now, first_vessel, remembered, vessel_of_group, group_of_vessel)
+
+
+def _settle_votes(
+    groups: Groups, previous: Ints, first_vessel: Ints, weight: Floats, columns: KnownColumns, time_s: float
+) -> Ints:
+    """The vessel of each group by the votes of its tracks, one-to-one, -1 where none. (V,)"""
+    start, row = groups
+    age_s = np.where(np.isfinite(columns.since_s), time_s - columns.since_s, 0.0)
+    seniority = SENIORITY_GAIN * age_s / (age_s + SENIORITY_S)
+    group, vessel, gain = kernels.identity.match.count_votes(start, row, previous, first_vessel, weight, seniority)
+    out = np.full(len(start) - 1, -1, np.int64)
+    contested = kernels.identity.match.settle_uncontested(group, vessel, gain, columns.vessel_id, out)
+    group, vessel, gain = group[contested], vessel[contested], gain[contested]
+    chosen = kernels.association.assignment.assign(group, columns.vessel_id[vessel], gain)
+    out[group[chosen]] = vessel[chosen]
+    return out
+
+
+def _match_returns(
+    settings: IdentitySettings, known: Known, columns: KnownColumns, free: Ints, new: Picture, time_s: float
+) -> tuple[Ints, Ints]:
+    """Vessels without tracks that return as new groups, by MMSI first. Args: free: (F,) vessels; new: rows of the groups.
+
+    Returns: rows of `new` (B,), vessels (B,).
+    """
+    held = time_s - columns.updated_s[free] <= settings.hold_s
+    named = np.isin(columns.mmsi[free], new.mmsi[new.mmsi >= 0])
+    free = free[held | named]
+    free = free[np.argsort(columns.vessel_id[free])]
+    old = known.take(free)
+    new_by_mmsi, old_by_mmsi = _match_mmsi(settings, new, old, time_s)
+    held = time_s - old.updated_s <= settings.hold_s
+    held[old_by_mmsi] = False
+    rest = np.delete(np.arange(len(new)), new_by_mmsi)
+    new_by_position, old_by_position = _match_positions(settings, new, rest, old, np.flatnonzero(held), time_s)
+    return np.append(new_by_mmsi, new_by_position), free[np.append(old_by_mmsi, old_by_position)]
+
+
+def _match_mmsi(settings: IdentitySettings, new: Picture, old: Picture, time_s: float) -> tuple[Ints, Ints]:
+    """Rows of new and old vessels with the same MMSI, near enough for a ship; of several old ones the last that was updated."""
+    order = np.lexsort((-old.updated_s, old.mmsi))
+    mmsi, first = np.unique(old.mmsi[order], return_index=True)
+    rows = np.flatnonzero((new.mmsi >= 0) & np.isin(new.mmsi, mmsi))
+    candidates = order[first[np.searchsorted(mmsi, new.mmsi[rows])]]
+    silent_s = time_s - old.updated_s[candidates]
+    distance_m = np.linalg.norm(difference_m(new.position_deg[rows], old.position_deg[candidates]), axis=1)
+    reach_m = settings.max_speed_kn * KNOT_M_S * (silent_s + MMSI_SLACK_S)
+    fits = (silent_s <= settings.return_s) & (distance_m <= reach_m)
+    rows, candidates = rows[fits], candidates[fits]
+    _, once = np.unique(candidates, return_index=True)
+    return rows[once], candidates[once]
+
+
+def _match_positions(
+    settings: IdentitySettings, new: Picture, rest: Ints, old: Picture, held: Ints, time_s: float
+) -> tuple[Ints, Ints]:
+    """Rows of new and old vessels that are near in position and velocity, one-to-one. Args: rest, held: rows that may match."""
+    from scipy.spatial import cKDTree
+
+    none = np.zeros(0, np.int64)
+    if len(rest) == 0 or len(held) == 0:
+        return none, none
+    moved = predict(old.take(held), time_s, settings.drift_m_s15)
+    trees = cKDTree(earth_centred(new.position_deg[rest])), cKDTree(earth_centred(moved.position_deg))
+    near = trees[0].sparse_distance_matrix(trees[1], NEAR_M, output_type="ndarray")
+    i, j = rest[near["i"]], near["j"].astype(np.int64)
+    same_name = (new.mmsi[i] < 0) | (moved.mmsi[j] < 0) | (new.mmsi[i] == moved.mmsi[j])
+    i, j = i[same_name], j[same_name]
+    position_m = difference_m(new.position_deg[i], moved.position_deg[j])
+    velocity_m_s = new.velocity_m_s[i] - moved.velocity_m_s[j]
+    difference = np.concatenate([position_m, velocity_m_s], axis=1)
+    distance2 = squared_distance(difference, new.covariance[i] + moved.covariance[j])
+    chosen = kernels.association.assignment.assign(i, j, settings.return_gate - distance2)
+    return i[chosen], held[j[chosen]]

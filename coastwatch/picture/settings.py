@@ -1,0 +1,28 @@
+"""Settings of the picture, apart from the method that uses them, so that every module here can read them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from coastwatch.stage import Method
+
+
+class IdentitySettings(Method):
+    """Settings of `Identity`."""
+
+    method: Literal["identity"] = "identity"
+    coast_s: Annotated[float, Field(ge=0.0)] = 30.0  # how long a vessel without tracks is shown
+    hold_s: Annotated[float, Field(ge=0.0)] = 120.0  # how long it may return by position and velocity
+    return_s: Annotated[float, Field(ge=0.0)] = 3600.0  # how long it may return by its MMSI
+    return_gate: Annotated[float, Field(gt=0.0)] = 18.0  # squared Mahalanobis distance of position and velocity
+    drift_m_s15: Annotated[float, Field(gt=0.0)] = 0.15  # growth of the uncertainty of a vessel without tracks
+    max_speed_kn: Annotated[float, Field(gt=0.0)] = 60.0  # of a return by MMSI
+    dark_after_s: Annotated[float, Field(ge=0.0)] = 60.0  # radar without AIS where a station should hear it
+    unseen_after_s: Annotated[float, Field(ge=0.0)] = 60.0  # AIS without radar where a radar should see it
+    paired_s: Annotated[float, Field(ge=0.0)] = 30.0  # how long AIS and radar were one vessel before their split counts
+    contradicted_for_s: Annotated[float, Field(ge=0.0)] = 300.0  # how long after the split the flag may be set
+    contradicted_after_s: Annotated[float, Field(ge=0.0)] = 9.0  # how long after the split the flag is set first
+    contradicted_from_m: Annotated[float, Field(ge=0.0)] = 100.0  # least distance of the two tracks
+    cover_margin: Annotated[float, Field(gt=0.0, le=1.0)] = 0.95  # share of a sensor's range that counts as covered

@@ -1,0 +1,107 @@
+"""Vessels known from the last cycle, vessels of groups of tracks, and where a vessel without tracks is by now."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from coastwatch import kernels
+from coastwatch.batches import Array, Flag, Floats, FusedTracks, Ints, Picture, Rows, Tracks
+from coastwatch.geodesy import offset_deg
+from coastwatch.kernels.threads import in_blocks
+
+Groups = tuple[Rows, Rows]
+"""Tracks by group: start (V + 1,), row (N,). The tracks of group g are row[start[g]:start[g + 1]]."""
+
+
+class KnownColumns(NamedTuple):
+    """What is asked of every known vessel."""
+
+    vessel_id: Ints  # (K,)
+    since_s: Floats  # (K,) inf if merged
+    updated_s: Floats  # (K,) -inf if merged
+    mmsi: Ints  # (K,) -1 if unknown or merged
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """Vessels of the last cycle that may go on under their ids. Known vessel k is row k of shown, hidden and merged together."""
+
+    shown: Picture  # the picture of the last cycle, sorted by id
+    hidden: Picture  # without tracks and no longer shown; they may return by MMSI or position
+    merged_id: Ints  # (G,) ids whose tracks went into other vessels; they return if a track that was first in them splits off
+
+    @classmethod
+    def none(cls) -> Known:
+        return cls(Picture.empty(), Picture.empty(), np.zeros(0, np.int64))
+
+    def columns(self) -> KnownColumns:
+        """Columns over all known vessels."""
+        merged = self.merged_id
+
+        def joined(name: str, of_merged: Array) -> Array:
+            return np.concatenate([getattr(self.shown, name), getattr(self.hidden, name), of_merged])
+
+        return KnownColumns(
+            joined("vessel_id", merged),
+            joined("since_s", np.full(len(merged), np.inf)),
+            joined("updated_s", np.full(len(merged), -np.inf)),
+            joined("mmsi", np.full(len(merged), -1, np.int64)),
+        )
+
+    def take(self, rows: Ints) -> Picture:
+        """The rows of these known vessels, shown or hidden, in this order. Args: rows: (B,)."""
+        of_shown = rows < len(self.shown)
+        parts = self.shown.take(rows[of_shown]), self.hidden.take(rows[~of_shown] - len(self.shown))
+        place = np.empty(len(rows), np.int64)
+        place[np.flatnonzero(of_shown)] = np.arange(len(parts[0]))
+        place[np.flatnonzero(~of_shown)] = len(parts[0]) + np.arange(len(parts[1]))
+        return Picture.join(list(parts)).take(place)
+
+
+def rows_of_groups(group_of_row: Ints, groups: Groups, tracks: Tracks, fused: FusedTracks) -> Picture:
+    """Rows of the picture for groups of tracks; ids are -1 and flags 0 so far.
+
+    Args: group_of_row: (R,) the group of each row; -1: the vessel has no tracks, and the row is left unwritten.
+    """
+    n = len(group_of_row)
+    time_s, since_s, updated_s = np.empty(n), np.empty(n), np.empty(n)
+    position, velocity, covariance = np.empty((n, 2)), np.empty((n, 2)), np.empty((n, 4, 4))
+    mmsi, origin = np.empty(n, np.int64), np.empty(n, np.int64)
+    in_blocks(
+        kernels.identity.picture_columns.vessel_columns,
+        n,
+        group_of_row,
+        groups,
+        (fused.time_s, fused.position_deg, fused.velocity_m_s, fused.covariance),
+        (tracks.started_s, tracks.updated_s, tracks.mmsi, tracks.origin),
+        (time_s, position, velocity, covariance, since_s, updated_s, mmsi, origin),
+    )
+    vessel_id, flags = np.full(n, -1, np.int64), np.zeros(n, np.int64)
+    return Picture(vessel_id, time_s, position, velocity, covariance, since_s, updated_s, mmsi, flags, origin)
+
+
+def predict(vessels: Picture, time_s: float, drift_m_s15: float) -> Picture:
+    """Vessels without tracks at a later time: straight motion with white acceleration, flagged as coasting.
+
+    Args: drift_m_s15: root of the density of the acceleration noise.
+    Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, eq. 6.2.2-13.
+    """
+    dt = time_s - vessels.time_s
+    t, noise = dt[:, None, None], drift_m_s15**2 * np.eye(2)
+    p = vessels.covariance
+    cross, velocity = p[:, :2, 2:], p[:, 2:, 2:]
+    covariance = np.empty_like(p)
+    covariance[:, :2, :2] = p[:, :2, :2] + t * (cross + p[:, 2:, :2]) + t**2 * velocity + t**3 / 3.0 * noise
+    covariance[:, :2, 2:] = cross + t * velocity + t**2 / 2.0 * noise
+    covariance[:, 2:, :2] = p[:, 2:, :2] + t * velocity + t**2 / 2.0 * noise
+    covariance[:, 2:, 2:] = velocity + t * noise
+    return replace(
+        vessels,
+        time_s=np.full(len(vessels), float(time_s)),
+        position_deg=offset_deg(vessels.position_deg, vessels.velocity_m_s * dt[:, None]),
+        covariance=covariance,
+        flags=np.full(len(vessels), int(Flag.COASTING), np.int64),
+    )
