@@ -21,7 +21,8 @@ def cache_folder() -> Path:
     for module in sorted(Path(__file__).parent.rglob("*.py")):
         digest.update(module.read_bytes())
     user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "coastwatch"
-    return Path(os.environ.get("NUMBA_CACHE_DIR") or user) / f"kernels-{digest.hexdigest()[:16]}"
+    parent, name = Path(os.environ.get("NUMBA_CACHE_DIR") or user), f"kernels-{digest.hexdigest()[:16]}"
+    return parent if parent.name == name else parent / name  # a child process inherits the folder itself
 
 
 os.environ["NUMBA_CACHE_DIR"] = str(cache_folder())
