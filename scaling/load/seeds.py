@@ -23,18 +23,29 @@ FIGURES = (
     ("fused_tracks", "radar_bound_position_rmse_m", 1.0, "bound of it, m", max),
     ("picture", "dark_recall", 100.0, "instants at which a dark vessel was flagged, %", min),
     ("picture", "dark_false_rate", 100.0, "instants at which another was, %", max),
-)
+)  # stage, key, scale, title, worst over seeds
 
 
 def scores_of(name: str, overrides: dict[str, str], seed: int, on_cycle: OnCycle | None = None) -> dict[str, Any]:
-    """The scores of one run into a database that is thrown away. Args: on_cycle: called with what each cycle yields."""
+    """The scores of one run into a temporary database. Args: on_cycle: called with the result of each cycle."""
     with tempfile.TemporaryDirectory() as folder:
         database = f"sqlite:///{Path(folder) / 'run.db'}"
         return run_scenario(load_scenario(name, overrides), seed=seed, database=database, on_cycle=on_cycle).scores
 
 
+def conditions(scenario: str, settings: dict[str, str]) -> str:
+    """One line that names a scenario and the settings that differ from its file, to be printed with its figures."""
+    return f"{scenario}; settings beside its file: {' '.join(f'{k}={v}' for k, v in settings.items()) or 'none'}"
+
+
+def seed_range(text: str) -> range:
+    """The seeds of FIRST-LAST, both included."""
+    first, last = (int(s) for s in text.split("-"))
+    return range(first, last + 1)
+
+
 def table(scores: list[dict[str, Any]]) -> list[str]:
-    """A line a figure: mean, standard deviation and worst over the runs that have it."""
+    """One line per figure: mean, standard deviation and worst over the runs that have it."""
     lines = []
     for stage, key, scale, title, worst in FIGURES:
         values = [scale * s[stage][key] for s in scores if s.get(stage, {}).get(key) is not None]
@@ -44,8 +55,8 @@ def table(scores: list[dict[str, Any]]) -> list[str]:
         own, best = f"{part}position_rmse_m", f"{part}bound_position_rmse_m"
         ratios = [f[own] / f[best] for s in scores if (f := s["fused_tracks"])[best]]
         if ratios:
-            spread = f"{np.mean(ratios):9.3f} +- {np.std(ratios):6.3f}   worst {max(ratios):9.3f}"
-            lines.append(f"{f'{title} position RMSE over its bound':<48} {spread}")
+            values = f"{np.mean(ratios):9.3f} +- {np.std(ratios):6.3f}   worst {max(ratios):9.3f}"
+            lines.append(f"{f'{title} position RMSE over its bound':<48} {values}")
     return lines
 
 
@@ -55,13 +66,12 @@ def main() -> None:
     parser.add_argument("--seeds", default="1000-1009", help="first-last")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     parser.add_argument("--json", action="store_true", help="the scores of every seed instead of the table")
-    asked = parser.parse_args()
-    first, last = (int(s) for s in asked.seeds.split("-"))
-    overrides = dict(item.split("=", 1) for item in asked.set)
-    scores = [scores_of(asked.scenario, overrides, seed) for seed in range(first, last + 1)]
-    if not asked.json:
-        print(f"# {asked.scenario}, seeds {asked.seeds}{''.join(f', {item}' for item in asked.set)}")
-    print(json.dumps(scores) if asked.json else "\n".join(table(scores)))
+    options = parser.parse_args()
+    overrides = dict(item.split("=", 1) for item in options.set)
+    scores = [scores_of(options.scenario, overrides, seed) for seed in seed_range(options.seeds)]
+    if not options.json:
+        print(f"# {conditions(options.scenario, overrides)}; seeds {options.seeds}")
+    print(json.dumps(scores) if options.json else "\n".join(table(scores)))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The cases of the table of accuracy can be run: their scenarios load, their figures exist, their asked values can be missed."""
+"""The cases of the table of accuracy can be run: their scenarios load, their figures exist, their required values can be missed."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ def test_every_setting_of_a_case_is_one(case: Case) -> None:
     assert load_scenario(case.scenario, dict(pair.split("=", 1) for pair in case.settings)).input.method == "simulated"
 
 
-def test_a_case_has_the_settings_of_those_it_is_like() -> None:
+def test_a_case_has_the_settings_of_those_it_extends() -> None:
     by_name = {case.name: case for case in CASES}
     both = by_name["plots, bias"].settings
     assert set(by_name["bias"].settings) | set(by_name["plots"].settings) == set(both)
 
 
-def test_a_case_like_none_is_refused(tmp_path) -> None:
+def test_a_case_that_extends_an_unknown_one_is_refused(tmp_path) -> None:
     path = tmp_path / "cases.toml"
-    path.write_text('[[case]]\nname = "one"\nlike = ["two"]\nfigure = [{ path = "a.b" }]\n', "utf-8")
-    with pytest.raises(ValueError, match=r"one: got like = \['two'\], needed names of earlier cases"):
+    path.write_text('[[case]]\nname = "one"\nextends = ["two"]\nfigure = [{ path = "a.b" }]\n', "utf-8")
+    with pytest.raises(ValueError, match=r"one: got extends = \['two'\], needed names of earlier cases"):
         load_cases(path)
 
 
@@ -38,9 +38,9 @@ def test_a_run_gives_every_figure_and_every_cycle_of_the_warm_up() -> None:
     assert len(list(lines_of(case, [run]))) == len(case.figure) + 2
 
 
-def test_what_is_missed_is_said() -> None:
+def test_a_missed_value_is_reported() -> None:
     runs = [Run({"a": {"x": 2.0, "y": 4.0}}, []), Run({"a": {"x": 3.0, "y": 4.0}}, [])]
-    figures = (Figure(path="a.x", asked=2.5), Figure(path="a.x", over="a.y", asked=0.8, better="lower"))
+    figures = (Figure(path="a.x", required=2.5), Figure(path="a.x", over="a.y", required=0.8, better="lower"))
     high, low = lines_of(Case(name="made up", figure=figures), runs)
     assert high.split()[-4:] == ["2.500", "2.500", "2.000", "NO"]
     assert low.split()[-4:] == ["0.800", "0.625", "0.750", "yes"]

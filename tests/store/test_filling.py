@@ -11,7 +11,7 @@ from coastwatch import store as kept
 from coastwatch.store import blocks
 from coastwatch.store.migrate import check
 from scaling.load.filling import fill
-from scaling.load.queries import MEASURED, look
+from scaling.load.queries import MEASURED, newest_run
 
 POINTS, VESSELS = 20_000, 300
 
@@ -32,7 +32,7 @@ def test_it_is_whole(filled: Path) -> None:
 def test_the_past_of_its_last_cycle_is_its_picture(filled: Path) -> None:
     """Within the bound, and with the same names and identities."""
     with kept.open_store(str(filled), create=False) as store:
-        of = look(store)
+        of = newest_run(store)
         now, then = kept.picture(store, of.run_id), kept.picture(store, of.run_id, of.to_s)
         assert len(now) == len(of.vessel_id) > VESSELS / 2
         for name in ("vessel_id", "mmsi", "name", "flags"):
