@@ -1,12 +1,12 @@
-"""Registration errors of radars, found on line: the methods of the stage."""
+"""Registration errors of radars, found online: the methods of the stage."""
 
 from typing import Annotated
 
 from pydantic import Field
 
 from coastwatch.registration.none import NoRegistration
-from coastwatch.registration.on_line import OnLineRegistration
+from coastwatch.registration.online import OnlineRegistration
 
-Registrar = Annotated[OnLineRegistration | NoRegistration, Field(discriminator="method")]
+Registrar = Annotated[OnlineRegistration | NoRegistration, Field(discriminator="method")]
 
-__all__ = ["NoRegistration", "OnLineRegistration", "Registrar"]
+__all__ = ["NoRegistration", "OnlineRegistration", "Registrar"]

@@ -1,4 +1,4 @@
-"""No registration on line: radars are taken at their word, and at the settings of `[plots]`."""
+"""No online registration: radars are taken at their word, and at the settings of `[plots]`."""
 
 from __future__ import annotations
 

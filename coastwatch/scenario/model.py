@@ -12,7 +12,7 @@ from coastwatch.batches import Sensors
 from coastwatch.fused_tracks import CentralImm, Fuser
 from coastwatch.picture import Identity
 from coastwatch.plots import PlotConverter, PolarConversion
-from coastwatch.registration import OnLineRegistration, Registrar
+from coastwatch.registration import OnlineRegistration, Registrar
 from coastwatch.scenario.sites import Area, Name, Positive, Radar, Sonar, Station, sensors_of
 from coastwatch.sensors import Feed
 from coastwatch.spots import KMeansSpots, OctantGrouper, OctantSpots, SpotGrouper
@@ -85,7 +85,7 @@ class Scenario(Settings):
     bearing_associations: BearingAssociator = BearingLikelihood()
     fused_tracks: Fuser = CentralImm()
     picture: Identity = Identity()
-    registration: Registrar = OnLineRegistration()
+    registration: Registrar = OnlineRegistration()
     store: StoreSettings = StoreSettings()
     workers: WorkerSettings = WorkerSettings()
 

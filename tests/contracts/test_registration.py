@@ -12,12 +12,12 @@ from pydantic import TypeAdapter
 from scipy.stats import chi2
 
 from coastwatch.batches import RadarCorrections, RegistrationState
-from coastwatch.registration import NoRegistration, OnLineRegistration, Registrar
+from coastwatch.registration import NoRegistration, OnlineRegistration, Registrar
 from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks.motion import Motion
 from coastwatch.tracks.table import RadarMemory, started
 
-METHODS = [NoRegistration(), OnLineRegistration()]
+METHODS = [NoRegistration(), OnlineRegistration()]
 SIGMAS = 4.5  # of a normal error: three figures a radar, a dozen tests
 SEEDS = 24
 BAND = 1e-6  # probability of the chi-square band: red means wrong
@@ -64,7 +64,7 @@ def test_nothing_said_and_nobody_there(method: Any) -> None:
 
 @pytest.mark.parametrize("error", [(5.0, 30.0, 1.5), (-15.0, -60.0, 2.0), (0.3, 0.0, 0.0)])
 def test_errors_are_found(error: tuple[float, float, float]) -> None:
-    _, given, course = world.run(OnLineRegistration(), world.Sea(4, errors=(error,)), 60)
+    _, given, course = world.run(OnlineRegistration(), world.Sea(4, errors=(error,)), 60)
     assert given.state.tolist() == [RegistrationState.SETTLED]
     assert np.abs(world.errors_of(given, (error,))).max() < SIGMAS
     assert np.degrees(given.azimuth_sigma_rad[0]) < 0.02
@@ -75,14 +75,14 @@ def test_errors_are_found(error: tuple[float, float, float]) -> None:
 
 def test_two_radars_each_with_errors_of_its_own() -> None:
     errors = ((7.0, 0.0, 1.0), (-4.0, 40.0, 0.0))
-    _, given, _ = world.run(OnLineRegistration(), world.Sea(5, radars=2, errors=errors), 60)
+    _, given, _ = world.run(OnlineRegistration(), world.Sea(5, radars=2, errors=errors), 60)
     assert np.abs(world.errors_of(given, errors)).max() < SIGMAS
 
 
 def test_a_radar_that_is_right_is_not_shifted() -> None:
     for seed in range(6):
         sea = world.Sea(seed, vessels=14, ais=8, errors=((0.0, 0.0, 0.0),))
-        _, given, course = world.run(OnLineRegistration(), sea, 40)
+        _, given, course = world.run(OnlineRegistration(), sea, 40)
         assert not any(c.jumped.any() for c in course)
         assert np.abs(world.errors_of(given, ((0.0, 0.0, 0.0),))).max() < SIGMAS
         far = max(abs(np.degrees(c.azimuth_bias_rad[0])) for c in course[10:])
@@ -95,7 +95,7 @@ def test_the_standard_deviations_are_honest() -> None:
     squares = []
     for seed in range(SEEDS):
         sea = world.Sea(100 + seed, ais_sigma_m=5.0)
-        _, given, _ = world.run(OnLineRegistration(apply_s=0.1), sea, 40)
+        _, given, _ = world.run(OnlineRegistration(apply_s=0.1), sea, 40)
         squares.append(float((world.errors_of(given, sea.errors) ** 2).sum()))
     low, high = chi2.ppf([BAND / 2, 1 - BAND / 2], 3 * SEEDS)
     assert low < sum(squares) < high
@@ -107,7 +107,7 @@ def test_few_vessels_wait_and_others_are_no_evidence() -> None:
         few = world.Sea(200 + seed, vessels=30, ais=3)
         wrong = world.Sea(300 + seed, vessels=40, ais=8, silent=8)
         for sea in (few, wrong):
-            _, given, _ = world.run(OnLineRegistration(), sea, 25)
+            _, given, _ = world.run(OnlineRegistration(), sea, 25)
             assert given.state.tolist() == [RegistrationState.ACQUIRING]
             assert given.azimuth_bias_rad.tolist() == [0.0]
 
@@ -118,7 +118,7 @@ def test_spoofers_among_the_references_are_outvoted() -> None:
     shift = np.zeros((sea.ais, 2))
     shift[::4] = [60.0, 0.0]
     shift[::8] = [0.0, 900.0]
-    _, given, _ = world.run(OnLineRegistration(), sea, 60, shift_m=lambda _: shift)
+    _, given, _ = world.run(OnlineRegistration(), sea, 60, shift_m=lambda _: shift)
     assert given.state.tolist() == [RegistrationState.SETTLED]
     assert np.degrees(given.azimuth_bias_rad[0]) == pytest.approx(5.0, abs=LIKE_PLOTS_DEG)
     assert given.range_bias_m[0] == pytest.approx(30.0, abs=LIKE_PLOTS_M)
@@ -127,7 +127,7 @@ def test_spoofers_among_the_references_are_outvoted() -> None:
 @pytest.mark.parametrize("rate_deg_h", [6.0, 30.0])
 def test_a_drift_is_followed_and_the_deviation_tells_how_far_behind(rate_deg_h: float) -> None:
     step = rate_deg_h * world.PERIOD_S / 3600.0
-    method = OnLineRegistration()
+    method = OnlineRegistration()
     course = world.run(method, world.Sea(7), 200, errors=lambda c: ((5.0 + step * c, 0.0, 0.0),))[2]
     behind = 5.0 + step * 199 - np.degrees(course[-1].azimuth_bias_rad[0])
     assert 0.0 < behind < 2.0 * rate_deg_h * (method.drift_memory_s + method.apply_s) / 3600.0
@@ -136,7 +136,7 @@ def test_a_drift_is_followed_and_the_deviation_tells_how_far_behind(rate_deg_h: 
 
 def test_a_radar_that_is_turned_is_acquired_again() -> None:
     sea = world.Sea(8)
-    course = world.run(OnLineRegistration(), sea, 90, errors=lambda c: ((5.0 if c < 30 else -6.0, 0.0, 0.0),))[2]
+    course = world.run(OnlineRegistration(), sea, 90, errors=lambda c: ((5.0 if c < 30 else -6.0, 0.0, 0.0),))[2]
     jumps = [k for k, c in enumerate(course) if c.jumped[0]]
     assert len(jumps) == 2
     assert 30 <= jumps[1] <= 60
@@ -145,9 +145,9 @@ def test_a_radar_that_is_turned_is_acquired_again() -> None:
 
 def test_what_is_known_is_held_while_nothing_is_compared() -> None:
     sea = world.Sea(9)
-    memory, given, _ = world.run(OnLineRegistration(), sea, 40)
+    memory, given, _ = world.run(OnlineRegistration(), sea, 40)
     sea.ais = 0
-    _, later, _ = world.run(OnLineRegistration(), sea, 40, first=40, memory=memory, given=given)
+    _, later, _ = world.run(OnlineRegistration(), sea, 40, first=40, memory=memory, given=given)
     assert later.state.tolist() == [RegistrationState.SETTLED]
     assert np.degrees(later.azimuth_bias_rad - given.azimuth_bias_rad)[0] == pytest.approx(0.0, abs=0.02)
     assert later.azimuth_sigma_rad[0] > given.azimuth_sigma_rad[0]

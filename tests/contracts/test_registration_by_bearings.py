@@ -25,8 +25,8 @@ from coastwatch.batches import (
     Tracks,
 )
 from coastwatch.geodesy import from_plane
-from coastwatch.registration import OnLineRegistration
-from coastwatch.registration.bearings import Waiting, compare
+from coastwatch.registration import OnlineRegistration
+from coastwatch.registration.bearings import WaitingPlots, bearing_equations
 
 VESSELS, LAG_S, CAMERA_BIAS = 5, 1.6, np.radians(4.0)
 CAMERA_SIGMA = np.radians(0.5)
@@ -93,7 +93,7 @@ def seen(seed: int, cycle: int, lag_s: float, given: RadarCorrections) -> Any:
 
 
 def run(seed: int, lag_s: float, cycles: int = 60) -> RadarCorrections:
-    method, where = OnLineRegistration(), sensors()
+    method, where = OnlineRegistration(), sensors()
     memory, given = method.init(), RadarCorrections.none(1)
     for cycle in range(cycles):
         said, now = seen(seed, cycle, lag_s, given)
@@ -116,8 +116,8 @@ def test_bearings_that_could_be_confused_are_left_out() -> None:
     said, _ = seen(1, 30, LAG_S, RadarCorrections.none(1))
     plots, picture, members, bearings, both = said
     number = plots.sensor
-    waiting = Waiting(plots.track_id, number, plots.time_s - 10.0, np.zeros(VESSELS), plots.position_deg)
-    left, rows = compare(waiting, picture, members, bearings, both, sensors())
+    waiting = WaitingPlots(plots.track_id, number, plots.time_s - 10.0, np.zeros(VESSELS), plots.position_deg)
+    left, rows = bearing_equations(waiting, picture, members, bearings, both, sensors())
     near = np.abs(np.subtract.outer(bearings.bearing_rad, bearings.bearing_rad)) + 10.0 * np.eye(VESSELS)
     clear = near.min(axis=1) > 3.0 * CAMERA_SIGMA
     assert len(rows) == clear.sum() > 0

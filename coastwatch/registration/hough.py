@@ -1,0 +1,101 @@
+"""Acquisition: the azimuth bias at which most AIS vessels have a plot at their range, found by a Hough transform.
+
+Source: P. V. C. Hough, Method and means for recognizing complex patterns, US patent 3069654, 1962.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from coastwatch.batches import Bools, Floats, Ints
+from coastwatch.registration.polar import Pairs
+
+OVERLAPPING_WINDOWS = 2  # windows to each side of the best that overlap with it or catch what it smears
+RIVAL_PROBABILITY = 1e-3  # with which the second best window would have as many vessels as the best
+
+
+@dataclass(frozen=True, eq=False)
+class Accumulator:
+    """Votes of the past for each window of azimuth bias, forgotten with time; windows overlap by half."""
+
+    hits: Floats  # (R, B) vessels with a plot in each window
+    swept: Floats  # (R,) vessels that the beam went over
+    vessels: Floats  # (R,) vessels in cover
+    weight: Floats  # (R,) cycles
+
+    @classmethod
+    def none(cls, radars: int, windows: int) -> Accumulator:
+        zero = np.zeros(radars)
+        return cls(np.zeros((radars, windows)), zero, zero, zero)
+
+
+def accumulate(
+    votes: Accumulator, pairs: Pairs, bin_rad: float, search_rad: float, seen: Ints, share: Floats, keep: float
+) -> Accumulator:
+    """The votes after a cycle. A vessel has one vote in each window in which a plot stands at its range.
+
+    Args: seen: (R,) vessels in cover, 0 where the radar sent no plot; share: (R,) of a turn that a cycle takes, at most 1;
+    keep: factor of the former sums.
+    """
+    windows = votes.hits.shape[1]
+    bin_of_pair = np.floor((pairs.azimuth_rad + search_rad) / bin_rad).astype(np.int64)
+    # Window w is bins w and w + 1.
+    window = np.concatenate([bin_of_pair, bin_of_pair - 1])
+    vessel, radar = np.tile(pairs.vessel, 2), np.tile(pairs.radar, 2)
+    inside = (window >= 0) & (window < windows)
+    rows = int(pairs.vessel.max(initial=0)) + 1
+    once = np.unique(((radar * windows + window) * rows + vessel)[inside]) // rows
+    hits = np.bincount(once, minlength=votes.hits.size).reshape(votes.hits.shape).astype(np.float64)
+    kept = np.where(seen > 0, keep, 1.0)  # nothing is forgotten while nothing is learned
+    return Accumulator(
+        votes.hits * kept[:, None] + hits,
+        votes.swept * kept + seen * share,
+        votes.vessels * kept + seen,
+        votes.weight * kept + (seen > 0).astype(float),
+    )
+
+
+def detect_peak(votes: Accumulator, false_alarm: float, least_vessels: int, least_share: float) -> tuple[Ints, Bools]:
+    """The best window of each radar, and whether it is the radar's bias. (R,), (R,)
+
+    It is, if all of these hold:
+    - so many of the n vessels in cover would be in any one window by chance with less than the false-alarm probability, where
+      vessels and plots are spread evenly;
+    - the second best window does not explain as many (rows of moored boats and convoys repeat themselves);
+    - it has `least_share` of the vessels.
+    The mean number of vessels counts, not their sum over cycles: the same vessels again are no new information.
+    """
+    from scipy.special import betainc
+
+    def at_least(count: Floats, n: Floats, probability: Floats) -> Floats:
+        """Probability that a binomial number of n is so high or higher."""
+        some = np.maximum(count, 1.0)
+        return np.where(count < 1.0, 1.0, betainc(some, np.maximum(n - some, 0.0) + 1.0, np.minimum(probability, 1.0)))
+
+    windows = votes.hits.shape[1]
+    best = votes.hits.argmax(axis=1)
+    share = votes.hits / np.maximum(votes.swept, 1e-9)[:, None]
+    n = np.floor(votes.vessels / np.maximum(votes.weight, 1e-9) + 1e-9)
+    peak = np.take_along_axis(share, best[:, None], axis=1)[:, 0]
+    others = np.abs(np.arange(windows) - best[:, None]) > OVERLAPPING_WINDOWS
+    # One vessel more than were seen: that none was met in a few cycles does not mean that none can be.
+    chance = (np.where(others, share, 0.0).sum(axis=1) * n + 1.0) / np.maximum(n * others.sum(axis=1), 1.0)
+    rival = np.maximum(np.where(others, share, 0.0).max(axis=1), chance)
+    count = np.floor(np.minimum(peak, 1.0) * n + 1e-9)
+    by_chance = at_least(count, n, chance) * windows
+    by_rival = at_least(count, n, rival)
+    is_bias = (n >= least_vessels) & (peak >= least_share) & (by_chance <= false_alarm) & (by_rival <= RIVAL_PROBABILITY)
+    return best, is_bias
+
+
+def window_medians(pairs: Pairs, window_rad: Floats, half_rad: float, radars: int) -> tuple[Floats, Floats, Ints]:
+    """Median azimuth and range difference of the pairs in each radar's window, and their number. (R,), (R,), (R,)"""
+    azimuth, distance, count = np.zeros(radars), np.zeros(radars), np.zeros(radars, np.int64)
+    for r in range(radars):
+        here = (pairs.radar == r) & (np.abs(pairs.azimuth_rad - window_rad[r]) <= half_rad)
+        count[r] = here.sum()
+        if count[r]:
+            azimuth[r], distance[r] = np.median(pairs.azimuth_rad[here]), np.median(pairs.range_m[here])
+    return azimuth, distance, count
