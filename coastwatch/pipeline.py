@@ -89,7 +89,7 @@ class Cycle:
 
     def to_write(self) -> Cycle:
         """What the store reads of it, so that where tracks are and how they move does not stay for as long as it takes to write."""
-        return replace(self, tracks=self.tracks.hollow("track_id", "source"), fused=self.fused.hollow())
+        return replace(self, tracks=self.tracks.without_values("track_id", "source"), fused=self.fused.without_values())
 
 
 def start_centre(scenario: Scenario) -> CentreMemory:

@@ -7,8 +7,8 @@ Axis letters, fixed once:
 
 Positions are latitude, longitude in degrees (WGS 84); velocities are metres a second east, north; times are seconds since
 the Unix epoch, UTC. A covariance of a track is of east, north, east rate, north rate in the local tangent plane at the track.
-An absent value is NaN, or -1 for a number that names something. `origin` is the number of the true vessel behind a row where
-input is simulated, -1 elsewhere: scores read it, methods do not (one that does says "known origin" in its name of setting).
+An absent value is NaN, or -1 for a number that names something. `origin` is the true vessel of a row where the input is
+simulated, -1 elsewhere. Scores read it. A method that reads it has a setting with "known origin" in its name.
 """
 
 from coastwatch.batches.classes import CLASS_OF_TYPE, CLASSES, VesselClass

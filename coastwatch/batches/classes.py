@@ -1,4 +1,4 @@
-"""Classes of vessels, as far as both an AIS ship type and the noise of a propeller tell them apart."""
+"""Classes of vessels that both an AIS ship type and the noise of a propeller can tell apart."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from coastwatch.batches.struct import Ints
 
 
 class VesselClass(IntEnum):
-    """What a vessel is; -1 where nobody says."""
+    """Class of a vessel; -1 in a batch is unknown."""
 
     CARGO = 0
     TANKER = 1
@@ -25,7 +25,7 @@ CLASSES = len(VesselClass)
 
 
 def _of_types() -> Ints:
-    """VesselClass of each ITU-R M.1371-5 ship type 0 to 99 (table 53), -1 where the type tells none."""
+    """VesselClass of each ITU-R M.1371-5 ship type 0 to 99 (table 53), -1 where the type is of no class."""
     out = np.full(100, -1, np.int64)
     out[70:80], out[80:90], out[60:70], out[40:50] = (
         VesselClass.CARGO,

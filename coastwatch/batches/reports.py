@@ -1,4 +1,4 @@
-"""What sensors say, in their own coordinates, and what is true where that is known."""
+"""Reports of sensors, in their own coordinates, and the truth where it is known."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from coastwatch.batches.struct import Array, Batch, Bools, Floats, Ints, Struct,
 
 @dataclass(frozen=True, eq=False)
 class RadarReports(Batch):
-    """What radars said, in their own coordinates, in order of arrival."""
+    """Plots of radars in polar coordinates, in order of arrival."""
 
     sensor: Ints = column(np.int64, "M")  # index into the scenario's radars
     time_s: Floats = column(np.float64, "M")  # of the beam, as the radar stamps it
@@ -52,7 +52,7 @@ class AisStatics(Batch):
 
 @dataclass(frozen=True, eq=False)
 class BearingReports(Batch):
-    """What passive sonars, cameras and direction finders said, in order of arrival."""
+    """Bearings from passive sonars, cameras and direction finders, in order of arrival."""
 
     sensor: Ints = column(np.int64, "M")  # index into the scenario's sonars
     time_s: Floats = column(np.float64, "M")
@@ -60,7 +60,7 @@ class BearingReports(Batch):
     bearing_deg: Floats = column(np.float64, "M")  # true, 0..360
     contact: Ints = column(np.int64, "M")  # the sensor's own track number; -1 where it gives none
     site_deg: Floats = column(np.float64, "M", 2)
-    signature: Ints = column(np.int64, "M")  # VesselClass by its sound; -1 where the sensor tells none
+    signature: Ints = column(np.int64, "M")  # VesselClass by its sound; -1 if unknown
     origin: Ints = column(np.int64, "M")
 
 
@@ -88,7 +88,7 @@ class Reports:
 
 @dataclass(frozen=True, eq=False)
 class Truth(Batch):
-    """Where simulated (or surveyed) vessels really were at one instant."""
+    """True states of simulated or surveyed vessels at one instant."""
 
     vessel: Ints = column(np.int64, "V")
     time_s: Floats = column(np.float64, "V")
@@ -98,7 +98,7 @@ class Truth(Batch):
 
 @dataclass(frozen=True, eq=False)
 class Trajectories(Struct):
-    """True motion of vessels, sampled at common instants, with what the physical bound needs to know of the motion model."""
+    """True motion of vessels, sampled at common instants, and the parameters of its model, for the physical bound."""
 
     vessel: Ints = column(np.int64, "V")
     time_s: Floats = column(np.float64, "T")  # increasing
@@ -109,7 +109,7 @@ class Trajectories(Struct):
     kick_m_s: Floats = column(np.float64, "V")  # standard deviation of each perturbation, per axis
     turn_rate_rad_s: Floats = column(np.float64, "V")  # known and constant, 0 for straight motion
     acceleration_m_s2: Floats = column(np.float64, "V", 2)  # known and constant while accelerating
-    # What a perturbation leaves of the deviation from the mean velocity; empty: all of it, a random walk.
+    # Share of the deviation from the mean velocity that a perturbation leaves, 0 to 1; empty: 1, a random walk.
     kick_keep: Floats = field(default_factory=lambda: np.zeros(0), metadata={"dtype": np.dtype(np.float64), "shape": ("D",)})
 
     def at(self, time_s: float) -> Truth:
@@ -139,17 +139,17 @@ class Noise(Struct):
 
 @dataclass(frozen=True)
 class Fault:
-    """Records of one kind that could not be taken, counted, with the first place where one stood."""
+    """Records refused for one reason: how many, and where the first one stood."""
 
     kind: str  # short, fixed words: "checksum", "latitude out of range", "not an MMSI", ...
     count: int
     where: str  # "file:line" or "file, row 12, column sog"
-    example: str  # what stood there, cut to 80 characters
+    example: str  # the record, cut to 80 characters
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """All the input of one run: reports in order of arrival, truth where there is any, and what was refused."""
+    """All the input of one run: reports in order of arrival, truth where there is any, and refused records."""
 
     reports: Reports
     start_s: float

@@ -1,4 +1,4 @@
-"""Who says it: sensors by their specification."""
+"""Sensors by their specification."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Radars(Batch):
 
 @dataclass(frozen=True, eq=False)
 class Stations(Batch):
-    """AIS receivers: where AIS would be heard."""
+    """AIS receivers."""
 
     name: Array = column("U32", "R")
     site_deg: Floats = column(np.float64, "R", 2)
@@ -57,13 +57,16 @@ class Sensors:
 
     @property
     def ais_source(self) -> int:
+        """Number of the AIS source."""
         return len(self.region_names)
 
     def sonar_source(self, sonar: int) -> int:
+        """Number of the source of a sonar."""
         return len(self.region_names) + 1 + sonar
 
     @property
     def source_names(self) -> tuple[str, ...]:
+        """Name of each source."""
         return (*self.region_names, "ais", *(str(n) for n in self.sonars.name))
 
     @property
@@ -74,6 +77,8 @@ class Sensors:
 
 
 class SourceKind(IntEnum):
+    """What the tracks of a source are made of."""
+
     RADAR = 0  # tracks of a region's radars
     AIS = 1
     BEARING = 2

@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 Rows = NDArray[np.int32]
-"""Rows and groups within a cycle, where passes over millions of them wait for memory: half of it."""
+"""Numbers of rows and groups within a cycle, in half the memory of Ints."""
 
 
 def column(dtype: Any, *shape: str | int) -> Any:
@@ -47,7 +47,7 @@ _COLUMNS: dict[type, tuple[tuple[str, np.dtype[Any], tuple[str | int, ...]], ...
 
 
 def _columns(struct: type[Struct]) -> tuple[tuple[str, np.dtype[Any], tuple[str | int, ...]], ...]:
-    """Name, dtype and shape of each field that holds an array; asked of a class once, for a cycle checks a hundred arrays."""
+    """Name, dtype and shape of each field that holds an array; kept for each class, because a cycle checks a hundred arrays."""
     if struct not in _COLUMNS:
         _COLUMNS[struct] = tuple(
             (f.name, f.metadata["dtype"], f.metadata["shape"]) for f in fields(struct) if "shape" in f.metadata
@@ -66,10 +66,10 @@ class Batch(Struct):
         """The rows at these indices or under this mask, in that order."""
         return type(self)(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
-    def hollow(self, *kept: str) -> Self:
-        """As many rows, of which these columns alone have values: the others are NaN or 0 throughout, and take no memory."""
+    def without_values(self, *kept: str) -> Self:
+        """As many rows, with the values of the columns that are named. The others are NaN or 0 throughout and take no memory."""
         every = {f.name: getattr(self, f.name) for f in fields(self)}
-        return type(self)(**{name: array if name in kept else _without_values(array) for name, array in every.items()})
+        return type(self)(**{name: array if name in kept else _constant(array) for name, array in every.items()})
 
     @classmethod
     def join(cls, parts: list[Self]) -> Self:
@@ -89,6 +89,7 @@ class Batch(Struct):
         return cls(**made)
 
 
-def _without_values(array: Array) -> Array:
+def _constant(array: Array) -> Array:
+    """An array of this shape and dtype, of NaN or 0, in the memory of one value."""
     none = np.nan if array.dtype.kind == "f" else 0
     return np.broadcast_to(np.array(none, array.dtype), array.shape)

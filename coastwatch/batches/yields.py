@@ -1,4 +1,4 @@
-"""What the stages make of reports, in the order of the flow."""
+"""Outputs of the stages, in the order of the flow."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Tracks(Batch):
     origin: Ints = column(np.int64, "N")
 
     def known_covariance(self, velocity_sigma_m_s: float) -> Floats:
-        """The covariances, and where a source gives none that of one report and of a velocity known so well. (N, 4, 4)"""
+        """The covariances; where a source gives none, that of one report and of this standard deviation of velocity. (N, 4, 4)"""
         out = self.covariance.copy()
         unknown = ~np.isfinite(out).all(axis=(1, 2))
         if unknown.any():
@@ -69,12 +69,12 @@ class Measurements(Batch):
 
 @dataclass(frozen=True, eq=False)
 class AisAlarms(Batch):
-    """What is odd about AIS tracks; one row a track of the Tracks of the same step."""
+    """Suspicious AIS tracks; one row for each AIS track of the same step."""
 
     track_id: Ints = column(np.int64, "N")
     mmsi: Ints = column(np.int64, "N")
-    impossible_speed: Bools = column(np.bool_, "N")  # a report lately needed a speed that no ship has
-    twice: Bools = column(np.bool_, "N")  # its MMSI is heard from two places
+    impossible_speed: Bools = column(np.bool_, "N")  # a recent report needed a speed that no ship has
+    twice: Bools = column(np.bool_, "N")  # its MMSI is received from two places
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +93,7 @@ class BearingTracks(Batch):
     window_time_s: Floats = column(np.float64, "N", "W")
     window_bearing_rad: Floats = column(np.float64, "N", "W")
     window_site_deg: Floats = column(np.float64, "N", "W", 2)
-    signatures: Ints = column(np.int64, "N", CLASSES)  # reports so far that said each VesselClass
+    signatures: Ints = column(np.int64, "N", CLASSES)  # number of reports so far of each VesselClass
     origin: Ints = column(np.int64, "N")
 
 
@@ -122,14 +122,13 @@ class Associations(Struct):
 
     first: Ints = column(np.int64, "A")  # row of a track
     second: Ints = column(np.int64, "A")  # row of its partner, of another source
-    statistic: Floats = column(np.float64, "A")  # the method's own; its docstring says of what
+    statistic: Floats = column(np.float64, "A")  # of the pair; the docstring of the method says which
     vessel: Ints = column(np.int64, "N")  # of each track row: 0..V-1, every vessel has at least one track
-    tested: int = 0  # pairs that were inside the gate, whatever became of them
+    tested: int = 0  # pairs inside the gate
 
     @cached_property
     def by_vessel(self) -> tuple[Rows, Rows]:
-        """The tracks of vessel v are row[start[v]:start[v + 1]]; two stages ask. Returns: start (V + 1,), row (N,)."""
-
+        """Tracks by vessel: start (V + 1,), row (N,). The tracks of vessel v are row[start[v]:start[v + 1]]."""
         start, row = kernels.tables.grouping.grouped(self.vessel, int(self.vessel.max(initial=-1)) + 1)
         return start, row
 
@@ -156,7 +155,7 @@ class BearingAssociations(Struct):
 
 @dataclass(frozen=True, eq=False)
 class Picture(Batch):
-    """Each vessel once."""
+    """One row for each vessel, sorted by vessel_id."""
 
     vessel_id: Ints = column(np.int64, "V")  # never an MMSI, never reused
     time_s: Floats = column(np.float64, "V")
@@ -182,32 +181,30 @@ class Members(Batch):
 class RegistrationState(IntEnum):
     """How well the registration of a radar is known."""
 
-    UNKNOWN = 0  # nothing that it sees has been recognised
-    ACQUIRING = 1  # references are in view, the errors are not known well yet
+    UNKNOWN = 0  # no vessel that it sees is known to AIS
+    ACQUIRING = 1  # references are in view, the errors are not well known yet
     SETTLED = 2
 
 
 @dataclass(frozen=True, eq=False)
 class RadarCorrections(Batch):
-    """One row a radar of the scenario: the registration errors to be taken out of its reports in the next cycle."""
+    """One row for each radar of the scenario: the registration errors to subtract from its reports in the next cycle."""
 
     azimuth_bias_rad: Floats = column(np.float64, "R")  # how far its azimuths are clockwise of the truth
     range_bias_m: Floats = column(np.float64, "R")  # how far its ranges are too long
     time_lag_s: Floats = column(np.float64, "R")  # how late its time stamps are
-    estimated_lag_s: Floats = column(
-        np.float64, "R"
-    )  # a lag is taken out only once it is known well; NaN where nothing is known
-    azimuth_sigma_rad: Floats = column(np.float64, "R")  # of the estimates; NaN where nothing is known
+    estimated_lag_s: Floats = column(np.float64, "R")  # NaN if unknown; it becomes time_lag_s once it is known well
+    azimuth_sigma_rad: Floats = column(np.float64, "R")  # of the estimates; NaN if unknown
     range_sigma_m: Floats = column(np.float64, "R")
     lag_sigma_s: Floats = column(np.float64, "R")
     references: Ints = column(np.int64, "R")  # vessels behind the estimate
-    residuals: Floats = column(np.float64, "R")  # plots behind it, the older the less
+    residuals: Floats = column(np.float64, "R")  # plots behind it; old ones count less
     state: Ints = column(np.int64, "R")  # RegistrationState
-    jumped: Bools = column(np.bool_, "R")  # by so much that tracks from its former plots are in the wrong place
+    jumped: Bools = column(np.bool_, "R")  # by so much that tracks of its former plots are misplaced
 
     @classmethod
     def none(cls, radars: int) -> RadarCorrections:
-        """Nothing is known of any radar, and nothing taken out."""
+        """No correction for any radar."""
         zero, unknown = np.zeros(radars), np.full(radars, np.nan)
         number, no = np.zeros(radars, np.int64), np.zeros(radars, np.bool_)
         return cls(zero, zero, zero, unknown, unknown, unknown, unknown, number, zero, number, no)
@@ -219,6 +216,6 @@ class Flag(IntFlag):
     DARK = 1  # radar sees it inside AIS coverage, no AIS
     AIS_WITHOUT_RADAR = 2  # AIS says it is there, a radar that should see it does not
     AIS_CONTRADICTED = 4  # AIS and radar of one vessel have come apart
-    MMSI_TWICE = 8  # its MMSI is heard from two places
+    MMSI_TWICE = 8  # its MMSI is received from two places
     IMPOSSIBLE_SPEED = 16  # consecutive AIS reports need a speed no ship has
-    COASTING = 32  # no track supports it now; predicted
+    COASTING = 32  # it has no track now and is predicted

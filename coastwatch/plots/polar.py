@@ -1,4 +1,4 @@
-"""Radar reports to plots: unbiased polar conversion from the antenna's place to the plane of its region."""
+"""Radar reports to plots: unbiased polar conversion at the antenna, then to the plane of its region."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from coastwatch.stage import Method
 
 @dataclass(frozen=True)
 class PolarMemory:
-    """What has been refused so far."""
+    """Count of the reports that were dropped."""
 
-    dropped: int  # reports that are no place: not finite, negative range, unknown radar
+    dropped: int  # reports that are not finite, of negative range, or of an unknown radar
 
 
 class PolarConversion(Method):
-    """Plots with covariance, by the unbiased conversion; registration errors, known or found on line, are taken out first."""
+    """Plots with covariance by the unbiased conversion. Registration errors, known or estimated online, are subtracted first."""
 
     method: Literal["polar"] = "polar"
     azimuth_bias_deg: dict[str, float] = Field(default_factory=dict)
@@ -30,16 +30,16 @@ class PolarConversion(Method):
     time_lag_s: dict[str, float] = Field(default_factory=dict)
 
     def init(self) -> PolarMemory:
-        """Nothing refused yet."""
+        """The memory before the first cycle."""
         return PolarMemory(0)
 
     def step(
         self, memory: PolarMemory, reports: RadarReports, sensors: Sensors, corrections: RadarCorrections
     ) -> tuple[PolarMemory, Plots]:
-        """Plots of the reports that are a place, in their order of arrival.
+        """Plots of the usable reports, in their order of arrival.
 
         Args: reports: what arrived; sensors: the radars by their specification; corrections: on top of the settings.
-        Returns: the memory with the refused reports counted; plots in the plane of the region of each radar.
+        Returns: the memory with the dropped reports counted; plots in the plane of the region of each radar.
         Raises: ValueError where a correction names a radar that the scenario does not have.
         """
         good = _usable(reports, len(sensors.radars))
@@ -71,6 +71,7 @@ class PolarConversion(Method):
 
 
 def _usable(reports: RadarReports, radars: int) -> Bools:
+    """Which reports are finite, of a range that is not negative and of a known radar. (M,)"""
     numbers = np.column_stack([reports.time_s, reports.range_m, reports.azimuth_deg, reports.site_deg])
     known = (reports.sensor >= 0) & (reports.sensor < radars)
     good: Bools = np.isfinite(numbers).all(axis=1) & known & (reports.range_m >= 0.0)

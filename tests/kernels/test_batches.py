@@ -42,19 +42,19 @@ def test_take_join_and_empty():
     assert len(Members.join([])) == 0
 
 
-def test_hollow_columns_have_no_values_and_take_no_memory():
+def test_columns_without_values_take_no_memory():
     n = 1000
     velocity, covariance = np.ones((n, 2)), np.ones((n, 4, 4))
     fused = FusedTracks(np.full(n, 3.0), np.ones((n, 2)), velocity, covariance)
-    hollow = fused.hollow("time_s")
-    assert len(hollow) == n
-    assert hollow.time_s is fused.time_s
+    empty = fused.without_values("time_s")
+    assert len(empty) == n
+    assert empty.time_s is fused.time_s
     for name in ("position_deg", "velocity_m_s", "covariance"):
-        array = getattr(hollow, name)
+        array = getattr(empty, name)
         assert np.isnan(array).all()
         assert array.shape == getattr(fused, name).shape
         assert array.strides == (0,) * array.ndim
-    assert members(n).hollow("source").track_id.tolist() == [0] * n
+    assert members(n).without_values("source").track_id.tolist() == [0] * n
 
 
 def test_tracks_of_vessels_are_brought_together_once():
