@@ -1,4 +1,4 @@
-"""Truth against what the stages yielded."""
+"""Scores: the output of the stages against the truth."""
 
 from coastwatch.scores.tally import Tally, add, result, start
 

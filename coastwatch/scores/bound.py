@@ -1,4 +1,4 @@
-"""The physical bound: what the exact filter would make of all plots and AIS reports, knowing the true motion model and noises.
+"""The physical bound: errors of the exact filter over all plots and AIS reports, given the true motion model and noises.
 
 The motion is linear and Gaussian between and at the kicks: position p, velocity v and mean velocity m of each vessel, in a plane at
 its first position. Between kicks v and m turn at the known rate and grow by the known acceleration; at a kick, whose time is
@@ -20,13 +20,13 @@ from coastwatch.kernels.tables.lookup import find
 from coastwatch.scores.exact_filter import INSTANT, KICK, POSITION, VELOCITY, Events, filtered
 
 AnyReports = TypeVar("AnyReports", RadarReports, AisReports)
-FALSE_FROM_SIGMA, FALSE_FROM_M = 8.0, 30.0  # a report farther from the truth than both together is a lie, which the bound knows
+FALSE_FROM_SIGMA, FALSE_FROM_M = 8.0, 30.0  # a report farther from the truth than both together is false and left out
 SMALLEST_VARIANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Bound:
-    """The exact filter's estimates; NaN for vessels whose motion no linear model knows."""
+    """Estimates of the exact filter; NaN for vessels whose motion is not linear."""
 
     position_deg: Floats  # (V, T, 2)
     velocity_m_s: Floats  # (V, T, 2)
@@ -36,8 +36,8 @@ class Bound:
 def bound(truth: Trajectories, radar: RadarReports, ais: AisReports, noise: Noise, time_s: Floats) -> Bound:
     """The best estimates possible at some instants.
 
-    Args: truth: (V); radar, ais: all reports of the run, those of other vessels and of clutter are passed over; noise: true
-    errors of the sensors; time_s: (T,) instants. Reports count from the time of their measurement on, so late ones too.
+    Args: truth: (V); radar, ais: all reports of the run; those of other vessels and of clutter are ignored; noise: true
+    errors of the sensors; time_s: (T,) instants. A report counts from the time of its measurement, even if it arrived late.
     """
     known = np.isfinite(truth.kick_m_s)
     anchor = truth.position_deg[:, 0]
@@ -55,19 +55,22 @@ def bound(truth: Trajectories, radar: RadarReports, ais: AisReports, noise: Nois
 
 
 def _instants(truth: Trajectories, time_s: Floats) -> Events:
+    """Every vessel at every instant."""
     row = np.repeat(np.arange(len(truth.vessel)), len(time_s))
     instant = np.tile(np.arange(len(time_s)), len(truth.vessel))
-    return _bare(row, time_s[instant], INSTANT, instant)
+    return _without_measurement(row, time_s[instant], INSTANT, instant)
 
 
 def _kicks(truth: Trajectories) -> Events:
+    """The perturbations of the velocities."""
     row, number = np.nonzero(np.isfinite(truth.kick_s))
-    made = _bare(row, truth.kick_s[row, number], KICK, number)
+    made = _without_measurement(row, truth.kick_s[row, number], KICK, number)
     made.covariance[:] = (truth.kick_m_s[row] ** 2)[:, None, None] * np.eye(2)
     return made
 
 
-def _bare(row: Ints, time_s: Floats, kind: int, instant: Ints) -> Events:
+def _without_measurement(row: Ints, time_s: Floats, kind: int, instant: Ints) -> Events:
+    """Events of this kind with zeros for the measurement."""
     n = len(row)
     return Events(row, time_s, np.full(n, kind), np.zeros((n, 2)), np.zeros((n, 2, 2)), instant)
 
@@ -84,16 +87,17 @@ def _from_radar(truth: Trajectories, radar: RadarReports, noise: Noise, anchor: 
     true_distance = np.maximum(np.hypot(at[:, 0], at[:, 1]), 1.0)
     along = np.einsum("mij,mj->mi", turn(radar.site_deg, anchor[row]), at / true_distance[:, None])
     across = np.column_stack([-along[:, 1], along[:, 0]])
-    spread = noise.range_sigma_m[s] ** 2, (true_distance * noise.azimuth_sigma_rad[s]) ** 2
-    covariance = sum(v[:, None, None] * u[:, :, None] * u[:, None, :] for v, u in zip(spread, (along, across), strict=True))
+    variances = noise.range_sigma_m[s] ** 2, (true_distance * noise.azimuth_sigma_rad[s]) ** 2
+    covariance = sum(v[:, None, None] * u[:, :, None] * u[:, None, :] for v, u in zip(variances, (along, across), strict=True))
     return _measured(row, time, POSITION, to_plane(measured, anchor[row]), np.asarray(covariance))
 
 
 def _from_ais(truth: Trajectories, ais: AisReports, noise: Noise, anchor: Floats) -> list[Events]:
+    """Positions, and velocities where they are reported; without false reports."""
     row, ais = _of_vessels(truth, ais.origin, ais)
-    off = difference_m(ais.position_deg, _interpolated(truth, row, ais.time_s))
-    honest = np.hypot(off[:, 0], off[:, 1]) < FALSE_FROM_M + FALSE_FROM_SIGMA * noise.ais_position_sigma_m
-    row, ais = row[honest], ais.take(honest)
+    error_m = difference_m(ais.position_deg, _interpolated(truth, row, ais.time_s))
+    plausible = np.hypot(error_m[:, 0], error_m[:, 1]) < FALSE_FROM_M + FALSE_FROM_SIGMA * noise.ais_position_sigma_m
+    row, ais = row[plausible], ais.take(plausible)
     eye = np.broadcast_to(np.eye(2), (len(row), 2, 2))
     position = _measured(
         row, ais.time_s, POSITION, to_plane(ais.position_deg, anchor[row]), eye * noise.ais_position_sigma_m**2
@@ -109,6 +113,7 @@ def _from_ais(truth: Trajectories, ais: AisReports, noise: Noise, anchor: Floats
 
 
 def _measured(row: Ints, time_s: Floats, kind: int, value: Floats, covariance: Floats) -> Events:
+    """Measurements of this kind, with a little added to the covariance so that it can be inverted."""
     widened = covariance + SMALLEST_VARIANCE * np.eye(2)
     return Events(row, time_s, np.full(len(row), kind), value, widened, np.zeros(len(row), np.int64))
 
@@ -122,7 +127,7 @@ def _of_vessels(truth: Trajectories, origin: Ints, reports: AnyReports) -> tuple
 
 
 def _interpolated(truth: Trajectories, row: Ints, time_s: Floats) -> Floats:
-    """Where the vessels were, straight between the samples: near enough for a covariance."""
+    """True positions, interpolated linearly between the samples: good enough for a covariance. (M, 2)"""
     hi = np.clip(np.searchsorted(truth.time_s, time_s), 1, len(truth.time_s) - 1)
     weight = np.clip((time_s - truth.time_s[hi - 1]) / (truth.time_s[hi] - truth.time_s[hi - 1]), 0.0, 1.0)
     step = truth.position_deg[row, hi] - truth.position_deg[row, hi - 1]

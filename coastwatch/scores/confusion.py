@@ -1,4 +1,4 @@
-"""Decisions against truth: one decision a radar track (or bearing track) and investigation."""
+"""Decisions of association against truth: one decision for each radar or bearing track in each scored cycle."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ class Confusion:
         return Confusion(self.tp + other.tp, self.fn + other.fn, self.fp + other.fp, self.tn + other.tn)
 
     def as_dict(self) -> dict[str, float]:
-        """The counts and what is made of them, as fractions of 1 (mcc: -1 to 1). What would be 0/0 is 0."""
+        """The counts and the rates that follow from them, 0 to 1 (mcc: -1 to 1); 0/0 is 0."""
         tp, fn, fp, tn = self.tp, self.fn, self.fp, self.tn
-        spread = float(tp + fp) * float(tp + fn) * float(tn + fp) * float(tn + fn)
+        product = float(tp + fp) * float(tp + fn) * float(tn + fp) * float(tn + fn)
         return {
             "tp": tp,
             "fn": fn,
@@ -46,21 +46,22 @@ class Confusion:
             "recall": _over(tp, tp + fn),
             "f1": _over(2 * tp, 2 * tp + fp + fn),
             "specificity": _over(tn, tn + fp),
-            "mcc": _over(tp * tn - fp * fn, float(np.sqrt(spread))),
+            "mcc": _over(tp * tn - fp * fn, float(np.sqrt(product))),
         }
 
 
 def _over(part: float, whole: float) -> float:
+    """The ratio, 0 if the whole is 0."""
     return float(part / whole) if whole > 0 else 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Decisions(Batch):
-    """One row a decision: a swap is exists, not right, and wrong."""
+    """One row for each decision. In a swap a partner exists, the right one is not chosen, and a wrong one is."""
 
     row: Ints = column(np.int64, "D")  # of the track that was decided on
-    exists: Bools = column(np.bool_, "D")  # a true partner is there
-    right: Bools = column(np.bool_, "D")  # and chosen
+    exists: Bools = column(np.bool_, "D")  # a true partner exists
+    right: Bools = column(np.bool_, "D")  # and is chosen
     wrong: Bools = column(np.bool_, "D")  # a wrong one is chosen
 
     def counted(self) -> Confusion:
@@ -69,7 +70,7 @@ class Decisions(Batch):
 
 
 def count_decisions(partner_exists: Bools, right_chosen: Bools, wrong_chosen: Bools) -> Confusion:
-    """The counts over decisions. Args: each (N,): whether a true partner is there, is chosen, and whether a wrong one is chosen."""
+    """The counts over decisions. Args: (N,) each: a true partner exists; it is chosen; a wrong one is chosen."""
     return Confusion(
         tp=int(np.sum(right_chosen)),
         fn=int(np.sum(partner_exists & ~right_chosen)),
@@ -79,12 +80,12 @@ def count_decisions(partner_exists: Bools, right_chosen: Bools, wrong_chosen: Bo
 
 
 def association(tracks: Tracks, associations: Associations, kinds: Ints) -> Confusion:
-    """The counts of `decisions`. Args: as there."""
+    """The counts over `decisions`, with the same arguments."""
     return decisions(tracks, associations, kinds).counted()
 
 
 def decisions(tracks: Tracks, associations: Associations, kinds: Ints) -> Decisions:
-    """One decision a radar track: which AIS track is it? The AIS tracks of its vessel are what was chosen.
+    """One decision for each radar track: which AIS track is the same vessel? The AIS tracks in its vessel were chosen.
 
     A track of clutter (origin -1) has no partner. Of two radar tracks of one true vessel, each is a decision.
 
@@ -102,7 +103,7 @@ def decisions(tracks: Tracks, associations: Associations, kinds: Ints) -> Decisi
 def bearing_association(
     bearing_tracks: BearingTracks, picture: Picture, bearing_associations: BearingAssociations
 ) -> Confusion:
-    """One decision a bearing track: which vessel of the picture is it? A partner exists if the picture has its true vessel."""
+    """One decision for each bearing track: which vessel of the picture is it? A partner exists if the picture has its true vessel."""
     origin = bearing_tracks.origin
     exists = (origin >= 0) & np.isin(origin, picture.origin)
     bearing, vessel = bearing_associations.bearing_row, bearing_associations.vessel_row

@@ -1,4 +1,4 @@
-"""Are silent vessels flagged dark, and only they?"""
+"""Whether vessels that switched off AIS are flagged as dark, and no others are."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from coastwatch.batches import AisReports, Bools, Flag, Ints, Picture, Sensors, 
 from coastwatch.geodesy import within_any
 from coastwatch.scores.rmse import rows_of
 
-SILENT_FOR_S = 60.0  # without a report: silent now
-SETTLED_S = 120.0  # so long silent in cover: the flag is due
-LOOKS = 5  # instants at which that is asked
+SILENT_FOR_S = 60.0  # without a report: the vessel is silent
+SETTLED_S = 120.0  # silent in cover for so long: the flag is due
+LOOKS = 5  # instants at which this is checked
 
 
 @dataclass(frozen=True, eq=False)
 class Dark:
-    """What was due and what was flagged, over instants and over vessels."""
+    """Flags that were due and flags that were set, over instants and over vessels."""
 
     due: Bools  # (V,) of all true vessels: the flag was due at some instant
-    flagged: Bools  # (V,) and stood at some instant at which it was due
+    flagged: Bools  # (V,) and was set at some instant at which it was due
     false_ids: Ints  # ids of vessels of the picture that were flagged and not silent
     due_count: int = 0  # instants at which a flag was due
     flagged_count: int = 0  # of these, with the flag
@@ -34,7 +34,7 @@ class Dark:
         return Dark(none, none, np.zeros(0, np.int64))
 
     def as_dict(self) -> dict[str, float | int | None]:
-        """Shares and counts; a share of nothing is none."""
+        """Rates and counts; None where there is nothing to count."""
         return {
             "dark_recall": self.flagged_count / self.due_count if self.due_count else None,
             "dark_false_rate": self.false_count / self.clear_count if self.clear_count else None,
@@ -44,8 +44,8 @@ class Dark:
         }
 
 
-def never_heard(vessel: Ints, ais: AisReports) -> Ints:
-    """The true vessels of which no report ever comes."""
+def without_reports(vessel: Ints, ais: AisReports) -> Ints:
+    """The true vessels without any AIS report in the run."""
     return np.setdiff1d(vessel, ais.origin)
 
 
@@ -54,8 +54,8 @@ def watch(
 ) -> Dark:
     """The counts after one more instant.
 
-    A vessel is silent when it is one of those that may be and was not heard for 60 s. Its flag is due when it was so, inside the
-    range of a radar and of an AIS station, now and for 120 s, whether or not the picture has it.
+    A vessel is silent if it is one of those that may be and sent no report for 60 s. Its flag is due if it was silent inside the
+    range of a radar and of an AIS station for the last 120 s, whether or not the picture has it.
 
     Args: may_be_silent: true vessels; truth, ais: of the whole run; picture: of now.
     """
@@ -88,5 +88,6 @@ def _silent(may_be_silent: Ints, truth: Trajectories, time_s: float, ais: AisRep
 
 
 def _in_cover(there: Truth, sensors: Sensors) -> Bools:
+    """Which vessels are in range of a radar and of an AIS station. (V,)"""
     seen = within_any(there.position_deg, sensors.radars.site_deg, sensors.radars.range_m)
     return seen & within_any(there.position_deg, sensors.stations.site_deg, sensors.stations.range_m)

@@ -1,4 +1,4 @@
-"""Kalman filters of many vessels at once, event by event, with the true motion model."""
+"""Kalman filters of many vessels, event by event, with the true motion model."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ POSITION_PRIOR_M, VELOCITY_PRIOR_M_S = 1e4, 10.0  # wide: forgotten after two re
 
 @dataclass(frozen=True, eq=False)
 class Events(Batch):
-    """What happens to the filters, in any order: measurements, perturbations, and instants at which estimates are wanted."""
+    """Events of the filters, in any order: measurements, perturbations, and instants at which estimates are wanted."""
 
     row: Ints = column(np.int64, "M")  # of the vessel
     time_s: Floats = column(np.float64, "M")

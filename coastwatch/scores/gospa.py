@@ -1,4 +1,4 @@
-"""Generalised optimal sub-pattern assignment with alpha = 2: localisation, missed and false, each with its own share."""
+"""Generalised optimal sub-pattern assignment (GOSPA) with alpha = 2: localisation error, missed and false targets."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class Gospa(NamedTuple):
 def gospa(estimate_m: Floats, true_m: Floats, cutoff_m: float, order: float) -> Gospa:
     """The distance between two sets of points. Pairs farther apart than the cutoff are never assigned.
 
-    With alpha = 2 a pair saves c**p - distance**p, so groups of points that are out of each other's reach are assigned
-    one by one and thousands of points cost little.
+    With alpha = 2 a pair saves c**p - distance**p. Groups of points that are out of each other's reach are assigned separately,
+    so thousands of points cost little.
 
     Args: estimate_m: (N, d); true_m: (V, d); cutoff_m: c; order: p >= 1.
     Source: A. S. Rahmathullah, A. F. Garcia-Fernandez, L. Svensson, Generalized Optimal Sub-Pattern Assignment Metric, 2017,
@@ -38,7 +38,7 @@ def gospa(estimate_m: Floats, true_m: Floats, cutoff_m: float, order: float) -> 
 
 
 def _near(estimate_m: Floats, true_m: Floats, cutoff_m: float) -> tuple[Ints, Ints, Floats]:
-    """Pairs that are nearer than the cutoff, and how far apart they are."""
+    """Pairs nearer than the cutoff, and their distances."""
     from scipy.spatial import KDTree
 
     none = np.zeros(0, np.int64)

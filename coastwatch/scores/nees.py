@@ -1,4 +1,4 @@
-"""Normalised estimation error squared: are covariances as large as the errors?"""
+"""Normalised estimation error squared (NEES): whether covariances agree with the errors."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def nees(error: Floats, covariance: Floats) -> Floats:
 
 
 def band(count: int, dimension: int, level: float) -> tuple[float, float]:
-    """Between which values the mean of independent NEES lies but for this probability, half on each side.
+    """Interval that the mean of independent NEES leaves with this probability, half on each side.
 
     Args: count: of values averaged; dimension: d of each; level: e.g. 1e-6.
     """

@@ -1,4 +1,4 @@
-"""Do identities stay with their vessels? Purity of tracks, switches of identity, longest time under one."""
+"""Whether ids stay with their vessels: purity, switches of id, longest time under one id."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SHIFT = np.int64(1) << 32  # origin and identity in one number; both stay below 
 
 @dataclass(frozen=True, eq=False)
 class Identities:
-    """Sums so far, bounded by the number of vessels and identities, not of cycles."""
+    """Sums so far. Their size depends on the number of vessels and ids, not of cycles."""
 
     pair: Ints  # (P,) sorted: identity and true vessel seen together, -1 none
     rows: Ints  # (P,) how often
@@ -31,7 +31,7 @@ class Identities:
         return Identities(NONE, NONE, NONE, NONE, NONE, NONE, NONE)
 
     def seen(self, identity: Ints, origin: Ints) -> Identities:
-        """The sums after one more cycle. A vessel may have several identities at once; a gap in which it is not seen breaks nothing.
+        """The sums after one more cycle. A vessel may have several ids at once; a cycle in which it is not seen does not end its run.
 
         Args: identity: (M,) of the tracks or vessels of the picture; origin: (M,) true vessel, -1 none.
         """
@@ -50,7 +50,7 @@ class Identities:
         return Identities(pair, rows, last[order], runs[order], vessel, times, longest, switches)
 
     def as_dict(self) -> dict[str, float | int | None]:
-        """purity: share of the rows that are of the most frequent vessel of their identity (rows of no vessel spoil it);
+        """purity: share of the rows that are of the most frequent vessel of their identity (rows of no vessel lower it);
         id_switches: times at which a vessel was seen under none of the identities of the time before; longest_single_id:
         mean over vessels of the longest run under one identity, as a share of its times. None where nothing was seen.
         """
@@ -64,7 +64,7 @@ class Identities:
 
 
 def _summed(keys: Ints, counts: Ints, more: Ints) -> tuple[Ints, Ints]:
-    """Sorted keys with counts, each occurrence of more added as one."""
+    """Sorted keys with their counts, with one added for each occurrence in `more`."""
     out, at = np.unique(np.concatenate([keys, more]), return_inverse=True)
     total = np.zeros(len(out), np.int64)
     np.add.at(total, at, np.concatenate([counts, np.ones(len(more), np.int64)]))

@@ -9,7 +9,7 @@ import numpy as np
 from coastwatch.batches import Associations, Bools, Floats, FusedTracks, Ints, SourceKind, Tracks, Truth
 from coastwatch.geodesy import KNOT_M_S, difference_m, wrap_rad
 
-COURSE_FROM_KN = 2.0  # a slower vessel has no course worth an error
+COURSE_FROM_KN = 2.0  # slower vessels do not count in the error of the course
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Errors:
         return Errors(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
 
     def as_dict(self) -> dict[str, float | None]:
-        """The roots of the means; none where nothing was counted."""
+        """The roots of the means; None where nothing was counted."""
         return {
             "position_rmse_m": _root(self.position_m2, self.count),
             "course_rmse_deg": _root(self.course_deg2, self.course_count),
@@ -35,6 +35,7 @@ class Errors:
 
 
 def _root(total: float, count: int) -> float | None:
+    """Root of the mean; None if the count is 0."""
     return float(np.sqrt(total / count)) if count else None
 
 
@@ -43,17 +44,17 @@ def errors(position_deg: Floats, velocity_m_s: Floats, true_position_deg: Floats
 
     Args: each (N, 2): latitude and longitude, velocity east and north, and the same of the truth.
     """
-    off = difference_m(position_deg, true_position_deg)
+    error_m = difference_m(position_deg, true_position_deg)
     speed, true_speed = (np.hypot(v[:, 0], v[:, 1]) / KNOT_M_S for v in (velocity_m_s, true_velocity_m_s))
     course, true_course = (np.arctan2(v[:, 0], v[:, 1]) for v in (velocity_m_s, true_velocity_m_s))
     turned = np.degrees(wrap_rad(course - true_course))[true_speed >= COURSE_FROM_KN]
     return Errors(
-        float((off**2).sum()), float((turned**2).sum()), float(((speed - true_speed) ** 2).sum()), len(off), len(turned)
+        float((error_m**2).sum()), float((turned**2).sum()), float(((speed - true_speed) ** 2).sum()), len(error_m), len(turned)
     )
 
 
 def rows_of(vessel: Ints, origin: Ints) -> Ints:
-    """The row at which each true vessel stands, -1 where it does not. Args: vessel: (V,) any order; origin: (N,)."""
+    """The row of each true vessel, -1 if it has none. Args: vessel: (V,) in any order; origin: (N,). Returns: (N,)."""
     if not len(vessel):
         return np.full(len(origin), -1)
     order = np.argsort(vessel, kind="stable")
@@ -62,7 +63,7 @@ def rows_of(vessel: Ints, origin: Ints) -> Ints:
 
 
 def whole_vessels(tracks: Tracks, associations: Associations, kinds: Ints) -> tuple[Bools, Ints]:
-    """Which vessels were made of radar and AIS tracks of one true vessel and of nothing else, and of which.
+    """Which fused vessels consist of radar and AIS tracks of one true vessel alone, and of which one.
 
     Returns: (V,) whether, and (V,) origin.
     """
@@ -79,7 +80,7 @@ def whole_vessels(tracks: Tracks, associations: Associations, kinds: Ints) -> tu
 
 @dataclass(frozen=True, eq=False)
 class FusionErrors:
-    """Errors of the fused vessels that are rightly associated, and of the tracks that are in them."""
+    """Errors of the fused vessels that are associated correctly, and of their tracks."""
 
     fused: Errors
     radar: Errors
@@ -109,4 +110,5 @@ def fusion_errors(truth: Truth, tracks: Tracks, associations: Associations, fuse
 
 
 def _at(truth: Truth, rows: Ints) -> tuple[Floats, Floats]:
+    """True positions and velocities of these rows."""
     return truth.position_deg[rows], truth.velocity_m_s[rows]

@@ -1,4 +1,4 @@
-"""What a run adds up from cycle to cycle, and what is said of it at the end."""
+"""Scores of a run: sums over cycles, and the figures at its end."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from coastwatch.batches import (
 from coastwatch.geodesy import difference_m, earth_centred
 from coastwatch.scores.bound import bound
 from coastwatch.scores.confusion import Confusion, association, bearing_association
-from coastwatch.scores.dark import Dark, never_heard, watch
+from coastwatch.scores.dark import Dark, watch, without_reports
 from coastwatch.scores.gospa import gospa
 from coastwatch.scores.nees import nees
 from coastwatch.scores.ospa import ospa
@@ -36,7 +36,7 @@ ORDER = 2.0
 
 
 class Yielded(Protocol):
-    """What a cycle yields and scores read."""
+    """The part of a cycle that scores read."""
 
     @property
     def time_s(self) -> float: ...
@@ -56,7 +56,7 @@ class Yielded(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Tally:
-    """Sums so far: plain data."""
+    """Sums so far, as plain data."""
 
     associations: Confusion = Confusion()
     bearing_associations: Confusion = Confusion()
@@ -65,7 +65,7 @@ class Tally:
     ais: Errors = Errors()
     nees_sum: float = 0.0
     nees_count: int = 0
-    gospa_squares_m2: float = 0.0  # of the picture against all that is there, sum over instants
+    gospa_squares_m2: float = 0.0  # of the picture against all true vessels, sum over instants
     ospa_m: float = 0.0
     instants: int = 0
     counted: tuple[tuple[float, Ints], ...] = ()  # time and true vessels of the fused errors, for the bound
@@ -87,7 +87,7 @@ def add(tally: Tally, cycle: Yielded, recording: Recording, sensors: Sensors) ->
     known = bool((tracks.origin >= 0).any())
     bearings_known = bool((cycle.bearing_tracks.origin >= 0).any())
     decided = association(tracks, cycle.associations, kinds) if known else Confusion()
-    heard = (
+    bearings = (
         bearing_association(cycle.bearing_tracks, cycle.picture, cycle.bearing_associations) if bearings_known else Confusion()
     )
     made = fusion_errors(truth, tracks, cycle.associations, cycle.fused, kinds)
@@ -96,7 +96,7 @@ def add(tally: Tally, cycle: Yielded, recording: Recording, sensors: Sensors) ->
     tally = replace(
         tally,
         associations=tally.associations + decided,
-        bearing_associations=tally.bearing_associations + heard,
+        bearing_associations=tally.bearing_associations + bearings,
         fused=tally.fused + made.fused,
         radar=tally.radar + made.radar,
         ais=tally.ais + made.ais,
@@ -111,7 +111,7 @@ def add(tally: Tally, cycle: Yielded, recording: Recording, sensors: Sensors) ->
 
 
 def result(tally: Tally, recording: Recording, sensors: Sensors) -> dict[str, Any]:
-    """All scores, by stage; empty where there is no truth. A figure without anything to count is none."""
+    """All scores, by stage; empty where there is no truth. A figure with nothing to count is None."""
     if recording.truth is None:
         return {}
     ais = recording.reports.ais
@@ -140,6 +140,7 @@ def result(tally: Tally, recording: Recording, sensors: Sensors) -> dict[str, An
 
 
 def _decisions(confusion: Confusion) -> dict[str, float]:
+    """Its figures; none if nothing was decided."""
     return confusion.as_dict() if confusion != Confusion() else {}
 
 
@@ -147,8 +148,8 @@ def _fused_nees(truth: Truth, cycle: Yielded, made: FusionErrors) -> tuple[float
     """Sum and count of the NEES of the counted vessels, position and velocity, where the fuser gives a covariance."""
     at = rows_of(truth.vessel, made.origin)
     fused = cycle.fused.take(made.row)
-    off = difference_m(fused.position_deg, truth.position_deg[at])
-    values = nees(np.column_stack([off, fused.velocity_m_s - truth.velocity_m_s[at]]), fused.covariance)
+    error_m = difference_m(fused.position_deg, truth.position_deg[at])
+    values = nees(np.column_stack([error_m, fused.velocity_m_s - truth.velocity_m_s[at]]), fused.covariance)
     known = np.isfinite(values)
     return float(values[known].sum()), int(known.sum())
 
@@ -156,10 +157,10 @@ def _fused_nees(truth: Truth, cycle: Yielded, made: FusionErrors) -> tuple[float
 def _watched(
     tally: Tally, truth: Trajectories, cycle: Yielded, ais: AisReports, silenced: tuple[int, ...], sensors: Sensors
 ) -> Tally:
-    """What the picture said of identities and of silent vessels."""
+    """The sums with the ids and the dark flags of one more picture."""
     silent = tally.may_be_silent
     if silent is None:
-        silent = np.union1d(never_heard(truth.vessel, ais), np.array(silenced, np.int64))
+        silent = np.union1d(without_reports(truth.vessel, ais), np.array(silenced, np.int64))
     dark = watch(tally.dark or Dark.over(len(truth.vessel)), silent, truth, cycle.time_s, ais, cycle.picture, sensors)
     identities = (tally.identities or Identities.empty()).seen(cycle.picture.vessel_id, cycle.picture.origin)
     return replace(tally, may_be_silent=silent, dark=dark, identities=identities)
@@ -168,7 +169,7 @@ def _watched(
 def _bound_errors(tally: Tally, recording: Recording, ais: AisReports) -> Errors:
     """Errors of the exact filter over the vessels and instants over which the fused errors were taken.
 
-    Args: ais: the reports that it has besides all plots.
+    Args: ais: the AIS reports that it uses besides all plots.
     """
     truth, noise = recording.truth, recording.noise
     if truth is None or noise is None or not tally.counted:

@@ -14,7 +14,7 @@ from simulated_world import CENTRE_DEG, START_S, recorded, sensors
 from coastwatch.batches import AisReports, BearingAssociations, Flag, FusedTracks, Stations
 from coastwatch.geodesy import NAUTICAL_MILE_M, within_any
 from coastwatch.scores import add, result, start
-from coastwatch.scores.dark import Dark, never_heard, watch
+from coastwatch.scores.dark import Dark, watch, without_reports
 from coastwatch.server.checkpoint import load, save
 
 WITH_STATION = replace(
@@ -168,7 +168,7 @@ def flagged(shown, time_s, silent, made=MADE, where=WITH_STATION):
 
 
 def test_a_flag_is_due_after_two_minutes_in_cover():
-    silent = never_heard(MADE.truth.vessel, MADE.reports.ais)
+    silent = without_reports(MADE.truth.vessel, MADE.reports.ais)
     assert set(MADE.silenced) <= set(silent.tolist())
     nothing = picture([])
     assert flagged(nothing, START_S + 119.0, silent).due_count == 0
@@ -182,7 +182,7 @@ def test_a_flag_is_due_after_two_minutes_in_cover():
 
 
 def test_right_and_wrong_flags_are_counted_apart():
-    silent = never_heard(MADE.truth.vessel, MADE.reports.ais)
+    silent = without_reports(MADE.truth.vessel, MADE.reports.ais)
     due = np.flatnonzero(flagged(picture([]), TIMES[-1], silent).due)
     heard = np.unique(MADE.reports.ais.origin)[:3]
     shown = picture([due[0], due[1], *heard, -1], flags=[Flag.DARK, Flag.COASTING, Flag.DARK | Flag.COASTING, 0, 0, Flag.DARK])
@@ -193,7 +193,7 @@ def test_right_and_wrong_flags_are_counted_apart():
 
 
 def test_nobody_is_dark_where_no_station_listens():
-    silent = never_heard(MADE.truth.vessel, MADE.reports.ais)
+    silent = without_reports(MADE.truth.vessel, MADE.reports.ais)
     deaf = flagged(picture([]), TIMES[-1], silent, where=sensors())
     assert deaf.due_count == 0
 
