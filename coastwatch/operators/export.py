@@ -11,7 +11,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
+import lazy_loader
+
 from coastwatch.operators.bad_input import BadInput
+
+polars = lazy_loader.load("polars")  # only Parquet needs it
 
 LATITUDE, LONGITUDE = "latitude_deg", "longitude_deg"
 FORMATS = ("table", "csv", "geojson", "parquet")
@@ -85,8 +89,6 @@ def as_geojson(rows: Rows) -> str:
 
 def as_frame(rows: Rows) -> Any:
     """A polars DataFrame of the rows."""
-    import polars
-
     columns = {name: [row[c] for row in rows.rows] for c, name in enumerate(rows.columns)}
     return polars.DataFrame(columns, strict=False)
 

@@ -8,12 +8,15 @@ from contextlib import nullcontext
 from itertools import chain
 from typing import Any
 
+import lazy_loader
 import numpy as np
 
 from coastwatch import store
 from coastwatch.batches import Members, Picture
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.store import Recorded, Store, StoreError
+
+polars = lazy_loader.load("polars")  # every command that reads imports this module, only `replay` needs polars
 
 Box = tuple[float, float, float, float]
 AXES = ("east", "north", "east_rate", "north_rate")
@@ -37,8 +40,6 @@ def write(
     if form == "csv":
         _write_csv(chain([first], frames), output)
         return
-    import polars
-
     polars.concat([first, *frames]).write_parquet(str(output))
 
 
@@ -50,8 +51,6 @@ def _write_csv(frames: Iterator[Any], output: str | None) -> None:
 
 def _frame(recorded: Recorded) -> Any:
     """One row a vessel."""
-    import polars
-
     p = recorded.picture
     matrix = {f"covariance_{a}_{b}": p.covariance[:, i, j] for i, a in enumerate(AXES) for j, b in enumerate(AXES)}
     columns = {

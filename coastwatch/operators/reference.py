@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from coastwatch.operators import settings, stored
-from coastwatch.operators.cli import EPILOG, make_parser
+from coastwatch.operators.cli.parser import EPILOG, make_parser
 from coastwatch.scenario import Scenario, scenario_names
 from coastwatch.store.migrate import write_schemas
 

@@ -12,13 +12,12 @@ from coastwatch.batches import Array, Floats, Ints
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, offset_deg, scale_m_deg, wrap_deg
 from coastwatch.operators import coastline
 from coastwatch.operators.coastline import Shore
-from coastwatch.scenario import utc_text
+from coastwatch.operators.stored import utc_text
 from coastwatch.shipped import scenarios_folder
 from coastwatch.store import Rows, Store, read
 
 RADAR, STATION, BEARING = "radar", "station", "bearing"
 AIS_ONLY, RADAR_ONLY, SONAR_ONLY, FUSED, COASTING = "AIS only", "radar only", "sonar only", "fused", "no sensor now"
-KIND_OF_SENSOR = {"ais": AIS_ONLY, "radar": RADAR_ONLY, "bearing": SONAR_ONLY}
 TRAIL_S = 180.0
 TRAILS_MOST = 5000  # vessels; above, trails would only blacken the picture
 
@@ -47,7 +46,7 @@ class Scene:
     position_deg: Floats  # (V, 2)
     velocity_m_s: Floats  # (V, 2)
     ellipse: Floats  # (V, 3) 1-sigma half axes, m, and direction of the longer one, deg from north; NaN where there is none
-    kind: Array  # (V,) one of KIND_OF_SENSOR, FUSED (two kinds of sensor or more) or COASTING (no track at this time)
+    kind: Array  # (V,) AIS_ONLY, RADAR_ONLY, FUSED (both), SONAR_ONLY (neither) or COASTING (no sensor has a track)
     flags: Ints  # (V,) sum of batches.Flag
     bearing_from_deg: Floats  # (B, 2)
     bearing_to_deg: Floats  # (B, 2)
@@ -127,10 +126,20 @@ def _coverages(rows: Rows) -> tuple[Coverage, ...]:
 
 
 def _kinds(sources: list[str | None], known: Rows) -> Array:
-    """Which kinds of sensor have a track of each vessel. Args: sources: names with commas between, None or empty for none."""
-    kind_of = {f",{name},": KIND_OF_SENSOR[kind] for name, kind in zip(known.column("name"), known.column("kind"), strict=True)}
-    kinds = [{kind for name, kind in kind_of.items() if name in f",{text},"} for text in sources]  # a name may hold a comma
-    return np.array([FUSED if len(found) > 1 else min(found, default=COASTING) for found in kinds], "U13")
+    """Which sensors have a track of each vessel. Args: sources: names with commas between, None or empty if there is none."""
+    kind_of = {f",{name},": kind for name, kind in zip(known.column("name"), known.column("kind"), strict=True)}
+    return np.array([_kind({kind for name, kind in kind_of.items() if name in f",{text},"}) for text in sources], "U13")
+
+
+def _kind(sensors: set[str]) -> str:
+    """A sonar beside a radar or AIS changes no symbol: its bearing is drawn as a line."""
+    if {"radar", "ais"} <= sensors:
+        return FUSED
+    if "ais" in sensors:
+        return AIS_ONLY
+    if "radar" in sensors:
+        return RADAR_ONLY
+    return SONAR_ONLY if "bearing" in sensors else COASTING
 
 
 def _bearings(found: Store, run_id: int, table: dict[str, list[Any]], position_deg: Floats) -> Floats:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Any
 
 from coastwatch import store
 from coastwatch.batches import Flag
 from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.operators.bad_input import BadInput
-from coastwatch.scenario import utc_text
 from coastwatch.store import Rows, Store, Table
 from coastwatch.store.questions import ParameterError
 
@@ -55,15 +55,15 @@ Box = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Vessel:
-    """What is known of one vessel."""
+    """The details of one vessel, and its tables: tracks, history and others."""
 
-    facts: dict[str, Any]
+    details: dict[str, Any]
     tables: dict[str, Rows]
 
     def as_object(self) -> dict[str, Any]:
         """The same as plain values: each table a list of objects."""
         lists = {key: [dict(zip(rows.columns, row, strict=True)) for row in rows.rows] for key, rows in self.tables.items()}
-        return {**self.facts, **lists}
+        return {**self.details, **lists}
 
 
 @contextmanager
@@ -111,8 +111,8 @@ def shown(rows: Rows) -> Rows:
 def vessel(found: Store, run_id: int, vessel_id: int) -> Vessel:
     """All that is stored of one vessel, for people. Raises: StoreError where the run never had it."""
     said = store.track(found, run_id, vessel_id)
-    facts = said.pop("vessel")
-    row = for_people(Rows(tuple(facts), [tuple(facts.values())]))
+    details = said.pop("vessel")
+    row = for_people(Rows(tuple(details), [tuple(details.values())]))
     tables = {key.replace("_", " "): for_people(rows) for key, rows in said.items() if key != "stays"}
     return Vessel({"run": run_id, **dict(zip(row.columns, row.rows[0], strict=True))}, tables)
 
@@ -171,6 +171,11 @@ def for_people(rows: Rows | Table) -> Rows:
     names = tuple(f"{name[:-2]}_utc" if name in store.INSTANTS else name for name in rows.columns)
     made = [tuple(None if v is None else make(v) for v, make in zip(row, makers, strict=True)) for row in rows.rows]
     return Rows(names, made)
+
+
+def utc_text(time_s: float) -> str:
+    """Seconds since the Unix epoch as ISO 8601 text, UTC."""
+    return datetime.fromtimestamp(time_s, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
 def flag_words(flags: int) -> str:

@@ -2,7 +2,7 @@
 
 from coastwatch.scenario.extending import ScenarioError
 from coastwatch.scenario.model import Scenario, StoreSettings, WorkerSettings
-from coastwatch.scenario.reading import load_scenario, make_scenario, scenario_names, utc_text
+from coastwatch.scenario.reading import load_scenario, make_scenario, scenario_names
 from coastwatch.scenario.sites import Area, Radar, Sonar, Station
 
 __all__ = [
@@ -17,5 +17,4 @@ __all__ = [
     "load_scenario",
     "make_scenario",
     "scenario_names",
-    "utc_text",
 ]

@@ -11,7 +11,7 @@ from coastwatch.shipped import scenarios_folder
 OWN = ("name", "title", "extends")  # never taken over: a run is kept under its own scenario's name
 
 
-class ScenarioError(Exception):
+class ScenarioError(ValueError):
     """A scenario cannot be read; the message names the file, the key, what it got and what it needed."""
 
 

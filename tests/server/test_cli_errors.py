@@ -57,9 +57,7 @@ def stand_in(monkeypatch: pytest.MonkeyPatch, outcome: Any) -> dict[str, Any]:
         given["progress"](1, 2, "tracks")
         return outcome
 
-    module = types.ModuleType("coastwatch.server.run")
-    module.run_scenario = run_scenario  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "coastwatch.server.run", module)
+    monkeypatch.setattr("coastwatch.operators.cli.runs.run_scenario", run_scenario)
     return seen
 
 
@@ -132,7 +130,7 @@ def test_exit_codes_of_a_run(
     result: Any, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     stand_in(monkeypatch, result)
-    monkeypatch.setattr("coastwatch.scenario.load_scenario", lambda name, overrides: a_scenario())
+    monkeypatch.setattr("coastwatch.operators.cli.runs.load_scenario", lambda name, overrides: a_scenario())
     assert main(["run", "x", "--json"]) == code
     out, err = capsys.readouterr()
     assert "Traceback" not in err
@@ -149,7 +147,7 @@ def test_options_reach_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
         asked.update(name=name, overrides=dict(overrides))
         return a_scenario()
 
-    monkeypatch.setattr("coastwatch.scenario.load_scenario", load_scenario)
+    monkeypatch.setattr("coastwatch.operators.cli.runs.load_scenario", load_scenario)
     line = ["run", "x", "--seed", "9", "--workers", "2", "--db", "sqlite:///y.db", "--set", "radars.0.rpm=20", "--restart"]
     assert main([*line, "--set", "tracks.method=imm"]) == 0
     assert asked == {"name": "x", "overrides": {"radars.0.rpm": "20", "tracks.method": "imm"}}
@@ -161,7 +159,7 @@ def test_an_error_of_ours_names_its_kind_and_how_to_see_more(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     stand_in(monkeypatch, ZeroDivisionError("division\nby zero"))
-    monkeypatch.setattr("coastwatch.scenario.load_scenario", lambda name, overrides: a_scenario())
+    monkeypatch.setattr("coastwatch.operators.cli.runs.load_scenario", lambda name, overrides: a_scenario())
     assert main(["run", "x"]) == 1
     err = capsys.readouterr().err
     assert err == "coastwatch: error: ZeroDivisionError: division; by zero (COASTWATCH_TRACEBACK=1 shows where)\n"

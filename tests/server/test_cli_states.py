@@ -148,9 +148,18 @@ def opened_ids(opened: store.Store, at_s: float | None) -> list[int]:
 
 
 def kind_of(state: world.State) -> str:
-    names = {world.RADAR: scene.RADAR_ONLY, world.AIS: scene.AIS_ONLY, world.SONAR: scene.SONAR_ONLY}
-    kinds = {names[k] for k in state.sources}
-    return scene.FUSED if len(kinds) > 1 else kinds.pop() if kinds else scene.COASTING
+    """The symbol of a vessel is that of its radar and AIS tracks; a sonar counts only if it is alone."""
+    kinds = {
+        (): scene.COASTING,
+        (world.SONAR,): scene.SONAR_ONLY,
+        (world.AIS,): scene.AIS_ONLY,
+        (world.RADAR,): scene.RADAR_ONLY,
+        (world.RADAR, world.RADAR): scene.RADAR_ONLY,
+        (world.RADAR, world.SONAR): scene.RADAR_ONLY,
+        (world.RADAR, world.AIS): scene.FUSED,
+        (world.RADAR, world.AIS, world.SONAR): scene.FUSED,
+    }
+    return kinds[state.sources]
 
 
 QUESTIONS_OF_FLAGS = {

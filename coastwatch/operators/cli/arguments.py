@@ -1,22 +1,25 @@
-"""Arguments that several commands share, and how text becomes a time, a box or a setting."""
+"""Options that several commands share, and the types of option values: text to a time, a box, a number or a sensor."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from datetime import UTC, datetime
+from typing import Any
 
 DEFAULT_DB = "sqlite:///coastwatch.db"
+RADAR = ("name", "latitude_deg", "longitude_deg", "range_nm", "rpm", "range_noise_m", "azimuth_noise_deg")
+STATION = ("name", "latitude_deg", "longitude_deg", "range_nm")
+SONAR = ("name", "latitude_deg", "longitude_deg", "range_nm", "bearing_noise_deg")
+NEEDED = {RADAR: 5, STATION: 4, SONAR: 4}
+"""How many of the values of a sensor must be given; the others have defaults."""
 
 Box = tuple[float, float, float, float]
 
 
 def add_db(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--db",
-        metavar="URL",
-        default=DEFAULT_DB,
-        help=f"database: SQLAlchemy URL, or a path of an SQLite file (default: {DEFAULT_DB}, in this folder)",
-    )
+    text = f"database: SQLAlchemy URL, or path of an SQLite file (default: {DEFAULT_DB}, in the working directory)"
+    parser.add_argument("--db", metavar="URL", default=DEFAULT_DB, help=text)
 
 
 def add_run(parser: argparse.ArgumentParser) -> None:
@@ -24,24 +27,48 @@ def add_run(parser: argparse.ArgumentParser) -> None:
 
 
 def add_moment(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--at", metavar="UTC", type=utc, help="instant, ISO 8601, e.g. 2026-07-01T12:00:00Z (default: the last cycle)"
-    )
-    parser.add_argument(
-        "--bbox",
-        metavar="S,W,N,E",
-        type=box,
-        help="only what lies in this box, degrees; W > E crosses the antimeridian",
-    )
+    text = "instant, ISO 8601, e.g. 2026-07-01T12:00:00Z (default: the last cycle)"
+    parser.add_argument("--at", metavar="UTC", type=utc, help=text)
+    add_box(parser, "only vessels in this box, degrees; W > E crosses the antimeridian")
+
+
+def add_box(parser: argparse.ArgumentParser, text: str, required: bool = False) -> None:
+    parser.add_argument("--bbox", metavar="S,W,N,E", type=box, required=required, help=text)
+
+
+def add_span(parser: argparse.ArgumentParser) -> None:
+    """Adds what a question about the past needs: database, run, box and two instants."""
+    add_db(parser)
+    add_run(parser)
+    add_box(parser, "the box, degrees; W > E crosses the antimeridian", required=True)
+    parser.add_argument("--from", metavar="UTC", type=utc, dest="from_s", required=True, help="first instant, ISO 8601")
+    parser.add_argument("--to", metavar="UTC", type=utc, dest="to_s", required=True, help="last instant, ISO 8601")
 
 
 def add_format(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--format", choices=("table", "csv", "geojson", "parquet"), default="table", help="default: table")
-    parser.add_argument("--output", metavar="FILE", help="write here, not to the terminal; Parquet needs it")
+    add_output(parser)
 
 
-def add_set(parser: argparse.ArgumentParser, what: str) -> None:
-    parser.add_argument("--set", metavar="KEY=VALUE", action="append", default=[], type=pair, dest="settings", help=what)
+def add_output(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--output", metavar="FILE", help="write to this file instead of the terminal; Parquet needs it")
+
+
+def add_set(parser: argparse.ArgumentParser, text: str) -> None:
+    parser.add_argument("--set", metavar="KEY=VALUE", action="append", default=[], type=pair, dest="settings", help=text)
+
+
+def add_running(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of every command that makes a run."""
+    text = "processors that share the work (default: the scenario's, in its [workers])"
+    parser.add_argument("--workers", metavar="N", type=count, help=text)
+    add_db(parser)
+    again = parser.add_mutually_exclusive_group()
+    text = "continue the newest unfinished run of this scenario and seed from its last checkpoint"
+    again.add_argument("--resume", action="store_true", help=text)
+    text = "delete earlier runs of this scenario and seed, then start"
+    again.add_argument("--restart", action="store_true", help=text)
+    parser.add_argument("--json", action="store_true", help="print one JSON object: scores, timings_s, database and more")
 
 
 def pair(text: str) -> tuple[str, str]:
@@ -52,8 +79,13 @@ def pair(text: str) -> tuple[str, str]:
     return key.strip(), value.strip()
 
 
+def column_names(text: str) -> dict[str, str]:
+    """Our names of columns to those in a file, of OURS=YOURS,OURS=YOURS."""
+    return dict(pair(part) for part in text.split(","))
+
+
 def utc(text: str) -> float:
-    """Seconds since the Unix epoch of an ISO 8601 instant; without a zone it is UTC."""
+    """Seconds since the Unix epoch of an ISO 8601 instant; without a time zone it is UTC."""
     try:
         moment = datetime.fromisoformat(text.strip())
     except ValueError:
@@ -87,7 +119,7 @@ def count(text: str) -> int:
     return number
 
 
-def place(text: str) -> tuple[float, float]:
+def position(text: str) -> tuple[float, float]:
     """Latitude, longitude in degrees."""
     try:
         latitude, longitude = (float(part) for part in text.split(","))
@@ -96,3 +128,30 @@ def place(text: str) -> tuple[float, float]:
     if not (-90.0 <= latitude <= 90.0 and -180.0 <= longitude <= 180.0):
         raise argparse.ArgumentTypeError(f"got {text!r}, needed a latitude within -90..90 and a longitude within -180..180")
     return latitude, longitude
+
+
+def sensor(names: tuple[str, ...]) -> Callable[[str], dict[str, Any]]:
+    """A function from text such as "north,50.7,-1.2,12" to the settings of a sensor. Args: names: RADAR, STATION or SONAR."""
+
+    def read(text: str) -> dict[str, Any]:
+        parts = [part.strip() for part in text.split(",")]
+        if not NEEDED[names] <= len(parts) <= len(names):
+            raise argparse.ArgumentTypeError(f"got {text!r}, {len(parts)} values, needed {_form(names)}")
+        try:
+            return {names[0]: parts[0], **{n: float(p) for n, p in zip(names[1:], parts[1:], strict=False)}}
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(f"got {text!r}: {error}; needed {_form(names)}") from None
+
+    return read
+
+
+def written_as(names: tuple[str, ...]) -> str:
+    """How the value of a sensor's option is written, for its help."""
+    optional = "" if len(names) == NEEDED[names] else "; values in brackets are optional"
+    return f'"{_form(names)}"{optional}'
+
+
+def _form(names: tuple[str, ...]) -> str:
+    """name,...,rpm[,range_noise_m[,azimuth_noise_deg]]."""
+    needed, more = names[: NEEDED[names]], names[NEEDED[names] :]
+    return ",".join(needed) + "".join(f"[,{name}" for name in more) + "]" * len(more)

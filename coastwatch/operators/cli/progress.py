@@ -8,6 +8,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, Protocol
 
+import lazy_loader
+
+tqdm = lazy_loader.load("tqdm")  # only a terminal has a bar
+
 LINE_EVERY_S = 10.0
 
 
@@ -17,7 +21,7 @@ class Progress(Protocol):
 
 @contextmanager
 def shown(unit: str = "cycle") -> Iterator[Progress]:
-    """A function (done, total, what) that shows how far it has come, in these units, closed in the end."""
+    """A function (done, total, what) that shows the progress in these units until the block ends."""
     if sys.stderr.isatty():
         bar = _Bar(unit)
         try:
@@ -35,9 +39,7 @@ class _Bar:
 
     def __call__(self, done: int, total: int, what: str) -> None:
         if self._bar is None:
-            from tqdm import tqdm
-
-            self._bar = tqdm(total=total, unit=self._unit, file=sys.stderr, dynamic_ncols=True, leave=False)
+            self._bar = tqdm.tqdm(total=total, unit=self._unit, file=sys.stderr, dynamic_ncols=True, leave=False)
         if self._bar.total != total:
             self._bar.total = total
         self._bar.set_postfix_str(what, refresh=False)

@@ -9,11 +9,13 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from coastwatch.operators import plot, scene, stored
 from coastwatch.operators.cli.summary import as_plain
 from coastwatch.operators.reproduction.listening import Decisions, Pairs
 from coastwatch.operators.reproduction.planning import Job
 from coastwatch.pipeline import Cycle
 from coastwatch.server.run import RunResult, run_scenario
+from coastwatch.shipped import scenarios_folder
 
 NOWHERE = "sqlite://"  # in memory, gone with the run
 AROUND = 1  # investigations before and after an instant that are counted with it
@@ -75,9 +77,6 @@ def _at(job: Job, decisions: Decisions, at_s: float) -> dict[str, dict[str, floa
 
 def _picture(result: RunResult, database: str) -> dict[str, Any]:
     """How many vessels of each kind the last picture shows, and the picture as a PNG."""
-    from coastwatch.operators import plot, scene, stored
-    from coastwatch.shipped import scenarios_folder
-
     land = scenarios_folder() / "guanabara" / "coastline.geojson"
     with stored.opened(database) as found:
         what = scene.load(found, stored.run(found, result.run_id), None, None, str(land))

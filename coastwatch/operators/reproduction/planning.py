@@ -72,7 +72,7 @@ def _scenario(name: str, variant: Variant, settings: tuple[str, ...]) -> Scenari
     try:
         return load_scenario(name, dict(pair.split("=", 1) for pair in settings))
     except ScenarioError as error:
-        raise ScenarioError(f"published.toml, variant {variant.name!r}: {error}") from error
+        raise BadInput(f"published.toml, variant {variant.name!r}: {error}") from error
 
 
 def _job(of: Published, scenario: Scenario, seed: int, roc: Roc | None, code: str) -> Job:

@@ -1,0 +1,253 @@
+"""Every command and option of the command line. It imports no command: `act` names the function that `main` imports and calls."""
+
+from __future__ import annotations
+
+import argparse
+from importlib.metadata import version
+from typing import Any
+
+from coastwatch.operators.bad_input import BadInput
+from coastwatch.operators.cli.arguments import (
+    RADAR,
+    SONAR,
+    STATION,
+    add_box,
+    add_db,
+    add_format,
+    add_moment,
+    add_output,
+    add_run,
+    add_running,
+    add_set,
+    add_span,
+    column_names,
+    count,
+    position,
+    sensor,
+    utc,
+    whole,
+    written_as,
+)
+
+EPILOG = """\
+exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted with Ctrl-C, 141 the reader of the output closed it.
+COASTWATCH_TRACEBACK=1 in the environment prints the traceback of an error.
+All commands, settings and questions: coastwatch/operators/REFERENCE.md"""
+
+
+class _Version(argparse.Action):
+    """Reads the version only when it is asked for: reading package metadata takes longer than parsing."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any, **__: Any) -> None:
+        print(f"coastwatch {version('coastwatch')}")
+        parser.exit()
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser that raises BadInput instead of printing its usage, so that every error is printed in the same way."""
+
+    def error(self, message: str) -> Any:
+        raise BadInput(f"{message} (see {self.prog} --help)")
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """The parser of all commands. The parsed arguments have `act`, "module:function" in this package."""
+    parser = _Parser(
+        prog="coastwatch",
+        description="One picture of a coast from radars, AIS and passive sonars.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version")
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    for add in (
+        _run,
+        _scenarios,
+        _fuse,
+        _reproduce,
+        _picture,
+        _track,
+        _traffic,
+        _encounters,
+        _replay,
+        _sensors,
+        _query,
+        _plot,
+        _db,
+    ):
+        add(commands)
+    return parser
+
+
+def _command(commands: Any, name: str, act: str, summary: str, description: str) -> argparse.ArgumentParser:
+    """A new command. Args: summary: the line in `coastwatch --help`; description: the text above its own options."""
+    made: argparse.ArgumentParser = commands.add_parser(name, help=summary, description=description)
+    made.set_defaults(act=act)
+    return made
+
+
+def _run(commands: Any) -> None:
+    text = "Run a scenario and store the picture of every cycle. Ctrl-C stops it after the cycle in progress; --resume continues it."
+    run = _command(commands, "run", "runs:run", "run a scenario and store the picture", text)
+    run.add_argument("scenario", metavar="SCENARIO", help="name (see `coastwatch scenarios`), folder, or .toml file")
+    run.add_argument("--seed", metavar="N", type=whole, help="seed of all randomness (default: the scenario's)")
+    add_set(run, "override a setting, value as in TOML: radars.0.rpm=20, tracks.method=imm; repeatable")
+    add_running(run)
+    text = "also write the picture of every cycle as CSV: time (Unix s), track_id, north, east (m), vn, ve (m/s), latitude, longitude"
+    run.add_argument("--tracks-csv", metavar="FILE", help=text)
+    text = "the point where north and east are 0 (default: the centre of the scenario's area)"
+    run.add_argument("--tracks-origin", metavar="LAT,LON", type=position, help=text)
+
+
+def _scenarios(commands: Any) -> None:
+    text = "List the scenarios that come with Coastwatch."
+    listing = _command(commands, "scenarios", "runs:scenarios", "list the scenarios", text)
+    listing.add_argument("--json", action="store_true", help="print a JSON list of name and title")
+
+
+def _fuse(commands: Any) -> None:
+    text = (
+        "Fuse recorded files into one stored picture, without a scenario. The format of each file is detected from its content."
+    )
+    fuse = _command(commands, "fuse", "fuse:fuse", "fuse recorded files of your own", text)
+    text = "AIS: NMEA 0183 lines, CSV or Parquet; several files in order of time"
+    fuse.add_argument("--ais", metavar="FILE", nargs="+", default=[], help=text)
+    fuse.add_argument("--plots", metavar="FILE", help="radar plots: CSV or Parquet with time, radar, range and azimuth")
+    fuse.add_argument("--bearings", metavar="FILE", help="bearings: CSV or Parquet with time, sonar and bearing")
+    one: dict[str, Any] = {"action": "append", "default": [], "metavar": "SPEC"}
+    fuse.add_argument("--radar", **one, type=sensor(RADAR), help=f"a radar: {written_as(RADAR)}; repeatable")
+    text = f"an AIS receiver: {written_as(STATION)}; repeatable; the dark flag needs one"
+    fuse.add_argument("--station", **one, type=sensor(STATION), help=text)
+    fuse.add_argument("--sonar", **one, type=sensor(SONAR), help=f"a bearing sensor: {written_as(SONAR)}; repeatable")
+    text = (
+        "names of your columns: time=when,mmsi=ship,sog=speed. A prefix limits one to a kind of table: ais.time=when, plots.time=t, "
+        "bearings.time=t. Usual names need none"
+    )
+    fuse.add_argument("--columns", metavar="OURS=YOURS", type=column_names, default={}, help=text)
+    fuse.add_argument("--period", metavar="S", type=float, default=3.0, help="seconds of one cycle (default: 3)")
+    add_set(fuse, "override any setting of a scenario, e.g. tracks.method=imm; repeatable")
+    add_running(fuse)
+
+
+def _reproduce(commands: Any) -> None:
+    text = (
+        "Reproduce every published figure of a paper: run its methods as published and ours over seeds 1000, 1001, ..., then write an "
+        "HTML report and a JSON file. Finished runs stay in the output folder: the same command continues after an interruption and "
+        "runs only what is missing."
+    )
+    reproduce = _command(commands, "reproduce", "reproduce:reproduce", "reproduce the published figures of a paper", text)
+    reproduce.add_argument("paper", metavar="PAPER", help="the paper: rangel")
+    text = "runs of each variant (default: as many as the paper averages)"
+    reproduce.add_argument("--runs", metavar="N", type=count, help=text)
+    reproduce.add_argument("--workers", metavar="N", type=count, default=1, help="processes that share the runs (default: 1)")
+    text = "folder of the report and the finished runs (default: reproduction-PAPER)"
+    reproduce.add_argument("--output", metavar="DIR", help=text)
+    text = "only these scenarios, e.g. tables-1-2 figure-3 (default: all)"
+    reproduce.add_argument("--only", metavar="NAME", nargs="+", default=[], help=text)
+
+
+def _picture(commands: Any) -> None:
+    text = (
+        "The picture of a run: one row per vessel. Speeds in knots, courses in degrees true, times in UTC, MMSI with nine digits. "
+        "The table has the main columns; the other formats have all."
+    )
+    picture = _command(commands, "picture", "read:picture", "show or export the picture", text)
+    add_db(picture)
+    add_run(picture)
+    add_moment(picture)
+    add_format(picture)
+
+
+def _track(commands: Any) -> None:
+    text = "One vessel: its details, its tracks and its history (the newest 20 rows; --json prints all)."
+    track = _command(commands, "track", "read:track", "show one vessel and its history", text)
+    track.add_argument("vessel", metavar="ID", type=whole, help="vessel id, as in `coastwatch picture` (not the MMSI)")
+    add_db(track)
+    add_run(track)
+    track.add_argument("--json", action="store_true", help="print one JSON object with the whole history")
+
+
+def _traffic(commands: Any) -> None:
+    text = (
+        "The vessels in a box between two instants: points of their paths, by vessel and time. From each point until `to_utc` the "
+        "vessel kept its course and speed, within `store.history_error_m`. Positions to 0.2 m."
+    )
+    traffic = _command(commands, "traffic", "read:traffic", "show the vessels in a box in a time span", text)
+    add_span(traffic)
+    add_format(traffic)
+
+
+def _encounters(commands: Any) -> None:
+    text = "Pairs of vessels that came close to each other in a box between two instants: when and where, the closest first."
+    encounters = _command(commands, "encounters", "read:encounters", "show close encounters in a time span", text)
+    add_span(encounters)
+    encounters.add_argument("--within", metavar="M", type=float, default=500.0, help="largest distance, m (default: 500)")
+    text = "smallest speed of the faster of the two, kn (default: 1)"
+    encounters.add_argument("--min-sog", metavar="KN", type=float, default=1.0, help=text)
+    encounters.add_argument("--count", metavar="N", type=count, default=100, help="largest number of pairs (default: 100)")
+    add_format(encounters)
+
+
+def _replay(commands: Any) -> None:
+    text = (
+        "Export the pictures of a recorded run (`store.recording`): one row per vessel and cycle, every column as it was computed. "
+        "Velocity is in metres a second east and north, with the covariance of position and velocity; times are seconds since 1970; "
+        "members are written source:track."
+    )
+    replay = _command(commands, "replay", "read:replay", "export recorded pictures", text)
+    add_db(replay)
+    add_run(replay)
+    text = "first instant (default: the first recorded cycle)"
+    replay.add_argument("--from", metavar="UTC", type=utc, dest="from_s", help=text)
+    text = "last instant (default: the last recorded cycle)"
+    replay.add_argument("--to", metavar="UTC", type=utc, dest="to_s", help=text)
+    add_box(replay, "only vessels in this box, degrees; W > E crosses the antimeridian")
+    replay.add_argument("--format", choices=("csv", "parquet"), default="csv", help="default: csv")
+    add_output(replay)
+
+
+def _sensors(commands: Any) -> None:
+    text = (
+        "The sensors of a run: specification, newest report and registration errors. Of a radar: the azimuth bias, range bias and time "
+        "lag that are subtracted from its reports, one standard deviation after +-, and the state of the estimate (unknown, "
+        "acquiring, settled). The estimated lag is subtracted only once it is accurate. Of a sonar: its bearing bias. Signs: degrees "
+        "clockwise, metres too long, seconds too late. AIS reports do not name their receiver, so all receivers show the newest."
+    )
+    sensors = _command(commands, "sensors", "read:sensors", "show sensors and their registration", text)
+    add_db(sensors)
+    add_run(sensors)
+    text = "instant, ISO 8601, e.g. 2026-07-01T12:00:00Z (default: the last cycle)"
+    sensors.add_argument("--at", metavar="UTC", type=utc, help=text)
+    sensors.add_argument("--json", action="store_true", help="print one JSON list: an object per sensor with all columns")
+
+
+def _query(commands: Any) -> None:
+    text = "Answer one of the questions in db/operator. Without a name, list them with their parameters."
+    query = _command(commands, "query", "read:query", "answer a question, or list the questions", text)
+    query.add_argument("name", metavar="NAME", nargs="?", help="name of the question (default: list all)")
+    add_db(query)
+    add_run(query)
+    add_set(query, "a parameter of the question, e.g. --set count=20; repeatable")
+    add_format(query)
+
+
+def _plot(commands: Any) -> None:
+    text = "Draw the picture: coverage, vessels by kind of sensor, bearing lines, uncertainty, trails and the coastline."
+    plot = _command(commands, "plot", "drawing:plot", "draw the picture as a PNG", text)
+    add_db(plot)
+    add_run(plot)
+    add_moment(plot)
+    plot.add_argument("--output", metavar="PNG", default="picture.png", help="file to write (default: picture.png)")
+    text = "GeoJSON of land or shore lines (default: the scenario's, if it has one)"
+    plot.add_argument("--coastline", metavar="FILE", help=text)
+
+
+def _db(commands: Any) -> None:
+    text = "Upgrade or check a database."
+    verbs = commands.add_parser("db", help="upgrade or check a database", description=text).add_subparsers(
+        title="commands", metavar="COMMAND", required=True
+    )
+    text = "Create the database, or upgrade an old one to this version's schema. Its content is kept."
+    add_db(_command(verbs, "upgrade", "database:upgrade", "create a database or upgrade it to this version", text))
+    text = "Compare the database with this version's schema. Exit code 0: they agree; 1: one line per difference."
+    add_db(_command(verbs, "check", "database:check", "compare a database with this version's schema", text))

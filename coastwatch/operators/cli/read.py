@@ -1,0 +1,81 @@
+"""`picture`, `track`, `traffic`, `encounters`, `replay`, `sensors` and `query`: read a database, print or export the answer."""
+
+from __future__ import annotations
+
+import argparse
+import json
+
+from coastwatch.operators import export, recorded_frames, stored
+from coastwatch.operators.bad_input import BadInput
+from coastwatch.operators.cli.summary import as_plain
+
+NEWEST = 20  # rows of a vessel's tables that `track` prints
+
+
+def picture(options: argparse.Namespace) -> int:
+    with stored.opened(options.db) as store:
+        rows = stored.picture(store, stored.run(store, options.run)["id"], options.at, options.bbox)
+    export.write(stored.shown(rows) if options.format == "table" else rows, options.format, options.output)
+    return 0
+
+
+def track(options: argparse.Namespace) -> int:
+    with stored.opened(options.db) as store:
+        found = stored.vessel(store, stored.run(store, options.run)["id"], options.vessel)
+    if options.json:
+        print(json.dumps(as_plain(found.as_object()), allow_nan=False))
+        return 0
+    for name, value in found.details.items():
+        print(f"{name.replace('_', ' '):<16} {'-' if value in (None, '') else value}")
+    for title, rows in found.tables.items():
+        newest = type(rows)(rows.columns, rows.rows[-NEWEST:])
+        print(f"\n{title}" + (f", the newest {NEWEST} of {len(rows.rows)}" if len(rows.rows) > NEWEST else ""))
+        export.write(newest, "table", None)
+    return 0
+
+
+def traffic(options: argparse.Namespace) -> int:
+    with stored.opened(options.db) as store:
+        run_id = stored.run(store, options.run)["id"]
+        rows = stored.traffic(store, run_id, options.bbox, (options.from_s, options.to_s))
+    export.write(rows, options.format, options.output)
+    return 0
+
+
+def encounters(options: argparse.Namespace) -> int:
+    limits = {"within_m": options.within, "min_sog_kn": options.min_sog, "count": options.count}
+    with stored.opened(options.db) as store:
+        run_id = stored.run(store, options.run)["id"]
+        rows = stored.encounters(store, run_id, options.bbox, (options.from_s, options.to_s), limits)
+    export.write(rows, options.format, options.output)
+    return 0
+
+
+def replay(options: argparse.Namespace) -> int:
+    with stored.opened(options.db) as store:
+        run_id, span = stored.run(store, options.run)["id"], (options.from_s, options.to_s)
+        recorded_frames.write(store, run_id, *span, options.bbox, form=options.format, output=options.output)
+    return 0
+
+
+def sensors(options: argparse.Namespace) -> int:
+    with stored.opened(options.db) as store:
+        rows = stored.sensors(store, stored.run(store, options.run)["id"], options.at)
+    if options.json:
+        print(json.dumps(as_plain([dict(zip(rows.columns, row, strict=True)) for row in rows.rows]), allow_nan=False))
+        return 0
+    export.write(stored.registration(rows), "table", None)
+    return 0
+
+
+def query(options: argparse.Namespace) -> int:
+    if options.name is None:
+        export.write(stored.questions(), options.format, options.output)
+        return 0
+    parameters = dict(options.settings)
+    if options.run is not None and parameters.setdefault("run", str(options.run)) != str(options.run):
+        raise BadInput(f"query: got --run {options.run} and --set run={parameters['run']}, needed one of them")
+    with stored.opened(options.db) as store:
+        rows = stored.answer(store, options.name, parameters)
+    export.write(rows, options.format, options.output)
+    return 0
