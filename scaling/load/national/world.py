@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from coastwatch.batches import AisAlarms, AisStatics, Bools, Floats, Ints, Measurements, Sensors, Tracks, Truth
 from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.pipeline import Received
-from coastwatch.scenario import Scenario, make_scenario, utc_text
+from coastwatch.scenario import Scenario, make_scenario
 from coastwatch.tracks import BearingWindow
 from scaling.load.national.coasts import Coasts, build_coasts, radar_sites, to_geodetic
 from scaling.load.national.sonars import Sonars, bearing_reports, place_sonars
@@ -138,7 +139,7 @@ def scenario_of(world: World, overrides: Mapping[str, str]) -> Scenario:
     document = {
         "name": "national",
         "title": f"National picture of {len(world.slots)} vessel slots",
-        "start_utc": utc_text(START_S),
+        "start_utc": datetime.fromtimestamp(START_S, UTC).isoformat(),
         "period_s": world.period_s,
         "seed": world.seed,
         "area": {key: middle[key] for key in ("latitude_deg", "longitude_deg")},
