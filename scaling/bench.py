@@ -1,6 +1,6 @@
-"""One table of what is fast and what is not: `make bench`, or `python -m scaling.bench [--part NAME] [--folder FOLDER]`.
+"""One table of speed and quality: `make bench`, or `python -m scaling.bench [--part NAME] [--folder FOLDER]`.
 
-Each part is a command of its own that speaks JSON; one that fails or is not there is a sentence under the table.
+Each part is a command that prints JSON. A part that fails or is missing becomes a sentence under the table.
 """
 
 from __future__ import annotations
@@ -15,22 +15,42 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from coastwatch.scenario import load_scenario
 from coastwatch.server.machine import date_utc, machine
-from scaling.bench_rows import HEADS, STAGE, Row, of_cycle, of_kernels, of_peers, of_stages
+from scaling.load import national
+from scaling.load.stages import NOT_COMPUTE
 
-HOUSE = Path(__file__).parents[1]
-RESULTS = HOUSE / "scaling" / "results"
+CHECKOUT = Path(__file__).parents[1]
+RESULTS = CHECKOUT / "scaling" / "results"
 PACKAGES = "numpy", "scipy", "numba", "scikit-learn", "sqlalchemy"
 SCENARIO = "context-driven-1000"
 KERNELS = "scaling/kernels", "--benchmark-only", "--benchmark-timer=time.process_time", "-q", "-o", "python_files=bench_*.py"
 TIMEOUT_S = 600.0
-TIMES = (
-    "Stages and load: wall time a cycle, median. Peers: processor time a cycle, median. Kernels: processor time a row, least"
+CONDITIONS = (
+    "Stages and load: median wall time per cycle. Peers: median processor time per cycle. Kernels: least processor time per row",
+    f"Load: {national.conditions({})}; stages: {SCENARIO} as shipped; peers: default settings of Coastwatch",
 )
+HEADS = "part", "what", "ours", "of the period", "quality", "beside it", "takes", "quality", "ratio"
+STAGE = "stage"  # the part of single stages, which the Markdown table leaves out
+BASELINE, OURS = "test_baseline_", "test_ours"
+
+
+class Row(NamedTuple):
+    """One row of the table; a cell that does not apply is empty."""
+
+    part: str
+    what: str
+    ours: str
+    of_period: str = ""
+    quality: str = ""
+    beside: str = ""
+    takes: str = ""
+    its_quality: str = ""
+    ratio: str = ""
 
 
 class Part(NamedTuple):
-    """A command and what is read from it."""
+    """A command, and the function that reads rows from its JSON."""
 
     name: str
     module: str
@@ -38,32 +58,90 @@ class Part(NamedTuple):
     read: Callable[[Any], list[Row]]
 
 
+def stage_rows(found: dict[str, Any]) -> list[Row]:
+    """Rows of `scaling.load.stages --json`: the stages of each scenario, and the sum of the compute stages."""
+    rows = []
+    for name, stages in found.items():
+        period_s = load_scenario(name).period_s
+        medians = {stage: t["median"] for stage, t in stages.items()}
+        compute_s = sum(s for stage, s in medians.items() if stage not in NOT_COMPUTE)
+        rows += [Row(STAGE, f"{name}: {k}", _ms(s), _percent(s / period_s)) for k, s in medians.items()]
+        rows.append(Row("stages", f"{name}: compute, the sum", _ms(compute_s), _percent(compute_s / period_s)))
+    return rows
+
+
+def cycle_rows(found: dict[str, Any]) -> list[Row]:
+    """Rows of `scaling.load.cycle --json`: compute, the whole cycle if it is stored, memory."""
+    size, compute, whole = f"{found['tracks']:,} tracks", found["compute_s"], found["cycle_s"]
+    f1 = f"F1 {100.0 * found['decisions']['all']['f1']:.3f} %"
+    rows = [Row("load", f"{size}: compute", _ms(compute["median"]), _percent(compute["share_of_period"]), f1)]
+    if found["store"] != "none":
+        written = f"{found['rows_written']:,.0f} rows"
+        what = f"{size}: whole cycle, {found['store']}"
+        rows.append(Row("load", what, _ms(whole["median"]), _percent(whole["share_of_period"]), written))
+    return [*rows, Row("load", f"{size}: peak memory", f"{found['memory_mib']['peak']:.0f} MiB")]
+
+
+def peer_rows(found: dict[str, Any]) -> list[Row]:
+    """Rows of `scaling.peers.run --json`."""
+    return [
+        Row(
+            "peers",
+            f"{r['task']}, {r['tracks']:,} tracks",
+            _ms(1e-3 * r["ours_ms"]),
+            "",
+            f"{r['figure']} {r['ours_quality']:.2f}",
+            ", ".join(f"{package} {number}" for package, number in r["versions"].items()),
+            _ms(1e-3 * r["peer_ms"]),
+            f"{r['figure']} {r['peer_quality']:.2f}",
+            _times(r["ratio"]),
+        )
+        for r in found["rows"]
+    ]
+
+
+def kernel_rows(found: dict[str, Any]) -> list[Row]:
+    """Rows of the JSON of pytest-benchmark: each of our functions beside the baseline of its group, least time per row."""
+    rows, groups = [], {}
+    for one in found["benchmarks"]:
+        groups.setdefault(one["group"], {})[one["name"]] = one["stats"]["min"] / one["extra_info"]["rows"]
+    for group, times in groups.items():
+        ((baseline, baseline_s),) = ((name, s) for name, s in times.items() if name.startswith(BASELINE))
+        for name, s in times.items():
+            if name.startswith(OURS):
+                variant = name.removeprefix(OURS).strip("_")
+                what = f"{group}, {variant}" if variant else group
+                package = baseline.removeprefix(BASELINE)
+                rows.append(Row("kernels", what, _us(s), "", "", package, _us(baseline_s), "", _times(baseline_s / s)))
+    return rows
+
+
 PARTS = (
-    Part("stages", "scaling.load.stages", (SCENARIO, "--json"), of_stages),
-    Part("load", "scaling.load.cycle", ("--tracks", "10000", "--store", "sqlite:///{folder}/load.db", "--json"), of_cycle),
-    Part("load", "scaling.load.cycle", ("--tracks", "100000", "--store", "sqlite:///{folder}/load.db", "--json"), of_cycle),
-    Part("peers", "scaling.peers.run", ("--json",), of_peers),
-    Part("kernels", "pytest", (*KERNELS, "--benchmark-json={folder}/kernels.json"), of_kernels),
+    Part("stages", "scaling.load.stages", (SCENARIO, "--json"), stage_rows),
+    Part("load", "scaling.load.cycle", ("--tracks", "10000", "--store", "sqlite:///{folder}/load.db", "--json"), cycle_rows),
+    Part("load", "scaling.load.cycle", ("--tracks", "100000", "--store", "sqlite:///{folder}/load.db", "--json"), cycle_rows),
+    Part("peers", "scaling.peers.run", ("--json",), peer_rows),
+    Part("kernels", "pytest", (*KERNELS, "--benchmark-json={folder}/kernels.json"), kernel_rows),
 )
 
 
 def measure(part: Part) -> tuple[list[Row], list[str]]:
-    """The rows of a part, and a sentence for each thing that could not be had."""
+    """The rows of a part, and a sentence for each failure."""
     title = " ".join(["python", "-m", part.module, *part.options])
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", part.module, *(option.format(folder=folder) for option in part.options)]
         try:
-            done = subprocess.run(command, cwd=HOUSE, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
+            done = subprocess.run(command, cwd=CHECKOUT, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
         except subprocess.TimeoutExpired:
             return [], [f"{title}: not done after {TIMEOUT_S:.0f} s"]
         if done.returncode:
             return [], [f"{title}: {last_line(done.stderr or done.stdout)}"]
-        kept = Path(folder) / "kernels.json"
+        file = Path(folder) / "kernels.json"
         try:
-            found = json.loads(kept.read_text("utf-8")) if kept.exists() else last_object(done.stdout)
+            found = json.loads(file.read_text("utf-8")) if file.exists() else last_object(done.stdout)
             return part.read(found), found.get("missing", [])
         except (KeyError, ValueError) as error:
-            return [], [f"{title}: what it says cannot be read: {type(error).__name__} {error}"]
+            return [], [f"{title}: its output cannot be read: {type(error).__name__} {error}"]
 
 
 def last_object(text: str) -> Any:
@@ -75,18 +153,19 @@ def last_object(text: str) -> Any:
 
 
 def last_line(text: str) -> str:
+    """The last line that is not blank."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
-    return lines[-1] if lines else "no word"
+    return lines[-1] if lines else "no output"
 
 
 def heading() -> list[str]:
-    """Machine, date, versions, load."""
+    """Machine and date, versions, conditions."""
     m = machine()
     versions = ", ".join(f"{p} {version(p)}" for p in ("coastwatch", *PACKAGES))
     return [
         f"{m['processor']}, {m['processors']} processors, {m['system']}, load {m['load']} at the start, {date_utc()}",
         f"Python {m['python']}, {versions}",
-        TIMES,
+        *CONDITIONS,
     ]
 
 
@@ -99,27 +178,48 @@ def as_text(heading: list[str], rows: list[Row], missing: list[str]) -> str:
 
 
 def as_markdown(heading: list[str], rows: list[Row], missing: list[str]) -> str:
-    """The table for a README, without the single stages."""
+    """The table in Markdown, without the single stages."""
     lines = ["| " + " | ".join(row) + " |" for row in (HEADS, *(row for row in rows if row.part != STAGE))]
     lines.insert(1, "|---" * len(HEADS) + "|")
     return "\n".join(["`make bench`: " + ". ".join(heading) + ".", "", *lines, *(f"\n{line}" for line in missing)]) + "\n"
 
 
+def _ms(seconds: float) -> str:
+    return f"{1e3 * seconds:.2f} ms"
+
+
+def _us(seconds: float) -> str:
+    return f"{_figures(1e6 * seconds)} us each"
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.2f} %"
+
+
+def _times(ratio: float) -> str:
+    return f"{_figures(ratio)} x"
+
+
+def _figures(value: float) -> str:
+    """A number with three significant figures, without an exponent."""
+    return f"{value:,.0f}" if value >= 100.0 else f"{value:.3g}"
+
+
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--part", action="append", choices=sorted({p.name for p in PARTS}), help="only this one; repeatable")
     parser.add_argument("--folder", type=Path, default=RESULTS, help="where bench.txt and bench.md are written")
-    asked = parser.parse_args()
+    options = parser.parse_args()
     top, rows, missing = heading(), [], []
     for part in PARTS:
-        if not asked.part or part.name in asked.part:
+        if not options.part or part.name in options.part:
             print(f"{part.name}: {part.module} {' '.join(part.options)}", file=sys.stderr, flush=True)
-            found, words = measure(part)
-            rows += found
-            missing += words
+            part_rows, failures = measure(part)
+            rows += part_rows
+            missing += failures
     text = as_text(top, rows, missing)
-    (asked.folder / "bench.txt").write_text(text, "utf-8")
-    (asked.folder / "bench.md").write_text(as_markdown(top, rows, missing), "utf-8")
+    (options.folder / "bench.txt").write_text(text, "utf-8")
+    (options.folder / "bench.md").write_text(as_markdown(top, rows, missing), "utf-8")
     print(text, end="")
 
 

@@ -1,4 +1,4 @@
-"""What a peer is given and what it gives back: two npz files. Knows numpy alone, so that it runs in any peer's environment."""
+"""The input and the result of a task, as npz files. Imports numpy alone, so that it runs in any peer's environment."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ RADAR, AIS = 0, 1  # sources of the file
 
 
 @dataclass(frozen=True, eq=False)
-class Given:
+class TrackHistory:
     """N tracks of V vessels at T cycles, the same tracks in all of them.
 
-    The truth is for scores; `vessel` also for tasks that begin where association ends.
+    The truth is for scores; `vessel` is also an input of tasks that come after association.
     """
 
     time_s: Floats  # (T,)
-    measured: int  # cycles at the end that are timed and scored; those before only fill windows and filters
+    measured: int  # cycles at the end that are timed and scored; the ones before fill windows and filters
     track_id: Ints  # (N,)
     source: Ints  # (N,) RADAR or AIS
     vessel: Ints  # (N,) the true one, 0..V-1
     position_m: Floats  # (T, N, 2) east, north in one plane
-    position_deg: Floats  # (T, N, 2) the same places
+    position_deg: Floats  # (T, N, 2) latitude, longitude of the same positions
     velocity_m_s: Floats  # (T, N, 2)
     covariance: Floats  # (N, 4, 4) of position and velocity, at all cycles
     report_covariance: Floats  # (N, 2, 2) of one report of the sensor
     true_position_m: Floats  # (T, V, 2)
     true_velocity_m_s: Floats  # (T, V, 2)
-    settings: Mapping[str, Any]  # of Coastwatch, for peers to use the same where they have the same setting
+    settings: Mapping[str, Any]  # of Coastwatch; a peer uses the ones that it has too
 
     @property
     def first(self) -> int:
@@ -49,30 +49,29 @@ class Given:
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
-    """What a task gave; of the last three groups the one that the task is about."""
+class TaskResult:
+    """Times and output of a task: pairs, or positions and velocities, or spots."""
 
-    wall_s: Floats  # of a cycle, each measured one or the mean of all
+    wall_s: Floats  # per cycle: of each measured one, or one mean of all
     cpu_s: Floats  # the same, of all threads
     versions: Mapping[str, str]
-    unit: str = ""  # what `units` counts
-    units: int = 0  # of a measured cycle
-    pairs: Ints = field(
-        default_factory=lambda: np.zeros((0, 3), np.int64)
-    )  # (A, 3) cycle, row of the radar track, of the AIS track
+    unit: str = ""  # name of the items that `units` counts
+    units: int = 0  # items per measured cycle
+    # (A, 3) cycle, row of the radar track, row of the AIS track
+    pairs: Ints = field(default_factory=lambda: np.zeros((0, 3), np.int64))
     position_m: Floats = field(default_factory=lambda: np.zeros((0, 0, 2)))  # (C, V, 2) of each vessel at each measured cycle
     velocity_m_s: Floats = field(default_factory=lambda: np.zeros((0, 0, 2)))
     spot: Ints = field(default_factory=lambda: np.zeros(0, np.int64))  # (N,) of each track at the last cycle
 
 
-def save(path: Path, what: Given | Answer) -> None:
-    """Writes an npz file; what is no array is text in JSON."""
-    values = {f.name: getattr(what, f.name) for f in fields(what)}
+def save(path: Path, record: TrackHistory | TaskResult) -> None:
+    """Write an npz file; fields that are no arrays are stored as JSON text."""
+    values = {f.name: getattr(record, f.name) for f in fields(record)}
     np.savez(path, **{k: v if isinstance(v, np.ndarray) else np.array(json.dumps(v)) for k, v in values.items()})
 
 
 def load(path: Path, kind: type[Any]) -> Any:
-    """The Given or Answer in a file. Raises: KeyError: the file lacks one of its arrays."""
+    """The TrackHistory or TaskResult in a file. Raises: KeyError: the file lacks one of its arrays."""
     with np.load(path) as held:
         return kind(**{f.name: _value(held[f.name]) for f in fields(kind)})
 
@@ -81,8 +80,8 @@ def _value(array: NDArray[Any]) -> Any:
     return json.loads(str(array)) if array.dtype.kind == "U" else array
 
 
-class Watch:
-    """Wall and processor seconds of what runs inside `with watch.lap():`."""
+class Stopwatch:
+    """Wall and processor seconds of the code inside `with watch.lap():`."""
 
     def __init__(self) -> None:
         self.wall_s: list[float] = []
@@ -90,23 +89,23 @@ class Watch:
 
     @contextmanager
     def lap(self, cycles: int = 1) -> Iterator[None]:
-        """One entry: the mean over so many cycles."""
+        """Add one entry: the mean over this number of cycles."""
         wall, cpu = time.perf_counter(), time.process_time()
         yield
         self.wall_s.append((time.perf_counter() - wall) / cycles)
         self.cpu_s.append((time.process_time() - cpu) / cycles)
 
-    def answer(self, packages: tuple[str, ...], **rest: Any) -> Answer:
-        """The Answer with these times and the versions of these packages."""
-        return Answer(np.array(self.wall_s), np.array(self.cpu_s), {p: version(p) for p in packages}, **rest)
+    def result(self, packages: tuple[str, ...], **rest: Any) -> TaskResult:
+        """The TaskResult with these times and the versions of these packages."""
+        return TaskResult(np.array(self.wall_s), np.array(self.cpu_s), {p: version(p) for p in packages}, **rest)
 
 
-Task = Callable[[Given, Watch], Answer]
+Task = Callable[[TrackHistory, Stopwatch], TaskResult]
 
 
-def answer_command(tasks: Mapping[str, Task]) -> None:
-    """What every adapter does as a program: `python -m scaling.peers.PEER.adapter TASK GIVEN.npz ANSWER.npz`."""
+def run_adapter(tasks: Mapping[str, Task]) -> None:
+    """The main program of every adapter: `python -m scaling.peers.PEER.adapter TASK INPUT.npz RESULT.npz`."""
     if len(sys.argv) != 4 or sys.argv[1] not in tasks:
-        raise SystemExit(f"got {sys.argv[1:]}, needed a task of {sorted(tasks)}, the file given and the file to write")
-    task, given, out = sys.argv[1:]
-    save(Path(out), tasks[task](load(Path(given), Given), Watch()))
+        raise SystemExit(f"got {sys.argv[1:]}, needed a task of {sorted(tasks)}, the input file and the result file")
+    task, source, target = sys.argv[1:]
+    save(Path(target), tasks[task](load(Path(source), TrackHistory), Stopwatch()))

@@ -1,4 +1,4 @@
-"""The tracks that every peer is given: a seeded sea of moored, steady and turning vessels, half of them seen by both radar and AIS."""
+"""The common input of all peers: seeded tracks of moored, steady and turning vessels, half of them seen by radar and AIS."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from coastwatch.associations import WindowedCovariance
 from coastwatch.fused_tracks import ImmOfTracks
 from coastwatch.geodesy import from_plane
 from coastwatch.spots import KMeansSpots
-from scaling.peers.exchange import AIS, RADAR, Floats, Given, Ints
+from scaling.peers.exchange import AIS, RADAR, Floats, Ints, TrackHistory
 
 ORIGIN_DEG = np.array([0.0, 3.0])  # on the equator, where east of the plane is east on the ground
 PERIOD_S = 3.0
-VESSELS_A_KM2 = 2.0
+VESSELS_PER_KM2 = 2.0
 MOORED, TURNING = 0.3, 0.15  # shares of vessels
-BERTH_M, BERTH_SWAY_M, ANCHORAGE = 250.0, 60.0, 25  # spacing at anchor, how far from it, vessels of one anchorage
+ANCHOR_SPACING_M, ANCHOR_OFFSET_M, ANCHORAGE_VESSELS = 250.0, 60.0, 25  # the offset is from the point of the lattice
 CORRELATION_S = {RADAR: 15.0, AIS: 30.0}  # of the errors of tracks
 AIS_SIGMA = (6.0, 0.5)  # m, m/s
 RADAR_SIGMA_M = (8.0, 20.0)  # along and across: least and most
 RADAR_SIGMA_M_S = 0.4
-PLOT_TO_TRACK = 4.0  # covariance of one plot over that of the position of its track
+PLOT_TO_TRACK = 4.0  # covariance of one plot over the position covariance of its track
 
 
-def make(tracks: int, cycles: int, measured: int, seed: int) -> Given:
-    """Tracks over cycles. A third of the tracks' number of vessels has a radar and an AIS track, a sixth each only one of them.
+def make_history(tracks: int, cycles: int, measured: int, seed: int) -> TrackHistory:
+    """N tracks over T cycles: N / 3 vessels have a radar and an AIS track, N / 6 have radar alone, N / 6 AIS alone.
 
-    Args: tracks: in all, half radar, half AIS; cycles: T; measured: of them, at the end; seed: of everything.
+    Args: tracks: N, half radar, half AIS; cycles: T; measured: number of cycles at the end that are timed.
     """
     rng = np.random.default_rng([seed, 0])
     vessels = round(tracks * 2 / 3)
@@ -41,7 +41,7 @@ def make(tracks: int, cycles: int, measured: int, seed: int) -> Given:
     errors = _errors(rng, covariance, source, cycles)
     position = true_position[:, vessel] + errors[..., :2]
     report = np.where((source == RADAR)[:, None, None], PLOT_TO_TRACK, 1.0) * covariance[:, :2, :2]
-    return Given(
+    return TrackHistory(
         time_s,
         measured,
         np.arange(1, tracks + 1),
@@ -67,30 +67,30 @@ def settings() -> dict[str, object]:
 
 def _motion(rng: np.random.Generator, vessels: int, cycles: int) -> tuple[Floats, Floats]:
     """Positions and velocities of all vessels at all cycles: (T, V, 2) each."""
-    side_m = 1000.0 * np.sqrt(vessels / VESSELS_A_KM2)
-    place = rng.uniform(-side_m / 2, side_m / 2, (vessels, 2))
+    side_m = 1000.0 * np.sqrt(vessels / VESSELS_PER_KM2)
+    position = rng.uniform(-side_m / 2, side_m / 2, (vessels, 2))
     kind = rng.permutation(vessels)
     moored, turning = kind < MOORED * vessels, kind >= (1.0 - TURNING) * vessels
-    place[moored] = _berths(rng, int(moored.sum()), side_m)
+    position[moored] = _anchor_positions(rng, int(moored.sum()), side_m)
     speed = np.where(moored, rng.uniform(0.0, 0.2, vessels), rng.uniform(2.0, 10.0, vessels))
     rate = np.where(turning, np.radians(rng.uniform(0.2, 0.6, vessels)) * rng.choice([-1.0, 1.0], vessels), 0.0)
     course = rng.uniform(0.0, 2.0 * np.pi, vessels) + rate * PERIOD_S * np.arange(cycles + 1)[:, None]
     velocity = speed[:, None] * np.stack([np.sin(course), np.cos(course)], axis=-1)
     moved = 0.5 * PERIOD_S * (velocity[1:] + velocity[:-1])
-    return place + np.cumsum(moved, axis=0), velocity[1:]
+    return position + np.cumsum(moved, axis=0), velocity[1:]
 
 
-def _berths(rng: np.random.Generator, vessels: int, side_m: float) -> Floats:
-    """Places at anchor: small lattices, each vessel somewhere near its point. (M, 2)"""
-    columns = int(np.sqrt(ANCHORAGE))
+def _anchor_positions(rng: np.random.Generator, vessels: int, side_m: float) -> Floats:
+    """Positions at anchor, metres: small lattices, each vessel at random near its point. Returns: (M, 2)."""
+    columns = int(np.sqrt(ANCHORAGE_VESSELS))
     number = np.arange(vessels)
-    port = rng.uniform(-side_m / 2, side_m / 2, (vessels // ANCHORAGE + 1, 2))
-    berth = np.stack([number % ANCHORAGE % columns, number % ANCHORAGE // columns], axis=1) * BERTH_M
-    return port[number // ANCHORAGE] + berth + rng.uniform(-BERTH_SWAY_M, BERTH_SWAY_M, (vessels, 2))
+    port = rng.uniform(-side_m / 2, side_m / 2, (vessels // ANCHORAGE_VESSELS + 1, 2))
+    point = np.stack([number % ANCHORAGE_VESSELS % columns, number % ANCHORAGE_VESSELS // columns], axis=1) * ANCHOR_SPACING_M
+    return port[number // ANCHORAGE_VESSELS] + point + rng.uniform(-ANCHOR_OFFSET_M, ANCHOR_OFFSET_M, (vessels, 2))
 
 
 def _covariances(rng: np.random.Generator, source: Ints) -> Floats:
-    """Of radar tracks an ellipse that lies anyhow, of AIS tracks a circle. (N, 4, 4)"""
+    """Covariances of tracks: of radar an ellipse in a random direction, of AIS a circle. Returns: (N, 4, 4)."""
     count = len(source)
     out = np.zeros((count, 4, 4))
     out[:, [0, 1], [0, 1]], out[:, [2, 3], [2, 3]] = AIS_SIGMA[0] ** 2, AIS_SIGMA[1] ** 2
@@ -103,7 +103,7 @@ def _covariances(rng: np.random.Generator, source: Ints) -> Floats:
 
 
 def _errors(rng: np.random.Generator, covariance: Floats, source: Ints, cycles: int) -> Floats:
-    """Errors as large as the covariances say, alike from cycle to cycle as those of filtered tracks are. (T, N, 4)"""
+    """Errors drawn from the covariances and correlated in time, as of filtered tracks. Returns: (T, N, 4)."""
     root = np.linalg.cholesky(covariance)
     keep = np.where(source == RADAR, *(np.exp(-PERIOD_S / CORRELATION_S[s]) for s in (RADAR, AIS)))[:, None]
     white = rng.standard_normal((cycles, len(source), 4))

@@ -1,4 +1,4 @@
-"""Coastwatch and its peers on the same tracks in one run: `python -m scaling.peers.run [--peer NAME] [--size N] [--json]`."""
+"""Times and quality of Coastwatch and its peers on the same tracks: `python -m scaling.peers.run [--peer NAME] [--size N] [--json]`."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coastwatch.server.machine import date_utc, machine
-from scaling.peers.environment import in_shell, peers, prepare
-from scaling.peers.exchange import Answer, Given, load, save
-from scaling.peers.input import make
+from scaling.peers.environment import peers, prepare, run_command
+from scaling.peers.exchange import TaskResult, TrackHistory, load, save
+from scaling.peers.input import make_history
 from scaling.peers.quality import quality
 
 
 class Comparison(NamedTuple):
-    """A peer, a task of its adapter, and the input by default."""
+    """A task of a peer's adapter, and its default input."""
 
     peer: str
     task: str
@@ -39,40 +39,41 @@ COMPARISONS = (
     Comparison("scipy", "fusion", 100_000, 6, 5),
     Comparison("scipy", "spots", 100_000, 7, 5),
 )
+SETTINGS = "ours: default settings of KMeansSpots, WindowedCovariance, ImmOfTracks (imm) and Convex (fusion); one thread"
 HEADS = "peer", "task", "tracks", "peer, ms", "ours, ms", "ratio", "peer us each", "of", "figure", "peer", "ours"
 WIDTHS = 10, 20, 8, 10, 9, 8, 13, 32, 16, 8, 8
 LEFT = {0, 1, 7, 8}
 
 
-class Failed(RuntimeError):
-    """An adapter that ended with an error."""
+class AdapterError(RuntimeError):
+    """An adapter ended with an error."""
 
 
-class Sea(NamedTuple):
-    """An input, and what Coastwatch made of it: the comparisons that share it share both."""
+class SharedInput(NamedTuple):
+    """An input and the result of Coastwatch, shared by all comparisons on this input."""
 
     folder: Path
-    given: Given
-    ours: Answer
+    history: TrackHistory
+    ours: TaskResult
 
 
-def laid(wanted: Comparison, seed: int, folder: Path) -> Sea:
-    """The input of a comparison, and Coastwatch on it in a process of its own. Raises: Failed."""
-    given = make(wanted.tracks, wanted.cycles, wanted.measured, seed)
-    save(folder / "given.npz", given)
-    return Sea(folder, given, _answer(Path(sys.executable), "scaling.peers.ours", kind_of(wanted.task), folder))
+def prepare_input(wanted: Comparison, seed: int, folder: Path) -> SharedInput:
+    """The input of a comparison, and the result of Coastwatch from a process of its own. Raises: AdapterError."""
+    history = make_history(wanted.tracks, wanted.cycles, wanted.measured, seed)
+    save(folder / "input.npz", history)
+    return SharedInput(folder, history, _run_adapter(Path(sys.executable), "scaling.peers.ours", kind_of(wanted.task), folder))
 
 
 def kind_of(task: str) -> str:
-    """What a task is about: peers may do it in several ways."""
+    """The kind of a task: a peer may have several implementations of one kind."""
     return task.partition("_")[0]
 
 
-def compare(wanted: Comparison, python: Path, sea: Sea, clock: str) -> dict[str, Any]:
-    """One row of the table: the peer, in a process of its own, beside Coastwatch on the same file. Raises: Failed."""
-    theirs = _answer(python, f"scaling.peers.{wanted.peer}.adapter", wanted.task, sea.folder)
-    figure, their_value = quality(kind_of(wanted.task), sea.given, theirs)
-    theirs_s, ours_s = (float(np.median(getattr(a, f"{clock}_s"))) for a in (theirs, sea.ours))
+def compare(wanted: Comparison, python: Path, shared: SharedInput, clock: str) -> dict[str, Any]:
+    """One row of the table: the peer in a process of its own, and Coastwatch on the same file. Raises: AdapterError."""
+    theirs = _run_adapter(python, f"scaling.peers.{wanted.peer}.adapter", wanted.task, shared.folder)
+    figure, their_value = quality(kind_of(wanted.task), shared.history, theirs)
+    theirs_s, ours_s = (float(np.median(getattr(a, f"{clock}_s"))) for a in (theirs, shared.ours))
     return {
         **wanted._asdict(),
         "versions": dict(theirs.versions),
@@ -83,51 +84,53 @@ def compare(wanted: Comparison, python: Path, sea: Sea, clock: str) -> dict[str,
         "unit": theirs.unit,
         "figure": figure,
         "peer_quality": their_value,
-        "ours_quality": quality(kind_of(wanted.task), sea.given, sea.ours)[1],
+        "ours_quality": quality(kind_of(wanted.task), shared.history, shared.ours)[1],
     }
 
 
-def _answer(python: Path, module: str, task: str, folder: Path) -> Answer:
-    why = in_shell([str(python), "-m", module, task, str(folder / "given.npz"), str(folder / "answer.npz")])
+def _run_adapter(python: Path, module: str, task: str, folder: Path) -> TaskResult:
+    why = run_command([str(python), "-m", module, task, str(folder / "input.npz"), str(folder / "result.npz")])
     if why:
-        raise Failed(f"{module} {task}: {why}")
-    answer: Answer = load(folder / "answer.npz", Answer)
-    return answer
+        raise AdapterError(f"{module} {task}: {why}")
+    result: TaskResult = load(folder / "result.npz", TaskResult)
+    return result
 
 
 def run(comparisons: Sequence[Comparison], seed: int, clock: str) -> dict[str, Any]:
-    """All rows, a sentence for each environment, and one for each peer or task that could not be had."""
-    places = {peer: prepare(peer) for peer in dict.fromkeys(c.peer for c in comparisons)}
-    missing = [place.said for place in places.values() if place.python is None]
+    """All rows of the table, a message for each environment, and one for each peer or task that could not run."""
+    environments = {peer: prepare(peer) for peer in dict.fromkeys(c.peer for c in comparisons)}
+    missing = [e.message for e in environments.values() if e.python is None]
     rows: list[dict[str, Any]] = []
-    able = [c for c in comparisons if places[c.peer].python is not None]
-    for _, group in groupby(able, lambda c: (kind_of(c.task), c.tracks, c.cycles, c.measured)):
+    possible = [c for c in comparisons if environments[c.peer].python is not None]
+    for _, group in groupby(possible, lambda c: (kind_of(c.task), c.tracks, c.cycles, c.measured)):
         with tempfile.TemporaryDirectory() as folder:
-            sea = None
+            shared = None
             for wanted in group:
                 try:
-                    sea = sea or laid(wanted, seed, Path(folder))
-                    rows.append(compare(wanted, places[wanted.peer].python or Path(), sea, clock))
-                except Failed as error:
+                    shared = shared or prepare_input(wanted, seed, Path(folder))
+                    rows.append(compare(wanted, environments[wanted.peer].python or Path(), shared, clock))
+                except AdapterError as error:
                     missing.append(str(error))
     return {
         "machine": machine(),
         "date": date_utc(),
         "clock": clock,
         "seed": seed,
+        "settings": SETTINGS,
         "rows": rows,
-        "environments": [place.said for place in places.values() if place.python is not None],
+        "environments": [e.message for e in environments.values() if e.python is not None],
         "missing": missing,
     }
 
 
 def table(result: dict[str, Any]) -> list[str]:
-    """The result as text."""
+    """The result as lines of text."""
     m = result["machine"]
     what = "processor time of all threads" if result["clock"] == "cpu" else "wall time"
     lines = [
         f"# {m['processor']}, {m['processors']} processors, load {m['load']}, Python {m['python']}, {result['date']}",
         f"# {what} a cycle, median of the measured cycles; ratio: how many times ours the peer takes; seed {result['seed']}",
+        f"# {SETTINGS}",
         _line(HEADS),
     ]
     for r in result["rows"]:
@@ -138,7 +141,7 @@ def table(result: dict[str, Any]) -> list[str]:
 
 
 def _figures(value: float) -> str:
-    """Three of them, without an exponent."""
+    """A number with three significant figures, without an exponent."""
     return f"{value:,.0f}" if value >= 100.0 else f"{value:.3g}"
 
 
@@ -157,16 +160,18 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--clock", choices=("cpu", "wall"), default="cpu", help="cpu bears other work on the machine")
     parser.add_argument("--json", action="store_true")
-    asked = parser.parse_args()
-    chosen = [c for c in COMPARISONS if (not asked.peer or c.peer in asked.peer) and (not asked.task or c.task in asked.task)]
+    options = parser.parse_args()
+    chosen = [
+        c for c in COMPARISONS if (not options.peer or c.peer in options.peer) and (not options.task or c.task in options.task)
+    ]
     if not chosen:
-        parser.error(f"--peer {asked.peer} --task {asked.task}: no such row, needed one of {[c[:2] for c in COMPARISONS]}")
-    if asked.size is not None:
-        if asked.size < 12:
-            parser.error(f"--size: got {asked.size}, needed at least 12 tracks")
-        chosen = [c._replace(tracks=asked.size) for c in chosen]
-    result = run(chosen, asked.seed, asked.clock)
-    print(json.dumps(result) if asked.json else "\n".join(table(result)))
+        parser.error(f"--peer {options.peer} --task {options.task}: no such row, needed one of {[c[:2] for c in COMPARISONS]}")
+    if options.size is not None:
+        if options.size < 12:
+            parser.error(f"--size: got {options.size}, needed at least 12 tracks")
+        chosen = [c._replace(tracks=options.size) for c in chosen]
+    result = run(chosen, options.seed, options.clock)
+    print(json.dumps(result) if options.json else "\n".join(table(result)))
 
 
 if __name__ == "__main__":

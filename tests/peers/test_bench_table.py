@@ -1,4 +1,4 @@
-"""The one table of `make bench`: rows from what the parts say, a sentence for a part that fails."""
+"""The table of `make bench`: rows from the JSON of its parts, a sentence for a part that fails."""
 
 import re
 from pathlib import Path
@@ -6,10 +6,22 @@ from pathlib import Path
 import pytest
 
 from scaling import bench
-from scaling.bench import Part, as_markdown, as_text, last_object, measure
-from scaling.bench_rows import HEADS, Row, of_cycle, of_kernels, of_peers, of_stages
+from scaling.bench import (
+    HEADS,
+    Part,
+    Row,
+    as_markdown,
+    as_text,
+    cycle_rows,
+    heading,
+    kernel_rows,
+    last_object,
+    measure,
+    peer_rows,
+    stage_rows,
+)
 
-HOUSE = Path(bench.__file__).parents[1]
+CHECKOUT = Path(bench.__file__).parents[1]
 GROUPED = re.compile(r'group="([^"]+)"\)\ndef (test_\w+)\(')
 STAGES = {"context-driven-1000": {"tracks": {"median": 0.009}, "spots": {"median": 0.001}, "store": {"median": 0.012}}}
 CYCLE = {
@@ -54,34 +66,34 @@ KERNELS = {
 }
 
 
-def test_compute_is_the_sum_of_the_stages_but_for_what_is_beside() -> None:
-    assert of_stages(STAGES)[-1] == Row("stages", "context-driven-1000: compute, the sum", "10.00 ms", "0.33 %")
-    assert [row.part for row in of_stages(STAGES)] == ["stage", "stage", "stage", "stages"]
+def test_compute_is_the_sum_of_the_compute_stages() -> None:
+    assert stage_rows(STAGES)[-1] == Row("stages", "context-driven-1000: compute, the sum", "10.00 ms", "0.33 %")
+    assert [row.part for row in stage_rows(STAGES)] == ["stage", "stage", "stage", "stages"]
 
 
 def test_a_load_has_compute_storage_and_memory() -> None:
-    compute, whole, memory = of_cycle(CYCLE)
+    compute, whole, memory = cycle_rows(CYCLE)
     assert compute[1:5] == ("100,321 tracks: compute", "60.00 ms", "2.00 %", "F1 99.987 %")
     assert whole[1:5] == ("100,321 tracks: whole cycle, sqlite", "120.00 ms", "4.00 %", "66,000 rows")
     assert memory[1:3] == ("100,321 tracks: peak memory", "512 MiB")
-    assert len(of_cycle(CYCLE | {"store": "none"})) == 2
+    assert len(cycle_rows(CYCLE | {"store": "none"})) == 2
 
 
 def test_peers_stand_beside_ours_with_quality() -> None:
-    (row,) = of_peers(PEERS)
+    (row,) = peer_rows(PEERS)
     wanted = "association, 200 tracks", "2.00 ms", "", "F1 % 100.00", "stonesoup 1.9.1", "163.50 ms", "F1 % 99.25", "81.8 x"
     assert row == Row("peers", *wanted)
 
 
 def test_kernels_are_compared_by_the_time_of_a_row() -> None:
-    first, second = of_kernels(KERNELS)
+    first, second = kernel_rows(KERNELS)
     assert first == Row("kernels", "imm: filters, three", "1 us each", "", "", "filterpy", "1,000 us each", "", "1,000 x")
     assert (second.what, second.ratio) == ("windows: pairs", "5 x")
 
 
 def test_the_table_as_text_and_as_markdown() -> None:
-    rows = [*of_cycle(CYCLE), *of_peers(PEERS)]
-    single = of_stages(STAGES)[:1]
+    rows = [*cycle_rows(CYCLE), *peer_rows(PEERS)]
+    single = stage_rows(STAGES)[:1]
     text = as_text(["machine and date"], rows, ["a part that is missing"])
     assert text.splitlines()[:2] == ["# make bench", "# machine and date"]
     assert text.splitlines()[2].split()[0] == HEADS[0]
@@ -93,18 +105,22 @@ def test_the_table_as_text_and_as_markdown() -> None:
     assert markdown[-1] == "a part that is missing"
 
 
-def test_a_part_that_is_not_there_is_a_sentence() -> None:
-    rows, missing = measure(Part("load", "scaling.no_such_module", ("--json",), of_cycle))
+def test_the_heading_names_input_and_non_default_settings() -> None:
+    assert any("finished tracks, no plots; non-default settings: fused_tracks.method=convex" in line for line in heading())
+
+
+def test_a_missing_part_is_a_sentence() -> None:
+    rows, missing = measure(Part("load", "scaling.no_such_module", ("--json",), cycle_rows))
     assert rows == []
     assert len(missing) == 1
     assert missing[0].startswith("python -m scaling.no_such_module --json: ")
     assert "No module named" in missing[0]
 
 
-def test_a_part_that_says_something_else_is_a_sentence() -> None:
-    rows, missing = measure(Part("load", "json.tool", ("--help",), of_cycle))
+def test_a_part_with_other_output_is_a_sentence() -> None:
+    rows, missing = measure(Part("load", "json.tool", ("--help",), cycle_rows))
     assert rows == []
-    assert missing[0].startswith("python -m json.tool --help: what it says cannot be read: ValueError got ")
+    assert missing[0].startswith("python -m json.tool --help: its output cannot be read: ValueError got ")
 
 
 def test_comments_around_the_json_do_not_matter() -> None:
@@ -113,13 +129,13 @@ def test_comments_around_the_json_do_not_matter() -> None:
         last_object("# nothing\n")
 
 
-@pytest.mark.parametrize("path", sorted((HOUSE / "scaling" / "kernels").glob("bench_*.py")), ids=lambda p: p.stem)
+@pytest.mark.parametrize("path", sorted((CHECKOUT / "scaling" / "kernels").glob("bench_*.py")), ids=lambda p: p.stem)
 def test_every_problem_of_a_kernel_has_one_baseline_and_ours(path: Path) -> None:
     groups: dict[str, list[str]] = {}
     for group, name in GROUPED.findall(path.read_text("utf-8")):
         groups.setdefault(group, []).append(name)
     assert groups
-    assert (HOUSE / "coastwatch" / "kernels" / path.name.removeprefix("bench_")).is_file()
+    assert list((CHECKOUT / "coastwatch" / "kernels").glob(f"*/{path.name.removeprefix('bench_')}"))
     for group, names in groups.items():
         assert group.startswith(f"{path.stem.removeprefix('bench_')}: ")
         assert sum(n.startswith("test_baseline_") for n in names) == 1
@@ -127,5 +143,5 @@ def test_every_problem_of_a_kernel_has_one_baseline_and_ours(path: Path) -> None
 
 
 def test_the_makefile_starts_it() -> None:
-    assert "bench: .venv/.warm" in (HOUSE / "Makefile").read_text("utf-8")
-    assert "\t$(BIN)/python -m scaling.bench\n" in (HOUSE / "Makefile").read_text("utf-8")
+    assert "bench: .venv/.warm" in (CHECKOUT / "Makefile").read_text("utf-8")
+    assert "\t$(BIN)/python -m scaling.bench\n" in (CHECKOUT / "Makefile").read_text("utf-8")

@@ -1,4 +1,4 @@
-"""Adapters do what their READMEs say of them: the same arithmetic as ours, or their own, and scores that tell."""
+"""Adapters compute what their READMEs say: the same arithmetic as ours, or their own; quality figures count errors."""
 
 import subprocess
 import sys
@@ -8,39 +8,39 @@ import numpy as np
 import pytest
 
 from scaling.peers import ours
-from scaling.peers.environment import ENVIRONMENTS, HOUSE, MARK
-from scaling.peers.exchange import AIS, RADAR, Answer, Watch, answer_command, load, save
+from scaling.peers.environment import CHECKOUT, ENVIRONMENTS, MARK
+from scaling.peers.exchange import AIS, RADAR, Stopwatch, TaskResult, load, run_adapter, save
 from scaling.peers.filterpy import adapter as filterpy
-from scaling.peers.input import make
+from scaling.peers.input import make_history
 from scaling.peers.quality import decisions, quality
 from scaling.peers.scipy import adapter as scipy
 from scaling.peers.scipy import pairs
 
 SAME_M = 1e-6  # two ways to write one filter in double precision
 PLANE_M = 0.01  # between one plane for all and a plane a vessel
-SMALL = make(90, 24, 3, 1)
+SMALL = make_history(90, 24, 3, 1)
 
 
 def test_filterpy_and_numpy_are_one_filter_and_ours_is_the_same_but_for_the_plane() -> None:
     both = np.bincount(SMALL.vessel) > 1
-    by_object, by_batch, compiled = (task(SMALL, Watch()) for task in (filterpy.imm, scipy.imm, ours.imm))
+    by_object, by_batch, compiled = (task(SMALL, Stopwatch()) for task in (filterpy.imm, scipy.imm, ours.imm))
     assert np.abs(by_object.position_m - by_batch.position_m).max() < SAME_M
     assert np.abs(by_object.position_m - compiled.position_m)[:, both].max() < PLANE_M
     assert np.abs(by_object.velocity_m_s - compiled.velocity_m_s)[:, both].max() < PLANE_M
 
 
 def test_fusion_by_numpy_is_ours() -> None:
-    theirs, mine = scipy.fusion(SMALL, Watch()), ours.fusion(SMALL, Watch())
+    theirs, mine = scipy.fusion(SMALL, Stopwatch()), ours.fusion(SMALL, Stopwatch())
     assert np.abs(theirs.position_m - mine.position_m).max() < PLANE_M
     assert np.abs(theirs.velocity_m_s - mine.velocity_m_s).max() < SAME_M
 
 
 def test_estimates_are_better_than_the_tracks() -> None:
     both = np.bincount(SMALL.vessel)[SMALL.vessel] > 1
-    off = (SMALL.position_m - SMALL.true_position_m[:, SMALL.vessel])[SMALL.first :, both & (SMALL.source == AIS)]
-    of_ais = float(np.sqrt((off**2).sum(axis=2).mean()))
+    error = (SMALL.position_m - SMALL.true_position_m[:, SMALL.vessel])[SMALL.first :, both & (SMALL.source == AIS)]
+    of_ais = float(np.sqrt((error**2).sum(axis=2).mean()))
     for kind in ("imm", "fusion"):
-        figure, value = quality(kind, SMALL, ours.TASKS[kind](SMALL, Watch()))
+        figure, value = quality(kind, SMALL, ours.TASKS[kind](SMALL, Stopwatch()))
         assert figure == "RMSE m"
         assert 0.0 < value < of_ais
 
@@ -48,7 +48,9 @@ def test_estimates_are_better_than_the_tracks() -> None:
 def test_the_statistic_in_batches_is_that_a_pair() -> None:
     window = np.random.default_rng([1, 0]).normal(size=(6, 20, 4))
     first, second = np.array([0, 0, 3]), np.array([4, 5, 1])
-    assert np.allclose(pairs.by_pair(window, first, second), pairs.by_batch(window, first, second), rtol=1e-9)
+    assert np.allclose(
+        pairs.statistic_by_pair(window, first, second), pairs.statistic_by_batch(window, first, second), rtol=1e-9
+    )
 
 
 def test_the_assignment_is_the_cheapest_of_all() -> None:
@@ -65,14 +67,14 @@ def test_the_assignment_is_the_cheapest_of_all() -> None:
 
 @pytest.mark.parametrize("task", [ours.association, scipy.association, scipy.association_batched])
 def test_pairs_are_of_radar_and_ais_one_to_one_and_nearly_all_right(task) -> None:
-    answer = task(SMALL, Watch())
-    assert len(answer.wall_s) == SMALL.measured
+    result = task(SMALL, Stopwatch())
+    assert len(result.wall_s) == SMALL.measured
     for cycle in range(SMALL.first, len(SMALL.time_s)):
-        now = answer.pairs[answer.pairs[:, 0] == cycle]
+        now = result.pairs[result.pairs[:, 0] == cycle]
         assert (SMALL.source[now[:, 1]] == RADAR).all()
         assert (SMALL.source[now[:, 2]] == AIS).all()
         assert len(set(now[:, 1])) == len(set(now[:, 2])) == len(now) > 0
-    assert quality("association", SMALL, answer)[1] > 95.0
+    assert quality("association", SMALL, result)[1] > 95.0
 
 
 def test_a_swap_counts_as_missed_and_as_false() -> None:
@@ -87,9 +89,9 @@ def test_a_swap_counts_as_missed_and_as_false() -> None:
 
 @pytest.mark.parametrize("task", [ours.spots, scipy.spots])
 def test_spots_are_compact(task) -> None:
-    given = make(1200, 3, 1, 1)
-    figure, value = quality("spots", given, task(given, Watch()))
-    everywhere = np.sqrt(given.position_m[-1].var(axis=0).sum())
+    history = make_history(1200, 3, 1, 1)
+    figure, value = quality("spots", history, task(history, Stopwatch()))
+    everywhere = np.sqrt(history.position_m[-1].var(axis=0).sum())
     assert figure == "RMS to centre m"
     assert value < 0.8 * everywhere
 
@@ -98,17 +100,17 @@ def test_stone_soup_pairs_radar_with_ais(tmp_path) -> None:
     python = ENVIRONMENTS / "stonesoup" / "bin" / "python"
     if not (ENVIRONMENTS / "stonesoup" / MARK).is_file():
         pytest.skip("no environment of Stone Soup; python -m scaling.peers.run --peer stonesoup makes one")
-    given = make(24, 12, 4, 1)
-    save(tmp_path / "given.npz", given)
+    history = make_history(24, 12, 4, 1)
+    save(tmp_path / "input.npz", history)
     module = "scaling.peers.stonesoup.adapter"
-    words = [str(python), "-m", module, "association", str(tmp_path / "given.npz"), str(tmp_path / "answer.npz")]
-    subprocess.run(words, cwd=HOUSE, check=True)
-    answer = load(tmp_path / "answer.npz", Answer)
-    assert answer.units * len(given.time_s) == pytest.approx(12 * 12)
-    assert quality("association", given, answer)[1] > 90.0
+    words = [str(python), "-m", module, "association", str(tmp_path / "input.npz"), str(tmp_path / "result.npz")]
+    subprocess.run(words, cwd=CHECKOUT, check=True)
+    result = load(tmp_path / "result.npz", TaskResult)
+    assert result.units * len(history.time_s) == pytest.approx(12 * 12)
+    assert quality("association", history, result)[1] > 90.0
 
 
 def test_an_adapter_names_its_tasks(monkeypatch) -> None:
-    monkeypatch.setattr(sys, "argv", ["adapter", "fusion", "given.npz", "answer.npz"])
+    monkeypatch.setattr(sys, "argv", ["adapter", "fusion", "input.npz", "result.npz"])
     with pytest.raises(SystemExit, match=r"needed a task of \['imm'\]"):
-        answer_command(filterpy.TASKS)
+        run_adapter(filterpy.TASKS)

@@ -75,19 +75,19 @@ def test_an_environment_is_made_once_and_again_when_its_pins_change(tmp_path, mo
 
 def test_without_an_index_the_environment_of_the_project_serves_where_it_has_the_same_versions(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(environment, "pins", lambda peer: {"numpy": installed("numpy")})
-    place = prepare("scipy", tmp_path, Shell("pip"))
-    assert place.python == Path(sys.executable)
-    assert NO_INDEX in place.said
+    found = prepare("scipy", tmp_path, Shell("pip"))
+    assert found.python == Path(sys.executable)
+    assert NO_INDEX in found.message
     assert not (tmp_path / "scipy" / environment.MARK).exists()
 
 
 def test_without_an_index_and_with_other_versions_a_peer_is_left_out(tmp_path) -> None:
-    place = prepare("stonesoup", tmp_path, Shell("pip"))
-    assert place.python is None
-    assert place.said == f"stonesoup: left out, its environment cannot be made: {NO_INDEX}"
+    found = prepare("stonesoup", tmp_path, Shell("pip"))
+    assert found.python is None
+    assert found.message == f"stonesoup: left out, its environment cannot be made: {NO_INDEX}"
 
 
 def test_a_command_that_fails_says_its_last_line() -> None:
-    assert environment.in_shell([sys.executable, "-c", "pass"]) == ""
-    assert environment.in_shell([sys.executable, "-c", "raise SystemExit('one\\ntwo')"]) == "two"
-    assert environment.in_shell([sys.executable, "-c", "raise SystemExit(3)"]) == "exit code 3"
+    assert environment.run_command([sys.executable, "-c", "pass"]) == ""
+    assert environment.run_command([sys.executable, "-c", "raise SystemExit('one\\ntwo')"]) == "two"
+    assert environment.run_command([sys.executable, "-c", "raise SystemExit(3)"]) == "exit code 3"

@@ -1,4 +1,4 @@
-"""The driver: its table from what it found, and what it says of a peer that cannot be had."""
+"""The driver: its table, and its message about a peer that cannot run."""
 
 import sys
 from pathlib import Path
@@ -40,16 +40,17 @@ def test_the_table_has_times_ratio_and_quality_of_both() -> None:
     lines = table(RESULT)
     assert lines[0] == "# A, 2 processors, load 0.5, Python 3.11.7, 2026-11-21T12:00Z"
     assert "processor time of all threads" in lines[1]
-    head, row = lines[2], lines[3]
+    assert "default settings of" in lines[2]
+    head, row = lines[3], lines[4]
     assert [head.index(name) for name in HEADS[:3]] == sorted(head.index(name) for name in HEADS[:3])
     words = row.split()
     assert words[:7] == ["stonesoup", "association", "200", "163.50", "2.00", "81.8", "654"]
     assert words[-3:] == ["%", "99.25", "100.00"]
-    assert lines[4:] == ["# stonesoup: /out", "# filterpy: left out"]
+    assert lines[5:] == ["# stonesoup: /out", "# filterpy: left out"]
     assert "wall time" in table(RESULT | {"clock": "wall"})[1]
 
 
-def test_a_peer_that_cannot_be_had_is_a_sentence(monkeypatch) -> None:
+def test_a_peer_that_cannot_run_is_reported(monkeypatch) -> None:
     monkeypatch.setattr(run, "prepare", lambda peer: Environment(None, f"{peer}: left out"))
     result = run.run(COMPARISONS, 1, "cpu")
     assert result["rows"] == []
@@ -58,8 +59,8 @@ def test_a_peer_that_cannot_be_had_is_a_sentence(monkeypatch) -> None:
 
 def test_an_adapter_that_fails_does_not_stop_the_others(monkeypatch) -> None:
     monkeypatch.setattr(run, "prepare", lambda peer: Environment(Path(sys.executable), f"{peer}: here"))
-    asked = [Comparison("filterpy", "fusion_by_filterpy", 30, 3, 1), Comparison("scipy", "fusion", 30, 3, 1)]
-    result = run.run(asked, 1, "cpu")
+    wanted = [Comparison("filterpy", "fusion_by_filterpy", 30, 3, 1), Comparison("scipy", "fusion", 30, 3, 1)]
+    result = run.run(wanted, 1, "cpu")
     assert [r["peer"] for r in result["rows"]] == ["scipy"]
     assert len(result["missing"]) == 1
     assert result["missing"][0].startswith("scaling.peers.filterpy.adapter fusion_by_filterpy: ")
@@ -81,7 +82,7 @@ def test_every_comparison_is_a_task_that_both_have() -> None:
 
 
 @pytest.mark.parametrize("words", [["--peer", "stonesoup", "--task", "imm"], ["--size", "3"]])
-def test_what_cannot_be_compared_is_refused(words, monkeypatch, capsys) -> None:
+def test_an_unknown_comparison_is_refused(words, monkeypatch, capsys) -> None:
     monkeypatch.setattr(sys, "argv", ["run", *words])
     with pytest.raises(SystemExit):
         run.main()

@@ -1,4 +1,4 @@
-"""Log odds of 2,000 bearing tracks against 40 vessels each, windows of 100 bearings: compiled code against numpy, a step at a time."""
+"""Log odds of 2,000 bearing tracks and 40 vessels each, windows of 100 bearings; baseline: numpy, one time step at a time."""
 
 from typing import NamedTuple
 
@@ -11,51 +11,51 @@ from coastwatch.kernels.bearings.likelihood import known_vessels
 from coastwatch.kernels.bearings.null_hypothesis import Strangers, unknown_vessels
 from coastwatch.kernels.bearings.windows import Paths, Rule, Windows
 
-TRACKS, NEAR, WINDOW, SOME = 2000, 40, 100, 50
+TRACKS, CANDIDATES, WINDOW, BASELINE_TRACKS = 2000, 40, 100, 50
 SITE_DEG = np.array([-22.9, -43.1])
-SIGMA, BIAS_SIGMA, MEMORY_S, HEARD = 0.02, 0.005, 20.0, 0.95
+SIGMA, BIAS_SIGMA, CORRELATION_S, DETECTION_PROBABILITY = 0.02, 0.005, 20.0, 0.95
 
 
 class Problem(NamedTuple):
     time: np.ndarray  # (N, W)
     bearing: np.ndarray  # (N, W)
     metres: np.ndarray  # (W, V, 2)
-    slot: np.ndarray  # (N * NEAR,)
+    slot: np.ndarray  # (N * CANDIDATES,)
 
 
 @pytest.fixture(scope="module")
 def problem():
-    """Vessels that sail straight in a ring around a sonar; each track is of one of them, and is compared with those beside it."""
+    """Vessels on straight courses around a sonar; each track is of one of them and is compared with its neighbours."""
     rng = np.random.default_rng([1, 0])
-    turn, distance = np.sort(rng.uniform(-np.pi, np.pi, TRACKS)), rng.uniform(3e3, 1e4, TRACKS)
-    start = distance[:, None] * np.column_stack([np.sin(turn), np.cos(turn)])
+    azimuth, distance = np.sort(rng.uniform(-np.pi, np.pi, TRACKS)), rng.uniform(3e3, 1e4, TRACKS)
+    start = distance[:, None] * np.column_stack([np.sin(azimuth), np.cos(azimuth)])
     instant = 3.0 * np.arange(WINDOW)
     metres = start + instant[:, None, None] * rng.normal(0.0, 3.0, (TRACKS, 2))
     bearing = np.arctan2(metres[:, :, 0], metres[:, :, 1]).T + rng.normal(0.0, SIGMA, (TRACKS, WINDOW))
-    slot = (np.arange(TRACKS)[:, None] + np.arange(NEAR) * 8) % TRACKS  # 40 of an octant's 250
+    slot = (np.arange(TRACKS)[:, None] + np.arange(CANDIDATES) * 8) % TRACKS  # 40 of an octant's 250
     return Problem(np.tile(instant, (TRACKS, 1)), bearing, metres, slot.ravel())
 
 
 def by_numpy(p):
-    """The recursion alone, all pairs a step, each to the end of its window: no unknown vessel, no coverage, no place between instants."""
-    bearing = np.repeat(p.bearing[:SOME], NEAR, axis=0)
+    """The filter recursion alone, all pairs at each step: no null hypothesis, no coverage, no interpolation in time."""
+    bearing = np.repeat(p.bearing[:BASELINE_TRACKS], CANDIDATES, axis=0)
     n = len(bearing)
     offset, error, odds = np.zeros(n), np.zeros(n), np.zeros(n)
     p00, p01, p11 = np.full(n, BIAS_SIGMA**2), np.zeros(n), np.ones(n)
-    rho = np.exp(-3.0 / MEMORY_S)
+    rho = np.exp(-3.0 / CORRELATION_S)
     for k in range(WINDOW - 1, -1, -1):
-        place = p.metres[k, p.slot[:n]]
-        h = 10.0 / np.hypot(place[:, 0], place[:, 1])
+        position = p.metres[k, p.slot[:n]]
+        h = 10.0 / np.hypot(position[:, 0], position[:, 1])
         g0, g1 = p00 + h * p01, p01 + h * p11
         s = g0 + h * g1 + SIGMA**2
-        v = wrap_rad(bearing[:, k] - np.arctan2(place[:, 0], place[:, 1])) - offset - h * error
+        v = wrap_rad(bearing[:, k] - np.arctan2(position[:, 0], position[:, 1])) - offset - h * error
         offset, error = offset + g0 / s * v, rho * (error + g1 / s * v)
         p00, p01, p11 = p00 - g0 * g0 / s, rho * (p01 - g0 * g1 / s), rho * rho * (p11 - g1 * g1 / s) + 1.0 - rho * rho
         odds -= 0.5 * (np.log(2.0 * np.pi * s) + v * v / s)
     return odds
 
 
-@pytest.mark.benchmark(group="known_vessels: bearing tracks against vessels")
+@pytest.mark.benchmark(group="likelihood: bearing tracks against vessels")
 def test_ours(benchmark, problem):
     n, row = TRACKS, np.arange(TRACKS)
     instants = np.append(problem.time[0], problem.time[0, -1] + 3.0)
@@ -69,7 +69,7 @@ def test_ours(benchmark, problem):
     )  # fmt: skip
     paths = Paths(instants, addresses(path, 4)[::-1].copy(), np.full(len(path), n))
     strangers = Strangers(np.array([1.0, 0.5, 0.25, 0.1]), np.array([0.75, 0.19, 0.05, 0.01]), 3.6, 0.01)
-    start, gain, residual = np.arange(n + 1) * NEAR, np.empty(n * NEAR), np.empty(n * NEAR)
+    start, gain, residual = np.arange(n + 1) * CANDIDATES, np.empty(n * CANDIDATES), np.empty(n * CANDIDATES)
 
     def both() -> None:
         null = unknown_vessels(row, windows.time, windows.bearing, windows.variance, windows.reach, strangers)
@@ -82,17 +82,17 @@ def test_ours(benchmark, problem):
             windows,
             null,
             paths,
-            Rule(HEARD, np.log(HEARD / (1.0 - HEARD)), MEMORY_S, -25.0),
+            Rule(DETECTION_PROBABILITY, np.log(DETECTION_PROBABILITY / (1.0 - DETECTION_PROBABILITY)), CORRELATION_S, -25.0),
             gain,
             residual,
         )
 
-    benchmark.extra_info["rows"] = n * NEAR
+    benchmark.extra_info["rows"] = n * CANDIDATES
     benchmark(both)
-    assert (gain.reshape(n, NEAR).argmax(axis=1) == 0).mean() > 0.8
+    assert (gain.reshape(n, CANDIDATES).argmax(axis=1) == 0).mean() > 0.8
 
 
-@pytest.mark.benchmark(group="known_vessels: bearing tracks against vessels")
+@pytest.mark.benchmark(group="likelihood: bearing tracks against vessels")
 def test_baseline_numpy(benchmark, problem):
-    benchmark.extra_info["rows"] = SOME * NEAR
+    benchmark.extra_info["rows"] = BASELINE_TRACKS * CANDIDATES
     benchmark.pedantic(by_numpy, args=(problem,), rounds=3)

@@ -1,4 +1,4 @@
-"""Windowed scores of 20,000 pairs: compiled code, windows in a ring, against numpy batches of the same arithmetic."""
+"""Windowed scores of 20,000 pairs; baseline: numpy batches of the same arithmetic."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ VARIANCE = np.array([400.0, 0.0, 400.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])  # o
 
 @pytest.fixture(scope="module")
 def problem():
-    """Pairs of tracks that stand beside each other, and windows newest last. Returns: (A,), (A,), (N, W, 2), (N, W, 2)."""
+    """Pairs of neighbouring tracks, and windows with the newest last. Returns: (A,), (A,), (N, W, 2), (N, W, 2)."""
     rng = np.random.default_rng([1, 0])
     position = np.array([-23.0, -43.0]) + rng.normal(0.0, 1e-4, (TRACKS, WINDOW, 2))
     velocity = rng.normal(0.0, 1.0, (TRACKS, WINDOW, 2))
@@ -25,7 +25,7 @@ def problem():
 
 
 def by_numpy(first, second, position, velocity):
-    """The d2 part alone, batched: less than what the kernel does."""
+    """The squared distances alone, which is less than the kernel computes."""
     north, east = scale_m_deg(position[first, -1, 0])
     d = position[second] - position[first]
     delta = np.concatenate([d[..., 1:] * east[:, None, None], d[..., :1] * north[:, None, None]], axis=2)
@@ -34,7 +34,7 @@ def by_numpy(first, second, position, velocity):
     return (delta * np.linalg.solve(phi, delta[..., None])[..., 0]).sum(axis=2)
 
 
-@pytest.mark.benchmark(group="windows: scores of pairs")
+@pytest.mark.benchmark(group="pair_score: windowed scores")
 def test_ours(benchmark, problem):
     first, second, position, velocity = problem
     ring = tuple(entries(position[:, k], velocity[:, k], np.ones((TRACKS, 2))) for k in range(WINDOW))
@@ -47,7 +47,7 @@ def test_ours(benchmark, problem):
     benchmark(windowed_scores, first, second, np.full(PAIRS, 1e-6), *windows, rule)
 
 
-@pytest.mark.benchmark(group="windows: scores of pairs")
+@pytest.mark.benchmark(group="pair_score: windowed scores")
 def test_baseline_numpy(benchmark, problem):
     benchmark.extra_info["rows"] = PAIRS
     benchmark.pedantic(by_numpy, args=problem, rounds=3)
