@@ -20,6 +20,7 @@ def tracks():
 
 
 def by_bands(position, source):
+    """The candidate pairs of the kernel, after the gate."""
     key, row, _ = bands.in_order(position, GATE_M, np.empty)
     point = np.column_stack([earth_centred(position), source])[row]
     spots = np.zeros(TRACKS, np.int32), np.arange(TRACKS, dtype=np.int32), row, np.full(1, -1, np.int64)
@@ -29,6 +30,7 @@ def by_bands(position, source):
 
 
 def by_tree(position, source):
+    """The pairs of a k-d tree per source."""
     point = earth_centred(position)
     radar, ais = (np.flatnonzero(source == k) for k in range(2))
     return cKDTree(point[radar]).sparse_distance_matrix(cKDTree(point[ais]), GATE_M, output_type="ndarray")

@@ -17,6 +17,8 @@ SIGMA, BIAS_SIGMA, CORRELATION_S, DETECTION_PROBABILITY = 0.02, 0.005, 20.0, 0.9
 
 
 class Problem(NamedTuple):
+    """Times (s), bearings (rad), positions (m) of V vessels, and the candidates of each of N tracks."""
+
     time: np.ndarray  # (N, W)
     bearing: np.ndarray  # (N, W)
     metres: np.ndarray  # (W, V, 2)

@@ -29,24 +29,24 @@ from scaling.load.national.coasts import to_geodetic
 from scaling.load.national.traffic import true_motion
 
 STAYS_LONGER = 8.0  # than in the national picture, where a vessel is seen for 30 to 90 minutes
-STRIDE = 4  # cycles between two looks at where everything is; between them straight lines
-POSITION_M, VELOCITY_M_S, LASTING_S = 4.0, 0.15, 20.0  # errors of the picture
-WITH_AIS = 0.78
-TOGETHER = 20  # cycles a transaction
+STRIDE = 4  # cycles between two evaluations of the true motion; positions between them are interpolated
+POSITION_M, VELOCITY_M_S, CORRELATION_S = 4.0, 0.15, 20.0  # standard deviations and time constant of the picture's errors
+AIS_SHARE = 0.78  # of vessels have an MMSI
+TOGETHER = 20  # cycles per transaction
 TABLES = Base.metadata.tables
 
 
 @dataclass
 class _Stays:
-    """Who is where: the vessel of each place, and the stays so far."""
+    """The vessel of each slot now, and all stays so far."""
 
-    number: Ints  # of the vessel of each place, 0 for none
+    number: Ints  # id of the vessel of each slot, 0 for none
     came: Ints  # cycle
     since_s: Floats
     mmsi: Ints
-    rounds: Ints  # how many vessels of the place came before
+    generation: Ints  # of the vessel of each slot
     next_number: int = 1
-    ended: list[tuple[Ints, ...]] = field(default_factory=list)  # vessel, from, to, since
+    ended: list[tuple[Ints, ...]] = field(default_factory=list)  # vessel id, first cycle, last cycle, time of the first
 
 
 def fill(url: str, points: int, vessels: int, seed: int, say: Callable[[str], None]) -> int:
@@ -82,75 +82,80 @@ def fill(url: str, points: int, vessels: int, seed: int, say: Callable[[str], No
     return number
 
 
-def _nobody(places: int) -> _Stays:
-    none = np.zeros(places, np.int64)
-    return _Stays(none, none.copy(), np.zeros(places), none - 1, none - 1)
+def _nobody(slots: int) -> _Stays:
+    """The stays before the first cycle: every slot is empty."""
+    none = np.zeros(slots, np.int64)
+    return _Stays(none, none.copy(), np.zeros(slots), none - 1, none - 1)
 
 
 def _pictures(world: World, stays: _Stays, seed: int) -> Iterator[tuple[float, Picture]]:
-    """Time and picture of one cycle after the other."""
+    """Time and picture of each cycle; updates the stays."""
     rng = np.random.default_rng([seed, 71])
     count, cycle = len(world.slots), 0
     error = rng.normal(0.0, 1.0, (count, 4))
-    keep = np.exp(-world.period_s / LASTING_S)
+    keep = np.exp(-world.period_s / CORRELATION_S)
     covariance = np.broadcast_to(np.diag([POSITION_M**2] * 2 + [VELOCITY_M_S**2] * 2), (count, 4, 4))
-    after = _look(world, 0)
+    after = _true_state(world, 0)
     while True:
-        now, after = after, _look(world, cycle + STRIDE)
+        before, after = after, _true_state(world, cycle + STRIDE)
         for step in range(STRIDE):
             error = keep * error + np.sqrt(1.0 - keep**2) * rng.normal(0.0, 1.0, (count, 4))
-            place, velocity = _between(now, after, step / STRIDE)
-            here = _here(stays, now[2], now[3], cycle, world.time_s(cycle), rng)
-            yield world.time_s(cycle), _picture(stays, here, place, velocity, error, covariance, world.time_s(cycle))
+            position, velocity = _interpolate(before, after, step / STRIDE)
+            slots = _update_stays(stays, before[2], before[3], cycle, world.time_s(cycle), rng)
+            yield world.time_s(cycle), _picture(stays, slots, position, velocity, error, covariance, world.time_s(cycle))
             cycle += 1
 
 
-def _look(world: World, cycle: int) -> tuple[Floats, Floats, Ints, Array]:
-    """Places, velocities, numbers of vessels of their places, and whether one is there."""
+_TrueState = tuple[Floats, Floats, Ints, Array]
+"""Latitude and longitude (P, 2), velocity (P, 2), generation (P,), and whether the vessel is present (P,)."""
+
+
+def _true_state(world: World, cycle: int) -> _TrueState:
+    """The true state of the vessel of every slot at a cycle."""
     rows = np.arange(len(world.slots))
     true = true_motion(world.slots, world.coasts, rows, np.full(len(rows), world.elapsed_s(cycle)))
     shore = true.along_m, true.offshore_m, true.along_m_s, true.offshore_m_s
-    place, velocity = to_geodetic(world.coasts, world.slots.coast, *shore)
-    return place, velocity, true.generation, true.present
+    position, velocity = to_geodetic(world.coasts, world.slots.coast, *shore)
+    return position, velocity, true.generation, true.present
 
 
-def _between(
-    now: tuple[Floats, Floats, Ints, Array], after: tuple[Floats, Floats, Ints, Array], share: float
-) -> tuple[Floats, Floats]:
-    far = np.abs(after[0] - now[0]).max(1) > 0.1  # another vessel, somewhere else
-    step = np.where(far[:, None], 0.0, after[0] - now[0])
-    return now[0] + share * step, now[1] + share * np.where(far[:, None], 0.0, after[1] - now[1])
+def _interpolate(before: _TrueState, after: _TrueState, share: float) -> tuple[Floats, Floats]:
+    """Positions and velocities between two states, linear; a slot whose vessel is replaced stays at the first state."""
+    replaced = np.abs(after[0] - before[0]).max(1) > 0.1  # degrees
+    step = np.where(replaced[:, None], 0.0, after[0] - before[0])
+    return before[0] + share * step, before[1] + share * np.where(replaced[:, None], 0.0, after[1] - before[1])
 
 
-def _here(stays: _Stays, vessel: Ints, there: Array, cycle: int, time_s: float, rng: np.random.Generator) -> Ints:
-    """The places with a vessel, by number of the vessel; stays are opened and closed."""
-    changed = (vessel != stays.rounds) | (there != (stays.number > 0))
+def _update_stays(stays: _Stays, generation: Ints, present: Array, cycle: int, time_s: float, rng: np.random.Generator) -> Ints:
+    """The slots with a vessel, in order of vessel id. Ends the stays of vessels that left and begins those of new ones."""
+    changed = (generation != stays.generation) | (present != (stays.number > 0))
     left = np.flatnonzero(changed & (stays.number > 0))
     if len(left):
-        gone = (stays.number[left], stays.came[left], np.full(len(left), cycle - 1), stays.since_s[left])
-        stays.ended.append(gone)
+        ended = (stays.number[left], stays.came[left], np.full(len(left), cycle - 1), stays.since_s[left])
+        stays.ended.append(ended)
         stays.number[left] = 0
-    come = np.flatnonzero(changed & there)
-    stays.rounds[changed] = vessel[changed]
-    stays.number[come] = stays.next_number + np.arange(len(come))
-    stays.next_number += len(come)
-    stays.came[come], stays.since_s[come] = cycle, time_s
-    stays.mmsi[come] = np.where(rng.random(len(come)) < WITH_AIS, 200_000_000 + stays.number[come], -1)
-    present = np.flatnonzero(stays.number > 0)
-    return present[np.argsort(stays.number[present], kind="stable")]
+    new = np.flatnonzero(changed & present)
+    stays.generation[changed] = generation[changed]
+    stays.number[new] = stays.next_number + np.arange(len(new))
+    stays.next_number += len(new)
+    stays.came[new], stays.since_s[new] = cycle, time_s
+    stays.mmsi[new] = np.where(rng.random(len(new)) < AIS_SHARE, 200_000_000 + stays.number[new], -1)
+    occupied = np.flatnonzero(stays.number > 0)
+    return occupied[np.argsort(stays.number[occupied], kind="stable")]
 
 
 def _picture(
-    stays: _Stays, here: Ints, place: Floats, velocity: Floats, error: Floats, covariance: Floats, time_s: float
+    stays: _Stays, slots: Ints, position: Floats, velocity: Floats, error: Floats, covariance: Floats, time_s: float
 ) -> Picture:
-    position, off = place[here], error[here]
-    north, east = scale_m_deg(position[:, 0])
-    latitude = position[:, 0] + POSITION_M * off[:, 0] / north
-    longitude = wrap_deg(position[:, 1] + POSITION_M * off[:, 1] / east)
-    seen, zeros = np.full(len(here), time_s), np.zeros(len(here), np.int64)
+    """The picture of the vessels of these slots, with errors. Args: error: (P, 4) in standard deviations."""
+    true, off = position[slots], error[slots]
+    north, east = scale_m_deg(true[:, 0])
+    latitude = true[:, 0] + POSITION_M * off[:, 0] / north
+    longitude = wrap_deg(true[:, 1] + POSITION_M * off[:, 1] / east)
+    seen, zeros = np.full(len(slots), time_s), np.zeros(len(slots), np.int64)
     return Picture(
-        stays.number[here], seen, np.stack([latitude, longitude], 1), velocity[here] + VELOCITY_M_S * off[:, 2:],
-        covariance[: len(here)], stays.since_s[here], seen - 1.0, stays.mmsi[here], zeros, zeros - 1,
+        stays.number[slots], seen, np.stack([latitude, longitude], 1), velocity[slots] + VELOCITY_M_S * off[:, 2:],
+        covariance[: len(slots)], stays.since_s[slots], seen - 1.0, stays.mmsi[slots], zeros, zeros - 1,
     )  # fmt: skip
 
 

@@ -12,11 +12,11 @@ CASES = load_cases()
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-def test_every_setting_of_a_case_is_one(case: Case) -> None:
+def test_every_setting_of_a_case_exists(case: Case) -> None:
     assert load_scenario(case.scenario, dict(pair.split("=", 1) for pair in case.settings)).input.method == "simulated"
 
 
-def test_a_case_has_the_settings_of_those_it_extends() -> None:
+def test_a_case_inherits_the_settings_of_the_cases_it_extends() -> None:
     by_name = {case.name: case for case in CASES}
     both = by_name["plots, bias"].settings
     assert set(by_name["bias"].settings) | set(by_name["plots"].settings) == set(both)
@@ -46,7 +46,7 @@ def test_a_missed_value_is_reported() -> None:
     assert low.split()[-4:] == ["0.800", "0.625", "0.750", "yes"]
 
 
-def test_a_cold_start_is_over_when_all_runs_together_stay_right() -> None:
+def test_a_cold_start_ends_when_f1_of_all_runs_stays_high() -> None:
     right, wrong = Confusion(tp=1000), Confusion(tp=990, fn=10)
     runs = [
         Run({}, [(3.0, right), (6.0, wrong), (9.0, right), (12.0, right)]),

@@ -1,4 +1,4 @@
-"""How the commands of scaling/load end where something is wrong, and that JSON is all of their standard output where it is asked for."""
+"""Errors of the load commands are one line, a run in the database has its status, and --json prints JSON alone."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from scaling.load import cycle, queries, ramp, seeds, soak, stages
 from scaling.load.run import Load, run_cycles
 
 
-def ended(
+def exit_of(
     command: Callable[[], None], words: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> tuple[object, str]:
-    """Exit code and last line of a command that does not come to its end, which says nothing on standard output."""
+    """Exit code and last line on stderr of a command that fails, which prints nothing on standard output."""
     monkeypatch.setattr(sys, "argv", ["command", *words.split()])
     with pytest.raises(SystemExit) as end:
         command()
@@ -30,7 +30,7 @@ def ended(
 
 
 @pytest.mark.parametrize(
-    ("command", "words", "said"),
+    ("command", "words", "message"),
     [
         (cycle.main, "--tracks 0", "--tracks: got '0', needed 1 or more"),
         (cycle.main, "--tracks -5", "--tracks: got '-5', needed a whole number"),
@@ -54,16 +54,16 @@ def ended(
         (ramp.main, "--from 0", "--from: got '0', needed 1 or more"),
     ],
 )
-def test_an_option_that_cannot_be_is_refused(
-    command: Callable[[], None], words: str, said: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+def test_an_invalid_option_is_refused(
+    command: Callable[[], None], words: str, message: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    code, line = ended(command, words, monkeypatch, capfd)
+    code, line = exit_of(command, words, monkeypatch, capfd)
     assert code == 2
-    assert said in line
+    assert message in line
 
 
 @pytest.mark.parametrize(
-    ("command", "words", "said"),
+    ("command", "words", "message"),
     [
         (cycle.main, "--tracks 50 --store /nowhere/x.db", "error: /nowhere/x.db: there is no folder /nowhere"),
         (cycle.main, "--tracks 50 --set colour=red", "error: national: colour: Extra inputs are not permitted"),
@@ -71,47 +71,47 @@ def test_an_option_that_cannot_be_is_refused(
         (ramp.main, "--from 50 --to 60 --store /nowhere/x.db", "error: /nowhere/x.db: there is no folder /nowhere"),
     ],
 )
-def test_a_database_or_setting_that_is_refused_is_one_sentence(
-    command: Callable[[], None], words: str, said: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+def test_an_invalid_database_or_setting_is_one_line(
+    command: Callable[[], None], words: str, message: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    code, line = ended(command, words, monkeypatch, capfd)
+    code, line = exit_of(command, words, monkeypatch, capfd)
     assert code == 1
-    assert line.startswith(said)
+    assert line.startswith(message)
 
 
-def test_a_history_too_short_to_ask_about_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_history_too_short_for_queries_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "argv", f"queries --points 500 --vessels 100 --database {tmp_path / 'q.db'} --json".split())
     with pytest.raises(SystemExit, match="s of history, needed more than 720 s"):
         queries.main()
 
 
 @pytest.mark.parametrize("command", [cycle, soak])
-def test_an_interrupt_ends_with_a_word(
+def test_an_interrupt_is_one_word(
     command: ModuleType, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     def interrupted(load: Load) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(command, "run_cycles", interrupted)
-    assert ended(command.main, "--tracks 50", monkeypatch, capfd) == (130, "interrupted")
+    assert exit_of(command.main, "--tracks 50", monkeypatch, capfd) == (130, "interrupted")
 
 
 @pytest.mark.parametrize(
-    ("trouble", "status"),
+    ("error", "status"),
     [(KeyboardInterrupt(), "interrupted"), (None, "interrupted"), (ValueError("x"), "failed")],
-    ids=["within a cycle", "between two", "trouble"],
+    ids=["interrupted in a cycle", "interrupted between two", "failed"],
 )
-def test_a_run_in_the_database_says_how_it_ended(trouble: BaseException | None, status: str, tmp_path: Path) -> None:
+def test_a_run_in_the_database_has_its_status(error: BaseException | None, status: str, tmp_path: Path) -> None:
     path = tmp_path / "load.db"
-    made = run_cycles(Load(100, 3, 0, store=f"sqlite:///{path}", score=False))
-    next(made)
-    if trouble is None:
-        made.close()
+    cycles = run_cycles(Load(100, 3, 0, store=f"sqlite:///{path}", score=False))
+    next(cycles)
+    if error is None:
+        cycles.close()
     else:
-        with pytest.raises(type(trouble)):
-            made.throw(trouble)
-    with open_store(str(path)) as kept:
-        assert runs(kept).column("status") == [status]
+        with pytest.raises(type(error)):
+            cycles.throw(error)
+    with open_store(str(path)) as database:
+        assert runs(database).column("status") == [status]
 
 
 def test_a_database_in_memory_is_written_by_the_thread_that_made_it() -> None:
@@ -119,29 +119,29 @@ def test_a_database_in_memory_is_written_by_the_thread_that_made_it() -> None:
     assert every[-1].rows_written > 0
 
 
-def test_a_reader_that_holds_the_log_is_said_in_the_progress(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_reader_that_holds_the_log_is_reported_in_the_progress(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(write_ahead, "LEAST_BYTES", 1 << 17)
     monkeypatch.setattr(write_ahead, "VESSEL_BYTES", 1)
     path = tmp_path / "load.db"
-    complaints = []
+    warnings = []
     for one in run_cycles(Load(300, 12, 0, store=f"sqlite:///{path}", score=False)):
         if one.number == 2:
             reader = sqlite3.connect(path, isolation_level=None)
             reader.execute("BEGIN")
             reader.execute("SELECT count(*) FROM cycle").fetchone()
-        complaints.append(one.warning_text)
+        warnings.append(one.warning_text)
     reader.close()
-    assert complaints[0] == ""
-    assert "another process reads in one transaction and does not end it" in complaints[-1]
+    assert warnings[0] == ""
+    assert "another process reads in one transaction and does not end it" in warnings[-1]
 
 
-def test_json_is_all_there_is_on_standard_output(
+def test_standard_output_is_json_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(stages, "measure", lambda *asked: SimpleNamespace(timings_s={"spots": {"median": 0.001}}))
-    monkeypatch.setattr(seeds, "scores_of", lambda *asked: {"associations": {"f1": 1.0}})
-    asked = f"--points 6000 --vessels 150 --database {tmp_path / 'q.db'} --ask 3 --only box --warm --json"
-    for command, words in ((queries, asked), (stages, "guanabara --json"), (seeds, "guanabara --seeds 1-1 --json")):
+    monkeypatch.setattr(stages, "measure", lambda *arguments: SimpleNamespace(timings_s={"spots": {"median": 0.001}}))
+    monkeypatch.setattr(seeds, "scores_of", lambda *arguments: {"associations": {"f1": 1.0}})
+    words_of_queries = f"--points 6000 --vessels 150 --database {tmp_path / 'q.db'} --ask 3 --only box --warm --json"
+    for command, words in ((queries, words_of_queries), (stages, "guanabara --json"), (seeds, "guanabara --seeds 1-1 --json")):
         monkeypatch.setattr(sys, "argv", ["command", *words.split()])
         command.main()
         assert json.loads(capsys.readouterr().out)

@@ -1,4 +1,4 @@
-"""What the commands of scaling/load say: decisions against a slow count, pairs, exponents, slopes, and that each command runs."""
+"""Figures of the load commands: decisions and pairs against a slow count, exponents, slopes, baselines; each command runs."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from scaling.load.processes import memory_bytes, process_tree, processor_s
 from scaling.load.run import ALL, BEARINGS, TRAFFIC, YOUNG, YOUNG_S, Load, decision_counts, pairs_within_gate, run_cycles
 
 TRACKS, CYCLES = 2000, 6
-WRONG = 150  # tracks that are given another vessel
+WRONG = 150  # tracks whose association is made wrong, of each kind
 
 
 @cache
 def last_cycle() -> tuple[national.World, Cycle, Ints]:
-    """A cycle with wrong decisions in it: some tracks change vessels among each other, some are left alone."""
+    """A cycle with wrong associations: some tracks exchange vessels, others are left alone."""
     world = national.build_world(TRACKS, 5)
     scenario = national.scenario_of(world, {})
     sensors = scenario.sensors()
@@ -46,8 +46,8 @@ def last_cycle() -> tuple[national.World, Cycle, Ints]:
     return world, replace(cycle, associations=replace(cycle.associations, vessel=vessel)), sensors.source_kinds
 
 
-def counted(world: national.World, cycle: Cycle, kinds: Ints, part: str) -> Confusion:
-    """The decisions of a part, one radar track after the other."""
+def counted_slowly(world: national.World, cycle: Cycle, kinds: Ints, part: str) -> Confusion:
+    """The decisions of a part, counted one radar track after the other."""
     t, label = cycle.tracks, cycle.associations.vessel.tolist()
     kind, origin = kinds[t.source].tolist(), t.origin.tolist()
     ais = {origin[k]: k for k in range(len(t)) if kind[k] == SourceKind.AIS}
@@ -58,23 +58,23 @@ def counted(world: national.World, cycle: Cycle, kinds: Ints, part: str) -> Conf
     for k in range(len(t)):
         if kind[k] != SourceKind.RADAR:
             continue
-        mate, mine = ais.get(origin[k]), chosen.get(label[k], [])
-        ages = [cycle.time_s - t.started_s[row] for row in (k, mate) if row is not None]
+        partner, associated = ais.get(origin[k]), chosen.get(label[k], [])
+        ages = [cycle.time_s - t.started_s[row] for row in (k, partner) if row is not None]
         kind_of_traffic = TRAFFIC[int(world.slots.kind[origin[k] % len(world.slots)])]
         if part not in (ALL, kind_of_traffic) and not (part == YOUNG and min(ages) < YOUNG_S):
             continue
-        right = mate is not None and mate in mine
-        wrong = any(row != mate for row in mine)
-        missed, none = mate is not None and not right, mate is None and not wrong
+        right = partner is not None and partner in associated
+        wrong = any(row != partner for row in associated)
+        missed, none = partner is not None and not right, partner is None and not wrong
         total += Confusion(int(right), int(missed), int(wrong), int(none))
     return total
 
 
 @pytest.mark.parametrize("part", [ALL, YOUNG, *TRAFFIC])
-def test_decisions_are_those_of_a_slow_count(part: str) -> None:
+def test_decisions_equal_a_slow_count(part: str) -> None:
     world, cycle, kinds = last_cycle()
     counts = decision_counts(world, cycle, kinds)
-    assert counts[part] == counted(world, cycle, kinds, part)
+    assert counts[part] == counted_slowly(world, cycle, kinds, part)
     assert counts[ALL].fn > WRONG // 4
     assert counts[ALL].fp > 10
 
@@ -117,12 +117,12 @@ def test_a_cycle_of_the_load_is_the_same_for_any_workers() -> None:
     assert alone[-1].pairs_within_gate > 1000
 
 
-def test_the_command_cycle_says_all_that_was_asked(
+def test_the_command_cycle_prints_its_figures_and_conditions(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     database = f"sqlite:///{tmp_path / 'load.db'}"
-    said = ["cycle", "--tracks", "1000", "--cycles", "2", "--warmup", "2", "--store", database, "--json"]
-    monkeypatch.setattr(sys, "argv", [*said, "--set", "associations.gate_m=800"])
+    words = ["cycle", "--tracks", "1000", "--cycles", "2", "--warmup", "2", "--store", database, "--json"]
+    monkeypatch.setattr(sys, "argv", [*words, "--set", "associations.gate_m=800"])
     cycle_command.main()
     figures = json.loads(capsys.readouterr().out)
     assert figures["tracks"] == pytest.approx(1000, rel=0.06)
@@ -138,7 +138,7 @@ def test_the_command_cycle_says_all_that_was_asked(
     assert any("rows written a cycle" in line for line in printed)
 
 
-def test_a_ramp_fits_the_power_of_its_costs() -> None:
+def test_a_ramp_fits_the_exponents_of_its_costs() -> None:
     assert ramp.sizes(1000, 1_000_000, 1) == [1000, 10_000, 100_000, 1_000_000]
     every = [
         {

@@ -1,4 +1,4 @@
-"""The national picture of scaling/load: seeded, streamed, with the shares, waters and lives that its README states."""
+"""The national picture of scaling/load: seeded, streamed, with the shares, densities and lifetimes that its README states."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_a_seed_gives_the_same_bits_and_another_gives_others() -> None:
     assert not np.array_equal(ours.tracks.position_deg[:100], other.tracks.position_deg[:100])
 
 
-def test_a_state_that_was_kept_goes_on_as_if_it_had_not_been() -> None:
+def test_a_copied_state_gives_the_same_cycles() -> None:
     state, before = run(5)
     kept = copy.deepcopy(state)
     _, straight = run(4, state=state)
@@ -65,7 +65,7 @@ def test_a_state_that_was_kept_goes_on_as_if_it_had_not_been() -> None:
 
 
 @pytest.mark.parametrize(("tracks", "within"), [(2000, 0.05), (20_000, 0.02)])
-def test_the_shares_are_those_of_the_issue(tracks: int, within: float) -> None:
+def test_the_shares_are_as_stated(tracks: int, within: float) -> None:
     """Sizes are rounded to whole ports and regions, which are few in a small world; three standard deviations of who is absent are less."""
     got = run(1, tracks)[1][0].tracks
     radar, ais = (np.unique(got.origin[(got.mmsi < 0) == of_radar]) for of_radar in (True, False))
@@ -73,8 +73,8 @@ def test_the_shares_are_those_of_the_issue(tracks: int, within: float) -> None:
     assert len(got) == pytest.approx(tracks, rel=within)
     assert (got.mmsi < 0).mean() == pytest.approx(0.5, abs=within / 2)
     assert len(np.intersect1d(radar, ais)) / len(vessels) == pytest.approx(0.5, abs=within)
-    waters = np.bincount(world(tracks)[0].traffic_of(vessels), minlength=len(Traffic)) / len(vessels)
-    assert waters == pytest.approx(np.array(SHARES), abs=0.01)
+    kinds = np.bincount(world(tracks)[0].traffic_of(vessels), minlength=len(Traffic)) / len(vessels)
+    assert kinds == pytest.approx(np.array(SHARES), abs=0.01)
 
 
 def test_a_vessel_in_an_overlap_has_a_track_in_both_regions() -> None:
@@ -101,7 +101,7 @@ def test_a_velocity_is_the_rate_of_its_position(kind: Traffic) -> None:
     assert np.abs(rate - now.velocity_m_s)[there].max() < 1e-3  # a rounding of time stamps, 0.2 us, at 13 m/s over the step
 
 
-def test_ships_at_anchor_and_trawlers_lie_as_close_as_is_said() -> None:
+def test_ships_at_anchor_and_trawlers_are_as_close_as_stated() -> None:
     made, _ = world(20_000)
     rows = np.arange(len(made.slots))
     points = earth_centred(national.truth(made, rows, np.full(len(rows), national.START_S + 700.0)).position_deg)
@@ -115,9 +115,9 @@ def test_ships_at_anchor_and_trawlers_lie_as_close_as_is_said() -> None:
 def test_vessels_come_and_go_tracks_break_and_mmsis_change() -> None:
     got = [received.tracks for received in six_minutes()]
     first, last = got[0], got[-1]
-    gone, come = np.setdiff1d(first.origin, last.origin), np.setdiff1d(last.origin, first.origin)
-    assert len(gone) > 50
-    assert len(come) > 50
+    left, new = np.setdiff1d(first.origin, last.origin), np.setdiff1d(last.origin, first.origin)
+    assert len(left) > 50
+    assert len(new) > 50
     stayed, before, after = np.intersect1d(first.origin[first.mmsi >= 0], last.origin[last.mmsi >= 0], return_indices=True)
     renamed = first.mmsi[first.mmsi >= 0][before] != last.mmsi[last.mmsi >= 0][after]
     assert 0.003 < renamed.mean() < 0.03  # 3 % change theirs every 15 minutes
@@ -127,7 +127,7 @@ def test_vessels_come_and_go_tracks_break_and_mmsis_change() -> None:
     assert len(stayed) > 500
 
 
-def test_a_track_id_is_of_one_track_and_never_comes_back() -> None:
+def test_a_track_id_belongs_to_one_track_and_is_never_reused() -> None:
     meaning: dict[int, tuple[int, int, int, float]] = {}
     ended: set[int] = set()
     before: set[int] = set()
@@ -139,8 +139,8 @@ def test_a_track_id_is_of_one_track_and_never_comes_back() -> None:
         ended |= before - now
         before = now
         columns = (t.track_id, t.source, t.origin, t.mmsi, t.started_s)
-        for track, *said in zip(*(c.tolist() for c in columns), strict=True):
-            assert meaning.setdefault(track, tuple(said)) == tuple(said)
+        for track, *attributes in zip(*(c.tolist() for c in columns), strict=True):
+            assert meaning.setdefault(track, tuple(attributes)) == tuple(attributes)
     assert len(ended) > 100
 
 
@@ -171,7 +171,7 @@ def test_sonars_hear_about_a_hundred_vessels_with_their_windows() -> None:
     assert (np.hypot(*east_north.T) < 1.01 * sensors.sonars.range_m[0]).mean() > 0.95
 
 
-def test_waters_are_as_crowded_in_a_large_world() -> None:
+def test_the_density_is_the_same_in_a_large_world() -> None:
     lengths = [
         made.coasts.length_m * len(made.coasts.latitude_deg) for made in (national.build_world(n, 1) for n in (5000, 200_000))
     ]

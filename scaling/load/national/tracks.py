@@ -100,7 +100,7 @@ class ChannelState(Struct):
 def slots_for(tracks: int) -> int:
     """The number of slots that has this number of tracks on average.
 
-    Let V be vessels, half of them in both radar and AIS, a share r by radar alone and a by AIS alone, r + a = 1/2.
+    Half of the V vessels have radar and AIS. A share r has radar alone and a share a has AIS alone: r + a = 1/2.
     Let o be the share of radar vessels that are in two regions. Then either kind has (1/2 + r)(1 + o) V = (1/2 + a) V tracks.
     So V = 0.64 N at o = 0.1, and 2 N / 3 without overlap. The last line corrects for absent vessels and broken tracks.
     """

@@ -4,7 +4,7 @@ A slot is a berth, an anchor position, a position in a lane, a trawler's ground 
 occupies it. Slots are drawn by `draw_slots`; `true_motion` is a function of slot and time alone, without state.
 
 No two vessels share the same water. Each kind of traffic has its own strip along the coast. Lanes are strings of ships 250 m
-apart, trawlers pass each other at 100 to 200 m, and a ship at anchor swings in a circle of its own.
+apart. Trawlers pass each other at 100 to 200 m. A ship at anchor swings in a circle of its own.
 
 Three columns of a slot mean something else for each kind of traffic:
 
