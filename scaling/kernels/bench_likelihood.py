@@ -61,9 +61,9 @@ def by_numpy(p):
 def test_ours(benchmark, problem):
     n, row = TRACKS, np.arange(TRACKS)
     instants = np.append(problem.time[0], problem.time[0, -1] + 3.0)
-    places = np.concatenate([problem.metres, problem.metres[-1:]])
-    path = [np.column_stack([earth_centred(from_plane(m, SITE_DEG)), np.full(n, 10.0)]) for m in places]
-    assert np.abs(to_plane(from_plane(places[0], SITE_DEG), SITE_DEG) - places[0]).max() < 1e-3
+    positions = np.concatenate([problem.metres, problem.metres[-1:]])
+    path = [np.column_stack([earth_centred(from_plane(m, SITE_DEG)), np.full(n, 10.0)]) for m in positions]
+    assert np.abs(to_plane(from_plane(positions[0], SITE_DEG), SITE_DEG) - positions[0]).max() < 1e-3
     site, full = np.broadcast_to(SITE_DEG, (n, WINDOW, 2)).copy(), np.full
     windows = Windows(
         problem.time, problem.bearing, site, full(n, 5.0), full(n, 0.5), full(n, 2e4), full(n, 0.0), full(n, 2.0 * np.pi),

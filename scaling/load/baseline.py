@@ -15,10 +15,7 @@ from coastwatch.operators.cli.progress import shown
 from coastwatch.server.machine import date_utc, machine
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-OWN_ENVIRONMENT = (
-    "NUMBA_CACHE_DIR",
-    "PYTHONPATH",
-)  # Coastwatch sets the first for its own kernels; a child must not inherit it
+NOT_INHERITED = ("NUMBA_CACHE_DIR", "PYTHONPATH")  # Coastwatch sets the first, for the kernels of this checkout
 
 
 def python_of(checkout: Path) -> Path:
@@ -29,10 +26,10 @@ def python_of(checkout: Path) -> Path:
 def cycle_figures(checkout: Path, arguments: Sequence[str]) -> dict[str, Any]:
     """The figures of `scaling.load.cycle` in a process of a checkout. If that ends with an error, so does this process."""
     command = [str(python_of(checkout)), "-m", "scaling.load.cycle", *arguments, "--json"]
-    environment = {key: value for key, value in os.environ.items() if key not in OWN_ENVIRONMENT}
+    environment = {key: value for key, value in os.environ.items() if key not in NOT_INHERITED}
     done = subprocess.run(command, cwd=checkout, env=environment, stdout=subprocess.PIPE, text=True, check=False)
-    if done.returncode:
-        raise SystemExit(done.returncode)  # the child has printed why
+    if done.returncode:  # the child has printed why
+        raise SystemExit(done.returncode)
     return dict(json.loads(done.stdout))
 
 

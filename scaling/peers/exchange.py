@@ -72,8 +72,8 @@ def save(path: Path, record: TrackHistory | TaskResult) -> None:
 
 def load(path: Path, kind: type[Any]) -> Any:
     """The TrackHistory or TaskResult in a file. Raises: KeyError: the file lacks one of its arrays."""
-    with np.load(path) as held:
-        return kind(**{f.name: _value(held[f.name]) for f in fields(kind)})
+    with np.load(path) as file:
+        return kind(**{f.name: _value(file[f.name]) for f in fields(kind)})
 
 
 def _value(array: NDArray[Any]) -> Any:

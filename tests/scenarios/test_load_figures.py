@@ -155,6 +155,24 @@ def test_a_ramp_fits_the_exponents_of_its_costs() -> None:
     assert fitted["local"]["compute_s"] == pytest.approx([1.5, 1.5])
 
 
+def test_a_ramp_prints_its_conditions_first() -> None:
+    compute = {"median": 0.1, "p99": 0.2, "share_of_period": 0.03}
+    run = {
+        "date": "2026-11-22T12:00Z",
+        "machine": {"processors": 2, "processor": "A", "load": 0.5},
+        "conditions": national.conditions({"workers.method": "serial"}),
+        "tracks": 1000,
+        "compute_s": compute,
+        "compute_cpu_s": 0.1,
+        "pairs_within_gate": 10,
+        "memory_mib": {"peak": 300.0},
+        "decisions": {"all": {"f1": 1.0}},
+    }
+    lines = ramp.text([run], {"local": {"compute_s": []}, "fitted_from": 10_000, "exponent": {}}).splitlines()
+    assert lines[0] == "# 2026-11-22T12:00Z, 2 x A, load 0.5"
+    assert lines[1].endswith("no plots; non-default settings: fused_tracks.method=convex workers.method=serial")
+
+
 def test_a_slope_is_flat_within_its_error_or_a_hundredth() -> None:
     wobble = 100.0 + np.array([0.3, -0.3, 0.2, -0.2, 0.1, -0.1])
     assert soak.slope(wobble.tolist())["flat"]

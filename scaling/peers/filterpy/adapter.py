@@ -56,13 +56,13 @@ def imm(history: TrackHistory, watch: Stopwatch) -> TaskResult:
     filters = [_filter(history, motion, int(rows[0]), r) for rows, r in zip(members, noise, strict=True)]
     estimates = np.zeros((history.measured, len(members), 4))
     for cycle in range(len(history.time_s)):
-        seen = np.concatenate([history.position_m[cycle], history.velocity_m_s[cycle]], axis=1)
+        states = np.concatenate([history.position_m[cycle], history.velocity_m_s[cycle]], axis=1)
         timed = cycle >= history.first
         with (watch if timed else Stopwatch()).lap():
             for one, rows in zip(filters, members, strict=True):
                 if cycle:
                     one.predict()
-                one.update(seen[rows].ravel())
+                one.update(states[rows].ravel())
         if timed:
             estimates[cycle - history.first] = [one.x[:4] for one in filters]
     return watch.result(

@@ -23,12 +23,12 @@ def fusion(history: TrackHistory, watch: Stopwatch) -> TaskResult:
     radar, ais = row[:, both]
     estimates = np.zeros((history.measured, vessels, 4))
     for cycle in range(history.first, len(history.time_s)):
-        seen = np.concatenate([history.position_m[cycle], history.velocity_m_s[cycle]], axis=1)
+        states = np.concatenate([history.position_m[cycle], history.velocity_m_s[cycle]], axis=1)
         with watch.lap():
-            out, covariance = seen[lead], history.covariance[lead]
+            out, covariance = states[lead], history.covariance[lead]
             weight = [np.linalg.inv(history.covariance[rows]) for rows in (radar, ais)]
             covariance[both] = np.linalg.inv(weight[0] + weight[1])
-            total = np.einsum("vij,vj->vi", weight[0], seen[radar]) + np.einsum("vij,vj->vi", weight[1], seen[ais])
+            total = np.einsum("vij,vj->vi", weight[0], states[radar]) + np.einsum("vij,vj->vi", weight[1], states[ais])
             out[both] = np.einsum("vij,vj->vi", covariance[both], total)
         estimates[cycle - history.first] = out
     position, velocity = estimates[..., :2], estimates[..., 2:]

@@ -19,8 +19,8 @@ def imm(history: TrackHistory, watch: Stopwatch) -> TaskResult:
     lead = np.zeros(vessels, np.int64)
     for who, row, _ in reversed(members):
         lead[who] = row
-    seen = np.concatenate([history.position_m, history.velocity_m_s], axis=2)
-    bank = initialise(motion, seen[0, lead], history.covariance[lead])
+    states = np.concatenate([history.position_m, history.velocity_m_s], axis=2)
+    bank = initialise(motion, states[0, lead], history.covariance[lead])
     estimates = np.zeros((history.measured, vessels, 4))
     for cycle in range(len(history.time_s)):
         timed = cycle >= history.first
@@ -28,7 +28,7 @@ def imm(history: TrackHistory, watch: Stopwatch) -> TaskResult:
             if cycle:
                 bank = predict(motion, bank)
             for who, row, noise in members:
-                bank = update(bank, who, seen[cycle, row], noise)
+                bank = update(bank, who, states[cycle, row], noise)
             mean, _ = estimate(bank)
         if timed:
             estimates[cycle - history.first] = mean[:, :4]
