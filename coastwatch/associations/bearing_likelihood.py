@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from coastwatch import kernels
-from coastwatch.associations.bearing_history import Path
-from coastwatch.associations.bearing_sensors import Calibration, Known, arcs
-from coastwatch.associations.bearing_signatures import ShipTypes, signature_gain
+from coastwatch.associations.bearing_sensors import (
+    AudiblePairs,
+    OutsideDetections,
+    SensorBias,
+    ShipTypes,
+    arcs,
+    class_log_odds,
+    groups_by_octant,
+)
 from coastwatch.batches import (
     CLASSES,
     AisStatics,
     Array,
     BearingAssociations,
     BearingTracks,
-    Bools,
     Floats,
     Ints,
     Octants,
@@ -27,22 +31,85 @@ from coastwatch.batches import (
     Sensors,
 )
 from coastwatch.geodesy import KNOT_M_S
+from coastwatch.kernels.association.history import History
 from coastwatch.kernels.bearings.signatures import check_confusion, even_confusion
 from coastwatch.kernels.threads import in_blocks
-from coastwatch.stage import Groups, Method, Shared, Spread, room_of
+from coastwatch.stage import Groups, Method, Shared, Spread
 
 Positive = Annotated[float, Field(gt=0.0)]
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
 
-SOON = 1.2  # ranges of a sensor: nearer vessels are remembered, for they may soon be heard
+SOON = 1.2  # ranges of a sensor: positions of nearer vessels are kept, for they may soon be heard
 RANGE_SHARES = np.array([1.0, 0.5, 0.25, 0.1])
-RANGE_WEIGHTS = RANGE_SHARES**2 / (RANGE_SHARES**2).sum()  # by the area that each stands for
+RANGE_PROBABILITIES = RANGE_SHARES**2 / (RANGE_SHARES**2).sum()  # by the area that each stands for
+LEAST_TRACKS = 64  # for a thread
+FEWEST_INSTANTS = 8  # that a history has room for
+
+
+@dataclass(frozen=True, eq=False)
+class PositionHistory:
+    """Where vessels were at the newest W instants. As `History`, it is written into when it is extended."""
+
+    history: History  # values (S, W, 4): ECEF position and its standard deviation per axis, m; NaN: absent
+    time_s: Floats  # (W,) the instant of each column, NaN for none
+
+    @staticmethod
+    def empty() -> PositionHistory:
+        return PositionHistory(History.empty(FEWEST_INSTANTS, np.float64, (4,)), np.full(FEWEST_INSTANTS, np.nan))
+
+    def columns(self) -> Ints:
+        """The columns that have an instant, oldest first."""
+        column = self.history.columns(np.arange(self.history.window)[::-1])
+        return column[np.isfinite(self.time_s[column])]
+
+    def extended(self, ids: Ints, values: Floats, time_s: float, window_s: float, spacing_s: float) -> PositionHistory:
+        """The history after one more instant. It holds the instants of the window and one before them.
+
+        Of instants closer than `spacing_s` the last one stands, so that a fast clock needs no more memory than a slow one.
+        Args: ids: (M,) sorted; values: (M, 4). time_s: not before the last instant.
+        """
+        before = self._without_newest() if self._newest_is_replaced(time_s, spacing_s) else self
+        before = before._with_room(time_s, window_s)
+        there = np.flatnonzero(np.isfinite(values).all(axis=1))
+        former = before.history.ids
+        history, slot = before.history.advanced(ids[there], None, before.history.window - 1)
+        history.values[slot[~np.isin(ids[there], former)]] = np.nan
+        history.values[slot, history.column] = values[there]
+        instants = before.time_s.copy()
+        instants[history.column] = time_s
+        return PositionHistory(history, instants)
+
+    def _newest_is_replaced(self, time_s: float, spacing_s: float) -> bool:
+        instants = self.time_s[self.columns()[-2:]]
+        close = len(instants) == 2 and instants[1] - instants[0] < spacing_s
+        return bool(close or (len(instants) and instants[-1] >= time_s))
+
+    def _without_newest(self) -> PositionHistory:
+        """The history before its newest instant, whose column is written next."""
+        h, instants = self.history, self.time_s.copy()
+        instants[h.column] = np.nan
+        history = replace(h, cycle=h.cycle - 1, length=np.maximum(h.length - 1, 0), absent=np.maximum(h.absent - 1, 0))
+        return PositionHistory(history, instants)
+
+    def _with_room(self, time_s: float, window_s: float) -> PositionHistory:
+        """The same with more columns, if all are full and the second oldest is in the window, so that the oldest is needed."""
+        column, h = self.columns(), self.history
+        instants = self.time_s[column]
+        if len(column) < h.window or instants[1] <= time_s - window_s:
+            return self
+        wanted = int(np.ceil(window_s * len(instants) / (time_s - instants[0]))) + 2
+        window = max(wanted, h.window + FEWEST_INSTANTS)
+        values, time = np.full((len(h.values), window, 4), np.nan), np.full(window, np.nan)
+        to = np.arange(len(column))
+        values[:, to], time[to] = h.values[:, column], instants
+        return PositionHistory(replace(h, values=values, cycle=len(column) - 1), time)
 
 
 @dataclass(frozen=True, eq=False)
 class LikelihoodMemory:
-    path: Path  # of vessels in reach of a sensor of bearings: Earth-centred position, standard deviation per axis
-    calibration: Calibration  # of no sensor before the first cycle
+    positions: PositionHistory  # of vessels in reach of a sensor of bearings
+    bias: SensorBias  # of no sensor before the first cycle
+    outside: OutsideDetections
     types: ShipTypes
 
 
@@ -94,7 +161,9 @@ class BearingLikelihood(Method):
         return self
 
     def init(self) -> LikelihoodMemory:
-        return LikelihoodMemory(Path.empty(), Calibration.of(0, 0.0), ShipTypes.empty())
+        return LikelihoodMemory(
+            PositionHistory.empty(), SensorBias.initial(0, 0.0), OutsideDetections.initial(0), ShipTypes.empty()
+        )
 
     def step(
         self,
@@ -113,155 +182,128 @@ class BearingLikelihood(Method):
         statics: that arrived since the last cycle, for their ship types.
         Returns: memory and BearingAssociations, sorted by bearing_row.
         """
-        learnt = memory.calibration
-        if len(learnt.bias_rad) != len(sensors.sonars):
-            learnt = Calibration.of(len(sensors.sonars), float(np.radians(self.bias_sigma_deg)))
-        types = memory.types.heard(statics)
-        known = Known.of(bearing_tracks, picture, octants, sensors)
-        path = self._path(memory.path, picture, known, time_s, sensors, room_of(spread))
-        row, gain, residual = self._scored(path, bearing_tracks, picture, octants, sensors, learnt, known, types, spread)
-        bearing_row, vessel_row = octants.bearing_row[row], octants.vessel_row[row]
-        sonar = octants.octant[row] // 8
-        pair = known.at(sonar, vessel_row)
-        chosen = _one_to_one(bearing_row, pair, gain - self.threshold, len(bearing_tracks), len(known.sonar))
-        bearing_row, vessel_row, sonar = bearing_row[chosen], vessel_row[chosen], sonar[chosen]
-        limits = np.radians([self.bias_floor_deg, self.bias_sigma_deg]).tolist()
-        learnt = learnt.with_bias(sonar, residual[chosen], self.bias_gain, self.bias_pairs, *limits)
-        learnt = learnt.with_heard(known, pair[chosen])
-        return LikelihoodMemory(path, learnt, types), BearingAssociations(
-            bearing_row, vessel_row, gain[chosen], learnt.bias_rad
+        if len(memory.bias.mean_rad) != len(sensors.sonars):
+            memory = replace(
+                memory,
+                bias=SensorBias.initial(len(sensors.sonars), float(np.radians(self.bias_sigma_deg))),
+                outside=OutsideDetections.initial(len(sensors.sonars)),
+            )
+        audible = AudiblePairs.of(bearing_tracks, picture, octants, sensors)
+        positions = self._positions(memory.positions, picture, audible, time_s, sensors)
+        memory = replace(memory, positions=positions, types=memory.types.updated(statics))
+        row, log_odds, difference = self._scored(memory, bearing_tracks, picture, octants, sensors, audible, spread)
+        bearing_row, sensor = octants.bearing_row[row], octants.octant[row] // kernels.bearings.candidates.SECTORS
+        pair = audible.index(sensor, octants.vessel_row[row])
+        chosen = kernels.association.assignment.assign(bearing_row, pair, log_odds - self.threshold)
+        limits = float(np.radians(self.bias_floor_deg)), float(np.radians(self.bias_sigma_deg))
+        bias = memory.bias.updated(sensor[chosen], difference[chosen], self.bias_gain, self.bias_pairs, limits)
+        memory = replace(memory, bias=bias, outside=memory.outside.updated(audible, pair[chosen]))
+        return memory, BearingAssociations(
+            bearing_row[chosen], octants.vessel_row[row[chosen]], log_odds[chosen], bias.mean_rad
         )
 
-    def _path(
-        self, path: Path, picture: Picture, known: Known, time_s: float, sensors: Sensors, room: Callable[..., Array]
-    ) -> Path:
-        """The paths of the vessels that are, or soon may be, compared with bearings, one instant longer."""
-
-        soon, *_ = kernels.geometry.sensor_coverage.near_sites(
-            picture.position_deg, sensors.sonars.site_deg, SOON * sensors.sonars.range_m
-        )
-        rows = np.flatnonzero(_mask(soon, len(picture)) | _mask(known.vessel_row, len(picture)))
+    def _positions(
+        self, positions: PositionHistory, picture: Picture, audible: AudiblePairs, time_s: float, sensors: Sensors
+    ) -> PositionHistory:
+        """The positions of the vessels that are, or soon may be, compared with bearings, one instant longer."""
+        near = kernels.geometry.sensor_coverage.coverage_of(sensors.sonars.site_deg, SOON * sensors.sonars.range_m, 0.0)
+        needed = kernels.geometry.sensor_coverage.in_any_range(near, picture.position_deg)
+        needed[audible.vessel_row] = True
+        rows = np.flatnonzero(needed)
+        rows = rows[np.argsort(picture.vessel_id[rows], kind="stable")]
         variance = 0.5 * (picture.covariance[rows, 0, 0] + picture.covariance[rows, 1, 1])
         variance = np.where(np.isfinite(variance), variance, self.position_unknown_m**2) + self.position_floor_m**2
         values = np.column_stack([kernels.geometry.ellipsoid.ecef_of_rows(picture.position_deg, rows), np.sqrt(variance)])
         values[(time_s - picture.since_s[rows] < self.settle_s) & (variance > self.settled_m**2)] = np.nan
-        return path.extended(picture.vessel_id[rows], values, time_s, self.window_s, self.spacing_s, room)
+        return positions.extended(picture.vessel_id[rows], values, time_s, self.window_s, self.spacing_s)
 
     def _scored(
         self,
-        path: Path,
+        memory: LikelihoodMemory,
         tracks: BearingTracks,
         picture: Picture,
         octants: Octants,
         sensors: Sensors,
-        learnt: Calibration,
-        known: Known,
-        types: ShipTypes,
+        audible: AudiblePairs,
         spread: Spread,
     ) -> tuple[Ints, Floats, Floats]:
         """Pairs above the threshold: index into the octants, log odds, mean difference of bearings; sorted by index."""
-        sonar = tracks.source - sensors.sonar_source(0)
+        sensor = tracks.source - sensors.sonar_source(0)
         arc_from, arc_width = arcs(sensors)
-        there = np.flatnonzero(_mask(known.vessel_row, len(picture)))
+        column, history = memory.positions.columns(), memory.positions.history
         slot = np.full(len(picture), -1, np.int64)
-        slot[there] = path.slots(picture.vessel_id[there])
+        vessel_row = np.unique(audible.vessel_row)
+        slot[vessel_row] = history.slots_of(picture.vessel_id[vessel_row])
         arrays = {
-            "first_pair": known.first_pair,
-            "vessel": slot[octants.vessel_row],
+            "first_pair": np.searchsorted(octants.bearing_row, np.arange(len(tracks) + 1)),
+            "slot": slot[octants.vessel_row],
             "time": tracks.window_time_s,
             "bearing": tracks.window_bearing_rad,
             "site": tracks.window_site_deg,
-            "instant": path.time_s,
-            "path": path.values,
-            "density": self._density(sonar, known, sensors),
-            "outside": learnt.heard_outside(self.heard)[sonar],
-            "reach": sensors.sonars.range_m[sonar],
-            "arc_from": arc_from[sonar],
-            "arc_width": arc_width[sonar],
-            "bias": learnt.bias_rad[sonar],
-            "bias_variance": learnt.bias_sigma_rad[sonar] ** 2,
-            "variance": sensors.sonars.bearing_sigma_rad[sonar] ** 2,
-            **self._sounds(tracks, picture, octants, types),
+            "position_time": memory.positions.time_s[column],
+            "position_column": column,
+            "position_value": history.values[:],  # a new view, for it was written since it last went to other processes
+            "log_density": self._unknown_density(sensor, audible, sensors),
+            "outside": memory.outside.probability(self.heard)[sensor],
+            "range": sensors.sonars.range_m[sensor],
+            "arc_from": arc_from[sensor],
+            "arc_width": arc_width[sensor],
+            "bias": memory.bias.mean_rad[sensor],
+            "bias_variance": memory.bias.sigma_rad[sensor] ** 2,
+            "variance": sensors.sonars.bearing_sigma_rad[sensor] ** 2,
+            **self._class_evidence(tracks, picture, octants, memory.types),
         }
-        parts = spread(score_octants, self, arrays, known.octants)
+        parts = spread(score_octants, self, arrays, groups_by_octant(octants))
         row = np.concatenate([np.zeros(0, np.int64), *(p[0] for p in parts)])
         order = np.argsort(row, kind="stable")
-        gain, residual = (np.concatenate([np.zeros(0), *(p[k] for p in parts)])[order] for k in (1, 2))
-        return row[order], gain, residual
+        log_odds, difference = (np.concatenate([np.zeros(0), *(p[k] for p in parts)])[order] for k in (1, 2))
+        return row[order], log_odds, difference
 
-    def _sounds(self, tracks: BearingTracks, picture: Picture, octants: Octants, types: ShipTypes) -> dict[str, Array]:
-        """What log odds gain by the sound of each track, for each class of vessel, (N, C + 1), and the class of the vessel of each
-        pair, (A,). Empty where nothing was heard of any class."""
+    def _class_evidence(self, tracks: BearingTracks, picture: Picture, octants: Octants, types: ShipTypes) -> dict[str, Array]:
+        """What the class of a vessel adds to the log odds with each track, (N, C + 1), and the class of the vessel of each pair, (A,).
+
+        Both are empty where no sensor reported a class.
+        """
         if not tracks.signatures.any():
-            return {"signature": np.zeros((0, CLASSES + 1)), "vessel_class": np.zeros(0, np.int64)}
+            return {"class_log_odds": np.zeros((0, CLASSES + 1)), "vessel_class": np.zeros(0, np.int64)}
         confusion = even_confusion(self.signature_accuracy, CLASSES)
         if self.signature_confusion:
             confusion = np.array(self.signature_confusion)
         classes = types.of(picture.mmsi)
-        gain = signature_gain(tracks.signatures, classes, confusion, self.signature_habit, self.type_doubt)
-        return {"signature": gain, "vessel_class": classes[octants.vessel_row]}
+        added = class_log_odds(tracks.signatures, classes, confusion, self.signature_habit, self.type_doubt)
+        return {"class_log_odds": added, "vessel_class": classes[octants.vessel_row]}
 
-    def _density(self, sonar: Ints, known: Known, sensors: Sensors) -> Floats:
+    def _unknown_density(self, sensor: Ints, audible: AudiblePairs, sensors: Sensors) -> Floats:
         """Log density of unknown vessels by bearing, for each track: the sensor says how many vessels there are, the picture how
-        many of them are known. Args: sonar: (N,). Returns: (N,)."""
-        heard = np.bincount(sonar, minlength=len(sensors.sonars))
-        expected = self.heard * known.inside_count(len(sensors.sonars))
-        unseen = np.maximum(heard - expected, np.maximum(self.unknown * heard, 0.5))
-        return np.asarray(np.log(unseen / arcs(sensors)[1])[sonar])
+        many of them are known. Args: sensor: (N,). Returns: (N,)."""
+        count = len(sensors.sonars)
+        tracks = np.bincount(sensor, minlength=count)
+        known = self.heard * np.bincount(audible.sensor[audible.inside], minlength=count)
+        unknown = np.maximum(tracks - known, np.maximum(self.unknown * tracks, 0.5))
+        return np.asarray(np.log(unknown / arcs(sensors)[1])[sensor])
 
 
 def score_octants(settings: BearingLikelihood, arrays: Shared, octants: Groups) -> tuple[Array, ...]:
     """Pairs of the bearing tracks of these octants that are above the threshold: index of the pair, log odds, mean difference of
     bearings. A pair's answer is its own alone."""
-
+    windows = kernels.bearings.windows.BearingWindows(
+        **{name: arrays[name] for name in kernels.bearings.windows.BearingWindows._fields}
+    )
+    positions = kernels.bearings.windows.PositionWindows(
+        arrays["position_time"], arrays["position_column"], arrays["position_value"]
+    )
+    unknown = kernels.bearings.null_hypothesis.UnknownVessel(
+        RANGE_SHARES, RANGE_PROBABILITIES, settings.unknown_speed_kn * KNOT_M_S, settings.unknown_kick_m_s2**2
+    )
+    hypotheses = kernels.bearings.likelihood.Hypotheses(settings.heard, settings.position_memory_s, settings.give_up, unknown)
     track, first = octants.row, arrays["first_pair"]
-    windows = kernels.bearings.windows.Windows(**{name: arrays[name] for name in kernels.bearings.windows.Windows._fields})
-    strangers = kernels.bearings.null_hypothesis.Strangers(
-        RANGE_SHARES, RANGE_WEIGHTS, settings.unknown_speed_kn * KNOT_M_S, settings.unknown_kick_m_s2**2
-    )
-    null = kernels.bearings.null_hypothesis.unknown_vessels(
-        track, windows.time, windows.bearing, windows.variance, windows.reach, strangers
-    )
-    table = kernels.association.history.addresses(arrays["path"], kernels.bearings.windows.PLACES)[::-1].copy()
-    paths = kernels.bearings.windows.Paths(arrays["instant"], table, np.array([len(a) for a in arrays["path"]], np.int64))
-    start, slot = kernels.bearings.candidates.pairs_of(track, first, arrays["vessel"])
-    gain, residual = np.empty(len(slot)), np.empty(len(slot))
-    rule = kernels.bearings.windows.Rule(
-        settings.heard, float(np.log(settings.heard / (1.0 - settings.heard))), settings.position_memory_s, settings.give_up
-    )
-    in_blocks(
-        kernels.bearings.likelihood.known_vessels,
-        len(track),
-        track,
-        start,
-        slot,
-        windows,
-        null,
-        paths,
-        rule,
-        gain,
-        residual,
-        least=64,
-    )
-    if len(arrays["signature"]):
-        vessel_class = kernels.bearings.candidates.pairs_of(track, first, arrays["vessel_class"])[1]
-        gain += arrays["signature"][np.repeat(track, np.diff(start)), vessel_class]
-    which, pair = kernels.bearings.candidates.above(track, first, start, gain, settings.threshold)
-    return pair, gain[which], residual[which]
-
-
-def _one_to_one(bearing_row: Ints, pair: Ints, gain: Floats, tracks: int, pairs: int) -> Bools:
-    """Which pairs are in the assignment with the greatest sum of gains, each left and right at most once.
-
-    Args: bearing_row: (A,) 0 to tracks - 1; pair: (A,) of `Known`, 0 to pairs - 1; gain: (A,) positive.
-    """
-
-    order, out = kernels.tables.groups.by_both(bearing_row, tracks, pair, pairs), np.empty(len(gain), np.bool_)
-    out[order] = kernels.association.assignment.assign_numbered(bearing_row[order], pair[order], gain[order], tracks, pairs)
-    return out
-
-
-def _mask(rows: Ints, count: int) -> Bools:
-    out = np.zeros(count, np.bool_)
-    out[rows] = True
-    return out
+    count = first[track + 1] - first[track]
+    pair = kernels.bearings.candidates.ranges(first[track], count)
+    start = np.append(0, np.cumsum(count))
+    pairs = kernels.bearings.likelihood.TrackPairs(track, start, arrays["slot"][pair])
+    out = np.empty((len(pair), 2))
+    in_blocks(kernels.bearings.likelihood.log_odds, len(track), pairs, windows, positions, hypotheses, out, least=LEAST_TRACKS)
+    if len(arrays["class_log_odds"]):
+        out[:, 0] += arrays["class_log_odds"][np.repeat(track, count), arrays["vessel_class"][pair]]
+    above = np.flatnonzero(out[:, 0] > settings.threshold)
+    return pair[above], out[above, 0], out[above, 1]

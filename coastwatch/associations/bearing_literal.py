@@ -8,19 +8,18 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from coastwatch.associations.bearing_history import Path, values_of
-from coastwatch.associations.pairing import by_octant
+from coastwatch import kernels
+from coastwatch.associations.bearing_sensors import groups_by_octant
 from coastwatch.batches import AisStatics, Array, BearingAssociations, BearingTracks, Floats, Ints, Octants, Picture, Sensors
 from coastwatch.geodesy import axes, earth_centred, wrap_rad
+from coastwatch.kernels.association.history import History
 from coastwatch.stage import Groups, Method, Shared, Spread, by_group
-
-ALL_S = 1e12  # a window by count, not by time
 
 
 @dataclass(frozen=True, eq=False)
 class LiteralBearingMemory:
-    tracks: Path  # bearing, rate, latitude and longitude of the site at the last p cycles
-    vessels: Path  # Earth-centred position and velocity at the last p cycles
+    tracks: History  # bearing, rate, latitude and longitude of the site
+    vessels: History  # Earth-centred position and velocity
 
 
 class BearingWindowedCovariance(Method):
@@ -41,7 +40,7 @@ class BearingWindowedCovariance(Method):
     one_to_one: bool = False
 
     def init(self) -> LiteralBearingMemory:
-        return LiteralBearingMemory(Path.empty(), Path.empty())
+        return LiteralBearingMemory(History.empty(self.window, np.float64, (4,)), History.empty(self.window, np.float64, (6,)))
 
     def limit(self) -> float:
         """The value that x must stay below: -2 ln(1 - confidence) is the chi-square quantile of 2 degrees of freedom."""
@@ -64,41 +63,33 @@ class BearingWindowedCovariance(Method):
         statics: not looked at.
         Returns: memory and BearingAssociations, sorted by bearing_row; the biases are 0: the paper knows none.
         """
-        p = self.window
-        said = np.column_stack([*measured(bearing_tracks, p), bearing_tracks.site_deg])
-        tracks = memory.tracks.newest(p - 1).extended(bearing_tracks.track_id, said, time_s, ALL_S, 0.0)
-        moving = np.einsum("vij,vi->vj", axes(picture.position_deg)[:, :2], picture.velocity_m_s)
-        where = np.column_stack([earth_centred(picture.position_deg), moving])
-        vessels = memory.vessels.newest(p - 1).extended(picture.vessel_id, where, time_s, ALL_S, 0.0)
-        row, x = self._tested(tracks, vessels, bearing_tracks, picture, octants, spread)
+        reported = np.column_stack([*measured(bearing_tracks, self.window), bearing_tracks.site_deg])
+        velocity = np.einsum("vij,vi->vj", axes(picture.position_deg)[:, :2], picture.velocity_m_s)
+        state = np.column_stack([earth_centred(picture.position_deg), velocity])
+        tracks, track_slot = _appended(memory.tracks, bearing_tracks.track_id, reported)
+        vessels, vessel_slot = _appended(memory.vessels, picture.vessel_id, state)
+        arrays = {
+            "first_pair": np.searchsorted(octants.bearing_row, np.arange(len(bearing_tracks) + 1)),
+            "track": track_slot,
+            "vessel": vessel_slot[octants.vessel_row],
+            "reported": tracks.values[:],  # a new view, for it was written since it last went to other processes
+            "state": vessels.values[:],
+            "track_length": tracks.length[:],
+            "vessel_length": vessels.length[:],
+            "columns": tracks.columns(np.arange(self.window)[::-1]),
+        }
+        parts = spread(accept_in_octants, self, arrays, groups_by_octant(octants))
+        row = np.concatenate([np.zeros(0, np.int64), *(part[0] for part in parts)])
+        x = np.concatenate([np.zeros(0), *(part[1] for part in parts)])[np.argsort(row, kind="stable")]
+        row = np.sort(row)
         bearing_row, vessel_row = octants.bearing_row[row], octants.vessel_row[row]
         chosen = self._chosen(bearing_row, vessel_row, octants.octant[row] // 8 * len(picture), x)
         found = BearingAssociations(bearing_row[chosen], vessel_row[chosen], x[chosen], np.zeros(len(sensors.sonars)))
         return LiteralBearingMemory(tracks, vessels), found
 
-    def _tested(
-        self, tracks: Path, vessels: Path, now: BearingTracks, picture: Picture, octants: Octants, spread: Spread
-    ) -> tuple[Ints, Floats]:
-        """Pairs that pass: index into the octants and x, sorted by index."""
-        if len(tracks.time_s) < self.window:
-            return np.zeros(0, np.int64), np.zeros(0)
-        arrays = {
-            "first_pair": np.searchsorted(octants.bearing_row, np.arange(len(now) + 1)).astype(np.int64),
-            "track": tracks.slots(now.track_id),
-            "vessel": vessels.slots(picture.vessel_id)[octants.vessel_row],
-            "said": tracks.values,
-            "path": vessels.values,
-        }
-        parts = spread(accept_in_octants, self, arrays, by_octant(octants, len(now)))
-        row = np.concatenate([np.zeros(0, np.int64), *(part[0] for part in parts)])
-        order = np.argsort(row, kind="stable")
-        return row[order], np.concatenate([np.zeros(0), *(part[1] for part in parts)])[order]
-
     def _chosen(self, bearing_row: Ints, vessel_row: Ints, of_sonar: Ints, x: Floats) -> Array:
         if self.one_to_one:
-            from coastwatch.kernels.association.assignment import assign
-
-            return np.asarray(assign(bearing_row, vessel_row + of_sonar, 2.0 * self.limit() - x))
+            return np.asarray(kernels.association.assignment.assign(bearing_row, vessel_row + of_sonar, 2.0 * self.limit() - x))
         order = np.lexsort((vessel_row, x, bearing_row))
         return order[np.unique(bearing_row[order], return_index=True)[1]]
 
@@ -111,14 +102,26 @@ def accept_in_octants(settings: BearingWindowedCovariance, arrays: Shared, octan
 def _accept_in_octant(settings: BearingWindowedCovariance, arrays: Shared, rows: Ints) -> tuple[Array, ...]:
     """Pairs of these bearing tracks that pass the test: index of the pair, x."""
     first, count = arrays["first_pair"][rows], np.diff(arrays["first_pair"])[rows]
-    index = np.arange(count.sum()) + np.repeat(first - (np.cumsum(count) - count), count)
-    said, path = values_of(arrays["said"], arrays["track"][rows]), values_of(arrays["path"], arrays["vessel"][index])
-    delta = differences(np.repeat(said, count, axis=0), path)
+    index = kernels.bearings.candidates.ranges(first, count)
+    track, vessel = np.repeat(arrays["track"][rows], count), arrays["vessel"][index]
+    full = (arrays["track_length"][track] == settings.window) & (arrays["vessel_length"][vessel] == settings.window)
+    index, track, vessel = index[full], track[full], vessel[full]
+    delta = differences(arrays["reported"][track][:, arrays["columns"]], arrays["state"][vessel][:, arrays["columns"]])
     whole = np.isfinite(delta).all(axis=(1, 2))
     index, delta = index[whole], delta[whole]
     x = sample_statistic(delta)
     keep = x < settings.limit()
     return index[keep], x[keep]
+
+
+def _appended(history: History, ids: Ints, values: Floats) -> tuple[History, Array]:
+    """The history with the values of this cycle, and the slot of each id. Slots do not depend on the order of the ids."""
+    order = np.argsort(ids, kind="stable")
+    history, sorted_slot = history.advanced(ids[order])
+    slot = np.empty(len(ids), np.int64)
+    slot[order] = sorted_slot
+    history.values[slot, history.column] = values
+    return history, slot
 
 
 def measured(tracks: BearingTracks, bearings: int) -> tuple[Floats, Floats]:
@@ -135,19 +138,19 @@ def measured(tracks: BearingTracks, bearings: int) -> tuple[Floats, Floats]:
     return wrap_rad(bearing[:, -1] + rate * (tracks.time_s - time[:, -1])), rate
 
 
-def differences(said: Floats, path: Floats) -> Floats:
+def differences(reported: Floats, state: Floats) -> Floats:
     """Bearing and rate of tracks less those of vessels, seen from the site of the track.
 
-    Args: said: (A, p, 4) bearing, rate, site; path: (A, p, 6) Earth-centred position and velocity. Returns: (A, p, 2).
+    Args: reported: (A, p, 4) bearing, rate, site; state: (A, p, 6) Earth-centred position and velocity. Returns: (A, p, 2).
     """
-    site = said[:, :, 2:]
+    site = reported[:, :, 2:]
     plane = axes(site)[:, :, :2]
-    off = np.einsum("apij,apj->api", plane, path[:, :, :3] - earth_centred(site))
-    speed = np.einsum("apij,apj->api", plane, path[:, :, 3:])
+    off = np.einsum("apij,apj->api", plane, state[:, :, :3] - earth_centred(site))
+    speed = np.einsum("apij,apj->api", plane, state[:, :, 3:])
     square = np.maximum((off**2).sum(2), 1.0)
     rate = (speed[:, :, 0] * off[:, :, 1] - speed[:, :, 1] * off[:, :, 0]) / square
-    bearing = wrap_rad(said[:, :, 0] - np.arctan2(off[:, :, 0], off[:, :, 1]))
-    return np.stack([bearing, said[:, :, 1] - rate], axis=2)
+    bearing = wrap_rad(reported[:, :, 0] - np.arctan2(off[:, :, 0], off[:, :, 1]))
+    return np.stack([bearing, reported[:, :, 1] - rate], axis=2)
 
 
 def sample_statistic(delta: Floats) -> Floats:

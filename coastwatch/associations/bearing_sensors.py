@@ -1,4 +1,4 @@
-"""What is learnt of sensors of bearings while they are used: their bias, and whether they hear beyond their nominal coverage."""
+"""Sensors of bearings: the vessels that they may hear, their bias, their detections outside the coverage, and ship classes."""
 
 from __future__ import annotations
 
@@ -7,115 +7,172 @@ from dataclasses import dataclass
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.associations.pairing import without_empty
-from coastwatch.batches import BearingTracks, Bools, Floats, Ints, Octants, Picture, Sensors
-from coastwatch.geodesy import wrap_rad
-from coastwatch.kernels.threads import in_blocks
+from coastwatch.batches import CLASS_OF_TYPE, CLASSES, AisStatics, BearingTracks, Bools, Floats, Ints, Octants, Picture, Sensors
+from coastwatch.geodesy import to_plane, wrap_rad
+from coastwatch.kernels.bearings.signatures import log_likelihood
+from coastwatch.kernels.tables.lookup import find
 from coastwatch.stage import Groups
 
-LEAST_SONARS, LEAST_PAIRS = 8, 1024  # under which a thread costs more than it gains
-FORGET = 0.95  # of the counts of vessels outside the coverage, each cycle: what is learnt is of the last minute
+FORGET = 0.95  # of counts of detections outside the coverage, each cycle: they are of the last minute
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
-    """Of K sensors of bearings."""
+class AudiblePairs:
+    """Each pair of a sensor and a vessel in an octant that has tracks, once."""
 
-    bias_rad: Floats  # (K,)
-    bias_sigma_rad: Floats  # (K,) what is not known of it
-    outside_heard: Floats  # (K,) vessels just outside the coverage that were found, forgotten by and by
-    outside_known: Floats  # (K,) those that would have been, were they heard like the others
-
-    @staticmethod
-    def of(count: int, bias_sigma_rad: float) -> Calibration:
-        """Before anything is learnt."""
-        return Calibration(np.zeros(count), np.full(count, bias_sigma_rad), np.zeros(count), np.zeros(count))
-
-    def heard_outside(self, heard: float) -> Floats:
-        """The chance that a vessel just outside the coverage is heard, at first as likely as not. Returns: (K,), at most `heard`."""
-        return np.minimum((self.outside_heard + 0.5) / (self.outside_known + 1.0), heard)
-
-    def with_bias(
-        self, sonar: Ints, residual: Floats, gain: float, least: int, floor_rad: float, widest_rad: float
-    ) -> Calibration:
-        """The bias of each sensor, moved towards the median residual of its pairs, and what is not known of it.
-
-        Args: sonar, residual: (A,) of the pairs; gain: the share taken over; least: pairs that are needed; floor_rad, widest_rad: of
-        what is not known.
-        """
-        if gain == 0.0:
-            return self
-
-        bias, bias_sigma = self.bias_rad.copy(), self.bias_sigma_rad.copy()
-        off = wrap_rad(residual - bias[sonar])
-        count, middle = kernels.bearings.candidates.medians(sonar, off, len(bias))
-        _, scatter = kernels.bearings.candidates.medians(sonar, np.abs(off - middle[sonar]), len(bias))
-        s = np.flatnonzero(count >= least)
-        bias[s] = wrap_rad(bias[s] + gain * middle[s])
-        doubt = floor_rad**2 + middle[s] ** 2 + 1.57 * (1.4826 * scatter[s]) ** 2 / count[s]
-        bias_sigma[s] += gain * (np.minimum(np.sqrt(doubt), widest_rad) - bias_sigma[s])
-        return Calibration(bias, bias_sigma, self.outside_heard, self.outside_known)
-
-    def with_heard(self, known: Known, pairs: Ints) -> Calibration:
-        """The counts of vessels outside the coverage after one more cycle. Args: pairs: (A,) those of `known` that were found."""
-        count, found = len(self.bias_rad), np.zeros(len(known.sonar), np.bool_)
-        found[pairs] = True
-        kind = (2 * known.inside + found) * count + known.sonar
-        outside_lost, outside_found, inside_lost, inside_found = np.bincount(kind, minlength=4 * count).reshape(4, count)
-        expected = (outside_lost + outside_found) * np.minimum((inside_found + 0.5) / (inside_lost + inside_found + 1.0), 1.0)
-        heard = FORGET * self.outside_heard + outside_found
-        return Calibration(self.bias_rad, self.bias_sigma_rad, heard, np.maximum(FORGET * self.outside_known + expected, heard))
-
-
-@dataclass(frozen=True, eq=False)
-class Known:
-    """Which vessels of the picture each sensor may hear: each pair of sensor and vessel once, in the octants that have tracks."""
-
-    sonar: Ints  # (P,) sorted
-    vessel_row: Ints  # (P,) sorted within a sensor
-    begin: Ints  # (K + 1,) where the pairs of each sensor begin
+    key: Ints  # (P,) sorted: sensor * vessels + vessel_row
+    vessels: int  # V
     inside: Bools  # (P,) the vessel is inside the nominal coverage
-    first_pair: Ints  # (N + 1,) where the pairs of each bearing track begin in the octants
-    octants: Groups  # the bearing tracks of every octant that has pairs
 
     @staticmethod
-    def of(tracks: BearingTracks, picture: Picture, octants: Octants, sensors: Sensors) -> Known:
-
-        sonars, first = len(sensors.sonars), kernels.bearings.candidates.first_pairs(octants.bearing_row, len(tracks))
-        track, start = kernels.bearings.candidates.by_octant(first, octants.octant, sonars)
-        row, begin = kernels.bearings.candidates.heard_by(track, start, first, octants.vessel_row, len(picture))
-        site = np.full((sonars, 2), np.nan)
-        newest_last = np.argsort(
-            tracks.updated_s, kind="stable"
-        )  # where one sensor's tracks differ, the newest knows where it is
+    def of(tracks: BearingTracks, picture: Picture, octants: Octants, sensors: Sensors) -> AudiblePairs:
+        """Pairs of the octants, located from where the newest track of a sensor says that the sensor is."""
+        key = np.unique(octants.octant // kernels.bearings.candidates.SECTORS * len(picture) + octants.vessel_row)
+        pairs = AudiblePairs(key, len(picture), np.empty(0, np.bool_))
+        sensor = pairs.sensor
+        site = np.full((len(sensors.sonars), 2), np.nan)
+        newest_last = np.argsort(tracks.updated_s, kind="stable")
         site[tracks.source[newest_last] - sensors.sonar_source(0)] = tracks.site_deg[newest_last]
-        within = np.empty(len(row), np.bool_)
-        heard = begin, row, picture.position_deg, site, sensors.sonars.range_m, *arcs(sensors)
-        in_blocks(kernels.bearings.candidates.inside, sonars, *heard, within, least=LEAST_SONARS)
-        return Known(np.repeat(np.arange(sonars), np.diff(begin)), row, begin, within, first, without_empty(track, start))
+        east, north = to_plane(picture.position_deg[pairs.vessel_row], site[sensor]).T
+        arc_from, arc_width = arcs(sensors)
+        inside = np.hypot(east, north) <= sensors.sonars.range_m[sensor]
+        inside &= (np.arctan2(east, north) - arc_from[sensor]) % (2.0 * np.pi) <= arc_width[sensor]
+        return AudiblePairs(key, len(picture), inside)
 
-    def inside_count(self, sonars: int) -> Ints:
-        """How many vessels each sensor should hear. Returns: (K,)."""
-        return np.bincount(self.sonar[self.inside], minlength=sonars).astype(np.int64)
+    @property
+    def sensor(self) -> Ints:
+        """(P,)"""
+        return self.key // max(self.vessels, 1)
 
-    def at(self, sonar: Ints, vessel_row: Ints) -> Ints:
-        """Which of the pairs each of these is. Args: (A,), (A,), of the octants. Returns: (A,)."""
+    @property
+    def vessel_row(self) -> Ints:
+        """(P,)"""
+        return self.key % max(self.vessels, 1)
 
-        out = np.empty(len(sonar), np.int64)
-        in_blocks(
-            kernels.bearings.candidates.standing,
-            len(sonar),
-            self.begin,
-            self.vessel_row,
-            sonar,
-            vessel_row,
-            out,
-            least=LEAST_PAIRS,
-        )
-        return out
+    def index(self, sensor: Ints, vessel_row: Ints) -> Ints:
+        """Which of the pairs each of these is. Args: (A,), (A,), all among the pairs. Returns: (A,)."""
+        return np.searchsorted(self.key, sensor * self.vessels + vessel_row)
+
+
+def groups_by_octant(octants: Octants) -> Groups:
+    """A group an octant that has pairs: the bearing tracks in it."""
+    return Groups(*kernels.bearings.candidates.tracks_by_octant(octants.bearing_row, octants.octant))
 
 
 def arcs(sensors: Sensors) -> tuple[Floats, Floats]:
-    """Where the arc of each sensor begins, and its width: 2 pi for one that hears all round. Returns: (K,) and (K,)."""
+    """Where the arc of each sensor begins, and its width, rad: 2 pi for one that hears all round. Returns: (K,) and (K,)."""
     width = (sensors.sonars.arc_to_deg - sensors.sonars.arc_from_deg) % 360.0
     return np.radians(sensors.sonars.arc_from_deg), np.radians(np.where(width == 0.0, 360.0, width))
+
+
+@dataclass(frozen=True, eq=False)
+class SensorBias:
+    """The bearing bias of each of K sensors."""
+
+    mean_rad: Floats  # (K,)
+    sigma_rad: Floats  # (K,)
+
+    @staticmethod
+    def initial(sensors: int, sigma_rad: float) -> SensorBias:
+        """Before any pair."""
+        return SensorBias(np.zeros(sensors), np.full(sensors, sigma_rad))
+
+    def updated(
+        self, sensor: Ints, difference_rad: Floats, gain: float, least_pairs: int, limits_rad: tuple[float, float]
+    ) -> SensorBias:
+        """The bias of each sensor, moved towards the median bearing difference of its pairs.
+
+        Args: sensor, difference_rad: (A,) of the pairs; gain: share of the median taken over; least_pairs: fewer change nothing;
+        limits_rad: least and greatest standard deviation.
+        """
+        if gain == 0.0:
+            return self
+        median_of = kernels.bearings.candidates.median_of_groups
+        mean, sigma = self.mean_rad.copy(), self.sigma_rad.copy()
+        residual = wrap_rad(difference_rad - mean[sensor])
+        count, median = median_of(sensor, residual, len(mean))
+        _, deviation = median_of(sensor, np.abs(residual - median[sensor]), len(mean))
+        s = np.flatnonzero(count >= least_pairs)
+        mean[s] = wrap_rad(mean[s] + gain * median[s])
+        variance_of_median = 1.57 * (1.4826 * deviation[s]) ** 2 / count[s]
+        doubt = np.sqrt(limits_rad[0] ** 2 + median[s] ** 2 + variance_of_median)
+        sigma[s] += gain * (np.minimum(doubt, limits_rad[1]) - sigma[s])
+        return SensorBias(mean, sigma)
+
+
+@dataclass(frozen=True, eq=False)
+class OutsideDetections:
+    """Whether each of K sensors detects vessels just outside its nominal coverage: counts that are forgotten by and by."""
+
+    detected: Floats  # (K,)
+    expected: Floats  # (K,) how many would be, if they were detected like those inside
+
+    @staticmethod
+    def initial(sensors: int) -> OutsideDetections:
+        """Before any pair."""
+        return OutsideDetections(np.zeros(sensors), np.zeros(sensors))
+
+    def probability(self, inside: float) -> Floats:
+        """That a vessel just outside the coverage is detected, at first 1/2. Args: inside: the greatest. Returns: (K,)."""
+        return np.minimum((self.detected + 0.5) / (self.expected + 1.0), inside)
+
+    def updated(self, pairs: AudiblePairs, found: Ints) -> OutsideDetections:
+        """The counts after one more cycle. Args: found: (A,) those of `pairs` that were associated."""
+        sensors, detected = len(self.detected), np.zeros(len(pairs.key), np.bool_)
+        detected[found] = True
+        kind = (2 * pairs.inside + detected) * sensors + pairs.sensor
+        outside_missed, outside_found, inside_missed, inside_found = np.bincount(kind, minlength=4 * sensors).reshape(
+            4, sensors
+        )
+        share = np.minimum((inside_found + 0.5) / (inside_missed + inside_found + 1.0), 1.0)
+        total = FORGET * self.detected + outside_found
+        expected = FORGET * self.expected + (outside_missed + outside_found) * share
+        return OutsideDetections(total, np.maximum(expected, total))
+
+
+@dataclass(frozen=True, eq=False)
+class ShipTypes:
+    """The class of each vessel that ever sent a ship type that implies one; the last one received stands."""
+
+    mmsi: Ints  # (S,) sorted
+    vessel_class: Ints  # (S,) VesselClass
+
+    @staticmethod
+    def empty() -> ShipTypes:
+        return ShipTypes(np.zeros(0, np.int64), np.zeros(0, np.int64))
+
+    def updated(self, statics: AisStatics) -> ShipTypes:
+        """What is known after these static reports."""
+        code = np.clip(statics.ship_type, -1, len(CLASS_OF_TYPE))
+        known = np.flatnonzero((code >= 0) & (code < len(CLASS_OF_TYPE)))
+        known = known[CLASS_OF_TYPE[code[known]] >= 0]
+        if len(known) == 0:
+            return self
+        known = known[np.lexsort((code[known], statics.received_s[known]))]
+        mmsi = np.concatenate([statics.mmsi[known][::-1], self.mmsi])  # newest first
+        every, first = np.unique(mmsi, return_index=True)
+        vessel_class = np.concatenate([CLASS_OF_TYPE[code[known]][::-1], self.vessel_class])[first]
+        return ShipTypes(every, vessel_class)
+
+    def of(self, mmsi: Ints) -> Ints:
+        """The class of each of these, -1 where it is not known. Args: (V,), -1 allowed."""
+        row = find(self.mmsi, mmsi)
+        return np.where(row >= 0, self.vessel_class[row], -1) if len(self.mmsi) else np.full(len(mmsi), -1, np.int64)
+
+
+def class_log_odds(signatures: Ints, vessel_class: Ints, confusion: Floats, habit: float, doubt: float) -> Floats:
+    """What the class of a vessel adds to the log odds of a pair with each bearing track; last column: a vessel of unknown class.
+
+    A vessel of unknown class, and one that nobody has seen, is of each class as often as the vessels whose class is known.
+    Args: signatures: (N, C) looks that reported each class; vessel_class: (V,) of the vessels of the picture, -1 unknown; confusion:
+    (C, C) true, reported; habit: as in kernels/bearings/signatures.py; doubt: probability that a ship is not of the class in its AIS.
+    Returns: (N, C + 1), 0 where there was no look.
+    """
+    often = np.bincount(vessel_class[vessel_class >= 0], minlength=CLASSES) + 1.0
+    likelihood = log_likelihood(signatures, confusion, habit)
+    relative = np.exp(likelihood - likelihood.max(axis=1, keepdims=True))
+    anyone = (relative * (often / often.sum())).sum(axis=1, keepdims=True)
+    out = np.zeros((len(signatures), CLASSES + 1))
+    out[:, :CLASSES] = np.log((1.0 - doubt) * relative + doubt * anyone) - np.log(anyone)
+    out[signatures.sum(axis=1) == 0] = 0.0
+    return out

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import Floats, Ints, Octants, Spots, Tracks
+from coastwatch.batches import Floats, Ints, Spots, Tracks
 from coastwatch.stage import Groups, Shared
 
 
@@ -15,22 +15,6 @@ def rows_of_spots(spots: Spots) -> Groups:
     count = len(spots.centre_m)
     halo = np.searchsorted(spots.halo_spot, np.arange(count + 1)).astype(np.int64)
     return Groups(*kernels.tables.sorting.joined(*kernels.tables.sorting.by_key(spots.spot, count), -1 - spots.halo_row, halo))
-
-
-def by_octant(octants: Octants, tracks: int) -> Groups:
-    """A group an octant that has pairs: the bearing tracks in it. Args: tracks: N of them."""
-
-    sensors = int(octants.octant.max(initial=-1)) // kernels.bearings.candidates.SECTORS + 1
-    return without_empty(
-        *kernels.bearings.candidates.by_octant(
-            kernels.bearings.candidates.first_pairs(octants.bearing_row, tracks), octants.octant, sensors
-        )
-    )
-
-
-def without_empty(row: Ints, start: Ints) -> Groups:
-    """Groups of rows of which some may have none. Args: row: (L,) of all groups; start: (K + 1,)."""
-    return Groups(row, np.append(start[:1], start[1:][np.diff(start) > 0]))
 
 
 def gated_pairs(arrays: Shared, rows: Ints, gate_m: float) -> tuple[Ints, Ints]:

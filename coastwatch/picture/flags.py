@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from coastwatch import kernels
 from coastwatch.batches import AisAlarms, Bools, Flag, Floats, Ints, Picture, Sensors, SourceKind, Tracks
 from coastwatch.geodesy import difference_m
-from coastwatch.picture.cover import Cover, cover, covered
+from coastwatch.kernels.geometry.sensor_coverage import Coverage
 from coastwatch.picture.match import IdentityMatch
 from coastwatch.picture.order import VesselOrder
 from coastwatch.picture.settings import IdentitySettings
@@ -52,8 +53,9 @@ def flag(
 ) -> tuple[FlagMemory, Ints]:
     """The flags of each row of the picture, with those it has. Args: row_of_track: (N,) of the picture. Returns: memory, (R,)."""
     margin = settings.cover_margin
-    heard = cover(sensors.stations.site_deg, margin * sensors.stations.range_m)
-    seen = cover(sensors.radars.site_deg, margin * sensors.radars.range_m)
+    coverage_of = kernels.geometry.sensor_coverage.coverage_of
+    heard = coverage_of(sensors.stations.site_deg, margin * sensors.stations.range_m, 0.0)
+    seen = coverage_of(sensors.radars.site_deg, margin * sensors.radars.range_m, 0.0)
     kind = sensors.source_kinds[tracks.source]
     has_radar, has_ais = (_rows_with(row_of_track[kind == k], len(picture)) for k in (SourceKind.RADAR, SourceKind.AIS))
 
@@ -82,10 +84,10 @@ def _rows_with(rows: Ints, count: int) -> Bools:
     return out
 
 
-def _within(place: Cover, picture: Picture, asked: Bools) -> Bools:
+def _within(coverage: Coverage, picture: Picture, asked: Bools) -> Bools:
     """Which of the rows that are asked for are in cover. (R,)"""
     out, rows = np.zeros(len(asked), np.bool_), np.flatnonzero(asked)
-    out[rows] = covered(place, picture.position_deg[rows])
+    out[rows] = kernels.geometry.sensor_coverage.in_any_range(coverage, picture.position_deg[rows])
     return out
 
 
@@ -110,7 +112,7 @@ def _track_pairs(
     row_of_track: Ints,
     kind: Ints,
     time_s: float,
-    seen: Cover,
+    seen: Coverage,
 ) -> TrackPairs:
     """The pairs of this cycle, and those of the past that still count.
 
@@ -141,7 +143,8 @@ def _track_pairs(
     split_since_s = np.minimum(before.split_since_s, time_s)
     long_enough = split_since_s[split] - before.paired_since_s[split] >= settings.paired_s
     split = split[long_enough & (time_s - split_since_s[split] <= settings.contradicted_for_s)]
-    split = split[covered(seen, picture.position_deg[row_of_track[ais_before[split]]])]
+    position_deg = picture.position_deg[row_of_track[ais_before[split]]]
+    split = split[kernels.geometry.sensor_coverage.in_any_range(seen, position_deg)]
     return TrackPairs(
         np.append(ais, ais_before[split]),
         np.append(radar, radar_before[split]),

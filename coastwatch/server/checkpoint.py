@@ -22,6 +22,7 @@ MODULES_WITH_CLASSES = (
     "coastwatch.tracks",
     "coastwatch.spots",
     "coastwatch.associations",
+    "coastwatch.kernels.association.history",
     "coastwatch.fused_tracks",
     "coastwatch.picture",
     "coastwatch.registration",

@@ -11,9 +11,6 @@ from coastwatch import kernels
 from coastwatch.batches import BearingTracks, Floats, Ints, Octants, Picture, Sensors
 from coastwatch.stage import Method
 
-SECTOR_DEG = 45.0
-SECTORS = 8
-
 
 class OctantSpots(Method):
     """Each bearing track with all vessels in its own octant of its sensor, and in a strip of the octants beside it.
@@ -39,44 +36,35 @@ class OctantSpots(Method):
     ) -> tuple[tuple[()], Octants]:
         """Pairs of rows to compare. Args: bearing_tracks: (N); picture: (V). Returns: memory and Octants sorted by row."""
 
-        sonar = bearing_tracks.source - sensors.sonar_source(0)
-        vessel_row, start = self._vessels(sonar, bearing_tracks, picture, sensors)
-        octant = sonar * SECTORS + sector(np.degrees(bearing_tracks.bearing_rad))
-        return memory, Octants(*kernels.bearings.candidates.paired(octant, start, vessel_row))
+        candidates = kernels.bearings.candidates
+        sensor = bearing_tracks.source - sensors.sonar_source(0)
+        start, vessel_row = self._vessels_by_octant(sensor, bearing_tracks, picture, sensors)
+        octant = sensor * candidates.SECTORS + candidates.sector_of(np.degrees(bearing_tracks.bearing_rad))
+        track, vessel = candidates.pairs_of_tracks(octant, start, vessel_row)
+        return memory, Octants(track, vessel, octant[track])
 
-    def _vessels(self, sonar: Ints, tracks: BearingTracks, picture: Picture, sensors: Sensors) -> tuple[Ints, Ints]:
-        """The rows of the vessels in each octant, and where each octant begins."""
-
-        sonars, newest = _newest_of_each(sonar, tracks.updated_s)
-        reach_m, site_deg = sensors.sonars.range_m[sonars] * self.range_margin, tracks.site_deg[newest]
-        near = kernels.geometry.sensor_coverage.near_sites(
-            picture.position_deg, site_deg, reach_m, picture.covariance, self.position_sigmas
+    def _vessels_by_octant(self, sensor: Ints, tracks: BearingTracks, picture: Picture, sensors: Sensors) -> tuple[Ints, Ints]:
+        """Where each octant begins, and the rows of the vessels in it."""
+        active, newest = _newest_of_each(sensor, tracks.updated_s)
+        range_m, tolerance_m = sensors.sonars.range_m[active] * self.range_margin, self._tolerance_m(picture.covariance)
+        row, site, offset = kernels.geometry.sensor_coverage.pairs_in_range(
+            tracks.site_deg[newest], range_m, picture.position_deg, tolerance_m
         )
-        row, site, east_north = near
-        distance = np.hypot(east_north[:, 0], east_north[:, 1])
-        direction = np.degrees(np.arctan2(east_north[:, 0], east_north[:, 1]))
-        tolerance_m = self.position_sigmas * position_sigma_m(picture.covariance, row)
-        tolerance_deg = np.degrees(np.arctan2(tolerance_m, distance)) + self.overlap_deg
-        h = np.flatnonzero(distance <= reach_m[site] + tolerance_m)
-        out: tuple[Ints, Ints] = kernels.bearings.candidates.within_sectors(
-            direction[h], tolerance_deg[h], sonars[site[h]], row[h], len(sensors.sonars)
+        distance, direction = np.hypot(offset[:, 0], offset[:, 1]), np.arctan2(offset[:, 0], offset[:, 1])
+        tolerance_deg = np.degrees(np.arctan2(tolerance_m[row], distance)) + self.overlap_deg
+        out: tuple[Ints, Ints] = kernels.bearings.candidates.vessels_by_octant(
+            np.degrees(direction), tolerance_deg, active[site], row, len(sensors.sonars)
         )
         return out
 
-
-def sector(direction_deg: Floats) -> Ints:
-    """The sector, 0 to 7 clockwise from north, of each direction; a border belongs to the sector that begins there."""
-    return np.floor(direction_deg / SECTOR_DEG).astype(np.int64) % SECTORS
-
-
-def position_sigma_m(covariance: Floats, row: Ints) -> Floats:
-    """Standard deviation per axis of these rows, 0 where there is no covariance. Args: covariance: (V, 4, 4). Returns: as row."""
-    out: Floats = np.sqrt(np.nan_to_num(0.5 * (covariance[row, 0, 0] + covariance[row, 1, 1])))
-    return out
+    def _tolerance_m(self, covariance: Floats) -> Floats:
+        """So many standard deviations of each position, 0 where there is no covariance. Args: covariance: (V, 4, 4). Returns: (V,)."""
+        sigma: Floats = np.sqrt(np.nan_to_num(0.5 * (covariance[:, 0, 0] + covariance[:, 1, 1])))
+        return self.position_sigmas * sigma
 
 
-def _newest_of_each(sonar: Ints, updated_s: Floats) -> tuple[Ints, Ints]:
-    """The sonars that have tracks, sorted, and the row of the newest track of each: it knows where the sonar is now."""
-    order = np.lexsort((updated_s, sonar))
-    sonars = np.unique(sonar)
-    return sonars, order[np.searchsorted(sonar[order], sonars, side="right") - 1]
+def _newest_of_each(sensor: Ints, updated_s: Floats) -> tuple[Ints, Ints]:
+    """The sensors that have tracks, sorted, and the row of the newest track of each: it knows where the sensor is now."""
+    order = np.lexsort((updated_s, sensor))
+    active = np.unique(sensor)
+    return active, order[np.searchsorted(sensor[order], active, side="right") - 1]

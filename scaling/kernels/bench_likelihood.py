@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from coastwatch.geodesy import earth_centred, from_plane, to_plane, wrap_rad
-from coastwatch.kernels.association.history import addresses
-from coastwatch.kernels.bearings.likelihood import known_vessels
-from coastwatch.kernels.bearings.null_hypothesis import Strangers, unknown_vessels
-from coastwatch.kernels.bearings.windows import Paths, Rule, Windows
+from coastwatch.kernels.bearings.likelihood import Hypotheses, TrackPairs, log_odds
+from coastwatch.kernels.bearings.null_hypothesis import UnknownVessel
+from coastwatch.kernels.bearings.windows import BearingWindows, PositionWindows
 
 TRACKS, CANDIDATES, WINDOW, BASELINE_TRACKS = 2000, 40, 100, 50
 SITE_DEG = np.array([-22.9, -43.1])
@@ -61,37 +60,20 @@ def by_numpy(p):
 def test_ours(benchmark, problem):
     n, row = TRACKS, np.arange(TRACKS)
     instants = np.append(problem.time[0], problem.time[0, -1] + 3.0)
-    positions = np.concatenate([problem.metres, problem.metres[-1:]])
-    path = [np.column_stack([earth_centred(from_plane(m, SITE_DEG)), np.full(n, 10.0)]) for m in positions]
-    assert np.abs(to_plane(from_plane(positions[0], SITE_DEG), SITE_DEG) - positions[0]).max() < 1e-3
+    metres = np.concatenate([problem.metres, problem.metres[-1:]])
+    value = np.stack([np.column_stack([earth_centred(from_plane(m, SITE_DEG)), np.full(n, 10.0)]) for m in metres], axis=1)
+    assert np.abs(to_plane(from_plane(metres[0], SITE_DEG), SITE_DEG) - metres[0]).max() < 1e-3
     site, full = np.broadcast_to(SITE_DEG, (n, WINDOW, 2)).copy(), np.full
-    windows = Windows(
+    windows = BearingWindows(
         problem.time, problem.bearing, site, full(n, 5.0), full(n, 0.5), full(n, 2e4), full(n, 0.0), full(n, 2.0 * np.pi),
         full(n, 0.0), full(n, BIAS_SIGMA**2), full(n, SIGMA**2),
     )  # fmt: skip
-    paths = Paths(instants, addresses(path, 4)[::-1].copy(), np.full(len(path), n))
-    strangers = Strangers(np.array([1.0, 0.5, 0.25, 0.1]), np.array([0.75, 0.19, 0.05, 0.01]), 3.6, 0.01)
-    start, gain, residual = np.arange(n + 1) * CANDIDATES, np.empty(n * CANDIDATES), np.empty(n * CANDIDATES)
-
-    def both() -> None:
-        null = unknown_vessels(row, windows.time, windows.bearing, windows.variance, windows.reach, strangers)
-        known_vessels(
-            0,
-            n,
-            row,
-            start,
-            problem.slot,
-            windows,
-            null,
-            paths,
-            Rule(DETECTION_PROBABILITY, np.log(DETECTION_PROBABILITY / (1.0 - DETECTION_PROBABILITY)), CORRELATION_S, -25.0),
-            gain,
-            residual,
-        )
-
+    positions = PositionWindows(instants, np.arange(len(instants)), value)
+    unknown = UnknownVessel(np.array([1.0, 0.5, 0.25, 0.1]), np.array([0.75, 0.19, 0.05, 0.01]), 3.6, 0.01)
+    pairs, out = TrackPairs(row, np.arange(n + 1) * CANDIDATES, problem.slot), np.empty((n * CANDIDATES, 2))
     benchmark.extra_info["rows"] = n * CANDIDATES
-    benchmark(both)
-    assert (gain.reshape(n, CANDIDATES).argmax(axis=1) == 0).mean() > 0.8
+    benchmark(log_odds, 0, n, pairs, windows, positions, Hypotheses(DETECTION_PROBABILITY, CORRELATION_S, -25.0, unknown), out)
+    assert (out[:, 0].reshape(n, CANDIDATES).argmax(axis=1) == 0).mean() > 0.8
 
 
 @pytest.mark.benchmark(group="likelihood: bearing tracks against vessels")

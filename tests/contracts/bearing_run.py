@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import is_dataclass
 from typing import Any
 
 import bearing_world as bw
@@ -69,11 +70,8 @@ def by_id(found: Any, tracks: BearingTracks, picture: Picture) -> dict[tuple[int
 def assert_same(a: Any, b: Any) -> None:
     """Equal to the bit, struct within struct."""
     for name, value in vars(a).items():
-        if isinstance(value, np.ndarray):
-            np.testing.assert_array_equal(value, getattr(b, name), strict=True)
-        elif isinstance(value, tuple):
-            assert len(value) == len(getattr(b, name))
-            for one, other in zip(value, getattr(b, name), strict=True):
-                np.testing.assert_array_equal(one, other, strict=True)
+        other = getattr(b, name)
+        if is_dataclass(value):
+            assert_same(value, other)
         else:
-            assert_same(value, getattr(b, name))
+            np.testing.assert_array_equal(value, other, strict=True)

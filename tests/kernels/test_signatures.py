@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from coastwatch.associations.bearing_signatures import ShipTypes, signature_gain
+from coastwatch.associations.bearing_sensors import ShipTypes, class_log_odds
 from coastwatch.batches import CLASS_OF_TYPE, CLASSES, AisStatics, VesselClass
 from coastwatch.kernels.bearings.signatures import check_confusion, even_confusion, log_likelihood
 
@@ -69,13 +69,13 @@ def statics(received_s: list[float], mmsi: list[int], ship_type: list[int]) -> A
 
 
 def test_the_last_type_that_tells_a_class_stands() -> None:
-    types = ShipTypes.empty().heard(statics([1.0, 2.0, 3.0, 3.0], [5, 7, 5, 9], [70, 30, 81, 0]))
+    types = ShipTypes.empty().updated(statics([1.0, 2.0, 3.0, 3.0], [5, 7, 5, 9], [70, 30, 81, 0]))
     assert types.of(np.array([9, 7, 5, -1])).tolist() == [-1, VesselClass.FISHING, VesselClass.TANKER, -1]
-    later = types.heard(statics([4.0, 5.0, 6.0], [7, 5, 9], [0, -1, 90])).heard(statics([7.0], [7], [36]))
+    later = types.updated(statics([4.0, 5.0, 6.0], [7, 5, 9], [0, -1, 90])).updated(statics([7.0], [7], [36]))
     assert later.of(np.array([5, 7, 9])).tolist() == [VesselClass.TANKER, VesselClass.PLEASURE, -1]
     assert types.of(np.array([7])).tolist() == [VesselClass.FISHING]
     assert ShipTypes.empty().of(np.array([7])).tolist() == [-1]
-    assert types.heard(statics([9.0, 9.0], [1, 2], [100, -5])).mmsi.tolist() == [5, 7]
+    assert types.updated(statics([9.0, 9.0], [1, 2], [100, -5])).mmsi.tolist() == [5, 7]
 
 
 def test_types_of_the_recommendation() -> None:
@@ -105,12 +105,12 @@ def test_a_pair_gains_where_type_and_sound_agree_and_nothing_where_either_is_sil
     signatures = np.zeros((2, CLASSES), np.int64)
     signatures[1, VesselClass.SERVICE] = 4
     known = np.array([-1, 0, 0, 1, 4])
-    gain = signature_gain(signatures, known, even_confusion(0.7, CLASSES), 0.8, 0.05)
+    gain = class_log_odds(signatures, known, even_confusion(0.7, CLASSES), 0.8, 0.05)
     assert (gain[0] == 0.0).all()
     assert gain[1, -1] == 0.0
     assert gain[1, VesselClass.SERVICE] > 1.0
     assert gain[1, VesselClass.CARGO] < -1.0
     assert gain[1].min() > np.log(0.05)  # a ship may lie
     weight = (np.bincount(known[1:], minlength=CLASSES) + 1.0) / (len(known) - 1 + CLASSES)
-    surely = signature_gain(signatures, known, even_confusion(0.7, CLASSES), 0.8, 1e-9)
+    surely = class_log_odds(signatures, known, even_confusion(0.7, CLASSES), 0.8, 1e-9)
     assert np.exp(surely[1, :CLASSES]) @ weight == pytest.approx(1.0)  # what agreement gains, disagreement pays

@@ -8,7 +8,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "bands",
         "centroids",
         "closest_approach",
-        "cover",
         "curve",
         "dead_reckoning",
         "ellipsoid",

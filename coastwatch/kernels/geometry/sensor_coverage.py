@@ -1,205 +1,197 @@
-"""Which of many places are near which of some sites: sites stand in cells of space, each place looks into one. By numba, over threads.
+"""Which positions are within range of which sensors, and whether of any.
 
-Most places of a national picture are near none: a mark for every cell of latitude and longitude that a site may reach leaves them out
-before their cell of space is known, for the two sines of a place cost more than all the rest.
+A position is within range if its distance in the tangent plane at the sensor is no more than the range, on the near half of the Earth.
+Sensors are entered in the cells of half a degree that they may reach: a position is compared with the sensors of its own cell.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from coastwatch.geodesy import ECCENTRICITY2
-from coastwatch.kernels.geometry.ellipsoid import SEMI_MAJOR, SHORTEST_RADIUS, ecef_of_rows, sine_cosine
+from coastwatch.kernels.geometry.ellipsoid import (
+    DEGREE,
+    SEMI_MAJOR,
+    SHORTEST_RADIUS,
+    ecef_and_axes,
+    sine_cosine,
+    to_ecef,
+    wrap_degrees,
+)
 from coastwatch.kernels.jit import jit
 from coastwatch.kernels.threads import in_blocks
-from coastwatch.kernels.vectorised_math import WHOLE
 
+Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-SLACK_M = 1000.0  # a place that is known worse asks every site
-MARGIN = 1.001  # of a distance in a straight line, over that in a tangent plane
-BITS = 21  # of a coordinate of a cell: the Earth is 2^20 cells of 13 m across
-SPREAD = -7046029254386353131  # 2^64 over the golden ratio: neighbours fall far apart
-NOWHERE = np.zeros((0, 4, 4))
-MARKS = 1 << 16  # they stay in the cache; a cell that shares the mark of another lets a few places through
-MOST_COLUMNS = 7200  # of marked cells around the Earth
-ROWS = 256  # at a time
+CELLS_PER_DEGREE = 2
+ROWS, COLUMNS = 180 * CELLS_PER_DEGREE, 360 * CELLS_PER_DEGREE
+SLACK_M = 1000.0  # a position with a greater tolerance is compared with every sensor
+MARGIN = 1.001  # of the half width of a box: the ellipsoid is no sphere
+SITE_NUMBERS = "latitude longitude range half_height half_width x y z sin_lat cos_lat sin_lon cos_lon"
+SITE = np.dtype([(name, np.float64) for name in SITE_NUMBERS.split()])
+"""A sensor: degrees and metres; half the height and width, in degrees, of the box that holds what it reaches; ECEF and plane."""
+
+
+class Coverage(NamedTuple):
+    """Sensors, and the sensors of each cell: row[start[c]:start[c + 1]] of cell c."""
+
+    site: NDArray[Any]  # (R,) SITE
+    start: Ints  # (ROWS * COLUMNS + 1,)
+    row: Ints  # (L,)
 
 
 @jit
-def _along(x, cell_m):  # type: ignore[no-untyped-def]
-    """The cell that a coordinate falls in: the nearest whole number, without a call."""
-    return np.int64((x * (1.0 / cell_m) + WHOLE) - WHOLE) + (1 << (BITS - 1))
+def _describe(position, reach, slack, site):  # type: ignore[no-untyped-def]
+    """Fills the records of sensors. Args: position: (R, 2); reach: (R,); site: (R,) SITE, written."""
+    for k in range(len(site)):
+        s = site[k]
+        s.latitude, s.longitude, s.range = position[k, 0], position[k, 1], reach[k]
+        s.x, s.y, s.z, s.sin_lat, s.cos_lat, s.sin_lon, s.cos_lon = ecef_and_axes(position[k, 0], position[k, 1])
+        s.half_height = MARGIN * math.asin(min((reach[k] + slack) / SHORTEST_RADIUS, 1.0)) / DEGREE
+        s.half_width = 180.0
+        if abs(s.latitude) + s.half_height < 89.0:
+            sine, _ = sine_cosine(s.half_height)
+            s.half_width = MARGIN * math.asin(sine / s.cos_lat) / DEGREE
 
 
 @jit
-def _cell(i, j, k):  # type: ignore[no-untyped-def]
-    return (i << (2 * BITS)) | (j << BITS) | k
+def _cell(lat, lon):  # type: ignore[no-untyped-def]
+    """The cell of a position; -1 for none."""
+    if not (abs(lat) <= 90.0 and abs(lon) <= 360.0):
+        return -1
+    row = min(int((lat + 90.0) * CELLS_PER_DEGREE), ROWS - 1)
+    return row * COLUMNS + int((lon + 540.0) * CELLS_PER_DEGREE) % COLUMNS
 
 
 @jit
-def _place(cell, key):  # type: ignore[no-untyped-def]
-    """Where a cell is in the table, or would be."""
-    last = len(key) - 1
-    at = ((cell * SPREAD) >> 20) & last
-    while key[at] >= 0 and key[at] != cell:
-        at = (at + 1) & last
-    return at
+def _enter(site, start, row):  # type: ignore[no-untyped-def]
+    """Counts the sensors of each cell in start[cell + 1] if `row` is empty; else writes them from start[cell] on, which moves."""
+    for k in range(len(site)):
+        s = site[k]
+        low = max(int((s.latitude - s.half_height + 90.0) * CELLS_PER_DEGREE), 0)
+        high = min(int((s.latitude + s.half_height + 90.0) * CELLS_PER_DEGREE), ROWS - 1)
+        first, last = 0, COLUMNS - 1
+        if s.half_width < 179.0:
+            first = math.floor((s.longitude - s.half_width + 180.0) * CELLS_PER_DEGREE)
+            last = math.floor((s.longitude + s.half_width + 180.0) * CELLS_PER_DEGREE)
+        for i in range(low, high + 1):
+            for j in range(first, last + 1):
+                cell = i * COLUMNS + j % COLUMNS
+                if len(row) == 0:
+                    start[cell + 1] += 1
+                else:
+                    row[start[cell]] = k
+                    start[cell] += 1
+
+
+def coverage_of(site_deg: Floats, range_m: Floats, slack_m: float) -> Coverage:
+    """Sensors by cell. Args: site_deg: (R, 2); range_m: (R,); slack_m: how much farther away positions are compared."""
+    site = np.empty(len(site_deg), SITE)
+    _describe(np.ascontiguousarray(site_deg, np.float64), np.ascontiguousarray(range_m, np.float64), slack_m, site)
+    count = np.zeros(ROWS * COLUMNS + 1, np.int64)
+    _enter(site, count, np.empty(0, np.int64))
+    start = np.cumsum(count)
+    row = np.empty(start[-1], np.int64)
+    if len(row):
+        _enter(site, start[:-1].copy(), row)
+    return Coverage(site, start, row)
 
 
 @jit
-def _entered(centre, cell_m, key, head, after):  # type: ignore[no-untyped-def]
-    """Every site into its cell and the 26 around it. Args: key, head: all -1, longer than there are entries; after: (27 S,)."""
-    count = 0
-    for s in range(len(centre) - 1, -1, -1):
-        x, y, z = _along(centre[s, 0], cell_m), _along(centre[s, 1], cell_m), _along(centre[s, 2], cell_m)
-        for n in range(27):
-            cell = _cell(x + n // 9 - 1, y + n // 3 % 3 - 1, z + n % 3 - 1)
-            at = _place(cell, key)
-            key[at] = cell
-            after[count], head[at] = head[at], count
-            count += 1
+def _in_box(site, lat, lon):  # type: ignore[no-untyped-def]
+    """Whether a position may be within range."""
+    return abs(lat - site.latitude) <= site.half_height and abs(wrap_degrees(lon - site.longitude)) <= site.half_width
 
 
 @jit
-def _mark(i, j, columns):  # type: ignore[no-untyped-def]
-    """Where the mark is of a cell of row i, 0 at the South Pole, and column j, 0 at the antimeridian."""
-    j = j if 0 <= j < columns else j % columns
-    return (((i * columns + j) * SPREAD) >> 40) & (MARKS - 1)
+def _offset(site, x, y, z):  # type: ignore[no-untyped-def]
+    """East, north and up of an ECEF position from a sensor."""
+    dx, dy, dz = x - site.x, y - site.y, z - site.z
+    outward = site.cos_lon * dx + site.sin_lon * dy
+    east, north = site.cos_lon * dy - site.sin_lon * dx, site.cos_lat * dz - site.sin_lat * outward
+    return east, north, site.cos_lat * outward + site.sin_lat * dz
 
 
 @jit
-def _marked(site, reach, columns, marks):  # type: ignore[no-untyped-def]
-    """Marks every cell that has a place within reach of a site. Args: site: (S, 2); reach: (S,) m; marks: (MARKS,) False."""
-    a_degree = columns / 360.0
-    for s in range(len(site)):
-        angle = math.degrees(math.asin(min(1.0, reach[s] / SHORTEST_RADIUS)))
-        low, high = int(max(site[s, 0] - angle + 90.0, 0.0) * a_degree), int(min(site[s, 0] + angle + 90.0, 180.0) * a_degree)
-        first, wide = 0, columns
-        if abs(site[s, 0]) + angle < 89.0:
-            around = math.degrees(math.asin(math.sin(math.radians(angle)) / math.cos(math.radians(site[s, 0]))))
-            first, wide = math.floor((site[s, 1] - around + 180.0) * a_degree) - 1, int(2.0 * around * a_degree) + 4
-        for i in range(max(low - 1, 0), high + 2):
-            for j in range(first, first + min(wide, columns)):
-                marks[_mark(i, j, columns)] = True
+def _within(site, x, y, z, tolerance):  # type: ignore[no-untyped-def]
+    """Whether an ECEF position is within range and so many metres, and its east and north."""
+    east, north, up = _offset(site, x, y, z)
+    most = site.range + tolerance
+    return up > -SEMI_MAJOR and east * east + north * north <= most * most, east, north
 
 
 @jit
-def _tolerance(covariance, row, sigmas):  # type: ignore[no-untyped-def]
-    """So many standard deviations of a place, 0 where it has no covariance."""
-    variance = 0.5 * (covariance[row, 0, 0] + covariance[row, 1, 1])
-    return sigmas * math.sqrt(variance) if variance > 0.0 else 0.0
-
-
-@jit
-def _asking(first, high, position, covariance, sigmas, columns, marks, row):  # type: ignore[no-untyped-def]
-    """Up to ROWS of the rows from `first` on that may be near a site, into `row`. Returns: how many, and where to go on."""
-    a_degree, count, at = columns / 360.0, 0, first
-    while at < high and count < ROWS:
-        lat, lon = position[at, 0], position[at, 1]
-        asks = True
-        if abs(lat) <= 90.0 and abs(lon) <= 360.0:
-            asks = marks[_mark(int((lat + 90.0) * a_degree), int((lon + 180.0) * a_degree + columns) - columns, columns)]
-        if sigmas > 0.0:  # without asking whether it is needed: that is a guess which the processor gets wrong
-            asks |= _tolerance(covariance, at, sigmas) > SLACK_M
-        row[count] = at
-        count, at = count + asks, at + 1
-    return count, at
-
-
-@jit
-def _centred(position, row, count, cell_m, lat_lon, place, cell):  # type: ignore[no-untyped-def]
-    """Earth-centred places of so many rows, and their cells."""
-    for i in range(count):
-        lat_lon[0, i], lat_lon[1, i] = position[row[i], 0], position[row[i], 1]
-    for i in range(ROWS):
-        sp, cp = sine_cosine(lat_lon[0, i])
-        sl, cl = sine_cosine(lat_lon[1, i])
-        r = SEMI_MAJOR / math.sqrt(1.0 - ECCENTRICITY2 * sp * sp)
-        x, y, z = r * cp * cl, r * cp * sl, r * (1.0 - ECCENTRICITY2) * sp
-        place[0, i], place[1, i], place[2, i] = x, y, z
-        cell[i] = _cell(_along(x, cell_m), _along(y, cell_m), _along(z, cell_m))
-
-
-@jit
-def _paired(i, s, most, place, row, centre, plane, out, off, count):  # type: ignore[no-untyped-def]
-    """A pair more, if the place is no farther than `most` metres from site s. Returns: how many pairs there are."""
-    dx, dy, dz = place[0, i] - centre[s, 0], place[1, i] - centre[s, 1], place[2, i] - centre[s, 2]
-    if not dx * dx + dy * dy + dz * dz <= most * most:
-        return count
-    out[0, count], out[1, count] = row[i], s
-    sp, cp, sl, cl = plane[s, 0], plane[s, 1], plane[s, 2], plane[s, 3]
-    off[0, count], off[1, count] = cl * dy - sl * dx, cp * dz - sp * (cl * dx + sl * dy)
-    return count + 1
-
-
-@jit
-def _batch(i, rows, row, place, cell, covariance, sigmas, sites, table, out, off, count):  # type: ignore[no-untyped-def]
-    """The pairs of rows i on, as long as there is room for those of one more. Returns: the row where to go on, how many pairs."""
-    (centre, plane, reach), (key, head, after) = sites, table
-    while i < rows and count + len(centre) <= out.shape[1]:
-        tolerance = 0.0
-        if sigmas > 0.0:
-            tolerance = _tolerance(covariance, row[i], sigmas)
-        if tolerance > SLACK_M:
-            for s in range(len(centre)):
-                most = MARGIN * (reach[s] + tolerance)
-                count = _paired(i, s, most, place, row, centre, plane, out, off, count)
-        else:
-            at = head[_place(cell[i], key)]
-            while at >= 0:
-                s = len(centre) - 1 - at // 27
-                most = MARGIN * (reach[s] + tolerance)
-                count = _paired(i, s, most, place, row, centre, plane, out, off, count)
-                at = after[at]
-        i += 1
-    return i, count
-
-
-@jit
-def _near(low, high, position, covariance, sigmas, sites, cell_m, columns, marks, table):  # type: ignore[no-untyped-def]
-    """Rows low to high: the row and the site of each pair, (2, P), and east and north of the place from the site, (2, P)."""
-    lat_lon, place, cell, row = np.zeros((2, ROWS)), np.empty((3, ROWS)), np.empty(ROWS, np.int64), np.empty(ROWS, np.int64)
-    room, count = 1024 + len(sites[0]), 0
-    out, off = np.empty((2, room), np.int64), np.empty((2, room))
-    while low < high:
-        rows, low = _asking(low, high, position, covariance, sigmas, columns, marks, row)
-        _centred(position, row, rows, cell_m, lat_lon, place, cell)
-        i = 0
-        while True:
-            i, count = _batch(i, rows, row, place, cell, covariance, sigmas, sites, table, out, off, count)
-            if i == rows:
+def _in_any_range(low, high, position, coverage, out):  # type: ignore[no-untyped-def]
+    site, start, row = coverage
+    for v in range(low, high):
+        lat, lon = position[v, 0], position[v, 1]
+        cell, located = _cell(lat, lon), False
+        x = y = z = 0.0
+        out[v] = False
+        if cell < 0:
+            continue
+        for k in range(start[cell], start[cell + 1]):
+            s = site[row[k]]
+            if not _in_box(s, lat, lon):
+                continue
+            if not located:
+                (x, y, z), located = to_ecef(lat, lon), True
+            if _within(s, x, y, z, 0.0)[0]:
+                out[v] = True
                 break
-            out, off = np.concatenate((out, out), axis=1), np.concatenate((off, off), axis=1)
-    return out[:, :count].copy(), off[:, :count].copy()
 
 
-def near_sites(
-    position_deg: Floats, site_deg: Floats, reach_m: Floats, covariance: Floats = NOWHERE, sigmas: float = 0.0
-) -> tuple[Ints, Ints, Floats]:
-    """Pairs of a place and a site that are no farther apart than the reach of the site, and so many standard deviations of the place.
+def in_any_range(coverage: Coverage, position_deg: Floats) -> Bools:
+    """Whether each position is within range of any sensor. Args: position_deg: (V, 2). Returns: (V,)."""
+    out = np.empty(len(position_deg), np.bool_)
+    in_blocks(_in_any_range, len(out), np.ascontiguousarray(position_deg), coverage, out)
+    return out
 
-    None is left out; some are a thousandth of the reach too far.
-    Args: position_deg: (V, 2); site_deg: (S, 2); reach_m: (S,); covariance: (V, 4, 4), not looked at where sigmas is 0; NaN: known exactly.
-    Returns: (P,) rows of places and (P,) sites, sorted; (P, 2) metres east and north of the place in the tangent plane at the site.
+
+@jit
+def _compared(low, high, position, tolerance, coverage):  # type: ignore[no-untyped-def]
+    """Pairs of positions low to high and sensors that may be in range: (C,) rows, (C,) sensors."""
+    site, start, row = coverage
+    of, sensor, count = np.empty(high - low, np.int64), np.empty(high - low, np.int64), 0
+    for v in range(low, high):
+        lat, lon, every = position[v, 0], position[v, 1], tolerance[v] > SLACK_M
+        cell = _cell(lat, lon)
+        first, last = (0, len(site)) if every else (start[cell], start[cell + 1]) if cell >= 0 else (0, 0)
+        if count + last - first > len(of):
+            of, sensor = np.concatenate((of, of, of)), np.concatenate((sensor, sensor, sensor))
+        for k in range(first, last):
+            s = k if every else row[k]
+            of[count], sensor[count] = v, s
+            count += every or _in_box(site[s], lat, lon)
+    return of[:count], sensor[:count]
+
+
+@jit
+def _pairs_in_range(low, high, position, tolerance, coverage):  # type: ignore[no-untyped-def]
+    """Pairs of positions low to high: (P,) rows, (P,) sensors, (P, 2) east and north."""
+    of, sensor = _compared(low, high, position, tolerance, coverage)
+    site, offset, count = coverage[0], np.empty((len(of), 2)), 0
+    for k in range(len(of)):
+        v = of[k]
+        x, y, z = to_ecef(position[v, 0], position[v, 1])
+        inside, east, north = _within(site[sensor[k]], x, y, z, tolerance[v])
+        of[count], sensor[count], offset[count, 0], offset[count, 1] = v, sensor[k], east, north
+        count += inside
+    return of[:count], sensor[:count], offset[:count]
+
+
+def pairs_in_range(site_deg: Floats, range_m: Floats, position_deg: Floats, tolerance_m: Floats) -> tuple[Ints, Ints, Floats]:
+    """Pairs of a position and a sensor that are no farther apart than its range and the tolerance of the position.
+
+    Args: site_deg: (R, 2); range_m: (R,); position_deg: (V, 2); tolerance_m: (V,).
+    Returns: (P,) rows of positions and (P,) sensors, sorted; (P, 2) metres east and north of the position from the sensor.
     """
-    if len(site_deg) == 0 or len(position_deg) == 0:
-        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2))
-    centre = ecef_of_rows(site_deg, np.arange(len(site_deg)))
-    most_m = MARGIN * (reach_m + SLACK_M)
-    cell_m, marks = float(most_m.max()), np.zeros(MARKS, np.bool_)
-    columns = min(max(int(4.0 * np.pi * SHORTEST_RADIUS / cell_m), 8), MOST_COLUMNS)
-    _marked(site_deg, most_m, columns, marks)
-    size = 1 << int(4 * 27 * len(centre)).bit_length()
-    key, head, after = np.full(size, -1, np.int64), np.full(size, -1, np.int64), np.empty(27 * len(centre), np.int64)
-    _entered(centre, cell_m, key, head, after)
-    plane = np.column_stack([f(np.radians(site_deg[:, k])) for k in range(2) for f in (np.sin, np.cos)])
-    sites, table = (centre, plane, reach_m), (key, head, after)
-    asked = np.ascontiguousarray(position_deg), covariance, sigmas, sites, cell_m, columns, marks, table
-    pairs, off = zip(*in_blocks(_near, len(position_deg), *asked), strict=True)
-    row, site = np.concatenate(pairs, axis=1)
-    return row, site, np.ascontiguousarray(np.concatenate(off, axis=1).T)
+    coverage = coverage_of(site_deg, range_m, SLACK_M)
+    found = in_blocks(_pairs_in_range, len(position_deg), np.ascontiguousarray(position_deg), tolerance_m, coverage)
+    of, sensor, offset = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    return of, sensor, offset
