@@ -16,8 +16,8 @@ from coastwatch.geodesy import NAUTICAL_MILE_M, scale_m_deg, wrap_deg
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.scenario import Area, Scenario
 from coastwatch.scenario.sites import Radar, Sonar, Station
-from coastwatch.sensors.ais_table import AisColumns
-from coastwatch.sensors.tables import BearingColumns, PlotColumns
+from coastwatch.sensors.recorded.ais_table import AisColumns
+from coastwatch.sensors.recorded.tables import BearingColumns, PlotColumns
 
 LOOK_BYTES = 65_536
 SENTENCE = re.compile(rb"[!$][A-Z]{2}VD[MO],")

@@ -1,15 +1,15 @@
-"""Where reports come from: the union of feeds. A scenario's `input.method` chooses one."""
+"""The feeds: sources of reports. A scenario's `input.method` chooses one of the union `Feed`."""
 
 from typing import Annotated
 
 from pydantic import Field
 
-from coastwatch.sensors.ais_table import AisTable
-from coastwatch.sensors.autoferry import Autoferry
-from coastwatch.sensors.nmea import Nmea
-from coastwatch.sensors.simulated import Simulated
-from coastwatch.sensors.solent import Solent
-from coastwatch.sensors.tables import Tables
+from coastwatch.sensors.recorded.ais_table import AisTable
+from coastwatch.sensors.recorded.autoferry import Autoferry
+from coastwatch.sensors.recorded.nmea import Nmea
+from coastwatch.sensors.recorded.solent import Solent
+from coastwatch.sensors.recorded.tables import Tables
+from coastwatch.sensors.simulated.simulation import Simulated
 
 Feed = Annotated[Simulated | Nmea | AisTable | Tables | Autoferry | Solent, Field(discriminator="method")]
 

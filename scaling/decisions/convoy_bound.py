@@ -17,7 +17,7 @@ from coastwatch.batches import Floats, Ints, RadarReports, Sensors, SourceKind, 
 from coastwatch.geodesy import to_plane, wrap_rad
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.confusion import Confusion, association, count_decisions
-from coastwatch.sensors.radar import along
+from coastwatch.sensors.simulated.radar import interpolated
 from coastwatch.server.timing import Stopwatch
 from coastwatch.stage import in_turn
 
@@ -28,7 +28,7 @@ NEVER = -1e6  # log-likelihood of a ship that is too far off
 
 def log_likelihood(sensors: Sensors, plots: RadarReports, truth: Trajectories, ship: int) -> float:
     """Of these plots if they were of this ship, but for a constant."""
-    at = to_plane(along(truth)(np.full(len(plots), ship), plots.time_s), plots.site_deg)
+    at = to_plane(interpolated(truth)(np.full(len(plots), ship), plots.time_s), plots.site_deg)
     off = (plots.range_m - np.hypot(at[:, 0], at[:, 1])) / sensors.radars.range_sigma_m[plots.sensor]
     turned = wrap_rad(np.radians(plots.azimuth_deg) - np.arctan2(at[:, 0], at[:, 1]))
     turned = turned / sensors.radars.azimuth_sigma_rad[plots.sensor]

@@ -3,7 +3,7 @@
     python scaling/decisions/signatures.py [first seed] [number of seeds]
 
 Positions as good as in bearing_association.py; half of the vessels have AIS, of these 5 % never set their type and 5 % send a wrong
-one; the others are of types as common as in coastwatch/sensors/statics.py. A look draws a class as SonarTruth has it.
+one; the others are of types as common as in coastwatch/sensors/simulated/static_data.py. A look draws a class as SonarTruth has it.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ import bearing_world as bw
 
 from coastwatch.associations.bearing_likelihood import BearingLikelihood
 from coastwatch.batches import CLASS_OF_TYPE, AisStatics
-from coastwatch.sensors.sonar import SonarTruth, say_class
-from coastwatch.sensors.statics import TYPES
+from coastwatch.sensors.simulated.sonar import SonarTruth, reported_class
+from coastwatch.sensors.simulated.static_data import TYPES
 from coastwatch.spots.octants import OctantSpots
 from coastwatch.stage import in_turn
 from coastwatch.tracks.bearing import BearingWindow
@@ -65,7 +65,7 @@ def run(truth: SonarTruth, associate: BearingLikelihood, seed: int):
     blank, none = np.full(len(has_ais), "", "U7"), np.full(len(has_ais), np.nan)
     statics = AisStatics(np.full(len(has_ais), bw.START_S), has_ais, blank.astype("U20"), blank, sent, none, none)
     rows = np.tile(np.arange(VESSELS), last // 3 + 1)
-    said = say_class(truth, CLASS_OF_TYPE[types], rows, np.random.default_rng([seed, 4])).reshape(-1, VESSELS)
+    said = reported_class(truth, CLASS_OF_TYPE[types], rows, np.random.default_rng([seed, 4])).reshape(-1, VESSELS)
     tracker, spots = BearingWindow(), OctantSpots()
     tm, am, counts = tracker.init(), associate.init(), np.zeros((len(HISTORIES), 4))
     for t in range(3, last + 1, 3):

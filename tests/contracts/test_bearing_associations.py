@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from coastwatch.associations.bearing_likelihood import BearingLikelihood, score_octants
 from coastwatch.associations.bearing_literal import BearingWindowedCovariance, sample_statistic
 from coastwatch.batches import CLASSES, AisStatics, BearingTracks, Picture
-from coastwatch.sensors.sonar import SonarTruth, say_class
+from coastwatch.sensors.simulated.sonar import SonarTruth, reported_class
 from coastwatch.server.checkpoint import load, save
 from coastwatch.spots.octants import OctantSpots
 from coastwatch.stage import Groups, in_turn
@@ -123,7 +123,7 @@ def with_sounds(run: Run, accuracy: float, habit: float = 0.8) -> Run:
     codes = np.array([70, 80, 60, 30, 52, 36, 35])[true[sent]]
     run.statics = AisStatics(np.full(len(sent), bw.START_S), sent, blank.astype("U20"), blank, codes, none, none)
     sonar = SonarTruth(signature_share=1.0, signature_accuracy=accuracy, signature_habit=habit)
-    heard = say_class(sonar, true, np.tile(np.arange(count), 9), rng)
+    heard = reported_class(sonar, true, np.tile(np.arange(count), 9), rng)
     counts = np.zeros((count, CLASSES), np.int64)
     np.add.at(counts, (np.tile(np.arange(count), 9), heard), 1)
 

@@ -10,7 +10,7 @@ import pytest
 from nmea_sentences import ASSUMED, T0, checked, read, sentence, tagged, wire, write
 
 from coastwatch.batches import Radars, Sensors, Sonars, Stations
-from coastwatch.sensors.nmea import Nmea
+from coastwatch.sensors.recorded.nmea import Nmea
 from coastwatch.stage import Plan
 
 

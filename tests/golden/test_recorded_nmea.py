@@ -9,7 +9,7 @@ import pytest
 from nmea_sentences import ASSUMED
 
 from coastwatch.batches import AisReports
-from coastwatch.sensors.nmea import Nmea
+from coastwatch.sensors.recorded.nmea import Nmea
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
 

@@ -11,9 +11,9 @@ import pytest
 
 from coastwatch.batches import Radars, Sensors, Sonars, Stations
 from coastwatch.geodesy import KNOT_M_S, difference_m, to_plane
-from coastwatch.sensors.ais_table import AisTable
-from coastwatch.sensors.radar import along
-from coastwatch.sensors.solent import Solent
+from coastwatch.sensors.recorded.ais_table import AisTable
+from coastwatch.sensors.recorded.solent import Solent
+from coastwatch.sensors.simulated.radar import interpolated
 from coastwatch.stage import Plan
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data" / "solent_ais"
@@ -68,7 +68,7 @@ def test_truth_of_odd_fixes_meets_the_even_ones_as_well_as_the_readme_says() -> 
     plan = Plan(start_s=START_S, period_s=3.0, cycles=1690)
     recording = load(plan=plan)
     ais, truth = recording.reports.ais, recording.truth
-    where = along(truth)
+    where = interpolated(truth)
     row = np.searchsorted(truth.vessel, ais.origin)
     known = (row < len(truth.vessel)) & (truth.vessel[np.minimum(row, len(truth.vessel) - 1)] == ais.origin)
     ais, row = ais.take(known), row[known]
@@ -114,7 +114,7 @@ def test_radars_see_the_truth_with_their_noise_and_clutter() -> None:
     real = radar.take(radar.origin >= 0)
     turns = 600.0 / 3.0 * 2
     assert abs((len(radar) - len(real)) / (turns * 2e-8 * np.pi * RANGE_M**2) - 1.0) < 0.1  # Poisson, 2 000 plots
-    at = along(truth)(np.searchsorted(truth.vessel, real.origin), real.time_s)
+    at = interpolated(truth)(np.searchsorted(truth.vessel, real.origin), real.time_s)
     error = real.range_m - np.hypot(*np.stack([to_plane(p, s) for p, s in zip(at, real.site_deg, strict=True)]).T)
     assert abs(error.std() / 10.0 - 1.0) < 0.05
     assert (np.diff(radar.received_s) >= 0.0).all()

@@ -9,7 +9,7 @@ from scipy.stats import chi2
 
 from coastwatch.batches import Radars, Recording, Sensors, Sonars, Stations
 from coastwatch.geodesy import NAUTICAL_MILE_M, offset_deg
-from coastwatch.sensors.simulated import Simulated
+from coastwatch.sensors.simulated.simulation import Simulated
 from coastwatch.stage import Plan
 
 CENTRE_DEG = np.array([-23.0, -43.1])

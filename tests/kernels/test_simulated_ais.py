@@ -11,9 +11,9 @@ from simulated_world import CENTRE_DEG, LEVEL, START_S, assert_unit_normal, reco
 
 from coastwatch.batches import Stations
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, wrap_deg
-from coastwatch.sensors.ais import AisTruth, carriers, transmit
-from coastwatch.sensors.mmsi import vessel as is_vessel
-from coastwatch.sensors.vessels import VesselMotion, set_out
+from coastwatch.sensors.recorded.ais_validation import is_vessel
+from coastwatch.sensors.simulated.ais import AisTruth, transmit, transponders
+from coastwatch.sensors.simulated.trajectories import VesselMotion, draw_motion
 
 SPAN_S = 180.0
 STEP = 1e-6  # of a quotient that should be whole
@@ -22,8 +22,8 @@ STEP = 1e-6  # of a quotient that should be whole
 def sent(truth, count=200, seed=6, span_s=SPAN_S, stations=None, **motion):
     rng = np.random.default_rng([seed, 98])
     anchor = CENTRE_DEG + rng.uniform(-0.1, 0.1, (count, 2))
-    sailed = set_out(VesselMotion(**motion), anchor, START_S, span_s, seed)
-    who = carriers(truth, count, seed)
+    sailed = draw_motion(VesselMotion(**motion), anchor, START_S, span_s, seed)
+    who = transponders(truth, count, seed)
     reports = transmit(truth, who, stations or Stations.empty(), sailed.state, START_S, START_S + span_s, seed)
     return reports, sailed, who
 
@@ -45,7 +45,7 @@ def test_share_and_fixed_interval():
 
 def test_exactly_half_of_an_even_number_has_ais():
     for seed in range(5):
-        assert len(carriers(AisTruth(), 100, seed).row) == 50
+        assert len(transponders(AisTruth(), 100, seed).row) == 50
 
 
 def test_noise_of_position_and_velocity():
@@ -177,7 +177,7 @@ def test_clones_send_under_the_number_of_another():
 
 
 def test_numbers_are_vessels_numbers_and_unique():
-    who = carriers(AisTruth(share=1.0), 5000, 3)
+    who = transponders(AisTruth(share=1.0), 5000, 3)
     assert len(np.unique(who.mmsi)) == 5000
     assert is_vessel(who.mmsi).all()
     assert ((who.mmsi >= 200_000_000) & (who.mmsi < 800_000_000)).all()
@@ -217,4 +217,4 @@ def test_the_vessels_that_are_named_carry_ais_and_no_other():
     made = recorded(20, ais={"carried_by": [7, 3], "share": 0.5})
     assert set(np.unique(made.reports.ais.origin)) == {3, 7}
     with pytest.raises(ValueError, match="carried_by: got vessel 20, needed numbers below input"):
-        carriers(AisTruth(carried_by=(1, 20)), 20, 1)
+        transponders(AisTruth(carried_by=(1, 20)), 20, 1)

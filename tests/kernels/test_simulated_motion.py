@@ -11,7 +11,7 @@ from scipy.stats import kstest
 from simulated_world import CENTRE_DEG, LEVEL, START_S, assert_unit_normal, recorded, sensors, simulated
 
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m
-from coastwatch.sensors.vessels import KICK_SHARE, VesselMotion, set_out
+from coastwatch.sensors.simulated.trajectories import KICK_SHARE, VesselMotion, draw_motion
 from coastwatch.stage import Plan
 
 SPAN_S = 600.0
@@ -20,7 +20,7 @@ CONVERGENCE_M_S = 4e-3  # north turns by 3e-4 rad over 5 km at 23 degrees south,
 
 
 def sailing(count=300, seed=2, span_s=SPAN_S, **motion):
-    return set_out(VesselMotion(**motion), np.tile(CENTRE_DEG, (count, 1)), START_S, span_s, seed)
+    return draw_motion(VesselMotion(**motion), np.tile(CENTRE_DEG, (count, 1)), START_S, span_s, seed)
 
 
 def states(sailed, elapsed_s):

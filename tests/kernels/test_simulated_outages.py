@@ -7,8 +7,8 @@ import pytest
 from pydantic import ValidationError
 from simulated_world import START_S, recorded
 
-from coastwatch.sensors.ais import AisTruth
-from coastwatch.sensors.radar import RadarTruth
+from coastwatch.sensors.simulated.ais import AisTruth
+from coastwatch.sensors.simulated.radar import RadarTruth
 
 CYCLES = 60  # of 3 s
 

@@ -12,8 +12,8 @@ from simulated_world import CENTRE_DEG, LEVEL, START_S, assert_unit_normal, reco
 
 from coastwatch.batches import Trajectories
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, offset_deg, to_plane, wrap_deg
-from coastwatch.sensors.radar import RadarTruth, along, observe
-from coastwatch.sensors.vessels import VesselMotion, set_out
+from coastwatch.sensors.simulated.radar import RadarTruth, interpolated, observe
+from coastwatch.sensors.simulated.trajectories import VesselMotion, draw_motion
 
 BEAM_S = 1e-5  # the beam time is found by iteration to less than this
 NEAR_M = 300.0  # nearer vessels move through the beam too fast for that
@@ -21,26 +21,26 @@ SPAN_S = 120.0
 QUIET = RadarTruth(noise_factor=0.0)
 
 
-def voyages(count=40, seed=3, **motion):
+def moving(count=40, seed=3, **motion):
     rng = np.random.default_rng([seed, 99])
     anchors = offset_deg(np.tile(CENTRE_DEG, (count, 1)), rng.uniform(-9000.0, 9000.0, (count, 2)))
-    return set_out(VesselMotion(**motion), anchors, START_S, SPAN_S, seed)
+    return draw_motion(VesselMotion(**motion), anchors, START_S, SPAN_S, seed)
 
 
-def seen(truths, sailed=None, seed=5, where=None):
-    sailed = sailed or voyages()
-    who = np.arange(len(sailed.anchor_deg))
-    return observe((where or sensors()).radars, truths, sailed.where, who, START_S, START_S + SPAN_S, seed), sailed
+def seen(truths, vessels=None, seed=5, place=None):
+    vessels = vessels or moving()
+    who = np.arange(len(vessels.anchor_deg))
+    return observe((place or sensors()).radars, truths, vessels.position, who, START_S, START_S + SPAN_S, seed), vessels
 
 
-def from_site(reports, sailed, rows=slice(None)):
-    at = to_plane(sailed.where(reports.origin[rows], reports.time_s[rows]), reports.site_deg[rows])
+def from_site(reports, vessels, rows=slice(None)):
+    at = to_plane(vessels.position(reports.origin[rows], reports.time_s[rows]), reports.site_deg[rows])
     return np.hypot(at[:, 0], at[:, 1]), np.degrees(np.arctan2(at[:, 0], at[:, 1]))
 
 
 def test_a_plot_is_where_the_vessel_was_when_the_beam_passed():
-    reports, sailed = seen((QUIET, QUIET), voyages(circular_weight=1.0, accelerated_weight=1.0))
-    distance, azimuth = from_site(reports, sailed)
+    reports, vessels = seen((QUIET, QUIET), moving(circular_weight=1.0, accelerated_weight=1.0))
+    distance, azimuth = from_site(reports, vessels)
     far = distance > NEAR_M
     assert far.sum() > 500
     np.testing.assert_allclose(reports.range_m[far], distance[far], atol=1e-3)
@@ -55,8 +55,8 @@ def test_a_plot_is_where_the_vessel_was_when_the_beam_passed():
 def test_every_vessel_in_range_is_hit_once_a_turn_also_when_it_crosses_north():
     site = sensors().radars.site_deg[0]
     start = offset_deg(np.tile(site, (2, 1)), np.array([[-30.0, 4000.0], [30.0, 4000.0]]))
-    sailed = set_out(VesselMotion(process_noise="none", speed_from_kn=15.0), start, START_S, SPAN_S, 1)
-    east = dataclasses.replace(sailed, velocity_m_s=np.array([[1.0, 0.0], [-1.0, 0.0]])[:, None] + 0 * sailed.velocity_m_s)
+    vessels = draw_motion(VesselMotion(process_noise="none", speed_from_kn=15.0), start, START_S, SPAN_S, 1)
+    east = dataclasses.replace(vessels, velocity_m_s=np.array([[1.0, 0.0], [-1.0, 0.0]])[:, None] + 0 * vessels.velocity_m_s)
     reports, _ = seen((QUIET, QUIET), east)
     for vessel in (0, 1):
         times = np.sort(reports.time_s[(reports.origin == vessel) & (reports.sensor == 0)])
@@ -65,16 +65,16 @@ def test_every_vessel_in_range_is_hit_once_a_turn_also_when_it_crosses_north():
 
 
 def test_noise_is_that_of_the_specification():
-    reports, sailed = seen((RadarTruth(), RadarTruth(noise_factor=2.0)), voyages(200))
-    distance, azimuth = from_site(reports, sailed)
+    reports, vessels = seen((RadarTruth(), RadarTruth(noise_factor=2.0)), moving(200))
+    distance, azimuth = from_site(reports, vessels)
     factor = np.where(reports.sensor == 0, 1.0, 2.0)
     assert_unit_normal((reports.range_m - distance) / (10.0 * factor))
     assert_unit_normal(wrap_deg(reports.azimuth_deg - azimuth) / (0.3 * factor))
 
 
 def test_detection_probability_and_range():
-    reports, sailed = seen((QUIET, RadarTruth(noise_factor=0.0, detection_probability=0.8)), voyages(200))
-    every, _ = seen((QUIET, QUIET), sailed)
+    reports, vessels = seen((QUIET, RadarTruth(noise_factor=0.0, detection_probability=0.8)), moving(200))
+    every, _ = seen((QUIET, QUIET), vessels)
     assert (reports.range_m <= 6.0 * NAUTICAL_MILE_M).all()
     there, found = ((batch.sensor == 1).sum() for batch in (every, reports))
     low, high = binom.ppf([LEVEL / 2, 1 - LEVEL / 2], there, 0.8)
@@ -86,8 +86,8 @@ def test_detection_probability_and_range():
 def test_clutter_is_poisson_and_even_over_the_disc():
     density, reach = 2e-7, 6.0 * NAUTICAL_MILE_M
     truth = RadarTruth(clutter_per_m2=density)
-    reports, sailed = seen((truth, RadarTruth()))
-    plain, _ = seen((RadarTruth(), RadarTruth()), sailed)
+    reports, vessels = seen((truth, RadarTruth()))
+    plain, _ = seen((RadarTruth(), RadarTruth()), vessels)
     clutter = reports.take(reports.origin == -1)
     low, high = poisson.ppf([LEVEL / 2, 1 - LEVEL / 2], density * np.pi * reach**2 * SPAN_S / 4.0)
     assert low <= len(clutter) <= high
@@ -99,8 +99,8 @@ def test_clutter_is_poisson_and_even_over_the_disc():
 
 def test_biases_and_latency():
     wrong = RadarTruth(range_bias_m=40.0, azimuth_bias_deg=0.5, time_bias_s=1.5, latency_s=0.7)
-    reports, sailed = seen((wrong, wrong))
-    plain, _ = seen((RadarTruth(), RadarTruth()), sailed)
+    reports, vessels = seen((wrong, wrong))
+    plain, _ = seen((RadarTruth(), RadarTruth()), vessels)
     np.testing.assert_allclose(reports.received_s - reports.time_s, 0.7 - 1.5)
     np.testing.assert_allclose(np.sort(reports.time_s), np.sort(plain.time_s) + 1.5)
     assert np.mean(reports.range_m) - np.mean(plain.range_m) == pytest.approx(40.0, abs=1e-6)
@@ -119,11 +119,11 @@ def test_switched_on_and_off():
 
 def test_a_moving_platform_says_where_it_was():
     moving = RadarTruth(noise_factor=0.0, course_deg=90.0, speed_kn=20.0)
-    reports, sailed = seen((moving, QUIET))
+    reports, vessels = seen((moving, QUIET))
     own = reports.take(reports.sensor == 0)
     gone = difference_m(own.site_deg, sensors().radars.site_deg[0])
     np.testing.assert_allclose(gone[:, 0], (own.time_s - START_S) * 20.0 * KNOT_M_S, atol=0.1)
-    np.testing.assert_allclose(own.range_m, from_site(own, sailed)[0], atol=0.01)
+    np.testing.assert_allclose(own.range_m, from_site(own, vessels)[0], atol=0.01)
 
 
 def test_order_and_span():
@@ -134,8 +134,8 @@ def test_order_and_span():
 
 
 def test_absent_vessels_give_no_echo():
-    sailed = voyages(40)
-    entering = dataclasses.replace(sailed, appear_s=np.full(40, 50.0), disappear_s=np.full(40, 80.0))
+    vessels = moving(40)
+    entering = dataclasses.replace(vessels, appear_s=np.full(40, 50.0), disappear_s=np.full(40, 80.0))
     reports, _ = seen((RadarTruth(), RadarTruth()), entering)
     assert len(reports) > 100
     assert (reports.time_s - START_S).min() >= 50.0
@@ -143,12 +143,12 @@ def test_absent_vessels_give_no_echo():
 
 
 def test_sampled_trajectories_serve_as_well():
-    sailed = voyages(20, process_noise="none")
-    sampled = sailed.sampled(START_S + np.arange(-10.0, SPAN_S + 10.0, 1.0))
+    vessels = moving(20, process_noise="none")
+    sampled = vessels.sampled(START_S + np.arange(-10.0, SPAN_S + 10.0, 1.0))
     always = dataclasses.replace(sampled, present=np.ones_like(sampled.present))
     who = np.arange(20)
-    a = observe(sensors().radars, (QUIET, QUIET), along(always), who, START_S, START_S + SPAN_S, 5)
-    b, _ = seen((QUIET, QUIET), sailed)
+    a = observe(sensors().radars, (QUIET, QUIET), interpolated(always), who, START_S, START_S + SPAN_S, 5)
+    b, _ = seen((QUIET, QUIET), vessels)
     assert len(a) == len(b)
     np.testing.assert_allclose(a.range_m, b.range_m, atol=0.02)
 
@@ -167,7 +167,7 @@ def test_along_is_absent_between_samples_of_which_one_is():
         turn_rate_rad_s=np.zeros(1),
         acceleration_m_s2=np.zeros((1, 2)),
     )
-    got = along(path)(np.zeros(4, np.int64), np.array([5.0, 15.0, -1.0, 21.0]))
+    got = interpolated(path)(np.zeros(4, np.int64), np.array([5.0, 15.0, -1.0, 21.0]))
     np.testing.assert_allclose(got[0], [0.0, 179.5])
     assert np.isnan(got[1:]).all()
 

@@ -1,9 +1,9 @@
-"""Files of one's own: radar plots and bearings in tables, with AIS tables and raw NMEA, merged in order of arrival."""
+"""The feed `tables`: radar plots and bearings in tables, with AIS tables and NMEA files, merged in order of arrival."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import AwareDatetime, Field, model_validator
@@ -22,17 +22,15 @@ from coastwatch.batches import (
     Sonars,
 )
 from coastwatch.geodesy import NAUTICAL_MILE_M, to_plane
-from coastwatch.sensors.ais_rows import HIGHEST_LATITUDE, LATITUDE, LONGITUDE, AisIntake
-from coastwatch.sensors.ais_table import EMPTY_CELL, AisColumns, AisTable, good_cells
-from coastwatch.sensors.arrival import arrive
-from coastwatch.sensors.faults import Tally
-from coastwatch.sensors.nmea import Nmea, span_heard
-from coastwatch.sensors.places import fingerprint
-from coastwatch.sensors.recording import by_arrival, recording
+from coastwatch.sensors.recorded.ais_table import EMPTY_CELL, AisColumns, AisTable, good_cells
+from coastwatch.sensors.recorded.ais_validation import HIGHEST_LATITUDE, LATITUDE, LONGITUDE, AisIntake
+from coastwatch.sensors.recorded.faults import Tally
+from coastwatch.sensors.recorded.file_locations import fingerprint
+from coastwatch.sensors.recorded.merging import by_arrival, recording
+from coastwatch.sensors.recorded.nmea import Nmea, span_of_nmea
+from coastwatch.sensors.recorded.reception_time import reception_times
+from coastwatch.sensors.recorded.table_reader import Table, read_table
 from coastwatch.stage import Method, Plan, Settings
-
-if TYPE_CHECKING:
-    from coastwatch.sensors.cells import Table
 
 UNKNOWN_RADAR, UNKNOWN_SONAR = "unknown radar", "unknown sonar"
 RANGE = "range out of range"
@@ -61,51 +59,53 @@ BEARINGS: dict[str, tuple[str, ...]] = TIMES | {
 
 
 class PlotColumns(Settings):
-    """Which column of a table of plots is what; one that is not named is looked for by its usual names."""
+    """Names of the columns of a table of plots; a column without a setting is found by its usual names."""
 
     time: str | None = None  # of the beam
     received: str | None = None  # time of arrival; none: as `time`
-    radar: str | None = None  # name of the radar in the scenario; one radar alone need not be named
+    radar: str | None = None  # name of the radar in the scenario; not needed for a single radar
     range_m: str | None = None  # m
     range_nm: str | None = None  # instead of `range_m`
     azimuth: str | None = None  # deg true
     latitude: str | None = None  # deg, of the plot, instead of range and azimuth
     longitude: str | None = None  # deg, of the plot, instead of range and azimuth
-    site_latitude: str | None = None  # deg, of the antenna, where it moves
-    site_longitude: str | None = None  # deg, of the antenna, where it moves
+    site_latitude: str | None = None  # deg, of the antenna, if it moves
+    site_longitude: str | None = None  # deg, of the antenna, if it moves
 
 
 class BearingColumns(Settings):
-    """Which column of a table of bearings is what; one that is not named is looked for by its usual names."""
+    """Names of the columns of a table of bearings; a column without a setting is found by its usual names."""
 
     time: str | None = None  # of the bearing
     received: str | None = None  # time of arrival; none: as `time`
-    sonar: str | None = None  # name of the sonar in the scenario; one sonar alone need not be named
+    sonar: str | None = None  # name of the sonar in the scenario; not needed for a single sonar
     bearing: str | None = None  # deg true
     contact: str | None = None  # the sensor's own track number
-    signature: str | None = None  # number of the VesselClass by its sound, coastwatch/batches/classes.py; others are none
-    site_latitude: str | None = None  # deg, of the sensor, where it moves
-    site_longitude: str | None = None  # deg, of the sensor, where it moves
+    signature: str | None = (
+        None  # number of the VesselClass by its sound, coastwatch/batches/classes.py; other values count as none
+    )
+    site_latitude: str | None = None  # deg, of the sensor, if it moves
+    site_longitude: str | None = None  # deg, of the sensor, if it moves
 
 
 class Tables(Method):
-    """Recorded files of any sensors. Settings: see README.md of this folder."""
+    """Recorded files of any sensors. Settings: coastwatch/sensors/recorded/README.md."""
 
     method: Literal["tables"] = "tables"
-    plots: tuple[Path, ...] = ()
-    bearings: tuple[Path, ...] = ()
-    ais: tuple[Path, ...] = ()
-    nmea: tuple[Path, ...] = ()
-    plot_columns: PlotColumns = PlotColumns()
-    bearing_columns: BearingColumns = BearingColumns()
-    ais_columns: AisColumns = AisColumns()
-    time_format: str = "auto"
-    separator: Annotated[str, Field(min_length=1, max_length=1)] = ","
-    speed_unit: Literal["kn", "m/s", "km/h"] = "kn"
-    assume_start_utc: AwareDatetime | None = None  # of NMEA files without any time
-    assume_interval_s: Annotated[float, Field(ge=0.0)] = 0.1
-    drop_own_ship: bool = False
-    intake: AisIntake = AisIntake()
+    plots: tuple[Path, ...] = ()  # tables of radar plots, CSV or Parquet
+    bearings: tuple[Path, ...] = ()  # tables of bearings
+    ais: tuple[Path, ...] = ()  # tables of decoded AIS
+    nmea: tuple[Path, ...] = ()  # files of NMEA 0183
+    plot_columns: PlotColumns = PlotColumns()  # names of the columns
+    bearing_columns: BearingColumns = BearingColumns()  # names of the columns
+    ais_columns: AisColumns = AisColumns()  # names of the columns
+    time_format: str = "auto"  # Unix time in s, ms, us or ns, or a written date; else a pattern of strptime; UTC without a zone
+    separator: Annotated[str, Field(min_length=1, max_length=1)] = ","  # between the cells of a CSV file
+    speed_unit: Literal["kn", "m/s", "km/h"] = "kn"  # of the column of SOG
+    assume_start_utc: AwareDatetime | None = None  # time of the first sentence of NMEA files without any time
+    assume_interval_s: Annotated[float, Field(ge=0.0)] = 0.1  # between their messages
+    drop_own_ship: bool = False  # of NMEA files: leave out VDO, and VDM of the same MMSI
+    intake: AisIntake = AisIntake()  # which records are accepted
 
     @model_validator(mode="after")
     def _has_files(self) -> Self:
@@ -114,7 +114,7 @@ class Tables(Method):
         return self
 
     def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
-        """The recording: all that the files say, each kind in order of arrival, and what was refused.
+        """The reports of all files, each kind in order of arrival, and the faults.
 
         Raises: FileNotFoundError, OSError or ValueError that names the file.
         """
@@ -125,28 +125,26 @@ class Tables(Method):
         bearing = by_arrival(
             [BearingReports.empty(), *(_bearings(self, p, sensors.sonars, tally) for p, _, _ in fingerprint(self.bearings))]
         )
-        heard = [feed.read() for feed in self._ais_feeds()]
-        faults = tuple(f for _, _, some in heard for f in some) + tally.faults()
-        if not heard:
+        parts = [feed.read() for feed in self._ais_feeds()]
+        faults = tuple(f for _, _, some in parts for f in some) + tally.faults()
+        if not parts:
             return recording(radar=radar, bearing=bearing, faults=faults)
-        ais, statics = by_arrival([h[0] for h in heard]), by_arrival([h[1] for h in heard])
+        ais, statics = by_arrival([h[0] for h in parts]), by_arrival([h[1] for h in parts])
         return recording(radar, ais, statics, bearing, faults=faults)
 
     def span(self) -> tuple[float, float]:
         """Whole seconds before the first and after the last time of reception.
 
-        Raises: ValueError where no record can be used.
+        Raises: ValueError if no record is usable.
         """
-        from coastwatch.sensors.cells import read_table
-
         tally = Tally()
         received: list[Floats] = []
         for files, times in ((self.plots, self.plot_columns), (self.bearings, self.bearing_columns)):
             for path, _, _ in fingerprint(files):
                 received.append(_received(self, read_table(path, self.separator, Tally()), times, tally))
-        heard = [feed.read() for feed in self._ais_feeds()]
-        faults = tuple(f for _, _, some in heard for f in some) + tally.faults()
-        return span_heard(*received, *(part.received_s for h in heard for part in h[:2]), faults=faults)
+        parts = [feed.read() for feed in self._ais_feeds()]
+        faults = tuple(f for _, _, some in parts for f in some) + tally.faults()
+        return span_of_nmea(*received, *(part.received_s for h in parts for part in h[:2]), faults=faults)
 
     def _ais_feeds(self) -> list[AisTable | Nmea]:
         feeds: list[AisTable | Nmea] = []
@@ -175,7 +173,7 @@ class Tables(Method):
 
 
 def _received(settings: Tables, table: Table, columns: PlotColumns | BearingColumns, tally: Tally) -> Floats:
-    """When the rows of a table that have a time arrived."""
+    """Reception times of the rows of a table that have a time."""
     time, _ = table.times(table.need(columns.time, TIMES["time"]), settings.time_format)
     received, _ = table.times(table.find(columns.received, TIMES["received"]), settings.time_format)
     stamp = np.where(np.isnan(received), time, received)
@@ -183,17 +181,15 @@ def _received(settings: Tables, table: Table, columns: PlotColumns | BearingColu
 
 
 def _arrived(table: Table, stamp: Floats, intake: AisIntake, tally: Tally) -> tuple[Array, Floats]:
-    """The rows whose time is believed, in order of arrival, and when they arrived."""
+    """The rows whose time is accepted, in order of arrival, and their reception times."""
     order = np.argsort(stamp, kind="stable") if intake.order == "time" else np.arange(len(stamp))
-    arrived = arrive(stamp[order], intake.lateness_s, intake.longest_silence_s)
+    arrived = reception_times(stamp[order], intake.lateness_s, intake.longest_silence_s)
     for kind, mask in arrived.faults.items():
-        tally.add_rows(kind, mask, lambda i: table.place(int(order[i])), lambda i: table.example(int(order[i])))
-    return order[arrived.believed], arrived.received_s[arrived.believed]
+        tally.add_rows(kind, mask, lambda i: table.location(int(order[i])), lambda i: table.example(int(order[i])))
+    return order[arrived.accepted], arrived.received_s[arrived.accepted]
 
 
 def _plots(settings: Tables, path: Path, radars: Radars, tally: Tally) -> RadarReports:
-    from coastwatch.sensors.cells import read_table
-
     table = read_table(path, settings.separator, tally)
     column = {key: table.find(getattr(settings.plot_columns, key), names) for key, names in PLOTS.items()}
     polar = (column["range_m"] or column["range_nm"]) is not None and column["azimuth"] is not None
@@ -206,7 +202,7 @@ def _plots(settings: Tables, path: Path, radars: Radars, tally: Tally) -> RadarR
     range_m, azimuth_deg = _polar(values, site, polar)
     good = sensor >= 0
     for kind, mask in _plot_faults(values, range_m, azimuth_deg, polar).items():
-        tally.add_rows(kind, good & mask, table.place, table.example)
+        tally.add_rows(kind, good & mask, table.location, table.example)
         good &= ~mask
     stamp = np.where(np.isnan(values["received"]), values["time"], values["received"])[good]
     kept = np.flatnonzero(good)
@@ -240,8 +236,6 @@ def _plot_faults(values: dict[str, Floats], range_m: Floats, azimuth_deg: Floats
 
 
 def _bearings(settings: Tables, path: Path, sonars: Sonars, tally: Tally) -> BearingReports:
-    from coastwatch.sensors.cells import read_table
-
     table = read_table(path, settings.separator, tally)
     column = {key: table.find(getattr(settings.bearing_columns, key), names) for key, names in BEARINGS.items()}
     for key in ("time", "bearing"):
@@ -250,7 +244,7 @@ def _bearings(settings: Tables, path: Path, sonars: Sonars, tally: Tally) -> Bea
     sensor = _sensors(table, column["sonar"], sonars.name, UNKNOWN_SONAR, tally)
     wrong = np.abs(values["bearing"]) > 360.0
     good = (sensor >= 0) & ~wrong
-    tally.add_rows(AZIMUTH, (sensor >= 0) & wrong, table.place, table.example)
+    tally.add_rows(AZIMUTH, (sensor >= 0) & wrong, table.location, table.example)
     stamp = np.where(np.isnan(values["received"]), values["time"], values["received"])[good]
     kept = np.flatnonzero(good)
     rows, received = _arrived(table.at(good), stamp, settings.intake, tally)
@@ -267,29 +261,31 @@ def _bearings(settings: Tables, path: Path, sonars: Sonars, tally: Tally) -> Bea
     )
 
 
-def _signatures(said: Floats) -> Ints:
-    """The class that each cell says, -1 where it says none."""
-    whole = np.isin(said, np.arange(CLASSES))
-    return np.where(whole, np.where(whole, said, -1.0), -1.0).astype(np.int64)
+def _signatures(cells: Floats) -> Ints:
+    """The class in each cell, -1 for none."""
+    whole = np.isin(cells, np.arange(CLASSES))
+    return np.where(whole, np.where(whole, cells, -1.0), -1.0).astype(np.int64)
 
 
 def _sensors(table: Table, column: str | None, names: Array, kind: str, tally: Tally) -> Ints:
-    """The number of the sensor of each row, -1 where its name is not known; a lone sensor need not be named."""
+    """The number of the sensor of each row, -1 for an unknown name. A single sensor needs no name."""
     if column is None and len(names) == 1:
         return np.zeros(len(table), np.int64)
     if column is None:
-        tally.add_rows(EMPTY_CELL, np.ones(len(table), np.bool_), table.place, table.example)
+        tally.add_rows(EMPTY_CELL, np.ones(len(table), np.bool_), table.location, table.example)
         return np.full(len(table), -1, np.int64)
-    said, number = np.unique(np.array(table.texts(column), "U"), return_inverse=True)
+    names_found, number = np.unique(np.array(table.texts(column), "U"), return_inverse=True)
     known = {str(n): i for i, n in enumerate(names)}
-    out = np.array([known.get(str(n), -1) for n in said], np.int64)[number]
-    tally.add_rows(kind, out < 0, lambda i: table.place(i, column), lambda i: f"{said[number[i]]!s}, known: {sorted(known)}")
+    out = np.array([known.get(str(n), -1) for n in names_found], np.int64)[number]
+    tally.add_rows(
+        kind, out < 0, lambda i: table.location(i, column), lambda i: f"{names_found[number[i]]!s}, known: {sorted(known)}"
+    )
     return out
 
 
 def _sites(values: dict[str, Floats], of_sensor: Floats, sensor: Ints) -> Floats:
-    """Where the sensor of each row was: as the row says, else as the scenario says."""
+    """Position of the sensor of each row: from the row, else from the scenario."""
     if not len(of_sensor):
         return np.full((len(sensor), 2), np.nan)
-    said = np.stack([values["site_latitude"], values["site_longitude"]], axis=-1)
-    return np.where(np.isfinite(said).all(axis=1, keepdims=True), said, of_sensor[np.maximum(sensor, 0)])
+    in_row = np.stack([values["site_latitude"], values["site_longitude"]], axis=-1)
+    return np.where(np.isfinite(in_row).all(axis=1, keepdims=True), in_row, of_sensor[np.maximum(sensor, 0)])

@@ -1,4 +1,4 @@
-"""What sensors of bearings would report of vessels that move as given: `listen`."""
+"""Simulated bearing sensors: `listen` makes their reports from the true positions of vessels."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from pydantic import Field, model_validator
 from coastwatch.batches import CLASSES, BearingReports, Floats, Ints, Sonars
 from coastwatch.geodesy import to_plane
 from coastwatch.kernels.bearings.signatures import check_confusion, even_confusion
-from coastwatch.sensors.radar import Where
-from coastwatch.sensors.vessels import Share
+from coastwatch.sensors.simulated.radar import PositionAt
+from coastwatch.sensors.simulated.trajectories import Share
 from coastwatch.stage import Settings
 
 PHASE, NOISE, DETECTION, CONTACTS, SIGNATURES = (
@@ -21,27 +21,27 @@ PHASE, NOISE, DETECTION, CONTACTS, SIGNATURES = (
     43,
     44,
     45,
-)  # streams of random numbers: a change of one leaves the others
+)  # streams of random numbers: a change of one does not change the others
 
 
 Matrix = tuple[tuple[Share, ...], ...]
 
 
 class SonarTruth(Settings):
-    """What a simulated sensor of bearings does beyond its specification."""
+    """How a simulated bearing sensor departs from its specification."""
 
-    name: str = ""  # of the sensor in [[sonars]]; empty in [input.sonar], which is of all that are not named
-    miss_probability: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0  # of a vessel in range and arc, each time
-    noise_factor: Annotated[float, Field(ge=0.0, le=100.0)] = 1.0  # real noise over that of the specification
+    name: str = (
+        ""  # of the sensor in [[sonars]]; empty in [input.sonar], which is for all sensors without an entry of their own
+    )
+    miss_probability: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0  # of a vessel in range and arc, per bearing
+    noise_factor: Annotated[float, Field(ge=0.0, le=100.0)] = 1.0  # true noise divided by the specified noise
     bias_deg: Annotated[float, Field(ge=-180.0, le=180.0)] = 0.0  # added to every bearing
     latency_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 0.0  # from the bearing to the arrival of the report
-    numbered: bool = True  # contacts have numbers of the sensor's own
-    signature_share: Share = 0.0  # of the reports say a class of vessel, by its sound
-    signature_accuracy: Share = 0.7  # of these are right; the other classes are said equally often
-    signature_confusion: Matrix = ()  # instead: a row for each true class, in it how often each class is said
-    signature_habit: Share = (
-        0.8  # of these repeat the one answer that the sensor is used to give for this vessel, right or wrong
-    )
+    numbered: bool = True  # contacts have track numbers of the sensor
+    signature_share: Share = 0.0  # of the reports name a class of vessel, by its sound
+    signature_accuracy: Share = 0.7  # of these are right; the other classes are equally frequent
+    signature_confusion: Matrix = ()  # confusion matrix instead of the accuracy: a row per true class with the share of each reported class
+    signature_habit: Share = 0.8  # of these repeat the sensor's usual answer for this vessel, right or wrong
 
     @model_validator(mode="after")
     def _confusion_is_a_matrix(self) -> Self:
@@ -49,7 +49,7 @@ class SonarTruth(Settings):
         return self
 
     def confusion(self) -> Floats:
-        """How often each class is said of each. (C, C) true, said."""
+        """Share of each reported class. (C, C) true class, reported class."""
         return (
             np.array(self.signature_confusion) if self.signature_confusion else even_confusion(self.signature_accuracy, CLASSES)
         )
@@ -58,17 +58,17 @@ class SonarTruth(Settings):
 def listen(
     sonars: Sonars,
     truths: Sequence[SonarTruth],
-    where: Where,
+    position_at: PositionAt,
     vessel: Ints,
     vessel_class: Ints,
     start_s: float,
     stop_s: float,
     seed: int,
 ) -> BearingReports:
-    """Bearings between two times, in order of arrival. A sensor takes all bearings at one instant, at a random phase.
+    """Bearings between two times, in order of arrival. A sensor measures all bearings at one instant, at a random phase.
 
-    Args: sonars: by specification (R); truths: one a sensor; where: as in coastwatch/sensors/radar.py; vessel: (V,) what
-    becomes `origin`; vessel_class: (V,) VesselClass, -1 of one that sounds like none.
+    Args: sonars: specifications (R); truths: one per sensor; position_at: as in `radar`; vessel: (V,) becomes `origin`;
+    vessel_class: (V,) VesselClass, -1 for none.
     """
     parts = []
     for r, truth in enumerate(truths):
@@ -78,7 +78,7 @@ def listen(
         interval = float(sonars.interval_s[r])
         times = start_s + (phase.random() + np.arange(int(np.ceil((stop_s - start_s) / interval)))) * interval
         row, time = np.tile(np.arange(len(vessel)), len(times)), np.repeat(times, len(vessel))
-        at = to_plane(where(row, time), sonars.site_deg[r])
+        at = to_plane(position_at(row, time), sonars.site_deg[r])
         bearing = np.degrees(np.arctan2(at[:, 0], at[:, 1]))
         arc = float(sonars.arc_to_deg[r] - sonars.arc_from_deg[r])
         in_arc = (bearing - sonars.arc_from_deg[r]) % 360.0 <= (arc % 360.0 if abs(arc) < 360.0 else 360.0)
@@ -95,7 +95,7 @@ def listen(
                 bearing_deg=measured % 360.0,
                 contact=number[row],
                 site_deg=np.tile(sonars.site_deg[r], (len(row), 1)),
-                signature=say_class(truth, vessel_class, row, np.random.default_rng([seed, SIGNATURES, r])),
+                signature=reported_class(truth, vessel_class, row, np.random.default_rng([seed, SIGNATURES, r])),
                 origin=vessel[row],
             ).take(seen)
         )
@@ -103,17 +103,17 @@ def listen(
     return joined.take(np.lexsort((joined.contact, joined.sensor, joined.received_s)))
 
 
-def say_class(truth: SonarTruth, vessel_class: Ints, row: Ints, rng: np.random.Generator) -> Ints:
-    """What is said of the class of the vessel in each of these rows, -1 where nothing is. Args: vessel_class: (V,); row: (M,)."""
+def reported_class(truth: SonarTruth, vessel_class: Ints, row: Ints, rng: np.random.Generator) -> Ints:
+    """The class that each report names, -1 for none. Args: vessel_class: (V,) true; row: (M,) vessel of each report."""
     if truth.signature_share == 0.0:
         return np.full(len(row), -1, np.int64)
     least = np.cumsum(truth.confusion(), axis=1)[vessel_class]
     habit = _drawn(least, rng.random(len(vessel_class)))
-    told, repeated, draw = (rng.random(len(row)) for _ in range(3))
-    said = np.where(repeated < truth.signature_habit, habit[row], _drawn(least[row], draw))
-    return np.where((told < truth.signature_share) & (vessel_class[row] >= 0), said, -1)
+    has_class, repeated, draw = (rng.random(len(row)) for _ in range(3))
+    reported = np.where(repeated < truth.signature_habit, habit[row], _drawn(least[row], draw))
+    return np.where((has_class < truth.signature_share) & (vessel_class[row] >= 0), reported, -1)
 
 
 def _drawn(cumulative: Floats, uniform: Floats) -> Ints:
-    """The class that a uniform number falls on. Args: (M, C) rising to 1, (M,). Returns: (M,)."""
+    """The class that a uniform number selects. Args: (M, C) rising to 1, (M,). Returns: (M,)."""
     return np.asarray(np.minimum((cumulative <= uniform[:, None]).sum(axis=1), CLASSES - 1), np.int64)

@@ -1,4 +1,4 @@
-"""Raw NMEA 0183: AIVDM and AIVDO of any talker, with or without tag blocks, receive times and clock sentences."""
+"""The feed `nmea`: AIVDM and AIVDO sentences with or without tag blocks, reception times and clock sentences."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ import numpy as np
 from pydantic import AwareDatetime, Field
 
 from coastwatch.batches import AisReports, AisStatics, Fault, Floats, Recording, Sensors
-from coastwatch.sensors.ais_rows import AisIntake, AisRows, StaticRows, accept
-from coastwatch.sensors.faults import SET_ASIDE, Tally
-from coastwatch.sensors.messages import PositionRow, StaticRow, rows_of, whole
-from coastwatch.sensors.places import Fingerprint, fingerprint
-from coastwatch.sensors.recording import ais_recording, by_arrival, span_of
-from coastwatch.sensors.sentences import heard
+from coastwatch.sensors.recorded.ais_messages import PositionRow, StaticRow, rows_of, whole
+from coastwatch.sensors.recorded.ais_validation import AisIntake, AisRows, StaticRows, accept
+from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
+from coastwatch.sensors.recorded.file_locations import Fingerprint, fingerprint
+from coastwatch.sensors.recorded.merging import ais_recording, by_arrival, span_of
+from coastwatch.sensors.recorded.nmea_sentences import ais_sentences
 from coastwatch.stage import Method, Plan
 
 TIME_MISSING = "time missing"
@@ -27,23 +27,23 @@ TIME_OF_NEIGHBOUR = SET_ASIDE + "time missing, that of its neighbour taken"
 OWN_SHIP = SET_ASIDE + "own ship"
 CUT_FILE = "file cut short"
 
-REMEDY = "--set input.assume_start_utc=2026-07-01T12:00:00Z says when the first sentence was heard"
+REMEDY = "--set input.assume_start_utc=2026-07-01T12:00:00Z sets the time of the first sentence"
 
 GZIP_MAGIC = b"\x1f\x8b"
 
 
 class Nmea(Method):
-    """AIS from files of NMEA 0183 sentences. Settings: see README.md of this folder."""
+    """AIS from files of NMEA 0183 sentences. Settings: coastwatch/sensors/recorded/README.md."""
 
     method: Literal["nmea"] = "nmea"
-    files: Annotated[tuple[Path, ...], Field(min_length=1)]
-    assume_start_utc: AwareDatetime | None = None  # when the first sentence was heard, where no line says a time
-    assume_interval_s: Annotated[float, Field(ge=0.0)] = 0.1  # from one message to the next, where no line says a time
-    drop_own_ship: bool = False  # VDO, and VDM of the same MMSI
-    intake: AisIntake = AisIntake()
+    files: Annotated[tuple[Path, ...], Field(min_length=1)]  # each in order of arrival; compressed (gzip) or not
+    assume_start_utc: AwareDatetime | None = None  # time of the first sentence, if no line has a time
+    assume_interval_s: Annotated[float, Field(ge=0.0)] = 0.1  # between messages, if no line has a time
+    drop_own_ship: bool = False  # leave out VDO, and VDM of the same MMSI
+    intake: AisIntake = AisIntake()  # which records are accepted
 
     def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
-        """The recording: AIS reports and static data of all files in order of arrival, and what was refused.
+        """AIS reports and static data of all files in order of arrival, and the faults.
 
         Raises: FileNotFoundError or OSError that names the file.
         """
@@ -52,24 +52,24 @@ class Nmea(Method):
     def span(self) -> tuple[float, float]:
         """Whole seconds before the first and after the last time of reception.
 
-        Raises: ValueError where no record can be used.
+        Raises: ValueError if no record is usable.
         """
         reports, statics, faults = self.read()
-        return span_heard(reports.received_s, statics.received_s, faults=faults)
+        return span_of_nmea(reports.received_s, statics.received_s, faults=faults)
 
     def read(self) -> tuple[AisReports, AisStatics, tuple[Fault, ...]]:
-        """All that the files say, in order of arrival."""
+        """Reports and static data of all files in order of arrival, and the faults."""
         return _read(self, fingerprint(self.files))
 
 
-def span_heard(*received_s: Floats, faults: tuple[Fault, ...]) -> tuple[float, float]:
-    """As `span_of`. Raises: ValueError, with the remedy where sentences have no time and so none can be used."""
+def span_of_nmea(*received_s: Floats, faults: tuple[Fault, ...]) -> tuple[float, float]:
+    """As `span_of`. Raises: ValueError; if the sentences have no time, the message says how to set one."""
     try:
         return span_of(*received_s, faults=faults)
     except ValueError as error:
         if not any(f.kind == TIME_MISSING for f in faults):
             raise
-        raise ValueError(f"{error}; where no line says a time, {REMEDY}") from error
+        raise ValueError(f"{error}; if no line has a time, {REMEDY}") from error
 
 
 class _Raw(NamedTuple):
@@ -91,11 +91,11 @@ def _one_file(settings: Nmea, path: Path, tally: Tally) -> tuple[AisReports, Ais
     name = path.name
     raw = _messages(settings, path, tally)
     rows = _position_rows(raw)
-    statics, said = _static_rows(raw)
-    rows, said = rows.take(np.isfinite(rows.stamp_s)), said.take(np.isfinite(said.stamp_s))
+    statics, static_rows = _static_rows(raw)
+    rows, static_rows = rows.take(np.isfinite(rows.stamp_s)), static_rows.take(np.isfinite(static_rows.stamp_s))
     if settings.drop_own_ship:
-        rows, said = _without_own(rows, said, statics, raw.own, name, tally)
-    return accept(rows, statics, said, settings.intake, tally, lambda line: f"{name}:{line}")
+        rows, static_rows = _without_own(rows, static_rows, statics, raw.own, name, tally)
+    return accept(rows, statics, static_rows, settings.intake, tally, lambda line: f"{name}:{line}")
 
 
 def _position_rows(raw: _Raw) -> AisRows:
@@ -115,14 +115,14 @@ def _position_rows(raw: _Raw) -> AisRows:
 
 
 def _messages(settings: Nmea, path: Path, tally: Tally) -> _Raw:
-    """The rows of a file, and when each of its messages was received as well as it is known."""
+    """The rows of a file, and the reception time of each message, NaN if unknown."""
     name = path.name
     positions: list[PositionRow] = []
     statics: list[StaticRow] = []
     own: set[int] = set()
     stamps: list[float] = []
     lines: list[int] = []
-    for message in whole(heard(_lines(path, tally), name, tally), name, tally):
+    for message in whole(ais_sentences(_lines(path, tally), name, tally), name, tally):
         position, static = rows_of(message, len(stamps), name, tally)
         stamps.append(message.clock_s if math.isnan(message.own_s) else message.own_s)
         lines.append(message.line)
@@ -141,7 +141,7 @@ def _messages(settings: Nmea, path: Path, tally: Tally) -> _Raw:
 
 
 def _filled(stamp_s: Floats, settings: Nmea) -> Floats:
-    """Stamps where those that are missing are taken from before, at the start from behind; all missing: assumed, if set so."""
+    """Stamps with the missing ones taken from the message before, at the start from the first known; or assumed, if all are missing."""
     known = np.flatnonzero(np.isfinite(stamp_s))
     if len(known):
         before = np.maximum.accumulate(np.where(np.isfinite(stamp_s), np.arange(len(stamp_s)), known[0]))
@@ -164,30 +164,32 @@ def _static_rows(raw: _Raw) -> tuple[AisStatics, StaticRows]:
         length_m=np.array(table[7], np.float64),
         beam_m=np.array(table[8], np.float64),
     )
-    said = StaticRows(
+    static_rows = StaticRows(
         row=np.array(table[0], np.int64),
         stamp_s=received,
         digest=np.array(table[2], np.int64),
         static=np.arange(len(raw.statics), dtype=np.int64),
     )
-    return statics, said
+    return statics, static_rows
 
 
 def _without_own(
-    rows: AisRows, said: StaticRows, statics: AisStatics, own: set[int], name: str, tally: Tally
+    rows: AisRows, static_rows: StaticRows, statics: AisStatics, own: set[int], name: str, tally: Tally
 ) -> tuple[AisRows, StaticRows]:
-    """The rows that are not of the own ship: not of its own sentences and not of a number that stood in one."""
+    """The rows that are not of the own ship: neither VDO nor of an MMSI in a VDO."""
     lines = np.array(sorted(own), np.int64)
-    number = statics.mmsi[said.static]
-    mine = np.concatenate([rows.mmsi[np.isin(rows.row, lines)], number[np.isin(said.row, lines)]])
-    owned, told = np.isin(rows.mmsi, mine), np.isin(number, mine)
-    tally.add_rows(OWN_SHIP, owned, lambda i: f"{name}:{rows.row[i]}", lambda i: f"MMSI {rows.mmsi[i]}")
-    tally.add_rows(OWN_SHIP, told, lambda i: f"{name}:{said.row[i]}", lambda i: f"static data of MMSI {number[i]}")
-    return rows.take(~owned), said.take(~told)
+    number = statics.mmsi[static_rows.static]
+    mine = np.concatenate([rows.mmsi[np.isin(rows.row, lines)], number[np.isin(static_rows.row, lines)]])
+    own_rows, own_statics = np.isin(rows.mmsi, mine), np.isin(number, mine)
+    tally.add_rows(OWN_SHIP, own_rows, lambda i: f"{name}:{rows.row[i]}", lambda i: f"MMSI {rows.mmsi[i]}")
+    tally.add_rows(
+        OWN_SHIP, own_statics, lambda i: f"{name}:{static_rows.row[i]}", lambda i: f"static data of MMSI {number[i]}"
+    )
+    return rows.take(~own_rows), static_rows.take(~own_statics)
 
 
 def _lines(path: Path, tally: Tally) -> Iterator[bytes]:
-    """The lines of a file, unpacked where it is packed; a file that breaks off in the middle is counted and used so far."""
+    """The lines of a file, decompressed if needed. A truncated file is counted and used as far as it goes."""
     read = 0
     with path.open("rb") as plain:
         packed = plain.read(2) == GZIP_MAGIC

@@ -1,4 +1,4 @@
-"""Sentences to AIS messages to rows: parts joined, payloads decoded by pyais, of each type the columns that we use."""
+"""AIS sentences to decoded rows: joins the parts of a message and decodes its payload with pyais."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 from pyais.messages import AISSentence
 
-from coastwatch.sensors.faults import SET_ASIDE, Tally
-from coastwatch.sensors.sentences import CHECKSUM, HALF_A_LINE, Heard
+from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
+from coastwatch.sensors.recorded.nmea_sentences import CHECKSUM, HALF_A_LINE, ReceivedSentence
 
 EMPTY = "empty payload"
 LONE_PART = "lone part of a message"
@@ -19,10 +19,17 @@ CUT_PAYLOAD = "payload too short"
 OTHER_MESSAGE = SET_ASIDE + "other message"
 NO_VESSEL = {4: SET_ASIDE + "base station", 9: SET_ASIDE + "search and rescue aircraft", 21: SET_ASIDE + "aid to navigation"}
 
-POSITION_BITS = {1: 143, 2: 143, 3: 143, 18: 139, 19: 139, 27: 94}  # up to the second, or the course where there is none
-STATIC_BITS = {5: 270, 19: 301, 24: 160}  # up to the dimensions, or the name of part A
-PART_LINES = 1000  # the parts of one message stand this close
-PART_SECONDS = 30.0  # and were heard this close
+POSITION_BITS = {
+    1: 143,
+    2: 143,
+    3: 143,
+    18: 139,
+    19: 139,
+    27: 94,
+}  # needed: up to the second, or the course if there is no second
+STATIC_BITS = {5: 270, 19: 301, 24: 160}  # needed: up to the dimensions, or the name of part A
+PART_LINES = 1000  # largest distance between the parts of one message
+PART_SECONDS = 30.0  # and largest time between them
 NAME_LENGTH, CALL_SIGN_LENGTH = 20, 7
 
 PositionRow = tuple[int, int, int, int, float, float, float, float, bool, int]
@@ -48,14 +55,14 @@ class _Part(NamedTuple):
     parts: dict[int, AISSentence]
 
 
-def whole(sentences: Iterable[Heard], name: str, tally: Tally) -> Iterator[Message]:
-    """The messages among sentences: single ones at once, those in parts when the last part is there."""
+def whole(sentences: Iterable[ReceivedSentence], name: str, tally: Tally) -> Iterator[Message]:
+    """The messages in the sentences; a message in several parts follows its last part."""
     open_parts: dict[tuple[Any, ...], _Part] = {}
     newest: dict[tuple[Any, ...], bytes] = {}
     for line, raw, own_s, clock_s, station in sentences:
         try:
             sentence = AISSentence(raw)
-        except Exception:  # whatever a decoder says of one sentence must not stop the feed
+        except Exception:  # a sentence that pyais cannot parse must not stop the feed
             tally.add(HALF_A_LINE if raw.count(b",") < 6 else UNDECODABLE, f"{name}:{line}", raw)
             continue
         if not sentence.is_valid:
@@ -69,7 +76,12 @@ def whole(sentences: Iterable[Heard], name: str, tally: Tally) -> Iterator[Messa
             if sentence.frag_num == 1 or station:
                 newest[slot] = station
             joined = _join(
-                open_parts, (*slot, newest.get(slot, b"")), Heard(line, raw, own_s, clock_s, station), sentence, name, tally
+                open_parts,
+                (*slot, newest.get(slot, b"")),
+                ReceivedSentence(line, raw, own_s, clock_s, station),
+                sentence,
+                name,
+                tally,
             )
             if joined is not None:
                 yield joined
@@ -78,9 +90,14 @@ def whole(sentences: Iterable[Heard], name: str, tally: Tally) -> Iterator[Messa
 
 
 def _join(
-    open_parts: dict[tuple[Any, ...], _Part], slot: tuple[Any, ...], at: Heard, sentence: AISSentence, name: str, tally: Tally
+    open_parts: dict[tuple[Any, ...], _Part],
+    slot: tuple[Any, ...],
+    at: ReceivedSentence,
+    sentence: AISSentence,
+    name: str,
+    tally: Tally,
 ) -> Message | None:
-    """The message that this part completes, if it does; parts that cannot belong to it are counted as lone."""
+    """The message that this part completes, if any. Parts that cannot belong to it are counted as lone."""
     part = open_parts.pop(slot, None)
     if part is not None and (
         sentence.frag_num in part.parts or at.line - part.line > PART_LINES or abs(at.own_s - part.own_s) > PART_SECONDS
@@ -104,12 +121,12 @@ def _count_lone(part: _Part, name: str, tally: Tally) -> None:
 
 
 def digest_of(payload: bytes) -> int:
-    """A number that is equal for equal payloads, the same in every process."""
+    """A number that is equal for equal payloads, in every process."""
     return zlib.crc32(payload)
 
 
 def rows_of(message: Message, number: int, name: str, tally: Tally) -> tuple[PositionRow | None, StaticRow | None]:
-    """What a message says of a position and of static data; what it is instead is counted."""
+    """The position row and the static row of a message, None for either that it does not have. Other messages are counted."""
     line, sentence = message.line, message.sentence
     kind = sentence.ais_id
     if kind not in POSITION_BITS and kind not in STATIC_BITS:
@@ -120,32 +137,32 @@ def rows_of(message: Message, number: int, name: str, tally: Tally) -> tuple[Pos
         tally.add(CUT_PAYLOAD, f"{name}:{line}", sentence.raw)
         return None, None
     try:
-        said: Any = sentence.decode()
-    except Exception:  # whatever a decoder says of one message must not stop the feed
+        fields: Any = sentence.decode()
+    except Exception:  # a message that pyais cannot decode must not stop the feed
         tally.add(UNDECODABLE, f"{name}:{line}", sentence.raw)
         return None, None
     digest = digest_of(sentence.payload)
     position: PositionRow | None = None
     if kind in POSITION_BITS:
-        second = -1 if kind == 27 else said.second
-        sog = said.speed if kind != 27 or said.speed < 63.0 else math.nan
-        mmsi = int(said.mmsi)
-        position = (line, number, second, mmsi, said.lat, said.lon, sog, said.course, kind in (18, 19), digest)
-    static = _static(said, line, number, digest) if bits >= STATIC_BITS.get(kind, bits + 1) else None
+        second = -1 if kind == 27 else fields.second
+        sog = fields.speed if kind != 27 or fields.speed < 63.0 else math.nan
+        mmsi = int(fields.mmsi)
+        position = (line, number, second, mmsi, fields.lat, fields.lon, sog, fields.course, kind in (18, 19), digest)
+    static = _static(fields, line, number, digest) if bits >= STATIC_BITS.get(kind, bits + 1) else None
     return position, static
 
 
-def _static(said: Any, line: int, number: int, digest: int) -> StaticRow:
-    length = (getattr(said, "to_bow", 0) or 0) + (getattr(said, "to_stern", 0) or 0)
-    beam = (getattr(said, "to_port", 0) or 0) + (getattr(said, "to_starboard", 0) or 0)
+def _static(fields: Any, line: int, number: int, digest: int) -> StaticRow:
+    length = (getattr(fields, "to_bow", 0) or 0) + (getattr(fields, "to_stern", 0) or 0)
+    beam = (getattr(fields, "to_port", 0) or 0) + (getattr(fields, "to_starboard", 0) or 0)
     return (
         line,
         number,
         digest,
-        int(said.mmsi),
-        _text(getattr(said, "shipname", ""), NAME_LENGTH),
-        _text(getattr(said, "callsign", ""), CALL_SIGN_LENGTH),
-        int(getattr(said, "ship_type", 0) or 0) or -1,
+        int(fields.mmsi),
+        _text(getattr(fields, "shipname", ""), NAME_LENGTH),
+        _text(getattr(fields, "callsign", ""), CALL_SIGN_LENGTH),
+        int(getattr(fields, "ship_type", 0) or 0) or -1,
         float(length) if length else math.nan,
         float(beam) if beam else math.nan,
     )

@@ -1,4 +1,4 @@
-"""What was refused and what was set aside: counted by kind, with the first place where one stood."""
+"""Counts of the records that were refused or set aside, by kind, with the location of the first of each kind."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from dataclasses import replace
 from coastwatch.batches import Array, Fault
 
 SET_ASIDE = "set aside: "
-"""Kinds that begin so are in order, only of no use here: base stations, duplicates, comments of a gateway."""
+"""Prefix of the kinds of valid records that are not used: base stations, duplicates, comments of a gateway."""
 
 EXAMPLE_LENGTH = 80
 
 
 class Tally:
-    """Counts of faults by kind, in the order in which the kinds were first met."""
+    """Counts of faults by kind, in order of the first of each kind."""
 
     def __init__(self) -> None:
         self._faults: dict[str, Fault] = {}
 
     def add(self, kind: str, where: str, example: str | bytes = "", count: int = 1) -> None:
-        """Count records of a kind; the first call of a kind also keeps where it was and what stood there."""
+        """Count records of a kind. The first call of a kind also stores its location and an example."""
         known = self._faults.get(kind)
         if known is not None:
             self._faults[kind] = replace(known, count=known.count + count)
@@ -29,21 +29,21 @@ class Tally:
         self._faults[kind] = Fault(kind, count, where, text[:EXAMPLE_LENGTH])
 
     def add_rows(self, kind: str, rows: Array, where: Callable[[int], str], example: Callable[[int], str]) -> None:
-        """Count the rows under a mask; place and example are asked of the first only."""
+        """Count the rows under a mask. `where` and `example` are called for the first row only."""
         count = int(rows.sum())
         if count:
             first = int(rows.argmax())
             self.add(kind, where(first), example(first), count)
 
     def count(self, kind: str) -> int:
-        """How many of this kind so far."""
+        """Number of faults of this kind so far."""
         return self._faults[kind].count if kind in self._faults else 0
 
     def faults(self) -> tuple[Fault, ...]:
-        """One Fault for each kind."""
+        """One Fault per kind."""
         return tuple(self._faults.values())
 
 
 def refused(faults: tuple[Fault, ...]) -> tuple[Fault, ...]:
-    """The faults that stand for bad records, without what was only set aside."""
+    """The faults without the kinds that were only set aside."""
     return tuple(f for f in faults if not f.kind.startswith(SET_ASIDE))

@@ -1,4 +1,4 @@
-"""Simulated input: vessels that move as drawn, and what radars, AIS and sonars would report of them."""
+"""The simulated feed: draws vessels and their motion, and the reports of radars, AIS and sonars."""
 
 from __future__ import annotations
 
@@ -22,27 +22,26 @@ from coastwatch.batches import (
     Trajectories,
 )
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, scale_m_deg, wrap_deg
-from coastwatch.sensors.ais import POSITION_STEP_DEG, SOG_STEP_KN, AisTruth, carriers, transmit
-from coastwatch.sensors.company import Convoys, Passings, in_company
-from coastwatch.sensors.radar import RadarTruth, observe
-from coastwatch.sensors.sonar import SonarTruth, listen
-from coastwatch.sensors.statics import introduce, true_types
-from coastwatch.sensors.vessels import VesselMotion, set_out
-from coastwatch.sensors.voyages import Voyages
+from coastwatch.sensors.simulated.ais import POSITION_STEP_DEG, SOG_STEP_KN, AisTruth, transmit, transponders
+from coastwatch.sensors.simulated.formations import Convoys, Passings, in_formation
+from coastwatch.sensors.simulated.radar import RadarTruth, observe
+from coastwatch.sensors.simulated.sonar import SonarTruth, listen
+from coastwatch.sensors.simulated.static_data import transmit_static_data, true_types
+from coastwatch.sensors.simulated.trajectories import PiecewiseMotion, VesselMotion, draw_motion
 from coastwatch.stage import Method, Plan
 
-PLACES = 51  # stream of random numbers
-TRIES = 100  # draws of `count` places before water is called too small
-ROUNDING = np.sqrt(12.0)  # a step over the standard deviation that rounding to it adds
+POSITIONS = 51  # stream of random numbers
+TRIES = 100  # draws of `count` positions before the water is refused as too small
+ROUNDING = np.sqrt(12.0)  # a resolution divided by the standard deviation of its rounding error
 AnyTruth = TypeVar("AnyTruth", RadarTruth, SonarTruth)
 AnyReports = TypeVar("AnyReports", RadarReports, BearingReports)
 
 
 class Simulated(Method):
-    """Vessels spread evenly over a rectangle, seen by the scenario's sensors.
+    """Vessels spread evenly over a rectangle, observed by the scenario's sensors.
 
-    The sensors' specifications are the scenario's; what they truly do beyond them (misses, clutter, biases, faults) is set here.
-    Every purpose draws from a stream of its own, so that a change of clutter, say, moves no vessel.
+    The scenario specifies the sensors; the settings here say how they depart from that (misses, clutter, biases, faults).
+    Every purpose has its own stream of random numbers: a change of clutter, for example, moves no vessel.
 
     Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven Approach,
     sections III-B and IV.
@@ -51,24 +50,26 @@ class Simulated(Method):
     method: Literal["simulated"] = "simulated"
     area_latitude_deg: Annotated[float, Field(gt=-85.0, lt=85.0)]  # of the middle of the rectangle
     area_longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0)]  # of the middle of the rectangle
-    area_width_nm: Annotated[float, Field(gt=0.0, le=5000.0)] = 10.0
-    area_height_nm: Annotated[float, Field(gt=0.0, le=5000.0)] = 10.0
-    water_deg: tuple[tuple[float, float], ...] = ()  # corners (latitude, longitude) of the water in the area; none: all of it
+    area_width_nm: Annotated[float, Field(gt=0.0, le=5000.0)] = 10.0  # east to west
+    area_height_nm: Annotated[float, Field(gt=0.0, le=5000.0)] = 10.0  # north to south
+    water_deg: tuple[
+        tuple[float, float], ...
+    ] = ()  # corners (latitude, longitude) of the water in the area; none: the whole area
     count: Annotated[int, Field(ge=0, le=1_000_000)] = 1000  # vessels
     places_deg: tuple[
         tuple[float, float], ...
     ] = ()  # latitude, longitude at the start of the first vessels; the others are drawn
-    motion: VesselMotion = VesselMotion()
-    convoys: Convoys = Convoys()
-    passings: Passings = Passings()
-    radar: RadarTruth = RadarTruth()
-    radars: tuple[RadarTruth, ...] = ()
-    ais: AisTruth = AisTruth()
-    sonar: SonarTruth = SonarTruth()
-    sonars: tuple[SonarTruth, ...] = ()
+    motion: VesselMotion = VesselMotion()  # speeds, manoeuvres, process noise, entering and leaving
+    convoys: Convoys = Convoys()  # vessels in a line
+    passings: Passings = Passings()  # pairs of vessels that pass each other closely
+    radar: RadarTruth = RadarTruth()  # how radars depart from their specification
+    radars: tuple[RadarTruth, ...] = ()  # the same of single radars, by name; they take nothing from `radar`
+    ais: AisTruth = AisTruth()  # which vessels carry AIS, and what is received
+    sonar: SonarTruth = SonarTruth()  # how bearing sensors depart from their specification
+    sonars: tuple[SonarTruth, ...] = ()  # the same of single sensors, by name; they take nothing from `sonar`
 
     @model_validator(mode="after")
-    def _company_is_of_vessels_that_there_are(self) -> Self:
+    def _formations_have_vessels(self) -> Self:
         if self.convoys.share + self.passings.share > 1.0:
             raise ValueError(
                 f"convoys.share + passings.share: got {self.convoys.share} + {self.passings.share}, needed at most 1 in all"
@@ -76,46 +77,46 @@ class Simulated(Method):
         return self
 
     def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
-        """All the input of a run of this plan, with the truth at its instants.
+        """The reports of a run, with the truth at its instants.
 
-        Raises: ValueError where [[input.radars]] or [[input.sonars]] name no sensor of the scenario.
+        Raises: ValueError if [[input.radars]] or [[input.sonars]] name a sensor that the scenario does not have.
         """
         radar_truths = truths_of("radars", sensors.radars.name, self.radar, self.radars)
         sonar_truths = truths_of("sonars", sensors.sonars.name, self.sonar, self.sonars)
         start_s, stop_s = plan.start_s, plan.instant_s(plan.cycles - 1)
         span_s = stop_s - start_s
-        voyages = set_out(self.motion, self._places(seed), start_s, span_s, seed)
-        voyages = in_company(self.convoys, self.passings, voyages, span_s, seed)
+        vessels = draw_motion(self.motion, self._start_positions(seed), start_s, span_s, seed)
+        vessels = in_formation(self.convoys, self.passings, vessels, span_s, seed)
         vessel, span = np.arange(self.count), (start_s, stop_s, seed)
-        sent_by = carriers(self.ais, self.count, seed)
-        ais = transmit(self.ais, sent_by, sensors.stations, voyages.state, *span)
-        sounds = CLASS_OF_TYPE[true_types(sent_by, self.count, seed)]
+        senders = transponders(self.ais, self.count, seed)
+        ais = transmit(self.ais, senders, sensors.stations, vessels.state, *span)
+        sounds = CLASS_OF_TYPE[true_types(senders, self.count, seed)]
         return Recording(
             reports=Reports(
-                radar=_arrived(observe(sensors.radars, radar_truths, voyages.where, vessel, *span), stop_s),
+                radar=_arrived(observe(sensors.radars, radar_truths, vessels.position, vessel, *span), stop_s),
                 ais=ais,
-                statics=introduce(self.ais, sent_by, ais.mmsi, *span),
-                bearing=_arrived(listen(sensors.sonars, sonar_truths, voyages.where, vessel, sounds, *span), stop_s),
+                statics=transmit_static_data(self.ais, senders, ais.mmsi, *span),
+                bearing=_arrived(listen(sensors.sonars, sonar_truths, vessels.position, vessel, sounds, *span), stop_s),
             ),
             start_s=start_s,
             stop_s=stop_s,
-            truth=_truth(voyages, plan),
-            silenced=tuple(int(v) for v in sent_by.row[sent_by.silent]),
+            truth=_truth(vessels, plan),
+            silenced=tuple(int(v) for v in senders.row[senders.silent]),
             noise=self._noise(sensors, radar_truths),
         )
 
     def span(self) -> tuple[float, float]:
-        """Nothing: a simulation has no beginning of its own.
+        """Never returns: a simulation has no start of its own.
 
-        Raises: ValueError that says what a scenario with this input needs.
+        Raises: ValueError that names the settings that a scenario with this input needs.
         """
         raise ValueError("start_utc, cycles: got none or 0, needed both where input.method is simulated")
 
-    def _places(self, seed: int) -> Floats:
-        """Where the vessels are at the start: as set, and the others evenly over the area, or over its water. (V, 2)"""
+    def _start_positions(self, seed: int) -> Floats:
+        """Positions of the vessels at the start: as set; the others evenly over the area or its water. (V, 2)"""
         if len(self.places_deg) > self.count:
             raise ValueError(f"input.places_deg: got {len(self.places_deg)} places, needed at most input.count = {self.count}")
-        drawn = self._drawn(np.random.default_rng([seed, PLACES]))
+        drawn = self._drawn(np.random.default_rng([seed, POSITIONS]))
         return np.concatenate([np.array(self.places_deg, np.float64).reshape(-1, 2), drawn[len(self.places_deg) :]])
 
     def _drawn(self, rng: np.random.Generator) -> Floats:
@@ -155,9 +156,9 @@ class Simulated(Method):
 
 
 def truths_of(kind: str, names: Array, every: AnyTruth, named: Sequence[AnyTruth]) -> tuple[AnyTruth, ...]:
-    """For each sensor what it does: what is said of its name, else what is said of all.
+    """The settings of each sensor: those under its name, or else those of all.
 
-    Raises: ValueError where a name is no sensor's, or stands twice.
+    Raises: ValueError if a name is not of a sensor, or occurs twice.
     """
     by_name = {t.name: t for t in named}
     known = [str(n) for n in names]
@@ -167,7 +168,7 @@ def truths_of(kind: str, names: Array, every: AnyTruth, named: Sequence[AnyTruth
 
 
 def inside(position_deg: Floats, corners_deg: Floats) -> Bools:
-    """Whether each place lies inside a polygon (even-odd rule). Args: (V, 2), (C, 2); not across the antimeridian. Returns: (V,)."""
+    """Whether each position is inside a polygon (even-odd rule). Args: (V, 2), (C, 2); not across the antimeridian. Returns: (V,)."""
     lat, lon = position_deg[:, :1], position_deg[:, 1:]
     lat_1, lon_1 = corners_deg.T
     lat_2, lon_2 = np.roll(corners_deg, -1, axis=0).T
@@ -177,10 +178,10 @@ def inside(position_deg: Floats, corners_deg: Floats) -> Bools:
 
 
 def _arrived(reports: AnyReports, stop_s: float) -> AnyReports:
-    """Those that arrive before the end."""
+    """The reports that arrive before the end."""
     return reports.take(reports.received_s <= stop_s)
 
 
-def _truth(voyages: Voyages, plan: Plan) -> Trajectories:
+def _truth(vessels: PiecewiseMotion, plan: Plan) -> Trajectories:
     instants = [plan.start_s, *(plan.instant_s(c) for c in range(plan.cycles))]
-    return voyages.sampled(np.array(instants))
+    return vessels.sampled(np.array(instants))

@@ -1,4 +1,4 @@
-"""What AIS receivers would report of vessels that move as given: `transmit`."""
+"""Simulated AIS: `transponders` decides which vessels send, `transmit` makes the position reports that are received."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from pydantic import Field, model_validator
 
 from coastwatch.batches import AisReports, Bools, Floats, Ints, Stations
 from coastwatch.geodesy import KNOT_M_S, offset_deg, to_plane
-from coastwatch.sensors.vessels import Share, chosen
+from coastwatch.sensors.simulated.trajectories import Share, chosen
 from coastwatch.stage import Settings
 
-# Streams of random numbers: a change of one leaves the others as they are.
-CARRIERS, PHASE, NOISE, LOSS, LATENCY, SILENCE, SPOOFING, CLONES, GAPS = 21, 22, 23, 24, 25, 26, 27, 28, 29
+# Streams of random numbers: a change of one does not change the others.
+TRANSPONDERS, PHASE, NOISE, LOSS, LATENCY, SILENCE, SPOOFING, CLONES, GAPS = 21, 22, 23, 24, 25, 26, 27, 28, 29
 
-State = Callable[[Ints, Floats], tuple[Floats, Floats]]
+StateAt = Callable[[Ints, Floats], tuple[Floats, Floats]]
 POSITION_STEP_DEG = 1.0 / 600_000.0  # 1/10 000 minute
 SOG_STEP_KN, COG_STEP_DEG, SOG_MOST_KN = 0.1, 0.1, 102.2
-AT_ANCHOR_KN, ANCHORED_S = 0.01, 180.0  # what stands is taken as moored or at anchor
+AT_ANCHOR_KN, ANCHORED_S = 0.01, 180.0  # a vessel at rest counts as moored or at anchor
 TURNING_RAD_S = np.radians(5.0) / 15.0  # heading more than 5 deg off its mean over the last 30 s
 # Upper speed in knots: seconds between reports on a steady course, and while turning (class B has no such rule).
 CLASS_A = ((14.0, 10.0, 10.0 / 3.0), (23.0, 6.0, 2.0), (np.inf, 2.0, 2.0))
@@ -29,41 +29,41 @@ COUNTRIES = np.array([710, 701, 770, 636, 538, 352, 255, 311, 477, 563, 235, 244
 
 
 class AisTruth(Settings):
-    """Who carries AIS, what it sends and what of that is heard."""
+    """Which vessels carry AIS, what they send and which reports are received."""
 
-    share: Share = 0.5  # of the vessels carry AIS: exactly, at random
+    share: Share = 0.5  # of the vessels carry AIS: this exact share, drawn at random
     carried_by: tuple[
         Annotated[int, Field(ge=0)], ...
     ] = ()  # numbers, from 0, of the vessels that carry AIS, instead of a share
     class_b_share: Share = 0.0  # of these carry class B
-    intervals: Literal["fixed", "itu"] = "fixed"  # one interval for all, or class A and class B as ITU-R M.1371 has them
-    interval_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 3.0  # where fixed; each vessel has a random phase
+    intervals: Literal["fixed", "itu"] = "fixed"  # one interval for all, or those of ITU-R M.1371 for class A and class B
+    interval_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 3.0  # if fixed; each vessel has a random phase
     position_sigma_m: Annotated[float, Field(ge=0.0, le=10_000.0)] = 3.33  # per axis
-    velocity_sigma_kn: Annotated[float, Field(ge=0.0, le=20.0)] = 0.2  # per axis; SOG and COG err by what it does to them
+    velocity_sigma_kn: Annotated[float, Field(ge=0.0, le=20.0)] = 0.2  # per axis; the errors of SOG and COG follow from it
     wire_steps: bool = True  # round to 1/10 000 minute, 0.1 kn and 0.1 deg as a message does
-    whole_seconds: bool = False  # stamp the fix with the whole second before it, as a message does
+    whole_seconds: bool = False  # round the time of the fix down to a whole second, as a message does
     velocity_missing_share: Share = 0.0  # of reports without SOG and COG
-    loss: Share = 0.0  # of reports that nobody hears
-    gap_s: Annotated[float, Field(ge=0.0)] = 0.0  # each carrier goes unheard for so long, again and again
-    gap_every_s: Annotated[float, Field(gt=0.0)] = 120.0  # from one gap to the next, the first at a random time of each
+    loss: Share = 0.0  # of reports that are not received
+    gap_s: Annotated[float, Field(ge=0.0)] = 0.0  # duration of repeated gaps in the reception of each vessel
+    gap_every_s: Annotated[float, Field(gt=0.0)] = 120.0  # period of the gaps; the first is at a random time
     latency_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 0.0  # from the fix to the arrival, at least
     latency_spread_s: Annotated[float, Field(ge=0.0, le=3600.0)] = (
-        0.0  # mean of an exponential part on top: puts reports out of order
+        0.0  # mean of an additional exponential part, which puts reports out of order
     )
-    silent_share: Share = 0.0  # of the carriers are switched off for a while
+    silent_share: Share = 0.0  # of the transponders are switched off for a time
     silent_from_s: Annotated[float, Field(ge=0.0)] = 0.0  # after the start of the run
     silent_to_s: float | None = Field(default=None, ge=0.0, description="after the start of the run; none: to the end")
-    spoofing_share: Share = 0.0  # of the carriers report positions that drift away from the truth
+    spoofing_share: Share = 0.0  # of the transponders report positions that drift away from the truth
     spoofing_from_s: Annotated[float, Field(ge=0.0)] = 0.0  # after the start of the run
     spoofing_drift_m_s: Annotated[float, Field(ge=0.0, le=1000.0)] = (
         5.0  # growth of the offset, in a direction of each vessel's own
     )
-    cloned_share: Share = 0.0  # of the vessels without AIS send under the MMSI of a carrier
+    cloned_share: Share = 0.0  # of the vessels without AIS send under the MMSI of another vessel
     cloned_from_s: Annotated[float, Field(ge=0.0)] = 0.0  # after the start of the run
     static_interval_s: Annotated[float, Field(gt=0.0)] = 360.0  # between messages with name and type
-    static_within_s: Annotated[float, Field(ge=0.0)] = 30.0  # of the start the first of these is sent
-    type_missing_share: Share = 0.0  # of the carriers never set their ship type
-    type_wrong_share: Share = 0.0  # of the carriers send a type at random
+    static_within_s: Annotated[float, Field(ge=0.0)] = 30.0  # the first of these is sent within this time of the start
+    type_missing_share: Share = 0.0  # of the transponders have no ship type set
+    type_wrong_share: Share = 0.0  # of the transponders have a random ship type set
 
     @model_validator(mode="after")
     def _it_is_heard_between_gaps(self) -> Self:
@@ -73,8 +73,8 @@ class AisTruth(Settings):
 
 
 @dataclass(frozen=True, eq=False)
-class Carriers:
-    """The vessels that send, in order of their number, true carriers and clones."""
+class Transponders:
+    """The vessels that send: those with AIS in order of their number, then clones."""
 
     row: Ints  # (C,) of the vessel that sends
     mmsi: Ints  # (C,)
@@ -84,9 +84,9 @@ class Carriers:
     clone: Bools  # (C,)
 
 
-def carriers(truth: AisTruth, count: int, seed: int) -> Carriers:
-    """Who sends under which number, of vessels 0..count-1."""
-    rng = np.random.default_rng([seed, CARRIERS])
+def transponders(truth: AisTruth, count: int, seed: int) -> Transponders:
+    """Which of the vessels 0..count-1 send, and under which MMSI."""
+    rng = np.random.default_rng([seed, TRANSPONDERS])
     row = chosen(count, truth.share, rng)
     if truth.carried_by:
         row = np.unique(np.array(truth.carried_by, np.int64))
@@ -103,7 +103,7 @@ def carriers(truth: AisTruth, count: int, seed: int) -> Carriers:
     clone = without[chosen(len(without), truth.cloned_share if len(row) else 0.0, rng)]
     victim = rng.integers(0, max(len(row), 1), len(clone))
     off = np.zeros(len(clone), np.bool_)
-    return Carriers(
+    return Transponders(
         np.concatenate([row, clone]),
         np.concatenate([mmsi, mmsi[victim]]),
         np.concatenate([class_b, class_b[victim]]),
@@ -115,31 +115,31 @@ def carriers(truth: AisTruth, count: int, seed: int) -> Carriers:
 
 def transmit(
     truth: AisTruth,
-    sent_by: Carriers,
+    senders: Transponders,
     stations: Stations,
-    state: State,
+    state: StateAt,
     start_s: float,
     stop_s: float,
     seed: int,
 ) -> AisReports:
-    """Position reports that arrive between two times, in order of arrival; a report that arrives later is lost.
+    """Position reports that arrive between two times, in order of arrival. A report that arrives later is lost.
 
-    Args: sent_by: the carriers (C); stations: reports are heard inside the range of one of them, everywhere if there are none;
-    state: gives position (M, 2) deg, NaN where absent, and velocity (M, 2) m/s of vessel rows (M,) at times (M,).
+    Args: senders: (C); stations: a report is received inside the range of one of them, and everywhere if there are none;
+    state: returns position (M, 2) deg, NaN if absent, and velocity (M, 2) m/s of vessel rows (M,) at times (M,).
     """
-    who, time = _times(truth, sent_by, state, start_s, stop_s, seed)
+    who, time = _times(truth, senders, state, start_s, stop_s, seed)
     elapsed = time - start_s
-    position, velocity = state(sent_by.row[who], time)
-    heard = np.isfinite(position[:, 0]) & within(stations, position)
-    heard &= np.random.default_rng([seed, LOSS]).random(len(who)) >= truth.loss
+    position, velocity = state(senders.row[who], time)
+    received = np.isfinite(position[:, 0]) & within(stations, position)
+    received &= np.random.default_rng([seed, LOSS]).random(len(who)) >= truth.loss
     until = np.inf if truth.silent_to_s is None else truth.silent_to_s
-    heard &= ~(sent_by.silent[who] & (elapsed >= truth.silent_from_s) & (elapsed < until))
-    phase = np.random.default_rng([seed, GAPS]).random(len(sent_by.row))[who] * truth.gap_every_s
-    heard &= (elapsed + phase) % truth.gap_every_s >= truth.gap_s
-    heard &= ~sent_by.clone[who] | (elapsed >= truth.cloned_from_s)
+    received &= ~(senders.silent[who] & (elapsed >= truth.silent_from_s) & (elapsed < until))
+    phase = np.random.default_rng([seed, GAPS]).random(len(senders.row))[who] * truth.gap_every_s
+    received &= (elapsed + phase) % truth.gap_every_s >= truth.gap_s
+    received &= ~senders.clone[who] | (elapsed >= truth.cloned_from_s)
     drift = truth.spoofing_drift_m_s * np.maximum(elapsed - truth.spoofing_from_s, 0.0)
-    away = np.random.default_rng([seed, SPOOFING, 1]).uniform(0.0, 2.0 * np.pi, len(sent_by.row))[who]
-    offset = np.where(sent_by.spoofing[who], drift, 0.0)[:, None] * np.column_stack([np.sin(away), np.cos(away)])
+    away = np.random.default_rng([seed, SPOOFING, 1]).uniform(0.0, 2.0 * np.pi, len(senders.row))[who]
+    offset = np.where(senders.spoofing[who], drift, 0.0)[:, None] * np.column_stack([np.sin(away), np.cos(away)])
     rng = np.random.default_rng([seed, NOISE])
     draws, missing = rng.standard_normal((len(who), 4)), rng.random(len(who)) < truth.velocity_missing_share
     position = offset_deg(position, truth.position_sigma_m * draws[:, :2] + offset)
@@ -148,18 +148,18 @@ def transmit(
     made = AisReports(
         time_s=np.floor(time) if truth.whole_seconds else time,
         received_s=time + delay,
-        mmsi=sent_by.mmsi[who],
+        mmsi=senders.mmsi[who],
         position_deg=position,
         sog_kn=sog,
         cog_deg=cog,
-        class_b=sent_by.class_b[who],
-        origin=sent_by.row[who],
-    ).take(heard & (time + delay <= stop_s))
+        class_b=senders.class_b[who],
+        origin=senders.row[who],
+    ).take(received & (time + delay <= stop_s))
     return made.take(np.lexsort((made.mmsi, made.time_s, made.received_s)))
 
 
 def within(stations: Stations, position_deg: Floats) -> Bools:
-    """Whether a station would hear a report from there; everywhere if there are no stations. Args: (M, 2). Returns: (M,)."""
+    """Whether a position is in range of a station; true everywhere if there are none. Args: position_deg: (M, 2). Returns: (M,)."""
     out = np.full(len(position_deg), len(stations) == 0)
     for site, reach in zip(stations.site_deg, stations.range_m, strict=True):
         at = to_plane(position_deg, site)
@@ -168,7 +168,7 @@ def within(stations: Stations, position_deg: Floats) -> Bools:
 
 
 def _on_the_wire(truth: AisTruth, position: Floats, velocity: Floats, missing: Bools) -> tuple[Floats, Floats, Floats]:
-    """Position, SOG and COG as a message has them."""
+    """Position, SOG and COG in the resolution of a message."""
     sog = np.hypot(velocity[:, 0], velocity[:, 1]) / KNOT_M_S
     cog = np.degrees(np.arctan2(velocity[:, 0], velocity[:, 1])) % 360.0
     if truth.wire_steps:
@@ -177,38 +177,40 @@ def _on_the_wire(truth: AisTruth, position: Floats, velocity: Floats, missing: B
     return position, np.where(missing, np.nan, np.minimum(sog, SOG_MOST_KN)), np.where(missing, np.nan, cog)
 
 
-def _times(truth: AisTruth, sent_by: Carriers, state: State, start_s: float, stop_s: float, seed: int) -> tuple[Ints, Floats]:
-    """Who sends when, ordered by carrier, then time. (M,), (M,)"""
-    phase = np.random.default_rng([seed, PHASE]).random(len(sent_by.row))
+def _times(
+    truth: AisTruth, senders: Transponders, state: StateAt, start_s: float, stop_s: float, seed: int
+) -> tuple[Ints, Floats]:
+    """Sender and time of each report, sorted by sender, then time. (M,), (M,)"""
+    phase = np.random.default_rng([seed, PHASE]).random(len(senders.row))
     if truth.intervals == "fixed":
         number = np.arange(int(np.ceil((stop_s - start_s) / truth.interval_s)) + 1)
         times = start_s + (phase[:, None] + number) * truth.interval_s
         who, _ = np.nonzero(times <= stop_s)
         return who, times[times <= stop_s]
-    return _itu_times(sent_by, state, phase, start_s, stop_s)
+    return _itu_times(senders, state, phase, start_s, stop_s)
 
 
-def _itu_times(sent_by: Carriers, state: State, phase: Floats, start_s: float, stop_s: float) -> tuple[Ints, Floats]:
-    """By rounds: each carrier's next report follows its last by what speed and turning then ask for.
+def _itu_times(senders: Transponders, state: StateAt, phase: Floats, start_s: float, stop_s: float) -> tuple[Ints, Floats]:
+    """Sender and time of each report. The speed and turn rate at a report give the interval to the next.
 
     Source: Recommendation ITU-R M.1371-5 (2014), annex 1, tables 1 and 2.
     """
-    who = np.arange(len(sent_by.row))
+    who = np.arange(len(senders.row))
     time = np.full(len(who), start_s)
-    wait = _itu_interval(sent_by, state, who, time) * phase
+    wait = _itu_interval(senders, state, who, time) * phase
     sent = [(who[:0], time[:0])]
     while len(who):
         time = time + wait
         who, time = who[time <= stop_s], time[time <= stop_s]
         sent.append((who, time))
-        wait = _itu_interval(sent_by, state, who, time)
+        wait = _itu_interval(senders, state, who, time)
     everyone, times = np.concatenate([w for w, _ in sent]), np.concatenate([t for _, t in sent])
     order = np.lexsort((times, everyone))
     return everyone[order], times[order]
 
 
-def _itu_interval(sent_by: Carriers, state: State, who: Ints, time_s: Floats) -> Floats:
-    row = sent_by.row[who]
+def _itu_interval(senders: Transponders, state: StateAt, who: Ints, time_s: Floats) -> Floats:
+    row = senders.row[who]
     _, now = state(row, time_s)
     _, before = state(row, time_s - 1.0)
     speed = np.hypot(now[:, 0], now[:, 1]) / KNOT_M_S
@@ -219,6 +221,6 @@ def _itu_interval(sent_by: Carriers, state: State, who: Ints, time_s: Floats) ->
         limits, steady, in_turn = (np.array(part) for part in zip(*table, strict=True))
         step = np.searchsorted(limits, speed, side="right")
         step = np.minimum(step, len(limits) - 1)
-        mine = sent_by.class_b[who] == class_b
+        mine = senders.class_b[who] == class_b
         out = np.where(mine, np.where(turning, in_turn[step], steady[step]), out)
-    return np.where((speed < AT_ANCHOR_KN) & ~sent_by.class_b[who], ANCHORED_S, out)
+    return np.where((speed < AT_ANCHOR_KN) & ~senders.class_b[who], ANCHORED_S, out)

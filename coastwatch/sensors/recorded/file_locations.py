@@ -1,4 +1,4 @@
-"""Where recorded files are, and whether they changed."""
+"""Paths of recorded files, and whether the files have changed."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ def _checkout() -> Path:
 
 
 def found(path: Path) -> Path:
-    """The path as it stands, or seen from the checkout where nothing stands there.
+    """The path as given if it exists, else relative to the checkout.
 
-    Raises: FileNotFoundError that names both places.
+    Raises: FileNotFoundError that names both.
     """
     seen = [path, _checkout() / path]
     for place in seen:
@@ -28,7 +28,7 @@ def found(path: Path) -> Path:
 def data_folder(root: Path | None, name: str) -> Path:
     """The folder of a recorded dataset: the given root, or `shared/data/<name>` next to the checkout or the working directory.
 
-    Raises: FileNotFoundError that names every folder looked at.
+    Raises: FileNotFoundError that names every folder that was tried.
     """
     if root is not None:
         return found(root)
@@ -37,11 +37,11 @@ def data_folder(root: Path | None, name: str) -> Path:
         if folder.is_dir():
             return folder
     where = ", ".join(str(folder) for folder in dict.fromkeys(looked))
-    raise FileNotFoundError(f"recorded data {name}: no folder at {where}; set input.root to where it is")
+    raise FileNotFoundError(f"recorded data {name}: no folder at {where}; set input.root to its folder")
 
 
 def fingerprint(paths: tuple[Path, ...]) -> Fingerprint:
-    """Path, size and change time of each file: equal fingerprints need not be read twice.
+    """Path, size and modification time of each file: a cache of file content uses it as its key.
 
     Raises: FileNotFoundError that names the missing file.
     """

@@ -1,4 +1,4 @@
-"""Tables in files, CSV or Parquet, to columns of numbers: every line that has the wrong shape and every bad cell is counted."""
+"""CSV and Parquet files to columns of numbers and texts. Lines of the wrong shape and unreadable cells are counted."""
 
 from __future__ import annotations
 
@@ -6,13 +6,19 @@ import io
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+import lazy_loader
 import numpy as np
-import polars as pl
 
 from coastwatch.batches import Array, Bools, Floats, Ints
-from coastwatch.sensors.faults import Tally
-from coastwatch.sensors.wire_time import MICROSECONDS_FROM, MILLISECONDS_FROM, NANOSECONDS_FROM
+from coastwatch.sensors.recorded.faults import Tally
+from coastwatch.sensors.recorded.timestamps import MICROSECONDS_FROM, MILLISECONDS_FROM, NANOSECONDS_FROM
+
+if TYPE_CHECKING:
+    import polars as pl
+else:
+    pl = lazy_loader.load("polars")  # 50 MB of memory that only a feed of tables needs
 
 HALF_A_LINE = "half a line"
 RAGGED = "line with too many cells"
@@ -27,7 +33,7 @@ ZONED_TIME = "%Y-%m-%d %H:%M:%S%.f%:z"
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """The rows of a file that have the right number of cells, and their numbers there."""
+    """The rows of a file that have the right number of cells, and their line numbers."""
 
     name: str
     frame: pl.DataFrame
@@ -36,13 +42,13 @@ class Table:
     def __len__(self) -> int:
         return len(self.row)
 
-    def place(self, i: int, column: str = "") -> str:
-        """Where row i of the frame stood."""
+    def location(self, i: int, column: str = "") -> str:
+        """Location of row i of the frame: file and line."""
         where = f"{self.name}, row {self.row[i]}" if self.name.endswith(".parquet") else f"{self.name}:{self.row[i]}"
         return f"{where}, column {column}" if column else where
 
     def example(self, i: int) -> str:
-        """What stands in row i of the frame."""
+        """The cells of row i of the frame."""
         return ",".join("" if v is None else str(v) for v in self.frame.row(i))
 
     def at(self, rows: Array) -> Table:
@@ -51,9 +57,9 @@ class Table:
         return Table(self.name, self.frame[keep], self.row[keep])
 
     def find(self, wanted: str | None, known: tuple[str, ...]) -> str | None:
-        """The name of a column: the one that was asked for, or the first that is known by one of these names; none: None.
+        """The name of a column: `wanted`, or the first that has one of the known names; None if there is none.
 
-        Raises: ValueError where the column that was asked for is not there.
+        Raises: ValueError if `wanted` is not a column.
         """
         if wanted is not None:
             if wanted not in self.frame.columns:
@@ -63,9 +69,9 @@ class Table:
         return next((plain[k] for k in known if k in plain), None)
 
     def need(self, wanted: str | None, known: tuple[str, ...]) -> str:
-        """As `find`, for a column that must be there.
+        """As `find`, for a required column.
 
-        Raises: ValueError that names the columns there are and the names that would do.
+        Raises: ValueError that names the columns of the file and the known names.
         """
         column = self.find(wanted, known)
         if column is None:
@@ -73,7 +79,7 @@ class Table:
         return column
 
     def numbers(self, column: str | None) -> tuple[Floats, Bools]:
-        """The numbers of a column, NaN where a cell is empty or there is no column, and which cells are no number."""
+        """The numbers of a column, NaN for an empty cell or a missing column, and which cells are no number."""
         if column is None:
             return np.full(len(self), np.nan), np.zeros(len(self), np.bool_)
         cells = self.frame[column]
@@ -83,7 +89,7 @@ class Table:
     def times(self, column: str | None, pattern: str) -> tuple[Floats, Bools]:
         """The times of a column in seconds since the epoch, and which cells are no time.
 
-        Args: pattern: "auto": unix time in any unit or a written date; else as for strptime, UTC where it has no zone.
+        Args: pattern: "auto": Unix time in any unit or a written date; else as for strptime, UTC if it has no zone.
         """
         if column is None:
             return np.full(len(self), np.nan), np.zeros(len(self), np.bool_)
@@ -97,7 +103,7 @@ class Table:
         return made.fill_null(float("nan")).to_numpy(), (made.is_null() & ~self.empty(column)).to_numpy()
 
     def texts(self, column: str | None) -> list[str]:
-        """The texts of a column, empty where a cell is or there is no column."""
+        """The texts of a column, empty for an empty cell or a missing column."""
         if column is None:
             return [""] * len(self)
         return self.frame[column].cast(pl.String).fill_null("").str.strip_chars().to_list()
@@ -111,7 +117,7 @@ class Table:
 def read_table(path: Path, separator: str, tally: Tally) -> Table:
     """The table in a file. Lines of the wrong shape are counted and left out.
 
-    Raises: OSError that names the file where it is no table at all.
+    Raises: OSError that names the file if it is not a table.
     """
     try:
         if path.suffix == ".parquet":
@@ -158,7 +164,7 @@ def _lines(content: bytes) -> pl.Series:
 
 
 def _unpacked(path: Path, tally: Tally) -> bytes:
-    """The content of a file, unpacked where it is packed; of a packed file that breaks off, what is there."""
+    """The content of a file, decompressed if needed; of a truncated compressed file the part that is there."""
     content = path.read_bytes()
     out = b""
     while content[:2] == GZIP_MAGIC:

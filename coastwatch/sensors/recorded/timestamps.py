@@ -1,4 +1,4 @@
-"""Times as they stand in recordings of NMEA 0183: before a sentence, behind it, in tag blocks and in sentences of their own."""
+"""Time stamps in recordings of NMEA 0183: before a sentence, after it, in tag blocks and in clock sentences."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from functools import lru_cache, reduce
 from operator import xor
 
 MILLISECONDS_FROM, MICROSECONDS_FROM, NANOSECONDS_FROM = 1e11, 1e14, 1e17
-"""A unix time this large counts smaller units: as seconds it would lie beyond the year 5000."""
+"""A Unix time this large is in a smaller unit: in seconds it would be after the year 5000."""
 
 BEHIND = re.compile(rb"(?:^|[,;\s])(\d{9,10}(?:\.\d+)?|\d{13})\s*$")
 GROUP = re.compile(rb"(\d+)G(\d+):(\d+)")
 
 
 def unix_s(number: float) -> float:
-    """Seconds, from a unix time in seconds, milliseconds, microseconds or nanoseconds."""
+    """Seconds, from a Unix time in seconds, milliseconds, microseconds or nanoseconds."""
     for limit, divisor in ((NANOSECONDS_FROM, 1e9), (MICROSECONDS_FROM, 1e6), (MILLISECONDS_FROM, 1e3)):
         if abs(number) >= limit:
             return number / divisor
@@ -30,8 +30,8 @@ def _date_s(*fields: int) -> float:
         return math.nan
 
 
-def written_s(text: bytes) -> float:
-    """The time that a text begins with: a unix time or an ISO date and time, UTC where it does not say; NaN where none is."""
+def leading_time_s(text: bytes) -> float:
+    """The time at the start of a text: a Unix time or an ISO date and time, UTC if it has no zone; NaN if there is none."""
     words = text.strip(b" \t,;[]()").decode("ascii", "replace")
     first = re.split(r"[,;\t]", words, maxsplit=1)[0].strip()
     for candidate in (first, first.split(" ")[0]):
@@ -47,14 +47,14 @@ def written_s(text: bytes) -> float:
     return math.nan
 
 
-def behind_s(text: bytes) -> float:
-    """The unix time at the end of what follows a checksum; NaN where none is."""
+def trailing_time_s(text: bytes) -> float:
+    """The Unix time at the end of the text after a checksum; NaN if there is none."""
     found = BEHIND.search(text)
     return unix_s(float(found[1])) if found else math.nan
 
 
 def pghp_s(sentence: bytes) -> float:
-    """The time of a `$PGHP,1,year,month,day,hour,minute,second,millisecond,...` sentence; NaN where it has none."""
+    """The time of a `$PGHP,1,year,month,day,hour,minute,second,millisecond,...` sentence; NaN if it has none."""
     fields = sentence.split(b",")
     try:
         numbers = [int(f) for f in fields[2:9]]
@@ -64,7 +64,7 @@ def pghp_s(sentence: bytes) -> float:
 
 
 def clock_s(sentence: bytes) -> float:
-    """The time of a ZDA or a valid RMC sentence of any talker; NaN of any other."""
+    """The time of a ZDA or a valid RMC sentence of any talker; NaN for other sentences."""
     fields = sentence.split(b"*")[0].split(b",")
     kind = fields[0][3:]
     try:
@@ -83,7 +83,7 @@ def clock_s(sentence: bytes) -> float:
 
 @lru_cache(maxsize=4096)
 def tag_block(text: bytes) -> tuple[bool, float, bytes, bytes]:
-    """Whether the checksum of a tag block is right, its time (NaN: none), its station and its group (empty: none)."""
+    """Whether the checksum of a tag block is correct, its time (NaN: none), its station and its group (empty: none)."""
     body, star, digits = text.rpartition(b"*")
     right = bool(star) and digits.strip().upper() == f"{checksum(body):02X}".encode()
     time_s, station, group = math.nan, b"", b""
@@ -104,8 +104,8 @@ def tag_block(text: bytes) -> tuple[bool, float, bytes, bytes]:
     return right, time_s, station, group
 
 
-def sound(sentence: bytes) -> bool:
-    """Whether the checksum of a sentence is right, or there is none."""
+def checksum_is_right(sentence: bytes) -> bool:
+    """Whether the checksum of a sentence is correct or absent."""
     body, star, digits = sentence.partition(b"*")
     return not star or digits[:2].upper() == f"{checksum(body[1:]):02X}".encode()
 

@@ -9,8 +9,8 @@ from simulated_world import CENTRE_DEG, START_S, recorded, simulated
 
 from coastwatch.batches import Trajectories
 from coastwatch.geodesy import difference_m
-from coastwatch.sensors.company import Convoys, Passings, in_company
-from coastwatch.sensors.vessels import VesselMotion, set_out
+from coastwatch.sensors.simulated.formations import Convoys, Passings, in_formation
+from coastwatch.sensors.simulated.trajectories import VesselMotion, draw_motion
 
 SPREAD_M = 0.5  # planes of anchors up to 10 km apart turn against each other: by so much over a few minutes' sailing
 SAMPLE_M = 1.0  # the truth is sampled every 3 s and straight between kicks; the closest approach lies between two samples
@@ -34,8 +34,8 @@ def neighbours(truth: Trajectories, within_m: float) -> list[tuple[int, int]]:
 
 
 def test_without_company_voyages_are_those_that_were_drawn():
-    voyages = set_out(VesselMotion(), np.tile(CENTRE_DEG, (40, 1)), START_S, 180.0, 5)
-    assert in_company(Convoys(), Passings(), voyages, 180.0, 5) is voyages
+    vessels = draw_motion(VesselMotion(), np.tile(CENTRE_DEG, (40, 1)), START_S, 180.0, 5)
+    assert in_formation(Convoys(), Passings(), vessels, 180.0, 5) is vessels
 
 
 def test_every_ship_of_a_convoy_keeps_its_place():

@@ -1,21 +1,21 @@
-"""How simulated vessels move: the settings, and one draw of all voyages of a run."""
+"""How simulated vessels move: the settings, one draw of all their motion, and their true state at any time."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from coastwatch.batches import Floats, Ints
-from coastwatch.geodesy import KNOT_M_S
-from coastwatch.sensors.voyages import Voyages, advanced
+from coastwatch.batches import Bools, Floats, Ints, Struct, Trajectories, column
+from coastwatch.geodesy import KNOT_M_S, from_plane, turn
 from coastwatch.stage import Settings
 
-MOTION, KICKS, PRESENCE = 1, 2, 3  # streams of random numbers: a change of one leaves the others as they are
+MOTION, KICKS, PRESENCE = 1, 2, 3  # streams of random numbers: a change of one does not change the others
 KICK_INTERVAL_S = {"rw60": 60.0, "rw1": 1.0, "ou": 10.0}
-# Standard deviation of one kick per axis over fraction * highest speed (for `ou`: of the bounded deviation). The paper's words
-# taken literally are 1; these give the physical bounds of the specification's table, see coastwatch/scores/README.md.
+# Standard deviation of one kick per axis over fraction * highest speed (for `ou`: of the bounded deviation). Read literally, the
+# paper says 1; these values give the physical bounds of the specification's table, see coastwatch/scores/README.md.
 KICK_SHARE = {"rw60": 0.2, "rw1": 0.5, "ou": 0.5}
 MANOEUVRE_SHARE = 0.15  # of that, for vessels that turn or accelerate: the paper scales their noise by the smaller acceleration
 
@@ -26,25 +26,23 @@ Weight = Annotated[float, Field(ge=0.0)]
 class VesselMotion(Settings):
     """How the vessels move."""
 
-    speed_from_kn: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0  # speeds are uniform between the two
-    speed_to_kn: Annotated[float, Field(gt=0.0, le=60.0)] = 15.0  # also the highest speed that the process noise refers to
-    linear_weight: Weight = 1.0  # vessels that go straight on, relative to the other two weights
-    circular_weight: Weight = 0.0  # vessels that turn at a constant rate, half of them to each side
-    accelerated_weight: Weight = 0.0  # vessels that change speed at a constant rate
-    turn_rate_from_deg_s: Annotated[float, Field(ge=0.0, le=10.0)] = 0.2  # of circular motion, uniform between the two
-    turn_rate_to_deg_s: Annotated[float, Field(ge=0.0, le=10.0)] = 0.8  # of circular motion
-    acceleration_from_m_s2: Annotated[float, Field(ge=0.0, le=1.0)] = 0.005  # of accelerated motion, uniform between the two
-    acceleration_to_m_s2: Annotated[float, Field(ge=0.0, le=1.0)] = (
-        0.03  # less where the speed would leave its range in the run
-    )
-    process_noise: Literal["rw60", "rw1", "ou", "none"] = "rw60"  # a kick each minute, each second, or a bounded perturbation
+    speed_from_kn: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0  # speeds are uniform from this
+    speed_to_kn: Annotated[float, Field(gt=0.0, le=60.0)] = 15.0  # to this, which also scales the process noise
+    linear_weight: Weight = 1.0  # relative number of vessels on a straight course
+    circular_weight: Weight = 0.0  # of vessels with a constant turn rate, half to each side
+    accelerated_weight: Weight = 0.0  # of vessels with a constant acceleration along the course
+    turn_rate_from_deg_s: Annotated[float, Field(ge=0.0, le=10.0)] = 0.2  # of circular motion, uniform from this
+    turn_rate_to_deg_s: Annotated[float, Field(ge=0.0, le=10.0)] = 0.8  # to this
+    acceleration_from_m_s2: Annotated[float, Field(ge=0.0, le=1.0)] = 0.005  # of accelerated motion, uniform from this
+    acceleration_to_m_s2: Annotated[float, Field(ge=0.0, le=1.0)] = 0.03  # to this; less if the speed would leave its range
+    process_noise: Literal["rw60", "rw1", "ou", "none"] = "rw60"  # a kick each minute, each second, or a bounded deviation
     process_noise_fraction: Annotated[float, Field(ge=0.0, le=1.0)] = 0.1  # f: of the highest speed
     kick_share: float | None = Field(
         default=None, ge=0.0, le=10.0, description="kick per axis over f * highest speed; none: rw60 0.2, rw1 0.5, ou 0.5"
     )
-    ou_time_s: Annotated[float, Field(gt=0.0)] = 300.0  # in which a bounded perturbation dies out
-    stopping_share: Share = 0.0  # vessels that come to a standstill during the run
-    stopping_s: Annotated[float, Field(gt=0.0)] = 60.0  # from first braking to standstill
+    ou_time_s: Annotated[float, Field(gt=0.0)] = 300.0  # time constant of the bounded deviation
+    stopping_share: Share = 0.0  # vessels that stop during the run
+    stopping_s: Annotated[float, Field(gt=0.0)] = 60.0  # duration of braking
     entering_share: Share = 0.0  # vessels that appear only during the run
     leaving_share: Share = 0.0  # vessels that disappear during the run
 
@@ -60,12 +58,12 @@ class VesselMotion(Settings):
 
     @property
     def keep(self) -> float:
-        """What a kick leaves of the deviation from the mean velocity; 1: a random walk."""
+        """Share of the deviation from the mean velocity that remains after a kick; 1: a random walk."""
         return float(np.exp(-KICK_INTERVAL_S["ou"] / self.ou_time_s)) if self.process_noise == "ou" else 1.0
 
     @property
     def kick_m_s(self) -> float:
-        """Standard deviation of a kick, per axis, of vessels that go straight on."""
+        """Standard deviation of a kick, per axis, of vessels on a straight course."""
         if self.process_noise == "none":
             return 0.0
         share = KICK_SHARE[self.process_noise] if self.kick_share is None else self.kick_share
@@ -73,12 +71,103 @@ class VesselMotion(Settings):
         return float(bounded * share * self.process_noise_fraction * self.speed_to_kn * KNOT_M_S)
 
 
+@dataclass(frozen=True, eq=False)
+class PiecewiseMotion(Struct):
+    """True motion of V vessels: after each break a constant turn rate and acceleration, in the tangent plane at the anchor.
+
+    Each vessel has B breaks in order of time, the first at the start. Times are seconds after the start, infinite for padding.
+    """
+
+    start_s: float
+    keep: float  # share of the deviation from the mean velocity that remains after a kick
+    anchor_deg: Floats = column(np.float64, "V", 2)
+    break_s: Floats = column(np.float64, "V", "B")
+    position_m: Floats = column(np.float64, "V", "B", 2)
+    velocity_m_s: Floats = column(np.float64, "V", "B", 2)
+    turn_rate_rad_s: Floats = column(np.float64, "V", "B")  # positive from east to north
+    acceleration_m_s2: Floats = column(np.float64, "V", "B", 2)
+    appear_s: Floats = column(np.float64, "V")
+    disappear_s: Floats = column(np.float64, "V")
+    kick_s: Floats = column(np.float64, "V", "C")  # NaN pads
+    kick_m_s: Floats = column(np.float64, "V")  # NaN: the vessel stops, which no linear model predicts
+
+    def present(self, row: Ints, time_s: Floats) -> Bools:
+        """Whether vessels are in the area. Args: row: (M,); time_s: (M,) since the epoch. Returns: (M,)."""
+        elapsed = time_s - self.start_s
+        return np.asarray((elapsed >= self.appear_s[row]) & (elapsed < self.disappear_s[row]))
+
+    def position(self, row: Ints, time_s: Floats) -> Floats:
+        """Latitude and longitude, deg, NaN if absent. Args: row, time_s: (M,). Returns: (M, 2)."""
+        metres, _ = self._in_plane(row, time_s)
+        metres[~self.present(row, time_s)] = np.nan
+        return from_plane(metres, self.anchor_deg[row])
+
+    def state(self, row: Ints, time_s: Floats) -> tuple[Floats, Floats]:
+        """Latitude and longitude, deg, NaN if absent, and velocity east and north. Args: row, time_s: (M,). Returns: (M, 2) each."""
+        position, velocity = self.state_unmasked(row, time_s)
+        position[~self.present(row, time_s)] = np.nan
+        return position, velocity
+
+    def state_unmasked(self, row: Ints, time_s: Floats) -> tuple[Floats, Floats]:
+        """As `state`, also of vessels that are absent. Args: row, time_s: (M,). Returns: (M, 2), (M, 2)."""
+        metres, velocity = self._in_plane(row, time_s)
+        position = from_plane(metres, self.anchor_deg[row])
+        return position, np.einsum("mji,mj->mi", turn(position, self.anchor_deg[row]), velocity)
+
+    def sampled(self, time_s: Floats) -> Trajectories:
+        """The truth at common instants. Args: (T,) increasing."""
+        v, t = len(self.anchor_deg), len(time_s)
+        row, time = np.repeat(np.arange(v), t), np.tile(time_s, v)
+        position, velocity = self.state_unmasked(row, time)
+        return Trajectories(
+            vessel=np.arange(v),
+            time_s=time_s,
+            position_deg=position.reshape(v, t, 2),
+            velocity_m_s=velocity.reshape(v, t, 2),
+            present=self.present(row, time).reshape(v, t),
+            kick_s=self.start_s + self.kick_s,
+            kick_m_s=self.kick_m_s,
+            turn_rate_rad_s=self.turn_rate_rad_s[:, 0],
+            acceleration_m_s2=self.acceleration_m_s2[:, 0],
+            kick_keep=np.full(v, self.keep),
+        )
+
+    def _in_plane(self, row: Ints, time_s: Floats) -> tuple[Floats, Floats]:
+        b = self.break_s.shape[1]
+        elapsed = time_s - self.start_s
+        horizon = 1.0 + max(float(np.max(elapsed, initial=0.0)), 0.0)
+        keys = (np.minimum(self.break_s, horizon) + 2.0 * horizon * np.arange(len(self.break_s))[:, None]).ravel()
+        wanted = np.clip(elapsed, 0.0, horizon - 0.5) + 2.0 * horizon * row
+        piece = np.searchsorted(keys, wanted, side="right") - 1 - b * row
+        at = (row, np.maximum(piece, 0))
+        span = elapsed - self.break_s[at]
+        return advanced(self.position_m[at], self.velocity_m_s[at], self.turn_rate_rad_s[at], self.acceleration_m_s2[at], span)
+
+
+def advanced(
+    position_m: Floats, velocity_m_s: Floats, turn_rate_rad_s: Floats, acceleration_m_s2: Floats, span_s: Floats
+) -> tuple[Floats, Floats]:
+    """Position and velocity after a time at a constant turn rate or acceleration.
+
+    Args: (M, 2), (M, 2), (M,), (M, 2), (M,). Returns: (M, 2), (M, 2).
+    """
+    half = 0.5 * turn_rate_rad_s * span_s
+    ahead = span_s * np.cos(half) * np.sinc(half / np.pi)
+    aside = span_s * np.sin(half) * np.sinc(half / np.pi)
+    cos, sin = np.cos(2.0 * half), np.sin(2.0 * half)
+    east, north = velocity_m_s[:, 0], velocity_m_s[:, 1]
+    moved = np.stack([ahead * east - aside * north, aside * east + ahead * north], axis=1)
+    turned = np.stack([cos * east - sin * north, sin * east + cos * north], axis=1)
+    span = span_s[:, None]
+    return position_m + moved + 0.5 * span * span * acceleration_m_s2, turned + span * acceleration_m_s2
+
+
 LINEAR, CIRCULAR, ACCELERATED = 0, 1, 2
 START, KICK, BRAKE, STAND = 0, 1, 2, 3
 
 
-def set_out(motion: VesselMotion, anchor_deg: Floats, start_s: float, span_s: float, seed: int) -> Voyages:
-    """The voyages of one run. Args: anchor_deg: (V, 2) where each vessel is at the start; span_s: length of the run."""
+def draw_motion(motion: VesselMotion, anchor_deg: Floats, start_s: float, span_s: float, seed: int) -> PiecewiseMotion:
+    """The motion of the vessels of one run. Args: anchor_deg: (V, 2) positions at the start; span_s: length of the run."""
     velocity, turn_rate, acceleration, kind = _first_motion(motion, len(anchor_deg), span_s, seed)
     kick_s, draws = _kicks(motion, len(anchor_deg), span_s, seed)
     kick_m_s = np.where(kind == LINEAR, 1.0, MANOEUVRE_SHARE) * motion.kick_m_s
@@ -90,10 +179,10 @@ def set_out(motion: VesselMotion, anchor_deg: Floats, start_s: float, span_s: fl
     jumps = np.zeros((*times.shape, 2))
     jumps[:, 1:-2] = draws * kick_m_s[:, None, None]
     break_s = np.take_along_axis(times, order, axis=1)
-    position, velocities, rates, accelerations = _sailed(
+    position, velocities, rates, accelerations = _integrated(
         break_s, codes[order], np.take_along_axis(jumps, order[..., None], axis=1), motion, velocity, turn_rate, acceleration
     )
-    return Voyages(
+    return PiecewiseMotion(
         start_s=start_s,
         anchor_deg=anchor_deg,
         break_s=break_s,
@@ -135,7 +224,7 @@ def _first_motion(motion: VesselMotion, count: int, span_s: float, seed: int) ->
 
 
 def _kicks(motion: VesselMotion, count: int, span_s: float, seed: int) -> tuple[Floats, Floats]:
-    """When each vessel is perturbed, infinite beyond the run, and standard normal draws. (V, C), (V, C, 2)"""
+    """Times of the kicks of each vessel, infinite after the run, and standard normal draws. (V, C), (V, C, 2)"""
     if motion.process_noise == "none":
         return np.zeros((count, 0)), np.zeros((count, 0, 2))
     rng = np.random.default_rng([seed, KICKS])
@@ -157,7 +246,7 @@ def _presence(motion: VesselMotion, count: int, span_s: float, seed: int) -> tup
     return out[0], np.minimum(out[1], out[2]), np.maximum(out[1], out[2])
 
 
-def _sailed(
+def _integrated(
     break_s: Floats, code: Ints, jump: Floats, motion: VesselMotion, velocity: Floats, turn_rate: Floats, acceleration: Floats
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Position, velocity, turn rate and acceleration after each break. (V, B, 2), (V, B, 2), (V, B), (V, B, 2)"""

@@ -1,4 +1,4 @@
-"""Parts of a recording put together: merged by arrival, with the span that they fill."""
+"""Merges reports of several files and kinds into a Recording, in order of arrival."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from coastwatch.batches import (
     Reports,
     Trajectories,
 )
-from coastwatch.sensors.faults import refused
+from coastwatch.sensors.recorded.faults import refused
 
 AnyReports = TypeVar("AnyReports", RadarReports, AisReports, AisStatics, BearingReports)
 
 
 def by_arrival(parts: list[AnyReports]) -> AnyReports:
-    """The rows of all parts in order of arrival; those that arrived at once in order of the parts. At least one part."""
+    """The rows of all parts in order of arrival; rows with equal times in order of the parts. Needs at least one part."""
     if len(parts) == 1:
         return parts[0]
     together: Any = type(parts[0]).join(parts)
@@ -34,12 +34,12 @@ def by_arrival(parts: list[AnyReports]) -> AnyReports:
 def span_of(*received_s: Floats, faults: tuple[Fault, ...] = ()) -> tuple[float, float]:
     """The whole seconds before the first and at or after the last arrival.
 
-    Raises: ValueError where nothing arrived, with what was refused.
+    Raises: ValueError if nothing arrived; the message lists the refused records.
     """
     got = [r for r in received_s if len(r)]
     if not got:
-        said = "; ".join(f"{f.count} {f.kind} (first at {f.where})" for f in refused(faults)) or "nothing was refused"
-        raise ValueError(f"recorded input: got no usable record, needed at least one: {said}")
+        refusals = "; ".join(f"{f.count} {f.kind} (first at {f.where})" for f in refused(faults)) or "nothing was refused"
+        raise ValueError(f"recorded input: got no usable record, needed at least one: {refusals}")
     first, last = min(float(r[0]) for r in got), max(float(r[-1]) for r in got)
     return float(np.ceil(first) - 1.0), float(np.ceil(last))
 
@@ -53,7 +53,7 @@ def recording(
     faults: tuple[Fault, ...] = (),
     silenced: tuple[int, ...] = (),
 ) -> Recording:
-    """A recording of these parts; without any report it begins and ends at 0."""
+    """A recording of these parts. Without reports it starts and ends at 0."""
     reports = Reports(
         RadarReports.empty() if radar is None else radar,
         AisReports.empty() if ais is None else ais,

@@ -14,14 +14,16 @@ from pydantic import Field
 
 from coastwatch.batches import Array, BearingReports, Fault, Floats, Ints, RadarReports, Recording, Sensors, Trajectories
 from coastwatch.geodesy import from_plane
-from coastwatch.sensors.faults import SET_ASIDE, Tally
-from coastwatch.sensors.places import Fingerprint, data_folder, fingerprint
-from coastwatch.sensors.recording import recording, span_of
+from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
+from coastwatch.sensors.recorded.file_locations import Fingerprint, data_folder, fingerprint
+from coastwatch.sensors.recorded.merging import recording, span_of
 from coastwatch.stage import Method, Plan
 
 PIREN_DEG = np.array([63.4389029083, 10.39908278])
 LIDAR, RADAR, INFRARED, VISIBLE = 1, 2, 3, 4
-VELOCITY_OVER_S = 0.5  # true velocity is the mean over this to each side: fixes of 10 Hz with centimetres of noise
+VELOCITY_OVER_S = (
+    0.5  # true velocity is the mean over this time to each side: the fixes come at 10 Hz with noise of centimetres
+)
 
 MALFORMED = "not a detection"
 NON_FINITE = "non-finite"
@@ -31,24 +33,24 @@ Seconds = Annotated[float, Field(ge=0.0, le=10.0)]
 
 
 class Autoferry(Method):
-    """One Autoferry scenario. Settings: see README.md of this folder.
+    """One Autoferry scenario. Settings: coastwatch/sensors/recorded/README.md.
 
     The first radar is the radar, the second, with `use_lidar`, the lidar; the first sonar is the infrared, the second
     the visible camera.
     """
 
     method: Literal["autoferry"] = "autoferry"
-    scenario: Annotated[int, Field(ge=1)]
+    scenario: Annotated[int, Field(ge=1)]  # 2, 3, 6, 13 or 17
     root: Path | None = None  # the folder of the dataset; none: shared/data/autoferry next to the checkout
-    radar_time_lag_s: Seconds = 0.0  # by which the stamps of the radar are late
-    lidar_time_lag_s: Seconds = 0.0
-    use_lidar: bool = False
-    use_cameras: bool = True
+    radar_time_lag_s: Seconds = 0.0  # delay of the time stamps of the radar
+    lidar_time_lag_s: Seconds = 0.0  # delay of the time stamps of the lidar
+    use_lidar: bool = False  # the lidar as second radar
+    use_cameras: bool = True  # the infrared and the visible camera as first and second sonar
 
     def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
         """The recording, in order of arrival, with the truth at the instants of the plan.
 
-        Raises: FileNotFoundError that names the folder; OSError where a file is not what it should be.
+        Raises: FileNotFoundError that names the folder; OSError for a file that is not JSON.
         """
         frames, truth, faults = self._read()
         tally = Tally()
@@ -70,7 +72,7 @@ class Autoferry(Method):
 
 
 class _Returns(NamedTuple):
-    """Single returns of all sensors, in order of arrival; north and east of a camera are of a unit vector."""
+    """Single returns of all sensors, in order of arrival. North and east of a camera are a unit vector."""
 
     sensor: Ints
     time_s: Floats
@@ -100,7 +102,7 @@ def _objects(path: Path) -> list[Any]:
         content = path.read_bytes()
         found = json.loads(gzip.decompress(content) if content[:2] == b"\x1f\x8b" else content)
     except (ValueError, EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise OSError(f"{path}: got {error}, needed JSON, packed or not") from error
+        raise OSError(f"{path}: got {error}, needed JSON, compressed or not") from error
     if not isinstance(found, list):
         raise OSError(f"{path}: got {type(found).__name__}, needed a list")
     return found
@@ -152,7 +154,7 @@ def _measured(sensor: int, measurement: Any) -> Floats:
 
 
 def _fixes(truth: list[Any]) -> tuple[_Fixes, ...]:
-    """Each boat's fixes, each once, in order of time; their pairing with detections is thrown away."""
+    """The fixes of each boat, each once, in order of time. Their pairing with detections is not used."""
     found: dict[int, dict[float, tuple[float, float]]] = {}
     for item in truth:
         for fix in item if isinstance(item, list) else [item]:

@@ -1,4 +1,4 @@
-"""Lines of a recording to sentences, each with when and by whom it was heard."""
+"""Lines of a recording to AIS sentences, each with its time and the station that received it."""
 
 from __future__ import annotations
 
@@ -6,8 +6,15 @@ import math
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from coastwatch.sensors.faults import SET_ASIDE, Tally
-from coastwatch.sensors.wire_time import behind_s, clock_s, pghp_s, sound, tag_block, written_s
+from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
+from coastwatch.sensors.recorded.timestamps import (
+    checksum_is_right,
+    clock_s,
+    leading_time_s,
+    pghp_s,
+    tag_block,
+    trailing_time_s,
+)
 
 HALF_A_LINE = "half a line"
 NOT_A_SENTENCE = "not a sentence"
@@ -20,44 +27,44 @@ OTHER_SENTENCE = SET_ASIDE + "other sentence"
 REMEMBERED_GROUPS = 4096
 AIS_SENTENCES = (b"VDM", b"VDO")
 BACKSLASH, BANG = b"\\", b"!"
-BARE = b"!$"  # a line that begins so has nothing ahead of its sentence
+BARE = b"!$"  # a line that starts with one of these has no prefix
 
 
-class Heard(NamedTuple):
-    """One AIS sentence."""
+class ReceivedSentence(NamedTuple):
+    """One AIS sentence of a recording."""
 
     line: int
     sentence: bytes  # from the ! to the checksum
-    own_s: float  # the time that came with it; NaN: none
+    own_s: float  # time stamp of the sentence; NaN: none
     clock_s: float  # of the last clock sentence before it; NaN: none
     station: bytes  # source of the tag block or number of its group; empty: none
 
 
-class _Ahead(NamedTuple):
-    """What was said ahead of a sentence."""
+class _Prefix(NamedTuple):
+    """Time, station and group before a sentence."""
 
     time_s: float = math.nan
     station: bytes = b""
     group: bytes = b""
 
 
-def heard(lines: Iterable[bytes], name: str, tally: Tally) -> Iterator[Heard]:
-    """The AIS sentences among the lines, in their order. Whatever else is there is counted.
+def ais_sentences(lines: Iterable[bytes], name: str, tally: Tally) -> Iterator[ReceivedSentence]:
+    """The AIS sentences among the lines, in order. Other lines are counted in the tally.
 
-    A $PGHP line, or a tag block alone on its line, belongs to the sentence that follows. A sentence of a group without
-    a time of its own has that of the group.
+    A $PGHP line, or a tag block alone on its line, belongs to the next sentence. A sentence of a group without a time of
+    its own takes that of the group.
     """
     clock = math.nan
-    waiting = _Ahead()
+    waiting = _Prefix()
     groups: dict[bytes, float] = {}
     for number, raw in enumerate(lines, 1):
         line = raw.strip()
         if not line or line[:1] == b"#":
             continue
         bare = line[0] in BARE
-        ahead, rest = (waiting, line) if bare else _ahead(line, waiting, f"{name}:{number}", tally)
+        ahead, rest = (waiting, line) if bare else _prefix(line, waiting, f"{name}:{number}", tally)
         if rest[:1] == b"$":
-            waiting, clock = _dollar(rest, waiting, clock, f"{name}:{number}", tally)
+            waiting, clock = _other_line(rest, waiting, clock, f"{name}:{number}", tally)
             continue
         if not rest:
             waiting = ahead
@@ -69,24 +76,24 @@ def heard(lines: Iterable[bytes], name: str, tally: Tally) -> Iterator[Heard]:
         if star < 0 or len(rest) < star + 3:
             tally.add(HALF_A_LINE, f"{name}:{number}", raw)
             continue
-        time_s = behind_s(rest[star + 3 :]) if len(rest) > star + 3 else math.nan
+        time_s = trailing_time_s(rest[star + 3 :]) if len(rest) > star + 3 else math.nan
         time_s = ahead.time_s if math.isnan(time_s) else time_s
         if ahead.group:
             time_s = groups.get(ahead.group, math.nan) if math.isnan(time_s) else time_s
             groups[ahead.group] = time_s
             if len(groups) > REMEMBERED_GROUPS:
                 del groups[next(iter(groups))]
-        waiting = _Ahead()
-        yield Heard(number, rest[: star + 3], time_s, clock, ahead.group or ahead.station)
+        waiting = _Prefix()
+        yield ReceivedSentence(number, rest[: star + 3], time_s, clock, ahead.group or ahead.station)
 
 
-def _ahead(line: bytes, waiting: _Ahead, where: str, tally: Tally) -> tuple[_Ahead, bytes]:
-    """What stands before the sentence on its line, and the line from there."""
+def _prefix(line: bytes, waiting: _Prefix, where: str, tally: Tally) -> tuple[_Prefix, bytes]:
+    """The prefix of a sentence on its line, and the rest of the line."""
     time_s, station, group = waiting
     starts = [at for at in (line.find(BACKSLASH), line.find(BANG), line.find(b"$")) if at >= 0]
     begin = min(starts, default=len(line))
     if begin and starts:
-        prefix_s = written_s(line[:begin])
+        prefix_s = leading_time_s(line[:begin])
         if math.isnan(prefix_s):
             tally.add(PREFIX, where, line)
         else:
@@ -96,27 +103,27 @@ def _ahead(line: bytes, waiting: _Ahead, where: str, tally: Tally) -> tuple[_Ahe
         end = rest.find(BACKSLASH, 1)
         if end < 0:
             tally.add(TAG_CUT, where, line)
-            return _Ahead(time_s, station, group), b""
+            return _Prefix(time_s, station, group), b""
         right, tag_s, tag_station, tag_group = tag_block(rest[1:end])
         if not right:
             tally.add(TAG_CHECKSUM, where, line)
         time_s = time_s if math.isnan(tag_s) else tag_s
         station, group = tag_station or station, tag_group or group
         rest = rest[end + 1 :].lstrip()
-    return _Ahead(time_s, station, group), rest
+    return _Prefix(time_s, station, group), rest
 
 
-def _dollar(sentence: bytes, waiting: _Ahead, clock: float, where: str, tally: Tally) -> tuple[_Ahead, float]:
-    """What waits for the next sentence, and the clock, after a sentence that begins with $."""
+def _other_line(sentence: bytes, waiting: _Prefix, clock: float, where: str, tally: Tally) -> tuple[_Prefix, float]:
+    """The prefix for the next sentence, and the clock, after a sentence that starts with $."""
     gateway = sentence.startswith(b"$PGHP")
-    said = pghp_s(sentence) if gateway else clock_s(sentence)
-    if not math.isnan(said) and not sound(sentence):
+    time_s = pghp_s(sentence) if gateway else clock_s(sentence)
+    if not math.isnan(time_s) and not checksum_is_right(sentence):
         tally.add(CHECKSUM, where, sentence)
-        said = math.nan
-    elif gateway and math.isnan(said):
+        time_s = math.nan
+    elif gateway and math.isnan(time_s):
         tally.add(PREFIX, where, sentence)
-    elif math.isnan(said):
+    elif math.isnan(time_s):
         tally.add(OTHER_SENTENCE, where, sentence)
     if gateway:
-        return _Ahead(said), clock
-    return waiting, clock if math.isnan(said) else said
+        return _Prefix(time_s), clock
+    return waiting, clock if math.isnan(time_s) else time_s

@@ -1,18 +1,18 @@
-"""Names, types and sizes that simulated vessels send: made up, the same for the same seed."""
+"""Names, ship types and sizes that simulated vessels send: invented, equal for equal seeds."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from coastwatch.batches import AisStatics, Array, Floats, Ints
-from coastwatch.sensors.ais import AisTruth, Carriers
+from coastwatch.sensors.simulated.ais import AisTruth, Transponders
 
 WHO, WHEN, WHAT, LIES = 31, 32, 33, 34  # streams of random numbers
 FIRST_WORDS = "AMBER BOLD CALM CORAL DAWN EAST GOLDEN GRAND IVORY LONE NORTH NOBLE QUIET SILVER SWIFT WILD"
 LAST_WORDS = "ALBATROSS BRIGHT CURRENT DOLPHIN EAGLE FORTUNE GULL HARBOUR HORIZON ISLAND PEARL SPIRIT STAR TIDE WAVE WIND"
 FIRST, LAST = np.array(FIRST_WORDS.split()), np.array(LAST_WORDS.split())
 LETTERS = np.array(list("ABCDEFGHIJKLMNOPQRSTUVWXYZ"))
-# ITU-R M.1371 type, how common it is, shortest and longest length in metres.
+# ITU-R M.1371 ship type, its share, smallest and largest length in metres.
 TYPES = np.array(
     [
         (30, 0.20, 10.0, 45.0),  # fishing
@@ -27,13 +27,15 @@ TYPES = np.array(
 LENGTH_OVER_BEAM = 6.0
 
 
-def introduce(truth: AisTruth, sent_by: Carriers, reports_mmsi: Ints, start_s: float, stop_s: float, seed: int) -> AisStatics:
-    """Static reports of the true carriers that are heard at all, in order of arrival: one early, then one an interval.
+def transmit_static_data(
+    truth: AisTruth, senders: Transponders, reports_mmsi: Ints, start_s: float, stop_s: float, seed: int
+) -> AisStatics:
+    """Static reports in order of arrival: of each transponder one soon after the start, then one per interval.
 
-    Args: reports_mmsi: (M,) of the position reports that were heard; who is never heard sends nothing that is.
+    Args: reports_mmsi: (M,) of the position reports that were received; vessels that are not among them are out of range.
     """
-    mine = ~sent_by.clone
-    mmsi, silent = sent_by.mmsi[mine], sent_by.silent[mine]
+    mine = ~senders.clone
+    mmsi, silent = senders.mmsi[mine], senders.silent[mine]
     count = len(mmsi)
     name, call_sign, kind, length = _drawn(count, seed)
     first = np.random.default_rng([seed, WHEN]).random(count) * truth.static_within_s
@@ -48,23 +50,23 @@ def introduce(truth: AisTruth, sent_by: Carriers, reports_mmsi: Ints, start_s: f
         mmsi=mmsi[row],
         name=name[row],
         call_sign=call_sign[row],
-        ship_type=_said(truth, TYPES[kind, 0].astype(np.int64), seed)[row],
+        ship_type=_sent_types(truth, TYPES[kind, 0].astype(np.int64), seed)[row],
         length_m=length[row],
         beam_m=np.maximum(np.round(length[row] / LENGTH_OVER_BEAM), 2.0),
     )
     return made.take(np.lexsort((made.mmsi, made.received_s)))
 
 
-def true_types(sent_by: Carriers, count: int, seed: int) -> Ints:
-    """The ITU-R M.1371 type that each of the vessels 0..count-1 really is, whether it has AIS or not. Returns: (count,)."""
-    mine = ~sent_by.clone
+def true_types(senders: Transponders, count: int, seed: int) -> Ints:
+    """The true ITU-R M.1371 ship type of the vessels 0..count-1, with and without AIS. Returns: (count,)."""
+    mine = ~senders.clone
     kind = np.random.default_rng([seed, WHAT]).choice(len(TYPES), count, p=TYPES[:, 1])
-    kind[sent_by.row[mine]] = _drawn(int(mine.sum()), seed)[2]
+    kind[senders.row[mine]] = _drawn(int(mine.sum()), seed)[2]
     return np.asarray(TYPES[kind, 0], np.int64)
 
 
 def _drawn(count: int, seed: int) -> tuple[Array, Array, Ints, Floats]:
-    """Name, call sign, row of TYPES and length in metres of each of so many carriers."""
+    """Name, call sign, row of TYPES and length in metres of this many transponders."""
     rng = np.random.default_rng([seed, WHO])
     number = np.arange(count)
     name = _joined(FIRST[rng.integers(0, len(FIRST), count)], " ", LAST[rng.integers(0, len(LAST), count)])
@@ -76,12 +78,12 @@ def _drawn(count: int, seed: int) -> tuple[Array, Array, Ints, Floats]:
     return name, call_sign, kind, length
 
 
-def _said(truth: AisTruth, ship_type: Ints, seed: int) -> Ints:
-    """The type that each carrier sends: 0 where it was never set, another where it was set wrong. Args: (C,) the true ones."""
+def _sent_types(truth: AisTruth, ship_type: Ints, seed: int) -> Ints:
+    """The ship type that each transponder sends: 0 if it was never set, another if it was set wrong. Args: ship_type: (C,) true."""
     rng = np.random.default_rng([seed, LIES])
     missing, wrong, other = rng.random(len(ship_type)), rng.random(len(ship_type)), rng.choice(len(TYPES), len(ship_type))
-    said = np.where(wrong < truth.type_wrong_share, TYPES[other, 0].astype(np.int64), ship_type)
-    return np.where(missing < truth.type_missing_share, 0, said)
+    sent = np.where(wrong < truth.type_wrong_share, TYPES[other, 0].astype(np.int64), ship_type)
+    return np.where(missing < truth.type_missing_share, 0, sent)
 
 
 def _joined(*parts: Array | str) -> Array:

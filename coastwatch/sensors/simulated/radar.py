@@ -1,9 +1,7 @@
-"""What radars would report of vessels that move as given: `observe`.
+"""Simulated radars: `observe` makes the reports of radars from the true positions of vessels.
 
-    observe(radars, truths, where, vessel, start_s, stop_s, seed) -> RadarReports
-
-`where(row, time_s)` says where vessels are, (M,) and (M,) to (M, 2) latitude, longitude, NaN where a vessel is absent; `along`
-makes one of Trajectories that are sampled finely enough to be straight between samples.
+`position_at(row, time_s)` returns latitude and longitude (M, 2) of vessels (M,) at times (M,), NaN if a vessel is absent.
+`interpolated` makes such a function from sampled Trajectories.
 """
 
 from __future__ import annotations
@@ -17,10 +15,10 @@ from pydantic import Field, model_validator
 
 from coastwatch.batches import Bools, Floats, Ints, RadarReports, Radars, Trajectories
 from coastwatch.geodesy import KNOT_M_S, from_plane, to_plane, wrap_deg, wrap_rad
-from coastwatch.sensors.vessels import Share, chosen
+from coastwatch.sensors.simulated.trajectories import Share, chosen
 from coastwatch.stage import Settings
 
-Where = Callable[[Ints, Floats], Floats]
+PositionAt = Callable[[Ints, Floats], Floats]
 
 NOISE, DETECTION, CLUTTER, PHASE, UNSEEN, OUTAGE = (
     11,
@@ -29,33 +27,33 @@ NOISE, DETECTION, CLUTTER, PHASE, UNSEEN, OUTAGE = (
     14,
     15,
     16,
-)  # streams of random numbers: a change of one leaves the others as they are
+)  # streams of random numbers: a change of one does not change the others
 TURN_RAD = 2.0 * np.pi
-BLOCK = 4096  # vessels at a time, which bounds memory and changes no number
-BEAM_ROUNDS = 3  # each shrinks the error of the beam time by azimuth rate x turn period, under 0.1 beyond 300 m
+BLOCK = 4096  # vessels at a time: bounds memory, does not change the result
+BEAM_ROUNDS = 3  # iterations; each multiplies the error of the beam time by azimuth rate x turn period, under 0.1 beyond 300 m
 
 
 class RadarTruth(Settings):
     """What a simulated radar does beyond its specification."""
 
-    name: str = ""  # of the radar in [[radars]]; empty in [input.radar], which is of all radars that are not named
-    detection_probability: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0  # of a vessel in range, each turn
-    unseen_share: Share = 0.0  # of the vessels no radar ever sees, the same ones for all radars of this share
-    clutter_per_m2: Annotated[float, Field(ge=0.0, le=1e-4)] = 0.0  # false plots each turn, uniform over the disc of the range
-    noise_factor: Annotated[float, Field(ge=0.0, le=100.0)] = 1.0  # real noise over that of the specification
-    range_bias_m: Annotated[float, Field(ge=-1000.0, le=1000.0)] = 0.0  # added to what is measured
-    azimuth_bias_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = 0.0  # added to what is measured
+    name: str = ""  # of the radar in [[radars]]; empty in [input.radar], which is for all radars without an entry of their own
+    detection_probability: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0  # of a vessel in range, per turn
+    unseen_share: Share = 0.0  # of the vessels are never detected, the same ones by all radars with this share
+    clutter_per_m2: Annotated[float, Field(ge=0.0, le=1e-4)] = 0.0  # false plots per turn, uniform over the disc of its range
+    noise_factor: Annotated[float, Field(ge=0.0, le=100.0)] = 1.0  # true noise divided by the specified noise
+    range_bias_m: Annotated[float, Field(ge=-1000.0, le=1000.0)] = 0.0  # added to the measurement
+    azimuth_bias_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = 0.0  # added to the measurement
     azimuth_drift_deg_h: Annotated[float, Field(ge=-3600.0, le=3600.0)] = (
-        0.0  # by which the bias grows from the start of the run
+        0.0  # growth of the azimuth bias from the start of the run
     )
     time_bias_s: Annotated[float, Field(ge=-60.0, le=60.0)] = 0.0  # added to the true time of the beam
     latency_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0  # from the beam to the arrival of the report
     start_s: Annotated[float, Field(ge=0.0)] = 0.0  # switched on, after the start of the run
     stop_s: float | None = Field(default=None, ge=0.0, description="switched off, after the start of the run; none: never")
-    outage_s: Annotated[float, Field(ge=0.0)] = 0.0  # it is down for so long, again and again
-    outage_every_s: Annotated[float, Field(gt=0.0)] = 60.0  # from one outage to the next, the first at a random time
-    blind_from_deg: Annotated[float, Field(ge=0.0, le=360.0)] = 0.0  # sector without plots, clockwise
-    blind_to_deg: Annotated[float, Field(ge=0.0, le=360.0)] = 0.0  # end of it; the same as its begin: none
+    outage_s: Annotated[float, Field(ge=0.0)] = 0.0  # duration of repeated outages
+    outage_every_s: Annotated[float, Field(gt=0.0)] = 60.0  # period of the outages; the first is at a random time
+    blind_from_deg: Annotated[float, Field(ge=0.0, le=360.0)] = 0.0  # start of a sector without plots, clockwise
+    blind_to_deg: Annotated[float, Field(ge=0.0, le=360.0)] = 0.0  # end of the sector; equal to its start: no such sector
     course_deg: Annotated[float, Field(ge=0.0, le=360.0)] = 0.0  # of a moving platform
     speed_kn: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0  # of a moving platform; 0: on shore
 
@@ -66,16 +64,16 @@ class RadarTruth(Settings):
         return self
 
     def looks_at(self, azimuth_deg: Floats) -> Bools:
-        """Whether azimuths lie outside the blind sector. Args: (M,), NaN is inside none. Returns: (M,)."""
+        """Whether azimuths are outside the blind sector. Args: azimuth_deg: (M,), NaN counts as outside. Returns: (M,)."""
         width = (self.blind_to_deg - self.blind_from_deg) % 360.0
         return np.asarray(~((azimuth_deg - self.blind_from_deg) % 360.0 < width))
 
 
-def along(trajectories: Trajectories) -> Where:
-    """A `where` that interpolates sampled trajectories linearly; absent where either sample next to the time is absent."""
+def interpolated(trajectories: Trajectories) -> PositionAt:
+    """A `position_at` by linear interpolation of sampled trajectories; NaN if one of the two neighbouring samples is absent."""
     time, position, present = trajectories.time_s, trajectories.position_deg, trajectories.present
 
-    def where(row: Ints, time_s: Floats) -> Floats:
+    def position_at(row: Ints, time_s: Floats) -> Floats:
         hi = np.clip(np.searchsorted(time, time_s), 1, max(len(time) - 1, 1))
         lo, hi = hi - 1, np.minimum(hi, len(time) - 1)
         weight = np.clip((time_s - time[lo]) / np.where(hi > lo, time[hi] - time[lo], 1.0), 0.0, 1.0)[:, None]
@@ -87,19 +85,25 @@ def along(trajectories: Trajectories) -> Where:
         out[outside | ~present[row, lo] | ~present[row, hi]] = np.nan
         return out
 
-    return where
+    return position_at
 
 
 def observe(
-    radars: Radars, truths: Sequence[RadarTruth], where: Where, vessel: Ints, start_s: float, stop_s: float, seed: int
+    radars: Radars,
+    truths: Sequence[RadarTruth],
+    position_at: PositionAt,
+    vessel: Ints,
+    start_s: float,
+    stop_s: float,
+    seed: int,
 ) -> RadarReports:
-    """What the radars report between two times, in order of arrival.
+    """Reports of the radars between two times, in order of arrival.
 
-    A plot carries the true time at which the beam passed the vessel, the antenna at a random phase at the start. `site_deg` is
-    where the antenna was at that time. Clutter has origin -1.
+    The time of a plot is when the beam passed the vessel; the antenna starts at a random phase. `site_deg` is the position of the
+    antenna at that time. Clutter has origin -1.
 
-    Args: radars: by specification (R); truths: one a radar; where: see the top of this module, asked for rows
-    0..V-1; vessel: (V,) what becomes `origin`; start_s, stop_s: s since the epoch.
+    Args: radars: specifications (R); truths: one per radar; position_at: as in the docstring of this module, called with rows
+    0..V-1; vessel: (V,) becomes `origin`; start_s, stop_s: since the epoch.
     """
     parts = []
     for r, truth in enumerate(truths):
@@ -109,7 +113,7 @@ def observe(
         phase = float(np.random.default_rng([seed, PHASE, r]).random())
         turns = np.arange(np.floor((on - start_s) / period) - 2, np.ceil((off - start_s) / period) + 3)
         antenna = Antenna(radars, r, truth, start_s, start_s - phase * period, turns, seed)
-        for made in (antenna.echoes(where, vessel), antenna.clutter()):
+        for made in (antenna.echoes(position_at, vessel), antenna.clutter()):
             beam = made.time_s - truth.time_bias_s
             parts.append(made.take((beam >= on) & (beam <= off) & antenna.works(beam)))
     joined = RadarReports.join(parts)
@@ -129,7 +133,7 @@ class Antenna:
     seed: int
 
     def site_at(self, time_s: Floats) -> Floats:
-        """Where the antenna is. Args: time_s: (M,). Returns: (M, 2) deg."""
+        """Position of the antenna. Args: time_s: (M,). Returns: (M, 2) deg."""
         here = self.radars.site_deg[self.r]
         if self.truth.speed_kn == 0.0:
             return np.tile(here, (len(time_s), 1))
@@ -138,12 +142,12 @@ class Antenna:
         return from_plane((time_s - self.start_s)[:, None] * run, here)
 
     def works(self, time_s: Floats) -> Bools:
-        """Whether it is not down. Args: time_s: (M,). Returns: (M,)."""
+        """Whether it works at these times. Args: time_s: (M,). Returns: (M,)."""
         every = self.truth.outage_every_s
         phase = float(np.random.default_rng([self.seed, OUTAGE, self.r]).random()) * every
         return np.asarray((time_s - self.start_s + phase) % every >= self.truth.outage_s)
 
-    def echoes(self, where: Where, vessel: Ints) -> RadarReports:
+    def echoes(self, position_at: PositionAt, vessel: Ints) -> RadarReports:
         """Plots of vessels, vessel by vessel."""
         detection, noise = (np.random.default_rng([self.seed, stream, self.r]) for stream in (DETECTION, NOISE))
         hidden = np.zeros(len(vessel), np.bool_)
@@ -151,7 +155,7 @@ class Antenna:
         parts = []
         for lo in range(0, len(vessel), BLOCK):
             row = np.arange(lo, min(lo + BLOCK, len(vessel)))
-            time, distance, azimuth = self._beams(where, row)
+            time, distance, azimuth = self._beams(position_at, row)
             found = detection.random(len(time)) < self.truth.detection_probability
             errors = noise.standard_normal((len(time), 2)) * self.truth.noise_factor
             seen = found & (distance <= self.radars.range_m[self.r])  # an absent vessel is NaN far
@@ -174,23 +178,23 @@ class Antenna:
         made = self._reports(time, distance, 360.0 * part, np.full(total, -1, np.int64))
         return made.take(self.truth.looks_at(made.azimuth_deg))
 
-    def _beams(self, where: Where, row: Ints) -> tuple[Floats, Floats, Floats]:
-        """When the beam passes each vessel, and its distance and azimuth then: each (rows * turns,).
+    def _beams(self, position_at: PositionAt, row: Ints) -> tuple[Floats, Floats, Floats]:
+        """Time at which the beam passes each vessel, and distance and azimuth at that time: each (rows * turns,).
 
-        The azimuth is made continuous over the turns, so a vessel that crosses north is still hit once each time the beam passes.
+        The azimuth is continuous over the turns, so that a vessel that crosses north is detected once per turn.
         """
         turns, row = np.tile(self.turns, len(row)), np.repeat(row, len(self.turns))
         period = float(self.radars.period_s[self.r])
-        at = self._relative(where, row, self.first_s + (turns + 0.5) * period)
+        at = self._relative(position_at, row, self.first_s + (turns + 0.5) * period)
         azimuth = _unwrapped(np.arctan2(at[:, 0], at[:, 1]).reshape(-1, len(self.turns))).ravel()
         for _ in range(BEAM_ROUNDS):
             time = self.first_s + (turns + azimuth / TURN_RAD) * period
-            at = self._relative(where, row, time)
+            at = self._relative(position_at, row, time)
             azimuth = azimuth + np.nan_to_num(wrap_rad(np.arctan2(at[:, 0], at[:, 1]) - azimuth))
         return time, np.hypot(at[:, 0], at[:, 1]), azimuth
 
-    def _relative(self, where: Where, row: Ints, time_s: Floats) -> Floats:
-        return to_plane(where(row, time_s), self.site_at(time_s))
+    def _relative(self, position_at: PositionAt, row: Ints, time_s: Floats) -> Floats:
+        return to_plane(position_at(row, time_s), self.site_at(time_s))
 
     def _reports(self, beam_s: Floats, range_m: Floats, azimuth_deg: Floats, origin: Ints) -> RadarReports:
         return RadarReports(
@@ -205,7 +209,7 @@ class Antenna:
 
 
 def _unwrapped(azimuth: Floats) -> Floats:
-    """The azimuths of each row made continuous, held where NaN."""
+    """The azimuths of each row without jumps of a full turn; the last known one replaces NaN."""
     known = np.isfinite(azimuth)
     newest = np.maximum.accumulate(np.where(known, np.arange(azimuth.shape[1]), 0), axis=1)
     held = np.nan_to_num(np.take_along_axis(azimuth, newest, axis=1)) % TURN_RAD

@@ -1,24 +1,22 @@
-"""Decoded AIS in tables: CSV or Parquet, any names of columns."""
+"""The feed `ais_table`: decoded AIS in CSV or Parquet, with any column names."""
 
 from __future__ import annotations
 
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
 from coastwatch.batches import AisReports, AisStatics, Bools, Fault, Floats, Ints, Recording, Sensors
 from coastwatch.geodesy import KNOT_M_S
-from coastwatch.sensors.ais_rows import NON_FINITE, AisIntake, AisRows, StaticRows, accept
-from coastwatch.sensors.faults import Tally
-from coastwatch.sensors.places import Fingerprint, fingerprint
-from coastwatch.sensors.recording import ais_recording, by_arrival, span_of
+from coastwatch.sensors.recorded.ais_validation import NON_FINITE, AisIntake, AisRows, StaticRows, accept
+from coastwatch.sensors.recorded.faults import Tally
+from coastwatch.sensors.recorded.file_locations import Fingerprint, fingerprint
+from coastwatch.sensors.recorded.merging import ais_recording, by_arrival, span_of
+from coastwatch.sensors.recorded.table_reader import Table, read_table
 from coastwatch.stage import Method, Plan, Settings
-
-if TYPE_CHECKING:
-    from coastwatch.sensors.cells import Table
 
 EMPTY_CELL, BAD_CELL = "empty cell", "unparsable cell"
 
@@ -50,16 +48,16 @@ KNOWN: dict[str, tuple[str, ...]] = {
     "length": ("length", "length_m"),
     "beam": ("beam", "beam_m", "width"),
 }
-"""Names, in small letters, by which a column is recognised where the settings do not name it."""
+"""Names, in lower case, by which a column is found if the settings do not name it."""
 
 REQUIRED = ("time", "mmsi", "latitude", "longitude")
 STATIC = ("name", "call_sign", "ship_type", "length", "beam")
 
 
 class AisColumns(Settings):
-    """Which column is what; one that is not named is looked for by its usual names."""
+    """Names of the columns; a column without a setting is found by its usual names."""
 
-    time: str | None = None  # of the fix, or of reception where `received` is not there
+    time: str | None = None  # time of the fix, or of reception if there is no `received`
     received: str | None = None  # time of reception
     mmsi: str | None = None  # number of the vessel, 9 digits
     latitude: str | None = None  # deg, north positive
@@ -75,18 +73,18 @@ class AisColumns(Settings):
 
 
 class AisTable(Method):
-    """AIS from decoded tables. Settings: see README.md of this folder."""
+    """AIS from decoded tables. Settings: coastwatch/sensors/recorded/README.md."""
 
     method: Literal["ais_table"] = "ais_table"
-    files: Annotated[tuple[Path, ...], Field(min_length=1)]
-    columns: AisColumns = AisColumns()
-    time_format: str = "auto"
-    separator: Annotated[str, Field(min_length=1, max_length=1)] = ","
-    speed_unit: Literal["kn", "m/s", "km/h"] = "kn"
-    intake: AisIntake = AisIntake()
+    files: Annotated[tuple[Path, ...], Field(min_length=1)]  # each in order of arrival; compressed (gzip) or not
+    columns: AisColumns = AisColumns()  # names of the columns
+    time_format: str = "auto"  # Unix time in s, ms, us or ns, or a written date; else a pattern of strptime; UTC without a zone
+    separator: Annotated[str, Field(min_length=1, max_length=1)] = ","  # between the cells of a CSV file
+    speed_unit: Literal["kn", "m/s", "km/h"] = "kn"  # of the column of SOG
+    intake: AisIntake = AisIntake()  # which records are accepted
 
     def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
-        """The recording: AIS reports and static data of all files in order of arrival, and what was refused.
+        """AIS reports and static data of all files in order of arrival, and the faults.
 
         Raises: FileNotFoundError, OSError or ValueError that names the file.
         """
@@ -95,13 +93,13 @@ class AisTable(Method):
     def span(self) -> tuple[float, float]:
         """Whole seconds before the first and after the last time of reception.
 
-        Raises: ValueError where no record can be used.
+        Raises: ValueError if no record is usable.
         """
         reports, statics, faults = self.read()
         return span_of(reports.received_s, statics.received_s, faults=faults)
 
     def read(self) -> tuple[AisReports, AisStatics, tuple[Fault, ...]]:
-        """All that the tables say, in order of arrival."""
+        """Reports and static data of all tables in order of arrival, and the faults."""
         return _read(self, fingerprint(self.files))
 
 
@@ -114,8 +112,6 @@ def _read(settings: AisTable, files: Fingerprint) -> tuple[AisReports, AisStatic
 
 
 def _one_file(settings: AisTable, path: Path, tally: Tally) -> tuple[AisReports, AisStatics]:
-    from coastwatch.sensors.cells import read_table
-
     table = read_table(path, settings.separator, tally)
     column = {
         key: (table.need if key in REQUIRED else table.find)(getattr(settings.columns, key), names)
@@ -136,16 +132,18 @@ def _one_file(settings: AisTable, path: Path, tally: Tally) -> tuple[AisReports,
         class_b=_class_b(table, column["ais_class"]),
         digest=_digest(values),
     )
-    statics, said = _statics(table, column, values, rows.mmsi, stamp)
-    return accept(rows, statics, said, settings.intake, tally, lambda row: table.place(int(np.searchsorted(table.row, row))))
+    statics, static_rows = _statics(table, column, values, rows.mmsi, stamp)
+    return accept(
+        rows, statics, static_rows, settings.intake, tally, lambda row: table.location(int(np.searchsorted(table.row, row)))
+    )
 
 
 def good_cells(
     table: Table, column: dict[str, str | None], required: tuple[str, ...], time_format: str, tally: Tally
 ) -> tuple[Table, dict[str, Floats]]:
-    """The rows in which every required cell has a number and no cell is garbled, and their numbers by key.
+    """The rows whose required cells all have a number and whose other cells are readable, and their numbers by key.
 
-    Keys "time" and "received" are times; "radar", "sonar", "name", "call_sign", "ais_class" are texts and not touched.
+    Keys "time" and "received" are times; "radar", "sonar", "name", "call_sign", "ais_class" are texts and are not checked.
     """
     texts = ("radar", "sonar", "name", "call_sign", "ais_class")
     good = np.ones(len(table), np.bool_)
@@ -155,19 +153,19 @@ def good_cells(
             continue
         made, bad = table.times(name, time_format) if key in ("time", "received") else table.numbers(name)
         if key in STATIC:
-            bad = np.zeros(len(table), np.bool_)  # a bad length does not spoil a position
+            bad = np.zeros(len(table), np.bool_)  # an unreadable length does not invalidate the position
         empty = table.empty(name).to_numpy() if name is not None and key in required else np.zeros(len(table), np.bool_)
         infinite = np.isinf(made) | (np.isnan(made) & ~empty & ~bad if key in required else False)
         infinite = infinite & (key not in STATIC)
         for kind, mask in ((EMPTY_CELL, empty), (BAD_CELL, bad), (NON_FINITE, infinite)):
-            tally.add_rows(kind, good & mask, partial(table.place, column=str(name)), table.example)
+            tally.add_rows(kind, good & mask, partial(table.location, column=str(name)), table.example)
             good &= ~mask
         values[key] = made
     return table.at(good), {key: made[good] for key, made in values.items()}
 
 
 def _whole(number: Floats) -> Ints:
-    """As integers; what is none becomes -1, which is no MMSI."""
+    """As integers; other numbers become -1, which is no MMSI."""
     return np.where((number == np.floor(number)) & (np.abs(number) < 1e12), number, -1.0).astype(np.int64)
 
 
@@ -178,13 +176,13 @@ def _class_b(table: Table, column: str | None) -> Bools:
 
 
 def _digest(values: dict[str, Floats]) -> Ints:
-    """A number that is equal where time, position, SOG and COG are."""
-    said = np.stack([np.nan_to_num(values[k], nan=-1.0) for k in ("time", "latitude", "longitude", "sog", "cog")], axis=-1)
-    if not len(said):
+    """A number that is equal for equal time, position, SOG and COG."""
+    cells = np.stack([np.nan_to_num(values[k], nan=-1.0) for k in ("time", "latitude", "longitude", "sog", "cog")], axis=-1)
+    if not len(cells):
         return np.zeros(0, np.int64)
-    order = np.lexsort(said.T)
-    new = np.concatenate([[True], (said[order[1:]] != said[order[:-1]]).any(axis=1)])
-    out = np.empty(len(said), np.int64)
+    order = np.lexsort(cells.T)
+    new = np.concatenate([[True], (cells[order[1:]] != cells[order[:-1]]).any(axis=1)])
+    out = np.empty(len(cells), np.int64)
     out[order] = np.cumsum(new)
     return out
 
@@ -192,7 +190,7 @@ def _digest(values: dict[str, Floats]) -> Ints:
 def _statics(
     table: Table, column: dict[str, str | None], values: dict[str, Floats], mmsi: Ints, stamp: Floats
 ) -> tuple[AisStatics, StaticRows]:
-    """Static data of the rows in which a vessel says other than in its row before."""
+    """Static data of the rows in which it differs from the row before of the same vessel."""
     name, sign = np.array(table.texts(column["name"]), "U20"), np.array(table.texts(column["call_sign"]), "U7")
     code = np.nan_to_num(values["ship_type"], nan=-1.0, posinf=-1.0, neginf=-1.0).astype(np.int64)
     length, beam = (np.where(values[k] > 0.0, values[k], np.nan) for k in ("length", "beam"))

@@ -1,4 +1,4 @@
-"""In which order records arrived, when, and which times cannot be believed; which records say the same again."""
+"""Reception times of records whose time stamps may be wrong, and which records are repetitions."""
 
 from __future__ import annotations
 
@@ -9,45 +9,45 @@ from typing import NamedTuple
 import numpy as np
 
 from coastwatch.batches import Array, Bools, Floats
-from coastwatch.sensors.faults import SET_ASIDE
+from coastwatch.sensors.recorded.faults import SET_ASIDE
 
 LATE = SET_ASIDE + "late, taken in order of arrival"
 BACKWARDS = "time going backwards"
 FAR = "time far from the rest"
 
 
-class Arrival(NamedTuple):
-    """For each record: when it arrived, whether its time is believed, and the masks of each kind of fault."""
+class ReceptionTimes(NamedTuple):
+    """Of each record: its time of reception, whether its stamp is accepted, and a mask per kind of fault."""
 
     received_s: Floats
-    believed: Bools
+    accepted: Bools
     faults: dict[str, Bools]
 
 
-def arrive(stamp_s: Floats, lateness_s: float, longest_silence_s: float) -> Arrival:
-    """When each record of a stream arrived, from stamps that may be late, early or wrong.
+def reception_times(stamp_s: Floats, lateness_s: float, longest_silence_s: float) -> ReceptionTimes:
+    """Reception times of the records of a stream, from stamps that may be late, early or wrong.
 
-    The order of the file is the order of arrival, so a record arrives when the newest believed stamp before it says. A stamp
-    that is older than that by up to the lateness is a late record. Stamps across a silence that no stream keeps are not of this
-    stream: the part with most records stays. Where stamps contradict each other by more than the lateness, the longest run
-    of stamps in order is believed, so that one wrong clock reading in the future does not condemn all that follows.
+    The order of the file is the order of arrival: a record arrives at the newest accepted stamp up to it. A stamp that is older
+    than that by up to `lateness_s` is a late record. If silences longer than `longest_silence_s` divide the stamps, the part with
+    most records is kept. If stamps contradict each other by more than `lateness_s`, the longest ordered run is accepted: one
+    wrong clock reading in the future does not reject all records after it.
 
     Args: stamp_s: (M,) finite. Returns: arrays (M,).
     """
-    mainland = _most_populous(stamp_s, longest_silence_s)
-    believed = mainland.copy()
-    rows = np.flatnonzero(mainland)
+    main_part = _largest_part(stamp_s, longest_silence_s)
+    accepted = main_part.copy()
+    rows = np.flatnonzero(main_part)
     t = stamp_s[rows]
     if len(t) and (np.maximum.accumulate(t) - t).max() > lateness_s:
-        low, high = _corridor(t)
-        believed[rows] = (t >= low - lateness_s) & (t <= high + lateness_s)
-    received = np.maximum.accumulate(np.where(believed, stamp_s, -np.inf))
-    believed &= received - stamp_s <= 2.0 * lateness_s  # late behind a record that was itself early
-    late = believed & (stamp_s < received)
-    return Arrival(received, believed, {FAR: ~mainland, BACKWARDS: mainland & ~believed, LATE: late})
+        low, high = _bounds(t)
+        accepted[rows] = (t >= low - lateness_s) & (t <= high + lateness_s)
+    received = np.maximum.accumulate(np.where(accepted, stamp_s, -np.inf))
+    accepted &= received - stamp_s <= 2.0 * lateness_s  # late after a record that was itself early
+    late = accepted & (stamp_s < received)
+    return ReceptionTimes(received, accepted, {FAR: ~main_part, BACKWARDS: main_part & ~accepted, LATE: late})
 
 
-def _most_populous(stamp_s: Floats, longest_silence_s: float) -> Bools:
+def _largest_part(stamp_s: Floats, longest_silence_s: float) -> Bools:
     if not len(stamp_s):
         return np.zeros(0, np.bool_)
     order = np.argsort(stamp_s, kind="stable")
@@ -57,8 +57,8 @@ def _most_populous(stamp_s: Floats, longest_silence_s: float) -> Bools:
     return out
 
 
-def _corridor(t: Floats) -> tuple[Floats, Floats]:
-    """The stamps of the longest run in order, next at or before and next at or after each record."""
+def _bounds(t: Floats) -> tuple[Floats, Floats]:
+    """Of each record the nearest stamps of the longest ordered run, at or before it and at or after it."""
     chain = np.zeros(len(t), np.bool_)
     chain[_longest_in_order(t.tolist())] = True
     low = np.maximum.accumulate(np.where(chain, t, -np.inf))
@@ -67,7 +67,7 @@ def _corridor(t: Floats) -> tuple[Floats, Floats]:
 
 
 def _longest_in_order(t: Sequence[float]) -> list[int]:
-    """Indices of a longest non-decreasing run, by patience: for each length the smallest end found so far."""
+    """Indices of a longest non-decreasing subsequence (patience sorting)."""
     ends: list[float] = []
     at: list[int] = []
     before = [-1] * len(t)
@@ -88,7 +88,7 @@ def _longest_in_order(t: Sequence[float]) -> list[int]:
 
 
 def repeated(keys: Sequence[Array], time_s: Floats, within_s: float) -> Bools:
-    """Which records have the same keys as one at most this long before them; of equal times the first in order stays.
+    """Which records have the same keys as one at most `within_s` before them. Of equal times the first in order is kept.
 
     Args: keys: each (M,); time_s: (M,). Returns: (M,).
     """

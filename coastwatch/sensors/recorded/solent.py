@@ -1,7 +1,7 @@
-"""Recorded AIS as it was, and radars simulated along the recorded motion: the Solent on 12 January 2016.
+"""The feed `solent`: AIS recorded in the Solent on 12 January 2016, and radars simulated along the recorded motion.
 
-The fixes of each vessel are shared out: the even ones are the AIS reports, as they stand; the odd ones, smoothed, are the truth that
-the radars see. So AIS is never scored against itself.
+The even fixes of each vessel are the AIS reports, unchanged. The odd fixes, smoothed, are the truth that the radars observe.
+So AIS is never scored against itself.
 """
 
 from __future__ import annotations
@@ -16,52 +16,55 @@ from pydantic import Field
 
 from coastwatch.batches import AisReports, Bools, Fault, Floats, Ints, Radars, Recording, Sensors, Trajectories
 from coastwatch.geodesy import KNOT_M_S, difference_m, from_plane, to_plane, turn
-from coastwatch.sensors.ais_rows import utc
-from coastwatch.sensors.ais_table import AisTable
-from coastwatch.sensors.faults import Tally
-from coastwatch.sensors.places import Fingerprint, data_folder, fingerprint
-from coastwatch.sensors.radar import RadarTruth, along, observe
-from coastwatch.sensors.recording import recording, span_of
-from coastwatch.sensors.simulated import truths_of
-from coastwatch.sensors.smoothing import between, smooth
+from coastwatch.sensors.recorded.ais_table import AisTable
+from coastwatch.sensors.recorded.ais_validation import utc
+from coastwatch.sensors.recorded.faults import Tally
+from coastwatch.sensors.recorded.file_locations import Fingerprint, data_folder, fingerprint
+from coastwatch.sensors.recorded.merging import recording, span_of
+from coastwatch.sensors.recorded.smoothing import between, smooth
+from coastwatch.sensors.simulated.radar import RadarTruth, interpolated, observe
+from coastwatch.sensors.simulated.simulation import truths_of
 from coastwatch.stage import Method, Plan
 
 FILE = "SolentAIS_20160112_130211.csv.gz"
 PLANE_DEG = np.array([50.78, -1.11])
 SILENCE = 31  # stream of random numbers
-GRID_S = 1.0  # between samples of the truth: a vessel that turns at 1 deg/s strays 2 cm from the chord
+GRID_S = 1.0  # between samples of the truth: at a turn rate of 1 deg/s linear interpolation is wrong by 2 cm
 
 POSITION_JUMP = "position jump"
-JUMP_M, JUMP_M_S = 500.0, 50.0  # no vessel goes so far so fast, there and back
+JUMP_M, JUMP_M_S = 500.0, 50.0  # a fix this far from both neighbours, at this speed, is an error
 
-# What a fix is worth. The data's README names 5 m along and 0.7 s of time jitter; but the jitter of neighbouring fixes is alike, and
-# left-out fixes are met better with less: at 5-12 m/s and this jerk 95 % within 12.0 m, not 16.6 m (README.md of this folder).
+# Errors of a fix. The README of the data gives 5 m along the track and 0.7 s of time jitter. The jitter of neighbouring fixes is
+# correlated, so smaller values predict left-out fixes better: at 5-12 m/s 95 % within 12.0 m instead of 16.6 m (README.md).
 ACROSS_M, ALONG_M, JITTER_S = 1.0, 2.0, 0.3
 SOG_SIGMA_M_S, COG_SIGMA_RAD, COG_FROM_M_S = 0.2 * KNOT_M_S, np.radians(2.0), 2.0 * KNOT_M_S
-UNKNOWN_COURSE_M = 5.0  # both ways, where no course says which is along
+UNKNOWN_COURSE_M = 5.0  # in both axes, if the course is unknown
 JERK_M2_S5 = 1e-2
 
 MOVING_M_S = 0.5 * KNOT_M_S  # median speed of a vessel that counts as moving
-COVERED_SHARE, COVERED_S = 0.5, 60.0  # of its time, and at least so long, in range of a radar to be silenced
+COVERED_SHARE, COVERED_S = (
+    0.5,
+    60.0,
+)  # a vessel can be silenced if it is in radar range for this share of its time and at least this long
 
 
 class Solent(Method):
-    """Recorded AIS with radars simulated along the recorded motion. Settings: see README.md of this folder."""
+    """Recorded AIS with radars simulated along the recorded motion. Settings: coastwatch/sensors/recorded/README.md."""
 
     method: Literal["solent"] = "solent"
     root: Path | None = None  # the folder of the dataset; none: shared/data/solent_ais next to the checkout
-    gap_s: Annotated[float, Field(gt=0.0)] = 60.0  # a silence this long breaks a path
-    berthed_gap_s: Annotated[float, Field(ge=0.0)] = 0.0  # bridged where a vessel lies still to both sides; 0: never
+    gap_s: Annotated[float, Field(gt=0.0)] = 60.0  # a silence longer than this ends a path
+    berthed_gap_s: Annotated[float, Field(ge=0.0)] = 0.0  # bridged if the vessel is at rest before and after; 0: never
     silence_mmsi: tuple[int, ...] = ()  # vessels whose AIS is switched off
-    silence_share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0  # of the other moving vessels in radar cover, drawn
+    silence_share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0  # of the other moving vessels in radar cover, drawn at random
     silence_from_s: Annotated[float, Field(ge=0.0)] = 0.0  # after the start of the run
-    radar: RadarTruth = RadarTruth()  # what every radar does beyond its specification
+    radar: RadarTruth = RadarTruth()  # how every radar departs from its specification
     radars: tuple[RadarTruth, ...] = ()  # the same of single radars, by name
 
     def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
-        """The recording: even fixes as AIS, radar reports along the smoothed odd ones, that truth, and who was silenced.
+        """The even fixes as AIS, radar reports along the smoothed odd fixes, that truth, and the silenced vessels.
 
-        Raises: FileNotFoundError that names the folder; ValueError where a name is no radar's or an MMSI is not recorded.
+        Raises: FileNotFoundError that names the folder; ValueError for an unknown radar name or an MMSI that is not recorded.
         """
         fixes, paths, faults = self._read()
         stop_s = plan.instant_s(plan.cycles - 1)
@@ -70,7 +73,7 @@ class Solent(Method):
         ais = fixes.ais
         dark = np.isin(ais.origin, silenced) & (ais.received_s > plan.start_s + self.silence_from_s)
         truths = truths_of("radars", sensors.radars.name, self.radar, self.radars)
-        radar = observe(sensors.radars, truths, along(truth), truth.vessel, plan.start_s, stop_s, seed)
+        radar = observe(sensors.radars, truths, interpolated(truth), truth.vessel, plan.start_s, stop_s, seed)
         return recording(radar=radar, ais=ais.take(~dark), truth=truth, faults=faults, silenced=tuple(silenced.tolist()))
 
     def span(self) -> tuple[float, float]:
@@ -123,28 +126,28 @@ def _read(files: Fingerprint, gap_s: float, berthed_gap_s: float) -> tuple[_Fixe
     reports = reports.take(~jump)
     part = np.cumsum(_breaks(reports, gap_s, berthed_gap_s))
     odd = (np.arange(len(part)) - np.searchsorted(part, part)) % 2 == 1
-    seen, said = reports.take(odd), reports.take(~odd)
+    seen, sent = reports.take(odd), reports.take(~odd)
     paths = _Paths(seen.origin, part[odd], seen.time_s, _smoothed(seen, part[odd]))
-    replayed = said.take(np.argsort(said.received_s, kind="stable"))
+    replayed = sent.take(np.argsort(sent.received_s, kind="stable"))
     return _Fixes(mmsi, replayed), paths, faults + tally.faults()
 
 
 def _steps(reports: AisReports) -> tuple[Bools, Floats, Floats]:
-    """From each row to the next: whether it is the same vessel, how far, m, and how long, s. (M - 1,) each"""
+    """From each row to the next: whether it is the same vessel, distance in m, time in s. (M - 1,) each"""
     moved = difference_m(reports.position_deg[1:], reports.position_deg[:-1])
     same = np.diff(reports.origin) == 0
     return same, np.hypot(moved[:, 0], moved[:, 1]), np.diff(reports.time_s)
 
 
 def _jumps(reports: AisReports) -> Bools:
-    """Fixes that lie too far from both their neighbours."""
+    """Fixes that are too far from both neighbours."""
     same, far, long = _steps(reports)
     leap = np.concatenate([[False], same & (far > JUMP_M) & (far > JUMP_M_S * long), [False]])
     return np.asarray(leap[1:] & leap[:-1])
 
 
 def _breaks(reports: AisReports, gap_s: float, berthed_gap_s: float) -> Bools:
-    """Which rows begin a new path."""
+    """Which rows start a new path."""
     same, far, long = _steps(reports)
     still = (reports.sog_kn[1:] * KNOT_M_S < MOVING_M_S) & (reports.sog_kn[:-1] * KNOT_M_S < MOVING_M_S) & (far < 25.0)
     joined = same & ((long <= gap_s) | (still & (long <= berthed_gap_s)))
@@ -177,7 +180,7 @@ def _ellipse(axis: Floats, sigma: Floats) -> Floats:
 
 
 def _trajectories(fixes: _Fixes, paths: _Paths, plan: Plan, stop_s: float) -> Trajectories:
-    """The truth of all vessels that are somewhere during the run, each second and at the instants of the plan."""
+    """The truth of all vessels that are present during the run, each second and at the instants of the plan."""
     instants = plan.start_s + plan.period_s * np.arange(plan.cycles + 1)
     time_s: Floats = np.unique(np.concatenate([instants, np.arange(plan.start_s, stop_s, GRID_S)]))
     vessels, found = [], []
@@ -210,7 +213,7 @@ def _trajectories(fixes: _Fixes, paths: _Paths, plan: Plan, stop_s: float) -> Tr
 
 
 def _nearest(present: Bools, time_s: Floats) -> Ints:
-    """For each sample the nearest one at which its vessel is present; every vessel is somewhere. (V, T)"""
+    """For each sample the nearest sample at which the vessel is present. Every vessel is present at some sample. (V, T)"""
     number = np.broadcast_to(np.arange(len(time_s)), present.shape)
     before = np.maximum.accumulate(np.where(present, number, -1), axis=1)
     after = np.minimum.accumulate(np.where(present, number, len(time_s))[:, ::-1], axis=1)[:, ::-1]
@@ -220,7 +223,7 @@ def _nearest(present: Bools, time_s: Floats) -> Ints:
 
 
 def _moves_in_cover(truth: Trajectories, radars: Radars) -> Bools:
-    """Which vessels move, and are long enough in range of a radar to be missed by AIS and seen by radar. (V,)"""
+    """Which vessels move and are in radar range long enough to be seen by radar without AIS. (V,)"""
     covered = np.zeros(truth.present.shape, np.bool_)
     for r in range(len(radars)):
         away = to_plane(truth.position_deg, radars.site_deg[r])

@@ -1,4 +1,4 @@
-"""Recorded fixes to a smooth path: fixed-interval smoothing under constant acceleration, all paths in step."""
+"""Recorded fixes to a smooth path: Rauch-Tung-Striebel smoother under constant acceleration, for many paths at once."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ START_ACCELERATION = 0.3  # m/s2, standard deviation before the first fix
 
 
 class Moments(NamedTuple):
-    """Mean and covariance of east, north, their rates and the rates of those; one row a fix."""
+    """Mean and covariance of position, velocity and acceleration, each east and north; one row per fix."""
 
     mean: Floats  # (M, 6)
     covariance: Floats  # (M, 6, 6)
@@ -62,7 +62,7 @@ def _motion(step_s: Floats, jerk: float) -> tuple[Floats, Floats]:
 def _start(seen: Floats, noise: Floats) -> Moments:
     mean, covariance = np.zeros((len(seen), 6)), np.zeros((len(seen), 6, 6))
     mean[:, :4] = seen
-    covariance[:, :4, :4] = 100.0 * noise  # vague: the first fix counts as the others do
+    covariance[:, :4, :4] = 100.0 * noise  # large, so that the first fix has the same weight as the others
     covariance[:, 4, 4] = covariance[:, 5, 5] = START_ACCELERATION**2
     return Moments(mean, covariance)
 
@@ -84,9 +84,9 @@ def _updated(before: Moments, seen: Floats, noise: Floats) -> Moments:
 
 
 def between(time_s: Floats, state: Floats, part: Ints, at_s: Floats) -> tuple[Floats, Floats, Bools]:
-    """Position and velocity at any times between the fixes of one vessel, NaN outside its parts, and which are inside.
+    """Position and velocity at times between the fixes of one vessel, NaN outside its paths, and which times are inside.
 
-    By the cubic through positions and velocities of the fixes to both sides.
+    Cubic Hermite interpolation of positions and velocities of the two neighbouring fixes.
     Args: time_s: (M,) increasing; state: (M, 6); part: (M,) equal within an unbroken path; at_s: (T,). Returns: (T, 2), (T, 2), (T,).
     """
     last = max(len(time_s) - 1, 0)
