@@ -3,22 +3,164 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import Array, BearingReports, BearingTracks, Floats, Ints, Sensors
-from coastwatch.geodesy import wrap_rad
+from coastwatch.batches import CLASSES, Array, BearingReports, BearingTracks, Bools, Floats, Ints, Sensors
+from coastwatch.geodesy import wrap_deg, wrap_rad
 from coastwatch.stage import Method
-from coastwatch.tracks.bearing_table import CONTACTS, Table, WindowMemory
 
 Positive = Annotated[float, Field(gt=0.0)]
 Count = Annotated[int, Field(ge=1)]
 
 ID_STRIDE = 2**40  # track ids of one source
-WIDEST = 100.0  # more than any gate with the logarithm of its width, so that what is in a gate has a gain
+LINE_COLUMNS = ("sensor", "time_s", "bearing_rad", "weight")  # that a line is fitted to
+GAIN = 100.0  # more than any squared gate and the logarithm of its width, so that every bearing in a gate has a positive gain
+SAME_SLOT = 0.75  # of the spacing: a clock that jitters by a quarter still fills one slot a report
+CONTACTS = 2**40  # contact numbers of one sensor
+
+
+@dataclass(frozen=True, eq=False)
+class BearingMemory:
+    """All tracks, sorted by track_id. Windows are oldest first, NaN before the first slot."""
+
+    track_id: Ints  # (N,)
+    sensor: Ints  # (N,)
+    contact: Ints  # (N,) -1: the sensor gives none and the track is our own
+    updated_s: Floats  # (N,)
+    started_s: Floats  # (N,)
+    begin_s: Floats  # (N,) first report of the newest slot
+    hits: Ints  # (N,) reports
+    looks: Ints  # (N,) looks of the sensor since the track began; own tracks only
+    misses: Ints  # (N,) looks without a report, in a row; own tracks only
+    origin: Ints  # (N,)
+    time_s: Floats  # (N, W) mean of the slot
+    bearing_rad: Floats  # (N, W) mean of the slot
+    weight: Floats  # (N, W) reports in the slot, 0 where there is none
+    site_deg: Floats  # (N, W, 2)
+    signatures: Ints  # (N, C) reports of each VesselClass
+    counter: Ints  # (K,) tracks that each sensor has had
+
+    @staticmethod
+    def empty(window: int) -> BearingMemory:
+        n, x, slots = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, window))
+        sites, signatures = np.zeros((0, window, 2)), np.zeros((0, CLASSES), np.int64)
+        return BearingMemory(n, n, n, x, x, x, n, n, n, n, slots, slots, slots, sites, signatures, n)
+
+
+ROWS = tuple(f.name for f in fields(BearingMemory) if f.name != "counter")
+EMPTY = {"time_s": np.nan, "bearing_rad": np.nan, "weight": 0.0, "site_deg": np.nan, "begin_s": np.nan}
+
+
+class Windows:
+    """Copies of the columns of a BearingMemory under their names, to be written during a cycle."""
+
+    def __init__(self, memory: BearingMemory, spacing_s: float, first_id: Ints) -> None:
+        """Args: spacing_s: of slots; first_id: (K,) the first track id of each sensor."""
+        self.column: dict[str, Array] = {name: getattr(memory, name).copy() for name in ROWS}
+        self.counter = memory.counter.copy() if len(memory.counter) == len(first_id) else np.zeros(len(first_id), np.int64)
+        self.spacing_s, self.first_id = spacing_s, first_id
+
+    def update_contacts(self, reports: BearingReports, drop_after_s: float) -> None:
+        """Updates tracks by one report of each of some contacts. A contact silent for longer than `drop_after_s` begins a new track."""
+        c = self.column
+        wanted = reports.sensor * CONTACTS + reports.contact
+        rows = np.flatnonzero(c["contact"] >= 0)
+        key = c["sensor"][rows] * CONTACTS + c["contact"][rows]
+        rows = rows[np.argsort(key, kind="stable")]
+        key = np.sort(key)
+        at = np.minimum(np.searchsorted(key, wanted), len(key) - 1)
+        row = np.where(key[at] == wanted, rows[at], -1) if len(key) else np.full(len(wanted), -1)
+        silent = (row >= 0) & (reports.time_s - c["updated_s"][row] > drop_after_s) if len(key) else np.zeros(len(row), bool)
+        silent_rows = np.zeros(len(c["sensor"]), bool)
+        silent_rows[row[silent]] = True
+        known = (row >= 0) & ~silent
+        self.update(row[known], reports.take(known))
+        if silent.any():
+            self.keep(~silent_rows)
+        self.initialise(reports.take(~known))
+
+    def update(self, row: Ints, reports: BearingReports) -> None:
+        """Enters one report into the window of each of these rows, unless the row has a newer one."""
+        c = self.column
+        newer = reports.time_s > c["updated_s"][row]
+        row, reports = row[newer], reports.take(newer)
+        same = reports.time_s - c["begin_s"][row] < SAME_SLOT * self.spacing_s
+        self._begin_slot(row[~same], reports.take(~same))
+        self._average_into_slot(row[same], reports.take(same))
+        c["updated_s"][row], c["origin"][row] = reports.time_s, reports.origin
+        c["hits"][row] += 1
+        classified = reports.signature >= 0
+        c["signatures"][row[classified], reports.signature[classified]] += 1
+
+    def _begin_slot(self, row: Ints, reports: BearingReports) -> None:
+        """Moves the windows on by one slot, which holds the report."""
+        bearing = wrap_rad(np.radians(reports.bearing_deg))
+        values = {"time_s": reports.time_s, "bearing_rad": bearing, "weight": np.ones(len(row)), "site_deg": reports.site_deg}
+        for name, value in values.items():
+            window = self.column[name]
+            window[row, :-1] = window[row, 1:]
+            window[row, -1] = value
+        self.column["begin_s"][row] = reports.time_s
+
+    def _average_into_slot(self, row: Ints, reports: BearingReports) -> None:
+        """Makes the newest slot the mean of what it held and the report."""
+        c = self.column
+        weight = c["weight"][row, -1] + 1.0
+        bearing, site = c["bearing_rad"][row, -1], c["site_deg"][row, -1]
+        off = reports.site_deg - site
+        off[:, 1] = wrap_deg(off[:, 1])
+        c["weight"][row, -1] = weight
+        c["time_s"][row, -1] += (reports.time_s - c["time_s"][row, -1]) / weight
+        c["bearing_rad"][row, -1] = wrap_rad(bearing + wrap_rad(np.radians(reports.bearing_deg) - bearing) / weight)
+        mean = site + off / weight[:, None]
+        mean[:, 1] = wrap_deg(mean[:, 1])
+        # Wrapping rounds. A sensor that stands still stays where it is, to the bit.
+        c["site_deg"][row, -1] = np.where(off == 0.0, site, mean)
+
+    def initialise(self, reports: BearingReports) -> None:
+        """Begins a track with each report."""
+        n = len(reports)
+        if n == 0:
+            return
+        order = np.argsort(reports.sensor, kind="stable")
+        sensor = reports.sensor[order]
+        number = np.empty(n, np.int64)
+        number[order] = np.arange(n) - np.searchsorted(sensor, sensor)
+        columns = {
+            "track_id": self.first_id[reports.sensor] + self.counter[reports.sensor] + number,
+            "sensor": reports.sensor,
+            "contact": np.maximum(reports.contact, -1),
+            "updated_s": np.full(n, -np.inf),
+            "started_s": reports.time_s,
+        }
+        self.counter += np.bincount(reports.sensor, minlength=len(self.counter))
+        before = len(self.column["track_id"])
+        for name, old in self.column.items():
+            empty = np.full((n, *old.shape[1:]), EMPTY.get(name, 0), old.dtype)
+            self.column[name] = np.concatenate([old, columns.get(name, empty)])
+        self.update(before + np.arange(n), reports)
+
+    def count_look(self, rows: Ints, hit: Ints) -> None:
+        """Counts one look of the sensor at each of these rows, and a miss where it had no bearing."""
+        c = self.column
+        c["looks"][rows] += 1
+        c["misses"][rows] += 1
+        c["misses"][hit] = 0
+
+    def keep(self, rows: Bools) -> None:
+        """Forgets the other rows."""
+        if not rows.all():
+            self.column = {name: values[rows] for name, values in self.column.items()}
+
+    def memory(self) -> BearingMemory:
+        """The columns, sorted by track_id."""
+        order = np.argsort(self.column["track_id"], kind="stable")
+        return BearingMemory(**{name: values[order] for name, values in self.column.items()}, counter=self.counter)
 
 
 class BearingWindow(Method):
@@ -45,12 +187,12 @@ class BearingWindow(Method):
     start_looks: Count = 5
     end_misses: Count = 10
 
-    def init(self) -> WindowMemory:
-        return WindowMemory.empty(self.length)
+    def init(self) -> BearingMemory:
+        return BearingMemory.empty(self.length)
 
     def step(
-        self, memory: WindowMemory, reports: BearingReports, time_s: float, sensors: Sensors
-    ) -> tuple[WindowMemory, BearingTracks]:
+        self, memory: BearingMemory, reports: BearingReports, time_s: float, sensors: Sensors
+    ) -> tuple[BearingMemory, BearingTracks]:
         """Tracks after the reports of this cycle, predicted to time_s.
 
         Args: reports: in any order within the cycle; a bearing that is not finite is left out.
@@ -59,49 +201,49 @@ class BearingWindow(Method):
         """
         _check(reports, len(sensors.sonars))
         first = (sensors.sonar_source(0) + np.arange(len(sensors.sonars))) * ID_STRIDE
-        table = Table(memory, self.window_s / self.length, first)
+        windows = Windows(memory, self.window_s / self.length, first)
         keys = (reports.bearing_deg, reports.contact, reports.sensor, reports.time_s)
         order = np.lexsort(keys)
         reports = reports.take(order[np.isfinite(keys[0][order]) & np.isfinite(keys[3][order])])
         numbered, own = reports.take(reports.contact >= 0), reports.take(reports.contact < 0)
         for rows in _rounds(numbered.sensor * CONTACTS + numbered.contact):
-            table.numbered(numbered.take(rows), self.drop_after_s)
+            windows.update_contacts(numbered.take(rows), self.drop_after_s)
         for rows in _looks(own):
-            self._look(table, own.take(rows), sensors.sonars.bearing_sigma_rad)
-        table.keep(time_s - table.column["updated_s"] <= self.drop_after_s)
-        after = table.frozen()
+            self._look(windows, own.take(rows), sensors.sonars.bearing_sigma_rad)
+        windows.keep(time_s - windows.column["updated_s"] <= self.drop_after_s)
+        after = windows.memory()
         return after, self._tracks(after, time_s, sensors)
 
-    def _look(self, table: Table, reports: BearingReports, sigma_rad: Floats) -> None:
-        """One look of each of some sensors without numbers of their own: assign, begin, end."""
+    def _look(self, windows: Windows, reports: BearingReports, sigma_rad: Floats) -> None:
+        """One look of each of some sensors that do not number contacts: assign, begin and end tracks."""
 
-        c = table.column
+        c = windows.column
         reports = reports.take(np.argsort(reports.sensor, kind="stable"))
         start = np.searchsorted(reports.sensor, c["sensor"])
         count = np.searchsorted(reports.sensor, c["sensor"], side="right") - start
         seen = np.flatnonzero((c["contact"] < 0) & (count > 0))
-        bearing, _, covariance = self._line({k: c[k][seen] for k in WINDOW}, reports.time_s[start[seen]], sigma_rad)
+        bearing, _, covariance = self._line({k: c[k][seen] for k in LINE_COLUMNS}, reports.time_s[start[seen]], sigma_rad)
         pair = np.repeat(np.arange(len(seen)), count[seen])
         report = np.arange(len(pair)) - np.repeat(np.cumsum(count[seen]) - count[seen] - start[seen], count[seen])
         off = wrap_rad(np.radians(reports.bearing_deg[report]) - bearing[pair])
         noise = sigma_rad[c["sensor"][seen[pair]]] ** 2
-        spread = covariance[pair, 0, 0] + noise
-        # The width of a gate counts against it, and a proven track goes first: else one that knows nothing wins every bearing.
-        tier = WIDEST * (1.0 + (c["hits"][seen[pair]] >= self.start_hits))
-        gain = np.where(off**2 < self.gate_sigmas**2 * spread, tier - off**2 / spread - np.log(spread / noise), 0.0)
+        variance = covariance[pair, 0, 0] + noise
+        # The width of a gate counts against it and a confirmed track goes first, or a track with a wide gate takes every bearing.
+        tier = GAIN * (1.0 + (c["hits"][seen[pair]] >= self.start_hits))
+        gain = np.where(off**2 < self.gate_sigmas**2 * variance, tier - off**2 / variance - np.log(variance / noise), 0.0)
         chosen = np.asarray(
             kernels.association.assignment.assign(pair.astype(np.int64), report.astype(np.int64), gain), np.bool_
         )
         hit = seen[pair[chosen]]
-        table.record(hit, reports.take(report[chosen]))
-        table.look(seen, hit)
+        windows.update(hit, reports.take(report[chosen]))
+        windows.count_look(seen, hit)
         ended = (c["misses"] >= self.end_misses) | ((c["looks"] >= self.start_looks) & (c["hits"] < self.start_hits))
-        table.keep((c["contact"] >= 0) | ~ended)
+        windows.keep((c["contact"] >= 0) | ~ended)
         unused = np.ones(len(reports), np.bool_)
         unused[report[chosen]] = False
-        before = len(table.column["looks"])
-        table.begin(reports.take(unused))
-        table.column["looks"][before:] = 1
+        before = len(windows.column["looks"])
+        windows.initialise(reports.take(unused))
+        windows.column["looks"][before:] = 1
 
     def _line(self, window: Mapping[str, Array], time_s: Array, sigma_rad: Floats) -> tuple[Floats, Floats, Floats]:
         """Bearing (N,), rate (N,) and covariance (N, 2, 2) at these times by least squares through the newest slots."""
@@ -123,9 +265,9 @@ class BearingWindow(Method):
         rows = [[p00 + 2.0 * ahead * p01 + ahead**2 * p11, across], [across, p11]]
         return bearing, rate, np.moveaxis(np.array(rows), 2, 0)
 
-    def _tracks(self, memory: WindowMemory, time_s: float, sensors: Sensors) -> BearingTracks:
+    def _tracks(self, memory: BearingMemory, time_s: float, sensors: Sensors) -> BearingTracks:
         out = np.flatnonzero((memory.contact >= 0) | (memory.hits >= self.start_hits))
-        window = {name: getattr(memory, name)[out] for name in WINDOW}
+        window = {name: getattr(memory, name)[out] for name in LINE_COLUMNS}
         bearing, rate, covariance = self._line(window, np.full(len(out), time_s), sensors.sonars.bearing_sigma_rad)
         old = ~(window["time_s"] >= time_s - self.window_s)
         site = memory.site_deg[out]
@@ -145,9 +287,6 @@ class BearingWindow(Method):
             signatures=memory.signatures[out],
             origin=memory.origin[out],
         )
-
-
-WINDOW = ("sensor", "time_s", "bearing_rad", "weight")  # columns that a line is drawn through
 
 
 def _check(reports: BearingReports, sensors: int) -> None:
