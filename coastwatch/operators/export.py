@@ -22,7 +22,7 @@ FORMATS = ("table", "csv", "geojson", "parquet")
 
 
 class Rows(Protocol):
-    """Named columns and rows of plain values, as `coastwatch.store.read.Rows` has them."""
+    """Named columns and rows of plain values, as `coastwatch.store.Rows` has them."""
 
     @property
     def columns(self) -> Sequence[str]: ...

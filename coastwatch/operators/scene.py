@@ -14,7 +14,7 @@ from coastwatch.operators import coastline
 from coastwatch.operators.coastline import Shore
 from coastwatch.operators.stored import utc_text
 from coastwatch.shipped import scenarios_folder
-from coastwatch.store import Rows, Store, read
+from coastwatch.store import Rows, Store
 
 RADAR, STATION, BEARING = "radar", "station", "bearing"
 AIS_ONLY, RADAR_ONLY, SONAR_ONLY, FUSED, COASTING = "AIS only", "radar only", "sonar only", "fused", "no sensor now"
@@ -79,7 +79,7 @@ def load(
         centre_deg=centre_deg,
         width_nm=width_nm,
         height_nm=height_nm,
-        coverages=_coverages(read.sensors(found, run["id"])),
+        coverages=_coverages(store.sensors(found, run["id"])),
         position_deg=position,
         velocity_m_s=_velocity(_numbers(table, "sog_kn", "cog_deg")),
         ellipse=_numbers(table, "major_m", "minor_m", "orientation_deg"),

@@ -32,7 +32,7 @@ from coastwatch.tracks import (
 class StoreSettings(Settings):
     """What is kept of a run."""
 
-    picture_large: Annotated[int, Field(ge=0)] = 400_000  # tracks; up to so many the current picture is written every cycle
+    picture_large: Annotated[int, Field(ge=0)] = 100_000  # tracks; up to so many the current picture is written every cycle
     picture_every_s: Annotated[float, Field(ge=0.0)] = 12.0  # of more tracks
     history_error_m: Positive = 10.0  # that a vessel may be off where its past is dead-reckoned from the points that are kept
     history_max_s: Annotated[float, Field(ge=0.0)] = 60.0  # between two points of a vessel; 0: one in every cycle

@@ -175,11 +175,11 @@ def _cycles(run: _Run, point: Point, say: Progress, on_cycle: OnCycle | None) ->
     """Run from a point to the end, or to the first whole cycle after an interrupt, which then has a checkpoint."""
     vessels = 0
     while point.cycle < run.plan.cycles and not run.interrupted.is_set():
-        point, cycle, complaint = _one(run, point)
+        point, cycle, warning = _one(run, point)
         vessels = len(cycle.picture)
         if on_cycle is not None:
             on_cycle(cycle)
-        say(point.cycle, run.plan.cycles, f"{vessels} vessels" + (f"; {complaint}" if complaint else ""))
+        say(point.cycle, run.plan.cycles, f"{vessels} vessels" + (f"; {warning}" if warning else ""))
         del cycle  # or it would stay beside the next
     return point, vessels
 
@@ -203,7 +203,7 @@ def _one(run: _Run, point: Point) -> tuple[Point, Cycle, str | None]:
     of_cycle = run.run_id, number, cycle.to_write(), reports, run.watch.so_far(), scenario.store, blob
     run.writer.start(partial(store.write_cycle, run.kept, *of_cycle, last=last))
     run.watch.lap()
-    return after, cycle, before.complaint if before else None
+    return after, cycle, before.warning if before else None
 
 
 @contextmanager

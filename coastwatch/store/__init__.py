@@ -1,24 +1,25 @@
-"""Where the picture is kept. README.md says what is in it; `tables` is every table."""
+"""Where the picture is kept. README.md shows the way; `tables.py` has every table."""
 
-from coastwatch.store.chunks_table import discard_chunks_before
-from coastwatch.store.lifetime import begin_run, discard_runs, finish_run, resume_point
-from coastwatch.store.opening import Store, StoreError, open_store
+from coastwatch.store.database import Store, StoreError, open_store
+from coastwatch.store.history_queries import encounters, history, traffic
+from coastwatch.store.picture_queries import bearing_tracks, picture, track
 from coastwatch.store.questions import Parameter, Question, operator_queries, operator_query
-from coastwatch.store.read import (
-    INSTANTS,
-    bearing_tracks,
-    history,
-    picture,
+from coastwatch.store.recording import Recorded, discard_recording_before, recorded_at, replay
+from coastwatch.store.rows import INSTANTS, Rows, Table
+from coastwatch.store.runs import (
+    begin_run,
+    discard_runs,
+    finish_run,
+    latest_run,
+    resume_point,
+    run,
+    runs,
+    sensor_states,
     sensors,
     sources,
-    track,
+    timings,
 )
-from coastwatch.store.registrations import sensor_states
-from coastwatch.store.replay import Recorded, recorded_at, replay
-from coastwatch.store.rows import Rows, Table
-from coastwatch.store.runs import latest_run, run, runs, timings
-from coastwatch.store.traffic import encounters, traffic
-from coastwatch.store.write import Written, write_cycle
+from coastwatch.store.write_cycle import Written, write_cycle
 
 __all__ = [
     "INSTANTS",
@@ -32,7 +33,7 @@ __all__ = [
     "Written",
     "bearing_tracks",
     "begin_run",
-    "discard_chunks_before",
+    "discard_recording_before",
     "discard_runs",
     "encounters",
     "finish_run",

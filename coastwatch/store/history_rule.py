@@ -1,11 +1,13 @@
-"""The history under a bounded error: when a vessel gets a point, and where it was between two of them.
+"""The history under a bounded error: when a vessel gets a point, and where it was between two points. Pure functions of arrays.
 
-A point says where a vessel was, how fast and on what course. Until its next point it is taken to have gone on like that. A new point
-is written as soon as the picture would otherwise be more than a set distance from there, a set time has passed, its MMSI or its flags
-have changed, or it has come. A vessel that has left gets a closing point in the first cycle without it. The promise (tested): at every
-cycle every vessel of the picture is found, no other is, and none is further from its place than the distance.
+A point holds a vessel's position, speed and course at one cycle. Until its next point the vessel is dead-reckoned from there, at the
+constant rates of latitude and longitude of that speed and course. A vessel gets a new point
 
-Pure: what is kept between cycles is the newest point of each vessel, and that can be read back from the points.
+- when its picture would be more than `history_error_m` from the dead-reckoned position,
+- when `history_max_s` have passed, or its MMSI or flags change,
+- when it comes; and when it leaves, a closing point in the first cycle without it: where it was last.
+
+So every vessel of the picture is found at every cycle, no other is, and none is further off than the bound.
 """
 
 from __future__ import annotations
@@ -14,133 +16,158 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coastwatch.batches import Array, Bools, Floats, Ints, Picture
-from coastwatch.geodesy import KNOT_M_S, scale_m_deg, wrap_deg
-from coastwatch.store.cells import Column, Named, part
-from coastwatch.store.columns import Motion, motion
+from coastwatch.batches import Bools, Floats, Ints, Picture
+from coastwatch.geodesy import KNOT_M_S, difference_m, scale_m_deg, wrap_deg
+from coastwatch.store.insert import Column, NullableId, take
+from coastwatch.store.to_rows import motion
 
 ROUNDING_M = 1e-6
-"""Taken off the distance, for the rounding of speed and course and of another's sine and cosine."""
+"""Taken off the bound, for the rounding of speed, course, sine and cosine."""
+
+HASH, HASH_RANGE = 2654435761, 1 << 32
+"""Knuth's multiplicative hash: spreads the second points of vessels that came together over `history_max_s`."""
 
 
 class Points(NamedTuple):
-    """The newest point of each vessel of the newest cycle, sorted by vessel: the columns of kernels.dead_reckoning."""
+    """The newest point of each vessel of the newest cycle, sorted by vessel. P points."""
 
-    whole: Ints  # (P, 5)
-    real: Floats  # (P, 11)
+    vessel_id: Ints
+    cycle: Ints
+    mmsi: Ints  # -1: none
+    flags: Ints
+    first: Bools  # of its stay
+    time_s: Floats
+    position_deg: Floats  # (P, 2)
+    motion: Floats  # (P, 5) speed in knots, course in degrees, half axes of the ellipse in metres, orientation in degrees
+    updated_s: Floats
+    rate_deg_s: Floats  # (P, 2) north, east
+
+    def take(self, rows: Ints | Bools) -> Points:
+        """Some of them."""
+        return Points._make(column[rows] for column in self)
 
 
 class Bound(NamedTuple):
-    """What the rule holds to."""
+    """The settings of the rule."""
 
     error_m: float
     max_s: float
 
 
 class Added(NamedTuple):
-    """What a cycle adds to table `history`."""
+    """What a cycle adds to table `history`, and to table `identity`."""
 
     columns: list[Column]  # from `vessel_id` on, in key order
     points: int
-    first_cycle: int  # in which, or after which, every vessel of this cycle has its newest point
-    named: Ints  # (n, 2) MMSI and vessel, where a vessel has an MMSI that it had not in the cycle before; in order
-    unnamed: Ints  # (n, 2) the same of those that were, and are no longer
+    first_cycle: int  # every vessel of this cycle has its newest point in this cycle or a later one
+    begun: Ints  # (n, 2) MMSI and vessel, where a vessel has an MMSI that it had not in the cycle before; in order
+    ended: Ints  # (n, 2) MMSI and vessel, where it has one no longer
 
 
-def none() -> Points:
+def no_points() -> Points:
     """Before the first cycle."""
-    return Points(np.zeros((0, 5), np.int64), np.zeros((0, 11)))
+    none, number = np.zeros(0), np.zeros(0, np.int64)
+    return Points(number, number, number, number, none > 0.0, none, np.zeros((0, 2)), np.zeros((0, 5)), none, np.zeros((0, 2)))
 
 
-def step(
-    before: Points, bound: Bound, number: int, time_s: float, before_s: float, picture: Picture, moved: Motion | None = None
-) -> tuple[Points, Added]:
+def extend(before: Points, bound: Bound, number: int, time_s: float, before_s: float, picture: Picture) -> tuple[Points, Added]:
     """The newest points after a cycle, and the rows that it adds.
 
-    Args: time_s: of the cycle; before_s: of the one before; picture: (V) sorted by vessel; moved: of its vessels, where it has been
-    computed.
+    Args: number, time_s: of this cycle; before_s: time of the cycle before; picture: (V) sorted by vessel.
     """
-    from coastwatch.kernels.geometry.dead_reckoning import carry_on, decide
-
-    count = len(picture)
-    former, write, gone = np.empty(count, np.int64), np.empty(count, np.bool_), np.empty(len(before.whole), np.bool_)
-    seen = picture.vessel_id, picture.position_deg, picture.mmsi, picture.flags
-    decide(*before, *seen, time_s, bound.error_m - ROUNDING_M, bound.max_s, former, write, gone)
-    fresh = _fresh(picture, moved, write, former, number, time_s)
-    after = Points(np.empty((count, 5), np.int64), np.empty((count, 11)))
-    carry_on(*before, former, write, *fresh, *after)
-    first = int(after.whole[:, 1].min(initial=number))
-    return after, _rows(before, fresh, former[write], gone, before_s, first)
-
-
-def points(whole: Ints, real: Floats) -> Points:
-    """Points that were read back. Args: whole: (P, 5); real: (P, 9) without the rates."""
-    from coastwatch.kernels.geometry.dead_reckoning import set_rates
-
-    made = np.concatenate([real, np.zeros((len(real), 2))], 1)
-    set_rates(made)
-    return Points(whole, made)
-
-
-def _fresh(picture: Picture, moved: Motion | None, write: Bools, former: Ints, number: int, time_s: float) -> Points:
-    """The points of this cycle, sorted by vessel."""
-    here = np.flatnonzero(write)
-    of_cycle = np.full(len(here), number)
-    columns = picture.vessel_id[here], of_cycle, picture.mmsi[here], picture.flags[here], (former[here] < 0).astype(np.int64)
-    made = motion(picture.velocity_m_s[here], picture.covariance[here]).moving if moved is None else moved.moving[here]
-    place = np.full((len(here), 1), time_s), picture.position_deg[here], made, picture.updated_s[here, None]
-    return points(np.stack(columns, 1), np.concatenate(place, 1))
-
-
-def _rows(before: Points, fresh: Points, former: Ints, gone: Bools, before_s: float, first: int) -> Added:
-    """The rows of fresh points and of the closing ones, together in the order of vessels."""
-    left = Points(before.whole[gone], before.real[gone].copy())
-    ended = reckoned(left.real[:, 1:3], left.real[:, 3], left.real[:, 4], before_s - left.real[:, 0])
-    left.real[:, 1:3] = ended
-    whole, real = np.concatenate([fresh.whole, left.whole]), np.concatenate([fresh.real, left.real])
-    old_cycle = before.whole[:, 1]
-    last_cycle = np.where(former < 0, -1, np.append(old_cycle, -1)[former])
-    columns: list[Column] = [
-        whole[:, 0],
-        *real[:, 1:9].T,
-        Named(whole[:, 2]),
-        whole[:, 3],
-        Named(np.concatenate([last_cycle, old_cycle[gone]])),
-        np.repeat([False, True], [len(fresh.whole), len(left.whole)]),
-    ]
-    order = np.argsort(whole[:, 0], kind="stable")
-    return Added([part(column, order) for column in columns], len(order), first, *_identities(before, fresh, former, left))
-
-
-def _identities(before: Points, fresh: Points, former: Ints, left: Points) -> tuple[Ints, Ints]:
-    """MMSI and vessel of what begins and of what ends. Args: former: row of the point before each fresh one, -1: none."""
-    vessel, mmsi = fresh.whole[:, 0], fresh.whole[:, 2]
-    was = np.append(before.whole[:, 2], -1)[former]
-    begins = np.stack([mmsi, vessel], 1)[(mmsi >= 0) & (mmsi != was)]
-    ends = np.concatenate([np.stack([was, vessel], 1)[mmsi != was], left.whole[:, [2, 0]]])
-    return begins[np.lexsort(begins.T[::-1])], ends[ends[:, 0] >= 0]
-
-
-def reckoned(position_deg: Floats, sog_kn: Floats, cog_deg: Floats, seconds: Floats) -> Floats:
-    """Where vessels are some time after their points. Args: (P, 2), (P,), (P,), (P,); NaN: stands still. Returns: (P, 2)."""
-    north, east = scale_m_deg(position_deg[:, 0])
-    moves = (sog_kn > 0.0) & ~np.isnan(cog_deg)
-    metres = np.where(moves, sog_kn, 0.0) * KNOT_M_S * seconds
-    course = np.radians(np.where(moves, cog_deg, 0.0))
-    latitude, longitude = (
-        position_deg[:, 0] + metres * np.cos(course) / north,
-        position_deg[:, 1] + metres * np.sin(course) / east,
+    row = row_of(before.vessel_id, picture.vessel_id)
+    written = _needs_point(before, row, bound, picture, time_s)
+    stayed = np.zeros(len(before.vessel_id), np.bool_)
+    stayed[row[row >= 0]] = True
+    at = np.flatnonzero(written)
+    position, moved = picture.position_deg[at], motion(picture.velocity_m_s[at], picture.covariance[at])
+    fresh = Points(
+        picture.vessel_id[at],
+        np.full(len(at), number),
+        picture.mmsi[at],
+        picture.flags[at],
+        row[at] < 0,
+        np.full(len(at), time_s),
+        position,
+        moved,
+        picture.updated_s[at],
+        rate_deg_s(position, moved[:, 0], moved[:, 1]),
     )
-    return np.stack([latitude, np.where(np.abs(longitude) <= 180.0, longitude, wrap_deg(longitude))], axis=1)
+    after = _merge(before, row, written, fresh)
+    first = int(after.cycle.min(initial=number))
+    return after, _rows(before, fresh, row[at], before.take(~stayed), before_s, first)
 
 
-def newest(vessel_id: Ints, cycle: Ints, closing: Bools) -> Array:
-    """Of the points up to a cycle the rows that make its picture: the newest of each vessel but of those that have left.
+def row_of(known: Ints, ids: Ints) -> Ints:
+    """Row of each id among sorted ones, -1 where it is not among them."""
+    at = np.searchsorted(known, ids)
+    return np.where(np.append(known, -1)[at] == ids, at, -1)
 
-    Returns: rows in the order of vessels.
-    """
+
+def _needs_point(before: Points, row: Ints, bound: Bound, picture: Picture, time_s: float) -> Bools:
+    """(V,) which vessels of a picture get a point. Args: row: (V,) of each vessel's point, -1: it has none."""
+    out = np.ones(len(row), np.bool_)
+    known = np.flatnonzero(row >= 0)
+    p = before.take(row[known])
+    passed_s = time_s - p.time_s
+    expected = p.position_deg + p.rate_deg_s * passed_s[:, None]
+    off_m = np.hypot(*difference_m(picture.position_deg[known], expected).T)
+    share = np.where(p.first, (p.vessel_id * HASH % HASH_RANGE) / HASH_RANGE, 1.0)
+    same = (p.mmsi == picture.mmsi[known]) & (p.flags == picture.flags[known])
+    out[known] = ~(same & (off_m <= bound.error_m - ROUNDING_M)) | (passed_s >= bound.max_s * share)
+    return out
+
+
+def _merge(before: Points, row: Ints, written: Bools, fresh: Points) -> Points:
+    """The fresh point of each vessel, or the one it had. Args: row: (V,) its row among those before."""
+    source = np.where(written, len(before.vessel_id) + np.cumsum(written) - 1, row)
+    return Points._make(np.concatenate(pair)[source] for pair in zip(before, fresh, strict=True))
+
+
+def _rows(before: Points, fresh: Points, row: Ints, left: Points, before_s: float, first: int) -> Added:
+    """The rows of fresh and closing points, by vessel. Args: row: (F,) of the point before each fresh one, -1: none."""
+    last_deg = dead_reckon(left.position_deg, left.motion[:, 0], left.motion[:, 1], before_s - left.time_s)
+    position = np.concatenate([fresh.position_deg, last_deg])
+    moved = np.concatenate([fresh.motion, left.motion])
+    vessel, _, mmsi, flags, *_ = both = [np.concatenate(pair) for pair in zip(fresh, left, strict=True)]
+    previous = np.where(row < 0, -1, np.append(before.cycle, -1)[row])
+    columns: list[Column] = [
+        vessel,
+        *position.T,
+        *moved.T,
+        both[Points._fields.index("updated_s")],
+        NullableId(mmsi),
+        flags,
+        NullableId(np.concatenate([previous, left.cycle])),
+        np.repeat([False, True], [len(fresh.vessel_id), len(left.vessel_id)]),
+    ]
+    order = np.argsort(vessel, kind="stable")
+    was = np.append(before.mmsi, -1)[row]
+    changed = fresh.mmsi != was
+    begun = np.stack([fresh.mmsi, fresh.vessel_id], 1)[changed & (fresh.mmsi >= 0)]
+    ended = np.concatenate([np.stack([was, fresh.vessel_id], 1)[changed], np.stack([left.mmsi, left.vessel_id], 1)])
+    ended = ended[ended[:, 0] >= 0]
+    return Added([take(column, order) for column in columns], len(order), first, begun[np.lexsort(begun.T[::-1])], ended)
+
+
+def rate_deg_s(position_deg: Floats, sog_kn: Floats, cog_deg: Floats) -> Floats:
+    """Degrees of latitude and longitude a second; 0 where speed or course is unknown. Args: (P, 2), (P,), (P,). Returns: (P, 2)."""
+    moves = (sog_kn > 0.0) & ~np.isnan(cog_deg)
+    speed, course = np.where(moves, sog_kn, 0.0) * KNOT_M_S, np.radians(np.where(moves, cog_deg, 0.0))
+    north, east = scale_m_deg(position_deg[:, 0])
+    return np.stack([speed * np.cos(course) / north, speed * np.sin(course) / east], 1)
+
+
+def dead_reckon(position_deg: Floats, sog_kn: Floats, cog_deg: Floats, seconds: Floats) -> Floats:
+    """Positions some time after points. Args: (P, 2), (P,), (P,), (P,); NaN: stands still. Returns: (P, 2)."""
+    out: Floats = position_deg + rate_deg_s(position_deg, sog_kn, cog_deg) * seconds[:, None]
+    out[:, 1] = np.where(np.abs(out[:, 1]) <= 180.0, out[:, 1], wrap_deg(out[:, 1]))
+    return out
+
+
+def newest_rows(vessel_id: Ints, cycle: Ints, closing: Bools) -> Ints:
+    """Rows of the newest point of each vessel, but of vessels that have left, by vessel. Args: (P,) points in any order."""
     order = np.lexsort((cycle, vessel_id))
     last = np.append(np.diff(vessel_id[order]) != 0, True)[: len(order)]
-    rows: Array = order[last]
-    there: Array = rows[~closing[rows]]
-    return there
+    rows: Ints = order[last]
+    return rows[~closing[rows]]

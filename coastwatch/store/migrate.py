@@ -14,7 +14,7 @@ from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.schema import CreateIndex, CreateTable, ExecutableDDLElement
 
 from coastwatch.shipped import migrations_folder, schema_folder
-from coastwatch.store.opening import WAIT_S, Store, StoreError, connect, reading, revision, writing
+from coastwatch.store.database import WAIT_S, Store, StoreError, connect, other_schema, reading, revision, writing
 from coastwatch.store.tables import REVISION, REVISION_TABLE, Base
 
 DIALECTS = {"sqlite": sqlite.dialect, "postgresql": postgresql.dialect}
@@ -50,7 +50,7 @@ def check(url: str, *, wait_s: float = WAIT_S) -> list[str]:
     with connect(url, wait_s, may_create=False) as store, reading(store) as connection:
         found = revision(connection, store.where)
         if found != REVISION:
-            return [f"schema: got {found or 'no tables'}, needed {REVISION}"]
+            return [other_schema(found)]
         return problems(connection)
 
 
@@ -143,19 +143,8 @@ WHOLE = {
         HAVING count(*) <> (SELECT count(*) FROM member_history h WHERE h.run_id = m.run_id AND h.to_cycle IS NULL)""",
     "a recorded cycle has all of its vessels": """
         SELECT c.run_id FROM cycle c
-            LEFT JOIN (SELECT run_id, cycle, sum(rows) AS n FROM chunk GROUP BY run_id, cycle) p
-            ON p.run_id = c.run_id AND p.cycle = c.number
-        WHERE c.recorded AND coalesce(p.n, 0) <> c.vessels""",
-    "the history by place has no gap": """
-        SELECT b.run_id FROM history_block b JOIN history_block f
-            ON f.run_id = b.run_id AND f.from_cycle = (SELECT max(n.from_cycle) FROM history_block n
-                WHERE n.run_id = b.run_id AND n.from_cycle < b.from_cycle)
-        WHERE b.from_cycle <> f.to_cycle + 1""",
-    "the history by place has all points": """
-        SELECT b.run_id FROM history_block b JOIN cycle c
-            ON c.run_id = b.run_id AND c.number BETWEEN b.from_cycle AND b.to_cycle
-        GROUP BY b.run_id, b.from_cycle, b.points
-        HAVING min(CASE WHEN c.history_from IS NULL THEN 0 ELSE 1 END) = 1 AND sum(c.history_points) <> b.points""",
+            LEFT JOIN recording r ON r.run_id = c.run_id AND r.cycle = c.number
+        WHERE c.recorded AND coalesce(r.vessels, -1) <> c.vessels""",
     "no checkpoint is newer than the newest cycle": """
         SELECT k.run_id FROM checkpoint k WHERE k.cycle > (SELECT max(number) FROM cycle c WHERE c.run_id = k.run_id)""",
 }

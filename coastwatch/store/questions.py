@@ -16,11 +16,10 @@ from typing import Any, NamedTuple
 from sqlalchemy import Connection, text
 
 from coastwatch.shipped import operator_queries_folder
-from coastwatch.store.coverage import sensor_coverage
-from coastwatch.store.identities import history_of_mmsi
-from coastwatch.store.near import closest_approach, closest_pairs
-from coastwatch.store.opening import Store, StoreError, reading
-from coastwatch.store.rows import Rows
+from coastwatch.store.close_pairs import closest_approach, closest_pairs
+from coastwatch.store.database import Store, StoreError, reading
+from coastwatch.store.history_queries import history_of_mmsi
+from coastwatch.store.rows import Rows, fetch_rows
 from coastwatch.store.runs import latest_run
 
 PARAMETER = re.compile(r"^-- parameter: (?P<name>\w+) = (?P<default>[^,]+), (?P<meaning>.+)$")
@@ -39,7 +38,6 @@ COMPUTED: dict[str, Callable[[Connection, Mapping[str, Any]], Rows]] = {
     "closest_approach": closest_approach,
     "closest_pairs": closest_pairs,
     "history_of_mmsi": history_of_mmsi,
-    "sensor_coverage": sensor_coverage,
 }
 """Questions for which SQL would compare row with row, or read and sort whole tables."""
 
@@ -93,12 +91,10 @@ def operator_query(store: Store, name: str, parameters: Mapping[str, Any] | None
         if name in COMPUTED:
             return COMPUTED[name](connection, values)
         if connection.dialect.name != "sqlite":
-            result = connection.execute(text(question.sql), values)
-            return Rows(tuple(result.keys()), [tuple(row) for row in result])
+            return fetch_rows(connection, text(question.sql).bindparams(**values))
         connection.exec_driver_sql("PRAGMA query_only = ON")
         try:
-            result = connection.execute(text(question.sql), values)
-            return Rows(tuple(result.keys()), [tuple(row) for row in result])
+            return fetch_rows(connection, text(question.sql).bindparams(**values))
         finally:
             connection.exec_driver_sql("PRAGMA query_only = OFF")
 

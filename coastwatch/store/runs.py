@@ -1,16 +1,128 @@
-"""Runs as they are read: which there are, where they stand, what their stages took."""
+"""Runs: begun, finished, found again after a crash, discarded, listed; their sensors and the time that their stages took."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from datetime import UTC, datetime
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from sqlalchemy import Connection, Executable, func, select, true
+from sqlalchemy import Connection, Executable, and_, delete, func, insert, select, true, update
 
-from coastwatch.store.opening import Store, StoreError, reading
-from coastwatch.store.rows import Rows, fetched
-from coastwatch.store.tables import Cycle, Run, StageTiming
+from coastwatch.batches import Fault, Radars, Sensors, Sonars, SourceKind, Stations
+from coastwatch.store.database import Store, StoreError, as_json, now_utc, reading, writing
+from coastwatch.store.rows import Rows, fetch_rows
+from coastwatch.store.tables import Base, Checkpoint, Cycle, Run, Sensor, SensorRegistration, Source, StageTiming
+
+if TYPE_CHECKING:  # to read a database needs no pydantic, which is slow to import
+    from coastwatch.stage import Plan
+
+STATUSES = ("running", "finished", "interrupted", "failed")
+LARGEST = 2**63
+
+
+def begin_run(
+    store: Store,
+    *,
+    scenario: str,
+    title: str,
+    seed: int,
+    version: str,
+    settings: Mapping[str, Any],
+    sensors: Sensors,
+    plan: Plan,
+    warmup_cycles: int = 0,
+    workers: int = 1,
+    command: str = "",
+    faults: Sequence[Fault] = (),
+) -> int:
+    """The number of a new run, which is then `running`. The database's clock says when it began.
+
+    Raises: StoreError.
+    """
+    if not 0 <= seed < LARGEST:
+        raise StoreError(f"{store.where}: seed: got {seed}, needed 0 to {LARGEST - 1}, the largest number a database can hold")
+    row = {
+        "scenario": scenario,
+        "title": title,
+        "seed": seed,
+        "version": version,
+        "settings": dict(settings),
+        "command": command,
+        "status": "running",
+        "period_s": plan.period_s,
+        "cycles": plan.cycles,
+        "warmup_cycles": warmup_cycles,
+        "start_s": plan.start_s,
+        "workers": workers,
+        "faults": [asdict(fault) for fault in faults],
+    }
+    with writing(store) as connection:
+        row["started_utc"] = now_utc(connection)
+        run_id = int(connection.execute(insert(Run).values(row).returning(Run.id)).scalar_one())
+        for name, rows in (("sensor", _sensor_rows(run_id, sensors)), ("source", _source_rows(run_id, sensors))):
+            if rows:
+                connection.execute(insert(Base.metadata.tables[name]), rows)
+    return run_id
+
+
+def finish_run(
+    store: Store, run_id: int, status: str, scores: Mapping[str, Any] | None = None, faults: Sequence[Fault] = ()
+) -> None:
+    """Note how a run ended: finished, interrupted or failed. The cycles it stored stay.
+
+    Raises: StoreError; ValueError for another status.
+    """
+    if status not in STATUSES:
+        raise ValueError(f"status: got {status!r}, needed one of {', '.join(STATUSES)}")
+    with writing(store) as connection:
+        connection.execute(
+            update(Run)
+            .where(Run.id == run_id)
+            .values(
+                status=status,
+                finished_utc=now_utc(connection),
+                scores=dict(scores) if scores else None,
+                faults=[asdict(fault) for fault in faults],
+            )
+        )
+
+
+def resume_point(
+    store: Store, scenario: str, seed: int, version: str, settings: Mapping[str, Any] | None = None
+) -> tuple[int, int, bytes] | None:
+    """Run, cycle and memory of the newest checkpoint of an unfinished run of this scenario, seed and version; None without one.
+
+    Args: settings: where given, a run under other settings does not count.
+    Raises: StoreError.
+    """
+    of_run = (Run.scenario == scenario, Run.seed == seed, Run.version == version, Run.status != "finished")
+    query = select(Run.id, Run.settings, Checkpoint.cycle).join(Checkpoint, Checkpoint.run_id == Run.id)
+    with reading(store) as connection:
+        for run_id, stored, cycle in connection.execute(query.where(*of_run, Checkpoint.piece == 0).order_by(Run.id.desc())):
+            if settings is None or stored == json.loads(as_json(settings)):
+                pieces = select(Checkpoint.memory).where(Checkpoint.run_id == run_id).order_by(Checkpoint.piece)
+                return run_id, cycle, b"".join(connection.scalars(pieces))
+    return None
+
+
+def discard_runs(store: Store, scenario: str, seed: int | None = None) -> list[int]:
+    """Delete all runs of a scenario (of one seed, where given) with everything they stored; returns their numbers.
+
+    Raises: StoreError.
+    """
+    with writing(store) as connection:
+        which = select(Run.id).where(Run.scenario == scenario)
+        found = list(connection.scalars(which if seed is None else which.where(Run.seed == seed)))
+        for run_id in found:
+            for table in reversed(Base.metadata.sorted_tables):
+                column = table.c.id if table.name == "run" else table.c.run_id
+                connection.execute(delete(table).where(column == run_id))
+    for run_id in found:
+        store.run_states.pop(run_id, None)
+    return found
 
 
 def runs(store: Store) -> Rows:
@@ -28,12 +140,12 @@ def runs(store: Store) -> Rows:
         Run.workers,
     )
     query = select(*columns, func.coalesce(stored.c.done, 0).label("cycles_stored"), Run.cycles, Run.period_s, Run.start_s)
-    return _ask(store, query.outerjoin(stored, stored.c.run_id == Run.id).order_by(Run.id.desc()))
+    return _fetch(store, query.outerjoin(stored, stored.c.run_id == Run.id).order_by(Run.id.desc()))
 
 
 def run(store: Store, run_id: int) -> dict[str, Any]:
     """One run with settings, scores and faults. Raises: StoreError where there is none."""
-    found = _ask(store, select(*Run.__table__.columns).where(Run.id == run_id))
+    found = _fetch(store, select(*Run.__table__.columns).where(Run.id == run_id))
     if not found.rows:
         raise StoreError(f"{store.where}: there is no run {run_id}")
     return dict(zip(found.columns, found.rows[0], strict=True))
@@ -42,7 +154,7 @@ def run(store: Store, run_id: int) -> dict[str, Any]:
 def latest_run(store: Store, scenario: str | None = None) -> int:
     """The number of the newest run (of a scenario). Raises: StoreError where there is none."""
     query = select(func.max(Run.id))
-    found = _ask(store, query if scenario is None else query.where(Run.scenario == scenario)).rows[0][0]
+    found = _fetch(store, query if scenario is None else query.where(Run.scenario == scenario)).rows[0][0]
     if found is None:
         raise StoreError(f"{store.where}: holds no run" + (f" of {scenario}" if scenario else ""))
     return int(found)
@@ -51,7 +163,7 @@ def latest_run(store: Store, scenario: str | None = None) -> int:
 def timings(store: Store, run_id: int) -> Rows:
     """For each stage, in the order in which they ran: cycles, milliseconds (median, p99, longest, total), share and rows a cycle."""
     query = select(StageTiming.stage, StageTiming.number, StageTiming.seconds, StageTiming.rows)
-    stored = _ask(store, query.where(StageTiming.run_id == run_id).order_by(StageTiming.cycle, StageTiming.number)).rows
+    stored = _fetch(store, query.where(StageTiming.run_id == run_id).order_by(StageTiming.cycle, StageTiming.number)).rows
     by_stage: dict[str, list[tuple[Any, ...]]] = {}
     for row in stored:
         by_stage.setdefault(row[0], []).append(row)
@@ -65,6 +177,37 @@ def timings(store: Store, run_id: int) -> Rows:
     return Rows(("stage", "cycles", "median_ms", "p99_ms", "longest_ms", "total_ms", "share", "rows"), out)
 
 
+def sensors(store: Store, run_id: int) -> Rows:
+    """The sensors of a run; `spec` is a dict."""
+    columns = [c for c in Sensor.__table__.columns if c.name != "run_id"]
+    return _fetch(store, select(*columns).where(Sensor.run_id == run_id).order_by(Sensor.kind, Sensor.number))
+
+
+def sources(store: Store, run_id: int) -> Rows:
+    """Who makes tracks in a run: number, name, kind (radar, ais, bearing)."""
+    return _fetch(store, select(Source.number, Source.name, Source.kind).where(Source.run_id == run_id).order_by(Source.number))
+
+
+def sensor_states(store: Store, run_id: int, at_s: float | None = None) -> Rows:
+    """One row a sensor: specification, when it was heard last, and its registration; now, or up to an instant.
+
+    Raises: StoreError where there is no such run, or nothing is stored so early.
+    """
+    t = SensorRegistration
+    sensor = [c for c in Sensor.__table__.columns if c.name != "run_id"]
+    with reading(store) as connection:
+        last = cycle_at(connection, store, run_id, at_s)
+        newest = select(t.kind, t.number, func.max(t.cycle).label("cycle")).where(t.run_id == run_id, t.cycle <= last)
+        found = newest.group_by(t.kind, t.number).subquery()
+        same = and_(found.c.kind == Sensor.kind, found.c.number == Sensor.number)
+        row = and_(t.run_id == run_id, t.cycle == found.c.cycle, t.kind == found.c.kind, t.number == found.c.number)
+        when = and_(Cycle.run_id == run_id, Cycle.number == found.c.cycle)
+        found_columns = [c for c in t.__table__.columns if c.name not in ("run_id", "cycle", "kind", "number")]
+        query = select(*sensor, *found_columns, Cycle.time_s).where(Sensor.run_id == run_id)
+        query = query.outerjoin(found, same).outerjoin(t, row).outerjoin(Cycle, when).order_by(Sensor.kind, Sensor.number)
+        return fetch_rows(connection, query)
+
+
 def cycle_at(connection: Connection, store: Store, run_id: int, at_s: float | None, kept: Any = true()) -> int:  # noqa: B008
     """The newest cycle (of those that are kept) up to an instant; -1 where no instant is asked and there is none.
 
@@ -76,12 +219,12 @@ def cycle_at(connection: Connection, store: Store, run_id: int, at_s: float | No
     cycle = connection.scalar(upto.order_by(Cycle.time_s.desc()).limit(1))
     if cycle is None and at_s is not None:
         first_s = connection.scalar(select(func.min(Cycle.time_s)).where(Cycle.run_id == run_id, kept))
-        has = "it has no cycle yet" if first_s is None else f"its first kept cycle is at {_utc(first_s)}"
-        raise StoreError(f"{store.where}: run {run_id} holds nothing up to {_utc(at_s)}, {has}")
+        has = "it has no cycle yet" if first_s is None else f"its first kept cycle is at {_text_utc(first_s)}"
+        raise StoreError(f"{store.where}: run {run_id} holds nothing up to {_text_utc(at_s)}, {has}")
     return -1 if cycle is None else int(cycle)
 
 
-def _utc(time_s: float) -> str:
+def _text_utc(time_s: float) -> str:
     return datetime.fromtimestamp(time_s, UTC).isoformat().replace("+00:00", "Z")
 
 
@@ -91,6 +234,67 @@ def run_exists(connection: Connection, store: Store, run_id: int) -> None:
         raise StoreError(f"{store.where}: there is no run {run_id}")
 
 
-def _ask(store: Store, query: Executable) -> Rows:
+def _fetch(store: Store, query: Executable) -> Rows:
     with reading(store) as connection:
-        return fetched(connection, query)
+        return fetch_rows(connection, query)
+
+
+def _sensor_rows(run_id: int, sensors: Sensors) -> list[dict[str, Any]]:
+    """One row a radar, AIS receiver and sonar. `number` is the index that its reports carry."""
+    return [
+        {"run_id": run_id, "kind": kind, "number": k, **row}
+        for kind, rows in (
+            ("radar", _radars(sensors.radars, sensors.region_names)),
+            ("ais", [_common(sensors.stations, k) for k in range(len(sensors.stations))]),
+            ("bearing", _sonars(sensors.sonars)),
+        )
+        for k, row in enumerate(rows)
+    ]
+
+
+def _source_rows(run_id: int, sensors: Sensors) -> list[dict[str, Any]]:
+    """One row for each that makes tracks. `number` is the source that tracks carry."""
+    kinds = [SourceKind(kind).name.lower() for kind in sensors.source_kinds.tolist()]
+    named = enumerate(zip(sensors.source_names, kinds, strict=True))
+    return [{"run_id": run_id, "number": k, "name": name, "kind": kind} for k, (name, kind) in named]
+
+
+def _common(of: Radars | Stations | Sonars, k: int) -> dict[str, Any]:
+    return {
+        "name": str(of.name[k]),
+        "latitude_deg": float(of.site_deg[k, 0]),
+        "longitude_deg": float(of.site_deg[k, 1]),
+        "range_m": float(of.range_m[k]),
+        "region": None,
+        "spec": {},
+    }
+
+
+def _radars(radars: Radars, regions: tuple[str, ...]) -> list[dict[str, Any]]:
+    return [
+        {
+            **_common(radars, k),
+            "region": regions[radars.region[k]],
+            "spec": {
+                "period_s": float(radars.period_s[k]),
+                "range_sigma_m": float(radars.range_sigma_m[k]),
+                "azimuth_sigma_deg": float(np.degrees(radars.azimuth_sigma_rad[k])),
+            },
+        }
+        for k in range(len(radars))
+    ]
+
+
+def _sonars(sonars: Sonars) -> list[dict[str, Any]]:
+    return [
+        {
+            **_common(sonars, k),
+            "spec": {
+                "bearing_sigma_deg": float(np.degrees(sonars.bearing_sigma_rad[k])),
+                "interval_s": float(sonars.interval_s[k]),
+                "arc_from_deg": float(sonars.arc_from_deg[k]),
+                "arc_to_deg": float(sonars.arc_to_deg[k]),
+            },
+        }
+        for k in range(len(sonars))
+    ]

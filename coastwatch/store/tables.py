@@ -1,30 +1,47 @@
-"""Every table of the database but `sensor_registration`, which is in registrations.py.
+"""Every table of the database: SQLAlchemy models with the unit of each column.
 
 Column names carry units; positions are degrees, speeds knots, times seconds since 1970 UTC.
 
-The big tables (history, association, bearing_association) have the primary key (run, cycle, ...) and no other index: rows
-arrive in key order, so a B-tree only ever grows at its right end and writing stays as fast after a week as on the first day.
-An index on (vessel, time) does not have that property (coastwatch/store/README.md has the figures). One vessel through time is
-answered by seeking (run, cycle, vessel) for each cycle in which `presence` says it was there.
+`history` is the largest table. Its key is (run, cycle, vessel): rows arrive in key order, so the tree grows at its right end and the
+millionth cycle costs what the first one does. One index, (run, cycle, latitude, longitude), answers boxes in a span of time. An index
+by vessel would be written all over: `previous_cycle` links the points of a vessel instead.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import JSON, Index, String, false, text
-from sqlalchemy.orm import Mapped, mapped_column
+from sqlalchemy import JSON, BigInteger, Boolean, Float, ForeignKey, Index, Integer, LargeBinary, String, Text, false, text
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
-from coastwatch.store.declaring import IN_KEY_ORDER as IN_KEY_ORDER
-from coastwatch.store.declaring import Base as Base
-from coastwatch.store.declaring import key as key
-from coastwatch.store.declaring import of_run as of_run
-
-REVISION = "0006"
+REVISION = "0007"
 """The migration at which the database equals the models below; a test compares it with db/migrations."""
 
 REVISION_TABLE = "coastwatch_revision"
 """Not Alembic's default name, so that a PostgreSQL schema may be shared with another program that uses Alembic."""
+
+Key = BigInteger().with_variant(Integer, "sqlite")
+"""An id of eight bytes. SQLite needs the type name INTEGER for a column that is the row's own address."""
+
+IN_KEY_ORDER = {"sqlite_with_rowid": False}
+"""The row stands in the B-tree of its primary key: one tree to write, and neighbours in key are neighbours on disk."""
+
+
+class Base(DeclarativeBase):
+    """What every table shares: how Python types become columns."""
+
+    type_annotation_map = {int: Key, float: Float(53), str: Text, bytes: LargeBinary, bool: Boolean, dict[str, Any]: JSON}  # noqa: RUF012
+
+
+def of_run() -> Mapped[int]:
+    """The column that names the run a row belongs to, first in the primary key."""
+    return mapped_column(ForeignKey("run.id"), primary_key=True)
+
+
+def key() -> Mapped[int]:
+    """A further column of the primary key."""
+    return mapped_column(primary_key=True, autoincrement=False)
+
 
 ENDED = text("to_cycle IS NOT NULL")
 
@@ -92,13 +109,11 @@ class Cycle(Base):
     bearing_pairs: Mapped[int]
     reports: Mapped[int]
     picture_kept: Mapped[bool]  # tables `vessel` and `bearing_track` were written in this cycle
-    history_from: Mapped[
-        int | None
-    ]  # each vessel of this cycle has its newest point in one of the cycles from here to this one;
-    # null: the history of this cycle is not kept
+    # Each vessel of this cycle has its newest point in one of the cycles from here to this one; null: no longer kept.
+    history_from: Mapped[int | None]
     history_points: Mapped[int]  # rows of `history` of this cycle, closing ones included
     associations_kept: Mapped[bool]
-    recorded: Mapped[bool] = mapped_column(server_default=false())  # table `chunk` has the whole picture of this cycle
+    recorded: Mapped[bool] = mapped_column(server_default=false())  # table `recording` has the whole picture
 
 
 class StageTiming(Base):
@@ -184,14 +199,17 @@ class Presence(Base):
 
 
 class History(Base):
-    """Points from which the past is dead-reckoned: a vessel is where the velocity of its newest point takes it (history_rule).
+    """Points from which the past is dead-reckoned: a vessel is where the velocity of its newest point takes it (history_rule.py).
 
     The first point of a stay is in the stay's first cycle. The cycle after its last one has a closing point: where the vessel was,
     by its former point, when it was last there; it belongs to no picture.
     """
 
     __tablename__ = "history"
-    __table_args__ = IN_KEY_ORDER
+    __table_args__ = (
+        Index("history_box", "run_id", "cycle", "latitude_deg", "longitude_deg"),
+        IN_KEY_ORDER,
+    )
     run_id: Mapped[int] = of_run()
     cycle: Mapped[int] = key()
     vessel_id: Mapped[int] = key()
@@ -205,9 +223,7 @@ class History(Base):
     updated_s: Mapped[float]
     mmsi: Mapped[int | None]
     flags: Mapped[int]
-    previous_cycle: Mapped[
-        int | None
-    ]  # of the vessel's former point in this stay; null: the first, or of schema 0003 and older
+    previous_cycle: Mapped[int | None]  # of the vessel's point before in this stay; null: the first
     closing: Mapped[bool] = mapped_column(server_default=false())
 
 
@@ -293,3 +309,63 @@ class Checkpoint(Base):
     piece: Mapped[int] = key()
     cycle: Mapped[int]
     memory: Mapped[bytes]
+
+
+class SensorRegistration(Base):
+    """What is known of a sensor after a cycle. Biases are of what it measures, to be subtracted; a lag is how late its stamps are."""
+
+    __tablename__ = "sensor_registration"
+    __table_args__ = IN_KEY_ORDER
+    run_id: Mapped[int] = of_run()
+    cycle: Mapped[int] = key()
+    kind: Mapped[str] = mapped_column(String(16), primary_key=True)  # radar, ais, bearing
+    number: Mapped[int] = key()  # within its kind
+    heard_s: Mapped[float | None]  # newest arrival; of AIS that of any receiver, reports do not say which it was
+    state: Mapped[str | None] = mapped_column(String(16))  # of radars: unknown, acquiring, settled
+    azimuth_bias_deg: Mapped[float | None]
+    azimuth_sigma_deg: Mapped[float | None]
+    range_bias_m: Mapped[float | None]
+    range_sigma_m: Mapped[float | None]
+    time_lag_s: Mapped[float | None]
+    estimated_lag_s: Mapped[float | None]
+    lag_sigma_s: Mapped[float | None]  # of the estimate
+    vessels: Mapped[int | None]  # behind the estimate
+    residuals: Mapped[float | None]  # plots behind it, the older the less
+
+
+class Identity(Base):
+    """Which vessel had which MMSI, one row a stay. to_cycle is the last cycle of the stay, null while it lasts."""
+
+    __tablename__ = "identity"
+    __table_args__ = (
+        Index("identity_to", "run_id", "to_cycle", sqlite_where=ENDED, postgresql_where=ENDED),
+        IN_KEY_ORDER,
+    )
+    run_id: Mapped[int] = of_run()
+    mmsi: Mapped[int] = key()
+    vessel_id: Mapped[int] = key()
+    from_cycle: Mapped[int] = key()
+    to_cycle: Mapped[int | None]
+
+
+class Recording(Base):
+    """The whole picture of a cycle with its members: one compressed value for each column (recording.py)."""
+
+    __tablename__ = "recording"  # not in key order: SQLite keeps long rows better apart from the tree of keys
+    run_id: Mapped[int] = of_run()
+    cycle: Mapped[int] = key()
+    vessels: Mapped[int]
+    members: Mapped[int]
+    vessel_id: Mapped[bytes]
+    time_s: Mapped[bytes]
+    position_deg: Mapped[bytes]
+    velocity_m_s: Mapped[bytes]
+    covariance: Mapped[bytes]
+    since_s: Mapped[bytes]
+    updated_s: Mapped[bytes]
+    mmsi: Mapped[bytes]
+    flags: Mapped[bytes]
+    origin: Mapped[bytes]
+    member_vessel_id: Mapped[bytes]
+    member_track_id: Mapped[bytes]
+    member_source: Mapped[bytes]

@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0006; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0007; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id BIGSERIAL NOT NULL,
@@ -39,13 +39,6 @@ CREATE TABLE vessel (
 	sources TEXT NOT NULL,
 	covariance BYTEA,
 	PRIMARY KEY (run_id, vessel_id)
-);
-
-CREATE TABLE vessel_place (
-	run_id BIGINT NOT NULL,
-	part BIGINT NOT NULL,
-	data BYTEA NOT NULL,
-	PRIMARY KEY (run_id, part)
 );
 
 CREATE TABLE association (
@@ -96,21 +89,6 @@ CREATE TABLE checkpoint (
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 
-CREATE TABLE chunk (
-	run_id BIGINT NOT NULL,
-	cycle BIGINT NOT NULL,
-	part BIGINT NOT NULL,
-	key_cycle BIGINT NOT NULL,
-	rows BIGINT NOT NULL,
-	south_deg FLOAT(53) NOT NULL,
-	west_deg FLOAT(53) NOT NULL,
-	north_deg FLOAT(53) NOT NULL,
-	east_deg FLOAT(53) NOT NULL,
-	data BYTEA NOT NULL,
-	PRIMARY KEY (run_id, cycle, part),
-	FOREIGN KEY(run_id) REFERENCES run (id)
-);
-
 CREATE TABLE cycle (
 	run_id BIGINT NOT NULL,
 	number BIGINT NOT NULL,
@@ -151,24 +129,7 @@ CREATE TABLE history (
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 
-CREATE TABLE history_block (
-	run_id BIGINT NOT NULL,
-	from_cycle BIGINT NOT NULL,
-	to_cycle BIGINT NOT NULL,
-	points BIGINT NOT NULL,
-	first_vessel BIGINT NOT NULL,
-	PRIMARY KEY (run_id, from_cycle),
-	FOREIGN KEY(run_id) REFERENCES run (id)
-);
-
-CREATE TABLE history_cell (
-	run_id BIGINT NOT NULL,
-	from_cycle BIGINT NOT NULL,
-	cell BIGINT NOT NULL,
-	data BYTEA NOT NULL,
-	PRIMARY KEY (run_id, from_cycle, cell),
-	FOREIGN KEY(run_id) REFERENCES run (id)
-);
+CREATE INDEX history_box ON history (run_id, cycle, latitude_deg, longitude_deg);
 
 CREATE TABLE identity (
 	run_id BIGINT NOT NULL,
@@ -219,6 +180,28 @@ CREATE TABLE presence (
 CREATE INDEX presence_from ON presence (run_id, from_cycle);
 
 CREATE INDEX presence_to ON presence (run_id, to_cycle) WHERE to_cycle IS NOT NULL;
+
+CREATE TABLE recording (
+	run_id BIGINT NOT NULL,
+	cycle BIGINT NOT NULL,
+	vessels BIGINT NOT NULL,
+	members BIGINT NOT NULL,
+	vessel_id BYTEA NOT NULL,
+	time_s BYTEA NOT NULL,
+	position_deg BYTEA NOT NULL,
+	velocity_m_s BYTEA NOT NULL,
+	covariance BYTEA NOT NULL,
+	since_s BYTEA NOT NULL,
+	updated_s BYTEA NOT NULL,
+	mmsi BYTEA NOT NULL,
+	flags BYTEA NOT NULL,
+	origin BYTEA NOT NULL,
+	member_vessel_id BYTEA NOT NULL,
+	member_track_id BYTEA NOT NULL,
+	member_source BYTEA NOT NULL,
+	PRIMARY KEY (run_id, cycle),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
 
 CREATE TABLE sensor (
 	run_id BIGINT NOT NULL,

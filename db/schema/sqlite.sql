@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0006; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0007; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
@@ -38,14 +38,6 @@ CREATE TABLE vessel (
 	sources TEXT NOT NULL,
 	covariance BLOB,
 	PRIMARY KEY (run_id, vessel_id)
-)
- WITHOUT ROWID;
-
-CREATE TABLE vessel_place (
-	run_id INTEGER NOT NULL,
-	part INTEGER NOT NULL,
-	data BLOB NOT NULL,
-	PRIMARY KEY (run_id, part)
 )
  WITHOUT ROWID;
 
@@ -100,22 +92,6 @@ CREATE TABLE checkpoint (
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 
-CREATE TABLE chunk (
-	run_id INTEGER NOT NULL,
-	cycle INTEGER NOT NULL,
-	part INTEGER NOT NULL,
-	key_cycle INTEGER NOT NULL,
-	rows INTEGER NOT NULL,
-	south_deg FLOAT NOT NULL,
-	west_deg FLOAT NOT NULL,
-	north_deg FLOAT NOT NULL,
-	east_deg FLOAT NOT NULL,
-	data BLOB NOT NULL,
-	PRIMARY KEY (run_id, cycle, part),
-	FOREIGN KEY(run_id) REFERENCES run (id)
-)
- WITHOUT ROWID;
-
 CREATE TABLE cycle (
 	run_id INTEGER NOT NULL,
 	number INTEGER NOT NULL,
@@ -157,26 +133,7 @@ CREATE TABLE history (
 )
  WITHOUT ROWID;
 
-CREATE TABLE history_block (
-	run_id INTEGER NOT NULL,
-	from_cycle INTEGER NOT NULL,
-	to_cycle INTEGER NOT NULL,
-	points INTEGER NOT NULL,
-	first_vessel INTEGER NOT NULL,
-	PRIMARY KEY (run_id, from_cycle),
-	FOREIGN KEY(run_id) REFERENCES run (id)
-)
- WITHOUT ROWID;
-
-CREATE TABLE history_cell (
-	run_id INTEGER NOT NULL,
-	from_cycle INTEGER NOT NULL,
-	cell INTEGER NOT NULL,
-	data BLOB NOT NULL,
-	PRIMARY KEY (run_id, from_cycle, cell),
-	FOREIGN KEY(run_id) REFERENCES run (id)
-)
- WITHOUT ROWID;
+CREATE INDEX history_box ON history (run_id, cycle, latitude_deg, longitude_deg);
 
 CREATE TABLE identity (
 	run_id INTEGER NOT NULL,
@@ -231,6 +188,28 @@ CREATE TABLE presence (
 CREATE INDEX presence_from ON presence (run_id, from_cycle);
 
 CREATE INDEX presence_to ON presence (run_id, to_cycle) WHERE to_cycle IS NOT NULL;
+
+CREATE TABLE recording (
+	run_id INTEGER NOT NULL,
+	cycle INTEGER NOT NULL,
+	vessels INTEGER NOT NULL,
+	members INTEGER NOT NULL,
+	vessel_id BLOB NOT NULL,
+	time_s BLOB NOT NULL,
+	position_deg BLOB NOT NULL,
+	velocity_m_s BLOB NOT NULL,
+	covariance BLOB NOT NULL,
+	since_s BLOB NOT NULL,
+	updated_s BLOB NOT NULL,
+	mmsi BLOB NOT NULL,
+	flags BLOB NOT NULL,
+	origin BLOB NOT NULL,
+	member_vessel_id BLOB NOT NULL,
+	member_track_id BLOB NOT NULL,
+	member_source BLOB NOT NULL,
+	PRIMARY KEY (run_id, cycle),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
 
 CREATE TABLE sensor (
 	run_id INTEGER NOT NULL,

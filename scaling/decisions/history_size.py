@@ -34,11 +34,11 @@ class Asked:
     """The rule under one bound, asked cycle by cycle."""
 
     def __init__(self, bound: Bound) -> None:
-        self.bound, self.rows, self._points, self._number, self._before_s = bound, 0, history_rule.none(), 0, float("-inf")
+        self.bound, self.rows, self._points, self._number, self._before_s = bound, 0, history_rule.no_points(), 0, float("-inf")
 
     def __call__(self, cycle: Cycle) -> None:
         known = self._points, self.bound, self._number, cycle.time_s, self._before_s
-        self._points, added = history_rule.step(*known, cycle.picture)
+        self._points, added = history_rule.extend(*known, cycle.picture)
         self.rows, self._number, self._before_s = self.rows + added.points, self._number + 1, cycle.time_s
 
 

@@ -1,9 +1,12 @@
 """What does it cost to write a cycle of a large picture: the current picture, the history under its bound, memberships, the rest?
 
-Run: .venv/bin/python scaling/decisions/store_cycle.py [URL] [VESSELS CYCLES]...     (URL: of an empty database; none: a file in /tmp)
+Run: .venv/bin/python scaling/decisions/store_cycle.py [--no-picture] [--recording] [URL] [VESSELS CYCLES]...
+(URL: of an empty database; none: a file in /tmp)
 Half of the vessels lie at anchor and wander by metres, half go straight on and turn now and then; of 1,000 one comes or goes and ten
 change a track in every cycle. Half of the vessels have a radar and an AIS track, the others one of the two. Associations are left
-out (`store.associations_every`): at this size they are half as many rows again. Seconds are medians after two cycles.
+out (`store.associations_every`): at this size they are half as many rows again. The current picture is written in every cycle.
+`--no-picture` leaves it out, as three cycles of four beyond 100,000 tracks do; `--recording` adds the full recording. Seconds are
+medians after two cycles.
 """
 
 from __future__ import annotations
@@ -39,11 +42,11 @@ from coastwatch.batches import (
 from coastwatch.geodesy import KNOT_M_S, offset_deg
 from coastwatch.pipeline import Cycle
 from coastwatch.scenario import StoreSettings
-from coastwatch.store.opening import reading
+from coastwatch.store.database import reading
 
 WARM = 2
 SEVERAL = ((100_000, 10), (267_000, 8))
-KEEP = StoreSettings(associations_every=10**9)
+KEEP = StoreSettings(associations_every=10**9, picture_large=10**9)
 
 
 def cycles(count: int, vessels: int) -> Iterator[Cycle]:
@@ -121,7 +124,11 @@ def measure(url: str, vessels: int, count: int) -> None:
 
 
 if __name__ == "__main__":
-    given = [int(text) for text in sys.argv[2:]]
+    if "--no-picture" in sys.argv:
+        KEEP = KEEP.model_copy(update={"picture_large": 0, "picture_every_s": 1e9})
+    KEEP = KEEP.model_copy(update={"recording": "--recording" in sys.argv})
+    words = [word for word in sys.argv[1:] if not word.startswith("--")]
+    given = [int(text) for text in words[1:]]
     for vessels, count in list(zip(given[::2], given[1::2], strict=True)) or SEVERAL:
         with tempfile.TemporaryDirectory() as folder:
-            measure(sys.argv[1] if len(sys.argv) > 1 else f"{folder}/x.db", vessels, count)
+            measure(words[0] if words and words[0] else f"{folder}/x.db", vessels, count)

@@ -1,8 +1,7 @@
 """A database filled with the history of a national picture, as the writer of cycles would have left it, without the fusion before it.
 
 Vessels move as in the national picture (coasts, ports, lanes, fleets), stay for hours, and are seen with errors that last 20 s. Points
-are those of the bounded-error rule itself, in the order of cycles; blocks by place are made as in every run. What has no history by
-time (associations, spots, timings) is left out.
+are those of the bounded-error rule itself, in the order of cycles. Associations, spots and timings are left out.
 """
 
 from __future__ import annotations
@@ -11,19 +10,19 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from sqlalchemy import insert
+from sqlalchemy import Connection
+from sqlalchemy import insert as insert_one
 
 from coastwatch import store
 from coastwatch.batches import Array, Floats, Ints, Picture
 from coastwatch.geodesy import scale_m_deg, wrap_deg
 from coastwatch.stage import Plan
-from coastwatch.store import blocks, columns, history_rule
-from coastwatch.store.bulk import append
-from coastwatch.store.cells import Named, Texts
-from coastwatch.store.identities import write_identities
-from coastwatch.store.opening import writing
-from coastwatch.store.places import write_places
+from coastwatch.store import history_rule
+from coastwatch.store.database import writing
+from coastwatch.store.insert import Categorical, NullableId, insert
 from coastwatch.store.tables import Base, Cycle
+from coastwatch.store.to_rows import vessel_rows
+from coastwatch.store.write_cycle import write_history
 from scaling.load.national import World, build_world, scenario_of
 from scaling.load.national.coasts import to_geodetic
 from scaling.load.national.traffic import true_motion
@@ -62,17 +61,15 @@ def fill(url: str, points: int, vessels: int, seed: int, say: Callable[[str], No
         )  # fmt: skip
         bound = history_rule.Bound(scenario.store.history_error_m, scenario.store.history_max_s)
         stays, number, written = _nobody(len(world.slots)), 0, 0
-        held, tail, picture = history_rule.none(), None, Picture.empty()
+        held, picture = history_rule.no_points(), Picture.empty()
         pictures = _pictures(world, stays, seed)
         while written < points:
             with writing(kept) as connection:
                 for _ in range(TOGETHER):
                     time_s, picture = next(pictures)
-                    held, added = history_rule.step(held, bound, number, time_s, time_s - world.period_s, picture)
-                    connection.execute(insert(Cycle), [_cycle(run_id, number, time_s, len(picture), added)])
-                    append(connection, TABLES["history"], [run_id, number, *added.columns])
-                    write_identities(connection, run_id, number, added)
-                    tail = blocks.extend(connection, run_id, number, blocks.placed(number, added.columns), tail)
+                    held, added = history_rule.extend(held, bound, number, time_s, time_s - world.period_s, picture)
+                    connection.execute(insert_one(Cycle), [_cycle(run_id, number, time_s, len(picture), added)])
+                    write_history(connection, run_id, number, added)
                     written, number = written + added.points, number + 1
             if number % (10 * TOGETHER) == 0:
                 say(f"{number} cycles, {written / 1e6:.1f} M points, {written / number:.0f} a cycle")
@@ -165,31 +162,26 @@ def _cycle(run_id: int, number: int, time_s: float, vessels: int, added: history
     return {"run_id": run_id, "number": number, "time_s": time_s, "vessels": vessels, "picture_kept": True, **none, **points}
 
 
-def _rest(connection: object, run_id: int, stays: _Stays, picture: Picture, cycles: int) -> None:
+def _rest(connection: Connection, run_id: int, stays: _Stays, picture: Picture, cycles: int) -> None:
     """The stays of vessels and of their tracks, the current picture, and names."""
     here = np.flatnonzero(stays.number > 0)
     open_ = (stays.number[here], stays.came[here], np.full(len(here), -1), stays.since_s[here])
     vessel, first, last, since = (np.concatenate(parts) for parts in zip(*stays.ended, open_, strict=True))
     order = np.argsort(vessel, kind="stable")
     vessel, first, last, since = vessel[order], first[order], last[order], since[order]
-    append(connection, TABLES["presence"], [run_id, vessel, first, Named(last), since])
+    insert(connection, TABLES["presence"], [run_id, vessel, first, NullableId(last), since])
     row = np.repeat(np.arange(len(vessel)), 1 + (vessel % 5 < 3))
     again = np.append(False, row[1:] == row[:-1])
     source = np.where(again, 2, vessel[row] % 2)
     rows = [vessel[row], source, 10 * vessel[row] + again]
-    append(connection, TABLES["member_history"], [run_id, *rows, first[row], Named(last[row])])
+    insert(connection, TABLES["member_history"], [run_id, *rows, first[row], NullableId(last[row])])
     now = last[row] < 0
-    append(connection, TABLES["member"], [run_id, *(column[now] for column in rows)])
+    insert(connection, TABLES["member"], [run_id, *(column[now] for column in rows)])
     named = np.unique(picture.mmsi[picture.mmsi >= 0])
     names, signs = (
-        Texts(np.arange(len(named)), [f"{word}{mmsi % 10**6}" for mmsi in named.tolist()]) for word in ("SHIP ", "S")
+        Categorical(np.arange(len(named)), [f"{word}{mmsi % 10**6}" for mmsi in named.tolist()]) for word in ("SHIP ", "S")
     )
     size = np.full(len(named), 80.0)
-    append(connection, TABLES["vessel_static"], [run_id, named, names, signs, Named(named % 90), size, size / 6.0, size])
-    sources = Texts(picture.vessel_id % 2, ["region-0,ais", "region-1"])
-    append(
-        connection,
-        TABLES["vessel"],
-        columns.vessels(run_id, picture, columns.motion(picture.velocity_m_s, picture.covariance), sources),
-    )
-    write_places(connection, run_id, picture.vessel_id, picture.position_deg)
+    insert(connection, TABLES["vessel_static"], [run_id, named, names, signs, NullableId(named % 90), size, size / 6.0, size])
+    sources = Categorical(picture.vessel_id % 2, ["region-0,ais", "region-1"])
+    insert(connection, TABLES["vessel"], vessel_rows(run_id, picture, sources))

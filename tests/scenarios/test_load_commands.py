@@ -11,7 +11,7 @@ from types import ModuleType, SimpleNamespace
 
 import pytest
 
-from coastwatch.store import open_store, runs, write_ahead
+from coastwatch.store import database, open_store, runs
 from scaling.load import cycle, queries, ramp, seeds, soak, stages
 from scaling.load.run import Load, run_cycles
 
@@ -120,8 +120,8 @@ def test_a_database_in_memory_is_written_by_the_thread_that_made_it() -> None:
 
 
 def test_a_reader_that_holds_the_log_is_reported_in_the_progress(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(write_ahead, "LEAST_BYTES", 1 << 17)
-    monkeypatch.setattr(write_ahead, "VESSEL_BYTES", 1)
+    monkeypatch.setattr(database, "LOG_BYTES", 1 << 17)
+    monkeypatch.setattr(database, "PICTURE_BYTES", 1)
     path = tmp_path / "load.db"
     warnings = []
     for one in run_cycles(Load(300, 12, 0, store=f"sqlite:///{path}", score=False)):

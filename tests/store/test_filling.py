@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from coastwatch import store as kept
-from coastwatch.store import blocks
 from coastwatch.store.migrate import check
 from scaling.load.filling import fill
 from scaling.load.queries import MEASURED, newest_run
@@ -19,9 +18,7 @@ POINTS, VESSELS = 20_000, 300
 @pytest.fixture(scope="module")
 def filled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path: Path = tmp_path_factory.mktemp("filling") / "x.db"
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(blocks, "BLOCK_POINTS", 2000)
-        fill(f"sqlite:///{path}", POINTS, VESSELS, 1, lambda said: None)
+    fill(f"sqlite:///{path}", POINTS, VESSELS, 1, lambda said: None)
     return path
 
 

@@ -16,9 +16,9 @@ from coastwatch.batches import Picture
 from coastwatch.geodesy import KNOT_M_S, difference_m, offset_deg
 from coastwatch.scenario import StoreSettings
 from coastwatch.store import history_rule
-from coastwatch.store.cells import plain
+from coastwatch.store.database import reading
+from coastwatch.store.insert import to_python
 from coastwatch.store.migrate import check
-from coastwatch.store.opening import reading
 
 NAMES = (
     "vessel_id", "latitude_deg", "longitude_deg", "sog_kn", "cog_deg", "major_m", "minor_m", "orientation_deg", "updated_s",
@@ -59,13 +59,13 @@ def picture(vessel: Any, place: Any, velocity: Any, mmsi: Any, flags: Any, time_
 
 def rows_of(made: list[Picture], bound: history_rule.Bound) -> tuple[dict[str, np.ndarray], np.ndarray, list[int]]:
     """What the rule writes: columns with `cycle`, the time of each cycle, and from which cycle on its points are."""
-    points, rows, firsts, times = history_rule.none(), [], [], [float(p.time_s[0]) if len(p) else np.nan for p in made]
+    points, rows, firsts, times = history_rule.no_points(), [], [], [float(p.time_s[0]) if len(p) else np.nan for p in made]
     period_s = np.nanmin(np.append(np.diff(times), 3.0))
     times = [world.START_S + period_s * (k + 1) if t != t else t for k, t in enumerate(times)]
     for number, seen in enumerate(made):
         before_s = times[number - 1] if number else -np.inf
-        points, added = history_rule.step(points, bound, number, times[number], before_s, seen)
-        columns = [plain(column, added.points) for column in added.columns]
+        points, added = history_rule.extend(points, bound, number, times[number], before_s, seen)
+        columns = [to_python(column, added.points) for column in added.columns]
         rows += [dict(zip(NAMES, row, strict=True), cycle=number) for row in zip(*columns, strict=True)]
         firsts.append(added.first_cycle)
     table = {name: np.array([np.nan if row[name] is None else row[name] for row in rows]) for name in (*NAMES, "cycle")}
@@ -76,10 +76,10 @@ def found(table: dict[str, np.ndarray], times: np.ndarray, first: int, cycle: in
     """Vessels, places and rows at a cycle, from rows of the table alone."""
     some = np.flatnonzero((table["cycle"] >= first) & (table["cycle"] <= cycle))
     of = {name: column[some] for name, column in table.items()}
-    rows = history_rule.newest(of["vessel_id"], of["cycle"], of["closing"].astype(bool))
+    rows = history_rule.newest_rows(of["vessel_id"], of["cycle"], of["closing"].astype(bool))
     place = np.stack([of["latitude_deg"], of["longitude_deg"]], 1)[rows]
     passed_s = times[cycle] - times[of["cycle"][rows].astype(int)]
-    return of["vessel_id"][rows], history_rule.reckoned(place, of["sog_kn"][rows], of["cog_deg"][rows], passed_s), some[rows]
+    return of["vessel_id"][rows], history_rule.dead_reckon(place, of["sog_kn"][rows], of["cog_deg"][rows], passed_s), some[rows]
 
 
 @given(
@@ -106,8 +106,6 @@ def test_no_vessel_is_ever_further_off_than_the_bound(
 
 def test_a_point_is_written_just_where_the_distance_is_more_than_the_bound() -> None:
     """From the equator to 89.9 degrees, across the antimeridian, straight along a degree and askew, with distances about the bound."""
-    from coastwatch.kernels.geometry.dead_reckoning import decide
-
     rng, count, bound = np.random.default_rng(17), 20_000, 10.0
     latitude = np.where(rng.random(count) < 0.5, rng.uniform(-89.9, 89.9, count), rng.choice([0.0, 89.9, -89.9], count))
     longitude = np.where(rng.random(count) < 0.5, rng.uniform(-180.0, 180.0, count), 180.0)
@@ -115,14 +113,14 @@ def test_a_point_is_written_just_where_the_distance_is_more_than_the_bound() -> 
     angle = np.where(rng.random(count) < 0.5, rng.uniform(0.0, 2.0 * np.pi, count), 0.5 * np.pi * rng.integers(0, 4, count))
     far = bound * np.where(rng.random(count) < 0.5, rng.uniform(0.5, 1.5, count), rng.normal(1.0, 0.005, count))
     here = offset_deg(was, far[:, None] * np.stack([np.sin(angle), np.cos(angle)], 1))
-    whole, real = np.zeros((count, 5), np.int64), np.zeros((count, 11))
-    whole[:, 0], real[:, 1:3] = number, was
-    former, write, gone = np.empty(count, np.int64), np.empty(count, np.bool_), np.empty(count, np.bool_)
-    decide(whole, real, number, here, whole[:, 2], whole[:, 3], 3.0, bound, 60.0, former, write, gone)
-    off = np.hypot(*difference_m(here, was).T)
-    plain_case = np.abs(off - bound) > 1e-9
-    assert (write == (off > bound))[plain_case].all()
-    assert 0.4 < write.mean() < 0.6
+    zeros, rule = np.zeros(count, np.int64), history_rule.Bound(bound, 1e9)
+    one, two = (picture(number, place, np.zeros((count, 2)), zeros, zeros, 3.0 * k) for k, place in enumerate((was, here)))
+    points, _ = history_rule.extend(history_rule.no_points(), rule, 0, 0.0, -np.inf, one)
+    after, _ = history_rule.extend(points, rule, 1, 3.0, 0.0, two)
+    written, off = after.cycle == 1, np.hypot(*difference_m(here, was).T)
+    clear = np.abs(off - bound) > 2.0 * history_rule.ROUNDING_M
+    assert (written == (off > bound))[clear].all()
+    assert 0.4 < written.mean() < 0.6
 
 
 def test_the_points_of_a_stay_are_a_chain() -> None:
@@ -184,7 +182,7 @@ def test_the_store_keeps_the_promise_after_a_restart_too(url: str, again_from: i
         run = world.begin(store)
         for number in range(13):
             write(store, run, number)
-        store.newest.clear()
+        store.run_states.clear()
         for number in range(again_from, 14):
             write(store, run, number)
         straight = world.begin(store)

@@ -12,8 +12,8 @@ from sqlalchemy import select
 
 from coastwatch import store as kept
 from coastwatch.batches import Picture
-from coastwatch.store.identities import Identity
-from coastwatch.store.opening import reading
+from coastwatch.store.database import reading
+from coastwatch.store.tables import Identity
 
 CYCLES = 40
 MMSI = np.array([710_000_001, 710_000_002, 710_000_003, 710_000_004, -1])
@@ -76,12 +76,11 @@ def test_stays_are_those_of_a_run_that_never_went_back(url: str) -> None:
 
 
 def test_a_box_now_is_what_the_picture_has_there(url: str) -> None:
-    """Found by the places beside the picture, and by its rows where there are no places, as in a database of before."""
     made = past_world.pictures(5, 3)
     with kept.open_store(url) as store:
         run = world.begin(store)
         past_world.write(store, run, made)
-        boxes = []
+        shown = 0
         for bbox in (*past_world.BOXES, (-90.0, -180.0, 90.0, 180.0)):
             picture, here = kept.picture(store, run), kept.picture(store, run, bbox=bbox)
             south, west, north, east = bbox
@@ -89,8 +88,5 @@ def test_a_box_now_is_what_the_picture_has_there(url: str) -> None:
             across = (longitude >= west) & (longitude <= east) if west <= east else (longitude >= west) | (longitude <= east)
             rows = np.flatnonzero((latitude >= south) & (latitude <= north) & across)
             assert here.rows == [picture.rows[row] for row in rows.tolist()]
-            boxes.append(here)
-        assert sum(map(len, boxes)) > len(picture)
-        with store.engine.begin() as connection:
-            connection.exec_driver_sql("DELETE FROM vessel_place")
-        assert [kept.picture(store, run, bbox=bbox) for bbox in past_world.BOXES] == boxes[:-1]
+            shown += len(here)
+        assert shown > len(picture)

@@ -13,7 +13,7 @@ from sqlalchemy import text
 from coastwatch import store as kept
 from coastwatch.shipped import operator_queries_folder
 from coastwatch.store import StoreError
-from coastwatch.store.opening import writing
+from coastwatch.store.database import writing
 from coastwatch.store.questions import COMPUTED, limits
 
 

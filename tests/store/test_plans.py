@@ -17,14 +17,16 @@ from past_world import BOXES
 from sqlalchemy import Engine, event, text
 
 from coastwatch import store as kept
-from coastwatch.store import Store, blocks
-from coastwatch.store.opening import reading
+from coastwatch.store import Store
+from coastwatch.store.database import reading
 
 CYCLES = 30
 SPAN = world.instant_s(8), world.instant_s(20)
 
-LARGE = ("history", "history_cell", "chunk", "association", "bearing_association", "spot", "stage_timing")
-"""Tables that grow with every cycle. Of each at least the cycle, or for cells the block, must be given beside the run."""
+LARGE = ("history", "recording", "association", "bearing_association", "spot", "stage_timing")
+"""Tables that grow with every cycle. Of each at least the cycle must be given beside the run."""
+
+BY_CYCLE = r"SEARCH \w+ USING (COVERING INDEX \w+|INDEX sqlite_autoindex_recording_1|PRIMARY KEY) \(run_id=\? AND cycle[=<>]"
 
 ASKED: dict[str, Callable[[Store, int], Any]] = {
     "picture now": lambda s, run: kept.picture(s, run),
@@ -61,8 +63,7 @@ def _left(store: Store) -> int:
 
 
 @pytest.fixture
-def filled(url: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Store, int]]:
-    monkeypatch.setattr(blocks, "BLOCK_POINTS", 100)
+def filled(url: str) -> Iterator[tuple[Store, int]]:
     with kept.open_store(url) as store:
         run = world.begin(store)
         keep = past_world.KEEP.model_copy(update={"recording": True})
@@ -126,9 +127,10 @@ def _by_cycle(table: str, statement: str, plan: str, dialect: str) -> None:
     ]
     assert steps, f"{statement}\n{plan}"
     for step in steps:
-        assert re.search(r"SEARCH \w+ USING (COVERING INDEX \w+|PRIMARY KEY) \(run_id=\? AND (from_)?cycle[=<>]", step), (
-            f"{statement}\n{plan}"
-        )
+        assert re.search(
+            r"SEARCH \w+ USING (COVERING INDEX \w+|INDEX sqlite_autoindex_recording_1|PRIMARY KEY) \(run_id=\? AND cycle[=<>]",
+            step,
+        ), f"{statement}\n{plan}"
 
 
 def test_one_vessel_is_found_by_its_whole_key(filled: tuple[Store, int]) -> None:
@@ -144,7 +146,7 @@ def test_one_vessel_is_found_by_its_whole_key(filled: tuple[Store, int]) -> None
 
 
 FOUND_BY = {
-    "box now": {"vessel": "(run_id=? AND vessel_id=?)", "vessel_static": "(run_id=? AND mmsi=?)"},
+    "box now": {"vessel_static": "(run_id=? AND mmsi=?)"},
     "box then": {"member_history": "(run_id=? AND vessel_id=?"},
     "question history_of_mmsi": {"identity": "(run_id=? AND mmsi=?)", "presence": "(run_id=? AND vessel_id=?)"},
     "question source_changes": {"member_history": "_cycle=?)", "presence": "(run_id=? AND vessel_id=? AND from_cycle<?)"},
@@ -175,11 +177,15 @@ def test_no_table_of_vessels_is_read_from_end_to_end(name: str, filled: tuple[St
     assert looked == set(FOUND_BY[name])
 
 
-def test_a_box_of_the_past_is_found_by_its_cells(filled: tuple[Store, int]) -> None:
+@pytest.mark.parametrize("name", ["box then", "traffic", "encounters"])
+def test_a_box_of_the_past_is_found_by_its_index(name: str, filled: tuple[Store, int]) -> None:
     store, run = filled
     if store.engine.dialect.name != "sqlite":
         pytest.skip("the plan of SQLite is what is looked at")
+    with store.engine.begin() as connection:
+        connection.exec_driver_sql("UPDATE cycle SET recorded = 0")  # else a box then is of the recording
     with said(store.engine) as statements:
-        kept.traffic(store, run, BOXES[0], *SPAN)
-    (plan,) = [plan for statement, plan in plans(store, statements) if "history_cell" in statement]
-    assert "(run_id=? AND from_cycle=? AND cell>? AND cell<?)" in plan
+        ASKED[name](store, run)
+    (plan,) = [plan for statement, plan in plans(store, statements) if "history near" in statement]
+    assert "SEARCH near USING COVERING INDEX history_box (run_id=? AND cycle=? AND latitude_deg>? AND latitude_deg<?)" in plan
+    assert "SEARCH h USING PRIMARY KEY (run_id=? AND cycle=? AND vessel_id=?)" in plan

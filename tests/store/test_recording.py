@@ -14,11 +14,11 @@ from sqlalchemy import insert, text
 from coastwatch import store as kept
 from coastwatch.batches import Members, Picture
 from coastwatch.scenario import StoreSettings
-from coastwatch.store import Store, StoreError, chunks
-from coastwatch.store.opening import reading, writing
+from coastwatch.store import Store, StoreError, recording
+from coastwatch.store.database import reading, writing
 from coastwatch.store.tables import Base
 
-CYCLES = 2 * chunks.KEY_EVERY + 5
+CYCLES = 45
 
 
 def same(one: Any, two: Any) -> bool:
@@ -48,22 +48,25 @@ def drifting(number: int, vessels: int = 700) -> tuple[Picture, Members]:
     return picture, Members(k[row] + 1, track, np.arange(len(row)) % 3)
 
 
-def record(
-    store: Store, run: int, made: Sequence[tuple[Picture, Members]], first: int = 0, key: chunks.Key | None = None
-) -> None:
+def record(store: Store, run: int, made: Sequence[tuple[Picture, Members]], first: int = 0) -> None:
     """Record cycles from a number on."""
     for number, (picture, members) in enumerate(made, first):
         row = dict.fromkeys(("tracks", "pairs", "bearing_pairs", "reports", "history_points"), 0)
         flags = dict.fromkeys(("picture_kept", "associations_kept"), False)
         with writing(store) as connection:
-            row |= {"run_id": run, "number": number, "time_s": world.instant_s(number), "vessels": len(picture), **flags}
+            row |= {
+                "run_id": run,
+                "number": number,
+                "time_s": world.instant_s(number),
+                "vessels": len(picture),
+                "recorded": True,
+                **flags,
+            }
             connection.execute(insert(Base.metadata.tables["cycle"]), [row])
-            key = chunks.record(connection, run, number, picture, members, key)
+            recording.record(connection, run, number, picture, members)
 
 
-@pytest.mark.parametrize("part_rows", [4096, 100])
-def test_every_cycle_comes_back_bit_for_bit(url: str, part_rows: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(chunks, "PART_ROWS", part_rows)
+def test_every_cycle_comes_back_bit_for_bit(url: str) -> None:
     made = [drifting(number) for number in range(CYCLES)]
     made[7] = Picture.empty(), Members.empty()
     with kept.open_store(url) as store:
@@ -78,14 +81,10 @@ def test_every_cycle_comes_back_bit_for_bit(url: str, part_rows: int, monkeypatc
         assert same(middle.picture, made[33][0])
         span = list(kept.replay(store, run, world.instant_s(8), world.instant_s(12)))
         assert [r.cycle for r in span] == [8, 9, 10, 11, 12]
-        with reading(store) as connection:
-            parts = connection.execute(text("SELECT count(*) FROM chunk WHERE cycle = 20")).scalar_one()
-        assert parts == -(-len(made[20][0]) // part_rows)
 
 
 @pytest.mark.parametrize("bbox", [(-22.5, 179.5, -21.5, 179.9), (-22.5, 179.5, -21.5, -179.0), (50.0, 0.0, 51.0, 1.0)])
-def test_a_box_has_its_vessels_and_their_members(url: str, bbox: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(chunks, "PART_ROWS", 50)
+def test_a_box_has_its_vessels_and_their_members(url: str, bbox: Any) -> None:
     south, west, north, east = bbox
     with kept.open_store(url) as store:
         run = world.begin(store)
@@ -102,19 +101,7 @@ def test_a_box_has_its_vessels_and_their_members(url: str, bbox: Any, monkeypatc
 
 def recorded(store: Store) -> list[tuple[Any, ...]]:
     with reading(store) as connection:
-        return [tuple(row) for row in connection.execute(text("SELECT * FROM chunk ORDER BY run_id, cycle, part"))]
-
-
-@pytest.mark.parametrize("again_from", [1, 5, chunks.KEY_EVERY, chunks.KEY_EVERY + 3])
-def test_a_key_cycle_from_the_database_is_the_one_in_hand(url: str, again_from: int) -> None:
-    made = [drifting(number) for number in range(chunks.KEY_EVERY + 6)]
-    with kept.open_store(url) as store:
-        straight, other = world.begin(store), world.begin(store)
-        record(store, straight, made)
-        record(store, other, made[:again_from])
-        record(store, other, made[again_from:], again_from)
-        both = [[row[1:] for row in recorded(store) if row[0] == run] for run in (straight, other)]
-        assert both[0] == both[1] != []
+        return [tuple(row) for row in connection.execute(text("SELECT * FROM recording ORDER BY run_id, cycle"))]
 
 
 def test_what_is_discarded_is_gone_and_the_rest_is_whole(url: str) -> None:
@@ -122,13 +109,13 @@ def test_what_is_discarded_is_gone_and_the_rest_is_whole(url: str) -> None:
     with kept.open_store(url) as store:
         run = world.begin(store)
         record(store, run, made)
-        assert kept.discard_chunks_before(store, run, chunks.KEY_EVERY + 7) == chunks.KEY_EVERY
+        kept.discard_recording_before(store, run, 27)
         found = list(kept.replay(store, run))
-        assert [r.cycle for r in found] == list(range(chunks.KEY_EVERY, CYCLES))
+        assert [r.cycle for r in found] == list(range(27, CYCLES))
         assert same(found[-1].picture, made[-1][0])
         with pytest.raises(StoreError, match="nothing is recorded up to then"):
             kept.recorded_at(store, run, world.instant_s(3))
-        assert kept.discard_chunks_before(store, run, 1000) == 1000
+        kept.discard_recording_before(store, run, 1000)
         assert list(kept.replay(store, run)) == []
         assert recorded(store) == []
 

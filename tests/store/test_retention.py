@@ -14,9 +14,9 @@ from sqlalchemy import text
 from coastwatch import store as kept
 from coastwatch.geodesy import difference_m
 from coastwatch.scenario import StoreSettings
-from coastwatch.store import Store, StoreError, opening, retention, write_ahead
+from coastwatch.store import Store, StoreError, database, retention
+from coastwatch.store.database import reading, writing
 from coastwatch.store.migrate import check
-from coastwatch.store.opening import reading, writing
 
 CYCLES = 60
 HOURS = 20 * world.PERIOD_S / 3600.0  # twenty cycles
@@ -73,7 +73,7 @@ def test_a_backlog_is_worked_off_in_steps(url: str, monkeypatch: pytest.MonkeyPa
     every = {"history_max_s": 0.0, "history_error_m": 10.0}
     count = "SELECT count(*) FROM history"
     with filled(url, StoreSettings(**every), 40) as store:
-        store.newest.clear()
+        store.run_states.clear()
         rows = scalars(store, count)[0]
         deleted = []
         for number in range(40, 60):
@@ -95,7 +95,7 @@ def test_a_first_cycle_of_many_vessels_goes_in_parts(url: str, monkeypatch: pyte
             world.write(store, run, number, 300)
         with writing(store) as connection:
             for left in (223, 173, 123):  # 273 vessels came in the first cycle
-                retention.forget(connection, run, 2, 3.0, StoreSettings(history_hours=1e-9), retention.Forgotten(2, 0), 0)
+                retention.delete_old(connection, run, 2, 3.0, StoreSettings(history_hours=1e-9), (2, 0), 0)
                 rows = connection.execute(text("SELECT count(*) FROM history WHERE cycle = 0")).scalar_one()
                 assert rows == left
             connection.rollback()
@@ -123,14 +123,14 @@ def test_the_log_is_moved_into_the_database_again_and_again(tmp_path: Path) -> N
         sizes = []
         for number in range(60):
             written = world.write_and_say(store, run, number, 600)
-            assert written.complaint is None
+            assert written.warning is None
             sizes.append(Path(f"{path}-wal").stat().st_size)
-        assert max(sizes) < 1.5 * write_ahead.LEAST_BYTES
+        assert max(sizes) < 1.5 * database.LOG_BYTES
         assert sizes[-1] == max(sizes)  # it is used again from its beginning, not made anew
 
 
 def test_a_reader_that_holds_a_transaction_open_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(write_ahead, "LEAST_BYTES", 60 * opening.PAGE_BYTES)
+    monkeypatch.setattr(database, "LOG_BYTES", 60 * database.PAGE_BYTES)
     path = tmp_path / "x.db"
     with kept.open_store(str(path)) as store:
         run = world.begin(store)
@@ -138,32 +138,30 @@ def test_a_reader_that_holds_a_transaction_open_is_found(tmp_path: Path, monkeyp
         reader = sqlite3.connect(path, isolation_level=None)
         reader.execute("BEGIN")
         seen = reader.execute("SELECT count(*), max(time_s) FROM vessel").fetchone()
-        said = [world.write_and_say(store, run, number, 600).complaint for number in range(1, 12)]
+        said = [world.write_and_say(store, run, number, 600).warning for number in range(1, 12)]
         assert said[0] is None
         assert said[-1] is not None
         assert "x.db-wal has grown to" in said[-1]
         assert "another process reads in one transaction and does not end it" in said[-1]
         assert reader.execute("SELECT count(*), max(time_s) FROM vessel").fetchone() == seen  # and it is not disturbed
         reader.execute("COMMIT")
-        assert world.write_and_say(store, run, 12, 600).complaint is None
-        assert Path(f"{path}-wal").stat().st_size < 3 * 60 * opening.PAGE_BYTES
+        assert world.write_and_say(store, run, 12, 600).warning is None
+        assert Path(f"{path}-wal").stat().st_size < 3 * 60 * database.PAGE_BYTES
         reader.close()
     assert check(str(path)) == []
 
 
 def test_the_length_of_the_log_grows_with_the_picture() -> None:
-    assert write_ahead._length(100) == write_ahead.LEAST_BYTES
-    assert write_ahead._length(260_000) == 8 * 260_000 * 256
-    assert write_ahead._length(4_000_000) == 2 * 4_000_000 * 256
-    most = [write_ahead._most(vessels) for vessels in (100, 260_000, 262_144, 262_145, 400_000, 4_000_000)]
-    assert most == sorted(most)
-    assert most[2] == most[3] == write_ahead._length(262_144)
-    assert most[-1] == write_ahead._length(4_000_000)
+    lengths = [database.log_bytes(vessels) for vessels in (100, 10_000, 200_000, 262_144, 4_000_000)]
+    assert lengths == sorted(lengths)
+    assert lengths[0] == database.LOG_BYTES
+    assert lengths[2] == 8 * 200_000 * 256
+    assert lengths[-1] == database.MOST_LOG_BYTES
 
 
 def test_a_cycle_fits_into_the_memory_of_its_connection(tmp_path: Path) -> None:
-    """Pages that do not are written before the transaction ends, and the log is read again for its check sums."""
+    """Pages that do not are written before the transaction ends, some of them twice."""
     with kept.open_store(str(tmp_path / "x.db")) as store, writing(store) as connection:
-        for vessels, recorded, kib in ((100, True, 16_384), (100_000, False, 37_500), (100_000, True, 50_000)):
-            write_ahead.fit(connection, vessels, recorded=recorded)
+        for vessels, kib in ((100, 16_384), (100_000, 37_500), (4_000_000, 524_288)):
+            database.size_for(connection, vessels)
             assert connection.exec_driver_sql("PRAGMA cache_size").scalar_one() == -kib

@@ -13,7 +13,7 @@ from coastwatch import store as kept
 from coastwatch.batches import RadarReports
 from coastwatch.scenario import StoreSettings
 from coastwatch.store import StoreError
-from coastwatch.store.opening import reading
+from coastwatch.store.database import reading
 
 
 def test_sensors_as_they_were(url: str) -> None:

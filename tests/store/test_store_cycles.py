@@ -9,15 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 import store_world as world
+from hypothesis import given
+from hypothesis import strategies as st
 from sqlalchemy import text
 
 from coastwatch import store as kept
 from coastwatch.batches import AisStatics, Picture, Reports
-from coastwatch.store import Rows, StoreError, columns
-from coastwatch.store.cells import plain
+from coastwatch.store import Rows, StoreError
+from coastwatch.store.database import reading
+from coastwatch.store.insert import to_python
 from coastwatch.store.migrate import check
-from coastwatch.store.opening import reading
 from coastwatch.store.tables import Base
+from coastwatch.store.to_rows import changed_rows, source_texts
 
 
 def test_the_picture_is_found_as_it_was(url: str) -> None:
@@ -154,7 +157,7 @@ def test_what_a_message_leaves_out_is_remembered(url: str) -> None:
         run = world.begin(store)
         world.write(store, run, 0, reports=heard("ALPHA\x00", "", -1, np.nan))
         world.write(store, run, 1, reports=heard("", "PX1", 70, 120.0))
-        store.newest.clear()  # as after a restart
+        store.run_states.clear()  # as after a restart
         world.write(store, run, 2, reports=heard("BETA@@", "", -1, np.nan))
         found = kept.picture(store, run)
         row = dict(zip(found.columns, found.rows[1], strict=True))
@@ -198,10 +201,19 @@ FROM cycle c ORDER BY number DESC LIMIT 1
 
 def test_text_of_sources_is_in_the_order_of_their_numbers() -> None:
     members = np.array([[1, 0, 5], [1, 0, 6], [1, 2, 7], [3, 1, 8], [3, 2, 9], [3, 3, 9], [4, 0, 1], [4, 2, 4], [5, 2, 1]])
-    found = columns.sources(np.arange(1, 6), members, ("a", "b", "c", "d"))
-    assert plain(found, 5) == ["a,c", "", "b,c,d", "a,c", "c"]
-    assert len(found.of) == 7  # of each set and of what it grew from, one text
-    assert plain(columns.sources(np.zeros(0, np.int64), members[:0], ("a",)), 0) == []
+    found = source_texts(np.arange(1, 6), members, ("a", "b", "c", "d"))
+    assert to_python(found, 5) == ["a,c", "", "b,c,d", "a,c", "c"]
+    assert to_python(source_texts(np.zeros(0, np.int64), members[:0], ("a",)), 0) == []
+
+
+@given(st.integers(0, 10**6), st.integers(0, 40), st.integers(0, 40))
+def test_changed_rows_are_the_differences_of_two_sets(seed: int, before: int, now: int) -> None:
+    rng = np.random.default_rng(seed)
+    one, two = (np.unique(rng.integers(0, 5, (count, 3)), axis=0) for count in (before, now))
+    two = np.unique(np.concatenate([two, one[rng.random(len(one)) < 0.7]]), axis=0)
+    gone, come = ({tuple(row) for row in rows.tolist()} for rows in changed_rows(one, two))
+    sets = [{tuple(row) for row in rows.tolist()} for rows in (one, two)]
+    assert (gone, come) == (sets[0] - sets[1], sets[1] - sets[0])
 
 
 def test_rows_have_columns() -> None:

@@ -9,8 +9,8 @@ from sqlalchemy import text
 
 from coastwatch import store as kept
 from coastwatch.scenario import StoreSettings
+from coastwatch.store.database import reading
 from coastwatch.store.migrate import check
-from coastwatch.store.opening import reading
 
 
 def test_memberships_are_written_when_they_change(url: str) -> None:
@@ -66,7 +66,7 @@ def test_after_a_restart_the_picture_is_not_of_a_cycle_to_come(url: str) -> None
         run = world.begin(store)
         for number in range(5):
             world.write(store, run, number, keep=keep, last=number == 4)
-        store.newest.clear()
+        store.run_states.clear()
         world.write(store, run, 2, keep=keep)
         assert kept.picture(store, run).column("time_s")[0] == world.instant_s(2)
     assert check(url) == []

@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+import json
 import re
 import sqlite3
 from pathlib import Path
 from typing import Any
 
+import old_database
+import past_world
 import pytest
 import store_world as world
 from alembic.config import Config
 from alembic.script import ScriptDirectory
-from sqlalchemy import MetaData, text
+from sqlalchemy import JSON, Boolean, MetaData, text
+from test_recording import same
 
 from coastwatch import store as kept
 from coastwatch.shipped import migrations_folder, schema_folder
-from coastwatch.store import StoreError, blocks, migrate
-from coastwatch.store.opening import connect, reading, revision, writing
+from coastwatch.store import StoreError, migrate
+from coastwatch.store.bbox import inside
+from coastwatch.store.database import connect, reading, revision, writing
 from coastwatch.store.tables import REVISION, REVISION_TABLE, Base
 
-SINCE_0001 = {"presence", "sensor_registration", "chunk", "history_block", "history_cell", "vessel_place", "identity"}
+SINCE_0001 = {"presence", "sensor_registration", "identity", "recording"}
 """Tables that schema 0001 does not have."""
 
 SINCE_0004 = ("picture_kept", "history_from", "history_points", "previous_cycle", "closing", "piece")
@@ -102,16 +107,16 @@ def test_a_database_of_the_first_schema_comes_along_with_all_its_rows(url: str, 
             assert set(there.tables) == set(Base.metadata.tables) - SINCE_0001 | {REVISION_TABLE}
             for name in (table.name for table in Base.metadata.sorted_tables if table.name not in SINCE_0001):
                 connection.execute(there.tables[name].insert(), as_in_0001(name, rows[name]))
-    with pytest.raises(StoreError, match=r"got schema 0001, needed 0006: `coastwatch db upgrade`"):
+    with pytest.raises(StoreError, match="schema: got 0001, needed 0007: `coastwatch db upgrade` brings it there"):
         kept.open_store(url)
-    assert migrate.check(url) == ["schema: got 0001, needed 0006"]
+    assert migrate.check(url) == ["schema: got 0001, needed 0007: `coastwatch db upgrade` brings it there"]
     migrate.upgrade(url)
     assert migrate.check(url) == []
     with kept.open_store(url) as store:
         with reading(store) as connection:
             for name, table in Base.metadata.tables.items():
                 found = [dict(row._mapping) for row in connection.execute(table.select())]
-                ours = [] if name in ("sensor_registration", "vessel_place") else rows[name]  # nothing was estimated then
+                ours = [] if name == "sensor_registration" else rows[name]  # nothing was estimated then
                 if name == "identity":  # all stays of an MMSI with a vessel are one, open while the last one is
                     ours, found = (as_one(of) for of in (ours, found))
                 if name == "presence":  # when a vessel that has left was first seen is no longer known, but its first cycle
@@ -133,6 +138,60 @@ def test_a_database_of_the_first_schema_comes_along_with_all_its_rows(url: str, 
         world.write(store, run, 13)
         world.write(store, run, 14)
     assert migrate.check(url) == []
+
+
+def test_a_database_of_schema_0006_comes_along(url: str, tmp_path: Path) -> None:
+    """Every point is a plain row, every recorded cycle is read bit for bit, and the run goes on."""
+    path, made = tmp_path / "old.db", old_database.pictures()
+    old_database.unpack(path)
+    with sqlite3.connect(path) as raw:
+        raw.row_factory = sqlite3.Row
+        names = [
+            row["name"]
+            for row in raw.execute("SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite%'")
+        ]
+        rows = {name: [dict(row) for row in raw.execute(f"SELECT * FROM {name}")] for name in names}
+    assert len(rows["history_block"]) > 1
+    if url.startswith("sqlite"):
+        url = f"sqlite:///{path}"
+    else:
+        _fill_0006(url, rows)
+    assert migrate.check(url) == ["schema: got 0006, needed 0007: `coastwatch db upgrade` brings it there"]
+    migrate.upgrade(url)
+    assert migrate.check(url) == []
+    with kept.open_store(url) as store:
+        with reading(store) as connection:
+            found = [dict(row._mapping) for row in connection.execute(Base.metadata.tables["history"].select())]
+        assert sorted(map(repr, found)) == sorted(repr(row | {"closing": bool(row["closing"])}) for row in rows["history"])
+        recorded = list(kept.replay(store, 1))
+        assert len(recorded) == len(made)
+        for number, (old, picture) in enumerate(zip(recorded, made, strict=True)):
+            assert same(old.picture, picture)
+            assert same(old.members, world.cycle_of(number, 0, picture).members)
+            then = kept.picture(store, 1, world.instant_s(number), past_world.BOXES[0])
+            inside_box = inside(picture.position_deg, past_world.BOXES[0])
+            assert then.column("vessel_id") == picture.vessel_id[inside_box].tolist()
+        world.write(store, 1, len(made), cycle=world.cycle_of(len(made), 0, made[-1]), keep=past_world.KEEP)
+    assert migrate.check(url) == []
+
+
+def _fill_0006(url: str, rows: dict[str, list[dict[str, Any]]]) -> None:
+    """The rows of an SQLite database of schema 0006 in an empty database of another kind."""
+    migrate.upgrade(url, "0006")
+    with connect(url, 1.0, may_create=False) as old, writing(old) as connection:
+        there = MetaData()
+        there.reflect(connection)
+        for table in (t for t in there.sorted_tables if t.name != REVISION_TABLE and rows[t.name]):
+            texts = {column.name for column in table.columns if isinstance(column.type, JSON)}
+            flags = {column.name for column in table.columns if isinstance(column.type, Boolean)}
+            given = [
+                {
+                    name: json.loads(value) if name in texts and value else bool(value) if name in flags else value
+                    for name, value in row.items()
+                }
+                for row in rows[table.name]
+            ]
+            connection.execute(table.insert(), given)
 
 
 def test_an_upgrade_of_a_current_database_changes_nothing(url: str) -> None:
@@ -187,8 +246,11 @@ def test_a_database_of_a_newer_version_is_left_alone(url: str) -> None:
     migrate.upgrade(url)
     with connect(url, 1.0, may_create=False) as store, writing(store) as connection:
         connection.execute(text(f"UPDATE {REVISION_TABLE} SET version_num = '9999'"))
-    with pytest.raises(StoreError, match="got schema 9999, needed 0006: it was written by a newer Coastwatch"):
+    with pytest.raises(StoreError, match="schema: got 9999, needed 0007: it was written by a newer Coastwatch"):
         kept.open_store(url)
+    (found,) = migrate.check(url)
+    assert "written by a newer Coastwatch" in found
+    assert "upgrade" not in found
     with pytest.raises(StoreError, match="9999"):
         migrate.upgrade(url)
 
@@ -215,17 +277,15 @@ SPOILED = {
     "DELETE FROM history WHERE cycle = 2 AND vessel_id = 2": "every vessel of the newest cycle has a point",
     "DELETE FROM member WHERE vessel_id = 1": "the members are those whose stay has not ended",
     "UPDATE checkpoint SET cycle = 9": "no checkpoint is newer",
-    "DELETE FROM chunk WHERE cycle = 1": "a recorded cycle has all of its vessels",
-    "DELETE FROM history_block WHERE from_cycle = 1": "the history by place has no gap",
-    "UPDATE history_block SET points = 1 WHERE from_cycle = 1": "the history by place has all points",
+    "DELETE FROM recording WHERE cycle = 1": "a recorded cycle has all of its vessels",
+    "UPDATE recording SET vessels = 1 WHERE cycle = 1": "a recorded cycle has all of its vessels",
     "DROP INDEX presence_to": "schema: .*presence_to",
     "ALTER TABLE vessel ADD COLUMN more INTEGER": "schema: .*more",
 }
 
 
-def test_a_check_finds_what_is_wrong(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_check_finds_what_is_wrong(url: str) -> None:
     """Each harm is done in a transaction that is taken back."""
-    monkeypatch.setattr(blocks, "BLOCK_POINTS", 1)
     with kept.open_store(url) as store:
         run = world.begin(store)
         for number in range(3):

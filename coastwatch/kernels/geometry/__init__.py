@@ -7,11 +7,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submodules=[
         "bands",
         "centroids",
-        "closest_approach",
-        "curve",
-        "dead_reckoning",
         "ellipsoid",
-        "encounters",
         "neighbours",
         "polar",
         "seeding",

@@ -5,16 +5,11 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submodules=[
-        "byte_planes",
         "dealing",
         "grouping",
         "groups",
-        "latest_per_id",
         "lookup",
         "match_ids",
-        "picture_codec",
-        "picture_rows",
-        "sorted_rows",
         "sorting",
         "subset",
     ],

@@ -19,7 +19,6 @@ def check(options: argparse.Namespace) -> int:
     for line in differences:
         print(f"{options.db}: {line}", file=sys.stderr)
     if differences:
-        print("coastwatch db upgrade brings it to this version", file=sys.stderr)
         return 1
     print(f"{options.db}: as this version needs it")
     return 0

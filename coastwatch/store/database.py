@@ -1,0 +1,353 @@
+"""The database: opened, read and written in transactions, or one sentence on why that is not possible (`StoreError`).
+
+SQLite is opened with a write-ahead log, `synchronous = NORMAL`, foreign keys on and the standard library's driver. A power cut may
+take the newest cycles, whole ones; a killed process takes none.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any, Self
+
+from sqlalchemy import URL, Connection, Engine, create_engine, event, func, inspect, make_url, select, text
+from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
+
+from coastwatch.store.tables import REVISION, REVISION_TABLE, Base
+
+WAIT_S = 10.0
+PAGE_BYTES = 16_384
+"""Of a new SQLite file: a cycle of 100,000 vessels changes a quarter as many pages as of SQLite's own 4 kB."""
+
+CACHE_KIB, MOST_CACHE_KIB = 16 * 1024, 512 * 1024
+CYCLE_BYTES = 384
+"""Of the pages that a cycle changes, for each vessel. A connection that writes has a page cache of that size: else SQLite writes pages
+before the transaction ends, and some of them twice."""
+
+LOG_BYTES, MOST_LOG_BYTES = 1000 * PAGE_BYTES, 1 << 29
+PICTURE_BYTES = 256
+"""Of a row of table `vessel`. The write-ahead log may be eight pictures long before SQLite copies it into the database."""
+
+TOO_LONG = 3
+"""Times that length: then a reader holds the log."""
+
+TRUNCATE_WAIT_MS = 50
+
+FULL = ("is full", "no space left", "could not extend file")
+WRITE_FAILED = "disk i/o error"
+"""SQLite's message for any other failure to write, a limit of the process among them."""
+
+LEAST_FREE_BYTES = 1_000_000
+"""Free on a disk: with less, a failure to write is called a full disk."""
+
+
+class StoreError(Exception):
+    """The database cannot do what was asked; the message says which database, why, and what to do."""
+
+
+@dataclass(frozen=True)
+class Store:
+    """An open database and what this process last wrote to it. Close it, or use it in a `with`."""
+
+    engine: Engine
+    where: str  # for messages: a path, or a URL without its password
+    wait_s: float
+    run_states: dict[int, Any] = field(default_factory=dict)  # run -> run_state.RunState
+
+    @property
+    def shared(self) -> bool:
+        """Whether all threads see one database: each has one of its own where it is in memory."""
+        return not is_sqlite(self.engine.url) or self.engine.url.database not in (None, "", ":memory:")
+
+    def close(self) -> None:
+        """Give the connections back. The last one to close an SQLite database folds its write-ahead log into the file."""
+        self.engine.dispose()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *unused: object) -> None:
+        self.close()
+
+
+def open_store(url: str, *, create: bool = True, wait_s: float = WAIT_S) -> Store:
+    """An open database with the tables of this version.
+
+    Args: url: any SQLAlchemy URL, or the path of an SQLite file; create: make the tables where there are none; wait_s: how long
+    to wait for another process that holds a lock.
+    Raises: StoreError where it is absent, unreachable, of another version, or not a Coastwatch database.
+    """
+    store = connect(url, wait_s, may_create=create)
+    try:
+        with reading(store) as connection:
+            found = revision(connection, store.where)
+        if found is None and not create:
+            raise StoreError(f"{store.where}: holds no tables; `coastwatch run` or `coastwatch db upgrade` makes them")
+        if found is None:
+            from coastwatch.store.migrate import upgrade_open
+
+            upgrade_open(store)
+        elif found != REVISION:
+            raise StoreError(f"{store.where}: {other_schema(found)}")
+    except BaseException:
+        store.close()
+        raise
+    return store
+
+
+def other_schema(found: str | None) -> str:
+    """What to do about a database of another schema. Args: found: its revision, None: it has no tables."""
+    if found is not None and found > REVISION:
+        return f"schema: got {found}, needed {REVISION}: it was written by a newer Coastwatch; use that version or a newer one"
+    return f"schema: got {found or 'no tables'}, needed {REVISION}: `coastwatch db upgrade` brings it there"
+
+
+def connect(url: str, wait_s: float, *, may_create: bool) -> Store:
+    """An open database, whatever is in it. Raises: StoreError."""
+    address = _address(url)
+    where = address.database or ":memory:" if is_sqlite(address) else address.render_as_string(hide_password=True)
+    if is_sqlite(address) and address.database not in (None, "", ":memory:"):
+        _look_at_file(Path(str(address.database)), may_create)
+    try:
+        engine = create_engine(
+            address,
+            json_serializer=as_json,
+            connect_args={"timeout": wait_s} if is_sqlite(address) else {},
+            pool_pre_ping=not is_sqlite(address),
+        )
+    except (ArgumentError, NoSuchModuleError) as error:
+        raise StoreError(f"{where}: {error}") from error
+    except ModuleNotFoundError as error:
+        how = ": pip install 'coastwatch[postgresql]'" if error.name == "psycopg" else ""
+        raise StoreError(f"{where}: needs the Python package {error.name!r}{how}") from error
+    store = Store(engine, where, wait_s)
+    _prepare(store)
+    if engine.dialect.name == "sqlite" and may_create:
+        with refusals(store), engine.connect() as connection:
+            for pragma in (f"page_size = {PAGE_BYTES}", "journal_mode = WAL"):  # the first is heard while the file is empty
+                connection.connection.cursor().execute(f"PRAGMA {pragma}")
+    return store
+
+
+def is_sqlite(address: URL) -> bool:
+    """Whether a URL is of SQLite."""
+    return address.get_backend_name() == "sqlite"
+
+
+def _address(url: str) -> URL:
+    try:
+        return make_url(url if "://" in url else f"sqlite:///{url}")
+    except (ArgumentError, ValueError) as error:
+        raise StoreError(f"database: got {url!r}, needed a SQLAlchemy URL such as sqlite:///coastwatch.db: {error}") from error
+
+
+def _look_at_file(path: Path, may_create: bool) -> None:
+    if path.is_dir():
+        raise StoreError(f"{path}: is a folder, needed a database file")
+    if not path.exists() and not may_create:
+        raise StoreError(f"{path}: there is no such database; `coastwatch run` makes one")
+    if not path.parent.is_dir():
+        raise StoreError(f"{path}: there is no folder {path.parent}")
+
+
+def _prepare(store: Store) -> None:
+    """Settings of every new connection. Transactions begin explicitly: Python's driver would begin them too late."""
+    if store.engine.dialect.name == "postgresql":
+
+        @event.listens_for(store.engine, "connect")
+        def configure(raw: Any, record: Any) -> None:
+            with raw.cursor() as cursor:
+                cursor.execute(f"SET lock_timeout = {max(int(store.wait_s * 1000.0), 1)}")
+                cursor.execute("SET jit = off")  # it takes 0.3 s to compile what then runs for a tenth of that
+            raw.commit()
+
+    if store.engine.dialect.name != "sqlite":
+        return
+
+    @event.listens_for(store.engine, "connect")
+    def set_pragmas(raw: Any, record: Any) -> None:
+        raw.isolation_level = None
+        # A build may overwrite what is deleted with zeros: the picture of every cycle would be written twice.
+        for pragma in ("synchronous = NORMAL", "foreign_keys = ON", "secure_delete = OFF", f"cache_size = -{CACHE_KIB}"):
+            raw.execute(f"PRAGMA {pragma}")
+        lend_mathematics(raw)
+
+    @event.listens_for(store.engine, "begin")
+    def begin(connection: Connection) -> None:
+        writes = connection.get_execution_options().get("writes", False)
+        connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+
+
+def lend_mathematics(raw: sqlite3.Connection) -> None:
+    """Give an SQLite that was built without mathematics the four functions that db/operator uses."""
+    try:
+        raw.execute("SELECT cos(0.0), radians(0.0), sqrt(0.0), floor(0.0)")
+    except sqlite3.OperationalError:
+        for name, function in (("cos", math.cos), ("radians", math.radians), ("sqrt", math.sqrt), ("floor", math.floor)):
+            raw.create_function(name, 1, lambda x, f=function: None if x is None else float(f(x)), deterministic=True)
+
+
+def revision(connection: Connection, where: str) -> str | None:
+    """The migration at which a database stands; None where it has no tables yet.
+
+    Raises: StoreError where the tables are another program's.
+    """
+    tables = set(inspect(connection).get_table_names())
+    if REVISION_TABLE in tables:
+        return connection.execute(text(f"SELECT max(version_num) FROM {REVISION_TABLE}")).scalar_one_or_none()
+    foreign = tables if connection.dialect.name == "sqlite" else tables & set(Base.metadata.tables)
+    if foreign:
+        raise StoreError(f"{where}: not a Coastwatch database: it has {', '.join(sorted(foreign)[:5])} and no {REVISION_TABLE}")
+    return None
+
+
+@contextmanager
+def reading(store: Store) -> Iterator[Connection]:
+    """A connection that sees one state of the database, whole cycles only, however many questions it is asked.
+
+    Keep it short: SQLite's write-ahead log cannot shrink while a reader looks at an old state.
+    """
+    options: dict[str, Any] = {}
+    if store.engine.dialect.name == "postgresql":
+        options = {"isolation_level": "REPEATABLE READ", "postgresql_readonly": True}
+    with refusals(store), store.engine.connect() as plain, plain.execution_options(**options).begin():
+        yield plain
+
+
+@contextmanager
+def writing(store: Store) -> Iterator[Connection]:
+    """A connection in one transaction, which holds SQLite's only write lock from its first moment."""
+    with refusals(store), store.engine.connect() as plain, plain.execution_options(writes=True).begin():
+        yield plain
+
+
+@contextmanager
+def refusals(store: Store) -> Iterator[None]:
+    """Turn a driver's error into a StoreError that an operator can act on."""
+    try:
+        yield
+    except DBAPIError as error:
+        raise StoreError(_sentence(store, error.orig)) from error
+    except (sqlite3.Error, ModuleNotFoundError) as error:
+        raise StoreError(_sentence(store, error)) from error
+
+
+def _sentence(store: Store, error: BaseException | None) -> str:
+    said = str(error).strip()
+    low = said.lower()
+    if "locked" in low or "lock timeout" in low:
+        return f"database is locked by another process: {store.where} (waited {store.wait_s:g} s); end it, or use another --db"
+    if WRITE_FAILED in low or any(sign in low for sign in FULL):
+        return cannot_grow(store.where, said.split("\n")[0], is_file=store.engine.dialect.name == "sqlite")
+    if "not a database" in low:
+        return f"{store.where}: is not an SQLite database"
+    if "malformed" in low:
+        return f"{store.where}: is damaged ({said}); restore a copy, or start a new database"
+    if "readonly" in low or "unable to open" in low:
+        return f"{store.where}: cannot be opened or written: {said}"
+    return f"{store.where}: {said.splitlines()[0] if said else type(error).__name__}"
+
+
+def cannot_grow(where: str, message: str, *, is_file: bool) -> str:
+    """Why a database could not be written: its disk is full, its file has reached the limit of this process, or neither is known.
+
+    Args: where: path of an SQLite file, or for messages; message: the driver's; is_file: whether `where` is a path.
+    """
+    full = any(sign in message.lower() for sign in FULL)
+    folder = Path(where).absolute().parent
+    free = shutil.disk_usage(folder).free if is_file and folder.is_dir() else None
+    most = _largest_file_bytes() if is_file else None
+    if not full and most is not None and any(_size(Path(where + end)) + PAGE_BYTES > most for end in ("", "-wal")):
+        head, why = "file cannot grow", f"this process may write files of {most / 1e6:.1f} MB at most (ulimit -f): "
+    else:
+        head = "disk full" if full or (free is not None and free < LEAST_FREE_BYTES) else "cannot be written"
+        why = "" if free is None else f"{free / 1e6:.1f} MB free in {folder}: "
+    return f"{head}: {where}: {why}{message}; every whole cycle stored so far is kept"
+
+
+def _size(path: Path) -> int:
+    return path.stat().st_size if path.is_file() else 0
+
+
+def _largest_file_bytes() -> int | None:
+    """The largest file that this process may write; None: no limit, or a system that has none."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    soft = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
+    return None if soft == resource.RLIM_INFINITY else soft
+
+
+def size_for(connection: Connection, vessels: int) -> None:
+    """Size SQLite's page cache and write-ahead log for a picture of so many vessels. Any other database: nothing."""
+    if connection.dialect.name != "sqlite":
+        return
+    pages = log_bytes(vessels) // int(connection.exec_driver_sql("PRAGMA page_size").scalar_one())
+    cache_kib = min(max(CACHE_KIB, vessels * CYCLE_BYTES // 1024), MOST_CACHE_KIB)
+    limit = TOO_LONG * log_bytes(vessels)  # a longer log is cut back to that
+    for pragma in (f"wal_autocheckpoint = {pages}", f"journal_size_limit = {limit}", f"cache_size = -{cache_kib}"):
+        connection.exec_driver_sql(f"PRAGMA {pragma}").close()
+
+
+def log_bytes(vessels: int) -> int:
+    """Length of the write-ahead log at which SQLite copies it into the database."""
+    return min(max(LOG_BYTES, 8 * vessels * PICTURE_BYTES), MOST_LOG_BYTES)
+
+
+def long_log_warning(store: Store, vessels: int) -> str | None:
+    """A sentence where a reader holds the write-ahead log, so that it grows; None where all is well.
+
+    Where readers follow each other closely, the log is cut in a moment between two of them.
+    """
+    if store.engine.dialect.name != "sqlite" or not store.shared:
+        return None
+    path = Path(f"{store.engine.url.database}-wal")
+    if _size(path) < TOO_LONG * log_bytes(vessels):
+        return None
+    with store.engine.connect() as connection:
+        raw = connection.connection.driver_connection
+        assert raw is not None
+        raw.execute(f"PRAGMA busy_timeout = {TRUNCATE_WAIT_MS}")
+        try:
+            held, _, _ = raw.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
+        finally:
+            raw.execute(f"PRAGMA busy_timeout = {int(store.wait_s * 1000.0)}")
+    if not held:
+        return None
+    size_mb = path.stat().st_size / 1e6
+    return f"{path} has grown to {size_mb:.0f} MB: another process reads in one transaction and does not end it"
+
+
+def now_utc(connection: Connection, later: timedelta = timedelta()) -> str:
+    """The database's clock, or so much later: 2026-01-31T12:00:00Z, which sorts as time does. No other clock is read in the store."""
+    now: datetime = connection.execute(select(func.current_timestamp())).scalar_one()
+    there = (now.astimezone(UTC) if now.tzinfo else now) + later
+    return there.strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def as_json(value: Any) -> str:
+    """JSON text of plain values; not a number and infinity are null."""
+    return json.dumps(_json_value(value), allow_nan=False, default=_plain)
+
+
+def _json_value(value: Any) -> Any:
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, dict):
+        return {str(k): _json_value(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_json_value(v) for v in value]
+    return value
+
+
+def _plain(value: Any) -> Any:
+    """What an array or a number of numpy holds."""
+    return _json_value(value.tolist()) if hasattr(value, "tolist") else str(value)

@@ -1,0 +1,356 @@
+"""The past: points of the history, one vessel through time, an MMSI through time, and what happened in a box in a span of time.
+
+| asked | answered by |
+|---|---|
+| all points of a span of cycles | one range of the key (run, cycle, vessel) |
+| one vessel through time | its chain of points: each names the cycle of the one before it; stays in `presence` say where chains end |
+| a box in a span of time | index `history_box`, sought once for each cycle of the span |
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import lazy_loader
+import numpy as np
+from sqlalchemy import Connection, Subquery, and_, false, func, or_, select, text
+
+from coastwatch.batches import Array, Bools, Floats, Ints
+from coastwatch.geodesy import scale_m_deg, wrap_deg
+from coastwatch.store.bbox import FASTEST_M_S, Box, widened
+from coastwatch.store.database import Store, StoreError, reading
+from coastwatch.store.history_rule import rate_deg_s
+from coastwatch.store.rows import Rows, Table, fetch_arrays, is_one_of
+from coastwatch.store.runs import run_exists
+from coastwatch.store.tables import Cycle, History, Identity, Presence
+
+scipy = lazy_loader.load("scipy")  # few questions need it
+
+MOTION = ("latitude_deg", "longitude_deg", "sog_kn", "cog_deg")
+ELLIPSE = ("major_m", "minor_m", "orientation_deg")
+COLUMNS = ("cycle", "time_s", "vessel_id", *MOTION, *ELLIPSE, "updated_s", "mmsi", "flags")
+"""Of a history."""
+
+OF_MMSI = ("time_s", "vessel_id", *MOTION, "major_m", "mmsi", "flags")
+"""Of the history of an MMSI."""
+
+SLOT_S = 20.0
+"""Encounters: vessels are compared where they are in the middle of slots of this length."""
+
+CHAIN = """
+WITH RECURSIVE start (cycle) AS (VALUES {starts}), back (cycle) AS (
+    SELECT CAST(s.cycle AS BIGINT) FROM start s
+    UNION
+    SELECT h.previous_cycle
+    FROM back b CROSS JOIN history h
+    WHERE h.run_id = :run AND h.cycle = b.cycle AND h.vessel_id = :vessel AND h.previous_cycle >= :first
+)
+SELECT cycle FROM back
+"""
+
+IN_BOX = """
+SELECT {columns} FROM cycle c CROSS JOIN history near CROSS JOIN history h
+WHERE c.run_id = :run AND c.number BETWEEN :first AND :last
+    AND near.run_id = :run AND near.cycle = c.number + 0
+    AND near.latitude_deg BETWEEN :south AND :north AND (near.longitude_deg >= :west {and_or} near.longitude_deg <= :east)
+    AND h.run_id = :run AND h.cycle = near.cycle AND h.vessel_id = near.vessel_id
+"""
+"""`near` reads the index alone; `h` is the row. The sum makes SQLite seek the index for each cycle, not read the whole span."""
+
+
+def history(
+    store: Store, run_id: int, from_s: float | None = None, to_s: float | None = None, vessel_id: int | None = None
+) -> Table:
+    """Every point between two instants, both included, of one vessel where one is given: cycle, time_s, vessel_id, position, motion,
+    ellipse, updated_s, mmsi, flags. Until its next point a vessel goes on at the course and speed of the last one.
+    """
+    span = [Cycle.run_id == run_id]
+    span += [] if from_s is None else [Cycle.time_s >= from_s]
+    span += [] if to_s is None else [Cycle.time_s <= to_s]
+    with reading(store) as connection:
+        first, last = connection.execute(select(func.min(Cycle.number), func.max(Cycle.number)).where(*span)).one()
+        if first is None or vessel_id is None:
+            return points_between(connection, run_id, *((0, -1) if first is None else (first, last)))
+        found = points_of(connection, run_id, vessel_id, int(first))
+    return found.take((found.array("cycle") >= first) & (found.array("cycle") <= last))
+
+
+def points_between(connection: Connection, run_id: int, first: int, last: int) -> Table:
+    """The points of a range of cycles, by cycle and vessel; no closing ones."""
+    return _points(connection, run_id, History.cycle.between(first, last))
+
+
+def points_of(connection: Connection, run_id: int, vessel_id: int, first: int = 0) -> Table:
+    """The points of one vessel from a cycle on, oldest first; no closing ones."""
+    here, since = Presence.run_id == run_id, or_(Presence.to_cycle.is_(None), Presence.to_cycle >= first)
+    stays = select(Presence.to_cycle).where(here, Presence.vessel_id == vessel_id, since)
+    ends = list(connection.scalars(stays))
+    starts = [to + 1 for to in ends if to is not None]
+    if None in ends:
+        starts += _last_cycles(connection, run_id)
+    cycles = np.zeros(0, np.int64)
+    if starts:
+        sql = text(CHAIN.format(starts=", ".join(f"({cycle})" for cycle in starts)))
+        found = connection.scalars(sql, {"run": run_id, "vessel": vessel_id, "first": first})
+        cycles = np.array(sorted(cycle for cycle in found if cycle >= first), np.int64)
+    return _points(connection, run_id, is_one_of(connection, History.cycle, cycles), History.vessel_id == vessel_id)
+
+
+def points_in_box(
+    connection: Connection, run_id: int, first: int, last: int, bbox: Box, names: Sequence[str]
+) -> dict[str, Array]:
+    """The points of a range of cycles in a box, closing ones included, in no order. Args: names: of columns of `history`."""
+    south, west, north, east = bbox
+    sql = IN_BOX.format(columns=", ".join(f"h.{name}" for name in names), and_or="AND" if west <= east else "OR")
+    span = {"run": run_id, "first": first, "last": last}
+    query = text(sql).columns(*(History.__table__.c[name] for name in names))
+    query = query.bindparams(**span, south=south, west=west, north=north, east=east)
+    return dict(zip(names, fetch_arrays(connection, query), strict=True))
+
+
+def newest_points(run_id: int, first: int, cycle: int) -> Subquery:
+    """Vessel and cycle of the newest point of each vessel in a range of cycles, closing ones included."""
+    here = select(History.vessel_id, func.max(History.cycle).label("cycle"))
+    return here.where(History.run_id == run_id, History.cycle.between(first, cycle)).group_by(History.vessel_id).subquery()
+
+
+def of_newest(run_id: int, newest: Subquery) -> Any:
+    """Joins the rows of `history` to `newest_points`: of vessels that have not left."""
+    same = and_(History.cycle == newest.c.cycle, History.vessel_id == newest.c.vessel_id)
+    return and_(History.run_id == run_id, same, History.closing == false())
+
+
+def history_of_mmsi(connection: Connection, values: Mapping[str, Any]) -> Rows:
+    """The answer to question `history_of_mmsi`. Args: values: its parameters, `run` too."""
+    run_id, mmsi, i = values["run"], int(values["mmsi"]), Identity
+    latest = connection.scalar(select(func.max(Cycle.time_s)).where(Cycle.run_id == run_id))
+    from_s = 0.0 if latest is None else latest - values["minutes"] * 60.0
+    first = connection.scalar(select(func.min(Cycle.number)).where(Cycle.run_id == run_id, Cycle.time_s >= from_s))
+    if first is None:
+        return Rows(OF_MMSI, [])
+    since = or_(i.to_cycle.is_(None), i.to_cycle >= first)
+    vessels = connection.scalars(select(i.vessel_id).where(i.run_id == run_id, i.mmsi == mmsi, since).distinct())
+    found = [points_of(connection, run_id, vessel, first) for vessel in sorted(vessels)]
+    if not found:
+        return Rows(OF_MMSI, [])
+    made = Table(OF_MMSI, tuple(np.concatenate([points.array(name) for points in found]) for name in OF_MMSI))
+    made = made.take((made.array("mmsi") == mmsi) & (made.array("time_s") >= from_s))
+    return Rows(OF_MMSI, made.take(np.lexsort((made.array("vessel_id"), made.array("time_s")))).rows)
+
+
+class Legs(NamedTuple):
+    """Straight legs from each point of a vessel to its next one, by vessel and time. P legs."""
+
+    cycle: Ints
+    vessel_id: Ints
+    mmsi: Ints
+    position_deg: Floats  # (P, 2) at its beginning
+    sog_kn: Floats
+    cog_deg: Floats
+    from_s: Floats
+    to_s: Floats
+    rate_deg_s: Floats  # (P, 2) north, east
+
+    def take(self, rows: Array) -> Legs:
+        """Some of them."""
+        return Legs._make(column[rows] for column in self)
+
+
+def traffic(store: Store, run_id: int, bbox: Box, from_s: float, to_s: float) -> Table:
+    """The points of the history from which vessels were in a box at some time between two instants, by vessel and time: vessel_id,
+    cycle, time_s, to_s (until when the vessel went on from there), latitude_deg, longitude_deg, sog_kn, cog_deg.
+
+    Args: bbox: south, west, north, east in degrees; west > east crosses the antimeridian.
+    Raises: StoreError where there is no such run, or nothing is stored so early.
+    """
+    with reading(store) as connection:
+        legs = _legs(connection, store, run_id, bbox, from_s, to_s)
+    entered_s, left_s = _time_in_box(legs, bbox, from_s, to_s)
+    legs = legs.take(entered_s <= left_s)
+    named = {
+        "vessel_id": legs.vessel_id,
+        "cycle": legs.cycle,
+        "time_s": legs.from_s,
+        "to_s": legs.to_s,
+        "latitude_deg": legs.position_deg[:, 0],
+        "longitude_deg": legs.position_deg[:, 1],
+        "sog_kn": legs.sog_kn,
+        "cog_deg": legs.cog_deg,
+    }
+    return Table(tuple(named), tuple(named.values()))
+
+
+def encounters(
+    store: Store,
+    run_id: int,
+    bbox: Box,
+    from_s: float,
+    to_s: float,
+    within_m: float = 500.0,
+    min_sog_kn: float = 1.0,
+    count: int = 100,
+) -> Rows:
+    """Pairs of vessels that came close to each other while both were in a box between two instants, the closest first: first_id,
+    second_id, distance_m and time_s of the closest approach, where the first was, and speed and MMSI of both then.
+
+    Args: bbox: as of `traffic`; within_m: of the closest approach; min_sog_kn: at least one of the two was as fast; count: how many
+    at most.
+    Raises: StoreError where there is no such run, or nothing is stored so early.
+    """
+    with reading(store) as connection:
+        legs = _legs(connection, store, run_id, bbox, from_s, to_s)
+    entered_s, left_s = _time_in_box(legs, bbox, from_s, to_s)
+    inside = np.flatnonzero(entered_s <= left_s)
+    legs, entered_s, left_s = legs.take(inside), entered_s[inside], left_s[inside]
+    pair, distance_m, time_s = _close_legs(legs, entered_s, left_s, bbox[1], within_m, legs.sog_kn >= min_sog_kn)
+    swap = legs.vessel_id[pair[:, 0]] > legs.vessel_id[pair[:, 1]]
+    pair = np.where(swap[:, None], pair[:, ::-1], pair)
+    one, two = legs.vessel_id[pair].T
+    order = np.lexsort((time_s, distance_m, two, one))
+    once = np.append(True, (np.diff(one[order]) != 0) | (np.diff(two[order]) != 0))[: len(order)]
+    order = order[once]
+    order = order[np.argsort(distance_m[order], kind="stable")][:count]
+    first, second, when = legs.take(pair[order, 0]), legs.take(pair[order, 1]), time_s[order]
+    position = first.position_deg + first.rate_deg_s * (when - first.from_s)[:, None]
+    named = {
+        "first_id": first.vessel_id,
+        "second_id": second.vessel_id,
+        "distance_m": distance_m[order],
+        "time_s": when,
+        "latitude_deg": position[:, 0],
+        "longitude_deg": wrap_deg(position[:, 1]),
+        "first_sog_kn": first.sog_kn,
+        "second_sog_kn": second.sog_kn,
+        "first_mmsi": first.mmsi,
+        "second_mmsi": second.mmsi,
+    }
+    return Rows(tuple(named), Table(tuple(named), tuple(named.values())).rows)
+
+
+def _points(connection: Connection, run_id: int, *where: Any) -> Table:
+    """Points by cycle and vessel, without closing ones."""
+    names = [name for name in COLUMNS if name != "time_s"]
+    query = select(*(getattr(History, name) for name in names)).where(History.run_id == run_id, *where)
+    found = dict(zip(names, fetch_arrays(connection, query.where(History.closing == false())), strict=True))
+    cycle = found["cycle"]
+    order = np.lexsort((found["vessel_id"], cycle))
+    low, high = int(cycle.min(initial=0)), int(cycle.max(initial=-1))
+    number, time_s = cycle_times(connection, run_id, min(low, high), high)
+    found["time_s"] = time_s[np.searchsorted(number, cycle)] if len(cycle) else np.zeros(0)
+    return Table(COLUMNS, tuple(found[name][order] for name in COLUMNS))
+
+
+def cycle_times(connection: Connection, run_id: int, first: int, last: int) -> tuple[Ints, Floats]:
+    """Numbers and times of a range of cycles."""
+    query = select(Cycle.number, Cycle.time_s).where(Cycle.run_id == run_id, Cycle.number.between(first, last))
+    number, time_s = fetch_arrays(connection, query.order_by(Cycle.number))
+    return number, time_s
+
+
+def _last_cycles(connection: Connection, run_id: int) -> list[int]:
+    """The cycles in which a vessel that is there now has its newest point."""
+    kept = select(Cycle.number, Cycle.history_from).where(Cycle.run_id == run_id, Cycle.history_from.is_not(None))
+    last = connection.execute(kept.order_by(Cycle.number.desc()).limit(1)).first()
+    return [] if last is None else list(range(last.history_from, last.number + 1))
+
+
+def _legs(connection: Connection, store: Store, run_id: int, bbox: Box, from_s: float, to_s: float) -> Legs:
+    """Legs of the vessels that were in a box or near it between two instants: to the next point, at most as long as points are valid."""
+    run_exists(connection, store, run_id)
+    c = Cycle
+    before = select(c.history_from).where(c.run_id == run_id, c.time_s <= from_s)
+    start = int(connection.scalar(before.order_by(c.time_s.desc()).limit(1)) or 0)
+    after = select(c.number).where(c.run_id == run_id, c.time_s <= to_s).order_by(c.time_s.desc()).limit(1)
+    end = connection.scalar(after)
+    if end is None:
+        raise StoreError(f"{store.where}: run {run_id} holds nothing up to then")
+    span = select(c.number, c.time_s, c.history_from).where(c.run_id == run_id, c.number.between(start, end))
+    number, time_s, oldest = fetch_arrays(connection, span.order_by(c.number))
+    oldest = np.where(oldest < 0, number, oldest)
+    valid_s = float((time_s - time_s[np.clip(oldest - start, 0, None)]).max(initial=0.0) + np.diff(time_s).max(initial=0.0))
+    names = ("vessel_id", "cycle", *MOTION, "mmsi", "closing")
+    p = points_in_box(connection, run_id, start, int(end), widened(bbox, valid_s * FASTEST_M_S), names)
+    order = np.lexsort((p["cycle"], p["vessel_id"]))
+    p = {name: column[order] for name, column in p.items()}
+    begun_s = time_s[p["cycle"] - start]
+    ended_s = np.minimum(begun_s + valid_s, to_s)
+    same = p["vessel_id"][1:] == p["vessel_id"][:-1]
+    ended_s[:-1] = np.where(same, np.minimum(ended_s[:-1], begun_s[1:]), ended_s[:-1])
+    position = np.stack([p["latitude_deg"], p["longitude_deg"]], 1)
+    rate = rate_deg_s(position, p["sog_kn"], p["cog_deg"])
+    legs = Legs(p["cycle"], p["vessel_id"], p["mmsi"], position, p["sog_kn"], p["cog_deg"], begun_s, ended_s, rate)
+    return legs.take((p["closing"] == 0) & (ended_s >= begun_s))
+
+
+def _time_in_box(legs: Legs, bbox: Box, from_s: float, to_s: float) -> tuple[Floats, Floats]:
+    """From when and until when each leg is in the box within a span of time; the end is before the beginning where it is not.
+
+    A straight line against a rectangle, in degrees.
+    """
+    south, west, north, east = bbox
+    low, high = np.maximum(legs.from_s, from_s) - legs.from_s, np.minimum(legs.to_s, to_s) - legs.from_s
+    latitude, longitude = legs.position_deg.T
+    width = 360.0 if (west, east) == (-180.0, 180.0) else (east - west) % 360.0
+    seam = 90.0 if width < 270.0 else 0.0  # degrees west of the box
+    across = (longitude - west + seam) % 360.0 - seam
+    for position, least, most, rate in (
+        (latitude, south, north, legs.rate_deg_s[:, 0]),
+        (across, 0.0, width, legs.rate_deg_s[:, 1]),
+    ):
+        still = rate == 0.0
+        ends = np.stack([least - position, most - position]) / np.where(still, 1.0, rate)
+        stays = (position >= least) & (position <= most)
+        low = np.maximum(low, np.where(still, np.where(stays, -np.inf, np.inf), ends.min(0)))
+        high = np.minimum(high, np.where(still, np.inf, ends.max(0)))
+    return legs.from_s + low, legs.from_s + high
+
+
+def _close_legs(
+    legs: Legs, entered_s: Floats, left_s: Floats, west_deg: float, within_m: float, moves: Bools
+) -> tuple[Ints, Floats, Floats]:
+    """Pairs of legs of two vessels that come within a distance while both are in the box: (Q, 2), metres, time.
+
+    Time is cut into slots. In each slot a k-d tree of the positions in the middle of the slot finds the candidates.
+    Args: entered_s, left_s: (P,) when each leg is in the box; moves: (P,) of a pair one does.
+    """
+    none = np.zeros((0, 2), np.int64)
+    if not len(entered_s):
+        return none, np.zeros(0), np.zeros(0)
+    begin_s = float(entered_s.min())
+    first, last = ((entered_s - begin_s) // SLOT_S).astype(np.int64), ((left_s - begin_s) // SLOT_S).astype(np.int64)
+    north, east = scale_m_deg(legs.position_deg[:, 0])
+    found = [none]
+    for slot in range(int(last.max()) + 1):
+        here = np.flatnonzero((first <= slot) & (last >= slot))
+        low, high = begin_s + slot * SLOT_S, begin_s + (slot + 1) * SLOT_S
+        since, until = np.maximum(low, entered_s[here]), np.minimum(high, left_s[here])
+        position = legs.position_deg[here] + legs.rate_deg_s[here] * (0.5 * (since + until) - legs.from_s[here])[:, None]
+        speed_m_s = np.hypot(legs.rate_deg_s[here, 0] * north[here], legs.rate_deg_s[here, 1] * east[here])
+        reach = within_m + float((speed_m_s * (until - since)).max(initial=0.0))
+        # No two positions are farther apart in this plane than at sea: a degree has its least length everywhere.
+        least_m = 110_574.0, float(east[here].min(initial=np.inf))
+        plane = np.stack([position[:, 0], (position[:, 1] - west_deg + 1.0) % 360.0], 1) * least_m
+        found.append(here[scipy.spatial.cKDTree(plane).query_pairs(reach, output_type="ndarray")] if len(here) else none)
+    pair = np.unique(np.concatenate(found), axis=0)
+    a, b = pair.T
+    pair = pair[(legs.vessel_id[a] != legs.vessel_id[b]) & (moves[a] | moves[b])]
+    a, b = pair.T
+    since, until = np.maximum(entered_s[a], entered_s[b]), np.minimum(left_s[a], left_s[b])
+    distance_m, time_s = _closest_approach(legs.take(a), legs.take(b), since, until)
+    near = (since <= until) & (distance_m <= within_m)
+    return pair[near], distance_m[near], time_s[near]
+
+
+def _closest_approach(one: Legs, two: Legs, since_s: Floats, until_s: Floats) -> tuple[Floats, Floats]:
+    """Metres and time of the closest approach of pairs of legs between two times."""
+    north, east = scale_m_deg(one.position_deg[:, 0])
+    scale = np.stack([north, east], 1)
+    apart = two.position_deg + two.rate_deg_s * (since_s - two.from_s)[:, None]
+    apart -= one.position_deg + one.rate_deg_s * (since_s - one.from_s)[:, None]
+    apart[:, 1] = wrap_deg(apart[:, 1])
+    apart, velocity = apart * scale, (two.rate_deg_s - one.rate_deg_s) * scale
+    square = (velocity**2).sum(1)
+    passed = -(apart * velocity).sum(1) / np.where(square > 0.0, square, 1.0)
+    passed = np.where(square > 0.0, np.clip(passed, 0.0, np.maximum(until_s - since_s, 0.0)), 0.0)
+    return np.hypot(*(apart + velocity * passed[:, None]).T), since_s + passed

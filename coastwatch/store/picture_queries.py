@@ -1,0 +1,283 @@
+"""Pictures: now, at an instant of the past (from the recording, or dead-reckoned from the history), in a box; and one vessel's details."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from sqlalchemy import Connection, Select, and_, func, or_, select, true
+from sqlalchemy.orm import aliased
+
+from coastwatch.batches import Array, Floats, Ints
+from coastwatch.store.bbox import FASTEST_M_S, Box, inside, is_inside, widened
+from coastwatch.store.database import Store, StoreError, reading
+from coastwatch.store.history_queries import ELLIPSE, MOTION, cycle_times, points_in_box, points_of
+from coastwatch.store.history_rule import dead_reckon, newest_rows, row_of
+from coastwatch.store.recording import read_recorded
+from coastwatch.store.rows import Rows, Table, fetch_arrays, fetch_rows, is_one_of
+from coastwatch.store.runs import cycle_at, run_exists
+from coastwatch.store.tables import (
+    Association,
+    BearingAssociation,
+    BearingTrack,
+    Cycle,
+    History,
+    MemberHistory,
+    Presence,
+    Source,
+    Vessel,
+    VesselStatic,
+)
+from coastwatch.store.to_rows import motion, source_texts
+
+STATIC = ("name", "call_sign", "ship_type", "length_m", "beam_m")
+COLUMNS = ("vessel_id", *MOTION, "mmsi", *STATIC, "flags", "time_s", "since_s", "updated_s", *ELLIPSE, "sources")
+"""Of every picture."""
+
+FEW = 1000
+"""Vessels that are looked up one by one; for more, whole tables of the run are read."""
+
+Columns = dict[str, Array]
+
+
+def picture(
+    store: Store, run_id: int, at_s: float | None = None, bbox: Box | None = None, columns: Sequence[str] = COLUMNS
+) -> Table:
+    """One row a vessel, by vessel_id: now; or in the last cycle up to an instant, exactly where that cycle was recorded, else
+    dead-reckoned within `store.history_error_m`.
+
+    Args: at_s: seconds since 1970 UTC; bbox: south, west, north, east in degrees, west > east crosses the antimeridian; columns: those
+    that are wanted, in this order; names, sources and `since_s` cost as much as all others.
+    Raises: StoreError where there is no such run or column, or nothing is stored so early.
+    """
+    unknown = sorted(set(columns) - set(COLUMNS))
+    if unknown:
+        raise StoreError(f"columns: got {', '.join(unknown)}, needed some of {', '.join(COLUMNS)}")
+    with reading(store) as connection:
+        run_exists(connection, store, run_id)
+        if at_s is None:
+            here = true() if bbox is None else is_inside(Vessel.latitude_deg, Vessel.longitude_deg, bbox)
+            return _picture_now(connection, run_id, here, columns)
+        kept = or_(Cycle.history_from.is_not(None), Cycle.recorded)
+        cycle = cycle_at(connection, store, run_id, at_s, kept)
+        return _picture_then(connection, run_id, cycle, bbox, columns)
+
+
+def track(store: Store, run_id: int, vessel_id: int) -> dict[str, Any]:
+    """One vessel: `vessel` (its newest row as a dict), Table `history` (its points), and Rows `members`, `stays`, `associations`,
+    `bearing_associations`, oldest first.
+
+    Raises: StoreError where the run never had such a vessel.
+    """
+    stays = select(Presence.from_cycle, Presence.to_cycle, Presence.since_s)
+    stays = stays.where(Presence.run_id == run_id, Presence.vessel_id == vessel_id).order_by(Presence.from_cycle)
+    with reading(store) as connection:
+        there = fetch_rows(connection, stays)
+        if not there.rows:
+            run_exists(connection, store, run_id)
+            raise StoreError(f"{store.where}: run {run_id} never had a vessel {vessel_id}")
+        return {
+            "vessel": _newest_row(connection, run_id, vessel_id, there),
+            "history": points_of(connection, run_id, vessel_id),
+            "members": fetch_rows(connection, _members(run_id, vessel_id)),
+            "stays": there,
+            "associations": fetch_rows(connection, _through_time(Association, run_id, vessel_id)),
+            "bearing_associations": fetch_rows(connection, _through_time(BearingAssociation, run_id, vessel_id)),
+        }
+
+
+def bearing_tracks(store: Store, run_id: int) -> Rows:
+    """The bearing tracks of now with the sensor they are of and the vessel they were given to."""
+    b = BearingTrack
+    columns = (b.track_id, Source.name.label("source"), b.bearing_deg, b.rate_deg_s, b.latitude_deg, b.longitude_deg)
+    same = and_(Source.run_id == b.run_id, Source.number == b.source)
+    query = select(*columns, b.vessel_id, b.updated_s).join(Source, same).where(b.run_id == run_id)
+    with reading(store) as connection:
+        return fetch_rows(connection, query.order_by(b.source, b.track_id))
+
+
+def _picture_now(connection: Connection, run_id: int, where: Any, wanted: Sequence[str] = COLUMNS) -> Table:
+    names = [name for name in COLUMNS if name not in STATIC and (name in wanted or name in ("vessel_id", "mmsi"))]
+    query = select(*(getattr(Vessel, name) for name in names)).where(Vessel.run_id == run_id, where)
+    found = dict(zip(names, fetch_arrays(connection, query.order_by(Vessel.vessel_id)), strict=True))
+    return _with_details(connection, run_id, None, found, wanted)
+
+
+def _picture_then(
+    connection: Connection,
+    run_id: int,
+    cycle: int,
+    bbox: Box | None,
+    wanted: Sequence[str] = COLUMNS,
+    vessel_id: int | None = None,
+) -> Table:
+    """The picture of a cycle: as it was recorded, or each vessel dead-reckoned from its newest point.
+
+    Args: cycle: recorded, or with a history; wanted: of COLUMNS; vessel_id: only this one, from the history.
+    """
+    then = select(Cycle.time_s, Cycle.history_from, Cycle.recorded).where(Cycle.run_id == run_id, Cycle.number == cycle)
+    time_s, first, recorded = connection.execute(then).one()
+    if recorded and vessel_id is None:
+        return _with_details(connection, run_id, cycle, _from_recording(connection, run_id, cycle, bbox), wanted)
+    assert first is not None
+    number, at_s = cycle_times(connection, run_id, first, cycle)
+    names = ["vessel_id", "cycle", *MOTION, "closing", "mmsi"]
+    names += [name for name in ("flags", "updated_s", *ELLIPSE) if name in wanted]
+    found = None if bbox is None else _newest_in_box(connection, run_id, number, at_s, bbox, names)
+    if found is None:
+        found = _newest_points(connection, run_id, number, names, vessel_id)
+    now = dead_reckon(_position(found), found["sog_kn"], found["cog_deg"], time_s - at_s[found["cycle"] - first])
+    found |= {"latitude_deg": now[:, 0], "longitude_deg": now[:, 1], "time_s": np.full(len(now), time_s)}
+    if bbox is not None:
+        here = inside(now, bbox)
+        found = {name: column[here] for name, column in found.items()}
+    return _with_details(connection, run_id, cycle, found, wanted)
+
+
+def _from_recording(connection: Connection, run_id: int, cycle: int, bbox: Box | None) -> Columns:
+    picture, _ = read_recorded(connection, run_id, cycle, bbox)
+    own = {name: getattr(picture, name) for name in ("vessel_id", "mmsi", "flags", "time_s", "since_s", "updated_s")}
+    moved = motion(picture.velocity_m_s, picture.covariance)
+    return {**own, **dict(zip((*MOTION, *ELLIPSE), (*picture.position_deg.T, *moved.T), strict=True))}
+
+
+def _newest_points(connection: Connection, run_id: int, number: Ints, names: Sequence[str], vessel_id: int | None) -> Columns:
+    """The newest point in some cycles of each vessel that is there in the last of them, by vessel."""
+    cycles: Any = History.cycle.between(int(number[0]), int(number[-1]))
+    if vessel_id is not None:  # the key is sought in each cycle; a range of cycles would be read from end to end
+        cycles = and_(is_one_of(connection, History.cycle, number), History.vessel_id == vessel_id)
+    query = select(*(getattr(History, name) for name in names)).where(History.run_id == run_id, cycles)
+    return _newest_of_each(dict(zip(names, fetch_arrays(connection, query), strict=True)))
+
+
+def _newest_in_box(
+    connection: Connection, run_id: int, number: Ints, at_s: Floats, bbox: Box, names: Sequence[str]
+) -> Columns | None:
+    """As `_newest_points`, of the vessels that are in a box then, and of some beside it; None where they are too many.
+
+    A vessel whose newest point is far from the box is not taken from an older point near it.
+    """
+    reach = widened(bbox, (at_s[-1] - at_s[0]) * FASTEST_M_S)
+    found = _newest_of_each(points_in_box(connection, run_id, int(number[0]), int(number[-1]), reach, names))
+    now = dead_reckon(_position(found), found["sog_kn"], found["cog_deg"], at_s[-1] - at_s[found["cycle"] - number[0]])
+    rows = np.flatnonzero(inside(now, bbox))
+    if len(rows) > FEW:
+        return None
+    found = {name: column[rows] for name, column in found.items()}
+    newest = select(History.vessel_id, func.max(History.cycle)).where(
+        History.run_id == run_id,
+        is_one_of(connection, History.cycle, number),
+        is_one_of(connection, History.vessel_id, found["vessel_id"]),
+    )
+    vessel, cycle = fetch_arrays(connection, newest.group_by(History.vessel_id).order_by(History.vessel_id))
+    last = cycle == found["cycle"] if len(vessel) else np.zeros(0, np.bool_)
+    return {name: column[last] for name, column in found.items()}
+
+
+def _newest_of_each(found: Columns) -> Columns:
+    rows = newest_rows(found["vessel_id"], found["cycle"], found["closing"] != 0)
+    return {name: column[rows] for name, column in found.items()}
+
+
+def _position(found: Columns) -> Floats:
+    return np.stack([found["latitude_deg"], found["longitude_deg"]], 1)
+
+
+def _with_details(connection: Connection, run_id: int, cycle: int | None, found: Columns, wanted: Sequence[str]) -> Table:
+    """The wanted columns, with vessel details from other tables. Args: cycle: None: now."""
+    if set(STATIC) & set(wanted):
+        found = found | _statics_of(connection, run_id, found["mmsi"])
+    if cycle is not None and "since_s" in wanted and "since_s" not in found:
+        found = found | {"since_s": _since_of(connection, run_id, cycle, found["vessel_id"])}
+    if cycle is not None and "sources" in wanted:
+        found = found | {"sources": _sources_of(connection, run_id, cycle, found["vessel_id"])}
+    return Table(tuple(wanted), tuple(found[name] for name in wanted))
+
+
+def _statics_of(connection: Connection, run_id: int, mmsi: Ints) -> Columns:
+    """Name, call sign, type and size for each MMSI of a row, -1 for none. Args: (V,)."""
+    s = VesselStatic
+    query = select(s.mmsi, *(getattr(s, name) for name in STATIC)).where(s.run_id == run_id)
+    known, *found = _of_few(connection, query, s.mmsi, mmsi)
+    order = np.argsort(known, kind="stable")
+    row = row_of(known[order], mmsi)
+    absent = {"O": None, "i": -1, "f": np.nan}
+    at = np.append(order, len(order))[row]
+    return {
+        name: np.append(column, np.array([absent[column.dtype.kind]], column.dtype))[at]
+        for name, column in zip(STATIC, found, strict=True)
+    }
+
+
+def _since_of(connection: Connection, run_id: int, cycle: int, vessel_id: Ints) -> Floats:
+    """When the stay of each vessel began that had this cycle in it, by its own account. Args: (V,) sorted."""
+    p = Presence
+    query = select(p.vessel_id, p.since_s).where(p.run_id == run_id, _lasts(p, cycle))
+    known, since = _of_few(connection, query, p.vessel_id, vessel_id)
+    out = np.full(len(vessel_id), np.nan)
+    row = row_of(vessel_id, known)
+    out[row[row >= 0]] = since[row >= 0]
+    return out
+
+
+def _sources_of(connection: Connection, run_id: int, cycle: int, vessel_id: Ints) -> Array:
+    """Names of the sources that each vessel had in a cycle, "guanabara,ais". Args: (V,) sorted."""
+    m = MemberHistory
+    query = select(m.vessel_id, m.source, m.track_id).where(m.run_id == run_id, _lasts(m, cycle))
+    members = np.stack(_of_few(connection, query, m.vessel_id, vessel_id), 1)
+    names = {
+        row.number: row.name for row in connection.execute(select(Source.number, Source.name).where(Source.run_id == run_id))
+    }
+    texts = [names.get(k, "") for k in range(max(names, default=-1) + 1)]
+    found = source_texts(vessel_id, members[np.lexsort(members.T[::-1])], texts)
+    return np.array([text or None for text in found.texts], object)[found.codes]
+
+
+def _lasts(stay: type[Presence] | type[MemberHistory], cycle: int) -> Any:
+    """That a stay has a cycle in it. The sum keeps SQLite from an index by cycles, most of which are before this one."""
+    return and_(stay.from_cycle + 0 <= cycle, or_(stay.to_cycle.is_(None), stay.to_cycle >= cycle))
+
+
+def _of_few(connection: Connection, query: Select[*tuple[Any, ...]], key: Any, wanted: Ints) -> list[Array]:
+    """The rows of these keys, or, where they are many, of all keys."""
+    return fetch_arrays(connection, query.where(is_one_of(connection, key, wanted)) if len(wanted) <= FEW else query)
+
+
+def _members(run_id: int, vessel_id: int) -> Select[*tuple[Any, ...]]:
+    m, first, last = MemberHistory, Cycle.__table__.alias("first"), Cycle.__table__.alias("last")
+    columns = (Source.name.label("source"), Source.kind, m.track_id, m.from_cycle, m.to_cycle)
+    query = select(*columns, first.c.time_s.label("from_s"), last.c.time_s.label("to_s")).select_from(m)
+    query = query.join(Source, and_(Source.run_id == m.run_id, Source.number == m.source))
+    query = query.join(first, and_(first.c.run_id == m.run_id, first.c.number == m.from_cycle))
+    query = query.outerjoin(last, and_(last.c.run_id == m.run_id, last.c.number == m.to_cycle))
+    return query.where(m.run_id == run_id, m.vessel_id == vessel_id).order_by(m.from_cycle, m.source, m.track_id)
+
+
+def _through_time(table: Any, run_id: int, vessel_id: int) -> Select[*tuple[Any, ...]]:
+    """The rows of one vessel by seeking the key (run, cycle, vessel) in each cycle of its stays.
+
+    The cycles are an IN list and not a join, which SQLite's planner now and then turns into a scan of the large table.
+    """
+    stay = and_(Presence.run_id == Cycle.run_id, Presence.vessel_id == vessel_id, Presence.from_cycle <= Cycle.number)
+    lasts = or_(Presence.to_cycle.is_(None), Presence.to_cycle >= Cycle.number)
+    there = select(Cycle.number).join(Presence, and_(stay, lasts)).where(Cycle.run_id == run_id, Cycle.associations_kept)
+    columns = [c for c in table.__table__.columns if c.name not in ("run_id", "cycle", "vessel_id")]
+    then = aliased(Cycle)
+    query = select(table.cycle, then.time_s, *columns).join(then, and_(then.run_id == table.run_id, then.number == table.cycle))
+    key = (table.run_id == run_id, table.cycle.in_(there), table.vessel_id == vessel_id)
+    return query.where(*key).order_by(table.cycle)
+
+
+def _newest_row(connection: Connection, run_id: int, vessel_id: int, stays: Rows) -> dict[str, Any]:
+    """The row of the current picture, or for a vessel that has left it that of the last cycle in which it was there."""
+    _, to_cycle, since_s = stays.rows[-1]
+    if to_cycle is None:
+        now = _picture_now(connection, run_id, Vessel.vessel_id == vessel_id)
+        if len(now):
+            return {**dict(zip(now.columns, now.rows[0], strict=True)), "in_picture": True}
+    last = select(func.max(Cycle.number)).where(Cycle.run_id == run_id, Cycle.history_from.is_not(None))
+    cycle = connection.scalar(last if to_cycle is None else last.where(Cycle.number == to_cycle))
+    then = Rows((), []) if cycle is None else _picture_then(connection, run_id, cycle, None, vessel_id=vessel_id)
+    found = dict(zip(then.columns, then.rows[0], strict=True)) if then.rows else {"vessel_id": vessel_id, "since_s": since_s}
+    return {**found, "in_picture": to_cycle is None}

@@ -1,0 +1,163 @@
+"""The full recording: every picture with its members, bit for bit, one compressed value for each column of a cycle.
+
+The bytes of a column are transposed (all first bytes, then all second bytes, ...), so that equal bytes stand together, and compressed
+with zstd. Sorted ids are stored as differences. The lower triangle of a covariance is stored as its difference in bits (XOR) from the
+upper one, which is zero nearly everywhere.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import fields
+from typing import Any, NamedTuple
+
+import numpy as np
+from sqlalchemy import Connection, delete, func, insert, select, update
+from zstandard import ZstdCompressor, ZstdDecompressor
+
+from coastwatch.batches import Array, Ints, Members, Picture
+from coastwatch.store.bbox import Box, inside
+from coastwatch.store.database import Store, StoreError, reading, writing
+from coastwatch.store.runs import run_exists
+from coastwatch.store.tables import Cycle, Recording
+
+LEVEL = 1
+UPPER, LOWER = np.triu_indices(4), np.tril_indices(4, -1)
+
+SHAPES: dict[str, tuple[int, ...]] = {"position_deg": (2,), "velocity_m_s": (2,), "covariance": (4, 4)}
+"""Of a vessel's value in columns that hold more than one number."""
+
+WHOLE = ("vessel_id", "mmsi", "flags", "origin", "member_vessel_id", "member_track_id", "member_source")
+"""Columns of int64; the others are of float64."""
+
+DIFFERENCES = ("vessel_id", "member_vessel_id")
+
+
+class Recorded(NamedTuple):
+    """A cycle as it was recorded."""
+
+    cycle: int
+    time_s: float
+    picture: Picture  # sorted by vessel_id
+    members: Members
+
+
+def record(connection: Connection, run_id: int, number: int, picture: Picture, members: Members) -> None:
+    """Write the recording of a cycle, in the transaction of the connection.
+
+    Args: picture: sorted by vessel_id; members: sorted by vessel_id, of vessels of the picture.
+    Raises: ValueError where a member is of no vessel of the picture.
+    """
+    known = _among(members.vessel_id, picture.vessel_id)
+    if not known.all():
+        raise ValueError(f"members: got {int((~known).sum())} of no vessel of the picture, needed none")
+    columns = {field.name: getattr(picture, field.name) for field in fields(picture)}
+    columns |= {f"member_{field.name}": getattr(members, field.name) for field in fields(members)}
+    compressor = ZstdCompressor(level=LEVEL, write_checksum=True)
+    row: dict[str, Any] = {name: encode(name, values, compressor) for name, values in columns.items()}
+    row |= {"run_id": run_id, "cycle": number, "vessels": len(picture), "members": len(members)}
+    connection.execute(insert(Recording), [row])
+
+
+def encode(name: str, values: Array, compressor: ZstdCompressor) -> bytes:
+    """One column as compressed bytes."""
+    if name in DIFFERENCES:
+        values = np.diff(values, prepend=0)
+    if name == "covariance":
+        bits = values.view(np.int64)
+        upper = bits[:, UPPER[0], UPPER[1]]
+        values = np.concatenate([upper, bits[:, LOWER[0], LOWER[1]] ^ bits[:, LOWER[1], LOWER[0]]], 1)
+    planes = np.ascontiguousarray(values).reshape(len(values), math.prod(SHAPES.get(name, ()))).view(np.uint8).T
+    return compressor.compress(planes.tobytes())
+
+
+def decode(name: str, data: bytes, count: int) -> Array:
+    """The column that `encode` was given. Args: count: of rows."""
+    planes = np.frombuffer(ZstdDecompressor().decompress(data), np.uint8).reshape(8 * math.prod(SHAPES.get(name, ())), count)
+    values: Array = np.ascontiguousarray(planes.T).view(np.int64)
+    if name in DIFFERENCES:
+        values = np.cumsum(values, axis=0)
+    if name == "covariance":
+        bits = np.empty((count, 4, 4), np.int64)
+        bits[:, UPPER[0], UPPER[1]] = values[:, :10]
+        bits[:, LOWER[0], LOWER[1]] = values[:, 10:] ^ bits[:, LOWER[1], LOWER[0]]
+        values = bits
+    values = values if name in WHOLE else values.view(np.float64)
+    return values.reshape(count, *SHAPES.get(name, ()))
+
+
+def replay(
+    store: Store, run_id: int, from_s: float | None = None, to_s: float | None = None, bbox: Box | None = None
+) -> Iterator[Recorded]:
+    """Each recorded cycle between two instants, both included, oldest first.
+
+    No transaction is held between two cycles: what is written meanwhile comes along, what is deleted is missing.
+
+    Args: bbox: south, west, north, east in degrees: only vessels in it, with their members; west > east crosses the antimeridian.
+    Raises: StoreError where there is no such run.
+    """
+    with reading(store) as connection:
+        run_exists(connection, store, run_id)
+    where = [Cycle.run_id == run_id, Cycle.recorded.is_(True)]
+    where += [] if from_s is None else [Cycle.time_s >= from_s]
+    where += [] if to_s is None else [Cycle.time_s <= to_s]
+    following = select(Cycle.number, Cycle.time_s).where(*where).order_by(Cycle.number).limit(1)
+    last = -1
+    while True:
+        with reading(store) as connection:
+            found = connection.execute(following.where(Cycle.number > last)).first()
+            if found is None:
+                return
+            last = found.number
+            picture, members = read_recorded(connection, run_id, last, bbox)
+        yield Recorded(last, found.time_s, picture, members)
+
+
+def recorded_at(store: Store, run_id: int, at_s: float, bbox: Box | None = None) -> Recorded:
+    """The newest recorded cycle up to an instant. Args: bbox: as of `replay`.
+
+    Raises: StoreError where there is no such run, or nothing is recorded so early.
+    """
+    with reading(store) as connection:
+        run_exists(connection, store, run_id)
+        newest = select(Cycle.number, Cycle.time_s).where(Cycle.run_id == run_id, Cycle.recorded, Cycle.time_s <= at_s)
+        found = connection.execute(newest.order_by(Cycle.number.desc()).limit(1)).first()
+        if found is None:
+            raise StoreError(f"{store.where}: run {run_id}: nothing is recorded up to then; `store.recording` records")
+        return Recorded(found.number, found.time_s, *read_recorded(connection, run_id, found.number, bbox))
+
+
+def read_recorded(connection: Connection, run_id: int, cycle: int, bbox: Box | None) -> tuple[Picture, Members]:
+    """Picture and members of a recorded cycle. Args: bbox: as of `replay`."""
+    table = Recording.__table__
+    row = connection.execute(select(table).where(table.c.run_id == run_id, table.c.cycle == cycle)).mappings().one()
+    picture = Picture(**{field.name: decode(field.name, row[field.name], row["vessels"]) for field in fields(Picture)})
+    names = [f"member_{field.name}" for field in fields(Members)]
+    members = Members(*(decode(name, row[name], row["members"]) for name in names))
+    if bbox is None:
+        return picture, members
+    picture = picture.take(np.flatnonzero(inside(picture.position_deg, bbox)))
+    return picture, members.take(np.flatnonzero(_among(members.vessel_id, picture.vessel_id)))
+
+
+def discard_recording_before(store: Store, run_id: int, cycle: int) -> None:
+    """Delete the recording of the cycles before one. Raises: StoreError."""
+    with writing(store) as connection:
+        delete_recording(connection, run_id, cycle, None)
+
+
+def delete_recording(connection: Connection, run_id: int, first: int, most: int | None) -> None:
+    """As `discard_recording_before`, in the transaction of the connection. Args: most: cycles to delete at once, the oldest ones."""
+    oldest = connection.scalar(select(func.min(Recording.cycle)).where(Recording.run_id == run_id))
+    if oldest is not None and oldest < first:
+        upto = first if most is None else min(first, oldest + most)
+        gone = (Cycle.run_id == run_id, Cycle.number >= oldest, Cycle.number < upto)
+        connection.execute(update(Cycle).where(*gone).values(recorded=False))
+        connection.execute(delete(Recording).where(Recording.run_id == run_id, Recording.cycle < upto))
+
+
+def _among(ids: Ints, known: Ints) -> Array:
+    """Which ids are among sorted others."""
+    out: Array = np.append(known, -1)[np.searchsorted(known, ids)] == ids
+    return out

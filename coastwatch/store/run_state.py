@@ -1,0 +1,151 @@
+"""What the database holds of a run's newest cycle: the next cycle is compared with it. Kept in memory, read after a restart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from sqlalchemy import Connection, and_, delete, func, insert, select, update
+
+from coastwatch.batches import Ints, RegistrationState
+from coastwatch.store.database import StoreError
+from coastwatch.store.history_queries import newest_points, of_newest
+from coastwatch.store.history_rule import Points, no_points, rate_deg_s
+from coastwatch.store.rows import fetch_arrays
+from coastwatch.store.tables import (
+    Base,
+    Checkpoint,
+    Cycle,
+    History,
+    Member,
+    MemberHistory,
+    Presence,
+    Run,
+    Sensor,
+    SensorRegistration,
+    Source,
+    VesselStatic,
+)
+from coastwatch.store.to_rows import LastReport
+
+OF_CYCLE = ("stage_timing", "history", "association", "bearing_association", "spot", "sensor_registration", "recording")
+"""Tables with rows of one cycle each, under column `cycle`."""
+
+
+@dataclass(frozen=True, eq=False)
+class RunState:
+    """The newest cycle of a run."""
+
+    cycle: int  # -1 before the first
+    time_s: float
+    members: Ints  # (L, 3) vessel, source, track, sorted
+    vessels: Ints  # (V, 1) sorted
+    points: Points
+    static_mmsi: Ints  # of which names are stored, sorted
+    last_report: LastReport
+    radar_states: tuple[int, ...]  # as last written
+    first_history: int  # first cycle whose history is kept
+    first_details: int  # first cycle whose associations, spots, timings and registrations are kept
+    period_s: float
+    stations: int
+    source_names: tuple[str, ...]
+    source_kinds: tuple[str, ...]
+
+
+def read_run_state(connection: Connection, run_id: int, where: str) -> RunState:
+    """The state as it is stored; the run is marked as running. Raises: StoreError where there is no such run."""
+    running = connection.execute(update(Run).where(Run.id == run_id).values(status="running", finished_utc=None))
+    if running.rowcount == 0:
+        raise no_such_run(run_id, where)
+    last = select(Cycle.number, Cycle.time_s).where(Cycle.run_id == run_id).order_by(Cycle.number.desc()).limit(1)
+    found = connection.execute(last).first()
+    number, time_s = (-1, -np.inf) if found is None else (found.number, found.time_s)
+    members = select(Member.vessel_id, Member.source, Member.track_id).where(Member.run_id == run_id)
+    vessels = select(Presence.vessel_id).where(Presence.run_id == run_id, Presence.to_cycle.is_(None))
+    mmsi = select(VesselStatic.mmsi).where(VesselStatic.run_id == run_id).order_by(VesselStatic.mmsi)
+    names = connection.execute(select(Source.name, Source.kind).where(Source.run_id == run_id).order_by(Source.number)).all()
+    stations = select(func.count()).where(Sensor.run_id == run_id, Sensor.kind == "ais")
+    last_report, states = _registration(connection, run_id)
+    first_history, first_details = _first_kept(connection, run_id)
+    return RunState(
+        cycle=number,
+        time_s=time_s,
+        members=_table(connection, members.order_by(Member.vessel_id, Member.source, Member.track_id)),
+        vessels=_table(connection, vessels.order_by(Presence.vessel_id)),
+        points=_points(connection, run_id, number),
+        static_mmsi=_table(connection, mmsi)[:, 0],
+        last_report=last_report,
+        radar_states=states,
+        first_history=first_history,
+        first_details=first_details,
+        period_s=connection.scalars(select(Run.period_s).where(Run.id == run_id)).one(),
+        stations=connection.scalar(stations) or 0,
+        source_names=tuple(row.name for row in names),
+        source_kinds=tuple(row.kind for row in names),
+    )
+
+
+def truncate_run(connection: Connection, run_id: int, number: int) -> None:
+    """Delete this cycle and all later ones; the stays of vessels and members are as they were after the one before it.
+
+    The tables of the current picture are left to the cycle that is about to be written, in the same transaction.
+    """
+    tables = Base.metadata.tables
+    for name in OF_CYCLE:
+        table = tables[name]
+        connection.execute(delete(table).where(table.c.run_id == run_id, table.c.cycle >= number))
+    for stay in (tables["presence"], tables["member_history"], tables["identity"]):
+        of_run = stay.c.run_id == run_id
+        connection.execute(delete(stay).where(of_run, stay.c.from_cycle >= number))
+        connection.execute(update(stay).where(of_run, stay.c.to_cycle >= number - 1).values(to_cycle=None))
+    connection.execute(delete(Member).where(Member.run_id == run_id))
+    old = select(MemberHistory.run_id, MemberHistory.vessel_id, MemberHistory.source, MemberHistory.track_id)
+    old = old.where(MemberHistory.run_id == run_id, MemberHistory.to_cycle.is_(None))
+    connection.execute(insert(Member).from_select(["run_id", "vessel_id", "source", "track_id"], old))
+    connection.execute(delete(Checkpoint).where(Checkpoint.run_id == run_id, Checkpoint.cycle >= number))
+    connection.execute(delete(Cycle).where(Cycle.run_id == run_id, Cycle.number >= number))
+
+
+def no_such_run(run_id: int, where: str) -> StoreError:
+    """What to raise where a run is not there."""
+    return StoreError(f"{where}: there is no run {run_id}; another process may have restarted it")
+
+
+def _table(connection: Connection, query: Any) -> Ints:
+    return np.stack(fetch_arrays(connection, query), 1)
+
+
+def _registration(connection: Connection, run_id: int) -> tuple[LastReport, tuple[int, ...]]:
+    """The newest report of each sensor, and the states of the radars."""
+    t = SensorRegistration
+    newest = select(t.kind, t.number, func.max(t.heard_s)).where(t.run_id == run_id).group_by(t.kind, t.number)
+    last = select(func.max(t.cycle)).where(t.run_id == run_id).scalar_subquery()
+    radars = select(t.state).where(t.run_id == run_id, t.cycle == last, t.kind == "radar").order_by(t.number)
+    states = tuple(int(RegistrationState[str(row.state).upper()]) for row in connection.execute(radars))
+    return {(row[0], row[1]): row[2] for row in connection.execute(newest) if row[2] is not None}, states
+
+
+def _first_kept(connection: Connection, run_id: int) -> tuple[int, int]:
+    """The first cycles of which the history, and the details, are kept."""
+    number, timed = func.min(Cycle.number), Base.metadata.tables["stage_timing"].c
+    history = connection.scalar(select(number).where(Cycle.run_id == run_id, Cycle.history_from.is_not(None)))
+    details = connection.scalar(select(func.min(timed.cycle)).where(timed.run_id == run_id))
+    return int(history or 0), int(details or 0)
+
+
+def _points(connection: Connection, run_id: int, number: int) -> Points:
+    """The newest point of each vessel of a cycle."""
+    first = connection.scalar(select(Cycle.history_from).where(Cycle.run_id == run_id, Cycle.number == number))
+    if first is None:
+        return no_points()
+    newest, h = newest_points(run_id, first, number), History
+    then = and_(Cycle.run_id == run_id, Cycle.number == h.cycle)
+    ids = (h.vessel_id, h.cycle, h.mmsi, h.flags, h.previous_cycle)
+    motion = (h.sog_kn, h.cog_deg, h.major_m, h.minor_m, h.orientation_deg)
+    query = select(*ids, Cycle.time_s, h.latitude_deg, h.longitude_deg, *motion, h.updated_s)
+    query = query.select_from(newest).join(h, of_newest(run_id, newest)).join(Cycle, then).order_by(h.vessel_id)
+    vessel, cycle, mmsi, flags, previous, time_s, latitude, longitude, *moved, updated = fetch_arrays(connection, query)
+    position = np.stack([latitude, longitude], 1)
+    rate = rate_deg_s(position, moved[0], moved[1])
+    return Points(vessel, cycle, mmsi, flags, previous < 0, time_s, position, np.stack(moved, 1), updated, rate)

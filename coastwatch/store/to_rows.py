@@ -1,0 +1,272 @@
+"""Batches of the pipeline as columns of rows, in the order of the tables' columns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from coastwatch.batches import (
+    AisStatics,
+    Array,
+    BearingAssociations,
+    BearingTracks,
+    Bools,
+    Floats,
+    Ints,
+    Picture,
+    RegistrationState,
+    Reports,
+    Spots,
+)
+from coastwatch.geodesy import ECCENTRICITY2, KNOT_M_S
+from coastwatch.store.insert import Categorical, Column, NullableId
+
+if TYPE_CHECKING:  # to read a database needs no stage of the pipeline, which are slow to import
+    from coastwatch.pipeline import Cycle
+
+UPPER = np.triu_indices(4)
+SENSOR_KINDS = ("ais", "bearing", "radar")  # in the order of the key
+
+LastReport = dict[tuple[str, int], float]
+"""Kind and number of a sensor -> arrival of its newest report, s."""
+
+
+def motion(velocity_m_s: Floats, covariance: Floats) -> Floats:
+    """Speed, course and 1-sigma ellipse of vessels.
+
+    Args: velocity_m_s: (V, 2) east, north; covariance: (V, 4, 4).
+    Returns: (V, 5) knots; degrees true in [0, 360), NaN at rest; half axes, m; direction of the longer one from north, deg, [0, 180).
+    Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, 1.4.9: eigenvalues of P.
+    """
+    east, north = velocity_m_s.T
+    speed = np.hypot(east, north)
+    course = np.degrees(np.arctan2(east, north)) % 360.0
+    course = np.where(speed > 0.0, np.where(course >= 360.0, 0.0, course), np.nan)
+    xx, xy, yy = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
+    mean, half = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
+    orientation = np.degrees(0.5 * np.arctan2(2.0 * xy, yy - xx)) % 180.0
+    orientation = np.where(orientation >= 180.0, 0.0, orientation)
+    axes = (np.sqrt(np.maximum(mean + half, 0.0)), np.sqrt(np.maximum(mean - half, 0.0)))
+    return np.stack([speed / KNOT_M_S, course, *axes, orientation], 1)
+
+
+def vessel_rows(run_id: int, picture: Picture, sources: Categorical) -> list[Column]:
+    """Columns of table `vessel`. Args: picture: (V) sorted by vessel; sources: (V) from `source_texts`."""
+    upper = picture.covariance[:, UPPER[0], UPPER[1]]
+    covariance = np.ascontiguousarray(upper, "<f8").view("V80").ravel().astype(object)
+    covariance[np.isnan(upper).any(1)] = None
+    when: list[Column] = [
+        picture.time_s,
+        *picture.position_deg.T,
+        *motion(picture.velocity_m_s, picture.covariance).T,
+        picture.since_s,
+        picture.updated_s,
+    ]
+    return [run_id, picture.vessel_id, *when, NullableId(picture.mmsi), picture.flags, sources, covariance]
+
+
+def membership(cycle: Cycle) -> Ints:
+    """(L, 3) vessel, source, track, sorted: the members of the picture and the bearing tracks that were given to a vessel."""
+    members, bearings, found = cycle.members, cycle.bearing_tracks, cycle.bearing_associations
+    heard = cycle.picture.vessel_id[found.vessel_row], bearings.source[found.bearing_row], bearings.track_id[found.bearing_row]
+    rows = np.stack([members.vessel_id, members.source, members.track_id], 1)
+    rows = np.concatenate([rows, np.stack(heard, 1)])
+    return _sorted(rows[np.argsort(rows[:, 0], kind="stable")])
+
+
+def changed_rows(before: Ints, now: Ints) -> tuple[Ints, Ints]:
+    """Rows that are only in the first, and only in the second, of two tables that are sorted and have each row once.
+
+    Each row is compared with the row of the same rank of its vessel (first column); only what differs there is sorted.
+    """
+    first, rank = np.searchsorted(before[:, 0], now[:, 0]), np.arange(len(now)) - np.searchsorted(now[:, 0], now[:, 0])
+    at = np.flatnonzero(first + rank < len(before))
+    partner = (first + rank)[at]
+    same = (before[partner] == now[at]).all(1)
+    left, came = np.ones(len(before), np.bool_), np.ones(len(now), np.bool_)
+    left[partner[same]] = came[at[same]] = False
+    gone, come = before[left], now[came]
+    both = np.concatenate([gone, come])
+    order = np.lexsort(both.T[::-1])
+    twins = np.flatnonzero((both[order[1:]] == both[order[:-1]]).all(1))
+    alone = np.ones(len(both), np.bool_)
+    alone[order[twins]] = alone[order[twins + 1]] = False
+    return gone[alone[: len(gone)]], come[alone[len(gone) :]]
+
+
+def source_texts(vessel_id: Ints, members: Ints, names: Sequence[str]) -> Categorical:
+    """Names of the sources of each vessel, "guanabara,ais", each once, in the order of their numbers.
+
+    Args: vessel_id: (V,) sorted; members: (L, 3) vessel, source, track, sorted.
+    """
+    code, texts, width = np.zeros(len(vessel_id), np.int64), [""], len(names)
+    fresh = np.append(True, (members[1:, :2] != members[:-1, :2]).any(1))[: len(members)]
+    vessel, source = members[fresh, :2].T
+    row = np.searchsorted(vessel_id, vessel)
+    known = np.append(vessel_id, -1)[row] == vessel
+    vessel, source, row = vessel[known], source[known], row[known]
+    rank = np.arange(len(vessel)) - np.searchsorted(vessel, vessel)
+    for k in range(int(rank.max(initial=-1)) + 1):
+        here = np.flatnonzero(rank == k)
+        sets, index = np.unique(code[row[here]] * width + source[here], return_inverse=True)
+        code[row[here]] = len(texts) + index
+        texts += [",".join(filter(None, (texts[of // width], names[of % width]))) for of in sets.tolist()]
+    return Categorical(code, texts)
+
+
+def association_rows(run_id: int, number: int, cycle: Cycle, members: Ints) -> list[Column]:
+    """Columns of table `association`, in key order. Args: members: (L, 3) from `membership`."""
+    tracks, found = cycle.tracks, cycle.associations
+    ends = [column[row] for row in (found.first, found.second) for column in (tracks.source, tracks.track_id)]
+    key = np.stack([_vessel_of(members, ends[0], ends[1]), *ends], 1)
+    order = np.lexsort(key.T[::-1])
+    return [run_id, number, *key[order].T, found.statistic[order]]
+
+
+def bearing_association_rows(run_id: int, number: int, cycle: Cycle) -> list[Column]:
+    """Columns of table `bearing_association`, in key order."""
+    tracks, found = cycle.bearing_tracks, cycle.bearing_associations
+    vessel, row = cycle.picture.vessel_id[found.vessel_row], found.bearing_row
+    order = np.lexsort((tracks.track_id[row], tracks.source[row], vessel))
+    row = row[order]
+    bearing = np.degrees(tracks.bearing_rad[row]) % 360.0
+    return [run_id, number, vessel[order], tracks.source[row], tracks.track_id[row], found.statistic[order], bearing]
+
+
+def bearing_track_rows(run_id: int, tracks: BearingTracks, found: BearingAssociations, picture: Picture) -> list[Column]:
+    """Columns of table `bearing_track`."""
+    vessel = np.full(len(tracks), -1, np.int64)
+    vessel[found.bearing_row] = picture.vessel_id[found.vessel_row]
+    where = (np.degrees(tracks.bearing_rad) % 360.0, np.degrees(tracks.rate_rad_s), *tracks.site_deg.T)
+    return [run_id, tracks.source, tracks.track_id, *where, NullableId(vessel), tracks.updated_s]
+
+
+def spot_rows(run_id: int, number: int, found: Spots) -> list[Column]:
+    """Columns of table `spot`."""
+    x, y, z = found.centre_m.T
+    latitude = np.degrees(np.arctan2(z, (1.0 - ECCENTRICITY2) * np.hypot(x, y)))
+    count = len(found.centre_m)
+    sizes = [np.bincount(of, minlength=count) for of in (found.spot, found.halo_spot)]
+    return [run_id, number, np.arange(count), latitude, np.degrees(np.arctan2(y, x)), *sizes]
+
+
+def timing_rows(
+    run_id: int, number: int, cycle: Cycle, reports: Reports, seconds: Mapping[str, float], kinds: Sequence[str]
+) -> list[Column]:
+    """Columns of table `stage_timing`. Args: seconds: of each stage, in order; kinds: of the sources."""
+    ais = int((np.array([kind == "ais" for kind in kinds], np.bool_)[cycle.tracks.source]).sum())
+    counts = {
+        "plots": len(reports.radar),
+        "tracks": len(cycle.tracks) - ais,
+        "ais_tracks": ais,
+        "bearing_tracks": len(cycle.bearing_tracks),
+        "spots": len(cycle.spots.centre_m),
+        "associations": len(cycle.associations.first),
+        "fused_tracks": len(cycle.fused),
+        "picture": len(cycle.picture),
+        "octants": len(cycle.octants.bearing_row),
+        "bearing_associations": len(cycle.bearing_associations.bearing_row),
+        "registration": len(cycle.corrections),
+    }
+    order, took = np.arange(len(seconds)), np.array([float(s) for s in seconds.values()])
+    return [run_id, number, order, list(seconds), took, [counts.get(stage) for stage in seconds]]
+
+
+def static_rows(reports: AisStatics) -> tuple[Ints, dict[str, Column]]:
+    """One row an MMSI, sorted, and of each column the newest value: a message that leaves something out does not erase it."""
+    order = np.argsort(reports.mmsi, kind="stable")
+    mmsi = reports.mmsi[order]
+    first = np.flatnonzero(np.append(True, mmsi[1:] != mmsi[:-1])[: len(mmsi)])
+
+    def newest(given: Bools) -> Array:
+        """Row of the newest message of each MMSI that gives a value, -1: none does."""
+        rows = np.maximum.reduceat(np.where(given[order], np.arange(len(order)), -1), first)
+        return np.where(rows < 0, -1, order[rows])
+
+    def numbers(of: Array) -> Array:
+        rows = newest(~np.isnan(of))
+        return np.where(rows < 0, np.nan, of[rows])
+
+    def texts(of: Array) -> list[Any]:
+        cleaned = [_clean(x) for x in of.tolist()]
+        return [None if row < 0 else cleaned[row] for row in newest(np.array([x != "" for x in cleaned], np.bool_)).tolist()]
+
+    ship_type = newest(reports.ship_type >= 0)
+    return mmsi[first], {
+        "name": texts(reports.name),
+        "call_sign": texts(reports.call_sign),
+        "ship_type": NullableId(np.where(ship_type < 0, -1, reports.ship_type[ship_type])),
+        "length_m": numbers(reports.length_m),
+        "beam_m": numbers(reports.beam_m),
+        "updated_s": reports.received_s[newest(np.ones(len(reports), np.bool_))],
+    }
+
+
+def last_reports(before: LastReport, reports: Reports) -> LastReport:
+    """When each sensor was received last. AIS reports do not say which receiver took them: they count for the first."""
+    out = dict(before)
+    for kind, part in (("radar", reports.radar), ("bearing", reports.bearing)):
+        newest_s = np.full(int(part.sensor.max(initial=-1)) + 1, -np.inf)
+        np.maximum.at(newest_s, part.sensor, part.received_s)
+        for sensor in np.flatnonzero(newest_s > -np.inf).tolist():
+            out[kind, sensor] = max(float(newest_s[sensor]), out.get((kind, sensor), -np.inf))
+    if len(reports.ais):
+        newest = float(reports.ais.received_s.max())
+        out["ais", 0] = max(newest, out.get(("ais", 0), newest))
+    return out
+
+
+def registration_rows(run_id: int, number: int, cycle: Cycle, last_report: LastReport, stations: int) -> list[Column]:
+    """Columns of table `sensor_registration`, in key order: AIS receivers, bearing sensors, radars. Args: stations: AIS receivers."""
+    c, bias = cycle.corrections, np.degrees(cycle.bearing_associations.sensor_bias_rad)
+    kinds = np.repeat([0, 1, 2], [stations, len(bias), len(c)])
+    numbers = np.concatenate([np.arange(n) for n in (stations, len(bias), len(c))])
+    sensors = [("ais", 0) if kind == 0 else (SENSOR_KINDS[kind], k) for kind, k in zip(kinds, numbers.tolist(), strict=True)]
+    others = stations + len(bias)
+
+    def of_radars(values: Floats) -> Floats:
+        return np.concatenate([np.full(others, np.nan), np.where(np.isfinite(values), values, np.nan)])
+
+    azimuth = np.concatenate([np.full(stations, np.nan), bias, np.degrees(c.azimuth_bias_rad)])
+    radars = (np.degrees(c.azimuth_sigma_rad), c.range_bias_m, c.range_sigma_m, c.time_lag_s, c.estimated_lag_s, c.lag_sigma_s)
+    none = np.full(others, -1)
+    return [
+        run_id,
+        number,
+        Categorical(kinds, SENSOR_KINDS),
+        numbers,
+        np.array([last_report.get(sensor, np.nan) for sensor in sensors], float),
+        Categorical(np.concatenate([none, c.state]), [state.name.lower() for state in RegistrationState]),
+        azimuth,
+        *map(of_radars, radars),
+        NullableId(np.concatenate([none, c.references])),
+        of_radars(c.residuals),
+    ]
+
+
+def _sorted(rows: Ints) -> Ints:
+    """Rows sorted by their columns; those of most cycles are sorted already."""
+    differ = rows[1:] != rows[:-1]
+    at = differ.argmax(1)
+    k = np.arange(len(at))
+    in_order = (rows[1:][k, at] >= rows[:-1][k, at]).all()
+    return rows if in_order else rows[np.lexsort(rows.T[::-1])]
+
+
+def _vessel_of(members: Ints, source: Ints, track: Ints) -> Ints:
+    """The vessel that has each track, -1 where none has. Args: members: (L, 3) vessel, source, track; source, track: (A,)."""
+    out = np.full(len(source), -1, np.int64)
+    for number in np.unique(source).tolist():
+        rows, of = np.flatnonzero(source == number), members[members[:, 1] == number]
+        of = of[np.argsort(of[:, 2], kind="stable")]
+        at = np.searchsorted(of[:, 2], track[rows])
+        found = np.append(of[:, 2], -1)[at] == track[rows]
+        out[rows[found]] = of[at[found], 0]
+    return out
+
+
+def _clean(text: str) -> str:
+    """A text without what PostgreSQL cannot hold and the padding of AIS."""
+    return text.replace("\x00", "").strip().rstrip("@")

@@ -1,0 +1,223 @@
+"""One cycle of a run into the database, in one transaction: it is stored whole or not at all."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from sqlalchemy import Connection, delete, select
+from sqlalchemy import insert as insert_one
+
+from coastwatch.batches import AisStatics, Floats, Ints, Picture, Reports
+from coastwatch.store import database, history_rule, retention, to_rows
+from coastwatch.store.database import Store, StoreError
+from coastwatch.store.insert import Column, delete_rows, insert, take, update_rows
+from coastwatch.store.recording import record
+from coastwatch.store.run_state import RunState, no_such_run, read_run_state, truncate_run
+from coastwatch.store.tables import Base, Checkpoint, Run
+from coastwatch.store.tables import Cycle as CycleRow
+
+if TYPE_CHECKING:  # to read a database needs no stage of the pipeline, which are slow to import
+    from coastwatch.pipeline import Cycle
+    from coastwatch.scenario import StoreSettings
+
+TABLES = Base.metadata.tables
+PIECE_BYTES = 1 << 26
+"""Of a checkpoint: no database takes more than a gigabyte in one value."""
+
+
+class Written(NamedTuple):
+    """What there is to report of a cycle that was written."""
+
+    rows: int  # that came into the tables of the picture, its history, stays and associations
+    warning: str | None  # what an operator should see to
+
+
+def write_cycle(
+    store: Store,
+    run_id: int,
+    number: int,
+    cycle: Cycle,
+    reports: Reports,
+    seconds: Mapping[str, float],
+    keep: StoreSettings,
+    checkpoint: bytes | None = None,
+    *,
+    last: bool = False,
+) -> Written:
+    """Write all results of one cycle in one transaction: after a SIGKILL the cycle is there whole or not at all.
+
+    The cycle becomes the newest of its run: where the database already holds it or later ones (a run that goes on from an older
+    checkpoint), those are replaced in the same transaction.
+
+    Args: number: of the cycle, from 0; seconds: of each stage, in order; keep: which tables get rows, and how often; checkpoint: the
+    memory after this cycle, if one is to be kept; last: the run ends here, so its picture is written whatever `keep` says.
+    Returns: rows written, and a warning for the operator.
+    Raises: StoreError where the run is absent, a cycle is left out, the database is locked or the disk is full.
+    """
+    picture, members = _by_vessel(cycle.picture), to_rows.membership(cycle)
+    with database.writing(store) as connection:
+        database.size_for(connection, len(picture))
+        before, truncated = _state_before(connection, store, run_id, number)
+        bound = history_rule.Bound(keep.history_error_m, keep.history_max_s)
+        points, added = history_rule.extend(before.points, bound, number, cycle.time_s, before.time_s, picture)
+        picture_due = last or truncated or _picture_due(before, cycle, keep)
+        _insert_cycle(connection, run_id, number, cycle, reports, keep, picture_due, added)
+        timings = to_rows.timing_rows(run_id, number, cycle, reports, seconds, before.source_kinds)
+        insert(connection, TABLES["stage_timing"], timings)
+        rows = write_history(connection, run_id, number, added)
+        if picture_due:
+            sources = to_rows.source_texts(picture.vessel_id, members, before.source_names)
+            rows += _replace(connection, "vessel", run_id, to_rows.vessel_rows(run_id, picture, sources))
+            bearings = cycle.bearing_tracks, cycle.bearing_associations, cycle.picture
+            rows += _replace(connection, "bearing_track", run_id, to_rows.bearing_track_rows(run_id, *bearings))
+        rows += _write_stays(connection, run_id, number, before, members, picture)
+        rows += _write_details(connection, run_id, number, cycle, members, keep)
+        static_mmsi = _merge_statics(connection, run_id, before.static_mmsi, reports.statics)
+        last_report = to_rows.last_reports(before.last_report, reports)
+        radar_states = tuple(cycle.corrections.state.tolist())
+        if number % keep.registration_every and radar_states == before.radar_states and not cycle.corrections.jumped.any():
+            radar_states = before.radar_states
+        else:
+            of_sensors = to_rows.registration_rows(run_id, number, cycle, last_report, before.stations)
+            insert(connection, TABLES["sensor_registration"], of_sensors)
+        first_kept = before.first_history, before.first_details
+        first_kept = retention.delete_old(connection, run_id, number, before.period_s, keep, first_kept, rows)
+        if keep.recording:
+            record(connection, run_id, number, picture, cycle.members)
+        if checkpoint is not None:
+            _write_checkpoint(connection, run_id, number, checkpoint)
+    store.run_states[run_id] = replace(
+        before,
+        cycle=number,
+        time_s=cycle.time_s,
+        members=members,
+        vessels=picture.vessel_id[:, None],
+        points=points,
+        static_mmsi=static_mmsi,
+        last_report=last_report,
+        radar_states=radar_states,
+        first_history=first_kept[0],
+        first_details=first_kept[1],
+    )
+    return Written(rows, database.long_log_warning(store, len(picture)))
+
+
+def _by_vessel(picture: Picture) -> Picture:
+    """The picture sorted by vessel."""
+    return picture if (np.diff(picture.vessel_id) > 0).all() else picture.take(np.argsort(picture.vessel_id, kind="stable"))
+
+
+def _state_before(connection: Connection, store: Store, run_id: int, number: int) -> tuple[RunState, bool]:
+    """The state after the cycle before this one, and whether later cycles were deleted to get there."""
+    if connection.scalar(select(Run.id).where(Run.id == run_id)) is None:
+        raise no_such_run(run_id, store.where)
+    before = store.run_states.get(run_id) or read_run_state(connection, run_id, store.where)
+    if number > before.cycle + 1:
+        raise StoreError(f"{store.where}: run {run_id}: got cycle {number}, needed {before.cycle + 1}")
+    if number == before.cycle + 1:
+        return before, False
+    truncate_run(connection, run_id, number)
+    return read_run_state(connection, run_id, store.where), True
+
+
+def _picture_due(before: RunState, cycle: Cycle, keep: StoreSettings) -> bool:
+    """Whether the current picture is written: in every cycle while it is small, else in the first one of each interval."""
+    small = len(cycle.tracks) + len(cycle.bearing_tracks) <= keep.picture_large or keep.picture_every_s == 0.0
+    if small or not math.isfinite(before.time_s):
+        return True
+    return math.floor(cycle.time_s / keep.picture_every_s) > math.floor(before.time_s / keep.picture_every_s)
+
+
+def _insert_cycle(
+    connection: Connection,
+    run_id: int,
+    number: int,
+    cycle: Cycle,
+    reports: Reports,
+    keep: StoreSettings,
+    picture_due: bool,
+    added: history_rule.Added,
+) -> None:
+    row = {
+        "run_id": run_id,
+        "number": number,
+        "time_s": cycle.time_s,
+        "vessels": len(cycle.picture),
+        "tracks": len(cycle.tracks) + len(cycle.bearing_tracks),
+        "pairs": len(cycle.associations.first),
+        "bearing_pairs": len(cycle.bearing_associations.bearing_row),
+        "reports": len(reports),
+        "picture_kept": picture_due,
+        "history_from": added.first_cycle,
+        "history_points": added.points,
+        "associations_kept": number % keep.associations_every == 0,
+        "recorded": keep.recording,
+    }
+    connection.execute(insert_one(CycleRow), [row])
+
+
+def write_history(connection: Connection, run_id: int, number: int, added: history_rule.Added) -> int:
+    """The points of a cycle, and which vessel has which MMSI since then."""
+    ended = dict(zip(("mmsi", "vessel_id"), added.ended.T, strict=True))
+    lasting: dict[str, int | None] = {"run_id": run_id, "to_cycle": None}
+    update_rows(connection, TABLES["identity"], ended, lasting, {"to_cycle": number - 1})
+    rows = insert(connection, TABLES["identity"], [run_id, *added.begun.T, number, None])
+    return rows + insert(connection, TABLES["history"], [run_id, number, *added.columns])
+
+
+def _replace(connection: Connection, name: str, run_id: int, rows: Sequence[Column]) -> int:
+    """Replace the rows of a run. Where there is no other run, SQLite empties the table page by page (no WHERE)."""
+    table = TABLES[name]
+    others = [select(table.c.run_id).where(other).limit(1) for other in (table.c.run_id < run_id, table.c.run_id > run_id)]
+    alone = connection.dialect.name == "sqlite" and not any(connection.execute(query).first() for query in others)
+    connection.execute(delete(table) if alone else delete(table).where(table.c.run_id == run_id))
+    return insert(connection, table, rows)
+
+
+def _write_stays(connection: Connection, run_id: int, number: int, before: RunState, members: Ints, picture: Picture) -> int:
+    """End and begin the stays of members and vessels that left and came; what stayed costs nothing."""
+    lasting: dict[str, int | None] = {"run_id": run_id, "to_cycle": None}
+    left, came = to_rows.changed_rows(before.members, members)
+    keys = dict(zip(("vessel_id", "source", "track_id"), left.T, strict=True))
+    update_rows(connection, TABLES["member_history"], keys, lasting, {"to_cycle": number - 1})
+    delete_rows(connection, TABLES["member"], keys, {"run_id": run_id})
+    rows = insert(connection, TABLES["member"], [run_id, *came.T])
+    rows += insert(connection, TABLES["member_history"], [run_id, *came.T, number, None])
+    left, came = to_rows.changed_rows(before.vessels, picture.vessel_id[:, None])
+    update_rows(connection, TABLES["presence"], {"vessel_id": left[:, 0]}, lasting, {"to_cycle": number - 1})
+    since_s: Floats = picture.since_s[np.searchsorted(picture.vessel_id, came[:, 0])]
+    return rows + insert(connection, TABLES["presence"], [run_id, came[:, 0], number, None, since_s])
+
+
+def _write_details(connection: Connection, run_id: int, number: int, cycle: Cycle, members: Ints, keep: StoreSettings) -> int:
+    """Spots and associations, in the cycles in which they are kept."""
+    rows = 0
+    if number % keep.spots_every == 0:
+        rows += insert(connection, TABLES["spot"], to_rows.spot_rows(run_id, number, cycle.spots))
+    if number % keep.associations_every == 0:
+        rows += insert(connection, TABLES["association"], to_rows.association_rows(run_id, number, cycle, members))
+        rows += insert(connection, TABLES["bearing_association"], to_rows.bearing_association_rows(run_id, number, cycle))
+    return rows
+
+
+def _merge_statics(connection: Connection, run_id: int, known: Ints, reports: AisStatics) -> Ints:
+    """Write new names, types and sizes of vessels. Args: known: every MMSI that has a row, sorted. Returns: the same afterwards."""
+    if not len(reports):
+        return known
+    mmsi, columns = to_rows.static_rows(reports)
+    new = history_rule.row_of(known, mmsi) < 0
+    insert(connection, TABLES["vessel_static"], [run_id, mmsi[new], *(take(column, new) for column in columns.values())])
+    changed = {name: take(column, ~new) for name, column in columns.items()}
+    update_rows(connection, TABLES["vessel_static"], {"mmsi": mmsi[~new]}, {"run_id": run_id}, changed)
+    return np.sort(np.concatenate([known, mmsi[new]]))
+
+
+def _write_checkpoint(connection: Connection, run_id: int, number: int, memory: bytes) -> None:
+    connection.execute(delete(Checkpoint).where(Checkpoint.run_id == run_id))
+    for piece, low in enumerate(range(0, max(len(memory), 1), PIECE_BYTES)):
+        row = {"run_id": run_id, "piece": piece, "cycle": number, "memory": memory[low : low + PIECE_BYTES]}
+        connection.execute(insert_one(Checkpoint), [row])
