@@ -29,7 +29,7 @@ from coastwatch.batches import (
     Tracks,
 )
 from coastwatch.scenario import Scenario
-from coastwatch.stage import Spread
+from coastwatch.stage import Map, RegionMap, serial_regions
 
 Timer = Callable[[str], AbstractContextManager[object]]
 
@@ -119,7 +119,7 @@ def fuse(
     memory: CentreMemory,
     received: Received,
     time_s: float,
-    spread: Spread,
+    map_: Map,
     timer: Timer,
 ) -> tuple[CentreMemory, Cycle]:
     """One cycle of the high-level centre; the registration of radars is not its business. Args: as `step`."""
@@ -132,7 +132,7 @@ def fuse(
     with timer("spots"):
         spots_memory, spots = s.spots.step(m.spots, tracks)
     with timer("associations"):
-        associations_memory, associations = s.associations.step(m.associations, tracks, spots, spread)
+        associations_memory, associations = s.associations.step(m.associations, tracks, spots, map_)
     with timer("fused_tracks"):
         fused_memory, fused = s.fused_tracks.step(
             m.fused_tracks, tracks, measurements, associations, time_s, sensors.source_kinds
@@ -143,7 +143,7 @@ def fuse(
         octants_memory, octants = s.octants.step(m.octants, bearing_tracks, picture, sensors)
     with timer("bearing_associations"):
         bearings_memory, bearing_associations = s.bearing_associations.step(
-            m.bearing_associations, bearing_tracks, picture, octants, time_s, sensors, spread, statics
+            m.bearing_associations, bearing_tracks, picture, octants, time_s, sensors, map_, statics
         )
     after = CentreMemory(spots_memory, associations_memory, fused_memory, picture_memory, octants_memory, bearings_memory)
     found = spots, associations, fused, picture, members, octants, bearing_associations
@@ -151,30 +151,38 @@ def fuse(
 
 
 def step(
-    scenario: Scenario, sensors: Sensors, memory: Memory, reports: Reports, time_s: float, spread: Spread, timer: Timer
+    scenario: Scenario,
+    sensors: Sensors,
+    memory: Memory,
+    reports: Reports,
+    time_s: float,
+    map_: Map,
+    timer: Timer,
+    regions: RegionMap = serial_regions,
 ) -> tuple[Memory, Cycle]:
     """One cycle.
 
-    Args: reports: all that arrived since the last cycle; time_s: of the picture; spread: of per-spot work; timer: called with
+    Args: reports: all that arrived since the last cycle; time_s: of the picture; map_: for per-spot work; timer: called with
     the name of each stage, the stage runs inside what it returns.
     """
     s, m = scenario, memory
     with timer("plots"):
         plots_memory, plots = s.plots.step(m.plots, reports.radar, sensors, m.corrections)
     with timer("tracks"):
-        regions = [s.tracks.step(old, plots.take(plots.region == k), time_s, sensors, k) for k, old in enumerate(m.tracks)]
+        by_region = [(plots.take(plots.region == k), time_s, sensors, k) for k in range(len(m.tracks))]
+        regional = regions(s.tracks.step, m.tracks, by_region)
     with timer("ais_tracks"):
         ais_memory, ais_tracks, alarms, ais_taken = s.ais_tracks.step(m.ais_tracks, reports.ais, time_s, sensors)
     with timer("bearing_tracks"):
         bearing_memory, bearing_tracks = s.bearing_tracks.step(m.bearing_tracks, reports.bearing, time_s, sensors)
-    tracks = Tracks.join([*(yielded for _, yielded, _ in regions), ais_tracks])
-    measurements = Measurements.join([*(taken for *_, taken in regions), ais_taken])
+    tracks = Tracks.join([*(yielded for _, yielded, _ in regional), ais_tracks])
+    measurements = Measurements.join([*(taken for *_, taken in regional), ais_taken])
     received = Received(tracks, measurements, alarms, bearing_tracks, reports.statics)
-    centre_memory, cycle = fuse(s, sensors, m.centre, received, time_s, spread, timer)
+    centre_memory, cycle = fuse(s, sensors, m.centre, received, time_s, map_, timer)
     with timer("registration"):
         seen = plots, ais_tracks, alarms, measurements, cycle.picture, cycle.members, bearing_tracks, cycle.bearing_associations
         registration_memory, corrections = s.registration.step(m.registration, *seen, time_s, sensors, m.corrections)
     # Tracks that hold plots of a radar whose corrections have jumped lie where the next plots will not.
-    radar_memory = tuple(new.without_radars(corrections.jumped) for new, *_ in regions)
+    radar_memory = tuple(new.without_radars(corrections.jumped) for new, *_ in regional)
     first = plots_memory, radar_memory, ais_memory, bearing_memory, centre_memory
     return Memory(*first, registration_memory, corrections), replace(cycle, corrections=corrections)

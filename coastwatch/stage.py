@@ -50,32 +50,29 @@ class Groups(Struct):
 
     def take(self, groups: Sequence[int] | Ints) -> Groups:
         """These groups, in this order."""
+        rows = [self.of(k) for k in groups]
+        start = np.cumsum([0, *(len(r) for r in rows)])
+        return Groups(np.concatenate([np.zeros(0, np.int64), *rows]), start)
 
-        return Groups(*kernels.tables.sorting.chosen(self.row, self.start, np.asarray(groups, np.int64)))
+    @staticmethod
+    def by_key(key: Ints, count: int) -> Groups:
+        """The rows of each key, in order. Args: key: (L,) from 0 to count - 1."""
+        start, row = kernels.tables.counting_sort.counting_sort(key, count)
+        return Groups(row.astype(np.int64), start.astype(np.int64))
 
 
-Shared = Mapping[str, Any]
-"""Arrays by name, or tuples of arrays of which most are the very objects of the last cycle: those travel once.
+Arrays = Mapping[str, Any]
+"""Arrays by name. A tuple of arrays of which most are the very objects of the last cycle may stand for one array."""
 
-Arrays among which are those of CUT can be cut down to some of their rows, for work on another machine. Rows of groups are then
-members, and halo as -1 - row; `rank[row]` is where a row stands in every other array that is as long, and `row[rank]` the row there.
-`ring`: the entries of the last W cycles, newest last, that of a cycle in the ranks of that cycle; `chain`: (N, W - 1), where a rank stands
-in the entry of the last cycle, of that before it, ...; `length`: (N,), how many entries it has. `point`, if
-any: (N, 3 or more), where it is.
-"""
-
-RING = ("rank", "ring", "chain")
-CUT = (*RING, "row", "length")
-
-Work = Callable[[Any, Shared, Groups], tuple[Array, ...]]
+Work = Callable[[Any, Arrays, Groups], tuple[Array, ...]]
 """A module-level pure function (settings, arrays, groups) -> arrays: what is done for a chunk of spots at once.
 
-What it says of a spot does not depend on what else is in the chunk; the caller brings the rows of all chunks into an order of its own.
+What it says of a spot does not depend on what else is in the chunk. The caller brings the rows of all chunks into an order of its own.
 """
 
 
 def by_group(
-    of_one: Callable[[Any, Shared, Ints], tuple[Array, ...]], settings: Any, arrays: Shared, groups: Groups
+    of_one: Callable[[Any, Arrays, Ints], tuple[Array, ...]], settings: Any, arrays: Arrays, groups: Groups
 ) -> tuple[Array, ...]:
     """What of_one(settings, arrays, rows) gives for the rows of each group, one after the other."""
     parts = [of_one(settings, arrays, groups.of(k)) for k in range(len(groups))]
@@ -84,23 +81,34 @@ def by_group(
     return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
 
 
-class Spread(Protocol):
-    """How per-spot work is spread over processors: `coastwatch.workers` has the kinds. The result is the same for all."""
+class Map(Protocol):
+    """How per-spot work is mapped over processors: `coastwatch.workers` has the kinds. Pairs, ids and flags are the same for all."""
 
-    def __call__(self, work: Work, settings: Any, arrays: Shared, spots: Groups) -> list[tuple[Array, ...]]:
-        """What work(settings, arrays, chunk) gives for chunks that hold every spot once."""
+    def __call__(self, work: Work, settings: Any, arrays: Arrays, spots: Groups) -> list[tuple[Array, ...]]:
+        """What work(settings, arrays, chunk) gives for chunks that hold every spot once; one chunk at least."""
         ...
 
 
-def room_of(spread: Spread) -> Callable[..., Array]:
-    """Who makes empty arrays, as np.empty, that the work of a Spread will read: what is made there it need not copy."""
-    made: Callable[..., Array] = getattr(spread, "room", np.empty)
-    return made
-
-
-def in_turn(work: Work, settings: Any, arrays: Shared, spots: Groups) -> list[tuple[Array, ...]]:
-    """The plain Spread: all spots as one chunk, here."""
+def serial(work: Work, settings: Any, arrays: Arrays, spots: Groups) -> list[tuple[Array, ...]]:
+    """The plain Map: all spots as one chunk, here."""
     return [work(settings, arrays, spots)]
+
+
+RegionStep = Callable[..., tuple[Any, ...]]
+"""step(memory, *given) -> (memory, ...): a cycle of one regional centre. It consumes the memory."""
+
+
+class RegionMap(Protocol):
+    """How regional centres are mapped over machines: `coastwatch.workers` has the kinds. Pairs, ids and flags are the same for all."""
+
+    def __call__(self, step: RegionStep, memories: Sequence[Any], given: Sequence[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
+        """What step(memory, *given) returns for each region."""
+        ...
+
+
+def serial_regions(step: RegionStep, memories: Sequence[Any], given: Sequence[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
+    """The plain RegionMap: one region after the other, here."""
+    return [step(memory, *more) for memory, more in zip(memories, given, strict=True)]
 
 
 class Plan(Settings):

@@ -34,7 +34,7 @@ from coastwatch.geodesy import KNOT_M_S
 from coastwatch.kernels.association.history import History
 from coastwatch.kernels.bearings.signatures import check_confusion, even_confusion
 from coastwatch.kernels.threads import in_blocks
-from coastwatch.stage import Groups, Method, Shared, Spread
+from coastwatch.stage import Arrays, Groups, Map, Method
 
 Positive = Annotated[float, Field(gt=0.0)]
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
@@ -173,7 +173,7 @@ class BearingLikelihood(Method):
         octants: Octants,
         time_s: float,
         sensors: Sensors,
-        spread: Spread,
+        map_: Map,
         statics: AisStatics,
     ) -> tuple[LikelihoodMemory, BearingAssociations]:
         """Which bearing track is which vessel at this cycle.
@@ -191,7 +191,7 @@ class BearingLikelihood(Method):
         audible = AudiblePairs.of(bearing_tracks, picture, octants, sensors)
         positions = self._positions(memory.positions, picture, audible, time_s, sensors)
         memory = replace(memory, positions=positions, types=memory.types.updated(statics))
-        row, log_odds, difference = self._scored(memory, bearing_tracks, picture, octants, sensors, audible, spread)
+        row, log_odds, difference = self._scored(memory, bearing_tracks, picture, octants, sensors, audible, map_)
         bearing_row, sensor = octants.bearing_row[row], octants.octant[row] // kernels.bearings.candidates.SECTORS
         pair = audible.index(sensor, octants.vessel_row[row])
         chosen = kernels.association.assignment.assign(bearing_row, pair, log_odds - self.threshold)
@@ -225,7 +225,7 @@ class BearingLikelihood(Method):
         octants: Octants,
         sensors: Sensors,
         audible: AudiblePairs,
-        spread: Spread,
+        map_: Map,
     ) -> tuple[Ints, Floats, Floats]:
         """Pairs above the threshold: index into the octants, log odds, mean difference of bearings; sorted by index."""
         sensor = tracks.source - sensors.sonar_source(0)
@@ -253,7 +253,7 @@ class BearingLikelihood(Method):
             "variance": sensors.sonars.bearing_sigma_rad[sensor] ** 2,
             **self._class_evidence(tracks, picture, octants, memory.types),
         }
-        parts = spread(score_octants, self, arrays, groups_by_octant(octants))
+        parts = map_(score_octants, self, arrays, groups_by_octant(octants))
         row = np.concatenate([np.zeros(0, np.int64), *(p[0] for p in parts)])
         order = np.argsort(row, kind="stable")
         log_odds, difference = (np.concatenate([np.zeros(0), *(p[k] for p in parts)])[order] for k in (1, 2))
@@ -283,7 +283,7 @@ class BearingLikelihood(Method):
         return np.asarray(np.log(unknown / arcs(sensors)[1])[sensor])
 
 
-def score_octants(settings: BearingLikelihood, arrays: Shared, octants: Groups) -> tuple[Array, ...]:
+def score_octants(settings: BearingLikelihood, arrays: Arrays, octants: Groups) -> tuple[Array, ...]:
     """Pairs of the bearing tracks of these octants that are above the threshold: index of the pair, log odds, mean difference of
     bearings. A pair's answer is its own alone."""
     windows = kernels.bearings.windows.BearingWindows(

@@ -13,7 +13,7 @@ from coastwatch.associations.bearing_sensors import groups_by_octant
 from coastwatch.batches import AisStatics, Array, BearingAssociations, BearingTracks, Floats, Ints, Octants, Picture, Sensors
 from coastwatch.geodesy import axes, earth_centred, wrap_rad
 from coastwatch.kernels.association.history import History
-from coastwatch.stage import Groups, Method, Shared, Spread, by_group
+from coastwatch.stage import Arrays, Groups, Map, Method, by_group
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class BearingWindowedCovariance(Method):
         octants: Octants,
         time_s: float,
         sensors: Sensors,
-        spread: Spread,
+        map_: Map,
         statics: AisStatics,
     ) -> tuple[LiteralBearingMemory, BearingAssociations]:
         """Which bearing track is which vessel at this cycle.
@@ -78,7 +78,7 @@ class BearingWindowedCovariance(Method):
             "vessel_length": vessels.length[:],
             "columns": tracks.columns(np.arange(self.window)[::-1]),
         }
-        parts = spread(accept_in_octants, self, arrays, groups_by_octant(octants))
+        parts = map_(accept_in_octants, self, arrays, groups_by_octant(octants))
         row = np.concatenate([np.zeros(0, np.int64), *(part[0] for part in parts)])
         x = np.concatenate([np.zeros(0), *(part[1] for part in parts)])[np.argsort(row, kind="stable")]
         row = np.sort(row)
@@ -94,12 +94,12 @@ class BearingWindowedCovariance(Method):
         return order[np.unique(bearing_row[order], return_index=True)[1]]
 
 
-def accept_in_octants(settings: BearingWindowedCovariance, arrays: Shared, octants: Groups) -> tuple[Array, ...]:
+def accept_in_octants(settings: BearingWindowedCovariance, arrays: Arrays, octants: Groups) -> tuple[Array, ...]:
     """Pairs of the bearing tracks of these octants that pass: index of the pair, x."""
     return by_group(_accept_in_octant, settings, arrays, octants)
 
 
-def _accept_in_octant(settings: BearingWindowedCovariance, arrays: Shared, rows: Ints) -> tuple[Array, ...]:
+def _accept_in_octant(settings: BearingWindowedCovariance, arrays: Arrays, rows: Ints) -> tuple[Array, ...]:
     """Pairs of these bearing tracks that pass the test: index of the pair, x."""
     first, count = arrays["first_pair"][rows], np.diff(arrays["first_pair"])[rows]
     index = kernels.bearings.candidates.ranges(first, count)

@@ -10,7 +10,7 @@ import numpy as np
 from coastwatch.associations.windowed_covariance import WindowedCovariance
 from coastwatch.associations.windowed_covariance_literal import WindowedCovarianceLiteral
 from coastwatch.batches import Array, Associations, Floats, Ints, Spots, Tracks
-from coastwatch.stage import Groups, Shared, Work, in_turn
+from coastwatch.stage import Arrays, Groups, Work, serial
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,15 +33,15 @@ def step_with_candidates(
     """
     literal = isinstance(method, WindowedCovarianceLiteral)
     opened = method.model_copy(update={"confidence": 1.0} if literal else {"threshold": -np.inf})
-    found: list[tuple[Array, ...]] = []
+    scored: list[tuple[Array, ...]] = []
 
-    def twice(work: Work, settings: Any, arrays: Shared, spots: Groups) -> list[tuple[Array, ...]]:
-        found.extend(in_turn(work, opened, arrays, spots))
-        return in_turn(work, settings, arrays, spots)
+    def twice(work: Work, settings: Any, arrays: Arrays, spots: Groups) -> list[tuple[Array, ...]]:
+        scored.extend(serial(work, opened, arrays, spots))
+        return serial(work, settings, arrays, spots)
 
     memory, associations = method.step(memory, tracks, spots, twice)
-    first, second = (np.concatenate([np.zeros(0, np.int64), *(part[k] for part in found)]) for k in range(2))
-    statistic = np.concatenate([np.zeros(0), *(part[2] for part in found)])
+    first, second = (np.concatenate([np.zeros(0, np.int64), *(part[k] for part in scored)]) for k in range(2))
+    statistic = np.concatenate([np.zeros(0), *(part[2] for part in scored)])
     order = np.lexsort((second, first))
     score = -statistic if literal else statistic
     return memory, associations, Candidates(first[order], second[order], score[order])

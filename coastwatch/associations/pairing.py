@@ -2,49 +2,60 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import Floats, Ints, Spots, Tracks
-from coastwatch.stage import Groups, Shared
+from coastwatch.batches import Array, Bools, Floats, Ints, Spots, Tracks
+from coastwatch.kernels.threads import in_blocks
+from coastwatch.stage import Arrays, Groups
+
+LEAST_TRACKS = 1024  # for a thread
 
 
-def rows_of_spots(spots: Spots) -> Groups:
-    """A group a spot with its rows: members as they are, halo rows as -1 - row, so that one array says both."""
-
-    count = len(spots.centre_m)
-    halo = np.searchsorted(spots.halo_spot, np.arange(count + 1)).astype(np.int64)
-    return Groups(*kernels.tables.sorting.joined(*kernels.tables.sorting.by_key(spots.spot, count), -1 - spots.halo_row, halo))
+def members_of_spots(spots: Spots) -> Groups:
+    """A group a spot: the rows of its members."""
+    return Groups.by_key(spots.spot, len(spots.centre_m))
 
 
-def gated_pairs(arrays: Shared, rows: Ints, gate_m: float) -> tuple[Ints, Ints]:
-    """Pairs of tracks of different sources within the gate that this spot owns: it owns a pair whose lower source is its member.
+def gate_arrays(tracks: Tracks, spots: Spots, gate_m: float) -> dict[str, Array]:
+    """What `gated` reads: places of tracks in the order of a grid, and the spots whose halo each track is in."""
+    halo = Groups.by_key(spots.halo_row, len(tracks))
+    place = kernels.association.candidate_pairs.sorted_places(tracks.position_deg, tracks.source, spots.spot, gate_m)
+    return {"place": place, "halo_start": halo.start, "halo_spot": spots.halo_spot[halo.row]}
 
-    Args:
-        arrays: `rank` of rows; by rank `point` (N, 3) Earth-centred, `source` (N,).
-        rows: (R,) members, and halo as -1 - row.
-    Returns: (A,) and (A,) rows of tracks, the first of the lower source; sorted.
+
+def blocks_of_members(
+    work: Callable[..., tuple[Array, ...]], arrays: Arrays, spots: Groups, *arguments: object
+) -> list[tuple[Array, ...]]:
+    """What `work` gives for the members of these spots, over threads. Args: arrays: of `gate_arrays`."""
+    place = arrays["place"]
+    chosen = np.zeros(len(place), np.bool_)
+    chosen[spots.row] = True
+    member = np.flatnonzero(chosen[place["row"]] & (place["source"] < place["source"].max(initial=0)))
+    found: list[tuple[Array, ...]] = in_blocks(work, len(member), member, arrays, *arguments, least=LEAST_TRACKS)
+    return found
+
+
+def gated(low: int, high: int, member: Ints, arrays: Arrays, gate_m: float) -> Array:
+    """Pairs of tracks of different sources within the gate whose first is one of the members low to high.
+
+    The second is a member of the same spot or in its halo. Returns: (A,) PAIR, rows of `place`.
     """
-    from scipy.spatial import cKDTree
-
-    member = rows[rows >= 0]
-    every = np.where(rows >= 0, rows, -1 - rows)
-    if len(member) == 0 or len(every) < 2:
-        return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    rank, points, source = arrays["rank"], arrays["point"], arrays["source"]
-    found = cKDTree(points[rank[member]]).sparse_distance_matrix(cKDTree(points[rank[every]]), gate_m, output_type="ndarray")
-    first, second = member[found["i"]], every[found["j"]]
-    keep = source[rank[first]] < source[rank[second]]
-    first, second = first[keep], second[keep]
-    order = np.lexsort((second, first))
-    return first[order].astype(np.int64), second[order].astype(np.int64)
+    halo = arrays["halo_start"], arrays["halo_spot"]
+    out: Array = kernels.association.candidate_pairs.candidate_pairs(low, high, member, arrays["place"], halo, gate_m)
+    return out
 
 
-def in_order(first: Ints, second: Ints, statistic: Floats, rows: int) -> tuple[Ints, Ints, Floats]:
-    """The same pairs by first, then second: chunks of spots come in any order. Args: (A,); rows: N."""
+def joined_parts(parts: list[tuple[Array, ...]], rows: int) -> tuple[Ints, Ints, Floats, int]:
+    """Pairs of all chunks of spots by first, then second: rows of both, statistic; and how many were tested.
 
-    order = kernels.tables.groups.by_both(first, rows, second, rows)
-    return first[order], second[order], statistic[order]
+    Args: parts: rows of the first and second track, statistic, (1,) number tested; rows: N, of tracks.
+    """
+    first, second, statistic, tested = (np.concatenate(column) for column in zip(*parts, strict=True))
+    order = np.argsort(first * rows + second)  # each pair is there once
+    return first[order], second[order], statistic[order], int(tested.sum())
 
 
 def one_to_one(tracks: Tracks, first: Ints, second: Ints, gain: Floats) -> Ints:
@@ -54,18 +65,18 @@ def one_to_one(tracks: Tracks, first: Ints, second: Ints, gain: Floats) -> Ints:
     Args: first, second: (A,) rows of tracks, pairs each once; gain: (A,), pairs without a positive gain are never chosen.
     Returns: (B,) indices into the pairs, sorted.
     """
+    useful = gain > 0.0
+    alone = useful & ~_repeated(first, useful, len(tracks)) & ~_repeated(second, useful, len(tracks))
+    rest = np.flatnonzero(useful & ~alone)
+    sources = int(tracks.source.max(initial=0)) + 1
+    row, column = first[rest] * sources + tracks.source[second[rest]], second[rest] * sources + tracks.source[first[rest]]
+    alone[rest] = kernels.association.assignment.assign(row, column, gain[rest])
+    return np.flatnonzero(alone)
 
-    rows, source = len(tracks), tracks.source
-    taken = kernels.tables.groups.alone(first, second, gain, rows)
-    rest = np.flatnonzero((gain > 0.0) & ~taken)
-    sources = int(source.max(initial=0)) + 1
-    row, row_count = kernels.tables.groups.combined(first[rest], rows, source[second[rest]], sources)
-    column, column_count = kernels.tables.groups.combined(second[rest], rows, source[first[rest]], sources)
-    order = kernels.tables.groups.by_both(row, row_count, column, column_count)
-    taken[rest[order]] = kernels.association.assignment.assign_numbered(
-        row[order], column[order], gain[rest[order]], row_count, column_count
-    )
-    return np.flatnonzero(taken)
+
+def _repeated(row: Ints, useful: Bools, rows: int) -> Bools:
+    """Whether the row of each pair is in more than one useful pair."""
+    return np.asarray(np.bincount(row[useful], minlength=rows)[row] > 1)
 
 
 def vessels(tracks: Tracks, first: Ints, second: Ints, gain: Floats) -> tuple[Ints, Ints]:
@@ -75,13 +86,24 @@ def vessels(tracks: Tracks, first: Ints, second: Ints, gain: Floats) -> tuple[In
     taken in order of gain and one that would break the rule is left out.
     Args: first, second, gain: (A,). Returns: (N,) vessel of each track, numbered by first track row; (B,) indices of pairs kept.
     """
+    components, rows = kernels.association.connected_components.components, len(tracks)
+    vessel = components(first, second, rows)
+    broken = _with_repeated_source(vessel, tracks.source)[vessel[first]]
+    if not broken.any():
+        return vessel, np.arange(len(first))
+    pairs = np.flatnonzero(broken)
+    order = pairs[np.lexsort((tracks.track_id[second[pairs]], tracks.track_id[first[pairs]], -gain[pairs]))]
+    stands = ~broken
+    stands[order] = kernels.association.connected_components.joined_without_sharing(first[order], second[order], tracks.source)
+    kept = np.flatnonzero(stands)
+    return components(first[kept], second[kept], rows), kept
 
-    parent, following, twice = kernels.association.connected_components.joined(first, second, tracks.source)
-    kept = np.ones(len(first), np.bool_)
-    if twice.any():
-        broken = np.flatnonzero(kernels.association.connected_components.told_of(parent, twice, first))
-        order = broken[np.lexsort((tracks.track_id[second[broken]], tracks.track_id[first[broken]], -gain[broken]))]
-        kept[order] = kernels.association.connected_components.joined_without_sharing(
-            first[order], second[order], tracks.source, parent, following
-        )
-    return kernels.association.connected_components.numbered(parent), np.flatnonzero(kept).astype(np.int64)
+
+def _with_repeated_source(vessel: Ints, source: Ints) -> Bools:
+    """Whether each vessel has two tracks of one source. Args: (N,), (N,). Returns: (V,)."""
+    size = np.bincount(vessel)
+    rows = np.flatnonzero(size[vessel] > 2)  # two tracks that are a pair are of different sources
+    both = np.sort(vessel[rows] * (int(source.max(initial=0)) + 1) + source[rows])
+    out = np.zeros(len(size), np.bool_)
+    out[both[1:][both[1:] == both[:-1]] // (int(source.max(initial=0)) + 1)] = True
+    return out

@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.associations.history import History
-from coastwatch.associations.pairing import in_order, one_to_one, rows_of_spots, vessels
-from coastwatch.batches import Array, Associations, Spots, Tracks
+from coastwatch.associations.pairing import (
+    blocks_of_members,
+    gate_arrays,
+    gated,
+    joined_parts,
+    members_of_spots,
+    one_to_one,
+    vessels,
+)
+from coastwatch.batches import Array, Associations, Ints, Spots, Tracks
+from coastwatch.kernels.association.history import History
+from coastwatch.kernels.association.pair_features import ENTRY, TRACK
+from coastwatch.kernels.association.pair_score import Rule
+from coastwatch.kernels.association.prune_pairs import BOUND
 from coastwatch.kernels.threads import in_blocks
-from coastwatch.stage import Groups, Method, Shared, Spread, room_of
-
-if TYPE_CHECKING:
-    from coastwatch.kernels.association.prune_pairs import Rule
-
-
-LEAST_TRACKS = 1024  # for a thread
+from coastwatch.stage import Arrays, Groups, Map, Method
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,136 +64,52 @@ class WindowedCovariance(Method):
     unknown_velocity_sigma_m_s: Annotated[float, Field(gt=0.0)] = 0.5  # of a source that gives no covariance
 
     def init(self) -> WindowMemory:
-        return WindowMemory(History.empty(self.window))
+        return WindowMemory(History.empty(self.window, ENTRY))
 
-    def step(self, memory: WindowMemory, tracks: Tracks, spots: Spots, spread: Spread) -> tuple[WindowMemory, Associations]:
+    def step(self, memory: WindowMemory, tracks: Tracks, spots: Spots, map_: Map) -> tuple[WindowMemory, Associations]:
         """Associations of these tracks. Args: tracks: (N); spots: of the same rows. Returns: memory and Associations."""
-        history, arrays = self._laid_out(memory.history, tracks, room_of(spread))
-        parts = spread(score_spots, self, arrays, rows_of_spots(spots))
-        first, second, score, tested = (_joined(parts, k) for k in range(4))
-        first, second, score = in_order(first, second, score, len(tracks))
+        arrays = gate_arrays(tracks, spots, self.gate_m)
+        history, arrays["track"], arrays["bound"] = self._features(memory.history, tracks, arrays["place"]["row"])
+        arrays["values"], arrays["newest"] = history.values, np.array(history.column)
+        first, second, score, tested = joined_parts(map_(score_spots, self, arrays, members_of_spots(spots)), len(tracks))
         chosen = one_to_one(tracks, first, second, score - self.threshold)
         first, second, score = first[chosen], second[chosen], score[chosen]
         vessel, kept = vessels(tracks, first, second, score)
-        return WindowMemory(history), Associations(first[kept], second[kept], score[kept], vessel, int(tested.sum()))
+        return WindowMemory(history), Associations(first[kept], second[kept], score[kept], vessel, tested)
 
-    def rule(self) -> kernels.association.prune_pairs.Rule:
+    def rule(self) -> Rule:
         """The settings as the kernels read them."""
+        window = self.prior, self.floor, self.cap, self.forgetting, self.step_limit
+        return Rule(self.gate_m, *window, self.misled_share, self.unrelated_speed_m_s, self.threshold)
 
-        bounds = self.prior, self.floor, self.cap, self.forgetting, self.step_limit
-        return kernels.association.prune_pairs.Rule(
-            self.gate_m, *bounds, self.misled_share, self.unrelated_speed_m_s, self.threshold
-        )
-
-    def _laid_out(self, before: History, tracks: Tracks, room: Callable[..., Any]) -> tuple[History, dict[str, Any]]:
-        """The windows after this cycle, and what `score_spots` reads: tracks ranked so that neighbours stand together.
-
-        Args: room: who makes arrays, as np.empty.
-        """
-
-        count = len(tracks)
-        key, row, rank = kernels.geometry.bands.in_order(tracks.position_deg, self.gate_m, room)
-        columns = (
-            kernels.association.history.COLUMNS,
-            4,
-            kernels.association.pair_features.COLUMNS,
-            kernels.association.prune_pairs.COLUMNS,
-        )
-        entry, point, record, outline = (kernels.association.history.wide_rows(count, c, room) for c in columns)
-        given = (
-            tracks.position_deg,
-            tracks.velocity_m_s,
-            tracks.covariance,
-            tracks.report_covariance,
-            tracks.mmsi,
-            tracks.source,
-        )
-        own = self.unknown_velocity_sigma_m_s**2, self.registration, self.gate_m
-        in_blocks(
-            kernels.association.pair_features.facts,
-            count,
-            rank,
-            *map(np.ascontiguousarray, given),
-            *own,
-            point,
-            entry,
-            kernels.association.history.singles(entry),
-            record,
-        )
-        history = before.extended(tracks.track_id, rank, entry, room)
-        in_blocks(
-            kernels.association.prune_pairs.outlines,
-            count,
-            kernels.association.history.addresses(history.ring),
-            history.chain,
-            history.length,
-            record,
-            self.rule(),
-            outline,
-        )
-        arrays = {"key": key, "row": row, "rank": rank, "point": point, "record": record, "outline": outline}
-        return history, {**arrays, "chain": history.chain, "length": history.length, "ring": history.ring}
+    def _features(self, before: History, tracks: Tracks, row: Ints) -> tuple[History, Array, Array]:
+        """The history with this cycle, and what kernels read of each track: TRACK and BOUND. Args: row: (N,) in the order of the grid."""
+        history, slot = before.advanced(tracks.track_id, row)
+        count, column = len(tracks), history.column
+        track, bound = np.empty(count, TRACK), np.empty(count, BOUND)
+        given = tracks.covariance, tracks.report_covariance, tracks.mmsi
+        unknown = self.registration, self.unknown_velocity_sigma_m_s**2
+        features = kernels.association.pair_features
+        in_blocks(features.track_records, count, row, (slot, history.length), given, *unknown, track)
+        moving = tracks.position_deg, tracks.velocity_m_s
+        in_blocks(features.record_entries, count, row, *moving, track, column, history.values)
+        in_blocks(kernels.association.prune_pairs.track_bounds, count, track, history.values, column, self.rule(), bound)
+        return history, track, bound
 
 
-def score_spots(settings: WindowedCovariance, arrays: Shared, spots: Groups) -> tuple[Array, ...]:
+def score_spots(settings: WindowedCovariance, arrays: Arrays, spots: Groups) -> tuple[Array, ...]:
     """Pairs that these spots own and that pass: rows of the first and second track, score; and how many pairs were tested."""
-
-    seen = {name: _read_only(arrays[name]) for name in ("key", "point", "row", "rank", "chain", "length", "record", "outline")}
-    members, low, home, halo_home, halo_row = kernels.tables.groups.parted(
-        _read_only(spots.row), _read_only(spots.start), seen["rank"]
-    )
-    if members < len(seen["row"]):
-        most = min(members + len(halo_row), len(home))
-        key, point, home, track, top = kernels.tables.groups.gathered(low, home, most, seen["key"], seen["point"])
-        near = _read_only(key), _read_only(point), home
-    else:
-        near, track = (seen["key"], seen["point"], home), np.arange(len(home), dtype=np.int32)
-        top = kernels.tables.groups.greatest(seen["point"], 3)
-    halo = np.full(1 << (2 * len(halo_row)).bit_length(), -1, np.int64)
-    kernels.association.candidate_pairs.fill_halo(halo_home, halo_row, halo)
-    places = near, track, seen["row"], halo, top
-    windows = (
-        kernels.association.history.addresses(arrays["ring"]),
-        seen["chain"],
-        seen["length"],
-        seen["record"],
-        seen["outline"],
-    )
-    found = in_blocks(_score_block, len(track), settings.rule(), *places, windows, least=LEAST_TRACKS)
-    return tuple(np.concatenate(column) for column in zip(*found, strict=True))
+    parts = blocks_of_members(_score_members, arrays, spots, settings)
+    return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
 
 
-def _read_only(array: Array) -> Array:
-    """The same, as other processes see it: code is then compiled for that alone."""
-    out = array.view()
-    out.flags.writeable = False
-    return out
-
-
-def _score_block(
-    low: int,
-    high: int,
-    rule: Rule,
-    near: tuple[Array, ...],
-    track: Array,
-    row: Array,
-    halo: Array,
-    top: float,
-    windows: tuple[Array, ...],
-) -> tuple[Array, ...]:
-    """What `score_spots` gives for those of its tracks, low to high, that are the first of a pair."""
-
-    table, chain, length, record, outline = windows
-    window = chain.shape[1] + 1
-    places = *near, track, row, halo, kernels.geometry.bands.height_deg(rule.gate), top
-    first, second, density, tested = kernels.association.candidate_pairs.candidates(
-        low, high, *places, length, record, outline, rule, kernels.association.prune_pairs.cuts(rule, window)
-    )
-    score = kernels.association.pair_score.windowed_scores(first, second, density, table, chain, length, record, rule)
-    keep = score > rule.threshold
-    return row[first[keep]].astype(np.int64), row[second[keep]].astype(np.int64), score[keep], np.array([tested])
-
-
-def _joined(parts: list[tuple[Array, ...]], k: int) -> Array:
-    dtype = np.float64 if k == 2 else np.int64
-    return np.concatenate([np.zeros(0, dtype), *(part[k] for part in parts)])
+def _score_members(low: int, high: int, member: Ints, arrays: Arrays, settings: WindowedCovariance) -> tuple[Array, ...]:
+    """What `score_spots` gives for the members low to high."""
+    rule, values, newest = settings.rule(), arrays["values"], int(arrays["newest"])
+    pair = gated(low, high, member, arrays, rule.gate_m)
+    least = kernels.association.prune_pairs.hopeless_steps(rule, values.shape[1])
+    some = pair[kernels.association.prune_pairs.possible_pairs(pair, arrays["bound"], least, rule.null_speed_m_s)]
+    score = kernels.association.pair_score.pair_scores(some, arrays["track"], values, newest, rule)
+    kept, row = score > rule.threshold, arrays["place"]["row"]
+    first, second = (row[some[name][kept]].astype(np.int64) for name in ("first", "second"))
+    return first, second, score[kept], np.array([len(pair)])

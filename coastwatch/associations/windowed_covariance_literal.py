@@ -9,11 +9,19 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.associations.history import History
-from coastwatch.associations.pairing import gated_pairs, in_order, one_to_one, rows_of_spots, vessels
+from coastwatch.associations.pairing import (
+    blocks_of_members,
+    gate_arrays,
+    gated,
+    joined_parts,
+    members_of_spots,
+    one_to_one,
+    vessels,
+)
 from coastwatch.batches import Array, Associations, Ints, Spots, Tracks
-from coastwatch.geodesy import earth_centred
-from coastwatch.stage import Groups, Method, Shared, Spread, by_group
+from coastwatch.kernels.association.history import History
+from coastwatch.kernels.association.pair_features import ENTRY
+from coastwatch.stage import Arrays, Groups, Map, Method
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +56,7 @@ class WindowedCovarianceLiteral(Method):
     gate_m: Annotated[float, Field(gt=0.0)] = 1000.0
 
     def init(self) -> LiteralMemory:
-        return LiteralMemory(History.empty(self.window))
+        return LiteralMemory(History.empty(self.window, ENTRY))
 
     def limit(self) -> float:
         """The value that x must stay below."""
@@ -59,27 +67,18 @@ class WindowedCovarianceLiteral(Method):
         p = self.window
         return float(4.0 * (p - 1) / (p - 4) * stats.f.ppf(self.confidence, 4, p - 4))
 
-    def step(self, memory: LiteralMemory, tracks: Tracks, spots: Spots, spread: Spread) -> tuple[LiteralMemory, Associations]:
+    def step(self, memory: LiteralMemory, tracks: Tracks, spots: Spots, map_: Map) -> tuple[LiteralMemory, Associations]:
         """Associations of these tracks. Args: tracks: (N); spots: of the same rows. Returns: memory and Associations."""
-
-        count = len(tracks)
-        entry = kernels.association.history.entries(tracks.position_deg, tracks.velocity_m_s, np.zeros((count, 2)))
-        row = np.arange(count, dtype=np.int32)
-        history = memory.history.extended(tracks.track_id, row, entry, np.empty)
-        arrays = {
-            "row": row,
-            "rank": row,
-            "point": earth_centred(tracks.position_deg),
-            "source": tracks.source,
-            "chain": history.chain,
-            "length": history.length,
-            "ring": history.ring,
-        }
-        parts = spread(accept_in_spots, self, arrays, rows_of_spots(spots))
-        first, second = (np.concatenate([np.zeros(0, np.int64), *(p[k] for p in parts)]) for k in range(2))
-        x = np.concatenate([np.zeros(0), *(p[2] for p in parts)])
-        tested = sum(int(p[3].sum()) for p in parts)
-        first, second, x = in_order(first, second, x, count)
+        arrays = gate_arrays(tracks, spots, self.gate_m)
+        history, slot = memory.history.advanced(tracks.track_id, arrays["place"]["row"])
+        entry = np.zeros(len(tracks), ENTRY)
+        entry["latitude_deg"], entry["longitude_deg"] = tracks.position_deg.T
+        entry["east_m_s"], entry["north_m_s"] = tracks.velocity_m_s.T
+        history.values[slot, history.column] = entry
+        windows = {"slot": slot, "length": history.length, "values": history.values, "newest": np.array(history.column)}
+        first, second, x, tested = joined_parts(
+            map_(accept_in_spots, self, {**arrays, **windows}, members_of_spots(spots)), len(tracks)
+        )
         gain = 2.0 * self.limit() - x
         chosen = one_to_one(tracks, first, second, gain) if self.one_to_one else _nearest(tracks, first, second, x)
         first, second, x, gain = first[chosen], second[chosen], x[chosen], gain[chosen]
@@ -87,22 +86,22 @@ class WindowedCovarianceLiteral(Method):
         return LiteralMemory(history), Associations(first[kept], second[kept], x[kept], vessel, tested)
 
 
-def accept_in_spots(settings: WindowedCovarianceLiteral, arrays: Shared, spots: Groups) -> tuple[Array, ...]:
-    """Pairs that these spots own and that pass: rows of the first and second track, statistic; and how many pairs each tested."""
-    return by_group(_accept_in_spot, settings, arrays, spots)
+def accept_in_spots(settings: WindowedCovarianceLiteral, arrays: Arrays, spots: Groups) -> tuple[Array, ...]:
+    """Pairs that these spots own and that pass: rows of the first and second track, statistic; and how many were tested."""
+    parts = blocks_of_members(_accept_members, arrays, spots, settings)
+    return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
 
 
-def _accept_in_spot(settings: WindowedCovarianceLiteral, arrays: Shared, rows: Ints) -> tuple[Array, ...]:
-    """Pairs that this spot owns and that pass the test: rows of the first and second track, x; and how many were tested."""
-
-    first, second = gated_pairs(arrays, rows, settings.gate_m)
-    tested = np.array([len(first)])
-    if len(first) == 0:
-        return first, second, np.zeros(0), tested
-    rank, windows = arrays["rank"], (kernels.association.history.addresses(arrays["ring"]), arrays["chain"], arrays["length"])
-    x = kernels.association.chi_square_statistic.sample_statistics(rank[first], rank[second], *windows, settings.window)
-    keep = x < settings.limit()
-    return first[keep], second[keep], x[keep], tested
+def _accept_members(
+    low: int, high: int, member: Ints, arrays: Arrays, settings: WindowedCovarianceLiteral
+) -> tuple[Array, ...]:
+    """What `accept_in_spots` gives for the members low to high."""
+    pair, row = gated(low, high, member, arrays, settings.gate_m), arrays["place"]["row"]
+    first, second = (row[pair[name]].astype(np.int64) for name in ("first", "second"))
+    windows = arrays["slot"], arrays["length"], arrays["values"], int(arrays["newest"])
+    x = kernels.association.pair_score.sample_statistics(first, second, *windows)
+    kept = x < settings.limit()
+    return first[kept], second[kept], x[kept], np.array([len(pair)])
 
 
 def _nearest(tracks: Tracks, first: Ints, second: Ints, x: Array) -> Ints:

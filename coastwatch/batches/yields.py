@@ -129,7 +129,7 @@ class Associations(Struct):
     @cached_property
     def by_vessel(self) -> tuple[Rows, Rows]:
         """Tracks by vessel: start (V + 1,), row (N,). The tracks of vessel v are row[start[v]:start[v + 1]]."""
-        start, row = kernels.tables.grouping.grouped(self.vessel, int(self.vessel.max(initial=-1)) + 1)
+        start, row = kernels.tables.counting_sort.counting_sort(self.vessel, int(self.vessel.max(initial=-1)) + 1)
         return start, row
 
 

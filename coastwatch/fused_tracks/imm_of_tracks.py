@@ -71,7 +71,7 @@ class ImmOfTracks(Method):
         """
 
         groups, j = Grouped(*associations.by_vessel), len(KINDS)
-        count, row = len(groups), kernels.tables.grouping.preferred(*groups, -tracks.source)
+        count, row = len(groups), kernels.tables.counting_sort.preferred(*groups, -tracks.source)
         at = kernels.tables.match_ids.index_of(memory.track_id, tracks.track_id)
         was = np.where(at >= 0, np.append(memory.row, -1)[at], -1).astype(np.int32)
         before = memory.anchor_deg, memory.state, memory.covariance, memory.mode

@@ -21,8 +21,8 @@ from coastwatch.server import checkpoint
 from coastwatch.server.checkpoint import CheckpointError, Point
 from coastwatch.server.timing import Stopwatch
 from coastwatch.server.writer import Writer
-from coastwatch.stage import Plan, Spread
-from coastwatch.workers import processors, spread_over
+from coastwatch.stage import Plan
+from coastwatch.workers import Workers, open_workers, processors
 
 DEFAULT_DATABASE = "sqlite:///coastwatch.db"
 Progress = Callable[[int, int, str], None]
@@ -86,10 +86,10 @@ def run_scenario(
             store.discard_runs(kept, scenario.name, seed)
         run_id, point = _begin(kept, scenario, sensors, recording, plan, seed, workers, resume)
         watch = Stopwatch()
-        with spread_over(scenario.workers.method, workers) as spread, _interrupt_as_flag() as interrupted:
+        with open_workers(scenario.workers.method, workers) as opened, _interrupt_as_flag() as interrupted:
             try:
                 with Writer[store.Written](watch, scenario.store.overlap and kept.shared) as writer:
-                    run = _Run(scenario, sensors, recording, plan, kept, run_id, spread, watch, writer, interrupted)
+                    run = _Run(scenario, sensors, recording, plan, kept, run_id, opened, watch, writer, interrupted)
                     point, vessels = _cycles(run, point, say, on_cycle)
                 scores = result(point.tally, recording, sensors)
             except BaseException:
@@ -123,7 +123,7 @@ class _Run:
     plan: Plan
     kept: Any
     run_id: int
-    spread: Spread
+    workers: Workers
     watch: Stopwatch
     writer: Writer[store.Written]
     interrupted: threading.Event
@@ -189,7 +189,10 @@ def _one(run: _Run, point: Point) -> tuple[Point, Cycle, str | None]:
     scenario, plan, number = run.scenario, run.plan, point.cycle
     before_s = plan.start_s if number == 0 else plan.instant_s(number - 1)
     reports = run.recording.reports.between(before_s if number else float("-inf"), plan.instant_s(number))
-    memory, cycle = pipeline.step(scenario, run.sensors, point.memory, reports, plan.instant_s(number), run.spread, run.watch)
+    spots, regions = run.workers
+    memory, cycle = pipeline.step(
+        scenario, run.sensors, point.memory, reports, plan.instant_s(number), spots, run.watch, regions
+    )
     tally = point.tally
     if number >= scenario.warmup_cycles and run.recording.truth is not None:
         with run.watch("scores"):

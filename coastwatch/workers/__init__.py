@@ -1,37 +1,45 @@
-"""How per-spot work is spread: over the threads of this process, over a pool of processes, or over machines."""
+"""How work is spread: per-spot work over threads or processes, whole regional centres over machines."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import NamedTuple
 
 from coastwatch.kernels.threads import threads
-from coastwatch.stage import Spread, in_turn
-from coastwatch.workers.freed import keep_freed_memory
+from coastwatch.stage import Map, RegionMap, serial, serial_regions
+from coastwatch.workers.malloc import keep_freed_memory
 from coastwatch.workers.processors import processors
 
-__all__ = ["processors", "spread_over"]
+__all__ = ["Workers", "open_workers", "processors"]
+
+
+class Workers(NamedTuple):
+    """Who does what."""
+
+    spots: Map = serial
+    regions: RegionMap = serial_regions
 
 
 @contextmanager
-def spread_over(method: str, count: int) -> Iterator[Spread]:
-    """A Spread by this method over so many processors (0: all). Kernels in this process run over as many threads as it may use.
+def open_workers(method: str, count: int) -> Iterator[Workers]:
+    """Workers by this method over so many processors (0: all). Kernels in this process run over as many threads as it may use.
 
-    Args: method: auto, threads, processes, ray. What comes out is the same to the bit for all.
+    Args: method: auto or threads; processes, for the spots; ray, for the regions. Pairs, ids and flags are the same for all.
     """
     keep_freed_memory()
     if method == "ray":
         from coastwatch.workers.ray import Actors
 
         with threads(processors(0)), Actors(count) as actors:
-            yield actors
+            yield Workers(regions=actors)
         return
     count = processors(count)
     with threads(count):
         if method != "processes" or count == 1:
-            yield in_turn
+            yield Workers()
             return
         from coastwatch.workers.processes import Processes
 
         with Processes(count) as pool:
-            yield pool
+            yield Workers(spots=pool)

@@ -1,24 +1,22 @@
-"""What the groups of a work cost, as measured in earlier cycles, and chunks of equal cost."""
+"""What groups of rows cost, measured in earlier cycles, and groups dealt into chunks of about equal cost."""
 
 from __future__ import annotations
 
-from itertools import pairwise
+import heapq
 
 import numpy as np
 
-from coastwatch import kernels
 from coastwatch.batches import Floats, Ints
-from coastwatch.stage import Groups, Shared
+from coastwatch.stage import Groups
 
-TRUST = 0.5  # in what one chunk took against the others, in logarithms: one disturbed chunk does not turn everything round
+TRUST = 0.5  # in what a chunk took against the others, in logarithms: one disturbed chunk does not turn everything round
 
 
 class Costs:
-    """Seconds a row of each group; before the first measurement all rows cost the same.
+    """Seconds a row of each group. Before the first measurement all rows cost the same.
 
-    Only whole chunks are measured: what a chunk took more or less than the others is laid to each of its groups alike, and because
-    groups are dealt anew in every cycle it is the costly ones that come out costly. Groups are told apart by their number, as
-    spots can be; where that tells nothing, chunks are less equal and nothing else.
+    Only whole chunks are measured. What a chunk took more or less than expected is laid to each of its groups alike; because groups
+    are dealt anew in every cycle, the costly ones come out costly. Groups are told apart by their number.
     """
 
     def __init__(self) -> None:
@@ -30,40 +28,27 @@ class Costs:
             self._rate = np.ones(len(groups))
         return np.asarray(self._rate * np.maximum(np.diff(groups.start), 1))
 
-    def learn(self, expected: Floats, part: Ints, seconds: Floats) -> None:
-        """Takes over what each part took. Args: expected: (K,); part: (K,) of each group; seconds: (P,), every part with a group."""
-        together = np.bincount(part, expected, len(seconds))
+    def learn(self, expected: Floats, chunks: list[Ints], seconds: Floats) -> None:
+        """Takes over what each chunk took. Args: expected: (K,); chunks: groups of each; seconds: (P,)."""
+        together = np.array([expected[chunk].sum() for chunk in chunks])
         overall = max(seconds.sum(), 1e-9) / together.sum()
-        ratio = np.maximum(seconds, 1e-9) / (together * overall)
-        self._rate = self._rate * overall * ratio[part] ** TRUST
+        for chunk, ratio in zip(chunks, np.maximum(seconds, 1e-9) / (together * overall), strict=True):
+            self._rate[chunk] *= overall * ratio**TRUST
 
 
-def along(arrays: Shared, groups: Groups) -> Ints | None:
-    """Groups in the order of the axis along which they are spread most, by their first row; none where the arrays do not say where
-    it is. Returns: (K,)."""
-    if "rank" not in arrays or "point" not in arrays or len(groups.row) == 0:
-        return None
-    first = groups.row[np.minimum(groups.start[:-1], len(groups.row) - 1)]
-    point = arrays["point"][arrays["rank"][np.where(first >= 0, first, -1 - first)], :3]
-    return np.argsort(point[:, np.ptp(point, axis=0).argmax()], kind="stable")
+def deal(cost: Floats, count: int) -> list[Ints]:
+    """Groups in at most so many chunks, the costliest group first, each to the chunk with the least so far.
 
-
-def chunks(expected: Floats, count: int, order: Ints | None) -> tuple[Ints, list[Ints]]:
-    """Groups in at most so many chunks of about equal cost: the chunk of each group, and the groups of each, costliest chunk first.
-
-    Args: expected: (K,) cost; order: (K,) in which neighbours in a chunk are cheaper than others, because they share their halo; none:
-    all are alike, and they are dealt one by one.
+    No chunk costs more than its share and one group. Chunks without a group are left out; groups are ascending in a chunk.
+    Args: cost: (K,), not negative. Returns: the groups of each chunk, the costliest chunk first.
+    Source: R. L. Graham, Bounds on multiprocessing timing anomalies, 1969 (LPT).
     """
-
-    count = min(count, len(expected))
-    if order is None:
-        part = kernels.tables.dealing.deal(expected, count)
-    else:
-        part, middle = np.empty(len(expected), np.int64), np.cumsum(expected[order]) - 0.5 * expected[order]
-        part[order] = np.minimum(middle * (count / expected.sum()), count - 1).astype(np.int64)
-    load = np.bincount(part, expected, count)
-    rank = np.empty(count, np.int64)
-    rank[np.argsort(-load, kind="stable")] = np.arange(count)
-    part = rank[part]
-    group, start = kernels.tables.sorting.by_key(part, int(np.count_nonzero(load)))
-    return part, [group[a:b] for a, b in pairwise(start.tolist())]
+    heap: list[tuple[float, int]] = [(0.0, k) for k in range(count)]
+    chunks: list[list[int]] = [[] for _ in range(count)]
+    load = np.zeros(count)
+    for group in np.argsort(-cost, kind="stable").tolist():
+        least, k = heapq.heappop(heap)
+        chunks[k].append(group)
+        load[k] = least + cost[group]
+        heapq.heappush(heap, (float(load[k]), k))
+    return [np.array(sorted(chunks[k]), np.int64) for k in np.argsort(-load, kind="stable") if chunks[k]]

@@ -1,164 +1,186 @@
-"""Per-spot work in a pool of processes: arrays in shared memory, spots in chunks of equal cost."""
+"""Per-spot work in a pool of processes: arrays in shared memory, spots in chunks of about equal cost."""
 
 from __future__ import annotations
 
-import pickle
+import os
+import shutil
+import signal
+import time
 from collections import defaultdict
-from dataclasses import dataclass
-from multiprocessing import connection, get_context, resource_tracker
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
 from multiprocessing.shared_memory import SharedMemory
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from coastwatch.batches import Array, Ints
-from coastwatch.stage import Groups, Shared, Work, in_turn
-from coastwatch.workers.blocks import ALIGNMENT, Blocks, Ground, give_back, new_block, taken
-from coastwatch.workers.costs import Costs, along, chunks
-from coastwatch.workers.serving import ROW, START, Call, Chunk, Done, serve
+from coastwatch.batches import Array
+from coastwatch.stage import Arrays, Groups, Work, serial
+from coastwatch.workers.costs import Costs, deal
+from coastwatch.workers.malloc import keep_freed_memory
 
 CHUNKS_A_WORKER = 2
-PRELOADED = ["coastwatch.associations", "coastwatch.kernels.association.pair_score"]
+MARGIN = 1.25  # of a new block, so that it also holds what comes when there are a few tracks more
+ALIGNMENT = 64
+LEAST_BYTES = 1 << 20  # copied by a thread
 
 
-@dataclass
-class _Hand:
-    """One process of the pool."""
+class Location(NamedTuple):
+    """Where an array lies in a block."""
 
-    process: Any
-    pipe: connection.Connection
-    rooms: list[SharedMemory]  # for its results, one after the other: that of a chunk is read while it is at the next
-    chunk: int = -1  # in hand
-    called: bool = False  # has what the chunks of this call have in common
-    answered: bool = False
+    offset: int
+    dtype: Any
+    shape: tuple[int, ...]
+
+    def view(self, block: SharedMemory) -> Array:
+        made: Array = np.ndarray(self.shape, self.dtype, block.buf, self.offset)
+        return made
+
+
+class Published(NamedTuple):
+    """Arrays of one call of the work of one kind."""
+
+    kind: str
+    block: str  # name of the shared memory
+    locations: dict[str, Any]  # of an array, or of each of a tuple of arrays
+
+
+class SharedMemoryPool:
+    """One block of shared memory for each kind of work, written anew at every call and made larger when it must be."""
+
+    def __init__(self) -> None:
+        self._blocks: dict[str, SharedMemory] = {}
+
+    def publish(self, kind: str, arrays: Arrays) -> Published:
+        """Copies arrays, and tuples of arrays, to where other processes can read them. Those of the last call of this kind are gone.
+
+        Raises: OSError: the system has not enough shared memory.
+        """
+        locations: dict[str, Any] = {}
+        to_copy: list[tuple[Location, Array]] = []
+        size = 0
+        for name, given in arrays.items():
+            placed = []
+            for array in given if isinstance(given, tuple) else (given,):
+                placed.append(Location(size, array.dtype, array.shape))
+                to_copy.append((placed[-1], array))
+                size += -(-array.nbytes // ALIGNMENT) * ALIGNMENT
+            locations[name] = tuple(placed) if isinstance(given, tuple) else placed[0]
+        block = self._block(kind, size)
+        for location, array in to_copy:
+            out = location.view(block)
+            out[...] = array
+        return Published(kind, block.name, locations)
 
     def close(self) -> None:
-        self.process.kill()
-        self.process.join()
-        self.pipe.close()
-        for room in self.rooms:
-            give_back(room)
+        """Gives all memory back."""
+        for block in self._blocks.values():
+            block.close()
+            block.unlink()
+        self._blocks.clear()
+
+    def _block(self, kind: str, size: int) -> SharedMemory:
+        old = self._blocks.get(kind)
+        if old and old.size >= size:
+            return old
+        if old:
+            old.close()
+            old.unlink()
+        wanted = int(MARGIN * size) + ALIGNMENT
+        free = shutil.disk_usage("/dev/shm").free if os.path.isdir("/dev/shm") else wanted
+        if free < wanted:
+            raise OSError(f"shared memory: got {free} bytes in /dev/shm, needed {wanted}; or choose workers.method = threads")
+        self._blocks[kind] = SharedMemory(create=True, size=wanted)
+        return self._blocks[kind]
 
 
 class Processes:
-    """A Spread over processes that are started once and kept; use it in a `with` block.
+    """A Map over a pool of processes; use it in a `with` block.
 
-    What the work reads lies in shared memory, where an array that is the object of the last cycle is left; a task names the blocks and
-    the numbers of its spots, and results come back through shared memory. Spots are dealt by what they cost in earlier cycles, costliest
-    first, and a process that is through with its chunk takes the next. One that is lost costs the time of its chunk and is replaced;
-    where none is left the work is done here.
+    Arrays are copied to shared memory once a call, results come back through the executor. Spots are dealt by what they cost in earlier
+    cycles. When a process is lost, chunks without a result are done here, and the next call begins with a new pool.
     """
 
     def __init__(self, count: int) -> None:
         if count < 2:
-            raise ValueError(f"workers: got {count}, needed at least 2; `in_turn` is for one")
+            raise ValueError(f"workers.count: got {count}, needed at least 2 processes")
         self.count = count
-        self._context = get_context("forkserver")  # a clean one: a fork after OpenMP has run here is unsafe
-        self._context.set_forkserver_preload(PRELOADED)
-        self._hands: list[_Hand] = []
-        self._ground = Ground()
-        self._blocks: dict[str, Blocks] = defaultdict(lambda: Blocks(self._ground))
+        self._memory = SharedMemoryPool()
         self._costs: dict[str, Costs] = defaultdict(Costs)
+        self._pool = self._new_pool()
 
     def __enter__(self) -> Processes:
-        resource_tracker.ensure_running()
-        self._hands = [self._started() for _ in range(self.count)]
         return self
 
     def __exit__(self, *_: object) -> None:
-        for hand in self._hands:
-            hand.close()
-        for blocks in self._blocks.values():
-            blocks.close()
-        self._ground.close()
+        self._pool.shutdown(cancel_futures=True)
+        self._memory.close()
 
-    def room(self, shape: int | tuple[int, ...], dtype: Any = np.float64) -> Array:
-        """An array, as of np.empty, that processes can read where it lies."""
-        return self._ground.room(shape, dtype)
-
-    def __call__(self, work: Work, settings: Any, arrays: Shared, spots: Groups) -> list[tuple[Array, ...]]:
+    def __call__(self, work: Work, settings: Any, arrays: Arrays, spots: Groups) -> list[tuple[Array, ...]]:
         """What work(settings, arrays, chunk) gives for chunks that hold every spot once."""
         if len(spots) < 2:
-            return in_turn(work, settings, arrays, spots)
+            return serial(work, settings, arrays, spots)
         kind = f"{work.__module__}.{work.__qualname__}"
-        places = self._blocks[kind].publish({**arrays, ROW: spots.row, START: spots.start})
-        expected = self._costs[kind].expected(spots)
-        part, chunk = chunks(expected, self.count * CHUNKS_A_WORKER, along(arrays, spots))
-        done = self._over_hands(Call(pickle.dumps((work, settings)), places, self._names()), chunk)
-        found = [d.found if d else work(settings, arrays, spots.take(c)) for d, c in zip(done, chunk, strict=True)]
-        for result in found:
-            if isinstance(result, BaseException):
-                raise result
+        costs = self._costs[kind]
+        expected = costs.expected(spots)
+        dealt = deal(expected, min(self.count * CHUNKS_A_WORKER, len(spots)))
+        chunks = [spots.take(chunk) for chunk in dealt]
+        published = self._memory.publish(kind, arrays)
+        done = self._over_pool(work, settings, published, chunks)
         if all(done):
-            self._costs[kind].learn(expected, part, np.array([d.seconds for d in done if d]))
-        return found  # type: ignore[return-value]
+            costs.learn(expected, dealt, np.array([each[0] for each in done if each]))
+        return [each[1] if each else work(settings, arrays, chunk) for each, chunk in zip(done, chunks, strict=True)]
 
-    def _names(self) -> tuple[str, ...]:
-        return self._ground.names + tuple(room.name for hand in self._hands for room in hand.rooms)
-
-    def _over_hands(self, call: Call, chunks: list[Ints]) -> list[Done | None]:
-        """What came of each chunk; none of one whose process was lost."""
-        done: list[Done | None] = [None] * len(chunks)
-        told, waiting = pickle.dumps(call), iter(range(len(chunks)))
-        for hand in self._hands:
-            hand.called = False
-            _give(hand, told, chunks, next(waiting, -1))
-        while busy := {hand.pipe: hand for hand in self._hands if hand.chunk >= 0}:
-            for pipe in connection.wait(list(busy)):
-                hand = busy[pipe]  # type: ignore[index]
-                chunk, answer = hand.chunk, _answer(hand)
-                free = hand if answer else self._replaced(hand)
-                if free:
-                    _give(free, told, chunks, next(waiting, -1))
-                done[chunk] = answer and _taken(answer, hand)
-        return done
-
-    def _replaced(self, lost: _Hand) -> _Hand | None:
-        """Another process for one that was lost; none for one that never answered, as the next would not either."""
-        lost.close()
-        self._hands.remove(lost)
-        if not lost.answered:
-            return None
-        self._hands.append(self._started())
-        return self._hands[-1]
-
-    def _started(self) -> _Hand:
-        here, there = self._context.Pipe()
-        process = self._context.Process(target=serve, args=(there,), daemon=True)
-        process.start()
-        there.close()
-        return _Hand(process, here, [new_block(0), new_block(0)])
-
-
-def _give(hand: _Hand, told: bytes, chunks: list[Ints], chunk: int) -> None:
-    """Lets a process do a chunk, -1: none, with its results in its first room. Args: told: the call, pickled."""
-    hand.chunk = chunk
-    if chunk >= 0:
+    def _over_pool(
+        self, work: Work, settings: Any, published: Published, chunks: list[Groups]
+    ) -> list[tuple[float, tuple[Array, ...]] | None]:
+        """Seconds and result of each chunk; None where the pool was lost. Raises: what the work raised."""
+        done: list[tuple[float, tuple[Array, ...]] | None] = []
         try:
-            if not hand.called:
-                hand.pipe.send_bytes(told)
-            hand.called = True
-            hand.pipe.send(Chunk(chunks[chunk], hand.rooms[0].name))
-        except BrokenPipeError:
-            return  # as is seen when its answer is read
+            futures: list[Future[Any]] = [self._pool.submit(_carry_out, work, settings, published, chunk) for chunk in chunks]
+        except BrokenProcessPool:
+            futures = []
+        for future in futures:
+            try:
+                done.append(future.result())
+            except BrokenProcessPool:
+                done.append(None)
+        if None in done or not futures:
+            self._pool.shutdown(cancel_futures=True)
+            self._pool = self._new_pool()
+        return done or [None] * len(chunks)
+
+    def _new_pool(self) -> ProcessPoolExecutor:
+        return ProcessPoolExecutor(self.count, get_context("spawn"), _start_worker)
 
 
-def _answer(hand: _Hand) -> Done | None:
-    """The answer of a process, none where it is lost. Its results stay where they are, in what is then its last room."""
-    try:
-        done: Done = hand.pipe.recv()
-    except (EOFError, OSError):
-        return None
-    hand.answered = True
-    hand.rooms.reverse()
-    return done
+_attached: dict[str, SharedMemory] = {}  # in a process of the pool: the block of each kind of work
 
 
-def _taken(done: Done, hand: _Hand) -> Done:
-    """An answer with what it found; where the room was too small for that, a larger one is made."""
-    if isinstance(done.found, list):
-        return done._replace(found=taken(done.found, hand.rooms[-1]))
-    if isinstance(done.found, tuple):
-        give_back(hand.rooms[-1])
-        hand.rooms[-1] = new_block(sum(array.nbytes + ALIGNMENT for array in done.found))
-    return done
+def _start_worker() -> None:
+    """Ctrl-C is for the parent, which ends its processes after a whole cycle."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    keep_freed_memory()
+
+
+def _carry_out(work: Work, settings: Any, published: Published, chunk: Groups) -> tuple[float, tuple[Array, ...]]:
+    """Processor seconds, and what the work gives for a chunk."""
+    begun = time.process_time()
+    block = _attached.get(published.kind)
+    if block is None or block.name != published.block:
+        if block:
+            block.close()
+        block = _attached[published.kind] = SharedMemory(published.block)
+    arrays: dict[str, Any] = {}
+    for name, location in published.locations.items():
+        several = location if not isinstance(location, Location) else (location,)
+        views = tuple(_read_only(each.view(block)) for each in several)
+        arrays[name] = views[0] if isinstance(location, Location) else views
+    found = work(settings, arrays, chunk)
+    return time.process_time() - begun, found
+
+
+def _read_only(array: Array) -> Array:
+    array.flags.writeable = False
+    return array

@@ -1,4 +1,4 @@
-"""How many processors there are."""
+"""How many processors this process may use."""
 
 import os
 

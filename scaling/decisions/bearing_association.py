@@ -23,7 +23,7 @@ from coastwatch.associations.bearing_likelihood import BearingLikelihood
 from coastwatch.associations.bearing_literal import BearingWindowedCovariance
 from coastwatch.batches import AisStatics
 from coastwatch.spots.octants import OctantSpots
-from coastwatch.stage import in_turn
+from coastwatch.stage import serial
 from coastwatch.tracks.bearing import BearingWindow
 
 HISTORIES = (30, 60, 120, 180, 300)
@@ -55,7 +55,7 @@ def run(
         tm, tracks = tracker.step(tm, bw.hear(world, sensors, t, seed, bias_deg, misses, phase_s), bw.START_S + t, sensors)
         picture = world.picture(t)
         sm, octants = spots.step(sm, tracks, picture, sensors)
-        am, found = associate.step(am, tracks, picture, octants, bw.START_S + t, sensors, in_turn, AisStatics.empty())
+        am, found = associate.step(am, tracks, picture, octants, bw.START_S + t, sensors, serial, AisStatics.empty())
         c = bw.count(found.bearing_row, found.vessel_row, tracks.origin, picture.origin)
         for h, history in enumerate(histories):
             if history <= t < history + DECISIONS_S:

@@ -22,7 +22,7 @@ from coastwatch.associations.bearing_literal import BearingWindowedCovariance
 from coastwatch.batches import AisStatics, Picture
 from coastwatch.geodesy import offset_deg
 from coastwatch.spots.octants import OctantSpots
-from coastwatch.stage import in_turn
+from coastwatch.stage import serial
 from coastwatch.tracks.bearing import BearingWindow
 
 SONARS, HEARD, RANGE_M, APART_M = 100, 100, 10_000.0, 20_000.0
@@ -71,7 +71,7 @@ def main() -> None:
         sm, octants = spots.step(sm, tracks, picture, sensors)
         marks.append(time.perf_counter())
         for k, method in enumerate(methods):
-            am[k], found = method.step(am[k], tracks, picture, octants, bw.START_S + now, sensors, in_turn, AisStatics.empty())
+            am[k], found = method.step(am[k], tracks, picture, octants, bw.START_S + now, sensors, serial, AisStatics.empty())
             marks.append(time.perf_counter())
             if k == 0:
                 score = bw.f1(bw.count(found.bearing_row, found.vessel_row, tracks.origin, picture.origin))

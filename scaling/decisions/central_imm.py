@@ -28,7 +28,7 @@ from coastwatch.scenario import load_scenario
 from coastwatch.scores.bound import bound
 from coastwatch.scores.rmse import fusion_errors, rows_of
 from coastwatch.scores.tally import rows_of_vessels
-from coastwatch.stage import in_turn
+from coastwatch.stage import serial
 
 LATENCIES: dict[str, dict[str, str]] = {
     "AIS every 3 s, 2 s late and 2 s more in the mean": {},
@@ -67,7 +67,7 @@ def heard_in(overrides: dict[str, str], seed: int) -> tuple[Heard, Recording, In
     for cycle in range(plan.cycles):
         now = plan.instant_s(cycle)
         reports = recording.reports.between(before, now)
-        memory, _ = pipeline.step(spied, sensors, memory, reports, now, in_turn, lambda name: nullcontext())
+        memory, _ = pipeline.step(spied, sensors, memory, reports, now, serial, lambda name: nullcontext())
         before = now
     return heard, recording, sensors.source_kinds, scenario.warmup_cycles
 

@@ -19,7 +19,7 @@ from coastwatch.scenario import load_scenario
 from coastwatch.scores.confusion import Confusion, association, count_decisions
 from coastwatch.sensors.simulated.radar import interpolated
 from coastwatch.server.timing import Stopwatch
-from coastwatch.stage import in_turn
+from coastwatch.stage import serial
 
 AT_S = (9.0, 30.0, 60.0, 120.0, 180.0)  # after the start of the run
 NEAR_M = 400.0  # farther off no ship is taken for another
@@ -68,7 +68,7 @@ def main() -> None:
         for cycle in range(plan.cycles):
             now_s = plan.instant_s(cycle)
             part = reports.between(before_s, now_s)
-            memory, made_now = pipeline.step(scenario, sensors, memory, part, now_s, in_turn, Stopwatch())
+            memory, made_now = pipeline.step(scenario, sensors, memory, part, now_s, serial, Stopwatch())
             before_s = now_s
             since_s = now_s - plan.start_s
             if since_s not in best:

@@ -21,7 +21,7 @@ from coastwatch.server.timing import Stopwatch
 from coastwatch.stage import Plan
 from coastwatch.store import history_rule
 from coastwatch.store.history_rule import Bound
-from coastwatch.workers import spread_over
+from coastwatch.workers import open_workers
 from scaling.load import national
 from scaling.load.run import RunDatabase
 
@@ -82,11 +82,11 @@ def of_load(tracks: int, cycles: int, settings: dict[str, str]) -> None:
     sensors, asked, hours, watch = scenario.sensors(), bounds(), 0.0, Stopwatch()
     plan = Plan(start_s=world.time_s(-1), period_s=world.period_s, cycles=WARM + cycles)
     state, memory = national.initial_state(world), pipeline.start_centre(scenario)
-    with tempfile.TemporaryDirectory() as folder, spread_over("threads", 1) as spread:
+    with tempfile.TemporaryDirectory() as folder, open_workers("threads", 1) as workers:
         with RunDatabase(f"sqlite:///{folder}/x.db", scenario, sensors, plan, 1) as keeper:
             for number in range(WARM + cycles):
                 state, received = national.next_cycle(world, state, sensors)
-                memory, cycle = pipeline.fuse(scenario, sensors, memory, received, world.time_s(number), spread, watch)
+                memory, cycle = pipeline.fuse(scenario, sensors, memory, received, world.time_s(number), workers.spots, watch)
                 keeper.write(number, cycle, received.statics, watch.lap())
                 for one in asked:
                     one(cycle)

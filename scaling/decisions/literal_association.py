@@ -19,7 +19,7 @@ from coastwatch.batches import RadarCorrections
 from coastwatch.geodesy import NAUTICAL_MILE_M, scale_m_deg
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.confusion import Confusion, association
-from coastwatch.stage import in_turn
+from coastwatch.stage import serial
 
 WINDOWS = (3, 5, 8, 10, 15, 20, 30, 40)
 CONFIDENCES = (0.95, 0.99, 0.999, 0.9999)
@@ -83,7 +83,7 @@ def decided(method, runs):
         for number, (tracks, spots) in enumerate(cycles):
             if number < warm - getattr(method, "window", 0):
                 continue
-            memory, found = method.step(memory, tracks, spots, in_turn)
+            memory, found = method.step(memory, tracks, spots, serial)
             if number >= warm:
                 total += association(tracks, found, kinds)
     return total

@@ -17,7 +17,7 @@ import numpy as np
 from coastwatch.associations.bearing_literal import BearingWindowedCovariance
 from coastwatch.batches import AisStatics
 from coastwatch.spots.octants import OctantSpots
-from coastwatch.stage import in_turn
+from coastwatch.stage import serial
 from coastwatch.tracks.bearing import BearingWindow
 
 PUBLISHED_OCTANTS = OctantSpots(overlap_deg=0, position_sigmas=0, range_margin=1)
@@ -36,7 +36,7 @@ def counted(method, sensors, seed, spots):
         tracks_memory, tracks = tracker.step(tracks_memory, reports, ba.bw.START_S + t, sensors)
         picture = world.picture(t)
         _, octants = spots.step((), tracks, picture, sensors)
-        memory, found = method.step(memory, tracks, picture, octants, ba.bw.START_S + t, sensors, in_turn, AisStatics.empty())
+        memory, found = method.step(memory, tracks, picture, octants, ba.bw.START_S + t, sensors, serial, AisStatics.empty())
         if t >= HISTORY_S:
             partner = np.full(len(tracks), -1)
             partner[found.bearing_row] = picture.origin[found.vessel_row]

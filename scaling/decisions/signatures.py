@@ -23,7 +23,7 @@ from coastwatch.batches import CLASS_OF_TYPE, AisStatics
 from coastwatch.sensors.simulated.sonar import SonarTruth, reported_class
 from coastwatch.sensors.simulated.static_data import TYPES
 from coastwatch.spots.octants import OctantSpots
-from coastwatch.stage import in_turn
+from coastwatch.stage import serial
 from coastwatch.tracks.bearing import BearingWindow
 
 VESSELS = 500
@@ -75,7 +75,7 @@ def run(truth: SonarTruth, associate: BearingLikelihood, seed: int):
         picture = world.picture(t)
         picture = replace(picture, mmsi=np.where(np.isin(picture.origin, has_ais), picture.origin, -1))
         _, octants = spots.step((), tracks, picture, sensors)
-        am, found = associate.step(am, tracks, picture, octants, bw.START_S + t, sensors, in_turn, statics)
+        am, found = associate.step(am, tracks, picture, octants, bw.START_S + t, sensors, serial, statics)
         c = bw.count(found.bearing_row, found.vessel_row, tracks.origin, picture.origin)
         for h, history in enumerate(HISTORIES):
             if history <= t < history + DECISIONS_S:

@@ -33,7 +33,7 @@ from coastwatch.server.run import version
 from coastwatch.server.timing import Stopwatch
 from coastwatch.server.writer import STAGE, WAIT, Writer
 from coastwatch.stage import Plan
-from coastwatch.workers import spread_over
+from coastwatch.workers import open_workers
 from scaling.load import national
 from scaling.load.national import World
 from scaling.load.national.traffic import Traffic
@@ -149,7 +149,7 @@ def run_cycles(load: Load) -> Iterator[CycleResult]:
     sensors, count = scenario.sensors(), load.warmup + load.cycles
     state, memory, watch = national.initial_state(world), pipeline.start_centre(scenario), Stopwatch()
     with ExitStack() as stack:
-        spread = stack.enter_context(spread_over(scenario.workers.method, load.workers))
+        workers = stack.enter_context(open_workers(scenario.workers.method, load.workers))
         database = stack.enter_context(_open_database(load, world, scenario, sensors))
         in_thread = scenario.store.overlap and (database is None or database.shared)
         writer = stack.enter_context(Writer[tuple[store.Written, float]](watch, in_thread))
@@ -162,7 +162,7 @@ def run_cycles(load: Load) -> Iterator[CycleResult]:
             generator_s, cpu_s, begun = time.perf_counter() - begun, processor_s(), time.perf_counter()
             if job is not None:
                 writer.start(job)
-            memory, cycle = pipeline.fuse(scenario, sensors, memory, given.pop(), world.time_s(number), spread, watch)
+            memory, cycle = pipeline.fuse(scenario, sensors, memory, given.pop(), world.time_s(number), workers.spots, watch)
             cpu_s = processor_s() - cpu_s
             written, store_cpu_s = writer.wait() or (store.Written(0, None), 0.0)
             cycle_s = time.perf_counter() - begun

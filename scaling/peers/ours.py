@@ -9,7 +9,7 @@ from coastwatch.batches import Associations, Measurements, SourceKind, Tracks
 from coastwatch.fused_tracks import Convex, ImmOfTracks
 from coastwatch.geodesy import to_plane
 from coastwatch.spots import KMeansSpots
-from coastwatch.workers import spread_over
+from coastwatch.workers import open_workers
 from scaling.peers.exchange import AIS, RADAR, Floats, Stopwatch, Task, TaskResult, TrackHistory, run_adapter
 from scaling.peers.input import ORIGIN_DEG
 
@@ -40,12 +40,12 @@ def association(history: TrackHistory, watch: Stopwatch) -> TaskResult:
     grouper, associator = KMeansSpots(), WindowedCovariance()
     spots_memory, memory = grouper.init(), associator.init()
     pairs = [np.zeros((0, 3), np.int64)]
-    with spread_over("threads", 1) as spread:
+    with open_workers("threads", 1) as workers:
         for cycle in range(len(history.time_s)):
             tracks, timed = tracks_at(history, cycle), cycle >= history.first
             with (watch if timed else Stopwatch()).lap():
                 spots_memory, spots = grouper.step(spots_memory, tracks)
-                memory, found = associator.step(memory, tracks, spots, spread)
+                memory, found = associator.step(memory, tracks, spots, workers.spots)
             if timed:
                 pairs.append(np.stack([np.full(len(found.first), cycle), found.first, found.second], axis=1))
     return watch.result(("coastwatch",), unit="track", units=len(history.track_id), pairs=np.concatenate(pairs))

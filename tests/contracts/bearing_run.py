@@ -10,7 +10,7 @@ import numpy as np
 
 from coastwatch.batches import AisStatics, BearingTracks, Picture, Sensors
 from coastwatch.spots.octants import OctantSpots
-from coastwatch.stage import Groups, in_turn
+from coastwatch.stage import Groups, serial
 from coastwatch.tracks.bearing import BearingWindow
 
 SEED = 40  # not one of those that settings were chosen on (1000 to 1009, 2000 to 2015)
@@ -47,7 +47,7 @@ class Run:
         self.tracks_memory, tracks = self.tracker.step(self.tracks_memory, reports, bw.START_S + t, self.sensors)
         return tracks, self.world.picture(t)
 
-    def associate(self, memory: Any, tracks: BearingTracks, picture: Picture, t: int, spread: Any = in_turn) -> Any:
+    def associate(self, memory: Any, tracks: BearingTracks, picture: Picture, t: int, spread: Any = serial) -> Any:
         _, octants = OctantSpots().step((), tracks, picture, self.sensors)
         return self.method.step(memory, tracks, picture, octants, bw.START_S + t, self.sensors, spread, self.statics)
 

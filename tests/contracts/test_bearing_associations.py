@@ -17,8 +17,8 @@ from coastwatch.batches import CLASSES, AisStatics, BearingTracks, Picture
 from coastwatch.sensors.simulated.sonar import SonarTruth, reported_class
 from coastwatch.server.checkpoint import load, save
 from coastwatch.spots.octants import OctantSpots
-from coastwatch.stage import Groups, in_turn
-from coastwatch.workers import spread_over
+from coastwatch.stage import Groups, serial
+from coastwatch.workers import open_workers
 
 METHODS = (BearingLikelihood(), BearingWindowedCovariance())
 
@@ -52,11 +52,11 @@ def test_pure_resumable_and_invariant(method: Any) -> None:
 def test_threads_and_processes_change_no_bit(method: Any, kind: str) -> None:
     run = Run(method, bw.sensors_of(np.array([[0.0, 0.0], [3000.0, 0.0]]), 7000.0, (0.0, 360.0)), 150, 30)
     memory, chosen = method.init(), 0
-    with spread_over(kind, 2) as spread:
+    with open_workers(kind, 2) as workers:
         for t in range(3, 31, 3):
             tracks, picture = run.inputs(t)
             run.memory, found = run.associate(run.memory, tracks, picture, t)
-            memory, again = run.associate(memory, tracks, picture, t, spread)
+            memory, again = run.associate(memory, tracks, picture, t, workers.spots)
             assert_same(again, found)
             assert_same(memory, run.memory)
             chosen += len(found.bearing_row)
@@ -73,7 +73,7 @@ def test_empty_and_single(method: Any) -> None:
         assert len(found.bearing_row) == 0
         assert len(run.associate(memory, tracks, picture, 6)[1].bearing_row) >= 0
     _, octants = OctantSpots().step((), tracks.take([]), picture, nowhere)
-    _, found = method.step(method.init(), tracks.take([]), picture, octants, bw.START_S, nowhere, in_turn, AisStatics.empty())
+    _, found = method.step(method.init(), tracks.take([]), picture, octants, bw.START_S, nowhere, serial, AisStatics.empty())
     assert len(found.sensor_bias_rad) == 0
     memory = method.init()
     for t in range(6, 31, 3):
@@ -217,7 +217,7 @@ def test_a_pair_alone_scores_as_in_company() -> None:
 
     def spy(work: Any, settings: Any, arrays: Any, spots: Any) -> Any:
         kept["arrays"], kept["spots"] = arrays, spots
-        return in_turn(work, settings, arrays, spots)
+        return serial(work, settings, arrays, spots)
 
     run = Run(BearingLikelihood(), bw.centre(), 60, 30)
     for t in range(3, 31, 3):

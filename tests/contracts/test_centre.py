@@ -10,7 +10,7 @@ from coastwatch.batches import AisAlarms, AisStatics, BearingTracks, Measurement
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.kernels.threads import blocks, in_blocks, threads
 from coastwatch.scenario import load_scenario
-from coastwatch.stage import in_turn
+from coastwatch.stage import serial
 from coastwatch.tracks import ConstantVelocity
 
 
@@ -93,7 +93,7 @@ def test_the_centre_makes_one_vessel_of_a_radar_and_an_ais_track() -> None:
             np.zeros(2, np.int64),
         )
         received = pipeline.Received(tracks, Measurements.empty(), AisAlarms.empty(), BearingTracks.empty(), AisStatics.empty())
-        memory, made = pipeline.fuse(scenario, sensors, memory, received, now, in_turn, lambda name: nullcontext())
+        memory, made = pipeline.fuse(scenario, sensors, memory, received, now, serial, lambda name: nullcontext())
     assert (made.tracks.time_s == now).all()
     assert len(made.picture) == 1
     assert made.picture.mmsi.tolist() == [244123456]

@@ -1,5 +1,6 @@
 """The failure modes of eq. 7 as it stands, beside what the default makes of the same water; and the scores of all candidate pairs."""
 
+import copy
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from coastwatch.associations import Candidates, WindowedCovariance, WindowedCova
 from coastwatch.geodesy import difference_m
 from coastwatch.server.checkpoint import save
 from coastwatch.spots import KMeansSpots
-from coastwatch.stage import in_turn
+from coastwatch.stage import serial
 
 NEAREST = WindowedCovarianceLiteral()
 WIDE = WindowedCovarianceLiteral(confidence=0.9999, one_to_one=True)
@@ -129,7 +130,7 @@ def test_candidates_are_all_pairs_and_the_step_is_the_same(method):
     for cycle in range(14):
         tracks = water.tracks(cycle)
         spot_memory, s = spots.step(spot_memory, tracks)
-        plain_memory, plain = method.step(memory, tracks, s, in_turn)
+        plain_memory, plain = method.step(copy.deepcopy(memory), tracks, s, serial)
         memory, found, candidates = step_with_candidates(method, memory, tracks, s)
         assert save(memory) == save(plain_memory)
         for name in ("first", "second", "statistic", "vessel"):

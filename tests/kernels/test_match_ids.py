@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coastwatch.kernels.tables.grouping import grouped, preferred
+from coastwatch.kernels.tables.counting_sort import counting_sort, preferred
 from coastwatch.kernels.tables.match_ids import LOOK_AHEAD, index_of, match_ids
 
 IDS = st.lists(st.integers(-(2**62), 2**62), max_size=40, unique=True)
@@ -49,7 +49,7 @@ def test_an_id_may_be_wanted_more_than_once(ids, wanted):
 @given(st.lists(st.integers(0, 9), max_size=60), st.integers(0, 10**6))
 def test_rows_in_groups(group, seed):
     group = np.array(group, np.int64)
-    start, row = grouped(group, 10)
+    start, row = counting_sort(group, 10)
     assert start.tolist() == np.searchsorted(np.sort(group), np.arange(11)).tolist()
     assert row.tolist() == np.argsort(group, kind="stable").tolist()
     preference = np.random.default_rng(seed).integers(0, 4, len(group))

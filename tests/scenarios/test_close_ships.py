@@ -12,7 +12,7 @@ from coastwatch.batches import Associations, Ints, RadarCorrections, Tracks
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.confusion import Confusion, association
 from coastwatch.spots import KMeansSpots
-from coastwatch.stage import in_turn
+from coastwatch.stage import serial
 
 SEED = 2003  # no setting was chosen on it
 HEARD_S = 9.0  # after the start of a run
@@ -47,7 +47,7 @@ def associated(tracks: tuple[Tracks, ...], spots: KMeansSpots) -> list[Associati
     memory, grouped, out = method.init(), spots.init(), []
     for now in tracks:
         grouped, found = spots.step(grouped, now)
-        memory, pairs = method.step(memory, now, found, in_turn)
+        memory, pairs = method.step(memory, now, found, serial)
         out.append(pairs)
     return out
 

@@ -17,7 +17,7 @@ from coastwatch.batches import Ints, SourceKind
 from coastwatch.geodesy import difference_m
 from coastwatch.pipeline import Cycle
 from coastwatch.scores.confusion import Confusion
-from coastwatch.stage import in_turn
+from coastwatch.stage import serial
 from scaling.load import baseline, national, ramp, soak
 from scaling.load import cycle as cycle_command
 from scaling.load.processes import memory_bytes, process_tree, processor_s
@@ -37,7 +37,7 @@ def last_cycle() -> tuple[national.World, Cycle, Ints]:
     for number in range(CYCLES):
         state, received = national.next_cycle(world, state, sensors)
         now = world.time_s(number)
-        memory, cycle = pipeline.fuse(scenario, sensors, memory, received, now, in_turn, lambda stage: nullcontext())
+        memory, cycle = pipeline.fuse(scenario, sensors, memory, received, now, serial, lambda stage: nullcontext())
     rng = np.random.default_rng([5, 1])
     vessel = cycle.associations.vessel.copy()
     some = rng.permutation(len(vessel))[: 2 * WRONG]

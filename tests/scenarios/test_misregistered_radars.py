@@ -15,7 +15,7 @@ from coastwatch.pipeline import Cycle, start, step
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.confusion import Confusion, association
 from coastwatch.server.run import run_scenario
-from coastwatch.stage import in_turn
+from coastwatch.stage import serial
 
 SEED = 7
 SMALL = {"input.count": "160", "warmup_s": "0.0", "cycles": "60"}
@@ -69,7 +69,7 @@ def test_tracks_begun_in_the_wrong_place_end_where_a_bias_is_acquired_late() -> 
         now = plan.instant_s(number)
         memory = memory if number != 30 else replace(memory, registration=scenario.registration.init())
         chosen = off if number < 30 else scenario
-        memory, cycle = step(chosen, sensors, memory, reports.between(before, now), now, in_turn, lambda _: nullcontext())
+        memory, cycle = step(chosen, sensors, memory, reports.between(before, now), now, serial, lambda _: nullcontext())
         before = now
         vessels = cycle.picture.origin[cycle.picture.origin >= 0]
         doubled.append(int((np.unique(vessels, return_counts=True)[1] > 1).sum()))

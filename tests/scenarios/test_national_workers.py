@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from dataclasses import fields
 from functools import cache
@@ -15,7 +14,7 @@ from coastwatch.batches import Batch, Sensors
 from coastwatch.kernels import threads
 from coastwatch.pipeline import Cycle, Received
 from coastwatch.server.timing import Stopwatch
-from coastwatch.workers import spread_over
+from coastwatch.workers import open_workers
 from scaling.load import national
 
 TRACKS, CYCLES, SEED = 3000, 10, 3
@@ -54,9 +53,11 @@ def cycles(method: str, count: int, spots: int) -> Iterator[Cycle]:
     world, sensors, received = load()
     scenario = national.scenario_of(world, {"spots.count": str(spots)})
     memory, watch = pipeline.start_centre(scenario), Stopwatch()
-    with spread_over(method, count) as spread:
+    with open_workers(method, count) as workers:
         for number in range(CYCLES):
-            memory, cycle = pipeline.fuse(scenario, sensors, memory, received[number], world.time_s(number), spread, watch)
+            memory, cycle = pipeline.fuse(
+                scenario, sensors, memory, received[number], world.time_s(number), workers.spots, watch
+            )
             yield cycle
 
 
@@ -97,11 +98,3 @@ def same(method: str, count: int, spots: int) -> None:
 @pytest.mark.parametrize(("method", "count", "spots"), SPREAD)
 def test_the_picture_is_the_same_to_the_bit(method: str, count: int, spots: int) -> None:
     same(method, count, spots)
-
-
-@pytest.mark.slow
-def test_the_picture_is_the_same_to_the_bit_over_actors() -> None:
-    pytest.importorskip("ray", reason="Ray is not installed")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        same("ray", 2, 60)

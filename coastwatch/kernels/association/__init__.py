@@ -7,10 +7,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submodules=[
         "assignment",
         "candidate_pairs",
-        "chi_square_statistic",
         "connected_components",
         "history",
-        "pair_differences",
         "pair_features",
         "pair_score",
         "prune_pairs",

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from coastwatch.kernels.association.connected_components import root
+from coastwatch.kernels.association.connected_components import components
 from coastwatch.kernels.jit import jit
-from coastwatch.kernels.tables.groups import by_both
+from coastwatch.kernels.tables.counting_sort import counting_sort
 from coastwatch.kernels.threads import in_blocks
 
 Floats = NDArray[np.float64]
@@ -58,38 +58,14 @@ def _solve(cost, match):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _components(row, column, rows, columns):  # type: ignore[no-untyped-def]
-    """Pairs by connected component, in it as they come; components by their first pair. Returns: (A,) order; (C + 1,) starts.
+def _solve_components(low, high, component, row, column, gain, place, selected):  # type: ignore[no-untyped-def]
+    """Select pairs of components low to high.
 
-    Args: row: (A,) 0 to rows - 1; column: (A,) 0 to columns - 1.
+    Args: component: (start, pairs) of each; row, column, gain: (A,) of the pairs; place: of rows and of columns in their component,
+    scratch, all -1; selected: (A,) written.
     """
-    parent = np.arange(rows + columns).astype(np.int32)
-    for a in range(len(row)):
-        i, j = root(parent, row[a]), root(parent, rows + column[a])
-        parent[max(i, j)] = min(i, j)
-    number, label = np.full(rows, -1, np.int32), np.empty(len(row), np.int32)
-    count = 0
-    for a in range(len(row)):
-        i = root(parent, row[a])  # the lowest of the component, hence a row
-        if number[i] < 0:
-            number[i] = count
-            count += 1
-        label[a] = number[i]
-    start = np.zeros(count + 1, np.int64)
-    for a in range(len(label)):
-        start[label[a] + 1] += 1
-    for k in range(count):
-        start[k + 1] += start[k]
-    order, place = np.empty(len(label), np.int64), start[:-1].copy()
-    for a in range(len(label)):
-        order[place[label[a]]] = a
-        place[label[a]] += 1
-    return order, start
-
-
-@jit
-def _solve_components(low, high, start, order, row, column, gain, row_place, column_place, selected):  # type: ignore[no-untyped-def]
-    """Select pairs of components low to high; places are scratch, all -1."""
+    start, order = component
+    row_place, column_place = place
     for k in range(low, high):
         pairs = order[start[k] : start[k + 1]]
         if len(pairs) == 1:
@@ -119,18 +95,6 @@ def _solve_components(low, high, start, order, row, column, gain, row_place, col
             selected[a] = match[j] == i
 
 
-def assign_numbered(row: Ints, column: Ints, gain: Floats, rows: int, columns: int) -> Bools:
-    """As `assign`, for pairs that are useful and sorted by row, then column, sides that are numbered from 0 on.
-
-    Args: row: (A,) 0 to rows - 1; column: (A,) 0 to columns - 1; gain: (A,) positive. Returns: (A,).
-    """
-    selected = np.zeros(len(row), np.bool_)
-    order, start = _components(row, column, rows, columns)
-    places = np.full(rows, -1, np.int64), np.full(columns, -1, np.int64)
-    in_blocks(_solve_components, len(start) - 1, start, order, row, column, gain, *places, selected, least=256)
-    return selected
-
-
 def assign(first: Ints, second: Ints, gain: Floats) -> Bools:
     """Which pairs to take so that their gains sum to the most, each `first` and each `second` in one pair at most.
 
@@ -147,7 +111,12 @@ def assign(first: Ints, second: Ints, gain: Floats) -> Bools:
         return selected
     firsts, row = np.unique(first[useful], return_inverse=True)
     seconds, column = np.unique(second[useful], return_inverse=True)
-    order = by_both(row, len(firsts), column, len(seconds))
-    sorted_pairs = row[order], column[order], gain[useful][order].astype(np.float64)
-    selected[useful[order]] = assign_numbered(*sorted_pairs, len(firsts), len(seconds))
+    order = np.lexsort((column, row))
+    row, column, gain = row[order], column[order], gain[useful[order]].astype(np.float64)
+    chosen = np.zeros(len(useful), np.bool_)
+    label = components(row, len(firsts) + column, len(firsts) + len(seconds))[row]
+    count = int(label.max(initial=-1)) + 1
+    place = np.full(len(firsts), -1), np.full(len(seconds), -1)
+    in_blocks(_solve_components, count, counting_sort(label, count), row, column, gain, place, chosen, least=256)
+    selected[useful[order]] = chosen
     return selected

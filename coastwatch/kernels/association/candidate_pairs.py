@@ -1,174 +1,146 @@
-"""Pairs of neighbouring tracks that may be one vessel: gate and screening in one pass, nothing written for the rest."""
+"""Pairs of tracks of different sources within a distance of each other, anywhere on Earth: a grid of latitude bands.
+
+Places are sorted by a key, band * TURN + longitude in 1 / TURN of a turn. All neighbours of a place then stand in three short runs: in
+its band, the one before and the one after; in three more where the antimeridian is near. `scipy.spatial.cKDTree` finds the same
+pairs in 100 ms of a cycle of 136 ms at 100,000 tracks, this in 10 (processor time, scaling/decisions/association_cycle.py).
+"""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from coastwatch.kernels.association.history import fetch
-from coastwatch.kernels.association.prune_pairs import screened
-from coastwatch.kernels.geometry.bands import LONGITUDE_BITS, TURN
-from coastwatch.kernels.geometry.ellipsoid import SEMI_MAJOR
+from coastwatch.kernels.geometry.ellipsoid import SEMI_MAJOR, ecef_of_rows
 from coastwatch.kernels.jit import jit
 
-AHEAD = 16  # tracks that are asked for while one is worked on
-ODD = np.uint64(0x9E3779B97F4A7C15)  # 2^64 over the golden ratio
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Records = NDArray[np.void]
+
+BANDS, TURN_BITS, ROW_BITS = 1 << 15, 20, 28
+TURN, ROWS = 1 << TURN_BITS, 1 << ROW_BITS
+MERIDIAN_M = 6335439.0  # the least radius of curvature of a meridian, at the equator
+
+PLACE = np.dtype(
+    [
+        ("key", np.int64),
+        ("x_m", np.float64),  # Earth-centred
+        ("y_m", np.float64),
+        ("z_m", np.float64),
+        ("row", np.int32),  # of the track
+        ("source", np.int32),
+        ("spot", np.int32),  # that the track is a member of
+    ]
+)
+
+PAIR = np.dtype([("first", np.int32), ("second", np.int32), ("density", np.float64)])
+"""Two tracks, the first of the lower source, and the density of other tracks around the first, a square metre."""
 
 
 @jit
-def _from(key, wanted):  # type: ignore[no-untyped-def]
-    """The first place whose key is not less."""
-    low, high = 0, len(key)
-    while low < high:
-        middle = (low + high) // 2
-        if key[middle] < wanted:
-            low = middle + 1
-        else:
-            high = middle
-    return low
+def band_height_deg(gate_m):  # type: ignore[no-untyped-def]
+    """Points not farther apart than the gate (a chord) are in one band of this height or in adjacent ones."""
+    arc = 2.0 * math.asin(min(0.5 * gate_m / MERIDIAN_M, 1.0))
+    return min(max(math.degrees(arc) * 1.001, 180.0 / BANDS), 180.0)
 
 
-@jit
-def _reach(band, height, gate):  # type: ignore[no-untyped-def]
-    """How far in longitude, in keys, a point within the gate of one in this band may lie; TURN: anywhere.
-
-    A chord is no shorter than 2 r sin(turn / 2), r the lesser distance from the axis.
-    """
-    edge = max(abs((band - 1) * height - 90.0), abs((band + 2) * height - 90.0))
-    half = gate / (2.0 * SEMI_MAJOR * math.cos(math.radians(edge))) if edge < 90.0 else 1.0
-    if half >= 1.0:
-        return TURN
-    keys = int(math.ceil(math.asin(half) / math.pi * TURN)) + 1  # noqa: RUF046
-    return keys if 2 * keys + 1 < TURN else TURN
-
-
-@jit
-def _near(low, high, i, point, reach2, found, count):  # type: ignore[no-untyped-def]
-    """Add the points low to high that are of a later source than i and within the gate to those found. Returns: how many there are."""
-    x, y, z, source = point[i, 0], point[i, 1], point[i, 2], point[i, 3]
-    for at in range(low, high):
-        dx, dy, dz = x - point[at, 0], y - point[at, 1], z - point[at, 2]
-        found[count] = at
-        count += (point[at, 3] > source) & (dx * dx + dy * dy + dz * dz <= reach2)  # neither can be foreseen: no branch
-    return count
-
-
-@jit
-def _runs(i, key, reach, run):  # type: ignore[no-untyped-def]
-    """Where those stand that may be within the gate of i: in its band and the two beside it, and there perhaps across the antimeridian.
-
-    Args: run: (9, 2) starts and ends, those of the first three rows not after what is looked for; changed.
-    Returns: how many of the rows count, 3 or 9; points in them.
-    """
-    band, here, count = key[i] >> LONGITUDE_BITS, key[i] & (TURN - 1), 0
-    rows = 3 if here >= reach and here + reach < TURN else 9
-    for k in range(3, rows):
-        run[k, 0] = run[k, 1] = 0
-    for k in range(3):
-        base = (band + k - 1) << LONGITUDE_BITS
-        low, high = (0, TURN - 1) if reach == TURN else (here - reach, here + reach)
-        while run[k, 0] < len(key) and key[run[k, 0]] < base + max(low, 0):
-            run[k, 0] += 1
-        run[k, 1] = max(run[k, 0], run[k, 1])
-        while run[k, 1] < len(key) and key[run[k, 1]] <= base + min(high, TURN - 1):
-            run[k, 1] += 1
-        if low < 0:
-            run[3 + k, 0], run[3 + k, 1] = _from(key, base + low + TURN), _from(key, base + TURN)
-        if high >= TURN:
-            run[6 + k, 0], run[6 + k, 1] = _from(key, base), _from(key, base + high - TURN + 1)
-    for k in range(rows):
-        count += run[k, 1] - run[k, 0]
-    return rows, count
-
-
-@jit
-def _hole(table, word):  # type: ignore[no-untyped-def]
-    """Where a word stands in a table, or would stand: the place of it or of a hole."""
-    place = np.int64((np.uint64(word) * ODD) >> np.uint64(32)) & (len(table) - 1)
-    while table[place] >= 0 and table[place] != word:
-        place = (place + 1) & (len(table) - 1)
-    return place
-
-
-@jit
-def _word(home, row):  # type: ignore[no-untyped-def]
-    return np.int64(home) << 32 | np.int64(row)
-
-
-@jit
-def fill_halo(home, row, table):  # type: ignore[no-untyped-def]
-    """Enter the spots and the rows in their halos. Args: home, row: (H,); table: (a power of 2, more than H,) of -1."""
-    for k in range(len(home)):
-        word = _word(home[k], row[k])
-        table[_hole(table, word)] = word
-
-
-@jit
-def _owned(i, home, track, row, halo, found, count):  # type: ignore[no-untyped-def]
-    """Leave those of the points found that are in the spot of i or in its halo. Returns: how many."""
-    left = 0
-    for k in range(count):
-        j = found[k]
-        if home[j] != home[i]:
-            word = _word(home[i], row[track[j]])
-            if halo[_hole(halo, word)] != word:
-                continue
-        found[left] = j
-        left += 1
-    return left
-
-
-@jit
-def _grown(array):  # type: ignore[no-untyped-def]
-    out = np.empty(2 * len(array), array.dtype)
-    for k in range(len(array)):
-        out[k] = array[k]
+def sorted_places(position_deg: Floats, source: Ints, spot: Ints, gate_m: float) -> Records:
+    """The places of tracks, sorted by key, of equal keys by row. Args: position_deg: (N, 2), N < ROWS; source, spot: (N,)."""
+    count = len(position_deg)
+    if count >= ROWS:
+        raise ValueError(f"position_deg: got {count} rows, needed fewer than {ROWS}")
+    band = np.clip((position_deg[:, 0] + 90.0) * (1.0 / band_height_deg(gate_m)), 0, BANDS - 1).astype(np.int64)
+    longitude = np.floor((position_deg[:, 1] + 180.0) * (TURN / 360.0)).astype(np.int64) & (TURN - 1)
+    word = np.sort(((band << TURN_BITS) | longitude) << ROW_BITS | np.arange(count))  # faster than an argsort, and as stable
+    out, row = np.empty(count, PLACE), word & (ROWS - 1)
+    out["key"], out["row"], out["source"], out["spot"] = word >> ROW_BITS, row, source[row], spot[row]
+    out["x_m"], out["y_m"], out["z_m"] = ecef_of_rows(position_deg, row).T
     return out
 
 
 @jit
-def candidates(low, high, key, point, home, track, row, halo, height, last, length, record, outline, rule, cut):  # type: ignore[no-untyped-def]
-    """Pairs of which the first is one of the points low to high and a member, and that are not hopeless.
+def _reach(band, gate_m):  # type: ignore[no-untyped-def]
+    """How far in longitude, in keys, a place within the gate of one in this band may lie, at most half a turn.
 
-    Args:
-        key: (L,) of `bands`, sorted; point: (L, 4) Earth-centred, and the source; home: (L,) number of the spot that each is a member of,
-        -1 for none; track: (L,) rank of each; row: (N,) of every rank, as the tracks came.
-        halo: of `fill_halo`; height: `bands.height_deg` of the gate; last: the highest source;
-        length, record, outline: of the tracks, by rank; cut: of `screening.cuts`.
-    Returns: (A,), (A,) tracks by rank, the first of the lower source; (A,) density around the first, a square metre; how many
-    pairs were within the gate.
+    A chord is no shorter than 2 r sin(turn / 2), r the lesser distance from the axis.
     """
-    first, second = np.empty(high - low + 64, np.int64), np.empty(high - low + 64, np.int64)
-    density, found, run = np.empty(high - low + 64), np.empty(256, np.int64), np.zeros((9, 2), np.int64)
-    out, tested, band, reach, asked = 0, 0, -1, 0, 0
-    for i in range(low, high):
-        fetch(record.ctypes.data + 128 * track[min(i + AHEAD, len(track) - 1)] + 64)  # type: ignore[call-arg]
-        if home[i] < 0 or point[i, 3] == last:
-            continue
-        if key[i] >> LONGITUDE_BITS != band:
-            band = key[i] >> LONGITUDE_BITS
-            reach = _reach(band, height, rule.gate)
+    height = band_height_deg(gate_m)
+    edge = max(abs((band - 1) * height - 90.0), abs((band + 2) * height - 90.0))
+    half = gate_m / (2.0 * SEMI_MAJOR * math.cos(math.radians(edge))) if edge < 90.0 else 1.0
+    return min(int(math.asin(half) / math.pi * TURN) + 3, TURN // 2) if half < 1.0 else TURN // 2
+
+
+@jit
+def _find_runs(here, reach, key, run):  # type: ignore[no-untyped-def]
+    """The runs of places, (6, 2) starts and ends, that may be within the gate of the key `here`.
+
+    Args: key: (N,) sorted; run: written; the starts and ends of the first three go on from those of the key before in this band.
+    """
+    longitude = here % TURN
+    for k in range(3):
+        base = here - longitude + (k - 1) * TURN
+        low, high = longitude - reach, longitude + reach
+        while run[k, 0] < len(key) and key[run[k, 0]] < base + max(low, 0):
+            run[k, 0] += 1
+        run[k, 1] = max(run[k, 0], run[k, 1])
+        while run[k, 1] < len(key) and key[run[k, 1]] < base + min(high, TURN):
+            run[k, 1] += 1
+        run[3 + k, 0] = run[3 + k, 1] = 0
+        if low < 0:
+            run[3 + k, 0], run[3 + k, 1] = np.searchsorted(key, base + low + TURN), np.searchsorted(key, base + TURN)
+        elif high > TURN:
+            run[3 + k, 0], run[3 + k, 1] = np.searchsorted(key, base), np.searchsorted(key, base + high - TURN)
+
+
+@jit
+def _in_spot(place, spot, halo):  # type: ignore[no-untyped-def]
+    """Whether a place is a member of a spot or in its halo. Args: halo: (start (N + 1,), spots whose halo each row is in)."""
+    start, spots = halo
+    found = place.spot == spot
+    for k in range(start[place.row], start[place.row + 1]):
+        found = found or spots[k] == spot
+    return found
+
+
+@jit
+def pairs_in_gate(low, high, member, place, halo, gate_m, out):  # type: ignore[no-untyped-def]
+    """Pairs whose first is one of the members low to high, the second a track of a later source in its spot or in the halo of it.
+
+    Args: member: rows of `place`, ascending; place: (N,) PLACE; halo: as `_in_spot`; gate_m: greatest distance; out: PAIR, written.
+    Returns: how many pairs there are; those that `out` has no room for are not written.
+    """
+    key, run, gate2 = place["key"], np.zeros((6, 2), np.int64), gate_m * gate_m
+    count, band, reach = 0, -1, 0
+    for m in range(low, high):
+        first = place[member[m]]
+        if first.key // TURN != band:
+            band = first.key // TURN
+            reach = _reach(band, gate_m)
             for k in range(3):
-                run[k, 0] = run[k, 1] = _from(key, ((band + k - 1) << LONGITUDE_BITS) + max((key[i] & (TURN - 1)) - reach, 0))
-        count = 0
-        rows, most = _runs(i, key, reach, run)
-        for near in range(max(asked, run[2, 0]), min(run[2, 1] + AHEAD, len(track))):
-            fetch(outline.ctypes.data + 128 * track[near])
-            fetch(outline.ctypes.data + 128 * track[near] + 64)
-        asked = run[2, 1] + AHEAD
-        if most >= len(found):
-            found = np.empty(2 * most, np.int64)
-        for k in range(rows):
-            count = _near(run[k, 0], run[k, 1], i, point, rule.gate * rule.gate, found, count)
-        count = _owned(i, home, track, row, halo, found, count)
-        tested += count
-        while out + count > len(first):
-            first, second, density = _grown(first), _grown(second), _grown(density)
-        around = max(count - 1, 1) / (math.pi * (rule.gate * rule.gate))
-        a = track[i]
-        left = screened(a, track, found, count, around, length, record, outline, rule, cut)
-        for k in range(left):
-            first[out], second[out], density[out] = a, track[found[k]], around
-            out += 1
-    return first[:out], second[:out], density[:out], tested
+                run[k, 0] = run[k, 1] = np.searchsorted(key, (band + k - 1) * TURN)
+        _find_runs(first.key, reach, key, run)
+        before = count
+        for k in range(6):
+            for j in range(run[k, 0], run[k, 1]):
+                second = place[j]
+                x, y, z = second.x_m - first.x_m, second.y_m - first.y_m, second.z_m - first.z_m
+                if second.source <= first.source or x * x + y * y + z * z > gate2 or not _in_spot(second, first.spot, halo):
+                    continue
+                if count < len(out):
+                    out[count].first, out[count].second = member[m], j
+                count += 1
+        for p in range(before, min(count, len(out))):
+            out[p].density = max(count - before - 1, 1) / (math.pi * gate2)
+    return count
+
+
+def candidate_pairs(low: int, high: int, member: Ints, place: Records, halo: tuple[Ints, Ints], gate_m: float) -> Records:
+    """All pairs of `pairs_in_gate`, (A,) PAIR."""
+    out = np.empty(16 * (high - low) + 64, PAIR)
+    count = pairs_in_gate(low, high, member, place, halo, gate_m, out)
+    if count > len(out):
+        out = np.empty(count, PAIR)
+        pairs_in_gate(low, high, member, place, halo, gate_m, out)
+    return out[:count]

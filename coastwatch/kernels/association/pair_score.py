@@ -1,193 +1,208 @@
-"""The likelihood ratio of windows of differences between pairs of tracks (`kernels.differences`), compiled by numba.
-
-Pairs are worked on LANES at a time. What a pair gets is the same to the bit as alone.
-"""
+"""The likelihood ratio of two tracks over their common history: scalar code, one pair after the other."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 
-from coastwatch.kernels.association.history import fetch, fetch_window
-from coastwatch.kernels.association.pair_differences import (
-    ABSENT,
-    BIAS,
-    COUNT,
-    COURSE,
-    DENSITY,
-    EAST,
-    EAST_RATE,
-    FACTOR,
-    GOOD,
-    LANE_ROWS,
-    LANES,
-    LONGEST,
-    NEWEST_RATE_VARIANCE,
-    NEWEST_VARIANCE,
-    NORTH,
-    NORTH_RATE,
-    PLACE,
-    RATE_SHARE,
-    RATE_VARIANCE,
-    SHARE,
-    SQUARE,
-    STEP_COURSE,
-    STEP_PLACE,
-    STEP_ROWS,
-    SUM,
-    TOTAL,
-    VARIANCE,
-    differences,
-    factorise,
-    in_metres,
-    squares,
-)
+from coastwatch.kernels.geometry.ellipsoid import metres_per_degree, wrap_degrees
 from coastwatch.kernels.jit import jit
-from coastwatch.kernels.vectorised_math import exponential, logarithm
 
-if TYPE_CHECKING:
-    from coastwatch.kernels.association.prune_pairs import Rule
-
-AHEAD = 4  # pairs whose windows are asked for while one is laid out
-MOST_EXPONENT = 600.0  # of a likelihood ratio that is written out; what is beyond counts in full as a logarithm
+MOST_EXPONENT = 600.0  # of the velocity's likelihood ratio; what is beyond counts in full as a logarithm
 
 
-@jit
-def _laid_out(pair, first, second, density, table, chain, length, record, lane, step):  # type: ignore[no-untyped-def]
-    """The pairs from `pair` on into the lanes, of which those behind the last pair repeat it. Returns: entries of the longest window."""
-    last, most = len(first) - 1, 0
-    for k in range(LANES):
-        p = min(pair + k, last)
-        most = max(most, min(length[first[p]], length[second[p]]))
-    for k in range(LANES):
-        p, ahead = min(pair + k, last), min(pair + k + AHEAD, last)
-        for track in (first[ahead], second[ahead]):
-            fetch_window(table, chain, length[track], track)
-            fetch(record.ctypes.data + 128 * track)  # type: ignore[call-arg]
-            fetch(record.ctypes.data + 128 * track + 64)
-        a, b = first[p], second[p]
-        lane[DENSITY, k], lane[GOOD, k] = density[p], 1.0
-        for q in range(10):
-            lane[SUM + q, k] = lane[FACTOR + q, k] = record[a, q] + record[b, q]
-        for q in range(10, 13):
-            lane[SUM + q + 10, k] = record[a, q] + record[b, q]
-        differences(a, b, min(length[a], length[b]), most, table, chain, k, lane, step)
-    return most
+class Rule(NamedTuple):
+    """The settings of a windowed covariance as its kernels read them."""
+
+    gate_m: float
+    prior: float  # entries of the window that the tracks' own covariance counts as
+    floor: float  # of the scale
+    cap: float
+    forgetting: float  # factor by which the past counts one cycle later
+    limit: float  # bound of one step, and, as -limit, of the sum
+    misled: float  # share of tracks whose velocity says nothing
+    null_speed_m_s: float  # standard deviation an axis of the velocity of unrelated vessels
+    threshold: float  # that a score must exceed
 
 
 @jit
-def _gain(n, xx, xy, yy, p00, p01, p11, rule):  # type: ignore[no-untyped-def]
-    """Factor of a block: what the window shows of it, tr(Phi^-1 S) / 2, drawn to 1 as by so many more entries."""
-    shown = (xx * p11 - 2.0 * xy * p01 + yy * p00) / (p00 * p11 - p01 * p01) / (2.0 * (n - 1.0))
-    weight = (n - 1.0) / (n - 1.0 + rule.prior)
-    gain = min(max(1.0 + weight * (shown - 1.0), rule.floor), rule.cap)
-    return gain if n > 2.0 else 1.0
-
-
-@jit
-def _grown(rule, lane):  # type: ignore[no-untyped-def]
-    """The sum, scaled block by block by what the window shows, plus the registration terms, into FACTOR."""
-    f, s = FACTOR, SQUARE
-    for k in range(LANES):
-        l00, l10, l11, l20, l21, l22 = (
-            lane[f, k],
-            lane[f + 1, k],
-            lane[f + 2, k],
-            lane[f + 3, k],
-            lane[f + 4, k],
-            lane[f + 5, k],
-        )
-        l30, l31, l32, l33 = lane[f + 6, k], lane[f + 7, k], lane[f + 8, k], lane[f + 9, k]
-        n, p00, p01, p11 = lane[COUNT, k], l00 * l00, l00 * l10, l10 * l10 + l11 * l11
-        gp = _gain(n, lane[s, k], lane[s + 1, k], lane[s + 2, k], p00, p01, p11, rule)
-        p00, p01 = l20 * l20 + l21 * l21 + l22 * l22, l20 * l30 + l21 * l31 + l22 * l32
-        p11 = l30 * l30 + l31 * l31 + l32 * l32 + l33 * l33
-        gv = _gain(n, lane[s + 3, k], lane[s + 4, k], lane[s + 5, k], p00, p01, p11, rule)
-        pv = math.sqrt(gv * gp)
-        for q in range(10):
-            gain = gp if q < 3 else gv if q in (5, 8, 9) else pv
-            lane[f + q, k] = lane[SUM + q, k] * gain + (lane[BIAS + q, k] if q < 3 else 0.0)
-
-
-@jit
-def _begun(null_variance, lane):  # type: ignore[no-untyped-def]
-    """Logarithms of what a step has in common with all others, and reciprocals of the diagonal of the factor."""
-    f = FACTOR
-    for k in range(LANES):
-        lane[PLACE, k] = -logarithm(2.0 * math.pi * lane[f, k] * lane[f + 2, k] * lane[DENSITY, k])
-        lane[COURSE, k] = logarithm(null_variance / (lane[f + 5, k] * lane[f + 9, k]))
-        lane[TOTAL, k] = 0.0
-        lane[f, k], lane[f + 2, k] = 1.0 / lane[f, k], 1.0 / lane[f + 2, k]
-        lane[f + 5, k], lane[f + 9, k] = 1.0 / lane[f + 5, k], 1.0 / lane[f + 9, k]
-
-
-@jit
-def _whitened(t, null_variance, lane, step):  # type: ignore[no-untyped-def]
-    """The exponents of step t, of position and of velocity given it; of a variance that was larger, the inverse of how many times."""
-    f, at, half = FACTOR, t * STEP_ROWS, 0.5 / null_variance
-    for k in range(LANES):
-        share, rate_share = (
-            lane[NEWEST_VARIANCE, k] / step[at + VARIANCE, k],
-            lane[NEWEST_RATE_VARIANCE, k] / step[at + RATE_VARIANCE, k],
-        )
-        share = share if (share > 0.0) & (share < 1.0) else 1.0
-        rate_share = rate_share if (rate_share > 0.0) & (rate_share < 1.0) else 1.0
-        shrunk, x, y = math.sqrt(share), step[at + EAST_RATE, k], step[at + NORTH_RATE, k]
-        a = shrunk * step[at + EAST, k] * lane[f, k]
-        b = (shrunk * step[at + NORTH, k] - lane[f + 1, k] * a) * lane[f + 2, k]
-        shrunk = math.sqrt(rate_share)
-        c = (shrunk * x - lane[f + 3, k] * a - lane[f + 4, k] * b) * lane[f + 5, k]
-        d = (shrunk * y - lane[f + 6, k] * a - lane[f + 7, k] * b - lane[f + 8, k] * c) * lane[f + 9, k]
-        lane[STEP_PLACE, k] = lane[PLACE, k] - 0.5 * (a * a + b * b)
-        lane[STEP_COURSE, k] = lane[COURSE, k] + half * (x * x + y * y) - 0.5 * (c * c + d * d)
-        lane[SHARE, k], lane[RATE_SHARE, k] = share, rate_share
-
-
-@jit
-def _accumulated(t, rule, lane):  # type: ignore[no-untyped-def]
-    """Step t: its log-likelihood ratio, bounded by the limit, on what was, which counts less a cycle later.
-
-    The logarithm is of one product: the mixture of a velocity that is of the vessel and one that says nothing, and the areas.
-    """
-    limit, rest = rule.limit, 1.0 - rule.misled
-    for k in range(LANES):
-        most = min(lane[STEP_COURSE, k], MOST_EXPONENT)
-        mixture = rule.misled + rest * exponential(most) * lane[RATE_SHARE, k]
-        ratio = lane[STEP_PLACE, k] + (lane[STEP_COURSE, k] - most) + logarithm(mixture * lane[SHARE, k])
-        total = max(rule.memory * lane[TOTAL, k] + min(max(ratio, -limit), limit), -limit)
-        lane[TOTAL, k] = total if t >= lane[ABSENT, k] else 0.0
-
-
-@jit
-def windowed_scores(first, second, density, table, chain, length, record, rule: Rule):  # type: ignore[no-untyped-def]
-    """Discounted log-likelihood ratio of "one vessel" against "no partner" over the common window of each pair.
-
-    The covariance of a step is that of both tracks, scaled in its position and its velocity block by what the window shows about it
-    (drawn to 1 by the prior, floored and capped), plus the registration term, which is constant and cannot show; each block of all that
-    by how much larger the summed variance was then than it is now. The likelihood is a mixture: where a track is misled its velocity
-    is as that of an unrelated vessel.
+def differences(values, slots, n, newest, delta, variance):  # type: ignore[no-untyped-def]
+    """The newest n differences of two tracks, oldest first, with metres a degree taken halfway between their newest positions.
 
     Args:
-        first, second: (A,) tracks. density: (A,) unrelated tracks a square metre.
-        table, chain, length: the windows, none longer than LONGEST; record: (N, facts.COLUMNS) of the tracks; rule: `screening.Rule`.
+        values: (S, W) ENTRY; slots: (2,) of the two tracks; newest: column of the newest entry.
+        delta: (4, W) second less first: east, north (m), east rate, north rate (m/s); variance: (2, W) sums of both tracks' variances,
+        of position and of velocity. Columns 0 to n - 1 are written.
+    """
+    first, second, window = values[slots[0]], values[slots[1]], values.shape[1]
+    north_m_deg, east_m_deg = metres_per_degree(0.5 * (first[newest].latitude_deg + second[newest].latitude_deg))
+    column = newest - (n - 1) if newest >= n - 1 else newest - (n - 1) + window
+    for t in range(n):
+        a, b = first[column], second[column]
+        delta[0, t] = wrap_degrees(b.longitude_deg - a.longitude_deg) * east_m_deg
+        delta[1, t] = (b.latitude_deg - a.latitude_deg) * north_m_deg
+        delta[2, t] = np.float64(b.east_m_s) - np.float64(a.east_m_s)
+        delta[3, t] = np.float64(b.north_m_s) - np.float64(a.north_m_s)
+        variance[0, t] = np.float64(a.variance_m2) + np.float64(b.variance_m2)
+        variance[1, t] = np.float64(a.rate_variance_m2_s2) + np.float64(b.rate_variance_m2_s2)
+        column = column + 1 if column + 1 < window else 0
+
+
+@jit
+def factorise(m, low):  # type: ignore[no-untyped-def]
+    """The lower Cholesky factor of a symmetric (4, 4) matrix. Returns: whether the matrix is positive definite."""
+    low[0, 0] = math.sqrt(m[0, 0])
+    low[1, 0], low[2, 0], low[3, 0] = m[1, 0] / low[0, 0], m[2, 0] / low[0, 0], m[3, 0] / low[0, 0]
+    low[1, 1] = math.sqrt(m[1, 1] - low[1, 0] * low[1, 0])
+    low[2, 1] = (m[2, 1] - low[2, 0] * low[1, 0]) / low[1, 1]
+    low[3, 1] = (m[3, 1] - low[3, 0] * low[1, 0]) / low[1, 1]
+    low[2, 2] = math.sqrt(m[2, 2] - low[2, 0] * low[2, 0] - low[2, 1] * low[2, 1])
+    low[3, 2] = (m[3, 2] - low[3, 0] * low[2, 0] - low[3, 1] * low[2, 1]) / low[2, 2]
+    low[3, 3] = math.sqrt(m[3, 3] - low[3, 0] * low[3, 0] - low[3, 1] * low[3, 1] - low[3, 2] * low[3, 2])
+    return low[0, 0] > 0.0 and low[1, 1] > 0.0 and low[2, 2] > 0.0 and low[3, 3] > 0.0  # the root of less than 0 is NaN
+
+
+@jit
+def _block_scales(delta, n, phi, rule):  # type: ignore[no-untyped-def]
+    """What the window shows of both blocks of the covariance, tr(block^-1 S) / 2, drawn to 1 by the prior, from floor to cap.
+
+    S is the sample covariance of the differences, summed about the newest one and then shifted to the mean.
+    Args: delta: (4, W), of which n count; phi: (4, 4). Returns: of position, of velocity.
+    """
+    if n <= 2:
+        return 1.0, 1.0
+    x0, y0, u0, v0 = delta[0, n - 1], delta[1, n - 1], delta[2, n - 1], delta[3, n - 1]
+    sx = sy = su = sv = xx = xy = yy = uu = uv = vv = 0.0
+    for t in range(n):
+        x, y, u, v = delta[0, t] - x0, delta[1, t] - y0, delta[2, t] - u0, delta[3, t] - v0
+        sx, sy, su, sv = sx + x, sy + y, su + u, sv + v
+        xx, xy, yy = xx + x * x, xy + x * y, yy + y * y
+        uu, uv, vv = uu + u * u, uv + u * v, vv + v * v
+    xx, xy, yy = xx - sx * sx / n, xy - sx * sy / n, yy - sy * sy / n
+    uu, uv, vv = uu - su * su / n, uv - su * sv / n, vv - sv * sv / n
+    position = (xx * phi[1, 1] - 2.0 * xy * phi[0, 1] + yy * phi[0, 0]) / (phi[0, 0] * phi[1, 1] - phi[0, 1] * phi[0, 1])
+    velocity = (uu * phi[3, 3] - 2.0 * uv * phi[2, 3] + vv * phi[2, 2]) / (phi[2, 2] * phi[3, 3] - phi[2, 3] * phi[2, 3])
+    entries = n - 1.0
+    weight = entries / (entries + rule.prior)
+    position, velocity = 1.0 + weight * (0.5 * position / entries - 1.0), 1.0 + weight * (0.5 * velocity / entries - 1.0)
+    return min(max(position, rule.floor), rule.cap), min(max(velocity, rule.floor), rule.cap)
+
+
+@jit
+def _factor(a, b, delta, n, rule, phi, low):  # type: ignore[no-untyped-def]
+    """Cholesky factor of the covariance of the difference: that of both tracks, scaled block by block, plus registration.
+
+    Args: a, b: TRACK; delta: (4, W), of which n count; phi: (4, 4) scratch; low: (4, 4) written.
+    Returns: whether the covariance is positive definite, with and without the scale.
+    """
+    for i in range(4):
+        for j in range(4):
+            phi[i, j] = a.covariance[i, j] + b.covariance[i, j]
+    if not factorise(phi, low):
+        return False
+    position, velocity = _block_scales(delta, n, phi, rule)
+    cross = math.sqrt(position * velocity)
+    for i in range(2):
+        for j in range(2):
+            phi[i, j] = phi[i, j] * position + a.registration[i, j] + b.registration[i, j]
+            phi[i + 2, j] *= cross
+            phi[i + 2, j + 2] *= velocity
+    return factorise(phi, low)
+
+
+@jit
+def _step_ratios(delta, variance, n, low, density, rule, out):  # type: ignore[no-untyped-def]
+    """The log-likelihood ratio of each difference, one vessel against an unrelated one, within the limit.
+
+    Args: delta: (4, W), variance: (2, W), of which n count; low: (4, 4) factor of the covariance now: where a variance was larger
+    then, its block was larger by as much. density: of unrelated tracks, a square metre; out: (W,) written.
+    """
+    null_variance, limit, misled = 2.0 * rule.null_speed_m_s * rule.null_speed_m_s, rule.limit, rule.misled
+    i0, i1, i2, i3 = 1.0 / low[0, 0], 1.0 / low[1, 1], 1.0 / low[2, 2], 1.0 / low[3, 3]
+    l10, l20, l21, l30, l31, l32 = low[1, 0], low[2, 0], low[2, 1], low[3, 0], low[3, 1], low[3, 2]
+    position_constant = math.log(i0 * i1 / (2.0 * math.pi * density))
+    velocity_constant, half = math.log(null_variance * i2 * i3), 0.5 / null_variance
+    variance_now, rate_variance_now = variance[0, n - 1], variance[1, n - 1]
+    for t in range(n):
+        share, rate_share = variance_now / variance[0, t], rate_variance_now / variance[1, t]
+        share = share if (share > 0.0) & (share < 1.0) else 1.0
+        rate_share = rate_share if (rate_share > 0.0) & (rate_share < 1.0) else 1.0
+        u, v, root, rate_root = delta[2, t], delta[3, t], math.sqrt(share), math.sqrt(rate_share)
+        a = root * delta[0, t] * i0
+        b = (root * delta[1, t] - l10 * a) * i1
+        c = (rate_root * u - l20 * a - l21 * b) * i2
+        d = (rate_root * v - l30 * a - l31 * b - l32 * c) * i3
+        velocity = velocity_constant + half * (u * u + v * v) - 0.5 * (c * c + d * d)
+        most = min(velocity, MOST_EXPONENT)
+        mixture = misled + (1.0 - misled) * math.exp(most) * rate_share
+        ratio = position_constant - 0.5 * (a * a + b * b) + (velocity - most) + math.log(mixture * share)
+        out[t] = min(max(ratio, -limit), limit)
+
+
+@jit
+def pair_scores(pair, track, values, newest, rule):  # type: ignore[no-untyped-def]
+    """Discounted log-likelihood ratio of "one vessel" against "no partner" over the common history of each pair.
+
+    The covariance of a difference is that of both tracks, scaled in its position and its velocity block by what the window shows
+    about it (drawn to 1 by the prior, floored and capped), plus the registration term, which is constant and cannot show. The
+    likelihood is a mixture: where a track is misled its velocity is as that of an unrelated vessel. The score is
+    s(t) = max(forgetting s(t - 1) + ratio(t), -limit).
+
+    Args:
+        pair: (A,) PAIR, rows of `track`. track: (N,) TRACK; values: (S, W) ENTRY; newest: column of the newest entries; rule: Rule.
     Returns: (A,), -inf where the covariance is not positive definite.
     """
-    score, null_variance = np.empty(len(first)), 2.0 * rule.null_speed * rule.null_speed
-    lane, step = np.empty((LANE_ROWS, LANES)), np.empty((LONGEST * STEP_ROWS, LANES))
-    for pair in range(0, len(first), LANES):
-        count = min(LANES, len(first) - pair)
-        most = _laid_out(pair, first, second, density, table, chain, length, record, lane, step)
-        in_metres(most, lane, step)
-        squares(most, lane, step)
-        factorise(lane)
-        _grown(rule, lane)
-        factorise(lane)
-        _begun(null_variance, lane)
-        for t in range(most):
-            _whitened(t, null_variance, lane, step)
-            _accumulated(t, rule, lane)
-        for k in range(count):
-            score[pair + k] = lane[TOTAL, k] if lane[GOOD, k] > 0.0 else -math.inf
+    window, score = values.shape[1], np.empty(len(pair))
+    delta, variance, ratio = np.empty((4, window)), np.empty((2, window)), np.empty(window)
+    phi, low = np.empty((4, 4)), np.empty((4, 4))
+    for p in range(len(pair)):
+        a, b = track[pair[p].first], track[pair[p].second]
+        n = min(a.length, b.length)
+        differences(values, (a.slot, b.slot), n, newest, delta, variance)
+        score[p] = -math.inf
+        if _factor(a, b, delta, n, rule, phi, low):
+            _step_ratios(delta, variance, n, low, pair[p].density, rule, ratio)
+            total = 0.0
+            for t in range(n):
+                total = max(rule.forgetting * total + ratio[t], -rule.limit)
+            score[p] = total
     return score
+
+
+@jit
+def sample_statistics(first, second, slot, length, values, newest):  # type: ignore[no-untyped-def]
+    """x = delta^T S^-1 delta of the newest difference, S the sample covariance of the W newest differences.
+
+    Args: first, second: (A,) rows; slot: (N,) of each row; length: (S,), values: (S, W) ENTRY, newest: of the history.
+    Returns: (A,) x, infinite where fewer than W differences are common or S is singular.
+    Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven Approach, eq. 7.
+    """
+    window, out = values.shape[1], np.full(len(first), math.inf)
+    delta, variance = np.empty((4, window)), np.empty((2, window))
+    mean, white, sample, low = np.empty(4), np.empty(4), np.empty((4, 4)), np.empty((4, 4))
+    for p in range(len(first)):
+        slots = slot[first[p]], slot[second[p]]
+        if min(length[slots[0]], length[slots[1]]) < window:
+            continue
+        differences(values, slots, window, newest, delta, variance)
+        for i in range(4):
+            mean[i] = np.mean(delta[i])
+        for i in range(4):
+            for j in range(4):
+                s = 0.0
+                for t in range(window):
+                    s += (delta[i, t] - mean[i]) * (delta[j, t] - mean[j])
+                sample[i, j] = s / (window - 1)
+        if not factorise(sample, low):
+            continue
+        x = 0.0
+        for i in range(4):
+            white[i] = delta[i, window - 1]
+            for k in range(i):
+                white[i] -= low[i, k] * white[k]
+            white[i] /= low[i, i]
+            x += white[i] * white[i]
+        out[p] = x
+    return out

@@ -14,7 +14,7 @@ from coastwatch.kernels.filters.velocity_jumps import SIZE
 from coastwatch.kernels.fusion.covariance_intersection import alone
 from coastwatch.kernels.geometry.ellipsoid import add_enu_offset, enu_offset
 from coastwatch.kernels.jit import jit
-from coastwatch.kernels.tables.grouping import grouped
+from coastwatch.kernels.tables.counting_sort import counting_sort
 
 RADAR, AIS = 0, 1
 TURN = SIZE + 14  # of the numbers of a model: the variance of its turn rate
@@ -69,7 +69,7 @@ def told(filter_of, heard_row, time, sensor, count):  # type: ignore[no-untyped-
     for m in range(len(heard_row)):
         if heard_row[m] >= 0 and 0 <= filter_of[heard_row[m]] < count:
             mine[m] = filter_of[heard_row[m]]
-    begin, order = grouped(mine, count + 1)
+    begin, order = counting_sort(mine, count + 1)
     for f in range(count):
         for k in range(begin[f] + 1, begin[f + 1]):
             m, at = order[k], k

@@ -14,7 +14,7 @@ from coastwatch.kernels.fusion.covariance_intersection import AHEAD, alone, ask,
 from coastwatch.kernels.geometry.ellipsoid import DEGREE, SEMI_MAJOR, sine_cosine, wrap_degrees
 from coastwatch.kernels.jit import jit
 from coastwatch.kernels.prefetch import fetch
-from coastwatch.kernels.tables.grouping import longest
+from coastwatch.kernels.tables.counting_sort import longest
 
 LANES = 16
 DEGREES_A_METRE = 1.0 / (SEMI_MAJOR * DEGREE)  # at the equator

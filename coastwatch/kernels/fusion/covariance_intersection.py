@@ -3,7 +3,7 @@
 Scalar code compiled by numba, vessel by vessel: a covariance is read once where it stands and written once where it stays, and nothing
 is allocated a vessel. What each computes stands beside it in `tests/contracts/fused_by_arrays.py`, in numpy.
 Arguments that all of them take:
-    start, row: the tracks of each vessel, of `grouping.grouped`.
+    start, row: the tracks of each vessel, of `counting_sort`.
     tracks: position (N, 2) degrees, velocity (N, 2), covariance (N, 4, 4), its lower triangle is read, and report_covariance (N, 2, 2),
         which stands in with `sigma` of the velocity where any number of a covariance is not finite.
     out: position (V, 2), velocity (V, 2), covariance (V, 4, 4): rows low to high are written.

@@ -8,7 +8,7 @@ from coastwatch.kernels.filters.symmetric4 import put, towards
 from coastwatch.kernels.fusion.covariance_intersection import alone, ask, known
 from coastwatch.kernels.geometry.ellipsoid import add_enu_offset, enu_offset
 from coastwatch.kernels.jit import jit
-from coastwatch.kernels.tables.grouping import longest
+from coastwatch.kernels.tables.counting_sort import longest
 
 NONE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 

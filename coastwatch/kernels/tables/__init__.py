@@ -5,12 +5,9 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submodules=[
-        "dealing",
-        "grouping",
-        "groups",
+        "counting_sort",
         "lookup",
         "match_ids",
         "sorting",
-        "subset",
     ],
 )

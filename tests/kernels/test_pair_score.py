@@ -7,12 +7,9 @@ from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
 from coastwatch import geodesy
-from coastwatch.kernels.association.chi_square_statistic import sample_statistics
-from coastwatch.kernels.association.history import COLUMNS as ENTRY_COLUMNS
-from coastwatch.kernels.association.history import addresses, entries, wide_rows
-from coastwatch.kernels.association.pair_features import COLUMNS
-from coastwatch.kernels.association.pair_score import LANES, windowed_scores
-from coastwatch.kernels.association.prune_pairs import Rule
+from coastwatch.kernels.association.candidate_pairs import PAIR
+from coastwatch.kernels.association.pair_features import ENTRY, TRACK
+from coastwatch.kernels.association.pair_score import Rule, pair_scores, sample_statistics
 
 ROUNDING = 1e-9  # relative; the differences are of degrees, 1e-9 of a metre is 1e-14 of a degree
 
@@ -28,32 +25,26 @@ def tracks(seed, n, window):
     return position, velocity, variance, length
 
 
-def ring_of(position, velocity, variance, seed):
-    """The same windows as a ring of arrays, each in an order of its own, and the chain through them."""
+def history_of(position, velocity, variance, seed):
+    """The same windows in slots of any order, the newest in any column. Returns: values (S, W), slot of each track, newest column."""
     n, window = position.shape[:2]
     rng = np.random.default_rng([seed, 2])
-    rows = [entries(position[:, k], velocity[:, k], variance[:, k]) for k in range(window)]
-    ring, chain = [rows[-1]], np.zeros((n, window - 1), np.int32)
-    for age in range(1, window):
-        row = rng.permutation(n + 3)[:n]
-        older = np.full((n + 3, ENTRY_COLUMNS), np.nan)
-        older[row] = rows[-1 - age]
-        ring.insert(0, older)
-        chain[:, age - 1] = row
-    return tuple(ring), chain
+    slot, newest = rng.permutation(n + 3)[:n], int(rng.integers(window))
+    entry = np.zeros((n, window), ENTRY)
+    entry["latitude_deg"], entry["longitude_deg"] = position[..., 0], position[..., 1]
+    entry["east_m_s"], entry["north_m_s"] = velocity[..., 0], velocity[..., 1]
+    entry["variance_m2"], entry["rate_variance_m2_s2"] = variance[..., 0], variance[..., 1]
+    values = np.full((n + 3, window), np.nan).astype(ENTRY)
+    values[slot] = np.roll(entry, newest + 1, axis=1)
+    return values, slot, newest
 
 
-def records(covariance, registration):
-    """Records of tracks. Args: (N, 4, 4), (N, 2, 2)."""
-    out = wide_rows(len(covariance), COLUMNS, np.zeros)
-    out[:, :10] = covariance[:, *np.tril_indices(4)]
-    out[:, 10:13] = registration[:, *np.tril_indices(2)]
-    return out
-
-
-def scored(first, second, density, ring, chain, length, record, rule):
-    table = addresses(ring)
-    return windowed_scores(first, second, density, table, chain, length.astype(np.int32), record, rule)
+def scored(first, second, density, history, length, covariance, registration, rule):
+    values, slot, newest = history
+    track, pair = np.zeros(len(slot), TRACK), np.zeros(len(first), PAIR)
+    track["slot"], track["length"], track["covariance"], track["registration"] = slot, length, covariance, registration
+    pair["first"], pair["second"], pair["density"] = first, second, density
+    return pair_scores(pair, track, values, newest, rule)
 
 
 def differences(a, b, position, velocity, n):
@@ -88,7 +79,7 @@ def score_by_hand(delta, variance, phi, registration, density, prior, floor, cap
     return total
 
 
-@given(st.integers(0, 2**31), st.integers(1, 8), st.integers(1, 12), st.integers(1, 2 * LANES + 1))
+@given(st.integers(0, 2**31), st.integers(1, 8), st.integers(1, 12), st.integers(1, 20))
 def test_scores_equal_the_long_way(seed, n, window, pairs):
     position, velocity, variance, length = tracks(seed, n, window)
     rng = np.random.default_rng([seed, 1])
@@ -98,7 +89,7 @@ def test_scores_equal_the_long_way(seed, n, window, pairs):
     registration = rng.uniform(0.0, 30.0, (n, 1, 1)) * np.eye(2)
     density = rng.uniform(1e-7, 1e-5, pairs)
     settings_ = (10.0, 0.5, 4.0, 0.9, 20.0, 0.01, 4.0)
-    windows = *ring_of(position, velocity, variance, seed), length, records(covariance, registration)
+    windows = history_of(position, velocity, variance, seed), length, covariance, registration
     got = scored(first, second, density, *windows, Rule(1000.0, *settings_, -np.inf))
     for p, (a, b) in enumerate(zip(first, second, strict=True)):
         m = min(length[a], length[b])
@@ -119,11 +110,12 @@ def test_scores_equal_the_long_way(seed, n, window, pairs):
 
 @given(st.integers(0, 2**31), st.integers(5, 12))
 def test_sample_statistic_is_eq_7(seed, p):
-    position, velocity, variance, _ = tracks(seed, 4, p + 2)
-    ring, chain = ring_of(position, velocity, variance, seed)
-    length = np.array([p + 2, p, p - 1, p + 1], np.int32)
+    position, velocity, variance, _ = tracks(seed, 4, p)
+    values, slot, newest = history_of(position, velocity, variance, seed)
+    length = np.zeros(len(values), np.int32)
+    length[slot] = [p, p, p - 1, p]
     first, second = np.array([0, 0, 0]), np.array([1, 2, 3])
-    got = sample_statistics(first, second, addresses(ring), chain, length, p)
+    got = sample_statistics(first, second, slot, length, values, newest)
     assert np.isinf(got[1])
     for q in (0, 2):
         delta = differences(first[q], second[q], position, velocity, p)
@@ -133,26 +125,12 @@ def test_sample_statistic_is_eq_7(seed, p):
 
 def test_a_bad_covariance_never_pairs_and_leaves_its_neighbours_alone():
     position, velocity, variance, length = tracks(1, 4, 4)
-    ring, chain = ring_of(position, velocity, variance, 1)
+    history, none = history_of(position, velocity, variance, 1), np.zeros((4, 2, 2))
     covariance = np.tile(100.0 * np.eye(4), (4, 1, 1))
     rule = Rule(1000.0, 10.0, 0.5, 4.0, 0.9, 20.0, 0.01, 4.0, -np.inf)
-    first, second, density = np.array([0, 0, 2]), np.array([1, 2, 3]), np.full(3, 1e-6)
-    good = scored(first, second, density, ring, chain, length, records(covariance, np.zeros((4, 2, 2))), rule)
+    pairs = np.array([0, 0, 2]), np.array([1, 2, 3]), np.full(3, 1e-6)
+    good = scored(*pairs, history, length, covariance, none, rule)
     covariance[1] *= -1.0
-    got = scored(first, second, density, ring, chain, length, records(covariance, np.zeros((4, 2, 2))), rule)
+    got = scored(*pairs, history, length, covariance, none, rule)
     assert np.isfinite(good).all()
     assert got.tolist() == [-np.inf, *good[1:].tolist()]
-
-
-def test_a_ring_that_kernels_would_misread_is_refused():
-    for array in (np.zeros((3, 5)), np.zeros((3, 4), np.float32), np.zeros((4, 3)).T):
-        with pytest.raises(ValueError, match="needed contiguous float64"):
-            addresses((array,))
-
-
-def test_wide_rows_begin_where_a_line_of_the_cache_does():
-    for count in (1, 2, 1000):
-        rows = wide_rows(count, 16, np.empty)
-        assert rows.shape == (count, 16)
-        assert rows.ctypes.data % 64 == 0
-    assert wide_rows(0, 16, np.empty).shape == (0, 16)

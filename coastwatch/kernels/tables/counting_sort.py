@@ -1,4 +1,4 @@
-"""Rows in groups by counting: the tracks of each vessel, one vessel after the other, in two linear passes."""
+"""Counting sort: rows in groups by a small whole number that each has, such as the tracks of each vessel. Linear."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from coastwatch.kernels.jit import jit
 
 
 @jit
-def grouped(group, count):  # type: ignore[no-untyped-def]
+def counting_sort(group, count):  # type: ignore[no-untyped-def]
     """The rows of each group, in order: those of group g are row[start[g]:start[g + 1]].
 
-    Args: group: (N,) of each row, 0..count - 1. Returns: start (count + 1,), row (N,), of 32 bits: it is memory that takes the time.
+    Args: group: (N,) of each row, 0 to count - 1. Returns: start (count + 1,), row (N,), int32.
     """
     start = np.zeros(count + 2, np.int32)
     for g in group:

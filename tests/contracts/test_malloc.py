@@ -12,7 +12,7 @@ CYCLES = """
 import resource
 import threading
 import numpy as np
-from coastwatch.workers import spread_over
+from coastwatch.workers import open_workers
 
 def faults():
     before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
@@ -27,7 +27,7 @@ def faults_of_a_thread():
     return said[0]
 
 print(*[faults() for _ in range(5)])
-with spread_over("threads", 2):
+with open_workers("threads", 2):
     print(*[faults() for _ in range(5)])
     print(*[faults_of_a_thread() for _ in range(5)])
 """
