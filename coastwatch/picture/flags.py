@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import AisAlarms, Bools, Flag, Floats, Ints, Picture, Sensors, SourceKind, Tracks
+from coastwatch.batches import AisAlarms, Bools, Flag, Floats, Ints, Picture, Sensors, Tracks
 from coastwatch.geodesy import difference_m
 from coastwatch.kernels.geometry.sensor_coverage import Coverage
 from coastwatch.picture.match import IdentityMatch
@@ -54,16 +54,20 @@ def flag(
     """The flags of each row of the picture, with those it has. Args: row_of_track: (N,) of the picture. Returns: memory, (R,)."""
     margin = settings.cover_margin
     coverage_of = kernels.geometry.sensor_coverage.coverage_of
-    heard = coverage_of(sensors.stations.site_deg, margin * sensors.stations.range_m, 0.0)
-    seen = coverage_of(sensors.radars.site_deg, margin * sensors.radars.range_m, 0.0)
-    kind = sensors.source_kinds[tracks.source]
-    has_radar, has_ais = (_rows_with(row_of_track[kind == k], len(picture)) for k in (SourceKind.RADAR, SourceKind.AIS))
+    ais_coverage = coverage_of(sensors.stations.site_deg, margin * sensors.stations.range_m, 0.0)
+    radar_coverage = coverage_of(sensors.radars.site_deg, margin * sensors.radars.range_m, 0.0)
+    radars, ais = np.flatnonzero(tracks.source < sensors.ais_source), np.flatnonzero(tracks.source == sensors.ais_source)
+    first_radar = np.full(len(picture), -1, np.int64)
+    first_radar[row_of_track[radars[::-1]]] = radars[::-1]  # the last one written is the first of its vessel
+    has_radar, has_ais = first_radar >= 0, np.zeros(len(picture), np.bool_)
+    has_ais[row_of_track[ais]] = True
 
-    no_ais = _within(heard, picture, has_radar & ~has_ais)
-    no_radar = _within(seen, picture, has_ais & ~has_radar)
+    no_ais = _within(ais_coverage, picture, has_radar & ~has_ais)
+    no_radar = _within(radar_coverage, picture, has_ais & ~has_radar)
     no_ais_since_s = _since(no_ais, memory.no_ais_since_s, order.vessel_of_row, time_s)
     no_radar_since_s = _since(no_radar, memory.no_radar_since_s, order.vessel_of_row, time_s)
-    pairs = _track_pairs(settings, memory.pairs, match, picture, row_of_track, kind, time_s, seen)
+    pairs = _track_pairs(settings, memory.pairs, match, ais, first_radar[row_of_track[ais]], len(tracks), time_s)
+    pairs = _in_radar_cover(pairs, radar_coverage, picture, row_of_track)
 
     flags = picture.flags.copy()
     flags[time_s - no_ais_since_s >= settings.dark_after_s] |= int(Flag.DARK)
@@ -77,16 +81,9 @@ def flag(
     return FlagMemory(no_ais_since_s, no_radar_since_s, pairs), flags
 
 
-def _rows_with(rows: Ints, count: int) -> Bools:
-    """Which of so many rows are among these."""
-    out = np.zeros(count, np.bool_)
-    out[rows] = True
-    return out
-
-
-def _within(coverage: Coverage, picture: Picture, asked: Bools) -> Bools:
-    """Which of the rows that are asked for are in cover. (R,)"""
-    out, rows = np.zeros(len(asked), np.bool_), np.flatnonzero(asked)
+def _within(coverage: Coverage, picture: Picture, candidates: Bools) -> Bools:
+    """Which of the rows that are candidates are in cover. Args: candidates: (R,). Returns: (R,)."""
+    out, rows = np.zeros(len(candidates), np.bool_), np.flatnonzero(candidates)
     out[rows] = kernels.geometry.sensor_coverage.in_any_range(coverage, picture.position_deg[rows])
     return out
 
@@ -105,52 +102,46 @@ def _since(holds: Bools, before_s: Floats, vessel_of_row: Ints, time_s: float) -
 
 
 def _track_pairs(
-    settings: IdentitySettings,
-    before: TrackPairs,
-    match: IdentityMatch,
-    picture: Picture,
-    row_of_track: Ints,
-    kind: Ints,
-    time_s: float,
-    seen: Coverage,
+    settings: IdentitySettings, before: TrackPairs, match: IdentityMatch, ais: Ints, radar: Ints, tracks: int, time_s: float
 ) -> TrackPairs:
-    """The pairs of this cycle, and those of the past that still count.
+    """The pairs of this cycle, and those of the past that have split.
 
-    A pair that has split counts until either track ends, either has another partner, the AIS track leaves the cover of radars, or
-    `contradicted_for_s` is over; never if it was one vessel for less than `paired_s`.
+    A pair that has split counts until either track ends, either has another partner, or `contradicted_for_s` is over; never if it
+    was one vessel for less than `paired_s`.
+    Args: ais: (B,) AIS tracks; radar: (B,) the first radar track of the vessel of each, -1 if none; tracks: how many there are.
     """
-    radars, count = np.flatnonzero(kind == SourceKind.RADAR), len(kind)
-    first_radar = np.full(len(picture), -1, np.int64)
-    first_radar[row_of_track[radars[::-1]]] = radars[::-1]  # the last one written is the first of its vessel
-    ais = np.flatnonzero(kind == SourceKind.AIS)
-    ais = ais[first_radar[row_of_track[ais]] >= 0]
-    radar = first_radar[row_of_track[ais]]
-
-    ais_before, radar_before = match.track_now[before.ais], match.track_now[before.radar]
-
-    pair_before = np.full(count, -1, np.int64)
-    pair_before[ais_before[ais_before >= 0]] = np.flatnonzero(ais_before >= 0)
+    ais, radar = ais[radar >= 0], radar[radar >= 0]
+    ais_now, radar_now = match.track_now[before.ais], match.track_now[before.radar]
+    pair_before = np.full(tracks, -1, np.int64)
+    pair_before[ais_now[ais_now >= 0]] = np.flatnonzero(ais_now >= 0)
     paired_since_s = np.full(len(ais), float(time_s))
     old = np.flatnonzero(pair_before[ais] >= 0)
     pair = pair_before[ais[old]]
-    same = radar_before[pair] == radar[old]
+    same = radar_now[pair] == radar[old]
     paired_since_s[old[same]] = before.paired_since_s[pair[same]]
 
-    has_partner = np.zeros(count, np.bool_)
+    has_partner = np.zeros(tracks, np.bool_)
     has_partner[ais] = has_partner[radar] = True
-    split = np.flatnonzero((ais_before >= 0) & (radar_before >= 0))
-    split = split[~has_partner[ais_before[split]] & ~has_partner[radar_before[split]]]
+    split = np.flatnonzero((ais_now >= 0) & (radar_now >= 0))
+    split = split[~has_partner[ais_now[split]] & ~has_partner[radar_now[split]]]
     split_since_s = np.minimum(before.split_since_s, time_s)
     long_enough = split_since_s[split] - before.paired_since_s[split] >= settings.paired_s
     split = split[long_enough & (time_s - split_since_s[split] <= settings.contradicted_for_s)]
-    position_deg = picture.position_deg[row_of_track[ais_before[split]]]
-    split = split[kernels.geometry.sensor_coverage.in_any_range(seen, position_deg)]
     return TrackPairs(
-        np.append(ais, ais_before[split]),
-        np.append(radar, radar_before[split]),
+        np.append(ais, ais_now[split]),
+        np.append(radar, radar_now[split]),
         np.append(paired_since_s, before.paired_since_s[split]),
         np.append(np.full(len(ais), np.inf), split_since_s[split]),
     )
+
+
+def _in_radar_cover(pairs: TrackPairs, radar_coverage: Coverage, picture: Picture, row_of_track: Ints) -> TrackPairs:
+    """The pairs without those that have split and whose AIS track is outside the cover of radars."""
+    counts = np.ones(len(pairs.ais), np.bool_)
+    split = np.flatnonzero(np.isfinite(pairs.split_since_s))
+    position_deg = picture.position_deg[row_of_track[pairs.ais[split]]]
+    counts[split] = kernels.geometry.sensor_coverage.in_any_range(radar_coverage, position_deg)
+    return TrackPairs(pairs.ais[counts], pairs.radar[counts], pairs.paired_since_s[counts], pairs.split_since_s[counts])
 
 
 def _contradicted(settings: IdentitySettings, pairs: TrackPairs, tracks: Tracks, time_s: float) -> Ints:

@@ -13,6 +13,7 @@ from coastwatch import kernels
 from coastwatch.batches import Array, Associations, Floats, FusedTracks, Ints, Picture, Rows, Sensors, SourceKind, Tracks
 from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred
 from coastwatch.kernels.filters.gaussian import squared_distance
+from coastwatch.kernels.threads import in_blocks
 from coastwatch.picture.settings import IdentitySettings
 from coastwatch.picture.vessels import Groups, Known, KnownColumns, predict, rows_of_groups
 
@@ -42,8 +43,8 @@ class IdentityMatch:
 
     groups: Groups
     track_now: Rows  # (L,) row of each track of the last cycle, -1 where it has ended
-    first_vessel: Ints  # (N,) the first vessel that a track ever was in, -1 for a new track
-    remembered: Array  # (K,) how living tracks remember each vessel, as in `kernels.identity.lifecycle`
+    first_vessel: Rows  # (N,) the first vessel that a track ever was in, -1 for a new track
+    remembered: Array  # (K,) how living tracks remember each vessel, as `kernels.identity.match.recall` says
     vessel_of_group: Ints  # (V,) -1: a new vessel
     group_of_vessel: Ints  # (K,) -1: a vessel without tracks
 
@@ -64,25 +65,20 @@ def match_identities(
     A track votes for the vessel it was in, and with a share of its vote for the first it ever was in. A group without votes may be
     a vessel that has lost all its tracks.
     """
-    lifecycle = kernels.identity.lifecycle
     groups = associations.by_vessel
     row_before, track_now = kernels.tables.match_ids.match_ids(before.track_id, tracks.track_id)
-    old = np.flatnonzero(row_before >= 0)
-    row_before = row_before[old]
-    previous, first_vessel = np.full(len(tracks), -1, np.int64), np.full(len(tracks), -1, np.int64)
-    previous[old], first_vessel[old] = before.vessel[row_before], before.first_vessel[row_before]
-    remembered = np.full(len(columns.vessel_id), lifecycle.NOT_REMEMBERED, np.int8)
-    remembered[first_vessel[old]] = lifecycle.AS_FIRST
-    remembered[previous[old]] = lifecycle.AS_PREVIOUS
-
+    previous, first_vessel, remembered = kernels.identity.match.recall(
+        row_before, before.vessel, before.first_vessel, len(columns.vessel_id)
+    )
     weight = np.where(sensors.source_kinds == SourceKind.AIS, AIS_WEIGHT, 1.0)[tracks.source]
     vessel_of_group = _settle_votes(groups, previous, first_vessel, weight, columns, time_s)
 
-    is_free = remembered[: len(known.shown) + len(known.hidden)] != lifecycle.AS_PREVIOUS
+    is_free = remembered[: len(known.shown) + len(known.hidden)] != kernels.identity.match.AS_PREVIOUS
     is_free[vessel_of_group[(vessel_of_group >= 0) & (vessel_of_group < len(is_free))]] = False
     free, new = np.flatnonzero(is_free), np.flatnonzero(vessel_of_group < 0)
     if len(free) > 0 and len(new) > 0:
-        rows, vessels = _match_returns(settings, known, columns, free, rows_of_groups(new, groups, tracks, fused), time_s)
+        new_rows = rows_of_groups(new, np.full(len(new), -1), groups, tracks, fused, columns)
+        rows, vessels = _match_returns(settings, known, columns, free, new_rows, time_s)
         vessel_of_group[new[rows]] = vessels
 
     group_of_vessel = np.full(len(columns.vessel_id), -1, np.int64)
@@ -92,14 +88,15 @@ def match_identities(
 
 
 def _settle_votes(
-    groups: Groups, previous: Ints, first_vessel: Ints, weight: Floats, columns: KnownColumns, time_s: float
+    groups: Groups, previous: Rows, first_vessel: Rows, weight: Floats, columns: KnownColumns, time_s: float
 ) -> Ints:
     """The vessel of each group by the votes of its tracks, one-to-one, -1 where none. (V,)"""
-    start, row = groups
+    start, _ = groups
     age_s = np.where(np.isfinite(columns.since_s), time_s - columns.since_s, 0.0)
     seniority = SENIORITY_GAIN * age_s / (age_s + SENIORITY_S)
-    group, vessel, gain = kernels.identity.match.count_votes(start, row, previous, first_vessel, weight, seniority)
     out = np.full(len(start) - 1, -1, np.int64)
+    votes = in_blocks(kernels.identity.match.count_votes, len(out), groups, previous, first_vessel, weight, seniority)
+    group, vessel, gain = (np.concatenate(part) for part in zip(*votes, strict=True))
     contested = kernels.identity.match.settle_uncontested(group, vessel, gain, columns.vessel_id, out)
     group, vessel, gain = group[contested], vessel[contested], gain[contested]
     chosen = kernels.association.assignment.assign(group, columns.vessel_id[vessel], gain)

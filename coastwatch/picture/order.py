@@ -74,12 +74,7 @@ def picture_of(
     time_s: float,
 ) -> tuple[Picture, Known]:
     """The picture, with no flag but COASTING, and the known vessels of the next cycle."""
-    rows = rows_of_groups(order.group_of_row, match.groups, tracks, fused)
-    old = np.flatnonzero((order.group_of_row >= 0) & (order.vessel_of_row >= 0))
-    vessel = order.vessel_of_row[old]
-    rows.since_s[old] = np.minimum(rows.since_s[old], columns.since_s[vessel])
-    rows.mmsi[old] = np.where(rows.mmsi[old] >= 0, rows.mmsi[old], columns.mmsi[vessel])
-
+    rows = rows_of_groups(order.group_of_row, order.vessel_of_row, match.groups, tracks, fused, columns)
     coasting = np.flatnonzero(order.group_of_row < 0)
     predicted = predict(known.take(order.vessel_of_row[coasting]), time_s, settings.drift_m_s15)
     for name in vars(rows):

@@ -61,10 +61,12 @@ class Known:
         return Picture.join(list(parts)).take(place)
 
 
-def rows_of_groups(group_of_row: Ints, groups: Groups, tracks: Tracks, fused: FusedTracks) -> Picture:
+def rows_of_groups(
+    group_of_row: Ints, vessel_of_row: Ints, groups: Groups, tracks: Tracks, fused: FusedTracks, known: KnownColumns
+) -> Picture:
     """Rows of the picture for groups of tracks; ids are -1 and flags 0 so far.
 
-    Args: group_of_row: (R,) the group of each row; -1: the vessel has no tracks, and the row is left unwritten.
+    Args: group_of_row: (R,) -1: the vessel has no tracks, and the row is left unwritten; vessel_of_row: (R,) -1: a new vessel.
     """
     n = len(group_of_row)
     time_s, since_s, updated_s = np.empty(n), np.empty(n), np.empty(n)
@@ -77,6 +79,7 @@ def rows_of_groups(group_of_row: Ints, groups: Groups, tracks: Tracks, fused: Fu
         groups,
         (fused.time_s, fused.position_deg, fused.velocity_m_s, fused.covariance),
         (tracks.started_s, tracks.updated_s, tracks.mmsi, tracks.origin),
+        (vessel_of_row, known.since_s, known.mmsi),
         (time_s, position, velocity, covariance, since_s, updated_s, mmsi, origin),
     )
     vessel_id, flags = np.full(n, -1, np.int64), np.zeros(n, np.int64)

@@ -11,18 +11,15 @@ from hypothesis import strategies as st
 
 from coastwatch.batches import Picture
 from coastwatch.geodesy import offset_deg
-from coastwatch.kernels.identity.lifecycle import (
+from coastwatch.kernels.identity.lifecycle import COASTING, DELETED, HIDDEN, MERGED, PRESENT, lifecycle
+from coastwatch.kernels.identity.match import (
     AS_FIRST,
     AS_PREVIOUS,
-    COASTING,
-    DELETED,
-    HIDDEN,
-    MERGED,
+    FIRST_VESSEL_SHARE,
     NOT_REMEMBERED,
-    PRESENT,
-    lifecycle,
+    count_votes,
+    settle_uncontested,
 )
-from coastwatch.kernels.identity.match import FIRST_VESSEL_SHARE, count_votes, settle_uncontested
 from coastwatch.picture.vessels import Known, predict
 
 NOW_S, COAST_S, HOLD_S, RETURN_S = 1000.0, 30.0, 120.0, 3600.0
@@ -67,7 +64,9 @@ def test_votes_are_counted_and_what_is_uncontested_is_settled(tracks: int, seed:
     first[previous < 0] = -1
     weight, seniority, vessel_id = rng.choice([1.0, 1.2], tracks), rng.choice([0.0, 0.3], vessels), rng.permutation(vessels)
     start = np.searchsorted(group, np.arange(groups + 1))
-    votes = count_votes(start, np.arange(tracks), previous, first, weight, seniority)
+    middle, given = groups // 2, ((start, np.arange(tracks)), previous, first, weight, seniority)
+    parts = count_votes(0, middle, *given), count_votes(middle, groups, *given)
+    votes = tuple(np.concatenate(part) for part in zip(*parts, strict=True))
 
     gain: dict[tuple[int, int], float] = {}
     for g, p, f, w in zip(group.tolist(), previous.tolist(), first.tolist(), weight.tolist(), strict=True):

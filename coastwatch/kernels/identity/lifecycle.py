@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+from coastwatch.kernels.identity.match import AS_PREVIOUS, NOT_REMEMBERED
 from coastwatch.kernels.jit import jit
 
 PRESENT, COASTING, HIDDEN, MERGED, DELETED = range(5)
-NOT_REMEMBERED, AS_FIRST, AS_PREVIOUS = range(3)
-"""How a living track remembers a vessel: not at all, as the first it ever was in, as the one it was in at the last cycle."""
 
 
 @jit
@@ -19,7 +18,7 @@ def lifecycle(first, last, group_of_vessel, remembered, updated_s, mmsi, limits,
     Args:
         first, last: range of rows to decide, for threads.
         group_of_vessel: (K,) group of tracks that continues the vessel, -1 if none.
-        remembered: (K,) NOT_REMEMBERED, AS_FIRST or AS_PREVIOUS by any living track.
+        remembered: (K,) by living tracks, as `match.recall` says.
         updated_s: (K,) time of its last measurement, -inf if it is merged already. mmsi: (K,), -1 if unknown.
         limits: (time_s, coast_s, hold_s, return_s). state: (K,) written.
     """

@@ -24,19 +24,47 @@ def _add_vote(vessels, gains, begin, end, vessel, weight):  # type: ignore[no-un
     return end + 1
 
 
+NOT_REMEMBERED, AS_FIRST, AS_PREVIOUS = range(3)
+"""How a living track remembers a vessel: not at all, as the first it ever was in, as the one it was in at the last cycle."""
+
+
 @jit
-def count_votes(start, row, previous, first_vessel, weight, seniority):  # type: ignore[no-untyped-def]
-    """Every vessel that a group votes for, with the gain of continuing it; group by group.
+def recall(row_before, vessel, first_vessel, vessels):  # type: ignore[no-untyped-def]
+    """What the tracks of this cycle remember of the vessels of the last one.
 
     Args:
-        start, row: (V + 1,), (N,) the tracks of group g are row[start[g]:start[g + 1]].
+        row_before: (N,) row of each track in the last cycle, -1 if it is new.
+        vessel, first_vessel: (L,) the vessel that each track of the last cycle was in, and the first it ever was in.
+        vessels: K, how many vessels are known.
+    Returns: previous, first: (N,) vessels, -1 if the track is new; remembered: (K,) NOT_REMEMBERED, AS_FIRST or AS_PREVIOUS.
+    """
+    previous, first = np.full(len(row_before), -1, np.int32), np.full(len(row_before), -1, np.int32)
+    remembered = np.full(vessels, NOT_REMEMBERED, np.int8)
+    for n in range(len(row_before)):
+        if row_before[n] >= 0:
+            previous[n], first[n] = vessel[row_before[n]], first_vessel[row_before[n]]
+            remembered[previous[n]] = AS_PREVIOUS
+            if remembered[first[n]] == NOT_REMEMBERED:
+                remembered[first[n]] = AS_FIRST
+    return previous, first, remembered
+
+
+@jit
+def count_votes(first, last, groups, previous, first_vessel, weight, seniority):  # type: ignore[no-untyped-def]
+    """Every vessel that groups first to last vote for, with the gain of continuing it; group by group.
+
+    Args:
+        groups: start, row: (V + 1,), (N,) the tracks of group g are row[start[g]:start[g + 1]].
         previous, first_vessel: (N,) the vessel that a track was in at the last cycle, and the first it ever was in; -1 if new.
-        weight: (N,) of the vote of each track; seniority: (K,) added to the gain of each vessel.
+        weight: (N,) of the vote of each track.
+        seniority: (K,) added to the gain of each vessel.
     Returns: group, vessel, gain: (A,) each.
     """
-    group, vessel, gain = np.empty(2 * len(row), np.int64), np.empty(2 * len(row), np.int64), np.empty(2 * len(row))
+    start, row = groups
+    most = 2 * (start[last] - start[first])
+    group, vessel, gain = np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most)
     end = 0
-    for g in range(len(start) - 1):
+    for g in range(first, last):
         begin = end
         for k in range(start[g], start[g + 1]):
             n = row[k]

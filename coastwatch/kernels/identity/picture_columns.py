@@ -11,19 +11,21 @@ from coastwatch.kernels.jit import jit
 
 
 @jit
-def vessel_columns(first, last, group_of_row, groups, fused, tracks, out):  # type: ignore[no-untyped-def]
+def vessel_columns(first, last, group_of_row, groups, fused, tracks, past, out):  # type: ignore[no-untyped-def]
     """Rows first to last of the picture: the fused estimate of each group, and what its tracks say of the vessel.
 
-    The vessel began with its oldest track and was updated with its newest. The last track with an MMSI names it.
+    A vessel is there since its oldest track began, or since before. The last track with an MMSI names it, else its former name stays.
     Args:
         group_of_row: (R,) group of each row; -1: the vessel has no tracks, its row is not written.
         fused: time_s (V,), position, velocity (V, 2), covariance (V, 4, 4).
         tracks: started_s, updated_s, mmsi, origin (N,).
+        past: vessel (R,) of the last cycle that the row continues, -1 if new; since_s, mmsi (K,) of those vessels.
         out: the four columns of `fused`, then since_s, updated_s, mmsi, origin: (R, ...) written.
     """
     start, row = groups
     time_s, position, velocity, covariance = fused
     started_s, updated_s, mmsi, origin = tracks
+    vessel, since_s, former_mmsi = past
     out_time_s, out_position, out_velocity, out_covariance, out_since_s, out_updated_s, out_mmsi, out_origin = out
     for r in range(first, last):
         g = group_of_row[r]
@@ -43,8 +45,11 @@ def vessel_columns(first, last, group_of_row, groups, fused, tracks, out):  # ty
                 name, origin_of_named = mmsi[n], origin[n]
             else:
                 origin_of_others = max(origin_of_others, origin[n])
-        out_since_s[r], out_updated_s[r], out_mmsi[r] = since, newest, name
         out_origin[r] = origin_of_named if name >= 0 else origin_of_others
+        if vessel[r] >= 0:
+            since = min(since, since_s[vessel[r]])
+            name = name if name >= 0 else former_mmsi[vessel[r]]
+        out_since_s[r], out_updated_s[r], out_mmsi[r] = since, newest, name
 
 
 @jit

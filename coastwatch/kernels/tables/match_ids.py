@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from coastwatch.kernels.jit import jit
-
-Ints = NDArray[np.int64]
-Rows = NDArray[np.int32]
 
 LOOK_AHEAD = 16  # rows that may have ended between two that go on; beyond them an id is looked up in a hash table
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)  # 2^64 over the golden ratio (Fibonacci hashing)
@@ -73,13 +69,15 @@ def index_of(ids, wanted):  # type: ignore[no-untyped-def]
     return out
 
 
-def match_ids(before: Ints, now: Ints) -> tuple[Rows, Rows]:
+@jit
+def match_ids(before, now):  # type: ignore[no-untyped-def]
     """Rows of the same ids in two arrays: the row in `before` of each id of `now`, and the row in `now` of each id of `before`.
 
     Args: before: (L,), now: (N,), both none twice. Returns: (N,), (L,), -1 where an id is in one array alone.
     """
     row_before = index_of(before, now)
     row_now = np.full(len(before), -1, np.int32)
-    old = np.flatnonzero(row_before >= 0)
-    row_now[row_before[old]] = old
+    for n in range(len(now)):
+        if row_before[n] >= 0:
+            row_now[row_before[n]] = n
     return row_before, row_now
