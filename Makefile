@@ -2,9 +2,11 @@
 PYTHON ?= python3
 UV_VERSION = 0.13.8
 BIN = .venv/bin
+WARM_UP = $(BIN)/coastwatch run guanabara --restart --set warmup_s=30 --set cycles=10
+TEST = $(BIN)/python -m pytest -n auto --maxprocesses 8 --dist loadfile
 export UV_PROJECT_ENVIRONMENT = .venv
 
-.PHONY: demo test check bench docs clean
+.PHONY: demo test test-all check bench docs clean .warm-sonars .warm-radars
 
 .venv/.ready: pyproject.toml uv.lock
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv
@@ -12,18 +14,27 @@ export UV_PROJECT_ENVIRONMENT = .venv
 	@$(BIN)/uv sync --quiet --locked --inexact
 	@touch $@
 
-# A small scenario compiles the kernels that runs use.
-.venv/.warm: .venv/.ready $(wildcard coastwatch/kernels/*/*.py)
-	@$(BIN)/coastwatch run guanabara --db sqlite:///.venv/warm.db --restart >/dev/null
+# Two short runs, side by side, compile the kernels that runs use: without them every process of the tests would do it.
+.venv/.warm: .venv/.ready $(wildcard coastwatch/kernels/*.py coastwatch/kernels/*/*.py)
+	@$(MAKE) --no-print-directory -j2 .warm-sonars .warm-radars
 	@touch $@
+
+.warm-sonars:
+	@$(WARM_UP) --db sqlite:///.venv/warm-sonars.db --set 'radars=[]' >/dev/null
+
+.warm-radars:
+	@$(WARM_UP) --db sqlite:///.venv/warm-radars.db --set 'sonars=[]' >/dev/null
 
 demo: .venv/.warm  ## set up, run the guanabara scenario, leave a database and a picture in out/
 	@mkdir -p out
 	$(BIN)/coastwatch run guanabara --db sqlite:///out/guanabara.db --restart
 	$(BIN)/coastwatch plot --db sqlite:///out/guanabara.db --output out/guanabara.png
 
-test: .venv/.warm  ## set up and run the tests
-	$(BIN)/python -m pytest
+test: .venv/.warm  ## set up and run the tests, but for the slow ones
+	$(TEST) -m "not slow"
+
+test-all: .venv/.warm  ## set up and run all tests
+	$(TEST)
 
 check: .venv/.ready  ## style, types and the import contract
 	$(BIN)/ruff check .

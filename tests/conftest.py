@@ -1,4 +1,4 @@
-"""What all tests share: how hard hypothesis searches, and one finished run for tests that only read."""
+"""How hard hypothesis searches: COASTWATCH_HYPOTHESIS=nightly searches longer, from a new seed each time."""
 
 from __future__ import annotations
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import sqlite3
+import subprocess
+from collections.abc import Callable
 from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +26,19 @@ STATE = (
     "spot",
     "sensor_registration",
 )
+
+
+Start = Callable[..., "subprocess.Popen[str]"]
+"""Starts the command line with some arguments in a process of its own."""
+
+
+@dataclass(frozen=True)
+class FinishedRun:
+    """A finished run of guanabara: URL of its database, what the command printed, its tracks as CSV."""
+
+    url: str
+    printed: dict[str, Any]
+    tracks_csv: Path
 
 
 def rows(path: Path, run_id: int | None = None, tables: tuple[str, ...] = STATE) -> dict[str, list[tuple[Any, ...]]]:
