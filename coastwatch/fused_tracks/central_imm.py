@@ -3,57 +3,62 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, Rows, Tracks
-from coastwatch.fused_tracks.continuity import Going, continuity
-from coastwatch.fused_tracks.covariance_intersection import intersected
-from coastwatch.fused_tracks.membership import Grouped, at_time, states, unwritten
+from coastwatch.batches import Associations, Bools, Floats, FusedTracks, Ints, Measurements, Rows, SourceKind, Tracks
+from coastwatch.fused_tracks.covariance_intersection import intersect
+from coastwatch.fused_tracks.vessel_tracks import Estimates, VesselTracks
+from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Method
 
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
-Estimates = tuple[Floats, Floats, Floats]  # position (V, 2) degrees, velocity (V, 2), covariance (V, 4, 4)
-Filters = tuple[Floats, Floats, Floats, Floats]  # the first four of `Bank`
-Company = tuple[
-    Rows, Rows, Rows, Ints, Ints
-]  # vessels (F,); start, row: the tracks of each vessel; their sources; kinds of sources
-Models = tuple[Ints, Floats, Floats, Floats, Floats, Floats, Floats]
 Four = tuple[Positive, Positive, Positive, Positive]
 
-KINDS = np.array([0, 0, 0, 1], np.int64)  # steady, changing speed, agile: constant velocity; turning: coordinated turn
+MODELS = 4  # steady, changing speed, agile: constant velocity; turning: coordinated turn
 FEW = 512  # filters that keep a thread busy for long enough
 SEARCH_STEPS = 16  # of the covariance intersection at which a filter begins
 
 
 @dataclass(frozen=True, eq=False)
-class Bank:
-    """The filters of V vessels, each in the plane at its anchor, and which tracks are in them."""
+class VesselFilters:
+    """The filters of F vessels, each in the plane at its anchor, and which tracks are in them."""
 
-    anchor_deg: Floats  # (V, 2)
-    filters: Floats  # (V, J, WIDTH), see coastwatch.kernels.kicked_imm
-    mode: Floats  # (V, J)
-    newest_s: Floats  # (V,) time of the newest measurement
+    anchor_deg: Floats  # (F, 2)
+    state: Floats  # (F, J, 5)
+    covariance: Floats  # (F, J, 5, 5)
+    mode_probability: Floats  # (F, J)
+    updated_s: Floats  # (F,) time of the newest measurement
     track_id: Ints  # (L,) every track of the last cycle, in its order
-    row: Rows  # (L,) its filter, -1 where none
+    filter_of_track: Rows  # (L,) -1 where none
 
     @property
-    def arrays(self) -> Filters:
-        """What there is of each filter."""
-        return self.anchor_deg, self.filters, self.mode, self.newest_s
+    def arrays(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """State, covariance, mode probability and time of each filter, as the kernels take them."""
+        return self.state, self.covariance, self.mode_probability, self.updated_s
+
+
+class FilterPlan(NamedTuple):
+    """Which filters of the last cycle are continued, and which begin."""
+
+    continued: Ints  # (G,) vessels whose filters are continued: the first filters of this cycle
+    before: Ints  # (G,) their filters of the last cycle
+    new: Ints  # (B,) vessels of several tracks whose filters begin: the filters after those
+    filter_of_track: Rows  # (N,) -1 where none
+    track_of_measurement: Rows  # (M,) -1 where it is not among them
 
 
 class CentralImm(Method):
     """One IMM a vessel over the plots and AIS reports that its tracks took: no error of theirs is counted twice.
 
-    Models: steady (constant velocity, kicked now and then), changing speed, agile, turning. A vessel begins where the covariance
+    Models: steady (constant velocity, whose velocity may jump), changing speed, agile, turning. A vessel begins where the covariance
     intersection of its tracks is, when a second track joins the first; one that never had two tracks is its track. The filter
-    goes on while nothing that it heard was of another vessel, and on plots alone when the AIS has gone; where a pair is broken both
+    is continued while it has measurements of one vessel only, and on plots alone when the AIS has gone; where a pair is broken both
     begin again. Where AIS is in the vessel, shares of a plot's variance are added along and across the beam: what is wrong with a
     radar's registration is the same from plot to plot, and would else outweigh the AIS. Late reports are brought forward.
 
@@ -73,109 +78,147 @@ class CentralImm(Method):
     azimuth_registration: NotNegative = 1.5  # the same across the beam
     unknown_velocity_sigma_m_s: Positive = 0.5  # of tracks that come without covariance
 
-    def init(self) -> Bank:
+    def init(self) -> VesselFilters:
         """No filter."""
-        return Bank(*self._unwritten(0), np.zeros(0, np.int64), np.zeros(0, np.int32))
+        state, covariance = np.zeros((0, MODELS, 5)), np.zeros((0, MODELS, 5, 5))
+        no_track = np.zeros(0, np.int64), np.zeros(0, np.int32)
+        return VesselFilters(np.zeros((0, 2)), state, covariance, np.zeros((0, MODELS)), np.zeros(0), *no_track)
 
     def step(
         self,
-        memory: Bank,
+        memory: VesselFilters,
         tracks: Tracks,
         measurements: Measurements,
         associations: Associations,
         time_s: float,
         kinds: Ints,
-    ) -> tuple[Bank, FusedTracks]:
+    ) -> tuple[VesselFilters, FusedTracks]:
         """One estimate a vessel.
 
         Args: tracks: (N); measurements: that went into them since the last cycle; associations: of the tracks; kinds: SourceKind of
         each source.
         Returns: memory and FusedTracks, one row for each vessel number.
         """
-        vessel = associations.vessel
-        if len(vessel) == 0:
+        if len(associations.vessel) == 0:
             return self.init(), FusedTracks.empty()
-        groups = Grouped(*associations.by_vessel)
-        plan = continuity(memory.track_id, memory.row, memory.newest_s, groups, vessel, tracks, measurements)
-        filters = self._unwritten(len(plan.going) + len(plan.begins))
-        out = self._alone(groups, tracks)
-        told = self._heard(memory, plan, groups, tracks, measurements, kinds, filters)
-        self._shown(plan, told, time_s, filters, out)
-        self._begun(plan, groups, tracks, time_s, filters, out)
-        return Bank(*filters, tracks.track_id, plan.filter_of), at_time(time_s, out)
+        vessels = VesselTracks.of(associations)
+        plan = plan_filters(memory, vessels, associations.vessel, tracks, measurements)
+        has_ais = np.bincount(associations.vessel, kinds[tracks.source] == SourceKind.AIS) > 0
+        has_radar = np.bincount(associations.vessel, kinds[tracks.source] == SourceKind.RADAR) > 0
+        first = intersect(vessels.take(plan.new), tracks, self.unknown_velocity_sigma_m_s, SEARCH_STEPS)
+        filters = self._filters(memory, plan, tracks, first, time_s)
+        self._update(filters, plan, measurements, has_ais[plan.continued])
+        out = self._single_tracks(vessels, tracks)
+        for column, of_tracks in zip(out, first, strict=True):
+            column[plan.new] = of_tracks
+        self._report(filters, plan, has_radar | (vessels.size > 1), time_s, out)
+        return filters, out.at_time(time_s)
 
-    def _unwritten(self, count: int) -> Filters:
-        """So many filters of which nothing is written yet."""
+    def _filters(
+        self, memory: VesselFilters, plan: FilterPlan, tracks: Tracks, first: Estimates, time_s: float
+    ) -> VesselFilters:
+        """The filters of the last cycle that are continued, then the new ones, at the first estimates (B) of their vessels."""
+        old, count = len(plan.continued), len(plan.continued) + len(plan.new)
+        anchor, updated = np.empty((count, 2)), np.full(count, float(time_s))
+        state, covariance, mode = np.zeros((count, MODELS, 5)), np.zeros((count, MODELS, 5, 5)), np.empty((count, MODELS))
+        anchor[:old], updated[:old] = memory.anchor_deg[plan.before], memory.updated_s[plan.before]
+        state[:old], covariance[:old] = memory.state[plan.before], memory.covariance[plan.before]
+        mode[:old], mode[old:] = memory.mode_probability[plan.before], np.array(self.share) / sum(self.share)
+        anchor[old:], state[old:, :, 2:4] = first.position_deg, first.velocity_m_s[:, None]
+        covariance[old:, :, :4, :4] = first.covariance[:, None]
+        covariance[old:, :, 4, 4] = np.radians(self.turn_rate_sigma_deg_s) ** 2
+        return VesselFilters(anchor, state, covariance, mode, updated, tracks.track_id, plan.filter_of_track)
 
-        j = len(KINDS)
-        return (
-            np.empty((count, 2)),
-            np.empty((count, j, kernels.filters.velocity_jumps.WIDTH)),
-            np.empty((count, j)),
-            np.empty(count),
-        )
+    def _update(self, filters: VesselFilters, plan: FilterPlan, measurements: Measurements, has_ais: Bools) -> None:
+        """Update the continued filters (G) by the measurements of their vessels' tracks. Args: has_ais: (G,) whether AIS is in each."""
+        count = len(plan.continued)
+        filter_of = np.append(plan.filter_of_track, -1)[plan.track_of_measurement]
+        mine = np.flatnonzero((filter_of >= 0) & (filter_of < count))
+        mine = mine[np.lexsort((measurements.sensor[mine], measurements.time_s[mine], filter_of[mine]))]
+        m, filter_of = measurements.take(mine), filter_of[mine]
+        z = np.concatenate([difference_m(m.position_deg, filters.anchor_deg[filter_of]), m.velocity_m_s], axis=1)
+        noise = np.zeros((len(m), 4, 4))
+        noise[:, :2, :2], noise[:, 2:, 2:] = m.covariance[:, :2, :2], m.covariance[:, 2:, 2:]
+        plots = np.flatnonzero((m.sensor >= 0) & has_ais[filter_of])
+        noise[plots, :2, :2] += self._registration(m.take(plots))
+        begin = np.searchsorted(filter_of, np.arange(count + 1))
+        given = filters.arrays, m.time_s, z, noise, begin, self._models()
+        in_blocks(kernels.filters.fused_filters.update, count, *given, least=FEW)
 
-    def _alone(self, groups: Grouped, tracks: Tracks) -> Estimates:
-        """Estimates of which those of vessels of one track are written: they are that track."""
-
-        out = unwritten(len(groups))
-        in_blocks(
-            kernels.filters.fused_filters.single, len(groups), *groups, states(tracks), self.unknown_velocity_sigma_m_s, out
-        )
+    def _registration(self, plots: Measurements) -> Floats:
+        """Covariance of the error of registration of plots: shares of their variance along and across the beam. (M, 2, 2)"""
+        beam = difference_m(plots.position_deg, plots.site_deg)
+        along = beam / np.maximum(np.hypot(beam[:, 0], beam[:, 1]), 1.0)[:, None]
+        across = np.column_stack([-along[:, 1], along[:, 0]])
+        out = np.zeros((len(plots), 2, 2))
+        for share, axis in ((self.range_registration, along), (self.azimuth_registration, across)):
+            variance = (axis[:, None] @ plots.covariance[:, :2, :2] @ axis[:, :, None])[:, 0, 0]
+            out += (share * variance)[:, None, None] * axis[:, :, None] * axis[:, None, :]
         return out
 
-    def _heard(
-        self, memory: Bank, plan: Going, groups: Grouped, tracks: Tracks, m: Measurements, kinds: Ints, filters: Filters
-    ) -> Company:
-        """Takes the filters that go on into this cycle's, and tells them the measurements of their vessels' tracks.
+    def _report(self, filters: VesselFilters, plan: FilterPlan, reported: Bools, time_s: float, out: Estimates) -> None:
+        """Put the anchors of the continued filters where their vessels are, and write the estimates of those vessels.
 
-        Returns: their vessels, and the tracks of each, as the kernels take them.
+        A vessel of AIS alone is reported as its track. Args: reported: (V,) whether a vessel is reported by its filter.
         """
+        count = len(plan.continued)
+        mean, covariance = np.empty((count, 5)), np.empty((count, 5, 5))
+        given = filters.arrays, float(time_s), self._models(), mean, covariance
+        in_blocks(kernels.filters.fused_filters.estimate, count, *given, least=FEW)
+        filters.anchor_deg[:count] = offset_deg(filters.anchor_deg[:count], mean[:, :2])
+        filters.state[:count, :, :2] -= mean[:, None, :2]
+        chosen = np.flatnonzero(reported[plan.continued])
+        vessel = plan.continued[chosen]
+        out.position_deg[vessel], out.velocity_m_s[vessel] = filters.anchor_deg[chosen], mean[chosen, 2:4]
+        out.covariance[vessel] = covariance[chosen, :4, :4]
 
-        count, z = len(plan.going), np.empty((len(m), 10))
-        who = plan.going, *groups, tracks.source, kinds
-        begin, order = kernels.filters.fused_filters.told(plan.filter_of, plan.heard_row, m.time_s, m.sensor, count)
-        in_blocks(kernels.filters.fused_filters.continued, count, plan.of, memory.arrays, filters, least=FEW)
-        given = m.position_deg, m.velocity_m_s, m.covariance, m.site_deg, m.sensor
-        shares = self.range_registration, self.azimuth_registration
-        in_blocks(kernels.filters.fused_filters.expressed, count, *who, begin, order, given, filters[0], shares, z, least=FEW)
-        in_blocks(
-            kernels.filters.velocity_jumps.absorb,
-            count,
-            *filters[1:],
-            m.time_s,
-            z,
-            order,
-            begin,
-            self._models(),
-            np.empty(count),
-            least=FEW,
+    def _single_tracks(self, vessels: VesselTracks, tracks: Tracks) -> Estimates:
+        """Estimates of which those of vessels of one track are written: they are that track."""
+        out, single = Estimates.empty(vessels.vessel_count), np.flatnonzero(vessels.size == 1)
+        track = tracks.take(vessels.row[vessels.start[single]])
+        out.position_deg[single], out.velocity_m_s[single] = track.position_deg, track.velocity_m_s
+        out.covariance[single] = track.known_covariance(self.unknown_velocity_sigma_m_s)
+        return out
+
+    def _models(self) -> Any:
+        """The models as the kernels take them. (J,) MODEL"""
+        models = kernels.filters.motion_models
+        return models.table(
+            kind=[models.STRAIGHT, models.STRAIGHT, models.STRAIGHT, models.TURNING],
+            noise=self.noise_m2_s3,
+            manoeuvre_noise=[0.0, 0.0, 0.0, self.turn_rate_noise_rad2_s3],
+            manoeuvre_sigma=np.radians(self.turn_rate_sigma_deg_s),
+            sojourn=self.sojourn_s,
+            jump_rate=[1.0 / self.kick_interval_s, 0.0, 0.0, 0.0],
+            jump_variance=[self.kick_m_s**2, 0.0, 0.0, 0.0],
         )
-        return who
 
-    def _shown(self, plan: Going, who: Company, time_s: float, filters: Filters, out: Estimates) -> None:
-        """The anchors of the filters that go on to where the vessels are at this time, and those into their rows of `out`."""
 
-        count = len(plan.going)
-        mean, spread = np.empty((count, 5)), np.empty((count, 5, 5))
-        in_blocks(
-            kernels.filters.velocity_jumps.foresee, count, *filters[1:], float(time_s), self._models(), mean, spread, least=FEW
-        )
-        in_blocks(kernels.filters.fused_filters.shown, count, *who, mean, spread, filters, out)
+def plan_filters(
+    memory: VesselFilters, vessels: VesselTracks, vessel: Ints, tracks: Tracks, measurements: Measurements
+) -> FilterPlan:
+    """Decide which filters of the last cycle are continued.
 
-    def _begun(self, plan: Going, groups: Grouped, tracks: Tracks, time_s: float, filters: Filters, out: Estimates) -> None:
-        """Vessels whose filters begin, from their tracks alone, into their rows of `out`, and those filters."""
-
-        intersected(groups, plan.begins, tracks, self.unknown_velocity_sigma_m_s, SEARCH_STEPS, out)
-        share, turn = np.array(self.share) / sum(self.share), np.radians(self.turn_rate_sigma_deg_s) ** 2
-        given = plan.begins, len(plan.going), float(time_s), share, float(turn), out, filters
-        in_blocks(kernels.filters.fused_filters.begun, len(plan.begins), *given)
-
-    def _models(self) -> Models:
-        """The models as the kernel takes them."""
-        j = len(KINDS)
-        turn_noise, kick_rate, kick_variance = np.zeros(j), np.zeros(j), np.zeros(j)
-        turn_noise[-1] = self.turn_rate_noise_rad2_s3
-        kick_rate[0], kick_variance[0] = 1.0 / self.kick_interval_s, self.kick_m_s**2
-        turn_sigma = np.full(j, np.radians(self.turn_rate_sigma_deg_s))
-        return KINDS, np.array(self.noise_m2_s3), turn_noise, turn_sigma, np.array(self.sojourn_s), kick_rate, kick_variance
+    A filter is continued where all of its tracks that still live are in one vessel, without a track of another filter: then none of its
+    measurements was of another vessel. And only where its tracks gave a measurement for every update: else it would starve.
+    Args: memory: of the last cycle; vessel: (N,) of each track.
+    """
+    begin = vessels.start[:-1]
+    at = kernels.tables.match_ids.index_of(memory.track_id, tracks.track_id)
+    track_of_measurement = kernels.tables.match_ids.index_of(tracks.track_id, measurements.track_id)
+    filter_before = np.where(at >= 0, np.append(memory.filter_of_track, -1)[at], -1)
+    measured_s = np.full(len(tracks) + 1, -np.inf)  # the last is of measurements of no track
+    np.maximum.at(measured_s, track_of_measurement, measurements.time_s)
+    of_entry = filter_before[vessels.row]
+    before = np.maximum.reduceat(of_entry, begin)
+    lowest = np.minimum.reduceat(np.where(of_entry >= 0, of_entry, len(memory.updated_s)), begin)
+    tracks_here = np.add.reduceat(of_entry >= 0, begin, dtype=np.int64)
+    tracks_alive = np.bincount(filter_before[filter_before >= 0], minlength=len(memory.updated_s) + 1)
+    newest_s = np.maximum(np.maximum.reduceat(measured_s[vessels.row], begin), np.append(memory.updated_s, -np.inf)[before])
+    whole = (before == lowest) & (tracks_alive[before] == tracks_here)
+    whole &= np.maximum.reduceat(tracks.updated_s[vessels.row], begin) <= newest_s
+    continued, new = np.flatnonzero(whole), np.flatnonzero(~whole & (vessels.size > 1))
+    filter_of = np.full(vessels.vessel_count, -1, np.int32)
+    filter_of[continued] = np.arange(len(continued))
+    filter_of[new] = len(continued) + np.arange(len(new))
+    return FilterPlan(continued, before[continued], new, filter_of[vessel], track_of_measurement)

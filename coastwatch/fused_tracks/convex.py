@@ -8,7 +8,7 @@ from pydantic import Field
 
 from coastwatch import kernels
 from coastwatch.batches import Associations, FusedTracks, Ints, Measurements, Tracks
-from coastwatch.fused_tracks.membership import Grouped, at_time, states, unwritten
+from coastwatch.fused_tracks.vessel_tracks import Estimates, TrackArrays, VesselTracks
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Method, NoMemory
 
@@ -42,17 +42,10 @@ class Convex(Method):
 
         Returns: memory and FusedTracks, one row for each vessel number.
         """
-
-        groups = Grouped(*associations.by_vessel)
-        out = unwritten(len(groups))
-        doubt = self.registration, tracks.mmsi
+        vessels = VesselTracks.of(associations)
+        out = Estimates.empty(vessels.vessel_count)
+        settings = self.unknown_velocity_sigma_m_s, self.registration
         in_blocks(
-            kernels.fusion.convex_combination.convex,
-            len(groups),
-            *groups,
-            states(tracks),
-            self.unknown_velocity_sigma_m_s,
-            doubt,
-            out,
+            kernels.fusion.convex_combination.convex, vessels.vessel_count, *vessels, TrackArrays.of(tracks), *settings, out
         )
-        return memory, at_time(time_s, out)
+        return memory, out.at_time(time_s)

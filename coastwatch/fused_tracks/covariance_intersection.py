@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, Rows, Tracks
-from coastwatch.fused_tracks.membership import Grouped, at_time, states, unwritten
+from coastwatch.batches import Associations, FusedTracks, Ints, Measurements, Tracks
+from coastwatch.fused_tracks.vessel_tracks import Estimates, TrackArrays, VesselTracks
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Method, NoMemory
 
@@ -40,24 +39,17 @@ class CovarianceIntersection(Method):
 
         Returns: memory and FusedTracks, one row for each vessel number.
         """
-        groups = Grouped(*associations.by_vessel)
-        everyone, out = np.arange(len(groups), dtype=np.int32), unwritten(len(groups))
-        intersected(groups, everyone, tracks, self.unknown_velocity_sigma_m_s, self.steps, out)
-        return memory, at_time(time_s, out)
+        vessels = VesselTracks.of(associations)
+        return memory, intersect(vessels, tracks, self.unknown_velocity_sigma_m_s, self.steps).at_time(time_s)
 
 
-def intersected(
-    groups: Grouped, which: Rows, tracks: Tracks, velocity_sigma_m_s: float, steps: int, out: tuple[Floats, Floats, Floats]
-) -> None:
-    """These vessels (B,) by covariance intersection of their tracks, into their rows of `out`."""
+def intersect(vessels: VesselTracks, tracks: Tracks, velocity_sigma_m_s: float, steps: int) -> Estimates:
+    """Vessels by covariance intersection of their tracks.
 
-    in_blocks(
-        kernels.fusion.covariance_intersection.intersection,
-        len(which),
-        which,
-        *groups,
-        states(tracks),
-        velocity_sigma_m_s,
-        steps,
-        out,
-    )
+    Args: velocity_sigma_m_s: of tracks without covariance; steps: of the search of the weight.
+    """
+    out = Estimates.empty(vessels.vessel_count)
+    settings = velocity_sigma_m_s, steps
+    kernel = kernels.fusion.covariance_intersection.intersection
+    in_blocks(kernel, vessels.vessel_count, *vessels, TrackArrays.of(tracks), *settings, out)
+    return out

@@ -2,33 +2,33 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
 from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, Tracks
-from coastwatch.fused_tracks.membership import Grouped, at_time, states, unwritten
-from coastwatch.kernels.threads import in_blocks
+from coastwatch.fused_tracks.vessel_tracks import Estimates, VesselTracks
+from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.stage import Method
 
-FEW = 512  # filters that keep a thread busy for long enough
-KINDS = np.array([0, 0, 1], np.int64)  # constant velocity, constant velocity, coordinated turn
+MODELS = 3  # constant velocity with low and with high noise, coordinated turn
 
 
 @dataclass(frozen=True, eq=False)
-class Bank:
+class TrackFilters:
     """The filters of V vessels in planes that touch at their anchors, and which tracks were last in each."""
 
     anchor_deg: Floats  # (V, 2)
     state: Floats  # (V, J, 5)
     covariance: Floats  # (V, J, 5, 5)
-    mode: Floats  # (V, J)
+    mode_probability: Floats  # (V, J)
     time_s: float
     track_id: Ints  # (L,) every track of the last cycle, in its order
-    row: Ints  # (L,) of the bank
+    filter_of_track: Ints  # (L,)
 
 
 class ImmOfTracks(Method):
@@ -49,50 +49,79 @@ class ImmOfTracks(Method):
     sojourn_s: tuple[float, float, float] = (60.0, 15.0, 60.0)
     unknown_velocity_sigma_m_s: Annotated[float, Field(gt=0.0)] = 0.5
 
-    def init(self) -> Bank:
+    def init(self) -> TrackFilters:
         none = np.zeros(0, np.int64)
-        models = len(KINDS)
-        return Bank(
-            np.zeros((0, 2)), np.zeros((0, models, 5)), np.zeros((0, models, 5, 5)), np.zeros((0, models)), 0.0, none, none
-        )
+        state, covariance = np.zeros((0, MODELS, 5)), np.zeros((0, MODELS, 5, 5))
+        return TrackFilters(np.zeros((0, 2)), state, covariance, np.zeros((0, MODELS)), 0.0, none, none)
 
     def step(
         self,
-        memory: Bank,
+        memory: TrackFilters,
         tracks: Tracks,
         measurements: Measurements,
         associations: Associations,
         time_s: float,
         kinds: Ints,
-    ) -> tuple[Bank, FusedTracks]:
+    ) -> tuple[TrackFilters, FusedTracks]:
         """One estimate a vessel. Args: tracks: (N); measurements: unused; associations: of its rows; kinds: SourceKind of each source.
 
         Returns: memory and FusedTracks, one row for each vessel number.
         """
+        vessels = VesselTracks.of(associations)
+        row = kernels.tables.counting_sort.preferred(*vessels, -tracks.source)
+        covariance = tracks.known_covariance(self.unknown_velocity_sigma_m_s)
+        first = row[vessels.start[:-1]]
+        filters = self._predict(memory, vessels, row, tracks, covariance[first], time_s)
+        anchor_deg, state, spread, mode = filters
+        for rank in range(int(vessels.size.max(initial=0))):
+            who = np.flatnonzero(vessels.size > rank)
+            n = row[vessels.start[who] + rank]
+            east_north = difference_m(tracks.position_deg[n], anchor_deg[who])
+            z, noise = np.concatenate([east_north, tracks.velocity_m_s[n]], axis=1), self.inflation * covariance[n]
+            every = np.ones(len(n), np.bool_)
+            after = kernels.filters.imm.update_filters(state[who], spread[who], mode[who], z, noise, every)
+            state[who], spread[who], mode[who] = after[:3]
+        mean, total = kernels.filters.imm.estimate_filters(state, spread, mode)
+        out = Estimates(offset_deg(anchor_deg, mean[:, :2]), mean[:, 2:4].copy(), total[:, :4, :4].copy())
+        alone = vessels.size == 1
+        out.position_deg[alone], out.velocity_m_s[alone] = tracks.position_deg[first[alone]], tracks.velocity_m_s[first[alone]]
+        out.covariance[alone] = covariance[first[alone]]
+        return TrackFilters(*filters, float(time_s), tracks.track_id, associations.vessel), out.at_time(time_s)
 
-        groups, j = Grouped(*associations.by_vessel), len(KINDS)
-        count, row = len(groups), kernels.tables.counting_sort.preferred(*groups, -tracks.source)
+    def _predict(
+        self, memory: TrackFilters, vessels: VesselTracks, row: Ints, tracks: Tracks, covariance: Floats, time_s: float
+    ) -> tuple[Floats, Floats, Floats, Floats]:
+        """Anchor, state, covariance and mode probability of the filter of each vessel, before its tracks are taken.
+
+        A vessel goes on with the filter that the first of its tracks was in; where none was, it begins at the first track.
+        Args: row: (N,) the tracks of each vessel in order of preference; covariance: (V, 4, 4) of the first of each.
+        """
         at = kernels.tables.match_ids.index_of(memory.track_id, tracks.track_id)
-        was = np.where(at >= 0, np.append(memory.row, -1)[at], -1).astype(np.int32)
-        before = memory.anchor_deg, memory.state, memory.covariance, memory.mode
-        after = np.empty((count, 2)), np.empty((count, j, 5)), np.empty((count, j, 5, 5)), np.empty((count, j))
-        out, sigma = unwritten(count), self.unknown_velocity_sigma_m_s
-        how = float(time_s - memory.time_s), self._models(), self.turn_sigma_rad_s**2, self.inflation, after, out
-        in_blocks(
-            kernels.filters.track_to_track_imm.filtered,
-            count,
-            groups.start,
-            row,
-            states(tracks),
-            sigma,
-            was,
-            before,
-            *how,
-            least=FEW,
-        )
-        return Bank(*after, float(time_s), tracks.track_id, associations.vessel), at_time(time_s, out)
+        before = np.where(at >= 0, np.append(memory.filter_of_track, -1)[at], -1)[row]
+        entry = np.where(before >= 0, np.arange(len(row)), len(row))
+        entry = np.minimum.reduceat(entry, vessels.start[:-1]) if len(row) else entry
+        filter_of = np.append(before, -1)[entry]
+        first = row[vessels.start[:-1]]
+        anchor_deg = tracks.position_deg[first]
+        state, spread = np.zeros((vessels.vessel_count, MODELS, 5)), np.zeros((vessels.vessel_count, MODELS, 5, 5))
+        mode = np.full((vessels.vessel_count, MODELS), 1.0 / MODELS)
+        state[:, :, 2:4] = tracks.velocity_m_s[first][:, None]
+        spread[:, :, :4, :4] = covariance[:, None]
+        spread[:, :, 4, 4] = self.turn_sigma_rad_s**2
+        known = np.flatnonzero(filter_of >= 0)
+        old, dt_s = filter_of[known], np.full(len(known), time_s - memory.time_s)
+        filters = memory.state[old], memory.covariance[old], memory.mode_probability[old]
+        state[known], spread[known], mode[known] = kernels.filters.imm.predict_filters(*filters, dt_s, math.inf, self._models())
+        state[known, :, :2] += difference_m(memory.anchor_deg[old], anchor_deg[known])[:, None]
+        return anchor_deg, state, spread, mode
 
-    def _models(self) -> tuple[Ints, Floats, Floats, Floats, Floats]:
-        """The models as the kernel takes them."""
-        turn_noise = np.array([0.0, 0.0, self.turn_noise_rad2_s3])
-        return KINDS, np.array(self.noise_m2_s3), turn_noise, np.full(3, self.turn_sigma_rad_s), np.array(self.sojourn_s)
+    def _models(self) -> Any:
+        """The models as the kernels take them. (J,) MODEL"""
+        models = kernels.filters.motion_models
+        return models.table(
+            kind=[models.STRAIGHT, models.STRAIGHT, models.TURNING],
+            noise=self.noise_m2_s3,
+            manoeuvre_noise=[0.0, 0.0, self.turn_noise_rad2_s3],
+            manoeuvre_sigma=self.turn_sigma_rad_s,
+            sojourn=self.sojourn_s,
+        )

@@ -9,17 +9,63 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, Tracks
-from coastwatch.fused_tracks.imm_of_tracks import Bank, ImmOfTracks
-from coastwatch.fused_tracks.window import Window
+from coastwatch.fused_tracks.imm_of_tracks import ImmOfTracks, TrackFilters
+from coastwatch.geodesy import difference_m
+from coastwatch.kernels.tables.lookup import find
 from coastwatch.stage import Method
 
 Share = Annotated[float, Field(gt=0.0, le=1.0)]
 
 
 @dataclass(frozen=True, eq=False)
-class LiteralBank:
+class Window:
+    """States of N tracks at the last p cycles, newest last."""
+
+    time_s: Floats  # (p,) of the cycles; NaN before the first
+    track_id: Ints  # (N,) sorted
+    position_deg: Floats  # (N, p, 2) NaN before the first
+    velocity_m_s: Floats  # (N, p, 2)
+
+    @staticmethod
+    def empty(p: int) -> Window:
+        return Window(np.full(p, np.nan), np.zeros(0, np.int64), np.zeros((0, p, 2)), np.zeros((0, p, 2)))
+
+    def extended(self, tracks: Tracks, time_s: float) -> Window:
+        """The window one cycle later; tracks that are gone are forgotten. Args: tracks: (N) at `time_s`."""
+        order = np.argsort(tracks.track_id, kind="stable")
+        before = find(self.track_id, tracks.track_id[order])
+        known = before >= 0
+        windows = []
+        for window, value in ((self.position_deg, tracks.position_deg), (self.velocity_m_s, tracks.velocity_m_s)):
+            out = np.full((len(order), *window.shape[1:]), np.nan)
+            out[known, :-1] = window[before[known], 1:]
+            out[:, -1] = value[order]
+            windows.append(out)
+        return Window(np.append(self.time_s[1:], time_s), tracks.track_id[order], windows[0], windows[1])
+
+    def covariance(self, track_id: Ints, *, about_line: bool) -> Floats:
+        """Sample covariance (divisor p - 1) of the last p states of tracks that are in the window, NaN where there are fewer.
+
+        Args: about_line: of what is left of each component when its least-squares straight line in time is taken off; else, as
+        eq. 7 has it, its mean alone. Returns: (N, 4, 4) of east, north, east rate, north rate.
+        """
+        row = find(self.track_id, track_id)
+        newest = self.position_deg[row, -1:]
+        metres = difference_m(self.position_deg[row], np.broadcast_to(newest, self.position_deg[row].shape))
+        state = np.concatenate([metres, self.velocity_m_s[row]], axis=2)
+        state = state - state.mean(axis=1, keepdims=True)
+        if about_line:
+            t = self.time_s - self.time_s.mean()
+            state = state - t[:, None] * np.einsum("p,npk->nk", t, state)[:, None, :] / (t @ t)
+        return np.asarray(np.einsum("npi,npj->nij", state, state) / (len(self.time_s) - 1))
+
+
+@dataclass(frozen=True, eq=False)
+class LiteralFilters:
+    """The states of the last p cycles, and the filters."""
+
     window: Window
-    bank: Bank
+    filters: TrackFilters
 
 
 class ImmOfTracksLiteral(Method):
@@ -48,35 +94,35 @@ class ImmOfTracksLiteral(Method):
     process_share: Share = 0.5  # of the process noise of the plot fusion
     unknown_velocity_sigma_m_s: Annotated[float, Field(gt=0.0)] = 0.5  # of a source that gives no covariance, before p cycles
 
-    def init(self) -> LiteralBank:
-        return LiteralBank(Window.empty(self.window), self._filter().init())
+    def init(self) -> LiteralFilters:
+        return LiteralFilters(Window.empty(self.window), self._filter().init())
 
     def step(
         self,
-        memory: LiteralBank,
+        memory: LiteralFilters,
         tracks: Tracks,
         measurements: Measurements,
         associations: Associations,
         time_s: float,
         kinds: Ints,
-    ) -> tuple[LiteralBank, FusedTracks]:
+    ) -> tuple[LiteralFilters, FusedTracks]:
         """One estimate a vessel. Args: tracks: (N); measurements: unused; associations: of its rows; kinds: SourceKind of each source.
 
         Returns: memory and FusedTracks, one row for each vessel number.
         """
         window = memory.window.extended(tracks, time_s)
-        seen = replace(tracks, covariance=self._measured(window, tracks, associations.vessel))
-        bank, fused = self._filter().step(memory.bank, seen, measurements, associations, time_s, kinds)
-        return LiteralBank(window, bank), fused
+        measured = replace(tracks, covariance=self._measured(window, tracks, associations.vessel))
+        filters, fused = self._filter().step(memory.filters, measured, measurements, associations, time_s, kinds)
+        return LiteralFilters(window, filters), fused
 
     def _measured(self, window: Window, tracks: Tracks, vessel: Ints) -> Floats:
-        """The covariances that the filter is told. (N, 4, 4)"""
-        told = tracks.known_covariance(self.unknown_velocity_sigma_m_s)
+        """The covariances that the filter takes. (N, 4, 4)"""
+        covariance = tracks.known_covariance(self.unknown_velocity_sigma_m_s)
         together = np.flatnonzero(np.bincount(vessel, minlength=1)[vessel] > 1)
         scattered = window.covariance(tracks.track_id[together], about_line=self.scatter == "about_line")
         full = np.isfinite(scattered).all(axis=(1, 2))
-        told[together[full]] = self.measurement_share * scattered[full]
-        return told
+        covariance[together[full]] = self.measurement_share * scattered[full]
+        return covariance
 
     def _filter(self) -> ImmOfTracks:
         """The filter of plot fusion (the defaults of `[tracks.motion]`) with less noise."""

@@ -8,8 +8,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from coastwatch import kernels
-from coastwatch.batches import Associations, FusedTracks, Ints, Measurements, SourceKind, Tracks
-from coastwatch.fused_tracks.membership import Grouped, at_time, states, unwritten
+from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, SourceKind, Tracks
+from coastwatch.fused_tracks.vessel_tracks import Estimates, TrackArrays, VesselTracks
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Method, NoMemory
 
@@ -53,20 +53,23 @@ class WeightedAverage(Method):
 
         Returns: memory and FusedTracks, one row for each vessel number.
         """
-
-        groups = Grouped(*associations.by_vessel)
-        out = unwritten(len(groups))
-        share = np.zeros(0)
-        if self.weights == "fixed":
-            share = np.where(kinds == SourceKind.AIS, self.ais_weight, self.radar_weight)
-        of_source = tracks.source, share, kinds
+        vessels = VesselTracks.of(associations)
+        out = Estimates.empty(vessels.vessel_count)
+        settings = self.unknown_velocity_sigma_m_s, self._weight(tracks, associations.vessel, kinds)
         in_blocks(
-            kernels.fusion.weighted_mean.average,
-            len(groups),
-            *groups,
-            states(tracks),
-            self.unknown_velocity_sigma_m_s,
-            *of_source,
-            out,
+            kernels.fusion.weighted_mean.weighted_mean, vessels.vessel_count, *vessels, TrackArrays.of(tracks), *settings, out
         )
-        return memory, at_time(time_s, out)
+        return memory, out.at_time(time_s)
+
+    def _weight(self, tracks: Tracks, vessel: Ints, kinds: Ints) -> Floats:
+        """Weight of each track; the sum over the tracks of a vessel is 1. (N,)"""
+        if self.weights == "fixed":
+            kind = kinds[tracks.source]
+            alike = len(SourceKind) * vessel + kind  # the same for tracks of one kind in one vessel
+            weight = np.where(kind == SourceKind.AIS, self.ais_weight, self.radar_weight) / np.bincount(alike)[alike]
+        else:
+            known = np.isfinite(tracks.covariance).all(axis=(1, 2), keepdims=True)
+            position = np.where(known, tracks.covariance[:, :2, :2], tracks.report_covariance)
+            weight = 1.0 / np.trace(position, axis1=1, axis2=2)
+        total = np.bincount(vessel, weight)[vessel]
+        return np.where(total > 0.0, weight / np.where(total > 0.0, total, 1.0), 1.0 / np.bincount(vessel)[vessel])

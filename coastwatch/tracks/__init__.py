@@ -8,9 +8,7 @@ from coastwatch.tracks.ais import AisFilter
 from coastwatch.tracks.ais_dead_reckoning import AisDeadReckoning
 from coastwatch.tracks.alignment import ConstantVelocity
 from coastwatch.tracks.bearing import BearingWindow
-from coastwatch.tracks.filterpy_imm import FilterpyImm
-from coastwatch.tracks.imm import Imm
-from coastwatch.tracks.sided_imm import SidedImm
+from coastwatch.tracks.imm import FilterpyImm, Imm, SidedImm
 
 RadarTracker = Annotated[SidedImm | Imm | FilterpyImm, Field(discriminator="method")]
 AisTracker = Annotated[AisFilter | AisDeadReckoning, Field(discriminator="method")]

@@ -9,10 +9,18 @@ from pydantic import Field, PositiveFloat, model_validator
 
 from coastwatch import kernels
 from coastwatch.batches import AisAlarms, AisReports, Bools, Floats, Ints, Measurements, Sensors, Tracks
-from coastwatch.geodesy import KNOT_M_S
+from coastwatch.geodesy import KNOT_M_S, difference_m
 from coastwatch.stage import Method, Settings
-from coastwatch.tracks.ais_reports import taken_reports
-from coastwatch.tracks.lateness import Memory, Rows, admit, blank, keep, listen
+from coastwatch.tracks.out_of_sequence import (
+    SLOTS,
+    KernelSettings,
+    Memory,
+    Rows,
+    admit,
+    end_cycle,
+    initial_memory,
+    update_tracks,
+)
 
 ID_STEP = 2**40  # a track's id is its source times this, and a number that is never given twice
 WIRE_POSITION_M = 0.185  # ITU-R M.1371: latitude and longitude in 1/10,000 minute
@@ -22,13 +30,6 @@ POLAR_SPEED_KN = 2.0  # at which half the variance of a slow vessel's velocity i
 STILL_SPEED_KN = 0.5  # a report slower than this that has no COG is of a vessel at rest
 TOLERANCE_SIGMAS = 8.0  # of one report, between two
 STAMP_S = 1.0  # what whole seconds of UTC and a wait on the channel do to the time between two reports
-MODEL_FIELDS = {
-    "noise": "noise_m2_s3",
-    "turn_noise": "turn_noise_rad2_s3",
-    "turn_sigma": "turn_sigma_rad_s",
-    "sojourn": "sojourn_s",
-    "share": "share",
-}
 REACH_M = 20e3  # from the anchor of a track's plane: the plane's scale is wrong by 5e-6 there
 
 
@@ -84,7 +85,7 @@ class AisFilter(Method):
         return self
 
     def init(self) -> Memory:
-        return blank()
+        return initial_memory()
 
     def step(
         self, memory: Memory, reports: AisReports, time_s: float, sensors: Sensors
@@ -95,18 +96,20 @@ class AisFilter(Method):
         Returns: memory; Tracks sorted by MMSI; AisAlarms in the same order; the reports that went into these tracks.
         Raises: ValueError: time_s is not after that of the cycle before.
         """
-        rules = self.rules()
-        memory, shown, fresh = self.heard(memory, reports, time_s, rules)
-        tracks, alarms = self._show(memory.now.tracks, shown, time_s, sensors.ais_source, rules)
-        return memory, tracks, alarms, taken_reports(fresh, tracks, rules)
+        settings = self.kernel_settings()
+        memory, live, fresh = self.update(memory, reports, time_s, settings)
+        position, velocity, covariance = kernels.filters.ais_tracker.estimates(memory.now.tracks, live, time_s, *settings)
+        estimate = position, velocity, covariance
+        tracks, alarms = report(memory.now.tracks, live, time_s, sensors.ais_source, *estimate, settings.rules)
+        return memory, tracks, alarms, measurements_of(fresh, tracks, settings.rules)
 
-    def heard(self, memory: Memory, reports: AisReports, time_s: float, rules: Any) -> tuple[Memory, Ints, Rows]:
-        """The memory with these reports in it, the rows of `memory.now.tracks` to be shown at `time_s`, the reports admitted."""
+    def update(self, memory: Memory, reports: AisReports, time_s: float, settings: KernelSettings) -> tuple[Memory, Ints, Rows]:
+        """The memory with these reports in it, the rows of `memory.now.tracks` that live at `time_s`, the reports admitted."""
         if not time_s > memory.now.time_s:
             raise ValueError(f"{self.method} time_s: got {time_s}, needed a time after the last cycle's, {memory.now.time_s}")
         fresh, memory = admit(memory, reports, time_s, self.lateness_s, self.ahead_s)
         if len(fresh):
-            memory = listen(memory, fresh, rules)
+            memory = update_tracks(memory, fresh, settings)
         tracks = memory.now.tracks
         forgotten = time_s - tracks["updated"] > self.return_s + self.lateness_s
         if forgotten.any():
@@ -116,20 +119,11 @@ class AisFilter(Method):
         if counter > memory.counter:
             tracks = tracks.copy()
             tracks["number"][nameless] = np.arange(memory.counter, counter)
-        memory = keep(memory, fresh, tracks, counter, time_s, self.lateness_s)
+        memory = end_cycle(memory, fresh, tracks, counter, time_s, self.lateness_s)
         return memory, np.flatnonzero((tracks["confirmed"] == 1) & (time_s - tracks["updated"] <= tracks["patience"])), fresh
 
-    def _show(self, tracks: Rows, shown: Ints, time_s: float, source: int, rules: Any) -> tuple[Tracks, AisAlarms]:
-
-        n = len(shown)
-        position, velocity, covariance = np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 4, 4))
-        kernels.filters.ais_imm.foresee(tracks, shown, time_s, rules, position, velocity, covariance)
-        estimate = position, velocity, covariance
-        return yielded(tracks, shown, time_s, source, *estimate, rules["position_variance"])
-
-    def rules(self) -> Any:
+    def kernel_settings(self) -> KernelSettings:
         """The settings as the kernel takes them."""
-
         knot2 = KNOT_M_S**2
         max_speed = self.max_speed_kn * KNOT_M_S
         one = {
@@ -153,15 +147,22 @@ class AisFilter(Method):
             "alarm": self.alarm_s,
             "reach": REACH_M,
         }
-        rules = np.zeros(1, kernels.filters.ais_imm.RULES)
+        rules = np.zeros(1, kernels.filters.ais_tracker.RULES)
         for name, value in one.items():
             rules[name] = value
-        used = rules["models"] = len(self.models)
-        for name, of_model in MODEL_FIELDS.items():
-            rules[name][0, :used] = [getattr(m, of_model) for m in self.models]
-        rules["kind"][0, :used] = [m.kind == "turning" for m in self.models]
-        rules["share"] /= rules["share"].sum()
-        return rules[0]
+        return KernelSettings(rules[0], self._models())
+
+    def _models(self) -> Any:
+        """The models as the kernels take them. (J,) MODEL"""
+        models, share = kernels.filters.motion_models, np.array([m.share for m in self.models])
+        return models.table(
+            kind=[models.TURNING if m.kind == "turning" else models.STRAIGHT for m in self.models],
+            noise=[m.noise_m2_s3 for m in self.models],
+            manoeuvre_sigma=[m.turn_sigma_rad_s for m in self.models],
+            manoeuvre_noise=[m.turn_noise_rad2_s3 for m in self.models],
+            prior_probability=share / share.sum(),
+            sojourn=[m.sojourn_s for m in self.models],
+        )
 
 
 def refused(memory: Memory) -> dict[str, int]:
@@ -169,26 +170,22 @@ def refused(memory: Memory) -> dict[str, int]:
     return dict(memory.refused)
 
 
-def yielded(
-    tracks: Rows,
-    shown: Ints,
-    time_s: float,
-    source: int,
-    position: Floats,
-    velocity: Floats,
-    covariance: Floats,
-    report_variance: float,
+def report(
+    tracks: Rows, live: Ints, time_s: float, source: int, position: Floats, velocity: Floats, covariance: Floats, rules: Any
 ) -> tuple[Tracks, AisAlarms]:
-    """Tracks and alarms of the rows that are shown. Args: position (N, 2) deg, velocity (N, 2), covariance (N, 4, 4): at `time_s`."""
-    known = {name: tracks[name][shown] for name in ("mmsi", "number", "origin", "updated", "started", "alarm")}
+    """Tracks and alarms of the rows that live.
+
+    Args: live: (N,) rows of tracks; position (N, 2) deg, velocity (N, 2), covariance (N, 4, 4): at `time_s`; rules: of the kernel.
+    """
+    known = {name: tracks[name][live] for name in ("mmsi", "number", "origin", "updated", "started", "alarm")}
     out = Tracks(
         track_id=source * ID_STEP + known["number"],
-        source=np.full(len(shown), source, np.int64),
-        time_s=np.full(len(shown), float(time_s)),
+        source=np.full(len(live), source, np.int64),
+        time_s=np.full(len(live), float(time_s)),
         position_deg=position,
         velocity_m_s=velocity,
         covariance=covariance,
-        report_covariance=np.tile(np.eye(2) * report_variance, (len(shown), 1, 1)),
+        report_covariance=np.tile(np.eye(2) * rules["position_variance"], (len(live), 1, 1)),
         updated_s=known["updated"],
         started_s=known["started"],
         mmsi=known["mmsi"],
@@ -201,8 +198,75 @@ def yielded(
 def _twice(mmsi: Ints, started: Floats, updated: Floats) -> Bools:
     """Which tracks, sorted by MMSI, were heard at the same time as another of their MMSI: a jump is none."""
     out = np.zeros(len(mmsi), bool)
-    for k in (1, 2, 3):  # lateness.SLOTS less one
+    for k in (1, 2, 3):  # SLOTS less one
         same = (mmsi[k:] == mmsi[:-k]) & (updated[k:] > started[:-k]) & (updated[:-k] > started[k:])
         out[k:] |= same
         out[:-k] |= same
     return out
+
+
+def measurements_of(fresh: Rows, tracks: Tracks, rules: Any) -> Measurements:
+    """Those of the reports that a ship on one of these tracks could have sent, sorted by track, then time.
+
+    Args: fresh: REPORT rows sorted by MMSI, then time; tracks: after these reports, sorted by MMSI; rules: of the AIS kernel.
+    Where one MMSI has several tracks the nearest takes the report.
+    """
+    track = _track_of(fresh, tracks, rules)
+    again = np.zeros(len(fresh), np.bool_)
+    soon = fresh["time"][1:] - fresh["time"][:-1] <= rules["repeat"]
+    for name in ("mmsi", "lat", "lon"):
+        soon &= fresh[name][1:] == fresh[name][:-1]
+    again[1:] = soon
+    taken = np.flatnonzero((track >= 0) & ~again)
+    reports, track = fresh[taken], track[taken]
+    order = np.lexsort((reports["time"], tracks.track_id[track]))
+    reports, track = reports[order], track[order]
+    velocity, covariance = _measured(reports, rules)
+    n = len(reports)
+    return Measurements(
+        track_id=tracks.track_id[track],
+        sensor=np.full(n, -1, np.int64),
+        time_s=reports["time"],
+        position_deg=np.column_stack([reports["lat"], reports["lon"]]),
+        velocity_m_s=velocity,
+        covariance=covariance,
+        site_deg=np.full((n, 2), np.nan),
+    )
+
+
+def _track_of(fresh: Rows, tracks: Tracks, rules: Any) -> Ints:
+    """The row of the track that each report went into, -1 where none could have sent it. (M,)"""
+    best, least = np.full(len(fresh), -1, np.int64), np.full(len(fresh), np.inf)
+    mmsi = np.ascontiguousarray(fresh["mmsi"])
+    first, place = np.searchsorted(tracks.mmsi, mmsi), np.column_stack([fresh["lat"], fresh["lon"]])
+    for k in range(SLOTS if len(tracks) else 0):
+        row = np.minimum(first + k, len(tracks) - 1)
+        gap = difference_m(place, tracks.position_deg[row])
+        gap -= tracks.velocity_m_s[row] * (fresh["time"] - tracks.time_s[row])[:, None]
+        miss = np.hypot(gap[:, 0], gap[:, 1])
+        radius = rules["max_speed"] * np.abs(tracks.updated_s[row] - fresh["time"]) + rules["tolerance"]
+        nearer = (first + k < len(tracks)) & (tracks.mmsi[row] == mmsi) & (miss <= radius) & (miss < least)
+        best[nearer], least[nearer] = row[nearer], miss[nearer]
+    return best
+
+
+def _measured(reports: Rows, rules: Any) -> tuple[Floats, Floats]:
+    """Velocity east and north, and the covariance of position and velocity, as the AIS kernel takes them. (M, 2), (M, 4, 4)"""
+    n, speed, course = len(reports), reports["sog"], reports["cog"]
+    heading = ~np.isnan(course)
+    still = ~heading & (speed < rules["still_speed"])
+    along = np.column_stack([np.sin(course), np.cos(course)])
+    velocity = np.where(heading[:, None], speed[:, None] * along, np.where(still, 0.0, np.nan)[:, None])
+    across = speed**2 * rules["cog_variance"] + rules["sog_variance"] / (1.0 + (speed / rules["polar_speed"]) ** 2)
+    outer = along[:, :, None] * along[:, None, :]
+    eye = np.eye(2)
+    moving = rules["sog_variance"] * outer + across[:, None, None] * (eye - outer)
+    resting = (rules["sog_variance"] + 0.5 * speed**2)[:, None, None] * eye
+    covariance = np.full((n, 4, 4), np.nan)
+    late = np.where(heading & ~np.isnan(speed), speed * rules["jitter"], 0.0) ** 2
+    covariance[:, :2, :2] = rules["position_variance"] * eye
+    covariance[:, :2, :2] += np.where(late[:, None, None] > 0.0, late[:, None, None] * outer, 0.0)
+    known = np.isfinite(velocity[:, 0])
+    covariance[known, 2:, 2:] = np.where(heading[:, None, None], moving, resting)[known]
+    covariance[known, :2, 2:] = covariance[known, 2:, :2] = 0.0
+    return velocity, covariance

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field, PositiveFloat
@@ -10,9 +10,8 @@ from pydantic import Field, PositiveFloat
 from coastwatch.batches import AisAlarms, AisReports, Floats, Ints, Measurements, Sensors, Tracks
 from coastwatch.geodesy import offset_deg
 from coastwatch.stage import Method
-from coastwatch.tracks.ais import STEADY, AisFilter, yielded
-from coastwatch.tracks.ais_reports import taken_reports
-from coastwatch.tracks.lateness import Memory, Rows, blank
+from coastwatch.tracks.ais import STEADY, AisFilter, measurements_of, report
+from coastwatch.tracks.out_of_sequence import Memory, Rows, initial_memory
 
 
 class AisDeadReckoning(Method):
@@ -35,7 +34,7 @@ class AisDeadReckoning(Method):
     patience_intervals: PositiveFloat = 3.0  # so many of its expected intervals
 
     def init(self) -> Memory:
-        return blank()
+        return initial_memory()
 
     def step(
         self, memory: Memory, reports: AisReports, time_s: float, sensors: Sensors
@@ -46,25 +45,24 @@ class AisDeadReckoning(Method):
         Returns: memory; Tracks sorted by MMSI; AisAlarms in the same order; the reports that went into these tracks.
         Raises: ValueError: time_s is not after that of the cycle before.
         """
-        beneath = self._beneath()
-        rules: Any = beneath.rules()
-        memory, shown, fresh = beneath.heard(memory, reports, time_s, rules)
+        tracker = self._tracker()
+        settings = tracker.kernel_settings()
+        memory, live, fresh = tracker.update(memory, reports, time_s, settings)
         tracks = memory.now.tracks
-        position, velocity = extrapolated(tracks, shown, time_s if self.aligned else tracks["updated"][shown])
-        unknown = np.full((len(shown), 4, 4), np.nan)
-        estimate = position, velocity, unknown
-        out, alarms = yielded(tracks, shown, time_s, sensors.ais_source, *estimate, rules["position_variance"])
-        return memory, out, alarms, taken_reports(fresh, out, rules)
+        position, velocity = extrapolated(tracks, live, time_s if self.aligned else tracks["updated"][live])
+        estimates = position, velocity, np.full((len(live), 4, 4), np.nan)
+        out, alarms = report(tracks, live, time_s, sensors.ais_source, *estimates, settings.rules)
+        return memory, out, alarms, measurements_of(fresh, out, settings.rules)
 
-    def _beneath(self) -> AisFilter:
+    def _tracker(self) -> AisFilter:
         """The filter that says which report is whose."""
         same = {name: getattr(self, name) for name in ("position_sigma_m", "lateness_s", "patience_s", "patience_intervals")}
         return AisFilter(models=(STEADY,), **same)
 
 
-def extrapolated(tracks: Rows, shown: Ints, time_s: float | Floats) -> tuple[Floats, Floats]:
-    """Where the newest reports put the vessels that are shown at a time, (N, 2) deg, and the velocity that they say, (N, 2) m/s."""
-    lat, lon, sog, cog, updated = (tracks[name][shown] for name in ("lat", "lon", "sog", "cog", "updated"))
+def extrapolated(tracks: Rows, live: Ints, time_s: float | Floats) -> tuple[Floats, Floats]:
+    """Where the newest reports put the vessels that live at a time, (N, 2) deg, and the velocity that they say, (N, 2) m/s."""
+    lat, lon, sog, cog, updated = (tracks[name][live] for name in ("lat", "lon", "sog", "cog", "updated"))
     velocity = sog[:, None] * np.column_stack([np.sin(cog), np.cos(cog)])
     velocity[~np.isfinite(velocity).all(axis=1)] = 0.0
     return offset_deg(np.column_stack([lat, lon]), (time_s - updated)[:, None] * velocity), velocity

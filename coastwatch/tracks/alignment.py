@@ -22,14 +22,13 @@ class ConstantVelocity(Settings):
     """
 
     method: Literal["constant_velocity"] = "constant_velocity"
-    noise_m2_s3: Annotated[float, Field(ge=0.0)] = 0.01
+    noise_m2_s3: Annotated[float, Field(ge=0.0)] = 0.01  # density of the white acceleration
 
     def step(self, tracks: Tracks, time_s: float) -> Tracks:
         """The same tracks at `time_s`. Args: tracks: (N) each at its own time_s; a covariance of NaN stays NaN."""
         if bool((tracks.time_s == time_s).all()):
             return tracks
-
         moved, spread = np.empty_like(tracks.position_deg), np.empty_like(tracks.covariance)
-        given = tracks.time_s, time_s, tracks.position_deg, tracks.velocity_m_s, tracks.covariance, self.noise_m2_s3
+        given = time_s - tracks.time_s, (tracks.position_deg, tracks.velocity_m_s, tracks.covariance), self.noise_m2_s3
         in_blocks(kernels.fusion.alignment.advance, len(tracks), *given, moved, spread)
         return replace(tracks, time_s=np.full(len(tracks), float(time_s)), position_deg=moved, covariance=spread)

@@ -1,4 +1,4 @@
-"""Radar tracks by interacting multiple models, all tracks of a region at once."""
+"""Radar tracks by interacting multiple models: the methods, all tracks of a region at once."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ from typing import Literal
 
 from coastwatch.batches import Measurements, Plots, Sensors, Tracks
 from coastwatch.stage import Method
-from coastwatch.tracks.motion import Motion
+from coastwatch.tracks.filter_bank import CompiledBank
+from coastwatch.tracks.motion import Manoeuvres, Motion
+from coastwatch.tracks.region import RegionTracker, track_region
 from coastwatch.tracks.table import RadarMemory
-from coastwatch.tracks.upkeep import PlotOrigin, Upkeep
+from coastwatch.tracks.track_management import PlotOrigin, TrackManagement
 
 
 class Imm(Method):
@@ -21,11 +23,11 @@ class Imm(Method):
     method: Literal["imm"] = "imm"
     plot_origin: PlotOrigin = "estimated"
     motion: Motion = Motion()
-    upkeep: Upkeep = Upkeep()
+    upkeep: TrackManagement = TrackManagement()
 
     def init(self) -> RadarMemory:
         """No track."""
-        return RadarMemory.empty(self.motion)
+        return RadarMemory.empty(models=3)
 
     def step(
         self, memory: RadarMemory, plots: Plots, time_s: float, sensors: Sensors, region: int
@@ -36,9 +38,51 @@ class Imm(Method):
         Returns: memory; tracks predicted to time_s, sorted by track_id, which is never reused; the plots that they took.
         Raises: ValueError where the memory is of a scenario with other radars.
         """
-        from coastwatch.tracks.compiled_bank import CompiledBank
-        from coastwatch.tracks.management import track_region
+        tracker = RegionTracker(CompiledBank(self.motion), self.upkeep, self.plot_origin)
+        return track_region(tracker, memory, plots, time_s, sensors, region)
 
-        bank = CompiledBank(self.motion.parameters())
-        given = self.motion, self.upkeep, self.plot_origin, bank, memory, plots, time_s
-        return track_region(*given, sensors=sensors, region=region)
+
+class SidedImm(Method):
+    """As `imm`, but a model to each side of what turns, one of what changes speed, and a prior of when a motion ends.
+
+    A turn is linearised about its rate, so one model for both sides believes too soon in the rate it began with.
+    Source: see coastwatch/kernels/filters/imm.py.
+    """
+
+    method: Literal["sided_imm"] = "sided_imm"
+    plot_origin: PlotOrigin = "estimated"
+    motion: Manoeuvres = Manoeuvres()
+    upkeep: TrackManagement = TrackManagement()
+
+    def init(self) -> RadarMemory:
+        """No track."""
+        return RadarMemory.empty(models=len(self.motion.models))
+
+    def step(
+        self, memory: RadarMemory, plots: Plots, time_s: float, sensors: Sensors, region: int
+    ) -> tuple[RadarMemory, Tracks, Measurements]:
+        """The confirmed tracks of one region at time_s; see `Imm.step`."""
+        tracker = RegionTracker(CompiledBank(self.motion), self.upkeep, self.plot_origin)
+        return track_region(tracker, memory, plots, time_s, sensors, region)
+
+
+class FilterpyImm(Method):
+    """As `imm`, with the same gates and upkeep, by filterpy: one IMMEstimator a track, slow, the reference for `imm`."""
+
+    method: Literal["filterpy_imm"] = "filterpy_imm"
+    plot_origin: PlotOrigin = "estimated"
+    motion: Motion = Motion()
+    upkeep: TrackManagement = TrackManagement()
+
+    def init(self) -> RadarMemory:
+        """No track."""
+        return RadarMemory.empty(models=3)
+
+    def step(
+        self, memory: RadarMemory, plots: Plots, time_s: float, sensors: Sensors, region: int
+    ) -> tuple[RadarMemory, Tracks, Measurements]:
+        """The confirmed tracks of one region at time_s; see `Imm.step`."""
+        from coastwatch.tracks.filterpy_bank import FilterpyBank  # filterpy is slow to import, and few runs use it
+
+        tracker = RegionTracker(FilterpyBank(self.motion), self.upkeep, self.plot_origin)
+        return track_region(tracker, memory, plots, time_s, sensors, region)

@@ -1,12 +1,14 @@
-"""The models of motion behind the radar filters, and where a filter stands after one plot."""
+"""What a vessel may be doing, as the prior of the radar filters: models of motion, and how one follows another."""
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple, Protocol, Self
+import math
+from typing import Annotated, Any, Literal, NamedTuple, Protocol, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from coastwatch import kernels
 from coastwatch.batches import Bools, Floats, Ints
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.stage import Settings
@@ -14,44 +16,48 @@ from coastwatch.stage import Settings
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
 
-CONSTANT_VELOCITY, COORDINATED_TURN = 0, 1  # as the kernel numbers them
+SUM_TOLERANCE = 1e-9  # of shares: decimal fractions are not exact
 
 
 class Filters(NamedTuple):
-    """What the filters of N tracks know, each in J models of east, north, east rate, north rate and turn rate.
+    """The filters of N tracks, each of J models of east, north, east rate, north rate, and turn rate or acceleration."""
 
-    In `sided_imm` the fifth is what the model has of its own: turn rate, acceleration along the track, or nothing.
-    """
-
-    state: Floats  # (N, J, 5) m, m/s, rad/s in the region's plane
+    state: Floats  # (N, J, 5) m, m/s, rad/s or m/s2, in the region's plane
     covariance: Floats  # (N, J, 5, 5)
-    mode: Floats  # (N, J)
+    mode_probability: Floats  # (N, J)
 
     def take(self, rows: Ints | Bools) -> Filters:
-        return Filters(self.state[rows], self.covariance[rows], self.mode[rows])
+        return Filters(self.state[rows], self.covariance[rows], self.mode_probability[rows])
 
 
 class Prior(Protocol):
     """What is taken of motion before a track is seen to move."""
 
     @property
-    def count(self) -> int:
-        """J, the number of models."""
+    def start_speed_kn(self) -> float:
+        """Standard deviation of each velocity component before anything is known."""
         ...
 
-    def start(self, position_m: Floats, covariance: Floats) -> Filters:
-        """Filters that know one plot and no velocity. Args: (N, 2); (N, 2, 2) of the plots."""
+    @property
+    def renewal_s(self) -> float:
+        """Mean time before a motion is taken up anew; infinite: the models are a Markov chain with a sojourn each."""
+        ...
+
+    def table(self) -> Any:
+        """The models as the kernels take them. (J,) coastwatch.kernels.filters.motion_models.MODEL"""
         ...
 
 
-class Parameters(NamedTuple):
-    """The models as the kernel wants them, (J,) each."""
-
-    kind: Ints
-    noise: Floats
-    turn_noise: Floats
-    turn_sigma: Floats
-    sojourn_s: Floats
+def initialise(prior: Prior, position_m: Floats, covariance: Floats) -> Filters:
+    """Filters that know one plot and no velocity. Args: position_m: (N, 2); covariance: (N, 2, 2) of the plots."""
+    models = prior.table()
+    n, j = len(position_m), len(models)
+    state, spread = np.zeros((n, j, 5)), np.zeros((n, j, 5, 5))
+    state[:, :, :2] = position_m[:, None]
+    spread[:, :, :2, :2] = covariance[:, None]
+    spread[:, :, 2, 2] = spread[:, :, 3, 3] = (prior.start_speed_kn * KNOT_M_S) ** 2
+    state[:, :, 4], spread[:, :, 4, 4] = models["manoeuvre_mean"], models["manoeuvre_sigma"] ** 2
+    return Filters(state, spread, np.tile(models["prior_probability"], (n, 1)))
 
 
 class Motion(Settings):
@@ -60,10 +66,10 @@ class Motion(Settings):
     Noises are densities of white noise: of the acceleration in m2/s3, of the turn rate's drift in rad2/s3.
     """
 
-    quiet_noise_m2_s3: NotNegative = 1e-4
-    agile_noise_m2_s3: NotNegative = 0.25
-    turn_noise_m2_s3: NotNegative = 0.001
-    turn_rate_noise_rad2_s3: NotNegative = 5e-9
+    quiet_noise_m2_s3: NotNegative = 1e-4  # acceleration of a vessel that keeps course and speed
+    agile_noise_m2_s3: NotNegative = 0.25  # acceleration of one that manoeuvres
+    turn_noise_m2_s3: NotNegative = 0.001  # acceleration on top of a turn
+    turn_rate_noise_rad2_s3: NotNegative = 5e-9  # drift of the turn rate
     turn_rate_sigma_deg_s: Positive = 0.45  # of turn rates before anything is known
     quiet_sojourn_s: Positive = 900.0
     agile_sojourn_s: Positive = 100.0
@@ -73,35 +79,112 @@ class Motion(Settings):
 
     @model_validator(mode="after")
     def _shares_sum_to_one(self) -> Self:
-        if abs(sum(self.start_share) - 1.0) > 1e-9:
+        if abs(sum(self.start_share) - 1.0) > SUM_TOLERANCE:
             raise ValueError(f"start_share: got a sum of {sum(self.start_share)}, needed 1")
         return self
 
     @property
-    def count(self) -> int:
-        """J."""
-        return len(self.start_share)
+    def renewal_s(self) -> float:
+        """Infinite: a motion is never taken up anew."""
+        return math.inf
 
-    def parameters(self) -> Parameters:
-        """The models as arrays."""
-        sigma = float(np.radians(self.turn_rate_sigma_deg_s))
-        return Parameters(
-            np.array([CONSTANT_VELOCITY, CONSTANT_VELOCITY, COORDINATED_TURN], np.int64),
-            np.array([self.quiet_noise_m2_s3, self.agile_noise_m2_s3, self.turn_noise_m2_s3]),
-            np.array([0.0, 0.0, self.turn_rate_noise_rad2_s3]),
-            np.full(3, sigma),
-            np.array([self.quiet_sojourn_s, self.agile_sojourn_s, self.turn_sojourn_s]),
+    def table(self) -> Any:
+        """The models as the kernels take them. (3,) MODEL"""
+        models = kernels.filters.motion_models
+        return models.table(
+            kind=[models.STRAIGHT, models.STRAIGHT, models.TURNING],
+            noise=[self.quiet_noise_m2_s3, self.agile_noise_m2_s3, self.turn_noise_m2_s3],
+            manoeuvre_sigma=np.radians(self.turn_rate_sigma_deg_s),
+            manoeuvre_noise=[0.0, 0.0, self.turn_rate_noise_rad2_s3],
+            prior_probability=self.start_share,
+            sojourn=[self.quiet_sojourn_s, self.agile_sojourn_s, self.turn_sojourn_s],
         )
 
-    def start(self, position_m: Floats, covariance: Floats) -> Filters:
-        """Filters that know one plot and no velocity.
 
-        Args: position_m: (N, 2); covariance: (N, 2, 2) of the plots.
-        """
-        n, j = len(position_m), self.count
-        state, spread = np.zeros((n, j, 5)), np.zeros((n, j, 5, 5))
-        state[:, :, :2] = position_m[:, None]
-        spread[:, :, :2, :2] = covariance[:, None]
-        spread[:, :, 2, 2] = spread[:, :, 3, 3] = (self.start_speed_kn * KNOT_M_S) ** 2
-        spread[:, :, 4, 4] = float(np.radians(self.turn_rate_sigma_deg_s)) ** 2
-        return Filters(state, spread, np.tile(np.array(self.start_share), (n, 1)))
+class Straight(Settings):
+    """Constant velocity under white acceleration."""
+
+    kind: Literal["straight"] = "straight"  # of motion
+    noise_m2_s3: NotNegative  # density of the white acceleration
+    share: Positive  # probability at the start and when a motion is taken up anew
+
+    def columns(self) -> dict[str, float]:
+        """This model as columns of MODEL."""
+        return {"kind": kernels.filters.motion_models.STRAIGHT, "noise": self.noise_m2_s3, "prior_probability": self.share}
+
+
+class Turning(Settings):
+    """A turn at a rate that is estimated, positive to port, under white acceleration."""
+
+    kind: Literal["turning"] = "turning"  # of motion
+    noise_m2_s3: NotNegative  # density of the white acceleration
+    rate_deg_s: float  # mean of such turns
+    rate_sigma_deg_s: Positive
+    rate_noise_rad2_s3: NotNegative = 1e-10  # density of the drift of the rate
+    share: Positive  # probability at the start and when a motion is taken up anew
+
+    def columns(self) -> dict[str, float]:
+        """This model as columns of MODEL."""
+        return {
+            "kind": kernels.filters.motion_models.TURNING,
+            "noise": self.noise_m2_s3,
+            "manoeuvre_mean": math.radians(self.rate_deg_s),
+            "manoeuvre_sigma": math.radians(self.rate_sigma_deg_s),
+            "manoeuvre_noise": self.rate_noise_rad2_s3,
+            "prior_probability": self.share,
+        }
+
+
+class Speeding(Settings):
+    """A change of speed along the track at an acceleration that is estimated, under white acceleration."""
+
+    kind: Literal["speeding"] = "speeding"  # of motion
+    noise_m2_s3: NotNegative  # density of the white acceleration
+    acceleration_sigma_m_s2: Positive  # either way
+    acceleration_noise_m2_s5: NotNegative = 1e-10  # density of the drift of the acceleration
+    share: Positive  # probability at the start and when a motion is taken up anew
+
+    def columns(self) -> dict[str, float]:
+        """This model as columns of MODEL."""
+        return {
+            "kind": kernels.filters.motion_models.SPEEDING,
+            "noise": self.noise_m2_s3,
+            "manoeuvre_sigma": self.acceleration_sigma_m_s2,
+            "manoeuvre_noise": self.acceleration_noise_m2_s5,
+            "prior_probability": self.share,
+        }
+
+
+Model = Annotated[Straight | Turning | Speeding, Field(discriminator="kind")]
+
+STEADY = Straight(noise_m2_s3=4e-4, share=0.4)
+RESTLESS = Straight(noise_m2_s3=5e-3, share=0.1)
+AGILE = Straight(noise_m2_s3=0.15, share=0.05)
+GENTLE_PORT = Turning(noise_m2_s3=1e-4, rate_deg_s=0.35, rate_sigma_deg_s=0.12, share=0.075)
+GENTLE_STARBOARD = Turning(noise_m2_s3=1e-4, rate_deg_s=-0.35, rate_sigma_deg_s=0.12, share=0.075)
+HARD_PORT = Turning(noise_m2_s3=1e-4, rate_deg_s=0.65, rate_sigma_deg_s=0.12, share=0.075)
+HARD_STARBOARD = Turning(noise_m2_s3=1e-4, rate_deg_s=-0.65, rate_sigma_deg_s=0.12, share=0.075)
+TURNS = (GENTLE_PORT, GENTLE_STARBOARD, HARD_PORT, HARD_STARBOARD)
+SHARP = Turning(noise_m2_s3=5e-3, rate_deg_s=0.0, rate_sigma_deg_s=1.0, rate_noise_rad2_s3=1e-9, share=0.05)
+CHANGING = Speeding(noise_m2_s3=4e-4, acceleration_sigma_m_s2=0.06, share=0.1)
+
+
+class Manoeuvres(Settings):
+    """Models of motion. At the rate 1 / renewal_s a vessel takes up one anew, drawn by the shares."""
+
+    renewal_s: Positive = 1000.0
+    start_speed_kn: Positive = 8.0  # standard deviation of each velocity component before anything is known
+    models: tuple[Model, ...] = Field((STEADY, RESTLESS, AGILE, *TURNS, SHARP, CHANGING), min_length=1)
+
+    @model_validator(mode="after")
+    def _shares_sum_to_one(self) -> Self:
+        total = sum(m.share for m in self.models)
+        if abs(total - 1.0) > SUM_TOLERANCE:
+            raise ValueError(f"models: got shares with a sum of {total}, needed 1")
+        return self
+
+    def table(self) -> Any:
+        """The models as the kernels take them. (J,) MODEL"""
+        rows = [model.columns() for model in self.models]
+        names = sorted(set().union(*rows))
+        return kernels.filters.motion_models.table(**{name: [row.get(name, 0.0) for row in rows] for name in names})

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import Protocol
 
 import numpy as np
 
 from coastwatch.batches import Array, Batch, Bools, Floats, Ints, Plots, Sensors, column
 from coastwatch.geodesy import to_plane
-from coastwatch.tracks.motion import Filters, Prior
+from coastwatch.tracks.filter_bank import FilterBank
+from coastwatch.tracks.motion import Filters
 
 NEWEST = 5  # plots whose origin is kept, for the scores
 
 
-class Stage(IntEnum):
+class Status(IntEnum):
     """How far a track has come."""
 
     SINGLE = 0  # one plot
@@ -23,33 +23,15 @@ class Stage(IntEnum):
     CONFIRMED = 2
 
 
-class Bank(Protocol):
-    """A bank of filters, one a track: what the tracker needs done, whoever does it."""
-
-    def foresee(self, filters: Filters, dt_s: Floats) -> tuple[Floats, Floats]:
-        """Mean (N, D) and covariance (N, D, D) after dt_s (N,), not negative: east, north, east rate, north rate, perhaps more."""
-        ...
-
-    def absorb(
-        self, filters: Filters, rows: Ints, dt_s: Floats, position_m: Floats, covariance: Floats
-    ) -> tuple[Filters, Floats, Floats]:
-        """Some filters after a plot each, the logarithm of its likelihood (A,), and its squared distance in standard deviations (A,).
-
-        A plot older than what the filter has seen is brought forward by the velocity and is as much less certain.
-        Args: rows: (A,) of the filters; dt_s: (A,) from the filter to the plot; position_m: (A, 2); covariance: (A, 2, 2).
-        """
-        ...
-
-
 @dataclass(frozen=True, eq=False)
 class Table(Batch):
     """Tracks of one region, the older first."""
 
     track_id: Ints = column(np.int64, "N")  # increasing
-    stage: Ints = column(np.int64, "N")
+    status: Ints = column(np.int64, "N")
     state: Floats = column(np.float64, "N", "J", 5)  # at updated_s
     covariance: Floats = column(np.float64, "N", "J", 5, 5)
-    mode: Floats = column(np.float64, "N", "J")
+    mode_probability: Floats = column(np.float64, "N", "J")
     started_s: Floats = column(np.float64, "N")
     updated_s: Floats = column(np.float64, "N")  # newest plot
     hits: Ints = column(np.int64, "N")
@@ -58,23 +40,23 @@ class Table(Batch):
 
     @property
     def filters(self) -> Filters:
-        return Filters(self.state, self.covariance, self.mode)
+        return Filters(self.state, self.covariance, self.mode_probability)
 
 
 @dataclass(frozen=True, eq=False)
-class Taken:
+class UsedPlots:
     """Plots, and the track of the region that took each."""
 
     track_id: Ints  # (M,)
     plots: Plots  # (M,)
 
     @classmethod
-    def join(cls, parts: list[Taken]) -> Taken:
+    def join(cls, parts: list[UsedPlots]) -> UsedPlots:
         return cls(np.concatenate([p.track_id for p in parts]), Plots.join([p.plots for p in parts]))
 
 
 @dataclass(frozen=True, eq=False)
-class Twins(Batch):
+class Duplicates(Batch):
     """Pairs of tracks that may be one vessel."""
 
     first: Ints = column(np.int64, "A")  # track ids
@@ -87,42 +69,42 @@ class RadarMemory:
     """One region between two cycles."""
 
     table: Table
-    twins: Twins
+    duplicates: Duplicates
     next_id: int  # within the region
     site_m: Floats  # (R, 2) where each radar was last, NaN where it has sent nothing
-    heard_s: Floats  # (R,) newest plot of each radar, -inf where it has sent nothing
+    newest_plot_s: Floats  # (R,) newest plot of each radar, -inf where it has sent nothing
     dropped: int  # plots that are not finite or from the future
 
     @classmethod
-    def empty(cls, motion: Prior) -> RadarMemory:
-        """No track, and no radar heard."""
-        return cls(Table.empty(J=motion.count), Twins.empty(), 1, np.zeros((0, 2)), np.zeros(0), 0)
+    def empty(cls, models: int) -> RadarMemory:
+        """No track, of filters of so many models, and nothing from any radar."""
+        return cls(Table.empty(J=models), Duplicates.empty(), 1, np.zeros((0, 2)), np.zeros(0), 0)
 
     def for_radars(self, count: int) -> RadarMemory:
         """This memory with room for so many radars; it has room already but before the first cycle.
 
         Raises: ValueError where the memory is of a scenario with another number of radars.
         """
-        if len(self.heard_s) == count:
+        if len(self.newest_plot_s) == count:
             return self
-        if len(self.heard_s):
-            raise ValueError(f"memory of radar tracks: got {len(self.heard_s)} radars, needed {count}")
-        table = Table.empty(J=self.table.mode.shape[1], R=count)
-        return replace(self, table=table, site_m=np.full((count, 2), np.nan), heard_s=np.full(count, -np.inf))
+        if len(self.newest_plot_s):
+            raise ValueError(f"memory of radar tracks: got {len(self.newest_plot_s)} radars, needed {count}")
+        table = Table.empty(J=self.table.mode_probability.shape[1], R=count)
+        return replace(self, table=table, site_m=np.full((count, 2), np.nan), newest_plot_s=np.full(count, -np.inf))
 
     def without_radars(self, moved: Bools) -> RadarMemory:
         """This memory without the tracks that hold plots of these radars (R,), whose registration has jumped."""
-        if not moved.any() or not len(self.heard_s):
+        if not moved.any() or not len(self.newest_plot_s):
             return self
         kept = np.isneginf(self.table.radar_s[:, moved]).all(axis=1)
         return replace(self, table=self.table.take(np.flatnonzero(kept)))
 
-    def hear(self, plots: Plots) -> RadarMemory:
+    def with_plots(self, plots: Plots) -> RadarMemory:
         """This memory with the radars' places and times of these plots, sorted by time."""
-        site, heard = self.site_m.copy(), self.heard_s.copy()
+        site, heard = self.site_m.copy(), self.newest_plot_s.copy()
         site[plots.sensor] = plots.site_m
         np.maximum.at(heard, plots.sensor, plots.time_s)
-        return replace(self, site_m=site, heard_s=heard)
+        return replace(self, site_m=site, newest_plot_s=heard)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,20 +132,20 @@ def coverage_of(memory: RadarMemory, sensors: Sensors, region: int) -> Coverage:
     return Coverage(radars, site, sensors.radars.range_m[radars], sensors.radars.period_s[radars])
 
 
-def started(motion: Prior, plots: Plots, first_id: int, radars: int) -> Table:
+def initialise(bank: FilterBank, plots: Plots, first_id: int, radars: int) -> Table:
     """A track for each of these plots."""
     n = len(plots)
-    filters = motion.start(plots.position_m, plots.covariance)
+    filters = bank.initialise(plots.position_m, plots.covariance)
     radar_s = np.full((n, radars), -np.inf)
     radar_s[np.arange(n), plots.sensor] = plots.time_s
     origins = np.full((n, NEWEST), -1, np.int64)
     origins[:, 0] = plots.origin
     return Table(
         track_id=first_id + np.arange(n, dtype=np.int64),
-        stage=np.full(n, Stage.SINGLE, np.int64),
+        status=np.full(n, Status.SINGLE, np.int64),
         state=filters.state,
         covariance=filters.covariance,
-        mode=filters.mode,
+        mode_probability=filters.mode_probability,
         started_s=plots.time_s.copy(),
         updated_s=plots.time_s.copy(),
         hits=np.ones(n, np.int64),
@@ -172,19 +154,19 @@ def started(motion: Prior, plots: Plots, first_id: int, radars: int) -> Table:
     )
 
 
-def with_plots(table: Table, rows: Ints, filters: Filters, plots: Plots) -> Table:
+def with_updates(table: Table, rows: Ints, filters: Filters, plots: Plots) -> Table:
     """The table after one plot for each of these rows, no row twice.
 
     Args: rows: (B,); filters: of these rows, after the plots; plots: (B,).
     """
     new: dict[str, Array] = {
         name: getattr(table, name).copy()
-        for name in ("state", "covariance", "mode", "updated_s", "hits", "radar_s", "origins", "stage")
+        for name in ("state", "covariance", "mode_probability", "updated_s", "hits", "radar_s", "origins", "status")
     }
-    new["state"][rows], new["covariance"][rows], new["mode"][rows] = filters
+    new["state"][rows], new["covariance"][rows], new["mode_probability"][rows] = filters
     new["updated_s"][rows] = np.maximum(table.updated_s[rows], plots.time_s)
     new["hits"][rows] += 1
     new["radar_s"][rows, plots.sensor] = np.maximum(table.radar_s[rows, plots.sensor], plots.time_s)
     new["origins"][rows] = np.column_stack([plots.origin, table.origins[rows, :-1]])
-    new["stage"][rows] = np.maximum(table.stage[rows], Stage.TENTATIVE)
+    new["status"][rows] = np.maximum(table.status[rows], Status.TENTATIVE)
     return replace(table, **new)

@@ -24,7 +24,7 @@ from coastwatch.scores.bound import bound
 from coastwatch.scores.nees import nees
 from coastwatch.scores.rmse import Errors, errors, rows_of
 from coastwatch.tracks import Imm, RadarTracker, SidedImm
-from coastwatch.tracks.manoeuvres import AGILE, CHANGING, RESTLESS, SHARP, STEADY, TURNS, Manoeuvres, Model, Turning
+from coastwatch.tracks.motion import AGILE, CHANGING, RESTLESS, SHARP, STEADY, TURNS, Manoeuvres, Model, Turning
 
 CIRCLES = {"input.motion.linear_weight": "0", "input.motion.circular_weight": "1"}
 KINDS = {

@@ -3,53 +3,49 @@
 import numpy as np
 import pytest
 
-from coastwatch.tracks.compiled_bank import CompiledBank
-from coastwatch.tracks.filterpy_bank import ObjectBank
-from coastwatch.tracks.manoeuvres import Manoeuvres
-from coastwatch.tracks.motion import Motion
-from coastwatch.tracks.sided_bank import SidedBank
+from coastwatch.tracks.filter_bank import CompiledBank
+from coastwatch.tracks.filterpy_bank import FilterpyBank
+from coastwatch.tracks.motion import Manoeuvres, Motion
 
 TRACKS, FEW = 4_000, 100
 
 
-def problem(prior, bank, tracks):
-    """Filters that have had a second plot, and the arguments of `absorb` for a third."""
+def problem(bank, tracks):
+    """Filters that have had a second plot, and the arguments of `update` for a third."""
     rng = np.random.default_rng([1, 0])
     noise = np.tile(np.diag([100.0, 900.0]), (tracks, 1, 1))
     place = rng.normal(size=(tracks, 2)) * 1000.0
     rows, dt = np.arange(tracks), rng.uniform(1.0, 4.0, tracks)
     near = place + rng.normal(size=(2, tracks, 2)) * 20.0
-    filters, _, _ = bank.absorb(prior.start(place, noise), rows, dt, near[0], noise)
+    filters, _, _ = bank.update(bank.initialise(place, noise), rows, dt, near[0], noise)
     return filters, rows, dt, near[1], noise
 
 
 @pytest.mark.benchmark(group="imm: radar filters")
 def test_ours_sided_imm(benchmark):
-    prior = Manoeuvres()
-    bank = SidedBank(prior.renewal_s, prior.table())
+    bank = CompiledBank(Manoeuvres())
     benchmark.extra_info["rows"] = TRACKS
-    benchmark(bank.absorb, *problem(prior, bank, TRACKS))
+    benchmark(bank.update, *problem(bank, TRACKS))
 
 
 @pytest.mark.benchmark(group="imm: radar filters")
 def test_ours_sided_imm_of_three_models(benchmark):
     """As many models as `imm` has."""
     models = tuple(m.model_copy(update={"share": 1.0 / 3.0}) for m in Manoeuvres().models[2:5])
-    prior = Manoeuvres(models=models)
-    bank = SidedBank(prior.renewal_s, prior.table())
+    bank = CompiledBank(Manoeuvres(models=models))
     benchmark.extra_info["rows"] = TRACKS
-    benchmark(bank.absorb, *problem(prior, bank, TRACKS))
+    benchmark(bank.update, *problem(bank, TRACKS))
 
 
 @pytest.mark.benchmark(group="imm: radar filters")
 def test_ours_imm(benchmark):
-    bank = CompiledBank(Motion().parameters())
+    bank = CompiledBank(Motion())
     benchmark.extra_info["rows"] = TRACKS
-    benchmark(bank.absorb, *problem(Motion(), bank, TRACKS))
+    benchmark(bank.update, *problem(bank, TRACKS))
 
 
 @pytest.mark.benchmark(group="imm: radar filters")
 def test_baseline_filterpy(benchmark):
-    bank = ObjectBank(Motion().parameters())
+    bank = FilterpyBank(Motion())
     benchmark.extra_info["rows"] = FEW
-    benchmark.pedantic(bank.absorb, args=problem(Motion(), bank, FEW), rounds=3)
+    benchmark.pedantic(bank.update, args=problem(bank, FEW), rounds=3)

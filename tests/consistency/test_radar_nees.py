@@ -17,7 +17,7 @@ from coastwatch.geodesy import KNOT_M_S, difference_m
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.nees import band, nees
 from coastwatch.scores.rmse import rows_of
-from coastwatch.tracks.manoeuvres import STEADY
+from coastwatch.tracks.motion import STEADY
 
 SEEDS = (2001, 2002)
 CHANCE = 1e-6

@@ -12,9 +12,8 @@ import numpy as np
 
 from coastwatch.batches import Floats, Ints, SourceKind, Tracks
 from coastwatch.fused_tracks import ImmOfTracks
-from coastwatch.fused_tracks.imm_of_tracks import KINDS
 from coastwatch.geodesy import difference_m, offset_deg
-from coastwatch.kernels.filters.imm import imm_estimate, imm_predict, imm_update
+from coastwatch.kernels.filters.imm import estimate_filters, predict_filters, update_filters
 
 Fused = tuple[Floats, Floats, Floats]
 Combine = Callable[[Floats, Floats, Floats], tuple[Floats, Floats]]
@@ -131,19 +130,17 @@ class Filtered:
             before[who] = np.where(before[who] < 0, was, before[who])
         known = before >= 0
         if known.any():
-            turn_noise, turn_sigma = np.array([0.0, 0.0, method.turn_noise_rad2_s3]), np.full(3, method.turn_sigma_rad_s)
             dt = np.full(int(known.sum()), time_s - self.time_s)
             old = [part[before[known]] for part in self.bank]
-            models = np.array(method.noise_m2_s3), turn_noise, turn_sigma, np.array(method.sojourn_s)
-            old = list(imm_predict(*old, dt, KINDS, *models))
+            old = list(predict_filters(*old, dt, np.inf, method._models()))
             old[0][:, :, :2] -= difference_m(anchor[known], self.anchor[before[known]])[:, None, :]
             state[known], spread[known], mode[known] = old
         for who, row in plan:
             away = difference_m(tracks.position_deg[row], anchor[who])
             z, all_of_it = np.concatenate([away, tracks.velocity_m_s[row]], axis=1), np.ones(len(row), np.bool_)
-            made = imm_update(state[who], spread[who], mode[who], z, method.inflation * covariance[row], all_of_it)
+            made = update_filters(state[who], spread[who], mode[who], z, method.inflation * covariance[row], all_of_it)
             state[who], spread[who], mode[who] = made[:3]
-        mean, total = imm_estimate(state, spread, mode)
+        mean, total = estimate_filters(state, spread, mode)
         position, velocity, fused = offset_deg(anchor, mean[:, :2]), mean[:, 2:4].copy(), total[:, :4, :4].copy()
         alone = np.bincount(vessel) == 1
         position[alone], velocity[alone] = tracks.position_deg[lead[alone]], tracks.velocity_m_s[lead[alone]]

@@ -16,7 +16,7 @@ from coastwatch.fused_tracks import (
     ImmOfTracksLiteral,
     WeightedAverage,
 )
-from coastwatch.fused_tracks.window import Window
+from coastwatch.fused_tracks.imm_of_tracks_literal import Window
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.server.checkpoint import load, save
 

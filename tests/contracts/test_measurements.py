@@ -5,9 +5,9 @@ import pytest
 
 from coastwatch.batches import AisReports
 from coastwatch.geodesy import offset_deg, to_plane
-from coastwatch.kernels.filters.ais_imm import TRACK, measure
+from coastwatch.kernels.filters.ais_tracker import TRACK, measure
 from coastwatch.tracks import AisFilter, Imm
-from coastwatch.tracks.lateness import records
+from coastwatch.tracks.out_of_sequence import records
 from tests.contracts.ais_world import HOME, PERIOD_S, SENSORS, START_S, reports, sail
 from tests.contracts.radar_world import cut, plots_of, two_radars, world
 from tests.contracts.radar_world import run as run_radar
@@ -29,14 +29,14 @@ def test_a_report_measures_what_the_kernel_takes_from_it(sog, cog):
     _, _, _, taken = step(method, method.init(), rows, 0)
     track = np.zeros(1, TRACK)[0]
     track["anchor_lat"], track["anchor_lon"] = HOME
-    z, noise, moving = np.zeros((1, 4)), np.zeros((1, 4, 4)), np.zeros(1, np.bool_)
-    measure(track, records(reports(rows))[0], method.rules(), z, noise, moving)
+    z, noise = np.zeros(4), np.zeros((4, 4))
+    measured = measure(track, records(reports(rows))[0], method.kernel_settings().rules, z, noise)
     assert len(taken) == 1
-    assert np.isfinite(taken.velocity_m_s).all() == moving[0]
-    known = slice(0, 4 if moving[0] else 2)
-    np.testing.assert_allclose(taken.covariance[0][known, known], noise[0][known, known], rtol=1e-9, atol=1e-12)
-    if moving[0]:
-        np.testing.assert_allclose(taken.velocity_m_s[0], z[0, 2:], atol=1e-9)
+    assert np.isfinite(taken.velocity_m_s).all() == (measured == 4)
+    known = slice(0, measured)
+    np.testing.assert_allclose(taken.covariance[0][known, known], noise[known, known], rtol=1e-9, atol=1e-12)
+    if measured == 4:
+        np.testing.assert_allclose(taken.velocity_m_s[0], z[2:], atol=1e-9)
     else:
         assert np.isnan(taken.covariance[0, 2:]).all()
 

@@ -63,7 +63,7 @@ def test_filterpy_is_equal_to_rounding(busy, origin):
     one, ours = run(fast, busy, 10)
     other, theirs = run(slow, busy, 10)
     assert len(ours[-1]) > 15
-    for name in ("state", "covariance", "mode"):
+    for name in ("state", "covariance", "mode_probability"):
         got, want = getattr(one.table, name), getattr(other.table, name)
         np.testing.assert_allclose(got, want, rtol=ROUNDING, atol=ROUNDING * np.abs(want).max())
     for a, b in zip(ours, theirs, strict=True):

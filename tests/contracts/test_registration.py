@@ -14,8 +14,9 @@ from scipy.stats import chi2
 from coastwatch.batches import RadarCorrections, RegistrationState
 from coastwatch.registration import NoRegistration, OnlineRegistration, Registrar
 from coastwatch.server.checkpoint import load, save
+from coastwatch.tracks.filter_bank import CompiledBank
 from coastwatch.tracks.motion import Motion
-from coastwatch.tracks.table import RadarMemory, started
+from coastwatch.tracks.table import RadarMemory, initialise
 
 METHODS = [NoRegistration(), OnlineRegistration()]
 SIGMAS = 4.5  # of a normal error: three figures a radar, a dozen tests
@@ -156,8 +157,8 @@ def test_what_is_known_is_held_while_nothing_is_compared() -> None:
 def test_a_jump_ends_the_tracks_that_hold_plots_of_that_radar() -> None:
     sea = world.Sea(10, radars=2, errors=((0.0, 0.0, 0.0),) * 2)
     plots = sea.plots(0, RadarCorrections.none(2))
-    memory = RadarMemory.empty(Motion()).for_radars(2)
-    memory = replace(memory, table=started(Motion(), plots, 1, 2), next_id=1 + len(plots))
+    memory = RadarMemory.empty(models=3).for_radars(2)
+    memory = replace(memory, table=initialise(CompiledBank(Motion()), plots, 1, 2), next_id=1 + len(plots))
     left = memory.without_radars(np.array([True, False]))
     assert len(left.table) == (plots.sensor == 1).sum()
     assert np.isinf(left.table.radar_s[:, 0]).all()

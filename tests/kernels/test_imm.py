@@ -11,7 +11,8 @@ from filterpy.kalman import IMMEstimator, KalmanFilter
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coastwatch.kernels.filters.imm import FLOOR, imm_estimate, imm_predict, imm_update, one_model
+from coastwatch.kernels.filters import motion_models
+from coastwatch.kernels.filters.imm import FLOOR, estimate_filters, predict_filters, update_filters
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "oracles"))
 import imm_textbook as textbook
@@ -30,6 +31,26 @@ def bank(n: int, j: int, seed: int):
     kind = np.arange(j)[::-1] % 2
     models = (kind, 10.0 ** rng.uniform(-4, 0, j), 10.0 ** rng.uniform(-9, -5, j), rng.uniform(0.001, 0.05, j))
     return x, a @ a.swapaxes(-1, -2), mode, (*models, rng.uniform(2.0, 90.0, j))
+
+
+def table(kind, noise, turn_noise, turn_sigma, sojourn):
+    """These models as the kernels take them; a kind of the oracle is STRAIGHT or TURNING."""
+    return motion_models.table(
+        kind=kind, noise=noise, manoeuvre_noise=turn_noise, manoeuvre_sigma=turn_sigma, sojourn=sojourn, prior_probability=1.0
+    )
+
+
+def imm_predict(x, p, mode, dt, *models):
+    return predict_filters(x, p, mode, dt, np.inf, table(*models))
+
+
+def one_model(x, dt, kind, noise, turn_noise, turn_sigma):
+    """One state moved by one model: the state, its Jacobian F and the process noise Q."""
+    model = table(np.array([kind]), noise, turn_noise, turn_sigma, 1.0)[0]
+    moved, jacobian, q = x.copy(), np.eye(5), np.zeros((5, 5))
+    motion_models.move(model, moved, dt, jacobian)
+    motion_models.add_process_noise(model, dt, q)
+    return moved, jacobian, q
 
 
 def close(got, want, tolerance=ROUNDING):
@@ -60,7 +81,7 @@ def test_update_is_the_textbook(n, j, seed, exponent):
     a = rng.normal(size=(n, 4, 6))
     r = a @ a.swapaxes(-1, -2) * 10.0**exponent
     has_velocity = rng.random(n) < 0.5
-    xs, ps, modes, fit = imm_update(x, p, mode, z, r, has_velocity)
+    xs, ps, modes, fit = update_filters(x, p, mode, z, r, has_velocity)
     for row in range(n):
         d = 4 if has_velocity[row] else 2
         want = textbook.update(x[row], p[row], mode[row], z[row, :d], r[row, :d, :d])
@@ -74,7 +95,7 @@ def test_update_is_the_textbook(n, j, seed, exponent):
 def test_estimate_is_the_textbook(n, j, seed):
     x, p, mode, _ = bank(n, j, seed)
     mode = mode / mode.sum(axis=1, keepdims=True)
-    mean, cov = imm_estimate(x, p, mode)
+    mean, cov = estimate_filters(x, p, mode)
     for row in range(n):
         want = textbook.estimate(x[row], p[row], mode[row])
         close(mean[row], want[0])
@@ -131,10 +152,10 @@ def test_a_row_does_not_depend_on_its_neighbours():
     dt = np.linspace(0.0, 6.0, 33)
     whole = imm_predict(x, p, mode, dt, *models)
     z, r = np.zeros((33, 4)), np.tile(np.eye(4) * 30.0, (33, 1, 1))
-    after = imm_update(*whole, z, r, np.arange(33) % 2 == 0)
+    after = update_filters(*whole, z, r, np.arange(33) % 2 == 0)
     for rows in (slice(7, 8), slice(3, 20, 4), np.arange(33)[::-1]):
         part = imm_predict(x[rows], p[rows], mode[rows], dt[rows], *models)
-        again = imm_update(*part, z[rows], r[rows], (np.arange(33) % 2 == 0)[rows])
+        again = update_filters(*part, z[rows], r[rows], (np.arange(33) % 2 == 0)[rows])
         for got, want in zip((*part, *again), (*whole, *after), strict=True):
             assert np.array_equal(got, want[rows])
 
@@ -143,7 +164,7 @@ def test_a_model_that_is_ruled_out_keeps_a_floor():
     x, p, mode, models = bank(1, 2, 5)
     x[0, 1, :2] += 1e6
     p[:] = np.eye(5)
-    *_, modes, fit = imm_update(x, p, mode, x[:, 0, :4], np.eye(4)[None], np.array([False]))
+    *_, modes, fit = update_filters(x, p, mode, x[:, 0, :4], np.eye(4)[None], np.array([False]))
     assert FLOOR / 2.0 <= modes[0, 1] <= 2.0 * FLOOR
     assert np.isfinite(fit).all()
     assert np.isfinite(imm_predict(x, p, modes, np.zeros(1), *models)[0]).all()
@@ -153,7 +174,7 @@ def test_arguments_are_not_written_to():
     x, p, mode, models = bank(3, 3, 6)
     kept = x.copy(), p.copy(), mode.copy()
     imm_predict(x, p, mode, np.ones(3), *models)
-    imm_update(x, p, mode, np.zeros((3, 4)), np.tile(np.eye(4), (3, 1, 1)), np.ones(3, np.bool_))
+    update_filters(x, p, mode, np.zeros((3, 4)), np.tile(np.eye(4), (3, 1, 1)), np.ones(3, np.bool_))
     for now, before in zip((x, p, mode), kept, strict=True):
         assert np.array_equal(now, before)
 
@@ -174,8 +195,8 @@ def test_filterpy_with_an_asymmetric_transition_agrees():
     predicted = imm_predict(x, p, mode, np.array([dt]), kind, noise, turn_noise, turn_sigma, sojourn)
     r = np.zeros((1, 4, 4))
     r[0, :2, :2] = np.diag([20.0, 50.0])
-    xs, ps, modes, _ = imm_update(*predicted, np.array([[3.0, 4.0, 0.0, 0.0]]), r, np.array([False]))
+    xs, ps, modes, _ = update_filters(*predicted, np.array([[3.0, 4.0, 0.0, 0.0]]), r, np.array([False]))
     close(modes[0], imm.mu)
-    mean, cov = imm_estimate(xs, ps, modes)
+    mean, cov = estimate_filters(xs, ps, modes)
     close(mean[0], imm.x)
     close(cov[0], imm.P)

@@ -4,18 +4,5 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
-    submodules=[
-        "ais_imm",
-        "ais_tracker",
-        "coordinated_turn",
-        "fused_filters",
-        "gaussian",
-        "imm",
-        "manoeuvre_imm",
-        "manoeuvre_models",
-        "model_kinds",
-        "symmetric4",
-        "track_to_track_imm",
-        "velocity_jumps",
-    ],
+    submodules=["ais_tracker", "fused_filters", "gaussian", "imm", "kalman", "motion_models", "symmetric4"],
 )

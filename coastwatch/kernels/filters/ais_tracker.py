@@ -1,148 +1,322 @@
-"""AIS reports into the tracks of vessels: one vessel after the other, its reports in order of time, compiled by numba.
+"""AIS reports into the tracks of vessels, one vessel after the other, its reports in order of time. Scalar code, compiled by numba.
 
+A track is a row of TRACK, with an IMM filter in the plane at its anchor; a report is a row of REPORT; RULES are the settings.
+SI and radians, but for latitudes and longitudes in degrees.
 The tracks of one vessel (one MMSI) stand in consecutive rows, its slots, filled from the first; an empty slot has hits 0.
-Everything here depends on the rows it is given and on nothing else, so that reports played again from an earlier state
-give the same bits.
+The answer depends on the rows given and on nothing else, so reports played again from an earlier state give the same bits.
 """
 
 import math
 
 import numpy as np
 
-from coastwatch.kernels.filters.ais_imm import anchor_near, mean_of, measure, restart, step_filter
-from coastwatch.kernels.geometry.ellipsoid import SEMI_MAJOR, to_enu
+from coastwatch.kernels.filters import imm
+from coastwatch.kernels.filters.kalman import EAST, EAST_RATE, MANOEUVRE, NORTH, NORTH_RATE, SIZE
+from coastwatch.kernels.geometry.ellipsoid import SEMI_MAJOR, enu_rotation, from_enu, to_enu
 from coastwatch.kernels.jit import jit
 
+MODELS = 3  # room in a row; fewer may be in use. One layout: numba caches code by the name of a record type, not by its size
+TRACK = np.dtype(
+    [
+        *((name, "i8") for name in ("mmsi", "number", "confirmed", "hits", "class_b", "origin")),
+        ("updated", "f8"),  # time of the newest report in this track
+        ("started", "f8"),
+        ("received", "f8"),  # time of the newest report of the vessel
+        ("interval", "f8"),  # between its reports, as learned
+        ("expected", "f8"),  # interval until the next report
+        ("patience", "f8"),  # time without a report after which the track is not predicted
+        ("alarm", "f8"),  # time until which an impossible speed is flagged
+        ("anchor_lat", "f8"),
+        ("anchor_lon", "f8"),
+        *((name, "f8") for name in ("lat", "lon", "sog", "cog")),  # of the newest report, as in REPORT
+        ("mode_probability", "f8", (MODELS,)),
+        ("state", "f8", (MODELS, SIZE)),  # in the plane at the anchor
+        ("covariance", "f8", (MODELS, SIZE, SIZE)),
+    ]
+)
+# sog in m/s, cog in radians clockwise from north, NaN where not available
+REPORT = np.dtype(
+    [("mmsi", "i8"), ("class_b", "i8"), ("origin", "i8"), *((real, "f8") for real in ["time", "lat", "lon", "sog", "cog"])]
+)
+RULES = np.dtype(
+    [
+        ("position_variance", "f8"),
+        ("sog_variance", "f8"),
+        ("cog_variance", "f8"),
+        ("still_speed", "f8"),  # under which a report without COG says that the vessel stands
+        ("polar_speed", "f8"),  # at which COG begins to mean something
+        ("jitter", "f8"),  # of the time of a fix
+        ("start_speed_variance", "f8"),
+        ("max_speed", "f8"),
+        ("tolerance", "f8"),  # added to the distance that max_speed allows
+        ("repeat", "f8"),  # the same position so soon is the same fix
+        ("patience_least", "f8"),
+        ("patience_factor", "f8"),
+        ("moving_a", "f8"),  # nominal intervals
+        ("moving_b", "f8"),
+        ("slow", "f8"),
+        ("slow_speed", "f8"),
+        ("forget", "f8"),  # after which an MMSI is a new vessel
+        ("alarm", "f8"),
+        ("reach", "f8"),  # from the anchor, before a new one is taken
+    ]
+)
 TAKEN, REPEAT, IMPOSSIBLE, CROWDED = 0, 1, 2, 3
 
 
 @jit
-def absorb(tracks, first, slots, reports, begin, end, rules, stuck, verdict):  # type: ignore[no-untyped-def]
-    """Each vessel's reports into its tracks, in place; what became of each report into `verdict`.
+def update(tracks, slots, reports, begin, end, rules, models, verdict):  # type: ignore[no-untyped-def]
+    """Update the tracks of vessels by their reports, in place; which vessels had too few slots. (V,)
 
-    Args: tracks: TRACK rows; first: (V,) first slot of each vessel; slots: of each vessel; reports: REPORT rows, each vessel's
-        in order of time; begin, end: (V,) its rows; stuck: (V,) set where the slots did not suffice (its rows are then
-        spoilt: start again from the former ones, with more); verdict: (M,) TAKEN, REPEAT, IMPOSSIBLE or CROWDED.
+    The rows of a vessel with too few slots are spoilt: update its former rows again, with more slots.
+    Args: tracks: (V slots,) TRACK; slots: of each vessel; reports: REPORT rows, each vessel's in order of time; begin, end: (V,) its rows
+    in them; rules: RULES; models: (J,) motion_models.MODEL; verdict: (M,) written: TAKEN, REPEAT, IMPOSSIBLE or CROWDED.
     """
-    z, noise, moving = np.zeros((1, 4)), np.zeros((1, 4, 4)), np.zeros(1, np.bool_)
-    spare, span, fit = np.zeros(1, tracks.dtype)[0], np.zeros(1), np.zeros(1)
-    for v in range(len(first)):
-        stuck[v] = False
+    overflowed, z, noise, work = np.zeros(len(begin), np.bool_), np.zeros(4), np.zeros((4, 4)), imm.workspace(len(models))
+    for v in range(len(begin)):
+        vessel = tracks[v * slots : (v + 1) * slots]
         for m in range(begin[v], end[v]):
-            _expire(tracks, first[v], slots, reports[m].time, rules)
-            verdict[m] = _hear(tracks, first[v], slots, reports[m], rules, z, noise, moving, spare, span, fit)
+            _expire(vessel, reports[m].time, rules)
+            verdict[m] = _update_vessel(vessel, reports[m], rules, models, z, noise, work)
             if verdict[m] == CROWDED and slots == 1:
-                stuck[v] = True
+                overflowed[v] = True
                 break
-            for t in range(first[v], first[v] + slots):
-                if tracks[t].hits > 0:
-                    tracks[t].heard = reports[m].time
+            for t in range(slots):
+                if vessel[t].hits > 0:
+                    vessel[t].received = reports[m].time
+    return overflowed
 
 
 @jit
-def _expire(tracks, first, slots, time, rules):  # type: ignore[no-untyped-def]
-    """Slots emptied of tracks too old to come back and of second tracks never confirmed; the others move up."""
-    kept = first
-    for t in range(first, first + slots):
-        age = time - tracks[t].updated
-        if tracks[t].hits == 0 or age > rules.forget or (tracks[t].confirmed == 0 and age > tracks[t].patience):
+def _expire(vessel, time, rules):  # type: ignore[no-untyped-def]
+    """Empty the slots of tracks too old to come back and of second tracks never confirmed; the others move up."""
+    kept = 0
+    for t in range(len(vessel)):
+        age = time - vessel[t].updated
+        if vessel[t].hits == 0 or age > rules.forget or (vessel[t].confirmed == 0 and age > vessel[t].patience):
             continue
         if kept != t:
-            tracks[kept] = tracks[t]
+            vessel[kept] = vessel[t]
         kept += 1
-    for t in range(kept, first + slots):
-        tracks[t].hits = 0
+    for t in range(kept, len(vessel)):
+        vessel[t].hits = 0
 
 
 @jit
-def _hear(tracks, first, slots, report, rules, z, noise, moving, spare, span, fit):  # type: ignore[no-untyped-def]
+def _update_vessel(vessel, report, rules, models, z, noise, work):  # type: ignore[no-untyped-def]
     """The verdict on a report, which goes to the track it fits, or opens one."""
-    best = _choose(tracks, first, slots, report, rules, z)
+    best = _choose(vessel, report, rules)
     if best >= 0:
-        return _continue(tracks[best], report, rules, z, noise, moving, spare, span, fit)
-    place, known = -1, False
-    for t in range(first, first + slots):
-        if tracks[t].hits == 0:
-            place = t
+        return _update_track(vessel[best], report, rules, models, z, noise, work)
+    free, known = -1, False
+    for t in range(len(vessel)):
+        if vessel[t].hits == 0:
+            free = t
             break
-        if tracks[t].confirmed == 1:
+        if vessel[t].confirmed == 1:
             known = True
-            tracks[t].alarm = report.time + rules.alarm
-    if place < 0:
+            vessel[t].alarm = report.time + rules.alarm
+    if free < 0:
         return CROWDED
-    tracks[place].number = -1
-    tracks[place].started = report.time
-    tracks[place].hits = 0
-    tracks[place].interval = 0.0
-    tracks[place].alarm = -np.inf
-    tracks[place].confirmed = 0 if known else 1
-    restart(tracks[place], report, rules, z, noise, moving)
-    _book(tracks[place], report, rules)
+    track = vessel[free]
+    track.number = -1
+    track.started = report.time
+    track.hits = 0
+    track.interval = 0.0
+    track.alarm = -np.inf
+    track.confirmed = 0 if known else 1
+    _initialise(track, report, rules, models, z, noise)
+    _record(track, report, rules)
     return IMPOSSIBLE if known else TAKEN
 
 
 @jit
-def _choose(tracks, first, slots, report, rules, z):  # type: ignore[no-untyped-def]
-    """The row of the track that a ship could have come from, the live before the lost, then the nearest; -1 for none.
-
-    Into z (1, 4) goes the place of the report in that track's plane.
-    """
+def _choose(vessel, report, rules):  # type: ignore[no-untyped-def]
+    """The track that a ship could have come from, those not silent before the silent, then the nearest; -1 for none."""
     best, best_live, best_miss = -1, False, np.inf
-    for t in range(first, first + slots):
-        if tracks[t].hits == 0:
+    for t in range(len(vessel)):
+        track = vessel[t]
+        if track.hits == 0:
             break
-        dt = report.time - tracks[t].updated
-        east, north, up = to_enu(report.lat, report.lon, tracks[t].anchor_lat, tracks[t].anchor_lon)
-        de, dn = east - mean_of(tracks[t], 0), north - mean_of(tracks[t], 1)
-        way = rules.max_speed * dt + rules.tolerance
+        dt = report.time - track.updated
+        east, north, up = to_enu(report.lat, report.lon, track.anchor_lat, track.anchor_lon)
+        east, north = east - mean_of(track, EAST), north - mean_of(track, NORTH)
+        radius = rules.max_speed * dt + rules.tolerance
         # The plane folds the far half of the Earth onto the near one.
-        if up < -SEMI_MAJOR or de * de + dn * dn > way * way:
+        if up < -SEMI_MAJOR or east * east + north * north > radius * radius:
             continue
-        live = dt <= tracks[t].patience
+        live = dt <= track.patience
         if live:
-            de, dn = de - dt * mean_of(tracks[t], 2), dn - dt * mean_of(tracks[t], 3)
-        miss = de * de + dn * dn
+            east, north = east - dt * mean_of(track, EAST_RATE), north - dt * mean_of(track, NORTH_RATE)
+        miss = east * east + north * north
         if best < 0 or (live and not best_live) or (live == best_live and miss < best_miss):
             best, best_live, best_miss = t, live, miss
-            z[0, 0], z[0, 1] = east, north
     return best
 
 
 @jit
-def _continue(track, report, rules, z, noise, moving, spare, span, fit):  # type: ignore[no-untyped-def]
-    """The report into its own track: the verdict on it."""
+def _update_track(track, report, rules, models, z, noise, work):  # type: ignore[no-untyped-def]
+    """The verdict on a report that goes to this track."""
     dt = report.time - track.updated
     if 0.0 < dt <= rules.repeat and report.lat == track.lat and report.lon == track.lon:
         return REPEAT
     if dt > track.patience:
-        restart(track, report, rules, z, noise, moving)
+        _initialise(track, report, rules, models, z, noise)
     else:
-        anchor_near(track, report, rules, z)
-        measure(track, report, rules, z, noise, moving)
-        step_filter(track, dt, z, noise, moving, rules, spare, span, fit)
+        _move_anchor(track, rules, models)
+        d, j = measure(track, report, rules, z, noise), len(models)
+        state, covariance, mode = track.state[:j], track.covariance[:j], track.mode_probability[:j]
+        imm.predict_filter(state, covariance, mode, models, dt, math.inf, work)
+        imm.update_filter(state, covariance, mode, z[:d], noise, work)
         if dt > 0.0:
             track.interval = dt if dt > track.interval else track.interval + 0.1 * (dt - track.interval)
     track.confirmed = 1
-    _book(track, report, rules)
+    _record(track, report, rules)
     return TAKEN
 
 
 @jit
-def _book(track, report, rules):  # type: ignore[no-untyped-def]
-    """What the track knows besides its filter, and how long it will wait for the next report."""
+def measure(track, report, rules, z, noise):  # type: ignore[no-untyped-def]
+    """What a report measures in the plane of a track, into z (4,) and noise (4, 4); how many components: 4, or 2 without velocity."""
+    z[0], z[1], _ = to_enu(report.lat, report.lon, track.anchor_lat, track.anchor_lon)
+    z[2] = z[3] = 0.0
+    noise[:] = 0.0
+    noise[0, 0] = noise[1, 1] = rules.position_variance
+    speed, course = report.sog, report.cog
+    if math.isnan(speed) or (math.isnan(course) and speed >= rules.still_speed):
+        return 2
+    if math.isnan(course):  # at rest
+        noise[2, 2] = noise[3, 3] = rules.sog_variance + 0.5 * speed * speed
+        return 4
+    ee, en, ne, nn = enu_rotation(report.lat, report.lon, track.anchor_lat, track.anchor_lon)
+    c = ee * math.sin(course) + en * math.cos(course)
+    s = ne * math.sin(course) + nn * math.cos(course)
+    z[2], z[3] = speed * c, speed * s
+    along, across = rules.sog_variance, speed * speed * rules.cog_variance
+    # Below a speed the receiver's velocity noise is as wide across as along, and COG says little.
+    across += rules.sog_variance / (1.0 + (speed / rules.polar_speed) ** 2)
+    late = (speed * rules.jitter) ** 2
+    noise[0, 0] += late * c * c
+    noise[1, 1] += late * s * s
+    noise[0, 1] = noise[1, 0] = late * c * s
+    noise[2, 2] = along * c * c + across * s * s
+    noise[3, 3] = along * s * s + across * c * c
+    noise[2, 3] = noise[3, 2] = (along - across) * c * s
+    return 4
+
+
+@jit
+def _initialise(track, report, rules, models, z, noise):  # type: ignore[no-untyped-def]
+    """Begin the filter of a track anew from one report."""
+    track.anchor_lat, track.anchor_lon = report.lat, report.lon
+    d = measure(track, report, rules, z, noise)
+    for j in range(len(models)):
+        track.mode_probability[j] = models[j].prior_probability
+        track.state[j, :4] = z
+        track.state[j, MANOEUVRE] = 0.0
+        track.covariance[j] = 0.0
+        track.covariance[j, :4, :4] = noise
+        track.covariance[j, MANOEUVRE, MANOEUVRE] = models[j].manoeuvre_sigma ** 2
+        if d == 2:
+            track.covariance[j, EAST_RATE, EAST_RATE] = rules.start_speed_variance
+            track.covariance[j, NORTH_RATE, NORTH_RATE] = rules.start_speed_variance
+
+
+@jit
+def _move_anchor(track, rules, models):  # type: ignore[no-untyped-def]
+    """Where the anchor is out of reach, put a new one under the track, and the filter into the new plane."""
+    east, north = mean_of(track, EAST), mean_of(track, NORTH)
+    if east * east + north * north < rules.reach * rules.reach:
+        return
+    lat, lon = from_enu(east, north, track.anchor_lat, track.anchor_lon)
+    turn = enu_rotation(track.anchor_lat, track.anchor_lon, lat, lon)
+    track.anchor_lat, track.anchor_lon = lat, lon
+    for j in range(len(models)):
+        track.state[j, EAST] -= east
+        track.state[j, NORTH] -= north
+        rotate(track.state[j], track.covariance[j], turn)
+
+
+@jit
+def rotate(mean, covariance, turn):  # type: ignore[no-untyped-def]
+    """Turn position and velocity of a state in place. Args: turn: the matrix [[ee, en], [ne, nn]], row by row."""
+    ee, en, ne, nn = turn
+    for a in (EAST, EAST_RATE):
+        mean[a], mean[a + 1] = ee * mean[a] + en * mean[a + 1], ne * mean[a] + nn * mean[a + 1]
+        for b in range(SIZE):
+            east, north = covariance[a, b], covariance[a + 1, b]
+            covariance[a, b], covariance[a + 1, b] = ee * east + en * north, ne * east + nn * north
+    for a in (EAST, EAST_RATE):
+        for b in range(SIZE):
+            east, north = covariance[b, a], covariance[b, a + 1]
+            covariance[b, a], covariance[b, a + 1] = ee * east + en * north, ne * east + nn * north
+
+
+@jit
+def mean_of(track, component):  # type: ignore[no-untyped-def]
+    """One component of the state, averaged over the models."""
+    total = 0.0
+    for j in range(MODELS):
+        total += track.mode_probability[j] * track.state[j, component]
+    return total
+
+
+@jit
+def _record(track, report, rules):  # type: ignore[no-untyped-def]
+    """What a track keeps of its newest report besides the filter, and how long it will wait for the next."""
     track.mmsi, track.class_b, track.origin = report.mmsi, report.class_b, report.origin
     track.updated, track.lat, track.lon = report.time, report.lat, report.lon
     track.sog, track.cog = report.sog, report.cog
     track.hits += 1
-    fast = math.sqrt(mean_of(track, 2) ** 2 + mean_of(track, 3) ** 2) > rules.slow_speed
+    fast = math.sqrt(mean_of(track, EAST_RATE) ** 2 + mean_of(track, NORTH_RATE) ** 2) > rules.slow_speed
     nominal = (rules.moving_b if report.class_b == 1 else rules.moving_a) if fast else rules.slow
     track.expected = max(nominal, track.interval)
     track.patience = rules.patience_least + rules.patience_factor * track.expected
 
 
 @jit
+def estimates(tracks, rows, time, rules, models):  # type: ignore[no-untyped-def]
+    """Position in degrees (N, 2), velocity (N, 2) and covariance (N, 4, 4), east and north there, of tracks predicted to a time.
+
+    A vessel at rest that got under way would report within the interval of a moving one. Silence for longer says that it still lies
+    there: it is predicted for that interval alone, and for the rest of the time it may have drifted as fast as it last seemed to.
+    Args: tracks: TRACK; rows: (N,) of them; time: not before their newest reports; rules: RULES; models: (J,) MODEL.
+    """
+    j, work = len(models), imm.workspace(len(models))
+    position, velocity, covariance = np.empty((len(rows), 2)), np.empty((len(rows), 2)), np.empty((len(rows), 4, 4))
+    state, spreads, mode = np.empty((j, SIZE)), np.empty((j, SIZE, SIZE)), np.empty(j)
+    mean, spread = np.empty(SIZE), np.empty((SIZE, SIZE))
+    for n in range(len(rows)):
+        track = tracks[rows[n]]
+        state[:] = track.state[:j]
+        spreads[:] = track.covariance[:j]
+        mode[:] = track.mode_probability[:j]
+        dt, drift_variance = _drift(track, time - track.updated, rules)
+        imm.predict_filter(state, spreads, mode, models, dt, math.inf, work)
+        imm.moments(state, spreads, mode, mean, spread)
+        lat, lon = from_enu(mean[EAST], mean[NORTH], track.anchor_lat, track.anchor_lon)
+        rotate(mean, spread, enu_rotation(track.anchor_lat, track.anchor_lon, lat, lon))
+        position[n, 0], position[n, 1] = lat, lon
+        velocity[n, 0], velocity[n, 1] = mean[EAST_RATE], mean[NORTH_RATE]
+        covariance[n] = spread[:4, :4]
+        covariance[n, 0, 0] += drift_variance
+        covariance[n, 1, 1] += drift_variance
+    return position, velocity, covariance
+
+
+@jit
+def _drift(track, dt, rules):  # type: ignore[no-untyped-def]
+    """For how long of a time to predict a track, and the variance of its position by drift in the rest of the time."""
+    speed2 = mean_of(track, EAST_RATE) ** 2 + mean_of(track, NORTH_RATE) ** 2
+    under_way = rules.moving_b if track.class_b else rules.moving_a
+    if speed2 >= rules.still_speed * rules.still_speed or dt <= under_way:
+        return dt, 0.0
+    return under_way, speed2 * (dt - under_way) ** 2
+
+
+@jit
 def carry_numbers(former, former_begin, former_end, tracks, begin, end):  # type: ignore[no-untyped-def]
-    """The numbers that a vessel's tracks had before its reports were played again, given to the tracks that came out.
+    """Give tracks that came out of playing reports again the numbers that their vessel's tracks had before.
 
     A track that kept its number through the play keeps it; then one that ends in the same report as a former one takes that
     number; the rest take what is left, in order.

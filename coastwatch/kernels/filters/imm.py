@@ -1,295 +1,327 @@
-"""Interacting multiple models, one row a track: scalar code compiled by numba, the same to the bit in any batch.
+"""Interacting multiple models: one filter holds J models, each with a state, a covariance and a probability.
 
-State: east, north, east rate, north rate, turn rate (rad/s, positive to port, that is from east towards north).
-Models, by `kind`:
-    0  constant velocity: white acceleration of density `noise` (m2/s3); the turn rate is no part of the motion and after any
-       time stands at its prior N(0, turn_sigma^2), so that a turn that begins is sought from straight ahead, both ways
-    1  coordinated turn: the velocity turns at the estimated rate, which drifts with density `turn_noise` (rad2/s3); white
-       acceleration of density `noise` on top; linearised about the state (extended Kalman filter)
-Process noises are densities of continuous time, so that two short predictions are one long one.
-transition[i, j] is the probability of model j now, given model i before. A model is left at the rate 1 / sojourn, for each of the
-others alike; with equal sojourns this is the exact chain of continuous time, with unequal ones it is so to first order.
+A cycle of a filter mixes the models, predicts each by its motion, updates each by the measurement, and weighs the models by how likely
+they made it. There are two ways to mix, after how a vessel changes its motion:
+    mix          a Markov chain: a model is left at the rate 1 / sojourn, for each of the others alike
+    mix_renewed  at the rate 1 / renewal a motion is taken up anew: position and velocity stay, the model is drawn by the prior
+                 probabilities and the manoeuvre from the prior of the model drawn
+`update_with_jumps` weighs two hypotheses in each model, with and without a jump of the velocity since the last measurement, and merges
+them at once (first-order generalised pseudo-Bayesian, GPB1). So a jump needs no model of its own, and no noise that is always large.
 
-Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, sections 6.2.2
-(white acceleration), 11.6.6 (IMM) and 11.7 (coordinated turn).
+A function with "filter" in its name takes one: state (J, 5), covariance (J, 5, 5), mode_probability (J,), models (J,) MODEL, and
+overwrites the first three. A function with "filters" takes N, (N, J, ...). Where dt is 0 nothing changes. Scalar code, compiled by numba:
+the answer for a filter does not depend on the others.
+
+Sources: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, sections 11.6.6 (IMM)
+and 11.6.4 (GPB1); K. Granstrom, P. Willett, Y. Bar-Shalom, Systematic approach to IMM mixing for unequal dimension states, IEEE
+Trans. AES 51(4), 2015 (a component that the other model does not have is drawn from its prior).
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from coastwatch.kernels.filters.coordinated_turn import turn_terms
+from coastwatch.kernels.filters import kalman, motion_models
+from coastwatch.kernels.filters.kalman import MANOEUVRE, SIZE
 from coastwatch.kernels.jit import jit
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-SIZE = 5
 FLOOR = 1e-12  # of a mode probability: a model that is ruled out today can come back, and nothing is divided by 0
-LOG_TWO_PI = math.log(2.0 * math.pi)
+
+
+class Workspace(NamedTuple):
+    """Memory in which the functions for one filter work; its content means nothing between two calls."""
+
+    state: Floats  # (J, 5) the models before they are mixed
+    covariance: Floats  # (J, 5, 5)
+    mixing: Floats  # (J, J)
+    log_weight: Floats  # (J,)
+    mean: Floats  # (5,) of all models, or of a second hypothesis
+    spread: Floats  # (5, 5) its covariance
+    transition: Floats  # (5, 5) F
+    root: Floats  # (4, 4) of the covariance of an innovation
+    gain: Floats  # (4, 5)
+    residual: Floats  # (4,)
 
 
 @jit
-def move(x, dt, kind, noise, turn_noise, turn_sigma, x_out, f_out, q_out):  # type: ignore[no-untyped-def]
-    """One model's state after dt, the Jacobian of that and the process noise, into the last three arguments."""
-    f_out[:] = 0.0
-    q_out[:] = 0.0
-    for k in range(SIZE):
-        f_out[k, k] = 1.0
-    if kind == 1:
-        s, c, ds, dc = turn_terms(x[4], dt)
-        sin, cos = math.sin(x[4] * dt), math.cos(x[4] * dt)
-        f_out[0, 2], f_out[0, 3], f_out[0, 4] = s, -c, ds * x[2] - dc * x[3]
-        f_out[1, 2], f_out[1, 3], f_out[1, 4] = c, s, dc * x[2] + ds * x[3]
-        f_out[2, 2], f_out[2, 3], f_out[2, 4] = cos, -sin, -dt * (sin * x[2] + cos * x[3])
-        f_out[3, 2], f_out[3, 3], f_out[3, 4] = sin, cos, dt * (cos * x[2] - sin * x[3])
-        x_out[0], x_out[1] = x[0] + s * x[2] - c * x[3], x[1] + c * x[2] + s * x[3]
-        x_out[2], x_out[3], x_out[4] = cos * x[2] - sin * x[3], sin * x[2] + cos * x[3], x[4]
-        q_out[4, 4] = turn_noise * dt
-    else:
-        f_out[0, 2] = f_out[1, 3] = dt
-        x_out[0], x_out[1], x_out[2], x_out[3] = x[0] + dt * x[2], x[1] + dt * x[3], x[2], x[3]
-        x_out[4] = x[4]
-        if dt > 0.0:
-            f_out[4, 4], x_out[4], q_out[4, 4] = 0.0, 0.0, turn_sigma * turn_sigma
-    for k in range(2):
-        q_out[k, k] = noise * dt * dt * dt / 3.0
-        q_out[k, k + 2] = q_out[k + 2, k] = noise * dt * dt / 2.0
-        q_out[k + 2, k + 2] = noise * dt
+def workspace(models):  # type: ignore[no-untyped-def]
+    """A Workspace for filters of so many models."""
+    return Workspace(
+        np.zeros((models, SIZE)),
+        np.zeros((models, SIZE, SIZE)),
+        np.zeros((models, models)),
+        np.zeros(models),
+        np.zeros(SIZE),
+        np.zeros((SIZE, SIZE)),
+        np.zeros((SIZE, SIZE)),
+        np.zeros((4, 4)),
+        np.zeros((4, SIZE)),
+        np.zeros(4),
+    )
 
 
 @jit
-def moments(x, p, weight, mean, cov):  # type: ignore[no-untyped-def]
-    """Mean and covariance of a mixture of Gaussians, into the last two arguments; the weights sum to one."""
-    mean[:] = 0.0
-    cov[:] = 0.0
-    for i in range(x.shape[0]):
+def moments(states, covariances, weights, mean, covariance):  # type: ignore[no-untyped-def]
+    """Mean and covariance of a mixture of Gaussians, into the last two. m = sum w x; P = sum w (P + (x - m)(x - m)').
+
+    Args: states: (J, 5); covariances: (J, 5, 5); weights: (J,), their sum is 1; mean: (5,); covariance: (5, 5).
+    """
+    for a in range(SIZE):
+        mean[a] = 0.0
+        for b in range(SIZE):
+            covariance[a, b] = 0.0
+    for i in range(len(weights)):
         for a in range(SIZE):
-            mean[a] += weight[i] * x[i, a]
-    for i in range(x.shape[0]):
+            mean[a] += weights[i] * states[i, a]
+    for i in range(len(weights)):
         for a in range(SIZE):
-            da = x[i, a] - mean[a]
+            apart = states[i, a] - mean[a]
             for b in range(a + 1):
-                cov[a, b] += weight[i] * (p[i, a, b] + da * (x[i, b] - mean[b]))
+                covariance[a, b] += weights[i] * (covariances[i, a, b] + apart * (states[i, b] - mean[b]))
     for a in range(SIZE):
         for b in range(a):
-            cov[b, a] = cov[a, b]
+            covariance[b, a] = covariance[a, b]
 
 
 @jit
-def _sandwich(f, p, q, half, out):  # type: ignore[no-untyped-def]
-    """F P F' + Q into `out`, symmetric to the bit."""
+def merge(mean, covariance, weight, other_mean, other_covariance):  # type: ignore[no-untyped-def]
+    """A Gaussian becomes the moments of a mixture, in which it has this weight and another Gaussian the rest."""
+    rest = 1.0 - weight
     for a in range(SIZE):
-        for b in range(SIZE):
-            t = 0.0
-            for c in range(SIZE):
-                t += f[a, c] * p[c, b]
-            half[a, b] = t
-    for a in range(SIZE):
+        apart = mean[a] - other_mean[a]
         for b in range(a + 1):
-            t = q[a, b]
-            for c in range(SIZE):
-                t += half[a, c] * f[b, c]
-            out[a, b] = t
-            out[b, a] = t
+            between = weight * rest * apart * (mean[b] - other_mean[b])
+            covariance[a, b] = weight * covariance[a, b] + rest * other_covariance[a, b] + between
+            covariance[b, a] = covariance[a, b]
+    for a in range(SIZE):
+        mean[a] = other_mean[a] + weight * (mean[a] - other_mean[a])
 
 
 @jit
-def predict_row(x, p, mode, dt, models, work, x_out, p_out, mode_out):  # type: ignore[no-untyped-def]
-    """One bank of models after dt, into the last three: x (J, 5), p (J, 5, 5), mode (J,); work: of `room_to_predict`."""
-    kind, noise, turn_noise, turn_sigma, sojourn = models
-    weight, stay, mixed, cov, f, q, half = work
-    j = len(mode)
-    for i in range(j):
-        stay[i] = 1.0
-        if j > 1:
-            stay[i] = (1.0 + (j - 1) * math.exp(-dt / sojourn[i] * j / (j - 1))) / j
-    for m in range(j):
+def mixing_probabilities(mode_probability, models, dt, mixing):  # type: ignore[no-untyped-def]
+    """Predict the mode probabilities of a Markov chain in place; mixing[j, i]: probability of model i before, given model j now.
+
+    The probability to stay, of J models that are left for each of the others alike, is (1 + (J - 1) exp(-dt / sojourn J / (J - 1))) / J:
+    exact where all sojourns are equal, and to first order where they are not.
+    """
+    count = len(mode_probability)
+    for i in range(count):
+        stay = 1.0
+        if count > 1:
+            stay = (1.0 + (count - 1) * math.exp(-dt / models[i].sojourn * count / (count - 1))) / count
+        for j in range(count):
+            mixing[j, i] = mode_probability[i] * (stay if i == j else (1.0 - stay) / (count - 1))
+    for j in range(count):
         total = 0.0
-        for i in range(j):
-            weight[i] = mode[i] * (stay[i] if i == m else (1.0 - stay[i]) / (j - 1))
-            total += weight[i]
-        mode_out[m] = total
-        for i in range(j):
-            weight[i] /= total
-        moments(x, p, weight, mixed, cov)
-        move(mixed, dt, kind[m], noise[m], turn_noise[m], turn_sigma[m], x_out[m], f, q)
-        _sandwich(f, cov, q, half, p_out[m])
+        for i in range(count):
+            total += mixing[j, i]
+        for i in range(count):
+            mixing[j, i] /= total
+        mode_probability[j] = total
 
 
 @jit
-def room_to_predict(j):  # type: ignore[no-untyped-def]
-    """Arrays that `predict_row` works in, for so many models."""
-    square = (SIZE, SIZE)
-    return np.zeros(j), np.zeros(j), np.zeros(SIZE), np.zeros(square), np.zeros(square), np.zeros(square), np.zeros(square)
+def mix(state, covariance, mode_probability, models, dt, work):  # type: ignore[no-untyped-def]
+    """Mix the models of a filter over dt as a Markov chain: each model becomes the moments of those it may have come from."""
+    before, before_covariance, mixing = work.state, work.covariance, work.mixing
+    before[:] = state
+    before_covariance[:] = covariance
+    mixing_probabilities(mode_probability, models, dt, mixing)
+    for j in range(len(models)):
+        moments(before, before_covariance, mixing[j], state[j], covariance[j])
 
 
 @jit
-def _predict_rows(x, p, mode, dt, kind, noise, turn_noise, turn_sigma, sojourn, x_out, p_out, mode_out):  # type: ignore[no-untyped-def]
-    work, models = room_to_predict(mode.shape[1]), (kind, noise, turn_noise, turn_sigma, sojourn)
-    for row in range(len(mode)):
-        predict_row(x[row], p[row], mode[row], dt[row], models, work, x_out[row], p_out[row], mode_out[row])
+def mix_renewed(state, covariance, mode_probability, models, dt, renewal, work):  # type: ignore[no-untyped-def]
+    """Mix the models of a filter over dt where motions are taken up anew: each model becomes its own past and one pool of all pasts.
 
-
-@jit
-def _correct(x, p, z, r, d, white, low, gain, x_out, p_out):  # type: ignore[no-untyped-def]
-    """One Kalman update with the first d components measured; returns the log-likelihood. x_out may be x, and p_out p."""
-    log_det = 0.0
-    for a in range(d):
-        for b in range(a + 1):
-            t = p[a, b] + r[a, b]
-            for c in range(b):
-                t -= low[a, c] * low[b, c]
-            low[a, b] = math.sqrt(t) if a == b else t / low[b, b]
-        log_det += math.log(low[a, a])
-        t = z[a] - x[a]
-        for c in range(a):
-            t -= low[a, c] * white[c]
-        white[a] = t / low[a, a]
-    for s in range(SIZE):  # gain = P H' L^-T, so that K S K' = gain gain'
-        for a in range(d):
-            t = p[s, a]
-            for c in range(a):
-                t -= gain[s, c] * low[a, c]
-            gain[s, a] = t / low[a, a]
-    for s in range(SIZE):
-        t = x[s]
-        for a in range(d):
-            t += gain[s, a] * white[a]
-        x_out[s] = t
-        for b in range(s + 1):
-            t = p[s, b]
-            for a in range(d):
-                t -= gain[s, a] * gain[b, a]
-            p_out[s, b] = t
-            p_out[b, s] = t
-    square = 0.0
-    for a in range(d):
-        square += white[a] * white[a]
-    return -0.5 * square - log_det - 0.5 * d * LOG_TWO_PI
-
-
-@jit
-def update_row(x, p, mode, z, r, d, work, x_out, p_out, mode_out):  # type: ignore[no-untyped-def]
-    """One bank of models after its first d components were measured, into the last three, which may be the first; the log-likelihood.
-
-    Args: x (J, 5), p (J, 5, 5), mode (J,); z (4,), r (4, 4); work: of `room_to_update`.
+    The work is linear in the number of models. Args: renewal: mean time before a motion is taken up anew, s.
     """
-    white, low, gain, weight = work
-    j, best = len(mode), -np.inf
-    for m in range(j):
-        fit = _correct(x[m], p[m], z, r, d, white, low, gain, x_out[m], p_out[m])
-        weight[m] = fit + math.log(max(mode[m], FLOOR))
-        best = max(best, weight[m])
+    pool, spread = work.mean, work.spread
+    keep = math.exp(-dt / renewal)
+    moments(state, covariance, mode_probability, pool, spread)
+    for j in range(len(models)):
+        past = keep * mode_probability[j]
+        mode_probability[j] = past + (1.0 - keep) * models[j].prior_probability
+        pool[MANOEUVRE] = models[j].manoeuvre_mean
+        for a in range(MANOEUVRE):
+            spread[MANOEUVRE, a] = spread[a, MANOEUVRE] = 0.0
+        spread[MANOEUVRE, MANOEUVRE] = models[j].manoeuvre_sigma ** 2
+        merge(state[j], covariance[j], past / mode_probability[j], pool, spread)
+
+
+@jit
+def predict_filter(state, covariance, mode_probability, models, dt, renewal, work):  # type: ignore[no-untyped-def]
+    """Predict a filter over dt: mixing, then each model by its motion. Args: renewal: s; infinite: the models are a Markov chain."""
+    if dt <= 0.0:
+        return
+    if renewal < math.inf:
+        mix_renewed(state, covariance, mode_probability, models, dt, renewal, work)
+    else:
+        mix(state, covariance, mode_probability, models, dt, work)
+    for j in range(len(models)):
+        motion_models.predict(models[j], state[j], covariance[j], dt, work.transition)
+
+
+@jit
+def weigh_models(log_weight, mode_probability):  # type: ignore[no-untyped-def]
+    """Mode probabilities, into the last, from the logarithms of weights, which are overwritten; the logarithm of the sum of weights."""
+    largest = -math.inf
+    for weight in log_weight:
+        largest = max(largest, weight)
     total = 0.0
-    for m in range(j):
-        weight[m] = math.exp(weight[m] - best)
-        total += weight[m]
+    for j in range(len(log_weight)):
+        log_weight[j] = math.exp(log_weight[j] - largest)
+        total += log_weight[j]
     floored = 0.0
-    for m in range(j):
-        weight[m] = max(weight[m] / total, FLOOR)
-        floored += weight[m]
-    for m in range(j):
-        mode_out[m] = weight[m] / floored
-    return best + math.log(total)
+    for j in range(len(log_weight)):
+        mode_probability[j] = max(log_weight[j] / total, FLOOR)
+        floored += mode_probability[j]
+    for j in range(len(log_weight)):
+        mode_probability[j] /= floored
+    return largest + math.log(total)
 
 
 @jit
-def room_to_update(j):  # type: ignore[no-untyped-def]
-    """Arrays that `update_row` works in, for so many models."""
-    return np.zeros(4), np.zeros((4, 4)), np.zeros((SIZE, 4)), np.zeros(j)
+def update_filter(state, covariance, mode_probability, z, noise, work):  # type: ignore[no-untyped-def]
+    """Update a filter by a measurement of its first d components; the log-likelihood. Args: z: (d,); noise: R, (d, d) or larger."""
+    for j in range(len(mode_probability)):
+        likelihood = kalman.update(state[j], covariance[j], z, noise, work.root, work.gain, work.residual)
+        work.log_weight[j] = likelihood + math.log(max(mode_probability[j], FLOOR))
+    return weigh_models(work.log_weight, mode_probability)
 
 
 @jit
-def _update_rows(x, p, mode, z, r, has_velocity, x_out, p_out, mode_out, log_likelihood):  # type: ignore[no-untyped-def]
-    work = room_to_update(mode.shape[1])
-    for row in range(len(mode)):
-        d = 4 if has_velocity[row] else 2
-        log_likelihood[row] = update_row(
-            x[row], p[row], mode[row], z[row], r[row], d, work, x_out[row], p_out[row], mode_out[row]
-        )
+def update_with_jumps(state, covariance, mode_probability, models, dt, z, noise, work):  # type: ignore[no-untyped-def]
+    """Update a filter of which models may have jumped in the last dt, by GPB1; the log-likelihood. Args: as of `update_filter`."""
+    jumped, spread = work.mean, work.spread
+    for j in range(len(models)):
+        probability = 1.0 - math.exp(-models[j].jump_rate * dt)
+        if probability > 0.0:
+            jumped[:] = state[j]
+            spread[:] = covariance[j]
+            motion_models.add_velocity_noise(spread, models[j].jump_variance, dt)
+        steady = kalman.update(state[j], covariance[j], z, noise, work.root, work.gain, work.residual)
+        steady += math.log(max(mode_probability[j] * (1.0 - probability), FLOOR))
+        if probability > 0.0:
+            jump = kalman.update(jumped, spread, z, noise, work.root, work.gain, work.residual)
+            jump += math.log(max(mode_probability[j] * probability, FLOOR))
+            merge(state[j], covariance[j], 1.0 / (1.0 + math.exp(jump - steady)), jumped, spread)
+            steady = max(steady, jump) + math.log1p(math.exp(-abs(jump - steady)))
+        work.log_weight[j] = steady
+    return weigh_models(work.log_weight, mode_probability)
 
 
 @jit
-def _estimate_rows(x, p, mode, mean, cov):  # type: ignore[no-untyped-def]
-    for row in range(len(mode)):
-        moments(x[row], p[row], mode[row], mean[row], cov[row])
-
-
-@jit
-def imm_predict(
-    state: Floats,
-    covariance: Floats,
-    mode: Floats,
-    dt_s: Floats,
-    kind: Ints,
-    noise: Floats,
-    turn_noise: Floats,
-    turn_sigma: Floats,
-    sojourn_s: Floats,
+def predict_filters(
+    state: Floats, covariance: Floats, mode_probability: Floats, dt_s: Floats, renewal_s: float, models: Any
 ) -> tuple[Floats, Floats, Floats]:
-    """State, covariance and probability of every model after dt: mixing, then each model's own motion.
+    """State (N, J, 5), covariance (N, J, 5, 5) and mode probability (N, J) of filters after dt.
 
-    Args:
-        state: (N, J, 5) m, m/s, rad/s; covariance: (N, J, 5, 5); mode: (N, J) probabilities, positive, rows sum to 1.
-        dt_s: (N,) not negative; 0 changes nothing.
-        kind: (J,) 0 constant velocity, 1 coordinated turn; noise: (J,) m2/s3; turn_noise: (J,) rad2/s3, read by kind 1;
-        turn_sigma: (J,) rad/s, read by kind 0; sojourn_s: (J,) mean time in a model.
-    Returns: state (N, J, 5), covariance (N, J, 5, 5), mode (N, J).
-    Source: see the module.
+    Args: state, covariance, mode_probability: as returned; dt_s: (N,), not negative; renewal_s: mean time before a motion is taken up
+    anew, infinite: the models are a Markov chain; models: (J,) MODEL.
     """
-    out = np.empty(state.shape), np.empty(covariance.shape), np.empty(mode.shape)
-    _predict_rows(state, covariance, mode, dt_s, kind, noise, turn_noise, turn_sigma, sojourn_s, out[0], out[1], out[2])
+    out = state.copy(), covariance.copy(), mode_probability.copy()
+    work = workspace(len(models))
+    for n in range(len(dt_s)):
+        predict_filter(out[0][n], out[1][n], out[2][n], models, dt_s[n], renewal_s, work)
     return out
 
 
 @jit
-def imm_update(
-    state: Floats, covariance: Floats, mode: Floats, z: Floats, noise: Floats, has_velocity: Bools
+def update_filters(
+    state: Floats, covariance: Floats, mode_probability: Floats, z: Floats, noise: Floats, has_velocity: Bools
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """State, covariance and probability of every model after a measurement, and how likely the measurement was.
+    """State (N, J, 5), covariance (N, J, 5, 5) and mode probability (N, J) of filters after a measurement, and its log-likelihood (N,).
 
-    Args:
-        state: (N, J, 5); covariance: (N, J, 5, 5); mode: (N, J).
-        z: (N, 4) east, north, east rate, north rate; noise: R, (N, 4, 4); has_velocity: (N,), where False only z[:, :2] and
-        noise[:, :2, :2] are read.
-    Returns: state (N, J, 5), covariance (N, J, 5, 5), mode (N, J) of at least FLOOR, natural logarithm of the density of the
-        measurement (N,).
-    Source: see the module.
+    Args: z: (N, 4) east, north, east rate, north rate; noise: R, (N, 4, 4); has_velocity: (N,), where False only the position is read.
     """
-    out = np.empty(state.shape), np.empty(covariance.shape), np.empty(mode.shape), np.empty(len(mode))
-    _update_rows(state, covariance, mode, z, noise, has_velocity, out[0], out[1], out[2], out[3])
-    return out
+    after, spread, mode = state.copy(), covariance.copy(), mode_probability.copy()
+    work, log_likelihood = workspace(mode.shape[1]), np.empty(len(z))
+    for n in range(len(z)):
+        measured = z[n] if has_velocity[n] else z[n, :2]
+        log_likelihood[n] = update_filter(after[n], spread[n], mode[n], measured, noise[n], work)
+    return after, spread, mode, log_likelihood
 
 
 @jit
-def imm_estimate(state: Floats, covariance: Floats, mode: Floats) -> tuple[Floats, Floats]:
-    """Mean and covariance over the models.
-
-    Args: state: (N, J, 5); covariance: (N, J, 5, 5); mode: (N, J), rows sum to 1. Returns: (N, 5) and (N, 5, 5).
-    """
-    mean, cov = np.empty((len(mode), SIZE)), np.empty((len(mode), SIZE, SIZE))
-    _estimate_rows(state, covariance, mode, mean, cov)
-    return mean, cov
+def estimate_filters(state: Floats, covariance: Floats, mode_probability: Floats) -> tuple[Floats, Floats]:
+    """Mean (N, 5) and covariance (N, 5, 5) over the models of filters. Args: as of `predict_filters`."""
+    mean, spread = np.empty((len(state), SIZE)), np.empty((len(state), SIZE, SIZE))
+    for n in range(len(state)):
+        moments(state[n], covariance[n], mode_probability[n], mean[n], spread[n])
+    return mean, spread
 
 
 @jit
-def _moved(x, dt, kind, noise, turn_noise, turn_sigma, x_out, f, q):  # type: ignore[no-untyped-def]
-    move(x, dt, kind, noise, turn_noise, turn_sigma, x_out, f, q)
+def predicted_estimates(
+    state: Floats, covariance: Floats, mode_probability: Floats, dt_s: Floats, renewal_s: float, models: Any
+) -> tuple[Floats, Floats]:
+    """Mean (N, 5) and covariance (N, 5, 5) over the models of filters after dt; the filters stay. Args: as of `predict_filters`."""
+    mean, spread = np.empty((len(dt_s), SIZE)), np.empty((len(dt_s), SIZE, SIZE))
+    one, one_spread, mode = np.empty(state.shape[1:]), np.empty(covariance.shape[1:]), np.empty(len(models))
+    work = workspace(len(models))
+    for n in range(len(dt_s)):
+        one[:] = state[n]
+        one_spread[:] = covariance[n]
+        mode[:] = mode_probability[n]
+        predict_filter(one, one_spread, mode, models, dt_s[n], renewal_s, work)
+        moments(one, one_spread, mode, mean[n], spread[n])
+    return mean, spread
 
 
-def one_model(
-    state: NDArray[Any], dt_s: float, kind: int, noise: float, turn_noise: float, turn_sigma: float
-) -> tuple[Floats, ...]:
-    """One state moved by one model: the state, its Jacobian F and the process noise Q, for a filter that keeps its own books.
+@jit
+def bring_forward(z, noise, late, mean, covariance):  # type: ignore[no-untyped-def]
+    """Move a measured position by the velocity of an estimate over `late` seconds, and widen its noise as much. In place."""
+    for a in range(2):
+        z[a] += mean[a + 2] * late
+        for b in range(2):
+            noise[a, b] += covariance[a + 2, b + 2] * late * late
 
-    Args: state: (5,). Returns: (5,), (5, 5), (5, 5).
+
+@jit
+def squared_distance(z, noise, mean, covariance):  # type: ignore[no-untyped-def]
+    """Squared Mahalanobis distance of a measured position from an estimate."""
+    s00, s10, s11 = covariance[0, 0] + noise[0, 0], covariance[1, 0] + noise[1, 0], covariance[1, 1] + noise[1, 1]
+    east, north = z[0] - mean[0], z[1] - mean[1]
+    return (s11 * east * east - 2.0 * s10 * east * north + s00 * north * north) / (s00 * s11 - s10 * s10)
+
+
+@jit
+def updated_by_plots(
+    filters: tuple[Floats, Floats, Floats],
+    rows: Ints,
+    dt_s: Floats,
+    position: Floats,
+    noise: Floats,
+    renewal_s: float,
+    models: Any,
+) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    """Filters of pairs after prediction to a plot and update by it; log-likelihood and squared distance of the plot.
+
+    A plot that is older than its filter (dt_s < 0) is brought forward by the velocity and is as much less certain.
+    Args: filters: state (N, J, 5), covariance (N, J, 5, 5), mode probability (N, J); rows: (A,) of them; dt_s: (A,); position: (A, 2);
+    noise: (A, 2, 2); else as of `predict_filters`.
+    Returns: state (A, J, 5), covariance (A, J, 5, 5), mode probability (A, J), log-likelihood (A,), squared distance (A,).
     """
-    out = np.empty(SIZE), np.empty((SIZE, SIZE)), np.empty((SIZE, SIZE))
-    _moved(np.ascontiguousarray(state), float(dt_s), int(kind), float(noise), float(turn_noise), float(turn_sigma), *out)
-    return out
+    state, covariance, mode = filters[0][rows], filters[1][rows], filters[2][rows]
+    log_likelihood, distance = np.empty(len(rows)), np.empty(len(rows))
+    work, mean, spread = workspace(len(models)), np.empty(SIZE), np.empty((SIZE, SIZE))
+    z, r = np.empty(2), np.empty((2, 2))
+    for k in range(len(rows)):
+        z[:] = position[k]
+        r[:] = noise[k]
+        predict_filter(state[k], covariance[k], mode[k], models, dt_s[k], renewal_s, work)
+        moments(state[k], covariance[k], mode[k], mean, spread)
+        bring_forward(z, r, max(-dt_s[k], 0.0), mean, spread)
+        distance[k] = squared_distance(z, r, mean, spread)
+        log_likelihood[k] = update_filter(state[k], covariance[k], mode[k], z, r, work)
+    return state, covariance, mode, log_likelihood, distance

@@ -1,6 +1,6 @@
-"""Symmetric matrices of four rows in scalar code: ten numbers each, the lower triangle by rows. Nothing is allocated a matrix.
+"""Symmetric 4 x 4 matrices as tuples of ten numbers, (a00, a10, a11, a20, a21, a22, a30, a31, a32, a33): nothing is allocated.
 
-Compiled by numba; a matrix is a tuple (a00, a10, a11, a20, a21, a22, a30, a31, a32, a33), so that it stays in registers.
+Scalar code, compiled by numba.
 """
 
 from __future__ import annotations
@@ -9,15 +9,15 @@ from coastwatch.kernels.jit import jit
 
 
 @jit
-def lower(matrices, n):  # type: ignore[no-untyped-def]
+def load(matrices, n):  # type: ignore[no-untyped-def]
     """The lower triangle of one of (N, 4, 4)."""
     m = matrices[n]
     return m[0, 0], m[1, 0], m[1, 1], m[2, 0], m[2, 1], m[2, 2], m[3, 0], m[3, 1], m[3, 2], m[3, 3]
 
 
 @jit
-def put(a, out, n):  # type: ignore[no-untyped-def]
-    """A matrix into row n of (N, 4, 4), both triangles."""
+def store(a, out, n):  # type: ignore[no-untyped-def]
+    """Write a matrix into row n of (N, 4, 4), both triangles."""
     m = out[n]
     m[0, 0], m[0, 1], m[0, 2], m[0, 3] = a[0], a[1], a[3], a[6]
     m[1, 0], m[1, 1], m[1, 2], m[1, 3] = a[1], a[2], a[4], a[7]
@@ -41,7 +41,7 @@ def determinant(a):  # type: ignore[no-untyped-def]
 
 @jit
 def factor(a):  # type: ignore[no-untyped-def]
-    """L and 1 / D of a positive definite L D L': l10, l20, l21, l30, l31, l32, then the four of 1 / D (Cholesky without roots)."""
+    """L and 1 / D of a positive definite L D L' (Cholesky without roots): l10, l20, l21, l30, l31, l32, then the four of 1 / D."""
     a00, a10, a11, a20, a21, a22, a30, a31, a32, a33 = a
     e0 = 1.0 / a00
     l10, l20, l30 = a10 * e0, a20 * e0, a30 * e0
@@ -56,7 +56,7 @@ def factor(a):  # type: ignore[no-untyped-def]
 
 
 @jit
-def forward(f, b0, b1, b2, b3):  # type: ignore[no-untyped-def]
+def forward_substitution(f, b0, b1, b2, b3):  # type: ignore[no-untyped-def]
     """L^-1 b for a factor."""
     y1 = b1 - f[0] * b0
     y2 = b2 - f[1] * b0 - f[2] * y1
@@ -64,36 +64,36 @@ def forward(f, b0, b1, b2, b3):  # type: ignore[no-untyped-def]
 
 
 @jit
-def dot(f, x, y):  # type: ignore[no-untyped-def]
-    """x' D^-1 y for a factor and two vectors that `forward` gave."""
+def weighted_dot(f, x, y):  # type: ignore[no-untyped-def]
+    """x' D^-1 y for a factor and two vectors from `forward_substitution`."""
     return x[0] * y[0] * f[6] + x[1] * y[1] * f[7] + x[2] * y[2] * f[8] + x[3] * y[3] * f[9]
 
 
 @jit
-def squared(f, w0, w1, w2, w3):  # type: ignore[no-untyped-def]
-    """W' D^-1 W, where the columns of W are four vectors that `forward` gave."""
+def quadratic_form(f, w0, w1, w2, w3):  # type: ignore[no-untyped-def]
+    """W' D^-1 W, where the columns of W are four vectors from `forward_substitution`."""
     return (
-        dot(f, w0, w0),
-        dot(f, w1, w0),
-        dot(f, w1, w1),
-        dot(f, w2, w0),
-        dot(f, w2, w1),
-        dot(f, w2, w2),
-        dot(f, w3, w0),
-        dot(f, w3, w1),
-        dot(f, w3, w2),
-        dot(f, w3, w3),
+        weighted_dot(f, w0, w0),
+        weighted_dot(f, w1, w0),
+        weighted_dot(f, w1, w1),
+        weighted_dot(f, w2, w0),
+        weighted_dot(f, w2, w1),
+        weighted_dot(f, w2, w2),
+        weighted_dot(f, w3, w0),
+        weighted_dot(f, w3, w1),
+        weighted_dot(f, w3, w2),
+        weighted_dot(f, w3, w3),
     )
 
 
 @jit
-def columns(f, a):  # type: ignore[no-untyped-def]
-    """L^-1 A, its four columns, for a factor and a symmetric matrix."""
+def solve_lower(f, a):  # type: ignore[no-untyped-def]
+    """L^-1 A for a factor and a symmetric matrix: its four columns."""
     return (
-        forward(f, a[0], a[1], a[3], a[6]),
-        forward(f, a[1], a[2], a[4], a[7]),
-        forward(f, a[3], a[4], a[5], a[8]),
-        forward(f, a[6], a[7], a[8], a[9]),
+        forward_substitution(f, a[0], a[1], a[3], a[6]),
+        forward_substitution(f, a[1], a[2], a[4], a[7]),
+        forward_substitution(f, a[3], a[4], a[5], a[8]),
+        forward_substitution(f, a[6], a[7], a[8], a[9]),
     )
 
 
@@ -101,18 +101,18 @@ def columns(f, a):  # type: ignore[no-untyped-def]
 def inverse(a):  # type: ignore[no-untyped-def]
     """Of a positive definite matrix."""
     f = factor(a)
-    return squared(
+    return quadratic_form(
         f,
-        forward(f, 1.0, 0.0, 0.0, 0.0),
-        forward(f, 0.0, 1.0, 0.0, 0.0),
-        forward(f, 0.0, 0.0, 1.0, 0.0),
-        forward(f, 0.0, 0.0, 0.0, 1.0),
+        forward_substitution(f, 1.0, 0.0, 0.0, 0.0),
+        forward_substitution(f, 0.0, 1.0, 0.0, 0.0),
+        forward_substitution(f, 0.0, 0.0, 1.0, 0.0),
+        forward_substitution(f, 0.0, 0.0, 0.0, 1.0),
     )
 
 
 @jit
-def times(a, x):  # type: ignore[no-untyped-def]
-    """A x of a symmetric matrix and four numbers."""
+def multiply(a, x):  # type: ignore[no-untyped-def]
+    """A x for a symmetric matrix and a vector."""
     return (
         a[0] * x[0] + a[1] * x[1] + a[3] * x[2] + a[6] * x[3],
         a[1] * x[0] + a[2] * x[1] + a[4] * x[2] + a[7] * x[3],
@@ -122,7 +122,7 @@ def times(a, x):  # type: ignore[no-untyped-def]
 
 
 @jit
-def less(a, b):  # type: ignore[no-untyped-def]
+def subtract(a, b):  # type: ignore[no-untyped-def]
     """A - B."""
     return (
         a[0] - b[0],
@@ -139,17 +139,17 @@ def less(a, b):  # type: ignore[no-untyped-def]
 
 
 @jit
-def towards(a, difference, share):  # type: ignore[no-untyped-def]
-    """A and a share of a difference."""
+def add_scaled(a, b, scale):  # type: ignore[no-untyped-def]
+    """A + scale B."""
     return (
-        a[0] + share * difference[0],
-        a[1] + share * difference[1],
-        a[2] + share * difference[2],
-        a[3] + share * difference[3],
-        a[4] + share * difference[4],
-        a[5] + share * difference[5],
-        a[6] + share * difference[6],
-        a[7] + share * difference[7],
-        a[8] + share * difference[8],
-        a[9] + share * difference[9],
+        a[0] + scale * b[0],
+        a[1] + scale * b[1],
+        a[2] + scale * b[2],
+        a[3] + scale * b[3],
+        a[4] + scale * b[4],
+        a[5] + scale * b[5],
+        a[6] + scale * b[6],
+        a[7] + scale * b[7],
+        a[8] + scale * b[8],
+        a[9] + scale * b[9],
     )

@@ -1,198 +1,93 @@
-"""One estimate from the tracks of each vessel: convex combination, covariance intersection, weighted average.
+"""Covariance intersection of the tracks of each vessel: consistent whatever the correlation of their errors.
 
-Scalar code compiled by numba, vessel by vessel: a covariance is read once where it stands and written once where it stays, and nothing
-is allocated a vessel. What each computes stands beside it in `tests/contracts/fused_by_arrays.py`, in numpy.
-Arguments that all of them take:
-    start, row: the tracks of each vessel, of `counting_sort`.
-    tracks: position (N, 2) degrees, velocity (N, 2), covariance (N, 4, 4), its lower triangle is read, and report_covariance (N, 2, 2),
-        which stands in with `sigma` of the velocity where any number of a covariance is not finite.
-    out: position (V, 2), velocity (V, 2), covariance (V, 4, 4): rows low to high are written.
+Scalar code, compiled by numba; arguments as in `track_states`. Two estimates with covariances A and B, shift s from the first to the
+second, make the covariance C = (w A^-1 + (1 - w) B^-1)^-1 and the estimate (1 - w) C B^-1 s from the first, with the weight w that makes
+the determinant of C smallest.
+
+Source: S. J. Julier and J. K. Uhlmann, A non-divergent estimation algorithm in the presence of unknown correlations, 1997.
 """
-
-from __future__ import annotations
 
 import math
 
 import numpy as np
 
-from coastwatch.kernels.filters.symmetric4 import (
-    determinant,
-    inverse,
-    less,
-    lower,
-    put,
-    times,
-    towards,
+from coastwatch.kernels.filters.symmetric4 import add_scaled, determinant, inverse, load, multiply, store, subtract
+from coastwatch.kernels.fusion.track_states import (
+    copy_track,
+    most_precise_first,
+    read_covariances,
+    write,
 )
 from coastwatch.kernels.geometry.ellipsoid import add_enu_offset, enu_offset
 from coastwatch.kernels.jit import jit
-from coastwatch.kernels.prefetch import fetch
+from coastwatch.kernels.tables.counting_sort import longest
 
-RATIO = (math.sqrt(5.0) - 1.0) / 2.0
-AHEAD = 24  # tracks: memory is asked for those of so many on, which vessels have scattered over it
+GOLDEN_RATIO = (math.sqrt(5.0) - 1.0) / 2.0
 FLAT = 1e-13  # of a determinant: what is left of it by rounding
 
 
 @jit
-def ask(tracks, row, at, end):  # type: ignore[no-untyped-def]
-    """Asks memory for what will be read of the tracks at `at` to `end` in AHEAD tracks' time."""
-    for k in range(at + AHEAD, min(end + AHEAD, len(row))):
-        fetch(tracks[0], row[k])
-        fetch(tracks[1], row[k])
-        fetch(tracks[2], row[k])
-
-
-@jit
-def _complete(covariance, n):  # type: ignore[no-untyped-def]
-    """Whether every number of one of (N, 4, 4) is finite."""
-    c = covariance
-    upper = (c[n, 0, 0] + c[n, 0, 1]) + (c[n, 0, 2] + c[n, 0, 3]) + ((c[n, 1, 0] + c[n, 1, 1]) + (c[n, 1, 2] + c[n, 1, 3]))
-    under = (c[n, 2, 0] + c[n, 2, 1]) + (c[n, 2, 2] + c[n, 2, 3]) + ((c[n, 3, 0] + c[n, 3, 1]) + (c[n, 3, 2] + c[n, 3, 3]))
-    return 0.0 * (upper + under) == 0.0
-
-
-@jit
-def known(tracks, n, sigma):  # type: ignore[no-untyped-def]
-    """The covariance of a track; that of one report and of a velocity known to sigma where the source gives none."""
-    if _complete(tracks[2], n):
-        return lower(tracks[2], n)
-    report, var = tracks[3], sigma * sigma
-    return report[n, 0, 0], report[n, 1, 0], report[n, 1, 1], 0.0, 0.0, var, 0.0, 0.0, 0.0, var
-
-
-@jit
-def alone(tracks, n, sigma, out, v):  # type: ignore[no-untyped-def]
-    """A vessel of one track is that track, to the bit where it has a covariance."""
-    out[0][v, 0], out[0][v, 1] = tracks[0][n, 0], tracks[0][n, 1]
-    out[1][v, 0], out[1][v, 1] = tracks[1][n, 0], tracks[1][n, 1]
-    if _complete(tracks[2], n):
-        for i in range(4):
-            for j in range(4):
-                out[2][v, i, j] = tracks[2][n, i, j]
-    else:
-        put(known(tracks, n, sigma), out[2], v)
-
-
-@jit
-def _doubted(a, share, report):  # type: ignore[no-untyped-def]
-    """A covariance with a share of that of a report added to the place."""
-    return (
-        a[0] + share * report[0, 0],
-        a[1] + share * report[1, 0],
-        a[2] + share * report[1, 1],
-        a[3],
-        a[4],
-        a[5],
-        a[6],
-        a[7],
-        a[8],
-        a[9],
-    )
-
-
-@jit
-def read(tracks, n, sigma, doubt):  # type: ignore[no-untyped-def]
-    """What a track is weighed with."""
-    a = known(tracks, n, sigma)
-    if doubt[0] > 0.0 and doubt[1][n] < 0:
-        return _doubted(a, doubt[0], tracks[3][n])
-    return a
-
-
-@jit
-def precise_first(tracks, sigma, doubt, row, begin, end, order, size):  # type: ignore[no-untyped-def]
-    """The rows of a vessel into `order`, the smallest determinant first, equal ones as they come; `size` is to work in."""
-    for k in range(end - begin):
-        n = row[begin + k]
-        now = determinant(read(tracks, n, sigma, doubt))
-        at = k
-        while at > 0 and size[at - 1] > now:
-            order[at], size[at] = order[at - 1], size[at - 1]
-            at -= 1
-        order[at], size[at] = n, now
-
-
-@jit
-def _moved(tracks, n, place, speed):  # type: ignore[no-untyped-def]
-    """A track less a place (lat, lon) and a speed: east, north, east rate, north rate."""
+def intersection(first, last, start, row, tracks, sigma, steps, out):  # type: ignore[no-untyped-def]
+    """Intersect the tracks of vessels first to last, the most precise track first. Args: steps: of the search of the weight."""
     position, velocity = tracks[0], tracks[1]
-    east, north = enu_offset(position[n, 0], position[n, 1], place[0], place[1])
-    return east, north, velocity[n, 0] - speed[0], velocity[n, 1] - speed[1]
+    most = longest(first, last, start)
+    matrices, size, order = np.empty((most, 4, 4)), np.empty(most), np.empty(most, np.int64)
+    for v in range(first, last):
+        begin, count = start[v], start[v + 1] - start[v]
+        if count == 1:
+            copy_track(tracks, sigma, row[begin], out, v)
+            continue
+        read_covariances(tracks, sigma, 0.0, row, begin, matrices[:count])
+        most_precise_first(matrices[:count], size, order)
+        n, a = row[begin + order[0]], load(matrices, order[0])
+        lat, lon, east_rate, north_rate = position[n, 0], position[n, 1], velocity[n, 0], velocity[n, 1]
+        for k in range(1, count):
+            n = row[begin + order[k]]
+            east, north = enu_offset(position[n, 0], position[n, 1], lat, lon)
+            shift = east, north, velocity[n, 0] - east_rate, velocity[n, 1] - north_rate
+            mean, a = _intersect(a, load(matrices, order[k]), shift, steps)
+            lat, lon = add_enu_offset(lat, lon, mean[0], mean[1])
+            east_rate, north_rate = east_rate + mean[2], north_rate + mean[3]
+        write(lat, lon, east_rate, north_rate, out, v)
+        store(a, out[2], v)
 
 
 @jit
-def _write(place, speed, covariance, out, v):  # type: ignore[no-untyped-def]
-    out[0][v, 0], out[0][v, 1] = place[0], place[1]
-    out[1][v, 0], out[1][v, 1] = speed[0], speed[1]
-    put(covariance, out[2], v)
+def _intersect(a, b, shift, steps):  # type: ignore[no-untyped-def]
+    """Mean relative to the first, and covariance, of the intersection of two estimates."""
+    first, second = inverse(a), inverse(b)
+    w = _best_weight(second, subtract(first, second), steps)
+    if w == 1.0:
+        return (0.0, 0.0, 0.0, 0.0), a
+    out = inverse(add_scaled(second, subtract(first, second), w))
+    x0, x1, x2, x3 = multiply(second, shift)
+    rest = 1.0 - w
+    return multiply(out, (rest * x0, rest * x1, rest * x2, rest * x3)), out
 
 
 @jit
-def _best_share(b, change, steps):  # type: ignore[no-untyped-def]
-    """The share w of the first at which det(B + w (A - B)) of the inverses is largest, by golden section; a half where all are alike."""
-    nothing, half, all_of_it = determinant(b), determinant(towards(b, change, 0.5)), determinant(towards(b, change, 1.0))
-    if abs(half - nothing) <= FLAT * half and abs(half - all_of_it) <= FLAT * half:
+def _best_weight(b, change, steps):  # type: ignore[no-untyped-def]
+    """The weight w at which det(B + w (A - B)) is largest, by golden section; a half where all are alike.
+
+    Args: b: the inverse of the second covariance; change: A - B, the inverse of the first less it.
+    """
+    at_none, at_half, at_all = determinant(b), determinant(add_scaled(b, change, 0.5)), determinant(add_scaled(b, change, 1.0))
+    if abs(at_half - at_none) <= FLAT * at_half and abs(at_half - at_all) <= FLAT * at_half:
         return 0.5
     low, high = 0.0, 1.0
-    left, right = 1.0 - RATIO, RATIO
-    at_left, at_right = determinant(towards(b, change, left)), determinant(towards(b, change, right))
+    left, right = 1.0 - GOLDEN_RATIO, GOLDEN_RATIO
+    at_left, at_right = determinant(add_scaled(b, change, left)), determinant(add_scaled(b, change, right))
     for _ in range(steps):
         if at_left > at_right:
             high, right, at_right = right, left, at_left
-            left = high - RATIO * (high - low)
-            at_left = determinant(towards(b, change, left))
+            left = high - GOLDEN_RATIO * (high - low)
+            at_left = determinant(add_scaled(b, change, left))
         else:
             low, left, at_left = left, right, at_right
-            right = low + RATIO * (high - low)
-            at_right = determinant(towards(b, change, right))
+            right = low + GOLDEN_RATIO * (high - low)
+            at_right = determinant(add_scaled(b, change, right))
     middle = 0.5 * (low + high)
-    best = determinant(towards(b, change, middle))
-    if nothing > best:
-        return 0.0 if all_of_it <= nothing else 1.0
-    return 1.0 if all_of_it > best else middle
-
-
-@jit
-def _intersected(a, b, shift, steps):  # type: ignore[no-untyped-def]
-    """Mean relative to the first and covariance of the intersection of two estimates whose determinant is smallest."""
-    first, second = inverse(a), inverse(b)
-    w = _best_share(second, less(first, second), steps)
-    if w == 1.0:
-        return (0.0, 0.0, 0.0, 0.0), a
-    out = inverse(towards(second, less(first, second), w))
-    x = times(second, shift)
-    left = 1.0 - w
-    return times(out, (left * x[0], left * x[1], left * x[2], left * x[3])), out
-
-
-@jit
-def intersection(low, high, which, start, row, tracks, sigma, steps, out):  # type: ignore[no-untyped-def]
-    """Vessels which[low:high] by covariance intersection, the most precise track first. Args: steps: of the search of the weight.
-
-    Their rows of `out` are written.
-    """
-    most = 1
-    for k in range(low, high):
-        most = max(most, start[which[k] + 1] - start[which[k]])
-    _intersection(low, high, which, start, row, tracks, sigma, steps, np.empty(most, np.int32), np.empty(most), out)
-
-
-@jit
-def _intersection(low, high, which, start, row, tracks, sigma, steps, order, size, out):  # type: ignore[no-untyped-def]
-    """The same with room to work in, `order` and `size`."""
-    doubt = (0.0, row)
-    for v in range(low, high):
-        begin, end = start[which[v]], start[which[v] + 1]
-        ask(tracks, row, begin, end)
-        if end - begin == 1:
-            alone(tracks, row[begin], sigma, out, which[v])
-            continue
-        precise_first(tracks, sigma, doubt, row, begin, end, order, size)
-        n = order[0]
-        place, speed = (tracks[0][n, 0], tracks[0][n, 1]), (tracks[1][n, 0], tracks[1][n, 1])
-        covariance = known(tracks, n, sigma)
-        for k in range(1, end - begin):
-            n = order[k]
-            mean, covariance = _intersected(covariance, known(tracks, n, sigma), _moved(tracks, n, place, speed), steps)
-            place, speed = add_enu_offset(place[0], place[1], mean[0], mean[1]), (speed[0] + mean[2], speed[1] + mean[3])
-        _write(place, speed, covariance, out, which[v])
+    best = determinant(add_scaled(b, change, middle))
+    if at_none > best:
+        return 0.0 if at_all <= at_none else 1.0
+    return 1.0 if at_all > best else middle

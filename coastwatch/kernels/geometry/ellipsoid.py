@@ -22,6 +22,7 @@ DEGREE = math.pi / 180.0  # radians
 SEMI_MAJOR = SEMI_MAJOR_M
 SHORTEST_RADIUS = 6_330_000.0  # less than any radius of curvature
 SHORTEST_DEGREE = SHORTEST_RADIUS * DEGREE  # less than any degree of latitude
+NEAR_M = 1000.0  # north: below it one round finds the mid-latitude to rounding, two do up to 100 km
 POLAR_STRETCH = 1.0 / ((1.0 - FLATTENING) * (1.0 - FLATTENING))
 
 
@@ -58,12 +59,10 @@ def enu_offset(lat, lon, from_lat, from_lon):  # type: ignore[no-untyped-def]
 @jit
 def add_enu_offset(lat, lon, east_m, north_m):  # type: ignore[no-untyped-def]
     """Latitude and longitude of the point so many metres east and north, up to 100 km: the inverse of `enu_offset`."""
-    north, _ = metres_per_degree(lat)
-    for _ in range(2):
-        north, _ = metres_per_degree(lat + 0.5 * north_m / north)
-    further = north_m / north
-    _, east = metres_per_degree(lat + 0.5 * further)
-    return lat + further, wrap_degrees(lon + east_m / east)
+    north, east = metres_per_degree(lat)
+    for _ in range(1 if abs(north_m) < NEAR_M else 2):
+        north, east = metres_per_degree(lat + 0.5 * north_m / north)
+    return lat + north_m / north, wrap_degrees(lon + east_m / east)
 
 
 @jit

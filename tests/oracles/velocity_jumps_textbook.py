@@ -1,4 +1,4 @@
-"""An interacting multiple model filter whose models may be kicked, one filter at a time, with matrices. Imports nothing of coastwatch.
+"""An interacting multiple model filter whose velocity may jump, one filter at a time, with matrices. Imports nothing of coastwatch.
 
 Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, sections 11.6.4 and 11.6.6.
 """
@@ -9,7 +9,7 @@ import imm_textbook as textbook
 import numpy as np
 
 
-def kick(dt, variance):
+def jump(dt, variance):
     """Covariance of a random step of the velocity at a moment evenly spread over dt."""
     out = np.zeros((5, 5))
     block = variance * np.array([[dt**2 / 3.0, dt / 2.0], [dt / 2.0, 1.0]])
@@ -21,10 +21,10 @@ def kick(dt, variance):
 def step(x, p, mode, dt, z, r, models, rate, variance):
     """x (J, 5), p (J, 5, 5), mode (J,) and log-likelihood after dt and a measurement of the first len(z) components."""
     x, p, mode = textbook.predict(x, p, mode, dt, *models)
-    with_kick = np.array([pk + kick(dt, v) for pk, v in zip(p, variance, strict=True)])
+    with_jump = np.array([pk + jump(dt, v) for pk, v in zip(p, variance, strict=True)])
     chance = 1.0 - np.exp(-rate * dt)
     prior = np.stack([mode * (1.0 - chance), mode * chance])
-    both = np.concatenate([x, x]), np.concatenate([p, with_kick])
+    both = np.concatenate([x, x]), np.concatenate([p, with_jump])
     weight = np.maximum(prior.ravel(), 1e-300)
     xs, ps, now, fit = textbook.update(*both, weight, z, r)
     j, now = len(mode), now.reshape(2, -1)
@@ -36,5 +36,5 @@ def ahead(x, p, mode, dt, models, rate, variance):
     """Mean and covariance after dt without a measurement."""
     x, p, mode = textbook.predict(x, p, mode, dt, *models)
     chance = 1.0 - np.exp(-rate * dt)
-    p = np.array([pk + c * kick(dt, v) for pk, c, v in zip(p, chance, variance, strict=True)])
+    p = np.array([pk + c * jump(dt, v) for pk, c, v in zip(p, chance, variance, strict=True)])
     return textbook.estimate(x, p, mode)

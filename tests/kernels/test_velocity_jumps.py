@@ -1,4 +1,4 @@
-"""The IMM kernel with kicks against the textbook, with late measurements, and that a filter does not depend on its neighbours."""
+"""The IMM kernel with jumps against the textbook, with late measurements, and that a filter does not depend on its neighbours."""
 
 from __future__ import annotations
 
@@ -9,32 +9,34 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coastwatch.kernels.filters.velocity_jumps import WIDTH, absorb, foresee
+from coastwatch.kernels.filters import motion_models
+from coastwatch.kernels.filters.fused_filters import estimate, update
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "oracles"))
 import imm_textbook
-import kicked_textbook
+import velocity_jumps_textbook as jumps_textbook
 
 SIMILAR = 1e-5  # of the largest of its kind: the oracle takes derivatives by differences, which errs by 2e-6 a step
 ROUNDING = 1e-9
-LOW = np.tril_indices(5)
 SIZES = np.array([50.0, 50.0, 4.0, 4.0, 0.01])
 
 
-def packed(x, p):
-    out = np.empty((*x.shape[:2], WIDTH))
-    out[..., :5], out[..., 5:] = x, p[..., LOW[0], LOW[1]]
-    return out
-
-
-def unpacked(rows):
-    p = np.empty((*rows.shape[:-1], 5, 5))
-    p[..., LOW[0], LOW[1]] = p[..., LOW[1], LOW[0]] = rows[..., 5:]
-    return rows[..., :5], p
+def table(models, jumps):
+    """These models as the kernels take them."""
+    kind, noise, turn_noise, turn_sigma, sojourn = models
+    return motion_models.table(
+        kind=kind,
+        noise=noise,
+        manoeuvre_noise=turn_noise,
+        manoeuvre_sigma=turn_sigma,
+        sojourn=sojourn,
+        jump_rate=jumps[0],
+        jump_variance=jumps[1],
+    )
 
 
 def bank(n, j, seed):
-    """Random filters; models with unlike settings, some of which can be kicked."""
+    """Random filters; models with unlike settings, some of which can be jumped."""
     rng = np.random.default_rng([seed, 17])
     kind = np.arange(j)[::-1] % 2
     x = rng.normal(size=(n, j, 5)) * SIZES
@@ -43,8 +45,8 @@ def bank(n, j, seed):
     x[:, kind == 0, 4] = p[:, kind == 0, 4, :4] = p[:, kind == 0, :4, 4] = 0.0  # as the kernel keeps what does not turn
     mode = rng.dirichlet(np.ones(j), n).reshape(n, j) * (1.0 - j * 1e-6) + 1e-6
     noises = 10.0 ** rng.uniform(-4, 0, j), 10.0 ** rng.uniform(-9, -5, j), rng.uniform(0.001, 0.05, j)
-    kicks = rng.uniform(0.0, 0.1, j) * (rng.random(j) < 0.6), rng.uniform(0.01, 2.0, j)
-    return x, p, mode, (kind, *noises, rng.uniform(2.0, 90.0, j)), kicks
+    jumps = rng.uniform(0.0, 0.1, j) * (rng.random(j) < 0.6), rng.uniform(0.01, 2.0, j)
+    return x, p, mode, (kind, *noises, rng.uniform(2.0, 90.0, j)), jumps
 
 
 def measurements(n, count, seed, earliest_s):
@@ -59,20 +61,13 @@ def measurements(n, count, seed, earliest_s):
     return time, z, r
 
 
-def kernel(x, p, mode, time, z, r, models, kicks):
-    """The filters after these measurements, all of which the kernel gets shuffled; the log-likelihoods."""
+def kernel(x, p, mode, time, z, r, models, jumps):
+    """The filters after these measurements."""
     n, count = time.shape
-    place = np.random.default_rng([n, count]).permutation(n * count)
-    flat = np.empty((n * count, 10))
-    flat[place, :4] = z.reshape(-1, 4)
-    rows = r.reshape(-1, 4, 4)
-    flat[place, 4:7], flat[place, 7:] = rows[:, [0, 1, 1], [0, 0, 1]], rows[:, [2, 3, 3], [2, 2, 3]]
-    when = np.empty(n * count)
-    when[place] = time.ravel()
-    filters, mode, newest, fit = packed(x, p), mode.copy(), np.zeros(n), np.empty(n)
+    filters = x.copy(), p.copy(), mode.copy(), np.zeros(n)
     begin = np.arange(n + 1) * count
-    absorb(0, n, filters, mode, newest, when, flat, place, begin, (*models, *kicks), fit)
-    return filters, mode, newest, fit
+    update(0, n, filters, time.ravel(), z.reshape(-1, 4), r.reshape(-1, 4, 4), begin, table(models, jumps))
+    return filters
 
 
 def close(got, want, tolerance):
@@ -81,34 +76,33 @@ def close(got, want, tolerance):
 
 @given(st.integers(0, 4), st.integers(1, 4), st.integers(0, 3), st.integers(0, 10**6))
 def test_it_is_the_textbook(n, j, count, seed):
-    x, p, mode, models, kicks = bank(n, j, seed)
+    x, p, mode, models, jumps = bank(n, j, seed)
     time, z, r = measurements(n, count, seed, 0.01)
-    filters, modes, newest, fit = kernel(x, p, mode, time, z, r, models, kicks)
+    filters = kernel(x, p, mode, time, z, r, models, jumps)
+    states, covariances, modes, newest = filters
     mean, spread = np.empty((n, 5)), np.empty((n, 5, 5))
-    foresee(0, n, filters, modes, newest, 12.0, (*models, *kicks), mean, spread)
+    estimate(0, n, filters, 12.0, table(models, jumps), mean, spread)
     for row in range(n):
-        state, now, total = (x[row], p[row], mode[row]), 0.0, 0.0
+        state, now = (x[row], p[row], mode[row]), 0.0
         for t, one, noise in zip(time[row], z[row], r[row], strict=True):
             d = 4 if np.isfinite(one).all() else 2
-            *state, one_fit = kicked_textbook.step(*state, t - now, one[:d], noise[:d, :d], models, *kicks)
-            now, total = t, total + one_fit
-        got = unpacked(filters[row])
-        close(got[0], state[0], SIMILAR)
-        close(got[1], state[1], SIMILAR)
+            *state, _ = jumps_textbook.step(*state, t - now, one[:d], noise[:d, :d], models, *jumps)
+            now = t
+        close(states[row], state[0], SIMILAR)
+        close(covariances[row], state[1], SIMILAR)
         np.testing.assert_allclose(modes[row], state[2], rtol=1e-4, atol=1e-9)
-        np.testing.assert_allclose(fit[row], total, rtol=1e-5)
         assert newest[row] == now
-        want = kicked_textbook.ahead(*state, 12.0 - now, models, *kicks)
+        want = jumps_textbook.ahead(*state, 12.0 - now, models, *jumps)
         close(mean[row], want[0], SIMILAR)
         close(spread[row], want[1], SIMILAR)
 
 
 @given(st.integers(1, 4), st.integers(0, 10**6), st.floats(0.0, 8.0))
 def test_a_late_measurement_is_brought_forward_by_the_velocity(j, seed, late_s):
-    x, p, mode, models, kicks = bank(1, j, seed)
+    x, p, mode, models, jumps = bank(1, j, seed)
     mode /= mode.sum()
     _, z, r = measurements(1, 1, seed, 0.01)
-    filters, modes, newest, _ = kernel(x, p, mode, np.array([[-late_s]]), z, r, models, kicks)
+    states, covariances, modes, newest = kernel(x, p, mode, np.array([[-late_s]]), z, r, models, jumps)
     mean, spread = imm_textbook.estimate(x[0], p[0], mode[0])
     one, noise = z[0, 0].copy(), r[0, 0].copy()
     one[:2] += late_s * mean[2:4]
@@ -117,33 +111,32 @@ def test_a_late_measurement_is_brought_forward_by_the_velocity(j, seed, late_s):
     one[2:] = turned.real, turned.imag
     d = 4 if np.isfinite(one).all() else 2
     want = imm_textbook.update(x[0], p[0], mode[0], one[:d], noise[:d, :d])
-    got = unpacked(filters[0])
-    close(got[0], want[0], ROUNDING)
-    close(got[1], want[1], ROUNDING)
+    close(states[0], want[0], ROUNDING)
+    close(covariances[0], want[1], ROUNDING)
     np.testing.assert_allclose(modes[0], want[2], rtol=1e-6, atol=1e-9)
     assert newest[0] == 0.0
 
 
 def test_a_filter_is_the_same_to_the_bit_in_any_company():
-    x, p, mode, models, kicks = bank(40, 4, 3)
+    x, p, mode, models, jumps = bank(40, 4, 3)
     time, z, r = measurements(40, 3, 3, -1.0)
-    filters, modes, _, _ = kernel(x, p, mode, time, z, r, models, kicks)
+    filters = kernel(x, p, mode, time, z, r, models, jumps)
     few = np.array([31, 4, 17])
-    alone, modes_alone, _, _ = kernel(x[few], p[few], mode[few], time[few], z[few], r[few], models, kicks)
-    np.testing.assert_array_equal(alone, filters[few])
-    np.testing.assert_array_equal(modes_alone, modes[few])
+    alone = kernel(x[few], p[few], mode[few], time[few], z[few], r[few], models, jumps)
+    for got, want in zip(alone, filters, strict=True):
+        np.testing.assert_array_equal(got, want[few])
 
 
-def test_a_kick_is_followed_where_steadiness_is_all_else_that_is_known():
+def test_a_jump_is_followed_where_steadiness_is_all_else_that_is_known():
     models = (np.zeros(1, np.int64), np.full(1, 1e-6), np.zeros(1), np.full(1, 0.01), np.full(1, 60.0))
     x, p = np.zeros((1, 1, 5)), np.diag([1.0, 1.0, 1e-4, 1e-4, 1e-4])[None, None]
     time = np.arange(1.0, 31.0)[None]
     z = np.zeros((1, 30, 4))
-    z[0, :, 0], z[0, :, 2] = 0.5 * time, 0.5  # kicked at time 0 by half a metre a second
+    z[0, :, 0], z[0, :, 2] = 0.5 * time, 0.5  # jumped at time 0 by half a metre a second
     r = np.tile(np.diag([9.0, 9.0, 0.01, 0.01]), (1, 30, 1, 1))
     speeds = []
     for rate in (0.0, 1.0 / 60.0):
-        filters, _, _, _ = kernel(x, p, np.ones((1, 1)), time, z, r, models, (np.full(1, rate), np.full(1, 0.04)))
-        speeds.append(filters[0, 0, 2])
-    assert speeds[0] < 0.15  # the filter that knows of no kicks stays with what it was sure of
+        states, *_ = kernel(x, p, np.ones((1, 1)), time, z, r, models, (np.full(1, rate), np.full(1, 0.04)))
+        speeds.append(states[0, 0, 2])
+    assert speeds[0] < 0.15  # the filter that knows of no jumps stays with what it was sure of
     assert speeds[1] > 0.45

@@ -1,4 +1,4 @@
-"""The kernel with a turn to each side against the textbook, and its passes in one against its steps."""
+"""The IMM whose motions are taken up anew against the textbook, and its passes in one against its steps."""
 
 from __future__ import annotations
 
@@ -9,15 +9,22 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coastwatch.kernels.filters.imm import imm_estimate
-from coastwatch.kernels.filters.manoeuvre_imm import sided_absorb, sided_foresee, sided_predict, sided_update
-from coastwatch.kernels.filters.model_kinds import OWN, OWN_SIGMA, SHARE, SPEEDING, STRAIGHT, TURNING
+from coastwatch.kernels.filters import motion_models
+from coastwatch.kernels.filters.imm import (
+    estimate_filters,
+    predict_filters,
+    predicted_estimates,
+    update_filters,
+    updated_by_plots,
+)
+from coastwatch.kernels.filters.motion_models import SPEEDING, STRAIGHT, TURNING
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "oracles"))
 import imm_textbook as textbook
-import sided_textbook as sided
+import renewal_textbook as renewed
 
 ROUNDING = 1e-9  # relative to the largest element of its kind
+KIND, NOISE, MEAN, SIGMA, DRIFT, PRIOR = range(6)  # columns of a model of the oracle
 NUMERIC_JACOBIAN = 2e-6  # relative: the oracle takes derivatives by differences
 INNOVATION = 1e-7  # relative: two forms of the gain differ by rounding times the condition of the innovation
 
@@ -27,18 +34,32 @@ def bank(n: int, j: int, seed: int):
     rng = np.random.default_rng([seed, 17])
     scale = np.array([50.0, 50.0, 4.0, 4.0, 0.01])
     models = np.zeros((j, 6))
-    models[:, 0] = rng.permutation(np.arange(j) % 3)
-    models[:, 1] = 10.0 ** rng.uniform(-4, 0, j)
-    models[:, OWN], models[:, OWN_SIGMA] = rng.normal(size=j) * 0.01, rng.uniform(0.001, 0.05, j)
-    models[:, 4] = 10.0 ** rng.uniform(-9, -5, j)
-    models[:, SHARE] = rng.dirichlet(np.ones(j))
-    straight = models[:, 0] == STRAIGHT
-    models[straight, OWN:SHARE] = 0.0
+    models[:, KIND] = rng.permutation(np.arange(j) % 3)
+    models[:, NOISE] = 10.0 ** rng.uniform(-4, 0, j)
+    models[:, MEAN], models[:, SIGMA] = rng.normal(size=j) * 0.01, rng.uniform(0.001, 0.05, j)
+    models[:, DRIFT] = 10.0 ** rng.uniform(-9, -5, j)
+    models[:, PRIOR] = rng.dirichlet(np.ones(j))
+    straight = models[:, KIND] == STRAIGHT
+    models[straight, MEAN:PRIOR] = 0.0
     x = rng.normal(size=(n, j, 5)) * scale * 5.0
     a = rng.normal(size=(n, j, 5, 7)) * scale[:, None]
     x[:, straight, 4], a[:, straight, 4] = 0.0, 0.0
     mode = rng.dirichlet(np.ones(j), n).reshape(n, j) * (1.0 - j * 1e-6) + 1e-6
     return x, a @ a.swapaxes(-1, -2), mode, float(rng.uniform(5.0, 500.0)), models
+
+
+def table(models):
+    """Models of the oracle as the kernels take them."""
+    kind, noise, mean, sigma, drift, prior = models.T
+    return motion_models.table(
+        kind=kind,
+        noise=noise,
+        manoeuvre_mean=mean,
+        manoeuvre_sigma=sigma,
+        manoeuvre_noise=drift,
+        prior_probability=prior,
+        sojourn=np.inf,
+    )
 
 
 def close(got, want, tolerance=ROUNDING):
@@ -58,9 +79,9 @@ def plots(x, seed):
 def test_predict_is_the_textbook(n, j, seed):
     x, p, mode, renewal, models = bank(n, j, seed)
     dt = np.random.default_rng([seed, 18]).uniform(0.01, 20.0, n)
-    xs, ps, modes = sided_predict(x, p, mode, dt, renewal, models)
+    xs, ps, modes = predict_filters(x, p, mode, dt, renewal, table(models))
     for row in range(n):
-        want = sided.predict(x[row], p[row], mode[row], dt[row], renewal, models)
+        want = renewed.predict(x[row], p[row], mode[row], dt[row], renewal, models)
         close(xs[row], want[0])
         close(ps[row], want[1], NUMERIC_JACOBIAN)
         close(modes[row], want[2])
@@ -74,7 +95,7 @@ def test_update_is_the_textbook_by_place_and_by_place_and_velocity(n, j, seed):
     z = x.mean(axis=1)[:, :4] + rng.normal(size=(n, 4))
     a = rng.normal(size=(n, 4, 6))
     r, has_velocity = a @ a.swapaxes(-1, -2), rng.random(n) < 0.5
-    xs, ps, modes, fit = sided_update(x, p, mode, z, r, has_velocity)
+    xs, ps, modes, fit = update_filters(x, p, mode, z, r, has_velocity)
     for row in range(n):
         d = 4 if has_velocity[row] else 2
         want = textbook.update(x[row], p[row], mode[row], z[row, :d], r[row, :d, :d])
@@ -91,17 +112,17 @@ def test_one_pass_is_its_steps(n, j, seed):
     rng = np.random.default_rng([seed, 21])
     rows, dt = rng.permutation(n), rng.uniform(-5.0, 10.0, n)
     position, noise = plots(x[rows], seed)
-    ahead = sided_predict(x[rows], p[rows], mode[rows], np.maximum(dt, 0.0), renewal, models)
-    mean, cov = imm_estimate(*ahead)
-    seen = sided_foresee(x[rows], p[rows], mode[rows], np.maximum(dt, 0.0), renewal, models)
-    close(seen[0], mean[:, :4])
-    close(seen[1], cov[:, :4, :4])
+    ahead = predict_filters(x[rows], p[rows], mode[rows], np.maximum(dt, 0.0), renewal, table(models))
+    mean, cov = estimate_filters(*ahead)
+    seen = predicted_estimates(x[rows], p[rows], mode[rows], np.maximum(dt, 0.0), renewal, table(models))
+    close(seen[0], mean)
+    close(seen[1], cov)
     late = np.minimum(dt, 0.0)
     z, r = np.zeros((n, 4)), np.zeros((n, 4, 4))
     z[:, :2] = position - mean[:, 2:4] * late[:, None]
     r[:, :2, :2] = noise + cov[:, 2:4, 2:4] * (late**2)[:, None, None]
-    want = sided_update(*ahead, z, r, np.zeros(n, np.bool_))
-    got = sided_absorb(x, p, mode, rows, dt, position, noise, renewal, models)
+    want = update_filters(*ahead, z, r, np.zeros(n, np.bool_))
+    got = updated_by_plots((x, p, mode), rows, dt, position, noise, renewal, table(models))
     for a, b in zip(got[:3], want[:3], strict=True):
         close(a, b, INNOVATION)
     np.testing.assert_allclose(got[3], want[3], rtol=1e-7)
@@ -113,19 +134,22 @@ def test_a_row_is_the_same_alone():
     x, p, mode, renewal, models = bank(6, 7, 1)
     position, noise = plots(x, 1)
     rows, dt = np.arange(6), np.linspace(-2.0, 8.0, 6)
-    together = sided_absorb(x, p, mode, rows, dt, position, noise, renewal, models)
+    together = updated_by_plots((x, p, mode), rows, dt, position, noise, renewal, table(models))
     for k in range(6):
         at = slice(k, k + 1)
-        alone = sided_absorb(x[at], p[at], mode[at], np.array([0]), dt[at], position[at], noise[at], renewal, models)
+        alone = updated_by_plots(
+            (x[at], p[at], mode[at]), np.array([0]), dt[at], position[at], noise[at], renewal, table(models)
+        )
         assert all(np.array_equal(a[at], b) for a, b in zip(together, alone, strict=True))
 
 
 def test_no_time_changes_nothing_and_nothing_is_written():
     x, p, mode, renewal, models = bank(3, 5, 2)
     kept = x.copy(), p.copy(), mode.copy()
-    same = sided_predict(x, p, mode, np.zeros(3), renewal, models)
-    sided_update(x, p, mode, np.zeros((3, 4)), np.tile(np.eye(4), (3, 1, 1)), np.zeros(3, np.bool_))
-    sided_absorb(x, p, mode, np.arange(3), np.ones(3), np.zeros((3, 2)), np.tile(np.eye(2), (3, 1, 1)), renewal, models)
+    same = predict_filters(x, p, mode, np.zeros(3), renewal, table(models))
+    update_filters(x, p, mode, np.zeros((3, 4)), np.tile(np.eye(4), (3, 1, 1)), np.zeros(3, np.bool_))
+    flat = np.zeros((3, 2)), np.tile(np.eye(2), (3, 1, 1))
+    updated_by_plots((x, p, mode), np.arange(3), np.ones(3), *flat, renewal, table(models))
     for before, now, after in zip(kept, (x, p, mode), same, strict=True):
         assert np.array_equal(before, now)
         assert np.array_equal(before, after)
@@ -136,9 +160,9 @@ def test_the_chain_of_models_composes():
     x, p, mode, renewal, models = bank(4, 7, 3)
     short = x, p, mode
     for _ in range(3):
-        short = sided_predict(*short, np.full(4, 3.0), renewal, models)
-    close(short[2], sided_predict(x, p, mode, np.full(4, 9.0), renewal, models)[2])
-    close(sided_predict(x, p, mode, np.full(4, 1e6), renewal, models)[2], np.tile(models[:, SHARE], (4, 1)))
+        short = predict_filters(*short, np.full(4, 3.0), renewal, table(models))
+    close(short[2], predict_filters(x, p, mode, np.full(4, 9.0), renewal, table(models))[2])
+    close(predict_filters(x, p, mode, np.full(4, 1e6), renewal, table(models))[2], np.tile(models[:, PRIOR], (4, 1)))
 
 
 def test_kinds_are_what_they_say():
@@ -150,6 +174,6 @@ def test_kinds_are_what_they_say():
         (SPEEDING, 0.0, 5.0 + 0.1 * 5.0 / np.hypot(5.0, 0.5)),
     ):
         models = np.array([[kind, 0.0, 0.0, 1e-3, 0.0, 1.0]])
-        x, _, _ = sided_predict(state, np.zeros((1, 1, 5, 5)), np.ones((1, 1)), np.array([10.0]), 1e12, models)
+        x, _, _ = predict_filters(state, np.zeros((1, 1, 5, 5)), np.ones((1, 1)), np.array([10.0]), 1e12, table(models))
         turned = np.degrees(np.arctan2(x[0, 0, 3], x[0, 0, 2]) - np.arctan2(4.0, 3.0))
         np.testing.assert_allclose((turned, np.hypot(*x[0, 0, 2:4])), (course_deg, speed), atol=1e-3)

@@ -1,7 +1,7 @@
-"""The filters of vessels carried on in linear passes against sorting and copying, whatever joins, parts, ends and is not told."""
+"""`CentralImm` in arrays against one vessel after the other, whatever joins, parts, ends and is not measured."""
 
-import central_by_arrays
 import numpy as np
+from central_by_vessels import ByVessels
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -57,19 +57,19 @@ def measured(rng, tracks, place, trouble):
 
 
 @given(st.integers(0, 15), st.integers(0, 10**6), st.sampled_from([0.0, 0.03, 0.2]))
-def test_it_is_what_copying_says(vessels, seed, trouble):
+def test_arrays_are_one_vessel_after_the_other(vessels, seed, trouble):
     method, rng = CentralImm(), np.random.default_rng([seed, 61])
-    memory, oracle, none = method.init(), central_by_arrays.start(method), np.zeros(0, np.int64)
+    memory, oracle, none = method.init(), ByVessels(method), np.zeros(0, np.int64)
     for cycle in range(6):
         now = 3.0 * cycle
-        tracks, told, vessel = cycle_of(rng, vessels, now, trouble)
+        tracks, made, vessel = cycle_of(rng, vessels, now, trouble)
         joined = Associations(none, none, np.zeros(0), vessel)
         before = save(memory)
-        after, fused = method.step(memory, tracks, told, joined, now, KINDS)
+        after, fused = method.step(memory, tracks, made, joined, now, KINDS)
         assert save(memory) == before
         memory = load(save(after))
-        oracle, wanted = central_by_arrays.step(method, oracle, tracks, told, joined, now, KINDS)
-        assert len(memory.mode) == len(oracle.mode)
+        wanted = oracle.step(tracks, made, vessel, now, KINDS)
+        assert len(memory.mode_probability) == len(oracle.filters)
         assert np.abs(difference_m(fused.position_deg, wanted.position_deg)).max(initial=0.0) < CLOSE
         np.testing.assert_allclose(fused.velocity_m_s, wanted.velocity_m_s, rtol=0.0, atol=CLOSE)
         size = np.abs(wanted.covariance).max(axis=(1, 2), keepdims=True)
@@ -83,8 +83,8 @@ def test_threads_change_no_bit():
         memory = method.init()
         with threads(number):
             for cycle in range(3):
-                tracks, told, vessel = cycle_of(rng, 6000, 3.0 * cycle, 0.03)
+                tracks, made, vessel = cycle_of(rng, 6000, 3.0 * cycle, 0.03)
                 joined = Associations(none, none, np.zeros(0), vessel)
-                memory, fused = method.step(memory, tracks, told, joined, 3.0 * cycle, KINDS)
+                memory, fused = method.step(memory, tracks, made, joined, 3.0 * cycle, KINDS)
         said.append(save((memory, fused)))
     assert said[0] == said[1]

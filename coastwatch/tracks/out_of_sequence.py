@@ -9,7 +9,7 @@ is bounded by time: no more than twice the lateness and two cycles of reports.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +18,17 @@ from coastwatch import kernels
 from coastwatch.batches import AisReports, Bools, Ints
 from coastwatch.geodesy import KNOT_M_S
 
-Rows = NDArray[np.void]  # structured: coastwatch.kernels.filters.ais_imm.REPORT or TRACK
+Rows = NDArray[np.void]  # structured: coastwatch.kernels.filters.ais_tracker.REPORT or TRACK
 SLOTS = 4  # tracks of one MMSI at most, the one on trial included
 TOP_SOG_KN = 102.2  # ITU-R M.1371: what is above says that there is none, as does a COG of 360
-VERDICTS = ("repeated position", "impossible speed", "crowded")  # of coastwatch.kernels.ais, from REPEAT on
+VERDICTS = ("repeated position", "impossible speed", "crowded")  # of coastwatch.kernels.filters.ais_tracker, from REPEAT on
+
+
+class KernelSettings(NamedTuple):
+    """The settings of a method as the kernel takes them."""
+
+    rules: Any  # coastwatch.kernels.filters.ais_tracker.RULES
+    models: Any  # (J,) coastwatch.kernels.filters.motion_models.MODEL
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,11 +53,11 @@ class Memory:
     refused: dict[str, int]
 
 
-def blank() -> Memory:
+def initial_memory() -> Memory:
     """The memory before the first cycle."""
 
-    nothing = Snapshot(-np.inf, np.zeros(0, kernels.filters.ais_imm.TRACK))
-    return Memory(nothing, nothing, nothing, (), (), np.zeros(0, kernels.filters.ais_imm.REPORT), 0, {})
+    nothing = Snapshot(-np.inf, np.zeros(0, kernels.filters.ais_tracker.TRACK))
+    return Memory(nothing, nothing, nothing, (), (), np.zeros(0, kernels.filters.ais_tracker.REPORT), 0, {})
 
 
 def in_order(reports: Rows) -> Ints:
@@ -73,7 +80,7 @@ def vessels(reports: Rows) -> tuple[Ints, Ints, Ints]:
     return mmsi[begin], begin, np.append(begin[1:], len(mmsi)).astype(np.int64)
 
 
-def among(mmsi: Ints, chosen: Ints) -> Bools:
+def is_in(mmsi: Ints, chosen: Ints) -> Bools:
     """Which of these numbers are among the chosen, which are sorted."""
     if not len(chosen):
         return np.zeros(len(mmsi), bool)
@@ -85,7 +92,7 @@ def among(mmsi: Ints, chosen: Ints) -> Bools:
 def records(reports: AisReports) -> Rows:
     """The reports as rows for the kernel, in SI and radians."""
 
-    rows = np.empty(len(reports), kernels.filters.ais_imm.REPORT)
+    rows = np.empty(len(reports), kernels.filters.ais_tracker.REPORT)
     rows["time"], rows["mmsi"] = reports.time_s, reports.mmsi
     rows["lat"], rows["lon"] = reports.position_deg[:, 0] + 0.0, reports.position_deg[:, 1] + 0.0  # no -0.0: bits are compared
     speed, course = reports.sog_kn, reports.cog_deg
@@ -116,7 +123,7 @@ def admit(memory: Memory, reports: AisReports, time_s: float, lateness_s: float,
     wait = rows["time"] > time_s
     held, rows = rows[wait], rows[~wait]
     rows = rows[in_order(rows)]
-    fresh = rows[~_said_before(memory, rows)]
+    fresh = rows[~_is_duplicate(memory, rows)]
     _count(refused, "duplicate", len(rows) - len(fresh))
     return fresh, replace(memory, held=held, refused=refused)
 
@@ -134,10 +141,10 @@ def _repeats(rows: Rows) -> Bools:
     return np.append(False, same)[: len(rows)]
 
 
-def _said_before(memory: Memory, rows: Rows) -> Bools:
+def _is_duplicate(memory: Memory, rows: Rows) -> Bools:
     """Which reports, sorted by `in_order`, are in the log already or twice among themselves."""
     again = _repeats(rows)
-    back = np.flatnonzero(rows["time"] <= _heard(memory.now.tracks, rows["mmsi"]))
+    back = np.flatnonzero(rows["time"] <= _newest_report_s(memory.now.tracks, rows["mmsi"]))
     if len(back):
         logged = _logged(memory, np.unique(rows["mmsi"][back]))
         both = np.concatenate([logged, rows[back]])
@@ -146,63 +153,58 @@ def _said_before(memory: Memory, rows: Rows) -> Bools:
     return again
 
 
-def _heard(tracks: Rows, mmsi: Ints) -> NDArray[np.float64]:
+def _newest_report_s(tracks: Rows, mmsi: Ints) -> NDArray[np.float64]:
     """When each vessel's newest report was, -inf for a vessel unknown."""
     if not len(tracks):
         return np.full(len(mmsi), -np.inf)
     known = np.ascontiguousarray(tracks["mmsi"])  # the rows are wide: a search among them misses the cache at every step
     at = np.minimum(np.searchsorted(known, mmsi), len(tracks) - 1)
-    return np.where(known[at] == mmsi, tracks["heard"][at], -np.inf)
+    return np.where(known[at] == mmsi, tracks["received"][at], -np.inf)
 
 
 def _logged(memory: Memory, mmsi: Ints) -> Rows:
     """What the log has of these vessels since the old snapshot."""
-    parts = [entry[among(entry["mmsi"], mmsi) & (entry["time"] > memory.old.time_s)] for entry in memory.log]
+    parts = [entry[is_in(entry["mmsi"], mmsi) & (entry["time"] > memory.old.time_s)] for entry in memory.log]
     return np.concatenate([memory.held[:0], *parts])
 
 
-def _edges(rows: Rows, mmsi: Ints) -> tuple[Ints, Ints]:
+def _rows_of_vessels(rows: Rows, mmsi: Ints) -> tuple[Ints, Ints]:
     """Where the rows of each vessel begin and end, among rows sorted by MMSI."""
     known = np.ascontiguousarray(rows["mmsi"])
     return np.searchsorted(known, mmsi), np.searchsorted(known, mmsi, side="right")
 
 
-def advance(tracks: Rows, mmsi: Ints, reports: Rows, rules: Any) -> tuple[Rows, Ints]:
+def track_vessels(tracks: Rows, mmsi: Ints, reports: Rows, settings: KernelSettings) -> tuple[Rows, Ints]:
     """The tracks of these vessels after their reports, sorted by MMSI, and the verdict on each report.
 
     Args: tracks: sorted by mmsi; mmsi: (V,) sorted; reports: of these vessels only, sorted by `in_order`.
     """
-
-    (low, high), (begin, end) = _edges(tracks, mmsi), _edges(reports, mmsi)
-    verdict, stuck = np.zeros(len(reports), np.int64), np.zeros(len(mmsi), bool)
+    (low, high), (begin, end) = _rows_of_vessels(tracks, mmsi), _rows_of_vessels(reports, mmsi)
+    update, verdict = kernels.filters.ais_tracker.update, np.zeros(len(reports), np.int64)
     if len(tracks):
         lone = tracks[np.minimum(low, len(tracks) - 1)]
         lone[low == high] = np.zeros(1, tracks.dtype)
     else:
         lone = np.zeros(len(mmsi), tracks.dtype)
     several = high - low > 1
-    kernels.filters.ais_tracker.absorb(
-        lone, np.arange(len(mmsi)), 1, reports, begin, np.where(several, begin, end), rules, stuck, verdict
-    )
-    again = np.flatnonzero(several | stuck)
+    overflowed = update(lone, 1, reports, begin, np.where(several, begin, end), *settings, verdict)
+    again = np.flatnonzero(several | overflowed)
     if not len(again) and lone["hits"].all():
         return lone, verdict
     wide = np.zeros(len(again) * SLOTS, tracks.dtype)
     for k in range(SLOTS):
         there = np.flatnonzero(low[again] + k < high[again])
         wide[there * SLOTS + k] = tracks[low[again][there] + k]
-    kernels.filters.ais_tracker.absorb(
-        wide, np.arange(len(again)) * SLOTS, SLOTS, reports, begin[again], end[again], rules, stuck[again], verdict
-    )
+    update(wide, SLOTS, reports, begin[again], end[again], *settings, verdict)
     lone["hits"][again] = 0
     rows = np.concatenate([lone, wide])
     rows = rows[rows["hits"] > 0]
     return rows[np.argsort(rows["mmsi"], kind="stable")], verdict
 
 
-def put(tracks: Rows, mmsi: Ints, rows: Rows) -> Rows:
+def replace_tracks(tracks: Rows, mmsi: Ints, rows: Rows) -> Rows:
     """Tracks with all those of these vessels (sorted) exchanged for others, sorted by MMSI."""
-    out = among(tracks["mmsi"], mmsi)
+    out = is_in(tracks["mmsi"], mmsi)
     if out.all():
         return rows
     if np.array_equal(tracks["mmsi"][out], rows["mmsi"]):
@@ -222,22 +224,24 @@ def _merge(first: Rows, second: Rows) -> Rows:
     return out
 
 
-def listen(memory: Memory, fresh: Rows, rules: Any) -> Memory:
+def update_tracks(memory: Memory, fresh: Rows, settings: KernelSettings) -> Memory:
     """The memory with the admitted reports in its tracks, in order of their times wherever the lateness allows."""
     mmsi, begin, _ = vessels(fresh)
-    late = fresh["time"][begin] <= np.maximum(_heard(memory.now.tracks, mmsi), memory.recent.time_s)
-    behind = among(fresh["mmsi"], mmsi[late])
-    rows, verdict = advance(memory.now.tracks, mmsi[~late], fresh[~behind], rules)
+    late = fresh["time"][begin] <= np.maximum(_newest_report_s(memory.now.tracks, mmsi), memory.recent.time_s)
+    behind = is_in(fresh["mmsi"], mmsi[late])
+    rows, verdict = track_vessels(memory.now.tracks, mmsi[~late], fresh[~behind], settings)
     recent, refused = memory.recent, dict(memory.refused)
-    _judge(refused, verdict)
+    _count_verdicts(refused, verdict)
     if late.any():
-        recent, played = _play_again(memory, mmsi[late], fresh[behind], rules, refused)
+        recent, played = _replay(memory, mmsi[late], fresh[behind], settings, refused)
         rows = _merge(rows, played)
-    now = replace(memory.now, tracks=put(memory.now.tracks, mmsi, rows))
+    now = replace(memory.now, tracks=replace_tracks(memory.now.tracks, mmsi, rows))
     return replace(memory, now=now, recent=recent, refused=refused)
 
 
-def _play_again(memory: Memory, mmsi: Ints, fresh: Rows, rules: Any, refused: dict[str, int]) -> tuple[Snapshot, Rows]:
+def _replay(
+    memory: Memory, mmsi: Ints, fresh: Rows, settings: KernelSettings, refused: dict[str, int]
+) -> tuple[Snapshot, Rows]:
     """The recent snapshot and the tracks of these vessels, with late reports in their places; counts into refused."""
     logged = _logged(memory, mmsi)
     play = np.concatenate([logged, fresh])
@@ -247,29 +251,29 @@ def _play_again(memory: Memory, mmsi: Ints, fresh: Rows, rules: Any, refused: di
     first = np.unique(fresh["mmsi"][fresh["time"] <= recent.time_s])
     before = play["time"] <= recent.time_s
     if len(first):
-        part = before & among(play["mmsi"], first)
-        rows, verdict = advance(memory.old.tracks, first, play[part], rules)
-        _judge(refused, verdict[new[part]])
-        recent = replace(recent, tracks=put(recent.tracks, first, _numbered(recent.tracks, rows, first)))
-    rows, verdict = advance(recent.tracks, mmsi, play[~before], rules)
-    _judge(refused, verdict[new[~before]])
-    return recent, _numbered(memory.now.tracks, rows, mmsi)
+        part = before & is_in(play["mmsi"], first)
+        rows, verdict = track_vessels(memory.old.tracks, first, play[part], settings)
+        _count_verdicts(refused, verdict[new[part]])
+        recent = replace(recent, tracks=replace_tracks(recent.tracks, first, _with_former_numbers(recent.tracks, rows, first)))
+    rows, verdict = track_vessels(recent.tracks, mmsi, play[~before], settings)
+    _count_verdicts(refused, verdict[new[~before]])
+    return recent, _with_former_numbers(memory.now.tracks, rows, mmsi)
 
 
-def _judge(refused: dict[str, int], verdict: Ints) -> None:
+def _count_verdicts(refused: dict[str, int], verdict: Ints) -> None:
     for code, kind in enumerate(VERDICTS, start=1):
         _count(refused, kind, int((verdict == code).sum()))
 
 
-def _numbered(former: Rows, rows: Rows, mmsi: Ints) -> Rows:
+def _with_former_numbers(former: Rows, rows: Rows, mmsi: Ints) -> Rows:
     """Tracks that came out of playing again, with the numbers they had before."""
 
     rows = rows.copy()
-    kernels.filters.ais_tracker.carry_numbers(former, *_edges(former, mmsi), rows, *_edges(rows, mmsi))
+    kernels.filters.ais_tracker.carry_numbers(former, *_rows_of_vessels(former, mmsi), rows, *_rows_of_vessels(rows, mmsi))
     return rows
 
 
-def keep(memory: Memory, fresh: Rows, tracks: Rows, counter: int, time_s: float, lateness_s: float) -> Memory:
+def end_cycle(memory: Memory, fresh: Rows, tracks: Rows, counter: int, time_s: float, lateness_s: float) -> Memory:
     """The memory at the end of a cycle: snapshots moved on where the lateness allows, the log cut to what they need."""
     now, recent, old = Snapshot(time_s, tracks), memory.recent, memory.old
     if recent.time_s <= time_s - lateness_s:

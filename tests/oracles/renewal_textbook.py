@@ -1,8 +1,8 @@
-"""Interacting multiple models of unequal states by the textbook, one track at a time, with matrices. Imports nothing of coastwatch.
+"""The IMM of motions that are taken up anew, by the textbook, one track at a time. Imports nothing of coastwatch.
 
 Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 11.6.6; what a model needs and
 another does not have is taken from the prior (Granstrom, Willett, Bar-Shalom, 2015).
-A model is (kind, noise, own, own_sigma, own_noise, share).
+A model is (kind, noise, manoeuvre mean, manoeuvre sigma, drift of the manoeuvre, prior probability).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ SLOW = 0.5
 
 
 def moved(x, dt, kind):
-    """State after dt, its own fifth component kept."""
+    """State after dt, its fifth component kept."""
     if kind == TURNING:
         return textbook.moved(x, dt, 1)
     way = x[2:4] * dt
@@ -49,17 +49,17 @@ def predict(x, p, mode, dt, renewal, models):
     keep = np.exp(-dt / renewal)
     now = mode @ transition_matrix(share, renewal, dt)
     xs, ps = np.zeros_like(x), np.zeros_like(p)
-    for m, (kind, noise, own, own_sigma, own_noise, _) in enumerate(models):
+    for m, (kind, noise, mean_before, sigma, drift, _) in enumerate(models):
         pasts = [(keep * mode[m], x[m], p[m])]
         for i in range(j):
             fresh, spread = x[i].copy(), np.zeros((5, 5))
-            fresh[4] = own if kind != STRAIGHT else 0.0
+            fresh[4] = mean_before if kind != STRAIGHT else 0.0
             spread[:4, :4] = p[i][:4, :4]
-            spread[4, 4] = own_sigma**2 if kind != STRAIGHT else 0.0
+            spread[4, 4] = sigma**2 if kind != STRAIGHT else 0.0
             pasts.append(((1.0 - keep) * mode[i] * share[m], fresh, spread))
         mean = sum(w * a for w, a, _ in pasts) / now[m]
         cov = sum(w * (c + np.outer(a - mean, a - mean)) for w, a, c in pasts) / now[m]
         f = jacobian(mean, dt, kind)
         xs[m] = moved(mean, dt, kind)
-        ps[m] = f @ cov @ f.T + textbook.process_noise(dt, 1, noise, own_noise if kind != STRAIGHT else 0.0, 0.0)
+        ps[m] = f @ cov @ f.T + textbook.process_noise(dt, 1, noise, drift if kind != STRAIGHT else 0.0, 0.0)
     return xs, ps, now

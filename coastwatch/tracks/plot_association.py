@@ -10,9 +10,10 @@ from coastwatch import kernels
 from coastwatch.batches import Array, Bools, Floats, Ints, Plots
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.kernels.filters.gaussian import gate
+from coastwatch.tracks.filter_bank import FilterBank
 from coastwatch.tracks.motion import Filters
-from coastwatch.tracks.table import Bank, Stage, Table, with_plots
-from coastwatch.tracks.upkeep import Upkeep
+from coastwatch.tracks.table import Status, Table, with_updates
+from coastwatch.tracks.track_management import TrackManagement
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,37 +23,39 @@ class Candidates:
     track: Ints  # (A,) row of the table
     plot: Ints  # (A,) row of the plots
     gain: Floats  # (A,) log-likelihood ratio of "its plot" against "missed, and the plot is of nothing known"
-    fresh: Bools  # (A,) the track has had no plot of this radar in this look
+    due: Bools  # (A,) the track has had no plot of this radar in this look
     after: Filters  # (A, ...) the track after the plot
 
     def take(self, rows: Array) -> Candidates:
-        return Candidates(self.track[rows], self.plot[rows], self.gain[rows], self.fresh[rows], self.after.take(rows))
+        return Candidates(self.track[rows], self.plot[rows], self.gain[rows], self.due[rows], self.after.take(rows))
 
 
-def candidates(upkeep: Upkeep, bank: Bank, table: Table, rows: Ints, plots: Plots, period_s: Floats) -> Candidates:
+def candidates(
+    management: TrackManagement, bank: FilterBank, table: Table, rows: Ints, plots: Plots, period_s: Floats
+) -> Candidates:
     """Every pair of one of these tracks and a plot inside its gate, sorted by track, then plot.
 
     Args: rows: (B,) of the table; plots: of one slice of time; period_s: (R,) of one turn of each radar.
     """
-    furthest = gate(upkeep.gate_probability, 2)
+    furthest = gate(management.gate_probability, 2)
     track, plot = _near(bank, table, rows, plots, furthest)
     dt = plots.time_s[plot] - table.updated_s[track]
-    usable = dt >= -upkeep.late_s
+    usable = dt >= -management.late_s
     track, plot, dt = track[usable], plot[usable], dt[usable]
-    after, fit, square = bank.absorb(table.filters, track, dt, plots.position_m[plot], plots.covariance[plot])
-    inside = (square <= furthest) & _reachable(upkeep, table, track, plots, plot, dt)
+    after, fit, square = bank.update(table.filters, track, dt, plots.position_m[plot], plots.covariance[plot])
+    inside = (square <= furthest) & _reachable(management, table, track, plots, plot, dt)
     radar = plots.sensor[plot]
-    fresh = plots.time_s[plot] - table.radar_s[track, radar] > 0.5 * period_s[radar]
-    found = upkeep.detection_probability / (1.0 - upkeep.detection_probability)
-    gain = fit + np.log(found / upkeep.false_plots_per_m2)
-    return Candidates(track, plot, gain, fresh, after).take(inside)
+    due = plots.time_s[plot] - table.radar_s[track, radar] > 0.5 * period_s[radar]
+    found = management.detection_probability / (1.0 - management.detection_probability)
+    gain = fit + np.log(found / management.false_plots_per_m2)
+    return Candidates(track, plot, gain, due, after).take(inside)
 
 
-def _near(bank: Bank, table: Table, rows: Ints, plots: Plots, furthest: float) -> tuple[Ints, Ints]:
+def _near(bank: FilterBank, table: Table, rows: Ints, plots: Plots, furthest: float) -> tuple[Ints, Ints]:
     """Pairs that cannot be ruled out from where the tracks are at the middle of the slice."""
     middle = 0.5 * (plots.time_s.min() + plots.time_s.max())
     half = 0.5 * float(plots.time_s.max() - plots.time_s.min())
-    mean, spread = bank.foresee(table.filters.take(rows), np.maximum(middle - table.updated_s[rows], 0.0))
+    mean, spread = bank.predict(table.filters.take(rows), np.maximum(middle - table.updated_s[rows], 0.0))
     widest = float(np.trace(plots.covariance, axis1=1, axis2=2).max())
     rate_spread = np.sqrt(spread[:, 2, 2] + spread[:, 3, 3])
     sigma = np.sqrt(spread[:, 0, 0] + spread[:, 1, 1] + widest) + half * rate_spread
@@ -61,17 +64,17 @@ def _near(bank: Bank, table: Table, rows: Ints, plots: Plots, furthest: float) -
     return rows[track], plot
 
 
-def _reachable(upkeep: Upkeep, table: Table, track: Ints, plots: Plots, plot: Ints, dt_s: Floats) -> Bools:
+def _reachable(management: TrackManagement, table: Table, track: Ints, plots: Plots, plot: Ints, dt_s: Floats) -> Bools:
     """Whether a track of one plot could have come here within the greatest speed, give or take three standard deviations."""
     gap = plots.position_m[plot] - table.state[track, 0, :2]
     noise = plots.covariance[plot] + table.covariance[track, 0, :2, :2]
     slack = 3.0 * np.sqrt(np.trace(noise, axis1=1, axis2=2))
-    within = np.hypot(gap[:, 0], gap[:, 1]) <= upkeep.max_speed_kn * KNOT_M_S * np.abs(dt_s) + slack
-    reachable: Bools = within | (table.stage[track] != Stage.SINGLE)
+    within = np.hypot(gap[:, 0], gap[:, 1]) <= management.max_speed_kn * KNOT_M_S * np.abs(dt_s) + slack
+    reachable: Bools = within | (table.status[track] != Status.SINGLE)
     return reachable
 
 
-def choose(table: Table, pairs: Candidates, plots: Plots, radars: int) -> Bools:
+def assign_plots(table: Table, pairs: Candidates, plots: Plots, radars: int) -> Bools:
     """Which pairs to believe: confirmed tracks choose first, then tentative ones from what is left.
 
     Each radar gives a track one plot at most, each plot goes to one track at most.
@@ -80,15 +83,15 @@ def choose(table: Table, pairs: Candidates, plots: Plots, radars: int) -> Bools:
     chosen = np.zeros(len(pairs.track), np.bool_)
     left = pairs.track * radars + plots.sensor[pairs.plot]
     taken = np.zeros(len(plots), np.bool_)
-    for stage in (Stage.CONFIRMED, Stage.TENTATIVE, Stage.SINGLE):
-        rows = np.flatnonzero((table.stage[pairs.track] == stage) & pairs.fresh & ~taken[pairs.plot])
+    for status in (Status.CONFIRMED, Status.TENTATIVE, Status.SINGLE):
+        rows = np.flatnonzero((table.status[pairs.track] == status) & pairs.due & ~taken[pairs.plot])
         won = rows[kernels.association.assignment.assign(left[rows], pairs.plot[rows], pairs.gain[rows])]
         chosen[won] = True
         taken[pairs.plot[won]] = True
     return chosen
 
 
-def apply(bank: Bank, table: Table, track: Ints, plot: Ints, plots: Plots, first: Filters | None) -> Table:
+def update_tracks(bank: FilterBank, table: Table, track: Ints, plot: Ints, plots: Plots, first: Filters | None) -> Table:
     """The table after these pairs, each track's plots in order of time, in rounds of one plot a track.
 
     Args: track, plot: (B,); first: (B, ...) each track after this plot alone, where that is at hand.
@@ -103,12 +106,12 @@ def apply(bank: Bank, table: Table, track: Ints, plot: Ints, plots: Plots, first
             after = first.take(at)
         else:
             dt = taken.time_s - table.updated_s[rows]
-            after, _, _ = bank.absorb(table.filters, rows, dt, taken.position_m, taken.covariance)
-        table = with_plots(table, rows, after, taken)
+            after, _, _ = bank.update(table.filters, rows, dt, taken.position_m, taken.covariance)
+        table = with_updates(table, rows, after, taken)
     return table
 
 
-def begins(pairs: Candidates, chosen: Bools, plots: Plots) -> Bools:
+def may_initiate(pairs: Candidates, chosen: Bools, plots: Plots) -> Bools:
     """Which plots may begin a track: unused, and inside the gate of no track that may still be waiting for one.
 
     A track that has had this look's plot of the same radar waits for none: a vessel gives a radar one plot a look.
@@ -118,5 +121,5 @@ def begins(pairs: Candidates, chosen: Bools, plots: Plots) -> Bools:
     free[pairs.plot[chosen]] = False
     radars = int(plots.sensor.max(initial=0)) + 1
     wanted = pairs.track * radars + plots.sensor[pairs.plot]
-    free[pairs.plot[pairs.fresh & ~np.isin(wanted, wanted[chosen])]] = False
+    free[pairs.plot[pairs.due & ~np.isin(wanted, wanted[chosen])]] = False
     return free

@@ -1,0 +1,152 @@
+"""The life of radar tracks: settings, confirmation by hits in looks, deletion by misses, and removal of duplicates."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from coastwatch import kernels
+from coastwatch.batches import Bools, Floats, Ints, Plots
+from coastwatch.kernels.filters.gaussian import gate, squared_distance
+from coastwatch.stage import Settings
+from coastwatch.tracks.table import Coverage, Duplicates, Status, Table
+
+DAY_S = 86400.0  # older plots are of a clock that was never set
+PAIR = 2**31  # more than there are tracks of a region in a run
+
+Positive = Annotated[float, Field(gt=0.0)]
+Probability = Annotated[float, Field(gt=0.0, lt=1.0)]
+Count = Annotated[int, Field(ge=1)]
+PlotOrigin = Literal["estimated", "known"]
+
+
+class TrackManagement(Settings):
+    """Gates, initiation, deletion. A look is one turn of a radar that covers the track."""
+
+    slice_s: Positive = 1.0  # plots are taken in slices so long, never longer than half a turn of the fastest radar
+    gate_probability: Probability = 0.999  # of a vessel's own plot to be inside the gate
+    detection_probability: Probability = 0.9  # of a vessel in one look
+    false_plots_per_m2: Positive = 1e-6  # clutter and new vessels, in one look
+    max_speed_kn: Positive = 50.0  # between the first two plots of a track
+    confirm_hits: Annotated[int, Field(ge=2)] = 4
+    confirm_looks: Count = 5
+    delete_misses: Count = 5  # looks in a row
+    misses_per_hit: Positive = 0.5  # a track with few hits ends after so many misses for each; `delete_misses` is the most
+    look_slack: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.1  # turns after which the next look is over, less one
+    coast_s: Positive = 30.0  # where no radar looks
+    merge_probability: Probability = 0.99  # of two tracks of one vessel to be taken for one
+    merge_looks: Count = 3  # turns after which two such tracks are one
+    late_s: Positive = 5.0  # a plot so much older than what its track has is still used
+    ahead_s: Positive = 5.0  # a plot stamped so much later than the cycle is not believed
+
+    @model_validator(mode="after")
+    def _hits_fit_into_looks(self) -> Self:
+        if self.confirm_hits > self.confirm_looks:
+            raise ValueError(f"confirm_hits: got {self.confirm_hits}, needed at most confirm_looks = {self.confirm_looks}")
+        return self
+
+
+def looks(management: TrackManagement, coverage: Coverage, newest_plot_s: Floats, position_m: Floats, since_s: Floats) -> Ints:
+    """How often radars have surely looked at each place since a time, by what they have sent. (N,)
+
+    A radar that sends nothing at all has not looked.
+    Args: newest_plot_s: (R,) newest plot of each radar of the scenario; position_m: (N, 2); since_s: (N,).
+    """
+    waited = np.maximum(newest_plot_s[coverage.radars] - since_s[:, None], 0.0)
+    turns = np.floor(waited / coverage.period_s - management.look_slack)
+    seen: Ints = np.where(coverage.sees(position_m), np.maximum(turns, 0.0), 0.0).sum(axis=1).astype(np.int64)
+    return seen
+
+
+def confirm_and_delete(
+    management: TrackManagement, table: Table, coverage: Coverage, newest_plot_s: Floats, time_s: float
+) -> Table:
+    """The table with tracks promoted that have the hits, and without those that have not or are lost.
+
+    A single plot lives for one look (two plots in two looks begin a track), a tentative track for `confirm_looks`.
+    """
+    place = table.state[:, 0, :2] + table.state[:, 0, 2:4] * np.maximum(time_s - table.updated_s, 0.0)[:, None]
+    age = 1 + looks(management, coverage, newest_plot_s, place, table.started_s)
+    missed = looks(management, coverage, newest_plot_s, place, table.updated_s)
+    confirmed = (table.status == Status.CONFIRMED) | (table.hits >= management.confirm_hits)
+    allowed = np.minimum(management.delete_misses, np.ceil(management.misses_per_hit * table.hits))
+    tried = np.where(table.status == Status.SINGLE, 2, management.confirm_looks)
+    lost = np.where(confirmed, missed >= allowed, age >= tried)
+    lost |= time_s - table.updated_s > management.coast_s
+    status = np.where(confirmed, np.int64(Status.CONFIRMED), table.status)
+    kept = replace(table, status=status)
+    return kept.take(~lost) if lost.any() else kept
+
+
+def remove_duplicates(
+    management: TrackManagement,
+    table: Table,
+    duplicates: Duplicates,
+    mean: Floats,
+    covariance: Floats,
+    period_s: Floats,
+    time_s: float,
+) -> tuple[Table, Duplicates]:
+    """The table without the younger of any two tracks that have been one vessel for `merge_looks` turns, and the suspects.
+
+    Two tracks are suspected while their difference is zero as far as they know and no radar has served both in one look: what
+    gives a radar two plots is two vessels.
+    Args: mean: (N, 5), covariance: (N, 5, 5) of all tracks at one time; period_s: (R,) of one turn.
+    """
+    first, second = _alike(management, table, mean, covariance)
+    served = np.isfinite(table.radar_s[first]) & np.isfinite(table.radar_s[second])
+    apart = np.subtract(table.radar_s[first], table.radar_s[second], where=served, out=np.full(served.shape, np.inf))
+    both = (np.abs(apart) < 0.5 * period_s).any(axis=1)
+    first, second = first[~both], second[~both]
+    newest = np.maximum(np.maximum(table.updated_s[first], table.updated_s[second]), time_s)
+    since = _since(duplicates, table.track_id[first], table.track_id[second], newest)
+    served = np.isfinite(table.radar_s[first]) | np.isfinite(table.radar_s[second])
+    turn = np.where(served, period_s, 0.0).max(axis=1, initial=0.0)
+    same = time_s - since >= management.merge_looks * turn
+    keep = np.ones(len(table), np.bool_)
+    keep[_younger(table, first[same], second[same])] = False
+    kept = keep[first] & keep[second]
+    pairs = Duplicates(table.track_id[first[kept]], table.track_id[second[kept]], since[kept])
+    return table.take(keep), pairs
+
+
+def _alike(management: TrackManagement, table: Table, mean: Floats, covariance: Floats) -> tuple[Ints, Ints]:
+    """Pairs of tracks of more than one plot, the lower row first, whose difference may be zero."""
+    rows = np.flatnonzero(table.status != Status.SINGLE)
+    furthest = gate(management.merge_probability, 4)
+    sigma = np.sqrt(covariance[rows, 0, 0] + covariance[rows, 1, 1])
+    reach = np.sqrt(furthest * (sigma**2 + float(sigma.max(initial=0.0)) ** 2))
+    a, b = kernels.geometry.neighbours.near_pairs(mean[rows, :2], reach, mean[rows, :2])
+    first, second = rows[a[a < b]], rows[b[a < b]]
+    gap = mean[first, :4] - mean[second, :4]
+    spread = covariance[first, :4, :4] + covariance[second, :4, :4]
+    alike = squared_distance(gap, spread) <= furthest
+    return first[alike], second[alike]
+
+
+def _since(duplicates: Duplicates, first: Ints, second: Ints, now_s: Floats) -> Floats:
+    """Since when each of these pairs is suspected: now, where it was not before. Pairs are sorted, before and now."""
+    if len(duplicates) == 0:
+        return now_s
+    old, new = duplicates.first * PAIR + duplicates.second, first * PAIR + second
+    at = np.minimum(np.searchsorted(old, new), len(old) - 1)
+    since: Floats = np.where(old[at] == new, duplicates.since_s[at], now_s)
+    return since
+
+
+def _younger(table: Table, first: Ints, second: Ints) -> Ints:
+    """Of each pair the row that is less far, or else began later."""
+    further = np.where(table.status[first] != table.status[second], table.status[first] > table.status[second], first < second)
+    younger: Ints = np.where(further, second, first)
+    return younger
+
+
+def is_usable(management: TrackManagement, plots: Plots, time_s: float) -> Bools:
+    """Which plots can be believed: finite, not from after the cycle, and not older than a day. (M,)"""
+    numbers = np.column_stack([plots.time_s, plots.position_m, plots.covariance.reshape(-1, 4)])
+    lived = (plots.time_s <= time_s + management.ahead_s) & (plots.time_s > time_s - DAY_S)
+    good: Bools = np.logical_and(np.isfinite(numbers).all(axis=1), lived)
+    return good
