@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from coastwatch import kernels
 from coastwatch.batches import AisAlarms, Bools, Flag, Floats, Ints, Picture, Sensors, Tracks
 from coastwatch.geodesy import difference_m
-from coastwatch.kernels.geometry.sensor_coverage import Coverage
 from coastwatch.picture.match import IdentityMatch
 from coastwatch.picture.order import VesselOrder
 from coastwatch.picture.settings import IdentitySettings
+
+if TYPE_CHECKING:
+    from coastwatch.kernels.geometry.sensor_coverage import Coverage  # numba takes half a second to load
 
 
 @dataclass(frozen=True, eq=False)

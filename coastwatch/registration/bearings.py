@@ -49,7 +49,7 @@ class WaitingPlots(Batch):
 def waiting_plots(
     waiting: WaitingPlots, measurements: Measurements, given: RadarCorrections, unsure: Bools, time_s: float
 ) -> WaitingPlots:
-    """The plots of this cycle of radars whose lag is not known well, behind those that still wait. Args: unsure: (R,)."""
+    """The plots of this cycle of radars whose lag is not known well, after those that still wait. Args: unsure: (R,)."""
     plots = measurements.take(measurements.sensor >= 0)
     plots = plots.take(unsure[plots.sensor])
     lag_s = given.time_lag_s[plots.sensor]
@@ -73,16 +73,16 @@ def bearing_equations(
     plot, bearing, first = plot[ready], bearing[ready], first[ready]
     used = np.zeros(len(waiting), np.bool_)
     used[plot] = True
-    slot = first[:, None] + np.arange(BEARINGS)
-    at_s = bearing_tracks.window_time_s[bearing[:, None], slot] - waiting.time_s[plot][:, None]
-    angle = bearing_tracks.window_bearing_rad[bearing[:, None], slot]
+    index = first[:, None] + np.arange(BEARINGS)
+    at_s = bearing_tracks.window_time_s[bearing[:, None], index] - waiting.time_s[plot][:, None]
+    angle = bearing_tracks.window_bearing_rad[bearing[:, None], index]
     middle = angle[:, :1]
     fitted, rate = _parabola(at_s, wrap_rad(angle - middle))
-    site = bearing_tracks.window_site_deg[bearing[:, None], slot]
-    place, _ = _parabola(at_s[:, :, None], site - site[:, :1])
-    east_north = to_plane(waiting.position_deg[plot], site[:, 0] + place)
+    site = bearing_tracks.window_site_deg[bearing[:, None], index]
+    site_change, _ = _parabola(at_s[:, :, None], site - site[:, :1])
+    east_north = to_plane(waiting.position_deg[plot], site[:, 0] + site_change)
     azimuth = np.arctan2(east_north[:, 0], east_north[:, 1])
-    off = np.asarray(wrap_rad(azimuth - middle[:, 0] - fitted))
+    residual = np.asarray(wrap_rad(azimuth - middle[:, 0] - fitted))
     camera = bearing_tracks.source[bearing] - sensors.sonar_source(0)
     radar = waiting.radar[plot]
     sigma = np.hypot(sensors.sonars.bearing_sigma_rad[camera], sensors.radars.azimuth_sigma_rad[radar])
@@ -92,7 +92,7 @@ def bearing_equations(
         reference=bearing_tracks.track_id[bearing],
         design=np.column_stack([zero, zero, -rate / sigma]),
         offset=np.column_stack([zero, np.full(len(plot), CONSTANT_SIGMAS)]),
-        value=(off - rate * waiting.taken_lag_s[plot]) / sigma,
+        value=(residual - rate * waiting.taken_lag_s[plot]) / sigma,
     )
 
 
@@ -113,7 +113,7 @@ def _pair_with_bearings(
 
 
 def _unambiguous(tracks: BearingTracks, sensors: Sensors) -> Bools:
-    """Which bearing tracks have no other of their sensor so near that they could be taken for each other. (N,)"""
+    """Which bearing tracks have no other of their sensor so near that they could be confused. (N,)"""
     sensor = tracks.source - sensors.sonar_source(0)
     order = np.lexsort((tracks.bearing_rad, sensor))
     angle, of = tracks.bearing_rad[order], sensor[order]

@@ -1,4 +1,4 @@
-"""No online registration: radars are taken at their word, and at the settings of `[plots]`."""
+"""No online registration: only the settings of `[plots]` correct radars."""
 
 from __future__ import annotations
 

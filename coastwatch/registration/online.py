@@ -85,16 +85,16 @@ class OnlineRegistration(Method):
     )
     least_vessels: Count = 4  # in cover of a radar; fewer begin no registration
     least_share: Share = 0.5  # of the vessels in cover, that the best window must explain
-    memory_s: Positive = 300.0  # time constant of the least squares: a drift is followed so far behind
+    memory_s: Positive = 300.0  # time constant of the least squares; a drift is followed with this delay
     drift_memory_s: Positive = 30.0  # the same while the newest residuals contradict the estimate
-    apply_s: Positive = 10.0  # time constant with which the estimate is taken over
-    reference_sigma_m: Positive = 5.0  # per axis, of what lies between an AIS position and its echo
+    apply_s: Positive = 10.0  # time constant with which corrections follow the estimate
+    reference_sigma_m: Positive = 5.0  # per axis, of the offset between an AIS position and its echo
     range_prior_m: Positive = 50.0  # standard deviation of a range bias before anything is known
     lag_prior_s: Positive = 1.5  # of a lag
     lag_known_s: Positive = 0.25  # a lag is applied when its standard deviation is under this
     settled_share: Positive = 0.25  # settled: the azimuth bias is known to this share of the radar's azimuth noise
-    use_bearings: bool = True  # of cameras and sonars, for the lag
-    drift_deg_h: Annotated[float, Field(ge=0.0)] = 0.5  # by which an azimuth bias may go off while nothing is compared
+    use_bearings: bool = True  # of cameras and sonars, to estimate the lag
+    drift_deg_h: Annotated[float, Field(ge=0.0)] = 0.5  # growth of the azimuth uncertainty while nothing is compared
 
     def init(self) -> OnlineMemory:
         none = np.zeros((0, 3))
@@ -125,9 +125,9 @@ class OnlineRegistration(Method):
         sensors: Sensors,
         given: RadarCorrections,
     ) -> tuple[OnlineMemory, RadarCorrections]:
-        """What to take out of the reports of each radar in the next cycle.
+        """The corrections of each radar for the reports of the next cycle.
 
-        Args: plots: of this cycle, in any order, with `given` taken out; ais_tracks, alarms: row by row; time_s: of the cycle.
+        Args: plots: of this cycle, in any order, with the corrections `given` applied; ais_tracks, alarms: row by row; time_s: its end.
         Returns: memory; one row a radar.
         """
         memory = self._sized(memory, time_s, sensors)

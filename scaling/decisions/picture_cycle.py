@@ -1,11 +1,10 @@
-"""What do fusing tracks and making the picture cost a cycle, at any size and over threads, and what against sorting and seeking?
+"""What fused tracks and the picture cost in a cycle, at any size and number of threads, against plain sorting and searching.
 
     python -m scaling.decisions.picture_cycle [--tracks N ...] [--threads N ...] [--method convex] [--cycles 12] [--numpy-up-to N]
 
-Tracks are those of the national picture (scaling/load), at the time of the picture, one vessel where they are of one, but for three in a
-thousand. Columns: medians of wall time of the stages and of both, the least of both, processor time of all threads; how many times that
-"numpy" takes, which is both stages as they were before they were kernels, kept as oracles in tests/contracts and given the same in the
-same run; and how many times it took before, by what the commit before measured with tracks made at random (BEFORE).
+Tracks are those of the national picture (scaling/load). Tracks of one true vessel are associated, but for three in a thousand.
+Columns, in ms: median wall time of each stage and of both, the least of both, processor time of all threads. The last is how many times
+as much processor time the oracles in tests/contracts take in the same run (fused_by_arrays, picture_by_sorting).
 """
 
 from __future__ import annotations
@@ -29,7 +28,6 @@ from scaling.load import national
 ORACLES = Path(__file__).parents[2] / "tests" / "contracts"
 APART = 0.003  # share of the tracks that are taken for a vessel of their own, in each cycle others
 WARMUP = 4  # cycles that do not count
-BEFORE = {100_000: 357.0}  # ms of processor time, both stages with convex combination, tracks made at random, at 81406e1
 PARTS = ("fused_tracks", "picture")
 
 
@@ -79,7 +77,7 @@ class Clock:
 
 
 class Sorting:
-    """Both stages as they were, with their memory."""
+    """Both stages as plain sorting and searching, with their memory."""
 
     def __init__(self, scenario: Scenario) -> None:
         sys.path.insert(0, str(ORACLES))
@@ -94,8 +92,8 @@ class Sorting:
         vessel = given.associations.vessel
         position, velocity, covariance = self.fuse(given.tracks, given.tracks.known_covariance(0.5), vessel)
         fused = FusedTracks(np.full(len(position), given.time_s), position, velocity, covariance)
-        said = given.associations, fused, given.received.alarms, given.time_s, self.sensors
-        self.memory, *_ = self.identify(self.settings, self.memory, given.tracks, *said)
+        given_to = given.associations, fused, given.received.alarms, given.time_s, self.sensors
+        self.memory, *_ = self.identify(self.settings, self.memory, given.tracks, *given_to)
 
 
 def measure(tracks: int, count: int, method: str, cycle_count: int, with_numpy: bool) -> str:
@@ -109,19 +107,15 @@ def measure(tracks: int, count: int, method: str, cycle_count: int, with_numpy: 
         for given in cycles(scenario, world, WARMUP + cycle_count):
             t, m = given.tracks, given.received.measurements
             memory, fused = clock.run(PARTS[0], fuser.step, memory, t, m, given.associations, given.time_s, kinds)
-            said = given.associations, fused, given.received.alarms, given.time_s, sensors
-            past, *_ = clock.run(PARTS[1], picture.step, past, t, *said)
+            given_to = given.associations, fused, given.received.alarms, given.time_s, sensors
+            past, *_ = clock.run(PARTS[1], picture.step, past, t, *given_to)
             if with_numpy:
                 clock.run("numpy", sorting.step, given)
     each = "".join(f"{clock.median_ms(clock.wall, (name,)):9.1f}" for name in PARTS)
     wall, cpu = clock.median_ms(clock.wall, PARTS), clock.median_ms(clock.cpu, PARTS)
     least = 1e3 * min(np.sum([clock.wall[name][WARMUP:] for name in PARTS], axis=0))
     slower = f"{clock.median_ms(clock.cpu, ('numpy',)) / cpu:8.1f}" if with_numpy else f"{'-':>8}"
-    return f"{tracks:10d}{count:8d}{each}{wall:9.1f}{least:9.1f}{cpu:9.1f}{slower}{_before(tracks, cpu)}"
-
-
-def _before(tracks: int, cpu: float) -> str:
-    return f"{BEFORE[tracks] / cpu:8.1f}" if tracks in BEFORE else f"{'-':>8}"
+    return f"{tracks:10d}{count:8d}{each}{wall:9.1f}{least:9.1f}{cpu:9.1f}{slower}"
 
 
 def main() -> None:
@@ -136,7 +130,7 @@ def main() -> None:
     print(
         f"# {asked.method}, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}; ms a cycle, medians of {asked.cycles}"
     )
-    print("    tracks threads    fused  picture     both    least      cpu   numpy  before")
+    print("    tracks threads    fused  picture     both    least      cpu  oracle")
     for tracks in asked.tracks:
         for count in asked.threads:
             with_numpy = asked.method == "convex" and tracks <= asked.numpy_up_to
