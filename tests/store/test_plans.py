@@ -74,6 +74,13 @@ def filled(url: str) -> Iterator[tuple[Store, int]]:
         yield store, run
 
 
+@pytest.fixture
+def sqlite(filled: tuple[Store, int]) -> tuple[Store, int]:
+    if filled[0].engine.dialect.name != "sqlite":
+        pytest.skip("the plan of SQLite is what is looked at")
+    return filled
+
+
 @contextmanager
 def said(engine: Engine) -> Iterator[list[tuple[str, Any]]]:
     """Every SELECT that is carried out meanwhile, with its parameters."""
@@ -102,16 +109,16 @@ def plans(store: Store, statements: list[tuple[str, Any]]) -> Iterator[tuple[str
             yield statement, "\n".join(str(row[-1]) for row in rows)
 
 
-@pytest.mark.parametrize("name", ASKED)
-def test_no_large_table_is_read_from_end_to_end(name: str, filled: tuple[Store, int]) -> None:
+def test_no_large_table_is_read_from_end_to_end(filled: tuple[Store, int]) -> None:
     store, run = filled
-    with said(store.engine) as statements:
-        ASKED[name](store, run)
-    assert statements
-    for statement, plan in plans(store, statements):
-        for table in LARGE:
-            if re.search(rf"\b{table}\b", statement):
-                _by_cycle(table, statement, plan, store.engine.dialect.name)
+    for name, ask in ASKED.items():
+        with said(store.engine) as statements:
+            ask(store, run)
+        assert statements, name
+        for statement, plan in plans(store, statements):
+            for table in LARGE:
+                if re.search(rf"\b{table}\b", statement):
+                    _by_cycle(table, statement, plan, store.engine.dialect.name)
 
 
 def _by_cycle(table: str, statement: str, plan: str, dialect: str) -> None:
@@ -133,10 +140,8 @@ def _by_cycle(table: str, statement: str, plan: str, dialect: str) -> None:
         ), f"{statement}\n{plan}"
 
 
-def test_one_vessel_is_found_by_its_whole_key(filled: tuple[Store, int]) -> None:
-    store, run = filled
-    if store.engine.dialect.name != "sqlite":
-        pytest.skip("the plan of SQLite is what is looked at")
+def test_one_vessel_is_found_by_its_whole_key(sqlite: tuple[Store, int]) -> None:
+    store, run = sqlite
     with said(store.engine) as statements:
         kept.history(store, run, vessel_id=5)
     of_history = [plan for statement, plan in plans(store, statements) if "history" in statement and "vessel_id" in statement]
@@ -156,36 +161,39 @@ FOUND_BY = {
 """By what tables that hold all vessels of a run are looked up."""
 
 
-@pytest.mark.parametrize("name", FOUND_BY)
-def test_no_table_of_vessels_is_read_from_end_to_end(name: str, filled: tuple[Store, int]) -> None:
-    store, run = filled
-    if store.engine.dialect.name != "sqlite":
-        pytest.skip("the plan of SQLite is what is looked at")
-    with said(store.engine) as statements:
-        ASKED[name](store, run)
-    looked = set()
-    for statement, plan in plans(store, statements):
-        for table, by in FOUND_BY[name].items():
-            for alias in {
-                alias or table
-                for alias in re.findall(rf"(?:FROM|JOIN) {table}\b(?: (?!WHERE|CROSS|LEFT|ON|AS)(\w+))?", statement)
-            }:
-                steps = [line for line in plan.splitlines() if re.match(rf"(SCAN|SEARCH) {alias}\b", line)]
-                assert steps, f"{statement}\n{plan}"
-                assert all(line.startswith("SEARCH") and by in line for line in steps), f"{statement}\n{plan}"
-                looked.add(table)
-    assert looked == set(FOUND_BY[name])
+def test_no_table_of_vessels_is_read_from_end_to_end(sqlite: tuple[Store, int]) -> None:
+    store, run = sqlite
+    for name, tables in FOUND_BY.items():
+        with said(store.engine) as statements:
+            ASKED[name](store, run)
+        looked = set()
+        for statement, plan in plans(store, statements):
+            for table, by in tables.items():
+                steps = _steps(table, statement, plan)
+                assert all(line.startswith("SEARCH") and by in line for line in steps), f"{name}\n{statement}\n{plan}"
+                looked |= {table} if steps else set()
+        assert looked == set(tables), name
 
 
-@pytest.mark.parametrize("name", ["box then", "traffic", "encounters"])
-def test_a_box_of_the_past_is_found_by_its_index(name: str, filled: tuple[Store, int]) -> None:
-    store, run = filled
-    if store.engine.dialect.name != "sqlite":
-        pytest.skip("the plan of SQLite is what is looked at")
+def _steps(table: str, statement: str, plan: str) -> list[str]:
+    """How each use of a table in a statement looks it up."""
+    out = []
+    for alias in set(re.findall(rf"(?:FROM|JOIN) {table}\b(?: (?!WHERE|CROSS|LEFT|ON|AS)(\w+))?", statement)):
+        steps = [line for line in plan.splitlines() if re.match(rf"(SCAN|SEARCH) {alias or table}\b", line)]
+        assert steps, f"{statement}\n{plan}"
+        out += steps
+    return out
+
+
+def test_a_box_of_the_past_is_found_by_its_index(sqlite: tuple[Store, int]) -> None:
+    store, run = sqlite
     with store.engine.begin() as connection:
         connection.exec_driver_sql("UPDATE cycle SET recorded = 0")  # else a box then is of the recording
-    with said(store.engine) as statements:
-        ASKED[name](store, run)
-    (plan,) = [plan for statement, plan in plans(store, statements) if "history near" in statement]
-    assert "SEARCH near USING COVERING INDEX history_box (run_id=? AND cycle=? AND latitude_deg>? AND latitude_deg<?)" in plan
-    assert "SEARCH h USING PRIMARY KEY (run_id=? AND cycle=? AND vessel_id=?)" in plan
+    for name in ("box then", "traffic", "encounters"):
+        with said(store.engine) as statements:
+            ASKED[name](store, run)
+        (plan,) = [plan for statement, plan in plans(store, statements) if "history near" in statement]
+        assert (
+            "SEARCH near USING COVERING INDEX history_box (run_id=? AND cycle=? AND latitude_deg>? AND latitude_deg<?)" in plan
+        )
+        assert "SEARCH h USING PRIMARY KEY (run_id=? AND cycle=? AND vessel_id=?)" in plan
