@@ -1,58 +1,35 @@
 """Where the picture is kept. README.md shows the way; `tables.py` has every table."""
 
-from coastwatch.store.database import Store, StoreError, open_store
-from coastwatch.store.history_queries import encounters, history, traffic
-from coastwatch.store.picture_queries import bearing_tracks, picture, track
-from coastwatch.store.questions import Parameter, Question, operator_queries, operator_query
-from coastwatch.store.recording import Recorded, discard_recording_before, recorded_at, replay
-from coastwatch.store.rows import INSTANTS, Rows, Table
-from coastwatch.store.runs import (
-    begin_run,
-    discard_runs,
-    finish_run,
-    latest_run,
-    resume_point,
-    run,
-    runs,
-    sensor_states,
-    sensors,
-    sources,
-    timings,
-)
-from coastwatch.store.write_cycle import Written, write_cycle
-
-__all__ = [
-    "INSTANTS",
-    "Parameter",
-    "Question",
-    "Recorded",
-    "Rows",
-    "Store",
-    "StoreError",
-    "Table",
-    "Written",
-    "bearing_tracks",
-    "begin_run",
-    "discard_recording_before",
-    "discard_runs",
-    "encounters",
-    "finish_run",
-    "history",
-    "latest_run",
-    "open_store",
-    "operator_queries",
-    "operator_query",
-    "picture",
-    "recorded_at",
-    "replay",
-    "resume_point",
-    "run",
-    "runs",
-    "sensor_states",
-    "sensors",
-    "sources",
-    "timings",
-    "track",
-    "traffic",
-    "write_cycle",
-]
+from coastwatch.store.database import Store as Store
+from coastwatch.store.database import StoreError as StoreError
+from coastwatch.store.database import open_store as open_store
+from coastwatch.store.history_queries import encounters as encounters
+from coastwatch.store.history_queries import history as history
+from coastwatch.store.history_queries import traffic as traffic
+from coastwatch.store.picture_queries import bearing_tracks as bearing_tracks
+from coastwatch.store.picture_queries import picture as picture
+from coastwatch.store.picture_queries import track as track
+from coastwatch.store.questions import Parameter as Parameter
+from coastwatch.store.questions import Question as Question
+from coastwatch.store.questions import operator_queries as operator_queries
+from coastwatch.store.questions import operator_query as operator_query
+from coastwatch.store.recording import Recorded as Recorded
+from coastwatch.store.recording import discard_recording_before as discard_recording_before
+from coastwatch.store.recording import recorded_at as recorded_at
+from coastwatch.store.recording import replay as replay
+from coastwatch.store.rows import INSTANTS as INSTANTS
+from coastwatch.store.rows import Rows as Rows
+from coastwatch.store.rows import Table as Table
+from coastwatch.store.runs import begin_run as begin_run
+from coastwatch.store.runs import discard_runs as discard_runs
+from coastwatch.store.runs import finish_run as finish_run
+from coastwatch.store.runs import latest_run as latest_run
+from coastwatch.store.runs import resume_point as resume_point
+from coastwatch.store.runs import run as run
+from coastwatch.store.runs import runs as runs
+from coastwatch.store.runs import sensor_states as sensor_states
+from coastwatch.store.runs import sensors as sensors
+from coastwatch.store.runs import sources as sources
+from coastwatch.store.runs import timings as timings
+from coastwatch.store.write_cycle import Written as Written
+from coastwatch.store.write_cycle import write_cycle as write_cycle

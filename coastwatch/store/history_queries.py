@@ -331,10 +331,12 @@ def _close_legs(
         # No two positions are farther apart in this plane than at sea: a degree has its least length everywhere.
         least_m = 110_574.0, float(east[here].min(initial=np.inf))
         plane = np.stack([position[:, 0], (position[:, 1] - west_deg + 1.0) % 360.0], 1) * least_m
-        found.append(here[scipy.spatial.cKDTree(plane).query_pairs(reach, output_type="ndarray")] if len(here) else none)
-    pair = np.unique(np.concatenate(found), axis=0)
-    a, b = pair.T
-    pair = pair[(legs.vessel_id[a] != legs.vessel_id[b]) & (moves[a] | moves[b])]
+        if len(here):
+            pair = here[scipy.spatial.cKDTree(plane).query_pairs(reach, output_type="ndarray")]
+            a, b = pair.T
+            found.append(pair[(legs.vessel_id[a] != legs.vessel_id[b]) & (moves[a] | moves[b])])
+    every = np.concatenate(found)
+    pair = np.stack(np.divmod(np.unique(every[:, 0] * len(moves) + every[:, 1]), len(moves)), 1)
     a, b = pair.T
     since, until = np.maximum(entered_s[a], entered_s[b]), np.minimum(left_s[a], left_s[b])
     distance_m, time_s = _closest_approach(legs.take(a), legs.take(b), since, until)

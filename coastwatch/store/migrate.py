@@ -13,7 +13,7 @@ from sqlalchemy import Connection, text
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.schema import CreateIndex, CreateTable, ExecutableDDLElement
 
-from coastwatch.shipped import migrations_folder, schema_folder
+from coastwatch.shipped import folder, migrations_folder, schema_folder
 from coastwatch.store.database import WAIT_S, Store, StoreError, connect, other_schema, reading, revision, writing
 from coastwatch.store.tables import REVISION, REVISION_TABLE, Base
 
@@ -92,71 +92,14 @@ def _sqlite(connection: Connection) -> list[str]:
     return out if mode in ("wal", "memory") else [*out, f"journal_mode: got {mode}, needed wal"]
 
 
-WHOLE = {
-    "cycles are numbered from 0 without a gap": """
-        SELECT run_id FROM cycle GROUP BY run_id HAVING count(*) <> max(number) + 1""",
-    "a cycle has as many rows of history as it says": """
-        SELECT c.run_id FROM cycle c LEFT JOIN (SELECT run_id, cycle, count(*) AS n FROM history GROUP BY run_id, cycle) h
-            ON h.run_id = c.run_id AND h.cycle = c.number
-        WHERE c.history_from IS NOT NULL AND coalesce(h.n, 0) <> c.history_points""",
-    "a kept cycle has as many associations as pairs": """
-        SELECT c.run_id FROM cycle c LEFT JOIN (SELECT run_id, cycle, count(*) AS n FROM association GROUP BY run_id, cycle) a
-            ON a.run_id = c.run_id AND a.cycle = c.number
-        WHERE c.associations_kept AND coalesce(a.n, 0) <> c.pairs""",
-    "a kept cycle has as many bearing associations as bearing pairs": """
-        SELECT c.run_id FROM cycle c
-            LEFT JOIN (SELECT run_id, cycle, count(*) AS n FROM bearing_association GROUP BY run_id, cycle) a
-            ON a.run_id = c.run_id AND a.cycle = c.number
-        WHERE c.associations_kept AND coalesce(a.n, 0) <> c.bearing_pairs""",
-    "rows of history belong to a cycle": """
-        SELECT h.run_id FROM (SELECT DISTINCT run_id, cycle FROM history) h
-            LEFT JOIN cycle c ON c.run_id = h.run_id AND c.number = h.cycle WHERE c.number IS NULL""",
-    "timings belong to a cycle": """
-        SELECT t.run_id FROM (SELECT DISTINCT run_id, cycle FROM stage_timing) t
-            LEFT JOIN cycle c ON c.run_id = t.run_id AND c.number = t.cycle WHERE c.number IS NULL""",
-    "the picture has the vessels of the cycle in which it was written": """
-        SELECT c.run_id FROM cycle c JOIN (SELECT run_id, max(number) AS n FROM cycle WHERE picture_kept GROUP BY run_id) l
-            ON l.run_id = c.run_id AND l.n = c.number
-        WHERE c.vessels <> (SELECT count(*) FROM vessel v WHERE v.run_id = c.run_id)""",
-    "the vessels of the picture are those that were present": """
-        SELECT v.run_id FROM vessel v JOIN (SELECT run_id, max(number) AS n FROM cycle WHERE picture_kept GROUP BY run_id) l
-            ON l.run_id = v.run_id
-        WHERE NOT EXISTS (SELECT 1 FROM presence p WHERE p.run_id = v.run_id AND p.vessel_id = v.vessel_id
-            AND p.from_cycle <= l.n AND (p.to_cycle IS NULL OR p.to_cycle >= l.n))""",
-    "as many vessels are present as the newest cycle says": """
-        SELECT c.run_id FROM cycle c JOIN (SELECT run_id, max(number) AS n FROM cycle GROUP BY run_id) l
-            ON l.run_id = c.run_id AND l.n = c.number
-        WHERE c.vessels <> (SELECT count(*) FROM presence p WHERE p.run_id = c.run_id AND p.to_cycle IS NULL)""",
-    "a vessel that has left has a closing point": """
-        SELECT p.run_id FROM presence p
-            JOIN cycle c ON c.run_id = p.run_id AND c.number = p.to_cycle + 1 AND c.history_from IS NOT NULL
-            JOIN history f ON f.run_id = p.run_id AND f.cycle = p.from_cycle AND f.vessel_id = p.vessel_id
-        WHERE NOT EXISTS (SELECT 1 FROM history h
-            WHERE h.run_id = p.run_id AND h.cycle = p.to_cycle + 1 AND h.vessel_id = p.vessel_id AND h.closing)""",
-    "every vessel of the newest cycle has a point since the cycle that it names": """
-        SELECT c.run_id FROM cycle c JOIN (SELECT run_id, max(number) AS n FROM cycle GROUP BY run_id) l
-            ON l.run_id = c.run_id AND l.n = c.number
-        WHERE c.history_from IS NOT NULL AND c.vessels > (SELECT count(DISTINCT h.vessel_id) FROM history h
-            WHERE h.run_id = c.run_id AND h.cycle BETWEEN c.history_from AND c.number AND NOT h.closing)""",
-    "the members are those whose stay has not ended": """
-        SELECT m.run_id FROM member m GROUP BY m.run_id
-        HAVING count(*) <> (SELECT count(*) FROM member_history h WHERE h.run_id = m.run_id AND h.to_cycle IS NULL)""",
-    "a recorded cycle has all of its vessels": """
-        SELECT c.run_id FROM cycle c
-            LEFT JOIN recording r ON r.run_id = c.run_id AND r.cycle = c.number
-        WHERE c.recorded AND coalesce(r.vessels, -1) <> c.vessels""",
-    "no checkpoint is newer than the newest cycle": """
-        SELECT k.run_id FROM checkpoint k WHERE k.cycle > (SELECT max(number) FROM cycle c WHERE c.run_id = k.run_id)""",
-}
-"""What holds of a database that has whole cycles only; each query gives the runs of which it does not."""
-
-
 def _cycles(connection: Connection) -> list[str]:
+    """What db/check.sql finds: queries that end with a semicolon, each under the sentence that should hold."""
     out = []
-    for what, sql in WHOLE.items():
+    for part in (folder("db") / "check.sql").read_text("utf-8").split("\n\n")[1:]:
+        sentence, _, sql = part.partition("\n")
         runs = sorted({str(row[0]) for row in connection.execute(text(sql))})
         if runs:
-            out.append(f"whole cycles: not so in run {', '.join(runs)}: {what}")
+            out.append(f"whole cycles: not so in run {', '.join(runs)}: {sentence.removeprefix('-- ')}")
     return out
 
 

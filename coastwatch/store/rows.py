@@ -64,7 +64,7 @@ class Table:
 def fetch_rows(connection: Connection, query: Executable) -> Rows:
     """The answer to a query as plain values."""
     result = connection.execute(query)
-    return Rows(tuple(result.keys()), [tuple(row) for row in result])
+    return Rows(tuple(result.keys()), [tuple(row) for row in result.all()])
 
 
 def fetch_arrays(connection: Connection, query: Any) -> list[Array]:
@@ -73,7 +73,7 @@ def fetch_arrays(connection: Connection, query: Any) -> list[Array]:
     Args: query: a `select`, or a `text` with the types of its columns.
     """
     types = [column.type for column in query.selected_columns]
-    columns = list(zip(*connection.execute(query), strict=True)) or [()] * len(types)
+    columns = list(zip(*connection.execute(query).all(), strict=True)) or [()] * len(types)
     return [_array(values, kind) for values, kind in zip(columns, types, strict=True)]
 
 

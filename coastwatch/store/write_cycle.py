@@ -85,7 +85,8 @@ def write_cycle(
             of_sensors = to_rows.registration_rows(run_id, number, cycle, last_report, before.stations)
             insert(connection, TABLES["sensor_registration"], of_sensors)
         first_kept = before.first_history, before.first_details
-        first_kept = retention.delete_old(connection, run_id, number, before.period_s, keep, first_kept, rows)
+        if keep.history_hours or keep.details_hours or keep.recording_hours or keep.picture_hours:
+            first_kept = retention.delete_old(connection, run_id, number, before.period_s, keep, first_kept, rows)
         if keep.recording:
             record(connection, run_id, number, picture, cycle.members)
         if checkpoint is not None:
