@@ -242,7 +242,7 @@ class BearingLikelihood(Method):
             "site": tracks.window_site_deg,
             "position_time": memory.positions.time_s[column],
             "position_column": column,
-            "position_value": history.values[:],  # a new view, for it was written since it last went to other processes
+            "position_value": history.values,
             "log_density": self._unknown_density(sensor, audible, sensors),
             "outside": memory.outside.probability(self.heard)[sensor],
             "range": sensors.sonars.range_m[sensor],

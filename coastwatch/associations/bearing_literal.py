@@ -72,10 +72,10 @@ class BearingWindowedCovariance(Method):
             "first_pair": np.searchsorted(octants.bearing_row, np.arange(len(bearing_tracks) + 1)),
             "track": track_slot,
             "vessel": vessel_slot[octants.vessel_row],
-            "reported": tracks.values[:],  # a new view, for it was written since it last went to other processes
-            "state": vessels.values[:],
-            "track_length": tracks.length[:],
-            "vessel_length": vessels.length[:],
+            "reported": tracks.values,
+            "state": vessels.values,
+            "track_length": tracks.length,
+            "vessel_length": vessels.length,
             "columns": tracks.columns(np.arange(self.window)[::-1]),
         }
         parts = map_(accept_in_octants, self, arrays, groups_by_octant(octants))

@@ -27,17 +27,20 @@ class AudiblePairs:
     @staticmethod
     def of(tracks: BearingTracks, picture: Picture, octants: Octants, sensors: Sensors) -> AudiblePairs:
         """Pairs of the octants, located from where the newest track of a sensor says that the sensor is."""
-        key = np.unique(octants.octant // kernels.bearings.candidates.SECTORS * len(picture) + octants.vessel_row)
-        pairs = AudiblePairs(key, len(picture), np.empty(0, np.bool_))
-        sensor = pairs.sensor
+        some = np.zeros(len(picture), np.bool_)
+        some[octants.vessel_row] = True
+        audible = np.zeros((len(sensors.sonars), np.count_nonzero(some)), np.bool_)
+        audible[octants.octant // kernels.bearings.candidates.SECTORS, (np.cumsum(some) - 1)[octants.vessel_row]] = True
+        sensor, column = np.nonzero(audible)
+        vessel_row = np.flatnonzero(some)[column]
         site = np.full((len(sensors.sonars), 2), np.nan)
         newest_last = np.argsort(tracks.updated_s, kind="stable")
         site[tracks.source[newest_last] - sensors.sonar_source(0)] = tracks.site_deg[newest_last]
-        east, north = to_plane(picture.position_deg[pairs.vessel_row], site[sensor]).T
+        east, north = to_plane(picture.position_deg[vessel_row], site[sensor]).T
         arc_from, arc_width = arcs(sensors)
         inside = np.hypot(east, north) <= sensors.sonars.range_m[sensor]
         inside &= (np.arctan2(east, north) - arc_from[sensor]) % (2.0 * np.pi) <= arc_width[sensor]
-        return AudiblePairs(key, len(picture), inside)
+        return AudiblePairs(sensor * len(picture) + vessel_row, len(picture), inside)
 
     @property
     def sensor(self) -> Ints:

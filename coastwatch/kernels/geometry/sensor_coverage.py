@@ -1,7 +1,7 @@
 """Which positions are within range of which sensors, and whether of any.
 
 A position is within range if its distance in the tangent plane at the sensor is no more than the range, on the near half of the Earth.
-Sensors are entered in the cells of half a degree that they may reach: a position is compared with the sensors of its own cell.
+Sensors are entered in the cells of one degree that they may reach: a position is compared with the sensors of its own cell.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-CELLS_PER_DEGREE = 2
+CELLS_PER_DEGREE = 1
 ROWS, COLUMNS = 180 * CELLS_PER_DEGREE, 360 * CELLS_PER_DEGREE
 SLACK_M = 1000.0  # a position with a greater tolerance is compared with every sensor
 MARGIN = 1.001  # of the half width of a box: the ellipsoid is no sphere
