@@ -51,6 +51,7 @@ def flag(
     tracks: Tracks,
     row_of_track: Ints,
     alarms: AisAlarms,
+    *,
     time_s: float,
     sensors: Sensors,
 ) -> tuple[FlagMemory, Ints]:

@@ -49,13 +49,15 @@ class Identity(IdentitySettings):
         Args: tracks: (N); associations: of its rows; fused: (V) one row for each vessel number; alarms: of AIS tracks.
         """
         known, columns = memory.known, memory.known.columns()
-        match = match_identities(self, known, columns, memory.tracks, tracks, associations, fused, time_s, sensors)
+        match = match_identities(
+            self, known, columns, memory.tracks, tracks, associations, fused, time_s=time_s, sensors=sensors
+        )
         order = order_vessels(self, columns, match, time_s, memory.next_id)
         picture, known = picture_of(self, known, columns, match, order, tracks, fused, time_s)
         members = members_of(match, order, tracks)
         track_memory = tracks_of(match, order, tracks, associations.vessel)
         flag_memory, flags = flag(
-            self, memory.flags, match, order, picture, tracks, track_memory.vessel, alarms, time_s, sensors
+            self, memory.flags, match, order, picture, tracks, track_memory.vessel, alarms, time_s=time_s, sensors=sensors
         )
         picture = replace(picture, flags=flags)
         next_id = memory.next_id + int((match.vessel_of_group < 0).sum())

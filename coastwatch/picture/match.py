@@ -57,6 +57,7 @@ def match_identities(
     tracks: Tracks,
     associations: Associations,
     fused: FusedTracks,
+    *,
     time_s: float,
     sensors: Sensors,
 ) -> IdentityMatch:
