@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -56,10 +57,7 @@ def flag(
     sensors: Sensors,
 ) -> tuple[FlagMemory, Ints]:
     """The flags of each row of the picture, with those it has. Args: row_of_track: (N,) of the picture. Returns: memory, (R,)."""
-    margin = settings.cover_margin
-    coverage_of = kernels.geometry.sensor_coverage.coverage_of
-    ais_coverage = coverage_of(sensors.stations.site_deg, margin * sensors.stations.range_m, 0.0)
-    radar_coverage = coverage_of(sensors.radars.site_deg, margin * sensors.radars.range_m, 0.0)
+    ais_coverage, radar_coverage = _coverages(sensors, settings.cover_margin)
     radars, ais = np.flatnonzero(tracks.source < sensors.ais_source), np.flatnonzero(tracks.source == sensors.ais_source)
     first_radar = np.full(len(picture), -1, np.int64)
     first_radar[row_of_track[radars[::-1]]] = radars[::-1]  # the last one written is the first of its vessel
@@ -83,6 +81,14 @@ def flag(
         odd = np.isin(tracks.track_id, alarms.track_id[alarm])
         flags[row_of_track[odd]] |= int(what)
     return FlagMemory(no_ais_since_s, no_radar_since_s, pairs), flags
+
+
+@lru_cache(maxsize=2)
+def _coverages(sensors: Sensors, margin: float) -> tuple[Coverage, Coverage]:
+    """Coverage of AIS stations and of radars. It is kept: the sensors are the same object throughout a run."""
+    coverage_of = kernels.geometry.sensor_coverage.coverage_of
+    ais = coverage_of(sensors.stations.site_deg, margin * sensors.stations.range_m, 0.0)
+    return ais, coverage_of(sensors.radars.site_deg, margin * sensors.radars.range_m, 0.0)
 
 
 def _within(coverage: Coverage, picture: Picture, candidates: Bools) -> Bools:
