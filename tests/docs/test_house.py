@@ -67,6 +67,17 @@ def test_every_module_says_what_it_is() -> None:
     assert [name for name, text in texts.items() if text.strip() and not ast.get_docstring(ast.parse(text))] == []
 
 
+def test_every_module_of_the_tests_is_in_the_readme_of_its_folder() -> None:
+    wrong = []
+    for folder in {p.parent for p in FILES if p.suffix == ".py" and p.relative_to(HOUSE).parts[0] == "tests"} - {
+        HOUSE / "tests"
+    }:
+        named = set(re.findall(r"\w+\.py", (folder / "README.md").read_text("utf-8")))
+        wrong += [f"{name_of(folder)}: {name} is not named" for name in sorted({p.name for p in folder.glob("*.py")} - named)]
+        wrong += [f"{name_of(folder)}: {name} is gone" for name in named if not any((HOUSE / "tests").glob(f"*/{name}"))]
+    assert wrong == []
+
+
 def test_the_readme_gives_two_commands_that_the_makefile_has() -> None:
     verbs = set(re.findall(r"^([a-z]+):", (HOUSE / "Makefile").read_text("utf-8"), re.MULTILINE))
     named = set(re.findall(r"\bmake ([a-z]+)", (HOUSE / "README.md").read_text("utf-8")))
