@@ -1,5 +1,5 @@
-"""The error for what an operator typed and can mend: exit code 2."""
+"""The error for input that an operator can correct: exit code 2."""
 
 
 class BadInput(Exception):
-    """What was asked cannot be done as asked; the message says what was got and what was needed."""
+    """A wrong command, option or input file; the message says what it got and what it needed."""

@@ -16,7 +16,7 @@ from coastwatch.operators.bad_input import BadInput
 
 @dataclass(frozen=True, eq=False)
 class Shore:
-    """One outline of land, or one line along a shore."""
+    """An outline of land, or a line along a shore."""
 
     position_deg: Floats  # (P, 2) latitude, longitude
     closed: bool
@@ -25,7 +25,7 @@ class Shore:
 def read(path: str | Path) -> tuple[tuple[Shore, ...], str]:
     """The shores in a GeoJSON file and its note, e.g. "approximate, not for navigation".
 
-    Raises: BadInput that names the file where it is not GeoJSON of lines and polygons.
+    Raises: BadInput that names the file if it is not GeoJSON of lines and polygons.
     """
     try:
         document = json.loads(Path(path).read_text("utf-8"))
@@ -51,12 +51,12 @@ def _geometries(document: dict[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 def _shores(geometry: dict[str, Any]) -> list[Shore]:
-    kind, places = geometry["type"], geometry["coordinates"]
+    kind, points = geometry["type"], geometry["coordinates"]
     rings: dict[str, Callable[[], list[Any]]] = {
-        "LineString": lambda: [places],
-        "MultiLineString": lambda: places,
-        "Polygon": lambda: places[:1],  # a lake inside land is drawn as land: the picture is of the sea
-        "MultiPolygon": lambda: [polygon[0] for polygon in places],
+        "LineString": lambda: [points],
+        "MultiLineString": lambda: points,
+        "Polygon": lambda: points[:1],  # a lake inside land is drawn as land: the picture is of the sea
+        "MultiPolygon": lambda: [polygon[0] for polygon in points],
     }
     found = rings[kind]() if kind in rings else []
     return [Shore(np.array([[p[1], p[0]] for p in ring], float).reshape(-1, 2), kind.endswith("Polygon")) for ring in found]

@@ -1,4 +1,4 @@
-"""Rows out to people and programs: aligned table, CSV, GeoJSON (RFC 7946) and Parquet."""
+"""Rows as an aligned table, CSV, GeoJSON (RFC 7946) or Parquet."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ class Rows(Protocol):
 
 
 def write(rows: Rows, form: str, output: str | None) -> None:
-    """Writes rows to a file, or to the terminal where none is named.
+    """Writes rows to a file, or to the terminal if `output` is None.
 
     Args: form: one of FORMATS; output: path of the file.
-    Raises: BadInput where the form needs a file or a position that is not there.
+    Raises: BadInput if the format needs a file, or a position that the rows do not have.
     """
     if form == "parquet":
         if output is None:
@@ -50,7 +50,7 @@ def write(rows: Rows, form: str, output: str | None) -> None:
 
 
 def as_table(rows: Rows) -> str:
-    """Aligned columns under their names, numbers to the right; what is absent is a dash."""
+    """Aligned columns under their names, numbers to the right. An absent value is a dash."""
     cells = [[_cell(value) for value in row] for row in rows.rows]
     if not cells:
         return " ".join(rows.columns) + "\n(no rows)\n"
@@ -64,7 +64,7 @@ def as_table(rows: Rows) -> str:
 
 
 def as_csv(rows: Rows) -> str:
-    """Comma-separated values with a header; what is absent is empty."""
+    """Comma-separated values with a header. An absent value is empty."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(rows.columns)
@@ -73,7 +73,7 @@ def as_csv(rows: Rows) -> str:
 
 
 def as_geojson(rows: Rows) -> str:
-    """A FeatureCollection: one point a row, the other columns its properties; what is absent is null."""
+    """A FeatureCollection: one point per row, with the other columns as its properties. An absent value is null."""
     columns = list(rows.columns)
     missing = [name for name in (LATITUDE, LONGITUDE) if name not in columns]
     if missing:
@@ -81,8 +81,8 @@ def as_geojson(rows: Rows) -> str:
     features = []
     for row in rows.rows:
         values = {name: None if _absent(value) else value for name, value in zip(columns, row, strict=True)}
-        place = [values.pop(LONGITUDE), values.pop(LATITUDE)]
-        geometry = None if None in place else {"type": "Point", "coordinates": place}
+        position = [values.pop(LONGITUDE), values.pop(LATITUDE)]
+        geometry = None if None in position else {"type": "Point", "coordinates": position}
         features.append({"type": "Feature", "geometry": geometry, "properties": values})
     return json.dumps({"type": "FeatureCollection", "features": features}, allow_nan=False) + "\n"
 

@@ -1,5 +1,4 @@
-"""The picture drawn as a PNG: a Scene in, a file out. Degrees are drawn on a plane with its own longitude zero, so that a
-scene across the antimeridian is one piece; only the labels are wrapped."""
+"""A Scene drawn as a PNG with matplotlib. Longitudes are continuous across the antimeridian; only the labels are wrapped."""
 
 from __future__ import annotations
 
@@ -30,21 +29,21 @@ WIDTH_IN = 9.0
 LEADER_S = 180.0
 SIGMAS = 2.0
 ELLIPSE_SCALES = (1, 2, 5, 10, 20, 50, 100)
-ELLIPSE_SHARE = 0.03  # of the width: as long as the longer half axis of nine in ten may be drawn
-LARGEST_SHARE = 0.08  # of the width: an ellipse with a longer half axis is not drawn
+ELLIPSE_SHARE = 0.03  # of the width: largest drawn length of the longer half axis of nine in ten ellipses
+LARGEST_SHARE = 0.08  # of the width: an ellipse with a longer half axis is left out
 TICKS_MIN = (0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600)
 SCALE_BARS_NM = (0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200)
 TURN = np.linspace(0.0, 2.0 * np.pi, 37)
 
 
 def write(scene: Scene, output: str) -> None:
-    """Draws the scene into a PNG file."""
+    """Draws the scene to a PNG file."""
     figure = draw(scene)
     figure.savefig(output, format="png", dpi=150, bbox_inches="tight", pad_inches=0.25, metadata={"Title": scene.title})
 
 
 def draw(scene: Scene) -> Figure:
-    """The figure of a scene, sized after its area."""
+    """The figure of a scene, with the proportions of its area."""
     width_deg, height_deg = _extent(scene)
     shape = np.clip(scene.height_nm / scene.width_nm, 0.45, 1.5)
     figure = Figure(figsize=(WIDTH_IN, float(WIDTH_IN * shape)), facecolor="white")
@@ -60,7 +59,7 @@ def draw(scene: Scene) -> Figure:
     marks = [*_vessels(axes, scene), *marks, *_ellipses(axes, scene)]
     _grid(axes, width_deg, height_deg)
     _scale_bar(axes, scene, width_deg, height_deg)
-    _words(axes, scene, marks)
+    _titles(axes, scene, marks)
     return figure
 
 
@@ -70,7 +69,7 @@ def _extent(scene: Scene) -> tuple[float, float]:
 
 
 def _flat(scene: Scene, position_deg: Floats) -> Floats:
-    """x, y of positions: longitudes within half a turn of the centre of the scene."""
+    """x, y of positions, with longitudes within 180 degrees of the centre of the scene."""
     lon = scene.centre_deg[1] + wrap_deg(position_deg[..., 1] - scene.centre_deg[1])
     return np.stack([lon, position_deg[..., 0]], axis=-1)
 
@@ -85,7 +84,7 @@ def _land(axes: Axes, scene: Scene) -> None:
 
 
 def _ring(scene: Scene, site_deg: Floats, range_m: float, arc_deg: tuple[float, float]) -> Floats:
-    """Outline of a sector; a full turn has no spokes."""
+    """Outline of a sector; of a circle without lines to the centre."""
     first, last = arc_deg
     span = (last - first) % 360.0 or 360.0
     angle = np.radians(first + np.linspace(0.0, span, 181))
@@ -145,7 +144,7 @@ def _trails(axes: Axes, scene: Scene) -> list[Any]:
 
 
 def _ellipses(axes: Axes, scene: Scene) -> list[Any]:
-    """Ellipses of 2 sigma, as many times larger than life as the legend says; one that would cover the rest is left out."""
+    """Ellipses of 2 sigma, enlarged by the factor in the legend. An ellipse that would cover the rest is left out."""
     known = np.flatnonzero(np.isfinite(scene.ellipse).all(-1))
     if not len(known):
         return []
@@ -182,7 +181,7 @@ def _vessels(axes: Axes, scene: Scene) -> list[Any]:
         style: dict[str, Any] = {"markerfacecolor": face, "markeredgecolor": edge, "markersize": points, "linestyle": "none"}
         marks.append(Line2D([], [], marker=marker, label=f"{kind} ({rows.sum()})", **style))
     for flags, colour, name in (
-        (Flag.DARK, ALARM_COLOUR, "dark: radar, no AIS where AIS is heard"),
+        (Flag.DARK, ALARM_COLOUR, "dark: radar, no AIS inside AIS coverage"),
         (Flag.AIS_CONTRADICTED | Flag.MMSI_TWICE | Flag.IMPOSSIBLE_SPEED, WARNING_COLOUR, "AIS contradicted or impossible"),
     ):
         marks += _rings(axes, xy[(scene.flags & int(flags)) != 0], colour, name)
@@ -215,7 +214,7 @@ def _grid(axes: Axes, width_deg: float, height_deg: float) -> None:
 
 
 def _degrees(value: float, ends: str, step_min: float) -> str:
-    """Degrees and minutes with the letter of the hemisphere, longitude wrapped."""
+    """Degrees and minutes with the letter of the hemisphere, longitude in -180..180."""
     turned = float(wrap_deg(value)) if ends == "EW" else value
     digits = 0 if step_min >= 1 else 2 if step_min < 0.1 else 1
     minutes = round(abs(turned) * 60.0, digits)
@@ -237,7 +236,7 @@ def _scale_bar(axes: Axes, scene: Scene, width_deg: float, height_deg: float) ->
     axes.text(x + 0.5 * length, y + 0.012 * height_deg, f"{length_nm:g} NM", ha="center", va="bottom", color=INK, zorder=11)
 
 
-def _words(axes: Axes, scene: Scene, marks: list[Any]) -> None:
+def _titles(axes: Axes, scene: Scene, marks: list[Any]) -> None:
     axes.set_title(scene.title, loc="left", fontsize=14, fontweight="bold", color=INK, pad=22)
     above: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points"}
     axes.annotate(scene.subtitle, (0.0, 1.0), (0.0, 6.0), fontsize=10, color=FAINT, va="bottom", **above)

@@ -1,4 +1,4 @@
-"""A scenario made from recorded files and a line about each sensor, for `coastwatch fuse`."""
+"""The scenario of `coastwatch fuse`: made from recorded files and the options that describe the sensors."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ LOOK_BYTES = 65_536
 SENTENCE = re.compile(rb"[!$][A-Z]{2}VD[MO],")
 GZIP_MAGIC, PARQUET_MAGIC = b"\x1f\x8b", b"PAR1"
 NEVER_TEXT = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
-BINARY_SHARE = 0.02  # random bytes have 11 %; a bad cell in a table must not make it binary
+BINARY_SHARE = 0.02  # random bytes have 11 %; one bad cell does not make a table binary
 COLUMNS: dict[str, type[BaseModel]] = {"ais": AisColumns, "plots": PlotColumns, "bearings": BearingColumns}
 SETTING = {"ais": "ais_columns", "plots": "plot_columns", "bearings": "bearing_columns"}
 MARGIN = 1.1
 SMALLEST_NM = 1.0
 HIGHEST_LATITUDE_DEG = 84.0
-OUTLIERS_PERCENT = 1.0  # of positions may lie outside the frame: one bad fix must not shrink a coast to a point
+OUTLIERS_PERCENT = 1.0  # of the positions may be outside the area, so that one bad fix does not enlarge it
 
 
 @dataclass(frozen=True)
 class Files:
-    """What was recorded. columns: our name of a column, "mmsi" or "plots.time", to the name in the file."""
+    """The recorded files. columns: our name of a column, "mmsi" or "plots.time", to the name in the file."""
 
     ais: tuple[str, ...]
     plots: str | None
@@ -43,7 +43,7 @@ class Files:
 
 
 def document(files: Files, sensors: Mapping[str, list[dict[str, Any]]], period_s: float) -> dict[str, Any]:
-    """What a scenario file would say. Raises: BadInput, OSError."""
+    """The scenario as a document, as parsed from TOML. Raises: BadInput, OSError."""
     sentences = {name: is_nmea(name) for name in files.ais}
     for name in (*(name for name, so in sentences.items() if not so), files.plots, files.bearings):
         if name is not None:
@@ -68,18 +68,18 @@ def document(files: Files, sensors: Mapping[str, list[dict[str, Any]]], period_s
 
 
 def _name(files: list[str]) -> str:
-    """A name of its own for each set of files, so that --restart and --resume touch no other recording's run."""
+    """A name that is unique to a set of files, so that --restart and --resume affect no other run."""
     digest = zlib.crc32("\n".join(str(Path(name).resolve()) for name in files).encode())
     return f"fuse-{re.sub(r'[^A-Za-z0-9_]+', '-', Path(files[0]).name)[:16].strip('-')}-{digest:08x}"
 
 
 def is_nmea(name: str) -> bool:
-    """Whether a file, packed or not, holds AIS sentences near its beginning. Raises: OSError."""
+    """Whether a file, compressed or not, starts with AIS sentences. Raises: OSError."""
     return SENTENCE.search(_head(name)) is not None
 
 
 def _head(name: str) -> bytes:
-    """The beginning of a file, unpacked where it is packed. Raises: BadInput for a packed file without a beginning; OSError."""
+    """The first bytes of a file, decompressed if needed. Raises: BadInput for gzip that cannot be decompressed; OSError."""
     with open(name, "rb") as file:
         head = file.read(LOOK_BYTES)
     if not head.startswith(GZIP_MAGIC):
@@ -87,24 +87,24 @@ def _head(name: str) -> bytes:
     try:
         return zlib.decompressobj(wbits=31).decompress(head, LOOK_BYTES)
     except zlib.error as error:
-        raise BadInput(f"{name}: got gzip that cannot be unpacked ({error}), needed text, gzip or Parquet") from error
+        raise BadInput(f"{name}: got gzip that cannot be decompressed ({error}), needed text, gzip or Parquet") from error
 
 
 def _check_table(name: str, what: str) -> None:
-    """Refuses what cannot be a table at all; the reader of tables says what is wrong inside one."""
+    """Refuses a file that cannot be a table. The reader of tables reports errors inside one."""
     head = _head(name)
     if Path(name).suffix == ".parquet":
-        got = "" if head.startswith(PARQUET_MAGIC) else "bytes that do not begin as Parquet does"
+        got = "" if head.startswith(PARQUET_MAGIC) else "bytes that are not Parquet"
     elif not head.strip():
         got = "an empty file"
     else:
-        got = "bytes that are no text" if len(NEVER_TEXT.findall(head)) > BINARY_SHARE * len(head) else ""
+        got = "bytes that are not text" if len(NEVER_TEXT.findall(head)) > BINARY_SHARE * len(head) else ""
     if got:
-        raise BadInput(f"{name}: is {what}: got {got}, needed {'NMEA lines, ' if 'NMEA' in what else ''}CSV or Parquet")
+        raise BadInput(f"{name}: {what}: got {got}, needed {'NMEA lines, ' if 'NMEA' in what else ''}CSV or Parquet")
 
 
 def check_sensors(radars: list[dict[str, Any]], stations: list[dict[str, Any]], sonars: list[dict[str, Any]]) -> None:
-    """Refuses what --radar, --station or --sonar cannot be, in terms of the option. Raises: BadInput."""
+    """Refuses wrong values of --radar, --station and --sonar. Raises: BadInput that names the option."""
     kinds: tuple[tuple[str, type[BaseModel], list[dict[str, Any]]], ...] = (
         ("--radar", Radar, radars),
         ("--station", Station, stations),
@@ -123,7 +123,7 @@ def check_sensors(radars: list[dict[str, Any]], stations: list[dict[str, Any]], 
 
 
 def _columns(wanted: Mapping[str, str], parts: list[str]) -> dict[str, dict[str, str]]:
-    """The settings of columns: a name without a part goes to every table that knows it."""
+    """The settings of columns. A name without a prefix applies to every table that has such a column."""
     out: dict[str, dict[str, str]] = {}
     for ours, yours in wanted.items():
         part, _, key = ours.rpartition(".")
@@ -137,7 +137,7 @@ def _columns(wanted: Mapping[str, str], parts: list[str]) -> dict[str, dict[str,
 
 
 def framed(scenario: Scenario) -> Scenario:
-    """The scenario with an area that holds what its sensors cover, or without any, what AIS said."""
+    """The scenario with an area around the coverage of its sensors, or without sensors around the AIS positions."""
     sensors: list[Any] = [*scenario.radars, *scenario.stations, *scenario.sonars]
     if sensors:
         site = np.array([[s.latitude_deg, s.longitude_deg] for s in sensors])

@@ -25,9 +25,9 @@ AXES = ("east", "north", "east_rate", "north_rate")
 def write(
     found: Store, run_id: int, from_s: float | None, to_s: float | None, bbox: Box | None, *, form: str, output: str | None
 ) -> None:
-    """Writes the recorded cycles between two instants to a file, or to the terminal where none is named.
+    """Writes the recorded cycles between two instants to a file, or to the terminal if `output` is None.
 
-    Args: form: csv, which is written cycle by cycle, or parquet. Raises: BadInput; StoreError where no cycle is recorded.
+    Args: form: csv, written cycle by cycle, or parquet. Raises: BadInput; StoreError if no cycle is recorded.
     """
     if form == "parquet" and output is None:
         raise BadInput("Parquet is not text: got no --output, needed --output FILE")
@@ -36,7 +36,9 @@ def write(
     frames = (_frame(cycle) for cycle in store.replay(found, run_id, from_s, to_s, bbox))
     first = next(frames, None)
     if first is None:
-        raise StoreError(f"{found.where}: run {run_id} has no recorded cycle then; `store.recording` records")
+        raise StoreError(
+            f"{found.where}: run {run_id} has no recorded cycle in that time span; the setting `store.recording` records a run"
+        )
     if form == "csv":
         _write_csv(chain([first], frames), output)
         return
@@ -50,7 +52,7 @@ def _write_csv(frames: Iterator[Any], output: str | None) -> None:
 
 
 def _frame(recorded: Recorded) -> Any:
-    """One row a vessel."""
+    """One row per vessel."""
     p = recorded.picture
     matrix = {f"covariance_{a}_{b}": p.covariance[:, i, j] for i, a in enumerate(AXES) for j, b in enumerate(AXES)}
     columns = {

@@ -1,4 +1,4 @@
-"""What there is to draw at one instant of a run, read from the store into plain arrays."""
+"""The content of a plot at one instant of a run, read from the store into arrays."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from coastwatch.store import Rows, Store
 RADAR, STATION, BEARING = "radar", "station", "bearing"
 AIS_ONLY, RADAR_ONLY, SONAR_ONLY, FUSED, COASTING = "AIS only", "radar only", "sonar only", "fused", "no sensor now"
 TRAIL_S = 180.0
-TRAILS_MOST = 5000  # vessels; above, trails would only blacken the picture
+TRAILS_MOST = 5000  # vessels; with more, trails would cover the picture
 
 
 @dataclass(frozen=True, eq=False)
 class Coverage:
-    """Where one sensor sees."""
+    """The coverage of one sensor."""
 
     name: str
     kind: str  # RADAR, STATION or BEARING
@@ -35,7 +35,7 @@ class Coverage:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A picture and its surroundings. V vessels, B bearing lines."""
+    """A picture with coverage, bearings, trails and land. V vessels, B bearing lines."""
 
     title: str
     subtitle: str
@@ -45,7 +45,7 @@ class Scene:
     coverages: tuple[Coverage, ...]
     position_deg: Floats  # (V, 2)
     velocity_m_s: Floats  # (V, 2)
-    ellipse: Floats  # (V, 3) 1-sigma half axes, m, and direction of the longer one, deg from north; NaN where there is none
+    ellipse: Floats  # (V, 3) 1-sigma half axes, m, and direction of the longer one, deg from north; NaN if unknown
     kind: Array  # (V,) AIS_ONLY, RADAR_ONLY, FUSED (both), SONAR_ONLY (neither) or COASTING (no sensor has a track)
     flags: Ints  # (V,) sum of batches.Flag
     bearing_from_deg: Floats  # (B, 2)
@@ -61,8 +61,8 @@ def load(
 ) -> Scene:
     """The scene of a run, now or at an instant.
 
-    Args: run: as `store.run` gives it. bbox: south, west, north, east in degrees, instead of the scenario's area. shore: GeoJSON
-    file instead of the scenario's own coastline.
+    Args: run: as `store.run` returns it. bbox: south, west, north, east in degrees, instead of the scenario's area. shore: GeoJSON
+    file instead of the scenario's coastline.
     Raises: StoreError, BadInput.
     """
     rows = store.picture(found, run["id"], at_s, bbox)
@@ -105,7 +105,7 @@ def _velocity(sog_cog: Floats) -> Floats:
 
 
 def _frame(area: dict[str, float], bbox: tuple[float, float, float, float] | None) -> tuple[tuple[float, float], float, float]:
-    """Centre, width and height in NM of what is drawn."""
+    """Centre in degrees, width and height in NM of the plot."""
     if bbox is None:
         return (area["latitude_deg"], area["longitude_deg"]), area["width_nm"], area["height_nm"]
     south, west, north, east = bbox
@@ -118,10 +118,10 @@ def _coverages(rows: Rows) -> tuple[Coverage, ...]:
     kinds = {"radar": RADAR, "ais": STATION, "bearing": BEARING}
     out = []
     for row in rows.rows:
-        said = dict(zip(rows.columns, row, strict=True))
-        site = np.array([said["latitude_deg"], said["longitude_deg"]], float)
-        arc = (float(said["spec"].get("arc_from_deg", 0.0)), float(said["spec"].get("arc_to_deg", 360.0)))
-        out.append(Coverage(said["name"], kinds[said["kind"]], site, float(said["range_m"]), arc))
+        sensor = dict(zip(rows.columns, row, strict=True))
+        site = np.array([sensor["latitude_deg"], sensor["longitude_deg"]], float)
+        arc = (float(sensor["spec"].get("arc_from_deg", 0.0)), float(sensor["spec"].get("arc_to_deg", 360.0)))
+        out.append(Coverage(sensor["name"], kinds[sensor["kind"]], site, float(sensor["range_m"]), arc))
     return tuple(sorted(out, key=lambda c: (RADAR, BEARING, STATION).index(c.kind)))
 
 
@@ -143,34 +143,34 @@ def _kind(sensors: set[str]) -> str:
 
 
 def _bearings(found: Store, run_id: int, table: dict[str, list[Any]], position_deg: Floats) -> Floats:
-    """Ends of the lines from a sensor along what it measured, as far as the vessel that it was given to. (2, B, 2)"""
+    """Ends of the lines from a sensor along its bearings, as far as the associated vessel. (2, B, 2)"""
     row_of = {vessel: k for k, vessel in enumerate(table["vessel_id"])}
     rows = store.bearing_tracks(found, run_id)
     lines = []
     for row in rows.rows:
-        said = dict(zip(rows.columns, row, strict=True))
-        if said["vessel_id"] in row_of:
-            lines.append((row_of[said["vessel_id"]], said["latitude_deg"], said["longitude_deg"], said["bearing_deg"]))
+        track = dict(zip(rows.columns, row, strict=True))
+        if track["vessel_id"] in row_of:
+            lines.append((row_of[track["vessel_id"]], track["latitude_deg"], track["longitude_deg"], track["bearing_deg"]))
     made = np.array(lines, float).reshape(-1, 4)
     site, angle = made[:, 1:3], np.radians(made[:, 3])
-    reach = np.hypot(*difference_m(position_deg[made[:, 0].astype(int)], site).T)
-    return np.stack([site, offset_deg(site, reach[:, None] * np.stack([np.sin(angle), np.cos(angle)], -1))])
+    distance_m = np.hypot(*difference_m(position_deg[made[:, 0].astype(int)], site).T)
+    return np.stack([site, offset_deg(site, distance_m[:, None] * np.stack([np.sin(angle), np.cos(angle)], -1))])
 
 
 def _trails(found: Store, run_id: int, vessels: list[int], position_deg: Floats, time_s: float | None) -> tuple[Floats, ...]:
-    """Of each vessel the points of the last minutes and where it is. Args: position_deg: (V, 2)."""
+    """Of each vessel its positions in the last minutes, the current one last. Args: position_deg: (V, 2)."""
     if time_s is None or len(vessels) > TRAILS_MOST:
         return ()
     past = store.history(found, run_id, time_s - TRAIL_S, time_s)
     if not len(past):
         return ()
     vessel = np.array([*past.column("vessel_id"), *vessels], np.int64)
-    place = np.array([past.column("latitude_deg"), past.column("longitude_deg")], float).T
-    place = np.concatenate([place, position_deg])
+    position = np.array([past.column("latitude_deg"), past.column("longitude_deg")], float).T
+    position = np.concatenate([position, position_deg])
     order = np.flatnonzero(np.isin(vessel, vessels))
     order = order[np.argsort(vessel[order], kind="stable")]
     cuts = np.flatnonzero(np.diff(vessel[order])) + 1
-    return tuple(place[rows] for rows in np.split(order, cuts) if len(rows) > 1)
+    return tuple(position[rows] for rows in np.split(order, cuts) if len(rows) > 1)
 
 
 def _land(scenario: str, shore: str | None) -> tuple[tuple[Shore, ...], str]:

@@ -1,4 +1,4 @@
-"""Every setting a scenario can have, found by walking the pydantic models: where it is written, its kind, default and meaning."""
+"""Every setting of a scenario, from the pydantic models: its table, kind, default and meaning."""
 
 from __future__ import annotations
 
@@ -50,11 +50,11 @@ class Setting:
 
 @dataclass(frozen=True)
 class Table:
-    """One table of a scenario file, or one method that a table may choose."""
+    """One table of a scenario file, or one method of a table."""
 
     header: str  # as in TOML: [tracks], [[radars]]
-    method: str  # empty where there is no choice
-    chosen: bool  # it is what a scenario has that says nothing
+    method: str  # empty if the table has no choice
+    chosen: bool  # the default
     model: type[BaseModel]
     settings: tuple[Setting, ...]
 
@@ -65,7 +65,7 @@ class Table:
 
 
 def tables(model: type[BaseModel], header: str = "") -> Iterator[Table]:
-    """The table of this model and every table below it, in the order in which they are declared."""
+    """The table of this model and every table below it, in order of declaration."""
     yield _table(model, header, chosen=True)
     for key, field in model.model_fields.items():
         below, many = models_of(field.annotation)
@@ -101,12 +101,12 @@ def _table(model: type[BaseModel], header: str, *, chosen: bool) -> Table:
 
 
 def unit_of(key: str) -> str:
-    """The unit that the end of a name says."""
+    """The unit of a name, from its ending."""
     return next((unit for ending, unit in UNITS.items() if key.endswith(ending)), "")
 
 
 def kind_of(annotation: Any, metadata: Any = ()) -> str:
-    """What may be written, in words: "number > 0", "text", one of some words."""
+    """The allowed values in words: "number > 0", "text", or a choice of words."""
     origin, parts = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         text = kind_of(parts[0], (*parts[1:], *metadata))
@@ -142,7 +142,7 @@ def _default(field: FieldInfo) -> str:
 
 
 def _comments(model: type[BaseModel]) -> dict[str, str]:
-    """The comment at the end of the line on which a field is declared, or the text below it, by field."""
+    """By field: the comment on the line of its declaration, or the text below it."""
     found: dict[str, str] = {}
     for cls in reversed(model.__mro__):
         if cls in (BaseModel, object) or not issubclass(cls, BaseModel):

@@ -1,4 +1,4 @@
-"""Reads of the store in the units of an operator: UTC, MMSI of nine digits, flags as words, figures rounded to what they are worth."""
+"""Rows of the store in the units of an operator: UTC, MMSI with nine digits, flags as words, rounded numbers."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ SHOWN = (
     "sources",
     "flags",
 )
-"""Columns of the picture that fit on a screen; files have all."""
+"""Columns of the picture in the table on a screen; the other formats have all."""
 
 ERRORS = (
     ("azimuth_bias_deg", "azimuth_sigma_deg"),
@@ -47,7 +47,7 @@ ERRORS = (
     ("time_lag_s", ""),
     ("estimated_lag_s", "lag_sigma_s"),
 )
-"""Registration errors of a sensor and their standard deviations; a lag is taken out only once it is known well."""
+"""Registration errors of a sensor and their standard deviations. A lag is subtracted only once it is accurate."""
 
 
 Box = tuple[float, float, float, float]
@@ -68,28 +68,28 @@ class Vessel:
 
 @contextmanager
 def opened(url: str) -> Iterator[Store]:
-    """The database, which must be there. Raises: StoreError."""
+    """The database, which must exist. Raises: StoreError."""
     with store.open_store(url, create=False) as found:
         yield found
 
 
 def run(found: Store, run_id: int | None) -> dict[str, Any]:
-    """The run of this number, or the latest. Raises: StoreError where there is none."""
+    """The run with this number, or the latest. Raises: StoreError if there is none."""
     return store.run(found, store.latest_run(found) if run_id is None else run_id)
 
 
 def picture(found: Store, run_id: int, at_s: float | None, bbox: Box | None) -> Rows:
-    """One row a vessel, for people."""
+    """The picture, one row per vessel, in the units of an operator."""
     return for_people(store.picture(found, run_id, at_s, bbox))
 
 
 def traffic(found: Store, run_id: int, bbox: Box, span_s: tuple[float, float]) -> Rows:
-    """What was in a box between two instants, for people. Raises: BadInput, StoreError."""
+    """The vessels in a box between two instants. Raises: BadInput, StoreError."""
     return for_people(store.traffic(found, run_id, bbox, *_span(span_s)))
 
 
 def encounters(found: Store, run_id: int, bbox: Box, span_s: tuple[float, float], limits: Mapping[str, Any]) -> Rows:
-    """Who came close to whom, for people. Args: limits: as `store.encounters` takes them. Raises: BadInput, StoreError."""
+    """Pairs of vessels that came close to each other. Args: limits: as of `store.encounters`. Raises: BadInput, StoreError."""
     for name, value in limits.items():
         if not 0.0 <= value < float("inf"):
             raise BadInput(f"{name}: got {value:g}, needed 0 or more")
@@ -103,35 +103,35 @@ def _span(span_s: tuple[float, float]) -> tuple[float, float]:
 
 
 def shown(rows: Rows) -> Rows:
-    """The columns of the picture that fit on a screen."""
+    """The columns of SHOWN."""
     keep = [rows.columns.index(name) for name in SHOWN if name in rows.columns]
     return Rows(tuple(rows.columns[k] for k in keep), [tuple(row[k] for k in keep) for row in rows.rows])
 
 
 def vessel(found: Store, run_id: int, vessel_id: int) -> Vessel:
-    """All that is stored of one vessel, for people. Raises: StoreError where the run never had it."""
-    said = store.track(found, run_id, vessel_id)
-    details = said.pop("vessel")
+    """Details and tables of one vessel. Raises: StoreError if the run never had it."""
+    track = store.track(found, run_id, vessel_id)
+    details = track.pop("vessel")
     row = for_people(Rows(tuple(details), [tuple(details.values())]))
-    tables = {key.replace("_", " "): for_people(rows) for key, rows in said.items() if key != "stays"}
+    tables = {key.replace("_", " "): for_people(rows) for key, rows in track.items() if key != "stays"}
     return Vessel({"run": run_id, **dict(zip(row.columns, row.rows[0], strict=True))}, tables)
 
 
 def sensors(found: Store, run_id: int, at_s: float | None) -> Rows:
-    """One row a sensor with all that is stored of it, for people."""
+    """One row per sensor with all its columns."""
     return for_people(store.sensor_states(found, run_id, at_s))
 
 
 def registration(rows: Rows) -> Rows:
-    """The rows of `sensors` as they fit on a screen: an error and what is not known of it in one cell."""
+    """The rows of `sensors` as a table for a screen, with an error and its standard deviation in one cell."""
     names = ("kind", "name", "region", "latitude_deg", "longitude_deg", "range_nm", "specification", "heard_utc")
     made = []
     for row in rows.rows:
         s = dict(zip(rows.columns, row, strict=True))
         spec = " ".join(f"{key}={round(value, 3):g}" for key, value in s["spec"].items())
         errors = [_with_sigma(s[value], s.get(sigma)) for value, sigma in ERRORS]
-        place = (s["kind"], s["name"], s["region"], s["latitude_deg"], s["longitude_deg"])
-        made.append((*place, round(s["range_m"] / NAUTICAL_MILE_M, 2), spec, s["heard_utc"], s["state"], *errors, s["vessels"]))
+        site = (s["kind"], s["name"], s["region"], s["latitude_deg"], s["longitude_deg"])
+        made.append((*site, round(s["range_m"] / NAUTICAL_MILE_M, 2), spec, s["heard_utc"], s["state"], *errors, s["vessels"]))
     return Rows((*names, "state", *(value for value, _ in ERRORS), "vessels"), made)
 
 
@@ -143,13 +143,15 @@ def questions() -> Rows:
     """Name, title and parameters of every question."""
     rows: list[tuple[Any, ...]] = []
     for name, question in store.operator_queries().items():
-        told = [f"{key}{'' if p.default is None else f'={p.default}'} ({p.meaning})" for key, p in question.parameters.items()]
-        rows.append((name, question.title, "; ".join(told)))
+        parameters = [
+            f"{key}{'' if p.default is None else f'={p.default}'} ({p.meaning})" for key, p in question.parameters.items()
+        ]
+        rows.append((name, question.title, "; ".join(parameters)))
     return Rows(("question", "answers", "parameters"), rows)
 
 
 def answer(found: Store, name: str, parameters: Mapping[str, str]) -> Rows:
-    """The answer to a question, for people. Raises: BadInput, StoreError."""
+    """The answer to a question. Raises: BadInput, StoreError."""
     known = store.operator_queries()
     if name not in known:
         raise BadInput(f"query: got {name!r}, needed one of {', '.join(known)}")
@@ -166,7 +168,7 @@ def answer(found: Store, name: str, parameters: Mapping[str, str]) -> Rows:
 
 
 def for_people(rows: Rows | Table) -> Rows:
-    """The same rows with every value as an operator reads it; instants are renamed from `_s` to `_utc`."""
+    """The same rows in the units of an operator. Columns of instants are renamed from `_s` to `_utc`."""
     makers = [_maker(name) for name in rows.columns]
     names = tuple(f"{name[:-2]}_utc" if name in store.INSTANTS else name for name in rows.columns)
     made = [tuple(None if v is None else make(v) for v, make in zip(row, makers, strict=True)) for row in rows.rows]
@@ -179,7 +181,7 @@ def utc_text(time_s: float) -> str:
 
 
 def flag_words(flags: int) -> str:
-    """The names of the flags in small letters, with blanks between."""
+    """The names of the flags in lower case, with spaces between."""
     return " ".join(str(flag.name).lower() for flag in Flag(flags))
 
 

@@ -1,4 +1,4 @@
-"""The picture of every cycle as metres from a point: the CSV that scoring programs read."""
+"""The picture of every cycle in metres from an origin, as CSV for scoring programs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ COLUMNS = ("time", "track_id", "north", "east", "vn", "ve", "latitude_deg", "lon
 def written(path: str, origin_deg: tuple[float, float]) -> Iterator[Callable[[Cycle], None]]:
     """A function that adds the picture of a cycle to the file.
 
-    Args: path: of the CSV. origin_deg: latitude, longitude of the point from which north and east are measured.
+    Args: path: of the CSV. origin_deg: latitude, longitude of the point where north and east are 0.
     """
     origin = np.array(origin_deg)
     with open(path, "w", encoding="utf-8", newline="") as file:
@@ -30,9 +30,9 @@ def written(path: str, origin_deg: tuple[float, float]) -> Iterator[Callable[[Cy
 
         def add(cycle: Cycle) -> None:
             picture = cycle.picture
-            place = to_plane(picture.position_deg, origin)
+            position_m = to_plane(picture.position_deg, origin)
             velocity = np.einsum("vij,vj->vi", turn(picture.position_deg, origin), picture.velocity_m_s)
-            motion = (place[:, 1], place[:, 0], velocity[:, 1], velocity[:, 0])
+            motion = (position_m[:, 1], position_m[:, 0], velocity[:, 1], velocity[:, 0])
             columns = (picture.time_s, picture.vessel_id, *motion, *picture.position_deg.T)
             out.writerows(zip(*(column.tolist() for column in columns), strict=True))
 

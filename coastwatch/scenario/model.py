@@ -1,4 +1,4 @@
-"""Everything that decides a run but the seed: one frozen, validated struct."""
+"""The Scenario: all settings of a run except the seed, as one frozen, validated struct."""
 
 from __future__ import annotations
 
@@ -30,26 +30,26 @@ from coastwatch.tracks import (
 
 
 class StoreSettings(Settings):
-    """What is kept of a run."""
+    """What is stored of a run, and for how long."""
 
-    picture_large: Annotated[int, Field(ge=0)] = 100_000  # tracks; up to so many the current picture is written every cycle
-    picture_every_s: Annotated[float, Field(ge=0.0)] = 12.0  # of more tracks
-    history_error_m: Positive = 10.0  # that a vessel may be off where its past is dead-reckoned from the points that are kept
-    history_max_s: Annotated[float, Field(ge=0.0)] = 60.0  # between two points of a vessel; 0: one in every cycle
+    picture_large: Annotated[int, Field(ge=0)] = 100_000  # tracks; up to this many the current picture is written every cycle
+    picture_every_s: Annotated[float, Field(ge=0.0)] = 12.0  # with more tracks
+    history_error_m: Positive = 10.0  # largest position error of a vessel's history, dead-reckoned from its stored points
+    history_max_s: Annotated[float, Field(ge=0.0)] = 60.0  # between two stored points of a vessel; 0: a point every cycle
     spots_every: Annotated[int, Field(ge=1)] = 1  # cycles
     associations_every: Annotated[int, Field(ge=1)] = 1  # cycles
     registration_every: Annotated[int, Field(ge=1)] = 1  # cycles
     checkpoint_every: Annotated[int, Field(ge=1)] = 10  # cycles
-    history_hours: Annotated[float, Field(ge=0.0)] = 0.0  # of the past that can be asked for; 0: all
+    history_hours: Annotated[float, Field(ge=0.0)] = 0.0  # of history; 0: all
     details_hours: Annotated[float, Field(ge=0.0)] = 0.0  # of associations, spots, timings and registrations; 0: all
-    picture_hours: Annotated[float, Field(ge=0.0)] = 0.0  # that the last picture of a run is kept after its end; 0: for ever
-    recording_hours: Annotated[float, Field(ge=0.0)] = 0.0  # of the recording; 0: all
-    overlap: bool = True  # a cycle is written while the next one is computed; the rows are the same
-    recording: bool = False  # of every picture with its members, bit for bit
+    picture_hours: Annotated[float, Field(ge=0.0)] = 0.0  # after the end of a run until its last picture is deleted; 0: never
+    recording_hours: Annotated[float, Field(ge=0.0)] = 0.0  # of recording; 0: all
+    overlap: bool = True  # write a cycle while the next one is computed; the rows are the same
+    recording: bool = False  # store every picture with its members, bit for bit
 
 
 class WorkerSettings(Settings):
-    """Over what a run is spread; the picture is the same to the bit for all.
+    """How the work of a run is shared; all methods give the same picture.
 
     `method`: `threads` of this process, `processes`, or `ray`, the machines of a cluster (see ops/ray); `auto` takes threads, and the best
     way on one machine is left to it.
@@ -60,14 +60,14 @@ class WorkerSettings(Settings):
 
 
 class Scenario(Settings):
-    """Everything that decides a run but the seed."""
+    """All settings of a run except the seed."""
 
-    name: Name  # the run is kept under it
-    title: str  # one line for lists and plots
-    seed: Annotated[int, Field(ge=0)] = 1  # of all that is random
-    start_utc: AwareDatetime | None = None  # none: where the recording begins
+    name: Name  # the name under which the run is stored
+    title: str  # one line, for lists and plots
+    seed: Annotated[int, Field(ge=0)] = 1  # of all randomness
+    start_utc: AwareDatetime | None = None  # none: the start of the recording
     period_s: Positive = 3.0
-    cycles: Annotated[int, Field(ge=0)] = 40  # scored; 0: to the end of the recording
+    cycles: Annotated[int, Field(ge=0)] = 40  # scored cycles; 0: to the end of the recording
     warmup_s: Annotated[float, Field(ge=0.0)] = 60.0  # before the first scored cycle
     area: Area
     radars: tuple[Radar, ...] = ()
@@ -92,7 +92,7 @@ class Scenario(Settings):
     @model_validator(mode="before")
     @classmethod
     def _default_method_where_none_is_named(cls, data: Any) -> Any:
-        """So that a setting of the default method of a stage can be changed without naming the method."""
+        """A table without `method` has the settings of the default method of its stage."""
         if not isinstance(data, dict):
             return data
         out = dict(data)
@@ -114,12 +114,12 @@ class Scenario(Settings):
         if 0.0 < self.spots.halo_m < self.associations.gate_m:
             raise ValueError(
                 f"spots.halo_m: got {self.spots.halo_m}, needed at least associations.gate_m = {self.associations.gate_m}, "
-                "or pairs across the border of two spots are lost (0: no halo, as in the paper, and they are)"
+                "else pairs across the border of two spots are lost (0: no halo, as in the paper, which loses them)"
             )
         return self
 
     def sensors(self) -> Sensors:
-        """The sensors as arrays, regions and sources numbered."""
+        """The sensors as arrays, with numbered regions and sources."""
         return sensors_of(self.radars, self.stations, self.sonars)
 
     @property
@@ -127,7 +127,7 @@ class Scenario(Settings):
         return int(np.ceil(self.warmup_s / self.period_s))
 
     def plan(self) -> Plan:
-        """The instants of the run. Where start or length are left open the input is asked for its span."""
+        """The instants of the run. If start or length are not set, they follow from the span of the input."""
         if self.start_utc is not None and self.cycles > 0:
             cycles = self.warmup_cycles + self.cycles
             return Plan(start_s=self.start_utc.timestamp(), period_s=self.period_s, cycles=cycles)

@@ -1,4 +1,4 @@
-"""TOML to Scenario, with the place of whatever is wrong."""
+"""TOML file to Scenario; errors name the file and the key."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from coastwatch.shipped import scenarios_folder
 
 
 def scenario_names() -> list[tuple[str, str]]:
-    """Name and title of every scenario that is shipped, sorted."""
+    """Name and title of every shipped scenario, sorted."""
     found = []
     for path in sorted(scenarios_folder().glob("*/scenario.toml")):
         found.append((path.parent.name, str(tomllib.loads(path.read_text("utf-8")).get("title", ""))))
@@ -25,8 +25,8 @@ def scenario_names() -> list[tuple[str, str]]:
 def load_scenario(name_or_path: str, overrides: Mapping[str, str] | None = None) -> Scenario:
     """The scenario of this name, or in this file or folder, with settings overridden.
 
-    Args: overrides: dotted key to value written as in TOML; a bare word counts as text. `radars.0.rpm` names a list item. They
-    come last, after what a file says and what it extends.
+    Args: overrides: dotted key to value as in TOML; a bare word counts as text. `radars.0.rpm` names an item of a list. They
+    replace the settings of the file and of those that it extends.
     Raises: ScenarioError that names the file and the key.
     """
     path = _find(name_or_path)
@@ -53,7 +53,7 @@ def _find(name_or_path: str) -> Path:
     shipped = scenarios_folder() / name_or_path / "scenario.toml"
     if not shipped.is_file():
         known = ", ".join(name for name, _ in scenario_names())
-        raise ScenarioError(f"no scenario is called {name_or_path!r}; there are: {known}; or give a path to a .toml file")
+        raise ScenarioError(f"there is no scenario {name_or_path!r}; needed one of {known}, or a path to a .toml file")
     return shipped
 
 
@@ -75,7 +75,7 @@ def _override(data: dict[str, Any], key: str, text: str) -> None:
 def _step_into(here: Any, part: str, path: str) -> Any:
     found = here[_index(here, part, path)] if isinstance(here, list) else here.setdefault(part, {})
     if not isinstance(found, dict | list):
-        raise ScenarioError(f"--set {path}: is {found!r}, not a table")
+        raise ScenarioError(f"--set {path}: got {found!r} there, needed a table")
     return found
 
 

@@ -1,4 +1,4 @@
-"""The sensors of a scenario by their specification, and the same as arrays."""
+"""The specifications of the sensors of a scenario, and the same as arrays."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Name = Annotated[str, Field(min_length=1, max_length=32)]
 
 
 class Area(Settings):
-    """The rectangle that is plotted."""
+    """The rectangle that `coastwatch plot` draws."""
 
     latitude_deg: Latitude
     longitude_deg: Longitude
@@ -28,10 +28,10 @@ class Area(Settings):
 
 
 class Radar(Settings):
-    """A radar by its specification."""
+    """The specification of a radar."""
 
     name: Name  # unique among the radars
-    region: Name = "region"  # radars of one region make one set of tracks
+    region: Name = "region"  # the radars of a region make one set of tracks
     latitude_deg: Latitude
     longitude_deg: Longitude
     range_nm: Positive
@@ -41,7 +41,7 @@ class Radar(Settings):
 
 
 class Station(Settings):
-    """An AIS receiver: inside its range AIS would be heard."""
+    """An AIS receiver: AIS is received inside its range."""
 
     name: Name  # unique among the stations
     latitude_deg: Latitude
@@ -50,7 +50,7 @@ class Station(Settings):
 
 
 class Sonar(Settings):
-    """A sensor that gives bearings: a passive sonar, a camera, a direction finder."""
+    """A bearing sensor: a passive sonar, a camera, a direction finder."""
 
     name: Name  # unique among the sonars
     latitude_deg: Latitude
@@ -63,11 +63,11 @@ class Sonar(Settings):
 
 
 def sensors_of(radars: Sequence[Radar], stations: Sequence[Station], sonars: Sequence[Sonar]) -> Sensors:
-    """The sensors as arrays; regions are numbered in order of first mention, their planes touch at the mean of their radars."""
+    """The sensors as arrays. Regions are numbered by their first radar; a region's plane is tangent at the mean of its radars."""
     regions = list(dict.fromkeys(r.region for r in radars))
     sites = _sites(radars)
     number = np.array([regions.index(r.region) for r in radars], np.int64)
-    origins = [_mean_place(sites[number == k]) for k in range(len(regions))]
+    origins = [_mean_position(sites[number == k]) for k in range(len(regions))]
     return Sensors(
         radars=_radars(radars, number),
         stations=Stations(
@@ -115,8 +115,8 @@ def _sites(sensors: Sequence[Radar | Station | Sonar]) -> Floats:
     return np.array([[s.latitude_deg, s.longitude_deg] for s in sensors], np.float64).reshape(-1, 2)
 
 
-def _mean_place(places_deg: Floats) -> Floats:
-    """The mean of nearby places, right across the antimeridian."""
-    first = places_deg[0]
-    east = (places_deg[:, 1] - first[1] + 180.0) % 360.0 - 180.0
-    return np.asarray(first + np.column_stack([places_deg[:, 0] - first[0], east]).mean(0))
+def _mean_position(positions_deg: Floats) -> Floats:
+    """The mean of nearby positions, also across the antimeridian."""
+    first = positions_deg[0]
+    east = (positions_deg[:, 1] - first[1] + 180.0) % 360.0 - 180.0
+    return np.asarray(first + np.column_stack([positions_deg[:, 0] - first[0], east]).mean(0))

@@ -1,4 +1,4 @@
-"""When and on what something was computed, for reports."""
+"""Date and machine of a computation, for reports."""
 
 from __future__ import annotations
 

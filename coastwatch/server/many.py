@@ -1,4 +1,4 @@
-"""Many independent pieces of work over some processes, results as they come."""
+"""Independent work over processes, with results in order of completion."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ Made = TypeVar("Made")
 
 
 def over_processes(work: Callable[[One], Made], pieces: Sequence[One], count: int) -> Iterator[tuple[One, Made]]:
-    """Each piece with what the work makes of it, in the order in which they are ready.
+    """Each piece with its result, in order of completion.
 
-    Args: work: a module-level function; count: of processes, 1: here. Ctrl-C and SIGTERM end it: what was begun is let go.
-    Raises: KeyboardInterrupt; whatever the work raises, after which nothing further is begun.
+    Args: work: a module-level function; count: number of processes, 1: this one. Ctrl-C and SIGTERM stop it.
+    Raises: KeyboardInterrupt; the errors of the work, after which no further piece is started.
     """
     with _terminated_as_interrupted():
         if count == 1 or len(pieces) < 2:
@@ -43,13 +43,13 @@ def over_processes(work: Callable[[One], Made], pieces: Sequence[One], count: in
 
 
 def _ignore_interrupt() -> None:
-    """Ctrl-C reaches every process of a terminal; a run that is in its cycles takes it for itself, and the pool is ended from above."""
+    """Ctrl-C reaches every process of a terminal; only the parent process must react."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 @contextmanager
 def _terminated_as_interrupted() -> Iterator[None]:
-    """SIGTERM ends the work as Ctrl-C does, so that no process is left behind."""
+    """SIGTERM stops the work as Ctrl-C does, so that no process remains."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -1,4 +1,4 @@
-"""One scenario from its first report to a stored picture: the clock, the pool, the signal handler and the store meet here."""
+"""Runs a scenario from its first report to the stored picture: clock, workers, signals, checkpoints and the store."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def version() -> str:
 
 @dataclass(frozen=True)
 class RunResult:
-    """What a run leaves behind."""
+    """The result of a run."""
 
     run_id: int
     scenario: str
@@ -63,40 +63,39 @@ def run_scenario(
     progress: Progress | None = None,
     on_cycle: OnCycle | None = None,
 ) -> RunResult:
-    """Run a scenario into a database. Ctrl-C ends it after the cycle in hand; the database then holds whole cycles only.
+    """Run a scenario into a database. Ctrl-C or SIGTERM stops it after the cycle in progress: only whole cycles are stored.
 
     Args:
-        seed, workers: instead of the scenario's. database: SQLAlchemy URL.
-        resume: go on with the newest unfinished run of this scenario, seed and version, from its last checkpoint, if there is one.
+        seed, workers: replace those of the scenario. database: SQLAlchemy URL.
+        resume: continue the newest unfinished run of this scenario, seed and version from its last checkpoint, if there is one.
         restart: delete earlier runs of this scenario and seed first.
-        progress: called with cycles done, cycles in all and a word on what is being done. on_cycle: called with each cycle's yield,
-        which may not be stored yet.
-    Raises: StoreError, OSError, ValueError: what the caller can repair, with what to repair in the message.
+        progress: called with cycles done, cycles in all and a short text. on_cycle: called with each cycle, before it is stored.
+    Raises: StoreError, OSError, ValueError: errors that the caller can repair; the message says how.
     """
-    begun = time.perf_counter()
+    started = time.perf_counter()
     seed = scenario.seed if seed is None else seed
     workers = processors(scenario.workers.count if workers is None else workers)
     database = database or DEFAULT_DATABASE
-    say = progress or (lambda done, total, what: None)
-    say(0, 1, "reading input")
+    report = progress or (lambda done, total, text: None)
+    report(0, 1, "reading input")
     sensors, plan = scenario.sensors(), scenario.plan()
     recording = scenario.input.load(sensors, seed, plan)
-    with store.open_store(database) as kept:
+    with store.open_store(database) as opened:
         if restart:
-            store.discard_runs(kept, scenario.name, seed)
-        run_id, point = _begin(kept, scenario, sensors, recording, plan, seed, workers, resume)
+            store.discard_runs(opened, scenario.name, seed)
+        run_id, point = _begin(opened, scenario, sensors, recording, plan, seed, workers, resume)
         watch = Stopwatch()
-        with open_workers(scenario.workers.method, workers) as opened, _interrupt_as_flag() as interrupted:
+        with open_workers(scenario.workers.method, workers) as opened_workers, _interrupt_as_flag() as interrupted:
             try:
-                with Writer[store.Written](watch, scenario.store.overlap and kept.shared) as writer:
-                    run = _Run(scenario, sensors, recording, plan, kept, run_id, opened, watch, writer, interrupted)
-                    point, vessels = _cycles(run, point, say, on_cycle)
+                with Writer[store.Written](watch, scenario.store.overlap and opened.shared) as writer:
+                    run = _Run(scenario, sensors, recording, plan, opened, run_id, opened_workers, watch, writer, interrupted)
+                    point, vessels = _cycles(run, point, report, on_cycle)
                 scores = result(point.tally, recording, sensors)
             except BaseException:
-                store.finish_run(kept, run_id, "failed", {}, recording.faults)
+                store.finish_run(opened, run_id, "failed", {}, recording.faults)
                 raise
         status = "interrupted" if interrupted.is_set() and point.cycle < plan.cycles else "finished"
-        store.finish_run(kept, run_id, status, scores, recording.faults)
+        store.finish_run(opened, run_id, status, scores, recording.faults)
     return RunResult(
         run_id,
         scenario.name,
@@ -108,20 +107,20 @@ def run_scenario(
         recording.faults,
         vessels,
         point.cycle,
-        time.perf_counter() - begun,
+        time.perf_counter() - started,
         status == "interrupted",
     )
 
 
 @dataclass(frozen=True)
 class _Run:
-    """What stays the same from cycle to cycle."""
+    """The parts of a run that do not change from cycle to cycle."""
 
     scenario: Scenario
     sensors: Sensors
     recording: Recording
     plan: Plan
-    kept: Any
+    store: Any
     run_id: int
     workers: Workers
     watch: Stopwatch
@@ -130,7 +129,7 @@ class _Run:
 
 
 def _begin(
-    kept: Any,
+    opened: Any,
     scenario: Scenario,
     sensors: Sensors,
     recording: Recording,
@@ -139,14 +138,14 @@ def _begin(
     workers: int,
     resume: bool,
 ) -> tuple[int, Point]:
-    """The run's number and where it starts: at a checkpoint where one is asked for and found, else at the first cycle."""
+    """The number of the run and its first point: a checkpoint if `resume` finds one, else the first cycle of a new run."""
     if resume:
-        found = store.resume_point(kept, scenario.name, seed, version(), scenario.model_dump(mode="json"))
+        found = store.resume_point(opened, scenario.name, seed, version(), scenario.model_dump(mode="json"))
         if found is not None:
             run_id, _, blob = found
             return run_id, _point(blob, run_id)
     run_id = store.begin_run(
-        kept,
+        opened,
         scenario=scenario.name,
         title=scenario.title,
         seed=seed,
@@ -171,21 +170,21 @@ def _point(saved: bytes, run_id: int) -> Point:
     return point
 
 
-def _cycles(run: _Run, point: Point, say: Progress, on_cycle: OnCycle | None) -> tuple[Point, int]:
-    """Run from a point to the end, or to the first whole cycle after an interrupt, which then has a checkpoint."""
+def _cycles(run: _Run, point: Point, report: Progress, on_cycle: OnCycle | None) -> tuple[Point, int]:
+    """Run from a point to the end, or to the end of the cycle in progress after an interrupt, with a checkpoint."""
     vessels = 0
     while point.cycle < run.plan.cycles and not run.interrupted.is_set():
         point, cycle, warning = _one(run, point)
         vessels = len(cycle.picture)
         if on_cycle is not None:
             on_cycle(cycle)
-        say(point.cycle, run.plan.cycles, f"{vessels} vessels" + (f"; {warning}" if warning else ""))
-        del cycle  # or it would stay beside the next
+        report(point.cycle, run.plan.cycles, f"{vessels} vessels" + (f"; {warning}" if warning else ""))
+        del cycle  # else two cycles are in memory at a time
     return point, vessels
 
 
 def _one(run: _Run, point: Point) -> tuple[Point, Cycle, str | None]:
-    """One cycle: reports, pipeline, scores, store; and what an operator should see to of the one before."""
+    """One cycle: reports, pipeline, scores, store. Returns the point after it, its yield, and a warning of the store."""
     scenario, plan, number = run.scenario, run.plan, point.cycle
     before_s = plan.start_s if number == 0 else plan.instant_s(number - 1)
     reports = run.recording.reports.between(before_s if number else float("-inf"), plan.instant_s(number))
@@ -204,14 +203,14 @@ def _one(run: _Run, point: Point) -> tuple[Point, Cycle, str | None]:
     before = run.writer.wait()
     last = after.cycle == plan.cycles or run.interrupted.is_set()
     of_cycle = run.run_id, number, cycle.to_write(), reports, run.watch.so_far(), scenario.store, blob
-    run.writer.start(partial(store.write_cycle, run.kept, *of_cycle, last=last))
+    run.writer.start(partial(store.write_cycle, run.store, *of_cycle, last=last))
     run.watch.lap()
     return after, cycle, before.warning if before else None
 
 
 @contextmanager
 def _interrupt_as_flag() -> Iterator[threading.Event]:
-    """An event that Ctrl-C or SIGTERM sets, so that a cycle is never cut in two; a second Ctrl-C is the usual one."""
+    """An event that Ctrl-C or SIGTERM sets, so that a cycle is completed. A second signal raises KeyboardInterrupt."""
     event = threading.Event()
     if threading.current_thread() is not threading.main_thread():
         yield event

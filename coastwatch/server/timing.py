@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 @dataclass
 class Stopwatch:
-    """Seconds of each stage, a list a stage with one entry a cycle; `lap()` ends a cycle and returns what it took."""
+    """Seconds of each stage: a list per stage with one entry per cycle. `lap()` ends a cycle and returns its seconds."""
 
     seconds: dict[str, list[float]] = field(default_factory=dict)
     _late: dict[str, float] = field(default_factory=dict)
@@ -19,19 +19,19 @@ class Stopwatch:
 
     @contextmanager
     def __call__(self, stage: str) -> Iterator[None]:
-        begun = time.perf_counter()
+        started = time.perf_counter()
         try:
             yield
         finally:
-            self._cycle[stage] = self._cycle.get(stage, 0.0) + time.perf_counter() - begun
+            self._cycle[stage] = self._cycle.get(stage, 0.0) + time.perf_counter() - started
 
     def late(self, stage: str, seconds: float) -> None:
-        """Note a stage of a cycle before that has only now ended, such as the store's own: its seconds stand in the row of this one."""
+        """Record a stage of the cycle before, such as the store's: its seconds are stored in the row of this cycle."""
         self._late[stage] = seconds
         self.seconds.setdefault(stage, []).append(seconds)
 
     def so_far(self) -> dict[str, float]:
-        """The seconds of each stage of the cycle in hand; of one that ends after its row is written, those of the last."""
+        """The seconds of each stage of this cycle; of a late stage, those of the last."""
         return {**self._late, **self._cycle}
 
     def lap(self) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""Cycles are written by a thread of their own while the next one is computed. Most of that time passes outside of Python's lock."""
+"""A thread that writes a cycle while the next one is computed. The database releases Python's lock for most of that time."""
 
 from __future__ import annotations
 
@@ -14,49 +14,49 @@ STAGE, WAIT = "store", "store_wait"
 
 
 class Writer(Generic[T]):
-    """Jobs in order, one in hand at a time; use it in a `with` block, which ends when the last one has.
+    """Runs jobs in order, one at a time. Use it in a `with` block, which ends after the last job.
 
-    The stage `store` of the stopwatch is what a job took; `store_wait` what the cycle waited for the job of the one before.
+    Stage `store` of the stopwatch is the time of a job; `store_wait` is how long a cycle waited for the job of the cycle before.
     """
 
     def __init__(self, watch: Stopwatch, overlap: bool) -> None:
-        """Args: overlap: in a thread; else a job is done before `start` returns."""
-        self._watch, self._hand = watch, ThreadPoolExecutor(1, "store") if overlap else None
-        self._begun: Future[tuple[T, float]] | None = None
+        """Args: overlap: run jobs in a thread; else a job is complete when `start` returns."""
+        self._watch, self._thread = watch, ThreadPoolExecutor(1, "store") if overlap else None
+        self._running: Future[tuple[T, float]] | None = None
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *failed: Any) -> None:
-        """The job in hand is finished whatever happened: no cycle is cut in two. What it raises is lost if something else has failed."""
+        """Waits for the job in progress, so that no cycle is written in part. Its error is dropped if the block raised another."""
         try:
             if failed[0] is None:
                 self.wait()
         finally:
-            if self._hand is not None:
-                self._hand.shutdown()
+            if self._thread is not None:
+                self._thread.shutdown()
 
     def wait(self) -> T | None:
-        """Wait for the job in hand; gives what it gave, None where there is none. Raises: what the job raised."""
-        if self._begun is None:
+        """Wait for the job in progress. Returns its result, None without a job. Raises: the error of the job."""
+        if self._running is None:
             return None
-        begun, self._begun = self._begun, None
+        running, self._running = self._running, None
         with self._watch(WAIT):
-            made, seconds = begun.result()
+            made, seconds = running.result()
         self._watch.late(STAGE, seconds)
         return made
 
     def start(self, job: Callable[[], T]) -> None:
-        """Begin a job; the one before must have been waited for. Raises: what the job raises, if it is not done in a thread."""
-        if self._hand is not None:
-            self._begun = self._hand.submit(_timed, job)
+        """Start a job; `wait` must have returned for the one before. Raises: the error of the job, if it does not run in a thread."""
+        if self._thread is not None:
+            self._running = self._thread.submit(_timed, job)
             return
         done: Future[tuple[T, float]] = Future()
         done.set_result(_timed(job))
-        self._begun = done
+        self._running = done
 
 
 def _timed(job: Callable[[], T]) -> tuple[T, float]:
-    begun = time.perf_counter()
+    started = time.perf_counter()
     made = job()
-    return made, time.perf_counter() - begun
+    return made, time.perf_counter() - started

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from coastwatch.scenario import ScenarioError, load_scenario
-from coastwatch.scenario.extending import over
+from coastwatch.scenario.extending import merged
 
 BELOW = """
 name = "below"
@@ -68,7 +68,7 @@ def test_tables_are_joined_lists_replaced_and_settings_of_another_method_left_be
     }
     before = str(below)
     above = {"a": {"deep": {"q": 3}}, "list": [9], "m": {"method": "two"}, "same": {"method": "one", "t": 2}}
-    assert over(below, above) == {
+    assert merged(below, above) == {
         "a": {"x": 1, "deep": {"p": 1, "q": 3}},
         "list": [9],
         "m": {"method": "two"},

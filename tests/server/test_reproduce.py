@@ -15,11 +15,11 @@ import pytest
 from run_world import Start
 
 from coastwatch.operators.cli import main
-from coastwatch.operators.reproduction import keeping, planning, published, report, running
-from coastwatch.operators.reproduction.drawings import roc_curve
+from coastwatch.operators.reproduction import finished_runs, planning, published, report, running
 from coastwatch.operators.reproduction.figures import Row, Spread, at_path
-from coastwatch.operators.reproduction.keeping import Kept
-from coastwatch.operators.reproduction.page import better_than_published
+from coastwatch.operators.reproduction.finished_runs import FinishedRuns
+from coastwatch.operators.reproduction.html_report import better_than_published
+from coastwatch.operators.reproduction.report_plots import roc_curve
 from coastwatch.server.many import over_processes
 
 FOLDERS = published.chosen("rangel", ())
@@ -40,7 +40,7 @@ def at_first_point(of: published.Published) -> published.Published:
 def reproduced(folder: Path, names: tuple[str, ...], further: tuple[str, ...] = SHORT) -> report.Reproduction:
     """Some folders, short, one run of each variant."""
     folders = {name: at_first_point(FOLDERS[name]) for name in names}
-    plan, kept = planning.plan(folders, 1, "test", further), Kept(str(folder))
+    plan, kept = planning.plan(folders, 1, "test", further), FinishedRuns(str(folder))
     running.carry_out(kept, planning.unlike(plan), 1, quiet)
     return report.made("rangel", folders, plan, kept, "coastwatch reproduce rangel")
 
@@ -99,7 +99,7 @@ def test_the_screen_shows_what_figure_2_shows(tmp_path: Path) -> None:
     said = reproduced(tmp_path, ("rangel-figure-2",), ())
     assert [row.reached for row in said.folders[0].rows] == [True] * 4
     assert [row.default.values for row in said.folders[0].rows] == [(1.0,), (1.0,), (1.0,), (2.0,)]
-    assert "data:image/png;base64,iVBOR" in report.written_page(Kept(str(tmp_path)), said).read_text("utf-8")
+    assert "data:image/png;base64,iVBOR" in report.written_page(FinishedRuns(str(tmp_path)), said).read_text("utf-8")
 
 
 # ---- what is kept ---------------------------------------------------------------------------------------------------
@@ -107,7 +107,7 @@ def test_the_screen_shows_what_figure_2_shows(tmp_path: Path) -> None:
 
 def test_an_interrupted_reproduction_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
     line = ["reproduce", "rangel", "--only", "tables-3-4", "--runs", "2", "--output", str(tmp_path)]
-    jobs = planning.unlike(planning.plan(published.chosen("rangel", ("tables-3-4",)), 2, keeping.code()))
+    jobs = planning.unlike(planning.plan(published.chosen("rangel", ("tables-3-4",)), 2, finished_runs.code()))
     seen: list[str] = []
 
     def measured(job: planning.Job) -> dict[str, Any] | None:
@@ -157,7 +157,7 @@ def test_ctrl_c_leaves_whole_files_and_no_process(start: Start, tmp_path: Path) 
 
 
 def test_a_file_that_is_not_whole_is_run_again(tmp_path: Path) -> None:
-    kept = Kept(str(tmp_path))
+    kept = FinishedRuns(str(tmp_path))
     kept.keep("a", {"seed": 1})
     assert kept.record("a") == {"seed": 1}
     (tmp_path / "runs" / "a.json").write_text('{"seed": ', "utf-8")
@@ -174,7 +174,7 @@ def test_settings_seed_and_code_decide_the_key() -> None:
     assert len(keys("a")) == 2 * len(FOLDERS["rangel-table-5"].variant)
     assert not keys("a") & keys("b")
     assert not keys("a") & keys("a", "cycles=7")
-    assert re.fullmatch(r"[\d.]+\+[0-9a-f]{12}", keeping.code())
+    assert re.fullmatch(r"[\d.]+\+[0-9a-f]{12}", finished_runs.code())
 
 
 def test_every_piece_of_work_is_done_once_over_processes() -> None:
@@ -187,7 +187,7 @@ def test_every_piece_of_work_is_done_once_over_processes() -> None:
 
 def test_the_page_stands_alone(whole: tuple[report.Reproduction, Path]) -> None:
     said, folder = whole
-    text = report.written_page(Kept(str(folder)), said).read_text("utf-8")
+    text = report.written_page(FinishedRuns(str(folder)), said).read_text("utf-8")
     assert re.findall(r"https?:|<script|<link|@import|url\(", text) == []
     assert set(re.findall(r'src="([^"]{0,10})', text)) == {"data:image"}
     assert text.count("<table") == text.count("</table>") == 1 + 2 * len(said.folders)
@@ -208,7 +208,7 @@ def test_the_page_names_what_is_worse_than_published() -> None:
 
 def test_the_json_has_every_figure_and_every_run(whole: tuple[report.Reproduction, Path]) -> None:
     said, folder = whole
-    made = json.loads(report.written_numbers(Kept(str(folder)), said).read_text("utf-8"))
+    made = json.loads(report.written_numbers(FinishedRuns(str(folder)), said).read_text("utf-8"))
     assert set(made) == {"schema", "paper", "command", "date_utc", "code", "machine", "scenarios"}
     assert made["schema"] == 1
     assert {"processor", "processors", "system", "python", "load"} == set(made["machine"])

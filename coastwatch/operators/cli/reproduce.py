@@ -6,15 +6,15 @@ import argparse
 import sys
 
 from coastwatch.operators.cli import progress
-from coastwatch.operators.reproduction import keeping, planning, published, report, running
+from coastwatch.operators.reproduction import finished_runs, planning, published, report, running
 
 INTERRUPTED = 130
 
 
 def reproduce(options: argparse.Namespace) -> int:
     folders = published.chosen(options.paper, tuple(options.only))
-    plan = planning.plan(folders, options.runs, keeping.code())
-    kept = keeping.Kept(options.output or f"reproduction-{options.paper}")
+    plan = planning.plan(folders, options.runs, finished_runs.code())
+    kept = finished_runs.FinishedRuns(options.output or f"reproduction-{options.paper}")
     jobs = planning.unlike(plan)
     todo = running.missing(kept, jobs)
     minutes = running.estimate_s(todo, options.workers) / 60.0
@@ -29,11 +29,11 @@ def reproduce(options: argparse.Namespace) -> int:
         left = len(running.missing(kept, jobs))
         print(f"coastwatch: interrupted with {left} of {len(jobs)} runs to do; the same command continues", file=sys.stderr)
         return INTERRUPTED
-    said = report.made(options.paper, folders, plan, kept, _command(options))
-    for line in report.lines(said):
+    made = report.made(options.paper, folders, plan, kept, _command(options))
+    for line in report.lines(made):
         print(line)
-    print(report.written_page(kept, said))
-    print(report.written_numbers(kept, said))
+    print(report.written_page(kept, made))
+    print(report.written_numbers(kept, made))
     return 0
 
 

@@ -1,4 +1,4 @@
-"""What came out of a run: one JSON object for programs, a page of text for people."""
+"""The result of a run as one JSON object, or as text for a terminal."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ COUNTS = ("tp", "fn", "fp", "tn")
 
 
 def as_object(scenario: Any, result: Any) -> dict[str, Any]:
-    """The result as plain values for JSON; what is not a finite number becomes null."""
+    """The result as plain values for JSON. A number that is not finite becomes null."""
     plain: dict[str, Any] = as_plain(
         {
             "scenario": result.scenario,
@@ -40,7 +40,7 @@ def as_object(scenario: Any, result: Any) -> dict[str, Any]:
 
 
 def as_plain(value: Any) -> Any:
-    """The value with numpy numbers, tuples and NaN made into what JSON knows."""
+    """The value with numpy numbers, tuples and NaN converted to JSON types."""
     if isinstance(value, Mapping):
         return {str(key): as_plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -97,7 +97,7 @@ def _scores(scores: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _shares(values: Mapping[str, Any]) -> Iterator[str]:
-    """Shares first as percentages, then the other figures by name, then the counts of decisions."""
+    """Shares as percentages, then the other figures by name, then the counts of decisions."""
     for key in PERCENT:
         if values.get(key) is not None:
             yield f"{'F1' if key == 'f1' else key} {100.0 * values[key]:.3f} %"
@@ -142,7 +142,7 @@ def _timings(timings_s: Mapping[str, Any], period_s: float) -> Iterator[str]:
 
 def _faults(faults: Any) -> Iterator[str]:
     if faults:
-        yield "records refused or set aside, by kind, with the first of each"
+        yield "refused and unused records, by kind, with the first of each"
         for f in faults:
             yield f"  {f.count:>8} x {f.kind}: {f.where}" + (f": {f.example}" if f.example else "")
 

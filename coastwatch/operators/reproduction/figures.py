@@ -1,4 +1,4 @@
-"""Mean and standard deviation over runs of every figure, for what was published, for the literal methods and for ours."""
+"""Mean and standard deviation over runs of every figure: published, by the literal methods and by ours."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ Record = Mapping[str, Any]
 class Spread:
     """A figure over runs."""
 
-    values: tuple[float, ...] = ()  # one a run that has it
+    values: tuple[float, ...] = ()  # one per run that has it
 
     @property
     def mean(self) -> float:
-        """The mean; NaN where no run has the figure."""
+        """The mean; NaN if no run has the figure."""
         return float(np.mean(self.values)) if self.values else math.nan
 
     @property
@@ -34,7 +34,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class Made:
-    """A variant at a point, with what its runs measured."""
+    """A variant at a point of the sweeps, with the records of its runs."""
 
     wanted: Wanted
     records: tuple[Record, ...]
@@ -42,7 +42,7 @@ class Made:
 
 @dataclass(frozen=True)
 class Row:
-    """A figure with all its columns; those that it has not are empty."""
+    """A figure with all its columns; missing ones are empty."""
 
     figure: Figure
     literal: Spread = field(default_factory=Spread)
@@ -52,7 +52,7 @@ class Row:
 
     @property
     def reached(self) -> bool | None:
-        """Whether what is asked is reached; none where nothing is, or nothing was measured."""
+        """Whether the target is reached; None without a target or a measurement."""
         asked, got = self.figure.asked, self.asked_of.mean
         if asked is None or math.isnan(got):
             return None
@@ -74,13 +74,13 @@ def rows(of: Published, made: Sequence[Made]) -> list[Row]:
 
 
 def values(records: Sequence[Record], path: str) -> tuple[float, ...]:
-    """What stands at a path, of the runs that have it."""
+    """The numbers at a path, of the runs that have one."""
     found = (at_path(record, path) for record in records)
     return tuple(value for value in found if value is not None)
 
 
 def at_path(record: Record, path: str) -> float | None:
-    """The number at a dotted path of what was measured; scores need not say so. None where there is none."""
+    """The number at a dotted path of a record, of which "scores." may be left out. None if there is none."""
     here: Any = record
     first = path.split(".")[0]
     for part in path.split(".") if first in record else ["scores", *path.split(".")]:
@@ -89,7 +89,7 @@ def at_path(record: Record, path: str) -> float | None:
 
 
 def at(made: Sequence[Made], variant: str, point: Mapping[str, Value]) -> Made | None:
-    """A variant where the named settings have these values; the first where others are swept too."""
+    """A variant at the point with these settings; the first if other settings are swept too."""
     for one in made:
         if one.wanted.variant.name == variant and _agrees(one.wanted.point, point):
             return one

@@ -1,4 +1,4 @@
-"""One run and what is measured in it: plain values that can be kept as JSON."""
+"""One run to its record: plain values for JSON."""
 
 from __future__ import annotations
 
@@ -11,29 +11,29 @@ from typing import Any
 
 from coastwatch.operators import plot, scene, stored
 from coastwatch.operators.cli.summary import as_plain
-from coastwatch.operators.reproduction.listening import Decisions, Pairs
+from coastwatch.operators.reproduction.cycle_statistics import Decisions, Pairs
 from coastwatch.operators.reproduction.planning import Job
 from coastwatch.pipeline import Cycle
 from coastwatch.server.run import RunResult, run_scenario
 from coastwatch.shipped import scenarios_folder
 
-NOWHERE = "sqlite://"  # in memory, gone with the run
-AROUND = 1  # investigations before and after an instant that are counted with it
+NOWHERE = "sqlite://"  # in memory, deleted after the run
+AROUND = 1  # cycles before and after an instant that are counted with it
 
 
 def measure(job: Job) -> dict[str, Any] | None:
-    """What is measured in a run; none where it was interrupted.
+    """The record of a run; None if it was interrupted.
 
-    Returns: seed, elapsed_s, scores (with the counts of decisions of the scored cycles), timings_s, and where asked `history`
+    Returns: seed, elapsed_s, scores (with the counts of decisions of the scored cycles), timings_s, and on request `history`
     (seconds after the start to scores), `roc`, `picture`.
     """
     decisions = Decisions(job.scenario.sensors())
     pairs = Pairs(job.scenario) if job.roc else None
 
     def on_cycle(cycle: Cycle) -> None:
-        decisions.hear(cycle)
+        decisions.add(cycle)
         if pairs:
-            pairs.hear(cycle)
+            pairs.add(cycle)
 
     with tempfile.TemporaryDirectory(prefix="coastwatch-") as folder:
         database = f"sqlite:///{Path(folder) / 'run.db'}" if job.picture else NOWHERE
@@ -49,7 +49,7 @@ def measure(job: Job) -> dict[str, Any] | None:
             "scores": _scores(job, result, decisions),
             "timings_s": result.timings_s,
             "history": {f"{at:g}": _at(job, decisions, at) for at in job.history_s},
-            "roc": pairs.said() if pairs else None,
+            "roc": pairs.as_object() if pairs else None,
             "picture": shown,
         }
     )
@@ -57,7 +57,7 @@ def measure(job: Job) -> dict[str, Any] | None:
 
 
 def _unkept(job: Job) -> Any:
-    """The scenario with as little stored as can be: nobody will read it."""
+    """The scenario with as little stored as possible: nothing reads the database."""
     every = dict.fromkeys(("spots_every", "associations_every", "registration_every", "checkpoint_every"), 10**9)
     seldom = {**every, "history_error_m": 1e9, "history_max_s": 1e9}
     return job.scenario.model_copy(update={"store": job.scenario.store.model_copy(update=seldom)})
@@ -70,13 +70,13 @@ def _scores(job: Job, result: RunResult, decisions: Decisions) -> dict[str, Any]
 
 
 def _at(job: Job, decisions: Decisions, at_s: float) -> dict[str, dict[str, float]]:
-    """The decisions around the first instant that is so long after the start."""
+    """The decisions around the first instant at this time after the start."""
     cycle = math.ceil(at_s / job.scenario.period_s) - 1
     return {stage: decisions.between(stage, cycle - AROUND, cycle + AROUND + 1) for stage in decisions.rows}
 
 
 def _picture(result: RunResult, database: str) -> dict[str, Any]:
-    """How many vessels of each kind the last picture shows, and the picture as a PNG."""
+    """Number of vessels of each kind in the last picture, and the picture as a PNG."""
     land = scenarios_folder() / "guanabara" / "coastline.geojson"
     with stored.opened(database) as found:
         what = scene.load(found, stored.run(found, result.run_id), None, None, str(land))

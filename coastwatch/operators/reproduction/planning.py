@@ -1,4 +1,4 @@
-"""Which runs a reproduction needs: a job for every variant, point of the sweeps and seed; what is the same is run once."""
+"""The runs of a reproduction: a job for every variant, point of the sweeps and seed. Equal jobs run once."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from coastwatch.operators.reproduction.published import Point, Published, Roc, V
 from coastwatch.scenario import Scenario, ScenarioError, load_scenario
 
 FIRST_SEED = 1000
-ROC_SEEDS = 2  # the statistics of all pairs are large, and two runs have enough of them
+ROC_SEEDS = 2  # the statistics of all pairs are large, and two runs are enough
 
 
 @dataclass(frozen=True)
 class Job:
-    """One run and what is to be measured in it."""
+    """One run and the statistics that its record needs."""
 
-    key: str  # of all that decides what is measured, and the code
+    key: str  # digest of everything that determines the record, with the code
     scenario: Scenario
     seed: int
     history_s: tuple[float, ...] = ()
     picture: bool = False
-    roc: Roc | None = None  # how the statistics of all pairs are had
+    roc: Roc | None = None  # settings of the statistics of all pairs
     serial: bool = False
 
 
@@ -42,7 +42,7 @@ class Wanted:
 def plan(
     folders: Mapping[str, Published], runs: int | None, code: str, further: tuple[str, ...] = ()
 ) -> dict[str, list[Wanted]]:
-    """Folder to what it needs. Args: runs: instead of the folders' own; code: digest of the code; further: settings of all runs."""
+    """The runs of each folder. Args: runs: instead of the folders' own number; code: digest of the code; further: settings of all runs."""
     if runs is not None and runs < 1:
         raise BadInput(f"--runs: got {runs}, needed 1 or more")
     return {
@@ -76,7 +76,7 @@ def _scenario(name: str, variant: Variant, settings: tuple[str, ...]) -> Scenari
 
 
 def _job(of: Published, scenario: Scenario, seed: int, roc: Roc | None, code: str) -> Job:
-    """A job; its key leaves out what names a run and changes nothing in it, so that two tables can share runs."""
+    """A job. Its key leaves out the names of a run, so that two tables can share runs."""
     decides = {
         "settings": scenario.model_dump(mode="json", exclude={"name", "title", "workers", "seed"}),
         "seed": seed,

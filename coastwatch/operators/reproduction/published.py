@@ -1,4 +1,4 @@
-"""`published.toml` of the scenario folders that reproduce a paper: what was published, and which variants of a run answer it."""
+"""`published.toml` of the scenario folders that reproduce a paper: published figures, and the variants of a run to compare."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ Point = tuple[tuple[str, Value], ...]
 
 
 class Roc(Settings):
-    """That the scores of all candidate pairs of a variant are wanted."""
+    """Asks for the scores of all candidate pairs of a variant."""
 
-    threshold: float  # score from which the variant itself accepts: marked on the curve
+    threshold: float  # score from which the variant accepts, marked on the curve
 
 
 class Variant(Settings):
@@ -32,7 +32,7 @@ class Variant(Settings):
     title: str
     settings: tuple[str, ...] = ()  # KEY=VALUE
     sweep: dict[str, tuple[Value, ...]] = Field(default_factory=dict)  # key to values, beyond those of the folder
-    most_runs: Annotated[int, Field(ge=1)] | None = None  # of each point: fewer than the folder's where a sweep needs no more
+    most_runs: Annotated[int, Field(ge=1)] | None = None  # of each point: fewer than the folder's, if a sweep needs fewer
     roc: Roc | None = None
 
 
@@ -44,11 +44,11 @@ class Figure(Settings):
     published: float | None = None
     asked: float | None = None
     asked_by: str = ""
-    asked_of: str = "default"  # the variant that must reach it
+    asked_of: str = "default"  # the variant that must reach the target
     better: Literal["higher", "lower"] = "higher"
-    compared: bool = True  # whether ours can be better or worse than what was published: counts of decisions cannot
-    path: str  # where in what was measured it stands
-    over: str = ""  # what it is divided by
+    compared: bool = True  # whether ours can be better or worse than published; counts of decisions cannot
+    path: str  # path in the record
+    over: str = ""  # path of the divisor
     bound: str = ""  # path of the physical bound
     at: dict[str, Value] = Field(default_factory=dict)  # which point of the sweeps
     against: dict[str, Value] = Field(default_factory=dict)  # divided by the same at this other point
@@ -64,19 +64,19 @@ class Published(Settings):
     paper: str
     order: int  # in the report
     title: str
-    runs: Annotated[int, Field(ge=1)] = 10  # unless the operator says otherwise
-    serial: bool = False  # its runs are timed: one at a time, with nothing beside them
-    why: str = ""  # what differs and why, for the report
-    history_s: tuple[float, ...] = ()  # after a cold start, at which decisions are counted apart
-    picture: bool = False  # the picture is drawn
+    runs: Annotated[int, Field(ge=1)] = 10  # unless --runs is given
+    serial: bool = False  # its runs are timed: one at a time
+    why: str = ""  # the differences and their causes, for the report
+    history_s: tuple[float, ...] = ()  # times after a cold start at which decisions are counted separately
+    picture: bool = False  # draw the picture
     plots: tuple[Literal["picture", "time_shares", "noise", "history", "roc"], ...] = ()
-    short: tuple[str, ...] = ()  # settings that a test changes to be quick
+    short: tuple[str, ...] = ()  # settings of a quick test
     sweep: dict[str, tuple[Value, ...]] = Field(default_factory=dict)
     variant: tuple[Variant, ...]
     figure: tuple[Figure, ...] = ()
 
     @model_validator(mode="after")
-    def _figures_name_what_there_is(self) -> Published:
+    def _figures_name_existing_variants(self) -> Published:
         names = [v.name for v in self.variant]
         if len(set(names)) < len(names):
             raise ValueError(f"variant: got names {names}, needed each once")
@@ -90,7 +90,7 @@ class Published(Settings):
         return self
 
     def points(self, variant: Variant) -> Iterator[Point]:
-        """Every combination of the swept settings of a variant; one that is empty where nothing is swept."""
+        """Every combination of the swept settings of a variant; one empty point without a sweep."""
         swept = sorted({**self.sweep, **variant.sweep}.items())
         for values in itertools.product(*(values for _, values in swept)):
             yield tuple(zip((key for key, _ in swept), values, strict=True))
@@ -101,7 +101,7 @@ class Published(Settings):
 
 
 def settings_of(variant: Variant, point: Point) -> tuple[str, ...]:
-    """KEY=VALUE of all that a variant changes at a point."""
+    """KEY=VALUE of all settings that a variant changes at a point."""
     return (*variant.settings, *(f"{key}={_written(value)}" for key, value in point))
 
 
@@ -110,7 +110,7 @@ def _written(value: Value) -> str:
 
 
 def papers() -> dict[str, dict[str, Published]]:
-    """Paper, then scenario, to what is published, in the order of the report. Raises: BadInput where a file is wrong."""
+    """Paper, then scenario, to its published.toml, in the order of the report. Raises: BadInput for a wrong file."""
     found: dict[str, dict[str, Published]] = {}
     for path in scenarios_folder().glob("*/published.toml"):
         made = read(path)
@@ -120,7 +120,7 @@ def papers() -> dict[str, dict[str, Published]]:
 
 
 def read(path: Path) -> Published | None:
-    """What a file says; none where it is of no paper that is reproduced. Raises: BadInput that names file and key."""
+    """The content of a file; None if it belongs to no paper. Raises: BadInput that names file and key."""
     try:
         data: dict[str, Any] = tomllib.loads(path.read_text("utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
@@ -147,7 +147,7 @@ def _variants(path: Path, folder: object) -> list[Any]:
 
 
 def chosen(paper: str, only: tuple[str, ...]) -> dict[str, Published]:
-    """The folders of a paper, or some of them; a name may leave the paper off. Raises: BadInput."""
+    """The folders of a paper, or some of them; the name of the paper may be left out. Raises: BadInput."""
     known = papers()
     if paper not in known:
         raise BadInput(f"reproduce: got {paper!r}, needed a paper of {', '.join(known)}")

@@ -1,4 +1,4 @@
-"""A reproduction put together from what is kept, and written: lines for a terminal, a page, a JSON file."""
+"""A reproduction assembled from the finished runs and written: lines for a terminal, an HTML page, a JSON file."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from coastwatch.operators.reproduction import page
+from coastwatch.operators.reproduction import html_report
 from coastwatch.operators.reproduction.figures import Made, Row, Spread, rows
-from coastwatch.operators.reproduction.keeping import Kept, code
-from coastwatch.operators.reproduction.numbers import Folder, Reproduction, as_object
+from coastwatch.operators.reproduction.finished_runs import FinishedRuns, code
+from coastwatch.operators.reproduction.json_report import Folder, Reproduction, as_object
 from coastwatch.operators.reproduction.planning import Wanted
 from coastwatch.operators.reproduction.published import Published
 from coastwatch.operators.reproduction.running import records
@@ -20,9 +20,9 @@ PAGE, NUMBERS = "report.html", "report.json"
 
 
 def made(
-    paper: str, folders: Mapping[str, Published], plan: Mapping[str, list[Wanted]], kept: Kept, command: str
+    paper: str, folders: Mapping[str, Published], plan: Mapping[str, list[Wanted]], kept: FinishedRuns, command: str
 ) -> Reproduction:
-    """What the kept runs of a plan say, as of now and of this machine."""
+    """The figures of the finished runs of a plan, with the date and this machine."""
     found = []
     for name, of in folders.items():
         measured = tuple(Made(wanted, tuple(records(kept, wanted.jobs))) for wanted in plan[name])
@@ -30,26 +30,26 @@ def made(
     return Reproduction(paper, tuple(found), date_utc(), code(), machine(), command)
 
 
-def written_page(kept: Kept, said: Reproduction) -> Path:
+def written_page(kept: FinishedRuns, reproduction: Reproduction) -> Path:
     """The HTML page, written."""
-    return kept.write(PAGE, page.text(said))
+    return kept.write(PAGE, html_report.text(reproduction))
 
 
-def written_numbers(kept: Kept, said: Reproduction) -> Path:
+def written_numbers(kept: FinishedRuns, reproduction: Reproduction) -> Path:
     """The JSON file, written."""
-    return kept.write(NUMBERS, json.dumps(as_object(said), allow_nan=False, indent=1))
+    return kept.write(NUMBERS, json.dumps(as_object(reproduction), allow_nan=False, indent=1))
 
 
-def lines(said: Reproduction) -> Iterator[str]:
-    """Every figure on a line."""
-    for folder in said.folders:
+def lines(reproduction: Reproduction) -> Iterator[str]:
+    """One line per figure."""
+    for folder in reproduction.folders:
         yield folder.of.title
         yield f"  {'':<44} {'published':>10} {'literal':>20} {'our default':>20} {'bound':>10}"
         for row in folder.rows:
             f = row.figure
-            said_, bound = (_number(v, row) for v in (math.nan if f.published is None else f.published, row.bound.mean))
+            published, bound = (_number(v, row) for v in (math.nan if f.published is None else f.published, row.bound.mean))
             missed = "  missed" if row.reached is False else ""
-            yield f"  {f.name[:44]:<44} {said_:>10} {_spread(row.literal, row):>20} {_spread(row.default, row):>20} {bound:>10}{missed}"
+            yield f"  {f.name[:44]:<44} {published:>10} {_spread(row.literal, row):>20} {_spread(row.default, row):>20} {bound:>10}{missed}"
 
 
 def _spread(spread: Spread, row: Row) -> str:

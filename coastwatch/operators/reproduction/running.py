@@ -1,11 +1,11 @@
-"""The runs that are missing, done: over processes, and then those that are timed, alone."""
+"""Runs the missing jobs over processes, then the timed ones one at a time."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from coastwatch.operators.reproduction.keeping import Kept
+from coastwatch.operators.reproduction.finished_runs import FinishedRuns
 from coastwatch.operators.reproduction.measuring import measure
 from coastwatch.operators.reproduction.planning import Job
 from coastwatch.server.many import over_processes
@@ -15,21 +15,21 @@ VESSEL_CYCLE_S = 6e-5  # computing time of one vessel in one cycle, on one core 
 CYCLE_S = 0.018  # of a cycle without any vessel
 
 
-def missing(kept: Kept, jobs: Sequence[Job]) -> list[Job]:
+def missing(kept: FinishedRuns, jobs: Sequence[Job]) -> list[Job]:
     """The jobs that are not in the output folder."""
     return [job for job in jobs if kept.record(job.key) is None]
 
 
 def estimate_s(jobs: Sequence[Job], workers: int) -> float:
-    """About how long these jobs take."""
+    """Estimated duration of these jobs."""
     together, alone = (sum(_cost_s(job) for job in jobs if job.serial is serial) for serial in (False, True))
     return together / workers + alone
 
 
-def carry_out(kept: Kept, jobs: Sequence[Job], workers: int, progress: Progress) -> None:
-    """Runs every job that is missing and keeps what it measured at once.
+def carry_out(kept: FinishedRuns, jobs: Sequence[Job], workers: int, progress: Progress) -> None:
+    """Runs every missing job and stores its record immediately.
 
-    Raises: KeyboardInterrupt on Ctrl-C; what was finished by then is kept.
+    Raises: KeyboardInterrupt on Ctrl-C; the records of finished runs are kept.
     """
     todo = missing(kept, jobs)
     done = len(jobs) - len(todo)
@@ -43,8 +43,8 @@ def carry_out(kept: Kept, jobs: Sequence[Job], workers: int, progress: Progress)
             progress(done, len(jobs), f"{job.scenario.name}, seed {job.seed}")
 
 
-def records(kept: Kept, jobs: Sequence[Job]) -> list[dict[str, Any]]:
-    """What was measured in each job. Raises: LookupError where one is not there."""
+def records(kept: FinishedRuns, jobs: Sequence[Job]) -> list[dict[str, Any]]:
+    """The record of each job. Raises: LookupError if one is missing."""
     found = []
     for job in jobs:
         record = kept.record(job.key)

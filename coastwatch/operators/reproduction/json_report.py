@@ -10,7 +10,7 @@ from typing import Any
 from coastwatch.operators.reproduction.figures import Made, Record, Row, Spread
 from coastwatch.operators.reproduction.published import Published
 
-SCHEMA = 1  # of this object; a key that goes or changes its meaning counts it up
+SCHEMA = 1  # of this object; incremented if a key is removed or changes its meaning
 LARGE = ("picture", "roc")  # in the report as plots
 
 
@@ -26,7 +26,7 @@ class Folder:
 
 @dataclass(frozen=True)
 class Reproduction:
-    """All that a report says."""
+    """The content of a report."""
 
     paper: str
     folders: tuple[Folder, ...]
@@ -36,22 +36,22 @@ class Reproduction:
     command: str
 
 
-def as_object(said: Reproduction) -> dict[str, Any]:
-    """Plain values; what is not a finite number is null."""
+def as_object(reproduction: Reproduction) -> dict[str, Any]:
+    """Plain values. A number that is not finite is null."""
     return {
         "schema": SCHEMA,
-        "paper": said.paper,
-        "command": said.command,
-        "date_utc": said.date_utc,
-        "code": said.code,
-        "machine": dict(said.machine),
+        "paper": reproduction.paper,
+        "command": reproduction.command,
+        "date_utc": reproduction.date_utc,
+        "code": reproduction.code,
+        "machine": dict(reproduction.machine),
         "scenarios": {
             folder.name: {
                 "title": folder.of.title,
                 "figures": [_figure(row) for row in folder.rows],
                 "variants": [_variant(made) for made in folder.made],
             }
-            for folder in said.folders
+            for folder in reproduction.folders
         },
     }
 

@@ -1,4 +1,4 @@
-"""What a run says beyond its scores: decisions investigation by investigation, and the scores of all candidate pairs."""
+"""Statistics of a run beside its scores: decisions cycle by cycle, and the scores of all candidate pairs."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario
 from coastwatch.scores.confusion import Confusion, association, bearing_association
 
-KEPT_WRONG = 5000  # pairs of two vessels that look most like one; the others only count
-EVERY = 8  # scored cycles between those whose pairs are kept: neighbours say the same
+KEPT_WRONG = 5000  # stored pairs of two vessels, those with the greatest scores; the others are counted
+EVERY = 8  # scored cycles between those whose pairs are stored: neighbouring cycles are correlated
 
 
 class Decisions:
-    """Counts of every cycle: what was decided, and of how many tracks."""
+    """Counts of every cycle: decisions, and number of tracks."""
 
     def __init__(self, sensors: Sensors) -> None:
         self._kinds = sensors.source_kinds
         self.rows: dict[str, list[tuple[Confusion, int]]] = {"associations": [], "bearing_associations": []}
 
-    def hear(self, cycle: Cycle) -> None:
+    def add(self, cycle: Cycle) -> None:
         """Count one cycle."""
         radar = int((self._kinds[cycle.tracks.source] == SourceKind.RADAR).sum())
         counts = association(cycle.tracks, cycle.associations, self._kinds)
         self.rows["associations"].append((counts, radar))
-        heard = bearing_association(cycle.bearing_tracks, cycle.picture, cycle.bearing_associations)
-        self.rows["bearing_associations"].append((heard, len(cycle.bearing_tracks)))
+        bearings = bearing_association(cycle.bearing_tracks, cycle.picture, cycle.bearing_associations)
+        self.rows["bearing_associations"].append((bearings, len(cycle.bearing_tracks)))
 
     def between(self, stage: str, first: int, stop: int) -> dict[str, float]:
-        """What some cycles add up to, with swaps and with what "always associate" would have scored on the same decisions."""
+        """The sums over some cycles, with swaps and with the F1 of "always associate" on the same decisions."""
         rows = self.rows[stage][max(first, 0) : stop]
         total, decisions = sum((c for c, _ in rows), Confusion()), sum(n for _, n in rows)
         exists = total.tp + total.fn
@@ -45,7 +45,7 @@ class Decisions:
 
 
 class Pairs:
-    """A second associator beside the run's own, whose scores of all candidate pairs are kept."""
+    """A second associator beside that of the run, which stores the scores of all candidate pairs."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._method: Any = scenario.associations
@@ -54,7 +54,7 @@ class Pairs:
         self._true: list[Floats] = []
         self._wrong: list[Floats] = []
 
-    def hear(self, cycle: Cycle) -> None:
+    def add(self, cycle: Cycle) -> None:
         """The scores of one cycle's candidates."""
         self._memory, _, found = step_with_candidates(self._method, self._memory, cycle.tracks, cycle.spots)
         number, self._cycle = self._cycle - self._from, self._cycle + 1
@@ -65,8 +65,8 @@ class Pairs:
         self._true.append(found.score[true])
         self._wrong.append(found.score[~true])
 
-    def said(self) -> dict[str, Any]:
-        """Scores of pairs of one vessel, and of the wrong pairs that look most like one; both sorted, greatest first."""
+    def as_object(self) -> dict[str, Any]:
+        """Scores of the true pairs, and the greatest scores of the wrong pairs; both sorted, greatest first."""
         true, wrong = (np.sort(np.concatenate([np.zeros(0), *part]))[::-1] for part in (self._true, self._wrong))
         kept = wrong[:KEPT_WRONG]
         return {

@@ -1,4 +1,4 @@
-"""What was measured, kept as one file a run in the output folder: what is there is not run again."""
+"""Records of finished runs, one file per run in the output folder. A run with a record is not run again."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from coastwatch.operators.bad_input import BadInput
 from coastwatch.server.run import version
 from coastwatch.shipped import PACKAGE
 
-MEASURING = ("listening.py", "measuring.py")  # of this folder: the others only show what was measured
+MEASURING = ("cycle_statistics.py", "measuring.py")  # of this folder; the others only present the records
 
 
 def code() -> str:
-    """The version, and a digest of every module that can change what is measured."""
+    """The version, and a digest of every module that can change a record."""
     here = Path(__file__).parent
     below = (p for p in PACKAGE.rglob("*.py") if p.relative_to(PACKAGE).parts[0] != "operators")
     digest = hashlib.sha256()
@@ -26,11 +26,11 @@ def code() -> str:
     return f"{version()}+{digest.hexdigest()[:12]}"
 
 
-class Kept:
+class FinishedRuns:
     """The runs in an output folder."""
 
     def __init__(self, output: str) -> None:
-        """Makes the folder. Raises: BadInput where nothing can be written there."""
+        """Makes the folder. Raises: BadInput if it cannot be written."""
         self.folder = Path(output)
         self._runs = self.folder / "runs"
         try:
@@ -42,7 +42,7 @@ class Kept:
             raise BadInput(f"--output: got {output!r}, needed a folder that can be written: {error.strerror}") from error
 
     def record(self, key: str) -> dict[str, Any] | None:
-        """What was measured in a run; none where it is not there, or is not whole."""
+        """The record of a run; None if it is absent or incomplete."""
         try:
             found: dict[str, Any] = json.loads((self._runs / f"{key}.json").read_text("utf-8"))
         except (FileNotFoundError, ValueError):
@@ -50,11 +50,11 @@ class Kept:
         return found
 
     def keep(self, key: str, record: Mapping[str, Any]) -> None:
-        """Writes what was measured in a run."""
+        """Writes the record of a run."""
         self.write(f"runs/{key}.json", json.dumps(record, allow_nan=False))
 
     def write(self, name: str, text: str) -> Path:
-        """Writes a file of the folder, as a whole or not at all."""
+        """Writes a file of the folder, completely or not at all."""
         path = self.folder / name
         beside = path.with_name(f".{path.name}.{os.getpid()}")
         beside.write_text(text, "utf-8")

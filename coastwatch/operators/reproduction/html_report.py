@@ -1,4 +1,4 @@
-"""The report as one HTML page with everything in it: readable without a network, printable, plain."""
+"""The report as one HTML page that needs no other file and no network."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator, Sequence
 from html import escape
 
-from coastwatch.operators.reproduction.drawings import drawn
 from coastwatch.operators.reproduction.figures import Made, Row, Spread, values
-from coastwatch.operators.reproduction.numbers import Folder, Reproduction, seeds
+from coastwatch.operators.reproduction.json_report import Folder, Reproduction, seeds
+from coastwatch.operators.reproduction.report_plots import drawn
 
 CSS = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #1d2733; background: #fff; max-width: 70rem;
@@ -23,7 +23,7 @@ th:first-child, td:first-child { text-align: left; white-space: normal; min-widt
 figure { margin: 1rem 0; } figure img { max-width: 100%; } figcaption { color: #5b6b7a; font-size: .85rem; max-width: 52rem; }
 code { font-size: .85em; } nav a { margin-right: .9rem; } @media print { h2 { break-before: page; } }
 """
-# path, heading, unit, digits: what a table of variants shows, of the stage that a folder is about
+# path, heading, unit, digits: columns of the table of variants, by the stage of the folder
 DECISIONS = (("f1", "F1", "%", 2), ("precision", "precision", "%", 2), ("recall", "recall", "%", 2), ("accuracy", "accuracy", "%", 2),
              ("specificity", "specificity", "%", 2), ("mcc", "MCC", "", 3), ("swaps", "swaps", "", 0))  # fmt: skip
 ERRORS = (("fused_tracks.position_rmse_m", "position, m", "", 2), ("fused_tracks.course_rmse_deg", "course, deg", "", 2),
@@ -35,47 +35,51 @@ TIMES = (("timings_s.associations.median", "association, ms", "ms", 3), ("timing
 COUNTS = (("picture.fused", "fused", "", 0), ("picture.radar_only", "radar alone", "", 0),
           ("picture.AIS_only", "AIS alone", "", 0), ("picture.bearings", "bearings", "", 0))  # fmt: skip
 HOW = """
-<p>Columns: <b>published</b>, what the paper says. <b>Literal</b>, its methods as it writes them, run here; where it leaves
-something open the choice is named. <b>Our default</b>, what <code>coastwatch run</code> does. <b>Bound</b>, the exact filter that
-knows the true motion and every noise: no method can be better. Each is the mean over runs &plusmn; the standard deviation of one
-run; "asked" says whether the project's own target is reached, by the variant named where it is not the default.</p>
-<p>What the paper leaves open (radar range, process noise, window p, confidence, AIS interval) decides more than the methods do; the
-README of each scenario lists how it is set. Decisions are counted one a track and investigation; a swap is FN and FP. F1 is shown
-with specificity and MCC, for on the paper's own Table III "always associate" has an F1 of 91.8 %. No setting was chosen on seeds from
-1000 on; one of them, 1003, once showed a fault of the bearing association that was then mended.</p>"""
+<p>Columns: <b>published</b>, the paper's value. <b>Literal</b>, the methods as the paper describes them, run here; where the
+paper is not specific, the choice is named. <b>Our default</b>, the methods of <code>coastwatch run</code>. <b>Bound</b>, the exact filter
+that knows the true motion and every noise: no method can be better. Each is the mean over runs &plusmn; the standard deviation of one
+run. "Asked" says whether the project's own target is reached, by the named variant if it is not the default.</p>
+<p>The paper does not give radar range, process noise, window p, confidence and AIS interval. These matter more than the methods; the
+README of each scenario lists the values. A decision is counted per track and cycle; a swap is FN and FP. F1 is shown with
+specificity and MCC, because on the paper's Table III "always associate" has an F1 of 91.8 %. No setting was chosen on seeds from
+1000 on. One of them, 1003, showed an error of the bearing association, which was then corrected.</p>"""
 
 
-def text(said: Reproduction) -> str:
+def text(reproduction: Reproduction) -> str:
     """The whole page."""
-    return "".join(_page(said))
+    return "".join(_page(reproduction))
 
 
-def _page(said: Reproduction) -> Iterator[str]:
-    title = f"Reproduction of {escape(said.paper.capitalize())} et al."
+def _page(reproduction: Reproduction) -> Iterator[str]:
+    title = f"Reproduction of {escape(reproduction.paper.capitalize())} et al."
     yield f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>{CSS}</style></head><body>'
-    yield f"<h1>{title}</h1><p class=faint>{_facts(said)}</p>"
-    yield "<nav>" + "".join(f'<a href="#{f.name}">{escape(f.of.title.split(":")[0])}</a>' for f in said.folders) + "</nav>"
-    yield from _summary(said)
+    yield f"<h1>{title}</h1><p class=faint>{_conditions(reproduction)}</p>"
+    yield (
+        "<nav>"
+        + "".join(f'<a href="#{f.name}">{escape(f.of.title.split(":")[0])}</a>' for f in reproduction.folders)
+        + "</nav>"
+    )
+    yield from _summary(reproduction)
     yield HOW
-    for folder in said.folders:
+    for folder in reproduction.folders:
         yield from _section(folder)
     yield "</body></html>\n"
 
 
-def _facts(said: Reproduction) -> str:
-    used, m = seeds(said.folders), said.machine
-    runs = sum(len(made.records) for folder in said.folders for made in folder.made)
-    facts = (
-        said.date_utc,
-        f"code {said.code}",
+def _conditions(reproduction: Reproduction) -> str:
+    used, m = seeds(reproduction.folders), reproduction.machine
+    runs = sum(len(made.records) for folder in reproduction.folders for made in folder.made)
+    conditions = (
+        reproduction.date_utc,
+        f"code {reproduction.code}",
         f"{runs} runs, seeds {used[0]} to {used[-1]}" if used else "no runs",
         f"{m.get('processors')} x {m.get('processor')}, {m.get('system')}, Python {m.get('python')}",
     )
-    return " &middot; ".join(escape(str(fact)) for fact in facts) + f"<br><code>{escape(said.command)}</code>"
+    return " &middot; ".join(escape(str(part)) for part in conditions) + f"<br><code>{escape(reproduction.command)}</code>"
 
 
-def _summary(said: Reproduction) -> Iterator[str]:
-    every = [row for folder in said.folders for row in folder.rows]
+def _summary(reproduction: Reproduction) -> Iterator[str]:
+    every = [row for folder in reproduction.folders for row in folder.rows]
     known = [row.reached for row in every if row.reached is not None]
     beaten = [b for row in every if (b := better_than_published(row)) is not None]
     yield "<h3>In short</h3><ul>"
@@ -86,23 +90,23 @@ def _summary(said: Reproduction) -> Iterator[str]:
     yield "</ul>"
     for row in (r for r in every if better_than_published(r) is False):
         yield f"<li>Worse than published: {escape(_title(row))}: {_plain(row.figure.published, row)}, ours {_cell(row.default, row)}.</li>"
-    lead = [(folder, row) for folder in said.folders for row in _leading(folder)]
+    lead = [(folder, row) for folder in reproduction.folders for row in _leading(folder)]
     head = ("figure", "published", "literal", "our default", "bound")
     yield _table(head, [(_title(row), *_columns(row)) for _, row in lead])
 
 
 def _leading(folder: Folder) -> list[Row]:
-    """The figures of a folder that the summary shows: published, and either F1, MCC, a position, a time share or a count."""
+    """The figures of a folder in the summary: published, and either F1, MCC, a position, a time share or a count."""
     words = ("F1", "MCC", "specificity", "position", "share", "fused targets")
     return [r for r in folder.rows if r.figure.published is not None and any(w in r.figure.name for w in words)]
 
 
 def better_than_published(row: Row) -> bool | None:
-    """Whether the default is at least as good as what was published; none where there is nothing to compare."""
-    said, got = row.figure.published, row.default.mean
-    if said is None or not row.figure.compared or math.isnan(got):
+    """Whether the default is at least as good as published; None if there is nothing to compare."""
+    published, got = row.figure.published, row.default.mean
+    if published is None or not row.figure.compared or math.isnan(got):
         return None
-    return got <= said if row.figure.better == "lower" else got >= said
+    return got <= published if row.figure.better == "lower" else got >= published
 
 
 def _section(folder: Folder) -> Iterator[str]:
@@ -115,7 +119,7 @@ def _section(folder: Folder) -> Iterator[str]:
             yield f'<figure><img alt="{escape(caption)}" src="{uri}"><figcaption>{escape(caption)}</figcaption></figure>'
     yield "<h3>All variants</h3>"
     shown = _shown(folder)
-    rows = [(_called(made), str(len(made.records)), *(_value(made, *column) for column in shown)) for made in folder.made]
+    rows = [(_name_of(made), str(len(made.records)), *(_value(made, *column) for column in shown)) for made in folder.made]
     yield _table(("variant", "runs", *(heading for _, heading, _, _ in shown)), rows)
     yield f"<p class=faint>Raw values of every run and all settings: the JSON beside this page, <code>scenarios.{folder.name}</code>.</p>"
 
@@ -131,7 +135,7 @@ def _shown(folder: Folder) -> Sequence[tuple[str, str, str, int]]:
     return tuple((f"{stage}.{name}", heading, unit, digits) for name, heading, unit, digits in DECISIONS)
 
 
-def _called(made: Made) -> str:
+def _name_of(made: Made) -> str:
     point = ", ".join(f"{key.rpartition('.')[2].replace('_', ' ')} {value}" for key, value in made.wanted.point)
     return f"{made.wanted.variant.title}" + (f" ({point})" if point else "")
 
@@ -181,7 +185,7 @@ def _number(value: float, unit: str, digits: int, *, bare: bool = False) -> str:
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """The first cell of a row is text, the others are HTML that is made here."""
+    """An HTML table. The first cell of a row is text, the others are HTML."""
     top = "".join(f"<th>{escape(h)}</th>" for h in head)
     body = "".join(
         "<tr><td>" + escape(first) + "</td>" + "".join(f"<td>{cell}</td>" for cell in rest) + "</tr>" for first, *rest in rows

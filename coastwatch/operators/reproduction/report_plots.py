@@ -1,4 +1,4 @@
-"""The plots of a report, each a data URI: nothing is loaded from anywhere."""
+"""The plots of a report as data URIs, so that the page loads nothing."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ABOUT_5 = 5.0  # per cent of the time with one spot, 1000 vessels and 20 spots: 
 
 
 def drawn(kind: str, of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
-    """Data URI and caption of the plots of one kind; none where their data are absent."""
+    """Data URI and caption of the plots of one kind; empty if their data are absent."""
     return KINDS[kind](of, made)
 
 
@@ -68,8 +68,8 @@ def _noise(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
         bounds = [_spread(made, of.variant[-1].name, f, f"fused_tracks.bound_{name}") for f in fractions]
         _bars(axes, fractions, bounds, "physical bound", ":", BOUND)
         for method, marker in (("Weighted Average", "s"), ("IMM Filter", "D")):
-            said = [(f.at[NOISE], f.published) for f in of.figure if f.name.endswith(f"{method}, {quantity}") and f.published]
-            axes.plot(*zip(*said, strict=True), marker, color=PUBLISHED, label=f"published, {method}")
+            points = [(f.at[NOISE], f.published) for f in of.figure if f.name.endswith(f"{method}, {quantity}") and f.published]
+            axes.plot(*zip(*points, strict=True), marker, color=PUBLISHED, label=f"published, {method}")
         axes.set_ylim(bottom=0.0)
         axes.set_xticks(fractions)
         _label(axes, quantity, "process noise f, of the highest speed", f"RMSE, {unit}")
@@ -97,9 +97,9 @@ def _history(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
         scaled = [Spread(tuple(100.0 * v for v in s.values)) for s in found]
         literal = variant.name.startswith("literal")
         _bars(axes, of.history_s, scaled, variant.title, "--" if literal else "-", next(shades, None) if literal else OURS)
-    said = next((f.published for f in of.figure if f.name == "F1" and f.published), None)
-    if said:
-        axes.axhline(100.0 * said, color=PUBLISHED, linestyle=":", label="published, over two minutes")
+    published = next((f.published for f in of.figure if f.name == "F1" and f.published), None)
+    if published:
+        axes.axhline(100.0 * published, color=PUBLISHED, linestyle=":", label="published, over two minutes")
     _label(axes, "F1 against the length of the history", "seconds after a cold start", "F1, %")
     return [(_uri(figure), "F1 of the decisions at that time after a cold start; bars are one standard deviation of a run.")]
 
@@ -108,10 +108,10 @@ def _roc(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
     figure, (axes,) = _panels(1)
     for variant, colour in zip((v for v in of.variant if v.roc), (LITERAL, OURS, BOUND), strict=False):
         one = at(made, variant.name, {})
-        said = [r["roc"] for r in one.records if r.get("roc")] if one else []
-        if said and variant.roc:
-            axes.plot(*roc_curve(said), color=colour, label=variant.title)
-            axes.plot(*accepted(said, np.array([variant.roc.threshold])), "o", color=colour)
+        scores = [r["roc"] for r in one.records if r.get("roc")] if one else []
+        if scores and variant.roc:
+            axes.plot(*roc_curve(scores), color=colour, label=variant.title)
+            axes.plot(*accepted(scores, np.array([variant.roc.threshold])), "o", color=colour)
     axes.set_xscale("log")
     axes.set_xlim(0.7 * LEAST_RATE, 1.0)
     axes.set_ylim(-0.03, 1.03)
@@ -122,31 +122,31 @@ def _roc(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
         "share of pairs of one vessel that are accepted",
     )
     caption = (
-        "ROC of the association test: every candidate pair, before any choice among partners, over all thresholds. A curve ends where the "
-        "most similar wrong pairs that are kept run out. A dot is where the method's own threshold stands: a test can part the pairs well "
-        "and yet have its threshold in the wrong place."
+        "ROC of the association test: every candidate pair, before any choice among partners, over all thresholds. A curve ends with the "
+        "stored wrong pairs. A dot is the threshold of the method: a test can separate the pairs well and still have a threshold "
+        "in the wrong place."
     )
     return [(_uri(figure), caption)]
 
 
-def roc_curve(said: Sequence[Record]) -> tuple[Floats, Floats]:
+def roc_curve(runs: Sequence[Record]) -> tuple[Floats, Floats]:
     """Share of wrong and of true pairs that are accepted, over thresholds.
 
-    Args: said: `true`, `wrong` scores, greatest first, of a run each, and the counts of all.
+    Args: runs: `true`, `wrong` scores, greatest first, of a run each, and the counts of all.
     """
-    cut = max((run["wrong"][-1] for run in said if len(run["wrong"]) < run["wrong_count"]), default=-np.inf)
-    every = np.sort(np.concatenate([np.array(run[key], float) for run in said for key in ("true", "wrong")]))[::-1]
+    cut = max((run["wrong"][-1] for run in runs if len(run["wrong"]) < run["wrong_count"]), default=-np.inf)
+    every = np.sort(np.concatenate([np.array(run[key], float) for run in runs for key in ("true", "wrong")]))[::-1]
     every = every[every >= cut]
     some = np.unique(np.linspace(0, max(len(every) - 1, 0), POINTS).astype(int))[: len(every)]
-    return accepted(said, every[some])
+    return accepted(runs, every[some])
 
 
-def accepted(said: Sequence[Record], threshold: Floats) -> tuple[Floats, Floats]:
-    """Share of wrong and of true pairs that are accepted at each threshold, the first no less than an axis can show."""
+def accepted(runs: Sequence[Record], threshold: Floats) -> tuple[Floats, Floats]:
+    """Share of wrong and of true pairs that are accepted at each threshold; the first at least LEAST_RATE, for a logarithmic axis."""
     shares = []
     for key in ("wrong", "true"):
-        against = np.sort(-np.concatenate([np.array(run[key], float) for run in said]))
-        whole = max(sum(int(run[f"{key}_count"]) for run in said), 1)
+        against = np.sort(-np.concatenate([np.array(run[key], float) for run in runs]))
+        whole = max(sum(int(run[f"{key}_count"]) for run in runs), 1)
         shares.append(np.searchsorted(against, -threshold, side="right") / whole)
     return np.maximum(shares[0], LEAST_RATE), shares[1]
 
@@ -166,7 +166,7 @@ def _label(axes: Axes, title: str, x: str, y: str) -> None:
 
 
 def _uri(figure: Figure) -> str:
-    """The figure as a data URI, its legend, which is that of its last panel, below."""
+    """The figure as a data URI, with the legend of its last panel below."""
     handles, labels = figure.axes[-1].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 3), fontsize=8, frameon=False)
     held = io.BytesIO()
