@@ -65,9 +65,9 @@ class AisFilter(Method):
     time_jitter_s: float = Field(0.0, ge=0.0)  # of the time of a fix: 0.4 to 1.0 where reports are stamped on receipt
     start_speed_sigma_kn: PositiveFloat = 10.0  # of a first report that has no speed
     models: tuple[Motion, ...] = Field((STEADY, KICKED, TURNING), min_length=1, max_length=3)  # of the IMM
-    lateness_s: float = Field(10.0, ge=0.0)  # from fix to receipt, up to which a report is put in its place
+    lateness_s: float = Field(10.0, ge=0.0)  # from fix to receipt, up to which a report is taken in order of its fix
     ahead_s: float = Field(5.0, ge=0.0)  # a fix up to so far after its receipt is kept until its time has come
-    repeat_s: float = Field(1.5, ge=0.0)  # the same place again so soon is the same fix again
+    repeat_s: float = Field(1.5, ge=0.0)  # the same position again so soon is the same fix
     max_speed_kn: PositiveFloat = 60.0  # no ship goes faster from one report to the next
     alarm_s: PositiveFloat = 60.0  # how long an impossible speed stays flagged
     patience_s: PositiveFloat = 20.0  # for which a silent vessel is predicted, and besides for
@@ -90,7 +90,7 @@ class AisFilter(Method):
     def step(
         self, memory: Memory, reports: AisReports, time_s: float, sensors: Sensors
     ) -> tuple[Memory, Tracks, AisAlarms, Measurements]:
-        """Tracks of all vessels that are heard, predicted to `time_s`, and what is odd about each, row by row.
+        """Tracks of all vessels that report, predicted to `time_s`, and the alarms of each, row by row.
 
         Args: memory: of the cycle before; reports: those that arrived since, in any order; time_s: now; sensors: the scenario's.
         Returns: memory; Tracks sorted by MMSI; AisAlarms in the same order; the reports that went into these tracks.
@@ -196,7 +196,7 @@ def report(
 
 
 def _twice(mmsi: Ints, started: Floats, updated: Floats) -> Bools:
-    """Which tracks, sorted by MMSI, were heard at the same time as another of their MMSI: a jump is none."""
+    """Which tracks, sorted by MMSI, lived at the same time as another of their MMSI; after a jump they do not."""
     out = np.zeros(len(mmsi), bool)
     for k in (1, 2, 3):  # SLOTS less one
         same = (mmsi[k:] == mmsi[:-k]) & (updated[k:] > started[:-k]) & (updated[:-k] > started[k:])
@@ -238,10 +238,10 @@ def _track_of(fresh: Rows, tracks: Tracks, rules: Any) -> Ints:
     """The row of the track that each report went into, -1 where none could have sent it. (M,)"""
     best, least = np.full(len(fresh), -1, np.int64), np.full(len(fresh), np.inf)
     mmsi = np.ascontiguousarray(fresh["mmsi"])
-    first, place = np.searchsorted(tracks.mmsi, mmsi), np.column_stack([fresh["lat"], fresh["lon"]])
+    first, position = np.searchsorted(tracks.mmsi, mmsi), np.column_stack([fresh["lat"], fresh["lon"]])
     for k in range(SLOTS if len(tracks) else 0):
         row = np.minimum(first + k, len(tracks) - 1)
-        gap = difference_m(place, tracks.position_deg[row])
+        gap = difference_m(position, tracks.position_deg[row])
         gap -= tracks.velocity_m_s[row] * (fresh["time"] - tracks.time_s[row])[:, None]
         miss = np.hypot(gap[:, 0], gap[:, 1])
         radius = rules["max_speed"] * np.abs(tracks.updated_s[row] - fresh["time"]) + rules["tolerance"]

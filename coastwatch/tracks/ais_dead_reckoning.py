@@ -1,4 +1,4 @@
-"""AIS tracks as the paper has them: what each vessel said last, carried to now by the speed and course it said."""
+"""AIS tracks as the paper has them: the newest report of each vessel, extrapolated by its own speed and course."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class AisDeadReckoning(Method):
     def step(
         self, memory: Memory, reports: AisReports, time_s: float, sensors: Sensors
     ) -> tuple[Memory, Tracks, AisAlarms, Measurements]:
-        """Tracks of all vessels that are heard, at `time_s`, and what is odd about each, row by row.
+        """Tracks of all vessels that report, at `time_s`, and the alarms of each, row by row.
 
         Args: memory: of the cycle before; reports: those that arrived since, in any order; time_s: now; sensors: the scenario's.
         Returns: memory; Tracks sorted by MMSI; AisAlarms in the same order; the reports that went into these tracks.

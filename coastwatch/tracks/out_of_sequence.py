@@ -1,9 +1,9 @@
-"""AIS reports that come late give the answer that they would have given in order: snapshots, a log, and playing again.
+"""Out-of-sequence AIS reports: a late report gives the answer that it would have given in order.
 
-Memory is never written to, so a snapshot of all tracks at the end of a former cycle costs a reference. Two are kept: `old`,
-from before anything that may still arrive, and `recent`. The log has what was admitted since `old`, one entry a cycle. A late
-report sends its vessel alone, and no other, back to the snapshot before it; the log is played again from there. What is kept
-is bounded by time: no more than twice the lateness and two cycles of reports.
+Two snapshots of all tracks are kept: `old`, from before any report that may still arrive, and `recent`. The log holds the reports
+admitted since `old`, one entry a cycle. A late report takes its vessel, and no other, back to the snapshot before it, and the
+vessel's reports in the log are replayed from there. Memory is never written to, so a snapshot costs a reference. What is kept is
+bounded by time: twice the lateness and two cycles of reports.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class KernelSettings(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """All tracks as they were when a cycle ended: every admitted report up to its time is in them, no other."""
+    """All tracks at the end of a cycle, with every admitted report up to its time and no other."""
 
     time_s: float
     tracks: Rows  # sorted by mmsi
@@ -41,7 +41,7 @@ class Snapshot:
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """The tracks of all vessels, and what it takes to go back by the lateness."""
+    """The tracks of all vessels, with the snapshots and the log to go back by the lateness."""
 
     now: Snapshot
     recent: Snapshot
@@ -61,7 +61,7 @@ def initial_memory() -> Memory:
 
 
 def in_order(reports: Rows) -> Ints:
-    """The indices that sort reports by vessel, then time, then all that is in them: no order of arrival is left."""
+    """The indices that sort reports by vessel, then time, then every other column, so that the order of arrival has no effect."""
     order = np.lexsort((reports["time"], reports["mmsi"]))
     mmsi, time = reports["mmsi"][order], reports["time"][order]
     again = (mmsi[1:] == mmsi[:-1]) & (time[1:] == time[:-1])
@@ -103,7 +103,7 @@ def records(reports: AisReports) -> Rows:
 
 
 def admit(memory: Memory, reports: AisReports, time_s: float, lateness_s: float, ahead_s: float) -> tuple[Rows, Memory]:
-    """The reports to take now, sorted by `in_order`, and the memory with the rest held or counted as refused."""
+    """Admit reports. Returns: those to take now, sorted by `in_order`; the memory with the others held, or counted as refused."""
     rows = records(reports)
     received = np.where(np.isfinite(reports.received_s), np.minimum(reports.received_s, time_s), time_s)
     lat, lon, time = rows["lat"], rows["lon"], rows["time"]
@@ -134,7 +134,7 @@ def _count(refused: dict[str, int], kind: str, count: int) -> None:
 
 
 def _repeats(rows: Rows) -> Bools:
-    """Which rows have vessel, time and place of the row before."""
+    """Which rows have vessel, time and position of the row before."""
     same = np.ones(max(len(rows) - 1, 0), bool)
     for name in ("mmsi", "time", "lat", "lon"):
         same &= rows[name][1:] == rows[name][:-1]
@@ -142,7 +142,7 @@ def _repeats(rows: Rows) -> Bools:
 
 
 def _is_duplicate(memory: Memory, rows: Rows) -> Bools:
-    """Which reports, sorted by `in_order`, are in the log already or twice among themselves."""
+    """Which reports, sorted by `in_order`, are duplicates of the log or of each other."""
     again = _repeats(rows)
     back = np.flatnonzero(rows["time"] <= _newest_report_s(memory.now.tracks, rows["mmsi"]))
     if len(back):
@@ -154,7 +154,7 @@ def _is_duplicate(memory: Memory, rows: Rows) -> Bools:
 
 
 def _newest_report_s(tracks: Rows, mmsi: Ints) -> NDArray[np.float64]:
-    """When each vessel's newest report was, -inf for a vessel unknown."""
+    """Time of each vessel's newest report, -inf for an unknown vessel."""
     if not len(tracks):
         return np.full(len(mmsi), -np.inf)
     known = np.ascontiguousarray(tracks["mmsi"])  # the rows are wide: a search among them misses the cache at every step
@@ -163,7 +163,7 @@ def _newest_report_s(tracks: Rows, mmsi: Ints) -> NDArray[np.float64]:
 
 
 def _logged(memory: Memory, mmsi: Ints) -> Rows:
-    """What the log has of these vessels since the old snapshot."""
+    """Reports of these vessels in the log since the old snapshot."""
     parts = [entry[is_in(entry["mmsi"], mmsi) & (entry["time"] > memory.old.time_s)] for entry in memory.log]
     return np.concatenate([memory.held[:0], *parts])
 
@@ -182,28 +182,28 @@ def track_vessels(tracks: Rows, mmsi: Ints, reports: Rows, settings: KernelSetti
     (low, high), (begin, end) = _rows_of_vessels(tracks, mmsi), _rows_of_vessels(reports, mmsi)
     update, verdict = kernels.filters.ais_tracker.update, np.zeros(len(reports), np.int64)
     if len(tracks):
-        lone = tracks[np.minimum(low, len(tracks) - 1)]
-        lone[low == high] = np.zeros(1, tracks.dtype)
+        single = tracks[np.minimum(low, len(tracks) - 1)]
+        single[low == high] = np.zeros(1, tracks.dtype)
     else:
-        lone = np.zeros(len(mmsi), tracks.dtype)
+        single = np.zeros(len(mmsi), tracks.dtype)
     several = high - low > 1
-    overflowed = update(lone, 1, reports, begin, np.where(several, begin, end), *settings, verdict)
+    overflowed = update(single, 1, reports, begin, np.where(several, begin, end), *settings, verdict)
     again = np.flatnonzero(several | overflowed)
-    if not len(again) and lone["hits"].all():
-        return lone, verdict
+    if not len(again) and single["hits"].all():
+        return single, verdict
     wide = np.zeros(len(again) * SLOTS, tracks.dtype)
     for k in range(SLOTS):
         there = np.flatnonzero(low[again] + k < high[again])
         wide[there * SLOTS + k] = tracks[low[again][there] + k]
     update(wide, SLOTS, reports, begin[again], end[again], *settings, verdict)
-    lone["hits"][again] = 0
-    rows = np.concatenate([lone, wide])
+    single["hits"][again] = 0
+    rows = np.concatenate([single, wide])
     rows = rows[rows["hits"] > 0]
     return rows[np.argsort(rows["mmsi"], kind="stable")], verdict
 
 
 def replace_tracks(tracks: Rows, mmsi: Ints, rows: Rows) -> Rows:
-    """Tracks with all those of these vessels (sorted) exchanged for others, sorted by MMSI."""
+    """Tracks with those of these vessels (sorted) replaced by `rows`, sorted by MMSI."""
     out = is_in(tracks["mmsi"], mmsi)
     if out.all():
         return rows
@@ -217,15 +217,15 @@ def replace_tracks(tracks: Rows, mmsi: Ints, rows: Rows) -> Rows:
 def _merge(first: Rows, second: Rows) -> Rows:
     """Two sets of rows as one, sorted by MMSI."""
     order = np.argsort(np.concatenate([first["mmsi"], second["mmsi"]]), kind="stable")
-    place = np.empty_like(order)
-    place[order] = np.arange(len(order))
+    at = np.empty_like(order)
+    at[order] = np.arange(len(order))
     out = np.empty(len(order), first.dtype)
-    out[place[: len(first)]], out[place[len(first) :]] = first, second
+    out[at[: len(first)]], out[at[len(first) :]] = first, second
     return out
 
 
 def update_tracks(memory: Memory, fresh: Rows, settings: KernelSettings) -> Memory:
-    """The memory with the admitted reports in its tracks, in order of their times wherever the lateness allows."""
+    """Update tracks by the admitted reports: late ones by a replay, the others on top."""
     mmsi, begin, _ = vessels(fresh)
     late = fresh["time"][begin] <= np.maximum(_newest_report_s(memory.now.tracks, mmsi), memory.recent.time_s)
     behind = is_in(fresh["mmsi"], mmsi[late])
@@ -242,7 +242,7 @@ def update_tracks(memory: Memory, fresh: Rows, settings: KernelSettings) -> Memo
 def _replay(
     memory: Memory, mmsi: Ints, fresh: Rows, settings: KernelSettings, refused: dict[str, int]
 ) -> tuple[Snapshot, Rows]:
-    """The recent snapshot and the tracks of these vessels, with late reports in their places; counts into refused."""
+    """Replay vessels with their late reports in order. Returns: the recent snapshot, their tracks. Counts into `refused`."""
     logged = _logged(memory, mmsi)
     play = np.concatenate([logged, fresh])
     order = in_order(play)
@@ -266,7 +266,7 @@ def _count_verdicts(refused: dict[str, int], verdict: Ints) -> None:
 
 
 def _with_former_numbers(former: Rows, rows: Rows, mmsi: Ints) -> Rows:
-    """Tracks that came out of playing again, with the numbers they had before."""
+    """Tracks after a replay, with the numbers that they had before."""
 
     rows = rows.copy()
     kernels.filters.ais_tracker.carry_numbers(former, *_rows_of_vessels(former, mmsi), rows, *_rows_of_vessels(rows, mmsi))
@@ -274,7 +274,7 @@ def _with_former_numbers(former: Rows, rows: Rows, mmsi: Ints) -> Rows:
 
 
 def end_cycle(memory: Memory, fresh: Rows, tracks: Rows, counter: int, time_s: float, lateness_s: float) -> Memory:
-    """The memory at the end of a cycle: snapshots moved on where the lateness allows, the log cut to what they need."""
+    """The memory at the end of a cycle: snapshots advance where the lateness allows, and the log is cut to what they need."""
     now, recent, old = Snapshot(time_s, tracks), memory.recent, memory.old
     if recent.time_s <= time_s - lateness_s:
         old, recent = recent, now

@@ -59,8 +59,8 @@ def _near(bank: FilterBank, table: Table, rows: Ints, plots: Plots, furthest: fl
     widest = float(np.trace(plots.covariance, axis1=1, axis2=2).max())
     rate_spread = np.sqrt(spread[:, 2, 2] + spread[:, 3, 3])
     sigma = np.sqrt(spread[:, 0, 0] + spread[:, 1, 1] + widest) + half * rate_spread
-    reach = np.sqrt(furthest) * sigma + half * np.hypot(mean[:, 2], mean[:, 3])
-    track, plot = kernels.geometry.neighbours.near_pairs(mean[:, :2], reach, plots.position_m)
+    radius = np.sqrt(furthest) * sigma + half * np.hypot(mean[:, 2], mean[:, 3])
+    track, plot = kernels.geometry.neighbours.near_pairs(mean[:, :2], radius, plots.position_m)
     return rows[track], plot
 
 
@@ -75,7 +75,7 @@ def _reachable(management: TrackManagement, table: Table, track: Ints, plots: Pl
 
 
 def assign_plots(table: Table, pairs: Candidates, plots: Plots, radars: int) -> Bools:
-    """Which pairs to believe: confirmed tracks choose first, then tentative ones from what is left.
+    """Which pairs are assigned: plots go to confirmed tracks first, then to tentative ones, then to single plots.
 
     Each radar gives a track one plot at most, each plot goes to one track at most.
     Returns: (A,).

@@ -36,7 +36,7 @@ class RegionTracker:
 def track_region(
     tracker: RegionTracker, memory: RadarMemory, plots: Plots, time_s: float, sensors: Sensors, region: int
 ) -> tuple[RadarMemory, Tracks, Measurements]:
-    """Memory after a cycle, the confirmed tracks at its end, and the plots that they took in it.
+    """Track the plots of one cycle. Returns: memory, the confirmed tracks at time_s, and the plots of this cycle in them.
 
     Args: plots: of this region, in any order; time_s: end of the cycle; region: its number.
     """
@@ -75,7 +75,7 @@ def _confirm_and_delete(
 def _by_estimated_origin(
     tracker: RegionTracker, memory: RadarMemory, plots: Plots, period_s: Floats
 ) -> tuple[RadarMemory, UsedPlots]:
-    """One slice: tracks of more than one plot take theirs, single plots find a second, what is left begins new tracks."""
+    """Track one slice of time: assign plots to tracks, then to single plots, and begin tracks at the rest."""
     memory = _remove_duplicates(tracker, memory, float(plots.time_s[0]), period_s)
     table = memory.table
     rows = np.flatnonzero(table.status != Status.SINGLE)
@@ -93,7 +93,7 @@ def _by_estimated_origin(
 
 
 def _initiate(tracker: RegionTracker, memory: RadarMemory, plots: Plots, period_s: Floats) -> tuple[RadarMemory, UsedPlots]:
-    """The plots of one radar that no track took: to single plots of before, of any radar, or else new single plots."""
+    """Assign free plots of one radar to single plots of before, of any radar; the rest become single plots."""
     table = memory.table
     rows = np.flatnonzero(table.status == Status.SINGLE)
     pairs = candidates(tracker.management, tracker.bank, table, rows, plots, period_s)
@@ -119,7 +119,7 @@ def _remove_duplicates(tracker: RegionTracker, memory: RadarMemory, time_s: floa
 
 
 def _by_known_origin(bank: FilterBank, memory: RadarMemory, plots: Plots) -> tuple[RadarMemory, UsedPlots]:
-    """One slice with the known vessel behind each plot: plots of nothing are dropped, two plots are a confirmed track."""
+    """Track one slice of time by the known vessel behind each plot: clutter is dropped, two plots are a confirmed track."""
     plots = plots.take(plots.origin >= 0)
     vessels, first = np.unique(plots.origin, return_index=True)
     new = np.sort(first[~np.isin(vessels, memory.table.origins[:, 0])])
@@ -160,16 +160,16 @@ def report(bank: FilterBank, memory: RadarMemory, time_s: float, sensors: Sensor
 
 
 def measurements_of(tracks: Tracks, taken: list[UsedPlots], sensors: Sensors, region: int) -> Measurements:
-    """The plots of this cycle that are in these tracks, sorted by track, then time.
+    """The plots of this cycle in these tracks, sorted by track, then time.
 
-    Args: tracks: of the region, sorted by track_id; taken: the plots of each slice and the tracks of the region that took them.
+    Args: tracks: of the region, sorted by track_id; taken: the plots that were used in each slice.
     """
     if not taken:
         return Measurements.empty()
     used = UsedPlots.join(taken)
     track_id = region * ID_STRIDE + used.track_id
-    shown = np.flatnonzero(find(tracks.track_id, track_id) >= 0)
-    rows = shown[np.lexsort((used.plots.sensor[shown], used.plots.time_s[shown], track_id[shown]))]
+    rows = np.flatnonzero(find(tracks.track_id, track_id) >= 0)
+    rows = rows[np.lexsort((used.plots.sensor[rows], used.plots.time_s[rows], track_id[rows]))]
     plots, n, origin = used.plots.take(rows), len(rows), sensors.region_origin_deg[region]
     position = from_plane(plots.position_m, origin)
     back = turn(position, origin).swapaxes(-1, -2)

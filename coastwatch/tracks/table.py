@@ -81,7 +81,7 @@ class RadarMemory:
         return cls(Table.empty(J=models), Duplicates.empty(), 1, np.zeros((0, 2)), np.zeros(0), 0)
 
     def for_radars(self, count: int) -> RadarMemory:
-        """This memory with room for so many radars; it has room already but before the first cycle.
+        """This memory for so many radars; only before the first cycle it is another.
 
         Raises: ValueError where the memory is of a scenario with another number of radars.
         """
@@ -101,10 +101,10 @@ class RadarMemory:
 
     def with_plots(self, plots: Plots) -> RadarMemory:
         """This memory with the radars' places and times of these plots, sorted by time."""
-        site, heard = self.site_m.copy(), self.newest_plot_s.copy()
+        site, newest = self.site_m.copy(), self.newest_plot_s.copy()
         site[plots.sensor] = plots.site_m
-        np.maximum.at(heard, plots.sensor, plots.time_s)
-        return replace(self, site_m=site, newest_plot_s=heard)
+        np.maximum.at(newest, plots.sensor, plots.time_s)
+        return replace(self, site_m=site, newest_plot_s=newest)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,7 @@ class Coverage:
 
 
 def coverage_of(memory: RadarMemory, sensors: Sensors, region: int) -> Coverage:
-    """The radars of a region where they were last, and those not heard yet where their specification puts them."""
+    """The radars of a region: where their newest plot came from; before any plot, where their specification puts them."""
     radars = np.flatnonzero(sensors.radars.region == region)
     specified = to_plane(sensors.radars.site_deg[radars], sensors.region_origin_deg[region])
     seen = memory.site_m[radars]

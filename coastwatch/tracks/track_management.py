@@ -50,9 +50,9 @@ class TrackManagement(Settings):
 
 
 def looks(management: TrackManagement, coverage: Coverage, newest_plot_s: Floats, position_m: Floats, since_s: Floats) -> Ints:
-    """How often radars have surely looked at each place since a time, by what they have sent. (N,)
+    """How often radars have looked at each position since a time. (N,)
 
-    A radar that sends nothing at all has not looked.
+    Looks are counted from the newest plot of a radar: one that sends nothing has not looked.
     Args: newest_plot_s: (R,) newest plot of each radar of the scenario; position_m: (N, 2); since_s: (N,).
     """
     waited = np.maximum(newest_plot_s[coverage.radars] - since_s[:, None], 0.0)
@@ -64,13 +64,13 @@ def looks(management: TrackManagement, coverage: Coverage, newest_plot_s: Floats
 def confirm_and_delete(
     management: TrackManagement, table: Table, coverage: Coverage, newest_plot_s: Floats, time_s: float
 ) -> Table:
-    """The table with tracks promoted that have the hits, and without those that have not or are lost.
+    """Confirm the tracks with enough hits, and delete those without, and those that are lost.
 
     A single plot lives for one look (two plots in two looks begin a track), a tentative track for `confirm_looks`.
     """
-    place = table.state[:, 0, :2] + table.state[:, 0, 2:4] * np.maximum(time_s - table.updated_s, 0.0)[:, None]
-    age = 1 + looks(management, coverage, newest_plot_s, place, table.started_s)
-    missed = looks(management, coverage, newest_plot_s, place, table.updated_s)
+    position = table.state[:, 0, :2] + table.state[:, 0, 2:4] * np.maximum(time_s - table.updated_s, 0.0)[:, None]
+    age = 1 + looks(management, coverage, newest_plot_s, position, table.started_s)
+    missed = looks(management, coverage, newest_plot_s, position, table.updated_s)
     confirmed = (table.status == Status.CONFIRMED) | (table.hits >= management.confirm_hits)
     allowed = np.minimum(management.delete_misses, np.ceil(management.misses_per_hit * table.hits))
     tried = np.where(table.status == Status.SINGLE, 2, management.confirm_looks)
@@ -90,10 +90,10 @@ def remove_duplicates(
     period_s: Floats,
     time_s: float,
 ) -> tuple[Table, Duplicates]:
-    """The table without the younger of any two tracks that have been one vessel for `merge_looks` turns, and the suspects.
+    """Delete the younger of two tracks that have been one vessel for `merge_looks` turns. Returns: the table, pairs still suspected.
 
-    Two tracks are suspected while their difference is zero as far as they know and no radar has served both in one look: what
-    gives a radar two plots is two vessels.
+    Two tracks are suspected while their difference may be zero, by their covariances, and no radar gave both a plot in one look: a
+    vessel gives a radar one plot a look.
     Args: mean: (N, 5), covariance: (N, 5, 5) of all tracks at one time; period_s: (R,) of one turn.
     """
     first, second = _alike(management, table, mean, covariance)
@@ -118,8 +118,8 @@ def _alike(management: TrackManagement, table: Table, mean: Floats, covariance: 
     rows = np.flatnonzero(table.status != Status.SINGLE)
     furthest = gate(management.merge_probability, 4)
     sigma = np.sqrt(covariance[rows, 0, 0] + covariance[rows, 1, 1])
-    reach = np.sqrt(furthest * (sigma**2 + float(sigma.max(initial=0.0)) ** 2))
-    a, b = kernels.geometry.neighbours.near_pairs(mean[rows, :2], reach, mean[rows, :2])
+    radius = np.sqrt(furthest * (sigma**2 + float(sigma.max(initial=0.0)) ** 2))
+    a, b = kernels.geometry.neighbours.near_pairs(mean[rows, :2], radius, mean[rows, :2])
     first, second = rows[a[a < b]], rows[b[a < b]]
     gap = mean[first, :4] - mean[second, :4]
     spread = covariance[first, :4, :4] + covariance[second, :4, :4]
@@ -138,7 +138,7 @@ def _since(duplicates: Duplicates, first: Ints, second: Ints, now_s: Floats) -> 
 
 
 def _younger(table: Table, first: Ints, second: Ints) -> Ints:
-    """Of each pair the row that is less far, or else began later."""
+    """Of each pair of rows the one with the lower status, or else the one that began later."""
     further = np.where(table.status[first] != table.status[second], table.status[first] > table.status[second], first < second)
     younger: Ints = np.where(further, second, first)
     return younger
