@@ -118,15 +118,13 @@ class CentralImm(Method):
         self, memory: VesselFilters, plan: FilterPlan, tracks: Tracks, first: Estimates, time_s: float
     ) -> VesselFilters:
         """The filters of the last cycle that are continued, then the new ones, at the first estimates (B) of their vessels."""
-        old, count = len(plan.continued), len(plan.continued) + len(plan.new)
-        anchor, updated = np.empty((count, 2)), np.full(count, float(time_s))
-        state, covariance, mode = np.zeros((count, MODELS, 5)), np.zeros((count, MODELS, 5, 5)), np.empty((count, MODELS))
-        anchor[:old], updated[:old] = memory.anchor_deg[plan.before], memory.updated_s[plan.before]
-        state[:old], covariance[:old] = memory.state[plan.before], memory.covariance[plan.before]
-        mode[:old], mode[old:] = memory.mode_probability[plan.before], np.array(self.share) / sum(self.share)
+        old = len(plan.continued)
+        columns = memory.anchor_deg, *memory.arrays
+        anchor, state, covariance, mode, updated = (_continued(column, plan.before, len(plan.new)) for column in columns)
         anchor[old:], state[old:, :, 2:4] = first.position_deg, first.velocity_m_s[:, None]
         covariance[old:, :, :4, :4] = first.covariance[:, None]
         covariance[old:, :, 4, 4] = np.radians(self.turn_rate_sigma_deg_s) ** 2
+        mode[old:], updated[old:] = np.array(self.share) / sum(self.share), time_s
         return VesselFilters(anchor, state, covariance, mode, updated, tracks.track_id, plan.filter_of_track)
 
     def _update(self, filters: VesselFilters, plan: FilterPlan, measurements: Measurements, has_ais: Bools) -> None:
@@ -192,6 +190,14 @@ class CentralImm(Method):
             jump_rate=[1.0 / self.kick_interval_s, 0.0, 0.0, 0.0],
             jump_variance=[self.kick_m_s**2, 0.0, 0.0, 0.0],
         )
+
+
+def _continued(column: Floats, rows: Ints, new: int) -> Floats:
+    """These rows of a column, and zeros for so many new ones."""
+    out = np.empty((len(rows) + new, *column.shape[1:]))
+    np.take(column, rows, axis=0, out=out[: len(rows)], mode="clip")  # else numpy takes into an array of its own first
+    out[len(rows) :] = 0.0
+    return out
 
 
 def plan_filters(

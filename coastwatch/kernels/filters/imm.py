@@ -167,8 +167,9 @@ def predict_filter(state, covariance, mode_probability, models, dt, renewal, wor
         mix_renewed(state, covariance, mode_probability, models, dt, renewal, work)
     else:
         mix(state, covariance, mode_probability, models, dt, work)
+    transition = work.transition
     for j in range(len(models)):
-        motion_models.predict(models[j], state[j], covariance[j], dt, work.transition)
+        motion_models.predict(models[j], state[j], covariance[j], dt, transition)
 
 
 @jit
@@ -193,31 +194,33 @@ def weigh_models(log_weight, mode_probability):  # type: ignore[no-untyped-def]
 @jit
 def update_filter(state, covariance, mode_probability, z, noise, work):  # type: ignore[no-untyped-def]
     """Update a filter by a measurement of its first d components; the log-likelihood. Args: z: (d,); noise: R, (d, d) or larger."""
+    log_weight, root, gain, residual = work.log_weight, work.root, work.gain, work.residual
     for j in range(len(mode_probability)):
-        likelihood = kalman.update(state[j], covariance[j], z, noise, work.root, work.gain, work.residual)
-        work.log_weight[j] = likelihood + math.log(max(mode_probability[j], FLOOR))
-    return weigh_models(work.log_weight, mode_probability)
+        log_likelihood = kalman.update(state[j], covariance[j], z, noise, root, gain, residual)
+        log_weight[j] = log_likelihood + math.log(max(mode_probability[j], FLOOR))
+    return weigh_models(log_weight, mode_probability)
 
 
 @jit
 def update_with_jumps(state, covariance, mode_probability, models, dt, z, noise, work):  # type: ignore[no-untyped-def]
     """Update a filter of which models may have jumped in the last dt, by GPB1; the log-likelihood. Args: as of `update_filter`."""
-    jumped, spread = work.mean, work.spread
+    jumped, spread, log_weight = work.mean, work.spread, work.log_weight
+    root, gain, residual = work.root, work.gain, work.residual
     for j in range(len(models)):
         probability = 1.0 - math.exp(-models[j].jump_rate * dt)
         if probability > 0.0:
             jumped[:] = state[j]
             spread[:] = covariance[j]
             motion_models.add_velocity_noise(spread, models[j].jump_variance, dt)
-        steady = kalman.update(state[j], covariance[j], z, noise, work.root, work.gain, work.residual)
+        steady = kalman.update(state[j], covariance[j], z, noise, root, gain, residual)
         steady += math.log(max(mode_probability[j] * (1.0 - probability), FLOOR))
         if probability > 0.0:
-            jump = kalman.update(jumped, spread, z, noise, work.root, work.gain, work.residual)
+            jump = kalman.update(jumped, spread, z, noise, root, gain, residual)
             jump += math.log(max(mode_probability[j] * probability, FLOOR))
             merge(state[j], covariance[j], 1.0 / (1.0 + math.exp(jump - steady)), jumped, spread)
             steady = max(steady, jump) + math.log1p(math.exp(-abs(jump - steady)))
-        work.log_weight[j] = steady
-    return weigh_models(work.log_weight, mode_probability)
+        log_weight[j] = steady
+    return weigh_models(log_weight, mode_probability)
 
 
 @jit
