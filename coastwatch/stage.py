@@ -23,9 +23,10 @@ class Settings(BaseModel):
 class Method(Settings):
     """A method is its settings: a frozen struct with `init()` and a pure `step(memory, ...)`.
 
-    `init()` returns the memory before the first cycle. `step` returns the memory after this cycle and what the stage
-    yields. It consumes the memory it is given: it may write into it, so use only what it returns. Memory is plain data (dataclasses, tuples, dicts, arrays, numbers, texts):
-    saved in mid-run as arrays with a schema (`coastwatch.server.checkpoint`) and read back, it resumes bit for bit.
+    `init()` returns the memory before the first cycle. `step` returns the memory after this cycle and what the stage yields. It
+    consumes the memory it is given: it may write into it, so use only what it returns. Memory is plain data (dataclasses,
+    tuples, dicts, arrays, numbers, texts). Saved as arrays with a schema (`coastwatch.server.checkpoint`) and read back, it
+    resumes bit for bit.
     """
 
 
