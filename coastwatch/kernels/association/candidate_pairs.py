@@ -95,12 +95,12 @@ def _find_runs(here, reach, key, run):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _in_spot(place, spot, halo):  # type: ignore[no-untyped-def]
-    """Whether a place is a member of a spot or in its halo. Args: halo: (start (N + 1,), spots whose halo each row is in)."""
+def _in_halo(row, spot, halo):  # type: ignore[no-untyped-def]
+    """Whether a row is in the halo of a spot. Args: halo: (start (N + 1,), spots whose halo each row is in)."""
     start, spots = halo
-    found = place.spot == spot
-    for k in range(start[place.row], start[place.row + 1]):
-        found = found or spots[k] == spot
+    found = False
+    for k in range(start[row], start[row + 1]):
+        found |= spots[k] == spot
     return found
 
 
@@ -108,7 +108,7 @@ def _in_spot(place, spot, halo):  # type: ignore[no-untyped-def]
 def pairs_in_gate(low, high, member, place, halo, gate_m, out):  # type: ignore[no-untyped-def]
     """Pairs whose first is one of the members low to high, the second a track of a later source in its spot or in the halo of it.
 
-    Args: member: rows of `place`, ascending; place: (N,) PLACE; halo: as `_in_spot`; gate_m: greatest distance; out: PAIR, written.
+    Args: member: rows of `place`, ascending; place: (N,) PLACE; halo: as `_in_halo`; gate_m: greatest distance; out: PAIR, written.
     Returns: how many pairs there are; those that `out` has no room for are not written.
     """
     key, run, gate2 = place["key"], np.zeros((6, 2), np.int64), gate_m * gate_m
@@ -126,7 +126,9 @@ def pairs_in_gate(low, high, member, place, halo, gate_m, out):  # type: ignore[
             for j in range(run[k, 0], run[k, 1]):
                 second = place[j]
                 x, y, z = second.x_m - first.x_m, second.y_m - first.y_m, second.z_m - first.z_m
-                if second.source <= first.source or x * x + y * y + z * z > gate2 or not _in_spot(second, first.spot, halo):
+                if second.source <= first.source or x * x + y * y + z * z > gate2:
+                    continue
+                if second.spot != first.spot and not _in_halo(second.row, first.spot, halo):
                     continue
                 if count < len(out):
                     out[count].first, out[count].second = member[m], j

@@ -8,6 +8,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "counting_sort",
         "lookup",
         "match_ids",
-        "sorting",
     ],
 )
