@@ -58,9 +58,10 @@ def save(value: Any) -> bytes:
     """
     arrays: list[Array] = []
     tree = json.dumps(_to_tree(value, arrays), separators=(",", ":")).encode()
-    named = {str(number): array for number, array in enumerate(arrays)}
+    members: dict[str, Any] = {TREE: np.frombuffer(tree, np.uint8)}
+    members |= {str(number): array for number, array in enumerate(arrays)}
     out = io.BytesIO()
-    np.savez(out, allow_pickle=False, **{TREE: np.frombuffer(tree, np.uint8)}, **named)
+    np.savez(out, **members)
     return out.getvalue()
 
 
@@ -72,7 +73,7 @@ def load(saved: bytes) -> Any:
     if not saved.startswith(b"PK"):
         raise CheckpointError("it is not in the format of this version")
     try:
-        with np.load(io.BytesIO(saved), allow_pickle=False) as file:
+        with np.load(io.BytesIO(saved)) as file:  # numpy refuses arrays of objects by default
             arrays = {name: file[name] for name in file.files}
         return _from_tree(json.loads(arrays.pop(TREE).tobytes()), arrays)
     except CheckpointError:
@@ -93,6 +94,8 @@ def _to_tree(value: Any, arrays: list[Array]) -> Any:
     if kind is dict:
         return {"dict": [[_to_tree(key, arrays), _to_tree(item, arrays)] for key, item in value.items()]}
     if kind is np.ndarray or isinstance(value, np.generic):
+        if value.dtype.hasobject:
+            raise TypeError("checkpoint: got an array of objects, needed numbers, texts or records of them")
         arrays.append(np.asarray(value))
         return {"array" if kind is np.ndarray else "scalar": len(arrays) - 1}
     name = f"{kind.__module__}.{kind.__qualname__}"
