@@ -1,4 +1,4 @@
-"""Spots by k-means on Earth-centred positions: scikit-learn fits the centroids, scipy's tree finds the nearest, each with a halo."""
+"""Spots by k-means on Earth-centred positions: centroids fitted by scikit-learn, each spot with a halo."""
 
 from __future__ import annotations
 
@@ -10,17 +10,20 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import Array, Floats, Ints, Spots, Tracks
+from coastwatch.batches import Floats, Ints, Spots, Tracks
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Method
 
 SAMPLE_PER_SPOT = 20  # tracks that centroids are fitted to
+NEIGHBOURS = 32  # centroids around each that are looked at before all are
 FIRST_STEPS, LATER_STEPS = 20, 2  # of Lloyd's algorithm: from k-means++, from the last centroids
 
 
 @dataclass(frozen=True, eq=False)
 class KMeansMemory:
     centre_m: Floats  # (K, 3) centroids; no row before the first cycle
+    track_id: Ints  # (N,) of the last cycle
+    spot: Ints  # (N,) of each of them
     age: int = 0  # cycles since they were fitted
 
 
@@ -43,7 +46,8 @@ class KMeansSpots(Method):
     seed: Annotated[int, Field(ge=0)] = 0
 
     def init(self) -> KMeansMemory:
-        return KMeansMemory(np.zeros((0, 3)))
+        none = np.zeros(0, np.int64)
+        return KMeansMemory(np.zeros((0, 3)), none, none)
 
     def step(self, memory: KMeansMemory, tracks: Tracks) -> tuple[KMeansMemory, Spots]:
         """Spots of these tracks. Args: tracks: (N). Returns: memory and Spots with K >= 1 spots unless there is no track."""
@@ -56,7 +60,19 @@ class KMeansSpots(Method):
             centre, age = self._fitted(position, tracks.track_id, count, None), 0
         elif age >= self.fit_every:
             centre, age = self._fitted(position, tracks.track_id, count, centre), 0
-        return KMeansMemory(centre, age), Spots(centre, *assigned(position, centre, self.halo_m))
+        spot, *halo = assigned(position, self._guess(memory, tracks, position, centre), centre, self.halo_m)
+        return KMeansMemory(centre, tracks.track_id, spot, age), Spots(centre, spot, *halo)
+
+    def _guess(self, memory: KMeansMemory, tracks: Tracks, position: Floats, centre: Floats) -> Ints:
+        """A spot near each track: that of the last cycle, for a new track the nearest. Returns: (N,)."""
+        from scipy.spatial import cKDTree
+
+        before = kernels.tables.match_ids.index_of(memory.track_id, tracks.track_id)
+        known = before >= 0 if len(memory.centre_m) == len(centre) else np.zeros(len(tracks), np.bool_)
+        out = np.zeros(len(tracks), np.int64)
+        out[known] = memory.spot[before[known]]
+        out[~known] = cKDTree(centre).query(position[~known])[1]
+        return out
 
     def _spots_for(self, tracks: int, before: int) -> int:
         """How many spots so many tracks are given, where there were so many before."""
@@ -82,25 +98,20 @@ class KMeansSpots(Method):
         return found
 
 
-def assigned(position: Floats, centre: Floats, halo_m: float) -> tuple[Ints, Ints, Ints]:
+def assigned(position: Floats, guess: Ints, centre: Floats, halo_m: float) -> tuple[Ints, Ints, Ints]:
     """The spot of each track, and the halos of the spots.
 
     A track b within `halo_m` of a member a of spot j is no more than 2 `halo_m` farther from the centroid of j than from its own: the
     distance of a to both differs from that of b by at most `halo_m`, and a is nearer to j. All such tracks are in the halo of j.
-    Args: position: (N, 3), centre: (K, 3) Earth-centred. Returns: (N,) spots; (H,) spots and (H,) rows of the halos, sorted.
+    Args: position: (N, 3), centre: (K, 3) Earth-centred; guess: (N,) a spot near each track, for speed alone.
+    Returns: (N,) spots; (H,) spots and (H,) rows of the halos, sorted.
     """
     from scipy.spatial import cKDTree
 
-    tree = cKDTree(centre)
-    parts = in_blocks(lambda low, high: tree.query(position[low:high], k=[1, 2]), len(position))
-    distance, nearest = (np.concatenate(part) for part in zip(*parts, strict=True))
-    spot = nearest[:, 0].astype(np.int64)
-    limit = distance[:, 0] + 2.0 * halo_m
-    row = np.flatnonzero(distance[:, 1] <= limit) if halo_m > 0.0 else np.zeros(0, np.int64)
-    near: Array = tree.query_ball_point(position[row], limit[row])
-    row = np.repeat(row, [len(spots) for spots in near])
-    halo = np.fromiter((k for spots in near for k in spots), np.int64, len(row))
-    other = halo != spot[row]
-    halo, row = halo[other], row[other]
-    order = np.lexsort((row, halo))
+    gap, near = cKDTree(centre).query(centre, k=np.arange(1, min(NEIGHBOURS, len(centre)) + 1))
+    spot, margin = np.empty(len(position), np.int64), 2.0 * halo_m if halo_m > 0.0 else -1.0
+    kernel = kernels.geometry.centroids.nearest_centroids
+    parts = in_blocks(kernel, len(position), position, guess, centre, (near, gap), margin, spot)
+    halo, row = (np.concatenate(part) for part in zip(*parts, strict=True))
+    order = np.argsort(halo * len(position) + row)
     return spot, halo[order], row[order]

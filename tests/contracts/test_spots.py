@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial import cKDTree
 
 from coastwatch.batches import Tracks
 from coastwatch.geodesy import earth_centred, from_plane
 from coastwatch.kernels.threads import threads
 from coastwatch.server.checkpoint import load, save
 from coastwatch.spots import KMeansSpots
+from coastwatch.spots.kmeans import assigned
 
 
 def tracks(seed, n, spread_m=20e3, origin=(58.0, 179.9)):
@@ -45,6 +47,18 @@ def test_every_pair_within_reach_is_in_the_spot_of_either(seed, n, count, halo_m
     in_spot[spots.halo_spot, spots.halo_row] = True
     a, b = np.nonzero(near)
     assert in_spot[spots.spot[a], b].all()
+
+
+@given(st.integers(0, 10**6), st.integers(1, 300), st.integers(1, 60), st.sampled_from([0.0, 500.0, 20e3]))
+def test_spots_and_halos_are_those_of_a_tree_whatever_the_guess(seed, n, count, halo_m):
+    rng = np.random.default_rng([seed, 3])
+    points, centre = rng.normal(0.0, 20e3, (n, 3)), rng.normal(0.0, 20e3, (count, 3))
+    spot, halo_spot, halo_row = assigned(points, rng.integers(0, count, n), centre, halo_m)
+    distance, nearest = cKDTree(centre).query(points)
+    np.testing.assert_array_equal(spot, nearest)
+    near = cKDTree(centre).query_ball_point(points, distance + 2.0 * halo_m)
+    wanted = sorted((k, row) for row in range(n) for k in near[row] if k != spot[row]) if halo_m else []
+    assert list(zip(halo_spot.tolist(), halo_row.tolist(), strict=True)) == wanted
 
 
 def test_every_track_is_in_the_nearest_spot():
