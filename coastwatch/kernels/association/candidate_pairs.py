@@ -108,8 +108,10 @@ def _in_halo(row, spot, halo):  # type: ignore[no-untyped-def]
 def pairs_in_gate(low, high, member, place, halo, gate_m, out):  # type: ignore[no-untyped-def]
     """Pairs whose first is one of the members low to high, the second a track of a later source in its spot or in the halo of it.
 
-    Args: member: rows of `place`, ascending; place: (N,) PLACE; halo: as `_in_halo`; gate_m: greatest distance; out: PAIR, written.
-    Returns: how many pairs there are; those that `out` has no room for are not written.
+    Args:
+        member: rows of `place`, ascending; place: (N,) PLACE; halo: as `_in_halo`; gate_m: greatest distance.
+        out: PAIR, written; at least one longer than there are pairs, or its last ones are wrong.
+    Returns: how many pairs there are.
     """
     key, run, gate2 = place["key"], np.zeros((6, 2), np.int64), gate_m * gate_m
     count, band, reach = 0, -1, 0
@@ -126,13 +128,12 @@ def pairs_in_gate(low, high, member, place, halo, gate_m, out):  # type: ignore[
             for j in range(run[k, 0], run[k, 1]):
                 second = place[j]
                 x, y, z = second.x_m - first.x_m, second.y_m - first.y_m, second.z_m - first.z_m
-                if second.source <= first.source or x * x + y * y + z * z > gate2:
-                    continue
-                if second.spot != first.spot and not _in_halo(second.row, first.spot, halo):
-                    continue
-                if count < len(out):
-                    out[count].first, out[count].second = member[m], j
-                count += 1
+                near = (second.source > first.source) & (x * x + y * y + z * z <= gate2)  # no branch: it cannot be foreseen
+                if second.spot != first.spot and near:
+                    near = _in_halo(second.row, first.spot, halo)
+                at = min(count, len(out) - 1)
+                out[at].first, out[at].second = member[m], j
+                count += near
         for p in range(before, min(count, len(out))):
             out[p].density = max(count - before - 1, 1) / (math.pi * gate2)
     return count
@@ -142,7 +143,7 @@ def candidate_pairs(low: int, high: int, member: Ints, place: Records, halo: tup
     """All pairs of `pairs_in_gate`, (A,) PAIR."""
     out = np.empty(16 * (high - low) + 64, PAIR)
     count = pairs_in_gate(low, high, member, place, halo, gate_m, out)
-    if count > len(out):
-        out = np.empty(count, PAIR)
+    if count >= len(out):
+        out = np.empty(count + 1, PAIR)
         pairs_in_gate(low, high, member, place, halo, gate_m, out)
     return out[:count]

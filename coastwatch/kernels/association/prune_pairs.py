@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coastwatch.kernels.association.pair_score import Rule
-from coastwatch.kernels.geometry.ellipsoid import SEMI_MAJOR, metres_per_degree, sine_cosine, wrap_degrees
+from coastwatch.kernels.geometry.ellipsoid import DEGREE, SEMI_MAJOR, metres_per_degree, wrap_degrees
 from coastwatch.kernels.jit import jit
 
 SEEN = 7  # newest entries that the bounds are of; fewer make them weak, more make them dear
 REGULAR = 1e-9  # a determinant that is less than this part of its main product is rounding
 LEAST_ERROR = 1e-4  # relative error of a distance within the gate, besides what converging meridians make of it
+LONGEST_DEGREE = 1.0034 * SEMI_MAJOR * DEGREE  # more than any degree of longitude
 LOG2, LOG_TURN = math.log(2.0), math.log(2.0 * math.pi)
 
 Floats = NDArray[np.float64]
@@ -102,10 +103,9 @@ def track_bounds(low, high, track, values, newest, rule, out):  # type: ignore[n
     """The bounds of tracks low to high. Args: track: (N,) TRACK; values: (S, W) ENTRY; newest: its column; out: (N,) BOUND, written."""
     for i in range(low, high):
         bound = out[i]
-        latitude = values[track[i].slot, newest].latitude_deg
-        sine, cosine = sine_cosine(latitude)
-        bound.north_m_deg, bound.east_m_deg = metres_per_degree(latitude)
-        bound.error = LEAST_ERROR + rule.gate_m / SEMI_MAJOR * abs(sine) / max(cosine, LEAST_ERROR)
+        bound.north_m_deg, bound.east_m_deg = metres_per_degree(values[track[i].slot, newest].latitude_deg)
+        cosine = max(bound.east_m_deg / LONGEST_DEGREE, LEAST_ERROR)
+        bound.error = LEAST_ERROR + rule.gate_m / SEMI_MAJOR * math.sqrt(1.0 - cosine * cosine) / cosine
         _bound_path(track[i], values, newest, bound)
         _bound_covariance(track[i], rule, bound)
 
