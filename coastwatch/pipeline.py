@@ -51,7 +51,7 @@ class Memory:
     """The memory of every stage. It is plain data, saved as arrays with a schema: a run resumes bit for bit."""
 
     plots: Any
-    tracks: tuple[Any, ...]  # one a region
+    tracks: tuple[Any, ...]  # one memory for each region
     ais_tracks: Any
     bearing_tracks: Any
     centre: CentreMemory
@@ -63,8 +63,8 @@ class Memory:
 class Received:
     """What the high-level centre receives in a cycle."""
 
-    tracks: Tracks  # of every region and AIS, each at the time of its own
-    measurements: Measurements  # behind them, where the sender gives them
+    tracks: Tracks  # of every region and of AIS, each track at its own time
+    measurements: Measurements  # plots and reports in these tracks, if the sender gives them
     alarms: AisAlarms
     bearing_tracks: BearingTracks
     statics: AisStatics
@@ -88,7 +88,7 @@ class Cycle:
     corrections: RadarCorrections  # found in this cycle, for the next
 
     def to_write(self) -> Cycle:
-        """What the store reads of it, so that where tracks are and how they move does not stay for as long as it takes to write."""
+        """The cycle without arrays that the store does not read, so that their memory is free while the store writes."""
         return replace(self, tracks=self.tracks.without_values("track_id", "source"), fused=self.fused.without_values())
 
 
@@ -122,13 +122,13 @@ def fuse(
     map_: Map,
     timer: Timer,
 ) -> tuple[CentreMemory, Cycle]:
-    """One cycle of the high-level centre; the registration of radars is not its business. Args: as `step`."""
+    """One cycle of the high-level centre. It does not estimate registration errors of radars. Args: as in `step`."""
     s, m = scenario, memory
     measurements, alarms = received.measurements, received.alarms
     bearing_tracks, statics = received.bearing_tracks, received.statics
     with timer("alignment"):
         tracks = s.alignment.step(received.tracks, time_s)
-    del received  # where the caller has let go of it too, the tracks as they came
+    del received  # frees the tracks at their own times, if the caller has dropped them too
     with timer("spots"):
         spots_memory, spots = s.spots.step(m.spots, tracks)
     with timer("associations"):
@@ -160,10 +160,11 @@ def step(
     timer: Timer,
     regions: RegionMap = serial_regions,
 ) -> tuple[Memory, Cycle]:
-    """One cycle.
+    """One cycle of all centres.
 
-    Args: reports: all that arrived since the last cycle; time_s: of the picture; map_: for per-spot work; timer: called with
-    the name of each stage, the stage runs inside what it returns.
+    Args: reports: all that arrived since the last cycle; time_s: of the picture; map_: maps the work of spots over processors;
+    timer: returns a context manager for the name of a stage, inside which the stage runs; regions: maps the regional centres.
+    Returns: the memory for the next cycle, and the outputs of all stages.
     """
     s, m = scenario, memory
     with timer("plots"):
@@ -182,7 +183,7 @@ def step(
     with timer("registration"):
         seen = plots, ais_tracks, alarms, measurements, cycle.picture, cycle.members, bearing_tracks, cycle.bearing_associations
         registration_memory, corrections = s.registration.step(m.registration, *seen, time_s, sensors, m.corrections)
-    # Tracks that hold plots of a radar whose corrections have jumped lie where the next plots will not.
+    # When the corrections of a radar jump, its next plots lie elsewhere: tracks that hold its plots are dropped.
     radar_memory = tuple(new.without_radars(corrections.jumped) for new, *_ in regional)
     first = plots_memory, radar_memory, ais_memory, bearing_memory, centre_memory
     return Memory(*first, registration_memory, corrections), replace(cycle, corrections=corrections)

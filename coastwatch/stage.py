@@ -1,4 +1,4 @@
-"""What a method of a stage must offer, and `Method`, the base of all settings."""
+"""The interface of a method (`Method`), and of the maps that spread its work over processors (`Map`, `RegionMap`)."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ class Method(Settings):
 
 @dataclass(frozen=True)
 class NoMemory:
-    """The memory of a method that needs nothing of the past."""
+    """The memory of a method that keeps nothing between cycles."""
 
 
 @dataclass(frozen=True, eq=False)
 class Groups(Struct):
-    """Rows in groups, one after the other: those of group k are row[start[k]:start[k + 1]]."""
+    """Rows in groups. The rows of group k are row[start[k]:start[k + 1]]."""
 
     row: Ints = column(np.int64, "L")
     start: Ints = column(np.int64, "K1")  # K + 1, from 0 to L
@@ -68,14 +68,14 @@ Arrays = Mapping[str, Any]
 Work = Callable[[Any, Arrays, Groups], tuple[Array, ...]]
 """A module-level pure function (settings, arrays, groups) -> arrays: what is done for a chunk of spots at once.
 
-What it says of a spot does not depend on what else is in the chunk. The caller brings the rows of all chunks into an order of its own.
+The result for a spot does not depend on the other spots of its chunk. The caller sorts the results of all chunks.
 """
 
 
 def by_group(
     of_one: Callable[[Any, Arrays, Ints], tuple[Array, ...]], settings: Any, arrays: Arrays, groups: Groups
 ) -> tuple[Array, ...]:
-    """What of_one(settings, arrays, rows) gives for the rows of each group, one after the other."""
+    """The results of of_one(settings, arrays, rows) for the rows of each group, concatenated."""
     parts = [of_one(settings, arrays, groups.of(k)) for k in range(len(groups))]
     if not parts:
         parts = [of_one(settings, arrays, np.zeros(0, np.int64))]
@@ -86,12 +86,12 @@ class Map(Protocol):
     """How per-spot work is mapped over processors: `coastwatch.workers` has the kinds. Pairs, ids and flags are the same for all."""
 
     def __call__(self, work: Work, settings: Any, arrays: Arrays, spots: Groups) -> list[tuple[Array, ...]]:
-        """What work(settings, arrays, chunk) gives for chunks that hold every spot once; one chunk at least."""
+        """The result of work(settings, arrays, chunk) for each chunk. Chunks hold every spot once; there is at least one."""
         ...
 
 
 def serial(work: Work, settings: Any, arrays: Arrays, spots: Groups) -> list[tuple[Array, ...]]:
-    """The plain Map: all spots as one chunk, here."""
+    """The Map without workers: all spots as one chunk, in this process."""
     return [work(settings, arrays, spots)]
 
 
@@ -108,7 +108,7 @@ class RegionMap(Protocol):
 
 
 def serial_regions(step: RegionStep, memories: Sequence[Any], given: Sequence[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
-    """The plain RegionMap: one region after the other, here."""
+    """The RegionMap without workers: one region after the other, in this process."""
     return [step(memory, *more) for memory, more in zip(memories, given, strict=True)]
 
 
@@ -120,5 +120,5 @@ class Plan(Settings):
     cycles: int
 
     def instant_s(self, cycle: int) -> float:
-        """The time at which this cycle ends, the same to the bit wherever it is asked."""
+        """The time at which this cycle ends. Every caller gets the same bits."""
         return self.start_s + self.period_s * (cycle + 1)

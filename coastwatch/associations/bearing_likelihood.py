@@ -48,7 +48,7 @@ FEWEST_INSTANTS = 8  # that a history has room for
 
 @dataclass(frozen=True, eq=False)
 class PositionHistory:
-    """Where vessels were at the newest W instants. As `History`, it is written into when it is extended."""
+    """Positions of vessels at the newest W instants. As in `History`, `extended` writes into it."""
 
     history: History  # values (S, W, 4): ECEF position and its standard deviation per axis, m; NaN: absent
     time_s: Floats  # (W,) the instant of each column, NaN for none
@@ -114,46 +114,48 @@ class LikelihoodMemory:
 
 
 class BearingLikelihood(Method):
-    """One-to-one pairs that explain the bearings of a sensor best; what no vessel explains well is of an unknown vessel.
+    """The one-to-one pairs with the greatest sum of log odds; a track without such a pair is of an unknown vessel.
 
-    The statistic of a pair is its log odds: the likelihood of the window of bearings given the path of the vessel (white noise of the
-    sensor's specification, a position error correlated in time, what is not known of the sensor's bias) over that given an
-    unknown vessel anywhere in reach, times the prior odds. The bias of each sensor is the running median residual of its pairs.
-    That a vessel outside the nominal coverage is heard is at first as likely as not; each sensor's pairs then tell. A vessel that was
-    outside at any bearing of the window counts as outside.
-    Where a sensor tells the class of a vessel by its sound, the log odds of a pair gain what that says of the ship type in its AIS.
-    Position errors three times those that the picture admits (30 m for 10 m) cost 2 to 3 points of F1, six times over 10, nearly all
-    of it partners missed, and there a longer window makes it worse.
+    - The statistic of a pair is its log odds: likelihood ratio of the window of bearings, times prior odds. The hypotheses are
+      this vessel, and an unknown vessel anywhere in range.
+    - Errors: white noise as specified, a position error that is correlated in time, and the uncertainty of the sensor's bias.
+    - The bias of each sensor is the running median residual of its pairs.
+    - A vessel outside the nominal coverage is at first detected with probability 1/2; then the sensor's pairs tell. A vessel
+      counts as outside if it was outside at any bearing of the window.
+    - If a sensor reports classes of vessels, their likelihood given the ship type in the vessel's AIS is added.
+    - Weakness: if position errors are three times the stated ones (30 m for 10 m), F1 loses 2 to 3 points; six times, over 10.
+      Nearly all of these are missed partners, and a longer window makes it worse.
+
     Source: Y. Bar-Shalom, P. K. Willett, X. Tian, Tracking and Data Fusion, ch. 8-9 (likelihood ratio association); the null
     hypothesis and the numbers are ours: scaling/decisions/bearing_association.py.
     """
 
     method: Literal["bearing_likelihood"] = "bearing_likelihood"
-    threshold: float = 0.0  # log odds that a pair must have
-    window_s: Positive = 300.0  # bearings and paths older than this are not looked at
-    spacing_s: Positive = 1.0  # instants of the paths are no closer than this
-    heard: Share = 0.95  # that a vessel inside the coverage of a sensor has a track of it
-    unknown: Share = 0.05  # at least this share of a sensor's tracks are of vessels that are not in the picture
+    threshold: float = 0.0  # the log odds of a pair must exceed it
+    window_s: Positive = 300.0  # older bearings and positions are not used
+    spacing_s: Positive = 1.0  # least time between two stored positions of a vessel
+    heard: Share = 0.95  # probability that a sensor has a track of a vessel inside its coverage
+    unknown: Share = 0.05  # least share of a sensor's tracks that are of vessels not in the picture
     unknown_speed_kn: Positive = 7.0  # standard deviation per axis, of such a vessel
-    unknown_kick_m_s2: Positive = 0.1  # its changes of course and speed: standard deviation per axis grows so over a second
-    position_floor_m: Annotated[float, Field(ge=0.0)] = 3.0  # position errors that no covariance tells (hull, antenna)
+    unknown_kick_m_s2: Positive = 0.1  # its manoeuvres: change of velocity in a second, standard deviation per axis
+    position_floor_m: Annotated[float, Field(ge=0.0)] = 3.0  # position error beside the covariance (hull, antenna), per axis
     position_unknown_m: Positive = 15.0  # standard deviation per axis where a vessel has no covariance
     position_memory_s: Positive = 20.0  # correlation time of position errors
     settle_s: Annotated[float, Field(ge=0.0)] = (
         20.0  # a vessel known for less, and worse than the next setting, is not compared
     )
-    settled_m: Positive = 15.0  # standard deviation per axis: the first guesses of a track err by more than they admit
+    settled_m: Positive = 15.0  # standard deviation per axis: new tracks err by more than their covariance
     bias_sigma_deg: Annotated[float, Field(ge=0.0)] = 0.5  # of an uncalibrated sensor; 0: sensors have none
-    bias_floor_deg: Annotated[float, Field(ge=0.0)] = 0.03  # what remains unknown of it at best
+    bias_floor_deg: Annotated[float, Field(ge=0.0)] = 0.03  # least standard deviation of an estimated bias
     bias_gain: Annotated[float, Field(ge=0.0, le=1.0)] = (
         0.2  # share of the median residual taken over in a cycle; 0: no calibration
     )
-    bias_pairs: Annotated[int, Field(ge=1)] = 5  # fewer calibrate nothing
-    signature_accuracy: Share = 0.7  # taken for the share of right classes by sound, the others said equally often
-    signature_confusion: tuple[tuple[Share, ...], ...] = ()  # instead: a row for each true class, how often each is said
+    bias_pairs: Annotated[int, Field(ge=1)] = 5  # with fewer pairs the bias is not updated
+    signature_accuracy: Share = 0.7  # assumed share of right classes; wrong ones are equally likely
+    signature_confusion: tuple[tuple[Share, ...], ...] = ()  # instead: for each true class, the share of each reported class
     signature_habit: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.8  # share of looks that only repeat the sensor's usual answer
-    type_doubt: Share = 0.05  # that a ship is not of the class that its AIS says
-    give_up: Annotated[float, Field(lt=0.0)] = -25.0  # log odds at which a pair is not looked at any further
+    type_doubt: Share = 0.05  # probability that a ship is not of the class in its AIS
+    give_up: Annotated[float, Field(lt=0.0)] = -25.0  # log odds below which a pair is not computed further
 
     @model_validator(mode="after")
     def _confusion_is_a_matrix(self) -> Self:
@@ -260,7 +262,7 @@ class BearingLikelihood(Method):
         return row[order], log_odds, difference
 
     def _class_evidence(self, tracks: BearingTracks, picture: Picture, octants: Octants, types: ShipTypes) -> dict[str, Array]:
-        """What the class of a vessel adds to the log odds with each track, (N, C + 1), and the class of the vessel of each pair, (A,).
+        """Log odds of each track by class of vessel, (N, C + 1), and the class of the vessel of each pair, (A,).
 
         Both are empty where no sensor reported a class.
         """
@@ -285,7 +287,7 @@ class BearingLikelihood(Method):
 
 def score_octants(settings: BearingLikelihood, arrays: Arrays, octants: Groups) -> tuple[Array, ...]:
     """Pairs of the bearing tracks of these octants that are above the threshold: index of the pair, log odds, mean difference of
-    bearings. A pair's answer is its own alone."""
+    bearings. The result of a pair does not depend on other pairs."""
     windows = kernels.bearings.windows.BearingWindows(
         **{name: arrays[name] for name in kernels.bearings.windows.BearingWindows._fields}
     )

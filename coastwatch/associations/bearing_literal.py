@@ -1,4 +1,4 @@
-"""Bearing association as the paper has it: the sample covariance of the window, a chi-square test, the nearest wins."""
+"""Bearing association as in the paper: sample covariance of the window, chi-square test, nearest neighbour."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ class LiteralBearingMemory:
 class BearingWindowedCovariance(Method):
     """Pairs whose newest difference of bearing and rate passes a chi-square test with the sample covariance of the last p.
 
-    Kept because the published figures need it; p and the confidence are not published. Each bearing track takes its nearest
-    vessel (smallest statistic), whoever else takes it too, unless `one_to_one`. p <= 2 makes the covariance singular and is
+    Kept to reproduce the published figures; p and the confidence are not published. Each bearing track takes its nearest vessel
+    (smallest statistic), even if another track takes it too, unless `one_to_one`. p <= 2 makes the covariance singular and is
     refused; a pair without p cycles of history is not tested. Statistic: x = Delta^T Phi^-1 Delta.
     Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven
     Approach, eq. 7, 10, 11 and section III-E (the bearing as measured, the rate from the last p bearings).

@@ -105,7 +105,7 @@ class SensorBias:
 
 @dataclass(frozen=True, eq=False)
 class OutsideDetections:
-    """Whether each of K sensors detects vessels just outside its nominal coverage: counts that are forgotten by and by."""
+    """Whether each of K sensors detects vessels just outside its nominal coverage: exponentially forgotten counts."""
 
     detected: Floats  # (K,)
     expected: Floats  # (K,) how many would be, if they were detected like those inside

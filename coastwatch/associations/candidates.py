@@ -1,4 +1,4 @@
-"""The score of every pair that a windowed covariance tests in a cycle, taken or not: what a receiver operating curve is drawn from."""
+"""Scores of all pairs that a method tests in a cycle, accepted or not, for receiver operating characteristics."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ class Candidates:
 def step_with_candidates(
     method: WindowedCovariance | WindowedCovarianceLiteral, memory: Any, tracks: Tracks, spots: Spots
 ) -> tuple[Any, Associations, Candidates]:
-    """What `method.step` gives, and besides every pair that it tested, with its score before threshold and assignment.
+    """The result of `method.step`, and the score of every tested pair before threshold and assignment.
 
-    The work of each spot is done a second time with the threshold open, so that memory and associations are those of an
-    ordinary step. A pair without the history that the test needs (literal: p cycles) is not tested.
+    The work of each spot is done a second time without a threshold, so memory and associations are those of an ordinary step.
+    A pair without the history that the test needs (literal: p cycles) is not tested.
     Args: memory: of the method; tracks: (N); spots: of the same rows.
     """
     literal = isinstance(method, WindowedCovarianceLiteral)

@@ -1,4 +1,4 @@
-"""Which pairs of tracks a spot looks at, and how accepted pairs become vessels."""
+"""Candidate pairs of a spot, one-to-one assignment, and how accepted pairs become vessels."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def members_of_spots(spots: Spots) -> Groups:
 
 
 def gate_arrays(tracks: Tracks, spots: Spots, gate_m: float) -> dict[str, Array]:
-    """What `gated` reads: places of tracks in the order of a grid, and the spots whose halo each track is in."""
+    """The arrays that `gated` reads: tracks in the order of a grid, and the spots whose halo each track is in."""
     halo = Groups.by_key(spots.halo_row, len(tracks))
     place = kernels.association.candidate_pairs.sorted_places(tracks.position_deg, tracks.source, spots.spot, gate_m)
     return {"place": place, "halo_start": halo.start, "halo_spot": spots.halo_spot[halo.row]}
@@ -80,10 +80,10 @@ def _repeated(row: Ints, useful: Bools, rows: int) -> Bools:
 
 
 def vessels(tracks: Tracks, first: Ints, second: Ints, gain: Floats) -> tuple[Ints, Ints]:
-    """A vessel for every track, no vessel with two tracks of one source, and the pairs that stand.
+    """The vessel of every track, and the pairs that are kept. No vessel has two tracks of one source.
 
-    Connected pairs are one vessel. Where that would put two tracks of one source together the pairs of that component are
-    taken in order of gain and one that would break the rule is left out.
+    Connected pairs are one vessel. If a component has two tracks of one source, its pairs are taken in order of gain. A pair
+    that would join two tracks of one source is left out.
     Args: first, second, gain: (A,). Returns: (N,) vessel of each track, numbered by first track row; (B,) indices of pairs kept.
     """
     components, rows = kernels.association.connected_components.components, len(tracks)

@@ -1,4 +1,4 @@
-"""Track-to-track association by windowed covariance: floored, capped, accumulated against "no partner", one-to-one."""
+"""Track-to-track association by windowed covariance: likelihood ratio of each pair over its history, one-to-one assignment."""
 
 from __future__ import annotations
 
@@ -35,14 +35,19 @@ class WindowMemory:
 class WindowedCovariance(Method):
     """Pairs by a log-likelihood ratio accumulated over the window, then the best one-to-one assignment.
 
-    The covariance of a difference is what the tracks say, scaled in position and velocity by the sample covariance of the window
-    about its mean, so that neither a quiet pair is refused nor a drifting one accepted. A short window of track errors, which
-    persist, shows little: it weighs against `prior` entries, and the scale stays between `floor` and `cap`. `registration` adds
-    that share of a radar plot's covariance, unscaled: a constant azimuth or range bias is as large as the noise of the
-    specification and does not show in the window. With probability `misled_share` the velocities do not count, because a track
-    that took foreign plots is where it should be but not under way as it should. The ratio is against an unrelated vessel of
-    the local density. What a pair was counts `forgetting` times less a cycle later and one step counts at most `step_limit`, so
-    that a track that changes vessel loses its partner within a few cycles. Statistic: the accumulated log-likelihood ratio.
+    - Covariance of a difference: the sum of both tracks' covariances. Its position and velocity blocks are scaled by the sample
+      covariance of the window about its mean. So a quiet pair is not refused, and a drifting pair is not accepted.
+    - Errors of tracks persist, so a short window underestimates them. The scale is averaged with 1, which weighs as much as
+      `prior` entries of the window, and is limited to `floor` and `cap`.
+    - `registration` adds that share of a radar plot's covariance, unscaled. A constant azimuth or range bias is as large as the
+      specified noise, and does not show in the window.
+    - With probability `misled_share` the velocities do not count. A track that took plots of another vessel has a good position
+      but a wrong velocity.
+    - The alternative hypothesis is an unrelated vessel at the local density of tracks.
+    - Each cycle multiplies the former sum by `forgetting` and adds one ratio, limited to +- `step_limit`. So a track that changes
+      vessel loses its partner within a few cycles.
+
+    Statistic: the accumulated log-likelihood ratio.
 
     Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven Approach,
     eq. 5 and 7, with the covariance bounded; Y. Bar-Shalom and H. Chen, Multisensor track-to-track association for tracks with
@@ -52,14 +57,14 @@ class WindowedCovariance(Method):
     method: Literal["windowed_covariance"] = "windowed_covariance"
     window: Annotated[int, Field(ge=1, le=200)] = 20  # cycles
     gate_m: Annotated[float, Field(gt=0.0)] = 1000.0
-    prior: Annotated[float, Field(ge=0.0)] = 10.0  # entries of the window that the tracks' own covariance counts as
+    prior: Annotated[float, Field(ge=0.0)] = 10.0  # weight of the tracks' own covariance, in entries of the window
     floor: Annotated[float, Field(gt=0.0, le=1.0)] = 0.5
     cap: Annotated[float, Field(ge=1.0)] = 2.0
     forgetting: Annotated[float, Field(ge=0.0, le=1.0)] = 0.9
     registration: Annotated[float, Field(ge=0.0)] = 0.5
     step_limit: Annotated[float, Field(gt=0.0)] = 20.0
-    misled_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.01  # of tracks whose velocity foreign plots have spoilt
-    threshold: float = 0.0  # that a pair's statistic must exceed
+    misled_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.01  # of tracks whose velocity is wrong, by plots of other vessels
+    threshold: float = 0.0  # the statistic of a pair must exceed it
     unrelated_speed_m_s: Annotated[float, Field(gt=0.0)] = 4.0
     unknown_velocity_sigma_m_s: Annotated[float, Field(gt=0.0)] = 0.5  # of a source that gives no covariance
 

@@ -1,4 +1,4 @@
-"""Track-to-track association as the paper has it: the sample covariance of the window, a chi-square test, the nearest wins."""
+"""Track-to-track association as in the paper: sample covariance of the window, chi-square test, nearest neighbour."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ class LiteralMemory:
 class WindowedCovarianceLiteral(Method):
     """Pairs whose newest difference passes a chi-square test with the sample covariance of the last p differences.
 
-    Kept because the published figures need it; p and the confidence are not published. With `one_to_one` false each track of
-    the lower source takes its nearest (smallest statistic) partner of each other source, and where two take the same one the
-    nearer keeps it only if the vessel would otherwise have two tracks of one source. p <= 4 makes the covariance singular and is refused.
+    Kept to reproduce the published figures; p and the confidence are not published. p <= 4 makes the covariance singular and is
+    refused. With `one_to_one` false each track of the lower source takes its nearest (smallest x) partner of each other source.
+    Two tracks of one source may take the same partner; then the nearer one keeps it.
 
-    The newest difference is in its own covariance, which bounds x: for errors independent from cycle to cycle 50, 91, 95 and 97 %
-    of true pairs pass at p = 5, 8, 10 and 20 with chi-square and .95, so that it is autocorrelation that refuses true pairs, not p.
-    `threshold = "hotelling"` is 4 (p - 1) / (p - 4) F(4, p - 4), the distribution that x would have if the covariance came from
-    other differences: wider than it need be, which is what makes up for the autocorrelation.
+    The newest difference is part of its own covariance, which bounds x. If errors are independent from cycle to cycle, 50, 91, 95
+    and 97 % of true pairs pass at p = 5, 8, 10 and 20 with chi-square and .95. So autocorrelation refuses true pairs, not p.
+    `threshold = "hotelling"` is 4 (p - 1) / (p - 4) F(4, p - 4): the quantile of x if the covariance came from other differences.
+    It is too wide, which makes up for the autocorrelation.
     Statistic: x = Delta^T Phi^-1 Delta.
 
     Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven Approach,

@@ -21,7 +21,7 @@ NotNegative = Annotated[float, Field(ge=0.0)]
 Four = tuple[Positive, Positive, Positive, Positive]
 
 MODELS = 4  # steady, changing speed, agile: constant velocity; turning: coordinated turn
-FEW = 512  # filters that keep a thread busy for long enough
+FEW = 512  # fewer filters are not worth a thread
 SEARCH_STEPS = 16  # of the covariance intersection at which a filter begins
 
 
@@ -54,13 +54,16 @@ class FilterPlan(NamedTuple):
 
 
 class CentralImm(Method):
-    """One IMM a vessel over the plots and AIS reports that its tracks took: no error of theirs is counted twice.
+    """One IMM a vessel over the plots and AIS reports in its tracks, so that no error counts twice.
 
-    Models: steady (constant velocity, whose velocity may jump), changing speed, agile, turning. A vessel begins where the covariance
-    intersection of its tracks is, when a second track joins the first; one that never had two tracks is its track. The filter
-    is continued while it has measurements of one vessel only, and on plots alone when the AIS has gone; where a pair is broken both
-    begin again. Where AIS is in the vessel, shares of a plot's variance are added along and across the beam: what is wrong with a
-    radar's registration is the same from plot to plot, and would else outweigh the AIS. Late reports are brought forward.
+    - Models: steady (constant velocity, which may jump), changing speed, agile, turning.
+    - A filter begins when a vessel gets a second track, at the covariance intersection of its tracks. The estimate of a vessel that
+      never had two tracks is its track.
+    - A filter is continued while all its measurements are of one vessel, also on plots alone after the loss of AIS. If a vessel
+      splits, both parts begin again.
+    - If AIS is in the vessel, shares of a plot's variance are added along and across the beam. The registration error of a radar is
+      the same in every plot, and would otherwise outweigh the AIS.
+    - A late report is moved to the filter's time by the velocity.
 
     Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven Approach,
     section III-F (fusion by IMM); Y. Bar-Shalom, P. K. Willett, X. Tian, Tracking and Data Fusion, 2011, section 8.2 (central fusion).
@@ -193,7 +196,7 @@ class CentralImm(Method):
 
 
 def _continued(column: Floats, rows: Ints, new: int) -> Floats:
-    """These rows of a column, and zeros for so many new ones."""
+    """These rows of a column, and zero rows for new filters."""
     out = np.empty((len(rows) + new, *column.shape[1:]))
     np.take(column, rows, axis=0, out=out[: len(rows)], mode="clip")  # else numpy takes into an array of its own first
     out[len(rows) :] = 0.0
@@ -205,8 +208,9 @@ def plan_filters(
 ) -> FilterPlan:
     """Decide which filters of the last cycle are continued.
 
-    A filter is continued where all of its tracks that still live are in one vessel, without a track of another filter: then none of its
-    measurements was of another vessel. And only where its tracks gave a measurement for every update: else it would starve.
+    A filter is continued if all of its tracks that still exist are in one vessel, and that vessel has no track of another filter.
+    Then none of its measurements was of another vessel. The newest update of every track must also have come with a measurement:
+    otherwise the filter would get none.
     Args: memory: of the last cycle; vessel: (N,) of each track.
     """
     begin = vessels.start[:-1]

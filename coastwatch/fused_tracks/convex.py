@@ -16,8 +16,8 @@ from coastwatch.stage import Method, NoMemory
 class Convex(Method):
     """Each track weighed by the inverse of its covariance, position and velocity together, cross-covariance neglected.
 
-    `registration` adds that share of a radar report's covariance to the position of a radar track before it is weighed, so that a
-    bias of the radar as large as its specification does not pull the vessel off a good AIS position.
+    `registration` adds that share of a radar report's covariance to the position covariance of a radar track. So a radar bias as
+    large as the specified noise does not outweigh a good AIS position.
 
     Source: Y. Bar-Shalom, P. K. Willett, X. Tian, Tracking and Data Fusion, 2011, section 9.3.3 (P12 = 0 in eq. 12 and 13 of the paper).
     """

@@ -34,8 +34,8 @@ class TrackFilters:
 class ImmOfTracks(Method):
     """An IMM (constant velocity with low and high noise, coordinated turn) over the tracks of a vessel as measurements.
 
-    The errors of tracks are autocorrelated and share process noise, so that their covariance is taken `inflation` times (the paper
-    adjusts it downwards, which is the wrong direction). A vessel with one track is that track.
+    The errors of tracks are autocorrelated and share process noise, so their covariance is multiplied by `inflation`. (The paper
+    makes it smaller, which is the wrong direction.) The estimate of a vessel with one track is that track.
 
     Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven Approach,
     section III-F.

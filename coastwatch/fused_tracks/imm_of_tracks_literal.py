@@ -44,10 +44,10 @@ class Window:
         return Window(np.append(self.time_s[1:], time_s), tracks.track_id[order], windows[0], windows[1])
 
     def covariance(self, track_id: Ints, *, about_line: bool) -> Floats:
-        """Sample covariance (divisor p - 1) of the last p states of tracks that are in the window, NaN where there are fewer.
+        """Sample covariance (divisor p - 1) of the last p states of tracks in the window; NaN for fewer states.
 
-        Args: about_line: of what is left of each component when its least-squares straight line in time is taken off; else, as
-        eq. 7 has it, its mean alone. Returns: (N, 4, 4) of east, north, east rate, north rate.
+        Args: about_line: of the residuals of each component about its least-squares line in time; else about its mean, as in
+        eq. 7. Returns: (N, 4, 4) of east, north, east rate, north rate.
         """
         row = find(self.track_id, track_id)
         newest = self.position_deg[row, -1:]
@@ -69,17 +69,17 @@ class LiteralFilters:
 
 
 class ImmOfTracksLiteral(Method):
-    """The IMM of plot fusion once more, with radar and AIS tracks as its measurements, every cycle.
+    """The IMM of plot fusion again, with radar and AIS tracks as its measurements in every cycle.
 
-    What the paper says: "the same IMM filter used for radar plot fusion" (III-F), inputs are tracks, "process error and measurement
-    errors were adjusted downwards, considering that both inputs are already providing filtered information" (III-F); "variances are
-    dynamically calculated within a time window" (V). What it leaves open, and contradicts: errors that are calculated are not
-    adjusted, the variance of what and over how many values is not said, nor by how much is adjusted; and downwards is the wrong
-    direction, because the errors of a filtered track are alike from cycle to cycle and the window shows only how they change.
-    What is taken here: the covariance of each track is the sample covariance (eq. 7) of its last p states, of what is left of
-    them about a straight line (`scatter = "about_line"`) or as they stand, motion and all (`"values"`); that, and the process
-    noise of the plot fusion, are multiplied by the two shares. Before p cycles a track's own covariance serves (AIS: its
-    specification). A vessel with one track is that track.
+    The paper says: "the same IMM filter used for radar plot fusion" (III-F), with tracks as inputs; "process error and measurement
+    errors were adjusted downwards" because the inputs are filtered already (III-F); "variances are dynamically calculated within a
+    time window" (V). It does not say which variance, over how many values, or how much smaller. And smaller is the wrong direction:
+    errors of a filtered track persist from cycle to cycle, and the window shows only how they change.
+
+    Assumed here: the covariance of each track is the sample covariance (eq. 7) of its last p states. With `scatter = "about_line"`
+    it is taken of the residuals about a straight line, with `"values"` of the states with their motion. It is multiplied by
+    `measurement_share`, and the process noise of plot fusion by `process_share`. Before p cycles a track's own covariance is used
+    (AIS: its specification). The estimate of a vessel with one track is that track.
 
     Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven Approach,
     sections III-F and V.
@@ -87,11 +87,11 @@ class ImmOfTracksLiteral(Method):
 
     method: Literal["imm_of_tracks_literal"] = "imm_of_tracks_literal"
     window: Annotated[int, Field(ge=6, le=200)] = (
-        10  # p, cycles; a line takes two values off, and fewer than 4 make it singular
+        10  # p, cycles; a line takes two degrees of freedom, and fewer than 4 are singular
     )
-    scatter: Literal["about_line", "values"] = "about_line"  # of what the covariance is taken
-    measurement_share: Share = 0.5  # of the covariance of the window that is believed
-    process_share: Share = 0.5  # of the process noise of the plot fusion
+    scatter: Literal["about_line", "values"] = "about_line"  # sample covariance of residuals about a line, or of the states
+    measurement_share: Share = 0.5  # factor of the sample covariance
+    process_share: Share = 0.5  # factor of the process noise of plot fusion
     unknown_velocity_sigma_m_s: Annotated[float, Field(gt=0.0)] = 0.5  # of a source that gives no covariance, before p cycles
 
     def init(self) -> LiteralFilters:

@@ -11,7 +11,7 @@ from threading import get_native_id
 from typing import Any
 
 NICE, MOST_NICE = 10, 19  # what is added to the niceness of pool threads, and the most there is
-BLOCKS_A_THREAD = 4  # so that a thread that meets a dense port does not hold up the others
+BLOCKS_A_THREAD = 4  # so that a thread with a dense port does not delay the others
 
 _pools: list[
     tuple[ThreadPoolExecutor, int]
@@ -19,14 +19,14 @@ _pools: list[
 
 
 def _be_nice() -> None:
-    """Puts a pool thread behind threads that do other work (Linux), such as the one that writes a cycle into the store."""
+    """Lower the priority of a pool thread (Linux) below other threads, such as the one that writes a cycle to the store."""
     if sys.platform == "linux":
         os.setpriority(os.PRIO_PROCESS, get_native_id(), min(os.getpriority(os.PRIO_PROCESS, 0) + NICE, MOST_NICE))
 
 
 @contextmanager
 def threads(count: int) -> Iterator[None]:
-    """Inside the block `in_blocks` runs over so many threads, of which the caller's is one; results are the same for any number."""
+    """Inside the block, `in_blocks` uses so many threads, the caller's included. Results are the same for any number."""
     if count < 2:
         yield
         return
@@ -39,14 +39,14 @@ def threads(count: int) -> Iterator[None]:
 
 
 def blocks(count: int, least: int) -> list[tuple[int, int]]:
-    """0..count cut into ranges for the threads at hand, none under `least` rows unless it is the only one."""
+    """0..count in ranges for the available threads, each of `least` rows or more unless it is the only one."""
     wanted = (_pools[-1][1] + 1) * BLOCKS_A_THREAD if _pools else 1
     parts = max(min(wanted, count // max(least, 1)), 1)
     return [(count * k // parts, count * (k + 1) // parts) for k in range(parts)]
 
 
 def in_blocks(kernel: Callable[..., Any], count: int, *arguments: Any, least: int = 4096) -> list[Any]:
-    """kernel(low, high, *arguments) for ranges that cover 0..count, over the threads at hand, of which the caller's is one.
+    """kernel(low, high, *arguments) for ranges that cover 0..count, over the available threads, the caller's included.
 
     Args: kernel: compiled with nogil; it writes rows low to high of its output alone. least: rows under which a thread costs more
     than it gains.
@@ -56,7 +56,7 @@ def in_blocks(kernel: Callable[..., Any], count: int, *arguments: Any, least: in
     if len(ranges) == 1:
         return [kernel(*ranges[0], *arguments)]
     out: list[Any] = [None] * len(ranges)
-    todo = iter(enumerate(ranges))  # its next one is taken whole by one thread
+    todo = iter(enumerate(ranges))  # shared by the threads: each takes the next range
 
     def work() -> None:
         for k, part in todo:
@@ -67,7 +67,7 @@ def in_blocks(kernel: Callable[..., Any], count: int, *arguments: Any, least: in
     try:
         work()
     finally:
-        running = [other for other in others if not other.cancel()]  # who has not begun by now is not needed
+        running = [other for other in others if not other.cancel()]  # a thread that has not begun is not needed
         failures = [other.exception() for other in running]
     for failure in failures:
         if failure:

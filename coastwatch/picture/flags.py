@@ -1,4 +1,10 @@
-"""What an operator should look at: dark, AIS without radar, AIS contradicted by radar, MMSI in two places, impossible speed."""
+"""Flags of vessels that an operator should look at: who decides that a vessel is dark, and the other alarms.
+
+- DARK: radar but no AIS for `dark_after_s`, inside the range of an AIS station.
+- AIS_WITHOUT_RADAR: AIS but no radar for `unseen_after_s`, inside the range of a radar.
+- AIS_CONTRADICTED: an AIS and a radar track were one vessel, have split, and are `contradicted_from_m` apart.
+- MMSI_TWICE, IMPOSSIBLE_SPEED: alarms of the AIS tracks.
+"""
 
 from __future__ import annotations
 
@@ -56,7 +62,7 @@ def flag(
     time_s: float,
     sensors: Sensors,
 ) -> tuple[FlagMemory, Ints]:
-    """The flags of each row of the picture, with those it has. Args: row_of_track: (N,) of the picture. Returns: memory, (R,)."""
+    """All flags of each row of the picture, COASTING included. Args: row_of_track: (N,) of the picture. Returns: memory, (R,)."""
     ais_coverage, radar_coverage = _coverages(sensors, settings.cover_margin)
     radars, ais = np.flatnonzero(tracks.source < sensors.ais_source), np.flatnonzero(tracks.source == sensors.ais_source)
     first_radar = np.full(len(picture), -1, np.int64)
@@ -85,7 +91,7 @@ def flag(
 
 @lru_cache(maxsize=2)
 def _coverages(sensors: Sensors, margin: float) -> tuple[Coverage, Coverage]:
-    """Coverage of AIS stations and of radars. It is kept: the sensors are the same object throughout a run."""
+    """Coverage of AIS stations and of radars. It is cached: the sensors are the same object throughout a run."""
     coverage_of = kernels.geometry.sensor_coverage.coverage_of
     ais = coverage_of(sensors.stations.site_deg, margin * sensors.stations.range_m, 0.0)
     return ais, coverage_of(sensors.radars.site_deg, margin * sensors.radars.range_m, 0.0)

@@ -14,7 +14,7 @@ from coastwatch.picture.vessels import Known
 
 @dataclass(frozen=True, eq=False)
 class PictureMemory:
-    """What must outlive a cycle."""
+    """The memory of the picture between cycles."""
 
     known: Known
     tracks: KnownTracks
@@ -25,10 +25,10 @@ class PictureMemory:
 class Identity(IdentitySettings):
     """Vessels from fused tracks, with an id that is never an MMSI and never reused.
 
-    A vessel keeps its id while any of its tracks lives: every track votes for the vessel it was in (AIS counts a little more
-    than a radar, an older vessel more than a younger), and votes are settled one-to-one. Where no track votes, a vessel
-    without tracks may return: by its MMSI within `return_s`, by position and velocity within `hold_s`. A vessel without tracks
-    is shown, predicted and flagged as coasting, for `coast_s`.
+    A vessel keeps its id while any of its tracks exists. Every track votes for the vessel that it was in; an AIS track counts a
+    little more than a radar track, an older vessel more than a younger one. The greatest sum of votes is assigned one-to-one.
+    A group without votes may be a vessel without tracks that returns: by its MMSI within `return_s`, by position and velocity
+    within `hold_s`. A vessel without tracks is shown, predicted and flagged as coasting, for `coast_s`.
     """
 
     def init(self) -> PictureMemory:

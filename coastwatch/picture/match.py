@@ -25,7 +25,7 @@ MMSI_SLACK_S = 10.0  # added to the time of a return by MMSI, for the error of b
 
 @dataclass(frozen=True, eq=False)
 class KnownTracks:
-    """The tracks of the last cycle, and what they remember."""
+    """The tracks of the last cycle, and the vessels that they were in."""
 
     track_id: Ints  # (L,)
     vessel: Ints  # (L,) the vessel it was in
@@ -44,7 +44,7 @@ class IdentityMatch:
     groups: Groups
     track_now: Rows  # (L,) row of each track of the last cycle, -1 where it has ended
     first_vessel: Rows  # (N,) the first vessel that a track ever was in, -1 for a new track
-    remembered: Array  # (K,) how living tracks remember each vessel, as `kernels.identity.match.recall` says
+    remembered: Array  # (K,) whether tracks of this cycle were in each vessel, now or first: `kernels.identity.match.recall`
     vessel_of_group: Ints  # (V,) -1: a new vessel
     group_of_vessel: Ints  # (K,) -1: a vessel without tracks
 
@@ -61,7 +61,7 @@ def match_identities(
     time_s: float,
     sensors: Sensors,
 ) -> IdentityMatch:
-    """Match the groups of this cycle with the vessels of the last one-to-one.
+    """Match the groups of this cycle one-to-one with the vessels of the last cycle.
 
     A track votes for the vessel it was in, and with a share of its vote for the first it ever was in. A group without votes may be
     a vessel that has lost all its tracks.

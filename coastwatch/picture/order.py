@@ -105,7 +105,7 @@ def members_of(match: IdentityMatch, order: VesselOrder, tracks: Tracks) -> Memb
 
 
 def tracks_of(match: IdentityMatch, order: VesselOrder, tracks: Tracks, group: Ints) -> KnownTracks:
-    """What the tracks of this cycle remember in the next one. Args: group: (N,) of each track."""
+    """The tracks of this cycle with their vessels, for the next cycle. Args: group: (N,) of each track."""
     vessel = order.row_of_group[group]
     # The row of a deleted vessel, which no track remembers, is never asked for; -1 of a new track asks for any.
     first = order.next_of_vessel[match.first_vessel] if len(order.next_of_vessel) else vessel

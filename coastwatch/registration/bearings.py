@@ -1,7 +1,7 @@
 """The time lag of a radar from bearings of cameras and sonars.
 
-A camera measures a vessel's bearing at the time it says. A radar that stamps late says where the vessel was before. The
-difference grows with the rate of the bearing. Its constant part is left out, for a camera's own bias is of degrees.
+The time stamps of cameras are assumed right. A radar that stamps late gives a bearing that the vessel had earlier. The difference
+is proportional to the bearing rate. A constant difference is not used, because a camera may have a bias of degrees.
 """
 
 from __future__ import annotations

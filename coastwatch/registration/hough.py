@@ -12,8 +12,8 @@ import numpy as np
 from coastwatch.batches import Bools, Floats, Ints
 from coastwatch.registration.polar import Pairs
 
-OVERLAPPING_WINDOWS = 2  # windows to each side of the best that overlap with it or catch what it smears
-RIVAL_PROBABILITY = 1e-3  # with which the second best window would have as many vessels as the best
+OVERLAPPING_WINDOWS = 2  # windows to each side of the best that share vessels with it
+RIVAL_PROBABILITY = 1e-3  # that the second best window has as many vessels as the best one
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ def accumulate(
     rows = int(pairs.vessel.max(initial=0)) + 1
     once = np.unique(((radar * windows + window) * rows + vessel)[inside]) // rows
     hits = np.bincount(once, minlength=votes.hits.size).reshape(votes.hits.shape).astype(np.float64)
-    kept = np.where(seen > 0, keep, 1.0)  # nothing is forgotten while nothing is learned
+    kept = np.where(seen > 0, keep, 1.0)  # without new votes none are forgotten
     return Accumulator(
         votes.hits * kept[:, None] + hits,
         votes.swept * kept + seen * share,
@@ -60,12 +60,12 @@ def accumulate(
 def detect_peak(votes: Accumulator, false_alarm: float, least_vessels: int, least_share: float) -> tuple[Ints, Bools]:
     """The best window of each radar, and whether it is the radar's bias. (R,), (R,)
 
-    It is, if all of these hold:
-    - so many of the n vessels in cover would be in any one window by chance with less than the false-alarm probability, where
-      vessels and plots are spread evenly;
-    - the second best window does not explain as many (rows of moored boats and convoys repeat themselves);
-    - it has `least_share` of the vessels.
-    The mean number of vessels counts, not their sum over cycles: the same vessels again are no new information.
+    The best window is the bias if all of these hold:
+    - By chance, any window would have so many of the n vessels in cover with less than the false-alarm probability. Vessels and
+      plots are assumed to be spread evenly.
+    - The second best window has fewer vessels. (Rows of moored boats and convoys repeat themselves.)
+    - The best window has `least_share` of the vessels.
+    The mean number of vessels over cycles counts, not the sum: the same vessels again are no new information.
     """
     from scipy.special import betainc
 

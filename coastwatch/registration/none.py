@@ -20,7 +20,7 @@ from coastwatch.stage import Method, NoMemory
 
 
 class NoRegistration(Method):
-    """Takes nothing out of what radars report."""
+    """Estimates no registration errors."""
 
     method: Literal["none"] = "none"
 
@@ -42,5 +42,5 @@ class NoRegistration(Method):
         sensors: Sensors,
         given: RadarCorrections,
     ) -> tuple[NoMemory, RadarCorrections]:
-        """Unchanged memory and corrections of nothing."""
+        """Unchanged memory; every correction is zero."""
         return memory, RadarCorrections.none(len(sensors.radars))

@@ -67,10 +67,12 @@ class OnlineMemory:
 class OnlineRegistration(Method):
     """Acquisition by a Hough transform over azimuth, then robust recursive least squares; corrections follow the estimate slowly.
 
-    Acquisition: differences of azimuth between plots and AIS vessels at nearly equal range are counted in windows over
-    +- `azimuth_search_deg`, each vessel once, until the best window cannot be chance (`false_alarm`). Tracking: residuals in polar
-    coordinates of plots gated to one AIS vessel only, with the lag seen by how range and azimuth of moving vessels run ahead.
-    A correction that jumps by more than two standard deviations of a plot ends the tracks that hold plots of that radar.
+    - Acquisition: azimuth differences between plots and AIS vessels at nearly equal range are counted in windows over
+      +- `azimuth_search_deg`, each vessel once. The best window is accepted when it cannot be chance (`false_alarm`).
+    - Tracking: residuals in polar coordinates, of plots with one AIS vessel in their gate. A lag shows as a residual along the
+      motion of the vessel.
+    - A correction that jumps by more than two standard deviations of a plot ends the tracks that hold plots of that radar.
+
     Source: Y. Bar-Shalom, P. K. Willett, X. Tian, Tracking and Data Fusion, ch. 9.3 (bias estimation from common targets); the vote is
     after P. V. C. Hough's transform, US patent 3069654.
     """

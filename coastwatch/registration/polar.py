@@ -10,7 +10,7 @@ from coastwatch.batches import Array, Batch, Bools, Floats, Ints, Plots, RadarCo
 from coastwatch.geodesy import from_plane, to_plane, turn, wrap_rad
 
 DEGREE_M = 110_500.0  # of latitude, at least
-OLDEST_S = 10.0  # a plot older than this is left out: a vessel is carried back to it along a straight line
+OLDEST_S = 10.0  # older plots are left out: the vessel is moved back to the plot along a straight line
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class Pairs(Batch):
 
 
 def polar_measurements(plots: Plots, given: RadarCorrections, time_s: float, sensors: Sensors) -> PolarMeasurements:
-    """The plots that are not too old, in an order that does not depend on that of arrival, with the corrections put back."""
+    """The plots that are not too old, without the corrections, in an order that does not depend on the order of arrival."""
     order = np.lexsort((plots.position_m[:, 0], plots.position_m[:, 1], plots.time_s, plots.sensor))
     plots = plots.take(order[plots.time_s[order] >= time_s - OLDEST_S])
     origin, radar = sensors.region_origin_deg[plots.region], plots.sensor
@@ -132,7 +132,7 @@ def _differences(measured: PolarMeasurements, plot: Ints, vessels: Tracks, vesse
     along = at / distance[:, None]
     across = np.column_stack([along[:, 1], -along[:, 0]])  # clockwise
     known = vessels.known_covariance(1.0)[vessel]
-    # The error of the velocity counts for as long as the vessel is carried along with it.
+    # The vessel is moved by its velocity, so the error of the velocity grows with that time.
     covariance = rotation @ (known[:, :2, :2] + known[:, 2:, 2:] * (ahead**2)[:, None, None]) @ rotation.swapaxes(-1, -2)
     return Pairs(
         plot=plot,

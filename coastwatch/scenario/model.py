@@ -51,8 +51,8 @@ class StoreSettings(Settings):
 class WorkerSettings(Settings):
     """How the work of a run is shared; all methods give the same picture.
 
-    `method`: `threads` of this process, `processes`, or `ray`, the machines of a cluster (see ops/ray); `auto` takes threads, and the best
-    way on one machine is left to it.
+    `method`: `threads` of this process, `processes` of this machine, or `ray`, the machines of a cluster (see ops/ray). `auto` is
+    the fastest on one machine: threads.
     """
 
     method: Literal["auto", "threads", "processes", "ray"] = "auto"  # auto: threads, for work that is large enough

@@ -14,7 +14,7 @@ Box = tuple[float, float, float, float]
 """South, west, north, east in degrees; west > east crosses the antimeridian."""
 
 FASTEST_M_S = 60.0
-"""Points are looked for around a box as far as a vessel of this speed goes while a point is valid; a faster one may be missed."""
+"""The search area is the box, widened by the way of a vessel of this speed while a point is valid. A faster one may be missed."""
 
 
 def inside(position_deg: Floats, bbox: Box) -> Bools:

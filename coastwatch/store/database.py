@@ -24,28 +24,28 @@ from coastwatch.store.tables import REVISION, REVISION_TABLE, Base
 
 WAIT_S = 10.0
 PAGE_BYTES = 16_384
-"""Of a new SQLite file: a cycle of 100,000 vessels changes a quarter as many pages as of SQLite's own 4 kB."""
+"""Page size of a new SQLite file: a cycle of 100,000 vessels changes a quarter as many pages as with SQLite's 4 kB."""
 
 CACHE_KIB, MOST_CACHE_KIB = 16 * 1024, 512 * 1024
 CYCLE_BYTES = 384
-"""Of the pages that a cycle changes, for each vessel. A connection that writes has a page cache of that size: else SQLite writes pages
-before the transaction ends, and some of them twice."""
+"""Size of the pages that a cycle changes, for each vessel. The page cache of a writing connection is as large. With a smaller one
+SQLite writes pages before the transaction ends, some of them twice."""
 
 LOG_BYTES, MOST_LOG_BYTES = 1000 * PAGE_BYTES, 1 << 29
 PICTURE_BYTES = 256
-"""Of a row of table `vessel`. The write-ahead log may be eight pictures long before SQLite copies it into the database."""
+"""Size of a row of table `vessel`. SQLite copies the write-ahead log into the database when it is eight pictures long."""
 
 TOO_LONG = 3
-"""Times that length: then a reader holds the log."""
+"""A log longer than this many times that length is held by a reader: an old transaction that still needs it."""
 
 TRUNCATE_WAIT_MS = 50
 
 FULL = ("is full", "no space left", "could not extend file")
 WRITE_FAILED = "disk i/o error"
-"""SQLite's message for any other failure to write, a limit of the process among them."""
+"""SQLite's message for any other failure to write, such as the file size limit of the process."""
 
 LEAST_FREE_BYTES = 1_000_000
-"""Free on a disk: with less, a failure to write is called a full disk."""
+"""With less free space, a failure to write is reported as a full disk."""
 
 
 class StoreError(Exception):
@@ -67,7 +67,7 @@ class Store:
         return not is_sqlite(self.engine.url) or self.engine.url.database not in (None, "", ":memory:")
 
     def close(self) -> None:
-        """Give the connections back. The last one to close an SQLite database folds its write-ahead log into the file."""
+        """Close the connections. The last one to close an SQLite database copies its write-ahead log into the file."""
         self.engine.dispose()
 
     def __enter__(self) -> Self:
@@ -131,7 +131,7 @@ def connect(url: str, wait_s: float, *, may_create: bool) -> Store:
     _prepare(store)
     if engine.dialect.name == "sqlite" and may_create:
         with refusals(store), engine.connect() as connection:
-            for pragma in (f"page_size = {PAGE_BYTES}", "journal_mode = WAL"):  # the first is heard while the file is empty
+            for pragma in (f"page_size = {PAGE_BYTES}", "journal_mode = WAL"):  # page_size has no effect on a file with content
                 connection.connection.cursor().execute(f"PRAGMA {pragma}")
     return store
 
@@ -165,7 +165,7 @@ def _prepare(store: Store) -> None:
         def configure(raw: Any, record: Any) -> None:
             with raw.cursor() as cursor:
                 cursor.execute(f"SET lock_timeout = {max(int(store.wait_s * 1000.0), 1)}")
-                cursor.execute("SET jit = off")  # it takes 0.3 s to compile what then runs for a tenth of that
+                cursor.execute("SET jit = off")  # compiling takes 0.3 s, the query a tenth of that
             raw.commit()
 
     if store.engine.dialect.name != "sqlite":
@@ -174,7 +174,7 @@ def _prepare(store: Store) -> None:
     @event.listens_for(store.engine, "connect")
     def set_pragmas(raw: Any, record: Any) -> None:
         raw.isolation_level = None
-        # A build may overwrite what is deleted with zeros: the picture of every cycle would be written twice.
+        # Some builds overwrite deleted rows with zeros: the picture of every cycle would be written twice.
         for pragma in ("synchronous = NORMAL", "foreign_keys = ON", "secure_delete = OFF", f"cache_size = -{CACHE_KIB}"):
             raw.execute(f"PRAGMA {pragma}")
         lend_mathematics(raw)
@@ -186,7 +186,7 @@ def _prepare(store: Store) -> None:
 
 
 def lend_mathematics(raw: sqlite3.Connection) -> None:
-    """Give an SQLite that was built without mathematics the four functions that db/operator uses."""
+    """Define the four mathematical functions that db/operator uses, for an SQLite that was built without them."""
     try:
         raw.execute("SELECT cos(0.0), radians(0.0), sqrt(0.0), floor(0.0)")
     except sqlite3.OperationalError:
@@ -210,7 +210,7 @@ def revision(connection: Connection, where: str) -> str | None:
 
 @contextmanager
 def reading(store: Store) -> Iterator[Connection]:
-    """A connection that sees one state of the database, whole cycles only, however many questions it is asked.
+    """A read transaction: all its queries see one state of the database, with whole cycles only.
 
     Keep it short: SQLite's write-ahead log cannot shrink while a reader looks at an old state.
     """
@@ -223,7 +223,7 @@ def reading(store: Store) -> Iterator[Connection]:
 
 @contextmanager
 def writing(store: Store) -> Iterator[Connection]:
-    """A connection in one transaction, which holds SQLite's only write lock from its first moment."""
+    """A write transaction. It takes SQLite's only write lock when it begins."""
     with refusals(store), store.engine.connect() as plain, plain.execution_options(writes=True).begin():
         yield plain
 

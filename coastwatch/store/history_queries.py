@@ -1,4 +1,4 @@
-"""The past: points of the history, one vessel through time, an MMSI through time, and what happened in a box in a span of time.
+"""Queries of the past: points of the history, one vessel, one MMSI, and traffic and encounters in a box, over a span of time.
 
 | asked | answered by |
 |---|---|
@@ -62,8 +62,8 @@ WHERE c.run_id = :run AND c.number BETWEEN :first AND :last
 def history(
     store: Store, run_id: int, from_s: float | None = None, to_s: float | None = None, vessel_id: int | None = None
 ) -> Table:
-    """Every point between two instants, both included, of one vessel where one is given: cycle, time_s, vessel_id, position, motion,
-    ellipse, updated_s, mmsi, flags. Until its next point a vessel goes on at the course and speed of the last one.
+    """Every point between two instants, both included, of all vessels or of one: cycle, time_s, vessel_id, position, motion,
+    ellipse, updated_s, mmsi, flags. Between two points a vessel keeps the course and speed of the first.
     """
     span = [Cycle.run_id == run_id]
     span += [] if from_s is None else [Cycle.time_s >= from_s]

@@ -1,13 +1,14 @@
-"""The history under a bounded error: when a vessel gets a point, and where it was between two points. Pure functions of arrays.
+"""The history within an error bound: when a vessel gets a point, and its position between two points. Pure functions of arrays.
 
 A point holds a vessel's position, speed and course at one cycle. Until its next point the vessel is dead-reckoned from there, at the
 constant rates of latitude and longitude of that speed and course. A vessel gets a new point
 
-- when its picture would be more than `history_error_m` from the dead-reckoned position,
-- when `history_max_s` have passed, or its MMSI or flags change,
-- when it comes; and when it leaves, a closing point in the first cycle without it: where it was last.
+- when its position in the picture is more than `history_error_m` from the dead-reckoned position,
+- when `history_max_s` have passed since its last point, or its MMSI or flags change,
+- when it enters the picture,
+- when it leaves: a closing point with its last position, in the first cycle without it.
 
-So every vessel of the picture is found at every cycle, no other is, and none is further off than the bound.
+So the history has exactly the vessels of every cycle, and no position is further off than the bound.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from coastwatch.store.insert import Column, NullableId, take
 from coastwatch.store.to_rows import motion
 
 ROUNDING_M = 1e-6
-"""Taken off the bound, for the rounding of speed, course, sine and cosine."""
+"""Subtracted from the bound, for the rounding of speed, course, sine and cosine."""
 
 HASH, HASH_RANGE = 2654435761, 1 << 32
 """Knuth's multiplicative hash: spreads the second points of vessels that came together over `history_max_s`."""
@@ -35,7 +36,7 @@ class Points(NamedTuple):
     cycle: Ints
     mmsi: Ints  # -1: none
     flags: Ints
-    first: Bools  # of its stay
+    first: Bools  # the first point of its stay: of the time that it is in the picture without a gap
     time_s: Floats
     position_deg: Floats  # (P, 2)
     motion: Floats  # (P, 5) speed in knots, course in degrees, half axes of the ellipse in metres, orientation in degrees

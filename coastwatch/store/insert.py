@@ -1,4 +1,4 @@
-"""Rows into a table, changed or deleted, in the transaction of a connection. They are given as columns, an array each."""
+"""Insert, update and delete rows of a table, in the transaction of a connection. Rows are given as columns, an array each."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from sqlalchemy import Boolean, Connection, Float, Integer, LargeBinary, Table, 
 from coastwatch.batches import Array, Ints
 
 BATCH_ROWS = 50_000
-"""Rows that are Python tuples at one time."""
+"""Rows that are converted to Python tuples at a time, to limit memory."""
 
 
 class NullableId(NamedTuple):
@@ -85,9 +85,9 @@ def insert(connection: Connection, table: Table, columns: Sequence[Column]) -> i
 def update_rows(
     connection: Connection, table: Table, keys: Mapping[str, Ints], where: Mapping[str, int | None], to: Mapping[str, Column]
 ) -> None:
-    """Change the rows that have these keys; NULL among the new values leaves the old value.
+    """Update the rows that have these keys; NULL among the new values leaves the old value.
 
-    Args: keys: a column each; where: what else holds of the rows; to: the new values, a column each.
+    Args: keys: a column each; where: column to value, further conditions; to: the new values, a column each.
     """
     values: dict[str, Any] = {name: func.coalesce(bindparam(f"to_{name}"), table.c[name]) for name in to}
     given = {f"to_{name}": column for name, column in to.items()}
@@ -95,7 +95,7 @@ def update_rows(
 
 
 def delete_rows(connection: Connection, table: Table, keys: Mapping[str, Ints], where: Mapping[str, int | None]) -> None:
-    """Delete the rows that have these keys. Args: keys: a column each; where: what else holds of the rows."""
+    """Delete the rows that have these keys. Args: keys: a column each; where: column to value, further conditions."""
     _by_keys(connection, delete(table), table, keys, where, {})
 
 

@@ -1,4 +1,4 @@
-"""The tables made, brought to this version, compared with it, and written down: db/migrations and db/schema."""
+"""Create, upgrade and check the tables of a database, and write their SQL to db/schema. Migrations are in db/migrations."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def schema(dialect: str) -> str:
 
 
 def write_schemas() -> None:
-    """Write db/schema again after a change of the tables."""
+    """Write db/schema after a change of the tables."""
     for dialect in DIALECTS:
         (schema_folder() / f"{dialect}.sql").write_text(schema(dialect), "utf-8")
 

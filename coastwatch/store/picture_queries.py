@@ -36,7 +36,7 @@ COLUMNS = ("vessel_id", *MOTION, "mmsi", *STATIC, "flags", "time_s", "since_s", 
 """Of every picture."""
 
 FEW = 1000
-"""Vessels that are looked up one by one; for more, whole tables of the run are read."""
+"""Up to this many vessels are looked up one by one; for more, whole tables of the run are read."""
 
 Columns = dict[str, Array]
 

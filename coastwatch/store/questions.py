@@ -3,7 +3,7 @@
 The first line of a file is `-- <title>`; then comment lines say what comes back, and
 `-- parameter: radius_nm = 2, nautical miles around the position` declares a parameter with its default and meaning (`= required`
 where there is none). `:run` is a parameter of every question; its default is the latest run. What a value may be is decided by
-the parameter's name or its unit, the last word of the name: LIMITS. A file without SQL is of a question that is computed: COMPUTED.
+the parameter's name or its unit, the last word of the name: LIMITS. A question without SQL is answered by its function in COMPUTED.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ COMPUTED: dict[str, Callable[[Connection, Mapping[str, Any]], Rows]] = {
     "closest_pairs": closest_pairs,
     "history_of_mmsi": history_of_mmsi,
 }
-"""Questions for which SQL would compare row with row, or read and sort whole tables."""
+"""Questions answered in Python, because SQL would compare every pair of rows, or read and sort whole tables."""
 
 MMSI = re.compile(r"[0-9]{9}")
 
 
 class ParameterError(StoreError):
-    """A value that a question cannot be asked with."""
+    """A parameter of the wrong kind, out of its limits, or missing."""
 
 
 class Parameter(NamedTuple):
@@ -61,7 +61,7 @@ class Question(NamedTuple):
     title: str
     parameters: dict[str, Parameter]
     explanation: str
-    sql: str  # without comments; empty: it is computed
+    sql: str  # without comments; empty: the question is in COMPUTED
 
 
 def operator_queries() -> dict[str, Question]:

@@ -26,7 +26,7 @@ LEVEL = 1
 UPPER, LOWER = np.triu_indices(4), np.tril_indices(4, -1)
 
 SHAPES: dict[str, tuple[int, ...]] = {"position_deg": (2,), "velocity_m_s": (2,), "covariance": (4, 4)}
-"""Of a vessel's value in columns that hold more than one number."""
+"""Shape of a vessel's value, in columns that hold more than one number."""
 
 WHOLE = ("vessel_id", "mmsi", "flags", "origin", "member_vessel_id", "member_track_id", "member_source")
 """Columns of int64; the others are of float64."""
@@ -92,7 +92,7 @@ def replay(
 ) -> Iterator[Recorded]:
     """Each recorded cycle between two instants, both included, oldest first.
 
-    No transaction is held between two cycles: what is written meanwhile comes along, what is deleted is missing.
+    No transaction is held between two cycles: cycles written meanwhile are included, deleted ones are missing.
 
     Args: bbox: south, west, north, east in degrees: only vessels in it, with their members; west > east crosses the antimeridian.
     Raises: StoreError where there is no such run.

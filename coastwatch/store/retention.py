@@ -1,6 +1,6 @@
-"""What is older than it is to be kept, deleted a little in every cycle, so that no cycle is held up. 0 hours: kept for ever.
+"""Retention: old rows are deleted, a few in every cycle, so that no cycle is delayed. 0 hours: rows are kept for ever.
 
-| setting | forgotten |
+| setting | deleted when older |
 |---|---|
 | `history_hours` | points, and stays of vessels, their tracks and their MMSI that ended before; no pictures of so early |
 | `details_hours` | associations, spots, timings and registrations |
@@ -30,7 +30,7 @@ STAYS = ("presence", "member_history", "identity")
 DETAILS = ("association", "bearing_association", "spot", "stage_timing", "sensor_registration")
 
 ROWS = 10_000
-"""Deleted of a table in a cycle, beside twice as many as the cycle added: a backlog is worked off at that rate."""
+"""Rows deleted from a table in a cycle, on top of twice as many as the cycle added: the rate at which a backlog shrinks."""
 
 RECORDED_CYCLES = 2
 """Recorded cycles that are deleted in a cycle."""
@@ -39,7 +39,7 @@ CYCLES = 1000
 """Cycles that one cycle may mark as no longer kept."""
 
 LOOK_EVERY = 100
-"""Cycles between two looks for runs that ended long ago."""
+"""Cycles between two searches for runs that ended long ago."""
 
 
 def delete_old(

@@ -1,4 +1,4 @@
-"""What the database holds of a run's newest cycle: the next cycle is compared with it. Kept in memory, read after a restart."""
+"""The newest stored cycle of a run, with which the next one is compared. It is kept in memory, and read after a restart."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def truncate_run(connection: Connection, run_id: int, number: int) -> None:
 
 
 def no_such_run(run_id: int, where: str) -> StoreError:
-    """What to raise where a run is not there."""
+    """The error for a run that does not exist."""
     return StoreError(f"{where}: there is no run {run_id}; another process may have restarted it")
 
 

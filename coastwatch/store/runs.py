@@ -1,4 +1,4 @@
-"""Runs: begun, finished, found again after a crash, discarded, listed; their sensors and the time that their stages took."""
+"""Begin, finish, resume, delete and list runs; their sensors and the times of their stages."""
 
 from __future__ import annotations
 
@@ -184,7 +184,7 @@ def sensors(store: Store, run_id: int) -> Rows:
 
 
 def sources(store: Store, run_id: int) -> Rows:
-    """Who makes tracks in a run: number, name, kind (radar, ais, bearing)."""
+    """The sources of tracks in a run: number, name, kind (radar, ais, bearing)."""
     return _fetch(store, select(Source.number, Source.name, Source.kind).where(Source.run_id == run_id).order_by(Source.number))
 
 
@@ -253,7 +253,7 @@ def _sensor_rows(run_id: int, sensors: Sensors) -> list[dict[str, Any]]:
 
 
 def _source_rows(run_id: int, sensors: Sensors) -> list[dict[str, Any]]:
-    """One row for each that makes tracks. `number` is the source that tracks carry."""
+    """One row for each source of tracks. `number` is the source that tracks carry."""
     kinds = [SourceKind(kind).name.lower() for kind in sensors.source_kinds.tolist()]
     named = enumerate(zip(sensors.source_names, kinds, strict=True))
     return [{"run_id": run_id, "number": k, "name": name, "kind": kind} for k, (name, kind) in named]

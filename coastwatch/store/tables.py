@@ -4,7 +4,7 @@ Column names carry units; positions are degrees, speeds knots, times seconds sin
 
 `history` is the largest table. Its key is (run, cycle, vessel): rows arrive in key order, so the tree grows at its right end and the
 millionth cycle costs what the first one does. One index, (run, cycle, latitude, longitude), answers boxes in a span of time. An index
-by vessel would be written all over: `previous_cycle` links the points of a vessel instead.
+by vessel would be written in random places: `previous_cycle` links the points of a vessel instead.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Key = BigInteger().with_variant(Integer, "sqlite")
 """An id of eight bytes. SQLite needs the type name INTEGER for a column that is the row's own address."""
 
 IN_KEY_ORDER = {"sqlite_with_rowid": False}
-"""The row stands in the B-tree of its primary key: one tree to write, and neighbours in key are neighbours on disk."""
+"""WITHOUT ROWID: rows are stored in the B-tree of the primary key. One tree is written, and neighbours in key are so on disk."""
 
 
 class Base(DeclarativeBase):
@@ -86,7 +86,7 @@ class Sensor(Base):
 
 
 class Source(Base):
-    """Who makes tracks: a region of radars, AIS, or one sonar."""
+    """A source of tracks: a region of radars, AIS, or one sonar."""
 
     __tablename__ = "source"
     run_id: Mapped[int] = of_run()
@@ -201,8 +201,8 @@ class Presence(Base):
 class History(Base):
     """Points from which the past is dead-reckoned: a vessel is where the velocity of its newest point takes it (history_rule.py).
 
-    The first point of a stay is in the stay's first cycle. The cycle after its last one has a closing point: where the vessel was,
-    by its former point, when it was last there; it belongs to no picture.
+    The first point of a stay is in the stay's first cycle. The cycle after its last one has a closing point: the last position,
+    dead-reckoned from the point before. It belongs to no picture.
     """
 
     __tablename__ = "history"

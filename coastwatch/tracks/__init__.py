@@ -1,4 +1,8 @@
-"""Plots, AIS reports and bearings into tracks: the methods of the stage, one union for each kind of source."""
+"""Plots, AIS reports and bearings into tracks: the methods of the stage, one union for each kind of source.
+
+To add a method: write a module with a `Method` that has `init` and the `step` of its siblings (`imm.py` for radars), and add it to a
+union below. The memory of a radar tracker needs `without_radars`. `tests/contracts` then tests the method without further code.
+"""
 
 from typing import Annotated
 

@@ -1,4 +1,4 @@
-"""AIS tracks: one filter a vessel, batched, with late reports in their places and one MMSI in two places kept apart."""
+"""AIS tracks: one IMM filter a vessel. Late reports are replayed in order; two ships with one MMSI are two tracks."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from coastwatch.tracks.out_of_sequence import (
     update_tracks,
 )
 
-ID_STEP = 2**40  # a track's id is its source times this, and a number that is never given twice
+ID_STEP = 2**40  # track id = source * ID_STEP + a number that is never reused
 WIRE_POSITION_M = 0.185  # ITU-R M.1371: latitude and longitude in 1/10,000 minute
 WIRE_SOG_KN = 0.1
 WIRE_COG_DEG = 0.1
-POLAR_SPEED_KN = 2.0  # at which half the variance of a slow vessel's velocity is left across its course
+POLAR_SPEED_KN = 2.0  # at this speed half of the velocity variance across the course of a slow vessel is left
 STILL_SPEED_KN = 0.5  # a report slower than this that has no COG is of a vessel at rest
 TOLERANCE_SIGMAS = 8.0  # of one report, between two
-STAMP_S = 1.0  # what whole seconds of UTC and a wait on the channel do to the time between two reports
+STAMP_S = 1.0  # error of the time between two reports: whole seconds of UTC, and the wait for a slot
 REACH_M = 20e3  # from the anchor of a track's plane: the plane's scale is wrong by 5e-6 there
 
 
@@ -39,7 +39,7 @@ class Motion(Settings):
     kind: Literal["straight", "turning"]  # constant velocity, or coordinated turn
     noise_m2_s3: float = Field(ge=0.0)  # density of white acceleration
     turn_noise_rad2_s3: float = Field(0.0, ge=0.0)  # density of the drift of the turn rate
-    turn_sigma_rad_s: float = Field(0.01, gt=0.0)  # turn rate at which a turn is thought to begin
+    turn_sigma_rad_s: float = Field(0.01, gt=0.0)  # standard deviation of the turn rate before anything is known
     sojourn_s: PositiveFloat  # mean time in this model
     share: PositiveFloat  # of the time, at the start
 
@@ -52,31 +52,31 @@ TURNING = Motion(kind="turning", noise_m2_s3=1e-3, turn_noise_rad2_s3=1e-6, sojo
 class AisFilter(Method):
     """One IMM a vessel over its AIS reports, each in its own tangent plane.
 
-    Reports up to `lateness_s` late give, once they are there, the bits that they would have given in order. A report that no
-    ship could have come to from where its MMSI was opens a second track of that MMSI on trial; the next one that fits
-    confirms it. A vessel gone silent is predicted for patience_s + patience_intervals times its expected interval, which
-    is the longer of the nominal and the learned one; back within `return_s`, it goes on under its id.
+    - A report up to `lateness_s` late gives the same tracks, bit for bit, as if it had arrived in order.
+    - A report that implies an impossible speed opens a second, tentative track of its MMSI. The next report that fits confirms it.
+    - A silent vessel is predicted for `patience_s` + `patience_intervals` times its expected interval, the longer of the nominal
+      and the learned one. A vessel that reports again within `return_s` keeps its track id.
     """
 
     method: Literal["ais_filter"] = "ais_filter"
-    position_sigma_m: PositiveFloat = 3.33  # of one report, an axis
+    position_sigma_m: PositiveFloat = 3.33  # of one report, per axis
     sog_sigma_kn: PositiveFloat = 0.2  # of a reported speed
     cog_sigma_deg: PositiveFloat = 2.0  # of a reported course at speed; near rest it widens to what the speed's noise allows
     time_jitter_s: float = Field(0.0, ge=0.0)  # of the time of a fix: 0.4 to 1.0 where reports are stamped on receipt
-    start_speed_sigma_kn: PositiveFloat = 10.0  # of a first report that has no speed
+    start_speed_sigma_kn: PositiveFloat = 10.0  # of a first report without a speed
     models: tuple[Motion, ...] = Field((STEADY, KICKED, TURNING), min_length=1, max_length=3)  # of the IMM
-    lateness_s: float = Field(10.0, ge=0.0)  # from fix to receipt, up to which a report is taken in order of its fix
-    ahead_s: float = Field(5.0, ge=0.0)  # a fix up to so far after its receipt is kept until its time has come
-    repeat_s: float = Field(1.5, ge=0.0)  # the same position again so soon is the same fix
+    lateness_s: float = Field(10.0, ge=0.0)  # longest delay from fix to receipt of a report that is used
+    ahead_s: float = Field(5.0, ge=0.0)  # a report stamped up to this much after its receipt is held until then
+    repeat_s: float = Field(1.5, ge=0.0)  # the same position again within this time is a repetition
     max_speed_kn: PositiveFloat = 60.0  # no ship goes faster from one report to the next
     alarm_s: PositiveFloat = 60.0  # how long an impossible speed stays flagged
-    patience_s: PositiveFloat = 20.0  # for which a silent vessel is predicted, and besides for
-    patience_intervals: PositiveFloat = 3.0  # so many of its expected intervals
+    patience_s: PositiveFloat = 20.0  # a silent vessel is predicted for this time
+    patience_intervals: PositiveFloat = 3.0  # and for this many of its expected intervals more
     interval_moving_s: PositiveFloat = 10.0  # class A under way: the slowest that ITU-R M.1371 has
     interval_moving_b_s: PositiveFloat = 30.0  # class B under way
     interval_slow_s: PositiveFloat = 180.0  # at anchor, moored, or class B slower than 2 kn
-    slow_kn: PositiveFloat = 1.0  # under which that interval is expected
-    return_s: PositiveFloat = 3600.0  # for which a lost vessel's id is kept
+    slow_kn: PositiveFloat = 1.0  # below this speed `interval_slow_s` is expected
+    return_s: PositiveFloat = 3600.0  # a lost vessel keeps its track id for this time
 
     @model_validator(mode="after")
     def _memory_outlasts_lateness(self) -> Self:
@@ -196,7 +196,7 @@ def report(
 
 
 def _twice(mmsi: Ints, started: Floats, updated: Floats) -> Bools:
-    """Which tracks, sorted by MMSI, lived at the same time as another of their MMSI; after a jump they do not."""
+    """Which tracks, sorted by MMSI, overlap in time with another track of their MMSI. The tracks before and after a jump do not."""
     out = np.zeros(len(mmsi), bool)
     for k in (1, 2, 3):  # SLOTS less one
         same = (mmsi[k:] == mmsi[:-k]) & (updated[k:] > started[:-k]) & (updated[:-k] > started[k:])

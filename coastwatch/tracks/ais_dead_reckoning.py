@@ -1,4 +1,4 @@
-"""AIS tracks as the paper has them: the newest report of each vessel, extrapolated by its own speed and course."""
+"""AIS tracks as in the paper: the newest report of each vessel, extrapolated by its own speed and course."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from coastwatch.tracks.out_of_sequence import Memory, Rows, initial_memory
 class AisDeadReckoning(Method):
     """The newest report of each vessel, raw, extrapolated by its speed and course over ground; no filter.
 
-    Whose report it is, what is refused, when a silent vessel is dropped and what raises an alarm is as in `ais_filter` (which runs
-    beneath, with one model, to know where a report of a vessel may be). A late report changes nothing but that, unless it is the newest.
+    Refusals, alarms and the end of silent vessels are those of `ais_filter`. That filter runs here with one model, to decide which
+    vessel sent a report. A late report changes a track only if it is the newest report of its vessel.
     A report without speed or course is not moved. The covariance is NaN: an AIS receiver gives none.
-    `aligned = false` leaves a report where it was made, for readers who take the paper's AIS track to be that; the paper extrapolates.
+    `aligned = false` does not extrapolate. The paper does, but its AIS track can be read otherwise.
 
     Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven Approach,
     sections III-E (extrapolation to align sensors) and IV-B (position accuracy).
     """
 
     method: Literal["dead_reckoning"] = "dead_reckoning"
-    position_sigma_m: PositiveFloat = 3.33  # of one report, an axis, by its specification
-    aligned: bool = True  # carried to the time of the cycle
-    lateness_s: float = Field(10.0, ge=0.0)  # from fix to receipt, up to which a report is taken
-    patience_s: PositiveFloat = 20.0  # for which a silent vessel is extrapolated, and besides for
-    patience_intervals: PositiveFloat = 3.0  # so many of its expected intervals
+    position_sigma_m: PositiveFloat = 3.33  # of one report, per axis, by its specification
+    aligned: bool = True  # extrapolated to the time of the cycle
+    lateness_s: float = Field(10.0, ge=0.0)  # longest delay from fix to receipt of a report that is used
+    patience_s: PositiveFloat = 20.0  # a silent vessel is extrapolated for this time
+    patience_intervals: PositiveFloat = 3.0  # and for this many of its expected intervals more
 
     def init(self) -> Memory:
         return initial_memory()
@@ -55,7 +55,7 @@ class AisDeadReckoning(Method):
         return memory, out, alarms, measurements_of(fresh, out, settings.rules)
 
     def _tracker(self) -> AisFilter:
-        """The filter that says which report is whose."""
+        """The filter that decides which vessel sent a report."""
         same = {name: getattr(self, name) for name in ("position_sigma_m", "lateness_s", "patience_s", "patience_intervals")}
         return AisFilter(models=(STEADY,), **same)
 

@@ -166,7 +166,7 @@ class Windows:
 class BearingWindow(Method):
     """One track for each contact that a sensor numbers; tracks of our own where it gives bearings without numbers (contact -1).
 
-    Bearings fall into slots of `window_s / length` seconds that hold their mean, so that a camera needs no more room than a
+    Bearings fall into slots of `window_s / length` seconds that hold their mean, so that a camera needs no more memory than a
     sonar. Bearing and rate are the least squares line through the newest `rate_length` slots, the rate with a wide prior, so
     that one bearing is enough. A report that is not newer than what its contact already has is left out.
     Own tracks: at each look of the sensor, bearings are assigned one to one to the tracks whose prediction is within

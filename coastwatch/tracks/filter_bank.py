@@ -1,4 +1,4 @@
-"""A bank of filters, one a track: what the tracker of a region needs done, and the bank whose sums are compiled."""
+"""A bank of filters, one a track: its interface, and the bank of the compiled kernels."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from coastwatch.tracks.motion import Filters, Prior, initialise
 
 
 class FilterBank(Protocol):
-    """A bank of filters, one a track, whoever does the sums."""
+    """The interface of a bank of filters, one a track."""
 
     def initialise(self, position_m: Floats, covariance: Floats) -> Filters:
         """Filters that know one plot and no velocity. Args: position_m: (N, 2); covariance: (N, 2, 2) of the plots."""
@@ -27,7 +27,7 @@ class FilterBank(Protocol):
     ) -> tuple[Filters, Floats, Floats]:
         """Some filters after a plot each, the log-likelihood of the plot (A,), and its squared Mahalanobis distance (A,).
 
-        A plot older than its filter is brought forward by the velocity and is as much less certain.
+        A plot older than its filter is moved to the filter's time by the velocity; its covariance grows accordingly.
         Args: rows: (A,) of the filters; dt_s: (A,) from the filter to the plot; position_m: (A, 2); covariance: (A, 2, 2).
         """
         ...

@@ -1,4 +1,4 @@
-"""What a vessel may be doing, as the prior of the radar filters: models of motion, and how one follows another."""
+"""The motion models of the radar filters: settings, prior probabilities, and how a vessel changes from one to another."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Filters(NamedTuple):
 
 
 class Prior(Protocol):
-    """What is taken of motion before a track is seen to move."""
+    """The interface of the motion models: prior of the velocity, and the models as the kernels take them."""
 
     @property
     def start_speed_kn(self) -> float:
@@ -40,7 +40,7 @@ class Prior(Protocol):
 
     @property
     def renewal_s(self) -> float:
-        """Mean time before a motion is taken up anew; infinite: the models are a Markov chain with a sojourn each."""
+        """Mean time until a vessel draws a new motion from the prior; infinite: a Markov chain with a sojourn in each model."""
         ...
 
     def table(self) -> Any:
@@ -85,7 +85,7 @@ class Motion(Settings):
 
     @property
     def renewal_s(self) -> float:
-        """Infinite: a motion is never taken up anew."""
+        """Infinite: these models are a Markov chain."""
         return math.inf
 
     def table(self) -> Any:
@@ -106,7 +106,7 @@ class Straight(Settings):
 
     kind: Literal["straight"] = "straight"  # of motion
     noise_m2_s3: NotNegative  # density of the white acceleration
-    share: Positive  # probability at the start and when a motion is taken up anew
+    share: Positive  # probability at the start and of each new motion
 
     def columns(self) -> dict[str, float]:
         """This model as columns of MODEL."""
@@ -121,7 +121,7 @@ class Turning(Settings):
     rate_deg_s: float  # mean of such turns
     rate_sigma_deg_s: Positive
     rate_noise_rad2_s3: NotNegative = 1e-10  # density of the drift of the rate
-    share: Positive  # probability at the start and when a motion is taken up anew
+    share: Positive  # probability at the start and of each new motion
 
     def columns(self) -> dict[str, float]:
         """This model as columns of MODEL."""
@@ -142,7 +142,7 @@ class Speeding(Settings):
     noise_m2_s3: NotNegative  # density of the white acceleration
     acceleration_sigma_m_s2: Positive  # either way
     acceleration_noise_m2_s5: NotNegative = 1e-10  # density of the drift of the acceleration
-    share: Positive  # probability at the start and when a motion is taken up anew
+    share: Positive  # probability at the start and of each new motion
 
     def columns(self) -> dict[str, float]:
         """This model as columns of MODEL."""
@@ -170,7 +170,7 @@ CHANGING = Speeding(noise_m2_s3=4e-4, acceleration_sigma_m_s2=0.06, share=0.1)
 
 
 class Manoeuvres(Settings):
-    """Models of motion. At the rate 1 / renewal_s a vessel takes up one anew, drawn by the shares."""
+    """Models of motion. At the rate 1 / renewal_s a vessel draws a new one by the shares."""
 
     renewal_s: Positive = 1000.0
     start_speed_kn: Positive = 8.0  # standard deviation of each velocity component before anything is known

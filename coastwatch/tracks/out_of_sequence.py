@@ -1,9 +1,9 @@
 """Out-of-sequence AIS reports: a late report gives the answer that it would have given in order.
 
 Two snapshots of all tracks are kept: `old`, from before any report that may still arrive, and `recent`. The log holds the reports
-admitted since `old`, one entry a cycle. A late report takes its vessel, and no other, back to the snapshot before it, and the
-vessel's reports in the log are replayed from there. Memory is never written to, so a snapshot costs a reference. What is kept is
-bounded by time: twice the lateness and two cycles of reports.
+admitted since `old`, one entry a cycle. A late report resets only its own vessel, to the snapshot before the report; then the
+vessel's reports in the log are replayed. Arrays in memory are never overwritten, so a snapshot is a reference, not a copy. The log
+is bounded by time: twice the lateness and two cycles of reports.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from coastwatch.geodesy import KNOT_M_S
 
 Rows = NDArray[np.void]  # structured: coastwatch.kernels.filters.ais_tracker.REPORT or TRACK
 SLOTS = 4  # tracks of one MMSI at most, the one on trial included
-TOP_SOG_KN = 102.2  # ITU-R M.1371: what is above says that there is none, as does a COG of 360
+TOP_SOG_KN = 102.2  # ITU-R M.1371: greater values mean "not available", as does a COG of 360
 VERDICTS = ("repeated position", "impossible speed", "crowded")  # of coastwatch.kernels.filters.ais_tracker, from REPEAT on
 
 
@@ -41,14 +41,14 @@ class Snapshot:
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """The tracks of all vessels, with the snapshots and the log to go back by the lateness."""
+    """The tracks of all vessels, with the snapshots and the log that a replay of late reports needs."""
 
     now: Snapshot
     recent: Snapshot
     old: Snapshot
     log: tuple[Rows, ...]  # admitted in the cycles since `old`, each sorted by `in_order`
     log_time_s: tuple[float, ...]  # when each of these cycles ended
-    held: Rows  # reports of a time still to come
+    held: Rows  # reports stamped in the future
     counter: int  # tracks numbered so far
     refused: dict[str, int]
 
@@ -225,7 +225,7 @@ def _merge(first: Rows, second: Rows) -> Rows:
 
 
 def update_tracks(memory: Memory, fresh: Rows, settings: KernelSettings) -> Memory:
-    """Update tracks by the admitted reports: late ones by a replay, the others on top."""
+    """Update tracks by the admitted reports. Vessels with a late report are replayed; the others are updated in order."""
     mmsi, begin, _ = vessels(fresh)
     late = fresh["time"][begin] <= np.maximum(_newest_report_s(memory.now.tracks, mmsi), memory.recent.time_s)
     behind = is_in(fresh["mmsi"], mmsi[late])

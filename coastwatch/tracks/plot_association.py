@@ -18,13 +18,13 @@ from coastwatch.tracks.track_management import TrackManagement
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Pairs of a track and a plot inside its gate, and what each would make of the other."""
+    """Pairs of a track and a plot inside its gate, with the updated filter of each pair."""
 
     track: Ints  # (A,) row of the table
     plot: Ints  # (A,) row of the plots
-    gain: Floats  # (A,) log-likelihood ratio of "its plot" against "missed, and the plot is of nothing known"
+    gain: Floats  # (A,) log-likelihood ratio: "its plot" against "track missed, plot false or new"
     due: Bools  # (A,) the track has had no plot of this radar in this look
-    after: Filters  # (A, ...) the track after the plot
+    after: Filters  # (A, ...) the track updated by the plot
 
     def take(self, rows: Array) -> Candidates:
         return Candidates(self.track[rows], self.plot[rows], self.gain[rows], self.due[rows], self.after.take(rows))

@@ -1,4 +1,4 @@
-"""One cycle of a region: its plots into its tracks, and the confirmed tracks as the other stages take them."""
+"""One cycle of a region: its plots update its tracks; the confirmed tracks are yielded in latitude and longitude."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ID_STRIDE = 2**40  # track ids of one region
 
 @dataclass(frozen=True)
 class RegionTracker:
-    """What tracks the plots of a region: a method's filters and settings."""
+    """Filters and settings of the tracker of a region."""
 
     bank: FilterBank
     management: TrackManagement
@@ -75,7 +75,7 @@ def _confirm_and_delete(
 def _by_estimated_origin(
     tracker: RegionTracker, memory: RadarMemory, plots: Plots, period_s: Floats
 ) -> tuple[RadarMemory, UsedPlots]:
-    """Track one slice of time: assign plots to tracks, then to single plots, and begin tracks at the rest."""
+    """Track one slice of time: assign plots to tracks, then to single plots; the rest become single plots."""
     memory = _remove_duplicates(tracker, memory, float(plots.time_s[0]), period_s)
     table = memory.table
     rows = np.flatnonzero(table.status != Status.SINGLE)
@@ -93,7 +93,7 @@ def _by_estimated_origin(
 
 
 def _initiate(tracker: RegionTracker, memory: RadarMemory, plots: Plots, period_s: Floats) -> tuple[RadarMemory, UsedPlots]:
-    """Assign free plots of one radar to single plots of before, of any radar; the rest become single plots."""
+    """Assign free plots of one radar to single plots of earlier slices, of any radar; the rest become single plots."""
     table = memory.table
     rows = np.flatnonzero(table.status == Status.SINGLE)
     pairs = candidates(tracker.management, tracker.bank, table, rows, plots, period_s)
@@ -187,7 +187,7 @@ def measurements_of(tracks: Tracks, taken: list[UsedPlots], sensors: Sensors, re
 
 
 def _one_plot(coverage: Coverage, position_m: Floats, sensors: Sensors) -> Floats:
-    """Covariance of one plot of the radar that sees each place best; outside of all, of the one that would. (N, 2, 2)"""
+    """Covariance of one plot at each position, by the most accurate radar that covers it, else by the most accurate. (N, 2, 2)"""
     gap = position_m[:, None] - coverage.site_m
     distance, azimuth = np.hypot(gap[..., 0], gap[..., 1]), np.arctan2(gap[..., 0], gap[..., 1])
     range_sigma, azimuth_sigma = (

@@ -1,4 +1,4 @@
-"""What the radar tracker keeps between cycles: a table of tracks, and what it knows of its radars."""
+"""Memory of the radar tracker: a table of tracks, and site and newest plot of each radar."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NEWEST = 5  # plots whose origin is kept, for the scores
 
 
 class Status(IntEnum):
-    """How far a track has come."""
+    """Status of a track."""
 
     SINGLE = 0  # one plot
     TENTATIVE = 1
@@ -77,11 +77,11 @@ class RadarMemory:
 
     @classmethod
     def empty(cls, models: int) -> RadarMemory:
-        """No track, of filters of so many models, and nothing from any radar."""
+        """No track yet. Args: models: J, of each filter."""
         return cls(Table.empty(J=models), Duplicates.empty(), 1, np.zeros((0, 2)), np.zeros(0), 0)
 
     def for_radars(self, count: int) -> RadarMemory:
-        """This memory for so many radars; only before the first cycle it is another.
+        """This memory, before the first cycle with arrays for so many radars.
 
         Raises: ValueError where the memory is of a scenario with another number of radars.
         """
@@ -100,7 +100,7 @@ class RadarMemory:
         return replace(self, table=self.table.take(np.flatnonzero(kept)))
 
     def with_plots(self, plots: Plots) -> RadarMemory:
-        """This memory with the radars' places and times of these plots, sorted by time."""
+        """This memory with the newest site and time of each radar. Args: plots: sorted by time."""
         site, newest = self.site_m.copy(), self.newest_plot_s.copy()
         site[plots.sensor] = plots.site_m
         np.maximum.at(newest, plots.sensor, plots.time_s)
@@ -109,7 +109,7 @@ class RadarMemory:
 
 @dataclass(frozen=True, eq=False)
 class Coverage:
-    """Which radars of a region see which place."""
+    """The radars of a region: sites, ranges and periods."""
 
     radars: Ints  # (R',) of this region
     site_m: Floats  # (R', 2)
@@ -117,14 +117,14 @@ class Coverage:
     period_s: Floats  # (R',)
 
     def sees(self, position_m: Floats) -> Bools:
-        """Whether each radar reaches each place. (N, R')"""
+        """Whether each position is in range of each radar. (N, R')"""
         gap = position_m[:, None] - self.site_m
         within: Bools = np.hypot(gap[..., 0], gap[..., 1]) <= self.range_m
         return within
 
 
 def coverage_of(memory: RadarMemory, sensors: Sensors, region: int) -> Coverage:
-    """The radars of a region: where their newest plot came from; before any plot, where their specification puts them."""
+    """The radars of a region, at the site of their newest plot, or before any plot at their specified site."""
     radars = np.flatnonzero(sensors.radars.region == region)
     specified = to_plane(sensors.radars.site_deg[radars], sensors.region_origin_deg[region])
     seen = memory.site_m[radars]

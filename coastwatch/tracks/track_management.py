@@ -26,21 +26,21 @@ PlotOrigin = Literal["estimated", "known"]
 class TrackManagement(Settings):
     """Gates, initiation, deletion. A look is one turn of a radar that covers the track."""
 
-    slice_s: Positive = 1.0  # plots are taken in slices so long, never longer than half a turn of the fastest radar
-    gate_probability: Probability = 0.999  # of a vessel's own plot to be inside the gate
+    slice_s: Positive = 1.0  # plots are processed in slices of this length, at most half a turn of the fastest radar
+    gate_probability: Probability = 0.999  # that a vessel's own plot is inside the gate
     detection_probability: Probability = 0.9  # of a vessel in one look
     false_plots_per_m2: Positive = 1e-6  # clutter and new vessels, in one look
     max_speed_kn: Positive = 50.0  # between the first two plots of a track
     confirm_hits: Annotated[int, Field(ge=2)] = 4
     confirm_looks: Count = 5
     delete_misses: Count = 5  # looks in a row
-    misses_per_hit: Positive = 0.5  # a track with few hits ends after so many misses for each; `delete_misses` is the most
-    look_slack: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.1  # turns after which the next look is over, less one
-    coast_s: Positive = 30.0  # where no radar looks
-    merge_probability: Probability = 0.99  # of two tracks of one vessel to be taken for one
-    merge_looks: Count = 3  # turns after which two such tracks are one
-    late_s: Positive = 5.0  # a plot so much older than what its track has is still used
-    ahead_s: Positive = 5.0  # a plot stamped so much later than the cycle is not believed
+    misses_per_hit: Positive = 0.5  # a track ends after this many misses for each hit, at most `delete_misses`
+    look_slack: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.1  # a look is counted as over after 1 + look_slack turns
+    coast_s: Positive = 30.0  # longest time without a plot, also outside the range of every radar
+    merge_probability: Probability = 0.99  # that two tracks of one vessel pass the test for duplicates
+    merge_looks: Count = 3  # turns after which the younger of two such tracks is deleted
+    late_s: Positive = 5.0  # a plot up to this much older than its track is used
+    ahead_s: Positive = 5.0  # a plot stamped more than this after the cycle is dropped
 
     @model_validator(mode="after")
     def _hits_fit_into_looks(self) -> Self:

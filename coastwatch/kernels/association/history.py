@@ -1,4 +1,4 @@
-"""`History`: what many ids were at the newest W cycles, in one array that each cycle writes one column of."""
+"""`History`: values of many ids at the newest W cycles, in one array. Each cycle writes one column (a ring buffer)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Array = NDArray[Any]
 Ints = NDArray[np.int64]
 Rows = NDArray[np.int32]
 
-MARGIN = 8  # one slot in so many more than needed, so that few cycles have to make the array larger
+MARGIN = 8  # one spare slot for so many used ones, so that few cycles have to enlarge the array
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +22,7 @@ class History:
     """Values of ids at the newest W cycles. An id keeps its slot, a row of `values`, for as long as it is there.
 
     The value of a slot `age` cycles ago stands in column `(cycle - age) % W`. It counts only for `age < length[slot]`.
-    What a value is, the caller says: a record with named fields, or C numbers.
+    The caller chooses the type of a value: a record with named fields, or C numbers.
 
     `advanced` writes into the arrays of the history that it is called on. Use only the history that it returns.
     """
@@ -56,7 +56,7 @@ class History:
 
         Args:
             ids: (N,) that are there now, each once.
-            order: (N,) rows of ids in the order in which new ones take slots, for neighbours to lie together; as they come if None.
+            order: (N,) rows of ids, the order in which new ids take slots, so that neighbours are adjacent. None: order of `ids`.
             patience: cycles that an id may be absent and keeps its slot, at most W - 1. Its values are NaN meanwhile.
         Returns: the history, (N,) slots.
         """

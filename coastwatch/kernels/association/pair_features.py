@@ -1,4 +1,4 @@
-"""What the pair kernels read of each track: records in the order of `geometry.grid`, in which neighbours stand together."""
+"""Records of tracks that the pair kernels read, in the order of `candidate_pairs.sorted_places`: neighbours are adjacent."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ENTRY = np.dtype(
         ("rate_variance_m2_s2", np.float32),
     ]
 )
-"""A track at one cycle, as its history keeps it. Variances are traces: of position, of velocity. Seven digits are more than they have."""
+"""A track at one cycle, as its history stores it. Variances are traces, of position and of velocity; float32 is exact enough."""
 
 TRACK = np.dtype(
     [

@@ -10,7 +10,7 @@ import numpy as np
 from coastwatch.kernels.geometry.ellipsoid import metres_per_degree, wrap_degrees
 from coastwatch.kernels.jit import jit
 
-MOST_EXPONENT = 600.0  # of the velocity's likelihood ratio; what is beyond counts in full as a logarithm
+MOST_EXPONENT = 600.0  # of the velocity's likelihood ratio: greater ones would overflow, and are added as logarithms
 
 
 class Rule(NamedTuple):
@@ -66,7 +66,7 @@ def factorise(m, low):  # type: ignore[no-untyped-def]
 
 @jit
 def _block_scales(delta, n, phi, rule):  # type: ignore[no-untyped-def]
-    """What the window shows of both blocks of the covariance, tr(block^-1 S) / 2, drawn to 1 by the prior, from floor to cap.
+    """Scales of both blocks of the covariance: tr(block^-1 S) / 2, averaged with 1 by the prior, limited to floor and cap.
 
     S is the sample covariance of the differences, summed about the newest one and then shifted to the mean.
     Args: delta: (4, W), of which n count; phi: (4, 4). Returns: of position, of velocity.
@@ -145,10 +145,10 @@ def _step_ratios(delta, variance, n, low, density, rule, out):  # type: ignore[n
 def pair_scores(pair, track, values, newest, rule):  # type: ignore[no-untyped-def]
     """Discounted log-likelihood ratio of "one vessel" against "no partner" over the common history of each pair.
 
-    The covariance of a difference is that of both tracks, scaled in its position and its velocity block by what the window shows
-    about it (drawn to 1 by the prior, floored and capped), plus the registration term, which is constant and cannot show. The
-    likelihood is a mixture: where a track is misled its velocity is as that of an unrelated vessel. The score is
-    s(t) = max(forgetting s(t - 1) + ratio(t), -limit).
+    The covariance of a difference is the sum of both tracks' covariances. Its position and velocity blocks are scaled by the sample
+    covariance of the window. The scale is averaged with 1 by the prior, then limited to floor and cap. The registration term is
+    added unscaled: it is constant, so the window does not show it. The likelihood is a mixture: with a small probability a track's
+    velocity is wrong, and distributed as that of an unrelated vessel. The score is s(t) = max(forgetting s(t - 1) + ratio(t), -limit).
 
     Args:
         pair: (A,) PAIR, rows of `track`. track: (N,) TRACK; values: (S, W) ENTRY; newest: column of the newest entries; rule: Rule.

@@ -1,7 +1,7 @@
-"""Give up pairs that cannot score above the threshold, from bounds of each track alone: nine in ten of those within the gate.
+"""Prune pairs that cannot score above the threshold, by bounds of each track alone: nine in ten of the pairs within the gate.
 
 That takes 40 % off the processor time of a cycle at 100,000 tracks (scaling/decisions/association_cycle.py). The bounds are exact:
-what they give up, `pair_scores` would refuse.
+`pair_scores` would refuse every pruned pair.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from coastwatch.kernels.association.pair_score import Rule
 from coastwatch.kernels.geometry.ellipsoid import DEGREE, SEMI_MAJOR, metres_per_degree, wrap_degrees
 from coastwatch.kernels.jit import jit
 
-SEEN = 7  # newest entries that the bounds are of; fewer make them weak, more make them dear
+SEEN = 7  # newest entries that the bounds use; fewer give weak bounds, more cost time
 REGULAR = 1e-9  # a determinant that is less than this part of its main product is rounding
 LEAST_ERROR = 1e-4  # relative error of a distance within the gate, besides what converging meridians make of it
 LONGEST_DEGREE = 1.0034 * SEMI_MAJOR * DEGREE  # more than any degree of longitude
@@ -114,8 +114,8 @@ def hopeless_steps(rule: Rule, window: int) -> Floats:
     """How great the newest steps may be at most for a pair to be hopeless, by its number of common entries. Returns: (W + 1,).
 
     With m the forgetting factor and L the limit, the sum after n steps of which the newest k are each at most s is at most
-    max(m^k U + s (1 + m + ... + m^(k - 1)), -L), where U = L (1 + ... + m^(n - k - 1)) bounds what was before: every step is monotone in
-    the sum before it, and of the paths that touch -L on the way the bound is linear in m^i and therefore greatest at an end.
+    max(m^k U + s (1 + m + ... + m^(k - 1)), -L). U = L (1 + ... + m^(n - k - 1)) bounds the older steps. Proof: every step is monotone
+    in the sum before it. For paths that touch -L the bound is linear in m^i, and therefore greatest at an end.
     """
     entries = np.arange(1, window + 1)
     newest = np.minimum(entries, SEEN)

@@ -67,8 +67,8 @@ def log_odds_of(probability):  # type: ignore[no-untyped-def]
 def _compare(samples, sensor, value, slot, odds, give_up):  # type: ignore[no-untyped-def]
     """The bearings of a track with one vessel, by a Kalman filter of two states: sensor offset and position error.
 
-    difference = offset + h error + noise, where h is the angle that a standard deviation of the position subtends, and the error, in
-    standard deviations, is a first-order Gauss-Markov process.
+    difference = offset + h error + noise. The error of the position, in standard deviations, is a first-order Gauss-Markov process.
+    h is the angle that one standard deviation subtends at the sensor.
     Args: samples: (n,) SAMPLE; odds: log odds before any bearing.
     Returns: log odds, -inf if the vessel was absent; mean difference; how far outside the coverage it was at most, in standard deviations.
     """

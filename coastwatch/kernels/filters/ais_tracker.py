@@ -278,8 +278,8 @@ def _record(track, report, rules):  # type: ignore[no-untyped-def]
 def estimates(tracks, rows, time, rules, models):  # type: ignore[no-untyped-def]
     """Position in degrees (N, 2), velocity (N, 2) and covariance (N, 4, 4), east and north there, of tracks predicted to a time.
 
-    A vessel at rest that got under way would report within the interval of a moving one. Silence for longer says that it still lies
-    there: it is predicted for that interval alone, and for the rest of the time it may have drifted as fast as it last seemed to.
+    A vessel at rest that gets under way reports within the interval of a moving vessel. If it is silent for longer it is still at
+    rest: it is predicted for that interval only. For the rest of the time its position variance grows by its last velocity.
     Args: tracks: TRACK; rows: (N,) of them; time: not before their newest reports; rules: RULES; models: (J,) MODEL.
     """
     j, work = len(models), imm.workspace(len(models))
@@ -316,7 +316,7 @@ def _drift(track, dt, rules):  # type: ignore[no-untyped-def]
 
 @jit
 def carry_numbers(former, former_begin, former_end, tracks, begin, end):  # type: ignore[no-untyped-def]
-    """Give tracks that came out of playing reports again the numbers that their vessel's tracks had before.
+    """Give tracks after a replay of reports the numbers that their vessel's tracks had before.
 
     A track that kept its number through the play keeps it; then one that ends in the same report as a former one takes that
     number; the rest take what is left, in order.

@@ -1,4 +1,4 @@
-"""One IMM filter a vessel over the plots and reports of all its tracks: its update by what was measured, and its estimate.
+"""One IMM filter a vessel over the plots and reports of all its tracks: update by measurements, and estimate.
 
 Filters are a tuple of state (F, J, 5) and covariance (F, J, 5, 5) in the plane at each anchor, mode_probability (F, J), and updated (F,),
 the time of the newest measurement in each. Scalar code, compiled by numba; the filter is the one of `imm`, with jumps of the velocity.
@@ -17,8 +17,8 @@ from coastwatch.kernels.jit import jit
 def update(first, last, filters, measured, z, noise, begin, models):  # type: ignore[no-untyped-def]
     """Update filters first to last by their measurements, in place.
 
-    A measurement older than its filter is brought forward by the filter's velocity; to play it again in its place would take 0.6 % off
-    the error where every report is 2 s late and more (scaling/decisions/central_imm.py).
+    A measurement older than its filter is moved to the filter's time by the velocity. A replay in order would take 0.6 % off the
+    error if every report is 2 s late and more (scaling/decisions/central_imm.py).
     Args: measured: (M,) times, those of each filter in order; z: (M, 4) east, north, east rate, north rate, NaN rates where none were
     measured; noise: R, (M, 4, 4); begin: (F + 1,) the measurements of filter f are begin[f] to begin[f + 1]; models: (J,) MODEL.
     """

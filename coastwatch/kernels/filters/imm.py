@@ -1,12 +1,12 @@
 """Interacting multiple models: one filter holds J models, each with a state, a covariance and a probability.
 
-A cycle of a filter mixes the models, predicts each by its motion, updates each by the measurement, and weighs the models by how likely
-they made it. There are two ways to mix, after how a vessel changes its motion:
-    mix          a Markov chain: a model is left at the rate 1 / sojourn, for each of the others alike
-    mix_renewed  at the rate 1 / renewal a motion is taken up anew: position and velocity stay, the model is drawn by the prior
-                 probabilities and the manoeuvre from the prior of the model drawn
-`update_with_jumps` weighs two hypotheses in each model, with and without a jump of the velocity since the last measurement, and merges
-them at once (first-order generalised pseudo-Bayesian, GPB1). So a jump needs no model of its own, and no noise that is always large.
+A cycle of a filter mixes the models, predicts and updates each of them, and updates the mode probabilities by the likelihoods of
+the measurement. There are two ways to mix, for two assumptions on how a vessel changes its motion:
+    mix          a Markov chain: a model is left at the rate 1 / sojourn; all other models are equally likely next
+    mix_renewed  a renewal process: at the rate 1 / renewal the model is drawn from the prior probabilities, and its manoeuvre from
+                 the prior of that model; position and velocity stay
+`update_with_jumps` has two hypotheses in each model: with and without a jump of the velocity since the last measurement. They are
+merged at once (first-order generalised pseudo-Bayesian, GPB1). So a jump needs no model of its own, and no large process noise.
 
 A function with "filter" in its name takes one: state (J, 5), covariance (J, 5, 5), mode_probability (J,), models (J,) MODEL, and
 overwrites the first three. A function with "filters" takes N, (N, J, ...). Where dt is 0 nothing changes. Scalar code, compiled by numba:
@@ -33,7 +33,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-FLOOR = 1e-12  # of a mode probability: a model that is ruled out today can come back, and nothing is divided by 0
+FLOOR = 1e-12  # least mode probability, so that a model can recover and nothing is divided by 0
 
 
 class Workspace(NamedTuple):
@@ -109,8 +109,8 @@ def merge(mean, covariance, weight, other_mean, other_covariance):  # type: igno
 def mixing_probabilities(mode_probability, models, dt, mixing):  # type: ignore[no-untyped-def]
     """Predict the mode probabilities of a Markov chain in place; mixing[j, i]: probability of model i before, given model j now.
 
-    The probability to stay, of J models that are left for each of the others alike, is (1 + (J - 1) exp(-dt / sojourn J / (J - 1))) / J:
-    exact where all sojourns are equal, and to first order where they are not.
+    The probability to stay in one of J models is (1 + (J - 1) exp(-dt / sojourn J / (J - 1))) / J. That is exact if all sojourns are
+    equal, else to first order.
     """
     count = len(mode_probability)
     for i in range(count):
@@ -141,9 +141,9 @@ def mix(state, covariance, mode_probability, models, dt, work):  # type: ignore[
 
 @jit
 def mix_renewed(state, covariance, mode_probability, models, dt, renewal, work):  # type: ignore[no-untyped-def]
-    """Mix the models of a filter over dt where motions are taken up anew: each model becomes its own past and one pool of all pasts.
+    """Mix the models of a filter over dt by a renewal process: each model becomes a mixture of itself and of all models.
 
-    The work is linear in the number of models. Args: renewal: mean time before a motion is taken up anew, s.
+    The work is linear in the number of models. Args: renewal: mean time until a motion is drawn from the prior, s.
     """
     pool, spread = work.mean, work.spread
     keep = math.exp(-dt / renewal)
@@ -229,8 +229,8 @@ def predict_filters(
 ) -> tuple[Floats, Floats, Floats]:
     """State (N, J, 5), covariance (N, J, 5, 5) and mode probability (N, J) of filters after dt.
 
-    Args: state, covariance, mode_probability: as returned; dt_s: (N,), not negative; renewal_s: mean time before a motion is taken up
-    anew, infinite: the models are a Markov chain; models: (J,) MODEL.
+    Args: state, covariance, mode_probability: as returned; dt_s: (N,), not negative; renewal_s: mean time until a motion is drawn
+    from the prior, infinite: the models are a Markov chain; models: (J,) MODEL.
     """
     out = state.copy(), covariance.copy(), mode_probability.copy()
     work = workspace(len(models))

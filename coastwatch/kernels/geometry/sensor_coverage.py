@@ -1,7 +1,7 @@
 """Which positions are within range of which sensors, and whether of any.
 
 A position is within range if its distance in the tangent plane at the sensor is no more than the range, on the near half of the Earth.
-Sensors are entered in the cells of one degree that they may reach: a position is compared with the sensors of its own cell.
+Each cell of one degree lists the sensors that may reach it: a position is compared with the sensors of its cell.
 """
 
 from __future__ import annotations
