@@ -4,16 +4,17 @@ The map, in the order in which data flows (each stage is a folder with a README)
 
 | stage          | takes                          | yields                                            |
 |----------------|--------------------------------|---------------------------------------------------|
-| sensors        | recordings, simulation         | Reports: what a sensor said, in its coordinates   |
+| sensors        | recordings, simulation         | Reports of a sensor, in its own coordinates       |
 | plots          | radar reports                  | Plots in a region's plane, with covariance        |
 | tracks         | plots, AIS reports, bearings   | Tracks and BearingTracks                          |
-| spots          | tracks of all sources          | Spots and Octants: who is compared with whom      |
+| spots          | tracks of all sources          | Spots and Octants: tracks that may be compared    |
 | associations   | tracks in a spot               | Associations: which tracks are one vessel         |
 | fused_tracks   | associated tracks              | FusedTracks: one estimate a vessel                |
 | picture        | fused tracks                   | Picture: stable identity, sources, flags          |
 | registration   | plots, tracks, bearings        | RadarCorrections for the plots of the next cycle  |
 | scores         | truth and any of the above     | numbers                                           |
 
-`batches` is what flows, `scenario` one TOML file, `pipeline` the whole flow on one page, `workers` how it is spread,
-`store` where it is kept, `server` where clocks and processes live, `operators` how people see it.
+Around them: `batches` defines the data that flows, `scenario` reads the settings of a run from a TOML file. `pipeline` is the
+whole flow on one page. `workers` spreads it over processors, `store` writes it to a database. `server` reads the clock and starts
+processes. `operators` is the command line. `kernels` computes on bare arrays.
 """

@@ -63,7 +63,7 @@ class Groups(Struct):
 
 
 Arrays = Mapping[str, Any]
-"""Arrays by name. A tuple of arrays of which most are the very objects of the last cycle may stand for one array."""
+"""Arrays by name. A value may also be a tuple of arrays."""
 
 Work = Callable[[Any, Arrays, Groups], tuple[Array, ...]]
 """A module-level pure function (settings, arrays, groups) -> arrays: what is done for a chunk of spots at once.

@@ -18,7 +18,7 @@ _pools: list[
 ] = []  # the innermost `threads` last, with its size; none: the caller's thread alone
 
 
-def _be_nice() -> None:
+def _lower_priority() -> None:
     """Lower the priority of a pool thread (Linux) below other threads, such as the one that writes a cycle to the store."""
     if sys.platform == "linux":
         os.setpriority(os.PRIO_PROCESS, get_native_id(), min(os.getpriority(os.PRIO_PROCESS, 0) + NICE, MOST_NICE))
@@ -30,7 +30,7 @@ def threads(count: int) -> Iterator[None]:
     if count < 2:
         yield
         return
-    with ThreadPoolExecutor(count - 1, "kernels", _be_nice) as pool:
+    with ThreadPoolExecutor(count - 1, "kernels", _lower_priority) as pool:
         _pools.append((pool, count - 1))
         try:
             yield

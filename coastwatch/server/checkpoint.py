@@ -66,7 +66,7 @@ def save(value: Any) -> bytes:
 
 
 def load(saved: bytes) -> Any:
-    """The value that `save` was given, with arrays of its own. Nothing that the bytes name is called but classes of MODULES_WITH_CLASSES.
+    """The value that `save` was given, with arrays of its own. Only classes of MODULES_WITH_CLASSES are called.
 
     Raises: CheckpointError: the bytes are not of `save`, are damaged, or name a class or a field that does not exist.
     """

@@ -89,7 +89,7 @@ def run_scenario(
             try:
                 with Writer[store.Written](watch, scenario.store.overlap and opened.shared) as writer:
                     run = _Run(scenario, sensors, recording, plan, opened, run_id, opened_workers, watch, writer, interrupted)
-                    point, vessels = _cycles(run, point, report, on_cycle)
+                    point, vessels = _run_cycles(run, point, report, on_cycle)
                 scores = result(point.tally, recording, sensors)
             except BaseException:
                 store.finish_run(opened, run_id, "failed", {}, recording.faults)
@@ -143,7 +143,7 @@ def _begin(
         found = store.resume_point(opened, scenario.name, seed, version(), scenario.model_dump(mode="json"))
         if found is not None:
             run_id, _, blob = found
-            return run_id, _point(blob, run_id)
+            return run_id, _loaded_point(blob, run_id)
     run_id = store.begin_run(
         opened,
         scenario=scenario.name,
@@ -159,7 +159,7 @@ def _begin(
     return run_id, Point(0, pipeline.start(scenario, sensors), start(sensors))
 
 
-def _point(saved: bytes, run_id: int) -> Point:
+def _loaded_point(saved: bytes, run_id: int) -> Point:
     """The point that a checkpoint holds. Raises: CheckpointError: it cannot be read."""
     try:
         point = checkpoint.load(saved)
@@ -170,11 +170,11 @@ def _point(saved: bytes, run_id: int) -> Point:
     return point
 
 
-def _cycles(run: _Run, point: Point, report: Progress, on_cycle: OnCycle | None) -> tuple[Point, int]:
+def _run_cycles(run: _Run, point: Point, report: Progress, on_cycle: OnCycle | None) -> tuple[Point, int]:
     """Run from a point to the end, or to the end of the cycle in progress after an interrupt, with a checkpoint."""
     vessels = 0
     while point.cycle < run.plan.cycles and not run.interrupted.is_set():
-        point, cycle, warning = _one(run, point)
+        point, cycle, warning = _run_cycle(run, point)
         vessels = len(cycle.picture)
         if on_cycle is not None:
             on_cycle(cycle)
@@ -183,7 +183,7 @@ def _cycles(run: _Run, point: Point, report: Progress, on_cycle: OnCycle | None)
     return point, vessels
 
 
-def _one(run: _Run, point: Point) -> tuple[Point, Cycle, str | None]:
+def _run_cycle(run: _Run, point: Point) -> tuple[Point, Cycle, str | None]:
     """One cycle: reports, pipeline, scores, store. Returns the point after it, its yield, and a warning of the store."""
     scenario, plan, number = run.scenario, run.plan, point.cycle
     before_s = plan.start_s if number == 0 else plan.instant_s(number - 1)

@@ -15,7 +15,7 @@ from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Method
 
 SAMPLE_PER_SPOT = 20  # tracks that centroids are fitted to
-NEIGHBOURS = 32  # centroids around each that are looked at before all are
+NEIGHBOURS = 32  # nearest centroids of each centroid that are compared first
 FIRST_STEPS, LATER_STEPS = 20, 2  # of Lloyd's algorithm: from k-means++, from the last centroids
 
 
@@ -31,9 +31,9 @@ class KMeansSpots(Method):
     """Neighbouring tracks in spots around centroids, each spot with a halo of tracks near its border.
 
     A track is a member of the spot with the nearest centroid. Centroids are fitted to a sample of the tracks: by k-means++ from `seed`
-    at the first cycle and whenever the number of spots changes, else every `fit_every` cycles from the last ones. Where the number
-    follows that of the tracks, it changes only when it is off by more than a quarter. Because of the halo the pairs that the next
-    stage finds do not depend on the spots.
+    at the first cycle and whenever the number of spots changes, else every `fit_every` cycles from the last ones. With `count = 0`
+    the number of spots changes only when it is off by more than a quarter. Because of the halo the pairs that the next stage finds do
+    not depend on the spots.
     Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven
     Approach, section III-D (there: centroids from 60 s ago, no halo).
     """
@@ -41,7 +41,7 @@ class KMeansSpots(Method):
     method: Literal["kmeans"] = "kmeans"
     count: Annotated[int, Field(ge=0)] = 0  # spots; 0: about one for every `tracks_per_spot` tracks
     tracks_per_spot: Annotated[int, Field(ge=1)] = 400
-    halo_m: Annotated[float, Field(ge=0.0)] = 1500.0  # not under the gate of the association; 0: none, as in the paper
+    halo_m: Annotated[float, Field(ge=0.0)] = 1500.0  # at least the gate of the association; 0: no halo, as in the paper
     fit_every: Annotated[int, Field(ge=1)] = 20  # cycles
     seed: Annotated[int, Field(ge=0)] = 0
 
@@ -75,7 +75,7 @@ class KMeansSpots(Method):
         return out
 
     def _spots_for(self, tracks: int, before: int) -> int:
-        """How many spots so many tracks are given, where there were so many before."""
+        """The number of spots. Args: tracks: N; before: the number of spots in the last cycle."""
         if self.count:
             return min(self.count, tracks)
         wanted = -(-tracks // self.tracks_per_spot)
@@ -91,7 +91,7 @@ class KMeansSpots(Method):
         sample = position[np.argsort(track_id)[np.sort(chosen)]]
         start, steps = ("k-means++", FIRST_STEPS) if before is None else (before, LATER_STEPS)
         fit = KMeans(count, init=start, n_init=1, max_iter=steps, random_state=self.seed)
-        # One thread, because the order in which several add up is not always the same.
+        # One thread, because several threads add in a varying order.
         with threadpool_limits(1), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # fewer different positions than spots, or not converged: neither matters
             found: Floats = fit.fit(sample).cluster_centers_

@@ -58,13 +58,13 @@ class OctantSpots(Method):
         return out
 
     def _tolerance_m(self, covariance: Floats) -> Floats:
-        """So many standard deviations of each position, 0 where there is no covariance. Args: covariance: (V, 4, 4). Returns: (V,)."""
+        """`position_sigmas` standard deviations of each position, 0 without a covariance. Args: covariance: (V, 4, 4). Returns: (V,)."""
         sigma: Floats = np.sqrt(np.nan_to_num(0.5 * (covariance[:, 0, 0] + covariance[:, 1, 1])))
         return self.position_sigmas * sigma
 
 
 def _newest_of_each(sensor: Ints, updated_s: Floats) -> tuple[Ints, Ints]:
-    """The sensors that have tracks, sorted, and the row of the newest track of each: it knows where the sensor is now."""
+    """The sensors that have tracks, sorted, and the row of the newest track of each, which has the sensor's position."""
     order = np.lexsort((updated_s, sensor))
     active = np.unique(sensor)
     return active, order[np.searchsorted(sensor[order], active, side="right") - 1]

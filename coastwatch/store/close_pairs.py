@@ -44,7 +44,7 @@ def closest_pairs(connection: Connection, values: Mapping[str, Any]) -> Rows:
     found = _current_vessels(connection, values["run"])
     found = found._replace(sog_kn=np.nan_to_num(found.sog_kn))
     first, second = _pairs_within(found, within_m)
-    distance_m = np.hypot(*_apart_m(first, second).T)
+    distance_m = np.hypot(*_offset_m(first, second).T)
     near = (distance_m <= within_m) & ((first.sog_kn >= least_kn) | (second.sog_kn >= least_kn))
     rows = _least(near, distance_m, first, second, values["count"])
     first, second = first.take(rows), second.take(rows)
@@ -65,7 +65,7 @@ def closest_approach(connection: Connection, values: Mapping[str, Any]) -> Rows:
     search_m, within_m, horizon_s = values["search_nm"] * NAUTICAL_MILE_M, float(values["within_m"]), values["minutes"] * 60.0
     farthest_m = within_m + 2.0 * horizon_s * float(np.hypot(*found.velocity_m_s.T).max(initial=0.0))
     first, second = _pairs_within(found, min(search_m, farthest_m))
-    apart, velocity = _apart_m(first, second), second.velocity_m_s - first.velocity_m_s
+    apart, velocity = _offset_m(first, second), second.velocity_m_s - first.velocity_m_s
     square = (velocity**2).sum(1)
     after_s = -(apart * velocity).sum(1) / np.where(square > 0.0, square, 1.0)
     passing_m = np.hypot(*(apart + velocity * after_s[:, None]).T)
@@ -95,7 +95,7 @@ def _current_vessels(connection: Connection, run_id: int) -> Vessels:
 def _pairs_within(found: Vessels, radius_m: float) -> tuple[Vessels, Vessels]:
     """Every pair within a distance, and some more, the smaller number first.
 
-    The chord between two points of a sphere is never longer than the distance of `_apart_m`.
+    The chord between two points of a sphere is never longer than the distance of `_offset_m`.
     """
     latitude, longitude = np.radians(found.position_deg).T
     east, north = np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude)
@@ -106,7 +106,7 @@ def _pairs_within(found: Vessels, radius_m: float) -> tuple[Vessels, Vessels]:
     return found.take(pair[:, 0]), found.take(pair[:, 1])
 
 
-def _apart_m(first: Vessels, second: Vessels) -> Floats:
+def _offset_m(first: Vessels, second: Vessels) -> Floats:
     """Metres east and north from the first to the second, at their mean latitude. Returns: (Q, 2)."""
     step = second.position_deg - first.position_deg
     turn = np.where(step[:, 1] > 180.0, step[:, 1] - 360.0, np.where(step[:, 1] < -180.0, step[:, 1] + 360.0, step[:, 1]))

@@ -114,7 +114,7 @@ def connect(url: str, wait_s: float, *, may_create: bool) -> Store:
     address = _address(url)
     where = address.database or ":memory:" if is_sqlite(address) else address.render_as_string(hide_password=True)
     if is_sqlite(address) and address.database not in (None, "", ":memory:"):
-        _look_at_file(Path(str(address.database)), may_create)
+        _check_path(Path(str(address.database)), may_create)
     try:
         engine = create_engine(
             address,
@@ -148,7 +148,7 @@ def _address(url: str) -> URL:
         raise StoreError(f"database: got {url!r}, needed a SQLAlchemy URL such as sqlite:///coastwatch.db: {error}") from error
 
 
-def _look_at_file(path: Path, may_create: bool) -> None:
+def _check_path(path: Path, may_create: bool) -> None:
     if path.is_dir():
         raise StoreError(f"{path}: is a folder, needed a database file")
     if not path.exists() and not may_create:
@@ -234,12 +234,12 @@ def refusals(store: Store) -> Iterator[None]:
     try:
         yield
     except DBAPIError as error:
-        raise StoreError(_sentence(store, error.orig)) from error
+        raise StoreError(_message(store, error.orig)) from error
     except (sqlite3.Error, ModuleNotFoundError) as error:
-        raise StoreError(_sentence(store, error)) from error
+        raise StoreError(_message(store, error)) from error
 
 
-def _sentence(store: Store, error: BaseException | None) -> str:
+def _message(store: Store, error: BaseException | None) -> str:
     said = str(error).strip()
     low = said.lower()
     if "locked" in low or "lock timeout" in low:
@@ -335,7 +335,7 @@ def now_utc(connection: Connection, later: timedelta = timedelta()) -> str:
 
 def as_json(value: Any) -> str:
     """JSON text of plain values; not a number and infinity are null."""
-    return json.dumps(_json_value(value), allow_nan=False, default=_plain)
+    return json.dumps(_json_value(value), allow_nan=False, default=_python_value)
 
 
 def _json_value(value: Any) -> Any:
@@ -348,6 +348,6 @@ def _json_value(value: Any) -> Any:
     return value
 
 
-def _plain(value: Any) -> Any:
+def _python_value(value: Any) -> Any:
     """What an array or a number of numpy holds."""
     return _json_value(value.tolist()) if hasattr(value, "tolist") else str(value)

@@ -56,7 +56,7 @@ def check(url: str, *, wait_s: float = WAIT_S) -> list[str]:
 
 def problems(connection: Connection) -> list[str]:
     """What is wrong with a database that is open and of this version, one sentence each."""
-    return [*differences(connection), *_sqlite(connection), *_cycles(connection)]
+    return [*differences(connection), *_check_sqlite(connection), *_check_cycles(connection)]
 
 
 def differences(connection: Connection) -> list[str]:
@@ -79,7 +79,7 @@ def differences(connection: Connection) -> list[str]:
     return out
 
 
-def _sqlite(connection: Connection) -> list[str]:
+def _check_sqlite(connection: Connection) -> list[str]:
     if connection.dialect.name != "sqlite":
         return []
     said = [row[0] for row in connection.execute(text("PRAGMA integrity_check"))]
@@ -92,8 +92,8 @@ def _sqlite(connection: Connection) -> list[str]:
     return out if mode in ("wal", "memory") else [*out, f"journal_mode: got {mode}, needed wal"]
 
 
-def _cycles(connection: Connection) -> list[str]:
-    """What db/check.sql finds: queries that end with a semicolon, each under the sentence that should hold."""
+def _check_cycles(connection: Connection) -> list[str]:
+    """The findings of db/check.sql: queries that end with a semicolon, each below the sentence that should hold."""
     out = []
     for part in (folder("db") / "check.sql").read_text("utf-8").split("\n\n")[1:]:
         sentence, _, sql = part.partition("\n")

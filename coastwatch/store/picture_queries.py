@@ -82,8 +82,8 @@ def track(store: Store, run_id: int, vessel_id: int) -> dict[str, Any]:
             "history": points_of(connection, run_id, vessel_id),
             "members": fetch_rows(connection, _members(run_id, vessel_id)),
             "stays": there,
-            "associations": fetch_rows(connection, _through_time(Association, run_id, vessel_id)),
-            "bearing_associations": fetch_rows(connection, _through_time(BearingAssociation, run_id, vessel_id)),
+            "associations": fetch_rows(connection, _rows_of_vessel(Association, run_id, vessel_id)),
+            "bearing_associations": fetch_rows(connection, _rows_of_vessel(BearingAssociation, run_id, vessel_id)),
         }
 
 
@@ -199,7 +199,7 @@ def _statics_of(connection: Connection, run_id: int, mmsi: Ints) -> Columns:
     """Name, call sign, type and size for each MMSI of a row, -1 for none. Args: (V,)."""
     s = VesselStatic
     query = select(s.mmsi, *(getattr(s, name) for name in STATIC)).where(s.run_id == run_id)
-    known, *found = _of_few(connection, query, s.mmsi, mmsi)
+    known, *found = _select_by_key(connection, query, s.mmsi, mmsi)
     order = np.argsort(known, kind="stable")
     row = row_of(known[order], mmsi)
     absent = {"O": None, "i": -1, "f": np.nan}
@@ -213,8 +213,8 @@ def _statics_of(connection: Connection, run_id: int, mmsi: Ints) -> Columns:
 def _since_of(connection: Connection, run_id: int, cycle: int, vessel_id: Ints) -> Floats:
     """When the stay of each vessel began that had this cycle in it, by its own account. Args: (V,) sorted."""
     p = Presence
-    query = select(p.vessel_id, p.since_s).where(p.run_id == run_id, _lasts(p, cycle))
-    known, since = _of_few(connection, query, p.vessel_id, vessel_id)
+    query = select(p.vessel_id, p.since_s).where(p.run_id == run_id, _includes_cycle(p, cycle))
+    known, since = _select_by_key(connection, query, p.vessel_id, vessel_id)
     out = np.full(len(vessel_id), np.nan)
     row = row_of(vessel_id, known)
     out[row[row >= 0]] = since[row >= 0]
@@ -224,8 +224,8 @@ def _since_of(connection: Connection, run_id: int, cycle: int, vessel_id: Ints) 
 def _sources_of(connection: Connection, run_id: int, cycle: int, vessel_id: Ints) -> Array:
     """Names of the sources that each vessel had in a cycle, "guanabara,ais". Args: (V,) sorted."""
     m = MemberHistory
-    query = select(m.vessel_id, m.source, m.track_id).where(m.run_id == run_id, _lasts(m, cycle))
-    members = np.stack(_of_few(connection, query, m.vessel_id, vessel_id), 1)
+    query = select(m.vessel_id, m.source, m.track_id).where(m.run_id == run_id, _includes_cycle(m, cycle))
+    members = np.stack(_select_by_key(connection, query, m.vessel_id, vessel_id), 1)
     names = {
         row.number: row.name for row in connection.execute(select(Source.number, Source.name).where(Source.run_id == run_id))
     }
@@ -234,12 +234,12 @@ def _sources_of(connection: Connection, run_id: int, cycle: int, vessel_id: Ints
     return np.array([text or None for text in found.texts], object)[found.codes]
 
 
-def _lasts(stay: type[Presence] | type[MemberHistory], cycle: int) -> Any:
+def _includes_cycle(stay: type[Presence] | type[MemberHistory], cycle: int) -> Any:
     """That a stay has a cycle in it. The sum keeps SQLite from an index by cycles, most of which are before this one."""
     return and_(stay.from_cycle + 0 <= cycle, or_(stay.to_cycle.is_(None), stay.to_cycle >= cycle))
 
 
-def _of_few(connection: Connection, query: Select[*tuple[Any, ...]], key: Any, wanted: Ints) -> list[Array]:
+def _select_by_key(connection: Connection, query: Select[*tuple[Any, ...]], key: Any, wanted: Ints) -> list[Array]:
     """The rows of these keys, or, where they are many, of all keys."""
     return fetch_arrays(connection, query.where(is_one_of(connection, key, wanted)) if len(wanted) <= FEW else query)
 
@@ -254,7 +254,7 @@ def _members(run_id: int, vessel_id: int) -> Select[*tuple[Any, ...]]:
     return query.where(m.run_id == run_id, m.vessel_id == vessel_id).order_by(m.from_cycle, m.source, m.track_id)
 
 
-def _through_time(table: Any, run_id: int, vessel_id: int) -> Select[*tuple[Any, ...]]:
+def _rows_of_vessel(table: Any, run_id: int, vessel_id: int) -> Select[*tuple[Any, ...]]:
     """The rows of one vessel by seeking the key (run, cycle, vessel) in each cycle of its stays.
 
     The cycles are an IN list and not a join, which SQLite's planner now and then turns into a scan of the large table.

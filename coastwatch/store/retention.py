@@ -53,12 +53,12 @@ def delete_old(
     most = ROWS + 2 * written
     history = _first_kept(number, period_s, keep.history_hours, kept[0])
     if history > kept[0]:
-        _mark(connection, run_id, kept[0], history, {"history_from": None})
+        _update_cycles(connection, run_id, kept[0], history, {"history_from": None})
     if history > 0:
         _delete_history(connection, run_id, history, most)
     details = _first_kept(number, period_s, keep.details_hours, kept[1])
     if details > kept[1]:
-        _mark(connection, run_id, kept[1], details, {"associations_kept": False})
+        _update_cycles(connection, run_id, kept[1], details, {"associations_kept": False})
     if details > 0:
         for name in DETAILS:
             _delete_some(connection, TABLES[name], run_id, ("cycle",), details, most)
@@ -77,7 +77,7 @@ def _first_kept(number: int, period_s: float, hours: float, before: int) -> int:
     return max(min(number + 1 - math.ceil(hours * 3600.0 / period_s), before + CYCLES), before)
 
 
-def _mark(connection: Connection, run_id: int, low: int, high: int, values: dict[str, Any]) -> None:
+def _update_cycles(connection: Connection, run_id: int, low: int, high: int, values: dict[str, Any]) -> None:
     where = (Cycle.run_id == run_id, Cycle.number >= low, Cycle.number < high)
     connection.execute(update(Cycle).where(*where).values(values))
 

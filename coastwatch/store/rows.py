@@ -1,4 +1,4 @@
-"""What a query yields: `Rows` of Python's values, or a `Table` of arrays for many rows."""
+"""The result of a query: `Rows` of Python values, or a `Table` of arrays for many rows."""
 
 from __future__ import annotations
 

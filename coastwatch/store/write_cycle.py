@@ -30,7 +30,7 @@ PIECE_BYTES = 1 << 26
 
 
 class Written(NamedTuple):
-    """What there is to report of a cycle that was written."""
+    """The report of a written cycle."""
 
     rows: int  # that came into the tables of the picture, its history, stays and associations
     warning: str | None  # what an operator should see to
@@ -180,7 +180,7 @@ def _replace(connection: Connection, name: str, run_id: int, rows: Sequence[Colu
 
 
 def _write_stays(connection: Connection, run_id: int, number: int, before: RunState, members: Ints, picture: Picture) -> int:
-    """End and begin the stays of members and vessels that left and came; what stayed costs nothing."""
+    """End the stays of members and vessels that left, and begin those of new ones."""
     lasting: dict[str, int | None] = {"run_id": run_id, "to_cycle": None}
     left, came = to_rows.changed_rows(before.members, members)
     keys = dict(zip(("vessel_id", "source", "track_id"), left.T, strict=True))

@@ -191,11 +191,11 @@ def report(
         mmsi=known["mmsi"],
         origin=known["origin"],
     )
-    twice = _twice(out.mmsi, out.started_s, out.updated_s)
+    twice = _shares_mmsi(out.mmsi, out.started_s, out.updated_s)
     return out, AisAlarms(track_id=out.track_id, mmsi=out.mmsi, impossible_speed=known["alarm"] > time_s, twice=twice)
 
 
-def _twice(mmsi: Ints, started: Floats, updated: Floats) -> Bools:
+def _shares_mmsi(mmsi: Ints, started: Floats, updated: Floats) -> Bools:
     """Which tracks, sorted by MMSI, overlap in time with another track of their MMSI. The tracks before and after a jump do not."""
     out = np.zeros(len(mmsi), bool)
     for k in (1, 2, 3):  # SLOTS less one

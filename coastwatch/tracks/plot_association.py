@@ -38,7 +38,7 @@ def candidates(
     Args: rows: (B,) of the table; plots: of one slice of time; period_s: (R,) of one turn of each radar.
     """
     furthest = gate(management.gate_probability, 2)
-    track, plot = _near(bank, table, rows, plots, furthest)
+    track, plot = _possible_pairs(bank, table, rows, plots, furthest)
     dt = plots.time_s[plot] - table.updated_s[track]
     usable = dt >= -management.late_s
     track, plot, dt = track[usable], plot[usable], dt[usable]
@@ -51,7 +51,7 @@ def candidates(
     return Candidates(track, plot, gain, due, after).take(inside)
 
 
-def _near(bank: FilterBank, table: Table, rows: Ints, plots: Plots, furthest: float) -> tuple[Ints, Ints]:
+def _possible_pairs(bank: FilterBank, table: Table, rows: Ints, plots: Plots, furthest: float) -> tuple[Ints, Ints]:
     """Pairs that cannot be ruled out from where the tracks are at the middle of the slice."""
     middle = 0.5 * (plots.time_s.min() + plots.time_s.max())
     half = 0.5 * float(plots.time_s.max() - plots.time_s.min())

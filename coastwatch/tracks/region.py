@@ -143,7 +143,7 @@ def report(bank: FilterBank, memory: RadarMemory, time_s: float, sensors: Sensor
     back = turn(position, origin).swapaxes(-1, -2)
     both = np.zeros((len(table), 4, 4))
     both[:, :2, :2] = both[:, 2:, 2:] = back
-    one = _one_plot(coverage_of(memory, sensors, region), mean[:, :2], sensors)
+    one = _plot_covariance(coverage_of(memory, sensors, region), mean[:, :2], sensors)
     return Tracks(
         track_id=region * ID_STRIDE + table.track_id,
         source=np.full(len(table), region, np.int64),
@@ -186,7 +186,7 @@ def measurements_of(tracks: Tracks, taken: list[UsedPlots], sensors: Sensors, re
     )
 
 
-def _one_plot(coverage: Coverage, position_m: Floats, sensors: Sensors) -> Floats:
+def _plot_covariance(coverage: Coverage, position_m: Floats, sensors: Sensors) -> Floats:
     """Covariance of one plot at each position, by the most accurate radar that covers it, else by the most accurate. (N, 2, 2)"""
     gap = position_m[:, None] - coverage.site_m
     distance, azimuth = np.hypot(gap[..., 0], gap[..., 1]), np.arctan2(gap[..., 0], gap[..., 1])

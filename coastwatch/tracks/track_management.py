@@ -96,7 +96,7 @@ def remove_duplicates(
     vessel gives a radar one plot a look.
     Args: mean: (N, 5), covariance: (N, 5, 5) of all tracks at one time; period_s: (R,) of one turn.
     """
-    first, second = _alike(management, table, mean, covariance)
+    first, second = _possible_duplicates(management, table, mean, covariance)
     served = np.isfinite(table.radar_s[first]) & np.isfinite(table.radar_s[second])
     apart = np.subtract(table.radar_s[first], table.radar_s[second], where=served, out=np.full(served.shape, np.inf))
     both = (np.abs(apart) < 0.5 * period_s).any(axis=1)
@@ -113,7 +113,7 @@ def remove_duplicates(
     return table.take(keep), pairs
 
 
-def _alike(management: TrackManagement, table: Table, mean: Floats, covariance: Floats) -> tuple[Ints, Ints]:
+def _possible_duplicates(management: TrackManagement, table: Table, mean: Floats, covariance: Floats) -> tuple[Ints, Ints]:
     """Pairs of tracks of more than one plot, the lower row first, whose difference may be zero."""
     rows = np.flatnonzero(table.status != Status.SINGLE)
     furthest = gate(management.merge_probability, 4)

@@ -1,4 +1,4 @@
-"""How work is spread: per-spot work over threads or processes, whole regional centres over machines."""
+"""Work over processors: per-spot work over threads or processes, whole regional centres over machines."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Workers", "open_workers", "processors"]
 
 
 class Workers(NamedTuple):
-    """Who does what."""
+    """The maps of per-spot work and of regional centres."""
 
     spots: Map = serial
     regions: RegionMap = serial_regions
@@ -23,7 +23,7 @@ class Workers(NamedTuple):
 
 @contextmanager
 def open_workers(method: str, count: int) -> Iterator[Workers]:
-    """Workers by this method over so many processors (0: all). Kernels in this process run over as many threads as it may use.
+    """The workers of a method, over so many processors (0: all). Kernels in this process also run over threads.
 
     Args: method: auto or threads; processes, for the spots; ray, for the regions. Pairs, ids and flags are the same for all.
     """

@@ -1,4 +1,4 @@
-"""What groups of rows cost, measured in earlier cycles, and groups dealt into chunks of about equal cost."""
+"""The cost of groups of rows, measured in earlier cycles, and their distribution over chunks of about equal cost."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 from coastwatch.batches import Floats, Ints
 from coastwatch.stage import Groups
 
-TRUST = 0.5  # in what a chunk took against the others, in logarithms: one disturbed chunk does not turn everything round
+TRUST = 0.5  # gain of a correction, in logarithms: one disturbed measurement does not dominate
 
 
 class Costs:
     """Seconds a row of each group. Before the first measurement all rows cost the same.
 
-    Only whole chunks are measured. What a chunk took more or less than expected is laid to each of its groups alike; because groups
-    are dealt anew in every cycle, the costly ones come out costly. Groups are told apart by their number.
+    Only whole chunks are measured. The ratio of measured to expected time of a chunk corrects each of its groups alike. Groups are
+    distributed again in every cycle, so over several cycles the estimates of single groups converge. A group is known by its number.
     """
 
     def __init__(self) -> None:
@@ -29,7 +29,7 @@ class Costs:
         return np.asarray(self._rate * np.maximum(np.diff(groups.start), 1))
 
     def learn(self, expected: Floats, chunks: list[Ints], seconds: Floats) -> None:
-        """Takes over what each chunk took. Args: expected: (K,); chunks: groups of each; seconds: (P,)."""
+        """Correct the costs by the time of each chunk. Args: expected: (K,); chunks: groups of each; seconds: (P,)."""
         together = np.array([expected[chunk].sum() for chunk in chunks])
         overall = max(seconds.sum(), 1e-9) / together.sum()
         for chunk, ratio in zip(chunks, np.maximum(seconds, 1e-9) / (together * overall), strict=True):

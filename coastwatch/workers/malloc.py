@@ -8,11 +8,11 @@ TOP_BYTES = 1 << 26
 
 
 def keep_freed_memory() -> bool:
-    """From now on this process gives no memory back to the system that it will want again a cycle later. Returns: whether it can.
+    """Let this process keep freed memory instead of returning it to the system. Returns: whether the C library can.
 
     By default glibc maps arrays above 32 MB anew each time, and the system clears each page of them: a quarter of the processor time
-    of a cycle at 1,000,000 tracks. What the process holds is then what it held at its peak. All threads take from one arena, so that
-    what the thread that writes a cycle frees also serves the one that computes the next.
+    of a cycle at 1,000,000 tracks. The process then keeps its peak memory. All threads use one arena, so that memory freed by the
+    thread that writes a cycle is available to the thread that computes the next one.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is None:

@@ -21,7 +21,7 @@ from coastwatch.workers.costs import Costs, deal
 from coastwatch.workers.malloc import keep_freed_memory
 
 CHUNKS_A_WORKER = 2
-MARGIN = 1.25  # of a new block, so that it also holds what comes when there are a few tracks more
+MARGIN = 1.25  # size of a new block over the needed size, for tracks to come
 ALIGNMENT = 64
 LEAST_BYTES = 1 << 20  # copied by a thread
 
@@ -47,13 +47,13 @@ class Published(NamedTuple):
 
 
 class SharedMemoryPool:
-    """One block of shared memory for each kind of work, written anew at every call and made larger when it must be."""
+    """One block of shared memory for each kind of work. Every call overwrites it, and enlarges it if needed."""
 
     def __init__(self) -> None:
         self._blocks: dict[str, SharedMemory] = {}
 
     def publish(self, kind: str, arrays: Arrays) -> Published:
-        """Copies arrays, and tuples of arrays, to where other processes can read them. Those of the last call of this kind are gone.
+        """Copy arrays, and tuples of arrays, to shared memory. They replace the arrays of the last call of this kind.
 
         Raises: OSError: the system has not enough shared memory.
         """
@@ -74,7 +74,7 @@ class SharedMemoryPool:
         return Published(kind, block.name, locations)
 
     def close(self) -> None:
-        """Gives all memory back."""
+        """Release all shared memory."""
         for block in self._blocks.values():
             block.close()
             block.unlink()
@@ -98,8 +98,8 @@ class SharedMemoryPool:
 class Processes:
     """A Map over a pool of processes; use it in a `with` block.
 
-    Arrays are copied to shared memory once a call, results come back through the executor. Spots are dealt by what they cost in earlier
-    cycles. When a process is lost, chunks without a result are done here, and the next call begins with a new pool.
+    Each call copies its arrays to shared memory once; the executor returns the results. Spots are distributed by their cost in earlier
+    cycles. If a process is lost, chunks without a result are computed in this process, and the next call begins with a new pool.
     """
 
     def __init__(self, count: int) -> None:
@@ -118,7 +118,7 @@ class Processes:
         self._memory.close()
 
     def __call__(self, work: Work, settings: Any, arrays: Arrays, spots: Groups) -> list[tuple[Array, ...]]:
-        """What work(settings, arrays, chunk) gives for chunks that hold every spot once."""
+        """The result of work(settings, arrays, chunk) for each chunk. Chunks hold every spot once."""
         if len(spots) < 2:
             return serial(work, settings, arrays, spots)
         kind = f"{work.__module__}.{work.__qualname__}"
@@ -135,7 +135,7 @@ class Processes:
     def _over_pool(
         self, work: Work, settings: Any, published: Published, chunks: list[Groups]
     ) -> list[tuple[float, tuple[Array, ...]] | None]:
-        """Seconds and result of each chunk; None where the pool was lost. Raises: what the work raised."""
+        """Seconds and result of each chunk; None if its process was lost. Raises: the error of the work."""
         done: list[tuple[float, tuple[Array, ...]] | None] = []
         try:
             futures: list[Future[Any]] = [self._pool.submit(_carry_out, work, settings, published, chunk) for chunk in chunks]
@@ -165,7 +165,7 @@ def _start_worker() -> None:
 
 
 def _carry_out(work: Work, settings: Any, published: Published, chunk: Groups) -> tuple[float, tuple[Array, ...]]:
-    """Processor seconds, and what the work gives for a chunk."""
+    """Processor seconds and result of the work for a chunk."""
     begun = time.process_time()
     block = _attached.get(published.kind)
     if block is None or block.name != published.block:

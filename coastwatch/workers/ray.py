@@ -41,9 +41,9 @@ class RegionActor:
         return str(ray.get_runtime_context().get_node_id()), version()
 
     def step(self, step: RegionStep, region: int, memory: Any, given: tuple[Any, ...]) -> tuple[float, tuple[Any, ...]]:
-        """Processor seconds, and what step(memory, *given) returns. Args: memory: None: as the last step of this region left it."""
+        """Processor seconds, and the result of step(memory, *given). Args: memory: None: the memory after this region's last step."""
         begun = time.process_time()
-        # What Ray hands over is read-only, and a step consumes its memory.
+        # Arrays from Ray are read-only, and a step writes into its memory.
         before = copy.deepcopy(memory) if memory is not None else self._memory.pop(region)
         found = step(before, *given)
         self._memory[region] = found[0]
@@ -52,27 +52,27 @@ class RegionActor:
 
 @dataclass(eq=False)
 class _Held:
-    """An actor and what it is known to hold."""
+    """An actor, and the memories of regions that it keeps."""
 
     actor: Any
     joining: Any  # its first answer, until it has come
-    memory: dict[int, Any]  # region: the very object that came back from its last step
+    memory: dict[int, Any]  # region -> the object that its last step returned
     patience_s: float = FIRST_PATIENCE_S
 
 
 class Actors:
     """A RegionMap over actors of a Ray cluster; use it in a `with` block.
 
-    Joins the cluster that RAY_ADDRESS names, or starts one on this machine. Each cycle an actor is sent the plots of its regions and
-    returns their tracks and memory; it keeps the memory too, so that only a changed one is sent. Regions stay with their actor while it
-    lives and are dealt by what they cost. The regions of an actor that is lost, or silent for too long, are done here in that cycle and
-    dealt to the others in the next; another actor is asked for and joins when the cluster has a place for it.
+    Joins the cluster that RAY_ADDRESS names, or starts one on this machine. Each cycle an actor receives the plots of its regions and
+    returns their tracks and memory. It keeps the memory too, so the coordinator sends only a changed one. Regions are distributed by
+    their cost, again every DEAL_EVERY cycles or when actors change. If an actor is lost, or silent for too long, its regions are
+    computed here in that cycle and given to other actors in the next. A new actor joins when the cluster has a place for it.
     """
 
     def __init__(self, count: int) -> None:
         self.count = count  # 0: one for every processor of the cluster
         self._held: list[_Held] = []
-        self._hands: list[_Held] = []  # among which regions were dealt
+        self._joined: list[_Held] = []  # the actors over which regions were distributed
         self._owner: dict[int, _Held] = {}
         self._cycle = -1
         self._seconds: dict[int, float] = {}
@@ -104,7 +104,7 @@ class Actors:
             ray.shutdown()
 
     def __call__(self, step: RegionStep, memories: Sequence[Any], given: Sequence[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
-        """What step(memory, *given) returns for each region."""
+        """The result of step(memory, *given) for each region."""
         self._deal(len(memories))
         refs = {}
         for region, memory in enumerate(memories):
@@ -127,7 +127,7 @@ class Actors:
             try:
                 node, theirs = ray.get(ref)
             except ray.exceptions.RayError:
-                self._lose(waiting[ref])
+                self._replace_actor(waiting[ref])
                 continue
             if theirs != version():
                 raise ValueError(f"workers.method = ray: got coastwatch {theirs} on node {node}, needed {version()} as here")
@@ -135,18 +135,18 @@ class Actors:
         return [held for held in self._held if held.joining is None]
 
     def _deal(self, regions: int) -> None:
-        """Gives regions to the actors at hand, when these are others than before and every so many cycles, by what regions cost."""
+        """Distribute the regions over the joined actors by cost, if the actors have changed, and every DEAL_EVERY cycles."""
         hands = self.at_hand()
         self._cycle += 1
-        if hands == self._hands and self._cycle % DEAL_EVERY:
+        if hands == self._joined and self._cycle % DEAL_EVERY:
             return
-        self._hands = hands
+        self._joined = hands
         cost = np.array([self._seconds.get(region, 1.0) for region in range(regions)])
         dealt = zip(hands, deal(cost, max(len(hands), 1)), strict=False)
         self._owner = {int(region): held for held, mine in dealt for region in mine}
 
     def _answer(self, region: int, ref: Any) -> tuple[Any, ...] | None:
-        """What an actor made of its region; None where it is lost. Raises: what the step raised."""
+        """The result of a region's actor; None if the actor is lost. Raises: the error of the step."""
         import ray
 
         held = self._owner.get(region)
@@ -157,13 +157,13 @@ class Actors:
         except ray.exceptions.RayTaskError as error:
             raise error.cause from None
         except ray.exceptions.RayError:
-            self._lose(held)
+            self._replace_actor(held)
             return None
         held.memory[region], held.patience_s = found[0], PATIENCE_S
         made: tuple[Any, ...] = found
         return made
 
-    def _lose(self, held: _Held) -> None:
+    def _replace_actor(self, held: _Held) -> None:
         """Ends an actor and asks for another one."""
         import ray
 

@@ -1,7 +1,7 @@
 """Pairs of tracks of different sources within a distance of each other, anywhere on Earth: a grid of latitude bands.
 
-Places are sorted by a key, band * TURN + longitude in 1 / TURN of a turn. All neighbours of a place then stand in three short runs: in
-its band, the one before and the one after; in three more where the antimeridian is near. `scipy.spatial.cKDTree` finds the same
+Tracks are sorted by a key, band * TURN + longitude in 1 / TURN of a turn. All neighbours of a track then stand in three short runs:
+in its band, the band before and the band after. Near the antimeridian there are three more. `scipy.spatial.cKDTree` finds the same
 pairs in 100 ms of a cycle of 136 ms at 100,000 tracks, this in 10 (processor time, scaling/decisions/association_cycle.py).
 """
 
@@ -106,7 +106,7 @@ def _in_halo(row, spot, halo):  # type: ignore[no-untyped-def]
 
 @jit
 def pairs_in_gate(low, high, member, place, halo, gate_m, out):  # type: ignore[no-untyped-def]
-    """Pairs whose first is one of the members low to high, the second a track of a later source in its spot or in the halo of it.
+    """Pairs of a member low to high of a spot, and a track of a later source in the same spot or its halo.
 
     Args:
         member: rows of `place`, ascending; place: (N,) PLACE; halo: as `_in_halo`; gate_m: greatest distance.

@@ -111,9 +111,9 @@ def track_bounds(low, high, track, values, newest, rule, out):  # type: ignore[n
 
 
 def hopeless_steps(rule: Rule, window: int) -> Floats:
-    """How great the newest steps may be at most for a pair to be hopeless, by its number of common entries. Returns: (W + 1,).
+    """The bound of the newest steps below which a pair cannot exceed the threshold, by its number of common entries. (W + 1,)
 
-    With m the forgetting factor and L the limit, the sum after n steps of which the newest k are each at most s is at most
+    Let m be the forgetting factor, L the limit, and each of the newest k of n steps at most s. Then the sum is at most
     max(m^k U + s (1 + m + ... + m^(k - 1)), -L). U = L (1 + ... + m^(n - k - 1)) bounds the older steps. Proof: every step is monotone
     in the sum before it. For paths that touch -L the bound is linear in m^i, and therefore greatest at an end.
     """
@@ -129,7 +129,7 @@ def hopeless_steps(rule: Rule, window: int) -> Floats:
 
 @jit
 def _log_sum(p, q):  # type: ignore[no-untyped-def]
-    """A lower bound of log(exp(p) + exp(q)): the greater of the two; log 2 and the mean."""
+    """A lower bound of log(exp(p) + exp(q)): the greater of max(p, q) and log 2 + (p + q) / 2."""
     return max(max(p, q), LOG2 + 0.5 * (p + q))
 
 
@@ -138,15 +138,14 @@ def _is_hopeless(a, b, log_density, least, null_variance):  # type: ignore[no-un
     """Whether each of the newest steps of a pair is at most `least`. Args: a, b: one BOUND each; null_variance: and its logarithm.
 
     A step is at most position + max(velocity, 0) - q / 2, where
-    - position = -log(2 pi density r), r the root of the determinant of the position block. That is at least floor times the sum of
-      the tracks' plus their registration terms, and roots of determinants of 2 x 2 matrices that are not negative are superadditive
-      (Minkowski).
-    - velocity = log(null variance / r') + (difference of the velocities)^2 / 2 / null variance, r' the root of the determinant of the
-      velocity block given the position: a Schur complement, superadditive too, and registration only adds to it.
-    - q, the squared length of the position's difference in terms of its covariance then, is at least (u d)^2 / (u C u) / older for any
-      direction u (Cauchy and Schwarz), where C = cap times the covariances plus the registration terms is no smaller than the block,
-      and `older` bounds by how much the variance was larger. u = |C| C^-1 d for the newest d, hence u C u = |C| u d; over the newest
-      entries u d is linear in time but for what both tracks bend.
+    - position = -log(2 pi density r), r the root of the determinant of the position block. The block is at least floor times the
+      sum of the tracks' covariances, plus their registration terms. Such roots of positive 2 x 2 matrices are superadditive (Minkowski).
+    - velocity = log(null variance / r') + (difference of the velocities)^2 / 2 / null variance. r' is the root of the determinant of
+      the velocity block given the position. This Schur complement is superadditive too, and registration only adds to it.
+    - q is the squared Mahalanobis length of the position difference d of that step. By Cauchy and Schwarz it is at least
+      (u d)^2 / (u C u) / older for any direction u. C = cap times the covariances plus the registration terms is no smaller than the
+      block; `older` bounds how much larger the variance was. With u = |C| C^-1 d for the newest d, u C u = |C| u d. Over the newest
+      entries u d is linear in time, except for `bend_m` of both tracks.
     """
     if not (a.log_area > -math.inf and b.log_area > -math.inf):
         return False
@@ -154,7 +153,7 @@ def _is_hopeless(a, b, log_density, least, null_variance):  # type: ignore[no-un
     change = math.sqrt(u * u + v * v) + a.change_m_s + b.change_m_s
     velocity = null_variance[1] - _log_sum(a.log_rate_area, b.log_rate_area) + 0.5 * change * change / null_variance[0]
     position = -LOG_TURN - log_density - _log_sum(a.log_area, b.log_area)
-    need = 2.0 * (position + max(velocity, 0.0) - least)  # that q must reach
+    need = 2.0 * (position + max(velocity, 0.0) - least)  # q must be at least this
     if need <= 0.0:
         return True
     cycles = min(a.length, b.length, SEEN) - 1

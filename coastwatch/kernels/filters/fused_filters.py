@@ -1,7 +1,8 @@
 """One IMM filter a vessel over the plots and reports of all its tracks: update by measurements, and estimate.
 
-Filters are a tuple of state (F, J, 5) and covariance (F, J, 5, 5) in the plane at each anchor, mode_probability (F, J), and updated (F,),
-the time of the newest measurement in each. Scalar code, compiled by numba; the filter is the one of `imm`, with jumps of the velocity.
+Filters are a tuple of state (F, J, 5), covariance (F, J, 5, 5), mode_probability (F, J), and updated (F,), the time of the newest
+measurement. States are in the plane at the anchor of each filter. Scalar code, compiled by numba. The filter is that of `imm`, with
+jumps of the velocity.
 """
 
 import math

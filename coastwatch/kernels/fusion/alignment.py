@@ -9,8 +9,9 @@ def advance(first, last, dt, tracks, noise, moved, spread):  # type: ignore[no-u
     """Positions and covariances of tracks first to last after dt: x = x + dt v, P = F P F' + Q.
 
     Args:
-        dt: (N,) s, may be negative; tracks: a tuple of position (N, 2) latitude and longitude, degrees, velocity (N, 2) east and north,
-        and covariance (N, 4, 4) of east, north, east rate, north rate, may be NaN; noise: density of white acceleration, m2/s3.
+        dt: (N,) s, may be negative. noise: density of white acceleration, m2/s3.
+        tracks: a tuple of position (N, 2) latitude and longitude, degrees, velocity (N, 2) east and north, and covariance (N, 4, 4),
+        which may be NaN.
         moved: (N, 2), spread: (N, 4, 4): written.
     The plane turns under a ship by less than 1e-4 rad in ten seconds; the covariance is not turned with it.
     Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, eq. 6.2.2-13.

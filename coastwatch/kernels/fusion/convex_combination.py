@@ -1,7 +1,7 @@
 """Convex combination of the tracks of each vessel: the best estimate where their errors are independent.
 
-Scalar code, compiled by numba; arguments as in `track_states`. Two estimates with covariances A and B, shift s from the first to the
-second, make the estimate A (A + B)^-1 s from the first, with covariance A - A (A + B)^-1 A.
+Scalar code, compiled by numba; arguments as in `track_states`. Let two estimates have covariances A and B, and let s be the
+shift from the first to the second. The combination is A (A + B)^-1 s from the first, with covariance A - A (A + B)^-1 A.
 
 Source: Y. Bar-Shalom, P. K. Willett, X. Tian, Tracking and Data Fusion, 2011, section 9.3.3, with no cross-covariance.
 """

@@ -1,8 +1,8 @@
 """Covariance intersection of the tracks of each vessel: consistent whatever the correlation of their errors.
 
-Scalar code, compiled by numba; arguments as in `track_states`. Two estimates with covariances A and B, shift s from the first to the
-second, make the covariance C = (w A^-1 + (1 - w) B^-1)^-1 and the estimate (1 - w) C B^-1 s from the first, with the weight w that makes
-the determinant of C smallest.
+Scalar code, compiled by numba; arguments as in `track_states`. Let two estimates have covariances A and B, and let s be the
+shift from the first to the second. The intersection has the covariance C = (w A^-1 + (1 - w) B^-1)^-1 and lies (1 - w) C B^-1 s from
+the first. The weight w makes the determinant of C smallest.
 
 Source: S. J. Julier and J. K. Uhlmann, A non-divergent estimation algorithm in the presence of unknown correlations, 1997.
 """

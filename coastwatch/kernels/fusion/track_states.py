@@ -2,10 +2,10 @@
 
 Arguments that recur:
     start, row: the tracks of vessel v are row[start[v]:start[v + 1]].
-    tracks: a tuple of position (N, 2) degrees, velocity (N, 2), covariance (N, 4, 4), its lower triangle is read, report_covariance
-        (N, 2, 2), which stands in where any number of a covariance is not finite, and mmsi (N,), -1 where unknown.
+    tracks: a tuple of position (N, 2) degrees, velocity (N, 2), covariance (N, 4, 4), report_covariance (N, 2, 2) and mmsi (N,), -1
+        where unknown. The lower triangle of a covariance is read. If it is not finite, report_covariance is used instead.
     sigma: standard deviation of a velocity whose covariance is not known, m/s.
-    out: a tuple of position (V, 2), velocity (V, 2) and covariance (V, 4, 4), of which the vessels in hand are written.
+    out: a tuple of position (V, 2), velocity (V, 2) and covariance (V, 4, 4), of which a call writes the rows of its vessels.
 Matrices are tuples, see `symmetric4`.
 """
 
