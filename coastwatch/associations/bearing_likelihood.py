@@ -1,4 +1,4 @@
-"""Bearing association by likelihood: a vessel of the picture against a vessel that nobody else has seen."""
+"""Bearing association by likelihood ratio: a vessel of the picture against an unknown vessel."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class PositionHistory:
     def extended(self, ids: Ints, values: Floats, time_s: float, window_s: float, spacing_s: float) -> PositionHistory:
         """The history after one more instant. It holds the instants of the window and one before them.
 
-        Of instants closer than `spacing_s` the last one stands, so that a fast clock needs no more memory than a slow one.
+        Of instants closer than `spacing_s` only the last one is kept, so that short cycles need no more memory than long ones.
         Args: ids: (M,) sorted; values: (M, 4). time_s: not before the last instant.
         """
         before = self._without_newest() if self._newest_is_replaced(time_s, spacing_s) else self
@@ -276,8 +276,8 @@ class BearingLikelihood(Method):
         return {"class_log_odds": added, "vessel_class": classes[octants.vessel_row]}
 
     def _unknown_density(self, sensor: Ints, audible: AudiblePairs, sensors: Sensors) -> Floats:
-        """Log density of unknown vessels by bearing, for each track: the sensor says how many vessels there are, the picture how
-        many of them are known. Args: sensor: (N,). Returns: (N,)."""
+        """Log density of unknown vessels by bearing, for each track: the vessels that the sensor detects, less those of the
+        picture. Args: sensor: (N,). Returns: (N,)."""
         count = len(sensors.sonars)
         tracks = np.bincount(sensor, minlength=count)
         known = self.heard * np.bincount(audible.sensor[audible.inside], minlength=count)

@@ -125,9 +125,9 @@ def _appended(history: History, ids: Ints, values: Floats) -> tuple[History, Arr
 
 
 def measured(tracks: BearingTracks, bearings: int) -> tuple[Floats, Floats]:
-    """The newest bearing as it was measured, carried to the time of the track, and the rate of the newest bearings by least squares.
+    """The newest measured bearing, predicted to the time of the track, and the least-squares rate of the newest bearings.
 
-    Not the filtered bearing of the track: its errors are so alike from cycle to cycle that their sample covariance means nothing.
+    The filtered bearing of the track is not used: its errors are autocorrelated, so their sample covariance means nothing.
     Returns: (N,) and (N,); NaN for a track without that many bearings.
     """
     time, bearing = tracks.window_time_s[:, -bearings:], tracks.window_bearing_rad[:, -bearings:]

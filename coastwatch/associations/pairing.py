@@ -61,7 +61,7 @@ def joined_parts(parts: list[tuple[Array, ...]], rows: int) -> tuple[Ints, Ints,
 def one_to_one(tracks: Tracks, first: Ints, second: Ints, gain: Floats) -> Ints:
     """Rows of the pairs of the best one-to-one assignment: a track has at most one partner in each other source.
 
-    Most pairs meet no other and are taken at once.
+    A pair whose tracks are in no other pair is taken without a search.
     Args: first, second: (A,) rows of tracks, pairs each once; gain: (A,), pairs without a positive gain are never chosen.
     Returns: (B,) indices into the pairs, sorted.
     """

@@ -15,7 +15,7 @@ from coastwatch.batches import Batch, Floats, Ints, column
 
 REWEIGHTINGS = 4  # weights change in the third digit after three
 OUTLIER_DISTANCE2 = 11.3  # squared distance that three degrees of freedom exceed once in a hundred
-OBSERVABLE_SHARE = 1e-6  # of the greatest eigenvalue: a vessel says nothing about directions with less
+OBSERVABLE_SHARE = 1e-6  # of the greatest eigenvalue: directions with less are not observable from a vessel
 DRIFT_SIGMAS = 4.0  # exceeded by chance once in 16,000 cycles
 LEAST_COUNT = 0.02  # plots: a vessel with less left of them is dropped
 PRIOR_VESSELS = 10.0  # vessels that the model's variances count as

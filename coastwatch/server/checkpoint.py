@@ -78,7 +78,7 @@ def load(saved: bytes) -> Any:
         return _from_tree(json.loads(arrays.pop(TREE).tobytes()), arrays)
     except CheckpointError:
         raise
-    except Exception as error:  # whatever damaged bytes lead zipfile, numpy and json to
+    except Exception as error:  # any error of zipfile, numpy or json on damaged bytes
         raise CheckpointError(f"it is damaged: {type(error).__name__}: {error}") from error
 
 

@@ -83,7 +83,7 @@ def _update_cycles(connection: Connection, run_id: int, low: int, high: int, val
 
 
 def _delete_history(connection: Connection, run_id: int, kept: int, most: int) -> None:
-    """The points before those of the first kept cycle: some of these stand before it."""
+    """Delete the points that the first kept cycle does not need. Some points that it needs are in earlier cycles."""
     first = connection.scalar(select(Cycle.history_from).where(Cycle.run_id == run_id, Cycle.number == kept))
     if first is not None:
         _delete_some(connection, TABLES["history"], run_id, ("cycle", "vessel_id"), first, most)
@@ -105,7 +105,7 @@ def _delete_some(connection: Connection, table: Table, run_id: int, key: tuple[s
 
 
 def _delete_pictures(connection: Connection, hours: float) -> None:
-    """One run whose picture is too old, if there is one."""
+    """Delete the picture of one run that ended too long ago, if there is one."""
     then = now_utc(connection, -timedelta(hours=hours))
     vessel = TABLES["vessel"]
     has = select(vessel.c.run_id).where(vessel.c.run_id == Run.id).exists()

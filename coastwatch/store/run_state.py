@@ -54,7 +54,7 @@ class RunState:
 
 
 def read_run_state(connection: Connection, run_id: int, where: str) -> RunState:
-    """The state as it is stored; the run is marked as running. Raises: StoreError where there is no such run."""
+    """The stored state of a run, which is then marked as running. Raises: StoreError where there is no such run."""
     running = connection.execute(update(Run).where(Run.id == run_id).values(status="running", finished_utc=None))
     if running.rowcount == 0:
         raise no_such_run(run_id, where)

@@ -104,7 +104,7 @@ class AisFilter(Method):
         return memory, tracks, alarms, measurements_of(fresh, tracks, settings.rules)
 
     def update(self, memory: Memory, reports: AisReports, time_s: float, settings: KernelSettings) -> tuple[Memory, Ints, Rows]:
-        """The memory with these reports in it, the rows of `memory.now.tracks` that live at `time_s`, the reports admitted."""
+        """The memory after these reports, the rows of `memory.now.tracks` that are not lost at `time_s`, the admitted reports."""
         if not time_s > memory.now.time_s:
             raise ValueError(f"{self.method} time_s: got {time_s}, needed a time after the last cycle's, {memory.now.time_s}")
         fresh, memory = admit(memory, reports, time_s, self.lateness_s, self.ahead_s)
@@ -173,9 +173,9 @@ def refused(memory: Memory) -> dict[str, int]:
 def report(
     tracks: Rows, live: Ints, time_s: float, source: int, position: Floats, velocity: Floats, covariance: Floats, rules: Any
 ) -> tuple[Tracks, AisAlarms]:
-    """Tracks and alarms of the rows that live.
+    """Tracks and alarms of the rows that are not lost.
 
-    Args: live: (N,) rows of tracks; position (N, 2) deg, velocity (N, 2), covariance (N, 4, 4): at `time_s`; rules: of the kernel.
+    Args: live: (N,) these rows; position (N, 2) deg, velocity (N, 2), covariance (N, 4, 4): at `time_s`; rules: of the kernel.
     """
     known = {name: tracks[name][live] for name in ("mmsi", "number", "origin", "updated", "started", "alarm")}
     out = Tracks(
@@ -206,7 +206,7 @@ def _shares_mmsi(mmsi: Ints, started: Floats, updated: Floats) -> Bools:
 
 
 def measurements_of(fresh: Rows, tracks: Tracks, rules: Any) -> Measurements:
-    """Those of the reports that a ship on one of these tracks could have sent, sorted by track, then time.
+    """The reports that fit one of these tracks, sorted by track, then time.
 
     Args: fresh: REPORT rows sorted by MMSI, then time; tracks: after these reports, sorted by MMSI; rules: of the AIS kernel.
     Where one MMSI has several tracks the nearest takes the report.
@@ -235,7 +235,7 @@ def measurements_of(fresh: Rows, tracks: Tracks, rules: Any) -> Measurements:
 
 
 def _track_of(fresh: Rows, tracks: Tracks, rules: Any) -> Ints:
-    """The row of the track that each report went into, -1 where none could have sent it. (M,)"""
+    """The row of the track that each report updated, -1 for a report that fits no track. (M,)"""
     best, least = np.full(len(fresh), -1, np.int64), np.full(len(fresh), np.inf)
     mmsi = np.ascontiguousarray(fresh["mmsi"])
     first, position = np.searchsorted(tracks.mmsi, mmsi), np.column_stack([fresh["lat"], fresh["lon"]])

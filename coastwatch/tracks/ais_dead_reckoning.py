@@ -61,7 +61,7 @@ class AisDeadReckoning(Method):
 
 
 def extrapolated(tracks: Rows, live: Ints, time_s: float | Floats) -> tuple[Floats, Floats]:
-    """Where the newest reports put the vessels that live at a time, (N, 2) deg, and the velocity that they say, (N, 2) m/s."""
+    """Positions extrapolated from the newest reports, (N, 2) deg, and reported velocities, (N, 2) m/s. Args: live: (N,) rows."""
     lat, lon, sog, cog, updated = (tracks[name][live] for name in ("lat", "lon", "sog", "cog", "updated"))
     velocity = sog[:, None] * np.column_stack([np.sin(cog), np.cos(cog)])
     velocity[~np.isfinite(velocity).all(axis=1)] = 0.0

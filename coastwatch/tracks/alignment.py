@@ -15,9 +15,9 @@ from coastwatch.stage import Settings
 
 
 class ConstantVelocity(Settings):
-    """Each track moved at its own velocity, its covariance grown by the white acceleration that a ship may have meanwhile.
+    """Each track predicted at constant velocity, with the process noise of white acceleration.
 
-    Tracks that already stand at the time of the picture, as those of our own regional centres do, are passed on untouched.
+    Tracks at the time of the picture, such as those of our own regional centres, are not changed.
     Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 6.2.2.
     """
 

@@ -18,8 +18,8 @@ Positive = Annotated[float, Field(gt=0.0)]
 Count = Annotated[int, Field(ge=1)]
 
 ID_STRIDE = 2**40  # track ids of one source
-LINE_COLUMNS = ("sensor", "time_s", "bearing_rad", "weight")  # that a line is fitted to
-GAIN = 100.0  # more than any squared gate and the logarithm of its width, so that every bearing in a gate has a positive gain
+LINE_COLUMNS = ("sensor", "time_s", "bearing_rad", "weight")  # the data of a line fit
+GAIN = 100.0  # greater than any squared gate plus the logarithm of its width: every bearing in a gate has a positive gain
 SAME_SLOT = 0.75  # of the spacing: a clock that jitters by a quarter still fills one slot a report
 CONTACTS = 2**40  # contact numbers of one sensor
 
@@ -119,7 +119,7 @@ class Windows:
         c["bearing_rad"][row, -1] = wrap_rad(bearing + wrap_rad(np.radians(reports.bearing_deg) - bearing) / weight)
         mean = site + off / weight[:, None]
         mean[:, 1] = wrap_deg(mean[:, 1])
-        # Wrapping rounds. A sensor that stands still stays where it is, to the bit.
+        # Wrapping rounds: the position of a fixed sensor must keep its bits.
         c["site_deg"][row, -1] = np.where(off == 0.0, site, mean)
 
     def initialise(self, reports: BearingReports) -> None:
@@ -228,7 +228,7 @@ class BearingWindow(Method):
         off = wrap_rad(np.radians(reports.bearing_deg[report]) - bearing[pair])
         noise = sigma_rad[c["sensor"][seen[pair]]] ** 2
         variance = covariance[pair, 0, 0] + noise
-        # The width of a gate counts against it and a confirmed track goes first, or a track with a wide gate takes every bearing.
+        # A wide gate costs gain, and confirmed tracks go first: otherwise a track with a wide gate takes every bearing.
         tier = GAIN * (1.0 + (c["hits"][seen[pair]] >= self.start_hits))
         gain = np.where(off**2 < self.gate_sigmas**2 * variance, tier - off**2 / variance - np.log(variance / noise), 0.0)
         chosen = np.asarray(
@@ -306,7 +306,7 @@ def _rounds(key: Ints) -> Iterator[Ints]:
 
 
 def _looks(reports: BearingReports) -> Iterator[Ints]:
-    """Rows of the first look of every sensor, then of the second, and so on; a look is what one sensor says of one time."""
+    """Rows of the first look of every sensor, then of the second, and so on. A look is the reports of one sensor at one time."""
     look, of = np.unique(np.column_stack([reports.sensor, reports.time_s]), axis=0, return_inverse=True)
     sensor = look[:, 0]
     rank = (np.arange(len(look)) - np.searchsorted(sensor, sensor))[of.reshape(-1)]

@@ -52,7 +52,7 @@ def candidates(
 
 
 def _possible_pairs(bank: FilterBank, table: Table, rows: Ints, plots: Plots, furthest: float) -> tuple[Ints, Ints]:
-    """Pairs that cannot be ruled out from where the tracks are at the middle of the slice."""
+    """Pairs that may be in the gate, by the predicted positions at the middle of the slice."""
     middle = 0.5 * (plots.time_s.min() + plots.time_s.max())
     half = 0.5 * float(plots.time_s.max() - plots.time_s.min())
     mean, spread = bank.predict(table.filters.take(rows), np.maximum(middle - table.updated_s[rows], 0.0))
@@ -65,7 +65,7 @@ def _possible_pairs(bank: FilterBank, table: Table, rows: Ints, plots: Plots, fu
 
 
 def _reachable(management: TrackManagement, table: Table, track: Ints, plots: Plots, plot: Ints, dt_s: Floats) -> Bools:
-    """Whether a track of one plot could have come here within the greatest speed, give or take three standard deviations."""
+    """Whether a single plot can reach a plot at the greatest speed, within three standard deviations."""
     gap = plots.position_m[plot] - table.state[track, 0, :2]
     noise = plots.covariance[plot] + table.covariance[track, 0, :2, :2]
     slack = 3.0 * np.sqrt(np.trace(noise, axis1=1, axis2=2))
@@ -94,7 +94,7 @@ def assign_plots(table: Table, pairs: Candidates, plots: Plots, radars: int) -> 
 def update_tracks(bank: FilterBank, table: Table, track: Ints, plot: Ints, plots: Plots, first: Filters | None) -> Table:
     """The table after these pairs, each track's plots in order of time, in rounds of one plot a track.
 
-    Args: track, plot: (B,); first: (B, ...) each track after this plot alone, where that is at hand.
+    Args: track, plot: (B,); first: (B, ...) each track after this plot alone, if it is known already.
     """
     order = np.lexsort((plot, plots.time_s[plot], track))
     start = np.searchsorted(track[order], track[order], side="left")
@@ -112,9 +112,9 @@ def update_tracks(bank: FilterBank, table: Table, track: Ints, plot: Ints, plots
 
 
 def may_initiate(pairs: Candidates, chosen: Bools, plots: Plots) -> Bools:
-    """Which plots may begin a track: unused, and inside the gate of no track that may still be waiting for one.
+    """Which plots may begin a track: unassigned, and outside the gates of tracks without a plot of this radar in this look.
 
-    A track that has had this look's plot of the same radar waits for none: a vessel gives a radar one plot a look.
+    A vessel gives a radar one plot a look, so a plot in the gate of a track that has one is of another vessel.
     Args: pairs, chosen: of the tracks of more than one plot. Returns: (M,).
     """
     free = np.ones(len(plots), np.bool_)

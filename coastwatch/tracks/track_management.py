@@ -14,7 +14,7 @@ from coastwatch.kernels.filters.gaussian import gate, squared_distance
 from coastwatch.stage import Settings
 from coastwatch.tracks.table import Coverage, Duplicates, Status, Table
 
-DAY_S = 86400.0  # older plots are of a clock that was never set
+DAY_S = 86400.0  # older plots are from a clock that is not set
 PAIR = 2**31  # more than there are tracks of a region in a run
 
 Positive = Annotated[float, Field(gt=0.0)]
