@@ -23,7 +23,6 @@ from coastwatch.workers.malloc import keep_freed_memory
 CHUNKS_A_WORKER = 2
 MARGIN = 1.25  # size of a new block over the needed size, for tracks to come
 ALIGNMENT = 64
-LEAST_BYTES = 1 << 20  # copied by a thread
 
 
 class Location(NamedTuple):
@@ -69,8 +68,8 @@ class SharedMemoryPool:
             locations[name] = tuple(placed) if isinstance(given, tuple) else placed[0]
         block = self._block(kind, size)
         for location, array in to_copy:
-            out = location.view(block)
-            out[...] = array
+            in_bytes = np.ascontiguousarray(array).reshape(-1).view(np.uint8)  # records would be copied a field at a time
+            np.frombuffer(block.buf, np.uint8, array.nbytes, location.offset)[...] = in_bytes
         return Published(kind, block.name, locations)
 
     def close(self) -> None:

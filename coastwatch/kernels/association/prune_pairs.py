@@ -1,7 +1,7 @@
 """Prune pairs that cannot score above the threshold, by bounds of each track alone: nine in ten of the pairs within the gate.
 
-That takes 40 % off the processor time of a cycle at 100,000 tracks (scaling/decisions/association_cycle.py). The bounds are exact:
-`pair_scores` would refuse every pruned pair.
+Scores of 100,000 tracks take 357 ms of processor time without bounds and 81 with them (scaling/decisions/association_cycle.py).
+The bounds are exact: `pair_scores` would refuse every pruned pair.
 """
 
 from __future__ import annotations
