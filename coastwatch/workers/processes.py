@@ -69,7 +69,7 @@ class SharedMemoryPool:
         block = self._block(kind, size)
         for location, array in to_copy:
             in_bytes = np.ascontiguousarray(array).reshape(-1).view(np.uint8)  # records would be copied a field at a time
-            np.frombuffer(block.buf, np.uint8, array.nbytes, location.offset)[...] = in_bytes
+            Location(location.offset, np.uint8, in_bytes.shape).view(block)[...] = in_bytes
         return Published(kind, block.name, locations)
 
     def close(self) -> None:
