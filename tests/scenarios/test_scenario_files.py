@@ -189,7 +189,7 @@ def test_every_stage_takes_a_setting_of_its_default_method_without_the_method() 
         ("radars.first.rpm", "3", "radars.first: got 'first', needed a number from 0 to 1"),
         ("radars.-1.rpm", "3", "needed a number from 0 to 1"),
         ("radars.rpm", "3", "radars.rpm: got 'rpm'"),
-        ("period_s.x", "3", "period_s: is 3.0, not a table"),
+        ("period_s.x", "3", "period_s: got 3.0 there, needed a table"),
         ("radars.0.rpm", "-3", "radars.0.rpm: Input should be greater than 0, got -3"),
         ("radars.0.range_km", "3", "radars.0.range_km: Extra inputs are not permitted, got 3"),
         ("associations.gate_m", "5000", "spots.halo_m"),
