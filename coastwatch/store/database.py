@@ -177,7 +177,7 @@ def _prepare(store: Store) -> None:
         # Some builds overwrite deleted rows with zeros: the picture of every cycle would be written twice.
         for pragma in ("synchronous = NORMAL", "foreign_keys = ON", "secure_delete = OFF", f"cache_size = -{CACHE_KIB}"):
             raw.execute(f"PRAGMA {pragma}")
-        lend_mathematics(raw)
+        add_math_functions(raw)
 
     @event.listens_for(store.engine, "begin")
     def begin(connection: Connection) -> None:
@@ -185,7 +185,7 @@ def _prepare(store: Store) -> None:
         connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
 
 
-def lend_mathematics(raw: sqlite3.Connection) -> None:
+def add_math_functions(raw: sqlite3.Connection) -> None:
     """Define the four mathematical functions that db/operator uses, for an SQLite that was built without them."""
     try:
         raw.execute("SELECT cos(0.0), radians(0.0), sqrt(0.0), floor(0.0)")

@@ -71,7 +71,7 @@ def test_threads_end_with_the_block() -> None:
     assert blocks(1000, 1) == [(0, 1000)]
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="threads have a rank of their own on Linux alone")
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux gives each thread a priority of its own")
 def test_helpers_give_way_and_the_caller_does_not() -> None:
     ranks: dict[int, int] = {}
     own = threading.get_native_id()

@@ -77,7 +77,7 @@ def filled(url: str) -> Iterator[tuple[Store, int]]:
 @pytest.fixture
 def sqlite(filled: tuple[Store, int]) -> tuple[Store, int]:
     if filled[0].engine.dialect.name != "sqlite":
-        pytest.skip("the plan of SQLite is what is looked at")
+        pytest.skip("the test reads SQLite's query plan")
     return filled
 
 

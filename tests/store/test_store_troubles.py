@@ -247,7 +247,7 @@ def test_an_sqlite_without_mathematics_is_lent_some() -> None:
             super().create_function(*args, **more)
 
     raw = sqlite3.connect(":memory:", factory=Plain)
-    database.lend_mathematics(raw)
+    database.add_math_functions(raw)
     assert raw.lent
     found = raw.execute("SELECT cos(radians(60.0)), sqrt(2.25), floor(-1.5), cos(NULL)").fetchone()
     assert found == (pytest.approx(0.5), 1.5, -2.0, None)
