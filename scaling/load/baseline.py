@@ -34,25 +34,29 @@ def cycle_figures(checkout: Path, arguments: Sequence[str]) -> dict[str, Any]:
 
 
 def compare(baseline: Path, arguments: Sequence[str], turns: int) -> dict[str, Any]:
-    """Compute time per cycle of both checkouts, seconds: each run's median, and the ratio of the medians over all runs."""
+    """Times per cycle of both checkouts, seconds: each run's median, and the ratio of the medians over all runs.
+
+    The times are compute by the clock, compute of all processors, and each stage by the clock.
+    """
     checkouts = {"this": CHECKOUT, "baseline": baseline}
-    wall, cpu = ({name: [] for name in checkouts} for _ in range(2))
+    costs: dict[str, dict[str, list[float]]] = {}
     with shown("turn") as progress:
         for turn in range(turns):
             progress(turn, turns, "running both checkouts")
             for name in sorted(checkouts, reverse=turn % 2 == 0):  # which of them goes first alternates
                 figures = cycle_figures(checkouts[name], arguments)
-                wall[name].append(figures["compute_s"]["median"])
-                cpu[name].append(figures["compute_cpu_s"])
-    costs = {"compute_wall_s": wall, "compute_cpu_s": cpu}
+                seconds = {"compute_wall_s": figures["compute_s"]["median"], "compute_cpu_s": figures["compute_cpu_s"]}
+                seconds |= {f"{stage}_s": times["median"] for stage, times in figures["stages_s"].items()}
+                for cost, taken_s in seconds.items():
+                    costs.setdefault(cost, {key: [] for key in checkouts})[name].append(taken_s)
     ratio = {cost: median(runs["this"]) / median(runs["baseline"]) for cost, runs in costs.items()}
     return {"date": date_utc(), "machine": machine(), "arguments": list(arguments), "ratio": ratio, **costs}
 
 
 def table(figures: dict[str, Any]) -> list[str]:
-    """One line for wall time, one for processor time."""
+    """One line for each time that `compare` gives."""
     lines = [f"# scaling.load.cycle {' '.join(figures['arguments'])}: median of each run, ms; ratio of the medians of all runs"]
     for cost, ratio in figures["ratio"].items():
         runs = (f"{name} {' '.join(f'{1e3 * s:.1f}' for s in figures[cost][name])}" for name in ("this", "baseline"))
-        lines.append(f"{cost.removesuffix('_s'):<14} {'   '.join(runs)}   ratio {ratio:.3f}")
+        lines.append(f"{cost.removesuffix('_s'):<20} {'   '.join(runs)}   ratio {ratio:.3f}")
     return lines

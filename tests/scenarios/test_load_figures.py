@@ -203,7 +203,7 @@ def test_a_baseline_is_run_in_turns_and_compared(monkeypatch: pytest.MonkeyPatch
         assert arguments[:2] == ["--tracks", "50"]
         assert arguments[-3:] == ["--set", "associations.gate_m=800", "--no-score"]
         s = next(seconds["this" if checkout == baseline.CHECKOUT else "other"])
-        return {"compute_s": {"median": s}, "compute_cpu_s": 3.0 * s}
+        return {"compute_s": {"median": s}, "compute_cpu_s": 3.0 * s, "stages_s": {"spots": {"median": 0.5 * s}}}
 
     other = baseline.CHECKOUT / "tests"
     monkeypatch.setattr(baseline, "cycle_figures", figures)
@@ -214,7 +214,8 @@ def test_a_baseline_is_run_in_turns_and_compared(monkeypatch: pytest.MonkeyPatch
     assert runs == [baseline.CHECKOUT, other, other, baseline.CHECKOUT, baseline.CHECKOUT, other]
     out = capsys.readouterr().out
     assert "fused_tracks.method=convex associations.gate_m=800" in out
-    assert out.count("ratio 2.000") == 2
+    assert out.count("ratio 2.000") == 3
+    assert "\nspots" in out
 
 
 @pytest.mark.slow
