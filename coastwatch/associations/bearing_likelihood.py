@@ -53,6 +53,11 @@ class PositionHistory:
     history: History  # values (S, W, 4): ECEF position and its standard deviation per axis, m; NaN: absent
     time_s: Floats  # (W,) the instant of each column, NaN for none
 
+    def check_rows(self) -> None:
+        """Check the number of instants, as after reading a checkpoint. Raises: ValueError."""
+        if self.time_s.shape != (self.history.window,):
+            raise ValueError(f"PositionHistory.time_s: got shape {self.time_s.shape}, needed ({self.history.window},)")
+
     @staticmethod
     def empty() -> PositionHistory:
         return PositionHistory(History.empty(FEWEST_INSTANTS, np.float64, (4,)), np.full(FEWEST_INSTANTS, np.nan))
@@ -134,10 +139,10 @@ class BearingLikelihood(Method):
     threshold: float = 0.0  # the log odds of a pair must exceed it
     window_s: Positive = 300.0  # older bearings and positions are not used
     spacing_s: Positive = 1.0  # least time between two stored positions of a vessel
-    heard: Share = 0.95  # probability that a sensor has a track of a vessel inside its coverage
+    detection_probability: Share = 0.95  # probability that a sensor has a track of a vessel inside its coverage
     unknown: Share = 0.05  # least share of a sensor's tracks that are of vessels not in the picture
     unknown_speed_kn: Positive = 7.0  # standard deviation per axis, of such a vessel
-    unknown_kick_m_s2: Positive = 0.1  # its manoeuvres: change of velocity in a second, standard deviation per axis
+    unknown_manoeuvre_m_s2: Positive = 0.1  # its manoeuvres: change of velocity in a second, standard deviation per axis
     position_floor_m: Annotated[float, Field(ge=0.0)] = 3.0  # position error beside the covariance (hull, antenna), per axis
     position_unknown_m: Positive = 15.0  # standard deviation per axis where a vessel has no covariance
     position_memory_s: Positive = 20.0  # correlation time of position errors
@@ -155,7 +160,7 @@ class BearingLikelihood(Method):
     signature_confusion: tuple[tuple[Share, ...], ...] = ()  # instead: for each true class, the share of each reported class
     signature_habit: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.8  # share of looks that only repeat the sensor's usual answer
     type_doubt: Share = 0.05  # probability that a ship is not of the class in its AIS
-    give_up: Annotated[float, Field(lt=0.0)] = -25.0  # log odds below which a pair is not computed further
+    rejection_log_odds: Annotated[float, Field(lt=0.0)] = -25.0  # log odds below which a pair is not computed further
 
     @model_validator(mode="after")
     def _confusion_is_a_matrix(self) -> Self:
@@ -246,7 +251,7 @@ class BearingLikelihood(Method):
             "position_column": column,
             "position_value": history.values,
             "log_density": self._unknown_density(sensor, audible, sensors),
-            "outside": memory.outside.probability(self.heard)[sensor],
+            "outside": memory.outside.probability(self.detection_probability)[sensor],
             "range": sensors.sonars.range_m[sensor],
             "arc_from": arc_from[sensor],
             "arc_width": arc_width[sensor],
@@ -280,7 +285,7 @@ class BearingLikelihood(Method):
         picture. Args: sensor: (N,). Returns: (N,)."""
         count = len(sensors.sonars)
         tracks = np.bincount(sensor, minlength=count)
-        known = self.heard * np.bincount(audible.sensor[audible.inside], minlength=count)
+        known = self.detection_probability * np.bincount(audible.sensor[audible.inside], minlength=count)
         unknown = np.maximum(tracks - known, np.maximum(self.unknown * tracks, 0.5))
         return np.asarray(np.log(unknown / arcs(sensors)[1])[sensor])
 
@@ -295,9 +300,11 @@ def score_octants(settings: BearingLikelihood, arrays: Arrays, octants: Groups) 
         arrays["position_time"], arrays["position_column"], arrays["position_value"]
     )
     unknown = kernels.bearings.null_hypothesis.UnknownVessel(
-        RANGE_SHARES, RANGE_PROBABILITIES, settings.unknown_speed_kn * KNOT_M_S, settings.unknown_kick_m_s2**2
+        RANGE_SHARES, RANGE_PROBABILITIES, settings.unknown_speed_kn * KNOT_M_S, settings.unknown_manoeuvre_m_s2**2
     )
-    hypotheses = kernels.bearings.likelihood.Hypotheses(settings.heard, settings.position_memory_s, settings.give_up, unknown)
+    hypotheses = kernels.bearings.likelihood.Hypotheses(
+        settings.detection_probability, settings.position_memory_s, settings.rejection_log_odds, unknown
+    )
     track, first = octants.row, arrays["first_pair"]
     count = first[track + 1] - first[track]
     pair = kernels.bearings.candidates.ranges(first[track], count)

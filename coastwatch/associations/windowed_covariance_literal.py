@@ -36,8 +36,8 @@ class WindowedCovarianceLiteral(Method):
     refused. With `one_to_one` false each track of the lower source takes its nearest (smallest x) partner of each other source.
     Two tracks of one source may take the same partner; then the nearer one keeps it.
 
-    The newest difference is part of its own covariance, which bounds x. If errors are independent from cycle to cycle, 50, 91, 95
-    and 97 % of true pairs pass at p = 5, 8, 10 and 20 with chi-square and .95. So autocorrelation refuses true pairs, not p.
+    The newest difference is part of its own covariance, which bounds x. If errors are independent from cycle to cycle, chi-square
+    with .95 passes 50, 91, 95 and 97 % of true pairs at p = 5, 8, 10 and 20. So autocorrelation refuses true pairs, not p.
     `threshold = "hotelling"` is 4 (p - 1) / (p - 4) F(4, p - 4): the quantile of x if the covariance came from other differences.
     It is too wide, which makes up for the autocorrelation.
     Statistic: x = Delta^T Phi^-1 Delta.

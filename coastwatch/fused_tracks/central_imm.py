@@ -9,7 +9,19 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import Associations, Bools, Floats, FusedTracks, Ints, Measurements, Rows, SourceKind, Tracks
+from coastwatch.batches import (
+    Associations,
+    Bools,
+    Floats,
+    FusedTracks,
+    Ints,
+    Measurements,
+    Rows,
+    SourceKind,
+    Struct,
+    Tracks,
+    column,
+)
 from coastwatch.fused_tracks.covariance_intersection import intersect
 from coastwatch.fused_tracks.vessel_tracks import Estimates, VesselTracks
 from coastwatch.geodesy import difference_m, offset_deg
@@ -26,16 +38,16 @@ SEARCH_STEPS = 16  # of the covariance intersection at which a filter begins
 
 
 @dataclass(frozen=True, eq=False)
-class VesselFilters:
+class VesselFilters(Struct):
     """The filters of F vessels, each in the plane at its anchor, and which tracks are in them."""
 
-    anchor_deg: Floats  # (F, 2)
-    state: Floats  # (F, J, 5)
-    covariance: Floats  # (F, J, 5, 5)
-    mode_probability: Floats  # (F, J)
-    updated_s: Floats  # (F,) time of the newest measurement
-    track_id: Ints  # (L,) every track of the last cycle, in its order
-    filter_of_track: Rows  # (L,) -1 where none
+    anchor_deg: Floats = column(np.float64, "F", 2)
+    state: Floats = column(np.float64, "F", "J", 5)
+    covariance: Floats = column(np.float64, "F", "J", 5, 5)
+    mode_probability: Floats = column(np.float64, "F", "J")
+    updated_s: Floats = column(np.float64, "F")  # time of the newest measurement
+    track_id: Ints = column(np.int64, "L")  # every track of the last cycle, in its order
+    filter_of_track: Rows = column(np.int32, "L", rows_of="F", least=-1)  # -1 where none
 
     @property
     def arrays(self) -> tuple[Floats, Floats, Floats, Floats]:
@@ -73,8 +85,8 @@ class CentralImm(Method):
     noise_m2_s3: tuple[NotNegative, NotNegative, NotNegative, NotNegative] = (1e-5, 3e-3, 0.2, 1e-5)  # density of acceleration
     sojourn_s: Four = (600.0, 300.0, 60.0, 3000.0)  # mean time in each model
     share: Four = (0.4, 0.1, 0.1, 0.4)  # of each model where a filter begins
-    kick_m_s: NotNegative = 0.2  # standard deviation of a kick of a steady vessel, per axis
-    kick_interval_s: Positive = 60.0  # mean time between kicks
+    velocity_jump_m_s: NotNegative = 0.2  # standard deviation of a velocity jump of a steady vessel, per axis
+    velocity_jump_interval_s: Positive = 60.0  # mean time between velocity jumps
     turn_rate_noise_rad2_s3: NotNegative = 3e-10  # density of the drift of the turn rate
     turn_rate_sigma_deg_s: Positive = 0.5  # of turn rates before anything is known
     range_registration: NotNegative = 0.5  # share of a plot's variance along the beam that is added where AIS is in the vessel
@@ -112,8 +124,8 @@ class CentralImm(Method):
         filters = self._filters(memory, plan, tracks, first, time_s)
         self._update(filters, plan, measurements, has_ais[plan.continued])
         out = self._single_tracks(vessels, tracks)
-        for column, of_tracks in zip(out, first, strict=True):
-            column[plan.new] = of_tracks
+        for estimate, of_tracks in zip(out, first, strict=True):
+            estimate[plan.new] = of_tracks
         self._report(filters, plan, has_radar | (vessels.size > 1), time_s, out)
         return filters, out.at_time(time_s)
 
@@ -190,8 +202,8 @@ class CentralImm(Method):
             manoeuvre_noise=[0.0, 0.0, 0.0, self.turn_rate_noise_rad2_s3],
             manoeuvre_sigma=np.radians(self.turn_rate_sigma_deg_s),
             sojourn=self.sojourn_s,
-            jump_rate=[1.0 / self.kick_interval_s, 0.0, 0.0, 0.0],
-            jump_variance=[self.kick_m_s**2, 0.0, 0.0, 0.0],
+            jump_rate=[1.0 / self.velocity_jump_interval_s, 0.0, 0.0, 0.0],
+            jump_variance=[self.velocity_jump_m_s**2, 0.0, 0.0, 0.0],
         )
 
 

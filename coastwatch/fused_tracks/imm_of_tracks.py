@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, Tracks
+from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, Struct, Tracks, column
 from coastwatch.fused_tracks.vessel_tracks import Estimates, VesselTracks
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.stage import Method
@@ -19,16 +19,16 @@ MODELS = 3  # constant velocity with low and with high noise, coordinated turn
 
 
 @dataclass(frozen=True, eq=False)
-class TrackFilters:
+class TrackFilters(Struct):
     """The filters of V vessels in planes that touch at their anchors, and which tracks were last in each."""
 
-    anchor_deg: Floats  # (V, 2)
-    state: Floats  # (V, J, 5)
-    covariance: Floats  # (V, J, 5, 5)
-    mode_probability: Floats  # (V, J)
-    time_s: float
-    track_id: Ints  # (L,) every track of the last cycle, in its order
-    filter_of_track: Ints  # (L,)
+    anchor_deg: Floats = column(np.float64, "V", 2)
+    state: Floats = column(np.float64, "V", "J", 5)
+    covariance: Floats = column(np.float64, "V", "J", 5, 5)
+    mode_probability: Floats = column(np.float64, "V", "J")
+    track_id: Ints = column(np.int64, "L")  # every track of the last cycle, in its order
+    filter_of_track: Ints = column(np.int64, "L", rows_of="V")
+    time_s: float = 0.0
 
 
 class ImmOfTracks(Method):
@@ -43,6 +43,8 @@ class ImmOfTracks(Method):
 
     method: Literal["imm_of_tracks"] = "imm_of_tracks"
     inflation: Annotated[float, Field(gt=0.0)] = 4.0
+    """Factor on the covariance (a variance, no unit) of each track: above 1 it trusts tracks less, e.g. 4 doubles their standard
+    deviations."""
     noise_m2_s3: tuple[float, float, float] = (0.01, 0.1, 0.02)  # density of white acceleration of the three models
     turn_noise_rad2_s3: Annotated[float, Field(gt=0.0)] = 2.5e-7  # density of the drift of the turn rate
     turn_sigma_rad_s: Annotated[float, Field(gt=0.0)] = 0.02
@@ -52,7 +54,7 @@ class ImmOfTracks(Method):
     def init(self) -> TrackFilters:
         none = np.zeros(0, np.int64)
         state, covariance = np.zeros((0, MODELS, 5)), np.zeros((0, MODELS, 5, 5))
-        return TrackFilters(np.zeros((0, 2)), state, covariance, np.zeros((0, MODELS)), 0.0, none, none)
+        return TrackFilters(np.zeros((0, 2)), state, covariance, np.zeros((0, MODELS)), none, none)
 
     def step(
         self,
@@ -86,7 +88,7 @@ class ImmOfTracks(Method):
         alone = vessels.size == 1
         out.position_deg[alone], out.velocity_m_s[alone] = tracks.position_deg[first[alone]], tracks.velocity_m_s[first[alone]]
         out.covariance[alone] = covariance[first[alone]]
-        return TrackFilters(*filters, float(time_s), tracks.track_id, associations.vessel), out.at_time(time_s)
+        return TrackFilters(*filters, tracks.track_id, associations.vessel, float(time_s)), out.at_time(time_s)
 
     def _predict(
         self, memory: TrackFilters, vessels: VesselTracks, row: Ints, tracks: Tracks, covariance: Floats, time_s: float

@@ -1,13 +1,14 @@
-"""Row ranges of a kernel over threads. Kernels are compiled with nogil; what they write must not depend on the ranges."""
+"""Row ranges of a kernel, or whole calls, over threads. Kernels are compiled with nogil; what they write must not depend on the ranges."""
 
 from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from threading import get_native_id
+from functools import partial
+from threading import get_native_id, local
 from typing import Any
 
 NICE, MOST_NICE = 10, 19  # what is added to the niceness of pool threads, and the most there is
@@ -16,6 +17,15 @@ BLOCKS_A_THREAD = 4  # so that a thread with a dense port does not delay the oth
 _pools: list[
     tuple[ThreadPoolExecutor, int]
 ] = []  # the innermost `threads` last, with its size; none: the caller's thread alone
+
+
+class _Here(local):
+    """Of this thread: whether it carries out one of several calls, which use no other thread."""
+
+    busy = False
+
+
+_here = _Here()
 
 
 def _lower_priority() -> None:
@@ -40,7 +50,7 @@ def threads(count: int) -> Iterator[None]:
 
 def blocks(count: int, least: int) -> list[tuple[int, int]]:
     """0..count in ranges for the available threads, each of `least` rows or more unless it is the only one."""
-    wanted = (_pools[-1][1] + 1) * BLOCKS_A_THREAD if _pools else 1
+    wanted = (_pools[-1][1] + 1) * BLOCKS_A_THREAD if _pools and not _here.busy else 1
     parts = max(min(wanted, count // max(least, 1)), 1)
     return [(count * k // parts, count * (k + 1) // parts) for k in range(parts)]
 
@@ -52,18 +62,29 @@ def in_blocks(kernel: Callable[..., Any], count: int, *arguments: Any, least: in
     than it gains.
     Returns: what each call returned, in the order of the ranges. Raises: what a call raised.
     """
-    ranges = blocks(count, least)
-    if len(ranges) == 1:
-        return [kernel(*ranges[0], *arguments)]
-    out: list[Any] = [None] * len(ranges)
-    todo = iter(enumerate(ranges))  # shared by the threads: each takes the next range
+    return over_threads([partial(kernel, *part, *arguments) for part in blocks(count, least)])
+
+
+def over_threads(calls: Sequence[Callable[[], Any]]) -> list[Any]:
+    """What each call returns, over the available threads, the caller's included. Several calls use one thread each.
+
+    Returns: in the order of the calls. Raises: what a call raised.
+    """
+    if len(calls) < 2 or not _pools or _here.busy:
+        return [call() for call in calls]
+    out: list[Any] = [None] * len(calls)
+    todo = iter(enumerate(calls))  # shared by the threads: each takes the next call
 
     def work() -> None:
-        for k, part in todo:
-            out[k] = kernel(*part, *arguments)
+        _here.busy = True
+        try:
+            for k, call in todo:
+                out[k] = call()
+        finally:
+            _here.busy = False
 
     pool, size = _pools[-1]
-    others = [pool.submit(work) for _ in range(min(size, len(ranges) - 1))]
+    others = [pool.submit(work) for _ in range(min(size, len(calls) - 1))]
     try:
         work()
     finally:

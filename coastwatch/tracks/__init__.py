@@ -13,11 +13,13 @@ from coastwatch.tracks.ais_dead_reckoning import AisDeadReckoning
 from coastwatch.tracks.alignment import ConstantVelocity
 from coastwatch.tracks.bearing import BearingWindow
 from coastwatch.tracks.imm import FilterpyImm, Imm, SidedImm
+from coastwatch.tracks.received import ReceivedTracks
 
 RadarTracker = Annotated[SidedImm | Imm | FilterpyImm, Field(discriminator="method")]
 AisTracker = Annotated[AisFilter | AisDeadReckoning, Field(discriminator="method")]
 BearingTracker = Annotated[BearingWindow, Field()]
 TrackAligner = Annotated[ConstantVelocity, Field()]
+TrackReceiver = Annotated[ReceivedTracks, Field()]
 
 __all__ = [
     "AisDeadReckoning",
@@ -29,6 +31,8 @@ __all__ = [
     "FilterpyImm",
     "Imm",
     "RadarTracker",
+    "ReceivedTracks",
     "SidedImm",
     "TrackAligner",
+    "TrackReceiver",
 ]

@@ -9,10 +9,9 @@ from pydantic import Field, PositiveFloat, model_validator
 
 from coastwatch import kernels
 from coastwatch.batches import AisAlarms, AisReports, Bools, Floats, Ints, Measurements, Sensors, Tracks
-from coastwatch.geodesy import KNOT_M_S, difference_m
+from coastwatch.geodesy import KNOT_M_S
 from coastwatch.stage import Method, Settings
 from coastwatch.tracks.out_of_sequence import (
-    SLOTS,
     KernelSettings,
     Memory,
     Rows,
@@ -208,10 +207,14 @@ def _shares_mmsi(mmsi: Ints, started: Floats, updated: Floats) -> Bools:
 def measurements_of(fresh: Rows, tracks: Tracks, rules: Any) -> Measurements:
     """The reports that fit one of these tracks, sorted by track, then time.
 
-    Args: fresh: REPORT rows sorted by MMSI, then time; tracks: after these reports, sorted by MMSI; rules: of the AIS kernel.
+    Args: fresh: REPORT rows sorted by MMSI, then time; tracks: after these reports, sorted by MMSI, all at one time; rules: of the
+    AIS kernel.
     Where one MMSI has several tracks the nearest takes the report.
     """
-    track = _track_of(fresh, tracks, rules)
+    kernel, time_s = kernels.filters.ais_tracker, float(tracks.time_s[0]) if len(tracks) else 0.0
+    track = kernel.nearest_tracks(
+        fresh, (tracks.mmsi, tracks.updated_s, tracks.position_deg, tracks.velocity_m_s), time_s, rules
+    )
     again = np.zeros(len(fresh), np.bool_)
     soon = fresh["time"][1:] - fresh["time"][:-1] <= rules["repeat"]
     for name in ("mmsi", "lat", "lon"):
@@ -221,7 +224,7 @@ def measurements_of(fresh: Rows, tracks: Tracks, rules: Any) -> Measurements:
     reports, track = fresh[taken], track[taken]
     order = np.lexsort((reports["time"], tracks.track_id[track]))
     reports, track = reports[order], track[order]
-    velocity, covariance = _measured(reports, rules)
+    velocity, covariance = kernel.measured(reports, rules)
     n = len(reports)
     return Measurements(
         track_id=tracks.track_id[track],
@@ -232,41 +235,3 @@ def measurements_of(fresh: Rows, tracks: Tracks, rules: Any) -> Measurements:
         covariance=covariance,
         site_deg=np.full((n, 2), np.nan),
     )
-
-
-def _track_of(fresh: Rows, tracks: Tracks, rules: Any) -> Ints:
-    """The row of the track that each report updated, -1 for a report that fits no track. (M,)"""
-    best, least = np.full(len(fresh), -1, np.int64), np.full(len(fresh), np.inf)
-    mmsi = np.ascontiguousarray(fresh["mmsi"])
-    first, position = np.searchsorted(tracks.mmsi, mmsi), np.column_stack([fresh["lat"], fresh["lon"]])
-    for k in range(SLOTS if len(tracks) else 0):
-        row = np.minimum(first + k, len(tracks) - 1)
-        gap = difference_m(position, tracks.position_deg[row])
-        gap -= tracks.velocity_m_s[row] * (fresh["time"] - tracks.time_s[row])[:, None]
-        miss = np.hypot(gap[:, 0], gap[:, 1])
-        radius = rules["max_speed"] * np.abs(tracks.updated_s[row] - fresh["time"]) + rules["tolerance"]
-        nearer = (first + k < len(tracks)) & (tracks.mmsi[row] == mmsi) & (miss <= radius) & (miss < least)
-        best[nearer], least[nearer] = row[nearer], miss[nearer]
-    return best
-
-
-def _measured(reports: Rows, rules: Any) -> tuple[Floats, Floats]:
-    """Velocity east and north, and the covariance of position and velocity, as the AIS kernel takes them. (M, 2), (M, 4, 4)"""
-    n, speed, course = len(reports), reports["sog"], reports["cog"]
-    heading = ~np.isnan(course)
-    still = ~heading & (speed < rules["still_speed"])
-    along = np.column_stack([np.sin(course), np.cos(course)])
-    velocity = np.where(heading[:, None], speed[:, None] * along, np.where(still, 0.0, np.nan)[:, None])
-    across = speed**2 * rules["cog_variance"] + rules["sog_variance"] / (1.0 + (speed / rules["polar_speed"]) ** 2)
-    outer = along[:, :, None] * along[:, None, :]
-    eye = np.eye(2)
-    moving = rules["sog_variance"] * outer + across[:, None, None] * (eye - outer)
-    resting = (rules["sog_variance"] + 0.5 * speed**2)[:, None, None] * eye
-    covariance = np.full((n, 4, 4), np.nan)
-    late = np.where(heading & ~np.isnan(speed), speed * rules["jitter"], 0.0) ** 2
-    covariance[:, :2, :2] = rules["position_variance"] * eye
-    covariance[:, :2, :2] += np.where(late[:, None, None] > 0.0, late[:, None, None] * outer, 0.0)
-    known = np.isfinite(velocity[:, 0])
-    covariance[known, 2:, 2:] = np.where(heading[:, None, None], moving, resting)[known]
-    covariance[known, :2, 2:] = covariance[known, 2:, :2] = 0.0
-    return velocity, covariance

@@ -12,6 +12,7 @@ from pydantic import Field
 from coastwatch import kernels
 from coastwatch.batches import CLASSES, Array, BearingReports, BearingTracks, Bools, Floats, Ints, Sensors
 from coastwatch.geodesy import wrap_deg, wrap_rad
+from coastwatch.kernels.tables.row_numbers import require_rows
 from coastwatch.stage import Method
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -40,30 +41,35 @@ class BearingMemory:
     origin: Ints  # (N,)
     time_s: Floats  # (N, W) mean of the slot
     bearing_rad: Floats  # (N, W) mean of the slot
-    weight: Floats  # (N, W) reports in the slot, 0 where there is none
+    weight: Floats  # (N, W) reports in the slot, each by `relative_weight`; 0 where there is none
     site_deg: Floats  # (N, W, 2)
     signatures: Ints  # (N, C) reports of each VesselClass
     counter: Ints  # (K,) tracks that each sensor has had
+    dropped: int  # reports that are not finite or from the future
+
+    def check_rows(self) -> None:
+        """Check the numbers of sensors, as after reading a checkpoint. Raises: ValueError that names the field."""
+        require_rows("BearingMemory.sensor", self.sensor, len(self.counter))
 
     @staticmethod
     def empty(window: int) -> BearingMemory:
         n, x, slots = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, window))
         sites, signatures = np.zeros((0, window, 2)), np.zeros((0, CLASSES), np.int64)
-        return BearingMemory(n, n, n, x, x, x, n, n, n, n, slots, slots, slots, sites, signatures, n)
+        return BearingMemory(n, n, n, x, x, x, n, n, n, n, slots, slots, slots, sites, signatures, n, 0)
 
 
-ROWS = tuple(f.name for f in fields(BearingMemory) if f.name != "counter")
+ROWS = tuple(f.name for f in fields(BearingMemory) if f.name not in ("counter", "dropped"))
 EMPTY = {"time_s": np.nan, "bearing_rad": np.nan, "weight": 0.0, "site_deg": np.nan, "begin_s": np.nan}
 
 
 class Windows:
     """Copies of the columns of a BearingMemory under their names, to be written during a cycle."""
 
-    def __init__(self, memory: BearingMemory, spacing_s: float, first_id: Ints) -> None:
-        """Args: spacing_s: of slots; first_id: (K,) the first track id of each sensor."""
+    def __init__(self, memory: BearingMemory, spacing_s: float, first_id: Ints, sigma_rad: Floats) -> None:
+        """Args: spacing_s: of slots; first_id: (K,) the first track id of each sensor; sigma_rad: (K,) of its bearings."""
         self.column: dict[str, Array] = {name: getattr(memory, name).copy() for name in ROWS}
         self.counter = memory.counter.copy() if len(memory.counter) == len(first_id) else np.zeros(len(first_id), np.int64)
-        self.spacing_s, self.first_id = spacing_s, first_id
+        self.spacing_s, self.first_id, self.sigma_rad = spacing_s, first_id, sigma_rad
 
     def update_contacts(self, reports: BearingReports, drop_after_s: float) -> None:
         """Updates tracks by one report of each of some contacts. A contact silent for longer than `drop_after_s` begins a new track."""
@@ -100,7 +106,12 @@ class Windows:
     def _begin_slot(self, row: Ints, reports: BearingReports) -> None:
         """Moves the windows on by one slot, which holds the report."""
         bearing = wrap_rad(np.radians(reports.bearing_deg))
-        values = {"time_s": reports.time_s, "bearing_rad": bearing, "weight": np.ones(len(row)), "site_deg": reports.site_deg}
+        values = {
+            "time_s": reports.time_s,
+            "bearing_rad": bearing,
+            "weight": relative_weight(reports, self.sigma_rad),
+            "site_deg": reports.site_deg,
+        }
         for name, value in values.items():
             window = self.column[name]
             window[row, :-1] = window[row, 1:]
@@ -110,14 +121,15 @@ class Windows:
     def _average_into_slot(self, row: Ints, reports: BearingReports) -> None:
         """Makes the newest slot the mean of what it held and the report."""
         c = self.column
-        weight = c["weight"][row, -1] + 1.0
+        own = relative_weight(reports, self.sigma_rad)
+        weight = c["weight"][row, -1] + own
         bearing, site = c["bearing_rad"][row, -1], c["site_deg"][row, -1]
         off = reports.site_deg - site
         off[:, 1] = wrap_deg(off[:, 1])
         c["weight"][row, -1] = weight
-        c["time_s"][row, -1] += (reports.time_s - c["time_s"][row, -1]) / weight
-        c["bearing_rad"][row, -1] = wrap_rad(bearing + wrap_rad(np.radians(reports.bearing_deg) - bearing) / weight)
-        mean = site + off / weight[:, None]
+        c["time_s"][row, -1] += (reports.time_s - c["time_s"][row, -1]) * own / weight
+        c["bearing_rad"][row, -1] = wrap_rad(bearing + wrap_rad(np.radians(reports.bearing_deg) - bearing) * own / weight)
+        mean = site + off * own[:, None] / weight[:, None]
         mean[:, 1] = wrap_deg(mean[:, 1])
         # Wrapping rounds: the position of a fixed sensor must keep its bits.
         c["site_deg"][row, -1] = np.where(off == 0.0, site, mean)
@@ -157,10 +169,20 @@ class Windows:
         if not rows.all():
             self.column = {name: values[rows] for name, values in self.column.items()}
 
-    def memory(self) -> BearingMemory:
-        """The columns, sorted by track_id."""
+    def memory(self, dropped: int) -> BearingMemory:
+        """The columns, sorted by track_id. Args: dropped: reports that were dropped up to now."""
         order = np.argsort(self.column["track_id"], kind="stable")
-        return BearingMemory(**{name: values[order] for name, values in self.column.items()}, counter=self.counter)
+        columns = {name: values[order] for name, values in self.column.items()}
+        return BearingMemory(**columns, counter=self.counter, dropped=dropped)
+
+
+def relative_weight(reports: BearingReports, sigma_rad: Floats) -> Floats:
+    """The variance of the sensor over that of each bearing: 1 for a bearing without a variance of its own. (M,)"""
+    own = np.radians(reports.bearing_sigma_deg)
+    given = own > 0.0
+    out = np.ones(len(reports))
+    out[given] = (sigma_rad[reports.sensor[given]] / own[given]) ** 2
+    return out
 
 
 class BearingWindow(Method):
@@ -186,6 +208,7 @@ class BearingWindow(Method):
     start_hits: Count = 3
     start_looks: Count = 5
     end_misses: Count = 10
+    ahead_s: Positive = 5.0  # a report stamped more than this after the cycle is dropped
 
     def init(self) -> BearingMemory:
         return BearingMemory.empty(self.length)
@@ -195,23 +218,25 @@ class BearingWindow(Method):
     ) -> tuple[BearingMemory, BearingTracks]:
         """Tracks after the reports of this cycle, predicted to time_s.
 
-        Args: reports: in any order within the cycle; a bearing that is not finite is left out.
-        Returns: memory and BearingTracks, sorted by track_id, W = `length`.
+        Args: reports: in any order within the cycle; one that is not finite or from the future is dropped.
+        Returns: memory, with the dropped reports counted, and BearingTracks, sorted by track_id, W = `length`.
         Raises: ValueError for a contact number of 2^40 or more, or a sensor that the scenario has not.
         """
         _check(reports, len(sensors.sonars))
         first = (sensors.sonar_source(0) + np.arange(len(sensors.sonars))) * ID_STRIDE
-        windows = Windows(memory, self.window_s / self.length, first)
+        windows = Windows(memory, self.window_s / self.length, first, sensors.sonars.bearing_sigma_rad)
         keys = (reports.bearing_deg, reports.contact, reports.sensor, reports.time_s)
         order = np.lexsort(keys)
-        reports = reports.take(order[np.isfinite(keys[0][order]) & np.isfinite(keys[3][order])])
+        usable = np.isfinite(reports.bearing_deg) & np.isfinite(reports.time_s) & (reports.time_s <= time_s + self.ahead_s)
+        dropped = memory.dropped + int((~usable).sum())
+        reports = reports.take(order[usable[order]])
         numbered, own = reports.take(reports.contact >= 0), reports.take(reports.contact < 0)
         for rows in _rounds(numbered.sensor * CONTACTS + numbered.contact):
             windows.update_contacts(numbered.take(rows), self.drop_after_s)
         for rows in _looks(own):
             self._look(windows, own.take(rows), sensors.sonars.bearing_sigma_rad)
         windows.keep(time_s - windows.column["updated_s"] <= self.drop_after_s)
-        after = windows.memory()
+        after = windows.memory(dropped)
         return after, self._tracks(after, time_s, sensors)
 
     def _look(self, windows: Windows, reports: BearingReports, sigma_rad: Floats) -> None:
@@ -226,7 +251,7 @@ class BearingWindow(Method):
         pair = np.repeat(np.arange(len(seen)), count[seen])
         report = np.arange(len(pair)) - np.repeat(np.cumsum(count[seen]) - count[seen] - start[seen], count[seen])
         off = wrap_rad(np.radians(reports.bearing_deg[report]) - bearing[pair])
-        noise = sigma_rad[c["sensor"][seen[pair]]] ** 2
+        noise = sigma_rad[c["sensor"][seen[pair]]] ** 2 / relative_weight(reports, sigma_rad)[report]
         variance = covariance[pair, 0, 0] + noise
         # A wide gate costs gain, and confirmed tracks go first: otherwise a track with a wide gate takes every bearing.
         tier = GAIN * (1.0 + (c["hits"][seen[pair]] >= self.start_hits))

@@ -7,29 +7,36 @@ from functools import cached_property
 from typing import Any, Protocol
 
 from coastwatch import kernels
-from coastwatch.batches import Floats, Ints
-from coastwatch.tracks.motion import Filters, Prior, initialise
+from coastwatch.batches import Ints
+from coastwatch.geodesy import KNOT_M_S
+from coastwatch.kernels.tracks.columns import Estimates, PlotColumns
+from coastwatch.tracks.motion import Filters, Prior
 
 
 class FilterBank(Protocol):
-    """The interface of a bank of filters, one a track."""
+    """The interface of a bank of filters, one a track. `initialise` and `update` write into the arrays that they are given.
 
-    def initialise(self, position_m: Floats, covariance: Floats) -> Filters:
-        """Filters that know one plot and no velocity. Args: position_m: (N, 2); covariance: (N, 2, 2) of the plots."""
+    Arguments of both: filters: of S slots; estimates: the combined estimate of each; rows: (B,) slots; plots: (B,) rows of columns.
+    """
+
+    @property
+    def models(self) -> Any:
+        """The models of each filter. (J,) MODEL"""
         ...
 
-    def predict(self, filters: Filters, dt_s: Floats) -> tuple[Floats, Floats]:
-        """Mean (N, 5) and covariance (N, 5, 5) over the models after dt_s (N,), not negative."""
+    def initialise(self, filters: Filters, estimates: Estimates, rows: Ints, plots: Ints, columns: PlotColumns) -> None:
+        """Begin the filters in these slots: they know one plot and no velocity."""
         ...
 
-    def update(
-        self, filters: Filters, rows: Ints, dt_s: Floats, position_m: Floats, covariance: Floats
-    ) -> tuple[Filters, Floats, Floats]:
-        """Some filters after a plot each, the log-likelihood of the plot (A,), and its squared Mahalanobis distance (A,).
+    def update(self, filters: Filters, estimates: Estimates, rows: Ints, plots: Ints, columns: PlotColumns) -> None:
+        """Predict each filter to the time of its plot and update it. A slot may come again: its plots are taken in this order.
 
         A plot older than its filter is moved to the filter's time by the velocity; its covariance grows accordingly.
-        Args: rows: (A,) of the filters; dt_s: (A,) from the filter to the plot; position_m: (A, 2); covariance: (A, 2, 2).
         """
+        ...
+
+    def predict(self, filters: Filters, estimates: Estimates, rows: Ints, time_s: float) -> Estimates:
+        """The combined estimates of these slots (N), predicted to a time by all models; one that is newer is not taken back."""
         ...
 
 
@@ -39,20 +46,23 @@ class CompiledBank:
 
     prior: Prior
 
-    def initialise(self, position_m: Floats, covariance: Floats) -> Filters:
-        return initialise(self.prior, position_m, covariance)
+    def initialise(self, filters: Filters, estimates: Estimates, rows: Ints, plots: Ints, columns: PlotColumns) -> None:
+        variance = (self.prior.start_speed_kn * KNOT_M_S) ** 2
+        measured = columns.position[plots], columns.covariance[plots]
+        kernels.filters.imm.initialise_filters(tuple(filters), rows, *measured, variance, self.models)
+        kernels.filters.imm.combine_filters(tuple(filters), estimates, rows, self.models)
+        estimates.time[rows] = columns.time[plots]
 
-    def predict(self, filters: Filters, dt_s: Floats) -> tuple[Floats, Floats]:
-        mean, covariance = kernels.filters.imm.predicted_estimates(*filters, dt_s, self.prior.renewal_s, self._models)
-        return mean, covariance
+    def update(self, filters: Filters, estimates: Estimates, rows: Ints, plots: Ints, columns: PlotColumns) -> None:
+        given = tuple(filters), estimates, rows, plots, columns, self.prior.renewal_s, self.models
+        kernels.filters.imm.update_by_plots(*given)
 
-    def update(
-        self, filters: Filters, rows: Ints, dt_s: Floats, position_m: Floats, covariance: Floats
-    ) -> tuple[Filters, Floats, Floats]:
-        given = tuple(filters), rows, dt_s, position_m, covariance, self.prior.renewal_s, self._models
-        *after, log_likelihood, distance = kernels.filters.imm.updated_by_plots(*given)
-        return Filters(*after), log_likelihood, distance
+    def predict(self, filters: Filters, estimates: Estimates, rows: Ints, time_s: float) -> Estimates:
+        given = tuple(filters), estimates, rows, float(time_s), self.prior.renewal_s, self.models
+        predicted: Estimates = kernels.filters.imm.predicted_estimates(*given)
+        return predicted
 
     @cached_property
-    def _models(self) -> Any:
+    def models(self) -> Any:
+        """The models as the kernels take them. (J,) MODEL"""
         return self.prior.table()

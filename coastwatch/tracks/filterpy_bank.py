@@ -11,8 +11,9 @@ from filterpy.kalman import IMMEstimator, KalmanFilter
 
 from coastwatch import kernels
 from coastwatch.batches import Floats, Ints
-from coastwatch.kernels.filters.gaussian import squared_distance
-from coastwatch.tracks.motion import Filters, Motion, initialise
+from coastwatch.kernels.tracks.columns import Estimates, PlotColumns
+from coastwatch.tracks.filter_bank import CompiledBank
+from coastwatch.tracks.motion import Filters, Motion
 
 
 class ModelFilter(KalmanFilter):  # type: ignore[misc]
@@ -41,45 +42,43 @@ class FilterpyBank:
 
     prior: Motion
 
-    def initialise(self, position_m: Floats, covariance: Floats) -> Filters:
-        return initialise(self.prior, position_m, covariance)
+    def initialise(self, filters: Filters, estimates: Estimates, rows: Ints, plots: Ints, columns: PlotColumns) -> None:
+        CompiledBank(self.prior).initialise(filters, estimates, rows, plots, columns)
 
-    def predict(self, filters: Filters, dt_s: Floats) -> tuple[Floats, Floats]:
-        return self._estimate(self._predict(filters, dt_s))
+    def update(self, filters: Filters, estimates: Estimates, rows: Ints, plots: Ints, columns: PlotColumns) -> None:
+        for n, m in zip(rows.tolist(), plots.tolist(), strict=True):
+            dt = columns.time[m] - estimates.time[n]
+            late = min(dt, 0.0)
+            state, covariance, mode = filters.state[n], filters.covariance[n], filters.mode_probability[n]
+            predicted = self._predicted(state, covariance, mode, max(dt, 0.0))
+            z = columns.position[m] - estimates.mean[n, 2:4] * late
+            noise = columns.covariance[m] + estimates.covariance[n, 2:4, 2:4] * late**2
+            for column, after in zip(filters, self._updated(*predicted, z, noise), strict=True):
+                column[n] = after
+            estimates.time[n] = max(estimates.time[n], columns.time[m])
+            kernels.filters.imm.combine_filters(tuple(filters), estimates, np.array([n]), self.models)
 
-    def update(
-        self, filters: Filters, rows: Ints, dt_s: Floats, position_m: Floats, covariance: Floats
-    ) -> tuple[Filters, Floats, Floats]:
-        late = np.minimum(dt_s, 0.0)
-        predicted = self._predict(filters.take(rows), np.maximum(dt_s, 0.0))
-        mean, spread = self._estimate(predicted)
-        z = position_m - mean[:, 2:4] * late[:, None]
-        noise = covariance + spread[:, 2:4, 2:4] * (late**2)[:, None, None]
-        done = [self._updated(*one) for one in zip(*predicted, z, noise, strict=True)]
-        after = _stacked(predicted, [new for new, _ in done])
-        distance = squared_distance(z - mean[:, :2], spread[:, :2, :2] + noise)
-        return after, np.array([log_likelihood for _, log_likelihood in done], float), distance
+    def predict(self, filters: Filters, estimates: Estimates, rows: Ints, time_s: float) -> Estimates:
+        out = Estimates(*(column[rows] for column in estimates))
+        for k, n in enumerate(rows.tolist()):
+            dt = max(time_s - float(estimates.time[n]), 0.0)
+            state, spread, mode = self._predicted(filters.state[n], filters.covariance[n], filters.mode_probability[n], dt)
+            imm = self._estimator(state, spread, mode, np.eye(len(mode)))
+            out.mean[k], out.covariance[k], out.time[k] = imm.x[:4], imm.P[:4, :4], estimates.time[n] + dt
+            out.noise[k] = mode @ self.models["noise"]
+        return out
 
     @cached_property
-    def _models(self) -> Any:
+    def models(self) -> Any:
+        """The models of each filter. (J,) MODEL"""
         return self.prior.table()
 
-    def _predict(self, filters: Filters, dt_s: Floats) -> Filters:
-        return _stacked(filters, [self._predicted(*one) for one in zip(*filters, dt_s, strict=True)])
-
-    def _estimate(self, filters: Filters) -> tuple[Floats, Floats]:
-        made = [self._estimator(*one, np.eye(len(self._models))) for one in zip(*filters, strict=True)]
-        mean, covariance = np.zeros((len(made), 5)), np.zeros((len(made), 5, 5))
-        for row, imm in enumerate(made):
-            mean[row], covariance[row] = imm.x, imm.P
-        return mean, covariance
-
     def _estimator(self, state: Floats, covariance: Floats, mode_probability: Floats, transition: Floats) -> IMMEstimator:
-        models = [ModelFilter(*one) for one in zip(self._models, state, covariance, strict=True)]
+        models = [ModelFilter(*one) for one in zip(self.models, state, covariance, strict=True)]
         return IMMEstimator(models, mode_probability.copy(), transition)
 
     def _predicted(self, state: Floats, covariance: Floats, mode_probability: Floats, dt_s: float) -> Filters:
-        imm = self._estimator(state, covariance, mode_probability, _transition(self._models["sojourn"], dt_s))
+        imm = self._estimator(state, covariance, mode_probability, _transition(self.models["sojourn"], dt_s))
         for one in imm.filters:
             one.dt_s = dt_s
         imm.predict()
@@ -87,20 +86,13 @@ class FilterpyBank:
 
     def _updated(
         self, state: Floats, covariance: Floats, mode_probability: Floats, position_m: Floats, noise: Floats
-    ) -> tuple[Filters, float]:
+    ) -> Filters:
         imm = self._estimator(state, covariance, mode_probability, np.eye(len(mode_probability)))
         for one in imm.filters:
             one.R = noise
         imm.update(position_m)
         after = np.maximum(imm.mu, kernels.filters.imm.FLOOR)
-        filters = Filters(np.array([f.x for f in imm.filters]), np.array([f.P for f in imm.filters]), after / after.sum())
-        return filters, float(np.logaddexp.reduce(np.log(mode_probability) + [f.log_likelihood for f in imm.filters]))
-
-
-def _stacked(like: Filters, done: list[Filters]) -> Filters:
-    """The filters of each track as arrays of all; `like` gives the shapes where there is no track."""
-    parts = ([one[k] for one in done] for k in range(3))
-    return Filters(*(np.array(part, float).reshape(old.shape) for part, old in zip(parts, like, strict=True)))
+        return Filters(np.array([f.x for f in imm.filters]), np.array([f.P for f in imm.filters]), after / after.sum())
 
 
 def _transition(sojourn_s: Floats, dt_s: float) -> Floats:

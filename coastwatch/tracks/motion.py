@@ -9,8 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from coastwatch import kernels
-from coastwatch.batches import Bools, Floats, Ints
-from coastwatch.geodesy import KNOT_M_S
+from coastwatch.batches import Floats
 from coastwatch.stage import Settings
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -20,14 +19,11 @@ SUM_TOLERANCE = 1e-9  # of shares: decimal fractions are not exact
 
 
 class Filters(NamedTuple):
-    """The filters of N tracks, each of J models of east, north, east rate, north rate, and turn rate or acceleration."""
+    """The filters of S tracks, each of J models of east, north, east rate, north rate, and turn rate or acceleration."""
 
-    state: Floats  # (N, J, 5) m, m/s, rad/s or m/s2, in the region's plane
-    covariance: Floats  # (N, J, 5, 5)
-    mode_probability: Floats  # (N, J)
-
-    def take(self, rows: Ints | Bools) -> Filters:
-        return Filters(self.state[rows], self.covariance[rows], self.mode_probability[rows])
+    state: Floats  # (S, J, 5) m, m/s, rad/s or m/s2, in the region's plane
+    covariance: Floats  # (S, J, 5, 5)
+    mode_probability: Floats  # (S, J)
 
 
 class Prior(Protocol):
@@ -46,18 +42,6 @@ class Prior(Protocol):
     def table(self) -> Any:
         """The models as the kernels take them. (J,) coastwatch.kernels.filters.motion_models.MODEL"""
         ...
-
-
-def initialise(prior: Prior, position_m: Floats, covariance: Floats) -> Filters:
-    """Filters that know one plot and no velocity. Args: position_m: (N, 2); covariance: (N, 2, 2) of the plots."""
-    models = prior.table()
-    n, j = len(position_m), len(models)
-    state, spread = np.zeros((n, j, 5)), np.zeros((n, j, 5, 5))
-    state[:, :, :2] = position_m[:, None]
-    spread[:, :, :2, :2] = covariance[:, None]
-    spread[:, :, 2, 2] = spread[:, :, 3, 3] = (prior.start_speed_kn * KNOT_M_S) ** 2
-    state[:, :, 4], spread[:, :, 4, 4] = models["manoeuvre_mean"], models["manoeuvre_sigma"] ** 2
-    return Filters(state, spread, np.tile(models["prior_probability"], (n, 1)))
 
 
 class Motion(Settings):

@@ -1,58 +1,108 @@
-"""Memory of the radar tracker: a table of tracks, and site and newest plot of each radar."""
+"""Memory of a radar tracker: a table of tracks in slots, and site and newest plot of each radar."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from enum import IntEnum
+from typing import Self
 
 import numpy as np
 
-from coastwatch.batches import Array, Batch, Bools, Floats, Ints, Plots, Sensors, column
-from coastwatch.geodesy import to_plane
+from coastwatch.batches import Batch, Bools, Floats, Ints
+from coastwatch.batches.struct import Struct, column
+from coastwatch.kernels.tracks import columns
+from coastwatch.kernels.tracks.columns import Estimates, PlotColumns, TrackLife
 from coastwatch.tracks.filter_bank import FilterBank
 from coastwatch.tracks.motion import Filters
 
 NEWEST = 5  # plots whose origin is kept, for the scores
+SPARE = 4  # one spare slot for so many used ones, so that few cycles have to enlarge the table
 
 
 class Status(IntEnum):
     """Status of a track."""
 
-    SINGLE = 0  # one plot
-    TENTATIVE = 1
-    CONFIRMED = 2
+    SINGLE = columns.SINGLE  # one plot
+    TENTATIVE = columns.TENTATIVE
+    CONFIRMED = columns.CONFIRMED
 
 
 @dataclass(frozen=True, eq=False)
-class Table(Batch):
-    """Tracks of one region, the older first."""
+class Table(Struct):
+    """Tracks of one region. A track keeps its slot, a row of the columns with the letter S, for as long as it lives.
 
-    track_id: Ints = column(np.int64, "N")  # increasing
-    status: Ints = column(np.int64, "N")
-    state: Floats = column(np.float64, "N", "J", 5)  # at updated_s
-    covariance: Floats = column(np.float64, "N", "J", 5, 5)
-    mode_probability: Floats = column(np.float64, "N", "J")
-    started_s: Floats = column(np.float64, "N")
-    updated_s: Floats = column(np.float64, "N")  # newest plot
-    hits: Ints = column(np.int64, "N")
-    radar_s: Floats = column(np.float64, "N", "R")  # newest plot of each radar, -inf where there is none
-    origins: Ints = column(np.int64, "N", NEWEST)  # of the newest plots, newest first; -1 beyond the first
+    Trackers write into the columns. A slot without a track holds anything.
+    """
+
+    live: Ints = column(np.int64, "N", rows_of="S")  # slots of the tracks, the older first
+    free: Ints = column(np.int64, "F", rows_of="S")  # the other slots
+    track_id: Ints = column(np.int64, "S")
+    status: Ints = column(np.int64, "S")
+    hits: Ints = column(np.int64, "S")  # plots so far
+    started_s: Floats = column(np.float64, "S")
+    updated_s: Floats = column(np.float64, "S")  # newest plot
+    state: Floats = column(np.float64, "S", "J", 5)  # at updated_s
+    covariance: Floats = column(np.float64, "S", "J", 5, 5)
+    mode_probability: Floats = column(np.float64, "S", "J")
+    combined_mean: Floats = column(np.float64, "S", 4)  # over the models, at updated_s
+    combined_covariance: Floats = column(np.float64, "S", 4, 4)
+    noise_m2_s3: Floats = column(np.float64, "S")  # density of white acceleration, over the models
+    radar_s: Floats = column(np.float64, "S", "R")  # newest plot of each radar, -inf where there is none
+    origins: Ints = column(np.int64, "S", NEWEST)  # of the newest plots, newest first; -1 beyond the first
+
+    def __len__(self) -> int:
+        return len(self.live)
+
+    @classmethod
+    def empty(cls, models: int, radars: int) -> Self:
+        """No slot yet. Args: models: J, of each filter; radars: R."""
+        sizes = {"J": models, "R": radars}
+        shapes = {f.name: [s if isinstance(s, int) else sizes.get(s, 0) for s in f.metadata["shape"]] for f in fields(cls)}
+        return cls(**{f.name: np.zeros(shapes[f.name], f.metadata["dtype"]) for f in fields(cls)})
 
     @property
     def filters(self) -> Filters:
+        """The filter of each slot."""
         return Filters(self.state, self.covariance, self.mode_probability)
 
+    @property
+    def estimates(self) -> Estimates:
+        """The combined estimate of each slot."""
+        return Estimates(self.updated_s, self.combined_mean, self.combined_covariance, self.noise_m2_s3)
 
-@dataclass(frozen=True, eq=False)
-class UsedPlots:
-    """Plots, and the track of the region that took each."""
+    @property
+    def life(self) -> TrackLife:
+        """The status of each slot and the plots behind it."""
+        return TrackLife(self.status, self.hits, self.started_s, self.radar_s, self.origins)
 
-    track_id: Ints  # (M,)
-    plots: Plots  # (M,)
+    def with_room(self, count: int) -> Self:
+        """This table with at least so many free slots."""
+        missing = count - len(self.free)
+        if missing <= 0:
+            return self
+        before = len(self.track_id)
+        more = missing + (before + missing) // SPARE
+        larger = {}
+        for f in fields(self):
+            if f.metadata["shape"][0] == "S":
+                old = getattr(self, f.name)
+                larger[f.name] = np.zeros((before + more, *old.shape[1:]), old.dtype)
+                larger[f.name][:before] = old
+        return replace(self, free=np.concatenate([np.arange(before + more - 1, before - 1, -1), self.free]), **larger)
 
-    @classmethod
-    def join(cls, parts: list[UsedPlots]) -> UsedPlots:
-        return cls(np.concatenate([p.track_id for p in parts]), Plots.join([p.plots for p in parts]))
+    def with_slots(self, track_id: Ints) -> tuple[Self, Ints]:
+        """This table with a slot for each of these new track ids, increasing, and the slots. The caller fills their columns."""
+        table = self.with_room(len(track_id))
+        left = len(table.free) - len(track_id)
+        slots = table.free[left:][::-1]
+        table.track_id[slots] = track_id
+        return replace(table, live=np.concatenate([table.live, slots]), free=table.free[:left]), slots
+
+    def without(self, lost: Bools) -> Self:
+        """This table without some of its tracks, whose slots are free. Args: lost: (N,) of `live`."""
+        if not lost.any():
+            return self
+        return replace(self, live=self.live[~lost], free=np.concatenate([self.free, self.live[lost]]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,108 +115,57 @@ class Duplicates(Batch):
 
 
 @dataclass(frozen=True, eq=False)
-class RadarMemory:
+class RadarMemory(Struct):
     """One region between two cycles."""
 
     table: Table
     duplicates: Duplicates
     next_id: int  # within the region
-    site_m: Floats  # (R, 2) where each radar was last, NaN where it has sent nothing
-    newest_plot_s: Floats  # (R,) newest plot of each radar, -inf where it has sent nothing
     dropped: int  # plots that are not finite or from the future
+    site_m: Floats = column(np.float64, "R", 2)  # where each radar was last, NaN where it has sent nothing
+    newest_plot_s: Floats = column(np.float64, "R")  # newest plot of each radar, -inf where it has sent nothing
 
     @classmethod
     def empty(cls, models: int) -> RadarMemory:
         """No track yet. Args: models: J, of each filter."""
-        return cls(Table.empty(J=models), Duplicates.empty(), 1, np.zeros((0, 2)), np.zeros(0), 0)
+        return cls(Table.empty(models, 0), Duplicates.empty(), 1, 0, np.zeros((0, 2)), np.zeros(0))
 
-    def for_radars(self, count: int) -> RadarMemory:
-        """This memory, before the first cycle with arrays for so many radars.
+    def check_rows(self) -> None:
+        """Check the number of radars, as after reading a checkpoint. Raises: ValueError."""
+        if self.table.radar_s.shape[1] != len(self.newest_plot_s):
+            raise ValueError(f"Table.radar_s: got {self.table.radar_s.shape[1]} radars, needed {len(self.newest_plot_s)}")
 
-        Raises: ValueError where the memory is of a scenario with another number of radars.
+    def fitting(self, models: int, count: int) -> RadarMemory:
+        """This memory, before the first cycle with arrays for so many radars. Args: models: J; count: of radars.
+
+        Raises: ValueError where the memory is of a scenario with another number of models or radars.
         """
+        if self.table.mode_probability.shape[1] != models:
+            raise ValueError(f"memory of radar tracks: got {self.table.mode_probability.shape[1]} models, needed {models}")
         if len(self.newest_plot_s) == count:
             return self
         if len(self.newest_plot_s):
             raise ValueError(f"memory of radar tracks: got {len(self.newest_plot_s)} radars, needed {count}")
-        table = Table.empty(J=self.table.mode_probability.shape[1], R=count)
+        table = Table.empty(models, count)
         return replace(self, table=table, site_m=np.full((count, 2), np.nan), newest_plot_s=np.full(count, -np.inf))
 
     def without_radars(self, moved: Bools) -> RadarMemory:
         """This memory without the tracks that hold plots of these radars (R,), whose registration has jumped."""
         if not moved.any() or not len(self.newest_plot_s):
             return self
-        kept = np.isneginf(self.table.radar_s[:, moved]).all(axis=1)
-        return replace(self, table=self.table.take(np.flatnonzero(kept)))
-
-    def with_plots(self, plots: Plots) -> RadarMemory:
-        """This memory with the newest site and time of each radar. Args: plots: sorted by time."""
-        site, newest = self.site_m.copy(), self.newest_plot_s.copy()
-        site[plots.sensor] = plots.site_m
-        np.maximum.at(newest, plots.sensor, plots.time_s)
-        return replace(self, site_m=site, newest_plot_s=newest)
+        held = np.logical_or.reduce(np.isfinite(self.table.radar_s[self.table.live][:, moved]), axis=1)
+        return replace(self, table=self.table.without(held))
 
 
-@dataclass(frozen=True, eq=False)
-class Coverage:
-    """The radars of a region: sites, ranges and periods."""
-
-    radars: Ints  # (R',) of this region
-    site_m: Floats  # (R', 2)
-    range_m: Floats  # (R',)
-    period_s: Floats  # (R',)
-
-    def sees(self, position_m: Floats) -> Bools:
-        """Whether each position is in range of each radar. (N, R')"""
-        gap = position_m[:, None] - self.site_m
-        within: Bools = np.hypot(gap[..., 0], gap[..., 1]) <= self.range_m
-        return within
-
-
-def coverage_of(memory: RadarMemory, sensors: Sensors, region: int) -> Coverage:
-    """The radars of a region, at the site of their newest plot, or before any plot at their specified site."""
-    radars = np.flatnonzero(sensors.radars.region == region)
-    specified = to_plane(sensors.radars.site_deg[radars], sensors.region_origin_deg[region])
-    seen = memory.site_m[radars]
-    site = np.where(np.isfinite(seen), seen, specified)
-    return Coverage(radars, site, sensors.radars.range_m[radars], sensors.radars.period_s[radars])
-
-
-def initialise(bank: FilterBank, plots: Plots, first_id: int, radars: int) -> Table:
-    """A track for each of these plots."""
-    n = len(plots)
-    filters = bank.initialise(plots.position_m, plots.covariance)
-    radar_s = np.full((n, radars), -np.inf)
-    radar_s[np.arange(n), plots.sensor] = plots.time_s
-    origins = np.full((n, NEWEST), -1, np.int64)
-    origins[:, 0] = plots.origin
-    return Table(
-        track_id=first_id + np.arange(n, dtype=np.int64),
-        status=np.full(n, Status.SINGLE, np.int64),
-        state=filters.state,
-        covariance=filters.covariance,
-        mode_probability=filters.mode_probability,
-        started_s=plots.time_s.copy(),
-        updated_s=plots.time_s.copy(),
-        hits=np.ones(n, np.int64),
-        radar_s=radar_s,
-        origins=origins,
-    )
-
-
-def with_updates(table: Table, rows: Ints, filters: Filters, plots: Plots) -> Table:
-    """The table after one plot for each of these rows, no row twice.
-
-    Args: rows: (B,); filters: of these rows, after the plots; plots: (B,).
-    """
-    new: dict[str, Array] = {
-        name: getattr(table, name).copy()
-        for name in ("state", "covariance", "mode_probability", "updated_s", "hits", "radar_s", "origins", "status")
-    }
-    new["state"][rows], new["covariance"][rows], new["mode_probability"][rows] = filters
-    new["updated_s"][rows] = np.maximum(table.updated_s[rows], plots.time_s)
-    new["hits"][rows] += 1
-    new["radar_s"][rows, plots.sensor] = np.maximum(table.radar_s[rows, plots.sensor], plots.time_s)
-    new["origins"][rows] = np.column_stack([plots.origin, table.origins[rows, :-1]])
-    new["status"][rows] = np.maximum(table.status[rows], Status.TENTATIVE)
-    return replace(table, **new)
+def begin_tracks(bank: FilterBank, memory: RadarMemory, plots: Ints, batch: PlotColumns) -> RadarMemory:
+    """This memory with a new track for each of these rows of a batch of plots."""
+    table, slots = memory.table.with_slots(memory.next_id + np.arange(len(plots)))
+    bank.initialise(table.filters, table.estimates, slots, plots, batch)
+    table.status[slots] = Status.SINGLE
+    table.hits[slots] = 1
+    table.started_s[slots] = batch.time[plots]
+    table.radar_s[slots] = -np.inf
+    table.radar_s[slots, batch.sensor[plots]] = batch.time[plots]
+    table.origins[slots] = -1
+    table.origins[slots, 0] = batch.origin[plots]
+    return replace(memory, table=table, next_id=memory.next_id + len(plots))

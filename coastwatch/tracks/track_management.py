@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -10,12 +9,12 @@ from pydantic import Field, model_validator
 
 from coastwatch import kernels
 from coastwatch.batches import Bools, Floats, Ints, Plots
-from coastwatch.kernels.filters.gaussian import gate, squared_distance
+from coastwatch.kernels.filters.gaussian import gate
+from coastwatch.kernels.tracks.track_life import LifeRules
 from coastwatch.stage import Settings
-from coastwatch.tracks.table import Coverage, Duplicates, Status, Table
+from coastwatch.tracks.table import Duplicates, Status, Table
 
 DAY_S = 86400.0  # older plots are from a clock that is not set
-PAIR = 2**31  # more than there are tracks of a region in a run
 
 Positive = Annotated[float, Field(gt=0.0)]
 Probability = Annotated[float, Field(gt=0.0, lt=1.0)]
@@ -48,100 +47,51 @@ class TrackManagement(Settings):
             raise ValueError(f"confirm_hits: got {self.confirm_hits}, needed at most confirm_looks = {self.confirm_looks}")
         return self
 
-
-def looks(management: TrackManagement, coverage: Coverage, newest_plot_s: Floats, position_m: Floats, since_s: Floats) -> Ints:
-    """How often radars have looked at each position since a time. (N,)
-
-    Looks are counted from the newest plot of a radar: one that sends nothing has not looked.
-    Args: newest_plot_s: (R,) newest plot of each radar of the scenario; position_m: (N, 2); since_s: (N,).
-    """
-    waited = np.maximum(newest_plot_s[coverage.radars] - since_s[:, None], 0.0)
-    turns = np.floor(waited / coverage.period_s - management.look_slack)
-    seen: Ints = np.where(coverage.sees(position_m), np.maximum(turns, 0.0), 0.0).sum(axis=1).astype(np.int64)
-    return seen
-
-
-def confirm_and_delete(
-    management: TrackManagement, table: Table, coverage: Coverage, newest_plot_s: Floats, time_s: float
-) -> Table:
-    """Confirm the tracks with enough hits, and delete those without, and those that are lost.
-
-    A single plot lives for one look (two plots in two looks begin a track), a tentative track for `confirm_looks`.
-    """
-    position = table.state[:, 0, :2] + table.state[:, 0, 2:4] * np.maximum(time_s - table.updated_s, 0.0)[:, None]
-    age = 1 + looks(management, coverage, newest_plot_s, position, table.started_s)
-    missed = looks(management, coverage, newest_plot_s, position, table.updated_s)
-    confirmed = (table.status == Status.CONFIRMED) | (table.hits >= management.confirm_hits)
-    allowed = np.minimum(management.delete_misses, np.ceil(management.misses_per_hit * table.hits))
-    tried = np.where(table.status == Status.SINGLE, 2, management.confirm_looks)
-    lost = np.where(confirmed, missed >= allowed, age >= tried)
-    lost |= time_s - table.updated_s > management.coast_s
-    status = np.where(confirmed, np.int64(Status.CONFIRMED), table.status)
-    kept = replace(table, status=status)
-    return kept.take(~lost) if lost.any() else kept
+    @property
+    def rules(self) -> LifeRules:
+        """The settings of confirmation and deletion as the kernel takes them."""
+        first = self.confirm_hits, self.confirm_looks, self.delete_misses
+        return LifeRules(*first, self.misses_per_hit, self.look_slack, self.coast_s)
 
 
 def remove_duplicates(
-    management: TrackManagement,
-    table: Table,
-    duplicates: Duplicates,
-    mean: Floats,
-    covariance: Floats,
-    period_s: Floats,
-    time_s: float,
+    management: TrackManagement, table: Table, duplicates: Duplicates, period_s: Floats, time_s: float
 ) -> tuple[Table, Duplicates]:
     """Delete the younger of two tracks that have been one vessel for `merge_looks` turns. Returns: the table, pairs still suspected.
 
     Two tracks are suspected while their difference may be zero, by their covariances, and no radar gave both a plot in one look: a
     vessel gives a radar one plot a look.
-    Args: mean: (N, 5), covariance: (N, 5, 5) of all tracks at one time; period_s: (R,) of one turn.
+    Args: period_s: (R,) of one turn; time_s: now.
     """
-    first, second = _possible_duplicates(management, table, mean, covariance)
-    served = np.isfinite(table.radar_s[first]) & np.isfinite(table.radar_s[second])
-    apart = np.subtract(table.radar_s[first], table.radar_s[second], where=served, out=np.full(served.shape, np.inf))
-    both = (np.abs(apart) < 0.5 * period_s).any(axis=1)
-    first, second = first[~both], second[~both]
-    newest = np.maximum(np.maximum(table.updated_s[first], table.updated_s[second]), time_s)
-    since = _since(duplicates, table.track_id[first], table.track_id[second], newest)
-    served = np.isfinite(table.radar_s[first]) | np.isfinite(table.radar_s[second])
-    turn = np.where(served, period_s, 0.0).max(axis=1, initial=0.0)
-    same = time_s - since >= management.merge_looks * turn
-    keep = np.ones(len(table), np.bool_)
-    keep[_younger(table, first[same], second[same])] = False
-    kept = keep[first] & keep[second]
-    pairs = Duplicates(table.track_id[first[kept]], table.track_id[second[kept]], since[kept])
-    return table.take(keep), pairs
-
-
-def _possible_duplicates(management: TrackManagement, table: Table, mean: Floats, covariance: Floats) -> tuple[Ints, Ints]:
-    """Pairs of tracks of more than one plot, the lower row first, whose difference may be zero."""
-    rows = np.flatnonzero(table.status != Status.SINGLE)
+    places = np.flatnonzero(table.status[table.live] != Status.SINGLE)
+    slots = table.live[places]
     furthest = gate(management.merge_probability, 4)
-    sigma = np.sqrt(covariance[rows, 0, 0] + covariance[rows, 1, 1])
-    radius = np.sqrt(furthest * (sigma**2 + float(sigma.max(initial=0.0)) ** 2))
-    a, b = kernels.geometry.neighbours.near_pairs(mean[rows, :2], radius, mean[rows, :2])
-    first, second = rows[a[a < b]], rows[b[a < b]]
-    gap = mean[first, :4] - mean[second, :4]
-    spread = covariance[first, :4, :4] + covariance[second, :4, :4]
-    alike = squared_distance(gap, spread) <= furthest
-    return first[alike], second[alike]
+    latest_s = float(table.updated_s[slots].max(initial=time_s))  # plots may be stamped a little ahead
+    first, second = kernels.tracks.duplicates.possible_duplicates(table.estimates, slots, latest_s, furthest)
+    one, other = table.radar_s[slots[first]], table.radar_s[slots[second]]
+    served = np.isfinite(one) & np.isfinite(other)
+    apart = np.subtract(one, other, where=served, out=np.full(served.shape, np.inf))
+    alone = ~(np.abs(apart) < 0.5 * period_s).any(axis=1)
+    first, second, one, other = first[alone], second[alone], one[alone], other[alone]
+    since = _since(duplicates, table.track_id[slots[first]], table.track_id[slots[second]], time_s)
+    turn = np.where(np.isfinite(one) | np.isfinite(other), period_s, 0.0).max(axis=1, initial=0.0)
+    same = time_s - since >= management.merge_looks * turn
+    lost = np.zeros(len(table), np.bool_)
+    status = table.status[slots]
+    younger = np.where(status[first] < status[second], first, second)  # or of the lower status
+    lost[places[younger[same]]] = True
+    kept = ~lost[places[first]] & ~lost[places[second]]
+    pairs = Duplicates(table.track_id[slots[first[kept]]], table.track_id[slots[second[kept]]], since[kept])
+    return table.without(lost), pairs
 
 
-def _since(duplicates: Duplicates, first: Ints, second: Ints, now_s: Floats) -> Floats:
-    """Since when each of these pairs is suspected: now, where it was not before. Pairs are sorted, before and now."""
-    if len(duplicates) == 0:
-        return now_s
-    old, new = duplicates.first * PAIR + duplicates.second, first * PAIR + second
-    at = np.minimum(np.searchsorted(old, new), len(old) - 1)
-    since: Floats = np.where(old[at] == new, duplicates.since_s[at], now_s)
+def _since(duplicates: Duplicates, first: Ints, second: Ints, now_s: float) -> Floats:
+    """Since when each of these pairs is suspected: now, where it was not before."""
+    before, now = (np.rec.fromarrays(ids) for ids in ((duplicates.first, duplicates.second), (first, second)))
+    _, old, new = np.intersect1d(before, now, assume_unique=True, return_indices=True)
+    since: Floats = np.full(len(first), now_s)
+    since[new] = duplicates.since_s[old]
     return since
-
-
-def _younger(table: Table, first: Ints, second: Ints) -> Ints:
-    """Of each pair of rows the one with the lower status, or else the one that began later."""
-    further = np.where(table.status[first] != table.status[second], table.status[first] > table.status[second], first < second)
-    younger: Ints = np.where(further, second, first)
-    return younger
 
 
 def is_usable(management: TrackManagement, plots: Plots, time_s: float) -> Bools:

@@ -49,7 +49,7 @@ ONE_MODEL_OF_THE_CENTRAL_FILTER = (
     ("fused_tracks.noise_m2_s3", f"[{WHITE_NOISE_M2_S3}, 1e-3, 1e-3, 1e-3]"),
     ("fused_tracks.share", "[1.0, 1e-9, 1e-9, 1e-9]"),
     ("fused_tracks.sojourn_s", "[1e15, 1e-3, 1e-3, 1e-3]"),
-    ("fused_tracks.kick_m_s", "0.0"),
+    ("fused_tracks.velocity_jump_m_s", "0.0"),
     # and in the radars
     ("fused_tracks.range_registration", "0.0"),
     ("fused_tracks.azimuth_registration", "0.0"),

@@ -28,7 +28,7 @@ HIGHEST_KICK_M_S = 0.1 * 15.0 * KNOT_M_S  # process_noise_fraction of the highes
 # A kick each second of the variance that white acceleration of the steady model has in a second.
 WHITE = {
     "input.motion.process_noise": "rw1",
-    "input.motion.kick_share": str(float(np.sqrt(STEADY.noise_m2_s3)) / HIGHEST_KICK_M_S),
+    "input.motion.velocity_jump_share": str(float(np.sqrt(STEADY.noise_m2_s3)) / HIGHEST_KICK_M_S),
     "tracks.motion.models": f'[{{kind = "straight", noise_m2_s3 = {STEADY.noise_m2_s3}, share = 1.0}}]',
 }
 # Rates are even from 0.2 to 0.8 deg/s to either side. Three models a side, as wide as their part of that, take the bend out of it.

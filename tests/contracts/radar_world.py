@@ -136,6 +136,8 @@ def _plots(
         position_m=site + distance[:, None] * ahead,
         covariance=sigma_r**2 * ahead[:, :, None] * ahead[:, None] + wide[:, None, None] * across[:, :, None] * across[:, None],
         site_m=np.tile(site, (n, 1)),
+        range_m=distance,
+        azimuth_rad=azimuth,
         origin=origin,
     )
 

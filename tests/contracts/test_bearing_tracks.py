@@ -125,6 +125,27 @@ def test_late_double_and_broken_reports_change_nothing() -> None:
         np.testing.assert_array_equal(getattr(after, name), getattr(tracks, name))
 
 
+@pytest.mark.parametrize("contact", [3, -1])
+@pytest.mark.parametrize("stamp_s", [86_400.0, 20.5])
+def test_a_bearing_from_the_future_is_dropped_and_counted(contact: int, stamp_s: float) -> None:
+    sensors, method = two_sensors(), BearingWindow(ahead_s=5.0)
+    right = [say(0, 3.0 * (k + 1), 10.0, contact) for k in range(8)]
+    want, tracks = play(method, right, sensors)
+    wrong = say(0, stamp_s, [10.0, 70.0], [contact, 4 if contact >= 0 else -1])
+    memory, after = play(method, [*right[:4], BearingReports.join([right[4], wrong]), *right[5:]], sensors)
+    for name in vars(tracks):
+        np.testing.assert_array_equal(getattr(after, name), getattr(tracks, name))
+    assert (want.dropped, memory.dropped) == (0, 2)
+    assert load(save(memory)).dropped == 2
+
+
+def test_a_bearing_ahead_within_the_limit_is_used_and_one_that_is_not_finite_is_counted() -> None:
+    reports = say(0, [8.0, 3.0, np.nan, np.inf], [10.0, np.nan, 10.0, 10.0], [1, 2, 3, 4])
+    memory, tracks = play(BearingWindow(ahead_s=5.0), [reports], two_sensors())
+    assert tracks.updated_s.tolist() == [START + 8.0]
+    assert memory.dropped == 3
+
+
 def test_fast_reports_share_slots_and_lose_no_precision() -> None:
     rng = np.random.default_rng([1, 3])
     sensors = two_sensors()
@@ -212,3 +233,17 @@ def test_classes_are_counted_by_contact() -> None:
         cycles.append(replace(reports, signature=np.array(classes)))
     _, tracks = play(BearingWindow(), cycles, two_sensors())
     assert tracks.signatures.tolist() == [[1, 0, 2, 0, 0, 0, 0], [0, 0, 0, 0, 0, 1, 0]]
+
+
+def test_a_bearing_with_a_standard_deviation_of_its_own_counts_by_it() -> None:
+    sensors = two_sensors()
+    specified = float(np.degrees(sensors.sonars.bearing_sigma_rad[0]))
+    first, second = say(0, 0.5, 40.0, 7), say(0, 1.0, 43.0, 7)  # one slot: its mean is weighted
+    sure, unsure = (replace(r, bearing_sigma_deg=np.array([s * specified])) for r, s in ((first, 0.5), (second, 2.0)))
+    (_, plain), (_, own) = (play(BearingWindow(), [BearingReports.join(r)], sensors) for r in ([first, second], [sure, unsure]))
+    mean = [float(np.degrees(t.window_bearing_rad[0, -1])) for t in (plain, own)]
+    np.testing.assert_allclose(mean, [41.5, 40.0 + 3.0 * 0.25 / (4.0 + 0.25)], atol=1e-9)
+    alone = [play(BearingWindow(), [r], sensors)[1].covariance[0, 0, 0] for r in (first, sure)]
+    assert alone[1] < alone[0]
+    numberless = [replace(say(0, 3.0 * k, 40.0, -1), bearing_sigma_deg=np.array([0.5 * specified])) for k in range(1, 5)]
+    assert len(play(BearingWindow(), numberless, sensors)[1]) == 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 from radar_world import ORIGIN_DEG, PERIOD_S, cut, plots_of, run, two_radars, world
@@ -10,7 +10,6 @@ from radar_world import ORIGIN_DEG, PERIOD_S, cut, plots_of, run, two_radars, wo
 from coastwatch.batches import Plots
 from coastwatch.geodesy import to_plane
 from coastwatch.tracks import SidedImm
-from coastwatch.tracks.table import Table
 
 OWN_M = 150.0  # four standard deviations of the widest plots: a track farther from its vessel is another's
 
@@ -53,10 +52,13 @@ def test_two_tracks_of_one_vessel_become_one():
     """Every track doubled, as after two radars began one each: within some turns the younger ones are gone."""
     plots = plots_of(world(40, 17), two_radars(), 60.0, 17)
     memory, out = run(SidedImm(), plots, 8)
-    twin = replace(
-        memory.table, track_id=memory.table.track_id + memory.next_id, radar_s=np.full_like(memory.table.radar_s, -np.inf)
-    )
-    doubled = replace(memory, table=Table.join([memory.table, twin]), next_id=2 * memory.next_id)
+    old, first_id = memory.table.live, memory.next_id
+    table, slots = memory.table.with_slots(first_id + np.arange(len(old)))
+    for f in fields(table):
+        if f.metadata["shape"][0] == "S" and f.name != "track_id":
+            getattr(table, f.name)[slots] = getattr(table, f.name)[old]
+    table.radar_s[slots] = -np.inf
+    doubled = replace(memory, table=table, next_id=first_id + len(old))
     _, after = run(SidedImm(), plots, 12, memory=doubled, first=8)
     assert len(np.unique(after[0].origin)) < len(after[0])
     assert np.isin(out[-1].track_id, after[-1].track_id).mean() > 0.9

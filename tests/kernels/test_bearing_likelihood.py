@@ -64,7 +64,7 @@ def test_a_bearing_that_no_range_explains_has_a_finite_density() -> None:
 
 
 def scores(
-    time, bearing, values, slot, start, bias_sigma=0.01, bias=0.0, sigma=0.02, memory=20.0, give_up=GIVE_UP, arc=2 * np.pi,
+    time, bearing, values, slot, start, bias_sigma=0.01, bias=0.0, sigma=0.02, memory=20.0, rejection_log_odds=GIVE_UP, arc=2 * np.pi,
     reach=9000.0, instant=None, site=SITE_DEG, row=None,
 ):  # fmt: skip
     """Log odds and mean differences of pairs: time, bearing (N, W), values (T, S, 4), slot (A,), start (N + 1,)."""
@@ -77,7 +77,7 @@ def scores(
     )  # fmt: skip
     positions = PositionWindows(np.asarray(instant, float), np.arange(len(instant)), value)
     row, out = np.arange(n) if row is None else row, np.empty((len(slot), 2))
-    hypotheses = Hypotheses(HEARD, memory, give_up, UNKNOWN)
+    hypotheses = Hypotheses(HEARD, memory, rejection_log_odds, UNKNOWN)
     log_odds(0, len(row), TrackPairs(row, start, slot), windows, positions, hypotheses, out)
     return out.T
 
@@ -150,9 +150,9 @@ def test_pairs_are_the_same_alone_and_in_company() -> None:
     slot = np.tile(np.append(np.arange(vessels), -1), n)
     site = SITE_DEG + rng.normal(0.0, 1e-3, (n, w, 2)) * (np.arange(n) % 2)[:, None, None]  # every second sensor moves
     size = len(slot) // n
-    more = {"instant": instant, "give_up": -25.0, "arc": np.pi}
+    more = {"instant": instant, "rejection_log_odds": -25.0, "arc": np.pi}
     odds, difference = scores(time, bearing, values, slot, np.arange(n + 1) * size, site=site, **more)
-    whole = scores(time, bearing, values, slot, np.arange(n + 1) * size, site=site, **{**more, "give_up": GIVE_UP})
+    whole = scores(time, bearing, values, slot, np.arange(n + 1) * size, site=site, **{**more, "rejection_log_odds": GIVE_UP})
     assert np.isneginf(odds).sum() == n
     assert (odds < -25.0).sum() > 100
     assert (odds > 0.0).sum() > 20
@@ -211,4 +211,4 @@ def test_one_bearing_from_outside_the_coverage_counts() -> None:
 def test_gives_up_only_below_the_limit() -> None:
     time, bearing = np.arange(5.0), np.full(5, 0.5)  # half a radian off
     args = (time, bearing, sailing(np.tile([0.0, 5000.0], (6, 1)), np.ones(6)), np.arange(6.0))
-    assert score(*args)[0] < score(*args, give_up=-20.0)[0] < -20.0
+    assert score(*args)[0] < score(*args, rejection_log_odds=-20.0)[0] < -20.0

@@ -1,27 +1,12 @@
-"""Near pairs against all pairs, and gates against the chi-square distribution."""
+"""Gates against the chi-square distribution, and squared distances against the inverse."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.stats import chi2
 
 from coastwatch.kernels.filters.gaussian import gate, squared_distance
-from coastwatch.kernels.geometry.neighbours import near_pairs
-
-
-@given(st.integers(0, 40), st.integers(0, 40), st.integers(0, 10**6))
-def test_near_pairs_are_all_that_are_near(n, m, seed):
-    rng = np.random.default_rng([seed, 5])
-    centre, points = rng.integers(-9, 10, (n, 2)).astype(float), rng.integers(-9, 10, (m, 2)).astype(float)
-    radius = rng.integers(0, 8, n).astype(float)
-    first, second = near_pairs(centre, radius, points)
-    square = ((centre[:, None] - points) ** 2).sum(axis=-1)
-    want = np.nonzero(square <= (radius**2)[:, None])
-    assert np.array_equal(first, want[0])
-    assert np.array_equal(second, want[1])
 
 
 @pytest.mark.parametrize("dimensions", [1, 2, 4])

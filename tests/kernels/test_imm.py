@@ -133,7 +133,7 @@ def test_equal_sojourns_make_a_chain_of_continuous_time():
     np.testing.assert_allclose(ages, 1.0 / 3.0, rtol=1e-12)
 
 
-@pytest.mark.parametrize("rate", [0.0, 1e-9, 1e-4, 1e-3 - 1e-9, 1e-3 + 1e-9, -1e-3, 0.3, -2.0])
+@pytest.mark.parametrize("rate", [0.0, 1e-9, 1e-4, 0.02, 0.1 - 1e-9, 0.1 + 1e-9, -0.1 + 1e-9, 0.3, -2.0])
 def test_turn_is_smooth_through_straight_ahead(rate):
     x = np.array([10.0, -20.0, 7.0, 3.0, rate])
     moved, jacobian, _ = one_model(x, 1.0, 1, 0.1, 1e-6, 0.0)

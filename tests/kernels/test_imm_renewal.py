@@ -11,13 +11,16 @@ from hypothesis import strategies as st
 
 from coastwatch.kernels.filters import motion_models
 from coastwatch.kernels.filters.imm import (
+    combine_filters,
     estimate_filters,
+    initialise_filters,
     predict_filters,
     predicted_estimates,
+    update_by_plots,
     update_filters,
-    updated_by_plots,
 )
 from coastwatch.kernels.filters.motion_models import SPEEDING, STRAIGHT, TURNING
+from coastwatch.kernels.tracks.columns import Estimates, PlotColumns
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "oracles"))
 import imm_textbook as textbook
@@ -75,6 +78,24 @@ def plots(x, seed):
     return x.mean(axis=1)[:, :2] + 30.0 * rng.normal(size=(len(x), 2)), a @ a.swapaxes(-1, -2)
 
 
+def combined(x, p, mode, models):
+    """The combined estimates of filters at time 0."""
+    n = len(x)
+    estimates = Estimates(np.zeros(n), np.zeros((n, 4)), np.zeros((n, 4, 4)), np.zeros(n))
+    combine_filters((x, p, mode), estimates, np.arange(n), table(models))
+    return estimates
+
+
+def updated(x, p, mode, rows, dt, position, noise, renewal, models):
+    """Filters at time 0 after plots at dt, and their combined estimates."""
+    filters, estimates = (x.copy(), p.copy(), mode.copy()), combined(x, p, mode, models)
+    none = np.zeros(len(rows), np.int64)
+    update_by_plots(
+        filters, estimates, rows, np.arange(len(rows)), PlotColumns(dt, position, noise, none, none), renewal, table(models)
+    )
+    return filters, estimates
+
+
 @given(st.integers(0, 4), st.integers(1, 7), st.integers(0, 10**6))
 def test_predict_is_the_textbook(n, j, seed):
     x, p, mode, renewal, models = bank(n, j, seed)
@@ -114,33 +135,65 @@ def test_one_pass_is_its_steps(n, j, seed):
     position, noise = plots(x[rows], seed)
     ahead = predict_filters(x[rows], p[rows], mode[rows], np.maximum(dt, 0.0), renewal, table(models))
     mean, cov = estimate_filters(*ahead)
-    seen = predicted_estimates(x[rows], p[rows], mode[rows], np.maximum(dt, 0.0), renewal, table(models))
-    close(seen[0], mean)
-    close(seen[1], cov)
+    estimates = combined(x, p, mode, models)
+    estimates.time[rows] = -dt
+    seen = predicted_estimates((x, p, mode), estimates, rows, 0.0, renewal, table(models))
+    close(seen.mean, mean[:, :4])
+    close(seen.covariance, cov[:, :4, :4])
+    close(seen.noise, ahead[2] @ models[:, NOISE])
+    assert np.array_equal(seen.time, np.maximum(-dt, 0.0))
     late = np.minimum(dt, 0.0)
     z, r = np.zeros((n, 4)), np.zeros((n, 4, 4))
     z[:, :2] = position - mean[:, 2:4] * late[:, None]
     r[:, :2, :2] = noise + cov[:, 2:4, 2:4] * (late**2)[:, None, None]
     want = update_filters(*ahead, z, r, np.zeros(n, np.bool_))
-    got = updated_by_plots((x, p, mode), rows, dt, position, noise, renewal, table(models))
-    for a, b in zip(got[:3], want[:3], strict=True):
-        close(a, b, INNOVATION)
-    np.testing.assert_allclose(got[3], want[3], rtol=1e-7)
-    gap, spread = z[:, :2] - mean[:, :2], cov[:, :2, :2] + r[:, :2, :2]
-    np.testing.assert_allclose(got[4], (gap * np.linalg.solve(spread, gap[..., None])[..., 0]).sum(axis=1), rtol=1e-7)
+    filters, estimates = updated(x, p, mode, rows, dt, position, noise, renewal, models)
+    for got, expected in zip(filters, want[:3], strict=True):
+        close(got[rows], expected, INNOVATION)
+    mean, cov = estimate_filters(*filters)
+    close(estimates.mean, mean[:, :4])
+    close(estimates.covariance, cov[:, :4, :4])
+    close(estimates.noise, filters[2] @ models[:, NOISE])
+    np.testing.assert_allclose(estimates.time[rows], np.maximum(dt, 0.0))
 
 
 def test_a_row_is_the_same_alone():
     x, p, mode, renewal, models = bank(6, 7, 1)
     position, noise = plots(x, 1)
     rows, dt = np.arange(6), np.linspace(-2.0, 8.0, 6)
-    together = updated_by_plots((x, p, mode), rows, dt, position, noise, renewal, table(models))
+    together, _ = updated(x, p, mode, rows, dt, position, noise, renewal, models)
     for k in range(6):
         at = slice(k, k + 1)
-        alone = updated_by_plots(
-            (x[at], p[at], mode[at]), np.array([0]), dt[at], position[at], noise[at], renewal, table(models)
-        )
+        alone, _ = updated(x[at], p[at], mode[at], rows[:1], dt[at], position[at], noise[at], renewal, models)
         assert all(np.array_equal(a[at], b) for a, b in zip(together, alone, strict=True))
+
+
+def test_a_filter_takes_its_plots_in_their_order():
+    """Two plots in one call are two calls; filters without a plot stay."""
+    x, p, mode, renewal, models = bank(3, 4, 5)
+    position, noise = plots(x[[1, 1]], 5)
+    both, _ = updated(x, p, mode, np.array([1, 1]), np.array([2.0, 3.0]), position, noise, renewal, models)
+    first, _ = updated(x, p, mode, np.array([1]), np.array([2.0]), position[:1], noise[:1], renewal, models)
+    second, _ = updated(*first, np.array([1]), np.array([1.0]), position[1:], noise[1:], renewal, models)
+    for got, want in zip(both, second, strict=True):
+        close(got, want)
+    assert np.array_equal(both[0][[0, 2]], x[[0, 2]])
+
+
+def test_a_new_filter_knows_one_plot_and_the_prior():
+    x, p, mode, _, models = bank(4, 5, 6)
+    rows, (position, noise) = np.array([2, 0]), plots(x[:2], 6)
+    filters = x.copy(), p.copy(), mode.copy()
+    initialise_filters(filters, rows, position, noise, 16.0, table(models))
+    want = np.zeros((2, 5, 5))
+    want[:, 2, 2] = want[:, 3, 3] = 16.0
+    want[:, :2, :2] = noise
+    for j in range(5):
+        want[:, 4, 4] = models[j, SIGMA] ** 2
+        close(filters[0][rows, j], np.column_stack([position, np.zeros((2, 2)), np.full(2, models[j, MEAN])]))
+        close(filters[1][rows, j], want)
+    close(filters[2][rows], np.tile(models[:, PRIOR], (2, 1)))
+    assert np.array_equal(filters[0][[1, 3]], x[[1, 3]])
 
 
 def test_no_time_changes_nothing_and_nothing_is_written():
@@ -148,8 +201,6 @@ def test_no_time_changes_nothing_and_nothing_is_written():
     kept = x.copy(), p.copy(), mode.copy()
     same = predict_filters(x, p, mode, np.zeros(3), renewal, table(models))
     update_filters(x, p, mode, np.zeros((3, 4)), np.tile(np.eye(4), (3, 1, 1)), np.zeros(3, np.bool_))
-    flat = np.zeros((3, 2)), np.tile(np.eye(2), (3, 1, 1))
-    updated_by_plots((x, p, mode), np.arange(3), np.ones(3), *flat, renewal, table(models))
     for before, now, after in zip(kept, (x, p, mode), same, strict=True):
         assert np.array_equal(before, now)
         assert np.array_equal(before, after)

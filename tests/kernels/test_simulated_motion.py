@@ -106,7 +106,7 @@ def test_random_walks_take_normal_steps_at_their_interval(model, interval_s):
 
 
 def test_a_literal_share_can_be_set():
-    assert VesselMotion(process_noise="rw1", kick_share=1.0).kick_m_s == pytest.approx(1.5 * KNOT_M_S)
+    assert VesselMotion(process_noise="rw1", velocity_jump_share=1.0).kick_m_s == pytest.approx(1.5 * KNOT_M_S)
 
 
 def test_bounded_perturbations_stay_bounded():

@@ -6,10 +6,11 @@ import os
 import sys
 import threading
 import time
+from functools import partial
 
 import pytest
 
-from coastwatch.kernels.threads import MOST_NICE, NICE, blocks, in_blocks, threads
+from coastwatch.kernels.threads import MOST_NICE, NICE, blocks, in_blocks, over_threads, threads
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 7])
@@ -59,6 +60,24 @@ def test_an_error_of_any_thread_is_raised_when_all_have_stopped(who: str) -> Non
             in_blocks(kernel, 80, least=1)
         assert [thread for thread in running if (thread is caller) != (who == "caller")] == []
         assert in_blocks(lambda low, high: high - low, 80, least=1) == [10] * 8
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_calls_side_by_side_use_one_thread_each_and_a_call_alone_all(count: int) -> None:
+    def call(k: int) -> tuple[int, int, list[int]]:
+        return k, len(blocks(1000, 1)), in_blocks(lambda low, high: high - low, 1000, least=1)
+
+    with threads(count):
+        ranges = len(blocks(1000, 1))
+        for calls in (7, 2):
+            assert over_threads([partial(call, k) for k in range(calls)]) == [
+                (k, ranges if count == 1 else 1, [1000]) for k in range(calls)
+            ]
+        assert over_threads([partial(call, 3)])[0][1] == ranges
+        assert over_threads([]) == []
+        with pytest.raises(ZeroDivisionError):
+            over_threads([lambda: 1 // 0, lambda: 1])
+        assert len(blocks(1000, 1)) == ranges
 
 
 def test_threads_end_with_the_block() -> None:

@@ -11,6 +11,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "history",
         "pair_features",
         "pair_score",
+        "polar_pairs",
         "prune_pairs",
     ],
 )

@@ -58,6 +58,26 @@ def _solve(cost, match):  # type: ignore[no-untyped-def]
 
 
 @jit
+def _is_star(row, column, pairs):  # type: ignore[no-untyped-def]
+    """Whether all pairs have one row, or one column."""
+    same_row = same_column = True
+    for a in pairs:
+        same_row &= row[a] == row[pairs[0]]
+        same_column &= column[a] == column[pairs[0]]
+    return same_row or same_column
+
+
+@jit
+def _best(gain, pairs):  # type: ignore[no-untyped-def]
+    """The pair of the greatest gain, the first of equal ones."""
+    best = pairs[0]
+    for a in pairs:
+        if gain[a] > gain[best]:
+            best = a
+    return best
+
+
+@jit
 def _solve_components(low, high, component, row, column, gain, place, selected):  # type: ignore[no-untyped-def]
     """Select pairs of components low to high.
 
@@ -68,8 +88,8 @@ def _solve_components(low, high, component, row, column, gain, place, selected):
     row_place, column_place = place
     for k in range(low, high):
         pairs = order[start[k] : start[k + 1]]
-        if len(pairs) == 1:
-            selected[pairs[0]] = True
+        if _is_star(row, column, pairs):
+            selected[_best(gain, pairs)] = True
             continue
         rows = columns = 0
         for a in pairs:
@@ -93,6 +113,20 @@ def _solve_components(low, high, component, row, column, gain, place, selected):
             if tall:
                 i, j = j, i
             selected[a] = match[j] == i
+
+
+@jit
+def assign_rows(row, column, gain, rows, columns):  # type: ignore[no-untyped-def]
+    """As `assign`, of pairs sorted by row and column, or the other way round, all with a positive gain, for other kernels.
+
+    Args: row, column: (A,) labels from 0; rows, columns: how many there are.
+    """
+    selected = np.zeros(len(row), np.bool_)
+    label = components(row, rows + column, rows + columns)[row]
+    place = np.full(rows, -1), np.full(columns, -1)
+    count = label.max() + 1 if len(row) else 0
+    _solve_components(0, count, counting_sort(label, count), row, column, gain, place, selected)
+    return selected
 
 
 def assign(first: Ints, second: Ints, gain: Floats) -> Bools:

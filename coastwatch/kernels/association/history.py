@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coastwatch.kernels.tables.match_ids import index_of, match_ids
+from coastwatch.kernels.tables.row_numbers import require_rows
 
 Array = NDArray[Any]
 Ints = NDArray[np.int64]
@@ -40,6 +41,16 @@ class History:
         """No id yet. Args: window: W; dtype: of a value, records for named fields; columns: () or (C,)."""
         none = np.zeros(0, np.int32)
         return History(np.zeros((0, window, *columns), dtype), np.zeros(0, np.int64), none, none, none, none, -1)
+
+    def check_rows(self) -> None:
+        """Check slots and lengths, as after reading a checkpoint: kernels do not. Raises: ValueError that names the field."""
+        slots, ids = len(self.values), len(self.ids)
+        for name, size in (("slot", ids), ("absent", ids), ("length", slots)):
+            if len(getattr(self, name)) != size:
+                raise ValueError(f"History.{name}: got {len(getattr(self, name))} rows, needed {size}")
+        require_rows("History.slot", self.slot, slots)
+        require_rows("History.free", self.free, slots)
+        require_rows("History.length", self.length, self.window + 1)
 
     @property
     def window(self) -> int:

@@ -33,7 +33,7 @@ class Hypotheses(NamedTuple):
 
     detection: float  # probability that a vessel inside the coverage of a sensor has a track of it
     memory: float  # s, correlation time of position errors
-    give_up: float  # log odds at which a pair is not looked at any further
+    rejection_log_odds: float  # log odds at which a pair is not looked at any further
     unknown: UnknownVessel
 
 
@@ -64,7 +64,7 @@ def log_odds_of(probability):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _compare(samples, sensor, value, slot, odds, give_up):  # type: ignore[no-untyped-def]
+def _compare(samples, sensor, value, slot, odds, rejection_log_odds):  # type: ignore[no-untyped-def]
     """The bearings of a track with one vessel, by a Kalman filter of two states: sensor offset and position error.
 
     difference = offset + h error + noise. The error of the position, in standard deviations, is a first-order Gauss-Markov process.
@@ -96,7 +96,7 @@ def _compare(samples, sensor, value, slot, odds, give_up):  # type: ignore[no-un
         log_odds = odds - s.log_density
         weight = 1.0 / (sensor.variance + h * h)
         weights, weighted = weights + weight, weighted + weight * difference
-        if log_odds < give_up:
+        if log_odds < rejection_log_odds:
             break
     return log_odds, weighted / weights, farthest
 
@@ -106,11 +106,11 @@ def log_odds(low, high, pairs, windows, positions, hypotheses, out):  # type: ig
     """Log odds of each pair, vessel against unknown vessel, and the mean of its bearing differences.
 
     Differences are white noise, plus the across-range error of the vessel's position, correlated over `memory` seconds, plus a constant
-    offset with `bias_variance`. A window ends where the vessel's own positions do, and with `give_up`.
+    offset with `bias_variance`. A window ends where the vessel's own positions do, and with `rejection_log_odds`.
     Args:
         low, high: range of the R tracks. pairs: TrackPairs. windows: BearingWindows. positions: PositionWindows. hypotheses: Hypotheses.
-        out: (A, 2) written: log odds, -inf where nothing could be compared, less than `give_up` where a pair is given up; mean difference,
-        NaN where nothing could be compared.
+        out: (A, 2) written: log odds, less than `rejection_log_odds` where a pair is rejected; mean difference. -inf and NaN where
+        nothing could be compared.
     """
     track, start, slot = pairs
     window, detection, prior = windows.time.shape[1], hypotheses.detection, log_odds_of(hypotheses.detection)
@@ -126,8 +126,8 @@ def log_odds(low, high, pairs, windows, positions, hypotheses, out):  # type: ig
             if slot[p] < 0 or len(used) == 0:
                 continue
             odds, difference, farthest = _compare(
-                used, sensor, positions.value, slot[p], prior - windows.log_density[i], hypotheses.give_up
+                used, sensor, positions.value, slot[p], prior - windows.log_density[i], hypotheses.rejection_log_odds
             )
             out[p, 0], out[p, 1] = odds, difference + bias
-            if odds >= hypotheses.give_up:
+            if odds >= hypotheses.rejection_log_odds:
                 out[p, 0] += log_odds_of(outside + (detection - outside) * 0.5 * math.erfc(farthest / math.sqrt(2.0))) - prior

@@ -12,7 +12,7 @@ import numpy as np
 
 from coastwatch.kernels.filters import imm
 from coastwatch.kernels.filters.kalman import EAST, EAST_RATE, MANOEUVRE, NORTH, NORTH_RATE, SIZE
-from coastwatch.kernels.geometry.ellipsoid import SEMI_MAJOR, enu_rotation, from_enu, to_enu
+from coastwatch.kernels.geometry.ellipsoid import SEMI_MAJOR, enu_offset, enu_rotation, from_enu, to_enu
 from coastwatch.kernels.jit import jit
 
 MODELS = 3  # room in a row; fewer may be in use. One layout: numba caches code by the name of a record type, not by its size
@@ -179,6 +179,16 @@ def _update_track(track, report, rules, models, z, noise, work):  # type: ignore
 def measure(track, report, rules, z, noise):  # type: ignore[no-untyped-def]
     """What a report measures in the plane of a track, into z (4,) and noise (4, 4); how many components: 4, or 2 without velocity."""
     z[0], z[1], _ = to_enu(report.lat, report.lon, track.anchor_lat, track.anchor_lon)
+    turn = enu_rotation(report.lat, report.lon, track.anchor_lat, track.anchor_lon)
+    return _measure_velocity(report, turn, rules, z, noise)
+
+
+@jit
+def _measure_velocity(report, turn, rules, z, noise):  # type: ignore[no-untyped-def]
+    """The velocity of a report into z[2:] and the covariance of all it measures into noise (4, 4); how many components: 4 or 2.
+
+    Args: turn: from east and north at the report to those of the plane, [[ee, en], [ne, nn]], row by row.
+    """
     z[2] = z[3] = 0.0
     noise[:] = 0.0
     noise[0, 0] = noise[1, 1] = rules.position_variance
@@ -188,7 +198,7 @@ def measure(track, report, rules, z, noise):  # type: ignore[no-untyped-def]
     if math.isnan(course):  # at rest
         noise[2, 2] = noise[3, 3] = rules.sog_variance + 0.5 * speed * speed
         return 4
-    ee, en, ne, nn = enu_rotation(report.lat, report.lon, track.anchor_lat, track.anchor_lon)
+    ee, en, ne, nn = turn
     c = ee * math.sin(course) + en * math.cos(course)
     s = ne * math.sin(course) + nn * math.cos(course)
     z[2], z[3] = speed * c, speed * s
@@ -203,6 +213,46 @@ def measure(track, report, rules, z, noise):  # type: ignore[no-untyped-def]
     noise[3, 3] = along * s * s + across * c * c
     noise[2, 3] = noise[3, 2] = (along - across) * c * s
     return 4
+
+
+@jit
+def measured(reports, rules):  # type: ignore[no-untyped-def]
+    """Velocity east and north (M, 2) of reports, and the covariance of position and velocity (M, 4, 4), NaN where there is no velocity.
+
+    Args: reports: REPORT; rules: RULES.
+    """
+    velocity, covariance = np.full((len(reports), 2), np.nan), np.full((len(reports), 4, 4), np.nan)
+    z, noise = np.zeros(4), np.zeros((4, 4))
+    for m in range(len(reports)):
+        d = _measure_velocity(reports[m], (1.0, 0.0, 0.0, 1.0), rules, z, noise)
+        covariance[m, :d, :d] = noise[:d, :d]
+        if d == 4:
+            velocity[m, 0], velocity[m, 1] = z[2], z[3]
+    return velocity, covariance
+
+
+@jit
+def nearest_tracks(reports, tracks, time, rules):  # type: ignore[no-untyped-def]
+    """The track of its MMSI that each report is nearest to, among those that a ship could have come from; -1 for none. (M,)
+
+    Args: reports: REPORT, sorted by MMSI; tracks: MMSI (N,), sorted, time of the newest report (N,), position (N, 2) latitude, longitude,
+    velocity (N, 2), these at `time`; rules: RULES.
+    """
+    mmsi, updated, position, velocity = tracks
+    out, first = np.full(len(reports), -1, np.int64), 0
+    for m in range(len(reports)):
+        report, least = reports[m], np.inf
+        while first < len(mmsi) and mmsi[first] < report.mmsi:
+            first += 1
+        n = first
+        while n < len(mmsi) and mmsi[n] == report.mmsi:
+            east, north = enu_offset(report.lat, report.lon, position[n, 0], position[n, 1])
+            east, north = east - velocity[n, 0] * (report.time - time), north - velocity[n, 1] * (report.time - time)
+            miss = math.sqrt(east * east + north * north)
+            if miss < least and miss <= rules.max_speed * abs(updated[n] - report.time) + rules.tolerance:
+                out[m], least = n, miss
+            n += 1
+    return out
 
 
 @jit

@@ -26,8 +26,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coastwatch.kernels.filters import kalman, motion_models
-from coastwatch.kernels.filters.kalman import MANOEUVRE, SIZE
+from coastwatch.kernels.filters.kalman import EAST_RATE, LOG_TWO_PI, MANOEUVRE, NORTH_RATE, SIZE
 from coastwatch.kernels.jit import jit
+from coastwatch.kernels.tracks.columns import Estimates
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -43,6 +44,7 @@ class Workspace(NamedTuple):
     covariance: Floats  # (J, 5, 5)
     mixing: Floats  # (J, J)
     log_weight: Floats  # (J,)
+    distance: Floats  # (J,)
     mean: Floats  # (5,) of all models, or of a second hypothesis
     spread: Floats  # (5, 5) its covariance
     transition: Floats  # (5, 5) F
@@ -58,6 +60,7 @@ def workspace(models):  # type: ignore[no-untyped-def]
         np.zeros((models, SIZE)),
         np.zeros((models, SIZE, SIZE)),
         np.zeros((models, models)),
+        np.zeros(models),
         np.zeros(models),
         np.zeros(SIZE),
         np.zeros((SIZE, SIZE)),
@@ -143,11 +146,11 @@ def mix(state, covariance, mode_probability, models, dt, work):  # type: ignore[
 def mix_renewed(state, covariance, mode_probability, models, dt, renewal, work):  # type: ignore[no-untyped-def]
     """Mix the models of a filter over dt by a renewal process: each model becomes a mixture of itself and of all models.
 
-    The work is linear in the number of models. Args: renewal: mean time until a motion is drawn from the prior, s.
+    The work is linear in the number of models. Args: renewal: mean time until a motion is drawn from the prior, s; work: its mean and
+    spread are the moments over all models, of position and velocity.
     """
     pool, spread = work.mean, work.spread
     keep = math.exp(-dt / renewal)
-    moments(state, covariance, mode_probability, pool, spread)
     for j in range(len(models)):
         past = keep * mode_probability[j]
         mode_probability[j] = past + (1.0 - keep) * models[j].prior_probability
@@ -164,12 +167,40 @@ def predict_filter(state, covariance, mode_probability, models, dt, renewal, wor
     if dt <= 0.0:
         return
     if renewal < math.inf:
+        moments(state, covariance, mode_probability, work.mean, work.spread)
+    predict_from_moments(state, covariance, mode_probability, models, dt, renewal, work)
+
+
+@jit
+def predict_from_moments(state, covariance, mode_probability, models, dt, renewal, work):  # type: ignore[no-untyped-def]
+    """As `predict_filter`, for dt > 0 and where the moments that `mix_renewed` reads are known."""
+    if renewal < math.inf:
         mix_renewed(state, covariance, mode_probability, models, dt, renewal, work)
     else:
         mix(state, covariance, mode_probability, models, dt, work)
     transition = work.transition
     for j in range(len(models)):
         motion_models.predict(models[j], state[j], covariance[j], dt, transition)
+
+
+@jit
+def reweigh(factor, distance, mode_probability):  # type: ignore[no-untyped-def]
+    """Mode probabilities, into the last, proportional to factor exp(-distance / 2); the logarithm of the sum of these weights.
+
+    Args: factor: (J,), overwritten; distance: (J,).
+    """
+    least, total, floored = math.inf, 0.0, 0.0
+    for j in range(len(factor)):
+        least = min(least, distance[j])
+    for j in range(len(factor)):
+        factor[j] *= math.exp(0.5 * (least - distance[j]))
+        total += factor[j]
+    for j in range(len(factor)):
+        mode_probability[j] = max(factor[j] / total, FLOOR)
+        floored += mode_probability[j]
+    for j in range(len(factor)):
+        mode_probability[j] /= floored
+    return math.log(total) - 0.5 * least
 
 
 @jit
@@ -194,11 +225,14 @@ def weigh_models(log_weight, mode_probability):  # type: ignore[no-untyped-def]
 @jit
 def update_filter(state, covariance, mode_probability, z, noise, work):  # type: ignore[no-untyped-def]
     """Update a filter by a measurement of its first d components; the log-likelihood. Args: z: (d,); noise: R, (d, d) or larger."""
-    log_weight, root, gain, residual = work.log_weight, work.root, work.gain, work.residual
+    factor, distance = work.log_weight, work.distance
     for j in range(len(mode_probability)):
-        log_likelihood = kalman.update(state[j], covariance[j], z, noise, root, gain, residual)
-        log_weight[j] = log_likelihood + math.log(max(mode_probability[j], FLOOR))
-    return weigh_models(log_weight, mode_probability)
+        if len(z) == 2:
+            determinant, distance[j] = kalman.update_position(state[j], covariance[j], z, noise)
+        else:
+            determinant, distance[j] = kalman.update(state[j], covariance[j], z, noise, work.root, work.gain, work.residual)
+        factor[j] = max(mode_probability[j], FLOOR) / determinant
+    return reweigh(factor, distance, mode_probability) - 0.5 * len(z) * LOG_TWO_PI
 
 
 @jit
@@ -212,10 +246,12 @@ def update_with_jumps(state, covariance, mode_probability, models, dt, z, noise,
             jumped[:] = state[j]
             spread[:] = covariance[j]
             motion_models.add_velocity_noise(spread, models[j].jump_variance, dt)
-        steady = kalman.update(state[j], covariance[j], z, noise, root, gain, residual)
+        determinant, distance = kalman.update(state[j], covariance[j], z, noise, root, gain, residual)
+        steady = kalman.log_likelihood(determinant, distance, len(z))
         steady += math.log(max(mode_probability[j] * (1.0 - probability), FLOOR))
         if probability > 0.0:
-            jump = kalman.update(jumped, spread, z, noise, root, gain, residual)
+            determinant, distance = kalman.update(jumped, spread, z, noise, root, gain, residual)
+            jump = kalman.log_likelihood(determinant, distance, len(z))
             jump += math.log(max(mode_probability[j] * probability, FLOOR))
             merge(state[j], covariance[j], 1.0 / (1.0 + math.exp(jump - steady)), jumped, spread)
             steady = max(steady, jump) + math.log1p(math.exp(-abs(jump - steady)))
@@ -265,23 +301,6 @@ def estimate_filters(state: Floats, covariance: Floats, mode_probability: Floats
 
 
 @jit
-def predicted_estimates(
-    state: Floats, covariance: Floats, mode_probability: Floats, dt_s: Floats, renewal_s: float, models: Any
-) -> tuple[Floats, Floats]:
-    """Mean (N, 5) and covariance (N, 5, 5) over the models of filters after dt; the filters stay. Args: as of `predict_filters`."""
-    mean, spread = np.empty((len(dt_s), SIZE)), np.empty((len(dt_s), SIZE, SIZE))
-    one, one_spread, mode = np.empty(state.shape[1:]), np.empty(covariance.shape[1:]), np.empty(len(models))
-    work = workspace(len(models))
-    for n in range(len(dt_s)):
-        one[:] = state[n]
-        one_spread[:] = covariance[n]
-        mode[:] = mode_probability[n]
-        predict_filter(one, one_spread, mode, models, dt_s[n], renewal_s, work)
-        moments(one, one_spread, mode, mean[n], spread[n])
-    return mean, spread
-
-
-@jit
 def bring_forward(z, noise, late, mean, covariance):  # type: ignore[no-untyped-def]
     """Move a measured position by the velocity of an estimate over `late` seconds, and widen its noise as much. In place."""
     for a in range(2):
@@ -291,40 +310,103 @@ def bring_forward(z, noise, late, mean, covariance):  # type: ignore[no-untyped-
 
 
 @jit
-def squared_distance(z, noise, mean, covariance):  # type: ignore[no-untyped-def]
-    """Squared Mahalanobis distance of a measured position from an estimate."""
-    s00, s10, s11 = covariance[0, 0] + noise[0, 0], covariance[1, 0] + noise[1, 0], covariance[1, 1] + noise[1, 1]
-    east, north = z[0] - mean[0], z[1] - mean[1]
-    return (s11 * east * east - 2.0 * s10 * east * north + s00 * north * north) / (s00 * s11 - s10 * s10)
+def initialise_filters(filters, rows, position, noise, speed_variance, models):  # type: ignore[no-untyped-def]
+    """Filters that know one position and no velocity, in place.
+
+    Args: filters: state (S, J, 5), covariance (S, J, 5, 5), mode probability (S, J); rows: (B,) of them; position: (B, 2); noise: R,
+    (B, 2, 2); speed_variance: of each component of the velocity; models: (J,) MODEL.
+    """
+    state, covariance, mode = filters
+    for k in range(len(rows)):
+        n = rows[k]
+        state[n] = 0.0
+        covariance[n] = 0.0
+        for j in range(len(models)):
+            state[n, j, :2] = position[k]
+            state[n, j, MANOEUVRE] = models[j].manoeuvre_mean
+            covariance[n, j, :2, :2] = noise[k]
+            covariance[n, j, EAST_RATE, EAST_RATE] = covariance[n, j, NORTH_RATE, NORTH_RATE] = speed_variance
+            covariance[n, j, MANOEUVRE, MANOEUVRE] = models[j].manoeuvre_sigma ** 2
+            mode[n, j] = models[j].prior_probability
 
 
 @jit
-def updated_by_plots(
-    filters: tuple[Floats, Floats, Floats],
-    rows: Ints,
-    dt_s: Floats,
-    position: Floats,
-    noise: Floats,
-    renewal_s: float,
-    models: Any,
-) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-    """Filters of pairs after prediction to a plot and update by it; log-likelihood and squared distance of the plot.
+def combine(state, covariance, mode_probability, models, n, estimates):  # type: ignore[no-untyped-def]
+    """Write the combined estimate of a filter into row n of `coastwatch.kernels.tracks.columns.Estimates`, but for its time."""
+    mean, spread, noise = estimates.mean[n], estimates.covariance[n], 0.0
+    for a in range(4):
+        mean[a] = 0.0
+        for j in range(len(models)):
+            mean[a] += mode_probability[j] * state[j, a]
+        for b in range(a + 1):
+            spread[a, b] = 0.0
+    for j in range(len(models)):
+        noise += mode_probability[j] * models[j].noise
+        for a in range(4):
+            apart = state[j, a] - mean[a]
+            for b in range(a + 1):
+                spread[a, b] += mode_probability[j] * (covariance[j, a, b] + apart * (state[j, b] - mean[b]))
+    for a in range(4):
+        for b in range(a):
+            spread[b, a] = spread[a, b]
+    estimates.noise[n] = noise
 
-    A plot that is older than its filter (dt_s < 0) is brought forward by the velocity and is as much less certain.
-    Args: filters: state (N, J, 5), covariance (N, J, 5, 5), mode probability (N, J); rows: (A,) of them; dt_s: (A,); position: (A, 2);
-    noise: (A, 2, 2); else as of `predict_filters`.
-    Returns: state (A, J, 5), covariance (A, J, 5, 5), mode probability (A, J), log-likelihood (A,), squared distance (A,).
+
+@jit
+def combine_filters(filters, estimates, rows, models):  # type: ignore[no-untyped-def]
+    """Write the combined estimates of these filters, but for their times. Args: as of `update_by_plots`; rows: (B,)."""
+    state, covariance, mode = filters
+    for n in rows:
+        combine(state[n], covariance[n], mode[n], models, n, estimates)
+
+
+@jit
+def update_by_plots(filters, estimates, rows, plots, columns, renewal, models):  # type: ignore[no-untyped-def]
+    """Predict each filter to the time of its plot and update it, in place, one plot after the other.
+
+    A plot that is older than its filter is brought forward by the velocity and is as much less certain.
+    Args: filters: state (S, J, 5), covariance (S, J, 5, 5), mode probability (S, J); estimates: `kernels.tracks.columns.Estimates` of
+    them; rows: (B,) of these, one may come again; plots: (B,) rows of columns, PlotColumns; renewal: s, as of `predict_filters`.
     """
-    state, covariance, mode = filters[0][rows], filters[1][rows], filters[2][rows]
-    log_likelihood, distance = np.empty(len(rows)), np.empty(len(rows))
-    work, mean, spread = workspace(len(models)), np.empty(SIZE), np.empty((SIZE, SIZE))
-    z, r = np.empty(2), np.empty((2, 2))
+    state, covariance, mode = filters
+    work, z, noise = workspace(len(models)), np.empty(2), np.empty((2, 2))
     for k in range(len(rows)):
-        z[:] = position[k]
-        r[:] = noise[k]
-        predict_filter(state[k], covariance[k], mode[k], models, dt_s[k], renewal_s, work)
-        moments(state[k], covariance[k], mode[k], mean, spread)
-        bring_forward(z, r, max(-dt_s[k], 0.0), mean, spread)
-        distance[k] = squared_distance(z, r, mean, spread)
-        log_likelihood[k] = update_filter(state[k], covariance[k], mode[k], z, r, work)
-    return state, covariance, mode, log_likelihood, distance
+        n, m = rows[k], plots[k]
+        dt = columns.time[m] - estimates.time[n]
+        z[:] = columns.position[m]
+        noise[:] = columns.covariance[m]
+        if dt > 0.0:
+            work.mean[:4] = estimates.mean[n]
+            work.spread[:4, :4] = estimates.covariance[n]
+            predict_from_moments(state[n], covariance[n], mode[n], models, dt, renewal, work)
+            estimates.time[n] = columns.time[m]
+        else:
+            bring_forward(z, noise, -dt, estimates.mean[n], estimates.covariance[n])
+        update_filter(state[n], covariance[n], mode[n], z, noise, work)
+        combine(state[n], covariance[n], mode[n], models, n, estimates)
+
+
+@jit
+def predicted_estimates(filters, estimates, rows, time, renewal, models):  # type: ignore[no-untyped-def]
+    """The combined estimates of some filters, predicted to a time by all of their models; the filters stay.
+
+    Args: as of `update_by_plots`; rows: (N,); time: a filter that was updated later is not taken back.
+    Returns: `kernels.tracks.columns.Estimates` of N.
+    """
+    count = len(rows)
+    out = Estimates(np.empty(count), np.empty((count, 4)), np.empty((count, 4, 4)), np.empty(count))
+    states, covariances, probabilities = filters
+    one, one_spread, mode = np.empty(states.shape[1:]), np.empty(covariances.shape[1:]), np.empty(len(models))
+    work = workspace(len(models))
+    for k in range(count):
+        n = rows[k]
+        one[:] = states[n]
+        one_spread[:] = covariances[n]
+        mode[:] = probabilities[n]
+        out.time[k] = max(time, estimates.time[n])
+        if time > estimates.time[n]:
+            work.mean[:4] = estimates.mean[n]
+            work.spread[:4, :4] = estimates.covariance[n]
+            predict_from_moments(one, one_spread, mode, models, time - estimates.time[n], renewal, work)
+        combine(one, one_spread, mode, models, k, out)
+    return out

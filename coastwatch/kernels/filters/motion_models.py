@@ -1,6 +1,7 @@
 """How a vessel may move: constant velocity, a turn, a change of speed, and a jump of its velocity. Scalar code, compiled by numba.
 
-Each motion moves a mean in place and writes its Jacobian F, the transition matrix of a linearised (extended) Kalman filter. The fifth
+Each motion moves a mean in place and writes its Jacobian F, the transition matrix of a linearised (extended) Kalman filter, where it
+may differ from the unit matrix. The fifth
 component of the state is the manoeuvre: of a turn its rate (rad/s, positive to port, from east towards north), of a change of speed
 the acceleration along the track (m/s2). Constant velocity has none: it stands at its prior and goes with nothing.
 Process noises are densities of continuous time, so that two short predictions are one long one.
@@ -34,7 +35,7 @@ MODEL = np.dtype(
         ("jump_variance", "f8"),  # of such a jump, per axis, m2/s2
     ]
 )
-SMALL_TURN = 1e-3  # rad: below it series replace sin(a) / a and the like; their next terms are under 1e-16 of the first
+SMALL_TURN = 0.1  # rad: below it series replace sin(a) / a and the like; their next terms are under 1e-15 of the first
 SLOW = 0.5  # m/s: a vessel slower than this has no direction in which to gain speed
 
 
@@ -56,7 +57,6 @@ def _unit(transition):  # type: ignore[no-untyped-def]
 @jit
 def constant_velocity(mean, dt, transition):  # type: ignore[no-untyped-def]
     """East and north go on by their rates. x(t + dt) = x + dt v; the manoeuvre is forgotten."""
-    _unit(transition)
     transition[EAST, EAST_RATE] = transition[NORTH, NORTH_RATE] = dt
     transition[MANOEUVRE, MANOEUVRE] = 0.0
     mean[EAST] += dt * mean[EAST_RATE]
@@ -74,17 +74,17 @@ def coordinated_turn(mean, dt, transition):  # type: ignore[no-untyped-def]
     a = w * dt
     if abs(a) < SMALL_TURN:
         a2 = a * a
-        s = dt * (1.0 - a2 / 6.0 * (1.0 - a2 / 20.0))
-        c = dt * a * (0.5 - a2 / 24.0 * (1.0 - a2 / 30.0))
-        ds = dt * dt * a * (-1.0 / 3.0 + a2 / 30.0)  # derivatives of s and c by w
-        dc = dt * dt * (0.5 - a2 / 8.0 * (1.0 - a2 / 18.0))
+        s = dt * (1.0 - a2 / 6.0 * (1.0 - a2 / 20.0 * (1.0 - a2 / 42.0 * (1.0 - a2 / 72.0))))
+        c = 0.5 * dt * a * (1.0 - a2 / 12.0 * (1.0 - a2 / 30.0 * (1.0 - a2 / 56.0 * (1.0 - a2 / 90.0))))
+        # derivatives of s and c by w
+        ds = -dt * dt * a / 3.0 * (1.0 - a2 / 10.0 * (1.0 - a2 / 28.0 * (1.0 - a2 / 54.0 * (1.0 - a2 / 88.0))))
+        dc = 0.5 * dt * dt * (1.0 - a2 / 4.0 * (1.0 - a2 / 18.0 * (1.0 - a2 / 40.0 * (1.0 - a2 / 70.0))))
         sin, cos = w * s, 1.0 - w * c
     else:
         sin, cos = math.sin(a), math.cos(a)
         s, c = sin / w, (1.0 - cos) / w
         ds, dc = (dt * cos - s) / w, (dt * sin - c) / w
     f = transition
-    _unit(f)
     f[EAST, EAST_RATE], f[EAST, NORTH_RATE], f[EAST, MANOEUVRE] = s, -c, ds * vx - dc * vy
     f[NORTH, EAST_RATE], f[NORTH, NORTH_RATE], f[NORTH, MANOEUVRE] = c, s, dc * vx + ds * vy
     f[EAST_RATE, EAST_RATE], f[EAST_RATE, NORTH_RATE], f[EAST_RATE, MANOEUVRE] = cos, -sin, -dt * (sin * vx + cos * vy)
@@ -105,7 +105,6 @@ def speed_change(mean, dt, transition):  # type: ignore[no-untyped-def]
     ux, uy = vx / speed, vy / speed
     ratio = gain / speed
     f = transition
-    _unit(f)
     f[EAST_RATE, EAST_RATE], f[EAST_RATE, NORTH_RATE] = 1.0 + ratio * (1.0 - ux * ux), -ratio * ux * uy
     f[NORTH_RATE, EAST_RATE], f[NORTH_RATE, NORTH_RATE] = -ratio * ux * uy, 1.0 + ratio * (1.0 - uy * uy)
     f[EAST_RATE, MANOEUVRE], f[NORTH_RATE, MANOEUVRE] = dt * ux, dt * uy
@@ -121,6 +120,7 @@ def speed_change(mean, dt, transition):  # type: ignore[no-untyped-def]
 @jit
 def move(model, mean, dt, transition):  # type: ignore[no-untyped-def]
     """Move a mean in place by one MODEL, and write the Jacobian F of that motion, (5, 5)."""
+    _unit(transition)
     if model.kind == TURNING:
         coordinated_turn(mean, dt, transition)
     elif model.kind == SPEEDING:
@@ -158,6 +158,15 @@ def add_process_noise(model, dt, covariance):  # type: ignore[no-untyped-def]
 @jit
 def predict(model, mean, covariance, dt, transition):  # type: ignore[no-untyped-def]
     """Predict a state in place by one MODEL over dt > 0: x = f(x), P = F P F' + Q. transition: (5, 5) to work in."""
-    move(model, mean, dt, transition)
-    kalman.predict(covariance, transition)
+    if model.kind == STRAIGHT:
+        mean[EAST] += dt * mean[EAST_RATE]
+        mean[NORTH] += dt * mean[NORTH_RATE]
+        mean[MANOEUVRE] = model.manoeuvre_mean
+        kalman.predict_straight(covariance, dt)
+    else:
+        if model.kind == TURNING:
+            coordinated_turn(mean, dt, transition)
+        else:
+            speed_change(mean, dt, transition)
+        kalman.predict(covariance, transition)
     add_process_noise(model, dt, covariance)

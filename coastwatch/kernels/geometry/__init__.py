@@ -7,8 +7,9 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submodules=[
         "centroids",
         "ellipsoid",
-        "neighbours",
+        "grid",
         "polar",
+        "radar_plane",
         "sensor_coverage",
     ],
 )

@@ -8,5 +8,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "counting_sort",
         "lookup",
         "match_ids",
+        "row_numbers",
     ],
 )

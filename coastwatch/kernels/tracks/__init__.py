@@ -1,0 +1,8 @@
+"""Kernels of radar trackers: gate, assignment, track life, report. Modules load at first use: numba takes half a second."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submodules=["columns", "duplicates", "gate", "plot_assignment", "prediction", "report", "track_life"],
+)

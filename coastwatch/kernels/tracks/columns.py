@@ -1,0 +1,66 @@
+"""The columns that kernels of radar trackers share. S slots of a table of tracks, M plots, R radars.
+
+A kernel that updates tracks writes into these arrays.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+SINGLE, TENTATIVE, CONFIRMED = 0, 1, 2  # status of a track; SINGLE: it has one plot
+
+
+class Estimates(NamedTuple):
+    """The combined estimate of each filter: the moments over its models, at the time of its newest plot.
+
+    Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 11.6.6, step 5.
+    """
+
+    time: Floats  # (S,) of the newest plot
+    mean: Floats  # (S, 4) east, north, east rate, north rate
+    covariance: Floats  # (S, 4, 4)
+    noise: Floats  # (S,) density of white acceleration, averaged over the models by their probabilities, m2/s3
+
+
+class TrackLife(NamedTuple):
+    """The status of each track and the plots behind it."""
+
+    status: Ints  # (S,) SINGLE, TENTATIVE or CONFIRMED
+    hits: Ints  # (S,) plots so far
+    started: Floats  # (S,) time of the first plot
+    radar_time: Floats  # (S, R) newest plot of each radar, -inf where there is none
+    origins: Ints  # (S, K) true vessels of the newest plots, newest first
+
+
+class PlotColumns(NamedTuple):
+    """Plots of a batch."""
+
+    time: Floats  # (M,)
+    position: Floats  # (M, 2)
+    covariance: Floats  # (M, 2, 2)
+    sensor: Ints  # (M,) radar
+    origin: Ints  # (M,) true vessel, -1 where there is none
+
+
+class RadarColumns(NamedTuple):
+    """Radars of a region."""
+
+    site: Floats  # (R, 2)
+    range: Floats  # (R,)
+    period: Floats  # (R,) of one turn
+    newest: Floats  # (R,) time of the newest plot, -inf where it has sent nothing
+
+
+class Candidates(NamedTuple):
+    """Pairs of a plot and a track whose gate it is in, sorted by plot."""
+
+    plot: Ints  # (A,)
+    track: Ints  # (A,) slot
+    distance2: Floats  # (A,) squared Mahalanobis distance of the innovation
+    log_likelihood: Floats  # (A,) of the innovation
