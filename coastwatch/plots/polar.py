@@ -8,9 +8,8 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import Bools, Floats, Plots, RadarCorrections, RadarReports, Sensors
-from coastwatch.geodesy import from_plane, to_plane, turn
-from coastwatch.kernels.geometry.polar import polar_to_plane
+from coastwatch import kernels
+from coastwatch.batches import Bools, Floats, Ints, Plots, RadarCorrections, RadarReports, Sensors
 from coastwatch.stage import Method
 
 
@@ -26,8 +25,11 @@ class PolarConversion(Method):
 
     method: Literal["polar"] = "polar"
     azimuth_bias_deg: dict[str, float] = Field(default_factory=dict)
+    """By radar, subtracted from its azimuths: positive where they are clockwise of the truth. E.g. {north = 3.0} turns 93 to 90."""
     range_bias_m: dict[str, float] = Field(default_factory=dict)
+    """By radar, subtracted from its ranges: positive where they are too long. E.g. {north = 40.0} makes 5,040 m 5,000 m."""
     time_lag_s: dict[str, float] = Field(default_factory=dict)
+    """By radar, subtracted from its time stamps: positive where they are late. E.g. {north = 1.5} dates a plot 1.5 s earlier."""
 
     def init(self) -> PolarMemory:
         """The memory before the first cycle."""
@@ -42,39 +44,48 @@ class PolarConversion(Method):
         Returns: the memory with the dropped reports counted; plots in the plane of the region of each radar.
         Raises: ValueError where a correction names a radar that the scenario does not have.
         """
-        good = _usable(reports, len(sensors.radars))
-        kept = reports.take(good)
+        radars = sensors.radars
+        good = _usable(reports, len(radars))
+        kept = reports if good.all() else reports.take(good)
         radar = kept.sensor
         lag_s, bias_m, bias_deg = (
-            _per_radar(name, getattr(self, name), sensors)[radar] for name in ("time_lag_s", "range_bias_m", "azimuth_bias_deg")
+            _per_radar(name, getattr(self, name), sensors) for name in ("time_lag_s", "range_bias_m", "azimuth_bias_deg")
         )
-        lag_s = lag_s + corrections.time_lag_s[radar]
-        bias_m = bias_m + corrections.range_bias_m[radar]
-        bias_deg = bias_deg + np.degrees(corrections.azimuth_bias_rad[radar])
-        range_sigma, azimuth_sigma = sensors.radars.range_sigma_m[radar], sensors.radars.azimuth_sigma_rad[radar]
-        distance = np.maximum(kept.range_m - bias_m, 0.0)
-        azimuth = np.radians(kept.azimuth_deg - bias_deg)
-        metres, covariance = polar_to_plane(distance, azimuth, range_sigma, azimuth_sigma)
-        region = sensors.radars.region[radar]
-        origin = sensors.region_origin_deg[region]
-        rotation = turn(kept.site_deg, origin)
+        distance = np.maximum(kept.range_m - (bias_m + corrections.range_bias_m)[radar], 0.0)
+        azimuth = np.radians(kept.azimuth_deg) - (np.radians(bias_deg) + corrections.azimuth_bias_rad)[radar]
+        row, sigma = _sigmas(kept, sensors)
+        origin = sensors.region_origin_deg[radars.region if row is radar else radars.region[radar]]
+        convert = kernels.geometry.radar_plane.to_region
+        position, covariance, site = convert(row, distance, azimuth, kept.site_deg, sigma, origin)
         plots = Plots(
             sensor=radar,
-            region=region,
-            time_s=kept.time_s - lag_s,
-            position_m=to_plane(from_plane(metres, kept.site_deg), origin),
-            covariance=rotation @ covariance @ rotation.swapaxes(-1, -2),
-            site_m=to_plane(kept.site_deg, origin),
+            region=radars.region[radar],
+            time_s=kept.time_s - (lag_s + corrections.time_lag_s)[radar],
+            position_m=position,
+            covariance=covariance,
+            site_m=site,
+            range_m=distance,
+            azimuth_rad=azimuth,
             origin=kept.origin,
         )
         return PolarMemory(memory.dropped + len(reports) - len(kept)), plots
 
 
+def _sigmas(reports: RadarReports, sensors: Sensors) -> tuple[Ints, Floats]:
+    """Standard deviations of range and azimuth, and the row of them for each plot: that of its radar, or its own. (M,), (R or M, 2)"""
+    specified = np.column_stack([sensors.radars.range_sigma_m, sensors.radars.azimuth_sigma_rad])
+    own = np.column_stack([reports.range_sigma_m, np.radians(reports.azimuth_sigma_deg)])
+    given = own > 0.0
+    if not given.any():
+        return reports.sensor, specified
+    return np.arange(len(reports)), np.where(given, own, specified[reports.sensor])
+
+
 def _usable(reports: RadarReports, radars: int) -> Bools:
     """Which reports are finite, of a range that is not negative and of a known radar. (M,)"""
-    numbers = np.column_stack([reports.time_s, reports.range_m, reports.azimuth_deg, reports.site_deg])
-    known = (reports.sensor >= 0) & (reports.sensor < radars)
-    good: Bools = np.isfinite(numbers).all(axis=1) & known & (reports.range_m >= 0.0)
+    good: Bools = (reports.sensor >= 0) & (reports.sensor < radars) & (reports.range_m >= 0.0)
+    for numbers in (reports.time_s, reports.range_m, reports.azimuth_deg, reports.site_deg[:, 0], reports.site_deg[:, 1]):
+        good &= np.isfinite(numbers)
     return good
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from coastwatch import kernels
 from coastwatch.batches import (
     Batch,
     BearingAssociations,
@@ -47,11 +48,25 @@ class WaitingPlots(Batch):
 
 
 def waiting_plots(
-    waiting: WaitingPlots, measurements: Measurements, given: RadarCorrections, unsure: Bools, time_s: float
+    waiting: WaitingPlots,
+    measurements: Measurements,
+    picture: Picture,
+    members: Members,
+    found: BearingAssociations,
+    given: RadarCorrections,
+    unsure: Bools,
+    time_s: float,
 ) -> WaitingPlots:
-    """The plots of this cycle of radars whose lag is not known well, after those that still wait. Args: unsure: (R,)."""
-    plots = measurements.take(measurements.sensor >= 0)
-    plots = plots.take(unsure[plots.sensor])
+    """The plots of this cycle whose vessel has a bearing, after those that still wait.
+
+    Args: unsure: (R,) radars whose lag is not known well; plots of others are left out.
+    """
+    row = np.flatnonzero(measurements.sensor >= 0)
+    row = row[unsure[measurements.sensor[row]]]
+    if len(row):
+        associated = members.track_id[np.isin(members.vessel_id, picture.vessel_id[found.vessel_row])]
+        row = row[kernels.tables.match_ids.index_of(associated, measurements.track_id[row]) >= 0]
+    plots = measurements.take(row)
     lag_s = given.time_lag_s[plots.sensor]
     fresh = WaitingPlots(plots.track_id, plots.sensor, plots.time_s, lag_s, plots.position_deg)
     return WaitingPlots.join([waiting.take(waiting.time_s >= time_s - LONGEST_WAIT_S), fresh])
@@ -66,6 +81,8 @@ def bearing_equations(
     sensors: Sensors,
 ) -> tuple[WaitingPlots, Equations]:
     """The plots that still wait, and equations for those that have bearings of their vessel before and after them."""
+    if not len(waiting):
+        return waiting, Equations.empty()
     plot, bearing = _pair_with_bearings(waiting, picture, members, found)
     apart = _unambiguous(bearing_tracks, sensors)[bearing]
     plot, bearing = plot[apart], bearing[apart]

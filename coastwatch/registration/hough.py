@@ -22,7 +22,7 @@ class Accumulator:
 
     hits: Floats  # (R, B) vessels with a plot in each window
     swept: Floats  # (R,) vessels that the beam went over
-    vessels: Floats  # (R,) vessels in cover
+    vessels: Floats  # (R,) vessels in cover that were compared
     weight: Floats  # (R,) cycles
 
     @classmethod
@@ -32,22 +32,21 @@ class Accumulator:
 
 
 def accumulate(
-    votes: Accumulator, pairs: Pairs, bin_rad: float, search_rad: float, seen: Ints, share: Floats, keep: float
+    votes: Accumulator, pairs: Pairs, radar_of_vessel: Ints, bin_rad: float, search_rad: float, share: Floats, keep: float
 ) -> Accumulator:
     """The votes after a cycle. A vessel has one vote in each window in which a plot stands at its range.
 
-    Args: seen: (R,) vessels in cover, 0 where the radar sent no plot; share: (R,) of a turn that a cycle takes, at most 1;
-    keep: factor of the former sums.
+    Args: radar_of_vessel: (N,) of the compared vessels; share: (R,) of a turn that a cycle takes, at most 1; keep: factor of the
+    former sums.
     """
+    seen = np.bincount(radar_of_vessel, minlength=len(votes.swept))
     windows = votes.hits.shape[1]
     bin_of_pair = np.floor((pairs.azimuth_rad + search_rad) / bin_rad).astype(np.int64)
-    # Window w is bins w and w + 1.
-    window = np.concatenate([bin_of_pair, bin_of_pair - 1])
-    vessel, radar = np.tile(pairs.vessel, 2), np.tile(pairs.radar, 2)
-    inside = (window >= 0) & (window < windows)
-    rows = int(pairs.vessel.max(initial=0)) + 1
-    once = np.unique(((radar * windows + window) * rows + vessel)[inside]) // rows
-    hits = np.bincount(once, minlength=votes.hits.size).reshape(votes.hits.shape).astype(np.float64)
+    inside = (bin_of_pair >= 0) & (bin_of_pair <= windows)
+    stands = np.zeros((len(radar_of_vessel), windows + 1), np.bool_)
+    stands[pairs.vessel[inside], bin_of_pair[inside]] = True
+    in_window = stands[:, :-1] | stands[:, 1:]  # window w is bins w and w + 1
+    hits = np.array([in_window[radar_of_vessel == r].sum(axis=0) for r in range(len(seen))], float).reshape(votes.hits.shape)
     kept = np.where(seen > 0, keep, 1.0)  # without new votes none are forgotten
     return Accumulator(
         votes.hits * kept[:, None] + hits,

@@ -24,6 +24,7 @@ from coastwatch.batches import (
     Sensors,
     Tracks,
 )
+from coastwatch.kernels.tables.row_numbers import require_rows
 from coastwatch.registration.bearings import WaitingPlots, bearing_equations, waiting_plots
 from coastwatch.registration.hough import Accumulator, accumulate, detect_peak, window_medians
 from coastwatch.registration.information import DRIFT_SIGMAS, DriftTest, Equations, Estimate, Information, add_equations, solve
@@ -33,8 +34,9 @@ from coastwatch.registration.polar import (
     is_only_one,
     pair_with_vessels,
     polar_measurements,
-    vessels_in_cover,
+    sweeps,
 )
+from coastwatch.registration.references import References, draw_references
 from coastwatch.stage import Method
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -42,7 +44,6 @@ Count = Annotated[int, Field(ge=1)]
 Share = Annotated[float, Field(gt=0.0, le=1.0)]
 
 GATE = 13.8  # squared distance that two degrees of freedom exceed once in a thousand
-REFERENCE_SIGMA_M = 30.0  # an AIS track whose position is less certain is no reference
 OTHER_BIAS_BINS = 1.5  # from the estimate to a significant window that cannot be the same bias
 JUMP_SIGMAS = 2.0  # of a plot: a correction that changes by more leaves tracks in the wrong place
 TINY = 1e-30
@@ -54,6 +55,7 @@ class OnlineMemory:
     """What is known of each radar between two cycles; no row before the first."""
 
     time_s: float
+    references: References  # the vessels that each radar is compared with
     votes: Accumulator
     locked: Bools  # (R,) the bias has been acquired
     centre: Floats  # (R, 3) azimuth rad, range m, lag s at which it was
@@ -62,6 +64,11 @@ class OnlineMemory:
     drift_test: DriftTest
     waiting: WaitingPlots
     quiet_s: Floats  # (R,) time without any residual
+
+    def check_rows(self) -> None:
+        """Check the numbers of radars, as after reading a checkpoint. Raises: ValueError that names the field."""
+        for part in (self.information, self.waiting):
+            require_rows(f"{type(part).__name__}.radar", part.radar, len(self.locked))
 
 
 class OnlineRegistration(Method):
@@ -77,7 +84,8 @@ class OnlineRegistration(Method):
     after P. V. C. Hough's transform, US patent 3069654.
     """
 
-    method: Literal["on_line"] = "on_line"
+    method: Literal["online"] = "online"
+    reference_vessels: Count = 300  # AIS vessels that each radar is compared with, a fixed draw of those in cover
     azimuth_search_deg: Annotated[float, Field(gt=0.0, le=90.0)] = 20.0  # to each side
     range_search_m: Positive = 200.0  # to each side
     bin_deg: Positive = 0.5  # windows are two bins wide; never less than twice the radar's azimuth noise
@@ -102,6 +110,7 @@ class OnlineRegistration(Method):
         none = np.zeros((0, 3))
         return OnlineMemory(
             time_s=-np.inf,
+            references=References.empty(),
             votes=Accumulator.none(0, 1),
             locked=np.zeros(0, np.bool_),
             centre=none,
@@ -134,21 +143,21 @@ class OnlineRegistration(Method):
         """
         memory = self._sized(memory, time_s, sensors)
         dt = time_s - memory.time_s if np.isfinite(memory.time_s) else 0.0
-        measured = polar_measurements(plots, given, time_s, sensors)
-        trusted = ~(alarms.impossible_speed | alarms.twice)
-        trusted &= np.trace(ais_tracks.known_covariance(1.0)[:, :2, :2], axis1=1, axis2=2) <= REFERENCE_SIGMA_M**2
-        vessels = ais_tracks.take(trusted)
-        search = np.radians(self.azimuth_search_deg)
-        pairs = pair_with_vessels(measured, vessels, given, self.range_search_m, search, sensors)
-        seen = vessels_in_cover(measured, vessels, sensors)
-        votes = self._vote(memory, pairs, seen, dt, sensors)
+        measured = polar_measurements(plots, given, time_s)
+        swept, alarmed = sweeps(measured, sensors), alarms.impossible_speed | alarms.twice
+        drawn = draw_references(memory.references, ais_tracks, alarmed, swept.site_deg, sensors, self.reference_vessels)
+        references, compared = drawn
+        vessels, search = ais_tracks.take(compared.row), (self.range_search_m, float(np.radians(self.azimuth_search_deg)))
+        pairs = pair_with_vessels(measured, swept, vessels, compared.radar, given, search, sensors)
+        votes = self._vote(memory, pairs, compared.radar, dt, sensors)
         locked, centre, acquired = self._acquire(memory, votes, pairs, sensors)
         information = memory.information.take(~acquired[memory.information.radar])
         equations = self._plot_equations(measured, pairs, vessels, given, memory.estimate, locked & ~acquired, sensors)
         waiting = memory.waiting
         if self.use_bearings:
             unsure = memory.estimate.sigma[:, LAG] > self.lag_known_s  # AIS tells more, where there is enough of it
-            waiting = waiting_plots(memory.waiting, measurements, given, unsure, time_s)
+            seen = picture, members, bearing_associations
+            waiting = waiting_plots(memory.waiting, measurements, *seen, given, unsure, time_s)
             waiting, with_bearings = bearing_equations(waiting, picture, members, bearing_tracks, bearing_associations, sensors)
             equations = Equations.join([equations, with_bearings])
         has_equations = np.bincount(equations.radar, minlength=len(locked)) > 0
@@ -158,8 +167,8 @@ class OnlineRegistration(Method):
         information = add_equations(information, equations, np.where(has_equations, np.exp(-dt / memory_s), 1.0))
         quiet_s = np.where(has_equations | acquired, 0.0, memory.quiet_s + dt)
         estimate = self._solved(information, centre, sensors)
-        after = OnlineMemory(time_s, votes, locked, centre, information, estimate, drift_test, waiting, quiet_s)
-        return after, self._corrections(after, acquired, seen, given, dt, sensors)
+        after = OnlineMemory(time_s, references, votes, locked, centre, information, estimate, drift_test, waiting, quiet_s)
+        return after, self._corrections(after, acquired, compared.radar, given, dt, sensors)
 
     def _sized(self, memory: OnlineMemory, time_s: float, sensors: Sensors) -> OnlineMemory:
         """This memory with one row for each radar of the scenario."""
@@ -170,6 +179,7 @@ class OnlineRegistration(Method):
         centre, information = np.zeros((n, 3)), Information.empty()
         return OnlineMemory(
             time_s=memory.time_s,
+            references=References.empty(),
             votes=Accumulator.none(n, max(windows, 1)),
             locked=np.zeros(n, np.bool_),
             centre=centre,
@@ -189,11 +199,11 @@ class OnlineRegistration(Method):
         radars = sensors.radars
         return np.column_stack([radars.azimuth_sigma_rad, radars.range_sigma_m, np.ones(len(radars))])
 
-    def _vote(self, memory: OnlineMemory, pairs: Pairs, seen: Ints, dt: float, sensors: Sensors) -> Accumulator:
+    def _vote(self, memory: OnlineMemory, pairs: Pairs, radar_of_vessel: Ints, dt: float, sensors: Sensors) -> Accumulator:
         """The votes after this cycle."""
-        share = np.minimum(dt / sensors.radars.period_s, 1.0) if dt > 0.0 else np.ones(len(seen))
+        share = np.minimum(dt / sensors.radars.period_s, 1.0) if dt > 0.0 else np.ones(len(sensors.radars))
         search, keep = np.radians(self.azimuth_search_deg), float(np.exp(-dt / self.vote_memory_s))
-        return accumulate(memory.votes, pairs, self._bin_rad(sensors), search, seen, share, keep)
+        return accumulate(memory.votes, pairs, radar_of_vessel, self._bin_rad(sensors), search, share, keep)
 
     def _acquire(self, memory: OnlineMemory, votes: Accumulator, pairs: Pairs, sensors: Sensors) -> tuple[Bools, Floats, Bools]:
         """Which radars have a bias that was acquired, its centre, and which of them acquired it now. (R,), (R, 3), (R,)"""
@@ -243,8 +253,11 @@ class OnlineRegistration(Method):
         inside = locked[r] & (distance2 <= GATE)
         turn = np.floor(measured.time_s[pairs.plot] / radars.period_s[r]).astype(np.int64)
         turn -= turn.min() if len(turn) else 0
-        vessel_in_turn = (r * (turn.max(initial=0) + 1) + turn) * len(vessels) + pairs.vessel
+        vessel_in_turn = turn * len(vessels) + pairs.vessel
         good = np.flatnonzero(inside & is_only_one(pairs.plot, inside) & is_only_one(vessel_in_turn, inside))
+        good = good[
+            np.lexsort((measured.time_s[pairs.plot[good]], pairs.vessel[good]))
+        ]  # sums do not depend on the order of arrival
 
         p, r = pairs.take(good), r[good]
         n, zero, lag = len(p), np.zeros(len(p)), given.time_lag_s[r]
@@ -267,7 +280,7 @@ class OnlineRegistration(Method):
         self,
         memory: OnlineMemory,
         acquired: Bools,
-        seen: Ints,
+        radar_of_vessel: Ints,
         given: RadarCorrections,
         dt: float,
         sensors: Sensors,
@@ -292,6 +305,7 @@ class OnlineRegistration(Method):
         settled = (
             memory.locked & (sigma[:, 0] <= self.settled_share * units[:, 0]) & (estimate.references >= self.least_vessels)
         )
+        seen = np.bincount(radar_of_vessel, minlength=len(units))
         acquiring = memory.locked | (seen > 0) | (memory.votes.swept > 0.0) | (estimate.plots > 0.0)
         state = np.where(settled, RegistrationState.SETTLED, np.where(acquiring, RegistrationState.ACQUIRING, 0))
         return RadarCorrections(

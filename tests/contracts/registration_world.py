@@ -97,7 +97,8 @@ class Sea:
             place = to_plane(from_plane(metres, where.radars.site_deg[r]), CENTRE)
             number = np.full(n, r, np.int64)
             stamp = beam + lag_s - given.time_lag_s[r]
-            parts.append(Plots(number, number * 0, stamp, place, covariance, np.tile(site[r], (n, 1)), number * 0 - 1))
+            sites, nobody = np.tile(site[r], (n, 1)), number * 0 - 1
+            parts.append(Plots(number, number * 0, stamp, place, covariance, sites, distance, azimuth, nobody))
         return Plots.join(parts)
 
     def ais_tracks(self, cycle: int, shift_m: Floats | None = None) -> Tracks:

@@ -140,3 +140,22 @@ def test_a_moving_antenna_sees_a_standing_buoy_standing():
     _, plots = converted(given)
     assert np.abs(plots.position_m).max() < ELLIPSOID_M
     np.testing.assert_allclose(from_plane(plots.site_m, buoy), site, atol=1e-9)
+
+
+def test_a_plot_with_a_standard_deviation_of_its_own_has_its_own_covariance():
+    sensors = two_radars()
+    plain = converted(reports(), sensors)[1]
+    sigma = np.full(6, np.nan)
+    sigma[2] = 55.0
+    angle = np.full(6, np.nan)
+    angle[4] = 2.0
+    own = converted(reports(range_sigma_m=sigma, azimuth_sigma_deg=angle), sensors)[1]
+    same = [0, 1, 3, 5]
+    np.testing.assert_allclose(own.covariance[same], plain.covariance[same], rtol=1e-12)
+    np.testing.assert_allclose(own.position_m[same], plain.position_m[same], rtol=1e-12)
+    for row, radars in (
+        (2, replace(sensors.radars, range_sigma_m=np.full(2, 55.0))),
+        (4, replace(sensors.radars, azimuth_sigma_rad=np.full(2, np.radians(2.0)))),
+    ):
+        wanted = converted(reports(), replace(sensors, radars=radars))[1]
+        np.testing.assert_allclose(own.covariance[row], wanted.covariance[row], rtol=1e-12)

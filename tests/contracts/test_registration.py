@@ -9,14 +9,18 @@ import numpy as np
 import pytest
 import registration_world as world
 from pydantic import TypeAdapter
+from radar_world import plots_of, two_radars
+from radar_world import world as ships
 from scipy.stats import chi2
 
-from coastwatch.batches import RadarCorrections, RegistrationState
+from coastwatch.batches import Plots, RadarCorrections, RegistrationState
+from coastwatch.kernels.tracks.columns import PlotColumns
 from coastwatch.registration import NoRegistration, OnlineRegistration, Registrar
+from coastwatch.registration.polar import polar_measurements
 from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks.filter_bank import CompiledBank
 from coastwatch.tracks.motion import Motion
-from coastwatch.tracks.table import RadarMemory, initialise
+from coastwatch.tracks.table import RadarMemory, begin_tracks
 
 METHODS = [NoRegistration(), OnlineRegistration()]
 SIGMAS = 4.5  # of a normal error: three figures a radar, a dozen tests
@@ -157,10 +161,20 @@ def test_what_is_known_is_held_while_nothing_is_compared() -> None:
 def test_a_jump_ends_the_tracks_that_hold_plots_of_that_radar() -> None:
     sea = world.Sea(10, radars=2, errors=((0.0, 0.0, 0.0),) * 2)
     plots = sea.plots(0, RadarCorrections.none(2))
-    memory = RadarMemory.empty(models=3).for_radars(2)
-    memory = replace(memory, table=initialise(CompiledBank(Motion()), plots, 1, 2), next_id=1 + len(plots))
+    memory = RadarMemory.empty(models=3).fitting(3, 2)
+    columns = PlotColumns(plots.time_s, plots.position_m, plots.covariance, plots.sensor, plots.origin)
+    memory = begin_tracks(CompiledBank(Motion()), memory, np.arange(len(plots)), columns)
     left = memory.without_radars(np.array([True, False]))
     assert len(left.table) == (plots.sensor == 1).sum()
-    assert np.isinf(left.table.radar_s[:, 0]).all()
+    assert np.isinf(left.table.radar_s[left.table.live, 0]).all()
     assert left.next_id == memory.next_id, "numbers are never given twice"
     assert memory.without_radars(np.array([False, False])) is memory
+
+
+@pytest.mark.parametrize("ahead_s", [-86400.0, 86400.0])
+def test_plots_of_a_clock_that_is_not_set_are_left_out(ahead_s: float) -> None:
+    plots = plots_of(ships(20, 9), two_radars(), 9.0, 9)
+    one = plots.take(slice(0, 1))
+    wrong = replace(one, time_s=one.time_s + ahead_s)
+    given = RadarCorrections.none(2)
+    assert len(polar_measurements(Plots.join([plots, wrong]), given, 9.0).time_s) == len(plots)
