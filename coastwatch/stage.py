@@ -100,16 +100,34 @@ RegionStep = Callable[..., tuple[Any, ...]]
 
 
 class RegionMap(Protocol):
-    """How regional centres are mapped over machines: `coastwatch.workers` has the kinds. Pairs, ids and flags are the same for all."""
+    """How regional centres are mapped over processors and machines: `coastwatch.workers` has the kinds.
+
+    The memory of a region may stay where the region is computed. Then what is returned in its place stands for it until the next
+    call. Pairs, ids and flags are the same for all kinds.
+    """
 
     def __call__(self, step: RegionStep, memories: Sequence[Any], given: Sequence[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
         """What step(memory, *given) returns for each region."""
         ...
 
+    def gather(self, memories: Sequence[Any]) -> list[Any]:
+        """The memory of each region after the last call, as plain data to be saved."""
+        ...
 
-def serial_regions(step: RegionStep, memories: Sequence[Any], given: Sequence[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
+
+class SerialRegions:
     """The RegionMap without workers: one region after the other, in this process."""
-    return [step(memory, *more) for memory, more in zip(memories, given, strict=True)]
+
+    def __call__(self, step: RegionStep, memories: Sequence[Any], given: Sequence[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
+        """What step(memory, *given) returns for each region."""
+        return [step(memory, *more) for memory, more in zip(memories, given, strict=True)]
+
+    def gather(self, memories: Sequence[Any]) -> list[Any]:
+        """The memories as they are."""
+        return list(memories)
+
+
+serial_regions = SerialRegions()
 
 
 class Plan(Settings):

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import Floats, Ints, Spots, Tracks
+from coastwatch.batches import Floats, Ints, Spots, Struct, Tracks, column
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Method
 
@@ -20,10 +20,10 @@ FIRST_STEPS, LATER_STEPS = 20, 2  # of Lloyd's algorithm: from k-means++, from t
 
 
 @dataclass(frozen=True, eq=False)
-class KMeansMemory:
-    centre_m: Floats  # (K, 3) centroids; no row before the first cycle
-    track_id: Ints  # (N,) of the last cycle
-    spot: Ints  # (N,) of each of them
+class KMeansMemory(Struct):
+    centre_m: Floats = column(np.float64, "K", 3)  # centroids; no row before the first cycle
+    track_id: Ints = column(np.int64, "N")  # of the last cycle
+    spot: Ints = column(np.int64, "N", rows_of="K")  # of each of them
     age: int = 0  # cycles since they were fitted
 
 
@@ -83,12 +83,16 @@ class KMeansSpots(Method):
 
     def _fitted(self, position: Floats, track_id: Ints, count: int, before: Floats | None) -> Floats:
         """Centroids of a sample of the positions, whatever their order. Args: (N, 3); before: (count, 3) to go on from."""
-        from sklearn.cluster import KMeans
-        from threadpoolctl import threadpool_limits
-
         size = min(SAMPLE_PER_SPOT * max(count, self.tracks_per_spot), len(position))
         chosen = np.random.default_rng([self.seed, 0]).choice(len(position), size, replace=False, shuffle=False)
         sample = position[np.argsort(track_id)[np.sort(chosen)]]
+        if count == 1:
+            mean: Floats = sample.mean(axis=0, keepdims=True)
+            return mean
+        # Imported here: it takes over a second, and a picture of one spot needs none of it.
+        from sklearn.cluster import KMeans
+        from threadpoolctl import threadpool_limits
+
         start, steps = ("k-means++", FIRST_STEPS) if before is None else (before, LATER_STEPS)
         fit = KMeans(count, init=start, n_init=1, max_iter=steps, random_state=self.seed)
         # One thread, because several threads add in a varying order.
@@ -101,7 +105,7 @@ class KMeansSpots(Method):
 def assigned(position: Floats, guess: Ints, centre: Floats, halo_m: float) -> tuple[Ints, Ints, Ints]:
     """The spot of each track, and the halos of the spots.
 
-    A track b within `halo_m` of a member a of spot j is no more than 2 `halo_m` farther from the centroid of j than from its own: the
+    Track b is within `halo_m` of a member a of spot j. Then b is at most 2 `halo_m` farther from the centroid of j than from its own: the
     distance of a to both differs from that of b by at most `halo_m`, and a is nearer to j. All such tracks are in the halo of j.
     Args: position: (N, 3), centre: (K, 3) Earth-centred; guess: (N,) a spot near each track, for speed alone.
     Returns: (N,) spots; (H,) spots and (H,) rows of the halos, sorted.

@@ -1,4 +1,4 @@
-"""Work over processors: per-spot work over threads or processes, whole regional centres over machines."""
+"""Work over processors and machines: per-spot work, and whole regional centres."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from contextlib import contextmanager
 from typing import NamedTuple
 
 from coastwatch.kernels.threads import threads
-from coastwatch.stage import Map, RegionMap, serial, serial_regions
+from coastwatch.stage import Map, RegionMap, serial
 from coastwatch.workers.malloc import keep_freed_memory
 from coastwatch.workers.processors import processors
+from coastwatch.workers.region_threads import ThreadedRegions
 
 __all__ = ["Workers", "open_workers", "processors"]
 
@@ -17,29 +18,33 @@ __all__ = ["Workers", "open_workers", "processors"]
 class Workers(NamedTuple):
     """The maps of per-spot work and of regional centres."""
 
-    spots: Map = serial
-    regions: RegionMap = serial_regions
+    spots: Map
+    regions: RegionMap
 
 
 @contextmanager
 def open_workers(method: str, count: int) -> Iterator[Workers]:
     """The workers of a method, over so many processors (0: all). Kernels in this process also run over threads.
 
-    Args: method: auto or threads; processes, for the spots; ray, for the regions. Pairs, ids and flags are the same for all.
+    Args: method: auto or threads; processes, of this machine; ray, for regional centres on other machines. Pairs, ids and flags are
+    the same for all.
     """
     keep_freed_memory()
     if method == "ray":
         from coastwatch.workers.ray import Actors
+        from coastwatch.workers.remote_regions import RemoteRegions
 
         with threads(processors(0)), Actors(count) as actors:
-            yield Workers(regions=actors)
+            yield Workers(serial, RemoteRegions(actors))
         return
     count = processors(count)
     with threads(count):
         if method != "processes" or count == 1:
-            yield Workers()
+            yield Workers(serial, ThreadedRegions())
             return
         from coastwatch.workers.processes import Processes
+        from coastwatch.workers.region_processes import ProcessHosts
+        from coastwatch.workers.remote_regions import RemoteRegions
 
-        with Processes(count) as pool:
-            yield Workers(spots=pool)
+        with Processes(count) as pool, ProcessHosts(count) as hosts:
+            yield Workers(pool, RemoteRegions(hosts))

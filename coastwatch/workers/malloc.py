@@ -11,8 +11,8 @@ def keep_freed_memory() -> bool:
     """Let this process keep freed memory instead of returning it to the system. Returns: whether the C library can.
 
     By default glibc maps arrays above 32 MB anew each time, and the system clears each page of them: a quarter of the processor time
-    of a cycle at 1,000,000 tracks. The process then keeps its peak memory. All threads use one arena, so that memory freed by the
-    thread that writes a cycle is available to the thread that computes the next one.
+    of a cycle at 1,000,000 tracks. The process then keeps its peak memory. All threads use one arena: what the
+    writing thread frees is available to the thread that computes the next cycle.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is None:

@@ -1,24 +1,21 @@
-"""Whole regional centres over machines, on Ray: an actor turns the plots of its regions into tracks and keeps their memory."""
+"""Regional centres over machines, on Ray: an actor keeps the memory of its regions and turns their plots into tracks."""
 
 from __future__ import annotations
 
 import copy
 import importlib.metadata
 import os
-import time
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from coastwatch.stage import RegionStep
-from coastwatch.workers.costs import deal
 from coastwatch.workers.malloc import keep_freed_memory
 from coastwatch.workers.processors import processors
+from coastwatch.workers.remote_regions import Lost, RegionHost
 
 PATIENCE_S = 10.0  # with an actor that does not answer; its regions are then done here
-DEAL_EVERY = 20  # cycles
 FIRST_PATIENCE_S = 120.0  # the first answer of an actor compiles what it needs
 
 
@@ -32,7 +29,7 @@ class RegionActor:
 
     def __init__(self) -> None:
         keep_freed_memory()
-        self._memory: dict[int, Any] = {}
+        self._host = RegionHost()
 
     def joined(self) -> tuple[str, str]:
         """The node that it is on, and the version of the program there."""
@@ -40,43 +37,41 @@ class RegionActor:
 
         return str(ray.get_runtime_context().get_node_id()), version()
 
-    def step(self, step: RegionStep, region: int, memory: Any, given: tuple[Any, ...]) -> tuple[float, tuple[Any, ...]]:
-        """Processor seconds, and the result of step(memory, *given). Args: memory: None: the memory after this region's last step."""
-        begun = time.process_time()
-        # Arrays from Ray are read-only, and a step writes into its memory.
-        before = copy.deepcopy(memory) if memory is not None else self._memory.pop(region)
-        found = step(before, *given)
-        self._memory[region] = found[0]
-        return time.process_time() - begun, found
+    def step(self, region: int, step: RegionStep, memory: Any, given: Sequence[tuple[Any, ...]]) -> Any:
+        """As `RegionHost.step`. Arrays from Ray are read-only, and a step writes into its memory."""
+        return self._host.step(region, step, copy.deepcopy(memory), given)
+
+    def memory(self, region: int) -> Any:
+        """As `RegionHost.memory`."""
+        return self._host.memory(region)
+
+    def release(self, region: int) -> Any:
+        """As `RegionHost.release`."""
+        return self._host.release(region)
 
 
 @dataclass(eq=False)
-class _Held:
-    """An actor, and the memories of regions that it keeps."""
+class _Actor:
+    """An actor, and what is known of it here."""
 
-    actor: Any
+    handle: Any
     joining: Any  # its first answer, until it has come
-    memory: dict[int, Any]  # region -> the object that its last step returned
     patience_s: float = FIRST_PATIENCE_S
 
 
 class Actors:
-    """A RegionMap over actors of a Ray cluster; use it in a `with` block.
+    """Hosts of `RemoteRegions`, an actor of a Ray cluster each; use it in a `with` block.
 
-    Joins the cluster that RAY_ADDRESS names, or starts one on this machine. Each cycle an actor receives the plots of its regions and
-    returns their tracks and memory. It keeps the memory too, so the coordinator sends only a changed one. Regions are distributed by
-    their cost, again every DEAL_EVERY cycles or when actors change. If an actor is lost, or silent for too long, its regions are
-    computed here in that cycle and given to other actors in the next. A new actor joins when the cluster has a place for it.
+    Joins the cluster that RAY_ADDRESS names, or starts one on this machine. An actor is lost if it ends or is silent for too long.
+    Another one joins when the cluster has a place for it.
     """
+
+    least_regions = 1
 
     def __init__(self, count: int) -> None:
         self.count = count  # 0: one for every processor of the cluster
-        self._held: list[_Held] = []
-        self._joined: list[_Held] = []  # the actors over which regions were distributed
-        self._owner: dict[int, _Held] = {}
-        self._cycle = -1
-        self._seconds: dict[int, float] = {}
-        self._own_cluster = False
+        self._actors: list[_Actor] = []
+        self._own_cluster = self._running = False
 
     def __enter__(self) -> Actors:
         try:
@@ -89,91 +84,79 @@ class Actors:
             ray.init(log_to_driver=False, logging_level="ERROR", **({} if "RAY_ADDRESS" in os.environ else local))
         for _ in range(self.count or int(ray.cluster_resources().get("CPU", 1))):
             self._start()
-        ray.wait([held.joining for held in self._held], num_returns=len(self._held), timeout=FIRST_PATIENCE_S)
-        if not self.at_hand():
+        ray.wait([actor.joining for actor in self._actors], num_returns=len(self._actors), timeout=FIRST_PATIENCE_S)
+        try:
+            if not self.ready():
+                raise ValueError(
+                    f"workers.method = ray: no actor came up within {FIRST_PATIENCE_S:.0f} s; `ray status` says why"
+                )
+        except BaseException:
             self.__exit__()
-            raise ValueError(f"workers.method = ray: no actor came up within {FIRST_PATIENCE_S:.0f} s; `ray status` says why")
+            raise
+        self._running = True
         return self
 
     def __exit__(self, *_: object) -> None:
         import ray
 
-        for held in self._held:
-            ray.kill(held.actor)
+        for actor in self._actors:
+            ray.kill(actor.handle)
         if self._own_cluster:
             ray.shutdown()
 
-    def __call__(self, step: RegionStep, memories: Sequence[Any], given: Sequence[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
-        """The result of step(memory, *given) for each region."""
-        self._deal(len(memories))
-        refs = {}
-        for region, memory in enumerate(memories):
-            if held := self._owner.get(region):
-                kept = held.memory.get(region) is memory
-                refs[region] = held.actor.step.remote(step, region, None if kept else memory, given[region])
-        found = [self._answer(region, refs[region]) if region in refs else None for region in range(len(memories))]
-        return [
-            here if here is not None else step(copy.deepcopy(memory), *more)
-            for here, memory, more in zip(found, memories, given, strict=True)
-        ]
+    def ready(self) -> list[Any]:
+        """The actors that have joined. One of another version of the program is refused at the start, and left out later.
 
-    def at_hand(self) -> list[_Held]:
-        """The actors that have joined. Raises: ValueError: one runs another version of the program."""
+        Raises: ValueError: at the start an actor runs another version.
+        """
         import ray
 
-        waiting = {held.joining: held for held in self._held if held.joining is not None}
-        ready = ray.wait(list(waiting), num_returns=len(waiting), timeout=0.0)[0] if waiting else []
-        for ref in ready:
+        waiting = {actor.joining: actor for actor in self._actors if actor.joining is not None}
+        came = ray.wait(list(waiting), num_returns=len(waiting), timeout=0.0)[0] if waiting else []
+        for ref in came:
             try:
                 node, theirs = ray.get(ref)
             except ray.exceptions.RayError:
-                self._replace_actor(waiting[ref])
+                self.replace(waiting[ref])
                 continue
             if theirs != version():
-                raise ValueError(f"workers.method = ray: got coastwatch {theirs} on node {node}, needed {version()} as here")
+                problem = f"workers.method = ray: got coastwatch {theirs} on node {node}, needed {version()} as here"
+                if not self._running:
+                    raise ValueError(problem)
+                warnings.warn(f"{problem}; its processor is not used", stacklevel=2)
+                ray.kill(waiting[ref].handle)
+                self._actors.remove(waiting[ref])
+                continue
             waiting[ref].joining = None
-        return [held for held in self._held if held.joining is None]
+        return [actor for actor in self._actors if actor.joining is None]
 
-    def _deal(self, regions: int) -> None:
-        """Distribute the regions over the joined actors by cost, if the actors have changed, and every DEAL_EVERY cycles."""
-        hands = self.at_hand()
-        self._cycle += 1
-        if hands == self._joined and self._cycle % DEAL_EVERY:
-            return
-        self._joined = hands
-        cost = np.array([self._seconds.get(region, 1.0) for region in range(regions)])
-        dealt = zip(hands, deal(cost, max(len(hands), 1)), strict=False)
-        self._owner = {int(region): held for held, mine in dealt for region in mine}
+    def call(self, host: _Actor, name: str, region: int, *given: Any) -> Any:
+        """Begin a method of an actor."""
+        return getattr(host.handle, name).remote(region, *given)
 
-    def _answer(self, region: int, ref: Any) -> tuple[Any, ...] | None:
-        """The result of a region's actor; None if the actor is lost. Raises: the error of the step."""
+    def answer(self, host: _Actor, region: int, begun: Any) -> Any:
+        """The result of a call, with read-only arrays. Raises: Lost; the error of the call."""
         import ray
 
-        held = self._owner.get(region)
-        if held is None:
-            return None
         try:
-            self._seconds[region], found = ray.get(ref, timeout=held.patience_s)
+            found = ray.get(begun, timeout=host.patience_s)
         except ray.exceptions.RayTaskError as error:
             raise error.cause from None
-        except ray.exceptions.RayError:
-            self._replace_actor(held)
-            return None
-        held.memory[region], held.patience_s = found[0], PATIENCE_S
-        made: tuple[Any, ...] = found
-        return made
+        except ray.exceptions.RayError as error:
+            raise Lost from error
+        host.patience_s = PATIENCE_S
+        return found
 
-    def _replace_actor(self, held: _Held) -> None:
-        """Ends an actor and asks for another one."""
+    def replace(self, host: _Actor) -> None:
+        """End an actor and ask for another one."""
         import ray
 
-        ray.kill(held.actor)
-        self._held.remove(held)
-        self._owner = {region: owner for region, owner in self._owner.items() if owner is not held}
+        ray.kill(host.handle)
+        self._actors.remove(host)
         self._start()
 
     def _start(self) -> None:
         import ray
 
         actor = ray.remote(num_cpus=1, max_restarts=0, scheduling_strategy="SPREAD")(RegionActor).remote()
-        self._held.append(_Held(actor, actor.joined.remote(), {}))
+        self._actors.append(_Actor(actor, actor.joined.remote()))

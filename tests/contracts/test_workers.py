@@ -2,7 +2,11 @@
 
 import os
 import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,10 +14,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.kernels.threads import blocks
-from coastwatch.stage import Groups, serial, serial_regions
+from coastwatch.stage import Groups, serial
 from coastwatch.workers import open_workers, processors
 from coastwatch.workers.costs import Costs, deal
-from coastwatch.workers.processes import Processes, SharedMemoryPool
+from coastwatch.workers.processes import Processes
+from coastwatch.workers.region_threads import ThreadedRegions
+from coastwatch.workers.remote_regions import RemoteRegions
+from coastwatch.workers.shared_memory import Publisher, Reader
 
 
 def squares(settings, arrays, spots):
@@ -95,10 +102,35 @@ def test_large_results_and_tuples_of_arrays(pool):
     assert same(of_a_tuple, None, {"parts": parts}, groups(np.arange(1000), [10, 500, 490]), pool) == 1000
 
 
-def test_more_than_the_machine_has_is_refused_with_how_much_that_is():
-    huge = np.broadcast_to(np.zeros(1), 1 << 42)
-    with pytest.raises(OSError, match=r"shared memory: got \d+ bytes in /dev/shm, needed \d+; .*workers.method = threads"):
-        SharedMemoryPool().publish("test", {"huge": huge})
+def test_more_than_the_machine_has_is_refused_with_how_much_that_is(monkeypatch):
+    monkeypatch.setattr("shutil.disk_usage", lambda path: SimpleNamespace(free=1000))
+    with pytest.raises(OSError, match=r"shared memory: got 1000 bytes in /dev/shm, needed \d+; .*workers.method = threads"):
+        Publisher().publish({"value": np.zeros(1000)})
+
+
+RECORDS = np.zeros(3, np.dtype([("mmsi", np.int64), ("class_b", np.bool_), ("lat", np.float64)]))
+VALUE = {
+    "parts": (np.arange(5.0), RECORDS),
+    "strided": np.arange(24).reshape(2, 3, 4)[:, ::2, ::-1],
+    "fortran": np.asfortranarray(np.arange(6.0).reshape(2, 3)),
+    "empty": np.zeros((0, 4)),
+    "names": np.array(["one", "zwölf"]),
+}
+
+
+def test_arrays_go_through_shared_memory_to_the_bit():
+    publisher, reader = Publisher(), Reader()
+    for size in (10, 100_000, 3):
+        given = {**VALUE, "sized": np.arange(float(size))}
+        views = reader.views(publisher.publish(given))
+        assert views.keys() == given.keys()
+        for name, array in given.items():
+            for one, view in zip(*(v if isinstance(v, tuple) else (v,) for v in (array, views[name])), strict=True):
+                assert (view.dtype, view.shape) == (one.dtype, one.shape)
+                assert view.tobytes() == one.tobytes()
+        del one, view, views
+    publisher.close()
+    publisher.close()
 
 
 def test_shared_arrays_are_read_only_and_what_work_raises_is_raised_here(pool):
@@ -118,13 +150,40 @@ def test_a_lost_process_is_made_good_and_replaced(pool, tmp_path):
         assert same(squares, 1.5, *problem(1, 7), pool) > 100
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_processes_end_when_their_parent_is_killed():
+    code = (
+        "import os, time; from coastwatch.workers.processes import new_pool; pool = new_pool(1); "
+        "print(pool.submit(os.getpid).result(), flush=True); time.sleep(600)"
+    )
+    parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    child = Path(f"/proc/{int(parent.stdout.readline())}/stat")
+    assert alive(child)
+    parent.kill()
+    parent.communicate()
+    until = time.monotonic() + 60.0
+    while alive(child):
+        assert time.monotonic() < until
+        time.sleep(0.05)
+
+
+def alive(stat):
+    """Whether a process is there, and not only waits to be reaped."""
+    try:
+        return stat.read_text("utf-8").rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
 def test_one_processor_is_this_process_and_threads_leave_the_chunk_whole():
     for method, count in (("processes", 1), ("threads", 2), ("auto", 2), ("auto", 0)):
         with open_workers(method, count) as workers:
-            assert workers == (serial, serial_regions)
+            assert workers.spots is serial
+            assert isinstance(workers.regions, ThreadedRegions)
             assert len(blocks(10**6, 1)) == (1 if processors(count) == 1 else 4 * processors(count))
     with open_workers("processes", 2) as workers:
         assert isinstance(workers.spots, Processes)
+        assert isinstance(workers.regions, RemoteRegions)
         assert same(squares, 1.5, *problem(1, 7), workers.spots) > 100
     assert len(blocks(10**6, 1)) == 1
     with pytest.raises(ValueError, match="needed at least 2"):

@@ -1,0 +1,106 @@
+"""Arrays by name from one process of this machine to others, in shared memory."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from multiprocessing.shared_memory import SharedMemory
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from coastwatch.batches import Array
+from coastwatch.stage import Arrays
+
+MARGIN = 1.25  # size of a new block over the needed size, for tracks to come
+ALIGNMENT = 64
+
+
+class Location(NamedTuple):
+    """Where an array lies in a block."""
+
+    offset: int
+    dtype: Any
+    shape: tuple[int, ...]
+
+    def view(self, block: SharedMemory) -> Array:
+        """The array, in the block's memory."""
+        made: Array = np.ndarray(self.shape, self.dtype, block.buf, self.offset)
+        return made
+
+
+class Published(NamedTuple):
+    """Arrays in a block."""
+
+    block: str  # name of the shared memory
+    locations: dict[str, Any]  # of an array, or of each of a tuple of arrays
+
+
+class Publisher:
+    """A block of shared memory. Each call overwrites the arrays of the last, and enlarges the block if needed."""
+
+    def __init__(self) -> None:
+        self._block: SharedMemory | None = None
+
+    def publish(self, arrays: Arrays) -> Published:
+        """Copy arrays, and tuples of arrays, to shared memory. Raises: OSError: the system has not enough of it."""
+        locations: dict[str, Any] = {}
+        to_copy: list[tuple[Location, Array]] = []
+        size = 0
+        for name, given in arrays.items():
+            placed = []
+            for array in given if isinstance(given, tuple) else (given,):
+                placed.append(Location(size, array.dtype, array.shape))
+                to_copy.append((placed[-1], array))
+                size += -(-array.nbytes // ALIGNMENT) * ALIGNMENT
+            locations[name] = tuple(placed) if isinstance(given, tuple) else placed[0]
+        block = self._block_of(size)
+        for location, array in to_copy:
+            in_bytes = np.ascontiguousarray(array).reshape(-1).view(np.uint8)  # records would be copied a field at a time
+            Location(location.offset, np.uint8, in_bytes.shape).view(block)[...] = in_bytes
+        return Published(block.name, locations)
+
+    def close(self) -> None:
+        """Release the shared memory."""
+        if self._block is not None:
+            self._block.close()
+            self._block.unlink()
+            self._block = None
+
+    def _block_of(self, size: int) -> SharedMemory:
+        if self._block is None or self._block.size < size:
+            self.close()
+            wanted = int(MARGIN * size) + ALIGNMENT
+            free = shutil.disk_usage("/dev/shm").free if os.path.isdir("/dev/shm") else wanted
+            if free < wanted:
+                raise OSError(
+                    f"shared memory: got {free} bytes in /dev/shm, needed {wanted}; or choose workers.method = threads"
+                )
+            self._block = SharedMemory(create=True, size=wanted)
+        return self._block
+
+
+class Reader:
+    """Reads the arrays of one publisher, in another process."""
+
+    def __init__(self) -> None:
+        self._block: SharedMemory | None = None
+
+    def views(self, published: Published) -> dict[str, Any]:
+        """The arrays by name, read-only. They hold until the publisher is called again."""
+        block = self._block
+        if block is None or block.name != published.block:
+            if block is not None:
+                block.close()
+            block = self._block = SharedMemory(published.block)
+        arrays: dict[str, Any] = {}
+        for name, location in published.locations.items():
+            several = (location,) if isinstance(location, Location) else location
+            views = tuple(_read_only(each.view(block)) for each in several)
+            arrays[name] = views[0] if isinstance(location, Location) else views
+        return arrays
+
+
+def _read_only(array: Array) -> Array:
+    array.flags.writeable = False
+    return array
