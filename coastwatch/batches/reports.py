@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any, Protocol
 
 import numpy as np
 
-from coastwatch.batches.struct import Array, Batch, Bools, Floats, Ints, Struct, column
+from coastwatch.batches.struct import Array, Batch, Bools, Floats, Ints, Struct, column, optional_column
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +23,8 @@ class RadarReports(Batch):
     azimuth_deg: Floats = column(np.float64, "M")  # true, 0..360
     site_deg: Floats = column(np.float64, "M", 2)  # where the antenna was
     origin: Ints = column(np.int64, "M")
+    range_sigma_m: Floats = optional_column("M")  # standard deviation of this plot; NaN: that of the radar
+    azimuth_sigma_deg: Floats = optional_column("M")  # the same
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +66,21 @@ class BearingReports(Batch):
     site_deg: Floats = column(np.float64, "M", 2)
     signature: Ints = column(np.int64, "M")  # VesselClass by its sound; -1 if unknown
     origin: Ints = column(np.int64, "M")
+    bearing_sigma_deg: Floats = optional_column("M")  # standard deviation of this bearing; NaN: that of the sensor
+
+
+@dataclass(frozen=True, eq=False)
+class TrackReports(Batch):
+    """States of tracks that another system made, in order of arrival."""
+
+    sensor: Ints = column(np.int64, "M")  # index into the scenario's track sources
+    number: Ints = column(np.int64, "M")  # of the track, as the source gives it; it may be used again
+    time_s: Floats = column(np.float64, "M")
+    received_s: Floats = column(np.float64, "M")
+    position_deg: Floats = column(np.float64, "M", 2)
+    velocity_m_s: Floats = column(np.float64, "M", 2)  # NaN: not given
+    covariance: Floats = column(np.float64, "M", 4, 4)  # NaN: not given; the velocity block alone may be NaN
+    origin: Ints = column(np.int64, "M")
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,10 +91,11 @@ class Reports:
     ais: AisReports
     statics: AisStatics
     bearing: BearingReports
+    tracks: TrackReports = field(default_factory=TrackReports.empty)
 
     def between(self, after_s: float, until_s: float) -> Reports:
         """The reports with after_s < received_s <= until_s; each part must be sorted by received_s."""
-        return Reports(*(self._cut(part, after_s, until_s) for part in (self.radar, self.ais, self.statics, self.bearing)))
+        return Reports(*(self._cut(getattr(self, f.name), after_s, until_s) for f in fields(self)))
 
     @staticmethod
     def _cut(part: Any, after_s: float, until_s: float) -> Any:
@@ -83,7 +103,50 @@ class Reports:
         return part.take(slice(lo, hi))
 
     def __len__(self) -> int:
-        return len(self.radar) + len(self.ais) + len(self.statics) + len(self.bearing)
+        return sum(len(getattr(self, f.name)) for f in fields(self))
+
+    @classmethod
+    def empty(cls) -> Reports:
+        """No report."""
+        return cls(RadarReports.empty(), AisReports.empty(), AisStatics.empty(), BearingReports.empty())
+
+    @classmethod
+    def merged(cls, parts: Sequence[Reports]) -> Reports:
+        """The reports of all parts, each kind in order of arrival; equal times in order of the parts."""
+        names = [f.name for f in fields(cls)]
+        return cls(**{name: _by_arrival([getattr(part, name) for part in parts]) for name in names})
+
+
+def _by_arrival(parts: list[Any]) -> Any:
+    some = [part for part in parts if len(part)]
+    if len(some) < 2:
+        return (some or parts)[0]
+    together = type(parts[0]).join(some)
+    return together.take(np.argsort(together.received_s, kind="stable"))
+
+
+EARLIER_S = 3600.0
+"""How long before the start of a run the reports of a stream are used."""
+
+
+class ReportStream(Protocol):
+    """Reports of a source that is too large for memory. It is read once, forwards."""
+
+    def between(self, after_s: float, until_s: float) -> Reports:
+        """The reports with after_s < received_s <= until_s. Older ones are dropped; those after wait for the next call."""
+        ...
+
+    def head(self) -> Reports:
+        """The first reports of each source. They stay in the stream."""
+        ...
+
+    def faults(self) -> tuple[Fault, ...]:
+        """The records that were refused or set aside so far."""
+        ...
+
+    def contents(self) -> tuple[FileContent, ...]:
+        """What was taken from each file so far."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,14 +210,45 @@ class Fault:
     example: str  # the record, cut to 80 characters
 
 
+@dataclass(frozen=True)
+class FileContent:
+    """What was taken from one file of the input."""
+
+    name: str
+    kind: str  # what its records are: "AIS reports", "radar plots", ...
+    records: int  # taken
+    first_s: float  # time of the records taken; NaN if there is none
+    last_s: float
+    columns: tuple[tuple[str, str], ...] = ()  # of a table: our name and the file's, of each column that was read
+    ignored: tuple[str, ...] = ()  # columns that were not read
+
+
 @dataclass(frozen=True, eq=False)
 class Recording:
     """All the input of one run: reports in order of arrival, truth where there is any, and refused records."""
 
-    reports: Reports
-    start_s: float
-    stop_s: float
+    reports: Reports | ReportStream
     truth: Trajectories | None = None
-    faults: tuple[Fault, ...] = ()
+    faults: tuple[Fault, ...] = ()  # of what is read at once; those of a stream are counted as it is read
     silenced: tuple[int, ...] = ()  # origins whose AIS was switched off on purpose
     noise: Noise | None = None  # of simulated sensors
+    contents: tuple[FileContent, ...] = ()  # of the files that are read at once
+
+    def whole(self) -> Reports:
+        """All reports; of a stream those that are left, which empties it."""
+        return self.reports if isinstance(self.reports, Reports) else self.reports.between(-math.inf, math.inf)
+
+    def of_first_cycle(self, start_s: float, until_s: float) -> Reports:
+        """The reports up to the end of the first cycle; of a stream only the last hour before the start of the run.
+
+        A file may begin a day before the run, and its reports would not fit in memory.
+        """
+        return self.reports.between(-math.inf if isinstance(self.reports, Reports) else start_s - EARLIER_S, until_s)
+
+    def all_faults(self) -> tuple[Fault, ...]:
+        """The records that were refused or set aside so far."""
+        return self.faults + (() if isinstance(self.reports, Reports) else self.reports.faults())
+
+    def all_contents(self) -> tuple[FileContent, ...]:
+        """What was taken from each file so far."""
+        return self.contents + (() if isinstance(self.reports, Reports) else self.reports.contents())

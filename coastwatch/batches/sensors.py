@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
@@ -46,39 +46,56 @@ class Sonars(Batch):
 
 
 @dataclass(frozen=True, eq=False)
+class TrackSources(Batch):
+    """Systems that send finished tracks."""
+
+    name: Array = column("U32", "R")
+    site_deg: Floats = column(np.float64, "R", 2)  # of the radar; NaN: not known
+    heading_deg: Floats = column(np.float64, "R")  # of a radar that does not move
+    position_sigma_m: Floats = column(np.float64, "R")  # of tracks without covariance, until it is estimated, per axis
+    velocity_sigma_m_s: Floats = column(np.float64, "R")
+    patience_s: Floats = column(np.float64, "R")  # a track that is not sent for this time is dropped
+
+
+@dataclass(frozen=True, eq=False)
 class Sensors:
-    """All sensors of a scenario. Sources of tracks are numbered: regions first, then AIS, then one for each sonar."""
+    """All sensors of a scenario. Sources of tracks are numbered: regions, then track sources, then AIS, then one for each sonar."""
 
     radars: Radars
     stations: Stations
     sonars: Sonars
     region_names: tuple[str, ...]
     region_origin_deg: Floats  # (regions, 2)
+    track_sources: TrackSources = field(default_factory=TrackSources.empty)
 
     @property
     def ais_source(self) -> int:
         """Number of the AIS source."""
-        return len(self.region_names)
+        return len(self.region_names) + len(self.track_sources)
+
+    def track_source(self, number: int) -> int:
+        """Number of the source of a track source."""
+        return len(self.region_names) + number
 
     def sonar_source(self, sonar: int) -> int:
         """Number of the source of a sonar."""
-        return len(self.region_names) + 1 + sonar
+        return self.ais_source + 1 + sonar
 
     @property
     def source_names(self) -> tuple[str, ...]:
         """Name of each source."""
-        return (*self.region_names, "ais", *(str(n) for n in self.sonars.name))
+        return (*self.region_names, *map(str, self.track_sources.name), "ais", *map(str, self.sonars.name))
 
     @property
     def source_kinds(self) -> Ints:
         """SourceKind of each source."""
-        kinds = [0] * len(self.region_names) + [1] + [2] * len(self.sonars)
+        kinds = [0] * self.ais_source + [1] + [2] * len(self.sonars)
         return np.array(kinds, np.int64)
 
 
 class SourceKind(IntEnum):
     """What the tracks of a source are made of."""
 
-    RADAR = 0  # tracks of a region's radars
+    RADAR = 0  # tracks of a region's radars, or of a track source
     AIS = 1
     BEARING = 2

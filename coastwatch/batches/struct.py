@@ -8,6 +8,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from coastwatch.kernels.tables.row_numbers import require_rows
+
 Array = NDArray[Any]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -16,9 +18,20 @@ Rows = NDArray[np.int32]
 """Numbers of rows and groups within a cycle, in half the memory of Ints."""
 
 
-def column(dtype: Any, *shape: str | int) -> Any:
-    """A field that holds an array of this dtype and shape; a letter in the shape is one size throughout the struct."""
-    return field(metadata={"dtype": np.dtype(dtype), "shape": shape})
+def column(dtype: Any, *shape: str | int, rows_of: str | None = None, least: int = 0) -> Any:
+    """A field that holds an array of this dtype and shape; a letter in the shape is one size throughout the struct.
+
+    Args: rows_of: the letter of what it numbers, from `least` on: `check_rows` compares them.
+    """
+    return field(metadata={"dtype": np.dtype(dtype), "shape": shape, "rows_of": rows_of, "least": least})
+
+
+def optional_column(*shape: str | int) -> Any:
+    """As `column`, of float64, for a value that a batch need not give: then it is NaN in every row."""
+    return field(
+        default_factory=lambda: np.zeros((0, *(0 if isinstance(s, str) else s for s in shape[1:]))),
+        metadata={"dtype": np.dtype(np.float64), "shape": shape, "optional": True},
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +55,23 @@ class Struct:
                 if (sizes.setdefault(need, size) if isinstance(need, str) else need) != size:
                     raise ValueError(f"{type(self).__name__}.{name}: got shape {got.shape}, needed {shape} with {sizes}")
 
+    def check_rows(self) -> None:
+        """Check the columns of row numbers, as after reading a checkpoint: kernels do not.
+
+        Raises: ValueError that names the field, what it got and what it needed.
+        """
+        every = fields(self)
+        sizes = {
+            letter: size
+            for f in every
+            if "shape" in f.metadata
+            for letter, size in zip(f.metadata["shape"], getattr(self, f.name).shape, strict=True)
+        }
+        for f in every:
+            if f.metadata.get("rows_of"):
+                name = f"{type(self).__name__}.{f.name}"
+                require_rows(name, getattr(self, f.name), sizes[f.metadata["rows_of"]], f.metadata["least"])
+
 
 _COLUMNS: dict[type, tuple[tuple[str, np.dtype[Any], tuple[str | int, ...]], ...]] = {}
 
@@ -55,9 +85,26 @@ def _columns(struct: type[Struct]) -> tuple[tuple[str, np.dtype[Any], tuple[str 
     return _COLUMNS[struct]
 
 
+_OPTIONAL: dict[type, tuple[str, ...]] = {}
+
+
+def _optional_columns(struct: type[Struct]) -> tuple[str, ...]:
+    """The fields that a batch may leave out; kept for each class."""
+    if struct not in _OPTIONAL:
+        _OPTIONAL[struct] = tuple(f.name for f in fields(struct) if f.metadata.get("optional"))
+    return _OPTIONAL[struct]
+
+
 @dataclass(frozen=True, eq=False)
 class Batch(Struct):
     """A Struct whose every column has the same first axis: rows can be counted, taken and joined."""
+
+    def __post_init__(self) -> None:
+        for name in _optional_columns(type(self)):
+            given = getattr(self, name)
+            if len(given) == 0 and len(self):
+                object.__setattr__(self, name, np.full((len(self), *given.shape[1:]), np.nan))
+        super().__post_init__()
 
     def __len__(self) -> int:
         return len(getattr(self, fields(self)[0].name))

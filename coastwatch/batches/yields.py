@@ -22,7 +22,9 @@ class Plots(Batch):
     time_s: Floats = column(np.float64, "M")
     position_m: Floats = column(np.float64, "M", 2)
     covariance: Floats = column(np.float64, "M", 2, 2)
-    site_m: Floats = column(np.float64, "M", 2)
+    site_m: Floats = column(np.float64, "M", 2)  # the antenna
+    range_m: Floats = column(np.float64, "M")  # as measured, less the corrections
+    azimuth_rad: Floats = column(np.float64, "M")
     origin: Ints = column(np.int64, "M")
 
 

@@ -13,8 +13,8 @@ from coastwatch.fused_tracks import CentralImm, Fuser
 from coastwatch.picture import Identity
 from coastwatch.plots import PlotConverter, PolarConversion
 from coastwatch.registration import OnlineRegistration, Registrar
-from coastwatch.scenario.sites import Area, Name, Positive, Radar, Sonar, Station, sensors_of
-from coastwatch.sensors import Feed
+from coastwatch.scenario.sites import Area, Name, Positive, Radar, Sonar, Station, TrackSource, sensors_of
+from coastwatch.sensors import Feed, Tables
 from coastwatch.spots import KMeansSpots, OctantGrouper, OctantSpots, SpotGrouper
 from coastwatch.stage import Method, Plan, Settings
 from coastwatch.tracks import (
@@ -24,8 +24,10 @@ from coastwatch.tracks import (
     BearingWindow,
     ConstantVelocity,
     RadarTracker,
+    ReceivedTracks,
     SidedImm,
     TrackAligner,
+    TrackReceiver,
 )
 
 
@@ -42,9 +44,11 @@ class StoreSettings(Settings):
     checkpoint_every: Annotated[int, Field(ge=1)] = 10  # cycles
     history_hours: Annotated[float, Field(ge=0.0)] = 0.0  # of history; 0: all
     details_hours: Annotated[float, Field(ge=0.0)] = 0.0  # of associations, spots, timings and registrations; 0: all
+    event_hours: Annotated[float, Field(ge=0.0)] = 0.0  # of events, by their end; 0: all
+    event_gap_s: Annotated[float, Field(ge=0.0)] = 60.0  # a flag that returns within this time goes on with its event
     picture_hours: Annotated[float, Field(ge=0.0)] = 0.0  # after the end of a run until its last picture is deleted; 0: never
     recording_hours: Annotated[float, Field(ge=0.0)] = 0.0  # of recording; 0: all
-    overlap: bool = True  # write a cycle while the next one is computed; the rows are the same
+    overlap: bool = True  # write cycles while the next ones are computed, at most two behind; the rows are the same
     recording: bool = False  # store every picture with its members, bit for bit
 
 
@@ -52,7 +56,7 @@ class WorkerSettings(Settings):
     """How the work of a run is shared; all methods give the same picture.
 
     `method`: `threads` of this process, `processes` of this machine, or `ray`, the machines of a cluster (see ops/ray). `auto` is
-    the fastest on one machine: threads.
+    the fastest on one machine: threads. All of them compute regional centres side by side.
     """
 
     method: Literal["auto", "threads", "processes", "ray"] = "auto"  # auto: threads, for work that is large enough
@@ -73,11 +77,13 @@ class Scenario(Settings):
     radars: tuple[Radar, ...] = ()
     stations: tuple[Station, ...] = ()
     sonars: tuple[Sonar, ...] = ()
+    track_sources: tuple[TrackSource, ...] = ()
     input: Feed
     plots: PlotConverter = PolarConversion()
     tracks: RadarTracker = SidedImm()
     ais_tracks: AisTracker = AisFilter()
     bearing_tracks: BearingTracker = BearingWindow()
+    received_tracks: TrackReceiver = ReceivedTracks()
     alignment: TrackAligner = ConstantVelocity()
     spots: SpotGrouper = KMeansSpots()
     octants: OctantGrouper = OctantSpots()
@@ -103,7 +109,7 @@ class Scenario(Settings):
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> Scenario:
-        for kind in ("radars", "stations", "sonars"):
+        for kind in ("radars", "stations", "sonars", "track_sources"):
             names = [s.name for s in getattr(self, kind)]
             if len(set(names)) < len(names):
                 raise ValueError(f"{kind}: got names {names}, needed each once")
@@ -120,7 +126,27 @@ class Scenario(Settings):
 
     def sensors(self) -> Sensors:
         """The sensors as arrays, with numbered regions and sources."""
-        return sensors_of(self.radars, self.stations, self.sonars)
+        return sensors_of(self._placed_radars(), self.stations, self.sonars, self.track_sources)
+
+    def _placed_radars(self) -> list[Radar]:
+        """The radars, those that move where their first plot was measured. Raises: ValueError if the input does not say it."""
+        moving = [r.name for r in self.radars if r.latitude_deg is None]
+        if not moving:
+            return list(self.radars)
+        places = self.input.first_sites() if isinstance(self.input, Tables) else {}
+        lost = [name for name in moving if not places or (name not in places and len(self.radars) > 1)]
+        if lost:
+            raise ValueError(
+                f"radar {lost[0]!r}: got no position, needed latitude_deg and longitude_deg, or the columns site_latitude and "
+                "site_longitude in its plots"
+            )
+        only = next(iter(places.values()))
+        placed = []
+        for radar in self.radars:
+            latitude, longitude = places.get(radar.name, only)
+            update = {"latitude_deg": latitude, "longitude_deg": longitude} if radar.name in moving else {}
+            placed.append(radar.model_copy(update=update))
+        return placed
 
     @property
     def warmup_cycles(self) -> int:

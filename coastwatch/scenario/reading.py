@@ -13,6 +13,17 @@ from coastwatch.scenario.extending import ScenarioError, extended
 from coastwatch.scenario.model import Scenario
 from coastwatch.shipped import scenarios_folder
 
+RENAMED = {
+    "heard": "detection_probability",
+    "give_up": "rejection_log_odds",
+    "unknown_kick_m_s2": "unknown_manoeuvre_m_s2",
+    "kick_m_s": "velocity_jump_m_s",
+    "kick_interval_s": "velocity_jump_interval_s",
+    "kick_share": "velocity_jump_share",
+    "on_line": "online",
+}
+"""Settings and methods of 0.1.0 and their names today, for the message that refuses the old name."""
+
 
 def scenario_names() -> list[tuple[str, str]]:
     """Name and title of every shipped scenario, sorted."""
@@ -40,7 +51,7 @@ def make_scenario(data: dict[str, Any], where: str, overrides: Mapping[str, str]
     try:
         return Scenario.model_validate(data)
     except ValidationError as error:
-        lines = [f"{where}: {_path(e['loc'])}: {e['msg']}, got {_short(e['input'])}" for e in error.errors()]
+        lines = [f"{where}: {_path(e['loc'])}: {e['msg']}, got {_short(e['input'])}{_renamed(e)}" for e in error.errors()]
         raise ScenarioError("\n".join(lines)) from error
 
 
@@ -87,6 +98,12 @@ def _index(items: list[Any], part: str, path: str) -> int:
 
 def _path(loc: tuple[int | str, ...]) -> str:
     return ".".join(str(part) for part in loc) or "scenario"
+
+
+def _renamed(error: Mapping[str, Any]) -> str:
+    """The name today of a refused setting or method that had another one before."""
+    old = str(error["loc"][-1] if error["type"] == "extra_forbidden" else error.get("ctx", {}).get("tag"))
+    return f"; its name is now {RENAMED[old]}" if old in RENAMED else ""
 
 
 def _short(value: Any) -> str:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from coastwatch.batches import Array, Floats, Radars, Sensors, Sonars, Stations
+from coastwatch.batches import Array, Floats, Radars, Sensors, Sonars, Stations, TrackSources
 from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.stage import Settings
 
@@ -32,12 +32,20 @@ class Radar(Settings):
 
     name: Name  # unique among the radars
     region: Name = "region"  # the radars of a region make one set of tracks
-    latitude_deg: Latitude
-    longitude_deg: Longitude
+    latitude_deg: Latitude | None = None  # of the antenna; none: a radar that moves, with its position in each row of its plots
+    longitude_deg: Longitude | None = None
     range_nm: Positive
     rpm: Positive
     range_noise_m: Positive = 10.0
     azimuth_noise_deg: Positive = 0.3
+
+    @model_validator(mode="after")
+    def _has_both_or_none(self) -> Self:
+        if (self.latitude_deg is None) != (self.longitude_deg is None):
+            raise ValueError(
+                f"got latitude_deg {self.latitude_deg} and longitude_deg {self.longitude_deg}, needed both or none"
+            )
+        return self
 
 
 class Station(Settings):
@@ -62,7 +70,24 @@ class Sonar(Settings):
     arc_to_deg: Annotated[float, Field(ge=0.0, le=360.0)] = 360.0
 
 
-def sensors_of(radars: Sequence[Radar], stations: Sequence[Station], sonars: Sequence[Sonar]) -> Sensors:
+class TrackSource(Settings):
+    """A system that sends finished tracks: a coast radar with a tracker of its own, another centre."""
+
+    name: Name  # unique among the sources of tracks
+    latitude_deg: Latitude | None = None  # of the radar, where sentences give range and bearing without a position of their own
+    longitude_deg: Longitude | None = None  # of the radar
+    heading_deg: Annotated[float, Field(ge=0.0, lt=360.0)] = 0.0  # of a radar that does not move, for relative bearings
+    position_sigma_m: Positive = 50.0  # per axis, of tracks without covariance, until their differences to AIS are known
+    velocity_sigma_m_s: Positive = 1.0  # per axis, the same
+    patience_s: Positive = 30.0  # a track is dropped if it is not sent for this time or for 2.5 of its own intervals
+
+
+def sensors_of(
+    radars: Sequence[Radar],
+    stations: Sequence[Station],
+    sonars: Sequence[Sonar],
+    track_sources: Sequence[TrackSource] = (),
+) -> Sensors:
     """The sensors as arrays. Regions are numbered by their first radar; a region's plane is tangent at the mean of its radars."""
     regions = list(dict.fromkeys(r.region for r in radars))
     sites = _sites(radars)
@@ -76,6 +101,19 @@ def sensors_of(radars: Sequence[Radar], stations: Sequence[Station], sonars: Seq
         sonars=_sonars(sonars),
         region_names=tuple(regions),
         region_origin_deg=np.array(origins).reshape(-1, 2),
+        track_sources=_track_sources(track_sources),
+    )
+
+
+def _track_sources(sources: Sequence[TrackSource]) -> TrackSources:
+    site = [[np.nan if x is None else x for x in (s.latitude_deg, s.longitude_deg)] for s in sources]
+    return TrackSources(
+        name=np.array([s.name for s in sources], "U32"),
+        site_deg=np.array(site, np.float64).reshape(-1, 2),
+        heading_deg=np.array([s.heading_deg for s in sources], np.float64),
+        position_sigma_m=np.array([s.position_sigma_m for s in sources], np.float64),
+        velocity_sigma_m_s=np.array([s.velocity_sigma_m_s for s in sources], np.float64),
+        patience_s=np.array([s.patience_s for s in sources], np.float64),
     )
 
 

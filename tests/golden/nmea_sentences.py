@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 from pyais import encode_dict
 
-from coastwatch.batches import AisReports, Fault
+from coastwatch.batches import AisReports, AisStatics, Fault
 from coastwatch.sensors.recorded.nmea import Nmea
 
 T0 = 1_357_134_218.0  # 2013-01-02 13:43:38 UTC
@@ -42,5 +43,12 @@ def write(path: Path, lines: list[str]) -> Path:
 
 
 def read(path: Path, lines: list[str], **more: object) -> tuple[AisReports, dict[str, Fault]]:
-    reports, _, faults = Nmea(files=(write(path, lines),), **more).read()
+    reports, _, faults = read_all(Nmea(files=(write(path, lines),), **more))
     return reports, {f.kind: f for f in faults}
+
+
+def read_all(feed: Nmea) -> tuple[AisReports, AisStatics, tuple[Fault, ...]]:
+    """The whole stream of a feed, and its faults."""
+    stream = feed.stream()
+    reports = stream.between(-math.inf, math.inf)
+    return reports.ais, reports.statics, stream.faults()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from nmea_sentences import ASSUMED, SOUND, T0, checked, read, sentence, tagged, wire, write
+from nmea_sentences import ASSUMED, SOUND, T0, checked, read, read_all, sentence, tagged, wire, write
 
 from coastwatch.sensors.recorded.nmea import Nmea
 
@@ -74,7 +74,7 @@ def test_statics_of_both_classes_are_read(tmp_path: Path) -> None:
     lines += [tagged("c:1357134219", s) for s in wire({"msg_type": 24, "mmsi": 257000002, "partno": 0, "shipname": "SMALL"})]
     b = {"msg_type": 24, "mmsi": 257000002, "partno": 1, "callsign": "LB2", "ship_type": 37, "to_bow": 5, "to_stern": 3}
     lines += [tagged("c:1357134220", s) for s in wire(b)]
-    _, statics, faults = Nmea(files=(write(tmp_path, lines),)).read()
+    _, statics, faults = read_all(Nmea(files=(write(tmp_path, lines),)))
     assert not faults
     assert statics.name.tolist() == ["NORD", "SMALL", ""]
     assert statics.call_sign.tolist() == ["LA1", "", "LB2"]
@@ -146,6 +146,14 @@ def test_no_damage_to_lines_stops_the_feed(tmp_path: Path, damage: list[tuple[in
         lines.append(line[:at] + noise + line[at + len(noise) :] if len(noise) < 3 else line[:at])
     file = tmp_path / "noise.nmea"
     file.write_bytes(b"\n".join(lines))
-    reports, _, faults = Nmea(files=(file,), assume_start_utc=ASSUMED).read()
+    reports, _, faults = read_all(Nmea(files=(file,), assume_start_utc=ASSUMED))
     assert len(reports) <= len(lines)
     assert all(f.count > 0 and f.where and len(f.example) <= 80 for f in faults)
+
+
+def test_values_that_no_message_can_hold_are_counted_and_not_used(tmp_path: Path) -> None:
+    lines = [f"{T0 + i:.0f} {sentence(mmsi=257000001 + i, course=c)[0]}" for i, c in enumerate((359.9, 360.0, 360.1, 409.5))]
+    reports, faults = read(tmp_path, lines)
+    assert np.isnan(reports.cog_deg).tolist() == [False, True, True, True]
+    counted = faults["set aside: COG that no message can hold, taken as not available"]
+    assert (counted.count, counted.where) == (2, "feed.nmea:3")

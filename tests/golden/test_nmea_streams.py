@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import gzip
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from nmea_sentences import ASSUMED, T0, checked, read, sentence, tagged, wire, write
+from nmea_sentences import ASSUMED, T0, checked, read, read_all, sentence, tagged, wire, write
 
 from coastwatch.batches import Radars, Sensors, Sonars, Stations
+from coastwatch.sensors.recorded import nmea
 from coastwatch.sensors.recorded.nmea import Nmea
 from coastwatch.stage import Plan
 
@@ -58,7 +60,7 @@ def test_parts_are_joined_across_other_lines_and_inherit_the_time_of_their_group
     first, second = wire({"msg_type": 5, "mmsi": 257000001, "shipname": "NORD"}, seq_id=4)
     other = sentence(mmsi=257000002)[0]
     lines = [tagged("g:1-2-77,s:a,c:1357134218", first), tagged("s:b,c:1357134219", other), tagged("g:2-2-77", second)]
-    _, statics, faults = Nmea(files=(write(tmp_path, lines),)).read()
+    _, statics, faults = read_all(Nmea(files=(write(tmp_path, lines),)))
     assert statics.name.tolist() == ["NORD"]
     assert statics.received_s.tolist() == [T0]
     assert not faults
@@ -68,7 +70,7 @@ def test_parts_of_two_stations_are_not_mixed(tmp_path: Path) -> None:
     a = wire({"msg_type": 5, "mmsi": 257000001, "shipname": "AAA"}, seq_id=4)
     b = wire({"msg_type": 5, "mmsi": 257000002, "shipname": "BBB"}, seq_id=4)
     said = [("s:a,c:1357134218", a[0]), ("s:b,c:1357134218", b[0]), ("s:a,c:1357134218", a[1]), ("s:b,c:1357134218", b[1])]
-    _, statics, faults = Nmea(files=(write(tmp_path, [tagged(t, line) for t, line in said]),)).read()
+    _, statics, faults = read_all(Nmea(files=(write(tmp_path, [tagged(t, line) for t, line in said]),)))
     assert sorted(zip(statics.mmsi.tolist(), statics.name.tolist(), strict=True)) == [(257000001, "AAA"), (257000002, "BBB")]
     assert not faults
 
@@ -95,14 +97,14 @@ def test_a_gzip_file_that_breaks_off_is_read_so_far(tmp_path: Path) -> None:
     lines = "".join(f"{T0 + i:.0f} {sentence(mmsi=257000001 + i % 500, lat=i / 100)[0]}\n" for i in range(2000))
     file = tmp_path / "cut.nmea.gz"
     file.write_bytes(gzip.compress(lines.encode())[:-3000])
-    reports, _, faults = Nmea(files=(file,)).read()
+    reports, _, faults = read_all(Nmea(files=(file,)))
     assert 100 < len(reports) < 2000
     assert [f.kind for f in faults if f.kind == "file cut short"]
 
 
 def test_a_missing_file_is_named() -> None:
     with pytest.raises(FileNotFoundError, match=r"nowhere\.nmea"):
-        Nmea(files=(Path("nowhere.nmea"),)).read()
+        read_all(Nmea(files=(Path("nowhere.nmea"),)))
 
 
 def test_a_file_without_a_usable_record_says_what_was_refused(tmp_path: Path) -> None:
@@ -120,5 +122,79 @@ def test_two_files_are_merged_in_order_of_arrival_and_cut_by_cycle(tmp_path: Pat
     start_s, stop_s = feed.span()
     assert (start_s, stop_s) == (T0 - 1.0, T0 + 9.0)
     recording = feed.load(no_sensors(), 1, Plan(start_s=start_s, period_s=2.0, cycles=5))
-    assert (np.diff(recording.reports.ais.received_s) == 1.0).all()
-    assert [len(recording.reports.between(start_s + 2 * c, start_s + 2 * c + 2)) for c in range(5)] == [2, 2, 2, 2, 2]
+    cut = [recording.reports.between(start_s + 2 * c, start_s + 2 * c + 2) for c in range(5)]
+    assert [len(part) for part in cut] == [2, 2, 2, 2, 2]
+    assert (np.diff(np.concatenate([part.ais.received_s for part in cut])) == 1.0).all()
+
+
+def feed_of(lines: int, seed: int = 3) -> list[str]:
+    """Sentences of several stations with late stamps, duplicates, messages in two parts, damage and a jump of the clock."""
+    rng = np.random.default_rng(seed)
+    out: list[str] = []
+    while len(out) < lines:
+        i = len(out)
+        stamp = T0 + 0.5 * i - (8.0 if rng.random() < 0.05 else 0.0) + (5000.0 if lines // 2 <= i < lines // 2 + 5 else 0.0)
+        mmsi = 257000001 + int(rng.integers(50))
+        kind = rng.random()
+        if kind < 0.1:
+            parts = wire({"msg_type": 5, "mmsi": mmsi, "shipname": f"SHIP {mmsi % 100}"}, seq_id=i % 10)
+        elif kind < 0.15:
+            parts = [sentence(mmsi=mmsi)[0][: int(rng.integers(5, 40))]]
+        else:
+            parts = sentence(mmsi=mmsi, lat=59.0 + round(float(rng.random()), 3), second=60)
+        out += [tagged(f"s:{i % 3},c:{stamp:.0f}", part) for part in parts]
+        if rng.random() < 0.1:
+            out += [tagged(f"s:9,c:{stamp:.0f}", part) for part in parts]
+    return out
+
+
+@pytest.mark.parametrize("block", [25, 60, 200])
+def test_blocks_give_the_reports_and_the_counts_of_the_whole_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, block: int
+) -> None:
+    feed = Nmea(files=(write(tmp_path, feed_of(900)),))
+    whole, statics, faults = read_all(feed)
+    monkeypatch.setattr(nmea, "BLOCK", block)
+    cut, cut_statics, cut_faults = read_all(feed)
+    assert len(whole) > 500
+    assert len(statics) > 30
+    for got, needed in ((cut, whole), (cut_statics, statics)):
+        for column in fields(needed):
+            np.testing.assert_array_equal(getattr(got, column.name), getattr(needed, column.name))
+    assert sorted((f.kind, f.count, f.where) for f in cut_faults) == sorted((f.kind, f.count, f.where) for f in faults)
+    assert "time going backwards" in {f.kind for f in faults}
+
+
+def test_a_cycle_needs_only_the_blocks_up_to_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(nmea, "BLOCK", 20)
+    lines = [tagged(f"c:{T0 + i:.0f}", sentence(mmsi=257000001 + i % 7, lat=10 + i / 1000)[0]) for i in range(1000)]
+    lines.insert(500, "?? noise ??")
+    stream = Nmea(files=(write(tmp_path, lines),)).stream()
+    assert len(stream.between(-np.inf, T0 + 99.0)) == 100
+    assert not stream.faults()  # line 501 has not been read
+    assert len(stream.between(T0 + 499.0, T0 + 999.0)) == 500
+    assert [f.where for f in stream.faults()] == ["feed.nmea:501"]
+
+
+def test_the_span_of_a_long_file_is_read_at_both_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    lines = [f"{T0 + i:.0f} {sentence(mmsi=257000001, lat=i / 100)[0]}" for i in range(500)]
+    packed = tmp_path / "feed.nmea.gz"
+    packed.write_bytes(gzip.compress("\n".join(lines).encode()))
+    monkeypatch.setattr(nmea, "BLOCK", 20)
+    monkeypatch.setattr(nmea, "TAIL_BYTES", 2000)
+    for file in (write(tmp_path, lines), packed):
+        assert Nmea(files=(file,)).span() == (T0 - 1.0, T0 + 499.0)
+    bare = write(tmp_path, [line.split(" ")[1] for line in lines])
+    feed = Nmea(files=(bare,), assume_start_utc=ASSUMED, assume_interval_s=2.0)
+    start_s, stop_s = feed.span()
+    assert stop_s - start_s == 999.0
+
+
+def test_a_run_that_starts_in_the_middle_of_a_file_takes_the_last_hour_before(tmp_path: Path) -> None:
+    lines = [f"{T0 + 60 * i:.0f} {sentence(mmsi=257000001 + i % 9, lat=i / 10)[0]}" for i in range(180)]
+    plan = Plan(start_s=T0 + 7200.0, period_s=60.0, cycles=5)
+    recording = Nmea(files=(write(tmp_path, lines),)).load(no_sensors(), 1, plan)
+    first = recording.of_first_cycle(plan.start_s, plan.instant_s(0)).ais
+    assert (first.received_s.min() - T0, first.received_s.max() - T0) == (3660.0, 7260.0)
+    everything = replace(recording, reports=Nmea(files=(write(tmp_path, lines),)).stream().between(-np.inf, np.inf))
+    assert len(everything.of_first_cycle(plan.start_s, plan.instant_s(0))) == 122

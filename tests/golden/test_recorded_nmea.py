@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from nmea_sentences import ASSUMED
+from nmea_sentences import ASSUMED, read_all
 
 from coastwatch.batches import AisReports
 from coastwatch.sensors.recorded.nmea import Nmea
@@ -27,7 +27,7 @@ def accounted(reports: AisReports, statics: int, faults: dict[str, int]) -> int:
 
 
 def test_pyais_sample_is_accounted_for() -> None:
-    reports, statics, faults = Nmea(files=(dataset("pyais_nmea/nmea_data_sample.txt"),), assume_start_utc=ASSUMED).read()
+    reports, statics, faults = read_all(Nmea(files=(dataset("pyais_nmea/nmea_data_sample.txt"),), assume_start_utc=ASSUMED))
     counts = {f.kind: f.count for f in faults}
     assert counts["empty payload"] == 100  # the README: 100 do not decode, 88 and more of them empty
     assert counts["lone part of a message"] == 20
@@ -37,7 +37,7 @@ def test_pyais_sample_is_accounted_for() -> None:
 
 
 def test_danish_stream_is_accounted_for() -> None:
-    reports, statics, faults = Nmea(files=(dataset("aislib_stream/stream_example.txt.gz"),)).read()
+    reports, statics, faults = read_all(Nmea(files=(dataset("aislib_stream/stream_example.txt.gz"),)))
     counts = {f.kind: f.count for f in faults}
     assert accounted(reports, len(statics), counts) == 4051
     assert len(np.unique(reports.mmsi)) == 1382
@@ -53,7 +53,7 @@ def test_danish_stream_is_accounted_for() -> None:
 def test_norwegian_tag_blocks_are_read() -> None:
     file = dataset("kystverket_tagblock/norwegian.raw")
     assert sum(line.startswith("\\") for line in file.read_text().splitlines()) == 197
-    reports, _, faults = Nmea(files=(file,)).read()
+    reports, _, faults = read_all(Nmea(files=(file,)))
     counts = {f.kind: f.count for f in faults}
     assert reports.received_s.min() == 1733782034.0
     assert reports.received_s.max() <= 1733782039.0
@@ -64,7 +64,7 @@ def test_norwegian_tag_blocks_are_read() -> None:
 
 @pytest.mark.parametrize(("name", "vdo", "least"), [("gofree-merrimac.log.gz", 0, 1290), ("nais300-merrimac.log", 130, 375)])
 def test_logs_of_a_ship_are_dated_by_its_clock(name: str, vdo: int, least: int) -> None:
-    reports, _, faults = Nmea(files=(dataset(f"signalk_logs/{name}"),)).read()
+    reports, _, faults = read_all(Nmea(files=(dataset(f"signalk_logs/{name}"),)))
     counts = {f.kind: f.count for f in faults}
     assert counts.get("position not available", 0) == vdo
     assert len(reports) >= least
@@ -76,6 +76,6 @@ def test_logs_of_a_ship_are_dated_by_its_clock(name: str, vdo: int, least: int) 
 def test_decoder_vectors_stop_nothing(folder: str) -> None:
     files = [p for p in sorted(dataset(folder).iterdir()) if p.name not in ("README.md", "COPYING", "LICENSE")]
     for file in files:
-        reports, statics, faults = Nmea(files=(file,), assume_start_utc=ASSUMED).read()
+        reports, statics, faults = read_all(Nmea(files=(file,), assume_start_utc=ASSUMED))
         assert len(reports) + len(statics) + len(faults) > 0
         assert np.isfinite(reports.position_deg).all()

@@ -13,7 +13,7 @@ from pydantic import TypeAdapter, ValidationError
 from coastwatch.batches import Fault, Radars, Sensors, Sonars, Stations
 from coastwatch.geodesy import from_plane
 from coastwatch.sensors import Feed
-from coastwatch.sensors.recorded.ais_table import AisTable
+from coastwatch.sensors.recorded.ais_table import AisTable, wrapped_cog
 from coastwatch.sensors.recorded.tables import Tables
 from coastwatch.stage import Plan
 
@@ -230,9 +230,9 @@ def test_all_kinds_of_files_make_one_recording(tmp_path: Path) -> None:
     feed = Tables(plots=(plots,), ais=(table(tmp_path, row(1)),), nmea=(wire,))
     assert feed.span() == (T0, T0 + 3.0)
     recording = feed.load(sensors(), 1, PLAN)
-    assert (recording.start_s, recording.stop_s) == (T0, T0 + 3.0)
-    assert len(recording.reports.between(T0, T0 + 3.0)) == 3
-    assert recording.reports.ais.mmsi.tolist() == [235070762, 327801000]
+    taken = recording.reports.between(T0, T0 + 3.0)
+    assert len(taken) == 3
+    assert taken.ais.mmsi.tolist() == [235070762, 327801000]
 
 
 def test_no_file_is_refused() -> None:
@@ -269,3 +269,68 @@ def test_classes_by_sound_in_a_table_of_bearings(tmp_path: Path) -> None:
     )
     recording = Tables(bearings=(bearings,)).load(sensors(), 1, PLAN)
     assert recording.reports.bearing.signature.tolist() == [4, -1, -1, 0]
+
+
+def test_values_that_no_message_can_hold_are_counted_by_kind(tmp_path: Path) -> None:
+    file = tmp_path / "ais.csv"
+    said = [
+        ("12.0", "-1.0", "A"),
+        ("102.3", "10.0", "B"),
+        ("110", "20", "Base Station"),
+        ("5", "360.0", ""),
+        ("-3", "400", "class b"),
+    ]
+    lines = [f"{T0 + k},23507076{k},50.7,-1.2,{sog},{cog},{kind}" for k, (sog, cog, kind) in enumerate(said)]
+    file.write_text("\n".join(["time,mmsi,lat,lon,sog,cog,class", *lines]) + "\n")
+    reports, _, faults = AisTable(files=(file,)).read()
+    assert reports.class_b.tolist() == [False, True, False, False, True]
+    np.testing.assert_array_equal(reports.sog_kn, [12.0, np.nan, np.nan, 5.0, np.nan])
+    np.testing.assert_array_equal(reports.cog_deg, [np.nan, 10.0, 20.0, np.nan, np.nan])
+    assert {f.kind.removeprefix("set aside: "): (f.count, f.where) for f in faults} == {
+        "unknown class, taken as class A": (1, "ais.csv:4, column class"),
+        "SOG that no message can hold, taken as not available": (2, "ais.csv:4"),
+        "COG that no message can hold, taken as not available": (2, "ais.csv:2"),
+    }
+
+
+COURSES = np.arange(0.0, 360.0, 5.0)
+
+
+@pytest.mark.parametrize(
+    ("courses", "missing"),
+    [
+        (np.where(COURSES >= 204.8, COURSES - 409.6, COURSES), 409.6),
+        (np.append(np.where(COURSES >= 204.8, COURSES - 409.6, COURSES), -49.6), 409.6),
+        (np.where(COURSES >= 180.0, COURSES - 360.0, COURSES), 360.0),
+        (COURSES, 0.0),
+        (np.append(COURSES, [-1.0, -7.0]), 0.0),
+        (np.array([np.nan]), 0.0),
+    ],
+)
+def test_courses_of_a_wrapped_field_are_said(courses: np.ndarray, missing: float) -> None:
+    assert wrapped_cog(courses) == missing
+
+
+def test_standard_deviations_of_plots_and_bearings_are_read(tmp_path: Path) -> None:
+    plots, places, bearings = tmp_path / "plots.csv", tmp_path / "places.csv", tmp_path / "bearings.csv"
+    plots.write_text(
+        "time,radar,range_m,azimuth_deg,range_sigma_m,azimuth_sigma_deg\n"
+        + "".join(f"{T0 + k},north,1000,10,{a},{b}\n" for k, (a, b) in enumerate([("7", "0.5"), ("", ""), ("0", "-1")]))
+    )
+    made = Tables(plots=(plots,)).load(sensors(), 1, PLAN)
+    radar = made.whole().radar
+    np.testing.assert_array_equal(radar.range_sigma_m, [7.0, np.nan, 0.0])
+    np.testing.assert_array_equal(radar.azimuth_sigma_deg, [0.5, np.nan, -1.0])
+    assert {f.kind.split(": ")[-1]: f.where for f in made.faults} == {"range": "plots.csv:4", "azimuth": "plots.csv:4"}
+    site = sensors().radars.site_deg[0]
+    east = from_plane(np.array([2000.0, 0.0]), site)
+    places.write_text(
+        "time,radar,lat,lon,covariance_east_east,covariance_east_north,covariance_north_north\n"
+        f"{T0},north,{east[0]},{east[1]},100,3,1600\n"
+    )
+    radar = Tables(plots=(places,)).load(sensors(), 1, PLAN).whole().radar
+    np.testing.assert_allclose(radar.range_sigma_m, 10.0, rtol=1e-3)
+    np.testing.assert_allclose(np.radians(radar.azimuth_sigma_deg) * 2000.0, 40.0, rtol=1e-3)
+    bearings.write_text(f"time,sonar,bearing_deg,bearing_sigma_deg\n{T0},mast,10,2.5\n{T0 + 1},mast,11,\n")
+    bearing = Tables(bearings=(bearings,)).load(sensors(), 1, PLAN).whole().bearing
+    np.testing.assert_array_equal(bearing.bearing_sigma_deg, [2.5, np.nan])

@@ -1,172 +1,172 @@
-"""AIS sentences to decoded rows: joins the parts of a message and decodes its payload with pyais."""
+"""AIS sentences to whole messages: joins parts, and verifies checksums of many sentences at once."""
 
 from __future__ import annotations
 
 import math
-import zlib
-from collections.abc import Iterable, Iterator
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
-from pyais.messages import AISSentence
+import numpy as np
 
-from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
+from coastwatch.batches import Bools, Floats, Ints
+from coastwatch.sensors.recorded.faults import Tally
 from coastwatch.sensors.recorded.nmea_sentences import CHECKSUM, HALF_A_LINE, ReceivedSentence
 
 EMPTY = "empty payload"
 LONE_PART = "lone part of a message"
 UNDECODABLE = "undecodable"
-CUT_PAYLOAD = "payload too short"
-OTHER_MESSAGE = SET_ASIDE + "other message"
-NO_VESSEL = {4: SET_ASIDE + "base station", 9: SET_ASIDE + "search and rescue aircraft", 21: SET_ASIDE + "aid to navigation"}
 
-POSITION_BITS = {
-    1: 143,
-    2: 143,
-    3: 143,
-    18: 139,
-    19: 139,
-    27: 94,
-}  # needed: up to the second, or the course if there is no second
-STATIC_BITS = {5: 270, 19: 301, 24: 160}  # needed: up to the dimensions, or the name of part A
+FIELDS = 7  # of a sentence: tag, parts, part, message, channel, payload, fill bits with checksum
+LONGEST_PAYLOAD = 200
+FILL_BITS = {str(k).encode(): k for k in range(6)}
+PARTS = {str(k).encode(): k for k in range(1, 10)}
 PART_LINES = 1000  # largest distance between the parts of one message
 PART_SECONDS = 30.0  # and largest time between them
-NAME_LENGTH, CALL_SIGN_LENGTH = 20, 7
-
-PositionRow = tuple[int, int, int, int, float, float, float, float, bool, int]
-"""Line, number of the message, UTC second, MMSI, latitude, longitude, SOG, COG, class B, digest."""
-
-StaticRow = tuple[int, int, int, int, str, str, int, float, float]
-"""Line, number of the message, digest, MMSI, name, call sign, type, length, beam."""
+HEX = np.array([int(chr(c), 16) if chr(c) in "0123456789abcdefABCDEF" else 256 for c in range(256)])
 
 
-class Message(NamedTuple):
-    """One whole message."""
+class Messages(NamedTuple):
+    """Whole messages, in the order in which they were complete."""
+
+    line: Ints  # of the first part
+    stamp_s: Floats  # time of the message, or of the last clock sentence before it; NaN: none
+    own: Bools  # of the own ship (VDO)
+    payload: list[bytes]
+    bits: Ints  # of the payload
+    raw: list[bytes]  # the sentences
+
+
+class _Sentence(NamedTuple):
+    """What a sentence says of its message."""
+
+    parts: int  # of the message
+    part: int
+    fill_bits: int
+    payload: bytes
+    slot: tuple[bytes, ...]  # equal for the parts of a message
+
+
+class _Open(NamedTuple):
+    """A message of which parts are missing."""
 
     line: int
     own_s: float
     clock_s: float
-    sentence: AISSentence
+    parts: dict[int, tuple[_Sentence, bytes]]
 
 
-class _Part(NamedTuple):
-    line: int
-    own_s: float
-    clock_s: float
-    parts: dict[int, AISSentence]
+class Assembler:
+    """Joins the sentences of a file to messages. It keeps open messages from one call to the next."""
 
+    def __init__(self, name: str, tally: Tally) -> None:
+        self._name, self._tally = name, tally
+        self._open: dict[tuple[bytes, ...], _Open] = {}
+        self._newest: dict[tuple[bytes, ...], bytes] = {}
 
-def whole(sentences: Iterable[ReceivedSentence], name: str, tally: Tally) -> Iterator[Message]:
-    """The messages in the sentences; a message in several parts follows its last part."""
-    open_parts: dict[tuple[Any, ...], _Part] = {}
-    newest: dict[tuple[Any, ...], bytes] = {}
-    for line, raw, own_s, clock_s, station in sentences:
-        try:
-            sentence = AISSentence(raw)
-        except Exception:  # a sentence that pyais cannot parse must not stop the feed
-            tally.add(HALF_A_LINE if raw.count(b",") < 6 else UNDECODABLE, f"{name}:{line}", raw)
-            continue
-        if not sentence.is_valid:
-            tally.add(CHECKSUM, f"{name}:{line}", raw)
-        elif not sentence.payload:
-            tally.add(EMPTY, f"{name}:{line}", raw)
-        elif sentence.frag_cnt == 1:
-            yield Message(line, own_s, clock_s, sentence)
-        else:
-            slot = (sentence.seq_id, sentence.channel, sentence.frag_cnt, sentence.type)
-            if sentence.frag_num == 1 or station:
-                newest[slot] = station
-            joined = _join(
-                open_parts,
-                (*slot, newest.get(slot, b"")),
-                ReceivedSentence(line, raw, own_s, clock_s, station),
-                sentence,
-                name,
-                tally,
-            )
-            if joined is not None:
-                yield joined
-    for part in open_parts.values():
-        _count_lone(part, name, tally)
+    def whole(self, sentences: Sequence[ReceivedSentence], last: bool) -> Messages:
+        """The messages that these sentences complete. Other sentences are counted.
 
+        Args: last: the file ends here, so open messages stay without their other parts.
+        """
+        line: list[int] = []
+        stamp: list[float] = []
+        own: list[bool] = []
+        payload: list[bytes] = []
+        bits: list[int] = []
+        raws: list[bytes] = []
+        for received, right in zip(sentences, checksums_are_right([s.sentence for s in sentences]).tolist(), strict=True):
+            raw = received.sentence
+            sentence = _parsed(raw)
+            if sentence is None or not right or not sentence.payload:
+                self._refuse(received, sentence, right)
+                continue
+            where, own_s, clock_s, text, fill_bits = received.line, received.own_s, received.clock_s, sentence.payload, 0
+            if sentence.parts == 1:
+                fill_bits = sentence.fill_bits
+            else:
+                joined = self._join(received, sentence)
+                if joined is None:
+                    continue
+                parts = [joined.parts[k] for k in sorted(joined.parts)]
+                where, own_s, clock_s = joined[:3]
+                text, fill_bits = b"".join(part.payload for part, _ in parts), parts[-1][0].fill_bits
+                raw = b"\n".join(whole for _, whole in parts)
+            line.append(where)
+            stamp.append(clock_s if math.isnan(own_s) else own_s)
+            own.append(raw[3:6] == b"VDO")
+            payload.append(text)
+            bits.append(6 * len(text) - fill_bits)
+            raws.append(raw)
+        if last:
+            for waiting in self._open.values():
+                self._count_lone(waiting)
+            self._open.clear()
+        return Messages(
+            np.array(line, np.int64),
+            np.array(stamp, np.float64),
+            np.array(own, np.bool_),
+            payload,
+            np.array(bits, np.int64),
+            raws,
+        )
 
-def _join(
-    open_parts: dict[tuple[Any, ...], _Part],
-    slot: tuple[Any, ...],
-    at: ReceivedSentence,
-    sentence: AISSentence,
-    name: str,
-    tally: Tally,
-) -> Message | None:
-    """The message that this part completes, if any. Parts that cannot belong to it are counted as lone."""
-    part = open_parts.pop(slot, None)
-    if part is not None and (
-        sentence.frag_num in part.parts or at.line - part.line > PART_LINES or abs(at.own_s - part.own_s) > PART_SECONDS
-    ):
-        _count_lone(part, name, tally)
-        part = None
-    if part is None:
-        part = _Part(at.line, at.own_s, at.clock_s, {})
-    part.parts[sentence.frag_num] = sentence
-    if math.isnan(part.own_s):
-        part = part._replace(own_s=at.own_s)
-    if len(part.parts) < sentence.frag_cnt:
-        open_parts[slot] = part
+    def _refuse(self, received: ReceivedSentence, sentence: _Sentence | None, right: bool) -> None:
+        raw = received.sentence
+        kind = EMPTY if right else CHECKSUM
+        if sentence is None:
+            kind = HALF_A_LINE if raw.count(b",") < FIELDS - 1 else UNDECODABLE
+        self._tally.add(kind, f"{self._name}:{received.line}", raw)
+
+    def _join(self, at: ReceivedSentence, sentence: _Sentence) -> _Open | None:
+        """The message that this part completes, if any. Parts that cannot belong to it are counted as lone."""
+        if sentence.part == 1 or at.station:
+            self._newest[sentence.slot] = at.station
+        slot = (*sentence.slot, self._newest.get(sentence.slot, b""))
+        known = self._open.pop(slot, None)
+        if known is not None and (
+            sentence.part in known.parts or at.line - known.line > PART_LINES or abs(at.own_s - known.own_s) > PART_SECONDS
+        ):
+            self._count_lone(known)
+            known = None
+        if known is None:
+            known = _Open(at.line, at.own_s, at.clock_s, {})
+        known.parts[sentence.part] = sentence, at.sentence
+        if math.isnan(known.own_s):
+            known = known._replace(own_s=at.own_s)
+        if len(known.parts) == sentence.parts:
+            return known
+        self._open[slot] = known
         return None
-    joined = AISSentence.assemble_from_iterable([part.parts[k] for k in sorted(part.parts)])
-    return Message(part.line, part.own_s, part.clock_s, joined)
+
+    def _count_lone(self, waiting: _Open) -> None:
+        self._tally.add(LONE_PART, f"{self._name}:{waiting.line}", next(iter(waiting.parts.values()))[1], len(waiting.parts))
 
 
-def _count_lone(part: _Part, name: str, tally: Tally) -> None:
-    tally.add(LONE_PART, f"{name}:{part.line}", next(iter(part.parts.values())).raw, len(part.parts))
+def _parsed(raw: bytes) -> _Sentence | None:
+    """The fields of a sentence; None for one that has not its form (IEC 61162-1)."""
+    fields = raw.split(b",")
+    if len(fields) < FIELDS or not raw.isascii():
+        return None
+    tag, count, part, message, channel, payload = fields[:6]
+    padding = fields[-1][:-3]
+    counted, number, fill = PARTS.get(count), PARTS.get(part), FILL_BITS.get(padding, 0)
+    if counted is None or number is None or number > counted or len(payload) > LONGEST_PAYLOAD:
+        return None
+    if (message and not message.isdigit()) or (not fill and padding != b"0" and padding.isdigit()):
+        return None
+    return _Sentence(counted, number, fill, payload, (message, channel, count, tag[3:]) if counted > 1 else ())
 
 
-def digest_of(payload: bytes) -> int:
-    """A number that is equal for equal payloads, in every process."""
-    return zlib.crc32(payload)
+def checksums_are_right(sentences: Sequence[bytes]) -> Bools:
+    """Whether the two hexadecimal digits at the end of each sentence are the exclusive or of what is between ! and *. (M,)
 
-
-def rows_of(message: Message, number: int, name: str, tally: Tally) -> tuple[PositionRow | None, StaticRow | None]:
-    """The position row and the static row of a message, None for either that it does not have. Other messages are counted."""
-    line, sentence = message.line, message.sentence
-    kind = sentence.ais_id
-    if kind not in POSITION_BITS and kind not in STATIC_BITS:
-        tally.add(NO_VESSEL.get(kind, OTHER_MESSAGE), f"{name}:{line}", sentence.raw)
-        return None, None
-    bits = len(sentence.bv)
-    if bits < POSITION_BITS.get(kind, 0) or (kind != 19 and bits < STATIC_BITS.get(kind, 0)):
-        tally.add(CUT_PAYLOAD, f"{name}:{line}", sentence.raw)
-        return None, None
-    try:
-        fields: Any = sentence.decode()
-    except Exception:  # a message that pyais cannot decode must not stop the feed
-        tally.add(UNDECODABLE, f"{name}:{line}", sentence.raw)
-        return None, None
-    digest = digest_of(sentence.payload)
-    position: PositionRow | None = None
-    if kind in POSITION_BITS:
-        second = -1 if kind == 27 else fields.second
-        sog = fields.speed if kind != 27 or fields.speed < 63.0 else math.nan
-        mmsi = int(fields.mmsi)
-        position = (line, number, second, mmsi, fields.lat, fields.lon, sog, fields.course, kind in (18, 19), digest)
-    static = _static(fields, line, number, digest) if bits >= STATIC_BITS.get(kind, bits + 1) else None
-    return position, static
-
-
-def _static(fields: Any, line: int, number: int, digest: int) -> StaticRow:
-    length = (getattr(fields, "to_bow", 0) or 0) + (getattr(fields, "to_stern", 0) or 0)
-    beam = (getattr(fields, "to_port", 0) or 0) + (getattr(fields, "to_starboard", 0) or 0)
-    return (
-        line,
-        number,
-        digest,
-        int(fields.mmsi),
-        _text(getattr(fields, "shipname", ""), NAME_LENGTH),
-        _text(getattr(fields, "callsign", ""), CALL_SIGN_LENGTH),
-        int(getattr(fields, "ship_type", 0) or 0) or -1,
-        float(length) if length else math.nan,
-        float(beam) if beam else math.nan,
-    )
-
-
-def _text(value: str | None, length: int) -> str:
-    return (value or "").partition("@")[0].strip()[:length]
+    Args: sentences: each ends with * and two characters, and is at least six long.
+    """
+    if not sentences:
+        return np.zeros(0, np.bool_)
+    text = np.frombuffer(b"".join(sentences), np.uint8)
+    end = np.cumsum(np.fromiter(map(len, sentences), np.int64, len(sentences)))
+    start = np.concatenate([[0], end[:-1]])
+    edges = np.stack([start + 1, end - 3], axis=-1).ravel()
+    found = np.bitwise_xor.reduceat(text, edges)[::2]
+    return np.asarray(found == 16 * HEX[text[end - 2]] + HEX[text[end - 1]])

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from functools import lru_cache, partial
+from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import AisReports, AisStatics, Bools, Fault, Floats, Ints, Recording, Sensors
+from coastwatch.batches import AisReports, AisStatics, Bools, Fault, FileContent, Floats, Ints, Recording, Sensors
 from coastwatch.geodesy import KNOT_M_S
-from coastwatch.sensors.recorded.ais_validation import NON_FINITE, AisIntake, AisRows, StaticRows, accept
-from coastwatch.sensors.recorded.faults import Tally
+from coastwatch.sensors.recorded.ais_validation import Acceptance, AisIntake, AisRows, StaticRows
+from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
 from coastwatch.sensors.recorded.file_locations import Fingerprint, fingerprint
 from coastwatch.sensors.recorded.merging import ais_recording, by_arrival, span_of
 from coastwatch.sensors.recorded.table_reader import Table, read_table
+from coastwatch.sensors.recorded.table_rows import content_of, good_cells
 from coastwatch.stage import Method, Plan, Settings
-
-EMPTY_CELL, BAD_CELL = "empty cell", "unparsable cell"
 
 SPEED_KN = {"kn": 1.0, "m/s": 1.0 / KNOT_M_S, "km/h": 1.0 / 1.852}
 
@@ -50,8 +50,11 @@ KNOWN: dict[str, tuple[str, ...]] = {
 }
 """Names, in lower case, by which a column is found if the settings do not name it."""
 
+UNKNOWN_CLASS = SET_ASIDE + "unknown class, taken as class A"
+WRAPPED_COG = SET_ASIDE + "COG of a wrapped field: "
+LEAST_WRAPPED_SHARE = 0.02  # of the courses of a file
+
 REQUIRED = ("time", "mmsi", "latitude", "longitude")
-STATIC = ("name", "call_sign", "ship_type", "length", "beam")
 
 
 class AisColumns(Settings):
@@ -78,9 +81,14 @@ class AisTable(Method):
     method: Literal["ais_table"] = "ais_table"
     files: Annotated[tuple[Path, ...], Field(min_length=1)]  # each in order of arrival; compressed (gzip) or not
     columns: AisColumns = AisColumns()  # names of the columns
-    time_format: str = "auto"  # Unix time in s, ms, us or ns, or a written date; else a pattern of strptime; UTC without a zone
-    separator: Annotated[str, Field(min_length=1, max_length=1)] = ","  # between the cells of a CSV file
-    speed_unit: Literal["kn", "m/s", "km/h"] = "kn"  # of the column of SOG
+    time_format: str = "auto"
+    """Of times. "auto": Unix time in s, ms, us or ns, or a written date. Else a pattern of strptime, e.g. "%d.%m.%Y %H:%M:%S" for
+    31.12.2025 23:59:59. A time without a zone is UTC; with "%z" the zone is read, e.g. "%Y-%m-%d %H:%M:%S%z" for
+    2025-12-31 23:59:59+0100."""
+    separator: Annotated[str, Field(min_length=1, max_length=1)] = (
+        ","  # one character between the cells of a CSV file, e.g. ";"
+    )
+    speed_unit: Literal["kn", "m/s", "km/h"] = "kn"  # of the column of SOG, e.g. "m/s" for 5.14 where a ship makes 10 kn
     intake: AisIntake = AisIntake()  # which records are accepted
 
     def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
@@ -88,7 +96,8 @@ class AisTable(Method):
 
         Raises: FileNotFoundError, OSError or ValueError that names the file.
         """
-        return ais_recording(*self.read())
+        made = ais_recording(*self.read())
+        return replace(made, contents=self.contents())
 
     def span(self) -> tuple[float, float]:
         """Whole seconds before the first and after the last time of reception.
@@ -100,15 +109,20 @@ class AisTable(Method):
 
     def read(self) -> tuple[AisReports, AisStatics, tuple[Fault, ...]]:
         """Reports and static data of all tables in order of arrival, and the faults."""
-        return _read(self, fingerprint(self.files))
+        reports, statics, tally = _read(self, fingerprint(self.files))
+        return reports, statics, tally.faults()
+
+    def contents(self) -> tuple[FileContent, ...]:
+        """What was taken from each table."""
+        return _read(self, fingerprint(self.files))[2].contents()
 
 
 @lru_cache(maxsize=1)
-def _read(settings: AisTable, files: Fingerprint) -> tuple[AisReports, AisStatics, tuple[Fault, ...]]:
+def _read(settings: AisTable, files: Fingerprint) -> tuple[AisReports, AisStatics, Tally]:
     tally = Tally()
     parts = [_one_file(settings, path, tally) for path, _, _ in files]
     reports, statics = by_arrival([p[0] for p in parts]), by_arrival([p[1] for p in parts])
-    return reports, statics, tally.faults()
+    return reports, statics, tally
 
 
 def _one_file(settings: AisTable, path: Path, tally: Tally) -> tuple[AisReports, AisStatics]:
@@ -129,39 +143,16 @@ def _one_file(settings: AisTable, path: Path, tally: Tally) -> tuple[AisReports,
         position_deg=np.stack([values["latitude"], values["longitude"]], axis=-1),
         sog_kn=values["sog"] * SPEED_KN[settings.speed_unit],
         cog_deg=values["cog"],
-        class_b=_class_b(table, column["ais_class"]),
+        class_b=_class_b(table, column["ais_class"], tally),
         digest=_digest(values),
     )
+    if missing := wrapped_cog(values["cog"]):
+        tally.add_rows(f"{WRAPPED_COG}{missing:g} is missing", values["cog"] < 0.0, table.location, table.example)
     statics, static_rows = _statics(table, column, values, rows.mmsi, stamp)
-    return accept(
-        rows, statics, static_rows, settings.intake, tally, lambda row: table.location(int(np.searchsorted(table.row, row)))
-    )
-
-
-def good_cells(
-    table: Table, column: dict[str, str | None], required: tuple[str, ...], time_format: str, tally: Tally
-) -> tuple[Table, dict[str, Floats]]:
-    """The rows whose required cells all have a number and whose other cells are readable, and their numbers by key.
-
-    Keys "time" and "received" are times; "radar", "sonar", "name", "call_sign", "ais_class" are texts and are not checked.
-    """
-    texts = ("radar", "sonar", "name", "call_sign", "ais_class")
-    good = np.ones(len(table), np.bool_)
-    values: dict[str, Floats] = {}
-    for key, name in column.items():
-        if key in texts:
-            continue
-        made, bad = table.times(name, time_format) if key in ("time", "received") else table.numbers(name)
-        if key in STATIC:
-            bad = np.zeros(len(table), np.bool_)  # an unreadable length does not invalidate the position
-        empty = table.empty(name).to_numpy() if name is not None and key in required else np.zeros(len(table), np.bool_)
-        infinite = np.isinf(made) | (np.isnan(made) & ~empty & ~bad if key in required else False)
-        infinite = infinite & (key not in STATIC)
-        for kind, mask in ((EMPTY_CELL, empty), (BAD_CELL, bad), (NON_FINITE, infinite)):
-            tally.add_rows(kind, good & mask, partial(table.location, column=str(name)), table.example)
-            good &= ~mask
-        values[key] = made
-    return table.at(good), {key: made[good] for key, made in values.items()}
+    stream = Acceptance(settings.intake, tally, lambda row: table.location(int(np.searchsorted(table.row, row))))
+    reports, static = stream.block(rows, statics, static_rows)
+    tally.add_file(content_of(table, "AIS reports", column, reports.time_s))
+    return reports, static
 
 
 def _whole(number: Floats) -> Ints:
@@ -169,10 +160,30 @@ def _whole(number: Floats) -> Ints:
     return np.where((number == np.floor(number)) & (np.abs(number) < 1e12), number, -1.0).astype(np.int64)
 
 
-def _class_b(table: Table, column: str | None) -> Bools:
+def _class_b(table: Table, column: str | None, tally: Tally) -> Bools:
+    """Which rows are of class B. A text that names no class is counted, and taken as class A."""
     if column is None:
         return np.zeros(len(table), np.bool_)
-    return table.frame[column].cast(str).fill_null("").str.to_lowercase().str.contains(r"^(class )?b\b").to_numpy()
+    cells = table.frame[column].cast(str).fill_null("").str.strip_chars().str.to_lowercase()
+    unknown = ~cells.str.contains(r"^((class )?[ab]\b.*)?$").to_numpy()
+    tally.add_rows(UNKNOWN_CLASS, unknown, lambda i: table.location(i, column), table.example)
+    return cells.str.contains(r"^(class )?b\b").to_numpy()
+
+
+def wrapped_cog(cog_deg: Floats) -> float:
+    """What is missing from negative courses that plainly are of a wrapped field: 409.6 (a signed number of 12 bits), 360, or 0.
+
+    In twelve signed bits of a tenth of a degree the courses from 204.8 are negative, and "not available" is -49.6. So none lies
+    between -49.6 and 0.
+    """
+    known = cog_deg[np.isfinite(cog_deg)]
+    negative = known[known < 0.0]
+    if len(negative) < max(LEAST_WRAPPED_SHARE * len(known), 2):
+        return 0.0
+    low, high, newest = float(known.min()), float(known.max()), float(negative.max())
+    if low >= -204.85 and high <= 204.75 and newest <= -49.55:
+        return 409.6
+    return 360.0 if low >= -180.05 and high <= 180.05 else 0.0
 
 
 def _digest(values: dict[str, Floats]) -> Ints:

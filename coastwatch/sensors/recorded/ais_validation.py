@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Literal, TypeVar
@@ -11,7 +12,7 @@ from pydantic import Field
 
 from coastwatch.batches import AisReports, AisStatics, Batch, Bools, Floats, Ints, column
 from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
-from coastwatch.sensors.recorded.reception_time import reception_times, repeated
+from coastwatch.sensors.recorded.reception_time import BACKWARDS, FAR, LATE, ReceptionTimes, reception_times, repeated
 from coastwatch.stage import Settings
 
 Location = Callable[[int], str]
@@ -38,6 +39,12 @@ LATITUDE = "latitude out of range"
 LONGITUDE = "longitude out of range"
 DUPLICATE = SET_ASIDE + "duplicate"
 QUICK_REPEAT = SET_ASIDE + "quick repeat of one position"
+SOG_RANGE = SET_ASIDE + "SOG that no message can hold, taken as not available"
+COG_RANGE = SET_ASIDE + "COG that no message can hold, taken as not available"
+
+HIGHEST_SOG_KN = 102.35  # 102.2 kn and more is 102.2, 102.3 is not available; a table may have rounded them
+FIRST_WRONG_COG_DEG = 360.05  # 360 is not available
+REMEMBERED_STAMPS = 10_000  # accepted stamps before a block, by which its own are judged
 
 
 class AisIntake(Settings):
@@ -78,56 +85,126 @@ class StaticRows(Batch):
     static: Ints = column(np.int64, "M")  # row in the AisStatics that belong to it
 
 
-def accept(
-    rows: AisRows, statics: AisStatics, static_rows: StaticRows, intake: AisIntake, tally: Tally, location: Location
-) -> tuple[AisReports, AisStatics]:
-    """The accepted reports and static data, in order of arrival. The others are counted in the tally.
+@dataclass(frozen=True, eq=False)
+class _Seen(Batch):
+    """The newest records of a stream: what makes two of them one message, and when they came."""
 
-    Args: rows, static_rows: of one stream, with finite stamps; statics: the data that `static_rows.static` refers to.
+    digest: Ints = column(np.int64, "M")
+    mmsi: Ints = column(np.int64, "M")
+    received_s: Floats = column(np.float64, "M")
+
+
+class Acceptance:
+    """Which rows of one stream are accepted, decided block by block, in order of the file.
+
+    It keeps the newest stamps, to judge the next ones, and the newest messages, to find duplicates. A whole file in one block is
+    judged by all of its stamps.
     """
-    number = np.concatenate([rows.row, static_rows.row])
-    stamp = np.concatenate([rows.stamp_s, static_rows.stamp_s])
-    order = np.argsort(stamp if intake.order == "time" else number, kind="stable")
-    arrived = reception_times(stamp[order], intake.lateness_s, intake.longest_silence_s)
-    for kind, mask in arrived.faults.items():
-        tally.add_rows(kind, mask, lambda i: location(number[order[i]]), lambda i: utc(stamp[order[i]]))
-    back = np.argsort(order, kind="stable")
-    received, accepted = arrived.received_s[back], arrived.accepted[back]
-    n = len(rows)
-    reports = _positions(rows.take(accepted[:n]), received[:n][accepted[:n]], intake, tally, location)
-    static = _statics(static_rows.take(accepted[n:]), received[n:][accepted[n:]], statics, intake, tally, location)
-    return (reports, static) if intake.order == "arrival" else (_sorted(reports), _sorted(static))
+
+    def __init__(self, intake: AisIntake, tally: Tally, location: Location) -> None:
+        self._intake, self._tally, self._location = intake, tally, location
+        self._accepted_s = np.zeros(0)
+        self.newest_s = -math.inf  # time of reception, so far
+        self._positions, self._statics = _Seen.empty(), _Seen.empty()
+
+    def block(
+        self, rows: AisRows, statics: AisStatics, static_rows: StaticRows, ahead_s: Floats | None = None
+    ) -> tuple[AisReports, AisStatics]:
+        """The accepted reports and static data of the next block, in order of arrival. The others are counted in the tally.
+
+        Args: rows, static_rows: with finite stamps; statics: the data that `static_rows.static` refers to; ahead_s: stamps of the
+        block after this one, which show whether a jump of the clock lasts.
+        """
+        number = np.concatenate([rows.row, static_rows.row])
+        stamp = np.concatenate([rows.stamp_s, static_rows.stamp_s])
+        order = np.argsort(stamp if self._intake.order == "time" else number, kind="stable")
+        arrived = self._arrived(stamp[order], np.zeros(0) if ahead_s is None else ahead_s)
+        for kind, mask in arrived.faults.items():
+            self._tally.add_rows(kind, mask, lambda i: self._location(number[order[i]]), lambda i: utc(stamp[order[i]]))
+        back = np.argsort(order, kind="stable")
+        received, accepted = arrived.received_s[back], arrived.accepted[back]
+        n = len(rows)
+        reports = self._reports(rows.take(accepted[:n]), received[:n][accepted[:n]])
+        static = self._static_data(static_rows.take(accepted[n:]), received[n:][accepted[n:]], statics)
+        return (reports, static) if self._intake.order == "arrival" else (_sorted(reports), _sorted(static))
+
+    def _arrived(self, stamp_s: Floats, ahead_s: Floats) -> ReceptionTimes:
+        """The reception times of a block, judged by the stamps before and after it."""
+        known, n = len(self._accepted_s), len(stamp_s)
+        around = np.concatenate([self._accepted_s, stamp_s, ahead_s])
+        judged = reception_times(around, self._intake.lateness_s, self._intake.longest_silence_s)
+        received = np.maximum(judged.received_s[known : known + n], self.newest_s)
+        faults = {kind: mask[known : known + n].copy() for kind, mask in judged.faults.items()}
+        too_late = received - stamp_s > 2.0 * self._intake.lateness_s
+        accepted = judged.accepted[known : known + n] & ~too_late
+        faults[BACKWARDS] |= too_late & ~faults[FAR]
+        faults[LATE] = accepted & (stamp_s < received)
+        if n:
+            self.newest_s = float(received[-1])
+            self._accepted_s = np.concatenate([self._accepted_s, stamp_s[accepted]])[-REMEMBERED_STAMPS:]
+        return ReceptionTimes(received, accepted, faults)
+
+    def _reports(self, rows: AisRows, received: Floats) -> AisReports:
+        intake, tally, location = self._intake, self._tally, self._location
+        good = np.ones(len(rows), np.bool_)
+        for kind, mask in _faults(rows).items():
+            tally.add_rows(kind, good & mask, lambda i: location(rows.row[i]), lambda i: _example(rows, i))
+            good &= ~mask
+        rows, received = rows.take(good), received[good]
+        twice, self._positions = _repeated(self._positions, rows.digest, rows.mmsi, received, intake.duplicate_within_s)
+        again = {DUPLICATE: twice}
+        if len(rows) and (rows.second < 0).all():
+            same = (rows.mmsi, rows.position_deg[:, 0], rows.position_deg[:, 1])
+            again[QUICK_REPEAT] = repeated(same, rows.stamp_s, intake.repeat_within_s) & ~again[DUPLICATE]
+        good = np.ones(len(rows), np.bool_)
+        for kind, mask in again.items():
+            tally.add_rows(kind, mask, lambda i: location(rows.row[i]), lambda i: _example(rows, i))
+            good &= ~mask
+        rows, received = rows.take(good), received[good]
+        for kind, mask in _no_value(rows).items():
+            tally.add_rows(kind, mask, lambda i: location(rows.row[i]), lambda i: _example(rows, i))
+        return AisReports(
+            time_s=np.minimum(_fix_s(rows, intake), received),
+            received_s=received,
+            mmsi=rows.mmsi,
+            position_deg=rows.position_deg,
+            sog_kn=np.where(_known(rows.sog_kn, NOT_AVAILABLE_SOG_KN), rows.sog_kn, np.nan),
+            cog_deg=np.where(_known(rows.cog_deg, 360.0), rows.cog_deg, np.nan),
+            class_b=rows.class_b,
+            origin=np.full(len(rows), -1, np.int64),
+        )
+
+    def _static_data(self, static_rows: StaticRows, received: Floats, statics: AisStatics) -> AisStatics:
+        good = np.ones(len(static_rows), np.bool_)
+        mmsi = statics.mmsi[static_rows.static]
+        again, self._statics = _repeated(self._statics, static_rows.digest, mmsi, received, self._intake.duplicate_within_s)
+        for kind, mask in {**non_vessels(mmsi), DUPLICATE: again}.items():
+            self._tally.add_rows(
+                kind, good & mask, lambda i: self._location(static_rows.row[i]), lambda i: f"static data of MMSI {mmsi[i]}"
+            )
+            good &= ~mask
+        kept = statics.take(static_rows.static[good])
+        return AisStatics(received[good], kept.mmsi, kept.name, kept.call_sign, kept.ship_type, kept.length_m, kept.beam_m)
 
 
 def _sorted(reports: Timed) -> Timed:
     return reports.take(np.argsort(reports.received_s, kind="stable"))
 
 
-def _positions(rows: AisRows, received: Floats, intake: AisIntake, tally: Tally, location: Location) -> AisReports:
-    good = np.ones(len(rows), np.bool_)
-    for kind, mask in _faults(rows).items():
-        tally.add_rows(kind, good & mask, lambda i: location(rows.row[i]), lambda i: _example(rows, i))
-        good &= ~mask
-    rows, received = rows.take(good), received[good]
-    again = {DUPLICATE: repeated((rows.digest, rows.mmsi), received, intake.duplicate_within_s)}
-    if len(rows) and (rows.second < 0).all():
-        same = (rows.mmsi, rows.position_deg[:, 0], rows.position_deg[:, 1])
-        again[QUICK_REPEAT] = repeated(same, rows.stamp_s, intake.repeat_within_s) & ~again[DUPLICATE]
-    good = np.ones(len(rows), np.bool_)
-    for kind, mask in again.items():
-        tally.add_rows(kind, mask, lambda i: location(rows.row[i]), lambda i: _example(rows, i))
-        good &= ~mask
-    rows, received = rows.take(good), received[good]
-    return AisReports(
-        time_s=np.minimum(_fix_s(rows, intake), received),
-        received_s=received,
-        mmsi=rows.mmsi,
-        position_deg=rows.position_deg,
-        sog_kn=np.where(_known(rows.sog_kn, NOT_AVAILABLE_SOG_KN), rows.sog_kn, np.nan),
-        cog_deg=np.where(_known(rows.cog_deg, 360.0), rows.cog_deg, np.nan),
-        class_b=rows.class_b,
-        origin=np.full(len(rows), -1, np.int64),
-    )
+def _repeated(before: _Seen, digest: Ints, mmsi: Ints, received_s: Floats, within_s: float) -> tuple[Bools, _Seen]:
+    """Which records repeat one at most so long before them, and the records that the next block must know."""
+    every = _Seen.join([before, _Seen(digest, mmsi, received_s)])
+    again = repeated((every.digest, every.mmsi), every.received_s, within_s)[len(before) :]
+    return again, every.take(every.received_s >= every.received_s.max(initial=-np.inf) - within_s)
+
+
+def _no_value(rows: AisRows) -> dict[str, Bools]:
+    """Which values no message can hold, by kind of fault. They count as not available."""
+    sog, cog = rows.sog_kn, rows.cog_deg
+    return {
+        SOG_RANGE: (sog < 0.0) | (sog > HIGHEST_SOG_KN),
+        COG_RANGE: (cog < 0.0) | (cog >= FIRST_WRONG_COG_DEG),
+    }
 
 
 def _faults(rows: AisRows) -> dict[str, Bools]:
@@ -156,19 +233,6 @@ def _fix_s(rows: AisRows, intake: AisIntake) -> Floats:
     return np.where(agrees, rows.stamp_s - age, stated)
 
 
-def _statics(
-    static_rows: StaticRows, received: Floats, statics: AisStatics, intake: AisIntake, tally: Tally, location: Location
-) -> AisStatics:
-    good = np.ones(len(static_rows), np.bool_)
-    mmsi = statics.mmsi[static_rows.static]
-    again = repeated((static_rows.digest, mmsi), received, intake.duplicate_within_s)
-    for kind, mask in {**non_vessels(mmsi), DUPLICATE: again}.items():
-        tally.add_rows(kind, good & mask, lambda i: location(static_rows.row[i]), lambda i: f"static data of MMSI {mmsi[i]}")
-        good &= ~mask
-    kept = statics.take(static_rows.static[good])
-    return AisStatics(received[good], kept.mmsi, kept.name, kept.call_sign, kept.ship_type, kept.length_m, kept.beam_m)
-
-
 def _example(rows: AisRows, i: int) -> str:
     lat, lon = rows.position_deg[i]
     return f"MMSI {rows.mmsi[i]} latitude {lat:.6g} longitude {lon:.6g} SOG {rows.sog_kn[i]:.3g} COG {rows.cog_deg[i]:.4g}"
@@ -186,8 +250,9 @@ def _is_mid(number: Ints) -> Bools:
 
 
 def is_vessel(mmsi: Ints) -> Bools:
-    """Whether each MMSI is of a vessel: MID and six digits, 98 MID and four (a craft of a mother ship), or 970, 972, 974 and six
-    (distress transmitter, man overboard, emergency beacon: these must be in the picture).
+    """Whether each MMSI is of a vessel: MID and six digits, 98 MID and four (a craft of a mother ship), or 970, 972, 974 and six.
+
+    The last three are distress transmitter, man overboard and emergency beacon, which must be in the picture.
 
     Source: Recommendation ITU-R M.585-9 (2022), annex 1. MID are the three digits of a country, 201 to 775.
     """

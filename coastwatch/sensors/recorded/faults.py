@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from coastwatch.batches import Array, Fault
+from coastwatch.batches import Array, Fault, FileContent
 
 SET_ASIDE = "set aside: "
 """Prefix of the kinds of valid records that are not used: base stations, duplicates, comments of a gateway."""
@@ -14,10 +14,11 @@ EXAMPLE_LENGTH = 80
 
 
 class Tally:
-    """Counts of faults by kind, in order of the first of each kind."""
+    """Counts of faults by kind, in order of the first of each kind, and what was taken from each file."""
 
     def __init__(self) -> None:
         self._faults: dict[str, Fault] = {}
+        self._contents: list[FileContent] = []
 
     def add(self, kind: str, where: str, example: str | bytes = "", count: int = 1) -> None:
         """Count records of a kind. The first call of a kind also stores its location and an example."""
@@ -38,6 +39,14 @@ class Tally:
     def count(self, kind: str) -> int:
         """Number of faults of this kind so far."""
         return self._faults[kind].count if kind in self._faults else 0
+
+    def add_file(self, content: FileContent) -> None:
+        """Note what was taken from a file."""
+        self._contents.append(content)
+
+    def contents(self) -> tuple[FileContent, ...]:
+        """What was taken from each file."""
+        return tuple(self._contents)
 
     def faults(self) -> tuple[Fault, ...]:
         """One Fault per kind."""

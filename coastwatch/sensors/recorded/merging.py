@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -11,15 +12,21 @@ from coastwatch.batches import (
     AisStatics,
     BearingReports,
     Fault,
+    FileContent,
     Floats,
     RadarReports,
     Recording,
     Reports,
+    ReportStream,
+    TrackReports,
     Trajectories,
 )
 from coastwatch.sensors.recorded.faults import refused
 
-AnyReports = TypeVar("AnyReports", RadarReports, AisReports, AisStatics, BearingReports)
+TIME_MISSING = "time missing"
+REMEDY = "--set input.assume_start_utc=2026-07-01T12:00:00Z sets the time of the first sentence"
+
+AnyReports = TypeVar("AnyReports", RadarReports, AisReports, AisStatics, BearingReports, TrackReports)
 
 
 def by_arrival(parts: list[AnyReports]) -> AnyReports:
@@ -39,9 +46,34 @@ def span_of(*received_s: Floats, faults: tuple[Fault, ...] = ()) -> tuple[float,
     got = [r for r in received_s if len(r)]
     if not got:
         refusals = "; ".join(f"{f.count} {f.kind} (first at {f.where})" for f in refused(faults)) or "nothing was refused"
-        raise ValueError(f"recorded input: got no usable record, needed at least one: {refusals}")
+        remedy = f"; if no line has a time, {REMEDY}" if any(f.kind == TIME_MISSING for f in faults) else ""
+        raise ValueError(f"recorded input: got no usable record, needed at least one: {refusals}{remedy}")
     first, last = min(float(r[0]) for r in got), max(float(r[-1]) for r in got)
     return float(np.ceil(first) - 1.0), float(np.ceil(last))
+
+
+class MergedStream:
+    """Reports in memory and streams as one stream."""
+
+    def __init__(self, fixed: Reports, streams: Sequence[ReportStream]) -> None:
+        self._parts: tuple[Reports | ReportStream, ...] = (fixed, *streams)
+        self._streams = streams
+
+    def between(self, after_s: float, until_s: float) -> Reports:
+        """As `ReportStream.between`."""
+        return Reports.merged([part.between(after_s, until_s) for part in self._parts])
+
+    def head(self) -> Reports:
+        """As `ReportStream.head`."""
+        return Reports.merged([part if isinstance(part, Reports) else part.head() for part in self._parts])
+
+    def faults(self) -> tuple[Fault, ...]:
+        """As `ReportStream.faults`."""
+        return tuple(fault for stream in self._streams for fault in stream.faults())
+
+    def contents(self) -> tuple[FileContent, ...]:
+        """As `ReportStream.contents`."""
+        return tuple(content for stream in self._streams for content in stream.contents())
 
 
 def recording(
@@ -49,20 +81,20 @@ def recording(
     ais: AisReports | None = None,
     statics: AisStatics | None = None,
     bearing: BearingReports | None = None,
+    tracks: TrackReports | None = None,
     truth: Trajectories | None = None,
     faults: tuple[Fault, ...] = (),
     silenced: tuple[int, ...] = (),
 ) -> Recording:
-    """A recording of these parts. Without reports it starts and ends at 0."""
+    """A recording of these parts."""
     reports = Reports(
         RadarReports.empty() if radar is None else radar,
         AisReports.empty() if ais is None else ais,
         AisStatics.empty() if statics is None else statics,
         BearingReports.empty() if bearing is None else bearing,
+        TrackReports.empty() if tracks is None else tracks,
     )
-    parts = (reports.radar, reports.ais, reports.statics, reports.bearing)
-    start_s, stop_s = span_of(*(p.received_s for p in parts)) if len(reports) else (0.0, 0.0)
-    return Recording(reports, start_s, stop_s, truth, faults, silenced)
+    return Recording(reports, truth, faults, silenced)
 
 
 def ais_recording(reports: AisReports, statics: AisStatics, faults: tuple[Fault, ...]) -> Recording:

@@ -1,34 +1,39 @@
-"""The feed `nmea`: AIVDM and AIVDO sentences with or without tag blocks, reception times and clock sentences."""
+"""The feed `nmea`: AIVDM and AIVDO sentences of files as one stream, in memory that does not grow with the files."""
 
 from __future__ import annotations
 
 import gzip
 import math
+import sys
 import zlib
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import lru_cache
+from itertools import islice
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from pydantic import AwareDatetime, Field
 
-from coastwatch.batches import AisReports, AisStatics, Fault, Floats, Recording, Sensors
-from coastwatch.sensors.recorded.ais_messages import PositionRow, StaticRow, rows_of, whole
-from coastwatch.sensors.recorded.ais_validation import AisIntake, AisRows, StaticRows, accept
+from coastwatch.batches import AisReports, AisStatics, Fault, FileContent, Floats, Recording, Reports, Sensors
+from coastwatch.sensors.recorded.ais_messages import Assembler, Messages
+from coastwatch.sensors.recorded.ais_payload import decoded
+from coastwatch.sensors.recorded.ais_validation import Acceptance, AisIntake, AisRows, StaticRows, Timed
 from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
 from coastwatch.sensors.recorded.file_locations import Fingerprint, fingerprint
-from coastwatch.sensors.recorded.merging import ais_recording, by_arrival, span_of
+from coastwatch.sensors.recorded.merging import TIME_MISSING, span_of
 from coastwatch.sensors.recorded.nmea_sentences import ais_sentences
+from coastwatch.sensors.recorded.reception_time import reception_times
 from coastwatch.stage import Method, Plan
 
-TIME_MISSING = "time missing"
 TIME_OF_NEIGHBOUR = SET_ASIDE + "time missing, that of its neighbour taken"
 OWN_SHIP = SET_ASIDE + "own ship"
 CUT_FILE = "file cut short"
 
-REMEDY = "--set input.assume_start_utc=2026-07-01T12:00:00Z sets the time of the first sentence"
-
+BLOCK = 25_000  # sentences that are decoded at once
+TAIL_BYTES = 1 << 22  # of a long file, read to find its last time
 GZIP_MAGIC = b"\x1f\x8b"
 
 
@@ -43,157 +48,249 @@ class Nmea(Method):
     intake: AisIntake = AisIntake()  # which records are accepted
 
     def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
-        """AIS reports and static data of all files in order of arrival, and the faults.
+        """AIS reports and static data of all files as a stream in order of arrival.
 
         Raises: FileNotFoundError or OSError that names the file.
         """
-        return ais_recording(*self.read())
+        return Recording(self.stream())
 
     def span(self) -> tuple[float, float]:
-        """Whole seconds before the first and after the last time of reception.
+        """Whole seconds before the first and after the last time of reception. A long file is read at its start and end only.
 
         Raises: ValueError if no record is usable.
         """
-        reports, statics, faults = self.read()
-        return span_of_nmea(reports.received_s, statics.received_s, faults=faults)
+        received_s, faults = first_and_last(self, fingerprint(self.files))
+        return span_of(received_s, faults=faults)
 
-    def read(self) -> tuple[AisReports, AisStatics, tuple[Fault, ...]]:
-        """Reports and static data of all files in order of arrival, and the faults."""
-        return _read(self, fingerprint(self.files))
-
-
-def span_of_nmea(*received_s: Floats, faults: tuple[Fault, ...]) -> tuple[float, float]:
-    """As `span_of`. Raises: ValueError; if the sentences have no time, the message says how to set one."""
-    try:
-        return span_of(*received_s, faults=faults)
-    except ValueError as error:
-        if not any(f.kind == TIME_MISSING for f in faults):
-            raise
-        raise ValueError(f"{error}; if no line has a time, {REMEDY}") from error
+    def stream(self) -> NmeaStream:
+        """The reports of all files."""
+        return NmeaStream(self, [path for path, _, _ in fingerprint(self.files)])
 
 
-class _Raw(NamedTuple):
-    positions: list[PositionRow]
-    statics: list[StaticRow]
-    own: set[int]  # lines of VDO
-    stamp_s: Floats  # of each message; NaN: not known
+class _Block(NamedTuple):
+    """Decoded rows with finite stamps, and which of them are of the own ship."""
+
+    rows: AisRows
+    statics: AisStatics
+    static_rows: StaticRows
+
+    @property
+    def stamp_s(self) -> Floats:
+        """The stamps of all rows, in order of the file."""
+        number = np.concatenate([self.rows.row, self.static_rows.row])
+        return np.concatenate([self.rows.stamp_s, self.static_rows.stamp_s])[np.argsort(number, kind="stable")]
+
+
+class _FileStream:
+    """The accepted reports of one file, block by block."""
+
+    def __init__(self, settings: Nmea, path: Path, tally: Tally) -> None:
+        self._settings, self._name, self._tally = settings, path.name, tally
+        self._sentences = ais_sentences(lines_of(path, tally), path.name, tally)
+        self._assembler = Assembler(path.name, tally)
+        self._acceptance = Acceptance(settings.intake, tally, lambda line: f"{path.name}:{line}")
+        self._size = BLOCK if settings.intake.order == "arrival" else sys.maxsize  # to sort by time takes all of the file
+        self._stamp_s = math.nan  # of the newest message that has a time
+        self._assumed = 0  # messages so far whose time is assumed
+        self._own = np.zeros(0, np.int64)  # MMSI of the own ship
+        self._decoded: deque[_Block] = deque()
+        self._reports: list[AisReports] = []  # accepted, not yet asked for
+        self._statics: list[AisStatics] = []
+        self.at_end = False  # no sentence is left to decode
+        self._count, self._first_s, self._last_s = 0, math.inf, -math.inf  # accepted reports, and the times of their fixes
+
+    def content(self) -> FileContent:
+        """What was taken so far."""
+        first_s, last_s = (self._first_s, self._last_s) if self._count else (math.nan, math.nan)
+        return FileContent(self._name, "AIS reports", self._count, first_s, last_s)
+
+    @property
+    def newest_s(self) -> float:
+        """The newest time of reception so far; no later record is older."""
+        return self._acceptance.newest_s
+
+    def between(self, after_s: float, until_s: float) -> tuple[AisReports, AisStatics]:
+        """As `NmeaStream.between`, of this file."""
+        reports, statics = self._taken(after_s, until_s)
+        while self.newest_s <= until_s and (block := self.block()) is not None:
+            self._reports.append(block[0])
+            self._statics.append(block[1])
+            more = self._taken(after_s, until_s)
+            reports, statics = [*reports, *more[0]], [*statics, *more[1]]
+        return AisReports.join(reports), AisStatics.join(statics)
+
+    def _taken(self, after_s: float, until_s: float) -> tuple[list[AisReports], list[AisStatics]]:
+        """The waiting reports of a time span. Those up to its end wait no longer."""
+        reports, self._reports = _split(self._reports, after_s, until_s)
+        statics, self._statics = _split(self._statics, after_s, until_s)
+        return reports, statics
+
+    def head(self) -> tuple[AisReports, AisStatics]:
+        """The first accepted reports and static data. They stay in the stream."""
+        while not any(map(len, (*self._reports, *self._statics))) and (block := self.block()) is not None:
+            self._reports.append(block[0])
+            self._statics.append(block[1])
+        return AisReports.join(self._reports), AisStatics.join(self._statics)
+
+    def block(self) -> tuple[AisReports, AisStatics] | None:
+        """The next accepted reports and static data, in order of arrival; None at the end of the file."""
+        while len(self._decoded) < 2 and not self.at_end:
+            self._decoded.append(self._decode())
+        if not self._decoded:
+            return None
+        block = self._decoded.popleft()
+        ahead_s = self._decoded[0].stamp_s if self._decoded else None
+        rows, statics, static_rows = self._without_own(block) if self._settings.drop_own_ship else block
+        reports, static = self._acceptance.block(rows, statics, static_rows, ahead_s)
+        self._count += len(reports)
+        self._first_s = min(self._first_s, float(reports.time_s.min(initial=math.inf)))
+        self._last_s = max(self._last_s, float(reports.time_s.max(initial=-math.inf)))
+        return reports, static
+
+    def _decode(self) -> _Block:
+        sentences = list(islice(self._sentences, self._size))
+        self.at_end = len(sentences) < self._size
+        messages = self._assembler.whole(sentences, self.at_end)
+        messages = messages._replace(stamp_s=self._with_times(messages))
+        rows, statics, static_rows = decoded(messages, self._name, self._tally)
+        if self._settings.drop_own_ship:
+            own = messages.line[messages.own]
+            of_statics = statics.mmsi[np.isin(static_rows.row, own)]
+            self._own = np.unique(np.concatenate([self._own, rows.mmsi[np.isin(rows.row, own)], of_statics]))
+        return _Block(rows.take(np.isfinite(rows.stamp_s)), statics, static_rows.take(np.isfinite(static_rows.stamp_s)))
+
+    def _with_times(self, messages: Messages) -> Floats:
+        """The stamps, with each missing one that of the message before; at the start the first known one, or the assumed ones."""
+        stamp_s, settings = messages.stamp_s, self._settings
+        known = np.flatnonzero(np.isfinite(stamp_s))
+        assumed = settings.assume_start_utc is not None and not len(known) and math.isnan(self._stamp_s)
+        if assumed and settings.assume_start_utc is not None:
+            steps = np.arange(self._assumed, self._assumed + len(stamp_s), dtype=np.float64)
+            self._assumed += len(stamp_s)
+            return np.asarray(settings.assume_start_utc.timestamp() + settings.assume_interval_s * steps)
+        first = stamp_s[known[0]] if math.isnan(self._stamp_s) and len(known) else self._stamp_s
+        missing = np.isnan(stamp_s)
+        kind = TIME_MISSING if math.isnan(first) else TIME_OF_NEIGHBOUR
+        self._tally.add_rows(kind, missing, lambda i: f"{self._name}:{messages.line[i]}", lambda i: "")
+        if len(known):
+            self._stamp_s = float(stamp_s[known[-1]])
+        before = np.maximum.accumulate(np.where(missing, -1, np.arange(len(stamp_s))))
+        return np.where(before < 0, first, stamp_s[np.maximum(before, 0)]) if len(stamp_s) else stamp_s
+
+    def _without_own(self, block: _Block) -> _Block:
+        """The rows that are not of the own ship: neither VDO nor of an MMSI in a VDO so far."""
+        rows, statics, static_rows = block
+        number = statics.mmsi[static_rows.static]
+        own_rows, own_statics = np.isin(rows.mmsi, self._own), np.isin(number, self._own)
+        name = self._name
+        self._tally.add_rows(OWN_SHIP, own_rows, lambda i: f"{name}:{rows.row[i]}", lambda i: f"MMSI {rows.mmsi[i]}")
+        self._tally.add_rows(
+            OWN_SHIP, own_statics, lambda i: f"{name}:{static_rows.row[i]}", lambda i: f"static data of MMSI {number[i]}"
+        )
+        return _Block(rows.take(~own_rows), statics, static_rows.take(~own_statics))
+
+
+def _split(parts: list[Timed], after_s: float, until_s: float) -> tuple[list[Timed], list[Timed]]:
+    """Of batches in order of arrival: the rows of a time span, and the rows after it."""
+    taken, later = [], []
+    for part in parts:
+        low, high = np.searchsorted(part.received_s, [after_s, until_s], side="right")
+        taken += [part.take(np.arange(low, high))] if low < high else []
+        later += [part.take(np.arange(high, len(part)))] if high < len(part) else []
+    return taken, later
+
+
+class NmeaStream:
+    """The reports of several files, merged by time of reception. It is read once, forwards."""
+
+    def __init__(self, settings: Nmea, paths: Sequence[Path]) -> None:
+        self._tally = Tally()
+        self._files = [_FileStream(settings, path, self._tally) for path in paths]
+
+    def between(self, after_s: float, until_s: float) -> Reports:
+        """The reports with after_s < received_s <= until_s. Older ones are dropped; those after wait for the next call."""
+        return Reports.merged([_reports(*file.between(after_s, until_s)) for file in self._files])
+
+    def head(self) -> Reports:
+        """The reports of the first blocks, at least one of each file that has any. They stay in the stream."""
+        return Reports.merged([_reports(*file.head()) for file in self._files])
+
+    def faults(self) -> tuple[Fault, ...]:
+        """The records that were refused or set aside so far."""
+        return self._tally.faults()
+
+    def contents(self) -> tuple[FileContent, ...]:
+        """What was taken from each file so far."""
+        return tuple(file.content() for file in self._files)
+
+
+def _reports(ais: AisReports, statics: AisStatics) -> Reports:
+    return replace(Reports.empty(), ais=ais, statics=statics)
 
 
 @lru_cache(maxsize=1)
-def _read(settings: Nmea, files: Fingerprint) -> tuple[AisReports, AisStatics, tuple[Fault, ...]]:
-    tally = Tally()
-    parts = [_one_file(settings, path, tally) for path, _, _ in files]
-    reports, statics = by_arrival([p[0] for p in parts]), by_arrival([p[1] for p in parts])
-    return reports, statics, tally.faults()
+def first_and_last(settings: Nmea, files: Fingerprint) -> tuple[Floats, tuple[Fault, ...]]:
+    """The first and the last time of reception, empty if there is none, and the faults found on the way.
+
+    A long file is read at its start and at its end only.
+    """
+    firsts, lasts, tally = [math.inf], [-math.inf], Tally()
+    for path, _, _ in files:
+        file = _FileStream(settings, path, tally)
+        received = np.concatenate([part.received_s for part in file.head()])
+        if len(received):
+            firsts.append(float(received.min()))
+            lasts.append(float(received.max()))
+        if not file.at_end:
+            last_s = _last_s(settings, path)
+            lasts.append(_newest_of_all(settings, path) if math.isnan(last_s) else last_s)
+    first_s, last_s = min(firsts), max(lasts)
+    return np.array([first_s, last_s] if first_s <= last_s else [], np.float64), tally.faults()
 
 
-def _one_file(settings: Nmea, path: Path, tally: Tally) -> tuple[AisReports, AisStatics]:
-    name = path.name
-    raw = _messages(settings, path, tally)
-    rows = _position_rows(raw)
-    statics, static_rows = _static_rows(raw)
-    rows, static_rows = rows.take(np.isfinite(rows.stamp_s)), static_rows.take(np.isfinite(static_rows.stamp_s))
-    if settings.drop_own_ship:
-        rows, static_rows = _without_own(rows, static_rows, statics, raw.own, name, tally)
-    return accept(rows, statics, static_rows, settings.intake, tally, lambda line: f"{name}:{line}")
+def _last_s(settings: Nmea, path: Path) -> float:
+    """The newest time of reception at the end of a file; NaN if its sentences have no time there."""
+    lines = _tail(path)
+    sentences = list(ais_sentences(lines, path.name, Tally()))
+    stamps = np.array([s.clock_s if math.isnan(s.own_s) else s.own_s for s in sentences], np.float64)
+    stamps = stamps[np.isfinite(stamps)]
+    times = reception_times(stamps, settings.intake.lateness_s, settings.intake.longest_silence_s)
+    return float(times.received_s[-1]) if times.accepted.any() else math.nan
 
 
-def _position_rows(raw: _Raw) -> AisRows:
-    table = list(zip(*raw.positions, strict=True)) or [()] * 10
-    return AisRows(
-        row=np.array(table[0], np.int64),
-        stamp_s=raw.stamp_s[np.array(table[1], np.int64)],
-        fix_s=np.full(len(table[0]), np.nan),
-        second=np.array(table[2], np.int64),
-        mmsi=np.array(table[3], np.int64),
-        position_deg=np.stack([np.array(table[4], np.float64), np.array(table[5], np.float64)], axis=-1),
-        sog_kn=np.array(table[6], np.float64),
-        cog_deg=np.array(table[7], np.float64),
-        class_b=np.array(table[8], np.bool_),
-        digest=np.array(table[9], np.int64),
-    )
+def _newest_of_all(settings: Nmea, path: Path) -> float:
+    """The newest time of reception of a file, from all of its blocks."""
+    file = _FileStream(settings, path, Tally())
+    while file.block() is not None:
+        pass
+    return file.newest_s
 
 
-def _messages(settings: Nmea, path: Path, tally: Tally) -> _Raw:
-    """The rows of a file, and the reception time of each message, NaN if unknown."""
-    name = path.name
-    positions: list[PositionRow] = []
-    statics: list[StaticRow] = []
-    own: set[int] = set()
-    stamps: list[float] = []
-    lines: list[int] = []
-    for message in whole(ais_sentences(_lines(path, tally), name, tally), name, tally):
-        position, static = rows_of(message, len(stamps), name, tally)
-        stamps.append(message.clock_s if math.isnan(message.own_s) else message.own_s)
-        lines.append(message.line)
-        if message.sentence.type == "VDO":
-            own.add(message.line)
-        if position is not None:
-            positions.append(position)
-        if static is not None:
-            statics.append(static)
-    stamp_s = np.array(stamps, np.float64)
-    missing = np.isnan(stamp_s)
-    kind = TIME_MISSING if missing.all() and settings.assume_start_utc is None else TIME_OF_NEIGHBOUR
-    if not missing.all() or settings.assume_start_utc is None:
-        tally.add_rows(kind, missing, lambda i: f"{name}:{lines[i]}", lambda i: "")
-    return _Raw(positions, statics, own, _filled(stamp_s, settings))
+def _packed(path: Path) -> bool:
+    with path.open("rb") as plain:
+        return plain.read(2) == GZIP_MAGIC
 
 
-def _filled(stamp_s: Floats, settings: Nmea) -> Floats:
-    """Stamps with the missing ones taken from the message before, at the start from the first known; or assumed, if all are missing."""
-    known = np.flatnonzero(np.isfinite(stamp_s))
-    if len(known):
-        before = np.maximum.accumulate(np.where(np.isfinite(stamp_s), np.arange(len(stamp_s)), known[0]))
-        return np.asarray(stamp_s[before])
-    if settings.assume_start_utc is None:
-        return stamp_s
-    steps = np.arange(len(stamp_s), dtype=np.float64)
-    return np.asarray(settings.assume_start_utc.timestamp() + settings.assume_interval_s * steps)
+def _tail(path: Path) -> list[bytes]:
+    """The last lines of a file, decompressed if needed."""
+    if not _packed(path):
+        with path.open("rb") as stream:
+            stream.seek(max(path.stat().st_size - TAIL_BYTES, 0))
+            return stream.read().split(b"\n")[1:]
+    kept = b""
+    with gzip.open(path, "rb") as stream:
+        try:
+            while piece := stream.read(TAIL_BYTES):
+                kept = (kept + piece)[-TAIL_BYTES:]
+        except (EOFError, zlib.error, gzip.BadGzipFile):
+            pass  # the reader of the stream counts it
+    return kept.split(b"\n")[1:]
 
 
-def _static_rows(raw: _Raw) -> tuple[AisStatics, StaticRows]:
-    table = list(zip(*raw.statics, strict=True)) or [()] * 9
-    received = raw.stamp_s[np.array(table[1], np.int64)]
-    statics = AisStatics(
-        received_s=received,
-        mmsi=np.array(table[3], np.int64),
-        name=np.array(table[4], "U20"),
-        call_sign=np.array(table[5], "U7"),
-        ship_type=np.array(table[6], np.int64),
-        length_m=np.array(table[7], np.float64),
-        beam_m=np.array(table[8], np.float64),
-    )
-    static_rows = StaticRows(
-        row=np.array(table[0], np.int64),
-        stamp_s=received,
-        digest=np.array(table[2], np.int64),
-        static=np.arange(len(raw.statics), dtype=np.int64),
-    )
-    return statics, static_rows
-
-
-def _without_own(
-    rows: AisRows, static_rows: StaticRows, statics: AisStatics, own: set[int], name: str, tally: Tally
-) -> tuple[AisRows, StaticRows]:
-    """The rows that are not of the own ship: neither VDO nor of an MMSI in a VDO."""
-    lines = np.array(sorted(own), np.int64)
-    number = statics.mmsi[static_rows.static]
-    mine = np.concatenate([rows.mmsi[np.isin(rows.row, lines)], number[np.isin(static_rows.row, lines)]])
-    own_rows, own_statics = np.isin(rows.mmsi, mine), np.isin(number, mine)
-    tally.add_rows(OWN_SHIP, own_rows, lambda i: f"{name}:{rows.row[i]}", lambda i: f"MMSI {rows.mmsi[i]}")
-    tally.add_rows(
-        OWN_SHIP, own_statics, lambda i: f"{name}:{static_rows.row[i]}", lambda i: f"static data of MMSI {number[i]}"
-    )
-    return rows.take(~own_rows), static_rows.take(~own_statics)
-
-
-def _lines(path: Path, tally: Tally) -> Iterator[bytes]:
+def lines_of(path: Path, tally: Tally) -> Iterator[bytes]:
     """The lines of a file, decompressed if needed. A truncated file is counted and used as far as it goes."""
     read = 0
-    with path.open("rb") as plain:
-        packed = plain.read(2) == GZIP_MAGIC
-    with gzip.open(path, "rb") if packed else path.open("rb") as stream:
+    with gzip.open(path, "rb") if _packed(path) else path.open("rb") as stream:
         try:
             for line in stream:
                 read += 1

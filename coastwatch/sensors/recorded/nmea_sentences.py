@@ -49,7 +49,12 @@ class _Prefix(NamedTuple):
 
 
 def ais_sentences(lines: Iterable[bytes], name: str, tally: Tally) -> Iterator[ReceivedSentence]:
-    """The AIS sentences among the lines, in order. Other lines are counted in the tally.
+    """As `wanted_sentences`, of AIS."""
+    return wanted_sentences(lines, name, tally, AIS_SENTENCES)
+
+
+def wanted_sentences(lines: Iterable[bytes], name: str, tally: Tally, wanted: tuple[bytes, ...]) -> Iterator[ReceivedSentence]:
+    """The sentences with these formatters among the lines, in order. Other lines are counted in the tally.
 
     A $PGHP line, or a tag block alone on its line, belongs to the next sentence. A sentence of a group without a time of
     its own takes that of the group.
@@ -63,13 +68,16 @@ def ais_sentences(lines: Iterable[bytes], name: str, tally: Tally) -> Iterator[R
             continue
         bare = line[0] in BARE
         ahead, rest = (waiting, line) if bare else _prefix(line, waiting, f"{name}:{number}", tally)
-        if rest[:1] == b"$":
+        if rest[:1] == b"$" and rest[3:6].upper() not in wanted:
             waiting, clock = _other_line(rest, waiting, clock, f"{name}:{number}", tally)
             continue
         if not rest:
             waiting = ahead
             continue
-        if rest[:1] != BANG or rest[3:6].upper() not in AIS_SENTENCES:
+        if rest[:1] == b"$":
+            said_s = clock_s(rest)
+            clock = said_s if not math.isnan(said_s) and checksum_is_right(rest) else clock
+        elif rest[:1] != BANG or rest[3:6].upper() not in wanted:
             tally.add(OTHER_SENTENCE if rest[:1] == BANG else NOT_A_SENTENCE, f"{name}:{number}", raw)
             continue
         star = rest.find(b"*")

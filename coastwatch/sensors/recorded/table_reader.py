@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 import zlib
 from dataclasses import dataclass
@@ -65,7 +66,7 @@ class Table:
             if wanted not in self.frame.columns:
                 raise ValueError(f"{self.name}: got columns {self.frame.columns}, needed {wanted!r}")
             return wanted
-        plain = {_plain(c): c for c in reversed(self.frame.columns)}
+        plain = {plain_name(c): c for c in reversed(self.frame.columns)}
         return next((plain[k] for k in known if k in plain), None)
 
     def need(self, wanted: str | None, known: tuple[str, ...]) -> str:
@@ -163,6 +164,17 @@ def _lines(content: bytes) -> pl.Series:
     return frame["line"].fill_null("").str.strip_chars_end("\r")
 
 
+def first_line(path: Path) -> bytes:
+    """The header of a CSV file, compressed or not. Raises: OSError."""
+    with path.open("rb") as plain:
+        packed = plain.read(2) == GZIP_MAGIC
+    with gzip.open(path, "rb") if packed else path.open("rb") as stream:
+        try:
+            return next((line for line in stream if line.strip()), b"")
+        except (EOFError, zlib.error):
+            return b""
+
+
 def _unpacked(path: Path, tally: Tally) -> bytes:
     """The content of a file, decompressed if needed; of a truncated compressed file the part that is there."""
     content = path.read_bytes()
@@ -176,7 +188,8 @@ def _unpacked(path: Path, tally: Tally) -> bytes:
     return out or content
 
 
-def _plain(name: str) -> str:
+def plain_name(name: str) -> str:
+    """The name of a column as it is compared: lower case, no blanks, no byte order mark."""
     return name.strip(" #\ufeff\"'").lower().replace(" ", "_")
 
 

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import io
+import math
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
+import lazy_loader
 import numpy as np
 from pydantic import AwareDatetime, Field, model_validator
 
 from coastwatch.batches import (
     CLASSES,
-    Array,
+    AisReports,
+    AisStatics,
     BearingReports,
     Bools,
     Floats,
@@ -20,21 +25,33 @@ from coastwatch.batches import (
     Recording,
     Sensors,
     Sonars,
+    TrackReports,
+    TrackSources,
 )
 from coastwatch.geodesy import NAUTICAL_MILE_M, to_plane
-from coastwatch.sensors.recorded.ais_table import EMPTY_CELL, AisColumns, AisTable, good_cells
+from coastwatch.sensors.recorded.ais_table import KNOWN, SPEED_KN, AisColumns, AisTable
 from coastwatch.sensors.recorded.ais_validation import HIGHEST_LATITUDE, LATITUDE, LONGITUDE, AisIntake
-from coastwatch.sensors.recorded.faults import Tally
+from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
 from coastwatch.sensors.recorded.file_locations import fingerprint
-from coastwatch.sensors.recorded.merging import by_arrival, recording
-from coastwatch.sensors.recorded.nmea import Nmea, span_of_nmea
-from coastwatch.sensors.recorded.reception_time import reception_times
-from coastwatch.sensors.recorded.table_reader import Table, read_table
+from coastwatch.sensors.recorded.merging import MergedStream, by_arrival, recording, span_of
+from coastwatch.sensors.recorded.nmea import Nmea, first_and_last
+from coastwatch.sensors.recorded.table_reader import Table, first_line, plain_name, read_table
+from coastwatch.sensors.recorded.table_rows import arrived, content_of, good_cells, sensor_numbers
+from coastwatch.sensors.recorded.target_sentences import target_reports, target_times
+from coastwatch.sensors.recorded.track_table import TRACKS, VELOCITY, TrackColumns, track_reports
 from coastwatch.stage import Method, Plan, Settings
+
+if TYPE_CHECKING:
+    import polars as pl
+else:
+    pl = lazy_loader.load("polars")
 
 UNKNOWN_RADAR, UNKNOWN_SONAR = "unknown radar", "unknown sonar"
 RANGE = "range out of range"
 AZIMUTH = "angle out of range"
+NO_SIGMA = SET_ASIDE + "standard deviation of 0 or less, that of the sensor taken: "
+POSITION_ENTRIES = ("covariance_east_east", "covariance_east_north", "covariance_north_north")
+"""Columns of the covariance of a position, m2, as `coastwatch replay` writes them."""
 
 TIMES: dict[str, tuple[str, ...]] = {
     "time": ("time", "time_s", "timestamp", "time_utc", "timestamp_utc", "datetime", "t"),
@@ -49,13 +66,22 @@ PLOTS: dict[str, tuple[str, ...]] = TIMES | {
     "azimuth": ("azimuth_deg", "azimuth", "bearing_deg", "bearing"),
     "latitude": ("latitude", "lat", "latitude_deg"),
     "longitude": ("longitude", "lon", "longitude_deg"),
+    "range_sigma_m": ("range_sigma_m", "range_sigma", "sigma_range_m", "range_std_m"),
+    "azimuth_sigma": ("azimuth_sigma_deg", "azimuth_sigma", "sigma_azimuth_deg", "bearing_sigma_deg", "azimuth_std_deg"),
+    "position_sigma_m": ("position_sigma_m", "sigma_m", "position_sigma"),
+    **{name: (name,) for name in POSITION_ENTRIES},
 }
 BEARINGS: dict[str, tuple[str, ...]] = TIMES | {
     "sonar": ("sonar", "sensor", "sonar_name", "sensor_name", "camera"),
     "bearing": ("bearing_deg", "bearing", "azimuth_deg", "azimuth"),
     "contact": ("contact", "track", "contact_id", "track_id"),
     "signature": ("signature", "signature_class", "vessel_class"),
+    "bearing_sigma": ("bearing_sigma_deg", "bearing_sigma", "sigma_bearing_deg", "bearing_std_deg"),
 }
+
+
+PARTS = ("plots", "bearings", "ais", "nmea", "tracks", "track_sentences")
+"""Settings that hold files."""
 
 
 class PlotColumns(Settings):
@@ -71,6 +97,9 @@ class PlotColumns(Settings):
     longitude: str | None = None  # deg, of the plot, instead of range and azimuth
     site_latitude: str | None = None  # deg, of the antenna, if it moves
     site_longitude: str | None = None  # deg, of the antenna, if it moves
+    range_sigma_m: str | None = None  # m, standard deviation of this plot, instead of the radar's `range_noise_m`
+    azimuth_sigma: str | None = None  # deg, the same for `azimuth_noise_deg`
+    position_sigma_m: str | None = None  # m per axis, of a plot with latitude and longitude
 
 
 class BearingColumns(Settings):
@@ -86,6 +115,7 @@ class BearingColumns(Settings):
     )
     site_latitude: str | None = None  # deg, of the sensor, if it moves
     site_longitude: str | None = None  # deg, of the sensor, if it moves
+    bearing_sigma: str | None = None  # deg, standard deviation of this bearing, instead of the sensor's `bearing_noise_deg`
 
 
 class Tables(Method):
@@ -95,13 +125,21 @@ class Tables(Method):
     plots: tuple[Path, ...] = ()  # tables of radar plots, CSV or Parquet
     bearings: tuple[Path, ...] = ()  # tables of bearings
     ais: tuple[Path, ...] = ()  # tables of decoded AIS
-    nmea: tuple[Path, ...] = ()  # files of NMEA 0183
+    nmea: tuple[Path, ...] = ()  # files of NMEA 0183 with AIS
+    tracks: tuple[Path, ...] = ()  # tables of finished tracks
+    track_sentences: tuple[Path, ...] = ()  # files of NMEA 0183 with TTM or TLL
     plot_columns: PlotColumns = PlotColumns()  # names of the columns
     bearing_columns: BearingColumns = BearingColumns()  # names of the columns
     ais_columns: AisColumns = AisColumns()  # names of the columns
-    time_format: str = "auto"  # Unix time in s, ms, us or ns, or a written date; else a pattern of strptime; UTC without a zone
-    separator: Annotated[str, Field(min_length=1, max_length=1)] = ","  # between the cells of a CSV file
-    speed_unit: Literal["kn", "m/s", "km/h"] = "kn"  # of the column of SOG
+    track_columns: TrackColumns = TrackColumns()  # names of the columns
+    time_format: str = "auto"
+    """Of times. "auto": Unix time in s, ms, us or ns, or a written date. Else a pattern of strptime, e.g. "%d.%m.%Y %H:%M:%S" for
+    31.12.2025 23:59:59. A time without a zone is UTC; with "%z" the zone is read, e.g. "%Y-%m-%d %H:%M:%S%z" for
+    2025-12-31 23:59:59+0100."""
+    separator: Annotated[str, Field(min_length=1, max_length=1)] = (
+        ","  # one character between the cells of a CSV file, e.g. ";"
+    )
+    speed_unit: Literal["kn", "m/s", "km/h"] = "kn"  # of the column of SOG, e.g. "m/s" for 5.14 where a ship makes 10 kn
     assume_start_utc: AwareDatetime | None = None  # time of the first sentence of NMEA files without any time
     assume_interval_s: Annotated[float, Field(ge=0.0)] = 0.1  # between their messages
     drop_own_ship: bool = False  # of NMEA files: leave out VDO, and VDM of the same MMSI
@@ -109,8 +147,8 @@ class Tables(Method):
 
     @model_validator(mode="after")
     def _has_files(self) -> Self:
-        if not (self.plots or self.bearings or self.ais or self.nmea):
-            raise ValueError("plots, bearings, ais, nmea: got no file, needed at least one")
+        if not any(getattr(self, part) for part in PARTS):
+            raise ValueError(f"{', '.join(PARTS)}: got no file, needed at least one")
         return self
 
     def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
@@ -125,12 +163,16 @@ class Tables(Method):
         bearing = by_arrival(
             [BearingReports.empty(), *(_bearings(self, p, sensors.sonars, tally) for p, _, _ in fingerprint(self.bearings))]
         )
-        parts = [feed.read() for feed in self._ais_feeds()]
-        faults = tuple(f for _, _, some in parts for f in some) + tally.faults()
-        if not parts:
-            return recording(radar=radar, bearing=bearing, faults=faults)
-        ais, statics = by_arrival([h[0] for h in parts]), by_arrival([h[1] for h in parts])
-        return recording(radar, ais, statics, bearing, faults=faults)
+        tracks = self._tracks(sensors.track_sources, tally)
+        ais, statics, faults = AisReports.empty(), AisStatics.empty(), tally.faults()
+        if self.ais:
+            ais, statics, of_tables = self._ais_table().read()
+            faults = of_tables + faults
+        contents = (self._ais_table().contents() if self.ais else ()) + tally.contents()
+        made = replace(recording(radar, ais, statics, bearing, tracks, faults=faults), contents=contents)
+        if not self.nmea:
+            return made
+        return replace(made, reports=MergedStream(made.whole(), [self._nmea().stream()]))
 
     def span(self) -> tuple[float, float]:
         """Whole seconds before the first and after the last time of reception.
@@ -139,65 +181,96 @@ class Tables(Method):
         """
         tally = Tally()
         received: list[Floats] = []
-        for files, times in ((self.plots, self.plot_columns), (self.bearings, self.bearing_columns)):
+        for files, times in (
+            (self.plots, self.plot_columns),
+            (self.bearings, self.bearing_columns),
+            (self.tracks, self.track_columns),
+        ):
             for path, _, _ in fingerprint(files):
                 received.append(_received(self, read_table(path, self.separator, Tally()), times, tally))
-        parts = [feed.read() for feed in self._ais_feeds()]
-        faults = tuple(f for _, _, some in parts for f in some) + tally.faults()
-        return span_of_nmea(*received, *(part.received_s for h in parts for part in h[:2]), faults=faults)
-
-    def _ais_feeds(self) -> list[AisTable | Nmea]:
-        feeds: list[AisTable | Nmea] = []
+        for path, _, _ in fingerprint(self.track_sentences):
+            received.append(target_times(path, self._assumed_s(), self.intake, tally))
+        faults = tally.faults()
         if self.ais:
-            feeds.append(
-                AisTable(
-                    files=self.ais,
-                    columns=self.ais_columns,
-                    time_format=self.time_format,
-                    separator=self.separator,
-                    speed_unit=self.speed_unit,
-                    intake=self.intake,
-                )
-            )
+            ais, statics, of_tables = self._ais_table().read()
+            received += [ais.received_s, statics.received_s]
+            faults = of_tables + faults
         if self.nmea:
-            feeds.append(
-                Nmea(
-                    files=self.nmea,
-                    assume_start_utc=self.assume_start_utc,
-                    assume_interval_s=self.assume_interval_s,
-                    drop_own_ship=self.drop_own_ship,
-                    intake=self.intake,
-                )
+            of_sentences, refused = first_and_last(self._nmea(), fingerprint(self.nmea))
+            received.append(of_sentences)
+            faults = refused + faults
+        return span_of(*received, faults=faults)
+
+    def first_sites(self) -> dict[str, tuple[float, float]]:
+        """Latitude and longitude of the antenna in the first plot of each radar, by its name; "" where the table names none."""
+        out: dict[str, tuple[float, float]] = {}
+        for path, _, _ in fingerprint(self.plots):
+            table = read_table(path, self.separator, Tally())
+            latitude, longitude, name = (
+                table.find(getattr(self.plot_columns, key), PLOTS[key]) for key in ("site_latitude", "site_longitude", "radar")
             )
-        return feeds
+            site = np.stack([table.numbers(latitude)[0], table.numbers(longitude)[0]], axis=-1)
+            known = np.flatnonzero(np.isfinite(site).all(axis=1))
+            names, first = np.unique(np.array(table.texts(name), "U")[known], return_index=True)
+            for radar, row in zip(names.tolist(), known[first], strict=True):
+                out.setdefault(radar, (float(site[row, 0]), float(site[row, 1])))
+        return out
+
+    def _tracks(self, sources: TrackSources, tally: Tally) -> TrackReports:
+        """The states in all files of tracks, in order of arrival. The k-th file without a column of sources is of the k-th source."""
+        files = [*self.tracks, *self.track_sentences]
+        parts = [TrackReports.empty()]
+        for number, (path, _, _) in enumerate(fingerprint(tuple(files))):
+            only = 0 if len(sources) == 1 else number if len(sources) == len(files) else None
+            if number >= len(self.tracks):
+                if only is None:
+                    raise ValueError(f"{path.name}: got {len(sources)} track_sources for {len(files)} files, needed as many")
+                parts.append(target_reports(path, only, sources, self._assumed_s(), self.intake, tally))
+            else:
+                form = self.time_format, self.separator, SPEED_KN[self.speed_unit]
+                parts.append(track_reports(path, sources, only, self.track_columns, *form, intake=self.intake, tally=tally))
+        return by_arrival(parts)
+
+    def _assumed_s(self) -> float:
+        return math.nan if self.assume_start_utc is None else self.assume_start_utc.timestamp()
+
+    def _ais_table(self) -> AisTable:
+        return AisTable(
+            files=self.ais,
+            columns=self.ais_columns,
+            time_format=self.time_format,
+            separator=self.separator,
+            speed_unit=self.speed_unit,
+            intake=self.intake,
+        )
+
+    def _nmea(self) -> Nmea:
+        return Nmea(
+            files=self.nmea,
+            assume_start_utc=self.assume_start_utc,
+            assume_interval_s=self.assume_interval_s,
+            drop_own_ship=self.drop_own_ship,
+            intake=self.intake,
+        )
 
 
-def _received(settings: Tables, table: Table, columns: PlotColumns | BearingColumns, tally: Tally) -> Floats:
+def _received(settings: Tables, table: Table, columns: PlotColumns | BearingColumns | TrackColumns, tally: Tally) -> Floats:
     """Reception times of the rows of a table that have a time."""
     time, _ = table.times(table.need(columns.time, TIMES["time"]), settings.time_format)
     received, _ = table.times(table.find(columns.received, TIMES["received"]), settings.time_format)
     stamp = np.where(np.isnan(received), time, received)
-    return _arrived(table.at(np.isfinite(stamp)), stamp[np.isfinite(stamp)], settings.intake, tally)[1]
-
-
-def _arrived(table: Table, stamp: Floats, intake: AisIntake, tally: Tally) -> tuple[Array, Floats]:
-    """The rows whose time is accepted, in order of arrival, and their reception times."""
-    order = np.argsort(stamp, kind="stable") if intake.order == "time" else np.arange(len(stamp))
-    arrived = reception_times(stamp[order], intake.lateness_s, intake.longest_silence_s)
-    for kind, mask in arrived.faults.items():
-        tally.add_rows(kind, mask, lambda i: table.location(int(order[i])), lambda i: table.example(int(order[i])))
-    return order[arrived.accepted], arrived.received_s[arrived.accepted]
+    return arrived(table.at(np.isfinite(stamp)), stamp[np.isfinite(stamp)], settings.intake, tally)[1]
 
 
 def _plots(settings: Tables, path: Path, radars: Radars, tally: Tally) -> RadarReports:
     table = read_table(path, settings.separator, tally)
-    column = {key: table.find(getattr(settings.plot_columns, key), names) for key, names in PLOTS.items()}
+    column = {key: table.find(getattr(settings.plot_columns, key, None), names) for key, names in PLOTS.items()}
     polar = (column["range_m"] or column["range_nm"]) is not None and column["azimuth"] is not None
     place = ("azimuth", "range_m" if column["range_m"] else "range_nm") if polar else ("latitude", "longitude")
     for key in ("time", *place):
         table.need(column[key], PLOTS[key])
     table, values = good_cells(table, column, ("time", *place), settings.time_format, tally)
-    sensor = _sensors(table, column["radar"], radars.name, UNKNOWN_RADAR, tally)
+    sensor = sensor_numbers(table, column["radar"], radars.name, UNKNOWN_RADAR, tally)
     site = _sites(values, radars.site_deg, sensor)
     range_m, azimuth_deg = _polar(values, site, polar)
     good = sensor >= 0
@@ -206,8 +279,12 @@ def _plots(settings: Tables, path: Path, radars: Radars, tally: Tally) -> RadarR
         good &= ~mask
     stamp = np.where(np.isnan(values["received"]), values["time"], values["received"])[good]
     kept = np.flatnonzero(good)
-    rows, received = _arrived(table.at(good), stamp, settings.intake, tally)
+    rows, received = arrived(table.at(good), stamp, settings.intake, tally)
     rows = kept[rows]
+    range_sigma, azimuth_sigma = _plot_sigmas(values, range_m, azimuth_deg, polar)
+    for name, sigma in (("range", range_sigma), ("azimuth", azimuth_sigma)):
+        tally.add_rows(f"{NO_SIGMA}{name}", good & (sigma <= 0.0), table.location, table.example)
+    tally.add_file(content_of(table, "radar plots", column, values["time"][rows]))
     return RadarReports(
         sensor=sensor[rows],
         time_s=values["time"][rows],
@@ -216,7 +293,26 @@ def _plots(settings: Tables, path: Path, radars: Radars, tally: Tally) -> RadarR
         azimuth_deg=azimuth_deg[rows] % 360.0,
         site_deg=site[rows],
         origin=np.full(len(rows), -1, np.int64),
+        range_sigma_m=range_sigma[rows],
+        azimuth_sigma_deg=azimuth_sigma[rows],
     )
+
+
+def _plot_sigmas(values: dict[str, Floats], range_m: Floats, azimuth_deg: Floats, polar: bool) -> tuple[Floats, Floats]:
+    """Standard deviations of range (m) and azimuth (deg) of each plot, NaN where the row has none.
+
+    A covariance of position is taken along and across the beam. What both share is not used.
+    """
+    if polar:
+        return values["range_sigma_m"], values["azimuth_sigma"]
+    ee, en, nn = (values[name] for name in POSITION_ENTRIES)
+    square = values["position_sigma_m"] ** 2
+    ee, en, nn = np.where(np.isnan(ee), square, ee), np.where(np.isnan(ee), 0.0, en), np.where(np.isnan(nn), square, nn)
+    sine, cosine = np.sin(np.radians(azimuth_deg)), np.cos(np.radians(azimuth_deg))
+    along = sine**2 * ee + 2.0 * sine * cosine * en + cosine**2 * nn
+    across = cosine**2 * ee - 2.0 * sine * cosine * en + sine**2 * nn
+    sigmas = [np.sign(v) * np.sqrt(np.abs(v)) for v in (along, across)]
+    return sigmas[0], np.degrees(np.arctan2(sigmas[1], np.maximum(range_m, 1.0)))
 
 
 def _polar(values: dict[str, Floats], site: Floats, polar: bool) -> tuple[Floats, Floats]:
@@ -241,14 +337,16 @@ def _bearings(settings: Tables, path: Path, sonars: Sonars, tally: Tally) -> Bea
     for key in ("time", "bearing"):
         table.need(column[key], BEARINGS[key])
     table, values = good_cells(table, column, ("time", "bearing"), settings.time_format, tally)
-    sensor = _sensors(table, column["sonar"], sonars.name, UNKNOWN_SONAR, tally)
+    sensor = sensor_numbers(table, column["sonar"], sonars.name, UNKNOWN_SONAR, tally)
     wrong = np.abs(values["bearing"]) > 360.0
     good = (sensor >= 0) & ~wrong
     tally.add_rows(AZIMUTH, (sensor >= 0) & wrong, table.location, table.example)
     stamp = np.where(np.isnan(values["received"]), values["time"], values["received"])[good]
     kept = np.flatnonzero(good)
-    rows, received = _arrived(table.at(good), stamp, settings.intake, tally)
+    rows, received = arrived(table.at(good), stamp, settings.intake, tally)
     rows = kept[rows]
+    tally.add_rows(f"{NO_SIGMA}bearing", good & (values["bearing_sigma"] <= 0.0), table.location, table.example)
+    tally.add_file(content_of(table, "bearings", column, values["time"][rows]))
     return BearingReports(
         sensor=sensor[rows],
         time_s=values["time"][rows],
@@ -258,6 +356,7 @@ def _bearings(settings: Tables, path: Path, sonars: Sonars, tally: Tally) -> Bea
         site_deg=_sites(values, sonars.site_deg, sensor)[rows],
         signature=_signatures(values["signature"][rows]),
         origin=np.full(len(rows), -1, np.int64),
+        bearing_sigma_deg=values["bearing_sigma"][rows],
     )
 
 
@@ -267,25 +366,42 @@ def _signatures(cells: Floats) -> Ints:
     return np.where(whole, np.where(whole, cells, -1.0), -1.0).astype(np.int64)
 
 
-def _sensors(table: Table, column: str | None, names: Array, kind: str, tally: Tally) -> Ints:
-    """The number of the sensor of each row, -1 for an unknown name. A single sensor needs no name."""
-    if column is None and len(names) == 1:
-        return np.zeros(len(table), np.int64)
-    if column is None:
-        tally.add_rows(EMPTY_CELL, np.ones(len(table), np.bool_), table.location, table.example)
-        return np.full(len(table), -1, np.int64)
-    names_found, number = np.unique(np.array(table.texts(column), "U"), return_inverse=True)
-    known = {str(n): i for i, n in enumerate(names)}
-    out = np.array([known.get(str(n), -1) for n in names_found], np.int64)[number]
-    tally.add_rows(
-        kind, out < 0, lambda i: table.location(i, column), lambda i: f"{names_found[number[i]]!s}, known: {sorted(known)}"
-    )
-    return out
-
-
 def _sites(values: dict[str, Floats], of_sensor: Floats, sensor: Ints) -> Floats:
     """Position of the sensor of each row: from the row, else from the scenario."""
     if not len(of_sensor):
         return np.full((len(sensor), 2), np.nan)
     in_row = np.stack([values["site_latitude"], values["site_longitude"]], axis=-1)
     return np.where(np.isfinite(in_row).all(axis=1, keepdims=True), in_row, of_sensor[np.maximum(sensor, 0)])
+
+
+def kinds_of_table(path: Path, separator: str = ",") -> dict[str, tuple[str, ...]]:
+    """What a table may be, "ais", "tracks" or "plots", each with the columns that say so. Nothing where the names do not say.
+
+    Raises: OSError that names the file.
+    """
+    if path.suffix == ".parquet":
+        try:
+            names = list(pl.read_parquet_schema(path))
+        except pl.exceptions.PolarsError as error:
+            raise OSError(f"{path}: got {str(error).splitlines()[0]}, needed a CSV or Parquet table") from error
+    else:
+        line = first_line(path)
+        names = pl.read_csv(io.BytesIO(line), separator=separator, infer_schema=False).columns if line.strip() else []
+    plain = {plain_name(name): name for name in names}
+
+    def column(known: tuple[str, ...]) -> str | None:
+        return next((plain[k] for k in known if k in plain), None)
+
+    out: dict[str, tuple[str, ...]] = {}
+    if (mmsi := column(KNOWN["mmsi"])) is not None:
+        out["ais"] = (mmsi,)
+    reach, angle = column((*PLOTS["range_m"], *PLOTS["range_nm"])), column(PLOTS["azimuth"])
+    if reach is not None and angle is not None:
+        out["plots"] = reach, angle
+    track = column(TRACKS["track"])
+    for keys in VELOCITY:
+        first, second = (column(TRACKS[key]) for key in keys)
+        if track is not None and first is not None and second is not None:
+            out["tracks"] = track, first, second
+            break
+    return out

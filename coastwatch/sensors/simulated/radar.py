@@ -41,12 +41,16 @@ class RadarTruth(Settings):
     unseen_share: Share = 0.0  # of the vessels are never detected, the same ones by all radars with this share
     clutter_per_m2: Annotated[float, Field(ge=0.0, le=1e-4)] = 0.0  # false plots per turn, uniform over the disc of its range
     noise_factor: Annotated[float, Field(ge=0.0, le=100.0)] = 1.0  # true noise divided by the specified noise
-    range_bias_m: Annotated[float, Field(ge=-1000.0, le=1000.0)] = 0.0  # added to the measurement
-    azimuth_bias_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = 0.0  # added to the measurement
+    range_bias_m: Annotated[float, Field(ge=-1000.0, le=1000.0)] = 0.0  # added to each range: positive is too long, e.g. 40
+    azimuth_bias_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = (
+        0.0  # added to azimuths: positive is clockwise, e.g. 3 makes 90 93
+    )
     azimuth_drift_deg_h: Annotated[float, Field(ge=-3600.0, le=3600.0)] = (
         0.0  # growth of the azimuth bias from the start of the run
     )
-    time_bias_s: Annotated[float, Field(ge=-60.0, le=60.0)] = 0.0  # added to the true time of the beam
+    time_bias_s: Annotated[float, Field(ge=-60.0, le=60.0)] = (
+        0.0  # added to the true time of the beam: positive is late, e.g. 1.5
+    )
     latency_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0  # from the beam to the arrival of the report
     start_s: Annotated[float, Field(ge=0.0)] = 0.0  # switched on, after the start of the run
     stop_s: float | None = Field(default=None, ge=0.0, description="switched off, after the start of the run; none: never")

@@ -98,8 +98,6 @@ class Simulated(Method):
                 statics=transmit_static_data(self.ais, senders, ais.mmsi, *span),
                 bearing=_arrived(listen(sensors.sonars, sonar_truths, vessels.position, vessel, sounds, *span), stop_s),
             ),
-            start_s=start_s,
-            stop_s=stop_s,
             truth=_truth(vessels, plan),
             silenced=tuple(int(v) for v in senders.row[senders.silent]),
             noise=self._noise(sensors, radar_truths),

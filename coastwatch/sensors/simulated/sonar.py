@@ -35,7 +35,9 @@ class SonarTruth(Settings):
     )
     miss_probability: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0  # of a vessel in range and arc, per bearing
     noise_factor: Annotated[float, Field(ge=0.0, le=100.0)] = 1.0  # true noise divided by the specified noise
-    bias_deg: Annotated[float, Field(ge=-180.0, le=180.0)] = 0.0  # added to every bearing
+    bias_deg: Annotated[float, Field(ge=-180.0, le=180.0)] = (
+        0.0  # added to every bearing: positive is clockwise, e.g. 2 measures 90 as 92
+    )
     latency_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 0.0  # from the bearing to the arrival of the report
     numbered: bool = True  # contacts have track numbers of the sensor
     signature_share: Share = 0.0  # of the reports name a class of vessel, by its sound

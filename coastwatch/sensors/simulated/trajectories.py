@@ -37,8 +37,11 @@ class VesselMotion(Settings):
     acceleration_to_m_s2: Annotated[float, Field(ge=0.0, le=1.0)] = 0.03  # to this; less if the speed would leave its range
     process_noise: Literal["rw60", "rw1", "ou", "none"] = "rw60"  # a kick each minute, each second, or a bounded deviation
     process_noise_fraction: Annotated[float, Field(ge=0.0, le=1.0)] = 0.1  # f: of the highest speed
-    kick_share: float | None = Field(
-        default=None, ge=0.0, le=10.0, description="kick per axis over f * highest speed; none: rw60 0.2, rw1 0.5, ou 0.5"
+    velocity_jump_share: float | None = Field(
+        default=None,
+        ge=0.0,
+        le=10.0,
+        description="velocity jump per axis over f * highest speed; none: rw60 0.2, rw1 0.5, ou 0.5",
     )
     ou_time_s: Annotated[float, Field(gt=0.0)] = 300.0  # time constant of the bounded deviation
     stopping_share: Share = 0.0  # vessels that stop during the run
@@ -66,7 +69,7 @@ class VesselMotion(Settings):
         """Standard deviation of a kick, per axis, of vessels on a straight course."""
         if self.process_noise == "none":
             return 0.0
-        share = KICK_SHARE[self.process_noise] if self.kick_share is None else self.kick_share
+        share = KICK_SHARE[self.process_noise] if self.velocity_jump_share is None else self.velocity_jump_share
         bounded = np.sqrt(1.0 - self.keep**2) if self.process_noise == "ou" else 1.0
         return float(bounded * share * self.process_noise_fraction * self.speed_to_kn * KNOT_M_S)
 

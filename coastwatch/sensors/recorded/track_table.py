@@ -1,0 +1,154 @@
+"""Tables of finished tracks: number, time, position, velocity and covariance of each state."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from coastwatch.batches import Floats, Ints, TrackReports, TrackSources
+from coastwatch.geodesy import KNOT_M_S
+from coastwatch.sensors.recorded.ais_validation import HIGHEST_LATITUDE, LATITUDE, LONGITUDE, AisIntake
+from coastwatch.sensors.recorded.faults import Tally
+from coastwatch.sensors.recorded.table_reader import Table, read_table
+from coastwatch.sensors.recorded.table_rows import EMPTY_CELL, arrived, content_of, good_cells, sensor_numbers
+from coastwatch.stage import Settings
+
+UNKNOWN_SOURCE = "unknown track source"
+COVARIANCE = "covariance that is none"
+
+AXES = ("east", "north", "east_rate", "north_rate")
+ENTRIES = tuple(f"covariance_{a}_{b}" for i, a in enumerate(AXES) for b in AXES[i:])
+"""Columns of a covariance: m2, m2/s and m2/s2. They are the names that `coastwatch replay` writes."""
+
+TRACKS: dict[str, tuple[str, ...]] = {
+    "time": ("time", "time_s", "timestamp", "time_utc", "timestamp_utc", "datetime", "t"),
+    "received": ("received", "received_s", "receive_time", "received_utc"),
+    "source": ("source", "radar", "sensor", "tracker"),
+    "track": ("track", "track_id", "track_number", "id", "target", "target_id", "target_number", "vessel_id", "number"),
+    "latitude": ("latitude", "lat", "latitude_deg"),
+    "longitude": ("longitude", "lon", "longitude_deg"),
+    "east_m_s": ("east_m_s", "ve", "v_east", "velocity_east", "vx"),
+    "north_m_s": ("north_m_s", "vn", "v_north", "velocity_north", "vy"),
+    "sog": ("sog", "sog_kn", "speed", "speed_kn", "sog_knots"),
+    "cog": ("cog", "cog_deg", "course", "course_deg"),
+    "position_sigma_m": ("position_sigma_m", "sigma_m", "position_sigma"),
+    "velocity_sigma_m_s": ("velocity_sigma_m_s", "velocity_sigma"),
+    **{name: (name,) for name in ENTRIES},
+}
+VELOCITY = (("east_m_s", "north_m_s"), ("sog", "cog"))
+
+
+class TrackColumns(Settings):
+    """Names of the columns of a table of tracks; a column without a setting is found by its usual names."""
+
+    time: str | None = None  # of the state
+    received: str | None = None  # time of arrival; none: as `time`
+    source: str | None = None  # name of the track source in the scenario; not needed for a file of one source
+    track: str | None = None  # number or text that the source gives to the track
+    latitude: str | None = None  # deg, north positive
+    longitude: str | None = None  # deg, east positive
+    east_m_s: str | None = None  # velocity to the east
+    north_m_s: str | None = None  # velocity to the north
+    sog: str | None = None  # instead of these two: speed in the unit of `speed_unit`
+    cog: str | None = None  # and course, deg true
+    position_sigma_m: str | None = None  # standard deviation per axis; instead of a covariance
+    velocity_sigma_m_s: str | None = None  # standard deviation per axis; instead of a covariance
+
+
+def track_reports(
+    path: Path,
+    sources: TrackSources,
+    only: int | None,
+    columns: TrackColumns,
+    time_format: str,
+    separator: str,
+    speed_kn: float,
+    *,
+    intake: AisIntake,
+    tally: Tally,
+) -> TrackReports:
+    """The states in a table, in order of arrival. Other rows are counted in the tally.
+
+    Args: only: the source of a table without a column of sources; speed_kn: knots of the unit of SOG.
+    Raises: OSError or ValueError that names the file.
+    """
+    table = read_table(path, separator, tally)
+    column = {key: table.find(getattr(columns, key, None), names) for key, names in TRACKS.items()}
+    needed = ("time", "track", "latitude", "longitude")
+    for key in needed:
+        table.need(column[key], TRACKS[key])
+    table, values = good_cells(table, column, ("time", "latitude", "longitude"), time_format, tally)
+    if column["source"] is None and only is not None:
+        sensor = np.full(len(table), only, np.int64)
+    else:
+        sensor = sensor_numbers(table, column["source"], sources.name, UNKNOWN_SOURCE, tally)
+    good = sensor >= 0
+    covariance = _covariance(values)
+    far = {LATITUDE: ~(np.abs(values["latitude"]) <= HIGHEST_LATITUDE), LONGITUDE: ~(np.abs(values["longitude"]) <= 180.0)}
+    number, empty = _numbers(table, str(column["track"]))
+    for kind, mask in {EMPTY_CELL: empty, **far, COVARIANCE: _is_wrong(covariance)}.items():
+        tally.add_rows(kind, good & mask, table.location, table.example)
+        good &= ~mask
+    stamp = np.where(np.isnan(values["received"]), values["time"], values["received"])[good]
+    kept = np.flatnonzero(good)
+    rows, received = arrived(table.at(good), stamp, intake, tally)
+    rows = kept[rows]
+    tally.add_file(content_of(table, "track states", column, values["time"][rows]))
+    return TrackReports(
+        sensor=sensor[rows],
+        number=number[rows],
+        time_s=values["time"][rows],
+        received_s=received,
+        position_deg=np.stack([values["latitude"], values["longitude"]], axis=-1)[rows],
+        velocity_m_s=_velocity(values, speed_kn)[rows],
+        covariance=covariance[rows],
+        origin=np.full(len(rows), -1, np.int64),
+    )
+
+
+def _numbers(table: Table, column: str) -> tuple[Ints, np.ndarray[tuple[int], np.dtype[np.bool_]]]:
+    """A number for each track of the file, in order of their names, and which rows have none. A whole number stays what it is."""
+    texts = np.array(table.texts(column), "U")
+    number, bad = table.numbers(column)
+    whole = ~bad & np.isfinite(number) & (number == np.floor(number)) & (np.abs(number) < 2**53)
+    if whole[texts != ""].all():
+        return np.where(whole, number, -1.0).astype(np.int64), texts == ""
+    _, index = np.unique(texts, return_inverse=True)
+    return index.astype(np.int64), texts == ""
+
+
+def _velocity(values: dict[str, Floats], speed_kn: float) -> Floats:
+    """East and north, NaN where a row has neither form. (M, 2)"""
+    given = np.stack([values["east_m_s"], values["north_m_s"]], axis=-1)
+    course, speed = np.radians(values["cog"]), values["sog"] * speed_kn * KNOT_M_S
+    along = np.stack([speed * np.sin(course), speed * np.cos(course)], axis=-1)
+    return np.where(np.isfinite(given).all(axis=1, keepdims=True), given, along)
+
+
+def _covariance(values: dict[str, Floats]) -> Floats:
+    """The covariance of each row: its entries, or those of its standard deviations; NaN where it has none. (M, 4, 4)"""
+    n = len(values["time"])
+    out = np.full((n, 4, 4), np.nan)
+    for i, a in enumerate(AXES):
+        for j, b in enumerate(AXES[i:], i):
+            out[:, i, j] = out[:, j, i] = values[f"covariance_{a}_{b}"]
+    for at, key in ((0, "position_sigma_m"), (2, "velocity_sigma_m_s")):
+        block = out[:, at : at + 2, at : at + 2]
+        missing = ~np.isfinite(block).all(axis=(1, 2)) & np.isfinite(values[key])
+        block[missing] = (values[key][missing] ** 2)[:, None, None] * np.eye(2)
+    known = np.isfinite(out[:, :2, :2]).all(axis=(1, 2)) & np.isfinite(out[:, 2:, 2:]).all(axis=(1, 2))
+    cross = out[:, :2, 2:]
+    absent = known & ~np.isfinite(cross).all(axis=(1, 2))
+    cross[absent] = 0.0
+    out[:, 2:, :2] = cross.swapaxes(1, 2)
+    return out
+
+
+def _is_wrong(covariance: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Which covariances are given and not positive definite. (M,)"""
+    out = np.zeros(len(covariance), np.bool_)
+    for part in (covariance, covariance[:, :2, :2]):
+        known = np.flatnonzero(np.isfinite(part).all(axis=(1, 2)))
+        out[known] |= np.linalg.eigvalsh(part[known])[:, 0] <= 0.0
+    return out

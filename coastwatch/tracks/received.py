@@ -1,0 +1,247 @@
+"""Finished tracks of other systems, as they come: they are not filtered a second time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, PositiveFloat
+from scipy.spatial import cKDTree
+
+from coastwatch.batches import Batch, Bools, Floats, Ints, Sensors, TrackReports, Tracks, column
+from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred, offset_deg
+from coastwatch.stage import Method
+
+ID_STRIDE = 2**40  # track ids of one source
+INTERVALS = 2.5  # of a track's own, until it is dropped
+SHORTEST_STEP_S = 1.0  # between two positions that give a velocity
+KEPT = 256  # newest differences to AIS partners of a source
+MEDIAN_OF_SQUARE = 2.0 * np.log(2.0)  # of the squared length of two normal errors of variance 1
+LEAST_SIGMA_M, LEAST_SIGMA_M_S = 1.0, 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class ReceivedTable(Batch):
+    """The newest state of each track, sorted by source, then number."""
+
+    sensor: Ints = column(np.int64, "N")
+    number: Ints = column(np.int64, "N")  # as the source gives it
+    track: Ints = column(np.int64, "N")  # part of the track id: never used again
+    time_s: Floats = column(np.float64, "N")
+    started_s: Floats = column(np.float64, "N")
+    interval_s: Floats = column(np.float64, "N")  # between its two newest states
+    position_deg: Floats = column(np.float64, "N", 2)
+    velocity_m_s: Floats = column(np.float64, "N", 2)
+    base_time_s: Floats = column(np.float64, "N")  # of the state from which the next velocity is measured
+    base_position_deg: Floats = column(np.float64, "N", 2)
+    covariance: Floats = column(np.float64, "N", 4, 4)  # as given; NaN where the source gives none
+    origin: Ints = column(np.int64, "N")
+
+
+@dataclass(frozen=True, eq=False)
+class Differences:
+    """Squared differences of tracks without covariance to their AIS partners, the newest last, NaN before the first."""
+
+    position_m2: Floats  # (S, KEPT) of each source, less the variance of AIS
+    velocity_m2_s2: Floats  # (S, KEPT)
+
+
+@dataclass(frozen=True, eq=False)
+class ReceivedMemory:
+    """The tracks, and what is known of their errors."""
+
+    table: ReceivedTable
+    differences: Differences
+    next_track: int
+    dropped: int  # states whose stamp is not finite or from the future
+
+
+class ReceivedTracks(Method):
+    """The newest state of each track, with its own covariance.
+
+    - A track keeps its id while its source sends its number. After its patience, or after a jump that no vessel makes, the number
+      is of another track.
+    - A track without velocity gets the one between its two newest positions, or over 1 s where they are nearer in time.
+    - Tracks without covariance get one for the whole source: the median of their squared differences to AIS partners, less the
+      variance of AIS. A partner is the nearest AIS track within `partner_m`, of which it is the nearest too, of similar velocity.
+
+    Source of the median: of |d|^2 with two independent normal components of variance s^2 it is 2 ln(2) s^2.
+    """
+
+    method: Literal["received"] = "received"
+    max_speed_kn: PositiveFloat = 80.0  # no vessel jumps faster; beyond, a number is of another track
+    partner_m: PositiveFloat = 500.0  # largest distance of an AIS partner
+    partner_m_s: PositiveFloat = 3.0  # largest difference of its velocity
+    partners: int = Field(20, ge=2)  # differences that an estimate needs
+    ahead_s: PositiveFloat = 5.0  # a state stamped more than this after the cycle is dropped
+
+    def init(self) -> ReceivedMemory:
+        """No track."""
+        return ReceivedMemory(ReceivedTable.empty(), Differences(np.zeros((0, KEPT)), np.zeros((0, KEPT))), 1, 0)
+
+    def step(
+        self, memory: ReceivedMemory, reports: TrackReports, time_s: float, sensors: Sensors, ais: Tracks
+    ) -> tuple[ReceivedMemory, Tracks]:
+        """The tracks that are alive, each at the time of its newest state.
+
+        Args: memory: of the cycle before; reports: that arrived since, in any order; time_s: now; ais: the AIS tracks, at `time_s`.
+        Returns: memory, with the dropped states counted; Tracks sorted by source, then number. A velocity that nobody knows is 0,
+        with a standard deviation of `max_speed_kn` / 4.
+        """
+        sources = sensors.track_sources
+        if not len(sources):
+            return memory, Tracks.empty()
+        before = memory.differences
+        if len(before.position_m2) != len(sources):
+            before = Differences(np.full((len(sources), KEPT), np.nan), np.full((len(sources), KEPT), np.nan))
+        usable = np.isfinite(reports.time_s) & (reports.time_s <= time_s + self.ahead_s)
+        dropped = memory.dropped + int((~usable).sum())
+        newest = _newest(reports.take(usable))
+        table, fresh, next_track = self._updated(memory.table, newest, sources.position_sigma_m, memory.next_track)
+        alive = time_s - table.time_s <= np.maximum(sources.patience_s[table.sensor], INTERVALS * table.interval_s)
+        table, fresh = table.take(alive), fresh[alive]
+        differences = self._compared(before, table.take(fresh), time_s, ais)
+        memory = ReceivedMemory(table, differences, next_track, dropped)
+        position_m2 = _variance(differences.position_m2, self.partners, sources.position_sigma_m, LEAST_SIGMA_M)
+        velocity_m2_s2 = _variance(differences.velocity_m2_s2, self.partners, sources.velocity_sigma_m_s, LEAST_SIGMA_M_S)
+        return memory, self._tracks(table, position_m2[table.sensor], velocity_m2_s2[table.sensor], sensors)
+
+    def _updated(
+        self, table: ReceivedTable, new: TrackReports, sigma_m: Floats, next_track: int
+    ) -> tuple[ReceivedTable, Bools, int]:
+        """The table with these states, no track twice; which rows are new or changed; the next number of a track."""
+        old = _row_of(table, new)
+        known = old >= 0
+        row = np.maximum(old, 0)
+        late = known.copy()
+        late[known] = new.time_s[known] <= table.time_s[row[known]]
+        new, known, row = new.take(~late), known[~late], row[~late]
+        step_s = np.full(len(new), np.nan)
+        moved = np.full((len(new), 2), np.nan)
+        step_s[known] = new.time_s[known] - table.time_s[row[known]]
+        moved[known] = difference_m(new.position_deg[known], table.position_deg[row[known]])
+        reach = self.max_speed_kn * KNOT_M_S * step_s + 8.0 * sigma_m[new.sensor]
+        same = known & (np.hypot(moved[:, 0], moved[:, 1]) <= reach)
+        base_time_s, base_position_deg, velocity = new.time_s.copy(), new.position_deg.copy(), np.full((len(new), 2), np.nan)
+        velocity[same] = table.velocity_m_s[row[same]]
+        base_time_s[same], base_position_deg[same] = table.base_time_s[row[same]], table.base_position_deg[row[same]]
+        due = np.flatnonzero(new.time_s - base_time_s >= SHORTEST_STEP_S)
+        since_s = (new.time_s - base_time_s)[due, None]
+        velocity[due] = difference_m(new.position_deg[due], base_position_deg[due]) / since_s
+        base_time_s[due], base_position_deg[due] = new.time_s[due], new.position_deg[due]
+        velocity = np.where(np.isfinite(new.velocity_m_s), new.velocity_m_s, velocity)
+        track = np.full(len(new), -1, np.int64)
+        track[same] = table.track[row[same]]
+        track[~same] = next_track + np.arange(int((~same).sum()))
+        started = new.time_s.copy()
+        started[same] = table.started_s[row[same]]
+        fresh = ReceivedTable(
+            sensor=new.sensor,
+            number=new.number,
+            track=track,
+            time_s=new.time_s,
+            started_s=started,
+            interval_s=np.where(same, step_s, 0.0),
+            position_deg=new.position_deg,
+            velocity_m_s=velocity,
+            base_time_s=base_time_s,
+            base_position_deg=base_position_deg,
+            covariance=new.covariance,
+            origin=new.origin,
+        )
+        kept = np.ones(len(table), np.bool_)
+        kept[row[known]] = False
+        joined = ReceivedTable.join([table.take(kept), fresh])
+        changed = np.concatenate([np.zeros(int(kept.sum()), np.bool_), np.ones(len(fresh), np.bool_)])
+        order = np.lexsort((joined.number, joined.sensor))
+        return joined.take(order), changed[order], next_track + int((~same).sum())
+
+    def _compared(self, before: Differences, fresh: ReceivedTable, time_s: float, ais: Tracks) -> Differences:
+        """The differences, with those of the fresh states without covariance to their AIS partners."""
+        without = ~np.isfinite(fresh.covariance).all(axis=(1, 2)) & np.isfinite(fresh.velocity_m_s).all(axis=1)
+        fresh = fresh.take(np.flatnonzero(without))
+        if not len(fresh) or not len(ais):
+            return before
+        now_deg = offset_deg(fresh.position_deg, (time_s - fresh.time_s)[:, None] * fresh.velocity_m_s)
+        here, there = earth_centred(now_deg), earth_centred(ais.position_deg)
+        nearest = cKDTree(there).query(here, distance_upper_bound=self.partner_m)
+        partner = np.asarray(nearest[1])
+        mine = np.flatnonzero(np.isfinite(nearest[0]))
+        back = np.asarray(cKDTree(here).query(there[partner[mine]])[1])
+        mine = mine[np.flatnonzero(back == mine)]
+        rows = partner[mine]
+        apart_m = difference_m(now_deg[mine], ais.position_deg[rows])
+        apart_m_s = fresh.velocity_m_s[mine] - ais.velocity_m_s[rows]
+        alike = np.hypot(apart_m_s[:, 0], apart_m_s[:, 1]) <= self.partner_m_s
+        variance = np.nan_to_num(np.diagonal(ais.covariance[rows], axis1=1, axis2=2))
+        position = (apart_m**2).sum(axis=1) - MEDIAN_OF_SQUARE * 0.5 * variance[:, :2].sum(axis=1)
+        velocity = (apart_m_s**2).sum(axis=1) - MEDIAN_OF_SQUARE * 0.5 * variance[:, 2:].sum(axis=1)
+        sensor = fresh.sensor[mine]
+        return Differences(
+            _appended(before.position_m2, sensor[alike], position[alike]),
+            _appended(before.velocity_m2_s2, sensor[alike], velocity[alike]),
+        )
+
+    def _tracks(self, table: ReceivedTable, position_m2: Floats, velocity_m2_s2: Floats, sensors: Sensors) -> Tracks:
+        n = len(table)
+        unmoved = np.asarray(np.isnan(table.velocity_m_s).any(axis=1))
+        made = np.zeros((n, 4, 4))
+        made[:, 0, 0] = made[:, 1, 1] = position_m2
+        made[:, 2, 2] = made[:, 3, 3] = np.where(unmoved, (0.25 * self.max_speed_kn * KNOT_M_S) ** 2, velocity_m2_s2)
+        covariance = table.covariance.copy()
+        unknown = ~np.isfinite(covariance[:, :2, :2]).all(axis=(1, 2))
+        covariance[unknown] = made[unknown]
+        half = ~np.isfinite(covariance).all(axis=(1, 2))
+        covariance[half, :2, 2:] = covariance[half, 2:, :2] = 0.0
+        covariance[half, 2:, 2:] = made[half, 2:, 2:]
+        source = sensors.track_source(0) + table.sensor
+        return Tracks(
+            track_id=source * ID_STRIDE + table.track,
+            source=source,
+            time_s=table.time_s,
+            position_deg=table.position_deg,
+            velocity_m_s=np.where(unmoved[:, None], 0.0, table.velocity_m_s),
+            covariance=covariance,
+            report_covariance=covariance[:, :2, :2].copy(),
+            updated_s=table.time_s,
+            started_s=table.started_s,
+            mmsi=np.full(n, -1, np.int64),
+            origin=table.origin,
+        )
+
+
+def _newest(reports: TrackReports) -> TrackReports:
+    """The newest state of each track, sorted by source, then number."""
+    order = np.lexsort((reports.received_s, reports.time_s, reports.number, reports.sensor))
+    some = reports.take(order)
+    last = np.ones(len(some), np.bool_)
+    last[:-1] = (some.sensor[1:] != some.sensor[:-1]) | (some.number[1:] != some.number[:-1])
+    return some.take(last)
+
+
+def _row_of(table: ReceivedTable, new: TrackReports) -> Ints:
+    """The row of each track in the table, -1 where it has none. (M,)"""
+    known = {key: row for row, key in enumerate(zip(table.sensor.tolist(), table.number.tolist(), strict=True))}
+    keys = zip(new.sensor.tolist(), new.number.tolist(), strict=True)
+    return np.array([known.get(key, -1) for key in keys], np.int64)
+
+
+def _appended(kept: Floats, sensor: Ints, values: Floats) -> Floats:
+    """The newest values of each source, with these after them."""
+    out = kept.copy()
+    for source in np.unique(sensor):
+        row = np.concatenate([kept[source][np.isfinite(kept[source])], values[sensor == source]])[-KEPT:]
+        out[source] = np.nan
+        out[source, KEPT - len(row) :] = row
+    return out
+
+
+def _variance(squares: Floats, least: int, sigma: Floats, smallest: float) -> Floats:
+    """The variance per axis of each source: from its differences if there are enough, else as set. (S,)"""
+    out = sigma**2
+    counted = np.count_nonzero(np.isfinite(squares), axis=1)
+    enough = np.flatnonzero(counted >= least)
+    if len(enough):
+        out[enough] = np.maximum(np.nanmedian(squares[enough], axis=1) / MEDIAN_OF_SQUARE, smallest**2)
+    return np.asarray(out)

@@ -1,0 +1,128 @@
+"""The decoder of many AIS payloads against pyais, which decodes one message at a time."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pyais.messages import AISSentence
+
+from coastwatch.batches import AisStatics
+from coastwatch.sensors.recorded.ais_messages import Assembler, checksums_are_right
+from coastwatch.sensors.recorded.ais_payload import NEEDED_BITS, STATIC_BITS_19, decoded
+from coastwatch.sensors.recorded.ais_validation import AisRows, StaticRows
+from coastwatch.sensors.recorded.faults import Tally
+from coastwatch.sensors.recorded.nmea_sentences import ReceivedSentence
+from coastwatch.sensors.recorded.timestamps import checksum
+
+DATA = Path(__file__).parents[2].parent / "shared" / "data"
+ARMOUR = "".join(chr(c) for c in range(48, 120) if not 88 <= c < 96)
+KINDS = (1, 2, 3, 5, 18, 19, 24, 27)
+
+
+def sentence_of(payload: str, fill: int) -> bytes:
+    body = f"AIVDM,1,1,,A,{payload},{fill}".encode()
+    return b"!" + body + f"*{checksum(body):02X}".encode()
+
+
+def ours(sentences: list[bytes]) -> tuple[AisRows, AisStatics, StaticRows, Tally]:
+    tally = Tally()
+    received = [ReceivedSentence(i, s, float(i), math.nan, b"") for i, s in enumerate(sentences)]
+    return *decoded(Assembler("x", tally).whole(received, True), "x", tally), tally
+
+
+def theirs(raw: bytes) -> Any:
+    """The message by pyais; None if it cannot be decoded or is too short."""
+    sentence = AISSentence(raw)
+    if sentence.ais_id not in KINDS or len(sentence.bv) < NEEDED_BITS[sentence.ais_id]:
+        return None
+    try:
+        return sentence.decode()
+    except Exception:
+        return None
+
+
+def text(value: str | None) -> str:
+    return (value or "").partition("@")[0].strip()
+
+
+def check(sentences: list[bytes]) -> int:
+    """Compare every field of these sentences. Returns how many messages were compared."""
+    rows, statics, static_rows, _ = ours(sentences)
+    position = {int(r): k for k, r in enumerate(rows.row)}
+    static = {int(r): k for k, r in enumerate(static_rows.row)}
+    compared = 0
+    for i, raw in enumerate(sentences):
+        said = theirs(raw)
+        kind = AISSentence(raw).ais_id
+        assert (i in position) == (said is not None and kind not in (5, 24))
+        if i in position:
+            k = position[i]
+            assert rows.mmsi[k] == int(said.mmsi)
+            assert rows.position_deg[k].tolist() == [said.lat, said.lon]
+            assert rows.sog_kn[k] == said.speed or (kind == 27 and said.speed == 63 and math.isnan(rows.sog_kn[k]))
+            assert rows.cog_deg[k] == said.course
+            assert rows.second[k] == (-1 if kind == 27 else said.second)
+            assert rows.class_b[k] == (kind in (18, 19))
+        whole = said is not None and (kind in (5, 24) or (kind == 19 and len(AISSentence(raw).bv) >= STATIC_BITS_19))
+        assert (i in static) == whole
+        if whole:
+            k = static[i]
+            assert statics.mmsi[k] == int(said.mmsi)
+            assert statics.name[k] == text(getattr(said, "shipname", ""))
+            assert statics.call_sign[k] == text(getattr(said, "callsign", ""))
+            assert statics.ship_type[k] == (int(getattr(said, "ship_type", 0) or 0) or -1)
+            for got, names in ((statics.length_m[k], ("to_bow", "to_stern")), (statics.beam_m[k], ("to_port", "to_starboard"))):
+                needed = sum(getattr(said, name, 0) or 0 for name in names)
+                assert got == needed if needed else math.isnan(got)
+        compared += said is not None
+    return compared
+
+
+@given(st.lists(st.tuples(st.sampled_from(KINDS), st.text(ARMOUR, min_size=15, max_size=80), st.integers(0, 5)), max_size=30))
+def test_any_payload_gives_the_fields_of_pyais(payloads: list[tuple[int, str, int]]) -> None:
+    full = {1: 28, 2: 28, 3: 28, 5: 71, 18: 28, 19: 52, 24: 28, 27: 16}  # characters, so that no field is cut
+    check(
+        [
+            sentence_of(ARMOUR[k] + p.ljust(full[k] - 1, "0"), fill)
+            for k, p, fill in payloads
+            for fill in (fill if k != 27 else 0,)
+        ]
+    )
+
+
+def test_a_craft_of_a_mother_ship_has_no_length() -> None:
+    mmsi = f"{24:06b}{0:02b}{982571234:030b}{1:02b}{37:08b}".ljust(132, "0") + f"{257000001:030b}000000"
+    payload = "".join(ARMOUR[int(mmsi[k : k + 6], 2)] for k in range(0, 168, 6))
+    assert check([sentence_of(payload, 0)]) == 1
+    assert math.isnan(ours([sentence_of(payload, 0)])[1].length_m[0])
+
+
+@pytest.mark.parametrize("name", ["pyais_nmea/nmea_data_sample.txt", "kystverket_tagblock/norwegian.raw"])
+def test_recorded_messages_give_the_fields_of_pyais(name: str) -> None:
+    file = DATA / name
+    if not file.exists():
+        pytest.skip(f"{file} is not on this machine")
+    lines = [line[line.index(b"!") :].strip() for line in file.read_bytes().splitlines() if b"!" in line]
+    whole = [line for line in lines if line.count(b",") == 6 and line.split(b",")[1] == b"1" and line.split(b",")[5]]
+    assert check(whole) > 150
+
+
+@given(st.lists(st.tuples(st.binary(min_size=4, max_size=60), st.booleans()), max_size=20))
+def test_checksums_of_many_sentences_are_those_of_each(bodies: list[tuple[bytes, bool]]) -> None:
+    made = [(body.replace(b"*", b"+"), right) for body, right in bodies]
+    sentences = [b"!" + body + f"*{checksum(body) ^ (not right):02X}".encode() for body, right in made]
+    assert checksums_are_right(sentences).tolist() == [right for _, right in made]
+    assert not checksums_are_right([b"!AIVDM*ZZ"]).any()
+
+
+def test_no_sentence_gives_no_row() -> None:
+    rows, statics, static_rows, tally = ours([])
+    assert len(rows) == len(statics) == len(static_rows) == 0
+    assert not tally.faults()
+    assert isinstance(rows.mmsi, np.ndarray)
