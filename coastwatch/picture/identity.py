@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from coastwatch.batches import AisAlarms, Associations, FusedTracks, Members, Picture, Sensors, Tracks
+from coastwatch.kernels.tables.row_numbers import require_rows
 from coastwatch.picture.flags import FlagMemory, flag
 from coastwatch.picture.match import KnownTracks, match_identities
 from coastwatch.picture.order import members_of, order_vessels, picture_of, tracks_of
@@ -20,6 +21,14 @@ class PictureMemory:
     tracks: KnownTracks
     next_id: int
     flags: FlagMemory
+
+    def check_rows(self) -> None:
+        """Check the row numbers, as after reading a checkpoint: kernels do not. Raises: ValueError that names the field."""
+        vessels, tracks = len(self.known.columns().vessel_id), len(self.tracks.track_id)
+        require_rows("KnownTracks.vessel", self.tracks.vessel, vessels)
+        require_rows("KnownTracks.first_vessel", self.tracks.first_vessel, vessels)
+        require_rows("TrackPairs.ais", self.flags.pairs.ais, tracks)
+        require_rows("TrackPairs.radar", self.flags.pairs.radar, tracks)
 
 
 class Identity(IdentitySettings):

@@ -10,7 +10,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import Array, Associations, Floats, FusedTracks, Ints, Picture, Rows, Sensors, SourceKind, Tracks
+from coastwatch.batches import (
+    Array,
+    Associations,
+    Floats,
+    FusedTracks,
+    Ints,
+    Picture,
+    Rows,
+    Sensors,
+    SourceKind,
+    Struct,
+    Tracks,
+    column,
+)
 from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred
 from coastwatch.kernels.filters.gaussian import squared_distance
 from coastwatch.kernels.threads import in_blocks
@@ -24,12 +37,12 @@ MMSI_SLACK_S = 10.0  # added to the time of a return by MMSI, for the error of b
 
 
 @dataclass(frozen=True, eq=False)
-class KnownTracks:
+class KnownTracks(Struct):
     """The tracks of the last cycle, and the vessels that they were in."""
 
-    track_id: Ints  # (L,)
-    vessel: Ints  # (L,) the vessel it was in
-    first_vessel: Ints  # (L,) the first vessel it ever was in
+    track_id: Ints = column(np.int64, "L")
+    vessel: Ints = column(np.int64, "L")  # the vessel it was in
+    first_vessel: Ints = column(np.int64, "L")  # the first vessel it ever was in
 
     @classmethod
     def none(cls) -> KnownTracks:

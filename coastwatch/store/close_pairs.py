@@ -15,7 +15,7 @@ from sqlalchemy import Connection, select
 from coastwatch.batches import Array, Bools, Floats, Ints
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M
 from coastwatch.store.rows import Rows, Table, fetch_arrays
-from coastwatch.store.tables import Vessel
+from coastwatch.store.tables import VESSEL
 
 scipy = lazy_loader.load("scipy")  # few questions need it
 
@@ -84,7 +84,7 @@ def closest_approach(connection: Connection, values: Mapping[str, Any]) -> Rows:
 
 
 def _current_vessels(connection: Connection, run_id: int) -> Vessels:
-    v = Vessel
+    v = VESSEL.c
     query = select(v.vessel_id, v.latitude_deg, v.longitude_deg, v.sog_kn, v.cog_deg, v.mmsi).where(v.run_id == run_id)
     vessel, latitude, longitude, sog, cog, mmsi = fetch_arrays(connection, query)
     speed, course = np.nan_to_num(sog) * KNOT_M_S, np.radians(np.nan_to_num(cog))

@@ -20,7 +20,7 @@ from typing import Any, Self
 from sqlalchemy import URL, Connection, Engine, create_engine, event, func, inspect, make_url, select, text
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
 
-from coastwatch.store.tables import REVISION, REVISION_TABLE, Base
+from coastwatch.store.tables import METADATA, REVISION, REVISION_TABLE
 
 WAIT_S = 10.0
 PAGE_BYTES = 16_384
@@ -202,7 +202,7 @@ def revision(connection: Connection, where: str) -> str | None:
     tables = set(inspect(connection).get_table_names())
     if REVISION_TABLE in tables:
         return connection.execute(text(f"SELECT max(version_num) FROM {REVISION_TABLE}")).scalar_one_or_none()
-    foreign = tables if connection.dialect.name == "sqlite" else tables & set(Base.metadata.tables)
+    foreign = tables if connection.dialect.name == "sqlite" else tables & set(METADATA.tables)
     if foreign:
         raise StoreError(f"{where}: not a Coastwatch database: it has {', '.join(sorted(foreign)[:5])} and no {REVISION_TABLE}")
     return None

@@ -23,7 +23,7 @@ from coastwatch.store.database import Store, StoreError, reading
 from coastwatch.store.history_rule import rate_deg_s
 from coastwatch.store.rows import Rows, Table, fetch_arrays, is_one_of
 from coastwatch.store.runs import run_exists
-from coastwatch.store.tables import Cycle, History, Identity, Presence
+from coastwatch.store.tables import CYCLE, HISTORY, IDENTITY, PRESENCE
 
 scipy = lazy_loader.load("scipy")  # few questions need it
 
@@ -65,11 +65,11 @@ def history(
     """Every point between two instants, both included, of all vessels or of one: cycle, time_s, vessel_id, position, motion,
     ellipse, updated_s, mmsi, flags. Between two points a vessel keeps the course and speed of the first.
     """
-    span = [Cycle.run_id == run_id]
-    span += [] if from_s is None else [Cycle.time_s >= from_s]
-    span += [] if to_s is None else [Cycle.time_s <= to_s]
+    span = [CYCLE.c.run_id == run_id]
+    span += [] if from_s is None else [CYCLE.c.time_s >= from_s]
+    span += [] if to_s is None else [CYCLE.c.time_s <= to_s]
     with reading(store) as connection:
-        first, last = connection.execute(select(func.min(Cycle.number), func.max(Cycle.number)).where(*span)).one()
+        first, last = connection.execute(select(func.min(CYCLE.c.number), func.max(CYCLE.c.number)).where(*span)).one()
         if first is None or vessel_id is None:
             return points_between(connection, run_id, *((0, -1) if first is None else (first, last)))
         found = points_of(connection, run_id, vessel_id, int(first))
@@ -78,13 +78,13 @@ def history(
 
 def points_between(connection: Connection, run_id: int, first: int, last: int) -> Table:
     """The points of a range of cycles, by cycle and vessel; no closing ones."""
-    return _points(connection, run_id, History.cycle.between(first, last))
+    return _points(connection, run_id, HISTORY.c.cycle.between(first, last))
 
 
 def points_of(connection: Connection, run_id: int, vessel_id: int, first: int = 0) -> Table:
     """The points of one vessel from a cycle on, oldest first; no closing ones."""
-    here, since = Presence.run_id == run_id, or_(Presence.to_cycle.is_(None), Presence.to_cycle >= first)
-    stays = select(Presence.to_cycle).where(here, Presence.vessel_id == vessel_id, since)
+    here, since = PRESENCE.c.run_id == run_id, or_(PRESENCE.c.to_cycle.is_(None), PRESENCE.c.to_cycle >= first)
+    stays = select(PRESENCE.c.to_cycle).where(here, PRESENCE.c.vessel_id == vessel_id, since)
     ends = list(connection.scalars(stays))
     starts = [to + 1 for to in ends if to is not None]
     if None in ends:
@@ -94,7 +94,7 @@ def points_of(connection: Connection, run_id: int, vessel_id: int, first: int = 
         sql = text(CHAIN.format(starts=", ".join(f"({cycle})" for cycle in starts)))
         found = connection.scalars(sql, {"run": run_id, "vessel": vessel_id, "first": first})
         cycles = np.array(sorted(cycle for cycle in found if cycle >= first), np.int64)
-    return _points(connection, run_id, is_one_of(connection, History.cycle, cycles), History.vessel_id == vessel_id)
+    return _points(connection, run_id, is_one_of(connection, HISTORY.c.cycle, cycles), HISTORY.c.vessel_id == vessel_id)
 
 
 def points_in_box(
@@ -104,29 +104,31 @@ def points_in_box(
     south, west, north, east = bbox
     sql = IN_BOX.format(columns=", ".join(f"h.{name}" for name in names), and_or="AND" if west <= east else "OR")
     span = {"run": run_id, "first": first, "last": last}
-    query = text(sql).columns(*(History.__table__.c[name] for name in names))
+    query = text(sql).columns(*(HISTORY.c[name] for name in names))
     query = query.bindparams(**span, south=south, west=west, north=north, east=east)
     return dict(zip(names, fetch_arrays(connection, query), strict=True))
 
 
 def newest_points(run_id: int, first: int, cycle: int) -> Subquery:
     """Vessel and cycle of the newest point of each vessel in a range of cycles, closing ones included."""
-    here = select(History.vessel_id, func.max(History.cycle).label("cycle"))
-    return here.where(History.run_id == run_id, History.cycle.between(first, cycle)).group_by(History.vessel_id).subquery()
+    here = select(HISTORY.c.vessel_id, func.max(HISTORY.c.cycle).label("cycle"))
+    return (
+        here.where(HISTORY.c.run_id == run_id, HISTORY.c.cycle.between(first, cycle)).group_by(HISTORY.c.vessel_id).subquery()
+    )
 
 
 def of_newest(run_id: int, newest: Subquery) -> Any:
     """Joins the rows of `history` to `newest_points`: of vessels that have not left."""
-    same = and_(History.cycle == newest.c.cycle, History.vessel_id == newest.c.vessel_id)
-    return and_(History.run_id == run_id, same, History.closing == false())
+    same = and_(HISTORY.c.cycle == newest.c.cycle, HISTORY.c.vessel_id == newest.c.vessel_id)
+    return and_(HISTORY.c.run_id == run_id, same, HISTORY.c.closing == false())
 
 
 def history_of_mmsi(connection: Connection, values: Mapping[str, Any]) -> Rows:
     """The answer to question `history_of_mmsi`. Args: values: its parameters, `run` too."""
-    run_id, mmsi, i = values["run"], int(values["mmsi"]), Identity
-    latest = connection.scalar(select(func.max(Cycle.time_s)).where(Cycle.run_id == run_id))
+    run_id, mmsi, i = values["run"], int(values["mmsi"]), IDENTITY.c
+    latest = connection.scalar(select(func.max(CYCLE.c.time_s)).where(CYCLE.c.run_id == run_id))
     from_s = 0.0 if latest is None else latest - values["minutes"] * 60.0
-    first = connection.scalar(select(func.min(Cycle.number)).where(Cycle.run_id == run_id, Cycle.time_s >= from_s))
+    first = connection.scalar(select(func.min(CYCLE.c.number)).where(CYCLE.c.run_id == run_id, CYCLE.c.time_s >= from_s))
     if first is None:
         return Rows(OF_MMSI, [])
     since = or_(i.to_cycle.is_(None), i.to_cycle >= first)
@@ -231,8 +233,8 @@ def encounters(
 def _points(connection: Connection, run_id: int, *where: Any) -> Table:
     """Points by cycle and vessel, without closing ones."""
     names = [name for name in COLUMNS if name != "time_s"]
-    query = select(*(getattr(History, name) for name in names)).where(History.run_id == run_id, *where)
-    found = dict(zip(names, fetch_arrays(connection, query.where(History.closing == false())), strict=True))
+    query = select(*(HISTORY.c[name] for name in names)).where(HISTORY.c.run_id == run_id, *where)
+    found = dict(zip(names, fetch_arrays(connection, query.where(HISTORY.c.closing == false())), strict=True))
     cycle = found["cycle"]
     order = np.lexsort((found["vessel_id"], cycle))
     low, high = int(cycle.min(initial=0)), int(cycle.max(initial=-1))
@@ -243,22 +245,22 @@ def _points(connection: Connection, run_id: int, *where: Any) -> Table:
 
 def cycle_times(connection: Connection, run_id: int, first: int, last: int) -> tuple[Ints, Floats]:
     """Numbers and times of a range of cycles."""
-    query = select(Cycle.number, Cycle.time_s).where(Cycle.run_id == run_id, Cycle.number.between(first, last))
-    number, time_s = fetch_arrays(connection, query.order_by(Cycle.number))
+    query = select(CYCLE.c.number, CYCLE.c.time_s).where(CYCLE.c.run_id == run_id, CYCLE.c.number.between(first, last))
+    number, time_s = fetch_arrays(connection, query.order_by(CYCLE.c.number))
     return number, time_s
 
 
 def _last_cycles(connection: Connection, run_id: int) -> list[int]:
     """The cycles in which a vessel that is there now has its newest point."""
-    kept = select(Cycle.number, Cycle.history_from).where(Cycle.run_id == run_id, Cycle.history_from.is_not(None))
-    last = connection.execute(kept.order_by(Cycle.number.desc()).limit(1)).first()
+    kept = select(CYCLE.c.number, CYCLE.c.history_from).where(CYCLE.c.run_id == run_id, CYCLE.c.history_from.is_not(None))
+    last = connection.execute(kept.order_by(CYCLE.c.number.desc()).limit(1)).first()
     return [] if last is None else list(range(last.history_from, last.number + 1))
 
 
 def _legs(connection: Connection, store: Store, run_id: int, bbox: Box, from_s: float, to_s: float) -> Legs:
     """Legs of the vessels that were in a box or near it between two instants: to the next point, at most as long as points are valid."""
     run_exists(connection, store, run_id)
-    c = Cycle
+    c = CYCLE.c
     before = select(c.history_from).where(c.run_id == run_id, c.time_s <= from_s)
     start = int(connection.scalar(before.order_by(c.time_s.desc()).limit(1)) or 0)
     after = select(c.number).where(c.run_id == run_id, c.time_s <= to_s).order_by(c.time_s.desc()).limit(1)

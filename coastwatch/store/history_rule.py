@@ -19,6 +19,7 @@ import numpy as np
 
 from coastwatch.batches import Bools, Floats, Ints, Picture
 from coastwatch.geodesy import KNOT_M_S, difference_m, scale_m_deg, wrap_deg
+from coastwatch.kernels.tables.lookup import find
 from coastwatch.store.insert import Column, NullableId, take
 from coastwatch.store.to_rows import motion
 
@@ -76,7 +77,7 @@ def extend(before: Points, bound: Bound, number: int, time_s: float, before_s: f
 
     Args: number, time_s: of this cycle; before_s: time of the cycle before; picture: (V) sorted by vessel.
     """
-    row = row_of(before.vessel_id, picture.vessel_id)
+    row = find(before.vessel_id, picture.vessel_id)
     written = _needs_point(before, row, bound, picture, time_s)
     stayed = np.zeros(len(before.vessel_id), np.bool_)
     stayed[row[row >= 0]] = True
@@ -97,12 +98,6 @@ def extend(before: Points, bound: Bound, number: int, time_s: float, before_s: f
     after = _merge(before, row, written, fresh)
     first = int(after.cycle.min(initial=number))
     return after, _rows(before, fresh, row[at], before.take(~stayed), before_s, first)
-
-
-def row_of(known: Ints, ids: Ints) -> Ints:
-    """Row of each id among sorted ones, -1 where it is not among them."""
-    at = np.searchsorted(known, ids)
-    return np.where(np.append(known, -1)[at] == ids, at, -1)
 
 
 def _needs_point(before: Points, row: Ints, bound: Bound, picture: Picture, time_s: float) -> Bools:

@@ -83,7 +83,7 @@ def insert(connection: Connection, table: Table, columns: Sequence[Column]) -> i
 
 
 def update_rows(
-    connection: Connection, table: Table, keys: Mapping[str, Ints], where: Mapping[str, int | None], to: Mapping[str, Column]
+    connection: Connection, table: Table, keys: Mapping[str, Column], where: Mapping[str, int | None], to: Mapping[str, Column]
 ) -> None:
     """Update the rows that have these keys; NULL among the new values leaves the old value.
 
@@ -94,16 +94,23 @@ def update_rows(
     _by_keys(connection, update(table).values(values), table, keys, where, given)
 
 
-def delete_rows(connection: Connection, table: Table, keys: Mapping[str, Ints], where: Mapping[str, int | None]) -> None:
+def delete_rows(connection: Connection, table: Table, keys: Mapping[str, Column], where: Mapping[str, int | None]) -> None:
     """Delete the rows that have these keys. Args: keys: a column each; where: column to value, further conditions."""
     _by_keys(connection, delete(table), table, keys, where, {})
+
+
+def clear_columns(
+    connection: Connection, table: Table, keys: Mapping[str, Column], where: Mapping[str, int | None], names: Sequence[str]
+) -> None:
+    """Set columns to NULL in the rows that have these keys. Args: keys, where: as of `update_rows`; names: of the columns."""
+    _by_keys(connection, update(table).values(dict.fromkeys(names)), table, keys, where, {})
 
 
 def _by_keys(
     connection: Connection,
     statement: Any,
     table: Table,
-    keys: Mapping[str, Ints],
+    keys: Mapping[str, Column],
     where: Mapping[str, int | None],
     more: Mapping[str, Column],
 ) -> None:

@@ -15,9 +15,13 @@ from sqlalchemy.schema import CreateIndex, CreateTable, ExecutableDDLElement
 
 from coastwatch.shipped import folder, migrations_folder, schema_folder
 from coastwatch.store.database import WAIT_S, Store, StoreError, connect, other_schema, reading, revision, writing
-from coastwatch.store.tables import REVISION, REVISION_TABLE, Base
+from coastwatch.store.tables import METADATA, REVISION, REVISION_TABLE
 
 DIALECTS = {"sqlite": sqlite.dialect, "postgresql": postgresql.dialect}
+
+for _table in METADATA.tables.values():
+    for _index in _table.indexes:  # not said in `tables`: it would import the dialect of PostgreSQL for every reader of SQLite
+        _index.dialect_options["postgresql"]["where"] = _index.dialect_options["sqlite"]["where"]
 
 
 def upgrade(url: str, to: str = "head", *, wait_s: float = WAIT_S) -> None:
@@ -60,19 +64,19 @@ def problems(connection: Connection) -> list[str]:
 
 
 def differences(connection: Connection) -> list[str]:
-    """How the tables of a database differ from the models."""
-    ours = set(Base.metadata.tables)
+    """How the tables of a database differ from `tables.py`."""
+    ours = set(METADATA.tables)
 
     def of_ours(name: str | None, kind: str, parents: Any) -> bool:
         return kind != "table" or name in ours
 
     options = {"compare_type": True, "version_table": REVISION_TABLE, "include_name": of_ours}
     context = MigrationContext.configure(connection, opts=options)
-    out = [f"schema: {change}" for change in compare_metadata(context, Base.metadata)]
+    out = [f"schema: {change}" for change in compare_metadata(context, METADATA)]
     if connection.dialect.name == "sqlite":
         listed = connection.execute(text("SELECT name, wr FROM pragma_table_list WHERE type = 'table'"))
         in_key_order = {row.name: bool(row.wr) for row in listed}
-        for name, table in Base.metadata.tables.items():
+        for name, table in METADATA.tables.items():
             wanted = table.dialect_options["sqlite"]["with_rowid"] is False
             if in_key_order.get(name, wanted) is not wanted:
                 out.append(f"schema: table {name}: got WITHOUT ROWID {in_key_order[name]}, needed {wanted}")
@@ -109,7 +113,7 @@ def schema(dialect: str) -> str:
     out = [
         f"-- Generated from coastwatch/store/tables.py, schema {REVISION}; `python -m coastwatch.store.migrate` writes it again.\n"
     ]
-    for table in Base.metadata.sorted_tables:
+    for table in METADATA.sorted_tables:
         statements: list[ExecutableDDLElement] = [
             CreateTable(table),
             *(CreateIndex(i) for i in sorted(table.indexes, key=lambda i: str(i.name))),

@@ -7,27 +7,30 @@ from typing import Any
 
 import numpy as np
 from sqlalchemy import Connection, Select, and_, func, or_, select, true
-from sqlalchemy.orm import aliased
+from sqlalchemy import Table as SqlTable
 
 from coastwatch.batches import Array, Floats, Ints
+from coastwatch.kernels.tables.lookup import find
 from coastwatch.store.bbox import FASTEST_M_S, Box, inside, is_inside, widened
 from coastwatch.store.database import Store, StoreError, reading
 from coastwatch.store.history_queries import ELLIPSE, MOTION, cycle_times, points_in_box, points_of
-from coastwatch.store.history_rule import dead_reckon, newest_rows, row_of
+from coastwatch.store.history_rule import dead_reckon, newest_rows
 from coastwatch.store.recording import read_recorded
 from coastwatch.store.rows import Rows, Table, fetch_arrays, fetch_rows, is_one_of
 from coastwatch.store.runs import cycle_at, run_exists
 from coastwatch.store.tables import (
-    Association,
-    BearingAssociation,
-    BearingTrack,
-    Cycle,
-    History,
-    MemberHistory,
-    Presence,
-    Source,
-    Vessel,
-    VesselStatic,
+    ASSOCIATION,
+    BEARING_ASSOCIATION,
+    BEARING_TRACK,
+    CYCLE,
+    EVENT,
+    EVENT_GAP,
+    HISTORY,
+    MEMBER_HISTORY,
+    PRESENCE,
+    SOURCE,
+    VESSEL,
+    VESSEL_STATIC,
 )
 from coastwatch.store.to_rows import motion, source_texts
 
@@ -57,21 +60,21 @@ def picture(
     with reading(store) as connection:
         run_exists(connection, store, run_id)
         if at_s is None:
-            here = true() if bbox is None else is_inside(Vessel.latitude_deg, Vessel.longitude_deg, bbox)
+            here = true() if bbox is None else is_inside(VESSEL.c.latitude_deg, VESSEL.c.longitude_deg, bbox)
             return _picture_now(connection, run_id, here, columns)
-        kept = or_(Cycle.history_from.is_not(None), Cycle.recorded)
+        kept = or_(CYCLE.c.history_from.is_not(None), CYCLE.c.recorded)
         cycle = cycle_at(connection, store, run_id, at_s, kept)
         return _picture_then(connection, run_id, cycle, bbox, columns)
 
 
 def track(store: Store, run_id: int, vessel_id: int) -> dict[str, Any]:
-    """One vessel: `vessel` (its newest row as a dict), Table `history` (its points), and Rows `members`, `stays`, `associations`,
-    `bearing_associations`, oldest first.
+    """One vessel: `vessel` (its newest row as a dict), Table `history` (its points), and Rows `events`, `members`, `stays`,
+    `associations`, `bearing_associations`, oldest first.
 
     Raises: StoreError where the run never had such a vessel.
     """
-    stays = select(Presence.from_cycle, Presence.to_cycle, Presence.since_s)
-    stays = stays.where(Presence.run_id == run_id, Presence.vessel_id == vessel_id).order_by(Presence.from_cycle)
+    stays = select(PRESENCE.c.from_cycle, PRESENCE.c.to_cycle, PRESENCE.c.since_s)
+    stays = stays.where(PRESENCE.c.run_id == run_id, PRESENCE.c.vessel_id == vessel_id).order_by(PRESENCE.c.from_cycle)
     with reading(store) as connection:
         there = fetch_rows(connection, stays)
         if not there.rows:
@@ -80,27 +83,28 @@ def track(store: Store, run_id: int, vessel_id: int) -> dict[str, Any]:
         return {
             "vessel": _newest_row(connection, run_id, vessel_id, there),
             "history": points_of(connection, run_id, vessel_id),
+            "events": fetch_rows(connection, _events(run_id, vessel_id)),
             "members": fetch_rows(connection, _members(run_id, vessel_id)),
             "stays": there,
-            "associations": fetch_rows(connection, _rows_of_vessel(Association, run_id, vessel_id)),
-            "bearing_associations": fetch_rows(connection, _rows_of_vessel(BearingAssociation, run_id, vessel_id)),
+            "associations": fetch_rows(connection, _rows_of_vessel(ASSOCIATION, run_id, vessel_id)),
+            "bearing_associations": fetch_rows(connection, _rows_of_vessel(BEARING_ASSOCIATION, run_id, vessel_id)),
         }
 
 
 def bearing_tracks(store: Store, run_id: int) -> Rows:
     """The bearing tracks of now with the sensor they are of and the vessel they were given to."""
-    b = BearingTrack
-    columns = (b.track_id, Source.name.label("source"), b.bearing_deg, b.rate_deg_s, b.latitude_deg, b.longitude_deg)
-    same = and_(Source.run_id == b.run_id, Source.number == b.source)
-    query = select(*columns, b.vessel_id, b.updated_s).join(Source, same).where(b.run_id == run_id)
+    b = BEARING_TRACK.c
+    columns = (b.track_id, SOURCE.c.name.label("source"), b.bearing_deg, b.rate_deg_s, b.latitude_deg, b.longitude_deg)
+    same = and_(SOURCE.c.run_id == b.run_id, SOURCE.c.number == b.source)
+    query = select(*columns, b.vessel_id, b.updated_s).join(SOURCE, same).where(b.run_id == run_id)
     with reading(store) as connection:
         return fetch_rows(connection, query.order_by(b.source, b.track_id))
 
 
 def _picture_now(connection: Connection, run_id: int, where: Any, wanted: Sequence[str] = COLUMNS) -> Table:
     names = [name for name in COLUMNS if name not in STATIC and (name in wanted or name in ("vessel_id", "mmsi"))]
-    query = select(*(getattr(Vessel, name) for name in names)).where(Vessel.run_id == run_id, where)
-    found = dict(zip(names, fetch_arrays(connection, query.order_by(Vessel.vessel_id)), strict=True))
+    query = select(*(VESSEL.c[name] for name in names)).where(VESSEL.c.run_id == run_id, where)
+    found = dict(zip(names, fetch_arrays(connection, query.order_by(VESSEL.c.vessel_id)), strict=True))
     return _with_details(connection, run_id, None, found, wanted)
 
 
@@ -116,7 +120,9 @@ def _picture_then(
 
     Args: cycle: recorded, or with a history; wanted: of COLUMNS; vessel_id: only this one, from the history.
     """
-    then = select(Cycle.time_s, Cycle.history_from, Cycle.recorded).where(Cycle.run_id == run_id, Cycle.number == cycle)
+    then = select(CYCLE.c.time_s, CYCLE.c.history_from, CYCLE.c.recorded).where(
+        CYCLE.c.run_id == run_id, CYCLE.c.number == cycle
+    )
     time_s, first, recorded = connection.execute(then).one()
     if recorded and vessel_id is None:
         return _with_details(connection, run_id, cycle, _from_recording(connection, run_id, cycle, bbox), wanted)
@@ -144,10 +150,10 @@ def _from_recording(connection: Connection, run_id: int, cycle: int, bbox: Box |
 
 def _newest_points(connection: Connection, run_id: int, number: Ints, names: Sequence[str], vessel_id: int | None) -> Columns:
     """The newest point in some cycles of each vessel that is there in the last of them, by vessel."""
-    cycles: Any = History.cycle.between(int(number[0]), int(number[-1]))
+    cycles: Any = HISTORY.c.cycle.between(int(number[0]), int(number[-1]))
     if vessel_id is not None:  # the key is sought in each cycle; a range of cycles would be read from end to end
-        cycles = and_(is_one_of(connection, History.cycle, number), History.vessel_id == vessel_id)
-    query = select(*(getattr(History, name) for name in names)).where(History.run_id == run_id, cycles)
+        cycles = and_(is_one_of(connection, HISTORY.c.cycle, number), HISTORY.c.vessel_id == vessel_id)
+    query = select(*(HISTORY.c[name] for name in names)).where(HISTORY.c.run_id == run_id, cycles)
     return _newest_of_each(dict(zip(names, fetch_arrays(connection, query), strict=True)))
 
 
@@ -165,12 +171,12 @@ def _newest_in_box(
     if len(rows) > FEW:
         return None
     found = {name: column[rows] for name, column in found.items()}
-    newest = select(History.vessel_id, func.max(History.cycle)).where(
-        History.run_id == run_id,
-        is_one_of(connection, History.cycle, number),
-        is_one_of(connection, History.vessel_id, found["vessel_id"]),
+    newest = select(HISTORY.c.vessel_id, func.max(HISTORY.c.cycle)).where(
+        HISTORY.c.run_id == run_id,
+        is_one_of(connection, HISTORY.c.cycle, number),
+        is_one_of(connection, HISTORY.c.vessel_id, found["vessel_id"]),
     )
-    vessel, cycle = fetch_arrays(connection, newest.group_by(History.vessel_id).order_by(History.vessel_id))
+    vessel, cycle = fetch_arrays(connection, newest.group_by(HISTORY.c.vessel_id).order_by(HISTORY.c.vessel_id))
     last = cycle == found["cycle"] if len(vessel) else np.zeros(0, np.bool_)
     return {name: column[last] for name, column in found.items()}
 
@@ -197,11 +203,11 @@ def _with_details(connection: Connection, run_id: int, cycle: int | None, found:
 
 def _statics_of(connection: Connection, run_id: int, mmsi: Ints) -> Columns:
     """Name, call sign, type and size for each MMSI of a row, -1 for none. Args: (V,)."""
-    s = VesselStatic
-    query = select(s.mmsi, *(getattr(s, name) for name in STATIC)).where(s.run_id == run_id)
+    s = VESSEL_STATIC.c
+    query = select(s.mmsi, *(s[name] for name in STATIC)).where(s.run_id == run_id)
     known, *found = _select_by_key(connection, query, s.mmsi, mmsi)
     order = np.argsort(known, kind="stable")
-    row = row_of(known[order], mmsi)
+    row = find(known[order], mmsi)
     absent = {"O": None, "i": -1, "f": np.nan}
     at = np.append(order, len(order))[row]
     return {
@@ -212,30 +218,34 @@ def _statics_of(connection: Connection, run_id: int, mmsi: Ints) -> Columns:
 
 def _since_of(connection: Connection, run_id: int, cycle: int, vessel_id: Ints) -> Floats:
     """When the stay of each vessel began that had this cycle in it, by its own account. Args: (V,) sorted."""
-    p = Presence
+    p = PRESENCE.c
     query = select(p.vessel_id, p.since_s).where(p.run_id == run_id, _includes_cycle(p, cycle))
     known, since = _select_by_key(connection, query, p.vessel_id, vessel_id)
     out = np.full(len(vessel_id), np.nan)
-    row = row_of(vessel_id, known)
+    row = find(vessel_id, known)
     out[row[row >= 0]] = since[row >= 0]
     return out
 
 
 def _sources_of(connection: Connection, run_id: int, cycle: int, vessel_id: Ints) -> Array:
     """Names of the sources that each vessel had in a cycle, "guanabara,ais". Args: (V,) sorted."""
-    m = MemberHistory
+    m = MEMBER_HISTORY.c
     query = select(m.vessel_id, m.source, m.track_id).where(m.run_id == run_id, _includes_cycle(m, cycle))
     members = np.stack(_select_by_key(connection, query, m.vessel_id, vessel_id), 1)
     names = {
-        row.number: row.name for row in connection.execute(select(Source.number, Source.name).where(Source.run_id == run_id))
+        row.number: row.name
+        for row in connection.execute(select(SOURCE.c.number, SOURCE.c.name).where(SOURCE.c.run_id == run_id))
     }
     texts = [names.get(k, "") for k in range(max(names, default=-1) + 1)]
     found = source_texts(vessel_id, members[np.lexsort(members.T[::-1])], texts)
     return np.array([text or None for text in found.texts], object)[found.codes]
 
 
-def _includes_cycle(stay: type[Presence] | type[MemberHistory], cycle: int) -> Any:
-    """That a stay has a cycle in it. The sum keeps SQLite from an index by cycles, most of which are before this one."""
+def _includes_cycle(stay: Any, cycle: int) -> Any:
+    """That a stay has a cycle in it. The sum keeps SQLite from an index by cycles, most of which are before this one.
+
+    Args: stay: columns of `presence` or `member_history`.
+    """
     return and_(stay.from_cycle + 0 <= cycle, or_(stay.to_cycle.is_(None), stay.to_cycle >= cycle))
 
 
@@ -244,40 +254,51 @@ def _select_by_key(connection: Connection, query: Select[*tuple[Any, ...]], key:
     return fetch_arrays(connection, query.where(is_one_of(connection, key, wanted)) if len(wanted) <= FEW else query)
 
 
+def _events(run_id: int, vessel_id: int) -> Select[*tuple[Any, ...]]:
+    """The events of a vessel; `gaps`: how often the flag was cleared and returned."""
+    e, g = EVENT.c, EVENT_GAP.c
+    same = (g.run_id == e.run_id, g.vessel_id == e.vessel_id, g.kind == e.kind, g.from_cycle == e.from_cycle)
+    gaps = select(func.count()).where(*same).correlate(EVENT).scalar_subquery().label("gaps")
+    query = select(e.kind, e.start_s, e.end_s, gaps, e.latitude_deg, e.longitude_deg, e.sog_kn, e.mmsi, e.evidence)
+    return query.where(e.run_id == run_id, e.vessel_id == vessel_id).order_by(e.start_s, e.kind)
+
+
 def _members(run_id: int, vessel_id: int) -> Select[*tuple[Any, ...]]:
-    m, first, last = MemberHistory, Cycle.__table__.alias("first"), Cycle.__table__.alias("last")
-    columns = (Source.name.label("source"), Source.kind, m.track_id, m.from_cycle, m.to_cycle)
-    query = select(*columns, first.c.time_s.label("from_s"), last.c.time_s.label("to_s")).select_from(m)
-    query = query.join(Source, and_(Source.run_id == m.run_id, Source.number == m.source))
+    m, first, last = MEMBER_HISTORY.c, CYCLE.alias("first"), CYCLE.alias("last")
+    columns = (SOURCE.c.name.label("source"), SOURCE.c.kind, m.track_id, m.from_cycle, m.to_cycle)
+    query = select(*columns, first.c.time_s.label("from_s"), last.c.time_s.label("to_s")).select_from(MEMBER_HISTORY)
+    query = query.join(SOURCE, and_(SOURCE.c.run_id == m.run_id, SOURCE.c.number == m.source))
     query = query.join(first, and_(first.c.run_id == m.run_id, first.c.number == m.from_cycle))
     query = query.outerjoin(last, and_(last.c.run_id == m.run_id, last.c.number == m.to_cycle))
     return query.where(m.run_id == run_id, m.vessel_id == vessel_id).order_by(m.from_cycle, m.source, m.track_id)
 
 
-def _rows_of_vessel(table: Any, run_id: int, vessel_id: int) -> Select[*tuple[Any, ...]]:
+def _rows_of_vessel(table: SqlTable, run_id: int, vessel_id: int) -> Select[*tuple[Any, ...]]:
     """The rows of one vessel by seeking the key (run, cycle, vessel) in each cycle of its stays.
 
     The cycles are an IN list and not a join, which SQLite's planner now and then turns into a scan of the large table.
     """
-    stay = and_(Presence.run_id == Cycle.run_id, Presence.vessel_id == vessel_id, Presence.from_cycle <= Cycle.number)
-    lasts = or_(Presence.to_cycle.is_(None), Presence.to_cycle >= Cycle.number)
-    there = select(Cycle.number).join(Presence, and_(stay, lasts)).where(Cycle.run_id == run_id, Cycle.associations_kept)
-    columns = [c for c in table.__table__.columns if c.name not in ("run_id", "cycle", "vessel_id")]
-    then = aliased(Cycle)
-    query = select(table.cycle, then.time_s, *columns).join(then, and_(then.run_id == table.run_id, then.number == table.cycle))
-    key = (table.run_id == run_id, table.cycle.in_(there), table.vessel_id == vessel_id)
-    return query.where(*key).order_by(table.cycle)
+    stay = and_(PRESENCE.c.run_id == CYCLE.c.run_id, PRESENCE.c.vessel_id == vessel_id, PRESENCE.c.from_cycle <= CYCLE.c.number)
+    lasts = or_(PRESENCE.c.to_cycle.is_(None), PRESENCE.c.to_cycle >= CYCLE.c.number)
+    there = select(CYCLE.c.number).join(PRESENCE, and_(stay, lasts)).where(CYCLE.c.run_id == run_id, CYCLE.c.associations_kept)
+    columns = [c for c in table.c if c.name not in ("run_id", "cycle", "vessel_id")]
+    here, then = table.c, CYCLE.alias()
+    query = select(here.cycle, then.c.time_s, *columns).join(
+        then, and_(then.c.run_id == here.run_id, then.c.number == here.cycle)
+    )
+    key = (here.run_id == run_id, here.cycle.in_(there), here.vessel_id == vessel_id)
+    return query.where(*key).order_by(here.cycle)
 
 
 def _newest_row(connection: Connection, run_id: int, vessel_id: int, stays: Rows) -> dict[str, Any]:
     """The row of the current picture, or for a vessel that has left it that of the last cycle in which it was there."""
     _, to_cycle, since_s = stays.rows[-1]
     if to_cycle is None:
-        now = _picture_now(connection, run_id, Vessel.vessel_id == vessel_id)
+        now = _picture_now(connection, run_id, VESSEL.c.vessel_id == vessel_id)
         if len(now):
             return {**dict(zip(now.columns, now.rows[0], strict=True)), "in_picture": True}
-    last = select(func.max(Cycle.number)).where(Cycle.run_id == run_id, Cycle.history_from.is_not(None))
-    cycle = connection.scalar(last if to_cycle is None else last.where(Cycle.number == to_cycle))
+    last = select(func.max(CYCLE.c.number)).where(CYCLE.c.run_id == run_id, CYCLE.c.history_from.is_not(None))
+    cycle = connection.scalar(last if to_cycle is None else last.where(CYCLE.c.number == to_cycle))
     then = Rows((), []) if cycle is None else _picture_then(connection, run_id, cycle, None, vessel_id=vessel_id)
     found = dict(zip(then.columns, then.rows[0], strict=True)) if then.rows else {"vessel_id": vessel_id, "since_s": since_s}
     return {**found, "in_picture": to_cycle is None}

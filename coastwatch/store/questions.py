@@ -18,6 +18,7 @@ from sqlalchemy import Connection, text
 from coastwatch.shipped import operator_queries_folder
 from coastwatch.store.close_pairs import closest_approach, closest_pairs
 from coastwatch.store.database import Store, StoreError, reading
+from coastwatch.store.events import KINDS
 from coastwatch.store.history_queries import history_of_mmsi
 from coastwatch.store.rows import Rows, fetch_rows
 from coastwatch.store.runs import latest_run
@@ -26,10 +27,12 @@ PARAMETER = re.compile(r"^-- parameter: (?P<name>\w+) = (?P<default>[^,]+), (?P<
 Value = int | float | str
 
 LARGEST = 2**31 - 1  # both databases hold it, in every column
+END_S = 253_402_300_800.0  # the end of the year 9999
 LIMITS: dict[str, tuple[float, float]] = {
     "run": (1, LARGEST),
     "latitude_deg": (-90.0, 90.0),
     "longitude_deg": (-180.0, 180.0),
+    **dict.fromkeys(("from_s", "to_s"), (0.0, END_S)),
     **dict.fromkeys(("m", "nm", "kn", "seconds", "minutes", "cycles", "count"), (0, LARGEST)),
 }
 """Lowest and highest value, by name or by unit."""
@@ -40,6 +43,9 @@ COMPUTED: dict[str, Callable[[Connection, Mapping[str, Any]], Rows]] = {
     "history_of_mmsi": history_of_mmsi,
 }
 """Questions answered in Python, because SQL would compare every pair of rows, or read and sort whole tables."""
+
+ALARMS = "alarms"
+"""Value of parameter `kind` for every kind of event but `coasting`, which is no alarm."""
 
 MMSI = re.compile(r"[0-9]{9}")
 
@@ -138,6 +144,9 @@ def _value(question: str, key: str, given: Any, default: Value | None) -> Value:
         return default
     if key == "mmsi" and not MMSI.fullmatch(f"{given:09d}" if isinstance(given, int) else str(given)):
         raise ParameterError(f"query {question}: parameter {key}: got {given!r}, needed nine digits")
+    kinds = (ALARMS, *KINDS.values())
+    if key == "kind" and given not in kinds:
+        raise ParameterError(f"query {question}: parameter kind: got {given!r}, needed one of {', '.join(kinds)}")
     value = _number(given) if isinstance(given, str) else given
     wants_number = not isinstance(default, str)
     if wants_number and (isinstance(value, str) or value != value or value in (float("inf"), float("-inf"))):
@@ -146,6 +155,6 @@ def _value(question: str, key: str, given: Any, default: Value | None) -> Value:
         raise ParameterError(f"query {question}: parameter {key}: got {given!r}, needed a whole number")
     low, high = limits(key)
     if not isinstance(value, str) and not low <= value <= high:
-        needed = f"{low:g} or more" if value < low and high == LARGEST else f"{low:g} to {high:.10g}"
+        needed = f"{low:g} or more" if value < low and high == LARGEST else f"{low:g} to {high:.12g}"
         raise ParameterError(f"query {question}: parameter {key}: got {given!r}, needed {needed}")
     return int(value) if isinstance(default, int) else float(value) if isinstance(default, float) else value

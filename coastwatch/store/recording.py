@@ -16,11 +16,12 @@ import numpy as np
 from sqlalchemy import Connection, delete, func, insert, select, update
 from zstandard import ZstdCompressor, ZstdDecompressor
 
-from coastwatch.batches import Array, Ints, Members, Picture
+from coastwatch.batches import Array, Members, Picture
+from coastwatch.kernels.tables.lookup import find
 from coastwatch.store.bbox import Box, inside
 from coastwatch.store.database import Store, StoreError, reading, writing
 from coastwatch.store.runs import run_exists
-from coastwatch.store.tables import Cycle, Recording
+from coastwatch.store.tables import CYCLE, RECORDING
 
 LEVEL = 1
 UPPER, LOWER = np.triu_indices(4), np.tril_indices(4, -1)
@@ -49,7 +50,7 @@ def record(connection: Connection, run_id: int, number: int, picture: Picture, m
     Args: picture: sorted by vessel_id; members: sorted by vessel_id, of vessels of the picture.
     Raises: ValueError where a member is of no vessel of the picture.
     """
-    known = _among(members.vessel_id, picture.vessel_id)
+    known = find(picture.vessel_id, members.vessel_id) >= 0
     if not known.all():
         raise ValueError(f"members: got {int((~known).sum())} of no vessel of the picture, needed none")
     columns = {field.name: getattr(picture, field.name) for field in fields(picture)}
@@ -57,7 +58,7 @@ def record(connection: Connection, run_id: int, number: int, picture: Picture, m
     compressor = ZstdCompressor(level=LEVEL, write_checksum=True)
     row: dict[str, Any] = {name: encode(name, values, compressor) for name, values in columns.items()}
     row |= {"run_id": run_id, "cycle": number, "vessels": len(picture), "members": len(members)}
-    connection.execute(insert(Recording), [row])
+    connection.execute(insert(RECORDING), [row])
 
 
 def encode(name: str, values: Array, compressor: ZstdCompressor) -> bytes:
@@ -99,14 +100,14 @@ def replay(
     """
     with reading(store) as connection:
         run_exists(connection, store, run_id)
-    where = [Cycle.run_id == run_id, Cycle.recorded.is_(True)]
-    where += [] if from_s is None else [Cycle.time_s >= from_s]
-    where += [] if to_s is None else [Cycle.time_s <= to_s]
-    following = select(Cycle.number, Cycle.time_s).where(*where).order_by(Cycle.number).limit(1)
+    where = [CYCLE.c.run_id == run_id, CYCLE.c.recorded.is_(True)]
+    where += [] if from_s is None else [CYCLE.c.time_s >= from_s]
+    where += [] if to_s is None else [CYCLE.c.time_s <= to_s]
+    following = select(CYCLE.c.number, CYCLE.c.time_s).where(*where).order_by(CYCLE.c.number).limit(1)
     last = -1
     while True:
         with reading(store) as connection:
-            found = connection.execute(following.where(Cycle.number > last)).first()
+            found = connection.execute(following.where(CYCLE.c.number > last)).first()
             if found is None:
                 return
             last = found.number
@@ -121,8 +122,10 @@ def recorded_at(store: Store, run_id: int, at_s: float, bbox: Box | None = None)
     """
     with reading(store) as connection:
         run_exists(connection, store, run_id)
-        newest = select(Cycle.number, Cycle.time_s).where(Cycle.run_id == run_id, Cycle.recorded, Cycle.time_s <= at_s)
-        found = connection.execute(newest.order_by(Cycle.number.desc()).limit(1)).first()
+        newest = select(CYCLE.c.number, CYCLE.c.time_s).where(
+            CYCLE.c.run_id == run_id, CYCLE.c.recorded, CYCLE.c.time_s <= at_s
+        )
+        found = connection.execute(newest.order_by(CYCLE.c.number.desc()).limit(1)).first()
         if found is None:
             raise StoreError(f"{store.where}: run {run_id}: nothing is recorded up to then; `store.recording` records")
         return Recorded(found.number, found.time_s, *read_recorded(connection, run_id, found.number, bbox))
@@ -130,15 +133,15 @@ def recorded_at(store: Store, run_id: int, at_s: float, bbox: Box | None = None)
 
 def read_recorded(connection: Connection, run_id: int, cycle: int, bbox: Box | None) -> tuple[Picture, Members]:
     """Picture and members of a recorded cycle. Args: bbox: as of `replay`."""
-    table = Recording.__table__
-    row = connection.execute(select(table).where(table.c.run_id == run_id, table.c.cycle == cycle)).mappings().one()
+    here = RECORDING.c.run_id == run_id, RECORDING.c.cycle == cycle
+    row = connection.execute(select(RECORDING).where(*here)).mappings().one()
     picture = Picture(**{field.name: decode(field.name, row[field.name], row["vessels"]) for field in fields(Picture)})
     names = [f"member_{field.name}" for field in fields(Members)]
     members = Members(*(decode(name, row[name], row["members"]) for name in names))
     if bbox is None:
         return picture, members
     picture = picture.take(np.flatnonzero(inside(picture.position_deg, bbox)))
-    return picture, members.take(np.flatnonzero(_among(members.vessel_id, picture.vessel_id)))
+    return picture, members.take(np.flatnonzero(find(picture.vessel_id, members.vessel_id) >= 0))
 
 
 def discard_recording_before(store: Store, run_id: int, cycle: int) -> None:
@@ -149,15 +152,9 @@ def discard_recording_before(store: Store, run_id: int, cycle: int) -> None:
 
 def delete_recording(connection: Connection, run_id: int, first: int, most: int | None) -> None:
     """As `discard_recording_before`, in the transaction of the connection. Args: most: cycles to delete at once, the oldest ones."""
-    oldest = connection.scalar(select(func.min(Recording.cycle)).where(Recording.run_id == run_id))
+    oldest = connection.scalar(select(func.min(RECORDING.c.cycle)).where(RECORDING.c.run_id == run_id))
     if oldest is not None and oldest < first:
         upto = first if most is None else min(first, oldest + most)
-        gone = (Cycle.run_id == run_id, Cycle.number >= oldest, Cycle.number < upto)
-        connection.execute(update(Cycle).where(*gone).values(recorded=False))
-        connection.execute(delete(Recording).where(Recording.run_id == run_id, Recording.cycle < upto))
-
-
-def _among(ids: Ints, known: Ints) -> Array:
-    """Which ids are among sorted others."""
-    out: Array = np.append(known, -1)[np.searchsorted(known, ids)] == ids
-    return out
+        gone = (CYCLE.c.run_id == run_id, CYCLE.c.number >= oldest, CYCLE.c.number < upto)
+        connection.execute(update(CYCLE).where(*gone).values(recorded=False))
+        connection.execute(delete(RECORDING).where(RECORDING.c.run_id == run_id, RECORDING.c.cycle < upto))

@@ -4,6 +4,7 @@
 |---|---|
 | `history_hours` | points, and stays of vessels, their tracks and their MMSI that ended before; no pictures of so early |
 | `details_hours` | associations, spots, timings and registrations |
+| `event_hours` | events that ended before |
 | `recording_hours` | recorded cycles, whole key cycles at a time |
 | `picture_hours` | the current picture of runs that ended so long ago by the database's clock |
 
@@ -20,12 +21,12 @@ from sqlalchemy import Connection, Table, delete, func, select, update
 
 from coastwatch.store.database import now_utc
 from coastwatch.store.recording import delete_recording
-from coastwatch.store.tables import Base, Cycle, Run
+from coastwatch.store.tables import CYCLE, EVENT, EVENT_GAP, HISTORY, METADATA, RUN, VESSEL
 
 if TYPE_CHECKING:
     from coastwatch.scenario import StoreSettings
 
-TABLES = Base.metadata.tables
+TABLES = METADATA.tables
 STAYS = ("presence", "member_history", "identity")
 DETAILS = ("association", "bearing_association", "spot", "stage_timing", "sensor_registration")
 
@@ -62,6 +63,10 @@ def delete_old(
     if details > 0:
         for name in DETAILS:
             _delete_some(connection, TABLES[name], run_id, ("cycle",), details, most)
+    if keep.event_hours > 0.0:
+        first = number + 1 - math.ceil(max(keep.event_hours * 3600.0, keep.event_gap_s + period_s) / period_s)
+        _delete_some(connection, EVENT, run_id, ("to_cycle",), first, most)
+        _delete_some(connection, EVENT_GAP, run_id, ("cycle",), first, most)
     if keep.recording_hours > 0.0:
         first = number + 1 - math.ceil(keep.recording_hours * 3600.0 / period_s)
         delete_recording(connection, run_id, first, RECORDED_CYCLES)
@@ -78,15 +83,15 @@ def _first_kept(number: int, period_s: float, hours: float, before: int) -> int:
 
 
 def _update_cycles(connection: Connection, run_id: int, low: int, high: int, values: dict[str, Any]) -> None:
-    where = (Cycle.run_id == run_id, Cycle.number >= low, Cycle.number < high)
-    connection.execute(update(Cycle).where(*where).values(values))
+    where = (CYCLE.c.run_id == run_id, CYCLE.c.number >= low, CYCLE.c.number < high)
+    connection.execute(update(CYCLE).where(*where).values(values))
 
 
 def _delete_history(connection: Connection, run_id: int, kept: int, most: int) -> None:
     """Delete the points that the first kept cycle does not need. Some points that it needs are in earlier cycles."""
-    first = connection.scalar(select(Cycle.history_from).where(Cycle.run_id == run_id, Cycle.number == kept))
+    first = connection.scalar(select(CYCLE.c.history_from).where(CYCLE.c.run_id == run_id, CYCLE.c.number == kept))
     if first is not None:
-        _delete_some(connection, TABLES["history"], run_id, ("cycle", "vessel_id"), first, most)
+        _delete_some(connection, HISTORY, run_id, ("cycle", "vessel_id"), first, most)
     for name in STAYS:
         _delete_some(connection, TABLES[name], run_id, ("to_cycle",), kept, most)
 
@@ -107,10 +112,9 @@ def _delete_some(connection: Connection, table: Table, run_id: int, key: tuple[s
 def _delete_pictures(connection: Connection, hours: float) -> None:
     """Delete the picture of one run that ended too long ago, if there is one."""
     then = now_utc(connection, -timedelta(hours=hours))
-    vessel = TABLES["vessel"]
-    has = select(vessel.c.run_id).where(vessel.c.run_id == Run.id).exists()
-    old = connection.scalar(select(func.min(Run.id)).where(Run.status != "running", Run.finished_utc < then, has))
+    has = select(VESSEL.c.run_id).where(VESSEL.c.run_id == RUN.c.id).exists()
+    old = connection.scalar(select(func.min(RUN.c.id)).where(RUN.c.status != "running", RUN.c.finished_utc < then, has))
     if old is not None:
         for name in ("vessel", "bearing_track"):
             connection.execute(delete(TABLES[name]).where(TABLES[name].c.run_id == old))
-        connection.execute(update(Cycle).where(Cycle.run_id == old).values(picture_kept=False))
+        connection.execute(update(CYCLE).where(CYCLE.c.run_id == old).values(picture_kept=False))

@@ -11,8 +11,11 @@ from sqlalchemy import Connection, Executable, Float, String, bindparam, func, s
 
 from coastwatch.batches import Array, Ints
 
-INSTANTS = ("time_s", "since_s", "updated_s", "start_s", "from_s", "to_s", "first_s", "last_s", "heard_s")
+INSTANTS = ("time_s", "since_s", "updated_s", "start_s", "from_s", "to_s", "first_s", "last_s", "heard_s", "end_s")
 """Columns that hold an instant, seconds since 1970 UTC; any other column in `_s` is a length of time."""
+
+FETCH_ROWS = 512
+"""Rows converted to arrays at a time. More of them alive at once start a full garbage collection, which takes up to 80 ms."""
 
 
 class Rows(NamedTuple):
@@ -73,8 +76,10 @@ def fetch_arrays(connection: Connection, query: Any) -> list[Array]:
     Args: query: a `select`, or a `text` with the types of its columns.
     """
     types = [column.type for column in query.selected_columns]
-    columns = list(zip(*connection.execute(query).all(), strict=True)) or [()] * len(types)
-    return [_array(values, kind) for values, kind in zip(columns, types, strict=True)]
+    parts = [[_array((), kind) for kind in types]]
+    for rows in connection.execute(query).partitions(FETCH_ROWS):
+        parts.append([_array(values, kind) for values, kind in zip(zip(*rows, strict=True), types, strict=True)])
+    return [np.concatenate(column) for column in zip(*parts, strict=True)]
 
 
 def is_one_of(connection: Connection, column: Any, numbers: Ints) -> Any:

@@ -10,26 +10,37 @@ from sqlalchemy import Connection, and_, delete, func, insert, select, update
 
 from coastwatch.batches import Ints, RegistrationState
 from coastwatch.store.database import StoreError
+from coastwatch.store.events import Events, read_events, truncate_events
 from coastwatch.store.history_queries import newest_points, of_newest
 from coastwatch.store.history_rule import Points, no_points, rate_deg_s
 from coastwatch.store.rows import fetch_arrays
 from coastwatch.store.tables import (
-    Base,
-    Checkpoint,
-    Cycle,
-    History,
-    Member,
-    MemberHistory,
-    Presence,
-    Run,
-    Sensor,
-    SensorRegistration,
-    Source,
-    VesselStatic,
+    CHECKPOINT,
+    CYCLE,
+    HISTORY,
+    MEMBER,
+    MEMBER_HISTORY,
+    METADATA,
+    PRESENCE,
+    RUN,
+    SENSOR,
+    SENSOR_REGISTRATION,
+    SOURCE,
+    STAGE_TIMING,
+    VESSEL_STATIC,
 )
 from coastwatch.store.to_rows import LastReport
 
-OF_CYCLE = ("stage_timing", "history", "association", "bearing_association", "spot", "sensor_registration", "recording")
+OF_CYCLE = (
+    "stage_timing",
+    "history",
+    "association",
+    "bearing_association",
+    "spot",
+    "sensor_registration",
+    "recording",
+    "event_gap",
+)
 """Tables with rows of one cycle each, under column `cycle`."""
 
 
@@ -42,6 +53,7 @@ class RunState:
     members: Ints  # (L, 3) vessel, source, track, sorted
     vessels: Ints  # (V, 1) sorted
     points: Points
+    events: Events
     static_mmsi: Ints  # of which names are stored, sorted
     last_report: LastReport
     radar_states: tuple[int, ...]  # as last written
@@ -53,33 +65,40 @@ class RunState:
     source_kinds: tuple[str, ...]
 
 
-def read_run_state(connection: Connection, run_id: int, where: str) -> RunState:
-    """The stored state of a run, which is then marked as running. Raises: StoreError where there is no such run."""
-    running = connection.execute(update(Run).where(Run.id == run_id).values(status="running", finished_utc=None))
+def read_run_state(connection: Connection, run_id: int, where: str, event_gap_s: float) -> RunState:
+    """The stored state of a run, which is then marked as running.
+
+    Args: event_gap_s: events that ended within this time go on if their flag returns.
+    Raises: StoreError where there is no such run.
+    """
+    running = connection.execute(update(RUN).where(RUN.c.id == run_id).values(status="running", finished_utc=None))
     if running.rowcount == 0:
         raise no_such_run(run_id, where)
-    last = select(Cycle.number, Cycle.time_s).where(Cycle.run_id == run_id).order_by(Cycle.number.desc()).limit(1)
+    last = select(CYCLE.c.number, CYCLE.c.time_s).where(CYCLE.c.run_id == run_id).order_by(CYCLE.c.number.desc()).limit(1)
     found = connection.execute(last).first()
     number, time_s = (-1, -np.inf) if found is None else (found.number, found.time_s)
-    members = select(Member.vessel_id, Member.source, Member.track_id).where(Member.run_id == run_id)
-    vessels = select(Presence.vessel_id).where(Presence.run_id == run_id, Presence.to_cycle.is_(None))
-    mmsi = select(VesselStatic.mmsi).where(VesselStatic.run_id == run_id).order_by(VesselStatic.mmsi)
-    names = connection.execute(select(Source.name, Source.kind).where(Source.run_id == run_id).order_by(Source.number)).all()
-    stations = select(func.count()).where(Sensor.run_id == run_id, Sensor.kind == "ais")
+    members = select(MEMBER.c.vessel_id, MEMBER.c.source, MEMBER.c.track_id).where(MEMBER.c.run_id == run_id)
+    vessels = select(PRESENCE.c.vessel_id).where(PRESENCE.c.run_id == run_id, PRESENCE.c.to_cycle.is_(None))
+    mmsi = select(VESSEL_STATIC.c.mmsi).where(VESSEL_STATIC.c.run_id == run_id).order_by(VESSEL_STATIC.c.mmsi)
+    names = connection.execute(
+        select(SOURCE.c.name, SOURCE.c.kind).where(SOURCE.c.run_id == run_id).order_by(SOURCE.c.number)
+    ).all()
+    stations = select(func.count()).where(SENSOR.c.run_id == run_id, SENSOR.c.kind == "ais")
     last_report, states = _registration(connection, run_id)
     first_history, first_details = _first_kept(connection, run_id)
     return RunState(
         cycle=number,
         time_s=time_s,
-        members=_table(connection, members.order_by(Member.vessel_id, Member.source, Member.track_id)),
-        vessels=_table(connection, vessels.order_by(Presence.vessel_id)),
+        members=_table(connection, members.order_by(MEMBER.c.vessel_id, MEMBER.c.source, MEMBER.c.track_id)),
+        vessels=_table(connection, vessels.order_by(PRESENCE.c.vessel_id)),
         points=_points(connection, run_id, number),
+        events=read_events(connection, run_id, time_s - event_gap_s),
         static_mmsi=_table(connection, mmsi)[:, 0],
         last_report=last_report,
         radar_states=states,
         first_history=first_history,
         first_details=first_details,
-        period_s=connection.scalars(select(Run.period_s).where(Run.id == run_id)).one(),
+        period_s=connection.scalars(select(RUN.c.period_s).where(RUN.c.id == run_id)).one(),
         stations=connection.scalar(stations) or 0,
         source_names=tuple(row.name for row in names),
         source_kinds=tuple(row.kind for row in names),
@@ -91,7 +110,8 @@ def truncate_run(connection: Connection, run_id: int, number: int) -> None:
 
     The tables of the current picture are left to the cycle that is about to be written, in the same transaction.
     """
-    tables = Base.metadata.tables
+    tables = METADATA.tables
+    truncate_events(connection, run_id, number)
     for name in OF_CYCLE:
         table = tables[name]
         connection.execute(delete(table).where(table.c.run_id == run_id, table.c.cycle >= number))
@@ -99,12 +119,12 @@ def truncate_run(connection: Connection, run_id: int, number: int) -> None:
         of_run = stay.c.run_id == run_id
         connection.execute(delete(stay).where(of_run, stay.c.from_cycle >= number))
         connection.execute(update(stay).where(of_run, stay.c.to_cycle >= number - 1).values(to_cycle=None))
-    connection.execute(delete(Member).where(Member.run_id == run_id))
-    old = select(MemberHistory.run_id, MemberHistory.vessel_id, MemberHistory.source, MemberHistory.track_id)
-    old = old.where(MemberHistory.run_id == run_id, MemberHistory.to_cycle.is_(None))
-    connection.execute(insert(Member).from_select(["run_id", "vessel_id", "source", "track_id"], old))
-    connection.execute(delete(Checkpoint).where(Checkpoint.run_id == run_id, Checkpoint.cycle >= number))
-    connection.execute(delete(Cycle).where(Cycle.run_id == run_id, Cycle.number >= number))
+    connection.execute(delete(MEMBER).where(MEMBER.c.run_id == run_id))
+    old = select(MEMBER_HISTORY.c.run_id, MEMBER_HISTORY.c.vessel_id, MEMBER_HISTORY.c.source, MEMBER_HISTORY.c.track_id)
+    old = old.where(MEMBER_HISTORY.c.run_id == run_id, MEMBER_HISTORY.c.to_cycle.is_(None))
+    connection.execute(insert(MEMBER).from_select(["run_id", "vessel_id", "source", "track_id"], old))
+    connection.execute(delete(CHECKPOINT).where(CHECKPOINT.c.run_id == run_id, CHECKPOINT.c.cycle >= number))
+    connection.execute(delete(CYCLE).where(CYCLE.c.run_id == run_id, CYCLE.c.number >= number))
 
 
 def no_such_run(run_id: int, where: str) -> StoreError:
@@ -118,7 +138,7 @@ def _table(connection: Connection, query: Any) -> Ints:
 
 def _registration(connection: Connection, run_id: int) -> tuple[LastReport, tuple[int, ...]]:
     """The newest report of each sensor, and the states of the radars."""
-    t = SensorRegistration
+    t = SENSOR_REGISTRATION.c
     newest = select(t.kind, t.number, func.max(t.heard_s)).where(t.run_id == run_id).group_by(t.kind, t.number)
     last = select(func.max(t.cycle)).where(t.run_id == run_id).scalar_subquery()
     radars = select(t.state).where(t.run_id == run_id, t.cycle == last, t.kind == "radar").order_by(t.number)
@@ -128,23 +148,23 @@ def _registration(connection: Connection, run_id: int) -> tuple[LastReport, tupl
 
 def _first_kept(connection: Connection, run_id: int) -> tuple[int, int]:
     """The first cycles of which the history, and the details, are kept."""
-    number, timed = func.min(Cycle.number), Base.metadata.tables["stage_timing"].c
-    history = connection.scalar(select(number).where(Cycle.run_id == run_id, Cycle.history_from.is_not(None)))
+    number, timed = func.min(CYCLE.c.number), STAGE_TIMING.c
+    history = connection.scalar(select(number).where(CYCLE.c.run_id == run_id, CYCLE.c.history_from.is_not(None)))
     details = connection.scalar(select(func.min(timed.cycle)).where(timed.run_id == run_id))
     return int(history or 0), int(details or 0)
 
 
 def _points(connection: Connection, run_id: int, number: int) -> Points:
     """The newest point of each vessel of a cycle."""
-    first = connection.scalar(select(Cycle.history_from).where(Cycle.run_id == run_id, Cycle.number == number))
+    first = connection.scalar(select(CYCLE.c.history_from).where(CYCLE.c.run_id == run_id, CYCLE.c.number == number))
     if first is None:
         return no_points()
-    newest, h = newest_points(run_id, first, number), History
-    then = and_(Cycle.run_id == run_id, Cycle.number == h.cycle)
+    newest, h = newest_points(run_id, first, number), HISTORY.c
+    then = and_(CYCLE.c.run_id == run_id, CYCLE.c.number == h.cycle)
     ids = (h.vessel_id, h.cycle, h.mmsi, h.flags, h.previous_cycle)
     motion = (h.sog_kn, h.cog_deg, h.major_m, h.minor_m, h.orientation_deg)
-    query = select(*ids, Cycle.time_s, h.latitude_deg, h.longitude_deg, *motion, h.updated_s)
-    query = query.select_from(newest).join(h, of_newest(run_id, newest)).join(Cycle, then).order_by(h.vessel_id)
+    query = select(*ids, CYCLE.c.time_s, h.latitude_deg, h.longitude_deg, *motion, h.updated_s)
+    query = query.select_from(newest).join(HISTORY, of_newest(run_id, newest)).join(CYCLE, then).order_by(h.vessel_id)
     vessel, cycle, mmsi, flags, previous, time_s, latitude, longitude, *moved, updated = fetch_arrays(connection, query)
     position = np.stack([latitude, longitude], 1)
     rate = rate_deg_s(position, moved[0], moved[1])

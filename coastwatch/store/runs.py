@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,13 +14,16 @@ from sqlalchemy import Connection, Executable, and_, delete, func, insert, selec
 from coastwatch.batches import Fault, Radars, Sensors, Sonars, SourceKind, Stations
 from coastwatch.store.database import Store, StoreError, as_json, now_utc, reading, writing
 from coastwatch.store.rows import Rows, fetch_rows
-from coastwatch.store.tables import Base, Checkpoint, Cycle, Run, Sensor, SensorRegistration, Source, StageTiming
+from coastwatch.store.tables import CHECKPOINT, CYCLE, METADATA, RUN, SENSOR, SENSOR_REGISTRATION, SOURCE, STAGE_TIMING
 
 if TYPE_CHECKING:  # to read a database needs no pydantic, which is slow to import
     from coastwatch.stage import Plan
 
 STATUSES = ("running", "finished", "interrupted", "failed")
 LARGEST = 2**63
+
+DEAD_S, DEAD_PERIODS = 60.0, 20.0
+"""A run that writes no cycle for so long is no longer there."""
 
 
 def begin_run(
@@ -60,11 +63,11 @@ def begin_run(
         "faults": [asdict(fault) for fault in faults],
     }
     with writing(store) as connection:
-        row["started_utc"] = now_utc(connection)
-        run_id = int(connection.execute(insert(Run).values(row).returning(Run.id)).scalar_one())
-        for name, rows in (("sensor", _sensor_rows(run_id, sensors)), ("source", _source_rows(run_id, sensors))):
+        row["started_utc"] = row["written_utc"] = now_utc(connection)
+        run_id = int(connection.execute(insert(RUN).values(row).returning(RUN.c.id)).scalar_one())
+        for table, rows in ((SENSOR, _sensor_rows(run_id, sensors)), (SOURCE, _source_rows(run_id, sensors))):
             if rows:
-                connection.execute(insert(Base.metadata.tables[name]), rows)
+                connection.execute(insert(table), rows)
     return run_id
 
 
@@ -79,8 +82,8 @@ def finish_run(
         raise ValueError(f"status: got {status!r}, needed one of {', '.join(STATUSES)}")
     with writing(store) as connection:
         connection.execute(
-            update(Run)
-            .where(Run.id == run_id)
+            update(RUN)
+            .where(RUN.c.id == run_id)
             .values(
                 status=status,
                 finished_utc=now_utc(connection),
@@ -98,12 +101,14 @@ def resume_point(
     Args: settings: where given, a run under other settings does not count.
     Raises: StoreError.
     """
-    of_run = (Run.scenario == scenario, Run.seed == seed, Run.version == version, Run.status != "finished")
-    query = select(Run.id, Run.settings, Checkpoint.cycle).join(Checkpoint, Checkpoint.run_id == Run.id)
+    of_run = (RUN.c.scenario == scenario, RUN.c.seed == seed, RUN.c.version == version, RUN.c.status != "finished")
+    query = select(RUN.c.id, RUN.c.settings, CHECKPOINT.c.cycle).join(CHECKPOINT, CHECKPOINT.c.run_id == RUN.c.id)
     with reading(store) as connection:
-        for run_id, stored, cycle in connection.execute(query.where(*of_run, Checkpoint.piece == 0).order_by(Run.id.desc())):
+        for run_id, stored, cycle in connection.execute(
+            query.where(*of_run, CHECKPOINT.c.piece == 0).order_by(RUN.c.id.desc())
+        ):
             if settings is None or stored == json.loads(as_json(settings)):
-                pieces = select(Checkpoint.memory).where(Checkpoint.run_id == run_id).order_by(Checkpoint.piece)
+                pieces = select(CHECKPOINT.c.memory).where(CHECKPOINT.c.run_id == run_id).order_by(CHECKPOINT.c.piece)
                 return run_id, cycle, b"".join(connection.scalars(pieces))
     return None
 
@@ -113,11 +118,32 @@ def discard_runs(store: Store, scenario: str, seed: int | None = None) -> list[i
 
     Raises: StoreError.
     """
+    which = select(RUN.c.id).where(RUN.c.scenario == scenario)
+    return _delete(store, which if seed is None else which.where(RUN.c.seed == seed))
+
+
+def delete_run(store: Store, run_id: int) -> None:
+    """Delete one run with everything it stored. Raises: StoreError where there is none, or it is being written."""
+    if run(store, run_id)["status"] == "running":
+        raise StoreError(f"{store.where}: run {run_id} is being written: got delete, needed a run that has ended")
+    _delete(store, select(RUN.c.id).where(RUN.c.id == run_id))
+
+
+def keep_runs(store: Store, count: int) -> list[int]:
+    """Delete all but the newest runs; one that is being written stays. Args: count: how many stay. Returns: the deleted ones.
+
+    Raises: StoreError.
+    """
+    listed = runs(store)
+    old = list(zip(listed.column("id"), listed.column("status"), strict=True))[count:]
+    return _delete(store, select(RUN.c.id).where(RUN.c.id.in_([number for number, status in old if status != "running"])))
+
+
+def _delete(store: Store, which: Executable) -> list[int]:
     with writing(store) as connection:
-        which = select(Run.id).where(Run.scenario == scenario)
-        found = list(connection.scalars(which if seed is None else which.where(Run.seed == seed)))
+        found = list(connection.scalars(which))
         for run_id in found:
-            for table in reversed(Base.metadata.sorted_tables):
+            for table in reversed(METADATA.sorted_tables):
                 column = table.c.id if table.name == "run" else table.c.run_id
                 connection.execute(delete(table).where(column == run_id))
     for run_id in found:
@@ -126,35 +152,53 @@ def discard_runs(store: Store, scenario: str, seed: int | None = None) -> list[i
 
 
 def runs(store: Store) -> Rows:
-    """Every run, newest first, without its settings and scores."""
-    stored = select(Cycle.run_id, func.count().label("done")).group_by(Cycle.run_id).subquery()
-    columns = (
-        Run.id,
-        Run.scenario,
-        Run.title,
-        Run.seed,
-        Run.version,
-        Run.status,
-        Run.started_utc,
-        Run.finished_utc,
-        Run.workers,
-    )
-    query = select(*columns, func.coalesce(stored.c.done, 0).label("cycles_stored"), Run.cycles, Run.period_s, Run.start_s)
-    return _fetch(store, query.outerjoin(stored, stored.c.run_id == Run.id).order_by(Run.id.desc()))
+    """Every run, newest first, without its settings. Status `died`: it was not ended, and has written nothing for long."""
+    stored = select(CYCLE.c.run_id, func.count().label("done")).group_by(CYCLE.c.run_id).subquery()
+    r, done = RUN.c, func.coalesce(stored.c.done, 0).label("cycles_stored")
+    about = (r.id, r.scenario, r.title, r.seed, r.version, r.status, r.started_utc, r.finished_utc, r.workers)
+    query = select(*about, done, r.cycles, r.period_s, r.start_s, r.written_utc, r.scores, r.verdict)
+    with reading(store) as connection:
+        found = fetch_rows(connection, query.outerjoin(stored, stored.c.run_id == r.id).order_by(r.id.desc()))
+        return Rows(found.columns, [_with_death(connection, found.columns, row) for row in found.rows])
 
 
 def run(store: Store, run_id: int) -> dict[str, Any]:
     """One run with settings, scores and faults. Raises: StoreError where there is none."""
-    found = _fetch(store, select(*Run.__table__.columns).where(Run.id == run_id))
-    if not found.rows:
-        raise StoreError(f"{store.where}: there is no run {run_id}")
-    return dict(zip(found.columns, found.rows[0], strict=True))
+    stored = select(func.count()).where(CYCLE.c.run_id == run_id).scalar_subquery().label("cycles_stored")
+    with reading(store) as connection:
+        found = fetch_rows(connection, select(*RUN.c, stored).where(RUN.c.id == run_id))
+        if not found.rows:
+            raise StoreError(f"{store.where}: there is no run {run_id}")
+        return dict(zip(found.columns, _with_death(connection, found.columns, found.rows[0]), strict=True))
+
+
+def _with_death(connection: Connection, columns: Sequence[str], row: tuple[Any, ...]) -> tuple[Any, ...]:
+    """A row of `run`, with status `died` where it is `running` and has written nothing for DEAD_S, or DEAD_PERIODS if longer."""
+    of = dict(zip(columns, row, strict=True))
+    silent = timedelta(seconds=max(DEAD_S, DEAD_PERIODS * of["period_s"]))
+    if of["status"] == "running" and (of["written_utc"] or of["started_utc"]) < now_utc(connection, -silent):
+        of["status"] = "died"
+    return tuple(of.values())
+
+
+def set_verdict(store: Store, run_id: int, sentences: Sequence[str]) -> None:
+    """Store which figures of a run fell, one sentence each; none: all are as required. Raises: StoreError."""
+    with writing(store) as connection:
+        connection.execute(update(RUN).where(RUN.c.id == run_id).values(verdict=list(sentences)))
+
+
+def last_good_run(store: Store, scenario: str, seed: int, before: int) -> tuple[int, dict[str, Any]] | None:
+    """Number and scores of the newest run before another one that finished with scores of which none fell; None without one."""
+    r = RUN.c
+    query = select(r.id, r.scores, r.verdict).where(r.scenario == scenario, r.seed == seed, r.id < before)
+    found = _fetch(store, query.where(r.status == "finished").order_by(r.id.desc()))
+    return next(((number, scores) for number, scores, verdict in found.rows if scores and not verdict), None)
 
 
 def latest_run(store: Store, scenario: str | None = None) -> int:
     """The number of the newest run (of a scenario). Raises: StoreError where there is none."""
-    query = select(func.max(Run.id))
-    found = _fetch(store, query if scenario is None else query.where(Run.scenario == scenario)).rows[0][0]
+    query = select(func.max(RUN.c.id))
+    found = _fetch(store, query if scenario is None else query.where(RUN.c.scenario == scenario)).rows[0][0]
     if found is None:
         raise StoreError(f"{store.where}: holds no run" + (f" of {scenario}" if scenario else ""))
     return int(found)
@@ -162,8 +206,9 @@ def latest_run(store: Store, scenario: str | None = None) -> int:
 
 def timings(store: Store, run_id: int) -> Rows:
     """For each stage, in the order in which they ran: cycles, milliseconds (median, p99, longest, total), share and rows a cycle."""
-    query = select(StageTiming.stage, StageTiming.number, StageTiming.seconds, StageTiming.rows)
-    stored = _fetch(store, query.where(StageTiming.run_id == run_id).order_by(StageTiming.cycle, StageTiming.number)).rows
+    t = STAGE_TIMING.c
+    query = select(t.stage, t.number, t.seconds, t.rows).where(t.run_id == run_id).order_by(t.cycle, t.number)
+    stored = _fetch(store, query).rows
     by_stage: dict[str, list[tuple[Any, ...]]] = {}
     for row in stored:
         by_stage.setdefault(row[0], []).append(row)
@@ -179,13 +224,15 @@ def timings(store: Store, run_id: int) -> Rows:
 
 def sensors(store: Store, run_id: int) -> Rows:
     """The sensors of a run; `spec` is a dict."""
-    columns = [c for c in Sensor.__table__.columns if c.name != "run_id"]
-    return _fetch(store, select(*columns).where(Sensor.run_id == run_id).order_by(Sensor.kind, Sensor.number))
+    s = SENSOR.c
+    columns = [c for c in s if c is not s.run_id]
+    return _fetch(store, select(*columns).where(s.run_id == run_id).order_by(s.kind, s.number))
 
 
 def sources(store: Store, run_id: int) -> Rows:
     """The sources of tracks in a run: number, name, kind (radar, ais, bearing)."""
-    return _fetch(store, select(Source.number, Source.name, Source.kind).where(Source.run_id == run_id).order_by(Source.number))
+    s = SOURCE.c
+    return _fetch(store, select(s.number, s.name, s.kind).where(s.run_id == run_id).order_by(s.number))
 
 
 def sensor_states(store: Store, run_id: int, at_s: float | None = None) -> Rows:
@@ -193,18 +240,17 @@ def sensor_states(store: Store, run_id: int, at_s: float | None = None) -> Rows:
 
     Raises: StoreError where there is no such run, or nothing is stored so early.
     """
-    t = SensorRegistration
-    sensor = [c for c in Sensor.__table__.columns if c.name != "run_id"]
+    s, t = SENSOR.c, SENSOR_REGISTRATION.c
     with reading(store) as connection:
         last = cycle_at(connection, store, run_id, at_s)
         newest = select(t.kind, t.number, func.max(t.cycle).label("cycle")).where(t.run_id == run_id, t.cycle <= last)
         found = newest.group_by(t.kind, t.number).subquery()
-        same = and_(found.c.kind == Sensor.kind, found.c.number == Sensor.number)
+        same = and_(found.c.kind == s.kind, found.c.number == s.number)
         row = and_(t.run_id == run_id, t.cycle == found.c.cycle, t.kind == found.c.kind, t.number == found.c.number)
-        when = and_(Cycle.run_id == run_id, Cycle.number == found.c.cycle)
-        found_columns = [c for c in t.__table__.columns if c.name not in ("run_id", "cycle", "kind", "number")]
-        query = select(*sensor, *found_columns, Cycle.time_s).where(Sensor.run_id == run_id)
-        query = query.outerjoin(found, same).outerjoin(t, row).outerjoin(Cycle, when).order_by(Sensor.kind, Sensor.number)
+        when = and_(CYCLE.c.run_id == run_id, CYCLE.c.number == found.c.cycle)
+        columns = [c for c in s if c is not s.run_id] + [c for c in t if not c.primary_key] + [CYCLE.c.time_s]
+        joined = SENSOR.outerjoin(found, same).outerjoin(SENSOR_REGISTRATION, row).outerjoin(CYCLE, when)
+        query = select(*columns).select_from(joined).where(s.run_id == run_id).order_by(s.kind, s.number)
         return fetch_rows(connection, query)
 
 
@@ -214,11 +260,11 @@ def cycle_at(connection: Connection, store: Store, run_id: int, at_s: float | No
     Raises: StoreError where there is no such run, or nothing is stored so early.
     """
     run_exists(connection, store, run_id)
-    before = true() if at_s is None else Cycle.time_s <= at_s
-    upto = select(Cycle.number).where(Cycle.run_id == run_id, kept, before)
-    cycle = connection.scalar(upto.order_by(Cycle.time_s.desc()).limit(1))
+    before = true() if at_s is None else CYCLE.c.time_s <= at_s
+    upto = select(CYCLE.c.number).where(CYCLE.c.run_id == run_id, kept, before)
+    cycle = connection.scalar(upto.order_by(CYCLE.c.time_s.desc()).limit(1))
     if cycle is None and at_s is not None:
-        first_s = connection.scalar(select(func.min(Cycle.time_s)).where(Cycle.run_id == run_id, kept))
+        first_s = connection.scalar(select(func.min(CYCLE.c.time_s)).where(CYCLE.c.run_id == run_id, kept))
         has = "it has no cycle yet" if first_s is None else f"its first kept cycle is at {_text_utc(first_s)}"
         raise StoreError(f"{store.where}: run {run_id} holds nothing up to {_text_utc(at_s)}, {has}")
     return -1 if cycle is None else int(cycle)
@@ -230,7 +276,7 @@ def _text_utc(time_s: float) -> str:
 
 def run_exists(connection: Connection, store: Store, run_id: int) -> None:
     """Raises: StoreError where there is no such run."""
-    if connection.scalar(select(Run.id).where(Run.id == run_id)) is None:
+    if connection.scalar(select(RUN.c.id).where(RUN.c.id == run_id)) is None:
         raise StoreError(f"{store.where}: there is no run {run_id}")
 
 

@@ -21,6 +21,7 @@ from coastwatch.batches import (
     Spots,
 )
 from coastwatch.geodesy import ECCENTRICITY2, KNOT_M_S
+from coastwatch.kernels.tables.lookup import find
 from coastwatch.store.insert import Categorical, Column, NullableId
 
 if TYPE_CHECKING:  # to read a database needs no stage of the pipeline, which are slow to import
@@ -104,9 +105,8 @@ def source_texts(vessel_id: Ints, members: Ints, names: Sequence[str]) -> Catego
     code, texts, width = np.zeros(len(vessel_id), np.int64), [""], len(names)
     fresh = np.append(True, (members[1:, :2] != members[:-1, :2]).any(1))[: len(members)]
     vessel, source = members[fresh, :2].T
-    row = np.searchsorted(vessel_id, vessel)
-    known = np.append(vessel_id, -1)[row] == vessel
-    vessel, source, row = vessel[known], source[known], row[known]
+    row = find(vessel_id, vessel)
+    vessel, source, row = vessel[row >= 0], source[row >= 0], row[row >= 0]
     rank = np.arange(len(vessel)) - np.searchsorted(vessel, vessel)
     for k in range(int(rank.max(initial=-1)) + 1):
         here = np.flatnonzero(rank == k)
@@ -261,9 +261,8 @@ def _vessel_of(members: Ints, source: Ints, track: Ints) -> Ints:
     for number in np.unique(source).tolist():
         rows, of = np.flatnonzero(source == number), members[members[:, 1] == number]
         of = of[np.argsort(of[:, 2], kind="stable")]
-        at = np.searchsorted(of[:, 2], track[rows])
-        found = np.append(of[:, 2], -1)[at] == track[rows]
-        out[rows[found]] = of[at[found], 0]
+        at = find(of[:, 2], track[rows])
+        out[rows[at >= 0]] = of[at[at >= 0], 0]
     return out
 
 

@@ -8,23 +8,39 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from sqlalchemy import Connection, delete, select
+from sqlalchemy import Connection, Table, delete, select, update
 from sqlalchemy import insert as insert_one
 
 from coastwatch.batches import AisStatics, Floats, Ints, Picture, Reports
-from coastwatch.store import database, history_rule, retention, to_rows
+from coastwatch.kernels.tables.lookup import find
+from coastwatch.store import database, events, history_rule, retention, to_rows
 from coastwatch.store.database import Store, StoreError
 from coastwatch.store.insert import Column, delete_rows, insert, take, update_rows
 from coastwatch.store.recording import record
 from coastwatch.store.run_state import RunState, no_such_run, read_run_state, truncate_run
-from coastwatch.store.tables import Base, Checkpoint, Run
-from coastwatch.store.tables import Cycle as CycleRow
+from coastwatch.store.tables import (
+    ASSOCIATION,
+    BEARING_ASSOCIATION,
+    BEARING_TRACK,
+    CHECKPOINT,
+    CYCLE,
+    HISTORY,
+    IDENTITY,
+    MEMBER,
+    MEMBER_HISTORY,
+    PRESENCE,
+    RUN,
+    SENSOR_REGISTRATION,
+    SPOT,
+    STAGE_TIMING,
+    VESSEL,
+    VESSEL_STATIC,
+)
 
 if TYPE_CHECKING:  # to read a database needs no stage of the pipeline, which are slow to import
     from coastwatch.pipeline import Cycle
     from coastwatch.scenario import StoreSettings
 
-TABLES = Base.metadata.tables
 PIECE_BYTES = 1 << 26
 """Of a checkpoint: no database takes more than a gigabyte in one value."""
 
@@ -61,20 +77,22 @@ def write_cycle(
     picture, members = _by_vessel(cycle.picture), to_rows.membership(cycle)
     with database.writing(store) as connection:
         database.size_for(connection, len(picture))
-        before, truncated = _state_before(connection, store, run_id, number)
+        before, truncated = _state_before(connection, store, run_id, number, keep.event_gap_s)
         bound = history_rule.Bound(keep.history_error_m, keep.history_max_s)
         points, added = history_rule.extend(before.points, bound, number, cycle.time_s, before.time_s, picture)
         picture_due = last or truncated or _picture_due(before, cycle, keep)
         _insert_cycle(connection, run_id, number, cycle, reports, keep, picture_due, added)
         timings = to_rows.timing_rows(run_id, number, cycle, reports, seconds, before.source_kinds)
-        insert(connection, TABLES["stage_timing"], timings)
+        insert(connection, STAGE_TIMING, timings)
         rows = write_history(connection, run_id, number, added)
         if picture_due:
             sources = to_rows.source_texts(picture.vessel_id, members, before.source_names)
-            rows += _replace(connection, "vessel", run_id, to_rows.vessel_rows(run_id, picture, sources))
+            rows += _replace(connection, VESSEL, run_id, to_rows.vessel_rows(run_id, picture, sources))
             bearings = cycle.bearing_tracks, cycle.bearing_associations, cycle.picture
-            rows += _replace(connection, "bearing_track", run_id, to_rows.bearing_track_rows(run_id, *bearings))
+            rows += _replace(connection, BEARING_TRACK, run_id, to_rows.bearing_track_rows(run_id, *bearings))
         rows += _write_stays(connection, run_id, number, before, members, picture)
+        lasting, changes = events.extend(before.events, number, cycle.time_s, before.time_s, picture, keep.event_gap_s)
+        rows += events.write_events(connection, run_id, changes, picture, members, before.source_names)
         rows += _write_details(connection, run_id, number, cycle, members, keep)
         static_mmsi = _merge_statics(connection, run_id, before.static_mmsi, reports.statics)
         last_report = to_rows.last_reports(before.last_report, reports)
@@ -83,9 +101,9 @@ def write_cycle(
             radar_states = before.radar_states
         else:
             of_sensors = to_rows.registration_rows(run_id, number, cycle, last_report, before.stations)
-            insert(connection, TABLES["sensor_registration"], of_sensors)
+            insert(connection, SENSOR_REGISTRATION, of_sensors)
         first_kept = before.first_history, before.first_details
-        if keep.history_hours or keep.details_hours or keep.recording_hours or keep.picture_hours:
+        if any((keep.history_hours, keep.details_hours, keep.event_hours, keep.recording_hours, keep.picture_hours)):
             first_kept = retention.delete_old(connection, run_id, number, before.period_s, keep, first_kept, rows)
         if keep.recording:
             record(connection, run_id, number, picture, cycle.members)
@@ -98,6 +116,7 @@ def write_cycle(
         members=members,
         vessels=picture.vessel_id[:, None],
         points=points,
+        events=lasting,
         static_mmsi=static_mmsi,
         last_report=last_report,
         radar_states=radar_states,
@@ -112,17 +131,18 @@ def _by_vessel(picture: Picture) -> Picture:
     return picture if (np.diff(picture.vessel_id) > 0).all() else picture.take(np.argsort(picture.vessel_id, kind="stable"))
 
 
-def _state_before(connection: Connection, store: Store, run_id: int, number: int) -> tuple[RunState, bool]:
+def _state_before(connection: Connection, store: Store, run_id: int, number: int, event_gap_s: float) -> tuple[RunState, bool]:
     """The state after the cycle before this one, and whether later cycles were deleted to get there."""
-    if connection.scalar(select(Run.id).where(Run.id == run_id)) is None:
+    written = update(RUN).where(RUN.c.id == run_id).values(written_utc=database.now_utc(connection))
+    if connection.execute(written).rowcount == 0:
         raise no_such_run(run_id, store.where)
-    before = store.run_states.get(run_id) or read_run_state(connection, run_id, store.where)
+    before = store.run_states.get(run_id) or read_run_state(connection, run_id, store.where, event_gap_s)
     if number > before.cycle + 1:
         raise StoreError(f"{store.where}: run {run_id}: got cycle {number}, needed {before.cycle + 1}")
     if number == before.cycle + 1:
         return before, False
     truncate_run(connection, run_id, number)
-    return read_run_state(connection, run_id, store.where), True
+    return read_run_state(connection, run_id, store.where, event_gap_s), True
 
 
 def _picture_due(before: RunState, cycle: Cycle, keep: StoreSettings) -> bool:
@@ -158,21 +178,20 @@ def _insert_cycle(
         "associations_kept": number % keep.associations_every == 0,
         "recorded": keep.recording,
     }
-    connection.execute(insert_one(CycleRow), [row])
+    connection.execute(insert_one(CYCLE), [row])
 
 
 def write_history(connection: Connection, run_id: int, number: int, added: history_rule.Added) -> int:
     """The points of a cycle, and which vessel has which MMSI since then."""
     ended = dict(zip(("mmsi", "vessel_id"), added.ended.T, strict=True))
     lasting: dict[str, int | None] = {"run_id": run_id, "to_cycle": None}
-    update_rows(connection, TABLES["identity"], ended, lasting, {"to_cycle": number - 1})
-    rows = insert(connection, TABLES["identity"], [run_id, *added.begun.T, number, None])
-    return rows + insert(connection, TABLES["history"], [run_id, number, *added.columns])
+    update_rows(connection, IDENTITY, ended, lasting, {"to_cycle": number - 1})
+    rows = insert(connection, IDENTITY, [run_id, *added.begun.T, number, None])
+    return rows + insert(connection, HISTORY, [run_id, number, *added.columns])
 
 
-def _replace(connection: Connection, name: str, run_id: int, rows: Sequence[Column]) -> int:
+def _replace(connection: Connection, table: Table, run_id: int, rows: Sequence[Column]) -> int:
     """Replace the rows of a run. Where there is no other run, SQLite empties the table page by page (no WHERE)."""
-    table = TABLES[name]
     others = [select(table.c.run_id).where(other).limit(1) for other in (table.c.run_id < run_id, table.c.run_id > run_id)]
     alone = connection.dialect.name == "sqlite" and not any(connection.execute(query).first() for query in others)
     connection.execute(delete(table) if alone else delete(table).where(table.c.run_id == run_id))
@@ -184,24 +203,24 @@ def _write_stays(connection: Connection, run_id: int, number: int, before: RunSt
     lasting: dict[str, int | None] = {"run_id": run_id, "to_cycle": None}
     left, came = to_rows.changed_rows(before.members, members)
     keys = dict(zip(("vessel_id", "source", "track_id"), left.T, strict=True))
-    update_rows(connection, TABLES["member_history"], keys, lasting, {"to_cycle": number - 1})
-    delete_rows(connection, TABLES["member"], keys, {"run_id": run_id})
-    rows = insert(connection, TABLES["member"], [run_id, *came.T])
-    rows += insert(connection, TABLES["member_history"], [run_id, *came.T, number, None])
+    update_rows(connection, MEMBER_HISTORY, keys, lasting, {"to_cycle": number - 1})
+    delete_rows(connection, MEMBER, keys, {"run_id": run_id})
+    rows = insert(connection, MEMBER, [run_id, *came.T])
+    rows += insert(connection, MEMBER_HISTORY, [run_id, *came.T, number, None])
     left, came = to_rows.changed_rows(before.vessels, picture.vessel_id[:, None])
-    update_rows(connection, TABLES["presence"], {"vessel_id": left[:, 0]}, lasting, {"to_cycle": number - 1})
+    update_rows(connection, PRESENCE, {"vessel_id": left[:, 0]}, lasting, {"to_cycle": number - 1})
     since_s: Floats = picture.since_s[np.searchsorted(picture.vessel_id, came[:, 0])]
-    return rows + insert(connection, TABLES["presence"], [run_id, came[:, 0], number, None, since_s])
+    return rows + insert(connection, PRESENCE, [run_id, came[:, 0], number, None, since_s])
 
 
 def _write_details(connection: Connection, run_id: int, number: int, cycle: Cycle, members: Ints, keep: StoreSettings) -> int:
     """Spots and associations, in the cycles in which they are kept."""
     rows = 0
     if number % keep.spots_every == 0:
-        rows += insert(connection, TABLES["spot"], to_rows.spot_rows(run_id, number, cycle.spots))
+        rows += insert(connection, SPOT, to_rows.spot_rows(run_id, number, cycle.spots))
     if number % keep.associations_every == 0:
-        rows += insert(connection, TABLES["association"], to_rows.association_rows(run_id, number, cycle, members))
-        rows += insert(connection, TABLES["bearing_association"], to_rows.bearing_association_rows(run_id, number, cycle))
+        rows += insert(connection, ASSOCIATION, to_rows.association_rows(run_id, number, cycle, members))
+        rows += insert(connection, BEARING_ASSOCIATION, to_rows.bearing_association_rows(run_id, number, cycle))
     return rows
 
 
@@ -210,15 +229,15 @@ def _merge_statics(connection: Connection, run_id: int, known: Ints, reports: Ai
     if not len(reports):
         return known
     mmsi, columns = to_rows.static_rows(reports)
-    new = history_rule.row_of(known, mmsi) < 0
-    insert(connection, TABLES["vessel_static"], [run_id, mmsi[new], *(take(column, new) for column in columns.values())])
+    new = find(known, mmsi) < 0
+    insert(connection, VESSEL_STATIC, [run_id, mmsi[new], *(take(column, new) for column in columns.values())])
     changed = {name: take(column, ~new) for name, column in columns.items()}
-    update_rows(connection, TABLES["vessel_static"], {"mmsi": mmsi[~new]}, {"run_id": run_id}, changed)
+    update_rows(connection, VESSEL_STATIC, {"mmsi": mmsi[~new]}, {"run_id": run_id}, changed)
     return np.sort(np.concatenate([known, mmsi[new]]))
 
 
 def _write_checkpoint(connection: Connection, run_id: int, number: int, memory: bytes) -> None:
-    connection.execute(delete(Checkpoint).where(Checkpoint.run_id == run_id))
+    connection.execute(delete(CHECKPOINT).where(CHECKPOINT.c.run_id == run_id))
     for piece, low in enumerate(range(0, max(len(memory), 1), PIECE_BYTES)):
         row = {"run_id": run_id, "piece": piece, "cycle": number, "memory": memory[low : low + PIECE_BYTES]}
-        connection.execute(insert_one(Checkpoint), [row])
+        connection.execute(insert_one(CHECKPOINT), [row])

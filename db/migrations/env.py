@@ -2,11 +2,11 @@
 
 from alembic import context
 
-from coastwatch.store.tables import REVISION_TABLE, Base
+from coastwatch.store.tables import METADATA, REVISION_TABLE
 
 context.configure(
     connection=context.config.attributes["connection"],
-    target_metadata=Base.metadata,
+    target_metadata=METADATA,
     version_table=REVISION_TABLE,
     transactional_ddl=True,
 )

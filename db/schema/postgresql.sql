@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0007; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0010; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id BIGSERIAL NOT NULL,
@@ -10,6 +10,7 @@ CREATE TABLE run (
 	command TEXT NOT NULL,
 	started_utc VARCHAR(32) NOT NULL,
 	finished_utc VARCHAR(32),
+	written_utc VARCHAR(32),
 	status VARCHAR(16) NOT NULL,
 	period_s FLOAT(53) NOT NULL,
 	cycles BIGINT NOT NULL,
@@ -17,6 +18,7 @@ CREATE TABLE run (
 	start_s FLOAT(53) NOT NULL,
 	workers BIGINT NOT NULL,
 	scores JSON,
+	verdict JSON,
 	faults JSON NOT NULL,
 	PRIMARY KEY (id)
 );
@@ -108,6 +110,41 @@ CREATE TABLE cycle (
 );
 
 CREATE INDEX cycle_time ON cycle (run_id, time_s);
+
+CREATE TABLE event (
+	run_id BIGINT NOT NULL,
+	vessel_id BIGINT NOT NULL,
+	kind VARCHAR(32) NOT NULL,
+	from_cycle BIGINT NOT NULL,
+	to_cycle BIGINT,
+	start_s FLOAT(53) NOT NULL,
+	end_s FLOAT(53),
+	latitude_deg FLOAT(53) NOT NULL,
+	longitude_deg FLOAT(53) NOT NULL,
+	sog_kn FLOAT(53),
+	mmsi BIGINT,
+	evidence TEXT NOT NULL,
+	PRIMARY KEY (run_id, vessel_id, kind, from_cycle),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE INDEX event_start ON event (run_id, start_s);
+
+CREATE INDEX event_to ON event (run_id, to_cycle);
+
+CREATE TABLE event_gap (
+	run_id BIGINT NOT NULL,
+	vessel_id BIGINT NOT NULL,
+	kind VARCHAR(32) NOT NULL,
+	from_cycle BIGINT NOT NULL,
+	cycle BIGINT NOT NULL,
+	last_cycle BIGINT NOT NULL,
+	last_s FLOAT(53) NOT NULL,
+	PRIMARY KEY (run_id, vessel_id, kind, from_cycle, cycle),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE INDEX event_gap_cycle ON event_gap (run_id, cycle);
 
 CREATE TABLE history (
 	run_id BIGINT NOT NULL,

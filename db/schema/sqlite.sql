@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0007; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0010; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
@@ -10,6 +10,7 @@ CREATE TABLE run (
 	command TEXT NOT NULL,
 	started_utc VARCHAR(32) NOT NULL,
 	finished_utc VARCHAR(32),
+	written_utc VARCHAR(32),
 	status VARCHAR(16) NOT NULL,
 	period_s FLOAT NOT NULL,
 	cycles INTEGER NOT NULL,
@@ -17,6 +18,7 @@ CREATE TABLE run (
 	start_s FLOAT NOT NULL,
 	workers INTEGER NOT NULL,
 	scores JSON,
+	verdict JSON,
 	faults JSON NOT NULL
 );
 
@@ -111,6 +113,43 @@ CREATE TABLE cycle (
 );
 
 CREATE INDEX cycle_time ON cycle (run_id, time_s);
+
+CREATE TABLE event (
+	run_id INTEGER NOT NULL,
+	vessel_id INTEGER NOT NULL,
+	kind VARCHAR(32) NOT NULL,
+	from_cycle INTEGER NOT NULL,
+	to_cycle INTEGER,
+	start_s FLOAT NOT NULL,
+	end_s FLOAT,
+	latitude_deg FLOAT NOT NULL,
+	longitude_deg FLOAT NOT NULL,
+	sog_kn FLOAT,
+	mmsi INTEGER,
+	evidence TEXT NOT NULL,
+	PRIMARY KEY (run_id, vessel_id, kind, from_cycle),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+)
+ WITHOUT ROWID;
+
+CREATE INDEX event_start ON event (run_id, start_s);
+
+CREATE INDEX event_to ON event (run_id, to_cycle);
+
+CREATE TABLE event_gap (
+	run_id INTEGER NOT NULL,
+	vessel_id INTEGER NOT NULL,
+	kind VARCHAR(32) NOT NULL,
+	from_cycle INTEGER NOT NULL,
+	cycle INTEGER NOT NULL,
+	last_cycle INTEGER NOT NULL,
+	last_s FLOAT NOT NULL,
+	PRIMARY KEY (run_id, vessel_id, kind, from_cycle, cycle),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+)
+ WITHOUT ROWID;
+
+CREATE INDEX event_gap_cycle ON event_gap (run_id, cycle);
 
 CREATE TABLE history (
 	run_id INTEGER NOT NULL,

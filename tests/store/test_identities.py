@@ -13,7 +13,7 @@ from sqlalchemy import select
 from coastwatch import store as kept
 from coastwatch.batches import Picture
 from coastwatch.store.database import reading
-from coastwatch.store.tables import Identity
+from coastwatch.store.tables import IDENTITY
 
 CYCLES = 40
 MMSI = np.array([710_000_001, 710_000_002, 710_000_003, 710_000_004, -1])
@@ -63,10 +63,10 @@ def test_stays_are_those_of_a_run_that_never_went_back(url: str) -> None:
         past_world.write(store, run, [*made[:20], *others[20:30]])
         past_world.write(store, run, made[20:], first=20)
         past_world.write(store, straight, made)
-        columns = (Identity.mmsi, Identity.vessel_id, Identity.from_cycle, Identity.to_cycle)
+        columns = (IDENTITY.c.mmsi, IDENTITY.c.vessel_id, IDENTITY.c.from_cycle, IDENTITY.c.to_cycle)
         with reading(store) as connection:
             stays = [
-                connection.execute(select(*columns).where(Identity.run_id == of).order_by(*columns[:3])).all()
+                connection.execute(select(*columns).where(IDENTITY.c.run_id == of).order_by(*columns[:3])).all()
                 for of in (run, straight)
             ]
         assert stays[0] == stays[1]

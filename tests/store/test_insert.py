@@ -18,7 +18,7 @@ from coastwatch.store import insert as rows_in
 from coastwatch.store.database import connect, reading, writing
 from coastwatch.store.insert import Categorical, NullableId, delete_rows, insert, update_rows
 from coastwatch.store.insert import Column as Cells
-from coastwatch.store.tables import Base
+from coastwatch.store.tables import MEMBER
 
 TEXTS = ("", "ais", "São Sebastião, 港", "x" * 300)
 
@@ -121,13 +121,12 @@ def test_rows_belong_to_the_transaction_of_the_connection(url: str) -> None:
     ],
 )
 def test_a_refused_row_takes_all_of_the_transaction_back(rows: list[Cells], said: str, tmp_path: Path) -> None:
-    member = Base.metadata.tables["member"]
     with kept.open_store(str(tmp_path / "x.db")) as store:
         world.begin(store)
         with pytest.raises(StoreError, match=said):
-            _insert_both(store, member, [1, np.arange(5), 3, 1], rows)
+            _insert_both(store, MEMBER, [1, np.arange(5), 3, 1], rows)
         with reading(store) as connection:
-            assert connection.execute(select(member)).all() == []
+            assert connection.execute(select(MEMBER)).all() == []
 
 
 def _insert_both(store: kept.Store, table: Table, *of: list[Cells]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -129,6 +130,22 @@ def test_every_question(store: Store) -> None:
     assert ids(rows("contradicted")) == [6]
     assert [(row["vessel_id"], row["mmsi"]) for row in rows("mmsi_twice")] == [(7, 710_000_007), (8, 710_000_007)]
     assert ids(rows("impossible_speed")) == [5]
+
+    alarms = rows("alarms")
+    assert [(row["vessel_id"], row["kind"], row["start_s"], row["end_s"], row["gaps"]) for row in alarms] == [
+        (vessel, kind, world.instant_s(0), None, gaps)
+        for vessel, kind, gaps in (
+            *((3, "dark", 0), (4, "ais_without_radar", 0), (5, "impossible_speed", 0), (6, "ais_contradicted", 0)),
+            *((7, "mmsi_twice", 0), (8, "mmsi_twice", 1), (9, "dark", 0)),
+        )
+    ]
+    assert alarms[0]["evidence"] == "tracks ilha 1003"
+    assert alarms[1]["evidence"] == "tracks ais 5000000004"
+    assert re.fullmatch(r"tracks ilha 1007, ais 5000000007; same MMSI as vessel 8, (2999|3000) m away", alarms[4]["evidence"])
+    assert alarms[0]["lasted_s"] == LAST_S - world.instant_s(0)
+    assert ids(rows("alarms", kind="dark", count=1)) == [3]
+    assert ids(rows("alarms", kind="coasting")) == [9]
+    assert rows("alarms", to_s=world.START_S) == []
 
     new = rows("new_vessels", minutes=1)
     assert [(row["vessel_id"], row["from_s"]) for row in new] == [(8, world.instant_s(35)), (10, world.instant_s(30))]

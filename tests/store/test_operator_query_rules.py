@@ -35,6 +35,8 @@ from coastwatch.store.questions import COMPUTED, limits
         ("fastest", {"min_sog_kn": -1}, "got parameter min_sog_kn"),
         ("dark_vessels", {"min_sog_kn": "-0.5"}, "parameter min_sog_kn: got '-0.5', needed 0 or more"),
         ("silent", {"seconds": -1.0}, "parameter seconds: got -1.0, needed 0 or more"),
+        ("alarms", {"kind": "darc"}, "parameter kind: got 'darc', needed one of alarms, dark, ais_without_radar"),
+        ("alarms", {"from_s": -1.0}, "parameter from_s: got -1.0, needed 0 to 253402300800"),
         ("history_of_mmsi", {"mmsi": "71000000"}, "parameter mmsi: got '71000000', needed nine digits"),
         ("history_of_mmsi", {"mmsi": 7_100_000_020}, "parameter mmsi: got 7100000020, needed nine digits"),
     ],
@@ -72,7 +74,9 @@ def test_questions_are_written_as_questions_are_written() -> None:
         assert used == (set() if name in COMPUTED else set(question.parameters) | {"run"}), name
         assert max(map(len, written.splitlines())) <= 128, name
         assert all(parameter.meaning for parameter in question.parameters.values())
-        assert all(key == "mmsi" or limits(key)[1] < float("inf") for key in question.parameters), f"{name}: no limits"
+        assert all(key in ("mmsi", "kind") or limits(key)[1] < float("inf") for key in question.parameters), (
+            f"{name}: no limits"
+        )
 
 
 def test_a_question_cannot_write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, url: str) -> None:

@@ -16,7 +16,7 @@ from coastwatch.batches import Members, Picture
 from coastwatch.scenario import StoreSettings
 from coastwatch.store import Store, StoreError, recording
 from coastwatch.store.database import reading, writing
-from coastwatch.store.tables import Base
+from coastwatch.store.tables import CYCLE
 
 CYCLES = 45
 
@@ -62,7 +62,7 @@ def record(store: Store, run: int, made: Sequence[tuple[Picture, Members]], firs
                 "recorded": True,
                 **flags,
             }
-            connection.execute(insert(Base.metadata.tables["cycle"]), [row])
+            connection.execute(insert(CYCLE), [row])
             recording.record(connection, run, number, picture, members)
 
 

@@ -19,7 +19,7 @@ from coastwatch.store import Rows, StoreError
 from coastwatch.store.database import reading
 from coastwatch.store.insert import to_python
 from coastwatch.store.migrate import check
-from coastwatch.store.tables import Base
+from coastwatch.store.tables import METADATA
 from coastwatch.store.to_rows import changed_rows, source_texts
 
 
@@ -60,7 +60,7 @@ def test_the_order_of_rows_in_the_picture_does_not_matter(url: str) -> None:
             world.write(store, world.begin(store), 0, cycle=made)
         with reading(store) as connection:
             for name in ("vessel", "history", "member", "association", "bearing_association", "bearing_track", "presence"):
-                table = Base.metadata.tables[name]
+                table = METADATA.tables[name]
                 one, two = (
                     sorted(tuple(row)[1:] for row in connection.execute(table.select().where(table.c.run_id == k)))
                     for k in (1, 2)

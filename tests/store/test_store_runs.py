@@ -14,12 +14,12 @@ from coastwatch import store as kept
 from coastwatch.store import Store, StoreError
 from coastwatch.store.database import reading
 from coastwatch.store.migrate import check
-from coastwatch.store.tables import Base
+from coastwatch.store.tables import METADATA
 
 
 def everything(store: Store) -> dict[str, list[tuple[Any, ...]]]:
     """All rows of all tables but the run itself, sorted."""
-    tables = {name: table for name, table in Base.metadata.tables.items() if name != "run"}
+    tables = {name: table for name, table in METADATA.tables.items() if name != "run"}
     with reading(store) as connection:
         return {name: sorted(map(repr, map(tuple, connection.execute(table.select())))) for name, table in tables.items()}
 

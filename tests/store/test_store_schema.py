@@ -1,4 +1,4 @@
-"""Models, migrations and written schemas are one; an old database comes along with all its rows; a foreign one is left alone."""
+"""Tables, migrations and written schemas are one; an old database comes along with all its rows; a foreign one is left alone."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from coastwatch.shipped import migrations_folder, schema_folder
 from coastwatch.store import StoreError, migrate
 from coastwatch.store.bbox import inside
 from coastwatch.store.database import connect, reading, revision, writing
-from coastwatch.store.tables import REVISION, REVISION_TABLE, Base
+from coastwatch.store.tables import HISTORY, METADATA, REVISION, REVISION_TABLE
 
-SINCE_0001 = {"presence", "sensor_registration", "identity", "recording"}
+SINCE_0001 = {"presence", "sensor_registration", "identity", "recording", "event", "event_gap"}
 """Tables that schema 0001 does not have."""
 
-SINCE_0004 = ("picture_kept", "history_from", "history_points", "previous_cycle", "closing", "piece")
+SINCE_0004 = ("picture_kept", "history_from", "history_points", "previous_cycle", "closing", "piece", "written_utc", "verdict")
 """Columns that it does not have; it has `cycle.history_kept`."""
 
 
@@ -51,7 +51,7 @@ def as_one(stays: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [{"pair": pair, "stay": stay} for pair, stay in out.items()]
 
 
-def test_models_are_what_the_migrations_make(url: str) -> None:
+def test_tables_are_what_the_migrations_make(url: str) -> None:
     migrate.upgrade(url)
     with connect(url, 1.0, may_create=False) as store, reading(store) as connection:
         assert migrate.differences(connection) == []
@@ -59,7 +59,7 @@ def test_models_are_what_the_migrations_make(url: str) -> None:
     assert migrate.check(url) == []
 
 
-def test_the_newest_migration_is_the_one_that_the_models_name() -> None:
+def test_the_newest_migration_is_the_one_that_the_tables_name() -> None:
     config = Config()
     config.set_main_option("script_location", str(migrations_folder()))
     scripts = ScriptDirectory.from_config(config)
@@ -75,7 +75,7 @@ def test_the_written_schema_is_current(dialect: str) -> None:
 
 @pytest.mark.parametrize("dialect", migrate.DIALECTS)
 def test_the_written_schema_makes_the_tables(dialect: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
-    """The schema file alone, without Alembic, makes a database that equals the models."""
+    """The schema file alone, without Alembic, makes a database that equals the tables."""
     url = str(tmp_path / "x.db") if dialect == "sqlite" else str(request.getfixturevalue("postgresql_url"))
     with connect(url, 1.0, may_create=True) as store:
         lines = (schema_folder() / f"{dialect}.sql").read_text("utf-8").splitlines()
@@ -96,25 +96,23 @@ def test_a_database_of_the_first_schema_comes_along_with_all_its_rows(url: str, 
             world.write(today, run, number)
         world.write(today, other, 0)
         with reading(today) as connection:
-            rows = {
-                name: [dict(row._mapping) for row in connection.execute(t.select())] for name, t in Base.metadata.tables.items()
-            }
+            rows = {name: [dict(row._mapping) for row in connection.execute(t.select())] for name, t in METADATA.tables.items()}
     migrate.upgrade(url, "0001")
     with connect(url, 1.0, may_create=False) as old:
         there = MetaData()
         with writing(old) as connection:
             there.reflect(connection)
-            assert set(there.tables) == set(Base.metadata.tables) - SINCE_0001 | {REVISION_TABLE}
-            for name in (table.name for table in Base.metadata.sorted_tables if table.name not in SINCE_0001):
+            assert set(there.tables) == set(METADATA.tables) - SINCE_0001 | {REVISION_TABLE}
+            for name in (table.name for table in METADATA.sorted_tables if table.name not in SINCE_0001):
                 connection.execute(there.tables[name].insert(), as_in_0001(name, rows[name]))
-    with pytest.raises(StoreError, match="schema: got 0001, needed 0007: `coastwatch db upgrade` brings it there"):
+    with pytest.raises(StoreError, match="schema: got 0001, needed 0010: `coastwatch db upgrade` brings it there"):
         kept.open_store(url)
-    assert migrate.check(url) == ["schema: got 0001, needed 0007: `coastwatch db upgrade` brings it there"]
+    assert migrate.check(url) == ["schema: got 0001, needed 0010: `coastwatch db upgrade` brings it there"]
     migrate.upgrade(url)
     assert migrate.check(url) == []
     with kept.open_store(url) as store:
         with reading(store) as connection:
-            for name, table in Base.metadata.tables.items():
+            for name, table in METADATA.tables.items():
                 found = [dict(row._mapping) for row in connection.execute(table.select())]
                 ours = [] if name == "sensor_registration" else rows[name]  # nothing was estimated then
                 if name == "identity":  # all stays of an MMSI with a vessel are one, open while the last one is
@@ -156,12 +154,12 @@ def test_a_database_of_schema_0006_comes_along(url: str, tmp_path: Path) -> None
         url = f"sqlite:///{path}"
     else:
         _fill_0006(url, rows)
-    assert migrate.check(url) == ["schema: got 0006, needed 0007: `coastwatch db upgrade` brings it there"]
+    assert migrate.check(url) == ["schema: got 0006, needed 0010: `coastwatch db upgrade` brings it there"]
     migrate.upgrade(url)
     assert migrate.check(url) == []
     with kept.open_store(url) as store:
         with reading(store) as connection:
-            found = [dict(row._mapping) for row in connection.execute(Base.metadata.tables["history"].select())]
+            found = [dict(row._mapping) for row in connection.execute(HISTORY.select())]
         assert sorted(map(repr, found)) == sorted(repr(row | {"closing": bool(row["closing"])}) for row in rows["history"])
         recorded = list(kept.replay(store, 1))
         assert len(recorded) == len(made)
@@ -246,7 +244,7 @@ def test_a_database_of_a_newer_version_is_left_alone(url: str) -> None:
     migrate.upgrade(url)
     with connect(url, 1.0, may_create=False) as store, writing(store) as connection:
         connection.execute(text(f"UPDATE {REVISION_TABLE} SET version_num = '9999'"))
-    with pytest.raises(StoreError, match="schema: got 9999, needed 0007: it was written by a newer Coastwatch"):
+    with pytest.raises(StoreError, match="schema: got 9999, needed 0010: it was written by a newer Coastwatch"):
         kept.open_store(url)
     (found,) = migrate.check(url)
     assert "written by a newer Coastwatch" in found
@@ -276,6 +274,10 @@ SPOILED = {
     "DELETE FROM history WHERE closing": "a vessel that has left has a closing point",
     "DELETE FROM history WHERE cycle = 2 AND vessel_id = 2": "every vessel of the newest cycle has a point",
     "DELETE FROM member WHERE vessel_id = 1": "the members are those whose stay has not ended",
+    "INSERT INTO event (run_id, vessel_id, kind, from_cycle, start_s, latitude_deg, longitude_deg, evidence)"
+    " VALUES (1, 99, 'dark', 1, 0.0, 0.0, 0.0, '')": "an event that lasts is of a vessel that is in the picture",
+    "INSERT INTO event_gap (run_id, vessel_id, kind, from_cycle, cycle, last_cycle, last_s)"
+    " VALUES (1, 1, 'dark', 0, 2, 0, 0.0)": "a gap of an event is between cycles of the event",
     "UPDATE checkpoint SET cycle = 9": "no checkpoint is newer",
     "DELETE FROM recording WHERE cycle = 1": "a recorded cycle has all of its vessels",
     "UPDATE recording SET vessels = 1 WHERE cycle = 1": "a recorded cycle has all of its vessels",

@@ -1,0 +1,184 @@
+"""Events: from when until when a vessel had a flag. A flag that returns soon goes on with its event, so that flapping is one event.
+
+Rows are written only when a flag is set or cleared. A gap within an event is a row of `event_gap`: from it a run that goes on from an
+older checkpoint restores when the event had ended.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from sqlalchemy import Connection, delete, func, or_, select, update
+
+from coastwatch.batches import Bools, Flag, Floats, Ints, Picture
+from coastwatch.geodesy import KNOT_M_S, difference_m
+from coastwatch.kernels.tables.lookup import find
+from coastwatch.store.insert import Categorical, Column, NullableId, clear_columns, insert, update_rows
+from coastwatch.store.rows import fetch_arrays
+from coastwatch.store.tables import EVENT, EVENT_GAP
+
+KINDS = {flag.value.bit_length() - 1: str(flag.name).lower() for flag in Flag}
+"""Bit of a flag -> kind of its events."""
+
+BITS = 64
+"""A key is vessel_id * BITS + bit of the flag."""
+
+E = EVENT.c
+
+
+@dataclass(frozen=True, eq=False)
+class Events:
+    """The events that last, and those that ended lately. E rows; of each vessel and kind at most one."""
+
+    key: Ints  # (E,) ascending
+    from_cycle: Ints  # (E,)
+    to_cycle: Ints  # (E,) last cycle with the flag; -1: it lasts
+    end_s: Floats  # (E,) its time; NaN: it lasts
+
+    def take(self, rows: Ints | Bools) -> Events:
+        """Some of them."""
+        return Events(self.key[rows], self.from_cycle[rows], self.to_cycle[rows], self.end_s[rows])
+
+
+class Changes(NamedTuple):
+    """What a cycle changes."""
+
+    number: int  # of the cycle
+    time_s: float
+    ended: Events  # whose flag was set until the cycle before
+    returned: Events  # as they had ended
+    begun: Ints  # (B,) keys
+
+
+def extend(
+    before: Events, number: int, time_s: float, before_s: float, picture: Picture, gap_s: float
+) -> tuple[Events, Changes]:
+    """The events after a cycle.
+
+    Args: before: after the cycle before, whose time is before_s; picture: sorted by vessel; gap_s: a flag that was set so lately
+    goes on with its event.
+    """
+    now = _keys(picture)
+    lasts = before.to_cycle < 0
+    at = find(before.key, now)
+    known = at >= 0
+    returns = np.zeros(len(now), np.bool_)
+    returns[known] = ~lasts[at[known]] & (time_s - before.end_s[at[known]] <= gap_s)
+    begun = now[~(known & (returns | lasts[at]))] if len(before.key) else now
+    gone = lasts & (find(now, before.key) < 0)
+    returned = before.take(at[returns])
+
+    to_cycle, end_s = before.to_cycle.copy(), before.end_s.copy()
+    to_cycle[gone], end_s[gone] = number - 1, before_s
+    to_cycle[at[returns]], end_s[at[returns]] = -1, np.nan
+    kept = (to_cycle < 0) | (time_s - end_s <= gap_s)
+    ended = Events(before.key, before.from_cycle, to_cycle, end_s)
+    after = ended.take(kept)
+    if len(begun):
+        new = Events(begun, np.full(len(begun), number), np.full(len(begun), -1), np.full(len(begun), np.nan))
+        key = np.concatenate([after.key, begun])
+        order = np.argsort(key, kind="stable")
+        columns = ("from_cycle", "to_cycle", "end_s")
+        after = Events(key[order], *(np.concatenate([getattr(after, c), getattr(new, c)])[order] for c in columns))
+    return after, Changes(number, time_s, ended.take(gone), returned, begun)
+
+
+def write_events(
+    connection: Connection, run_id: int, changes: Changes, picture: Picture, members: Ints, names: Sequence[str]
+) -> int:
+    """Write what a cycle changed. Returns: rows inserted.
+
+    Args: picture: sorted by vessel; members: (L, 3) vessel, source, track, sorted; names: of the sources.
+    """
+    of_run, ended, returned = {"run_id": run_id}, changes.ended, changes.returned
+    if len(ended.key):
+        update_rows(connection, EVENT, _named(ended), of_run, {"to_cycle": ended.to_cycle, "end_s": ended.end_s})
+    rows = 0
+    if len(returned.key):
+        clear_columns(connection, EVENT, _named(returned), of_run, ("to_cycle", "end_s"))
+        gaps = [run_id, *_named(returned).values(), changes.number, returned.to_cycle, returned.end_s]
+        rows += insert(connection, EVENT_GAP, gaps)
+    if len(changes.begun):
+        vessel_id, bit = np.divmod(changes.begun, BITS)
+        row = find(picture.vessel_id, vessel_id)
+        speed_kn = np.hypot(*picture.velocity_m_s[row].T) / KNOT_M_S
+        then: list[Column] = [*picture.position_deg[row].T, speed_kn, NullableId(picture.mmsi[row])]
+        said: list[Any] = _evidence(row, bit, picture, members, names)
+        begun: list[Column] = [run_id, vessel_id, _kind(bit), changes.number, None, changes.time_s, None, *then, said]
+        rows += insert(connection, EVENT, begun)
+    return rows
+
+
+def read_events(connection: Connection, run_id: int, since_s: float) -> Events:
+    """The events of a run that last or ended since an instant."""
+    since = or_(E.to_cycle.is_(None), E.end_s >= since_s) if np.isfinite(since_s) else E.to_cycle.is_(None)
+    query = select(E.vessel_id, E.kind, E.from_cycle, E.to_cycle, E.end_s).where(E.run_id == run_id, since)
+    vessel_id, kind, from_cycle, to_cycle, end_s = fetch_arrays(connection, query)
+    bits = {name: bit for bit, name in KINDS.items()}
+    known = np.array([name in bits for name in kind], np.bool_)
+    key = vessel_id[known] * BITS + np.array([bits[name] for name in kind[known]], np.int64)
+    found = Events(key, from_cycle[known], to_cycle[known], end_s[known])
+    found = found.take(np.lexsort((found.from_cycle, found.key)))
+    newest = np.append(found.key[1:] != found.key[:-1], True)[: len(found.key)]
+    return found.take(newest)
+
+
+def truncate_events(connection: Connection, run_id: int, number: int) -> None:
+    """The events as they were after the cycle before this one. The rows of `event_gap` since this cycle are needed, and left."""
+    connection.execute(delete(EVENT).where(E.run_id == run_id, E.from_cycle >= number))
+    later = update(EVENT).where(E.run_id == run_id, E.to_cycle >= number - 1)
+    connection.execute(later.values(to_cycle=None, end_s=None))
+    g = EVENT_GAP.c
+    first = select(g.vessel_id, g.kind, g.from_cycle, func.min(g.last_cycle), func.min(g.last_s))
+    first = first.where(g.run_id == run_id, g.cycle >= number).group_by(g.vessel_id, g.kind, g.from_cycle)
+    gaps = [row for row in connection.execute(first) if row[3] < number - 1]
+    if gaps:
+        vessel, kind, from_cycle, last_cycle, last_s = map(list, zip(*gaps, strict=True))
+        keys: dict[str, Column] = {"vessel_id": vessel, "kind": kind, "from_cycle": from_cycle}
+        update_rows(connection, EVENT, keys, {"run_id": run_id}, {"to_cycle": last_cycle, "end_s": last_s})
+
+
+def _keys(picture: Picture) -> Ints:
+    """The key of each flag that is set, ascending."""
+    rows = np.flatnonzero(picture.flags)
+    bits = np.array(list(KINDS), np.int64)
+    at, bit = np.nonzero((picture.flags[rows, None] >> bits) & 1)
+    return picture.vessel_id[rows[at]] * BITS + bits[bit]
+
+
+def _named(events: Events) -> Mapping[str, Column]:
+    vessel_id, bit = np.divmod(events.key, BITS)
+    return {"vessel_id": vessel_id, "kind": _kind(bit), "from_cycle": events.from_cycle}
+
+
+def _kind(bit: Ints) -> Categorical:
+    return Categorical(bit, [KINDS.get(k, "") for k in range(max(KINDS) + 1)])
+
+
+def _evidence(row: Ints, bit: Ints, picture: Picture, members: Ints, names: Sequence[str]) -> list[str]:
+    """One text for each event: the tracks of its vessel, and what its kind adds.
+
+    Args: row: (B,) of the picture; bit: (B,).
+    """
+    low, high = (np.searchsorted(members[:, 0], picture.vessel_id[row], side).tolist() for side in ("left", "right"))
+    age_s = (picture.time_s[row] - picture.updated_s[row]).tolist()
+    out = []
+    for k, kind in enumerate(bit.tolist()):
+        tracks = [f"{names[source]} {track}" for _, source, track in members[low[k] : high[k]].tolist()]
+        text = f"tracks {', '.join(tracks)}" if tracks else f"no track, last report {age_s[k]:.0f} s before"
+        if KINDS[kind] == "mmsi_twice":
+            text += _of_same_mmsi(int(row[k]), picture)
+        out.append(text)
+    return out
+
+
+def _of_same_mmsi(row: int, picture: Picture) -> str:
+    """The other vessels with the MMSI of a row, and how far they are."""
+    others = np.flatnonzero(picture.mmsi == picture.mmsi[row]) if picture.mmsi[row] >= 0 else np.zeros(0, np.int64)
+    others = others[others != row]
+    apart_m = np.hypot(*difference_m(picture.position_deg[others], picture.position_deg[[row] * len(others)]).T)
+    pairs = zip(picture.vessel_id[others].tolist(), apart_m.tolist(), strict=True)
+    return "".join(f"; same MMSI as vessel {vessel}, {metres:.0f} m away" for vessel, metres in pairs)

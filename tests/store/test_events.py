@@ -1,0 +1,144 @@
+"""Every flag of a vessel is an event: from when until when, also after a kill, a restart from an older cycle, and when it flaps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import past_world
+import pytest
+import store_world as world
+from sqlalchemy import text
+
+from coastwatch import store as kept
+from coastwatch.batches import Flag, Picture
+from coastwatch.scenario import StoreSettings
+from coastwatch.store import Store
+from coastwatch.store.database import reading
+from coastwatch.store.migrate import check
+
+CYCLES = 40
+GAP_S = 12.0
+KEEP = StoreSettings(event_gap_s=GAP_S)
+ROWS = "SELECT vessel_id, kind, from_cycle, to_cycle, start_s, end_s FROM event ORDER BY vessel_id, kind, from_cycle"
+GAPS = "SELECT vessel_id, kind, from_cycle, cycle, last_cycle, last_s FROM event_gap ORDER BY vessel_id, kind, cycle"
+
+
+def flagged(seed: int, cycles: int = CYCLES) -> list[Picture]:
+    """Vessels that come and go, and whose flags are set and cleared at random, some of them often."""
+    rng = np.random.default_rng([seed, 17])
+    flags, out = np.zeros((100, len(Flag)), np.bool_), []
+    often = rng.choice([0.02, 0.4], (100, 1))
+    for picture in past_world.pictures(5, cycles):
+        flags = flags ^ (rng.random(flags.shape) < often)
+        of = flags @ np.array([int(flag) for flag in Flag])
+        out.append(replace(picture, flags=of[picture.vessel_id]))
+    return out
+
+
+def oracle(made: list[Picture], gap_s: float) -> tuple[list[tuple[Any, ...]], list[tuple[Any, ...]]]:
+    """Events and gaps, one vessel and flag at a time."""
+    events, gaps = [], []
+    for vessel in range(1, 101):
+        for flag in Flag:
+            cycles = [n for n, picture in enumerate(made) if picture.flags[picture.vessel_id == vessel].any()
+                      and int(picture.flags[picture.vessel_id == vessel][0]) & flag]  # fmt: skip
+            first = None
+            for before, now in zip([None, *cycles], cycles, strict=False):
+                kind = str(flag.name).lower()
+                if before is None or (now != before + 1 and world.instant_s(now) - world.instant_s(before) > gap_s):
+                    first = now
+                    events.append([vessel, kind, now, now, world.instant_s(now), world.instant_s(now)])
+                    continue
+                if now != before + 1:
+                    gaps.append((vessel, kind, first, now, before, world.instant_s(before)))
+                events[-1][3], events[-1][5] = now, world.instant_s(now)
+            if cycles and cycles[-1] == len(made) - 1:
+                events[-1][3] = events[-1][5] = None
+    return sorted(map(tuple, events), key=lambda e: e[:3]), sorted(gaps, key=lambda g: (g[0], g[1], g[3]))
+
+
+def stored(store: Store, query: str) -> list[tuple[Any, ...]]:
+    with reading(store) as connection:
+        return [tuple(row) for row in connection.execute(text(query))]
+
+
+@pytest.mark.parametrize("gap_s", [0.0, GAP_S])
+def test_events_are_those_of_a_plain_loop(url: str, gap_s: float) -> None:
+    made = flagged(1)
+    with kept.open_store(url) as store:
+        past_world.write(store, world.begin(store), made, keep=StoreSettings(event_gap_s=gap_s))
+        events, gaps = oracle(made, gap_s)
+        assert stored(store, ROWS) == events
+        assert stored(store, GAPS) == gaps
+        assert bool(gaps) == (gap_s > 0.0)
+    assert check(url) == []
+
+
+def test_another_process_goes_on_with_the_events(url: str) -> None:
+    made = flagged(2)
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        for number, picture in enumerate(made):
+            store.run_states.clear()  # as after a kill: all is read from the database
+            past_world.write(store, run, [picture], number, KEEP)
+        assert (stored(store, ROWS), stored(store, GAPS)) == oracle(made, GAP_S)
+
+
+@pytest.mark.parametrize("back", [1, 9, 20, 38])
+def test_events_are_those_of_a_run_that_never_went_back(url: str, back: int) -> None:
+    """Cycles of another future are replaced from an older checkpoint on."""
+    made, others = flagged(3), flagged(4)
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        past_world.write(store, run, made[:back] + others[back:], keep=KEEP)
+        store.run_states.clear()
+        past_world.write(store, run, made[back:], back, KEEP)
+        assert (stored(store, ROWS), stored(store, GAPS)) == oracle(made, GAP_S)
+
+
+def test_no_change_of_flags_costs_no_row(url: str) -> None:
+    made = [replace(picture, flags=np.full(len(picture), int(Flag.DARK))) for picture in [past_world.pictures(5, 1)[0]] * 4]
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        past_world.write(store, run, made, keep=KEEP)
+        assert stored(store, "SELECT count(*), min(to_cycle) FROM event") == [(len(made[0]), None)]
+
+
+def test_old_events_go_and_lasting_ones_stay(url: str) -> None:
+    made = flagged(5)
+    hours = 10 * world.PERIOD_S / 3600.0
+    with kept.open_store(url) as store:
+        past_world.write(store, world.begin(store), made, keep=StoreSettings(event_gap_s=GAP_S, event_hours=hours))
+        events, gaps = oracle(made, GAP_S)
+        first = CYCLES - 10
+        assert stored(store, ROWS) == [e for e in events if e[3] is None or e[3] >= first]
+        assert stored(store, GAPS) == [g for g in gaps if g[3] >= first]
+        assert len(events) > len(stored(store, ROWS)) > 0
+
+
+def test_a_vessel_has_its_events(url: str) -> None:
+    made = flagged(6)
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        past_world.write(store, run, made, keep=KEEP)
+        events, gaps = oracle(made, GAP_S)
+        vessel = gaps[0][0]
+        found = kept.track(store, run, vessel)["events"]
+        rows = [dict(zip(found.columns, row, strict=True)) for row in found.rows]
+        assert sorted((row["kind"], row["start_s"], row["end_s"]) for row in rows) == sorted(
+            ((e[1], e[4], e[5]) for e in events if e[0] == vessel), key=lambda e: e[:2]
+        )
+        assert sum(row["gaps"] for row in rows) == sum(g[0] == vessel for g in gaps)
+
+
+def test_alarms_of_a_span_are_those_that_touch_it(url: str) -> None:
+    made = flagged(7)
+    from_s, to_s = world.instant_s(12), world.instant_s(15)
+    with kept.open_store(url) as store:
+        past_world.write(store, world.begin(store), made, keep=KEEP)
+        found = kept.operator_query(store, "alarms", {"from_s": from_s, "to_s": to_s, "kind": "dark", "count": 10_000})
+        wanted = [e for e in oracle(made, GAP_S)[0] if e[1] == "dark" and e[4] <= to_s and (e[5] is None or e[5] >= from_s)]
+        assert sorted(found.column("vessel_id")) == sorted(e[0] for e in wanted)
+        assert len(wanted) > 0
