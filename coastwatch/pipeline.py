@@ -1,7 +1,7 @@
-"""The whole flow on one page. Pure: (memory, reports) -> (memory, what the stages yielded).
+"""The whole flow on one page. It consumes the memory: (memory, reports) -> (memory, what the stages yielded).
 
-Two kinds of centre run it: regional centres make tracks of reports, the high-level centre makes the picture of the tracks that it
-receives. `step` is both in one; `fuse` is the high-level centre alone, for tracks that were made elsewhere.
+Two kinds of centre run it. A regional centre makes tracks of the plots of its radars (`track_region`). The high-level centre makes
+the picture of the tracks that it receives (`fuse`, which also takes tracks made elsewhere). `step` is both in one.
 """
 
 from __future__ import annotations
@@ -9,7 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
+
+import numpy as np
 
 from coastwatch.batches import (
     AisAlarms,
@@ -17,11 +20,14 @@ from coastwatch.batches import (
     Associations,
     BearingAssociations,
     BearingTracks,
+    Bools,
     FusedTracks,
+    Ints,
     Measurements,
     Members,
     Octants,
     Picture,
+    Plots,
     RadarCorrections,
     Reports,
     Sensors,
@@ -29,7 +35,7 @@ from coastwatch.batches import (
     Tracks,
 )
 from coastwatch.scenario import Scenario
-from coastwatch.stage import Map, RegionMap, serial_regions
+from coastwatch.stage import Groups, Map, RegionMap, serial_regions
 
 Timer = Callable[[str], AbstractContextManager[object]]
 
@@ -48,12 +54,16 @@ class CentreMemory:
 
 @dataclass(frozen=True)
 class Memory:
-    """The memory of every stage. It is plain data, saved as arrays with a schema: a run resumes bit for bit."""
+    """The memory of every stage: plain data, saved as arrays with a schema, with which a run resumes bit for bit.
+
+    While a worker keeps the memory of a region, something else stands in its place. `gathered` gives the plain data.
+    """
 
     plots: Any
-    tracks: tuple[Any, ...]  # one memory for each region
+    tracks: tuple[Any, ...]  # of each region, or what stands for it while a worker keeps it
     ais_tracks: Any
     bearing_tracks: Any
+    received_tracks: Any
     centre: CentreMemory
     registration: Any
     corrections: RadarCorrections  # of the radars, for the next cycle
@@ -63,7 +73,7 @@ class Memory:
 class Received:
     """What the high-level centre receives in a cycle."""
 
-    tracks: Tracks  # of every region and of AIS, each track at its own time
+    tracks: Tracks  # of every region, every track source and AIS, each track at its own time
     measurements: Measurements  # plots and reports in these tracks, if the sender gives them
     alarms: AisAlarms
     bearing_tracks: BearingTracks
@@ -107,10 +117,48 @@ def start(scenario: Scenario, sensors: Sensors) -> Memory:
         tuple(s.tracks.init() for _ in sensors.region_names),
         s.ais_tracks.init(),
         s.bearing_tracks.init(),
+        s.received_tracks.init(),
         start_centre(s),
         s.registration.init(),
         RadarCorrections.none(len(sensors.radars)),
     )
+
+
+def gathered(memory: Memory, regions: RegionMap) -> Memory:
+    """The memory with that of every region in this process, for a checkpoint."""
+    return replace(memory, tracks=tuple(regions.gather(memory.tracks)))
+
+
+def track_region(
+    tracker: Any, memory: Any, plots: Plots, radars: Ints, jumped: Bools, time_s: float, sensors: Sensors, region: int
+) -> tuple[Any, Tracks, Measurements]:
+    """One cycle of a regional centre: the plots of its radars to tracks, and the plots that are in them.
+
+    The centre knows its own radars only, so its cost and memory do not depend on the other regions.
+    Args: tracker: the method of `tracks`; plots: of this region; radars: (R',) their numbers among all, in order; jumped: (R',) whether
+    their corrections have jumped since the last cycle. The plots of such a radar lie elsewhere now, so tracks that hold earlier ones
+    are dropped. sensors: with these radars.
+    """
+    own = replace(plots, sensor=np.searchsorted(radars, plots.sensor))
+    new, tracks, measurements = tracker.step(memory.without_radars(jumped), own, time_s, sensors, region)
+    return new, tracks, replace(measurements, sensor=radars[measurements.sensor])
+
+
+def for_regions(plots: Plots, corrections: RadarCorrections, time_s: float, sensors: Sensors) -> list[tuple[Any, ...]]:
+    """The arguments of `track_region` from `plots` on, for each region."""
+    count = len(sensors.region_names)
+    plot_rows, radars = Groups.by_key(plots.region, count), Groups.by_key(sensors.radars.region, count)
+    return [
+        (
+            plots.take(plot_rows.of(k)),
+            own,
+            corrections.jumped[own],
+            time_s,
+            replace(sensors, radars=sensors.radars.take(own)),
+            k,
+        )
+        for k, own in ((k, radars.of(k)) for k in range(count))
+    ]
 
 
 def fuse(
@@ -170,20 +218,20 @@ def step(
     with timer("plots"):
         plots_memory, plots = s.plots.step(m.plots, reports.radar, sensors, m.corrections)
     with timer("tracks"):
-        by_region = [(plots.take(plots.region == k), time_s, sensors, k) for k in range(len(m.tracks))]
-        regional = regions(s.tracks.step, m.tracks, by_region)
+        regional = regions(partial(track_region, s.tracks), m.tracks, for_regions(plots, m.corrections, time_s, sensors))
     with timer("ais_tracks"):
         ais_memory, ais_tracks, alarms, ais_taken = s.ais_tracks.step(m.ais_tracks, reports.ais, time_s, sensors)
     with timer("bearing_tracks"):
         bearing_memory, bearing_tracks = s.bearing_tracks.step(m.bearing_tracks, reports.bearing, time_s, sensors)
-    tracks = Tracks.join([*(yielded for _, yielded, _ in regional), ais_tracks])
+    with timer("received_tracks"):
+        given_memory, given_tracks = s.received_tracks.step(m.received_tracks, reports.tracks, time_s, sensors, ais_tracks)
+    tracks = Tracks.join([*(yielded for _, yielded, _ in regional), given_tracks, ais_tracks])
     measurements = Measurements.join([*(taken for *_, taken in regional), ais_taken])
     received = Received(tracks, measurements, alarms, bearing_tracks, reports.statics)
     centre_memory, cycle = fuse(s, sensors, m.centre, received, time_s, map_, timer)
     with timer("registration"):
         seen = plots, ais_tracks, alarms, measurements, cycle.picture, cycle.members, bearing_tracks, cycle.bearing_associations
         registration_memory, corrections = s.registration.step(m.registration, *seen, time_s, sensors, m.corrections)
-    # When the corrections of a radar jump, its next plots lie elsewhere: tracks that hold its plots are dropped.
-    radar_memory = tuple(new.without_radars(corrections.jumped) for new, *_ in regional)
-    first = plots_memory, radar_memory, ais_memory, bearing_memory, centre_memory
+    radar_memory = tuple(new for new, *_ in regional)
+    first = plots_memory, radar_memory, ais_memory, bearing_memory, given_memory, centre_memory
     return Memory(*first, registration_memory, corrections), replace(cycle, corrections=corrections)

@@ -31,10 +31,10 @@ class Rows(Protocol):
     def rows(self) -> Sequence[Sequence[Any]]: ...
 
 
-def write(rows: Rows, form: str, output: str | None) -> None:
+def write(rows: Rows, form: str, output: str | None, heading: str = "") -> None:
     """Writes rows to a file, or to the terminal if `output` is None.
 
-    Args: form: one of FORMATS; output: path of the file.
+    Args: form: one of FORMATS; output: path of the file; heading: a line above a text.
     Raises: BadInput if the format needs a file, or a position that the rows do not have.
     """
     if form == "parquet":
@@ -43,6 +43,7 @@ def write(rows: Rows, form: str, output: str | None) -> None:
         as_frame(rows).write_parquet(output)
         return
     text = {"table": as_table, "csv": as_csv, "geojson": as_geojson}[form](rows)
+    text = f"{heading}\n{text}" if heading else text
     if output is None:
         sys.stdout.write(text)
     else:

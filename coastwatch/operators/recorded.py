@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import zlib
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,20 +13,31 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
+from coastwatch.batches import Reports
 from coastwatch.geodesy import NAUTICAL_MILE_M, scale_m_deg, wrap_deg
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.scenario import Area, Scenario
 from coastwatch.scenario.sites import Radar, Sonar, Station
 from coastwatch.sensors.recorded.ais_table import AisColumns
-from coastwatch.sensors.recorded.tables import BearingColumns, PlotColumns
+from coastwatch.sensors.recorded.tables import BearingColumns, PlotColumns, kinds_of_table
+from coastwatch.sensors.recorded.track_table import TrackColumns
 
 LOOK_BYTES = 65_536
-SENTENCE = re.compile(rb"[!$][A-Z]{2}VD[MO],")
+SCAN_BYTES = 1 << 26  # of a file that does not begin with what is wanted
+SENTENCE = re.compile(rb"[!$][A-Z]{2}([A-Z]{3}),")
+WANTED = {"ais": ("VDM", "VDO"), "tracks": ("TTM", "TLL")}
+"""Sentences that an option wants."""
+KINDS = {"ais": "decoded AIS", "plots": "radar plots", "tracks": "finished tracks"}
 GZIP_MAGIC, PARQUET_MAGIC = b"\x1f\x8b", b"PAR1"
 NEVER_TEXT = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
 BINARY_SHARE = 0.02  # random bytes have 11 %; one bad cell does not make a table binary
-COLUMNS: dict[str, type[BaseModel]] = {"ais": AisColumns, "plots": PlotColumns, "bearings": BearingColumns}
-SETTING = {"ais": "ais_columns", "plots": "plot_columns", "bearings": "bearing_columns"}
+COLUMNS: dict[str, type[BaseModel]] = {
+    "ais": AisColumns,
+    "plots": PlotColumns,
+    "bearings": BearingColumns,
+    "tracks": TrackColumns,
+}
+SETTING = {"ais": "ais_columns", "plots": "plot_columns", "bearings": "bearing_columns", "tracks": "track_columns"}
 MARGIN = 1.1
 SMALLEST_NM = 1.0
 HIGHEST_LATITUDE_DEG = 84.0
@@ -39,21 +51,29 @@ class Files:
     ais: tuple[str, ...]
     plots: str | None
     bearings: str | None
+    tracks: tuple[str, ...]
     columns: Mapping[str, str]
 
 
 def document(files: Files, sensors: Mapping[str, list[dict[str, Any]]], period_s: float) -> dict[str, Any]:
     """The scenario as a document, as parsed from TOML. Raises: BadInput, OSError."""
-    sentences = {name: is_nmea(name) for name in files.ais}
-    for name in (*(name for name, so in sentences.items() if not so), files.plots, files.bearings):
-        if name is not None:
-            _check_table(name, "neither NMEA 0183 nor a table" if name in sentences else "no table")
+    ais, tracks = (
+        {name: has_sentences(name, option) for name in names}
+        for option, names in (("ais", files.ais), ("tracks", files.tracks))
+    )
     given: dict[str, list[str]] = {
-        "nmea": [name for name, so in sentences.items() if so],
-        "ais": [name for name, so in sentences.items() if not so],
+        "nmea": [name for name, so in ais.items() if so],
+        "ais": [name for name, so in ais.items() if not so],
         "plots": [files.plots] if files.plots else [],
         "bearings": [files.bearings] if files.bearings else [],
+        "tracks": [name for name, so in tracks.items() if not so],
+        "track_sentences": [name for name, so in tracks.items() if so],
     }
+    for part in COLUMNS:
+        for name in given[part]:
+            _check_table(name, "neither NMEA 0183 nor a table" if part in ("ais", "tracks") else "no table")
+            if not _columns(files.columns, [part], check=False):
+                _check_kind(name, part)
     names = [Path(name).name for part in given.values() for name in part]
     return {
         "name": _name([name for part in given.values() for name in part]),
@@ -73,19 +93,55 @@ def _name(files: list[str]) -> str:
     return f"fuse-{re.sub(r'[^A-Za-z0-9_]+', '-', Path(files[0]).name)[:16].strip('-')}-{digest:08x}"
 
 
-def is_nmea(name: str) -> bool:
-    """Whether a file, compressed or not, starts with AIS sentences. Raises: OSError."""
-    return SENTENCE.search(_head(name)) is not None
+def track_sources(files: tuple[str, ...], site: tuple[float, float] | None) -> list[dict[str, Any]]:
+    """The track sources of these files, each with a name made of its file's. Files with NMEA come last, as in `document`."""
+    ordered = sorted(files, key=lambda name: has_sentences(name, "tracks"))
+    stems = [re.sub(r"[^A-Za-z0-9_]+", "-", Path(name).name.split(".")[0])[:24] or "tracks" for name in ordered]
+    names = [stem if stems.count(stem) == 1 else f"{stem}-{k}" for k, stem in enumerate(stems, 1)]
+    place = {} if site is None else {"latitude_deg": site[0], "longitude_deg": site[1]}
+    return [{"name": name, **place} for name in names]
 
 
-def _head(name: str) -> bytes:
+def has_sentences(name: str, option: str) -> bool:
+    """Whether a file, compressed or not, has the NMEA sentences that an option wants. Raises: BadInput if it has others; OSError."""
+    found = Counter(m[1].decode() for m in SENTENCE.finditer(_head(name)))
+    if sum(found[kind] for kind in WANTED[option]):
+        return True
+    if not found or not _looks_like_nmea(name):
+        return False
+    found = Counter(m[1].decode() for m in SENTENCE.finditer(_head(name, SCAN_BYTES)))
+    if sum(found[kind] for kind in WANTED[option]):
+        return True
+    other = next((o for o, kinds in WANTED.items() if any(found[kind] for kind in kinds)), None)
+    kinds = [kind for kind, _ in found.most_common(5)] if other is None else [k for k in WANTED[other] if found[k]]
+    holds = ", ".join(f"{found[kind]:,} {kind}" for kind in kinds)
+    advice = f"use --{other}" if other else f"needed {' or '.join(WANTED[option])}"
+    raise BadInput(f"--{option} {name}: it holds {holds} sentences and no {' or '.join(WANTED[option])}: {advice}")
+
+
+def _looks_like_nmea(name: str) -> bool:
+    """Whether most of the first lines hold a sentence."""
+    lines = _head(name).splitlines()[:200]
+    return 2 * sum(SENTENCE.search(line) is not None for line in lines) > len(lines)
+
+
+def _check_kind(name: str, option: str) -> None:
+    """Refuses a table whose columns are those of another option, and says what it is. Raises: BadInput."""
+    kinds = kinds_of_table(Path(name))
+    if not kinds or option in kinds or (option == "bearings" and "plots" not in kinds):
+        return
+    kind, columns = next(iter(kinds.items()))
+    raise BadInput(f"--{option} {name}: it is a table of {KINDS[kind]} (columns {', '.join(columns)}): use --{kind}")
+
+
+def _head(name: str, size: int = LOOK_BYTES) -> bytes:
     """The first bytes of a file, decompressed if needed. Raises: BadInput for gzip that cannot be decompressed; OSError."""
     with open(name, "rb") as file:
-        head = file.read(LOOK_BYTES)
+        head = file.read(size)
     if not head.startswith(GZIP_MAGIC):
         return head
     try:
-        return zlib.decompressobj(wbits=31).decompress(head, LOOK_BYTES)
+        return zlib.decompressobj(wbits=31).decompress(head, size)
     except zlib.error as error:
         raise BadInput(f"{name}: got gzip that cannot be decompressed ({error}), needed text, gzip or Parquet") from error
 
@@ -122,13 +178,16 @@ def check_sensors(radars: list[dict[str, Any]], stations: list[dict[str, Any]], 
                 raise BadInput(f"{option} {sensor['name']}: {wrong}") from error
 
 
-def _columns(wanted: Mapping[str, str], parts: list[str]) -> dict[str, dict[str, str]]:
-    """The settings of columns. A name without a prefix applies to every table that has such a column."""
+def _columns(wanted: Mapping[str, str], parts: list[str], check: bool = True) -> dict[str, dict[str, str]]:
+    """The settings of columns. A name without a prefix applies to every table that has such a column.
+
+    Args: check: refuse a name that no part has.
+    """
     out: dict[str, dict[str, str]] = {}
     for ours, yours in wanted.items():
         part, _, key = ours.rpartition(".")
         takers = [p for p in parts if part in ("", p) and key in COLUMNS[p].model_fields]
-        if not takers:
+        if not takers and check:
             known = "; ".join(f"{p}: {', '.join(COLUMNS[p].model_fields)}" for p in parts) or "none, NMEA has no columns"
             raise BadInput(f"--columns: got {ours!r}, needed one of {known}")
         for p in takers:
@@ -138,12 +197,14 @@ def _columns(wanted: Mapping[str, str], parts: list[str]) -> dict[str, dict[str,
 
 def framed(scenario: Scenario) -> Scenario:
     """The scenario with an area around the coverage of its sensors, or without sensors around the AIS positions."""
-    sensors: list[Any] = [*scenario.radars, *scenario.stations, *scenario.sonars]
-    if sensors:
-        site = np.array([[s.latitude_deg, s.longitude_deg] for s in sensors])
-        reach_m = np.array([s.range_nm for s in sensors]) * NAUTICAL_MILE_M
+    sensors = scenario.sensors()
+    kinds: list[Any] = [sensors.radars, sensors.stations, sensors.sonars]
+    if any(map(len, kinds)):
+        site = np.concatenate([sensor.site_deg for sensor in kinds])
+        reach_m = np.concatenate([sensor.range_m for sensor in kinds])
     else:
-        site = scenario.input.load(scenario.sensors(), scenario.seed, scenario.plan()).reports.ais.position_deg
+        reports = scenario.input.load(scenario.sensors(), scenario.seed, scenario.plan()).reports
+        site = (reports if isinstance(reports, Reports) else reports.head()).ais.position_deg
         reach_m = np.zeros(len(site))
     return scenario.model_copy(update={"area": _around(site, reach_m)}) if len(site) else scenario
 

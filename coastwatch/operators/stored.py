@@ -26,7 +26,7 @@ DIGITS = {
     "azimuth_change_deg": 4,
 }
 ENDINGS = {"_deg": 2, "_deg_s": 4, "_m": 1, "_nm": 3, "_kn": 2, "_ms": 3, "_s": 3, "_min": 2}
-SHOWN = (
+MAIN_COLUMNS = (
     "vessel_id",
     "mmsi",
     "name",
@@ -40,6 +40,17 @@ SHOWN = (
     "flags",
 )
 """Columns of the picture in the table on a screen; the other formats have all."""
+
+MAIN_SCORES = (("associations", "f1"), ("fused_tracks", "position_rmse_m"), ("picture", "gospa_rms_m"))
+"""Scores in the table of runs; --json has all."""
+
+ENDS = {
+    "died": "the run died",
+    "failed": "the run failed",
+    "interrupted": "the run was interrupted",
+    "running": "the run goes on",
+}
+"""What a picture says of a run that has not finished, by its status."""
 
 ERRORS = (
     ("azimuth_bias_deg", "azimuth_sigma_deg"),
@@ -78,6 +89,40 @@ def run(found: Store, run_id: int | None) -> dict[str, Any]:
     return store.run(found, store.latest_run(found) if run_id is None else run_id)
 
 
+def runs(found: Store) -> Rows:
+    """Every run, newest first, with its scores; `scores` is a dict."""
+    listed = store.runs(found)
+    names = ("run", *listed.columns[1:])
+    return for_people(Rows(names, listed.rows))
+
+
+def runs_table(rows: Rows) -> Rows:
+    """The rows of `runs` as a table for a screen, with the main scores."""
+    made = []
+    for row in rows.rows:
+        of = dict(zip(rows.columns, row, strict=True))
+        scores = of["scores"] or {}
+        main = [(scores.get(stage) or {}).get(name) for stage, name in MAIN_SCORES]
+        cycles = f"{of['cycles_stored']} of {of['cycles']}"
+        about = (of[name] for name in ("run", "scenario", "seed", "version", "status"))
+        figures = [round(value, 4) if isinstance(value, float) else value for value in main]
+        made.append((*about, cycles, of["started_utc"], *figures, _verdict(of["verdict"])))
+    columns = ("run", "scenario", "seed", "version", "status", "cycles", "started_utc")
+    return Rows((*columns, *(f"{stage}.{name}" for stage, name in MAIN_SCORES), "verdict"), made)
+
+
+def _verdict(sentences: list[str] | None) -> str | None:
+    return None if sentences is None else f"{len(sentences)} fell" if sentences else "good"
+
+
+def heading(of_run: Mapping[str, Any], rows: Rows) -> str:
+    """Which run a picture is of, its instant, and how the run ended. Args: of_run: as of `run`; rows: as of `picture`."""
+    done, ends = of_run["cycles_stored"], ENDS.get(of_run["status"])
+    newest = max(rows.column("time_utc"), default=utc_text(of_run["start_s"] + done * of_run["period_s"]))
+    said = f"run {of_run['id']} of {of_run['scenario']}, seed {of_run['seed']}: {len(rows.rows)} vessels at {newest}"
+    return said + (f"; {ends} after cycle {done} of {of_run['cycles']}" if ends else "")
+
+
 def picture(found: Store, run_id: int, at_s: float | None, bbox: Box | None) -> Rows:
     """The picture, one row per vessel, in the units of an operator."""
     return for_people(store.picture(found, run_id, at_s, bbox))
@@ -102,9 +147,9 @@ def _span(span_s: tuple[float, float]) -> tuple[float, float]:
     return span_s
 
 
-def shown(rows: Rows) -> Rows:
-    """The columns of SHOWN."""
-    keep = [rows.columns.index(name) for name in SHOWN if name in rows.columns]
+def main_columns(rows: Rows) -> Rows:
+    """The columns of MAIN_COLUMNS."""
+    keep = [rows.columns.index(name) for name in MAIN_COLUMNS if name in rows.columns]
     return Rows(tuple(rows.columns[k] for k in keep), [tuple(row[k] for k in keep) for row in rows.rows])
 
 

@@ -55,7 +55,7 @@ def watch(
     """The counts after one more instant.
 
     A vessel is silent if it is one of those that may be and sent no report for 60 s. Its flag is due after 120 s of silence
-    inside the range of a radar and of an AIS station, whether or not the picture has it.
+    inside the range of a radar and of an AIS station. The picture need not have it.
 
     Args: may_be_silent: true vessels; truth, ais: of the whole run; picture: of now.
     """

@@ -107,14 +107,14 @@ def add(tally: Tally, cycle: Yielded, recording: Recording, sensors: Sensors) ->
         instants=tally.instants + 1,
         counted=(*tally.counted, (cycle.time_s, made.origin)) if recording.noise is not None else (),
     )
-    return _watched(tally, recording.truth, cycle, recording.reports.ais, recording.silenced, sensors) if known else tally
+    return _watched(tally, recording.truth, cycle, recording.whole().ais, recording.silenced, sensors) if known else tally
 
 
 def result(tally: Tally, recording: Recording, sensors: Sensors) -> dict[str, Any]:
     """All scores, by stage; empty where there is no truth. A figure with nothing to count is None."""
     if recording.truth is None:
         return {}
-    ais = recording.reports.ais
+    ais = recording.whole().ais
     parts = {
         "bound": _bound_errors(tally, recording, ais),
         "radar": tally.radar,
@@ -177,7 +177,7 @@ def _bound_errors(tally: Tally, recording: Recording, ais: AisReports) -> Errors
     rows = np.flatnonzero(np.isin(truth.vessel, np.concatenate([origin for _, origin in tally.counted])))
     few = rows_of_vessels(truth, rows)
     times = np.array([time_s for time_s, _ in tally.counted])
-    best = bound(few, recording.reports.radar, ais, noise, times)
+    best = bound(few, recording.whole().radar, ais, noise, times)
     total = Errors()
     for t, (time_s, origin) in enumerate(tally.counted):
         now = truth.at(time_s)

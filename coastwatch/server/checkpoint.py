@@ -68,7 +68,8 @@ def save(value: Any) -> bytes:
 def load(saved: bytes) -> Any:
     """The value that `save` was given, with arrays of its own. Only classes of MODULES_WITH_CLASSES are called.
 
-    Raises: CheckpointError: the bytes are not of `save`, are damaged, or name a class or a field that does not exist.
+    Raises: CheckpointError: the bytes are not of `save`, are damaged, name a class or a field that does not exist, or hold a row
+    number that is out of range.
     """
     if not saved.startswith(b"PK"):
         raise CheckpointError("it is not in the format of this version")
@@ -125,8 +126,19 @@ def _from_tree(tree: Any, arrays: dict[str, Array]) -> Any:
                 raise CheckpointError(f"it names the class {name}, which is not one of this version's")
             if tuple(given) != _fields_of(made):
                 raise CheckpointError(f"{name}: got the fields {', '.join(given)}, needed {', '.join(_fields_of(made))}")
-            return made(**{field: _from_tree(item, arrays) for field, item in given.items()})
+            return _checked(made(**{field: _from_tree(item, arrays) for field, item in given.items()}))
     raise CheckpointError(f"it has a part of unknown kind: {', '.join(map(str, tree))}")
+
+
+def _checked(value: Any) -> Any:
+    """A value whose row numbers are in range: kernels take them on trust. Raises: CheckpointError that names the field."""
+    check = getattr(value, "check_rows", None)
+    if check is not None:
+        try:
+            check()
+        except ValueError as error:
+            raise CheckpointError(f"it is damaged: {error}") from error
+    return value
 
 
 def _fields_of(kind: type) -> tuple[str, ...]:

@@ -8,19 +8,20 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 from coastwatch import pipeline, store
-from coastwatch.batches import Fault, Recording, Sensors
+from coastwatch.batches import Fault, FileContent, Recording, Sensors
 from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario
 from coastwatch.scores import add, result, start
 from coastwatch.server import checkpoint
 from coastwatch.server.checkpoint import CheckpointError, Point
 from coastwatch.server.timing import Stopwatch
-from coastwatch.server.writer import Writer
+from coastwatch.server.warm_up import warm_up
+from coastwatch.server.writer import BEHIND, Writer
 from coastwatch.stage import Plan
 from coastwatch.workers import Workers, open_workers, processors
 
@@ -50,6 +51,10 @@ class RunResult:
     cycles: int
     elapsed_s: float
     interrupted: bool
+    contents: tuple[FileContent, ...]  # of the recorded files
+    stop_s: float  # time of the last cycle
+    most_vessels: int  # in one picture
+    most_vessels_s: float  # when
 
 
 def run_scenario(
@@ -74,7 +79,7 @@ def run_scenario(
     """
     started = time.perf_counter()
     seed = scenario.seed if seed is None else seed
-    workers = processors(scenario.workers.count if workers is None else workers)
+    count = scenario.workers.count if workers is None else workers
     database = database or DEFAULT_DATABASE
     report = progress or (lambda done, total, text: None)
     report(0, 1, "reading input")
@@ -83,19 +88,20 @@ def run_scenario(
     with store.open_store(database) as opened:
         if restart:
             store.discard_runs(opened, scenario.name, seed)
-        run_id, point = _begin(opened, scenario, sensors, recording, plan, seed, workers, resume)
+        warm_up(scenario, sensors, partial(report, 0, plan.cycles))
+        run_id, point = _begin(opened, scenario, sensors, recording, plan, seed, processors(count), resume)
         watch = Stopwatch()
-        with open_workers(scenario.workers.method, workers) as opened_workers, _interrupt_as_flag() as interrupted:
+        with open_workers(scenario.workers.method, count) as opened_workers, _interrupt_as_flag() as interrupted:
             try:
-                with Writer[store.Written](watch, scenario.store.overlap and opened.shared) as writer:
+                with Writer[store.Written](watch, scenario.store.overlap and opened.shared, BEHIND) as writer:
                     run = _Run(scenario, sensors, recording, plan, opened, run_id, opened_workers, watch, writer, interrupted)
-                    point, vessels = _run_cycles(run, point, report, on_cycle)
+                    point, vessels, most = _run_cycles(run, point, report, on_cycle)
                 scores = result(point.tally, recording, sensors)
             except BaseException:
-                store.finish_run(opened, run_id, "failed", {}, recording.faults)
+                store.finish_run(opened, run_id, "failed", {}, recording.all_faults())
                 raise
         status = "interrupted" if interrupted.is_set() and point.cycle < plan.cycles else "finished"
-        store.finish_run(opened, run_id, status, scores, recording.faults)
+        store.finish_run(opened, run_id, status, scores, recording.all_faults())
     return RunResult(
         run_id,
         scenario.name,
@@ -104,11 +110,14 @@ def run_scenario(
         scores,
         watch.summary(),
         database,
-        recording.faults,
+        recording.all_faults(),
         vessels,
         point.cycle,
         time.perf_counter() - started,
         status == "interrupted",
+        recording.all_contents(),
+        plan.instant_s(point.cycle - 1),
+        *most,
     )
 
 
@@ -170,24 +179,33 @@ def _loaded_point(saved: bytes, run_id: int) -> Point:
     return point
 
 
-def _run_cycles(run: _Run, point: Point, report: Progress, on_cycle: OnCycle | None) -> tuple[Point, int]:
-    """Run from a point to the end, or to the end of the cycle in progress after an interrupt, with a checkpoint."""
-    vessels = 0
-    while point.cycle < run.plan.cycles and not run.interrupted.is_set():
-        point, cycle, warning = _run_cycle(run, point)
+def _run_cycles(run: _Run, point: Point, report: Progress, on_cycle: OnCycle | None) -> tuple[Point, int, tuple[int, float]]:
+    """Run from a point to the end, or to the end of the cycle in progress after an interrupt, with a checkpoint.
+
+    Returns: the point after it; the vessels of the last picture; the most vessels of a picture, and its time.
+    """
+    vessels, most, stopped = 0, (0, run.plan.start_s), run.interrupted.is_set()
+    while point.cycle < run.plan.cycles and not stopped:
+        point, cycle, warning, stopped = _run_cycle(run, point)
         vessels = len(cycle.picture)
+        most = max(most, (vessels, cycle.time_s), key=lambda found: found[0])
         if on_cycle is not None:
             on_cycle(cycle)
         report(point.cycle, run.plan.cycles, f"{vessels} vessels" + (f"; {warning}" if warning else ""))
         del cycle  # else two cycles are in memory at a time
-    return point, vessels
+    return point, vessels, most
 
 
-def _run_cycle(run: _Run, point: Point) -> tuple[Point, Cycle, str | None]:
-    """One cycle: reports, pipeline, scores, store. Returns the point after it, its yield, and a warning of the store."""
+def _run_cycle(run: _Run, point: Point) -> tuple[Point, Cycle, str | None, bool]:
+    """One cycle: reports, pipeline, scores, store.
+
+    Returns: the point after it, its yield, a warning of the store, and whether it is the last because of an interrupt.
+    """
     scenario, plan, number = run.scenario, run.plan, point.cycle
-    before_s = plan.start_s if number == 0 else plan.instant_s(number - 1)
-    reports = run.recording.reports.between(before_s if number else float("-inf"), plan.instant_s(number))
+    if number == 0:
+        reports = run.recording.of_first_cycle(plan.start_s, plan.instant_s(0))
+    else:
+        reports = run.recording.reports.between(plan.instant_s(number - 1), plan.instant_s(number))
     spots, regions = run.workers
     memory, cycle = pipeline.step(
         scenario, run.sensors, point.memory, reports, plan.instant_s(number), spots, run.watch, regions
@@ -197,15 +215,16 @@ def _run_cycle(run: _Run, point: Point) -> tuple[Point, Cycle, str | None]:
         with run.watch("scores"):
             tally = add(tally, cycle, run.recording, run.sensors)
     after = Point(number + 1, memory, tally)
-    due = number == 0 or (number + 1) % scenario.store.checkpoint_every == 0 or run.interrupted.is_set()
+    stopped = run.interrupted.is_set()  # read once: the last cycle has a checkpoint
+    due = number == 0 or (number + 1) % scenario.store.checkpoint_every == 0 or stopped
     with run.watch("checkpoint"):
-        blob = checkpoint.save(after) if due else None
+        blob = checkpoint.save(replace(after, memory=pipeline.gathered(memory, regions))) if due else None
     before = run.writer.wait()
-    last = after.cycle == plan.cycles or run.interrupted.is_set()
+    last = after.cycle == plan.cycles or stopped
     of_cycle = run.run_id, number, cycle.to_write(), reports, run.watch.so_far(), scenario.store, blob
     run.writer.start(partial(store.write_cycle, run.store, *of_cycle, last=last))
     run.watch.lap()
-    return after, cycle, before.warning if before else None
+    return after, cycle, before.warning if before else None, stopped
 
 
 @contextmanager

@@ -1,8 +1,9 @@
-"""A thread that writes a cycle while the next one is computed. The database releases Python's lock for most of that time."""
+"""A thread that writes cycles while the next ones are computed. The database releases Python's lock for most of that time."""
 
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, Generic, Self, TypeVar
@@ -11,52 +12,64 @@ from coastwatch.server.timing import Stopwatch
 
 T = TypeVar("T")
 STAGE, WAIT = "store", "store_wait"
+BEHIND = 2
+"""Cycles that may be unwritten while the next one is computed: the large pictures come every few cycles and take longer than one."""
 
 
 class Writer(Generic[T]):
     """Runs jobs in order, one at a time. Use it in a `with` block, which ends after the last job.
 
-    Stage `store` of the stopwatch is the time of a job; `store_wait` is how long a cycle waited for the job of the cycle before.
+    Stage `store` of the stopwatch is the time of a job; `store_wait` is how long a cycle waited for jobs of earlier cycles.
     """
 
-    def __init__(self, watch: Stopwatch, overlap: bool) -> None:
-        """Args: overlap: run jobs in a thread; else a job is complete when `start` returns."""
+    def __init__(self, watch: Stopwatch, overlap: bool, behind: int = 0) -> None:
+        """Args: overlap: run jobs in a thread; else a job is complete when `start` returns; behind: see `wait`."""
         self._watch, self._thread = watch, ThreadPoolExecutor(1, "store") if overlap else None
-        self._running: Future[tuple[T, float]] | None = None
+        self._behind, self._failed = behind, False
+        self._jobs: deque[Future[tuple[T, float]]] = deque()
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *failed: Any) -> None:
-        """Waits for the job in progress, so that no cycle is written in part. Its error is dropped if the block raised another."""
+        """Waits for all jobs, so that no cycle is written in part. Their errors are dropped if the block raised another."""
         try:
-            if failed[0] is None:
+            self._behind = 0
+            while failed[0] is None and self._jobs:
                 self.wait()
         finally:
             if self._thread is not None:
                 self._thread.shutdown()
 
     def wait(self) -> T | None:
-        """Wait for the job in progress. Returns its result, None without a job. Raises: the error of the job."""
-        if self._running is None:
+        """Wait while more than `behind` jobs are unfinished. Returns the result of the oldest job that has not been returned, None if
+        it is unfinished. Raises: its error.
+        """
+        if not self._jobs:
             return None
-        running, self._running = self._running, None
+        unfinished = [job for job in self._jobs if not job.done()]
         with self._watch(WAIT):
-            made, seconds = running.result()
+            if len(unfinished) > self._behind:
+                unfinished[-1 - self._behind].exception()  # jobs finish in order
+        if not self._jobs[0].done():
+            return None
+        made, seconds = self._jobs.popleft().result()
         self._watch.late(STAGE, seconds)
         return made
 
     def start(self, job: Callable[[], T]) -> None:
-        """Start a job; `wait` must have returned for the one before. Raises: the error of the job, if it does not run in a thread."""
+        """Start a job after those before it; none is run after one that failed. Raises: its error, if it does not run in a thread."""
         if self._thread is not None:
-            self._running = self._thread.submit(_timed, job)
+            self._jobs.append(self._thread.submit(self._timed, job))
             return
         done: Future[tuple[T, float]] = Future()
-        done.set_result(_timed(job))
-        self._running = done
+        done.set_result(self._timed(job))
+        self._jobs.append(done)
 
-
-def _timed(job: Callable[[], T]) -> tuple[T, float]:
-    started = time.perf_counter()
-    made = job()
-    return made, time.perf_counter() - started
+    def _timed(self, job: Callable[[], T]) -> tuple[T, float]:
+        if self._failed:
+            raise RuntimeError("not run, because a job before it failed")
+        self._failed, started = True, time.perf_counter()
+        made = job()
+        self._failed = False
+        return made, time.perf_counter() - started

@@ -6,8 +6,9 @@ import io
 import json
 import pickle
 import sqlite3
-from contextlib import closing, suppress
-from dataclasses import dataclass
+from collections.abc import Callable
+from contextlib import closing, nullcontext, suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,12 @@ import numpy as np
 import pytest
 from run_world import run, small, url
 
+from coastwatch import pipeline
 from coastwatch.batches import Tracks
 from coastwatch.operators.cli import main
+from coastwatch.scenario import load_scenario
 from coastwatch.server.checkpoint import CheckpointError, load, save
-from coastwatch.stage import NoMemory
+from coastwatch.stage import NoMemory, serial
 from coastwatch.tracks.motion import Filters
 
 RAN: list[str] = []
@@ -143,6 +146,58 @@ def test_a_value_comes_back_to_the_bit(value: object) -> None:
 
 def test_not_a_number_comes_back() -> None:
     assert np.isnan(load(save(float("nan"))))
+
+
+@pytest.fixture(scope="module")
+def memory() -> bytes:
+    """The memory of a run of some cycles."""
+    scenario = load_scenario("context-driven-100", {"cycles": "6", "warmup_s": "0.0", "tracks.plot_origin": "estimated"})
+    sensors, plan = scenario.sensors(), scenario.plan()
+    recording, kept = scenario.input.load(sensors, 1, plan), pipeline.start(scenario, sensors)
+    for cycle in range(plan.cycles):
+        reports = recording.reports.between(plan.instant_s(cycle - 1), plan.instant_s(cycle))
+        kept, _ = pipeline.step(scenario, sensors, kept, reports, plan.instant_s(cycle), serial, lambda _: nullcontext())
+    return save(kept)
+
+
+ROW_NUMBERS: dict[str, Callable[[Any], np.ndarray]] = {
+    "KMeansMemory.spot": lambda m: m.centre.spots.spot,
+    "History.slot": lambda m: m.centre.associations.history.slot,
+    "History.free": lambda m: m.centre.associations.history.free,
+    "History.length": lambda m: m.centre.associations.history.length,
+    "VesselFilters.filter_of_track": lambda m: m.centre.fused_tracks.filter_of_track,
+    "KnownTracks.vessel": lambda m: m.centre.picture.tracks.vessel,
+    "KnownTracks.first_vessel": lambda m: m.centre.picture.tracks.first_vessel,
+    "TrackPairs.ais": lambda m: m.centre.picture.flags.pairs.ais,
+    "TrackPairs.radar": lambda m: m.centre.picture.flags.pairs.radar,
+    "Table.live": lambda m: m.tracks[0].table.live,
+    "Table.free": lambda m: m.tracks[0].table.free,
+    "BearingMemory.sensor": lambda m: m.bearing_tracks.sensor,
+    "Information.radar": lambda m: m.registration.information.radar,
+}
+
+
+@pytest.mark.parametrize("field", ROW_NUMBERS)
+@pytest.mark.parametrize("number", [-2, 10**6])
+def test_a_row_number_out_of_range_is_refused_with_its_field(field: str, number: int, memory: bytes) -> None:
+    crafted = load(memory)
+    column = ROW_NUMBERS[field](crafted)
+    assert len(column)
+    column[len(column) // 2] = number
+    with pytest.raises(CheckpointError, match=f"it is damaged: {field}: got row numbers .*{number}.*, needed"):
+        load(save(crafted))
+
+
+def test_a_column_of_another_length_is_refused(memory: bytes) -> None:
+    kept = load(memory)
+    table = kept.tracks[0].table
+    narrow = replace(kept.tracks[0], table=replace(table, radar_s=table.radar_s[:, :1]))
+    with pytest.raises(CheckpointError, match=r"it is damaged: Table\.radar_s: got 1 radars, needed 2"):
+        load(save(narrow))
+    history = kept.centre.associations.history
+    for crafted in (replace(history, slot=history.slot[1:]), replace(history, length=history.length[1:])):
+        with pytest.raises(CheckpointError, match=r"it is damaged: History\.(slot|length): got \d+ rows, needed \d+"):
+            load(save(crafted))
 
 
 def half_run(path: Path) -> None:

@@ -1,9 +1,11 @@
 """Each command on a real run: a scenario is run once, then looked at in every way the command line offers."""
 
+import contextlib
 import csv
 import io
 import json
 import signal
+import sqlite3
 import time
 from pathlib import Path
 
@@ -13,7 +15,7 @@ from run_world import FinishedRun, Start
 
 from coastwatch import store
 from coastwatch.batches import Flag
-from coastwatch.operators import stored
+from coastwatch.operators import stored, verdict
 from coastwatch.operators.cli import main
 
 PATIENCE_S = 600.0  # a busy machine that compiles the kernels for the first time
@@ -57,8 +59,9 @@ def test_the_picture_is_the_same_in_every_format(
     assert answer(["picture", "--db", url, "--format", "parquet", "--output", str(path)], capsys) == ""
     assert polars.read_parquet(path)["vessel_id"].to_list() == [int(row["vessel_id"]) for row in rows]
     table = answer(["picture", "--db", url], capsys).splitlines()
-    assert len(table) == len(rows) + 2
-    assert table[0].split() == list(stored.SHOWN)
+    assert len(table) == len(rows) + 3
+    assert table[0] == f"run 1 of guanabara, seed 3: {len(rows)} vessels at {rows[0]['time_utc']}"
+    assert table[1].split() == list(stored.MAIN_COLUMNS)
 
 
 def test_the_picture_of_the_past_and_of_a_box(finished_run: FinishedRun, capsys: pytest.CaptureFixture[str]) -> None:
@@ -102,6 +105,93 @@ def test_a_track(finished_run: FinishedRun, capsys: pytest.CaptureFixture[str]) 
     assert "\nhistory" in text
     assert main(["track", "999", "--db", url]) == 1
     assert "999" in capsys.readouterr().err
+
+
+def test_runs_are_listed_deleted_and_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    db = f"sqlite:///{tmp_path / 'x.db'}"
+    for seed in (4, 5, 6):
+        made = ["run", "context-driven-100", "--seed", str(seed), "--db", db, "--json"]
+        answer([*made, *("--set", "input.count=4", "--set", "cycles=2", "--set", "warmup_s=3")], capsys)
+    listed = json.loads(answer(["runs", "--db", db, "--json"], capsys))
+    assert [(run["run"], run["seed"], run["status"], run["cycles_stored"]) for run in listed] == [
+        (3, 6, "finished", 3), (2, 5, "finished", 3), (1, 4, "finished", 3)
+    ]  # fmt: skip
+    assert "f1" in listed[0]["scores"]["associations"]
+    with contextlib.closing(sqlite3.connect(tmp_path / "x.db")) as raw, raw:
+        raw.execute("UPDATE run SET status = 'running', written_utc = '2020-01-01T00:00:00Z', cycles = 9 WHERE id = 2")
+        raw.execute("UPDATE run SET status = 'running' WHERE id = 1")
+    head = answer(["picture", "--db", db, "--run", "2"], capsys).splitlines()[0]
+    assert head.endswith("the run died after cycle 3 of 9")
+    assert [line.split()[4] for line in answer(["runs", "--db", db], capsys).splitlines()[2:]] == [
+        "finished",
+        "died",
+        "running",
+    ]
+    assert main(["runs", "delete", "1", "--db", db]) == 1
+    assert "run 1 is being written" in capsys.readouterr().err
+    assert main(["runs", "delete", "--db", db]) == 2
+    assert main(["runs", "delete", "9", "--db", db]) == 1
+    capsys.readouterr()
+    answer(["runs", "delete", "2", "--db", db], capsys)
+    assert len(answer(["runs", "keep", "0", "--db", db], capsys).splitlines()) == 3
+    assert [run["run"] for run in json.loads(answer(["runs", "--db", db, "--json"], capsys))] == [1]
+
+
+def test_a_figure_that_fell_is_said_with_exit_code_4(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    db = tmp_path / "x.db"
+    line = ["run", "context-driven-100", "--db", f"sqlite:///{db}", "--json", "--compare", "last"]
+    line += [*("--set", "input.count=4", "--set", "cycles=2", "--set", "warmup_s=3")]
+    assert main([*line, "--require", "fused_tracks.position_rmse_m>0"]) == 0
+    assert "there is no earlier good run" in capsys.readouterr().err
+    assert main([*line, "--require", "fused_tracks.position_rmse_m<0", "--require", "nothing.f1>=0.5"]) == 4
+    said = capsys.readouterr().err
+    assert "fused_tracks.position_rmse_m is " in said
+    assert "nothing.f1 was not scored, required >= 0.5" in said
+    with contextlib.closing(sqlite3.connect(db)) as raw, raw:  # the run that fell was better; it is not compared with
+        raw.execute("UPDATE run SET scores = json_set(scores, '$.fused_tracks.position_rmse_m', 1e-6) WHERE id = 2")
+    assert main(line) == 0
+    with contextlib.closing(sqlite3.connect(db)) as raw, raw:
+        raw.execute("UPDATE run SET scores = json_set(scores, '$.fused_tracks.position_rmse_m', 1e-6) WHERE id = 3")
+    capsys.readouterr()
+    assert main(line) == 4
+    assert "fused_tracks.position_rmse_m rose from 1e-06 in run 3 to " in capsys.readouterr().err
+    listed = json.loads(answer(["runs", "--db", f"sqlite:///{db}", "--json"], capsys))
+    assert [len(run["verdict"]) for run in listed] == [1, 0, 2, 0]
+    assert main([*line, "--require", "f1=3"]) == 2
+    assert "got 'f1=3', needed FIGURE>=NUMBER" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("now", "fell"),
+    [
+        ({"f1": 0.949}, []),
+        ({"f1": 0.94}, ["a.f1 fell"]),
+        ({"f1": 1.0}, []),
+        ({}, ["a.f1 was not scored"]),
+        ({"f1": None}, ["a.f1"]),
+    ],
+)
+def test_a_share_may_fall_by_the_tolerance(now: dict[str, float | None], fell: list[str]) -> None:
+    said = verdict.worse_than({"a": now}, 1, {"a": {"f1": 0.95, "tp": 7}}, 0.002)
+    assert len(said) == len(fell)
+    assert all(sentence.startswith(start) for sentence, start in zip(said, fell, strict=True))
+
+
+def test_alarms_of_a_span_and_of_a_vessel(finished_run: FinishedRun, capsys: pytest.CaptureFixture[str]) -> None:
+    url = finished_run.url
+    line = ["query", "alarms", "--db", url, "--format", "csv"]
+    found = list(csv.DictReader(io.StringIO(answer([*line, "--kind", "dark"], capsys))))
+    assert found
+    assert {row["kind"] for row in found} == {"dark"}
+    start = found[-1]["start_utc"]
+    until = list(csv.DictReader(io.StringIO(answer([*line, "--kind", "dark", "--to", start], capsys))))
+    assert {row["start_utc"] for row in until} == {start}
+    of_vessel = json.loads(answer(["track", found[0]["vessel_id"], "--db", url, "--json"], capsys))["events"]
+    assert ("dark", found[0]["start_utc"]) in [(event["kind"], event["start_utc"]) for event in of_vessel]
+    assert main([*line, "--kind", "darc"]) == 2
+    assert "parameter kind: got 'darc', needed one of alarms, dark" in capsys.readouterr().err
+    assert main([*line, "--kind", "dark", "--set", "kind=coasting"]) == 2
+    assert "got --kind dark and --set kind=coasting" in capsys.readouterr().err
 
 
 def test_every_question_has_an_answer(finished_run: FinishedRun, capsys: pytest.CaptureFixture[str]) -> None:

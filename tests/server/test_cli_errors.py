@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from coastwatch.batches import Fault
+from coastwatch.batches import Fault, FileContent
 from coastwatch.operators.cli import main, progress, summary
 
 TIMEOUT_S = 120
@@ -73,6 +73,7 @@ def outcome(**changed: Any) -> Any:
         "timings_s": {"tracks": {"median": 0.003, "p99": 0.004, "total": 0.1, "share": 0.6}},
         "database": "sqlite:///x.db",
         "faults": (Fault("checksum", 3, "a.nmea:17", "!AIVDM,1,1"),),
+        "contents": (FileContent("a.nmea", "AIS reports", 40, 1000.0, 1090.0),),
         "vessels": 12,
         "cycles": 40,
         "elapsed_s": 1.25,
@@ -109,7 +110,12 @@ def test_the_summary_is_for_people() -> None:
         "0.100 %",
     ):
         assert wanted in text
-    for wanted in ("3 x checksum: a.nmea:17", "sqlite:///x.db", "coastwatch plot"):
+    for wanted in (
+        "3 x checksum: a.nmea:17",
+        "a.nmea: 40 AIS reports, 1970-01-01T00:16:40Z to ",
+        "sqlite:///x.db",
+        "coastwatch plot",
+    ):
         assert wanted in text
     assert "nan" not in text
 
@@ -168,16 +174,16 @@ def test_an_error_of_ours_names_its_kind_and_how_to_see_more(
     assert "Traceback" in capsys.readouterr().err
 
 
-def test_progress_without_a_terminal_is_a_line_every_ten_seconds(
+def test_progress_without_a_terminal_is_a_line_soon_and_then_every_ten_seconds(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     clock = iter(np.arange(0.0, 1e3, 4.0))
     monkeypatch.setattr("coastwatch.operators.cli.progress.time.monotonic", lambda: float(next(clock)))
-    with progress.shown() as show:
+    with progress.report_progress() as show:
         for done in range(1, 10):
             show(done, 9, "tracks")
     lines = capsys.readouterr().err.splitlines()
-    assert lines == ["cycle 3 of 9: tracks", "cycle 6 of 9: tracks", "cycle 9 of 9: tracks"]
+    assert lines == ["cycle 1 of 9: tracks", "cycle 4 of 9: tracks", "cycle 7 of 9: tracks"]
 
 
 def test_a_broken_pipe_is_quiet() -> None:

@@ -4,6 +4,7 @@ import csv
 import gzip
 import io
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,10 @@ from coastwatch.geodesy import KNOT_M_S, offset_deg, to_plane
 from coastwatch.operators import recorded
 from coastwatch.operators.cli import main
 from coastwatch.scenario import make_scenario
+from coastwatch.scenario.sites import TrackSource, sensors_of
+from coastwatch.sensors.recorded.ais_validation import AisIntake
+from coastwatch.sensors.recorded.faults import Tally
+from coastwatch.sensors.recorded.target_sentences import target_reports
 
 SEED = 4
 SITE = np.array([-17.0, 179.98])  # the ships cross the antimeridian
@@ -102,6 +107,12 @@ def test_radar_ais_and_bearings_become_two_ships(files: Path, capsys: pytest.Cap
         (["--plots", "plots.csv", RADAR], "when"),
         (["--plots", "plots.csv", RADAR, "--columns", "time=when,mmsi=ship"], "mmsi"),
         (["--ais", "nothing.csv"], "nothing.csv"),
+        (["--plots", "ais.csv", RADAR], "it is a table of decoded AIS (columns mmsi): use --ais"),
+        (["--plots", "tracks.csv", RADAR], "it is a table of finished tracks (columns track_id, sog, cog): use --tracks"),
+        (["--ais", "tracks.csv"], "it is a table of finished tracks (columns track_id, sog, cog): use --tracks"),
+        (["--tracks", "plots.csv"], "it is a table of radar plots (columns range, azimuth): use --plots"),
+        (["--ais", "targets.nmea"], "it holds 3 TTM sentences and no VDM or VDO: use --tracks"),
+        (["--tracks", "untimed.nmea"], "it holds 1 VDM sentences and no TTM or TLL: use --ais"),
         (["--ais", "ais.csv", "--columns", "time=when,mmsi=vessel"], "vessel"),
         (["--ais", "ais.csv", "--columns", "time=when,mmsi=ship", "--period", "0"], "period_s"),
         (["--ais", "ais.csv", "--columns", "time=when,mmsi=ship", "--set", "tracks.gate=x"], "tracks"),
@@ -113,6 +124,11 @@ def test_what_is_wrong_is_named(
     monkeypatch.chdir(files)
     noise = np.random.default_rng([SEED, 2, 0]).bytes(3000)
     contents = {"empty.nmea": b"", "untimed.nmea": SENTENCE.encode(), "random.gz": b"\x1f\x8b" + noise}
+    contents["targets.nmea"] = 3 * b"$RATTM,11,11.4,13.6,T,7.0,20.0,T,0.0,0.0,N,TGT1,T,,100021.00,A*46\n"
+    contents["tracks.csv"] = b"time,track_id,lat,lon,sog,cog\n"
+    if "mmsi=" not in str(arguments):
+        ais = (files / "ais.csv").read_bytes()
+        contents["ais.csv"] = ais.replace(b"ship", b"mmsi")
     for name, content in {**contents, "random.log": noise, "random.parquet": noise}.items():
         (files / name).write_bytes(content)
     assert main(["fuse", *arguments]) == 2
@@ -126,14 +142,14 @@ def test_sentences_are_told_from_tables(tmp_path: Path) -> None:
     plain.write_text(SENTENCE)
     packed.write_bytes(gzip.compress(b"\\s:2573238,c:1733782034*0A\\!BSVDM,1,1,,A,13o4g`00000I2ENRH4g83S0L088C,0*3F\n"))
     table.write_text("time,mmsi,lat,lon\n")
-    assert [recorded.is_nmea(str(p)) for p in (plain, packed, table)] == [True, True, False]
+    assert [recorded.has_sentences(str(p), "ais") for p in (plain, packed, table)] == [True, True, False]
 
 
 def test_other_files_are_another_run(tmp_path: Path) -> None:
     first, second = tmp_path / "one.csv", tmp_path / "two.csv"
     for path in (first, second):
         path.write_text("time,mmsi,lat,lon\n")
-    names = {recorded.document(recorded.Files((str(p),), None, None, {}), {}, 3.0)["name"] for p in (first, second, first)}
+    names = {recorded.document(recorded.Files((str(p),), None, None, (), {}), {}, 3.0)["name"] for p in (first, second, first)}
     assert len(names) == 2
     assert all(len(name) <= 32 for name in names)
 
@@ -143,9 +159,122 @@ def test_the_area_holds_what_the_sensors_cover_across_the_antimeridian() -> None
         {"name": "a", "latitude_deg": -17.0, "longitude_deg": 179.9, "range_nm": 6.0, "rpm": 20.0},
         {"name": "b", "latitude_deg": -17.1, "longitude_deg": -179.9, "range_nm": 6.0, "rpm": 20.0},
     ]
-    files = recorded.Files((), __file__, None, {})
+    files = recorded.Files((), __file__, None, (), {})
     made = recorded.framed(make_scenario(recorded.document(files, {"radars": sensors}, 3.0), "trial", {})).area
     assert abs(made.longitude_deg) == pytest.approx(180.0, abs=1e-3)
     assert made.latitude_deg == pytest.approx(-17.05, abs=1e-3)
     assert made.width_nm == pytest.approx(1.1 * (12.0 + 0.2 * 60.0 * np.cos(np.radians(17.05))), rel=0.01)
     assert made.height_nm == pytest.approx(1.1 * (12.0 + 6.0), rel=0.01)
+
+
+def ttm(number: int, metres: np.ndarray, velocity: np.ndarray, time_s: float, relative_to_deg: float | None = None) -> str:
+    """A sentence of a target, its bearing from the bow if a heading is given."""
+    reach, bearing = np.hypot(*metres) / 1852.0, np.degrees(np.arctan2(*metres)) % 360.0
+    speed, course = np.hypot(*velocity) / KNOT_M_S, np.degrees(np.arctan2(*velocity)) % 360.0
+    form, bearing = ("T", bearing) if relative_to_deg is None else ("R", (bearing - relative_to_deg) % 360.0)
+    body = f"RATTM,{number:02d},{reach:.4f},{bearing:.2f},{form},{speed:.2f},{course:.2f},T,,,N,,T,,,A"
+    return f"{time_s:.1f} {checked(body)}"
+
+
+def checked(body: str) -> str:
+    value = 0
+    for c in body.encode():
+        value ^= c
+    return f"${body}*{value:02X}"
+
+
+def test_finished_tracks_and_ais_become_two_ships(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = ["time,track,lat,lon,ve,vn"]
+    targets = []
+    for step in range(60):
+        time_s = START_S + 3.0 * step
+        at, speed = ships(time_s)
+        place = offset_deg(np.tile(SITE, (2, 1)), at)
+        table += [f"{time_s},{7 + k},{place[k, 0]:.6f},{place[k, 1]:.6f},{speed[k, 0]},{speed[k, 1]}" for k in range(2)]
+        targets += [ttm(k, at[k], speed[k], time_s) for k in range(2)]
+    (files / "tracks.csv").write_text("\n".join(table) + "\n")
+    (files / "targets.nmea").write_text("\n".join(targets) + "\n")
+    url = f"sqlite:///{files / 'x.db'}"
+    line = ["fuse", "--ais", str(files / "ais.csv"), "--columns", "ais.time=when,mmsi=ship", "--db", url, "--json"]
+    given = ["--tracks", str(files / "tracks.csv"), str(files / "targets.nmea"), f"--track-site={SITE[0]},{SITE[1]}"]
+    assert main([*line, *given]) == 0
+    assert json.loads(capsys.readouterr().out)["vessels"] == 2
+    assert main(["picture", "--db", url, "--format", "csv"]) == 0
+    rows = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    assert sorted(row["sources"] for row in rows) == ["tracks,targets", "tracks,targets,ais"]
+    wanted = offset_deg(np.tile(SITE, (2, 1)), ships(START_S + 177.0)[0])
+    for row in rows:
+        gap = to_plane(wanted, np.array([float(row["latitude_deg"]), float(row["longitude_deg"])]))
+        assert np.hypot(*gap.T).min() < POSITION_M
+
+
+def test_bearings_from_the_bow_need_position_and_heading(tmp_path: Path) -> None:
+    at, velocity = np.array([3000.0, 1000.0]), np.array([4.0, -2.0])
+    own = checked("GPGGA,221320.00,1700.0000,S,17958.8000,E,1,8,1.0,1,M,,M,,")
+    lines = [f"{START_S:.1f} {own}", f"{START_S:.1f} {ttm(5, at, velocity, START_S, 30.0)[13:]}"]
+    lines += [f"{START_S + 1:.1f} {checked('HEHDT,30.0,T')}", ttm(5, at, velocity, START_S + 1, 30.0)]
+    lines += [
+        ttm(6, at, velocity, START_S + 2, 30.0).replace(",A*", ",B*"),
+        checked("RATLL,09,1700.0000,S,17958.8000,E,X,221321.00,T,"),
+    ]
+    file = tmp_path / "own.nmea"
+    file.write_text("\n".join(lines) + "\n")
+    sources = sensors_of((), (), (), [TrackSource(name="ship")])
+    tally = Tally()
+    found = target_reports(file, 0, sources.track_sources, math.nan, AisIntake(), tally)
+    assert [f.kind for f in tally.faults()] == ["no position or heading of own ship", "checksum", "time missing"]
+    assert found.number.tolist() == [5]
+    np.testing.assert_allclose(to_plane(found.position_deg, SITE), [at], atol=30.0)  # 0.01 deg at 3 km, 1e-4 NM
+    np.testing.assert_allclose(found.velocity_m_s, [velocity], atol=0.05)
+
+
+def test_columns_records_and_spans_of_every_file_are_listed(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    url = f"sqlite:///{files / 'x.db'}"
+    text = (files / "plots.csv").read_text().splitlines()
+    (files / "wind.csv").write_text("\n".join([text[0] + ",gust", *(line + ",3.5" for line in text[1:])]) + "\n")
+    given = ["--plots", str(files / "wind.csv"), RADAR, "--ais", str(files / "ais.csv"), "--columns", "time=when,mmsi=ship"]
+    assert main(["fuse", *given, "--db", url]) == 0
+    out = capsys.readouterr().out
+    assert "wind.csv: 120 radar plots, 2023-11-14T22:13:20Z to 2023-11-14T22:16:17Z" in out
+    assert "columns read: time=when, range_m=range, azimuth\n    columns ignored: gust" in out
+    assert "ais.csv: 60 AIS reports, 2023-11-14T22:13:21Z to 2023-11-14T22:16:18Z" in out
+
+
+def test_files_that_do_not_overlap_in_time_are_warned_of_with_both_spans(
+    files: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    late = [line.split(",") for line in (files / "ais.csv").read_text().splitlines()]
+    (files / "late.csv").write_text(
+        "\n".join([",".join(late[0]), *(",".join([f"{float(r[0]) + 1200}", *r[1:]]) for r in late[1:])])
+    )
+    given = ["--plots", str(files / "plots.csv"), RADAR, "--ais", str(files / "late.csv"), "--columns", "time=when,mmsi=ship"]
+    assert main(["fuse", *given, "--db", f"sqlite:///{files / 'x.db'}", "--json"]) == 0
+    found = capsys.readouterr()
+    wanted = (
+        "late.csv and plots.csv do not overlap in time: 2023-11-14T22:33:21Z to 2023-11-14T22:36:18Z, and "
+        "2023-11-14T22:13:20Z to 2023-11-14T22:16:17Z, 0.28 h apart"
+    )
+    assert wanted in found.err
+    assert wanted in json.loads(found.out)["warnings"][0]
+
+
+def test_an_empty_picture_says_why(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = "\n".join(f"{START_S + 3 * k},{1000 + 700 * (k % 5)},{40 * k % 360}" for k in range(20))
+    (files / "clutter.csv").write_text(f"time,range,azimuth\n{rows}\n")
+    url = f"sqlite:///{files / 'x.db'}"
+    assert main(["fuse", "--plots", str(files / "clutter.csv"), RADAR, "--db", url]) == 0
+    assert "warning: 0 vessels from 20 radar plots: no plots of a radar followed one another" in capsys.readouterr().err
+    assert main(["fuse", "--bearings", str(files / "bearings.csv"), CAMERA, "--columns", "time=when", "--db", url]) == 0
+    assert "0 vessels from 120 bearings: bearings alone place no vessel" in capsys.readouterr().err
+
+
+def test_a_radar_that_moves_needs_no_place_of_its_own(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    header, *lines = (files / "plots.csv").read_text().splitlines()
+    rows = [f"{line},{SITE[0]},{SITE[1]}" for line in lines]
+    (files / "moving.csv").write_text("\n".join([f"{header},own_latitude,own_longitude", *rows]) + "\n")
+    given = ["--columns", "time=when", "--db", f"sqlite:///{files / 'x.db'}", "--json"]
+    moves = "--radar=ship,,,12,20,10,0.3"
+    assert main(["fuse", "--plots", str(files / "moving.csv"), moves, *given]) == 0
+    assert json.loads(capsys.readouterr().out)["vessels"] == 2
+    assert main(["fuse", "--plots", str(files / "plots.csv"), moves, *given]) == 2
+    assert "radar 'ship': got no position, needed latitude_deg and longitude_deg, or the columns" in capsys.readouterr().err

@@ -21,6 +21,7 @@ from coastwatch.operators.cli import main, make_parser
 SPAN = ["--bbox=-24,-44,-22,-42", "--from", "2025-06-01T12:00:00Z", "--to", "2025-06-01T12:01:00Z"]
 PAST = ["--at", "2025-06-01T12:00:10Z"]
 READS: dict[str, list[list[str]]] = {
+    "runs": [[], ["--json"], ["keep", "1"]],
     "picture": [[], PAST, ["--bbox=-24,-44,-22,-42"]],
     "track": [[str(number), *more] for number in world.ID_OF.values() for more in ([], ["--json"])],
     "traffic": [SPAN],

@@ -17,7 +17,7 @@ from coastwatch.server.run import run_scenario
 from coastwatch.store import Store, StoreError
 from coastwatch.store.migrate import check
 
-PAGES = 70  # of 16 kB: room for a few cycles and the checkpoint
+PAGES = 85  # of 16 kB: room for a few cycles and the checkpoint
 
 
 @pytest.fixture(scope="module")

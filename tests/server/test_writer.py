@@ -1,9 +1,10 @@
-"""A job runs beside what comes after it, one at a time; what it raises is raised at the next one; its seconds are its own."""
+"""Jobs run beside what comes after them, one at a time, at most `behind` unfinished; errors come later."""
 
 from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 
 import pytest
@@ -33,6 +34,35 @@ def test_jobs_are_done_in_order_and_all_of_them(overlap: bool) -> None:
             assert done == list(range(number))
             writer.start(lambda n=number: done.append(n))  # type: ignore[misc]
     assert done == list(range(20))
+
+
+def test_a_slow_job_delays_only_the_caller_that_is_too_far_ahead() -> None:
+    go, done = threading.Event(), []  # type: ignore[var-annotated]
+    with Writer[int](Stopwatch(), overlap=True, behind=2) as writer:
+        writer.start(lambda: (go.wait(PATIENCE_S), 0)[1])
+        assert writer.wait() is None
+        writer.start(lambda: 1)
+        assert writer.wait() is None
+        writer.start(lambda: 2)
+        threading.Timer(0.05, lambda: (done.append("went"), go.set())).start()
+        assert writer.wait() == 0
+        assert done == ["went"]  # the third job was one too many
+        found = [writer.wait()]
+        while found[-1] != 2:  # at most two are unfinished, so it does not wait for them
+            found.append(writer.wait())
+        assert [value for value in found if value is not None] == [1, 2]
+
+
+def start_all(writer: Writer[None], *jobs: Callable[[], None]) -> None:
+    for job in jobs:
+        writer.start(job)
+
+
+def test_no_job_is_run_after_one_that_failed() -> None:
+    done: list[int] = []
+    with pytest.raises(OSError, match="no room"), Writer[None](Stopwatch(), overlap=True, behind=2) as writer:
+        start_all(writer, fail, lambda: done.append(1))
+    assert done == []
 
 
 def fail() -> None:

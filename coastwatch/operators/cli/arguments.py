@@ -138,7 +138,7 @@ def sensor(names: tuple[str, ...]) -> Callable[[str], dict[str, Any]]:
         if not NEEDED[names] <= len(parts) <= len(names):
             raise argparse.ArgumentTypeError(f"got {text!r}, {len(parts)} values, needed {_form(names)}")
         try:
-            return {names[0]: parts[0], **{n: float(p) for n, p in zip(names[1:], parts[1:], strict=False)}}
+            return {names[0]: parts[0], **{n: float(p) for n, p in zip(names[1:], parts[1:], strict=False) if p}}
         except ValueError as error:
             raise argparse.ArgumentTypeError(f"got {text!r}: {error}; needed {_form(names)}") from None
 

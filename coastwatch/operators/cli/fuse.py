@@ -11,15 +11,16 @@ from coastwatch.scenario import make_scenario
 
 
 def fuse(options: argparse.Namespace) -> int:
-    if not (options.ais or options.plots or options.bearings):
-        raise BadInput("fuse: got no file, needed --ais, --plots or --bearings")
+    if not (options.ais or options.plots or options.bearings or options.tracks):
+        raise BadInput("fuse: got no file, needed --ais, --plots, --bearings or --tracks")
     if options.plots and not options.radar:
         raise BadInput("fuse --plots: got no radar, needed --radar for each radar in the file")
     if options.bearings and not options.sonar:
         raise BadInput("fuse --bearings: got no sensor, needed --sonar for each sensor in the file")
     recorded.check_sensors(options.radar, options.station, options.sonar)
     sensors = {"radars": options.radar, "stations": options.station, "sonars": options.sonar}
-    files = recorded.Files(tuple(options.ais), options.plots, options.bearings, options.columns)
+    files = recorded.Files(tuple(options.ais), options.plots, options.bearings, tuple(options.tracks), options.columns)
+    sensors["track_sources"] = recorded.track_sources(files.tracks, options.track_site)
     document = recorded.document(files, sensors, options.period)
     scenario = make_scenario(document, "coastwatch fuse", dict(options.settings))
     return carry_out(recorded.framed(scenario), options, None)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from importlib.metadata import version
 from typing import Any
 
 from coastwatch.operators.bad_input import BadInput
@@ -28,17 +27,21 @@ from coastwatch.operators.cli.arguments import (
     whole,
     written_as,
 )
+from coastwatch.operators.verdict import requirement
 
+MOVES = "without latitude and longitude (name,,,range_nm,rpm) it moves, and each plot has site_latitude and site_longitude"
 EPILOG = """\
-exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted with Ctrl-C, 141 the reader of the output closed it.
+exit codes: 0 done, 1 failed, 2 bad input, 4 a figure fell, 130 interrupted with Ctrl-C, 141 the reader of the output closed it.
 COASTWATCH_TRACEBACK=1 in the environment prints the traceback of an error.
 All commands, settings and questions: coastwatch/operators/REFERENCE.md"""
 
 
 class _Version(argparse.Action):
-    """Reads the version only when it is asked for: reading package metadata takes longer than parsing."""
+    """Reads the version only when it is asked for: to import what reads package metadata takes longer than parsing."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any, **__: Any) -> None:
+        from importlib.metadata import version
+
         print(f"coastwatch {version('coastwatch')}")
         parser.exit()
 
@@ -65,6 +68,7 @@ def make_parser() -> argparse.ArgumentParser:
         _scenarios,
         _fuse,
         _reproduce,
+        _runs,
         _picture,
         _track,
         _traffic,
@@ -93,6 +97,15 @@ def _run(commands: Any) -> None:
     run.add_argument("--seed", metavar="N", type=whole, help="seed of all randomness (default: the scenario's)")
     add_set(run, "override a setting, value as in TOML: radars.0.rpm=20, tracks.method=imm; repeatable")
     add_running(run)
+    text = "a figure of the scores must be so, e.g. associations.f1>=0.999; repeatable. Exit code 4 and a sentence if it is not"
+    run.add_argument("--require", metavar="FIGURE>=N", action="append", default=[], type=requirement, help=text)
+    text = (
+        "compare scores with the last good run of this scenario and seed in the database: exit code 4 and a sentence for each figure "
+        "that is worse. A run of which a figure fell is not good"
+    )
+    run.add_argument("--compare", choices=("last",), help=text)
+    text = "how much worse a figure may be: shares as they are, errors relative to the last good run (default: 0.002)"
+    run.add_argument("--tolerance", metavar="N", type=float, default=0.002, help=text)
     text = "also write the picture of every cycle as CSV: time (Unix s), track_id, north, east (m), vn, ve (m/s), latitude, longitude"
     run.add_argument("--tracks-csv", metavar="FILE", help=text)
     text = "the point where north and east are 0 (default: the centre of the scenario's area)"
@@ -114,14 +127,21 @@ def _fuse(commands: Any) -> None:
     fuse.add_argument("--ais", metavar="FILE", nargs="+", default=[], help=text)
     fuse.add_argument("--plots", metavar="FILE", help="radar plots: CSV or Parquet with time, radar, range and azimuth")
     fuse.add_argument("--bearings", metavar="FILE", help="bearings: CSV or Parquet with time, sonar and bearing")
+    text = (
+        "finished tracks of other systems, each file a source of its own: CSV or Parquet with time, track, position and velocity, or "
+        "NMEA 0183 with TTM or TLL"
+    )
+    fuse.add_argument("--tracks", metavar="FILE", nargs="+", default=[], help=text)
+    text = "where the radar of TTM sentences stands, if they come without the position of an own ship"
+    fuse.add_argument("--track-site", metavar="LAT,LON", type=position, help=text)
     one: dict[str, Any] = {"action": "append", "default": [], "metavar": "SPEC"}
-    fuse.add_argument("--radar", **one, type=sensor(RADAR), help=f"a radar: {written_as(RADAR)}; repeatable")
+    fuse.add_argument("--radar", **one, type=sensor(RADAR), help=f"a radar: {written_as(RADAR)}; {MOVES}; repeatable")
     text = f"an AIS receiver: {written_as(STATION)}; repeatable; the dark flag needs one"
     fuse.add_argument("--station", **one, type=sensor(STATION), help=text)
     fuse.add_argument("--sonar", **one, type=sensor(SONAR), help=f"a bearing sensor: {written_as(SONAR)}; repeatable")
     text = (
         "names of your columns: time=when,mmsi=ship,sog=speed. A prefix limits one to a kind of table: ais.time=when, plots.time=t, "
-        "bearings.time=t. Usual names need none"
+        "bearings.time=t, tracks.track=nr. Usual names need none"
     )
     fuse.add_argument("--columns", metavar="OURS=YOURS", type=column_names, default={}, help=text)
     fuse.add_argument("--period", metavar="S", type=float, default=3.0, help="seconds of one cycle (default: 3)")
@@ -146,6 +166,18 @@ def _reproduce(commands: Any) -> None:
     reproduce.add_argument("--only", metavar="NAME", nargs="+", default=[], help=text)
 
 
+def _runs(commands: Any) -> None:
+    text = (
+        "The runs of a database, newest first: scenario, seed, version, cycles, status and main scores. `runs delete ID` deletes one, "
+        "`runs keep N` all but the newest N; a run that is being written stays. Status died: it was not ended and writes no more."
+    )
+    runs = _command(commands, "runs", "read:runs", "list or delete runs", text)
+    runs.add_argument("action", metavar="delete|keep", nargs="?", choices=("delete", "keep"), help="what to do (default: list)")
+    runs.add_argument("number", metavar="N", nargs="?", type=whole, help="number of the run to delete, or how many to keep")
+    add_db(runs)
+    runs.add_argument("--json", action="store_true", help="print one JSON list: an object per run with all scores")
+
+
 def _picture(commands: Any) -> None:
     text = (
         "The picture of a run: one row per vessel. Speeds in knots, courses in degrees true, times in UTC, MMSI with nine digits. "
@@ -159,7 +191,7 @@ def _picture(commands: Any) -> None:
 
 
 def _track(commands: Any) -> None:
-    text = "One vessel: its details, its tracks and its history (the newest 20 rows; --json prints all)."
+    text = "One vessel: its details, its alarms, its tracks and its history (the newest 20 rows; --json prints all)."
     track = _command(commands, "track", "read:track", "show one vessel and its history", text)
     track.add_argument("vessel", metavar="ID", type=whole, help="vessel id, as in `coastwatch picture` (not the MMSI)")
     add_db(track)
@@ -228,6 +260,10 @@ def _query(commands: Any) -> None:
     add_db(query)
     add_run(query)
     add_set(query, "a parameter of the question, e.g. --set count=20; repeatable")
+    text = "of question `alarms`: the {}, ISO 8601, e.g. 2026-07-01T12:00:00Z"
+    query.add_argument("--from", metavar="UTC", type=utc, dest="from_s", help=text.format("first instant"))
+    query.add_argument("--to", metavar="UTC", type=utc, dest="to_s", help=text.format("last instant"))
+    query.add_argument("--kind", metavar="KIND", help="of question `alarms`: only these, e.g. dark")
     add_format(query)
 
 

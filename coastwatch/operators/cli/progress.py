@@ -1,4 +1,4 @@
-"""Progress on stderr: a bar on a terminal, otherwise a line every ten seconds."""
+"""Progress on stderr: a bar on a terminal, otherwise a line after two seconds and then every ten."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import lazy_loader
 
 tqdm = lazy_loader.load("tqdm")  # only a terminal has a bar
 
-LINE_EVERY_S = 10.0
+FIRST_LINE_S, LINE_EVERY_S = 2.0, 10.0
 
 
 class Progress(Protocol):
@@ -20,7 +20,7 @@ class Progress(Protocol):
 
 
 @contextmanager
-def shown(unit: str = "cycle") -> Iterator[Progress]:
+def report_progress(unit: str = "cycle") -> Iterator[Progress]:
     """A function (done, total, what) that shows the progress in these units until the block ends."""
     if sys.stderr.isatty():
         bar = _Bar(unit)
@@ -53,7 +53,7 @@ class _Bar:
 class _Lines:
     def __init__(self, unit: str) -> None:
         self._unit = unit
-        self._next_s = time.monotonic() + LINE_EVERY_S
+        self._next_s = time.monotonic() + FIRST_LINE_S
 
     def __call__(self, done: int, total: int, what: str) -> None:
         now_s = time.monotonic()

@@ -8,14 +8,35 @@ import json
 from coastwatch.operators import export, recorded_frames, stored
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.cli.summary import as_plain
+from coastwatch.store import delete_run, keep_runs
 
 NEWEST = 20  # rows of a vessel's tables that `track` prints
 
 
 def picture(options: argparse.Namespace) -> int:
     with stored.opened(options.db) as store:
-        rows = stored.picture(store, stored.run(store, options.run)["id"], options.at, options.bbox)
-    export.write(stored.shown(rows) if options.format == "table" else rows, options.format, options.output)
+        run = stored.run(store, options.run)
+        rows = stored.picture(store, run["id"], options.at, options.bbox)
+    if options.format == "table":
+        export.write(stored.main_columns(rows), "table", options.output, stored.heading(run, rows))
+    else:
+        export.write(rows, options.format, options.output)
+    return 0
+
+
+def runs(options: argparse.Namespace) -> int:
+    if (options.action is None) != (options.number is None):
+        raise BadInput(f"runs: got {options.action}, needed a number too: `runs delete ID`, `runs keep N`")
+    with stored.opened(options.db) as store:
+        if options.action == "delete":
+            delete_run(store, options.number)
+        elif options.action == "keep":
+            keep_runs(store, options.number)
+        rows = stored.runs(store)
+    if options.json:
+        print(json.dumps(as_plain([dict(zip(rows.columns, row, strict=True)) for row in rows.rows]), allow_nan=False))
+    else:
+        export.write(stored.runs_table(rows), "table", None)
     return 0
 
 
@@ -75,6 +96,10 @@ def query(options: argparse.Namespace) -> int:
     parameters = dict(options.settings)
     if options.run is not None and parameters.setdefault("run", str(options.run)) != str(options.run):
         raise BadInput(f"query: got --run {options.run} and --set run={parameters['run']}, needed one of them")
+    asked = {"from_s": ("--from", options.from_s), "to_s": ("--to", options.to_s), "kind": ("--kind", options.kind)}
+    for key, (option, value) in asked.items():
+        if value is not None and parameters.setdefault(key, str(value)) != str(value):
+            raise BadInput(f"query: got {option} {value} and --set {key}={parameters[key]}, needed one of them")
     with stored.opened(options.db) as store:
         rows = stored.answer(store, options.name, parameters)
     export.write(rows, options.format, options.output)

@@ -23,7 +23,7 @@ def reproduce(options: argparse.Namespace) -> int:
         file=sys.stderr,
     )
     try:
-        with progress.shown("run") as show:
+        with progress.report_progress("run") as show:
             running.carry_out(kept, jobs, options.workers, show)
     except KeyboardInterrupt:
         left = len(running.missing(kept, jobs))

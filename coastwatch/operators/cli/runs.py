@@ -7,12 +7,13 @@ import json
 import sys
 from typing import Any
 
-from coastwatch.operators import tracks_csv
-from coastwatch.operators.cli import progress, summary
+from coastwatch import store
+from coastwatch.operators import tracks_csv, verdict
+from coastwatch.operators.cli import inputs, progress, summary
 from coastwatch.scenario import load_scenario, scenario_names
 from coastwatch.server.run import run_scenario
 
-INTERRUPTED = 130
+FELL, INTERRUPTED = 4, 130
 
 
 def run(options: argparse.Namespace) -> int:
@@ -26,7 +27,7 @@ def run(options: argparse.Namespace) -> int:
 
 def carry_out(scenario: Any, options: argparse.Namespace, seed: int | None, on_cycle: Any = None) -> int:
     """Runs a scenario with the options of `arguments.add_running` and prints the result. Returns the exit code."""
-    with progress.shown() as show:
+    with progress.report_progress() as show:
         result = run_scenario(
             scenario,
             seed=seed,
@@ -41,9 +42,32 @@ def carry_out(scenario: Any, options: argparse.Namespace, seed: int | None, on_c
         print(json.dumps(summary.as_object(scenario, result), allow_nan=False))
     else:
         print(summary.as_text(scenario, result))
+    for warning in inputs.warnings(result):
+        print(f"coastwatch: warning: {warning}", file=sys.stderr)
     if result.interrupted:
         print("coastwatch: interrupted after a whole cycle; the same command with --resume continues", file=sys.stderr)
-    return INTERRUPTED if result.interrupted else 0
+        return INTERRUPTED
+    return FELL if fell(result, options) else 0
+
+
+def fell(result: Any, options: argparse.Namespace) -> bool:
+    """Whether a figure of a run is not as `--require` and `--compare` want it; prints and stores a sentence for each."""
+    required, compare = getattr(options, "require", []), getattr(options, "compare", None)
+    if not required and compare is None:
+        return False
+    scores = summary.as_plain(result.scores)
+    said = verdict.below_required(scores, required)
+    with store.open_store(result.database) as opened:
+        if compare is not None:
+            good = store.last_good_run(opened, result.scenario, result.seed, int(result.run_id))
+            if good is None:
+                print("coastwatch: --compare: there is no earlier good run of this scenario and seed", file=sys.stderr)
+            else:
+                said += verdict.worse_than(scores, *good, options.tolerance)
+        store.set_verdict(opened, int(result.run_id), said)
+    for sentence in said:
+        print(f"coastwatch: {sentence}", file=sys.stderr)
+    return bool(said)
 
 
 def scenarios(options: argparse.Namespace) -> int:

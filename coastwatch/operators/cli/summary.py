@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from coastwatch.operators.cli.inputs import contents_as_lines, contents_as_objects, warnings
+
 PERCENT = ("f1", "precision", "recall", "accuracy", "specificity")
 INPUTS = (
     ("ais", "AIS table"),
@@ -13,6 +15,8 @@ INPUTS = (
     ("files", "AIS file"),
     ("plots", "table of plots"),
     ("bearings", "table of bearings"),
+    ("tracks", "table of tracks"),
+    ("track_sentences", "file of targets"),
 )
 COUNTS = ("tp", "fn", "fp", "tn")
 
@@ -33,6 +37,8 @@ def as_object(scenario: Any, result: Any) -> dict[str, Any]:
             "scores": result.scores,
             "timings_s": result.timings_s,
             "faults": [{"kind": f.kind, "count": f.count, "where": f.where, "example": f.example} for f in result.faults],
+            "files": contents_as_objects(result.contents),
+            "warnings": warnings(result),
             "database": result.database,
         }
     )
@@ -59,6 +65,7 @@ def as_text(scenario: Any, result: Any) -> str:
         f"run {result.run_id}: {result.vessels} vessels in the picture after {result.cycles} cycles of {scenario.period_s:g} s, "
         f"computed in {result.elapsed_s:.1f} s",
         f"sources: {_sources(scenario)}",
+        *contents_as_lines(result.contents),
         *_scores(as_plain(result.scores)),
         *_timings(as_plain(result.timings_s), scenario.period_s),
         *_faults(result.faults),

@@ -118,13 +118,13 @@ def _section(folder: Folder) -> Iterator[str]:
         for uri, caption in drawn(kind, folder.of, folder.made):
             yield f'<figure><img alt="{escape(caption)}" src="{uri}"><figcaption>{escape(caption)}</figcaption></figure>'
     yield "<h3>All variants</h3>"
-    shown = _shown(folder)
-    rows = [(_name_of(made), str(len(made.records)), *(_value(made, *column) for column in shown)) for made in folder.made]
-    yield _table(("variant", "runs", *(heading for _, heading, _, _ in shown)), rows)
+    columns = _columns_of(folder)
+    rows = [(_name_of(made), str(len(made.records)), *(_value(made, *column) for column in columns)) for made in folder.made]
+    yield _table(("variant", "runs", *(heading for _, heading, _, _ in columns)), rows)
     yield f"<p class=faint>Raw values of every run and all settings: the JSON beside this page, <code>scenarios.{folder.name}</code>.</p>"
 
 
-def _shown(folder: Folder) -> Sequence[tuple[str, str, str, int]]:
+def _columns_of(folder: Folder) -> Sequence[tuple[str, str, str, int]]:
     if folder.of.picture:
         return COUNTS
     if folder.of.serial:

@@ -1,0 +1,101 @@
+"""What a run took from its files, and what looks wrong about it: in lines for a terminal, and for JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
+from typing import Any
+
+
+def contents_as_lines(contents: Sequence[Any]) -> Iterator[str]:
+    """Each file: records, time span, columns read as ours=the file's, columns ignored."""
+    if contents:
+        yield "files"
+    for file in contents:
+        yield f"  {file.name}: {file.records:,} {file.kind}" + (f", {span_of(file)}" if file.records else "")
+        if file.columns:
+            yield "    columns read: " + ", ".join(our if our == theirs else f"{our}={theirs}" for our, theirs in file.columns)
+        if file.ignored:
+            yield "    columns ignored: " + ", ".join(file.ignored)
+
+
+def contents_as_objects(contents: Sequence[Any]) -> list[dict[str, Any]]:
+    """The same for JSON."""
+    return [
+        {
+            "name": file.name,
+            "kind": file.kind,
+            "records": file.records,
+            "first_s": file.first_s,
+            "last_s": file.last_s,
+            "columns": dict(file.columns),
+            "ignored": list(file.ignored),
+        }
+        for file in contents
+    ]
+
+
+def warnings(result: Any) -> list[str]:
+    """What an operator should check: files that do not overlap in time, and why a picture is empty."""
+    return [*_without_overlap(result.contents), *_empty_picture(result)]
+
+
+def span_of(file: Any) -> str:
+    """From when to when, UTC."""
+    return f"{_utc(file.first_s)} to {_utc(file.last_s)}"
+
+
+def _without_overlap(contents: Sequence[Any]) -> Iterator[str]:
+    """Each file that overlaps no other in time, with the one nearest to it; every pair once."""
+    files = [file for file in contents if file.records]
+    said: set[frozenset[int]] = set()
+    for k, file in enumerate(files):
+        gaps = {i: _gap_s(file, other) for i, other in enumerate(files) if i != k}
+        nearest = min(gaps, key=lambda i: gaps[i], default=k)
+        if gaps and gaps[nearest] > 0.0 and {k, nearest} not in said:
+            said.add(frozenset((k, nearest)))
+            yield (
+                f"{file.name} and {files[nearest].name} do not overlap in time: {span_of(file)}, and {span_of(files[nearest])}, "
+                f"{gaps[nearest] / 3600.0:.2f} h apart; is the time zone of one of them wrong?"
+            )
+
+
+def _gap_s(a: Any, b: Any) -> float:
+    gap: float = max(a.first_s - b.last_s, b.first_s - a.last_s, 0.0)
+    return gap
+
+
+def _empty_picture(result: Any) -> Iterator[str]:
+    """Why the last picture has no vessel. A run of simulated sensors has no files."""
+    if result.vessels or not result.contents:
+        return
+    taken = [file for file in result.contents if file.records]
+    records = ", ".join(f"{file.records:,} {file.kind}" for file in taken) or "0 records"
+    yield f"0 vessels from {records}: {_why_empty(result, taken)}"
+
+
+def _why_empty(result: Any, taken: Sequence[Any]) -> str:
+    if not taken:
+        from coastwatch.sensors.recorded.faults import refused  # commands that read a database do not load the feeds
+
+        refusals = ", ".join(f"{f.count:,} {f.kind} (first at {f.where})" for f in refused(result.faults))
+        return f"every record was refused: {refusals}" if refusals else "the files hold none"
+    newest_s = max(file.last_s for file in taken)
+    if result.most_vessels:
+        return (
+            f"there were up to {result.most_vessels:,} at {_utc(result.most_vessels_s)}; the newest record is of "
+            f"{_utc(newest_s)}, the last cycle of {_utc(result.stop_s)}"
+        )
+    kinds = {file.kind for file in taken}
+    if kinds == {"bearings"}:
+        return "bearings alone place no vessel, they need radar, AIS or tracks"
+    if kinds == {"radar plots"}:
+        return "no plots of a radar followed one another as those of a vessel do: check its position, rpm, range and noise"
+    return "no track was confirmed: check units and times of the columns above, and --period"
+
+
+def _utc(time_s: float) -> str:
+    if not math.isfinite(time_s):
+        return "-"
+    return datetime.fromtimestamp(time_s, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")

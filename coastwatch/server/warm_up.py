@@ -1,0 +1,73 @@
+"""Loads the kernels that a run calls before its first cycle, so that the first cycle takes no longer than the others.
+
+After an installation they are compiled, which takes about a minute; from then on they come from disk (`kernels/jit.py`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+from coastwatch import pipeline
+from coastwatch.batches import Floats, Sensors
+from coastwatch.geodesy import offset_deg
+from coastwatch.scenario import Scenario
+from coastwatch.sensors.simulated.ais import AisTruth
+from coastwatch.sensors.simulated.simulation import Simulated
+from coastwatch.stage import Plan, serial
+
+CYCLES = 8  # tracks are confirmed, associated and fused by then
+START_S = 1.7e9  # any time
+LATE_S = 5.0  # AIS reports come, so that some of them are replayed
+NEAR_M = ((400.0, 300.0), (-900.0, 500.0), (700.0, -1200.0), (-300.0, -600.0))  # of the vessels from a sensor, east and north
+MOST_SENSORS = 6  # round which vessels are put
+
+
+def warm_up(scenario: Scenario, sensors: Sensors, report: Callable[[str], None]) -> None:
+    """Run a few cycles on a few simulated vessels, and forget them.
+
+    Args: report: called with a text before each stage of the first cycle, which takes seconds where kernels are compiled.
+    """
+    places = _places(scenario, sensors)
+    sea = Simulated(
+        area_latitude_deg=scenario.area.latitude_deg,
+        area_longitude_deg=scenario.area.longitude_deg,
+        count=len(places),
+        ais=AisTruth(latency_spread_s=LATE_S),
+        places_deg=tuple((float(lat), float(lon)) for lat, lon in places),
+    )
+    scenario = _with_spots(scenario)
+    plan = Plan(start_s=START_S, period_s=scenario.period_s, cycles=CYCLES)
+    reports, memory, before_s = sea.load(sensors, 0, plan).reports, pipeline.start(scenario, sensors), -np.inf
+    begun: list[str] = []
+
+    @contextmanager
+    def announced(stage: str) -> Iterator[None]:
+        if stage not in begun:
+            begun.append(stage)
+            report(f"preparing kernels, compiled once after an installation (a minute): {stage}, stage {len(begun)}")
+        yield
+
+    for number in range(CYCLES):
+        now_s = plan.instant_s(number)
+        arrived = reports.between(before_s, now_s)
+        memory, _ = pipeline.step(scenario, sensors, memory, arrived, now_s, serial, announced)
+        before_s = now_s
+
+
+def _with_spots(scenario: Scenario) -> Scenario:
+    """The scenario with two spots if many vessels are to come: several spots need scikit-learn, which takes a second to import."""
+    if not isinstance(scenario.input, Simulated) or scenario.input.count <= scenario.spots.tracks_per_spot:
+        return scenario
+    return scenario.model_copy(update={"spots": scenario.spots.model_copy(update={"count": 2})})
+
+
+def _places(scenario: Scenario, sensors: Sensors) -> Floats:
+    """Where the vessels are: round the first sensors of each kind, so that each of them has something to report. (V, 2)"""
+    sites = [part.site_deg[:MOST_SENSORS] for part in (sensors.radars, sensors.stations, sensors.sonars)]
+    site = np.concatenate([*sites, [[scenario.area.latitude_deg, scenario.area.longitude_deg]]])
+    site = site[np.isfinite(site).all(axis=1)]
+    near = np.array(NEAR_M)
+    return offset_deg(np.repeat(site, len(near), axis=0), np.tile(near, (len(site), 1)))

@@ -1,0 +1,193 @@
+"""The files of `ops/`: units and environments fit together, and three nodes of this machine run as three machines would."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from run_world import SEED, Start, column, rows, stored, url
+
+OPS = Path(__file__).parents[2] / "ops"
+RAY = OPS / "ray"
+UNITS = sorted([*OPS.glob("*/*.service"), *OPS.glob("*/*.timer")])
+PROGRAM = "/opt/coastwatch"
+PATIENCE_S = 240.0  # until a node of a busy machine has come up
+HEAD_PORT, FIRST_PORT, FIRST_WORKER_PORT = 36390, 36400, 37000
+
+
+def directives(unit: Path) -> list[tuple[str, str]]:
+    """Each key with its value."""
+    lines = [line for line in unit.read_text("utf-8").splitlines() if line and not line.startswith(("#", "["))]
+    return [(key, value) for key, _, value in (line.partition("=") for line in lines)]
+
+
+def environment(file: Path) -> dict[str, str]:
+    """The variables that systemd reads from a file."""
+    lines = [line for line in file.read_text("utf-8").splitlines() if line and not line.startswith("#")]
+    assert all(re.fullmatch(r"[A-Z_]+=\S+", line) for line in lines), "a value needs no blanks or quotes"
+    return dict(line.split("=", 1) for line in lines)
+
+
+def used(text: str) -> set[str]:
+    """The variables that a text needs: those with a default are not among them."""
+    return {braced or bare for braced, bare in re.findall(r"\$(?:\{([A-Z_]+)\}|([A-Z_]+))", text)}
+
+
+CENTRE, REGION = environment(RAY / "centre.env"), environment(RAY / "region.env")
+
+
+@pytest.mark.parametrize("unit", UNITS, ids=lambda unit: unit.name)
+def test_a_unit_is_valid_and_starts_what_is_installed(unit: Path, tmp_path: Path) -> None:
+    text = unit.read_text("utf-8")
+    for program in re.findall(rf"^ExecStart=({PROGRAM}\S+)", text, re.MULTILINE):
+        name = Path(program).relative_to(PROGRAM)
+        assert (name.parts[0] == "ops" and os.access(OPS.parent / name, os.X_OK)) or str(name) == ".venv/bin/coastwatch"
+    (page,) = set(re.findall(rf"^Documentation=file://{PROGRAM}/(\S+)", text, re.MULTILINE)) or {"ops/README.md"}
+    assert (OPS.parent / page).is_file()
+    if shutil.which("systemd-analyze") is None:
+        pytest.skip("systemd is not installed")
+    for each in UNITS:
+        there = re.sub(rf"{PROGRAM}/\S+(?= )", "/bin/true", each.read_text("utf-8"))
+        (tmp_path / each.name).write_text(there, "utf-8")
+    checked = subprocess.run(
+        ["systemd-analyze", "verify", str(tmp_path / unit.name.replace("@.", "@head."))],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "SYSTEMD_UNIT_PATH": f"{tmp_path}:"},
+    )
+    assert [line for line in checked.stderr.splitlines() if "coastwatch" in line] == []
+
+
+def test_every_variable_of_units_and_script_is_in_the_environment_of_its_machine() -> None:
+    node = used((RAY / "node").read_text("utf-8")) - {"RAY"}
+    assert node == {"NODE_ADDRESS", "NODE_CPUS", "STORE_BYTES", "HEAD_ADDRESS"}
+    assert node <= set(REGION)
+    assert node <= set(CENTRE)
+    centre = dict(directives(RAY / "coastwatch-centre@.service"))
+    run = used(centre["ExecStart"])
+    assert run == {"COASTWATCH_DB", "ACTORS"}
+    assert set(CENTRE) == node | run | {"RAY_ADDRESS"}
+    for unit in RAY.glob("*.service"):
+        given = directives(unit)
+        assert ("EnvironmentFile", "/etc/coastwatch/ray.env") in given
+        assert ("Environment", "RAY_AUTH_MODE=token RAY_AUTH_TOKEN_PATH=/etc/coastwatch/ray.token") in given
+
+
+def test_addresses_ports_and_processors_fit_together() -> None:
+    assert CENTRE["HEAD_ADDRESS"] == REGION["HEAD_ADDRESS"] == CENTRE["NODE_ADDRESS"] != REGION["NODE_ADDRESS"]
+    port = re.search(r"HEAD_PORT:-(\d+)", (RAY / "node").read_text("utf-8"))
+    assert port
+    assert CENTRE["RAY_ADDRESS"] == f"{CENTRE['HEAD_ADDRESS']}:{port[1]}"
+    assert CENTRE["NODE_CPUS"] == "0"
+    assert int(CENTRE["ACTORS"]) == 2 * int(REGION["NODE_CPUS"])
+
+
+def test_the_page_names_every_file_and_port() -> None:
+    page = (RAY / "README.md").read_text("utf-8")
+    assert [
+        file.name for file in RAY.iterdir() if file.name not in page.replace("`README.md`", "") and file.suffix != ".md"
+    ] == []
+    first, worker = (
+        int(found[1])
+        for found in (
+            re.search(rf"{name}:-(\d+)", (RAY / "node").read_text("utf-8")) for name in ("FIRST_PORT", "FIRST_WORKER_PORT")
+        )
+        if found
+    )
+    for ports in (f"| {first}, {first + 1} |", f"| {first + 2} to {first + 5} |", f"| {worker} to {worker + 997} |"):
+        assert ports in page
+
+
+@pytest.fixture
+def three_nodes(tmp_path: Path) -> Iterator[tuple[dict[str, str], dict[str, subprocess.Popen[bytes]]]]:
+    """A centre and two regional machines on this one, by `node` and the environment files with other addresses and ports."""
+    pytest.importorskip("ray", reason="Ray is not installed")
+    token = tmp_path / "ray.token"
+    token.write_text("0123456789abcdef" * 4)
+    begun: dict[str, subprocess.Popen[bytes]] = {}
+    here = {
+        **os.environ,
+        "RAY": str(Path(sys.executable).with_name("ray")),
+        "RAY_AUTH_MODE": "token",
+        "RAY_AUTH_TOKEN_PATH": str(token),
+        "HEAD_PORT": str(HEAD_PORT),
+        "HEAD_ADDRESS": "127.0.0.1",
+        "NODE_ADDRESS": "127.0.0.1",
+        "STORE_BYTES": str(80 * 2**20),
+    }
+    machines = {
+        "centre": (CENTRE, "head", {}),
+        "region-1": (REGION, "worker", {"NODE_CPUS": "1"}),
+        "region-2": (REGION, "worker", {"NODE_CPUS": "1"}),
+    }
+    try:
+        for number, (machine, (given, kind, other)) in enumerate(machines.items()):
+            ports = {"FIRST_PORT": str(FIRST_PORT + 10 * number), "FIRST_WORKER_PORT": str(FIRST_WORKER_PORT + 1000 * number)}
+            begun[machine] = subprocess.Popen(
+                [RAY / "node", kind],
+                env={**given, **here, **ports, **other},
+                stdout=(tmp_path / f"{machine}.log").open("wb"),
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+            wait_until_up(begun[machine], tmp_path / f"{machine}.log")
+        yield {**here, "RAY_ADDRESS": f"127.0.0.1:{HEAD_PORT}"}, begun
+    finally:
+        for process in reversed(begun.values()):
+            process.terminate()
+        for process in begun.values():
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(60.0)
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGKILL)
+
+
+def wait_until_up(node: subprocess.Popen[bytes], log: Path) -> None:
+    """Nodes of one machine must begin one after the other."""
+    until = time.monotonic() + PATIENCE_S
+    while "will now block" not in (said := log.read_text("utf-8", "replace")):
+        assert node.poll() is None, said
+        assert time.monotonic() < until, said
+        time.sleep(0.2)
+
+
+@pytest.mark.slow
+def test_three_machines_of_which_a_regional_one_is_lost_give_the_rows_of_one(
+    three_nodes: tuple[dict[str, str], dict[str, subprocess.Popen[bytes]]], start: Start, tmp_path: Path
+) -> None:
+    variables, nodes = three_nodes
+    radar = '{{name = "{0}", region = "{0}", latitude_deg = {1}, longitude_deg = -43.1, range_nm = 5.0, rpm = 20.0}}'
+    settings = {
+        "radars": f"[{radar.format('north', -23.0)}, {radar.format('south', -23.1)}]",
+        "tracks.plot_origin": "estimated",
+        "input.count": "60",
+        "cycles": "60",
+        "warmup_s": "0.0",
+    }
+    words = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
+    command = ["run", "context-driven-1000", "--seed", str(SEED), *words, "--set"]
+    alone, spread = tmp_path / "alone.db", tmp_path / "spread.db"
+    one = start(*command, "workers.method=threads", "--db", url(alone))
+    _, said = one.communicate(timeout=PATIENCE_S)
+    assert one.returncode == 0, said
+    run = start(*command, "workers.method=ray", "--workers", "2", "--db", url(spread), env=variables)
+    until = time.monotonic() + PATIENCE_S
+    while stored(spread) < 20:
+        assert run.poll() is None, run.communicate()
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    os.killpg(nodes["region-2"].pid, signal.SIGKILL)
+    _, said = run.communicate(timeout=PATIENCE_S)
+    assert run.returncode == 0, said
+    assert column(spread, "SELECT status FROM run") == ["finished"]
+    assert rows(spread) == rows(alone)
+    assert nodes["region-1"].poll() is None

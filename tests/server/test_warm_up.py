@@ -1,0 +1,56 @@
+"""Kernels are loaded before the first cycle, with a word on it, and nothing of it is left in the run."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from coastwatch.kernels.association import polar_pairs
+from coastwatch.kernels.filters import ais_tracker
+from coastwatch.kernels.geometry import radar_plane
+from coastwatch.scenario import load_scenario
+from coastwatch.server.warm_up import _places, _with_spots, warm_up
+
+SCENARIOS = {
+    "context-driven-100": {},
+    "solent": {},
+    "guanabara": {"radars": "[]", "sonars": "[]"},
+}
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_it_runs_on_the_sensors_of_a_scenario_and_names_each_stage(name: str) -> None:
+    scenario = load_scenario(name, SCENARIOS[name])
+    said: list[str] = []
+    warm_up(scenario, scenario.sensors(), said.append)
+    for stage in ("plots", "tracks", "ais_tracks", "associations", "picture", "registration"):
+        assert sum(f": {stage}, stage" in text for text in said) == 1, said
+    assert all("compiled once" in text for text in said)
+
+
+def test_the_kernels_that_take_longest_are_loaded() -> None:
+    scenario = load_scenario("context-driven-100")
+    warm_up(scenario, scenario.sensors(), lambda text: None)
+    for kernel in (
+        radar_plane.to_region,
+        ais_tracker.update,
+        ais_tracker.estimates,
+        ais_tracker.carry_numbers,
+        polar_pairs.near_pairs,
+    ):
+        assert kernel.signatures, kernel.__name__
+
+
+def test_a_sensor_without_a_place_gets_no_vessel() -> None:
+    scenario = load_scenario("context-driven-100")
+    sensors = scenario.sensors()
+    every = len(_places(scenario, sensors))
+    sensors.radars.site_deg[0] = np.nan
+    assert len(_places(scenario, sensors)) == every - 4
+
+
+def test_several_spots_where_many_vessels_are_to_come() -> None:
+    assert _with_spots(load_scenario("context-driven-1000")).spots.count == 2
+    for name in ("context-driven-100", "solent"):
+        scenario = load_scenario(name)
+        assert _with_spots(scenario) is scenario
