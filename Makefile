@@ -11,7 +11,7 @@ export UV_PROJECT_ENVIRONMENT = .venv
 .venv/.ready: pyproject.toml uv.lock
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check "uv==$(UV_VERSION)"
-	@$(BIN)/uv sync --quiet --locked --inexact
+	@$(BIN)/uv sync --quiet --locked --inexact --compile-bytecode
 	@touch $@
 
 # Two short runs, side by side, compile the kernels that runs use: without them every process of the tests would do it.

@@ -28,9 +28,11 @@ KERNELS = "scaling/kernels", "--benchmark-only", "--benchmark-timer=time.process
 TIMEOUT_S = 600.0
 CONDITIONS = (
     "Stages and load: median wall time per cycle. Peers: median processor time per cycle. Kernels: least processor time per row",
-    f"Load: {national.conditions({})}; stages: {SCENARIO} as shipped; peers: default settings of Coastwatch",
+    f"Load: {national.conditions({})}; chain: the coast of scaling.load.chain",
+    f"Stages: {SCENARIO} as shipped; peers: default settings of Coastwatch",
 )
 HEADS = "part", "what", "ours", "of the period", "quality", "beside it", "takes", "quality", "ratio"
+CHAIN_PERIOD_S = 3.0
 STAGE = "stage"  # the part of single stages, which the Markdown table leaves out
 BASELINE, OURS = "test_baseline_", "test_ours"
 
@@ -82,12 +84,33 @@ def cycle_rows(found: dict[str, Any]) -> list[Row]:
     return [*rows, Row("load", f"{size}: peak memory", f"{found['memory_mib']['peak']:.0f} MiB")]
 
 
+def chain_rows(found: dict[str, Any]) -> list[Row]:
+    """Rows of `scaling.load.chain --json`: compute and its largest stages, the whole cycle if it is stored, memory."""
+    size, compute, whole, quality = (
+        f"{found['load']['vessels']:,} vessels",
+        found["compute_s"],
+        found["cycle_s"],
+        found["quality"],
+    )
+    tracks = quality["tracks"]
+    good = f"F1 {100.0 * quality['associations']['f1']:.3f} %, completeness {tracks['completeness']:.4f}"
+    rows = [Row("chain", f"{size}: compute", _ms(compute["median"]), _percent(compute["share_of_period"]), good)]
+    computed = {stage: t["median"] for stage, t in found["stages_s"].items() if t["share"] is not None}
+    rows += [Row(STAGE, f"{size}: {stage}", _ms(s), _percent(s / CHAIN_PERIOD_S)) for stage, s in computed.items()]
+    if found["store"] != "none":
+        what = f"{size}: whole cycle, {found['store']}"
+        written = f"{found['rows_written']:,.0f} rows"
+        rows.append(Row("chain", what, _ms(whole["median"]), _percent(whole["share_of_period"]), written))
+    plots = f"{found['plots']:,.0f} plots a cycle"
+    return [*rows, Row("chain", f"{size}: peak memory", f"{found['memory_mib']['peak']:.0f} MiB", "", plots)]
+
+
 def peer_rows(found: dict[str, Any]) -> list[Row]:
     """Rows of `scaling.peers.run --json`."""
     return [
         Row(
             "peers",
-            f"{r['task']}, {r['tracks']:,} tracks",
+            f"{r['task']}, {r['tracks']:,} {r['size_of']}",
             _ms(1e-3 * r["ours_ms"]),
             "",
             f"{r['figure']} {r['ours_quality']:.2f}",
@@ -120,6 +143,13 @@ PARTS = (
     Part("stages", "scaling.load.stages", (SCENARIO, "--json"), stage_rows),
     Part("load", "scaling.load.cycle", ("--tracks", "10000", "--store", "sqlite:///{folder}/load.db", "--json"), cycle_rows),
     Part("load", "scaling.load.cycle", ("--tracks", "100000", "--store", "sqlite:///{folder}/load.db", "--json"), cycle_rows),
+    Part("chain", "scaling.load.chain", ("--vessels", "16000", "--json"), chain_rows),
+    Part(
+        "chain",
+        "scaling.load.chain",
+        ("--vessels", "100000", "--cycles", "8", "--store", "sqlite:///{folder}/chain.db", "--json"),
+        chain_rows,
+    ),
     Part("peers", "scaling.peers.run", ("--json",), peer_rows),
     Part("kernels", "pytest", (*KERNELS, "--benchmark-json={folder}/kernels.json"), kernel_rows),
 )

@@ -21,7 +21,7 @@ from coastwatch.scenario import load_scenario
 from coastwatch.server.run import run_scenario
 from coastwatch.store.database import reading, writing
 from coastwatch.store.recording import record
-from coastwatch.store.tables import Base
+from coastwatch.store.tables import CYCLE, RECORDING
 
 CYCLES = 6
 
@@ -80,12 +80,12 @@ def times(made: list[tuple[Picture, Members]], folder: str) -> None:
             cycle = {"run_id": run, "number": number, "time_s": float(number), "vessels": len(picture), **empty, **flags}
             begun = time.process_time()
             with writing(kept) as connection:
-                connection.execute(Base.metadata.tables["cycle"].insert(), [cycle])
+                connection.execute(CYCLE.insert(), [cycle])
                 record(connection, run, number, picture, members)
             written = time.process_time()
             store.recorded_at(kept, run, float(number))
             print(f"  written {1e3 * (written - begun):.0f} ms, read {1e3 * (time.process_time() - written):.0f} ms")
-        columns = [column.name for column in Base.metadata.tables["recording"].columns][4:]
+        columns = [column.name for column in RECORDING.columns][4:]
         sizes = ", ".join(f"sum(length({name})) * 1.0 / sum(vessels) AS {name}" for name in columns)
         with reading(kept) as connection:
             row = connection.exec_driver_sql(f"SELECT {sizes} FROM recording").mappings().one()

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from coastwatch.operators.cli.arguments import count
-from coastwatch.operators.cli.progress import shown
 from coastwatch.scores.confusion import Confusion
 from coastwatch.server.machine import date_utc, machine
 from scaling.load import baseline, national
 from scaling.load.options import as_arguments, errors_as_one_line, load_parser
+from scaling.load.progress import report_progress
 from scaling.load.run import CycleResult, Load, run_cycles
 
 PERIOD_S = 3.0
@@ -29,7 +29,7 @@ MIB = 2.0**20
 def run_with_progress(load: Load) -> list[CycleResult]:
     """All cycles of a run, with progress on stderr."""
     out, total = [], load.warmup + load.cycles
-    with shown() as progress:
+    with report_progress() as progress:
         progress(0, total, "building the world")
         for cycle in run_cycles(load):
             out.append(cycle)
@@ -59,11 +59,11 @@ def figures_of(load: Load, cycles: Sequence[CycleResult]) -> dict[str, Any]:
         "tracks": last.tracks,
         "bearing_tracks": last.bearing_tracks,
         "vessels": last.vessels,
-        "stages_s": {stage: _summary([t.stages_s[stage] for t in times]) for stage in times[-1].stages_s},
-        "compute_s": _summary(compute) | {"share_of_period": median(compute) / PERIOD_S},
+        "stages_s": {stage: summary([t.stages_s[stage] for t in times]) for stage in times[-1].stages_s},
+        "compute_s": summary(compute) | {"share_of_period": median(compute) / PERIOD_S},
         "compute_cpu_s": median(t.compute_cpu_s for t in times),
-        "store_cpu_s": _summary([t.store_cpu_s for t in times]) | {"mean": mean(t.store_cpu_s for t in times)},
-        "cycle_s": _summary(whole) | {"mean": mean(whole), "share_of_period": median(whole) / PERIOD_S},
+        "store_cpu_s": summary([t.store_cpu_s for t in times]) | {"mean": mean(t.store_cpu_s for t in times)},
+        "cycle_s": summary(whole) | {"mean": mean(whole), "share_of_period": median(whole) / PERIOD_S},
         "generator_s": median(t.generator_s for t in times),
         "pairs_within_gate": last.pairs_within_gate,
         "rows_written": median(c.rows_written for c in counted),
@@ -72,7 +72,8 @@ def figures_of(load: Load, cycles: Sequence[CycleResult]) -> dict[str, Any]:
     }
 
 
-def _summary(seconds: Sequence[float]) -> dict[str, float]:
+def summary(seconds: Sequence[float]) -> dict[str, float]:
+    """Median, 99th percentile and least of times in seconds."""
     return {"median": median(seconds), "p99": float(np.percentile(seconds, 99)), "least": min(seconds)}
 
 
@@ -89,10 +90,10 @@ def text(figures: dict[str, Any]) -> str:
         *heading(f),
         f"{f['tracks']} tracks and {f['bearing_tracks']} bearings to {f['vessels']} vessels, {load['cycles']} cycles after "
         f"{load['warmup']}, {load['workers']} workers, store {f['store']}",
-        *(_time_line(stage, t) for stage, t in f["stages_s"].items()),
+        *(time_line(stage, t) for stage, t in f["stages_s"].items()),
     ]
     for name in ("compute", "cycle"):
-        lines.append(f"{_time_line(name, f[f'{name}_s'])}   {100 * f[f'{name}_s']['share_of_period']:6.2f} % of the period")
+        lines.append(f"{time_line(name, f[f'{name}_s'])}   {100 * f[f'{name}_s']['share_of_period']:6.2f} % of the period")
     lines[-1] += f", mean {1e3 * f['cycle_s']['mean']:.2f} ms"
     lines.append(
         f"processor time of compute {1e3 * f['compute_cpu_s']:.0f} ms; generator {1e3 * f['generator_s']:.0f} ms, not counted"
@@ -108,7 +109,8 @@ def text(figures: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _time_line(name: str, t: dict[str, float]) -> str:
+def time_line(name: str, t: dict[str, float]) -> str:
+    """A line of a table for people. Args: t: as `summary` returns it."""
     return f"  {name:<22} median {1e3 * t['median']:9.2f} ms   p99 {1e3 * t['p99']:9.2f} ms   least {1e3 * t['least']:9.2f} ms"
 
 

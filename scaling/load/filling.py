@@ -20,7 +20,7 @@ from coastwatch.stage import Plan
 from coastwatch.store import history_rule
 from coastwatch.store.database import writing
 from coastwatch.store.insert import Categorical, NullableId, insert
-from coastwatch.store.tables import Base, Cycle
+from coastwatch.store.tables import CYCLE, MEMBER, MEMBER_HISTORY, PRESENCE, VESSEL, VESSEL_STATIC
 from coastwatch.store.to_rows import vessel_rows
 from coastwatch.store.write_cycle import write_history
 from scaling.load.national import World, build_world, scenario_of
@@ -32,7 +32,6 @@ STRIDE = 4  # cycles between two evaluations of the true motion; positions betwe
 POSITION_M, VELOCITY_M_S, CORRELATION_S = 4.0, 0.15, 20.0  # standard deviations and time constant of the picture's errors
 AIS_SHARE = 0.78  # of vessels have an MMSI
 TOGETHER = 20  # cycles per transaction
-TABLES = Base.metadata.tables
 
 
 @dataclass
@@ -68,7 +67,7 @@ def fill(url: str, points: int, vessels: int, seed: int, say: Callable[[str], No
                 for _ in range(TOGETHER):
                     time_s, picture = next(pictures)
                     held, added = history_rule.extend(held, bound, number, time_s, time_s - world.period_s, picture)
-                    connection.execute(insert_one(Cycle), [_cycle(run_id, number, time_s, len(picture), added)])
+                    connection.execute(insert_one(CYCLE), [_cycle(run_id, number, time_s, len(picture), added)])
                     write_history(connection, run_id, number, added)
                     written, number = written + added.points, number + 1
             if number % (10 * TOGETHER) == 0:
@@ -169,19 +168,19 @@ def _rest(connection: Connection, run_id: int, stays: _Stays, picture: Picture, 
     vessel, first, last, since = (np.concatenate(parts) for parts in zip(*stays.ended, open_, strict=True))
     order = np.argsort(vessel, kind="stable")
     vessel, first, last, since = vessel[order], first[order], last[order], since[order]
-    insert(connection, TABLES["presence"], [run_id, vessel, first, NullableId(last), since])
+    insert(connection, PRESENCE, [run_id, vessel, first, NullableId(last), since])
     row = np.repeat(np.arange(len(vessel)), 1 + (vessel % 5 < 3))
     again = np.append(False, row[1:] == row[:-1])
     source = np.where(again, 2, vessel[row] % 2)
     rows = [vessel[row], source, 10 * vessel[row] + again]
-    insert(connection, TABLES["member_history"], [run_id, *rows, first[row], NullableId(last[row])])
+    insert(connection, MEMBER_HISTORY, [run_id, *rows, first[row], NullableId(last[row])])
     now = last[row] < 0
-    insert(connection, TABLES["member"], [run_id, *(column[now] for column in rows)])
+    insert(connection, MEMBER, [run_id, *(column[now] for column in rows)])
     named = np.unique(picture.mmsi[picture.mmsi >= 0])
     names, signs = (
         Categorical(np.arange(len(named)), [f"{word}{mmsi % 10**6}" for mmsi in named.tolist()]) for word in ("SHIP ", "S")
     )
     size = np.full(len(named), 80.0)
-    insert(connection, TABLES["vessel_static"], [run_id, named, names, signs, NullableId(named % 90), size, size / 6.0, size])
+    insert(connection, VESSEL_STATIC, [run_id, named, names, signs, NullableId(named % 90), size, size / 6.0, size])
     sources = Categorical(picture.vessel_id % 2, ["region-0,ais", "region-1"])
-    insert(connection, TABLES["vessel"], vessel_rows(run_id, picture, sources))
+    insert(connection, VESSEL, vessel_rows(run_id, picture, sources))

@@ -33,7 +33,7 @@ def load_parser(description: str | None) -> argparse.ArgumentParser:
 
 def as_arguments(options: argparse.Namespace, *names: str) -> list[str]:
     """These options, and every `--set`, as arguments of another load command."""
-    out = [part for name in names for part in (f"--{name}", str(getattr(options, name)))]
+    out = [part for name in names for part in (f"--{name}", str(getattr(options, name.replace("-", "_"))))]
     return out + [part for key, value in options.set for part in ("--set", f"{key}={value}")]
 
 

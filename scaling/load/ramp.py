@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from coastwatch.operators.cli.arguments import count
-from coastwatch.operators.cli.progress import shown
-from scaling.load.baseline import CHECKOUT, cycle_figures
+from scaling.load.baseline import CHECKOUT, figures
 from scaling.load.cycle import heading
 from scaling.load.options import as_arguments, errors_as_one_line, load_parser
+from scaling.load.progress import report_progress
 
 FIT_FROM = 10_000  # tracks; at fewer, constant costs dominate
 COSTS = ("compute_s", "compute_cpu_s")
@@ -82,10 +82,10 @@ def main() -> None:
         parser.error(f"--from, --to: got {options.first} and {options.last}, needed the first below the last")
     arguments = as_arguments(options, "cycles", "warmup", "workers", "store", "seed")
     wanted, runs = sizes(options.first, options.last, options.a_decade), []
-    with errors_as_one_line(), shown("size") as progress:
+    with errors_as_one_line(), report_progress("size") as progress:
         for k, tracks in enumerate(wanted):
             progress(k, len(wanted), f"{tracks} tracks")
-            runs.append(cycle_figures(CHECKOUT, ["--tracks", str(tracks), *arguments]))
+            runs.append(figures(CHECKOUT, ["--tracks", str(tracks), *arguments]))
     fitted = exponents(runs)
     print(json.dumps({"sizes": runs, **fitted}) if options.json else text(runs, fitted))
 

@@ -31,7 +31,7 @@ from coastwatch.scenario import Scenario
 from coastwatch.scores.confusion import Confusion, bearing_association, decisions
 from coastwatch.server.run import version
 from coastwatch.server.timing import Stopwatch
-from coastwatch.server.writer import STAGE, WAIT, Writer
+from coastwatch.server.writer import BEHIND, STAGE, WAIT, Writer
 from coastwatch.stage import Plan
 from coastwatch.workers import open_workers
 from scaling.load import national
@@ -65,8 +65,8 @@ class Load:
 class CycleTimes:
     """Times of one cycle, seconds."""
 
-    stages_s: Mapping[str, float]  # wall time of each stage; `store` is the writing of the previous cycle, in parallel
-    cycle_s: float  # wall time until this cycle is computed and the previous one is written: the shortest sustainable period
+    stages_s: Mapping[str, float]  # wall time of each stage; `store` is the write that ended in this cycle, in parallel
+    cycle_s: float  # wall time of this cycle, or of the write that ended in it if longer: the shortest sustainable period
     compute_cpu_s: float  # of all processes, all stages but the store; without parallel stages it includes the writer thread
     store_cpu_s: float  # of the thread that wrote the previous cycle, 0 if none
     generator_s: float  # wall time to make the input, not part of the cycle
@@ -132,10 +132,11 @@ class RunDatabase:
         finally:
             self._store.close()
 
-    def write(self, number: int, cycle: Cycle, statics: AisStatics, stages_s: Mapping[str, float]) -> store.Written:
-        """Write one cycle; returns the number of rows and a warning. Args: stages_s: wall time of each stage."""
-        reports = Reports(RadarReports.empty(), AisReports.empty(), statics, BearingReports.empty())
-        return store.write_cycle(self._store, self._run_id, number, cycle, reports, stages_s, self._scenario.store)
+    def write(
+        self, number: int, cycle: Cycle, reports: Reports, stages_s: Mapping[str, float], blob: bytes | None = None
+    ) -> store.Written:
+        """Write one cycle; returns the number of rows and a warning. Args: stages_s: wall time of each stage; blob: a checkpoint."""
+        return store.write_cycle(self._store, self._run_id, number, cycle, reports, stages_s, self._scenario.store, blob)
 
 
 def run_cycles(load: Load) -> Iterator[CycleResult]:
@@ -152,12 +153,12 @@ def run_cycles(load: Load) -> Iterator[CycleResult]:
         workers = stack.enter_context(open_workers(scenario.workers.method, load.workers))
         database = stack.enter_context(_open_database(load, world, scenario, sensors))
         in_thread = scenario.store.overlap and (database is None or database.shared)
-        writer = stack.enter_context(Writer[tuple[store.Written, float]](watch, in_thread))
+        writer = stack.enter_context(Writer[tuple[store.Written, float]](watch, in_thread, BEHIND))
         job = None
         for number in range(count):
             begun = time.perf_counter()
             state, received = national.next_cycle(world, state, sensors)
-            statics, given = received.statics, [received]
+            sent, given = _statics_alone(received.statics), [received]
             del received  # otherwise the tracks as received would stay in memory beside the aligned ones
             generator_s, cpu_s, begun = time.perf_counter() - begun, processor_s(), time.perf_counter()
             if job is not None:
@@ -165,8 +166,8 @@ def run_cycles(load: Load) -> Iterator[CycleResult]:
             memory, cycle = pipeline.fuse(scenario, sensors, memory, given.pop(), world.time_s(number), workers.spots, watch)
             cpu_s = processor_s() - cpu_s
             written, store_cpu_s = writer.wait() or (store.Written(0, None), 0.0)
-            cycle_s = time.perf_counter() - begun
             stages_s = {**watch.so_far(), **watch.lap()}
+            cycle_s = max(time.perf_counter() - begun, stages_s.get(STAGE, 0.0))
             times = CycleTimes(stages_s, cycle_s, cpu_s, store_cpu_s, generator_s)
             warm, last = number >= load.warmup, number == count - 1
             yield CycleResult(
@@ -181,7 +182,7 @@ def run_cycles(load: Load) -> Iterator[CycleResult]:
                 pairs_within_gate(cycle.tracks, scenario.associations.gate_m) if last else 0,
                 decision_counts(world, cycle, sensors.source_kinds) if warm and load.score else {},
             )
-            job = partial(_timed, partial(database.write, number, cycle.to_write(), statics, stages_s)) if database else None
+            job = partial(timed, partial(database.write, number, cycle.to_write(), sent, stages_s)) if database else None
             del cycle  # otherwise it would stay in memory while the next one is made
         if job is not None:
             writer.start(job)
@@ -196,7 +197,12 @@ def _open_database(
     return RunDatabase(load.store, scenario, sensors, plan, load.workers)
 
 
-def _timed(write: Callable[[], store.Written]) -> tuple[store.Written, float]:
+def _statics_alone(statics: AisStatics) -> Reports:
+    """The reports of a cycle for the store: the high-level centre receives no others."""
+    return Reports(RadarReports.empty(), AisReports.empty(), statics, BearingReports.empty())
+
+
+def timed(write: Callable[[], store.Written]) -> tuple[store.Written, float]:
     """What writing a cycle returned, and the processor seconds of this thread."""
     begun = time.thread_time()
     return write(), time.thread_time() - begun

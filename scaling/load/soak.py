@@ -20,7 +20,7 @@ import numpy as np
 from sqlalchemy import make_url
 
 from coastwatch.operators.cli.arguments import count
-from coastwatch.operators.cli.progress import shown
+from coastwatch.operators.cli.progress import report_progress
 from coastwatch.server.machine import date_utc, machine
 from coastwatch.server.writer import STAGE
 from scaling.load import national
@@ -84,7 +84,7 @@ def soak(load: Load, paced: bool) -> tuple[list[dict[str, float]], dict[str, flo
     answers: dict[str, float] = {}
     cycles: list[CycleResult] = []
     wal: list[int] = []
-    with ExitStack() as stack, shown("minute") as progress:
+    with ExitStack() as stack, report_progress("minute") as progress:
         begun = time.monotonic()
         for cycle in run_cycles(load):
             if cycle.number == 0:

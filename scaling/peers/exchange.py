@@ -49,8 +49,33 @@ class TrackHistory:
 
 
 @dataclass(frozen=True, eq=False)
+class PlotHistory:
+    """M plots of R radars over T cycles in one plane, and the truth of V vessels, which is for scores alone."""
+
+    time_s: Floats  # (T,) ends of the cycles
+    measured: int  # cycles at the end that are timed and scored; tracks begin in the ones before
+    cycle: Ints  # (M,) in which the plot arrives, not decreasing
+    radar: Ints  # (M,)
+    plot_time_s: Floats  # (M,) when the beam passed
+    range_m: Floats  # (M,)
+    azimuth_rad: Floats  # (M,)
+    position_m: Floats  # (M, 2) east, north
+    covariance: Floats  # (M, 2, 2)
+    site_m: Floats  # (R, 2)
+    reach_m: Floats  # (R,) range of each radar
+    true_position_m: Floats  # (T, V, 2)
+    true_velocity_m_s: Floats  # (T, V, 2)
+    settings: Mapping[str, Any]  # of the input
+
+    @property
+    def first(self) -> int:
+        """The first measured cycle."""
+        return len(self.time_s) - self.measured
+
+
+@dataclass(frozen=True, eq=False)
 class TaskResult:
-    """Times and output of a task: pairs, or positions and velocities, or spots."""
+    """Times and output of a task: pairs, or positions and velocities, or spots, or tracks."""
 
     wall_s: Floats  # per cycle: of each measured one, or one mean of all
     cpu_s: Floats  # the same, of all threads
@@ -62,16 +87,23 @@ class TaskResult:
     position_m: Floats = field(default_factory=lambda: np.zeros((0, 0, 2)))  # (C, V, 2) of each vessel at each measured cycle
     velocity_m_s: Floats = field(default_factory=lambda: np.zeros((0, 0, 2)))
     spot: Ints = field(default_factory=lambda: np.zeros(0, np.int64))  # (N,) of each track at the last cycle
+    # (A, 6) cycle, number of the track, its position and velocity at the end of the cycle
+    tracks: Floats = field(default_factory=lambda: np.zeros((0, 6)))
 
 
-def save(path: Path, record: TrackHistory | TaskResult) -> None:
+def input_of(task: str) -> type[TrackHistory] | type[PlotHistory]:
+    """What a task reads. A task is a kind of task, or a kind and a variant: `association_batched`."""
+    return PlotHistory if task.partition("_")[0] == "tracking" else TrackHistory
+
+
+def save(path: Path, record: TrackHistory | PlotHistory | TaskResult) -> None:
     """Write an npz file; fields that are no arrays are stored as JSON text."""
     values = {f.name: getattr(record, f.name) for f in fields(record)}
     np.savez(path, **{k: v if isinstance(v, np.ndarray) else np.array(json.dumps(v)) for k, v in values.items()})
 
 
 def load(path: Path, kind: type[Any]) -> Any:
-    """The TrackHistory or TaskResult in a file. Raises: KeyError: the file lacks one of its arrays."""
+    """The record of this kind in a file. Raises: KeyError: the file lacks one of its arrays."""
     with np.load(path) as file:
         return kind(**{f.name: _value(file[f.name]) for f in fields(kind)})
 
@@ -100,7 +132,8 @@ class Stopwatch:
         return TaskResult(np.array(self.wall_s), np.array(self.cpu_s), {p: version(p) for p in packages}, **rest)
 
 
-Task = Callable[[TrackHistory, Stopwatch], TaskResult]
+Task = Callable[[Any, Stopwatch], TaskResult]
+"""A task takes the record of its input, a TrackHistory or a PlotHistory."""
 
 
 def run_adapter(tasks: Mapping[str, Task]) -> None:
@@ -108,4 +141,4 @@ def run_adapter(tasks: Mapping[str, Task]) -> None:
     if len(sys.argv) != 4 or sys.argv[1] not in tasks:
         raise SystemExit(f"got {sys.argv[1:]}, needed a task of {sorted(tasks)}, the input file and the result file")
     task, source, target = sys.argv[1:]
-    save(Path(target), tasks[task](load(Path(source), TrackHistory), Stopwatch()))
+    save(Path(target), tasks[task](load(Path(source), input_of(task)), Stopwatch()))

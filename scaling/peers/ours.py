@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from coastwatch.associations import WindowedCovariance
-from coastwatch.batches import Associations, Measurements, SourceKind, Tracks
+from coastwatch.batches import Associations, Measurements, Plots, SourceKind, Tracks
 from coastwatch.fused_tracks import Convex, ImmOfTracks
 from coastwatch.geodesy import to_plane
 from coastwatch.spots import KMeansSpots
+from coastwatch.tracks import FilterpyImm, SidedImm
 from coastwatch.workers import open_workers
-from scaling.peers.exchange import AIS, RADAR, Floats, Stopwatch, Task, TaskResult, TrackHistory, run_adapter
+from scaling.peers.exchange import AIS, RADAR, Floats, PlotHistory, Stopwatch, Task, TaskResult, TrackHistory, run_adapter
 from scaling.peers.input import ORIGIN_DEG
+from scaling.peers.plots import plot_radars
 
 KINDS = np.array([SourceKind.RADAR, SourceKind.AIS], np.int64)
 
@@ -94,7 +96,50 @@ def spots(history: TrackHistory, watch: Stopwatch) -> TaskResult:
     return watch.result(("coastwatch",), unit="track", units=len(history.track_id), spot=found.spot)
 
 
-TASKS: dict[str, Task] = {"association": association, "imm": imm, "fusion": fusion, "spots": spots}
+def tracking(history: PlotHistory, watch: Stopwatch) -> TaskResult:
+    """Radar tracks by `SidedImm` with default settings."""
+    return track(history, watch, SidedImm())
+
+
+def track(history: PlotHistory, watch: Stopwatch, method: SidedImm | FilterpyImm) -> TaskResult:
+    """Confirmed radar tracks at the end of each measured cycle."""
+    sensors, memory, found = plot_radars(history.settings), method.init(), [np.zeros((0, 6))]
+    for cycle, now_s in enumerate(history.time_s.tolist()):
+        plots, timed = _plots(history, cycle), cycle >= history.first
+        with (watch if timed else Stopwatch()).lap():
+            memory, tracks, _ = method.step(memory, plots, now_s, sensors, 0)  # type: ignore[arg-type]
+        if timed:
+            number = np.column_stack([np.full(len(tracks), cycle), tracks.track_id])
+            found.append(np.column_stack([number, to_plane(tracks.position_deg, ORIGIN_DEG), tracks.velocity_m_s]))
+    plots_each = round((history.cycle >= history.first).sum() / history.measured)
+    packages = ("coastwatch", "filterpy") if isinstance(method, FilterpyImm) else ("coastwatch",)
+    return watch.result(packages, unit="plot", units=plots_each, tracks=np.concatenate(found))
+
+
+def _plots(history: PlotHistory, cycle: int) -> Plots:
+    """The plots of one cycle; of their vessels the tracker knows nothing."""
+    lo, hi = np.searchsorted(history.cycle, [cycle, cycle + 1])
+    mine, none = slice(lo, hi), np.full(hi - lo, -1)
+    return Plots(
+        sensor=history.radar[mine],
+        region=np.zeros(hi - lo, np.int64),
+        time_s=history.plot_time_s[mine],
+        position_m=history.position_m[mine],
+        covariance=history.covariance[mine],
+        site_m=history.site_m[history.radar[mine]],
+        range_m=history.range_m[mine],
+        azimuth_rad=history.azimuth_rad[mine],
+        origin=none,
+    )
+
+
+TASKS: dict[str, Task] = {
+    "association": association,
+    "imm": imm,
+    "fusion": fusion,
+    "spots": spots,
+    "tracking": tracking,
+}
 
 if __name__ == "__main__":
     run_adapter(TASKS)

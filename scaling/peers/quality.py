@@ -1,15 +1,23 @@
-"""Quality of a task's result: association F1, position error, compactness of spots."""
+"""Quality of a task's result: association F1, position error, compactness of spots, completeness of tracks."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
 from coastwatch.scores.confusion import Confusion, count_decisions
-from scaling.peers.exchange import RADAR, Ints, TaskResult, TrackHistory
+from coastwatch.scores.gospa import gospa
+from scaling.peers.exchange import RADAR, Ints, PlotHistory, TaskResult, TrackHistory
+from scaling.peers.plots import in_cover
+
+CUTOFF_M = 100.0  # of GOSPA of tracks: twice the largest cross-range error of one plot
 
 
-def quality(kind: str, history: TrackHistory, result: TaskResult) -> tuple[str, float]:
-    """Name and value of the quality figure. Args: kind: a task of `scaling.peers.ours`."""
+def quality(kind: str, history: Any, result: TaskResult) -> tuple[str, float]:
+    """Name and value of the quality figure. Args: kind: a task of `scaling.peers.ours`; history: its input."""
+    if kind == "tracking":
+        return "GOSPA m a vessel", track_figures(history, result)["gospa_m"]
     if kind == "association":
         return "F1 %", 100.0 * float(decisions(history, result.pairs).as_dict()["f1"])
     if kind == "spots":
@@ -35,6 +43,28 @@ def position_rmse_m(history: TrackHistory, result: TaskResult) -> float:
     both = np.bincount(history.vessel) > 1
     error = (result.position_m - history.true_position_m[history.first :])[:, both]
     return float(np.sqrt((error**2).sum(axis=2).mean()))
+
+
+def track_figures(history: PlotHistory, result: TaskResult) -> dict[str, float]:
+    """Confirmed tracks against the vessels in cover, over the measured cycles, by the assignment of GOSPA.
+
+    Returns: completeness, the share of vessels with a track within `CUTOFF_M`; false tracks a cycle; position RMSE of the
+    assigned tracks; GOSPA, the root of its mean square per vessel.
+    """
+    vessels = assigned = false = 0
+    squares_m2 = gospa_m2 = 0.0
+    for cycle in range(history.first, len(history.time_s)):
+        mine = result.tracks[result.tracks[:, 0] == cycle, 2:4]
+        found, true = (p[in_cover(history, p)] for p in (mine, history.true_position_m[cycle]))
+        made = gospa(found, true, CUTOFF_M, 2.0)
+        vessels, assigned, false = vessels + len(true), assigned + made.assigned_count, false + made.false_count
+        squares_m2, gospa_m2 = squares_m2 + made.localisation, gospa_m2 + made.total_m**2
+    return {
+        "completeness": assigned / vessels,
+        "false_tracks": false / history.measured,
+        "rmse_m": float(np.sqrt(squares_m2 / max(assigned, 1))),
+        "gospa_m": float(np.sqrt(gospa_m2 / vessels)),
+    }
 
 
 def rms_to_centre_m(history: TrackHistory, spot: Ints) -> float:

@@ -1,4 +1,4 @@
-"""Times and quality of Coastwatch and its peers on the same tracks: `python -m scaling.peers.run [--peer NAME] [--size N] [--json]`."""
+"""Times and quality of Coastwatch and its peers on the same input: `python -m scaling.peers.run [--peer NAME] [--size N] [--json]`."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ import numpy as np
 
 from coastwatch.server.machine import date_utc, machine
 from scaling.peers.environment import peers, prepare, run_command
-from scaling.peers.exchange import TaskResult, TrackHistory, load, save
+from scaling.peers.exchange import PlotHistory, TaskResult, TrackHistory, input_of, load, save
 from scaling.peers.input import make_history
-from scaling.peers.quality import quality
+from scaling.peers.plots import make_plots
+from scaling.peers.quality import quality, track_figures
 
 
 class Comparison(NamedTuple):
@@ -25,12 +26,16 @@ class Comparison(NamedTuple):
 
     peer: str
     task: str
-    tracks: int
+    tracks: int  # of the input; vessels, where the input is plots
     cycles: int
     measured: int
+    product: bool = False  # the peer is a method of Coastwatch with the peer inside: `method.py`, in the project's environment
 
 
 COMPARISONS = (
+    Comparison("stonesoup", "tracking", 100, 20, 6),
+    Comparison("stonesoup", "tracking_jpda", 100, 20, 6),
+    Comparison("filterpy", "tracking", 100, 20, 6, product=True),
     Comparison("stonesoup", "association", 200, 40, 20),
     Comparison("filterpy", "imm", 600, 20, 10),
     Comparison("scipy", "association", 10_000, 25, 5),
@@ -39,8 +44,11 @@ COMPARISONS = (
     Comparison("scipy", "fusion", 100_000, 6, 5),
     Comparison("scipy", "spots", 100_000, 7, 5),
 )
-SETTINGS = "ours: default settings of KMeansSpots, WindowedCovariance, ImmOfTracks (imm) and Convex (fusion); one thread"
-HEADS = "peer", "task", "tracks", "peer, ms", "ours, ms", "ratio", "peer us each", "of", "figure", "peer", "ours"
+SETTINGS = (
+    "ours: default settings of SidedImm (tracking), KMeansSpots, WindowedCovariance, ImmOfTracks (imm) and Convex (fusion); "
+    "one thread"
+)
+HEADS = "peer", "task", "size", "peer, ms", "ours, ms", "ratio", "peer us each", "of", "figure", "peer", "ours"
 WIDTHS = 10, 20, 8, 10, 9, 8, 13, 32, 16, 8, 8
 LEFT = {0, 1, 7, 8}
 
@@ -53,13 +61,14 @@ class SharedInput(NamedTuple):
     """An input and the result of Coastwatch, shared by all comparisons on this input."""
 
     folder: Path
-    history: TrackHistory
+    history: TrackHistory | PlotHistory
     ours: TaskResult
 
 
 def prepare_input(wanted: Comparison, seed: int, folder: Path) -> SharedInput:
     """The input of a comparison, and the result of Coastwatch from a process of its own. Raises: AdapterError."""
-    history = make_history(wanted.tracks, wanted.cycles, wanted.measured, seed)
+    make = make_plots if input_of(wanted.task) is PlotHistory else make_history
+    history = make(wanted.tracks, wanted.cycles, wanted.measured, seed)
     save(folder / "input.npz", history)
     return SharedInput(folder, history, _run_adapter(Path(sys.executable), "scaling.peers.ours", kind_of(wanted.task), folder))
 
@@ -71,7 +80,8 @@ def kind_of(task: str) -> str:
 
 def compare(wanted: Comparison, python: Path, shared: SharedInput, clock: str) -> dict[str, Any]:
     """One row of the table: the peer in a process of its own, and Coastwatch on the same file. Raises: AdapterError."""
-    theirs = _run_adapter(python, f"scaling.peers.{wanted.peer}.adapter", wanted.task, shared.folder)
+    module = "method" if wanted.product else "adapter"
+    theirs = _run_adapter(python, f"scaling.peers.{wanted.peer}.{module}", wanted.task, shared.folder)
     figure, their_value = quality(kind_of(wanted.task), shared.history, theirs)
     theirs_s, ours_s = (float(np.median(getattr(a, f"{clock}_s"))) for a in (theirs, shared.ours))
     return {
@@ -85,7 +95,17 @@ def compare(wanted: Comparison, python: Path, shared: SharedInput, clock: str) -
         "figure": figure,
         "peer_quality": their_value,
         "ours_quality": quality(kind_of(wanted.task), shared.history, shared.ours)[1],
+        "size_of": "tracks",
+        **_of_tracks(shared, theirs),
     }
+
+
+def _of_tracks(shared: SharedInput, theirs: TaskResult) -> dict[str, Any]:
+    """More figures of both, where the input is plots."""
+    if not isinstance(shared.history, PlotHistory):
+        return {}
+    peer, ours = (track_figures(shared.history, made) for made in (theirs, shared.ours))
+    return {"size_of": "vessels", "peer_figures": peer, "ours_figures": ours}
 
 
 def _run_adapter(python: Path, module: str, task: str, folder: Path) -> TaskResult:
@@ -98,17 +118,18 @@ def _run_adapter(python: Path, module: str, task: str, folder: Path) -> TaskResu
 
 def run(comparisons: Sequence[Comparison], seed: int, clock: str) -> dict[str, Any]:
     """All rows of the table, a message for each environment, and one for each peer or task that could not run."""
-    environments = {peer: prepare(peer) for peer in dict.fromkeys(c.peer for c in comparisons)}
+    environments = {peer: prepare(peer) for peer in dict.fromkeys(c.peer for c in comparisons if not c.product)}
     missing = [e.message for e in environments.values() if e.python is None]
     rows: list[dict[str, Any]] = []
-    possible = [c for c in comparisons if environments[c.peer].python is not None]
+    pythons = {c: Path(sys.executable) if c.product else environments[c.peer].python for c in comparisons}
+    possible = [c for c in comparisons if pythons[c] is not None]
     for _, group in groupby(possible, lambda c: (kind_of(c.task), c.tracks, c.cycles, c.measured)):
         with tempfile.TemporaryDirectory() as folder:
             shared = None
             for wanted in group:
                 try:
                     shared = shared or prepare_input(wanted, seed, Path(folder))
-                    rows.append(compare(wanted, environments[wanted.peer].python or Path(), shared, clock))
+                    rows.append(compare(wanted, pythons[wanted] or Path(), shared, clock))
                 except AdapterError as error:
                     missing.append(str(error))
     return {
@@ -137,7 +158,15 @@ def table(result: dict[str, Any]) -> list[str]:
         times = f"{r['peer_ms']:.2f}", f"{r['ours_ms']:.2f}", _figures(r["ratio"]), _figures(r["peer_us_each"])
         good = f"{r['peer_quality']:.2f}", f"{r['ours_quality']:.2f}"
         lines.append(_line((r["peer"], r["task"], str(r["tracks"]), *times, r["unit"], r["figure"], *good)))
+        if "peer_figures" in r:
+            lines += [f"#   {name}: {_tracks(r[key])}" for name, key in ((r["peer"], "peer_figures"), ("ours", "ours_figures"))]
     return lines + [f"# {sentence}" for sentence in [*result["environments"], *result["missing"]]]
+
+
+def _tracks(figures: dict[str, float]) -> str:
+    """What is known of tracks, as text."""
+    share = f"completeness {figures['completeness']:.3f}, {figures['false_tracks']:.2f} false tracks a cycle"
+    return f"{share}, RMSE {figures['rmse_m']:.2f} m"
 
 
 def _figures(value: float) -> str:
@@ -155,7 +184,7 @@ def main() -> None:
     parser.add_argument("--peer", action="append", choices=peers(), help="only this one; more than once for several")
     parser.add_argument("--task", action="append", help="only this task; more than once for several")
     parser.add_argument(
-        "--size", type=int, metavar="N", help="tracks in all, instead of what each row has; half radar, half AIS"
+        "--size", type=int, metavar="N", help="tracks in all, half radar, half AIS, or vessels, instead of what each row has"
     )
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--clock", choices=("cpu", "wall"), default="cpu", help="cpu bears other work on the machine")

@@ -12,6 +12,7 @@ from scaling.bench import (
     Row,
     as_markdown,
     as_text,
+    chain_rows,
     cycle_rows,
     heading,
     kernel_rows,
@@ -33,12 +34,24 @@ CYCLE = {
     "memory_mib": {"peak": 512.4},
     "decisions": {"all": {"f1": 0.99987}},
 }
+CHAIN = {
+    "load": {"vessels": 16_000},
+    "store": "sqlite",
+    "plots": 26_500.0,
+    "stages_s": {"plots": {"median": 0.001, "share": 0.1}, "store": {"median": 0.3, "share": None}},
+    "compute_s": {"median": 0.3, "share_of_period": 0.1},
+    "cycle_s": {"median": 0.6, "share_of_period": 0.2},
+    "rows_written": 12_000,
+    "memory_mib": {"peak": 812.4},
+    "quality": {"tracks": {"completeness": 0.9971}, "associations": {"f1": 0.9987}},
+}
 PEERS = {
     "rows": [
         {
             "peer": "stonesoup",
             "task": "association",
             "tracks": 200,
+            "size_of": "tracks",
             "versions": {"stonesoup": "1.9.1"},
             "peer_ms": 163.5,
             "ours_ms": 2.0,
@@ -69,6 +82,15 @@ KERNELS = {
 def test_compute_is_the_sum_of_the_compute_stages() -> None:
     assert stage_rows(STAGES)[-1] == Row("stages", "context-driven-1000: compute, the sum", "10.00 ms", "0.33 %")
     assert [row.part for row in stage_rows(STAGES)] == ["stage", "stage", "stage", "stages"]
+
+
+def test_the_chain_has_compute_stages_storage_memory_and_quality() -> None:
+    compute, plots, whole, memory = chain_rows(CHAIN)
+    assert compute[1:5] == ("16,000 vessels: compute", "300.00 ms", "10.00 %", "F1 99.870 %, completeness 0.9971")
+    assert plots[:4] == ("stage", "16,000 vessels: plots", "1.00 ms", "0.03 %")
+    assert whole[1:5] == ("16,000 vessels: whole cycle, sqlite", "600.00 ms", "20.00 %", "12,000 rows")
+    assert memory[1:5] == ("16,000 vessels: peak memory", "812 MiB", "", "26,500 plots a cycle")
+    assert len(chain_rows(CHAIN | {"store": "none"})) == 3
 
 
 def test_a_load_has_compute_storage_and_memory() -> None:

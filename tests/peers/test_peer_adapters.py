@@ -2,17 +2,21 @@
 
 import subprocess
 import sys
+from dataclasses import fields
 from itertools import permutations
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from scaling.peers import ours
 from scaling.peers.environment import CHECKOUT, ENVIRONMENTS, MARK
-from scaling.peers.exchange import AIS, RADAR, Stopwatch, TaskResult, load, run_adapter, save
+from scaling.peers.exchange import AIS, RADAR, PlotHistory, Stopwatch, TaskResult, TrackHistory, load, run_adapter, save
 from scaling.peers.filterpy import adapter as filterpy
+from scaling.peers.filterpy import method
 from scaling.peers.input import make_history
-from scaling.peers.quality import decisions, quality
+from scaling.peers.plots import in_cover, make_plots
+from scaling.peers.quality import decisions, quality, track_figures
 from scaling.peers.scipy import adapter as scipy
 from scaling.peers.scipy import pairs
 
@@ -96,18 +100,71 @@ def test_spots_are_compact(task) -> None:
     assert value < 0.8 * everywhere
 
 
-def test_stone_soup_pairs_radar_with_ais(tmp_path) -> None:
+def by_stone_soup(task: str, history: TrackHistory | PlotHistory, folder: Path) -> TaskResult:
     python = ENVIRONMENTS / "stonesoup" / "bin" / "python"
     if not (ENVIRONMENTS / "stonesoup" / MARK).is_file():
         pytest.skip("no environment of Stone Soup; python -m scaling.peers.run --peer stonesoup makes one")
-    history = make_history(24, 12, 4, 1)
-    save(tmp_path / "input.npz", history)
-    module = "scaling.peers.stonesoup.adapter"
-    words = [str(python), "-m", module, "association", str(tmp_path / "input.npz"), str(tmp_path / "result.npz")]
+    save(folder / "input.npz", history)
+    words = [str(python), "-m", "scaling.peers.stonesoup.adapter", task, str(folder / "input.npz"), str(folder / "result.npz")]
     subprocess.run(words, cwd=CHECKOUT, check=True)
-    result = load(tmp_path / "result.npz", TaskResult)
+    result: TaskResult = load(folder / "result.npz", TaskResult)
+    return result
+
+
+def test_stone_soup_pairs_radar_with_ais(tmp_path) -> None:
+    history = make_history(24, 12, 4, 1)
+    result = by_stone_soup("association", history, tmp_path)
     assert result.units * len(history.time_s) == pytest.approx(12 * 12)
     assert quality("association", history, result)[1] > 90.0
+
+
+PLOTS = make_plots(60, 14, 4, 1)
+
+
+@pytest.mark.parametrize("task", ["tracking", "tracking_jpda"])
+def test_stone_soup_tracks_the_vessels_in_cover(task, tmp_path) -> None:
+    few = make_plots(24, 9, 2, 1)
+    figures = track_figures(few, by_stone_soup(task, few, tmp_path))
+    assert figures["completeness"] > 0.8
+    assert figures["rmse_m"] < 20.0
+
+
+@pytest.mark.parametrize("task", [ours.tracking, method.tracking])
+def test_ours_and_filterpy_track_the_vessels_in_cover(task) -> None:
+    result = task(PLOTS, Stopwatch())
+    figures = track_figures(PLOTS, result)
+    assert len(result.cpu_s) == PLOTS.measured
+    assert figures["completeness"] > 0.9
+    assert figures["false_tracks"] < 2.0
+    assert figures["rmse_m"] < 15.0
+    assert figures["gospa_m"] >= figures["rmse_m"] * np.sqrt(figures["completeness"])
+
+
+def test_tracks_that_are_missed_false_and_off_are_counted() -> None:
+    rows = []
+    for cycle in range(PLOTS.first, len(PLOTS.time_s)):
+        seen = np.flatnonzero(in_cover(PLOTS, PLOTS.true_position_m[cycle]))
+        at = PLOTS.true_position_m[cycle][seen[1:]] + np.array([3.0, 4.0])
+        far = PLOTS.site_m[:1] + 500.0 * np.eye(2)[:1]
+        for k, position in enumerate(np.concatenate([at, far])):
+            rows.append([cycle, k, *position, 0.0, 0.0])
+    figures = track_figures(PLOTS, TaskResult(np.zeros(0), np.zeros(0), {}, tracks=np.array(rows)))
+    vessels = sum(int(in_cover(PLOTS, PLOTS.true_position_m[c]).sum()) for c in range(PLOTS.first, len(PLOTS.time_s)))
+    assert figures["completeness"] == pytest.approx(1.0 - PLOTS.measured / vessels, abs=2.5 / vessels)
+    assert figures["false_tracks"] == pytest.approx(1.0, abs=0.3)
+    assert figures["rmse_m"] == pytest.approx(5.0, abs=0.5)
+
+
+def test_plots_are_the_same_for_a_seed_and_in_one_plane_in_both_forms() -> None:
+    again, other = make_plots(60, 14, 4, 1), make_plots(60, 14, 4, 2)
+    assert all(np.array_equal(getattr(PLOTS, f.name), getattr(again, f.name)) for f in fields(PLOTS))
+    assert len(other.cycle) != len(PLOTS.cycle) or not np.array_equal(other.position_m, PLOTS.position_m)
+    gap = PLOTS.position_m - PLOTS.site_m[PLOTS.radar]
+    np.testing.assert_allclose(np.hypot(gap[:, 0], gap[:, 1]), PLOTS.range_m, rtol=1e-3)
+    turned = (np.arctan2(gap[:, 0], gap[:, 1]) - PLOTS.azimuth_rad + np.pi) % (2.0 * np.pi) - np.pi
+    assert np.abs(turned).max() < 1e-3
+    across = PLOTS.range_m * np.radians(0.3)
+    np.testing.assert_allclose(np.trace(PLOTS.covariance, axis1=1, axis2=2), 100.0 + across**2, rtol=1e-2)
 
 
 def test_an_adapter_names_its_tasks(monkeypatch) -> None:

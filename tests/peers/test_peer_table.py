@@ -20,6 +20,7 @@ ROW = {
     "ours_ms": 2.0,
     "ratio": 81.75,
     "peer_us_each": 654.0,
+    "size_of": "tracks",
     "unit": "pair of tracks over 40 cycles",
     "figure": "F1 %",
     "peer_quality": 99.25,
@@ -50,9 +51,17 @@ def test_the_table_has_times_ratio_and_quality_of_both() -> None:
     assert "wall time" in table(RESULT | {"clock": "wall"})[1]
 
 
+def test_tracks_of_a_peer_have_more_figures_below_their_row() -> None:
+    peer = {"completeness": 0.98, "false_tracks": 1.5, "rmse_m": 9.0, "gospa_m": 12.0}
+    row = ROW | {"task": "tracking", "size_of": "vessels", "peer_figures": peer, "ours_figures": peer | {"rmse_m": 8.25}}
+    lines = table(RESULT | {"rows": [row]})
+    assert lines[5] == "#   stonesoup: completeness 0.980, 1.50 false tracks a cycle, RMSE 9.00 m"
+    assert lines[6].endswith("ours: completeness 0.980, 1.50 false tracks a cycle, RMSE 8.25 m")
+
+
 def test_a_peer_that_cannot_run_is_reported(monkeypatch) -> None:
     monkeypatch.setattr(run, "prepare", lambda peer: Environment(None, f"{peer}: left out"))
-    result = run.run(COMPARISONS, 1, "cpu")
+    result = run.run([c for c in COMPARISONS if not c.product], 1, "cpu")
     assert result["rows"] == []
     assert result["missing"] == ["stonesoup: left out", "filterpy: left out", "scipy: left out"]
 
@@ -72,11 +81,13 @@ def test_an_adapter_that_fails_does_not_stop_the_others(monkeypatch) -> None:
 def test_every_comparison_is_a_task_that_both_have() -> None:
     from scaling.peers import ours
     from scaling.peers.filterpy import adapter as filterpy
+    from scaling.peers.filterpy import method
     from scaling.peers.scipy import adapter as scipy
 
-    tasks = {"filterpy": filterpy.TASKS, "scipy": scipy.TASKS, "stonesoup": {"association"}}
+    by_stone_soup = {"association", "tracking", "tracking_jpda"}
+    tasks = {"filterpy": filterpy.TASKS, "scipy": scipy.TASKS, "stonesoup": by_stone_soup}
     for c in COMPARISONS:
-        assert c.task in tasks[c.peer]
+        assert c.task in (method.TASKS if c.product else tasks[c.peer])
         assert run.kind_of(c.task) in ours.TASKS
         assert 0 < c.measured < c.cycles
 

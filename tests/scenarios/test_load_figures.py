@@ -198,15 +198,16 @@ def test_a_baseline_is_run_in_turns_and_compared(monkeypatch: pytest.MonkeyPatch
     runs: list[Path] = []
     seconds = {"this": iter([0.2, 0.3, 0.2]), "other": iter([0.1, 0.1, 0.4])}
 
-    def figures(checkout: Path, arguments: list[str]) -> dict[str, object]:
+    def figures(checkout: Path, arguments: list[str], module: str) -> dict[str, object]:
         runs.append(checkout)
+        assert module == "scaling.load.cycle"
         assert arguments[:2] == ["--tracks", "50"]
         assert arguments[-3:] == ["--set", "associations.gate_m=800", "--no-score"]
         s = next(seconds["this" if checkout == baseline.CHECKOUT else "other"])
         return {"compute_s": {"median": s}, "compute_cpu_s": 3.0 * s, "stages_s": {"spots": {"median": 0.5 * s}}}
 
     other = baseline.CHECKOUT / "tests"
-    monkeypatch.setattr(baseline, "cycle_figures", figures)
+    monkeypatch.setattr(baseline, "figures", figures)
     monkeypatch.setattr(baseline, "python_of", lambda checkout: Path(sys.executable))
     words = f"cycle --tracks 50 --set associations.gate_m=800 --baseline {other} --turns 3"
     monkeypatch.setattr(sys, "argv", words.split())

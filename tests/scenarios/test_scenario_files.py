@@ -196,6 +196,8 @@ def test_every_stage_takes_a_setting_of_its_default_method_without_the_method() 
         ("spots", "many", "spots: Input should be"),
         ("tracks.method", "magic", "'magic'"),
         ("", "3", "Extra inputs are not permitted"),
+        ("bearing_associations.heard", "0.9", "got 0.9; its name is now detection_probability"),
+        ("registration.method", "on_line", "; its name is now online"),
     ],
 )
 def test_a_wrong_override_is_named(key: str, value: str, wanted: str) -> None:

@@ -1,0 +1,105 @@
+"""What do R like regions cost, of what one costs, over threads, processes and Ray? What `workers.method = "auto"` rests on.
+
+python -m scaling.decisions.regions [VESSELS [CYCLES [WAYS [WORKERS]]]]: VESSELS in each of 1, 2 and 4 regions of two radars that do not
+see each other; WAYS: of "one,threads,processes,ray", "one" is one thread. In turns with one region, cycle by cycle. Times are of
+`tracks`: plots of all regions in, tracks and their plots out. "ray-again": the memories of the regions are also brought home every cycle.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from contextlib import nullcontext
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from coastwatch import pipeline
+from coastwatch.batches import Plots, RadarCorrections
+from coastwatch.kernels.threads import threads
+from coastwatch.stage import RegionMap, serial, serial_regions
+from coastwatch.workers import Workers, open_workers
+from scaling.load.chain.reports import initial_state, next_cycle
+from scaling.load.chain.world import Size, World, build_world
+from scaling.load.processes import processor_s
+
+REGIONS = 1, 2, 4
+SETTLING = 5  # cycles
+
+
+def plots_of(world: World) -> list[Plots]:
+    """The plots of each cycle."""
+    scenario, sensors, state, out = world.scenario, world.sensors, initial_state(world), []
+    memory, none = scenario.plots.init(), RadarCorrections.none(len(sensors.radars))
+    for _ in range(world.plan.cycles):
+        state, reports = next_cycle(world, state)
+        memory, plots = scenario.plots.step(memory, reports.radar, sensors, none)
+        out.append(plots)
+    return out
+
+
+class Run:
+    """Some regions, mapped in one way."""
+
+    def __init__(self, world: World, count: int, regions: RegionMap, gather: bool) -> None:
+        self.world, self.regions, self.gather = world, regions, gather
+        self.memories: list[Any] = [world.scenario.tracks.init() for _ in range(count)]
+        self.wall_s: list[float] = []
+        self.processor_s: list[float] = []
+        self.tracks: list[int] = []
+
+    def cycle(self, number: int, plots: Plots) -> None:
+        """One cycle of all regions."""
+        scenario, sensors = self.world.scenario, self.world.sensors
+        wall_s, begun = time.perf_counter(), processor_s()
+        none, now_s = RadarCorrections.none(len(sensors.radars)), self.world.plan.instant_s(number)
+        given = pipeline.for_regions(plots.take(plots.region < len(self.memories)), none, now_s, sensors)
+        given = given[: len(self.memories)]
+        found = self.regions(partial(pipeline.track_region, scenario.tracks), self.memories, given)
+        self.memories = [memory for memory, *_ in found]
+        if self.gather:
+            self.regions.gather(self.memories)
+        self.wall_s.append(time.perf_counter() - wall_s)
+        self.processor_s.append(processor_s() - begun)
+        self.tracks = [len(tracks) for _, tracks, _ in found]
+
+
+def main() -> None:
+    vessels, cycles = (int(sys.argv[k]) if len(sys.argv) > k else default for k, default in ((1, 4000), (2, 20)))
+    ways = (sys.argv[3] if len(sys.argv) > 3 else "one,threads,processes").split(",")
+    workers = int(sys.argv[4]) if len(sys.argv) > 4 else 2
+    size = Size(max(REGIONS) * vessels, SETTLING + cycles, region_vessels=vessels, apart=True)
+    world = build_world(size, {}, 1)
+    plots = plots_of(world)
+    print(
+        f"{vessels} vessels a region, {workers} workers; times of a cycle in ms; of one: of one region in one thread, in turns"
+    )
+    print(f"{'way':18s}{'regions':>8s}{'tracks':>8s}{'processor':>11s}{'of one':>8s}{'wall':>8s}{'of one':>8s}")
+    for way in ways:
+        for count in REGIONS:
+            line(world, plots, way, count, workers)
+
+
+def line(world: World, plots: list[Plots], way: str, count: int, workers: int) -> None:
+    """Measure and print one way for some regions."""
+    name, _, again = way.partition("-")
+    opened = nullcontext(Workers(serial, serial_regions)) if name == "one" else open_workers(name, workers)
+    with opened as maps:
+        one, run = Run(world, 1, serial_regions, False), Run(world, count, maps.regions, bool(again))
+        for number in range(world.plan.cycles):
+            with threads(1):
+                one.cycle(number, plots[number])
+            run.cycle(number, plots[number])
+    assert run.tracks[:1] == one.tracks
+    mine, alone = (float(np.mean(each.processor_s[SETTLING:])) for each in (run, one))
+    clock, clock_alone = (float(np.median(each.wall_s[SETTLING:])) for each in (run, one))
+    print(
+        f"{way:18s}{count:8d}{sum(run.tracks):8d}{1e3 * mine:11.1f}{mine / alone:8.2f}{1e3 * clock:8.1f}"
+        f"{clock / clock_alone:8.2f}",
+        flush=True,
+    )
+
+
+if __name__ == "__main__":
+    main()
