@@ -3,6 +3,8 @@
 import re
 from pathlib import Path
 
+import pytest
+
 from coastwatch.operators import reference, settings, stored
 from coastwatch.operators.cli import make_parser
 from coastwatch.scenario import Scenario, scenario_names
@@ -77,3 +79,13 @@ def test_every_scenario_is_documented() -> None:
         readme = HOUSE / "scenarios" / name / "README.md"
         assert readme.is_file(), f"scenarios/{name} has no README.md"
         assert len(readme.read_text("utf-8").split()) > 20
+
+
+@pytest.mark.parametrize(
+    "key", ["azimuth_bias_deg", "range_bias_m", "time_lag_s", "time_format", "separator", "speed_unit", "inflation"]
+)
+def test_a_setting_that_is_easily_misread_has_an_example(key: str) -> None:
+    """Its unit, sign or form cannot be guessed from the name."""
+    meanings = [s.meaning for table in TABLES for s in table.settings if s.key == key]
+    assert meanings
+    assert [m for m in meanings if "e.g." not in m.lower()] == []
