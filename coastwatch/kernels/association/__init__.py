@@ -9,6 +9,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "candidate_pairs",
         "connected_components",
         "history",
+        "marginals",
         "pair_features",
         "pair_score",
         "polar_pairs",
