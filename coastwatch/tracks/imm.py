@@ -6,6 +6,7 @@ from typing import Literal
 
 from coastwatch.batches import Measurements, Plots, Sensors, Tracks
 from coastwatch.stage import Method
+from coastwatch.tracks.clutter import ClutterSettings
 from coastwatch.tracks.filter_bank import CompiledBank
 from coastwatch.tracks.motion import Manoeuvres, Motion
 from coastwatch.tracks.region import RegionTracker, track_region
@@ -24,6 +25,7 @@ class Imm(Method):
     plot_origin: PlotOrigin = "estimated"
     motion: Motion = Motion()
     upkeep: TrackManagement = TrackManagement()
+    clutter: ClutterSettings = ClutterSettings()
 
     def init(self) -> RadarMemory:
         """No track."""
@@ -38,7 +40,7 @@ class Imm(Method):
         Returns: memory; tracks predicted to time_s, sorted by track_id, which is never reused; the plots that they took.
         Raises: ValueError where the memory is of a scenario with other radars.
         """
-        tracker = RegionTracker(CompiledBank(self.motion), self.upkeep, self.plot_origin)
+        tracker = RegionTracker(CompiledBank(self.motion), self.upkeep, self.plot_origin, self.clutter)
         return track_region(tracker, memory, plots, time_s, sensors, region)
 
 
@@ -53,6 +55,7 @@ class SidedImm(Method):
     plot_origin: PlotOrigin = "estimated"
     motion: Manoeuvres = Manoeuvres()
     upkeep: TrackManagement = TrackManagement()
+    clutter: ClutterSettings = ClutterSettings()
 
     def init(self) -> RadarMemory:
         """No track."""
@@ -62,7 +65,7 @@ class SidedImm(Method):
         self, memory: RadarMemory, plots: Plots, time_s: float, sensors: Sensors, region: int
     ) -> tuple[RadarMemory, Tracks, Measurements]:
         """The confirmed tracks of one region at time_s; see `Imm.step`."""
-        tracker = RegionTracker(CompiledBank(self.motion), self.upkeep, self.plot_origin)
+        tracker = RegionTracker(CompiledBank(self.motion), self.upkeep, self.plot_origin, self.clutter)
         return track_region(tracker, memory, plots, time_s, sensors, region)
 
 
@@ -73,6 +76,7 @@ class FilterpyImm(Method):
     plot_origin: PlotOrigin = "estimated"
     motion: Motion = Motion()
     upkeep: TrackManagement = TrackManagement()
+    clutter: ClutterSettings = ClutterSettings()
 
     def init(self) -> RadarMemory:
         """No track."""
@@ -84,5 +88,5 @@ class FilterpyImm(Method):
         """The confirmed tracks of one region at time_s; see `Imm.step`."""
         from coastwatch.tracks.filterpy_bank import FilterpyBank  # filterpy is slow to import, and few runs use it
 
-        tracker = RegionTracker(FilterpyBank(self.motion), self.upkeep, self.plot_origin)
+        tracker = RegionTracker(FilterpyBank(self.motion), self.upkeep, self.plot_origin, self.clutter)
         return track_region(tracker, memory, plots, time_s, sensors, region)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import Bools, Ints
+from coastwatch.batches import Bools, Floats, Ints
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.kernels.filters.gaussian import gate
 from coastwatch.kernels.tracks.columns import PlotColumns
@@ -15,16 +15,18 @@ from coastwatch.tracks.table import Table
 from coastwatch.tracks.track_management import TrackManagement
 
 
-def associate(management: TrackManagement, table: Table, batch: PlotColumns, period_s: float) -> tuple[Ints, Bools]:
+def associate(
+    management: TrackManagement, table: Table, batch: PlotColumns, period_s: float, false_plots_per_m2: Floats
+) -> tuple[Ints, Bools]:
     """The slot of the track that takes each plot of a batch, -1 for none, and which plots may begin a track. (M,), (M,)
 
     The gain of a pair is the log-likelihood ratio of "its plot" against "track missed, plot false or new".
-    Args: batch: plots of one radar; period_s: of one turn of it.
+    Args: batch: plots of one radar; period_s: of one turn of it; false_plots_per_m2: (M,) in one look, at each plot.
     """
     limit = gate(management.gate_probability, 2)
     pairs = kernels.tracks.gate.candidates(table.estimates, table.live, batch, limit, management.late_s)
     found = management.detection_probability / (1.0 - management.detection_probability)
-    gain = pairs.log_likelihood + math.log(found / management.false_plots_per_m2)
+    gain = pairs.log_likelihood + math.log(found) - np.log(false_plots_per_m2)[pairs.plot]
     due = batch.time[pairs.plot] - table.radar_s[pairs.track, batch.sensor[0]] > 0.5 * period_s
     max_speed = management.max_speed_kn * KNOT_M_S
     due &= kernels.tracks.gate.reachable(pairs, table.estimates, table.status, batch, max_speed)

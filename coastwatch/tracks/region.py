@@ -10,11 +10,12 @@ from coastwatch import kernels
 from coastwatch.batches import Floats, Ints, Measurements, Plots, Sensors, Tracks
 from coastwatch.geodesy import to_plane
 from coastwatch.kernels.tracks.columns import PlotColumns, RadarColumns
+from coastwatch.tracks.clutter import ClutterSettings, empty_map, false_plots_per_m2, has_moved, learn
 from coastwatch.tracks.filter_bank import FilterBank
 from coastwatch.tracks.plot_association import associate, associate_by_origin
 from coastwatch.tracks.plot_batches import cut
 from coastwatch.tracks.report import report, report_measurements
-from coastwatch.tracks.table import RadarMemory, Status, begin_tracks
+from coastwatch.tracks.table import RadarMemory, Status, Table, begin_tracks
 from coastwatch.tracks.track_management import PlotOrigin, TrackManagement, is_usable, remove_duplicates
 
 
@@ -25,6 +26,7 @@ class RegionTracker:
     bank: FilterBank
     management: TrackManagement
     plot_origin: PlotOrigin
+    clutter: ClutterSettings
 
 
 def track_region(
@@ -36,6 +38,8 @@ def track_region(
     """
     management, known = tracker.management, tracker.plot_origin == "known"
     memory = memory.fitting(len(tracker.bank.models), len(sensors.radars))
+    if tracker.clutter.learnt and not len(memory.clutter.side):
+        memory = replace(memory, clutter=empty_map(tracker.clutter, sensors.radars))
     good = is_usable(management, plots, time_s)
     if not good.all():
         memory, plots = replace(memory, dropped=memory.dropped + int((~good).sum())), plots.take(good)
@@ -70,16 +74,45 @@ def _track_batch(tracker: RegionTracker, memory: RadarMemory, batch: PlotColumns
             slot = np.where(begins, -1, associate_by_origin(memory.table, batch)[0])
         begins[:] = False
     else:
-        slot, begins = associate(tracker.management, memory.table, batch, float(period_s[batch.sensor[0]]))
+        turn_s = float(period_s[batch.sensor[0]])
+        density = _false_plots_per_m2(tracker, memory, batch)
+        slot, begins = associate(tracker.management, memory.table, batch, turn_s, density)
+        memory = _learn_clutter(tracker, memory, batch, slot, turn_s)
     plots = np.flatnonzero(slot >= 0)
     table = memory.table
     tracker.bank.update(table.filters, table.estimates, slot[plots], plots, batch)
     kernels.tracks.track_life.record(table.life, slot[plots], plots, batch)
+    _note_moved(tracker.clutter, table, slot[plots])
     if tracker.plot_origin == "known":
         table.status[slot[plots]] = Status.CONFIRMED
     if begins.any():
         memory = begin_tracks(tracker.bank, memory, np.flatnonzero(begins), batch)
     return memory, slot
+
+
+def _false_plots_per_m2(tracker: RegionTracker, memory: RadarMemory, batch: PlotColumns) -> Floats:
+    """The density of false plots in one look at each plot of a batch of one radar. (M,)"""
+    constant = tracker.management.false_plots_per_m2
+    if not tracker.clutter.learnt:
+        return np.full(len(batch.time), constant)
+    return false_plots_per_m2(tracker.clutter, memory.clutter, int(batch.sensor[0]), batch.position, constant)
+
+
+def _learn_clutter(tracker: RegionTracker, memory: RadarMemory, batch: PlotColumns, slot: Ints, period_s: float) -> RadarMemory:
+    """Count the plots of a batch of one radar that went to no confirmed track that has moved. Args: slot: (M,) -1 for none."""
+    if not tracker.clutter.learnt:
+        return memory
+    table = memory.table
+    moving = (slot >= 0) & table.moved[slot] & (table.status[slot] == Status.CONFIRMED) if len(table.moved) else slot >= 0
+    given = int(batch.sensor[0]), batch.time, batch.position, np.where(moving, 0.0, 1.0), period_s
+    return replace(memory, clutter=learn(tracker.clutter, memory.clutter, *given))
+
+
+def _note_moved(settings: ClutterSettings, table: Table, slots: Ints) -> None:
+    """Mark the tracks in these slots that have moved from their first plot."""
+    slots = slots[~table.moved[slots]]
+    variance = table.began_m2[slots] + table.combined_covariance[slots, 0, 0] + table.combined_covariance[slots, 1, 1]
+    table.moved[slots] = has_moved(settings, table.began_m[slots], table.combined_mean[slots, :2], variance)
 
 
 def _note_newest(memory: RadarMemory, batch: PlotColumns, site_m: Floats) -> None:

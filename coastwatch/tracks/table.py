@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
 from typing import Self
 
@@ -12,6 +12,7 @@ from coastwatch.batches import Batch, Bools, Floats, Ints
 from coastwatch.batches.struct import Struct, column
 from coastwatch.kernels.tracks import columns
 from coastwatch.kernels.tracks.columns import Estimates, PlotColumns, TrackLife
+from coastwatch.tracks.clutter import ClutterMap
 from coastwatch.tracks.filter_bank import FilterBank
 from coastwatch.tracks.motion import Filters
 
@@ -48,6 +49,9 @@ class Table(Struct):
     combined_covariance: Floats = column(np.float64, "S", 4, 4)
     noise_m2_s3: Floats = column(np.float64, "S")  # density of white acceleration, over the models
     radar_s: Floats = column(np.float64, "S", "R")  # newest plot of each radar, -inf where there is none
+    began_m: Floats = column(np.float64, "S", 2)  # position of the first plot
+    began_m2: Floats = column(np.float64, "S")  # variance of that position, both axes together
+    moved: Bools = column(np.bool_, "S")  # from there, at some time
     origins: Ints = column(np.int64, "S", NEWEST)  # of the newest plots, newest first; -1 beyond the first
 
     def __len__(self) -> int:
@@ -124,6 +128,7 @@ class RadarMemory(Struct):
     dropped: int  # plots that are not finite or from the future
     site_m: Floats = column(np.float64, "R", 2)  # where each radar was last, NaN where it has sent nothing
     newest_plot_s: Floats = column(np.float64, "R")  # newest plot of each radar, -inf where it has sent nothing
+    clutter: ClutterMap = field(default_factory=ClutterMap.none)
 
     @classmethod
     def empty(cls, models: int) -> RadarMemory:
@@ -154,7 +159,7 @@ class RadarMemory(Struct):
         if not moved.any() or not len(self.newest_plot_s):
             return self
         held = np.logical_or.reduce(np.isfinite(self.table.radar_s[self.table.live][:, moved]), axis=1)
-        return replace(self, table=self.table.without(held))
+        return replace(self, table=self.table.without(held), clutter=self.clutter.without_radars(moved))
 
 
 def begin_tracks(bank: FilterBank, memory: RadarMemory, plots: Ints, batch: PlotColumns) -> RadarMemory:
@@ -166,6 +171,9 @@ def begin_tracks(bank: FilterBank, memory: RadarMemory, plots: Ints, batch: Plot
     table.started_s[slots] = batch.time[plots]
     table.radar_s[slots] = -np.inf
     table.radar_s[slots, batch.sensor[plots]] = batch.time[plots]
+    table.began_m[slots] = batch.position[plots]
+    table.began_m2[slots] = np.trace(batch.covariance[plots], axis1=1, axis2=2)
+    table.moved[slots] = False
     table.origins[slots] = -1
     table.origins[slots, 0] = batch.origin[plots]
     return replace(memory, table=table, next_id=memory.next_id + len(plots))

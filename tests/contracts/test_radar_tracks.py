@@ -13,6 +13,7 @@ from coastwatch.batches import Plots
 from coastwatch.geodesy import to_plane
 from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks import FilterpyImm, Imm, RadarTracker, SidedImm
+from coastwatch.tracks.clutter import ClutterSettings
 
 METHODS = [SidedImm(), Imm(), FilterpyImm()]
 ROUNDING = 1e-9  # relative; the two gains differ by rounding times the condition of the innovation
@@ -218,3 +219,17 @@ def test_a_memory_of_other_radars_is_refused(busy):
         SidedImm().step(memory, Plots.empty(), 6.0, one, 0)
     with pytest.raises(ValueError, match="got 9 models, needed 3"):
         Imm().step(memory, Plots.empty(), 6.0, sensors, 0)
+
+
+LEARNT = [type(m)(clutter=ClutterSettings(learnt=True)) for m in METHODS]
+
+
+@pytest.mark.parametrize("method", LEARNT, ids=lambda m: m.method)
+def test_with_a_clutter_map_it_resumes_to_the_bit(method, busy):
+    whole, tracks = run(method, busy, 8)
+    half, _ = run(method, busy, 4)
+    resumed, rest = run(method, busy, 4, memory=load(save(half)), first=4)
+    assert same(whole, resumed)
+    assert same(tracks[-1], rest[-1])
+    assert whole.clutter.turns.min() > 5.0
+    assert whole.clutter.plots.sum() > 20.0

@@ -4,5 +4,5 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
-    submodules=["columns", "duplicates", "gate", "plot_assignment", "prediction", "report", "track_life"],
+    submodules=["clutter", "columns", "duplicates", "gate", "plot_assignment", "prediction", "report", "track_life"],
 )

@@ -1,0 +1,120 @@
+"""The clutter map equals a dictionary of cells, forgets, follows a radar that moves, and hides standing echoes from the tracker."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from coastwatch.batches import Radars
+from coastwatch.tracks.clutter import ClutterSettings, empty_map, false_plots_per_m2, has_moved, learn
+
+PRIOR_PER_M2 = 1e-6
+ROUNDING = 1e-12  # relative
+
+
+def radar(range_m=500.0, sigma_m=3.0, azimuth_deg=1.0, count=1):
+    some = np.full(count, 1.0)
+    sizes = range_m * some, 2.0 * some, sigma_m * some, math.radians(azimuth_deg) * some
+    return Radars(np.full(count, "radar", "U32"), np.zeros(count, np.int64), np.zeros((count, 2)), *sizes)
+
+
+def density(rule, known, places, number=0):
+    return false_plots_per_m2(rule, known, number, np.atleast_2d(np.asarray(places, float)), PRIOR_PER_M2)
+
+
+def feed(rule, known, turns, places, probability=1.0, first=0, number=0):
+    """The map after the same plots in each of so many turns of 2 s."""
+    places = np.atleast_2d(np.asarray(places, float))
+    for k in range(first, first + turns):
+        times = np.full(len(places), 2.0 * k)
+        known = learn(rule, known, number, times, places, np.full(len(places), probability), 2.0)
+    return known
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(0, 30), st.sampled_from([1e9, 20.0]))
+def test_it_equals_a_dictionary_of_cells(seed, turns, memory):
+    rule = ClutterSettings(cell_m=8.0, memory_turns=memory)
+    random = np.random.default_rng([seed])
+    known, cells, weight = empty_map(rule, radar()), defaultdict(float), 0.0
+    for k in range(turns):
+        for key in cells:
+            cells[key] *= math.exp(-1.0 / memory)
+        weight = weight * math.exp(-1.0 / memory) - memory * math.expm1(-1.0 / memory)
+        places = random.uniform(-30.0, 30.0, (int(random.integers(1, 12)), 2))
+        probability = random.uniform(0.0, 1.0, len(places))
+        for place, p in zip(np.floor(places / 8.0).astype(int).tolist(), probability.tolist(), strict=True):
+            cells[tuple(place)] += p
+        known = learn(rule, known, 0, np.full(len(places), 2.0 * k), places, probability, 2.0)
+    asked = random.uniform(-40.0, 40.0, (20, 2))
+    found = [cells.get(tuple(cell), 0.0) / 64.0 for cell in np.floor(asked / 8.0).astype(int).tolist()]
+    wanted = (10.0 * PRIOR_PER_M2 + np.array(found)) / (10.0 + weight)
+    np.testing.assert_allclose(density(rule, known, asked), wanted, rtol=1e-9)
+
+
+def test_before_the_first_plot_it_is_the_prior():
+    rule = ClutterSettings()
+    np.testing.assert_allclose(
+        density(rule, empty_map(rule, radar()), [[3.0, 4.0], [-450.0, 90.0]]), PRIOR_PER_M2, rtol=ROUNDING
+    )
+
+
+def test_radars_have_maps_of_their_own():
+    rule = ClutterSettings(cell_m=8.0)
+    known = feed(rule, empty_map(rule, radar(count=3)), 10, [[20.0, 20.0]], number=1)
+    assert density(rule, known, [[20.0, 20.0]], 1)[0] > 100 * PRIOR_PER_M2
+    for other in (0, 2):
+        np.testing.assert_allclose(density(rule, known, [[20.0, 20.0]], other), PRIOR_PER_M2, rtol=ROUNDING)
+    forgotten = known.without_radars(np.array([False, True, False]))
+    np.testing.assert_allclose(density(rule, forgotten, [[20.0, 20.0]], 1), PRIOR_PER_M2, rtol=ROUNDING)
+
+
+def test_a_cell_that_the_radar_left_behind_is_taken_over():
+    rule = ClutterSettings(cell_m=8.0)
+    known = feed(rule, empty_map(rule, radar()), 10, [[4.0, 4.0]])
+    period_m = 8.0 * known.side[0]
+    far = [[4.0 + period_m, 4.0]]
+    assert density(rule, known, far)[0] < PRIOR_PER_M2
+    known = feed(rule, known, 10, far, first=10)
+    assert density(rule, known, far)[0] > 100 * PRIOR_PER_M2
+    assert density(rule, known, [[4.0, 4.0]])[0] < PRIOR_PER_M2
+
+
+def test_a_pause_is_no_turn_and_a_late_plot_turns_nothing_back():
+    rule = ClutterSettings()
+    known = feed(rule, empty_map(rule, radar()), 5, [[4.0, 4.0]])
+    assert known.turns[0] == pytest.approx(5.0)
+    known = feed(rule, known, 1, [[4.0, 4.0]], first=5000)
+    assert known.turns[0] == pytest.approx(6.0)
+    known = feed(rule, known, 1, [[4.0, 4.0]], first=4999)
+    assert known.turns[0] == pytest.approx(6.0)
+    assert known.newest_s[0] == 10_000.0
+
+
+@pytest.mark.parametrize(("range_nm", "azimuth_deg"), [(0.3, 1.0), (24.0, 0.3), (96.0, 0.02)])
+def test_cells_follow_the_resolution_and_memory_is_bounded(range_nm, azimuth_deg):
+    range_m = 1852.0 * range_nm
+    known = empty_map(ClutterSettings(), radar(range_m, 3.0, azimuth_deg))
+    assert known.cell_m[0] >= math.radians(azimuth_deg) * range_m
+    assert known.side[0] * known.cell_m[0] >= 2.0 * range_m
+    assert known.side[0] <= 640
+
+
+def test_a_damaged_window_is_refused():
+    known = empty_map(ClutterSettings(), radar(count=2))
+    known.check_rows()
+    known.first[1] += 1
+    with pytest.raises(ValueError, match="first"):
+        known.check_rows()
+
+
+def test_moved_is_more_than_the_distance_and_more_than_noise():
+    rule = ClutterSettings(moved_m=25.0)
+    to = np.array([[24.0, 0.0], [26.0, 0.0], [26.0, 0.0], [400.0, 0.0]])
+    moved = has_moved(rule, np.zeros((4, 2)), to, np.array([1.0, 1.0, 100.0, 100.0**2]))
+    assert moved.tolist() == [False, True, False, True]
