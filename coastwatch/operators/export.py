@@ -1,4 +1,4 @@
-"""Rows as an aligned table, CSV, GeoJSON (RFC 7946) or Parquet."""
+"""Rows as an aligned table, CSV, JSON, GeoJSON (RFC 7946), GPX (1.1) or Parquet."""
 
 from __future__ import annotations
 
@@ -7,18 +7,30 @@ import io
 import json
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import Any, Protocol
 
 import lazy_loader
 
 from coastwatch.operators.bad_input import BadInput
+from coastwatch.operators.columns import digits_of, kind_of, rounded
+from coastwatch.operators.safe_text import csv_cell, printable
 
+gpxpy = lazy_loader.load("gpxpy")  # only GPX needs it
 polars = lazy_loader.load("polars")  # only Parquet needs it
+termcolor = lazy_loader.load("termcolor")  # only a table needs it
 
 LATITUDE, LONGITUDE = "latitude_deg", "longitude_deg"
-FORMATS = ("table", "csv", "geojson", "parquet")
+ALARMING = {"flags", "status", "verdict"}
+"""Columns of a table that are red on a terminal, where they say other than GOOD."""
+
+GOOD = {"-", "finished", "running", "good", "coasting"}
+KEYS = ("vessel_id", "track_id", "run")
+"""Columns that identify a row, if they are different in all."""
+
+INSTANT = "%Y-%m-%dT%H:%M:%S%.fZ"
 
 
 class Rows(Protocol):
@@ -34,71 +46,175 @@ class Rows(Protocol):
 def write(rows: Rows, form: str, output: str | None, heading: str = "") -> None:
     """Writes rows to a file, or to the terminal if `output` is None.
 
-    Args: form: one of FORMATS; output: path of the file; heading: a line above a text.
+    Args: form: table, csv, json, geojson, gpx or parquet; output: path of the file; heading: a line above a table.
     Raises: BadInput if the format needs a file, or a position that the rows do not have.
     """
     if form == "parquet":
-        if output is None:
-            raise BadInput("Parquet is not text: got no --output, needed --output FILE")
-        as_frame(rows).write_parquet(output)
+        write_parquet(as_frame(rows), output)
         return
-    text = {"table": as_table, "csv": as_csv, "geojson": as_geojson}[form](rows)
-    text = f"{heading}\n{text}" if heading else text
+    text = {"table": as_table, "csv": as_csv, "json": as_json, "geojson": as_geojson, "gpx": as_gpx}[form](rows)
+    write_text(f"{printable(heading)}\n{text}" if heading and form == "table" else text, output)
+
+
+def write_text(text: str, output: str | None) -> None:
+    """Writes a text to a file, or to the terminal if `output` is None."""
     if output is None:
         sys.stdout.write(text)
     else:
         Path(output).write_text(text, "utf-8")
 
 
+def write_parquet(frame: Any, output: str | None) -> None:
+    """Writes a polars DataFrame. Raises: BadInput if there is no path."""
+    if output is None:
+        raise BadInput("Parquet is not text: got no --output, needed --output FILE")
+    with open(output, "wb") as file:
+        frame.write_parquet(file)
+
+
 def as_table(rows: Rows) -> str:
-    """Aligned columns under their names, numbers to the right. An absent value is a dash."""
-    cells = [[_cell(value) for value in row] for row in rows.rows]
+    """Aligned columns under their names, numbers to the right. An absent value is a dash. On a terminal alarms are red."""
+    cells = [[cell(name, value) for name, value in zip(rows.columns, row, strict=True)] for row in rows.rows]
     if not cells:
-        return " ".join(rows.columns) + "\n(no rows)\n"
+        return "  ".join(rows.columns) + "\n(no rows)\n"
     widths = [max(len(name), *(len(row[c]) for row in cells)) for c, name in enumerate(rows.columns)]
-    right = [all(isinstance(row[c], int | float | None) for row in rows.rows) for c in range(len(rows.columns))]
+    right = [all(_absent(row[c]) or isinstance(row[c], int | float) for row in rows.rows) for c in range(len(rows.columns))]
     lines = [list(rows.columns), ["-" * width for width in widths], *cells]
-    return "".join(
-        "  ".join(cell.rjust(w) if r else cell.ljust(w) for cell, w, r in zip(line, widths, right, strict=True)).rstrip() + "\n"
-        for line in lines
-    )
+    red = [name in ALARMING for name in rows.columns]
+    out = []
+    for number, line in enumerate(lines):
+        padded = [cell.rjust(w) if r else cell.ljust(w) for cell, w, r in zip(line, widths, right, strict=True)]
+        padded[-1] = padded[-1].rstrip()
+        if number == 0:
+            padded = [termcolor.colored(cell, attrs=["bold"]) for cell in padded]
+        elif number > 1:
+            said = zip(padded, line, red, strict=True)
+            padded = [termcolor.colored(text, "red") if is_red and cell not in GOOD else text for text, cell, is_red in said]
+        out.append("  ".join(padded) + "\n")
+    return "".join(out)
+
+
+def cell(name: str, value: Any) -> str:
+    """A value of a column as text for a terminal: numbers with the decimals of the column, a dash for an absent one."""
+    if _absent(value):
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if not isinstance(value, float):
+        return printable(str(value))
+    digits = digits_of(name)
+    return f"{rounded(value, digits):.{digits}f}" if kind_of(name) == "number" else f"{value:.10g}"
 
 
 def as_csv(rows: Rows) -> str:
-    """Comma-separated values with a header. An absent value is empty."""
+    """Comma-separated values with a header. An absent value is empty, and no text starts a formula."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(rows.columns)
-    writer.writerows([["" if _absent(value) else value for value in row] for row in rows.rows])
+    for row in rows.rows:
+        writer.writerow(["" if _absent(value) else csv_cell(value) if isinstance(value, str) else value for value in row])
     return out.getvalue()
 
 
+def as_json(rows: Rows) -> str:
+    """A JSON list: one object per row."""
+    return json.dumps(as_objects(rows), allow_nan=False) + "\n"
+
+
+def as_objects(rows: Rows) -> list[dict[str, Any]]:
+    """One object per row. An absent value is None, flags are a list of words."""
+    return [{name: _plain(name, value) for name, value in zip(rows.columns, row, strict=True)} for row in rows.rows]
+
+
 def as_geojson(rows: Rows) -> str:
-    """A FeatureCollection: one point per row, with the other columns as its properties. An absent value is null."""
-    columns = list(rows.columns)
-    missing = [name for name in (LATITUDE, LONGITUDE) if name not in columns]
-    if missing:
-        raise BadInput(f"GeoJSON needs a position: columns {', '.join(columns)} have no {' and no '.join(missing)}")
+    """A FeatureCollection: one point per row with an id, and the other columns as its properties. An absent value is null."""
+    _needs_position(rows, "GeoJSON")
     features = []
-    for row in rows.rows:
-        values = {name: None if _absent(value) else value for name, value in zip(columns, row, strict=True)}
+    for key, values in zip(_ids(rows), as_objects(rows), strict=True):
         position = [values.pop(LONGITUDE), values.pop(LATITUDE)]
         geometry = None if None in position else {"type": "Point", "coordinates": position}
-        features.append({"type": "Feature", "geometry": geometry, "properties": values})
+        features.append({"type": "Feature", "id": key, "geometry": geometry, "properties": values})
     return json.dumps({"type": "FeatureCollection", "features": features}, allow_nan=False) + "\n"
 
 
+def as_gpx(rows: Rows) -> str:
+    """One waypoint per row that has a position, with the other columns as its description."""
+    _needs_position(rows, "GPX")
+    made = gpxpy.gpx.GPX()
+    made.creator = "Coastwatch"
+    for key, values in zip(_ids(rows), as_objects(rows), strict=True):
+        latitude, longitude, when = values.pop(LATITUDE), values.pop(LONGITUDE), values.pop("time_utc", None)
+        if latitude is None or longitude is None:
+            continue
+        name = values.get("name") or values.get("mmsi") or f"vessel {key}"
+        said = ", ".join(f"{column} {_words(value)}" for column, value in values.items() if value not in (None, "", []))
+        point = gpxpy.gpx.GPXWaypoint(latitude, longitude, time=_time(when), name=printable(name), description=printable(said))
+        made.waypoints.append(point)
+    return str(made.to_xml()) + "\n"
+
+
+def as_gpx_track(name: str, paths: Iterable[Rows]) -> str:
+    """A track with one segment per path. Args: paths: rows with position and `time_utc`, oldest first."""
+    made, track = gpxpy.gpx.GPX(), gpxpy.gpx.GPXTrack(name=printable(name))
+    made.creator = "Coastwatch"
+    made.tracks.append(track)
+    for path in paths:
+        values = as_objects(path)
+        points = [gpxpy.gpx.GPXTrackPoint(row[LATITUDE], row[LONGITUDE], time=_time(row["time_utc"])) for row in values]
+        track.segments.append(gpxpy.gpx.GPXTrackSegment(points))
+    return str(made.to_xml()) + "\n"
+
+
 def as_frame(rows: Rows) -> Any:
-    """A polars DataFrame of the rows."""
-    columns = {name: [row[c] for row in rows.rows] for c, name in enumerate(rows.columns)}
-    return polars.DataFrame(columns, strict=False)
+    """A polars DataFrame of the rows. The type of a column follows from its name: it is the same if the column has no value."""
+    types = {
+        "text": polars.String,
+        "whole": polars.Int64,
+        "number": polars.Float64,
+        "yes_no": polars.Boolean,
+        "instant": polars.String,
+        "flags": polars.List(polars.String),
+    }
+    made = []
+    for c, name in enumerate(rows.columns):
+        kind = kind_of(name)
+        values = [_plain(name, row[c]) for row in rows.rows]
+        column = polars.Series(name, values, dtype=types[kind] if kind else None, strict=False)
+        if kind == "instant":
+            column = column.str.to_datetime(INSTANT, time_unit="us", time_zone="UTC")
+        made.append(column.cast(polars.String) if column.dtype == polars.Null else column)
+    return polars.DataFrame(made)
+
+
+def _needs_position(rows: Rows, form: str) -> None:
+    missing = [name for name in (LATITUDE, LONGITUDE) if name not in rows.columns]
+    if missing:
+        raise BadInput(f"{form} needs a position: columns {', '.join(rows.columns)} have no {' and no '.join(missing)}")
+
+
+def _ids(rows: Rows) -> list[Any]:
+    """A value for each row that no other row has: of a column of KEYS, else its number."""
+    for c, name in enumerate(rows.columns):
+        values = [row[c] for row in rows.rows] if name in KEYS else []
+        if values and len(set(values)) == len(values):
+            return values
+    return list(range(1, len(rows.rows) + 1))
 
 
 def _absent(value: Any) -> bool:
-    return value is None or (isinstance(value, float) and not math.isfinite(value))
+    return value is None or value == "" or (isinstance(value, float) and not math.isfinite(value))
 
 
-def _cell(value: Any) -> str:
-    if _absent(value):
-        return "-"
-    return f"{value:.10g}" if isinstance(value, float) else str(value)
+def _plain(name: str, value: Any) -> Any:
+    """A value for JSON and Parquet."""
+    if kind_of(name) == "flags" and isinstance(value, str):
+        return value.split()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _words(value: Any) -> str:
+    return " ".join(value) if isinstance(value, list) else str(value)
+
+
+def _time(text: str | None) -> datetime | None:
+    return None if text is None else datetime.fromisoformat(text)

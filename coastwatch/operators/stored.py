@@ -12,20 +12,11 @@ from coastwatch import store
 from coastwatch.batches import Flag
 from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.operators.bad_input import BadInput
+from coastwatch.operators.columns import digits_of, rounded
+from coastwatch.spelling import did_you_mean
 from coastwatch.store import Rows, Store, Table
 from coastwatch.store.questions import ParameterError
 
-DIGITS = {
-    "latitude_deg": 6,
-    "longitude_deg": 6,
-    "sog_kn": 2,
-    "statistic": 3,
-    "share": 4,
-    "azimuth_bias_deg": 4,
-    "azimuth_sigma_deg": 4,
-    "azimuth_change_deg": 4,
-}
-ENDINGS = {"_deg": 2, "_deg_s": 4, "_m": 1, "_nm": 3, "_kn": 2, "_ms": 3, "_s": 3, "_min": 2}
 MAIN_COLUMNS = (
     "vessel_id",
     "mmsi",
@@ -61,6 +52,19 @@ ERRORS = (
 """Registration errors of a sensor and their standard deviations. A lag is subtracted only once it is accurate."""
 
 
+STATISTICS = {
+    "windowed_covariance": "log-likelihood ratio that both tracks are one vessel, summed over cycles: larger is surer",
+    "windowed_covariance_literal": "distance of the tracks over their covariance, squared: smaller is surer",
+    "bearing_likelihood": "log odds that the bearings are of this vessel: larger is surer",
+    "bearing_windowed_covariance": "distance of bearing and rate over their covariance, squared: smaller is surer",
+}
+"""What the statistic of an association means, by the method that decided."""
+
+LAST = 2**62
+"""The last cycle of a stay that lasts."""
+
+NAMED_SOURCES = ("source", "first_source", "second_source")
+
 Box = tuple[float, float, float, float]
 
 
@@ -70,11 +74,20 @@ class Vessel:
 
     details: dict[str, Any]
     tables: dict[str, Rows]
+    meanings: dict[str, str]  # of the statistics in its tables
+    stays: tuple[tuple[int, int], ...]  # first and last cycle of each time in the picture
 
-    def as_object(self) -> dict[str, Any]:
-        """The same as plain values: each table a list of objects."""
-        lists = {key: [dict(zip(rows.columns, row, strict=True)) for row in rows.rows] for key, rows in self.tables.items()}
-        return {**self.details, **lists}
+    @property
+    def name(self) -> str:
+        """Name or MMSI if it has one, else its number."""
+        return str(self.details.get("name") or self.details.get("mmsi") or f"vessel {self.details['vessel_id']}")
+
+    def paths(self) -> list[Rows]:
+        """The history of each stay that has points, oldest first."""
+        rows = self.tables["history"]
+        at = rows.columns.index("cycle")
+        found = [[row for row in rows.rows if first <= row[at] <= last] for first, last in self.stays]
+        return [Rows(rows.columns, path) for path in found if path]
 
 
 @contextmanager
@@ -117,10 +130,15 @@ def _verdict(sentences: list[str] | None) -> str | None:
 
 def heading(of_run: Mapping[str, Any], rows: Rows) -> str:
     """Which run a picture is of, its instant, and how the run ended. Args: of_run: as of `run`; rows: as of `picture`."""
-    done, ends = of_run["cycles_stored"], ENDS.get(of_run["status"])
-    newest = max(rows.column("time_utc"), default=utc_text(of_run["start_s"] + done * of_run["period_s"]))
+    newest = max(rows.column("time_utc"), default=utc_text(of_run["start_s"] + of_run["cycles_stored"] * of_run["period_s"]))
     said = f"run {of_run['id']} of {of_run['scenario']}, seed {of_run['seed']}: {len(rows.rows)} vessels at {newest}"
-    return said + (f"; {ends} after cycle {done} of {of_run['cycles']}" if ends else "")
+    return f"{said}; {ending(of_run)}" if ending(of_run) else said
+
+
+def ending(of_run: Mapping[str, Any]) -> str:
+    """How a run that has not finished ended, such as "the run died after cycle 3 of 9"; empty if it finished."""
+    ends = ENDS.get(of_run["status"])
+    return f"{ends} after cycle {of_run['cycles_stored']} of {of_run['cycles']}" if ends else ""
 
 
 def picture(found: Store, run_id: int, at_s: float | None, bbox: Box | None) -> Rows:
@@ -153,13 +171,30 @@ def main_columns(rows: Rows) -> Rows:
     return Rows(tuple(rows.columns[k] for k in keep), [tuple(row[k] for k in keep) for row in rows.rows])
 
 
-def vessel(found: Store, run_id: int, vessel_id: int) -> Vessel:
-    """Details and tables of one vessel. Raises: StoreError if the run never had it."""
-    track = store.track(found, run_id, vessel_id)
-    details = track.pop("vessel")
+def vessel(found: Store, of_run: Mapping[str, Any], vessel_id: int) -> Vessel:
+    """Details and tables of one vessel. Args: of_run: as of `run`. Raises: StoreError if the run never had it."""
+    track = store.track(found, of_run["id"], vessel_id)
+    details, stays = track.pop("vessel"), track.pop("stays")
     row = for_people(Rows(tuple(details), [tuple(details.values())]))
-    tables = {key.replace("_", " "): for_people(rows) for key, rows in track.items() if key != "stays"}
-    return Vessel({"run": run_id, **dict(zip(row.columns, row.rows[0], strict=True))}, tables)
+    names = {number: name for number, name, _ in store.sources(found, of_run["id"]).rows}
+    tables = {key.replace("_", " "): for_people(_with_names(rows, names)) for key, rows in track.items()}
+    methods = {key: of_run["settings"].get(key, {}).get("method") for key in ("associations", "bearing_associations")}
+    return Vessel(
+        {"run": of_run["id"], **dict(zip(row.columns, row.rows[0], strict=True))},
+        tables,
+        {key.replace("_", " "): STATISTICS[method] for key, method in methods.items() if method in STATISTICS},
+        tuple((first, LAST if last is None else last) for first, last, _ in stays.rows),
+    )
+
+
+def _with_names(rows: Rows | Table, names: Mapping[int, str]) -> Rows | Table:
+    """The rows with the names of sources in the place of their numbers, and `track_id` for the track of a bearing."""
+    columns = tuple("track_id" if name == "bearing_track" else name for name in rows.columns)
+    at = {k for k, name in enumerate(columns) if name in NAMED_SOURCES}
+    if not at:
+        return rows
+    made = [tuple(names.get(value, value) if k in at else value for k, value in enumerate(row)) for row in rows.rows]
+    return Rows(columns, made)
 
 
 def sensors(found: Store, run_id: int, at_s: float | None) -> Rows:
@@ -181,7 +216,9 @@ def registration(rows: Rows) -> Rows:
 
 
 def _with_sigma(value: float | None, sigma: float | None) -> str | None:
-    return None if value is None else f"{value:.3f}" if sigma is None else f"{value:.3f} +- {sigma:.3f}"
+    if value is None:
+        return None
+    return f"{rounded(value, 3):.3f}" + ("" if sigma is None else f" +- {sigma:.3f}")
 
 
 def questions() -> Rows:
@@ -195,19 +232,20 @@ def questions() -> Rows:
     return Rows(("question", "answers", "parameters"), rows)
 
 
-def answer(found: Store, name: str, parameters: Mapping[str, str]) -> Rows:
-    """The answer to a question. Raises: BadInput, StoreError."""
+def answer(found: Store, name: str, parameters: Mapping[str, str], at_s: float | None = None) -> Rows:
+    """The answer to a question, now or at an instant. Raises: BadInput, StoreError."""
     known = store.operator_queries()
     if name not in known:
-        raise BadInput(f"query: got {name!r}, needed one of {', '.join(known)}")
+        raise BadInput(f"query: got {name!r}, needed one of {', '.join(known)}{did_you_mean(name, known)}")
     takes = known[name].parameters
     unknown = [key for key in parameters if key not in (*takes, "run")]
     missing = [key for key, p in takes.items() if p.default is None and key not in parameters]
     if unknown or missing:
         got = f"got {', '.join(unknown)}" if unknown else f"got no {', '.join(missing)}"
-        raise BadInput(f"query {name}: {got}, needed --set with {', '.join((*takes, 'run'))}")
+        hint = did_you_mean(unknown[0], takes) if unknown else ""
+        raise BadInput(f"query {name}: {got}, needed --set with {', '.join((*takes, 'run'))}{hint}")
     try:
-        return for_people(store.operator_query(found, name, parameters))
+        return for_people(store.operator_query(found, name, parameters, at_s))
     except ParameterError as error:
         raise BadInput(str(error)) from error
 
@@ -237,6 +275,5 @@ def _maker(name: str) -> Callable[[Any], Any]:
         return lambda value: f"{int(value):09d}"
     if name == "flags":
         return lambda value: flag_words(int(value)) if isinstance(value, int) else value
-    ending = max((e for e in ENDINGS if name.endswith(e)), key=len, default="")
-    digits = DIGITS.get(name, ENDINGS.get(ending, 6))
-    return lambda value: round(value, digits) if isinstance(value, float) else value
+    digits = digits_of(name)
+    return lambda value: rounded(value, digits) if isinstance(value, float) else value

@@ -64,7 +64,7 @@ def picture(
             return _picture_now(connection, run_id, here, columns)
         kept = or_(CYCLE.c.history_from.is_not(None), CYCLE.c.recorded)
         cycle = cycle_at(connection, store, run_id, at_s, kept)
-        return _picture_then(connection, run_id, cycle, bbox, columns)
+        return picture_of_cycle(connection, run_id, cycle, bbox, columns)
 
 
 def track(store: Store, run_id: int, vessel_id: int) -> dict[str, Any]:
@@ -108,7 +108,7 @@ def _picture_now(connection: Connection, run_id: int, where: Any, wanted: Sequen
     return _with_details(connection, run_id, None, found, wanted)
 
 
-def _picture_then(
+def picture_of_cycle(
     connection: Connection,
     run_id: int,
     cycle: int,
@@ -299,6 +299,6 @@ def _newest_row(connection: Connection, run_id: int, vessel_id: int, stays: Rows
             return {**dict(zip(now.columns, now.rows[0], strict=True)), "in_picture": True}
     last = select(func.max(CYCLE.c.number)).where(CYCLE.c.run_id == run_id, CYCLE.c.history_from.is_not(None))
     cycle = connection.scalar(last if to_cycle is None else last.where(CYCLE.c.number == to_cycle))
-    then = Rows((), []) if cycle is None else _picture_then(connection, run_id, cycle, None, vessel_id=vessel_id)
+    then = Rows((), []) if cycle is None else picture_of_cycle(connection, run_id, cycle, None, vessel_id=vessel_id)
     found = dict(zip(then.columns, then.rows[0], strict=True)) if then.rows else {"vessel_id": vessel_id, "since_s": since_s}
     return {**found, "in_picture": to_cycle is None}

@@ -20,8 +20,9 @@ from coastwatch.store.close_pairs import closest_approach, closest_pairs
 from coastwatch.store.database import Store, StoreError, reading
 from coastwatch.store.events import KINDS
 from coastwatch.store.history_queries import history_of_mmsi
+from coastwatch.store.past_tables import as_of
 from coastwatch.store.rows import Rows, fetch_rows
-from coastwatch.store.runs import latest_run
+from coastwatch.store.runs import latest_run, run_exists
 
 PARAMETER = re.compile(r"^-- parameter: (?P<name>\w+) = (?P<default>[^,]+), (?P<meaning>.+)$")
 Value = int | float | str
@@ -75,10 +76,11 @@ def operator_queries() -> dict[str, Question]:
     return {path.stem: _read(path) for path in sorted(operator_queries_folder().glob("*.sql"))}
 
 
-def operator_query(store: Store, name: str, parameters: Mapping[str, Any] | None = None) -> Rows:
+def operator_query(store: Store, name: str, parameters: Mapping[str, Any] | None = None, at_s: float | None = None) -> Rows:
     """The answer to one question; the database is only read.
 
-    Args: parameters: by name, as numbers or as text; what is not given has its default. `run`: the number of a run.
+    Args: parameters: by name, as numbers or as text; what is not given has its default. `run`: the number of a run; at_s: answer as
+    it would have been then, seconds since 1970 UTC.
     Raises: StoreError for an unknown name or parameter; ParameterError for a value of the wrong kind, out of its limits, or missing.
     """
     known = operator_queries()
@@ -90,10 +92,10 @@ def operator_query(store: Store, name: str, parameters: Mapping[str, Any] | None
     if unknown:
         raise StoreError(f"query {name}: got parameter {', '.join(unknown)}, needed {', '.join((*question.parameters, 'run'))}")
     values = {key: _value(name, key, given.get(key), known.default) for key, known in question.parameters.items()}
-    values["run"] = latest_run(store) if run_id is None else _value(name, "run", run_id, 1)
-    with reading(store) as connection:
-        if connection.scalar(text("SELECT count(*) FROM run WHERE id = :run"), {"run": values["run"]}) == 0:
-            raise StoreError(f"{store.where}: there is no run {values['run']}")
+    run = latest_run(store) if run_id is None else int(_value(name, "run", run_id, 1))
+    values["run"] = run
+    with reading(store) if at_s is None else as_of(store, run, at_s) as connection:
+        run_exists(connection, store, run)
         if name in COMPUTED:
             return COMPUTED[name](connection, values)
         if connection.dialect.name != "sqlite":

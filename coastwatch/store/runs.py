@@ -129,14 +129,19 @@ def delete_run(store: Store, run_id: int) -> None:
     _delete(store, select(RUN.c.id).where(RUN.c.id == run_id))
 
 
-def keep_runs(store: Store, count: int) -> list[int]:
-    """Delete all but the newest runs; one that is being written stays. Args: count: how many stay. Returns: the deleted ones.
+def keep_runs(store: Store, count: int, scenario: str | None = None) -> list[int]:
+    """Delete all but the newest runs; one that is being written stays. Returns: the deleted ones.
 
+    Args: count: how many stay; scenario: delete only runs of this scenario, and never its last good run.
     Raises: StoreError.
     """
     listed = runs(store)
-    old = list(zip(listed.column("id"), listed.column("status"), strict=True))[count:]
-    return _delete(store, select(RUN.c.id).where(RUN.c.id.in_([number for number, status in old if status != "running"])))
+    about = zip(*(listed.column(name) for name in ("id", "scenario", "status", "scores", "verdict")), strict=True)
+    of_scenario = [row for row in about if scenario in (None, row[1])]
+    good = [number for number, _, status, scores, verdict in of_scenario if status == "finished" and scores and not verdict]
+    stay = set() if scenario is None else set(good[:1])
+    old = [number for number, _, status, *_ in of_scenario[count:] if status != "running" and number not in stay]
+    return _delete(store, select(RUN.c.id).where(RUN.c.id.in_(old)))
 
 
 def _delete(store: Store, which: Executable) -> list[int]:

@@ -100,6 +100,16 @@ def test_a_track(finished_run: FinishedRun, capsys: pytest.CaptureFixture[str]) 
     assert said["vessel_id"] == 1
     assert len(said["history"]) >= 2
     assert said["members"]
+    assert {row["first_source"] for row in said["associations"]} <= {row["source"] for row in said["members"]}
+    assert "log-likelihood ratio" in said["statistics"]["associations"]
+    table = answer(
+        ["picture", "--db", url, "--json", "--sort", "-sog_kn", "--limit", "2", "--columns", "vessel_id,sog_kn"], capsys
+    )
+    fast = json.loads(table)
+    assert [list(row) for row in fast] == [["vessel_id", "sog_kn"]] * 2
+    assert fast[0]["sog_kn"] >= fast[1]["sog_kn"]
+    gpx = answer(["track", "1", "--db", url, "--format", "gpx"], capsys)
+    assert gpx.count("<trkpt") == len(said["history"])
     text = answer(["track", "1", "--db", url], capsys)
     assert "vessel id" in text
     assert "\nhistory" in text
@@ -111,7 +121,8 @@ def test_runs_are_listed_deleted_and_kept(tmp_path: Path, capsys: pytest.Capture
     db = f"sqlite:///{tmp_path / 'x.db'}"
     for seed in (4, 5, 6):
         made = ["run", "context-driven-100", "--seed", str(seed), "--db", db, "--json"]
-        answer([*made, *("--set", "input.count=4", "--set", "cycles=2", "--set", "warmup_s=3")], capsys)
+        assert main([*made, *("--set", "input.count=4", "--set", "cycles=2", "--set", "warmup_s=3")]) == 0
+    capsys.readouterr()
     listed = json.loads(answer(["runs", "--db", db, "--json"], capsys))
     assert [(run["run"], run["seed"], run["status"], run["cycles_stored"]) for run in listed] == [
         (3, 6, "finished", 3), (2, 5, "finished", 3), (1, 4, "finished", 3)
@@ -122,6 +133,10 @@ def test_runs_are_listed_deleted_and_kept(tmp_path: Path, capsys: pytest.Capture
         raw.execute("UPDATE run SET status = 'running' WHERE id = 1")
     head = answer(["picture", "--db", db, "--run", "2"], capsys).splitlines()[0]
     assert head.endswith("the run died after cycle 3 of 9")
+    assert main(["picture", "--db", db, "--run", "2", "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert len(json.loads(out)) > 0
+    assert "the run died after cycle 3 of 9" in err
     assert [line.split()[4] for line in answer(["runs", "--db", db], capsys).splitlines()[2:]] == [
         "finished",
         "died",
@@ -157,6 +172,10 @@ def test_a_figure_that_fell_is_said_with_exit_code_4(tmp_path: Path, capsys: pyt
     assert "fused_tracks.position_rmse_m rose from 1e-06 in run 3 to " in capsys.readouterr().err
     listed = json.loads(answer(["runs", "--db", f"sqlite:///{db}", "--json"], capsys))
     assert [len(run["verdict"]) for run in listed] == [1, 0, 2, 0]
+    assert main([*line, "--keep", "1"]) == 4
+    capsys.readouterr()
+    listed = json.loads(answer(["runs", "--db", f"sqlite:///{db}", "--json"], capsys))
+    assert [run["run"] for run in listed] == [5, 3]  # the newest, and the last good one, with which the next is compared
     assert main([*line, "--require", "f1=3"]) == 2
     assert "got 'f1=3', needed FIGURE>=NUMBER" in capsys.readouterr().err
 
@@ -202,6 +221,8 @@ def test_every_question_has_an_answer(finished_run: FinishedRun, capsys: pytest.
         assert name in listed
         given = [f"--set={key}={needed[key]}" for key, p in question.parameters.items() if p.default is None]
         answer(["query", name, "--db", url, *given], capsys)
+        then = answer(["query", name, "--db", url, "--json", "--at", "2025-06-01T12:00:30Z", *given], capsys)
+        assert isinstance(json.loads(then), list)
 
 
 @pytest.mark.parametrize(

@@ -10,9 +10,12 @@ from pathlib import Path
 import polars
 import pytest
 
-from coastwatch.operators import export
+from coastwatch import store
+from coastwatch.operators import columns, export, stored
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.cli import arguments
+from coastwatch.operators.safe_text import printable
+from coastwatch.operators.selection import selected
 
 Rows = namedtuple("Rows", ["columns", "rows"])
 SHIPS = Rows(
@@ -24,8 +27,8 @@ SHIPS = Rows(
 def test_a_table_aligns_and_shows_what_is_absent() -> None:
     lines = export.as_table(SHIPS).splitlines()
     assert lines[0].split() == list(SHIPS.columns)
-    assert lines[2].startswith("        1         -22.9")
-    assert lines[3].split() == ["23", "10.5", "179.9", "-", "-"]
+    assert lines[2].startswith("        1    -22.900000     -43.100000")
+    assert lines[3].split() == ["23", "10.500000", "179.900000", "-", "-"]
     assert "no rows" in export.as_table(Rows(("a",), []))
 
 
@@ -40,6 +43,7 @@ def test_geojson_puts_longitude_first_and_nothing_where_there_is_no_position() -
     features = json.loads(export.as_geojson(SHIPS))["features"]
     assert features[0]["geometry"] == {"type": "Point", "coordinates": [-43.1, -22.9]}
     assert features[0]["properties"] == {"vessel_id": 1, "mmsi": "002320001", "name": 'A "B", C'}
+    assert [feature["id"] for feature in features] == [1, 23, 4]
     assert features[2]["geometry"] is None
     with pytest.raises(BadInput, match="latitude_deg"):
         export.as_geojson(Rows(("stage", "median_ms"), [("tracks", 1.0)]))
@@ -80,3 +84,80 @@ def test_a_box_may_cross_the_antimeridian() -> None:
     for wrong in ("1,2,3", "10,0,5,1", "0,-181,1,1", "nan,0,1,1", "a,b,c,d"):
         with pytest.raises(argparse.ArgumentTypeError):
             arguments.box(wrong)
+
+
+HOSTILE = "\x1b[2J\x9b1mEVIL\u202e\r\nCARGO\x00"
+SHOWN = r"\x1b[2J\x9b1mEVIL\u202e\r\nCARGO\x00"
+
+
+@pytest.mark.parametrize("form", ["table", "csv", "json", "geojson", "gpx"])
+def test_no_format_passes_control_characters_on(form: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """A ship's name must not move the cursor of a terminal or hide a line."""
+    export.write(Rows(SHIPS.columns, [(1, 1.0, 2.0, None, HOSTILE)]), form, None, HOSTILE)
+    out = capsys.readouterr().out
+    assert "EVIL" in out
+    assert printable(out.replace("\n", "")) == out.replace("\n", "")
+
+
+def test_every_character_that_is_not_printable_is_shown_as_its_escape() -> None:
+    assert printable(HOSTILE) == SHOWN
+    assert printable("Ærø \N{SNOWMAN}") == "Ærø \N{SNOWMAN}"
+
+
+@pytest.mark.parametrize("text", ["=1+1", "+41", "-2", "@SUM(A1)"])
+def test_a_text_is_no_formula_of_a_spreadsheet(text: str) -> None:
+    made = export.as_csv(Rows(("name", "latitude_deg"), [(text, -22.5)]))
+    assert made == f"name,latitude_deg\n'{text},-22.5\n"
+
+
+def test_columns_of_degrees_line_up_and_no_zero_is_negative() -> None:
+    rows = store.Rows(("cog_deg", "latitude_deg", "flags"), [(-1e-9, -22.9, 0), (270.126, 5.0, 1)])
+    first, second = export.as_table(stored.for_people(rows)).splitlines()[2:]
+    assert (first.split(), second.split()) == (["0.00", "-22.900000", "-"], ["270.13", "5.000000", "dark"])
+    assert first.index(".9") == second.index(".0", 12)
+
+
+def test_parquet_has_the_same_types_with_and_without_values(tmp_path: Path) -> None:
+    names = ("vessel_id", "sog_kn", "mmsi", "flags", "time_utc", "in_picture", "end_utc")
+    full = Rows(names, [(1, 2.5, "219000001", "dark coasting", "2025-06-01T12:00:00.000Z", True, None)])
+    frames = []
+    for rows in (full, Rows(names, []), Rows(names, [(None,) * 7])):
+        export.write(rows, "parquet", str(tmp_path / "x.parquet"))
+        frames.append(polars.read_parquet(tmp_path / "x.parquet"))
+    assert len({str(frame.schema) for frame in frames}) == 1
+    assert polars.Null not in frames[0].dtypes
+    assert frames[0].schema["time_utc"] == frames[0].schema["end_utc"] == polars.Datetime("us", "UTC")
+    assert frames[0]["flags"].to_list() == [["dark", "coasting"]]
+
+
+def test_every_column_of_every_question_has_a_type(tmp_path: Path) -> None:
+    with store.open_store(str(tmp_path / "x.db")) as opened, store.database.writing(opened) as connection:
+        connection.exec_driver_sql(
+            "INSERT INTO run (id, scenario, title, seed, version, settings, command, started_utc, status, period_s, cycles, "
+            "warmup_cycles, start_s, workers, faults) VALUES (1, 'x', '', 1, '', '{}', '', '', 'finished', 1, 1, 0, 0, 1, '[]')"
+        )
+    given = {"mmsi": "219000001", "latitude_deg": "0", "longitude_deg": "0"}
+    with store.open_store(str(tmp_path / "x.db")) as opened:
+        for name, question in store.operator_queries().items():
+            asked = {key: given[key] for key, parameter in question.parameters.items() if parameter.default is None}
+            assert [c for c in stored.answer(opened, name, asked).columns if columns.kind_of(c) is None] == [], name
+        assert [c for c in stored.picture(opened, 1, None, None).columns if columns.kind_of(c) is None] == []
+
+
+def test_gpx_has_a_waypoint_for_each_position_and_a_track_for_a_history() -> None:
+    import gpxpy
+
+    points = gpxpy.parse(export.as_gpx(SHIPS)).waypoints
+    assert [(p.latitude, p.longitude, p.name) for p in points] == [(-22.9, -43.1, 'A "B", C'), (10.5, 179.9, "vessel 23")]
+    path = Rows(("time_utc", "latitude_deg", "longitude_deg"), [("2025-06-01T12:00:00.000Z", 1.0, 2.0)] * 2)
+    (track,) = gpxpy.parse(export.as_gpx_track("SHIP", [path, path])).tracks
+    assert (track.name, [len(segment.points) for segment in track.segments]) == ("SHIP", [2, 2])
+
+
+def test_rows_are_sorted_limited_and_cut_to_columns() -> None:
+    assert [row[0] for row in selected(SHIPS, ["-vessel_id"], None, []).rows] == [23, 4, 1]
+    assert [row[0] for row in selected(SHIPS, ["name"], None, []).rows] == [1, 4, 23]  # what is absent comes last
+    assert [row[0] for row in selected(SHIPS, ["-name"], None, []).rows] == [4, 1, 23]
+    assert selected(SHIPS, [], 1, ["mmsi", "vessel_id"]) == store.Rows(("mmsi", "vessel_id"), [("002320001", 1)])
+    with pytest.raises(BadInput, match=r"--sort: got 'vesel_id', needed some of .*; did you mean 'vessel_id'\?"):
+        selected(SHIPS, ["vesel_id"], None, [])

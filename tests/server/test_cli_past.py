@@ -45,7 +45,15 @@ def test_a_replay_has_every_number_as_it_was(ran: tuple[str, list[Picture]], cap
     assert [float(row["north_m_s"]) for row in found] == whole.velocity_m_s[:, 1].tolist()
     said = np.array([float(row["covariance_north_east_rate"] or "nan") for row in found])
     assert np.array_equal(said, whole.covariance[:, 1, 2], equal_nan=True)
-    assert all(row["members"] for row in found if row["updated_s"] == row["time_s"])
+    assert all(row["members"] for row in found if row["updated_utc"] == row["time_utc"])
+    now = rows(["picture", "--db", url, "--format", "csv"], capsys)
+    named = ("vessel_id", "mmsi", "flags")
+    last = [row for row in found if row["cycle"] == found[-1]["cycle"]]
+    assert [[row[name] for name in named] for row in last] == [[row[name] for name in named] for row in now]
+    assert [round(float(row["sog_kn"]), 2) for row in last] == [float(row["sog_kn"]) for row in now]
+    source, _, track = last[0]["members"].split()[0].partition(":")
+    assert source in now[0]["sources"].split(",")
+    assert track.isdigit()
 
 
 def test_a_replay_of_a_span_and_a_box_as_parquet(ran: tuple[str, list[Picture]], tmp_path: Path) -> None:
@@ -56,6 +64,8 @@ def test_a_replay_of_a_span_and_a_box_as_parquet(ran: tuple[str, list[Picture]],
     found = polars.read_parquet(path)
     assert sorted(set(found["cycle"].to_list())) == [3, 4, 5, 6, 7, 8, 9]
     assert len(found) == sum(len(p) for p in pictures[3:10])
+    assert found.schema["time_utc"] == polars.Datetime("us", "UTC")
+    assert found.schema["flags"] == polars.List(polars.String)
 
 
 def test_a_picture_of_a_recorded_instant_is_exact(ran: tuple[str, list[Picture]], capsys: pytest.CaptureFixture[str]) -> None:

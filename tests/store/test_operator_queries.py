@@ -253,3 +253,35 @@ def test_times_are_instants_or_lengths(store: Store) -> None:
         for column, value in zip(found.columns, found.rows[0] if found.rows else (), strict=False):
             if column.endswith("_s") and value is not None:
                 assert (value > world.START_S - 1.0) == (column in INSTANTS), f"{name}.{column}"
+
+
+@pytest.mark.parametrize("last", [20, 33, CYCLES - 1])
+def test_every_question_at_an_instant_is_answered_as_it_was_then(store: Store, last: int, tmp_path: Path) -> None:
+    """A second database ends at that cycle. A question about now asks it; one about then asks the whole database."""
+    given = {"latitude_deg": -22.9, "longitude_deg": -43.2, "mmsi": 710_000_001}
+    with kept.open_store(str(tmp_path / "shorter.db")) as shorter:
+        run = world.begin(shorter)
+        for number in range(last + 1):
+            cycle = without_radar(world.cycle_of(number, 0, planted(number)), number)
+            world.write(shorter, run, number, cycle=cycle, reports=world.reports_of(1, 2))
+        for name, question in kept.operator_queries().items():
+            asked = {key: given[key] for key, parameter in question.parameters.items() if parameter.default is None}
+            now = kept.operator_query(shorter, name, asked)
+            then = kept.operator_query(store, name, asked, world.instant_s(last) + 1.0)
+            if name == "bearings":  # of the past, only those that were given to a vessel, without their rates
+                now = replaced(now, rate_deg_s=None)
+                then = replaced(then, updated_s=now.column("updated_s")[0])
+            assert then.columns == now.columns
+            assert then.rows == now.rows, name
+        assert kept.operator_query(store, "fastest").rows  # what was temporary is gone
+
+
+def test_a_question_before_the_first_cycle_is_refused(store: Store) -> None:
+    with pytest.raises(kept.StoreError, match="holds nothing up to"):
+        kept.operator_query(store, "fastest", {}, world.START_S)
+
+
+def replaced(rows: kept.Rows, **values: Any) -> kept.Rows:
+    """The rows with another value in some columns."""
+    made = [tuple(values.get(name, value) for name, value in zip(rows.columns, row, strict=True)) for row in rows.rows]
+    return kept.Rows(rows.columns, made)

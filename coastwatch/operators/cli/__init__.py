@@ -14,6 +14,10 @@ from collections.abc import Sequence
 
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.cli.parser import make_parser
+from coastwatch.operators.safe_text import printable
+
+VALUES = {"--bbox": r"-[\d.]", "--tracks-origin": r"-[\d.]", "--track-site": r"-[\d.]", "--sort": r"-[a-z]"}
+"""How the value of an option begins that argparse would take for an option."""
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED, PIPE_CLOSED = 0, 1, 2, 130, 141
 
@@ -40,10 +44,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _joined(words: Sequence[str]) -> list[str]:
-    """The words with a negative position joined to its option, "--bbox=-23,...": argparse would take it for an option."""
+    """The words with a negative position or a descending column joined to its option, "--bbox=-23,...", "--sort=-sog_kn".
+
+    argparse would take them for options.
+    """
     out: list[str] = []
     for word in words:
-        if out and out[-1] in ("--bbox", "--tracks-origin") and re.match(r"-[\d.]", word):
+        if out and re.match(VALUES.get(out[-1], r"(?!)"), word):
             out[-1] += f"={word}"
         else:
             out.append(word)
@@ -77,6 +84,6 @@ def _one_line(error: Exception) -> str:
         text = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
     else:
         text = str(error)
-    text = "; ".join(line.strip() for line in text.splitlines() if line.strip())
+    text = "; ".join(printable(line.strip()) for line in text.split("\n") if line.strip())
     known = _is_bad_input(error) or isinstance(error, OSError) or type(error).__module__.startswith("coastwatch.")
     return text if known and text else f"{type(error).__name__}: {text or 'no message'} (COASTWATCH_TRACEBACK=1 shows where)"

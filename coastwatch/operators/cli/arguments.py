@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
@@ -45,9 +45,23 @@ def add_span(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--to", metavar="UTC", type=utc, dest="to_s", required=True, help="last instant, ISO 8601")
 
 
-def add_format(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--format", choices=("table", "csv", "geojson", "parquet"), default="table", help="default: table")
+FORMATS = ("table", "csv", "json", "geojson", "gpx", "parquet")
+
+
+def add_format(parser: argparse.ArgumentParser, formats: Sequence[str] = FORMATS) -> None:
+    parser.add_argument("--format", choices=formats, default="table", help="default: table; gpx: waypoints for a chart plotter")
+    text = "the same as --format json: one JSON list, an object per row"
+    parser.add_argument("--json", action="store_const", const="json", dest="format", help=text)
     add_output(parser)
+
+
+def add_rows(parser: argparse.ArgumentParser, formats: Sequence[str] = FORMATS) -> None:
+    """Adds the format of rows, and which rows and columns."""
+    add_format(parser, formats)
+    text = "sort by columns, the first first; -NAME: descending, e.g. --sort=-sog_kn"
+    parser.add_argument("--sort", metavar="NAME,...", type=names, default=(), help=text)
+    parser.add_argument("--limit", metavar="N", type=whole, help="at most so many rows")
+    parser.add_argument("--columns", metavar="NAME,...", type=names, default=(), help="only these columns, in this order")
 
 
 def add_output(parser: argparse.ArgumentParser) -> None:
@@ -77,6 +91,11 @@ def pair(text: str) -> tuple[str, str]:
     if not equals or not key.strip():
         raise argparse.ArgumentTypeError(f"got {text!r}, needed KEY=VALUE")
     return key.strip(), value.strip()
+
+
+def names(text: str) -> tuple[str, ...]:
+    """The names in NAME,NAME."""
+    return tuple(part.strip() for part in text.split(",") if part.strip())
 
 
 def column_names(text: str) -> dict[str, str]:

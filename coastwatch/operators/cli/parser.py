@@ -15,6 +15,7 @@ from coastwatch.operators.cli.arguments import (
     add_format,
     add_moment,
     add_output,
+    add_rows,
     add_run,
     add_running,
     add_set,
@@ -106,6 +107,8 @@ def _run(commands: Any) -> None:
     run.add_argument("--compare", choices=("last",), help=text)
     text = "how much worse a figure may be: shares as they are, errors relative to the last good run (default: 0.002)"
     run.add_argument("--tolerance", metavar="N", type=float, default=0.002, help=text)
+    text = "then delete all but the newest N runs of this scenario; the last good one stays, for --compare"
+    run.add_argument("--keep", metavar="N", type=count, help=text)
     text = "also write the picture of every cycle as CSV: time (Unix s), track_id, north, east (m), vn, ve (m/s), latitude, longitude"
     run.add_argument("--tracks-csv", metavar="FILE", help=text)
     text = "the point where north and east are 0 (default: the centre of the scenario's area)"
@@ -175,7 +178,7 @@ def _runs(commands: Any) -> None:
     runs.add_argument("action", metavar="delete|keep", nargs="?", choices=("delete", "keep"), help="what to do (default: list)")
     runs.add_argument("number", metavar="N", nargs="?", type=whole, help="number of the run to delete, or how many to keep")
     add_db(runs)
-    runs.add_argument("--json", action="store_true", help="print one JSON list: an object per run with all scores")
+    add_rows(runs, ("table", "csv", "json"))
 
 
 def _picture(commands: Any) -> None:
@@ -187,16 +190,22 @@ def _picture(commands: Any) -> None:
     add_db(picture)
     add_run(picture)
     add_moment(picture)
-    add_format(picture)
+    add_rows(picture)
 
 
 def _track(commands: Any) -> None:
-    text = "One vessel: its details, its alarms, its tracks and its history (the newest 20 rows; --json prints all)."
+    text = (
+        "One vessel: its details, its alarms, its tracks, its associations and its history, the newest rows of each. --json prints all "
+        "rows of all; csv, geojson, parquet and gpx have the history, gpx as a track for a chart plotter."
+    )
     track = _command(commands, "track", "read:track", "show one vessel and its history", text)
     track.add_argument("vessel", metavar="ID", type=whole, help="vessel id, as in `coastwatch picture` (not the MMSI)")
     add_db(track)
     add_run(track)
-    track.add_argument("--json", action="store_true", help="print one JSON object with the whole history")
+    add_format(track)
+    track.add_argument(
+        "--limit", metavar="N", type=count, default=20, help="newest rows of each table that are shown (default: 20)"
+    )
 
 
 def _traffic(commands: Any) -> None:
@@ -206,7 +215,7 @@ def _traffic(commands: Any) -> None:
     )
     traffic = _command(commands, "traffic", "read:traffic", "show the vessels in a box in a time span", text)
     add_span(traffic)
-    add_format(traffic)
+    add_rows(traffic)
 
 
 def _encounters(commands: Any) -> None:
@@ -217,14 +226,14 @@ def _encounters(commands: Any) -> None:
     text = "smallest speed of the faster of the two, kn (default: 1)"
     encounters.add_argument("--min-sog", metavar="KN", type=float, default=1.0, help=text)
     encounters.add_argument("--count", metavar="N", type=count, default=100, help="largest number of pairs (default: 100)")
-    add_format(encounters)
+    add_rows(encounters)
 
 
 def _replay(commands: Any) -> None:
     text = (
-        "Export the pictures of a recorded run (`store.recording`): one row per vessel and cycle, every column as it was computed. "
-        "Velocity is in metres a second east and north, with the covariance of position and velocity; times are seconds since 1970; "
-        "members are written source:track."
+        "Export the pictures of a recorded run (`store.recording`): one row per vessel and cycle, with the columns of `picture` as they "
+        "were computed. Members are the tracks of radars, AIS and received tracks, written source:track. Then come the velocity in "
+        "metres a second east and north, and the covariance of position and velocity in metres and seconds."
     )
     replay = _command(commands, "replay", "read:replay", "export recorded pictures", text)
     add_db(replay)
@@ -250,7 +259,7 @@ def _sensors(commands: Any) -> None:
     add_run(sensors)
     text = "instant, ISO 8601, e.g. 2026-07-01T12:00:00Z (default: the last cycle)"
     sensors.add_argument("--at", metavar="UTC", type=utc, help=text)
-    sensors.add_argument("--json", action="store_true", help="print one JSON list: an object per sensor with all columns")
+    add_rows(sensors, ("table", "csv", "json"))
 
 
 def _query(commands: Any) -> None:
@@ -264,7 +273,9 @@ def _query(commands: Any) -> None:
     query.add_argument("--from", metavar="UTC", type=utc, dest="from_s", help=text.format("first instant"))
     query.add_argument("--to", metavar="UTC", type=utc, dest="to_s", help=text.format("last instant"))
     query.add_argument("--kind", metavar="KIND", help="of question `alarms`: only these, e.g. dark")
-    add_format(query)
+    text = "answer as of this instant, ISO 8601 (default: the last cycle)"
+    query.add_argument("--at", metavar="UTC", type=utc, help=text)
+    add_rows(query)
 
 
 def _plot(commands: Any) -> None:

@@ -10,6 +10,8 @@ from typing import Any, Protocol
 
 import lazy_loader
 
+from coastwatch.operators.safe_text import printable
+
 tqdm = lazy_loader.load("tqdm")  # only a terminal has a bar
 
 FIRST_LINE_S, LINE_EVERY_S = 2.0, 10.0
@@ -42,7 +44,7 @@ class _Bar:
             self._bar = tqdm.tqdm(total=total, unit=self._unit, file=sys.stderr, dynamic_ncols=True, leave=False)
         if self._bar.total != total:
             self._bar.total = total
-        self._bar.set_postfix_str(what, refresh=False)
+        self._bar.set_postfix_str(printable(what), refresh=False)
         self._bar.update(done - self._bar.n)
 
     def close(self) -> None:
@@ -60,4 +62,4 @@ class _Lines:
         if now_s >= self._next_s:
             self._next_s = now_s + LINE_EVERY_S
             with suppress(OSError):  # nobody reads stderr any more: no reason to end a run
-                print(f"{self._unit} {done} of {total}: {what}", file=sys.stderr, flush=True)
+                print(f"{self._unit} {done} of {total}: {printable(what)}", file=sys.stderr, flush=True)

@@ -1,27 +1,35 @@
-"""`picture`, `track`, `traffic`, `encounters`, `replay`, `sensors` and `query`: read a database, print or export the answer."""
+"""`runs`, `picture`, `track`, `traffic`, `encounters`, `replay`, `sensors` and `query`: read a database, print or export the answer."""
 
 from __future__ import annotations
 
 import argparse
 import json
+import sys
+from collections.abc import Iterator, Sequence
 
 from coastwatch.operators import export, recorded_frames, stored
 from coastwatch.operators.bad_input import BadInput
-from coastwatch.operators.cli.summary import as_plain
-from coastwatch.store import delete_run, keep_runs
-
-NEWEST = 20  # rows of a vessel's tables that `track` prints
+from coastwatch.operators.safe_text import printable
+from coastwatch.operators.selection import selected
+from coastwatch.store import Rows, delete_run, keep_runs
 
 
 def picture(options: argparse.Namespace) -> int:
     with stored.opened(options.db) as store:
         run = stored.run(store, options.run)
         rows = stored.picture(store, run["id"], options.at, options.bbox)
-    if options.format == "table":
-        export.write(stored.main_columns(rows), "table", options.output, stored.heading(run, rows))
-    else:
-        export.write(rows, options.format, options.output)
+    heading = stored.heading(run, rows)
+    main = options.format == "table" and not options.columns
+    _write(rows, options, heading, stored.MAIN_COLUMNS if main else ())
+    if options.format != "table" and stored.ending(run):
+        print(f"coastwatch: warning: {printable(heading)}", file=sys.stderr)
     return 0
+
+
+def _write(rows: Rows, options: argparse.Namespace, heading: str = "", columns: Sequence[str] = ()) -> None:
+    """Writes rows as the options of `arguments.add_rows` want them. Args: columns: unless the options name some."""
+    chosen = selected(rows, options.sort, options.limit, options.columns or columns)
+    export.write(chosen, options.format, options.output, heading)
 
 
 def runs(options: argparse.Namespace) -> int:
@@ -33,33 +41,42 @@ def runs(options: argparse.Namespace) -> int:
         elif options.action == "keep":
             keep_runs(store, options.number)
         rows = stored.runs(store)
-    if options.json:
-        print(json.dumps(as_plain([dict(zip(rows.columns, row, strict=True)) for row in rows.rows]), allow_nan=False))
-    else:
-        export.write(stored.runs_table(rows), "table", None)
+    _write(rows if options.format == "json" else stored.runs_table(rows), options)
     return 0
 
 
 def track(options: argparse.Namespace) -> int:
     with stored.opened(options.db) as store:
-        found = stored.vessel(store, stored.run(store, options.run)["id"], options.vessel)
-    if options.json:
-        print(json.dumps(as_plain(found.as_object()), allow_nan=False))
-        return 0
-    for name, value in found.details.items():
-        print(f"{name.replace('_', ' '):<16} {'-' if value in (None, '') else value}")
-    for title, rows in found.tables.items():
-        newest = type(rows)(rows.columns, rows.rows[-NEWEST:])
-        print(f"\n{title}" + (f", the newest {NEWEST} of {len(rows.rows)}" if len(rows.rows) > NEWEST else ""))
-        export.write(newest, "table", None)
+        found = stored.vessel(store, stored.run(store, options.run), options.vessel)
+    if options.format == "json":
+        lists = {key.replace(" ", "_"): export.as_objects(rows) for key, rows in found.tables.items()}
+        (details,) = export.as_objects(Rows(tuple(found.details), [tuple(found.details.values())]))
+        said = {"statistics": {key.replace(" ", "_"): meaning for key, meaning in found.meanings.items()}}
+        export.write_text(json.dumps({**details, **lists, **said}, allow_nan=False) + "\n", options.output)
+    elif options.format == "gpx":
+        export.write_text(export.as_gpx_track(found.name, found.paths()), options.output)
+    elif options.format != "table":
+        export.write(found.tables["history"], options.format, options.output)
+    else:
+        export.write_text("".join(_track_text(found, options.limit)), options.output)
     return 0
+
+
+def _track_text(found: stored.Vessel, newest: int) -> Iterator[str]:
+    """Details and tables of a vessel for a terminal. Args: newest: rows of each table."""
+    for name, value in found.details.items():
+        yield f"{name.replace('_', ' '):<16} {export.cell(name, value)}\n"
+    for title, rows in found.tables.items():
+        left_out = f", the newest {newest} of {len(rows.rows)}" if len(rows.rows) > newest else ""
+        meaning = f" (statistic: {found.meanings[title]})" if rows.rows and title in found.meanings else ""
+        yield f"\n{title}{left_out}{meaning}\n{export.as_table(Rows(rows.columns, rows.rows[-newest:]))}"
 
 
 def traffic(options: argparse.Namespace) -> int:
     with stored.opened(options.db) as store:
         run_id = stored.run(store, options.run)["id"]
         rows = stored.traffic(store, run_id, options.bbox, (options.from_s, options.to_s))
-    export.write(rows, options.format, options.output)
+    _write(rows, options)
     return 0
 
 
@@ -68,7 +85,7 @@ def encounters(options: argparse.Namespace) -> int:
     with stored.opened(options.db) as store:
         run_id = stored.run(store, options.run)["id"]
         rows = stored.encounters(store, run_id, options.bbox, (options.from_s, options.to_s), limits)
-    export.write(rows, options.format, options.output)
+    _write(rows, options)
     return 0
 
 
@@ -82,16 +99,13 @@ def replay(options: argparse.Namespace) -> int:
 def sensors(options: argparse.Namespace) -> int:
     with stored.opened(options.db) as store:
         rows = stored.sensors(store, stored.run(store, options.run)["id"], options.at)
-    if options.json:
-        print(json.dumps(as_plain([dict(zip(rows.columns, row, strict=True)) for row in rows.rows]), allow_nan=False))
-        return 0
-    export.write(stored.registration(rows), "table", None)
+    _write(rows if options.format == "json" else stored.registration(rows), options)
     return 0
 
 
 def query(options: argparse.Namespace) -> int:
     if options.name is None:
-        export.write(stored.questions(), options.format, options.output)
+        _write(stored.questions(), options)
         return 0
     parameters = dict(options.settings)
     if options.run is not None and parameters.setdefault("run", str(options.run)) != str(options.run):
@@ -101,6 +115,6 @@ def query(options: argparse.Namespace) -> int:
         if value is not None and parameters.setdefault(key, str(value)) != str(value):
             raise BadInput(f"query: got {option} {value} and --set {key}={parameters[key]}, needed one of them")
     with stored.opened(options.db) as store:
-        rows = stored.answer(store, options.name, parameters)
-    export.write(rows, options.format, options.output)
+        rows = stored.answer(store, options.name, parameters, options.at)
+    _write(rows, options)
     return 0

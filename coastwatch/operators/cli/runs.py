@@ -10,6 +10,7 @@ from typing import Any
 from coastwatch import store
 from coastwatch.operators import tracks_csv, verdict
 from coastwatch.operators.cli import inputs, progress, summary
+from coastwatch.operators.safe_text import printable, printable_lines
 from coastwatch.scenario import load_scenario, scenario_names
 from coastwatch.server.run import run_scenario
 
@@ -41,13 +42,17 @@ def carry_out(scenario: Any, options: argparse.Namespace, seed: int | None, on_c
     if options.json:
         print(json.dumps(summary.as_object(scenario, result), allow_nan=False))
     else:
-        print(summary.as_text(scenario, result))
+        print(printable_lines(summary.as_text(scenario, result)))
     for warning in inputs.warnings(result):
-        print(f"coastwatch: warning: {warning}", file=sys.stderr)
+        print(f"coastwatch: warning: {printable(warning)}", file=sys.stderr)
     if result.interrupted:
         print("coastwatch: interrupted after a whole cycle; the same command with --resume continues", file=sys.stderr)
         return INTERRUPTED
-    return FELL if fell(result, options) else 0
+    has_fallen = fell(result, options)
+    if getattr(options, "keep", None) is not None:
+        with store.open_store(result.database) as opened:
+            store.keep_runs(opened, options.keep, result.scenario)
+    return FELL if has_fallen else 0
 
 
 def fell(result: Any, options: argparse.Namespace) -> bool:
@@ -66,7 +71,7 @@ def fell(result: Any, options: argparse.Namespace) -> bool:
                 said += verdict.worse_than(scores, *good, options.tolerance)
         store.set_verdict(opened, int(result.run_id), said)
     for sentence in said:
-        print(f"coastwatch: {sentence}", file=sys.stderr)
+        print(f"coastwatch: {printable(sentence)}", file=sys.stderr)
     return bool(said)
 
 
@@ -77,5 +82,5 @@ def scenarios(options: argparse.Namespace) -> int:
         return 0
     width = max((len(name) for name, _ in found), default=0)
     for name, title in found:
-        print(f"{name:<{width}}  {title}".rstrip())
+        print(printable(f"{name:<{width}}  {title}".rstrip()))
     return 0

@@ -1,0 +1,66 @@
+"""What each column that operators read holds: its type in Parquet, and its decimals."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+Kind = Literal["text", "whole", "number", "yes_no", "instant", "flags"]
+
+TEXTS = {
+    "answers", "call_sign", "cycles_done", "evidence", "first_source", "heard_by", "kind", "members", "name", "parameters", "question",
+    "region", "scenario", "second_source", "source", "sources", "specification", "stage", "state", "status", "title", "version", "what",
+}  # fmt: skip
+WHOLE = {
+    "cycle", "cycles", "cycles_stored", "gaps", "number", "run", "seed", "ship_type", "tracks", "vessels", "vessels_of_it_alone",
+    "workers",
+}  # fmt: skip
+WHOLE_ENDINGS = ("_id", "_cycle", "_track")
+NUMBERS = {"residuals", "rows_a_cycle", "share", "statistic"}
+KINDS: dict[str, Kind] = {
+    "flags": "flags",
+    "in_picture": "yes_no",
+    **dict.fromkeys(TEXTS, "text"),
+    **dict.fromkeys(WHOLE, "whole"),
+    **dict.fromkeys(NUMBERS, "number"),
+}
+
+DIGITS = {
+    "latitude_deg": 6,
+    "longitude_deg": 6,
+    "sog_kn": 2,
+    "statistic": 3,
+    "share": 4,
+    "azimuth_bias_deg": 4,
+    "azimuth_sigma_deg": 4,
+    "azimuth_change_deg": 4,
+}
+ENDINGS = {"_deg": 2, "_deg_s": 4, "_m": 1, "_nm": 3, "_kn": 2, "_ms": 3, "_s": 3, "_min": 2}
+OTHER_DIGITS = 6
+
+
+def kind_of(name: str) -> Kind | None:
+    """What a column holds, by its name; None: unknown."""
+    if name in KINDS:
+        return KINDS[name]
+    if name.endswith("_utc"):
+        return "instant"
+    if name.endswith("mmsi"):
+        return "text"
+    if name.endswith(WHOLE_ENDINGS):
+        return "whole"
+    return "number" if _ending(name) else None
+
+
+def digits_of(name: str) -> int:
+    """Decimals of the numbers of a column."""
+    return DIGITS.get(name, ENDINGS.get(_ending(name), OTHER_DIGITS))
+
+
+def rounded(value: float, digits: int) -> float:
+    """A number with so many decimals; never -0."""
+    return round(value, digits) + 0.0
+
+
+def _ending(name: str) -> str:
+    """The unit at the end of a name; empty if it has none."""
+    return max((ending for ending in ENDINGS if name.endswith(ending)), key=len, default="")
