@@ -221,3 +221,4 @@ class Flag(IntFlag):
     MMSI_TWICE = 8  # its MMSI is received from two places
     IMPOSSIBLE_SPEED = 16  # consecutive AIS reports need a speed no ship has
     COASTING = 32  # it has no track now and is predicted
+    STATIONARY = 4096  # it has stayed in one place: a moored or anchored vessel, a quay, a buoy

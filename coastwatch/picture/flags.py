@@ -1,8 +1,9 @@
 """Flags of vessels that an operator should look at: who decides that a vessel is dark, and the other alarms.
 
-- DARK: radar but no AIS for `dark_after_s`, inside the range of an AIS station.
+- DARK: radar but no AIS for `dark_after_s`, inside the range of an AIS station; of what is stationary only if it once had AIS.
 - AIS_WITHOUT_RADAR: AIS but no radar for `unseen_after_s`, inside the range of a radar.
 - AIS_CONTRADICTED: an AIS and a radar track were one vessel, have split, and are `contradicted_from_m` apart.
+- STATIONARY: it has stayed within `stationary_m`, or within its noise, for longer than a vessel under way could.
 - MMSI_TWICE, IMPOSSIBLE_SPEED: alarms of the AIS tracks.
 """
 
@@ -16,13 +17,16 @@ import numpy as np
 
 from coastwatch import kernels
 from coastwatch.batches import AisAlarms, Bools, Flag, Floats, Ints, Picture, Sensors, Tracks
-from coastwatch.geodesy import difference_m
+from coastwatch.geodesy import KNOT_M_S, difference_m
 from coastwatch.picture.match import IdentityMatch
 from coastwatch.picture.order import VesselOrder
 from coastwatch.picture.settings import IdentitySettings
 
 if TYPE_CHECKING:
     from coastwatch.kernels.geometry.sensor_coverage import Coverage  # numba takes half a second to load
+
+
+STATIONARY_SIGMAS = 3.0  # of the position that a displacement must exceed
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +46,13 @@ class FlagMemory:
     no_ais_since_s: Floats  # (R,) of each row of the picture: radar without AIS where a station should hear it; inf if not so
     no_radar_since_s: Floats  # (R,) AIS without radar where a radar should see it; inf if not so
     pairs: TrackPairs
+    anchor_deg: Floats  # (R, 2) where each row was when it last moved
+    anchor_since_s: Floats  # (R,)
 
     @classmethod
     def none(cls) -> FlagMemory:
         row, none = np.zeros(0, np.int64), np.zeros(0)
-        return cls(none, none, TrackPairs(row, row, none, none))
+        return cls(none, none, TrackPairs(row, row, none, none), np.zeros((0, 2)), none)
 
 
 def flag(
@@ -78,7 +84,10 @@ def flag(
     pairs = _in_radar_cover(pairs, radar_coverage, picture, row_of_track)
 
     flags = picture.flags.copy()
-    flags[time_s - no_ais_since_s >= settings.dark_after_s] |= int(Flag.DARK)
+    anchor_deg, anchor_since_s, stationary = _stationary(settings, memory, order.vessel_of_row, picture, time_s)
+    flags[stationary] |= int(Flag.STATIONARY)
+    never_sent = stationary & (picture.mmsi < 0)
+    flags[(time_s - no_ais_since_s >= settings.dark_after_s) & ~never_sent] |= int(Flag.DARK)
     flags[time_s - no_radar_since_s >= settings.unseen_after_s] |= int(Flag.AIS_WITHOUT_RADAR)
     contradicted = _contradicted(settings, pairs, tracks, time_s)
     for track in (pairs.ais[contradicted], pairs.radar[contradicted]):
@@ -86,7 +95,7 @@ def flag(
     for alarm, what in ((alarms.twice, Flag.MMSI_TWICE), (alarms.impossible_speed, Flag.IMPOSSIBLE_SPEED)):
         odd = np.isin(tracks.track_id, alarms.track_id[alarm])
         flags[row_of_track[odd]] |= int(what)
-    return FlagMemory(no_ais_since_s, no_radar_since_s, pairs), flags
+    return FlagMemory(no_ais_since_s, no_radar_since_s, pairs, anchor_deg, anchor_since_s), flags
 
 
 @lru_cache(maxsize=2)
@@ -115,6 +124,26 @@ def _since(holds: Bools, before_s: Floats, vessel_of_row: Ints, time_s: float) -
     rows = rows[(vessel_of_row[rows] >= 0) & (vessel_of_row[rows] < len(before_s))]
     out[rows] = np.minimum(before_s[vessel_of_row[rows]], time_s)
     return out
+
+
+def _stationary(
+    settings: IdentitySettings, memory: FlagMemory, vessel_of_row: Ints, picture: Picture, time_s: float
+) -> tuple[Floats, Floats, Bools]:
+    """Where each row of the picture was when it last moved (R, 2), since when it has been there (R,), whether it is stationary (R,).
+
+    It has moved when it is farther from there than `stationary_m` and than the noise of its position.
+    """
+    anchor_deg, since_s = picture.position_deg.copy(), np.full(len(picture), float(time_s))
+    rows = np.flatnonzero((vessel_of_row >= 0) & (vessel_of_row < len(memory.anchor_since_s)))
+    before = vessel_of_row[rows]
+    variance = picture.covariance[:, 0, 0] + picture.covariance[:, 1, 1]
+    radius_m = np.fmax(settings.stationary_m, STATIONARY_SIGMAS * np.sqrt(variance))
+    apart = difference_m(picture.position_deg[rows], memory.anchor_deg[before])
+    near = np.hypot(apart[:, 0], apart[:, 1]) <= radius_m[rows]
+    rows, before = rows[near], before[near]
+    anchor_deg[rows], since_s[rows] = memory.anchor_deg[before], memory.anchor_since_s[before]
+    needed_s = np.maximum(settings.stationary_after_s, radius_m / (settings.under_way_kn * KNOT_M_S))
+    return anchor_deg, since_s, time_s - since_s >= needed_s
 
 
 def _track_pairs(

@@ -3,7 +3,7 @@
 -- `store.event_gap_s` is one alarm, and `gaps` counts how often it returned. Position, speed and evidence are of the start.
 -- parameter: from_s = 0.0, alarms that lasted at this instant or later, seconds since 1970 UTC (option --from takes UTC)
 -- parameter: to_s = 253402300800.0, alarms that began at this instant or earlier (option --to takes UTC)
--- parameter: kind = alarms, a kind such as dark (option --kind); alarms: every kind but coasting
+-- parameter: kind = alarms, a kind such as dark (option --kind); alarms: every kind but coasting and stationary
 -- parameter: count = 1000, how many at most
 WITH latest AS (
     SELECT max(time_s) AS time_s FROM cycle WHERE run_id = :run
@@ -16,6 +16,6 @@ FROM latest l
     CROSS JOIN event e
     LEFT JOIN vessel_static s ON s.run_id = e.run_id AND s.mmsi = e.mmsi
 WHERE e.run_id = :run AND e.start_s <= :to_s AND (e.end_s IS NULL OR e.end_s >= :from_s)
-    AND (e.kind = :kind OR (:kind = 'alarms' AND e.kind <> 'coasting'))
+    AND (e.kind = :kind OR (:kind = 'alarms' AND e.kind NOT IN ('coasting', 'stationary')))
 ORDER BY e.start_s DESC, e.vessel_id, e.kind
 LIMIT :count

@@ -1,7 +1,7 @@
 -- Vessels under way without AIS where AIS is heard
 -- Vessels that radar sees inside AIS coverage and that send no AIS, fastest first, and for how long they
 -- have been watched.
--- parameter: min_sog_kn = 0.0, slower vessels are left out; what lies still often has AIS off
+-- parameter: min_sog_kn = 1.0, slower vessels are left out: what lies still often has AIS off
 WITH latest AS (
     SELECT max(time_s) AS time_s FROM cycle WHERE run_id = :run
 )

@@ -40,11 +40,13 @@ class FlagMemory:
     radar_track: Ints  # (P,)
     paired_since_s: Floats  # (P,)
     parted_since_s: Floats  # (P,) inf while they are one
+    anchor_deg: Floats  # (V, 2) where each vessel was when it last moved
+    anchor_since_s: Floats  # (V,)
 
     @staticmethod
     def empty() -> FlagMemory:
         n, f = np.zeros(0, np.int64), np.zeros(0)
-        return FlagMemory(n, f, f, n, n, f, f)
+        return FlagMemory(n, f, f, n, n, f, f, np.zeros((0, 2)), f)
 
 
 def flags_of(
@@ -69,7 +71,10 @@ def flags_of(
     no_radar = _since(has_ais & ~has_radar & seen, memory.no_radar_since_s, at, time_s)
     pairs = _parted(settings, memory, tracks, kinds, of_track, time_s, seen[row])
     flags = picture.flags.copy()
-    flags |= np.where(time_s - no_ais >= settings.dark_after_s, int(Flag.DARK), 0)
+    anchor_deg, anchor_since_s, stays = _anchored(settings, memory, picture, at, time_s)
+    flags |= np.where(stays, int(Flag.STATIONARY), 0)
+    silent = (time_s - no_ais >= settings.dark_after_s) & ~(stays & (picture.mmsi == -1))
+    flags |= np.where(silent, int(Flag.DARK), 0)
     flags |= np.where(time_s - no_radar >= settings.unseen_after_s, int(Flag.AIS_WITHOUT_RADAR), 0)
     contradicted = (time_s - pairs.parted_since_s >= settings.contradicted_after_s) & _apart(settings, pairs, tracks)
     for track in (pairs.ais_track[contradicted], pairs.radar_track[contradicted]):
@@ -77,7 +82,15 @@ def flags_of(
     for alarm, flag in ((alarms.twice, Flag.MMSI_TWICE), (alarms.impossible_speed, Flag.IMPOSSIBLE_SPEED)):
         flags[row[find_any(tracks.track_id, alarms.track_id[alarm])]] |= int(flag)
     after = FlagMemory(
-        picture.vessel_id, no_ais, no_radar, pairs.ais_track, pairs.radar_track, pairs.paired_since_s, pairs.parted_since_s
+        picture.vessel_id,
+        no_ais,
+        no_radar,
+        pairs.ais_track,
+        pairs.radar_track,
+        pairs.paired_since_s,
+        pairs.parted_since_s,
+        anchor_deg,
+        anchor_since_s,
     )
     return after, flags
 
@@ -127,7 +140,25 @@ def _parted(
         np.concatenate([now_radar, memory.radar_track[old]])[by_ais],
         np.concatenate([since, memory.paired_since_s[old]])[by_ais],
         parted[by_ais],
+        np.zeros((0, 2)),
+        none,
     )
+
+
+def _anchored(
+    settings: Identity, memory: FlagMemory, picture: Picture, at: Ints, time_s: float
+) -> tuple[Floats, Floats, Bools]:
+    """Where each vessel was when it last moved, since when, and whether that is so long that it is stationary. One at a time."""
+    where, since, stays = picture.position_deg.copy(), np.full(len(picture), time_s), np.zeros(len(picture), np.bool_)
+    for k, row in enumerate(at.tolist()):
+        radius = max(settings.stationary_m, 3.0 * float(np.sqrt(np.trace(picture.covariance[k, :2, :2]))))
+        if row >= 0:
+            apart = difference_m(picture.position_deg[k : k + 1], memory.anchor_deg[row : row + 1])
+            if np.linalg.norm(apart) <= radius:
+                where[k], since[k] = memory.anchor_deg[row], memory.anchor_since_s[row]
+        seconds = max(settings.stationary_after_s, radius / (settings.under_way_kn * 1852.0 / 3600.0))
+        stays[k] = time_s - since[k] >= seconds
+    return where, since, stays
 
 
 def _still_parted(

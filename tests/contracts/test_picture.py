@@ -1,5 +1,7 @@
 """Identity and flags: what an id must survive and when a flag is up."""
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -207,3 +209,24 @@ def test_members_name_every_track_of_every_vessel():
 def test_no_track_at_all():
     ((picture, members),) = play([[]])
     assert len(picture) == len(members) == 0
+
+
+def test_what_stays_is_stationary_and_dark_only_if_it_once_had_ais(monkeypatch):
+    """Errors of 5 m an axis: 25 m is the limit, and two minutes."""
+    under_way = play([[RADAR]] * 60)
+    assert not any(flagged(under_way, Flag.STATIONARY))
+    assert flagged(under_way, Flag.DARK)[-1]
+    monkeypatch.setattr(sys.modules[__name__], "EAST_M_S", 0.0)
+    quay = play([[RADAR]] * 60)
+    assert flagged(quay, Flag.STATIONARY).index(True) == 40, "two minutes of three seconds"
+    assert not flagged(quay, Flag.DARK)[-1]
+    silenced = play([[RADAR, AIS]] * 10 + [[RADAR]] * 50)
+    assert flagged(silenced, Flag.STATIONARY)[-1]
+    assert flagged(silenced, Flag.DARK)[-1]
+
+
+def test_what_a_vessel_of_one_knot_could_leave_is_no_proof_of_rest(monkeypatch):
+    """With 100 m of noise a vessel at 1 kn needs ten minutes to be seen moving."""
+    monkeypatch.setattr(sys.modules[__name__], "EAST_M_S", 0.0)
+    noisy = Identity(under_way_kn=0.1)
+    assert not any(flagged(play([[RADAR]] * 60, method=noisy), Flag.STATIONARY)), "25 m at 0.1 kn take eight minutes"

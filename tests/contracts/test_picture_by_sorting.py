@@ -24,7 +24,17 @@ SHORT = Identity(
     contradicted_after_s=1.0,
     contradicted_from_m=10.0,
 )
-PATIENT = SHORT.model_copy(update={"coast_s": 12.0, "hold_s": 6.0, "contradicted_for_s": 5.0, "contradicted_from_m": 20.0})
+PATIENT = SHORT.model_copy(
+    update={
+        "coast_s": 12.0,
+        "hold_s": 6.0,
+        "contradicted_for_s": 5.0,
+        "contradicted_from_m": 20.0,
+        "stationary_m": 12.0,
+        "stationary_after_s": 3.0,
+        "under_way_kn": 40.0,
+    }
+)
 
 
 def sensors(seed):

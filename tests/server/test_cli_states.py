@@ -169,6 +169,7 @@ QUESTIONS_OF_FLAGS = {
     "contradicted": Flag.AIS_CONTRADICTED,
     "mmsi_twice": Flag.MMSI_TWICE,
     "impossible_speed": Flag.IMPOSSIBLE_SPEED,
+    "stationary": Flag.STATIONARY,
 }
 
 

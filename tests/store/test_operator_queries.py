@@ -41,6 +41,7 @@ PLACES_M = np.array(
 
 VELOCITY_KN = np.array([[0, 0], [0, 4], [0, 11], [0, -10], [30, 0], [0, 5], [0, 6], [0, 7], [0, 8], [0, 9]])
 FLAGS = {
+    1: Flag.STATIONARY,
     3: Flag.DARK,
     4: Flag.AIS_WITHOUT_RADAR,
     5: Flag.IMPOSSIBLE_SPEED,
@@ -125,6 +126,10 @@ def test_every_question(store: Store) -> None:
     assert ids(dark) == [3, 9]
     assert dark[0]["watched_for_s"] == LAST_S - world.START_S
     assert ids(rows("dark_vessels", min_sog_kn=9.0)) == [3]
+    resting = rows("stationary")
+    assert [(row["vessel_id"], row["mmsi"], row["start_s"]) for row in resting] == [(1, 710_000_001, world.instant_s(0))]
+    assert resting[0]["stationary_for_s"] == LAST_S - world.instant_s(0)
+    assert rows("stationary", seconds=1e4) == []
     alone = rows("ais_without_radar")
     assert [(row["vessel_id"], row["mmsi"], row["sources"]) for row in alone] == [(4, 710_000_004, "ais")]
     assert ids(rows("contradicted")) == [6]
