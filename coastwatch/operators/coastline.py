@@ -28,11 +28,15 @@ def read(path: str | Path) -> tuple[tuple[Shore, ...], str]:
     Raises: BadInput that names the file if it is not GeoJSON of lines and polygons.
     """
     try:
-        document = json.loads(Path(path).read_text("utf-8"))
+        text = Path(path).read_text("utf-8")
+        if not text.strip():
+            raise BadInput(f"{path}: got an empty file, needed GeoJSON of lines and polygons")
+        document = json.loads(text)
         shores = tuple(s for g in _geometries(document) for s in _shores(g))
         note = str(document.get("note", ""))
     except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
-        raise BadInput(f"{path}: got {type(error).__name__} ({error}), needed GeoJSON of lines and polygons") from error
+        got = str(error) if isinstance(error, ValueError) else "a document without type, coordinates or features"
+        raise BadInput(f"{path}: needed GeoJSON of lines and polygons, got {got}") from error
     return shores, note
 
 

@@ -52,8 +52,12 @@ def write(rows: Rows, form: str, output: str | None, heading: str = "") -> None:
     if form == "parquet":
         write_parquet(as_frame(rows), output)
         return
-    text = {"table": as_table, "csv": as_csv, "json": as_json, "geojson": as_geojson, "gpx": as_gpx}[form](rows)
-    write_text(f"{printable(heading)}\n{text}" if heading and form == "table" else text, output)
+    if form == "table":
+        text = as_table(rows, coloured=output is None)
+        write_text(f"{printable(heading)}\n{text}" if heading else text, output)
+        return
+    text = {"csv": as_csv, "json": as_json, "geojson": as_geojson, "gpx": as_gpx}[form](rows)
+    write_text(text, output)
 
 
 def write_text(text: str, output: str | None) -> None:
@@ -72,24 +76,26 @@ def write_parquet(frame: Any, output: str | None) -> None:
         frame.write_parquet(file)
 
 
-def as_table(rows: Rows) -> str:
-    """Aligned columns under their names, numbers to the right. An absent value is a dash. On a terminal alarms are red."""
+def as_table(rows: Rows, coloured: bool = False) -> str:
+    """Aligned columns under their names, numbers to the right. An absent value is a dash.
+
+    Args: coloured: names are bold and alarms red, if stdout is a terminal and NO_COLOR is not set.
+    """
     cells = [[cell(name, value) for name, value in zip(rows.columns, row, strict=True)] for row in rows.rows]
     if not cells:
         return "  ".join(rows.columns) + "\n(no rows)\n"
     widths = [max(len(name), *(len(row[c]) for row in cells)) for c, name in enumerate(rows.columns)]
     right = [all(_absent(row[c]) or isinstance(row[c], int | float) for row in rows.rows) for c in range(len(rows.columns))]
     lines = [list(rows.columns), ["-" * width for width in widths], *cells]
-    red = [name in ALARMING for name in rows.columns]
     out = []
     for number, line in enumerate(lines):
-        padded = [cell.rjust(w) if r else cell.ljust(w) for cell, w, r in zip(line, widths, right, strict=True)]
+        padded = [text.rjust(w) if r else text.ljust(w) for text, w, r in zip(line, widths, right, strict=True)]
         padded[-1] = padded[-1].rstrip()
-        if number == 0:
-            padded = [termcolor.colored(cell, attrs=["bold"]) for cell in padded]
-        elif number > 1:
-            said = zip(padded, line, red, strict=True)
-            padded = [termcolor.colored(text, "red") if is_red and cell not in GOOD else text for text, cell, is_red in said]
+        if coloured and number == 0:
+            padded = [termcolor.colored(text, attrs=["bold"]) for text in padded]
+        elif coloured and number > 1:
+            said = zip(padded, line, rows.columns, strict=True)
+            padded = [termcolor.colored(t, "red") if name in ALARMING and word not in GOOD else t for t, word, name in said]
         out.append("  ".join(padded) + "\n")
     return "".join(out)
 

@@ -17,10 +17,12 @@ from coastwatch.batches import Reports
 from coastwatch.geodesy import NAUTICAL_MILE_M, scale_m_deg, wrap_deg
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.scenario import Area, Scenario
+from coastwatch.scenario.refusing import refusals
 from coastwatch.scenario.sites import Radar, Sonar, Station
 from coastwatch.sensors.recorded.ais_table import AisColumns
 from coastwatch.sensors.recorded.tables import BearingColumns, PlotColumns, kinds_of_table
 from coastwatch.sensors.recorded.track_table import TrackColumns
+from coastwatch.spelling import did_you_mean
 
 LOOK_BYTES = 65_536
 SCAN_BYTES = 1 << 26  # of a file that does not begin with what is wanted
@@ -174,8 +176,7 @@ def check_sensors(radars: list[dict[str, Any]], stations: list[dict[str, Any]], 
             try:
                 model.model_validate(sensor)
             except ValidationError as error:
-                wrong = "; ".join(f"{e['loc'][0]}: got {e['input']!r}: {e['msg']}" for e in error.errors())
-                raise BadInput(f"{option} {sensor['name']}: {wrong}") from error
+                raise BadInput(f"{option} {sensor['name']}: {'; '.join(refusals(error, model))}") from error
 
 
 def _columns(wanted: Mapping[str, str], parts: list[str], check: bool = True) -> dict[str, dict[str, str]]:
@@ -189,7 +190,8 @@ def _columns(wanted: Mapping[str, str], parts: list[str], check: bool = True) ->
         takers = [p for p in parts if part in ("", p) and key in COLUMNS[p].model_fields]
         if not takers and check:
             known = "; ".join(f"{p}: {', '.join(COLUMNS[p].model_fields)}" for p in parts) or "none, NMEA has no columns"
-            raise BadInput(f"--columns: got {ours!r}, needed one of {known}")
+            names = [name for p in parts for field in COLUMNS[p].model_fields for name in (field, f"{p}.{field}")]
+            raise BadInput(f"--columns: got {ours!r}, needed one of {known}{did_you_mean(ours, names)}")
         for p in takers:
             out.setdefault(SETTING[p], {})[key] = yours
     return out

@@ -16,6 +16,8 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from coastwatch.scenario.refusing import models_of
+
 UNITS = {
     "_m_s2": "m/s2",
     "_m_s": "m/s",
@@ -75,17 +77,6 @@ def tables(model: type[BaseModel], header: str = "") -> Iterator[Table]:
                 head = f"[[{path}]]" if many and table.header == path else table.header
                 chosen = table.chosen and (len(below) == 1 or isinstance(field.default, choice))
                 yield Table(head, table.method, chosen, table.model, table.settings)
-
-
-def models_of(annotation: Any) -> tuple[list[type[BaseModel]], bool]:
-    """The models that an annotation allows, and whether it holds a list of them."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation], False
-    origin, parts = get_origin(annotation), get_args(annotation)
-    if origin is Annotated:
-        return models_of(parts[0])
-    found = [models_of(part) for part in parts] if origin in (Union, types.UnionType, tuple, list) else []
-    return [m for models, _ in found for m in models], origin in (tuple, list) or any(many for _, many in found)
 
 
 def _table(model: type[BaseModel], header: str, *, chosen: bool) -> Table:

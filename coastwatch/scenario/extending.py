@@ -51,11 +51,20 @@ def _extended(path: Path, before: tuple[Path, ...]) -> dict[str, Any]:
 
 def _document(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text("utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ScenarioError(f"{path}: cannot be read: {error}") from error
+        content = path.read_bytes()
+        data = tomllib.loads(content.decode("utf-8"))
+    except FileNotFoundError as error:
+        raise ScenarioError(f"{path}: there is no such file") from error
+    except OSError as error:
+        raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise ScenarioError(f"{path}: line {line}: got the byte 0x{content[error.start]:02x}, needed text in UTF-8") from error
     except tomllib.TOMLDecodeError as error:
-        raise ScenarioError(f"{path}: not TOML: {error}") from error
+        raise ScenarioError(f"{path}: got text that is not TOML, needed [table] and key = value: {error}") from error
+    if not data:
+        raise ScenarioError(f"{path}: got a file without settings, needed name, title, [area] and [input]")
+    return data
 
 
 def _extended_file(path: Path, named: object) -> Path:

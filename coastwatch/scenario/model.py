@@ -30,6 +30,9 @@ from coastwatch.tracks import (
     TrackReceiver,
 )
 
+MOST_CYCLES = 100_000_000
+"""Ten years of cycles of 3 s."""
+
 
 class StoreSettings(Settings):
     """What is stored of a run, and for how long."""
@@ -68,10 +71,10 @@ class Scenario(Settings):
 
     name: Name  # the name under which the run is stored
     title: str  # one line, for lists and plots
-    seed: Annotated[int, Field(ge=0)] = 1  # of all randomness
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 1  # of all randomness
     start_utc: AwareDatetime | None = None  # none: the start of the recording
-    period_s: Positive = 3.0
-    cycles: Annotated[int, Field(ge=0)] = 40  # scored cycles; 0: to the end of the recording
+    period_s: Annotated[float, Field(ge=0.01, le=3600.0)] = 3.0  # of a cycle
+    cycles: Annotated[int, Field(ge=0, le=MOST_CYCLES)] = 40  # scored cycles; 0: to the end of the recording
     warmup_s: Annotated[float, Field(ge=0.0)] = 60.0  # before the first scored cycle
     area: Area
     radars: tuple[Radar, ...] = ()
@@ -112,7 +115,17 @@ class Scenario(Settings):
         for kind in ("radars", "stations", "sonars", "track_sources"):
             names = [s.name for s in getattr(self, kind)]
             if len(set(names)) < len(names):
-                raise ValueError(f"{kind}: got names {names}, needed each once")
+                twice = next(name for name in names if names.count(name) > 1)
+                raise ValueError(f"{kind}: got the name {twice!r} {names.count(twice)} times, needed each once")
+        return self
+
+    @model_validator(mode="after")
+    def _has_few_enough_cycles(self) -> Scenario:
+        if self.warmup_s / self.period_s + self.cycles > MOST_CYCLES:
+            raise ValueError(
+                f"warmup_s: got {self.warmup_s:g} with period_s = {self.period_s:g} and cycles = {self.cycles}, needed at most "
+                f"{MOST_CYCLES} cycles in all"
+            )
         return self
 
     @model_validator(mode="after")

@@ -11,18 +11,9 @@ from pydantic import ValidationError
 
 from coastwatch.scenario.extending import ScenarioError, extended
 from coastwatch.scenario.model import Scenario
+from coastwatch.scenario.refusing import refusals
 from coastwatch.shipped import scenarios_folder
-
-RENAMED = {
-    "heard": "detection_probability",
-    "give_up": "rejection_log_odds",
-    "unknown_kick_m_s2": "unknown_manoeuvre_m_s2",
-    "kick_m_s": "velocity_jump_m_s",
-    "kick_interval_s": "velocity_jump_interval_s",
-    "kick_share": "velocity_jump_share",
-    "on_line": "online",
-}
-"""Settings and methods of 0.1.0 and their names today, for the message that refuses the old name."""
+from coastwatch.spelling import did_you_mean
 
 
 def scenario_names() -> list[tuple[str, str]]:
@@ -51,20 +42,34 @@ def make_scenario(data: dict[str, Any], where: str, overrides: Mapping[str, str]
     try:
         return Scenario.model_validate(data)
     except ValidationError as error:
-        lines = [f"{where}: {_path(e['loc'])}: {e['msg']}, got {_short(e['input'])}{_renamed(e)}" for e in error.errors()]
-        raise ScenarioError("\n".join(lines)) from error
+        raise ScenarioError(
+            "\n".join(f"{_given_by(said, where, overrides)}{said}" for said in refusals(error, Scenario))
+        ) from error
+
+
+def _given_by(said: str, where: str, overrides: Mapping[str, str]) -> str:
+    """Where a refused setting was given: by --set, or in the file."""
+    path = said.partition(": ")[0]
+    return "--set " if path and any(path in (key, f"{key}.method") for key in overrides) else f"{where}: "
 
 
 def _find(name_or_path: str) -> Path:
     path = Path(name_or_path)
     if path.is_dir():
-        path = path / "scenario.toml"
+        if not (path / "scenario.toml").is_file():
+            raise ScenarioError(f"{path}: got a folder without scenario.toml, needed one with it, or a .toml file")
+        return path / "scenario.toml"
     if path.suffix == ".toml":
         return path
     shipped = scenarios_folder() / name_or_path / "scenario.toml"
+    if path.is_file():
+        raise ScenarioError(f"{path}: got a file that is no .toml, needed a scenario; `coastwatch fuse` takes recorded files")
     if not shipped.is_file():
-        known = ", ".join(name for name, _ in scenario_names())
-        raise ScenarioError(f"there is no scenario {name_or_path!r}; needed one of {known}, or a path to a .toml file")
+        known = [name for name, _ in scenario_names()]
+        raise ScenarioError(
+            f"scenario: got {name_or_path!r}, needed one of {', '.join(known)}, or a path to a .toml file"
+            f"{did_you_mean(name_or_path, known)}"
+        )
     return shipped
 
 
@@ -94,18 +99,3 @@ def _index(items: list[Any], part: str, path: str) -> int:
     if not (part.isascii() and part.isdigit()) or int(part) >= len(items):
         raise ScenarioError(f"--set {path}: got {part!r}, needed a number from 0 to {len(items) - 1}")
     return int(part)
-
-
-def _path(loc: tuple[int | str, ...]) -> str:
-    return ".".join(str(part) for part in loc) or "scenario"
-
-
-def _renamed(error: Mapping[str, Any]) -> str:
-    """The name today of a refused setting or method that had another one before."""
-    old = str(error["loc"][-1] if error["type"] == "extra_forbidden" else error.get("ctx", {}).get("tag"))
-    return f"; its name is now {RENAMED[old]}" if old in RENAMED else ""
-
-
-def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 80 else text[:77] + "..."

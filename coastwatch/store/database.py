@@ -20,7 +20,12 @@ from typing import Any, Self
 from sqlalchemy import URL, Connection, Engine, create_engine, event, func, inspect, make_url, select, text
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
 
+from coastwatch.spelling import did_you_mean
 from coastwatch.store.tables import METADATA, REVISION, REVISION_TABLE
+
+BACKENDS = ("sqlite", "postgresql")
+URLS = "the path of an SQLite file, sqlite:///FILE or postgresql+psycopg://USER@HOST/DATABASE"
+"""How a database is named, for messages."""
 
 WAIT_S = 10.0
 PAGE_BYTES = 16_384
@@ -123,7 +128,7 @@ def connect(url: str, wait_s: float, *, may_create: bool) -> Store:
             pool_pre_ping=not is_sqlite(address),
         )
     except (ArgumentError, NoSuchModuleError) as error:
-        raise StoreError(f"{where}: {error}") from error
+        raise StoreError(f"{where}: got an unknown driver, needed {URLS}") from error
     except ModuleNotFoundError as error:
         how = ": pip install 'coastwatch[postgresql]'" if error.name == "psycopg" else ""
         raise StoreError(f"{where}: needs the Python package {error.name!r}{how}") from error
@@ -143,9 +148,14 @@ def is_sqlite(address: URL) -> bool:
 
 def _address(url: str) -> URL:
     try:
-        return make_url(url if "://" in url else f"sqlite:///{url}")
+        address = make_url(url if "://" in url else f"sqlite:///{url}")
     except (ArgumentError, ValueError) as error:
-        raise StoreError(f"database: got {url!r}, needed a SQLAlchemy URL such as sqlite:///coastwatch.db: {error}") from error
+        raise StoreError(f"database: got {url!r}, needed {URLS}") from error
+    kind = address.get_backend_name()
+    if kind not in BACKENDS:
+        hidden = address.render_as_string(hide_password=True)
+        raise StoreError(f"database: got {hidden!r}, a database of {kind!r}, needed {URLS}{did_you_mean(kind, BACKENDS)}")
+    return address
 
 
 def _check_path(path: Path, may_create: bool) -> None:

@@ -38,12 +38,16 @@ def upgrade_open(store: Store, to: str = "head") -> None:
     config = Config()
     config.set_main_option("script_location", str(migrations_folder()).replace("%", "%%"))
     with writing(store) as connection:
-        revision(connection, store.where)
+        found = revision(connection, store.where)
+        if found is not None and found > REVISION:
+            raise StoreError(f"{store.where}: {other_schema(found)}")
         config.attributes["connection"] = connection
         try:
             command.upgrade(config, to)
         except CommandError as error:
-            raise StoreError(f"{store.where}: cannot be brought to schema {REVISION}: {error}") from error
+            raise StoreError(
+                f"{store.where}: schema: got {found}, needed one that this version can bring to {REVISION}"
+            ) from error
 
 
 def check(url: str, *, wait_s: float = WAIT_S) -> list[str]:

@@ -79,7 +79,9 @@ def track(store: Store, run_id: int, vessel_id: int) -> dict[str, Any]:
         there = fetch_rows(connection, stays)
         if not there.rows:
             run_exists(connection, store, run_id)
-            raise StoreError(f"{store.where}: run {run_id} never had a vessel {vessel_id}")
+            raise StoreError(
+                f"{store.where}: run {run_id} never had a vessel {vessel_id}; `coastwatch picture` lists their ids"
+            )
         return {
             "vessel": _newest_row(connection, run_id, vessel_id, there),
             "history": points_of(connection, run_id, vessel_id),

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import Connection, text
 
 from coastwatch.shipped import operator_queries_folder
+from coastwatch.spelling import did_you_mean
 from coastwatch.store.close_pairs import closest_approach, closest_pairs
 from coastwatch.store.database import Store, StoreError, reading
 from coastwatch.store.events import KINDS
@@ -85,7 +86,7 @@ def operator_query(store: Store, name: str, parameters: Mapping[str, Any] | None
     """
     known = operator_queries()
     if name not in known:
-        raise StoreError(f"query: got {name!r}, needed one of {', '.join(known)}")
+        raise StoreError(f"query: got {name!r}, needed one of {', '.join(known)}{did_you_mean(name, known)}")
     question, given = known[name], dict(parameters or {})
     run_id = given.pop("run", None)
     unknown = sorted(set(given) - set(question.parameters))
@@ -148,7 +149,8 @@ def _value(question: str, key: str, given: Any, default: Value | None) -> Value:
         raise ParameterError(f"query {question}: parameter {key}: got {given!r}, needed nine digits")
     kinds = (ALARMS, *KINDS.values())
     if key == "kind" and given not in kinds:
-        raise ParameterError(f"query {question}: parameter kind: got {given!r}, needed one of {', '.join(kinds)}")
+        needed = f"{', '.join(kinds)}{did_you_mean(str(given), kinds)}"
+        raise ParameterError(f"query {question}: parameter kind: got {given!r}, needed one of {needed}")
     value = _number(given) if isinstance(given, str) else given
     wants_number = not isinstance(default, str)
     if wants_number and (isinstance(value, str) or value != value or value in (float("inf"), float("-inf"))):

@@ -22,6 +22,9 @@ if TYPE_CHECKING:  # to read a database needs no pydantic, which is slow to impo
 STATUSES = ("running", "finished", "interrupted", "failed")
 LARGEST = 2**63
 
+MOST_NAMED = 10
+"""Runs that a refusal names."""
+
 DEAD_S, DEAD_PERIODS = 60.0, 20.0
 """A run that writes no cycle for so long is no longer there."""
 
@@ -173,7 +176,7 @@ def run(store: Store, run_id: int) -> dict[str, Any]:
     with reading(store) as connection:
         found = fetch_rows(connection, select(*RUN.c, stored).where(RUN.c.id == run_id))
         if not found.rows:
-            raise StoreError(f"{store.where}: there is no run {run_id}")
+            raise no_run(connection, store, run_id)
         return dict(zip(found.columns, _with_death(connection, found.columns, found.rows[0]), strict=True))
 
 
@@ -282,7 +285,14 @@ def _text_utc(time_s: float) -> str:
 def run_exists(connection: Connection, store: Store, run_id: int) -> None:
     """Raises: StoreError where there is no such run."""
     if connection.scalar(select(RUN.c.id).where(RUN.c.id == run_id)) is None:
-        raise StoreError(f"{store.where}: there is no run {run_id}")
+        raise no_run(connection, store, run_id)
+
+
+def no_run(connection: Connection, store: Store, run_id: int) -> StoreError:
+    """The refusal of a run that is not there, with the runs that are."""
+    known = sorted(connection.scalars(select(RUN.c.id).order_by(RUN.c.id.desc()).limit(MOST_NAMED)))
+    needed = f"needed one of {', '.join(map(str, known))}" if known else "the database holds none"
+    return StoreError(f"{store.where}: there is no run {run_id}, {needed}; `coastwatch runs` lists all")
 
 
 def _fetch(store: Store, query: Executable) -> Rows:

@@ -79,8 +79,8 @@ def test_tables_are_joined_lists_replaced_and_settings_of_another_method_left_be
 
 def test_a_name_is_never_taken_over(tmp_path: Path) -> None:
     said = refusal(written(tmp_path, above='extends = "context-driven-100"'))
-    assert "name: Field required" in said
-    assert "title: Field required" in said
+    assert "name: got nothing" in said
+    assert "title: got nothing" in said
 
 
 @pytest.mark.parametrize(
@@ -92,7 +92,7 @@ def test_a_name_is_never_taken_over(tmp_path: Path) -> None:
         ({"above": 'extends = ""'}, ("extends: got ''",)),
         ({"above": 'extends = "above.toml"'}, ("above.toml extends", "cannot extend itself")),
         ({"above": ABOVE, "below": 'extends = "above.toml"'}, ("above.toml extends", "below.toml extends", "cannot extend itself")),
-        ({"above": ABOVE, "below": "radars are round"}, ("below.toml: not TOML",)),
+        ({"above": ABOVE, "below": "radars are round"}, ("below.toml: got text that is not TOML",)),
         ({"above": ABOVE, "below": BELOW + "windov = 3"}, ("above.toml: associations", "windov", "got 3")),
     ],
 )  # fmt: skip

@@ -6,6 +6,7 @@ import io
 import json
 import signal
 import sqlite3
+import subprocess
 import time
 from pathlib import Path
 
@@ -271,6 +272,22 @@ def test_a_plot(finished_run: FinishedRun, capsys: pytest.CaptureFixture[str], t
         assert answer(["plot", "--db", finished_run.url, "--output", str(path), *more], capsys) == f"{path}\n"
         assert path.read_bytes()[:4] == b"\x89PNG"
         path.unlink()
+
+
+def test_bash_completes_commands_options_scenarios_and_questions(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    script = tmp_path / "completion.bash"
+    script.write_text(answer(["completion", "bash"], capsys))
+    assert answer(["completion", "zsh"], capsys).startswith("#compdef coastwatch")
+    for words, wanted in (
+        ("pic", "picture"),
+        ("run guan", "guanabara"),
+        ("query dark", "dark_vessels"),
+        ("picture --bb", "--bbox"),
+    ):
+        typed = ["coastwatch", *words.split()]
+        line = f'COMP_WORDS=({" ".join(typed)}); COMP_CWORD={len(typed) - 1}; _shtab_coastwatch; echo "${{COMPREPLY[@]}}"'
+        done = subprocess.run(["bash", "-c", f"source {script}; {line}"], capture_output=True, text=True, check=False)
+        assert wanted in done.stdout.split(), (words, done)
 
 
 def test_a_database_is_checked_and_made(finished_run: FinishedRun, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

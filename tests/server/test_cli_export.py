@@ -9,6 +9,7 @@ from pathlib import Path
 
 import polars
 import pytest
+import termcolor
 
 from coastwatch import store
 from coastwatch.operators import columns, export, stored
@@ -161,3 +162,21 @@ def test_rows_are_sorted_limited_and_cut_to_columns() -> None:
     assert selected(SHIPS, [], 1, ["mmsi", "vessel_id"]) == store.Rows(("mmsi", "vessel_id"), [("002320001", 1)])
     with pytest.raises(BadInput, match=r"--sort: got 'vesel_id', needed some of .*; did you mean 'vessel_id'\?"):
         selected(SHIPS, ["vesel_id"], None, [])
+
+
+@pytest.mark.parametrize(("variable", "coloured"), [("FORCE_COLOR", True), ("NO_COLOR", False)])
+def test_alarms_are_red_unless_colour_is_refused_or_the_table_goes_to_a_file(
+    variable: str, coloured: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("FORCE_COLOR", "NO_COLOR"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv(variable, "1")
+    termcolor.can_colorize.cache_clear()
+    rows = Rows(("vessel_id", "flags"), [(1, "dark"), (2, "")])
+    export.write(rows, "table", None)
+    out = capsys.readouterr().out
+    assert ("\x1b[31mdark" in out) is coloured
+    assert "\x1b[31m-" not in out
+    export.write(rows, "table", str(tmp_path / "x.txt"))
+    assert "\x1b" not in (tmp_path / "x.txt").read_text()
+    termcolor.can_colorize.cache_clear()

@@ -14,7 +14,7 @@ from coastwatch.operators.reproduction import published
 @pytest.mark.parametrize(
     ("words", "wanted"),
     [
-        (["nobody"], "got 'nobody', needed a paper of rangel"),
+        (["nobody"], "got 'nobody', needed one of rangel"),
         (["rangel", "--runs", "0"], "got '0', needed 1 or more"),
         (["rangel", "--runs", "many"], "got 'many'"),
         (["rangel", "--workers", "0"], "got '0', needed 1 or more"),
@@ -38,9 +38,9 @@ VARIANT = '[[variant]]\nname = "default"\ntitle = "t"\n'
 @pytest.mark.parametrize(
     ("text", "wanted"),
     [
-        (HEAD, "variant: Field required"),
-        (HEAD + "rums = 3\n" + VARIANT, "rums: Extra inputs"),
-        (HEAD + "runs = 0\n" + VARIANT, "runs: Input should be greater"),
+        (HEAD, "variant: got nothing, needed tables [[variant]] with name, title"),
+        (HEAD + "rums = 3\n" + VARIANT, "rums: got 3 for an unknown setting"),
+        (HEAD + "runs = 0\n" + VARIANT, "runs: got 0, needed 1 or more"),
         (HEAD + VARIANT + VARIANT, "got names ['default', 'default'], needed each once"),
         (HEAD + VARIANT + '[[figure]]\nname = "f"\npath = "x"\n', "got variants ['literal'], needed some of ['default']"),
         (HEAD + VARIANT + '[[figure]]\nname = "f"\npath = "x"\nliteral = ""\nat = {a = 1}\n', "got a = 1, needed one of ()"),

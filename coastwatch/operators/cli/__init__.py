@@ -5,6 +5,7 @@ The module of a command is imported when the command has been chosen: `coastwatc
 
 from __future__ import annotations
 
+import argparse
 import importlib
 import os
 import re
@@ -15,6 +16,7 @@ from collections.abc import Sequence
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.cli.parser import make_parser
 from coastwatch.operators.safe_text import printable
+from coastwatch.spelling import did_you_mean
 
 VALUES = {"--bbox": r"-[\d.]", "--tracks-origin": r"-[\d.]", "--track-site": r"-[\d.]", "--sort": r"-[a-z]"}
 """How the value of an option begins that argparse would take for an option."""
@@ -25,7 +27,7 @@ DONE, FAILED, BAD_INPUT, INTERRUPTED, PIPE_CLOSED = 0, 1, 2, 130, 141
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs one command; returns its exit code. Args: arguments: as typed after `coastwatch` (default: of this process)."""
     try:
-        options = make_parser().parse_args(_joined(sys.argv[1:] if arguments is None else arguments))
+        options = parsed(sys.argv[1:] if arguments is None else arguments)
         module, _, function = options.act.partition(":")
         code: int = getattr(importlib.import_module(f"{__name__}.{module}"), function)(options)
         sys.stdout.flush()
@@ -41,6 +43,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"coastwatch: error: {_one_line(error)}", file=sys.stderr)
         return BAD_INPUT if _is_bad_input(error) else FAILED
     return code
+
+
+def parsed(words: Sequence[str]) -> argparse.Namespace:
+    """The options of a command line. Raises: BadInput."""
+    options, unknown = make_parser().parse_known_args(_joined(words))
+    if unknown:
+        known = ["--" + name.removesuffix("_s").replace("_", "-") for name in vars(options)]
+        hint = did_you_mean(unknown[0].partition("=")[0], known)
+        raise BadInput(
+            f"{options.command}: got {' '.join(unknown)!r}, which it does not take{hint} (see {options.command} --help)"
+        )
+    return options
 
 
 def _joined(words: Sequence[str]) -> list[str]:
@@ -80,10 +94,21 @@ def _raised_in(error: Exception) -> str:
 
 
 def _one_line(error: Exception) -> str:
-    if isinstance(error, OSError) and error.strerror:
-        text = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
-    else:
-        text = str(error)
+    if isinstance(error, MemoryError):
+        return f"out of memory ({error or 'no size is known'}): needed a smaller scenario or a larger machine"
+    text = _of_file(error) if isinstance(error, OSError) and error.strerror else str(error)
     text = "; ".join(printable(line.strip()) for line in text.split("\n") if line.strip())
     known = _is_bad_input(error) or isinstance(error, OSError) or type(error).__module__.startswith("coastwatch.")
     return text if known and text else f"{type(error).__name__}: {text or 'no message'} (COASTWATCH_TRACEBACK=1 shows where)"
+
+
+def _of_file(error: OSError) -> str:
+    """What is wrong with a file."""
+    if not error.filename:
+        return str(error.strerror)
+    folder = os.path.dirname(error.filename) or "."
+    if isinstance(error, FileNotFoundError):
+        absent = "there is no such file" if os.path.isdir(folder) else f"there is no folder {folder}"
+        return f"{error.filename}: {absent}"
+    said = {IsADirectoryError: "got a folder, needed a file", PermissionError: "may not be read or written by this user"}
+    return f"{error.filename}: {said.get(type(error), error.strerror)}"

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
+MOST_WORKERS = 4096
 DEFAULT_DB = "sqlite:///coastwatch.db"
 RADAR = ("name", "latitude_deg", "longitude_deg", "range_nm", "rpm", "range_noise_m", "azimuth_noise_deg")
 STATION = ("name", "latitude_deg", "longitude_deg", "range_nm")
@@ -14,16 +15,26 @@ SONAR = ("name", "latitude_deg", "longitude_deg", "range_nm", "bearing_noise_deg
 NEEDED = {RADAR: 5, STATION: 4, SONAR: 4}
 """How many of the values of a sensor must be given; the others have defaults."""
 
+SCENARIOS, QUESTIONS = "_coastwatch_scenarios", "_coastwatch_questions"
+"""Functions of a shell that complete a name; `completion` defines them."""
+
+FILES = {"bash": "_shtab_compgen_files", "zsh": "_files", "tcsh": "f"}
+
 Box = tuple[float, float, float, float]
+
+
+def completed_by(action: argparse.Action, function: str | None = None) -> None:
+    """Says how a shell completes the value of an argument: by a function, or with files."""
+    action.complete = FILES if function is None else {"bash": function, "zsh": function}  # type: ignore[attr-defined]
 
 
 def add_db(parser: argparse.ArgumentParser) -> None:
     text = f"database: SQLAlchemy URL, or path of an SQLite file (default: {DEFAULT_DB}, in the working directory)"
-    parser.add_argument("--db", metavar="URL", default=DEFAULT_DB, help=text)
+    completed_by(parser.add_argument("--db", metavar="URL", default=DEFAULT_DB, help=text))
 
 
 def add_run(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--run", metavar="ID", type=int, help="number of the run (default: the latest)")
+    parser.add_argument("--run", metavar="ID", type=whole, help="number of the run (default: the latest)")
 
 
 def add_moment(parser: argparse.ArgumentParser) -> None:
@@ -65,7 +76,8 @@ def add_rows(parser: argparse.ArgumentParser, formats: Sequence[str] = FORMATS) 
 
 
 def add_output(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--output", metavar="FILE", help="write to this file instead of the terminal; Parquet needs it")
+    text = "write to this file instead of the terminal; Parquet needs it"
+    completed_by(parser.add_argument("--output", metavar="FILE", help=text))
 
 
 def add_set(parser: argparse.ArgumentParser, text: str) -> None:
@@ -75,7 +87,7 @@ def add_set(parser: argparse.ArgumentParser, text: str) -> None:
 def add_running(parser: argparse.ArgumentParser) -> None:
     """Adds the options of every command that makes a run."""
     text = "processors that share the work (default: the scenario's, in its [workers])"
-    parser.add_argument("--workers", metavar="N", type=count, help=text)
+    parser.add_argument("--workers", metavar="N", type=workers, help=text)
     add_db(parser)
     again = parser.add_mutually_exclusive_group()
     text = "continue the newest unfinished run of this scenario and seed from its last checkpoint"
@@ -135,6 +147,22 @@ def count(text: str) -> int:
     number = whole(text)
     if number < 1:
         raise argparse.ArgumentTypeError(f"got {text!r}, needed 1 or more")
+    return number
+
+
+def workers(text: str) -> int:
+    """A number of processors."""
+    number = count(text)
+    if number > MOST_WORKERS:
+        raise argparse.ArgumentTypeError(f"got {text!r}, needed 1 to {MOST_WORKERS}")
+    return number
+
+
+def seed(text: str) -> int:
+    """A whole number that a database can hold."""
+    number = whole(text)
+    if number >= 2**63:
+        raise argparse.ArgumentTypeError(f"got {text!r}, needed 0 to {2**63 - 1}")
     return number
 
 

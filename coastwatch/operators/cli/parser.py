@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import re
 from typing import Any
 
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.cli.arguments import (
+    QUESTIONS,
     RADAR,
+    SCENARIOS,
     SONAR,
     STATION,
     add_box,
@@ -21,20 +24,28 @@ from coastwatch.operators.cli.arguments import (
     add_set,
     add_span,
     column_names,
+    completed_by,
     count,
     position,
+    seed,
     sensor,
     utc,
     whole,
+    workers,
     written_as,
 )
 from coastwatch.operators.verdict import requirement
+from coastwatch.spelling import did_you_mean
 
 MOVES = "without latitude and longitude (name,,,range_nm,rpm) it moves, and each plot has site_latitude and site_longitude"
 EPILOG = """\
 exit codes: 0 done, 1 failed, 2 bad input, 4 a figure fell, 130 interrupted with Ctrl-C, 141 the reader of the output closed it.
 COASTWATCH_TRACEBACK=1 in the environment prints the traceback of an error.
 All commands, settings and questions: coastwatch/operators/REFERENCE.md"""
+
+
+INVALID_CHOICE = re.compile(r"argument ([^:]+): invalid choice: '(.*)' \(choose from (.*)\)", re.DOTALL)
+"""How argparse refuses an unknown command or choice."""
 
 
 class _Version(argparse.Action):
@@ -51,7 +62,10 @@ class _Parser(argparse.ArgumentParser):
     """A parser that raises BadInput instead of printing its usage, so that every error is printed in the same way."""
 
     def error(self, message: str) -> Any:
-        raise BadInput(f"{message} (see {self.prog} --help)")
+        if found := INVALID_CHOICE.fullmatch(message):
+            known = [word.strip("' ") for word in found[3].split(",")]
+            message = f"{found[1]}: got {found[2]!r}, needed one of {', '.join(known)}{did_you_mean(found[2], known)}"
+        raise BadInput(f"{message.removeprefix('argument ')} (see {self.prog} --help)")
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -79,6 +93,7 @@ def make_parser() -> argparse.ArgumentParser:
         _query,
         _plot,
         _db,
+        _completion,
     ):
         add(commands)
     return parser
@@ -87,15 +102,16 @@ def make_parser() -> argparse.ArgumentParser:
 def _command(commands: Any, name: str, act: str, summary: str, description: str) -> argparse.ArgumentParser:
     """A new command. Args: summary: the line in `coastwatch --help`; description: the text above its own options."""
     made: argparse.ArgumentParser = commands.add_parser(name, help=summary, description=description)
-    made.set_defaults(act=act)
+    made.set_defaults(act=act, command=made.prog)
     return made
 
 
 def _run(commands: Any) -> None:
     text = "Run a scenario and store the picture of every cycle. Ctrl-C stops it after the cycle in progress; --resume continues it."
     run = _command(commands, "run", "runs:run", "run a scenario and store the picture", text)
-    run.add_argument("scenario", metavar="SCENARIO", help="name (see `coastwatch scenarios`), folder, or .toml file")
-    run.add_argument("--seed", metavar="N", type=whole, help="seed of all randomness (default: the scenario's)")
+    text = "name (see `coastwatch scenarios`), folder, or .toml file"
+    completed_by(run.add_argument("scenario", metavar="SCENARIO", help=text), SCENARIOS)
+    run.add_argument("--seed", metavar="N", type=seed, help="seed of all randomness (default: the scenario's)")
     add_set(run, "override a setting, value as in TOML: radars.0.rpm=20, tracks.method=imm; repeatable")
     add_running(run)
     text = "a figure of the scores must be so, e.g. associations.f1>=0.999; repeatable. Exit code 4 and a sentence if it is not"
@@ -127,14 +143,16 @@ def _fuse(commands: Any) -> None:
     )
     fuse = _command(commands, "fuse", "fuse:fuse", "fuse recorded files of your own", text)
     text = "AIS: NMEA 0183 lines, CSV or Parquet; several files in order of time"
-    fuse.add_argument("--ais", metavar="FILE", nargs="+", default=[], help=text)
-    fuse.add_argument("--plots", metavar="FILE", help="radar plots: CSV or Parquet with time, radar, range and azimuth")
-    fuse.add_argument("--bearings", metavar="FILE", help="bearings: CSV or Parquet with time, sonar and bearing")
+    completed_by(fuse.add_argument("--ais", metavar="FILE", nargs="+", default=[], help=text))
+    text = "radar plots: CSV or Parquet with time, radar, range and azimuth"
+    completed_by(fuse.add_argument("--plots", metavar="FILE", help=text))
+    text = "bearings: CSV or Parquet with time, sonar and bearing"
+    completed_by(fuse.add_argument("--bearings", metavar="FILE", help=text))
     text = (
         "finished tracks of other systems, each file a source of its own: CSV or Parquet with time, track, position and velocity, or "
         "NMEA 0183 with TTM or TLL"
     )
-    fuse.add_argument("--tracks", metavar="FILE", nargs="+", default=[], help=text)
+    completed_by(fuse.add_argument("--tracks", metavar="FILE", nargs="+", default=[], help=text))
     text = "where the radar of TTM sentences stands, if they come without the position of an own ship"
     fuse.add_argument("--track-site", metavar="LAT,LON", type=position, help=text)
     one: dict[str, Any] = {"action": "append", "default": [], "metavar": "SPEC"}
@@ -162,7 +180,7 @@ def _reproduce(commands: Any) -> None:
     reproduce.add_argument("paper", metavar="PAPER", help="the paper: rangel")
     text = "runs of each variant (default: as many as the paper averages)"
     reproduce.add_argument("--runs", metavar="N", type=count, help=text)
-    reproduce.add_argument("--workers", metavar="N", type=count, default=1, help="processes that share the runs (default: 1)")
+    reproduce.add_argument("--workers", metavar="N", type=workers, default=1, help="processes that share the runs (default: 1)")
     text = "folder of the report and the finished runs (default: reproduction-PAPER)"
     reproduce.add_argument("--output", metavar="DIR", help=text)
     text = "only these scenarios, e.g. tables-1-2 figure-3 (default: all)"
@@ -265,7 +283,8 @@ def _sensors(commands: Any) -> None:
 def _query(commands: Any) -> None:
     text = "Answer one of the questions in db/operator. Without a name, list them with their parameters."
     query = _command(commands, "query", "read:query", "answer a question, or list the questions", text)
-    query.add_argument("name", metavar="NAME", nargs="?", help="name of the question (default: list all)")
+    text = "name of the question (default: list all)"
+    completed_by(query.add_argument("name", metavar="NAME", nargs="?", help=text), QUESTIONS)
     add_db(query)
     add_run(query)
     add_set(query, "a parameter of the question, e.g. --set count=20; repeatable")
@@ -286,7 +305,7 @@ def _plot(commands: Any) -> None:
     add_moment(plot)
     plot.add_argument("--output", metavar="PNG", default="picture.png", help="file to write (default: picture.png)")
     text = "GeoJSON of land or shore lines (default: the scenario's, if it has one)"
-    plot.add_argument("--coastline", metavar="FILE", help=text)
+    completed_by(plot.add_argument("--coastline", metavar="FILE", help=text))
 
 
 def _db(commands: Any) -> None:
@@ -298,3 +317,12 @@ def _db(commands: Any) -> None:
     add_db(_command(verbs, "upgrade", "database:upgrade", "create a database or upgrade it to this version", text))
     text = "Compare the database with this version's schema. Exit code 0: they agree; 1: one line per difference."
     add_db(_command(verbs, "check", "database:check", "compare a database with this version's schema", text))
+
+
+def _completion(commands: Any) -> None:
+    text = (
+        "Print the script with which a shell completes commands, options, scenarios and questions. bash: "
+        'eval "$(coastwatch completion bash)"; zsh: coastwatch completion zsh > FOLDER_OF_FPATH/_coastwatch.'
+    )
+    completion = _command(commands, "completion", "completion:completion", "print a completion script for a shell", text)
+    completion.add_argument("shell", choices=("bash", "zsh", "tcsh"), help="the shell")

@@ -11,7 +11,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from coastwatch.operators.bad_input import BadInput
+from coastwatch.scenario.refusing import refusals
 from coastwatch.shipped import scenarios_folder
+from coastwatch.spelling import did_you_mean
 from coastwatch.stage import Settings
 
 Value = float | int | str
@@ -133,8 +135,7 @@ def read(path: Path) -> Published | None:
     try:
         return Published.model_validate(data)
     except ValidationError as error:
-        lines = [f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors()]
-        raise BadInput(f"{path}: {'; '.join(lines)}") from error
+        raise BadInput(f"{path}: {'; '.join(refusals(error, Published))}") from error
 
 
 def _variants(path: Path, folder: object) -> list[Any]:
@@ -150,10 +151,12 @@ def chosen(paper: str, only: tuple[str, ...]) -> dict[str, Published]:
     """The folders of a paper, or some of them; the name of the paper may be left out. Raises: BadInput."""
     known = papers()
     if paper not in known:
-        raise BadInput(f"reproduce: got {paper!r}, needed a paper of {', '.join(known)}")
+        raise BadInput(f"reproduce: got {paper!r}, needed one of {', '.join(known)}{did_you_mean(paper, known)}")
     folders = known[paper]
     wanted = [name if name in folders else f"{paper}-{name}" for name in only]
     unknown = [name for name, whole in zip(only, wanted, strict=True) if whole not in folders]
     if unknown:
-        raise BadInput(f"--only: got {', '.join(unknown)}, needed some of {', '.join(folders)}")
+        raise BadInput(
+            f"--only: got {', '.join(unknown)}, needed some of {', '.join(folders)}{did_you_mean(unknown[0], folders)}"
+        )
     return {name: of for name, of in folders.items() if not only or name in wanted}

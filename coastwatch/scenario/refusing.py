@@ -1,0 +1,131 @@
+"""One sentence for each setting that is refused: its path as in the file, what was found, what was needed."""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Callable, Iterator, Mapping
+from typing import Annotated, Any, Union, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+
+from coastwatch.spelling import did_you_mean
+
+Loc = tuple[int | str, ...]
+
+RENAMED = {
+    "heard": "detection_probability",
+    "give_up": "rejection_log_odds",
+    "unknown_kick_m_s2": "unknown_manoeuvre_m_s2",
+    "kick_m_s": "velocity_jump_m_s",
+    "kick_interval_s": "velocity_jump_interval_s",
+    "kick_share": "velocity_jump_share",
+    "on_line": "online",
+}
+"""Settings and methods of 0.1.0 and their names today, for the message that refuses the old name."""
+
+TABLE, LIST, INSTANT = "a table", "a list", "an instant with a time zone, such as 2026-07-01T12:00:00Z"
+WANTED: dict[str, str] = {
+    **dict.fromkeys(("int_type", "int_parsing", "int_from_float", "int_parsing_size"), "a whole number"),
+    **dict.fromkeys(("float_type", "float_parsing"), "a number"),
+    "finite_number": "a finite number",
+    **dict.fromkeys(("bool_type", "bool_parsing"), "true or false"),
+    "string_type": "text",
+    "path_type": "a path",
+    **dict.fromkeys(("tuple_type", "list_type"), LIST),
+    **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), TABLE),
+    **dict.fromkeys(("timezone_aware", "datetime_type", "datetime_parsing", "datetime_from_date_parsing"), INSTANT),
+}
+"""What is needed, by the type of the error."""
+
+LIMITS: dict[str, Callable[[Mapping[str, Any]], str]] = {
+    "greater_than": lambda c: f"more than {c['gt']:g}",
+    "greater_than_equal": lambda c: f"{c['ge']:.12g} or more",
+    "less_than": lambda c: f"less than {c['lt']:g}",
+    "less_than_equal": lambda c: f"{c['le']:.12g} or less",
+    "string_too_short": lambda c: f"at least {c['min_length']} character",
+    "string_too_long": lambda c: f"at most {c['max_length']} characters",
+    "too_short": lambda c: f"at least {c['min_length']}",
+    "too_long": lambda c: f"at most {c['max_length']}",
+    "literal_error": lambda c: str(c["expected"]),
+    "union_tag_invalid": lambda c: f"one of {c['expected_tags']}",
+}
+"""The same for errors with a limit or a choice."""
+
+
+def refusals(error: ValidationError, model: type[BaseModel]) -> list[str]:
+    """A sentence for each error. Args: model: that refused the settings."""
+    return [_sentence(dict(found), model) for found in error.errors()]
+
+
+def models_of(annotation: Any) -> tuple[list[type[BaseModel]], bool]:
+    """The models that an annotation allows, and whether it holds a list of them."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation], False
+    origin, parts = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        return models_of(parts[0])
+    found = [models_of(part) for part in parts] if origin in (Union, types.UnionType, tuple, list) else []
+    return [m for models, _ in found for m in models], origin in (tuple, list) or any(many for _, many in found)
+
+
+def _sentence(error: Mapping[str, Any], model: type[BaseModel]) -> str:
+    kind, given, context = error["type"], error["input"], error.get("ctx", {})
+    path, holder = _place(error["loc"], model)
+    last = str(error["loc"][-1]) if error["loc"] else ""
+    if kind == "value_error":
+        return f"{path}: {context['error']}" if path else str(context["error"])
+    if kind == "missing":
+        return f"{path}: got nothing, needed {_form(holder, last)}"
+    if kind == "extra_forbidden":
+        known = list(holder.model_fields) if holder else []
+        hint = f"; its name is now {RENAMED[last]}" if last in RENAMED else did_you_mean(last, known)
+        return f"{path or repr('')}: got {_short(given)} for an unknown setting, needed one of {', '.join(known)}{hint}"
+    if kind == "union_tag_not_found":
+        return f"{path}.method: got nothing, needed the name of a method"
+    if kind == "union_tag_invalid":
+        tag = str(context["tag"])
+        known = [name.strip("' ") for name in str(context["expected_tags"]).split(",")]
+        hint = f"; its name is now {RENAMED[tag]}" if tag in RENAMED else did_you_mean(tag, known)
+        return f"{path}.method: got {tag!r}, needed one of {', '.join(known)}{hint}"
+    needed = LIMITS[kind](context) if kind in LIMITS else WANTED.get(kind, error["msg"])
+    return f"{path}: got {_short(given)}, needed {needed}"
+
+
+def _place(loc: Loc, model: type[BaseModel]) -> tuple[str, type[BaseModel] | None]:
+    """Path of a setting as in the file, without the names of methods, and the model that would hold it."""
+    path: list[str] = []
+    choices: list[type[BaseModel]] = [model]
+    holder: type[BaseModel] | None = model
+    for part in loc:
+        methods = {name: choice for choice in choices for name in _methods(choice)}
+        if path and part in methods and len(choices) > 1:
+            choices = [methods[str(part)]]
+            continue
+        path.append(str(part))
+        if isinstance(part, str):
+            holder = choices[0] if len(choices) == 1 else None
+            field = holder.model_fields.get(part) if holder else None
+            choices = models_of(field.annotation)[0] if field else []
+    return ".".join(path), holder
+
+
+def _methods(model: type[BaseModel]) -> Iterator[str]:
+    field = model.model_fields.get("method")
+    yield from (get_args(field.annotation) if field else ())
+
+
+def _form(holder: type[BaseModel] | None, key: str) -> str:
+    """What a setting is, for one that is absent."""
+    field = holder.model_fields.get(key) if holder else None
+    models, many = models_of(field.annotation) if field else ([], False)
+    if not models:
+        return "a value"
+    if len(models) > 1:
+        return f"a table [{key}] with a method"
+    required = ", ".join(name for name, f in models[0].model_fields.items() if f.is_required())
+    return f"{'tables [[' if many else 'a table ['}{key}{']]' if many else ']'} with {required}"
+
+
+def _short(value: Any) -> str:
+    text = value.isoformat() if hasattr(value, "isoformat") else repr(value)
+    return text if len(text) <= 80 else text[:77] + "..."
