@@ -14,8 +14,9 @@ from coastwatch.tracks.alignment import ConstantVelocity
 from coastwatch.tracks.bearing import BearingWindow
 from coastwatch.tracks.imm import FilterpyImm, Imm, SidedImm
 from coastwatch.tracks.received import ReceivedTracks
+from coastwatch.tracks.vimmjipda import SidedVimmjipda, Vimmjipda
 
-RadarTracker = Annotated[SidedImm | Imm | FilterpyImm, Field(discriminator="method")]
+RadarTracker = Annotated[SidedImm | Imm | FilterpyImm | Vimmjipda | SidedVimmjipda, Field(discriminator="method")]
 AisTracker = Annotated[AisFilter | AisDeadReckoning, Field(discriminator="method")]
 BearingTracker = Annotated[BearingWindow, Field()]
 TrackAligner = Annotated[ConstantVelocity, Field()]

@@ -9,7 +9,8 @@ from coastwatch.stage import Method
 from coastwatch.tracks.clutter import ClutterSettings
 from coastwatch.tracks.filter_bank import CompiledBank
 from coastwatch.tracks.motion import Manoeuvres, Motion
-from coastwatch.tracks.region import RegionTracker, track_region
+from coastwatch.tracks.plot_association import NearestNeighbour
+from coastwatch.tracks.region import track_region
 from coastwatch.tracks.table import RadarMemory
 from coastwatch.tracks.track_management import PlotOrigin, TrackManagement
 
@@ -40,8 +41,8 @@ class Imm(Method):
         Returns: memory; tracks predicted to time_s, sorted by track_id, which is never reused; the plots that they took.
         Raises: ValueError where the memory is of a scenario with other radars.
         """
-        tracker = RegionTracker(CompiledBank(self.motion), self.upkeep, self.plot_origin, self.clutter)
-        return track_region(tracker, memory, plots, time_s, sensors, region)
+        tracker = NearestNeighbour(CompiledBank(self.motion), self.upkeep, self.plot_origin, self.clutter, sensors)
+        return track_region(tracker, memory, plots, time_s, sensors, region, by_radar=self.plot_origin != "known")
 
 
 class SidedImm(Method):
@@ -65,8 +66,8 @@ class SidedImm(Method):
         self, memory: RadarMemory, plots: Plots, time_s: float, sensors: Sensors, region: int
     ) -> tuple[RadarMemory, Tracks, Measurements]:
         """The confirmed tracks of one region at time_s; see `Imm.step`."""
-        tracker = RegionTracker(CompiledBank(self.motion), self.upkeep, self.plot_origin, self.clutter)
-        return track_region(tracker, memory, plots, time_s, sensors, region)
+        tracker = NearestNeighbour(CompiledBank(self.motion), self.upkeep, self.plot_origin, self.clutter, sensors)
+        return track_region(tracker, memory, plots, time_s, sensors, region, by_radar=self.plot_origin != "known")
 
 
 class FilterpyImm(Method):
@@ -88,5 +89,5 @@ class FilterpyImm(Method):
         """The confirmed tracks of one region at time_s; see `Imm.step`."""
         from coastwatch.tracks.filterpy_bank import FilterpyBank  # filterpy is slow to import, and few runs use it
 
-        tracker = RegionTracker(FilterpyBank(self.motion), self.upkeep, self.plot_origin, self.clutter)
-        return track_region(tracker, memory, plots, time_s, sensors, region)
+        tracker = NearestNeighbour(FilterpyBank(self.motion), self.upkeep, self.plot_origin, self.clutter, sensors)
+        return track_region(tracker, memory, plots, time_s, sensors, region, by_radar=self.plot_origin != "known")

@@ -1,18 +1,84 @@
-"""Which plot belongs to which track: gates, gains and the global nearest neighbour, or the known origin."""
+"""One plot a track: gates, gains and the global nearest neighbour, or the known origin."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import Bools, Floats, Ints
+from coastwatch.batches import Bools, Floats, Ints, Sensors
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.kernels.filters.gaussian import gate
-from coastwatch.kernels.tracks.columns import PlotColumns
-from coastwatch.tracks.table import Table
-from coastwatch.tracks.track_management import TrackManagement
+from coastwatch.kernels.tracks.columns import PlotColumns, RadarColumns
+from coastwatch.tracks.clutter import ClutterSettings
+from coastwatch.tracks.filter_bank import FilterBank
+from coastwatch.tracks.table import RadarMemory, Status, Table, begin_tracks
+from coastwatch.tracks.track_management import PlotOrigin, TrackManagement, remove_duplicates
+
+
+@dataclass(frozen=True)
+class NearestNeighbour:
+    """Filters and settings of the tracker of a region. The steps of `coastwatch.tracks.region.RegionTracker`."""
+
+    bank: FilterBank
+    management: TrackManagement
+    plot_origin: PlotOrigin
+    clutter: ClutterSettings
+    sensors: Sensors
+
+    def track_batch(self, memory: RadarMemory, batch: PlotColumns) -> tuple[RadarMemory, Ints]:
+        """Give each track its plot, and begin tracks. Returns: memory, the slot of the track that took each plot, -1 for none."""
+        if self.plot_origin == "known":
+            slot, begins = associate_by_origin(memory.table, batch)
+            memory = begin_tracks(self.bank, memory, np.flatnonzero(begins), batch)
+            if begins.any():  # their later plots of this batch
+                slot = np.where(begins, -1, associate_by_origin(memory.table, batch)[0])
+            begins[:] = False
+        else:
+            period_s = float(self.sensors.radars.period_s[batch.sensor[0]])
+            density = memory.false_plots_per_m2(self.clutter, batch, self.management.false_plots_per_m2)
+            slot, begins = associate(self.management, memory.table, batch, period_s, density)
+            memory = memory.with_clutter(self.clutter, batch, _false(memory.table, slot), period_s)
+        plots = np.flatnonzero(slot >= 0)
+        table = memory.table
+        self.bank.update(table.filters, table.estimates, slot[plots], plots, batch)
+        kernels.tracks.track_life.record(table.life, slot[plots], plots, batch)
+        table.note_moved(self.clutter, slot[plots])
+        if self.plot_origin == "known":
+            table.status[slot[plots]] = Status.CONFIRMED
+        if begins.any():
+            memory = begin_tracks(self.bank, memory, np.flatnonzero(begins), batch)
+        return memory, slot
+
+    def end_slice(self, memory: RadarMemory, radars: RadarColumns, ours: Ints, time_s: float) -> RadarMemory:
+        """Confirm tracks with enough hits, and delete those with too many misses. Args: as of `RegionTracker`."""
+        table = memory.table
+        given = table.life, table.estimates, table.live, radars, self.management.rules, time_s
+        lost = kernels.tracks.track_life.confirm_and_find_lost(*given)
+        return replace(memory, table=table.without(lost)) if lost.any() else memory
+
+    def end_cycle(self, memory: RadarMemory, time_s: float) -> RadarMemory:
+        """Delete duplicates."""
+        if self.plot_origin == "known":
+            return memory
+        given = memory.table, memory.duplicates, self.sensors.radars.period_s, time_s
+        table, pairs = remove_duplicates(self.management, *given)
+        return replace(memory, table=table, duplicates=pairs)
+
+    def shown(self, table: Table, time_s: float) -> Ints:
+        """Slots of the confirmed tracks."""
+        slots: Ints = table.live[table.status[table.live] == Status.CONFIRMED]
+        return slots
+
+
+def _false(table: Table, slot: Ints) -> Floats:
+    """1 for each plot that went to no confirmed track that has moved, else 0. (M,) Args: slot: (M,) -1 for none."""
+    moving = np.zeros(len(slot), np.bool_)
+    taken = np.flatnonzero(slot >= 0)
+    moving[taken] = table.moved[slot[taken]] & (table.status[slot[taken]] == Status.CONFIRMED)
+    return np.where(moving, 0.0, 1.0)
 
 
 def associate(

@@ -8,15 +8,15 @@ from coastwatch import kernels
 from coastwatch.batches import Ints, Measurements, Plots, Sensors, Tracks
 from coastwatch.kernels.tracks.columns import RadarColumns
 from coastwatch.tracks.filter_bank import FilterBank
-from coastwatch.tracks.table import Status, Table
+from coastwatch.tracks.table import Table
 
 ID_STRIDE = 2**40  # track ids of one region
 
 
-def report(bank: FilterBank, table: Table, radars: RadarColumns, time_s: float, sensors: Sensors, region: int) -> Tracks:
-    """The confirmed tracks, predicted to time_s, in the tangent plane at each track. Args: radars: those of the region."""
-    rows = table.live[table.status[table.live] == Status.CONFIRMED]
-    updated = table.updated_s[rows]
+def report(
+    bank: FilterBank, table: Table, rows: Ints, radars: RadarColumns, time_s: float, sensors: Sensors, region: int
+) -> Tracks:
+    """The tracks in these slots, predicted to time_s, in the tangent plane at each track. Args: radars: those of the region."""
     now = bank.predict(table.filters, table.estimates, rows, time_s)
     latitude, longitude = sensors.region_origin_deg[region].tolist()
     position, velocity, turned = kernels.tracks.report.geodetic_tracks(now.mean, now.covariance, latitude, longitude)
@@ -32,7 +32,7 @@ def report(bank: FilterBank, table: Table, radars: RadarColumns, time_s: float, 
         velocity_m_s=velocity,
         covariance=turned,
         report_covariance=one,
-        updated_s=updated,
+        updated_s=table.radar_s[rows].max(axis=1, initial=-np.inf),
         started_s=table.started_s[rows],
         mmsi=np.full(len(rows), -1, np.int64),
         origin=kernels.tracks.report.most_frequent_origins(table.origins, table.hits, rows),

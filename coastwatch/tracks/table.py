@@ -8,11 +8,11 @@ from typing import Self
 
 import numpy as np
 
-from coastwatch.batches import Batch, Bools, Floats, Ints
+from coastwatch.batches import Batch, Bools, Floats, Ints, Radars
 from coastwatch.batches.struct import Struct, column
 from coastwatch.kernels.tracks import columns
-from coastwatch.kernels.tracks.columns import Estimates, PlotColumns, TrackLife
-from coastwatch.tracks.clutter import ClutterMap
+from coastwatch.kernels.tracks.columns import Estimates, ExistenceColumns, PlotColumns, TrackLife
+from coastwatch.tracks.clutter import ClutterMap, ClutterSettings, empty_map, false_plots_per_m2, has_moved, learn
 from coastwatch.tracks.filter_bank import FilterBank
 from coastwatch.tracks.motion import Filters
 
@@ -52,6 +52,11 @@ class Table(Struct):
     began_m: Floats = column(np.float64, "S", 2)  # position of the first plot
     began_m2: Floats = column(np.float64, "S")  # variance of that position, both axes together
     moved: Bools = column(np.bool_, "S")  # from there, at some time
+    existence: Floats = column(np.float64, "S")  # probability, at existence_s; 1 where a tracker does not estimate it
+    visibility: Floats = column(np.float64, "S")  # probability that radars can see the vessel, if it exists
+    existence_s: Floats = column(np.float64, "S")
+    looked_s: Floats = column(np.float64, "S", "R")  # up to which the looks of each radar are in existence and visibility
+    misses: Ints = column(np.int64, "S")  # looks without a plot in the gate since the newest one
     origins: Ints = column(np.int64, "S", NEWEST)  # of the newest plots, newest first; -1 beyond the first
 
     def __len__(self) -> int:
@@ -78,6 +83,17 @@ class Table(Struct):
     def life(self) -> TrackLife:
         """The status of each slot and the plots behind it."""
         return TrackLife(self.status, self.hits, self.started_s, self.radar_s, self.origins)
+
+    @property
+    def existing(self) -> ExistenceColumns:
+        """Existence and visibility of each slot."""
+        return ExistenceColumns(self.existence, self.visibility, self.existence_s, self.looked_s, self.misses)
+
+    def note_moved(self, settings: ClutterSettings, slots: Ints) -> None:
+        """Mark the tracks in these slots that have moved from their first plot."""
+        slots = slots[~self.moved[slots]]
+        variance = self.began_m2[slots] + self.combined_covariance[slots, 0, 0] + self.combined_covariance[slots, 1, 1]
+        self.moved[slots] = has_moved(settings, self.began_m[slots], self.combined_mean[slots, :2], variance)
 
     def with_room(self, count: int) -> Self:
         """This table with at least so many free slots."""
@@ -161,6 +177,28 @@ class RadarMemory(Struct):
         held = np.logical_or.reduce(np.isfinite(self.table.radar_s[self.table.live][:, moved]), axis=1)
         return replace(self, table=self.table.without(held), clutter=self.clutter.without_radars(moved))
 
+    def with_clutter_map(self, settings: ClutterSettings, radars: Radars) -> RadarMemory:
+        """This memory with an empty clutter map, if one is to be learnt and there is none."""
+        if not settings.learnt or len(self.clutter.side):
+            return self
+        return replace(self, clutter=empty_map(settings, radars))
+
+    def false_plots_per_m2(self, settings: ClutterSettings, batch: PlotColumns, constant: float) -> Floats:
+        """The density of false plots in one look at each plot of a batch of one radar. (M,) Args: constant: where none is learnt."""
+        if not settings.learnt:
+            return np.full(len(batch.time), constant)
+        return false_plots_per_m2(settings, self.clutter, int(batch.sensor[0]), batch.position, constant)
+
+    def with_clutter(self, settings: ClutterSettings, batch: PlotColumns, false: Floats, period_s: float) -> RadarMemory:
+        """This memory with the plots of a batch of one radar in its clutter map.
+
+        Args: false: (M,) probability that the plot belongs to no confirmed track that has moved; period_s: of one turn.
+        """
+        if not settings.learnt:
+            return self
+        given = int(batch.sensor[0]), batch.time, batch.position, false, period_s
+        return replace(self, clutter=learn(settings, self.clutter, *given))
+
 
 def begin_tracks(bank: FilterBank, memory: RadarMemory, plots: Ints, batch: PlotColumns) -> RadarMemory:
     """This memory with a new track for each of these rows of a batch of plots."""
@@ -174,6 +212,10 @@ def begin_tracks(bank: FilterBank, memory: RadarMemory, plots: Ints, batch: Plot
     table.began_m[slots] = batch.position[plots]
     table.began_m2[slots] = np.trace(batch.covariance[plots], axis1=1, axis2=2)
     table.moved[slots] = False
+    table.existence[slots] = table.visibility[slots] = 1.0
+    table.existence_s[slots] = batch.time[plots]
+    table.looked_s[slots] = batch.time[plots][:, None]
+    table.misses[slots] = 0
     table.origins[slots] = -1
     table.origins[slots, 0] = batch.origin[plots]
     return replace(memory, table=table, next_id=memory.next_id + len(plots))

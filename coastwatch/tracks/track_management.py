@@ -67,12 +67,10 @@ def remove_duplicates(
     slots = table.live[places]
     furthest = gate(management.merge_probability, 4)
     latest_s = float(table.updated_s[slots].max(initial=time_s))  # plots may be stamped a little ahead
-    first, second = kernels.tracks.duplicates.possible_duplicates(table.estimates, slots, latest_s, furthest)
+    first, second = kernels.tracks.duplicates.possible_duplicates(table.estimates, slots, latest_s, furthest, 0.0)
+    alone = ~seen_together(table, slots[first], slots[second], period_s)
+    first, second = first[alone], second[alone]
     one, other = table.radar_s[slots[first]], table.radar_s[slots[second]]
-    served = np.isfinite(one) & np.isfinite(other)
-    apart = np.subtract(one, other, where=served, out=np.full(served.shape, np.inf))
-    alone = ~(np.abs(apart) < 0.5 * period_s).any(axis=1)
-    first, second, one, other = first[alone], second[alone], one[alone], other[alone]
     since = _since(duplicates, table.track_id[slots[first]], table.track_id[slots[second]], time_s)
     turn = np.where(np.isfinite(one) | np.isfinite(other), period_s, 0.0).max(axis=1, initial=0.0)
     same = time_s - since >= management.merge_looks * turn
@@ -85,6 +83,15 @@ def remove_duplicates(
     return table.without(lost), pairs
 
 
+def seen_together(table: Table, first: Ints, second: Ints, period_s: Floats) -> Bools:
+    """Which pairs of slots took a plot each of one radar in its newest look: a vessel gives a radar one plot a look. (A,)"""
+    one, other = table.radar_s[first], table.radar_s[second]
+    served = np.isfinite(one) & np.isfinite(other)
+    apart = np.subtract(one, other, where=served, out=np.full(served.shape, np.inf))
+    together: Bools = (np.abs(apart) < 0.5 * period_s).any(axis=1)
+    return together
+
+
 def _since(duplicates: Duplicates, first: Ints, second: Ints, now_s: float) -> Floats:
     """Since when each of these pairs is suspected: now, where it was not before."""
     before, now = (np.rec.fromarrays(ids) for ids in ((duplicates.first, duplicates.second), (first, second)))
@@ -94,9 +101,9 @@ def _since(duplicates: Duplicates, first: Ints, second: Ints, now_s: float) -> F
     return since
 
 
-def is_usable(management: TrackManagement, plots: Plots, time_s: float) -> Bools:
+def is_usable(plots: Plots, time_s: float, ahead_s: float) -> Bools:
     """Which plots can be believed: finite, not from after the cycle, and not older than a day. (M,)"""
     numbers = np.column_stack([plots.time_s, plots.position_m, plots.covariance.reshape(-1, 4)])
-    lived = (plots.time_s <= time_s + management.ahead_s) & (plots.time_s > time_s - DAY_S)
+    lived = (plots.time_s <= time_s + ahead_s) & (plots.time_s > time_s - DAY_S)
     good: Bools = np.logical_and(np.isfinite(numbers).all(axis=1), lived)
     return good

@@ -33,7 +33,7 @@ def settings(vessels: int, clutter: str, method: str, cycles: int) -> dict[str, 
     ranges = {f"radars.{k}.range_nm": str(0.6 * side) for k in (0, 1)}
     made = {"input.count": str(vessels), "input.ais.share": "0", "sonars": "[]", "warmup_s": "30", "cycles": str(cycles)}
     radar = {"input.radar.detection_probability": "0.9", "input.radar.clutter_per_m2": clutter}
-    return {**sides, **ranges, **made, **radar, "tracks.plot_origin": "estimated", "tracks.method": method}
+    return {**sides, **ranges, **made, **radar, "tracks": f'{{method = "{method}"}}'}
 
 
 def main() -> None:

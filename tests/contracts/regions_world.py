@@ -90,9 +90,10 @@ def scenario_of_regions(cycles=CYCLES, method="sided_imm"):
     """Three radars, each a region of its own."""
     radar = '{{name = "{0}", region = "{0}", latitude_deg = {1}, longitude_deg = {2}, range_nm = 4.0, rpm = 20.0}}'
     sites = (("north", -23.0, -43.1), ("south", -23.1, -43.1), ("west", -23.05, -43.15))
+    origin = ', plot_origin = "estimated"' if method.endswith("imm") else ""
     settings = {
         "radars": f"[{', '.join(radar.format(*site) for site in sites)}]",
-        "tracks": f'{{method = "{method}", plot_origin = "estimated"}}',
+        "tracks": f'{{method = "{method}"{origin}}}',
         "warmup_s": "0",
         "cycles": str(cycles),
         "input.count": "120",

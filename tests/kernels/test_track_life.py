@@ -73,7 +73,7 @@ def test_plots_are_recorded_in_their_order():
 def test_possible_duplicates_are_all_pairs_alike(n, seed):
     estimates = estimates_of(n, seed)
     rows = np.random.default_rng([seed, 63]).permutation(n)[: n - n // 5]
-    first, second = possible_duplicates(estimates, rows, NOW, 13.3)
+    first, second = possible_duplicates(estimates, rows, NOW, 13.3, 0.0)
     want = []
     means, spreads = [], []
     for k in rows:

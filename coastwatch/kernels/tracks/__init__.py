@@ -4,5 +4,16 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
-    submodules=["clutter", "columns", "duplicates", "gate", "plot_assignment", "prediction", "report", "track_life"],
+    submodules=[
+        "clutter",
+        "columns",
+        "duplicates",
+        "existence",
+        "gate",
+        "joint_update",
+        "plot_assignment",
+        "prediction",
+        "report",
+        "track_life",
+    ],
 )

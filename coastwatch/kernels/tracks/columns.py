@@ -38,6 +38,16 @@ class TrackLife(NamedTuple):
     origins: Ints  # (S, K) true vessels of the newest plots, newest first
 
 
+class ExistenceColumns(NamedTuple):
+    """How probable it is that there is a vessel behind each track, and that radars can see it."""
+
+    existence: Floats  # (S,)
+    visibility: Floats  # (S,) of a vessel that exists
+    time: Floats  # (S,) of both
+    looked: Floats  # (S, R) time up to which the looks of each radar are in both
+    misses: Ints  # (S,) looks without a plot in the gate since the newest one
+
+
 class PlotColumns(NamedTuple):
     """Plots of a batch."""
 

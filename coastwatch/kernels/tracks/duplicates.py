@@ -11,11 +11,11 @@ from coastwatch.kernels.tracks.prediction import predicted_covariance, predicted
 
 
 @jit
-def possible_duplicates(estimates, rows, time, limit):  # type: ignore[no-untyped-def]
+def possible_duplicates(estimates, rows, time, limit, correlation):  # type: ignore[no-untyped-def]
     """Pairs of tracks whose difference in position and velocity may be zero: first (A,), second (A,), places in rows, first < second.
 
     Args: estimates: Estimates; rows: (N,) slots; time: at which they are compared, not before their own; limit: squared Mahalanobis
-    distance of four dimensions, by the sum of both covariances.
+    distance of four dimensions; correlation: of their errors, below 0.5, as a share of the smaller covariance.
     """
     count = len(rows)
     position, covariance = np.empty((count, 2)), np.empty((count, 2, 2))
@@ -33,7 +33,7 @@ def possible_duplicates(estimates, rows, time, limit):  # type: ignore[no-untype
         first, second, found = np.empty(len(point), np.int32), np.empty(len(point), np.int32), 0
         for k in range(count):
             for other in np.sort(point[start[k] : start[k + 1]]):
-                if k < other and _distance2(estimates, rows[k], rows[other], time) <= limit:
+                if k < other and _distance2(estimates, rows[k], rows[other], time, correlation) <= limit:
                     first[found], second[found] = k, other
                     found += 1
         first, second = first[:found], second[:found]
@@ -41,13 +41,15 @@ def possible_duplicates(estimates, rows, time, limit):  # type: ignore[no-untype
 
 
 @jit
-def _distance2(estimates, n, other, time):  # type: ignore[no-untyped-def]
-    """Squared Mahalanobis distance of two tracks, in position and velocity."""
+def _distance2(estimates, n, other, time, correlation):  # type: ignore[no-untyped-def]
+    """Squared Mahalanobis distance of two tracks, in position and velocity, by P + P' - 2 correlation times the smaller of both."""
     east, north = predicted_position(estimates, n, time)
     other_east, other_north = predicted_position(estimates, other, time)
     rate_e = estimates.mean[n, 2] - estimates.mean[other, 2]
     rate_n = estimates.mean[n, 3] - estimates.mean[other, 3]
-    both = symmetric4.add_scaled(predicted_covariance(estimates, n, time), predicted_covariance(estimates, other, time), 1.0)
+    one, another = predicted_covariance(estimates, n, time), predicted_covariance(estimates, other, time)
+    smaller = one if one[0] + one[2] < another[0] + another[2] else another
+    both = symmetric4.add_scaled(symmetric4.add_scaled(one, another, 1.0), smaller, -2.0 * correlation)
     factor = symmetric4.factor(both)
     whitened = symmetric4.forward_substitution(factor, east - other_east, north - other_north, rate_e, rate_n)
     return symmetric4.weighted_dot(factor, whitened, whitened)

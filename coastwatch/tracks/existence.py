@@ -1,0 +1,120 @@
+"""The life of tracks by their probability of existence: settings, confirmation, deletion, and removal of duplicates."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from coastwatch import kernels
+from coastwatch.batches import Bools, Floats, Ints, Radars
+from coastwatch.geodesy import KNOT_M_S
+from coastwatch.kernels.filters.gaussian import gate
+from coastwatch.kernels.tracks.existence import ExistenceChain
+from coastwatch.stage import Settings
+from coastwatch.tracks.table import Status, Table
+from coastwatch.tracks.track_management import Count, Positive, Probability, seen_together
+
+NotNegative = Annotated[float, Field(ge=0.0)]
+
+
+class Detection(Settings):
+    """What a radar detects in one look."""
+
+    detection_probability: Probability = 0.9  # of a visible vessel
+    false_plots_per_m2: Positive = 1e-6
+
+
+class ExistenceManagement(Settings):
+    """Detection, gates, existence and visibility of tracks. A look is one turn of a radar that covers the track.
+
+    A visible vessel becomes invisible after `visible_s` on average, and visible again after `hidden_s`. Only a visible one gives plots.
+    """
+
+    detection: Detection = Detection()  # of radars without settings of their own
+    by_radar: dict[str, Detection] = Field(default_factory=dict)  # by name of the radar
+    new_vessels_per_m2: Positive = 5e-8  # vessels without a track, in one look
+    new_visibility: Probability = 0.9  # of such a vessel
+    end_per_s: NotNegative = 0.001  # rate at which vessels cease to exist
+    visible_s: Positive = 16.0
+    hidden_s: Positive = 3.1
+    hides: bool = True  # false: every vessel is visible
+    echo_sigma_m: NotNegative = 0.0  # of the echo's place on a vessel, per axis, on top of the noise of the radar
+    slice_s: Positive = 1.0  # plots are processed in slices of this length, at most half a turn of the fastest radar
+    gate_probability: Probability = 0.998  # that a vessel's own plot is inside the gate
+    exact_up_to: Annotated[int, Field(ge=1, le=16)] = (
+        8  # tracks or plots of a cluster that is solved exactly; larger: sum-product
+    )
+    least_model_probability: Annotated[float, Field(gt=0.0, lt=0.1)] = 1e-3  # so that a model can recover
+    begin_existence: Probability = 0.005  # a plot begins a track that exists with this probability or more
+    confirm_existence: Probability = 0.99  # a track that exists with this probability is confirmed
+    show_existence: NotNegative = 0.5  # a confirmed track is reported while it exists with this probability or more
+    delete_existence: Probability = 0.01
+    delete_misses: Count = 5  # looks in a row without a plot in the gate
+    look_slack: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.1  # a look is counted as over after 1 + look_slack turns
+    coast_s: Positive = 30.0  # longest time without a plot in the gate, also outside the range of every radar
+    max_speed_kn: Positive = 60.0  # a faster track is deleted
+    merge_probability: Probability = 0.5  # that two tracks of one vessel pass the test for duplicates
+    merge_correlation: Annotated[float, Field(ge=0.0, lt=0.5)] = 0.4  # of the errors of two such tracks
+    late_s: Positive = 5.0  # a plot up to this much older than its track is used
+    ahead_s: Positive = 5.0  # a plot stamped more than this after the cycle is dropped
+
+    @property
+    def chain(self) -> ExistenceChain:
+        """The rates of change as the kernels take them."""
+        if not self.hides:
+            return ExistenceChain(self.end_per_s, 0.0, 0.0)
+        return ExistenceChain(self.end_per_s, 1.0 / self.visible_s, 1.0 / self.hidden_s)
+
+    def by_number(self, radars: Radars) -> tuple[Floats, Floats]:
+        """Detection probability and false plots in a square metre of each radar. (R,), (R,)
+
+        Raises: ValueError where a setting names a radar that the scenario does not have.
+        """
+        names = radars.name.tolist()
+        for name in self.by_radar:
+            if name not in names:
+                raise ValueError(f"tracks.upkeep.by_radar: got radar {name!r}, needed one of {names}")
+        each = [self.by_radar.get(name, self.detection) for name in names]
+        return np.array([d.detection_probability for d in each]), np.array([d.false_plots_per_m2 for d in each])
+
+
+def existence_at(management: ExistenceManagement, table: Table, time_s: float) -> Floats:
+    """The probability of existence of each live track at a time not before its newest look. (N,)"""
+    since = np.maximum(time_s - table.existence_s[table.live], 0.0)
+    now: Floats = table.existence[table.live] * np.exp(-management.end_per_s * since)
+    return now
+
+
+def confirm_and_find_lost(management: ExistenceManagement, table: Table, time_s: float) -> Bools:
+    """Confirm the tracks that exist, in place, and find those to delete. (N,) of the live ones."""
+    live, now = table.live, existence_at(management, table, time_s)
+    table.status[live[now >= management.confirm_existence]] = Status.CONFIRMED
+    speed2 = (table.combined_mean[live, 2:] ** 2).sum(axis=1)
+    lost: Bools = (now < management.delete_existence) | (table.misses[live] >= management.delete_misses)
+    lost |= time_s - table.updated_s[live] > management.coast_s
+    lost |= (speed2 > (management.max_speed_kn * KNOT_M_S) ** 2) & (table.status[live] != Status.SINGLE)
+    return lost
+
+
+def merge_duplicates(management: ExistenceManagement, table: Table, period_s: Floats, time_s: float) -> Table:
+    """Delete the younger of two tracks whose difference may be zero.
+
+    Two tracks that took a plot each of one radar in one look are two. Args: period_s: (R,) of one turn; time_s: now.
+    """
+    slots, limit = table.live, gate(management.merge_probability, 4)
+    latest_s = float(table.updated_s[slots].max(initial=time_s))  # plots may be stamped a little ahead
+    given = table.estimates, slots, latest_s, limit, management.merge_correlation
+    first, second = kernels.tracks.duplicates.possible_duplicates(*given)
+    alone = ~seen_together(table, slots[first], slots[second], period_s)
+    lost = np.zeros(len(table), np.bool_)
+    lost[second[alone]] = True
+    return table.without(lost)
+
+
+def shown(management: ExistenceManagement, table: Table, time_s: float) -> Ints:
+    """Slots of the confirmed tracks that probably still exist."""
+    there = existence_at(management, table, time_s) >= management.show_existence
+    slots: Ints = table.live[there & (table.status[table.live] == Status.CONFIRMED)]
+    return slots
