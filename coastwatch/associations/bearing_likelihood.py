@@ -136,7 +136,7 @@ class BearingLikelihood(Method):
     """
 
     method: Literal["bearing_likelihood"] = "bearing_likelihood"
-    threshold: float = 0.0  # the log odds of a pair must exceed it
+    threshold: float = 0.0  # the log odds of a pair must exceed it: positive speaks for one vessel
     window_s: Positive = 300.0  # older bearings and positions are not used
     spacing_s: Positive = 1.0  # least time between two stored positions of a vessel
     detection_probability: Share = 0.95  # probability that a sensor has a track of a vessel inside its coverage

@@ -58,13 +58,13 @@ class WindowedCovariance(Method):
     window: Annotated[int, Field(ge=1, le=200)] = 20  # cycles
     gate_m: Annotated[float, Field(gt=0.0)] = 1000.0
     prior: Annotated[float, Field(ge=0.0)] = 10.0  # weight of the tracks' own covariance, in entries of the window
-    floor: Annotated[float, Field(gt=0.0, le=1.0)] = 0.5
-    cap: Annotated[float, Field(ge=1.0)] = 2.0
-    forgetting: Annotated[float, Field(ge=0.0, le=1.0)] = 0.9
-    registration: Annotated[float, Field(ge=0.0)] = 0.5
-    step_limit: Annotated[float, Field(gt=0.0)] = 20.0
+    floor: Annotated[float, Field(gt=0.0, le=1.0)] = 0.5  # least factor on the covariance of a difference
+    cap: Annotated[float, Field(ge=1.0)] = 2.0  # largest factor on the covariance of a difference
+    forgetting: Annotated[float, Field(ge=0.0, le=1.0)] = 0.9  # factor on the former sum in each cycle
+    registration: Annotated[float, Field(ge=0.0)] = 0.5  # share of a plot's covariance that is added
+    step_limit: Annotated[float, Field(gt=0.0)] = 20.0  # largest log-likelihood ratio of a cycle, of either sign
     misled_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.01  # of tracks whose velocity is wrong, by plots of other vessels
-    threshold: float = 0.0  # the statistic of a pair must exceed it
+    threshold: float = 0.0  # the statistic of a pair, a log-likelihood ratio, must exceed it: positive speaks for one vessel
     unrelated_speed_m_s: Annotated[float, Field(gt=0.0)] = 4.0
     unknown_velocity_sigma_m_s: Annotated[float, Field(gt=0.0)] = 0.5  # of a source that gives no covariance
 

@@ -90,7 +90,7 @@ class CentralImm(Method):
     turn_rate_noise_rad2_s3: NotNegative = 3e-10  # density of the drift of the turn rate
     turn_rate_sigma_deg_s: Positive = 0.5  # of turn rates before anything is known
     range_registration: NotNegative = 0.5  # share of a plot's variance along the beam that is added where AIS is in the vessel
-    azimuth_registration: NotNegative = 1.5  # the same across the beam
+    azimuth_registration: NotNegative = 1.5  # share of the variance across the beam, the same
     unknown_velocity_sigma_m_s: Positive = 0.5  # of tracks that come without covariance
 
     def init(self) -> VesselFilters:

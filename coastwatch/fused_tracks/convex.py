@@ -23,7 +23,7 @@ class Convex(Method):
     """
 
     method: Literal["convex"] = "convex"
-    registration: Annotated[float, Field(ge=0.0)] = 0.0
+    registration: Annotated[float, Field(ge=0.0)] = 0.0  # share of a radar report's covariance that is added
     unknown_velocity_sigma_m_s: Annotated[float, Field(gt=0.0)] = 0.5
 
     def init(self) -> NoMemory:

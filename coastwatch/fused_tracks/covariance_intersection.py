@@ -21,7 +21,7 @@ class CovarianceIntersection(Method):
 
     method: Literal["covariance_intersection"] = "covariance_intersection"
     unknown_velocity_sigma_m_s: Annotated[float, Field(gt=0.0)] = 0.5
-    steps: Annotated[int, Field(ge=4, le=60)] = 16  # of the golden-section search of the weight
+    steps: Annotated[int, Field(ge=4, le=60)] = 16  # steps of the golden-section search of the weight
 
     def init(self) -> NoMemory:
         return NoMemory()

@@ -48,7 +48,7 @@ class ImmOfTracks(Method):
     noise_m2_s3: tuple[float, float, float] = (0.01, 0.1, 0.02)  # density of white acceleration of the three models
     turn_noise_rad2_s3: Annotated[float, Field(gt=0.0)] = 2.5e-7  # density of the drift of the turn rate
     turn_sigma_rad_s: Annotated[float, Field(gt=0.0)] = 0.02
-    sojourn_s: tuple[float, float, float] = (60.0, 15.0, 60.0)
+    sojourn_s: tuple[float, float, float] = (60.0, 15.0, 60.0)  # mean time in each of the three models
     unknown_velocity_sigma_m_s: Annotated[float, Field(gt=0.0)] = 0.5
 
     def init(self) -> TrackFilters:

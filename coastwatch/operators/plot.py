@@ -10,12 +10,14 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch, Rectangle
+from matplotlib.patches import Patch
 from matplotlib.path import Path as Outline
 from matplotlib.ticker import FuncFormatter, MultipleLocator
+from matplotlib.transforms import ScaledTranslation
 
-from coastwatch.batches import Array, Flag, Floats
-from coastwatch.geodesy import NAUTICAL_MILE_M, offset_deg, scale_m_deg, wrap_deg
+from coastwatch.batches import Array, Bools, Flag, Floats
+from coastwatch.geodesy import NAUTICAL_MILE_M, offset_deg, wrap_deg
+from coastwatch.operators.safe_text import printable
 from coastwatch.operators.scene import AIS_ONLY, BEARING, COASTING, FUSED, RADAR, RADAR_ONLY, SONAR_ONLY, STATION, Scene
 
 matplotlib.use("Agg")
@@ -26,6 +28,7 @@ SONAR_COLOUR, STATION_COLOUR, BOW_TIE_COLOUR, AIS_COLOUR = "#e08a1e", "#5f9e6e",
 ALARM_COLOUR, WARNING_COLOUR = "#ff00c8", "#7a00ff"
 BOW_TIE = Outline([(-1.0, -0.8), (-1.0, 0.8), (1.0, -0.8), (1.0, 0.8), (-1.0, -0.8)], closed=True)
 WIDTH_IN = 9.0
+BELOW_IN = 0.45  # of the scale bar, below the numbers of the axis
 LEADER_S = 180.0
 SIGMAS = 2.0
 ELLIPSE_SCALES = (1, 2, 5, 10, 20, 50, 100)
@@ -44,7 +47,7 @@ def write(scene: Scene, output: str) -> None:
 
 def draw(scene: Scene) -> Figure:
     """The figure of a scene, with the proportions of its area."""
-    width_deg, height_deg = _extent(scene)
+    height_deg, width_deg = scene.size_deg
     shape = np.clip(scene.height_nm / scene.width_nm, 0.45, 1.5)
     figure = Figure(figsize=(WIDTH_IN, float(WIDTH_IN * shape)), facecolor="white")
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -57,15 +60,11 @@ def draw(scene: Scene) -> Figure:
     _land(axes, scene)
     marks = [*_coverage(axes, scene), *_bearings(axes, scene), *_trails(axes, scene)]
     marks = [*_vessels(axes, scene), *marks, *_ellipses(axes, scene)]
+    _names(axes, scene)
     _grid(axes, width_deg, height_deg)
-    _scale_bar(axes, scene, width_deg, height_deg)
+    _scale_bar(axes, scene)
     _titles(axes, scene, marks)
     return figure
-
-
-def _extent(scene: Scene) -> tuple[float, float]:
-    north, east = scale_m_deg(np.array(scene.centre_deg[0]))
-    return scene.width_nm * NAUTICAL_MILE_M / float(east), scene.height_nm * NAUTICAL_MILE_M / float(north)
 
 
 def _flat(scene: Scene, position_deg: Floats) -> Floats:
@@ -78,7 +77,7 @@ def _land(axes: Axes, scene: Scene) -> None:
     for line in scene.land:
         xy = _flat(scene, line.position_deg)
         if line.closed:
-            axes.fill(*xy.T, facecolor=LAND, edgecolor=SHORE, linewidth=0.9, zorder=1)
+            axes.fill(*xy.T, facecolor=WATER if line.water else LAND, edgecolor=SHORE, linewidth=0.9, zorder=1)
         else:
             axes.plot(*xy.T, color=SHORE, linewidth=1.2, zorder=1)
 
@@ -107,7 +106,8 @@ def _coverage(axes: Axes, scene: Scene) -> list[Any]:
         site = _flat(scene, c.site_deg)
         shape = {STATION: "v", BEARING: "D"}.get(c.kind, "o")
         axes.plot(*site, marker=shape, color=colour, markersize=7.5, markeredgecolor="white", markeredgewidth=1.0, zorder=9)
-        text = f"{c.name}: {('AIS', 'radar', 'bearings')[(STATION, RADAR, BEARING).index(c.kind)]}, {_short(c.range_m)}"
+        name = printable(c.name).replace("$", r"\$")  # else what is between two is a formula
+        text = f"{name}: {('AIS', 'radar', 'bearings')[(STATION, RADAR, BEARING).index(c.kind)]}, {_short(c.range_m)}"
         marks.append(
             Line2D([], [], color=colour, linestyle=dash, marker=shape, markeredgecolor="white", markersize=7, label=text)
         )
@@ -171,7 +171,7 @@ def _vessels(axes: Axes, scene: Scene) -> list[Any]:
         SONAR_ONLY: ("D", SONAR_COLOUR, INK, 26.0),
         COASTING: ("X", FAINT, "white", 40.0),
     }
-    xy, marks = _flat(scene, scene.position_deg), []
+    xy, marks, inside = _flat(scene, scene.position_deg), [], scene.inside(scene.position_deg)
     for kind, (marker, face, edge, size) in styles.items():
         rows = scene.kind == kind
         if kind in (SONAR_ONLY, COASTING) and not rows.any():
@@ -179,16 +179,41 @@ def _vessels(axes: Axes, scene: Scene) -> list[Any]:
         axes.scatter(xy[rows, 0], xy[rows, 1], s=size, marker=marker, facecolor=face, edgecolor=edge, linewidth=0.9, zorder=7)
         points = float(np.sqrt(size)) + 0.8
         style: dict[str, Any] = {"markerfacecolor": face, "markeredgecolor": edge, "markersize": points, "linestyle": "none"}
-        marks.append(Line2D([], [], marker=marker, label=f"{kind} ({rows.sum()})", **style))
+        marks.append(Line2D([], [], marker=marker, label=f"{kind} ({_count(rows, inside)})", **style))
     for flags, colour, name in (
         (Flag.DARK, ALARM_COLOUR, "dark: radar, no AIS inside AIS coverage"),
         (Flag.AIS_CONTRADICTED | Flag.MMSI_TWICE | Flag.IMPOSSIBLE_SPEED, WARNING_COLOUR, "AIS contradicted or impossible"),
     ):
-        marks += _rings(axes, xy[(scene.flags & int(flags)) != 0], colour, name)
+        rows = (scene.flags & int(flags)) != 0
+        marks += _rings(axes, xy[rows], colour, f"{name} ({_count(rows, inside)})")
+    chosen = xy[np.array(scene.selected, np.int64)]
+    axes.scatter(chosen[:, 0], chosen[:, 1], s=260.0, marker="s", facecolor="none", edgecolor=INK, linewidth=1.4, zorder=8)
     return marks
 
 
-def _rings(axes: Axes, xy: Array, colour: str, name: str) -> list[Any]:
+def _count(rows: Bools, inside: Bools) -> str:
+    """How many vessels of a kind are in the frame, and how many are not."""
+    outside = int((rows & ~inside).sum())
+    return f"{(rows & inside).sum()}" + (f", {outside} outside the frame" if outside else "")
+
+
+def _names(axes: Axes, scene: Scene) -> None:
+    xy, inside = _flat(scene, scene.position_deg), scene.inside(scene.position_deg)
+    for row, name in scene.names:
+        if inside[row]:
+            axes.annotate(
+                name,
+                (xy[row, 0], xy[row, 1]),
+                (7.0, 4.0),
+                textcoords="offset points",
+                fontsize=7.5,
+                color=INK,
+                zorder=12,
+                parse_math=False,
+            )
+
+
+def _rings(axes: Axes, xy: Array, colour: str, label: str) -> list[Any]:
     if not len(xy):
         return []
     axes.scatter(xy[:, 0], xy[:, 1], s=150.0, marker="o", facecolor="none", edgecolor=colour, linewidth=1.7, zorder=8)
@@ -199,7 +224,7 @@ def _rings(axes: Axes, xy: Array, colour: str, name: str) -> list[Any]:
         "markeredgewidth": 1.7,
         "linestyle": "none",
     }
-    return [Line2D([], [], marker="o", label=f"{name} ({len(xy)})", **style)]
+    return [Line2D([], [], marker="o", label=label, **style)]
 
 
 def _grid(axes: Axes, width_deg: float, height_deg: float) -> None:
@@ -222,24 +247,25 @@ def _degrees(value: float, ends: str, step_min: float) -> str:
     return f"{int(minutes // 60)}°{minutes % 60:0{digits + 3 if digits else 2}.{digits}f}'{letter}"
 
 
-def _scale_bar(axes: Axes, scene: Scene, width_deg: float, height_deg: float) -> None:
+def _scale_bar(axes: Axes, scene: Scene) -> None:
+    """A bar below the frame, where it hides nothing."""
     length_nm = max(s for s in SCALE_BARS_NM if s <= max(0.25 * scene.width_nm, SCALE_BARS_NM[0]))
-    length = width_deg * length_nm / scene.width_nm
-    x, y = axes.get_xlim()[0] + 0.04 * width_deg, axes.get_ylim()[0] + 0.035 * height_deg
-    back: dict[str, Any] = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "zorder": 9.5}
-    margin = 0.015 * width_deg
-    axes.add_patch(Rectangle((x - margin, y - 0.02 * height_deg), length + 2.0 * margin, 0.065 * height_deg, **back))
+    length = length_nm / scene.width_nm
+    below = axes.transAxes + ScaledTranslation(0.0, -BELOW_IN, axes.figure.dpi_scale_trans)
+    style: dict[str, Any] = {"transform": below, "clip_on": False, "solid_capstyle": "butt"}
+    axes.plot([0.0, length], [0.0, 0.0], color=INK, linewidth=6.6, zorder=10, **style)
     for k in range(4):
-        ends = [x + 0.25 * k * length, x + 0.25 * (k + 1) * length]
-        axes.plot(ends, [y, y], color=INK if k % 2 == 0 else "white", linewidth=5, solid_capstyle="butt", zorder=11)
-    axes.plot([x, x + length], [y, y], color=INK, linewidth=6.6, solid_capstyle="butt", zorder=10)
-    axes.text(x + 0.5 * length, y + 0.012 * height_deg, f"{length_nm:g} NM", ha="center", va="bottom", color=INK, zorder=11)
+        ends = [0.25 * k * length, 0.25 * (k + 1) * length]
+        axes.plot(ends, [0.0, 0.0], color=INK if k % 2 == 0 else "white", linewidth=5, zorder=11, **style)
+    axes.text(length + 0.01, 0.0, f"{length_nm:g} NM", transform=below, va="center", color=INK)
 
 
 def _titles(axes: Axes, scene: Scene, marks: list[Any]) -> None:
-    axes.set_title(scene.title, loc="left", fontsize=14, fontweight="bold", color=INK, pad=22)
+    axes.set_title(printable(scene.title), loc="left", parse_math=False, fontsize=14, fontweight="bold", color=INK, pad=22)
     above: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points"}
-    axes.annotate(scene.subtitle, (0.0, 1.0), (0.0, 6.0), fontsize=10, color=FAINT, va="bottom", **above)
+    axes.annotate(
+        printable(scene.subtitle), (0.0, 1.0), (0.0, 6.0), fontsize=10, color=FAINT, va="bottom", parse_math=False, **above
+    )
     if scene.land:
         marks = [*marks, Patch(facecolor=LAND, edgecolor=SHORE, label=scene.land_label)]
     style: dict[str, Any] = {"frameon": False, "fontsize": 9.5, "labelcolor": INK, "labelspacing": 0.75, "borderaxespad": 0.0}

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from coastwatch import store
-from coastwatch.batches import Array, Floats, Ints
+from coastwatch.batches import Array, Bools, Floats, Ints
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, offset_deg, scale_m_deg, wrap_deg
 from coastwatch.operators import coastline
+from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.coastline import Shore
-from coastwatch.operators.stored import utc_text
+from coastwatch.operators.safe_text import printable
+from coastwatch.operators.stored import ending, utc_text
 from coastwatch.shipped import scenarios_folder
 from coastwatch.store import Rows, Store
 
 RADAR, STATION, BEARING = "radar", "station", "bearing"
 AIS_ONLY, RADAR_ONLY, SONAR_ONLY, FUSED, COASTING = "AIS only", "radar only", "sonar only", "fused", "no sensor now"
+NO_LAND = "none"
+NATURAL_EARTH_NM = 8.0  # a narrower frame would show its errors of some 500 m
+MARGIN = 1.1  # land is cut outside the frame, so that the cut is not seen
+MOST_NAMES = 8
 TRAIL_S = 180.0
 TRAILS_MOST = 5000  # vessels; with more, trails would cover the picture
 
@@ -54,28 +61,49 @@ class Scene:
     trail_s: float = 0.0
     land: tuple[Shore, ...] = ()
     land_label: str = "land"
+    names: tuple[tuple[int, str], ...] = ()  # row and text of each vessel that is named
+    selected: tuple[int, ...] = ()  # rows
+
+    @property
+    def size_deg(self) -> tuple[float, float]:
+        """Height and width of the frame in degrees."""
+        north, east = (NAUTICAL_MILE_M / float(scale) for scale in scale_m_deg(np.array(self.centre_deg[0])))
+        return self.height_nm * north, self.width_nm * east
+
+    def inside(self, position_deg: Floats) -> Bools:
+        """Which positions are in the frame. Args: position_deg: (V, 2)."""
+        away = np.abs(np.stack([position_deg[:, 0] - self.centre_deg[0], wrap_deg(position_deg[:, 1] - self.centre_deg[1])], 1))
+        return np.asarray((away <= 0.5 * np.array(self.size_deg)).all(1))
 
 
 def load(
-    found: Store, run: dict[str, Any], at_s: float | None, bbox: tuple[float, float, float, float] | None, shore: str | None
+    found: Store,
+    run: dict[str, Any],
+    at_s: float | None,
+    bbox: tuple[float, float, float, float] | None,
+    shore: str | None,
+    *,
+    names: int = MOST_NAMES,
+    vessels: Sequence[int] = (),
 ) -> Scene:
     """The scene of a run, now or at an instant.
 
     Args: run: as `store.run` returns it. bbox: south, west, north, east in degrees, instead of the scenario's area. shore: GeoJSON
-    file instead of the scenario's coastline.
+    file instead of the scenario's coastline or Natural Earth; NO_LAND: none. names: how many of the longest vessels are named.
+    vessels: ids of selected vessels, which are named and marked.
     Raises: StoreError, BadInput.
     """
     rows = store.picture(found, run["id"], at_s, bbox)
     table = {name: rows.column(name) for name in rows.columns}
     position = _numbers(table, "latitude_deg", "longitude_deg")
     time_s = max(table["time_s"], default=None)
-    land, note = _land(run["scenario"], shore)
     bearings = _bearings(found, run["id"], table, position) if at_s is None else np.zeros((2, 0, 2))
     when = f"{utc_text(round(time_s))[:-5]}Z · " if time_s is not None else ""
     centre_deg, width_nm, height_nm = _frame(run["settings"]["area"], bbox)
-    return Scene(
+    ends = f" · {ending(run)}" if ending(run) else ""
+    scene = Scene(
         title=run["title"],
-        subtitle=f"{when}run {run['id']} of {run['scenario']}, seed {run['seed']} · {len(rows)} vessels",
+        subtitle=f"{when}run {run['id']} of {run['scenario']}, seed {run['seed']} · {len(rows)} vessels{ends}",
         centre_deg=centre_deg,
         width_nm=width_nm,
         height_nm=height_nm,
@@ -89,9 +117,29 @@ def load(
         bearing_to_deg=bearings[1],
         trails_deg=_trails(found, run["id"], table["vessel_id"], position, time_s),
         trail_s=TRAIL_S,
-        land=land,
-        land_label=f"land ({note.partition(':')[0]})" if note else "land",
     )
+    land, label = _land(run["scenario"], shore, scene)
+    selected = _rows_of(vessels, table["vessel_id"])
+    return replace(scene, land=land, land_label=label, selected=selected, names=_names(scene, table, names, selected))
+
+
+def _rows_of(vessels: Sequence[int], known: list[int]) -> tuple[int, ...]:
+    absent = [str(vessel) for vessel in vessels if vessel not in known]
+    if absent:
+        raise BadInput(
+            f"--vessel: got {', '.join(absent)}, needed ids of vessels in this picture; `coastwatch picture` lists them"
+        )
+    return tuple(known.index(vessel) for vessel in vessels)
+
+
+def _names(scene: Scene, table: dict[str, list[Any]], most: int, selected: Sequence[int]) -> tuple[tuple[int, str], ...]:
+    """Row and text of the selected vessels and of the longest ones in the frame: name, MMSI or id."""
+    length = np.array([np.nan if value is None else value for value in table["length_m"]], float)
+    here = np.flatnonzero(scene.inside(scene.position_deg) & ~np.isnan(length))
+    longest = here[np.argsort(-length[here], kind="stable")][:most]
+    rows = dict.fromkeys([*selected, *longest.tolist()])
+    mmsi = [None if value is None else f"{value:09d}" for value in table["mmsi"]]
+    return tuple((k, printable(table["name"][k] or mmsi[k] or f"vessel {table['vessel_id'][k]}")) for k in rows)
 
 
 def _numbers(table: dict[str, list[Any]], *names: str) -> Floats:
@@ -173,8 +221,16 @@ def _trails(found: Store, run_id: int, vessels: list[int], position_deg: Floats,
     return tuple(position[rows] for rows in np.split(order, cuts) if len(rows) > 1)
 
 
-def _land(scenario: str, shore: str | None) -> tuple[tuple[Shore, ...], str]:
-    if shore is not None:
-        return coastline.read(shore)
+def _land(scenario: str, shore: str | None, scene: Scene) -> tuple[tuple[Shore, ...], str]:
+    """Land and its name in the legend: of a file, of the scenario, or of Natural Earth if the frame is wide enough for it."""
     own = scenarios_folder() / scenario / "coastline.geojson"
-    return coastline.read(own) if own.is_file() else ((), "")
+    if shore == NO_LAND:
+        return (), ""
+    if shore is not None or own.is_file():
+        land, note = coastline.read(own if shore is None else shore)
+        return land, f"land ({note.partition(':')[0]})" if note else "land"
+    if scene.width_nm < NATURAL_EARTH_NM:
+        return (), ""
+    (latitude, longitude), (height, width) = scene.centre_deg, (0.5 * MARGIN * size for size in scene.size_deg)
+    land = coastline.natural_earth(latitude - height, longitude - width, latitude + height, longitude + width)
+    return land, "land (Natural Earth 1:10m, not for navigation)"

@@ -19,6 +19,13 @@ from pydantic.fields import FieldInfo
 from coastwatch.scenario.refusing import models_of
 
 UNITS = {
+    "latitude_deg": "deg, north positive",
+    "longitude_deg": "deg, east positive",
+    "_m2_s3": "m2/s3",
+    "_m2_s5": "m2/s5",
+    "_rad2_s3": "rad2/s3",
+    "_m_s15": "m/s^1.5",
+    "_deg_h": "deg/h",
     "_m_s2": "m/s2",
     "_m_s": "m/s",
     "_rad_s": "rad/s",
@@ -34,7 +41,18 @@ UNITS = {
     "_s": "s",
     "_m": "m",
     "rpm": "turns a minute",
+    "_hours": "h",
+    "_turns": "turns of the radar",
+    **dict.fromkeys(("_looks", "_hits", "_misses"), "looks"),
+    "_every": "cycles",
+    "_sigmas": "standard deviations",
+    "_intervals": "intervals",
+    **dict.fromkeys(("share", "_fraction", "_accuracy", "_habit"), "share"),
+    **dict.fromkeys(("probability", "confidence", "_doubt", "false_alarm"), "probability"),
+    **dict.fromkeys(("_weight", "_factor", "_margin"), "ratio"),
+    "_log_odds": "natural log of odds",
 }
+"""Unit by the ending of a name; shares and probabilities are 0 to 1, a ratio has no unit."""
 BOUNDS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<=", "min_length": "length >=", "max_length": "length <="}
 NAMES = {float: "number", int: "whole number", str: "text", bool: "true or false", dict: "table", type(None): "nothing"}
 

@@ -16,7 +16,7 @@ class IdentitySettings(Method):
     coast_s: Annotated[float, Field(ge=0.0)] = 30.0  # how long a vessel without tracks is shown
     hold_s: Annotated[float, Field(ge=0.0)] = 120.0  # how long it may return by position and velocity
     return_s: Annotated[float, Field(ge=0.0)] = 3600.0  # how long it may return by its MMSI
-    return_gate: Annotated[float, Field(gt=0.0)] = 18.0  # squared Mahalanobis distance of position and velocity
+    return_gate: Annotated[float, Field(gt=0.0)] = 18.0  # ratio: squared Mahalanobis distance of position and velocity
     drift_m_s15: Annotated[float, Field(gt=0.0)] = 0.15  # growth of the uncertainty of a vessel without tracks
     max_speed_kn: Annotated[float, Field(gt=0.0)] = 60.0  # of a return by MMSI
     dark_after_s: Annotated[float, Field(ge=0.0)] = 60.0  # radar without AIS where a station should hear it

@@ -93,7 +93,7 @@ class OnlineRegistration(Method):
     false_alarm: Annotated[float, Field(gt=0.0, lt=1.0)] = (
         1e-6  # that a window is best by chance, vessels and plots evenly spread
     )
-    least_vessels: Count = 4  # in cover of a radar; fewer begin no registration
+    least_vessels: Count = 4  # vessels in cover of a radar; fewer begin no registration
     least_share: Share = 0.5  # of the vessels in cover, that the best window must explain
     memory_s: Positive = 300.0  # time constant of the least squares; a drift is followed with this delay
     drift_memory_s: Positive = 30.0  # the same while the newest residuals contradict the estimate

@@ -40,10 +40,10 @@ class KMeansSpots(Method):
 
     method: Literal["kmeans"] = "kmeans"
     count: Annotated[int, Field(ge=0)] = 0  # spots; 0: about one for every `tracks_per_spot` tracks
-    tracks_per_spot: Annotated[int, Field(ge=1)] = 400
+    tracks_per_spot: Annotated[int, Field(ge=1)] = 400  # tracks
     halo_m: Annotated[float, Field(ge=0.0)] = 1500.0  # at least the gate of the association; 0: no halo, as in the paper
     fit_every: Annotated[int, Field(ge=1)] = 20  # cycles
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Annotated[int, Field(ge=0)] = 0  # whole number that k-means++ starts from
 
     def init(self) -> KMeansMemory:
         none = np.zeros(0, np.int64)

@@ -200,7 +200,7 @@ class BearingWindow(Method):
 
     method: Literal["bearing_window"] = "bearing_window"
     window_s: Positive = 300.0
-    length: Annotated[int, Field(ge=2, le=1000)] = 100
+    length: Annotated[int, Field(ge=2, le=1000)] = 100  # slots
     rate_length: Annotated[int, Field(ge=2)] = 10  # slots
     rate_sigma_deg_s: Positive = 0.5  # standard deviation of bearing rates before anything is known
     drop_after_s: Positive = 30.0

@@ -102,7 +102,7 @@ class Turning(Settings):
 
     kind: Literal["turning"] = "turning"  # of motion
     noise_m2_s3: NotNegative  # density of the white acceleration
-    rate_deg_s: float  # mean of such turns
+    rate_deg_s: float  # mean of such turns: positive is to port
     rate_sigma_deg_s: Positive
     rate_noise_rad2_s3: NotNegative = 1e-10  # density of the drift of the rate
     share: Positive  # probability at the start and of each new motion

@@ -89,3 +89,26 @@ def test_a_setting_that_is_easily_misread_has_an_example(key: str) -> None:
     meanings = [s.meaning for table in TABLES for s in table.settings if s.key == key]
     assert meanings
     assert [m for m in meanings if "e.g." not in m.lower()] == []
+
+
+NUMBERS = {(t.model.__name__, s.key): s for t in TABLES for s in t.settings if "number" in s.kind and "mmsi" not in s.key}
+COUNTED = re.compile(
+    r"\b(cycles?|slots?|turns?|tracks?|vessels?|pairs?|spots?|processors?|entries|(?:whole )?number|share|probability|ratio|factor"
+    r"|log odds|differences|steps)\b"
+)
+"""What a number without a physical unit counts or compares."""
+
+SIGN = re.compile(r"positive|latitude|log odds below|1 \+ look_slack|density|mean time")
+"""Of what may be negative, or has no limits because it is a list of quantities that are positive."""
+
+
+def test_every_numeric_setting_has_a_unit() -> None:
+    """In its name, which gives the column `unit`, or in its meaning."""
+    assert len(NUMBERS) > 100
+    assert [key for key, s in NUMBERS.items() if not s.unit and not COUNTED.search(s.meaning)] == []
+
+
+def test_every_setting_that_may_be_negative_says_what_positive_means() -> None:
+    negative = {key: s for key, s in NUMBERS.items() if not re.search(r"number (>=? [0-9]|< 0)", s.kind)}
+    assert negative
+    assert [key for key, s in negative.items() if not SIGN.search(f"{s.unit} {s.meaning} {s.key}")] == []

@@ -272,6 +272,9 @@ def test_a_plot(finished_run: FinishedRun, capsys: pytest.CaptureFixture[str], t
         assert answer(["plot", "--db", finished_run.url, "--output", str(path), *more], capsys) == f"{path}\n"
         assert path.read_bytes()[:4] == b"\x89PNG"
         path.unlink()
+    answer(["plot", "--db", finished_run.url, "--output", str(path), "--vessel", "1", "--coastline", "none"], capsys)
+    assert main(["plot", "--db", finished_run.url, "--output", str(path), "--vessel", "99999"]) == 2
+    assert "--vessel: got 99999, needed ids of vessels in this picture" in capsys.readouterr().err
 
 
 def test_bash_completes_commands_options_scenarios_and_questions(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

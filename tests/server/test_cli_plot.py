@@ -1,10 +1,12 @@
 """The plot: it is a PNG of the right size, everything in the scene is in it, and the antimeridian changes nothing but labels."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection
+from matplotlib.path import Path as Outline
 
 from coastwatch.batches import Flag, Floats
 from coastwatch.geodesy import offset_deg
@@ -71,7 +73,7 @@ def test_a_png_is_written(tmp_path: Path) -> None:
 
 
 def test_the_legend_counts_what_is_drawn() -> None:
-    said = labels(a_scene((-22.9, -43.1)))
+    said = labels(replace(a_scene((-22.9, -43.1)), width_nm=12.0, height_nm=12.0))
     for wanted in ("AIS only (10)", "radar only (10)", "fused (10)", "associated bearing (4)", "leader, 3 min ahead"):
         assert wanted in said
     assert any(text.startswith("dark") and text.endswith("(1)") for text in said)
@@ -128,3 +130,47 @@ def test_a_coastline_is_read_and_a_wrong_one_is_named(tmp_path: Path) -> None:
         wrong.write_text(text)
         with pytest.raises(BadInput, match=r"wrong\.geojson"):
             coastline.read(wrong)
+
+
+def test_vessels_outside_the_frame_are_counted_apart() -> None:
+    made = a_scene((-22.9, -43.1))
+    north = np.array(made.position_deg)
+    north[[0, 3], 0] += 1.0  # two of AIS alone
+    said = labels(replace(made, position_deg=north, height_nm=20.0))
+    assert "AIS only (8, 2 outside the frame)" in said
+    assert "fused (10)" in said
+
+
+def test_the_scale_bar_is_below_the_frame_and_hides_nothing() -> None:
+    axes = plot.draw(a_scene((-22.9, -43.1))).axes[0]
+    (bar,) = [text for text in axes.texts if text.get_text() == "2 NM"]
+    _, y = bar.get_transform().transform(bar.get_position())
+    assert y < axes.bbox.y0
+    assert not axes.patches or all(patch.get_zorder() < 7 for patch in axes.patches)
+
+
+def test_selected_vessels_and_the_longest_ones_are_named_without_formulas() -> None:
+    made = replace(a_scene((-22.9, -43.1)), names=((2, "$EVER$ GIVEN"), (4, "TUG")), selected=(4,))
+    axes = plot.draw(made).axes[0]
+    assert {"$EVER$ GIVEN", "TUG"} <= {text.get_text() for text in axes.texts}
+    assert pixels(made).any()
+
+
+@pytest.mark.parametrize(
+    ("place", "latitude", "longitude", "is_land"),
+    [
+        ("Paris", 48.85, 2.35, True),
+        ("the Channel", 50.2, -1.0, False),
+        ("the Caspian Sea", 42.0, 51.0, False),
+        ("east of the antimeridian, Chukotka", 66.5, 181.5, True),
+        ("the same from the other side", 66.5, -178.5, True),
+        ("west of Fiji", -17.0, 176.0, False),
+        ("near the South Pole", -88.0, 170.0, True),
+    ],
+)
+def test_land_of_natural_earth(place: str, latitude: float, longitude: float, is_land: bool) -> None:
+    shores = coastline.natural_earth(latitude - 1.0, longitude - 1.0, latitude + 1.0, longitude + 1.0)
+    over = [s.water for s in shores if Outline(s.position_deg).contains_point((latitude, longitude))]
+    assert (over == [False]) is is_land
+    for shore in shores:  # cut at the edges
+        assert (np.abs(shore.position_deg - [latitude, longitude]) <= 1.0 + 1e-9).all()

@@ -10,7 +10,9 @@ from coastwatch.operators.plot import write
 
 def plot(options: argparse.Namespace) -> int:
     with stored.opened(options.db) as store:
-        drawn = scene.load(store, stored.run(store, options.run), options.at, options.bbox, options.coastline)
+        run = stored.run(store, options.run)
+        chosen = {"names": options.names, "vessels": options.vessel}
+        drawn = scene.load(store, run, options.at, options.bbox, options.coastline, **chosen)
     write(drawn, options.output)
     print(options.output)
     return 0

@@ -304,8 +304,15 @@ def _plot(commands: Any) -> None:
     add_run(plot)
     add_moment(plot)
     plot.add_argument("--output", metavar="PNG", default="picture.png", help="file to write (default: picture.png)")
-    text = "GeoJSON of land or shore lines (default: the scenario's, if it has one)"
+    text = (
+        "GeoJSON of land or shore lines, or none (default: the scenario's, if it has one, else Natural Earth 1:10m for a frame of 8 NM "
+        "or more)"
+    )
     completed_by(plot.add_argument("--coastline", metavar="FILE", help=text))
+    text = "how many of the longest vessels in the frame are named (default: 8)"
+    plot.add_argument("--names", metavar="N", type=whole, default=8, help=text)
+    text = "a vessel that is marked and named, by its id; repeatable"
+    plot.add_argument("--vessel", metavar="ID", type=whole, action="append", default=[], help=text)
 
 
 def _db(commands: Any) -> None:

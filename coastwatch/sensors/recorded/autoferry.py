@@ -40,7 +40,7 @@ class Autoferry(Method):
     """
 
     method: Literal["autoferry"] = "autoferry"
-    scenario: Annotated[int, Field(ge=1)]  # 2, 3, 6, 13 or 17
+    scenario: Annotated[int, Field(ge=1)]  # number of the scenario: 2, 3, 6, 13 or 17
     root: Path | None = None  # the folder of the dataset; none: shared/data/autoferry next to the checkout
     radar_time_lag_s: Seconds = 0.0  # delay of the time stamps of the radar
     lidar_time_lag_s: Seconds = 0.0  # delay of the time stamps of the lidar

@@ -43,7 +43,7 @@ class AisTruth(Settings):
     wire_steps: bool = True  # round to 1/10 000 minute, 0.1 kn and 0.1 deg as a message does
     whole_seconds: bool = False  # round the time of the fix down to a whole second, as a message does
     velocity_missing_share: Share = 0.0  # of reports without SOG and COG
-    loss: Share = 0.0  # of reports that are not received
+    loss: Share = 0.0  # share of reports that are not received
     gap_s: Annotated[float, Field(ge=0.0)] = 0.0  # duration of repeated gaps in the reception of each vessel
     gap_every_s: Annotated[float, Field(gt=0.0)] = 120.0  # period of the gaps; the first is at a random time
     latency_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 0.0  # from the fix to the arrival, at least

@@ -21,7 +21,7 @@ class Convoys(Settings):
     """Vessels in a line with equal course and speed throughout. The first of each keeps its own motion."""
 
     share: Share = 0.0  # of the vessels are in convoys
-    ships: Annotated[int, Field(ge=2, le=50)] = 3  # in each
+    ships: Annotated[int, Field(ge=2, le=50)] = 3  # vessels in each
     spacing_from_m: Annotated[float, Field(gt=0.0, le=10_000.0)] = (
         50.0  # between neighbours, one draw per convoy, uniform from this
     )

@@ -46,7 +46,7 @@ class RadarTruth(Settings):
         0.0  # added to azimuths: positive is clockwise, e.g. 3 makes 90 93
     )
     azimuth_drift_deg_h: Annotated[float, Field(ge=-3600.0, le=3600.0)] = (
-        0.0  # growth of the azimuth bias from the start of the run
+        0.0  # growth of the azimuth bias from the start of the run: positive is clockwise
     )
     time_bias_s: Annotated[float, Field(ge=-60.0, le=60.0)] = (
         0.0  # added to the true time of the beam: positive is late, e.g. 1.5
