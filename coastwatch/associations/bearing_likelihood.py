@@ -189,6 +189,9 @@ class BearingLikelihood(Method):
         statics: that arrived since the last cycle, for their ship types.
         Returns: memory and BearingAssociations, sorted by bearing_row.
         """
+        if not len(sensors.sonars):
+            none = np.zeros(0, np.int64)
+            return memory, BearingAssociations(none, none, np.zeros(0), np.zeros(0))
         if len(memory.bias.mean_rad) != len(sensors.sonars):
             memory = replace(
                 memory,

@@ -43,6 +43,8 @@ SETTING = {"ais": "ais_columns", "plots": "plot_columns", "bearings": "bearing_c
 MARGIN = 1.1
 SMALLEST_NM = 1.0
 HIGHEST_LATITUDE_DEG = 84.0
+STORE = {"picture_large": 0, "picture_every_s": 60.0, "checkpoint_every": 30}
+"""Files are fused faster than anybody reads: the current picture is written each minute of the recording, the history every cycle."""
 OUTLIERS_PERCENT = 1.0  # of the positions may be outside the area, so that one bad fix does not enlarge it
 
 
@@ -55,6 +57,11 @@ class Files:
     bearings: str | None
     tracks: tuple[str, ...]
     columns: Mapping[str, str]
+
+    @property
+    def default_period_s(self) -> float:
+        """Seconds of a cycle: about a turn of a radar; of AIS alone the slowest report of a class A vessel under way."""
+        return 3.0 if self.plots or self.bearings or self.tracks else 10.0
 
 
 def document(files: Files, sensors: Mapping[str, list[dict[str, Any]]], period_s: float) -> dict[str, Any]:
@@ -85,6 +92,7 @@ def document(files: Files, sensors: Mapping[str, list[dict[str, Any]]], period_s
         "warmup_s": 0.0,
         "area": {"latitude_deg": 0.0, "longitude_deg": 0.0},
         **sensors,
+        "store": STORE,
         "input": {"method": "tables", **given, **_columns(files.columns, [part for part in COLUMNS if given[part]])},
     }
 

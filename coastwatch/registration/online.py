@@ -141,6 +141,8 @@ class OnlineRegistration(Method):
         Args: plots: of this cycle, in any order, with the corrections `given` applied; ais_tracks, alarms: row by row; time_s: its end.
         Returns: memory; one row a radar.
         """
+        if not len(sensors.radars):
+            return memory, given
         memory = self._sized(memory, time_s, sensors)
         dt = time_s - memory.time_s if np.isfinite(memory.time_s) else 0.0
         measured = polar_measurements(plots, given, time_s)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import gammainccinv, gammaincinv
 
 from coastwatch.batches import Floats
 
@@ -26,6 +25,8 @@ def band(count: int, dimension: int, level: float) -> tuple[float, float]:
 
     Args: count: of values averaged; dimension: d of each; level: e.g. 1e-6.
     """
+    from scipy.special import gammainccinv, gammaincinv  # here: most runs need no band
+
     shape = 0.5 * count * dimension
     low, high = (2.0 / count * float(inverse(shape, 0.5 * level)) for inverse in (gammaincinv, gammainccinv))
     return low, high

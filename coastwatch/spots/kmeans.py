@@ -32,8 +32,8 @@ class KMeansSpots(Method):
 
     A track is a member of the spot with the nearest centroid. Centroids are fitted to a sample of the tracks: by k-means++ from `seed`
     at the first cycle and whenever the number of spots changes, else every `fit_every` cycles from the last ones. With `count = 0`
-    the number of spots changes only when it is off by more than a quarter. Because of the halo the pairs that the next stage finds do
-    not depend on the spots.
+    the number of spots changes only when it is off by more than a quarter. Tracks of one source alone are one spot. Because of the
+    halo the pairs that the next stage finds do not depend on the spots.
     Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven
     Approach, section III-D (there: centroids from 60 s ago, no halo).
     """
@@ -54,6 +54,8 @@ class KMeansSpots(Method):
         if len(tracks) == 0:
             none = np.zeros(0, np.int64)
             return memory, Spots(np.zeros((0, 3)), none, none, none)
+        if (tracks.source == tracks.source[0]).all():
+            return self.init(), _one_spot(tracks)
         count, centre, age = self._spots_for(len(tracks), len(memory.centre_m)), memory.centre_m, memory.age + 1
         position = kernels.geometry.ellipsoid.ecef_of_rows(tracks.position_deg, np.arange(len(tracks)))
         if len(centre) != count:
@@ -100,6 +102,13 @@ class KMeansSpots(Method):
             warnings.simplefilter("ignore")  # fewer different positions than spots, or not converged: neither matters
             found: Floats = fit.fit(sample).cluster_centers_
         return found
+
+
+def _one_spot(tracks: Tracks) -> Spots:
+    """All tracks in one spot: those of one source are never compared with each other."""
+    none, row = np.zeros(0, np.int64), np.arange(len(tracks))
+    centre = kernels.geometry.ellipsoid.ecef_of_rows(tracks.position_deg, row).mean(axis=0, keepdims=True)
+    return Spots(centre, np.zeros(len(tracks), np.int64), none, none)
 
 
 def assigned(position: Floats, guess: Ints, centre: Floats, halo_m: float) -> tuple[Ints, Ints, Ints]:

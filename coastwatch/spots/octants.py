@@ -35,7 +35,9 @@ class OctantSpots(Method):
         self, memory: tuple[()], bearing_tracks: BearingTracks, picture: Picture, sensors: Sensors
     ) -> tuple[tuple[()], Octants]:
         """Pairs of rows to compare. Args: bearing_tracks: (N); picture: (V). Returns: memory and Octants sorted by row."""
-
+        if not len(bearing_tracks):
+            none = np.zeros(0, np.int64)
+            return memory, Octants(none, none, none)
         candidates = kernels.bearings.candidates
         sensor = bearing_tracks.source - sensors.sonar_source(0)
         start, vessel_row = self._vessels_by_octant(sensor, bearing_tracks, picture, sensors)

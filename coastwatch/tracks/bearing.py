@@ -223,6 +223,8 @@ class BearingWindow(Method):
         Raises: ValueError for a contact number of 2^40 or more, or a sensor that the scenario has not.
         """
         _check(reports, len(sensors.sonars))
+        if not len(sensors.sonars):
+            return memory, BearingTracks.empty(W=self.length)
         first = (sensors.sonar_source(0) + np.arange(len(sensors.sonars))) * ID_STRIDE
         windows = Windows(memory, self.window_s / self.length, first, sensors.sonars.bearing_sigma_rad)
         keys = (reports.bearing_deg, reports.contact, reports.sensor, reports.time_s)

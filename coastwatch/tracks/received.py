@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 from pydantic import Field, PositiveFloat
-from scipy.spatial import cKDTree
 
 from coastwatch.batches import Batch, Bools, Floats, Ints, Sensors, TrackReports, Tracks, column
 from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred, offset_deg
@@ -165,6 +164,8 @@ class ReceivedTracks(Method):
             return before
         now_deg = offset_deg(fresh.position_deg, (time_s - fresh.time_s)[:, None] * fresh.velocity_m_s)
         here, there = earth_centred(now_deg), earth_centred(ais.position_deg)
+        from scipy.spatial import cKDTree  # here: only a run with received tracks needs its 40 MB
+
         nearest = cKDTree(there).query(here, distance_upper_bound=self.partner_m)
         partner = np.asarray(nearest[1])
         mine = np.flatnonzero(np.isfinite(nearest[0]))

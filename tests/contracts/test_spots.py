@@ -22,7 +22,7 @@ def tracks(seed, n, spread_m=20e3, origin=(58.0, 179.9)):
     zero = np.zeros(n)
     return Tracks(
         np.arange(n),
-        np.zeros(n, np.int64),
+        np.arange(n) % 2,
         zero,
         position,
         np.zeros((n, 2)),
@@ -59,6 +59,15 @@ def test_spots_and_halos_are_those_of_a_tree_whatever_the_guess(seed, n, count, 
     near = cKDTree(centre).query_ball_point(points, distance + 2.0 * halo_m)
     wanted = sorted((k, row) for row in range(n) for k in near[row] if k != spot[row]) if halo_m else []
     assert list(zip(halo_spot.tolist(), halo_row.tolist(), strict=True)) == wanted
+
+
+def test_tracks_of_one_source_alone_are_one_spot():
+    t = tracks(1, 900)
+    method = KMeansSpots()
+    _, spots = method.step(method.init(), replace(t, source=np.full(900, 3)))
+    assert spots.spot.tolist() == [0] * 900
+    np.testing.assert_allclose(spots.centre_m, earth_centred(t.position_deg).mean(axis=0, keepdims=True))
+    assert len(spots.halo_row) == 0
 
 
 def test_every_track_is_in_the_nearest_spot():

@@ -68,10 +68,10 @@ def test_a_command_that_reads_imports_no_compiled_kernel_and_no_model(command: l
 
 
 def test_a_run_loads_what_reads_tables_and_what_scores_only_to_do_so() -> None:
-    """Polars and scipy's optimisers take 50 MB of every process and a second and a half of its start."""
+    """Polars, scipy and pyais take 100 MB of every process and two seconds of its start."""
     code = """
 import sys, coastwatch.pipeline, coastwatch.scenario, coastwatch.scores
-print(*[name for name in ("polars.dataframe", "scipy.optimize") if name in sys.modules])
+print(*[name for name in ("polars.dataframe", "scipy.optimize", "scipy.spatial", "scipy.special", "pyais") if name in sys.modules])
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
     assert done.stdout == "\n"

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pyais.constants import ShipType
 from pyais.messages import AISSentence
 
 from coastwatch.batches import AisStatics
@@ -76,7 +77,10 @@ def check(sentences: list[bytes]) -> int:
             assert statics.mmsi[k] == int(said.mmsi)
             assert statics.name[k] == text(getattr(said, "shipname", ""))
             assert statics.call_sign[k] == text(getattr(said, "callsign", ""))
-            assert statics.ship_type[k] == (int(getattr(said, "ship_type", 0) or 0) or -1)
+            of_group = [
+                int(ShipType.from_value(int(v or 0)) or 0) for v in (getattr(said, "ship_type", 0), statics.ship_type[k])
+            ]
+            assert of_group[0] == of_group[1]
             for got, names in ((statics.length_m[k], ("to_bow", "to_stern")), (statics.beam_m[k], ("to_port", "to_starboard"))):
                 needed = sum(getattr(said, name, 0) or 0 for name in names)
                 assert got == needed if needed else math.isnan(got)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri
 
 Floats = NDArray[np.float64]
 
@@ -21,4 +20,6 @@ def squared_distance(difference: Floats, covariance: Floats) -> Floats:
 
 def gate(probability: float, dimensions: int) -> float:
     """The squared distance that a Gaussian in so many dimensions stays within, with this probability (chi-square quantile)."""
+    from scipy.special import chdtri  # here: its import takes half a second, and only radar tracks need it
+
     return float(chdtri(dimensions, 1.0 - probability))

@@ -21,6 +21,6 @@ def fuse(options: argparse.Namespace) -> int:
     sensors = {"radars": options.radar, "stations": options.station, "sonars": options.sonar}
     files = recorded.Files(tuple(options.ais), options.plots, options.bearings, tuple(options.tracks), options.columns)
     sensors["track_sources"] = recorded.track_sources(files.tracks, options.track_site)
-    document = recorded.document(files, sensors, options.period)
+    document = recorded.document(files, sensors, files.default_period_s if options.period is None else options.period)
     scenario = make_scenario(document, "coastwatch fuse", dict(options.settings))
     return carry_out(recorded.framed(scenario), options, None)

@@ -165,7 +165,8 @@ def _fuse(commands: Any) -> None:
         "bearings.time=t, tracks.track=nr. Usual names need none"
     )
     fuse.add_argument("--columns", metavar="OURS=YOURS", type=column_names, default={}, help=text)
-    fuse.add_argument("--period", metavar="S", type=float, default=3.0, help="seconds of one cycle (default: 3)")
+    text = "seconds of one cycle (default: 3, or 10 of AIS alone, since few vessels report more often)"
+    fuse.add_argument("--period", metavar="S", type=float, help=text)
     add_set(fuse, "override any setting of a scenario, e.g. tracks.method=imm; repeatable")
     add_running(fuse)
 

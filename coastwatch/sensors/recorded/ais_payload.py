@@ -9,7 +9,6 @@ from __future__ import annotations
 import zlib
 
 import numpy as np
-from pyais.constants import ShipType
 
 from coastwatch.batches import AisStatics, Array, Bools, Floats, Ints
 from coastwatch.sensors.recorded.ais_messages import UNDECODABLE, Messages
@@ -28,7 +27,7 @@ LONGEST = 71  # characters of the longest of these messages (type 5, 424 bits)
 
 ARMOUR = np.array([0 if not 48 <= c <= 119 else c - 56 if c > 88 else c - 48 for c in range(256)], np.uint8)
 LETTER = np.array([v + 64 if v < 32 else v for v in range(64)], np.uint8)
-SHIP_TYPE = np.array([int(ShipType.from_value(v) or 0) for v in range(256)])
+FIRST_SHIP_TYPE, LAST_SHIP_TYPE = 20, 99  # the others are reserved
 
 WHERE: dict[str, tuple[int, int, int]] = {  # first bit of a field: class A, class B, long range
     "sog": (50, 46, 79),
@@ -159,7 +158,6 @@ def _statics(messages: Messages, kind: Ints, good: Bools, digest: Ints) -> tuple
         if size_at >= 0:
             at = (size_at, 9), (size_at + 9, 9), (size_at + 18, 6), (size_at + 24, 6)
             size[mine] = np.stack([bits(some, start, width) for start, width in at], axis=-1)
-    type_ = np.where(of == 24, type_, SHIP_TYPE[type_])
     size[part_b & (mmsi // 10_000_000 == 98)] = 0  # a craft of a mother ship has the mother's MMSI there
     length, beam = (size[:, k] + size[:, k + 1] for k in (0, 2))
     statics = AisStatics(
@@ -167,7 +165,7 @@ def _statics(messages: Messages, kind: Ints, good: Bools, digest: Ints) -> tuple
         mmsi=mmsi,
         name=name,
         call_sign=sign,
-        ship_type=np.where(type_ > 0, type_, -1),
+        ship_type=np.where((type_ >= FIRST_SHIP_TYPE) & (type_ <= LAST_SHIP_TYPE), type_, -1),
         length_m=np.where(length > 0, length, np.nan),
         beam_m=np.where(beam > 0, beam, np.nan),
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
@@ -28,6 +29,8 @@ REMEMBERED_GROUPS = 4096
 AIS_SENTENCES = (b"VDM", b"VDO")
 BACKSLASH, BANG = b"\\", b"!"
 BARE = b"!$"  # a line that starts with one of these has no prefix
+TAGGED = re.compile(rb"\\([^\\]+)\\(![^*!$\\]{2}([A-Z]{3}),[^*\\]*\*..)", re.DOTALL)
+"""The usual line: one tag block, then one sentence, and nothing after it."""
 
 
 class ReceivedSentence(NamedTuple):
@@ -48,6 +51,9 @@ class _Prefix(NamedTuple):
     group: bytes = b""
 
 
+NO_PREFIX = _Prefix()
+
+
 def ais_sentences(lines: Iterable[bytes], name: str, tally: Tally) -> Iterator[ReceivedSentence]:
     """As `wanted_sentences`, of AIS."""
     return wanted_sentences(lines, name, tally, AIS_SENTENCES)
@@ -60,12 +66,19 @@ def wanted_sentences(lines: Iterable[bytes], name: str, tally: Tally, wanted: tu
     its own takes that of the group.
     """
     clock = math.nan
-    waiting = _Prefix()
+    waiting = NO_PREFIX
     groups: dict[bytes, float] = {}
     for number, raw in enumerate(lines, 1):
         line = raw.strip()
         if not line or line[:1] == b"#":
             continue
+        usual = TAGGED.fullmatch(line) if waiting is NO_PREFIX else None
+        if usual is not None:
+            tag, sentence, formatter = usual.groups()
+            right, time_s, station, group = tag_block(tag)
+            if right and formatter in wanted and not group:
+                yield ReceivedSentence(number, sentence, time_s, clock, station)
+                continue
         bare = line[0] in BARE
         ahead, rest = (waiting, line) if bare else _prefix(line, waiting, f"{name}:{number}", tally)
         if rest[:1] == b"$" and rest[3:6].upper() not in wanted:
@@ -91,7 +104,7 @@ def wanted_sentences(lines: Iterable[bytes], name: str, tally: Tally, wanted: tu
             groups[ahead.group] = time_s
             if len(groups) > REMEMBERED_GROUPS:
                 del groups[next(iter(groups))]
-        waiting = _Prefix()
+        waiting = NO_PREFIX
         yield ReceivedSentence(number, rest[: star + 3], time_s, clock, ahead.group or ahead.station)
 
 

@@ -13,6 +13,7 @@ MILLISECONDS_FROM, MICROSECONDS_FROM, NANOSECONDS_FROM = 1e11, 1e14, 1e17
 
 BEHIND = re.compile(rb"(?:^|[,;\s])(\d{9,10}(?:\.\d+)?|\d{13})\s*$")
 GROUP = re.compile(rb"(\d+)G(\d+):(\d+)")
+USUAL_TAG = re.compile(rb"(?:g:\d+-\d+-(\d+),)?s:([^,:*]*),c:(\d{9,10})\*([0-9A-Fa-f]{2})")
 
 
 def unix_s(number: float) -> float:
@@ -84,6 +85,9 @@ def clock_s(sentence: bytes) -> float:
 @lru_cache(maxsize=4096)
 def tag_block(text: bytes) -> tuple[bool, float, bytes, bytes]:
     """Whether the checksum of a tag block is correct, its time (NaN: none), its station and its group (empty: none)."""
+    usual = USUAL_TAG.fullmatch(text)
+    if usual is not None and checksum(text[:-3]) == int(usual[4], 16):
+        return True, float(usual[3]), usual[2], usual[1] or b""
     body, star, digits = text.rpartition(b"*")
     right = bool(star) and digits.strip().upper() == f"{checksum(body):02X}".encode()
     time_s, station, group = math.nan, b"", b""
