@@ -26,7 +26,7 @@ LATITUDE, LONGITUDE = "latitude_deg", "longitude_deg"
 ALARMING = {"flags", "status", "verdict"}
 """Columns of a table that are red on a terminal, where they say other than GOOD."""
 
-GOOD = {"-", "finished", "running", "good", "coasting"}
+GOOD = {"-", "finished", "running", "good", "coasting", "stationary"}
 KEYS = ("vessel_id", "track_id", "run")
 """Columns that identify a row, if they are different in all."""
 
@@ -95,7 +95,10 @@ def as_table(rows: Rows, coloured: bool = False) -> str:
             padded = [termcolor.colored(text, attrs=["bold"]) for text in padded]
         elif coloured and number > 1:
             said = zip(padded, line, rows.columns, strict=True)
-            padded = [termcolor.colored(t, "red") if name in ALARMING and word not in GOOD else t for t, word, name in said]
+            padded = [
+                termcolor.colored(text, "red") if name in ALARMING and not GOOD.issuperset(words.split()) else text
+                for text, words, name in said
+            ]
         out.append("  ".join(padded) + "\n")
     return "".join(out)
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from sqlalchemy import Connection, delete, func, or_, select, update
 
-from coastwatch.batches import Bools, Flag, Floats, Ints, Picture
+from coastwatch.batches import Bools, Flag, Floats, Ints, Picture, Tracks
 from coastwatch.geodesy import KNOT_M_S, difference_m
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.store.insert import Categorical, Column, NullableId, clear_columns, insert, update_rows
@@ -87,11 +87,17 @@ def extend(
 
 
 def write_events(
-    connection: Connection, run_id: int, changes: Changes, picture: Picture, members: Ints, names: Sequence[str]
+    connection: Connection,
+    run_id: int,
+    changes: Changes,
+    picture: Picture,
+    members: Ints,
+    names: Sequence[str],
+    tracks: Tracks,
 ) -> int:
     """Write what a cycle changed. Returns: rows inserted.
 
-    Args: picture: sorted by vessel; members: (L, 3) vessel, source, track, sorted; names: of the sources.
+    Args: picture: sorted by vessel; members: (L, 3) vessel, source, track, sorted; names: of the sources; tracks: of the cycle.
     """
     of_run, ended, returned = {"run_id": run_id}, changes.ended, changes.returned
     if len(ended.key):
@@ -106,7 +112,7 @@ def write_events(
         row = find(picture.vessel_id, vessel_id)
         speed_kn = np.hypot(*picture.velocity_m_s[row].T) / KNOT_M_S
         then: list[Column] = [*picture.position_deg[row].T, speed_kn, NullableId(picture.mmsi[row])]
-        said: list[Any] = _evidence(row, bit, picture, members, names)
+        said: list[Any] = _evidence(row, bit, picture, members, names, tracks)
         begun: list[Column] = [run_id, vessel_id, _kind(bit), changes.number, None, changes.time_s, None, *then, said]
         rows += insert(connection, EVENT, begun)
     return rows
@@ -158,19 +164,42 @@ def _kind(bit: Ints) -> Categorical:
     return Categorical(bit, [KINDS.get(k, "") for k in range(max(KINDS) + 1)])
 
 
-def _evidence(row: Ints, bit: Ints, picture: Picture, members: Ints, names: Sequence[str]) -> list[str]:
-    """One text for each event: the tracks of its vessel, and what its kind adds.
+def _evidence(row: Ints, bit: Ints, picture: Picture, members: Ints, names: Sequence[str], tracks: Tracks) -> list[str]:
+    """One text for each event: the tracks of its vessel, how fast, how old and how far from the first they are, and other vessels.
 
     Args: row: (B,) of the picture; bit: (B,).
     """
     low, high = (np.searchsorted(members[:, 0], picture.vessel_id[row], side).tolist() for side in ("left", "right"))
     age_s = (picture.time_s[row] - picture.updated_s[row]).tolist()
+    found = np.flatnonzero(np.isin(tracks.track_id, np.concatenate([members[a:b, 2] for a, b in zip(low, high, strict=True)])))
+    keys = zip(tracks.source[found].tolist(), tracks.track_id[found].tolist(), strict=True)
+    at = dict(zip(keys, found.tolist(), strict=True))
     out = []
     for k, kind in enumerate(bit.tolist()):
-        tracks = [f"{names[source]} {track}" for _, source, track in members[low[k] : high[k]].tolist()]
-        text = f"tracks {', '.join(tracks)}" if tracks else f"no track, last report {age_s[k]:.0f} s before"
+        said = _of_tracks([(source, track) for _, source, track in members[low[k] : high[k]].tolist()], at, names, tracks)
+        text = f"tracks {', '.join(said)}" if said else f"no track, last report {age_s[k]:.0f} s before"
         if KINDS[kind] == "mmsi_twice":
             text += _of_same_mmsi(int(row[k]), picture)
+        out.append(text)
+    return out
+
+
+def _of_tracks(
+    members: Sequence[tuple[int, int]], at: Mapping[tuple[int, int], int], names: Sequence[str], tracks: Tracks
+) -> list[str]:
+    """A text for each track of a vessel. Args: members: source, track; at: their rows in the tracks, bearing tracks have none."""
+    rows = [at[member] for member in members if member in at]
+    out = []
+    for source, track in members:
+        row, text = at.get((source, track)), f"{names[source]} {track}"
+        if row is not None:
+            speed_kn = float(np.hypot(*tracks.velocity_m_s[row])) / KNOT_M_S
+            about = [f"{speed_kn:.1f} kn"] if np.isfinite(speed_kn) else []
+            about += [f"{tracks.time_s[row] - tracks.updated_s[row]:.0f} s old"]
+            if row != rows[0]:
+                away_m = np.hypot(*difference_m(tracks.position_deg[[row]], tracks.position_deg[rows[:1]])[0])
+                about += [f"{away_m:.0f} m from the first"]
+            text += f" ({', '.join(about)})"
         out.append(text)
     return out
 

@@ -92,7 +92,7 @@ def write_cycle(
             rows += _replace(connection, BEARING_TRACK, run_id, to_rows.bearing_track_rows(run_id, *bearings))
         rows += _write_stays(connection, run_id, number, before, members, picture)
         lasting, changes = events.extend(before.events, number, cycle.time_s, before.time_s, picture, keep.event_gap_s)
-        rows += events.write_events(connection, run_id, changes, picture, members, before.source_names)
+        rows += events.write_events(connection, run_id, changes, picture, members, before.source_names, cycle.tracks)
         rows += _write_details(connection, run_id, number, cycle, members, keep)
         static_mmsi = _merge_statics(connection, run_id, before.static_mmsi, reports.statics)
         last_report = to_rows.last_reports(before.last_report, reports)

@@ -144,9 +144,10 @@ def test_every_question(store: Store) -> None:
             *((7, "mmsi_twice", 0), (8, "mmsi_twice", 1), (9, "dark", 0)),
         )
     ]
-    assert alarms[0]["evidence"] == "tracks ilha 1003"
-    assert alarms[1]["evidence"] == "tracks ais 5000000004"
-    assert re.fullmatch(r"tracks ilha 1007, ais 5000000007; same MMSI as vessel 8, (2999|3000) m away", alarms[4]["evidence"])
+    assert alarms[0]["evidence"] == "tracks ilha 1003 (11.0 kn, 1 s old)"
+    assert alarms[1]["evidence"] == "tracks ais 5000000004 (10.0 kn, 1 s old)"
+    both = r"tracks ilha 1007 \(6\.0 kn, 1 s old\), ais 5000000007 \(6\.0 kn, 1 s old, 0 m from the first\)"
+    assert re.fullmatch(both + r"; same MMSI as vessel 8, (2999|3000) m away", alarms[4]["evidence"])
     assert alarms[0]["lasted_s"] == LAST_S - world.instant_s(0)
     assert ids(rows("alarms", kind="dark", count=1)) == [3]
     assert ids(rows("alarms", kind="coasting")) == [9]
