@@ -31,6 +31,13 @@ WANTED = {"ais": ("VDM", "VDO"), "tracks": ("TTM", "TLL")}
 """Sentences that an option wants."""
 KINDS = {"ais": "decoded AIS", "plots": "radar plots", "tracks": "finished tracks"}
 GZIP_MAGIC, PARQUET_MAGIC = b"\x1f\x8b", b"PAR1"
+OTHER_COMPRESSION = {
+    b"\xfd7zXZ\x00": "xz",
+    b"\x28\xb5\x2f\xfd": "zstd",
+    b"BZh": "bzip2",
+    b"PK\x03\x04": "zip",
+    b"7z\xbc\xaf": "7-Zip",
+}
 NEVER_TEXT = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
 BINARY_SHARE = 0.02  # random bytes have 11 %; one bad cell does not make a table binary
 COLUMNS: dict[str, type[BaseModel]] = {
@@ -148,6 +155,9 @@ def _head(name: str, size: int = LOOK_BYTES) -> bytes:
     """The first bytes of a file, decompressed if needed. Raises: BadInput for gzip that cannot be decompressed; OSError."""
     with open(name, "rb") as file:
         head = file.read(size)
+    for magic, kind in OTHER_COMPRESSION.items():
+        if head.startswith(magic):
+            raise BadInput(f"{name}: got a file compressed by {kind}, needed text, gzip or Parquet: unpack it first")
     if not head.startswith(GZIP_MAGIC):
         return head
     try:

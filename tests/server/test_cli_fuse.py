@@ -102,6 +102,8 @@ def test_radar_ais_and_bearings_become_two_ships(files: Path, capsys: pytest.Cap
         (["--ais", "random.log"], "random.log: neither NMEA 0183 nor a table: got bytes that are not text"),
         (["--ais", "random.parquet"], "random.parquet: neither NMEA 0183 nor a table"),
         (["--ais", "random.gz"], "random.gz: got gzip that cannot be decompressed"),
+        (["--ais", "packed.xz"], "packed.xz: got a file compressed by xz, needed text, gzip or Parquet: unpack it first"),
+        (["--plots", "packed.zst", RADAR], "packed.zst: got a file compressed by zstd"),
         (["--plots", "random.log", RADAR], "random.log: no table"),
         (["--ais", "untimed.nmea"], "--set input.assume_start_utc=2026-07-01T12:00:00Z"),
         (["--plots", "plots.csv", RADAR], "when"),
@@ -125,6 +127,7 @@ def test_what_is_wrong_is_named(
     noise = np.random.default_rng([SEED, 2, 0]).bytes(3000)
     contents = {"empty.nmea": b"", "untimed.nmea": SENTENCE.encode(), "random.gz": b"\x1f\x8b" + noise}
     contents["targets.nmea"] = 3 * b"$RATTM,11,11.4,13.6,T,7.0,20.0,T,0.0,0.0,N,TGT1,T,,100021.00,A*46\n"
+    contents |= {"packed.xz": b"\xfd7zXZ\x00" + noise, "packed.zst": b"\x28\xb5\x2f\xfd" + noise}
     contents["tracks.csv"] = b"time,track_id,lat,lon,sog,cog\n"
     if "mmsi=" not in str(arguments):
         ais = (files / "ais.csv").read_bytes()
