@@ -14,11 +14,13 @@ from typing import Any
 
 import numpy as np
 
+from coastwatch.associations.bearing_members import bearing_members, held_vessels, vessel_bearings
 from coastwatch.batches import (
     AisAlarms,
     AisStatics,
     Associations,
     BearingAssociations,
+    BearingMembers,
     BearingTracks,
     Bools,
     FusedTracks,
@@ -50,6 +52,7 @@ class CentreMemory:
     picture: Any
     octants: Any
     bearing_associations: Any
+    bearing_members: BearingMembers  # for the fused tracks of the next cycle
 
 
 @dataclass(frozen=True)
@@ -106,7 +109,7 @@ def start_centre(scenario: Scenario) -> CentreMemory:
     """The memory of the high-level centre before the first cycle."""
     s = scenario
     first = s.spots.init(), s.associations.init(), s.fused_tracks.init(), s.picture.init()
-    return CentreMemory(*first, s.octants.init(), s.bearing_associations.init())
+    return CentreMemory(*first, s.octants.init(), s.bearing_associations.init(), BearingMembers.empty())
 
 
 def start(scenario: Scenario, sensors: Sensors) -> Memory:
@@ -182,18 +185,22 @@ def fuse(
     with timer("associations"):
         associations_memory, associations = s.associations.step(m.associations, tracks, spots, map_)
     with timer("fused_tracks"):
+        bearings = vessel_bearings(m.bearing_members, bearing_tracks, tracks, associations)
         fused_memory, fused = s.fused_tracks.step(
-            m.fused_tracks, tracks, measurements, associations, time_s, sensors.source_kinds
+            m.fused_tracks, tracks, measurements, associations, time_s, sensors.source_kinds, bearings
         )
+        fused, held = held_vessels(bearings, fused, int(associations.vessel.max(initial=-1)) + 1)
     with timer("picture"):
-        picture_memory, picture, members = s.picture.step(m.picture, tracks, associations, fused, alarms, time_s, sensors)
+        picture_memory, picture, members = s.picture.step(m.picture, tracks, associations, fused, alarms, time_s, sensors, held)
     with timer("octants"):
         octants_memory, octants = s.octants.step(m.octants, bearing_tracks, picture, sensors)
     with timer("bearing_associations"):
         bearings_memory, bearing_associations = s.bearing_associations.step(
             m.bearing_associations, bearing_tracks, picture, octants, time_s, sensors, map_, statics
         )
-    after = CentreMemory(spots_memory, associations_memory, fused_memory, picture_memory, octants_memory, bearings_memory)
+        next_bearings = bearing_members(bearing_associations, bearing_tracks, picture, members, sensors)
+    stages = spots_memory, associations_memory, fused_memory, picture_memory, octants_memory, bearings_memory
+    after = CentreMemory(*stages, next_bearings)
     found = spots, associations, fused, picture, members, octants, bearing_associations
     return after, Cycle(time_s, tracks, alarms, bearing_tracks, *found, RadarCorrections.none(len(sensors.radars)))
 

@@ -43,6 +43,7 @@ SOON = 1.2  # ranges of a sensor: positions of nearer vessels are kept, for they
 RANGE_SHARES = np.array([1.0, 0.5, 0.25, 0.1])
 RANGE_PROBABILITIES = RANGE_SHARES**2 / (RANGE_SHARES**2).sum()  # by the area that each stands for
 LEAST_TRACKS = 64  # for a thread
+LARGEST_LOG_ODDS = 300.0  # whose exponential can still be added up
 FEWEST_INSTANTS = 8  # that a history has room for
 
 
@@ -208,8 +209,14 @@ class BearingLikelihood(Method):
         limits = float(np.radians(self.bias_floor_deg)), float(np.radians(self.bias_sigma_deg))
         bias = memory.bias.updated(sensor[chosen], difference[chosen], self.bias_gain, self.bias_pairs, limits)
         memory = replace(memory, bias=bias, outside=memory.outside.updated(audible, pair[chosen]))
+        probability = pair_probability(bearing_row, pair, log_odds)[chosen]
         return memory, BearingAssociations(
-            bearing_row[chosen], octants.vessel_row[row[chosen]], log_odds[chosen], bias.mean_rad
+            bearing_row[chosen],
+            octants.vessel_row[row[chosen]],
+            log_odds[chosen],
+            bias.mean_rad,
+            probability,
+            bias.sigma_rad,
         )
 
     def _positions(
@@ -291,6 +298,13 @@ class BearingLikelihood(Method):
         known = self.detection_probability * np.bincount(audible.sensor[audible.inside], minlength=count)
         unknown = np.maximum(tracks - known, np.maximum(self.unknown * tracks, 0.5))
         return np.asarray(np.log(unknown / arcs(sensors)[1])[sensor])
+
+
+def pair_probability(bearing_row: Ints, vessel: Ints, log_odds: Floats) -> Floats:
+    """That each pair is right, against all others of its bearing track or of its vessel, whichever is less, and against none. (A,)"""
+    odds = np.exp(np.minimum(log_odds, LARGEST_LOG_ODDS))
+    others = [np.bincount(key, odds)[key] if len(key) else odds for key in (bearing_row, vessel)]
+    return np.asarray(odds / (1.0 + np.maximum(*others)))
 
 
 def score_octants(settings: BearingLikelihood, arrays: Arrays, octants: Groups) -> tuple[Array, ...]:

@@ -49,9 +49,11 @@ from coastwatch.batches.yields import (
     AisAlarms,
     Associations,
     BearingAssociations,
+    BearingMembers,
     BearingTracks,
     Flag,
     FusedTracks,
+    HeldVessels,
     Measurements,
     Members,
     Octants,
@@ -61,6 +63,7 @@ from coastwatch.batches.yields import (
     RegistrationState,
     Spots,
     Tracks,
+    VesselBearings,
 )
 
 __all__ = [
@@ -73,6 +76,7 @@ __all__ = [
     "Associations",
     "Batch",
     "BearingAssociations",
+    "BearingMembers",
     "BearingReports",
     "BearingTracks",
     "Bools",
@@ -81,6 +85,7 @@ __all__ = [
     "Flag",
     "Floats",
     "FusedTracks",
+    "HeldVessels",
     "Ints",
     "Measurements",
     "Members",
@@ -107,6 +112,7 @@ __all__ = [
     "Tracks",
     "Trajectories",
     "Truth",
+    "VesselBearings",
     "VesselClass",
     "column",
 ]

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum, IntFlag
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from coastwatch import kernels
 from coastwatch.batches.classes import CLASSES
-from coastwatch.batches.struct import Batch, Bools, Floats, Ints, Rows, Struct, column
+from coastwatch.batches.struct import Batch, Bools, Floats, Ints, Rows, Struct, column, optional_column
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +98,10 @@ class BearingTracks(Batch):
     window_site_deg: Floats = column(np.float64, "N", "W", 2)
     signatures: Ints = column(np.int64, "N", CLASSES)  # number of reports so far of each VesselClass
     origin: Ints = column(np.int64, "N")
+    measured_s: Floats = optional_column("N")  # mean time of the bearings of this cycle; NaN: there was none
+    measured_rad: Floats = optional_column("N")  # their mean
+    measured_variance: Floats = optional_column("N")  # of the mean, rad2
+    measured_site_deg: Floats = optional_column("N", 2)  # mean place of the sensor
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +150,11 @@ class FusedTracks(Batch):
     covariance: Floats = column(np.float64, "V", 4, 4)
 
 
+def _not_given(letter: str) -> Any:
+    """A column that is empty where it is not given."""
+    return field(default_factory=lambda: np.zeros(0), metadata={"dtype": np.dtype(np.float64), "shape": (letter,)})
+
+
 @dataclass(frozen=True, eq=False)
 class BearingAssociations(Struct):
     """Which bearing track is which vessel."""
@@ -153,6 +163,8 @@ class BearingAssociations(Struct):
     vessel_row: Ints = column(np.int64, "A")
     statistic: Floats = column(np.float64, "A")
     sensor_bias_rad: Floats = column(np.float64, "K")  # the bearing offset of each bearing source, as calibrated so far
+    probability: Floats = _not_given("P")  # (A,) that a pair is right; of no pair where the method does not know it
+    sensor_bias_sigma_rad: Floats = _not_given("D")  # (K,) of the offsets; of no source where the method does not know it
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,6 +190,46 @@ class Members(Batch):
     vessel_id: Ints = column(np.int64, "L")
     track_id: Ints = column(np.int64, "L")
     source: Ints = column(np.int64, "L")
+
+
+@dataclass(frozen=True, eq=False)
+class BearingMembers(Batch):
+    """Which bearing track was of which vessel at the end of a cycle: one row for each of the vessel's other tracks."""
+
+    bearing_track_id: Ints = column(np.int64, "B")
+    vessel_id: Ints = column(np.int64, "B")
+    track_id: Ints = column(np.int64, "B")  # of the vessel, in order of `Members`; -1: it had none
+    probability: Floats = column(np.float64, "B")  # that the bearing track is of the vessel; NaN: not known
+    bias_rad: Floats = column(np.float64, "B")  # of the bearings
+    bias_sigma_rad: Floats = column(np.float64, "B")
+
+
+@dataclass(frozen=True, eq=False)
+class VesselBearings(Batch):
+    """The bearings of a cycle, by the vessels that their tracks were of at the end of the cycle before."""
+
+    vessel: Ints = column(np.int64, "B")  # number in Associations; those without a track follow as V, V + 1, ... by vessel_id
+    vessel_id: Ints = column(np.int64, "B")
+    track_id: Ints = column(np.int64, "B")  # that the vessel had in the cycle before; -1: it had none
+    probability: Floats = column(np.float64, "B")  # that the bearing track is of the vessel; NaN: not known
+    updated_s: Floats = column(np.float64, "B")  # newest bearing
+    time_s: Floats = column(np.float64, "B")  # of the bearings of this cycle; NaN: there was none
+    bearing_rad: Floats = column(np.float64, "B")  # less the bias of the sensor
+    variance: Floats = column(np.float64, "B")  # rad2
+    bias_variance: Floats = column(np.float64, "B")  # rad2
+    site_deg: Floats = column(np.float64, "B", 2)
+
+
+@dataclass(frozen=True, eq=False)
+class HeldVessels(Batch):
+    """Vessels of the last picture that have no track with a position now, estimated from their bearings."""
+
+    vessel_id: Ints = column(np.int64, "H")
+    time_s: Floats = column(np.float64, "H")
+    position_deg: Floats = column(np.float64, "H", 2)
+    velocity_m_s: Floats = column(np.float64, "H", 2)
+    covariance: Floats = column(np.float64, "H", 4, 4)
+    updated_s: Floats = column(np.float64, "H")  # newest bearing
 
 
 class RegistrationState(IntEnum):
@@ -220,5 +272,5 @@ class Flag(IntFlag):
     AIS_CONTRADICTED = 4  # AIS and radar of one vessel have come apart
     MMSI_TWICE = 8  # its MMSI is received from two places
     IMPOSSIBLE_SPEED = 16  # consecutive AIS reports need a speed no ship has
-    COASTING = 32  # it has no track now and is predicted
+    COASTING = 32  # it has no track with a position now: it is predicted, along the line of sight if bearings hold it
     STATIONARY = 4096  # it has stayed in one place: a moored or anchored vessel, a quay, a buoy

@@ -20,10 +20,12 @@ from coastwatch.batches import (
     SourceKind,
     Struct,
     Tracks,
+    VesselBearings,
     column,
 )
+from coastwatch.fused_tracks.bearing_updates import bearing_positions
 from coastwatch.fused_tracks.covariance_intersection import intersect
-from coastwatch.fused_tracks.vessel_tracks import Estimates, VesselTracks
+from coastwatch.fused_tracks.vessel_tracks import NO_BEARINGS, Estimates, VesselTracks
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Method
@@ -48,6 +50,9 @@ class VesselFilters(Struct):
     updated_s: Floats = column(np.float64, "F")  # time of the newest measurement
     track_id: Ints = column(np.int64, "L")  # every track of the last cycle, in its order
     filter_of_track: Rows = column(np.int32, "L", rows_of="F", least=-1)  # -1 where none
+    held_id: Ints = column(np.int64, "H")  # vessels without tracks whose filters bearings continue, sorted
+    held_filter: Ints = column(np.int64, "H", rows_of="F")
+    held_since_s: Floats = column(np.float64, "H")
 
     @property
     def arrays(self) -> tuple[Floats, Floats, Floats, Floats]:
@@ -58,11 +63,13 @@ class VesselFilters(Struct):
 class FilterPlan(NamedTuple):
     """Which filters of the last cycle are continued, and which begin."""
 
-    continued: Ints  # (G,) vessels whose filters are continued: the first filters of this cycle
+    continued: Ints  # (G,) vessels whose filters are continued: the first filters of this cycle; held ones come last
     before: Ints  # (G,) their filters of the last cycle
     new: Ints  # (B,) vessels of several tracks whose filters begin: the filters after those
     filter_of_track: Rows  # (N,) -1 where none
     track_of_measurement: Rows  # (M,) -1 where it is not among them
+    held_id: Ints  # (H,) vessels without tracks whose filters are continued, sorted
+    held_since_s: Floats  # (H,)
 
 
 class CentralImm(Method):
@@ -76,6 +83,8 @@ class CentralImm(Method):
     - If AIS is in the vessel, shares of a plot's variance are added along and across the beam. The registration error of a radar is
       the same in every plot, and would otherwise outweigh the AIS.
     - A late report is moved to the filter's time by the velocity.
+    - A bearing that is of the vessel with `bearing_probability` moves the filter across the line of sight. A vessel that has lost
+      its tracks goes on by bearings for `bearing_hold_s`. Its filter begins with the first bearing, if it has but one track.
 
     Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven Approach,
     section III-F (fusion by IMM); Y. Bar-Shalom, P. K. Willett, X. Tian, Tracking and Data Fusion, 2011, section 8.2 (central fusion).
@@ -92,12 +101,18 @@ class CentralImm(Method):
     range_registration: NotNegative = 0.5  # share of a plot's variance along the beam that is added where AIS is in the vessel
     azimuth_registration: NotNegative = 1.5  # share of the variance across the beam, the same
     unknown_velocity_sigma_m_s: Positive = 0.5  # of tracks that come without covariance
+    bearing_probability: Annotated[float, Field(gt=0.0, le=1.0)] = 0.99  # least, of bearings that are used; 1: none
+    bearing_gate_sigmas: Positive = 4.0  # bearings farther from the filter are not used
+    bearing_floor_m: NotNegative = 5.0  # standard deviation across the line of sight beside that of the bearing: the hull
+    bearing_registration: NotNegative = 20.0  # times the variance of the sensor's bias is added: all bearings share it
+    bearing_hold_s: NotNegative = 180.0  # longest that bearings alone continue a vessel; 0: not at all
 
     def init(self) -> VesselFilters:
         """No filter."""
         state, covariance = np.zeros((0, MODELS, 5)), np.zeros((0, MODELS, 5, 5))
-        no_track = np.zeros(0, np.int64), np.zeros(0, np.int32)
-        return VesselFilters(np.zeros((0, 2)), state, covariance, np.zeros((0, MODELS)), np.zeros(0), *no_track)
+        none, no_time, no_row = np.zeros(0, np.int64), np.zeros(0), np.zeros(0, np.int32)
+        filters = np.zeros((0, 2)), state, covariance, np.zeros((0, MODELS)), no_time
+        return VesselFilters(*filters, none, no_row, none, none, no_time)
 
     def step(
         self,
@@ -107,27 +122,59 @@ class CentralImm(Method):
         associations: Associations,
         time_s: float,
         kinds: Ints,
+        bearings: VesselBearings = NO_BEARINGS,
     ) -> tuple[VesselFilters, FusedTracks]:
         """One estimate a vessel.
 
         Args: tracks: (N); measurements: that went into them since the last cycle; associations: of the tracks; kinds: SourceKind of
-        each source.
-        Returns: memory and FusedTracks, one row for each vessel number.
+        each source; bearings: (B).
+        Returns: memory and FusedTracks, one row for each vessel number: first those of the associations, then those that only
+        bearings name, with NaN where no filter is continued.
         """
-        if len(associations.vessel) == 0:
-            return self.init(), FusedTracks.empty()
         vessels = VesselTracks.of(associations)
-        plan = plan_filters(memory, vessels, associations.vessel, tracks, measurements)
-        has_ais = np.bincount(associations.vessel, kinds[tracks.source] == SourceKind.AIS) > 0
-        has_radar = np.bincount(associations.vessel, kinds[tracks.source] == SourceKind.RADAR) > 0
+        count = max(vessels.vessel_count, int(bearings.vessel.max(initial=-1)) + 1)
+        if count == 0:
+            return self.init(), FusedTracks.empty()
+        certain = self.bearing_probability < 1.0
+        bearings = bearings.take(np.flatnonzero((bearings.probability >= self.bearing_probability) & certain))
+        plan = plan_filters(memory, vessels, associations.vessel, tracks, measurements, bearings)
+        plan = self._with_held(memory, plan, bearings, vessels.vessel_count, time_s)
+        has_ais = np.bincount(associations.vessel, kinds[tracks.source] == SourceKind.AIS, count) > 0
+        reported = np.bincount(associations.vessel, kinds[tracks.source] == SourceKind.RADAR, count) > 0
+        reported[: vessels.vessel_count] |= vessels.size > 1
+        reported[vessels.vessel_count :] = True
         first = intersect(vessels.take(plan.new), tracks, self.unknown_velocity_sigma_m_s, SEARCH_STEPS)
         filters = self._filters(memory, plan, tracks, first, time_s)
-        self._update(filters, plan, measurements, has_ais[plan.continued])
-        out = self._single_tracks(vessels, tracks)
+        self._update(filters, plan, measurements, has_ais[plan.continued], bearings)
+        out = self._single_tracks(vessels, tracks, count)
         for estimate, of_tracks in zip(out, first, strict=True):
             estimate[plan.new] = of_tracks
-        self._report(filters, plan, has_radar | (vessels.size > 1), time_s, out)
+        self._report(filters, plan, reported, time_s, out)
         return filters, out.at_time(time_s)
+
+    def _with_held(
+        self, memory: VesselFilters, plan: FilterPlan, bearings: VesselBearings, vessels: int, time_s: float
+    ) -> FilterPlan:
+        """The plan with the filters of vessels that have lost their tracks, but not their bearings, after those continued."""
+        lost = np.flatnonzero(bearings.vessel >= vessels)
+        held_id, one = np.unique(bearings.vessel_id[lost], return_index=True)
+        one = lost[one]
+        at = kernels.tables.match_ids.index_of(memory.held_id, held_id)
+        of_track = kernels.tables.match_ids.index_of(memory.track_id, bearings.track_id[one])
+        filter_of_track = np.where(of_track >= 0, np.append(memory.filter_of_track, -1)[of_track], -1)
+        before = np.where(at >= 0, np.append(memory.held_filter, -1)[at], filter_of_track)
+        since_s = np.where(at >= 0, np.append(memory.held_since_s, time_s)[at], time_s)
+        held = np.flatnonzero((before >= 0) & (time_s - since_s < self.bearing_hold_s))
+        begun = plan.filter_of_track >= len(plan.continued)
+        return FilterPlan(
+            np.append(plan.continued, bearings.vessel[one[held]]),
+            np.append(plan.before, before[held]),
+            plan.new,
+            np.where(begun, plan.filter_of_track + len(held), plan.filter_of_track).astype(np.int32),
+            plan.track_of_measurement,
+            held_id[held],
+            since_s[held],
+        )
 
     def _filters(
         self, memory: VesselFilters, plan: FilterPlan, tracks: Tracks, first: Estimates, time_s: float
@@ -140,23 +187,57 @@ class CentralImm(Method):
         covariance[old:, :, :4, :4] = first.covariance[:, None]
         covariance[old:, :, 4, 4] = np.radians(self.turn_rate_sigma_deg_s) ** 2
         mode[old:], updated[old:] = np.array(self.share) / sum(self.share), time_s
-        return VesselFilters(anchor, state, covariance, mode, updated, tracks.track_id, plan.filter_of_track)
+        held = plan.held_id, np.arange(old - len(plan.held_id), old), plan.held_since_s
+        return VesselFilters(anchor, state, covariance, mode, updated, tracks.track_id, plan.filter_of_track, *held)
 
-    def _update(self, filters: VesselFilters, plan: FilterPlan, measurements: Measurements, has_ais: Bools) -> None:
-        """Update the continued filters (G) by the measurements of their vessels' tracks. Args: has_ais: (G,) whether AIS is in each."""
+    def _update(
+        self, filters: VesselFilters, plan: FilterPlan, measurements: Measurements, has_ais: Bools, bearings: VesselBearings
+    ) -> None:
+        """Update the continued filters (G) by the measurements of their vessels' tracks, and by bearings.
+
+        Args: has_ais: (G,) whether AIS is in each.
+        """
         count = len(plan.continued)
         filter_of = np.append(plan.filter_of_track, -1)[plan.track_of_measurement]
         mine = np.flatnonzero((filter_of >= 0) & (filter_of < count))
         mine = mine[np.lexsort((measurements.sensor[mine], measurements.time_s[mine], filter_of[mine]))]
-        m, filter_of = measurements.take(mine), filter_of[mine]
+        m, filter_of, measured_s = measurements.take(mine), filter_of[mine], measurements.time_s[mine]
         z = np.concatenate([difference_m(m.position_deg, filters.anchor_deg[filter_of]), m.velocity_m_s], axis=1)
         noise = np.zeros((len(m), 4, 4))
         noise[:, :2, :2], noise[:, 2:, 2:] = m.covariance[:, :2, :2], m.covariance[:, 2:, 2:]
         plots = np.flatnonzero((m.sensor >= 0) & has_ais[filter_of])
         noise[plots, :2, :2] += self._registration(m.take(plots))
+        if len(bearings) > 0:
+            of, *lines = self._across_lines_of_sight(filters, plan, bearings)
+            joined = [np.concatenate(pair) for pair in zip((filter_of, measured_s, z, noise), (of, *lines), strict=True)]
+            order = np.lexsort((joined[1], joined[0]))
+            filter_of, measured_s, z, noise = (column[order] for column in joined)
         begin = np.searchsorted(filter_of, np.arange(count + 1))
-        given = filters.arrays, m.time_s, z, noise, begin, self._models()
+        given = filters.arrays, measured_s, z, noise, begin, self._models()
         in_blocks(kernels.filters.fused_filters.update, count, *given, least=FEW)
+
+    def _across_lines_of_sight(
+        self, filters: VesselFilters, plan: FilterPlan, bearings: VesselBearings
+    ) -> tuple[Ints, Floats, Floats, Floats]:
+        """Filter (B,), time (B,), position (B, 4) and noise (B, 4, 4) of the bearings of continued filters that are in the gate."""
+        filter_of_vessel = np.full(int(bearings.vessel.max()) + 1, -1)
+        named = plan.continued < len(filter_of_vessel)
+        filter_of_vessel[plan.continued[named]] = np.flatnonzero(named)
+        filter_of = filter_of_vessel[bearings.vessel]
+        some = np.flatnonzero((filter_of >= 0) & np.isfinite(bearings.time_s))
+        filter_of, b = filter_of[some], bearings.take(some)
+        before = kernels.filters.imm.estimate_filters(*(column[filter_of] for column in filters.arrays[:3]))
+        variance = b.variance + self.bearing_registration * b.bias_variance
+        site_m = difference_m(b.site_deg, filters.anchor_deg[filter_of])
+        ahead_s = b.time_s - filters.updated_s[filter_of]
+        position, noise, near = bearing_positions(
+            before, ahead_s, site_m, b.bearing_rad, variance, self.bearing_floor_m, self.bearing_gate_sigmas
+        )
+        order = np.flatnonzero(near)
+        order = order[np.lexsort((b.bearing_rad[order], b.time_s[order], filter_of[order]))]
+        z, full = np.full((len(order), 4), np.nan), np.zeros((len(order), 4, 4))
+        z[:, :2], full[:, :2, :2] = position[order], noise[order]
+        return filter_of[order], b.time_s[order], z, full
 
     def _registration(self, plots: Measurements) -> Floats:
         """Covariance of the error of registration of plots: shares of their variance along and across the beam. (M, 2, 2)"""
@@ -185,9 +266,11 @@ class CentralImm(Method):
         out.position_deg[vessel], out.velocity_m_s[vessel] = filters.anchor_deg[chosen], mean[chosen, 2:4]
         out.covariance[vessel] = covariance[chosen, :4, :4]
 
-    def _single_tracks(self, vessels: VesselTracks, tracks: Tracks) -> Estimates:
-        """Estimates of which those of vessels of one track are written: they are that track."""
-        out, single = Estimates.empty(vessels.vessel_count), np.flatnonzero(vessels.size == 1)
+    def _single_tracks(self, vessels: VesselTracks, tracks: Tracks, count: int) -> Estimates:
+        """So many estimates, of which those of vessels of one track are written: they are that track. Those without are NaN."""
+        out, single = Estimates.empty(count), np.flatnonzero(vessels.size == 1)
+        for estimate in out:
+            estimate[vessels.vessel_count :] = np.nan
         track = tracks.take(vessels.row[vessels.start[single]])
         out.position_deg[single], out.velocity_m_s[single] = track.position_deg, track.velocity_m_s
         out.covariance[single] = track.known_covariance(self.unknown_velocity_sigma_m_s)
@@ -216,15 +299,24 @@ def _continued(column: Floats, rows: Ints, new: int) -> Floats:
 
 
 def plan_filters(
-    memory: VesselFilters, vessels: VesselTracks, vessel: Ints, tracks: Tracks, measurements: Measurements
+    memory: VesselFilters,
+    vessels: VesselTracks,
+    vessel: Ints,
+    tracks: Tracks,
+    measurements: Measurements,
+    bearings: VesselBearings,
 ) -> FilterPlan:
     """Decide which filters of the last cycle are continued.
 
     A filter is continued if all of its tracks that still exist are in one vessel, and that vessel has no track of another filter.
     Then none of its measurements was of another vessel. The newest update of every track must also have come with a measurement:
-    otherwise the filter would get none.
+    otherwise the filter would get none. A filter begins for a vessel of two tracks or more, or of one and a bearing.
     Args: memory: of the last cycle; vessel: (N,) of each track.
     """
+    no_id, no_time = np.zeros(0, np.int64), np.zeros(0)
+    if vessels.vessel_count == 0:
+        none = np.zeros(0, np.int32)
+        return FilterPlan(no_id, no_id, no_id, none, np.full(len(measurements), -1, np.int32), no_id, no_time)
     begin = vessels.start[:-1]
     at = kernels.tables.match_ids.index_of(memory.track_id, tracks.track_id)
     track_of_measurement = kernels.tables.match_ids.index_of(tracks.track_id, measurements.track_id)
@@ -239,8 +331,10 @@ def plan_filters(
     newest_s = np.maximum(np.maximum.reduceat(measured_s[vessels.row], begin), np.append(memory.updated_s, -np.inf)[before])
     whole = (before == lowest) & (tracks_alive[before] == tracks_here)
     whole &= np.maximum.reduceat(tracks.updated_s[vessels.row], begin) <= newest_s
-    continued, new = np.flatnonzero(whole), np.flatnonzero(~whole & (vessels.size > 1))
+    has_bearing = np.zeros(vessels.vessel_count, np.bool_)
+    has_bearing[bearings.vessel[bearings.vessel < vessels.vessel_count]] = True
+    continued, new = np.flatnonzero(whole), np.flatnonzero(~whole & ((vessels.size > 1) | has_bearing))
     filter_of = np.full(vessels.vessel_count, -1, np.int32)
     filter_of[continued] = np.arange(len(continued))
     filter_of[new] = len(continued) + np.arange(len(new))
-    return FilterPlan(continued, before[continued], new, filter_of[vessel], track_of_measurement)
+    return FilterPlan(continued, before[continued], new, filter_of[vessel], track_of_measurement, no_id, no_time)

@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import Associations, FusedTracks, Ints, Measurements, Tracks
-from coastwatch.fused_tracks.vessel_tracks import Estimates, TrackArrays, VesselTracks
+from coastwatch.batches import Associations, FusedTracks, Ints, Measurements, Tracks, VesselBearings
+from coastwatch.fused_tracks.vessel_tracks import NO_BEARINGS, Estimates, TrackArrays, VesselTracks
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Method, NoMemory
 
@@ -34,9 +34,11 @@ class CovarianceIntersection(Method):
         associations: Associations,
         time_s: float,
         kinds: Ints,
+        bearings: VesselBearings = NO_BEARINGS,
     ) -> tuple[NoMemory, FusedTracks]:
-        """One estimate a vessel. Args: tracks: (N); measurements: unused; associations: of its rows; kinds: SourceKind of each source.
+        """One estimate a vessel.
 
+        Args: tracks: (N); measurements, bearings: unused; associations: of its rows; kinds: SourceKind of each source.
         Returns: memory and FusedTracks, one row for each vessel number.
         """
         vessels = VesselTracks.of(associations)

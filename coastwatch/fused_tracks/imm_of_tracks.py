@@ -10,8 +10,8 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, Struct, Tracks, column
-from coastwatch.fused_tracks.vessel_tracks import Estimates, VesselTracks
+from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, Struct, Tracks, VesselBearings, column
+from coastwatch.fused_tracks.vessel_tracks import NO_BEARINGS, Estimates, VesselTracks
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.stage import Method
 
@@ -64,9 +64,11 @@ class ImmOfTracks(Method):
         associations: Associations,
         time_s: float,
         kinds: Ints,
+        bearings: VesselBearings = NO_BEARINGS,
     ) -> tuple[TrackFilters, FusedTracks]:
-        """One estimate a vessel. Args: tracks: (N); measurements: unused; associations: of its rows; kinds: SourceKind of each source.
+        """One estimate a vessel.
 
+        Args: tracks: (N); measurements, bearings: unused; associations: of its rows; kinds: SourceKind of each source.
         Returns: memory and FusedTracks, one row for each vessel number.
         """
         vessels = VesselTracks.of(associations)

@@ -8,8 +8,9 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, Tracks
+from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, Tracks, VesselBearings
 from coastwatch.fused_tracks.imm_of_tracks import ImmOfTracks, TrackFilters
+from coastwatch.fused_tracks.vessel_tracks import NO_BEARINGS
 from coastwatch.geodesy import difference_m
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.stage import Method
@@ -105,9 +106,11 @@ class ImmOfTracksLiteral(Method):
         associations: Associations,
         time_s: float,
         kinds: Ints,
+        bearings: VesselBearings = NO_BEARINGS,
     ) -> tuple[LiteralFilters, FusedTracks]:
-        """One estimate a vessel. Args: tracks: (N); measurements: unused; associations: of its rows; kinds: SourceKind of each source.
+        """One estimate a vessel.
 
+        Args: tracks: (N); measurements, bearings: unused; associations: of its rows; kinds: SourceKind of each source.
         Returns: memory and FusedTracks, one row for each vessel number.
         """
         window = memory.window.extended(tracks, time_s)

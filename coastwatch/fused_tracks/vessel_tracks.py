@@ -6,7 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Rows, Tracks
+from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Rows, Tracks, VesselBearings
+
+NO_BEARINGS = VesselBearings.empty()
 
 
 class VesselTracks(NamedTuple):

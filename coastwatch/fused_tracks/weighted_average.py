@@ -8,8 +8,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from coastwatch import kernels
-from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, SourceKind, Tracks
-from coastwatch.fused_tracks.vessel_tracks import Estimates, TrackArrays, VesselTracks
+from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, SourceKind, Tracks, VesselBearings
+from coastwatch.fused_tracks.vessel_tracks import NO_BEARINGS, Estimates, TrackArrays, VesselTracks
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Method, NoMemory
 
@@ -48,9 +48,11 @@ class WeightedAverage(Method):
         associations: Associations,
         time_s: float,
         kinds: Ints,
+        bearings: VesselBearings = NO_BEARINGS,
     ) -> tuple[NoMemory, FusedTracks]:
-        """One estimate a vessel. Args: tracks: (N); measurements: unused; associations: of its rows; kinds: SourceKind of each source.
+        """One estimate a vessel.
 
+        Args: tracks: (N); measurements, bearings: unused; associations: of its rows; kinds: SourceKind of each source.
         Returns: memory and FusedTracks, one row for each vessel number.
         """
         vessels = VesselTracks.of(associations)

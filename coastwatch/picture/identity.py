@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from coastwatch.batches import AisAlarms, Associations, FusedTracks, Members, Picture, Sensors, Tracks
+from coastwatch.batches import AisAlarms, Associations, FusedTracks, HeldVessels, Members, Picture, Sensors, Tracks
 from coastwatch.kernels.tables.row_numbers import require_rows
 from coastwatch.picture.flags import FlagMemory, flag
 from coastwatch.picture.match import KnownTracks, match_identities
 from coastwatch.picture.order import members_of, order_vessels, picture_of, tracks_of
 from coastwatch.picture.settings import IdentitySettings
 from coastwatch.picture.vessels import Known
+
+NOT_HELD = HeldVessels.empty()
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +39,8 @@ class Identity(IdentitySettings):
     A vessel keeps its id while any of its tracks exists. Every track votes for the vessel that it was in; an AIS track counts a
     little more than a radar track, an older vessel more than a younger one. The greatest sum of votes is assigned one-to-one.
     A group without votes may be a vessel without tracks that returns: by its MMSI within `return_s`, by position and velocity
-    within `hold_s`. A vessel without tracks is shown, predicted and flagged as coasting, for `coast_s`.
+    within `hold_s`. A vessel without tracks is shown, predicted and flagged as coasting, for `coast_s`. While bearings hold it, it
+    is shown where they say, flagged as coasting too.
     """
 
     def init(self) -> PictureMemory:
@@ -52,12 +55,16 @@ class Identity(IdentitySettings):
         alarms: AisAlarms,
         time_s: float,
         sensors: Sensors,
+        held: HeldVessels = NOT_HELD,
     ) -> tuple[PictureMemory, Picture, Members]:
         """The picture of this cycle, sorted by vessel_id, and the tracks in it.
 
-        Args: tracks: (N); associations: of its rows; fused: (V) one row for each vessel number; alarms: of AIS tracks.
+        Args: tracks: (N); associations: of its rows; fused: (V) one row for each vessel number; alarms: of AIS tracks; held: vessels
+        of the last picture.
         """
-        known, columns = memory.known, memory.known.columns()
+        known = memory.known.held_by(held)
+        columns = known.columns()
+        columns.updated_s[known.rows_of(held.vessel_id)] = time_s
         match = match_identities(
             self, known, columns, memory.tracks, tracks, associations, fused, time_s=time_s, sensors=sensors
         )

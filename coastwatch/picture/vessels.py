@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import Array, Flag, Floats, FusedTracks, Ints, Picture, Rows, Tracks
+from coastwatch.batches import Array, Flag, Floats, FusedTracks, HeldVessels, Ints, Picture, Rows, Tracks
 from coastwatch.geodesy import offset_deg
 from coastwatch.kernels.threads import in_blocks
 
@@ -50,6 +50,20 @@ class Known:
             joined("updated_s", np.full(len(merged), -np.inf)),
             joined("mmsi", np.full(len(merged), -1, np.int64)),
         )
+
+    def rows_of(self, shown_id: Ints) -> Ints:
+        """The rows of vessels of the last picture. Args: shown_id: (H,), all in it."""
+        return np.searchsorted(self.shown.vessel_id, shown_id)
+
+    def held_by(self, held: HeldVessels) -> Known:
+        """The same with the estimates of vessels that bearings hold."""
+        if len(held) == 0:
+            return self
+        rows, columns = self.rows_of(held.vessel_id), {}
+        for name in ("time_s", "position_deg", "velocity_m_s", "covariance", "updated_s"):
+            columns[name] = getattr(self.shown, name).copy()
+            columns[name][rows] = getattr(held, name)
+        return replace(self, shown=replace(self.shown, **columns))
 
     def take(self, rows: Ints) -> Picture:
         """The rows of these known vessels, shown or hidden, in this order. Args: rows: (B,)."""

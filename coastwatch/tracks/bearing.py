@@ -59,6 +59,7 @@ class BearingMemory:
 
 
 ROWS = tuple(f.name for f in fields(BearingMemory) if f.name not in ("counter", "dropped"))
+MEASURED = ("measured_weight", "measured_s", "measured_rad", "measured_site_deg")  # means over the bearings of this cycle
 EMPTY = {"time_s": np.nan, "bearing_rad": np.nan, "weight": 0.0, "site_deg": np.nan, "begin_s": np.nan}
 
 
@@ -68,6 +69,8 @@ class Windows:
     def __init__(self, memory: BearingMemory, spacing_s: float, first_id: Ints, sigma_rad: Floats) -> None:
         """Args: spacing_s: of slots; first_id: (K,) the first track id of each sensor; sigma_rad: (K,) of its bearings."""
         self.column: dict[str, Array] = {name: getattr(memory, name).copy() for name in ROWS}
+        n = len(memory.track_id)
+        self.column |= {name: np.zeros((n, 2) if name == "measured_site_deg" else n) for name in MEASURED}
         self.counter = memory.counter.copy() if len(memory.counter) == len(first_id) else np.zeros(len(first_id), np.int64)
         self.spacing_s, self.first_id, self.sigma_rad = spacing_s, first_id, sigma_rad
 
@@ -95,6 +98,7 @@ class Windows:
         c = self.column
         newer = reports.time_s > c["updated_s"][row]
         row, reports = row[newer], reports.take(newer)
+        self._average_of_cycle(row, reports)
         same = reports.time_s - c["begin_s"][row] < SAME_SLOT * self.spacing_s
         self._begin_slot(row[~same], reports.take(~same))
         self._average_into_slot(row[same], reports.take(same))
@@ -102,6 +106,25 @@ class Windows:
         c["hits"][row] += 1
         classified = reports.signature >= 0
         c["signatures"][row[classified], reports.signature[classified]] += 1
+
+    def _average_of_cycle(self, row: Ints, reports: BearingReports) -> None:
+        """Enters the reports into the means of this cycle, with the weight of the share of a slot since the bearing before.
+
+        The errors of bearings in one slot are alike, so that all of them together count as one.
+        """
+        c = self.column
+        share = np.minimum((reports.time_s - c["updated_s"][row]) / self.spacing_s, 1.0)
+        weight = share * relative_weight(reports, self.sigma_rad)
+        c["measured_weight"][row] += weight
+        first = c["measured_weight"][row] == weight
+        part = weight / c["measured_weight"][row]
+        bearing = np.where(first, wrap_rad(np.radians(reports.bearing_deg)), c["measured_rad"][row])
+        c["measured_rad"][row] = wrap_rad(bearing + wrap_rad(np.radians(reports.bearing_deg) - bearing) * part)
+        time_s = np.where(first, reports.time_s, c["measured_s"][row])
+        c["measured_s"][row] = time_s + (reports.time_s - time_s) * part
+        c["measured_site_deg"][row] = np.where(
+            first[:, None], reports.site_deg, _between_deg(c["measured_site_deg"][row], reports.site_deg, part)
+        )
 
     def _begin_slot(self, row: Ints, reports: BearingReports) -> None:
         """Moves the windows on by one slot, which holds the report."""
@@ -123,16 +146,11 @@ class Windows:
         c = self.column
         own = relative_weight(reports, self.sigma_rad)
         weight = c["weight"][row, -1] + own
-        bearing, site = c["bearing_rad"][row, -1], c["site_deg"][row, -1]
-        off = reports.site_deg - site
-        off[:, 1] = wrap_deg(off[:, 1])
+        bearing = c["bearing_rad"][row, -1]
         c["weight"][row, -1] = weight
         c["time_s"][row, -1] += (reports.time_s - c["time_s"][row, -1]) * own / weight
         c["bearing_rad"][row, -1] = wrap_rad(bearing + wrap_rad(np.radians(reports.bearing_deg) - bearing) * own / weight)
-        mean = site + off * own[:, None] / weight[:, None]
-        mean[:, 1] = wrap_deg(mean[:, 1])
-        # Wrapping rounds: the position of a fixed sensor must keep its bits.
-        c["site_deg"][row, -1] = np.where(off == 0.0, site, mean)
+        c["site_deg"][row, -1] = _between_deg(c["site_deg"][row, -1], reports.site_deg, own / weight)
 
     def initialise(self, reports: BearingReports) -> None:
         """Begins a track with each report."""
@@ -172,8 +190,23 @@ class Windows:
     def memory(self, dropped: int) -> BearingMemory:
         """The columns, sorted by track_id. Args: dropped: reports that were dropped up to now."""
         order = np.argsort(self.column["track_id"], kind="stable")
-        columns = {name: values[order] for name, values in self.column.items()}
+        columns = {name: self.column[name][order] for name in ROWS}
         return BearingMemory(**columns, counter=self.counter, dropped=dropped)
+
+    def measured(self) -> dict[str, Array]:
+        """Mean of the bearings of this cycle and its weight, 0 where there was none; sorted by track_id."""
+        order = np.argsort(self.column["track_id"], kind="stable")
+        return {name: self.column[name][order] for name in MEASURED}
+
+
+def _between_deg(first: Floats, second: Floats, share: Floats) -> Floats:
+    """Positions at this share of the way from the first to the second. (M, 2)"""
+    off = second - first
+    off[:, 1] = wrap_deg(off[:, 1])
+    mean = first + off * share[:, None]
+    mean[:, 1] = wrap_deg(mean[:, 1])
+    # Wrapping rounds: the position of a fixed sensor must keep its bits.
+    return np.where(off == 0.0, first, mean)
 
 
 def relative_weight(reports: BearingReports, sigma_rad: Floats) -> Floats:
@@ -239,7 +272,7 @@ class BearingWindow(Method):
             self._look(windows, own.take(rows), sensors.sonars.bearing_sigma_rad)
         windows.keep(time_s - windows.column["updated_s"] <= self.drop_after_s)
         after = windows.memory(dropped)
-        return after, self._tracks(after, time_s, sensors)
+        return after, self._tracks(after, windows.measured(), time_s, sensors)
 
     def _look(self, windows: Windows, reports: BearingReports, sigma_rad: Floats) -> None:
         """One look of each of some sensors that do not number contacts: assign, begin and end tracks."""
@@ -292,12 +325,15 @@ class BearingWindow(Method):
         rows = [[p00 + 2.0 * ahead * p01 + ahead**2 * p11, across], [across, p11]]
         return bearing, rate, np.moveaxis(np.array(rows), 2, 0)
 
-    def _tracks(self, memory: BearingMemory, time_s: float, sensors: Sensors) -> BearingTracks:
+    def _tracks(self, memory: BearingMemory, measured: Mapping[str, Array], time_s: float, sensors: Sensors) -> BearingTracks:
         out = np.flatnonzero((memory.contact >= 0) | (memory.hits >= self.start_hits))
         window = {name: getattr(memory, name)[out] for name in LINE_COLUMNS}
         bearing, rate, covariance = self._line(window, np.full(len(out), time_s), sensors.sonars.bearing_sigma_rad)
         old = ~(window["time_s"] >= time_s - self.window_s)
         site = memory.site_deg[out]
+        weight, measured_s, measured_rad, measured_site_deg = (measured[name][out] for name in MEASURED)
+        none = weight == 0.0
+        variance = sensors.sonars.bearing_sigma_rad[memory.sensor[out]] ** 2 / np.where(none, 1.0, weight)
         return BearingTracks(
             track_id=memory.track_id[out],
             source=sensors.sonar_source(0) + memory.sensor[out],
@@ -313,6 +349,10 @@ class BearingWindow(Method):
             window_site_deg=np.where(old[:, :, None], np.nan, site),
             signatures=memory.signatures[out],
             origin=memory.origin[out],
+            measured_s=np.where(none, np.nan, measured_s),
+            measured_rad=np.where(none, np.nan, measured_rad),
+            measured_variance=np.where(none, np.nan, variance),
+            measured_site_deg=np.where(none[:, None], np.nan, measured_site_deg),
         )
 
 

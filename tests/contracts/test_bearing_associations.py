@@ -11,7 +11,7 @@ import pytest
 from bearing_run import SEED, Run, assert_same, by_id, piecewise
 from pydantic import ValidationError
 
-from coastwatch.associations.bearing_likelihood import BearingLikelihood, score_octants
+from coastwatch.associations.bearing_likelihood import BearingLikelihood, pair_probability, score_octants
 from coastwatch.associations.bearing_literal import BearingWindowedCovariance, sample_statistic
 from coastwatch.batches import CLASSES, AisStatics, BearingTracks, Picture
 from coastwatch.sensors.simulated.sonar import SonarTruth, reported_class
@@ -258,3 +258,13 @@ def test_literal_is_worth_what_the_paper_says_and_breaks_under_bias() -> None:
     run = Run(BearingWindowedCovariance(one_to_one=True), bw.centre(), 100, 60)
     run.counts(60)
     assert len(np.unique(run.found.vessel_row)) == len(run.found.vessel_row)
+
+
+def test_the_probability_of_a_pair_falls_with_every_other_vessel_of_its_track_and_track_of_its_vessel():
+    bearing, vessel = np.array([0, 0, 1, 2, 3]), np.array([5, 6, 7, 7, 8])
+    found = pair_probability(bearing, vessel, np.array([4.0, 4.0, 6.0, 3.0, 400.0]))
+    e = np.exp
+    assert found[:2] == pytest.approx(e(4.0) / (1.0 + 2.0 * e(4.0)))
+    assert found[2] == pytest.approx(e(6.0) / (1.0 + e(6.0) + e(3.0)))
+    assert found[4] == 1.0
+    assert len(pair_probability(bearing[:0], vessel[:0], np.zeros(0))) == 0

@@ -121,8 +121,10 @@ def test_late_double_and_broken_reports_change_nothing() -> None:
     memory, tracks = method.step(method.init(), say(0, [1.0, 2.9], [10.0, 12.0], 3), START + 3.0, sensors)
     bad = say(0, [2.0, 2.9, 4.0, np.nan], [50.0, 60.0, np.nan, 70.0], 3)
     memory, after = method.step(memory, bad, START + 3.0, sensors)
+    assert np.isnan(after.measured_s).all()
     for name in vars(tracks):
-        np.testing.assert_array_equal(getattr(after, name), getattr(tracks, name))
+        if not name.startswith("measured"):
+            np.testing.assert_array_equal(getattr(after, name), getattr(tracks, name))
 
 
 @pytest.mark.parametrize("contact", [3, -1])
@@ -247,3 +249,30 @@ def test_a_bearing_with_a_standard_deviation_of_its_own_counts_by_it() -> None:
     assert alone[1] < alone[0]
     numberless = [replace(say(0, 3.0 * k, 40.0, -1), bearing_sigma_deg=np.array([0.5 * specified])) for k in range(1, 5)]
     assert len(play(BearingWindow(), numberless, sensors)[1]) == 1
+
+
+def test_the_bearings_of_a_cycle_are_one_measurement_that_counts_by_its_share_of_a_slot() -> None:
+    """A slot has 3 s. Eight bearings in a second of it are a third of one bearing, however many they are."""
+    sensors = two_sensors()
+    times = np.arange(0.125, 1.01, 0.125)
+    cycles = [say(0, times + k, 359.0 + 2.0 * times, 4) for k in range(2)]
+    cycles[1] = say(0, times + 1.0, 10.0 + 8.0 * times, 4)
+    _, tracks = play(BearingWindow(), cycles, sensors, 1.0)
+    sigma_rad = sensors.sonars.bearing_sigma_rad[0]
+    assert tracks.measured_s - START == pytest.approx([1.0 + times.mean()], abs=1e-6)
+    assert np.degrees(tracks.measured_rad) == pytest.approx([10.0 + 8.0 * times.mean()])
+    assert tracks.measured_variance == pytest.approx([3.0 * sigma_rad**2])
+    np.testing.assert_array_equal(tracks.measured_site_deg, bw.ORIGIN_DEG[None])
+    _, tracks = play(BearingWindow(), cycles[:1], sensors, 1.0)
+    assert tracks.measured_variance[0] < sigma_rad**2  # the first bearing of all counts whole
+    first = 1.0 / (1.0 + times[1:].size * 0.125 / 3.0)
+    weights = np.append(first, np.full(7, first * 0.125 / 3.0))
+    assert np.degrees(tracks.measured_rad) == pytest.approx([wrap_deg((weights * (359.0 + 2.0 * times)).sum())])
+
+
+def test_a_track_without_a_bearing_in_the_cycle_has_no_measurement() -> None:
+    sensors = two_sensors()
+    _, tracks = play(BearingWindow(), [say(0, 3.0, 10.0, 4), say(0, [], [], [])], sensors)
+    for column in (tracks.measured_s, tracks.measured_rad, tracks.measured_variance, tracks.measured_site_deg):
+        assert np.isnan(column).all()
+    assert len(tracks) == 1

@@ -1,0 +1,97 @@
+"""Bearings by vessel: which vessel of this cycle the bearings are of, by the associations of the cycle before."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from coastwatch import kernels
+from coastwatch.batches import (
+    Associations,
+    BearingAssociations,
+    BearingMembers,
+    BearingTracks,
+    FusedTracks,
+    HeldVessels,
+    Ints,
+    Members,
+    Picture,
+    Sensors,
+    Tracks,
+    VesselBearings,
+)
+from coastwatch.geodesy import wrap_rad
+from coastwatch.kernels.bearings.candidates import ranges
+
+
+def bearing_members(
+    found: BearingAssociations, bearing_tracks: BearingTracks, picture: Picture, members: Members, sensors: Sensors
+) -> BearingMembers:
+    """The associated bearing tracks with the tracks of their vessels, at the end of a cycle."""
+    if len(found.probability) == 0:
+        return BearingMembers.empty()
+    vessel_id, sensor = picture.vessel_id[found.vessel_row], bearing_tracks.source[found.bearing_row] - sensors.sonar_source(0)
+    first = np.searchsorted(members.vessel_id, vessel_id)
+    count = np.searchsorted(members.vessel_id, vessel_id, side="right") - first
+    rows = np.maximum(count, 1)
+    pair = np.repeat(np.arange(len(vessel_id)), rows)
+    member = np.append(members.track_id, -1)[np.where(count[pair] > 0, ranges(first, rows), -1)]
+    return BearingMembers(
+        bearing_tracks.track_id[found.bearing_row][pair],
+        vessel_id[pair],
+        member,
+        found.probability[pair],
+        found.sensor_bias_rad[sensor][pair],
+        found.sensor_bias_sigma_rad[sensor][pair],
+    )
+
+
+def vessel_bearings(
+    before: BearingMembers, bearing_tracks: BearingTracks, tracks: Tracks, associations: Associations
+) -> VesselBearings:
+    """The bearings of this cycle with the vessels that their tracks were of, as far as these tracks go on.
+
+    A vessel is where the first of its tracks is that goes on. Args: before: of the last cycle; associations: of `tracks`.
+    """
+    index_of = kernels.tables.match_ids.index_of
+    row_of_member = index_of(tracks.track_id, before.track_id)
+    row_of_bearing = index_of(bearing_tracks.track_id, before.bearing_track_id)
+    order = np.lexsort((row_of_member < 0, before.bearing_track_id))
+    _, first = np.unique(before.bearing_track_id[order], return_index=True)
+    chosen = order[first]
+    chosen = chosen[row_of_bearing[chosen] >= 0]
+    chosen = chosen[np.argsort(before.vessel_id[chosen], kind="stable")]
+    one, bearing = before.take(chosen), bearing_tracks.take(row_of_bearing[chosen])
+    return VesselBearings(
+        _vessel_numbers(associations, row_of_member[chosen].astype(np.int64), one.vessel_id),
+        one.vessel_id,
+        one.track_id,
+        one.probability,
+        bearing.updated_s,
+        bearing.measured_s,
+        np.asarray(wrap_rad(bearing.measured_rad - one.bias_rad)),
+        bearing.measured_variance,
+        one.bias_sigma_rad**2,
+        bearing.measured_site_deg,
+    )
+
+
+def _vessel_numbers(associations: Associations, row: Ints, vessel_id: Ints) -> Ints:
+    """The vessel of each of these tracks; for rows of -1 new numbers after the last, in order of vessel_id. (B,)"""
+    out, lost = np.append(associations.vessel, -1)[row], np.flatnonzero(row < 0)
+    _, number = np.unique(vessel_id[lost], return_inverse=True)
+    out[lost] = int(associations.vessel.max(initial=-1)) + 1 + number
+    return out
+
+
+def held_vessels(bearings: VesselBearings, fused: FusedTracks, vessels: int) -> tuple[FusedTracks, HeldVessels]:
+    """The estimates of vessels with tracks, and those of vessels that only bearings hold. Args: vessels: V, those with tracks."""
+    if len(fused) == vessels:
+        return fused, HeldVessels.empty()
+    lost = bearings.vessel >= vessels
+    number, first = np.unique(bearings.vessel[lost], return_index=True)
+    vessel_id, updated_s = bearings.vessel_id[lost][first], np.full(len(number), -np.inf)
+    np.maximum.at(updated_s, bearings.vessel[lost] - vessels, bearings.updated_s[lost])
+    held = fused.take(number)
+    known = np.isfinite(held.position_deg[:, 0])
+    rows = held.time_s, held.position_deg, held.velocity_m_s, held.covariance, updated_s
+    return fused.take(np.arange(vessels)), HeldVessels(vessel_id, *rows).take(known)
