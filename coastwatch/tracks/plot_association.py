@@ -42,6 +42,7 @@ class NearestNeighbour:
             slot, begins = associate(self.management, memory.table, batch, period_s, density)
             memory = memory.with_clutter(self.clutter, batch, _false(memory.table, slot), period_s)
         plots = np.flatnonzero(slot >= 0)
+        plots = plots[np.argsort(slot[plots], kind="stable")]  # in the order in which filters lie in memory: it is faster
         table = memory.table
         self.bank.update(table.filters, table.estimates, slot[plots], plots, batch)
         kernels.tracks.track_life.record(table.life, slot[plots], plots, batch)

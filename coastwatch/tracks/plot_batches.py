@@ -38,8 +38,13 @@ class PlotBatches:
 
 
 def cut(plots: Plots, slice_s: float, by_radar: bool) -> PlotBatches:
-    """Batches of plots in one slice of time, each sorted by time. Args: by_radar: a batch for each radar in the slice."""
+    """Batches of plots in one slice of time, each sorted by time. Args: by_radar: a batch for each radar in the slice.
+
+    Plots of one time are sorted by position, so that the order in which they came is of no matter.
+    """
     order = np.argsort(plots.time_s, kind="stable")
+    if (np.diff(plots.time_s[order]) == 0.0).any():
+        order = np.lexsort((plots.position_m[:, 1], plots.position_m[:, 0], plots.time_s))
     slice_ = np.floor(plots.time_s[order] / slice_s)
     number: Ints = np.cumsum(np.diff(slice_, prepend=slice_[:1]) > 0.0)
     key = number

@@ -144,6 +144,22 @@ def test_order_of_plots_within_a_cycle_is_of_no_matter(busy):
     assert same(one[1], other[1])
 
 
+def test_plots_of_one_time_are_tracked_alike_in_any_order(busy):
+    """All plots of a radar in a cycle have one time stamp, as in recordings of whole seconds."""
+    method = SidedImm()
+    memories, rng = [method.init(), method.init()], np.random.default_rng([14, 2])
+    for cycle in range(6):
+        now_s = (cycle + 1) * PERIOD_S
+        plots = cut(busy, cycle)
+        plots = replace(plots, time_s=now_s - 0.5 * plots.sensor)
+        orders = np.arange(len(plots)), rng.permutation(len(plots))
+        found = [method.step(m, plots.take(o), now_s, two_radars(), 0) for m, o in zip(memories, orders, strict=True)]
+        memories = [memory for memory, *_ in found]
+    assert same(memories[0], memories[1])
+    assert same(found[0][1], found[1][1])
+    assert len(found[0][1]) > 10
+
+
 def test_plots_that_come_a_cycle_late_still_count():
     """One radar's plots arrive 2 s late, hence out of order with the other's: as many tracks, hardly worse."""
     truth, sensors = world(100, 15), two_radars()

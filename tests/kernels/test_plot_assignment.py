@@ -63,6 +63,22 @@ def test_status_does_not_make_up_for_a_negative_gain(gain, slot):
     assert not free[0], "in the gate of a track that waits it begins none"
 
 
+@pytest.mark.parametrize(
+    ("plot", "track", "want"),
+    [
+        ([0, 0, 0], [5, 2, 9], [5]),  # the older track is the first
+        ([0, 1, 2], [4, 4, 4], [4, -1, -1]),
+        ([0, 0, 1, 1], [7, 3, 7, 3], [7, 3]),
+        ([0, 0, 1, 1, 2, 2], [7, 3, 7, 3, 7, 3], [7, 3, -1]),
+        ([0, 0, 0, 1, 1, 1], [8, 1, 6, 8, 1, 6], [8, 1]),
+    ],
+)
+def test_equal_gains_go_to_the_earlier_plot_and_the_older_track(plot, track, want):
+    count = len(want)
+    slot, _ = assign_plots(pairs_of(plot, track), np.ones(len(plot)), np.ones(len(plot), bool), np.full(10, CONFIRMED), count)
+    assert slot.tolist() == want
+
+
 def test_a_second_plot_in_the_gate_of_a_track_that_was_served_is_free():
     status = np.array([TENTATIVE])
     slot, free = assign_plots(pairs_of([0, 1], [0, 0]), np.array([2.0, 1.0]), np.ones(2, bool), status, 2)

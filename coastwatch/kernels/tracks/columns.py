@@ -68,7 +68,7 @@ class RadarColumns(NamedTuple):
 
 
 class Candidates(NamedTuple):
-    """Pairs of a plot and a track whose gate it is in, sorted by plot."""
+    """Pairs of a plot and a track whose gate it is in, sorted by plot, then by track, the older first."""
 
     plot: Ints  # (A,)
     track: Ints  # (A,) slot

@@ -50,7 +50,7 @@ def _grid_near_plots(estimates, rows, plots, limit):  # type: ignore[no-untyped-
 
 @jit
 def candidates(estimates, rows, plots, limit, late):  # type: ignore[no-untyped-def]
-    """The pairs of a plot and a track inside the gate, sorted by plot: Candidates.
+    """The pairs of a plot and a track inside the gate, sorted by plot, then in the order of the tracks: Candidates.
 
     Args: estimates: Estimates; rows: (N,) slots of the tracks; plots: PlotColumns; limit: squared Mahalanobis distance of the gate;
     late: a plot may be so much older than its track, s.
@@ -63,6 +63,7 @@ def candidates(estimates, rows, plots, limit, late):  # type: ignore[no-untyped-
     distance2, log_likelihood, count = np.empty(len(point)), np.empty(len(point)), 0
     for m in range(len(plots.time)):
         time, r = plots.time[m], plots.covariance[m]
+        point[start[m] : start[m + 1]].sort()  # the order of the cells is of no matter
         for k in range(start[m], start[m + 1]):
             n = slot[point[k]]
             if time - estimates.time[n] < -late:

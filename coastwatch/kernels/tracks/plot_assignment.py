@@ -15,7 +15,8 @@ def assign_plots(pairs, gain, due, status, plots):  # type: ignore[no-untyped-de
     """The track of each plot, -1 for none, and which plots may begin a track. (M,), (M,)
 
     Plots go to confirmed tracks first, then to tentative ones, then to single plots: in each step so that the gains sum to the most,
-    each plot and each track in one pair at most. A pair without a positive gain is never taken.
+    each plot and each track in one pair at most. A pair without a positive gain is never taken. Of pairs with equal gains the one of the
+    earlier plot is taken, and of one plot that of the older track: the first in `pairs`.
     A vessel gives a radar one plot a look. So a plot in the gate of a track of more than one plot that is due and gets none in this
     batch neither goes to a single plot nor begins a track; a plot in the gate of a track that got its own is of another vessel.
     Args: pairs: Candidates of one radar, sorted by plot; gain: (A,) log-likelihood ratio of each; due: (A,) the track has had no plot of
