@@ -1,0 +1,68 @@
+"""What do events of flags cost in a cycle of a large picture?
+
+python -m scaling.decisions.event_cycle [VESSELS [CYCLES]]: one vessel in twenty has a flag, and of a thousand vessels one changes a flag
+in each cycle. Processor time of `events.extend` and of `events.write_events` into SQLite, medians.
+"""
+
+from __future__ import annotations
+
+import statistics
+import sys
+import tempfile
+from pathlib import Path
+from time import process_time
+
+import numpy as np
+
+from coastwatch import store
+from coastwatch.batches import Flag, Ints, Picture
+from coastwatch.scenario import load_scenario
+from coastwatch.store.database import writing
+from coastwatch.store.events import Events, extend, write_events
+
+WARM = 2  # cycles: in the first all flags begin
+FLAGGED, CHANGING = 0.05, 0.001
+GAP_S = 60.0
+RADAR, AIS = 0, 1  # sources of the tracks of each vessel
+
+
+def picture_of(flags: Ints, time_s: float) -> Picture:
+    """Vessels with these flags."""
+    n = len(flags)
+    when, covariance = np.full(n, time_s), np.tile(np.eye(4), (n, 1, 1))
+    position = np.stack([np.linspace(-35.0, 5.0, n), np.linspace(-55.0, -30.0, n)], 1)
+    mmsi = 200_000_000 + np.arange(n)
+    vessel = np.arange(1, n + 1)
+    return Picture(vessel, when, position, np.ones((n, 2)), covariance, when, when, mmsi, flags, mmsi)
+
+
+def main() -> None:
+    vessels, cycles = (int(sys.argv[k]) if len(sys.argv) > k else default for k, default in ((1, 100_000), (2, 12)))
+    rng, kinds = np.random.default_rng([17, vessels]), np.array([flag.value for flag in Flag])
+    scenario = load_scenario("context-driven-100", {"cycles": str(cycles), "warmup_s": "0"})
+    sensors, plan = scenario.sensors(), scenario.plan()
+    names = sensors.source_names
+    flags = np.where(rng.random(vessels) < FLAGGED, rng.choice(kinds, vessels), 0)
+    members = np.stack([np.repeat(np.arange(1, vessels + 1), 2), np.tile([RADAR, AIS], vessels), np.arange(2 * vessels)], 1)
+    none = np.zeros(0, np.int64)
+    events, ms, rows = Events(none, none, none, np.zeros(0)), [], 0
+    with tempfile.TemporaryDirectory() as folder, store.open_store(f"sqlite:///{Path(folder) / 'events.db'}") as opened:
+        run = store.begin_run(opened, scenario="events", title="", seed=1, version="", settings={}, sensors=sensors, plan=plan)
+        for number in range(cycles):
+            change = rng.random(vessels) < CHANGING
+            flags = np.where(change, np.where(flags > 0, 0, rng.choice(kinds, vessels)), flags)
+            time_s = plan.instant_s(number)
+            picture = picture_of(flags, time_s)
+            begun = process_time()
+            events, changes = extend(events, number, time_s, time_s - plan.period_s, picture, GAP_S)
+            extended = process_time()
+            with writing(opened) as connection:
+                rows += write_events(connection, run, changes, picture, members, names)
+            ms.append((1e3 * (extended - begun), 1e3 * (process_time() - extended)))
+    follow, write = (statistics.median(column) for column in zip(*ms[WARM:], strict=True))
+    print(f"{vessels} vessels, {np.count_nonzero(flags)} with a flag, {rows} rows in {cycles} cycles")
+    print(f"processor time a cycle: extend {follow:.1f} ms, write_events {write:.1f} ms; first cycle {sum(ms[0]):.0f} ms")
+
+
+if __name__ == "__main__":
+    main()
