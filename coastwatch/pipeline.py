@@ -23,6 +23,7 @@ from coastwatch.batches import (
     BearingMembers,
     BearingTracks,
     Bools,
+    Fault,
     FusedTracks,
     Ints,
     Measurements,
@@ -130,6 +131,18 @@ def start(scenario: Scenario, sensors: Sensors) -> Memory:
 def gathered(memory: Memory, regions: RegionMap) -> Memory:
     """The memory with that of every region in this process, for a checkpoint."""
     return replace(memory, tracks=tuple(regions.gather(memory.tracks)))
+
+
+def dropped(memory: Memory, sensors: Sensors) -> tuple[Fault, ...]:
+    """How many records the stages dropped since the start, by stage and reason. Args: memory: as of `gathered`."""
+    m, stamp = memory, "its time is not a number or too far from that of its cycle"
+    counts = [("radar report dropped: not finite, of negative range or of an unknown radar", "plots", m.plots.dropped)]
+    regions = zip(sensors.region_names, m.tracks, strict=True)
+    counts += [(f"plot dropped: {stamp}", f"tracks of {name}", region.dropped) for name, region in regions]
+    counts += [(f"AIS report dropped: {reason}", "ais_tracks", count) for reason, count in m.ais_tracks.refused.items()]
+    counts += [(f"bearing dropped: {stamp}", "bearing_tracks", m.bearing_tracks.dropped)]
+    counts += [(f"track state dropped: {stamp}, or a newer one is known", "received_tracks", m.received_tracks.dropped)]
+    return tuple(Fault(kind, count, where, "") for kind, where, count in counts if count)
 
 
 def track_region(

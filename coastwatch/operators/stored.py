@@ -119,8 +119,9 @@ def runs_table(rows: Rows) -> Rows:
         cycles = f"{of['cycles_stored']} of {of['cycles']}"
         about = (of[name] for name in ("run", "scenario", "seed", "version", "status"))
         figures = [round(value, 4) if isinstance(value, float) else value for value in main]
-        made.append((*about, cycles, of["started_utc"], *figures, _verdict(of["verdict"])))
-    columns = ("run", "scenario", "seed", "version", "status", "cycles", "started_utc")
+        faults = sum(fault["count"] for fault in of["faults"])
+        made.append((*about, cycles, of["started_utc"], faults, *figures, _verdict(of["verdict"])))
+    columns = ("run", "scenario", "seed", "version", "status", "cycles", "started_utc", "faults")
     return Rows((*columns, *(f"{stage}.{name}" for stage, name in MAIN_SCORES), "verdict"), made)
 
 

@@ -88,20 +88,24 @@ def run_scenario(
     with store.open_store(database) as opened:
         if restart:
             store.discard_runs(opened, scenario.name, seed)
-        warm_up(scenario, sensors, partial(report, 0, plan.cycles))
-        run_id, point = _begin(opened, scenario, sensors, recording, plan, seed, processors(count), resume)
         watch = Stopwatch()
-        with open_workers(scenario.workers.method, count) as opened_workers, _interrupt_as_flag() as interrupted:
-            try:
-                with Writer[store.Written](watch, scenario.store.overlap and opened.shared, BEHIND) as writer:
-                    run = _Run(scenario, sensors, recording, plan, opened, run_id, opened_workers, watch, writer, interrupted)
-                    point, vessels, most = _run_cycles(run, point, report, on_cycle)
-                scores = result(point.tally, recording, sensors)
-            except BaseException:
-                store.finish_run(opened, run_id, "failed", {}, recording.all_faults())
-                raise
+        with open_workers(scenario.workers.method, count) as opened_workers:
+            warm_up(scenario, sensors, partial(report, 0, plan.cycles), opened_workers)
+            run_id, point = _begin(opened, scenario, sensors, recording, plan, seed, processors(count), resume)
+            with _interrupt_as_flag() as interrupted:
+                try:
+                    with Writer[store.Written](watch, scenario.store.overlap and opened.shared, BEHIND) as writer:
+                        parts = scenario, sensors, recording, plan, opened, run_id, opened_workers, watch, writer, interrupted
+                        point, vessels, most = _run_cycles(_Run(*parts), point, report, on_cycle)
+                    memory = pipeline.gathered(point.memory, opened_workers.regions)
+                    scores = result(point.tally, recording, sensors)
+                except BaseException:
+                    faults = *recording.all_faults(), *_losses(scenario, opened_workers)
+                    store.finish_run(opened, run_id, "failed", {}, faults)
+                    raise
+        faults = *recording.all_faults(), *pipeline.dropped(memory, sensors), *_losses(scenario, opened_workers)
         status = "interrupted" if interrupted.is_set() and point.cycle < plan.cycles else "finished"
-        store.finish_run(opened, run_id, status, scores, recording.all_faults())
+        store.finish_run(opened, run_id, status, scores, faults)
     return RunResult(
         run_id,
         scenario.name,
@@ -110,7 +114,7 @@ def run_scenario(
         scores,
         watch.summary(),
         database,
-        recording.all_faults(),
+        faults,
         vessels,
         point.cycle,
         time.perf_counter() - started,
@@ -135,6 +139,14 @@ class _Run:
     watch: Stopwatch
     writer: Writer[store.Written]
     interrupted: threading.Event
+
+
+def _losses(scenario: Scenario, workers: Workers) -> Iterator[Fault]:
+    """The workers that were lost and replaced."""
+    if lost := workers.lost():
+        yield Fault(
+            "worker lost and replaced, its work computed again", lost, f"workers.method = {scenario.workers.method}", ""
+        )
 
 
 def _begin(
@@ -206,7 +218,7 @@ def _run_cycle(run: _Run, point: Point) -> tuple[Point, Cycle, str | None, bool]
         reports = run.recording.of_first_cycle(plan.start_s, plan.instant_s(0))
     else:
         reports = run.recording.reports.between(plan.instant_s(number - 1), plan.instant_s(number))
-    spots, regions = run.workers
+    spots, regions = run.workers.spots, run.workers.regions
     memory, cycle = pipeline.step(
         scenario, run.sensors, point.memory, reports, plan.instant_s(number), spots, run.watch, regions
     )

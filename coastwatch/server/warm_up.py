@@ -1,4 +1,4 @@
-"""Loads the kernels that a run calls before its first cycle, so that the first cycle takes no longer than the others.
+"""Loads the kernels that a run calls before its first cycle, here and in its workers, so that the first cycle takes no longer.
 
 After an installation they are compiled, which takes about a minute; from then on they come from disk (`kernels/jit.py`).
 """
@@ -16,7 +16,8 @@ from coastwatch.geodesy import offset_deg
 from coastwatch.scenario import Scenario
 from coastwatch.sensors.simulated.ais import AisTruth
 from coastwatch.sensors.simulated.simulation import Simulated
-from coastwatch.stage import Plan, serial
+from coastwatch.stage import Plan, serial, serial_regions
+from coastwatch.workers import Workers
 
 CYCLES = 8  # tracks are confirmed, associated and fused by then
 START_S = 1.7e9  # any time
@@ -25,10 +26,14 @@ NEAR_M = ((400.0, 300.0), (-900.0, 500.0), (700.0, -1200.0), (-300.0, -600.0))  
 MOST_SENSORS = 6  # round which vessels are put
 
 
-def warm_up(scenario: Scenario, sensors: Sensors, report: Callable[[str], None]) -> None:
+ALONE = Workers(serial, serial_regions)
+
+
+def warm_up(scenario: Scenario, sensors: Sensors, report: Callable[[str], None], workers: Workers = ALONE) -> None:
     """Run a few cycles on a few simulated vessels, and forget them.
 
-    Args: report: called with a text before each stage of the first cycle, which takes seconds where kernels are compiled.
+    Args: workers: of the run.
+    report: called with a text before each stage of the first cycle, which takes seconds where kernels are compiled.
     """
     places = _places(scenario, sensors)
     sea = Simulated(
@@ -38,7 +43,7 @@ def warm_up(scenario: Scenario, sensors: Sensors, report: Callable[[str], None])
         ais=AisTruth(latency_spread_s=LATE_S),
         places_deg=tuple((float(lat), float(lon)) for lat, lon in places),
     )
-    scenario = _with_spots(scenario)
+    scenario = _with_spots(scenario, several=workers.spots is not serial)
     plan = Plan(start_s=START_S, period_s=scenario.period_s, cycles=CYCLES)
     reports, memory, before_s = sea.load(sensors, 0, plan).reports, pipeline.start(scenario, sensors), -np.inf
     begun: list[str] = []
@@ -53,13 +58,16 @@ def warm_up(scenario: Scenario, sensors: Sensors, report: Callable[[str], None])
     for number in range(CYCLES):
         now_s = plan.instant_s(number)
         arrived = reports.between(before_s, now_s)
-        memory, _ = pipeline.step(scenario, sensors, memory, arrived, now_s, serial, announced)
+        memory, _ = pipeline.step(scenario, sensors, memory, arrived, now_s, workers.spots, announced, workers.regions)
         before_s = now_s
 
 
-def _with_spots(scenario: Scenario) -> Scenario:
-    """The scenario with two spots if many vessels are to come: several spots need scikit-learn, which takes a second to import."""
-    if not isinstance(scenario.input, Simulated) or scenario.input.count <= scenario.spots.tracks_per_spot:
+def _with_spots(scenario: Scenario, several: bool = False) -> Scenario:
+    """The scenario with two spots if many vessels are to come: several spots need scikit-learn, which takes a second to import.
+
+    Args: several: also if few come, because the workers take spots.
+    """
+    if not several and (not isinstance(scenario.input, Simulated) or scenario.input.count <= scenario.spots.tracks_per_spot):
         return scenario
     return scenario.model_copy(update={"spots": scenario.spots.model_copy(update={"count": 2})})
 

@@ -164,7 +164,7 @@ def runs(store: Store) -> Rows:
     stored = select(CYCLE.c.run_id, func.count().label("done")).group_by(CYCLE.c.run_id).subquery()
     r, done = RUN.c, func.coalesce(stored.c.done, 0).label("cycles_stored")
     about = (r.id, r.scenario, r.title, r.seed, r.version, r.status, r.started_utc, r.finished_utc, r.workers)
-    query = select(*about, done, r.cycles, r.period_s, r.start_s, r.written_utc, r.scores, r.verdict)
+    query = select(*about, done, r.cycles, r.period_s, r.start_s, r.written_utc, r.scores, r.faults, r.verdict)
     with reading(store) as connection:
         found = fetch_rows(connection, query.outerjoin(stored, stored.c.run_id == r.id).order_by(r.id.desc()))
         return Rows(found.columns, [_with_death(connection, found.columns, row) for row in found.rows])

@@ -53,7 +53,7 @@ class ReceivedMemory:
     table: ReceivedTable
     differences: Differences
     next_track: int
-    dropped: int  # states whose stamp is not finite or from the future
+    dropped: int  # states whose stamp is not finite, from the future, or before that of the state that is kept
 
 
 class ReceivedTracks(Method):
@@ -97,6 +97,8 @@ class ReceivedTracks(Method):
         usable = np.isfinite(reports.time_s) & (reports.time_s <= time_s + self.ahead_s)
         dropped = memory.dropped + int((~usable).sum())
         newest = _newest(reports.take(usable))
+        known_s = np.append(memory.table.time_s, -np.inf)[_row_of(memory.table, newest)]  # row -1: a new track
+        dropped += int((newest.time_s < known_s).sum())
         table, fresh, next_track = self._updated(memory.table, newest, sources.position_sigma_m, memory.next_track)
         alive = time_s - table.time_s <= np.maximum(sources.patience_s[table.sensor], INTERVALS * table.interval_s)
         table, fresh = table.take(alive), fresh[alive]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import NamedTuple
 
@@ -16,10 +16,11 @@ __all__ = ["Workers", "open_workers", "processors"]
 
 
 class Workers(NamedTuple):
-    """The maps of per-spot work and of regional centres."""
+    """The maps of per-spot work and of regional centres, and how many processes or actors were lost and replaced so far."""
 
     spots: Map
     regions: RegionMap
+    lost: Callable[[], int] = lambda: 0
 
 
 @contextmanager
@@ -35,7 +36,8 @@ def open_workers(method: str, count: int) -> Iterator[Workers]:
         from coastwatch.workers.remote_regions import RemoteRegions
 
         with threads(processors(0)), Actors(count) as actors:
-            yield Workers(serial, RemoteRegions(actors))
+            remote = RemoteRegions(actors)
+            yield Workers(serial, remote, lambda: remote.lost)
         return
     count = processors(count)
     with threads(count):
@@ -47,4 +49,5 @@ def open_workers(method: str, count: int) -> Iterator[Workers]:
         from coastwatch.workers.remote_regions import RemoteRegions
 
         with Processes(count) as pool, ProcessHosts(count) as hosts:
-            yield Workers(pool, RemoteRegions(hosts))
+            regions = RemoteRegions(hosts)
+            yield Workers(pool, regions, lambda: pool.lost + regions.lost)

@@ -43,6 +43,7 @@ class Processes:
         self._publishers: dict[str, Publisher] = defaultdict(Publisher)  # of each kind of work
         self._costs: dict[str, Costs] = defaultdict(Costs)
         self._pool = new_pool(count)
+        self.lost = 0  # pools so far, of which a process was lost
 
     def __enter__(self) -> Processes:
         return self
@@ -83,6 +84,7 @@ class Processes:
             except BrokenProcessPool:
                 done.append(None)
         if None in done or not futures:
+            self.lost += 1
             self._pool.shutdown(cancel_futures=True)
             self._pool = new_pool(self.count)
         return done or [None] * len(chunks)

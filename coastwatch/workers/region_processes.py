@@ -1,13 +1,20 @@
-"""Regional centres in processes of this machine: each keeps the memory of its regions."""
+"""Regional centres in processes of this machine: each keeps the memory of its regions.
+
+What a region is given and yields in a cycle goes through shared memory. Its memory, which rarely comes, goes through the executor.
+"""
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
+from coastwatch.stage import RegionStep
 from coastwatch.workers.processes import new_pool
 from coastwatch.workers.remote_regions import Lost, RegionHost
+from coastwatch.workers.shared_memory import Publisher, Reader, Sent, receive, send
 
 
 class ProcessHosts:
@@ -17,41 +24,62 @@ class ProcessHosts:
 
     def __init__(self, count: int) -> None:
         self._pools = [new_pool(1) for _ in range(count)]
+        self._given: dict[int, Publisher] = defaultdict(Publisher)  # to each region
+        self._found: dict[tuple[ProcessPoolExecutor, int], Reader] = defaultdict(Reader)  # by each process for each region
 
     def __enter__(self) -> ProcessHosts:
         return self
 
     def __exit__(self, *_: object) -> None:
         for pool in self._pools:
-            pool.shutdown(cancel_futures=True)
+            self._end(pool)
+        for publisher in self._given.values():
+            publisher.close()
 
     def ready(self) -> list[Any]:
         """All processes."""
         return list(self._pools)
 
     def call(self, host: ProcessPoolExecutor, name: str, region: int, *given: Any) -> Future[Any]:
-        """Begin a method of the `RegionHost` in a process. Raises: Lost."""
+        """Begin a method of the `RegionHost` in a process. Raises: Lost; OSError: too little shared memory."""
         try:
-            return host.submit(_carry_out, name, region, given)
+            if name == "step":
+                step, memory, cycles = given
+                return host.submit(_step, region, step, memory, send(cycles, self._given[region]))
+            return host.submit(_carry_out, name, region)
         except BrokenProcessPool as error:
             raise Lost from error
 
     def answer(self, host: ProcessPoolExecutor, region: int, begun: Future[Any]) -> Any:
         """The result of a call. Raises: Lost; the error of the call."""
         try:
-            return begun.result()
+            found = begun.result()
         except BrokenProcessPool as error:
             raise Lost from error
+        return receive(found, self._found[host, region]) if isinstance(found, Sent) else found
 
     def replace(self, host: ProcessPoolExecutor) -> None:
         """A new process in place of a lost one."""
-        host.shutdown(cancel_futures=True)
+        self._end(host)
         self._pools[self._pools.index(host)] = new_pool(1)
+
+    def _end(self, host: ProcessPoolExecutor) -> None:
+        host.shutdown(cancel_futures=True)
+        for key in [key for key in self._found if key[0] is host]:
+            self._found.pop(key).release()
 
 
 _host = RegionHost()  # in a process: its regions
+_given: dict[int, Reader] = defaultdict(Reader)
+_found: dict[int, Publisher] = defaultdict(Publisher)
 
 
-def _carry_out(name: str, region: int, given: tuple[Any, ...]) -> Any:
-    """The result of a method of this process's `RegionHost`."""
-    return getattr(_host, name)(region, *given)
+def _step(region: int, step: RegionStep, memory: Any, cycles: Sent) -> Sent:
+    """The result of `step` of this process's `RegionHost`."""
+    given: Sequence[tuple[Any, ...]] = receive(cycles, _given[region])
+    return send(_host.step(region, step, memory, given), _found[region])
+
+
+def _carry_out(name: str, region: int) -> Any:
+    """The result of another method of it."""
+    return getattr(_host, name)(region)

@@ -115,6 +115,7 @@ class RemoteRegions:
         self._step: RegionStep | None = None
         self._cycle = -1
         self._ready: list[Any] = []
+        self.lost = 0  # hosts so far
 
     def __call__(self, step: RegionStep, memories: Sequence[Any], given: Sequence[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
         """What step(memory, *given) returns for each region, but for the memory, in whose place is a `Kept`.
@@ -174,6 +175,7 @@ class RemoteRegions:
             return None
 
     def _lose(self, host: Any) -> None:
+        self.lost += 1
         for region in self._regions:
             if region.host is host:
                 region.host, region.current = None, False

@@ -1,4 +1,4 @@
-"""Arrays by name from one process of this machine to others, in shared memory."""
+"""Arrays by name, and plain data with its arrays, from one process of this machine to others, in shared memory."""
 
 from __future__ import annotations
 
@@ -10,10 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coastwatch.batches import Array
+from coastwatch.batches.plain_data import from_tree, to_tree
 from coastwatch.stage import Arrays
 
 MARGIN = 1.25  # size of a new block over the needed size, for tracks to come
 ALIGNMENT = 64
+BATCHES = ("coastwatch.batches",)  # whose classes are sent
 
 
 class Location(NamedTuple):
@@ -99,6 +101,31 @@ class Reader:
             views = tuple(_read_only(each.view(block)) for each in several)
             arrays[name] = views[0] if isinstance(location, Location) else views
         return arrays
+
+    def release(self) -> None:
+        """Release the shared memory for all, when the publisher's process has ended."""
+        if self._block is not None:
+            self._block.close()
+            self._block.unlink()
+            self._block = None
+
+
+class Sent(NamedTuple):
+    """Plain data in shared memory: its tree, see `coastwatch.batches.plain_data`, and its arrays."""
+
+    tree: Any
+    arrays: Published
+
+
+def send(value: Any, publisher: Publisher) -> Sent:
+    """Copy plain data of batches to shared memory. Raises: TypeError: other data; OSError: the system has not enough of it."""
+    tree, arrays = to_tree(value, BATCHES)
+    return Sent(tree, publisher.publish({"arrays": tuple(arrays)}))
+
+
+def receive(sent: Sent, reader: Reader) -> Any:
+    """The value that was sent, with arrays of its own. Args: reader: of the publisher."""
+    return from_tree(sent.tree, [view.copy() for view in reader.views(sent.arrays)["arrays"]], BATCHES)
 
 
 def _read_only(array: Array) -> Array:

@@ -15,7 +15,7 @@ from time import process_time
 import numpy as np
 
 from coastwatch import store
-from coastwatch.batches import Flag, Ints, Picture
+from coastwatch.batches import Flag, Ints, Picture, Tracks
 from coastwatch.scenario import load_scenario
 from coastwatch.store.database import writing
 from coastwatch.store.events import Events, extend, write_events
@@ -36,6 +36,17 @@ def picture_of(flags: Ints, time_s: float) -> Picture:
     return Picture(vessel, when, position, np.ones((n, 2)), covariance, when, when, mmsi, flags, mmsi)
 
 
+def tracks_of(picture: Picture) -> Tracks:
+    """A radar and an AIS track of each vessel."""
+    n = len(picture)
+    both = np.repeat(np.arange(n), 2)
+    when, mmsi = picture.time_s[both], np.where(np.tile([RADAR, AIS], n) == AIS, picture.mmsi[both], -1)
+    covariance, position = picture.covariance[both], picture.position_deg[both]
+    ids, source = np.arange(2 * n), np.tile([RADAR, AIS], n)
+    velocity = picture.velocity_m_s[both]
+    return Tracks(ids, source, when, position, velocity, covariance, covariance[:, :2, :2], when, when, mmsi, mmsi)
+
+
 def main() -> None:
     vessels, cycles = (int(sys.argv[k]) if len(sys.argv) > k else default for k, default in ((1, 100_000), (2, 12)))
     rng, kinds = np.random.default_rng([17, vessels]), np.array([flag.value for flag in Flag])
@@ -53,11 +64,12 @@ def main() -> None:
             flags = np.where(change, np.where(flags > 0, 0, rng.choice(kinds, vessels)), flags)
             time_s = plan.instant_s(number)
             picture = picture_of(flags, time_s)
+            tracks = tracks_of(picture)
             begun = process_time()
             events, changes = extend(events, number, time_s, time_s - plan.period_s, picture, GAP_S)
             extended = process_time()
             with writing(opened) as connection:
-                rows += write_events(connection, run, changes, picture, members, names)
+                rows += write_events(connection, run, changes, picture, members, names, tracks)
             ms.append((1e3 * (extended - begun), 1e3 * (process_time() - extended)))
     follow, write = (statistics.median(column) for column in zip(*ms[WARM:], strict=True))
     print(f"{vessels} vessels, {np.count_nonzero(flags)} with a flag, {rows} rows in {cycles} cycles")

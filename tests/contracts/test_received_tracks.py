@@ -146,6 +146,11 @@ def test_a_state_from_the_future_is_dropped_and_counted(stamp_s: float) -> None:
     assert ahead.time_s.tolist() == [14.0]  # by ahead_s exactly
     assert memory.dropped == 2
     assert checkpoint.load(checkpoint.save(memory)).dropped == 2
+    memory, same = method.step(memory, states(13.0, [1], here + 90.0), 15.0, sensors(), Tracks.empty())
+    assert same.time_s.tolist() == [14.0]
+    assert memory.dropped == 3  # it is older than the one that is kept
+    memory, _ = method.step(memory, states(14.0, [1], here + 30.0), 18.0, sensors(), Tracks.empty())
+    assert memory.dropped == 3  # the same again
 
 
 def world(cycles: int, seed: int, share: float = 0.5) -> tuple[np.ndarray, Tracks]:

@@ -36,6 +36,7 @@ def test_hosts_lost_at_any_moment_change_nothing(replaced, gather_every):
         for cycle in range(12):
             centre.step(regions, gather=cycle % gather_every == 0)
         centre.step(regions)
+        assert regions.lost == hosts.lost
         lost += hosts.lost
     assert lost > 100
 
@@ -107,7 +108,7 @@ def test_a_memory_is_consumed_and_an_error_of_a_step_is_raised():
         regions(add, old, given)
     with pytest.raises(KeyError, match="nothing"):
         regions(refuse, starts(), given)
-    with pytest.raises(TypeError, match="needed an array, a number, a text or a dataclass of a stage"):
+    with pytest.raises(TypeError, match="needed an array, a number, a text or a dataclass of coastwatch"):
         save(old)  # what stands for a memory is not saved in its place
 
 
@@ -163,7 +164,9 @@ def test_the_picture_from_plots_is_the_same_over_processes_of_which_one_is_kille
                 assert len(pids) == 2
                 os.kill(pids[0], signal.SIGKILL)
 
-        assert run_regions(scenario_of_regions(), RemoteRegions(hosts), workers.spots, kill) == alone
+        regions = RemoteRegions(hosts)
+        assert run_regions(scenario_of_regions(), regions, workers.spots, kill) == alone
+        assert (regions.lost, workers.lost()) == (1, 0)
 
 
 @pytest.mark.slow

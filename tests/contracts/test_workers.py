@@ -13,6 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from coastwatch.batches import TrackReports
+from coastwatch.batches.plain_data import TreeError, from_tree, to_tree
 from coastwatch.kernels.threads import blocks
 from coastwatch.stage import Groups, serial
 from coastwatch.workers import open_workers, processors
@@ -20,7 +22,7 @@ from coastwatch.workers.costs import Costs, deal
 from coastwatch.workers.processes import Processes
 from coastwatch.workers.region_threads import ThreadedRegions
 from coastwatch.workers.remote_regions import RemoteRegions
-from coastwatch.workers.shared_memory import Publisher, Reader
+from coastwatch.workers.shared_memory import Publisher, Reader, receive, send
 
 
 def squares(settings, arrays, spots):
@@ -133,6 +135,33 @@ def test_arrays_go_through_shared_memory_to_the_bit():
     publisher.close()
 
 
+def test_plain_data_goes_through_shared_memory_and_is_not_shared_afterwards():
+    publisher, reader = Publisher(), Reader()
+    for count in (0, 3, 2000, 5):
+        batch = TrackReports.join([TrackReports.empty()] + [reports(k) for k in range(count)])
+        value = (batch, np.arange(3), 2.5, ("north", None), {"k": [np.float64(1.0)]})
+        got, *rest = receive(send(value, publisher), reader)
+        send((np.full(10_000, np.nan),), publisher)  # the next value overwrites the memory
+        assert isinstance(got, TrackReports)
+        assert got.time_s.tolist() == list(range(count))
+        assert rest[0].tolist() == [0, 1, 2]
+        assert rest[1:] == list(value[2:])
+        got.time_s[:] = 0.0
+    with pytest.raises(TypeError, match=r"got a types.SimpleNamespace, needed .* a dataclass of coastwatch.batches"):
+        send(SimpleNamespace(), publisher)
+    tree, arrays = to_tree(batch, ("coastwatch.batches",))
+    with pytest.raises(TreeError, match=r"names the class coastwatch.batches.reports.TrackReports"):
+        from_tree(tree, arrays, ("coastwatch.stage",))
+    publisher.close()
+
+
+def reports(time_s):
+    """One state of a track."""
+    one = np.array([time_s])
+    at, covariance = np.zeros((1, 2)), np.zeros((1, 4, 4))
+    return TrackReports(one, one, one.astype(float), one.astype(float), at, at, covariance, one)
+
+
 def test_shared_arrays_are_read_only_and_what_work_raises_is_raised_here(pool):
     arrays, spots = problem(3, 4)
     with pytest.raises(ValueError, match="read-only"):
@@ -146,6 +175,7 @@ def test_a_lost_process_is_made_good_and_replaced(pool, tmp_path):
     value, spots = np.arange(40.0), groups(np.arange(40), [5] * 8)
     assert same(die_where_told, (str(deaths), os.getpid()), {"value": value}, spots, pool) == 40
     assert deaths.read_text().startswith("died\n")
+    assert pool.lost == 1
     for _ in range(2):
         assert same(squares, 1.5, *problem(1, 7), pool) > 100
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+from multiprocessing import active_children
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,12 @@ from run_world import SEED, column, rows, run, small, stored, url
 from sqlalchemy import event
 
 from coastwatch import store
+from coastwatch.operators import stored as operators_stored
 from coastwatch.operators.cli import main
+from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.server.run import run_scenario
-from coastwatch.store import Store, StoreError
+from coastwatch.store import Rows, Store, StoreError
 from coastwatch.store.migrate import check
 
 PAGES = 85  # of 16 kB: room for a few cycles and the checkpoint
@@ -42,6 +45,37 @@ def test_two_workers_give_the_rows_of_one(alone: Path, tmp_path: Path, method: s
     assert column(tmp_path / "two.db", "SELECT workers FROM run") == [2]
     assert rows(tmp_path / "two.db") == rows(alone)
     assert made.scores == run(tmp_path / "one.db", small(), workers=1).scores
+
+
+def test_a_worker_that_is_killed_is_counted_and_changes_nothing(alone: Path, tmp_path: Path) -> None:
+    fifth_s = small().plan().instant_s(4)
+
+    def kill(cycle: Cycle) -> None:
+        if cycle.time_s == fifth_s:
+            for process in active_children():
+                process.kill()
+
+    made = run(tmp_path / "killed.db", small(workers__method="processes"), workers=2, on_cycle=kill)
+    assert rows(tmp_path / "killed.db") == rows(alone)
+    found = [(fault.kind, fault.count, fault.where) for fault in made.faults if "worker" in fault.kind]
+    assert found == [("worker lost and replaced, its work computed again", 1, "workers.method = processes")]
+    assert "worker lost and replaced" in column(tmp_path / "killed.db", "SELECT faults FROM run")[0]
+
+
+def test_records_that_a_stage_drops_are_counted_and_listed(tmp_path: Path) -> None:
+    late = {"input__ais__latency_s": "11", "input__ais__latency_spread_s": "0", "cycles": "12"}
+    made = run(tmp_path / "late.db", small(**late))
+    (fault,) = made.faults
+    assert (fault.kind, fault.where) == ("AIS report dropped: too late", "ais_tracks")
+    assert fault.count > 50
+    runs = stored_runs(tmp_path / "late.db")
+    assert runs.rows[0][runs.columns.index("faults")] == fault.count
+
+
+def stored_runs(path: Path) -> Rows:
+    """The table of `coastwatch runs`."""
+    with store.open_store(url(path)) as opened:
+        return operators_stored.runs_table(operators_stored.runs(opened))
 
 
 def test_a_cycle_written_beside_the_next_leaves_the_rows_of_one_written_in_turn(alone: Path, tmp_path: Path) -> None:

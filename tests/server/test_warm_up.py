@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from multiprocessing import active_children
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from coastwatch.kernels.filters import ais_tracker
 from coastwatch.kernels.geometry import radar_plane
 from coastwatch.scenario import load_scenario
 from coastwatch.server.warm_up import _places, _with_spots, warm_up
+from coastwatch.workers import open_workers
 
 SCENARIOS = {
     "context-driven-100": {},
@@ -41,6 +44,16 @@ def test_the_kernels_that_take_longest_are_loaded() -> None:
         assert kernel.signatures, kernel.__name__
 
 
+def test_worker_processes_have_done_both_kinds_of_work_before_the_first_cycle() -> None:
+    radar = '{{name = "{0}", region = "{0}", latitude_deg = {1}, longitude_deg = -43.1, range_nm = 4.0, rpm = 20.0}}'
+    radars = f"[{radar.format('north', -23.0)}, {radar.format('south', -23.1)}]"
+    scenario = load_scenario("context-driven-100", {"radars": radars})
+    with open_workers("processes", 2) as workers:
+        warm_up(scenario, scenario.sensors(), lambda text: None, workers)
+        assert 3 <= len(active_children()) <= 4  # two of regions, two or one of spots
+        assert workers.lost() == 0
+
+
 def test_a_sensor_without_a_place_gets_no_vessel() -> None:
     scenario = load_scenario("context-driven-100")
     sensors = scenario.sensors()
@@ -54,3 +67,4 @@ def test_several_spots_where_many_vessels_are_to_come() -> None:
     for name in ("context-driven-100", "solent"):
         scenario = load_scenario(name)
         assert _with_spots(scenario) is scenario
+        assert _with_spots(scenario, several=True).spots.count == 2

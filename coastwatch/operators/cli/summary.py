@@ -149,7 +149,7 @@ def _timings(timings_s: Mapping[str, Any], period_s: float) -> Iterator[str]:
 
 def _faults(faults: Any) -> Iterator[str]:
     if faults:
-        yield "refused and unused records, by kind, with the first of each"
+        yield "records refused, dropped or not used, and lost workers, by kind, with the first of each"
         for f in faults:
             yield f"  {f.count:>8} x {f.kind}: {f.where}" + (f": {f.example}" if f.example else "")
 
