@@ -9,8 +9,9 @@ from coastwatch.sensors.recorded.autoferry import Autoferry
 from coastwatch.sensors.recorded.nmea import Nmea
 from coastwatch.sensors.recorded.solent import Solent
 from coastwatch.sensors.recorded.tables import Tables
+from coastwatch.sensors.simulated.crossing import Crossing
 from coastwatch.sensors.simulated.simulation import Simulated
 
-Feed = Annotated[Simulated | Nmea | AisTable | Tables | Autoferry | Solent, Field(discriminator="method")]
+Feed = Annotated[Simulated | Nmea | AisTable | Tables | Autoferry | Solent | Crossing, Field(discriminator="method")]
 
-__all__ = ["AisTable", "Autoferry", "Feed", "Nmea", "Simulated", "Solent", "Tables"]
+__all__ = ["AisTable", "Autoferry", "Crossing", "Feed", "Nmea", "Simulated", "Solent", "Tables"]

@@ -92,9 +92,13 @@ class JointAssociation:
         return shown(self.management, table, time_s)
 
     def _candidates(self, table: Table, batch: PlotColumns, period_s: float) -> Candidates:
-        """The plots in the gates of the tracks that took none of this radar in this look."""
+        """The plots in the gates of the tracks that took none of this radar in this look.
+
+        A gate is as wide as by the liveliest model: the average of the models would lose vessels that manoeuvre while they are missed.
+        """
         limit = gate(self.management.gate_probability, 2)
-        pairs = kernels.tracks.gate.candidates(table.estimates, table.live, batch, limit, self.management.late_s)
+        lively = table.estimates._replace(noise=np.full(len(table.noise_m2_s3), self.bank.models["noise"].max()))
+        pairs = kernels.tracks.gate.candidates(lively, table.live, batch, limit, self.management.late_s)
         due = batch.time[pairs.plot] - table.radar_s[pairs.track, batch.sensor[0]] > 0.5 * period_s
         return pairs if due.all() else Candidates(*(column[due] for column in pairs))
 

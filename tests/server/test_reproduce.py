@@ -52,6 +52,18 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[report.Reproduction
     return reproduced(folder, tuple(name for name, of in FOLDERS.items() if not of.picture)), folder
 
 
+def test_the_tracks_of_few_targets_are_scored_beside_the_bound(tmp_path: Path) -> None:
+    folders = published.chosen("hem", ())
+    plan, kept = planning.plan(folders, 1, "test", ("cycles=20",)), FinishedRuns(str(tmp_path))
+    running.carry_out(kept, planning.unlike(plan), 1, quiet)
+    made = report.made("hem", folders, plan, kept, "coastwatch reproduce hem")
+    rows = {row.figure.name: row for folder in made.folders for row in folder.rows}
+    assert 0.0 < rows["OSPA, P_D 0.98"].bound.mean < rows["OSPA, P_D 0.98"].default.mean
+    assert rows["TPD, P_D 0.98"].default.mean > rows["TPD, P_D 0.5"].default.mean
+    assert "OSPA, P_D 0.9" in report.written_page(kept, made).read_text("utf-8")
+    assert report.written_numbers(kept, made).exists()
+
+
 # ---- what runs ------------------------------------------------------------------------------------------------------
 
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from coastwatch.operators.bad_input import BadInput
-from coastwatch.operators.reproduction.published import Point, Published, Roc, Variant, settings_of
+from coastwatch.operators.reproduction.published import Point, Published, Roc, Targets, Variant, settings_of
 from coastwatch.scenario import Scenario, ScenarioError, load_scenario
 
 FIRST_SEED = 1000
@@ -27,6 +27,7 @@ class Job:
     picture: bool = False
     roc: Roc | None = None  # settings of the statistics of all pairs
     serial: bool = False
+    targets: Targets | None = None
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,8 @@ def _job(of: Published, scenario: Scenario, seed: int, roc: Roc | None, code: st
         "picture": of.picture,
         "roc": roc and roc.model_dump(mode="json"),
         "serial": of.serial,
+        "targets": of.targets and of.targets.model_dump(mode="json"),
         "code": code,
     }
     key = hashlib.sha256(json.dumps(decides, sort_keys=True).encode()).hexdigest()[:20]
-    return Job(key, scenario, seed, of.history_s, of.picture, roc, of.serial)
+    return Job(key, scenario, seed, of.history_s, of.picture, roc, of.serial, of.targets)

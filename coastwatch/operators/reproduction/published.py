@@ -27,6 +27,14 @@ class Roc(Settings):
     threshold: float  # score from which the variant accepts, marked on the curve
 
 
+class Targets(Settings):
+    """Asks for the scores of the radar tracks of a few targets, in place of those of a whole run."""
+
+    cutoff_m: float = 200.0  # of OSPA
+    near_m: float = 100.0  # a track farther from every target is false
+    within_m: float  # of the first radar; tracks farther away do not count
+
+
 class Variant(Settings):
     """One column: the folder's scenario with some settings changed."""
 
@@ -71,6 +79,7 @@ class Published(Settings):
     why: str = ""  # the differences and their causes, for the report
     history_s: tuple[float, ...] = ()  # times after a cold start at which decisions are counted separately
     picture: bool = False  # draw the picture
+    targets: Targets | None = None  # score radar tracks alone
     plots: tuple[Literal["picture", "time_shares", "noise", "history", "roc"], ...] = ()
     short: tuple[str, ...] = ()  # settings of a quick test
     sweep: dict[str, tuple[Value, ...]] = Field(default_factory=dict)

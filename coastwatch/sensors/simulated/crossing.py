@@ -1,0 +1,201 @@
+"""Vessels that cross a disc around a radar and turn on the way, with clutter, misses and AIS messages of which some carry a wrong id.
+
+Source: A. G. Hem, E. F. Brekke, Variations of joint integrated data association with radar and target-provided measurements, Journal of
+Advances in Information Fusion 17(2), 2022, section VIII-A. What the paper leaves open is set here; the README of `hem-figure-2` says how.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from coastwatch.batches import AisReports, Bools, Floats, RadarReports, Recording, Reports, Sensors, Trajectories
+from coastwatch.batches.reports import AisStatics, BearingReports
+from coastwatch.geodesy import from_plane
+from coastwatch.stage import Method, Plan
+
+MOTION, DETECTION, CLUTTER, AIS = 61, 62, 63, 64  # streams of random numbers
+STEP_S = 0.5  # of the true motion
+HEADING_RAD = np.radians(20.0)  # greatest angle off the centre at the start
+TURN_BACK_RAD, TURN_BACK_RAD_S = np.radians(35.0), 0.06  # a vessel farther off than this turns back until it has been near
+NEAR_M = 50.0  # of the centre
+FIRST_MMSI = 257_000_000
+LATE_S = 10.0  # when the last two fifths of the vessels start
+
+Probability = Annotated[float, Field(ge=0.0, le=1.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
+
+
+class Crossing(Method):
+    """Vessels that start at the edge of a disc around the first radar, pass near its centre and leave. The radar stamps a turn alike."""
+
+    method: Literal["crossing"] = "crossing"
+    count: Annotated[int, Field(ge=1, le=1000)] = 5  # vessels
+    radius_m: Annotated[float, Field(gt=100.0)] = 500.0
+    speed_from_m_s: NotNegative = 4.0
+    speed_to_m_s: NotNegative = 12.0
+    noise_m2_s3: NotNegative = 0.01  # density of the white acceleration
+    turns_per_s: NotNegative = 1.0 / 30.0  # rate at which a vessel begins a turn of 0.02 to 0.12 rad/s and 5 to 15 s
+    detection_probability: Probability = 0.9  # of a visible vessel, in one turn of the radar
+    clutter_per_m2: NotNegative = 5e-7  # false plots in one turn
+    echo_sigma_m: NotNegative = 6.6  # of the echo's place on a vessel, per axis, on top of the radar's noise
+    hide_share: Probability = 0.0  # of the visible vessels that become invisible in a turn
+    show_share: Probability = 0.52  # of the invisible vessels that become visible in a turn
+    ais_share: Probability = 0.5  # of the vessels
+    ais_interval_s: Annotated[float, Field(gt=0.0)] = 6.0  # give or take a tenth
+    ais_sigma_m: NotNegative = 3.0  # per axis
+    wrong_id_share: Probability = 0.01  # of the messages
+
+    def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
+        """The reports of a run; the vessels start with the first turn, at the end of the first cycle.
+
+        Raises: ValueError if the scenario has no radar.
+        """
+        if not len(sensors.radars):
+            raise ValueError("radars: got none, needed one where input.method is crossing")
+        first_s, span_s = plan.instant_s(0), plan.instant_s(plan.cycles - 1) - plan.instant_s(0)
+        time_s = np.arange(0.0, span_s + STEP_S, STEP_S)
+        state = self._motion(np.random.default_rng([seed, MOTION]), len(time_s))
+        site_deg = sensors.radars.site_deg[0]
+        present = np.isfinite(state[..., 0])
+        filled = np.where(present[..., None], state, 0.0)
+        truth = Trajectories(
+            vessel=np.arange(self.count),
+            time_s=first_s + time_s,
+            position_deg=from_plane(filled[..., :2], site_deg),
+            velocity_m_s=filled[..., 2:],
+            present=present,
+            kick_s=np.zeros((self.count, 0)),
+            kick_m_s=np.full(self.count, np.nan),
+            turn_rate_rad_s=np.full(self.count, np.nan),
+            acceleration_m_s2=np.full((self.count, 2), np.nan),
+        )
+        radar = self._plots(sensors, seed, state, plan)
+        reports = Reports(radar, self._messages(seed, state, first_s, site_deg), AisStatics.empty(), BearingReports.empty())
+        return Recording(reports=reports, truth=truth)
+
+    def span(self) -> tuple[float, float]:
+        """Never returns: a simulation has no start of its own. Raises: ValueError."""
+        raise ValueError("start_utc, cycles: got none or 0, needed both where input.method is crossing")
+
+    def _motion(self, rng: np.random.Generator, steps: int) -> Floats:
+        """East, north and their rates of each vessel at each step, NaN where it is absent. (V, T, 4)"""
+        out = np.full((self.count, steps, 4), np.nan)
+        root = np.linalg.cholesky(np.array([[STEP_S**3 / 3.0, STEP_S**2 / 2.0], [STEP_S**2 / 2.0, STEP_S]]))
+        for vessel in range(self.count):
+            azimuth, speed = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(self.speed_from_m_s, self.speed_to_m_s)
+            course = azimuth + np.pi + rng.uniform(-HEADING_RAD, HEADING_RAD)
+            place, velocity = self.radius_m * _unit(azimuth), speed * _unit(course)
+            rate, until_s, near = 0.0, 0.0, False
+            first = 0 if vessel < 3 * self.count // 5 else int(LATE_S / STEP_S)
+            for k in range(first, steps):
+                if np.hypot(*place) > self.radius_m + (0.0 if near else 20.0):
+                    break
+                out[vessel, k] = *place, *velocity
+                near |= bool(np.hypot(*place) < NEAR_M)
+                if k * STEP_S >= until_s:
+                    rate, until_s = self._next_turn(rng, place, velocity, near, k * STEP_S)
+                noise = np.sqrt(self.noise_m2_s3) * rng.standard_normal((2, 2)) @ root.T
+                half = 0.5 * rate * STEP_S
+                chord = STEP_S * np.sinc(half / np.pi)
+                place = place + chord * _turned(velocity, half) + noise[:, 0]
+                velocity = _turned(velocity, 2.0 * half) + noise[:, 1]
+        return out
+
+    def _next_turn(
+        self, rng: np.random.Generator, place: Floats, velocity: Floats, near: bool, now_s: float
+    ) -> tuple[float, float]:
+        """The turn rate from now on, and until when."""
+        angle = np.arctan2(-place[1], -place[0]) - np.arctan2(velocity[1], velocity[0])
+        off = float(np.angle(np.exp(1j * angle)))
+        if not near and abs(off) > TURN_BACK_RAD:
+            return float(np.sign(off)) * TURN_BACK_RAD_S, now_s + abs(off) / TURN_BACK_RAD_S
+        if rng.random() < STEP_S * self.turns_per_s:
+            rate = float(rng.choice([-1.0, 1.0])) * rng.uniform(0.02, 0.12)
+            return rate, now_s + rng.uniform(5.0, 15.0)
+        return 0.0, 0.0
+
+    def _plots(self, sensors: Sensors, seed: int, state: Floats, plan: Plan) -> RadarReports:
+        radars, rng, other = sensors.radars, np.random.default_rng([seed, DETECTION]), np.random.default_rng([seed, CLUTTER])
+        visible = rng.random(self.count) < _steady_share(self.hide_share, self.show_share)
+        place, time, origin = [], [], []
+        for cycle in range(plan.cycles):
+            now_s = plan.instant_s(cycle)
+            here = state[:, round((now_s - plan.instant_s(0)) / STEP_S), :2]
+            seen = np.isfinite(here[:, 0]) & visible & (rng.random(self.count) < self.detection_probability)
+            false = other.poisson(self.clutter_per_m2 * np.pi * self.radius_m**2)
+            distance, azimuth = self.radius_m * np.sqrt(other.random(false)), other.uniform(0.0, 2.0 * np.pi, false)
+            echo = self._measured(here[seen], radars.range_sigma_m[0], radars.azimuth_sigma_rad[0], rng)
+            place.append(np.concatenate([echo, distance[:, None] * np.column_stack([np.sin(azimuth), np.cos(azimuth)])]))
+            time.append(np.full(len(place[-1]), now_s))
+            origin.append(np.concatenate([np.flatnonzero(seen), np.full(false, -1)]))
+            draw = rng.random(self.count)
+            visible = np.where(visible, draw >= self.hide_share, draw < self.show_share)
+        every, when = np.concatenate(place), np.concatenate(time)
+        return RadarReports(
+            sensor=np.zeros(len(when), np.int64),
+            time_s=when,
+            received_s=when,
+            range_m=np.hypot(*every.T),
+            azimuth_deg=np.degrees(np.arctan2(every[:, 0], every[:, 1])) % 360.0,
+            site_deg=np.tile(radars.site_deg[0], (len(when), 1)),
+            origin=np.concatenate(origin).astype(np.int64),
+        )
+
+    def _measured(self, place: Floats, range_sigma_m: float, azimuth_sigma_rad: float, rng: np.random.Generator) -> Floats:
+        """Positions with the noise of the echo's place, and of range and azimuth, which vanishes at the radar. (M, 2)"""
+        distance = np.hypot(*place.T)[:, None]
+        ahead = place / np.maximum(distance, 1e-9)
+        across = np.column_stack([ahead[:, 1], -ahead[:, 0]])
+        noise = self.echo_sigma_m * rng.standard_normal(place.shape)
+        noise += range_sigma_m * rng.standard_normal(distance.shape) * ahead
+        noise += azimuth_sigma_rad * distance * rng.standard_normal(distance.shape) * across
+        return np.asarray(place + noise)
+
+    def _messages(self, seed: int, state: Floats, first_s: float, site_deg: Floats) -> AisReports:
+        rng, rows = np.random.default_rng([seed, AIS]), []
+        for vessel in range(self.count):
+            if rng.random() >= self.ais_share:
+                continue
+            time_s = rng.uniform(0.0, self.ais_interval_s)
+            while time_s < (state.shape[1] - 1) * STEP_S:
+                step = time_s / STEP_S
+                here = (1.0 - step % 1.0) * state[vessel, int(step), :2] + step % 1.0 * state[vessel, int(step) + 1, :2]
+                if np.isfinite(here[0]):
+                    wrong = rng.random() < self.wrong_id_share
+                    mmsi = int(rng.integers(200_000_000, 800_000_000)) if wrong else FIRST_MMSI + vessel
+                    rows.append((time_s, *(here + self.ais_sigma_m * rng.standard_normal(2)), mmsi, vessel))
+                time_s += self.ais_interval_s * rng.uniform(0.9, 1.1)
+        found = np.array(sorted(rows), np.float64).reshape(-1, 5)
+        unknown, time = np.full(len(found), np.nan), first_s + found[:, 0]
+        return AisReports(
+            time_s=time,
+            received_s=time,
+            mmsi=found[:, 3].astype(np.int64),
+            position_deg=from_plane(found[:, 1:3], site_deg),
+            sog_kn=unknown,
+            cog_deg=unknown,
+            class_b=_no(len(found)),
+            origin=found[:, 4].astype(np.int64),
+        )
+
+
+def _no(count: int) -> Bools:
+    return np.zeros(count, np.bool_)
+
+
+def _unit(angle: float) -> Floats:
+    return np.array([np.cos(angle), np.sin(angle)])
+
+
+def _turned(velocity: Floats, angle: float) -> Floats:
+    """A velocity turned to port."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.array([cos * velocity[0] - sin * velocity[1], sin * velocity[0] + cos * velocity[1]])
+
+
+def _steady_share(hide: float, show: float) -> float:
+    """Share of the vessels that are visible in the long run."""
+    return show / (hide + show) if hide > 0.0 else 1.0
