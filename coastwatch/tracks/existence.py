@@ -50,7 +50,7 @@ class ExistenceManagement(Settings):
     begin_existence: Probability = 0.005  # a plot begins a track that exists with this probability or more
     confirm_existence: Probability = 0.99  # a track that exists with this probability is confirmed
     show_existence: NotNegative = 0.5  # a confirmed track is reported while it exists with this probability or more
-    delete_existence: Probability = 0.01
+    delete_existence: Probability = 0.01  # a track that exists with less probability is deleted
     delete_misses: Count = 5  # looks in a row without a plot in the gate
     look_slack: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.1  # a look is counted as over after 1 + look_slack turns
     coast_s: Positive = 30.0  # longest time without a plot in the gate, also outside the range of every radar

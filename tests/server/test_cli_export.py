@@ -15,6 +15,7 @@ from coastwatch import store
 from coastwatch.operators import columns, export, stored
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.cli import arguments
+from coastwatch.operators.reproduction import html_report
 from coastwatch.operators.safe_text import printable
 from coastwatch.operators.selection import selected
 
@@ -103,6 +104,7 @@ def test_no_format_passes_control_characters_on(form: str, capsys: pytest.Captur
 def test_every_character_that_is_not_printable_is_shown_as_its_escape() -> None:
     assert printable(HOSTILE) == SHOWN
     assert printable("Ærø \N{SNOWMAN}") == "Ærø \N{SNOWMAN}"
+    assert html_report.escape("<b>\x1b") == r"&lt;b&gt;\x1b"
 
 
 @pytest.mark.parametrize("text", ["=1+1", "+41", "-2", "@SUM(A1)"])
