@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -17,6 +17,7 @@ import numpy as np
 from coastwatch.associations.bearing_members import bearing_members, held_vessels, vessel_bearings
 from coastwatch.batches import (
     AisAlarms,
+    AisFeeds,
     AisStatics,
     Associations,
     BearingAssociations,
@@ -100,6 +101,7 @@ class Cycle:
     octants: Octants
     bearing_associations: BearingAssociations
     corrections: RadarCorrections  # found in this cycle, for the next
+    ais_feeds: AisFeeds = field(default_factory=AisFeeds.empty)
 
     def to_write(self) -> Cycle:
         """The cycle without arrays that the store does not read, so that their memory is free while the store writes."""
@@ -254,4 +256,6 @@ def step(
         registration_memory, corrections = s.registration.step(m.registration, *seen, time_s, sensors, m.corrections)
     radar_memory = tuple(new for new, *_ in regional)
     first = plots_memory, radar_memory, ais_memory, bearing_memory, given_memory, centre_memory
-    return Memory(*first, registration_memory, corrections), replace(cycle, corrections=corrections)
+    return Memory(*first, registration_memory, corrections), replace(
+        cycle, corrections=corrections, ais_feeds=ais_memory.clocks.summary()
+    )

@@ -11,6 +11,7 @@ An absent value is NaN, or -1 for a number that names something. `origin` is the
 simulated, -1 elsewhere. Scores read it. A method that reads it has a setting with "known origin" in its name.
 """
 
+from coastwatch.batches.ais_codes import NavStatus, PositionAccuracy, nav_status_text
 from coastwatch.batches.classes import CLASS_OF_TYPE, CLASSES, VesselClass
 from coastwatch.batches.reports import (
     AisReports,
@@ -47,6 +48,7 @@ from coastwatch.batches.struct import (
 )
 from coastwatch.batches.yields import (
     AisAlarms,
+    AisFeeds,
     Associations,
     BearingAssociations,
     BearingMembers,
@@ -70,6 +72,7 @@ __all__ = [
     "CLASSES",
     "CLASS_OF_TYPE",
     "AisAlarms",
+    "AisFeeds",
     "AisReports",
     "AisStatics",
     "Array",
@@ -89,10 +92,12 @@ __all__ = [
     "Ints",
     "Measurements",
     "Members",
+    "NavStatus",
     "Noise",
     "Octants",
     "Picture",
     "Plots",
+    "PositionAccuracy",
     "RadarCorrections",
     "RadarReports",
     "Radars",
@@ -115,4 +120,5 @@ __all__ = [
     "VesselBearings",
     "VesselClass",
     "column",
+    "nav_status_text",
 ]

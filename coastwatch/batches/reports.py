@@ -39,6 +39,10 @@ class AisReports(Batch):
     cog_deg: Floats = column(np.float64, "M")  # NaN: not available
     class_b: Bools = column(np.bool_, "M")
     origin: Ints = column(np.int64, "M")
+    nav_status: Ints = optional_column("M", dtype=np.int64)  # NavStatus; -1: not sent
+    accuracy: Ints = optional_column("M", dtype=np.int64)  # PositionAccuracy; -1: not stated
+    covariance: Floats = optional_column("M", 2, 2)  # of this position, m2 east and north; NaN: by its accuracy
+    feed: Ints = optional_column("M", dtype=np.int64)  # which feed it came by; -1: the only one
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,6 +237,7 @@ class Recording:
     silenced: tuple[int, ...] = ()  # origins whose AIS was switched off on purpose
     noise: Noise | None = None  # of simulated sensors
     contents: tuple[FileContent, ...] = ()  # of the files that are read at once
+    feeds: tuple[str, ...] = ()  # names of the feeds of AIS, by number
 
     def whole(self) -> Reports:
         """All reports; of a stream those that are left, which empties it."""

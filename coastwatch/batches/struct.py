@@ -26,11 +26,11 @@ def column(dtype: Any, *shape: str | int, rows_of: str | None = None, least: int
     return field(metadata={"dtype": np.dtype(dtype), "shape": shape, "rows_of": rows_of, "least": least})
 
 
-def optional_column(*shape: str | int) -> Any:
-    """As `column`, of float64, for a value that a batch need not give: then it is NaN in every row."""
+def optional_column(*shape: str | int, dtype: Any = np.float64) -> Any:
+    """As `column`, for a value that a batch need not give: then it is NaN, or -1 for a whole number, in every row."""
     return field(
-        default_factory=lambda: np.zeros((0, *(0 if isinstance(s, str) else s for s in shape[1:]))),
-        metadata={"dtype": np.dtype(np.float64), "shape": shape, "optional": True},
+        default_factory=lambda: np.zeros((0, *(0 if isinstance(s, str) else s for s in shape[1:])), dtype),
+        metadata={"dtype": np.dtype(dtype), "shape": shape, "optional": True},
     )
 
 
@@ -103,7 +103,8 @@ class Batch(Struct):
         for name in _optional_columns(type(self)):
             given = getattr(self, name)
             if len(given) == 0 and len(self):
-                object.__setattr__(self, name, np.full((len(self), *given.shape[1:]), np.nan))
+                absent = np.nan if given.dtype.kind == "f" else -1
+                object.__setattr__(self, name, np.full((len(self), *given.shape[1:]), absent, given.dtype))
         super().__post_init__()
 
     def __len__(self) -> int:

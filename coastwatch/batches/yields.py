@@ -72,12 +72,22 @@ class Measurements(Batch):
 
 @dataclass(frozen=True, eq=False)
 class AisAlarms(Batch):
-    """Suspicious AIS tracks; one row for each AIS track of the same step."""
+    """What AIS reports say of a vessel beside its motion, and suspicions; one row for each AIS track of the same step."""
 
     track_id: Ints = column(np.int64, "N")
     mmsi: Ints = column(np.int64, "N")
-    impossible_speed: Bools = column(np.bool_, "N")  # a recent report needed a speed that no ship has
+    impossible_speed: Bools = column(np.bool_, "N")  # a recent report stated or needed a speed that no ship has
     twice: Bools = column(np.bool_, "N")  # its MMSI is received from two places
+    nav_status: Ints = optional_column("N", dtype=np.int64)  # NavStatus of the newest report; -1: not sent
+    interval_s: Floats = optional_column("N")  # expected until the next report: the longer of the nominal and the learnt one
+
+
+@dataclass(frozen=True, eq=False)
+class AisFeeds(Batch):
+    """One row for each feed of AIS, by its number."""
+
+    time_jitter_s: Floats = column(np.float64, "F")  # standard deviation of the times of its reports; 0: too small to be told
+    delays: Ints = column(np.int64, "F")  # pairs of reports behind it
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,6 +191,7 @@ class Picture(Batch):
     mmsi: Ints = column(np.int64, "V")  # -1 where there is none
     flags: Ints = column(np.int64, "V")  # sum of Flag
     origin: Ints = column(np.int64, "V")
+    nav_status: Ints = optional_column("V", dtype=np.int64)  # NavStatus; -1: none was sent
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,6 +282,12 @@ class Flag(IntFlag):
     AIS_WITHOUT_RADAR = 2  # AIS says it is there, a radar that should see it does not
     AIS_CONTRADICTED = 4  # AIS and radar of one vessel have come apart
     MMSI_TWICE = 8  # its MMSI is received from two places
-    IMPOSSIBLE_SPEED = 16  # consecutive AIS reports need a speed no ship has
+    IMPOSSIBLE_SPEED = 16  # AIS reports state or need a speed no ship has
     COASTING = 32  # it has no track with a position now: it is predicted, along the line of sight if bearings hold it
+    ODD_MMSI = 64  # its MMSI is not one that a vessel has
+    AIS_SART = 128  # a distress transmitter: its MMSI begins with 970, or its status is "AIS-SART active"
+    MAN_OVERBOARD = 256  # its MMSI begins with 972
+    EPIRB = 512  # an emergency beacon: its MMSI begins with 974
+    NOT_UNDER_COMMAND = 1024  # by its navigational status
+    AGROUND = 2048  # the same
     STATIONARY = 4096  # it has stayed in one place: a moored or anchored vessel, a quay, a buoy

@@ -7,8 +7,9 @@ from typing import Literal
 Kind = Literal["text", "whole", "number", "yes_no", "instant", "flags"]
 
 TEXTS = {
-    "answers", "call_sign", "cycles_done", "evidence", "first_source", "heard_by", "kind", "members", "name", "parameters", "question",
-    "region", "scenario", "second_source", "source", "sources", "specification", "stage", "state", "status", "title", "version", "what",
+    "answers", "call_sign", "cycles_done", "evidence", "first_source", "heard_by", "kind", "members", "name", "nav_status",
+    "parameters", "question", "region", "says", "scenario", "second_source", "source", "sources", "specification", "stage", "state",
+    "status", "title", "version", "what",
 }  # fmt: skip
 WHOLE = {
     "cycle", "cycles", "cycles_stored", "gaps", "number", "run", "seed", "ship_type", "tracks", "vessels", "vessels_of_it_alone",

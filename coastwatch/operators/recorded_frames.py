@@ -12,7 +12,7 @@ import lazy_loader
 import numpy as np
 
 from coastwatch import store
-from coastwatch.batches import Array, Floats, Ints, Members, Picture
+from coastwatch.batches import Array, Floats, Ints, Members, Picture, nav_status_text
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.export import write_parquet
 from coastwatch.operators.safe_text import csv_cell
@@ -70,6 +70,7 @@ def _frame(recorded: Recorded, names: Mapping[int, str]) -> Any:
         "sog_kn": sog_kn,
         "cog_deg": cog_deg,
         "mmsi": _mmsi(p.mmsi),
+        "nav_status": _nav_status(p.nav_status),
         "flags": _flags(p.flags),
         "time_utc": _utc(p.time_s),
         "since_utc": _utc(p.since_s),
@@ -94,6 +95,12 @@ def _utc(time_s: Floats) -> Any:
 def _mmsi(mmsi: Ints) -> Any:
     """Nine digits, or nothing for -1."""
     return polars.Series([f"{number:09d}" if number >= 0 else None for number in mmsi.tolist()], dtype=polars.String)
+
+
+def _nav_status(status: Ints) -> Any:
+    """In words, or nothing for -1."""
+    words = {number: nav_status_text(number) for number in np.unique(status[status >= 0]).tolist()}
+    return polars.Series([words.get(number) for number in status.tolist()], dtype=polars.String)
 
 
 def _flags(flags: Array) -> Any:

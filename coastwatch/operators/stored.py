@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from coastwatch import store
-from coastwatch.batches import Flag
+from coastwatch.batches import Flag, nav_status_text
 from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.columns import digits_of, rounded
@@ -21,6 +21,7 @@ MAIN_COLUMNS = (
     "vessel_id",
     "mmsi",
     "name",
+    "nav_status",
     "latitude_deg",
     "longitude_deg",
     "sog_kn",
@@ -209,11 +210,13 @@ def registration(rows: Rows) -> Rows:
     made = []
     for row in rows.rows:
         s = dict(zip(rows.columns, row, strict=True))
-        spec = " ".join(f"{key}={round(value, 3):g}" for key, value in s["spec"].items())
+        spec = " ".join(f"{key}={round(value, 3):g}" for key, value in (s["spec"] or {}).items())
         errors = [_with_sigma(s[value], s.get(sigma)) for value, sigma in ERRORS]
         site = (s["kind"], s["name"], s["region"], s["latitude_deg"], s["longitude_deg"])
-        made.append((*site, round(s["range_m"] / NAUTICAL_MILE_M, 2), spec, s["heard_utc"], s["state"], *errors, s["vessels"]))
-    return Rows((*names, "state", *(value for value, _ in ERRORS), "vessels"), made)
+        range_nm = None if s["range_m"] is None else round(s["range_m"] / NAUTICAL_MILE_M, 2)
+        known = spec, s["heard_utc"], s["state"], *errors, s["time_jitter_s"], s["vessels"]
+        made.append((*site, range_nm, *known))
+    return Rows((*names, "state", *(value for value, _ in ERRORS), "time_jitter_s", "vessels"), made)
 
 
 def _with_sigma(value: float | None, sigma: float | None) -> str | None:
@@ -274,6 +277,8 @@ def _maker(name: str) -> Callable[[Any], Any]:
         return lambda value: utc_text(float(value))
     if name == "mmsi" or name.endswith("_mmsi"):
         return lambda value: f"{int(value):09d}"
+    if name == "nav_status":
+        return lambda value: nav_status_text(value) if isinstance(value, int) else value
     if name == "flags":
         return lambda value: flag_words(int(value)) if isinstance(value, int) else value
     digits = digits_of(name)

@@ -5,6 +5,8 @@
 - AIS_CONTRADICTED: an AIS and a radar track were one vessel, have split, and are `contradicted_from_m` apart.
 - STATIONARY: it has stayed within `stationary_m`, or within its noise, for longer than a vessel under way could.
 - MMSI_TWICE, IMPOSSIBLE_SPEED: alarms of the AIS tracks.
+
+The flags that follow from an MMSI and a navigational status alone are in `ais_states`.
 """
 
 from __future__ import annotations

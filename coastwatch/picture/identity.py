@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from coastwatch.batches import AisAlarms, Associations, FusedTracks, HeldVessels, Members, Picture, Sensors, Tracks
 from coastwatch.kernels.tables.row_numbers import require_rows
+from coastwatch.picture.ais_states import ais_flags, nav_statuses
 from coastwatch.picture.flags import FlagMemory, flag
 from coastwatch.picture.match import KnownTracks, match_identities
 from coastwatch.picture.order import members_of, order_vessels, picture_of, tracks_of
@@ -75,6 +76,7 @@ class Identity(IdentitySettings):
         flag_memory, flags = flag(
             self, memory.flags, match, order, picture, tracks, track_memory.vessel, alarms, time_s=time_s, sensors=sensors
         )
-        picture = replace(picture, flags=flags)
+        status = nav_statuses(picture.nav_status, tracks, track_memory.vessel, alarms)
+        picture = replace(picture, flags=flags | ais_flags(picture.mmsi, status), nav_status=status)
         next_id = memory.next_id + int((match.vessel_of_group < 0).sum())
         return PictureMemory(replace(known, shown=picture), track_memory, next_id, flag_memory), picture, members

@@ -23,6 +23,7 @@ class KnownColumns(NamedTuple):
     since_s: Floats  # (K,) inf if merged
     updated_s: Floats  # (K,) -inf if merged
     mmsi: Ints  # (K,) -1 if unknown or merged
+    nav_status: Ints  # (K,) the same
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +50,7 @@ class Known:
             joined("since_s", np.full(len(merged), np.inf)),
             joined("updated_s", np.full(len(merged), -np.inf)),
             joined("mmsi", np.full(len(merged), -1, np.int64)),
+            joined("nav_status", np.full(len(merged), -1, np.int64)),
         )
 
     def rows_of(self, shown_id: Ints) -> Ints:
@@ -97,7 +99,8 @@ def rows_of_groups(
         (time_s, position, velocity, covariance, since_s, updated_s, mmsi, origin),
     )
     vessel_id, flags = np.full(n, -1, np.int64), np.zeros(n, np.int64)
-    return Picture(vessel_id, time_s, position, velocity, covariance, since_s, updated_s, mmsi, flags, origin)
+    status = np.append(known.nav_status, -1)[vessel_of_row]
+    return Picture(vessel_id, time_s, position, velocity, covariance, since_s, updated_s, mmsi, flags, origin, status)
 
 
 def predict(vessels: Picture, time_s: float, drift_m_s15: float) -> Picture:

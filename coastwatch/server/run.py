@@ -176,6 +176,7 @@ def _begin(
         plan=plan,
         warmup_cycles=scenario.warmup_cycles,
         workers=workers,
+        feeds=recording.feeds,
     )
     return run_id, Point(0, pipeline.start(scenario, sensors), start(sensors))
 

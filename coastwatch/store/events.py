@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from sqlalchemy import Connection, delete, func, or_, select, update
 
-from coastwatch.batches import Bools, Flag, Floats, Ints, Picture, Tracks
+from coastwatch.batches import Bools, Flag, Floats, Ints, Picture, Tracks, nav_status_text
 from coastwatch.geodesy import KNOT_M_S, difference_m
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.store.insert import Categorical, Column, NullableId, clear_columns, insert, update_rows
@@ -22,6 +22,9 @@ from coastwatch.store.tables import EVENT, EVENT_GAP
 
 KINDS = {flag.value.bit_length() - 1: str(flag.name).lower() for flag in Flag}
 """Bit of a flag -> kind of its events."""
+
+OF_STATUS = ("ais_sart", "man_overboard", "epirb", "not_under_command", "aground")
+"""Kinds of events whose evidence has the navigational status: a distress device under test says "undefined"."""
 
 BITS = 64
 """A key is vessel_id * BITS + bit of the flag."""
@@ -180,6 +183,8 @@ def _evidence(row: Ints, bit: Ints, picture: Picture, members: Ints, names: Sequ
         text = f"tracks {', '.join(said)}" if said else f"no track, last report {age_s[k]:.0f} s before"
         if KINDS[kind] == "mmsi_twice":
             text += _of_same_mmsi(int(row[k]), picture)
+        if KINDS[kind] in OF_STATUS and picture.nav_status[row[k]] >= 0:
+            text += f"; navigational status {nav_status_text(int(picture.nav_status[row[k]]))}"
         out.append(text)
     return out
 

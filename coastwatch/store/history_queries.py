@@ -29,7 +29,7 @@ scipy = lazy_loader.load("scipy")  # few questions need it
 
 MOTION = ("latitude_deg", "longitude_deg", "sog_kn", "cog_deg")
 ELLIPSE = ("major_m", "minor_m", "orientation_deg")
-COLUMNS = ("cycle", "time_s", "vessel_id", *MOTION, *ELLIPSE, "updated_s", "mmsi", "flags")
+COLUMNS = ("cycle", "time_s", "vessel_id", *MOTION, *ELLIPSE, "updated_s", "mmsi", "nav_status", "flags")
 """Of a history."""
 
 OF_MMSI = ("time_s", "vessel_id", *MOTION, "major_m", "mmsi", "flags")
@@ -63,7 +63,7 @@ def history(
     store: Store, run_id: int, from_s: float | None = None, to_s: float | None = None, vessel_id: int | None = None
 ) -> Table:
     """Every point between two instants, both included, of all vessels or of one: cycle, time_s, vessel_id, position, motion,
-    ellipse, updated_s, mmsi, flags. Between two points a vessel keeps the course and speed of the first.
+    ellipse, updated_s, mmsi, nav_status, flags. Between two points a vessel keeps the course and speed of the first.
     """
     span = [CYCLE.c.run_id == run_id]
     span += [] if from_s is None else [CYCLE.c.time_s >= from_s]

@@ -4,7 +4,7 @@ A point holds a vessel's position, speed and course at one cycle. Until its next
 constant rates of latitude and longitude of that speed and course. A vessel gets a new point
 
 - when its position in the picture is more than `history_error_m` from the dead-reckoned position,
-- when `history_max_s` have passed since its last point, or its MMSI or flags change,
+- when `history_max_s` have passed since its last point, or its MMSI, flags or navigational status change,
 - when it enters the picture,
 - when it leaves: a closing point with its last position, in the first cycle without it.
 
@@ -43,6 +43,7 @@ class Points(NamedTuple):
     motion: Floats  # (P, 5) speed in knots, course in degrees, half axes of the ellipse in metres, orientation in degrees
     updated_s: Floats
     rate_deg_s: Floats  # (P, 2) north, east
+    nav_status: Ints  # -1: none was sent
 
     def take(self, rows: Ints | Bools) -> Points:
         """Some of them."""
@@ -69,7 +70,8 @@ class Added(NamedTuple):
 def no_points() -> Points:
     """Before the first cycle."""
     none, number = np.zeros(0), np.zeros(0, np.int64)
-    return Points(number, number, number, number, none > 0.0, none, np.zeros((0, 2)), np.zeros((0, 5)), none, np.zeros((0, 2)))
+    pairs = np.zeros((0, 2))
+    return Points(number, number, number, number, none > 0.0, none, pairs, np.zeros((0, 5)), none, pairs, number)
 
 
 def extend(before: Points, bound: Bound, number: int, time_s: float, before_s: float, picture: Picture) -> tuple[Points, Added]:
@@ -94,6 +96,7 @@ def extend(before: Points, bound: Bound, number: int, time_s: float, before_s: f
         moved,
         picture.updated_s[at],
         rate_deg_s(position, moved[:, 0], moved[:, 1]),
+        picture.nav_status[at],
     )
     after = _merge(before, row, written, fresh)
     first = int(after.cycle.min(initial=number))
@@ -109,7 +112,7 @@ def _needs_point(before: Points, row: Ints, bound: Bound, picture: Picture, time
     expected = p.position_deg + p.rate_deg_s * passed_s[:, None]
     off_m = np.hypot(*difference_m(picture.position_deg[known], expected).T)
     share = np.where(p.first, (p.vessel_id * HASH % HASH_RANGE) / HASH_RANGE, 1.0)
-    same = (p.mmsi == picture.mmsi[known]) & (p.flags == picture.flags[known])
+    same = (p.mmsi == picture.mmsi[known]) & (p.flags == picture.flags[known]) & (p.nav_status == picture.nav_status[known])
     out[known] = ~(same & (off_m <= bound.error_m - ROUNDING_M)) | (passed_s >= bound.max_s * share)
     return out
 
@@ -136,6 +139,7 @@ def _rows(before: Points, fresh: Points, row: Ints, left: Points, before_s: floa
         flags,
         NullableId(np.concatenate([previous, left.cycle])),
         np.repeat([False, True], [len(fresh.vessel_id), len(left.vessel_id)]),
+        NullableId(both[Points._fields.index("nav_status")]),
     ]
     order = np.argsort(vessel, kind="stable")
     was = np.append(before.mmsi, -1)[row]

@@ -89,7 +89,8 @@ def _hide_later_rows(connection: Connection, run_id: int, cycle: int) -> None:
     connection.execute(text(f"CREATE TEMPORARY TABLE vessel AS SELECT * FROM {main}vessel WHERE run_id < 0"))
     names = [column.name for column in VESSEL.columns if column.name in picture.columns]
     values: dict[str, Column] = {name: picture.array(name) for name in names}
-    values |= {"mmsi": NullableId(picture.array("mmsi")), "sources": [name or "" for name in picture.column("sources")]}
+    values |= {name: NullableId(picture.array(name)) for name in ("mmsi", "nav_status")}
+    values |= {"sources": [name or "" for name in picture.column("sources")]}
     insert(connection, VESSEL, [run_id if c.name == "run_id" else values.get(c.name) for c in VESSEL.columns])
     views = {
         "event": EVENT_VIEW,

@@ -35,7 +35,7 @@ from coastwatch.store.tables import (
 from coastwatch.store.to_rows import motion, source_texts
 
 STATIC = ("name", "call_sign", "ship_type", "length_m", "beam_m")
-COLUMNS = ("vessel_id", *MOTION, "mmsi", *STATIC, "flags", "time_s", "since_s", "updated_s", *ELLIPSE, "sources")
+COLUMNS = ("vessel_id", *MOTION, "mmsi", *STATIC, "nav_status", "flags", "time_s", "since_s", "updated_s", *ELLIPSE, "sources")
 """Of every picture."""
 
 FEW = 1000
@@ -131,7 +131,7 @@ def picture_of_cycle(
     assert first is not None
     number, at_s = cycle_times(connection, run_id, first, cycle)
     names = ["vessel_id", "cycle", *MOTION, "closing", "mmsi"]
-    names += [name for name in ("flags", "updated_s", *ELLIPSE) if name in wanted]
+    names += [name for name in ("nav_status", "flags", "updated_s", *ELLIPSE) if name in wanted]
     found = None if bbox is None else _newest_in_box(connection, run_id, number, at_s, bbox, names)
     if found is None:
         found = _newest_points(connection, run_id, number, names, vessel_id)
@@ -145,7 +145,9 @@ def picture_of_cycle(
 
 def _from_recording(connection: Connection, run_id: int, cycle: int, bbox: Box | None) -> Columns:
     picture, _ = read_recorded(connection, run_id, cycle, bbox)
-    own = {name: getattr(picture, name) for name in ("vessel_id", "mmsi", "flags", "time_s", "since_s", "updated_s")}
+    own = {
+        name: getattr(picture, name) for name in ("vessel_id", "mmsi", "nav_status", "flags", "time_s", "since_s", "updated_s")
+    }
     moved = motion(picture.velocity_m_s, picture.covariance)
     return {**own, **dict(zip((*MOTION, *ELLIPSE), (*picture.position_deg.T, *moved.T), strict=True))}
 

@@ -49,7 +49,7 @@ COMPUTED: dict[str, Callable[[Connection, Mapping[str, Any]], Rows]] = {
 ALARMS = "alarms"
 """Value of parameter `kind` for every kind of event but `coasting`, which is no alarm."""
 
-MMSI = re.compile(r"[0-9]{9}")
+MMSI = re.compile(r"[0-9]{9,10}")
 
 
 class ParameterError(StoreError):

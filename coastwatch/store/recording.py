@@ -29,7 +29,7 @@ UPPER, LOWER = np.triu_indices(4), np.tril_indices(4, -1)
 SHAPES: dict[str, tuple[int, ...]] = {"position_deg": (2,), "velocity_m_s": (2,), "covariance": (4, 4)}
 """Shape of a vessel's value, in columns that hold more than one number."""
 
-WHOLE = ("vessel_id", "mmsi", "flags", "origin", "member_vessel_id", "member_track_id", "member_source")
+WHOLE = ("vessel_id", "mmsi", "flags", "origin", "nav_status", "member_vessel_id", "member_track_id", "member_source")
 """Columns of int64; the others are of float64."""
 
 DIFFERENCES = ("vessel_id", "member_vessel_id")
@@ -135,7 +135,8 @@ def read_recorded(connection: Connection, run_id: int, cycle: int, bbox: Box | N
     """Picture and members of a recorded cycle. Args: bbox: as of `replay`."""
     here = RECORDING.c.run_id == run_id, RECORDING.c.cycle == cycle
     row = connection.execute(select(RECORDING).where(*here)).mappings().one()
-    picture = Picture(**{field.name: decode(field.name, row[field.name], row["vessels"]) for field in fields(Picture)})
+    kept = [field.name for field in fields(Picture) if row[field.name] is not None]
+    picture = Picture(**{name: decode(name, row[name], row["vessels"]) for name in kept})
     names = [f"member_{field.name}" for field in fields(Members)]
     members = Members(*(decode(name, row[name], row["members"]) for name in names))
     if bbox is None:

@@ -15,6 +15,7 @@ from coastwatch.store.history_queries import newest_points, of_newest
 from coastwatch.store.history_rule import Points, no_points, rate_deg_s
 from coastwatch.store.rows import fetch_arrays
 from coastwatch.store.tables import (
+    AIS_FEED,
     CHECKPOINT,
     CYCLE,
     HISTORY,
@@ -61,6 +62,7 @@ class RunState:
     first_details: int  # first cycle whose associations, spots, timings and registrations are kept
     period_s: float
     stations: int
+    feeds: int
     source_names: tuple[str, ...]
     source_kinds: tuple[str, ...]
 
@@ -84,6 +86,7 @@ def read_run_state(connection: Connection, run_id: int, where: str, event_gap_s:
         select(SOURCE.c.name, SOURCE.c.kind).where(SOURCE.c.run_id == run_id).order_by(SOURCE.c.number)
     ).all()
     stations = select(func.count()).where(SENSOR.c.run_id == run_id, SENSOR.c.kind == "ais")
+    feeds = select(func.count()).where(AIS_FEED.c.run_id == run_id)
     last_report, states = _registration(connection, run_id)
     first_history, first_details = _first_kept(connection, run_id)
     return RunState(
@@ -100,6 +103,7 @@ def read_run_state(connection: Connection, run_id: int, where: str, event_gap_s:
         first_details=first_details,
         period_s=connection.scalars(select(RUN.c.period_s).where(RUN.c.id == run_id)).one(),
         stations=connection.scalar(stations) or 0,
+        feeds=connection.scalar(feeds) or 0,
         source_names=tuple(row.name for row in names),
         source_kinds=tuple(row.kind for row in names),
     )
@@ -163,9 +167,9 @@ def _points(connection: Connection, run_id: int, number: int) -> Points:
     then = and_(CYCLE.c.run_id == run_id, CYCLE.c.number == h.cycle)
     ids = (h.vessel_id, h.cycle, h.mmsi, h.flags, h.previous_cycle)
     motion = (h.sog_kn, h.cog_deg, h.major_m, h.minor_m, h.orientation_deg)
-    query = select(*ids, CYCLE.c.time_s, h.latitude_deg, h.longitude_deg, *motion, h.updated_s)
+    query = select(*ids, CYCLE.c.time_s, h.latitude_deg, h.longitude_deg, *motion, h.updated_s, h.nav_status)
     query = query.select_from(newest).join(HISTORY, of_newest(run_id, newest)).join(CYCLE, then).order_by(h.vessel_id)
-    vessel, cycle, mmsi, flags, previous, time_s, latitude, longitude, *moved, updated = fetch_arrays(connection, query)
+    vessel, cycle, mmsi, flags, previous, time_s, latitude, longitude, *moved, updated, status = fetch_arrays(connection, query)
     position = np.stack([latitude, longitude], 1)
     rate = rate_deg_s(position, moved[0], moved[1])
-    return Points(vessel, cycle, mmsi, flags, previous < 0, time_s, position, np.stack(moved, 1), updated, rate)
+    return Points(vessel, cycle, mmsi, flags, previous < 0, time_s, position, np.stack(moved, 1), updated, rate, status)

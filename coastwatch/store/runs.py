@@ -9,12 +9,22 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from sqlalchemy import Connection, Executable, and_, delete, func, insert, select, true, update
+from sqlalchemy import Connection, Executable, and_, delete, func, insert, literal, null, select, true, update
 
 from coastwatch.batches import Fault, Radars, Sensors, Sonars, SourceKind, Stations
 from coastwatch.store.database import Store, StoreError, as_json, now_utc, reading, writing
 from coastwatch.store.rows import Rows, fetch_rows
-from coastwatch.store.tables import CHECKPOINT, CYCLE, METADATA, RUN, SENSOR, SENSOR_REGISTRATION, SOURCE, STAGE_TIMING
+from coastwatch.store.tables import (
+    AIS_FEED,
+    CHECKPOINT,
+    CYCLE,
+    METADATA,
+    RUN,
+    SENSOR,
+    SENSOR_REGISTRATION,
+    SOURCE,
+    STAGE_TIMING,
+)
 
 if TYPE_CHECKING:  # to read a database needs no pydantic, which is slow to import
     from coastwatch.stage import Plan
@@ -43,9 +53,11 @@ def begin_run(
     workers: int = 1,
     command: str = "",
     faults: Sequence[Fault] = (),
+    feeds: Sequence[str] = (),
 ) -> int:
     """The number of a new run, which is then `running`. The database's clock says when it began.
 
+    Args: feeds: names of the feeds of AIS, by number.
     Raises: StoreError.
     """
     if not 0 <= seed < LARGEST:
@@ -68,7 +80,9 @@ def begin_run(
     with writing(store) as connection:
         row["started_utc"] = row["written_utc"] = now_utc(connection)
         run_id = int(connection.execute(insert(RUN).values(row).returning(RUN.c.id)).scalar_one())
-        for table, rows in ((SENSOR, _sensor_rows(run_id, sensors)), (SOURCE, _source_rows(run_id, sensors))):
+        of_feeds = [{"run_id": run_id, "number": number, "name": name} for number, name in enumerate(feeds)]
+        made = (SENSOR, _sensor_rows(run_id, sensors)), (SOURCE, _source_rows(run_id, sensors)), (AIS_FEED, of_feeds)
+        for table, rows in made:
             if rows:
                 connection.execute(insert(table), rows)
     return run_id
@@ -244,7 +258,8 @@ def sources(store: Store, run_id: int) -> Rows:
 
 
 def sensor_states(store: Store, run_id: int, at_s: float | None = None) -> Rows:
-    """One row a sensor: specification, when it was heard last, and its registration; now, or up to an instant.
+    """One row a sensor: specification, when it was heard last, and its registration; now, or up to an instant. The feeds of AIS
+    follow, each with the jitter of its times.
 
     Raises: StoreError where there is no such run, or nothing is stored so early.
     """
@@ -253,13 +268,22 @@ def sensor_states(store: Store, run_id: int, at_s: float | None = None) -> Rows:
         last = cycle_at(connection, store, run_id, at_s)
         newest = select(t.kind, t.number, func.max(t.cycle).label("cycle")).where(t.run_id == run_id, t.cycle <= last)
         found = newest.group_by(t.kind, t.number).subquery()
-        same = and_(found.c.kind == s.kind, found.c.number == s.number)
         row = and_(t.run_id == run_id, t.cycle == found.c.cycle, t.kind == found.c.kind, t.number == found.c.number)
         when = and_(CYCLE.c.run_id == run_id, CYCLE.c.number == found.c.cycle)
-        columns = [c for c in s if c is not s.run_id] + [c for c in t if not c.primary_key] + [CYCLE.c.time_s]
-        joined = SENSOR.outerjoin(found, same).outerjoin(SENSOR_REGISTRATION, row).outerjoin(CYCLE, when)
-        query = select(*columns).select_from(joined).where(s.run_id == run_id).order_by(s.kind, s.number)
-        return fetch_rows(connection, query)
+        f, known = AIS_FEED.c, [c for c in t if not c.primary_key] + [CYCLE.c.time_s]
+        of_sensor = {c.name: c for c in s if c is not s.run_id}
+        of_feed = {name: null().label(name) for name in of_sensor} | {
+            "kind": literal("feed").label("kind"),
+            "number": f.number,
+            "name": f.name,
+        }
+        answers = []
+        for table, columns in ((SENSOR, of_sensor), (AIS_FEED, of_feed)):
+            same = and_(found.c.kind == columns["kind"], found.c.number == columns["number"])
+            joined = table.outerjoin(found, same).outerjoin(SENSOR_REGISTRATION, row).outerjoin(CYCLE, when)
+            query = select(*columns.values(), *known).select_from(joined).where(table.c.run_id == run_id)
+            answers.append(fetch_rows(connection, query.order_by(columns["kind"], columns["number"])))
+        return Rows(answers[0].columns, [*answers[0].rows, *answers[1].rows])
 
 
 def cycle_at(connection: Connection, store: Store, run_id: int, at_s: float | None, kept: Any = true()) -> int:  # noqa: B008

@@ -29,7 +29,7 @@ from sqlalchemy import (
     text,
 )
 
-REVISION = "0010"
+REVISION = "0011"
 """The migration at which the database equals the tables below; a test compares it with db/migrations."""
 
 REVISION_TABLE = "coastwatch_revision"
@@ -111,6 +111,9 @@ SENSOR = Table(
 )
 """A radar, AIS receiver or sonar by its specification."""
 
+AIS_FEED = Table("ais_feed", METADATA, of_run(), *keys("number"), *required(Text, "name"))
+"""A feed of AIS: a file. Its reports carry its number."""
+
 SOURCE = Table("source", METADATA, of_run(), *keys("number"), *required(Text, "name"), *required(WORD, "kind"))
 """A source of tracks: a region of radars, AIS, or one sonar."""
 
@@ -156,6 +159,7 @@ VESSEL = Table(
     *required(WHOLE, "flags"),  # sum of batches.Flag
     *required(Text, "sources"),  # names, "guanabara,ais"
     *nullable(BYTES, "covariance"),  # ten little-endian float64: upper triangle of east, north, east rate, north rate
+    *nullable(WHOLE, "nav_status"),  # batches.NavStatus; null: none was sent
     **IN_KEY_ORDER,
 )
 """The current picture: each vessel once. All rows are written again each time, with the row of `cycle` that names the run:
@@ -202,6 +206,7 @@ HISTORY = Table(
     *required(WHOLE, "flags"),
     *nullable(WHOLE, "previous_cycle"),  # of the vessel's point before in this stay; null: the first
     *required(Boolean, "closing", server_default=false()),
+    *nullable(WHOLE, "nav_status"),
     Index("history_box", "run_id", "cycle", "latitude_deg", "longitude_deg"),
     **IN_KEY_ORDER,
 )
@@ -280,7 +285,7 @@ SENSOR_REGISTRATION = Table(
     METADATA,
     of_run(),
     *keys("cycle"),
-    *keys("kind", kind=WORD),  # radar, ais, bearing
+    *keys("kind", kind=WORD),  # radar, ais, bearing, feed
     *keys("number"),  # within its kind
     *nullable(REAL, "heard_s"),  # newest arrival; of AIS that of any receiver, reports do not say which it was
     *nullable(WORD, "state"),  # of radars: unknown, acquiring, settled
@@ -288,6 +293,7 @@ SENSOR_REGISTRATION = Table(
     *nullable(REAL, "time_lag_s", "estimated_lag_s", "lag_sigma_s"),  # sigma: of the estimated lag
     *nullable(WHOLE, "vessels"),  # behind the estimate
     *nullable(REAL, "residuals"),  # plots behind it, the older the less
+    *nullable(REAL, "time_jitter_s"),  # of feeds: standard deviation of the times of their reports
     **IN_KEY_ORDER,
 )
 """What is known of a sensor after a cycle. Biases are of what it measures, to be subtracted; a lag is how late its stamps are."""
@@ -347,5 +353,6 @@ RECORDING = Table(  # not in key order: SQLite keeps long rows better apart from
     *required(WHOLE, "vessels", "members"),
     *required(BYTES, "vessel_id", "time_s", "position_deg", "velocity_m_s", "covariance", "since_s", "updated_s"),
     *required(BYTES, "mmsi", "flags", "origin", "member_vessel_id", "member_track_id", "member_source"),
+    *nullable(BYTES, "nav_status"),  # null: of a version that did not read it
 )
 """The whole picture of a cycle with its members: one compressed value for each column (recording.py)."""

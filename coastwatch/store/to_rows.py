@@ -28,7 +28,7 @@ if TYPE_CHECKING:  # to read a database needs no stage of the pipeline, which ar
     from coastwatch.pipeline import Cycle
 
 UPPER = np.triu_indices(4)
-SENSOR_KINDS = ("ais", "bearing", "radar")  # in the order of the key
+SENSOR_KINDS = ("ais", "bearing", "feed", "radar")  # in the order of the key
 
 LastReport = dict[tuple[str, int], float]
 """Kind and number of a sensor -> arrival of its newest report, s."""
@@ -65,7 +65,16 @@ def vessel_rows(run_id: int, picture: Picture, sources: Categorical) -> list[Col
         picture.since_s,
         picture.updated_s,
     ]
-    return [run_id, picture.vessel_id, *when, NullableId(picture.mmsi), picture.flags, sources, covariance]
+    return [
+        run_id,
+        picture.vessel_id,
+        *when,
+        NullableId(picture.mmsi),
+        picture.flags,
+        sources,
+        covariance,
+        NullableId(picture.nav_status),
+    ]
 
 
 def membership(cycle: Cycle) -> Ints:
@@ -215,23 +224,34 @@ def last_reports(before: LastReport, reports: Reports) -> LastReport:
     if len(reports.ais):
         newest = float(reports.ais.received_s.max())
         out["ais", 0] = max(newest, out.get(("ais", 0), newest))
+        for feed in np.unique(reports.ais.feed[reports.ais.feed >= 0]).tolist():
+            newest = float(reports.ais.received_s[reports.ais.feed == feed].max())
+            out["feed", feed] = max(newest, out.get(("feed", feed), newest))
     return out
 
 
-def registration_rows(run_id: int, number: int, cycle: Cycle, last_report: LastReport, stations: int) -> list[Column]:
-    """Columns of table `sensor_registration`, in key order: AIS receivers, bearing sensors, radars. Args: stations: AIS receivers."""
+def registration_rows(
+    run_id: int, number: int, cycle: Cycle, last_report: LastReport, stations: int, feeds: int
+) -> list[Column]:
+    """Columns of table `sensor_registration`, in key order: AIS receivers, bearing sensors, feeds of AIS, radars.
+
+    Args: stations: AIS receivers; feeds: of AIS.
+    """
     c, bias = cycle.corrections, np.degrees(cycle.bearing_associations.sensor_bias_rad)
-    kinds = np.repeat([0, 1, 2], [stations, len(bias), len(c)])
-    numbers = np.concatenate([np.arange(n) for n in (stations, len(bias), len(c))])
+    counts = (stations, len(bias), feeds, len(c))
+    kinds = np.repeat(np.arange(len(counts)), counts)
+    numbers = np.concatenate([np.arange(n) for n in counts])
     sensors = [("ais", 0) if kind == 0 else (SENSOR_KINDS[kind], k) for kind, k in zip(kinds, numbers.tolist(), strict=True)]
-    others = stations + len(bias)
+    others = stations + len(bias) + feeds
 
     def of_radars(values: Floats) -> Floats:
         return np.concatenate([np.full(others, np.nan), np.where(np.isfinite(values), values, np.nan)])
 
-    azimuth = np.concatenate([np.full(stations, np.nan), bias, np.degrees(c.azimuth_bias_rad)])
+    azimuth = np.concatenate([np.full(stations, np.nan), bias, np.full(feeds, np.nan), np.degrees(c.azimuth_bias_rad)])
     radars = (np.degrees(c.azimuth_sigma_rad), c.range_bias_m, c.range_sigma_m, c.time_lag_s, c.estimated_lag_s, c.lag_sigma_s)
-    none = np.full(others, -1)
+    none, jitter = np.full(others, -1), np.full(len(kinds), np.nan)
+    known = min(feeds, len(cycle.ais_feeds))
+    jitter[stations + len(bias) :][:known] = cycle.ais_feeds.time_jitter_s[:known]
     return [
         run_id,
         number,
@@ -243,6 +263,7 @@ def registration_rows(run_id: int, number: int, cycle: Cycle, last_report: LastR
         *map(of_radars, radars),
         NullableId(np.concatenate([none, c.references])),
         of_radars(c.residuals),
+        jitter,
     ]
 
 

@@ -100,7 +100,8 @@ def write_cycle(
         if number % keep.registration_every and radar_states == before.radar_states and not cycle.corrections.jumped.any():
             radar_states = before.radar_states
         else:
-            of_sensors = to_rows.registration_rows(run_id, number, cycle, last_report, before.stations)
+            counts = before.stations, before.feeds
+            of_sensors = to_rows.registration_rows(run_id, number, cycle, last_report, *counts)
             insert(connection, SENSOR_REGISTRATION, of_sensors)
         first_kept = before.first_history, before.first_details
         if any((keep.history_hours, keep.details_hours, keep.event_hours, keep.recording_hours, keep.picture_hours)):

@@ -27,7 +27,6 @@ WIRE_SOG_KN = 0.1
 WIRE_COG_DEG = 0.1
 POLAR_SPEED_KN = 2.0  # at this speed half of the velocity variance across the course of a slow vessel is left
 STILL_SPEED_KN = 0.5  # a report slower than this that has no COG is of a vessel at rest
-TOLERANCE_SIGMAS = 8.0  # of one report, between two
 STAMP_S = 1.0  # error of the time between two reports: whole seconds of UTC, and the wait for a slot
 REACH_M = 20e3  # from the anchor of a track's plane: the plane's scale is wrong by 5e-6 there
 
@@ -58,10 +57,14 @@ class AisFilter(Method):
     """
 
     method: Literal["ais_filter"] = "ais_filter"
-    position_sigma_m: PositiveFloat = 3.33  # of one report, per axis
+    position_sigma_m: PositiveFloat = 3.33  # of one report, per axis: of high accuracy (10 m is three), or if it states none
+    unaided_sigma_m: PositiveFloat = 5.0  # of a message with low accuracy whose receiver does not monitor its errors (no RAIM)
+    low_accuracy_sigma_m: PositiveFloat = 10.0  # of a message with low accuracy whose receiver expects more than 10 m (RAIM)
     sog_sigma_kn: PositiveFloat = 0.2  # of a reported speed
     cog_sigma_deg: PositiveFloat = 2.0  # of a reported course at speed; near rest it widens to what the speed's noise allows
-    time_jitter_s: float = Field(0.0, ge=0.0)  # of the time of a fix: 0.4 to 1.0 where reports are stamped on receipt
+    time_jitter_s: float | None = Field(None, ge=0.0)  # of the time of a fix; none: estimated of each feed, 0.5 s or more
+    stamp_error_s: float = Field(15.0, ge=0.0)  # a report off by up to this along the way of its vessel has a wrong stamp
+    max_acceleration_m_s2: PositiveFloat = 3.0  # a velocity that needs more is not believed until positions show it
     start_speed_sigma_kn: PositiveFloat = 10.0  # of a first report without a speed
     models: tuple[Motion, ...] = Field((STEADY, KICKED, TURNING), min_length=1, max_length=3)  # of the IMM
     lateness_s: float = Field(10.0, ge=0.0)  # longest delay from fix to receipt of a report that is used
@@ -73,8 +76,10 @@ class AisFilter(Method):
     patience_intervals: PositiveFloat = 3.0  # and for this many of its expected intervals more
     interval_moving_s: PositiveFloat = 10.0  # class A under way: the slowest that ITU-R M.1371 has
     interval_moving_b_s: PositiveFloat = 30.0  # class B under way
-    interval_slow_s: PositiveFloat = 180.0  # at anchor, moored, or class B slower than 2 kn
+    interval_slow_s: PositiveFloat = 180.0  # at anchor, moored, or class B slower than 2 kn; distress devices
+    interval_first_s: PositiveFloat = 30.0  # of a vessel with one report, at least
     slow_kn: PositiveFloat = 1.0  # below this speed `interval_slow_s` is expected
+    anchor_kn: PositiveFloat = 3.0  # below this speed it is expected of a vessel with status at anchor, moored or aground
     return_s: PositiveFloat = 3600.0  # a lost vessel keeps its track id for this time
 
     @model_validator(mode="after")
@@ -97,18 +102,19 @@ class AisFilter(Method):
         """
         settings = self.kernel_settings()
         memory, live, fresh = self.update(memory, reports, time_s, settings)
-        position, velocity, covariance = kernels.filters.ais_tracker.estimates(memory.now.tracks, live, time_s, *settings)
-        estimate = position, velocity, covariance
-        tracks, alarms = report(memory.now.tracks, live, time_s, sensors.ais_source, *estimate, settings.rules)
+        known = memory.now.tracks
+        estimate = kernels.filters.ais_tracker.estimates(known, live, time_s, settings.rules, settings.models)
+        tracks, alarms = report(known, live, time_s, sensors.ais_source, *estimate)
         return memory, tracks, alarms, measurements_of(fresh, tracks, settings.rules)
 
     def update(self, memory: Memory, reports: AisReports, time_s: float, settings: KernelSettings) -> tuple[Memory, Ints, Rows]:
         """The memory after these reports, the rows of `memory.now.tracks` that are not lost at `time_s`, the admitted reports."""
         if not time_s > memory.now.time_s:
             raise ValueError(f"{self.method} time_s: got {time_s}, needed a time after the last cycle's, {memory.now.time_s}")
-        fresh, memory = admit(memory, reports, time_s, self.lateness_s, self.ahead_s)
+        fresh, memory = admit(memory, reports, time_s, self.lateness_s, self.ahead_s, settings)
+        believed = fresh
         if len(fresh):
-            memory = update_tracks(memory, fresh, settings)
+            memory, believed = update_tracks(memory, fresh, settings)
         tracks = memory.now.tracks
         forgotten = time_s - tracks["updated"] > self.return_s + self.lateness_s
         if forgotten.any():
@@ -119,29 +125,30 @@ class AisFilter(Method):
             tracks = tracks.copy()
             tracks["number"][nameless] = np.arange(memory.counter, counter)
         memory = end_cycle(memory, fresh, tracks, counter, time_s, self.lateness_s)
-        return memory, np.flatnonzero((tracks["confirmed"] == 1) & (time_s - tracks["updated"] <= tracks["patience"])), fresh
+        return memory, np.flatnonzero((tracks["confirmed"] == 1) & (time_s - tracks["updated"] <= tracks["patience"])), believed
 
     def kernel_settings(self) -> KernelSettings:
         """The settings as the kernel takes them."""
         knot2 = KNOT_M_S**2
-        max_speed = self.max_speed_kn * KNOT_M_S
         one = {
-            "position_variance": self.position_sigma_m**2 + WIRE_POSITION_M**2 / 12.0,
             "sog_variance": (self.sog_sigma_kn**2 + WIRE_SOG_KN**2 / 12.0) * knot2,
             "cog_variance": np.radians(1.0) ** 2 * (self.cog_sigma_deg**2 + WIRE_COG_DEG**2 / 12.0),
             "still_speed": STILL_SPEED_KN * KNOT_M_S,
             "polar_speed": POLAR_SPEED_KN * KNOT_M_S,
-            "jitter": self.time_jitter_s,
             "start_speed_variance": self.start_speed_sigma_kn**2 * knot2,
-            "max_speed": max_speed,
-            "tolerance": TOLERANCE_SIGMAS * self.position_sigma_m + max_speed * (STAMP_S + self.time_jitter_s),
+            "max_speed": self.max_speed_kn * KNOT_M_S,
+            "acceleration": self.max_acceleration_m_s2,
+            "stamp": STAMP_S,
+            "stamp_most": self.stamp_error_s,
             "repeat": self.repeat_s,
             "patience_least": self.patience_s,
             "patience_factor": self.patience_intervals,
             "moving_a": self.interval_moving_s,
             "moving_b": self.interval_moving_b_s,
             "slow": self.interval_slow_s,
+            "first": self.interval_first_s,
             "slow_speed": self.slow_kn * KNOT_M_S,
+            "anchor_speed": self.anchor_kn * KNOT_M_S,
             "forget": self.return_s,
             "alarm": self.alarm_s,
             "reach": REACH_M,
@@ -149,7 +156,8 @@ class AisFilter(Method):
         rules = np.zeros(1, kernels.filters.ais_tracker.RULES)
         for name, value in one.items():
             rules[name] = value
-        return KernelSettings(rules[0], self._models())
+        sigmas = self.position_sigma_m, self.unaided_sigma_m, self.position_sigma_m, self.low_accuracy_sigma_m
+        return KernelSettings(rules[0], self._models(), np.square(sigmas) + WIRE_POSITION_M**2 / 12.0, self.time_jitter_s)
 
     def _models(self) -> Any:
         """The models as the kernels take them. (J,) MODEL"""
@@ -170,13 +178,14 @@ def refused(memory: Memory) -> dict[str, int]:
 
 
 def report(
-    tracks: Rows, live: Ints, time_s: float, source: int, position: Floats, velocity: Floats, covariance: Floats, rules: Any
+    tracks: Rows, live: Ints, time_s: float, source: int, position: Floats, velocity: Floats, covariance: Floats
 ) -> tuple[Tracks, AisAlarms]:
     """Tracks and alarms of the rows that are not lost.
 
-    Args: live: (N,) these rows; position (N, 2) deg, velocity (N, 2), covariance (N, 4, 4): at `time_s`; rules: of the kernel.
+    Args: live: (N,) these rows; position (N, 2) deg, velocity (N, 2), covariance (N, 4, 4): at `time_s`.
     """
-    known = {name: tracks[name][live] for name in ("mmsi", "number", "origin", "updated", "started", "alarm")}
+    names = ("mmsi", "number", "origin", "updated", "started", "alarm", "status", "expected", "ee", "en", "nn")
+    known = {name: tracks[name][live] for name in names}
     out = Tracks(
         track_id=source * ID_STEP + known["number"],
         source=np.full(len(live), source, np.int64),
@@ -184,14 +193,22 @@ def report(
         position_deg=position,
         velocity_m_s=velocity,
         covariance=covariance,
-        report_covariance=np.tile(np.eye(2) * rules["position_variance"], (len(live), 1, 1)),
+        report_covariance=np.stack([known[name] for name in ("ee", "en", "en", "nn")], axis=-1).reshape(-1, 2, 2),
         updated_s=known["updated"],
         started_s=known["started"],
         mmsi=known["mmsi"],
         origin=known["origin"],
     )
     twice = _shares_mmsi(out.mmsi, out.started_s, out.updated_s)
-    return out, AisAlarms(track_id=out.track_id, mmsi=out.mmsi, impossible_speed=known["alarm"] > time_s, twice=twice)
+    alarms = AisAlarms(
+        track_id=out.track_id,
+        mmsi=out.mmsi,
+        impossible_speed=known["alarm"] > time_s,
+        twice=twice,
+        nav_status=known["status"],
+        interval_s=known["expected"],
+    )
+    return out, alarms
 
 
 def _shares_mmsi(mmsi: Ints, started: Floats, updated: Floats) -> Bools:

@@ -51,7 +51,7 @@ class AisDeadReckoning(Method):
         tracks = memory.now.tracks
         position, velocity = extrapolated(tracks, live, time_s if self.aligned else tracks["updated"][live])
         estimates = position, velocity, np.full((len(live), 4, 4), np.nan)
-        out, alarms = report(tracks, live, time_s, sensors.ais_source, *estimates, settings.rules)
+        out, alarms = report(tracks, live, time_s, sensors.ais_source, *estimates)
         return memory, out, alarms, measurements_of(fresh, out, settings.rules)
 
     def _tracker(self) -> AisFilter:

@@ -15,13 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coastwatch import kernels
-from coastwatch.batches import AisReports, Bools, Ints
+from coastwatch.batches import AisReports, Bools, Floats, Ints
+from coastwatch.batches.ais_codes import LARGEST_MMSI
 from coastwatch.geodesy import KNOT_M_S
+from coastwatch.tracks.feed_clocks import FeedClocks
 
 Rows = NDArray[np.void]  # structured: coastwatch.kernels.filters.ais_tracker.REPORT or TRACK
+NOT_COMPARED = ("jitter", "nn", "en", "ee", "feed", "status")  # of two reports: they order reports that are the same otherwise
 SLOTS = 4  # tracks of one MMSI at most, the one on trial included
 TOP_SOG_KN = 102.2  # ITU-R M.1371: greater values mean "not available", as does a COG of 360
-VERDICTS = ("repeated position", "impossible speed", "crowded")  # of coastwatch.kernels.filters.ais_tracker, from REPEAT on
+VERDICTS = ("repeated position", "impossible speed", "crowded", "doubtful velocity")
+"""Of coastwatch.kernels.filters.ais_tracker, from REPEAT on."""
 
 
 class KernelSettings(NamedTuple):
@@ -29,6 +33,8 @@ class KernelSettings(NamedTuple):
 
     rules: Any  # coastwatch.kernels.filters.ais_tracker.RULES
     models: Any  # (J,) coastwatch.kernels.filters.motion_models.MODEL
+    position_variance: Floats  # (4,) m2 per axis, by PositionAccuracy + 1
+    time_jitter_s: float | None  # of the times of all feeds; None: estimated
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,13 +57,14 @@ class Memory:
     held: Rows  # reports stamped in the future
     counter: int  # tracks numbered so far
     refused: dict[str, int]
+    clocks: FeedClocks
 
 
 def initial_memory() -> Memory:
     """The memory before the first cycle."""
 
     nothing = Snapshot(-np.inf, np.zeros(0, kernels.filters.ais_tracker.TRACK))
-    return Memory(nothing, nothing, nothing, (), (), np.zeros(0, kernels.filters.ais_tracker.REPORT), 0, {})
+    return Memory(nothing, nothing, nothing, (), (), np.zeros(0, kernels.filters.ais_tracker.REPORT), 0, {}, FeedClocks.none())
 
 
 def in_order(reports: Rows) -> Ints:
@@ -68,7 +75,7 @@ def in_order(reports: Rows) -> Ints:
     if again.any():
         tied = np.flatnonzero(np.append(again, False) | np.append(False, again))
         some = reports[order[tied]]
-        names = ("origin", "class_b", "cog", "sog", "lon", "lat", "time", "mmsi")
+        names = (*NOT_COMPARED, "origin", "class_b", "cog", "sog", "lon", "lat", "time", "mmsi")
         order[tied] = order[tied][np.lexsort([some[n] for n in names])]
     return order
 
@@ -89,8 +96,8 @@ def is_in(mmsi: Ints, chosen: Ints) -> Bools:
     return found
 
 
-def records(reports: AisReports) -> Rows:
-    """The reports as rows for the kernel, in SI and radians."""
+def records(reports: AisReports, settings: KernelSettings, jitter_s: Floats) -> Rows:
+    """The reports as rows for the kernel, in SI and radians. Args: jitter_s: (F,) of the times of each feed."""
 
     rows = np.empty(len(reports), kernels.filters.ais_tracker.REPORT)
     rows["time"], rows["mmsi"] = reports.time_s, reports.mmsi
@@ -98,20 +105,30 @@ def records(reports: AisReports) -> Rows:
     speed, course = reports.sog_kn, reports.cog_deg
     rows["sog"] = np.where((speed >= 0.0) & (speed <= TOP_SOG_KN), speed * KNOT_M_S, np.nan)
     rows["cog"] = np.where((course >= 0.0) & (course < 360.0), np.radians(course), np.nan)
-    rows["class_b"], rows["origin"] = reports.class_b, reports.origin
+    rows["class_b"], rows["origin"], rows["status"] = reports.class_b, reports.origin, reports.nav_status
+    rows["feed"] = np.maximum(reports.feed, 0)
+    rows["ee"] = rows["nn"] = settings.position_variance[reports.accuracy + 1]
+    rows["en"] = 0.0
+    own = np.flatnonzero(np.isfinite(reports.covariance[:, 0, 0]))
+    for name, i, j in (("ee", 0, 0), ("en", 0, 1), ("nn", 1, 1)):
+        rows[name][own] = reports.covariance[own, i, j]
+    known = np.append(jitter_s, np.zeros(int(rows["feed"].max(initial=0)) + 1))
+    rows["jitter"] = known[rows["feed"]] if settings.time_jitter_s is None else settings.time_jitter_s
     return rows
 
 
-def admit(memory: Memory, reports: AisReports, time_s: float, lateness_s: float, ahead_s: float) -> tuple[Rows, Memory]:
+def admit(
+    memory: Memory, reports: AisReports, time_s: float, lateness_s: float, ahead_s: float, settings: KernelSettings
+) -> tuple[Rows, Memory]:
     """Admit reports. Returns: those to take now, sorted by `in_order`; the memory with the others held, or counted as refused."""
-    rows = records(reports)
+    rows = records(reports, settings, memory.clocks.sigma_s())
     received = np.where(np.isfinite(reports.received_s), np.minimum(reports.received_s, time_s), time_s)
     lat, lon, time = rows["lat"], rows["lon"], rows["time"]
     delay = np.where(np.isfinite(time), received - time, 0.0)
     wrong = {
         "time not finite": ~np.isfinite(time),
         "not a position": ~((np.abs(lat) < 90.0) & (np.abs(lon) <= 180.0)),
-        "not an MMSI": (rows["mmsi"] <= 0) | (rows["mmsi"] > 999_999_999),
+        "not an MMSI": (rows["mmsi"] < 0) | (rows["mmsi"] > LARGEST_MMSI),
         "from the future": delay < -ahead_s,
         "too late": (delay > lateness_s) | (time <= memory.old.time_s),
     }
@@ -174,32 +191,33 @@ def _rows_of_vessels(rows: Rows, mmsi: Ints) -> tuple[Ints, Ints]:
     return np.searchsorted(known, mmsi), np.searchsorted(known, mmsi, side="right")
 
 
-def track_vessels(tracks: Rows, mmsi: Ints, reports: Rows, settings: KernelSettings) -> tuple[Rows, Ints]:
-    """The tracks of these vessels after their reports, sorted by MMSI, and the verdict on each report.
+def track_vessels(tracks: Rows, mmsi: Ints, reports: Rows, settings: KernelSettings) -> tuple[Rows, Rows]:
+    """The tracks of these vessels after their reports, sorted by MMSI, and the outcome of each report. (V,) TRACK, (M,) OUTCOME
 
     Args: tracks: sorted by mmsi; mmsi: (V,) sorted; reports: of these vessels only, sorted by `in_order`.
     """
     (low, high), (begin, end) = _rows_of_vessels(tracks, mmsi), _rows_of_vessels(reports, mmsi)
-    update, verdict = kernels.filters.ais_tracker.update, np.zeros(len(reports), np.int64)
+    update, of_kernel = kernels.filters.ais_tracker.update, (settings.rules, settings.models)
+    outcome = np.zeros(len(reports), kernels.filters.ais_tracker.OUTCOME)
     if len(tracks):
         single = tracks[np.minimum(low, len(tracks) - 1)]
         single[low == high] = np.zeros(1, tracks.dtype)
     else:
         single = np.zeros(len(mmsi), tracks.dtype)
     several = high - low > 1
-    overflowed = update(single, 1, reports, begin, np.where(several, begin, end), *settings, verdict)
+    overflowed = update(single, 1, reports, begin, np.where(several, begin, end), *of_kernel, outcome)
     again = np.flatnonzero(several | overflowed)
     if not len(again) and single["hits"].all():
-        return single, verdict
+        return single, outcome
     wide = np.zeros(len(again) * SLOTS, tracks.dtype)
     for k in range(SLOTS):
         there = np.flatnonzero(low[again] + k < high[again])
         wide[there * SLOTS + k] = tracks[low[again][there] + k]
-    update(wide, SLOTS, reports, begin[again], end[again], *settings, verdict)
+    update(wide, SLOTS, reports, begin[again], end[again], *of_kernel, outcome)
     single["hits"][again] = 0
     rows = np.concatenate([single, wide])
     rows = rows[rows["hits"] > 0]
-    return rows[np.argsort(rows["mmsi"], kind="stable")], verdict
+    return rows[np.argsort(rows["mmsi"], kind="stable")], outcome
 
 
 def replace_tracks(tracks: Rows, mmsi: Ints, rows: Rows) -> Rows:
@@ -224,19 +242,28 @@ def _merge(first: Rows, second: Rows) -> Rows:
     return out
 
 
-def update_tracks(memory: Memory, fresh: Rows, settings: KernelSettings) -> Memory:
-    """Update tracks by the admitted reports. Vessels with a late report are replayed; the others are updated in order."""
+def update_tracks(memory: Memory, fresh: Rows, settings: KernelSettings) -> tuple[Memory, Rows]:
+    """Update tracks by the admitted reports. Vessels with a late report are replayed; the others are updated in order.
+
+    Returns: the memory; the reports, without the velocities that were not believed.
+    """
     mmsi, begin, _ = vessels(fresh)
     late = fresh["time"][begin] <= np.maximum(_newest_report_s(memory.now.tracks, mmsi), memory.recent.time_s)
     behind = is_in(fresh["mmsi"], mmsi[late])
-    rows, verdict = track_vessels(memory.now.tracks, mmsi[~late], fresh[~behind], settings)
+    rows, outcome = track_vessels(memory.now.tracks, mmsi[~late], fresh[~behind], settings)
     recent, refused = memory.recent, dict(memory.refused)
-    _count_verdicts(refused, verdict)
+    _count_verdicts(refused, outcome["verdict"])
+    clocks = memory.clocks.updated(fresh["feed"][~behind], outcome["delay"], outcome["variance"])
+    doubted = np.flatnonzero(~behind)[outcome["verdict"] == kernels.filters.ais_tracker.DOUBTED]
     if late.any():
         recent, played = _replay(memory, mmsi[late], fresh[behind], settings, refused)
         rows = _merge(rows, played)
     now = replace(memory.now, tracks=replace_tracks(memory.now.tracks, mmsi, rows))
-    return replace(memory, now=now, recent=recent, refused=refused)
+    believed = fresh
+    if len(doubted):
+        believed = fresh.copy()
+        believed["sog"][doubted] = believed["cog"][doubted] = np.nan
+    return replace(memory, now=now, recent=recent, refused=refused, clocks=clocks), believed
 
 
 def _replay(
@@ -252,17 +279,18 @@ def _replay(
     before = play["time"] <= recent.time_s
     if len(first):
         part = before & is_in(play["mmsi"], first)
-        rows, verdict = track_vessels(memory.old.tracks, first, play[part], settings)
-        _count_verdicts(refused, verdict[new[part]])
+        rows, outcome = track_vessels(memory.old.tracks, first, play[part], settings)
+        _count_verdicts(refused, outcome["verdict"][new[part]])
         recent = replace(recent, tracks=replace_tracks(recent.tracks, first, _with_former_numbers(recent.tracks, rows, first)))
-    rows, verdict = track_vessels(recent.tracks, mmsi, play[~before], settings)
-    _count_verdicts(refused, verdict[new[~before]])
+    rows, outcome = track_vessels(recent.tracks, mmsi, play[~before], settings)
+    _count_verdicts(refused, outcome["verdict"][new[~before]])
     return recent, _with_former_numbers(memory.now.tracks, rows, mmsi)
 
 
 def _count_verdicts(refused: dict[str, int], verdict: Ints) -> None:
-    for code, kind in enumerate(VERDICTS, start=1):
-        _count(refused, kind, int((verdict == code).sum()))
+    if verdict.any():
+        for code, kind in enumerate(VERDICTS, start=1):
+            _count(refused, kind, int((verdict == code).sum()))
 
 
 def _with_former_numbers(former: Rows, rows: Rows, mmsi: Ints) -> Rows:

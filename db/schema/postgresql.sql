@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0010; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0011; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id BIGSERIAL NOT NULL,
@@ -40,7 +40,16 @@ CREATE TABLE vessel (
 	flags BIGINT NOT NULL,
 	sources TEXT NOT NULL,
 	covariance BYTEA,
+	nav_status BIGINT,
 	PRIMARY KEY (run_id, vessel_id)
+);
+
+CREATE TABLE ais_feed (
+	run_id BIGINT NOT NULL,
+	number BIGINT NOT NULL,
+	name TEXT NOT NULL,
+	PRIMARY KEY (run_id, number),
+	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 
 CREATE TABLE association (
@@ -162,6 +171,7 @@ CREATE TABLE history (
 	flags BIGINT NOT NULL,
 	previous_cycle BIGINT,
 	closing BOOLEAN DEFAULT false NOT NULL,
+	nav_status BIGINT,
 	PRIMARY KEY (run_id, cycle, vessel_id),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
@@ -236,6 +246,7 @@ CREATE TABLE recording (
 	member_vessel_id BYTEA NOT NULL,
 	member_track_id BYTEA NOT NULL,
 	member_source BYTEA NOT NULL,
+	nav_status BYTEA,
 	PRIMARY KEY (run_id, cycle),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
@@ -270,6 +281,7 @@ CREATE TABLE sensor_registration (
 	lag_sigma_s FLOAT(53),
 	vessels BIGINT,
 	residuals FLOAT(53),
+	time_jitter_s FLOAT(53),
 	PRIMARY KEY (run_id, cycle, kind, number),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );

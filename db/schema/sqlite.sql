@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0010; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0011; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
@@ -39,9 +39,18 @@ CREATE TABLE vessel (
 	flags INTEGER NOT NULL,
 	sources TEXT NOT NULL,
 	covariance BLOB,
+	nav_status INTEGER,
 	PRIMARY KEY (run_id, vessel_id)
 )
  WITHOUT ROWID;
+
+CREATE TABLE ais_feed (
+	run_id INTEGER NOT NULL,
+	number INTEGER NOT NULL,
+	name TEXT NOT NULL,
+	PRIMARY KEY (run_id, number),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
 
 CREATE TABLE association (
 	run_id INTEGER NOT NULL,
@@ -167,6 +176,7 @@ CREATE TABLE history (
 	flags INTEGER NOT NULL,
 	previous_cycle INTEGER,
 	closing BOOLEAN DEFAULT 0 NOT NULL,
+	nav_status INTEGER,
 	PRIMARY KEY (run_id, cycle, vessel_id),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 )
@@ -246,6 +256,7 @@ CREATE TABLE recording (
 	member_vessel_id BLOB NOT NULL,
 	member_track_id BLOB NOT NULL,
 	member_source BLOB NOT NULL,
+	nav_status BLOB,
 	PRIMARY KEY (run_id, cycle),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
@@ -280,6 +291,7 @@ CREATE TABLE sensor_registration (
 	lag_sigma_s FLOAT,
 	vessels INTEGER,
 	residuals FLOAT,
+	time_jitter_s FLOAT,
 	PRIMARY KEY (run_id, cycle, kind, number),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 )

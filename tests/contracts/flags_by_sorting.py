@@ -81,6 +81,7 @@ def flags_of(
         flags[row[find_any(tracks.track_id, track)]] |= int(Flag.AIS_CONTRADICTED)
     for alarm, flag in ((alarms.twice, Flag.MMSI_TWICE), (alarms.impossible_speed, Flag.IMPOSSIBLE_SPEED)):
         flags[row[find_any(tracks.track_id, alarms.track_id[alarm])]] |= int(flag)
+    flags |= np.array([by_text(*row) for row in zip(picture.mmsi.tolist(), picture.nav_status.tolist(), strict=True)], np.int64)
     after = FlagMemory(
         picture.vessel_id,
         no_ais,
@@ -93,6 +94,18 @@ def flags_of(
         anchor_since_s,
     )
     return after, flags
+
+
+def by_text(mmsi: int, status: int) -> int:
+    """The flags of a number as it is written with nine digits, and of a navigational status."""
+    digits = f"{mmsi:09d}" if mmsi >= 0 else ""
+    device = {"970": Flag.AIS_SART, "972": Flag.MAN_OVERBOARD, "974": Flag.EPIRB}.get(digits[:3], Flag(0))
+    if status == 14 and not device:
+        device = Flag.AIS_SART
+    country = digits[2:5] if digits[:2] == "98" else digits[:3]
+    odd = digits and not device & ~Flag.AIS_SART and digits[:3] != "970" and not 201 <= int(country) <= 775
+    own = {2: Flag.NOT_UNDER_COMMAND, 6: Flag.AGROUND}.get(status, Flag(0))
+    return int(device | own | (Flag.ODD_MMSI if odd else Flag(0)))
 
 
 def find_any(ids: Ints, wanted: Ints) -> Ints:

@@ -65,7 +65,7 @@ def step(
     vessel_id, home = inherit(
         memory.track_id, memory.track_vessel, memory.track_home, last, tracks, associations, time_s, sensors
     )
-    present = _row_of_tracks(tracks, associations, fused)
+    present = _row_of_tracks(tracks, associations, fused, alarms)
     vessel_id = return_of_the_lost(settings, vessel_id, memory, present, tracks, time_s)
     fresh = vessel_id < 0
     vessel_id = np.where(fresh, memory.next_id + np.cumsum(fresh) - 1, vessel_id)
@@ -91,7 +91,7 @@ def step(
     return after, shown, members
 
 
-def _row_of_tracks(tracks: Tracks, associations: Associations, fused: FusedTracks) -> Picture:
+def _row_of_tracks(tracks: Tracks, associations: Associations, fused: FusedTracks, alarms: AisAlarms) -> Picture:
     """One row a vessel with what its tracks say of it; the id is still open."""
     count, vessel = len(fused), associations.vessel
     since, updated = np.full(count, np.inf), np.full(count, -np.inf)
@@ -102,6 +102,9 @@ def _row_of_tracks(tracks: Tracks, associations: Associations, fused: FusedTrack
     np.maximum.at(origin, vessel[~named], tracks.origin[~named])
     mmsi[vessel[named]] = tracks.mmsi[named]
     origin[vessel[named]] = tracks.origin[named]
+    said = dict(zip(alarms.track_id.tolist(), alarms.nav_status.tolist(), strict=True))
+    status = np.full(count, -1, np.int64)
+    status[vessel[named]] = [said[track] for track in tracks.track_id[named].tolist()]
     return Picture(
         np.full(count, -1, np.int64),
         fused.time_s,
@@ -113,6 +116,7 @@ def _row_of_tracks(tracks: Tracks, associations: Associations, fused: FusedTrack
         mmsi,
         np.full(count, int(Flag(0)), np.int64),
         origin,
+        status,
     )
 
 
@@ -126,6 +130,7 @@ def _with_past(present: Picture, last: Picture) -> Picture:
         present,
         since_s=np.where(known, np.minimum(last.since_s[at], present.since_s), present.since_s),
         mmsi=np.where(known & (present.mmsi < 0), last.mmsi[at], present.mmsi),
+        nav_status=np.where(known & (present.mmsi < 0), last.nav_status[at], present.nav_status),
     )
 
 

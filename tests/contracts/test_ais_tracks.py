@@ -132,7 +132,7 @@ def test_bad_rows_are_counted_by_kind_and_do_no_harm(method):
         (t, t, 235000001, np.nan, 0.0, 1.0, 0.0),
         (t, t, 235000001, 50.0, 181.0, 1.0, 0.0),
         (np.nan, t, 235000001, 50.0, 0.0, 1.0, 0.0),
-        (t, t, 0, 50.0, 0.0, 1.0, 0.0),
+        (t, t, -2, 50.0, 0.0, 1.0, 0.0),
         (t + 60.0, t, 235000001, 50.0, 0.0, 1.0, 0.0),
     ]
     memory, tracks, _ = run(method, good + bad, 12)

@@ -30,7 +30,8 @@ def test_a_report_measures_what_the_kernel_takes_from_it(sog, cog):
     track = np.zeros(1, TRACK)[0]
     track["anchor_lat"], track["anchor_lon"] = HOME
     z, noise = np.zeros(4), np.zeros((4, 4))
-    measured = measure(track, records(reports(rows))[0], method.kernel_settings().rules, z, noise)
+    settings = method.kernel_settings()
+    measured = measure(track, records(reports(rows), settings, np.zeros(1))[0], settings.rules, z, noise)
     assert len(taken) == 1
     assert np.isfinite(taken.velocity_m_s).all() == (measured == 4)
     known = slice(0, measured)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pyais.constants import ShipType
 from pyais.messages import AISSentence
 
-from coastwatch.batches import AisStatics
+from coastwatch.batches import AisStatics, PositionAccuracy
 from coastwatch.sensors.recorded.ais_messages import Assembler, checksums_are_right
 from coastwatch.sensors.recorded.ais_payload import NEEDED_BITS, STATIC_BITS_19, decoded
 from coastwatch.sensors.recorded.ais_validation import AisRows, StaticRows
@@ -70,6 +70,9 @@ def check(sentences: list[bytes]) -> int:
             assert rows.cog_deg[k] == said.course
             assert rows.second[k] == (-1 if kind == 27 else said.second)
             assert rows.class_b[k] == (kind in (18, 19))
+            assert rows.nav_status[k] == (-1 if kind in (18, 19) else int(said.status))
+            monitored = bool(getattr(said, "raim", False)) and kind != 19
+            assert rows.accuracy[k] == (PositionAccuracy.HIGH if said.accuracy else 2 * monitored)
         whole = said is not None and (kind in (5, 24) or (kind == 19 and len(AISSentence(raw).bv) >= STATIC_BITS_19))
         assert (i in static) == whole
         if whole:

@@ -92,7 +92,6 @@ def test_every_kind_of_bad_record_is_counted_with_its_line_and_stops_nothing(tmp
         "empty payload": "!AIVDM,1,1,,B,,0*25",
         "payload too short": f"!AIVDM,1,1,,A,13u?etP,0*{checked('AIVDM,1,1,,A,13u?etP,0')}",
         "lone part of a message": five[0],
-        "not an MMSI": sentence(mmsi=25700000)[0],
         "position not available": sentence(lat=91.0)[0],
         "latitude out of range": sentence(lat=86.0)[0],
         "longitude out of range": sentence(lon=190.0)[0],
@@ -104,6 +103,21 @@ def test_every_kind_of_bad_record_is_counted_with_its_line_and_stops_nothing(tmp
     assert reports.received_s.tolist() == [T0, T0 + 2.0]
     assert {k: f.count for k, f in faults.items()} == dict.fromkeys(bad, 1)
     assert {k: f.where for k, f in faults.items()} == {k: f"feed.nmea:{i}" for i, k in enumerate(bad, 2)}
+
+
+def test_vessels_with_an_odd_number_are_kept_as_sent(tmp_path: Path) -> None:
+    sent = [0, 1, 1193046, 25700000, 111111111, 123456789, 800123456, 999999999]
+    reports, faults = read(tmp_path, [f"1357134218 {line}" for n in sent for line in sentence(mmsi=n)])
+    assert reports.mmsi.tolist() == sent
+    assert not faults
+
+
+def test_status_and_accuracy_are_read(tmp_path: Path) -> None:
+    said = [{"status": 1, "accuracy": 1}, {"status": 14, "raim": 1}, {"status": 6}, {"msg_type": 18, "accuracy": 1}]
+    messages = [sentence(mmsi=257000000 + k, **fields)[0] for k, fields in enumerate(said)]
+    reports, _ = read(tmp_path, [f"1357134218 {line}" for line in messages])
+    assert reports.nav_status.tolist() == [1, 14, 6, -1]
+    assert reports.accuracy.tolist() == [1, 2, 0, 1]
 
 
 def test_what_is_no_vessel_is_set_aside(tmp_path: Path) -> None:

@@ -111,7 +111,7 @@ def test_every_kind_of_bad_row_is_counted_with_its_line_and_stops_nothing(tmp_pa
         "position not available": row(1, lat="91"),
         "latitude out of range": row(1, lat="-95"),
         "longitude out of range": row(1, lon="200"),
-        "not an MMSI": row(1, mmsi="23507076"),
+        "not an MMSI": row(1, mmsi="-1"),
         "time going backwards": row(-100),
         "set aside: quick repeat of one position": row(1, sog="5.1"),
         "time far from the rest": row(-1e9),
@@ -276,7 +276,7 @@ def test_values_that_no_message_can_hold_are_counted_by_kind(tmp_path: Path) -> 
     said = [
         ("12.0", "-1.0", "A"),
         ("102.3", "10.0", "B"),
-        ("110", "20", "Base Station"),
+        ("110", "20", "Ferry"),
         ("5", "360.0", ""),
         ("-3", "400", "class b"),
     ]
@@ -334,3 +334,54 @@ def test_standard_deviations_of_plots_and_bearings_are_read(tmp_path: Path) -> N
     bearings.write_text(f"time,sonar,bearing_deg,bearing_sigma_deg\n{T0},mast,10,2.5\n{T0 + 1},mast,11,\n")
     bearing = Tables(bearings=(bearings,)).load(sensors(), 1, PLAN).whole().bearing
     np.testing.assert_array_equal(bearing.bearing_sigma_deg, [2.5, np.nan])
+
+
+def test_senders_that_are_no_vessel_are_set_aside_by_class_or_number(tmp_path: Path) -> None:
+    said = [
+        ("219000001", "Class A"),
+        ("219000002", "Base Station"),
+        ("219000003", "AtoN"),
+        ("219000004", "SAR Airborne"),
+        ("970123456", "Search and Rescue Transponder"),
+        ("972123456", "Man Overboard Device"),
+        ("2190001", ""),
+        ("992190001", ""),
+        ("111219001", ""),
+        ("1193046", "Class B"),
+        ("1073741823", "Class A"),
+    ]
+    file = tmp_path / "ais.csv"
+    lines = [f"{T0 + k},{mmsi},55.{k},11,5,90,{kind}" for k, (mmsi, kind) in enumerate(said)]
+    file.write_text("\n".join(["# Timestamp,MMSI,Latitude,Longitude,SOG,COG,Type of mobile", *lines]) + "\n")
+    reports, _, faults = AisTable(files=(file,)).read()
+    assert reports.mmsi.tolist() == [219000001, 970123456, 972123456, 1193046, 1073741823]
+    assert kinds(faults) == {
+        "set aside: coast station": 2,
+        "set aside: aid to navigation": 2,
+        "set aside: search and rescue aircraft": 2,
+    }
+
+
+def test_status_accuracy_and_covariance_of_a_row_are_read(tmp_path: Path) -> None:
+    header = "time,mmsi,lat,lon,status,accuracy,raim,position_sigma_m,covariance_east_east,covariance_north_north"
+    cells = [
+        "At anchor,1,0,,,",
+        "2,0,1,,,",
+        "Restricted maneuverability,0,0,25,,",
+        ",,,3,16,9",
+        "Unknown value,high,,-4,,",
+        "adrift,low,true,,,",
+    ]
+    file = tmp_path / "ais.csv"
+    lines = [f"{T0 + k},21900000{k},55.{k},11,{cell}" for k, cell in enumerate(cells)]
+    file.write_text("\n".join([header, *lines]) + "\n")
+    reports, _, faults = AisTable(files=(file,)).read()
+    assert reports.nav_status.tolist() == [1, 2, 3, -1, 15, -1]
+    assert reports.accuracy.tolist() == [1, 2, 0, -1, 1, 2]
+    np.testing.assert_array_equal(reports.covariance[2], 625.0 * np.eye(2))
+    np.testing.assert_array_equal(reports.covariance[3], np.diag([16.0, 9.0]))
+    assert np.isnan(reports.covariance[[0, 1, 4, 5]]).all()
+    assert kinds(faults) == {
+        "set aside: unknown navigational status, taken as not sent": 1,
+        "set aside: no covariance of a position, that of the accuracy taken": 1,
+    }

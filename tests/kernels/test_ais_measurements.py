@@ -9,7 +9,7 @@ from coastwatch.tracks.out_of_sequence import SLOTS
 
 NOW_S = 1e9
 ROUNDING = 1e-12  # of a covariance: cos c^2 against 1 - sin c^2
-RULES = AisFilter(time_jitter_s=0.5).kernel_settings().rules
+RULES = AisFilter().kernel_settings().rules
 
 
 def some(seed, vessels=60, most=5):
@@ -25,6 +25,8 @@ def some(seed, vessels=60, most=5):
     at = offset_deg(home[rows["mmsi"] - 235_000_000], rng.normal(0.0, 300.0, (150, 2)))
     rows["lat"], rows["lon"], rows["time"] = at[:, 0], at[:, 1], NOW_S - rng.uniform(0.0, 12.0, 150)
     rows["sog"] = np.where(rng.random(150) < 0.2, np.nan, rng.choice([0.0, 0.1, 3.0, 9.0], 150))
+    rows["ee"] = rows["nn"] = rng.choice([11.0, 100.0], 150)
+    rows["jitter"] = 0.5
     rows["cog"] = np.where(rng.random(150) < 0.3, np.nan, rng.uniform(0.0, 2.0 * np.pi, 150))
     return rows, tracks
 
@@ -64,7 +66,8 @@ def by_search(fresh, tracks, time_s, rules):
         gap = difference_m(position, place[row])
         gap -= speed[row] * (fresh["time"] - time_s)[:, None]
         miss = np.hypot(gap[:, 0], gap[:, 1])
-        radius = rules["max_speed"] * np.abs(updated[row] - fresh["time"]) + rules["tolerance"]
+        tolerance = 8.0 * np.sqrt(fresh["ee"]) + rules["max_speed"] * (rules["stamp"] + 3.0 * fresh["jitter"])
+        radius = rules["max_speed"] * np.abs(updated[row] - fresh["time"]) + tolerance
         nearer = (first + k < len(number)) & (number[row] == mmsi) & (miss <= radius) & (miss < least)
         best[nearer], least[nearer] = row[nearer], miss[nearer]
     return best
@@ -83,8 +86,8 @@ def by_arrays(reports, rules):
     moving = rules["sog_variance"] * outer + across[:, None, None] * (eye - outer)
     resting = (rules["sog_variance"] + 0.5 * speed**2)[:, None, None] * eye
     covariance = np.full((n, 4, 4), np.nan)
-    late = np.where(heading & ~np.isnan(speed), speed * rules["jitter"], 0.0) ** 2
-    covariance[:, :2, :2] = rules["position_variance"] * eye
+    late = np.where(heading & ~np.isnan(speed), speed * reports["jitter"], 0.0) ** 2
+    covariance[:, :2, :2] = reports["ee"][:, None, None] * eye
     covariance[:, :2, :2] += np.where(late[:, None, None] > 0.0, late[:, None, None] * outer, 0.0)
     known = np.isfinite(velocity[:, 0])
     covariance[known, 2:, 2:] = np.where(heading[:, None, None], moving, resting)[known]

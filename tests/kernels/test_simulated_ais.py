@@ -10,8 +10,8 @@ from scipy.stats import binom
 from simulated_world import CENTRE_DEG, LEVEL, START_S, assert_unit_normal, recorded, sensors
 
 from coastwatch.batches import Stations
+from coastwatch.batches.ais_codes import is_vessel
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, wrap_deg
-from coastwatch.sensors.recorded.ais_validation import is_vessel
 from coastwatch.sensors.simulated.ais import AisTruth, transmit, transponders
 from coastwatch.sensors.simulated.trajectories import VesselMotion, draw_motion
 

@@ -22,7 +22,7 @@ from coastwatch.store.migrate import check
 
 NAMES = (
     "vessel_id", "latitude_deg", "longitude_deg", "sog_kn", "cog_deg", "major_m", "minor_m", "orientation_deg", "updated_s",
-    "mmsi", "flags", "previous_cycle", "closing",
+    "mmsi", "flags", "previous_cycle", "closing", "nav_status",
 )  # fmt: skip
 
 PLACES = np.array([[-22.9, -43.2], [0.0, 180.0], [70.0, -180.0], [84.0, 10.0], [-0.001, 0.0]])

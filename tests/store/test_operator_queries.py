@@ -13,7 +13,7 @@ import pytest
 import store_world as world
 
 from coastwatch import store as kept
-from coastwatch.batches import Associations, Flag, Members, Picture
+from coastwatch.batches import Associations, Flag, Members, NavStatus, Picture
 from coastwatch.geodesy import KNOT_M_S, offset_deg
 from coastwatch.store import INSTANTS, Store
 
@@ -41,7 +41,6 @@ PLACES_M = np.array(
 
 VELOCITY_KN = np.array([[0, 0], [0, 4], [0, 11], [0, -10], [30, 0], [0, 5], [0, 6], [0, 7], [0, 8], [0, 9]])
 FLAGS = {
-    1: Flag.STATIONARY,
     3: Flag.DARK,
     4: Flag.AIS_WITHOUT_RADAR,
     5: Flag.IMPOSSIBLE_SPEED,
@@ -49,7 +48,10 @@ FLAGS = {
     7: Flag.MMSI_TWICE,
     8: Flag.MMSI_TWICE,
     9: Flag.DARK | Flag.COASTING,
+    1: Flag.STATIONARY | Flag.ODD_MMSI | Flag.AGROUND,
+    10: Flag.EPIRB,
 }
+STATUS = {1: NavStatus.AGROUND, 2: NavStatus.MOORED, 10: NavStatus.AIS_SART_ACTIVE}
 MMSI = {1: 710_000_001, 2: 710_000_002, 4: 710_000_004, 5: 710_000_005, 6: 710_000_006, 7: 710_000_007, 8: 710_000_007}
 
 
@@ -75,6 +77,7 @@ def planted(number: int) -> Picture:
         mmsi=np.array([MMSI.get(v, -1) for v in there]),
         flags=np.array([int(FLAGS.get(v, 0)) for v in there]),
         origin=np.full(n, -1),
+        nav_status=np.array([int(STATUS.get(v, -1)) for v in there]),
     )
 
 
@@ -135,15 +138,23 @@ def test_every_question(store: Store) -> None:
     assert ids(rows("contradicted")) == [6]
     assert [(row["vessel_id"], row["mmsi"]) for row in rows("mmsi_twice")] == [(7, 710_000_007), (8, 710_000_007)]
     assert ids(rows("impossible_speed")) == [5]
+    assert [(row["vessel_id"], row["kind"], row["says"]) for row in rows("emergencies")] == [(10, "epirb", "active")]
+    assert [(row["vessel_id"], row["mmsi"]) for row in rows("odd_mmsi")] == [(1, 710_000_001)]
+    assert [(row["vessel_id"], row["nav_status"]) for row in rows("disabled")] == [(1, 6)]
 
     alarms = rows("alarms")
     assert [(row["vessel_id"], row["kind"], row["start_s"], row["end_s"], row["gaps"]) for row in alarms] == [
+        (10, "epirb", world.instant_s(30), None, 0)
+    ] + [
         (vessel, kind, world.instant_s(0), None, gaps)
         for vessel, kind, gaps in (
+            *((1, "aground", 0), (1, "odd_mmsi", 0)),
             *((3, "dark", 0), (4, "ais_without_radar", 0), (5, "impossible_speed", 0), (6, "ais_contradicted", 0)),
             *((7, "mmsi_twice", 0), (8, "mmsi_twice", 1), (9, "dark", 0)),
         )
     ]
+    assert alarms[0]["evidence"].endswith("; navigational status AIS-SART active")
+    alarms = alarms[3:]
     assert alarms[0]["evidence"] == "tracks ilha 1003 (11.0 kn, 1 s old)"
     assert alarms[1]["evidence"] == "tracks ais 5000000004 (10.0 kn, 1 s old)"
     both = r"tracks ilha 1007 \(6\.0 kn, 1 s old\), ais 5000000007 \(6\.0 kn, 1 s old, 0 m from the first\)"

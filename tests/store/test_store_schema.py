@@ -24,10 +24,20 @@ from coastwatch.store.bbox import inside
 from coastwatch.store.database import connect, reading, revision, writing
 from coastwatch.store.tables import HISTORY, METADATA, REVISION, REVISION_TABLE
 
-SINCE_0001 = {"presence", "sensor_registration", "identity", "recording", "event", "event_gap"}
+SINCE_0001 = {"ais_feed", "presence", "sensor_registration", "identity", "recording", "event", "event_gap"}
 """Tables that schema 0001 does not have."""
 
-SINCE_0004 = ("picture_kept", "history_from", "history_points", "previous_cycle", "closing", "piece", "written_utc", "verdict")
+SINCE_0004 = (
+    "picture_kept",
+    "history_from",
+    "history_points",
+    "previous_cycle",
+    "closing",
+    "piece",
+    "written_utc",
+    "verdict",
+    "nav_status",
+)
 """Columns that it does not have; it has `cycle.history_kept`."""
 
 
@@ -105,9 +115,9 @@ def test_a_database_of_the_first_schema_comes_along_with_all_its_rows(url: str, 
             assert set(there.tables) == set(METADATA.tables) - SINCE_0001 | {REVISION_TABLE}
             for name in (table.name for table in METADATA.sorted_tables if table.name not in SINCE_0001):
                 connection.execute(there.tables[name].insert(), as_in_0001(name, rows[name]))
-    with pytest.raises(StoreError, match="schema: got 0001, needed 0010: `coastwatch db upgrade` brings it there"):
+    with pytest.raises(StoreError, match="schema: got 0001, needed 0011: `coastwatch db upgrade` brings it there"):
         kept.open_store(url)
-    assert migrate.check(url) == ["schema: got 0001, needed 0010: `coastwatch db upgrade` brings it there"]
+    assert migrate.check(url) == ["schema: got 0001, needed 0011: `coastwatch db upgrade` brings it there"]
     migrate.upgrade(url)
     assert migrate.check(url) == []
     with kept.open_store(url) as store:
@@ -154,13 +164,14 @@ def test_a_database_of_schema_0006_comes_along(url: str, tmp_path: Path) -> None
         url = f"sqlite:///{path}"
     else:
         _fill_0006(url, rows)
-    assert migrate.check(url) == ["schema: got 0006, needed 0010: `coastwatch db upgrade` brings it there"]
+    assert migrate.check(url) == ["schema: got 0006, needed 0011: `coastwatch db upgrade` brings it there"]
     migrate.upgrade(url)
     assert migrate.check(url) == []
     with kept.open_store(url) as store:
         with reading(store) as connection:
             found = [dict(row._mapping) for row in connection.execute(HISTORY.select())]
-        assert sorted(map(repr, found)) == sorted(repr(row | {"closing": bool(row["closing"])}) for row in rows["history"])
+        was = [row | {"closing": bool(row["closing"]), "nav_status": None} for row in rows["history"]]
+        assert sorted(map(repr, found)) == sorted(map(repr, was))
         recorded = list(kept.replay(store, 1))
         assert len(recorded) == len(made)
         for number, (old, picture) in enumerate(zip(recorded, made, strict=True)):
@@ -236,7 +247,7 @@ def test_a_schema_may_be_shared_with_tables_of_other_names(postgresql_url: str) 
     assert migrate.check(postgresql_url) == []
     with connect(postgresql_url, 1.0, may_create=True) as store, writing(store) as connection:
         connection.execute(text(f"DROP TABLE {REVISION_TABLE}"))
-    with pytest.raises(StoreError, match="not a Coastwatch database: it has association"):
+    with pytest.raises(StoreError, match="not a Coastwatch database: it has ais_feed, association"):
         kept.open_store(postgresql_url)
 
 
@@ -244,7 +255,7 @@ def test_a_database_of_a_newer_version_is_left_alone(url: str) -> None:
     migrate.upgrade(url)
     with connect(url, 1.0, may_create=False) as store, writing(store) as connection:
         connection.execute(text(f"UPDATE {REVISION_TABLE} SET version_num = '9999'"))
-    with pytest.raises(StoreError, match="schema: got 9999, needed 0010: it was written by a newer Coastwatch"):
+    with pytest.raises(StoreError, match="schema: got 9999, needed 0011: it was written by a newer Coastwatch"):
         kept.open_store(url)
     (found,) = migrate.check(url)
     assert "written by a newer Coastwatch" in found

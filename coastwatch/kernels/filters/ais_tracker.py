@@ -18,67 +18,92 @@ from coastwatch.kernels.jit import jit
 MODELS = 3  # room in a row; fewer may be in use. One layout: numba caches code by the name of a record type, not by its size
 TRACK = np.dtype(
     [
-        *((name, "i8") for name in ("mmsi", "number", "confirmed", "hits", "class_b", "origin")),
+        *((name, "i8") for name in ("mmsi", "number", "confirmed", "hits", "class_b", "origin", "status")),
         ("updated", "f8"),  # time of the newest report in this track
         ("started", "f8"),
         ("received", "f8"),  # time of the newest report of the vessel
         ("interval", "f8"),  # between its reports, as learned
+        ("gap", "f8"),  # between its two newest reports
         ("expected", "f8"),  # interval until the next report
         ("patience", "f8"),  # time without a report after which the track is not predicted
         ("alarm", "f8"),  # time until which an impossible speed is flagged
         ("anchor_lat", "f8"),
         ("anchor_lon", "f8"),
-        *((name, "f8") for name in ("lat", "lon", "sog", "cog")),  # of the newest report, as in REPORT
+        *((name, "f8") for name in ("lat", "lon", "sog", "cog", "ee", "en", "nn")),  # of the newest report, as in REPORT
         ("mode_probability", "f8", (MODELS,)),
         ("state", "f8", (MODELS, SIZE)),  # in the plane at the anchor
         ("covariance", "f8", (MODELS, SIZE, SIZE)),
     ]
 )
-# sog in m/s, cog in radians clockwise from north, NaN where not available
+# sog in m/s, cog in radians clockwise from north, NaN where not available; ee, en, nn: covariance of the position, east and north;
+# jitter: standard deviation of the time; status: navigational, -1 if not sent
 REPORT = np.dtype(
-    [("mmsi", "i8"), ("class_b", "i8"), ("origin", "i8"), *((real, "f8") for real in ["time", "lat", "lon", "sog", "cog"])]
+    [
+        *((name, "i8") for name in ("mmsi", "class_b", "origin", "status", "feed")),
+        *((name, "f8") for name in ("time", "lat", "lon", "sog", "cog", "ee", "en", "nn", "jitter")),
+    ]
+)
+OUTCOME = np.dtype(
+    [
+        ("verdict", "i8"),  # TAKEN, REPEAT, IMPOSSIBLE, CROWDED or DOUBTED
+        ("delay", "f8"),  # s, how late its stamp is against the way sailed since the report before; NaN: not measured
+        ("variance", "f8"),  # of the delay where stamps are exact
+    ]
 )
 RULES = np.dtype(
     [
-        ("position_variance", "f8"),
         ("sog_variance", "f8"),
         ("cog_variance", "f8"),
         ("still_speed", "f8"),  # under which a report without COG says that the vessel stands
         ("polar_speed", "f8"),  # at which COG begins to mean something
-        ("jitter", "f8"),  # of the time of a fix
         ("start_speed_variance", "f8"),
         ("max_speed", "f8"),
-        ("tolerance", "f8"),  # added to the distance that max_speed allows
+        ("acceleration", "f8"),  # of a ship, at most
+        ("stamp", "f8"),  # error of the time between two reports
+        ("stamp_most", "f8"),  # by which a report may be off along the track of its vessel
         ("repeat", "f8"),  # the same position so soon is the same fix
         ("patience_least", "f8"),
         ("patience_factor", "f8"),
         ("moving_a", "f8"),  # nominal intervals
         ("moving_b", "f8"),
         ("slow", "f8"),
+        ("first", "f8"),  # interval to expect before a second report shows it
         ("slow_speed", "f8"),
+        ("anchor_speed", "f8"),  # under which a status of at anchor, moored or aground is believed
         ("forget", "f8"),  # after which an MMSI is a new vessel
         ("alarm", "f8"),
         ("reach", "f8"),  # from the anchor, before a new one is taken
     ]
 )
-TAKEN, REPEAT, IMPOSSIBLE, CROWDED = 0, 1, 2, 3
+TAKEN, REPEAT, IMPOSSIBLE, CROWDED, DOUBTED = 0, 1, 2, 3, 4
+
+AT_ANCHOR, MOORED, AGROUND = 1, 5, 6  # ITU-R M.1371-5, table 48
+TOLERANCE_SIGMAS = 8.0  # of one report, between two
+JITTER_SIGMAS = 3.0  # of a time, between two
+WAY_SIGMAS = 4.0  # of a position, in the way that a change of velocity takes
+SPEED_MARGIN = 5.0  # m/s, change of velocity that noise alone can make
+SAME_COURSE = 0.94  # cosine of the largest angle between courses that are the same
+SAME_SPEED = 0.3  # largest difference of speeds that are the same, as a share
+TIMED_SPEED = 5.0  # m/s, from which the way sailed tells the time
+TIMED_S = 60.0  # longest time between two reports that does
 
 
 @jit
-def update(tracks, slots, reports, begin, end, rules, models, verdict):  # type: ignore[no-untyped-def]
+def update(tracks, slots, reports, begin, end, rules, models, outcome):  # type: ignore[no-untyped-def]
     """Update the tracks of vessels by their reports, in place; which vessels had too few slots. (V,)
 
     The rows of a vessel with too few slots are spoilt: update its former rows again, with more slots.
     Args: tracks: (V slots,) TRACK; slots: of each vessel; reports: REPORT rows, each vessel's in order of time; begin, end: (V,) its rows
-    in them; rules: RULES; models: (J,) motion_models.MODEL; verdict: (M,) written: TAKEN, REPEAT, IMPOSSIBLE or CROWDED.
+    in them; rules: RULES; models: (J,) motion_models.MODEL; outcome: (M,) OUTCOME, written.
     """
     overflowed, z, noise, work = np.zeros(len(begin), np.bool_), np.zeros(4), np.zeros((4, 4)), imm.workspace(len(models))
     for v in range(len(begin)):
         vessel = tracks[v * slots : (v + 1) * slots]
         for m in range(begin[v], end[v]):
             _expire(vessel, reports[m].time, rules)
-            verdict[m] = _update_vessel(vessel, reports[m], rules, models, z, noise, work)
-            if verdict[m] == CROWDED and slots == 1:
+            verdict = _update_vessel(vessel, reports[m], rules, models, z, noise, work, outcome[m])
+            outcome[m].verdict = verdict
+            if verdict == CROWDED and slots == 1:
                 overflowed[v] = True
                 break
             for t in range(slots):
@@ -103,11 +128,13 @@ def _expire(vessel, time, rules):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _update_vessel(vessel, report, rules, models, z, noise, work):  # type: ignore[no-untyped-def]
+def _update_vessel(vessel, report, rules, models, z, noise, work, outcome):  # type: ignore[no-untyped-def]
     """The verdict on a report, which goes to the track it fits, or opens one."""
-    best = _choose(vessel, report, rules)
+    best, shift = _choose(vessel, report, rules)
+    outcome.delay = math.nan
     if best >= 0:
-        return _update_track(vessel[best], report, rules, models, z, noise, work)
+        outcome.delay, outcome.variance = _delay(vessel[best], report, rules)
+        return _update_track(vessel[best], report, shift, rules, models, (z, noise, work))
     free, known = -1, False
     for t in range(len(vessel)):
         if vessel[t].hits == 0:
@@ -122,8 +149,8 @@ def _update_vessel(vessel, report, rules, models, z, noise, work):  # type: igno
     track.number = -1
     track.started = report.time
     track.hits = 0
-    track.interval = 0.0
-    track.alarm = -np.inf
+    track.interval = track.gap = 0.0
+    track.alarm = report.time + rules.alarm if report.sog > rules.max_speed else -np.inf
     track.confirmed = 0 if known else 1
     _initialise(track, report, rules, models, z, noise)
     _record(track, report, rules)
@@ -131,48 +158,152 @@ def _update_vessel(vessel, report, rules, models, z, noise, work):  # type: igno
 
 
 @jit
+def _tolerance(report, other, rules):  # type: ignore[no-untyped-def]
+    """Distance beyond what max_speed allows that errors of two positions and times can make. Args: other: a report or track."""
+    variance = max(report.ee, report.nn, other.ee, other.nn)
+    return TOLERANCE_SIGMAS * math.sqrt(variance) + rules.max_speed * (rules.stamp + JITTER_SIGMAS * report.jitter)
+
+
+@jit
 def _choose(vessel, report, rules):  # type: ignore[no-untyped-def]
-    """The track that a ship could have come from, those not silent before the silent, then the nearest; -1 for none."""
-    best, best_live, best_miss = -1, False, np.inf
+    """The track that a ship could have come from, those not silent before the silent, then the nearest; -1 for none.
+
+    A report too far off for that may be on the track of its vessel with a wrong stamp. Then the second number is by how much, else 0.
+    """
+    best, best_live, best_miss, best_shift = -1, False, np.inf, 0.0
     for t in range(len(vessel)):
         track = vessel[t]
         if track.hits == 0:
             break
-        dt = report.time - track.updated
+        dt, shift = report.time - track.updated, 0.0
         east, north, up = to_enu(report.lat, report.lon, track.anchor_lat, track.anchor_lon)
         east, north = east - mean_of(track, EAST), north - mean_of(track, NORTH)
-        radius = rules.max_speed * dt + rules.tolerance
+        radius = rules.max_speed * dt + _tolerance(report, track, rules)
         # The plane folds the far half of the Earth onto the near one.
-        if up < -SEMI_MAJOR or east * east + north * north > radius * radius:
+        if up < -SEMI_MAJOR:
             continue
+        if east * east + north * north > radius * radius:
+            shift = _shift(track, report, east, north, rules)
+            if shift == 0.0:
+                continue
         live = dt <= track.patience
         if live:
             east, north = east - dt * mean_of(track, EAST_RATE), north - dt * mean_of(track, NORTH_RATE)
         miss = east * east + north * north
         if best < 0 or (live and not best_live) or (live == best_live and miss < best_miss):
-            best, best_live, best_miss = t, live, miss
-    return best
+            best, best_live, best_miss, best_shift = t, live, miss, shift
+    return best, best_shift
 
 
 @jit
-def _update_track(track, report, rules, models, z, noise, work):  # type: ignore[no-untyped-def]
-    """The verdict on a report that goes to this track."""
+def _shift(track, report, east, north, rules):  # type: ignore[no-untyped-def]
+    """By how much the stamp of a report is late, if it is on the way of a track at the track's velocity; 0 if it is not.
+
+    Args: east, north: from the newest position of the track.
+    """
+    ve, vn, dt = mean_of(track, EAST_RATE), mean_of(track, NORTH_RATE), report.time - track.updated
+    speed = math.sqrt(ve * ve + vn * vn)
+    if dt > track.patience or not abs(report.sog - speed) < SAME_SPEED * speed:
+        return 0.0
+    if not ve * math.sin(report.cog) + vn * math.cos(report.cog) > SAME_COURSE * speed:
+        return 0.0
+    east, north = east - dt * ve, north - dt * vn
+    ahead, aside = (east * ve + north * vn) / speed, (north * ve - east * vn) / speed
+    if abs(ahead) > rules.stamp_most * speed or abs(aside) > TOLERANCE_SIGMAS * math.sqrt(max(report.ee, report.nn)):
+        return 0.0
+    return -ahead / speed
+
+
+@jit
+def _delay(track, report, rules):  # type: ignore[no-untyped-def]
+    """How late a stamp is against the way sailed since the track's newest report, and the variance of that; NaN where it cannot be told.
+
+    Both reports must say about the same speed and course, and be of a vessel fast enough.
+    """
+    dt, speed = report.time - track.updated, 0.5 * (report.sog + track.sog)
+    fast = speed > TIMED_SPEED and dt <= TIMED_S and abs(report.sog - track.sog) < 0.1 * speed
+    if not (fast and math.cos(report.cog - track.cog) > SAME_COURSE):
+        return math.nan, math.nan
+    se, sn = math.sin(report.cog) + math.sin(track.cog), math.cos(report.cog) + math.cos(track.cog)
+    length = math.sqrt(se * se + sn * sn)
+    east, north = enu_offset(report.lat, report.lon, track.lat, track.lon)
+    delay = dt - (east * se + north * sn) / (length * speed)
+    position = 0.5 * (report.ee + report.nn + track.ee + track.nn)
+    return delay, (position + 0.5 * rules.sog_variance * dt * dt) / (speed * speed)
+
+
+@jit
+def _is_doubtful(track, report, rules):  # type: ignore[no-untyped-def]
+    """Whether no ship could have come to the velocity of a report from that of the track, and its positions do not show it either."""
+    if report.sog > rules.max_speed:
+        return True
+    dt = report.time - track.updated
+    if math.isnan(report.sog) or math.isnan(report.cog) or dt > track.patience:
+        return False
+    se, sn = report.sog * math.sin(report.cog), report.sog * math.cos(report.cog)
+    ve, vn = mean_of(track, EAST_RATE), mean_of(track, NORTH_RATE)
+    change = math.sqrt((se - ve) ** 2 + (sn - vn) ** 2)
+    if change <= SPEED_MARGIN or report.sog <= SPEED_MARGIN:
+        return False
+    east, north = enu_offset(report.lat, report.lon, track.lat, track.lon)
+    # The last change of velocity takes at least this way beside the former velocity.
+    needed = (change - SPEED_MARGIN) ** 2 / (2.0 * rules.acceleration)
+    beside = ((east - dt * ve) * (se - ve) + (north - dt * vn) * (sn - vn)) / change
+    reached = change <= SPEED_MARGIN + rules.acceleration * dt
+    if reached and beside + WAY_SIGMAS * math.sqrt(max(report.ee, report.nn)) >= needed:
+        return False
+    return (east - se * dt) ** 2 + (north - sn * dt) ** 2 > (0.5 * report.sog * dt) ** 2
+
+
+@jit
+def _update_track(track, report, shift, rules, models, work):  # type: ignore[no-untyped-def]
+    """The verdict on a report that goes to this track. Args: shift: by which its stamp is wrong; work: z, noise, workspace of the IMM."""
+    z, noise, workspace = work
     dt = report.time - track.updated
     if 0.0 < dt <= rules.repeat and report.lat == track.lat and report.lon == track.lon:
         return REPEAT
+    doubtful = _is_doubtful(track, report, rules)
+    if doubtful:
+        track.alarm = report.time + rules.alarm
     if dt > track.patience:
         _initialise(track, report, rules, models, z, noise)
     else:
         _move_anchor(track, rules, models)
         d, j = measure(track, report, rules, z, noise), len(models)
+        if doubtful:
+            d = 2
+            noise[0, 0], noise[0, 1], noise[1, 0], noise[1, 1] = report.ee, report.en, report.en, report.nn
+        elif shift != 0.0:
+            _add_along(noise, shift * shift, z[2], z[3])
         state, covariance, mode = track.state[:j], track.covariance[:j], track.mode_probability[:j]
-        imm.predict_filter(state, covariance, mode, models, dt, math.inf, work)
-        imm.update_filter(state, covariance, mode, z[:d], noise, work)
-        if dt > 0.0:
-            track.interval = dt if dt > track.interval else track.interval + 0.1 * (dt - track.interval)
+        imm.predict_filter(state, covariance, mode, models, dt, math.inf, workspace)
+        imm.update_filter(state, covariance, mode, z[:d], noise, workspace)
+    _learn_interval(track, dt, rules)
     track.confirmed = 1
     _record(track, report, rules)
+    if doubtful:
+        track.sog = track.cog = math.nan
+        return DOUBTED
     return TAKEN
+
+
+@jit
+def _learn_interval(track, dt, rules):  # type: ignore[no-untyped-def]
+    """Learn the interval of a vessel. One gap longer than its patience may be a loss of reception, two in a row are its interval."""
+    if dt > track.patience:
+        track.interval = max(track.interval, min(dt, track.gap, rules.slow))
+    elif dt > 0.0:
+        track.interval = dt if dt > track.interval else track.interval + 0.1 * (dt - track.interval)
+    track.gap = dt
+
+
+@jit
+def _add_along(noise, variance_s2, east, north):  # type: ignore[no-untyped-def]
+    """Add to the covariance of a position that of an error of time, along a velocity."""
+    noise[0, 0] += variance_s2 * east * east
+    noise[1, 1] += variance_s2 * north * north
+    noise[0, 1] += variance_s2 * east * north
+    noise[1, 0] += variance_s2 * east * north
 
 
 @jit
@@ -191,9 +322,10 @@ def _measure_velocity(report, turn, rules, z, noise):  # type: ignore[no-untyped
     """
     z[2] = z[3] = 0.0
     noise[:] = 0.0
-    noise[0, 0] = noise[1, 1] = rules.position_variance
+    noise[0, 0], noise[1, 1] = report.ee, report.nn
+    noise[0, 1] = noise[1, 0] = report.en
     speed, course = report.sog, report.cog
-    if math.isnan(speed) or (math.isnan(course) and speed >= rules.still_speed):
+    if not speed <= rules.max_speed or (math.isnan(course) and speed >= rules.still_speed):
         return 2
     if math.isnan(course):  # at rest
         noise[2, 2] = noise[3, 3] = rules.sog_variance + 0.5 * speed * speed
@@ -205,10 +337,7 @@ def _measure_velocity(report, turn, rules, z, noise):  # type: ignore[no-untyped
     along, across = rules.sog_variance, speed * speed * rules.cog_variance
     # Below a speed the receiver's velocity noise is as wide across as along, and COG says little.
     across += rules.sog_variance / (1.0 + (speed / rules.polar_speed) ** 2)
-    late = (speed * rules.jitter) ** 2
-    noise[0, 0] += late * c * c
-    noise[1, 1] += late * s * s
-    noise[0, 1] = noise[1, 0] = late * c * s
+    _add_along(noise, report.jitter**2, z[2], z[3])
     noise[2, 2] = along * c * c + across * s * s
     noise[3, 3] = along * s * s + across * c * c
     noise[2, 3] = noise[3, 2] = (along - across) * c * s
@@ -249,7 +378,7 @@ def nearest_tracks(reports, tracks, time, rules):  # type: ignore[no-untyped-def
             east, north = enu_offset(report.lat, report.lon, position[n, 0], position[n, 1])
             east, north = east - velocity[n, 0] * (report.time - time), north - velocity[n, 1] * (report.time - time)
             miss = math.sqrt(east * east + north * north)
-            if miss < least and miss <= rules.max_speed * abs(updated[n] - report.time) + rules.tolerance:
+            if miss < least and miss <= rules.max_speed * abs(updated[n] - report.time) + _tolerance(report, report, rules):
                 out[m], least = n, miss
             n += 1
     return out
@@ -314,14 +443,32 @@ def mean_of(track, component):  # type: ignore[no-untyped-def]
 @jit
 def _record(track, report, rules):  # type: ignore[no-untyped-def]
     """What a track keeps of its newest report besides the filter, and how long it will wait for the next."""
-    track.mmsi, track.class_b, track.origin = report.mmsi, report.class_b, report.origin
+    track.mmsi, track.class_b, track.origin, track.status = report.mmsi, report.class_b, report.origin, report.status
     track.updated, track.lat, track.lon = report.time, report.lat, report.lon
     track.sog, track.cog = report.sog, report.cog
+    track.ee, track.en, track.nn = report.ee, report.en, report.nn
+    if report.sog > rules.max_speed:
+        track.sog = track.cog = math.nan
     track.hits += 1
-    fast = math.sqrt(mean_of(track, EAST_RATE) ** 2 + mean_of(track, NORTH_RATE) ** 2) > rules.slow_speed
+    speed = math.sqrt(mean_of(track, EAST_RATE) ** 2 + mean_of(track, NORTH_RATE) ** 2)
+    fast = speed > rules.slow_speed and not _is_moored(track, speed, rules) and not _is_distress_device(track.mmsi)
     nominal = (rules.moving_b if report.class_b == 1 else rules.moving_a) if fast else rules.slow
-    track.expected = max(nominal, track.interval)
+    if track.hits == 1 and track.confirmed == 1:
+        nominal = max(nominal, rules.first)
+    track.expected = max(nominal, min(track.interval, rules.slow) if fast else track.interval)
     track.patience = rules.patience_least + rules.patience_factor * track.expected
+
+
+@jit
+def _is_moored(track, speed, rules):  # type: ignore[no-untyped-def]
+    """Whether a vessel says that it is at anchor, moored or aground, and is slow enough for that."""
+    return track.status in (AT_ANCHOR, MOORED, AGROUND) and speed <= rules.anchor_speed
+
+
+@jit
+def _is_distress_device(mmsi):  # type: ignore[no-untyped-def]
+    """Whether an MMSI is of a distress transmitter, a man overboard device or an emergency beacon: eight reports a minute, then none."""
+    return mmsi // 1_000_000 in (970, 972, 974)
 
 
 @jit
@@ -329,7 +476,8 @@ def estimates(tracks, rows, time, rules, models):  # type: ignore[no-untyped-def
     """Position in degrees (N, 2), velocity (N, 2) and covariance (N, 4, 4), east and north there, of tracks predicted to a time.
 
     A vessel at rest that gets under way reports within the interval of a moving vessel. If it is silent for longer it is still at
-    rest: it is predicted for that interval only. For the rest of the time its position variance grows by its last velocity.
+    rest: it is predicted for that interval only, and not at all if it says that it is at anchor, moored or aground. For the rest of
+    the time its position variance grows by its last velocity.
     Args: tracks: TRACK; rows: (N,) of them; time: not before their newest reports; rules: RULES; models: (J,) MODEL.
     """
     j, work = len(models), imm.workspace(len(models))
@@ -358,6 +506,8 @@ def estimates(tracks, rows, time, rules, models):  # type: ignore[no-untyped-def
 def _drift(track, dt, rules):  # type: ignore[no-untyped-def]
     """For how long of a time to predict a track, and the variance of its position by drift in the rest of the time."""
     speed2 = mean_of(track, EAST_RATE) ** 2 + mean_of(track, NORTH_RATE) ** 2
+    if _is_moored(track, math.sqrt(speed2), rules):
+        return 0.0, speed2 * dt * dt
     under_way = rules.moving_b if track.class_b else rules.moving_a
     if speed2 >= rules.still_speed * rules.still_speed or dt <= under_way:
         return dt, 0.0

@@ -10,7 +10,7 @@ import zlib
 
 import numpy as np
 
-from coastwatch.batches import AisStatics, Array, Bools, Floats, Ints
+from coastwatch.batches import AisStatics, Array, Bools, Floats, Ints, PositionAccuracy
 from coastwatch.sensors.recorded.ais_messages import UNDECODABLE, Messages
 from coastwatch.sensors.recorded.ais_validation import AisRows, StaticRows
 from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
@@ -35,6 +35,9 @@ WHERE: dict[str, tuple[int, int, int]] = {  # first bit of a field: class A, cla
     "lat": (89, 85, 62),
     "cog": (116, 112, 85),
     "second": (137, 133, 0),
+    "status": (38, 0, 40),
+    "accurate": (60, 56, 38),
+    "raim": (148, 147, 39),
 }
 UNKNOWN_LONG_RANGE_SOG = 63  # knots
 
@@ -103,7 +106,16 @@ def _positions(messages: Messages, kind: Ints, good: Bools, digest: Ints) -> Ais
     six = six_bits([messages.payload[i] for i in rows], 28)
     of = kind[rows]
     form = np.select([of == LONG_RANGE, (of == 18) | (of == 19)], [2, 1], 0)
-    widths = {"sog": (10, 10, 6), "lon": (28, 28, 18), "lat": (27, 27, 17), "cog": (12, 12, 9), "second": (6, 6, 0)}
+    widths = {
+        "sog": (10, 10, 6),
+        "lon": (28, 28, 18),
+        "lat": (27, 27, 17),
+        "cog": (12, 12, 9),
+        "second": (6, 6, 0),
+        "status": (4, 0, 4),
+        "accurate": (1, 1, 1),
+        "raim": (1, 1, 1),
+    }
     raw = {name: np.zeros(len(rows), np.int64) for name in WHERE}
     for k in range(3):
         mine = np.flatnonzero(form == k)
@@ -117,6 +129,7 @@ def _positions(messages: Messages, kind: Ints, good: Bools, digest: Ints) -> Ais
     far = form == 2
     position = [np.where(far, _degrees(1000 * raw[name]), _degrees(raw[name])) for name in ("lat", "lon")]
     unknown = far & (raw["sog"] == UNKNOWN_LONG_RANGE_SOG)
+    monitored = (raw["raim"] == 1) & (of != 19)  # type 19 has other data in that bit
     return AisRows(
         row=messages.line[rows],
         stamp_s=messages.stamp_s[rows],
@@ -128,6 +141,8 @@ def _positions(messages: Messages, kind: Ints, good: Bools, digest: Ints) -> Ais
         cog_deg=np.where(far, raw["cog"], raw["cog"] / 10.0),
         class_b=form == 1,
         digest=digest[rows],
+        nav_status=np.where(form == 1, -1, raw["status"]),
+        accuracy=np.where(raw["accurate"] == 1, PositionAccuracy.HIGH, np.where(monitored, PositionAccuracy.LOW, 0)),
     )
 
 

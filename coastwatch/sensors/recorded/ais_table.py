@@ -10,14 +10,15 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import AisReports, AisStatics, Bools, Fault, FileContent, Floats, Ints, Recording, Sensors
+from coastwatch.batches import AisReports, AisStatics, Fault, FileContent, Floats, Ints, Recording, Sensors
 from coastwatch.geodesy import KNOT_M_S
+from coastwatch.sensors.recorded.ais_cells import accuracies, classes, covariances, nav_statuses
 from coastwatch.sensors.recorded.ais_validation import Acceptance, AisIntake, AisRows, StaticRows
 from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
 from coastwatch.sensors.recorded.file_locations import Fingerprint, fingerprint
 from coastwatch.sensors.recorded.merging import ais_recording, by_arrival, span_of
 from coastwatch.sensors.recorded.table_reader import Table, read_table
-from coastwatch.sensors.recorded.table_rows import content_of, good_cells
+from coastwatch.sensors.recorded.table_rows import POSITION_ENTRIES, content_of, good_cells
 from coastwatch.stage import Method, Plan, Settings
 
 SPEED_KN = {"kn": 1.0, "m/s": 1.0 / KNOT_M_S, "km/h": 1.0 / 1.852}
@@ -42,6 +43,11 @@ KNOWN: dict[str, tuple[str, ...]] = {
     "sog": ("sog", "sog_kn", "sog_knots", "speed", "speed_over_ground", "speedoverground"),
     "cog": ("cog", "cog_deg", "cog_degrees", "course", "course_over_ground", "courseoverground"),
     "ais_class": ("class", "ais_class", "type_of_mobile", "transceiver", "transceiverclass"),
+    "nav_status": ("nav_status", "navstatus", "navigational_status", "navigationalstatus", "navigation_status", "status"),
+    "accuracy": ("position_accuracy", "positionaccuracy", "accuracy"),
+    "raim": ("raim", "raim_flag"),
+    "position_sigma_m": ("position_sigma_m", "sigma_m", "position_sigma"),
+    **{name: (name,) for name in POSITION_ENTRIES},
     "name": ("name", "shipname", "ship_name", "vesselname", "vessel_name"),
     "call_sign": ("call_sign", "callsign"),
     "ship_type": ("ship_type_code", "shiptype", "vesseltype", "vessel_type", "ship_type"),
@@ -50,7 +56,6 @@ KNOWN: dict[str, tuple[str, ...]] = {
 }
 """Names, in lower case, by which a column is found if the settings do not name it."""
 
-UNKNOWN_CLASS = SET_ASIDE + "unknown class, taken as class A"
 WRAPPED_COG = SET_ASIDE + "COG of a wrapped field: "
 LEAST_WRAPPED_SHARE = 0.02  # of the courses of a file
 
@@ -67,7 +72,11 @@ class AisColumns(Settings):
     longitude: str | None = None  # deg, east positive
     sog: str | None = None  # speed over ground, in the unit of `speed_unit`
     cog: str | None = None  # course over ground, deg true; 360 is not available
-    ais_class: str | None = None  # of the transponder: "B" or "Class B" is class B
+    ais_class: str | None = None  # of the transponder: "B" or "Class B" is class B; "Base Station", "AtoN", "SAR Airborne"
+    nav_status: str | None = None  # navigational status: 0 to 15, or in words, "At anchor"
+    accuracy: str | None = None  # of the position: 1, "true" or "high" is 10 m or better
+    raim: str | None = None  # whether the receiver monitors its integrity: 1 or "true"
+    position_sigma_m: str | None = None  # m per axis, of this position, instead of `ais_tracks.position_sigma_m`
     name: str | None = None  # of the vessel
     call_sign: str | None = None  # of the vessel
     ship_type: str | None = None  # code of ITU-R M.1371
@@ -97,7 +106,7 @@ class AisTable(Method):
         Raises: FileNotFoundError, OSError or ValueError that names the file.
         """
         made = ais_recording(*self.read())
-        return replace(made, contents=self.contents())
+        return replace(made, contents=self.contents(), feeds=tuple(path.name for path in self.files))
 
     def span(self) -> tuple[float, float]:
         """Whole seconds before the first and after the last time of reception.
@@ -120,20 +129,21 @@ class AisTable(Method):
 @lru_cache(maxsize=1)
 def _read(settings: AisTable, files: Fingerprint) -> tuple[AisReports, AisStatics, Tally]:
     tally = Tally()
-    parts = [_one_file(settings, path, tally) for path, _, _ in files]
+    parts = [_one_file(settings, path, feed, tally) for feed, (path, _, _) in enumerate(files)]
     reports, statics = by_arrival([p[0] for p in parts]), by_arrival([p[1] for p in parts])
     return reports, statics, tally
 
 
-def _one_file(settings: AisTable, path: Path, tally: Tally) -> tuple[AisReports, AisStatics]:
+def _one_file(settings: AisTable, path: Path, feed: int, tally: Tally) -> tuple[AisReports, AisStatics]:
     table = read_table(path, settings.separator, tally)
     column = {
-        key: (table.need if key in REQUIRED else table.find)(getattr(settings.columns, key), names)
+        key: (table.need if key in REQUIRED else table.find)(getattr(settings.columns, key, None), names)
         for key, names in KNOWN.items()
     }
     table, values = good_cells(table, column, REQUIRED, settings.time_format, tally)
     received = values["received"]
     stamp = np.where(np.isnan(received), values["time"], received)
+    class_b, station = classes(table, column["ais_class"], tally)
     rows = AisRows(
         row=table.row,
         stamp_s=stamp,
@@ -143,13 +153,17 @@ def _one_file(settings: AisTable, path: Path, tally: Tally) -> tuple[AisReports,
         position_deg=np.stack([values["latitude"], values["longitude"]], axis=-1),
         sog_kn=values["sog"] * SPEED_KN[settings.speed_unit],
         cog_deg=values["cog"],
-        class_b=_class_b(table, column["ais_class"], tally),
+        class_b=class_b,
         digest=_digest(values),
+        nav_status=nav_statuses(table, column["nav_status"], tally),
+        accuracy=accuracies(table, column["accuracy"], column["raim"]),
+        covariance=covariances(values, table, tally),
+        station=station,
     )
     if missing := wrapped_cog(values["cog"]):
         tally.add_rows(f"{WRAPPED_COG}{missing:g} is missing", values["cog"] < 0.0, table.location, table.example)
     statics, static_rows = _statics(table, column, values, rows.mmsi, stamp)
-    stream = Acceptance(settings.intake, tally, lambda row: table.location(int(np.searchsorted(table.row, row))))
+    stream = Acceptance(settings.intake, tally, lambda row: table.location(int(np.searchsorted(table.row, row))), feed)
     reports, static = stream.block(rows, statics, static_rows)
     tally.add_file(content_of(table, "AIS reports", column, reports.time_s))
     return reports, static
@@ -158,16 +172,6 @@ def _one_file(settings: AisTable, path: Path, tally: Tally) -> tuple[AisReports,
 def _whole(number: Floats) -> Ints:
     """As integers; other numbers become -1, which is no MMSI."""
     return np.where((number == np.floor(number)) & (np.abs(number) < 1e12), number, -1.0).astype(np.int64)
-
-
-def _class_b(table: Table, column: str | None, tally: Tally) -> Bools:
-    """Which rows are of class B. A text that names no class is counted, and taken as class A."""
-    if column is None:
-        return np.zeros(len(table), np.bool_)
-    cells = table.frame[column].cast(str).fill_null("").str.strip_chars().str.to_lowercase()
-    unknown = ~cells.str.contains(r"^((class )?[ab]\b.*)?$").to_numpy()
-    tally.add_rows(UNKNOWN_CLASS, unknown, lambda i: table.location(i, column), table.example)
-    return cells.str.contains(r"^(class )?b\b").to_numpy()
 
 
 def wrapped_cog(cog_deg: Floats) -> float:

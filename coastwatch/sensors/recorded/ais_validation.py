@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 from pydantic import Field
 
 from coastwatch.batches import AisReports, AisStatics, Batch, Bools, Floats, Ints, column
+from coastwatch.batches.ais_codes import LARGEST_MMSI, is_aid_to_navigation, is_coast_station, is_rescue_aircraft
+from coastwatch.batches.struct import optional_column
 from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
 from coastwatch.sensors.recorded.reception_time import BACKWARDS, FAR, LATE, ReceptionTimes, reception_times, repeated
 from coastwatch.stage import Settings
@@ -26,8 +29,6 @@ NOT_AVAILABLE_LATITUDE, NOT_AVAILABLE_LONGITUDE = 91.0, 181.0  # ITU-R M.1371
 HIGHEST_LATITUDE = 85.0  # limit of coastwatch.geodesy
 NOT_AVAILABLE_SOG_KN = 102.25  # 102.3 is not available; a table may have rounded it
 CLOCK_SLACK_S = 2.0  # the clock of the receiver may be this late against the second in a message
-
-FIRST_MID, LAST_MID = 201, 775
 
 NOT_AN_MMSI = "not an MMSI"
 COAST_STATION = SET_ASIDE + "coast station"
@@ -59,6 +60,15 @@ class AisIntake(Settings):
     message_second_within_s: Annotated[float, Field(ge=0.0, lt=58.0)] = 10.0  # if it is at most this old
 
 
+class StationKind(IntEnum):
+    """What a row says of its sender beside the MMSI, if that is no vessel; -1 in a batch: nothing."""
+
+    UNKNOWN = -1
+    BASE = 0
+    AID_TO_NAVIGATION = 1
+    AIRCRAFT = 2
+
+
 @dataclass(frozen=True, eq=False)
 class AisRows(Batch):
     """Position reports as recorded, in the order of the file."""
@@ -73,6 +83,10 @@ class AisRows(Batch):
     cog_deg: Floats = column(np.float64, "M")
     class_b: Bools = column(np.bool_, "M")
     digest: Ints = column(np.int64, "M")  # equal for equal messages
+    nav_status: Ints = optional_column("M", dtype=np.int64)  # as in AisReports, and the two that follow
+    accuracy: Ints = optional_column("M", dtype=np.int64)
+    covariance: Floats = optional_column("M", 2, 2)
+    station: Ints = optional_column("M", dtype=np.int64)  # StationKind
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,8 +115,8 @@ class Acceptance:
     judged by all of its stamps.
     """
 
-    def __init__(self, intake: AisIntake, tally: Tally, location: Location) -> None:
-        self._intake, self._tally, self._location = intake, tally, location
+    def __init__(self, intake: AisIntake, tally: Tally, location: Location, feed: int = -1) -> None:
+        self._intake, self._tally, self._location, self._feed = intake, tally, location, feed
         self._accepted_s = np.zeros(0)
         self.newest_s = -math.inf  # time of reception, so far
         self._positions, self._statics = _Seen.empty(), _Seen.empty()
@@ -172,13 +186,18 @@ class Acceptance:
             cog_deg=np.where(_known(rows.cog_deg, 360.0), rows.cog_deg, np.nan),
             class_b=rows.class_b,
             origin=np.full(len(rows), -1, np.int64),
+            nav_status=rows.nav_status,
+            accuracy=rows.accuracy,
+            covariance=rows.covariance,
+            feed=np.full(len(rows), self._feed, np.int64),
         )
 
     def _static_data(self, static_rows: StaticRows, received: Floats, statics: AisStatics) -> AisStatics:
         good = np.ones(len(static_rows), np.bool_)
         mmsi = statics.mmsi[static_rows.static]
         again, self._statics = _repeated(self._statics, static_rows.digest, mmsi, received, self._intake.duplicate_within_s)
-        for kind, mask in {**non_vessels(mmsi), DUPLICATE: again}.items():
+        unknown = np.full(len(mmsi), StationKind.UNKNOWN, np.int64)
+        for kind, mask in {**no_vessels(mmsi, unknown), DUPLICATE: again}.items():
             self._tally.add_rows(
                 kind, good & mask, lambda i: self._location(static_rows.row[i]), lambda i: f"static data of MMSI {mmsi[i]}"
             )
@@ -211,7 +230,7 @@ def _faults(rows: AisRows) -> dict[str, Bools]:
     lat, lon = rows.position_deg[:, 0], rows.position_deg[:, 1]
     infinite = ~np.isfinite(lat) | ~np.isfinite(lon) | np.isinf(rows.sog_kn) | np.isinf(rows.cog_deg)
     return {
-        **non_vessels(rows.mmsi),
+        **no_vessels(rows.mmsi, rows.station),
         NON_FINITE: infinite,
         NO_POSITION: (lat == NOT_AVAILABLE_LATITUDE) | (lon == NOT_AVAILABLE_LONGITUDE),
         LATITUDE: ~(np.abs(lat) <= HIGHEST_LATITUDE),
@@ -245,30 +264,14 @@ def utc(stamp_s: float) -> str:
     return str(np.datetime64(round(stamp_s * 1000.0), "ms")) + "Z"
 
 
-def _is_mid(number: Ints) -> Bools:
-    return (number >= FIRST_MID) & (number <= LAST_MID)
+def no_vessels(mmsi: Ints, station: Ints) -> dict[str, Bools]:
+    """Which rows are not of a vessel, by kind of fault. An MMSI that no station has is of a vessel whose number is wrong.
 
-
-def is_vessel(mmsi: Ints) -> Bools:
-    """Whether each MMSI is of a vessel: MID and six digits, 98 MID and four (a craft of a mother ship), or 970, 972, 974 and six.
-
-    The last three are distress transmitter, man overboard and emergency beacon, which must be in the picture.
-
-    Source: Recommendation ITU-R M.585-9 (2022), annex 1. MID are the three digits of a country, 201 to 775.
+    Args: mmsi: (M,); station: (M,) StationKind, what the row says beside its number.
     """
-    craft = (mmsi // 10_000_000 == 98) & _is_mid(mmsi // 10_000 % 1000)
-    distress = np.isin(mmsi // 1_000_000, (970, 972, 974))
-    return np.asarray(_is_mid(mmsi // 1_000_000) | craft | distress)
-
-
-def non_vessels(mmsi: Ints) -> dict[str, Bools]:
-    """Which MMSI are not of a vessel, by kind of fault: 00 MID and four, 99 MID and four, 111 MID and three; others are no MMSI."""
-    coast = (mmsi < 10_000_000) & _is_mid(mmsi // 10_000)
-    aid = (mmsi // 10_000_000 == 99) & _is_mid(mmsi // 10_000 % 1000)
-    aircraft = (mmsi // 1_000_000 == 111) & _is_mid(mmsi // 1000 % 1000)
     return {
-        COAST_STATION: coast,
-        AID_TO_NAVIGATION: aid,
-        AIRCRAFT: aircraft,
-        NOT_AN_MMSI: ~(is_vessel(mmsi) | coast | aid | aircraft),
+        COAST_STATION: (station == StationKind.BASE) | is_coast_station(mmsi),
+        AID_TO_NAVIGATION: (station == StationKind.AID_TO_NAVIGATION) | is_aid_to_navigation(mmsi),
+        AIRCRAFT: (station == StationKind.AIRCRAFT) | is_rescue_aircraft(mmsi),
+        NOT_AN_MMSI: (mmsi < 0) | (mmsi > LARGEST_MMSI),
     }

@@ -52,7 +52,7 @@ class Nmea(Method):
 
         Raises: FileNotFoundError or OSError that names the file.
         """
-        return Recording(self.stream())
+        return Recording(self.stream(), feeds=tuple(path.name for path in self.files))
 
     def span(self) -> tuple[float, float]:
         """Whole seconds before the first and after the last time of reception. A long file is read at its start and end only.
@@ -62,9 +62,9 @@ class Nmea(Method):
         received_s, faults = first_and_last(self, fingerprint(self.files))
         return span_of(received_s, faults=faults)
 
-    def stream(self) -> NmeaStream:
-        """The reports of all files."""
-        return NmeaStream(self, [path for path, _, _ in fingerprint(self.files)])
+    def stream(self, first_feed: int = 0) -> NmeaStream:
+        """The reports of all files, each a feed, numbered from `first_feed` on."""
+        return NmeaStream(self, [path for path, _, _ in fingerprint(self.files)], first_feed)
 
 
 class _Block(NamedTuple):
@@ -84,11 +84,11 @@ class _Block(NamedTuple):
 class _FileStream:
     """The accepted reports of one file, block by block."""
 
-    def __init__(self, settings: Nmea, path: Path, tally: Tally) -> None:
+    def __init__(self, settings: Nmea, path: Path, tally: Tally, feed: int = -1) -> None:
         self._settings, self._name, self._tally = settings, path.name, tally
         self._sentences = ais_sentences(lines_of(path, tally), path.name, tally)
         self._assembler = Assembler(path.name, tally)
-        self._acceptance = Acceptance(settings.intake, tally, lambda line: f"{path.name}:{line}")
+        self._acceptance = Acceptance(settings.intake, tally, lambda line: f"{path.name}:{line}", feed)
         self._size = BLOCK if settings.intake.order == "arrival" else sys.maxsize  # to sort by time takes all of the file
         self._stamp_s = math.nan  # of the newest message that has a time
         self._assumed = 0  # messages so far whose time is assumed
@@ -203,9 +203,9 @@ def _split(parts: list[Timed], after_s: float, until_s: float) -> tuple[list[Tim
 class NmeaStream:
     """The reports of several files, merged by time of reception. It is read once, forwards."""
 
-    def __init__(self, settings: Nmea, paths: Sequence[Path]) -> None:
+    def __init__(self, settings: Nmea, paths: Sequence[Path], first_feed: int) -> None:
         self._tally = Tally()
-        self._files = [_FileStream(settings, path, self._tally) for path in paths]
+        self._files = [_FileStream(settings, path, self._tally, feed) for feed, path in enumerate(paths, first_feed)]
 
     def between(self, after_s: float, until_s: float) -> Reports:
         """The reports with after_s < received_s <= until_s. Older ones are dropped; those after wait for the next call."""

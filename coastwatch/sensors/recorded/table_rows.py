@@ -14,10 +14,12 @@ from coastwatch.sensors.recorded.reception_time import reception_times
 from coastwatch.sensors.recorded.table_reader import Table
 
 EMPTY_CELL, BAD_CELL = "empty cell", "unparsable cell"
-TEXTS = ("radar", "sonar", "source", "track", "name", "call_sign", "ais_class")
+TEXTS = ("radar", "sonar", "source", "track", "name", "call_sign", "ais_class", "nav_status", "accuracy", "raim")
 """Keys of columns that hold texts."""
 MAY_BE_UNREADABLE = ("name", "call_sign", "ship_type", "length", "beam")
 """Keys whose unreadable cells do not make a row unusable."""
+POSITION_ENTRIES = ("covariance_east_east", "covariance_east_north", "covariance_north_north")
+"""Columns of the covariance of a position, m2, as `coastwatch replay` writes them."""
 
 
 def good_cells(

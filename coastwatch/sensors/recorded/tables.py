@@ -36,7 +36,7 @@ from coastwatch.sensors.recorded.file_locations import fingerprint
 from coastwatch.sensors.recorded.merging import MergedStream, by_arrival, recording, span_of
 from coastwatch.sensors.recorded.nmea import Nmea, first_and_last
 from coastwatch.sensors.recorded.table_reader import Table, first_line, plain_name, read_table
-from coastwatch.sensors.recorded.table_rows import arrived, content_of, good_cells, sensor_numbers
+from coastwatch.sensors.recorded.table_rows import POSITION_ENTRIES, arrived, content_of, good_cells, sensor_numbers
 from coastwatch.sensors.recorded.target_sentences import target_reports, target_times
 from coastwatch.sensors.recorded.track_table import TRACKS, VELOCITY, TrackColumns, track_reports
 from coastwatch.stage import Method, Plan, Settings
@@ -50,8 +50,6 @@ UNKNOWN_RADAR, UNKNOWN_SONAR = "unknown radar", "unknown sonar"
 RANGE = "range out of range"
 AZIMUTH = "angle out of range"
 NO_SIGMA = SET_ASIDE + "standard deviation of 0 or less, that of the sensor taken: "
-POSITION_ENTRIES = ("covariance_east_east", "covariance_east_north", "covariance_north_north")
-"""Columns of the covariance of a position, m2, as `coastwatch replay` writes them."""
 
 TIMES: dict[str, tuple[str, ...]] = {
     "time": ("time", "time_s", "timestamp", "time_utc", "timestamp_utc", "datetime", "t"),
@@ -170,9 +168,10 @@ class Tables(Method):
             faults = of_tables + faults
         contents = (self._ais_table().contents() if self.ais else ()) + tally.contents()
         made = replace(recording(radar, ais, statics, bearing, tracks, faults=faults), contents=contents)
+        made = replace(made, feeds=tuple(path.name for path in (*self.ais, *self.nmea)))
         if not self.nmea:
             return made
-        return replace(made, reports=MergedStream(made.whole(), [self._nmea().stream()]))
+        return replace(made, reports=MergedStream(made.whole(), [self._nmea().stream(len(self.ais))]))
 
     def span(self) -> tuple[float, float]:
         """Whole seconds before the first and after the last time of reception.
