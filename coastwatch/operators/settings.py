@@ -31,6 +31,7 @@ UNITS = {
     "_rad_s": "rad/s",
     "_deg_s": "deg/s",
     "_per_m2": "1/m2",
+    "_per_s": "1/s",
     "_m2": "m2",
     "_nm": "NM",
     "_kn": "kn",
