@@ -2,9 +2,11 @@
 
     python -m scaling.decisions.bearings_in_picture autoferry [SETTING=VALUE ...]
     python -m scaling.decisions.bearings_in_picture radar_off [SETTING=VALUE ...]
+    python -m scaling.decisions.bearings_in_picture lidar [SETTING=VALUE ...]
 
 `autoferry`: five recordings, by the scorer beside the data. `radar_off`: `context-driven-100` with estimated plot origin, seeds 1
-and 2; the first radar is off from 150 s to 270 s. Counted are vessels without AIS inside the range of the sonar.
+and 2; the first radar is off from 150 s to 270 s. Counted are vessels without AIS inside the range of the sonar. `lidar`: the
+recordings with their lidar as second radar, in the region of the radar and in one of its own.
 """
 
 from __future__ import annotations
@@ -32,7 +34,6 @@ COLUMNS = ("gospa_rms", "gospa_mov_rms", "rmse", "coverage", "longest_single_id"
 NONE = {"fused_tracks.bearing_probability": "1.0"}
 LIDAR = {
     "name": "lidar",
-    "region": "trondheim",
     "latitude_deg": 63.4389029083,
     "longitude_deg": 10.39908278,
     "range_nm": 0.08,
@@ -56,21 +57,19 @@ def cycles(scenario: Scenario, recording: Recording, sensors: Sensors) -> Iterat
         yield made
 
 
-def autoferry(settings: dict[str, str], lidar: bool = False) -> None:
-    """Prints the scores of each recording and their mean."""
+def autoferry(settings: dict[str, str], lidar_region: str = "") -> None:
+    """Prints the scores of each recording and their mean. Args: lidar_region: of the lidar; empty: without it."""
     sys.path.insert(0, str(SHARED / "scoring"))
     from afload import load
     from score_autoferry import evaluate
 
     every = []
     for number in RECORDINGS:
-        given = dict(settings)
-        if lidar:
-            given |= {"input.use_lidar": "true"}
-        scenario = load_scenario(f"autoferry-{number}", given)
-        if lidar:
+        use = {"input.use_lidar": "true", "input.lidar_time_lag_s": "0.5"} if lidar_region else {}
+        scenario = load_scenario(f"autoferry-{number}", {**use, **settings})
+        if lidar_region:
             dumped = scenario.model_dump(mode="json")
-            dumped["radars"] = [*dumped["radars"], {**dumped["radars"][0], **LIDAR}]
+            dumped["radars"] = [*dumped["radars"], {**dumped["radars"][0], **LIDAR, "region": lidar_region}]
             scenario = Scenario.model_validate(dumped)
         sensors = scenario.sensors()
         rows: dict[int, list[tuple[float, ...]]] = {}
@@ -133,6 +132,11 @@ def radar_off(settings: dict[str, str]) -> None:
 def main() -> None:
     kind, *pairs = sys.argv[1:]
     settings = dict(pair.split("=", 1) for pair in pairs)
+    if kind == "lidar":
+        for region in ("", "trondheim", "lidar"):
+            print(f"lidar in region {region!r}", json.dumps(settings), flush=True)
+            autoferry(settings, region)
+        return
     for name, off in (("with bearings", {}), ("without", NONE)):
         print(kind, name, json.dumps(settings), flush=True)
         (autoferry if kind == "autoferry" else radar_off)({**settings, **off})
