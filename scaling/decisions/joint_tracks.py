@@ -1,0 +1,35 @@
+"""OSPA of radar tracks by existence, beside the bound: `python -m scaling.decisions.joint_tracks 100 200 [KEY=VALUE ...]`.
+
+The question: how far are the tracks of `vimmjipda` from the same filters with the origin of every plot known? Arguments: the first seed
+and the one after the last; settings of `hem-figure-2`. It prints mean and standard error of the mean, at four detection probabilities.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+
+import numpy as np
+
+from coastwatch.operators.reproduction.published import Targets
+from coastwatch.operators.reproduction.targets import measure
+from coastwatch.scenario import load_scenario
+
+KEYS = "ospa_m", "genie_ospa_m", "error_m", "genie_error_m", "nees", "probability", "false_tracks", "breaks"
+
+
+def main() -> None:
+    first, end, *further = sys.argv[1:]
+    for probability in ("0.98", "0.9", "0.7", "0.5"):
+        settings = dict(pair.split("=", 1) for pair in further)
+        settings |= {"input.detection_probability": probability}
+        settings |= {"tracks.upkeep.detection.detection_probability": probability}
+        scenario = load_scenario("hem-figure-2", settings)
+        found = [measure(scenario, seed, Targets(within_m=510.0)) for seed in range(int(first), int(end))]
+        every = {key: np.array([one[key] for one in found if one[key] is not None], float) for key in KEYS}
+        shown = (f"{key} {v.mean():.3g} +- {v.std() / math.sqrt(len(v)):.2g}" for key, v in every.items())
+        print(f"P_D {probability}   " + "   ".join(shown), flush=True)
+
+
+if __name__ == "__main__":
+    main()
