@@ -21,6 +21,7 @@ from coastwatch.stage import Settings
 
 Positive = Annotated[float, Field(gt=0.0)]
 
+LEAST_PLOTS = 0.1  # false plots in a turn, of a cell with a standing echo
 MOST_CELLS = 640  # along a side of the window of a radar: 6 MB
 SIGMAS = 3.0  # of the noise that a displacement must exceed
 PAUSE_TURNS = 3.0  # a radar that was silent for longer has not turned
@@ -137,6 +138,5 @@ def has_moved(settings: ClutterSettings, from_m: Floats, to_m: Floats, variance_
 
     Args: from_m, to_m: (N, 2) the first position of each and one of now; variance_m2: (N,) of their difference, both axes together.
     """
-    apart = np.hypot(*(to_m - from_m).T)
-    out: Bools = apart > np.maximum(settings.moved_m, SIGMAS * np.sqrt(variance_m2))
-    return out
+    apart2 = ((to_m - from_m) ** 2).sum(axis=1)
+    return np.asarray(apart2 > np.maximum(settings.moved_m**2, SIGMAS**2 * variance_m2))

@@ -12,7 +12,7 @@ from coastwatch.batches import Bools, Floats, Ints, Sensors
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.kernels.filters.gaussian import gate
 from coastwatch.kernels.tracks.columns import PlotColumns, RadarColumns
-from coastwatch.tracks.clutter import ClutterSettings
+from coastwatch.tracks.clutter import LEAST_PLOTS, ClutterSettings, false_plots_per_m2
 from coastwatch.tracks.filter_bank import FilterBank
 from coastwatch.tracks.table import RadarMemory, Status, Table, begin_tracks
 from coastwatch.tracks.track_management import PlotOrigin, TrackManagement, remove_duplicates
@@ -39,7 +39,7 @@ class NearestNeighbour:
         else:
             period_s = float(self.sensors.radars.period_s[batch.sensor[0]])
             density = memory.false_plots_per_m2(self.clutter, batch, self.management.false_plots_per_m2)
-            slot, begins = associate(self.management, memory.table, batch, period_s, density)
+            slot, begins = associate(self.management, memory.table, batch, period_s, density, self.clutter.learnt)
             memory = memory.with_clutter(self.clutter, batch, _false(memory.table, slot), period_s)
         plots = np.flatnonzero(slot >= 0)
         plots = plots[np.argsort(slot[plots], kind="stable")]  # in the order in which filters lie in memory: it is faster
@@ -61,9 +61,11 @@ class NearestNeighbour:
         return replace(memory, table=table.without(lost)) if lost.any() else memory
 
     def end_cycle(self, memory: RadarMemory, time_s: float) -> RadarMemory:
-        """Delete duplicates."""
+        """Delete duplicates, and tracks of standing echoes where the density of false plots is learnt."""
         if self.plot_origin == "known":
             return memory
+        if self.clutter.learnt:
+            memory = replace(memory, table=memory.table.without(self._standing_echoes(memory)))
         given = memory.table, memory.duplicates, self.sensors.radars.period_s, time_s
         table, pairs = remove_duplicates(self.management, *given)
         return replace(memory, table=table, duplicates=pairs)
@@ -72,6 +74,23 @@ class NearestNeighbour:
         """Slots of the confirmed tracks."""
         slots: Ints = table.live[table.status[table.live] == Status.CONFIRMED]
         return slots
+
+    def _standing_echoes(self, memory: RadarMemory) -> Bools:
+        """Which tracks (N) have not moved, in a cell where false plots return and are as dense as the plots of such a track would be."""
+        table, constant = memory.table, self.management.false_plots_per_m2
+        out = np.zeros(len(table), np.bool_)
+        rows = np.flatnonzero(~table.moved[table.live])
+        slots = table.live[rows]
+        innovation = table.combined_covariance[slots, :2, :2] + 0.5 * table.began_m2[slots, None, None] * np.eye(2)
+        own = self.management.detection_probability / (2.0 * np.pi * np.sqrt(np.linalg.det(innovation)))
+        newest = table.radar_s[slots].argmax(axis=1)
+        for radar in np.unique(newest).tolist():
+            of = np.flatnonzero(newest == radar)
+            position = table.combined_mean[slots[of], :2]
+            false = false_plots_per_m2(self.clutter, memory.clutter, radar, position, constant)
+            returns = false * memory.clutter.cell_m[radar] ** 2 >= LEAST_PLOTS
+            out[rows[of]] = returns & (false > own[of])
+        return out
 
 
 def _false(table: Table, slot: Ints) -> Floats:
@@ -83,17 +102,26 @@ def _false(table: Table, slot: Ints) -> Floats:
 
 
 def associate(
-    management: TrackManagement, table: Table, batch: PlotColumns, period_s: float, false_plots_per_m2: Floats
+    management: TrackManagement,
+    table: Table,
+    batch: PlotColumns,
+    period_s: float,
+    false_plots_per_m2: Floats,
+    by_place: bool,
 ) -> tuple[Ints, Bools]:
     """The slot of the track that takes each plot of a batch, -1 for none, and which plots may begin a track. (M,), (M,)
 
-    The gain of a pair is the log-likelihood ratio of "its plot" against "track missed, plot false or new".
-    Args: batch: plots of one radar; period_s: of one turn of it; false_plots_per_m2: (M,) in one look, at each plot.
+    The gain of a pair is the log-likelihood ratio of "its plot" against "track missed, plot false or new". Where the density of
+    false plots is known by place, a track that is not confirmed may itself be false, and then nothing was missed.
+    Args: batch: plots of one radar; period_s: of one turn of it; false_plots_per_m2: (M,) in one look, at each plot; by_place: it
+    was learnt.
     """
     limit = gate(management.gate_probability, 2)
     pairs = kernels.tracks.gate.candidates(table.estimates, table.live, batch, limit, management.late_s)
-    found = management.detection_probability / (1.0 - management.detection_probability)
-    gain = pairs.log_likelihood + math.log(found) - np.log(false_plots_per_m2)[pairs.plot]
+    found, missed = math.log(management.detection_probability), math.log(1.0 - management.detection_probability)
+    gain = pairs.log_likelihood + (found - missed) - np.log(false_plots_per_m2)[pairs.plot]
+    if by_place:
+        gain[table.status[pairs.track] != Status.CONFIRMED] += missed
     due = batch.time[pairs.plot] - table.radar_s[pairs.track, batch.sensor[0]] > 0.5 * period_s
     max_speed = management.max_speed_kn * KNOT_M_S
     due &= kernels.tracks.gate.reachable(pairs, table.estimates, table.status, batch, max_speed)

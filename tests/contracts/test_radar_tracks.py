@@ -249,3 +249,32 @@ def test_with_a_clutter_map_it_resumes_to_the_bit(method, busy):
     assert same(tracks[-1], rest[-1])
     assert whole.clutter.turns.min() > 5.0
     assert whole.clutter.plots.sum() > 20.0
+
+
+def test_a_clutter_map_makes_standing_echoes_begin_no_tracks():
+    """A field of echoes that stand, each seen in most turns, and vessels under way through it."""
+    random, sensors = np.random.default_rng([77]), two_radars()
+    near = replace(sensors, radars=replace(sensors.radars, range_m=np.full(2, 2500.0)))
+    vessels = plots_of(world(20, 9), sensors, 90.0, 9)
+    times = np.arange(0.5, 90.0, 2.0)
+    place = random.uniform(-1500.0, 1500.0, (100, 2))
+    seen = random.random((len(times), len(place))) < 0.7
+    turn, echo = np.nonzero(seen)
+    example = vessels.take(np.zeros(len(turn), np.int64))
+    noise = random.normal(0.0, 5.0, (len(turn), 2))
+    covariance = np.tile(25.0 * np.eye(2), (len(turn), 1, 1))
+    echoes = replace(
+        example,
+        time_s=times[turn],
+        position_m=place[echo] + noise,
+        covariance=covariance,
+        sensor=np.zeros(len(turn), np.int64),
+        origin=np.full(len(turn), -1),
+    )
+    plots = Plots.join([vessels, echoes])
+    _, constant = run(SidedImm(), plots, 30, near)
+    _, learnt = run(SidedImm(clutter=ClutterSettings(learnt=True, cell_m=8.0)), plots, 30, near)
+    standing = [(tracks[-1].origin < 0).sum() for tracks in (constant, learnt)]
+    under_way = [len(np.unique(tracks[-1].origin[tracks[-1].origin >= 0])) for tracks in (constant, learnt)]
+    assert standing[1] < 0.6 * standing[0]
+    assert under_way[1] >= under_way[0]
