@@ -244,11 +244,14 @@ class HeldVessels(Batch):
 
 
 class RegistrationState(IntEnum):
-    """How well the registration of a radar is known."""
+    """How well the registration of a radar is known: unknown, acquiring, probable, found, settled, or doubtful."""
 
-    UNKNOWN = 0  # no vessel that it sees is known to AIS
-    ACQUIRING = 1  # references are in view, the errors are not well known yet
-    SETTLED = 2
+    UNKNOWN = 0  # no AIS vessel in cover, or no plots
+    ACQUIRING = 1  # plots are compared with AIS vessels; the odds of the best bias are under 1,000
+    SETTLED = 2  # found, and the azimuth bias is known to a quarter of the azimuth noise
+    PROBABLE = 3  # odds of 1,000 or more, not enough to apply it
+    FOUND = 4  # a bias is applied
+    DOUBTFUL = 5  # another one has as much evidence as the one that is applied
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,6 +269,13 @@ class RadarCorrections(Batch):
     residuals: Floats = column(np.float64, "R")  # plots behind it; old ones count less
     state: Ints = column(np.int64, "R")  # RegistrationState
     jumped: Bools = column(np.bool_, "R")  # by so much that tracks of its former plots are misplaced
+    compared: Floats = optional_column("R")  # AIS vessels in this cycle; NaN where the radar sent no plot
+    candidate_azimuth_rad: Floats = optional_column("R")  # the bias with the most evidence; NaN before the first decision
+    candidate_range_m: Floats = optional_column("R")
+    odds: Floats = optional_column("R")  # of the candidate against chance
+    found_odds: Floats = optional_column("R")  # the same when the bias that is applied was found
+    voices: Floats = optional_column("R")  # vessels under way, and squares with vessels at rest, that speak for the candidate
+    rival_share: Floats = optional_column("R")  # of all evidence, that the best other bias has
 
     @classmethod
     def none(cls, radars: int) -> RadarCorrections:

@@ -204,8 +204,12 @@ def sensors(found: Store, run_id: int, at_s: float | None) -> Rows:
     return for_people(store.sensor_states(found, run_id, at_s))
 
 
-def registration(rows: Rows) -> Rows:
-    """The rows of `sensors` as a table for a screen, with an error and its standard deviation in one cell."""
+def registration(rows: Rows, settings: Mapping[str, Any]) -> Rows:
+    """The rows of `sensors` as a table for a screen: an error and its standard deviation in one cell, the evidence in another.
+
+    Args: settings: of the run.
+    """
+    false_alarm = settings.get("registration", {}).get("false_alarm")
     names = ("kind", "name", "region", "latitude_deg", "longitude_deg", "range_nm", "specification", "heard_utc")
     made = []
     for row in rows.rows:
@@ -214,9 +218,33 @@ def registration(rows: Rows) -> Rows:
         errors = [_with_sigma(s[value], s.get(sigma)) for value, sigma in ERRORS]
         site = (s["kind"], s["name"], s["region"], s["latitude_deg"], s["longitude_deg"])
         range_nm = None if s["range_m"] is None else round(s["range_m"] / NAUTICAL_MILE_M, 2)
-        known = spec, s["heard_utc"], s["state"], *errors, s["time_jitter_s"], s["vessels"]
+        known = spec, s["heard_utc"], s["state"], *errors, s["time_jitter_s"], s["vessels"], _evidence(s, false_alarm)
         made.append((*site, range_nm, *known))
-    return Rows((*names, "state", *(value for value, _ in ERRORS), "time_jitter_s", "vessels"), made)
+    return Rows((*names, "state", *(value for value, _ in ERRORS), "time_jitter_s", "vessels", "evidence"), made)
+
+
+def _evidence(s: Mapping[str, Any], false_alarm: float | None) -> str | None:
+    """What is known of the registration of a radar, in words. Args: s: a row of `sensors`."""
+    if s["state"] == "unknown":
+        return "no plots" if s["compared"] is None else "no AIS vessel in cover"
+    if s["state"] is None or s["odds"] is None:
+        return None
+    said = f"{rounded(s['candidate_azimuth_deg'], 1):.1f} deg {rounded(s['candidate_range_m'], 0):.0f} m: {_odds(s['odds'])}"
+    said += f", {s['voices']} voices, rival {100.0 * s['rival_share']:.0f} %"
+    if s["found_odds"] is not None:
+        return f"{said}, {_odds(s['found_odds'])} when found"
+    return said if false_alarm is None else f"{said}, wants {_odds(1.0 / false_alarm)}"
+
+
+def _odds(value: float) -> str:
+    """Odds as people write them."""
+    return (
+        f"{value:,.0f} to 1"
+        if 1.0 <= value < 1e7
+        else f"{value:.0e} to 1"
+        if value >= 1e7
+        else f"1 to {min(1.0 / max(value, 1e-6), 1e6):,.0f}"
+    )
 
 
 def _with_sigma(value: float | None, sigma: float | None) -> str | None:

@@ -110,6 +110,7 @@ def bearing_equations(
         design=np.column_stack([zero, zero, -rate / sigma]),
         offset=np.column_stack([zero, np.full(len(plot), CONSTANT_SIGMAS)]),
         value=(residual - rate * waiting.taken_lag_s[plot]) / sigma,
+        weight=np.ones(len(plot)),
     )
 
 

@@ -17,9 +17,10 @@ REWEIGHTINGS = 4  # weights change in the third digit after three
 OUTLIER_DISTANCE2 = 11.3  # squared distance that three degrees of freedom exceed once in a hundred
 OBSERVABLE_SHARE = 1e-6  # of the greatest eigenvalue: directions with less are not observable from a vessel
 DRIFT_SIGMAS = 4.0  # exceeded by chance once in 16,000 cycles
+DRIFT_OFFSET = 0.1  # standard deviation that newest residuals of one reference share, of the azimuth noise
 LEAST_COUNT = 0.02  # plots: a vessel with less left of them is dropped
 PRIOR_VESSELS = 10.0  # vessels that the model's variances count as
-SUMS = ("design_design", "design_offset", "offset_offset", "design_value", "offset_value", "count")
+SUMS = ("design_design", "design_offset", "offset_offset", "design_value", "offset_value", "count", "newest")
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,56 +28,33 @@ class Equations(Batch):
     """Whitened equations y = H x + D offset + noise of variance 1, with x in units of (azimuth sigma, range sigma, 1 s)."""
 
     radar: Ints = column(np.int64, "M")
-    reference: Ints = column(np.int64, "M")  # track id of the vessel
+    reference: Ints = column(np.int64, "M")  # whose equations share an offset: a vessel under way, or those at rest in a square
     design: Floats = column(np.float64, "M", 3)  # H
     offset: Floats = column(np.float64, "M", 2)  # D, of the vessel's offset along and across the beam, in units of their sigma
     value: Floats = column(np.float64, "M")  # y
+    weight: Floats = column(np.float64, "M")  # probability that plot and vessel are one
 
 
 @dataclass(frozen=True, eq=False)
 class Information(Batch):
-    """Normal equations of each radar and vessel, sorted by radar, then vessel. Old equations are forgotten exponentially."""
+    """Normal equations of each radar and reference, sorted by radar, then reference. Old equations are forgotten exponentially."""
 
     radar: Ints = column(np.int64, "N")
-    reference: Ints = column(np.int64, "N")  # track id of the vessel
+    reference: Ints = column(np.int64, "N")
     design_design: Floats = column(np.float64, "N", 3, 3)  # sum of H^T H
     design_offset: Floats = column(np.float64, "N", 3, 2)  # sum of H^T D
     offset_offset: Floats = column(np.float64, "N", 2, 2)  # sum of D^T D
     design_value: Floats = column(np.float64, "N", 3)  # sum of H^T y
     offset_value: Floats = column(np.float64, "N", 2)  # sum of D^T y
     count: Floats = column(np.float64, "N")  # plots
+    newest: Floats = column(np.float64, "N", 2)  # of the last seconds, in azimuth: sum of residuals and of weights
 
 
-@dataclass(frozen=True, eq=False)
-class DriftTest:
-    """Sum of the newest azimuth residuals, forgotten within seconds: a drift shows here first."""
+class Drift(NamedTuple):
+    """Whether the newest azimuth residuals contradict the estimate: a drift shows here first."""
 
-    total: Floats  # (R,) sum of residuals over their standard deviations
-    weight: Floats  # (R,) how many
-    variance: Floats  # (R,) of that sum while nothing drifts
-
-    @classmethod
-    def none(cls, radars: int) -> DriftTest:
-        return cls(np.zeros(radars), np.zeros(radars), np.zeros(radars))
-
-    def after(self, equations: Equations, mean: Floats, keep: float) -> DriftTest:
-        """The test after these equations. Args: mean: (R, 3) the estimate, in their units; keep: factor of the former sums."""
-        new = equations.take(equations.design[:, 0] > 0.0)
-        residual = new.value - (new.design * mean[new.radar]).sum(axis=1)
-        share, radars = 1.0 / (1.0 + new.offset[:, 1] ** 2), len(self.total)
-        total, weight = (np.bincount(new.radar, w, radars).astype(np.float64) for w in (residual * share, share))
-        return DriftTest(self.total * keep + total, self.weight * keep + weight, self.variance * keep**2 + weight)
-
-    @property
-    def sigmas(self) -> Floats:
-        """Size of the sum in its standard deviations. (R,)"""
-        out: Floats = np.abs(self.total) / np.sqrt(np.maximum(self.variance, 1.0))
-        return out
-
-    @property
-    def mean(self) -> Floats:
-        """Mean size of the newest residuals in units of the azimuth's sigma; 0 where it may be chance. (R,)"""
-        return np.where(self.sigmas > DRIFT_SIGMAS, np.abs(self.total) / np.maximum(self.weight, 1.0), 0.0)
+    sigmas: Floats  # (R,) size of their sum in its standard deviations
+    mean: Floats  # (R,) in units of the azimuth's sigma; 0 where it may be chance
 
 
 class Estimate(NamedTuple):
@@ -88,23 +66,43 @@ class Estimate(NamedTuple):
     plots: Floats  # (R,)
 
 
-def add_equations(information: Information, equations: Equations, keep: Floats) -> Information:
-    """The information after some equations. Args: keep: (R,) factor of the former sums of each radar."""
-    factor = keep[information.radar]
+def add_equations(
+    information: Information, equations: Equations, mean: Floats, keep: Floats, keep_newest: float
+) -> Information:
+    """The information after some equations.
+
+    Args: mean: (R, 3) the estimate, in their units; keep: (R,) factor of the former sums of each radar; keep_newest: of `newest`.
+    """
+    factor = dict.fromkeys(SUMS, keep[information.radar]) | {"newest": np.full(len(information), keep_newest)}
     sums = {name: getattr(information, name) for name in SUMS}
-    old = replace(information, **{name: a * factor.reshape(-1, *[1] * (a.ndim - 1)) for name, a in sums.items()})
-    h, d, y = equations.design, equations.offset, equations.value
+    old = replace(information, **{name: a * factor[name].reshape(-1, *[1] * (a.ndim - 1)) for name, a in sums.items()})
+    h, d, y, w = equations.design, equations.offset, equations.value, equations.weight
+    of_azimuth = w * (h[:, 0] > 0.0)
+    residual = y - (h * mean[equations.radar]).sum(axis=1)
     new = Information(
         radar=equations.radar,
         reference=equations.reference,
-        design_design=h[:, :, None] * h[:, None, :],
-        design_offset=h[:, :, None] * d[:, None, :],
-        offset_offset=d[:, :, None] * d[:, None, :],
-        design_value=h * y[:, None],
-        offset_value=d * y[:, None],
-        count=np.where(h[:, :2].any(axis=1), 0.5, 1.0),  # against AIS a plot gives two equations
+        design_design=w[:, None, None] * h[:, :, None] * h[:, None, :],
+        design_offset=w[:, None, None] * h[:, :, None] * d[:, None, :],
+        offset_offset=w[:, None, None] * d[:, :, None] * d[:, None, :],
+        design_value=(w * y)[:, None] * h,
+        offset_value=(w * y)[:, None] * d,
+        count=w * np.where(h[:, :2].any(axis=1), 0.5, 1.0),  # against AIS a plot gives two equations
+        newest=of_azimuth[:, None] * np.column_stack([residual, np.ones(len(y))]),
     )
     return _summed(Information.join([old.take(old.count > LEAST_COUNT), new]))
+
+
+def drift(information: Information, radars: int) -> Drift:
+    """The test for drift. Residuals of one reference share an offset, so a hundred of them are little more than one."""
+    total, weight = information.newest.T
+    variance_of_each = weight + (DRIFT_OFFSET * weight) ** 2
+    of_all, weights, variance = (
+        np.bincount(information.radar, v, radars).astype(np.float64) for v in (total, weight, variance_of_each)
+    )
+    sigmas = np.abs(of_all) / np.sqrt(np.maximum(variance, 1.0))
+    mean = np.where(sigmas > DRIFT_SIGMAS, of_all / np.maximum(weights, 1.0), 0.0)
+    return Drift(sigmas, mean)
 
 
 def _summed(parts: Information) -> Information:
@@ -152,7 +150,13 @@ def solve(information: Information, centre: Floats, prior_sigma: Floats) -> Esti
     freedom = np.bincount(radar, observable.sum(axis=1), radars)
     differ = np.bincount(radar, np.minimum(distance2, OUTLIER_DISTANCE2), radars)
     scale = (3.0 * PRIOR_VESSELS + differ) / (3.0 * PRIOR_VESSELS + freedom)
-    sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2) * scale[:, None])
+    model = np.diagonal(covariance, axis1=1, axis2=2) * scale[:, None]
+    score = weight[:, None] * (vector - (matrix @ error[radar][:, :, None])[..., 0])
+    scores = np.zeros((radars, 3, 3))
+    np.add.at(scores, radar, score[:, :, None] * score[:, None, :])
+    count = np.maximum(np.bincount(radar, minlength=radars), 2)
+    sandwich = np.diagonal(covariance @ scores @ covariance, axis1=1, axis2=2) * (count / (count - 1.0))[:, None]
+    sigma = np.sqrt(np.maximum(model, sandwich))
     determines_bias = (weight >= 0.5) & (information.design_design[:, 0, 0] > 0.0)
     return Estimate(
         centre + error,

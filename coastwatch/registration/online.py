@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -24,28 +24,22 @@ from coastwatch.batches import (
     Sensors,
     Tracks,
 )
+from coastwatch.geodesy import to_plane
 from coastwatch.kernels.tables.row_numbers import require_rows
+from coastwatch.registration.acquisition import PROBABLE_ODDS, Acquisition, Rules, decide_all
 from coastwatch.registration.bearings import WaitingPlots, bearing_equations, waiting_plots
-from coastwatch.registration.hough import Accumulator, accumulate, detect_peak, window_medians
-from coastwatch.registration.information import DRIFT_SIGMAS, DriftTest, Equations, Estimate, Information, add_equations, solve
-from coastwatch.registration.polar import (
-    Pairs,
-    PolarMeasurements,
-    is_only_one,
-    pair_with_vessels,
-    polar_measurements,
-    sweeps,
-)
+from coastwatch.registration.information import DRIFT_SIGMAS, Equations, Estimate, Information, add_equations, drift, solve
+from coastwatch.registration.polar import Pairs, PolarMeasurements, Sweeps, pair_with_vessels, polar_measurements, sweeps
 from coastwatch.registration.references import References, draw_references
+from coastwatch.registration.residuals import EchoShares, forgotten, plot_equations
+from coastwatch.registration.voters import AROUND, AT_REST_M_S, Grid, Seen, Voters, look, squares
 from coastwatch.stage import Method
 
 Positive = Annotated[float, Field(gt=0.0)]
 Count = Annotated[int, Field(ge=1)]
-Share = Annotated[float, Field(gt=0.0, le=1.0)]
 
-GATE = 13.8  # squared distance that two degrees of freedom exceed once in a thousand
-OTHER_BIAS_BINS = 1.5  # from the estimate to a significant window that cannot be the same bias
 JUMP_SIGMAS = 2.0  # of a plot: a correction that changes by more leaves tracks in the wrong place
+CANDIDATE_SIGMAS = 0.5  # of the azimuth noise: by which the vote may be off
 TINY = 1e-30
 LAG = 2  # column of the state (azimuth, range, lag)
 
@@ -56,49 +50,49 @@ class OnlineMemory:
 
     time_s: float
     references: References  # the vessels that each radar is compared with
-    votes: Accumulator
-    locked: Bools  # (R,) the bias has been acquired
-    centre: Floats  # (R, 3) azimuth rad, range m, lag s at which it was
+    voters: tuple[Voters, ...]  # of each radar
+    acquisition: Acquisition
+    shares: EchoShares
     information: Information
     estimate: Estimate  # the solution of the information
-    drift_test: DriftTest
     waiting: WaitingPlots
     quiet_s: Floats  # (R,) time without any residual
 
     def check_rows(self) -> None:
         """Check the numbers of radars, as after reading a checkpoint. Raises: ValueError that names the field."""
-        for part in (self.information, self.waiting):
-            require_rows(f"{type(part).__name__}.radar", part.radar, len(self.locked))
+        for part in (self.references, self.shares, self.information, self.waiting):
+            require_rows(f"{type(part).__name__}.radar", part.radar, len(self.acquisition))
+        for voters in self.voters:
+            require_rows("Hits.voter", voters.hits.voter, len(voters))
 
 
 class OnlineRegistration(Method):
-    """Acquisition by a Hough transform over azimuth, then robust recursive least squares; corrections follow the estimate slowly.
+    """Acquisition by evidence that adds up over minutes and vessels, then robust recursive least squares.
 
-    - Acquisition: azimuth differences between plots and AIS vessels at nearly equal range are counted in windows over
-      +- `azimuth_search_deg`, each vessel once. The best window is accepted when it cannot be chance (`false_alarm`).
-    - Tracking: residuals in polar coordinates, of plots with one AIS vessel in their gate. A lag shows as a residual along the
-      motion of the vessel.
+    - Acquisition: differences between plots and AIS vessels are counted for each vessel and polar cell. Likelihood ratios against the
+      plots around a vessel are multiplied to the odds of each bias (`evidence`). Odds of 1 / `false_alarm` without a rival are taken.
+    - Tracking: residuals in polar coordinates, weighted with the probability that a plot is the vessel's echo. A lag shows as a
+      residual along the motion of the vessel.
     - A correction that jumps by more than two standard deviations of a plot ends the tracks that hold plots of that radar.
 
-    Source: Y. Bar-Shalom, P. K. Willett, X. Tian, Tracking and Data Fusion, ch. 9.3 (bias estimation from common targets); the vote is
-    after P. V. C. Hough's transform, US patent 3069654.
+    Source: Y. Bar-Shalom, P. K. Willett, X. Tian, Tracking and Data Fusion, ch. 9.3 (bias estimation from common targets); V. Vovk,
+    R. Wang, E-values: calibration, combination and applications, 2021.
     """
 
     method: Literal["online"] = "online"
     reference_vessels: Count = 300  # AIS vessels that each radar is compared with, a fixed draw of those in cover
     azimuth_search_deg: Annotated[float, Field(gt=0.0, le=90.0)] = 20.0  # to each side
-    range_search_m: Positive = 200.0  # to each side
-    bin_deg: Positive = 0.5  # windows are two bins wide; never less than twice the radar's azimuth noise
-    vote_memory_s: Positive = 30.0  # time constant of the votes
-    false_alarm: Annotated[float, Field(gt=0.0, lt=1.0)] = (
-        1e-6  # that a window is best by chance, vessels and plots evenly spread
-    )
+    range_search_m: Positive = 150.0  # to each side
+    bin_deg: Positive = 0.75  # width in azimuth of the bins in which differences are counted
+    decision_s: Positive = 15.0  # between two decisions on a radar
+    vote_memory_s: Positive = 1800.0  # time constant of the evidence until a bias is found; then 30 to 240 s, for steps
+    false_alarm: Annotated[float, Field(gt=0.0, lt=1.0)] = 1e-5  # of one decision: a bias needs odds of 1 / this
     least_vessels: Count = 4  # vessels in cover of a radar; fewer begin no registration
-    least_share: Share = 0.5  # of the vessels in cover, that the best window must explain
+    least_voices: Count = 3  # vessels under way, or squares with vessels at rest, that speak for a bias
     memory_s: Positive = 300.0  # time constant of the least squares; a drift is followed with this delay
     drift_memory_s: Positive = 30.0  # the same while the newest residuals contradict the estimate
     apply_s: Positive = 10.0  # time constant with which corrections follow the estimate
-    reference_sigma_m: Positive = 5.0  # per axis, of the offset between an AIS position and its echo
+    reference_sigma_m: Positive = 10.0  # per axis, of the offset between an AIS position and its echo
     range_prior_m: Positive = 50.0  # standard deviation of a range bias before anything is known
     lag_prior_s: Positive = 1.5  # of a lag
     lag_known_s: Positive = 0.25  # a lag is applied when its standard deviation is under this
@@ -111,12 +105,11 @@ class OnlineRegistration(Method):
         return OnlineMemory(
             time_s=-np.inf,
             references=References.empty(),
-            votes=Accumulator.none(0, 1),
-            locked=np.zeros(0, np.bool_),
-            centre=none,
+            voters=(),
+            acquisition=Acquisition.none(0),
+            shares=EchoShares.empty(),
             information=Information.empty(),
             estimate=Estimate(none, none, np.zeros(0, np.int64), np.zeros(0)),
-            drift_test=DriftTest.none(0),
             waiting=WaitingPlots.empty(),
             quiet_s=np.zeros(0),
         )
@@ -149,167 +142,131 @@ class OnlineRegistration(Method):
         swept, alarmed = sweeps(measured, sensors), alarms.impossible_speed | alarms.twice
         drawn = draw_references(memory.references, ais_tracks, alarmed, swept.site_deg, sensors, self.reference_vessels)
         references, compared = drawn
-        vessels, search = ais_tracks.take(compared.row), (self.range_search_m, float(np.radians(self.azimuth_search_deg)))
+        vessels, grid = ais_tracks.take(compared.row), self._grid()
+        search = grid.search_m, grid.search_rad + AROUND
         pairs = pair_with_vessels(measured, swept, vessels, compared.radar, given, search, sensors)
-        votes = self._vote(memory, pairs, compared.radar, dt, sensors)
-        locked, centre, acquired = self._acquire(memory, votes, pairs, sensors)
+        voice, voters = self._look(memory.voters, vessels, compared.radar, pairs, measured, swept, dt, sensors)
+        seen = np.bincount(compared.radar, minlength=len(sensors.radars))
+        rules = Rules(self.decision_s, self.vote_memory_s, self.false_alarm, self.least_vessels, self.least_voices)
+        decided = decide_all(memory.acquisition, voters, memory.estimate.mean, seen, time_s, rules, grid, sensors)
+        acquisition, voters = decided
+        acquired, found = acquisition.acquired, acquisition.found & ~acquisition.acquired
         information = memory.information.take(~acquired[memory.information.radar])
-        equations = self._plot_equations(measured, pairs, vessels, given, memory.estimate, locked & ~acquired, sensors)
+        memory_s = np.where(
+            self._drifts(information, acquisition, memory.estimate, sensors), self.drift_memory_s, self.memory_s
+        )
+        shares = forgotten(memory.shares.take(~acquired[memory.shares.radar]), np.exp(-dt / memory_s))
+        about = given, memory.estimate, found, self.reference_sigma_m, sensors
+        shares, equations = plot_equations(measured, pairs, vessels, voice, shares, *about)
         waiting = memory.waiting
         if self.use_bearings:
             unsure = memory.estimate.sigma[:, LAG] > self.lag_known_s  # AIS tells more, where there is enough of it
-            seen = picture, members, bearing_associations
-            waiting = waiting_plots(memory.waiting, measurements, *seen, given, unsure, time_s)
+            around = picture, members, bearing_associations
+            waiting = waiting_plots(memory.waiting, measurements, *around, given, unsure, time_s)
             waiting, with_bearings = bearing_equations(waiting, picture, members, bearing_tracks, bearing_associations, sensors)
             equations = Equations.join([equations, with_bearings])
-        has_equations = np.bincount(equations.radar, minlength=len(locked)) > 0
-        mean, keep = memory.estimate.mean / self._units(sensors), float(np.exp(-dt / self.drift_memory_s))
-        drift_test = memory.drift_test.after(equations, mean, keep)
-        memory_s = np.where(drift_test.sigmas > DRIFT_SIGMAS, self.drift_memory_s, self.memory_s)
-        information = add_equations(information, equations, np.where(has_equations, np.exp(-dt / memory_s), 1.0))
+        has_equations = np.bincount(equations.radar, minlength=len(found)) > 0
+        keep = np.where(has_equations, np.exp(-dt / memory_s), 1.0)
+        mean, keep_newest = memory.estimate.mean / self._units(sensors), float(np.exp(-dt / self.drift_memory_s))
+        information = add_equations(information, equations, mean, keep, keep_newest)
         quiet_s = np.where(has_equations | acquired, 0.0, memory.quiet_s + dt)
-        estimate = self._solved(information, centre, sensors)
-        after = OnlineMemory(time_s, references, votes, locked, centre, information, estimate, drift_test, waiting, quiet_s)
-        return after, self._corrections(after, acquired, compared.radar, given, dt, sensors)
+        estimate = self._solved(information, acquisition.centre, sensors)
+        after = OnlineMemory(time_s, references, voters, acquisition, shares, information, estimate, waiting, quiet_s)
+        return after, self._corrections(after, seen, swept, given, dt, sensors)
 
     def _sized(self, memory: OnlineMemory, time_s: float, sensors: Sensors) -> OnlineMemory:
         """This memory with one row for each radar of the scenario."""
         n = len(sensors.radars)
-        if len(memory.locked) == n:
+        if len(memory.acquisition) == n:
             return memory
-        windows = int(np.ceil(2.0 * np.radians(self.azimuth_search_deg) / self._bin_rad(sensors))) - 1
-        centre, information = np.zeros((n, 3)), Information.empty()
+        acquisition, information = Acquisition.none(n), Information.empty()
         return OnlineMemory(
             time_s=memory.time_s,
             references=References.empty(),
-            votes=Accumulator.none(n, max(windows, 1)),
-            locked=np.zeros(n, np.bool_),
-            centre=centre,
+            voters=tuple(Voters.none(self._grid()) for _ in range(n)),
+            acquisition=acquisition,
+            shares=EchoShares.empty(),
             information=information,
-            estimate=self._solved(information, centre, sensors),
-            drift_test=DriftTest.none(n),
+            estimate=self._solved(information, acquisition.centre, sensors),
             waiting=WaitingPlots.empty(),
             quiet_s=np.zeros(n),
         )
 
-    def _bin_rad(self, sensors: Sensors) -> float:
-        """Width of a bin of the vote, the same for all radars."""
-        return float(max(np.radians(self.bin_deg), 2.0 * sensors.radars.azimuth_sigma_rad.max(initial=0.0)))
+    def _grid(self) -> Grid:
+        """The biases that are searched, in bins."""
+        return Grid(float(np.radians(self.azimuth_search_deg)), self.range_search_m, float(np.radians(self.bin_deg)))
 
     def _units(self, sensors: Sensors) -> Floats:
         """Units of the state (azimuth, range, lag) in the equations. (R, 3)"""
         radars = sensors.radars
         return np.column_stack([radars.azimuth_sigma_rad, radars.range_sigma_m, np.ones(len(radars))])
 
-    def _vote(self, memory: OnlineMemory, pairs: Pairs, radar_of_vessel: Ints, dt: float, sensors: Sensors) -> Accumulator:
-        """The votes after this cycle."""
-        share = np.minimum(dt / sensors.radars.period_s, 1.0) if dt > 0.0 else np.ones(len(sensors.radars))
-        search, keep = np.radians(self.azimuth_search_deg), float(np.exp(-dt / self.vote_memory_s))
-        return accumulate(memory.votes, pairs, radar_of_vessel, self._bin_rad(sensors), search, share, keep)
+    def _look(
+        self,
+        voters: tuple[Voters, ...],
+        vessels: Tracks,
+        radar_of_vessel: Ints,
+        pairs: Pairs,
+        measured: PolarMeasurements,
+        swept: Sweeps,
+        dt: float,
+        sensors: Sensors,
+    ) -> tuple[Ints, tuple[Voters, ...]]:
+        """The voice of each vessel (V,), and the voters of each radar after this cycle."""
+        radars, r = sensors.radars, radar_of_vessel
+        at_m = to_plane(vessels.position_deg, swept.site_deg[r])
+        square = squares(to_plane(vessels.position_deg, sensors.region_origin_deg[radars.region[r]]))
+        at_rest = np.hypot(vessels.velocity_m_s[:, 0], vessels.velocity_m_s[:, 1]) < AT_REST_M_S
+        after = []
+        for k, mine in enumerate(voters):
+            rows = np.flatnonzero(r == k)  # in a piece: vessels are sorted by radar
+            if not len(rows):
+                after.append(mine)
+                continue
+            seen = Seen(vessels.track_id[rows], at_m[rows], square[rows], at_rest[rows])
+            of_radar = pairs.take((pairs.radar == k).nonzero()[0])
+            of_radar = replace(of_radar, vessel=of_radar.vessel - rows[0])
+            period_s = float(radars.period_s[k])
+            turns = dt / period_s if dt > 0.0 else 1.0
+            after.append(look(mine, seen, of_radar, measured.time_s[of_radar.plot], turns, period_s, self._grid()))
+        return np.where(at_rest, square, vessels.track_id), tuple(after)
 
-    def _acquire(self, memory: OnlineMemory, votes: Accumulator, pairs: Pairs, sensors: Sensors) -> tuple[Bools, Floats, Bools]:
-        """Which radars have a bias that was acquired, its centre, and which of them acquired it now. (R,), (R, 3), (R,)"""
-        width = self._bin_rad(sensors)
-        best, is_bias = detect_peak(votes, self.false_alarm, self.least_vessels, self.least_share)
-        window = (best + 1.0) * width - np.radians(self.azimuth_search_deg)
-        azimuth, distance, count = window_medians(pairs, window, width, len(best))
-        elsewhere = np.abs(window - memory.estimate.mean[:, 0]) > OTHER_BIAS_BINS * width
-        acquired = is_bias & (count > 0) & (~memory.locked | elsewhere)
-        centre = np.where(acquired[:, None], np.column_stack([azimuth, distance, memory.centre[:, LAG]]), memory.centre)
-        return memory.locked | acquired, centre, acquired
+    def _drifts(self, information: Information, acquisition: Acquisition, estimate: Estimate, sensors: Sensors) -> Bools:
+        """Which radars drift: the newest residuals contradict the estimate, and the votes do not contradict them. (R,)"""
+        found = drift(information, len(acquisition))
+        to_candidate = acquisition.azimuth_rad - estimate.mean[:, 0]
+        contradicted = np.where(np.isfinite(to_candidate), -np.sign(found.mean) * to_candidate, 0.0)
+        out: Bools = (found.sigmas > DRIFT_SIGMAS) & (contradicted <= 0.5 * self._grid().step_rad)
+        return out
 
     def _solved(self, information: Information, centre: Floats, sensors: Sensors) -> Estimate:
         """The estimate of each radar in rad, m and s."""
         units, n = self._units(sensors), len(centre)
-        prior = np.column_stack(
-            [np.full(n, 2.0 * self._bin_rad(sensors)), np.full(n, self.range_prior_m), np.full(n, self.lag_prior_s)]
-        )
+        candidate_sigma = np.hypot(CANDIDATE_SIGMAS * units[:, 0], 0.5 * self._grid().step_rad)
+        prior = np.column_stack([candidate_sigma, np.full(n, self.range_prior_m), np.full(n, self.lag_prior_s)])
         found = solve(information, centre / units, prior / units)
         return found._replace(mean=found.mean * units, sigma=found.sigma * units)
 
-    def _plot_equations(
-        self,
-        measured: PolarMeasurements,
-        pairs: Pairs,
-        vessels: Tracks,
-        given: RadarCorrections,
-        estimate: Estimate,
-        locked: Bools,
-        sensors: Sensors,
-    ) -> Equations:
-        """The equations of pairs inside the gate whose plot has no other vessel and whose vessel no other plot in a turn."""
-        radars, r = sensors.radars, pairs.radar
-        offset_sigma = self.reference_sigma_m
-        range_sigma = np.sqrt(radars.range_sigma_m[r] ** 2 + pairs.range_variance_m2)
-        azimuth_sigma = np.sqrt(radars.azimuth_sigma_rad[r] ** 2 + pairs.across_variance_m2 / pairs.distance_m**2)
-        lag_change = estimate.mean[r, LAG] - given.time_lag_s[r]
-        lag_sigma = np.minimum(estimate.sigma[r, LAG], self.lag_prior_s)
-        range_residual = pairs.range_m - estimate.mean[r, 1] + pairs.range_rate_m_s * lag_change
-        azimuth_residual = pairs.azimuth_rad - estimate.mean[r, 0] + pairs.azimuth_rate_rad_s * lag_change
-        range_variance = range_sigma**2 + offset_sigma**2 + np.minimum(estimate.sigma[r, 1], offset_sigma) ** 2
-        range_variance = range_variance + (pairs.range_rate_m_s * lag_sigma) ** 2
-        azimuth_variance = azimuth_sigma**2 + (offset_sigma / pairs.distance_m) ** 2
-        azimuth_variance = azimuth_variance + (pairs.azimuth_rate_rad_s * lag_sigma) ** 2
-        azimuth_variance = azimuth_variance + np.minimum(estimate.sigma[r, 0], azimuth_sigma) ** 2
-        distance2 = range_residual**2 / range_variance + azimuth_residual**2 / azimuth_variance
-        inside = locked[r] & (distance2 <= GATE)
-        turn = np.floor(measured.time_s[pairs.plot] / radars.period_s[r]).astype(np.int64)
-        turn -= turn.min() if len(turn) else 0
-        vessel_in_turn = turn * len(vessels) + pairs.vessel
-        good = np.flatnonzero(inside & is_only_one(pairs.plot, inside) & is_only_one(vessel_in_turn, inside))
-        good = good[
-            np.lexsort((measured.time_s[pairs.plot[good]], pairs.vessel[good]))
-        ]  # sums do not depend on the order of arrival
-
-        p, r = pairs.take(good), r[good]
-        n, zero, lag = len(p), np.zeros(len(p)), given.time_lag_s[r]
-        range_sigma, azimuth_sigma = range_sigma[good], azimuth_sigma[good]
-        along = np.column_stack([zero, radars.range_sigma_m[r], -p.range_rate_m_s]) / range_sigma[:, None]
-        across = np.column_stack([radars.azimuth_sigma_rad[r], zero, -p.azimuth_rate_rad_s]) / azimuth_sigma[:, None]
-        along_offset = np.column_stack([offset_sigma / range_sigma, zero])
-        across_offset = np.column_stack([zero, offset_sigma / (p.distance_m * azimuth_sigma)])
-        along_value = (p.range_m - p.range_rate_m_s * lag) / range_sigma
-        across_value = (p.azimuth_rad - p.azimuth_rate_rad_s * lag) / azimuth_sigma
-        return Equations(
-            radar=np.concatenate([r, r]),
-            reference=np.tile(vessels.track_id[p.vessel], 2),
-            design=np.concatenate([along, across]),
-            offset=np.concatenate([along_offset, across_offset]).reshape(2 * n, 2),
-            value=np.concatenate([along_value, across_value]),
-        )
-
     def _corrections(
-        self,
-        memory: OnlineMemory,
-        acquired: Bools,
-        radar_of_vessel: Ints,
-        given: RadarCorrections,
-        dt: float,
-        sensors: Sensors,
+        self, memory: OnlineMemory, seen: Ints, swept: Sweeps, given: RadarCorrections, dt: float, sensors: Sensors
     ) -> RadarCorrections:
         """The next corrections: at once where a bias was acquired, else a step towards the estimate."""
-        units, estimate = self._units(sensors), memory.estimate
+        units, estimate, known = self._units(sensors), memory.estimate, memory.acquisition
+        locked, acquired = known.found[:, None], known.acquired[:, None]
         old = np.column_stack([given.azimuth_bias_rad, given.range_bias_m, given.time_lag_s])
         # What is no larger than its deviation is more likely noise than error: shrunk by the positive-part James-Stein rule.
         shrunk = estimate.mean * np.maximum(1.0 - estimate.sigma**2 / np.maximum(estimate.mean**2, TINY), 0.0)
-        target = np.where(memory.locked[:, None] | [False, False, True], shrunk, old)
+        target = np.where(locked | [False, False, True], shrunk, old)
         target[estimate.sigma[:, LAG] > self.lag_known_s, LAG] = old[estimate.sigma[:, LAG] > self.lag_known_s, LAG]
         new = old + (target - old) * (1.0 - np.exp(-dt / self.apply_s))
         # A bias smaller than the noise of a plot can wait for a better estimate: a radar that is right is not shifted.
-        at_once = acquired[:, None] & (np.abs(memory.centre - old) > units) & [True, True, False]
-        new = np.where(at_once, memory.centre, np.where(acquired[:, None], old, new))
+        at_once = acquired & (np.abs(known.centre - old) > units) & [True, True, False]
+        new = np.where(at_once, known.centre, np.where(acquired, old, new))
         moved = np.abs(new - old)[:, :2] > JUMP_SIGMAS * units[:, :2]
-        sigma = np.where(
-            memory.locked[:, None] | ((estimate.plots > 0.0)[:, None] & [False, False, True]), estimate.sigma, np.nan
-        )
-        drift = np.radians(self.drift_deg_h) * memory.quiet_s / 3600.0
-        sigma[:, 0] = np.sqrt(sigma[:, 0] ** 2 + drift**2 + (memory.drift_test.mean * units[:, 0]) ** 2)
-        settled = (
-            memory.locked & (sigma[:, 0] <= self.settled_share * units[:, 0]) & (estimate.references >= self.least_vessels)
-        )
-        seen = np.bincount(radar_of_vessel, minlength=len(units))
-        acquiring = memory.locked | (seen > 0) | (memory.votes.swept > 0.0) | (estimate.plots > 0.0)
-        state = np.where(settled, RegistrationState.SETTLED, np.where(acquiring, RegistrationState.ACQUIRING, 0))
+        sigma = np.where(locked | ((estimate.plots > 0.0)[:, None] & [False, False, True]), estimate.sigma, np.nan)
+        quiet = np.radians(self.drift_deg_h) * memory.quiet_s / 3600.0
+        newest = drift(memory.information, len(known)).mean * units[:, 0]
+        sigma[:, 0] = np.sqrt(sigma[:, 0] ** 2 + quiet**2 + newest**2)
         return RadarCorrections(
             azimuth_bias_rad=new[:, 0],
             range_bias_m=new[:, 1],
@@ -320,6 +277,24 @@ class OnlineRegistration(Method):
             lag_sigma_s=sigma[:, 2],
             references=estimate.references,
             residuals=estimate.plots,
-            state=state.astype(np.int64),
+            state=self._state(memory, sigma[:, 0] / units[:, 0], seen),
             jumped=moved[:, 0] | moved[:, 1],
+            compared=np.where(np.isfinite(swept.from_s), seen, np.nan),
+            candidate_azimuth_rad=known.azimuth_rad,
+            candidate_range_m=known.range_m,
+            odds=known.odds,
+            found_odds=known.found_odds,
+            voices=np.where(np.isfinite(known.azimuth_rad), known.voices, np.nan),
+            rival_share=known.rival_share,
         )
+
+    def _state(self, memory: OnlineMemory, share: Floats, seen: Ints) -> Ints:
+        """The state of each radar. Args: share: (R,) deviation of the azimuth bias over the azimuth noise."""
+        known, estimate = memory.acquisition, memory.estimate
+        compared = (seen > 0) | (known.begun_s < np.inf) | (estimate.plots > 0.0)
+        probable = (known.odds >= PROBABLE_ODDS) & (known.voices >= self.least_voices) & (seen >= self.least_vessels)
+        settled = (share <= self.settled_share) & (estimate.references >= self.least_vessels)
+        state = np.where(compared, RegistrationState.ACQUIRING, RegistrationState.UNKNOWN)
+        state = np.where(probable, RegistrationState.PROBABLE, state)
+        state = np.where(known.found, np.where(settled, RegistrationState.SETTLED, RegistrationState.FOUND), state)
+        return np.where(known.found & known.doubtful, RegistrationState.DOUBTFUL, state).astype(np.int64)

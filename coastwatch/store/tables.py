@@ -29,7 +29,7 @@ from sqlalchemy import (
     text,
 )
 
-REVISION = "0011"
+REVISION = "0012"
 """The migration at which the database equals the tables below; a test compares it with db/migrations."""
 
 REVISION_TABLE = "coastwatch_revision"
@@ -288,12 +288,17 @@ SENSOR_REGISTRATION = Table(
     *keys("kind", kind=WORD),  # radar, ais, bearing, feed
     *keys("number"),  # within its kind
     *nullable(REAL, "heard_s"),  # newest arrival; of AIS that of any receiver, reports do not say which it was
-    *nullable(WORD, "state"),  # of radars: unknown, acquiring, settled
+    *nullable(WORD, "state"),  # of radars: unknown, acquiring, probable, found, settled, doubtful
     *nullable(REAL, "azimuth_bias_deg", "azimuth_sigma_deg", "range_bias_m", "range_sigma_m"),
     *nullable(REAL, "time_lag_s", "estimated_lag_s", "lag_sigma_s"),  # sigma: of the estimated lag
     *nullable(WHOLE, "vessels"),  # behind the estimate
     *nullable(REAL, "residuals"),  # plots behind it, the older the less
     *nullable(REAL, "time_jitter_s"),  # of feeds: standard deviation of the times of their reports
+    *nullable(WHOLE, "compared"),  # AIS vessels in cover; null where the radar sent no plot
+    *nullable(REAL, "candidate_azimuth_deg", "candidate_range_m"),  # the bias with the most evidence
+    *nullable(REAL, "odds", "found_odds"),  # of the candidate against chance; the same when the bias that is applied was found
+    *nullable(WHOLE, "voices"),  # vessels under way, and squares with vessels at rest, that speak for the candidate
+    *nullable(REAL, "rival_share"),  # of all evidence, that the best other bias has
     **IN_KEY_ORDER,
 )
 """What is known of a sensor after a cycle. Biases are of what it measures, to be subtracted; a lag is how late its stamps are."""

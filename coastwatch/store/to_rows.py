@@ -252,6 +252,11 @@ def registration_rows(
     none, jitter = np.full(others, -1), np.full(len(kinds), np.nan)
     known = min(feeds, len(cycle.ais_feeds))
     jitter[stations + len(bias) :][:known] = cycle.ais_feeds.time_jitter_s[:known]
+
+    def numbers_of_radars(values: Floats) -> NullableId:
+        return NullableId(np.concatenate([none, np.where(np.isfinite(values), np.nan_to_num(values), -1.0).astype(np.int64)]))
+
+    evidence = np.degrees(c.candidate_azimuth_rad), c.candidate_range_m, c.odds, c.found_odds
     return [
         run_id,
         number,
@@ -264,6 +269,10 @@ def registration_rows(
         NullableId(np.concatenate([none, c.references])),
         of_radars(c.residuals),
         jitter,
+        numbers_of_radars(c.compared),
+        *map(of_radars, evidence),
+        numbers_of_radars(c.voices),
+        of_radars(c.rival_share),
     ]
 
 

@@ -1,6 +1,7 @@
 -- Registration of radars, and bias of sonars
 -- One row a sensor but AIS receivers: state, the errors that are taken out of its reports with what is not known of them, when
--- it was heard last, and by how much its azimuth bias has changed. No sigma: nothing is known yet.
+-- it was heard last, and by how much its azimuth bias has changed. No sigma: nothing is known yet. The candidate is the
+-- bias with the most evidence, odds are those against chance.
 -- parameter: minutes = 60.0, over which the change is
 WITH latest AS (
     SELECT max(number) AS number, max(time_s) AS time_s FROM cycle WHERE run_id = :run
@@ -16,6 +17,7 @@ WITH latest AS (
 )
 SELECT s.kind, s.name, r.state, r.azimuth_bias_deg, r.azimuth_sigma_deg, r.range_bias_m, r.range_sigma_m,
     r.time_lag_s, r.estimated_lag_s, r.lag_sigma_s, r.vessels,
+    r.candidate_azimuth_deg, r.candidate_range_m, r.odds, r.found_odds, r.voices, r.rival_share, r.compared,
     r.azimuth_bias_deg - o.azimuth_bias_deg AS azimuth_change_deg, r.heard_s
 FROM newest n
     JOIN sensor s ON s.run_id = :run AND s.kind = n.kind AND s.number = n.number

@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0011; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0012; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id BIGSERIAL NOT NULL,
@@ -282,6 +282,13 @@ CREATE TABLE sensor_registration (
 	vessels BIGINT,
 	residuals FLOAT(53),
 	time_jitter_s FLOAT(53),
+	compared BIGINT,
+	candidate_azimuth_deg FLOAT(53),
+	candidate_range_m FLOAT(53),
+	odds FLOAT(53),
+	found_odds FLOAT(53),
+	voices BIGINT,
+	rival_share FLOAT(53),
 	PRIMARY KEY (run_id, cycle, kind, number),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );

@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0011; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0012; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
@@ -292,6 +292,13 @@ CREATE TABLE sensor_registration (
 	vessels INTEGER,
 	residuals FLOAT,
 	time_jitter_s FLOAT,
+	compared INTEGER,
+	candidate_azimuth_deg FLOAT,
+	candidate_range_m FLOAT,
+	odds FLOAT,
+	found_odds FLOAT,
+	voices INTEGER,
+	rival_share FLOAT,
 	PRIMARY KEY (run_id, cycle, kind, number),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 )

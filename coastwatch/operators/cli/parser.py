@@ -270,8 +270,10 @@ def _sensors(commands: Any) -> None:
     text = (
         "The sensors of a run: specification, newest report and registration errors. Of a radar: the azimuth bias, range bias and time "
         "lag that are subtracted from its reports, one standard deviation after +-, and the state of the estimate (unknown, "
-        "acquiring, settled). The estimated lag is subtracted only once it is accurate. Of a sonar: its bearing bias. Signs: degrees "
-        "clockwise, metres too long, seconds too late. AIS reports do not name their receiver, so all receivers show the newest."
+        "acquiring, probable, found, settled, doubtful). Evidence: the bias with the most, its odds against chance, how many voices "
+        "speak for it (vessels under way, and squares of 1 km with vessels at rest) and the best other bias. The estimated lag is "
+        "subtracted only once it is accurate. Of a sonar: its bearing bias. Signs: degrees clockwise, metres too long, seconds too "
+        "late. AIS reports do not name their receiver, so all receivers show the newest."
     )
     sensors = _command(commands, "sensors", "read:sensors", "show sensors and their registration", text)
     add_db(sensors)

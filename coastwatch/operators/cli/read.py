@@ -98,8 +98,9 @@ def replay(options: argparse.Namespace) -> int:
 
 def sensors(options: argparse.Namespace) -> int:
     with stored.opened(options.db) as store:
-        rows = stored.sensors(store, stored.run(store, options.run)["id"], options.at)
-    _write(rows if options.format == "json" else stored.registration(rows), options)
+        run = stored.run(store, options.run)
+        rows = stored.sensors(store, run["id"], options.at)
+    _write(rows if options.format == "json" else stored.registration(rows, run["settings"]), options)
     return 0
 
 

@@ -39,6 +39,9 @@ class AisTruth(Settings):
     intervals: Literal["fixed", "itu"] = "fixed"  # one interval for all, or those of ITU-R M.1371 for class A and class B
     interval_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 3.0  # if fixed; each vessel has a random phase
     position_sigma_m: Annotated[float, Field(ge=0.0, le=10_000.0)] = 3.33  # per axis
+    antenna_sigma_m: Annotated[float, Field(ge=0.0, le=200.0)] = (
+        0.0  # of the antenna before the middle of the echo, along the course: one draw each vessel
+    )
     velocity_sigma_kn: Annotated[float, Field(ge=0.0, le=20.0)] = 0.2  # per axis; the errors of SOG and COG follow from it
     wire_steps: bool = True  # round to 1/10 000 minute, 0.1 kn and 0.1 deg as a message does
     whole_seconds: bool = False  # round the time of the fix down to a whole second, as a message does
@@ -142,6 +145,8 @@ def transmit(
     offset = np.where(senders.spoofing[who], drift, 0.0)[:, None] * np.column_stack([np.sin(away), np.cos(away)])
     rng = np.random.default_rng([seed, NOISE])
     draws, missing = rng.standard_normal((len(who), 4)), rng.random(len(who)) < truth.velocity_missing_share
+    if truth.antenna_sigma_m > 0.0:
+        offset = offset + _before_the_echo(truth.antenna_sigma_m, velocity, who, len(senders.row), seed)
     position = offset_deg(position, truth.position_sigma_m * draws[:, :2] + offset)
     position, sog, cog = _on_the_wire(truth, position, velocity + truth.velocity_sigma_kn * KNOT_M_S * draws[:, 2:], missing)
     delay = np.random.default_rng([seed, LATENCY]).exponential(1.0, len(who)) * truth.latency_spread_s + truth.latency_s
@@ -156,6 +161,16 @@ def transmit(
         origin=senders.row[who],
     ).take(received & (time + delay <= stop_s))
     return made.take(np.lexsort((made.mmsi, made.time_s, made.received_s)))
+
+
+def _before_the_echo(sigma_m: float, velocity_m_s: Floats, who: Ints, count: int, seed: int) -> Floats:
+    """Metres east and north from the echo to the antenna. A vessel at rest has a heading of its own. Args: who: (M,) of count."""
+    rng = np.random.default_rng([seed, NOISE, 1])
+    ahead_m, heading = sigma_m * rng.standard_normal(count), rng.uniform(0.0, 2.0 * np.pi, count)
+    moves = np.hypot(velocity_m_s[:, 0], velocity_m_s[:, 1]) > AT_ANCHOR_KN * KNOT_M_S
+    angle = np.where(moves, np.arctan2(velocity_m_s[:, 0], velocity_m_s[:, 1]), heading[who])
+    out: Floats = ahead_m[who, None] * np.column_stack([np.sin(angle), np.cos(angle)])
+    return out
 
 
 def within(stations: Stations, position_deg: Floats) -> Bools:

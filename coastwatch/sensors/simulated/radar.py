@@ -20,14 +20,8 @@ from coastwatch.stage import Settings
 
 PositionAt = Callable[[Ints, Floats], Floats]
 
-NOISE, DETECTION, CLUTTER, PHASE, UNSEEN, OUTAGE = (
-    11,
-    12,
-    13,
-    14,
-    15,
-    16,
-)  # streams of random numbers: a change of one does not change the others
+# Streams of random numbers: a change of one does not change the others.
+NOISE, DETECTION, CLUTTER, PHASE, UNSEEN, OUTAGE, VISIBLE, STANDING = 11, 12, 13, 14, 15, 16, 17, 18
 TURN_RAD = 2.0 * np.pi
 BLOCK = 4096  # vessels at a time: bounds memory, does not change the result
 BEAM_ROUNDS = 3  # iterations; each multiplies the error of the beam time by azimuth rate x turn period, under 0.1 beyond 300 m
@@ -39,6 +33,11 @@ class RadarTruth(Settings):
     name: str = ""  # of the radar in [[radars]]; empty in [input.radar], which is for all radars without an entry of their own
     detection_probability: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0  # of a vessel in range, per turn
     unseen_share: Share = 0.0  # of the vessels are never detected, the same ones by all radars with this share
+    unseen: tuple[Annotated[int, Field(ge=0)], ...] = ()  # numbers, from 0, of more vessels that are never detected
+    visible_share: Annotated[float, Field(gt=0.0, le=1.0)] = (
+        1.0  # of the time that the others are visible; each has a share of its own, 0.3 to 1.7 times this, at most 1
+    )
+    visible_s: Annotated[float, Field(gt=0.0)] = 60.0  # time constant with which a vessel comes into view and is lost again
     clutter_per_m2: Annotated[float, Field(ge=0.0, le=1e-4)] = 0.0  # false plots per turn, uniform over the disc of its range
     noise_factor: Annotated[float, Field(ge=0.0, le=100.0)] = 1.0  # true noise divided by the specified noise
     range_bias_m: Annotated[float, Field(ge=-1000.0, le=1000.0)] = 0.0  # added to each range: positive is too long, e.g. 40
@@ -48,6 +47,10 @@ class RadarTruth(Settings):
     azimuth_drift_deg_h: Annotated[float, Field(ge=-3600.0, le=3600.0)] = (
         0.0  # growth of the azimuth bias from the start of the run: positive is clockwise
     )
+    azimuth_step_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = (
+        0.0  # by which the azimuth bias jumps once, as when a gyro is set: positive is clockwise, e.g. 4
+    )
+    azimuth_step_s: Annotated[float, Field(ge=0.0)] = 0.0  # when it jumps, after the start of the run
     time_bias_s: Annotated[float, Field(ge=-60.0, le=60.0)] = (
         0.0  # added to the true time of the beam: positive is late, e.g. 1.5
     )
@@ -100,14 +103,16 @@ def observe(
     start_s: float,
     stop_s: float,
     seed: int,
+    standing: tuple[Floats, Floats] | None = None,
 ) -> RadarReports:
     """Reports of the radars between two times, in order of arrival.
 
     The time of a plot is when the beam passed the vessel; the antenna starts at a random phase. `site_deg` is the position of the
-    antenna at that time. Clutter has origin -1.
+    antenna at that time. Clutter and standing echoes have origin -1.
 
     Args: radars: specifications (R); truths: one per radar; position_at: as in the docstring of this module, called with rows
-    0..V-1; vessel: (V,) becomes `origin`; start_s, stop_s: since the epoch.
+    0..V-1; vessel: (V,) becomes `origin`; start_s, stop_s: since the epoch; standing: positions (E, 2) deg of standing echoes and the
+    probability (E,) that each is detected in a turn.
     """
     parts = []
     for r, truth in enumerate(truths):
@@ -117,7 +122,8 @@ def observe(
         phase = float(np.random.default_rng([seed, PHASE, r]).random())
         turns = np.arange(np.floor((on - start_s) / period) - 2, np.ceil((off - start_s) / period) + 3)
         antenna = Antenna(radars, r, truth, start_s, start_s - phase * period, turns, seed)
-        for made in (antenna.echoes(position_at, vessel), antenna.clutter()):
+        still = [] if standing is None else [antenna.standing_echoes(*standing)]
+        for made in (antenna.echoes(position_at, vessel), antenna.clutter(), *still):
             beam = made.time_s - truth.time_bias_s
             parts.append(made.take((beam >= on) & (beam <= off) & antenna.works(beam)))
     joined = RadarReports.join(parts)
@@ -153,23 +159,59 @@ class Antenna:
 
     def echoes(self, position_at: PositionAt, vessel: Ints) -> RadarReports:
         """Plots of vessels, vessel by vessel."""
-        detection, noise = (np.random.default_rng([self.seed, stream, self.r]) for stream in (DETECTION, NOISE))
+        truth, streams = self.truth, (DETECTION, NOISE, VISIBLE)
+        detection, noise, visible = (np.random.default_rng([self.seed, stream, self.r]) for stream in streams)
         hidden = np.zeros(len(vessel), np.bool_)
-        hidden[chosen(len(vessel), self.truth.unseen_share, np.random.default_rng([self.seed, UNSEEN]))] = True
+        hidden[chosen(len(vessel), truth.unseen_share, np.random.default_rng([self.seed, UNSEEN]))] = True
+        if max(truth.unseen, default=-1) >= len(vessel):
+            raise ValueError(
+                f"input.radar.unseen: got vessel {max(truth.unseen)}, needed numbers below input.count = {len(vessel)}"
+            )
+        hidden[list(truth.unseen)] = True
         parts = []
         for lo in range(0, len(vessel), BLOCK):
             row = np.arange(lo, min(lo + BLOCK, len(vessel)))
             time, distance, azimuth = self._beams(position_at, row)
-            found = detection.random(len(time)) < self.truth.detection_probability
-            errors = noise.standard_normal((len(time), 2)) * self.truth.noise_factor
-            seen = found & (distance <= self.radars.range_m[self.r])  # an absent vessel is NaN far
-            seen &= ~np.repeat(hidden[row], len(self.turns)) & self.truth.looks_at(np.degrees(azimuth))
-            measured = distance + errors[:, 0] * self.radars.range_sigma_m[self.r] + self.truth.range_bias_m
-            turned = np.degrees(azimuth + errors[:, 1] * self.radars.azimuth_sigma_rad[self.r]) + self.truth.azimuth_bias_deg
-            turned = turned + self.truth.azimuth_drift_deg_h * (time - self.start_s) / 3600.0
-            origin = np.repeat(vessel[row], len(self.turns))
-            parts.append(self._reports(time[seen], measured[seen], turned[seen], origin[seen]))
+            found = detection.random(len(time)) < truth.detection_probability
+            found &= ~np.repeat(hidden[row], len(self.turns))
+            if truth.visible_share < 1.0:
+                found &= self._visible(len(row), visible)
+            errors = noise.standard_normal((len(time), 2))
+            parts.append(self._measured(found, (time, distance, azimuth), errors, np.repeat(vessel[row], len(self.turns))))
         return RadarReports.join(parts)
+
+    def standing_echoes(self, position_deg: Floats, probability: Floats) -> RadarReports:
+        """Plots of things that do not move. Args: (E, 2); (E,) of detection in a turn."""
+        rng, n = np.random.default_rng([self.seed, STANDING, self.r]), len(probability)
+        if n == 0:
+            return RadarReports.empty()
+        beams = self._beams(lambda row, _: position_deg[row], np.arange(n))
+        found = rng.random(n * len(self.turns)) < np.repeat(probability, len(self.turns))
+        return self._measured(found, beams, rng.standard_normal((len(found), 2)), np.full(len(found), -1, np.int64))
+
+    def _visible(self, count: int, rng: np.random.Generator) -> Bools:
+        """Whether vessels are in view at each turn, vessel by vessel: two states, each left at a constant rate. (count * turns,)"""
+        share = np.minimum(self.truth.visible_share * rng.uniform(0.3, 1.7, count), 1.0)
+        rate = min(float(self.radars.period_s[self.r]) / self.truth.visible_s, 1.0)
+        draws, now = rng.random((len(self.turns), count)), rng.random(count) < share
+        out = np.empty((count, len(self.turns)), np.bool_)
+        for k in range(len(self.turns)):
+            now = np.where(draws[k] < rate, draws[k] < rate * share, now)
+            out[:, k] = now
+        return out.ravel()
+
+    def _measured(self, found: Bools, beams: tuple[Floats, Floats, Floats], errors: Floats, origin: Ints) -> RadarReports:
+        """Reports of the echoes that were found. Args: beams: of `_beams`; errors: standard normal, of range and azimuth."""
+        time, distance, azimuth = beams
+        errors = errors * self.truth.noise_factor
+        seen = found & (distance <= self.radars.range_m[self.r])  # an absent vessel is NaN far
+        seen &= self.truth.looks_at(np.degrees(azimuth))
+        measured = distance + errors[:, 0] * self.radars.range_sigma_m[self.r] + self.truth.range_bias_m
+        turned = np.degrees(azimuth + errors[:, 1] * self.radars.azimuth_sigma_rad[self.r]) + self.truth.azimuth_bias_deg
+        turned = turned + self.truth.azimuth_drift_deg_h * (time - self.start_s) / 3600.0
+        stepped = (self.truth.azimuth_step_deg != 0.0) & (time - self.start_s >= self.truth.azimuth_step_s)
+        turned = np.where(stepped, turned + self.truth.azimuth_step_deg, turned)
+        return self._reports(time[seen], measured[seen], turned[seen], origin[seen])
 
     def clutter(self) -> RadarReports:
         """False plots: their number is Poisson each turn, their places uniform over the disc."""

@@ -21,9 +21,10 @@ from coastwatch.batches import (
     Sensors,
     Trajectories,
 )
-from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, scale_m_deg, wrap_deg
+from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M
 from coastwatch.sensors.simulated.ais import POSITION_STEP_DEG, SOG_STEP_KN, AisTruth, transmit, transponders
 from coastwatch.sensors.simulated.formations import Convoys, Passings, in_formation
+from coastwatch.sensors.simulated.harbour import Anchorages, Area, Lanes, Row, StandingEchoes, in_harbour, standing
 from coastwatch.sensors.simulated.radar import RadarTruth, observe
 from coastwatch.sensors.simulated.sonar import SonarTruth, listen
 from coastwatch.sensors.simulated.static_data import transmit_static_data, true_types
@@ -62,6 +63,10 @@ class Simulated(Method):
     motion: VesselMotion = VesselMotion()  # speeds, manoeuvres, process noise, entering and leaving
     convoys: Convoys = Convoys()  # vessels in a line
     passings: Passings = Passings()  # pairs of vessels that pass each other closely
+    lanes: Lanes = Lanes()  # vessels that follow straight lanes
+    anchorages: Anchorages = Anchorages()  # vessels at anchor
+    moored: tuple[Row, ...] = ()  # rows of moored vessels: the first of all vessels, row by row
+    standing: StandingEchoes = StandingEchoes()  # things that do not move and give echoes
     radar: RadarTruth = RadarTruth()  # how radars depart from their specification
     radars: tuple[RadarTruth, ...] = ()  # the same of single radars, by name; they take nothing from `radar`
     ais: AisTruth = AisTruth()  # which vessels carry AIS, and what is received
@@ -87,13 +92,15 @@ class Simulated(Method):
         span_s = stop_s - start_s
         vessels = draw_motion(self.motion, self._start_positions(seed), start_s, span_s, seed)
         vessels = in_formation(self.convoys, self.passings, vessels, span_s, seed)
+        vessels = in_harbour(self.lanes, self.anchorages, self.moored, self.motion, vessels, self._area(), span_s, seed)
+        echoes = standing(self.standing, self._area(), seed)
         vessel, span = np.arange(self.count), (start_s, stop_s, seed)
         senders = transponders(self.ais, self.count, seed)
         ais = transmit(self.ais, senders, sensors.stations, vessels.state, *span)
         sounds = CLASS_OF_TYPE[true_types(senders, self.count, seed)]
         return Recording(
             reports=Reports(
-                radar=_arrived(observe(sensors.radars, radar_truths, vessels.position, vessel, *span), stop_s),
+                radar=_arrived(observe(sensors.radars, radar_truths, vessels.position, vessel, *span, echoes), stop_s),
                 ais=ais,
                 statics=transmit_static_data(self.ais, senders, ais.mmsi, *span),
                 bearing=_arrived(listen(sensors.sonars, sonar_truths, vessels.position, vessel, sounds, *span), stop_s),
@@ -119,10 +126,10 @@ class Simulated(Method):
 
     def _drawn(self, rng: np.random.Generator) -> Floats:
         if not self.water_deg:
-            return self._spread(rng, self.count)
+            return self._area().drawn(rng, self.count)
         corners, found = np.array(self.water_deg), np.zeros((0, 2))
         for _ in range(TRIES):
-            more = self._spread(rng, self.count)
+            more = self._area().drawn(rng, self.count)
             found = np.concatenate([found, more[inside(more, corners)]])
             if len(found) >= self.count:
                 return found[: self.count]
@@ -130,14 +137,12 @@ class Simulated(Method):
             f"input.water_deg: got under 1 % of the area around {self.area_latitude_deg}, {self.area_longitude_deg}"
         )
 
-    def _spread(self, rng: np.random.Generator, count: int) -> Floats:
-        draws = rng.uniform(-0.5, 0.5, (count, 2))
-        north, _ = scale_m_deg(np.array(self.area_latitude_deg))
-        lat = self.area_latitude_deg + draws[:, 0] * self.area_height_nm * NAUTICAL_MILE_M / north
-        lat = np.clip(lat, -85.0, 85.0)
-        _, east = scale_m_deg(lat)
-        lon = self.area_longitude_deg + draws[:, 1] * self.area_width_nm * NAUTICAL_MILE_M / east
-        return np.column_stack([lat, wrap_deg(lon)])
+    def _area(self) -> Area:
+        return Area(
+            middle_deg=(self.area_latitude_deg, self.area_longitude_deg),
+            width_m=self.area_width_nm * NAUTICAL_MILE_M,
+            height_m=self.area_height_nm * NAUTICAL_MILE_M,
+        )
 
     def _noise(self, sensors: Sensors, truths: Sequence[RadarTruth]) -> Noise:
         factor = np.array([t.noise_factor for t in truths])

@@ -1,0 +1,130 @@
+"""Acquisition, third part: every few seconds, whether the evidence of a radar is enough to take a bias for its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from coastwatch.batches import Batch, Bools, Floats, Ints, Sensors, column
+from coastwatch.registration.evidence import Decision, decide, evidence, is_apart, log_evidence_at
+from coastwatch.registration.voters import Grid, Voters, counted
+
+SURE_SHARE = 0.99  # of the evidence of all biases, that the window of one that is taken has: rows and convoys repeat themselves
+PROBABLE_ODDS = 1e3
+FIRM_ODDS = 100.0  # with which the candidate moves the centre of the estimate
+CENTRE_GAIN = 0.2  # by which it does, a decision
+WATCH_LEAST_S, WATCH_MOST_S = 30.0, 120.0  # memory of the votes once a bias is found: a step is to be seen soon
+WATCH_FACTOR = 3.0  # of the time that acquisition took
+MOST_LOG = 690.0  # a number of more does not fit a double
+
+
+class Rules(NamedTuple):
+    """When a bias is taken; settings of the method."""
+
+    decision_s: float  # between two decisions
+    vote_memory_s: float  # time constant of the votes until a bias is found
+    false_alarm: float  # probability of one decision
+    least_vessels: int  # compared
+    least_voices: int  # that speak for it
+
+
+@dataclass(frozen=True, eq=False)
+class Acquisition(Batch):
+    """What the last decision on each radar was."""
+
+    found: Bools = column(np.bool_, "R")  # a bias is known
+    acquired: Bools = column(np.bool_, "R")  # it was found, or found elsewhere, in this cycle
+    doubtful: Bools = column(np.bool_, "R")  # another bias is significant, but not by enough
+    begun_s: Floats = column(np.float64, "R")  # first decision; infinite: none yet
+    decided_s: Floats = column(np.float64, "R")  # last decision
+    watch_s: Floats = column(np.float64, "R")  # time constant of the votes once a bias is found
+    centre: Floats = column(np.float64, "R", 3)  # azimuth rad, range m, lag s about which the errors are estimated
+    azimuth_rad: Floats = column(np.float64, "R")  # candidate; NaN before the first decision
+    range_m: Floats = column(np.float64, "R")
+    odds: Floats = column(np.float64, "R")  # of the candidate against chance
+    found_odds: Floats = column(np.float64, "R")  # the same when it was found
+    voices: Ints = column(np.int64, "R")
+    rival_share: Floats = column(np.float64, "R")  # of all evidence, that the best other bias has
+
+    @classmethod
+    def none(cls, radars: int) -> Acquisition:
+        """Nothing known of any radar."""
+        no, nan, far = np.zeros(radars, np.bool_), np.full(radars, np.nan), np.full(radars, np.inf)
+        centre, voices = np.zeros((radars, 3)), np.zeros(radars, np.int64)
+        return cls(no, no, no, far, -far, nan, centre, nan, nan, nan, nan, voices, nan)
+
+
+def decide_all(
+    former: Acquisition,
+    voters: tuple[Voters, ...],
+    estimate: Floats,
+    compared: Ints,
+    time_s: float,
+    rules: Rules,
+    grid: Grid,
+    sensors: Sensors,
+) -> tuple[Acquisition, tuple[Voters, ...]]:
+    """The decisions on all radars that are due, and the voters after them.
+
+    Args: estimate: (R, 3) azimuth rad, range m, lag s; compared: (R,) AIS vessels in this cycle.
+    """
+    new = former.take(np.arange(len(former)))  # a copy
+    new.acquired[:] = False
+    after = list(voters)
+    for r, mine in enumerate(voters):
+        elapsed_s = time_s - former.decided_s[r]
+        if elapsed_s < rules.decision_s or not mine.new_looks.any():
+            continue
+        memory_s = former.watch_s[r] if former.found[r] else rules.vote_memory_s
+        after[r] = counted(mine, float(np.exp(-elapsed_s / memory_s)) if np.isfinite(elapsed_s) else 1.0, grid)
+        # The first interval differs from radar to radar, so that later decisions are spread over cycles.
+        new.decided_s[r] = time_s if np.isfinite(elapsed_s) else time_s - rules.decision_s * r / len(voters)
+        new.begun_s[r] = min(former.begun_s[r], time_s)
+        if after[r].histogram.any():
+            enough = compared[r] >= rules.least_vessels
+            _decide(new, r, after[r], float(estimate[r, 0]), enough, time_s, rules, grid, sensors)
+    return new, tuple(after)
+
+
+def _decide(
+    new: Acquisition,
+    r: int,
+    voters: Voters,
+    applied_rad: float,
+    enough: bool,
+    time_s: float,
+    rules: Rules,
+    grid: Grid,
+    sensors: Sensors,
+) -> None:
+    """Write the decision on radar r."""
+    sigma = float(sensors.radars.azimuth_sigma_rad[r])
+    field = evidence(voters, sigma, grid)
+    best = decide(field, sigma)
+    new.azimuth_rad[r], new.range_m[r], new.voices[r] = best.azimuth_rad, best.range_m, best.voices
+    new.odds[r], new.rival_share[r] = np.exp(min(best.log_odds, MOST_LOG)), best.rival_share
+    significant = enough and _significant(best, rules)
+    apart = is_apart(best.azimuth_rad, applied_rad, sigma, grid.step_rad)
+    beaten = best.log_evidence - log_evidence_at(field, applied_rad) > -np.log(rules.false_alarm)
+    new.doubtful[r] = bool(new.found[r]) and significant and apart and not beaten
+    if significant and (not new.found[r] or (apart and beaten)):
+        if not new.found[r]:
+            new.watch_s[r] = np.clip(WATCH_FACTOR * (time_s - new.begun_s[r]), WATCH_LEAST_S, WATCH_MOST_S)
+        new.found[r] = new.acquired[r] = True
+        new.found_odds[r] = new.odds[r]
+        new.centre[r, :2] = best.azimuth_rad, best.range_m
+    elif (
+        new.found[r]
+        and not apart
+        and best.voices >= rules.least_voices
+        and best.share >= SURE_SHARE
+        and new.odds[r] > FIRM_ODDS
+    ):
+        new.centre[r, :2] += CENTRE_GAIN * (np.array([best.azimuth_rad, best.range_m]) - new.centre[r, :2])
+
+
+def _significant(best: Decision, rules: Rules) -> bool:
+    """Whether a bias is no chance, has no rival and is no matter of one or two vessels."""
+    return bool(best.log_odds >= -np.log(rules.false_alarm) and best.share >= SURE_SHARE and best.voices >= rules.least_voices)

@@ -1,0 +1,124 @@
+"""Tracking, first part: which plots may be echoes of their vessel, with what probability, and their equations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from coastwatch import kernels
+from coastwatch.batches import Batch, Bools, Floats, Ints, RadarCorrections, Sensors, Tracks, column
+from coastwatch.registration.information import Equations, Estimate
+from coastwatch.registration.polar import Pairs, PolarMeasurements
+
+GATE_SIGMAS, GATE_M = 4.0, 100.0  # half widths of the gate about the estimate: of the azimuth noise, and in range
+AZIMUTH_OFFSET = 0.2  # of the azimuth noise: standard deviation of what plots near one vessel have in common, wrong ones too
+PRIOR_ECHOES, PRIOR_PAIRS = 1.0, 5.0  # that the share of each vessel begins with
+LEAST_PAIRS = 0.02  # a share of fewer is dropped
+
+
+@dataclass(frozen=True, eq=False)
+class EchoShares(Batch):
+    """How many plots in the gate of each vessel were its echoes, sorted by radar, then vessel. Old ones are forgotten.
+
+    A vessel without an echo of its own but with a quay nearby has a small share, and counts less and less.
+    """
+
+    radar: Ints = column(np.int64, "N")
+    track_id: Ints = column(np.int64, "N")
+    pairs: Floats = column(np.float64, "N")
+    echoes: Floats = column(np.float64, "N")  # sum of the probabilities
+
+
+def plot_equations(
+    measured: PolarMeasurements,
+    pairs: Pairs,
+    vessels: Tracks,
+    reference: Ints,
+    shares: EchoShares,
+    given: RadarCorrections,
+    estimate: Estimate,
+    found: Bools,
+    offset_sigma_m: float,
+    sensors: Sensors,
+) -> tuple[EchoShares, Equations]:
+    """The shares with the pairs of this cycle, and two equations for each pair in the gate of a radar whose bias is known.
+
+    The probability that a plot is the vessel's echo is that of a Gaussian about the estimate against an even density over the gate.
+    Args: vessels: (V); reference: (V,) whose equations share an offset; estimate: rad, m, s; found: (R,).
+    Source: A. P. Dempster, N. M. Laird, D. B. Rubin, Maximum likelihood from incomplete data via the EM algorithm, 1977 (mixtures).
+    """
+    pairs = pairs.take(found[pairs.radar])
+    pairs = pairs.take(np.lexsort((measured.azimuth_rad[pairs.plot], measured.time_s[pairs.plot], pairs.vessel)))
+    radars, r = sensors.radars, pairs.radar
+    range_noise, azimuth_noise = radars.range_sigma_m[r], radars.azimuth_sigma_rad[r]
+    lag_change = estimate.mean[r, 2] - given.time_lag_s[r]
+    lag_sigma = estimate.sigma[r, 2]
+    range_residual = pairs.range_m - estimate.mean[r, 1] + pairs.range_rate_m_s * lag_change
+    azimuth_residual = pairs.azimuth_rad - estimate.mean[r, 0] + pairs.azimuth_rate_rad_s * lag_change
+    inside = (np.abs(azimuth_residual) <= GATE_SIGMAS * azimuth_noise) & (np.abs(range_residual) <= GATE_M)
+    # So near that a lag or an error of AIS would move the echo out of the gate:
+    inside &= np.abs(pairs.azimuth_rate_rad_s) < azimuth_noise
+    inside &= pairs.across_variance_m2 < (azimuth_noise * pairs.distance_m) ** 2
+
+    p, r = pairs.take(inside), r[inside]
+    range_variance = range_noise[inside] ** 2 + p.range_variance_m2
+    azimuth_variance = azimuth_noise[inside] ** 2 + p.across_variance_m2 / p.distance_m**2
+    range_spread = range_variance + offset_sigma_m**2 + np.minimum(estimate.sigma[r, 1], offset_sigma_m) ** 2
+    range_spread = range_spread + (p.range_rate_m_s * lag_sigma[inside]) ** 2
+    azimuth_spread = azimuth_variance + (offset_sigma_m / p.distance_m) ** 2
+    azimuth_spread = azimuth_spread + (p.azimuth_rate_rad_s * lag_sigma[inside]) ** 2
+    azimuth_spread = azimuth_spread + np.minimum(estimate.sigma[r, 0] ** 2, azimuth_variance)
+    distance2 = range_residual[inside] ** 2 / range_spread + azimuth_residual[inside] ** 2 / azimuth_spread
+    gaussian = np.exp(-0.5 * distance2) / (2.0 * np.pi * np.sqrt(range_spread * azimuth_spread))
+    even = 1.0 / (4.0 * GATE_SIGMAS * azimuth_noise[inside] * GATE_M)
+    track_id = vessels.track_id[p.vessel]
+    share = _share(shares, r, track_id)
+    probability = share * gaussian / (share * gaussian + (1.0 - share) * even)
+
+    n, zero, lag = len(p), np.zeros(len(p)), given.time_lag_s[r]
+    range_sigma, azimuth_sigma = np.sqrt(range_variance), np.sqrt(azimuth_variance)
+    along = np.column_stack([zero, range_noise[inside], -p.range_rate_m_s]) / range_sigma[:, None]
+    across = np.column_stack([azimuth_noise[inside], zero, -p.azimuth_rate_rad_s]) / azimuth_sigma[:, None]
+    along_offset = np.column_stack([offset_sigma_m / range_sigma, zero])
+    across_sigma = np.hypot(offset_sigma_m / p.distance_m, AZIMUTH_OFFSET * azimuth_noise[inside])
+    across_offset = np.column_stack([zero, across_sigma / azimuth_sigma])
+    equations = Equations(
+        radar=np.concatenate([r, r]),
+        reference=np.tile(reference[p.vessel], 2),
+        design=np.concatenate([along, across]),
+        offset=np.concatenate([along_offset, across_offset]).reshape(2 * n, 2),
+        value=np.concatenate(
+            [(p.range_m - p.range_rate_m_s * lag) / range_sigma, (p.azimuth_rad - p.azimuth_rate_rad_s * lag) / azimuth_sigma]
+        ),
+        weight=np.tile(probability, 2),
+    )
+    return _with_pairs(shares, EchoShares(r, track_id, np.ones(n), probability)), equations
+
+
+def forgotten(shares: EchoShares, keep: Floats) -> EchoShares:
+    """The shares with what is old counting less. Args: keep: (R,) factor of the sums of each radar."""
+    factor = keep[shares.radar]
+    old = EchoShares(shares.radar, shares.track_id, shares.pairs * factor, shares.echoes * factor)
+    return old.take(old.pairs > LEAST_PAIRS)
+
+
+def _share(shares: EchoShares, radar: Ints, track_id: Ints) -> Floats:
+    """The share of echoes among the plots in the gate of each radar and vessel."""
+    pairs, echoes = np.zeros(len(radar)), np.zeros(len(radar))
+    for r in np.unique(radar).tolist():
+        mine, asked = np.flatnonzero(shares.radar == r), np.flatnonzero(radar == r)
+        at = kernels.tables.lookup.find(shares.track_id[mine], track_id[asked])
+        known = at >= 0
+        pairs[asked[known]] = shares.pairs[mine[at[known]]]
+        echoes[asked[known]] = shares.echoes[mine[at[known]]]
+    return (echoes + PRIOR_ECHOES) / (pairs + PRIOR_PAIRS)
+
+
+def _with_pairs(shares: EchoShares, new: EchoShares) -> EchoShares:
+    """The sums of both, one row for each radar and vessel."""
+    both = EchoShares.join([shares, new])
+    ids, which = np.unique(both.track_id, return_inverse=True)
+    key, group = np.unique(both.radar * len(ids) + which, return_inverse=True)
+    pairs, echoes = (np.bincount(group, v, len(key)).astype(np.float64) for v in (both.pairs, both.echoes))
+    return EchoShares(key // max(len(ids), 1), ids[key % max(len(ids), 1)], pairs, echoes)

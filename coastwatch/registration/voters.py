@@ -1,0 +1,189 @@
+"""Acquisition, first part: what each voter has seen. A voter is an AIS vessel in one polar cell of the radar.
+
+A vessel that moves becomes a new voter in every cell: new geometry is new evidence, and standing still is not. A voter keeps a
+histogram of the differences between plots and its vessel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from coastwatch.batches import Batch, Bools, Floats, Ints, Struct, column
+from coastwatch.kernels.tables.lookup import find
+from coastwatch.registration.polar import Pairs
+
+AROUND = np.radians(12.0)  # the background of a bin is taken from so far to each side: beyond, land and lanes change it
+RANGE_STEP_M = 25.0  # width of a bin in range
+SECTOR, RING_M = np.radians(5.0), 300.0  # size of a polar cell
+RINGS = 4096
+NEAREST_M = 200.0  # nearer vessels are no voters: their bearing changes too fast
+AT_REST_M_S = 0.7
+SQUARE_M = (
+    1000.0  # vessels at rest in one square are one voice: a moored row beside a row of piles is one pattern, not ten witnesses
+)
+MOST_VOTERS = 4000  # of a radar: 18 MB
+LEAST_LOOKS = 0.5  # a voter with less left of them is dropped
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Bins of azimuth and range difference; the middle one is 0. The outer ones in azimuth serve as background only."""
+
+    search_rad: float
+    search_m: float
+    step_rad: float
+
+    @property
+    def azimuth_rad(self) -> Floats:
+        """Middle of each bin. (A,)"""
+        n = int(np.ceil((self.search_rad + AROUND) / self.step_rad))
+        return np.asarray(np.arange(-n, n + 1) * self.step_rad, np.float64)
+
+    @property
+    def range_m(self) -> Floats:
+        """Middle of each bin. (D,)"""
+        n = int(np.ceil(self.search_m / RANGE_STEP_M))
+        return np.asarray(np.arange(-n, n + 1) * RANGE_STEP_M, np.float64)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Bins in range and in azimuth."""
+        return len(self.range_m), len(self.azimuth_rad)
+
+    def bin_of(self, range_m: Floats, azimuth_rad: Floats) -> Ints:
+        """Number of the bin of each difference inside the grid."""
+        at = np.rint(range_m / RANGE_STEP_M), np.rint(azimuth_rad / self.step_rad)
+        rows, columns = self.shape
+        out: Ints = (at[0] + rows // 2).astype(np.int64) * columns + (at[1] + columns // 2).astype(np.int64)
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class Hits(Batch):
+    """Plots near voters that are not counted yet."""
+
+    voter: Ints = column(np.int64, "H")
+    bin: Ints = column(np.int64, "H")
+    turn: Ints = column(np.int64, "H")  # of the antenna
+
+
+@dataclass(frozen=True, eq=False)
+class Voters(Struct):
+    """The voters of one radar. `histogram` has those up to the last decision; hits since then are counted at the next."""
+
+    hits: Hits
+    track_id: Ints = column(np.int64, "N")
+    cell: Ints = column(np.int64, "N")
+    voice: Ints = column(np.int64, "N")  # track id of a vessel under way; negative: the square of vessels at rest
+    looks: Floats = column(np.float64, "N")  # turns of the antenna while it was in cover, up to the last decision
+    new_looks: Floats = column(np.float64, "N")  # since then
+    histogram: NDArray[np.float32] = column(np.float32, "M", "D", "A")  # turns with a plot in each bin
+
+    @classmethod
+    def none(cls, grid: Grid) -> Voters:
+        zero = np.zeros(0, np.int64)
+        return cls(Hits.empty(), zero, zero, zero, np.zeros(0), np.zeros(0), np.zeros((0, *grid.shape), np.float32))
+
+    def __len__(self) -> int:
+        return len(self.track_id)
+
+
+@dataclass(frozen=True, eq=False)
+class Seen(Struct):
+    """The compared vessels of one radar in one cycle."""
+
+    track_id: Ints = column(np.int64, "V")
+    at_m: Floats = column(np.float64, "V", 2)  # from the radar, east and north
+    square: Ints = column(np.int64, "V")  # of SQUARE_M in which it is, below 0
+    at_rest: Bools = column(np.bool_, "V")
+
+
+def squares(position_m: Floats) -> Ints:
+    """The number of the square in which each position is, below 0. Args: (V, 2) in the plane of the region."""
+    east, north = np.floor(position_m / SQUARE_M).astype(np.int64).T
+    out: Ints = -1 - ((east + 2**20) * 2**21 + north + 2**20)
+    return out
+
+
+def look(voters: Voters, seen: Seen, pairs: Pairs, stamp_s: Floats, turns: float, period_s: float, grid: Grid) -> Voters:
+    """The voters after a cycle. The order of pairs has no effect.
+
+    Args: pairs: of this radar, `vessel` is the row in `seen`; stamp_s: of the plot of each pair; turns: of the antenna, that the cycle
+    took; period_s: of a turn.
+    """
+    far = np.hypot(seen.at_m[:, 0], seen.at_m[:, 1]) > NEAREST_M
+    voter, voters = _voters_of(voters, seen, far)
+    new_looks = voters.new_looks.copy()
+    new_looks[voter[far & (voter >= 0)]] += turns
+    inside = voter[pairs.vessel] >= 0
+    new = Hits(
+        voter=voter[pairs.vessel[inside]],
+        bin=grid.bin_of(pairs.range_m[inside], pairs.azimuth_rad[inside]),
+        turn=np.floor(stamp_s[inside] / period_s).astype(np.int64),
+    )
+    return replace(voters, new_looks=new_looks, hits=Hits.join([voters.hits, new]))
+
+
+def _voters_of(voters: Voters, seen: Seen, far: Bools) -> tuple[Ints, Voters]:
+    """The voter of each vessel (-1 for one that is near), and the voters with those that are new at the end."""
+    distance, azimuth = np.hypot(seen.at_m[:, 0], seen.at_m[:, 1]), np.arctan2(seen.at_m[:, 0], seen.at_m[:, 1])
+    sector = np.floor(azimuth % (2.0 * np.pi) / SECTOR).astype(np.int64)
+    ring = np.minimum((distance / RING_M).astype(np.int64), RINGS - 1)
+    cell = (sector * RINGS + ring) * 2 + seen.at_rest
+    voice = np.where(seen.at_rest, seen.square, seen.track_id)
+    vessels = np.unique(seen.track_id)
+    known, wanted = find(vessels, voters.track_id), find(vessels, seen.track_id)
+    cells = 2 * RINGS * 128
+    key = np.where(known >= 0, known * cells + voters.cell, -1)
+    order = np.argsort(key, kind="stable")
+    at = find(key[order], wanted * cells + cell)
+    voter = np.where(at >= 0, order[at] if len(order) else -1, -1)
+    fresh = np.flatnonzero((voter < 0) & far)
+    fresh = fresh[np.argsort(seen.track_id[fresh], kind="stable")][: MOST_VOTERS - len(voters)]
+    voter[fresh] = len(voters) + np.arange(len(fresh))
+    grown = replace(
+        voters,
+        track_id=np.append(voters.track_id, seen.track_id[fresh]),
+        cell=np.append(voters.cell, cell[fresh]),
+        voice=np.append(voters.voice, voice[fresh]),
+        looks=np.append(voters.looks, np.zeros(len(fresh))),
+        new_looks=np.append(voters.new_looks, np.zeros(len(fresh))),
+    )
+    return np.where(far, voter, -1), grown
+
+
+def counted(voters: Voters, keep: float, grid: Grid) -> Voters:
+    """The voters with their hits in the histograms, sorted by voice, then vessel and cell; those with few looks are dropped.
+
+    A bin gets at most one hit a turn. Args: keep: factor of the former looks and hits.
+    """
+    rows, columns = grid.shape
+    looks = voters.looks * keep + voters.new_looks
+    kept = np.flatnonzero(looks > LEAST_LOOKS)
+    if len(kept) > 0.95 * MOST_VOTERS:  # room for new ones: least looks go first
+        kept = np.sort(kept[np.argsort(-looks[kept], kind="stable")[: int(0.9 * MOST_VOTERS)]])
+    order = kept[np.lexsort((voters.cell[kept], voters.track_id[kept], voters.voice[kept]))]
+    place = np.full(len(voters) + 1, -1, np.int64)
+    place[order] = np.arange(len(order))
+    histogram = np.zeros((len(order), rows * columns), np.float32)
+    former = order < len(voters.histogram)
+    histogram[former] = voters.histogram.reshape(-1, rows * columns)[order[former]] * np.float32(keep)
+    hits = voters.hits.take(place[voters.hits.voter] >= 0)
+    if len(hits):
+        cell = place[hits.voter] * (rows * columns) + hits.bin
+        first, turns = hits.turn.min(), int(np.ptp(hits.turn)) + 1
+        once = np.unique(cell * turns + (hits.turn - first)) // turns
+        cell, number = np.unique(once, return_counts=True)
+        histogram.reshape(-1)[cell] += number.astype(np.float32)
+    return Voters(
+        hits=Hits.empty(),
+        track_id=voters.track_id[order],
+        cell=voters.cell[order],
+        voice=voters.voice[order],
+        looks=looks[order],
+        new_looks=np.zeros(len(order)),
+        histogram=histogram.reshape(-1, rows, columns),
+    )
