@@ -85,7 +85,7 @@ class OnlineRegistration(Method):
     range_search_m: Positive = 150.0  # to each side
     bin_deg: Positive = 0.75  # width in azimuth of the bins in which differences are counted
     decision_s: Positive = 15.0  # between two decisions on a radar
-    vote_memory_s: Positive = 1800.0  # time constant of the evidence until a bias is found; then 30 to 240 s, for steps
+    vote_memory_s: Positive = 1800.0  # time constant of the evidence until a bias is found; then 30 to 120 s, for steps
     false_alarm: Annotated[float, Field(gt=0.0, lt=1.0)] = 1e-5  # of one decision: a bias needs odds of 1 / this
     least_vessels: Count = 4  # vessels in cover of a radar; fewer begin no registration
     least_voices: Count = 3  # vessels under way, or squares with vessels at rest, that speak for a bias
