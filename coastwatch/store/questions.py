@@ -50,6 +50,7 @@ ALARMS = "alarms"
 """Value of parameter `kind` for every kind of event but `coasting`, which is no alarm."""
 
 MMSI = re.compile(r"[0-9]{9,10}")
+MOST_MMSI = 2**30 - 1  # the field of a message has 30 bits
 
 
 class ParameterError(StoreError):
@@ -145,7 +146,8 @@ def _value(question: str, key: str, given: Any, default: Value | None) -> Value:
         if default is None:
             raise ParameterError(f"query {question}: parameter {key} has no default: needed a number")
         return default
-    if key == "mmsi" and not MMSI.fullmatch(f"{given:09d}" if isinstance(given, int) else str(given)):
+    mmsi = f"{given:09d}" if isinstance(given, int) else str(given)
+    if key == "mmsi" and (not MMSI.fullmatch(mmsi) or int(mmsi) > MOST_MMSI):
         raise ParameterError(f"query {question}: parameter {key}: got {given!r}, needed nine digits")
     kinds = (ALARMS, *KINDS.values())
     if key == "kind" and given not in kinds:

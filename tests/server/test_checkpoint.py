@@ -191,7 +191,7 @@ def test_a_row_number_out_of_range_is_refused_with_its_field(field: str, number:
 def test_a_column_of_another_length_is_refused(memory: bytes) -> None:
     kept = load(memory)
     table = kept.tracks[0].table
-    narrow = replace(kept.tracks[0], table=replace(table, radar_s=table.radar_s[:, :1]))
+    narrow = replace(kept.tracks[0], table=replace(table, radar_s=table.radar_s[:, :1], looked_s=table.looked_s[:, :1]))
     with pytest.raises(CheckpointError, match=r"it is damaged: Table\.radar_s: got 1 radars, needed 2"):
         load(save(narrow))
     history = kept.centre.associations.history
