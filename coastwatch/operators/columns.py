@@ -13,10 +13,12 @@ TEXTS = {
 }  # fmt: skip
 WHOLE = {
     "cycle", "cycles", "cycles_stored", "gaps", "number", "run", "seed", "ship_type", "tracks", "vessels", "vessels_of_it_alone",
-    "workers",
+    "voices", "workers",
 }  # fmt: skip
 WHOLE_ENDINGS = ("_id", "_cycle", "_track")
-NUMBERS = {"residuals", "rows_a_cycle", "share", "statistic"}
+NUMBERS = {
+    "compared", "found_odds", "odds", "residuals", "rival_share", "rows_a_cycle", "share", "statistic",
+}  # fmt: skip
 KINDS: dict[str, Kind] = {
     "flags": "flags",
     "in_picture": "yes_no",

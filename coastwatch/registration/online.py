@@ -92,7 +92,7 @@ class OnlineRegistration(Method):
     memory_s: Positive = 300.0  # time constant of the least squares; a drift is followed with this delay
     drift_memory_s: Positive = 30.0  # the same while the newest residuals contradict the estimate
     apply_s: Positive = 10.0  # time constant with which corrections follow the estimate
-    reference_sigma_m: Positive = 10.0  # per axis, of the offset between an AIS position and its echo
+    reference_sigma_m: Positive = 5.0  # per axis, of the offset between an AIS position and its echo
     range_prior_m: Positive = 50.0  # standard deviation of a range bias before anything is known
     lag_prior_s: Positive = 1.5  # of a lag
     lag_known_s: Positive = 0.25  # a lag is applied when its standard deviation is under this

@@ -20,7 +20,7 @@ from coastwatch.server.run import run_scenario
 from coastwatch.store import Rows, Store, StoreError
 from coastwatch.store.migrate import check
 
-PAGES = 85  # of 16 kB: room for a few cycles and the checkpoint
+PAGES = 105  # of 16 kB: room for a few cycles and the checkpoint
 
 
 @pytest.fixture(scope="module")
