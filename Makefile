@@ -3,7 +3,7 @@ PYTHON ?= python3
 UV_VERSION = 0.13.8
 BIN = .venv/bin
 WARM_UP = $(BIN)/coastwatch run guanabara --restart --set warmup_s=30 --set cycles=10
-TEST = $(BIN)/python -m pytest -n auto --maxprocesses 8 --dist loadfile
+TEST = $(BIN)/python -m pytest -n auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder
 export UV_PROJECT_ENVIRONMENT = .venv
 
 .PHONY: demo test test-all check bench docs clean .warm-all .warm-ahead
