@@ -11,6 +11,7 @@ import argparse
 import json
 import math
 import os
+import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -76,23 +77,22 @@ def _options() -> argparse.Namespace:
 
 def _run(command: list[str]) -> Cost:
     """Run a command to its end. Raises: SystemExit if it fails."""
-    reader, writer = os.pipe()
-    streams = [(os.POSIX_SPAWN_DUP2, writer, 1), (os.POSIX_SPAWN_CLOSE, reader), (os.POSIX_SPAWN_CLOSE, writer)]
-    started = os.posix_spawn(command[0], command, os.environ, file_actions=streams)
-    os.close(writer)
-    with os.fdopen(reader, encoding="utf-8") as output:
-        printed = output.read()
-    _, status, used = os.wait4(started, 0)  # of this process alone, which no other call gives
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    printed = process.stdout.read()
+    _, status, used = os.wait4(process.pid, 0)  # the cost of this process alone, which subprocess does not give
+    process.returncode = os.waitstatus_to_exitcode(status)
     if status:
-        raise SystemExit(f"{' '.join(command[3:])}: failed, status {os.waitstatus_to_exitcode(status)}")
+        raise SystemExit(f"{' '.join(command[3:])}: failed, status {process.returncode}")
     return Cost(used.ru_utime + used.ru_stime, used.ru_maxrss * KIB, printed)
 
 
 def report(sentences: int, decoded: Cost, fused: Cost) -> list[str]:
     """The figures as lines. Args: fused: what it printed is the JSON of `coastwatch fuse`."""
     said: dict[str, Any] = json.loads(fused.printed)
+    m = machine()
     lines = [
-        f"# {date_utc()}, {machine()}",
+        f"# {date_utc()}, {m['processors']} x {m['processor']}, load {m['load']}",
         f"{sentences:,} sentences, {said['cycles']:,} cycles, {said['vessels']:,} vessels in the last picture",
         f"{'':<14}{'processor s':>12}{'sentences/s':>13}{'peak MB':>9}",
     ]
