@@ -1,8 +1,8 @@
 """Acquisition, second part: the evidence for each bias, added up over voters.
 
 Each voter has a likelihood ratio for each bias: that its vessel is seen there, against the background of plots around it. Divided by
-its mean over the biases nearby it is an e-value: if the plots near a vessel could as well be turned by some degrees or shifted by some
-metres, it is 1 on average, however standing echoes, quays and lanes lie. Products and means of e-values are e-values, and one exceeds
+its mean over the biases nearby it is an e-value. It is 1 on average if the plots near a vessel could as well be turned or shifted a
+little, however quays and lanes lie. Products and means of e-values are e-values, and one exceeds
 1 / a by chance with a probability of at most a.
 
 Source: V. Vovk, R. Wang, E-values: calibration, combination and applications, Annals of Statistics 49, 2021. The vote of differences is

@@ -1,7 +1,7 @@
 """The clutter map: the density of false plots of each radar by place, learnt from plots that belong to no moving track.
 
-It needs of a tracker the plots of one radar at a time, and the probability of each that it belongs to no confirmed track that has
-moved. Usage of a batch of plots: `false_plots_per_m2` before the association, `learn` after it.
+A tracker gives the plots of one radar at a time, and the probability of each that it is false: of no confirmed track that moved.
+Call `false_plots_per_m2` before the association of a batch, `learn` after it.
 
 A fixed echo (a quay, a moored boat) becomes clutter within some `prior_turns`. Then its plots begin no track.
 """

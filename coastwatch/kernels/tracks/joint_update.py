@@ -1,7 +1,7 @@
 """Tracks that weigh several plots: likelihood of each plot by each model, and the update by all plots at once. Compiled by numba.
 
-Each model of a filter is a Gaussian. Given the probability of each plot, a model becomes the mixture of "missed" and of its updates by
-the plots, and that is reduced to one Gaussian with the same mean and covariance.
+Each model of a filter is a Gaussian. It becomes the mixture of "missed" and of its updates by the plots, weighted by their
+probabilities. The mixture is reduced to one Gaussian with the same mean and covariance.
 Source: A. G. Hem, E. F. Brekke, Variations of joint integrated data association with radar and target-provided measurements, Journal of
 Advances in Information Fusion 17(2), 2022, equations (60) to (78), with the sums from "missed" on.
 """

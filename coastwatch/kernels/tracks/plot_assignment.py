@@ -17,8 +17,8 @@ def assign_plots(pairs, gain, due, status, plots):  # type: ignore[no-untyped-de
     Plots go to confirmed tracks first, then to tentative ones, then to single plots: in each step so that the gains sum to the most,
     each plot and each track in one pair at most. A pair without a positive gain is never taken. Of pairs with equal gains the one of the
     earlier plot is taken, and of one plot that of the older track: the first in `pairs`.
-    A vessel gives a radar one plot a look. So a plot in the gate of a track of more than one plot that is due and gets none in this
-    batch neither goes to a single plot nor begins a track; a plot in the gate of a track that got its own is of another vessel.
+    A vessel gives a radar one plot a look. Where a track of several plots is due and gets none in this batch, a plot
+    in its gate neither goes to a single plot nor begins a track. Where the track got its own, the plot is of another vessel.
     Args: pairs: Candidates of one radar, sorted by plot; gain: (A,) log-likelihood ratio of each; due: (A,) the track has had no plot of
     this radar in this look; status: (S,) of the tracks; plots: M.
     """
