@@ -226,6 +226,15 @@ def latest_run(store: Store, scenario: str | None = None) -> int:
     return int(found)
 
 
+def newest_picture(store: Store, run_id: int | None = None) -> tuple[int, int, float] | None:
+    """Run, cycle and time of the newest stored picture (of a run); None where there is none."""
+    c = CYCLE.c
+    which = func.coalesce(run_id, select(func.max(RUN.c.id)).scalar_subquery())
+    query = select(c.run_id, c.number, c.time_s).where(c.run_id == which, c.picture_kept).order_by(c.number.desc()).limit(1)
+    found = _fetch(store, query).rows
+    return (int(found[0][0]), int(found[0][1]), float(found[0][2])) if found else None
+
+
 def timings(store: Store, run_id: int) -> Rows:
     """For each stage, in the order in which they ran: cycles, milliseconds (median, p99, longest, total), share and rows a cycle."""
     t = STAGE_TIMING.c

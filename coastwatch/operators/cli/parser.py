@@ -82,6 +82,7 @@ def make_parser() -> argparse.ArgumentParser:
         _run,
         _scenarios,
         _fuse,
+        _serve,
         _reproduce,
         _runs,
         _picture,
@@ -169,6 +170,18 @@ def _fuse(commands: Any) -> None:
     fuse.add_argument("--period", metavar="S", type=float, help=text)
     add_set(fuse, "override any setting of a scenario, e.g. tracks.method=imm; repeatable")
     add_running(fuse)
+
+
+def _serve(commands: Any) -> None:
+    text = (
+        "Serve the picture of a database to browsers and programs: map, API and live stream. The picture follows the run that another "
+        "process writes. Ctrl-C stops it."
+    )
+    serve = _command(commands, "serve", "serving:serve", "serve the picture over HTTP and WebSocket", text)
+    add_db(serve)
+    add_run(serve)
+    serve.add_argument("--host", metavar="ADDRESS", default="127.0.0.1", help="address to listen on (default: 127.0.0.1)")
+    serve.add_argument("--port", metavar="N", type=whole, default=8100, help="port (default: 8100; 0: any free one)")
 
 
 def _reproduce(commands: Any) -> None:

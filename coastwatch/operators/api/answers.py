@@ -1,0 +1,310 @@
+"""What the API answers: rows of the live picture and of the store, as JSON, GeoJSON or CSV."""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from typing import Annotated, Any, Literal, TypeVar
+
+import numpy as np
+from fastapi import APIRouter, Depends, HTTPException, Path, Query, Request, Response
+from pydantic import BaseModel, ConfigDict, Field
+
+from coastwatch import store
+from coastwatch.batches import Flag, Ints
+from coastwatch.operators import export, stored
+from coastwatch.operators.api.service import Service
+from coastwatch.operators.api.wire import Encoder
+from coastwatch.operators.cli.arguments import box, utc
+from coastwatch.operators.selection import selected
+from coastwatch.server.live_picture import KIND_OF_SOURCE, LivePicture, of_store
+from coastwatch.shipped import scenarios_folder
+from coastwatch.store import Rows, StoreError
+from coastwatch.store.bbox import inside
+
+T = TypeVar("T")
+MOST_ROWS, MOST_IDS, MOST_FOUND, NEWEST_POINTS = 10_000, 200, 50, 500
+LARGEST_ID = 2**62
+FORMATS = {"application/json": "json", "application/geo+json": "geojson", "text/csv": "csv"}
+TYPES = {form: kind for kind, form in FORMATS.items()}
+KINDS = {kind.name.lower(): bit for kind, bit in KIND_OF_SOURCE.items()}
+FLAGS = {str(flag.name).lower(): int(flag) for flag in Flag}
+
+Form = Literal["json", "geojson", "csv"]
+Text = Annotated[str | None, Field(max_length=200)]
+Limit = Annotated[int, Field(ge=0, le=MOST_ROWS)]
+VesselId = Annotated[int, Path(ge=0, le=LARGEST_ID)]
+REFUSALS: dict[int | str, dict[str, Any]] = {
+    400: {"description": "a parameter is wrong"},
+    404: {"description": "there is none"},
+    503: {"description": "there is no picture yet, or the database is away"},
+}
+
+
+def service_of(request: Request) -> Service:
+    """The service of the application."""
+    found: Service = request.app.state.service
+    return found
+
+
+def form_of(request: Request, format: Form | None = None) -> str:  # noqa: A002 (the name of a query parameter)
+    """The format that is asked for: by `?format=`, else by the first known type in Accept, else JSON."""
+    if format is not None:
+        return format
+    wanted = [part.split(";")[0].strip() for part in request.headers.get("accept", "").split(",")]
+    return next((FORMATS[kind] for kind in wanted if kind in FORMATS), "json")
+
+
+In = Annotated[Service, Depends(service_of)]
+As = Annotated[str, Depends(form_of)]
+router = APIRouter(prefix="/api/v1", responses=REFUSALS)
+
+
+def parsed(read: Callable[[str], T], name: str, text: str | None) -> T | None:
+    """The value of a query parameter. Raises: HTTPException that names it."""
+    if text is None:
+        return None
+    try:
+        return read(text)
+    except argparse.ArgumentTypeError as error:
+        raise HTTPException(400, f"{name}: {error}") from error
+
+
+@router.get("/status")
+def status(service: In) -> dict[str, Any]:
+    """The run, its newest picture and its age."""
+    return service.status()
+
+
+class Chosen(BaseModel):
+    """Which vessels of a picture, and which of their columns."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+    format: Form | None = None
+    at: Text = None  # instant; none: now
+    bbox: Text = None  # S,W,N,E
+    flags: Text = None  # any of these
+    sources: Text = None  # any of these kinds or names
+    mmsi: Text = None
+    q: Text = None  # in name, call sign, MMSI or id
+    min_sog: float = 0.0  # knots
+    max_sog: float | None = None
+    sort: Text = None  # columns, -NAME: descending
+    columns: Text = None
+    limit: Limit = 1000
+    offset: Annotated[int, Field(ge=0, le=LARGEST_ID)] = 0
+
+    def rows(self, of: LivePicture) -> Ints:
+        """The rows of a picture that are asked for. Raises: HTTPException that names the wrong parameter."""
+        rows = np.arange(len(of)) if self.q is None else of.search(self.q)
+        keep = np.ones(len(rows), np.bool_)
+        if (area := parsed(box, "bbox", self.bbox)) is not None:
+            keep &= inside(of.positions_deg()[rows], area)
+        if self.flags:
+            keep &= (of.array("flags")[rows] & sum(_known(FLAGS, "flags", self.flags))) != 0
+        if self.sources:
+            keep &= _has_source(of, self.sources)[rows]
+        if self.mmsi:
+            number = int(self.mmsi) if self.mmsi.isdecimal() and len(self.mmsi) < 12 else -2
+            keep &= of.array("mmsi")[rows] == number
+        speed = np.nan_to_num(of.array("sog_kn")[rows])
+        keep &= (speed >= self.min_sog) & (speed <= (np.inf if self.max_sog is None else self.max_sog))
+        return rows[keep]
+
+
+@router.get("/picture")
+def picture(service: In, form: As, chosen: Annotated[Chosen, Query()]) -> Response:
+    """The picture now or at an instant: one row a vessel, of which parameters choose some."""
+    of = _picture_at(service, parsed(utc, "at", chosen.at))
+    rows = chosen.rows(of)
+    columns, page = _names(chosen.columns), slice(chosen.offset, chosen.offset + chosen.limit)
+    if chosen.sort is None:
+        found = selected(stored.for_people(of.rows(rows[page])), (), None, columns)
+    else:
+        every = selected(stored.for_people(of.rows(rows)), _names(chosen.sort), None, columns)
+        found = Rows(every.columns, every.rows[page])
+    head = {"run": of.run_id, "cycle": of.cycle, "time_utc": stored.utc_text(of.time_s), "total": len(rows)}
+    return _answer(found, form, "vessels", {**head, "offset": chosen.offset}, {"X-Total-Count": str(len(rows))})
+
+
+@router.get("/frame")
+def frame(service: In, bbox: Text = None, at: Text = None) -> Response:
+    """The picture as one full binary frame (coastwatch.picture.v1), now or at an instant."""
+    of = _picture_at(service, parsed(utc, "at", at))
+    if (area := parsed(box, "bbox", bbox)) is not None:
+        of = of.take(np.flatnonzero(inside(of.positions_deg(), area)))
+    return Response(Encoder(0).frame(of).full(), media_type="application/octet-stream")
+
+
+@router.get("/vessels")
+def vessels(
+    request: Request, service: In, ids: Annotated[str | None, Query(max_length=4000)] = None, q: Text = None
+) -> Response:
+    """Details of some vessels by their ids, or of those that a text finds."""
+    of = service.picture()
+    if (ids is None) == (q is None):
+        raise HTTPException(400, "got both or none of ids and q, needed one of them")
+    rows = of.at(_ids(ids or "")) if q is None else of.search(q)[:MOST_FOUND]
+    body = json.dumps({"vessels": export.as_objects(stored.for_people(of.rows(rows)))}, allow_nan=False)
+    tag = f'"{hashlib.sha256(body.encode()).hexdigest()[:32]}"'
+    if request.headers.get("if-none-match") == tag:
+        return Response(status_code=304, headers={"ETag": tag})
+    return Response(body, media_type="application/json", headers={"ETag": tag})
+
+
+@router.get("/vessels/{vessel_id}")
+def vessel(vessel_id: VesselId, service: In) -> dict[str, Any]:
+    """One vessel with its tracks, events, associations and the newest points of its path."""
+    of_run, found = _vessel(service, vessel_id)
+    lists = {
+        key.replace(" ", "_"): export.as_objects(Rows(rows.columns, rows.rows[-NEWEST_POINTS:]))
+        for key, rows in found.tables.items()
+    }
+    (details,) = export.as_objects(Rows(tuple(found.details), [tuple(found.details.values())]))
+    meanings = {key.replace(" ", "_"): meaning for key, meaning in found.meanings.items()}
+    methods = {key: of_run["settings"].get(key) for key in ("associations", "bearing_associations")}
+    return {**details, **lists, "statistics": meanings, "method": methods}
+
+
+@router.get("/vessels/{vessel_id}/history")
+def history(
+    vessel_id: VesselId, service: In, form: As, start: Annotated[str | None, Query(alias="from", max_length=40)] = None,
+    end: Annotated[str | None, Query(alias="to", max_length=40)] = None, limit: Limit = 5000,
+) -> Response:  # fmt: skip
+    """The newest points of a vessel's path between two instants, oldest first."""
+    from_s, to_s = parsed(utc, "from", start), parsed(utc, "to", end)
+    _, found = _vessel(service, vessel_id)
+    rows = found.tables["history"]
+    when = [utc(text) for text in rows.column("time_utc")]
+    kept = [row for row, s in zip(rows.rows, when, strict=True) if (from_s or -np.inf) <= s <= (to_s or np.inf)]
+    return _answer(
+        Rows(rows.columns, kept[-limit:] if limit else []), form, "history", {"vessel_id": vessel_id, "total": len(kept)}
+    )
+
+
+@router.get("/alarms")
+def alarms(
+    service: In, form: As, state: Literal["all", "lasting", "unacknowledged"] = "all", kind: Text = None,
+    start: Annotated[str | None, Query(alias="from", max_length=40)] = None,
+    end: Annotated[str | None, Query(alias="to", max_length=40)] = None, limit: Limit = 1000,
+) -> Response:  # fmt: skip
+    """The alarms, newest first: every flag but coasting and stationary, from when until when it was set."""
+    instants = {"from_s": parsed(utc, "from", start), "to_s": parsed(utc, "to", end)}
+    rows = service.alarms({name: str(s) for name, s in instants.items() if s is not None}, kind, MOST_ROWS)
+    if state != "all":
+        column = rows.columns.index("end_utc" if state == "lasting" else "acknowledged_utc")
+        rows = Rows(rows.columns, [row for row in rows.rows if row[column] is None])
+    return _answer(Rows(rows.columns, rows.rows[:limit]), form, "alarms", {"total": len(rows.rows)})
+
+
+@router.get("/sensors")
+def sensors(service: In, form: As) -> Response:
+    """The sensors with their registration and when they were heard last."""
+    return _answer(stored.sensors(service.store, service.run_id(), None), form, "sensors", {})
+
+
+@router.get("/feeds")
+def feeds(service: In) -> dict[str, Any]:
+    """The live feeds with their counters; none where a database is followed."""
+    return {"feeds": service.feeds()}
+
+
+@router.get("/runs")
+def runs(service: In, form: As) -> Response:
+    """The runs of the database, newest first."""
+    return _answer(stored.runs(service.store), form, "runs", {})
+
+
+@router.get("/cycles")
+def cycles(service: In) -> dict[str, Any]:
+    """The span of time of which pictures can be asked for."""
+    of_run = service.of_run()
+    newest = store.newest_picture(service.store, of_run["id"])
+    first_s = of_run["start_s"] + of_run["period_s"]
+    span = (None, None) if newest is None else (stored.utc_text(first_s), stored.utc_text(newest[2]))
+    return {
+        "first_utc": span[0],
+        "last_utc": span[1],
+        "period_s": of_run["period_s"],
+        "cycles": of_run["cycles_stored"],
+        "recorded": bool(of_run["settings"].get("store", {}).get("recording")),
+    }
+
+
+@router.get("/zones")
+def zones(service: In) -> dict[str, Any]:
+    """The zones as GeoJSON."""
+    return {"type": "FeatureCollection", "features": []}
+
+
+@router.get("/coastline")
+def coastline(service: In) -> Response:
+    """The coastline that comes with the scenario, as GeoJSON."""
+    path = scenarios_folder() / str(service.of_run()["scenario"]) / "coastline.geojson"
+    if path.parent.parent != scenarios_folder() or not path.is_file():
+        raise HTTPException(404, "the scenario has no coastline of its own")
+    return Response(path.read_bytes(), media_type="application/geo+json", headers={"Cache-Control": "max-age=3600"})
+
+
+def _picture_at(service: Service, at_s: float | None) -> LivePicture:
+    if at_s is None:
+        return service.picture()
+    return of_store(service.store, service.run_id(), -1, at_s, at_s)
+
+
+def _vessel(service: Service, vessel_id: int) -> tuple[dict[str, Any], stored.Vessel]:
+    """The run and one of its vessels. Raises: HTTPException where the run never had it."""
+    of_run = service.of_run()
+    try:
+        return of_run, stored.vessel(service.store, of_run, vessel_id)
+    except StoreError as error:
+        if "never had a vessel" in str(error):
+            raise HTTPException(404, f"run {of_run['id']} never had a vessel {vessel_id}") from error
+        raise
+
+
+def _has_source(of: LivePicture, text: str) -> Any:
+    """Which vessels have one of these kinds of sources, or one of these sources. (V,)"""
+    known = {name for texts in of.source_texts for name in texts.split(",")}
+    out = np.zeros(len(of), np.bool_)
+    for word in _names(text):
+        if word in KINDS:
+            out |= (of.kind & KINDS[word]) != 0
+        elif word in known:
+            out |= np.array([word in texts.split(",") for texts in of.source_texts], np.bool_)[of.source_codes]
+        else:
+            raise HTTPException(
+                400, f"sources: got {word!r}, needed some of {', '.join([*KINDS, *sorted(known - {''} - set(KINDS))])}"
+            )
+    return out
+
+
+def _known(words: dict[str, int], name: str, text: str) -> list[int]:
+    unknown = [word for word in _names(text) if word not in words]
+    if unknown:
+        raise HTTPException(400, f"{name}: got {unknown[0]!r}, needed some of {', '.join(words)}")
+    return [words[word] for word in _names(text)]
+
+
+def _names(text: str | None) -> Sequence[str]:
+    return tuple(part.strip() for part in (text or "").split(",") if part.strip())
+
+
+def _ids(text: str) -> Ints:
+    """The ids in a list such as 1,2,3. Raises: HTTPException."""
+    words = _names(text)
+    if len(words) > MOST_IDS or not all(word.isdecimal() and len(word) < 19 for word in words):
+        raise HTTPException(400, f"ids: got {len(words)} words, needed at most {MOST_IDS} whole numbers with commas between")
+    return np.array([int(word) for word in words], np.int64)
+
+
+def _answer(rows: Rows, form: str, name: str, head: dict[str, Any], headers: dict[str, str] | None = None) -> Response:
+    """The rows in a format; in JSON as the list `name` behind other values."""
+    if form == "json":
+        text = json.dumps({**head, name: export.as_objects(rows)}, allow_nan=False)
+    else:
+        text = export.as_geojson(rows) if form == "geojson" else export.as_csv(rows)
+    return Response(text, media_type=TYPES[form], headers=headers)

@@ -1,0 +1,106 @@
+"""The web application: the API, the socket of the picture, the files of the page, and what guards them."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+from fastapi import FastAPI, Query, Request, Response, WebSocket
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import HTMLResponse, JSONResponse
+from starlette.middleware.gzip import GZipMiddleware
+from starlette.staticfiles import StaticFiles
+
+from coastwatch.operators.api import answers
+from coastwatch.operators.api.guard import Guard
+from coastwatch.operators.api.service import NoPictureYet, Service
+from coastwatch.operators.api.wire import PROTOCOL
+from coastwatch.operators.bad_input import BadInput
+from coastwatch.operators.safe_text import printable
+from coastwatch.server.run import version
+from coastwatch.store import StoreError
+
+WEB = Path(__file__).resolve().parent.parent / "web"
+"""Where the build puts the page."""
+
+PLAIN_PAGE = """<!doctype html>
+<html lang="en"><meta charset="utf-8"><title>Coastwatch</title>
+<h1>Coastwatch</h1>
+<p>The server runs. The map is not built: <code>make</code> builds it where npm can be reached; then start the server again.</p>
+<p>The API works: <a href="/api/v1/status">status</a>, <a href="/api/v1/picture">picture</a>,
+<a href="/api/v1/alarms">alarms</a>, <a href="/api/v1/sensors">sensors</a>, <a href="/api/v1/openapi.json">all paths</a>.</p>
+</html>
+"""
+
+
+def application(service: Service, guard: Guard, web: Path = WEB) -> FastAPI:
+    """The application of a server. Args: web: folder of the page."""
+
+    @asynccontextmanager
+    async def life(_: FastAPI) -> AsyncIterator[None]:
+        service.hub.open()
+        yield
+
+    app = FastAPI(
+        title="Coastwatch", version=version(), lifespan=life, docs_url=None, redoc_url=None, openapi_url="/api/v1/openapi.json"
+    )
+    app.state.service = service
+    app.include_router(answers.router)
+    _add_health(app, service)
+    _add_stream(app, service)
+    _add_refusals(app)
+    app.add_middleware(GZipMiddleware, minimum_size=2000, compresslevel=1)
+    app.add_middleware(guard.middleware, metrics=service.metrics)
+    if (web / "index.html").is_file():
+        app.mount("/", StaticFiles(directory=web, html=True), name="web")
+    else:
+        app.add_api_route("/", lambda: HTMLResponse(PLAIN_PAGE), include_in_schema=False)
+    return app
+
+
+def _add_health(app: FastAPI, service: Service) -> None:
+    @app.get("/healthz", include_in_schema=False)
+    def alive() -> dict[str, str]:
+        return {"status": "alive"}
+
+    @app.get("/readyz", include_in_schema=False)
+    def ready() -> JSONResponse:
+        is_ready, said = service.ready()
+        return JSONResponse(said, 200 if is_ready else 503)
+
+    @app.get("/metrics", include_in_schema=False)
+    def metrics() -> Response:
+        return Response(service.metrics.text(), media_type="text/plain; version=0.0.4")
+
+
+def _add_stream(app: FastAPI, service: Service) -> None:
+    @app.websocket("/api/v1/stream")
+    async def stream(
+        socket: WebSocket, run: Annotated[int, Query(ge=0, lt=2**32)] = 0, seq: Annotated[int, Query(ge=0, lt=2**32)] = 0
+    ) -> None:
+        offered = socket.scope.get("subprotocols", [])
+        await socket.accept(subprotocol=PROTOCOL if PROTOCOL in offered else None)
+        await service.hub.serve(socket, run, seq)
+
+
+def _add_refusals(app: FastAPI) -> None:
+    """One sentence for every error, as `{"detail": ...}`."""
+
+    def says(status: int) -> Callable[[Request, Exception], Awaitable[Response]]:
+        async def answer(_: Request, error: Exception) -> Response:
+            return JSONResponse({"detail": printable(str(error))}, status)
+
+        return answer
+
+    for kind, status in ((NoPictureYet, 503), (StoreError, 503), (BadInput, 400)):
+        app.add_exception_handler(kind, says(status))
+
+    async def wrong(_: Request, error: Exception) -> Response:
+        assert isinstance(error, RequestValidationError)
+        found: list[dict[str, Any]] = [dict(one) for one in error.errors()]
+        said = "; ".join(f"{one['loc'][-1]}: {one['msg']}" for one in found)
+        return JSONResponse({"detail": printable(said)}, 422)
+
+    app.add_exception_handler(RequestValidationError, wrong)

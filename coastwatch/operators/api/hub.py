@@ -1,0 +1,203 @@
+"""Frames to viewers: the newest picture, the last deltas, and one mark for each viewer instead of a queue."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import secrets
+import threading
+from collections import deque
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from coastwatch.batches import Array
+from coastwatch.operators.api.metrics import Metrics
+from coastwatch.operators.api.wire import PROTOCOL, RING, UNKNOWN_SOG, Encoder, Frame, since
+from coastwatch.server.live_picture import LivePicture
+from coastwatch.store.bbox import inside
+
+NOT_READ_S = 30.0
+"""A viewer that has not taken a message after this time is closed."""
+
+SILENCE_S = 10.0
+"""Without a new frame a heartbeat is sent so often."""
+
+BAD_MESSAGE, NOT_READING = 4400, 4408
+"""Close codes."""
+
+Degrees = Annotated[float, Field(ge=-180.0, le=180.0)]
+
+
+class Subset(BaseModel):
+    """The vessels that a viewer asks for."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    bbox: tuple[Degrees, Degrees, Degrees, Degrees] | None = None  # south, west, north, east
+    kinds: Annotated[int, Field(ge=0, le=7)] = 7  # any of these bits; 7: also vessels that nobody sees now
+    min_sog: Annotated[float, Field(ge=0.0)] = 0.0  # knots
+    flags: Annotated[int, Field(ge=0, le=255)] = 0  # any of these bits; 0: all vessels
+
+    def ids(self, frame: Frame) -> Array:
+        """The ids of a frame with 0 for vessels that are left out. (S,)"""
+        vessels, wanted = frame.vessels, frame.ids != 0
+        if self.bbox is not None:
+            wanted &= inside(frame.positions_deg(), self.bbox)
+        if self.kinds != 7:
+            wanted &= (vessels["kind"] & self.kinds) != 0
+        if self.min_sog > 0.0:
+            wanted &= (vessels["sog"] >= self.min_sog * 100.0) & (vessels["sog"] != UNKNOWN_SOG)
+        if self.flags:
+            wanted &= (vessels["flag"] & self.flags) != 0
+        return np.where(wanted, frame.ids, 0)
+
+
+@dataclass(eq=False)
+class Viewer:
+    """What one viewer has."""
+
+    run: int
+    seq: int  # of the last message; 0: nothing
+    subset: Subset | None = None  # None: all vessels
+    ids: Array | None = None  # (S,) that it has, where it asked for a subset
+    wake: asyncio.Event = field(default_factory=asyncio.Event)
+
+    def message(self, frames: deque[Frame]) -> bytes:
+        """The message that brings it to the newest frame; it is marked as sent."""
+        frame = frames[-1]
+        known = next((f for f in frames if f.seq == self.seq), None) if self.run == frame.run and self.seq else None
+        if self.subset is None:
+            data = frame.full() if known is None else _delta(frame, known, frames)
+        else:
+            now = self.subset.ids(frame)
+            before = np.zeros(0, np.uint32) if known is None or self.ids is None else self.ids
+            base = 0 if known is None or self.ids is None else self.seq
+            data = frame.delta(base, before, now, since(frames, self.seq))
+            self.ids = now
+        self.run, self.seq = frame.run, frame.seq
+        return data
+
+    def ask(self, text: str) -> None:
+        """Take the vessels that a message of the viewer asks for. Raises: ValueError."""
+        given = json.loads(text)
+        self.subset = Subset.model_validate(given) if given != {} else None
+        self.run = self.seq = 0
+        self.ids = None
+        self.wake.set()
+
+
+def _delta(frame: Frame, known: Frame, frames: deque[Frame]) -> bytes:
+    """The delta from an earlier frame, made once for all viewers that have that one."""
+    if known.seq not in frame.made:
+        frame.made[known.seq] = frame.delta(known.seq, known.ids, frame.ids, since(frames, known.seq))
+    return frame.made[known.seq]
+
+
+class Hub:
+    """The newest picture and its viewers."""
+
+    def __init__(self, metrics: Metrics) -> None:
+        self.picture: LivePicture | None = None
+        self.run = 0
+        self.frames: deque[Frame] = deque(maxlen=RING + 1)
+        self.viewers: set[Viewer] = set()
+        self._metrics, self._encoder, self._of_run = metrics, Encoder(0), -1
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._early: tuple[LivePicture, Frame] | None = None  # from before the loop ran
+        self._opening = threading.Lock()
+
+    def open(self) -> None:
+        """Begin to send frames in the running event loop."""
+        with self._opening:
+            self._loop = asyncio.get_running_loop()
+            if self._early is not None:
+                self._publish(*self._early)
+
+    def receive(self, picture: LivePicture) -> None:
+        """Take a picture and send it to all viewers. It may be called in any thread, one call at a time."""
+        if picture.run_id != self._of_run:
+            self._of_run, run = picture.run_id, secrets.randbelow(2**32 - 1) + 1
+            self._encoder = Encoder(run)
+        frame = self._encoder.frame(picture)
+        with self._opening:
+            if self._loop is None:
+                self._early = picture, frame
+                return
+        with suppress(RuntimeError):  # the loop has been closed
+            self._loop.call_soon_threadsafe(self._publish, picture, frame)
+
+    def _publish(self, picture: LivePicture, frame: Frame) -> None:
+        if frame.run != self.run:
+            self.frames.clear()
+        self.picture, self.run = picture, frame.run
+        self.frames.append(frame)
+        self._metrics.picture(picture)
+        for viewer in self.viewers:
+            viewer.wake.set()
+
+    async def serve(self, socket: WebSocket, run: int, seq: int) -> None:
+        """Send frames to one viewer until it leaves or does not read. Args: run, seq: of the last frame that it has."""
+        viewer = Viewer(run, seq)
+        self.viewers.add(viewer)
+        self._metrics.viewers.set(len(self.viewers))
+        try:
+            await _first_done(self._send(socket, viewer), _listen(socket, viewer))
+        finally:
+            self.viewers.discard(viewer)
+            self._metrics.viewers.set(len(self.viewers))
+
+    async def _send(self, socket: WebSocket, viewer: Viewer) -> None:
+        while True:
+            viewer.wake.clear()
+            if self.frames and (viewer.run, viewer.seq) != (self.run, self.frames[-1].seq):
+                skipped = self.frames[-1].seq - viewer.seq - 1 if viewer.run == self.run and viewer.seq else 0
+                data = viewer.message(self.frames)
+                self._metrics.sent(data, skipped)
+                if not await self._send_one(socket, data):
+                    return
+                continue
+            try:
+                await asyncio.wait_for(viewer.wake.wait(), SILENCE_S)
+            except TimeoutError:
+                if self.frames and not await self._send_one(socket, self.frames[-1].heartbeat()):
+                    return
+
+    async def _send_one(self, socket: WebSocket, data: bytes) -> bool:
+        """Whether the viewer took the message in time; else it is closed."""
+        try:
+            await asyncio.wait_for(socket.send_bytes(data), NOT_READ_S)
+        except TimeoutError:
+            self._metrics.slow_closed.inc()
+            with suppress(Exception):  # it may be gone by now
+                await asyncio.wait_for(socket.close(NOT_READING, "nothing was read for 30 s"), 1.0)
+            return False
+        return True
+
+
+async def _listen(socket: WebSocket, viewer: Viewer) -> None:
+    """Take what a viewer asks for, until it leaves."""
+    while True:
+        try:
+            viewer.ask(await socket.receive_text())
+        except (ValidationError, ValueError, KeyError, TypeError):
+            await socket.close(BAD_MESSAGE, f"needed JSON with bbox, kinds, min_sog and flags, as in {PROTOCOL}")
+            return
+
+
+async def _first_done(*jobs: Any) -> None:
+    """Run jobs until the first one ends, then stop the others. A viewer that leaves is no error."""
+    tasks = [asyncio.ensure_future(job) for job in jobs]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            with suppress(WebSocketDisconnect, RuntimeError, OSError):
+                task.result()
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)

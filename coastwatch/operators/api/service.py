@@ -1,0 +1,120 @@
+"""What the routes of the API share: the newest picture, the database, and where the pictures come from."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from coastwatch.operators import stored
+from coastwatch.operators.api.hub import Hub
+from coastwatch.operators.api.metrics import Metrics
+from coastwatch.server.live_picture import LivePicture
+from coastwatch.server.run import version
+from coastwatch.store import Rows, Store
+
+
+class NoPictureYet(Exception):
+    """There is no picture to answer from; the message says why."""
+
+
+class Source(Protocol):
+    """Where pictures come from."""
+
+    live: bool  # whether this process computes them
+
+    def error(self) -> str | None:
+        """Why there is no newer picture, if something is wrong."""
+        ...
+
+    def feeds(self) -> list[dict[str, Any]]:
+        """The feeds with their counters."""
+        ...
+
+    def cycle_s(self) -> float | None:
+        """How long the last cycle took."""
+        ...
+
+
+@dataclass
+class Service:
+    """The parts of a running server. `run_id` is of the newest picture."""
+
+    store: Store
+    source: Source
+    metrics: Metrics = field(default_factory=Metrics)
+    hub: Hub = field(init=False)
+    _runs: dict[int, dict[str, Any]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.hub = Hub(self.metrics)
+
+    def picture(self) -> LivePicture:
+        """The newest picture. Raises: NoPictureYet."""
+        found = self.hub.picture
+        if found is None:
+            raise NoPictureYet(self.source.error() or "there is no picture yet")
+        return found
+
+    def run_id(self) -> int:
+        """The run of the newest picture. Raises: NoPictureYet."""
+        return self.picture().run_id
+
+    def of_run(self) -> dict[str, Any]:
+        """The row of the run, as it is now. Raises: NoPictureYet, StoreError."""
+        return stored.run(self.store, self.run_id())
+
+    def feeds(self) -> list[dict[str, Any]]:
+        """The feeds with their counters."""
+        return self.source.feeds()
+
+    def alarms(self, parameters: Mapping[str, str], kind: str | None, count: int) -> Rows:
+        """The alarms of the run, newest first, with an id and who acknowledged them."""
+        asked = {**parameters, "run": str(self.run_id()), "count": str(count)} | ({"kind": kind} if kind else {})
+        found = stored.answer(self.store, "alarms", asked)
+        at = [found.columns.index(name) for name in ("vessel_id", "kind", "start_utc")]
+        rows = [("-".join(str(row[k]) for k in at), *row, None, None, None) for row in found.rows]
+        return Rows(("alarm_id", *found.columns, "acknowledged_by", "acknowledged_utc", "note"), rows)
+
+    def ready(self) -> tuple[bool, dict[str, Any]]:
+        """Whether there is a picture and nothing is wrong, and why not."""
+        of, error = self.hub.picture, self.source.error()
+        said = error or ("there is no picture yet" if of is None else "ready")
+        run, cycle = (None, None) if of is None else (of.run_id, of.cycle)
+        return said == "ready", {"status": said, "run": run, "cycle": cycle, "age_s": round(self.metrics.age_s, 3)}
+
+    def status(self) -> dict[str, Any]:
+        """The run, its newest picture and its age. Raises: NoPictureYet."""
+        of = self.picture()
+        about = self._about(of.run_id)
+        kinds = {str(kind): int((of.kind == kind).sum()) for kind in range(8)}
+        taken = self.source.cycle_s()
+        return {
+            "run": of.run_id,
+            "scenario": about["scenario"],
+            "title": about["title"],
+            "version": version(),
+            "live": self.source.live,
+            "run_id": self.hub.run,
+            "seq": self.hub.frames[-1].seq,
+            "cycle": of.cycle,
+            "time_utc": stored.utc_text(of.time_s),
+            "server_utc": stored.utc_text(time.time()),
+            "age_s": round(time.time() - of.time_s, 3),
+            "period_s": about["period_s"],
+            "cycle_ms": None if taken is None else round(taken * 1e3, 1),
+            "vessels": len(of),
+            "by_kind": kinds,
+            "viewers": len(self.hub.viewers),
+            "role": "admin",
+            "area": about["settings"].get("area"),
+            "error": self.source.error(),
+            "late": sum(feed.get("late", 0) for feed in self.source.feeds()),
+        }
+
+    def _about(self, run_id: int) -> dict[str, Any]:
+        """The row of a run, kept: what is taken from it does not change."""
+        if run_id not in self._runs:
+            self._runs = {run_id: stored.run(self.store, run_id)}
+        return self._runs[run_id]

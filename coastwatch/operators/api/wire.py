@@ -1,0 +1,242 @@
+"""The picture as binary frames, `coastwatch.picture.v1`: full frames, and deltas of what a viewer cannot foretell.
+
+Every viewer moves vessels on from the last frame that had them, at constant speed and course (`ahead`). A delta has only the vessels
+that are elsewhere by then. README.md has the layout of a frame.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from coastwatch.batches import Array, Flag, Floats, Ints
+from coastwatch.geodesy import KNOT_M_S, wrap_deg
+from coastwatch.kernels.tables.lookup import find
+from coastwatch.server.live_picture import LivePicture
+
+PROTOCOL = "coastwatch.picture.v1"
+HEADER = struct.Struct("<4sBBHIIdIIIIII")
+"""Magic, version, kind, flags, seq, base, time, slots, changed, removed, born, run, bytes."""
+
+MAGIC, VERSION = b"CWP1", 1
+FULL, DELTA, HEARTBEAT = 1, 2, 5
+VESSEL = np.dtype(
+    [
+        ("lon", "<i4"),  # 1e-7 deg
+        ("lat", "<i4"),
+        ("sog", "<u2"),  # 0.01 kn
+        ("cog", "<u2"),  # 360/65536 deg
+        ("kind", "u1"),  # sum of 1 AIS, 2 radar, 4 bearing
+        ("flag", "u1"),
+        ("major", "u1"),  # 1-sigma half axis: 2^(x/16)/2 m
+        ("minor", "u1"),
+        ("angle", "u1"),  # of the major axis from north, 180/256 deg
+        ("age", "u1"),  # since the newest report: 0 under a second, else 2^(x/16) s
+    ]
+)
+"""The columns of a frame, in their order."""
+
+UNKNOWN_SOG, UNKNOWN_AXIS = 65535, 255
+FIRST_SIX = 63
+"""Flags with the same bit on the wire: dark to coasting."""
+ALARM = 64
+ALARMING = Flag.AIS_SART | Flag.MAN_OVERBOARD | Flag.EPIRB | Flag.NOT_UNDER_COMMAND | Flag.AGROUND
+
+METRES, KNOTS, DEGREES = 10.0, 0.3, 2.0
+"""A vessel is sent again if it is so far from where a viewer has it, or its speed or course differs by so much."""
+SLOW_KN = 0.5  # the course of a slower vessel says nothing
+AXIS_STEPS = 8  # sent again if an axis differs by a factor of 2^(8/16)
+LONGEST_S = 120.0
+"""Every vessel is sent again after this time."""
+
+A_DEGREE_M = 111_120.0
+RING = 40
+"""Deltas that are kept for viewers that come back or are slow."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """The picture as all viewers have it after a message. S slots: a slot belongs to one vessel until it leaves.
+
+    Nothing here is written to after it was made, so that threads may share it.
+    """
+
+    run: int  # random number of this server's run
+    seq: int
+    time_s: float
+    ids: Array  # (S,) uint32; 0: the slot is free
+    vessels: Array  # (S,) VESSEL, as last sent
+    sent_s: Floats  # (S,) when
+    touched: Ints  # slots that changed, came or left with this frame
+    made: dict[int, bytes] = field(default_factory=dict)  # messages by base
+
+    def full(self) -> bytes:
+        """The message with every vessel."""
+        if 0 not in self.made:
+            self.made[0] = _message(self, FULL, 0, self._at_time(slice(None)), self.ids)
+        return self.made[0]
+
+    def delta(self, base: int, before: Array, now: Array, touched: Ints) -> bytes:
+        """The message that brings a viewer from an earlier frame to this one.
+
+        Args: base: seq of the earlier frame, 0: the viewer has nothing; before, now: (S',), (S,) ids that the viewer has and is to
+        have; touched: slots that changed since then.
+        """
+        padded = np.zeros(len(now), np.uint32)
+        padded[: len(before)] = before
+        removed = np.flatnonzero((now == 0) & (padded != 0))
+        born = np.flatnonzero((now != 0) & (now != padded))
+        changed = np.zeros(len(now), np.bool_)
+        changed[touched] = True
+        changed[born] = True
+        slots = np.flatnonzero(changed & (now != 0))
+        return _message(self, DELTA, base, self._at_time(slots), now, slots, removed, born)
+
+    def heartbeat(self) -> bytes:
+        """The message that says that there is no newer frame."""
+        counts = (len(self.ids), 0, 0, 0, self.run, HEADER.size)
+        return HEADER.pack(MAGIC, VERSION, HEARTBEAT, 0, self.seq, self.seq, self.time_s, *counts)
+
+    def positions_deg(self) -> Floats:
+        """Where viewers have each vessel at the time of the frame. (S, 2)"""
+        return np.stack(_moved(self.vessels, self.time_s - self.sent_s), 1)
+
+    def _at_time(self, slots: Ints | slice) -> Array:
+        """These vessels, moved on to the time of the frame. Those of this frame are where they were measured."""
+        out = self.vessels[slots]
+        since_s = self.time_s - self.sent_s[slots]
+        older = np.flatnonzero(since_s > 0.0)
+        latitude, longitude = _moved(out[older], since_s[older])
+        out = out.copy()
+        out["lat"][older] = np.rint(latitude * 1e7)
+        out["lon"][older] = np.rint(wrap_deg(longitude) * 1e7)
+        return out
+
+
+class Encoder:
+    """Makes frames of pictures, one after the other."""
+
+    def __init__(self, run: int) -> None:
+        self._run = run
+        self._last: Frame | None = None
+        self._vessel_id, self._slot = np.zeros(0, np.int64), np.zeros(0, np.int64)
+        self._free, self._left = np.zeros(0, np.int64), np.zeros(0, np.int64)  # _left: free from the next frame on
+        self._due_s = np.zeros(0)  # when the vessel of a slot is sent again at the latest
+
+    def frame(self, picture: LivePicture) -> Frame:
+        """The next frame."""
+        last = self._last or Frame(
+            self._run, 0, picture.time_s, np.zeros(0, np.uint32), np.zeros(0, VESSEL), np.zeros(0), _NONE
+        )
+        came, left = self._place(picture.array("vessel_id"))
+        slots = self._slot
+        size = max(len(last.ids), int(slots.max(initial=-1)) + 1)
+        ids, vessels, sent_s = (_longer(array, size) for array in (last.ids, last.vessels, last.sent_s))
+        self._due_s = _longer(self._due_s, size)
+        now = encoded(picture)
+        fresh = came | self._differs(vessels[slots], now, picture.time_s - sent_s[slots], picture.time_s)
+        ids[left], vessels[left] = 0, 0
+        ids[slots[came]] = picture.array("vessel_id")[came]
+        changed = slots[fresh]
+        vessels[changed], sent_s[changed] = now[fresh], picture.time_s
+        wait_s = np.where(came[fresh], 0.5 + (changed * 0.6180339887) % 0.5, 1.0) * LONGEST_S  # not all in the same frame
+        self._due_s[changed] = picture.time_s + wait_s
+        self._last = Frame(self._run, last.seq + 1, picture.time_s, ids, vessels, sent_s, np.concatenate([changed, left]))
+        return self._last
+
+    def _place(self, vessel_id: Ints) -> tuple[Array, Ints]:
+        """Give every vessel its slot. Returns: (V,) which have come; the slots of those that have left."""
+        at = find(self._vessel_id, vessel_id)
+        came = at < 0
+        stays = np.zeros(len(self._vessel_id), np.bool_)
+        stays[at[~came]] = True
+        left = self._slot[~stays]
+        slot = np.empty(len(vessel_id), np.int64)
+        slot[~came] = self._slot[at[~came]]
+        count = int(came.sum())
+        used = len(self._vessel_id) + len(self._free) + len(self._left)  # slots so far
+        new = np.concatenate([self._free[:count], np.arange(used, used + max(count - len(self._free), 0))])
+        slot[came] = new
+        self._free = np.sort(np.concatenate([self._free[count:], self._left]))
+        self._left, self._vessel_id, self._slot = left, vessel_id, slot
+        return came, left
+
+    def _differs(self, sent: Array, now: Array, since_s: Floats, time_s: float) -> Array:
+        """Which vessels are not as viewers have them. (V,)"""
+        latitude, longitude = _moved(sent, since_s)
+        north = (now["lat"] * 1e-7 - latitude) * A_DEGREE_M
+        east = wrap_deg(now["lon"] * 1e-7 - longitude) * A_DEGREE_M * np.cos(np.radians(latitude))
+        out = np.hypot(north, east) > METRES
+        speed, before = now["sog"].astype(np.int64), sent["sog"].astype(np.int64)
+        out |= np.abs(speed - before) > round(KNOTS * 100)
+        turned = np.abs((now["cog"].astype(np.int64) - sent["cog"] + 32768) % 65536 - 32768) > DEGREES * 65536 / 360
+        out |= turned & (speed > SLOW_KN * 100)
+        out |= (now["flag"] != sent["flag"]) | (now["kind"] != sent["kind"]) | (self._due_s[self._slot] <= time_s)
+        for axis in ("major", "minor"):
+            out |= np.abs(now[axis].astype(np.int64) - sent[axis]) > AXIS_STEPS
+        return np.asarray(out)
+
+
+def encoded(picture: LivePicture) -> Array:
+    """The vessels of a picture in the units of the wire. (V,) VESSEL"""
+    out = np.zeros(len(picture), VESSEL)
+    out["lat"], out["lon"] = (np.rint(picture.array(f"{name}_deg") * 1e7) for name in ("latitude", "longitude"))
+    sog, cog = picture.array("sog_kn"), picture.array("cog_deg")
+    out["sog"] = np.where(np.isfinite(sog), np.rint(np.nan_to_num(sog) * 100.0).clip(0, UNKNOWN_SOG - 1), UNKNOWN_SOG)
+    out["cog"] = np.rint(np.nan_to_num(cog) * (65536.0 / 360.0)).astype(np.int64) & 65535
+    out["kind"] = picture.kind
+    flags = picture.array("flags")
+    out["flag"] = (flags & FIRST_SIX) | np.where(flags & int(ALARMING), ALARM, 0)
+    for name in ("major", "minor"):
+        metres = picture.array(f"{name}_m")
+        steps = np.rint(16.0 * np.log2(np.maximum(np.nan_to_num(metres), 0.5) * 2.0)).clip(0, UNKNOWN_AXIS - 1)
+        out[name] = np.where(np.isfinite(metres), steps, UNKNOWN_AXIS)
+    out["angle"] = np.rint(np.nan_to_num(picture.array("orientation_deg")) * (256.0 / 180.0)).astype(np.int64) & 255
+    age_s = np.nan_to_num(picture.array("time_s") - picture.array("updated_s"))
+    out["age"] = np.rint(16.0 * np.log2(np.maximum(age_s, 1.0))).clip(0, 255)
+    return out
+
+
+def ahead(latitude: Floats, longitude: Floats, sog_kn: Floats, cog_deg: Floats, seconds: Floats) -> tuple[Floats, Floats]:
+    """Where vessels are after some seconds at constant speed and course; viewers use the same formula. Degrees."""
+    way, course = sog_kn * (KNOT_M_S / A_DEGREE_M) * seconds, np.radians(cog_deg)
+    return latitude + way * np.cos(course), longitude + way * np.sin(course) / np.cos(np.radians(latitude))
+
+
+def since(frames: Sequence[Frame], seq: int) -> Ints:
+    """The slots that changed after a frame. Args: frames: the newest, in order, that of `seq` among them."""
+    return np.concatenate([_NONE, *(frame.touched for frame in frames if frame.seq > seq)])
+
+
+def _moved(vessels: Array, seconds: Floats) -> tuple[Floats, Floats]:
+    sog = np.where(vessels["sog"] == UNKNOWN_SOG, 0, vessels["sog"]) * 0.01
+    return ahead(vessels["lat"] * 1e-7, vessels["lon"] * 1e-7, sog, vessels["cog"] * (360.0 / 65536.0), seconds)
+
+
+def _message(frame: Frame, kind: int, base: int, vessels: Array, ids: Array, *lists: Array) -> bytes:
+    """Header, then columns, each padded to 4 bytes, so that a browser reads them in place.
+
+    Args: lists: of a delta: slots that changed, slots that were left, slots with another vessel.
+    """
+    first = [*lists, ids[lists[2]]] if lists else [ids]
+    parts = [np.ascontiguousarray(column, "<u4").tobytes() for column in first]
+    for name in VESSEL.names or ():
+        data = np.ascontiguousarray(vessels[name]).tobytes()
+        parts.append(data + b"\0" * (-len(data) % 4))
+    body = b"".join(parts)
+    counts = [len(part) for part in lists] or [0, 0, 0]
+    header = frame.seq, base, frame.time_s, len(ids), *counts, frame.run, HEADER.size + len(body)
+    return HEADER.pack(MAGIC, VERSION, kind, 0, *header) + body
+
+
+def _longer(array: Array, size: int) -> Array:
+    """A copy, with zeros behind it up to this size."""
+    out = np.zeros(size, array.dtype)
+    out[: len(array)] = array
+    return out
+
+
+_NONE = np.zeros(0, np.int64)

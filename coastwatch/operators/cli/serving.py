@@ -1,0 +1,99 @@
+"""`serve`: the picture of a database over HTTP and WebSocket."""
+
+from __future__ import annotations
+
+import argparse
+import socket
+import sys
+from typing import Any
+
+import uvicorn
+
+from coastwatch.operators import stored
+from coastwatch.operators.api.application import application
+from coastwatch.operators.api.guard import LOOPBACK, Guard
+from coastwatch.operators.api.service import Service
+from coastwatch.operators.bad_input import BadInput
+from coastwatch.server.follow import POLL_S, Follower
+from coastwatch.server.live_picture import LivePicture
+from coastwatch.store import Store
+
+LARGEST_MESSAGE = 65_536
+"""Bytes of a message from a viewer."""
+
+STOP_S = 3
+
+
+class Followed:
+    """A database that another process writes, as the source of pictures."""
+
+    live = False
+
+    def __init__(self, opened: Store, run_id: int | None, poll_s: float = POLL_S) -> None:
+        self._follower = Follower(opened, run_id, self._received, poll_s)
+        self.service = Service(opened, self)
+
+    def _received(self, picture: LivePicture) -> None:
+        self.service.hub.receive(picture)
+
+    def error(self) -> str | None:
+        return self._follower.error
+
+    def feeds(self) -> list[dict[str, Any]]:
+        return []
+
+    def cycle_s(self) -> float | None:
+        return None
+
+    def __enter__(self) -> Followed:
+        self._follower.__enter__()
+        return self
+
+    def __exit__(self, *unused: object) -> None:
+        self._follower.__exit__()
+
+
+def serve(options: argparse.Namespace) -> int:
+    """Serve until Ctrl-C or SIGTERM."""
+    if options.host not in LOOPBACK:
+        raise BadInput(f"--host: got {options.host!r}, needed one of {', '.join(LOOPBACK)}: other addresses need tokens")
+    with stored.opened(options.db) as opened, Followed(opened, options.run) as followed:
+        listen(followed.service, options.host, options.port)
+    return 0
+
+
+def listen(service: Service, host: str, port: int) -> None:
+    """Answer requests until Ctrl-C or SIGTERM. Raises: OSError where the address cannot be used."""
+    with bound(host, port) as opened:
+        found = opened.getsockname()
+        shown = f"[{found[0]}]" if ":" in found[0] else found[0]
+        print(f"coastwatch: http://{shown}:{found[1]}", file=sys.stderr, flush=True)
+        uvicorn.Server(configured(application(service, Guard()))).run(sockets=[opened])
+
+
+def configured(app: Any) -> uvicorn.Config:
+    """The settings of the server of an application."""
+    return uvicorn.Config(
+        app,
+        log_level="warning",
+        ws="websockets-sansio",
+        ws_per_message_deflate=False,  # it costs 85 ms a frame and viewer, and saves a third
+        ws_max_size=LARGEST_MESSAGE,
+        timeout_graceful_shutdown=STOP_S,
+        server_header=False,
+    )
+
+
+def bound(host: str, port: int) -> socket.socket:
+    """A listening socket. Raises: OSError that names the address."""
+    family, kind, proto, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+    made = socket.socket(family, kind, proto)
+    try:
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        made.bind(address)
+    except OSError as error:
+        made.close()
+        raise OSError(
+            f"{host}:{port}: {error.strerror}: is another server running there? --port chooses another one"
+        ) from error
+    return made

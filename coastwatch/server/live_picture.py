@@ -1,0 +1,138 @@
+"""The newest picture of a run in memory, as the API answers from it: of a cycle that was just computed, or of a database."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from coastwatch import store
+from coastwatch.batches import AisStatics, Array, Floats, Ints, Sensors, SourceKind
+from coastwatch.kernels.tables.lookup import find
+from coastwatch.pipeline import Cycle
+from coastwatch.store import Store, Table
+from coastwatch.store.insert import NullableId
+from coastwatch.store.picture_queries import COLUMNS, STATIC
+from coastwatch.store.to_rows import membership, motion, source_texts, static_rows
+
+KIND_OF_SOURCE = {SourceKind.AIS: 1, SourceKind.RADAR: 2, SourceKind.BEARING: 4}
+"""The bit that a source of this kind sets in the kind of a vessel."""
+
+OWN = tuple(name for name in COLUMNS if name not in (*STATIC, "sources"))
+"""Columns of the picture that are kept as arrays, one value a vessel."""
+
+ABSENT = {"name": None, "call_sign": None, "ship_type": -1, "length_m": np.nan, "beam_m": np.nan}
+Statics = dict[int, tuple[Any, ...]]
+"""MMSI -> values of STATIC, absent ones as in ABSENT."""
+
+
+@dataclass(frozen=True, eq=False)
+class LivePicture:
+    """One picture. V vessels, sorted by vessel_id."""
+
+    run_id: int  # in the database
+    cycle: int
+    time_s: float
+    own: Table  # columns OWN
+    kind: Array  # (V,) uint8, sum of KIND_OF_SOURCE
+    source_codes: Ints  # (V,) into source_texts
+    source_texts: Sequence[str]
+    statics: Statics
+
+    def __len__(self) -> int:
+        return len(self.own)
+
+    def array(self, name: str) -> Array:
+        """A column of OWN."""
+        return self.own.array(name)
+
+    def positions_deg(self) -> Floats:
+        """Latitude and longitude of each vessel. (V, 2)"""
+        return np.stack([self.array("latitude_deg"), self.array("longitude_deg")], 1)
+
+    def at(self, vessel_id: Ints) -> Ints:
+        """The rows of vessels by their ids; those that are not there are left out."""
+        found = find(self.array("vessel_id"), vessel_id)
+        return found[found >= 0]
+
+    def take(self, rows: Ints) -> LivePicture:
+        """Some of the vessels. Args: rows: (K,) ascending."""
+        return replace(self, own=self.own.take(rows), kind=self.kind[rows], source_codes=self.source_codes[rows])
+
+    def rows(self, at: Ints) -> Table:
+        """These vessels with all columns of the stored picture. Args: at: (K,) row numbers."""
+        found = {name: self.own.array(name)[at] for name in OWN}
+        known = [self.statics.get(mmsi) for mmsi in found["mmsi"].tolist()]
+        for k, (name, absent) in enumerate(ABSENT.items()):
+            kind = {"NoneType": object, "int": np.int64, "float": np.float64}[type(absent).__name__]
+            found[name] = np.array([absent if of is None else of[k] for of in known], kind)
+        found["sources"] = np.array([self.source_texts[code] or None for code in self.source_codes[at].tolist()], object)
+        return Table(COLUMNS, tuple(found[name] for name in COLUMNS))
+
+    def search(self, text: str) -> Ints:
+        """Rows whose name, call sign, MMSI or vessel id has this text, those that begin with it first."""
+        wanted = text.strip().upper()
+        ranks: list[tuple[int, int]] = []
+        for row, (vessel, mmsi) in enumerate(zip(self.array("vessel_id").tolist(), self.array("mmsi").tolist(), strict=True)):
+            name, sign, *_ = self.statics.get(mmsi, ("", ""))
+            fields = (str(vessel), f"{mmsi:09d}" if mmsi >= 0 else "", (name or "").upper(), (sign or "").upper())
+            if any(wanted in field for field in fields):
+                exact, begins = wanted in fields, any(field.startswith(wanted) for field in fields)
+                ranks.append((0 if exact else 1 if begins else 2, row))
+        return np.array([row for _, row in sorted(ranks)], np.int64)
+
+
+def of_cycle(run_id: int, number: int, cycle: Cycle, sensors: Sensors, statics: Statics) -> LivePicture:
+    """The picture of a cycle. Args: statics: see `merge_statics`."""
+    picture, members = cycle.picture, membership(cycle)
+    moved = motion(picture.velocity_m_s, picture.covariance).T
+    found = dict(zip(("sog_kn", "cog_deg", "major_m", "minor_m", "orientation_deg"), moved, strict=True))
+    found |= {"latitude_deg": picture.position_deg[:, 0], "longitude_deg": picture.position_deg[:, 1]}
+    own = Table(OWN, tuple(found[name] if name in found else getattr(picture, name) for name in OWN))
+    texts = source_texts(picture.vessel_id, members, sensors.source_names)
+    bits = np.array([KIND_OF_SOURCE[SourceKind(kind)] for kind in sensors.source_kinds.tolist()], np.uint8)
+    kind, row = np.zeros(len(picture), np.uint8), find(picture.vessel_id, members[:, 0])
+    np.bitwise_or.at(kind, row[row >= 0], bits[members[row >= 0, 1]])
+    return LivePicture(run_id, number, cycle.time_s, own, kind, texts.codes, list(texts.texts), statics)
+
+
+def of_store(opened: Store, run_id: int, cycle: int, time_s: float, at_s: float | None = None) -> LivePicture:
+    """The picture of a run in a database: now, or at an instant. Raises: StoreError."""
+    found = store.picture(opened, run_id, at_s)
+    of_source = {name: KIND_OF_SOURCE[SourceKind[kind.upper()]] for _, name, kind in store.sources(opened, run_id).rows}
+    texts, codes = _numbered(found.array("sources").tolist())
+    bits = [_bits(text.split(","), of_source) for text in texts]
+    statics = zip(*(found.array(name).tolist() for name in STATIC), strict=True)
+    of_mmsi = dict(zip(found.array("mmsi").tolist(), statics, strict=True))
+    of_mmsi.pop(-1, None)
+    own = Table(OWN, tuple(found.array(name) for name in OWN))
+    kind = np.array(bits, np.uint8)[codes] if len(codes) else np.zeros(0, np.uint8)
+    return LivePicture(run_id, cycle, time_s, own, kind, codes, texts, of_mmsi)
+
+
+def merge_statics(known: Statics, reports: AisStatics) -> None:
+    """Add names, types and sizes to those that are known. A field that was not sent keeps its value."""
+    if not len(reports):
+        return
+    mmsi, columns = static_rows(reports)
+    newest = [column.values if isinstance(column, NullableId) else column for column in map(columns.__getitem__, STATIC)]
+    for number, *values in zip(mmsi.tolist(), *(np.asarray(column).tolist() for column in newest), strict=True):
+        before = known.get(number, tuple(ABSENT.values()))
+        pairs = zip(values, before, strict=True)
+        known[number] = tuple(old if new is None or new in ("", -1) or new != new else new for new, old in pairs)
+
+
+def _numbered(texts: Iterable[str | None]) -> tuple[list[str], Ints]:
+    """Each different text once, and the number of each."""
+    number: dict[str, int] = {}
+    codes = [number.setdefault(text or "", len(number)) for text in texts]
+    return list(number), np.array(codes, np.int64)
+
+
+def _bits(names: Iterable[str], of_source: dict[str, int]) -> int:
+    out = 0
+    for name in names:
+        out |= of_source.get(name, 0)
+    return out

@@ -1,0 +1,185 @@
+"""A server on a database that another process writes: every path, formats, refusals, and the stream."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+
+import httpx
+import pytest
+from conftest import Served, listening
+from page import DELTA, FULL, Page
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from coastwatch.operators.api.application import WEB
+
+
+def test_the_picture_in_three_formats_has_the_same_vessels(served: Served) -> None:
+    answer = served.get("/api/v1/picture")
+    of = answer.json()
+    assert (of["total"], of["run"], of["cycle"]) == (28, 1, 2)
+    assert answer.headers["x-total-count"] == "28"
+    second = of["vessels"][1]
+    assert (second["mmsi"], second["name"], second["sources"], second["sog_kn"]) == (
+        "710000001",
+        "SHIP 1",
+        "guanabara,ais",
+        1.0,
+    )
+    found = served.get("/api/v1/picture", headers={"Accept": "application/geo+json"}).json()
+    assert [f["id"] for f in found["features"]] == [row["vessel_id"] for row in of["vessels"]]
+    assert found["features"][1]["geometry"]["coordinates"] == [second["longitude_deg"], second["latitude_deg"]]
+    rows = list(csv.DictReader(io.StringIO(served.get("/api/v1/picture?format=csv").text)))
+    assert [int(row["vessel_id"]) for row in rows] == [row["vessel_id"] for row in of["vessels"]]
+
+
+@pytest.mark.parametrize(
+    ("query", "expected"),
+    [
+        ("bbox=-23,-43.21,-22,-43.185", [1, 2]),
+        ("bbox=-23,-42,-22,-43.21", []),
+        ("sources=ais&limit=2", [2, 4]),
+        ("sources=bearing", [1]),
+        ("sources=ilha&limit=2", [1, 3]),
+        ("mmsi=710000003", [4]),
+        ("q=ship 1", [2]),
+        ("q=710000003", [4]),
+        ("min_sog=17.5", [19]),
+        ("sort=-sog_kn&limit=2&offset=1", [18, 17]),
+        ("flags=dark", []),
+    ],
+)
+def test_parameters_choose_vessels(served: Served, query: str, expected: list[int]) -> None:
+    answer = served.get(f"/api/v1/picture?{query}")
+    assert answer.status_code == 200, answer.text
+    assert [row["vessel_id"] for row in answer.json()["vessels"]] == expected
+
+
+def test_the_past_is_answered_from_the_store(served: Served) -> None:
+    now, then = (served.get(f"/api/v1/picture{at}").json() for at in ("", "?at=2025-06-15T15:06:43Z"))
+    assert now["vessels"][1]["latitude_deg"] == pytest.approx(then["vessels"][1]["latitude_deg"] + 2e-5)
+    assert served.get("/api/v1/picture?at=2020-01-01").status_code == 503
+    page = Page()
+    assert page.take(served.get("/api/v1/frame?at=2025-06-15T15:06:43Z&bbox=-23,-43.21,-22,-43.185").content) == FULL
+    assert page.ids.tolist() == [1, 2]
+
+
+@pytest.mark.parametrize(
+    ("path", "status", "said"),
+    [
+        ("/api/v1/picture?bbox=1,2", 400, "bbox: got '1,2'"),
+        ("/api/v1/picture?flags=drak", 400, "flags: got 'drak', needed some of dark"),
+        ("/api/v1/picture?sources=moon", 400, "sources: got 'moon'"),
+        ("/api/v1/picture?columns=moon", 400, "--columns: got 'moon'"),
+        ("/api/v1/picture?colums=a", 422, "colums"),
+        ("/api/v1/picture?limit=10001", 422, "limit"),
+        ("/api/v1/picture?at=noon", 400, "at: got 'noon'"),
+        ("/api/v1/vessels?ids=1,x", 400, "ids:"),
+        ("/api/v1/vessels", 400, "ids and q"),
+        ("/api/v1/vessels/9999", 404, "never had a vessel 9999"),
+        ("/api/v1/vessels/x", 422, "vessel_id"),
+        ("/api/v1/alarms?kind=moon", 400, "moon"),
+        ("/api/v1/coastline", 404, "no coastline"),
+        ("/api/v1/nothing", 404, ""),
+    ],
+)
+def test_a_wrong_request_is_refused_in_one_sentence(served: Served, path: str, status: int, said: str) -> None:
+    answer = served.get(path)
+    assert (answer.status_code, said in answer.json()["detail"]) == (status, True), answer.text
+
+
+def test_details_have_a_tag_and_one_vessel_says_why(served: Served) -> None:
+    answer = served.get("/api/v1/vessels?ids=2,4,77777")
+    assert [row["vessel_id"] for row in answer.json()["vessels"]] == [2, 4]
+    again = served.get("/api/v1/vessels?ids=2,4,77777", headers={"If-None-Match": answer.headers["etag"]})
+    assert (again.status_code, again.content) == (304, b"")
+    one = served.get("/api/v1/vessels/2").json()
+    assert [m["source"] for m in one["members"]] == ["guanabara", "ais"]
+    assert len(one["associations"]) == len(one["history"]) == 3
+    path = served.get("/api/v1/vessels/2/history?from=2025-06-15T15:06:44Z").json()
+    assert [row["cycle"] for row in path["history"]] == [1, 2]
+
+
+def test_health_metrics_and_lists(served: Served) -> None:
+    assert served.get("/healthz").json() == {"status": "alive"}
+    assert served.get("/readyz").json()["status"] == "ready"
+    assert "coastwatch_vessels 28.0" in served.get("/metrics").text
+    status = served.get("/api/v1/status").json()
+    assert (status["vessels"], status["live"], status["by_kind"]["3"]) == (28, False, 14)
+    assert {row["kind"] for row in served.get("/api/v1/sensors").json()["sensors"]} == {"radar", "ais", "bearing"}
+    assert served.get("/api/v1/runs").json()["runs"][0]["scenario"] == "sea"
+    assert served.get("/api/v1/alarms").json() == {"total": 0, "alarms": []}
+    assert served.get("/api/v1/cycles").json()["last_utc"] == status["time_utc"]
+    paths = served.get("/api/v1/openapi.json").json()["paths"]
+    assert "/api/v1/picture" in paths
+
+
+def test_the_stream_sends_a_full_frame_then_a_delta_of_each_new_cycle_and_goes_on_after_a_break(changing: Served) -> None:
+    import store_world
+
+    page = Page()
+    with changing.stream() as socket:
+        assert socket.subprotocol == "coastwatch.picture.v1"
+        assert page.take(socket.recv()) == FULL
+        store_world.write(changing.store, 1, 3)
+        assert page.take(socket.recv(timeout=10)) == DELTA
+        assert page.seq == 2
+    store_world.write(changing.store, 1, 4)
+    with changing.stream(f"?run={page.run}&seq={page.seq}") as socket:
+        assert page.take(socket.recv(timeout=10)) == DELTA
+        assert len(page.positions_deg(page.time_s)) == len(changing.get("/api/v1/picture").json()["vessels"])
+        socket.send(json.dumps({"bbox": [-23, -43.21, -22, -43.185]}))
+        assert page.take(socket.recv(timeout=10)) == DELTA
+        assert sorted(page.ids[page.ids != 0].tolist()) == [1, 2]
+        socket.send("{}")
+        assert page.take(socket.recv(timeout=10)) == FULL
+        socket.send('{"bbox": "everywhere"}')
+        with pytest.raises(ConnectionClosed) as closed:
+            socket.recv(timeout=10)
+        assert closed.value.rcvd is not None
+        assert closed.value.rcvd.code == 4400
+    assert changing.get("/api/v1/status").json()["viewers"] == 0
+
+
+def test_a_new_run_begins_with_a_full_frame(changing: Served) -> None:
+    import store_world
+
+    page = Page()
+    with changing.stream() as socket:
+        page.take(socket.recv())
+        first = page.run
+        run_id = store_world.begin(changing.store)
+        store_world.write(changing.store, run_id, 0, vessels=5)
+        assert page.take(socket.recv(timeout=10)) == FULL
+    assert (page.run != first, len(page.ids), changing.get("/api/v1/status").json()["run"]) == (True, 5, run_id)
+
+
+def test_foreign_hosts_and_origins_are_refused_for_http_and_for_sockets(served: Served) -> None:
+    assert served.get("/api/v1/status", headers={"Host": "evil.example"}).status_code == 403
+    assert (
+        served.get("/api/v1/status", headers={"Origin": "http://evil.example"}).status_code == 200
+    )  # it cannot read the answer
+    answer = httpx.post(f"http://{served.address}/api/v1/alarms", headers={"Origin": "http://evil.example"})
+    assert answer.status_code == 403
+    with pytest.raises(InvalidStatus) as refused, served.stream(origin="http://evil.example"):
+        pass
+    assert refused.value.response.status_code == 403
+    with served.stream(origin=f"http://{served.address}") as socket:
+        assert socket.recv()
+
+
+def test_the_page_is_served_where_it_is_built_and_a_plain_one_says_so_where_not(served: Served, tmp_path: object) -> None:
+    from pathlib import Path
+
+    plain = served.get("/")
+    assert "not built" in plain.text
+    assert "default-src 'self'" in plain.headers["content-security-policy"]
+    web = Path(str(tmp_path)) / "web"
+    web.mkdir()
+    (web / "index.html").write_text("<title>map</title>", "utf-8")
+    (web / "worker.mjs").write_text("//", "utf-8")
+    with listening(served.service, web=web) as address:
+        assert "map" in httpx.get(f"http://{address}/").text
+        assert httpx.get(f"http://{address}/worker.mjs").headers["content-type"].startswith("text/javascript")
+    assert WEB.name == "web"
