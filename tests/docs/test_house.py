@@ -6,9 +6,10 @@ import subprocess
 from pathlib import Path
 
 HOUSE = Path(__file__).parents[2]
-TOP = ("coastwatch", "db", "scaling", "scenarios", "tests", "ops")
+TOP = ("coastwatch", "db", "scaling", "scenarios", "tests", "ops", "web")
 FORBIDDEN = {"utils", "helpers", "common", "misc", "tools", "scripts", "core", "base", "contrib"}
 GENERATED = {"__pycache__", "versions"}
+IN_THE_README_ABOVE = ("web/src", "web/test")
 
 
 def tracked() -> list[Path]:
@@ -37,7 +38,8 @@ def name_of(path: Path) -> str:
 def needs_readme(folder: Path) -> bool:
     """Folders that hold modules or documents of their own; data of a test and Alembic's versions belong to the folder above."""
     top = folder.relative_to(HOUSE).parts[0]
-    return top in TOP and folder.name not in {*GENERATED, "coastwatch"} and len(folder.relative_to(HOUSE).parts) <= 2
+    above = folder.name in {*GENERATED, "coastwatch"} or name_of(folder) in IN_THE_README_ABOVE
+    return top in TOP and not above and len(folder.relative_to(HOUSE).parts) <= 2
 
 
 def admission(folder: Path) -> str:

@@ -28,7 +28,7 @@ WEB = Path(__file__).resolve().parent.parent / "web"
 PLAIN_PAGE = """<!doctype html>
 <html lang="en"><meta charset="utf-8"><title>Coastwatch</title>
 <h1>Coastwatch</h1>
-<p>The server runs. The map is not built: <code>make</code> builds it where npm can be reached; then start the server again.</p>
+<p>The server runs. The map is not built: <code>make web</code> builds it where npm can be reached; then start the server again.</p>
 <p>The API works: <a href="/api/v1/status">status</a>, <a href="/api/v1/picture">picture</a>,
 <a href="/api/v1/alarms">alarms</a>, <a href="/api/v1/sensors">sensors</a>, <a href="/api/v1/openapi.json">all paths</a>.</p>
 </html>

@@ -1,0 +1,133 @@
+// Alarms: the list, unacknowledged first, the line at the bottom, and their acknowledgement with a name.
+// The server finds alarms. They come over server-sent events where it has them, and are asked for again in any case.
+
+import { getJson, postJson } from './api.js';
+import { byId, element, fill } from './dom.js';
+import { dateClock, label, seconds, text } from './formats.js';
+
+const ASK_MS = 2000;
+const ASK_WITH_STREAM_MS = 15000;
+const MOST = 500;
+const NAME_KEY = 'coastwatch.name';
+
+const lasting = (alarm) => !alarm.end_utc;
+const open = (alarm) => !alarm.acknowledged_by;
+
+export class Alarms {
+  rows = [];
+  flashing = new Set(); // vessel ids with a lasting alarm that nobody has acknowledged
+  #heard = null; // ids of the alarms of the last answer; null: none yet, so that a new page does not shout
+  #timer = null;
+  #streaming = false;
+
+  constructor(app) {
+    this.app = app;
+    const name = byId('watch-name');
+    name.value = localStorage.getItem(NAME_KEY) ?? '';
+    name.addEventListener('change', () => localStorage.setItem(NAME_KEY, name.value.trim()));
+    byId('strip-acknowledge').addEventListener('click', () => this.acknowledgeFirst());
+    byId('strip-show').addEventListener('click', () => this.#select(this.first()));
+    this.#listen();
+  }
+
+  /** Takes alarms as they come. A server without the stream answers 404: asking is then enough. */
+  #listen() {
+    const stream = new EventSource('./api/v1/alarms/stream');
+    stream.onopen = () => { this.#streaming = true; };
+    stream.addEventListener('alarm', () => this.load());
+    stream.onerror = () => { this.#streaming = false; };
+  }
+
+  /** Asks for the alarms now, and again later. */
+  async load() {
+    clearTimeout(this.#timer);
+    try {
+      const { alarms } = await getJson(`alarms?state=all&limit=${MOST}`);
+      this.#take(alarms);
+    } catch (error) {
+      if (error.status) this.app.say(error.message);
+    }
+    clearTimeout(this.#timer);
+    this.#timer = setTimeout(() => this.load(), this.#streaming ? ASK_WITH_STREAM_MS : ASK_MS);
+  }
+
+  #take(alarms) {
+    const rank = (alarm) => (open(alarm) ? 0 : 2) + (lasting(alarm) ? 0 : 1);
+    this.rows = [...alarms].sort((a, b) => rank(a) - rank(b) || seconds(b.start_utc) - seconds(a.start_utc));
+    this.flashing = new Set(this.rows.filter((alarm) => open(alarm) && lasting(alarm)).map((alarm) => alarm.vessel_id));
+    const fresh = this.#heard ? this.rows.filter((alarm) => open(alarm) && !this.#heard.has(alarm.alarm_id)) : [];
+    this.#heard = new Set(alarms.map((alarm) => alarm.alarm_id));
+    if (fresh.length) {
+      byId('shout').textContent = fresh.slice(0, 3).map((alarm) => `Alarm: ${words(alarm)}`).join('. ');
+    }
+    this.app.alarmsChanged();
+    this.update();
+  }
+
+  /** The gravest alarm that nobody has acknowledged: lasting ones before ended ones, newest first. */
+  first() {
+    return this.rows.find(open);
+  }
+
+  count() {
+    return this.rows.filter((alarm) => open(alarm) && lasting(alarm)).length;
+  }
+
+  /** Draws the line at the bottom and, where it is open, the list. */
+  update() {
+    const first = this.first();
+    const waiting = this.rows.filter(open).length;
+    byId('strip').hidden = !first;
+    if (first) {
+      byId('strip-text').textContent = `${words(first)}, ${dateClock(seconds(first.start_utc))}${lasting(first) ? '' : ', ended'}`;
+      byId('strip-count').textContent = waiting > 1 ? `1 of ${waiting}` : '';
+    }
+    byId('alarm-count').textContent = String(this.count());
+    if (this.app.state.drawer !== 'alarms') return;
+    const focused = document.activeElement?.closest('[data-alarm]')?.dataset.alarm;
+    const list = byId('alarm-rows');
+    fill(list, this.rows.length ? this.rows.slice(0, 200).map((alarm) => this.#row(alarm)) : element('li', { class: 'soft' }, 'no alarms'));
+    if (focused) list.querySelector(`[data-alarm="${CSS.escape(focused)}"] button`)?.focus();
+  }
+
+  #row(alarm) {
+    const state = open(alarm) ? (lasting(alarm) ? 'open' : 'open ended') : 'done';
+    const said = alarm.acknowledged_by
+      ? `acknowledged by ${alarm.acknowledged_by}, ${dateClock(seconds(alarm.acknowledged_utc))}${alarm.note ? `: ${alarm.note}` : ''}`
+      : lasting(alarm) ? 'lasts' : `ended ${dateClock(seconds(alarm.end_utc))}`;
+    return element('li', { class: state, 'data-alarm': alarm.alarm_id },
+      element('button', { type: 'button', class: 'plain', onclick: () => this.#select(alarm) },
+        element('strong', {}, words(alarm)), element('span', {}, `${dateClock(seconds(alarm.start_utc))} – ${said}`),
+        alarm.evidence && element('span', { class: 'soft' }, text(alarm.evidence))),
+      open(alarm) && element('button', { type: 'button', class: 'acknowledge', onclick: () => this.acknowledge(alarm) }, 'Acknowledge'));
+  }
+
+  #select(alarm) {
+    if (alarm) this.app.select(alarm.vessel_id, { show: true, place: alarm });
+  }
+
+  acknowledgeFirst() {
+    const first = this.first();
+    if (first) this.acknowledge(first);
+  }
+
+  /** Acknowledges with the name of the watch; without a name it asks for one and does nothing else. */
+  async acknowledge(alarm) {
+    const name = byId('watch-name').value.trim();
+    if (!name) {
+      this.app.openDrawer('alarms');
+      byId('watch-name').focus();
+      this.app.say('Give your name: an alarm is acknowledged with it.');
+      return;
+    }
+    try {
+      const row = await postJson(`alarms/${encodeURIComponent(alarm.alarm_id)}/acknowledge`, { name, note: '' });
+      this.#take(this.rows.map((other) => (other.alarm_id === row.alarm_id ? { ...other, ...row } : other)));
+      this.app.say(`Acknowledged: ${words(alarm)}.`);
+    } catch (error) {
+      this.app.say(error.message);
+    }
+  }
+}
+
+const words = (alarm) => `${alarm.kind.replaceAll('_', ' ')}, ${label(alarm.vessel_id, alarm)}`;

@@ -1,0 +1,113 @@
+// Layers, filters, theme and keys: everything by which an operator changes what is shown.
+
+import { byId, element, fill } from './dom.js';
+import { filterWords, NO_FILTER } from './filters.js';
+import { CLASSES } from './formats.js';
+import { LAYERS, SPEEDS, THEME_NAMES, VECTOR_MINUTES } from './state.js';
+import { css, THEMES } from './symbols.js';
+
+const LAYER_NAMES = {
+  labels: 'Names', vectors: 'Course vectors', ellipses: 'Ellipses (2σ)', trail: 'Trail and bearings of the selected vessel',
+  cover: 'Sensors and their range', zones: 'Zones',
+};
+
+/** Fills the drawer of layers and filters and keeps it in step with the state. */
+export function makeControls(app) {
+  const { state } = app;
+  const option = (value, text, chosen) => element('option', { value, selected: value === chosen }, text);
+  fill(byId('theme'), THEME_NAMES.map((name) => option(name, name, state.theme)));
+  byId('theme').addEventListener('change', (event) => {
+    state.theme = event.target.value;
+    app.themeChanged();
+  });
+  fill(byId('speed'), SPEEDS.map((speed) => option(speed, `${speed}×`, state.speed)));
+  fill(byId('layers'), LAYERS.map((name) => element('label', {},
+    element('input', { type: 'checkbox', name, checked: state.layers.has(name), onchange: (event) => {
+      if (event.target.checked) state.layers.add(name);
+      else state.layers.delete(name);
+      app.layersChanged();
+    } }), LAYER_NAMES[name])));
+  fill(byId('minutes'), VECTOR_MINUTES.map((minutes) => option(minutes, `${minutes} min`, state.minutes)));
+  byId('minutes').addEventListener('change', (event) => {
+    state.minutes = Number(event.target.value);
+    app.layersChanged();
+  });
+  fill(byId('filter-type'), option('', 'all', state.filter.type), CLASSES.map((name) => option(name, name, state.filter.type)));
+  showFilter(state.filter);
+  byId('filters').addEventListener('input', () => {
+    state.filter = readFilter();
+    app.filterChanged();
+  });
+  byId('no-filter').addEventListener('click', () => {
+    state.filter = { ...NO_FILTER };
+    showFilter(state.filter);
+    app.filterChanged();
+  });
+}
+
+const bits = [['filter-ais', 1], ['filter-radar', 2], ['filter-bearing', 4]];
+const limits = [['filter-minsog', 'minSog', 0], ['filter-maxsog', 'maxSog', Infinity], ['filter-maxage', 'maxAge', Infinity],
+  ['filter-minlength', 'minLength', 0]];
+
+function showFilter(filter) {
+  for (const [id, bit] of bits) byId(id).checked = (filter.kinds & bit) !== 0;
+  byId('filter-flagged').checked = filter.flagged;
+  byId('filter-type').value = filter.type;
+  for (const [id, name, none] of limits) byId(id).value = filter[name] === none ? '' : filter[name];
+}
+
+function readFilter() {
+  const filter = { ...NO_FILTER, kinds: 0, flagged: byId('filter-flagged').checked, type: byId('filter-type').value };
+  for (const [id, bit] of bits) if (byId(id).checked) filter.kinds |= bit;
+  for (const [id, name, none] of limits) {
+    const value = byId(id).valueAsNumber;
+    filter[name] = value >= 0 ? value : none;
+  }
+  return filter;
+}
+
+/** The line over the chart that says what the filter hides. */
+export function showFilterWords(filter, hidden) {
+  const words = filterWords(filter);
+  byId('filter-words').hidden = words.length === 0;
+  byId('filter-words').textContent = `Filter: ${words.join(', ')} – ${hidden} hidden`;
+}
+
+/** Colours of a theme as variables of the style sheet. */
+export function paintPage(name) {
+  const root = document.documentElement;
+  root.dataset.theme = name;
+  root.style.colorScheme = name === 'day' ? 'light' : 'dark';
+  for (const [colour, value] of Object.entries(THEMES[name])) root.style.setProperty(`--${colour}`, css(value));
+}
+
+/** Keys that work anywhere but in a field. */
+export function listenToKeys(app) {
+  const keys = {
+    '/': () => byId('search').focus(),
+    t: () => app.openDrawer(app.state.drawer === 'vessels' ? '' : 'vessels'),
+    f: () => app.follow(!app.state.follow),
+    l: () => app.replay.leave(),
+    a: () => app.alarms.acknowledgeFirst(),
+    m: () => app.toggleMeasure(),
+    n: () => app.nextAlarm(),
+    ' ': () => app.replay.play(!app.replay.playing),
+    '?': () => byId('help').showModal(),
+    '+': () => app.map.zoomIn(),
+    '=': () => app.map.zoomIn(),
+    '-': () => app.map.zoomOut(),
+    Escape: () => app.escape(),
+  };
+  const pan = { ArrowLeft: [-120, 0], ArrowRight: [120, 0], ArrowUp: [0, -120], ArrowDown: [0, 120] };
+  document.addEventListener('keydown', (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented) return;
+    const { target } = event;
+    if (target.closest('input:not([type=checkbox]), select, textarea, dialog')) return;
+    if (event.key === ' ' && target.closest('button, summary, input, a')) return;
+    if (pan[event.key] && target === document.body) app.map.panBy(pan[event.key]);
+    const act = keys[event.key] ?? keys[event.key.toLowerCase()];
+    if (!act || (target === app.map.getCanvas() && '+=-'.includes(event.key))) return; // the map has its own keys for these
+    event.preventDefault();
+    act();
+  });
+}

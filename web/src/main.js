@@ -1,0 +1,448 @@
+// The page of the watch: puts the picture, the map, the list, the panel, the alarms and the time slider together.
+// Reading order of the folder: README.md.
+
+import { Alarms } from './alarms.js';
+import { Details, getJson, openSession } from './api.js';
+import { drawEveryMs, drawsInSoftware, loadCoastline, loadLand, makeMap, paintChart, setZones, sizeAt } from './chart.js';
+import { listenToKeys, makeControls, paintPage, showFilterWords } from './controls.js';
+import { byId } from './dom.js';
+import { markShown, needsDetails } from './filters.js';
+import { clock as clockText, duration } from './formats.js';
+import { VesselList, Search } from './list.js';
+import { follow as followLive } from './live.js';
+import { Marks } from './marks.js';
+import { Panel } from './panel.js';
+import { PointsLayer } from './points.js';
+import { Replay } from './replay.js';
+import { DRAWERS, fromQuery, toQuery } from './state.js';
+import { THEMES } from './symbols.js';
+import { Picture } from './wire.js';
+
+const STATUS_EVERY_MS = 3000;
+const SENSORS_EVERY_MS = 60000;
+const FLASH_MS = 600;
+const MISSED_CYCLES = 2; // then the picture counts as late
+const SOFTWARE_PIXELS = 0.6; // of a CSS pixel: without a GPU every pixel costs processor time
+
+class App {
+  state = fromQuery(location.search);
+  live = new Picture();
+  status = null;
+  sensors = [];
+  second = 0; // id of the vessel to which range and closest approach are shown
+  measure = null; // {from, to} while measuring
+  shown = new Uint8Array(0);
+  stats = { frames: 0, bytes: 0, decode_ms: 0, refused: [] }; // read by tests and by the programs of scaling/
+  #heardAt = 0; // performance.now() of the newest frame of the socket
+  #socket = 'lost';
+  #redraw = null;
+  #address = null;
+
+  get replaying() {
+    return this.replay !== undefined && this.replay.at !== null;
+  }
+
+  /** The picture on the screen: live, or of the replay. */
+  get picture() {
+    return this.replaying ? this.replay.picture : this.live;
+  }
+
+  /** Unix seconds to which vessels are moved on. */
+  clock() {
+    if (this.replaying) return this.replay.now();
+    if (!this.live.at || this.status?.live === false) return this.live.at;
+    const period = this.status?.period_s ?? 3;
+    return this.live.at + Math.min((performance.now() - this.#heardAt) / 1000, (MISSED_CYCLES + 1) * period);
+  }
+
+  theme() {
+    return THEMES[this.state.theme];
+  }
+
+  async start() {
+    paintPage(this.state.theme);
+    this.details = new Details(() => this.detailsChanged());
+    this.status = await getJson('status').catch((error) => this.#refusedBy(error));
+    this.map = makeMap(byId('map'), this.#firstView());
+    this.points = new PointsLayer(() => this.clock());
+    this.marks = new Marks(byId('marks'), this);
+    this.panel = new Panel(this);
+    this.list = new VesselList(this);
+    this.search = new Search(this, async (query) => (await getJson(`vessels?q=${encodeURIComponent(query)}`)).vessels);
+    this.alarms = new Alarms(this);
+    this.replay = new Replay(this);
+    makeControls(this);
+    listenToKeys(this);
+    this.#buttons();
+    await new Promise((done) => { this.map.once('load', done); });
+    this.#startMap();
+    this.connection = followLive(`${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/api/v1/stream`, this.live, {
+      frame: (changed, bytes, ms) => this.#frame(changed, bytes, ms),
+      state: (name) => this.#socketIs(name),
+      refused: (reason) => this.stats.refused.push(reason),
+    });
+    this.alarms.load();
+    this.#poll();
+    this.#loadSensors();
+    if (this.state.at !== null) this.replay.enter(this.state.at);
+    if (this.state.selected) this.select(this.state.selected);
+    this.openDrawer(this.state.drawer);
+    setInterval(() => this.#second(), 1000);
+  }
+
+  /** The view of the address, else the area of the scenario, else the seas of Europe. */
+  #firstView() {
+    const { lat, lon, zoom } = this.state;
+    if (lat !== null && lon !== null && zoom !== null) return { lat, lon, zoom };
+    const area = this.status?.area;
+    if (!area) return { lat: 50, lon: 0, zoom: 4 };
+    const box = byId('map');
+    const across = Math.max(area.width_nm / Math.cos((area.latitude_deg * Math.PI) / 180), 1) / 60 / 360;
+    const fits = Math.min(box.clientWidth / across, (box.clientHeight * 60 * 360) / Math.max(area.height_nm, 1)
+      * Math.cos((area.latitude_deg * Math.PI) / 180));
+    return { lat: area.latitude_deg, lon: area.longitude_deg, zoom: Math.min(14, Math.log2(fits / 512)) };
+  }
+
+  #startMap() {
+    const { map } = this;
+    this.software = drawsInSoftware(map);
+    if (this.software) map.setPixelRatio(SOFTWARE_PIXELS);
+    this.points.setTheme(this.theme());
+    map.addLayer(this.points);
+    this.themeChanged();
+    this.points.size = sizeAt(map);
+    map.on('zoom', () => { this.points.size = sizeAt(map); });
+    map.on('render', () => this.marks.draw());
+    map.on('moveend', () => this.stateChanged());
+    map.on('dragstart', () => this.follow(false));
+    map.on('click', (event) => this.#click(event));
+    map.on('mousemove', ({ lngLat }) => {
+      if (!this.measure?.from) return;
+      this.measure.to = { lat: lngLat.lat, lon: lngLat.lng };
+      map.triggerRepaint();
+    });
+    const approximate = () => { byId('approximate').hidden = map.getZoom() < 7; };
+    map.on('zoom', approximate);
+    approximate();
+    loadLand(map);
+    loadCoastline(map);
+    const animate = () => {
+      if (!document.hidden && this.picture.vessels) map.triggerRepaint();
+      setTimeout(animate, drawEveryMs(map, this.software));
+    };
+    animate();
+    setInterval(() => {
+      if (!this.alarms.flashing.size || matchMedia('(prefers-reduced-motion: reduce)').matches) {
+        this.points.bright = true;
+        return;
+      }
+      this.points.bright = !this.points.bright;
+      map.triggerRepaint();
+    }, FLASH_MS);
+  }
+
+  #buttons() {
+    for (const name of DRAWERS) {
+      byId(`open-${name}`).addEventListener('click', () => this.openDrawer(this.state.drawer === name ? '' : name));
+    }
+    byId('measure').addEventListener('click', () => this.toggleMeasure());
+    byId('open-help').addEventListener('click', () => byId('help').showModal());
+    byId('close-help').addEventListener('click', () => byId('help').close());
+    byId('token-form').addEventListener('submit', async (event) => {
+      event.preventDefault();
+      try {
+        await openSession(byId('token').value);
+        location.reload();
+      } catch (error) {
+        byId('token-error').textContent = error.message;
+      }
+    });
+  }
+
+  #refusedBy(error) {
+    if (error.status === 401) byId('login').showModal();
+    return null;
+  }
+
+  /** One message of the socket was taken. */
+  #frame(changed, bytes, ms) {
+    Object.assign(this.stats, { frames: this.stats.frames + 1, bytes, decode_ms: ms, seq: this.live.seq, run: this.live.run });
+    if (changed < 0) return;
+    this.#heardAt = performance.now();
+    if (this.run !== this.live.run) {
+      if (this.run !== undefined) this.details.clear();
+      this.run = this.live.run;
+    }
+    if (this.replay.at === null) this.pictureChanged();
+  }
+
+  #socketIs(name) {
+    this.#socket = name;
+    if (name === 'token' && !byId('login').open) byId('login').showModal();
+    this.#badge();
+  }
+
+  /** Another picture, another filter or other alarms: what is shown is marked again, and everything drawn again. */
+  pictureChanged() {
+    const { picture } = this;
+    if (this.shown.length !== picture.id.length) this.shown = new Uint8Array(picture.id.length);
+    this.count = markShown(picture, this.state.filter, this.details, this.shown);
+    for (const id of this.alarms.flashing) {
+      const slot = picture.slotOf.get(id);
+      if (slot !== undefined) this.shown[slot] = 2;
+    }
+    this.points.show(picture, this.shown);
+    showFilterWords(this.state.filter, picture.vessels - this.count);
+    this.list.update();
+    this.panel.update();
+    this.#keepInSight();
+    this.#badge();
+    this.map.triggerRepaint();
+  }
+
+  detailsChanged() {
+    if (needsDetails(this.state.filter)) this.pictureChanged();
+    else this.list.update();
+    this.panel.update();
+    this.map.triggerRepaint();
+  }
+
+  alarmsChanged() {
+    if (this.points.picture) this.pictureChanged();
+  }
+
+  /** Fetches the details of all vessels, once a minute at most. */
+  async allDetails() {
+    if (performance.now() - (this.allAt ?? -Infinity) < 60000) return;
+    this.allAt = performance.now();
+    await this.details.all().catch((error) => this.say(error.message));
+  }
+
+  filterChanged() {
+    if (needsDetails(this.state.filter)) this.allDetails();
+    this.pictureChanged();
+    this.list.update(true);
+    this.stateChanged();
+  }
+
+  layersChanged() {
+    setZones(this.map, this.state.layers.has('zones') ? this.zones : null);
+    this.map.triggerRepaint();
+    this.stateChanged();
+  }
+
+  themeChanged() {
+    paintPage(this.state.theme);
+    paintChart(this.map, this.state.theme);
+    this.points.setTheme(this.theme());
+    this.map.triggerRepaint();
+    this.stateChanged();
+  }
+
+  /** Live or replay was chosen. */
+  modeChanged() {
+    this.pictureChanged();
+    this.stateChanged();
+  }
+
+  /** Writes the state into the address, four times a second at most. */
+  stateChanged() {
+    this.#address ??= setTimeout(() => {
+      this.#address = null;
+      const { lat, lng } = this.map.getCenter().wrap();
+      Object.assign(this.state, { lat, lon: lng, zoom: this.map.getZoom(), at: this.replay.at === null ? null : this.replay.now() });
+      history.replaceState(null, '', `?${toQuery(this.state)}`);
+    }, 250);
+  }
+
+  /**
+   * Selects a vessel.
+   * @param {number} id 0: none
+   * @param {{show?: boolean, place?: {latitude_deg: number, longitude_deg: number}}} how show: bring it into sight
+   */
+  select(id, { show = false, place = null } = {}) {
+    this.state.selected = id;
+    if (!id) this.state.follow = false;
+    if (this.second === id) this.second = 0;
+    const slot = this.selectedSlot();
+    if (id && show) {
+      const [lat, lon] = slot >= 0 ? this.picture.position(slot, this.clock()) : [place?.latitude_deg, place?.longitude_deg];
+      if (Number.isFinite(lat)) this.#bringIntoSight(lat, lon);
+    }
+    byId('vessel-region').setAttribute('aria-label', id ? `Vessel ${id}` : 'No vessel');
+    this.panel.show(id);
+    this.list.update();
+    this.stateChanged();
+    this.map.triggerRepaint();
+  }
+
+  #bringIntoSight(lat, lon) {
+    const inside = this.map.getBounds().contains([lon, lat]);
+    const zoom = Math.max(this.map.getZoom(), 9);
+    if (!inside || zoom !== this.map.getZoom()) this.map.jumpTo({ center: [lon, lat], zoom });
+  }
+
+  selectedSlot() {
+    return this.#slot(this.state.selected);
+  }
+
+  secondSlot() {
+    return this.#slot(this.second);
+  }
+
+  #slot(id) {
+    return id ? (this.picture.slotOf.get(id) ?? -1) : -1;
+  }
+
+  follow(on) {
+    const follow = on && this.state.selected > 0;
+    if (follow === this.state.follow) return;
+    this.state.follow = follow;
+    this.#keepInSight();
+    this.panel.update();
+    this.stateChanged();
+  }
+
+  #keepInSight() {
+    const slot = this.selectedSlot();
+    if (!this.state.follow || slot < 0) return;
+    const [lat, lon] = this.picture.position(slot, this.clock());
+    this.map.jumpTo({ center: [lon, lat] });
+  }
+
+  #click({ point, lngLat, originalEvent }) {
+    if (this.measure && !this.measure.from) {
+      this.measure.from = { lat: lngLat.lat, lon: lngLat.lng };
+      return;
+    }
+    const slot = this.points.pick(point);
+    const id = slot < 0 ? 0 : this.picture.id[slot];
+    if (originalEvent.shiftKey && this.state.selected) {
+      this.second = id === this.state.selected ? 0 : id;
+      this.panel.update();
+      this.map.triggerRepaint();
+    } else {
+      this.select(id);
+    }
+  }
+
+  /** The stored path of the selected vessel up to the time that is shown. */
+  trail() {
+    const now = this.clock();
+    return this.state.selected ? this.panel.history().filter(({ at }) => at <= now) : [];
+  }
+
+  /** Newest line of sight of each bearing track of the selected vessel, from its sensor. */
+  bearings() {
+    if (!this.state.layers.has('trail') || !this.state.selected) return [];
+    const seen = new Map();
+    for (const row of this.panel.known?.bearing_associations ?? []) {
+      const key = `${row.source} ${row.track_id}`;
+      const sensor = this.sensors.find(({ kind, name }) => kind === 'bearing' && name === row.source);
+      if (seen.has(key) || !sensor || row.bearing_deg === undefined) continue;
+      seen.set(key, {
+        lat: sensor.latitude_deg, lon: sensor.longitude_deg, bearing_deg: row.bearing_deg, range_m: sensor.range_m || 40000,
+      });
+    }
+    return [...seen.values()];
+  }
+
+  toggleMeasure() {
+    const slot = this.selectedSlot();
+    const [lat, lon] = slot >= 0 ? this.picture.position(slot, this.clock()) : [];
+    this.measure = this.measure ? null : { from: slot >= 0 ? { lat, lon } : null, to: null };
+    byId('measure').setAttribute('aria-pressed', String(this.measure !== null));
+    if (this.measure && slot < 0) this.say('Measure: click the first place.');
+    this.map.triggerRepaint();
+  }
+
+  nextAlarm() {
+    const open = this.alarms.rows.filter((alarm) => !alarm.acknowledged_by);
+    const at = open.findIndex((alarm) => alarm.vessel_id === this.state.selected);
+    const next = open[(at + 1) % open.length];
+    if (next) this.select(next.vessel_id, { show: true, place: next });
+  }
+
+  /** Closes one thing at a time. */
+  escape() {
+    if (this.measure) this.toggleMeasure();
+    else if (this.second) this.second = 0;
+    else if (this.state.selected) this.select(0);
+    else this.openDrawer('');
+  }
+
+  /** Opens a drawer. Args: name: of DRAWERS, empty: closes it. */
+  openDrawer(name) {
+    this.state.drawer = name;
+    byId('drawer').hidden = !name;
+    for (const other of DRAWERS) {
+      byId(`drawer-${other}`).hidden = other !== name;
+      byId(`open-${other}`).setAttribute('aria-expanded', String(other === name));
+    }
+    this.map.resize();
+    this.list.update(true);
+    this.alarms.update();
+    this.stateChanged();
+  }
+
+  /** A message for the operator, read aloud too. */
+  say(words) {
+    byId('message').textContent = words;
+    clearTimeout(this.quiet);
+    this.quiet = setTimeout(() => { byId('message').textContent = ''; }, 8000);
+  }
+
+  /** Live, late, lost, stored or replay: what the picture is, and how old. */
+  #badge() {
+    const badge = byId('badge');
+    const period = this.status?.period_s ?? 3;
+    const waited = this.live.at ? (performance.now() - this.#heardAt) / 1000 : Infinity;
+    let [name, words] = ['live', `LIVE  lag ${duration(this.status?.age_s)}`];
+    if (this.replaying) [name, words] = ['replay', 'REPLAY'];
+    else if (this.#socket !== 'open') [name, words] = ['late', 'NO CONNECTION'];
+    else if (this.status?.live === false) [name, words] = ['stored', 'STORED'];
+    else if (waited > MISSED_CYCLES * period + 1) [name, words] = ['late', `LATE  ${duration(waited)}`];
+    if (badge.dataset.is !== name) badge.dataset.is = name;
+    if (badge.textContent !== words) badge.textContent = words;
+    byId('chart').classList.toggle('late', name === 'late');
+    const at = this.clock();
+    byId('clock').textContent = at ? `${clockText(at)} UTC` : '--:--:-- UTC';
+  }
+
+  /** What changes each second without a picture: clock, badge, position of the selected vessel. */
+  #second() {
+    this.#badge();
+    this.panel.update();
+  }
+
+  async #poll() {
+    try {
+      this.status = await getJson('status');
+      const kinds = this.status.by_kind ?? {};
+      const sum = (test) => Object.entries(kinds).filter(([kind]) => test(Number(kind))).reduce((total, [, n]) => total + n, 0);
+      byId('counts').textContent = `${this.status.vessels} vessels: ${sum((kind) => (kind & 3) === 3)} fused, ${sum((kind) => (kind & 3) === 1)} AIS, `
+        + `${sum((kind) => (kind & 3) === 2)} radar, ${sum((kind) => kind === 4)} bearing`;
+      byId('title').textContent = this.status.title || this.status.scenario || 'Coastwatch';
+      byId('role').textContent = this.status.role ?? '';
+      document.body.dataset.role = this.status.role ?? '';
+    } catch (error) {
+      this.#refusedBy(error);
+    }
+    setTimeout(() => this.#poll(), STATUS_EVERY_MS);
+  }
+
+  async #loadSensors() {
+    try {
+      this.sensors = (await getJson('sensors')).sensors;
+      this.zones = await getJson('zones');
+      setZones(this.map, this.state.layers.has('zones') ? this.zones : null);
+      this.map.triggerRepaint();
+    } catch {
+      // Asked again; the chart works without sensors and zones.
+    }
+    setTimeout(() => this.#loadSensors(), SENSORS_EVERY_MS);
+  }
+}
+
+window.coastwatch = new App();
+window.coastwatch.start();

@@ -1,0 +1,293 @@
+// What is drawn over the points for vessels in view: course vectors, ellipses, trail, bearings, cover, labels, the selection.
+// A canvas over the map, drawn again with each frame of the map. Each kind has a limit, so that a full coast stays quick.
+
+import { KNOT_M_S, mercatorX, mercatorY, METRES_A_DEGREE, rangeBearing } from './geodesy.js';
+import { course, label, miles } from './formats.js';
+import { ALWAYS_SHOWN, css, FLAG, RINGED, symbolOf, SYMBOL } from './symbols.js';
+import { METRES_UNKNOWN, metresOf, SOG_UNKNOWN } from './wire.js';
+
+const MOST = { vectors: 5000, ellipses: 2000, labels: 200 };
+const MARKS_FROM_ZOOM = 8;
+const LABELS_FROM_ZOOM = 9;
+const NUMBERS_FROM_ZOOM = 12; // vessels without name and MMSI
+const RAD = Math.PI / 180;
+const WORLD = 2 ** 32;
+
+export class Marks {
+  #labels = [];
+  #labelsAt = -Infinity;
+
+  /** @param {HTMLCanvasElement} canvas over the map  @param {object} app the page */
+  constructor(canvas, app) {
+    this.canvas = canvas;
+    this.app = app;
+    this.context = canvas.getContext('2d');
+  }
+
+  /** Draws everything. Called after each frame of the map. */
+  draw() {
+    const { app, canvas } = this;
+    const ratio = devicePixelRatio;
+    const box = app.map.getContainer();
+    const [width, height] = [box.clientWidth, box.clientHeight];
+    if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+      canvas.width = Math.round(width * ratio);
+      canvas.height = Math.round(height * ratio);
+    }
+    this.context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    this.context.clearRect(0, 0, width, height);
+    this.context.lineJoin = 'round';
+    this.size = [width, height];
+    this.colours = app.theme();
+    this.now = app.clock();
+    const centre = app.map.getCenter();
+    this.zoom = app.map.getZoom();
+    this.origin = [mercatorX(centre.lng), mercatorY(centre.lat)];
+    this.scale = 512 * 2 ** this.zoom; // CSS pixels of a turn of the Earth
+    const { layers } = app.state;
+    if (layers.has('cover')) this.#cover();
+    this.#trail();
+    this.#bearings();
+    const detailed = this.zoom >= MARKS_FROM_ZOOM && (layers.has('vectors') || layers.has('ellipses') || layers.has('labels'));
+    const seen = detailed ? this.#inView() : [];
+    if (layers.has('ellipses')) this.#ellipses(seen.slice(0, MOST.ellipses));
+    if (layers.has('vectors')) this.#vectors(seen.slice(0, MOST.vectors));
+    this.#selection();
+    if (layers.has('labels')) this.#drawLabels(seen);
+    this.#measure();
+  }
+
+  /** Screen position of a place in CSS pixels; nearest copy of the world. */
+  screen(lat, lon) {
+    let dx = mercatorX(lon) - this.origin[0];
+    dx -= Math.round(dx);
+    return [this.size[0] / 2 + dx * this.scale, this.size[1] / 2 + (mercatorY(lat) - this.origin[1]) * this.scale];
+  }
+
+  /** CSS pixels of a metre at a latitude. */
+  pixels(lat) {
+    return this.scale / (360 * METRES_A_DEGREE * Math.cos(lat * RAD));
+  }
+
+  /** Shown slots in view with their screen positions. A slot stands still within a cycle by a pixel: coarse test first. */
+  #inView() {
+    const { picture, shown } = this.app;
+    const [width, height] = this.size;
+    const reach = [(width / 2 + 60) / this.scale, (height / 2 + 60) / this.scale];
+    const found = [];
+    for (let slot = 0; slot < picture.slots; slot++) {
+      if (!shown[slot]) continue;
+      let dx = picture.place[2 * slot] / WORLD - this.origin[0];
+      dx -= Math.round(dx);
+      const dy = picture.place[2 * slot + 1] / WORLD - this.origin[1];
+      if (Math.abs(dx) > reach[0] || Math.abs(dy) > reach[1]) continue;
+      const [lat, lon] = picture.position(slot, this.now);
+      const [x, y] = this.screen(lat, lon);
+      found.push({ slot, x, y, lat });
+    }
+    return found;
+  }
+
+  #colourOf(slot) {
+    const { flag, kind } = this.app.picture;
+    if (flag[slot] & FLAG.alarm) return this.colours.alarm;
+    return this.colours[Object.keys(SYMBOL)[symbolOf(kind[slot], flag[slot])]];
+  }
+
+  /** Where each vessel is after the minutes of the layer, with a tick a minute, three minutes from 12 on. */
+  #vectors(seen) {
+    const { app, context } = this;
+    const { picture } = app;
+    const { minutes } = app.state;
+    const step = minutes > 6 ? 3 : 1;
+    for (const { slot, x, y, lat } of seen) {
+      const sog = picture.sog[slot];
+      if (sog === SOG_UNKNOWN || sog < 50) continue;
+      const way = (sog / 100) * KNOT_M_S * 60 * this.pixels(lat); // of a minute, CSS pixels
+      const angle = (picture.cog[slot] * 2 * Math.PI) / 65536;
+      const [u, v] = [Math.sin(angle), -Math.cos(angle)];
+      const start = Math.min(8, way * minutes);
+      context.beginPath();
+      context.moveTo(x + u * start, y + v * start);
+      context.lineTo(x + u * way * minutes, y + v * way * minutes);
+      if (way * step > 7) {
+        for (let minute = step; minute < minutes; minute += step) {
+          const [a, b] = [x + u * way * minute, y + v * way * minute];
+          context.moveTo(a + v * 3, b - u * 3);
+          context.lineTo(a - v * 3, b + u * 3);
+        }
+      }
+      context.strokeStyle = css(this.#colourOf(slot), 0.85);
+      context.lineWidth = 1;
+      context.setLineDash(picture.kind[slot] === 1 ? [4, 3] : []); // dashed for AIS alone
+      context.stroke();
+    }
+    context.setLineDash([]);
+  }
+
+  /** 2-sigma ellipses of the position. */
+  #ellipses(seen) {
+    this.context.lineWidth = 1;
+    for (const { slot, x, y, lat } of seen) this.#ellipse(slot, x, y, lat, 0.6);
+  }
+
+  #ellipse(slot, x, y, lat, opacity) {
+    const { picture } = this.app;
+    if (picture.major[slot] === METRES_UNKNOWN || picture.minor[slot] === METRES_UNKNOWN) return;
+    const unit = 2 * this.pixels(lat);
+    const [major, minor] = [metresOf(picture.major[slot]) * unit, metresOf(picture.minor[slot]) * unit];
+    if (major < 3) return;
+    const angle = (picture.angle[slot] * Math.PI) / 256;
+    this.context.beginPath();
+    this.context.ellipse(x, y, major, minor, angle - Math.PI / 2, 0, 2 * Math.PI);
+    this.context.strokeStyle = css(this.#colourOf(slot), opacity);
+    this.context.stroke();
+  }
+
+  /** The path of the selected vessel up to the drawn time. */
+  #trail() {
+    const { app, context } = this;
+    const trail = app.state.layers.has('trail') ? app.trail() : [];
+    if (trail.length < 2) return;
+    context.beginPath();
+    trail.forEach(({ lat, lon }, k) => {
+      const [x, y] = this.screen(lat, lon);
+      if (k) context.lineTo(x, y);
+      else context.moveTo(x, y);
+    });
+    const slot = app.selectedSlot();
+    if (slot >= 0) context.lineTo(...this.screen(...app.picture.position(slot, this.now)));
+    context.strokeStyle = css(this.colours.selected, 0.7);
+    context.lineWidth = 1.5;
+    context.stroke();
+  }
+
+  /** Lines of sight that were given to the selected vessel. */
+  #bearings() {
+    const { context } = this;
+    context.strokeStyle = css(this.colours.bearing, 0.9);
+    context.lineWidth = 1;
+    for (const { lat, lon, bearing_deg, range_m } of this.app.bearings()) {
+      const [x, y] = this.screen(lat, lon);
+      const far = range_m * this.pixels(lat);
+      context.beginPath();
+      context.moveTo(x, y);
+      context.lineTo(x + far * Math.sin(bearing_deg * RAD), y - far * Math.cos(bearing_deg * RAD));
+      context.stroke();
+    }
+  }
+
+  /** Ranges of the sensors. */
+  #cover() {
+    const { context } = this;
+    context.strokeStyle = css(this.colours.cover, 0.8);
+    context.fillStyle = css(this.colours.soft);
+    context.lineWidth = 1;
+    context.font = '11px system-ui, sans-serif';
+    for (const sensor of this.app.sensors) {
+      if (sensor.latitude_deg === null || !(sensor.range_m > 0)) continue;
+      const [x, y] = this.screen(sensor.latitude_deg, sensor.longitude_deg);
+      const radius = sensor.range_m * this.pixels(sensor.latitude_deg);
+      if (radius < 4 || radius > 20000) continue;
+      context.setLineDash(sensor.kind === 'radar' ? [] : [2, 5]);
+      context.beginPath();
+      context.arc(x, y, radius, 0, 2 * Math.PI);
+      context.stroke();
+      context.setLineDash([]);
+      context.strokeRect(x - 3, y - 3, 6, 6);
+      if (this.zoom >= MARKS_FROM_ZOOM && sensor.name) context.fillText(sensor.name, x + 7, y - 5);
+    }
+  }
+
+  /** Corners about the selected vessel, and about the second one, with its ellipse. */
+  #selection() {
+    const { app, context } = this;
+    for (const [slot, half] of [[app.selectedSlot(), 13], [app.secondSlot(), 10]]) {
+      if (slot < 0) continue;
+      const [lat, lon] = app.picture.position(slot, this.now);
+      const [x, y] = this.screen(lat, lon);
+      context.strokeStyle = css(this.colours.selected);
+      context.lineWidth = 2;
+      context.beginPath();
+      for (const [a, b] of [[-1, -1], [1, -1], [1, 1], [-1, 1]]) {
+        context.moveTo(x + a * half, y + b * (half - 6));
+        context.lineTo(x + a * half, y + b * half);
+        context.lineTo(x + a * (half - 6), y + b * half);
+      }
+      context.stroke();
+      context.lineWidth = 1;
+      this.#ellipse(slot, x, y, lat, 0.9);
+    }
+  }
+
+  /** Names, the graver and larger vessels first, where there is room. Which ones: chosen again each half second. */
+  #drawLabels(seen) {
+    const { app, context } = this;
+    if (performance.now() - this.#labelsAt > 500) {
+      this.#labelsAt = performance.now();
+      this.#labels = this.#chosen(seen).map(({ slot }) => app.picture.id[slot]);
+      app.details.need(this.#labels);
+    }
+    context.font = '12px system-ui, sans-serif';
+    const bySlot = new Map(seen.map((vessel) => [vessel.slot, vessel]));
+    const taken = [];
+    for (const id of this.#labels) {
+      const vessel = bySlot.get(app.picture.slotOf.get(id));
+      if (!vessel) continue;
+      if (!app.details.has(id)) continue; // its name is on the way
+      const text = label(id, app.details.get(id));
+      const [left, top] = [vessel.x + 13, vessel.y - 8];
+      const right = left + context.measureText(text).width;
+      if (taken.some((box) => left < box[2] && right > box[0] && top < box[3] && top + 14 > box[1])) continue;
+      taken.push([left, top, right, top + 14]);
+      context.lineWidth = 3;
+      context.strokeStyle = css(this.colours.sea, 0.75);
+      context.strokeText(text, left, top + 11);
+      context.fillStyle = css(this.app.state.theme === 'night' ? this.colours.fused : this.colours.text);
+      context.fillText(text, left, top + 11);
+    }
+  }
+
+  #chosen(seen) {
+    const { app } = this;
+    const { picture, details } = app;
+    const crowded = this.zoom < LABELS_FROM_ZOOM;
+    const weight = ({ slot }) => {
+      const id = picture.id[slot];
+      if (id === app.state.selected) return 1e7;
+      const flagged = (picture.flag[slot] & ALWAYS_SHOWN ? 1e6 : 0) + (picture.flag[slot] & RINGED ? 1e5 : 0);
+      if (crowded && !flagged) return -1;
+      const named = details.get(id)?.name || details.get(id)?.mmsi || !details.has(id);
+      if (!flagged && !named && this.zoom < NUMBERS_FROM_ZOOM) return -1;
+      const speed = picture.sog[slot] === SOG_UNKNOWN ? 0 : picture.sog[slot] / 100;
+      return flagged + (details.get(id)?.length_m ?? 0) + speed;
+    };
+    return seen.map((vessel) => ({ ...vessel, weight: weight(vessel) })).filter((vessel) => vessel.weight >= 0)
+      .sort((a, b) => b.weight - a.weight || a.slot - b.slot).slice(0, MOST.labels);
+  }
+
+  /** Range and bearing from the selected vessel, or from the first click, to the pointer. */
+  #measure() {
+    const { app, context } = this;
+    if (!app.measure?.from || !app.measure.to) return;
+    const { from, to } = app.measure;
+    const [x, y] = this.screen(from.lat, from.lon);
+    const [u, v] = this.screen(to.lat, to.lon);
+    context.strokeStyle = css(this.colours.selected);
+    context.lineWidth = 1.5;
+    context.setLineDash([6, 4]);
+    context.beginPath();
+    context.moveTo(x, y);
+    context.lineTo(u, v);
+    context.stroke();
+    context.setLineDash([]);
+    const [range, bearing] = rangeBearing(from.lat, from.lon, to.lat, to.lon);
+    context.font = 'bold 13px system-ui, sans-serif';
+    context.lineWidth = 4;
+    context.strokeStyle = css(this.colours.sea, 0.85);
+    const text = `${miles(range)}  ${course(bearing)}`;
+    context.strokeText(text, u + 12, v - 8);
+    context.fillStyle = css(this.colours.selected);
+    context.fillText(text, u + 12, v - 8);
+  }
+}
