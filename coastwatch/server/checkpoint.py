@@ -20,6 +20,7 @@ MODULES_WITH_CLASSES = (
     "coastwatch.spots",
     "coastwatch.associations",
     "coastwatch.kernels.association.history",
+    "coastwatch.kernels.fusion.cross_covariance",
     "coastwatch.fused_tracks",
     "coastwatch.picture",
     "coastwatch.registration",

@@ -11,9 +11,11 @@ from coastwatch.fused_tracks import (
     CentralImm,
     Convex,
     CovarianceIntersection,
+    Dependent,
     Fuser,
     ImmOfTracks,
     ImmOfTracksLiteral,
+    PartialFeedback,
     WeightedAverage,
 )
 from coastwatch.fused_tracks.imm_of_tracks_literal import Window
@@ -21,6 +23,8 @@ from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.server.checkpoint import load, save
 
 METHODS = [
+    Dependent(),
+    PartialFeedback(),
     Convex(),
     Convex(registration=0.1),
     CovarianceIntersection(),

@@ -14,7 +14,7 @@ from coastwatch.operators.reproduction import published
 @pytest.mark.parametrize(
     ("words", "wanted"),
     [
-        (["nobody"], "got 'nobody', needed one of hem, rangel"),
+        (["nobody"], "got 'nobody', needed one of hem, rangel, sagild"),
         (["rangel", "--runs", "0"], "got '0', needed 1 or more"),
         (["rangel", "--runs", "many"], "got 'many'"),
         (["rangel", "--workers", "0"], "got '0', needed 1 or more"),

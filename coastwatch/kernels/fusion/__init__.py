@@ -3,5 +3,13 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__, submodules=["alignment", "convex_combination", "covariance_intersection", "track_states", "weighted_mean"]
+    __name__,
+    submodules=[
+        "alignment",
+        "convex_combination",
+        "covariance_intersection",
+        "cross_covariance",
+        "track_states",
+        "weighted_mean",
+    ],
 )

@@ -191,7 +191,7 @@ def _reproduce(commands: Any) -> None:
         "runs only what is missing."
     )
     reproduce = _command(commands, "reproduce", "reproduce:reproduce", "reproduce the published figures of a paper", text)
-    reproduce.add_argument("paper", metavar="PAPER", help="the paper: hem or rangel")
+    reproduce.add_argument("paper", metavar="PAPER", help="the paper: hem, rangel or sagild")
     text = "runs of each variant (default: as many as the paper averages)"
     reproduce.add_argument("--runs", metavar="N", type=count, help=text)
     reproduce.add_argument("--workers", metavar="N", type=workers, default=1, help="processes that share the runs (default: 1)")

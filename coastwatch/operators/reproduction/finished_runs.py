@@ -13,7 +13,12 @@ from coastwatch.operators.bad_input import BadInput
 from coastwatch.server.run import version
 from coastwatch.shipped import PACKAGE
 
-MEASURING = ("cycle_statistics.py", "measuring.py")  # of this folder; the others only present the records
+MEASURING = (
+    "cycle_statistics.py",
+    "measuring.py",
+    "targets.py",
+    "two_filters.py",
+)  # of this folder; the others only present the records
 
 
 def code() -> str:

@@ -39,7 +39,8 @@ HOW = """
 <p>Columns: <b>published</b>, the paper's value. <b>Literal</b>, the methods as the paper describes them, run here; where the
 paper is not specific, the choice is named. <b>Our default</b>, the methods of <code>coastwatch run</code>. <b>Bound</b>, the exact filter
 that knows the true motion and every noise: no method can be better. Each is the mean over runs &plusmn; the standard deviation of one
-run. "Asked" says whether the project's own target is reached, by the named variant if it is not the default.</p>
+run. "Asked" says whether the project's own target is reached, by the named variant if it is not the default.</p>"""
+OPEN = """
 <p>The paper does not give radar range, process noise, window p, confidence and AIS interval. These matter more than the methods; the
 README of each scenario lists the values. A decision is counted per track and cycle; a swap is FN and FP. F1 is shown with
 specificity and MCC, because on the paper's Table III "always associate" has an F1 of 91.8 %. No setting was chosen on seeds from
@@ -67,6 +68,8 @@ def _page(reproduction: Reproduction) -> Iterator[str]:
     )
     yield from _summary(reproduction)
     yield HOW
+    if any(variant.name == "literal" for folder in reproduction.folders for variant in folder.of.variant):
+        yield OPEN
     for folder in reproduction.folders:
         yield from _section(folder)
     yield "</body></html>\n"
@@ -118,7 +121,7 @@ def better_than_published(row: Row) -> bool | None:
 def _section(folder: Folder) -> Iterator[str]:
     yield f'<h2 id="{folder.name}">{escape(folder.of.title)}</h2>'
     yield f"<p>{escape(' '.join(folder.of.why.split()))}</p>"
-    head = ("figure", "published", "literal", "our default", "bound", "asked")
+    head = ("figure", "published", "literal", "our default", folder.of.bound_name, "asked")
     yield _table(head, [(_title(row), *_columns(row), _verdict(row)) for row in folder.rows])
     for kind in folder.of.plots:
         for uri, caption in drawn(kind, folder.of, folder.made):

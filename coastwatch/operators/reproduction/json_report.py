@@ -91,7 +91,7 @@ def _variant(made: Made) -> dict[str, Any]:
         "title": made.wanted.variant.title,
         "settings": list(made.wanted.settings),
         "at": dict(made.wanted.point),
-        "scenario": made.wanted.jobs[0].scenario.model_dump(mode="json"),
+        "scenario": made.wanted.jobs[0].subject.model_dump(mode="json"),
         "runs": [_run(record) for record in made.records],
     }
 

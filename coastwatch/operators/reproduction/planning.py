@@ -5,12 +5,17 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from pydantic import ValidationError
+
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.reproduction.published import Point, Published, Roc, Targets, Variant, settings_of
+from coastwatch.operators.reproduction.two_filters import TwoFilters
 from coastwatch.scenario import Scenario, ScenarioError, load_scenario
+from coastwatch.scenario.refusing import refusals
 
 FIRST_SEED = 1000
 ROC_SEEDS = 2  # the statistics of all pairs are large, and two runs are enough
@@ -21,13 +26,25 @@ class Job:
     """One run and the statistics that its record needs."""
 
     key: str  # digest of everything that determines the record, with the code
-    scenario: Scenario
+    subject: Scenario | TwoFilters  # what is run
     seed: int
     history_s: tuple[float, ...] = ()
     picture: bool = False
     roc: Roc | None = None  # settings of the statistics of all pairs
     serial: bool = False
     targets: Targets | None = None
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario of a job that has one. Raises: TypeError for two filters."""
+        if not isinstance(self.subject, Scenario):
+            raise TypeError("job: got two filters, needed a scenario")
+        return self.subject
+
+    @property
+    def name(self) -> str:
+        """What is run, for messages."""
+        return self.subject.name if isinstance(self.subject, Scenario) else "two filters"
 
 
 @dataclass(frozen=True)
@@ -64,8 +81,9 @@ def unlike(plan: Mapping[str, list[Wanted]]) -> list[Job]:
 
 def _wanted(name: str, of: Published, variant: Variant, point: Point, runs: int, code: str, further: tuple[str, ...]) -> Wanted:
     settings = settings_of(variant, point)
-    scenario = _scenario(name, variant, (*settings, *further))
-    jobs = tuple(_job(of, scenario, FIRST_SEED + k, variant.roc if k < ROC_SEEDS else None, code) for k in range(runs))
+    given = *settings, *further
+    subject = _two_filters(of.two_filters, variant, given) if of.two_filters else _scenario(name, variant, given)
+    jobs = tuple(_job(of, subject, FIRST_SEED + k, variant.roc if k < ROC_SEEDS else None, code) for k in range(runs))
     return Wanted(variant, point, settings, jobs)
 
 
@@ -76,10 +94,20 @@ def _scenario(name: str, variant: Variant, settings: tuple[str, ...]) -> Scenari
         raise BadInput(f"published.toml, variant {variant.name!r}: {error}") from error
 
 
-def _job(of: Published, scenario: Scenario, seed: int, roc: Roc | None, code: str) -> Job:
+def _two_filters(base: TwoFilters, variant: Variant, settings: tuple[str, ...]) -> TwoFilters:
+    changed = tomllib.loads("\n".join(settings).replace("=", " = "))
+    try:
+        return TwoFilters.model_validate({**base.model_dump(), **changed})
+    except ValidationError as error:
+        raise BadInput(
+            f"published.toml, variant {variant.name!r}: two_filters: {'; '.join(refusals(error, TwoFilters))}"
+        ) from error
+
+
+def _job(of: Published, subject: Scenario | TwoFilters, seed: int, roc: Roc | None, code: str) -> Job:
     """A job. Its key leaves out the names of a run, so that two tables can share runs."""
     decides = {
-        "settings": scenario.model_dump(mode="json", exclude={"name", "title", "workers", "seed"}),
+        "settings": subject.model_dump(mode="json", exclude={"name", "title", "workers", "seed"}),
         "seed": seed,
         "history_s": of.history_s,
         "picture": of.picture,
@@ -89,4 +117,4 @@ def _job(of: Published, scenario: Scenario, seed: int, roc: Roc | None, code: st
         "code": code,
     }
     key = hashlib.sha256(json.dumps(decides, sort_keys=True).encode()).hexdigest()[:20]
-    return Job(key, scenario, seed, of.history_s, of.picture, roc, of.serial, of.targets)
+    return Job(key, subject, seed, of.history_s, of.picture, roc, of.serial, of.targets)

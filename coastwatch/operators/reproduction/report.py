@@ -44,7 +44,7 @@ def lines(reproduction: Reproduction) -> Iterator[str]:
     """One line per figure."""
     for folder in reproduction.folders:
         yield folder.of.title
-        yield f"  {'':<44} {'published':>10} {'literal':>20} {'our default':>20} {'bound':>10}"
+        yield f"  {'':<44} {'published':>10} {'literal':>20} {'our default':>20} {folder.of.bound_name:>10}"
         for row in folder.rows:
             f = row.figure
             published, bound = (_number(v, row) for v in (math.nan if f.published is None else f.published, row.bound.mean))

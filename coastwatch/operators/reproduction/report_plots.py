@@ -151,6 +151,40 @@ def accepted(runs: Sequence[Record], threshold: Floats) -> tuple[Floats, Floats]
     return np.maximum(shares[0], LEAST_RATE), shares[1]
 
 
+def _convergence(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+    """ANEES over the first n runs, at the first point of the sweeps."""
+    figure, (axes,) = _panels(1)
+    records = made[0].records
+    for method, colour in zip(_fusions(records), (LITERAL, OURS, BOUND), strict=False):
+        found = values(records, f"two_filters.{method}.anees")
+        count = np.arange(1, len(found) + 1)
+        axes.plot(count, np.cumsum(found) / count, color=colour, label=method.replace("_", " "))
+        axes.axhline(values(records, f"two_filters.{method}.exact_anees")[0], color=colour, linestyle=":")
+    _label(axes, "ANEES against the number of runs", "runs", "ANEES of position and velocity")
+    return [(_uri(figure), "Mean over the first runs; dotted: exact. A consistent estimate has 4.")]
+
+
+def _anees(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+    """ANEES over the sweep, with 95 % intervals from the scatter between runs."""
+    figure, (axes,) = _panels(1)
+    key = next(iter(of.sweep))
+    places = [float(dict(one.wanted.point)[key]) for one in made]
+    for method, colour in zip(_fusions(made[0].records), (LITERAL, OURS, BOUND), strict=False):
+        found = [Spread(values(one.records, f"two_filters.{method}.anees")) for one in made]
+        half = [1.96 * s.std / np.sqrt(len(s.values)) for s in found]
+        axes.errorbar(
+            places, [s.mean for s in found], np.nan_to_num(half), color=colour, capsize=3, label=method.replace("_", " ")
+        )
+        exact = [values(one.records, f"two_filters.{method}.exact_anees")[0] for one in made]
+        axes.plot(places, exact, ":", color=colour)
+    _label(axes, of.title, key.replace("_", " "), "ANEES of position and velocity")
+    return [(_uri(figure), "Bars: 95 % interval of the mean, from the scatter between runs. Dotted: exact.")]
+
+
+def _fusions(records: Sequence[Record]) -> list[str]:
+    return list(records[0]["scores"]["two_filters"])
+
+
 def _panels(count: int) -> tuple[Figure, Sequence[Axes]]:
     figure = Figure(figsize=(4.0 * count + 2.0 if count > 1 else 7.5, 4.8), layout="constrained")
     return figure, list(np.atleast_1d(figure.subplots(1, count)))
@@ -180,4 +214,6 @@ KINDS: dict[str, Callable[[Published, Sequence[Made]], list[tuple[str, str]]]] =
     "noise": _noise,
     "history": _history,
     "roc": _roc,
+    "convergence": _convergence,
+    "anees": _anees,
 }

@@ -8,10 +8,12 @@ from typing import Any
 from coastwatch.operators.reproduction.finished_runs import FinishedRuns
 from coastwatch.operators.reproduction.measuring import measure
 from coastwatch.operators.reproduction.planning import Job
+from coastwatch.operators.reproduction.two_filters import TwoFilters
 from coastwatch.server.many import over_processes
 
 Progress = Callable[[int, int, str], None]
 VESSEL_CYCLE_S = 6e-5  # computing time of one vessel in one cycle, on one core of the 2-core machine; only for the estimate
+TWO_FILTERS_STEP_S = 4e-5  # of a step of two filters, with its share of the gains
 CYCLE_S = 0.018  # of a cycle without any vessel
 
 
@@ -40,7 +42,7 @@ def carry_out(kept: FinishedRuns, jobs: Sequence[Job], workers: int, progress: P
                 raise KeyboardInterrupt
             kept.keep(job.key, record)
             done += 1
-            progress(done, len(jobs), f"{job.scenario.name}, seed {job.seed}")
+            progress(done, len(jobs), f"{job.name}, seed {job.seed}")
 
 
 def records(kept: FinishedRuns, jobs: Sequence[Job]) -> list[dict[str, Any]]:
@@ -49,12 +51,14 @@ def records(kept: FinishedRuns, jobs: Sequence[Job]) -> list[dict[str, Any]]:
     for job in jobs:
         record = kept.record(job.key)
         if record is None:
-            raise LookupError(f"run {job.key}, {job.scenario.name}, seed {job.seed}: is not in {kept.folder}")
+            raise LookupError(f"run {job.key}, {job.name}, seed {job.seed}: is not in {kept.folder}")
         found.append(record)
     return found
 
 
 def _cost_s(job: Job) -> float:
+    if isinstance(job.subject, TwoFilters):
+        return TWO_FILTERS_STEP_S * job.subject.steps
     cycles = job.scenario.warmup_cycles + job.scenario.cycles
     vessels = getattr(job.scenario.input, "count", 0)
     return cycles * (CYCLE_S + VESSEL_CYCLE_S * vessels * (3.0 if job.roc else 1.0))
