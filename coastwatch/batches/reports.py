@@ -225,6 +225,10 @@ class FileContent:
     last_s: float
     columns: tuple[tuple[str, str], ...] = ()  # of a table: our name and the file's, of each column that was read
     ignored: tuple[str, ...] = ()  # columns that were not read
+    notes: tuple[str, ...] = ()  # what was assumed, in sentences
+    box_deg: tuple[float, float, float, float] | None = (
+        None  # south, west, north, east of the positions taken; None: it has none
+    )
 
 
 @dataclass(frozen=True, eq=False)

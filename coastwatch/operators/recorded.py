@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import zlib
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,26 +19,11 @@ from coastwatch.scenario import Area, Scenario
 from coastwatch.scenario.refusing import refusals
 from coastwatch.scenario.sites import Radar, Sonar, Station
 from coastwatch.sensors.recorded.ais_table import AisColumns
-from coastwatch.sensors.recorded.tables import BearingColumns, PlotColumns, kinds_of_table
+from coastwatch.sensors.recorded.files import has_sentences
+from coastwatch.sensors.recorded.tables import BearingColumns, PlotColumns
 from coastwatch.sensors.recorded.track_table import TrackColumns
 from coastwatch.spelling import did_you_mean
 
-LOOK_BYTES = 65_536
-SCAN_BYTES = 1 << 26  # of a file that does not begin with what is wanted
-SENTENCE = re.compile(rb"[!$][A-Z]{2}([A-Z]{3}),")
-WANTED = {"ais": ("VDM", "VDO"), "tracks": ("TTM", "TLL")}
-"""Sentences that an option wants."""
-KINDS = {"ais": "decoded AIS", "plots": "radar plots", "tracks": "finished tracks"}
-GZIP_MAGIC, PARQUET_MAGIC = b"\x1f\x8b", b"PAR1"
-OTHER_COMPRESSION = {
-    b"\xfd7zXZ\x00": "xz",
-    b"\x28\xb5\x2f\xfd": "zstd",
-    b"BZh": "bzip2",
-    b"PK\x03\x04": "zip",
-    b"7z\xbc\xaf": "7-Zip",
-}
-NEVER_TEXT = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
-BINARY_SHARE = 0.02  # random bytes have 11 %; one bad cell does not make a table binary
 COLUMNS: dict[str, type[BaseModel]] = {
     "ais": AisColumns,
     "plots": PlotColumns,
@@ -74,7 +58,7 @@ class Files:
 def document(files: Files, sensors: Mapping[str, list[dict[str, Any]]], period_s: float) -> dict[str, Any]:
     """The scenario as a document, as parsed from TOML. Raises: BadInput, OSError."""
     ais, tracks = (
-        {name: has_sentences(name, option) for name in names}
+        {name: has_sentences(Path(name), option) for name in names}
         for option, names in (("ais", files.ais), ("tracks", files.tracks))
     )
     given: dict[str, list[str]] = {
@@ -85,11 +69,6 @@ def document(files: Files, sensors: Mapping[str, list[dict[str, Any]]], period_s
         "tracks": [name for name, so in tracks.items() if not so],
         "track_sentences": [name for name, so in tracks.items() if so],
     }
-    for part in COLUMNS:
-        for name in given[part]:
-            _check_table(name, "neither NMEA 0183 nor a table" if part in ("ais", "tracks") else "no table")
-            if not _columns(files.columns, [part], check=False):
-                _check_kind(name, part)
     names = [Path(name).name for part in given.values() for name in part]
     return {
         "name": _name([name for part in given.values() for name in part]),
@@ -112,71 +91,11 @@ def _name(files: list[str]) -> str:
 
 def track_sources(files: tuple[str, ...], site: tuple[float, float] | None) -> list[dict[str, Any]]:
     """The track sources of these files, each with a name made of its file's. Files with NMEA come last, as in `document`."""
-    ordered = sorted(files, key=lambda name: has_sentences(name, "tracks"))
+    ordered = sorted(files, key=lambda name: has_sentences(Path(name), "tracks"))
     stems = [re.sub(r"[^A-Za-z0-9_]+", "-", Path(name).name.split(".")[0])[:24] or "tracks" for name in ordered]
     names = [stem if stems.count(stem) == 1 else f"{stem}-{k}" for k, stem in enumerate(stems, 1)]
     place = {} if site is None else {"latitude_deg": site[0], "longitude_deg": site[1]}
     return [{"name": name, **place} for name in names]
-
-
-def has_sentences(name: str, option: str) -> bool:
-    """Whether a file, compressed or not, has the NMEA sentences that an option wants. Raises: BadInput if it has others; OSError."""
-    found = Counter(m[1].decode() for m in SENTENCE.finditer(_head(name)))
-    if sum(found[kind] for kind in WANTED[option]):
-        return True
-    if not found or not _looks_like_nmea(name):
-        return False
-    found = Counter(m[1].decode() for m in SENTENCE.finditer(_head(name, SCAN_BYTES)))
-    if sum(found[kind] for kind in WANTED[option]):
-        return True
-    other = next((o for o, kinds in WANTED.items() if any(found[kind] for kind in kinds)), None)
-    kinds = [kind for kind, _ in found.most_common(5)] if other is None else [k for k in WANTED[other] if found[k]]
-    holds = ", ".join(f"{found[kind]:,} {kind}" for kind in kinds)
-    advice = f"use --{other}" if other else f"needed {' or '.join(WANTED[option])}"
-    raise BadInput(f"--{option} {name}: it holds {holds} sentences and no {' or '.join(WANTED[option])}: {advice}")
-
-
-def _looks_like_nmea(name: str) -> bool:
-    """Whether most of the first lines hold a sentence."""
-    lines = _head(name).splitlines()[:200]
-    return 2 * sum(SENTENCE.search(line) is not None for line in lines) > len(lines)
-
-
-def _check_kind(name: str, option: str) -> None:
-    """Refuses a table whose columns are those of another option, and says what it is. Raises: BadInput."""
-    kinds = kinds_of_table(Path(name))
-    if not kinds or option in kinds or (option == "bearings" and "plots" not in kinds):
-        return
-    kind, columns = next(iter(kinds.items()))
-    raise BadInput(f"--{option} {name}: it is a table of {KINDS[kind]} (columns {', '.join(columns)}): use --{kind}")
-
-
-def _head(name: str, size: int = LOOK_BYTES) -> bytes:
-    """The first bytes of a file, decompressed if needed. Raises: BadInput for gzip that cannot be decompressed; OSError."""
-    with open(name, "rb") as file:
-        head = file.read(size)
-    for magic, kind in OTHER_COMPRESSION.items():
-        if head.startswith(magic):
-            raise BadInput(f"{name}: got a file compressed by {kind}, needed text, gzip or Parquet: unpack it first")
-    if not head.startswith(GZIP_MAGIC):
-        return head
-    try:
-        return zlib.decompressobj(wbits=31).decompress(head, size)
-    except zlib.error as error:
-        raise BadInput(f"{name}: got gzip that cannot be decompressed ({error}), needed text, gzip or Parquet") from error
-
-
-def _check_table(name: str, what: str) -> None:
-    """Refuses a file that cannot be a table. The reader of tables reports errors inside one."""
-    head = _head(name)
-    if Path(name).suffix == ".parquet":
-        got = "" if head.startswith(PARQUET_MAGIC) else "bytes that are not Parquet"
-    elif not head.strip():
-        got = "an empty file"
-    else:
-        got = "bytes that are not text" if len(NEVER_TEXT.findall(head)) > BINARY_SHARE * len(head) else ""
-    if got:
-        raise BadInput(f"{name}: {what}: got {got}, needed {'NMEA lines, ' if 'NMEA' in what else ''}CSV or Parquet")
 
 
 def check_sensors(radars: list[dict[str, Any]], stations: list[dict[str, Any]], sonars: list[dict[str, Any]]) -> None:
@@ -197,16 +116,13 @@ def check_sensors(radars: list[dict[str, Any]], stations: list[dict[str, Any]], 
                 raise BadInput(f"{option} {sensor['name']}: {'; '.join(refusals(error, model))}") from error
 
 
-def _columns(wanted: Mapping[str, str], parts: list[str], check: bool = True) -> dict[str, dict[str, str]]:
-    """The settings of columns. A name without a prefix applies to every table that has such a column.
-
-    Args: check: refuse a name that no part has.
-    """
+def _columns(wanted: Mapping[str, str], parts: list[str]) -> dict[str, dict[str, str]]:
+    """The settings of columns. A name without a prefix applies to every table that has such a column."""
     out: dict[str, dict[str, str]] = {}
     for ours, yours in wanted.items():
         part, _, key = ours.rpartition(".")
         takers = [p for p in parts if part in ("", p) and key in COLUMNS[p].model_fields]
-        if not takers and check:
+        if not takers:
             known = "; ".join(f"{p}: {', '.join(COLUMNS[p].model_fields)}" for p in parts) or "none, NMEA has no columns"
             names = [name for p in parts for field in COLUMNS[p].model_fields for name in (field, f"{p}.{field}")]
             raise BadInput(f"--columns: got {ours!r}, needed one of {known}{did_you_mean(ours, names)}")

@@ -108,8 +108,12 @@ def test_a_missing_file_is_named() -> None:
 
 
 def test_a_file_without_a_usable_record_says_what_was_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"1 not a sentence \(first at feed\.nmea:1\)"):
-        Nmea(files=(write(tmp_path, ["nothing here"]),)).span()
+    with pytest.raises(
+        ValueError, match=r"feed\.nmea: got no sentence of NMEA 0183, needed VDM or VDO; a table of AIS goes to"
+    ):
+        Nmea(files=(write(tmp_path, ["time,mmsi"]),)).span()
+    with pytest.raises(ValueError, match=r"1 half a line \(first at feed\.nmea:1\)"):
+        Nmea(files=(write(tmp_path, ["!AIVDM,1,1,,A,33P;Tw0"]),)).span()
 
 
 def test_two_files_are_merged_in_order_of_arrival_and_cut_by_cycle(tmp_path: Path) -> None:

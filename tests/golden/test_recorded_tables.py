@@ -56,6 +56,12 @@ def sensors() -> Sensors:
         "2016-01-12 13:02:11",
         "2016-01-12T13:02:11Z",
         "2016-01-12T14:02:11.000+01:00",
+        "2016-01-12 14:02:11+0100",
+        "20160112T130211Z",
+        "20160112130211",
+        "12.01.2016 13:02:11",
+        "2016/01/12 13:02:11.000",
+        "12-Jan-2016 13:02:11",
     ],
 )
 def test_every_way_to_write_a_time(tmp_path: Path, stamp: str) -> None:
@@ -67,7 +73,62 @@ def test_every_way_to_write_a_time(tmp_path: Path, stamp: str) -> None:
 def test_a_pattern_of_time_may_be_given(tmp_path: Path) -> None:
     file = table(tmp_path, "13:02:11 12.01.2016,235070762,50.7,-1.1,5,90")
     assert AisTable(files=(file,), time_format="%H:%M:%S %d.%m.%Y").read()[0].received_s.tolist() == [T0]
-    assert kinds(AisTable(files=(file,)).read()[2]) == {"unparsable cell": 1}
+    with pytest.raises(
+        ValueError, match=r"table\.csv:2, column Time: got '13:02:11 12\.01\.2016', which is no time: .*time_format"
+    ):
+        AisTable(files=(file,)).read()
+
+
+@pytest.mark.parametrize(
+    ("header", "stamps", "second"),
+    [
+        ("Time", ("12/01/2016 13:02:11", "13/01/2016 13:02:11"), T0),
+        ("Time", ("01/12/2016 1:02:11 PM", "01/13/2016 1:02:11 PM"), T0),
+        ("# Timestamp", ("12/01/2016 13:02:11", "12/01/2016 13:02:12"), T0),
+    ],
+)
+def test_dates_with_slashes_are_read_as_the_whole_column_shows(
+    tmp_path: Path, header: str, stamps: tuple[str, ...], second: float
+) -> None:
+    file = table(tmp_path, *(f"{s},235070762,50.7,-1.1,5,90" for s in stamps), header=HEADER.replace("Time", header))
+    assert AisTable(files=(file,)).read()[0].received_s[0] == second
+
+
+def test_dates_that_may_be_day_or_month_first_are_refused(tmp_path: Path) -> None:
+    file = table(tmp_path, "03/04/2026 13:02:11,235070762,50.7,-1.1,5,90")
+    with pytest.raises(
+        ValueError, match=r"table\.csv, column Time: got '03/04/2026 13:02:11', which may be day first or month"
+    ):
+        AisTable(files=(file,)).read()
+
+
+def test_times_without_a_zone_are_noted_once(tmp_path: Path) -> None:
+    for stamp, notes in (("12.01.2016 13:02:11", ("times have no zone: taken as UTC",)), ("2016-01-12T13:02:11Z", ())):
+        feed = AisTable(files=(table(tmp_path, f"{stamp},235070762,50.7,-1.1,5,90"),))
+        assert [file.notes for file in feed.load(sensors(), 1, PLAN).contents] == [notes]
+
+
+@pytest.mark.parametrize(
+    ("separator", "point", "encoding"),
+    [(";", ",", "utf-8"), (";", ".", "utf-8-sig"), ("\t", ".", "utf-16"), ("|", ".", "latin-1"), (",", ".", "utf-16")],
+)
+def test_separator_decimal_sign_and_encoding_are_found(tmp_path: Path, separator: str, point: str, encoding: str) -> None:
+    line = row(0, sog="5.5").replace(",", separator).replace(".", point)
+    file = tmp_path / "table.csv"
+    file.write_text(f"{HEADER.replace(',', separator)}\n{line}\n", encoding)
+    reports, _, faults = AisTable(files=(file,)).read()
+    assert (reports.received_s.tolist(), reports.position_deg.tolist(), reports.sog_kn.tolist()) == (
+        [T0],
+        [[50.7, -1.1]],
+        [5.5],
+    )
+    assert not faults
+
+
+def test_a_column_that_is_there_twice_is_refused_if_it_is_used(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"table\.csv: got two columns 'Latitude', needed one"):
+        AisTable(files=(table(tmp_path, row(0) + ",1", header=HEADER + ",Latitude"),)).read()
+    assert len(AisTable(files=(table(tmp_path, row(0) + ",1,2", header=HEADER + ",note,note"),)).read()[0]) == 1
 
 
 def test_columns_may_have_any_name_and_unit(tmp_path: Path) -> None:
@@ -93,7 +154,9 @@ def test_columns_may_have_any_name_and_unit(tmp_path: Path) -> None:
 
 def test_a_column_that_is_not_there_is_named(tmp_path: Path) -> None:
     file = table(tmp_path, "1,2", header="Time,MMSI")
-    with pytest.raises(ValueError, match=r"table\.csv: got columns \['Time', 'MMSI'\], needed one of \['latitude'"):
+    with pytest.raises(
+        ValueError, match=r"table\.csv: got columns Time, MMSI, needed one of latitude, lat.*--columns ais\.latitude="
+    ):
         AisTable(files=(file,)).read()
     with pytest.raises(ValueError, match="needed 'nord'"):
         AisTable(files=(file,), columns={"latitude": "nord"}).read()
@@ -168,9 +231,47 @@ def test_an_unreadable_file_is_named(tmp_path: Path, name: str, content: bytes) 
         AisTable(files=(tmp_path / name,)).read()
 
 
-def test_a_header_alone_gives_nothing(tmp_path: Path) -> None:
+def test_a_header_alone_gives_nothing_and_is_said(tmp_path: Path) -> None:
     reports, statics, faults = AisTable(files=(table(tmp_path),)).read()
-    assert (len(reports), len(statics), faults) == (0, 0, ())
+    assert (len(reports), len(statics), kinds(faults)) == (0, 0, {"table without a row under its header": 1})
+
+
+TABLES = {
+    "ais": "time,mmsi,lat,lon,sog,cog",
+    "plots": "time,radar,range_m,azimuth_deg",
+    "bearings": "time,sensor,bearing,track",
+    "tracks": "time,track_id,lat,lon,sog,cog",
+}
+
+
+@pytest.mark.parametrize("given", TABLES)
+@pytest.mark.parametrize("kind", TABLES)
+def test_a_table_of_another_kind_is_refused_with_the_option_it_belongs_to(tmp_path: Path, kind: str, given: str) -> None:
+    file = table(tmp_path, header=TABLES[kind])
+    if kind == given:
+        assert not len(Tables(**{given: (file,)}).load(sensors(), 1, PLAN).whole())
+    else:
+        with pytest.raises(
+            ValueError, match=rf"table\.csv: given as .*, it is a table of .*: use --{kind} \(in a scenario: input"
+        ):
+            Tables(**{given: (file,)}).load(sensors(), 1, PLAN)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"!AIVDM,1,1,,A,33P;Tw0tjBQO22:E7dm66DrB20UP,0*2E\n", "it holds 1 VDM sentences of NMEA 0183 and no table: use --ais"),
+        (b"PK\x03\x04....", "compressed by zip, .*: unpack it first"),
+        (b'[{"mmsi": 1}]\n', "got JSON, needed a table in CSV or Parquet"),
+        (b"<!DOCTYPE html>\n<html>\n", "got HTML or XML"),
+        (b"\n \n", "got an empty file"),
+    ],
+)
+def test_a_file_that_is_no_table_is_refused(tmp_path: Path, content: bytes, message: str) -> None:
+    file = tmp_path / "plots.csv"
+    file.write_bytes(content)
+    with pytest.raises((OSError, ValueError), match=message):
+        Tables(plots=(file,)).span()
 
 
 def test_plots_polar_and_geodetic_are_the_same_place(tmp_path: Path) -> None:

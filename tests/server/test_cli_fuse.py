@@ -5,18 +5,24 @@ import gzip
 import io
 import json
 import math
+import re
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from coastwatch.batches import Fault, FileContent
 from coastwatch.geodesy import KNOT_M_S, offset_deg, to_plane
 from coastwatch.operators import recorded
-from coastwatch.operators.cli import main
+from coastwatch.operators.cli import inputs, main
 from coastwatch.scenario import make_scenario
 from coastwatch.scenario.sites import TrackSource, sensors_of
 from coastwatch.sensors.recorded.ais_validation import AisIntake
 from coastwatch.sensors.recorded.faults import Tally
+from coastwatch.sensors.recorded.files import has_sentences
 from coastwatch.sensors.recorded.target_sentences import target_reports
 
 SEED = 4
@@ -98,13 +104,15 @@ def test_radar_ais_and_bearings_become_two_ships(files: Path, capsys: pytest.Cap
         ),
         (["--plots", "plots.csv", "--radar", "hill,95,179,12,20"], "--radar hill: latitude_deg: got 95.0"),
         (["--plots", "plots.csv", RADAR, RADAR], "--radar: got the name 'hill' 2 times, needed it once\n"),
-        (["--ais", "empty.nmea"], "empty.nmea: neither NMEA 0183 nor a table: got an empty file"),
-        (["--ais", "random.log"], "random.log: neither NMEA 0183 nor a table: got bytes that are not text"),
-        (["--ais", "random.parquet"], "random.parquet: neither NMEA 0183 nor a table"),
+        (["--ais", "empty.nmea"], "empty.nmea: got an empty file"),
+        (["--ais", "random.log"], "random.log: got bytes that are not text"),
+        (["--ais", "wide.nmea"], "wide.nmea: got NMEA 0183 in UTF-16, needed ASCII or UTF-8: save it again as UTF-8"),
+        (["--ais", "."], "got a folder, needed a file"),
+        (["--ais", "random.parquet"], "random.parquet: got bytes that are not Parquet"),
         (["--ais", "random.gz"], "random.gz: got gzip that cannot be decompressed"),
         (["--ais", "packed.xz"], "packed.xz: got a file compressed by xz, needed text, gzip or Parquet: unpack it first"),
         (["--plots", "packed.zst", RADAR], "packed.zst: got a file compressed by zstd"),
-        (["--plots", "random.log", RADAR], "random.log: no table"),
+        (["--plots", "random.log", RADAR], "random.log: got bytes that are not text"),
         (["--ais", "untimed.nmea"], "--set input.assume_start_utc=2026-07-01T12:00:00Z"),
         (["--plots", "plots.csv", RADAR], "when"),
         (["--plots", "plots.csv", RADAR, "--columns", "time=when,mmsi=ship"], "mmsi"),
@@ -128,6 +136,7 @@ def test_what_is_wrong_is_named(
     contents = {"empty.nmea": b"", "untimed.nmea": SENTENCE.encode(), "random.gz": b"\x1f\x8b" + noise}
     contents["targets.nmea"] = 3 * b"$RATTM,11,11.4,13.6,T,7.0,20.0,T,0.0,0.0,N,TGT1,T,,100021.00,A*46\n"
     contents |= {"packed.xz": b"\xfd7zXZ\x00" + noise, "packed.zst": b"\x28\xb5\x2f\xfd" + noise}
+    contents["wide.nmea"] = SENTENCE.encode("utf-16")
     contents["tracks.csv"] = b"time,track_id,lat,lon,sog,cog\n"
     if "mmsi=" not in str(arguments):
         ais = (files / "ais.csv").read_bytes()
@@ -145,7 +154,7 @@ def test_sentences_are_told_from_tables(tmp_path: Path) -> None:
     plain.write_text(SENTENCE)
     packed.write_bytes(gzip.compress(b"\\s:2573238,c:1733782034*0A\\!BSVDM,1,1,,A,13o4g`00000I2ENRH4g83S0L088C,0*3F\n"))
     table.write_text("time,mmsi,lat,lon\n")
-    assert [recorded.has_sentences(str(p), "ais") for p in (plain, packed, table)] == [True, True, False]
+    assert [has_sentences(p, "ais") for p in (plain, packed, table)] == [True, True, False]
 
 
 def test_other_files_are_another_run(tmp_path: Path) -> None:
@@ -259,6 +268,39 @@ def test_files_that_do_not_overlap_in_time_are_warned_of_with_both_spans(
     )
     assert wanted in found.err
     assert wanted in json.loads(found.out)["warnings"][0]
+
+
+@pytest.mark.parametrize(
+    ("name", "taken", "wanted"),
+    [
+        (
+            "swapped.csv",
+            {"box_deg": (-1.2, 50.7, -1.1, 50.8)},
+            "swapped.csv lies far from every sensor, .* and longitude swapped",
+        ),
+        (
+            "away.csv",
+            {"box_deg": (10.0, 20.0, 11.0, 21.0)},
+            "away.csv lies far from every sensor, .* one of the positions wrong",
+        ),
+        (
+            "clock.csv",
+            {"first_s": 0.0, "last_s": 46217.5},
+            "clock.csv: its times are 1970-01-01T00:00:00Z to 1970-01-01T12:50:17Z",
+        ),
+        ("none.csv", {"records": 0}, "none.csv: no record was taken: 60 unknown radar .*north, known"),
+        ("good.csv", {}, None),
+    ],
+)
+def test_files_of_odd_times_or_places_are_warned_of(name: str, taken: dict[str, Any], wanted: str | None) -> None:
+    good = FileContent("ais.csv", "AIS reports", 9, START_S, START_S + 60.0, box_deg=(50.7, -1.2, 50.8, -1.1))
+    fault = Fault("unknown radar", 60, "none.csv:2, column radar", "north, known: ['hill']")
+    odd = replace(good, name=name, **taken)
+    scenario = SimpleNamespace(radars=(), stations=(SimpleNamespace(latitude_deg=50.8, longitude_deg=-1.1, range_nm=30.0),))
+    found = inputs.warnings(scenario, SimpleNamespace(contents=(good, odd), faults=(fault,), vessels=1))
+    found = [line for line in found if "overlap" not in line]
+    assert len(found) == (wanted is not None)
+    assert wanted is None or re.match(wanted, found[0])
 
 
 def test_an_empty_picture_says_why(files: Path, capsys: pytest.CaptureFixture[str]) -> None:

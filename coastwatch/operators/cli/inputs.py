@@ -7,6 +7,9 @@ from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
+FIRST_RECORDING_S = 315_532_800.0  # 1980
+NEAR_DEG = 3.0
+
 
 def contents_as_lines(contents: Sequence[Any]) -> Iterator[str]:
     """Each file: records, time span, columns read as ours=the file's, columns ignored."""
@@ -18,6 +21,7 @@ def contents_as_lines(contents: Sequence[Any]) -> Iterator[str]:
             yield "    columns read: " + ", ".join(our if our == theirs else f"{our}={theirs}" for our, theirs in file.columns)
         if file.ignored:
             yield "    columns ignored: " + ", ".join(file.ignored)
+        yield from (f"    {note}" for note in file.notes)
 
 
 def contents_as_objects(contents: Sequence[Any]) -> list[dict[str, Any]]:
@@ -31,14 +35,21 @@ def contents_as_objects(contents: Sequence[Any]) -> list[dict[str, Any]]:
             "last_s": file.last_s,
             "columns": dict(file.columns),
             "ignored": list(file.ignored),
+            "notes": list(file.notes),
         }
         for file in contents
     ]
 
 
-def warnings(result: Any) -> list[str]:
-    """What an operator should check: files that do not overlap in time, and why a picture is empty."""
-    return [*_without_overlap(result.contents), *_empty_picture(result)]
+def warnings(scenario: Any, result: Any) -> list[str]:
+    """What an operator should check: files of odd times, files that do not overlap in time or in place, and why a picture is empty."""
+    return [
+        *_before_1980(result.contents),
+        *_without_overlap(result.contents),
+        *_elsewhere(scenario, result.contents),
+        *_nothing_taken(result),
+        *_empty_picture(result),
+    ]
 
 
 def span_of(file: Any) -> str:
@@ -59,6 +70,56 @@ def _without_overlap(contents: Sequence[Any]) -> Iterator[str]:
                 f"{file.name} and {files[nearest].name} do not overlap in time: {span_of(file)}, and {span_of(files[nearest])}, "
                 f"{gaps[nearest] / 3600.0:.2f} h apart; is the time zone of one of them wrong?"
             )
+
+
+def _nothing_taken(result: Any) -> Iterator[str]:
+    """Each file of which no record was taken, beside files that have some, and the faults of the file."""
+    taken = any(file.records for file in result.contents)
+    for file in result.contents:
+        if taken and not file.records:
+            faults = [f for f in result.faults if f.where.startswith(file.name)]
+            refusals = ", ".join(f"{f.count:,} {f.kind} (first at {f.where}: {f.example})" for f in faults) or "it has none"
+            yield f"{file.name}: no record was taken: {refusals}"
+
+
+def _before_1980(contents: Sequence[Any]) -> Iterator[str]:
+    """Each file whose times are before 1980, which no recording is."""
+    for file in contents:
+        if file.records and file.last_s < FIRST_RECORDING_S:
+            yield (
+                f"{file.name}: its times are {span_of(file)}: are they seconds from a start, or days of a spreadsheet? "
+                f"Numbers count as Unix time; with --columns time=NAME another column has the time"
+            )
+
+
+def _elsewhere(scenario: Any, contents: Sequence[Any]) -> Iterator[str]:
+    """Each file whose positions are far from every sensor that has a range, or without any, from every other file."""
+    sites = (*scenario.radars, *scenario.stations)
+    discs = [_box(s.latitude_deg, s.longitude_deg, s.range_nm / 60.0) for s in sites if s.latitude_deg is not None]
+    files = [file for file in contents if file.box_deg is not None]
+    for k, file in enumerate(files):
+        south, west, north, east = file.box_deg
+        others = discs or [other.box_deg for i, other in enumerate(files) if i != k]
+        if others and not any(_near(file.box_deg, other) for other in others):
+            swapped = any(_near((west, south, east, north), other) for other in others)
+            ask = "are latitude and longitude swapped?" if swapped else "is one of the positions wrong?"
+            what = "sensor" if discs else "other file"
+            yield (
+                f"{file.name} lies far from every {what}, at latitude {south:.2f} to {north:.2f}, longitude {west:.2f} to {east:.2f}: "
+                f"{ask}"
+            )
+
+
+def _box(latitude: float, longitude: float, reach_deg: float) -> tuple[float, float, float, float]:
+    wide = reach_deg / max(math.cos(math.radians(latitude)), 0.1)
+    return latitude - reach_deg, longitude - wide, latitude + reach_deg, longitude + wide
+
+
+def _near(a: tuple[float, float, float, float], b: tuple[float, float, float, float]) -> bool:
+    """Whether two boxes lie within NEAR_DEG of each other. One over the antimeridian may count as near."""
+    apart = (b[1] + b[3] - a[1] - a[3]) / 2.0
+    apart = abs((apart + 180.0) % 360.0 - 180.0) - (a[3] - a[1] + b[3] - b[1]) / 2.0
+    return a[0] - NEAR_DEG < b[2] and b[0] - NEAR_DEG < a[2] and apart < NEAR_DEG
 
 
 def _gap_s(a: Any, b: Any) -> float:

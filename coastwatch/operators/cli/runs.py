@@ -43,7 +43,7 @@ def carry_out(scenario: Any, options: argparse.Namespace, seed: int | None, on_c
         print(json.dumps(summary.as_object(scenario, result), allow_nan=False))
     else:
         print(printable_lines(summary.as_text(scenario, result)))
-    for warning in inputs.warnings(result):
+    for warning in inputs.warnings(scenario, result):
         print(f"coastwatch: warning: {printable(warning)}", file=sys.stderr)
     if result.interrupted:
         print("coastwatch: interrupted after a whole cycle; the same command with --resume continues", file=sys.stderr)

@@ -38,7 +38,7 @@ def as_object(scenario: Any, result: Any) -> dict[str, Any]:
             "timings_s": result.timings_s,
             "faults": [{"kind": f.kind, "count": f.count, "where": f.where, "example": f.example} for f in result.faults],
             "files": contents_as_objects(result.contents),
-            "warnings": warnings(result),
+            "warnings": warnings(scenario, result),
             "database": result.database,
         }
     )

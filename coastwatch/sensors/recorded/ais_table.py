@@ -15,46 +15,13 @@ from coastwatch.geodesy import KNOT_M_S
 from coastwatch.sensors.recorded.ais_cells import accuracies, classes, covariances, nav_statuses
 from coastwatch.sensors.recorded.ais_validation import Acceptance, AisIntake, AisRows, StaticRows
 from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
-from coastwatch.sensors.recorded.file_locations import Fingerprint, fingerprint
+from coastwatch.sensors.recorded.files import Fingerprint, fingerprint
 from coastwatch.sensors.recorded.merging import ais_recording, by_arrival, span_of
-from coastwatch.sensors.recorded.table_reader import Table, read_table
-from coastwatch.sensors.recorded.table_rows import POSITION_ENTRIES, content_of, good_cells
+from coastwatch.sensors.recorded.table_reader import Separator, Table, read_table
+from coastwatch.sensors.recorded.table_rows import content_of, find_columns, good_cells, need_columns
 from coastwatch.stage import Method, Plan, Settings
 
 SPEED_KN = {"kn": 1.0, "m/s": 1.0 / KNOT_M_S, "km/h": 1.0 / 1.852}
-
-KNOWN: dict[str, tuple[str, ...]] = {
-    "time": (
-        "time",
-        "time_s",
-        "timestamp",
-        "time_utc",
-        "timestamp_utc",
-        "basedatetime",
-        "base_date_time",
-        "datetime",
-        "date_time",
-        "t",
-    ),
-    "received": ("received", "received_s", "receivetime", "receive_time", "received_utc"),
-    "mmsi": ("mmsi", "sourcemmsi", "userid", "user_id"),
-    "latitude": ("latitude", "lat", "latitude_deg", "latitude_degrees", "y"),
-    "longitude": ("longitude", "lon", "lng", "long", "longitude_deg", "longitude_degrees", "x"),
-    "sog": ("sog", "sog_kn", "sog_knots", "speed", "speed_over_ground", "speedoverground"),
-    "cog": ("cog", "cog_deg", "cog_degrees", "course", "course_over_ground", "courseoverground"),
-    "ais_class": ("class", "ais_class", "type_of_mobile", "transceiver", "transceiverclass"),
-    "nav_status": ("nav_status", "navstatus", "navigational_status", "navigationalstatus", "navigation_status", "status"),
-    "accuracy": ("position_accuracy", "positionaccuracy", "accuracy"),
-    "raim": ("raim", "raim_flag"),
-    "position_sigma_m": ("position_sigma_m", "sigma_m", "position_sigma"),
-    **{name: (name,) for name in POSITION_ENTRIES},
-    "name": ("name", "shipname", "ship_name", "vesselname", "vessel_name"),
-    "call_sign": ("call_sign", "callsign"),
-    "ship_type": ("ship_type_code", "shiptype", "vesseltype", "vessel_type", "ship_type"),
-    "length": ("length", "length_m"),
-    "beam": ("beam", "beam_m", "width"),
-}
-"""Names, in lower case, by which a column is found if the settings do not name it."""
 
 WRAPPED_COG = SET_ASIDE + "COG of a wrapped field: "
 LEAST_WRAPPED_SHARE = 0.02  # of the courses of a file
@@ -91,12 +58,10 @@ class AisTable(Method):
     files: Annotated[tuple[Path, ...], Field(min_length=1)]  # each in order of arrival; compressed (gzip) or not
     columns: AisColumns = AisColumns()  # names of the columns
     time_format: str = "auto"
-    """Of times. "auto": Unix time in s, ms, us or ns, or a written date. Else a pattern of strptime, e.g. "%d.%m.%Y %H:%M:%S" for
-    31.12.2025 23:59:59. A time without a zone is UTC; with "%z" the zone is read, e.g. "%Y-%m-%d %H:%M:%S%z" for
-    2025-12-31 23:59:59+0100."""
-    separator: Annotated[str, Field(min_length=1, max_length=1)] = (
-        ","  # one character between the cells of a CSV file, e.g. ";"
-    )
+    """Of times. "auto": Unix time in s, ms, us or ns, or a written date; a date with points is day first. Else a pattern of strptime,
+    e.g. "%d/%m/%Y %H:%M:%S" for 31/12/2025 23:59:59. A time without a zone is UTC; with "%z" the zone is read, e.g.
+    "%Y-%m-%d %H:%M:%S%z" for 2025-12-31 23:59:59+0100."""
+    separator: Separator = "auto"  # one character between the cells of a CSV file, e.g. ";"; "auto": by the header
     speed_unit: Literal["kn", "m/s", "km/h"] = "kn"  # of the column of SOG, e.g. "m/s" for 5.14 where a ship makes 10 kn
     intake: AisIntake = AisIntake()  # which records are accepted
 
@@ -136,10 +101,8 @@ def _read(settings: AisTable, files: Fingerprint) -> tuple[AisReports, AisStatic
 
 def _one_file(settings: AisTable, path: Path, feed: int, tally: Tally) -> tuple[AisReports, AisStatics]:
     table = read_table(path, settings.separator, tally)
-    column = {
-        key: (table.need if key in REQUIRED else table.find)(getattr(settings.columns, key, None), names)
-        for key, names in KNOWN.items()
-    }
+    column = find_columns(table, "ais", settings.columns)
+    need_columns(table, "ais", column, REQUIRED)
     table, values = good_cells(table, column, REQUIRED, settings.time_format, tally)
     received = values["received"]
     stamp = np.where(np.isnan(received), values["time"], received)
@@ -165,7 +128,7 @@ def _one_file(settings: AisTable, path: Path, feed: int, tally: Tally) -> tuple[
     statics, static_rows = _statics(table, column, values, rows.mmsi, stamp)
     stream = Acceptance(settings.intake, tally, lambda row: table.location(int(np.searchsorted(table.row, row))), feed)
     reports, static = stream.block(rows, statics, static_rows)
-    tally.add_file(content_of(table, "AIS reports", column, reports.time_s))
+    tally.add_file(content_of(table, "AIS reports", column, reports.time_s, reports.position_deg))
     return reports, static
 
 

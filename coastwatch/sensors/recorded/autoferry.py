@@ -15,7 +15,7 @@ from pydantic import Field
 from coastwatch.batches import Array, BearingReports, Fault, Floats, Ints, RadarReports, Recording, Sensors, Trajectories
 from coastwatch.geodesy import from_plane
 from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
-from coastwatch.sensors.recorded.file_locations import Fingerprint, data_folder, fingerprint
+from coastwatch.sensors.recorded.files import Fingerprint, data_folder, fingerprint
 from coastwatch.sensors.recorded.merging import recording, span_of
 from coastwatch.stage import Method, Plan
 

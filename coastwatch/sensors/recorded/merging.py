@@ -21,10 +21,12 @@ from coastwatch.batches import (
     TrackReports,
     Trajectories,
 )
+from coastwatch.sensors.recorded.ais_validation import LATITUDE
 from coastwatch.sensors.recorded.faults import refused
 
 TIME_MISSING = "time missing"
 REMEDY = "--set input.assume_start_utc=2026-07-01T12:00:00Z sets the time of the first sentence"
+SWAPPED = "positions are decimal degrees; --columns latitude=THEIR-LONGITUDE,longitude=THEIR-LATITUDE mends swapped ones"
 
 AnyReports = TypeVar("AnyReports", RadarReports, AisReports, AisStatics, BearingReports, TrackReports)
 
@@ -47,6 +49,7 @@ def span_of(*received_s: Floats, faults: tuple[Fault, ...] = ()) -> tuple[float,
     if not got:
         refusals = "; ".join(f"{f.count} {f.kind} (first at {f.where})" for f in refused(faults)) or "nothing was refused"
         remedy = f"; if no line has a time, {REMEDY}" if any(f.kind == TIME_MISSING for f in faults) else ""
+        remedy += f"; {SWAPPED}" if any(f.kind == LATITUDE for f in faults) else ""
         raise ValueError(f"recorded input: got no usable record, needed at least one: {refusals}{remedy}")
     first, last = min(float(r[0]) for r in got), max(float(r[-1]) for r in got)
     return float(np.ceil(first) - 1.0), float(np.ceil(last))

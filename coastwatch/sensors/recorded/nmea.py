@@ -22,7 +22,7 @@ from coastwatch.sensors.recorded.ais_messages import Assembler, Messages
 from coastwatch.sensors.recorded.ais_payload import decoded
 from coastwatch.sensors.recorded.ais_validation import Acceptance, AisIntake, AisRows, StaticRows, Timed
 from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
-from coastwatch.sensors.recorded.file_locations import Fingerprint, fingerprint
+from coastwatch.sensors.recorded.files import GZIP_MAGIC, Fingerprint, fingerprint, has_sentences
 from coastwatch.sensors.recorded.merging import TIME_MISSING, span_of
 from coastwatch.sensors.recorded.nmea_sentences import ais_sentences
 from coastwatch.sensors.recorded.reception_time import reception_times
@@ -34,7 +34,6 @@ CUT_FILE = "file cut short"
 
 BLOCK = 25_000  # sentences that are decoded at once
 TAIL_BYTES = 1 << 22  # of a long file, read to find its last time
-GZIP_MAGIC = b"\x1f\x8b"
 
 
 class Nmea(Method):
@@ -98,11 +97,14 @@ class _FileStream:
         self._statics: list[AisStatics] = []
         self.at_end = False  # no sentence is left to decode
         self._count, self._first_s, self._last_s = 0, math.inf, -math.inf  # accepted reports, and the times of their fixes
+        self._corners = [[math.inf, math.inf], [-math.inf, -math.inf]]  # of their positions
 
     def content(self) -> FileContent:
         """What was taken so far."""
         first_s, last_s = (self._first_s, self._last_s) if self._count else (math.nan, math.nan)
-        return FileContent(self._name, "AIS reports", self._count, first_s, last_s)
+        (south, west), (north, east) = self._corners
+        box = (south, west, north, east) if self._count else None
+        return FileContent(self._name, "AIS reports", self._count, first_s, last_s, box_deg=box)
 
     @property
     def newest_s(self) -> float:
@@ -143,6 +145,8 @@ class _FileStream:
         rows, statics, static_rows = self._without_own(block) if self._settings.drop_own_ship else block
         reports, static = self._acceptance.block(rows, statics, static_rows, ahead_s)
         self._count += len(reports)
+        self._corners[0] = reports.position_deg.min(axis=0, initial=math.inf).clip(max=self._corners[0]).tolist()
+        self._corners[1] = reports.position_deg.max(axis=0, initial=-math.inf).clip(min=self._corners[1]).tolist()
         self._first_s = min(self._first_s, float(reports.time_s.min(initial=math.inf)))
         self._last_s = max(self._last_s, float(reports.time_s.max(initial=-math.inf)))
         return reports, static
@@ -236,6 +240,10 @@ def first_and_last(settings: Nmea, files: Fingerprint) -> tuple[Floats, tuple[Fa
     """
     firsts, lasts, tally = [math.inf], [-math.inf], Tally()
     for path, _, _ in files:
+        if not has_sentences(path, "ais"):
+            raise ValueError(
+                f"{path}: got no sentence of NMEA 0183, needed VDM or VDO; a table of AIS goes to --ais or input.ais"
+            )
         file = _FileStream(settings, path, tally)
         received = np.concatenate([part.received_s for part in file.head()])
         if len(received):

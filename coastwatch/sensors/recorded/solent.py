@@ -19,7 +19,7 @@ from coastwatch.geodesy import KNOT_M_S, difference_m, from_plane, to_plane, tur
 from coastwatch.sensors.recorded.ais_table import AisTable
 from coastwatch.sensors.recorded.ais_validation import utc
 from coastwatch.sensors.recorded.faults import Tally
-from coastwatch.sensors.recorded.file_locations import Fingerprint, data_folder, fingerprint
+from coastwatch.sensors.recorded.files import Fingerprint, data_folder, fingerprint
 from coastwatch.sensors.recorded.merging import recording, span_of
 from coastwatch.sensors.recorded.smoothing import between, smooth
 from coastwatch.sensors.simulated.radar import RadarTruth, interpolated, observe

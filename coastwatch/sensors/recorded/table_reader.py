@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import gzip
 import io
+import re
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import lazy_loader
 import numpy as np
+from pydantic import Field
 
 from coastwatch.batches import Array, Bools, Floats, Ints
 from coastwatch.sensors.recorded.faults import Tally
+from coastwatch.sensors.recorded.files import GZIP_MAGIC, as_utf8, check_table
 from coastwatch.sensors.recorded.timestamps import MICROSECONDS_FROM, MILLISECONDS_FROM, NANOSECONDS_FROM
 
 if TYPE_CHECKING:
@@ -25,11 +27,23 @@ HALF_A_LINE = "half a line"
 RAGGED = "line with too many cells"
 QUOTE = "quotation without end"
 CUT_FILE = "file cut short"
+NO_ROW = "table without a row under its header"
 
-GZIP_MAGIC = b"\x1f\x8b"
+Separator = Annotated[str, Field(pattern=r"^(auto|.)$")]
+REPEATED = "_duplicated_"  # polars names the second column of a name so, with a number
+SEPARATORS = (",", ";", "\t", "|")
 LINE_BREAKER = "\x1f"  # the ASCII unit separator, which no line of a table contains
-WRITTEN_TIMES = ("%Y-%m-%d %H:%M:%S%.f", "%Y-%m-%d %H:%M", "%d/%m/%Y %H:%M:%S%.f")
-ZONED_TIME = "%Y-%m-%d %H:%M:%S%.f%:z"
+CLOCKS = ("%H:%M:%S%.f", "%H:%M", "%I:%M:%S%.f %p", "%I:%M %p")
+DATES = ("%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%d-%b-%Y", "%d %b %Y", "%d/%b/%Y")
+WRITTEN_TIMES = (*(f"{date} {clock}" for date in DATES for clock in CLOCKS[:2]), "%Y%m%d %H%M%S")
+DAY_FIRST, MONTH_FIRST = "%d/%m/%Y", "%m/%d/%Y"
+ZONED_TIME = "%Y-%m-%d %H:%M:%S%.f%z"
+ZONE = r"[:\d] ?(Z|UTC|GMT|[+-]\d{2}:?\d{2})$"
+DANISH_TIME = "# timestamp"  # the column of the Danish Maritime Authority, whose dates are day first
+FIRST_COMPACT, LAST_COMPACT = 19_000_101_000_000, 22_000_101_000_000
+"""Numbers from the first to the last are 20260714033320: in milliseconds they would be after the year 2500."""
+KNOWN_TIMES = "Unix time, a date and time such as 2026-07-14 03:33:20 or 14.07.2026 03:33:20, or a pattern"
+PATTERN = '--set input.time_format="%d/%m/%Y %H:%M:%S"'
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +53,7 @@ class Table:
     name: str
     frame: pl.DataFrame
     row: Ints  # line of a CSV file, row of a Parquet file, from 1
+    separator: str = ","
 
     def __len__(self) -> int:
         return len(self.row)
@@ -55,42 +70,37 @@ class Table:
     def at(self, rows: Array) -> Table:
         """The rows under a mask or at indices."""
         keep = np.flatnonzero(rows) if rows.dtype == np.bool_ else rows
-        return Table(self.name, self.frame[keep], self.row[keep])
+        return Table(self.name, self.frame[keep], self.row[keep], self.separator)
 
     def find(self, wanted: str | None, known: tuple[str, ...]) -> str | None:
         """The name of a column: `wanted`, or the first that has one of the known names; None if there is none.
 
-        Raises: ValueError if `wanted` is not a column.
+        Raises: ValueError if `wanted` is not a column, or the column is there twice.
         """
-        if wanted is not None:
-            if wanted not in self.frame.columns:
-                raise ValueError(f"{self.name}: got columns {self.frame.columns}, needed {wanted!r}")
-            return wanted
+        if wanted is not None and wanted not in self.frame.columns:
+            raise ValueError(f"{self.name}: got columns {', '.join(self.frame.columns)}, needed {wanted!r}")
         plain = {plain_name(c): c for c in reversed(self.frame.columns)}
-        return next((plain[k] for k in known if k in plain), None)
-
-    def need(self, wanted: str | None, known: tuple[str, ...]) -> str:
-        """As `find`, for a required column.
-
-        Raises: ValueError that names the columns of the file and the known names.
-        """
-        column = self.find(wanted, known)
-        if column is None:
-            raise ValueError(f"{self.name}: got columns {self.frame.columns}, needed one of {list(known)}")
-        return column
+        name = next((plain[k] for k in known if k in plain), None) if wanted is None else wanted
+        if f"{name}{REPEATED}0" in self.frame.columns:
+            raise ValueError(f"{self.name}: got two columns {name!r}, needed one: rename or delete the other")
+        return name
 
     def numbers(self, column: str | None) -> tuple[Floats, Bools]:
         """The numbers of a column, NaN for an empty cell or a missing column, and which cells are no number."""
         if column is None:
             return np.full(len(self), np.nan), np.zeros(len(self), np.bool_)
         cells = self.frame[column]
-        made = cells.str.strip_chars().cast(pl.Float64, strict=False) if cells.dtype == pl.String else cells.cast(pl.Float64)
+        if cells.dtype == pl.String:
+            made = self._with_points(cells.str.strip_chars()).cast(pl.Float64, strict=False)
+        else:
+            made = cells.cast(pl.Float64, strict=False)
         return made.fill_null(float("nan")).to_numpy(), (made.is_null() & ~self.empty(column)).to_numpy()
 
     def times(self, column: str | None, pattern: str) -> tuple[Floats, Bools]:
         """The times of a column in seconds since the epoch, and which cells are no time.
 
         Args: pattern: "auto": Unix time in any unit or a written date; else as for strptime, UTC if it has no zone.
+        Raises: ValueError: no cell is a time, or the dates may be day first or month first.
         """
         if column is None:
             return np.full(len(self), np.nan), np.zeros(len(self), np.bool_)
@@ -98,10 +108,68 @@ class Table:
         if cells.dtype in (pl.Datetime, pl.Date):
             made = _epoch_s(cells.cast(pl.Datetime("us", getattr(cells.dtype, "time_zone", None))))
         elif cells.dtype == pl.String:
-            made = _written(cells.str.strip_chars(), pattern)
+            made = self._written(column, pattern)
         else:
-            made = _seconds(cells.cast(pl.Float64))
-        return made.fill_null(float("nan")).to_numpy(), (made.is_null() & ~self.empty(column)).to_numpy()
+            made = _seconds(cells.cast(pl.Float64, strict=False))
+        bad = (made.is_null() & ~self.empty(column)).to_numpy()
+        if bad.any() and not made.is_not_null().any():
+            first = int(bad.argmax())
+            needed = f"{KNOWN_TIMES}: {PATTERN}" if pattern == "auto" else f"times as input.time_format says, {pattern!r}"
+            raise ValueError(f"{self.location(first, column)}: got {cells[first]!r}, which is no time: needed {needed}")
+        return made.fill_null(float("nan")).to_numpy(), bad
+
+    def without_zone(self, column: str | None) -> bool:
+        """Whether the times of a column are written without a zone, as its first cell is."""
+        if column is None or not len(self):
+            return False
+        cells = self.frame[column]
+        if cells.dtype != pl.String:
+            return bool(cells.dtype == pl.Datetime and getattr(cells.dtype, "time_zone", None) is None)
+        first = cells.str.strip_chars().replace("", None).drop_nulls().head(1)
+        return bool((~first.str.contains(ZONE) & first.cast(pl.Float64, strict=False).is_null()).any())
+
+    def _with_points(self, cells: pl.Series) -> pl.Series:
+        """The cells with decimal points, of a table whose cells are not separated by commas."""
+        if self.separator == "," or cells.str.contains(".", literal=True).any():
+            return cells
+        return cells.str.replace(r"^([+-]?\d*),(\d+)$", "${1}.${2}")
+
+    def _written(self, column: str, pattern: str) -> pl.Series:
+        """Seconds since the epoch, null for a cell that is no time."""
+        cells = self.frame[column].str.strip_chars()
+        if pattern != "auto":
+            zone = "UTC" if "%z" in pattern or "%:z" in pattern or "%#z" in pattern else None
+            return _epoch_s(cells.str.to_datetime(pattern, strict=False, time_unit="us", time_zone=zone))
+        made = _seconds(self._with_points(cells).cast(pl.Float64, strict=False))
+        if not made.null_count():
+            return made
+        plain = (
+            cells.str.replace(r"(\d)T(\d)", "${1} ${2}")
+            .str.replace(r" ?(Z|UTC|GMT)$", "")
+            .str.replace(r":(\d\d),(\d+)", ":${1}.${2}")
+        )
+        for form in (*WRITTEN_TIMES, *self._slashed(column, plain)):
+            made = made.fill_null(_epoch_s(plain.str.to_datetime(form, strict=False, time_unit="us")))
+            if not made.null_count():
+                return made
+        return made.fill_null(_epoch_s(plain.str.to_datetime(ZONED_TIME, strict=False, time_unit="us", time_zone="UTC")))
+
+    def _slashed(self, column: str, cells: pl.Series) -> list[str]:
+        """How dates such as 31/12/2026 are written: day first or month first, as the whole column shows.
+
+        Raises: ValueError if it may be both.
+        """
+        parts = [cells.str.extract(r"^(\d{1,2})/(\d{1,2})/\d{4}", k).cast(pl.Int64) for k in (1, 2)]
+        first, second = (part.fill_null(0).to_numpy().max(initial=0) for part in parts)
+        danish = column.strip(" \ufeff").lower() == DANISH_TIME
+        if first and first <= 12 and second <= 12 and not danish:
+            got = cells.filter(parts[0].is_not_null())[0]
+            raise ValueError(
+                f"{self.name}, column {column}: got {got!r}, which may be day first or month first in every row: needed to know which: "
+                f"{PATTERN} or with %m/%d/%Y"
+            )
+        date = MONTH_FIRST if second > 12 else DAY_FIRST
+        return [f"{date} {clock}" for clock in CLOCKS] if first else []
 
     def texts(self, column: str | None) -> list[str]:
         """The texts of a column, empty for an empty cell or a missing column."""
@@ -118,15 +186,21 @@ class Table:
 def read_table(path: Path, separator: str, tally: Tally) -> Table:
     """The table in a file. Lines of the wrong shape are counted and left out.
 
-    Raises: OSError that names the file if it is not a table.
+    Args: separator: one character, or "auto".
+    Raises: OSError or ValueError that names the file if it is not a table.
     """
+    check_table(path)
     try:
         if path.suffix == ".parquet":
             frame = pl.read_parquet(path)
-            return Table(path.name, frame, np.arange(1, len(frame) + 1))
-        return _read_csv(path, separator, tally)
+            table = Table(path.name, frame, np.arange(1, len(frame) + 1))
+        else:
+            table = _read_csv(path, separator, tally)
     except (pl.exceptions.PolarsError, zlib.error) as error:
         raise OSError(f"{path}: got {str(error).splitlines()[0]}, needed a CSV or Parquet table") from error
+    if not len(table):
+        tally.add(NO_ROW, path.name)
+    return table
 
 
 def _read_csv(path: Path, separator: str, tally: Tally) -> Table:
@@ -135,6 +209,7 @@ def _read_csv(path: Path, separator: str, tally: Tally) -> Table:
     if not len(row):
         raise OSError(f"{path}: got no line, needed a table with a header")
     lines = lines[row - 1]
+    separator = _separator_of(lines[0]) if separator == "auto" else separator
     bare = lines.str.replace_all('"[^"]*"', "")
     cells = bare.str.count_matches(separator, literal=True)
     need = cells[0]
@@ -147,7 +222,7 @@ def _read_csv(path: Path, separator: str, tally: Tally) -> Table:
         good &= ~bad
     text = lines.filter(pl.Series(good)).str.join("\n")[0] + "\n"
     frame = pl.read_csv(io.BytesIO(text.encode()), separator=separator, infer_schema=False)
-    return Table(path.name, frame, row[good][1:])
+    return Table(path.name, frame, row[good][1:], separator)
 
 
 def _lines(content: bytes) -> pl.Series:
@@ -164,15 +239,10 @@ def _lines(content: bytes) -> pl.Series:
     return frame["line"].fill_null("").str.strip_chars_end("\r")
 
 
-def first_line(path: Path) -> bytes:
-    """The header of a CSV file, compressed or not. Raises: OSError."""
-    with path.open("rb") as plain:
-        packed = plain.read(2) == GZIP_MAGIC
-    with gzip.open(path, "rb") if packed else path.open("rb") as stream:
-        try:
-            return next((line for line in stream if line.strip()), b"")
-        except (EOFError, zlib.error):
-            return b""
+def _separator_of(header: str) -> str:
+    """The separator that the header has most often outside quotations, a comma where it has none."""
+    bare = re.sub('"[^"]*"', "", header)
+    return max(SEPARATORS, key=bare.count)
 
 
 def _unpacked(path: Path, tally: Tally) -> bytes:
@@ -185,7 +255,7 @@ def _unpacked(path: Path, tally: Tally) -> bytes:
         if not inflate.eof:
             tally.add(CUT_FILE, path.name)
         content = inflate.unused_data
-    return out or content
+    return as_utf8(out or content)
 
 
 def plain_name(name: str) -> str:
@@ -194,6 +264,10 @@ def plain_name(name: str) -> str:
 
 
 def _seconds(number: pl.Series) -> pl.Series:
+    if (compact := number.is_between(FIRST_COMPACT, LAST_COMPACT)).any():
+        texts = number.filter(compact).cast(pl.Int64).cast(pl.String)
+        written = _epoch_s(texts.str.to_datetime("%Y%m%d%H%M%S", strict=False, time_unit="us"))
+        number = number.scatter(compact.arg_true(), written)
     size = number.abs()
     divisor = np.select(
         [(size >= limit).fill_null(False).to_numpy() for limit in (NANOSECONDS_FROM, MICROSECONDS_FROM, MILLISECONDS_FROM)],
@@ -205,18 +279,3 @@ def _seconds(number: pl.Series) -> pl.Series:
 
 def _epoch_s(moments: pl.Series) -> pl.Series:
     return moments.dt.epoch("us").cast(pl.Float64) / 1e6
-
-
-def _written(cells: pl.Series, pattern: str) -> pl.Series:
-    if pattern != "auto":
-        zone = "UTC" if "%z" in pattern or "%:z" in pattern or "%#z" in pattern else None
-        return _epoch_s(cells.str.to_datetime(pattern, strict=False, time_unit="us", time_zone=zone))
-    made = _seconds(cells.cast(pl.Float64, strict=False))
-    if not made.null_count():
-        return made
-    plain = cells.str.replace("T", " ", literal=True).str.replace(r" ?(Z|UTC|GMT)$", "")
-    for form in WRITTEN_TIMES:
-        made = made.fill_null(_epoch_s(plain.str.to_datetime(form, strict=False, time_unit="us")))
-        if not made.null_count():
-            return made
-    return made.fill_null(_epoch_s(plain.str.to_datetime(ZONED_TIME, strict=False, time_unit="us", time_zone="UTC")))

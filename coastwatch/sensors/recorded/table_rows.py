@@ -1,8 +1,9 @@
-"""Rows of tables: which have readable cells, which sensor each is of, and when it arrived."""
+"""Columns and rows of tables: names of columns, what a table is by its columns, readable cells, sensor and arrival of a row."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -12,14 +13,145 @@ from coastwatch.sensors.recorded.ais_validation import NON_FINITE, AisIntake
 from coastwatch.sensors.recorded.faults import Tally
 from coastwatch.sensors.recorded.reception_time import reception_times
 from coastwatch.sensors.recorded.table_reader import Table
+from coastwatch.stage import Settings
 
 EMPTY_CELL, BAD_CELL = "empty cell", "unparsable cell"
+OUTLIERS_PERCENT = 2.0
+NO_ZONE = "times have no zone: taken as UTC"
 TEXTS = ("radar", "sonar", "source", "track", "name", "call_sign", "ais_class", "nav_status", "accuracy", "raim")
 """Keys of columns that hold texts."""
 MAY_BE_UNREADABLE = ("name", "call_sign", "ship_type", "length", "beam")
 """Keys whose unreadable cells do not make a row unusable."""
 POSITION_ENTRIES = ("covariance_east_east", "covariance_east_north", "covariance_north_north")
 """Columns of the covariance of a position, m2, as `coastwatch replay` writes them."""
+AXES = ("east", "north", "east_rate", "north_rate")
+STATE_ENTRIES = tuple(f"covariance_{a}_{b}" for i, a in enumerate(AXES) for b in AXES[i:])
+"""Columns of the covariance of a state: m2, m2/s and m2/s2. They are the names that `coastwatch replay` writes."""
+VELOCITY = (("east_m_s", "north_m_s"), ("sog", "cog"))
+
+TIMES: dict[str, tuple[str, ...]] = {
+    "time": ("time", "time_s", "timestamp", "time_utc", "timestamp_utc", "datetime", "t"),
+    "received": ("received", "received_s", "receive_time", "received_utc"),
+    "site_latitude": ("site_latitude", "site_latitude_deg", "site_lat", "own_latitude", "own_latitude_deg"),
+    "site_longitude": ("site_longitude", "site_longitude_deg", "site_lon", "own_longitude", "own_longitude_deg"),
+}
+PLOTS: dict[str, tuple[str, ...]] = TIMES | {
+    "radar": ("radar", "sensor", "radar_name", "sensor_name"),
+    "range_m": ("range_m", "range"),
+    "range_nm": ("range_nm",),
+    "azimuth": ("azimuth_deg", "azimuth", "bearing_deg", "bearing"),
+    "latitude": ("latitude", "lat", "latitude_deg"),
+    "longitude": ("longitude", "lon", "longitude_deg"),
+    "range_sigma_m": ("range_sigma_m", "range_sigma", "sigma_range_m", "range_std_m"),
+    "azimuth_sigma": ("azimuth_sigma_deg", "azimuth_sigma", "sigma_azimuth_deg", "bearing_sigma_deg", "azimuth_std_deg"),
+    "position_sigma_m": ("position_sigma_m", "sigma_m", "position_sigma"),
+    **{name: (name,) for name in POSITION_ENTRIES},
+}
+BEARINGS: dict[str, tuple[str, ...]] = TIMES | {
+    "sonar": ("sonar", "sensor", "sonar_name", "sensor_name", "camera"),
+    "bearing": ("bearing_deg", "bearing", "azimuth_deg", "azimuth"),
+    "contact": ("contact", "track", "contact_id", "track_id"),
+    "signature": ("signature", "signature_class", "vessel_class"),
+    "bearing_sigma": ("bearing_sigma_deg", "bearing_sigma", "sigma_bearing_deg", "bearing_std_deg"),
+}
+AIS: dict[str, tuple[str, ...]] = {
+    "time": (
+        "time",
+        "time_s",
+        "timestamp",
+        "time_utc",
+        "timestamp_utc",
+        "basedatetime",
+        "base_date_time",
+        "datetime",
+        "date_time",
+        "t",
+    ),
+    "received": ("received", "received_s", "receivetime", "receive_time", "received_utc"),
+    "mmsi": ("mmsi", "sourcemmsi", "userid", "user_id"),
+    "latitude": ("latitude", "lat", "latitude_deg", "latitude_degrees", "y"),
+    "longitude": ("longitude", "lon", "lng", "long", "longitude_deg", "longitude_degrees", "x"),
+    "sog": ("sog", "sog_kn", "sog_knots", "speed", "speed_over_ground", "speedoverground"),
+    "cog": ("cog", "cog_deg", "cog_degrees", "course", "course_over_ground", "courseoverground"),
+    "ais_class": ("class", "ais_class", "type_of_mobile", "transceiver", "transceiverclass"),
+    "nav_status": ("nav_status", "navstatus", "navigational_status", "navigationalstatus", "navigation_status", "status"),
+    "accuracy": ("position_accuracy", "positionaccuracy", "accuracy"),
+    "raim": ("raim", "raim_flag"),
+    "position_sigma_m": ("position_sigma_m", "sigma_m", "position_sigma"),
+    **{name: (name,) for name in POSITION_ENTRIES},
+    "name": ("name", "shipname", "ship_name", "vesselname", "vessel_name"),
+    "call_sign": ("call_sign", "callsign"),
+    "ship_type": ("ship_type_code", "shiptype", "vesseltype", "vessel_type", "ship_type"),
+    "length": ("length", "length_m"),
+    "beam": ("beam", "beam_m", "width"),
+}
+TRACKS: dict[str, tuple[str, ...]] = {
+    "time": ("time", "time_s", "timestamp", "time_utc", "timestamp_utc", "datetime", "t"),
+    "received": ("received", "received_s", "receive_time", "received_utc"),
+    "source": ("source", "radar", "sensor", "tracker"),
+    "track": ("track", "track_id", "track_number", "id", "target", "target_id", "target_number", "vessel_id", "number"),
+    "latitude": ("latitude", "lat", "latitude_deg"),
+    "longitude": ("longitude", "lon", "longitude_deg"),
+    "east_m_s": ("east_m_s", "ve", "v_east", "velocity_east", "vx"),
+    "north_m_s": ("north_m_s", "vn", "v_north", "velocity_north", "vy"),
+    "sog": ("sog", "sog_kn", "speed", "speed_kn", "sog_knots"),
+    "cog": ("cog", "cog_deg", "course", "course_deg"),
+    "position_sigma_m": ("position_sigma_m", "sigma_m", "position_sigma"),
+    "velocity_sigma_m_s": ("velocity_sigma_m_s", "velocity_sigma"),
+    **{name: (name,) for name in STATE_ENTRIES},
+}
+COLUMNS = {"ais": AIS, "plots": PLOTS, "bearings": BEARINGS, "tracks": TRACKS}
+"""Of each kind of table our names of columns, and the names, in lower case, by which one is found if no setting names it."""
+SETTING = {"ais": "ais_columns", "plots": "plot_columns", "bearings": "bearing_columns", "tracks": "track_columns"}
+TABLE_OF = {"ais": "decoded AIS", "plots": "radar plots", "bearings": "bearings", "tracks": "finished tracks"}
+
+
+def find_columns(table: Table, part: str, named: Settings) -> dict[str, str | None]:
+    """The column of each of our names, None where the table has none.
+
+    Args: part: a key of COLUMNS, what the table was given as; named: the settings of its columns.
+    Raises: ValueError: a named column is not there, or the columns are those of another kind of table.
+    """
+    column = {key: table.find(getattr(named, key, None), known) for key, known in COLUMNS[part].items()}
+    if not named.model_fields_set - {"time", "received"}:
+        parts = _parts(table)
+        if parts and part not in parts:
+            other, names = next(iter(parts.items()))
+            raise ValueError(
+                f"{table.name}: given as {TABLE_OF[part]}, it is a table of {TABLE_OF[other]} (columns {', '.join(names)}): "
+                f"use --{other} (in a scenario: input.{other})"
+            )
+    return column
+
+
+def need_columns(table: Table, part: str, column: dict[str, str | None], keys: Sequence[str]) -> None:
+    """Refuses a table without these columns. Raises: ValueError that names its columns, what was looked for, and the option."""
+    for key in keys:
+        if column[key] is None:
+            raise ValueError(
+                f"{table.name}: got columns {', '.join(table.frame.columns)}, needed one of {', '.join(COLUMNS[part][key])}: "
+                f"--columns {part}.{key}=NAME names yours (in a scenario: input.{SETTING[part]}.{key})"
+            )
+
+
+def _parts(table: Table) -> dict[str, tuple[str, ...]]:
+    """What a table may be, keys of COLUMNS, each with the columns that say so. Nothing where the names do not say."""
+    out: dict[str, tuple[str, ...]] = {}
+    mmsi, latitude = table.find(None, AIS["mmsi"]), table.find(None, TRACKS["latitude"])
+    if mmsi is not None:
+        out["ais"] = (mmsi,)
+    reach, angle = table.find(None, (*PLOTS["range_m"], *PLOTS["range_nm"])), table.find(None, PLOTS["azimuth"])
+    if reach is not None and angle is not None:
+        out["plots"] = reach, angle
+    if reach is None and angle is not None and latitude is None:
+        out["bearings"] = (angle,)
+    track = table.find(None, TRACKS["track"])
+    for keys in VELOCITY:
+        first, second = (table.find(None, TRACKS[key]) for key in keys)
+        if latitude is not None and track is not None and first is not None and second is not None:
+            out["tracks"] = track, first, second
+            break
+    return out
 
 
 def good_cells(
@@ -47,13 +179,26 @@ def good_cells(
     return table.at(good), {key: made[good] for key, made in values.items()}
 
 
-def content_of(table: Table, kind: str, column: dict[str, str | None], time_s: Floats) -> FileContent:
-    """What was taken from a table. Args: column: of the file, by our names; time_s: (M,) of the records taken."""
+def content_of(
+    table: Table, kind: str, column: dict[str, str | None], time_s: Floats, position_deg: Floats | None = None
+) -> FileContent:
+    """What was taken from a table.
+
+    Args: column: of the file, by our names; time_s: (M,) of the records taken; position_deg: (M, 2), None where they have none.
+    """
     read = tuple((key, name) for key, name in column.items() if name is not None)
     used = {name for _, name in read}
     first_s, last_s = (float(time_s.min()), float(time_s.max())) if len(time_s) else (math.nan, math.nan)
     ignored = tuple(name for name in table.frame.columns if name not in used)
-    return FileContent(table.name, kind, len(time_s), first_s, last_s, read, ignored)
+    notes = (NO_ZONE,) if table.without_zone(column["time"]) else ()
+    box = None if position_deg is None or not len(time_s) else box_of(position_deg)
+    return FileContent(table.name, kind, len(time_s), first_s, last_s, read, ignored, notes, box)
+
+
+def box_of(position_deg: Floats) -> tuple[float, float, float, float]:
+    """South, west, north and east of positions (M, 2), M at least 1; a few wrong ones may lie outside."""
+    (south, west), (north, east) = np.percentile(position_deg, [OUTLIERS_PERCENT, 100.0 - OUTLIERS_PERCENT], axis=0)
+    return float(south), float(west), float(north), float(east)
 
 
 def arrived(table: Table, stamp: Floats, intake: AisIntake, tally: Tally) -> tuple[Array, Floats]:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import io
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, Self
+from typing import Annotated, Literal, Self
 
-import lazy_loader
 import numpy as np
 from pydantic import AwareDatetime, Field, model_validator
 
@@ -29,54 +27,31 @@ from coastwatch.batches import (
     TrackSources,
 )
 from coastwatch.geodesy import NAUTICAL_MILE_M, to_plane
-from coastwatch.sensors.recorded.ais_table import KNOWN, SPEED_KN, AisColumns, AisTable
+from coastwatch.sensors.recorded.ais_table import SPEED_KN, AisColumns, AisTable
 from coastwatch.sensors.recorded.ais_validation import HIGHEST_LATITUDE, LATITUDE, LONGITUDE, AisIntake
 from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
-from coastwatch.sensors.recorded.file_locations import fingerprint
+from coastwatch.sensors.recorded.files import fingerprint
 from coastwatch.sensors.recorded.merging import MergedStream, by_arrival, recording, span_of
 from coastwatch.sensors.recorded.nmea import Nmea, first_and_last
-from coastwatch.sensors.recorded.table_reader import Table, first_line, plain_name, read_table
-from coastwatch.sensors.recorded.table_rows import POSITION_ENTRIES, arrived, content_of, good_cells, sensor_numbers
+from coastwatch.sensors.recorded.table_reader import Separator, Table, read_table
+from coastwatch.sensors.recorded.table_rows import (
+    PLOTS,
+    POSITION_ENTRIES,
+    arrived,
+    content_of,
+    find_columns,
+    good_cells,
+    need_columns,
+    sensor_numbers,
+)
 from coastwatch.sensors.recorded.target_sentences import target_reports, target_times
-from coastwatch.sensors.recorded.track_table import TRACKS, VELOCITY, TrackColumns, track_reports
+from coastwatch.sensors.recorded.track_table import TrackColumns, track_reports
 from coastwatch.stage import Method, Plan, Settings
-
-if TYPE_CHECKING:
-    import polars as pl
-else:
-    pl = lazy_loader.load("polars")
 
 UNKNOWN_RADAR, UNKNOWN_SONAR = "unknown radar", "unknown sonar"
 RANGE = "range out of range"
 AZIMUTH = "angle out of range"
 NO_SIGMA = SET_ASIDE + "standard deviation of 0 or less, that of the sensor taken: "
-
-TIMES: dict[str, tuple[str, ...]] = {
-    "time": ("time", "time_s", "timestamp", "time_utc", "timestamp_utc", "datetime", "t"),
-    "received": ("received", "received_s", "receive_time", "received_utc"),
-    "site_latitude": ("site_latitude", "site_latitude_deg", "site_lat", "own_latitude", "own_latitude_deg"),
-    "site_longitude": ("site_longitude", "site_longitude_deg", "site_lon", "own_longitude", "own_longitude_deg"),
-}
-PLOTS: dict[str, tuple[str, ...]] = TIMES | {
-    "radar": ("radar", "sensor", "radar_name", "sensor_name"),
-    "range_m": ("range_m", "range"),
-    "range_nm": ("range_nm",),
-    "azimuth": ("azimuth_deg", "azimuth", "bearing_deg", "bearing"),
-    "latitude": ("latitude", "lat", "latitude_deg"),
-    "longitude": ("longitude", "lon", "longitude_deg"),
-    "range_sigma_m": ("range_sigma_m", "range_sigma", "sigma_range_m", "range_std_m"),
-    "azimuth_sigma": ("azimuth_sigma_deg", "azimuth_sigma", "sigma_azimuth_deg", "bearing_sigma_deg", "azimuth_std_deg"),
-    "position_sigma_m": ("position_sigma_m", "sigma_m", "position_sigma"),
-    **{name: (name,) for name in POSITION_ENTRIES},
-}
-BEARINGS: dict[str, tuple[str, ...]] = TIMES | {
-    "sonar": ("sonar", "sensor", "sonar_name", "sensor_name", "camera"),
-    "bearing": ("bearing_deg", "bearing", "azimuth_deg", "azimuth"),
-    "contact": ("contact", "track", "contact_id", "track_id"),
-    "signature": ("signature", "signature_class", "vessel_class"),
-    "bearing_sigma": ("bearing_sigma_deg", "bearing_sigma", "sigma_bearing_deg", "bearing_std_deg"),
-}
-
 
 PARTS = ("plots", "bearings", "ais", "nmea", "tracks", "track_sentences")
 """Settings that hold files."""
@@ -131,12 +106,10 @@ class Tables(Method):
     ais_columns: AisColumns = AisColumns()  # names of the columns
     track_columns: TrackColumns = TrackColumns()  # names of the columns
     time_format: str = "auto"
-    """Of times. "auto": Unix time in s, ms, us or ns, or a written date. Else a pattern of strptime, e.g. "%d.%m.%Y %H:%M:%S" for
-    31.12.2025 23:59:59. A time without a zone is UTC; with "%z" the zone is read, e.g. "%Y-%m-%d %H:%M:%S%z" for
-    2025-12-31 23:59:59+0100."""
-    separator: Annotated[str, Field(min_length=1, max_length=1)] = (
-        ","  # one character between the cells of a CSV file, e.g. ";"
-    )
+    """Of times. "auto": Unix time in s, ms, us or ns, or a written date; a date with points is day first. Else a pattern of strptime,
+    e.g. "%d/%m/%Y %H:%M:%S" for 31/12/2025 23:59:59. A time without a zone is UTC; with "%z" the zone is read, e.g.
+    "%Y-%m-%d %H:%M:%S%z" for 2025-12-31 23:59:59+0100."""
+    separator: Separator = "auto"  # one character between the cells of a CSV file, e.g. ";"; "auto": by the header
     speed_unit: Literal["kn", "m/s", "km/h"] = "kn"  # of the column of SOG, e.g. "m/s" for 5.14 where a ship makes 10 kn
     assume_start_utc: AwareDatetime | None = None  # time of the first sentence of NMEA files without any time
     assume_interval_s: Annotated[float, Field(ge=0.0)] = 0.1  # between their messages
@@ -180,13 +153,13 @@ class Tables(Method):
         """
         tally = Tally()
         received: list[Floats] = []
-        for files, times in (
-            (self.plots, self.plot_columns),
-            (self.bearings, self.bearing_columns),
-            (self.tracks, self.track_columns),
+        for part, files, columns in (
+            ("plots", self.plots, self.plot_columns),
+            ("bearings", self.bearings, self.bearing_columns),
+            ("tracks", self.tracks, self.track_columns),
         ):
             for path, _, _ in fingerprint(files):
-                received.append(_received(self, read_table(path, self.separator, Tally()), times, tally))
+                received.append(_received(self, read_table(path, self.separator, Tally()), part, columns, tally))
         for path, _, _ in fingerprint(self.track_sentences):
             received.append(target_times(path, self._assumed_s(), self.intake, tally))
         faults = tally.faults()
@@ -253,21 +226,24 @@ class Tables(Method):
         )
 
 
-def _received(settings: Tables, table: Table, columns: PlotColumns | BearingColumns | TrackColumns, tally: Tally) -> Floats:
+def _received(settings: Tables, table: Table, part: str, columns: Settings, tally: Tally) -> Floats:
     """Reception times of the rows of a table that have a time."""
-    time, _ = table.times(table.need(columns.time, TIMES["time"]), settings.time_format)
-    received, _ = table.times(table.find(columns.received, TIMES["received"]), settings.time_format)
+    column = find_columns(table, part, columns)
+    need_columns(table, part, column, ("time",))
+    time, _ = table.times(column["time"], settings.time_format)
+    received, _ = table.times(column["received"], settings.time_format)
     stamp = np.where(np.isnan(received), time, received)
     return arrived(table.at(np.isfinite(stamp)), stamp[np.isfinite(stamp)], settings.intake, tally)[1]
 
 
 def _plots(settings: Tables, path: Path, radars: Radars, tally: Tally) -> RadarReports:
     table = read_table(path, settings.separator, tally)
-    column = {key: table.find(getattr(settings.plot_columns, key, None), names) for key, names in PLOTS.items()}
-    polar = (column["range_m"] or column["range_nm"]) is not None and column["azimuth"] is not None
-    place = ("azimuth", "range_m" if column["range_m"] else "range_nm") if polar else ("latitude", "longitude")
-    for key in ("time", *place):
-        table.need(column[key], PLOTS[key])
+    column = find_columns(table, "plots", settings.plot_columns)
+    placed = column["latitude"] is not None or column["longitude"] is not None
+    polar = not placed or ((column["range_m"] or column["range_nm"]) is not None and column["azimuth"] is not None)
+    place = ("range_nm" if column["range_nm"] and not column["range_m"] else "range_m", "azimuth")
+    place = place if polar else ("latitude", "longitude")
+    need_columns(table, "plots", column, ("time", *place))
     table, values = good_cells(table, column, ("time", *place), settings.time_format, tally)
     sensor = sensor_numbers(table, column["radar"], radars.name, UNKNOWN_RADAR, tally)
     site = _sites(values, radars.site_deg, sensor)
@@ -283,7 +259,8 @@ def _plots(settings: Tables, path: Path, radars: Radars, tally: Tally) -> RadarR
     range_sigma, azimuth_sigma = _plot_sigmas(values, range_m, azimuth_deg, polar)
     for name, sigma in (("range", range_sigma), ("azimuth", azimuth_sigma)):
         tally.add_rows(f"{NO_SIGMA}{name}", good & (sigma <= 0.0), table.location, table.example)
-    tally.add_file(content_of(table, "radar plots", column, values["time"][rows]))
+    position = None if polar else np.stack([values["latitude"], values["longitude"]], axis=-1)[rows]
+    tally.add_file(content_of(table, "radar plots", column, values["time"][rows], position))
     return RadarReports(
         sensor=sensor[rows],
         time_s=values["time"][rows],
@@ -332,9 +309,8 @@ def _plot_faults(values: dict[str, Floats], range_m: Floats, azimuth_deg: Floats
 
 def _bearings(settings: Tables, path: Path, sonars: Sonars, tally: Tally) -> BearingReports:
     table = read_table(path, settings.separator, tally)
-    column = {key: table.find(getattr(settings.bearing_columns, key), names) for key, names in BEARINGS.items()}
-    for key in ("time", "bearing"):
-        table.need(column[key], BEARINGS[key])
+    column = find_columns(table, "bearings", settings.bearing_columns)
+    need_columns(table, "bearings", column, ("time", "bearing"))
     table, values = good_cells(table, column, ("time", "bearing"), settings.time_format, tally)
     sensor = sensor_numbers(table, column["sonar"], sonars.name, UNKNOWN_SONAR, tally)
     wrong = np.abs(values["bearing"]) > 360.0
@@ -371,36 +347,3 @@ def _sites(values: dict[str, Floats], of_sensor: Floats, sensor: Ints) -> Floats
         return np.full((len(sensor), 2), np.nan)
     in_row = np.stack([values["site_latitude"], values["site_longitude"]], axis=-1)
     return np.where(np.isfinite(in_row).all(axis=1, keepdims=True), in_row, of_sensor[np.maximum(sensor, 0)])
-
-
-def kinds_of_table(path: Path, separator: str = ",") -> dict[str, tuple[str, ...]]:
-    """What a table may be, "ais", "tracks" or "plots", each with the columns that say so. Nothing where the names do not say.
-
-    Raises: OSError that names the file.
-    """
-    if path.suffix == ".parquet":
-        try:
-            names = list(pl.read_parquet_schema(path))
-        except pl.exceptions.PolarsError as error:
-            raise OSError(f"{path}: got {str(error).splitlines()[0]}, needed a CSV or Parquet table") from error
-    else:
-        line = first_line(path)
-        names = pl.read_csv(io.BytesIO(line), separator=separator, infer_schema=False).columns if line.strip() else []
-    plain = {plain_name(name): name for name in names}
-
-    def column(known: tuple[str, ...]) -> str | None:
-        return next((plain[k] for k in known if k in plain), None)
-
-    out: dict[str, tuple[str, ...]] = {}
-    if (mmsi := column(KNOWN["mmsi"])) is not None:
-        out["ais"] = (mmsi,)
-    reach, angle = column((*PLOTS["range_m"], *PLOTS["range_nm"])), column(PLOTS["azimuth"])
-    if reach is not None and angle is not None:
-        out["plots"] = reach, angle
-    track = column(TRACKS["track"])
-    for keys in VELOCITY:
-        first, second = (column(TRACKS[key]) for key in keys)
-        if track is not None and first is not None and second is not None:
-            out["tracks"] = track, first, second
-            break
-    return out

@@ -11,32 +11,20 @@ from coastwatch.geodesy import KNOT_M_S
 from coastwatch.sensors.recorded.ais_validation import HIGHEST_LATITUDE, LATITUDE, LONGITUDE, AisIntake
 from coastwatch.sensors.recorded.faults import Tally
 from coastwatch.sensors.recorded.table_reader import Table, read_table
-from coastwatch.sensors.recorded.table_rows import EMPTY_CELL, arrived, content_of, good_cells, sensor_numbers
+from coastwatch.sensors.recorded.table_rows import (
+    AXES,
+    EMPTY_CELL,
+    arrived,
+    content_of,
+    find_columns,
+    good_cells,
+    need_columns,
+    sensor_numbers,
+)
 from coastwatch.stage import Settings
 
 UNKNOWN_SOURCE = "unknown track source"
 COVARIANCE = "covariance that is none"
-
-AXES = ("east", "north", "east_rate", "north_rate")
-ENTRIES = tuple(f"covariance_{a}_{b}" for i, a in enumerate(AXES) for b in AXES[i:])
-"""Columns of a covariance: m2, m2/s and m2/s2. They are the names that `coastwatch replay` writes."""
-
-TRACKS: dict[str, tuple[str, ...]] = {
-    "time": ("time", "time_s", "timestamp", "time_utc", "timestamp_utc", "datetime", "t"),
-    "received": ("received", "received_s", "receive_time", "received_utc"),
-    "source": ("source", "radar", "sensor", "tracker"),
-    "track": ("track", "track_id", "track_number", "id", "target", "target_id", "target_number", "vessel_id", "number"),
-    "latitude": ("latitude", "lat", "latitude_deg"),
-    "longitude": ("longitude", "lon", "longitude_deg"),
-    "east_m_s": ("east_m_s", "ve", "v_east", "velocity_east", "vx"),
-    "north_m_s": ("north_m_s", "vn", "v_north", "velocity_north", "vy"),
-    "sog": ("sog", "sog_kn", "speed", "speed_kn", "sog_knots"),
-    "cog": ("cog", "cog_deg", "course", "course_deg"),
-    "position_sigma_m": ("position_sigma_m", "sigma_m", "position_sigma"),
-    "velocity_sigma_m_s": ("velocity_sigma_m_s", "velocity_sigma"),
-    **{name: (name,) for name in ENTRIES},
-}
-VELOCITY = (("east_m_s", "north_m_s"), ("sog", "cog"))
 
 
 class TrackColumns(Settings):
@@ -74,10 +62,8 @@ def track_reports(
     Raises: OSError or ValueError that names the file.
     """
     table = read_table(path, separator, tally)
-    column = {key: table.find(getattr(columns, key, None), names) for key, names in TRACKS.items()}
-    needed = ("time", "track", "latitude", "longitude")
-    for key in needed:
-        table.need(column[key], TRACKS[key])
+    column = find_columns(table, "tracks", columns)
+    need_columns(table, "tracks", column, ("time", "track", "latitude", "longitude"))
     table, values = good_cells(table, column, ("time", "latitude", "longitude"), time_format, tally)
     if column["source"] is None and only is not None:
         sensor = np.full(len(table), only, np.int64)
@@ -94,13 +80,14 @@ def track_reports(
     kept = np.flatnonzero(good)
     rows, received = arrived(table.at(good), stamp, intake, tally)
     rows = kept[rows]
-    tally.add_file(content_of(table, "track states", column, values["time"][rows]))
+    position = np.stack([values["latitude"], values["longitude"]], axis=-1)[rows]
+    tally.add_file(content_of(table, "track states", column, values["time"][rows], position))
     return TrackReports(
         sensor=sensor[rows],
         number=number[rows],
         time_s=values["time"][rows],
         received_s=received,
-        position_deg=np.stack([values["latitude"], values["longitude"]], axis=-1)[rows],
+        position_deg=position,
         velocity_m_s=_velocity(values, speed_kn)[rows],
         covariance=covariance[rows],
         origin=np.full(len(rows), -1, np.int64),
