@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from coastwatch.associations import held
 from coastwatch.associations.bearing_members import bearing_members, held_vessels, vessel_bearings
 from coastwatch.batches import (
     AisAlarms,
@@ -29,6 +30,7 @@ from coastwatch.batches import (
     Ints,
     Measurements,
     Members,
+    Messages,
     Octants,
     Picture,
     Plots,
@@ -40,6 +42,7 @@ from coastwatch.batches import (
 )
 from coastwatch.scenario import Scenario
 from coastwatch.stage import Groups, Map, RegionMap, serial_regions
+from coastwatch.tracks.joint.messages import messages_of
 
 Timer = Callable[[str], AbstractContextManager[object]]
 
@@ -148,17 +151,25 @@ def dropped(memory: Memory, sensors: Sensors) -> tuple[Fault, ...]:
 
 
 def track_region(
-    tracker: Any, memory: Any, plots: Plots, radars: Ints, jumped: Bools, time_s: float, sensors: Sensors, region: int
+    tracker: Any,
+    memory: Any,
+    plots: Plots,
+    radars: Ints,
+    jumped: Bools,
+    time_s: float,
+    sensors: Sensors,
+    region: int,
+    *messages: Messages,
 ) -> tuple[Any, Tracks, Measurements]:
     """One cycle of a regional centre: the plots of its radars to tracks, and the plots that are in them.
 
     The centre knows its own radars only, so its cost and memory do not depend on the other regions.
     Args: tracker: the method of `tracks`; plots: of this region; radars: (R',) their numbers among all, in order; jumped: (R',) whether
     their corrections have jumped since the last cycle. The plots of such a radar lie elsewhere now, so tracks that hold earlier ones
-    are dropped. sensors: with these radars.
+    are dropped. sensors: with these radars; messages: AIS, of a tracker that takes them.
     """
     own = replace(plots, sensor=np.searchsorted(radars, plots.sensor))
-    new, tracks, measurements = tracker.step(memory.without_radars(jumped), own, time_s, sensors, region)
+    new, tracks, measurements = tracker.step(memory.without_radars(jumped), own, time_s, sensors, region, *messages)
     return new, tracks, replace(measurements, sensor=radars[measurements.sensor])
 
 
@@ -198,15 +209,18 @@ def fuse(
     with timer("spots"):
         spots_memory, spots = s.spots.step(m.spots, tracks)
     with timer("associations"):
-        associations_memory, associations = s.associations.step(m.associations, tracks, spots, map_)
+        associations_memory, associations = _associate(s, m.associations, tracks, spots, sensors.source_kinds, map_)
     with timer("fused_tracks"):
         bearings = vessel_bearings(m.bearing_members, bearing_tracks, tracks, associations)
+        counted, of_counted, bearings = held.counted_once(tracks, associations, bearings, sensors.source_kinds)
         fused_memory, fused = s.fused_tracks.step(
-            m.fused_tracks, tracks, measurements, associations, time_s, sensors.source_kinds, bearings
+            m.fused_tracks, counted, measurements, of_counted, time_s, sensors.source_kinds, bearings
         )
-        fused, held = held_vessels(bearings, fused, int(associations.vessel.max(initial=-1)) + 1)
+        fused, by_bearings = held_vessels(bearings, fused, int(associations.vessel.max(initial=-1)) + 1)
     with timer("picture"):
-        picture_memory, picture, members = s.picture.step(m.picture, tracks, associations, fused, alarms, time_s, sensors, held)
+        picture_memory, picture, members = s.picture.step(
+            m.picture, tracks, associations, fused, alarms, time_s, sensors, by_bearings
+        )
     with timer("octants"):
         octants_memory, octants = s.octants.step(m.octants, bearing_tracks, picture, sensors)
     with timer("bearing_associations"):
@@ -218,6 +232,16 @@ def fuse(
     after = CentreMemory(*stages, next_bearings)
     found = spots, associations, fused, picture, members, octants, bearing_associations
     return after, Cycle(time_s, tracks, alarms, bearing_tracks, *found, RadarCorrections.none(len(sensors.radars)))
+
+
+def _associate(s: Scenario, memory: Any, tracks: Tracks, spots: Spots, kinds: Ints, map_: Map) -> tuple[Any, Associations]:
+    """Associations of all tracks. AIS tracks whose messages are in a radar track are not compared: they are of that track."""
+    known = held.held_tracks(tracks, kinds, s.associations.gate_m)
+    if not len(known.ais):
+        after, associations = s.associations.step(memory, tracks, spots, map_)
+        return after, associations
+    after, found = s.associations.step(memory, tracks.take(known.others), known.spots_of_others(spots), map_)
+    return after, known.joined_to(found, tracks, kinds)
 
 
 def step(
@@ -239,10 +263,13 @@ def step(
     s, m = scenario, memory
     with timer("plots"):
         plots_memory, plots = s.plots.step(m.plots, reports.radar, sensors, m.corrections)
-    with timer("tracks"):
-        regional = regions(partial(track_region, s.tracks), m.tracks, for_regions(plots, m.corrections, time_s, sensors))
     with timer("ais_tracks"):
         ais_memory, ais_tracks, alarms, ais_taken = s.ais_tracks.step(m.ais_tracks, reports.ais, time_s, sensors)
+    with timer("tracks"):
+        given = for_regions(plots, m.corrections, time_s, sensors)
+        if getattr(s.tracks, "takes_messages", False):
+            given = [(*one, messages_of(ais_taken, ais_tracks, sensors, k)) for k, one in enumerate(given)]
+        regional = regions(partial(track_region, s.tracks), m.tracks, given)
     with timer("bearing_tracks"):
         bearing_memory, bearing_tracks = s.bearing_tracks.step(m.bearing_tracks, reports.bearing, time_s, sensors)
     with timer("received_tracks"):

@@ -44,6 +44,7 @@ class Tracks(Batch):
     started_s: Floats = column(np.float64, "N")
     mmsi: Ints = column(np.int64, "N")  # -1 where there is none
     origin: Ints = column(np.int64, "N")
+    held_mmsi: Ints = optional_column("N", dtype=np.int64)  # of a radar track: whose AIS messages are in it; -1: nobody's
 
     def known_covariance(self, velocity_sigma_m_s: float) -> Floats:
         """The covariances; where a source gives none, that of one report and of this standard deviation of velocity. (N, 4, 4)"""
@@ -68,6 +69,17 @@ class Measurements(Batch):
     velocity_m_s: Floats = column(np.float64, "M", 2)  # NaN where none was measured
     covariance: Floats = column(np.float64, "M", 4, 4)  # in the tangent plane at the position; NaN where nothing was measured
     site_deg: Floats = column(np.float64, "M", 2)  # of the radar's antenna; NaN for AIS
+
+
+@dataclass(frozen=True, eq=False)
+class Messages(Batch):
+    """AIS reports as measurements for the radar tracker of a region, in its plane."""
+
+    time_s: Floats = column(np.float64, "M")
+    position_m: Floats = column(np.float64, "M", 2)
+    covariance: Floats = column(np.float64, "M", 2, 2)
+    mmsi: Ints = column(np.int64, "M")
+    origin: Ints = column(np.int64, "M")
 
 
 @dataclass(frozen=True, eq=False)

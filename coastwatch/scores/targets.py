@@ -6,6 +6,7 @@ Advances in Information Fusion 17(2), 2022, section VIII-B.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,9 +34,12 @@ class TargetScores:
     breaks: int = 0
     held: tuple[int, ...] = ()  # targets that had a track in the last instant
     targets: tuple[int, ...] = ()  # seen so far
+    named: int = 0  # instants of a matched target that sends an MMSI
+    right: int = 0  # its track holds this MMSI
+    wrong: int = 0  # its track holds another
 
-    def seen(self, truth: Truth, tracks: Tracks) -> TargetScores:
-        """The sums after one more instant."""
+    def seen(self, truth: Truth, tracks: Tracks, mmsi: Mapping[int, int]) -> TargetScores:
+        """The sums after one more instant. Args: mmsi: of each target that sends one."""
         from scipy.optimize import linear_sum_assignment
 
         n, v = len(tracks), len(truth)
@@ -49,6 +53,8 @@ class TargetScores:
         off = every.reshape(n, v, 2)[row, target]
         error = np.column_stack([off, tracks.velocity_m_s[row] - truth.velocity_m_s[target]])
         now = tuple(truth.vessel[target].tolist())
+        name = np.array([mmsi.get(vessel, -1) for vessel in now], np.int64)
+        held = tracks.held_mmsi[row]
         lost = set(self.held) & set(truth.vessel.tolist()) - set(now)
         return replace(
             self,
@@ -62,13 +68,17 @@ class TargetScores:
             breaks=self.breaks + len(lost),
             held=now,
             targets=tuple(sorted({*self.targets, *truth.vessel.tolist()})),
+            named=self.named + int((name >= 0).sum()),
+            right=self.right + int(((name >= 0) & (held == name)).sum()),
+            wrong=self.wrong + int(((name >= 0) & (held >= 0) & (held != name)).sum()),
         )
 
     def as_dict(self) -> dict[str, float | None]:
         """The figures; none where nothing was counted.
 
         ospa_m: mean over instants; error_m: mean distance of matched tracks (TLE); probability: share of target instants with a track
-        (TPD); false_tracks: at an instant (TFAR); breaks: of a target; nees: mean of position and velocity, 4 is right.
+        (TPD); false_tracks: at an instant (TFAR); breaks: of a target; nees: mean of position and velocity, 4 is right; id_right, id_wrong:
+        share of the instants in which a target that sends an MMSI is matched by a track that holds it, or another.
         """
         return {
             "ospa_m": self.ospa_m / self.instants if self.instants else None,
@@ -77,4 +87,6 @@ class TargetScores:
             "probability": self.matched / self.present if self.present else None,
             "false_tracks": self.false / self.instants if self.instants else None,
             "breaks": self.breaks / len(self.targets) if self.targets else None,
+            "id_right": self.right / self.named if self.named else None,
+            "id_wrong": self.wrong / self.named if self.named else None,
         }

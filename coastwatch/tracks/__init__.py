@@ -13,10 +13,17 @@ from coastwatch.tracks.ais_dead_reckoning import AisDeadReckoning
 from coastwatch.tracks.alignment import ConstantVelocity
 from coastwatch.tracks.bearing import BearingWindow
 from coastwatch.tracks.imm import FilterpyImm, Imm, SidedImm
+from coastwatch.tracks.joint.vimmjipda import (
+    SidedVimmjipda,
+    Vimmjipda,
+    VimmjipdaNoisyBatch,
+    VimmjipdaPreciseBatch,
+    VimmjipdaSequential,
+)
 from coastwatch.tracks.received import ReceivedTracks
-from coastwatch.tracks.vimmjipda import SidedVimmjipda, Vimmjipda
 
-RadarTracker = Annotated[SidedImm | Imm | FilterpyImm | Vimmjipda | SidedVimmjipda, Field(discriminator="method")]
+JointTracker = Vimmjipda | SidedVimmjipda | VimmjipdaSequential | VimmjipdaPreciseBatch | VimmjipdaNoisyBatch
+RadarTracker = Annotated[SidedImm | Imm | FilterpyImm | JointTracker, Field(discriminator="method")]
 AisTracker = Annotated[AisFilter | AisDeadReckoning, Field(discriminator="method")]
 BearingTracker = Annotated[BearingWindow, Field()]
 TrackAligner = Annotated[ConstantVelocity, Field()]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Protocol
 
@@ -11,8 +12,8 @@ from coastwatch.batches import Floats, Ints, Measurements, Plots, Sensors, Track
 from coastwatch.geodesy import to_plane
 from coastwatch.kernels.tracks.columns import PlotColumns, RadarColumns
 from coastwatch.tracks.clutter import ClutterSettings
-from coastwatch.tracks.existence import ExistenceManagement
 from coastwatch.tracks.filter_bank import FilterBank
+from coastwatch.tracks.joint.existence import ExistenceManagement
 from coastwatch.tracks.plot_batches import cut
 from coastwatch.tracks.report import report, report_measurements
 from coastwatch.tracks.table import RadarMemory, Table
@@ -54,6 +55,10 @@ class RegionTracker(Protocol):
         ...
 
 
+TakeMessages = Callable[[RadarMemory, float], RadarMemory]
+"""The memory after the AIS messages up to a time, in s, that were not taken before."""
+
+
 def track_region(
     tracker: RegionTracker,
     memory: RadarMemory,
@@ -62,11 +67,12 @@ def track_region(
     sensors: Sensors,
     region: int,
     by_radar: bool = True,
+    take_messages: TakeMessages | None = None,
 ) -> tuple[RadarMemory, Tracks, Measurements]:
     """Track the plots of one cycle. Returns: memory, the tracks to report at time_s, and the plots of this cycle in them.
 
     Args: memory: consumed; plots: of this region, in any order; time_s: end of the cycle; region: its number; by_radar: a batch has
-    plots of one radar.
+    plots of one radar; take_messages: called before each batch with the time of its first plot, and at the end with time_s.
     """
     management = tracker.management
     memory = memory.fitting(len(tracker.bank.models), len(sensors.radars))
@@ -81,12 +87,16 @@ def track_region(
     taken = np.full(len(plots), -1)
     for batch in batches:
         _note_newest(memory, batch.columns, batches.plots.site_m[batch.first :])
+        if take_messages:
+            memory = take_messages(memory, float(batch.columns.time[0]))
         memory, slot = tracker.track_batch(memory, batch.columns)
         got = np.flatnonzero(slot >= 0)
         taken[batch.first + got] = memory.table.track_id[slot[got]]
         if batch.ends_slice:
             newest = float(batch.columns.time[-1])
             memory = tracker.end_slice(memory, _radars(memory, ours, specified, sensors), ours, newest)
+    if take_messages:
+        memory = take_messages(memory, time_s)
     radars = _radars(memory, ours, specified, sensors)
     memory = tracker.end_cycle(tracker.end_slice(memory, radars, ours, time_s), time_s)
     rows = tracker.shown(memory.table, time_s)

@@ -11,6 +11,7 @@ from coastwatch.tracks.filter_bank import FilterBank
 from coastwatch.tracks.table import Table
 
 ID_STRIDE = 2**40  # track ids of one region
+HELD = 0.98  # an id of this probability is reported as that of the vessel; the first message gives `correct_id`, 0.99
 
 
 def report(
@@ -32,10 +33,11 @@ def report(
         velocity_m_s=velocity,
         covariance=turned,
         report_covariance=one,
-        updated_s=table.radar_s[rows].max(axis=1, initial=-np.inf),
+        updated_s=np.maximum(table.radar_s[rows].max(axis=1, initial=-np.inf), table.message_s[rows]),
         started_s=table.started_s[rows],
         mmsi=np.full(len(rows), -1, np.int64),
         origin=kernels.tracks.report.most_frequent_origins(table.origins, table.hits, rows),
+        held_mmsi=table.probable_ids(rows, HELD),
     )
 
 

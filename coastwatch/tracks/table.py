@@ -11,7 +11,7 @@ import numpy as np
 from coastwatch.batches import Batch, Bools, Floats, Ints, Radars
 from coastwatch.batches.struct import Struct, column
 from coastwatch.kernels.tracks import columns
-from coastwatch.kernels.tracks.columns import Estimates, ExistenceColumns, PlotColumns, TrackLife
+from coastwatch.kernels.tracks.columns import NAMES, Estimates, ExistenceColumns, PlotColumns, TrackLife, VesselIds
 from coastwatch.tracks.clutter import ClutterMap, ClutterSettings, empty_map, false_plots_per_m2, has_moved, learn
 from coastwatch.tracks.filter_bank import FilterBank
 from coastwatch.tracks.motion import Filters
@@ -39,7 +39,7 @@ class Table(Struct):
     free: Ints = column(np.int64, "F", rows_of="S")  # the other slots
     track_id: Ints = column(np.int64, "S")
     status: Ints = column(np.int64, "S")
-    hits: Ints = column(np.int64, "S")  # plots so far
+    hits: Ints = column(np.int64, "S")  # plots and AIS messages so far
     started_s: Floats = column(np.float64, "S")
     updated_s: Floats = column(np.float64, "S")  # newest plot
     state: Floats = column(np.float64, "S", "J", 5)  # at updated_s
@@ -57,6 +57,9 @@ class Table(Struct):
     existence_s: Floats = column(np.float64, "S")
     looked_s: Floats = column(np.float64, "S", "R")  # up to which the looks of each radar are in existence and visibility
     misses: Ints = column(np.int64, "S")  # looks without a plot in the gate since the newest one
+    message_s: Floats = column(np.float64, "S")  # newest AIS message, -inf where there is none
+    ids: Ints = column(np.int64, "S", NAMES)  # MMSI that the vessel may have, -1 where there is none
+    id_probability: Floats = column(np.float64, "S", NAMES + 2)  # that it has no MMSI, each of these, any other
     origins: Ints = column(np.int64, "S", NEWEST)  # of the newest plots, newest first; -1 beyond the first
 
     def __len__(self) -> int:
@@ -88,6 +91,18 @@ class Table(Struct):
     def existing(self) -> ExistenceColumns:
         """Existence and visibility of each slot."""
         return ExistenceColumns(self.existence, self.visibility, self.existence_s, self.looked_s, self.misses)
+
+    @property
+    def vessel_ids(self) -> VesselIds:
+        """The ids that the vessel of each slot may have."""
+        return VesselIds(self.ids, self.id_probability)
+
+    def probable_ids(self, slots: Ints, probability: float) -> Ints:
+        """The MMSI of each of these tracks, -1 where none has this probability, which is above one half. (N,)"""
+        names = self.id_probability[slots, 1:-1]
+        best = names.argmax(axis=1)
+        row = np.arange(len(slots))
+        return np.where(names[row, best] >= probability, self.ids[slots, best], -1)
 
     def note_moved(self, settings: ClutterSettings, slots: Ints) -> None:
         """Mark the tracks in these slots that have moved from their first plot."""
@@ -201,14 +216,17 @@ class RadarMemory(Struct):
 
 
 def begin_tracks(bank: FilterBank, memory: RadarMemory, plots: Ints, batch: PlotColumns) -> RadarMemory:
-    """This memory with a new track for each of these rows of a batch of plots."""
+    """This memory with a new track for each of these rows of a batch of plots or messages."""
     table, slots = memory.table.with_slots(memory.next_id + np.arange(len(plots)))
     bank.initialise(table.filters, table.estimates, slots, plots, batch)
     table.status[slots] = Status.SINGLE
     table.hits[slots] = 1
     table.started_s[slots] = batch.time[plots]
     table.radar_s[slots] = -np.inf
-    table.radar_s[slots, batch.sensor[plots]] = batch.time[plots]
+    by_radar = batch.sensor[plots] >= 0
+    table.radar_s[slots[by_radar], batch.sensor[plots[by_radar]]] = batch.time[plots[by_radar]]
+    table.message_s[slots] = np.where(by_radar, -np.inf, batch.time[plots])
+    table.ids[slots], table.id_probability[slots] = -1, 0.0
     table.began_m[slots] = batch.position[plots]
     table.began_m2[slots] = np.trace(batch.covariance[plots], axis1=1, axis2=2)
     table.moved[slots] = False

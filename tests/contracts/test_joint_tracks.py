@@ -15,7 +15,7 @@ from coastwatch.batches import Plots
 from coastwatch.geodesy import to_plane
 from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks import SidedVimmjipda, Vimmjipda
-from coastwatch.tracks.existence import Detection, ExistenceManagement
+from coastwatch.tracks.joint.existence import Detection, ExistenceManagement
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "oracles"))
 from joint_update_textbook import ThreeStates

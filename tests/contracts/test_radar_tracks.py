@@ -12,10 +12,10 @@ from radar_world import ORIGIN_DEG, PERIOD_S, cut, plots_of, run, two_radars, wo
 from coastwatch.batches import Plots
 from coastwatch.geodesy import to_plane
 from coastwatch.server.checkpoint import load, save
-from coastwatch.tracks import FilterpyImm, Imm, RadarTracker, SidedImm, SidedVimmjipda, Vimmjipda
+from coastwatch.tracks import FilterpyImm, Imm, RadarTracker, SidedImm, SidedVimmjipda, Vimmjipda, VimmjipdaSequential
 from coastwatch.tracks.clutter import ClutterSettings
 
-METHODS = [SidedImm(), Imm(), FilterpyImm(), Vimmjipda(), SidedVimmjipda()]
+METHODS = [SidedImm(), Imm(), FilterpyImm(), Vimmjipda(), SidedVimmjipda(), VimmjipdaSequential()]
 ROUNDING = 1e-9  # relative; the two gains differ by rounding times the condition of the innovation
 
 

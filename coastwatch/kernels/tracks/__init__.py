@@ -11,9 +11,11 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "existence",
         "gate",
         "joint_update",
+        "message_clusters",
         "plot_assignment",
         "prediction",
         "report",
         "track_life",
+        "vessel_ids",
     ],
 )

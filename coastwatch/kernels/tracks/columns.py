@@ -14,6 +14,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 SINGLE, TENTATIVE, CONFIRMED = 0, 1, 2  # status of a track; SINGLE: it has one plot
+NAMES = 4  # ids of which a track keeps the probability
 
 
 class Estimates(NamedTuple):
@@ -48,13 +49,20 @@ class ExistenceColumns(NamedTuple):
     misses: Ints  # (S,) looks without a plot in the gate since the newest one
 
 
+class VesselIds(NamedTuple):
+    """Which id the AIS messages of the vessel behind each track carry."""
+
+    name: Ints  # (S, NAMES) MMSI, -1 where there is none
+    probability: Floats  # (S, NAMES + 2) that it sends no messages, of each name, of any other id
+
+
 class PlotColumns(NamedTuple):
-    """Plots of a batch."""
+    """Plots of a batch, or AIS messages as measurements."""
 
     time: Floats  # (M,)
     position: Floats  # (M, 2)
     covariance: Floats  # (M, 2, 2)
-    sensor: Ints  # (M,) radar
+    sensor: Ints  # (M,) radar; -1: AIS
     origin: Ints  # (M,) true vessel, -1 where there is none
 
 

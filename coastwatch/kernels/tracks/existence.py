@@ -73,6 +73,18 @@ def predict_existence(life, slots, time, radar, period, detection, chain):  # ty
 
 
 @jit
+def fade(life, slots, time, chain):  # type: ignore[no-untyped-def]
+    """Predict existence and visibility to a time at which no radar looks. In place.
+
+    Args: life: ExistenceColumns; slots: (T,); time: (T,); chain: ExistenceChain.
+    """
+    for t in range(len(slots)):
+        n = slots[t]
+        life.existence[n], life.visibility[n] = after(life.existence[n], life.visibility[n], time[t] - life.time[n], chain)
+        life.time[n] = max(life.time[n], time[t])
+
+
+@jit
 def count_missed_looks(life, estimates, rows, radars, numbers, detection, slack, chain):  # type: ignore[no-untyped-def]
     """Lower existence and visibility by each look of a radar that gave a track no plot in its gate. In place.
 

@@ -27,7 +27,7 @@ class LifeRules(NamedTuple):
 
 @jit
 def record(life, tracks, plots, columns):  # type: ignore[no-untyped-def]
-    """Record that each of these tracks took a plot, in this order. In place.
+    """Record that each of these tracks took a plot or message, in this order. In place.
 
     Args: life: TrackLife; tracks: (B,) slots, a track may come again; plots: (B,) rows of columns, PlotColumns.
     """
@@ -36,7 +36,8 @@ def record(life, tracks, plots, columns):  # type: ignore[no-untyped-def]
         radar = columns.sensor[m]
         life.hits[n] += 1
         life.status[n] = max(life.status[n], TENTATIVE)
-        life.radar_time[n, radar] = max(life.radar_time[n, radar], columns.time[m])
+        if radar >= 0:
+            life.radar_time[n, radar] = max(life.radar_time[n, radar], columns.time[m])
         for older in range(life.origins.shape[1] - 1, 0, -1):
             life.origins[n, older] = life.origins[n, older - 1]
         life.origins[n, 0] = columns.origin[m]

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from coastwatch.batches import RadarCorrections, Sensors, Tracks, Truth
-from coastwatch.geodesy import difference_m
+from coastwatch.batches import AisReports, Messages, Plots, RadarCorrections, Reports, Sensors, Tracks, Truth
+from coastwatch.geodesy import difference_m, to_plane
 from coastwatch.operators.reproduction.published import Targets
 from coastwatch.scenario import Scenario
 from coastwatch.scores.targets import TargetScores
 from coastwatch.stage import Method
 from coastwatch.tracks.imm import Imm, SidedImm
+from coastwatch.tracks.joint.messages import messages_of
 from coastwatch.tracks.motion import Motion
 from coastwatch.tracks.track_management import TrackManagement
 
@@ -41,20 +42,46 @@ def _run(scenario: Scenario, method: Any, seed: int, asked: Targets) -> dict[str
     sensors, plan = scenario.sensors(), scenario.plan()
     recording, none = scenario.input.load(sensors, seed, plan), RadarCorrections.none(len(sensors.radars))
     assert recording.truth is not None
+    assert isinstance(recording.reports, Reports)
     scores = TargetScores(asked.cutoff_m, asked.near_m)
-    memory, converted = method.init(), scenario.plots.init()
+    memory, converted, ais_memory = method.init(), scenario.plots.init(), scenario.ais_tracks.init()
     known = getattr(method, "plot_origin", "estimated") == "known"
+    takes_messages = getattr(scenario.tracks, "takes_messages", False)
     echo_m = getattr(scenario.tracks.upkeep, "echo_sigma_m", 0.0)
+    mmsi = mmsi_of_vessels(recording.reports.ais)
     for cycle in range(plan.cycles):
-        since = plan.instant_s(cycle - 1) if cycle else -np.inf
-        reports = recording.reports.between(since, plan.instant_s(cycle)).radar
-        converted, plots = scenario.plots.step(converted, reports, sensors, none)
-        if known:  # the bound knows all noise
+        now_s = plan.instant_s(cycle)
+        reports = recording.reports.between(plan.instant_s(cycle - 1) if cycle else -np.inf, now_s)
+        converted, plots = scenario.plots.step(converted, reports.radar, sensors, none)
+        given: tuple[Messages, ...] = ()
+        if takes_messages:
+            ais_memory, ais, _, taken = scenario.ais_tracks.step(ais_memory, reports.ais, now_s, sensors)
+            given = (messages_of(taken, ais, sensors, 0),)
+        if known:  # the bound knows all noise, and of whom each message is
             plots = replace(plots, covariance=plots.covariance + echo_m**2 * np.eye(2))
-        memory, tracks, _ = method.step(memory, plots, plan.instant_s(cycle), sensors, 0)
-        truth = recording.truth.at(plan.instant_s(cycle))
-        scores = scores.seen(truth, _counted(tracks, truth, sensors, asked.within_m, known))
+            plots, given = Plots.join([plots, *(_as_plots(one, sensors) for one in given)]), ()
+        memory, tracks, _ = method.step(memory, plots, now_s, sensors, 0, *given)
+        truth = recording.truth.at(now_s)
+        scores = scores.seen(truth, _counted(tracks, truth, sensors, asked.within_m, known), mmsi)
     return scores.as_dict()
+
+
+def mmsi_of_vessels(reports: AisReports) -> dict[int, int]:
+    """The MMSI that most reports of each vessel carry, by its number."""
+    out = {}
+    for vessel in np.unique(reports.origin).tolist():
+        names, count = np.unique(reports.mmsi[reports.origin == vessel], return_counts=True)
+        out[vessel] = int(names[count.argmax()])
+    return out
+
+
+def _as_plots(messages: Messages, sensors: Sensors) -> Plots:
+    """Messages as plots of the first radar."""
+    m, count = messages, len(messages)
+    zero = np.zeros(count)
+    site_m = np.tile(to_plane(sensors.radars.site_deg[0], sensors.region_origin_deg[0]), (count, 1))
+    number = np.zeros(count, np.int64)
+    return Plots(number, number, m.time_s, m.position_m, m.covariance, site_m, zero, zero, m.origin)
 
 
 def _counted(tracks: Tracks, truth: Truth, sensors: Sensors, within_m: float, known: bool) -> Tracks:

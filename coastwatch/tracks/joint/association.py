@@ -9,12 +9,12 @@ import numpy as np
 from coastwatch import kernels
 from coastwatch.batches import Floats, Ints, Sensors
 from coastwatch.kernels.filters.gaussian import gate
-from coastwatch.kernels.tracks.columns import Candidates, PlotColumns, RadarColumns
+from coastwatch.kernels.tracks.columns import Candidates, Estimates, PlotColumns, RadarColumns
 from coastwatch.kernels.tracks.existence import SURELY
 from coastwatch.kernels.tracks.joint_update import Hypotheses
 from coastwatch.tracks.clutter import ClutterSettings
-from coastwatch.tracks.existence import ExistenceManagement, confirm_and_find_lost, merge_duplicates, shown
 from coastwatch.tracks.filter_bank import CompiledBank
+from coastwatch.tracks.joint.existence import ExistenceManagement, confirm_and_find_lost, merge_duplicates, shown
 from coastwatch.tracks.table import RadarMemory, Status, Table, begin_tracks
 
 LIKELY = 0.5  # a plot is reported as taken by the track that it belongs to with more than this probability
@@ -39,7 +39,7 @@ class JointAssociation:
         unborn_per_m2 = rules.new_vessels_per_m2 * rules.new_visibility * detection
         period_s = float(self.sensors.radars.period_s[radar])
         pairs = self._candidates(table, batch, period_s)
-        hypotheses = _by_track(pairs, len(self.bank.models))
+        hypotheses = by_track(pairs, len(self.bank.models))
         prior = self.bank.prior
         filters, models = tuple(table.filters), self.bank.models
         kernels.tracks.joint_update.predict_to_plots(filters, table.estimates, hypotheses, batch, prior.renewal_s, models)
@@ -92,15 +92,20 @@ class JointAssociation:
         return shown(self.management, table, time_s)
 
     def _candidates(self, table: Table, batch: PlotColumns, period_s: float) -> Candidates:
-        """The plots in the gates of the tracks that took none of this radar in this look.
+        """The plots in the gates of the tracks that took none of this radar in this look."""
+        pairs = self._gated(table.estimates, table.live, batch)
+        due = batch.time[pairs.plot] - table.radar_s[pairs.track, batch.sensor[0]] > 0.5 * period_s
+        return pairs if due.all() else Candidates(*(column[due] for column in pairs))
+
+    def _gated(self, estimates: Estimates, slots: Ints, batch: PlotColumns, widened: float = 1.0) -> Candidates:
+        """The plots or messages in the gates of these tracks.
 
         A gate is as wide as by the liveliest model: the average of the models would lose vessels that manoeuvre while they are missed.
         """
-        limit = gate(self.management.gate_probability, 2)
-        lively = table.estimates._replace(noise=np.full(len(table.noise_m2_s3), self.bank.models["noise"].max()))
-        pairs = kernels.tracks.gate.candidates(lively, table.live, batch, limit, self.management.late_s)
-        due = batch.time[pairs.plot] - table.radar_s[pairs.track, batch.sensor[0]] > 0.5 * period_s
-        return pairs if due.all() else Candidates(*(column[due] for column in pairs))
+        limit = widened * gate(self.management.gate_probability, 2)
+        lively = estimates._replace(noise=np.full(len(estimates.noise), self.bank.models["noise"].max()))
+        pairs: Candidates = kernels.tracks.gate.candidates(lively, slots, batch, limit, self.management.late_s)
+        return pairs
 
     def _begin(self, memory: RadarMemory, batch: PlotColumns, existence: Floats) -> RadarMemory:
         """Begin a track at each plot that is probable enough to be a new vessel. Args: existence: (M,)."""
@@ -112,7 +117,7 @@ class JointAssociation:
         return memory
 
 
-def _by_track(pairs: Candidates, models: int) -> Hypotheses:
+def by_track(pairs: Candidates, models: int) -> Hypotheses:
     """These pairs sorted by track, then plot, with room for what the kernel fills in."""
     order = np.argsort(pairs.track, kind="stable")
     track, count = pairs.track[order], len(order)

@@ -16,6 +16,7 @@ from coastwatch.stage import Settings
 from coastwatch.tracks.table import Status, Table
 from coastwatch.tracks.track_management import Count, Positive, Probability, seen_together
 
+KNOWN = 0.5  # probability of an id by which two tracks are told apart
 NotNegative = Annotated[float, Field(ge=0.0)]
 
 
@@ -101,13 +102,16 @@ def confirm_and_find_lost(management: ExistenceManagement, table: Table, time_s:
 def merge_duplicates(management: ExistenceManagement, table: Table, period_s: Floats, time_s: float) -> Table:
     """Delete the younger of two tracks whose difference may be zero.
 
-    Two tracks that took a plot each of one radar in one look are two. Args: period_s: (R,) of one turn; time_s: now.
+    Two tracks that took a plot each of one radar in one look are two. So are two whose ids are known and differ.
+    Args: period_s: (R,) of one turn; time_s: now.
     """
     slots, limit = table.live, gate(management.merge_probability, 4)
     latest_s = float(table.updated_s[slots].max(initial=time_s))  # plots may be stamped a little ahead
     given = table.estimates, slots, latest_s, limit, management.merge_correlation
     first, second = kernels.tracks.duplicates.possible_duplicates(*given)
     alone = ~seen_together(table, slots[first], slots[second], period_s)
+    one, other = (table.probable_ids(slots[rows], KNOWN) for rows in (first, second))
+    alone &= (one < 0) | (other < 0) | (one == other)
     lost = np.zeros(len(table), np.bool_)
     lost[second[alone]] = True
     return table.without(lost)

@@ -1,0 +1,102 @@
+"""AIS tracks whose messages are in a radar track already: they are associated with it, and no stage may use them a second time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from coastwatch import kernels
+from coastwatch.associations.pairing import vessels
+from coastwatch.batches import Associations, Bools, Ints, SourceKind, Spots, Tracks, VesselBearings
+from coastwatch.geodesy import difference_m
+
+LEAST_LOG_ODDS = math.log(0.98 / 0.02)  # that an id is that of the track which holds it
+
+
+@dataclass(frozen=True, eq=False)
+class HeldTracks:
+    """Pairs of an AIS track and the radar track that holds its messages; the AIS tracks each once."""
+
+    ais: Ints  # (B,) row
+    holder: Ints  # (B,) row
+    count: int  # of all tracks, N
+
+    @property
+    def others(self) -> Ints:
+        """Rows of all tracks but these AIS tracks."""
+        free = np.ones(self.count, np.bool_)
+        free[self.ais] = False
+        return np.flatnonzero(free)
+
+    def spots_of_others(self, spots: Spots) -> Spots:
+        """The spots of `others`. Args: spots: of all tracks."""
+        others, row = self.others, np.full(self.count, -1)
+        row[others] = np.arange(len(others))
+        halo = row[spots.halo_row]
+        return Spots(spots.centre_m, spots.spot[others], spots.halo_spot[halo >= 0], halo[halo >= 0])
+
+    def joined_to(self, found: Associations, tracks: Tracks, kinds: Ints) -> Associations:
+        """Associations of all tracks. A holder has no other AIS track. Args: found: those of `others`; kinds: as of `held_tracks`."""
+        others, is_holder = self.others, np.zeros(self.count, np.bool_)
+        is_holder[self.holder] = True
+        is_ais = kinds[tracks.source] == SourceKind.AIS
+        one, other = others[found.first], others[found.second]
+        free = ~(is_holder[one] & is_ais[other] | is_holder[other] & is_ais[one])
+        first = np.concatenate([one[free], np.minimum(self.ais, self.holder)])
+        second = np.concatenate([other[free], np.maximum(self.ais, self.holder)])
+        statistic = np.concatenate([found.statistic[free], np.full(len(self.ais), LEAST_LOG_ODDS)])
+        gain = np.concatenate([found.statistic[free], np.full(len(self.ais), np.inf)])
+        order = np.lexsort((second, first))
+        first, second, statistic = first[order], second[order], statistic[order]
+        vessel, kept = vessels(tracks, first, second, gain[order])
+        return Associations(first[kept], second[kept], statistic[kept], vessel, found.tested)
+
+
+def held_tracks(tracks: Tracks, kinds: Ints, gate_m: float) -> HeldTracks:
+    """Which AIS tracks are held by which radar tracks: of the MMSI that the radar track reports, the nearest to it inside a gate.
+
+    Two tracks of one MMSI, or two radar tracks that hold one, are paired by distance.
+    Args: kinds: SourceKind of each source.
+    """
+    holder = np.flatnonzero(tracks.held_mmsi >= 0)
+    ais = np.flatnonzero(kinds[tracks.source] == SourceKind.AIS) if len(holder) else holder
+    order = np.argsort(tracks.mmsi[ais], kind="stable")
+    ais = ais[order]
+    low, high = (np.searchsorted(tracks.mmsi[ais], tracks.held_mmsi[holder], side) for side in ("left", "right"))
+    row = np.repeat(np.arange(len(holder)), high - low)
+    place = np.arange(len(row)) - np.repeat(np.cumsum(high - low) - (high - low), high - low) + low[row]
+    apart = np.hypot(*difference_m(tracks.position_deg[ais[place]], tracks.position_deg[holder[row]]).T)
+    chosen = kernels.association.assignment.assign(row, place, gate_m - apart)
+    chosen &= apart < gate_m
+    return HeldTracks(ais[place[chosen]], holder[row[chosen]], len(tracks))
+
+
+def counted_once(
+    tracks: Tracks, associations: Associations, bearings: VesselBearings, kinds: Ints
+) -> tuple[Tracks, Associations, VesselBearings]:
+    """The tracks that are fused, their associations, and bearings of their vessels: no AIS message twice.
+
+    A vessel with an AIS track, and a radar track that holds its messages, is that radar track as it is, without the others. Of two
+    such radar tracks, of two regions, the one with less variance stands for the vessel.
+    """
+    holder = np.flatnonzero(tracks.held_mmsi >= 0)
+    if not len(holder):
+        return tracks, associations, bearings
+    count = int(associations.vessel.max(initial=-1)) + 1
+    has_ais, is_held = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
+    has_ais[associations.vessel[kinds[tracks.source] == SourceKind.AIS]] = True
+    holder = holder[has_ais[associations.vessel[holder]]]
+    variance = tracks.covariance[holder, 0, 0] + tracks.covariance[holder, 1, 1]
+    holder = holder[np.lexsort((holder, variance, associations.vessel[holder]))]
+    vessel, best = np.unique(associations.vessel[holder], return_index=True)
+    is_held[vessel] = True
+    counted: Bools = ~is_held[associations.vessel]
+    counted[holder[best]] = True
+    row = np.cumsum(counted) - 1
+    kept = counted[associations.first] & counted[associations.second]
+    pairs = row[associations.first[kept]], row[associations.second[kept]], associations.statistic[kept]
+    fused = Associations(*pairs, associations.vessel[counted], associations.tested)
+    lost = bearings.vessel >= count
+    return tracks.take(counted), fused, bearings.take(lost | ~np.append(is_held, False)[np.minimum(bearings.vessel, count)])

@@ -1,0 +1,315 @@
+"""AIS messages as measurements of radar tracks: methods A, B and C of Hem and Brekke.
+
+A message came, so its vessel was not missed; its absence says nothing; there are no false messages. Its id counts: a track that is
+known by the id takes it, and a wrong id in a message near a known track begins no second one.
+
+Source: A. G. Hem, E. F. Brekke, Variations of joint integrated data association with radar and target-provided measurements, Journal of
+Advances in Information Fusion 17(2), 2022, sections V and VI.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from pydantic import Field
+from scipy.spatial import cKDTree
+
+from coastwatch import kernels
+from coastwatch.batches import Bools, Floats, Ints, Measurements, Messages, Sensors, Tracks
+from coastwatch.geodesy import KNOT_M_S, to_plane, turn, within_any
+from coastwatch.kernels.filters.gaussian import gate
+from coastwatch.kernels.tracks.columns import NAMES, Candidates, PlotColumns
+from coastwatch.kernels.tracks.existence import SURELY
+from coastwatch.kernels.tracks.joint_update import Hypotheses
+from coastwatch.kernels.tracks.vessel_ids import IDS
+from coastwatch.stage import Settings
+from coastwatch.tracks.joint.association import LIKELY, JointAssociation, by_track
+from coastwatch.tracks.motion import Filters
+from coastwatch.tracks.table import RadarMemory, Table, begin_tracks
+from coastwatch.tracks.track_management import Probability
+
+COARSE = 16.0  # times the squared distance of the gate: among messages in it, the models of each track decide
+WIDEST = 1e8  # ratio of the weights of a message that is kept: beyond it sums lose their digits
+
+
+class MessageSettings(Settings):
+    """AIS messages as measurements of radar tracks."""
+
+    correct_id: Probability = 0.99  # probability that a message carries the id of its vessel
+    silent_share: Probability = 0.5  # of the vessels without a track, that send no messages
+    begin_existence: Probability = 0.05  # a message begins a track that exists with this probability or more
+
+
+class NoisyMessages(MessageSettings):
+    """AIS messages taken at the time of the plots that follow."""
+
+    sigma_m: Annotated[float, Field(gt=0.0)] = 8.0  # per axis, in place of their own noise: they are older than the plots
+
+
+def messages_of(reports: Measurements, ais: Tracks, sensors: Sensors, region: int) -> Messages:
+    """The AIS reports of a cycle inside the range of a radar of a region, in its plane.
+
+    Args: reports: that went into these AIS tracks.
+    """
+    ours = sensors.radars.take(sensors.radars.region == region)
+    reports = reports.take(within_any(reports.position_deg, ours.site_deg, ours.range_m))
+    at = kernels.tables.match_ids.index_of(ais.track_id, reports.track_id)
+    origin_deg = sensors.region_origin_deg[region]
+    axes = turn(reports.position_deg, origin_deg)
+    return Messages(
+        time_s=reports.time_s,
+        position_m=to_plane(reports.position_deg, origin_deg),
+        covariance=axes @ reports.covariance[:, :2, :2] @ np.swapaxes(axes, 1, 2),
+        mmsi=ais.mmsi[at],
+        origin=ais.origin[at],
+    )
+
+
+class Candidate(NamedTuple):
+    """Which messages, or clusters of them, may be of which tracks: A pairs, sorted by track."""
+
+    slot: Ints  # (T,)
+    start: Ints  # (T + 1,) first pair of each track
+    message: Ints  # (A,)
+    likelihood: Floats  # (A,) of the message, given the track
+
+    @property
+    def track(self) -> Ints:
+        """Of each pair, as a row of slot. (A,)"""
+        return np.repeat(np.arange(len(self.slot)), np.diff(self.start))
+
+
+@dataclass(frozen=True)
+class MessageAssociation(JointAssociation):
+    """As `JointAssociation`, with AIS messages."""
+
+    messages: MessageSettings
+
+    def take_one_by_one(self, memory: RadarMemory, messages: Messages, until_s: float) -> RadarMemory:
+        """Method A: each message at its own time. Messages whose gates have no track in common are taken together."""
+        batch = _columns(messages)
+        order = self._rounds(memory, batch, messages.mmsi)
+        for number in range(int(order.max(initial=-1)) + 1):
+            rows = np.flatnonzero(order == number)
+            memory = self._take(memory, _columns(messages.take(rows)), messages.mmsi[rows], alone=True)
+        return memory
+
+    def take_clusters(self, memory: RadarMemory, messages: Messages, until_s: float) -> RadarMemory:
+        """Method B: the messages of one id are one measurement. Each track in reach is run through them."""
+        table, models = memory.table, self.bank.models
+        messages = messages.take(np.argsort(messages.mmsi, kind="stable"))
+        batch = _columns(messages)
+        begin = np.flatnonzero(np.diff(messages.mmsi, prepend=-1))
+        end = np.append(begin[1:], len(messages))
+        first = _columns(messages.take(begin))
+        pairs = by_track(self._near(table, first), len(models))
+        of = np.repeat(pairs.slot, np.diff(pairs.start))
+        born = self._begun(first, len(models))
+        both = Filters(*(np.concatenate([a[of], b]) for a, b in zip(table.filters, born, strict=True)))
+        time = np.concatenate([table.updated_s[of], first.time])
+        rows = np.concatenate([begin[pairs.plot], begin + 1]), np.concatenate([end[pairs.plot], end])
+        run = kernels.tracks.message_clusters.run_through
+        log_likelihood, fit = run(tuple(both), time, rows, batch, until_s, self._limit, self.bank.prior.renewal_s, models)
+        kept, many = np.flatnonzero(fit[: len(of)]), len(of)
+        found = np.exp(np.clip(log_likelihood[kept] - log_likelihood[many + pairs.plot[kept]], -400.0, 200.0))
+        slot, number = np.unique(of[kept], return_inverse=True)
+        start = np.searchsorted(number, np.arange(len(slot) + 1))
+        candidate = Candidate(slot, start, pairs.plot[kept], found)
+        self._predict(memory, slot, until_s)
+        probability, share, new = self._weigh(memory, candidate, messages.mmsi[begin], alone=False)
+        others = tuple(column[kept] for column in both)
+        given = share, self.management.least_model_probability, models
+        kernels.tracks.message_clusters.mix_filters(tuple(table.filters), table.estimates, slot, start, others, *given)
+        last = _columns(messages.take(end - 1))
+        self._record(memory, candidate, probability, last)
+        begun = np.flatnonzero(new >= self.messages.begin_existence)
+        memory = self._begin_named(memory, last, messages.mmsi[begin], new)
+        if len(begun):
+            table = memory.table
+            slots = table.live[-len(begun) :]
+            for column, of_new in zip(table.filters, both, strict=True):
+                column[slots] = of_new[many + begun]
+            table.updated_s[slots] = time[many + begun]
+            kernels.filters.imm.combine_filters(tuple(table.filters), table.estimates, slots, models)
+        return memory
+
+    def take_newest(self, memory: RadarMemory, messages: Messages, until_s: float) -> RadarMemory:
+        """Method C: the newest message of each id, as if it were of this time, with the noise `messages.sigma_m`."""
+        assert isinstance(self.messages, NoisyMessages)
+        order = np.argsort(messages.mmsi, kind="stable")
+        newest = order[np.diff(messages.mmsi[order], append=-1) != 0]
+        messages = messages.take(np.sort(newest))
+        noise = np.tile(self.messages.sigma_m**2 * np.eye(2), (len(messages), 1, 1))
+        now = replace(messages, time_s=np.full(len(messages), until_s), covariance=noise)
+        return self._take(memory, _columns(now), now.mmsi, alone=False)
+
+    def _take(self, memory: RadarMemory, batch: PlotColumns, mmsi: Ints, alone: bool) -> RadarMemory:
+        """Weigh messages and update tracks by them. Args: alone: no two of them are of one vessel."""
+        table, models = memory.table, self.bank.models
+        pairs = by_track(self._near(table, batch), len(models))
+        filters, prior = tuple(table.filters), self.bank.prior
+        kernels.tracks.joint_update.predict_to_plots(filters, table.estimates, pairs, batch, prior.renewal_s, models)
+        pairs = _chosen(pairs, kernels.tracks.message_clusters.in_any_gate(filters, pairs, self._limit))
+        mode = table.mode_probability[np.repeat(pairs.slot, np.diff(pairs.start))]
+        candidate = Candidate(pairs.slot, pairs.start, pairs.plot, (mode * pairs.likelihood).sum(axis=1))
+        probability, share, new = self._weigh(memory, candidate, mmsi, alone)
+        given = pairs, share, self.management.least_model_probability, models
+        kernels.tracks.joint_update.update_by_shares(filters, table.estimates, *given)
+        self._record(memory, candidate, probability, batch)
+        return self._begin_named(memory, batch, mmsi, new)
+
+    @property
+    def _limit(self) -> float:
+        """Squared Mahalanobis distance of the gate."""
+        return gate(self.management.gate_probability, 2)
+
+    def _near(self, table: Table, batch: PlotColumns) -> Candidates:
+        """The messages near tracks: a message is more accurate than a track, so that models differ more than the gate of their mean."""
+        return self._gated(table.estimates, table.live, batch, COARSE)
+
+    def _weigh(self, memory: RadarMemory, candidate: Candidate, mmsi: Ints, alone: bool) -> tuple[Floats, Floats, Floats]:
+        """Weigh messages; existence and ids of the tracks after them, in place.
+
+        Args: mmsi: (M,) of the messages; alone: no two of them are of one vessel.
+        Returns: probability of each pair (A,), the same given that the track exists (A,), and of each message that it is of a vessel
+        without a track (M,).
+        """
+        table, rules, count = memory.table, self.messages, len(mmsi)
+        slot, start, message, likelihood = candidate
+        of = candidate.track
+        kernels.tracks.existence.fade(table.existing, slot, table.updated_s[slot], self.management.chain)
+        r = table.existence[slot]
+        ids, named = table.vessel_ids, mmsi[message]
+        carries = kernels.tracks.vessel_ids.likelihoods(ids, slot[of], named, rules.correct_id)
+        new = np.full(count, self.management.new_vessels_per_m2 * (1.0 - rules.silent_share) / IDS)
+        second = np.zeros(count)
+        if not alone:  # a second message of a vessel, with a wrong id
+            sends = 1.0 - table.id_probability[slot[of], 0]
+            second[:] = np.bincount(message, r[of] * likelihood * sends * (1.0 - rules.correct_id) / IDS, count)
+        weight = r[of] * likelihood * carries / (new + second)[message]
+        largest = np.full(count, WIDEST)
+        np.maximum.at(largest, message, weight)
+        weight *= WIDEST / largest[message]
+        probability: Floats = kernels.association.marginals.marginals(
+            message, of, weight, count, len(slot), self.management.exact_up_to
+        )
+        taken = np.minimum(np.bincount(of, probability, len(slot)), 1.0)
+        exists = (1.0 - taken) * r + taken
+        share = probability / exists[of]
+        kernels.tracks.vessel_ids.update(ids, slot, start, named, share, rules.correct_id)
+        table.existence[slot] = np.minimum(exists, SURELY)
+        free = np.maximum(1.0 - np.bincount(message, probability, count), 0.0)
+        return probability, share, free * new / (new + second)
+
+    def _predict(self, memory: RadarMemory, slots: Ints, until_s: float) -> None:
+        """Predict the filters in these slots to a time, in place."""
+        table = memory.table
+        dt = np.maximum(until_s - table.updated_s[slots], 0.0)
+        given = dt, self.bank.prior.renewal_s, self.bank.models
+        after = kernels.filters.imm.predict_filters(*(column[slots] for column in table.filters), *given)
+        for column, predicted in zip(table.filters, after, strict=True):
+            column[slots] = predicted
+        table.updated_s[slots] += dt
+
+    def _record(self, memory: RadarMemory, candidate: Candidate, probability: Floats, batch: PlotColumns) -> None:
+        """Note which tracks took which messages, in place."""
+        table = memory.table
+        likely = np.flatnonzero(probability > LIKELY)
+        slots, rows = candidate.slot[candidate.track[likely]], candidate.message[likely]
+        kernels.tracks.track_life.record(table.life, slots, rows, batch)
+        np.maximum.at(table.message_s, slots, batch.time[rows])
+        table.misses[slots] = 0
+        table.note_moved(self.clutter, candidate.slot)
+
+    def _begin(self, memory: RadarMemory, batch: PlotColumns, existence: Floats) -> RadarMemory:
+        before = len(memory.table)
+        memory = super()._begin(memory, batch, existence)
+        slots = memory.table.live[before:]
+        memory.table.id_probability[slots, 0] = self.messages.silent_share
+        memory.table.id_probability[slots, NAMES + 1] = 1.0 - self.messages.silent_share
+        return memory
+
+    def _begin_named(self, memory: RadarMemory, batch: PlotColumns, mmsi: Ints, existence: Floats) -> RadarMemory:
+        """Begin a track at each message that is probably of a vessel without one. Args: mmsi, existence: (M,)."""
+        rows = np.flatnonzero(existence >= self.messages.begin_existence)
+        if not len(rows):
+            return memory
+        memory = begin_tracks(self.bank, memory, rows, batch)
+        table = memory.table
+        slots = table.live[-len(rows) :]
+        table.existence[slots] = np.minimum(existence[rows], SURELY)
+        table.visibility[slots] = self.management.new_visibility
+        table.ids[slots, 0] = mmsi[rows]
+        table.id_probability[slots, 1] = self.messages.correct_id
+        table.id_probability[slots, NAMES + 1] = 1.0 - self.messages.correct_id
+        return memory
+
+    def _begun(self, batch: PlotColumns, models: int) -> Filters:
+        """Filters that know one message each."""
+        count = len(batch.time)
+        filters = Filters(np.empty((count, models, 5)), np.empty((count, models, 5, 5)), np.empty((count, models)))
+        estimates = kernels.tracks.columns.Estimates(
+            np.empty(count), np.empty((count, 4)), np.empty((count, 4, 4)), np.empty(count)
+        )
+        self.bank.initialise(filters, estimates, np.arange(count), np.arange(count), batch)
+        return filters
+
+    def _rounds(self, memory: RadarMemory, batch: PlotColumns, mmsi: Ints) -> Ints:
+        """The round in which each message is taken: later than those before it that share a track or an id with it. (M,)"""
+        table, count = memory.table, len(mmsi)
+        pairs = self._near(table, batch)
+        _, name = np.unique(mmsi, return_inverse=True)
+        reach_m = self.management.max_speed_kn * KNOT_M_S * float(np.ptp(batch.time))
+        reach_m += math.sqrt(2.0 * self._limit * float(batch.covariance.max()))
+        near = cKDTree(batch.position).query_pairs(reach_m, output_type="ndarray")  # one may begin a track that the other is of
+        first = np.concatenate([pairs.plot, np.arange(count), near[:, 0]])
+        second = np.concatenate([count + pairs.track, count + len(table.track_id) + name, near[:, 1]])
+        group = kernels.association.connected_components.components(first, second, count + len(table.track_id) + count)[:count]
+        order = np.argsort(group, kind="stable")  # the messages are in order of time
+        begin = np.flatnonzero(np.diff(group[order], prepend=-1))
+        place = np.arange(count) - np.repeat(begin, np.diff(np.append(begin, count)))
+        out = np.empty(count, np.int64)
+        out[order] = place
+        return out
+
+
+def _chosen(pairs: Hypotheses, kept: Bools) -> Hypotheses:
+    """Some of these pairs. Args: kept: (A,)."""
+    track = np.repeat(np.arange(len(pairs.slot)), np.diff(pairs.start))[kept]
+    rows, first = np.flatnonzero(kept), np.flatnonzero(np.diff(track, prepend=-1))
+    start = np.append(first, len(track))
+    return Hypotheses(pairs.slot[track[first]], start, *(column[rows] for column in pairs[2:]))
+
+
+def _columns(messages: Messages) -> PlotColumns:
+    """Messages as a batch of measurements of no radar."""
+    m = messages
+    return PlotColumns(m.time_s, m.position_m, m.covariance, np.full(len(m), -1), m.origin)
+
+
+@dataclass
+class MessagesInTurn:
+    """The messages of a cycle, given to a method as the time of the plots goes on: `coastwatch.tracks.region.TakeMessages`."""
+
+    take: Callable[[RadarMemory, Messages, float], RadarMemory]  # memory, messages and time to memory
+    messages: Messages
+    done: int = 0
+
+    def __call__(self, memory: RadarMemory, until_s: float) -> RadarMemory:
+        end = int(np.searchsorted(self.messages.time_s, until_s, side="right"))
+        if end <= self.done:
+            return memory
+        part = self.messages.take(np.arange(self.done, end))
+        self.done = end
+        return self.take(memory, part, until_s)
+
+
+def in_order(messages: Messages, memory: RadarMemory, late_s: float) -> Messages:
+    """The messages sorted by time, without those so much older than a track that no gate would hold them."""
+    newest_s = float(memory.table.updated_s[memory.table.live].max(initial=-np.inf))
+    order = np.lexsort((messages.position_m[:, 1], messages.position_m[:, 0], messages.mmsi, messages.time_s))
+    return messages.take(order[messages.time_s[order] >= newest_s - late_s])

@@ -1,0 +1,153 @@
+"""Radar tracks with a probability of existence, with and without AIS messages: the methods."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+from coastwatch.batches import Measurements, Messages, Plots, Sensors, Tracks
+from coastwatch.stage import Method
+from coastwatch.tracks.clutter import ClutterSettings
+from coastwatch.tracks.filter_bank import CompiledBank
+from coastwatch.tracks.joint.association import JointAssociation
+from coastwatch.tracks.joint.existence import ExistenceManagement
+from coastwatch.tracks.joint.messages import MessageAssociation, MessageSettings, MessagesInTurn, NoisyMessages, in_order
+from coastwatch.tracks.motion import Manoeuvres, Motion
+from coastwatch.tracks.region import track_region
+from coastwatch.tracks.table import RadarMemory
+
+
+class Vimmjipda(Method):
+    """Visibility, interacting multiple models and joint integrated probabilistic data association: two constant velocities and a turn.
+
+    Source: A. G. Hem, E. F. Brekke, Variations of joint integrated data association with radar and target-provided measurements,
+    Journal of Advances in Information Fusion 17(2), 2022, sections III to V, for radars alone.
+    """
+
+    method: Literal["vimmjipda"] = "vimmjipda"
+    motion: Motion = Motion()
+    upkeep: ExistenceManagement = ExistenceManagement()
+    clutter: ClutterSettings = ClutterSettings()
+
+    def init(self) -> RadarMemory:
+        """No track."""
+        return RadarMemory.empty(models=3)
+
+    def step(
+        self, memory: RadarMemory, plots: Plots, time_s: float, sensors: Sensors, region: int
+    ) -> tuple[RadarMemory, Tracks, Measurements]:
+        """The confirmed tracks of one region that probably exist at time_s; see `Imm.step`."""
+        tracker = JointAssociation(CompiledBank(self.motion), self.upkeep, self.clutter, sensors)
+        return track_region(tracker, memory, plots, time_s, sensors, region)
+
+
+class SidedVimmjipda(Method):
+    """As `vimmjipda`, with the models of `sided_imm`."""
+
+    method: Literal["sided_vimmjipda"] = "sided_vimmjipda"
+    motion: Manoeuvres = Manoeuvres()
+    upkeep: ExistenceManagement = ExistenceManagement()
+    clutter: ClutterSettings = ClutterSettings()
+
+    def init(self) -> RadarMemory:
+        """No track."""
+        return RadarMemory.empty(models=len(self.motion.models))
+
+    def step(
+        self, memory: RadarMemory, plots: Plots, time_s: float, sensors: Sensors, region: int
+    ) -> tuple[RadarMemory, Tracks, Measurements]:
+        """The confirmed tracks of one region that probably exist at time_s; see `Imm.step`."""
+        tracker = JointAssociation(CompiledBank(self.motion), self.upkeep, self.clutter, sensors)
+        return track_region(tracker, memory, plots, time_s, sensors, region)
+
+
+NO_MESSAGES = Messages.empty()
+
+
+class VimmjipdaSequential(Method):
+    """As `vimmjipda`, with AIS messages as measurements, each at its own time: method A of Hem and Brekke.
+
+    A track says whose messages are in it (`Tracks.held_mmsi`), so that its AIS track is not fused with it again.
+    """
+
+    takes_messages: ClassVar[bool] = True
+    method: Literal["vimmjipda_sequential"] = "vimmjipda_sequential"
+    motion: Motion = Motion()
+    upkeep: ExistenceManagement = ExistenceManagement()
+    clutter: ClutterSettings = ClutterSettings()
+    messages: MessageSettings = MessageSettings()
+
+    def init(self) -> RadarMemory:
+        """No track."""
+        return RadarMemory.empty(models=3)
+
+    def step(
+        self,
+        memory: RadarMemory,
+        plots: Plots,
+        time_s: float,
+        sensors: Sensors,
+        region: int,
+        messages: Messages = NO_MESSAGES,
+    ) -> tuple[RadarMemory, Tracks, Measurements]:
+        """The confirmed tracks of one region that probably exist at time_s; see `Imm.step`. Args: messages: of this cycle."""
+        tracker = MessageAssociation(CompiledBank(self.motion), self.upkeep, self.clutter, sensors, self.messages)
+        take = MessagesInTurn(tracker.take_one_by_one, in_order(messages, memory, self.upkeep.late_s))
+        return track_region(tracker, memory, plots, time_s, sensors, region, take_messages=take)
+
+
+class VimmjipdaPreciseBatch(Method):
+    """As `vimmjipda_sequential`, with the messages of one id since the last plots as one measurement: method B."""
+
+    takes_messages: ClassVar[bool] = True
+    method: Literal["vimmjipda_precise_batch"] = "vimmjipda_precise_batch"
+    motion: Motion = Motion()
+    upkeep: ExistenceManagement = ExistenceManagement()
+    clutter: ClutterSettings = ClutterSettings()
+    messages: MessageSettings = MessageSettings()
+
+    def init(self) -> RadarMemory:
+        """No track."""
+        return RadarMemory.empty(models=3)
+
+    def step(
+        self,
+        memory: RadarMemory,
+        plots: Plots,
+        time_s: float,
+        sensors: Sensors,
+        region: int,
+        messages: Messages = NO_MESSAGES,
+    ) -> tuple[RadarMemory, Tracks, Measurements]:
+        """As of `VimmjipdaSequential`."""
+        tracker = MessageAssociation(CompiledBank(self.motion), self.upkeep, self.clutter, sensors, self.messages)
+        take = MessagesInTurn(tracker.take_clusters, in_order(messages, memory, self.upkeep.late_s))
+        return track_region(tracker, memory, plots, time_s, sensors, region, take_messages=take)
+
+
+class VimmjipdaNoisyBatch(Method):
+    """As `vimmjipda_sequential`, with the newest message of each id as if it came with the next plots: method C."""
+
+    takes_messages: ClassVar[bool] = True
+    method: Literal["vimmjipda_noisy_batch"] = "vimmjipda_noisy_batch"
+    motion: Motion = Motion()
+    upkeep: ExistenceManagement = ExistenceManagement()
+    clutter: ClutterSettings = ClutterSettings()
+    messages: NoisyMessages = NoisyMessages()
+
+    def init(self) -> RadarMemory:
+        """No track."""
+        return RadarMemory.empty(models=3)
+
+    def step(
+        self,
+        memory: RadarMemory,
+        plots: Plots,
+        time_s: float,
+        sensors: Sensors,
+        region: int,
+        messages: Messages = NO_MESSAGES,
+    ) -> tuple[RadarMemory, Tracks, Measurements]:
+        """As of `VimmjipdaSequential`."""
+        tracker = MessageAssociation(CompiledBank(self.motion), self.upkeep, self.clutter, sensors, self.messages)
+        take = MessagesInTurn(tracker.take_newest, in_order(messages, memory, self.upkeep.late_s))
+        return track_region(tracker, memory, plots, time_s, sensors, region, take_messages=take)

@@ -1,0 +1,161 @@
+"""AIS messages as measurements of radar tracks: ids right, wrong, swapped and doubled; batches equal the sequence; counted once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from radar_world import ORIGIN_DEG, PERIOD_S, cut, plots_of, two_radars, world
+
+from coastwatch.associations.held import counted_once, held_tracks
+from coastwatch.batches import Associations, Messages, Plots, SourceKind, Spots, Tracks, VesselBearings
+from coastwatch.geodesy import to_plane
+from coastwatch.server.checkpoint import load, save
+from coastwatch.tracks import Vimmjipda, VimmjipdaNoisyBatch, VimmjipdaPreciseBatch, VimmjipdaSequential
+
+METHODS = [VimmjipdaSequential(), VimmjipdaPreciseBatch(), VimmjipdaNoisyBatch()]
+SIGMA_M = 3.0
+CYCLES = 12
+
+
+def messages_of(truth, vessels, seed, every_s=6.0, span_s=PERIOD_S * CYCLES):
+    """Messages of these vessels of a world, MMSI 1000 + vessel, sorted by time."""
+    rng = np.random.default_rng([seed, 3])
+    parts = []
+    for k in vessels:
+        times = np.arange(rng.uniform(0.0, every_s), span_s, every_s)
+        parts.append((times, np.full(len(times), k)))
+    time, vessel = (np.concatenate(column) for column in zip(*parts, strict=True))
+    order = np.argsort(time)
+    time, vessel = time[order], vessel[order]
+    place = truth.at(vessel, time)[0] + SIGMA_M * rng.standard_normal((len(time), 2))
+    return Messages(time, place, np.tile(SIGMA_M**2 * np.eye(2), (len(time), 1, 1)), 1000 + vessel, vessel)
+
+
+def run(method, plots, messages, memory=None, cycles=range(CYCLES)):
+    """Memory and the tracks of each cycle."""
+    memory, out = method.init() if memory is None else memory, []
+    for cycle in cycles:
+        now = messages.take((messages.time_s > PERIOD_S * cycle) & (messages.time_s <= PERIOD_S * (cycle + 1)))
+        memory, tracks, _ = method.step(memory, cut(plots, cycle), PERIOD_S * (cycle + 1), two_radars(), 0, now)
+        out.append(tracks)
+    return memory, out
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """Twelve vessels, of which eight send messages."""
+    truth = world(12, 31, side_nm=4.0)
+    return truth, plots_of(truth, two_radars(), PERIOD_S * CYCLES, 31, detection=0.9), messages_of(truth, range(8), 31)
+
+
+def ids(tracks):
+    """The id that each vessel's track holds, by vessel."""
+    return dict(zip(tracks.origin.tolist(), tracks.held_mmsi.tolist(), strict=True))
+
+
+@pytest.mark.parametrize("method", METHODS, ids=lambda m: m.method)
+def test_every_vessel_is_one_track_with_its_id(method, scene):
+    truth, plots, messages = scene
+    memory, out = run(method, plots, messages)
+    vessels, count = np.unique(out[-1].origin, return_counts=True)
+    assert (count == 1).all()
+    found = ids(out[-1])
+    assert all(found[k] == 1000 + k for k in range(8) if k in found)
+    assert all(found[k] == -1 for k in range(8, 12) if k in found)
+    assert len(vessels) >= 11
+    alone = run_alone(plots)
+    where, _ = truth.at(np.maximum(out[-1].origin, 0), np.full(len(out[-1]), PERIOD_S * CYCLES))
+    named = out[-1].held_mmsi >= 0
+    error = np.hypot(*(to_plane(out[-1].position_deg, ORIGIN_DEG) - where)[named].T).mean()
+    before, _ = truth.at(np.maximum(alone.origin, 0), np.full(len(alone), PERIOD_S * CYCLES))
+    radar = np.hypot(*(to_plane(alone.position_deg, ORIGIN_DEG) - before)[np.isin(alone.origin, range(8))].T).mean()
+    assert error < 0.8 * radar
+    half, _ = run(method, plots, messages, cycles=range(6))
+    resumed, rest = run(method, plots, messages, load(save(half)), range(6, CYCLES))
+    assert np.array_equal(rest[-1].covariance, out[-1].covariance)
+    assert np.array_equal(resumed.table.id_probability, memory.table.id_probability)
+    rng = np.random.default_rng(31)
+    _, shuffled = run(method, plots, messages.take(rng.permutation(len(messages))))
+    assert np.array_equal(shuffled[-1].covariance, out[-1].covariance)
+
+
+def run_alone(plots):
+    """The last tracks with radar alone."""
+    memory = Vimmjipda().init()
+    for cycle in range(CYCLES):
+        memory, tracks, _ = Vimmjipda().step(memory, cut(plots, cycle), PERIOD_S * (cycle + 1), two_radars(), 0)
+    return tracks
+
+
+@pytest.mark.parametrize("method", METHODS, ids=lambda m: m.method)
+def test_a_wrong_id_begins_no_second_track_and_swapped_ids_change_hands(method, scene):
+    """The fifth message of each vessel carries a random id; later vessels 0 and 1 send each other's."""
+    _, plots, messages = scene
+    wrong, mmsi = np.zeros(len(messages), np.bool_), messages.mmsi.copy()
+    for k in range(8):
+        wrong[np.flatnonzero(messages.origin == k)[3]] = True
+    mmsi[wrong] = 900_000_000 + np.arange(8)
+    _, out = run(method, plots, replace(messages, mmsi=mmsi))
+    assert not np.isin(mmsi[wrong], np.concatenate([tracks.held_mmsi for tracks in out])).any()
+    assert max(np.unique(tracks.origin, return_counts=True)[1].max(initial=0) for tracks in out) == 1
+    late = messages.time_s > 12.0
+    swapped = np.where(late & (messages.origin < 2), 1001 - messages.origin, messages.mmsi)
+    _, out = run(method, plots, replace(messages, mmsi=swapped))
+    found = ids(out[-1])
+    assert (found[0], found[1]) == (1001, 1000)
+    assert len(np.unique(np.concatenate([tracks.track_id[tracks.origin == 0] for tracks in out]))) == 1
+
+
+@pytest.mark.parametrize("method", METHODS, ids=lambda m: m.method)
+def test_two_vessels_with_one_mmsi_stay_two_tracks(method, scene):
+    truth, plots, messages = scene
+    both = replace(messages, mmsi=np.where(messages.origin == 1, 1000, messages.mmsi))
+    _, out = run(method, plots, both)
+    tracks = out[-1]
+    assert ids(tracks)[0] == ids(tracks)[1] == 1000
+    where, _ = truth.at(tracks.origin, np.full(len(tracks), PERIOD_S * CYCLES))
+    two = np.isin(tracks.origin, [0, 1])
+    assert np.hypot(*(to_plane(tracks.position_deg, ORIGIN_DEG) - where)[two].T).max() < 20.0
+
+
+def test_a_batch_of_single_messages_equals_the_sequence(scene):
+    """Every message comes at the time of the batch that follows: method B is then method A."""
+    _, plots, messages = scene
+    slow = replace(messages, time_s=np.ceil(messages.time_s))
+    slow = slow.take(np.unique(np.column_stack([slow.mmsi, slow.time_s]), axis=0, return_index=True)[1])
+    one, other = (run(m, plots, slow)[1][-1] for m in METHODS[:2])
+    assert len(one) > 8
+    np.testing.assert_allclose(to_plane(one.position_deg, ORIGIN_DEG), to_plane(other.position_deg, ORIGIN_DEG), atol=0.5)
+
+
+def test_an_ais_track_whose_messages_are_in_a_radar_track_is_of_it_and_not_fused_again():
+    """Rows: a radar track that holds 7, one that holds nothing, AIS 7 at the first, AIS 8 beside it, AIS 9 at the second."""
+    place = ORIGIN_DEG + np.array([[0.0, 0.0], [0.1, 0.0], [0.0, 1e-5], [0.0, 2e-5], [0.1, 1e-5]])
+    source, mmsi = np.array([0, 0, 1, 1, 1]), np.array([-1, -1, 7, 8, 9])
+    spread, zero = np.tile(np.eye(4), (5, 1, 1)), np.zeros(5)
+    each = np.arange(5), source, zero, place, np.zeros((5, 2)), spread, spread[:, :2, :2], zero, zero
+    tracks = Tracks(*each, mmsi, np.full(5, -1), held_mmsi=np.array([7, -1, -1, -1, -1]))
+    kinds = np.array([SourceKind.RADAR, SourceKind.AIS])
+    held = held_tracks(tracks, kinds, 1000.0)
+    assert (held.ais.tolist(), held.holder.tolist()) == ([2], [0])
+    spots = held.spots_of_others(Spots(np.zeros((1, 3)), np.zeros(5, np.int64), np.array([0, 0]), np.array([2, 4])))
+    assert (len(spots.spot), spots.halo_row.tolist()) == (4, [3])
+    # the method, which does not see AIS 7, pairs AIS 8 with the first and AIS 9 with the second
+    found = Associations(np.array([0, 1]), np.array([2, 3]), np.array([5.0, 5.0]), np.array([0, 1, 0, 1]), 2)
+    joined = held.joined_to(found, tracks, kinds)
+    assert joined.vessel.tolist() == [0, 1, 0, 2, 1]
+    assert list(zip(joined.first.tolist(), joined.second.tolist(), strict=True)) == [(0, 2), (1, 4)]
+    counted, fused, _ = counted_once(tracks, joined, VesselBearings.empty(), kinds)
+    assert counted.track_id.tolist() == [0, 1, 3, 4]
+    assert fused.vessel.tolist() == [0, 1, 2, 1]
+    assert list(zip(fused.first.tolist(), fused.second.tolist(), strict=True)) == [(1, 3)]
+
+
+def test_messages_without_a_radar_turn_keep_a_track():
+    truth = world(1, 33, kick_m_s=0.0, side_nm=1.0)
+    messages = messages_of(truth, [0], 33, every_s=3.0)
+    _, out = run(VimmjipdaSequential(), Plots.empty(), messages)
+    assert [len(tracks) for tracks in out[1:]] == [1] * (CYCLES - 1)
+    assert out[-1].updated_s[0] == messages.time_s[-1]
