@@ -39,6 +39,7 @@ from coastwatch.batches import (
     Sensors,
     Spots,
     Tracks,
+    TrackSourceStates,
 )
 from coastwatch.scenario import Scenario
 from coastwatch.stage import Groups, Map, RegionMap, serial_regions
@@ -105,6 +106,7 @@ class Cycle:
     bearing_associations: BearingAssociations
     corrections: RadarCorrections  # found in this cycle, for the next
     ais_feeds: AisFeeds = field(default_factory=AisFeeds.empty)
+    track_sources: TrackSourceStates = field(default_factory=TrackSourceStates.empty)
 
     def to_write(self) -> Cycle:
         """The cycle without arrays that the store does not read, so that their memory is free while the store writes."""
@@ -146,7 +148,9 @@ def dropped(memory: Memory, sensors: Sensors) -> tuple[Fault, ...]:
     counts += [(f"plot dropped: {stamp}", f"tracks of {name}", region.dropped) for name, region in regions]
     counts += [(f"AIS report dropped: {reason}", "ais_tracks", count) for reason, count in m.ais_tracks.refused.items()]
     counts += [(f"bearing dropped: {stamp}", "bearing_tracks", m.bearing_tracks.dropped)]
-    counts += [(f"track state dropped: {stamp}, or a newer one is known", "received_tracks", m.received_tracks.dropped)]
+    counts += [
+        (f"track state dropped: {stamp}, or a newer one is known", "received_tracks", int(m.received_tracks.dropped.sum()))
+    ]
     return tuple(Fault(kind, count, where, "") for kind, where, count in counts if count)
 
 
@@ -283,6 +287,6 @@ def step(
         registration_memory, corrections = s.registration.step(m.registration, *seen, time_s, sensors, m.corrections)
     radar_memory = tuple(new for new, *_ in regional)
     first = plots_memory, radar_memory, ais_memory, bearing_memory, given_memory, centre_memory
-    return Memory(*first, registration_memory, corrections), replace(
-        cycle, corrections=corrections, ais_feeds=ais_memory.clocks.summary()
-    )
+    of_feeds, of_sources = ais_memory.clocks.summary(), s.received_tracks.summary(given_memory, sensors)
+    cycle = replace(cycle, corrections=corrections, ais_feeds=of_feeds, track_sources=of_sources)
+    return Memory(*first, registration_memory, corrections), cycle

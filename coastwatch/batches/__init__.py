@@ -66,6 +66,7 @@ from coastwatch.batches.yields import (
     RegistrationState,
     Spots,
     Tracks,
+    TrackSourceStates,
     VesselBearings,
 )
 
@@ -115,6 +116,7 @@ __all__ = [
     "Stations",
     "Struct",
     "TrackReports",
+    "TrackSourceStates",
     "TrackSources",
     "Tracks",
     "Trajectories",

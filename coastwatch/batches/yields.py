@@ -103,6 +103,20 @@ class AisFeeds(Batch):
 
 
 @dataclass(frozen=True, eq=False)
+class TrackSourceStates(Batch):
+    """One row for each track source, by its number: what it sent, and how exact its tracks are taken to be."""
+
+    states: Ints = column(np.int64, "R")  # received since the start of the run
+    dropped: Ints = column(
+        np.int64, "R"
+    )  # of them, since their stamp is no time, in the future, or before that of a newer state
+    tracks: Ints = column(np.int64, "R")  # that are alive
+    position_sigma_m: Floats = column(np.float64, "R")  # per axis, of tracks without covariance: as set, or estimated
+    velocity_sigma_m_s: Floats = column(np.float64, "R")
+    partners: Ints = column(np.int64, "R")  # differences to AIS partners behind them
+
+
+@dataclass(frozen=True, eq=False)
 class BearingTracks(Batch):
     """Tracks that have only a bearing, with the newest W bearings behind them, oldest first, NaN before the first."""
 

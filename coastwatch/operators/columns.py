@@ -12,7 +12,8 @@ TEXTS = {
     "status", "title", "version", "what",
 }  # fmt: skip
 WHOLE = {
-    "cycle", "cycles", "cycles_stored", "gaps", "number", "run", "seed", "ship_type", "tracks", "vessels", "vessels_of_it_alone",
+    "cycle", "cycles", "cycles_stored", "gaps", "dropped", "number", "run", "seed", "ship_type",
+    "states", "tracks", "vessels", "vessels_of_it_alone",
     "voices", "workers",
 }  # fmt: skip
 WHOLE_ENDINGS = ("_id", "_cycle", "_track")

@@ -224,7 +224,11 @@ def registration(rows: Rows, settings: Mapping[str, Any]) -> Rows:
 
 
 def _evidence(s: Mapping[str, Any], false_alarm: float | None) -> str | None:
-    """What is known of the registration of a radar, in words. Args: s: a row of `sensors`."""
+    """What is known of the registration of a radar, or of a track source, in words. Args: s: a row of `sensors`."""
+    if s["kind"] == "tracks" and s["states"] is not None:
+        sigma = f"{s['position_sigma_m']:.1f} m and {s['velocity_sigma_m_s']:.2f} m/s of those without covariance"
+        partners = f"{s['vessels']} differences to AIS" if s["vessels"] else "as set"
+        return f"{s['tracks']:,} tracks, {s['states']:,} states, {s['dropped']:,} dropped; {sigma}, {partners}"
     if s["state"] == "unknown":
         return "no plots" if s["compared"] is None else "no AIS vessel in cover"
     if s["state"] is None or s["odds"] is None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from sqlalchemy import Connection, Executable, and_, delete, func, insert, literal, null, select, true, update
 
-from coastwatch.batches import Fault, Radars, Sensors, Sonars, SourceKind, Stations
+from coastwatch.batches import Fault, Radars, Sensors, Sonars, SourceKind, Stations, TrackSources
 from coastwatch.store.database import Store, StoreError, as_json, now_utc, reading, writing
 from coastwatch.store.rows import Rows, fetch_rows
 from coastwatch.store.tables import (
@@ -24,6 +24,7 @@ from coastwatch.store.tables import (
     SENSOR_REGISTRATION,
     SOURCE,
     STAGE_TIMING,
+    TRACK_SOURCE,
 )
 
 if TYPE_CHECKING:  # to read a database needs no pydantic, which is slow to import
@@ -82,7 +83,7 @@ def begin_run(
         run_id = int(connection.execute(insert(RUN).values(row).returning(RUN.c.id)).scalar_one())
         of_feeds = [{"run_id": run_id, "number": number, "name": name} for number, name in enumerate(feeds)]
         made = (SENSOR, _sensor_rows(run_id, sensors)), (SOURCE, _source_rows(run_id, sensors)), (AIS_FEED, of_feeds)
-        for table, rows in made:
+        for table, rows in (*made, (TRACK_SOURCE, _track_source_rows(run_id, sensors.track_sources))):
             if rows:
                 connection.execute(insert(table), rows)
     return run_id
@@ -268,7 +269,7 @@ def sources(store: Store, run_id: int) -> Rows:
 
 def sensor_states(store: Store, run_id: int, at_s: float | None = None) -> Rows:
     """One row a sensor: specification, when it was heard last, and its registration; now, or up to an instant. The feeds of AIS
-    follow, each with the jitter of its times.
+    follow, each with the jitter of its times, and the track sources with what they sent.
 
     Raises: StoreError where there is no such run, or nothing is stored so early.
     """
@@ -281,18 +282,17 @@ def sensor_states(store: Store, run_id: int, at_s: float | None = None) -> Rows:
         when = and_(CYCLE.c.run_id == run_id, CYCLE.c.number == found.c.cycle)
         f, known = AIS_FEED.c, [c for c in t if not c.primary_key] + [CYCLE.c.time_s]
         of_sensor = {c.name: c for c in s if c is not s.run_id}
-        of_feed = {name: null().label(name) for name in of_sensor} | {
-            "kind": literal("feed").label("kind"),
-            "number": f.number,
-            "name": f.name,
-        }
+        nothing, source = {name: null().label(name) for name in of_sensor}, TRACK_SOURCE.c
+        of_feed = nothing | {"kind": literal("feed").label("kind"), "number": f.number, "name": f.name}
+        of_source = nothing | {"kind": literal("tracks").label("kind"), "number": source.number, "name": source.name}
+        of_source |= {"latitude_deg": source.latitude_deg, "longitude_deg": source.longitude_deg}
         answers = []
-        for table, columns in ((SENSOR, of_sensor), (AIS_FEED, of_feed)):
+        for table, columns in ((SENSOR, of_sensor), (AIS_FEED, of_feed), (TRACK_SOURCE, of_source)):
             same = and_(found.c.kind == columns["kind"], found.c.number == columns["number"])
             joined = table.outerjoin(found, same).outerjoin(SENSOR_REGISTRATION, row).outerjoin(CYCLE, when)
             query = select(*columns.values(), *known).select_from(joined).where(table.c.run_id == run_id)
             answers.append(fetch_rows(connection, query.order_by(columns["kind"], columns["number"])))
-        return Rows(answers[0].columns, [*answers[0].rows, *answers[1].rows])
+        return Rows(answers[0].columns, [row for answer in answers for row in answer.rows])
 
 
 def cycle_at(connection: Connection, store: Store, run_id: int, at_s: float | None, kept: Any = true()) -> int:  # noqa: B008
@@ -343,6 +343,15 @@ def _sensor_rows(run_id: int, sensors: Sensors) -> list[dict[str, Any]]:
             ("bearing", _sonars(sensors.sonars)),
         )
         for k, row in enumerate(rows)
+    ]
+
+
+def _track_source_rows(run_id: int, sources: TrackSources) -> list[dict[str, Any]]:
+    """One row a track source. `number` is the index that its reports carry."""
+    sites = [[value if np.isfinite(value) else None for value in site] for site in sources.site_deg.tolist()]
+    return [
+        {"run_id": run_id, "number": k, "name": str(name), "latitude_deg": latitude, "longitude_deg": longitude}
+        for k, (name, (latitude, longitude)) in enumerate(zip(sources.name, sites, strict=True))
     ]
 
 

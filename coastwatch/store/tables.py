@@ -29,7 +29,7 @@ from sqlalchemy import (
     text,
 )
 
-REVISION = "0012"
+REVISION = "0013"
 """The migration at which the database equals the tables below; a test compares it with db/migrations."""
 
 REVISION_TABLE = "coastwatch_revision"
@@ -113,6 +113,16 @@ SENSOR = Table(
 
 AIS_FEED = Table("ais_feed", METADATA, of_run(), *keys("number"), *required(Text, "name"))
 """A feed of AIS: a file. Its reports carry its number."""
+
+TRACK_SOURCE = Table(
+    "track_source",
+    METADATA,
+    of_run(),
+    *keys("number"),
+    *required(Text, "name"),
+    *nullable(REAL, "latitude_deg", "longitude_deg"),  # of its radar; null: not known
+)
+"""A system that sends finished tracks."""
 
 SOURCE = Table("source", METADATA, of_run(), *keys("number"), *required(Text, "name"), *required(WORD, "kind"))
 """A source of tracks: a region of radars, AIS, or one sonar."""
@@ -285,13 +295,13 @@ SENSOR_REGISTRATION = Table(
     METADATA,
     of_run(),
     *keys("cycle"),
-    *keys("kind", kind=WORD),  # radar, ais, bearing, feed
+    *keys("kind", kind=WORD),  # radar, ais, bearing, feed, tracks
     *keys("number"),  # within its kind
     *nullable(REAL, "heard_s"),  # newest arrival; of AIS that of any receiver, reports do not say which it was
     *nullable(WORD, "state"),  # of radars: unknown, acquiring, probable, found, settled, doubtful
     *nullable(REAL, "azimuth_bias_deg", "azimuth_sigma_deg", "range_bias_m", "range_sigma_m"),
     *nullable(REAL, "time_lag_s", "estimated_lag_s", "lag_sigma_s"),  # sigma: of the estimated lag
-    *nullable(WHOLE, "vessels"),  # behind the estimate
+    *nullable(WHOLE, "vessels"),  # behind the estimate; of track sources: differences of a track to an AIS partner
     *nullable(REAL, "residuals"),  # plots behind it, the older the less
     *nullable(REAL, "time_jitter_s"),  # of feeds: standard deviation of the times of their reports
     *nullable(WHOLE, "compared"),  # AIS vessels in cover; null where the radar sent no plot
@@ -299,6 +309,9 @@ SENSOR_REGISTRATION = Table(
     *nullable(REAL, "odds", "found_odds"),  # of the candidate against chance; the same when the bias that is applied was found
     *nullable(WHOLE, "voices"),  # vessels under way, and squares with vessels at rest, that speak for the candidate
     *nullable(REAL, "rival_share"),  # of all evidence, that the best other bias has
+    *nullable(WHOLE, "states", "dropped"),  # of track sources, since the start of the run: received, and not used
+    *nullable(WHOLE, "tracks"),  # of track sources, alive now
+    *nullable(REAL, "position_sigma_m", "velocity_sigma_m_s"),  # of track sources, per axis, of tracks without covariance
     **IN_KEY_ORDER,
 )
 """What is known of a sensor after a cycle. Biases are of what it measures, to be subtracted; a lag is how late its stamps are."""

@@ -28,7 +28,7 @@ if TYPE_CHECKING:  # to read a database needs no stage of the pipeline, which ar
     from coastwatch.pipeline import Cycle
 
 UPPER = np.triu_indices(4)
-SENSOR_KINDS = ("ais", "bearing", "feed", "radar")  # in the order of the key
+SENSOR_KINDS = ("ais", "bearing", "feed", "radar", "tracks")  # in the order of the key
 
 LastReport = dict[tuple[str, int], float]
 """Kind and number of a sensor -> arrival of its newest report, s."""
@@ -216,7 +216,7 @@ def static_rows(reports: AisStatics) -> tuple[Ints, dict[str, Column]]:
 def last_reports(before: LastReport, reports: Reports) -> LastReport:
     """When each sensor was received last. AIS reports do not say which receiver took them: they count for the first."""
     out = dict(before)
-    for kind, part in (("radar", reports.radar), ("bearing", reports.bearing)):
+    for kind, part in (("radar", reports.radar), ("bearing", reports.bearing), ("tracks", reports.tracks)):
         newest_s = np.full(int(part.sensor.max(initial=-1)) + 1, -np.inf)
         np.maximum.at(newest_s, part.sensor, part.received_s)
         for sensor in np.flatnonzero(newest_s > -np.inf).tolist():
@@ -233,28 +233,32 @@ def last_reports(before: LastReport, reports: Reports) -> LastReport:
 def registration_rows(
     run_id: int, number: int, cycle: Cycle, last_report: LastReport, stations: int, feeds: int
 ) -> list[Column]:
-    """Columns of table `sensor_registration`, in key order: AIS receivers, bearing sensors, feeds of AIS, radars.
+    """Columns of table `sensor_registration`, in key order: AIS receivers, bearing sensors, feeds of AIS, radars, track
+    sources.
 
     Args: stations: AIS receivers; feeds: of AIS.
     """
-    c, bias = cycle.corrections, np.degrees(cycle.bearing_associations.sensor_bias_rad)
-    counts = (stations, len(bias), feeds, len(c))
+    c, t, bias = cycle.corrections, cycle.track_sources, np.degrees(cycle.bearing_associations.sensor_bias_rad)
+    counts = (stations, len(bias), feeds, len(c), len(t))
     kinds = np.repeat(np.arange(len(counts)), counts)
     numbers = np.concatenate([np.arange(n) for n in counts])
     sensors = [("ais", 0) if kind == 0 else (SENSOR_KINDS[kind], k) for kind, k in zip(kinds, numbers.tolist(), strict=True)]
     others = stations + len(bias) + feeds
 
     def of_radars(values: Floats) -> Floats:
-        return np.concatenate([np.full(others, np.nan), np.where(np.isfinite(values), values, np.nan)])
+        return np.concatenate([np.full(others, np.nan), np.where(np.isfinite(values), values, np.nan), np.full(len(t), np.nan)])
 
-    azimuth = np.concatenate([np.full(stations, np.nan), bias, np.full(feeds, np.nan), np.degrees(c.azimuth_bias_rad)])
+    azimuth = of_radars(np.degrees(c.azimuth_bias_rad))
+    azimuth[stations : stations + len(bias)] = bias
     radars = (np.degrees(c.azimuth_sigma_rad), c.range_bias_m, c.range_sigma_m, c.time_lag_s, c.estimated_lag_s, c.lag_sigma_s)
     none, jitter = np.full(others, -1), np.full(len(kinds), np.nan)
+    after, before = np.full(len(t), -1), np.full(others + len(c), -1)
     known = min(feeds, len(cycle.ais_feeds))
     jitter[stations + len(bias) :][:known] = cycle.ais_feeds.time_jitter_s[:known]
 
     def numbers_of_radars(values: Floats) -> NullableId:
-        return NullableId(np.concatenate([none, np.where(np.isfinite(values), np.nan_to_num(values), -1.0).astype(np.int64)]))
+        whole = np.where(np.isfinite(values), np.nan_to_num(values), -1.0).astype(np.int64)
+        return NullableId(np.concatenate([none, whole, after]))
 
     evidence = np.degrees(c.candidate_azimuth_rad), c.candidate_range_m, c.odds, c.found_odds
     return [
@@ -263,16 +267,18 @@ def registration_rows(
         Categorical(kinds, SENSOR_KINDS),
         numbers,
         np.array([last_report.get(sensor, np.nan) for sensor in sensors], float),
-        Categorical(np.concatenate([none, c.state]), [state.name.lower() for state in RegistrationState]),
+        Categorical(np.concatenate([none, c.state, after]), [state.name.lower() for state in RegistrationState]),
         azimuth,
         *map(of_radars, radars),
-        NullableId(np.concatenate([none, c.references])),
+        NullableId(np.concatenate([none, c.references, t.partners])),
         of_radars(c.residuals),
         jitter,
         numbers_of_radars(c.compared),
         *map(of_radars, evidence),
         numbers_of_radars(c.voices),
         of_radars(c.rival_share),
+        *(NullableId(np.concatenate([before, counted])) for counted in (t.states, t.dropped, t.tracks)),
+        *(np.concatenate([before * np.nan, sigma]) for sigma in (t.position_sigma_m, t.velocity_sigma_m_s)),
     ]
 
 

@@ -8,7 +8,18 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, PositiveFloat
 
-from coastwatch.batches import Batch, Bools, Floats, Ints, Sensors, TrackReports, Tracks, column
+from coastwatch.batches import (
+    Batch,
+    Bools,
+    Floats,
+    Ints,
+    Sensors,
+    TrackReports,
+    Tracks,
+    TrackSources,
+    TrackSourceStates,
+    column,
+)
 from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred, offset_deg
 from coastwatch.stage import Method
 
@@ -53,7 +64,8 @@ class ReceivedMemory:
     table: ReceivedTable
     differences: Differences
     next_track: int
-    dropped: int  # states whose stamp is not finite, from the future, or before that of the state that is kept
+    states: Ints  # (S,) of each source, so far
+    dropped: Ints  # (S,) of them: stamp not finite, from the future, or before that of the state that is kept
 
 
 class ReceivedTracks(Method):
@@ -77,7 +89,10 @@ class ReceivedTracks(Method):
 
     def init(self) -> ReceivedMemory:
         """No track."""
-        return ReceivedMemory(ReceivedTable.empty(), Differences(np.zeros((0, KEPT)), np.zeros((0, KEPT))), 1, 0)
+        none = np.zeros(0, np.int64)
+        return ReceivedMemory(
+            ReceivedTable.empty(), Differences(np.zeros((0, KEPT)), np.zeros((0, KEPT))), 1, none, none.copy()
+        )
 
     def step(
         self, memory: ReceivedMemory, reports: TrackReports, time_s: float, sensors: Sensors, ais: Tracks
@@ -91,22 +106,42 @@ class ReceivedTracks(Method):
         sources = sensors.track_sources
         if not len(sources):
             return memory, Tracks.empty()
-        before = memory.differences
-        if len(before.position_m2) != len(sources):
+        before, states, dropped = memory.differences, memory.states, memory.dropped
+        if len(states) != len(sources):
             before = Differences(np.full((len(sources), KEPT), np.nan), np.full((len(sources), KEPT), np.nan))
+            states = dropped = np.zeros(len(sources), np.int64)
         usable = np.isfinite(reports.time_s) & (reports.time_s <= time_s + self.ahead_s)
-        dropped = memory.dropped + int((~usable).sum())
         newest = _newest(reports.take(usable))
         known_s = np.append(memory.table.time_s, -np.inf)[_row_of(memory.table, newest)]  # row -1: a new track
-        dropped += int((newest.time_s < known_s).sum())
+        refused = np.concatenate([reports.sensor[~usable], newest.sensor[newest.time_s < known_s]])
+        states = states + np.bincount(reports.sensor, minlength=len(sources))
+        dropped = dropped + np.bincount(refused, minlength=len(sources))
         table, fresh, next_track = self._updated(memory.table, newest, sources.position_sigma_m, memory.next_track)
         alive = time_s - table.time_s <= np.maximum(sources.patience_s[table.sensor], INTERVALS * table.interval_s)
         table, fresh = table.take(alive), fresh[alive]
         differences = self._compared(before, table.take(fresh), time_s, ais)
-        memory = ReceivedMemory(table, differences, next_track, dropped)
-        position_m2 = _variance(differences.position_m2, self.partners, sources.position_sigma_m, LEAST_SIGMA_M)
-        velocity_m2_s2 = _variance(differences.velocity_m2_s2, self.partners, sources.velocity_sigma_m_s, LEAST_SIGMA_M_S)
+        memory = ReceivedMemory(table, differences, next_track, states, dropped)
+        position_m2, velocity_m2_s2 = self._variances(differences, sources)
         return memory, self._tracks(table, position_m2[table.sensor], velocity_m2_s2[table.sensor], sensors)
+
+    def summary(self, memory: ReceivedMemory, sensors: Sensors) -> TrackSourceStates:
+        """What is known of each track source after a cycle; empty before the first. Args: memory: as `step` returns it."""
+        if not len(memory.states):
+            return TrackSourceStates.empty()
+        position_m2, velocity_m2_s2 = self._variances(memory.differences, sensors.track_sources)
+        return TrackSourceStates(
+            states=memory.states,
+            dropped=memory.dropped,
+            tracks=np.bincount(memory.table.sensor, minlength=len(memory.states)),
+            position_sigma_m=np.sqrt(position_m2),
+            velocity_sigma_m_s=np.sqrt(velocity_m2_s2),
+            partners=np.count_nonzero(np.isfinite(memory.differences.position_m2), axis=1),
+        )
+
+    def _variances(self, differences: Differences, sources: TrackSources) -> tuple[Floats, Floats]:
+        """The variances of position and of velocity of the tracks of each source, per axis. (S,), (S,)"""
+        position_m2 = _variance(differences.position_m2, self.partners, sources.position_sigma_m, LEAST_SIGMA_M)
+        return position_m2, _variance(differences.velocity_m2_s2, self.partners, sources.velocity_sigma_m_s, LEAST_SIGMA_M_S)
 
     def _updated(
         self, table: ReceivedTable, new: TrackReports, sigma_m: Floats, next_track: int

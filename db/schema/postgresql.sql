@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0012; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0013; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id BIGSERIAL NOT NULL,
@@ -289,6 +289,11 @@ CREATE TABLE sensor_registration (
 	found_odds FLOAT(53),
 	voices BIGINT,
 	rival_share FLOAT(53),
+	states BIGINT,
+	dropped BIGINT,
+	tracks BIGINT,
+	position_sigma_m FLOAT(53),
+	velocity_sigma_m_s FLOAT(53),
 	PRIMARY KEY (run_id, cycle, kind, number),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
@@ -322,6 +327,16 @@ CREATE TABLE stage_timing (
 	seconds FLOAT(53) NOT NULL,
 	rows BIGINT,
 	PRIMARY KEY (run_id, cycle, number),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE TABLE track_source (
+	run_id BIGINT NOT NULL,
+	number BIGINT NOT NULL,
+	name TEXT NOT NULL,
+	latitude_deg FLOAT(53),
+	longitude_deg FLOAT(53),
+	PRIMARY KEY (run_id, number),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 

@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0012; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0013; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
@@ -299,6 +299,11 @@ CREATE TABLE sensor_registration (
 	found_odds FLOAT,
 	voices INTEGER,
 	rival_share FLOAT,
+	states INTEGER,
+	dropped INTEGER,
+	tracks INTEGER,
+	position_sigma_m FLOAT,
+	velocity_sigma_m_s FLOAT,
 	PRIMARY KEY (run_id, cycle, kind, number),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 )
@@ -337,6 +342,16 @@ CREATE TABLE stage_timing (
 	FOREIGN KEY(run_id) REFERENCES run (id)
 )
  WITHOUT ROWID;
+
+CREATE TABLE track_source (
+	run_id INTEGER NOT NULL,
+	number INTEGER NOT NULL,
+	name TEXT NOT NULL,
+	latitude_deg FLOAT,
+	longitude_deg FLOAT,
+	PRIMARY KEY (run_id, number),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
 
 CREATE TABLE vessel_static (
 	run_id INTEGER NOT NULL,

@@ -218,6 +218,12 @@ def test_finished_tracks_and_ais_become_two_ships(files: Path, capsys: pytest.Ca
     for row in rows:
         gap = to_plane(wanted, np.array([float(row["latitude_deg"]), float(row["longitude_deg"])]))
         assert np.hypot(*gap.T).min() < POSITION_M
+    assert main(["sensors", "--db", url, "--json"]) == 0
+    table, sentences = (row for row in json.loads(capsys.readouterr().out) if row["kind"] == "tracks")
+    assert [sentences[k] for k in ("name", "states", "dropped", "tracks")] == ["targets", 120, 0, 2]
+    assert [table[k] for k in ("name", "tracks", "latitude_deg", "range_m")] == ["tracks", 2, SITE[0], None]
+    assert main(["sensors", "--db", url]) == 0
+    assert "2 tracks, 120 states, 0 dropped; " in capsys.readouterr().out
 
 
 def test_bearings_from_the_bow_need_position_and_heading(tmp_path: Path) -> None:
