@@ -42,11 +42,11 @@ class Served:
 
 
 @contextmanager
-def listening(service: Service, guard: Guard | None = None, web: Path | None = None) -> Iterator[str]:
-    """Serve in a thread. Yields: host:port."""
+def listening(service: Service, guard: Guard | None = None, web: Path | None = None, port: int = 0) -> Iterator[str]:
+    """Serve in a thread. Args: port: 0: a free one. Yields: host:port."""
     app = application(service, guard or Guard(), *([] if web is None else [web]))
     server = uvicorn.Server(configured(app))
-    with bound("127.0.0.1", 0) as opened:
+    with bound("127.0.0.1", port) as opened:
         port = opened.getsockname()[1]
         opened.listen()
         thread = threading.Thread(target=server.run, kwargs={"sockets": [opened]})

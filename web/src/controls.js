@@ -7,7 +7,7 @@ import { LAYERS, SPEEDS, THEME_NAMES, VECTOR_MINUTES } from './state.js';
 import { css, THEMES } from './symbols.js';
 
 const LAYER_NAMES = {
-  labels: 'Names', vectors: 'Course vectors', ellipses: 'Ellipses (2σ)', trail: 'Trail and bearings of the selected vessel',
+  labels: 'Names', vectors: 'Course vectors', ellipses: 'Ellipses (2σ)', trail: 'Trail, bearings of the selected',
   cover: 'Sensors and their range', zones: 'Zones',
 };
 

@@ -1,6 +1,6 @@
 // Positions on the web mercator square, and what a watch officer measures: range, bearing, closest approach.
 
-export const KNOT_M_S = 0.514444;
+export const KNOT_M_S = 1852 / 3600;
 /** Metres of one degree of latitude. The server foretells positions with the same figure. */
 export const METRES_A_DEGREE = 111120;
 const EARTH_RADIUS_M = 6371008.8;

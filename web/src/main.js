@@ -189,7 +189,9 @@ class App {
     this.count = markShown(picture, this.state.filter, this.details, this.shown);
     for (const id of this.alarms.flashing) {
       const slot = picture.slotOf.get(id);
-      if (slot !== undefined) this.shown[slot] = 2;
+      if (slot === undefined) continue;
+      this.count += this.shown[slot] ? 0 : 1;
+      this.shown[slot] = 2;
     }
     this.points.show(picture, this.shown);
     showFilterWords(this.state.filter, picture.vessels - this.count);

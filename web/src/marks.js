@@ -181,7 +181,7 @@ export class Marks {
   #cover() {
     const { context } = this;
     context.strokeStyle = css(this.colours.cover, 0.8);
-    context.fillStyle = css(this.colours.soft);
+    context.fillStyle = css(this.colours.lost);
     context.lineWidth = 1;
     context.font = '11px system-ui, sans-serif';
     for (const sensor of this.app.sensors) {

@@ -98,28 +98,29 @@ export class Panel {
 
   /** Tracks, statistics and method behind the vessel. */
   #reasons(known) {
+    const until = this.app.replaying ? this.app.clock() : Infinity;
     const method = Object.values(known.method ?? {}).flatMap((settings) => Object.entries(settings ?? {}))
       .filter(([, value]) => value !== null && typeof value !== 'object');
     return [
       element('h3', {}, 'Why'),
       table('Contributing tracks', known.members, [
         ['source', 'Source'], ['track_id', 'Track'], ['from_utc', 'From', clockOf], ['to_utc', 'To', clockOf],
-      ]),
+      ], until),
       table('Associations', known.associations, [
         ['time_utc', 'Time', clockOf], ['first_source', 'First'], ['first_track', ''], ['second_source', 'Second'], ['second_track', ''],
         ['statistic', 'Statistic', number],
-      ]),
+      ], until),
       known.associations?.length > 0 && known.statistics?.associations && element('p', { class: 'soft' }, known.statistics.associations),
       table('Bearings', known.bearing_associations, [
         ['time_utc', 'Time', clockOf], ['source', 'Source'], ['track_id', 'Track'], ['bearing_deg', 'Bearing', course],
         ['statistic', 'Statistic', number],
-      ]),
+      ], until),
       method.length > 0 && element('details', {}, element('summary', {}, 'Method: window and threshold'),
         pairs(method.map(([name, value]) => [name.replaceAll('_', ' '), String(value)]))),
       table('Events', known.events, [
         ['kind', 'Kind', (kind) => kind.replaceAll('_', ' ')], ['start_utc', 'From', clockOf],
         ['end_utc', 'To', (utc) => (utc ? clockOf(utc) : 'lasts')],
-      ]),
+      ], until),
       this.#speeds(known.history ?? []),
     ].filter(Boolean);
   }
@@ -151,10 +152,11 @@ export class Panel {
 const clockOf = (utc) => (utc ? clock(seconds(utc)) : '–');
 const number = (value) => (value === null || value === undefined ? '–' : Number(value.toPrecision(4)).toString());
 
-/** The newest rows of a table; null where there are none. Args: columns: name, title, format. */
-function table(title, rows, columns) {
-  if (!rows?.length) return null;
+/** The newest rows of a table up to a time; null where there are none. Args: columns: name, title, format; until: Unix seconds. */
+function table(title, all, columns, until) {
   const time = columns.map(([name]) => name).find((name) => name.endsWith('_utc'));
+  const rows = (all ?? []).filter((row) => !(seconds(row[time]) > until));
+  if (!rows.length) return null;
   const shown = rows.toSorted((a, b) => seconds(b[time]) - seconds(a[time])).slice(0, ROWS);
   return element('table', {},
     element('caption', {}, rows.length > ROWS ? `${title} (newest ${ROWS} of ${rows.length})` : title),

@@ -24,14 +24,14 @@ void main() {
   bool lost = kind == 0u || (flag & ${FLAG.coasting}u) != 0u;
   symbol = lost ? 0.0 : (kind & 3u) != 0u ? float(kind & 3u) : 4.0;
   bool alarm = (flag & ${FLAG.alarm}u) != 0u, ringed = (flag & ${RINGED}u) != 0u;
-  bool dim = shown == 2u && bright < 0.5;                     // 2: an alarm that nobody has acknowledged flashes
+  bool dim = shown == 2u && bright < 0.5;                     // 2: the ring of an alarm that nobody has acknowledged flashes
   colour = alarm ? colours[5] : colours[int(symbol)];
   ring = alarm ? colours[5] : colours[6];
   small = pixels < 5.0 ? 1.0 : 0.0;
-  scale = small > 0.5 ? 1.0 : ringed || alarm ? 1.55 : 1.0;
-  gl_PointSize = dim ? 0.0 : small > 0.5 && (ringed || alarm) ? pixels + 2.0 : pixels * scale;
-  if (dim) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
-  if (small > 0.5 && (ringed || alarm)) colour = ring;
+  ringed = (ringed || alarm || shown == 2u) && !dim;
+  scale = small > 0.5 ? 1.0 : ringed ? 1.55 : 1.0;
+  gl_PointSize = small > 0.5 && ringed ? pixels + 2.0 : pixels * scale;
+  if (small > 0.5 && ringed) colour = ring;
   heading = knots < 0.3 ? vec2(0.0, 1.0) : vec2(sin(course), cos(course));
   if (symbol == 1.0 && knots < 0.3) small = 0.5;              // a sleeping target
 }`;

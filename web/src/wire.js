@@ -114,13 +114,15 @@ export class Picture {
 
   /** Frees the slots of vessels that left, then gives slots to those that came. */
   #leaveAndArrive({ removed, born, bornId }) {
+    const leave = (slot) => this.slotOf.get(this.id[slot]) === slot && this.slotOf.delete(this.id[slot]);
     for (const slot of removed) {
-      if (this.slotOf.get(this.id[slot]) === slot) this.slotOf.delete(this.id[slot]);
+      leave(slot);
       this.id[slot] = 0;
       this.kind[slot] = 0;
       this.flag[slot] = 0;
     }
     for (let row = 0; row < born.length; row++) {
+      leave(born[row]); // where several frames were merged, a slot may change its vessel without being removed
       this.id[born[row]] = bornId[row];
       this.slotOf.set(bornId[row], born[row]);
     }

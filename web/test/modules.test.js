@@ -20,7 +20,7 @@ test('mercator, range and bearing', () => {
 test('closest approach of two vessels that meet head on, and of two that draw apart', () => {
   const own = { lat: 50, lon: 0, sog: 10, cog: 0 };
   const meeting = closestApproach(own, { lat: 50.1, lon: 0, sog: 10, cog: 180 });
-  assert.ok(Math.abs(meeting.time_s - 11112 / (20 * 0.514444)) < 0.01 && meeting.distance_m < 1e-6);
+  assert.ok(Math.abs(meeting.time_s - 11112 / (20 * 1852 / 3600)) < 0.01 && meeting.distance_m < 1e-6);
   assert.ok(closestApproach(own, { lat: 50.1, lon: 0, sog: 20, cog: 0 }).time_s < 0);
   assert.equal(closestApproach(own, { ...own, lon: 0.01 }).time_s, 0);
 });

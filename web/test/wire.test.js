@@ -97,6 +97,12 @@ test('a full frame of a new run replaces everything', () => {
   assert.deepEqual([picture.run, picture.epoch, picture.time[0]], [9, 5000, 0]);
 });
 
+test('a slot may change its vessel without being removed, and a vessel its slot', () => {
+  const picture = started();
+  picture.apply(delta({ run: 7, seq: 9, base: 4, slots: 3 }, [{ slot: 0, born: true, ...row(12) }, { slot: 2, born: true, ...row(14) }]));
+  assert.deepEqual([...picture.slotOf].sort(), [[12, 0], [14, 2]]);
+});
+
 test('a delta from nothing replaces everything, whatever the page had', () => {
   const picture = started();
   picture.apply(delta({ run: 9, seq: 3, base: 0, slots: 6, time: 5000 }, [{ slot: 5, born: true, ...row(77) }]));
@@ -116,7 +122,7 @@ test('a vessel moves on from the frame that had it, at most ten minutes', () => 
   assert.equal(picture.position(0, 1000)[1], -1.3);
   const [lat, lon] = picture.position(0, 1060);
   const east = (lon + 1.3) * Math.cos((50.8 * Math.PI) / 180) * 111120;
-  assert.ok(Math.abs(lat - 50.8) < 1e-9 && Math.abs(east - 308.6664) < 0.01);
+  assert.ok(Math.abs(lat - 50.8) < 1e-9 && Math.abs(east - 308.6667) < 0.01);
   assert.deepEqual(picture.position(0, 1600), picture.position(0, 9000));
 });
 

@@ -1,0 +1,239 @@
+"""The page of the map in a real Chromium: it draws, follows, selects, searches, filters, replays, and survives a restart."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import store_world
+from conftest import listening, wait_for
+
+from coastwatch.batches import Flag
+from coastwatch.operators.api.application import WEB
+from coastwatch.operators.cli.serving import Followed
+from coastwatch.pipeline import Cycle
+from coastwatch.store import Store, open_store
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+AXE = Path(__file__).parents[2] / "web" / "node_modules" / "axe-core" / "axe.min.js"
+pytestmark = [
+    pytest.mark.skipif(not (WEB / "index.html").is_file(), reason="the page is not built; `make web` builds it"),
+    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed"),
+]
+
+VESSELS = 60
+DARK, IN_DISTRESS = 4, 10  # vessel ids
+VIEW = "lat=-22.898&lon=-43.155&zoom=11"
+UNSENT_DEG = 11.0 / 111_120.0  # the server sends a vessel again when it is 10 m from where the page draws it; 1 m for rounding
+ANY_TIME_S = 30.0  # the machine may be busy
+
+
+def cycle_of(number: int) -> Cycle:
+    """A cycle of the small sea with a dark vessel and a man overboard."""
+    picture = store_world.picture_of(number, VESSELS)
+    flags = np.where(picture.vessel_id == DARK, int(Flag.DARK), 0)
+    flags |= np.where(picture.vessel_id == IN_DISTRESS, int(Flag.MAN_OVERBOARD), 0)
+    return store_world.cycle_of(number, VESSELS, replace(picture, flags=flags))
+
+
+class World:
+    """A server on a growing database, which can be killed and started again at the same port."""
+
+    def __init__(self, folder: Path) -> None:
+        self.number = self.port = 0
+        self._opened, self._server = ExitStack(), ExitStack()
+        self.store: Store = self._opened.enter_context(open_store(str(folder / "sea.db")))
+        self.run_id = store_world.begin(self.store)
+        for _ in range(4):
+            self.write()
+        self.start()
+
+    def write(self) -> None:
+        """One cycle more."""
+        store_world.write(self.store, self.run_id, self.number, VESSELS, cycle=cycle_of(self.number))
+        self.number += 1
+
+    def start(self) -> None:
+        followed = self._server.enter_context(Followed(self.store, None, poll_s=0.05))
+        address = self._server.enter_context(listening(followed.service, web=WEB, port=self.port))
+        wait_for(lambda: followed.service.hub.picture)
+        self.port = int(address.rpartition(":")[2])
+
+    def stop(self) -> None:
+        self._server.close()
+
+    def close(self) -> None:
+        self.stop()
+        self._opened.close()
+
+
+class Watch:
+    """A page in the browser, and what went wrong in it."""
+
+    def __init__(self, page: Any, port: int) -> None:
+        self.page, self.port = page, port
+        self.requests: list[str] = []
+        self.errors: list[str] = []
+        page.on("request", lambda request: self.requests.append(request.url))
+        page.on("pageerror", lambda error: self.errors.append(str(error)))
+
+    def open(self, query: str = VIEW) -> None:
+        self.page.goto(f"http://127.0.0.1:{self.port}/?{query}")
+        self.until("window.coastwatch?.points?.uploaded")
+
+    def ask(self, script: str) -> Any:
+        return self.page.evaluate(script)
+
+    def until(self, script: str, found: Callable[[Any], Any] = bool) -> Any:
+        """Ask until the answer is as wanted: the page's policy forbids Playwright's own waiting for a text."""
+        end = time.monotonic() + ANY_TIME_S
+        while not found(answer := self.ask(script)):
+            assert time.monotonic() < end, f"{script}: got {answer!r}; errors of the page: {self.errors}"
+            time.sleep(0.05)
+        return answer
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
+    made = World(tmp_path_factory.mktemp("page"))
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with sync_api.sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=CHROMIUM)
+        yield started
+        started.close()
+
+
+@pytest.fixture(scope="module")
+def opened(browser: Any, world: World) -> Iterator[Watch]:
+    """One page for all tests: loading it takes most of the time."""
+    watch = Watch(browser.new_page(viewport={"width": 900, "height": 600}), world.port)
+    watch.open()
+    yield watch
+    assert watch.errors == []
+
+
+@pytest.fixture
+def watch(opened: Watch) -> Watch:
+    """The page with nothing selected, no filter and no drawer."""
+    opened.ask("(coastwatch.select(0), coastwatch.openDrawer(''), document.activeElement.blur())")
+    return opened
+
+
+def test_it_draws_the_vessels_of_the_server_and_follows(world: World, watch: Watch) -> None:
+    assert watch.ask("coastwatch.live.vessels") == len(store_world.present(0, VESSELS).nonzero()[0])
+    before = watch.ask("coastwatch.live.seq")
+    world.write()
+    watch.until("coastwatch.live.seq", lambda seq: seq > before)
+    assert watch.ask("coastwatch.stats.refused") == []
+    latitude = watch.ask("coastwatch.live.position(coastwatch.live.slotOf.get(5), coastwatch.live.at)[0]")
+    sent = float(store_world.picture_of(world.number - 1, VESSELS).position_deg[4, 0])
+    assert latitude == pytest.approx(sent, abs=UNSENT_DEG)
+
+
+def test_pixels_are_lit_where_a_vessel_is_drawn_and_a_click_selects_it(watch: Watch) -> None:
+    x, y = watch.ask(
+        "(() => { const slot = coastwatch.live.slotOf.get(9), [lat, lon] = coastwatch.live.position(slot, coastwatch.clock());"
+        "const p = coastwatch.map.project([lon, lat]), box = coastwatch.map.getCanvas().getBoundingClientRect();"
+        "return [p.x + box.left, p.y + box.top]; })()"
+    )
+    lit = watch.ask(
+        "new Promise(done => { coastwatch.map.once('render', () => { const gl = coastwatch.map.getCanvas().getContext('webgl2');"
+        "const slot = coastwatch.live.slotOf.get(9), [lat, lon] = coastwatch.live.position(slot, coastwatch.clock());"
+        "const p = coastwatch.map.project([lon, lat]), r = coastwatch.map.getPixelRatio(), n = 12, data = new Uint8Array(4 * n * n);"
+        "gl.readPixels(p.x * r - n / 2, gl.drawingBufferHeight - p.y * r - n / 2, n, n, gl.RGBA, gl.UNSIGNED_BYTE, data);"
+        "let dark = 0; for (let k = 0; k < data.length; k += 4) if (data[k] < 100 && data[k + 2] < 140) dark++; done(dark); });"
+        "coastwatch.map.triggerRepaint(); })"
+    )
+    assert lit > 5
+    watch.page.mouse.click(x, y)
+    watch.until("coastwatch.state.selected", lambda number: number == 9)
+    watch.until("document.querySelector('#why table')?.textContent ?? ''", lambda text: "1009" in text)  # its radar track
+    assert "vessel=9" in watch.until("location.search", lambda query: "vessel=" in query)
+
+
+def test_search_finds_by_mmsi_and_the_keyboard_takes_the_first_hit(watch: Watch) -> None:
+    watch.page.keyboard.press("/")
+    watch.page.keyboard.type("710000021")
+    watch.until("document.querySelectorAll('#hits li strong').length", lambda hits: hits == 1)
+    watch.page.keyboard.press("Enter")
+    watch.until("coastwatch.state.selected", lambda number: number == 22)
+
+
+def test_the_list_sorts_and_the_filters_hide_all_but_alarms(watch: Watch) -> None:
+    watch.page.keyboard.press("t")
+    first = "Number(document.querySelector('#rows .row')?.dataset.id)"
+    watch.until(first, lambda number: number == IN_DISTRESS)  # gravest flags first
+    watch.page.click("#list-head .sog button")
+    watch.until("document.querySelector('#rows .row .sog').textContent", lambda text: text == "19.0")
+    watch.ask("coastwatch.openDrawer('layers')")
+    watch.page.uncheck("#filter-radar")
+    watch.page.uncheck("#filter-ais")
+    watch.page.fill("#filter-minsog", "50")
+    ids = "[...coastwatch.picture.id].filter((_, slot) => coastwatch.shown[slot]).sort((a, b) => a - b)"
+    watch.until(ids, lambda shown: shown == [DARK, IN_DISTRESS])
+    assert watch.ask("document.getElementById('filter-words').textContent").startswith("Filter: sources: bearing, from 50 kn")
+    watch.page.click("#no-filter")
+    watch.until("[...coastwatch.shown].filter(Boolean).length", lambda shown: shown > 50)
+
+
+def test_alarms_are_listed_and_lead_to_the_vessel(watch: Watch) -> None:
+    watch.until("coastwatch.alarms.count()", lambda count: count >= 2)
+    watch.page.click("#open-alarms")
+    watch.until("document.querySelectorAll('#alarm-rows li.open').length", lambda rows: rows >= 2)
+    watch.page.keyboard.press("Escape")
+    watch.page.keyboard.press("n")
+    assert watch.until("coastwatch.state.selected") in (DARK, IN_DISTRESS)
+    assert watch.ask("coastwatch.shown[coastwatch.selectedSlot()]") == 2
+
+
+def test_the_past_is_shown_as_stored_and_l_returns_to_the_live_picture(watch: Watch) -> None:
+    at_s = store_world.instant_s(1)
+    watch.ask(f"coastwatch.replay.enter({at_s})")
+    watch.until("coastwatch.picture === coastwatch.replay.picture && coastwatch.picture.at", lambda at: at == at_s)
+    latitude = watch.ask("coastwatch.picture.lat[coastwatch.picture.slotOf.get(5)] / 1e7")
+    assert latitude == pytest.approx(float(store_world.picture_of(1, VESSELS).position_deg[4, 0]), abs=1e-6)
+    assert watch.ask("document.getElementById('badge').textContent") == "REPLAY"
+    watch.page.keyboard.press("l")
+    assert watch.ask("coastwatch.picture === coastwatch.live")
+
+
+def test_axe_finds_no_serious_fault_in_any_theme(watch: Watch) -> None:
+    if not AXE.is_file():
+        pytest.skip("axe-core is not installed; `make web` installs it")
+    watch.ask(f"(coastwatch.select({DARK}), coastwatch.openDrawer('vessels'))")
+    watch.until("document.querySelectorAll('#why table').length")
+    watch.ask(AXE.read_text("utf-8") + "; 0")
+    for theme, drawer in (("day", "vessels"), ("dusk", "alarms"), ("night", "layers")):
+        watch.ask(f"(coastwatch.state.theme = '{theme}', coastwatch.themeChanged(), coastwatch.openDrawer('{drawer}'))")
+        found = watch.ask("axe.run(document, {resultTypes: ['violations']}).then(done => done.violations)")
+        grave = [(v["id"], v["nodes"][0]["html"][:200]) for v in found if v["impact"] in ("serious", "critical")]
+        assert grave == [], theme
+
+
+def test_it_survives_a_restart_of_the_server(world: World, watch: Watch) -> None:
+    before = watch.ask("coastwatch.live.run")
+    world.stop()
+    watch.until("document.getElementById('badge').textContent", lambda text: text == "NO CONNECTION")
+    world.start()
+    watch.until("coastwatch.live.run", lambda run: run != before)
+    watch.until("document.getElementById('badge').textContent", lambda text: text != "NO CONNECTION")
+    assert watch.ask("coastwatch.live.slotOf.has(5)")
+
+
+def test_no_request_leaves_loopback(watch: Watch) -> None:
+    assert len(watch.requests) > 10
+    allowed = (f"http://127.0.0.1:{watch.port}/", f"blob:http://127.0.0.1:{watch.port}/", "data:")
+    assert [url for url in watch.requests if not url.startswith(allowed)] == []
