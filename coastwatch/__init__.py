@@ -12,6 +12,7 @@ The map, in the order in which data flows (each stage is a folder with a README)
 | fused_tracks   | associated tracks              | FusedTracks: one estimate a vessel                |
 | picture        | fused tracks                   | Picture: stable identity, sources, flags          |
 | registration   | plots, tracks, bearings        | RadarCorrections for the plots of the next cycle  |
+| cover          | plots, tracks, associations    | RadarCover and AisDetection for the next cycle    |
 | scores         | truth and any of the above     | numbers                                           |
 
 Around them: `batches` defines the data that flows, `scenario` reads the settings of a run from a TOML file. `pipeline` is the

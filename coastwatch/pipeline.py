@@ -18,6 +18,7 @@ from coastwatch.associations import held
 from coastwatch.associations.bearing_members import bearing_members, held_vessels, vessel_bearings
 from coastwatch.batches import (
     AisAlarms,
+    AisDetection,
     AisFeeds,
     AisStatics,
     Associations,
@@ -35,6 +36,7 @@ from coastwatch.batches import (
     Picture,
     Plots,
     RadarCorrections,
+    RadarCover,
     Reports,
     Sensors,
     Spots,
@@ -76,6 +78,8 @@ class Memory:
     centre: CentreMemory
     registration: Any
     corrections: RadarCorrections  # of the radars, for the next cycle
+    cover: Any
+    ais_detection: AisDetection  # by the cover of the radars, for the next cycle
 
 
 @dataclass(frozen=True)
@@ -87,6 +91,7 @@ class Received:
     alarms: AisAlarms
     bearing_tracks: BearingTracks
     statics: AisStatics
+    ais_detection: AisDetection | None = None  # none: a radar should see every vessel within its range
 
 
 @dataclass(frozen=True)
@@ -107,6 +112,7 @@ class Cycle:
     corrections: RadarCorrections  # found in this cycle, for the next
     ais_feeds: AisFeeds = field(default_factory=AisFeeds.empty)
     track_sources: TrackSourceStates = field(default_factory=TrackSourceStates.empty)
+    radar_cover: RadarCover = field(default_factory=RadarCover.empty)  # empty where none is learnt
 
     def to_write(self) -> Cycle:
         """The cycle without arrays that the store does not read, so that their memory is free while the store writes."""
@@ -132,6 +138,8 @@ def start(scenario: Scenario, sensors: Sensors) -> Memory:
         start_centre(s),
         s.registration.init(),
         RadarCorrections.none(len(sensors.radars)),
+        s.cover.init(),
+        AisDetection.empty(),
     )
 
 
@@ -206,7 +214,7 @@ def fuse(
     """One cycle of the high-level centre. It does not estimate registration errors of radars. Args: as in `step`."""
     s, m = scenario, memory
     measurements, alarms = received.measurements, received.alarms
-    bearing_tracks, statics = received.bearing_tracks, received.statics
+    bearing_tracks, statics, detection = received.bearing_tracks, received.statics, received.ais_detection
     with timer("alignment"):
         tracks = s.alignment.step(received.tracks, time_s)
     del received  # frees the tracks at their own times, if the caller has dropped them too
@@ -223,7 +231,7 @@ def fuse(
         fused, by_bearings = held_vessels(bearings, fused, int(associations.vessel.max(initial=-1)) + 1)
     with timer("picture"):
         picture_memory, picture, members = s.picture.step(
-            m.picture, tracks, associations, fused, alarms, time_s, sensors, by_bearings
+            m.picture, tracks, associations, fused, alarms, time_s, sensors, by_bearings, detection=detection
         )
     with timer("octants"):
         octants_memory, octants = s.octants.step(m.octants, bearing_tracks, picture, sensors)
@@ -280,13 +288,17 @@ def step(
         given_memory, given_tracks = s.received_tracks.step(m.received_tracks, reports.tracks, time_s, sensors, ais_tracks)
     tracks = Tracks.join([*(yielded for _, yielded, _ in regional), given_tracks, ais_tracks])
     measurements = Measurements.join([*(taken for *_, taken in regional), ais_taken])
-    received = Received(tracks, measurements, alarms, bearing_tracks, reports.statics)
+    received = Received(tracks, measurements, alarms, bearing_tracks, reports.statics, m.ais_detection)
     centre_memory, cycle = fuse(s, sensors, m.centre, received, time_s, map_, timer)
     with timer("registration"):
         seen = plots, ais_tracks, alarms, measurements, cycle.picture, cycle.members, bearing_tracks, cycle.bearing_associations
         registration_memory, corrections = s.registration.step(m.registration, *seen, time_s, sensors, m.corrections)
+    with timer("cover"):
+        alarmed = np.isin(cycle.tracks.track_id, alarms.track_id[alarms.twice | alarms.impossible_speed])
+        given = plots, cycle.tracks, cycle.associations, measurements, alarmed, m.corrections.jumped, sensors
+        cover_memory, radar_cover, ais_detection = s.cover.step(m.cover, *given)
     radar_memory = tuple(new for new, *_ in regional)
     first = plots_memory, radar_memory, ais_memory, bearing_memory, given_memory, centre_memory
     of_feeds, of_sources = ais_memory.clocks.summary(), s.received_tracks.summary(given_memory, sensors)
-    cycle = replace(cycle, corrections=corrections, ais_feeds=of_feeds, track_sources=of_sources)
-    return Memory(*first, registration_memory, corrections), cycle
+    yielded = {"corrections": corrections, "ais_feeds": of_feeds, "track_sources": of_sources, "radar_cover": radar_cover}
+    return Memory(*first, registration_memory, corrections, cover_memory, ais_detection), replace(cycle, **yielded)

@@ -47,7 +47,10 @@ from coastwatch.batches.struct import (
     column,
 )
 from coastwatch.batches.yields import (
+    COVER_AZIMUTHS,
+    COVER_RANGES,
     AisAlarms,
+    AisDetection,
     AisFeeds,
     Associations,
     BearingAssociations,
@@ -63,6 +66,7 @@ from coastwatch.batches.yields import (
     Picture,
     Plots,
     RadarCorrections,
+    RadarCover,
     RegistrationState,
     Spots,
     Tracks,
@@ -73,7 +77,10 @@ from coastwatch.batches.yields import (
 __all__ = [
     "CLASSES",
     "CLASS_OF_TYPE",
+    "COVER_AZIMUTHS",
+    "COVER_RANGES",
     "AisAlarms",
+    "AisDetection",
     "AisFeeds",
     "AisReports",
     "AisStatics",
@@ -102,6 +109,7 @@ __all__ = [
     "Plots",
     "PositionAccuracy",
     "RadarCorrections",
+    "RadarCover",
     "RadarReports",
     "Radars",
     "Recording",

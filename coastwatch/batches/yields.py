@@ -311,6 +311,35 @@ class RadarCorrections(Batch):
         return cls(zero, zero, zero, unknown, unknown, unknown, unknown, number, zero, number, no)
 
 
+COVER_AZIMUTHS, COVER_RANGES = 72, 16
+"""Cells of the cover of a radar: sectors of 5 deg, and rings of a sixteenth of its range."""
+
+
+@dataclass(frozen=True, eq=False)
+class RadarCover(Batch):
+    """What each radar detects, by polar cell: sector k is from 5 k deg, clockwise from north, and ring 0 is the innermost."""
+
+    range_m: Floats = column(np.float64, "R")  # outer edge of the last ring
+    turns: Floats = column(np.float64, "R")  # of the antenna; old ones count less, here and below
+    ais_detection: Floats = column(
+        np.float64, "R", COVER_AZIMUTHS, COVER_RANGES
+    )  # probability that an AIS vessel is detected in a turn
+    ais_looks: Floats = column(np.float64, "R", COVER_AZIMUTHS, COVER_RANGES)  # turns behind it, summed over vessels
+    track_detection: Floats = column(
+        np.float64, "R", COVER_AZIMUTHS, COVER_RANGES
+    )  # that a confirmed track of plots gets one in a turn
+    track_looks: Floats = column(np.float64, "R", COVER_AZIMUTHS, COVER_RANGES)
+    false_plots_per_m2: Floats = column(np.float64, "R", COVER_AZIMUTHS, COVER_RANGES)  # in a turn, of no confirmed track
+
+
+@dataclass(frozen=True, eq=False)
+class AisDetection(Batch):
+    """How probably radars detect vessels with AIS; vessels out of range of all radars are left out."""
+
+    track_id: Ints = column(np.int64, "N")  # of AIS
+    probability: Floats = column(np.float64, "N")  # of the radar with the best chance, in one turn, by what other vessels show
+
+
 class Flag(IntFlag):
     """What an operator should look at."""
 

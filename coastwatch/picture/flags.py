@@ -1,7 +1,7 @@
 """Flags of vessels that an operator should look at: who decides that a vessel is dark, and the other alarms.
 
 - DARK: radar but no AIS for `dark_after_s`, inside the range of an AIS station; of what is stationary only if it once had AIS.
-- AIS_WITHOUT_RADAR: AIS but no radar for `unseen_after_s`, inside the range of a radar.
+- AIS_WITHOUT_RADAR: AIS but no radar for `unseen_after_s`, where a radar detects most vessels (`AisDetection`).
 - AIS_CONTRADICTED: an AIS and a radar track were one vessel, have split, and are `contradicted_from_m` apart.
 - STATIONARY: it has stayed within `stationary_m`, or within its noise, for longer than a vessel under way could.
 - MMSI_TWICE, IMPOSSIBLE_SPEED: alarms of the AIS tracks.
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import AisAlarms, Bools, Flag, Floats, Ints, Picture, Sensors, Tracks
+from coastwatch.batches import AisAlarms, AisDetection, Bools, Flag, Floats, Ints, Picture, Sensors, Tracks
 from coastwatch.geodesy import KNOT_M_S, difference_m
 from coastwatch.picture.match import IdentityMatch
 from coastwatch.picture.order import VesselOrder
@@ -67,10 +67,14 @@ def flag(
     row_of_track: Ints,
     alarms: AisAlarms,
     *,
+    detection: AisDetection | None,
     time_s: float,
     sensors: Sensors,
 ) -> tuple[FlagMemory, Ints]:
-    """All flags of each row of the picture, COASTING included. Args: row_of_track: (N,) of the picture. Returns: memory, (R,)."""
+    """All flags of each row of the picture, COASTING included.
+
+    Args: row_of_track: (N,) of the picture; detection: of AIS tracks by radars; none: not known. Returns: memory, (R,).
+    """
     ais_coverage, radar_coverage = _coverages(sensors, settings.cover_margin)
     radars, ais = np.flatnonzero(tracks.source < sensors.ais_source), np.flatnonzero(tracks.source == sensors.ais_source)
     first_radar = np.full(len(picture), -1, np.int64)
@@ -79,7 +83,10 @@ def flag(
     has_ais[row_of_track[ais]] = True
 
     no_ais = _within(ais_coverage, picture, has_radar & ~has_ais)
-    no_radar = _within(radar_coverage, picture, has_ais & ~has_radar)
+    no_radar = has_ais & ~has_radar
+    if detection is not None:
+        no_radar &= _should_be_seen(settings, detection, tracks.track_id[ais], row_of_track[ais], len(picture))
+    no_radar = _within(radar_coverage, picture, no_radar)
     no_ais_since_s = _since(no_ais, memory.no_ais_since_s, order.vessel_of_row, time_s)
     no_radar_since_s = _since(no_radar, memory.no_radar_since_s, order.vessel_of_row, time_s)
     pairs = _track_pairs(settings, memory.pairs, match, ais, first_radar[row_of_track[ais]], len(tracks), time_s)
@@ -112,6 +119,14 @@ def _within(coverage: Coverage, picture: Picture, candidates: Bools) -> Bools:
     """Which of the rows that are candidates are in cover. Args: candidates: (R,). Returns: (R,)."""
     out, rows = np.zeros(len(candidates), np.bool_), np.flatnonzero(candidates)
     out[rows] = kernels.geometry.sensor_coverage.in_any_range(coverage, picture.position_deg[rows])
+    return out
+
+
+def _should_be_seen(settings: IdentitySettings, detection: AisDetection, track_id: Ints, row: Ints, rows: int) -> Bools:
+    """Which rows of the picture have an AIS track that some radar should see. (R,) Args: track_id, row: (B,) of AIS tracks."""
+    out, at = np.zeros(rows, np.bool_), kernels.tables.match_ids.index_of(detection.track_id, track_id)
+    known = at >= 0
+    out[row[known]] = detection.probability[at[known]] >= settings.should_see
     return out
 
 

@@ -4,7 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from coastwatch.batches import AisAlarms, Associations, FusedTracks, HeldVessels, Members, Picture, Sensors, Tracks
+from coastwatch.batches import (
+    AisAlarms,
+    AisDetection,
+    Associations,
+    FusedTracks,
+    HeldVessels,
+    Members,
+    Picture,
+    Sensors,
+    Tracks,
+)
 from coastwatch.kernels.tables.row_numbers import require_rows
 from coastwatch.picture.ais_states import ais_flags, nav_statuses
 from coastwatch.picture.flags import FlagMemory, flag
@@ -57,11 +67,13 @@ class Identity(IdentitySettings):
         time_s: float,
         sensors: Sensors,
         held: HeldVessels = NOT_HELD,
+        *,
+        detection: AisDetection | None = None,
     ) -> tuple[PictureMemory, Picture, Members]:
         """The picture of this cycle, sorted by vessel_id, and the tracks in it.
 
         Args: tracks: (N); associations: of its rows; fused: (V) one row for each vessel number; alarms: of AIS tracks; held: vessels
-        of the last picture.
+        of the last picture; detection: of AIS tracks by radars; none: a radar should see every vessel within its range.
         """
         known = memory.known.held_by(held)
         columns = known.columns()
@@ -73,9 +85,8 @@ class Identity(IdentitySettings):
         picture, known = picture_of(self, known, columns, match, order, tracks, fused, time_s)
         members = members_of(match, order, tracks)
         track_memory = tracks_of(match, order, tracks, associations.vessel)
-        flag_memory, flags = flag(
-            self, memory.flags, match, order, picture, tracks, track_memory.vessel, alarms, time_s=time_s, sensors=sensors
-        )
+        around = match, order, picture, tracks, track_memory.vessel, alarms
+        flag_memory, flags = flag(self, memory.flags, *around, detection=detection, time_s=time_s, sensors=sensors)
         status = nav_statuses(picture.nav_status, tracks, track_memory.vessel, alarms)
         picture = replace(picture, flags=flags | ais_flags(picture.mmsi, status), nav_status=status)
         next_id = memory.next_id + int((match.vessel_of_group < 0).sum())

@@ -21,6 +21,9 @@ class IdentitySettings(Method):
     max_speed_kn: Annotated[float, Field(gt=0.0)] = 60.0  # of a return by MMSI
     dark_after_s: Annotated[float, Field(ge=0.0)] = 60.0  # radar without AIS where a station should hear it
     unseen_after_s: Annotated[float, Field(ge=0.0)] = 60.0  # AIS without radar where a radar should see it
+    should_see: Annotated[float, Field(ge=0.0, le=1.0)] = (
+        0.5  # least detection probability, in a turn, of a radar that should see a vessel
+    )
     paired_s: Annotated[float, Field(ge=0.0)] = 30.0  # how long AIS and radar were one vessel before their split counts
     contradicted_for_s: Annotated[float, Field(ge=0.0)] = 300.0  # how long after the split the flag may be set
     contradicted_after_s: Annotated[float, Field(ge=0.0)] = 9.0  # how long after the split the flag is set first

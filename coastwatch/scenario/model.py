@@ -9,6 +9,7 @@ from pydantic import AwareDatetime, Field, model_validator
 
 from coastwatch.associations import Associator, BearingAssociator, BearingLikelihood, WindowedCovariance
 from coastwatch.batches import Sensors
+from coastwatch.cover import LearntCover, RadarCoverage
 from coastwatch.fused_tracks import CentralImm, Fuser
 from coastwatch.picture import Identity
 from coastwatch.plots import PlotConverter, PolarConversion
@@ -95,6 +96,7 @@ class Scenario(Settings):
     fused_tracks: Fuser = CentralImm()
     picture: Identity = Identity()
     registration: Registrar = OnlineRegistration()
+    cover: RadarCoverage = LearntCover()
     store: StoreSettings = StoreSettings()
     workers: WorkerSettings = WorkerSettings()
 

@@ -24,6 +24,7 @@ MODULES_WITH_CLASSES = (
     "coastwatch.fused_tracks",
     "coastwatch.picture",
     "coastwatch.registration",
+    "coastwatch.cover",
     "coastwatch.scores",
     "coastwatch.stage",
     "coastwatch.pipeline",

@@ -7,6 +7,7 @@ import pytest
 
 from coastwatch.batches import (
     AisAlarms,
+    AisDetection,
     Associations,
     Flag,
     FusedTracks,
@@ -76,19 +77,19 @@ def alarms(tracks, twice=(), impossible=()):
     return AisAlarms(ais.track_id, ais.mmsi, np.isin(ais.track_id, impossible), np.isin(ais.track_id, twice))
 
 
-def play(script, method=None, where=None, **alarm):
-    """The pictures of a script: for each cycle the rows of `cycle_of`."""
+def play(script, method=None, where=None, detection=None, **alarm):
+    """The pictures of a script: for each cycle the rows of `cycle_of`. Args: detection: of AIS tracks in every cycle."""
     method, where = method or Identity(), where or sensors()
     memory, out = method.init(), []
     for cycle, rows in enumerate(script):
         tracks, associations, fused = cycle_of(cycle, rows)
         frozen = save(memory)
         memory_1, picture, members = method.step(
-            memory, tracks, associations, fused, alarms(tracks, **alarm), PERIOD_S * cycle, where
+            memory, tracks, associations, fused, alarms(tracks, **alarm), PERIOD_S * cycle, where, detection=detection
         )
         assert save(memory) == frozen, "a step must not write to its memory"
         resumed, again, _ = method.step(
-            load(frozen), tracks, associations, fused, alarms(tracks, **alarm), PERIOD_S * cycle, where
+            load(frozen), tracks, associations, fused, alarms(tracks, **alarm), PERIOD_S * cycle, where, detection=detection
         )
         assert save(resumed) == save(memory_1)
         np.testing.assert_array_equal(again.vessel_id, picture.vessel_id)
@@ -175,6 +176,14 @@ def test_ais_without_radar_only_where_a_radar_sees():
     assert flagged(play(script), Flag.AIS_WITHOUT_RADAR)[-1]
     assert not any(flagged(play(script, where=sensors(radar_range_m=10.0)), Flag.AIS_WITHOUT_RADAR))
     assert not any(flagged(play([[RADAR, AIS]] * 30), Flag.AIS_WITHOUT_RADAR))
+
+
+def test_ais_without_radar_only_where_most_other_vessels_are_detected():
+    script = [[AIS]] * 30
+    for probability, is_set in ((0.6, True), (0.4, False)):
+        detection = AisDetection(np.array([3]), np.array([probability]))
+        assert flagged(play(script, detection=detection), Flag.AIS_WITHOUT_RADAR)[-1] == is_set
+    assert not any(flagged(play(script, detection=AisDetection.empty()), Flag.AIS_WITHOUT_RADAR)), "beyond all radars"
 
 
 def test_contradicted_when_ais_leaves_its_radar():
