@@ -13,6 +13,7 @@ from coastwatch.tracks.ais_dead_reckoning import AisDeadReckoning
 from coastwatch.tracks.alignment import ConstantVelocity
 from coastwatch.tracks.bearing import BearingWindow
 from coastwatch.tracks.imm import FilterpyImm, Imm, SidedImm
+from coastwatch.tracks.joint.particles import BpParticles
 from coastwatch.tracks.joint.vimmjipda import (
     SidedVimmjipda,
     Vimmjipda,
@@ -22,7 +23,7 @@ from coastwatch.tracks.joint.vimmjipda import (
 )
 from coastwatch.tracks.received import ReceivedTracks
 
-JointTracker = Vimmjipda | SidedVimmjipda | VimmjipdaSequential | VimmjipdaPreciseBatch | VimmjipdaNoisyBatch
+JointTracker = Vimmjipda | SidedVimmjipda | VimmjipdaSequential | VimmjipdaPreciseBatch | VimmjipdaNoisyBatch | BpParticles
 RadarTracker = Annotated[SidedImm | Imm | FilterpyImm | JointTracker, Field(discriminator="method")]
 AisTracker = Annotated[AisFilter | AisDeadReckoning, Field(discriminator="method")]
 BearingTracker = Annotated[BearingWindow, Field()]

@@ -60,15 +60,16 @@ class Table(Struct):
     message_s: Floats = column(np.float64, "S")  # newest AIS message, -inf where there is none
     ids: Ints = column(np.int64, "S", NAMES)  # MMSI that the vessel may have, -1 where there is none
     id_probability: Floats = column(np.float64, "S", NAMES + 2)  # that it has no MMSI, each of these, any other
+    particles: Floats = column(np.float64, "S", "P", 4)  # at updated_s, of trackers that have them
     origins: Ints = column(np.int64, "S", NEWEST)  # of the newest plots, newest first; -1 beyond the first
 
     def __len__(self) -> int:
         return len(self.live)
 
     @classmethod
-    def empty(cls, models: int, radars: int) -> Self:
-        """No slot yet. Args: models: J, of each filter; radars: R."""
-        sizes = {"J": models, "R": radars}
+    def empty(cls, models: int, radars: int, particles: int = 0) -> Self:
+        """No slot yet. Args: models: J, of each filter; radars: R; particles: P, of each track."""
+        sizes = {"J": models, "R": radars, "P": particles}
         shapes = {f.name: [s if isinstance(s, int) else sizes.get(s, 0) for s in f.metadata["shape"]] for f in fields(cls)}
         return cls(**{f.name: np.zeros(shapes[f.name], f.metadata["dtype"]) for f in fields(cls)})
 
@@ -162,9 +163,9 @@ class RadarMemory(Struct):
     clutter: ClutterMap = field(default_factory=ClutterMap.none)
 
     @classmethod
-    def empty(cls, models: int) -> RadarMemory:
-        """No track yet. Args: models: J, of each filter."""
-        return cls(Table.empty(models, 0), Duplicates.empty(), 1, 0, np.zeros((0, 2)), np.zeros(0))
+    def empty(cls, models: int, particles: int = 0) -> RadarMemory:
+        """No track yet. Args: models: J, of each filter; particles: P, of each track."""
+        return cls(Table.empty(models, 0, particles), Duplicates.empty(), 1, 0, np.zeros((0, 2)), np.zeros(0))
 
     def check_rows(self) -> None:
         """Check the number of radars, as after reading a checkpoint. Raises: ValueError."""
@@ -182,7 +183,7 @@ class RadarMemory(Struct):
             return self
         if len(self.newest_plot_s):
             raise ValueError(f"memory of radar tracks: got {len(self.newest_plot_s)} radars, needed {count}")
-        table = Table.empty(models, count)
+        table = Table.empty(models, count, self.table.particles.shape[1])
         return replace(self, table=table, site_m=np.full((count, 2), np.nan), newest_plot_s=np.full(count, -np.inf))
 
     def without_radars(self, moved: Bools) -> RadarMemory:

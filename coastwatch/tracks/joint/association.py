@@ -38,11 +38,7 @@ class JointAssociation:
         false_per_m2 = memory.false_plots_per_m2(self.clutter, batch, float(every_density[radar]))
         unborn_per_m2 = rules.new_vessels_per_m2 * rules.new_visibility * detection
         period_s = float(self.sensors.radars.period_s[radar])
-        pairs = self._candidates(table, batch, period_s)
-        hypotheses = by_track(pairs, len(self.bank.models))
-        prior = self.bank.prior
-        filters, models = tuple(table.filters), self.bank.models
-        kernels.tracks.joint_update.predict_to_plots(filters, table.estimates, hypotheses, batch, prior.renewal_s, models)
+        hypotheses = self._predict_to(table, self._candidates(table, batch, period_s), batch)
         slot, plot = hypotheses.slot, hypotheses.plot
         of = np.repeat(np.arange(len(slot)), np.diff(hypotheses.start))  # track of each pair
         kernels.tracks.existence.predict_existence(
@@ -50,15 +46,13 @@ class JointAssociation:
         )
         r, eta = table.existence[slot], table.visibility[slot]
         missed = 1.0 - r * eta * detection
-        likelihood = (table.mode_probability[slot[of]] * hypotheses.likelihood).sum(axis=1)
-        weight = (detection * eta * r / missed)[of] * likelihood / (false_per_m2 + unborn_per_m2)[plot]
+        weight = (detection * eta * r / missed)[of] * self._likelihood(table, hypotheses) / (false_per_m2 + unborn_per_m2)[plot]
         find = kernels.association.marginals.marginals
         probability = find(plot, of, weight, len(batch.time), len(slot), rules.exact_up_to)
         taken = np.minimum(np.bincount(of, probability, len(slot)), 1.0)
         survived = (1.0 - taken) * r * (1.0 - eta * detection) / missed
         exists = survived + taken
-        given = hypotheses, probability / exists[of], rules.least_model_probability, models
-        kernels.tracks.joint_update.update_by_shares(filters, table.estimates, *given)
+        self._update(table, hypotheses, probability / exists[of], batch)
         table.existence[slot] = np.minimum(exists, SURELY)
         table.visibility[slot] = (survived * (1.0 - detection) * eta / (1.0 - detection * eta) + taken) / exists
         table.looked_s[slot, radar] = table.updated_s[slot]
@@ -90,6 +84,24 @@ class JointAssociation:
     def shown(self, table: Table, time_s: float) -> Ints:
         """Slots of the tracks to report."""
         return shown(self.management, table, time_s)
+
+    def _predict_to(self, table: Table, pairs: Candidates, batch: PlotColumns) -> Hypotheses:
+        """Predict each track to the newest of its plots, in place. Returns: the pairs by track, with their likelihoods by model."""
+        hypotheses, models = by_track(pairs, len(self.bank.models)), self.bank.models
+        given = hypotheses, batch, self.bank.prior.renewal_s, models
+        kernels.tracks.joint_update.predict_to_plots(tuple(table.filters), table.estimates, *given)
+        return hypotheses
+
+    def _likelihood(self, table: Table, pairs: Hypotheses) -> Floats:
+        """The likelihood of each plot, given its track. (A,)"""
+        mode = table.mode_probability[np.repeat(pairs.slot, np.diff(pairs.start))]
+        total: Floats = (mode * pairs.likelihood).sum(axis=1)
+        return total
+
+    def _update(self, table: Table, pairs: Hypotheses, share: Floats, batch: PlotColumns) -> None:
+        """Update each track by all of its plots, in place. Args: share: (A,) probability of each, given that the track exists."""
+        given = pairs, share, self.management.least_model_probability, self.bank.models
+        kernels.tracks.joint_update.update_by_shares(tuple(table.filters), table.estimates, *given)
 
     def _candidates(self, table: Table, batch: PlotColumns, period_s: float) -> Candidates:
         """The plots in the gates of the tracks that took none of this radar in this look."""

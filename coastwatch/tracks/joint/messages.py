@@ -149,16 +149,12 @@ class MessageAssociation(JointAssociation):
 
     def _take(self, memory: RadarMemory, batch: PlotColumns, mmsi: Ints, alone: bool) -> RadarMemory:
         """Weigh messages and update tracks by them. Args: alone: no two of them are of one vessel."""
-        table, models = memory.table, self.bank.models
-        pairs = by_track(self._near(table, batch), len(models))
-        filters, prior = tuple(table.filters), self.bank.prior
-        kernels.tracks.joint_update.predict_to_plots(filters, table.estimates, pairs, batch, prior.renewal_s, models)
-        pairs = _chosen(pairs, kernels.tracks.message_clusters.in_any_gate(filters, pairs, self._limit))
-        mode = table.mode_probability[np.repeat(pairs.slot, np.diff(pairs.start))]
-        candidate = Candidate(pairs.slot, pairs.start, pairs.plot, (mode * pairs.likelihood).sum(axis=1))
+        table = memory.table
+        pairs = self._predict_to(table, self._near(table, batch), batch)
+        pairs = _chosen(pairs, kernels.tracks.message_clusters.in_any_gate(tuple(table.filters), pairs, self._limit))
+        candidate = Candidate(pairs.slot, pairs.start, pairs.plot, self._likelihood(table, pairs))
         probability, share, new = self._weigh(memory, candidate, mmsi, alone)
-        given = pairs, share, self.management.least_model_probability, models
-        kernels.tracks.joint_update.update_by_shares(filters, table.estimates, *given)
+        self._update(table, pairs, share, batch)
         self._record(memory, candidate, probability, batch)
         return self._begin_named(memory, batch, mmsi, new)
 
@@ -282,7 +278,8 @@ def _chosen(pairs: Hypotheses, kept: Bools) -> Hypotheses:
     track = np.repeat(np.arange(len(pairs.slot)), np.diff(pairs.start))[kept]
     rows, first = np.flatnonzero(kept), np.flatnonzero(np.diff(track, prepend=-1))
     start = np.append(first, len(track))
-    return Hypotheses(pairs.slot[track[first]], start, *(column[rows] for column in pairs[2:]))
+    plot, position, noise, likelihood = pairs.plot[rows], pairs.position[rows], pairs.noise[rows], pairs.likelihood[rows]
+    return Hypotheses(pairs.slot[track[first]], start, plot, position, noise, likelihood)
 
 
 def _columns(messages: Messages) -> PlotColumns:
