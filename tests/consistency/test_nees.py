@@ -165,6 +165,7 @@ def test_the_filter_of_plots_and_reports_is_right_where_its_model_is_true(folder
     assert low <= inside <= high
 
 
+@pytest.mark.slow
 def test_the_filter_of_plots_and_reports_is_not_too_sure_in_the_base_case(folder: Path) -> None:
     """It is nearer to 4 than the intersection of tracks, from the same side. Measured: 3.56 and 2.73 of 519."""
     found = samples(CENTRAL, folder).fused

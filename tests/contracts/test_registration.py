@@ -24,7 +24,7 @@ from coastwatch.tracks.table import RadarMemory, begin_tracks
 
 METHODS = [NoRegistration(), OnlineRegistration()]
 SIGMAS = 4.5  # of a normal error: three figures a radar, a dozen tests
-SEEDS = 24
+SEEDS = 12
 BAND = 1e-6  # probability of the chi-square band: red means wrong
 LIKE_PLOTS_DEG, LIKE_PLOTS_M = 0.05, 3.0  # by which a radar that is right may be moved: a sixth, a third of a plot's noise
 

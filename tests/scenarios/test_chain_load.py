@@ -228,7 +228,7 @@ def picture_of(method: str, workers: int) -> tuple[list[Cycle], dict[str, object
     return cycles, quality.result(last.tally, world, quality.sample_of(world))
 
 
-@pytest.mark.parametrize(("method", "workers"), [("threads", 2), ("processes", 2)])
+@pytest.mark.parametrize(("method", "workers"), [("threads", 2), pytest.param("processes", 2, marks=pytest.mark.slow)])
 def test_all_workers_make_the_same_picture(method: str, workers: int) -> None:
     alone, together = picture_of("threads", 1)[0], picture_of(method, workers)[0]
     for a, b in zip(alone, together, strict=True):

@@ -22,8 +22,13 @@ SEEDS = (2001, 2002)  # kept for judging: no setting was chosen on them
 KEYS = {"name", "source", "published", "asked", "asked_by", "better", "path", "over", "command", "short"}
 FILES = sorted((HOUSE / "scenarios").glob("*/published.toml"))
 PAPER = {path.parent.name: of for path in FILES if (of := published.read(path))}
+SLOW = ("context-driven-100", "context-driven-500")  # the seas of 200 and 1,000 vessels have the same figures
 FIGURES = [
-    pytest.param(figure, id=f"{path.parent.name}: {figure['name']}, {figure.get('source', figure.get('asked_by'))}")
+    pytest.param(
+        figure,
+        id=f"{path.parent.name}: {figure['name']}, {figure.get('source', figure.get('asked_by'))}",
+        marks=[pytest.mark.slow] * (path.parent.name in SLOW),
+    )
     for path in FILES
     if path.parent.name not in PAPER
     for figure in tomllib.loads(path.read_text("utf-8"))["figure"]

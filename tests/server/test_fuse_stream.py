@@ -37,7 +37,7 @@ def command(feed: Path, path: Path, *words: str) -> list[str]:
     return ["fuse", "--ais", str(feed), "--db", f"sqlite:///{path}", "--json", *words]
 
 
-@pytest.mark.parametrize("stop", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("stop", [signal.SIGKILL, pytest.param(signal.SIGINT, marks=pytest.mark.slow)])
 def test_stopped_in_the_middle_of_a_file_and_resumed_it_ends_as_if_it_had_not_been_stopped(
     stop: signal.Signals, feed: Path, uninterrupted: Path, start: Start, tmp_path: Path
 ) -> None:
