@@ -7,13 +7,13 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 from coastwatch import pipeline, store
-from coastwatch.batches import Fault, FileContent, Recording, Sensors
+from coastwatch.batches import Fault, FileContent, Recording, Reports, Sensors
 from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario
 from coastwatch.scores import add, result, start
@@ -28,6 +28,27 @@ from coastwatch.workers import Workers, open_workers, processors
 DEFAULT_DATABASE = "sqlite:///coastwatch.db"
 Progress = Callable[[int, int, str], None]
 OnCycle = Callable[[Cycle], None]
+
+RESUME_WITHIN_S = 600.0
+"""A live run goes on from its checkpoint if that is at most so old: the cycles since then are computed without reports."""
+
+
+class Live(Protocol):
+    """Input that comes as time passes, and who is given each cycle."""
+
+    stop: threading.Event  # ends the run after the cycle in progress
+
+    def begin(self, scenario: Scenario, sensors: Sensors, seed: int) -> tuple[Recording, Plan]:
+        """The input and the instants from now on; it may wait for the first report."""
+        ...
+
+    def wait(self, until_s: float) -> None:
+        """Wait until all reports up to an instant have come, or `stop` is set."""
+        ...
+
+    def computed(self, run_id: int, number: int, cycle: Cycle, reports: Reports, seconds: dict[str, float]) -> None:
+        """Take a cycle. Args: reports: of the cycle; seconds: of its stages."""
+        ...
 
 
 def version() -> str:
@@ -67,6 +88,7 @@ def run_scenario(
     restart: bool = False,
     progress: Progress | None = None,
     on_cycle: OnCycle | None = None,
+    live: Live | None = None,
 ) -> RunResult:
     """Run a scenario into a database. Ctrl-C or SIGTERM stops it after the cycle in progress: only whole cycles are stored.
 
@@ -75,6 +97,7 @@ def run_scenario(
         resume: continue the newest unfinished run of this scenario, seed and version from its last checkpoint, if there is one.
         restart: delete earlier runs of this scenario and seed first.
         progress: called with cycles done, cycles in all and a short text. on_cycle: called with each cycle, before it is stored.
+        live: takes the place of the scenario's input and start; its `stop` takes the place of signals.
     Raises: StoreError, OSError, ValueError: errors that the caller can repair; the message says how.
     """
     started = time.perf_counter()
@@ -83,19 +106,36 @@ def run_scenario(
     database = database or DEFAULT_DATABASE
     report = progress or (lambda done, total, text: None)
     report(0, 1, "reading input")
-    sensors, plan = scenario.sensors(), scenario.plan()
-    recording = scenario.input.load(sensors, seed, plan)
+    sensors = scenario.sensors()
+    if live is None:
+        plan = scenario.plan()
+        recording = scenario.input.load(sensors, seed, plan)
     with store.open_store(database) as opened:
         if restart:
             store.discard_runs(opened, scenario.name, seed)
         watch = Stopwatch()
         with open_workers(scenario.workers.method, count) as opened_workers:
-            warm_up(scenario, sensors, partial(report, 0, plan.cycles), opened_workers)
+            warm_up(scenario, sensors, partial(report, 0, 1), opened_workers)
+            if live is not None:
+                recording, plan = live.begin(scenario, sensors, seed)
+                plan, resume = _live_plan(opened, scenario, seed, plan) if resume else (plan, False)
             run_id, point = _begin(opened, scenario, sensors, recording, plan, seed, processors(count), resume)
-            with _interrupt_as_flag() as interrupted:
+            with _interrupt_as_flag() if live is None else nullcontext(live.stop) as interrupted:
                 try:
                     with Writer[store.Written](watch, scenario.store.overlap and opened.shared, BEHIND) as writer:
-                        parts = scenario, sensors, recording, plan, opened, run_id, opened_workers, watch, writer, interrupted
+                        parts = (
+                            scenario,
+                            sensors,
+                            recording,
+                            plan,
+                            opened,
+                            run_id,
+                            opened_workers,
+                            watch,
+                            writer,
+                            interrupted,
+                            live,
+                        )
                         point, vessels, most = _run_cycles(_Run(*parts), point, report, on_cycle)
                     memory = pipeline.gathered(point.memory, opened_workers.regions)
                     scores = result(point.tally, recording, sensors)
@@ -139,6 +179,7 @@ class _Run:
     watch: Stopwatch
     writer: Writer[store.Written]
     interrupted: threading.Event
+    live: Live | None
 
 
 def _losses(scenario: Scenario, workers: Workers) -> Iterator[Fault]:
@@ -147,6 +188,17 @@ def _losses(scenario: Scenario, workers: Workers) -> Iterator[Fault]:
         yield Fault(
             "worker lost and replaced, its work computed again", lost, f"workers.method = {scenario.workers.method}", ""
         )
+
+
+def _live_plan(opened: Any, scenario: Scenario, seed: int, plan: Plan) -> tuple[Plan, bool]:
+    """The plan of a live run and whether it is resumed: that of an unfinished run whose checkpoint is young enough, else a new one."""
+    found = store.resume_point(opened, scenario.name, seed, version(), scenario.model_dump(mode="json"))
+    if found is None:
+        return plan, False
+    run_id, cycle, _ = found
+    before = plan.model_copy(update={"start_s": store.run(opened, run_id)["start_s"]})
+    resumed = 0.0 <= plan.start_s - before.instant_s(cycle) <= RESUME_WITHIN_S
+    return before if resumed else plan, resumed
 
 
 def _begin(
@@ -215,6 +267,8 @@ def _run_cycle(run: _Run, point: Point) -> tuple[Point, Cycle, str | None, bool]
     Returns: the point after it, its yield, a warning of the store, and whether it is the last because of an interrupt.
     """
     scenario, plan, number = run.scenario, run.plan, point.cycle
+    if run.live is not None:
+        run.live.wait(plan.instant_s(number))
     if number == 0:
         reports = run.recording.of_first_cycle(plan.start_s, plan.instant_s(0))
     else:
@@ -223,6 +277,8 @@ def _run_cycle(run: _Run, point: Point) -> tuple[Point, Cycle, str | None, bool]
     memory, cycle = pipeline.step(
         scenario, run.sensors, point.memory, reports, plan.instant_s(number), spots, run.watch, regions
     )
+    if run.live is not None:
+        run.live.computed(run.run_id, number, cycle, reports, run.watch.so_far())
     tally = point.tally
     if number >= scenario.warmup_cycles and run.recording.truth is not None:
         with run.watch("scores"):

@@ -8,6 +8,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
+KEPT = 200_000
+"""Cycles of which times are kept: a run of a server lasts for months."""
+
 
 @dataclass
 class Stopwatch:
@@ -39,6 +42,8 @@ class Stopwatch:
         done, self._cycle = self._cycle, {}
         for stage, seconds in done.items():
             self.seconds.setdefault(stage, []).append(seconds)
+        for every in self.seconds.values():
+            del every[:-KEPT]
         return done
 
     def summary(self) -> dict[str, dict[str, float]]:

@@ -8,8 +8,8 @@ import json
 
 import httpx
 import pytest
-from conftest import Served, listening
 from page import DELTA, FULL, Page
+from server_world import Served, listening
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from coastwatch.operators.api.application import WEB

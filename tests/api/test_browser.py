@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import store_world
-from conftest import listening, wait_for
+from server_world import listening, wait_for
 
 from coastwatch.batches import Flag
 from coastwatch.operators.api.application import WEB

@@ -3,13 +3,26 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
-from prometheus_client.core import GaugeMetricFamily
+from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, disable_created_metrics, generate_latest
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 
 from coastwatch.operators.api.wire import FULL
 from coastwatch.server.live_picture import LivePicture
+
+Asked = Callable[[], tuple[Mapping[str, float], Sequence[Mapping[str, Any]]]]
+"""Returns the counts of a live run, and its feeds."""
+
+OF_RUN = {
+    "cycles": "Cycles computed",
+    "cycles_late": "Cycles that were more than a period late",
+    "late_s": "How long after it was due the last picture was ready",
+}
+OF_FEED = ("bytes", "records", "refused", "late", "dropped", "connections")
+
+disable_created_metrics()  # type: ignore[no-untyped-call]  # a time for each counter that nobody asks for
 
 KIND_AT = 5
 """Byte of a message that says which kind it is."""
@@ -33,8 +46,13 @@ class Metrics:
         self.cycle = Histogram(
             "coastwatch_cycle_seconds", "Time of a cycle", buckets=(0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0), **of
         )
-        self.registry.register(_Age(self))
         self._time_s = 0.0
+        self.source: Asked = lambda: ({}, [])
+        self.registry.register(_Asked(self))
+
+    def ask(self, source: Asked) -> None:
+        """Read the counts of a run and of its feeds from this function whenever they are asked for."""
+        self.source = source
 
     @property
     def age_s(self) -> float:
@@ -59,11 +77,23 @@ class Metrics:
         return generate_latest(self.registry)
 
 
-class _Age:
-    """The age of the picture when it is asked for."""
+class _Asked:
+    """What is read when it is asked for: the age of the picture, counts of a live run and of its feeds."""
 
     def __init__(self, metrics: Metrics) -> None:
         self._metrics = metrics
 
-    def collect(self) -> list[GaugeMetricFamily]:
-        return [GaugeMetricFamily("coastwatch_picture_age_seconds", "Age of the picture", self._metrics.age_s)]
+    def collect(self) -> Iterator[Metric]:
+        yield GaugeMetricFamily("coastwatch_picture_age_seconds", "Age of the picture", self._metrics.age_s)
+        counts, feeds = self._metrics.source()
+        for name, said in OF_RUN.items():
+            if name in counts:
+                kind = GaugeMetricFamily if name.endswith("_s") else CounterMetricFamily
+                yield kind(
+                    f"coastwatch_{name.removesuffix('_s')}" + ("_seconds" if name.endswith("_s") else ""), said, counts[name]
+                )
+        of_feeds = CounterMetricFamily("coastwatch_feed", "Counts of a feed", labels=["feed", "count"])
+        for feed in feeds:
+            for name in OF_FEED:
+                of_feeds.add_metric([str(feed["name"]), name], float(feed[name]))
+        yield of_feeds

@@ -36,19 +36,31 @@ class Source(Protocol):
         """How long the last cycle took."""
         ...
 
+    def counts(self) -> dict[str, float]:
+        """Of a live run: cycles, cycles_late and late_s."""
+        ...
+
 
 @dataclass
 class Service:
     """The parts of a running server. `run_id` is of the newest picture."""
 
     store: Store
-    source: Source
+    source: Source = field(init=False)
     metrics: Metrics = field(default_factory=Metrics)
     hub: Hub = field(init=False)
     _runs: dict[int, dict[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.hub = Hub(self.metrics)
+        self.metrics.ask(lambda: (self.source.counts(), self.source.feeds()))
+
+    def receive(self, picture: LivePicture) -> None:
+        """Take a picture of the source. It may be called in any thread, one call at a time."""
+        taken = self.source.cycle_s()
+        if taken is not None:
+            self.metrics.cycle.observe(taken)
+        self.hub.receive(picture)
 
     def picture(self) -> LivePicture:
         """The newest picture. Raises: NoPictureYet."""
@@ -111,6 +123,7 @@ class Service:
             "area": about["settings"].get("area"),
             "error": self.source.error(),
             "late": sum(feed.get("late", 0) for feed in self.source.feeds()),
+            **{name: round(value, 3) for name, value in self.source.counts().items()},
         }
 
     def _about(self, run_id: int) -> dict[str, Any]:

@@ -150,6 +150,17 @@ def count(text: str) -> int:
     return number
 
 
+def speed(text: str) -> float:
+    """How many times as fast as the clock."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = -1.0
+    if not 0.1 <= number <= 100.0:
+        raise argparse.ArgumentTypeError(f"got {text!r}, needed 0.1 to 100")
+    return number
+
+
 def workers(text: str) -> int:
     """A number of processors."""
     number = count(text)

@@ -29,6 +29,7 @@ from coastwatch.operators.cli.arguments import (
     position,
     seed,
     sensor,
+    speed,
     utc,
     whole,
     workers,
@@ -174,12 +175,21 @@ def _fuse(commands: Any) -> None:
 
 def _serve(commands: Any) -> None:
     text = (
-        "Serve the picture of a database to browsers and programs: map, API and live stream. The picture follows the run that another "
-        "process writes. Ctrl-C stops it."
+        "Serve the picture to browsers and programs: map, API and live stream. With a scenario, run it as time passes and serve each "
+        "picture: a simulation begins now. Without one, follow the run that another process writes to the database. Ctrl-C stops it "
+        "after a whole cycle."
     )
-    serve = _command(commands, "serve", "serving:serve", "serve the picture over HTTP and WebSocket", text)
+    serve = _command(commands, "serve", "serving:serve", "run live and serve the picture over HTTP and WebSocket", text)
+    text = "name, folder, or .toml file (default: follow the database)"
+    completed_by(serve.add_argument("scenario", metavar="SCENARIO", nargs="?", help=text), SCENARIOS)
     add_db(serve)
     add_run(serve)
+    add_set(serve, "override a setting of the scenario; repeatable")
+    text = "processors that share the work (default: the scenario's, in its [workers])"
+    serve.add_argument("--workers", metavar="N", type=workers, help=text)
+    serve.add_argument(
+        "--speed", metavar="N", type=speed, default=1.0, help="times as fast as the clock, 0.1 to 100 (default: 1)"
+    )
     serve.add_argument("--host", metavar="ADDRESS", default="127.0.0.1", help="address to listen on (default: 127.0.0.1)")
     serve.add_argument("--port", metavar="N", type=whole, default=8100, help="port (default: 8100; 0: any free one)")
 

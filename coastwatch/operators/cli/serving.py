@@ -1,10 +1,13 @@
-"""`serve`: the picture of a database over HTTP and WebSocket."""
+"""`serve`: the picture of a live run or of a database over HTTP and WebSocket."""
 
 from __future__ import annotations
 
 import argparse
+import signal
 import socket
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import uvicorn
@@ -14,9 +17,10 @@ from coastwatch.operators.api.application import application
 from coastwatch.operators.api.guard import LOOPBACK, Guard
 from coastwatch.operators.api.service import Service
 from coastwatch.operators.bad_input import BadInput
+from coastwatch.scenario import load_scenario
 from coastwatch.server.follow import POLL_S, Follower
-from coastwatch.server.live_picture import LivePicture
-from coastwatch.store import Store
+from coastwatch.server.live import LiveRun, Paced
+from coastwatch.store import Store, open_store
 
 LARGEST_MESSAGE = 65_536
 """Bytes of a message from a viewer."""
@@ -30,11 +34,9 @@ class Followed:
     live = False
 
     def __init__(self, opened: Store, run_id: int | None, poll_s: float = POLL_S) -> None:
-        self._follower = Follower(opened, run_id, self._received, poll_s)
-        self.service = Service(opened, self)
-
-    def _received(self, picture: LivePicture) -> None:
-        self.service.hub.receive(picture)
+        self.service = Service(opened)
+        self.service.source = self
+        self._follower = Follower(opened, run_id, self.service.receive, poll_s)
 
     def error(self) -> str | None:
         return self._follower.error
@@ -44,6 +46,9 @@ class Followed:
 
     def cycle_s(self) -> float | None:
         return None
+
+    def counts(self) -> dict[str, float]:
+        return {}
 
     def __enter__(self) -> Followed:
         self._follower.__enter__()
@@ -57,9 +62,40 @@ def serve(options: argparse.Namespace) -> int:
     """Serve until Ctrl-C or SIGTERM."""
     if options.host not in LOOPBACK:
         raise BadInput(f"--host: got {options.host!r}, needed one of {', '.join(LOOPBACK)}: other addresses need tokens")
-    with stored.opened(options.db) as opened, Followed(opened, options.run) as followed:
-        listen(followed.service, options.host, options.port)
+    with _signals_end_the_server():
+        if options.scenario is None:
+            with stored.opened(options.db) as opened, Followed(opened, options.run) as followed:
+                listen(followed.service, options.host, options.port)
+        else:
+            _serve_run(options)
     return 0
+
+
+def _serve_run(options: argparse.Namespace) -> None:
+    """Run a scenario and serve its pictures."""
+    if options.run is not None:
+        raise BadInput("--run: got it with a scenario, needed one of them: a run of a scenario has a number of its own")
+    scenario = load_scenario(options.scenario, dict(options.settings))
+    with open_store(options.db) as opened:
+        service = Service(opened)
+        given = {"database": options.db, "workers": options.workers, "resume": False}
+        run = LiveRun(scenario, Paced(options.speed), service.receive, **given)
+        service.source = run
+        with run:
+            listen(service, options.host, options.port)
+        if run.failed:
+            raise RuntimeError(run.error())
+
+
+@contextmanager
+def _signals_end_the_server() -> Iterator[None]:
+    """Ctrl-C and SIGTERM end the server in order, and so the run: the server raises them again when it has closed its sockets."""
+    usual = {s: signal.signal(s, lambda *_: None) for s in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for s, handler in usual.items():
+            signal.signal(s, handler)
 
 
 def listen(service: Service, host: str, port: int) -> None:

@@ -1,0 +1,51 @@
+"""A live run: pictures as time passes, stored as they were served, and an end after a whole cycle."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import httpx
+from server_world import listening, wait_for
+
+from coastwatch import store
+from coastwatch.operators.api.service import Service
+from coastwatch.scenario import load_scenario
+from coastwatch.server.live import LiveRun, Paced
+
+
+def test_a_simulation_runs_with_the_clock_and_ends_after_a_whole_cycle_with_what_was_served(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'live.db'}"
+    scenario = load_scenario("context-driven-100", {"period_s": "0.5", "warmup_s": "0", "cycles": "100", "input.count": "10"})
+    with store.open_store(url) as opened:
+        service = Service(opened)
+        run = LiveRun(scenario, Paced(), service.receive, database=url, workers=1, resume=False)
+        service.source = run
+        with listening(service, web=tmp_path) as address:
+            assert httpx.get(f"http://{address}/readyz").status_code == 503
+            with run:
+                wait_for(lambda: run.cycles >= 4, 120.0)
+                status = httpx.get(f"http://{address}/api/v1/status").json()
+                assert (status["live"], status["error"]) == (True, None)
+                assert 0 < status["vessels"] <= 10
+                assert abs(status["age_s"]) < 30.0
+            last = service.picture()
+            assert httpx.get(f"http://{address}/api/v1/picture").json()["total"] == len(last)
+        assert not run.failed
+        assert store.newest_picture(opened, last.run_id) == (last.run_id, last.cycle, last.time_s)
+        found = store.run(opened, last.run_id)
+        assert (found["status"], found["cycles_stored"]) == ("interrupted", run.cycles)
+        now = store.picture(opened, last.run_id)
+        for name in ("vessel_id", "latitude_deg", "longitude_deg", "sog_kn", "mmsi", "flags", "sources", "name"):
+            assert last.rows(last.at(now.array("vessel_id"))).column(name) == now.column(name), name
+
+
+def test_a_run_that_fails_says_why_and_the_server_goes_on(tmp_path: Path) -> None:
+    with store.open_store(str(tmp_path / "live.db")) as opened:
+        service = Service(opened)
+        scenario = load_scenario("context-driven-100", {"cycles": "1"})
+        run = LiveRun(scenario, Paced(), service.receive, database=f"sqlite:///{tmp_path / 'nowhere' / 'x.db'}")
+        service.source = run
+        with run, listening(service, web=tmp_path) as address:
+            wait_for(lambda: run.failed)
+            answer = httpx.get(f"http://{address}/api/v1/picture")
+            assert (answer.status_code, "there is no folder" in answer.json()["detail"]) == (503, True)
