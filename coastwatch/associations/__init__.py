@@ -7,10 +7,15 @@ from pydantic import Field
 from coastwatch.associations.bearing_likelihood import BearingLikelihood
 from coastwatch.associations.bearing_literal import BearingWindowedCovariance
 from coastwatch.associations.candidates import Candidates, step_with_candidates
+from coastwatch.associations.counting import CountedTest, Counting, TestThenCounting, TwoCountings
+from coastwatch.associations.single_scan_test import SingleScanTest
 from coastwatch.associations.windowed_covariance import WindowedCovariance
 from coastwatch.associations.windowed_covariance_literal import WindowedCovarianceLiteral
 
-Associator = Annotated[WindowedCovariance | WindowedCovarianceLiteral, Field(discriminator="method")]
+Associator = Annotated[
+    WindowedCovariance | WindowedCovarianceLiteral | SingleScanTest | Counting | TwoCountings | CountedTest | TestThenCounting,
+    Field(discriminator="method"),
+]
 BearingAssociator = Annotated[BearingLikelihood | BearingWindowedCovariance, Field(discriminator="method")]
 
 __all__ = [
@@ -19,6 +24,11 @@ __all__ = [
     "BearingLikelihood",
     "BearingWindowedCovariance",
     "Candidates",
+    "CountedTest",
+    "Counting",
+    "SingleScanTest",
+    "TestThenCounting",
+    "TwoCountings",
     "WindowedCovariance",
     "WindowedCovarianceLiteral",
     "step_with_candidates",

@@ -49,8 +49,8 @@ UNITS = {
     "_sigmas": "standard deviations",
     "_intervals": "intervals",
     **dict.fromkeys(("share", "_fraction", "_accuracy", "_habit"), "share"),
-    **dict.fromkeys(("probability", "confidence", "_doubt", "false_alarm"), "probability"),
-    **dict.fromkeys(("_weight", "_factor", "_margin"), "ratio"),
+    **dict.fromkeys(("probability", "confidence", "_doubt", "false_alarm", "significance"), "probability"),
+    **dict.fromkeys(("_weight", "_factor", "_margin", "correlation"), "ratio"),
     "_log_odds": "natural log of odds",
 }
 """Unit by the ending of a name; shares and probabilities are 0 to 1, a ratio has no unit."""

@@ -132,6 +132,9 @@ class Stopwatch:
         return TaskResult(np.array(self.wall_s), np.array(self.cpu_s), {p: version(p) for p in packages}, **rest)
 
 
+COUNTING: dict[str, Any] = {"threshold_m": 60.0, "hits": 3, "misses": 2}
+"""Settings of the task `counting`, of both sides."""
+
 Task = Callable[[Any, Stopwatch], TaskResult]
 """A task takes the record of its input, a TrackHistory or a PlotHistory."""
 

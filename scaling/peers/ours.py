@@ -4,14 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from coastwatch.associations import WindowedCovariance
+from coastwatch.associations import Counting, WindowedCovariance
 from coastwatch.batches import Associations, Measurements, Plots, SourceKind, Tracks
 from coastwatch.fused_tracks import Convex, ImmOfTracks
 from coastwatch.geodesy import to_plane
 from coastwatch.spots import KMeansSpots
 from coastwatch.tracks import FilterpyImm, SidedImm
 from coastwatch.workers import open_workers
-from scaling.peers.exchange import AIS, RADAR, Floats, PlotHistory, Stopwatch, Task, TaskResult, TrackHistory, run_adapter
+from scaling.peers.exchange import (
+    AIS,
+    COUNTING,
+    RADAR,
+    Floats,
+    PlotHistory,
+    Stopwatch,
+    Task,
+    TaskResult,
+    TrackHistory,
+    run_adapter,
+)
 from scaling.peers.input import ORIGIN_DEG
 from scaling.peers.plots import plot_radars
 
@@ -47,6 +58,22 @@ def association(history: TrackHistory, watch: Stopwatch) -> TaskResult:
             tracks, timed = tracks_at(history, cycle), cycle >= history.first
             with (watch if timed else Stopwatch()).lap():
                 spots_memory, spots = grouper.step(spots_memory, tracks)
+                memory, found = associator.step(memory, tracks, spots, workers.spots)
+            if timed:
+                pairs.append(np.stack([np.full(len(found.first), cycle), found.first, found.second], axis=1))
+    return watch.result(("coastwatch",), unit="track", units=len(history.track_id), pairs=np.concatenate(pairs))
+
+
+def counting(history: TrackHistory, watch: Stopwatch) -> TaskResult:
+    """Association by `Counting` with the settings of the peer; forming spots is not timed, because the peer has no such stage."""
+    grouper, associator = KMeansSpots(), Counting(**COUNTING)
+    spots_memory, memory = grouper.init(), associator.init()
+    pairs = [np.zeros((0, 3), np.int64)]
+    with open_workers("threads", 1) as workers:
+        for cycle in range(len(history.time_s)):
+            tracks, timed = tracks_at(history, cycle), cycle >= history.first
+            spots_memory, spots = grouper.step(spots_memory, tracks)
+            with (watch if timed else Stopwatch()).lap():
                 memory, found = associator.step(memory, tracks, spots, workers.spots)
             if timed:
                 pairs.append(np.stack([np.full(len(found.first), cycle), found.first, found.second], axis=1))
@@ -135,6 +162,7 @@ def _plots(history: PlotHistory, cycle: int) -> Plots:
 
 TASKS: dict[str, Task] = {
     "association": association,
+    "counting": counting,
     "imm": imm,
     "fusion": fusion,
     "spots": spots,

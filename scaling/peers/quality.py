@@ -18,7 +18,7 @@ def quality(kind: str, history: Any, result: TaskResult) -> tuple[str, float]:
     """Name and value of the quality figure. Args: kind: a task of `scaling.peers.ours`; history: its input."""
     if kind == "tracking":
         return "GOSPA m a vessel", track_figures(history, result)["gospa_m"]
-    if kind == "association":
+    if kind in ("association", "counting"):
         return "F1 %", 100.0 * float(decisions(history, result.pairs).as_dict()["f1"])
     if kind == "spots":
         return "RMS to centre m", rms_to_centre_m(history, result.spot)

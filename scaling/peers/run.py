@@ -37,6 +37,7 @@ COMPARISONS = (
     Comparison("stonesoup", "tracking_jpda", 100, 20, 6),
     Comparison("filterpy", "tracking", 100, 20, 6, product=True),
     Comparison("stonesoup", "association", 200, 40, 20),
+    Comparison("stonesoup", "counting", 200, 40, 20),
     Comparison("filterpy", "imm", 600, 20, 10),
     Comparison("scipy", "association", 10_000, 25, 5),
     Comparison("scipy", "association_batched", 10_000, 25, 5),

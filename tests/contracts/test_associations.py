@@ -6,15 +6,36 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from coastwatch.associations import Associator, WindowedCovariance, WindowedCovarianceLiteral
+from coastwatch.associations import (
+    Associator,
+    CountedTest,
+    Counting,
+    SingleScanTest,
+    TwoCountings,
+    WindowedCovariance,
+    WindowedCovarianceLiteral,
+)
+from coastwatch.associations import TestThenCounting as BegunByTest  # pytest takes a name with Test for a test
 from coastwatch.batches import Tracks
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.server.checkpoint import load, save
 from coastwatch.spots import KMeansSpots
 from coastwatch.stage import serial
 
-METHODS = [WindowedCovariance(), WindowedCovarianceLiteral(), WindowedCovarianceLiteral(one_to_one=True, threshold="hotelling")]
-IDS = ["windowed_covariance", "literal", "literal one-to-one"]
+METHODS = [
+    WindowedCovariance(),
+    WindowedCovarianceLiteral(),
+    WindowedCovarianceLiteral(one_to_one=True, threshold="hotelling"),
+    SingleScanTest(),
+    SingleScanTest(dependence="recursive"),
+    SingleScanTest(dependence="geometric_mean"),
+    Counting(),
+    TwoCountings(),
+    CountedTest(),
+    BegunByTest(),
+]
+IDS = ["windowed_covariance", "literal", "literal one-to-one", "test", "test recursive", "test geometric mean"]
+IDS += ["counting", "two countings", "counted test", "test then counting"]
 ORIGIN = np.array([-23.0, 179.99])
 RADAR_SIGMA_M, AIS_SIGMA_M = 8.0, 1.5
 PERIOD_S = 3.0

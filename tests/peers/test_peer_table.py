@@ -84,7 +84,7 @@ def test_every_comparison_is_a_task_that_both_have() -> None:
     from scaling.peers.filterpy import method
     from scaling.peers.scipy import adapter as scipy
 
-    by_stone_soup = {"association", "tracking", "tracking_jpda"}
+    by_stone_soup = {"association", "counting", "tracking", "tracking_jpda"}
     tasks = {"filterpy": filterpy.TASKS, "scipy": scipy.TASKS, "stonesoup": by_stone_soup}
     for c in COMPARISONS:
         assert c.task in (method.TASKS if c.product else tasks[c.peer])

@@ -10,6 +10,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "connected_components",
         "history",
         "marginals",
+        "pair_distance",
         "pair_features",
         "pair_score",
         "polar_pairs",

@@ -58,6 +58,21 @@ def combined(first: Floats, second: Floats, cross: Floats) -> tuple[Floats, Floa
     return gain, 0.5 * (covariance + covariance.transpose(0, 2, 1))
 
 
+def geometric_mean(first: Floats, second: Floats) -> Floats:
+    """A^1/2 (A^-1/2 B A^-1/2)^1/2 A^1/2 of each pair of covariances. Args: A, B: (A, 4, 4). Returns: (A, 4, 4).
+
+    Source: R. Bhatia, Positive Definite Matrices, 2007, section 4.1.
+    """
+    root, inverse = _power(first, 0.5), _power(first, -0.5)
+    return np.asarray(root @ _power(inverse @ second @ inverse, 0.5) @ root)
+
+
+def _power(matrix: Floats, exponent: float) -> Floats:
+    """A power of each symmetric, positive definite matrix."""
+    value, vector = np.linalg.eigh(matrix)
+    return np.asarray((vector * value[:, None, :] ** exponent) @ vector.transpose(0, 2, 1))
+
+
 def positive(matrix: Floats) -> Bools:
     """Whether each symmetric matrix is positive definite. Args: (A, d, d). Returns: (A,)."""
     try:

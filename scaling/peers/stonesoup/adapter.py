@@ -25,7 +25,18 @@ from stonesoup.types.state import GaussianState, State
 from stonesoup.types.track import Track
 from stonesoup.updater.kalman import KalmanUpdater
 
-from scaling.peers.exchange import AIS, RADAR, Ints, PlotHistory, Stopwatch, Task, TaskResult, TrackHistory, run_adapter
+from scaling.peers.exchange import (
+    AIS,
+    COUNTING,
+    RADAR,
+    Ints,
+    PlotHistory,
+    Stopwatch,
+    Task,
+    TaskResult,
+    TrackHistory,
+    run_adapter,
+)
 
 THRESHOLD_M = 70.0  # of the RMS of the differences east and north, its default measure; README.md: how it was chosen
 NO_PAIR_M = 1e6
@@ -40,12 +51,23 @@ START = datetime(2027, 1, 15)
 
 
 def association(history: TrackHistory, watch: Stopwatch) -> TaskResult:
+    """By the peer's default measure; its threshold is of the RMS of two differences."""
+    return _counted(history, watch, TrackToTrackCounting(association_threshold=THRESHOLD_M, pos_map=[0, 1]))
+
+
+def counting(history: TrackHistory, watch: Stopwatch) -> TaskResult:
+    """With the settings of ours; the default measure is the distance over the root of 2."""
+    threshold, hits, misses = COUNTING["threshold_m"] / np.sqrt(2.0), COUNTING["hits"], COUNTING["misses"]
+    settings = {"consec_pairs_confirm": hits, "consec_misses_end": misses}
+    return _counted(history, watch, TrackToTrackCounting(association_threshold=threshold, pos_map=[0, 1], **settings))
+
+
+def _counted(history: TrackHistory, watch: Stopwatch, counting: TrackToTrackCounting) -> TaskResult:
     """One call over all cycles; a cycle has its mean time. The nearest of the returned pairs are chosen one to one, untimed."""
     seconds = history.time_s - history.time_s[0]
     times = [START + timedelta(seconds=float(s)) for s in seconds]
     radar, ais = ({k: _track(history, k, times) for k in np.flatnonzero(history.source == s).tolist()} for s in (RADAR, AIS))
     rows = {id(track): row for side in (radar, ais) for row, track in side.items()}
-    counting = TrackToTrackCounting(association_threshold=THRESHOLD_M, pos_map=[0, 1])
     with watch.lap(len(times)):
         associations = counting.associate_tracks(set(radar.values()), set(ais.values()))
     with_rows = [
@@ -175,7 +197,12 @@ def _when(history: PlotHistory, time_s: float) -> datetime:
     return START + timedelta(seconds=time_s - float(history.time_s[0]))
 
 
-TASKS: dict[str, Task] = {"association": association, "tracking": tracking, "tracking_jpda": tracking_jpda}
+TASKS: dict[str, Task] = {
+    "association": association,
+    "counting": counting,
+    "tracking": tracking,
+    "tracking_jpda": tracking_jpda,
+}
 
 if __name__ == "__main__":
     run_adapter(TASKS)

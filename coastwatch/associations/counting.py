@@ -1,0 +1,179 @@
+"""Track-to-track association by counting: so many cycles in a row near each other, or far apart."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from coastwatch.associations.pair_hits import MOST, PairCounts, chosen, find_hits, united
+from coastwatch.batches import Associations, Spots, Tracks
+from coastwatch.kernels.filters.gaussian import gate
+from coastwatch.stage import Map, Method
+
+Metres = Annotated[float, Field(gt=0.0, le=10_000.0)]
+Cycles = Annotated[int, Field(ge=1, lt=MOST)]
+Share = Annotated[float, Field(gt=0.0, lt=1.0)]
+STATES = 4  # dimensions of the difference: position and velocity
+
+
+class Counting(Method):
+    """Two tracks are associated after `hits` cycles in a row within `threshold_m`, until `misses` cycles in a row beyond it.
+
+    It needs no covariance. Statistic: distance of the positions, m.
+
+    Source: A. Sagild, track-to-track fusion of radar and AIS, 2021, section 4.2.
+    """
+
+    method: Literal["counting"] = "counting"
+    threshold_m: Metres = 30.0
+    hits: Cycles = 4  # cycles in a row
+    misses: Cycles = 3  # cycles in a row
+
+    @property
+    def gate_m(self) -> float:
+        """Pairs farther apart are missed."""
+        return self.threshold_m
+
+    @property
+    def limit(self) -> float:
+        """None."""
+        return math.inf
+
+    @property
+    def measures_states(self) -> bool:
+        """Positions alone."""
+        return False
+
+    def init(self) -> PairCounts:
+        return PairCounts.none()
+
+    def step(self, memory: PairCounts, tracks: Tracks, spots: Spots, map_: Map) -> tuple[PairCounts, Associations]:
+        """Associations of these tracks. Args: tracks: (N); spots: of the same rows. Returns: memory and Associations."""
+        found = find_hits(self, tracks, spots, map_)
+        after, first, second = memory.counted(tracks, found, self.hits, self.misses)
+        return after, chosen(tracks, first, second, None, found.tested)
+
+
+class TwoCountings(Method):
+    """Two tracks are associated while a tight or a loose counting associates them: see `counting`.
+
+    Statistic: distance of the positions, m.
+
+    Source: A. Sagild, track-to-track fusion of radar and AIS, 2021, section 8.
+    """
+
+    method: Literal["two_countings"] = "two_countings"
+    tight_m: Metres = 10.0
+    hits_tight: Cycles = 2  # cycles in a row
+    misses_tight: Cycles = 1  # cycles in a row
+    loose_m: Metres = 30.0
+    hits_loose: Cycles = 4  # cycles in a row
+    misses_loose: Cycles = 3  # cycles in a row
+
+    @model_validator(mode="after")
+    def _tight_is_inside_loose(self) -> Self:
+        if self.tight_m > self.loose_m:
+            raise ValueError(f"tight_m: got {self.tight_m:g}, needed at most loose_m = {self.loose_m:g}")
+        return self
+
+    @property
+    def gate_m(self) -> float:
+        """Pairs farther apart are missed by both."""
+        return self.loose_m
+
+    @property
+    def limit(self) -> float:
+        """None."""
+        return math.inf
+
+    @property
+    def measures_states(self) -> bool:
+        """Positions alone."""
+        return False
+
+    def init(self) -> tuple[PairCounts, PairCounts]:
+        return PairCounts.none(), PairCounts.none()
+
+    def step(
+        self, memory: tuple[PairCounts, PairCounts], tracks: Tracks, spots: Spots, map_: Map
+    ) -> tuple[tuple[PairCounts, PairCounts], Associations]:
+        """Associations of these tracks. Args: tracks: (N); spots: of the same rows. Returns: memory and Associations."""
+        found = find_hits(self, tracks, spots, map_)
+        near = found.take(found.distance_m <= self.tight_m)
+        tight, *some = memory[0].counted(tracks, near, self.hits_tight, self.misses_tight)
+        loose, *more = memory[1].counted(tracks, found, self.hits_loose, self.misses_loose)
+        first, second = united((some[0], some[1]), (more[0], more[1]), len(tracks))
+        return (tight, loose), chosen(tracks, first, second, None, found.tested)
+
+
+class CountedTest(Method):
+    """Two tracks are associated after `hits` passed tests in a row, until `misses` refused ones in a row.
+
+    The test is `single_scan_test` with independent errors. A pair without covariance never passes.
+    Statistic: distance of the positions, m.
+    """
+
+    method: Literal["counted_test"] = "counted_test"
+    significance: Share = 0.001  # alpha: share of right pairs that a single test refuses, if errors are independent
+    hits: Cycles = 4  # cycles in a row
+    misses: Cycles = 1  # cycles in a row
+    gate_m: Metres = 1000.0  # pairs farther apart are not tested
+
+    @property
+    def limit(self) -> float:
+        """Of the squared Mahalanobis distance of position and velocity."""
+        return gate(1.0 - self.significance, STATES)
+
+    @property
+    def measures_states(self) -> bool:
+        """Position and velocity."""
+        return True
+
+    def init(self) -> PairCounts:
+        return PairCounts.none()
+
+    def step(self, memory: PairCounts, tracks: Tracks, spots: Spots, map_: Map) -> tuple[PairCounts, Associations]:
+        """Associations of these tracks. Args: tracks: (N); spots: of the same rows. Returns: memory and Associations."""
+        found = find_hits(self, tracks, spots, map_)
+        after, first, second = memory.counted(tracks, found, self.hits, self.misses)
+        return after, chosen(tracks, first, second, None, found.tested)
+
+
+class TestThenCounting(Method):
+    """As `counting`; a hit that also passes the test at `significance` associates at once, because the two are very close.
+
+    A pair without covariance is associated by counting alone. Statistic: distance of the positions, m.
+    """
+
+    method: Literal["test_then_counting"] = "test_then_counting"
+    significance: Share = 0.9  # alpha of the test that begins: near 1 the states must nearly agree
+    threshold_m: Metres = 30.0
+    hits: Cycles = 6  # cycles in a row
+    misses: Cycles = 5  # cycles in a row
+
+    @property
+    def gate_m(self) -> float:
+        """Pairs farther apart are missed."""
+        return self.threshold_m
+
+    @property
+    def limit(self) -> float:
+        """None: the test begins, it does not refuse."""
+        return math.inf
+
+    @property
+    def measures_states(self) -> bool:
+        """Position and velocity."""
+        return True
+
+    def init(self) -> PairCounts:
+        return PairCounts.none()
+
+    def step(self, memory: PairCounts, tracks: Tracks, spots: Spots, map_: Map) -> tuple[PairCounts, Associations]:
+        """Associations of these tracks. Args: tracks: (N); spots: of the same rows. Returns: memory and Associations."""
+        found = find_hits(self, tracks, spots, map_)
+        close = found.squared <= gate(1.0 - self.significance, STATES)
+        after, first, second = memory.counted(tracks, found, self.hits, self.misses, close)
+        return after, chosen(tracks, first, second, None, found.tested)
