@@ -22,7 +22,9 @@ SEEDS = (2001, 2002)  # kept for judging: no setting was chosen on them
 KEYS = {"name", "source", "published", "asked", "asked_by", "better", "path", "over", "command", "short"}
 FILES = sorted((HOUSE / "scenarios").glob("*/published.toml"))
 PAPER = {path.parent.name: of for path in FILES if (of := published.read(path))}
-SLOW = ("context-driven-100", "context-driven-500")  # the seas of 200 and 1,000 vessels have the same figures
+SLOW = ("context-driven-100", "context-driven-500", "misregistered-radars", "rangel-table-6", "rangel-table-7")
+"""Scenarios whose figures another scenario, or another test, holds in the same way: only all tests hold theirs too."""
+
 FIGURES = [
     pytest.param(
         figure,
@@ -42,7 +44,7 @@ def hardest(of: published.Published, figure: published.Figure) -> bool:
 
 
 OF_PAPER = [
-    pytest.param(name, figure, id=f"{name}: {figure.name}")
+    pytest.param(name, figure, id=f"{name}: {figure.name}", marks=[pytest.mark.slow] * (name in SLOW))
     for name, of in PAPER.items()
     for figure in of.figure
     if figure.asked is not None and not of.picture and hardest(of, figure)
