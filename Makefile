@@ -11,7 +11,7 @@ export UV_PROJECT_ENVIRONMENT = .venv
 # Node of the package index comes first where it was installed.
 NODE_PATH = PATH="$(CURDIR)/$(BIN):$$PATH"
 
-.PHONY: demo web test test-all check bench docs clean .warm-all .warm-ahead .web-if-possible
+.PHONY: demo web screenshot test test-all check bench docs clean .warm-all .warm-ahead .web-if-possible
 
 .venv/.ready: pyproject.toml uv.lock
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv
@@ -48,6 +48,12 @@ demo: .venv/.warm .web-if-possible  ## set up, run the guanabara scenario, leave
 	@mkdir -p out
 	$(BIN)/coastwatch run guanabara --db sqlite:///out/guanabara.db --restart
 	$(BIN)/coastwatch plot --db sqlite:///out/guanabara.db --output out/guanabara.png
+
+screenshot: .venv/.warm $(PAGE)  ## take the picture of the page for the README; needs Chromium
+	@mkdir -p out
+	$(BIN)/coastwatch run guanabara --db sqlite:///out/screenshot.db --restart
+	$(BIN)/python -m scaling.page.screenshot --db sqlite:///out/screenshot.db --output web/page.png \
+		--query "lat=-22.98&lon=-43.12&zoom=11.3&vessel=11"
 
 test: .venv/.warm  ## set up and run the tests, but for the slow ones
 	$(TEST) -m "not slow"

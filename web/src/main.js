@@ -247,14 +247,14 @@ class App {
     this.stateChanged();
   }
 
-  /** Writes the state into the address, four times a second at most. */
+  /** Writes the state into the address once nothing has changed for a moment: browsers count and limit such writes. */
   stateChanged() {
-    this.#address ??= setTimeout(() => {
-      this.#address = null;
+    clearTimeout(this.#address);
+    this.#address = setTimeout(() => {
       const { lat, lng } = this.map.getCenter().wrap();
       Object.assign(this.state, { lat, lon: lng, zoom: this.map.getZoom(), at: this.replay.at === null ? null : this.replay.now() });
       history.replaceState(null, '', `?${toQuery(this.state)}`);
-    }, 250);
+    }, 400);
   }
 
   /**

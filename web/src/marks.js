@@ -3,10 +3,10 @@
 
 import { KNOT_M_S, mercatorX, mercatorY, METRES_A_DEGREE, rangeBearing } from './geodesy.js';
 import { course, label, miles } from './formats.js';
-import { ALWAYS_SHOWN, css, FLAG, RINGED, symbolOf, SYMBOL } from './symbols.js';
+import { ALWAYS_SHOWN, css, FLAG, RINGED, SYMBOL_COLOURS, symbolOf } from './symbols.js';
 import { METRES_UNKNOWN, metresOf, SOG_UNKNOWN } from './wire.js';
 
-const MOST = { vectors: 5000, ellipses: 2000, labels: 200 };
+const MOST = { vectors: 5000, ellipses: 2000, labels: 120 };
 const MARKS_FROM_ZOOM = 8;
 const LABELS_FROM_ZOOM = 9;
 const NUMBERS_FROM_ZOOM = 12; // vessels without name and MMSI
@@ -16,6 +16,7 @@ const WORLD = 2 ** 32;
 export class Marks {
   #labels = [];
   #labelsAt = -Infinity;
+  #widths = new Map();
 
   /** @param {HTMLCanvasElement} canvas over the map  @param {object} app the page */
   constructor(canvas, app) {
@@ -69,18 +70,22 @@ export class Marks {
     return this.scale / (360 * METRES_A_DEGREE * Math.cos(lat * RAD));
   }
 
-  /** Shown slots in view with their screen positions. A slot stands still within a cycle by a pixel: coarse test first. */
+  /** Shown slots in view with their screen positions. The first test is in whole numbers, which wrap at the date line. */
   #inView() {
     const { picture, shown } = this.app;
-    const [width, height] = this.size;
-    const reach = [(width / 2 + 60) / this.scale, (height / 2 + 60) / this.scale];
+    const { place } = picture;
+    const unit = WORLD / this.scale; // of `place`, in a CSS pixel
+    const beyond = 60 + 3000 * this.pixels(0); // a vessel is drawn ahead of its stored place
+    const reachX = Math.min(2 ** 31 - 1, (this.size[0] / 2 + beyond) * unit);
+    const reachY = Math.min(2 ** 31 - 1, (this.size[1] / 2 + beyond) * unit);
+    const centreX = Math.round((((this.origin[0] % 1) + 1) % 1) * WORLD) | 0;
+    const centreY = Math.round(this.origin[1] * WORLD) | 0;
     const found = [];
     for (let slot = 0; slot < picture.slots; slot++) {
       if (!shown[slot]) continue;
-      let dx = picture.place[2 * slot] / WORLD - this.origin[0];
-      dx -= Math.round(dx);
-      const dy = picture.place[2 * slot + 1] / WORLD - this.origin[1];
-      if (Math.abs(dx) > reach[0] || Math.abs(dy) > reach[1]) continue;
+      const dx = (place[2 * slot] - centreX) | 0;
+      const dy = (place[2 * slot + 1] - centreY) | 0;
+      if (dx > reachX || dx < -reachX || dy > reachY || dy < -reachY) continue;
       const [lat, lon] = picture.position(slot, this.now);
       const [x, y] = this.screen(lat, lon);
       found.push({ slot, x, y, lat });
@@ -88,38 +93,46 @@ export class Marks {
     return found;
   }
 
+  /** Colour of a vessel, as its place in SYMBOL_COLOURS. */
   #colourOf(slot) {
     const { flag, kind } = this.app.picture;
-    if (flag[slot] & FLAG.alarm) return this.colours.alarm;
-    return this.colours[Object.keys(SYMBOL)[symbolOf(kind[slot], flag[slot])]];
+    return flag[slot] & FLAG.alarm ? SYMBOL_COLOURS.indexOf('alarm') : symbolOf(kind[slot], flag[slot]);
   }
 
-  /** Where each vessel is after the minutes of the layer, with a tick a minute, three minutes from 12 on. */
+  /** Where each vessel is after the minutes of the layer, with a tick a minute, three minutes from 12 on. One path a colour. */
   #vectors(seen) {
     const { app, context } = this;
     const { picture } = app;
     const { minutes } = app.state;
     const step = minutes > 6 ? 3 : 1;
+    const lines = Array.from({ length: 2 * SYMBOL_COLOURS.length }, () => []); // by colour and dashes: x, y of two ends of each line
     for (const { slot, x, y, lat } of seen) {
       const sog = picture.sog[slot];
       if (sog === SOG_UNKNOWN || sog < 50) continue;
       const way = (sog / 100) * KNOT_M_S * 60 * this.pixels(lat); // of a minute, CSS pixels
       const angle = (picture.cog[slot] * 2 * Math.PI) / 65536;
-      const [u, v] = [Math.sin(angle), -Math.cos(angle)];
+      const u = Math.sin(angle);
+      const v = -Math.cos(angle);
+      const ends = lines[2 * this.#colourOf(slot) + (picture.kind[slot] === 1 ? 1 : 0)]; // dashed: AIS alone
       const start = Math.min(8, way * minutes);
-      context.beginPath();
-      context.moveTo(x + u * start, y + v * start);
-      context.lineTo(x + u * way * minutes, y + v * way * minutes);
-      if (way * step > 7) {
-        for (let minute = step; minute < minutes; minute += step) {
-          const [a, b] = [x + u * way * minute, y + v * way * minute];
-          context.moveTo(a + v * 3, b - u * 3);
-          context.lineTo(a - v * 3, b + u * 3);
-        }
+      ends.push(x + u * start, y + v * start, x + u * way * minutes, y + v * way * minutes);
+      if (way * step <= 7) continue;
+      for (let minute = step; minute < minutes; minute += step) {
+        const a = x + u * way * minute;
+        const b = y + v * way * minute;
+        ends.push(a + v * 3, b - u * 3, a - v * 3, b + u * 3);
       }
-      context.strokeStyle = css(this.#colourOf(slot), 0.85);
-      context.lineWidth = 1;
-      context.setLineDash(picture.kind[slot] === 1 ? [4, 3] : []); // dashed for AIS alone
+    }
+    context.lineWidth = 1;
+    for (const [style, ends] of lines.entries()) {
+      if (!ends.length) continue;
+      context.strokeStyle = css(this.colours[SYMBOL_COLOURS[style >> 1]], 0.85);
+      context.setLineDash(style & 1 ? [4, 3] : []);
+      context.beginPath();
+      for (let k = 0; k < ends.length; k += 4) {
+        context.moveTo(ends[k], ends[k + 1]);
+        context.lineTo(ends[k + 2], ends[k + 3]);
+      }
       context.stroke();
     }
     context.setLineDash([]);
@@ -140,7 +153,7 @@ export class Marks {
     const angle = (picture.angle[slot] * Math.PI) / 256;
     this.context.beginPath();
     this.context.ellipse(x, y, major, minor, angle - Math.PI / 2, 0, 2 * Math.PI);
-    this.context.strokeStyle = css(this.#colourOf(slot), opacity);
+    this.context.strokeStyle = css(this.colours[SYMBOL_COLOURS[this.#colourOf(slot)]], opacity);
     this.context.stroke();
   }
 
@@ -229,15 +242,16 @@ export class Marks {
       app.details.need(this.#labels);
     }
     context.font = '12px system-ui, sans-serif';
-    const bySlot = new Map(seen.map((vessel) => [vessel.slot, vessel]));
+    const [width, height] = this.size;
     const taken = [];
     for (const id of this.#labels) {
-      const vessel = bySlot.get(app.picture.slotOf.get(id));
-      if (!vessel) continue;
-      if (!app.details.has(id)) continue; // its name is on the way
+      const slot = app.picture.slotOf.get(id);
+      if (slot === undefined || !app.details.has(id)) continue; // it left, or its name is on the way
+      const [x, y] = this.screen(...app.picture.position(slot, this.now));
+      if (x < 0 || y < 0 || x > width || y > height) continue;
       const text = label(id, app.details.get(id));
-      const [left, top] = [vessel.x + 13, vessel.y - 8];
-      const right = left + context.measureText(text).width;
+      const [left, top] = [x + 13, y - 8];
+      const right = left + this.#width(text);
       if (taken.some((box) => left < box[2] && right > box[0] && top < box[3] && top + 14 > box[1])) continue;
       taken.push([left, top, right, top + 14]);
       context.lineWidth = 3;
@@ -246,6 +260,13 @@ export class Marks {
       context.fillStyle = css(this.app.state.theme === 'night' ? this.colours.fused : this.colours.text);
       context.fillText(text, left, top + 11);
     }
+  }
+
+  /** Width of a text in CSS pixels, measured once. */
+  #width(text) {
+    if (this.#widths.size > 5000) this.#widths.clear();
+    if (!this.#widths.has(text)) this.#widths.set(text, this.context.measureText(text).width);
+    return this.#widths.get(text);
   }
 
   #chosen(seen) {
@@ -262,7 +283,7 @@ export class Marks {
       const speed = picture.sog[slot] === SOG_UNKNOWN ? 0 : picture.sog[slot] / 100;
       return flagged + (details.get(id)?.length_m ?? 0) + speed;
     };
-    return seen.map((vessel) => ({ ...vessel, weight: weight(vessel) })).filter((vessel) => vessel.weight >= 0)
+    return seen.map((vessel) => ({ slot: vessel.slot, weight: weight(vessel) })).filter((vessel) => vessel.weight >= 0)
       .sort((a, b) => b.weight - a.weight || a.slot - b.slot).slice(0, MOST.labels);
   }
 

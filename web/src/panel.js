@@ -107,8 +107,8 @@ export class Panel {
         ['source', 'Source'], ['track_id', 'Track'], ['from_utc', 'From', clockOf], ['to_utc', 'To', clockOf],
       ], until),
       table('Associations', known.associations, [
-        ['time_utc', 'Time', clockOf], ['first_source', 'First'], ['first_track', ''], ['second_source', 'Second'], ['second_track', ''],
-        ['statistic', 'Statistic', number],
+        ['time_utc', 'Time', clockOf], ['first_source', 'First track', (source, row) => `${source} ${row.first_track}`],
+        ['second_source', 'Second track', (source, row) => `${source} ${row.second_track}`], ['statistic', 'Statistic', number],
       ], until),
       known.associations?.length > 0 && known.statistics?.associations && element('p', { class: 'soft' }, known.statistics.associations),
       table('Bearings', known.bearing_associations, [
@@ -160,6 +160,6 @@ function table(title, all, columns, until) {
   const shown = rows.toSorted((a, b) => seconds(b[time]) - seconds(a[time])).slice(0, ROWS);
   return element('table', {},
     element('caption', {}, rows.length > ROWS ? `${title} (newest ${ROWS} of ${rows.length})` : title),
-    element('thead', {}, element('tr', {}, columns.map(([, name]) => element(name ? 'th' : 'td', name ? { scope: 'col' } : {}, name)))),
-    element('tbody', {}, shown.map((row) => element('tr', {}, columns.map(([name, , format = text]) => element('td', {}, format(row[name])))))));
+    element('thead', {}, element('tr', {}, columns.map(([, name]) => element('th', { scope: 'col' }, name)))),
+    element('tbody', {}, shown.map((row) => element('tr', {}, columns.map(([name, , format = text]) => element('td', {}, format(row[name], row)))))));
 }

@@ -64,7 +64,7 @@ export const THEMES = {
 };
 /** Greatest relative luminance of the chart by night: CSTLN of the night table of S-52. */
 export const NIGHT_LUMINANCE = luminance([37, 41, 41]);
-/** Colours that draw symbols on the chart. */
+/** Colours that draw symbols on the chart: those of SYMBOL in its order, then others. */
 export const SYMBOL_COLOURS = ['lost', 'ais', 'radar', 'fused', 'bearing', 'alarm', 'flagged', 'selected'];
 
 /** Relative luminance of a colour, 0 to 1. Source: W3C, WCAG 2.2, "relative luminance". */
