@@ -124,7 +124,8 @@ class BearingLikelihood(Method):
 
     - The statistic of a pair is its log odds: likelihood ratio of the window of bearings, times prior odds. The hypotheses are
       this vessel, and an unknown vessel anywhere in range.
-    - Errors: white noise as specified, a position error that is correlated in time, and the uncertainty of the sensor's bias.
+    - Errors: white noise, as the bearing or else the sensor states it, a position error that is correlated in time, and the
+      uncertainty of the sensor's bias.
     - The bias of each sensor is the running median residual of its pairs.
     - A vessel outside the nominal coverage is at first detected with probability 1/2; then the sensor's pairs tell. A vessel
       counts as outside if it was outside at any bearing of the window.
@@ -248,7 +249,7 @@ class BearingLikelihood(Method):
         sensor = tracks.source - sensors.sonar_source(0)
         arc_from, arc_width = arcs(sensors)
         column, history = memory.positions.columns(), memory.positions.history
-        slot = np.full(len(picture), -1, np.int64)
+        slot, variance = np.full(len(picture), -1, np.int64), sensors.sonars.bearing_sigma_rad[sensor] ** 2
         vessel_row = np.unique(audible.vessel_row)
         slot[vessel_row] = history.slots_of(picture.vessel_id[vessel_row])
         arrays = {
@@ -267,7 +268,7 @@ class BearingLikelihood(Method):
             "arc_width": arc_width[sensor],
             "bias": memory.bias.mean_rad[sensor],
             "bias_variance": memory.bias.sigma_rad[sensor] ** 2,
-            "variance": sensors.sonars.bearing_sigma_rad[sensor] ** 2,
+            "variance": np.where(np.isnan(tracks.window_variance), variance[:, None], tracks.window_variance),
             **self._class_evidence(tracks, picture, octants, memory.types),
         }
         parts = map_(score_octants, self, arrays, groups_by_octant(octants))

@@ -132,6 +132,7 @@ class BearingTracks(Batch):
     window_time_s: Floats = column(np.float64, "N", "W")
     window_bearing_rad: Floats = column(np.float64, "N", "W")
     window_site_deg: Floats = column(np.float64, "N", "W", 2)
+    window_variance: Floats = column(np.float64, "N", "W")  # of each bearing, rad2; NaN: that of the sensor
     signatures: Ints = column(np.int64, "N", CLASSES)  # number of reports so far of each VesselClass
     origin: Ints = column(np.int64, "N")
     measured_s: Floats = optional_column("N")  # mean time of the bearings of this cycle; NaN: there was none

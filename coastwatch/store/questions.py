@@ -35,7 +35,7 @@ LIMITS: dict[str, tuple[float, float]] = {
     "latitude_deg": (-90.0, 90.0),
     "longitude_deg": (-180.0, 180.0),
     **dict.fromkeys(("from_s", "to_s"), (0.0, END_S)),
-    **dict.fromkeys(("m", "nm", "kn", "seconds", "minutes", "cycles", "count"), (0, LARGEST)),
+    **dict.fromkeys(("m", "nm", "kn", "seconds", "minutes", "cycles", "count", "intervals"), (0, LARGEST)),
 }
 """Lowest and highest value, by name or by unit."""
 

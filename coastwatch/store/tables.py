@@ -29,7 +29,7 @@ from sqlalchemy import (
     text,
 )
 
-REVISION = "0013"
+REVISION = "0014"
 """The migration at which the database equals the tables below; a test compares it with db/migrations."""
 
 REVISION_TABLE = "coastwatch_revision"
@@ -170,6 +170,7 @@ VESSEL = Table(
     *required(Text, "sources"),  # names, "guanabara,ais"
     *nullable(BYTES, "covariance"),  # ten little-endian float64: upper triangle of east, north, east rate, north rate
     *nullable(WHOLE, "nav_status"),  # batches.NavStatus; null: none was sent
+    *nullable(REAL, "interval_s"),  # expected between its AIS reports, by class, status and speed, or learnt; null: no AIS now
     **IN_KEY_ORDER,
 )
 """The current picture: each vessel once. All rows are written again each time, with the row of `cycle` that names the run:

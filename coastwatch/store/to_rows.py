@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from coastwatch.batches import (
+    AisAlarms,
     AisStatics,
     Array,
     BearingAssociations,
@@ -15,6 +16,7 @@ from coastwatch.batches import (
     Bools,
     Floats,
     Ints,
+    Members,
     Picture,
     RegistrationState,
     Reports,
@@ -53,8 +55,11 @@ def motion(velocity_m_s: Floats, covariance: Floats) -> Floats:
     return np.stack([speed / KNOT_M_S, course, *axes, orientation], 1)
 
 
-def vessel_rows(run_id: int, picture: Picture, sources: Categorical) -> list[Column]:
-    """Columns of table `vessel`. Args: picture: (V) sorted by vessel; sources: (V) from `source_texts`."""
+def vessel_rows(run_id: int, picture: Picture, sources: Categorical, interval_s: Floats) -> list[Column]:
+    """Columns of table `vessel`.
+
+    Args: picture: (V) sorted by vessel; sources: (V) from `source_texts`; interval_s: (V) from `ais_intervals`.
+    """
     upper = picture.covariance[:, UPPER[0], UPPER[1]]
     covariance = np.ascontiguousarray(upper, "<f8").view("V80").ravel().astype(object)
     covariance[np.isnan(upper).any(1)] = None
@@ -74,7 +79,22 @@ def vessel_rows(run_id: int, picture: Picture, sources: Categorical) -> list[Col
         sources,
         covariance,
         NullableId(picture.nav_status),
+        interval_s,
     ]
+
+
+def ais_intervals(picture: Picture, members: Members, alarms: AisAlarms) -> Floats:
+    """The interval at which AIS reports of each vessel are expected, the shortest of its tracks, NaN where it has none. (V,)
+
+    Args: picture: sorted by vessel; alarms: one row for each AIS track.
+    """
+    order = np.argsort(alarms.track_id, kind="stable")
+    at = find(alarms.track_id[order], members.track_id)
+    row = find(picture.vessel_id, members.vessel_id)
+    known = np.flatnonzero((at >= 0) & (row >= 0))
+    out = np.full(len(picture), np.inf)
+    np.minimum.at(out, row[known], alarms.interval_s[order[at[known]]])
+    return np.where(np.isfinite(out), out, np.nan)
 
 
 def membership(cycle: Cycle) -> Ints:

@@ -86,8 +86,9 @@ def write_cycle(
         insert(connection, STAGE_TIMING, timings)
         rows = write_history(connection, run_id, number, added)
         if picture_due:
+            intervals = to_rows.ais_intervals(picture, cycle.members, cycle.alarms)
             sources = to_rows.source_texts(picture.vessel_id, members, before.source_names)
-            rows += _replace(connection, VESSEL, run_id, to_rows.vessel_rows(run_id, picture, sources))
+            rows += _replace(connection, VESSEL, run_id, to_rows.vessel_rows(run_id, picture, sources, intervals))
             bearings = cycle.bearing_tracks, cycle.bearing_associations, cycle.picture
             rows += _replace(connection, BEARING_TRACK, run_id, to_rows.bearing_track_rows(run_id, *bearings))
         rows += _write_stays(connection, run_id, number, before, members, picture)

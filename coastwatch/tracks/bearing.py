@@ -42,6 +42,7 @@ class BearingMemory:
     time_s: Floats  # (N, W) mean of the slot
     bearing_rad: Floats  # (N, W) mean of the slot
     weight: Floats  # (N, W) reports in the slot, each by `relative_weight`; 0 where there is none
+    precision: Floats  # (N, W) mean of `relative_weight` in the slot: 1 for reports without a variance of their own
     site_deg: Floats  # (N, W, 2)
     signatures: Ints  # (N, C) reports of each VesselClass
     counter: Ints  # (K,) tracks that each sensor has had
@@ -55,12 +56,12 @@ class BearingMemory:
     def empty(window: int) -> BearingMemory:
         n, x, slots = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, window))
         sites, signatures = np.zeros((0, window, 2)), np.zeros((0, CLASSES), np.int64)
-        return BearingMemory(n, n, n, x, x, x, n, n, n, n, slots, slots, slots, sites, signatures, n, 0)
+        return BearingMemory(n, n, n, x, x, x, n, n, n, n, slots, slots, slots, slots, sites, signatures, n, 0)
 
 
 ROWS = tuple(f.name for f in fields(BearingMemory) if f.name not in ("counter", "dropped"))
 MEASURED = ("measured_weight", "measured_s", "measured_rad", "measured_site_deg")  # means over the bearings of this cycle
-EMPTY = {"time_s": np.nan, "bearing_rad": np.nan, "weight": 0.0, "site_deg": np.nan, "begin_s": np.nan}
+EMPTY = {"time_s": np.nan, "bearing_rad": np.nan, "weight": 0.0, "precision": np.nan, "site_deg": np.nan, "begin_s": np.nan}
 
 
 class Windows:
@@ -128,11 +129,12 @@ class Windows:
 
     def _begin_slot(self, row: Ints, reports: BearingReports) -> None:
         """Moves the windows on by one slot, which holds the report."""
-        bearing = wrap_rad(np.radians(reports.bearing_deg))
+        bearing, own = wrap_rad(np.radians(reports.bearing_deg)), relative_weight(reports, self.sigma_rad)
         values = {
             "time_s": reports.time_s,
             "bearing_rad": bearing,
-            "weight": relative_weight(reports, self.sigma_rad),
+            "weight": own,
+            "precision": own,
             "site_deg": reports.site_deg,
         }
         for name, value in values.items():
@@ -148,6 +150,7 @@ class Windows:
         weight = c["weight"][row, -1] + own
         bearing = c["bearing_rad"][row, -1]
         c["weight"][row, -1] = weight
+        c["precision"][row, -1] += (own - c["precision"][row, -1]) * own / weight
         c["time_s"][row, -1] += (reports.time_s - c["time_s"][row, -1]) * own / weight
         c["bearing_rad"][row, -1] = wrap_rad(bearing + wrap_rad(np.radians(reports.bearing_deg) - bearing) * own / weight)
         c["site_deg"][row, -1] = _between_deg(c["site_deg"][row, -1], reports.site_deg, own / weight)
@@ -330,10 +333,10 @@ class BearingWindow(Method):
         window = {name: getattr(memory, name)[out] for name in LINE_COLUMNS}
         bearing, rate, covariance = self._line(window, np.full(len(out), time_s), sensors.sonars.bearing_sigma_rad)
         old = ~(window["time_s"] >= time_s - self.window_s)
-        site = memory.site_deg[out]
+        site, sigma = memory.site_deg[out], sensors.sonars.bearing_sigma_rad[memory.sensor[out]]
         weight, measured_s, measured_rad, measured_site_deg = (measured[name][out] for name in MEASURED)
         none = weight == 0.0
-        variance = sensors.sonars.bearing_sigma_rad[memory.sensor[out]] ** 2 / np.where(none, 1.0, weight)
+        variance = sigma**2 / np.where(none, 1.0, weight)
         return BearingTracks(
             track_id=memory.track_id[out],
             source=sensors.sonar_source(0) + memory.sensor[out],
@@ -347,6 +350,7 @@ class BearingWindow(Method):
             window_time_s=np.where(old, np.nan, window["time_s"]),
             window_bearing_rad=np.where(old, np.nan, window["bearing_rad"]),
             window_site_deg=np.where(old[:, :, None], np.nan, site),
+            window_variance=np.where(old, np.nan, sigma[:, None] ** 2 / memory.precision[out]),
             signatures=memory.signatures[out],
             origin=memory.origin[out],
             measured_s=np.where(none, np.nan, measured_s),

@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0013; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0014; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id BIGSERIAL NOT NULL,
@@ -41,6 +41,7 @@ CREATE TABLE vessel (
 	sources TEXT NOT NULL,
 	covariance BYTEA,
 	nav_status BIGINT,
+	interval_s FLOAT(53),
 	PRIMARY KEY (run_id, vessel_id)
 );
 

@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0013; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0014; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
@@ -40,6 +40,7 @@ CREATE TABLE vessel (
 	sources TEXT NOT NULL,
 	covariance BLOB,
 	nav_status INTEGER,
+	interval_s FLOAT,
 	PRIMARY KEY (run_id, vessel_id)
 )
  WITHOUT ROWID;

@@ -183,4 +183,4 @@ def _rest(connection: Connection, run_id: int, stays: _Stays, picture: Picture, 
     size = np.full(len(named), 80.0)
     insert(connection, VESSEL_STATIC, [run_id, named, names, signs, NullableId(named % 90), size, size / 6.0, size])
     sources = Categorical(picture.vessel_id % 2, ["region-0,ais", "region-1"])
-    insert(connection, VESSEL, vessel_rows(run_id, picture, sources))
+    insert(connection, VESSEL, vessel_rows(run_id, picture, sources, np.full(len(picture), np.nan)))

@@ -34,6 +34,7 @@ def tracks_at(sensors: Sensors, sonar: Floats, bearing_deg: Floats) -> BearingTr
         ring,
         ring,
         site[:, None],
+        np.full(ring.shape, np.nan),
         np.zeros((n, CLASSES), np.int64),
         rows,
     )

@@ -245,6 +245,8 @@ def test_a_bearing_with_a_standard_deviation_of_its_own_counts_by_it() -> None:
     (_, plain), (_, own) = (play(BearingWindow(), [BearingReports.join(r)], sensors) for r in ([first, second], [sure, unsure]))
     mean = [float(np.degrees(t.window_bearing_rad[0, -1])) for t in (plain, own)]
     np.testing.assert_allclose(mean, [41.5, 40.0 + 3.0 * 0.25 / (4.0 + 0.25)], atol=1e-9)
+    variances = [t.window_variance[0, -1] / sensors.sonars.bearing_sigma_rad[0] ** 2 for t in (plain, own)]
+    np.testing.assert_allclose(variances, [1.0, (4.0 + 0.25) / (4.0**2 + 0.25**2)])  # one over the weighted mean of the weights
     alone = [play(BearingWindow(), [r], sensors)[1].covariance[0, 0, 0] for r in (first, sure)]
     assert alone[1] < alone[0]
     numberless = [replace(say(0, 3.0 * k, 40.0, -1), bearing_sigma_deg=np.array([0.5 * specified])) for k in range(1, 5)]

@@ -86,7 +86,7 @@ def seen(seed: int, cycle: int, lag_s: float, given: RadarCorrections) -> Any:
     window = np.where(slot_s > world.START_S, slot_s, np.nan) * np.ones((VESSELS, 1))
     bearings = BearingTracks(
         number + 2**41, number * 0 + 2, time, angle[:, -1], angle[:, -1] * 0, np.zeros((VESSELS, 2, 2)), site, time, time, window, angle,
-        np.tile(world.CENTRE, (VESSELS, SLOTS, 1)), np.zeros((VESSELS, CLASSES), np.int64), number,
+        np.tile(world.CENTRE, (VESSELS, SLOTS, 1)), np.full(angle.shape, np.nan), np.zeros((VESSELS, CLASSES), np.int64), number,
     )  # fmt: skip
     both = BearingAssociations(number, number, np.ones(VESSELS), np.zeros(1))
     return (plots, picture, Members(number + 1, number, number * 0), bearings, both), now

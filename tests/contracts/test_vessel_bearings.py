@@ -86,6 +86,7 @@ def bearing_tracks(rng, vessel, time_s, bias_rad=0.0):
         window,
         window,
         np.zeros((n, 1, 2)),
+        np.full((n, 1), SIGMA_RAD**2),
         np.zeros((n, 7), np.int64),
         vessel,
         stamp,

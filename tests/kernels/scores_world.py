@@ -71,6 +71,7 @@ def bearing_tracks(origin):
         window_time_s=np.zeros((n, 0)),
         window_bearing_rad=np.zeros((n, 0)),
         window_site_deg=np.zeros((n, 0, 2)),
+        window_variance=np.zeros((n, 0)),
         signatures=np.zeros((n, CLASSES), np.int64),
         origin=np.array(origin, np.int64),
     )

@@ -34,19 +34,19 @@ def test_unknown_vessel_is_the_dense_gaussian_mixture(seed: int, length: int, mi
     missing = min(missing, length)
     time, bearing = window(seed, length, missing)
     share, weight, speed, kick = UNKNOWN
-    variance, reach = 4e-4, 5000.0
+    variance, reach = np.random.default_rng([seed, 5]).uniform(4e-4, 9e-4, length), 5000.0
     out = np.empty(length + 1)
     unknown_log_density(time, bearing, variance, reach, UNKNOWN, out)
     assert out[0] == 0.0
     for n in range(1, length - missing + 1):
         t, z = time[length - n :][::-1], bearing[length - n :][::-1]
-        a = t[0] - t
+        a, noises = t[0] - t, variance[length - n :][::-1]
         terms = []
         for s in share:
             r = reach * s
             noise = (speed / r) ** 3 + kick / r**2
             low, high = np.minimum.outer(a, a), np.maximum.outer(a, a)
-            cov = variance * np.eye(n) + FLAT + (speed / r) ** 2 * np.outer(a, a) + noise * low**2 * (3.0 * high - low) / 6.0
+            cov = np.diag(noises) + FLAT + (speed / r) ** 2 * np.outer(a, a) + noise * low**2 * (3.0 * high - low) / 6.0
             terms.append(multivariate_normal.logpdf(z, np.zeros(n), cov) + 0.5 * np.log(2.0 * np.pi * FLAT))
         assert out[n] == pytest.approx(np.log(np.exp(terms) @ weight), abs=FLAT_ERROR * n)
     assert (out[length - missing :] == out[length - missing]).all()
@@ -58,7 +58,7 @@ HEARD, HEARD_OUTSIDE = 1.0 / (1.0 + np.exp(-2.0)), 1.0 / (1.0 + np.exp(1.0))  # 
 def test_a_bearing_that_no_range_explains_has_a_finite_density() -> None:
     time, bearing = np.arange(4.0), np.array([0.1, 0.1, 3.0, 0.1])
     out = np.empty(5)
-    unknown_log_density(time, bearing, 1e-6, 5000.0, UNKNOWN, out)
+    unknown_log_density(time, bearing, np.full(4, 1e-6), 5000.0, UNKNOWN, out)
     assert np.isfinite(out).all()
     assert out[3] < -1e4
 
@@ -73,7 +73,7 @@ def scores(
     site = np.broadcast_to(site, (n, w, 2)).copy()
     windows = BearingWindows(
         time, bearing, site, np.zeros(n), full(n, HEARD_OUTSIDE), full(n, reach), np.zeros(n), full(n, arc), full(n, bias),
-        full(n, bias_sigma**2), full(n, sigma**2),
+        full(n, bias_sigma**2), np.broadcast_to(np.square(sigma), (n, w)).copy(),
     )  # fmt: skip
     positions = PositionWindows(np.asarray(instant, float), np.arange(len(instant)), value)
     row, out = np.arange(n) if row is None else row, np.empty((len(slot), 2))
@@ -93,7 +93,7 @@ def score(time, bearing, values, instant, **more):
 def unknown(time, bearing, sigma=0.02, reach=9000.0):
     """Log density of the whole window if it comes from an unknown vessel."""
     out = np.empty(len(time) + 1)
-    unknown_log_density(time, bearing, sigma**2, reach, UNKNOWN, out)
+    unknown_log_density(time, bearing, np.broadcast_to(np.square(sigma), time.shape).copy(), reach, UNKNOWN, out)
     return out[-1]
 
 
@@ -121,16 +121,16 @@ def sighting(seed: int, length: int, missing: int) -> dict[str, np.ndarray]:
 @given(seed=st.integers(0, 10_000), length=st.integers(1, 12), missing=st.integers(0, 11))
 def test_known_vessel_is_the_dense_gaussian(seed: int, length: int, missing: int) -> None:
     s = sighting(seed, length, min(missing, length - 1))
-    bias, bias_sigma, noise, memory = 0.004, 0.01, 0.02, 20.0
+    bias, bias_sigma, noise, memory = 0.004, 0.01, np.random.default_rng([seed, 6]).uniform(0.01, 0.04, length), 20.0
     given_ = {"bias_sigma": bias_sigma, "bias": bias, "sigma": noise, "memory": memory}
     gain, residual = score(s["time"], s["bearing"], s["path"], s["instant"], **given_)
     used = np.isfinite(s["time"])
     d, t, h = s["bearing"][used] - s["direction"] - bias, s["time"][used], s["h"]
     lag = np.abs(np.subtract.outer(t, t))
-    cov = noise**2 * np.eye(len(d)) + bias_sigma**2 + np.outer(h, h) * np.exp(-lag / memory)
+    cov = np.diag(noise[used] ** 2) + bias_sigma**2 + np.outer(h, h) * np.exp(-lag / memory)
     known = multivariate_normal.logpdf(d, np.zeros(len(d)), cov)
-    assert gain == pytest.approx(2.0 + known - unknown(s["time"], s["bearing"]), abs=ROUNDING * 10)
-    weight = 1.0 / (noise**2 + h * h)
+    assert gain == pytest.approx(2.0 + known - unknown(s["time"], s["bearing"], noise), abs=ROUNDING * 10)
+    weight = 1.0 / (noise[used] ** 2 + h * h)
     assert residual == pytest.approx(bias + (weight @ d) / weight.sum(), abs=ROUNDING)
 
 

@@ -164,7 +164,7 @@ def bearings_of(vessel_row: np.ndarray, track: np.ndarray, time_s: float) -> tup
     tracks = BearingTracks(
         np.append(track, 2999), np.full(n, SONAR), when, np.linspace(-3.0, 3.0, n), np.full(n, 1e-3), np.zeros((n, 2, 2)),
         np.full((n, 2), [-22.989, -43.186]), when, when - 100.0, np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3, 2)),
-        np.zeros((n, CLASSES), np.int64), np.full(n, -1),
+        np.zeros((n, 3)), np.zeros((n, CLASSES), np.int64), np.full(n, -1),
     )  # fmt: skip
     return tracks, BearingAssociations(np.arange(n - 1), vessel_row, np.full(n - 1, 3.5), np.zeros(1))
 

@@ -118,7 +118,7 @@ def bearings_of(picture: Picture) -> tuple[BearingTracks, BearingAssociations]:
     tracks = BearingTracks(
         np.full(n, 77), np.full(n, SONAR), picture.time_s[:n], np.full(n, -np.pi / 2), np.full(n, 1e-3), np.zeros((n, 2, 2)),
         np.full((n, 2), [-22.9, -43.2]), picture.updated_s[:n], picture.since_s[:n], np.zeros((n, 3)), np.zeros((n, 3)),
-        np.zeros((n, 3, 2)), np.zeros((n, CLASSES), np.int64), np.full(n, -1),
+        np.zeros((n, 3, 2)), np.zeros((n, 3)), np.zeros((n, CLASSES), np.int64), np.full(n, -1),
     )  # fmt: skip
     return tracks, BearingAssociations(np.zeros(n, np.int64), np.zeros(n, np.int64), np.full(n, 3.5), np.zeros(1))
 

@@ -13,7 +13,7 @@ import pytest
 import store_world as world
 
 from coastwatch import store as kept
-from coastwatch.batches import Associations, Flag, Members, NavStatus, Picture
+from coastwatch.batches import AisAlarms, Associations, Flag, Members, NavStatus, Picture
 from coastwatch.geodesy import KNOT_M_S, offset_deg
 from coastwatch.store import INSTANTS, Store
 
@@ -302,3 +302,22 @@ def replaced(rows: kept.Rows, **values: Any) -> kept.Rows:
     """The rows with another value in some columns."""
     made = [tuple(values.get(name, value) for name, value in zip(rows.columns, row, strict=True)) for row in rows.rows]
     return kept.Rows(rows.columns, made)
+
+
+def test_a_vessel_is_silent_after_the_intervals_of_its_own_ais(url: str) -> None:
+    """All were heard 40 s ago. Radar alone is silent after 15 s; class A under way (10 s) is silent, a vessel at anchor (180 s) not."""
+    picture = replace(world.picture_of(0, 4), updated_s=np.full(4, world.instant_s(0) - 40.0))
+    made = world.cycle_of(0, 4, picture)
+    ais = made.tracks.take(np.flatnonzero(made.tracks.mmsi >= 0))
+    no = np.zeros(len(ais), np.bool_)
+    alarms = AisAlarms(ais.track_id, ais.mmsi, no, no, interval_s=np.array([10.0, 180.0]))
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        world.write(store, run, 0, cycle=replace(made, alarms=alarms))
+        found = kept.operator_query(store, "silent", {"run": str(run)})
+        assert sorted(zip(found.column("vessel_id"), found.column("interval_s"), strict=True)) == [
+            (1, 0.0),
+            (2, 10.0),
+            (3, 0.0),
+        ]
+        assert 4 in kept.operator_query(store, "silent", {"run": str(run), "intervals": "0.2"}).column("vessel_id")

@@ -44,7 +44,6 @@ class Sensor(NamedTuple):
     arc_from: float
     arc_width: float
     bias_variance: float
-    variance: float
 
 
 @jit
@@ -85,7 +84,7 @@ def _compare(samples, sensor, value, slot, odds, rejection_log_odds):  # type: i
         p11 = s.correlation * s.correlation * (p11 - 1.0) + 1.0
         h = sigma / distance
         cross0, cross1 = p00 + h * p01, p01 + h * p11
-        innovation_variance = cross0 + h * cross1 + sensor.variance
+        innovation_variance = cross0 + h * cross1 + s.variance
         precision = 1.0 / innovation_variance
         difference = wrap_radians(s.bearing - direction)
         innovation = difference - offset - h * error
@@ -94,7 +93,7 @@ def _compare(samples, sensor, value, slot, odds, rejection_log_odds):  # type: i
         p11 -= cross1 * cross1 * precision
         odds -= 0.5 * (LOG_2PI + math.log(innovation_variance) + innovation * innovation * precision)
         log_odds = odds - s.log_density
-        weight = 1.0 / (sensor.variance + h * h)
+        weight = 1.0 / (s.variance + h * h)
         weights, weighted = weights + weight, weighted + weight * difference
         if log_odds < rejection_log_odds:
             break
@@ -117,10 +116,10 @@ def log_odds(low, high, pairs, windows, positions, hypotheses, out):  # type: ig
     null, samples = np.empty(window + 1), np.empty(window, SAMPLE)
     for r in range(low, high):
         i = track[r]
-        variance, sensor_range, bias, outside = windows.variance[i], windows.range[i], windows.bias[i], windows.outside[i]
-        unknown_log_density(windows.time[i], windows.bearing[i], variance, sensor_range, hypotheses.unknown, null)
+        sensor_range, bias, outside = windows.range[i], windows.bias[i], windows.outside[i]
+        unknown_log_density(windows.time[i], windows.bearing[i], windows.variance[i], sensor_range, hypotheses.unknown, null)
         used = samples[: sample_window(i, windows, positions, hypotheses.memory, null, samples)]
-        sensor = Sensor(sensor_range, windows.arc_from[i], windows.arc_width[i], windows.bias_variance[i], variance)
+        sensor = Sensor(sensor_range, windows.arc_from[i], windows.arc_width[i], windows.bias_variance[i])
         for p in range(start[r], start[r + 1]):
             out[p, 0], out[p, 1] = -np.inf, np.nan
             if slot[p] < 0 or len(used) == 0:

@@ -88,7 +88,7 @@ def unknown_log_density(time, bearing, variance, sensor_range, model, out):  # t
     and by changes of course (acceleration_density / r^2). The newest bearing is uniform with density 1 a radian. The range is one of a
     few, so the density is that of a static multiple-model estimator.
     Args:
-        time, bearing: (W,) s, rad, oldest first, NaN before the first bearing. variance: of a bearing, rad^2. sensor_range: m.
+        time, bearing, variance: (W,) s, rad, rad^2, oldest first, NaN before the first bearing. sensor_range: m.
         model: UnknownVessel. out: (W + 1,) written; with fewer than n bearings the density of all.
     Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 11.6.2.
     """
@@ -97,12 +97,12 @@ def unknown_log_density(time, bearing, variance, sensor_range, model, out):  # t
     if math.isnan(bearing[window - 1]):
         out[:] = 0.0
         return
-    _initialise(filters, bearing[window - 1], variance, sensor_range, model)
+    _initialise(filters, bearing[window - 1], variance[window - 1], sensor_range, model)
     for n in range(2, window + 1):
         k = window - n
         if math.isnan(bearing[k]):
             out[n:] = out[n - 1]
             return
         for j in range(len(filters)):
-            _update(filters[j], bearing[k], variance, time[k] - time[k + 1])
+            _update(filters[j], bearing[k], variance[k], time[k] - time[k + 1])
         out[n] = out[n - 1] + _mix(filters)

@@ -28,7 +28,7 @@ class BearingWindows(NamedTuple):
     arc_width: Floats  # (N,) rad, 2 pi: all round
     bias: Floats  # (N,) rad
     bias_variance: Floats  # (N,)
-    variance: Floats  # (N,) of a bearing
+    variance: Floats  # (N, W) of each bearing
 
 
 class PositionWindows(NamedTuple):
@@ -39,11 +39,11 @@ class PositionWindows(NamedTuple):
     value: Floats  # (S, any, 4) ECEF position and its standard deviation per axis, m; NaN: absent
 
 
-SAMPLE_NUMBERS = "weight bearing correlation log_density x y z sin_lat cos_lat sin_lon cos_lon"
+SAMPLE_NUMBERS = "weight bearing variance correlation log_density x y z sin_lat cos_lat sin_lon cos_lon"
 SAMPLE = np.dtype([("before", np.int64), ("after", np.int64), *((name, np.float64) for name in SAMPLE_NUMBERS.split())])
-"""One bearing of a window: columns of the instants before and after it, and the weight of the one after; the bearing without bias;
-correlation of position errors with those at the next newer bearing; log density of this and the newer bearings under the null
-hypothesis; ECEF position and plane of the sensor."""
+"""One bearing of a window: columns of the instants before and after it, and the weight of the one after; the bearing without bias,
+and its variance; correlation of position errors with those at the next newer bearing; log density of this and the newer bearings
+under the null hypothesis; ECEF position and plane of the sensor."""
 
 
 @jit
@@ -67,7 +67,7 @@ def sample_window(i, windows, positions, memory, null, out):  # type: ignore[no-
         if not 0.0 <= s.weight <= 1.0:
             return n
         s.before, s.after = positions.column[after - 1], positions.column[after]
-        s.bearing, s.log_density = bearing[i, k] - windows.bias[i], null[n + 1]
+        s.bearing, s.variance, s.log_density = bearing[i, k] - windows.bias[i], windows.variance[i, k], null[n + 1]
         s.correlation = math.exp(-abs(time[i, k + 1] - time[i, k]) / memory) if n > 0 else 1.0
         if n > 0 and site[i, k, 0] == site[i, k + 1, 0] and site[i, k, 1] == site[i, k + 1, 1]:
             newer = out[n - 1]
