@@ -34,6 +34,7 @@ class TargetScores:
     breaks: int = 0
     held: tuple[int, ...] = ()  # targets that had a track in the last instant
     targets: tuple[int, ...] = ()  # seen so far
+    every_ospa_m: tuple[float, ...] = ()  # at each instant
     named: int = 0  # instants of a matched target that sends an MMSI
     right: int = 0  # its track holds this MMSI
     wrong: int = 0  # its track holds another
@@ -53,13 +54,15 @@ class TargetScores:
         off = every.reshape(n, v, 2)[row, target]
         error = np.column_stack([off, tracks.velocity_m_s[row] - truth.velocity_m_s[target]])
         now = tuple(truth.vessel[target].tolist())
+        ospa_m = float((total / most) ** (1.0 / ORDER)) if most else 0.0
         name = np.array([mmsi.get(vessel, -1) for vessel in now], np.int64)
         held = tracks.held_mmsi[row]
         lost = set(self.held) & set(truth.vessel.tolist()) - set(now)
         return replace(
             self,
             instants=self.instants + 1,
-            ospa_m=self.ospa_m + (float((total / most) ** (1.0 / ORDER)) if most else 0.0),
+            ospa_m=self.ospa_m + ospa_m,
+            every_ospa_m=(*self.every_ospa_m, ospa_m),
             present=self.present + v,
             matched=self.matched + len(row),
             error_m=self.error_m + float(apart[row, target].sum()),

@@ -17,13 +17,15 @@ from coastwatch.tracks.joint.particles import BpParticles
 from coastwatch.tracks.joint.vimmjipda import (
     SidedVimmjipda,
     Vimmjipda,
+    VimmjipdaLiteral,
     VimmjipdaNoisyBatch,
     VimmjipdaPreciseBatch,
     VimmjipdaSequential,
 )
 from coastwatch.tracks.received import ReceivedTracks
 
-JointTracker = Vimmjipda | SidedVimmjipda | VimmjipdaSequential | VimmjipdaPreciseBatch | VimmjipdaNoisyBatch | BpParticles
+TrackerWithAis = VimmjipdaSequential | VimmjipdaPreciseBatch | VimmjipdaNoisyBatch | BpParticles
+JointTracker = Vimmjipda | SidedVimmjipda | VimmjipdaLiteral | TrackerWithAis
 RadarTracker = Annotated[SidedImm | Imm | FilterpyImm | JointTracker, Field(discriminator="method")]
 AisTracker = Annotated[AisFilter | AisDeadReckoning, Field(discriminator="method")]
 BearingTracker = Annotated[BearingWindow, Field()]

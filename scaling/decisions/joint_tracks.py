@@ -1,7 +1,8 @@
 """OSPA of radar tracks by existence, beside the bound: `python -m scaling.decisions.joint_tracks 100 200 [KEY=VALUE ...]`.
 
 The question: how far are the tracks of `vimmjipda` from the same filters with the origin of every plot known? Arguments: the first seed
-and the one after the last; settings of `hem-figure-2`. It prints mean and standard error of the mean, at four detection probabilities.
+and the one after the last; settings of `hem-figure-2`, such as `tracks.method=vimmjipda_sequential`. It prints mean and standard error
+of the mean, at four detection probabilities.
 """
 
 from __future__ import annotations
@@ -15,7 +16,18 @@ from coastwatch.operators.reproduction.published import Targets
 from coastwatch.operators.reproduction.targets import measure
 from coastwatch.scenario import load_scenario
 
-KEYS = "ospa_m", "genie_ospa_m", "error_m", "genie_error_m", "nees", "probability", "false_tracks", "breaks"
+KEYS = (
+    "ospa_m",
+    "genie_ospa_m",
+    "error_m",
+    "genie_error_m",
+    "nees",
+    "probability",
+    "false_tracks",
+    "breaks",
+    "id_right",
+    "id_wrong",
+)
 
 
 def main() -> None:

@@ -53,15 +53,29 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[report.Reproduction
 
 
 def test_the_tracks_of_few_targets_are_scored_beside_the_bound(tmp_path: Path) -> None:
-    folders = published.chosen("hem", ())
-    plan, kept = planning.plan(folders, 1, "test", ("cycles=20",)), FinishedRuns(str(tmp_path))
+    """Three seeds at one detection probability, of two variants; two claims, one of them wrong."""
+    of = published.chosen("hem", ("hem-figure-2",))["hem-figure-2"]
+    key = next(iter(of.sweep))
+    wrong = published.Ordering(path="targets.ospa_m", less="radar", more="sequential")
+    claims = (*(o for o in of.ordering if (o.less, o.more) == ("sequential", "radar")), wrong)
+    few = {"variant": (of.named("radar"), of.named("sequential")), "sweep": {key: (0.5,)}, "ordering": claims}
+    figures = tuple(f for f in of.figure if f.at == {key: 0.5} and f.default in ("radar", "sequential"))
+    folders = {"hem-figure-2": of.model_copy(update={**few, "figure": figures})}
+    plan, kept = planning.plan(folders, 3, "test", ("cycles=24",)), FinishedRuns(str(tmp_path))
     running.carry_out(kept, planning.unlike(plan), 1, quiet)
     made = report.made("hem", folders, plan, kept, "coastwatch reproduce hem")
-    rows = {row.figure.name: row for folder in made.folders for row in folder.rows}
-    assert 0.0 < rows["OSPA, P_D 0.98"].bound.mean < rows["OSPA, P_D 0.98"].default.mean
-    assert rows["TPD, P_D 0.98"].default.mean > rows["TPD, P_D 0.5"].default.mean
-    assert "OSPA, P_D 0.9" in report.written_page(kept, made).read_text("utf-8")
-    assert report.written_numbers(kept, made).exists()
+    rows = {row.figure.name: row for row in made.folders[0].rows}
+    assert 0.0 < rows["OSPA, A, P_D 0.5"].bound.mean < rows["OSPA, A, P_D 0.5"].default.mean
+    one, other = made.folders[0].orders
+    assert one.difference.mean == -other.difference.mean > 0.0
+    assert one.verdict in ("holds", "equal within 2 standard errors")
+    assert other.verdict != "holds"
+    assert sum("sequential < radar" in line for line in report.lines(made)) == 1
+    page = report.written_page(kept, made).read_text("utf-8")
+    assert page.count("data:image/svg") == 2
+    assert "OSPA, A, P_D 0.5" in page
+    numbers = json.loads(report.written_numbers(kept, made).read_text("utf-8"))
+    assert numbers["scenarios"]["hem-figure-2"]["orderings"][0]["less"] == "sequential"
 
 
 # ---- what runs ------------------------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from coastwatch.operators.reproduction.planning import Wanted
-from coastwatch.operators.reproduction.published import Figure, Point, Published, Value
+from coastwatch.operators.reproduction.published import Figure, Ordering, Point, Published, Value
 
 Record = Mapping[str, Any]
 
@@ -57,6 +57,44 @@ class Row:
         if asked is None or math.isnan(got):
             return None
         return got <= asked if self.figure.better == "lower" else got >= asked
+
+
+@dataclass(frozen=True)
+class Order:
+    """A claim about two variants at one point of the sweeps."""
+
+    ordering: Ordering
+    point: Point
+    difference: Spread  # the one that should be more, less the other, of the same seed
+
+    @property
+    def error(self) -> float:
+        """Standard error of the mean difference; NaN with fewer than two runs."""
+        return self.difference.std / math.sqrt(max(len(self.difference.values), 1))
+
+    @property
+    def verdict(self) -> str:
+        """Whether the claim holds by two standard errors."""
+        if math.isnan(self.error):
+            return "not measured"
+        if abs(self.difference.mean) <= 2.0 * self.error:
+            return "equal within 2 standard errors"
+        return "holds" if self.difference.mean > 0.0 else "fails"
+
+
+def orders(of: Published, made: Sequence[Made]) -> list[Order]:
+    """Every claim of a folder at every point where both variants were run."""
+    found = []
+    for claim in of.ordering:
+        for one in (m for m in made if m.wanted.variant.name == claim.less):
+            point = dict(one.wanted.point)
+            other = at(made, claim.more, point)
+            if other is None or not all(point.get(key) in wanted for key, wanted in claim.at.items()):
+                continue
+            pairs = [(at_path(a, claim.path), at_path(b, claim.path)) for a, b in zip(one.records, other.records, strict=False)]
+            apart = tuple(b - a for a, b in pairs if a is not None and b is not None)
+            found.append(Order(claim, one.wanted.point, Spread(apart)))
+    return found
 
 
 def rows(of: Published, made: Sequence[Made]) -> list[Row]:

@@ -6,7 +6,7 @@ import html
 import math
 from collections.abc import Iterator, Sequence
 
-from coastwatch.operators.reproduction.figures import Made, Row, Spread, values
+from coastwatch.operators.reproduction.figures import Made, Order, Row, Spread, values
 from coastwatch.operators.reproduction.json_report import Folder, Reproduction, seeds
 from coastwatch.operators.reproduction.report_plots import drawn
 from coastwatch.operators.safe_text import printable_lines
@@ -35,6 +35,10 @@ TIMES = (("timings_s.associations.median", "association, ms", "ms", 3), ("timing
          ("associations.recall", "recall", "%", 2))  # fmt: skip
 COUNTS = (("picture.fused", "fused", "", 0), ("picture.radar_only", "radar alone", "", 0),
           ("picture.AIS_only", "AIS alone", "", 0), ("picture.bearings", "bearings", "", 0))  # fmt: skip
+TARGETS = (("targets.ospa_m", "OSPA, m", "", 1), ("targets.error_m", "TLE, m", "", 2), ("targets.probability", "TPD", "%", 1),
+           ("targets.false_tracks", "TFAR", "", 3), ("targets.breaks", "breaks", "", 2), ("targets.nees", "ANEES", "", 2),
+           ("targets.id_right", "id right", "%", 1), ("targets.id_wrong", "id wrong", "%", 1),
+           ("targets.genie_ospa_m", "OSPA of the bound, m", "", 1))  # fmt: skip
 HOW = """
 <p>Columns: <b>published</b>, the paper's value. <b>Literal</b>, the methods as the paper describes them, run here; where the
 paper is not specific, the choice is named. <b>Our default</b>, the methods of <code>coastwatch run</code>. <b>Bound</b>, the exact filter
@@ -123,6 +127,9 @@ def _section(folder: Folder) -> Iterator[str]:
     yield f"<p>{escape(' '.join(folder.of.why.split()))}</p>"
     head = ("figure", "published", "literal", "our default", folder.of.bound_name, "asked")
     yield _table(head, [(_title(row), *_columns(row), _verdict(row)) for row in folder.rows])
+    if folder.orders:
+        titles = ("ordering", "at", "difference", "standard error", "")
+        yield _table(titles, [_order(order) for order in folder.orders])
     for kind in folder.of.plots:
         for uri, caption in drawn(kind, folder.of, folder.made):
             yield f'<figure><img alt="{escape(caption)}" src="{uri}"><figcaption>{escape(caption)}</figcaption></figure>'
@@ -133,9 +140,20 @@ def _section(folder: Folder) -> Iterator[str]:
     yield f"<p class=faint>Raw values of every run and all settings: the JSON beside this page, <code>scenarios.{folder.name}</code>.</p>"
 
 
+def _order(order: Order) -> Sequence[str]:
+    o = order.ordering
+    at = escape(", ".join(str(value) for _, value in order.point))
+    said = f"{o.path.rpartition('.')[2]}: {o.less} below {o.more}"
+    colour = {"holds": "yes", "fails": "no"}.get(order.verdict, "note")
+    numbers = f"{order.difference.mean:.3g}", f"{order.error:.2g}"
+    return said, at, *numbers, f"<span class={colour}>{order.verdict}</span>"
+
+
 def _columns_of(folder: Folder) -> Sequence[tuple[str, str, str, int]]:
     if folder.of.picture:
         return COUNTS
+    if folder.of.targets:
+        return TARGETS
     if folder.of.serial:
         return TIMES
     if any(f.path.startswith("fused_tracks") for f in folder.of.figure):

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from coastwatch.operators.reproduction.figures import Made, Record, Row, Spread
+from coastwatch.operators.reproduction.figures import Made, Order, Record, Row, Spread
 from coastwatch.operators.reproduction.published import Published
 
 SCHEMA = 1  # of this object; incremented if a key is removed or changes its meaning
@@ -22,6 +22,7 @@ class Folder:
     of: Published
     made: tuple[Made, ...]
     rows: tuple[Row, ...]
+    orders: tuple[Order, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,7 @@ def as_object(reproduction: Reproduction) -> dict[str, Any]:
             folder.name: {
                 "title": folder.of.title,
                 "figures": [_figure(row) for row in folder.rows],
+                "orderings": [_order(order) for order in folder.orders],
                 "variants": [_variant(made) for made in folder.made],
             }
             for folder in reproduction.folders
@@ -75,6 +77,12 @@ def _figure(row: Row) -> dict[str, Any]:
         },
         "bound": _spread(row.bound),
     }
+
+
+def _order(order: Order) -> dict[str, Any]:
+    o = order.ordering
+    known = {"path": o.path, "less": o.less, "more": o.more, "at": dict(order.point), "verdict": order.verdict}
+    return {**known, "difference": _spread(order.difference)}
 
 
 def _spread(spread: Spread) -> dict[str, Any]:

@@ -69,6 +69,15 @@ class Figure(Settings):
     default: str = "default"  # the variant of that column; empty: none
 
 
+class Ordering(Settings):
+    """A claim about two variants at every point of the sweeps: a value of one is less than that of the other, seed by seed."""
+
+    path: str  # path in the record
+    less: str  # variant
+    more: str  # variant
+    at: dict[str, tuple[Value, ...]] = Field(default_factory=dict)  # only at these points
+
+
 class Published(Settings):
     """The whole file."""
 
@@ -83,17 +92,23 @@ class Published(Settings):
     targets: Targets | None = None  # score radar tracks alone
     two_filters: TwoFilters | None = None  # two filters of one target in place of a scenario; settings are theirs
     bound_name: str = "bound"  # heading of that column
-    plots: tuple[Literal["picture", "time_shares", "noise", "history", "roc", "convergence", "anees"], ...] = ()
+    plots: tuple[
+        Literal["picture", "time_shares", "noise", "history", "roc", "convergence", "anees", "targets", "steps"], ...
+    ] = ()
     short: tuple[str, ...] = ()  # settings of a quick test
     sweep: dict[str, tuple[Value, ...]] = Field(default_factory=dict)
     variant: tuple[Variant, ...]
     figure: tuple[Figure, ...] = ()
+    ordering: tuple[Ordering, ...] = ()
 
     @model_validator(mode="after")
     def _figures_name_existing_variants(self) -> Published:
         names = [v.name for v in self.variant]
         if len(set(names)) < len(names):
             raise ValueError(f"variant: got names {names}, needed each once")
+        for claim in self.ordering:
+            if not {claim.less, claim.more} <= set(names):
+                raise ValueError(f"ordering of {claim.path!r}: got {claim.less!r} and {claim.more!r}, needed two of {names}")
         for figure in self.figure:
             missing = {figure.literal, figure.default, figure.asked_of if figure.asked is not None else ""} - {*names, ""}
             if missing:
@@ -115,8 +130,9 @@ class Published(Settings):
 
 
 def settings_of(variant: Variant, point: Point) -> tuple[str, ...]:
-    """KEY=VALUE of all settings that a variant changes at a point."""
-    return (*variant.settings, *(f"{key}={_written(value)}" for key, value in point))
+    """KEY=VALUE of all settings that a variant changes at a point. A swept key may be several, with commas between."""
+    swept = (f"{key}={_written(value)}" for keys, value in point for key in keys.split(","))
+    return (*variant.settings, *swept)
 
 
 def _written(value: Value) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from coastwatch.operators.reproduction import html_report
-from coastwatch.operators.reproduction.figures import Made, Row, Spread, rows
+from coastwatch.operators.reproduction.figures import Made, Row, Spread, orders, rows
 from coastwatch.operators.reproduction.finished_runs import FinishedRuns, code
 from coastwatch.operators.reproduction.json_report import Folder, Reproduction, as_object
 from coastwatch.operators.reproduction.planning import Wanted
@@ -26,7 +26,7 @@ def made(
     found = []
     for name, of in folders.items():
         measured = tuple(Made(wanted, tuple(records(kept, wanted.jobs))) for wanted in plan[name])
-        found.append(Folder(name, of, measured, tuple(rows(of, measured))))
+        found.append(Folder(name, of, measured, tuple(rows(of, measured)), tuple(orders(of, measured))))
     return Reproduction(paper, tuple(found), date_utc(), code(), machine(), command)
 
 
@@ -50,6 +50,13 @@ def lines(reproduction: Reproduction) -> Iterator[str]:
             published, bound = (_number(v, row) for v in (math.nan if f.published is None else f.published, row.bound.mean))
             missed = "  missed" if row.reached is False else ""
             yield f"  {f.name[:44]:<44} {published:>10} {_spread(row.literal, row):>20} {_spread(row.default, row):>20} {bound:>10}{missed}"
+        for order in folder.orders:
+            o, at = (
+                order.ordering,
+                ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for _, value in order.point),
+            )
+            apart = f"{order.difference.mean:.3g} +- {order.error:.2g} (standard error)"
+            yield f"  {o.path.rpartition('.')[2]}: {o.less} < {o.more} {f'at {at}' if at else ''}: {order.verdict}: {apart}"
 
 
 def _spread(spread: Spread, row: Row) -> str:

@@ -181,6 +181,46 @@ def _anees(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
     return [(_uri(figure), "Bars: 95 % interval of the mean, from the scatter between runs. Dotted: exact.")]
 
 
+def _targets(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+    """Scores of tracks of few targets over the sweep, with standard errors."""
+    key = next(iter(of.sweep), "")
+    shown = ("ospa_m", "OSPA, m"), ("error_m", "TLE, m"), ("probability", "TPD"), ("false_tracks", "TFAR")
+    figure, panels = _panels(len(shown))
+    for axes, (name, title) in zip(panels, shown, strict=True):
+        for k, variant in enumerate(of.variant):
+            mine = [one for one in made if one.wanted.variant.name == variant.name]
+            found = [Spread(values(one.records, f"targets.{name}")) for one in mine]
+            _errors(axes, [float(dict(one.wanted.point)[key]) for one in mine], found, variant.title, f"C{k}")
+        best = [one for one in made if one.wanted.variant.name == of.variant[-1].name]
+        if name in ("ospa_m", "error_m"):
+            found = [Spread(values(one.records, f"targets.genie_{name}")) for one in best]
+            _errors(axes, [float(dict(one.wanted.point)[key]) for one in best], found, of.bound_name, BOUND)
+        _label(axes, title, "detection probability", title)
+    return [(_uri(figure), "Mean over the runs; bars are one standard error of it.")]
+
+
+def _steps(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+    """OSPA at each turn of the radar at the middle of the sweep, with standard errors."""
+    figure, (axes,) = _panels(1)
+    key = next(iter(of.sweep), "")
+    middle = sorted(of.sweep[key])[len(of.sweep[key]) // 2] if key else None
+    for k, variant in enumerate(of.variant):
+        one = at(made, variant.name, {key: middle} if middle is not None else {})
+        runs = np.array([r["scores"]["targets"]["every_ospa_m"] for r in one.records]) if one else np.zeros((0, 0))
+        if len(runs):
+            mean, error = runs.mean(axis=0), runs.std(axis=0) / np.sqrt(len(runs))
+            axes.plot(mean, color=f"C{k}", label=variant.title)
+            axes.fill_between(np.arange(len(mean)), mean - error, mean + error, color=f"C{k}", alpha=0.2)
+    _label(axes, f"OSPA over time{f' at {middle}' if key else ''}", "turn of the radar", "OSPA, m")
+    return [(_uri(figure), "Mean over the runs; bands are one standard error of it.")]
+
+
+def _errors(axes: Axes, x: Sequence[float], found: Sequence[Spread], label: str, colour: str) -> None:
+    """A curve with standard errors of the mean."""
+    error = [s.std / np.sqrt(max(len(s.values), 1)) for s in found]
+    axes.errorbar(x, [s.mean for s in found], np.nan_to_num(error), label=label, color=colour, capsize=3)
+
+
 def _fusions(records: Sequence[Record]) -> list[str]:
     return list(records[0]["scores"]["two_filters"])
 
@@ -216,4 +256,6 @@ KINDS: dict[str, Callable[[Published, Sequence[Made]], list[tuple[str, str]]]] =
     "roc": _roc,
     "convergence": _convergence,
     "anees": _anees,
+    "targets": _targets,
+    "steps": _steps,
 }

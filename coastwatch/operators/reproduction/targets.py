@@ -38,7 +38,7 @@ def of_known_origin(scenario: Scenario) -> Method:
     return SidedImm(plot_origin="known", motion=motion, upkeep=upkeep)
 
 
-def _run(scenario: Scenario, method: Any, seed: int, asked: Targets) -> dict[str, float | None]:
+def _run(scenario: Scenario, method: Any, seed: int, asked: Targets) -> dict[str, Any]:
     sensors, plan = scenario.sensors(), scenario.plan()
     recording, none = scenario.input.load(sensors, seed, plan), RadarCorrections.none(len(sensors.radars))
     assert recording.truth is not None
@@ -63,7 +63,7 @@ def _run(scenario: Scenario, method: Any, seed: int, asked: Targets) -> dict[str
         memory, tracks, _ = method.step(memory, plots, now_s, sensors, 0, *given)
         truth = recording.truth.at(now_s)
         scores = scores.seen(truth, _counted(tracks, truth, sensors, asked.within_m, known), mmsi)
-    return scores.as_dict()
+    return {**scores.as_dict(), "every_ospa_m": list(scores.every_ospa_m)}
 
 
 def mmsi_of_vessels(reports: AisReports) -> dict[int, int]:

@@ -46,7 +46,11 @@ class JointAssociation:
         )
         r, eta = table.existence[slot], table.visibility[slot]
         missed = 1.0 - r * eta * detection
-        weight = (detection * eta * r / missed)[of] * self._likelihood(table, hypotheses) / (false_per_m2 + unborn_per_m2)[plot]
+        weight = (
+            (detection * eta * r / missed)[of]
+            * self._likelihood(table, hypotheses)
+            / self._nobodys(false_per_m2, unborn_per_m2)[plot]
+        )
         find = kernels.association.marginals.marginals
         probability = find(plot, of, weight, len(batch.time), len(slot), rules.exact_up_to)
         taken = np.minimum(np.bincount(of, probability, len(slot)), 1.0)
@@ -65,7 +69,7 @@ class JointAssociation:
         memory = memory.with_clutter(self.clutter, batch, false, period_s)
         best = np.full(len(batch.time), -1)
         best[plot[likely]] = slot[of[likely]]
-        free = np.maximum(1.0 - np.bincount(plot, probability, len(batch.time)), 0.0)
+        free = self._free(plot, probability, len(batch.time))
         return self._begin(memory, batch, free * unborn_per_m2 / (false_per_m2 + unborn_per_m2)), best
 
     def end_slice(self, memory: RadarMemory, radars: RadarColumns, ours: Ints, time_s: float) -> RadarMemory:
@@ -84,6 +88,15 @@ class JointAssociation:
     def shown(self, table: Table, time_s: float) -> Ints:
         """Slots of the tracks to report."""
         return shown(self.management, table, time_s)
+
+    def _nobodys(self, false_per_m2: Floats, unborn_per_m2: float) -> Floats:
+        """The density of plots that are of no track. (M,)"""
+        return false_per_m2 + unborn_per_m2
+
+    def _free(self, plot: Ints, probability: Floats, count: int) -> Floats:
+        """The probability that each plot is of no track. (M,) Args: plot, probability: (A,) of each pair; count: M."""
+        free: Floats = np.maximum(1.0 - np.bincount(plot, probability, count), 0.0)
+        return free
 
     def _predict_to(self, table: Table, pairs: Candidates, batch: PlotColumns) -> Hypotheses:
         """Predict each track to the newest of its plots, in place. Returns: the pairs by track, with their likelihoods by model."""
@@ -138,3 +151,14 @@ def by_track(pairs: Candidates, models: int) -> Hypotheses:
     return Hypotheses(
         track[first], start, pairs.plot[order], np.empty((count, 2)), np.empty((count, 2, 2)), np.empty((count, models))
     )
+
+
+class LiteralAssociation(JointAssociation):
+    """As `JointAssociation`, as printed: a plot of no track is clutter, equation (69), and only a plot in no gate begins a track."""
+
+    def _nobodys(self, false_per_m2: Floats, unborn_per_m2: float) -> Floats:
+        return false_per_m2
+
+    def _free(self, plot: Ints, probability: Floats, count: int) -> Floats:
+        free: Floats = np.where(np.bincount(plot, minlength=count) == 0, 1.0, 0.0)
+        return free

@@ -8,7 +8,7 @@ from coastwatch.batches import Measurements, Messages, Plots, Sensors, Tracks
 from coastwatch.stage import Method
 from coastwatch.tracks.clutter import ClutterSettings
 from coastwatch.tracks.filter_bank import CompiledBank
-from coastwatch.tracks.joint.association import JointAssociation
+from coastwatch.tracks.joint.association import JointAssociation, LiteralAssociation
 from coastwatch.tracks.joint.existence import ExistenceManagement
 from coastwatch.tracks.joint.messages import MessageAssociation, MessageSettings, MessagesInTurn, NoisyMessages, in_order
 from coastwatch.tracks.motion import Manoeuvres, Motion
@@ -37,6 +37,26 @@ class Vimmjipda(Method):
     ) -> tuple[RadarMemory, Tracks, Measurements]:
         """The confirmed tracks of one region that probably exist at time_s; see `Imm.step`."""
         tracker = JointAssociation(CompiledBank(self.motion), self.upkeep, self.clutter, sensors)
+        return track_region(tracker, memory, plots, time_s, sensors, region)
+
+
+class VimmjipdaLiteral(Method):
+    """As `vimmjipda`, with the weights and the initiation of tracks as the paper prints them."""
+
+    method: Literal["vimmjipda_literal"] = "vimmjipda_literal"
+    motion: Motion = Motion()
+    upkeep: ExistenceManagement = ExistenceManagement(confirm_existence=0.999)
+    clutter: ClutterSettings = ClutterSettings()
+
+    def init(self) -> RadarMemory:
+        """No track."""
+        return RadarMemory.empty(models=3)
+
+    def step(
+        self, memory: RadarMemory, plots: Plots, time_s: float, sensors: Sensors, region: int
+    ) -> tuple[RadarMemory, Tracks, Measurements]:
+        """The confirmed tracks of one region that probably exist at time_s; see `Imm.step`."""
+        tracker = LiteralAssociation(CompiledBank(self.motion), self.upkeep, self.clutter, sensors)
         return track_region(tracker, memory, plots, time_s, sensors, region)
 
 
