@@ -102,6 +102,9 @@ class Simulated:
     def cycle_s(self) -> None:
         return None
 
+    def counts(self) -> dict[str, float]:
+        return {}
+
 
 @contextmanager
 def listening(service: Service, web: Path) -> Iterator[str]:
@@ -129,12 +132,13 @@ def served_fleet(vessels: int, seed: int, folder: Path, web: Path) -> Iterator[s
         plan = Plan(start_s=time.time(), period_s=PERIOD_S, cycles=1_000_000)
         about = {"title": f"{vessels:,} simulated vessels", "version": "", "settings": {}, "sensors": NO_SENSORS}
         run_id = begin_run(opened, scenario="fleet", seed=seed, plan=plan, **about)  # type: ignore[arg-type]
-        service = Service(opened, Simulated())
+        service = Service(opened)
+        service.source = Simulated()
 
         def go_on() -> None:
             cycle = 0
             while not stop.is_set():
-                service.hub.receive(fleet.picture(run_id, cycle, time.time()))
+                service.receive(fleet.picture(run_id, cycle, time.time()))
                 cycle += 1
                 stop.wait(PERIOD_S)
                 fleet.move(PERIOD_S)

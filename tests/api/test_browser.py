@@ -20,6 +20,7 @@ from coastwatch.operators.api.application import WEB
 from coastwatch.operators.cli.serving import Followed
 from coastwatch.pipeline import Cycle
 from coastwatch.store import Store, open_store
+from scaling.page.fleet import served_fleet
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -161,7 +162,8 @@ def test_pixels_are_lit_where_a_vessel_is_drawn_and_a_click_selects_it(watch: Wa
     watch.page.mouse.click(x, y)
     watch.until("coastwatch.state.selected", lambda number: number == 9)
     watch.until("document.querySelector('#why table')?.textContent ?? ''", lambda text: "1009" in text)  # its radar track
-    assert "vessel=9" in watch.until("location.search", lambda query: "vessel=" in query)
+    watch.page.keyboard.press("f")
+    watch.until("location.search", lambda query: "vessel=9" in query and "follow=1" in query)
 
 
 def test_search_finds_by_mmsi_and_the_keyboard_takes_the_first_hit(watch: Watch) -> None:
@@ -196,7 +198,9 @@ def test_alarms_are_listed_and_lead_to_the_vessel(watch: Watch) -> None:
     watch.page.keyboard.press("Escape")
     watch.page.keyboard.press("n")
     assert watch.until("coastwatch.state.selected") in (DARK, IN_DISTRESS)
-    assert watch.ask("coastwatch.shown[coastwatch.selectedSlot()]") == 2
+    assert watch.ask("coastwatch.shown[coastwatch.selectedSlot()]") == 2  # it flashes
+    watch.page.keyboard.press("a")  # nobody has given a name yet
+    watch.until("document.activeElement.id", lambda name: name == "watch-name")
 
 
 def test_the_past_is_shown_as_stored_and_l_returns_to_the_live_picture(watch: Watch) -> None:
@@ -237,3 +241,14 @@ def test_no_request_leaves_loopback(watch: Watch) -> None:
     assert len(watch.requests) > 10
     allowed = (f"http://127.0.0.1:{watch.port}/", f"blob:http://127.0.0.1:{watch.port}/", "data:")
     assert [url for url in watch.requests if not url.startswith(allowed)] == []
+
+
+def test_without_an_area_all_vessels_come_into_sight(browser: Any, tmp_path: Path) -> None:
+    with served_fleet(200, 1, tmp_path, WEB) as address:
+        watch = Watch(browser.new_page(viewport={"width": 900, "height": 600}), int(address.rpartition(":")[2]))
+        watch.open("")
+        assert watch.ask("coastwatch.live.vessels") == 200
+        inside = "[...coastwatch.live.slotOf.values()].every(slot => coastwatch.map.getBounds().contains("
+        assert watch.ask(inside + "[coastwatch.live.lon[slot] / 1e7, coastwatch.live.lat[slot] / 1e7]))")
+        assert watch.errors == []
+        watch.page.close()

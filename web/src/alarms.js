@@ -5,7 +5,7 @@ import { getJson, postJson } from './api.js';
 import { byId, element, fill } from './dom.js';
 import { dateClock, label, seconds, text } from './formats.js';
 
-const ASK_MS = 2000;
+const ASK_MS = 3000;
 const ASK_WITH_STREAM_MS = 15000;
 const MOST = 500;
 const NAME_KEY = 'coastwatch.name';

@@ -90,17 +90,29 @@ class App {
     setInterval(() => this.#second(), 1000);
   }
 
-  /** The view of the address, else the area of the scenario, else the seas of Europe. */
+  /** The view of the address, else the area of the scenario, else all vessels once they have come. */
   #firstView() {
     const { lat, lon, zoom } = this.state;
-    if (lat !== null && lon !== null && zoom !== null) return { lat, lon, zoom };
     const area = this.status?.area;
+    this.placed = (lat !== null && lon !== null && zoom !== null) || Boolean(area);
+    if (lat !== null && lon !== null && zoom !== null) return { lat, lon, zoom };
     if (!area) return { lat: 50, lon: 0, zoom: 4 };
     const box = byId('map');
     const across = Math.max(area.width_nm / Math.cos((area.latitude_deg * Math.PI) / 180), 1) / 60 / 360;
     const fits = Math.min(box.clientWidth / across, (box.clientHeight * 60 * 360) / Math.max(area.height_nm, 1)
       * Math.cos((area.latitude_deg * Math.PI) / 180));
     return { lat: area.latitude_deg, lon: area.longitude_deg, zoom: Math.min(14, Math.log2(fits / 512)) };
+  }
+
+  /** Brings all vessels into sight. */
+  #showAll() {
+    const { live } = this;
+    let [west, south, east, north] = [180, 90, -180, -90];
+    for (const slot of live.slotOf.values()) {
+      const [lat, lon] = [live.lat[slot] / 1e7, live.lon[slot] / 1e7];
+      [west, south, east, north] = [Math.min(west, lon), Math.min(south, lat), Math.max(east, lon), Math.max(north, lat)];
+    }
+    if (west <= east) this.map.fitBounds([[west, south], [east, north]], { padding: 60, maxZoom: 12, animate: false });
   }
 
   #startMap() {
@@ -171,6 +183,7 @@ class App {
     this.#heardAt = performance.now();
     if (this.run !== this.live.run) {
       if (this.run !== undefined) this.details.clear();
+      else if (!this.placed) this.#showAll();
       this.run = this.live.run;
     }
     if (this.replay.at === null) this.pictureChanged();
