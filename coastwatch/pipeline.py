@@ -295,10 +295,10 @@ def step(
         registration_memory, corrections = s.registration.step(m.registration, *seen, time_s, sensors, m.corrections)
     with timer("cover"):
         alarmed = np.isin(cycle.tracks.track_id, alarms.track_id[alarms.twice | alarms.impossible_speed])
-        given = plots, cycle.tracks, cycle.associations, measurements, alarmed, m.corrections.jumped, sensors
-        cover_memory, radar_cover, ais_detection = s.cover.step(m.cover, *given)
+        shown = plots, cycle.tracks, cycle.associations, measurements, alarmed, m.corrections.jumped
+        cover_memory, radar_cover, ais_detection = s.cover.step(m.cover, *shown, sensors)
     radar_memory = tuple(new for new, *_ in regional)
     first = plots_memory, radar_memory, ais_memory, bearing_memory, given_memory, centre_memory
     of_feeds, of_sources = ais_memory.clocks.summary(), s.received_tracks.summary(given_memory, sensors)
-    yielded = {"corrections": corrections, "ais_feeds": of_feeds, "track_sources": of_sources, "radar_cover": radar_cover}
-    return Memory(*first, registration_memory, corrections, cover_memory, ais_detection), replace(cycle, **yielded)
+    cycle = replace(cycle, corrections=corrections, ais_feeds=of_feeds, track_sources=of_sources, radar_cover=radar_cover)
+    return Memory(*first, registration_memory, corrections, cover_memory, ais_detection), cycle
