@@ -25,13 +25,22 @@ from coastwatch.batches import (
     Tracks,
 )
 from coastwatch.geodesy import to_plane
+from coastwatch.kernels.tables.lookup import find
 from coastwatch.kernels.tables.row_numbers import require_rows
 from coastwatch.registration.acquisition import PROBABLE_ODDS, Acquisition, Rules, decide_all
 from coastwatch.registration.bearings import WaitingPlots, bearing_equations, waiting_plots
 from coastwatch.registration.information import DRIFT_SIGMAS, Equations, Estimate, Information, add_equations, drift, solve
-from coastwatch.registration.polar import Pairs, PolarMeasurements, Sweeps, pair_with_vessels, polar_measurements, sweeps
-from coastwatch.registration.references import References, draw_references
-from coastwatch.registration.residuals import EchoShares, forgotten, plot_equations
+from coastwatch.registration.polar import (
+    Pairs,
+    PolarMeasurements,
+    Search,
+    Sweeps,
+    pair_with_vessels,
+    polar_measurements,
+    sweeps,
+)
+from coastwatch.registration.references import References, draw_references, id_hash
+from coastwatch.registration.residuals import GATE_M, GATE_SIGMAS, EchoShares, forgotten, plot_equations
 from coastwatch.registration.voters import AROUND, AT_REST_M_S, Grid, Seen, Voters, look, squares
 from coastwatch.stage import Method
 
@@ -81,6 +90,7 @@ class OnlineRegistration(Method):
 
     method: Literal["online"] = "online"
     reference_vessels: Count = 300  # AIS vessels that each radar is compared with, a fixed draw of those in cover
+    watch_vessels: Count = 100  # of them, that vote on a radar whose bias is found: enough to see a step of it
     azimuth_search_deg: Annotated[float, Field(gt=0.0, le=90.0)] = 20.0  # to each side
     range_search_m: Positive = 150.0  # to each side
     bin_deg: Positive = 0.75  # width in azimuth of the bins in which differences are counted
@@ -143,9 +153,10 @@ class OnlineRegistration(Method):
         drawn = draw_references(memory.references, ais_tracks, alarmed, swept.site_deg, sensors, self.reference_vessels)
         references, compared = drawn
         vessels, grid = ais_tracks.take(compared.row), self._grid()
-        search = grid.search_m, grid.search_rad + AROUND
+        votes = self._votes(vessels, compared.radar, memory.acquisition.found)
+        search = self._search(vessels, compared.radar, votes, memory.estimate, given, sensors)
         pairs = pair_with_vessels(measured, swept, vessels, compared.radar, given, search, sensors)
-        voice, voters = self._look(memory.voters, vessels, compared.radar, pairs, measured, swept, dt, sensors)
+        voice, voters = self._look(memory.voters, vessels, compared.radar, votes, pairs, measured, swept, dt, sensors)
         seen = np.bincount(compared.radar, minlength=len(sensors.radars))
         rules = Rules(self.decision_s, self.vote_memory_s, self.false_alarm, self.least_vessels, self.least_voices)
         decided = decide_all(memory.acquisition, voters, memory.estimate.mean, seen, time_s, rules, grid, sensors)
@@ -201,11 +212,39 @@ class OnlineRegistration(Method):
         radars = sensors.radars
         return np.column_stack([radars.azimuth_sigma_rad, radars.range_sigma_m, np.ones(len(radars))])
 
+    def _votes(self, vessels: Tracks, radar_of_vessel: Ints, found: Bools) -> Bools:
+        """Which vessels vote: all of a radar whose bias is not found, else a fixed draw. (V,) Args: vessels: sorted by radar."""
+        order = np.lexsort((id_hash(vessels.track_id), radar_of_vessel))
+        place = np.empty(len(order), np.int64)
+        place[order] = np.arange(len(order)) - np.searchsorted(radar_of_vessel, radar_of_vessel)
+        votes: Bools = ~found[radar_of_vessel] | (place < self.watch_vessels)
+        return votes
+
+    def _search(
+        self,
+        vessels: Tracks,
+        radar_of_vessel: Ints,
+        votes: Bools,
+        estimate: Estimate,
+        given: RadarCorrections,
+        sensors: Sensors,
+    ) -> Search:
+        """What is looked for: every bias with vessels that vote, what is in the gate of the residuals with the others."""
+        r, grid, units = radar_of_vessel, self._grid(), self._units(sensors)
+        wide = np.array([grid.search_m, grid.search_rad + AROUND])
+        # Residuals move by the change of the lag; those in azimuth count below one deviation of the noise in a second.
+        lag_s = np.abs(estimate.mean[r, LAG] - given.time_lag_s[r])
+        speed = np.hypot(vessels.velocity_m_s[:, 0], vessels.velocity_m_s[:, 1])
+        gate = np.column_stack([GATE_M + speed * lag_s, (GATE_SIGMAS + lag_s) * units[r, 0]])
+        centre = np.where(votes[:, None], 0.0, estimate.mean[r][:, [1, 0]])
+        return Search(centre, np.where(votes[:, None], wide, gate))
+
     def _look(
         self,
         voters: tuple[Voters, ...],
         vessels: Tracks,
         radar_of_vessel: Ints,
+        votes: Bools,
         pairs: Pairs,
         measured: PolarMeasurements,
         swept: Sweeps,
@@ -219,13 +258,13 @@ class OnlineRegistration(Method):
         at_rest = np.hypot(vessels.velocity_m_s[:, 0], vessels.velocity_m_s[:, 1]) < AT_REST_M_S
         after = []
         for k, mine in enumerate(voters):
-            rows = np.flatnonzero(r == k)  # in a piece: vessels are sorted by radar
+            rows = np.flatnonzero((r == k) & votes)
             if not len(rows):
                 after.append(mine)
                 continue
             seen = Seen(vessels.track_id[rows], at_m[rows], square[rows], at_rest[rows])
-            of_radar = pairs.take((pairs.radar == k).nonzero()[0])
-            of_radar = replace(of_radar, vessel=of_radar.vessel - rows[0])
+            at = find(rows, pairs.vessel)
+            of_radar = replace(pairs, vessel=at).take(at >= 0)
             period_s = float(radars.period_s[k])
             turns = dt / period_s if dt > 0.0 else 1.0
             after.append(look(mine, seen, of_radar, measured.time_s[of_radar.plot], turns, period_s, self._grid()))

@@ -8,7 +8,19 @@ from typing import NamedTuple
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import Array, Batch, Bools, Floats, Ints, Plots, RadarCorrections, Sensors, Tracks, column
+from coastwatch.batches import (
+    Array,
+    Batch,
+    Bools,
+    Floats,
+    Ints,
+    Plots,
+    RadarCorrections,
+    Sensors,
+    Struct,
+    Tracks,
+    column,
+)
 from coastwatch.geodesy import from_plane, to_plane
 
 OLDEST_S = (
@@ -35,6 +47,14 @@ class Sweeps(NamedTuple):
     to_s: Floats
     site_deg: Floats  # (R, 2) of the antenna at the oldest plot
     shift_m: Floats  # (R,) by which it moves from there, at most
+
+
+@dataclass(frozen=True, eq=False)
+class Search(Struct):
+    """Which differences between a plot and its vessel are looked for, of each vessel: m in range, rad in azimuth."""
+
+    centre: Floats = column(np.float64, "V", 2)
+    reach: Floats = column(np.float64, "V", 2)  # to each side
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,12 +104,12 @@ def pair_with_vessels(
     vessels: Tracks,
     radar_of_vessel: Ints,
     given: RadarCorrections,
-    search: tuple[float, float],
+    search: Search,
     sensors: Sensors,
 ) -> Pairs:
-    """All pairs of a plot and a vessel of its radar whose ranges and azimuths differ by no more than the search allows.
+    """All pairs of a plot and a vessel of its radar whose ranges and azimuths differ by what the search of the vessel allows.
 
-    Args: vessels: (N); radar_of_vessel: (N,) that has sent plots; search: m in range, rad in azimuth.
+    Args: vessels: (N); radar_of_vessel: (N,) that has sent plots; search: (N).
     Rates and positions are those at the stamp less the lag in `given`. Returns: sorted by vessel.
     """
     r, kernel = radar_of_vessel, kernels.association.polar_pairs
@@ -98,9 +118,10 @@ def pair_with_vessels(
     # Candidates by the position of the vessel now: by the time of the plot it moves no farther than this.
     longest_s = np.maximum(*(np.abs(time_s[r] - lag_s[r] - vessels.time_s) for time_s in (swept.from_s, swept.to_s)))
     slack = np.hypot(vessels.velocity_m_s[:, 0], vessels.velocity_m_s[:, 1]) * longest_s + SCALE * swept.shift_m[r]
-    reach = np.column_stack([search[0] + slack, search[1] + 0.5 * np.pi * slack / np.maximum(distance, 1.0)])
+    reach = search.reach + np.column_stack([slack, 0.5 * np.pi * slack / np.maximum(distance, 1.0)])
     polar = measured.range_m, measured.azimuth_rad
-    plot, vessel = kernel.near_pairs(measured.radar, *polar, r, np.column_stack([distance, azimuth]), reach)
+    expected = np.column_stack([distance, azimuth]) + search.centre
+    plot, vessel = kernel.near_pairs(measured.radar, *polar, r, expected, reach)
 
     radar = r[vessel]
     site_deg, moving = swept.site_deg[radar], np.flatnonzero(swept.shift_m[radar] > 0.0)
@@ -109,8 +130,9 @@ def pair_with_vessels(
     of_plots = measured.time_s[plot] - lag_s[radar], *(values[plot] for values in polar), site_deg
     of_vessels = vessels.time_s, vessels.position_deg, vessels.velocity_m_s, vessels.known_covariance(1.0)
     found = Pairs(plot, vessel, radar, *np.ascontiguousarray(kernel.differences(vessel, of_plots, of_vessels).T))
-    close = (np.abs(found.range_m) <= search[0]) & (np.abs(found.azimuth_rad) <= search[1])
-    return found.take(close & (found.distance_m <= sensors.radars.range_m[radar] + search[0]))
+    centre, reach = search.centre[vessel], search.reach[vessel]
+    close = (np.abs(found.range_m - centre[:, 0]) <= reach[:, 0]) & (np.abs(found.azimuth_rad - centre[:, 1]) <= reach[:, 1])
+    return found.take(close & (found.distance_m <= sensors.radars.range_m[radar] + reach[:, 0]))
 
 
 def is_only_one(key: Array, rows: Bools) -> Bools:

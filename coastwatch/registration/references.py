@@ -82,16 +82,16 @@ def _newly_drawn(drawn: Ints, tracks: Tracks, alarmed: Bools, site_deg: Floats, 
     row = np.flatnonzero(near)
     row = row[np.abs(wrap_deg(tracks.position_deg[row, 1] - site_deg[1])) * east <= WIDER * reach_m]
     if len(row) > CONSIDERED * count:
-        row = row[np.argpartition(_hash(tracks.track_id[row]), CONSIDERED * count)[: CONSIDERED * count]]
+        row = row[np.argpartition(id_hash(tracks.track_id[row]), CONSIDERED * count)[: CONSIDERED * count]]
     row, sector = _in_cover(row, tracks, alarmed, site_deg, reach_m)
     certain = _is_certain(row, tracks)
     row, sector = row[certain], sector[certain]
     taken = np.bincount(_in_cover(drawn, tracks, alarmed, site_deg, reach_m)[1], minlength=SECTORS)
-    order = np.lexsort((_hash(tracks.track_id[row]), sector))
+    order = np.lexsort((id_hash(tracks.track_id[row]), sector))
     row, sector = row[order], sector[order]
     size = np.bincount(sector, minlength=SECTORS)
     place = np.arange(len(row)) - np.repeat(np.cumsum(size) - size, size) + taken[sector]
-    return row[np.lexsort((_hash(tracks.track_id[row]), place))[:wanted]]
+    return row[np.lexsort((id_hash(tracks.track_id[row]), place))[:wanted]]
 
 
 def _is_certain(row: Ints, tracks: Tracks) -> Bools:
@@ -102,7 +102,7 @@ def _is_certain(row: Ints, tracks: Tracks) -> Bools:
     return certain
 
 
-def _hash(track_id: Ints) -> NDArray[np.uint64]:
+def id_hash(track_id: Ints) -> NDArray[np.uint64]:
     """A number of each vessel that has nothing to do with where it is."""
     mixed = track_id.astype(np.uint64) * MIX
     return (mixed ^ (mixed >> np.uint64(32))) * MIX
