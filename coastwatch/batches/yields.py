@@ -321,6 +321,7 @@ class RadarCover(Batch):
     """What each radar detects, by polar cell: sector k is from 5 k deg, clockwise from north, and ring 0 is the innermost."""
 
     range_m: Floats = column(np.float64, "R")  # outer edge of the last ring
+    site_deg: Floats = column(np.float64, "R", 2)  # of the antenna; NaN before its first plot
     turns: Floats = column(np.float64, "R")  # of the antenna; old ones count less, here and below
     ais_detection: Floats = column(
         np.float64, "R", COVER_AZIMUTHS, COVER_RANGES

@@ -250,6 +250,7 @@ class LearntCover(Method):
         false = counts.false_plots.reshape(shape) / np.maximum(counts.false_turns, 1.0)[:, None, None] / area[:, None, :]
         return RadarCover(
             range_m=sensors.radars.range_m,
+            site_deg=counts.site_deg,
             turns=counts.turns.copy(),
             ais_detection=self._share(plots, looks, of_ais[:, None]).reshape(shape),
             ais_looks=looks.reshape(shape),

@@ -18,7 +18,8 @@ WHOLE = {
 }  # fmt: skip
 WHOLE_ENDINGS = ("_id", "_cycle", "_track")
 NUMBERS = {
-    "compared", "found_odds", "odds", "residuals", "rival_share", "rows_a_cycle", "share", "statistic",
+    "ais_detection", "ais_looks", "compared", "false_plots_per_km2", "track_detection", "track_looks", "turns",
+    "found_odds", "odds", "residuals", "rival_share", "rows_a_cycle", "share", "statistic",
 }  # fmt: skip
 KINDS: dict[str, Kind] = {
     "flags": "flags",
@@ -34,6 +35,12 @@ DIGITS = {
     "sog_kn": 2,
     "statistic": 3,
     "share": 4,
+    "ais_detection": 3,
+    "track_detection": 3,
+    "ais_looks": 1,
+    "track_looks": 1,
+    "turns": 1,
+    "false_plots_per_km2": 5,
     "azimuth_bias_deg": 4,
     "azimuth_sigma_deg": 4,
     "azimuth_change_deg": 4,

@@ -26,6 +26,19 @@ WATER, LAND, SHORE, INK, FAINT = "#e4eef4", "#efe6cf", "#a59c86", "#1d2733", "#5
 RADAR_COLOURS = ("#1f5fbf", "#c62f2f", "#1f8a70", "#7b4bb3", "#8a6a1f", "#c2417f")
 SONAR_COLOUR, STATION_COLOUR, BOW_TIE_COLOUR, AIS_COLOUR = "#e08a1e", "#5f9e6e", "#d21f26", "#1f9c3a"
 ALARM_COLOUR, WARNING_COLOUR = "#ff00c8", "#7a00ff"
+COVER_STEPS = (
+    (0.0, "#b2182b", "radars detect under 25 % of AIS vessels"),
+    (0.25, "#ef8a62", "25 to 50 %"),
+    (0.5, "#a6d96a", "50 to 75 %"),
+    (0.75, "#1a9641", "75 % or more"),
+)
+"""Least detection probability, colour and text of each step."""
+CLUTTER_STEPS = (
+    (0.0, "#dadaeb", "under 0.1 false plots in a km2 and turn"),
+    (0.1, "#9e9ac8", "0.1 to 1"),
+    (1.0, "#6a51a3", "1 to 10"),
+    (10.0, "#3f007d", "10 or more"),
+)
 BOW_TIE = Outline([(-1.0, -0.8), (-1.0, 0.8), (1.0, -0.8), (1.0, 0.8), (-1.0, -0.8)], closed=True)
 WIDTH_IN = 9.0
 BELOW_IN = 0.45  # of the scale bar, below the numbers of the axis
@@ -58,7 +71,7 @@ def draw(scene: Scene) -> Figure:
     axes.set_ylim(lat - 0.5 * height_deg, lat + 0.5 * height_deg)
     axes.autoscale(False)
     _land(axes, scene)
-    marks = [*_coverage(axes, scene), *_bearings(axes, scene), *_trails(axes, scene)]
+    marks = [*_cells(axes, scene), *_coverage(axes, scene), *_bearings(axes, scene), *_trails(axes, scene)]
     marks = [*_vessels(axes, scene), *marks, *_ellipses(axes, scene)]
     _names(axes, scene)
     _grid(axes, width_deg, height_deg)
@@ -112,6 +125,21 @@ def _coverage(axes: Axes, scene: Scene) -> list[Any]:
             Line2D([], [], color=colour, linestyle=dash, marker=shape, markeredgecolor="white", markersize=7, label=text)
         )
     return marks
+
+
+def _cells(axes: Axes, scene: Scene) -> list[Any]:
+    """Cells of the cover of radars in the colours of COVER_STEPS or CLUTTER_STEPS."""
+    if scene.cover is None:
+        return []
+    steps = CLUTTER_STEPS if scene.cover.is_clutter else COVER_STEPS
+    step = np.searchsorted([low for low, *_ in steps], scene.cover.value, side="right") - 1
+    colours = np.array([colour for _, colour, _ in steps])[step]
+    outline = _flat(scene, scene.cover.corner_deg)
+    axes.add_collection(PolyCollection(list(outline), facecolors=colours.tolist(), alpha=0.45, linewidths=0, zorder=2))
+    return [
+        Patch(facecolor=colour, alpha=0.45, label=f"{text} ({(step == k).sum()} cells)")
+        for k, (_, colour, text) in enumerate(steps)
+    ]
 
 
 def _short(range_m: float) -> str:

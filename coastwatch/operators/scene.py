@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from coastwatch import store
-from coastwatch.batches import Array, Bools, Floats, Ints
+from coastwatch.batches import COVER_AZIMUTHS, COVER_RANGES, Array, Bools, Floats, Ints
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, offset_deg, scale_m_deg, wrap_deg
 from coastwatch.operators import coastline
 from coastwatch.operators.bad_input import BadInput
@@ -41,6 +41,15 @@ class Coverage:
 
 
 @dataclass(frozen=True, eq=False)
+class CoverCells:
+    """Cells of the learnt cover of radars."""
+
+    corner_deg: Floats  # (C, 4, 2)
+    value: Floats  # (C,) detection probability, or false plots in a square kilometre and turn
+    is_clutter: bool
+
+
+@dataclass(frozen=True, eq=False)
 class Scene:
     """A picture with coverage, bearings, trails and land. V vessels, B bearing lines."""
 
@@ -63,6 +72,7 @@ class Scene:
     land_label: str = "land"
     names: tuple[tuple[int, str], ...] = ()  # row and text of each vessel that is named
     selected: tuple[int, ...] = ()  # rows
+    cover: CoverCells | None = None
 
     @property
     def size_deg(self) -> tuple[float, float]:
@@ -85,12 +95,13 @@ def load(
     *,
     names: int = MOST_NAMES,
     vessels: Sequence[int] = (),
+    cover: str | None = None,
 ) -> Scene:
     """The scene of a run, now or at an instant.
 
     Args: run: as `store.run` returns it. bbox: south, west, north, east in degrees, instead of the scenario's area. shore: GeoJSON
     file instead of the scenario's coastline or Natural Earth; NO_LAND: none. names: how many of the longest vessels are named.
-    vessels: ids of selected vessels, which are named and marked.
+    vessels: ids of selected vessels, which are named and marked. cover: "detection" or "clutter": cells of radars to be coloured.
     Raises: StoreError, BadInput.
     """
     rows = store.picture(found, run["id"], at_s, bbox)
@@ -117,6 +128,7 @@ def load(
         bearing_to_deg=bearings[1],
         trails_deg=_trails(found, run["id"], table["vessel_id"], position, time_s),
         trail_s=TRAIL_S,
+        cover=None if cover is None else _cover_cells(found, run["id"], cover == "clutter"),
     )
     land, label = _land(run["scenario"], shore, scene)
     selected = _rows_of(vessels, table["vessel_id"])
@@ -171,6 +183,20 @@ def _coverages(rows: Rows) -> tuple[Coverage, ...]:
         arc = (float(sensor["spec"].get("arc_from_deg", 0.0)), float(sensor["spec"].get("arc_to_deg", 360.0)))
         out.append(Coverage(sensor["name"], kinds[sensor["kind"]], site, float(sensor["range_m"]), arc))
     return tuple(sorted(out, key=lambda c: (RADAR, BEARING, STATION).index(c.kind)))
+
+
+def _cover_cells(found: Store, run_id: int, clutter: bool) -> CoverCells:
+    """The cells of all radars in which something was learnt. Raises: BadInput: no cover is stored."""
+    names, cover = store.radar_covers(found, run_id)
+    if not names:
+        raise BadInput(f"--cover: run {run_id} has no learnt cover of a radar; it is stored with `cover.method` learnt")
+    value = 1e6 * cover.false_plots_per_m2 if clutter else cover.ais_detection
+    known: Bools = np.greater(value if clutter else cover.ais_looks, 0.0) & np.isfinite(cover.site_deg[:, :1, None])
+    radar, sector, ring = np.nonzero(known)
+    angle = 2.0 * np.pi / COVER_AZIMUTHS * (sector[:, None] + np.array([0, 1, 1, 0]))
+    reach = (cover.range_m[radar] / COVER_RANGES)[:, None] * (ring[:, None] + np.array([0, 0, 1, 1]))
+    metres = np.stack([reach * np.sin(angle), reach * np.cos(angle)], -1)
+    return CoverCells(offset_deg(cover.site_deg[radar][:, None, :], metres), value[known], clutter)
 
 
 def _kinds(sources: list[str | None], known: Rows) -> Array:

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
+import numpy as np
+
 from coastwatch import store
-from coastwatch.batches import Flag, nav_status_text
+from coastwatch.batches import COVER_AZIMUTHS, COVER_RANGES, Flag, Floats, nav_status_text
 from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.columns import digits_of, rounded
@@ -202,6 +204,48 @@ def _with_names(rows: Rows | Table, names: Mapping[int, str]) -> Rows | Table:
 def sensors(found: Store, run_id: int, at_s: float | None) -> Rows:
     """One row per sensor with all its columns."""
     return for_people(store.sensor_states(found, run_id, at_s))
+
+
+COVER_COLUMNS = ("ais_detection", "ais_looks", "track_detection", "track_looks")
+CLUTTER_COLUMNS = ("false_plots_per_km2", "turns")
+
+
+def radar_cover(found: Store, run_id: int, clutter: bool, sectors: int, rings: int) -> Rows:
+    """The learnt cover of each radar, or the density of its false plots, in so many sectors and rings.
+
+    Sectors of several cells have the mean: of a detection probability by looks, of a density by area. Cells without a look, or
+    without a false plot, are left out.
+    Args: sectors, rings: divisors of the cells of `RadarCover`.
+    Raises: BadInput: no cover is stored.
+    """
+    names, cover = store.radar_covers(found, run_id)
+    if not names:
+        raise BadInput(f"run {run_id}: no cover of a radar is stored; it is learnt from radars with `cover.method` learnt")
+    edges_nm = np.linspace(0.0, 1.0, COVER_RANGES + 1) * cover.range_m[:, None] / NAUTICAL_MILE_M
+    area = np.broadcast_to(np.diff(edges_nm**2, axis=1)[:, None, :], cover.ais_looks.shape)
+
+    def total(grid: Floats) -> Floats:
+        parts = grid.reshape(len(names), sectors, COVER_AZIMUTHS // sectors, rings, COVER_RANGES // rings)
+        return np.asarray(parts.sum(axis=(2, 4)))
+
+    def mean(grid: Floats, weight: Floats) -> Floats:
+        return np.asarray(total(grid * weight) / np.maximum(total(weight), 1e-12))
+
+    looks, track_looks, density = total(cover.ais_looks), total(cover.track_looks), 1e6 * mean(cover.false_plots_per_m2, area)
+    columns: tuple[str, ...] = CLUTTER_COLUMNS if clutter else COVER_COLUMNS
+    values: tuple[Floats, ...]
+    if clutter:
+        shown, values = density > 0.0, (density, np.broadcast_to(cover.turns[:, None, None], density.shape))
+    else:
+        detection = mean(cover.ais_detection, cover.ais_looks), mean(cover.track_detection, cover.track_looks)
+        known = np.where(looks > 0.0, detection[0], np.nan), np.where(track_looks > 0.0, detection[1], np.nan)
+        shown, values = (looks > 0.0) | (track_looks > 0.0), (known[0], looks, known[1], track_looks)
+    radar, sector, ring = np.nonzero(shown)
+    width, step = 360.0 / sectors, COVER_RANGES // rings
+    borders = sector * width, (sector + 1) * width, edges_nm[radar, ring * step], edges_nm[radar, (ring + 1) * step]
+    numbers = np.stack([*borders, *(value[shown] for value in values)], 1)
+    made = [(names[r], *(None if np.isnan(v) else v for v in row)) for r, row in zip(radar, numbers.tolist(), strict=True)]
+    return for_people(Rows(("name", "from_deg", "to_deg", "from_nm", "to_nm", *columns), made))
 
 
 def registration(rows: Rows, settings: Mapping[str, Any]) -> Rows:

@@ -90,7 +90,7 @@ class OnlineRegistration(Method):
 
     method: Literal["online"] = "online"
     reference_vessels: Count = 300  # AIS vessels that each radar is compared with, a fixed draw of those in cover
-    watch_vessels: Count = 100  # of them, that vote on a radar whose bias is found: enough to see a step of it
+    watch_vessels: Count = 100  # that vote on a radar whose bias is found: enough vessels to see a step of it
     azimuth_search_deg: Annotated[float, Field(gt=0.0, le=90.0)] = 20.0  # to each side
     range_search_m: Positive = 150.0  # to each side
     bin_deg: Positive = 0.75  # width in azimuth of the bins in which differences are counted

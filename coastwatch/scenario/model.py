@@ -45,6 +45,9 @@ class StoreSettings(Settings):
     spots_every: Annotated[int, Field(ge=1)] = 1  # cycles
     associations_every: Annotated[int, Field(ge=1)] = 1  # cycles
     registration_every: Annotated[int, Field(ge=1)] = 1  # cycles
+    cover_every_s: Annotated[float, Field(ge=0.0)] = (
+        60.0  # between two writings of the learnt cover of radars; the newest is kept
+    )
     checkpoint_every: Annotated[int, Field(ge=1)] = 10  # cycles
     history_hours: Annotated[float, Field(ge=0.0)] = 0.0  # of history; 0: all
     details_hours: Annotated[float, Field(ge=0.0)] = 0.0  # of associations, spots, timings and registrations; 0: all

@@ -28,6 +28,7 @@ from coastwatch.store.runs import keep_runs as keep_runs
 from coastwatch.store.runs import last_good_run as last_good_run
 from coastwatch.store.runs import latest_run as latest_run
 from coastwatch.store.runs import newest_picture as newest_picture
+from coastwatch.store.runs import radar_covers as radar_covers
 from coastwatch.store.runs import resume_point as resume_point
 from coastwatch.store.runs import run as run
 from coastwatch.store.runs import runs as runs

@@ -41,6 +41,7 @@ OF_CYCLE = (
     "sensor_registration",
     "recording",
     "event_gap",
+    "sensor_cover",
 )
 """Tables with rows of one cycle each, under column `cycle`."""
 

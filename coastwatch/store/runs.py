@@ -11,7 +11,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from sqlalchemy import Connection, Executable, and_, delete, func, insert, literal, null, select, true, update
 
-from coastwatch.batches import Fault, Radars, Sensors, Sonars, SourceKind, Stations, TrackSources
+from coastwatch.batches import (
+    COVER_AZIMUTHS,
+    COVER_RANGES,
+    Fault,
+    RadarCover,
+    Radars,
+    Sensors,
+    Sonars,
+    SourceKind,
+    Stations,
+    TrackSources,
+)
 from coastwatch.store.database import Store, StoreError, as_json, now_utc, reading, writing
 from coastwatch.store.rows import Rows, fetch_rows
 from coastwatch.store.tables import (
@@ -21,6 +32,7 @@ from coastwatch.store.tables import (
     METADATA,
     RUN,
     SENSOR,
+    SENSOR_COVER,
     SENSOR_REGISTRATION,
     SOURCE,
     STAGE_TIMING,
@@ -326,6 +338,27 @@ def no_run(connection: Connection, store: Store, run_id: int) -> StoreError:
     known = sorted(connection.scalars(select(RUN.c.id).order_by(RUN.c.id.desc()).limit(MOST_NAMED)))
     needed = f"needed one of {', '.join(map(str, known))}" if known else "the database holds none"
     return StoreError(f"{store.where}: there is no run {run_id}, {needed}; `coastwatch runs` lists all")
+
+
+def radar_covers(store: Store, run_id: int) -> tuple[list[str], RadarCover]:
+    """Names of the radars with a learnt cover, and the newest cover of each."""
+    c, same = (
+        SENSOR_COVER.c,
+        and_(SENSOR.c.run_id == run_id, SENSOR.c.kind == "radar", SENSOR.c.number == SENSOR_COVER.c.number),
+    )
+    values = c.latitude_deg, c.longitude_deg, c.range_m, c.turns
+    grids = c.ais_detection, c.ais_looks, c.track_detection, c.track_looks, c.false_plots_per_km2
+    query = select(SENSOR.c.name, *values, *grids).select_from(SENSOR_COVER.join(SENSOR, same)).where(c.run_id == run_id)
+    with reading(store) as connection:
+        found = connection.execute(query.order_by(c.number)).all()
+    numbers = np.array([row[1:5] for row in found], np.float64).reshape(-1, 4)
+    read = [[np.frombuffer(row[5 + k], "<f4") for row in found] for k in range(len(grids))]
+    seen, looks, tracks, track_looks, per_km2 = (
+        np.array(each, np.float64).reshape(-1, COVER_AZIMUTHS, COVER_RANGES) for each in read
+    )
+    range_m, site_deg, turns = numbers[:, 2].copy(), numbers[:, :2].copy(), numbers[:, 3].copy()
+    cover = RadarCover(range_m, site_deg, turns, seen, looks, tracks, track_looks, 1e-6 * per_km2)
+    return [row.name for row in found], cover
 
 
 def _fetch(store: Store, query: Executable) -> Rows:

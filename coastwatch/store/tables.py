@@ -317,6 +317,19 @@ SENSOR_REGISTRATION = Table(
 )
 """What is known of a sensor after a cycle. Biases are of what it measures, to be subtracted; a lag is how late its stamps are."""
 
+SENSOR_COVER = Table(
+    "sensor_cover",
+    METADATA,
+    of_run(),
+    *keys("number"),  # of the radar
+    *required(WHOLE, "cycle"),
+    *nullable(REAL, "latitude_deg", "longitude_deg"),  # of the antenna; null before its first plot
+    *required(REAL, "range_m", "turns"),
+    *required(BYTES, "ais_detection", "ais_looks", "track_detection", "track_looks", "false_plots_per_km2"),
+    **IN_KEY_ORDER,
+)
+"""The newest learnt cover of each radar. A value has 72 sectors of 5 deg, clockwise from north, by 16 rings: little-endian float32."""
+
 IDENTITY = Table(
     "identity",
     METADATA,

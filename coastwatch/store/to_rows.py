@@ -18,6 +18,7 @@ from coastwatch.batches import (
     Ints,
     Members,
     Picture,
+    RadarCover,
     RegistrationState,
     Reports,
     Spots,
@@ -248,6 +249,15 @@ def last_reports(before: LastReport, reports: Reports) -> LastReport:
             newest = float(reports.ais.received_s[reports.ais.feed == feed].max())
             out["feed", feed] = max(newest, out.get(("feed", feed), newest))
     return out
+
+
+def cover_rows(run_id: int, number: int, cover: RadarCover) -> list[Column]:
+    """Columns of table `sensor_cover`."""
+    per_km2 = 1e6 * cover.false_plots_per_m2
+    grids = cover.ais_detection, cover.ais_looks, cover.track_detection, cover.track_looks, per_km2
+    as_bytes = [[grid.astype("<f4").tobytes() for grid in of_radars] for of_radars in grids]
+    radars = np.arange(len(cover))
+    return [run_id, radars, number, cover.site_deg[:, 0], cover.site_deg[:, 1], cover.range_m, cover.turns, *as_bytes]
 
 
 def registration_rows(

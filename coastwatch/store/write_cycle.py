@@ -30,6 +30,7 @@ from coastwatch.store.tables import (
     MEMBER_HISTORY,
     PRESENCE,
     RUN,
+    SENSOR_COVER,
     SENSOR_REGISTRATION,
     SPOT,
     STAGE_TIMING,
@@ -104,6 +105,8 @@ def write_cycle(
             counts = before.stations, before.feeds
             of_sensors = to_rows.registration_rows(run_id, number, cycle, last_report, *counts)
             insert(connection, SENSOR_REGISTRATION, of_sensors)
+        if last or truncated or _is_due(before, cycle, keep.cover_every_s):
+            _replace(connection, SENSOR_COVER, run_id, to_rows.cover_rows(run_id, number, cycle.radar_cover))
         first_kept = before.first_history, before.first_details
         if any((keep.history_hours, keep.details_hours, keep.event_hours, keep.recording_hours, keep.picture_hours)):
             first_kept = retention.delete_old(connection, run_id, number, before.period_s, keep, first_kept, rows)
@@ -150,9 +153,14 @@ def _state_before(connection: Connection, store: Store, run_id: int, number: int
 def _picture_due(before: RunState, cycle: Cycle, keep: StoreSettings) -> bool:
     """Whether the current picture is written: in every cycle while it is small, else in the first one of each interval."""
     small = len(cycle.tracks) + len(cycle.bearing_tracks) <= keep.picture_large or keep.picture_every_s == 0.0
-    if small or not math.isfinite(before.time_s):
+    return small or _is_due(before, cycle, keep.picture_every_s)
+
+
+def _is_due(before: RunState, cycle: Cycle, every_s: float) -> bool:
+    """Whether a new interval has begun since the cycle before."""
+    if every_s == 0.0 or not math.isfinite(before.time_s):
         return True
-    return math.floor(cycle.time_s / keep.picture_every_s) > math.floor(before.time_s / keep.picture_every_s)
+    return math.floor(cycle.time_s / every_s) > math.floor(before.time_s / every_s)
 
 
 def _insert_cycle(

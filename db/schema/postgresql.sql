@@ -266,6 +266,23 @@ CREATE TABLE sensor (
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 
+CREATE TABLE sensor_cover (
+	run_id BIGINT NOT NULL,
+	number BIGINT NOT NULL,
+	cycle BIGINT NOT NULL,
+	latitude_deg FLOAT(53),
+	longitude_deg FLOAT(53),
+	range_m FLOAT(53) NOT NULL,
+	turns FLOAT(53) NOT NULL,
+	ais_detection BYTEA NOT NULL,
+	ais_looks BYTEA NOT NULL,
+	track_detection BYTEA NOT NULL,
+	track_looks BYTEA NOT NULL,
+	false_plots_per_km2 BYTEA NOT NULL,
+	PRIMARY KEY (run_id, number),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
 CREATE TABLE sensor_registration (
 	run_id BIGINT NOT NULL,
 	cycle BIGINT NOT NULL,

@@ -276,6 +276,24 @@ CREATE TABLE sensor (
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 
+CREATE TABLE sensor_cover (
+	run_id INTEGER NOT NULL,
+	number INTEGER NOT NULL,
+	cycle INTEGER NOT NULL,
+	latitude_deg FLOAT,
+	longitude_deg FLOAT,
+	range_m FLOAT NOT NULL,
+	turns FLOAT NOT NULL,
+	ais_detection BLOB NOT NULL,
+	ais_looks BLOB NOT NULL,
+	track_detection BLOB NOT NULL,
+	track_looks BLOB NOT NULL,
+	false_plots_per_km2 BLOB NOT NULL,
+	PRIMARY KEY (run_id, number),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+)
+ WITHOUT ROWID;
+
 CREATE TABLE sensor_registration (
 	run_id INTEGER NOT NULL,
 	cycle INTEGER NOT NULL,

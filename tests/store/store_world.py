@@ -8,6 +8,8 @@ import numpy as np
 
 from coastwatch.batches import (
     CLASSES,
+    COVER_AZIMUTHS,
+    COVER_RANGES,
     AisAlarms,
     AisReports,
     AisStatics,
@@ -20,6 +22,7 @@ from coastwatch.batches import (
     Octants,
     Picture,
     RadarCorrections,
+    RadarCover,
     RadarReports,
     Radars,
     Reports,
@@ -132,6 +135,15 @@ def corrections_of(number: int) -> RadarCorrections:
     return RadarCorrections(*biases, *sigma, np.array([7, 0]), np.array([10.0 * number, 0.0]), state, np.zeros(2, np.bool_))
 
 
+def cover_of(number: int) -> RadarCover:
+    """Both radars have turned once a cycle. The first one sees half of the AIS vessels in one cell; the second has clutter in one."""
+    none = np.zeros((2, COVER_AZIMUTHS, COVER_RANGES))
+    seen, looks, false = none + 0.9, none.copy(), none.copy()
+    seen[0, 7, 3], looks[0, 7, 3], false[1, 70, 15] = 0.5, 10.0 + number, 2e-6
+    range_m, site_deg = sensors().radars.range_m, np.array([[-22.9, -43.2], [np.nan, np.nan]])
+    return RadarCover(range_m, site_deg, np.full(2, float(number)), seen, looks, none + 0.8, none.copy(), false)
+
+
 def cycle_of(number: int, vessels: int, picture: Picture | None = None) -> Cycle:
     """What the pipeline yields in a cycle."""
     picture = picture_of(number, vessels) if picture is None else picture
@@ -150,7 +162,7 @@ def cycle_of(number: int, vessels: int, picture: Picture | None = None) -> Cycle
         time_s=instant_s(number), tracks=tracks, alarms=AisAlarms.empty(), bearing_tracks=bearings, spots=spots,
         associations=found, fused=fused,
         picture=picture, members=members, octants=Octants(none, none, none), bearing_associations=heard,
-        corrections=corrections_of(number),
+        corrections=corrections_of(number), radar_cover=cover_of(number),
     )  # fmt: skip
 
 

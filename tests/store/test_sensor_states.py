@@ -11,6 +11,7 @@ from sqlalchemy import text
 
 from coastwatch import store as kept
 from coastwatch.batches import RadarReports
+from coastwatch.operators import stored
 from coastwatch.scenario import StoreSettings
 from coastwatch.store import StoreError
 from coastwatch.store.database import reading
@@ -48,3 +49,34 @@ def test_when_a_sensor_was_heard_outlasts_its_silence(url: str) -> None:
     with kept.open_store(url) as store:
         world.write(store, run, 1)
         assert kept.sensor_states(store, run).column("heard_s") == [None, None, None, world.START_S + 1.5]
+
+
+def test_the_cover_of_radars_is_found_again(url: str) -> None:
+    """The newest one, written at an interval, and gone with the cycles that a run repeats."""
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        assert kept.radar_covers(store, run)[0] == []
+        keep = StoreSettings(cover_every_s=4 * world.PERIOD_S)
+        for number in range(7):
+            world.write(store, run, number, keep=keep)
+        names, cover = kept.radar_covers(store, run)
+        stored_at = int(cover.turns[0])
+        assert names == ["fort", "island"]
+        assert 2 < stored_at <= 6
+        said = world.cover_of(stored_at)
+        for name, array in vars(said).items():
+            np.testing.assert_allclose(getattr(cover, name), array, rtol=1e-6)
+        world.write(store, run, 1, keep=keep)
+        assert kept.radar_covers(store, run)[1].turns.tolist() == [1.0, 1.0]
+
+
+def test_cover_for_people(url: str) -> None:
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        world.write(store, run, 0)
+        seen, clutter = (stored.radar_cover(store, run, what, 72, 16) for what in (False, True))
+        coarse = stored.radar_cover(store, run, False, 12, 4)
+    assert seen.columns == ("name", "from_deg", "to_deg", "from_nm", "to_nm", *stored.COVER_COLUMNS)
+    assert seen.rows == [("fort", 35.0, 40.0, 1.875, 2.5, 0.5, 10.0, None, 0.0)]
+    assert clutter.rows == [("island", 350.0, 355.0, 11.25, 12.0, 2.0, 0.0)]
+    assert coarse.rows == [("fort", 30.0, 60.0, 0.0, 2.5, 0.5, 10.0, None, 0.0)]

@@ -11,7 +11,7 @@ from coastwatch.operators.plot import write
 def plot(options: argparse.Namespace) -> int:
     with stored.opened(options.db) as store:
         run = stored.run(store, options.run)
-        chosen = {"names": options.names, "vessels": options.vessel}
+        chosen = {"names": options.names, "vessels": options.vessel, "cover": options.cover}
         drawn = scene.load(store, run, options.at, options.bbox, options.coastline, **chosen)
     write(drawn, options.output)
     print(options.output)

@@ -303,6 +303,14 @@ def _sensors(commands: Any) -> None:
     add_run(sensors)
     text = "instant, ISO 8601, e.g. 2026-07-01T12:00:00Z (default: the last cycle)"
     sensors.add_argument("--at", metavar="UTC", type=utc, help=text)
+    grids = sensors.add_mutually_exclusive_group()
+    text = (
+        "the newest learnt cover of each radar instead: in each sector and ring the probability that a vessel with AIS is detected in "
+        "a turn, and that a confirmed track gets a plot, with the turns behind them; CSV and JSON have every cell"
+    )
+    grids.add_argument("--cover", action="store_true", help=text)
+    text = "the density of plots of no confirmed track instead, in a square kilometre and turn"
+    grids.add_argument("--clutter", action="store_true", help=text)
     add_rows(sensors, ("table", "csv", "json"))
 
 
@@ -337,6 +345,8 @@ def _plot(commands: Any) -> None:
     completed_by(plot.add_argument("--coastline", metavar="FILE", help=text))
     text = "how many of the longest vessels in the frame are named (default: 8)"
     plot.add_argument("--names", metavar="N", type=whole, default=8, help=text)
+    text = "colour the cells of each radar by its learnt cover, or by the density of its false plots"
+    plot.add_argument("--cover", choices=("detection", "clutter"), help=text)
     text = "a vessel that is marked and named, by its id; repeatable"
     plot.add_argument("--vessel", metavar="ID", type=whole, action="append", default=[], help=text)
 

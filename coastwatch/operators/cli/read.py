@@ -7,6 +7,7 @@ import json
 import sys
 from collections.abc import Iterator, Sequence
 
+from coastwatch.batches import COVER_AZIMUTHS, COVER_RANGES
 from coastwatch.operators import export, recorded_frames, stored
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.safe_text import printable
@@ -96,9 +97,17 @@ def replay(options: argparse.Namespace) -> int:
     return 0
 
 
+SCREEN_CELLS = (12, 4)
+"""Sectors and rings of the cover of a radar in a table on a screen; the other formats have all cells."""
+
+
 def sensors(options: argparse.Namespace) -> int:
     with stored.opened(options.db) as store:
         run = stored.run(store, options.run)
+        if options.cover or options.clutter:
+            coarse = SCREEN_CELLS if options.format == "table" else (COVER_AZIMUTHS, COVER_RANGES)
+            _write(stored.radar_cover(store, run["id"], options.clutter, *coarse), options)
+            return 0
         rows = stored.sensors(store, run["id"], options.at)
     _write(rows if options.format == "json" else stored.registration(rows, run["settings"]), options)
     return 0
