@@ -23,7 +23,7 @@ def test_a_simulation_runs_with_the_clock_and_ends_after_a_whole_cycle_with_what
         with listening(service, web=tmp_path) as address:
             assert httpx.get(f"http://{address}/readyz").status_code == 503
             with run:
-                wait_for(lambda: run.cycles >= 4, 120.0)
+                wait_for(lambda: run.cycles >= 4, 300.0)  # kernels may be compiled first
                 status = httpx.get(f"http://{address}/api/v1/status").json()
                 assert (status["live"], status["error"]) == (True, None)
                 assert 0 < status["vessels"] <= 10

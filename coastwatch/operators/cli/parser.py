@@ -84,6 +84,7 @@ def make_parser() -> argparse.ArgumentParser:
         _scenarios,
         _fuse,
         _serve,
+        _feed,
         _reproduce,
         _runs,
         _picture,
@@ -187,11 +188,38 @@ def _serve(commands: Any) -> None:
     add_set(serve, "override a setting of the scenario; repeatable")
     text = "processors that share the work (default: the scenario's, in its [workers])"
     serve.add_argument("--workers", metavar="N", type=workers, help=text)
+    text = (
+        "a live feed in place of the scenario's input, FORMAT+TRANSPORT://ADDRESS; formats ais, asterix, json; transports tcp (connect), "
+        "listen, udp, file: ais+tcp://host:10110, ais+listen://0.0.0.0:10110, asterix+udp://0.0.0.0:8600?25/1=north, "
+        "ais+file:///var/log/ais.nmea; repeatable. The run goes on with the last one, if that ended less than 10 minutes ago"
+    )
+    serve.add_argument("--feed", metavar="URL", action="append", default=[], help=text)
+    text = "seconds that a cycle waits for late reports; later ones are counted and left out (default: 2)"
+    serve.add_argument("--lateness", metavar="S", type=float, default=2.0, help=text)
+    text = "what time is: the clock of this machine, or the time stamps of the feeds, for replays (default: wall)"
+    serve.add_argument("--clock", choices=("wall", "feeds"), default="wall", help=text)
+    serve.add_argument("--new", action="store_true", help="begin a new run")
     serve.add_argument(
         "--speed", metavar="N", type=speed, default=1.0, help="times as fast as the clock, 0.1 to 100 (default: 1)"
     )
     serve.add_argument("--host", metavar="ADDRESS", default="127.0.0.1", help="address to listen on (default: 127.0.0.1)")
     serve.add_argument("--port", metavar="N", type=whole, default=8100, help="port (default: 8100; 0: any free one)")
+
+
+def _feed(commands: Any) -> None:
+    text = (
+        "Send the reports of a scenario, or the sentences of a recorded file, to live feeds by their times: a load generator, and a "
+        "demo of live feeds. A simulation at speed 1 begins now. It prints how many lines or datagrams it sent."
+    )
+    feed = _command(commands, "feed", "serving:feed", "send a simulation or a recording to live feeds", text)
+    text = "name of a scenario, folder, .toml file, or a file of AIS sentences"
+    completed_by(feed.add_argument("source", metavar="SCENARIO|FILE", help=text))
+    text = "where to, as option --feed of serve: ais+tcp (connect), ais+listen, ais+udp, ais+file, asterix+udp, json+tcp; repeatable"
+    feed.add_argument("--to", metavar="URL", action="append", required=True, help=text)
+    add_set(feed, "override a setting of the scenario; repeatable")
+    feed.add_argument(
+        "--speed", metavar="N", type=speed, default=1.0, help="times as fast as the clock, 0.1 to 100 (default: 1)"
+    )
 
 
 def _reproduce(commands: Any) -> None:

@@ -1,4 +1,4 @@
-"""`serve`: the picture of a live run or of a database over HTTP and WebSocket."""
+"""`serve`: the picture of a live run or of a database over HTTP and WebSocket; `feed`: reports to live feeds."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ import argparse
 import signal
 import socket
 import sys
+import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from typing import Any
 
 import uvicorn
@@ -18,8 +20,11 @@ from coastwatch.operators.api.guard import LOOPBACK, Guard
 from coastwatch.operators.api.service import Service
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.scenario import load_scenario
+from coastwatch.server.feeds.address import parsed
+from coastwatch.server.feeds.live_input import LiveInput
+from coastwatch.server.feeds.sending import of_file, of_scenario, send
 from coastwatch.server.follow import POLL_S, Follower
-from coastwatch.server.live import LiveRun, Paced
+from coastwatch.server.live import Input, LiveRun, Paced
 from coastwatch.store import Store, open_store
 
 LARGEST_MESSAGE = 65_536
@@ -72,19 +77,49 @@ def serve(options: argparse.Namespace) -> int:
 
 
 def _serve_run(options: argparse.Namespace) -> None:
-    """Run a scenario and serve its pictures."""
+    """Run a scenario, on live feeds or on its own input, and serve its pictures."""
     if options.run is not None:
         raise BadInput("--run: got it with a scenario, needed one of them: a run of a scenario has a number of its own")
+    if options.feed and options.speed != 1.0:
+        raise BadInput("--speed: got it with --feed, needed one of them: feeds have their own speed")
     scenario = load_scenario(options.scenario, dict(options.settings))
-    with open_store(options.db) as opened:
+    with open_store(options.db) as opened, ExitStack() as stack:
         service = Service(opened)
-        given = {"database": options.db, "workers": options.workers, "resume": False}
-        run = LiveRun(scenario, Paced(options.speed), service.receive, **given)
+        source: Input = Paced(options.speed)
+        if options.feed:
+            timing = {"clock": options.clock, "lateness_s": options.lateness}
+            source = stack.enter_context(LiveInput([parsed(text) for text in options.feed], scenario.sensors(), **timing))
+        resume = bool(options.feed) and not options.new
+        given = {"database": options.db, "workers": options.workers, "resume": resume}
+        run = LiveRun(scenario, source, service.receive, **given)
         service.source = run
         with run:
             listen(service, options.host, options.port)
         if run.failed:
             raise RuntimeError(run.error())
+
+
+def feed(options: argparse.Namespace) -> int:
+    """Send a scenario or a recording to live feeds. Ctrl-C stops it."""
+    addresses, now = [parsed(text) for text in options.to], False
+    if Path(options.source).is_file() and not options.source.endswith(".toml"):
+        batches = of_file(Path(options.source))
+    else:
+        scenario = load_scenario(options.source, dict(options.settings))
+        simulated = scenario.input.method in ("simulated", "crossing")
+        plots_as_json = all(address.format != "asterix" for address in addresses)
+        now = simulated and options.speed == 1.0
+        batches = of_scenario(scenario, scenario.sensors(), now=now, plots_as_json=plots_as_json)
+    stop = threading.Event()
+    usual = {s: signal.signal(s, lambda *_: stop.set()) for s in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        sent = send(batches, addresses, options.speed, stop, now=now)
+    finally:
+        for s, handler in usual.items():
+            signal.signal(s, handler)
+    for address, count in sent.items():
+        print(f"{count} {address}")
+    return 0
 
 
 @contextmanager

@@ -1,0 +1,58 @@
+"""The address of a live feed: what it carries, how it is reached, and which sensor it is of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from urllib.parse import parse_qsl, unquote, urlsplit
+
+FORMATS = ("ais", "asterix", "targets", "json")
+TRANSPORTS = ("tcp", "listen", "udp", "file")
+EXAMPLES = "ais+tcp://host:10110, ais+listen://127.0.0.1:10110, asterix+udp://127.0.0.1:8600, ais+file:///var/log/ais.nmea"
+
+
+class AddressError(ValueError):
+    """An address that names no feed; the message says what is wrong."""
+
+
+@dataclass(frozen=True)
+class Address:
+    """One feed. `text` is how it was given."""
+
+    text: str
+    format: str  # of FORMATS
+    transport: str  # of TRANSPORTS
+    host: str = ""
+    port: int = 0
+    path: str = ""
+    options: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """Its name in lists."""
+        return self.options.get("name", f"{self.format}+{self.transport}://{self.path or f'{self.host}:{self.port}'}")
+
+
+def parsed(text: str) -> Address:
+    """The feed of an address such as ais+tcp://127.0.0.1:10110?name=north. Raises: AddressError."""
+    parts = urlsplit(text)
+    format_, _, transport = parts.scheme.partition("+")
+    if format_ not in FORMATS or transport not in TRANSPORTS:
+        raise AddressError(
+            f"feed: got {text!r}, needed FORMAT+TRANSPORT://ADDRESS with FORMAT one of {', '.join(FORMATS)} and TRANSPORT one of "
+            f"{', '.join(TRANSPORTS)}, e.g. {EXAMPLES}"
+        )
+    options = dict(parse_qsl(parts.query))
+    if transport == "file":
+        path = unquote(parts.netloc + parts.path)
+        if not path or format_ == "asterix":
+            raise AddressError(f"feed: got {text!r}, needed the path of a file of lines, e.g. ais+file:///var/log/ais.nmea")
+        return Address(text, format_, transport, path=path, options=options)
+    try:
+        port = parts.port
+    except ValueError:
+        port = None
+    if port is None or (not parts.hostname and transport == "tcp"):
+        raise AddressError(f"feed: got {text!r}, needed host and port, e.g. {EXAMPLES}")
+    if format_ == "asterix" and transport != "udp":
+        raise AddressError(f"feed: got {text!r}, needed asterix+udp: ASTERIX comes in datagrams")
+    return Address(text, format_, transport, parts.hostname or "127.0.0.1", port, options=options)

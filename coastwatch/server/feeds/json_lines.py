@@ -1,0 +1,166 @@
+"""Plots, bearings and tracks as JSON lines, one object a line: for sensors that speak nothing else, and for other systems."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from coastwatch.batches import BearingReports, RadarReports, Reports, Sensors, TrackReports
+from coastwatch.geodesy import KNOT_M_S
+from coastwatch.sensors.recorded.faults import Tally
+from coastwatch.server.feeds.address import Address
+from coastwatch.server.feeds.decoding import Waiting, plausible_s
+from coastwatch.server.feeds.transport import Item
+
+NOT_READ = "not an object of the format"
+NO_SENSOR = "of no sensor of the scenario"
+
+
+class _Line(BaseModel):
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+    time: AwareDatetime | float | None = None  # ISO 8601 or Unix seconds; none: that of arrival
+
+    @property
+    def time_s(self) -> float:
+        return math.nan if self.time is None else self.time if isinstance(self.time, float) else self.time.timestamp()
+
+
+class Plot(_Line):
+    """A plot of a radar."""
+
+    type: Literal["plot"]
+    radar: str
+    range_m: Annotated[float, Field(ge=0.0)]
+    azimuth_deg: Annotated[float, Field(ge=0.0, le=360.0)]  # true
+    range_sigma_m: Annotated[float, Field(gt=0.0)] | None = None
+    azimuth_sigma_deg: Annotated[float, Field(gt=0.0)] | None = None
+
+
+class Bearing(_Line):
+    """A bearing of a sonar, camera or direction finder."""
+
+    type: Literal["bearing"]
+    sonar: str
+    bearing_deg: Annotated[float, Field(ge=0.0, le=360.0)]  # true
+    contact: Annotated[int, Field(ge=0, lt=2**31)] = -1
+    bearing_sigma_deg: Annotated[float, Field(gt=0.0)] | None = None
+
+
+class Track(_Line):
+    """The state of a track of another system."""
+
+    type: Literal["track"]
+    source: str
+    number: Annotated[int, Field(ge=0, lt=2**62)]
+    latitude_deg: Annotated[float, Field(gt=-85.0, lt=85.0)]
+    longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0)]
+    sog_kn: Annotated[float, Field(ge=0.0)] | None = None
+    cog_deg: Annotated[float, Field(ge=0.0, le=360.0)] | None = None
+
+
+LINE: TypeAdapter[Plot | Bearing | Track] = TypeAdapter(Annotated[Plot | Bearing | Track, Field(discriminator="type")])
+
+
+class JsonDecoder:
+    """The lines of one feed."""
+
+    def __init__(self, address: Address, sensors: Sensors) -> None:
+        self.tally, self.newest_s, self.first_s = Tally(), -math.inf, math.inf
+        self._name, self._sensors = address.name, sensors
+        names = {"plot": sensors.radars.name, "bearing": sensors.sonars.name, "track": sensors.track_sources.name}
+        self._numbers = {kind: {str(name): k for k, name in enumerate(of)} for kind, of in names.items()}
+        self._waiting = {
+            "plot": Waiting(RadarReports, ("sensor", "range_m", "azimuth_deg")),
+            "bearing": Waiting(BearingReports, ("sensor", "contact", "bearing_deg")),
+            "track": Waiting(TrackReports, ("sensor", "number", "position_deg")),
+        }
+
+    @property
+    def late(self) -> int:
+        """As of `Decoder`."""
+        return sum(of.late for of in self._waiting.values())
+
+    @property
+    def records(self) -> int:
+        """As of `Decoder`."""
+        return sum(of.records for of in self._waiting.values())
+
+    def take(self, items: list[Item], reference_s: float | None) -> None:
+        """As of `Decoder`."""
+        found: dict[str, list[tuple[float, int, Any]]] = {kind: [] for kind in self._waiting}
+        for arrived_s, text in items:
+            if not text.strip():
+                continue
+            try:
+                line = LINE.validate_json(text)
+            except (ValidationError, RecursionError):
+                self.tally.add(NOT_READ, self._name, text[:200])
+                continue
+            named = line.radar if isinstance(line, Plot) else line.sonar if isinstance(line, Bearing) else line.source
+            sensor = self._numbers[line.type].get(named)
+            if sensor is None:
+                self.tally.add(NO_SENSOR, self._name, named)
+                continue
+            found[line.type].append((arrived_s, sensor, line))
+        for kind, make in (("plot", self._plots), ("bearing", self._bearings), ("track", self._tracks)):
+            if found[kind]:
+                when, number, lines = (list(column) for column in zip(*found[kind], strict=True))
+                stamp = np.array([line.time_s for line in lines])
+                time_s = plausible_s(stamp, np.array(when, np.float64), reference_s is None, self.tally, self._name)
+                self.newest_s = max(self.newest_s, float(time_s.max()))
+                self.first_s = min(self.first_s, float(time_s.min()))
+                self._waiting[kind].add(make(time_s, np.array(number, np.int64), lines))
+
+    def cut(self, after_s: float, until_s: float) -> Reports:
+        """As `Cut`."""
+        radar, bearing, tracks = (self._waiting[kind].cut(after_s, until_s) for kind in ("plot", "bearing", "track"))
+        return replace(Reports.empty(), radar=radar, bearing=bearing, tracks=tracks)
+
+    def _plots(self, time_s: Any, number: Any, lines: Any) -> RadarReports:
+        return RadarReports(
+            sensor=number,
+            time_s=time_s,
+            received_s=time_s,
+            range_m=_numbers(lines, "range_m"),
+            azimuth_deg=_numbers(lines, "azimuth_deg"),
+            site_deg=self._sensors.radars.site_deg[number],
+            origin=np.full(len(lines), -1, np.int64),
+            range_sigma_m=_numbers(lines, "range_sigma_m"),
+            azimuth_sigma_deg=_numbers(lines, "azimuth_sigma_deg"),
+        )
+
+    def _bearings(self, time_s: Any, number: Any, lines: Any) -> BearingReports:
+        none = np.full(len(lines), -1, np.int64)
+        return BearingReports(
+            sensor=number,
+            time_s=time_s,
+            received_s=time_s,
+            bearing_deg=_numbers(lines, "bearing_deg"),
+            contact=np.array([line.contact for line in lines], np.int64),
+            site_deg=self._sensors.sonars.site_deg[number],
+            signature=none,
+            origin=none,
+            bearing_sigma_deg=_numbers(lines, "bearing_sigma_deg"),
+        )
+
+    def _tracks(self, time_s: Any, number: Any, lines: Any) -> TrackReports:
+        speed, course = _numbers(lines, "sog_kn") * KNOT_M_S, np.radians(_numbers(lines, "cog_deg"))
+        return TrackReports(
+            sensor=number,
+            number=np.array([line.number for line in lines], np.int64),
+            time_s=time_s,
+            received_s=time_s,
+            position_deg=np.stack([_numbers(lines, "latitude_deg"), _numbers(lines, "longitude_deg")], 1),
+            velocity_m_s=np.stack([speed * np.sin(course), speed * np.cos(course)], 1),
+            covariance=np.full((len(lines), 4, 4), np.nan),
+            origin=np.full(len(lines), -1, np.int64),
+        )
+
+
+def _numbers(lines: Any, name: str) -> Any:
+    return np.array([math.nan if (value := getattr(line, name)) is None else value for line in lines], np.float64)

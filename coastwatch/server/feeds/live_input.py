@@ -1,0 +1,171 @@
+"""Live feeds as the input of a run: reports by the time they were made, not by the time they came.
+
+A cycle takes the reports of its span of time. It begins once none of them can be outstanding: `lateness_s` after its end by the clock
+of this machine, or when every feed has sent something so much newer. What comes later is counted and dropped. So the picture does not
+depend on the order in which reports came.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from typing import Any, Literal, Self
+
+from coastwatch.batches import Fault, FileContent, Recording, Reports, Sensors
+from coastwatch.scenario import Scenario
+from coastwatch.sensors.recorded.faults import refused
+from coastwatch.server.feeds.address import Address
+from coastwatch.server.feeds.ais import AisDecoder, Receivers
+from coastwatch.server.feeds.asterix import AsterixDecoder
+from coastwatch.server.feeds.decoding import Cut, Decoder
+from coastwatch.server.feeds.json_lines import JsonDecoder
+from coastwatch.server.feeds.transport import Inbox, Receiver
+from coastwatch.stage import Plan
+
+Clock = Literal["wall", "feeds"]
+LOOK_S = 0.05
+SILENT_S = 5.0
+"""With the clock of the feeds: a feed from which nothing has come for so long is not waited for."""
+
+ENDLESS = 100_000_000
+"""Cycles of a live run: ten years of cycles of 3 s."""
+
+
+class _Feed:
+    """One feed: what it received, and its decoder."""
+
+    def __init__(self, inbox: Inbox, decoder: Decoder) -> None:
+        self.inbox, self.decoder = inbox, decoder
+        self.began_s = time.time()
+
+    @property
+    def silent_s(self) -> float:
+        """For how long nothing has come."""
+        return time.time() - max(self.inbox.heard_s, self.began_s)
+
+    def counters(self) -> dict[str, Any]:
+        """Its state for operators."""
+        inbox, decoder = self.inbox, self.decoder
+        faults = decoder.tally.faults()
+        return {
+            "name": inbox.address.name,
+            "connected": bool(inbox.connected),
+            "connections": inbox.connections,
+            "error": inbox.error,
+            "bytes": inbox.size,
+            "received": inbox.received,
+            "records": decoder.records,
+            "refused": sum(fault.count for fault in refused(faults)),
+            "late": decoder.late,
+            "dropped": inbox.dropped,
+            "heard_s": inbox.heard_s or None,
+            "newest_s": decoder.newest_s if math.isfinite(decoder.newest_s) else None,
+            "faults": {fault.kind: fault.count for fault in faults},
+        }
+
+
+class LiveInput:
+    """Feeds as the input of a live run. Use it in a `with` block, in which it receives."""
+
+    def __init__(self, addresses: list[Address], sensors: Sensors, *, clock: Clock = "wall", lateness_s: float = 2.0) -> None:
+        """Raises: AddressError."""
+        self._clock, self._lateness_s = clock, lateness_s
+        self._receiver = Receiver(addresses)
+        self._feeds: list[_Feed] = []
+        ais: list[AisDecoder] = []
+        others: list[AsterixDecoder | JsonDecoder] = []
+        for inbox in self._receiver.inboxes:
+            made: AisDecoder | AsterixDecoder | JsonDecoder
+            if inbox.address.format == "ais":
+                made = AisDecoder(inbox.address.name, len(ais), checked=clock == "wall")
+                ais.append(made)
+            elif inbox.address.format == "asterix":
+                made = AsterixDecoder(inbox.address, sensors.radars)
+                others.append(made)
+            else:
+                made = JsonDecoder(inbox.address, sensors)
+                others.append(made)
+            self._feeds.append(_Feed(inbox, made))
+        self._names = tuple(decoder.name for decoder in ais)
+        self._cuts: list[Cut] = [Receivers(ais).cut, *(decoder.cut for decoder in others)]
+
+    @property
+    def ports(self) -> list[int]:
+        """The port on which each feed listens; 0: it does not."""
+        return [inbox.port for inbox in self._receiver.inboxes]
+
+    def __enter__(self) -> Self:
+        self._receiver.__enter__()
+        return self
+
+    def __exit__(self, *unused: object) -> None:
+        self._receiver.__exit__()
+
+    def begin(self, scenario: Scenario, sensors: Sensors, seed: int, stop: threading.Event) -> tuple[Recording, Plan]:
+        """As `live.Input.begin`. With the clock of the feeds the run begins with the first report, unless the scenario says when."""
+        start_s = float(math.floor(time.time()))
+        if self._clock == "feeds":
+            while not stop.is_set() and not math.isfinite(self._first_s()):
+                self._decode()
+                stop.wait(LOOK_S)
+            first_s = self._first_s()
+            start_s = math.floor(first_s) - 1.0 if math.isfinite(first_s) else start_s
+            if scenario.start_utc is not None:
+                start_s = scenario.start_utc.timestamp()
+        return Recording(self, feeds=self._names), Plan(start_s=start_s, period_s=scenario.period_s, cycles=ENDLESS)
+
+    def due_s(self, until_s: float) -> float:
+        """As `live.Input.due_s`."""
+        return until_s + self._lateness_s if self._clock == "wall" else time.time()
+
+    def wait(self, until_s: float, stop: threading.Event) -> None:
+        """As `live.Input.wait`."""
+        while not stop.is_set():
+            self._decode()
+            left_s = self.due_s(until_s) - time.time()
+            if (self._clock == "wall" and left_s <= 0.0) or (self._clock == "feeds" and self._have_passed(until_s)):
+                return
+            stop.wait(min(max(left_s, 0.001), LOOK_S) if self._clock == "wall" else LOOK_S)
+
+    def between(self, after_s: float, until_s: float) -> Reports:
+        """As `ReportStream.between`."""
+        self._decode()
+        return Reports.merged([cut(after_s, until_s) for cut in self._cuts])
+
+    def head(self) -> Reports:
+        """As `ReportStream.head`: nothing is known ahead."""
+        return Reports.empty()
+
+    def faults(self) -> tuple[Fault, ...]:
+        """As `ReportStream.faults`, with what was late or dropped."""
+        found = [fault for feed in self._feeds for fault in feed.decoder.tally.faults()]
+        for feed in self._feeds:
+            counted = ("report later than its cycle", feed.decoder.late), ("dropped: no room, or too long", feed.inbox.dropped)
+            found += [Fault(kind, count, feed.inbox.address.name, "") for kind, count in counted if count]
+        return tuple(found)
+
+    def contents(self) -> tuple[FileContent, ...]:
+        """As `ReportStream.contents`: there are no files."""
+        return ()
+
+    def feeds(self) -> list[dict[str, Any]]:
+        """As `live.Input.feeds`."""
+        return [feed.counters() for feed in self._feeds]
+
+    def _decode(self) -> None:
+        """Decode what has come since the last call."""
+        about_s = max((feed.decoder.newest_s for feed in self._feeds), default=-math.inf)
+        for feed in self._feeds:
+            items = feed.inbox.taken()
+            if items:
+                feed.decoder.take(items, about_s if self._clock == "feeds" and math.isfinite(about_s) else None)
+                about_s = max(about_s, feed.decoder.newest_s)
+
+    def _first_s(self) -> float:
+        return min((feed.decoder.first_s for feed in self._feeds), default=math.inf)
+
+    def _have_passed(self, until_s: float) -> bool:
+        """Whether every feed that sends has sent something newer than an instant and the lateness; false if none sends."""
+        late = [feed for feed in self._feeds if feed.decoder.newest_s < until_s + self._lateness_s]
+        return all(feed.silent_s > SILENT_S for feed in late) and len(late) < len(self._feeds)

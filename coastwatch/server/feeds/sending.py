@@ -1,0 +1,238 @@
+"""Simulations and recordings over the sockets of live feeds, at 1 to 60 times the speed of the clock: a load generator and a demo."""
+
+from __future__ import annotations
+
+import json
+import math
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, suppress
+from dataclasses import replace
+from functools import partial, reduce
+from operator import xor
+from pathlib import Path
+from typing import Any, Protocol
+
+from coastwatch.batches import AisReports, AisStatics, RadarReports, Reports, Sensors
+from coastwatch.scenario import Scenario
+from coastwatch.sensors.recorded.faults import Tally
+from coastwatch.sensors.recorded.nmea import lines_of
+from coastwatch.sensors.recorded.nmea_sentences import ais_sentences
+from coastwatch.server.feeds.address import Address
+from coastwatch.server.feeds.asterix import datagrams
+
+STEP_S = 0.2
+"""Reports of so much time are sent together."""
+
+LINES_A_DATAGRAM = 10
+CONNECT_S = 20.0
+NO_COURSE, NO_SPEED, NO_STATUS = 360.0, 102.3, 15
+Batch = tuple[float, Callable[[Address], list[bytes]]]
+"""An instant, and what is sent up to it over an address."""
+
+
+class Sender(Protocol):
+    """An open feed. `send` takes whole lines or datagrams."""
+
+    def send(self, items: list[bytes]) -> None: ...
+
+
+def send(
+    batches: Iterator[Batch], addresses: list[Address], speed: float, stop: threading.Event, *, now: bool = False
+) -> dict[str, int]:
+    """Send everything at this speed. Returns: lines or datagrams sent by feed.
+
+    Args: now: the instants are those of the clock; else the first one is now.
+    Raises: OSError where nobody can be reached.
+    """
+    sent = {address.text: 0 for address in addresses}
+    with ExitStack() as stack:
+        senders = [(address, _opened(address, stack)) for address in addresses]
+        origin: tuple[float, float] | None = None
+        for instant_s, encode in batches:
+            origin = origin or (instant_s, instant_s if now else time.time())
+            if stop.wait(max(origin[1] + (instant_s - origin[0]) / speed - time.time(), 0.0)):
+                break
+            for address, sender in senders:
+                items = encode(address)
+                sender.send(items)
+                sent[address.text] += len(items)
+    return sent
+
+
+def of_scenario(scenario: Scenario, sensors: Sensors, *, now: bool, plots_as_json: bool) -> Iterator[Batch]:
+    """The reports of a scenario's input by arrival. Args: now: shift a simulation so that it begins now."""
+    plan = scenario.plan()
+    if now:
+        plan = plan.model_copy(update={"start_s": float(math.ceil(time.time()))})
+    recording = scenario.input.load(sensors, scenario.seed, plan)
+    names = {"plot": sensors.radars.name, "bearing": sensors.sonars.name}
+    before_s, stop_s = plan.start_s, plan.instant_s(plan.cycles - 1)
+    while before_s < stop_s:
+        until_s = before_s + STEP_S
+        part = recording.reports.between(before_s, until_s)
+        as_json = part if plots_as_json else replace(part, radar=RadarReports.empty())
+        yield until_s, partial(_of_formats, {"json": as_json}, part, names)
+        before_s = until_s
+
+
+def _of_formats(special: dict[str, Reports], usual: Reports, names: dict[str, Any], address: Address) -> list[bytes]:
+    return encoded(special.get(address.format, usual), address, names)
+
+
+def of_file(path: Path) -> Iterator[Batch]:
+    """The lines of a recording of AIS sentences by their time stamps. Lines without a time go with the one before."""
+    lines = [line.rstrip(b"\r\n") for line in lines_of(path, Tally())]
+    begin, time_s = 0, -math.inf
+    for found in ais_sentences(lines, path.name, Tally()):
+        stamp_s = found.clock_s if math.isnan(found.own_s) else found.own_s
+        if stamp_s > time_s:
+            if math.isfinite(time_s) and found.line - 1 > begin:
+                yield time_s, _constant(lines[begin : found.line - 1])
+                begin = found.line - 1
+            time_s = stamp_s
+    if begin < len(lines):
+        yield max(time_s, 0.0), _constant(lines[begin:])
+
+
+def _constant(lines: list[bytes]) -> Callable[[Address], list[bytes]]:
+    return lambda address: lines if address.format == "ais" else []
+
+
+def encoded(reports: Reports, address: Address, names: dict[str, Any]) -> list[bytes]:
+    """The reports that a feed of this format carries: AIS sentences, ASTERIX datagrams, or JSON lines of plots and bearings."""
+    if address.format == "asterix":
+        return list(datagrams(reports.radar))
+    if address.format == "ais":
+        return [*_position_lines(reports.ais), *_static_lines(reports.statics)]
+    return list(_json_lines(reports, names))
+
+
+def _position_lines(reports: AisReports) -> Iterator[bytes]:
+    columns = (reports.received_s, reports.time_s, reports.mmsi, *reports.position_deg.T, reports.sog_kn, reports.cog_deg)
+    of_class, status = reports.class_b.tolist(), reports.nav_status.tolist()
+    for k, (received_s, time_s, mmsi, latitude, longitude, sog, cog) in enumerate(
+        zip(*(c.tolist() for c in columns), strict=True)
+    ):
+        said = {
+            "msg_type": 18 if of_class[k] else 1,
+            "mmsi": mmsi,
+            "lat": latitude,
+            "lon": longitude,
+            "speed": NO_SPEED if math.isnan(sog) else min(sog, 102.2),
+            "course": NO_COURSE if math.isnan(cog) else cog % 360.0,
+            "second": int(time_s) % 60,
+        }
+        if not of_class[k]:
+            said["status"] = NO_STATUS if status[k] < 0 else status[k]
+        yield from _sentences(said, received_s)
+
+
+def _static_lines(statics: AisStatics) -> Iterator[bytes]:
+    for k in range(len(statics)):
+        length, beam = (0.0 if math.isnan(x) else float(x) for x in (statics.length_m[k], statics.beam_m[k]))
+        said = {
+            "msg_type": 5,
+            "mmsi": int(statics.mmsi[k]),
+            "shipname": str(statics.name[k]),
+            "callsign": str(statics.call_sign[k]),
+            "ship_type": max(int(statics.ship_type[k]), 0),
+            "to_bow": int(length) - int(length) // 2,
+            "to_stern": int(length) // 2,
+            "to_port": int(beam) - int(beam) // 2,
+            "to_starboard": int(beam) // 2,
+        }
+        yield from _sentences(said, float(statics.received_s[k]))
+
+
+def _sentences(said: dict[str, Any], received_s: float) -> Iterator[bytes]:
+    """The sentences of a message, each after a tag block with its time in milliseconds; those of one message are a group."""
+    from pyais import encode_dict
+
+    found = encode_dict(said, talker_id="AI", sentence_type="VDM", seq_id=said["mmsi"] % 10)
+    for number, sentence in enumerate(found, 1):
+        group = f"g:{number}-{len(found)}-{said['mmsi'] % 10_000}," if len(found) > 1 else ""
+        tag = f"{group}s:sim,c:{round(received_s * 1000)}"
+        yield f"\\{tag}*{reduce(xor, tag.encode()):02X}\\{sentence}".encode()
+
+
+def _json_lines(reports: Reports, names: dict[str, Any]) -> Iterator[bytes]:
+    radar, bearing = reports.radar, reports.bearing
+    for k in range(len(radar)):
+        said = {"type": "plot", "radar": str(names["plot"][radar.sensor[k]]), "time": float(radar.time_s[k])}
+        yield json.dumps(
+            {**said, "range_m": float(radar.range_m[k]), "azimuth_deg": float(radar.azimuth_deg[k]) % 360.0}
+        ).encode()
+    for k in range(len(bearing)):
+        said = {"type": "bearing", "sonar": str(names["bearing"][bearing.sensor[k]]), "time": float(bearing.time_s[k])}
+        said |= {"bearing_deg": float(bearing.bearing_deg[k]) % 360.0}
+        if bearing.contact[k] >= 0:
+            said["contact"] = int(bearing.contact[k])
+        yield json.dumps(said).encode()
+
+
+class _Datagrams:
+    def __init__(self, address: Address, stack: ExitStack) -> None:
+        self._whole, self._to = address.format == "asterix", (address.host, address.port)
+        self._socket = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+
+    def send(self, items: list[bytes]) -> None:
+        step = 1 if self._whole else LINES_A_DATAGRAM
+        for low in range(0, len(items), step):
+            with suppress(ConnectionRefusedError):  # nobody listens yet
+                self._socket.sendto(b"\r\n".join(items[low : low + step]), self._to)
+
+
+class _Stream:
+    """A stream that is opened again when it breaks; what was being sent is lost."""
+
+    def __init__(self, address: Address, stack: ExitStack) -> None:
+        self._address = address
+        self._socket = _connection(address)
+        stack.callback(lambda: self._socket.close())
+
+    def send(self, items: list[bytes]) -> None:
+        if not items:
+            return
+        try:
+            self._socket.sendall(b"\r\n".join([*items, b""]))
+        except OSError:
+            self._socket.close()
+            self._socket = _connection(self._address)
+
+
+class _File:
+    def __init__(self, address: Address, stack: ExitStack) -> None:
+        self._file = stack.enter_context(Path(address.path).open("ab"))  # noqa: SIM115 (the stack closes it)
+
+    def send(self, items: list[bytes]) -> None:
+        if items:
+            self._file.write(b"\r\n".join([*items, b""]))
+            self._file.flush()
+
+
+def _opened(address: Address, stack: ExitStack) -> Sender:
+    if address.transport == "udp":
+        return _Datagrams(address, stack)
+    return _File(address, stack) if address.transport == "file" else _Stream(address, stack)
+
+
+def _connection(address: Address) -> socket.socket:
+    """A stream: to a listener, tried until it is there, or of the first that connects. Raises: OSError that names the address."""
+    if address.transport == "listen":
+        with socket.create_server((address.host, address.port)) as server:
+            server.settimeout(CONNECT_S)
+            try:
+                return server.accept()[0]
+            except TimeoutError as error:
+                raise OSError(f"{address.text}: nobody has connected in {CONNECT_S:.0f} s") from error
+    until_s = time.monotonic() + CONNECT_S
+    while True:
+        try:
+            return socket.create_connection((address.host, address.port), timeout=CONNECT_S)
+        except OSError as error:
+            if time.monotonic() > until_s:
+                raise OSError(f"{address.text}: {error.strerror or error}") from error
+            time.sleep(0.2)

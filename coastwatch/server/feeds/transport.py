@@ -1,0 +1,231 @@
+"""Bytes of live feeds over TCP, UDP and files: asyncio in a thread of its own, with one bounded inbox for each feed.
+
+A full inbox stops the reading of a stream, so that its sender waits. Datagrams that do not fit are dropped and counted.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import socket
+import threading
+import time
+from collections import deque
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Self
+
+from coastwatch.server.feeds.address import Address
+
+MOST_ITEMS = 200_000
+"""Lines or datagrams that may wait in an inbox."""
+
+LONGEST_LINE = 65_536
+READ_BYTES = 65_536
+FIRST_RETRY_S, LAST_RETRY_S = 0.5, 15.0
+FULL_WAIT_S, TAIL_WAIT_S = 0.02, 0.2
+DATAGRAM_BUFFER = 4 << 20  # bytes that the system may hold while Python computes
+
+Item = tuple[float, bytes]
+"""When a line or datagram came, Unix time, and its bytes."""
+
+
+@dataclass
+class Inbox:
+    """What a feed has received and nobody has taken yet, and its counters."""
+
+    address: Address
+    size: int = 0  # bytes
+    received: int = 0  # lines or datagrams
+    dropped: int = 0  # lines too long, datagrams without room
+    connections: int = 0  # made so far
+    connected: int = 0  # now
+    error: str | None = None  # of the last attempt
+    heard_s: float = 0.0  # when something came last
+    port: int = 0  # on which it listens
+    _items: deque[Item] = field(default_factory=deque)
+
+    @property
+    def is_full(self) -> bool:
+        """Whether it takes nothing more for now."""
+        return len(self._items) >= MOST_ITEMS
+
+    def put(self, lines: list[bytes], size: int) -> None:
+        """Add lines or datagrams that have just come. Args: size: bytes received."""
+        now_s = time.time()
+        self.size, self.heard_s = self.size + size, now_s
+        self.received += len(lines)
+        self._items.extend((now_s, line) for line in lines)
+
+    def taken(self) -> list[Item]:
+        """All that waits, in order of arrival."""
+        out = []
+        with suppress(IndexError):
+            while True:
+                out.append(self._items.popleft())
+        return out
+
+
+class Receiver:
+    """Receives all feeds in a thread. Use it in a `with` block."""
+
+    def __init__(self, addresses: list[Address]) -> None:
+        self.inboxes = [Inbox(address) for address in addresses]
+        self._opened = threading.Event()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._thread = threading.Thread(target=lambda: asyncio.run(self._receive()), name="feeds")
+        self._failed: OSError | None = None
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        self._opened.wait()
+        if self._failed is not None:
+            self._thread.join()
+            raise self._failed
+        return self
+
+    def __exit__(self, *unused: object) -> None:
+        if self._loop is not None:
+            with suppress(RuntimeError):  # it has ended
+                self._loop.call_soon_threadsafe(self._ended.set)
+        self._thread.join()
+
+    async def _receive(self) -> None:
+        self._loop, self._ended = asyncio.get_running_loop(), asyncio.Event()
+        closers: list[Any] = []
+        tasks: list[asyncio.Task[None]] = []
+        try:
+            for inbox in self.inboxes:
+                if inbox.address.transport in ("listen", "udp"):
+                    closers.append(await _opened(inbox))
+                else:
+                    read = _connected if inbox.address.transport == "tcp" else _tailed
+                    tasks.append(asyncio.create_task(read(inbox)))
+        except OSError as error:
+            self._failed = error
+        self._opened.set()
+        try:
+            if self._failed is None:
+                await self._ended.wait()
+        finally:
+            for closer in closers:
+                closer.close()
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def _opened(inbox: Inbox) -> Any:
+    """A listening socket of a feed. Raises: OSError that names its address."""
+    address, loop = inbox.address, asyncio.get_running_loop()
+    try:
+        if address.transport == "listen":
+            server = await asyncio.start_server(
+                lambda r, w: _accepted(inbox, r, w), address.host, address.port, limit=READ_BYTES
+            )
+            inbox.port = server.sockets[0].getsockname()[1]
+            return server
+        transport, _ = await loop.create_datagram_endpoint(lambda: _Datagrams(inbox), (address.host, address.port))
+    except OSError as error:
+        raise OSError(f"feed {address.text}: {error.strerror or error}") from error
+    found = transport.get_extra_info("socket")
+    with suppress(OSError):
+        found.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, DATAGRAM_BUFFER)
+    inbox.port, inbox.connected = found.getsockname()[1], 1
+    return transport
+
+
+class _Datagrams(asyncio.DatagramProtocol):
+    """Datagrams of one feed, of lines or of ASTERIX."""
+
+    def __init__(self, inbox: Inbox) -> None:
+        self._inbox, self._whole = inbox, inbox.address.format == "asterix"
+
+    def datagram_received(self, data: bytes, addr: Any) -> None:
+        if self._inbox.is_full:
+            self._inbox.dropped += 1
+            return
+        self._inbox.put([data] if self._whole else data.splitlines(), len(data))
+
+
+async def _accepted(inbox: Inbox, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    """Read one sender that has connected."""
+    inbox.connections += 1
+    inbox.connected += 1
+    try:
+        await _read(inbox, reader)
+    except OSError as error:
+        inbox.error = str(error)
+    except asyncio.CancelledError:
+        pass  # the receiver ends; Python 3.11 would print a traceback for a handler that was cancelled
+    finally:
+        inbox.connected -= 1
+        writer.close()
+
+
+async def _connected(inbox: Inbox) -> None:
+    """Connect to a sender, read it, and connect again when it is gone."""
+    address, wait_s = inbox.address, FIRST_RETRY_S
+    while True:
+        try:
+            reader, writer = await asyncio.open_connection(address.host, address.port, limit=READ_BYTES)
+            inbox.connections, inbox.connected, inbox.error, wait_s = inbox.connections + 1, 1, None, FIRST_RETRY_S
+            try:
+                await _read(inbox, reader)
+                inbox.error = "the sender closed the connection"
+            finally:
+                inbox.connected = 0
+                writer.close()
+        except OSError as error:
+            inbox.error = str(error.strerror or error)
+        await asyncio.sleep(wait_s)
+        wait_s = min(2.0 * wait_s, LAST_RETRY_S)
+
+
+async def _read(inbox: Inbox, reader: asyncio.StreamReader) -> None:
+    """Read lines to the end of a stream. A line that is too long is dropped up to its end."""
+    rest = b""
+    while data := await reader.read(READ_BYTES):
+        rest = _put_lines(inbox, rest + data, len(data))
+        while inbox.is_full:
+            await asyncio.sleep(FULL_WAIT_S)
+    if rest:
+        inbox.put([rest], 0)
+
+
+def _put_lines(inbox: Inbox, data: bytes, size: int) -> bytes:
+    """Put the whole lines into the inbox. Returns: the beginning of the next one."""
+    *lines, rest = data.split(b"\n")
+    good = [line for line in lines if len(line) <= LONGEST_LINE]
+    inbox.dropped += len(lines) - len(good)
+    inbox.put(good, size)
+    return rest if len(rest) <= LONGEST_LINE else rest[: LONGEST_LINE + 1]  # so long that it is dropped, whatever follows
+
+
+async def _tailed(inbox: Inbox) -> None:
+    """Read what is added to a file, from its end on; from the beginning where the file is replaced or `from=start` is given."""
+    path, at_start, rest = Path(inbox.address.path), inbox.address.options.get("from") == "start", b""
+    identity: tuple[int, int] | None = None
+    position = 0
+    while True:
+        try:
+            found = os.stat(path)
+            if identity is None:
+                position = 0 if at_start else found.st_size
+            if identity != (found.st_dev, found.st_ino) or found.st_size < position:
+                position, rest = (position, b"") if identity is None else (0, b"")
+                identity, inbox.connections = (found.st_dev, found.st_ino), inbox.connections + 1
+            inbox.connected, inbox.error = 1, None
+            if found.st_size > position and not inbox.is_full:
+                with path.open("rb") as stream:
+                    stream.seek(position)
+                    data = stream.read(16 * READ_BYTES)
+                position += len(data)
+                rest = _put_lines(inbox, rest + data, len(data))
+                await asyncio.sleep(0)
+                continue
+        except OSError as error:
+            inbox.connected, inbox.error = 0, str(error.strerror or error)
+            at_start = True  # a file that comes is read whole
+        await asyncio.sleep(TAIL_WAIT_S)
