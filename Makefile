@@ -9,7 +9,7 @@ TEST = $(BIN)/python -m pytest -n auto --maxprocesses 8 --dist loadfile --no-loa
 export UV_PROJECT_ENVIRONMENT = .venv
 
 # Node of the package index comes first where it was installed.
-NODE_PATH = PATH="$(CURDIR)/$(BIN):$$PATH"
+WITH_NODE = PATH="$(CURDIR)/$(BIN):$$PATH"
 
 .PHONY: demo web screenshot test test-all check bench docs clean .warm-all .warm-ahead .web-if-possible
 
@@ -34,10 +34,10 @@ NODE_PATH = PATH="$(CURDIR)/$(BIN):$$PATH"
 web: $(PAGE)  ## build the page of the map with npm and node 20 or newer, of the system or of the package index
 
 $(PAGE): $(wildcard web/*.* web/src/*) | .venv/.ready
-	@$(NODE_PATH) node --eval 'process.exit(parseInt(process.versions.node) < 20)' 2>/dev/null \
+	@$(WITH_NODE) node --eval 'process.exit(parseInt(process.versions.node) < 20)' 2>/dev/null \
 		|| $(BIN)/uv pip install --quiet "$(NODE_WHEEL)"
-	@cd web && $(NODE_PATH) npm ci --ignore-scripts --no-audit --no-fund --silent
-	@cd web && $(NODE_PATH) node build.mjs
+	@cd web && $(WITH_NODE) npm ci --ignore-scripts --no-audit --no-fund --silent
+	@cd web && $(WITH_NODE) node build.mjs
 	@touch $@
 
 # The page where npm can be reached; a server without it answers with a plain page that says so.
