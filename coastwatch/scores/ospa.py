@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
+from coastwatch.batches import Floats
 from coastwatch.scores.gospa import Gospa
 
 
@@ -30,3 +33,27 @@ def ospa(assigned: Gospa, cutoff_m: float, order: float) -> Ospa:
     near = (assigned.localisation + fewer * cutoff_m**order) / most
     missing = (more - fewer) * cutoff_m**order / most
     return Ospa((near + missing) ** (1.0 / order), near ** (1.0 / order), missing ** (1.0 / order))
+
+
+def ospa2(estimate_m: Floats, true_m: Floats, cutoff_m: float, order: float) -> float:
+    """OSPA(2): the OSPA distance of two sets of tracks over a window, m.
+
+    The distance of two tracks is the mean, over the instants at which one of them exists, of their distance up to the cut-off. It is
+    the cut-off where only one exists. Args: estimate_m: (N, T, 2), true_m: (V, T, 2), NaN where a track does not exist.
+    Source: M. Beard, B. T. Vo, B.-N. Vo, A Solution for Large-Scale Multi-Object Tracking, 2020, section V.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    there = [np.isfinite(tracks[..., 0]) for tracks in (estimate_m, true_m)]
+    estimate_m, true_m = (tracks[exists.any(axis=1)] for tracks, exists in zip((estimate_m, true_m), there, strict=True))
+    one, other = (np.isfinite(tracks[..., 0]) for tracks in (estimate_m, true_m))
+    n, v = len(estimate_m), len(true_m)
+    if max(n, v) == 0:
+        return 0.0
+    either, both = one[:, None] | other, one[:, None] & other
+    apart = np.full(both.shape, cutoff_m)
+    apart[both] = np.minimum(np.hypot(*(estimate_m[:, None] - true_m)[both].T), cutoff_m)
+    base = np.where(either, apart, 0.0).sum(axis=2) / either.sum(axis=2)
+    row, column = linear_sum_assignment(base**order)
+    total = (base[row, column] ** order).sum() + abs(n - v) * cutoff_m**order
+    return float((total / max(n, v)) ** (1.0 / order))

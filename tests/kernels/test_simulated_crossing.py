@@ -78,3 +78,21 @@ def test_a_change_of_clutter_moves_no_vessel():
     assert np.array_equal(one.truth.position_deg, other.truth.position_deg)
     mine = other.reports.radar.origin >= 0
     assert np.array_equal(one.reports.radar.range_m, other.reports.radar.range_m[mine])
+
+
+def test_a_family_has_the_births_the_looks_and_the_intervals_that_are_set():
+    """Births within 50 s, a look every second cycle, AIS every 12 s below 14 kn and every 3 s above 23 kn."""
+    scenario = load_scenario("sagild-normal", {"input.count": "80", "input.births_within_s": "50", "input.speed_to_m_s": "20"})
+    recording = scenario.input.load(scenario.sensors(), 3, scenario.plan())
+    truth, ais, start = recording.truth, recording.reports.ais, scenario.plan().instant_s(0)
+    born = truth.time_s[truth.present.argmax(axis=1)] - start
+    assert 0.0 <= born.min() < 10.0 < 40.0 < born.max() <= 50.5
+    assert set((recording.reports.radar.time_s - start) % 2.0) == {0.0}
+    outside = np.hypot(*np.moveaxis(to_plane(truth.position_deg, scenario.sensors().radars.site_deg[0]), -1, 0)) > 1000.01
+    assert not (outside & truth.present).any()
+    gap = [np.diff(ais.time_s[ais.origin == v]) for v in range(80)]
+    speed = [np.hypot(*truth.velocity_m_s[v, truth.present[v]].T) for v in range(80)]
+    slow = np.concatenate([g for g, s in zip(gap, speed, strict=True) if s.max() < 7.0])
+    fast = np.concatenate([g for g, s in zip(gap, speed, strict=True) if s.min() > 12.0])
+    assert 10.8 <= slow.min() <= slow.max() <= 13.2
+    assert 2.7 <= fast.min() <= fast.max() <= 3.3

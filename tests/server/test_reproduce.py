@@ -78,6 +78,26 @@ def test_the_tracks_of_few_targets_are_scored_beside_the_bound(tmp_path: Path) -
     assert numbers["scenarios"]["hem-figure-2"]["orderings"][0]["less"] == "sequential"
 
 
+def test_methods_side_by_side_and_two_filters_are_reported(tmp_path: Path) -> None:
+    few = {"synchronous": ("ais_messages=60",), "figure-11-2": ("ais_messages=12",), "normal": ("cycles=12",)}
+    for name, short in few.items():
+        folders = published.chosen("sagild", (name,))
+        plan, kept = planning.plan(folders, 2 if name != "normal" else 1, "test", short), FinishedRuns(str(tmp_path))
+        running.carry_out(kept, planning.unlike(plan), 1, quiet)
+        made = report.made("sagild", folders, plan, kept, "coastwatch reproduce sagild")
+        page = report.written_page(kept, made).read_text("utf-8")
+        assert "data:image/svg+xml;base64," in page
+        assert report.written_numbers(kept, made).exists()
+        if name == "synchronous":
+            exact = {row.figure.name: row.bound.mean for row in made.folders[0].rows if row.figure.bound}
+            assert exact["ANEES, dependent, noise 3, radar 20"] == pytest.approx(4.0, abs=1e-3)
+            assert any(">exact<" in part for part in page.split("th"))
+        if name == "normal":
+            record = made.folders[0].made[0].records[0]["scores"]
+            assert len(record["pairs"]) == len(folders["sagild-normal"].side_by_side.associations)
+            assert all(one["tp"] + one["tn"] >= 0 for one in record["pairs"].values())
+
+
 # ---- what runs ------------------------------------------------------------------------------------------------------
 
 

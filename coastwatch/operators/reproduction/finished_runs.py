@@ -16,6 +16,7 @@ from coastwatch.shipped import PACKAGE
 MEASURING = (
     "cycle_statistics.py",
     "measuring.py",
+    "side_by_side.py",
     "targets.py",
     "two_filters.py",
 )  # of this folder; the others only present the records

@@ -13,6 +13,7 @@ from pydantic import ValidationError
 
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.reproduction.published import Point, Published, Roc, Targets, Variant, settings_of
+from coastwatch.operators.reproduction.side_by_side import SideBySide
 from coastwatch.operators.reproduction.two_filters import TwoFilters
 from coastwatch.scenario import Scenario, ScenarioError, load_scenario
 from coastwatch.scenario.refusing import refusals
@@ -33,6 +34,7 @@ class Job:
     roc: Roc | None = None  # settings of the statistics of all pairs
     serial: bool = False
     targets: Targets | None = None
+    side_by_side: SideBySide | None = None
 
     @property
     def scenario(self) -> Scenario:
@@ -114,7 +116,8 @@ def _job(of: Published, subject: Scenario | TwoFilters, seed: int, roc: Roc | No
         "roc": roc and roc.model_dump(mode="json"),
         "serial": of.serial,
         "targets": of.targets and of.targets.model_dump(mode="json"),
+        **({"side_by_side": of.side_by_side.model_dump(mode="json")} if of.side_by_side else {}),
         "code": code,
     }
     key = hashlib.sha256(json.dumps(decides, sort_keys=True).encode()).hexdigest()[:20]
-    return Job(key, subject, seed, of.history_s, of.picture, roc, of.serial, of.targets)
+    return Job(key, subject, seed, of.history_s, of.picture, roc, of.serial, of.targets, of.side_by_side)

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from coastwatch.operators.bad_input import BadInput
+from coastwatch.operators.reproduction.side_by_side import SideBySide
 from coastwatch.operators.reproduction.two_filters import TwoFilters
 from coastwatch.scenario.refusing import refusals
 from coastwatch.shipped import scenarios_folder
@@ -90,10 +91,11 @@ class Published(Settings):
     history_s: tuple[float, ...] = ()  # times after a cold start at which decisions are counted separately
     picture: bool = False  # draw the picture
     targets: Targets | None = None  # score radar tracks alone
+    side_by_side: SideBySide | None = None  # score several methods on the same tracks
     two_filters: TwoFilters | None = None  # two filters of one target in place of a scenario; settings are theirs
     bound_name: str = "bound"  # heading of that column
     plots: tuple[
-        Literal["picture", "time_shares", "noise", "history", "roc", "convergence", "anees", "targets", "steps"], ...
+        Literal["picture", "time_shares", "noise", "history", "roc", "convergence", "anees", "pairs", "targets", "steps"], ...
     ] = ()
     short: tuple[str, ...] = ()  # settings of a quick test
     sweep: dict[str, tuple[Value, ...]] = Field(default_factory=dict)

@@ -221,6 +221,22 @@ def _errors(axes: Axes, x: Sequence[float], found: Sequence[Spread], label: str,
     axes.errorbar(x, [s.mean for s in found], np.nan_to_num(error), label=label, color=colour, capsize=3)
 
 
+def _pairs(of: Published, made: Sequence[Made]) -> list[tuple[str, str]]:
+    """True positive rate, and time of the first right association, against false positive rate; a panel pair each variant."""
+    figure, panels = _panels(2 * len(made))
+    for one, (rates, times) in zip(made, zip(panels[::2], panels[1::2], strict=True), strict=True):
+        for name in one.records[0]["scores"]["pairs"]:
+            wrong, right, waited = (
+                Spread(values(one.records, f"pairs.{name}.{key}")).mean for key in ("fpr", "tpr", "initialisation_s")
+            )
+            for axes, y in ((rates, right), (times, waited)):
+                axes.plot(wrong, y, ".", color=OURS if name.startswith("window") else INK)
+                axes.annotate(name, (wrong, y), fontsize=6, color=INK)
+        _label(rates, one.wanted.variant.title, "false positive rate", "true positive rate")
+        _label(times, one.wanted.variant.title, "false positive rate", "first right association, s")
+    return [(_uri(figure), "Every method on the same tracks; means over runs. Blue: windowed_covariance by threshold.")]
+
+
 def _fusions(records: Sequence[Record]) -> list[str]:
     return list(records[0]["scores"]["two_filters"])
 
@@ -258,4 +274,5 @@ KINDS: dict[str, Callable[[Published, Sequence[Made]], list[tuple[str, str]]]] =
     "anees": _anees,
     "targets": _targets,
     "steps": _steps,
+    "pairs": _pairs,
 }

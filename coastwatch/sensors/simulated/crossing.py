@@ -13,19 +13,21 @@ from pydantic import Field
 
 from coastwatch.batches import AisReports, Bools, Floats, RadarReports, Recording, Reports, Sensors, Trajectories
 from coastwatch.batches.reports import AisStatics, BearingReports
-from coastwatch.geodesy import from_plane
+from coastwatch.geodesy import KNOT_M_S, from_plane
 from coastwatch.stage import Method, Plan
 
 MOTION, DETECTION, CLUTTER, AIS = 61, 62, 63, 64  # streams of random numbers
 STEP_S = 0.5  # of the true motion
-HEADING_RAD = np.radians(20.0)  # greatest angle off the centre at the start
 TURN_BACK_RAD, TURN_BACK_RAD_S = np.radians(35.0), 0.06  # a vessel farther off than this turns back until it has been near
 NEAR_M = 50.0  # of the centre
+SLACK_M = 1e-6  # so that a vessel on the edge is inside
+FAST_KN, FASTER_KN = 14.0, 23.0  # ITU-R M.1371: speeds from which AIS reports more often
 FIRST_MMSI = 257_000_000
-LATE_S = 10.0  # when the last two fifths of the vessels start
+LATE_S = 10.0  # where `births_within_s` is not given: when the last two fifths of the vessels start
 
 Probability = Annotated[float, Field(ge=0.0, le=1.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
+Interval = Annotated[float, Field(gt=0.0)]
 
 
 class Crossing(Method):
@@ -36,8 +38,15 @@ class Crossing(Method):
     radius_m: Annotated[float, Field(gt=100.0)] = 500.0
     speed_from_m_s: NotNegative = 4.0
     speed_to_m_s: NotNegative = 12.0
+    heading_deg: Annotated[float, Field(ge=0.0, le=90.0)] = 20.0  # greatest angle off the centre at the start
+    births_within_s: NotNegative | None = (
+        None  # vessels start evenly in this time; none: three fifths at once, the others after 10 s
+    )
+    returns: bool = True  # vessels turn back towards the centre until they were near; false: they go where noise takes them
     noise_m2_s3: NotNegative = 0.01  # density of the white acceleration
     turns_per_s: NotNegative = 1.0 / 30.0  # rate at which a vessel begins a turn of 0.02 to 0.12 rad/s and 5 to 15 s
+    looks_every: Annotated[int, Field(ge=1)] = 1  # cycles between two turns of the radar
+    range_sigma_m: NotNegative | None = None  # true noise of the radar's range; none: as the radar states
     detection_probability: Probability = 0.9  # of a visible vessel, in one turn of the radar
     clutter_per_m2: NotNegative = 5e-7  # false plots in one turn
     echo_sigma_m: NotNegative = 6.6  # of the echo's place on a vessel, per axis, on top of the radar's noise
@@ -45,6 +54,7 @@ class Crossing(Method):
     show_share: Probability = 0.52  # of the invisible vessels that become visible in a turn
     ais_share: Probability = 0.5  # of the vessels
     ais_interval_s: Annotated[float, Field(gt=0.0)] = 6.0  # give or take a tenth
+    ais_fast_intervals_s: tuple[Interval, Interval] | None = None  # of vessels of 14 to 23 kn, and above; none: as all others
     ais_sigma_m: NotNegative = 3.0  # per axis
     wrong_id_share: Probability = 0.01  # of the messages
 
@@ -86,12 +96,13 @@ class Crossing(Method):
         root = np.linalg.cholesky(np.array([[STEP_S**3 / 3.0, STEP_S**2 / 2.0], [STEP_S**2 / 2.0, STEP_S]]))
         for vessel in range(self.count):
             azimuth, speed = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(self.speed_from_m_s, self.speed_to_m_s)
-            course = azimuth + np.pi + rng.uniform(-HEADING_RAD, HEADING_RAD)
+            course = azimuth + np.pi + np.radians(rng.uniform(-self.heading_deg, self.heading_deg))
             place, velocity = self.radius_m * _unit(azimuth), speed * _unit(course)
             rate, until_s, near = 0.0, 0.0, False
-            first = 0 if vessel < 3 * self.count // 5 else int(LATE_S / STEP_S)
+            first = self._first_step(rng, vessel)
+            slack = 20.0 if self.returns else SLACK_M
             for k in range(first, steps):
-                if np.hypot(*place) > self.radius_m + (0.0 if near else 20.0):
+                if np.hypot(*place) > self.radius_m + (0.0 if near and self.returns else slack):
                     break
                 out[vessel, k] = *place, *velocity
                 near |= bool(np.hypot(*place) < NEAR_M)
@@ -104,13 +115,19 @@ class Crossing(Method):
                 velocity = _turned(velocity, 2.0 * half) + noise[:, 1]
         return out
 
+    def _first_step(self, rng: np.random.Generator, vessel: int) -> int:
+        """At which a vessel starts."""
+        if self.births_within_s is not None:
+            return int(np.ceil(rng.uniform(0.0, self.births_within_s) / STEP_S))
+        return 0 if vessel < 3 * self.count // 5 else int(LATE_S / STEP_S)
+
     def _next_turn(
         self, rng: np.random.Generator, place: Floats, velocity: Floats, near: bool, now_s: float
     ) -> tuple[float, float]:
         """The turn rate from now on, and until when."""
         angle = np.arctan2(-place[1], -place[0]) - np.arctan2(velocity[1], velocity[0])
         off = float(np.angle(np.exp(1j * angle)))
-        if not near and abs(off) > TURN_BACK_RAD:
+        if self.returns and not near and abs(off) > TURN_BACK_RAD:
             return float(np.sign(off)) * TURN_BACK_RAD_S, now_s + abs(off) / TURN_BACK_RAD_S
         if rng.random() < STEP_S * self.turns_per_s:
             rate = float(rng.choice([-1.0, 1.0])) * rng.uniform(0.02, 0.12)
@@ -120,14 +137,15 @@ class Crossing(Method):
     def _plots(self, sensors: Sensors, seed: int, state: Floats, plan: Plan) -> RadarReports:
         radars, rng, other = sensors.radars, np.random.default_rng([seed, DETECTION]), np.random.default_rng([seed, CLUTTER])
         visible = rng.random(self.count) < _steady_share(self.hide_share, self.show_share)
+        range_sigma_m = float(radars.range_sigma_m[0]) if self.range_sigma_m is None else self.range_sigma_m
         place, time, origin = [], [], []
-        for cycle in range(plan.cycles):
+        for cycle in range(0, plan.cycles, self.looks_every):
             now_s = plan.instant_s(cycle)
             here = state[:, round((now_s - plan.instant_s(0)) / STEP_S), :2]
             seen = np.isfinite(here[:, 0]) & visible & (rng.random(self.count) < self.detection_probability)
             false = other.poisson(self.clutter_per_m2 * np.pi * self.radius_m**2)
             distance, azimuth = self.radius_m * np.sqrt(other.random(false)), other.uniform(0.0, 2.0 * np.pi, false)
-            echo = self._measured(here[seen], radars.range_sigma_m[0], radars.azimuth_sigma_rad[0], rng)
+            echo = self._measured(here[seen], range_sigma_m, radars.azimuth_sigma_rad[0], rng)
             place.append(np.concatenate([echo, distance[:, None] * np.column_stack([np.sin(azimuth), np.cos(azimuth)])]))
             time.append(np.full(len(place[-1]), now_s))
             origin.append(np.concatenate([np.flatnonzero(seen), np.full(false, -1)]))
@@ -154,6 +172,12 @@ class Crossing(Method):
         noise += azimuth_sigma_rad * distance * rng.standard_normal(distance.shape) * across
         return np.asarray(place + noise)
 
+    def _interval_s(self, state: Floats) -> float:
+        """Until the next message of a vessel in this state, (4,); NaN: it is absent."""
+        if self.ais_fast_intervals_s is None or not np.hypot(*state[2:]) >= FAST_KN * KNOT_M_S:
+            return self.ais_interval_s
+        return self.ais_fast_intervals_s[int(np.hypot(*state[2:]) >= FASTER_KN * KNOT_M_S)]
+
     def _messages(self, seed: int, state: Floats, first_s: float, site_deg: Floats) -> AisReports:
         rng, rows = np.random.default_rng([seed, AIS]), []
         for vessel in range(self.count):
@@ -167,7 +191,7 @@ class Crossing(Method):
                     wrong = rng.random() < self.wrong_id_share
                     mmsi = int(rng.integers(200_000_000, 800_000_000)) if wrong else FIRST_MMSI + vessel
                     rows.append((time_s, *(here + self.ais_sigma_m * rng.standard_normal(2)), mmsi, vessel))
-                time_s += self.ais_interval_s * rng.uniform(0.9, 1.1)
+                time_s += self._interval_s(state[vessel, int(step)]) * rng.uniform(0.9, 1.1)
         found = np.array(sorted(rows), np.float64).reshape(-1, 5)
         unknown, time = np.full(len(found), np.nan), first_s + found[:, 0]
         return AisReports(
