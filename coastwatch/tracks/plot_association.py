@@ -56,7 +56,7 @@ class NearestNeighbour:
     def end_slice(self, memory: RadarMemory, radars: RadarColumns, ours: Ints, time_s: float) -> RadarMemory:
         """Confirm tracks with enough hits, and delete those with too many misses. Args: as of `RegionTracker`."""
         table = memory.table
-        given = table.life, table.estimates, table.live, radars, self.management.rules, time_s
+        given = table.life, table.estimates, table.live, radars, ours, self.management.rules, time_s
         lost = kernels.tracks.track_life.confirm_and_find_lost(*given)
         return replace(memory, table=table.without(lost)) if lost.any() else memory
 

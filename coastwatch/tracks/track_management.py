@@ -35,6 +35,9 @@ class TrackManagement(Settings):
     delete_misses: Count = 5  # looks in a row
     misses_per_hit: Positive = 0.5  # a track ends after this many misses for each hit, at most `delete_misses`
     look_slack: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.1  # a look is counted as over after 1 + look_slack turns
+    own_looks: bool = (
+        False  # each radar counts its own looks: a new track those of radars that saw it, others by what they missed
+    )
     coast_s: Positive = 30.0  # longest time without a plot, also outside the range of every radar
     merge_probability: Probability = 0.99  # that two tracks of one vessel pass the test for duplicates
     merge_looks: Count = 3  # turns after which the younger of two such tracks is deleted
@@ -51,7 +54,7 @@ class TrackManagement(Settings):
     def rules(self) -> LifeRules:
         """The settings of confirmation and deletion as the kernel takes them."""
         first = self.confirm_hits, self.confirm_looks, self.delete_misses
-        return LifeRules(*first, self.misses_per_hit, self.look_slack, self.coast_s)
+        return LifeRules(*first, self.misses_per_hit, self.look_slack, self.coast_s, self.own_looks)
 
 
 def remove_duplicates(

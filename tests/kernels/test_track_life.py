@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from tracker_world import columns_of, estimates_of
@@ -11,7 +12,8 @@ from coastwatch.kernels.tracks.columns import CONFIRMED, SINGLE, RadarColumns, T
 from coastwatch.kernels.tracks.duplicates import possible_duplicates
 from coastwatch.kernels.tracks.track_life import LifeRules, confirm_and_find_lost, record
 
-RULES = LifeRules(4, 5, 5, 0.5, 0.1, 30.0)
+RULES = LifeRules(4, 5, 5, 0.5, 0.1, 30.0, own_looks=False)
+BOTH = np.arange(2)
 NOW = 20.0
 
 
@@ -47,10 +49,28 @@ def test_the_lost_are_those_without_hits_in_their_looks(n, seed):
     lost = np.where(status == CONFIRMED, missed >= np.minimum(5, np.ceil(0.5 * life.hits)), age >= tries)
     lost |= estimates.time < NOW - 30.0
     before = life.status.copy()
-    got = confirm_and_find_lost(life, estimates, rows, radars, RULES, NOW)
+    got = confirm_and_find_lost(life, estimates, rows, radars, BOTH, RULES, NOW)
     assert np.array_equal(got, lost[rows])
     assert np.array_equal(life.status[rows], status[rows])
     assert np.array_equal(np.delete(life.status, rows), np.delete(before, rows))
+
+
+@pytest.mark.parametrize("own_looks", [False, True])
+@pytest.mark.parametrize(("hits", "status"), [(1, SINGLE), (3, 1), (20, CONFIRMED)])
+def test_a_radar_that_turns_fast_does_not_delete_what_another_sees(own_looks, hits, status):
+    """One radar turns 120 times a minute and never saw the track; the other saw it 2.9 s ago, in its turn of 3 s."""
+    radars = RadarColumns(np.zeros((2, 2)), np.full(2, 5000.0), np.array([0.5, 3.0]), np.array([NOW, NOW]))
+    estimates = estimates_of(1, 1)
+    estimates.time[:] = NOW - 2.9
+    started = np.array([NOW - 2.9 - 3.0 * (hits - 1)])
+    life = TrackLife(
+        np.array([status]), np.array([hits]), started, np.array([[-np.inf, NOW - 2.9]]), np.zeros((1, 5), np.int64)
+    )
+    rules = RULES._replace(own_looks=own_looks)
+    assert confirm_and_find_lost(life, estimates, np.zeros(1, np.int64), radars, BOTH, rules, NOW)[0] != own_looks
+    estimates.time[:] = life.radar_time[0, 1] = NOW - 3.0 * 5.2
+    life.started[:] -= 3.0 * 5.2
+    assert confirm_and_find_lost(life, estimates, np.zeros(1, np.int64), radars, BOTH, rules, NOW)[0], "its own looks end it"
 
 
 def test_plots_are_recorded_in_their_order():
