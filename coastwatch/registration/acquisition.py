@@ -82,7 +82,7 @@ def decide_all(
         # The first interval differs from radar to radar, so that later decisions are spread over cycles.
         new.decided_s[r] = time_s if np.isfinite(elapsed_s) else time_s - rules.decision_s * r / len(voters)
         new.begun_s[r] = min(former.begun_s[r], time_s)
-        if after[r].histogram.any():
+        if len(after[r].counts):
             enough = compared[r] >= rules.least_vessels
             _decide(new, r, after[r], float(estimate[r, 0]), enough, time_s, rules, grid, sensors)
     return new, tuple(after)

@@ -60,9 +60,7 @@ def evidence(voters: Voters, azimuth_sigma_rad: float, grid: Grid) -> Field:
     """The evidence for each bias. Args: voters: counted, sorted by voice."""
     azimuth = grid.azimuth_rad
     searched = (np.abs(azimuth) <= grid.search_rad + 1e-9).nonzero()[0]
-    heard = np.flatnonzero(
-        voters.histogram.reshape(len(voters.histogram), -1).any(axis=1)
-    )  # without a plot the evidence is 1 everywhere
+    heard = np.unique(voters.counts.voter).astype(np.int64)  # without a plot the evidence is 1 everywhere
     voice, first = np.unique(voters.voice[heard], return_index=True)
     number = np.repeat(np.arange(len(voice)), np.diff(np.append(first, len(heard))))
     by_voice = np.zeros((len(SEEN_SHARE), len(voice), len(grid.range_m), len(searched)), np.float32)
@@ -74,7 +72,7 @@ def evidence(voters: Voters, azimuth_sigma_rad: float, grid: Grid) -> Field:
     weight = (1.0 / vessels[cell]).astype(np.float32)[:, None, None]
     for low in range(0, len(heard), BLOCK):
         rows = heard[low : low + BLOCK]
-        e = _e_values(voters.histogram[rows], voters.looks[rows], along, across, around, searched)
+        e = _e_values(voters.histograms(rows, grid), voters.looks[rows], along, across, around, searched)
         of = number[low : low + BLOCK]
         starts = np.flatnonzero(np.diff(of, prepend=-1))
         for k, share in enumerate(SEEN_SHARE):

@@ -73,6 +73,7 @@ class OnlineMemory:
             require_rows(f"{type(part).__name__}.radar", part.radar, len(self.acquisition))
         for voters in self.voters:
             require_rows("Hits.voter", voters.hits.voter, len(voters))
+            require_rows("Counts.voter", voters.counts.voter, len(voters))
 
 
 class OnlineRegistration(Method):
@@ -194,7 +195,7 @@ class OnlineRegistration(Method):
         return OnlineMemory(
             time_s=memory.time_s,
             references=References.empty(),
-            voters=tuple(Voters.none(self._grid()) for _ in range(n)),
+            voters=tuple(Voters.none() for _ in range(n)),
             acquisition=acquisition,
             shares=EchoShares.empty(),
             information=information,

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from coastwatch.batches import Batch, Bools, Floats, Ints, Struct, column
+from coastwatch.batches import Batch, Bools, Floats, Ints, Rows, Struct, column
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.registration.polar import Pairs
 
@@ -24,7 +24,7 @@ AT_REST_M_S = 0.7
 SQUARE_M = (
     1000.0  # vessels at rest in one square are one voice: a moored row beside a row of piles is one pattern, not ten witnesses
 )
-MOST_VOTERS = 4000  # of a radar: 18 MB
+MOST_VOTERS = 4000  # of a radar
 LEAST_LOOKS = 0.5  # a voter with less left of them is dropped
 
 
@@ -71,21 +71,38 @@ class Hits(Batch):
 
 
 @dataclass(frozen=True, eq=False)
+class Counts(Batch):
+    """The bins of histograms that are not 0, sorted by voter, then bin. One bin in forty is."""
+
+    voter: Rows = column(np.int32, "E")
+    bin: Rows = column(np.int32, "E")
+    turns: NDArray[np.float32] = column(np.float32, "E")  # with a plot in the bin
+
+
+@dataclass(frozen=True, eq=False)
 class Voters(Struct):
-    """The voters of one radar. `histogram` has those up to the last decision; hits since then are counted at the next."""
+    """The voters of one radar. `counts` has the hits up to the last decision; hits since then are counted at the next."""
 
     hits: Hits
+    counts: Counts
     track_id: Ints = column(np.int64, "N")
     cell: Ints = column(np.int64, "N")
     voice: Ints = column(np.int64, "N")  # track id of a vessel under way; negative: the square of vessels at rest
     looks: Floats = column(np.float64, "N")  # turns of the antenna while it was in cover, up to the last decision
     new_looks: Floats = column(np.float64, "N")  # since then
-    histogram: NDArray[np.float32] = column(np.float32, "M", "D", "A")  # turns with a plot in each bin
 
     @classmethod
-    def none(cls, grid: Grid) -> Voters:
+    def none(cls) -> Voters:
         zero = np.zeros(0, np.int64)
-        return cls(Hits.empty(), zero, zero, zero, np.zeros(0), np.zeros(0), np.zeros((0, *grid.shape), np.float32))
+        return cls(Hits.empty(), Counts.empty(), zero, zero, zero, np.zeros(0), np.zeros(0))
+
+    def histograms(self, voters: Ints, grid: Grid) -> NDArray[np.float32]:
+        """Turns with a plot in each bin, of some voters. (N, D, A) Args: voters: (N,) increasing."""
+        at = find(voters, self.counts.voter.astype(np.int64))
+        mine = np.flatnonzero(at >= 0)
+        out = np.zeros((len(voters), grid.shape[0] * grid.shape[1]), np.float32)
+        out[at[mine], self.counts.bin[mine]] = self.counts.turns[mine]
+        return out.reshape(-1, *grid.shape)
 
     def __len__(self) -> int:
         return len(self.track_id)
@@ -168,22 +185,28 @@ def counted(voters: Voters, keep: float, grid: Grid) -> Voters:
     order = kept[np.lexsort((voters.cell[kept], voters.track_id[kept], voters.voice[kept]))]
     place = np.full(len(voters) + 1, -1, np.int64)
     place[order] = np.arange(len(order))
-    histogram = np.zeros((len(order), rows * columns), np.float32)
-    former = order < len(voters.histogram)
-    histogram[former] = voters.histogram.reshape(-1, rows * columns)[order[former]] * np.float32(keep)
+    bins, former = rows * columns, voters.counts
+    mine = place[former.voter] >= 0
+    cell, turns = place[former.voter[mine]] * bins + former.bin[mine], former.turns[mine] * np.float32(keep)
     hits = voters.hits.take(place[voters.hits.voter] >= 0)
-    if len(hits):
-        cell = place[hits.voter] * (rows * columns) + hits.bin
-        first, turns = hits.turn.min(), int(np.ptp(hits.turn)) + 1
-        once = np.unique(cell * turns + (hits.turn - first)) // turns
-        cell, number = np.unique(once, return_counts=True)
-        histogram.reshape(-1)[cell] += number.astype(np.float32)
+    new, number = _turns_with_hits(place[hits.voter] * bins + hits.bin, hits.turn)
+    cell, at = np.unique(np.concatenate([cell, new]), return_inverse=True)
+    turns = np.bincount(at, np.concatenate([turns, number]), len(cell)).astype(np.float32)
     return Voters(
         hits=Hits.empty(),
+        counts=Counts((cell // bins).astype(np.int32), (cell % bins).astype(np.int32), turns),
         track_id=voters.track_id[order],
         cell=voters.cell[order],
         voice=voters.voice[order],
         looks=looks[order],
         new_looks=np.zeros(len(order)),
-        histogram=histogram.reshape(-1, rows, columns),
     )
+
+
+def _turns_with_hits(cell: Ints, turn: Ints) -> tuple[Ints, Ints]:
+    """The cells that were hit, increasing, and in how many turns. Args: (H,)"""
+    if not len(cell):
+        return cell, cell
+    first, span = turn.min(), int(np.ptp(turn)) + 1
+    cells, number = np.unique(np.unique(cell * span + (turn - first)) // span, return_counts=True)
+    return cells, number.astype(np.int64)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import registration_world as world
@@ -12,7 +10,7 @@ from coastwatch.batches import RegistrationState
 from coastwatch.registration import OnlineRegistration
 from coastwatch.registration.evidence import MOST_AT_REST, MOST_UNDER_WAY, decide, evidence
 from coastwatch.registration.polar import Pairs
-from coastwatch.registration.voters import MOST_VOTERS, SQUARE_M, Grid, Hits, Seen, Voters, counted, look, squares
+from coastwatch.registration.voters import MOST_VOTERS, SQUARE_M, Counts, Grid, Hits, Seen, Voters, counted, look, squares
 
 GRID = Grid(np.radians(20.0), 150.0, np.radians(0.75))
 SIGMA = np.radians(1.3)
@@ -39,8 +37,20 @@ def pairs_of(vessel, range_m, azimuth_rad):
 
 
 def looked(vessels, pairs, stamp_s, voters=None):
-    voters = Voters.none(GRID) if voters is None else voters
+    voters = Voters.none() if voters is None else voters
     return look(voters, vessels, pairs, np.asarray(stamp_s, float), 1.0, PERIOD_S, GRID)
+
+
+def voters_of(histogram, looks, cell, voice):
+    """Voters with these histograms. Args: (N, D, A)"""
+    n = len(histogram)
+    voter, at = np.nonzero(histogram.reshape(n, -1))
+    counts = Counts(voter.astype(np.int32), at.astype(np.int32), histogram.reshape(n, -1)[voter, at])
+    return Voters(Hits.empty(), counts, np.arange(n), cell, voice, np.full(n, looks), np.zeros(n))
+
+
+def histograms(voters):
+    return voters.histograms(np.arange(len(voters)), GRID)
 
 
 def random_histograms(rng, voters, turns, echoes):
@@ -54,7 +64,7 @@ def random_histograms(rng, voters, turns, echoes):
                 turns, 0.5
             )
     number = np.arange(voters)
-    return Voters(Hits.empty(), number, 2 * number, number, np.full(voters, float(turns)), np.zeros(voters), histogram)
+    return voters_of(histogram, float(turns), 2 * number, number)
 
 
 def test_a_vessel_is_a_new_voter_in_each_cell_and_one_at_rest_speaks_with_its_square():
@@ -74,24 +84,24 @@ def test_a_bin_has_one_hit_a_turn_whatever_the_order_and_the_cycle():
     vessels, stamps = seen([[3000.0, 0.0], [0.0, 4000.0]]), np.array([0.1, 0.2, 2.6, 0.3])
     hits = pairs_of([0, 0, 0, 1], [0.0, 1.0, 0.0, 50.0], [0.0, 0.001, 0.0, 0.1])
     once = counted(looked(vessels, hits, stamps), 1.0, GRID)
-    assert once.histogram.sum(axis=(1, 2)).tolist() == [2.0, 1.0]
+    assert histograms(once).sum(axis=(1, 2)).tolist() == [2.0, 1.0]
     order = [3, 2, 1, 0]
     mixed = counted(looked(vessels, hits.take(np.array(order)), stamps[order]), 1.0, GRID)
-    assert np.array_equal(once.histogram, mixed.histogram)
+    assert np.array_equal(histograms(once), histograms(mixed))
     first, second = np.array([0, 3]), np.array([1, 2])
     split = looked(vessels, hits.take(first), stamps[first])
     split = counted(looked(vessels, hits.take(second), stamps[second], split), 1.0, GRID)
-    assert np.array_equal(once.histogram, split.histogram), "of one turn that two cycles share"
+    assert np.array_equal(histograms(once), histograms(split)), "of one turn that two cycles share"
 
 
 def test_old_votes_count_less_and_voters_are_bounded():
     vessels = seen([[3000.0, 0.0]])
     voters = counted(looked(vessels, pairs_of([0], [0.0], [0.0]), [0.1]), 1.0, GRID)
     half = counted(looked(vessels, pairs_of([], [], []), [], voters), 0.5, GRID)
-    assert half.histogram.max() == 0.5
+    assert histograms(half).max() == 0.5
     assert half.looks.tolist() == [1.5]
     assert len(counted(half, 0.1, GRID)) == 0
-    many = Voters.none(GRID)
+    many = Voters.none()
     for k in range(12):
         turned = 0.1 + 0.5 * k
         at = 5000.0 * np.tile([np.sin(turned), np.cos(turned)], (450, 1))
@@ -115,7 +125,7 @@ def test_no_voice_says_more_than_its_share():
     histogram = np.zeros((8, *GRID.shape), np.float32)
     histogram[:, 6, 47] = 300.0
     voice, number = np.repeat([-5, 8], 4), np.arange(8)
-    voters = Voters(Hits.empty(), number, 2 * number, voice, np.full(8, 400.0), np.zeros(8), histogram)
+    voters = voters_of(histogram, 400.0, 2 * number, voice)
     field = evidence(voters, SIGMA, GRID)
     assert field.by_voice.max(axis=(1, 2)) == pytest.approx([MOST_AT_REST, MOST_UNDER_WAY], rel=1e-5)
 
@@ -123,11 +133,11 @@ def test_no_voice_says_more_than_its_share():
 def test_vessels_in_one_cell_count_as_their_mean():
     """They see the same background: ten of them in one cell are one witness, each with a tenth."""
     one = random_histograms(np.random.default_rng(4), 1, 20, 3)
-    histogram = np.repeat(one.histogram, 10, axis=0)
+    histogram = np.repeat(histograms(one), 10, axis=0)
     number = np.arange(10)
-    ten = Voters(Hits.empty(), number, number * 0, number, np.full(10, 20.0), np.zeros(10), histogram)
+    ten = voters_of(histogram, 20.0, number * 0, number)
     assert evidence(ten, SIGMA, GRID).by_voice.sum(axis=0) == pytest.approx(evidence(one, SIGMA, GRID).by_voice[0], abs=1e-4)
-    apart = Voters(Hits.empty(), number, 2 * number, number, np.full(10, 20.0), np.zeros(10), histogram)
+    apart = voters_of(histogram, 20.0, 2 * number, number)
     assert evidence(apart, SIGMA, GRID).log_evidence.max() > 2.0 * evidence(one, SIGMA, GRID).log_evidence.max()
 
 
@@ -135,7 +145,9 @@ def test_the_decision_names_candidate_odds_voices_and_rival():
     rng, n = np.random.default_rng(3), 12
     voters = random_histograms(rng, n, 20, 0)
     column = int(np.abs(GRID.azimuth_rad - np.radians(6.0)).argmin())
-    voters.histogram[:, 7, column] += 9.0
+    histogram, number = histograms(voters), np.arange(n)
+    histogram[:, 7, column] += 9.0
+    voters = voters_of(histogram, 20.0, 2 * number, number)
     found = decide(evidence(voters, SIGMA, GRID), SIGMA)
     assert np.degrees(found.azimuth_rad) == pytest.approx(6.0, abs=0.5)
     assert found.range_m == pytest.approx(25.0, abs=15.0)
@@ -143,8 +155,8 @@ def test_the_decision_names_candidate_odds_voices_and_rival():
     assert found.voices == n
     assert found.rival_share < 0.01
     other = int(np.abs(GRID.azimuth_rad + np.radians(9.0)).argmin())
-    voters.histogram[:, 7, other] += 9.0
-    twice = decide(evidence(voters, SIGMA, GRID), SIGMA)
+    histogram[:, 7, other] += 9.0
+    twice = decide(evidence(voters_of(histogram, 20.0, 2 * number, number), SIGMA, GRID), SIGMA)
     assert twice.rival_share > 0.1, "two biases with as much evidence"
 
 
@@ -198,4 +210,4 @@ def test_the_memory_keeps_its_size():
     memory = world.run(OnlineRegistration(), sea, 60)[0]
     later = world.run(OnlineRegistration(), sea, 60, first=60, memory=memory)[0]
     assert len(later.voters[0]) < 1.5 * len(memory.voters[0])
-    assert replace(later).voters[0].histogram.dtype == np.float32
+    assert sum(array.nbytes for array in vars(later.voters[0].counts).values()) < 2e5, "only bins with plots are kept"
