@@ -97,7 +97,8 @@ class LiveRun:
         self._given: dict[str, Any] = {"database": database, "workers": workers, "resume": resume}
         self._said: str | None = "starting"
         self._sensors: Sensors | None = None
-        self._thread = threading.Thread(target=self._run, name="cycles")
+        self._begun = False
+        self._thread = threading.Thread(target=self._run, name="cycles", daemon=True)
 
     def __enter__(self) -> Self:
         self._thread.start()
@@ -105,7 +106,8 @@ class LiveRun:
 
     def __exit__(self, *unused: object) -> None:
         self.stop.set()
-        self._thread.join()
+        if self._begun:  # before, kernels are compiled for minutes, and nothing is stored
+            self._thread.join()
 
     @property
     def ended(self) -> bool:
@@ -130,6 +132,9 @@ class LiveRun:
 
     def begin(self, scenario: Scenario, sensors: Sensors, seed: int) -> tuple[Recording, Plan]:
         """As `run.Live.begin`."""
+        self._begun = True
+        if self.stop.is_set():
+            raise InterruptedError("stopped before the first cycle")
         self._said, self._sensors = "waiting for the first cycle", sensors
         return self._source.begin(scenario, sensors, seed, self.stop)
 
@@ -165,5 +170,5 @@ class LiveRun:
             self.faults = result.faults
             self._said = None if self.stop.is_set() else "the run has ended: its input has no more reports"
         except Exception as error:  # of any part: the server says so and goes on answering
-            self.failed = True
+            self.failed = not self.stop.is_set()
             self._said = f"the run has failed: {error}"

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 
 import httpx
+import pytest
 from server_world import listening, wait_for
 
 from coastwatch import store
@@ -49,3 +51,25 @@ def test_a_run_that_fails_says_why_and_the_server_goes_on(tmp_path: Path) -> Non
             wait_for(lambda: run.failed)
             answer = httpx.get(f"http://{address}/api/v1/picture")
             assert (answer.status_code, "there is no folder" in answer.json()["detail"]) == (503, True)
+
+
+def test_a_server_that_is_stopped_while_kernels_are_compiled_ends_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compiling, done = threading.Event(), threading.Event()
+
+    def compile_for_minutes(*_: object) -> None:
+        compiling.set()
+        done.wait(60.0)
+
+    monkeypatch.setattr("coastwatch.server.run.warm_up", compile_for_minutes)
+    url = f"sqlite:///{tmp_path / 'live.db'}"
+    with store.open_store(url) as opened:
+        run = LiveRun(load_scenario("context-driven-100"), Paced(), Service(opened).receive, database=url)
+        with run:
+            assert compiling.wait(60.0)
+        assert not run.ended
+        done.set()
+        wait_for(lambda: run.ended)
+        assert store.runs(opened).rows == []
+    assert not run.failed

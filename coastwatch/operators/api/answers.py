@@ -73,9 +73,9 @@ def parsed(read: Callable[[str], T], name: str, text: str | None) -> T | None:
 
 
 @router.get("/status")
-def status(service: In) -> dict[str, Any]:
-    """The run, its newest picture and its age."""
-    return service.status()
+def status(request: Request, service: In) -> dict[str, Any]:
+    """The run, its newest picture and its age, and the role of who asks."""
+    return {**service.status(), "role": request.state.role, "name": request.state.who}
 
 
 class Chosen(BaseModel):

@@ -10,11 +10,12 @@ from typing import Annotated, Any
 from fastapi import FastAPI, Query, Request, Response, WebSocket
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse, JSONResponse
+from pydantic import BaseModel, Field
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.staticfiles import StaticFiles
 
 from coastwatch.operators.api import answers
-from coastwatch.operators.api.guard import Guard
+from coastwatch.operators.api.guard import COOKIE, SESSION, Guard
 from coastwatch.operators.api.service import NoPictureYet, Service
 from coastwatch.operators.api.wire import PROTOCOL
 from coastwatch.operators.bad_input import BadInput
@@ -49,6 +50,7 @@ def application(service: Service, guard: Guard, web: Path = WEB) -> FastAPI:
     app.state.service = service
     app.include_router(answers.router)
     _add_health(app, service)
+    _add_session(app, guard)
     _add_stream(app, service)
     _add_refusals(app)
     app.add_middleware(GZipMiddleware, minimum_size=2000, compresslevel=1)
@@ -73,6 +75,24 @@ def _add_health(app: FastAPI, service: Service) -> None:
     @app.get("/metrics", include_in_schema=False)
     def metrics() -> Response:
         return Response(service.metrics.text(), media_type="text/plain; version=0.0.4")
+
+
+class _Typed(BaseModel):
+    """A token that a person typed."""
+
+    token: Annotated[str, Field(max_length=200)]
+
+
+def _add_session(app: FastAPI, guard: Guard) -> None:
+    @app.post(SESSION, include_in_schema=False)
+    def log_in(typed: _Typed) -> Response:
+        return guard.session(typed.token)
+
+    @app.delete(SESSION, include_in_schema=False)
+    def log_out() -> Response:
+        answer = Response(status_code=204)
+        answer.delete_cookie(COOKIE)
+        return answer
 
 
 def _add_stream(app: FastAPI, service: Service) -> None:

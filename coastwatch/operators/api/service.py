@@ -119,7 +119,6 @@ class Service:
             "vessels": len(of),
             "by_kind": kinds,
             "viewers": len(self.hub.viewers),
-            "role": "admin",
             "area": about["settings"].get("area"),
             "error": self.source.error(),
             "late": sum(feed.get("late", 0) for feed in self.source.feeds()),

@@ -85,6 +85,7 @@ def make_parser() -> argparse.ArgumentParser:
         _fuse,
         _serve,
         _feed,
+        _token,
         _reproduce,
         _runs,
         _picture,
@@ -204,6 +205,26 @@ def _serve(commands: Any) -> None:
     )
     serve.add_argument("--host", metavar="ADDRESS", default="127.0.0.1", help="address to listen on (default: 127.0.0.1)")
     serve.add_argument("--port", metavar="N", type=whole, default=8100, help="port (default: 8100; 0: any free one)")
+    text = "file of tokens, made by `coastwatch token add NAME`: then each request needs one; other addresses than loopback need it"
+    completed_by(serve.add_argument("--tokens", metavar="FILE", help=text))
+    completed_by(serve.add_argument("--tls-cert", metavar="FILE", help="certificate chain, PEM, for https"))
+    completed_by(serve.add_argument("--tls-key", metavar="FILE", help="its private key, PEM"))
+
+
+def _token(commands: Any) -> None:
+    verbs = commands.add_parser(
+        "token", help="make tokens", description="Tokens of `coastwatch serve --tokens`."
+    ).add_subparsers(title="commands", metavar="COMMAND", required=True)
+    text = (
+        "Make a token of a person or program and print it. The file keeps its hash. A viewer may read; an operator may also "
+        "acknowledge; an admin may do all."
+    )
+    token = _command(verbs, "add", "serving:add_token", "make a token", text)
+    token.add_argument("name", metavar="NAME", help="whose it is; it is named in the audit")
+    token.add_argument("--role", choices=("viewer", "operator", "admin"), default="viewer", help="default: viewer")
+    token.add_argument("--expires", metavar="UTC", type=utc, help="until when it is valid, ISO 8601 (default: for ever)")
+    text = "file of tokens (default: tokens.toml)"
+    completed_by(token.add_argument("--tokens", metavar="FILE", default="tokens.toml", help=text))
 
 
 def _feed(commands: Any) -> None:

@@ -18,6 +18,7 @@ from coastwatch.operators import stored
 from coastwatch.operators.api.application import application
 from coastwatch.operators.api.guard import LOOPBACK, Guard
 from coastwatch.operators.api.service import Service
+from coastwatch.operators.api.tokens import Tokens, add
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.scenario import load_scenario
 from coastwatch.server.feeds.address import parsed
@@ -65,18 +66,17 @@ class Followed:
 
 def serve(options: argparse.Namespace) -> int:
     """Serve until Ctrl-C or SIGTERM."""
-    if options.host not in LOOPBACK:
-        raise BadInput(f"--host: got {options.host!r}, needed one of {', '.join(LOOPBACK)}: other addresses need tokens")
+    guard = _guard(options)
     with _signals_end_the_server():
         if options.scenario is None:
             with stored.opened(options.db) as opened, Followed(opened, options.run) as followed:
-                listen(followed.service, options.host, options.port)
+                listen(followed.service, guard, options)
         else:
-            _serve_run(options)
+            _serve_run(options, guard)
     return 0
 
 
-def _serve_run(options: argparse.Namespace) -> None:
+def _serve_run(options: argparse.Namespace, guard: Guard) -> None:
     """Run a scenario, on live feeds or on its own input, and serve its pictures."""
     if options.run is not None:
         raise BadInput("--run: got it with a scenario, needed one of them: a run of a scenario has a number of its own")
@@ -94,7 +94,7 @@ def _serve_run(options: argparse.Namespace) -> None:
         run = LiveRun(scenario, source, service.receive, **given)
         service.source = run
         with run:
-            listen(service, options.host, options.port)
+            listen(service, guard, options)
         if run.failed:
             raise RuntimeError(run.error())
 
@@ -133,13 +133,38 @@ def _signals_end_the_server() -> Iterator[None]:
             signal.signal(s, handler)
 
 
-def listen(service: Service, host: str, port: int) -> None:
+def _guard(options: argparse.Namespace) -> Guard:
+    """Who is answered. Raises: BadInput where others than this machine could ask without a token."""
+    if bool(options.tls_cert) != bool(options.tls_key):
+        raise BadInput("--tls-cert, --tls-key: got one, needed both or none")
+    if options.tokens is not None:
+        return Guard(tokens=Tokens(Path(options.tokens)), secure=options.tls_cert is not None)
+    if options.host not in LOOPBACK:
+        raise BadInput(
+            f"--host: got {options.host!r} without --tokens, needed a file of tokens, because others than this machine can ask: "
+            "`coastwatch token add NAME --tokens FILE` makes one"
+        )
+    return Guard()
+
+
+def add_token(options: argparse.Namespace) -> int:
+    """Make a token and print it; the file keeps its hash only."""
+    given = add(Path(options.tokens), options.name, options.role, options.expires)
+    print(given)
+    print(f"coastwatch: {options.role} {options.name} is in {options.tokens}; the token is shown this once", file=sys.stderr)
+    return 0
+
+
+def listen(service: Service, guard: Guard, options: argparse.Namespace) -> None:
     """Answer requests until Ctrl-C or SIGTERM. Raises: OSError where the address cannot be used."""
-    with bound(host, port) as opened:
+    config = configured(application(service, guard))
+    config.ssl_certfile, config.ssl_keyfile = options.tls_cert, options.tls_key
+    with bound(options.host, options.port) as opened:
         found = opened.getsockname()
         shown = f"[{found[0]}]" if ":" in found[0] else found[0]
-        print(f"coastwatch: http://{shown}:{found[1]}", file=sys.stderr, flush=True)
-        uvicorn.Server(configured(application(service, Guard()))).run(sockets=[opened])
+        scheme = "https" if options.tls_cert else "http"
+        print(f"coastwatch: {scheme}://{shown}:{found[1]}", file=sys.stderr, flush=True)
+        uvicorn.Server(config).run(sockets=[opened])
 
 
 def configured(app: Any) -> uvicorn.Config:

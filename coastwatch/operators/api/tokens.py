@@ -1,0 +1,128 @@
+"""Tokens of people and programs: a file of their hashes with roles, and how fast each may ask."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import json
+import os
+import secrets
+import time
+import tomllib
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
+
+from coastwatch.operators.bad_input import BadInput
+
+ROLES = ("viewer", "operator", "admin")
+"""Each may do what those before it may."""
+
+Role = Literal["viewer", "operator", "admin"]
+TOKEN_BYTES = 32
+A_SECOND, AT_ONCE = 20.0, 60.0
+"""Requests of one token or address: on average, and in a burst."""
+
+MOST_BUCKETS = 10_000
+
+
+class Token(BaseModel):
+    """One row of tokens.toml. The token itself is not kept."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    name: Annotated[str, Field(min_length=1, max_length=64)]
+    role: Role
+    sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+    expires_utc: AwareDatetime | None = None
+
+    def is_valid(self) -> bool:
+        """Whether it has not expired."""
+        return self.expires_utc is None or self.expires_utc > datetime.now(UTC)
+
+
+class Tokens:
+    """The tokens of a file. It is read again when it changes."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises: BadInput, OSError that name the file."""
+        self._path, self._read_at = path, -1.0
+        self._tokens: tuple[Token, ...] = ()
+        self._reload()
+        if not self._tokens:
+            raise BadInput(f"{path}: got no token, needed at least one; `coastwatch token add NAME` makes one")
+
+    def of(self, given: str) -> Token | None:
+        """The valid token with this text."""
+        self._reload()
+        digest = _digest(given)
+        found = [token for token in self._tokens if hmac.compare_digest(token.sha256, digest)]
+        return found[0] if found and found[0].is_valid() else None
+
+    def _reload(self) -> None:
+        changed_at = self._path.stat().st_mtime
+        if changed_at != self._read_at:
+            self._tokens, self._read_at = read(self._path), changed_at
+
+
+def read(path: Path) -> tuple[Token, ...]:
+    """The tokens of a file. Raises: BadInput, OSError that name it."""
+    try:
+        rows = tomllib.loads(path.read_text("utf-8")).get("tokens", [])
+        return tuple(Token.model_validate(row) for row in rows)
+    except (tomllib.TOMLDecodeError, ValidationError, UnicodeDecodeError, TypeError, AttributeError) as error:
+        said = (
+            "; ".join(f"{one['loc'][-1]}: {one['msg']}" for one in error.errors())
+            if isinstance(error, ValidationError)
+            else error
+        )
+        raise BadInput(
+            f"{path}: {said}; needed [[tokens]] with name, role and sha256, as `coastwatch token add` writes it"
+        ) from error
+
+
+def add(path: Path, name: str, role: str, expires_s: float | None) -> str:
+    """Add a token to a file that only its owner may read. Returns: the token, which is not kept. Raises: BadInput, OSError."""
+    known = read(path) if path.exists() else ()
+    if any(token.name == name for token in known):
+        raise BadInput(f"{path}: got the name {name!r} again, needed a new one; delete its [[tokens]] to replace it")
+    given = secrets.token_urlsafe(TOKEN_BYTES)
+    rows = ["", "[[tokens]]", f"name = {json.dumps(name)}", f'role = "{role}"', f'sha256 = "{_digest(given)}"']
+    if expires_s is not None:
+        rows.append(f"expires_utc = {datetime.fromtimestamp(expires_s, UTC).isoformat()}")
+    with os.fdopen(os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600), "a", encoding="utf-8") as file:
+        file.write("\n".join([*rows, ""]))
+    return given
+
+
+def _digest(given: str) -> str:
+    return hashlib.sha256(given.encode("utf-8", "replace")).hexdigest()
+
+
+@dataclass
+class _Bucket:
+    left: float
+    at_s: float
+
+
+class Limits:
+    """A bucket of requests for each token or address."""
+
+    def __init__(self) -> None:
+        self._buckets: dict[str, _Bucket] = {}
+
+    def wait_s(self, who: str) -> float:
+        """Take one request. Returns: seconds until the next one is allowed, 0: it is allowed now."""
+        now_s = time.monotonic()
+        bucket = self._buckets.setdefault(who, _Bucket(AT_ONCE, now_s))
+        bucket.left = min(bucket.left + (now_s - bucket.at_s) * A_SECOND, AT_ONCE)
+        bucket.at_s = now_s
+        if len(self._buckets) > MOST_BUCKETS:
+            del self._buckets[next(iter(self._buckets))]
+        if bucket.left < 1.0:
+            return (1.0 - bucket.left) / A_SECOND
+        bucket.left -= 1.0
+        return 0.0

@@ -1,0 +1,117 @@
+"""Tokens: who may ask what, and what is refused before it is read."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from fastapi.routing import APIRoute
+from server_world import Served, listening
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+
+from coastwatch.operators.api.answers import router
+from coastwatch.operators.api.guard import Guard
+from coastwatch.operators.api.tokens import Limits, Tokens, add, read
+from coastwatch.operators.bad_input import BadInput
+from coastwatch.operators.cli.serving import serve
+
+
+@pytest.fixture(scope="module")
+def given(tmp_path_factory: pytest.TempPathFactory, served: Served) -> Iterator[dict[str, str]]:
+    """A server with tokens: its address, and a token of each role."""
+    folder = tmp_path_factory.mktemp("tokens")
+    path = folder / "tokens.toml"
+    made = {role: add(path, f"a {role}", role, None) for role in ("viewer", "operator", "admin")}
+    made["old"] = add(path, "old", "admin", 1.0)
+    assert path.stat().st_mode & 0o077 == 0
+    assert not any(token in path.read_text("utf-8") for token in made.values())
+    with listening(served.service, Guard(tokens=Tokens(path)), web=folder) as address:
+        yield {**made, "address": address, "path": str(path)}
+
+
+def bearer(token: str) -> dict[str, str]:
+    return {"Authorization": f"Bearer {token}"}
+
+
+def test_every_path_of_the_api_needs_a_token(given: dict[str, str]) -> None:
+    paths = [(route.path, method) for route in router.routes if isinstance(route, APIRoute) for method in route.methods]
+    assert len(paths) > 10
+    with httpx.Client(base_url=f"http://{given['address']}") as client:
+        for path, method in [*paths, ("/metrics", "GET"), ("/readyz", "GET"), ("/api/v1/openapi.json", "GET")]:
+            asked = path.replace("{vessel_id}", "2")
+            assert client.request(method, asked).status_code == 401, path
+        for wrong in ("x", "x" * 43, given["old"], given["viewer"][:-1]):
+            assert client.get("/api/v1/status", headers=bearer(wrong)).status_code == 401
+        assert client.get("/api/v1/status", headers=bearer(given["viewer"])).json()["role"] == "viewer"
+        assert client.get("/healthz").status_code == client.get("/").status_code == 200
+
+
+def test_a_viewer_may_read_and_change_nothing(given: dict[str, str]) -> None:
+    with httpx.Client(base_url=f"http://{given['address']}") as client:
+        assert client.post("/api/v1/status", headers=bearer(given["viewer"])).status_code == 403
+        assert client.post("/api/v1/status", headers=bearer(given["operator"])).status_code == 405
+
+
+def test_a_person_types_a_token_once_and_has_a_cookie_that_scripts_cannot_read(given: dict[str, str]) -> None:
+    with httpx.Client(base_url=f"http://{given['address']}") as client:
+        assert client.post("/session", json={"token": "wrong"}).status_code == 401
+        answer = client.post("/session", json={"token": given["operator"]})
+        assert answer.json() == {"name": "a operator", "role": "operator"}
+        assert {"HttpOnly", "SameSite=strict"} <= set(answer.headers["set-cookie"].split("; "))
+        assert client.get("/api/v1/status").json()["role"] == "operator"
+        assert client.post("/session", json={"token": "x"}, headers={"Origin": "http://evil.example"}).status_code == 403
+        client.delete("/session")
+        assert client.get("/api/v1/status").status_code == 401
+
+
+def test_a_socket_needs_a_token_and_says_so(given: dict[str, str]) -> None:
+    url, protocol = f"ws://{given['address']}/api/v1/stream", "coastwatch.picture.v1"
+    with connect(url, subprotocols=[protocol, f"bearer.{given['viewer']}"]) as socket:
+        assert socket.subprotocol == protocol
+        assert socket.recv(timeout=10)
+    with connect(url, subprotocols=[protocol]) as socket, pytest.raises(ConnectionClosed) as closed:
+        socket.recv(timeout=10)
+    assert closed.value.rcvd is not None
+    assert closed.value.rcvd.code == 4401
+
+
+def test_a_large_body_is_refused_and_a_token_may_ask_so_often(given: dict[str, str]) -> None:
+    with httpx.Client(base_url=f"http://{given['address']}") as client:
+        assert client.post("/session", content=b"x" * (1 << 20) + b"x").status_code == 413
+    limits = Limits()
+    assert [limits.wait_s("a") for _ in range(60)] == [0.0] * 60
+    assert 0.0 < limits.wait_s("a") <= 0.05
+    assert limits.wait_s("b") == 0.0
+
+
+def test_a_token_that_is_deleted_from_the_file_is_refused_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "tokens.toml"
+    first, second = add(path, "first", "viewer", None), add(path, "second", "viewer", None)
+    tokens = Tokens(path)
+    assert tokens.of(first) is not None
+    text = path.read_text("utf-8")
+    path.write_text(text[text.index("[[tokens]]", 20) :], "utf-8")
+    os.utime(path, (1, 1))
+    assert (tokens.of(first), tokens.of(second).name) == (None, "second")  # type: ignore[union-attr]
+
+
+KING = f"[[tokens]]\nname = 'a'\nrole = 'king'\nsha256 = '{'0' * 64}'"
+
+
+@pytest.mark.parametrize("text", ["[[tokens]]\nname = 'a'", "tokens = 3", "[[tokens", KING])
+def test_a_wrong_file_of_tokens_is_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "tokens.toml"
+    path.write_text(text, "utf-8")
+    with pytest.raises(BadInput, match=r"tokens\.toml"):
+        read(path)
+
+
+def test_another_address_than_loopback_is_not_opened_without_tokens() -> None:
+    options = argparse.Namespace(host="0.0.0.0", tokens=None, tls_cert=None, tls_key=None)
+    with pytest.raises(BadInput, match="without --tokens"):
+        serve(options)
