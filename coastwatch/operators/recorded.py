@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
-from coastwatch.batches import Reports
 from coastwatch.geodesy import NAUTICAL_MILE_M, scale_m_deg, wrap_deg
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.scenario import Area, Scenario
@@ -20,7 +19,7 @@ from coastwatch.scenario.refusing import refusals
 from coastwatch.scenario.sites import Radar, Sonar, Station
 from coastwatch.sensors.recorded.ais_table import AisColumns
 from coastwatch.sensors.recorded.files import has_sentences
-from coastwatch.sensors.recorded.tables import BearingColumns, PlotColumns
+from coastwatch.sensors.recorded.tables import BearingColumns, PlotColumns, Tables
 from coastwatch.sensors.recorded.track_table import TrackColumns
 from coastwatch.spelling import did_you_mean
 
@@ -139,8 +138,7 @@ def framed(scenario: Scenario) -> Scenario:
         site = np.concatenate([sensor.site_deg for sensor in kinds])
         reach_m = np.concatenate([sensor.range_m for sensor in kinds])
     else:
-        reports = scenario.input.load(scenario.sensors(), scenario.seed, scenario.plan()).reports
-        site = (reports if isinstance(reports, Reports) else reports.head()).ais.position_deg
+        site = scenario.input.first_positions() if isinstance(scenario.input, Tables) else np.zeros((0, 2))
         reach_m = np.zeros(len(site))
     return scenario.model_copy(update={"area": _around(site, reach_m)}) if len(site) else scenario
 

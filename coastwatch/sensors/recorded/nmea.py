@@ -33,7 +33,7 @@ OWN_SHIP = SET_ASIDE + "own ship"
 CUT_FILE = "file cut short"
 
 BLOCK = 25_000  # sentences that are decoded at once
-TAIL_BYTES = 1 << 22  # of a long file, read to find its last time
+TAIL_BYTES = 1 << 20  # of a long file, read to find its last time
 
 
 class Nmea(Method):
@@ -58,8 +58,8 @@ class Nmea(Method):
 
         Raises: ValueError if no record is usable.
         """
-        received_s, faults = first_and_last(self, fingerprint(self.files))
-        return span_of(received_s, faults=faults)
+        ends = first_and_last(self, fingerprint(self.files))
+        return span_of(ends.received_s, faults=ends.faults)
 
     def stream(self, first_feed: int = 0) -> NmeaStream:
         """The reports of all files, each a feed, numbered from `first_feed` on."""
@@ -232,20 +232,28 @@ def _reports(ais: AisReports, statics: AisStatics) -> Reports:
     return replace(Reports.empty(), ais=ais, statics=statics)
 
 
-@lru_cache(maxsize=1)
-def first_and_last(settings: Nmea, files: Fingerprint) -> tuple[Floats, tuple[Fault, ...]]:
-    """The first and the last time of reception, empty if there is none, and the faults found on the way.
+class Ends(NamedTuple):
+    """What the starts and ends of some files say."""
 
-    A long file is read at its start and at its end only.
-    """
+    received_s: Floats  # first and last time of reception; empty if there is none
+    first_deg: Floats  # (M, 2) positions of the first accepted reports of each file
+    faults: tuple[Fault, ...]  # found on the way
+
+
+@lru_cache(maxsize=1)
+def first_and_last(settings: Nmea, files: Fingerprint) -> Ends:
+    """What the files hold first and last. A long file is read at its start and at its end only."""
     firsts, lasts, tally = [math.inf], [-math.inf], Tally()
+    positions = [np.zeros((0, 2))]
     for path, _, _ in files:
         if not has_sentences(path, "ais"):
             raise ValueError(
                 f"{path}: got no sentence of NMEA 0183, needed VDM or VDO; a table of AIS goes to --ais or input.ais"
             )
         file = _FileStream(settings, path, tally)
-        received = np.concatenate([part.received_s for part in file.head()])
+        head = file.head()
+        positions.append(head[0].position_deg)
+        received = np.concatenate([part.received_s for part in head])
         if len(received):
             firsts.append(float(received.min()))
             lasts.append(float(received.max()))
@@ -253,7 +261,8 @@ def first_and_last(settings: Nmea, files: Fingerprint) -> tuple[Floats, tuple[Fa
             last_s = _last_s(settings, path)
             lasts.append(_newest_of_all(settings, path) if math.isnan(last_s) else last_s)
     first_s, last_s = min(firsts), max(lasts)
-    return np.array([first_s, last_s] if first_s <= last_s else [], np.float64), tally.faults()
+    ends = np.array([first_s, last_s] if first_s <= last_s else [], np.float64)
+    return Ends(ends, np.concatenate(positions), tally.faults())
 
 
 def _last_s(settings: Nmea, path: Path) -> float:

@@ -168,10 +168,16 @@ class Tables(Method):
             received += [ais.received_s, statics.received_s]
             faults = of_tables + faults
         if self.nmea:
-            of_sentences, refused = first_and_last(self._nmea(), fingerprint(self.nmea))
-            received.append(of_sentences)
-            faults = refused + faults
+            ends = first_and_last(self._nmea(), fingerprint(self.nmea))
+            received.append(ends.received_s)
+            faults = ends.faults + faults
         return span_of(*received, faults=faults)
+
+    def first_positions(self) -> Floats:
+        """Positions of AIS: of the whole tables, and of the starts of files of NMEA. (M, 2) deg"""
+        parts = [self._ais_table().read()[0].position_deg] if self.ais else []
+        parts += [first_and_last(self._nmea(), fingerprint(self.nmea)).first_deg] if self.nmea else []
+        return np.concatenate([np.zeros((0, 2)), *parts])
 
     def first_sites(self) -> dict[str, tuple[float, float]]:
         """Latitude and longitude of the antenna in the first plot of each radar, by its name; "" where the table names none."""
