@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from coastwatch.scenario.extending import ScenarioError, extended
 from coastwatch.scenario.model import Scenario
-from coastwatch.scenario.refusing import refusals
+from coastwatch.scenario.refusing import methods_of, models_of, refusals
 from coastwatch.shipped import scenarios_folder
 from coastwatch.spelling import did_you_mean
 
@@ -38,6 +38,9 @@ def load_scenario(name_or_path: str, overrides: Mapping[str, str] | None = None)
 def make_scenario(data: dict[str, Any], where: str, overrides: Mapping[str, str]) -> Scenario:
     """The scenario that a parsed TOML document describes, with settings overridden. Raises: ScenarioError."""
     for key, text in overrides.items():
+        stage, _, last = key.rpartition(".")
+        if last == "method":
+            _leave_out_unknown(data, stage, text)
         _override(data, key, text)
     try:
         return Scenario.model_validate(data)
@@ -45,6 +48,19 @@ def make_scenario(data: dict[str, Any], where: str, overrides: Mapping[str, str]
         raise ScenarioError(
             "\n".join(f"{_given_by(said, where, overrides)}{said}" for said in refusals(error, Scenario))
         ) from error
+
+
+def _leave_out_unknown(data: dict[str, Any], stage: str, method: str) -> None:
+    """Leave out the settings of a stage that its method in the file has and another method does not, in place."""
+    field, table = Scenario.model_fields.get(stage), data.get(stage)
+    if field is None or not isinstance(table, dict):
+        return
+    models = {name: model for model in models_of(field.annotation)[0] for name in methods_of(model)}
+    before = models.get(table.get("method", getattr(field.default, "method", "")))
+    after = models.get(method)
+    if before and after:
+        for key in set(before.model_fields) - set(after.model_fields):
+            table.pop(key, None)
 
 
 def _given_by(said: str, where: str, overrides: Mapping[str, str]) -> str:

@@ -97,7 +97,7 @@ def _place(loc: Loc, model: type[BaseModel]) -> tuple[str, type[BaseModel] | Non
     choices: list[type[BaseModel]] = [model]
     holder: type[BaseModel] | None = model
     for part in loc:
-        methods = {name: choice for choice in choices for name in _methods(choice)}
+        methods = {name: choice for choice in choices for name in methods_of(choice)}
         if path and part in methods and len(choices) > 1:
             choices = [methods[str(part)]]
             continue
@@ -109,7 +109,8 @@ def _place(loc: Loc, model: type[BaseModel]) -> tuple[str, type[BaseModel] | Non
     return ".".join(path), holder
 
 
-def _methods(model: type[BaseModel]) -> Iterator[str]:
+def methods_of(model: type[BaseModel]) -> Iterator[str]:
+    """The names of the method that a model is, if it is one."""
     field = model.model_fields.get("method")
     yield from (get_args(field.annotation) if field else ())
 

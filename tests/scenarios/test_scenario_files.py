@@ -202,3 +202,12 @@ def test_every_stage_takes_a_setting_of_its_default_method_without_the_method() 
 )
 def test_a_wrong_override_is_named(key: str, value: str, wanted: str) -> None:
     assert wanted in refusal("context-driven-100", {key: value})
+
+
+def test_another_method_keeps_the_settings_that_it_has_and_leaves_out_the_others() -> None:
+    """The file of context-driven-100 sets plot_origin, which a tracker by existence does not have."""
+    joint = load_scenario("context-driven-100", {"tracks.method": "vimmjipda"}).tracks
+    assert joint.method == "vimmjipda"
+    assert load_scenario("context-driven-100", {"tracks.method": "imm"}).tracks.plot_origin == "known"
+    with pytest.raises(ScenarioError, match="plot_origin"):
+        load_scenario("context-driven-100", {"tracks.method": "vimmjipda", "tracks.plot_origin": "known"})
