@@ -45,6 +45,7 @@ class Tracks(Batch):
     mmsi: Ints = column(np.int64, "N")  # -1 where there is none
     origin: Ints = column(np.int64, "N")
     held_mmsi: Ints = optional_column("N", dtype=np.int64)  # of a radar track: whose AIS messages are in it; -1: nobody's
+    existence: Floats = optional_column("N")  # probability that there is a vessel; NaN: not estimated
 
     def known_covariance(self, velocity_sigma_m_s: float) -> Floats:
         """The covariances; where a source gives none, that of one report and of this standard deviation of velocity. (N, 4, 4)"""
@@ -219,6 +220,7 @@ class Picture(Batch):
     flags: Ints = column(np.int64, "V")  # sum of Flag
     origin: Ints = column(np.int64, "V")
     nav_status: Ints = optional_column("V", dtype=np.int64)  # NavStatus; -1: none was sent
+    existence: Floats = optional_column("V")  # probability that it exists, by its likeliest track; NaN: not estimated
 
 
 @dataclass(frozen=True, eq=False)

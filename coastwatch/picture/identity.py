@@ -21,7 +21,7 @@ from coastwatch.picture.flags import FlagMemory, flag
 from coastwatch.picture.match import KnownTracks, match_identities
 from coastwatch.picture.order import members_of, order_vessels, picture_of, tracks_of
 from coastwatch.picture.settings import IdentitySettings
-from coastwatch.picture.vessels import Known
+from coastwatch.picture.vessels import Known, existence_of
 
 NOT_HELD = HeldVessels.empty()
 
@@ -88,6 +88,7 @@ class Identity(IdentitySettings):
         around = match, order, picture, tracks, track_memory.vessel, alarms
         flag_memory, flags = flag(self, memory.flags, *around, detection=detection, time_s=time_s, sensors=sensors)
         status = nav_statuses(picture.nav_status, tracks, track_memory.vessel, alarms)
-        picture = replace(picture, flags=flags | ais_flags(picture.mmsi, status), nav_status=status)
+        existence = existence_of(tracks, track_memory.vessel, len(picture))
+        picture = replace(picture, flags=flags | ais_flags(picture.mmsi, status), nav_status=status, existence=existence)
         next_id = memory.next_id + int((match.vessel_of_group < 0).sum())
         return PictureMemory(replace(known, shown=picture), track_memory, next_id, flag_memory), picture, members

@@ -103,6 +103,13 @@ def rows_of_groups(
     return Picture(vessel_id, time_s, position, velocity, covariance, since_s, updated_s, mmsi, flags, origin, status)
 
 
+def existence_of(tracks: Tracks, row_of_track: Ints, count: int) -> Floats:
+    """The probability that each of `count` vessels exists: of its likeliest track; NaN where no track has one. (V,)"""
+    out, known = np.full(count, np.nan), np.flatnonzero(np.isfinite(tracks.existence))
+    np.fmax.at(out, row_of_track[known], tracks.existence[known])
+    return out
+
+
 def predict(vessels: Picture, time_s: float, drift_m_s15: float) -> Picture:
     """Vessels without tracks at a later time: straight motion with white acceleration, flagged as coasting.
 

@@ -35,8 +35,21 @@ from coastwatch.store.tables import (
 from coastwatch.store.to_rows import motion, source_texts
 
 STATIC = ("name", "call_sign", "ship_type", "length_m", "beam_m")
-COLUMNS = ("vessel_id", *MOTION, "mmsi", *STATIC, "nav_status", "flags", "time_s", "since_s", "updated_s", *ELLIPSE, "sources")
-"""Of every picture."""
+COLUMNS = (
+    "vessel_id",
+    *MOTION,
+    "mmsi",
+    *STATIC,
+    "nav_status",
+    "flags",
+    "time_s",
+    "since_s",
+    "updated_s",
+    *ELLIPSE,
+    "existence",
+    "sources",
+)
+"""Of every picture; `existence` is null in a past one that was not recorded."""
 
 FEW = 1000
 """Up to this many vessels are looked up one by one; for more, whole tables of the run are read."""
@@ -146,7 +159,8 @@ def picture_of_cycle(
 def _from_recording(connection: Connection, run_id: int, cycle: int, bbox: Box | None) -> Columns:
     picture, _ = read_recorded(connection, run_id, cycle, bbox)
     own = {
-        name: getattr(picture, name) for name in ("vessel_id", "mmsi", "nav_status", "flags", "time_s", "since_s", "updated_s")
+        name: getattr(picture, name)
+        for name in ("vessel_id", "mmsi", "nav_status", "flags", "time_s", "since_s", "updated_s", "existence")
     }
     moved = motion(picture.velocity_m_s, picture.covariance)
     return {**own, **dict(zip((*MOTION, *ELLIPSE), (*picture.position_deg.T, *moved.T), strict=True))}
@@ -196,6 +210,8 @@ def _position(found: Columns) -> Floats:
 
 def _with_details(connection: Connection, run_id: int, cycle: int | None, found: Columns, wanted: Sequence[str]) -> Table:
     """The wanted columns, with vessel details from other tables. Args: cycle: None: now."""
+    if "existence" in wanted and "existence" not in found:
+        found = found | {"existence": np.full(len(found["vessel_id"]), np.nan)}
     if set(STATIC) & set(wanted):
         found = found | _statics_of(connection, run_id, found["mmsi"])
     if cycle is not None and "since_s" in wanted and "since_s" not in found:

@@ -29,7 +29,7 @@ from sqlalchemy import (
     text,
 )
 
-REVISION = "0015"
+REVISION = "0016"
 """The migration at which the database equals the tables below; a test compares it with db/migrations."""
 
 REVISION_TABLE = "coastwatch_revision"
@@ -171,6 +171,7 @@ VESSEL = Table(
     *nullable(BYTES, "covariance"),  # ten little-endian float64: upper triangle of east, north, east rate, north rate
     *nullable(WHOLE, "nav_status"),  # batches.NavStatus; null: none was sent
     *nullable(REAL, "interval_s"),  # expected between its AIS reports, by class, status and speed, or learnt; null: no AIS now
+    *nullable(REAL, "existence"),  # probability that it exists; null: no tracker estimates it
     **IN_KEY_ORDER,
 )
 """The current picture: each vessel once. All rows are written again each time, with the row of `cycle` that names the run:
@@ -385,6 +386,6 @@ RECORDING = Table(  # not in key order: SQLite keeps long rows better apart from
     *required(WHOLE, "vessels", "members"),
     *required(BYTES, "vessel_id", "time_s", "position_deg", "velocity_m_s", "covariance", "since_s", "updated_s"),
     *required(BYTES, "mmsi", "flags", "origin", "member_vessel_id", "member_track_id", "member_source"),
-    *nullable(BYTES, "nav_status"),  # null: of a version that did not read it
+    *nullable(BYTES, "nav_status", "existence"),  # null: of a version that did not have it
 )
 """The whole picture of a cycle with its members: one compressed value for each column (recording.py)."""

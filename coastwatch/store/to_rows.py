@@ -81,6 +81,7 @@ def vessel_rows(run_id: int, picture: Picture, sources: Categorical, interval_s:
         covariance,
         NullableId(picture.nav_status),
         interval_s,
+        picture.existence,
     ]
 
 

@@ -75,6 +75,10 @@ class NearestNeighbour:
         slots: Ints = table.live[table.status[table.live] == Status.CONFIRMED]
         return slots
 
+    def existence(self, table: Table, slots: Ints, time_s: float) -> Floats:
+        """Not estimated."""
+        return np.full(len(slots), np.nan)
+
     def _standing_echoes(self, memory: RadarMemory) -> Bools:
         """Which tracks (N) have not moved, in a cell where false plots return and are as dense as the plots of such a track would be."""
         table, constant = memory.table, self.management.false_plots_per_m2

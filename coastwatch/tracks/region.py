@@ -54,6 +54,10 @@ class RegionTracker(Protocol):
         """Slots of the tracks to report."""
         ...
 
+    def existence(self, table: Table, slots: Ints, time_s: float) -> Floats:
+        """The probability that there is a vessel behind each of these tracks, NaN where it is not estimated. (N,)"""
+        ...
+
 
 TakeMessages = Callable[[RadarMemory, float], RadarMemory]
 """The memory after the AIS messages up to a time, in s, that were not taken before."""
@@ -101,6 +105,7 @@ def track_region(
     memory = tracker.end_cycle(tracker.end_slice(memory, radars, ours, time_s), time_s)
     rows = tracker.shown(memory.table, time_s)
     tracks = report(tracker.bank, memory.table, rows, radars, time_s, sensors, region)
+    tracks = replace(tracks, existence=tracker.existence(memory.table, rows, time_s))
     return memory, tracks, report_measurements(tracks, taken, batches.plots, sensors, region)
 
 

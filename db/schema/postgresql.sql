@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0015; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0016; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id BIGSERIAL NOT NULL,
@@ -42,6 +42,7 @@ CREATE TABLE vessel (
 	covariance BYTEA,
 	nav_status BIGINT,
 	interval_s FLOAT(53),
+	existence FLOAT(53),
 	PRIMARY KEY (run_id, vessel_id)
 );
 
@@ -248,6 +249,7 @@ CREATE TABLE recording (
 	member_track_id BYTEA NOT NULL,
 	member_source BYTEA NOT NULL,
 	nav_status BYTEA,
+	existence BYTEA,
 	PRIMARY KEY (run_id, cycle),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );

@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0015; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0016; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
@@ -41,6 +41,7 @@ CREATE TABLE vessel (
 	covariance BLOB,
 	nav_status INTEGER,
 	interval_s FLOAT,
+	existence FLOAT,
 	PRIMARY KEY (run_id, vessel_id)
 )
  WITHOUT ROWID;
@@ -258,6 +259,7 @@ CREATE TABLE recording (
 	member_track_id BLOB NOT NULL,
 	member_source BLOB NOT NULL,
 	nav_status BLOB,
+	existence BLOB,
 	PRIMARY KEY (run_id, cycle),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );

@@ -14,7 +14,7 @@ from radar_world import ORIGIN_DEG, PERIOD_S, cut, plots_of, run, two_radars, wo
 from coastwatch.batches import Plots
 from coastwatch.geodesy import to_plane
 from coastwatch.server.checkpoint import load, save
-from coastwatch.tracks import SidedVimmjipda, Vimmjipda
+from coastwatch.tracks import SidedImm, SidedVimmjipda, Vimmjipda
 from coastwatch.tracks.joint.existence import Detection, ExistenceManagement
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "oracles"))
@@ -182,3 +182,16 @@ def test_old_and_repeated_plots_do_no_harm():
     _, tracks, _ = Vimmjipda().step(memory, Plots.join([now, now, old]), 27.0, two_radars(), 0)
     assert np.isfinite(tracks.position_deg).all()
     assert np.isin(out[-1].track_id, tracks.track_id).mean() > 0.9
+
+
+def test_tracks_say_with_what_probability_they_exist():
+    """Of a track that lost its vessel the probability falls; other trackers say nothing."""
+    plots = plots_of(world(30, 12), two_radars(), 40.0, 12)
+    hidden = plots.take(plots.time_s < 30.0)
+    _, out = run(Vimmjipda(), Plots.join([hidden, plots.take((plots.time_s > 30.0) & (plots.origin < 15))]), 13)
+    lost = out[-1].origin >= 15
+    assert (out[-1].existence[~lost] > 0.99).all()
+    assert (out[-1].existence[lost] < out[9].existence.min()).all()
+    assert lost.any()
+    _, others = run(SidedImm(), plots, 5)
+    assert np.isnan(others[-1].existence).all()

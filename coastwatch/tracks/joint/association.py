@@ -14,7 +14,13 @@ from coastwatch.kernels.tracks.existence import SURELY
 from coastwatch.kernels.tracks.joint_update import Hypotheses
 from coastwatch.tracks.clutter import ClutterSettings
 from coastwatch.tracks.filter_bank import CompiledBank
-from coastwatch.tracks.joint.existence import ExistenceManagement, confirm_and_find_lost, merge_duplicates, shown
+from coastwatch.tracks.joint.existence import (
+    ExistenceManagement,
+    confirm_and_find_lost,
+    existence_at,
+    merge_duplicates,
+    shown,
+)
 from coastwatch.tracks.table import RadarMemory, Status, Table, begin_tracks
 
 LIKELY = 0.5  # a plot is reported as taken by the track that it belongs to with more than this probability
@@ -88,6 +94,10 @@ class JointAssociation:
     def shown(self, table: Table, time_s: float) -> Ints:
         """Slots of the tracks to report."""
         return shown(self.management, table, time_s)
+
+    def existence(self, table: Table, slots: Ints, time_s: float) -> Floats:
+        """The probability that there is a vessel behind each of these tracks. (N,)"""
+        return existence_at(self.management, table, slots, time_s)
 
     def _nobodys(self, false_per_m2: Floats, unborn_per_m2: float) -> Floats:
         """The density of plots that are of no track. (M,)"""

@@ -81,16 +81,16 @@ class ExistenceManagement(Settings):
         return np.array([d.detection_probability for d in each]), np.array([d.false_plots_per_m2 for d in each])
 
 
-def existence_at(management: ExistenceManagement, table: Table, time_s: float) -> Floats:
-    """The probability of existence of each live track at a time not before its newest look. (N,)"""
-    since = np.maximum(time_s - table.existence_s[table.live], 0.0)
-    now: Floats = table.existence[table.live] * np.exp(-management.end_per_s * since)
+def existence_at(management: ExistenceManagement, table: Table, slots: Ints, time_s: float) -> Floats:
+    """The probability of existence of each of these tracks at a time not before its newest look. (N,)"""
+    since = np.maximum(time_s - table.existence_s[slots], 0.0)
+    now: Floats = table.existence[slots] * np.exp(-management.end_per_s * since)
     return now
 
 
 def confirm_and_find_lost(management: ExistenceManagement, table: Table, time_s: float) -> Bools:
     """Confirm the tracks that exist, in place, and find those to delete. (N,) of the live ones."""
-    live, now = table.live, existence_at(management, table, time_s)
+    live, now = table.live, existence_at(management, table, table.live, time_s)
     table.status[live[now >= management.confirm_existence]] = Status.CONFIRMED
     speed2 = (table.combined_mean[live, 2:] ** 2).sum(axis=1)
     lost: Bools = (now < management.delete_existence) | (table.misses[live] >= management.delete_misses)
@@ -119,6 +119,6 @@ def merge_duplicates(management: ExistenceManagement, table: Table, period_s: Fl
 
 def shown(management: ExistenceManagement, table: Table, time_s: float) -> Ints:
     """Slots of the confirmed tracks that probably still exist."""
-    there = existence_at(management, table, time_s) >= management.show_existence
+    there = existence_at(management, table, table.live, time_s) >= management.show_existence
     slots: Ints = table.live[there & (table.status[table.live] == Status.CONFIRMED)]
     return slots
