@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
@@ -201,6 +202,28 @@ def test_alarms_are_listed_and_lead_to_the_vessel(watch: Watch) -> None:
     assert watch.ask("coastwatch.shown[coastwatch.selectedSlot()]") == 2  # it flashes
     watch.page.keyboard.press("a")  # nobody has given a name yet
     watch.until("document.activeElement.id", lambda name: name == "watch-name")
+
+
+def test_an_alarm_is_acknowledged_with_the_name_of_the_watch(watch: Watch) -> None:
+    """The page's half: the answer of the server is the one that its documentation promises."""
+    sent: list[tuple[str, Any]] = []
+
+    def answer(route: Any) -> None:
+        sent.append((route.request.url, route.request.post_data_json))
+        number = unquote(route.request.url).rpartition("/alarms/")[2].removesuffix("/acknowledge")
+        said = {"alarm_id": number, "acknowledged_by": "Ana", "acknowledged_utc": "2025-06-15T15:10:00.000Z", "note": ""}
+        route.fulfill(json=said)
+
+    watch.page.route("**/acknowledge", answer)
+    first = watch.until("coastwatch.alarms.first()?.alarm_id")
+    watch.ask("coastwatch.openDrawer('alarms')")
+    watch.page.fill("#watch-name", "Ana")
+    watch.page.click("#strip-acknowledge")
+    watch.until("document.querySelector('#alarm-rows li.done')?.textContent ?? ''", lambda text: "acknowledged by Ana" in text)
+    ((url, body),) = sent
+    assert unquote(url).endswith(f"/alarms/{first}/acknowledge")
+    assert body == {"name": "Ana", "note": ""}
+    watch.page.unroute("**/acknowledge")
 
 
 def test_the_past_is_shown_as_stored_and_l_returns_to_the_live_picture(watch: Watch) -> None:

@@ -125,7 +125,7 @@ export class Alarms {
       this.#take(this.rows.map((other) => (other.alarm_id === row.alarm_id ? { ...other, ...row } : other)));
       this.app.say(`Acknowledged: ${words(alarm)}.`);
     } catch (error) {
-      this.app.say(error.message);
+      this.app.say(`Not acknowledged: ${error.message}`);
     }
   }
 }

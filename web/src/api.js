@@ -3,6 +3,7 @@
 const BATCH = 200; // vessels in one request
 const PAGE = 10000;
 const STALE_MS = 120000;
+const WAIT_MS = 100; // between requests: a server limits how fast one page may ask
 
 /** An answer other than 2xx: `status` and the sentence of the server. */
 export class ApiError extends Error {
@@ -52,7 +53,7 @@ export class Details extends Map {
     for (const id of ids) {
       if (now - (this.#asked.get(id) ?? -Infinity) > STALE_MS) this.#waiting.add(id);
     }
-    if (this.#waiting.size) this.#timer ??= setTimeout(() => this.#fetch(), 50);
+    if (this.#waiting.size) this.#timer ??= setTimeout(() => this.#fetch(), WAIT_MS);
   }
 
   async #fetch() {
@@ -69,7 +70,7 @@ export class Details extends Map {
     } catch {
       ids.forEach((id) => this.#asked.set(id, now - STALE_MS + 5000)); // again in five seconds
     }
-    this.#timer = this.#waiting.size ? setTimeout(() => this.#fetch(), 50) : null;
+    this.#timer = this.#waiting.size ? setTimeout(() => this.#fetch(), WAIT_MS) : null;
   }
 
   /** Fetches the details of every vessel of the newest picture: for filters and sorting by them. */
