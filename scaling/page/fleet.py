@@ -84,7 +84,8 @@ class Fleet:
             "nav_status": np.full(n, -1),
         }
         found |= dict.fromkeys(("time_s", "since_s", "updated_s"), np.full(n, time_s))
-        own = Table(OWN, tuple(found[name] if name in found else getattr(self, name) for name in OWN))
+        absent = np.full(n, np.nan)  # columns of the picture that the page does not show
+        own = Table(OWN, tuple(found[name] if name in found else getattr(self, name, absent) for name in OWN))
         return LivePicture(run_id, cycle, time_s, own, self.kind, np.zeros(n, np.int64), ["radar,ais"], {})
 
 
