@@ -2,7 +2,7 @@
 
 Run: python -m scaling.decisions.cover_flags SCENARIO [--cycles N] [--seed S] [--set KEY=VALUE ...]
 Each scenario runs twice, with `cover.method` disc and learnt. One line each: cycles, AIS vessel time, share of it flagged as AIS
-without radar, MMSI flagged, flagged vessel time within 200 m of an own echo of the vessel, vessel time with other flags, and
+without radar, MMSI flagged, flagged vessel time within 200 m of the true vessel, vessel time with other flags, and
 milliseconds of processor a cycle of the stage `cover`.
 """
 
@@ -40,7 +40,7 @@ def measure(scenario: Scenario, seed: int) -> str:
         if stage == "cover":
             spent_s.append(time.process_time() - begun)
 
-    vessels, flagged, echoes, mmsi, others = 0, 0, 0, set(), dict.fromkeys(OTHERS, 0)
+    vessels, flagged, false, mmsi, others = 0, 0, 0, set(), dict.fromkeys(OTHERS, 0)
     for number in range(plan.cycles):
         now_s = plan.instant_s(number)
         part = reports.between(before_s, now_s)
@@ -49,20 +49,20 @@ def measure(scenario: Scenario, seed: int) -> str:
         with_ais = np.isin(cycle.picture.vessel_id, cycle.members.vessel_id[cycle.members.source == sensors.ais_source])
         lone = cycle.picture.flags & int(Flag.AIS_WITHOUT_RADAR) > 0
         vessels, flagged = vessels + int(with_ais.sum()), flagged + int(lone.sum())
-        echoes += echoes_near(cycle.picture.take(lone), recording, now_s)
+        false += near_their_truth(cycle.picture.take(lone), recording, now_s)
         mmsi |= set(cycle.picture.mmsi[lone].tolist())
         for flag in OTHERS:
             others[flag] += int((cycle.picture.flags & int(flag) > 0).sum())
     counts = ", ".join(f"{flag.name} {count}" for flag, count in others.items())
     return (
         f"{scenario.cover.method}: {plan.cycles} cycles, AIS vessels x cycles {vessels}, AIS without radar {flagged} "
-        f"({100.0 * flagged / max(vessels, 1):.2f} %) of {len(mmsi)} MMSI, {echoes} beside the vessel's own echo; {counts}; "
+        f"({100.0 * flagged / max(vessels, 1):.2f} %) of {len(mmsi)} MMSI, {false} within 200 m of the true vessel; {counts}; "
         f"cover {1e3 * np.median(spent_s):.2f} ms"
     )
 
 
-def echoes_near(flagged: Picture, recording: Recording, now_s: float) -> int:
-    """How many of these vessels are where simulated radars have an echo of the same vessel."""
+def near_their_truth(flagged: Picture, recording: Recording, now_s: float) -> int:
+    """How many of these vessels are near the true vessel: the flag is false."""
     if recording.truth is None:
         return 0
     truth = recording.truth.at(now_s)

@@ -174,3 +174,17 @@ def test_land_of_natural_earth(place: str, latitude: float, longitude: float, is
     assert (over == [False]) is is_land
     for shore in shores:  # cut at the edges
         assert (np.abs(shore.position_deg - [latitude, longitude]) <= 1.0 + 1e-9).all()
+
+
+def test_cells_of_the_learnt_cover_are_coloured_by_their_step():
+    """Each cell has the colour of its probability, and the legend counts them."""
+    bare = a_scene((10.0, 20.0))
+    corners = offset_deg(np.array([10.0, 20.0]), np.array([[0.0, 0.0], [900.0, 0.0], [900.0, 900.0], [0.0, 900.0]]))
+    cells = np.stack([corners, corners + 0.01, corners - 0.01])
+    made = plot.draw(replace(bare, cover=scene.CoverCells(cells, np.array([0.1, 0.8, 0.9]), False)))
+    drawn = [c for c in made.axes[0].collections if isinstance(c, PolyCollection) and len(c.get_paths()) == 3]
+    assert [c.get_facecolor()[:, :3].tolist() for c in drawn if len({*map(tuple, c.get_facecolor().tolist())}) == 2]
+    legend = made.axes[0].get_legend()
+    texts = [text.get_text() for text in legend.get_texts()] if legend else []
+    assert "radars detect under 25 % of AIS vessels (1 cells)" in texts
+    assert "75 % or more (2 cells)" in texts
