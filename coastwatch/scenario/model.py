@@ -7,7 +7,14 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AwareDatetime, Field, model_validator
 
-from coastwatch.associations import Associator, BearingAssociator, BearingLikelihood, WindowedCovariance
+from coastwatch.associations import (
+    Associator,
+    BearingAssociator,
+    BearingLikelihood,
+    CountedTest,
+    SingleScanTest,
+    WindowedCovariance,
+)
 from coastwatch.batches import Sensors
 from coastwatch.cover import LearntCover, RadarCoverage
 from coastwatch.fused_tracks import CentralImm, Fuser
@@ -19,6 +26,7 @@ from coastwatch.sensors import Feed, Tables
 from coastwatch.spots import KMeansSpots, OctantGrouper, OctantSpots, SpotGrouper
 from coastwatch.stage import Method, Plan, Settings
 from coastwatch.tracks import (
+    AisDeadReckoning,
     AisFilter,
     AisTracker,
     BearingTracker,
@@ -139,6 +147,15 @@ class Scenario(Settings):
             raise ValueError(
                 f"spots.halo_m: got {self.spots.halo_m}, needed at least associations.gate_m = {self.associations.gate_m}, "
                 "else pairs across the border of two spots are lost (0: no halo, as in the paper, which loses them)"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _tests_have_covariances(self) -> Scenario:
+        if isinstance(self.associations, SingleScanTest | CountedTest) and isinstance(self.ais_tracks, AisDeadReckoning):
+            raise ValueError(
+                f"associations.method: got {self.associations.method!r}, which needs covariances, with ais_tracks.method = "
+                f"{self.ais_tracks.method!r}, which gives none; needed 'counting'"
             )
         return self
 

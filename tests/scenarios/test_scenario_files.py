@@ -75,6 +75,11 @@ WRONG = {
     "latitude 91": (replaced("latitude_deg = -23.008333", "latitude_deg = 91.0"), "radars.0.latitude_deg", "got 91.0"),
     "longitude 181": (replaced("longitude_deg = -43.20\n", "longitude_deg = 181.0\n"), "stations.0.longitude_deg", "got 181.0"),
     "latitude 91 of the input": (replaced("area_latitude_deg = -23.05", "area_latitude_deg = 91.0"), "area_latitude_deg", "got 91.0"),
+    "a test without covariances": (
+        added('\n[associations]\nmethod = "counted_test"\n\n[ais_tracks]\nmethod = "dead_reckoning"\n'),
+        "associations.method",
+        "got 'counted_test', which needs covariances",
+    ),
     "method": (replaced('method = "sided_imm"', 'method = "magic"'), "tracks.method", "got 'magic', needed one of sided_imm, imm"),
     "method of the input": (replaced('method = "simulated"', 'method = "psychic"'), "input.method", "'psychic', needed one of"),
     "no input": (replaced('method = "simulated"\n', ""), "input", "method"),
