@@ -1,5 +1,7 @@
 """Where the picture is kept. README.md shows the way; `tables.py` has every table."""
 
+from coastwatch.store.acknowledgements import acknowledge as acknowledge
+from coastwatch.store.acknowledgements import acknowledgements as acknowledgements
 from coastwatch.store.database import Store as Store
 from coastwatch.store.database import StoreError as StoreError
 from coastwatch.store.database import open_store as open_store

@@ -29,7 +29,7 @@ from sqlalchemy import (
     text,
 )
 
-REVISION = "0016"
+REVISION = "0017"
 """The migration at which the database equals the tables below; a test compares it with db/migrations."""
 
 REVISION_TABLE = "coastwatch_revision"
@@ -377,6 +377,20 @@ EVENT_GAP = Table(
     **IN_KEY_ORDER,
 )
 """In which cycle a flag returned to an event that had ended."""
+
+ACKNOWLEDGEMENT = Table(
+    "acknowledgement",
+    METADATA,
+    of_run(),
+    *keys("vessel_id"),
+    *keys("kind", kind=FLAG),
+    *keys("from_cycle"),  # of the event
+    *required(REAL, "acknowledged_s"),
+    *required(Text, "acknowledged_by"),  # the name that a person gave
+    *required(Text, "note", "who"),  # who: the name of the token that was used
+    **IN_KEY_ORDER,
+)
+"""Who acknowledged which event, the first time. An event that returned within `store.event_gap_s` stays acknowledged."""
 
 RECORDING = Table(  # not in key order: SQLite keeps long rows better apart from the tree of keys
     "recording",

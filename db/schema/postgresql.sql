@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0016; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0017; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id BIGSERIAL NOT NULL,
@@ -44,6 +44,19 @@ CREATE TABLE vessel (
 	interval_s FLOAT(53),
 	existence FLOAT(53),
 	PRIMARY KEY (run_id, vessel_id)
+);
+
+CREATE TABLE acknowledgement (
+	run_id BIGINT NOT NULL,
+	vessel_id BIGINT NOT NULL,
+	kind VARCHAR(32) NOT NULL,
+	from_cycle BIGINT NOT NULL,
+	acknowledged_s FLOAT(53) NOT NULL,
+	acknowledged_by TEXT NOT NULL,
+	note TEXT NOT NULL,
+	who TEXT NOT NULL,
+	PRIMARY KEY (run_id, vessel_id, kind, from_cycle),
+	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 
 CREATE TABLE ais_feed (

@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0016; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0017; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
@@ -43,6 +43,20 @@ CREATE TABLE vessel (
 	interval_s FLOAT,
 	existence FLOAT,
 	PRIMARY KEY (run_id, vessel_id)
+)
+ WITHOUT ROWID;
+
+CREATE TABLE acknowledgement (
+	run_id INTEGER NOT NULL,
+	vessel_id INTEGER NOT NULL,
+	kind VARCHAR(32) NOT NULL,
+	from_cycle INTEGER NOT NULL,
+	acknowledged_s FLOAT NOT NULL,
+	acknowledged_by TEXT NOT NULL,
+	note TEXT NOT NULL,
+	who TEXT NOT NULL,
+	PRIMARY KEY (run_id, vessel_id, kind, from_cycle),
+	FOREIGN KEY(run_id) REFERENCES run (id)
 )
  WITHOUT ROWID;
 

@@ -34,6 +34,7 @@ SINCE_0001 = {
     "event",
     "event_gap",
     "sensor_cover",
+    "acknowledgement",
 }
 """Tables that schema 0001 does not have."""
 
@@ -127,16 +128,16 @@ def test_a_database_of_the_first_schema_comes_along_with_all_its_rows(url: str, 
             assert set(there.tables) == set(METADATA.tables) - SINCE_0001 | {REVISION_TABLE}
             for name in (table.name for table in METADATA.sorted_tables if table.name not in SINCE_0001):
                 connection.execute(there.tables[name].insert(), as_in_0001(name, rows[name]))
-    with pytest.raises(StoreError, match="schema: got 0001, needed 0016: `coastwatch db upgrade` brings it there"):
+    with pytest.raises(StoreError, match="schema: got 0001, needed 0017: `coastwatch db upgrade` brings it there"):
         kept.open_store(url)
-    assert migrate.check(url) == ["schema: got 0001, needed 0016: `coastwatch db upgrade` brings it there"]
+    assert migrate.check(url) == ["schema: got 0001, needed 0017: `coastwatch db upgrade` brings it there"]
     migrate.upgrade(url)
     assert migrate.check(url) == []
     with kept.open_store(url) as store:
         with reading(store) as connection:
             for name, table in METADATA.tables.items():
                 found = [dict(row._mapping) for row in connection.execute(table.select())]
-                ours = [] if name in ("sensor_registration", "sensor_cover") else rows[name]  # nothing was estimated then
+                ours = [] if name in ("sensor_registration", "sensor_cover", "acknowledgement") else rows[name]  # nothing of it then
                 if name == "identity":  # all stays of an MMSI with a vessel are one, open while the last one is
                     ours, found = (as_one(of) for of in (ours, found))
                 if name == "presence":  # when a vessel that has left was first seen is no longer known, but its first cycle
@@ -176,7 +177,7 @@ def test_a_database_of_schema_0006_comes_along(url: str, tmp_path: Path) -> None
         url = f"sqlite:///{path}"
     else:
         _fill_0006(url, rows)
-    assert migrate.check(url) == ["schema: got 0006, needed 0016: `coastwatch db upgrade` brings it there"]
+    assert migrate.check(url) == ["schema: got 0006, needed 0017: `coastwatch db upgrade` brings it there"]
     migrate.upgrade(url)
     assert migrate.check(url) == []
     with kept.open_store(url) as store:
@@ -259,7 +260,7 @@ def test_a_schema_may_be_shared_with_tables_of_other_names(postgresql_url: str) 
     assert migrate.check(postgresql_url) == []
     with connect(postgresql_url, 1.0, may_create=True) as store, writing(store) as connection:
         connection.execute(text(f"DROP TABLE {REVISION_TABLE}"))
-    with pytest.raises(StoreError, match="not a Coastwatch database: it has ais_feed, association"):
+    with pytest.raises(StoreError, match="not a Coastwatch database: it has acknowledgement, ais_feed, association"):
         kept.open_store(postgresql_url)
 
 
@@ -267,7 +268,7 @@ def test_a_database_of_a_newer_version_is_left_alone(url: str) -> None:
     migrate.upgrade(url)
     with connect(url, 1.0, may_create=False) as store, writing(store) as connection:
         connection.execute(text(f"UPDATE {REVISION_TABLE} SET version_num = '9999'"))
-    with pytest.raises(StoreError, match="schema: got 9999, needed 0016: it was written by a newer Coastwatch"):
+    with pytest.raises(StoreError, match="schema: got 9999, needed 0017: it was written by a newer Coastwatch"):
         kept.open_store(url)
     (found,) = migrate.check(url)
     assert "written by a newer Coastwatch" in found

@@ -200,6 +200,27 @@ def alarms(
     return _answer(Rows(rows.columns, rows.rows[:limit]), form, "alarms", {"total": len(rows.rows)})
 
 
+class Acknowledged(BaseModel):
+    """Who acknowledges an alarm."""
+
+    model_config = ConfigDict(extra="forbid", str_strip_whitespace=True)
+
+    name: Annotated[str, Field(min_length=1, max_length=64)]
+    note: Annotated[str, Field(max_length=500)] = ""
+
+
+@router.post("/alarms/{alarm_id}/acknowledge")
+def acknowledge(
+    alarm_id: Annotated[str, Path(max_length=80)], said: Acknowledged, request: Request, service: In
+) -> dict[str, Any]:
+    """Acknowledge an alarm with a name and a note. The first one counts. Returns: the alarm."""
+    found = service.acknowledge(alarm_id, said.name, said.note, request.state.who)
+    if found is None or not found.rows:
+        raise HTTPException(404, f"alarm: got {alarm_id!r}, needed an alarm_id of /api/v1/alarms")
+    (alarm,) = export.as_objects(found)
+    return alarm
+
+
 @router.get("/sensors")
 def sensors(service: In, form: As) -> Response:
     """The sensors with their registration and when they were heard last."""

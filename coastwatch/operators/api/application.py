@@ -7,14 +7,15 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
-from fastapi import FastAPI, Query, Request, Response, WebSocket
+from fastapi import FastAPI, Header, Query, Request, Response, WebSocket
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import HTMLResponse, JSONResponse
+from fastapi.responses import HTMLResponse, JSONResponse, StreamingResponse
 from pydantic import BaseModel, Field
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.staticfiles import StaticFiles
 
 from coastwatch.operators.api import answers
+from coastwatch.operators.api.alarm_stream import AlarmStream
 from coastwatch.operators.api.guard import COOKIE, SESSION, Guard
 from coastwatch.operators.api.service import NoPictureYet, Service
 from coastwatch.operators.api.wire import PROTOCOL
@@ -52,6 +53,7 @@ def application(service: Service, guard: Guard, web: Path = WEB) -> FastAPI:
     _add_health(app, service)
     _add_session(app, guard)
     _add_stream(app, service)
+    _add_alarm_stream(app, service)
     _add_refusals(app)
     app.add_middleware(GZipMiddleware, minimum_size=2000, compresslevel=1)
     app.add_middleware(guard.middleware, metrics=service.metrics)
@@ -103,6 +105,16 @@ def _add_stream(app: FastAPI, service: Service) -> None:
         offered = socket.scope.get("subprotocols", [])
         await socket.accept(subprotocol=PROTOCOL if PROTOCOL in offered else None)
         await service.hub.serve(socket, run, seq)
+
+
+def _add_alarm_stream(app: FastAPI, service: Service) -> None:
+    alarms = AlarmStream(service)
+
+    @app.get("/api/v1/alarms/stream", response_class=StreamingResponse)
+    async def stream(last_event_id: Annotated[str, Header(max_length=40)] = "") -> StreamingResponse:
+        """New and changed alarms as server-sent events; `Last-Event-ID` goes on after an event."""
+        headers = {"Cache-Control": "no-store"}
+        return StreamingResponse(alarms.events(last_event_id), media_type="text/event-stream", headers=headers)
 
 
 def _add_refusals(app: FastAPI) -> None:

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import datetime
 from typing import Any, Protocol
 
+from coastwatch import store
 from coastwatch.operators import stored
 from coastwatch.operators.api.hub import Hub
 from coastwatch.operators.api.metrics import Metrics
 from coastwatch.server.live_picture import LivePicture
 from coastwatch.server.run import version
 from coastwatch.store import Rows, Store
+
+ALARM_ID = re.compile(r"(\d{1,18})-([a-z_]{1,32})-(\d{1,15})")
+ALL_ALARMS = 2**31 - 1
 
 
 class NoPictureYet(Exception):
@@ -85,9 +91,26 @@ class Service:
         """The alarms of the run, newest first, with an id and who acknowledged them."""
         asked = {**parameters, "run": str(self.run_id()), "count": str(count)} | ({"kind": kind} if kind else {})
         found = stored.answer(self.store, "alarms", asked)
+        done = {_alarm_id(*row[:3]): row[3:6] for row in store.acknowledgements(self.store, self.run_id()).rows}
         at = [found.columns.index(name) for name in ("vessel_id", "kind", "start_utc")]
-        rows = [("-".join(str(row[k]) for k in at), *row, None, None, None) for row in found.rows]
+        rows = []
+        for row in found.rows:
+            vessel_id, alarm_kind, start = (row[k] for k in at)
+            alarm_id = _alarm_id(vessel_id, alarm_kind, datetime.fromisoformat(start).timestamp())
+            by, when_s, note = done.get(alarm_id, (None, None, None))
+            rows.append((alarm_id, *row, by, None if when_s is None else stored.utc_text(when_s), note))
         return Rows(("alarm_id", *found.columns, "acknowledged_by", "acknowledged_utc", "note"), rows)
+
+    def acknowledge(self, alarm_id: str, name: str, note: str, who: str) -> Rows | None:
+        """Acknowledge an alarm. Returns: its row; None where there is no such alarm. Args: name: of the person; who: of the token."""
+        found = ALARM_ID.fullmatch(alarm_id)
+        if found is None:
+            return None
+        event = int(found[1]), found[2], int(found[3]) / 1000.0
+        if not store.acknowledge(self.store, self.run_id(), event, at_s=time.time(), name=name, note=note, who=who):
+            return None
+        rows = self.alarms({"from_s": "0"}, event[1], ALL_ALARMS)
+        return Rows(rows.columns, [row for row in rows.rows if row[0] == alarm_id])
 
     def ready(self) -> tuple[bool, dict[str, Any]]:
         """Whether there is a picture and nothing is wrong, and why not."""
@@ -130,3 +153,7 @@ class Service:
         if run_id not in self._runs:
             self._runs = {run_id: stored.run(self.store, run_id)}
         return self._runs[run_id]
+
+
+def _alarm_id(vessel_id: int, kind: str, start_s: float) -> str:
+    return f"{vessel_id}-{kind}-{round(start_s * 1000)}"

@@ -1,0 +1,93 @@
+"""Alarms as server-sent events: on a connection of their own, so that a stalled picture hides none."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+from collections import deque
+from collections.abc import AsyncIterator
+from contextlib import suppress
+from typing import Any
+
+from coastwatch.operators import export
+from coastwatch.operators.api.service import NoPictureYet, Service
+from coastwatch.store import Rows, StoreError
+
+KEPT, MOST_ALARMS = 2000, 1000
+LOOK_S, SILENCE_S = 1.0, 15.0
+CHANGING = ("lasted_s",)
+"""Columns that change with every cycle, and are no news."""
+
+
+class AlarmStream:
+    """The changes of alarms, each with a number. One task looks for them while anybody listens."""
+
+    def __init__(self, service: Service) -> None:
+        self._service, self._run = service, 0
+        self._news: deque[tuple[int, str]] = deque(maxlen=KEPT)  # number and row as JSON
+        self._known: dict[str, str] = {}
+        self._number, self._looked_at = 0, -math.inf
+        self._looking = asyncio.Lock()
+
+    async def events(self, last: str) -> AsyncIterator[bytes]:
+        """The events for one listener: what it missed, or all that lasts or is not acknowledged; then news as they come.
+
+        Args: last: the id of the last event that it has, "run-number"; empty: none.
+        """
+        await self._look()
+        run, _, number = last.partition("-")
+        at = int(number) if run == str(self._run) and number.isdecimal() else -1
+        if at < 0 or (self._news and at < self._news[0][0] - 1):
+            for row in list(self._known.values()):
+                said = json.loads(row)
+                if said["end_utc"] is None or said["acknowledged_utc"] is None:
+                    yield self._event(self._number, row)
+            at = self._number
+        silent_s = 0.0
+        while True:
+            await self._look()
+            news = [(k, row) for k, row in self._news if k > at]
+            for k, row in news:
+                yield self._event(k, row)
+                at = k
+            silent_s = 0.0 if news else silent_s + LOOK_S
+            if silent_s >= SILENCE_S:
+                yield b": nothing new\n\n"
+                silent_s = 0.0
+            await asyncio.sleep(LOOK_S)
+
+    async def _look(self) -> None:
+        """Read the alarms, at most once a second for all listeners."""
+        async with self._looking:
+            now = asyncio.get_running_loop().time()
+            if now - self._looked_at < 0.9 * LOOK_S:
+                return
+            self._looked_at = now
+            with suppress(StoreError, NoPictureYet):  # the database may come back
+                self._take(await asyncio.to_thread(self._read))
+
+    def _read(self) -> tuple[int, Rows]:
+        return self._service.hub.run, self._service.alarms({}, None, MOST_ALARMS)
+
+    def _take(self, found: tuple[int, Rows]) -> None:
+        run, rows = found
+        if run != self._run:
+            self._run, self._known = run, {}
+            self._news.clear()
+        for said in reversed(export.as_objects(rows)):  # oldest first
+            text = json.dumps(said, allow_nan=False)
+            before = self._known.get(said["alarm_id"])
+            if before is None or _lasting(json.loads(before)) != _lasting(said):
+                self._number += 1
+                self._news.append((self._number, text))
+            self._known[said["alarm_id"]] = text
+        there = set(rows.column("alarm_id"))
+        self._known = {key: text for key, text in self._known.items() if key in there}
+
+    def _event(self, number: int, row: str) -> bytes:
+        return f"id: {self._run}-{number}\nevent: alarm\ndata: {row}\n\n".encode()
+
+
+def _lasting(row: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in row.items() if name not in CHANGING}

@@ -1,0 +1,45 @@
+"""Who acknowledged which alarm. The row is the audit too: it is written once and never changed."""
+
+from __future__ import annotations
+
+from sqlalchemy import and_, insert, select
+
+from coastwatch.store.database import Store, reading, writing
+from coastwatch.store.rows import Rows, fetch_rows
+from coastwatch.store.tables import ACKNOWLEDGEMENT, EVENT
+
+SAME_START_S = 0.0006
+"""Starts of events are given to the millisecond."""
+
+
+def acknowledge(
+    store: Store, run_id: int, event: tuple[int, str, float], *, at_s: float, name: str, note: str, who: str
+) -> bool:
+    """Acknowledge an event, if nobody has. Returns: whether there is such an event.
+
+    Args: event: vessel, kind and start, s; at_s: now; name: of the person; who: of the token.
+    Raises: StoreError.
+    """
+    vessel_id, kind, start_s = event
+    e, a = EVENT.c, ACKNOWLEDGEMENT.c
+    which = select(e.from_cycle).where(e.run_id == run_id, e.vessel_id == vessel_id, e.kind == kind)
+    which = which.where(e.start_s.between(start_s - SAME_START_S, start_s + SAME_START_S))
+    with writing(store) as connection:
+        from_cycle = connection.scalar(which)
+        if from_cycle is None:
+            return False
+        key = {"run_id": run_id, "vessel_id": vessel_id, "kind": kind, "from_cycle": from_cycle}
+        known = select(a.acknowledged_s).where(*(a[column] == value for column, value in key.items()))
+        if connection.scalar(known) is None:
+            row = {**key, "acknowledged_s": at_s, "acknowledged_by": name, "note": note, "who": who}
+            connection.execute(insert(ACKNOWLEDGEMENT).values(row))
+    return True
+
+
+def acknowledgements(store: Store, run_id: int) -> Rows:
+    """The acknowledged events of a run: vessel_id, kind, start_s, acknowledged_by, acknowledged_s, note, who."""
+    e, a = EVENT.c, ACKNOWLEDGEMENT.c
+    same = and_(e.run_id == a.run_id, e.vessel_id == a.vessel_id, e.kind == a.kind, e.from_cycle == a.from_cycle)
+    query = select(a.vessel_id, a.kind, e.start_s, a.acknowledged_by, a.acknowledged_s, a.note, a.who).join(EVENT, same)
+    with reading(store) as connection:
+        return fetch_rows(connection, query.where(a.run_id == run_id).order_by(a.acknowledged_s))

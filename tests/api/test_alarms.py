@@ -1,0 +1,67 @@
+"""Alarms: as events while they come, acknowledged with a name in one place and seen in another."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import httpx
+import numpy as np
+from server_world import Served, wait_for
+
+from coastwatch.batches import Flag
+
+
+def raise_alarm(served: Served, number: int, vessel_id: int | None) -> None:
+    """Write a cycle in which one vessel is dark, or none."""
+    import store_world
+
+    picture = store_world.picture_of(number, 30)
+    flags = np.where(picture.vessel_id == vessel_id, int(Flag.DARK), 0)
+    store_world.write(served.store, 1, number, cycle=store_world.cycle_of(number, 30, replace(picture, flags=flags)))
+
+
+def events(answer: httpx.Response) -> Iterator[dict[str, Any]]:
+    """The events of a stream, with their ids."""
+    fields: dict[str, str] = {}
+    for line in answer.iter_lines():
+        key, _, value = line.partition(": ")
+        if not line and "data" in fields:
+            yield {**json.loads(fields["data"]), "id": fields["id"]}
+            fields = {}
+        fields[key] = value
+
+
+def test_an_alarm_is_seen_acknowledged_and_seen_as_such_by_others(changing: Served) -> None:
+    base = f"http://{changing.address}"
+    with httpx.Client(base_url=base, timeout=20.0) as client, client.stream("GET", "/api/v1/alarms/stream") as first:
+        assert first.headers["content-type"].startswith("text/event-stream")
+        seen = events(first)
+        raise_alarm(changing, 3, 4)
+        alarm = next(seen)
+        assert (alarm["vessel_id"], alarm["kind"], alarm["end_utc"], alarm["acknowledged_by"]) == (4, "dark", None, None)
+        path = f"{base}/api/v1/alarms/{alarm['alarm_id']}/acknowledge"
+        wrong = httpx.post(path, json={"name": " "}), httpx.post(path, json={"nam": "Ana"})
+        assert [answer.status_code for answer in wrong] == [422, 422]
+        assert httpx.post(f"{base}/api/v1/alarms/4-dark-1/acknowledge", json={"name": "Ana"}).status_code == 404
+        assert httpx.post(f"{base}/api/v1/alarms/nothing/acknowledge", json={"name": "Ana"}).status_code == 404
+        done = httpx.post(path, json={"name": "Ana", "note": "called on 16"}).json()
+        assert (done["acknowledged_by"], done["note"]) == ("Ana", "called on 16")
+        assert httpx.post(path, json={"name": "Bia"}).json()["acknowledged_by"] == "Ana"
+        assert next(seen)["acknowledged_by"] == "Ana"
+        raise_alarm(changing, 4, None)
+        ended = next(seen)
+        assert ended["end_utc"] is not None
+    raise_alarm(changing, 5, 7)
+    wait_for(lambda: changing.service.picture().cycle == 5)
+    headers = {"Last-Event-ID": ended["id"]}
+    with (
+        httpx.Client(base_url=base, timeout=20.0, headers=headers) as client,
+        client.stream("GET", "/api/v1/alarms/stream") as again,
+    ):
+        assert next(events(again))["vessel_id"] == 7
+    unacknowledged = changing.get("/api/v1/alarms?state=unacknowledged").json()
+    assert [row["vessel_id"] for row in unacknowledged["alarms"]] == [7]
+    assert changing.get("/api/v1/alarms?state=lasting").json()["total"] == 1
