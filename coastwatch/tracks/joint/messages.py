@@ -16,7 +16,6 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field
-from scipy.spatial import cKDTree
 
 from coastwatch import kernels
 from coastwatch.batches import Bools, Floats, Ints, Measurements, Messages, Sensors, Tracks
@@ -261,6 +260,8 @@ class MessageAssociation(JointAssociation):
         _, name = np.unique(mmsi, return_inverse=True)
         reach_m = self.management.max_speed_kn * KNOT_M_S * float(np.ptp(batch.time))
         reach_m += math.sqrt(2.0 * self._limit * float(batch.covariance.max()))
+        from scipy.spatial import cKDTree  # slow to import, and few runs use it
+
         near = cKDTree(batch.position).query_pairs(reach_m, output_type="ndarray")  # one may begin a track that the other is of
         first = np.concatenate([pairs.plot, np.arange(count), near[:, 0]])
         second = np.concatenate([count + pairs.track, count + len(table.track_id) + name, near[:, 1]])
