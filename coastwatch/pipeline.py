@@ -116,7 +116,8 @@ class Cycle:
 
     def to_write(self) -> Cycle:
         """The cycle without arrays that the store does not read, so that their memory is free while the store writes."""
-        return replace(self, tracks=self.tracks.without_values("track_id", "source"), fused=self.fused.without_values())
+        read = "track_id", "source", "time_s", "updated_s", "position_deg", "velocity_m_s"  # members, and evidence of events
+        return replace(self, tracks=self.tracks.without_values(*read), fused=self.fused.without_values())
 
 
 def start_centre(scenario: Scenario) -> CentreMemory:

@@ -66,6 +66,7 @@ STATISTICS = {
 LAST = 2**62
 """The last cycle of a stay that lasts."""
 
+COURSES = ("cog_deg", "bearing_deg")  # never 360.00
 NAMED_SOURCES = ("source", "first_source", "second_source")
 
 Box = tuple[float, float, float, float]
@@ -358,4 +359,6 @@ def _maker(name: str) -> Callable[[Any], Any]:
     if name == "flags":
         return lambda value: flag_words(int(value)) if isinstance(value, int) else value
     digits = digits_of(name)
+    if name in COURSES:
+        return lambda value: rounded(value, digits) % 360.0 if isinstance(value, float) else value
     return lambda value: rounded(value, digits) if isinstance(value, float) else value

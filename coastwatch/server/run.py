@@ -115,7 +115,7 @@ def run_scenario(
             store.discard_runs(opened, scenario.name, seed)
         watch = Stopwatch()
         with open_workers(scenario.workers.method, count) as opened_workers:
-            warm_up(scenario, sensors, partial(report, 0, 1), opened_workers)
+            warm_up(scenario, sensors, partial(report, 0, plan.cycles if live is None else 1), opened_workers)
             if live is not None:
                 recording, plan = live.begin(scenario, sensors, seed)
                 plan, resume = _live_plan(opened, scenario, seed, plan) if resume else (plan, False)

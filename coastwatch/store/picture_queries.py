@@ -26,6 +26,7 @@ from coastwatch.store.tables import (
     EVENT,
     EVENT_GAP,
     HISTORY,
+    IDENTITY,
     MEMBER_HISTORY,
     PRESENCE,
     SOURCE,
@@ -80,6 +81,16 @@ def picture(
         return picture_of_cycle(connection, run_id, cycle, bbox, columns)
 
 
+def _known_as(connection: Connection, run_id: int, mmsi: int) -> str:
+    """Which vessels a number that is no vessel's may mean: those that had it as MMSI."""
+    i = IDENTITY.c
+    had = select(i.vessel_id).where(i.run_id == run_id, i.mmsi == mmsi).distinct().order_by(i.vessel_id)
+    vessels = [str(vessel) for vessel in connection.scalars(had)]
+    if not vessels:
+        return "`coastwatch picture` lists their ids"
+    return f"it is the MMSI of vessel {', '.join(vessels)}: `coastwatch track {vessels[-1]}`"
+
+
 def track(store: Store, run_id: int, vessel_id: int) -> dict[str, Any]:
     """One vessel: `vessel` (its newest row as a dict), Table `history` (its points), and Rows `events`, `members`, `stays`,
     `associations`, `bearing_associations`, oldest first.
@@ -93,7 +104,7 @@ def track(store: Store, run_id: int, vessel_id: int) -> dict[str, Any]:
         if not there.rows:
             run_exists(connection, store, run_id)
             raise StoreError(
-                f"{store.where}: run {run_id} never had a vessel {vessel_id}; `coastwatch picture` lists their ids"
+                f"{store.where}: run {run_id} never had a vessel {vessel_id}; {_known_as(connection, run_id, vessel_id)}"
             )
         return {
             "vessel": _newest_row(connection, run_id, vessel_id, there),

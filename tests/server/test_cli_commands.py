@@ -326,6 +326,11 @@ def test_flags_are_words() -> None:
     assert made.rows[1] == (None, "", "1970-01-01T00:00:01.500Z", None)
 
 
+def test_a_course_is_never_360() -> None:
+    made = stored.for_people(store.Rows(("cog_deg", "latitude_deg"), [(359.9999, 3.0), (359.99, 3.0), (None, 3.0)]))
+    assert [row[0] for row in made.rows] == [0.0, 359.99, None]
+
+
 def test_ctrl_c_ends_a_run_after_a_whole_cycle(start: Start, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     url = f"sqlite:///{tmp_path / 'x.db'}"
     line = ["run", "context-driven-100", "--db", url, "--json", "--set", "input.count=14", "--set", "cycles=5000"]
