@@ -19,6 +19,7 @@ export class Alarms {
   #heard = null; // ids of the alarms of the last answer; null: none yet, so that a new page does not shout
   #timer = null;
   #streaming = false;
+  #changes = 0; // acknowledgements from this page
 
   constructor(app) {
     this.app = app;
@@ -42,8 +43,9 @@ export class Alarms {
   async load() {
     clearTimeout(this.#timer);
     try {
+      const changes = this.#changes;
       const { alarms } = await getJson(`alarms?state=all&limit=${MOST}`);
-      this.#take(alarms);
+      if (changes === this.#changes) this.#take(alarms); // else the answer is older than what was acknowledged
     } catch (error) {
       if (error.status) this.app.say(error.message);
     }
@@ -122,6 +124,7 @@ export class Alarms {
     }
     try {
       const row = await postJson(`alarms/${encodeURIComponent(alarm.alarm_id)}/acknowledge`, { name, note: '' });
+      this.#changes++;
       this.#take(this.rows.map((other) => (other.alarm_id === row.alarm_id ? { ...other, ...row } : other)));
       this.app.say(`Acknowledged: ${words(alarm)}.`);
     } catch (error) {
