@@ -105,7 +105,7 @@ def write_cycle(
             counts = before.stations, before.feeds
             of_sensors = to_rows.registration_rows(run_id, number, cycle, last_report, *counts)
             insert(connection, SENSOR_REGISTRATION, of_sensors)
-        if last or truncated or _is_due(before, cycle, keep.cover_every_s):
+        if last or _is_due(before, cycle, keep.cover_every_s):
             _replace(connection, SENSOR_COVER, run_id, to_rows.cover_rows(run_id, number, cycle.radar_cover))
         first_kept = before.first_history, before.first_details
         if any((keep.history_hours, keep.details_hours, keep.event_hours, keep.recording_hours, keep.picture_hours)):

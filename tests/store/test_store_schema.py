@@ -137,7 +137,9 @@ def test_a_database_of_the_first_schema_comes_along_with_all_its_rows(url: str, 
         with reading(store) as connection:
             for name, table in METADATA.tables.items():
                 found = [dict(row._mapping) for row in connection.execute(table.select())]
-                ours = [] if name in ("sensor_registration", "sensor_cover", "acknowledgement") else rows[name]  # nothing of it then
+                ours = (
+                    [] if name in ("sensor_registration", "sensor_cover", "acknowledgement") else rows[name]
+                )  # nothing of it then
                 if name == "identity":  # all stays of an MMSI with a vessel are one, open while the last one is
                     ours, found = (as_one(of) for of in (ours, found))
                 if name == "presence":  # when a vessel that has left was first seen is no longer known, but its first cycle
