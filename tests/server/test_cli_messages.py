@@ -74,6 +74,8 @@ CASES: dict[str, tuple[str, int, str]] = {
     "text for a number": ("run guanabara --set radars.0.rpm=fast", 2, "--set radars.0.rpm: got 'fast', needed a number"),
     "a radar that is not there": ("run guanabara --set radars.9.rpm=3", 2, "--set radars.9: got '9', needed a number from 0 to 1"),
     "bytes in CSV": ("fuse --ais bytes.csv", 2, "bytes.csv:2, column time: got .*, which is no time"),
+    "a file without its option": ("fuse ais.csv", 2, "fuse: got 'ais.csv', .*; a file follows --ais, --plots, --bearings or --tracks"),
+    "a format as an option": ("picture --gpx", 2, "got '--gpx', .*; did you mean '--format gpx'?"),
     "an empty CSV": ("fuse --ais empty.csv", 2, "empty.csv: got an empty file"),
     "a folder for a CSV": ("fuse --ais folder", 2, "folder: got a folder, needed a file"),
     "a longitude": (

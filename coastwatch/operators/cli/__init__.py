@@ -14,6 +14,7 @@ import traceback
 from collections.abc import Sequence
 
 from coastwatch.operators.bad_input import BadInput
+from coastwatch.operators.cli.arguments import FORMATS
 from coastwatch.operators.cli.parser import make_parser
 from coastwatch.operators.safe_text import printable
 from coastwatch.spelling import did_you_mean
@@ -50,11 +51,18 @@ def parsed(words: Sequence[str]) -> argparse.Namespace:
     options, unknown = make_parser().parse_known_args(_joined(words))
     if unknown:
         known = ["--" + name.removesuffix("_s").replace("_", "-") for name in vars(options)]
-        hint = did_you_mean(unknown[0].partition("=")[0], known)
+        hint = _meant(unknown[0], options) or did_you_mean(unknown[0].partition("=")[0], known)
         raise BadInput(
             f"{options.command}: got {' '.join(unknown)!r}, which it does not take{hint} (see {options.command} --help)"
         )
     return options
+
+
+def _meant(word: str, options: argparse.Namespace) -> str:
+    """What a word that a command does not take was meant for, where it is plain: a file without its option, a format as an option."""
+    if options.command.endswith(" fuse") and not word.startswith("-"):
+        return "; a file follows --ais, --plots, --bearings or --tracks"
+    return f"; did you mean '--format {word[2:]}'?" if word[2:] in FORMATS and hasattr(options, "format") else ""
 
 
 def _joined(words: Sequence[str]) -> list[str]:
