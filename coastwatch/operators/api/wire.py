@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -70,6 +70,7 @@ class Frame:
     ids: Array  # (S,) uint32; 0: the slot is free
     vessels: Array  # (S,) VESSEL, as last sent
     sent_s: Floats  # (S,) when
+    position_deg: Floats  # (S, 2) where viewers have them at the time of the frame
     touched: Ints  # slots that changed, came or left with this frame
     made: dict[int, bytes] = field(default_factory=dict)  # messages by base
 
@@ -100,19 +101,16 @@ class Frame:
         counts = (len(self.ids), 0, 0, 0, self.run, HEADER.size)
         return HEADER.pack(MAGIC, VERSION, HEARTBEAT, 0, self.seq, self.seq, self.time_s, *counts)
 
-    def positions_deg(self) -> Floats:
-        """Where viewers have each vessel at the time of the frame. (S, 2)"""
-        return np.stack(_moved(self.vessels, self.time_s - self.sent_s), 1)
+    def past(self) -> Frame:
+        """What is needed of it once there is a newer one: its ids, and which slots changed."""
+        return replace(self, vessels=self.vessels[:0], sent_s=self.sent_s[:0], position_deg=self.position_deg[:0], made={})
 
     def _at_time(self, slots: Ints | slice) -> Array:
         """These vessels, moved on to the time of the frame. Those of this frame are where they were measured."""
-        out = self.vessels[slots]
-        since_s = self.time_s - self.sent_s[slots]
-        older = np.flatnonzero(since_s > 0.0)
-        latitude, longitude = _moved(out[older], since_s[older])
-        out = out.copy()
-        out["lat"][older] = np.rint(latitude * 1e7)
-        out["lon"][older] = np.rint(wrap_deg(longitude) * 1e7)
+        out = self.vessels[slots].copy()
+        latitude, longitude = self.position_deg[slots].T
+        out["lat"] = np.rint(latitude * 1e7)
+        out["lon"] = np.rint(longitude * 1e7)
         return out
 
 
@@ -128,23 +126,28 @@ class Encoder:
 
     def frame(self, picture: LivePicture) -> Frame:
         """The next frame."""
+        none = np.zeros(0)
         last = self._last or Frame(
-            self._run, 0, picture.time_s, np.zeros(0, np.uint32), np.zeros(0, VESSEL), np.zeros(0), _NONE
+            self._run, 0, picture.time_s, np.zeros(0, np.uint32), np.zeros(0, VESSEL), none, none.reshape(0, 2), _NONE
         )
         came, left = self._place(picture.array("vessel_id"))
         slots = self._slot
         size = max(len(last.ids), int(slots.max(initial=-1)) + 1)
         ids, vessels, sent_s = (_longer(array, size) for array in (last.ids, last.vessels, last.sent_s))
         self._due_s = _longer(self._due_s, size)
-        now = encoded(picture)
-        fresh = came | self._differs(vessels[slots], now, picture.time_s - sent_s[slots], picture.time_s)
+        now, expected = encoded(picture), np.stack(_moved(vessels[slots], picture.time_s - sent_s[slots]), 1)
+        fresh = came | self._differs(vessels[slots], now, expected, picture.time_s)
         ids[left], vessels[left] = 0, 0
         ids[slots[came]] = picture.array("vessel_id")[came]
         changed = slots[fresh]
         vessels[changed], sent_s[changed] = now[fresh], picture.time_s
+        position = np.zeros((size, 2))
+        expected[fresh] = np.stack([now["lat"][fresh], now["lon"][fresh]], 1) * 1e-7
+        position[slots] = expected
         wait_s = np.where(came[fresh], 0.5 + (changed * 0.6180339887) % 0.5, 1.0) * LONGEST_S  # not all in the same frame
         self._due_s[changed] = picture.time_s + wait_s
-        self._last = Frame(self._run, last.seq + 1, picture.time_s, ids, vessels, sent_s, np.concatenate([changed, left]))
+        touched = np.concatenate([changed, left])
+        self._last = Frame(self._run, last.seq + 1, picture.time_s, ids, vessels, sent_s, position, touched)
         return self._last
 
     def _place(self, vessel_id: Ints) -> tuple[Array, Ints]:
@@ -164,9 +167,9 @@ class Encoder:
         self._left, self._vessel_id, self._slot = left, vessel_id, slot
         return came, left
 
-    def _differs(self, sent: Array, now: Array, since_s: Floats, time_s: float) -> Array:
-        """Which vessels are not as viewers have them. (V,)"""
-        latitude, longitude = _moved(sent, since_s)
+    def _differs(self, sent: Array, now: Array, expected_deg: Floats, time_s: float) -> Array:
+        """Which vessels are not as viewers have them. Args: expected_deg: (V, 2) where viewers have them. Returns: (V,)."""
+        latitude, longitude = expected_deg.T
         north = (now["lat"] * 1e-7 - latitude) * A_DEGREE_M
         east = wrap_deg(now["lon"] * 1e-7 - longitude) * A_DEGREE_M * np.cos(np.radians(latitude))
         out = np.hypot(north, east) > METRES
@@ -213,7 +216,9 @@ def since(frames: Sequence[Frame], seq: int) -> Ints:
 
 def _moved(vessels: Array, seconds: Floats) -> tuple[Floats, Floats]:
     sog = np.where(vessels["sog"] == UNKNOWN_SOG, 0, vessels["sog"]) * 0.01
-    return ahead(vessels["lat"] * 1e-7, vessels["lon"] * 1e-7, sog, vessels["cog"] * (360.0 / 65536.0), seconds)
+    cog = vessels["cog"] * (360.0 / 65536.0)
+    latitude, longitude = ahead(vessels["lat"] * 1e-7, vessels["lon"] * 1e-7, sog, cog, seconds)
+    return latitude, wrap_deg(longitude)
 
 
 def _message(frame: Frame, kind: int, base: int, vessels: Array, ids: Array, *lists: Array) -> bytes:
