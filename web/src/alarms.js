@@ -35,7 +35,10 @@ export class Alarms {
   #listen() {
     const stream = new EventSource('./api/v1/alarms/stream');
     stream.onopen = () => { this.#streaming = true; };
-    stream.addEventListener('alarm', () => this.load());
+    stream.addEventListener('alarm', () => { // many may come at once: one question answers them
+      clearTimeout(this.#timer);
+      this.#timer = setTimeout(() => this.load(), 100);
+    });
     stream.onerror = () => { this.#streaming = false; };
   }
 
