@@ -63,6 +63,9 @@ STATISTICS = {
 }
 """What the statistic of an association means, by the method that decided."""
 
+ENDLESS = 100_000_000
+"""A run with so many cycles is live."""
+
 LAST = 2**62
 """The last cycle of a stay that lasts."""
 
@@ -120,7 +123,7 @@ def runs_table(rows: Rows) -> Rows:
         of = dict(zip(rows.columns, row, strict=True))
         scores = of["scores"] or {}
         main = [(scores.get(stage) or {}).get(name) for stage, name in MAIN_SCORES]
-        cycles = f"{of['cycles_stored']} of {of['cycles']}"
+        cycles = _cycles(of)
         about = (of[name] for name in ("run", "scenario", "seed", "version", "status"))
         figures = [round(value, 4) if isinstance(value, float) else value for value in main]
         faults = sum(fault["count"] for fault in of["faults"])
@@ -143,7 +146,12 @@ def heading(of_run: Mapping[str, Any], rows: Rows) -> str:
 def ending(of_run: Mapping[str, Any]) -> str:
     """How a run that has not finished ended, such as "the run died after cycle 3 of 9"; empty if it finished."""
     ends = ENDS.get(of_run["status"])
-    return f"{ends} after cycle {of_run['cycles_stored']} of {of_run['cycles']}" if ends else ""
+    return f"{ends} after cycle {_cycles(of_run)}" if ends else ""
+
+
+def _cycles(of_run: Mapping[str, Any]) -> str:
+    """Cycles stored, and of how many; a live run has no end."""
+    return str(of_run["cycles_stored"]) + ("" if of_run["cycles"] >= ENDLESS else f" of {of_run['cycles']}")
 
 
 def picture(found: Store, run_id: int, at_s: float | None, bbox: Box | None) -> Rows:
