@@ -19,7 +19,7 @@ WHOLE = {
 WHOLE_ENDINGS = ("_id", "_cycle", "_track")
 NUMBERS = {
     "ais_detection", "ais_looks", "compared", "false_plots_per_km2", "track_detection", "track_looks", "turns",
-    "found_odds", "odds", "residuals", "rival_share", "rows_a_cycle", "share", "statistic",
+    "existence", "found_odds", "odds", "residuals", "rival_share", "rows_a_cycle", "share", "statistic",
 }  # fmt: skip
 KINDS: dict[str, Kind] = {
     "flags": "flags",
@@ -35,6 +35,7 @@ DIGITS = {
     "sog_kn": 2,
     "statistic": 3,
     "share": 4,
+    "existence": 3,
     "ais_detection": 3,
     "track_detection": 3,
     "ais_looks": 1,

@@ -95,7 +95,7 @@ def ais_intervals(picture: Picture, members: Members, alarms: AisAlarms) -> Floa
     row = find(picture.vessel_id, members.vessel_id)
     known = np.flatnonzero((at >= 0) & (row >= 0))
     out = np.full(len(picture), np.inf)
-    np.minimum.at(out, row[known], alarms.interval_s[order[at[known]]])
+    np.fmin.at(out, row[known], alarms.interval_s[order[at[known]]])
     return np.where(np.isfinite(out), out, np.nan)
 
 

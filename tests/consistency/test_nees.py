@@ -138,9 +138,10 @@ def test_where_the_model_is_true_the_errors_are_spread_as_chi_square(source: str
 
 @pytest.mark.parametrize(
     "settings",
-    [pytest.param(BASE, id="base"), pytest.param(THROUGH_PLOT_FUSION, id="through plot fusion", marks=pytest.mark.slow)],
+    [pytest.param(BASE, id="base"), pytest.param(THROUGH_PLOT_FUSION, id="through plot fusion")],
 )
 @pytest.mark.parametrize("source", SOURCES)
+@pytest.mark.slow
 def test_with_kicks_and_turns_to_reckon_with_no_covariance_is_too_small(
     source: str, settings: tuple[tuple[str, str], ...], folder: Path
 ) -> None:

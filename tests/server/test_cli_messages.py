@@ -105,7 +105,7 @@ CASES: dict[str, tuple[str, int, str]] = {
     "an option": ("picture --bbix 1,2,3,4", 2, "picture: got '--bbix 1,2,3,4', which it does not take; did you mean '--bbox'?"),
     "a format": ("picture --format geojsn", 2, "--format: got 'geojsn', needed one of .*; did you mean 'geojson'?"),
     "an instant": ("picture --at yesterday", 2, "--at: got 'yesterday', needed an instant such as"),
-    "a paper": ("reproduce rangle", 2, "reproduce: got 'rangle', needed one of .*rangel; did you mean 'rangel'?"),
+    "a paper": ("reproduce rangle", 2, "reproduce: got 'rangle', needed one of .*rangel.*; did you mean 'rangel'?"),
     "no coastline": ("plot --db ours.db --run 7 --coastline not.geojson", 1, "there is no run 7"),
     "a folder for the output": ("query --output folder", 2, "folder: got a folder, needed a file"),
     "no folder for the output": ("query --output none/x.csv", 2, "none/x.csv: there is no folder none"),

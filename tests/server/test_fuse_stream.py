@@ -16,7 +16,7 @@ from coastwatch.store.migrate import check
 from scaling.load.ais_feed import write_feed
 
 PATIENCE_S = 600.0  # a busy machine that compiles the kernels for the first time
-SENTENCES = 3 * BLOCK  # the first cycle is stored long before the end of the file is read
+SENTENCES = 2 * BLOCK  # the first cycle is stored long before the end of the file is read
 
 
 @pytest.fixture(scope="module")

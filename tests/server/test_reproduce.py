@@ -259,7 +259,7 @@ def test_the_json_has_every_figure_and_every_run(whole: tuple[report.Reproductio
     assert made["schema"] == 1
     assert {"processor", "processors", "system", "python", "load"} == set(made["machine"])
     for name, scenario in made["scenarios"].items():
-        assert set(scenario) == {"title", "figures", "variants"}
+        assert set(scenario) == {"title", "figures", "orderings", "variants"}
         assert [f["name"] for f in scenario["figures"]] == [f.name for f in FOLDERS[name].figure]
         for variant in scenario["variants"]:
             assert set(variant) == {"name", "title", "settings", "at", "scenario", "runs"}

@@ -16,7 +16,7 @@ from coastwatch.server.run import RunResult
 from coastwatch.store.migrate import check
 
 PATIENCE_S = 600.0  # a busy machine that compiles the kernels for the first time
-KILLS = 3
+KILLS = 2
 LONG = {"input.count": "40", "cycles": "150", "warmup_s": "30.0", "store.checkpoint_every": "4"}
 """Some seconds: long enough to be killed three times. A checkpoint now and then, so that what is resumed lies before what is stored."""
 
