@@ -153,6 +153,7 @@ def test_with_kicks_and_turns_to_reckon_with_no_covariance_is_too_small(
     assert found.mean() < band(len(found), DIMENSION, CHANCE)[1]
 
 
+@pytest.mark.slow
 def test_the_filter_of_plots_and_reports_is_right_where_its_model_is_true(folder: Path) -> None:
     """Two minutes of plots and reports of two radars and AIS, one filter: mean and spread. Measured: 3.93 of 519, 95.6 % inside."""
     from scipy import stats

@@ -66,6 +66,7 @@ def test_a_radar_that_is_right_stays_where_it_is() -> None:
     assert right.late_wrong_deg < RIGHT_DEG
 
 
+@pytest.mark.slow
 def test_two_radars_are_registered_each_by_itself() -> None:
     """The second radar's errors change not one bit of what is found of the first."""
     pier, tower = course("two", SEED, 6.0)

@@ -29,6 +29,7 @@ SLOW = (
     "rangel-table-6",
     "rangel-table-7",
     "rangel-table-8",
+    "rangel-tables-3-4",
 )
 """Scenarios whose figures another scenario, or another test, holds in the same way: only all tests hold theirs too."""
 
@@ -142,6 +143,7 @@ def finite(found: dict[str, Any]) -> None:
         assert wrong == {}, stage
 
 
+@pytest.mark.slow
 def test_the_literal_association_runs_and_is_worse(folder: Path) -> None:
     settings = ("associations.method=windowed_covariance_literal", *SMALL)
     literal = scores("context-driven-100", settings, SEEDS[0], folder)

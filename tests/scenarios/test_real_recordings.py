@@ -88,7 +88,7 @@ def cut_short(source: Path, target: Path, seconds: float) -> float:
 
 
 @needs_autoferry
-@pytest.mark.parametrize("number", [2, 6])
+@pytest.mark.parametrize("number", [2, pytest.param(6, marks=pytest.mark.slow)])
 def test_what_autoferry_brings_later_changes_no_picture_of_before(number: int, tmp_path: Path) -> None:
     until_s = cut_short(AUTOFERRY / f"scenario{number}", tmp_path / "data" / f"scenario{number}", 40.0)
     whole = load_scenario(f"autoferry-{number}", {"cycles": "60", **EVERY_CYCLE})
@@ -104,6 +104,7 @@ def test_what_autoferry_brings_later_changes_no_picture_of_before(number: int, t
 
 
 @needs_solent
+@pytest.mark.slow
 def test_what_the_solent_brings_later_changes_no_picture_of_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The simulated radars run along a truth that is smoothed over the whole recording, so reports are cut, not the file."""
     common, load = 40, Solent.load

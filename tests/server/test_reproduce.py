@@ -23,6 +23,7 @@ from coastwatch.operators.reproduction.report_plots import roc_curve
 from coastwatch.server.many import over_processes
 
 FOLDERS = published.chosen("rangel", ())
+TWO = ("rangel-tables-3-4", "rangel-table-8")
 SHORT = ("cycles=3", "warmup_s=45", "input.count=40")  # only has to run
 TIMEOUT_S = 600.0
 
@@ -47,9 +48,9 @@ def reproduced(folder: Path, names: tuple[str, ...], further: tuple[str, ...] = 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[report.Reproduction, Path]:
-    """Every folder but the picture, short."""
+    """Two folders, short."""
     folder = tmp_path_factory.mktemp("reproduction")
-    return reproduced(folder, tuple(name for name, of in FOLDERS.items() if not of.picture)), folder
+    return reproduced(folder, TWO), folder
 
 
 def test_the_tracks_of_few_targets_are_scored_beside_the_bound(tmp_path: Path) -> None:
@@ -107,8 +108,18 @@ def test_every_published_table_and_figure_has_a_folder() -> None:
     assert wanted <= set(re.findall(r"Fig\. \d|Table [IV]+", said))
 
 
-def test_every_folder_runs_and_fills_the_columns_that_it_names(whole: tuple[report.Reproduction, Path]) -> None:
-    for folder in whole[0].folders:
+def test_a_folder_runs_and_fills_the_columns_that_it_names(whole: tuple[report.Reproduction, Path]) -> None:
+    columns_are_filled(whole[0])
+
+
+@pytest.mark.slow
+def test_the_other_folders_do_so_too(tmp_path: Path) -> None:
+    columns_are_filled(reproduced(tmp_path, tuple(name for name, of in FOLDERS.items() if not of.picture and name not in TWO)))
+
+
+def columns_are_filled(said: report.Reproduction) -> None:
+    """Literal, default and bound have values in each row that names them."""
+    for folder in said.folders:
         first = {key: values[0] for key, values in folder.of.sweep.items()}
         for row in folder.rows:
             late = re.match(r"history\.(\d+)", row.figure.path)  # a short run does not last so long
@@ -265,11 +276,11 @@ def test_the_json_has_every_figure_and_every_run(whole: tuple[report.Reproductio
             assert set(variant) == {"name", "title", "settings", "at", "scenario", "runs"}
             assert [run["seed"] for run in variant["runs"]] == [1000]
             assert {"scores", "timings_s", "history", "elapsed_s"} <= set(variant["runs"][0])
-    first = made["scenarios"]["rangel-tables-1-2"]
+    first = made["scenarios"]["rangel-tables-3-4"]
     (f1,) = (f for f in first["figures"] if f["name"] == "F1")
     runs = next(v for v in first["variants"] if v["name"] == "default")["runs"]
-    assert f1["default"]["values"] == [run["scores"]["associations"]["f1"] for run in runs] == [f1["default"]["mean"]]
-    assert (f1["published"], f1["asked"], f1["unit"]) == (0.9953, 0.999, "fraction of 1")
+    assert f1["default"]["values"] == [run["scores"]["bearing_associations"]["f1"] for run in runs] == [f1["default"]["mean"]]
+    assert (f1["published"], f1["asked"], f1["unit"]) == (0.9226, 0.99, "fraction of 1")
 
 
 def test_decisions_swaps_and_the_baseline_fit_together(whole: tuple[report.Reproduction, Path]) -> None:

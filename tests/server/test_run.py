@@ -39,7 +39,7 @@ def test_the_same_again_is_the_same_to_the_bit(alone: Path, tmp_path: Path) -> N
     assert rows(tmp_path / "again.db") == rows(alone)
 
 
-@pytest.mark.parametrize("method", ["processes", "threads"])
+@pytest.mark.parametrize("method", [pytest.param("processes", marks=pytest.mark.slow), "threads"])
 def test_two_workers_give_the_rows_of_one(alone: Path, tmp_path: Path, method: str) -> None:
     made = run(tmp_path / "two.db", small(workers__method=method), workers=2)
     assert column(tmp_path / "two.db", "SELECT workers FROM run") == [2]

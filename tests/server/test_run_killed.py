@@ -66,6 +66,7 @@ def test_killed_at_random_moments_it_resumes_to_the_rows_of_an_uninterrupted_run
     assert column(path, "SELECT scores FROM run") == column(whole, "SELECT scores FROM run")
 
 
+@pytest.mark.slow
 def test_an_interrupt_ends_after_a_whole_cycle_and_resume_goes_on(
     uninterrupted: tuple[Path, RunResult], start: Start, tmp_path: Path
 ) -> None:
