@@ -216,7 +216,9 @@ def _begin(
         found = store.resume_point(opened, scenario.name, seed, version(), scenario.model_dump(mode="json"))
         if found is not None:
             run_id, _, blob = found
-            return run_id, _loaded_point(blob, run_id)
+            point = _loaded_point(blob, run_id)
+            store.resume_run(opened, run_id)
+            return run_id, point
     run_id = store.begin_run(
         opened,
         scenario=scenario.name,

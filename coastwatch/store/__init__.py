@@ -28,11 +28,14 @@ from coastwatch.store.runs import discard_runs as discard_runs
 from coastwatch.store.runs import finish_run as finish_run
 from coastwatch.store.runs import keep_runs as keep_runs
 from coastwatch.store.runs import last_good_run as last_good_run
+from coastwatch.store.runs import last_instant as last_instant
 from coastwatch.store.runs import latest_run as latest_run
 from coastwatch.store.runs import newest_picture as newest_picture
 from coastwatch.store.runs import radar_covers as radar_covers
 from coastwatch.store.runs import resume_point as resume_point
+from coastwatch.store.runs import resume_run as resume_run
 from coastwatch.store.runs import run as run
+from coastwatch.store.runs import run_status as run_status
 from coastwatch.store.runs import runs as runs
 from coastwatch.store.runs import sensor_states as sensor_states
 from coastwatch.store.runs import sensors as sensors

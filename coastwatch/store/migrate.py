@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from alembic import command
 from alembic.autogenerate import compare_metadata
@@ -24,13 +24,26 @@ for _table in METADATA.tables.values():
         _index.dialect_options["postgresql"]["where"] = _index.dialect_options["sqlite"]["where"]
 
 
-def upgrade(url: str, to: str = "head", *, wait_s: float = WAIT_S) -> None:
+class Upgraded(NamedTuple):
+    """What an upgrade found and made."""
+
+    before: str | None  # schema; None: there were no tables
+    after: str | None
+    runs: int  # that the database holds now
+
+
+def upgrade(url: str, to: str = "head", *, wait_s: float = WAIT_S) -> Upgraded:
     """Make the tables, or bring those of an older version to this one. What is stored is kept.
 
     Raises: StoreError where the database is another program's, of a newer version, locked or unreachable.
     """
     with connect(url, wait_s, may_create=True) as store:
+        with reading(store) as connection:
+            before = revision(connection, store.where)
         upgrade_open(store, to)
+        with reading(store) as connection:
+            runs = connection.scalar(text("SELECT count(*) FROM run"))
+            return Upgraded(before, revision(connection, store.where), int(runs or 0))
 
 
 def upgrade_open(store: Store, to: str = "head") -> None:

@@ -24,6 +24,7 @@ from coastwatch.batches import (
     TrackSources,
 )
 from coastwatch.store.database import Store, StoreError, as_json, now_utc, reading, writing
+from coastwatch.store.processes import is_gone, this_process
 from coastwatch.store.rows import Rows, fetch_rows
 from coastwatch.store.tables import (
     AIS_FEED,
@@ -42,6 +43,8 @@ from coastwatch.store.tables import (
 if TYPE_CHECKING:  # to read a database needs no pydantic, which is slow to import
     from coastwatch.stage import Plan
 
+_OF_PROCESS = (RUN.c.machine, RUN.c.process)
+
 STATUSES = ("running", "finished", "interrupted", "failed")
 LARGEST = 2**63
 
@@ -49,7 +52,7 @@ MOST_NAMED = 10
 """Runs that a refusal names."""
 
 DEAD_S, DEAD_PERIODS = 60.0, 20.0
-"""A run that writes no cycle for so long is no longer there."""
+"""A run of another machine that writes no cycle for so long is no longer there."""
 
 
 def begin_run(
@@ -90,6 +93,7 @@ def begin_run(
         "workers": workers,
         "faults": [asdict(fault) for fault in faults],
     }
+    row["machine"], row["process"] = this_process()
     with writing(store) as connection:
         row["started_utc"] = row["written_utc"] = now_utc(connection)
         run_id = int(connection.execute(insert(RUN).values(row).returning(RUN.c.id)).scalar_one())
@@ -99,6 +103,14 @@ def begin_run(
             if rows:
                 connection.execute(insert(table), rows)
     return run_id
+
+
+def resume_run(store: Store, run_id: int) -> None:
+    """Note that this process goes on with a run, which is then `running` again. Raises: StoreError."""
+    machine, process = this_process()
+    with writing(store) as connection:
+        again = {"status": "running", "machine": machine, "process": process, "written_utc": now_utc(connection)}
+        connection.execute(update(RUN).where(RUN.c.id == run_id).values(finished_utc=None, **again))
 
 
 def finish_run(
@@ -187,14 +199,16 @@ def _delete(store: Store, which: Executable) -> list[int]:
 
 
 def runs(store: Store) -> Rows:
-    """Every run, newest first, without its settings. Status `died`: it was not ended, and has written nothing for long."""
+    """Every run, newest first, without its settings. Status `died`: it was not ended, and its process is no longer there."""
     stored = select(CYCLE.c.run_id, func.count().label("done")).group_by(CYCLE.c.run_id).subquery()
     r, done = RUN.c, func.coalesce(stored.c.done, 0).label("cycles_stored")
     about = (r.id, r.scenario, r.title, r.seed, r.version, r.status, r.started_utc, r.finished_utc, r.workers)
-    query = select(*about, done, r.cycles, r.period_s, r.start_s, r.written_utc, r.scores, r.faults, r.verdict)
+    plan = r.cycles, r.period_s, r.start_s, r.written_utc
+    query = select(*about, done, *plan, r.scores, r.faults, r.verdict, *_OF_PROCESS)
     with reading(store) as connection:
         found = fetch_rows(connection, query.outerjoin(stored, stored.c.run_id == r.id).order_by(r.id.desc()))
-        return Rows(found.columns, [_with_death(connection, found.columns, row) for row in found.rows])
+        shown = slice(-len(_OF_PROCESS))
+        return Rows(found.columns[shown], [_with_death(connection, found.columns, row)[shown] for row in found.rows])
 
 
 def run(store: Store, run_id: int) -> dict[str, Any]:
@@ -207,12 +221,28 @@ def run(store: Store, run_id: int) -> dict[str, Any]:
         return dict(zip(found.columns, _with_death(connection, found.columns, found.rows[0]), strict=True))
 
 
+def run_status(store: Store, run_id: int) -> str:
+    """The status of a run, as in `runs`. Raises: StoreError where there is none."""
+    r = RUN.c
+    query = select(r.status, r.period_s, r.started_utc, r.written_utc, *_OF_PROCESS).where(r.id == run_id)
+    with reading(store) as connection:
+        found = fetch_rows(connection, query)
+        if not found.rows:
+            raise no_run(connection, store, run_id)
+        return str(_with_death(connection, found.columns, found.rows[0])[0])
+
+
 def _with_death(connection: Connection, columns: Sequence[str], row: tuple[Any, ...]) -> tuple[Any, ...]:
-    """A row of `run`, with status `died` where it is `running` and has written nothing for DEAD_S, or DEAD_PERIODS if longer."""
+    """A row of `run`, with status `died` where it is `running` and its process is gone.
+
+    A process of another machine is taken to be gone once it has written nothing for DEAD_S, or DEAD_PERIODS if longer.
+    """
     of = dict(zip(columns, row, strict=True))
-    silent = timedelta(seconds=max(DEAD_S, DEAD_PERIODS * of["period_s"]))
-    if of["status"] == "running" and (of["written_utc"] or of["started_utc"]) < now_utc(connection, -silent):
-        of["status"] = "died"
+    if of["status"] == "running":
+        silent = timedelta(seconds=max(DEAD_S, DEAD_PERIODS * of["period_s"]))
+        is_silent = (of["written_utc"] or of["started_utc"]) < now_utc(connection, -silent)
+        if is_silent or is_gone(of["machine"], of["process"]):
+            of["status"] = "died"
     return tuple(of.values())
 
 
@@ -246,6 +276,14 @@ def newest_picture(store: Store, run_id: int | None = None) -> tuple[int, int, f
     query = select(c.run_id, c.number, c.time_s).where(c.run_id == which, c.picture_kept).order_by(c.number.desc()).limit(1)
     found = _fetch(store, query).rows
     return (int(found[0][0]), int(found[0][1]), float(found[0][2])) if found else None
+
+
+def last_instant(store: Store, run_id: int) -> float | None:
+    """Time of the newest stored cycle of a run; None where there is none."""
+    newest = select(CYCLE.c.time_s).where(CYCLE.c.run_id == run_id).order_by(CYCLE.c.number.desc()).limit(1)
+    with reading(store) as connection:
+        found = connection.scalar(newest)
+    return None if found is None else float(found)
 
 
 def timings(store: Store, run_id: int) -> Rows:

@@ -29,7 +29,7 @@ from sqlalchemy import (
     text,
 )
 
-REVISION = "0017"
+REVISION = "0018"
 """The migration at which the database equals the tables below; a test compares it with db/migrations."""
 
 REVISION_TABLE = "coastwatch_revision"
@@ -85,6 +85,8 @@ RUN = Table(
     *required(String(32), "started_utc"),
     *nullable(String(32), "finished_utc"),
     *nullable(String(32), "written_utc"),  # when the newest cycle was written
+    *nullable(Text, "machine"),  # where the process that writes it runs
+    *nullable(WHOLE, "process"),  # its number there
     *required(WORD, "status"),  # running, finished, interrupted, failed
     *required(REAL, "period_s"),
     *required(WHOLE, "cycles"),  # planned, warm-up included

@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0017; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0018; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
@@ -11,6 +11,8 @@ CREATE TABLE run (
 	started_utc VARCHAR(32) NOT NULL,
 	finished_utc VARCHAR(32),
 	written_utc VARCHAR(32),
+	machine TEXT,
+	process INTEGER,
 	status VARCHAR(16) NOT NULL,
 	period_s FLOAT NOT NULL,
 	cycles INTEGER NOT NULL,

@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 from run_world import SEED, Start, column, rows, run, stored, url
 
+from coastwatch import store
 from coastwatch.scenario import load_scenario
 from coastwatch.server.run import RunResult
+from coastwatch.store import open_store
 from coastwatch.store.migrate import check
 
 PATIENCE_S = 600.0  # a busy machine that compiles the kernels for the first time
@@ -53,7 +55,10 @@ def test_killed_at_random_moments_it_resumes_to_the_rows_of_an_uninterrupted_run
         started.communicate()
         assert started.returncode == -signal.SIGKILL
         assert check(url(path)) == []
-        assert column(path, "SELECT status FROM run") == ["running"]
+        assert column(path, "SELECT status FROM run") == ["running"]  # as it was left, but it is known to be dead
+        with open_store(url(path)) as opened:
+            assert store.runs(opened).column("status") == ["died"]
+            assert store.run_status(opened, 1) == "died"
         assert stored(path) < 160
     started = start(*command(path, "--resume"))
     _, err = started.communicate(timeout=PATIENCE_S)

@@ -48,6 +48,8 @@ SINCE_0004 = (
     "closing",
     "piece",
     "written_utc",
+    "machine",
+    "process",
     "verdict",
     "nav_status",
     "interval_s",
@@ -133,9 +135,9 @@ def test_a_database_of_the_first_schema_comes_along_with_all_its_rows(url: str, 
             assert set(there.tables) == set(METADATA.tables) - SINCE_0001 | {REVISION_TABLE}
             for name in (table.name for table in METADATA.sorted_tables if table.name not in SINCE_0001):
                 connection.execute(there.tables[name].insert(), as_in_0001(name, rows[name]))
-    with pytest.raises(StoreError, match="schema: got 0001, needed 0017: `coastwatch db upgrade` brings it there"):
+    with pytest.raises(StoreError, match=f"schema: got 0001, needed {REVISION}: `coastwatch db upgrade` brings it there"):
         kept.open_store(url)
-    assert migrate.check(url) == ["schema: got 0001, needed 0017: `coastwatch db upgrade` brings it there"]
+    assert migrate.check(url) == [f"schema: got 0001, needed {REVISION}: `coastwatch db upgrade` brings it there"]
     migrate.upgrade(url)
     assert migrate.check(url) == []
     with kept.open_store(url) as store:
@@ -184,7 +186,7 @@ def test_a_database_of_schema_0006_comes_along(url: str, tmp_path: Path) -> None
         url = f"sqlite:///{path}"
     else:
         _fill_0006(url, rows)
-    assert migrate.check(url) == ["schema: got 0006, needed 0017: `coastwatch db upgrade` brings it there"]
+    assert migrate.check(url) == [f"schema: got 0006, needed {REVISION}: `coastwatch db upgrade` brings it there"]
     migrate.upgrade(url)
     assert migrate.check(url) == []
     with kept.open_store(url) as store:
@@ -276,7 +278,7 @@ def test_a_database_of_a_newer_version_is_left_alone(url: str) -> None:
     migrate.upgrade(url)
     with connect(url, 1.0, may_create=False) as store, writing(store) as connection:
         connection.execute(text(f"UPDATE {REVISION_TABLE} SET version_num = '9999'"))
-    with pytest.raises(StoreError, match="schema: got 9999, needed 0017: it was written by a newer Coastwatch"):
+    with pytest.raises(StoreError, match=f"schema: got 9999, needed {REVISION}: it was written by a newer Coastwatch"):
         kept.open_store(url)
     (found,) = migrate.check(url)
     assert "written by a newer Coastwatch" in found
