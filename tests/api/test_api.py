@@ -81,6 +81,7 @@ def test_the_past_is_answered_from_the_store(served: Served) -> None:
         ("/api/v1/vessels/x", 422, "vessel_id"),
         ("/api/v1/alarms?kind=moon", 400, "moon"),
         ("/api/v1/coastline", 404, "no coastline"),
+        ("/api/v1/sensors/7/cover", 404, "got radar 7, needed one of 0, 1"),
         ("/api/v1/nothing", 404, ""),
     ],
 )
@@ -107,7 +108,17 @@ def test_health_metrics_and_lists(served: Served) -> None:
     assert "coastwatch_vessels 28.0" in served.get("/metrics").text
     status = served.get("/api/v1/status").json()
     assert (status["vessels"], status["live"], status["by_kind"]["3"]) == (28, False, 14)
-    assert {row["kind"] for row in served.get("/api/v1/sensors").json()["sensors"]} == {"radar", "ais", "bearing"}
+    assert status["run_status"] == "running"
+    sensors = {row["name"]: row for row in served.get("/api/v1/sensors").json()["sensors"]}
+    assert {row["kind"] for row in sensors.values()} == {"radar", "ais", "bearing"}
+    assert {name: row["health"] for name, row in sensors.items()} == {
+        "hill": "never heard", "mouth": "never heard", "fort": "never heard", "island": "never heard"
+    }  # fmt: skip
+    cover = served.get(f"/api/v1/sensors/{sensors['fort']['number']}/cover").json()
+    assert (cover["radar"], cover["grid"]) == ("fort", "detection")
+    assert [(cell["from_deg"], cell["from_nm"], cell["ais_detection"]) for cell in cover["cells"]] == [(35.0, 1.875, 0.5)]
+    clutter = served.get(f"/api/v1/sensors/{sensors['island']['number']}/cover?grid=clutter").json()["cells"]
+    assert {cell["name"] for cell in clutter} == {"island"}
     assert served.get("/api/v1/runs").json()["runs"][0]["scenario"] == "sea"
     assert served.get("/api/v1/alarms").json() == {"total": 0, "alarms": []}
     assert served.get("/api/v1/cycles").json()["last_utc"] == status["time_utc"]

@@ -13,10 +13,11 @@ from fastapi import APIRouter, Depends, HTTPException, Path, Query, Request, Res
 from pydantic import BaseModel, ConfigDict, Field
 
 from coastwatch import store
-from coastwatch.batches import Flag, Ints
+from coastwatch.batches import COVER_AZIMUTHS, COVER_RANGES, Flag, Ints
 from coastwatch.operators import export, stored
 from coastwatch.operators.api.service import Service
 from coastwatch.operators.api.wire import Encoder
+from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.cli.arguments import box, utc
 from coastwatch.operators.selection import selected
 from coastwatch.server.live_picture import KIND_OF_SOURCE, LivePicture, of_store
@@ -223,8 +224,26 @@ def acknowledge(
 
 @router.get("/sensors")
 def sensors(service: In, form: As) -> Response:
-    """The sensors with their registration and when they were heard last."""
+    """The sensors with their health, their registration and when they were heard last."""
     return _answer(stored.sensors(service.store, service.run_id(), None), form, "sensors", {})
+
+
+@router.get("/sensors/{number}/cover")
+def sensor_cover(
+    number: Annotated[int, Path(ge=0, le=LARGEST_ID)], service: In, form: As,
+    grid: Literal["detection", "clutter"] = "detection",
+) -> Response:  # fmt: skip
+    """The newest learnt cover of a radar, or the density of its false plots, one row a cell. `number` is as in `/sensors`."""
+    run_id = service.run_id()
+    names = {row[1]: row[2] for row in store.sensors(service.store, run_id).rows if row[0] == "radar"}
+    if number not in names:
+        raise HTTPException(404, f"sensors: got radar {number}, needed one of {', '.join(map(str, names)) or 'none'}")
+    try:
+        cells = stored.radar_cover(service.store, run_id, grid == "clutter", COVER_AZIMUTHS, COVER_RANGES)
+    except BadInput as error:
+        raise HTTPException(404, str(error)) from error
+    of_radar = Rows(cells.columns, [row for row in cells.rows if row[0] == names[number]])
+    return _answer(of_radar, form, "cells", {"run": run_id, "radar": names[number], "grid": grid})
 
 
 @router.get("/feeds")
@@ -273,7 +292,9 @@ def coastline(service: In) -> Response:
 def _picture_at(service: Service, at_s: float | None) -> LivePicture:
     if at_s is None:
         return service.picture()
-    return of_store(service.store, service.run_id(), -1, at_s, at_s)
+    run_id = service.run_id()
+    last_s = store.last_instant(service.store, run_id)
+    return of_store(service.store, run_id, -1, at_s if last_s is None else min(at_s, last_s), at_s)
 
 
 def _vessel(service: Service, vessel_id: int) -> tuple[dict[str, Any], stored.Vessel]:

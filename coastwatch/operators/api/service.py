@@ -129,6 +129,7 @@ class Service:
             "run": of.run_id,
             "scenario": about["scenario"],
             "title": about["title"],
+            "run_status": store.run_status(self.store, of.run_id),
             "version": version(),
             "live": self.source.live,
             "run_id": self.hub.run,
