@@ -7,7 +7,7 @@ from typing import Literal
 Kind = Literal["text", "whole", "number", "yes_no", "instant", "flags"]
 
 TEXTS = {
-    "answers", "call_sign", "cycles_done", "evidence", "first_source", "heard_by", "kind", "members", "name", "nav_status",
+    "answers", "call_sign", "cycles_done", "evidence", "first_source", "health", "heard_by", "kind", "members", "name", "nav_status",
     "parameters", "question", "region", "says", "scenario", "second_source", "source", "sources", "specification", "stage", "state",
     "status", "title", "version", "what",
 }  # fmt: skip

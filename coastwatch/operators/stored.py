@@ -149,6 +149,14 @@ def ending(of_run: Mapping[str, Any]) -> str:
     return f"{ends} after cycle {_cycles(of_run)}" if ends else ""
 
 
+def beyond_end(found: Store, of_run: Mapping[str, Any], at_s: float | None) -> str:
+    """A sentence if an instant is more than a period after the last cycle of a run; empty if not. Args: of_run: as of `run`."""
+    last_s = None if at_s is None else store.last_instant(found, of_run["id"])
+    if at_s is None or last_s is None or at_s <= last_s + of_run["period_s"]:
+        return ""
+    return f"run {of_run['id']} holds nothing at {utc_text(at_s)}: its last cycle is at {utc_text(last_s)}, and this answer is of then"
+
+
 def _cycles(of_run: Mapping[str, Any]) -> str:
     """Cycles stored, and of how many; a live run has no end."""
     return str(of_run["cycles_stored"]) + ("" if of_run["cycles"] >= ENDLESS else f" of {of_run['cycles']}")
@@ -211,8 +219,27 @@ def _with_names(rows: Rows | Table, names: Mapping[int, str]) -> Rows | Table:
 
 
 def sensors(found: Store, run_id: int, at_s: float | None) -> Rows:
-    """One row per sensor with all its columns."""
-    return for_people(store.sensor_states(found, run_id, at_s))
+    """One row per sensor with all its columns, and its health: heard, silent or never heard."""
+    states = store.sensor_states(found, run_id, at_s)
+    health = [_health(dict(zip(states.columns, row, strict=True))) for row in states.rows]
+    with_health = [(*row, word) for row, word in zip(states.rows, health, strict=True)]
+    return for_people(Rows((*states.columns, "health"), with_health))
+
+
+SILENT_TURNS, SILENT_LEAST_S, SILENT_AIS_S = 3.0, 10.0, 60.0
+"""A radar is silent after so many turns without a report, a sonar after so many intervals, at least after 10 s; AIS after 60 s."""
+
+
+def _health(of: Mapping[str, Any]) -> str | None:
+    """Whether a sensor was heard lately, in the cycle that its row is of; None: nothing is expected. Args: of: its row."""
+    if of["kind"] not in ("radar", "ais", "bearing") or of["time_s"] is None:
+        return None
+    if of["heard_s"] is None:
+        return "never heard"
+    spec = of["spec"] or {}
+    expected_s = spec.get("period_s", spec.get("interval_s"))
+    allowed_s = SILENT_AIS_S if expected_s is None else max(SILENT_TURNS * expected_s, SILENT_LEAST_S)
+    return "silent" if of["time_s"] - of["heard_s"] > allowed_s else "heard"
 
 
 COVER_COLUMNS = ("ais_detection", "ais_looks", "track_detection", "track_looks")

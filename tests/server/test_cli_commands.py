@@ -18,6 +18,9 @@ from coastwatch import store
 from coastwatch.batches import Flag
 from coastwatch.operators import stored, verdict
 from coastwatch.operators.cli import main
+from coastwatch.store import migrate
+from coastwatch.store.processes import this_process
+from coastwatch.store.tables import REVISION
 
 PATIENCE_S = 600.0  # a busy machine that compiles the kernels for the first time
 
@@ -131,7 +134,7 @@ def test_runs_are_listed_deleted_and_kept(tmp_path: Path, capsys: pytest.Capture
     assert "f1" in listed[0]["scores"]["associations"]
     with contextlib.closing(sqlite3.connect(tmp_path / "x.db")) as raw, raw:
         raw.execute("UPDATE run SET status = 'running', written_utc = '2020-01-01T00:00:00Z', cycles = 9 WHERE id = 2")
-        raw.execute("UPDATE run SET status = 'running' WHERE id = 1")
+        raw.execute("UPDATE run SET status = 'running', process = ?, machine = ? WHERE id = 1", this_process()[::-1])
     head = answer(["picture", "--db", db, "--run", "2"], capsys).splitlines()[0]
     assert head.endswith("the run died after cycle 3 of 9")
     assert main(["picture", "--db", db, "--run", "2", "--json"]) == 0
@@ -266,6 +269,23 @@ def test_a_picture_before_the_first_cycle_names_it_in_utc(
     assert capsys.readouterr().err.endswith(said)
 
 
+def test_an_instant_after_the_end_of_a_run_is_warned_of(
+    finished_run: FinishedRun, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """Within a period of the last cycle there is nothing to say; the answer itself is the same."""
+    url = finished_run.url
+    (last_s,) = {row["time_utc"] for row in json.loads(answer(["picture", "--db", url, "--json"], capsys))}
+    near = last_s.replace("30.000Z", "32.000Z")
+    assert near != last_s
+    now = answer(["picture", "--db", url, "--json", "--at", near], capsys)
+    said = f"run 1 holds nothing at 2031-01-01T00:00:00.000Z: its last cycle is at {last_s}, and this answer is of then\n"
+    for command in (["picture", "--json"], ["sensors"], ["query", "fastest"], ["plot", "--output", str(tmp_path / "p.png")]):
+        assert main([*command, "--db", url, "--at", "2031-01-01T00:00:00Z"]) == 0
+        out, err = capsys.readouterr()
+        assert err == f"coastwatch: warning: --at: {said}"
+        assert command[0] != "picture" or out == now
+
+
 def test_a_plot(finished_run: FinishedRun, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     path = tmp_path / "p.png"
     for more in ([], ["--at", "2025-06-01T12:00:30Z"], ["--bbox=-23.1,-43.2,-23.0,-43.1"]):
@@ -298,7 +318,12 @@ def test_a_database_is_checked_and_made(finished_run: FinishedRun, capsys: pytes
     url = f"sqlite:///{tmp_path / 'new.db'}"
     assert main(["db", "check", "--db", url]) == 1
     capsys.readouterr()
-    answer(["db", "upgrade", "--db", url], capsys)
+    assert answer(["db", "upgrade", "--db", url], capsys) == f"{url}: made with schema {REVISION}\n"
+    said = answer(["db", "upgrade", "--db", finished_run.url], capsys)
+    assert said == f"{finished_run.url}: up to date at schema {REVISION}, 1 run kept\n"
+    old = f"sqlite:///{tmp_path / 'old.db'}"
+    migrate.upgrade(old, "0004")
+    assert answer(["db", "upgrade", "--db", old], capsys) == f"{old}: upgraded from schema 0004 to {REVISION}, 0 runs kept\n"
     answer(["db", "check", "--db", url], capsys)
     answer(["db", "check", "--db", str(tmp_path / "new.db")], capsys)  # a path names the same database
     assert main(["picture", "--db", url]) == 1

@@ -9,8 +9,14 @@ from coastwatch.store import migrate
 
 
 def upgrade(options: argparse.Namespace) -> int:
-    migrate.upgrade(options.db)
-    print(f"{options.db}: up to date")
+    done = migrate.upgrade(options.db)
+    runs = f"{done.runs} run{'' if done.runs == 1 else 's'} kept"
+    if done.before == done.after:
+        print(f"{options.db}: up to date at schema {done.after}, {runs}")
+    elif done.before is None:
+        print(f"{options.db}: made with schema {done.after}")
+    else:
+        print(f"{options.db}: upgraded from schema {done.before} to {done.after}, {runs}")
     return 0
 
 

@@ -263,7 +263,8 @@ def _reproduce(commands: Any) -> None:
 def _runs(commands: Any) -> None:
     text = (
         "The runs of a database, newest first: scenario, seed, version, cycles, status and main scores. `runs delete ID` deletes one, "
-        "`runs keep N` all but the newest N; a run that is being written stays. Status died: it was not ended and writes no more."
+        "`runs keep N` all but the newest N; a run that is being written stays. Status died: it was not ended, and its "
+        "process is gone, or has written nothing for a minute."
     )
     runs = _command(commands, "runs", "read:runs", "list or delete runs", text)
     runs.add_argument("action", metavar="delete|keep", nargs="?", choices=("delete", "keep"), help="what to do (default: list)")

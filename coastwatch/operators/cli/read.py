@@ -5,26 +5,34 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 from coastwatch.batches import COVER_AZIMUTHS, COVER_RANGES
 from coastwatch.operators import export, recorded_frames, stored
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.safe_text import printable
 from coastwatch.operators.selection import selected
-from coastwatch.store import Rows, delete_run, keep_runs
+from coastwatch.store import Rows, Store, delete_run, keep_runs
 
 
 def picture(options: argparse.Namespace) -> int:
     with stored.opened(options.db) as store:
         run = stored.run(store, options.run)
         rows = stored.picture(store, run["id"], options.at, options.bbox)
+        warn_beyond_end(store, run, options.at)
     heading = stored.heading(run, rows)
     main = options.format == "table" and not options.columns
     _write(rows, options, heading, stored.MAIN_COLUMNS if main else ())
     if options.format != "table" and stored.ending(run):
         print(f"coastwatch: warning: {printable(heading)}", file=sys.stderr)
     return 0
+
+
+def warn_beyond_end(store: Store, run: Mapping[str, Any], at_s: float | None) -> None:
+    """Warns on stderr where an instant is after the end of a run. Args: as of `stored.beyond_end`."""
+    if said := stored.beyond_end(store, run, at_s):
+        print(f"coastwatch: warning: --at: {printable(said)}", file=sys.stderr)
 
 
 def _write(rows: Rows, options: argparse.Namespace, heading: str = "", columns: Sequence[str] = ()) -> None:
@@ -109,6 +117,7 @@ def sensors(options: argparse.Namespace) -> int:
             _write(stored.radar_cover(store, run["id"], options.clutter, *coarse), options)
             return 0
         rows = stored.sensors(store, run["id"], options.at)
+        warn_beyond_end(store, run, options.at)
     _write(rows if options.format == "json" else stored.registration(rows, run["settings"]), options)
     return 0
 
@@ -126,5 +135,7 @@ def query(options: argparse.Namespace) -> int:
             raise BadInput(f"query: got {option} {value} and --set {key}={parameters[key]}, needed one of them")
     with stored.opened(options.db) as store:
         rows = stored.answer(store, options.name, parameters, options.at)
+        if options.at is not None:
+            warn_beyond_end(store, stored.run(store, int(parameters["run"]) if "run" in parameters else None), options.at)
     _write(rows, options)
     return 0
