@@ -254,7 +254,7 @@ def _associate(s: Scenario, memory: Any, tracks: Tracks, spots: Spots, kinds: In
         after, associations = s.associations.step(memory, tracks, spots, map_)
         return after, associations
     after, found = s.associations.step(memory, tracks.take(known.others), known.spots_of_others(spots), map_)
-    return after, known.joined_to(found, tracks, kinds)
+    return after, known.joined_to(found, tracks, kinds, s.associations.statistic_is_distance)
 
 
 def step(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -26,6 +26,7 @@ class Counting(Method):
     Source: A. Sagild, track-to-track fusion of radar and AIS, 2021, section 4.2.
     """
 
+    statistic_is_distance: ClassVar[bool] = True
     method: Literal["counting"] = "counting"
     threshold_m: Metres = 30.0
     hits: Cycles = 4  # cycles in a row
@@ -64,6 +65,7 @@ class TwoCountings(Method):
     Source: A. Sagild, track-to-track fusion of radar and AIS, 2021, section 8.
     """
 
+    statistic_is_distance: ClassVar[bool] = True
     method: Literal["two_countings"] = "two_countings"
     tight_m: Metres = 10.0
     hits_tight: Cycles = 2  # cycles in a row
@@ -115,6 +117,7 @@ class CountedTest(Method):
     Statistic: distance of the positions, m.
     """
 
+    statistic_is_distance: ClassVar[bool] = True
     method: Literal["counted_test"] = "counted_test"
     significance: Share = 0.001  # alpha: share of right pairs that a single test refuses, if errors are independent
     hits: Cycles = 4  # cycles in a row
@@ -147,6 +150,7 @@ class TestThenCounting(Method):
     A pair without covariance is associated by counting alone. Statistic: distance of the positions, m.
     """
 
+    statistic_is_distance: ClassVar[bool] = True
     method: Literal["test_then_counting"] = "test_then_counting"
     significance: Share = 0.9  # alpha of the test that begins: near 1 the states must nearly agree
     threshold_m: Metres = 30.0

@@ -37,8 +37,12 @@ class HeldTracks:
         halo = row[spots.halo_row]
         return Spots(spots.centre_m, spots.spot[others], spots.halo_spot[halo >= 0], halo[halo >= 0])
 
-    def joined_to(self, found: Associations, tracks: Tracks, kinds: Ints) -> Associations:
-        """Associations of all tracks. A holder has no other AIS track. Args: found: those of `others`; kinds: as of `held_tracks`."""
+    def joined_to(self, found: Associations, tracks: Tracks, kinds: Ints, statistic_is_distance: bool) -> Associations:
+        """Associations of all tracks. A holder has no other AIS track.
+
+        Args: found: those of `others`; kinds: as of `held_tracks`; statistic_is_distance: whether a pair is better the smaller its
+        statistic is. Then the statistic of an AIS track and its holder is 0, else `LEAST_LOG_ODDS`.
+        """
         others, is_holder = self.others, np.zeros(self.count, np.bool_)
         is_holder[self.holder] = True
         is_ais = kinds[tracks.source] == SourceKind.AIS
@@ -46,8 +50,10 @@ class HeldTracks:
         free = ~(is_holder[one] & is_ais[other] | is_holder[other] & is_ais[one])
         first = np.concatenate([one[free], np.minimum(self.ais, self.holder)])
         second = np.concatenate([other[free], np.maximum(self.ais, self.holder)])
-        statistic = np.concatenate([found.statistic[free], np.full(len(self.ais), LEAST_LOG_ODDS)])
-        gain = np.concatenate([found.statistic[free], np.full(len(self.ais), np.inf)])
+        certain = np.full(len(self.ais), 0.0 if statistic_is_distance else LEAST_LOG_ODDS)
+        statistic = np.concatenate([found.statistic[free], certain])
+        better = -found.statistic[free] if statistic_is_distance else found.statistic[free]
+        gain = np.concatenate([better, np.full(len(self.ais), np.inf)])
         order = np.lexsort((second, first))
         first, second, statistic = first[order], second[order], statistic[order]
         vessel, kept = vessels(tracks, first, second, gain[order])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -33,6 +33,7 @@ class SingleScanTest(Method):
     problem, 1981.
     """
 
+    statistic_is_distance: ClassVar[bool] = True
     method: Literal["single_scan_test"] = "single_scan_test"
     significance: Share = 0.01  # alpha: share of right pairs that the test refuses, if T is right
     dependence: Literal["independent", "recursive", "geometric_mean"] = "independent"

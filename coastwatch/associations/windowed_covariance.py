@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -54,6 +54,7 @@ class WindowedCovariance(Method):
     dependent errors, 2006, for the likelihood ratio against an extraneous track.
     """
 
+    statistic_is_distance: ClassVar[bool] = False
     method: Literal["windowed_covariance"] = "windowed_covariance"
     window: Annotated[int, Field(ge=1, le=200)] = 20  # cycles
     gate_m: Annotated[float, Field(gt=0.0)] = 1000.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -46,6 +46,7 @@ class WindowedCovarianceLiteral(Method):
     eq. 7-9 and section III-E.
     """
 
+    statistic_is_distance: ClassVar[bool] = True
     method: Literal["windowed_covariance_literal"] = "windowed_covariance_literal"
     window: Annotated[int, Field(ge=5, le=200)] = 10  # p, cycles
     confidence: Annotated[float, Field(gt=0.0, lt=1.0)] = (

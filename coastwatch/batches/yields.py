@@ -81,6 +81,8 @@ class Messages(Batch):
     covariance: Floats = column(np.float64, "M", 2, 2)
     mmsi: Ints = column(np.int64, "M")
     origin: Ints = column(np.int64, "M")
+    velocity_m_s: Floats = optional_column("M", 2)  # NaN where none was sent, or none is believed
+    velocity_covariance: Floats = optional_column("M", 2, 2)  # its errors are independent of those of the position
 
 
 @dataclass(frozen=True, eq=False)

@@ -84,6 +84,8 @@ def track_region(
     good = is_usable(plots, time_s, management.ahead_s)
     if not good.all():
         memory, plots = replace(memory, dropped=memory.dropped + int((~good).sum())), plots.take(good)
+    if management.echo_sigma_m > 0.0:
+        plots = replace(plots, covariance=plots.covariance + management.echo_sigma_m**2 * np.eye(2))
     ours = np.flatnonzero(sensors.radars.region == region)
     slice_s = min(management.slice_s, 0.5 * float(sensors.radars.period_s[ours].min(initial=np.inf)))
     batches = cut(plots, slice_s, by_radar)

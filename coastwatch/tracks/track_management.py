@@ -17,6 +17,7 @@ from coastwatch.tracks.table import Duplicates, Status, Table
 DAY_S = 86400.0  # older plots are from a clock that is not set
 
 Positive = Annotated[float, Field(gt=0.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
 Probability = Annotated[float, Field(gt=0.0, lt=1.0)]
 Count = Annotated[int, Field(ge=1)]
 PlotOrigin = Literal["estimated", "known"]
@@ -25,6 +26,7 @@ PlotOrigin = Literal["estimated", "known"]
 class TrackManagement(Settings):
     """Gates, initiation, deletion. A look is one turn of a radar that covers the track."""
 
+    echo_sigma_m: NotNegative = 0.0  # of the echo's place on a vessel, per axis, on top of the noise of the radar
     slice_s: Positive = 1.0  # plots are processed in slices of this length, at most half a turn of the fastest radar
     gate_probability: Probability = 0.999  # that a vessel's own plot is inside the gate
     detection_probability: Probability = 0.9  # of a vessel in one look

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from radar_world import ORIGIN_DEG, PERIOD_S, cut, plots_of, two_radars, world
 
+from coastwatch.associations import Counting, WindowedCovariance
 from coastwatch.associations.held import counted_once, held_tracks
 from coastwatch.batches import Associations, Messages, Plots, SourceKind, Spots, Tracks, VesselBearings
 from coastwatch.geodesy import to_plane
@@ -16,6 +17,7 @@ from coastwatch.tracks import Vimmjipda, VimmjipdaNoisyBatch, VimmjipdaPreciseBa
 
 METHODS = [VimmjipdaSequential(), VimmjipdaPreciseBatch(), VimmjipdaNoisyBatch()]
 SIGMA_M = 3.0
+VELOCITY_SIGMA_M_S = 0.1
 CYCLES = 12
 
 
@@ -130,6 +132,38 @@ def test_a_batch_of_single_messages_equals_the_sequence(scene):
     np.testing.assert_allclose(to_plane(one.position_deg, ORIGIN_DEG), to_plane(other.position_deg, ORIGIN_DEG), atol=0.5)
 
 
+@pytest.mark.parametrize("method", METHODS, ids=lambda m: m.method)
+def test_speed_and_course_of_messages_make_tracks_more_exact_unless_switched_off(method, scene):
+    truth, plots, messages = scene
+    _, velocity = truth.at(messages.origin, messages.time_s)
+    velocity = velocity + VELOCITY_SIGMA_M_S * np.random.default_rng([31, 4]).standard_normal(velocity.shape)
+    noise = np.tile(VELOCITY_SIGMA_M_S**2 * np.eye(2), (len(messages), 1, 1))
+    half = messages.origin % 2 == 0  # of the vessels send speed and course
+    full = replace(messages, velocity_m_s=np.where(half[:, None], velocity, np.nan), velocity_covariance=noise)
+    _, without = run(method, plots, messages)
+    _, off = run(method.model_copy(update={"message_velocities": False}), plots, full)
+    assert np.array_equal(off[-1].covariance, without[-1].covariance)
+    _, out = run(method, plots, full)
+    assert {k: v for k, v in ids(out[-1]).items() if v >= 0} == {k: v for k, v in ids(without[-1]).items() if v >= 0}
+    assert max(np.unique(tracks.origin, return_counts=True)[1].max(initial=0) for tracks in out) == 1
+    measured, before = (
+        errors_of([tracks.take(np.isin(tracks.origin, [0, 2, 4, 6])) for tracks in one[6:]], truth) for one in (out, without)
+    )
+    assert measured[1] < 0.6 * before[1]
+    assert measured[0] < before[0]
+    rng = np.random.default_rng(32)
+    _, shuffled = run(method, plots, full.take(rng.permutation(len(full))))
+    assert np.array_equal(shuffled[-1].covariance, out[-1].covariance)
+
+
+def errors_of(cycles, truth):
+    """Root mean square error of the position, m, and of the velocity, m/s, of tracks of these cycles."""
+    tracks = Tracks.join(cycles)
+    where, velocity = truth.at(tracks.origin, tracks.time_s)
+    apart = to_plane(tracks.position_deg, ORIGIN_DEG) - where, tracks.velocity_m_s - velocity
+    return [float(np.sqrt((error**2).sum(axis=1).mean())) for error in apart]
+
+
 def test_an_ais_track_whose_messages_are_in_a_radar_track_is_of_it_and_not_fused_again():
     """Rows: a radar track that holds 7, one that holds nothing, AIS 7 at the first, AIS 8 beside it, AIS 9 at the second."""
     place = ORIGIN_DEG + np.array([[0.0, 0.0], [0.1, 0.0], [0.0, 1e-5], [0.0, 2e-5], [0.1, 1e-5]])
@@ -144,13 +178,28 @@ def test_an_ais_track_whose_messages_are_in_a_radar_track_is_of_it_and_not_fused
     assert (len(spots.spot), spots.halo_row.tolist()) == (4, [3])
     # the method, which does not see AIS 7, pairs AIS 8 with the first and AIS 9 with the second
     found = Associations(np.array([0, 1]), np.array([2, 3]), np.array([5.0, 5.0]), np.array([0, 1, 0, 1]), 2)
-    joined = held.joined_to(found, tracks, kinds)
+    joined = held.joined_to(found, tracks, kinds, WindowedCovariance().statistic_is_distance)
     assert joined.vessel.tolist() == [0, 1, 0, 2, 1]
     assert list(zip(joined.first.tolist(), joined.second.tolist(), strict=True)) == [(0, 2), (1, 4)]
     counted, fused, _ = counted_once(tracks, joined, VesselBearings.empty(), kinds)
     assert counted.track_id.tolist() == [0, 1, 3, 4]
     assert fused.vessel.tolist() == [0, 1, 2, 1]
     assert list(zip(fused.first.tolist(), fused.second.tolist(), strict=True)) == [(1, 3)]
+
+
+@pytest.mark.parametrize(("method", "statistic"), [(Counting(), (5.0, 40.0)), (WindowedCovariance(), (40.0, 5.0))])
+def test_the_better_pair_of_the_vessel_of_a_held_track_stands(method, statistic):
+    """Rows: radar 0 that holds AIS 7, radar 1 near it, AIS 7, AIS 8. Radar 1 is paired with radar 0 and, less well, with AIS 8."""
+    place = ORIGIN_DEG + np.array([[0.0, 0.0], [0.0, 4e-5], [0.0, 1e-5], [0.0, 4.4e-4]])
+    spread, zero = np.tile(np.eye(4), (4, 1, 1)), np.zeros(4)
+    each = np.arange(4), np.array([0, 1, 2, 2]), zero, place, np.zeros((4, 2)), spread, spread[:, :2, :2], zero, zero
+    tracks = Tracks(*each, np.array([-1, -1, 7, 8]), np.full(4, -1), held_mmsi=np.array([7, -1, -1, -1]))
+    kinds = np.array([SourceKind.RADAR, SourceKind.RADAR, SourceKind.AIS])
+    held = held_tracks(tracks, kinds, 1000.0)
+    found = Associations(np.array([0, 1]), np.array([1, 2]), np.array(statistic), np.zeros(3, np.int64), 2)
+    joined = held.joined_to(found, tracks, kinds, method.statistic_is_distance)
+    assert list(zip(joined.first.tolist(), joined.second.tolist(), strict=True)) == [(0, 1), (0, 2)]
+    assert joined.vessel.tolist() == [0, 0, 0, 1]
 
 
 def test_messages_without_a_radar_turn_keep_a_track():

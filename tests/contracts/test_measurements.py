@@ -6,8 +6,10 @@ import pytest
 from coastwatch.batches import AisReports
 from coastwatch.geodesy import offset_deg, to_plane
 from coastwatch.kernels.filters.ais_tracker import TRACK, measure
-from coastwatch.tracks import AisFilter, Imm
+from coastwatch.tracks import AisFilter, Imm, Vimmjipda
+from coastwatch.tracks.joint.existence import ExistenceManagement
 from coastwatch.tracks.out_of_sequence import records
+from coastwatch.tracks.track_management import TrackManagement
 from tests.contracts.ais_world import HOME, PERIOD_S, SENSORS, START_S, reports, sail
 from tests.contracts.radar_world import cut, plots_of, two_radars, world
 from tests.contracts.radar_world import run as run_radar
@@ -79,3 +81,23 @@ def test_plots_are_of_the_tracks_that_took_them(origin):
     assert np.abs(back - cycle.position_m[which]).max() < NEAR_M
     assert np.isfinite(taken.site_deg).all()
     assert np.isnan(taken.velocity_m_s).all()
+
+
+ECHO_M = 6.0
+WITH_ECHO = (
+    Imm(upkeep=TrackManagement(echo_sigma_m=ECHO_M, confirm_hits=2)),
+    Vimmjipda(upkeep=ExistenceManagement(echo_sigma_m=ECHO_M, confirm_existence=0.5)),
+)
+
+
+@pytest.mark.parametrize("method", WITH_ECHO, ids=lambda m: m.method)
+def test_plots_in_tracks_have_the_noise_of_the_echo_too(method):
+    """Fusion over these plots would be too sure without it."""
+    plots = plots_of(world(5, 5), two_radars(), 9.0, 5)
+    memory, _ = run_radar(method, plots, 2)
+    now = cut(plots, 2)
+    _, _, taken = method.step(memory, now, 3 * PERIOD_S, two_radars(), 0)
+    which = np.abs(now.time_s[None] - taken.time_s[:, None]).argmin(axis=1)
+    spread, of_radar = (np.trace(c[:, :2, :2], axis1=1, axis2=2) for c in (taken.covariance, now.covariance[which]))
+    assert len(taken) >= 3
+    np.testing.assert_allclose(spread - of_radar, 2.0 * ECHO_M**2, atol=0.01)

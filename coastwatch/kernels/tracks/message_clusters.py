@@ -6,6 +6,8 @@ Advances in Information Fusion 17(2), 2022, section VI (precise batch) and equat
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from coastwatch.kernels.filters import imm
@@ -40,31 +42,33 @@ def in_any_gate(filters, hypotheses, limit):  # type: ignore[no-untyped-def]
 
 
 @jit
-def run_through(filters, time, rows, columns, until, limit, renewal, models):  # type: ignore[no-untyped-def]
+def run_through(filters, time, rows, measured, until, limit, renewal, models):  # type: ignore[no-untyped-def]
     """Predict and update each filter by its messages, and predict it to a time. In place.
 
     Args: filters: state (A, J, 5), covariance (A, J, 5, 5), mode probability (A, J); time: (A,) of each, overwritten; rows: first message
-    of each and the end, (A,) each, rows of columns (PlotColumns) in order of time; until: no filter is taken back to it; limit: squared
-    Mahalanobis distance of the gate; renewal: as of `imm.predict_filter`; models: (J,) MODEL.
-    Returns: log-likelihood of the messages (A,); whether each was in the gate of any model (A,).
+    of each and the end, (A,) each, rows of measured in order of time; measured: time (M,), z (M, 4) east, north, east rate, north rate,
+    NaN rates where none were sent, and noise R (M, 4, 4); until: no filter is taken back to it; limit: squared Mahalanobis distance of
+    the gate of the position; renewal: as of `imm.predict_filter`; models: (J,) MODEL.
+    Returns: log-likelihood of the messages (A,); whether the position of each was in the gate of any model (A,).
     """
     states, covariances, modes = filters
-    work, z, noise = imm.workspace(len(models)), np.empty(2), np.empty((2, 2))
+    work, z, noise = imm.workspace(len(models)), np.empty(4), np.empty((4, 4))
     log_likelihood, fit = np.zeros(len(time)), np.ones(len(time), np.bool_)
     for k in range(len(time)):
         state, covariance, mode = states[k], covariances[k], modes[k]
         for m in range(rows[0][k], rows[1][k]):
-            dt = columns.time[m] - time[k]
-            z[:] = columns.position[m]
-            noise[:] = columns.covariance[m]
+            dt = measured[0][m] - time[k]
+            z[:] = measured[1][m]
+            noise[:] = measured[2][m]
             if dt < 0.0:
                 imm.moments(state, covariance, mode, work.mean, work.spread)
                 imm.bring_forward(z, noise, -dt, work.mean, work.spread)
             else:
                 imm.predict_filter(state, covariance, mode, models, dt, renewal, work)
-                time[k] = columns.time[m]
+                time[k] = measured[0][m]
             fit[k] &= _fits(state, covariance, z, noise, limit)
-            log_likelihood[k] += imm.update_filter(state, covariance, mode, z, noise, work)
+            known = z[:2] if math.isnan(z[2]) else z
+            log_likelihood[k] += imm.update_filter(state, covariance, mode, known, noise, work)
         if until > time[k]:
             imm.predict_filter(state, covariance, mode, models, until - time[k], renewal, work)
             time[k] = until

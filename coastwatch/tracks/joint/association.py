@@ -38,7 +38,6 @@ class JointAssociation:
     def track_batch(self, memory: RadarMemory, batch: PlotColumns) -> tuple[RadarMemory, Ints]:
         """Weigh the plots of a batch of one radar. Returns: memory, the slot of the track that most likely took each plot, or -1."""
         table, rules, radar = memory.table, self.management, int(batch.sensor[0])
-        batch = batch._replace(covariance=batch.covariance + rules.echo_sigma_m**2 * np.eye(2))
         every_detection, every_density = rules.by_number(self.sensors.radars)
         detection = float(every_detection[radar])
         false_per_m2 = memory.false_plots_per_m2(self.clutter, batch, float(every_density[radar]))

@@ -14,10 +14,9 @@ from coastwatch.kernels.filters.gaussian import gate
 from coastwatch.kernels.tracks.existence import ExistenceChain
 from coastwatch.stage import Settings
 from coastwatch.tracks.table import Status, Table
-from coastwatch.tracks.track_management import Count, Positive, Probability, seen_together
+from coastwatch.tracks.track_management import Count, NotNegative, Positive, Probability, seen_together
 
 KNOWN = 0.5  # probability of an id by which two tracks are told apart
-NotNegative = Annotated[float, Field(ge=0.0)]
 
 
 class Detection(Settings):

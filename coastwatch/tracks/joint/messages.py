@@ -1,7 +1,8 @@
 """AIS messages as measurements of radar tracks: methods A, B and C of Hem and Brekke.
 
 A message came, so its vessel was not missed; its absence says nothing; there are no false messages. Its id counts: a track that is
-known by the id takes it, and a wrong id in a message near a known track begins no second one.
+known by the id takes it, and a wrong id in a message near a known track begins no second one. The paper has positions alone; here a
+message with speed and course measures the velocity too.
 
 Source: A. G. Hem, E. F. Brekke, Variations of joint integrated data association with radar and target-provided measurements, Journal of
 Advances in Information Fusion 17(2), 2022, sections V and VI.
@@ -20,7 +21,6 @@ from pydantic import Field
 from coastwatch import kernels
 from coastwatch.batches import Bools, Floats, Ints, Measurements, Messages, Sensors, Tracks
 from coastwatch.geodesy import KNOT_M_S, to_plane, turn, within_any
-from coastwatch.kernels.filters.gaussian import gate
 from coastwatch.kernels.tracks.columns import NAMES, Candidates, PlotColumns
 from coastwatch.kernels.tracks.existence import SURELY
 from coastwatch.kernels.tracks.joint_update import Hypotheses
@@ -32,6 +32,7 @@ from coastwatch.tracks.table import RadarMemory, Table, begin_tracks
 from coastwatch.tracks.track_management import Probability
 
 COARSE = 16.0  # times the squared distance of the gate: among messages in it, the models of each track decide
+LEAST_LOG, MOST_LOG = -400.0, 200.0  # of a likelihood
 WIDEST = 1e8  # ratio of the weights of a message that is kept: beyond it sums lose their digits
 
 
@@ -40,6 +41,7 @@ class MessageSettings(Settings):
 
     correct_id: Probability = 0.99  # probability that a message carries the id of its vessel
     silent_share: Probability = 0.5  # of the vessels without a track, that send no messages
+    gate_sigmas: Annotated[float, Field(gt=0.0)] = 6.0  # a message farther from a track, by all of its models, is not of it
     begin_existence: Probability = 0.05  # a message begins a track that exists with this probability or more
 
 
@@ -59,13 +61,22 @@ def messages_of(reports: Measurements, ais: Tracks, sensors: Sensors, region: in
     at = kernels.tables.match_ids.index_of(ais.track_id, reports.track_id)
     origin_deg = sensors.region_origin_deg[region]
     axes = turn(reports.position_deg, origin_deg)
+    back = np.swapaxes(axes, 1, 2)
     return Messages(
         time_s=reports.time_s,
         position_m=to_plane(reports.position_deg, origin_deg),
-        covariance=axes @ reports.covariance[:, :2, :2] @ np.swapaxes(axes, 1, 2),
+        covariance=axes @ reports.covariance[:, :2, :2] @ back,
         mmsi=ais.mmsi[at],
         origin=ais.origin[at],
+        velocity_m_s=(axes @ reports.velocity_m_s[:, :, None])[:, :, 0],
+        velocity_covariance=axes @ reports.covariance[:, 2:, 2:] @ back,
     )
+
+
+def positions_alone(messages: Messages) -> Messages:
+    """These messages without their velocities."""
+    unknown = np.full((len(messages), 2), np.nan)
+    return replace(messages, velocity_m_s=unknown, velocity_covariance=np.tile(unknown[:, :, None], (1, 1, 2)))
 
 
 class Candidate(NamedTuple):
@@ -94,27 +105,28 @@ class MessageAssociation(JointAssociation):
         order = self._rounds(memory, batch, messages.mmsi)
         for number in range(int(order.max(initial=-1)) + 1):
             rows = np.flatnonzero(order == number)
-            memory = self._take(memory, _columns(messages.take(rows)), messages.mmsi[rows], alone=True)
+            memory = self._take(memory, messages.take(rows), alone=True)
         return memory
 
     def take_clusters(self, memory: RadarMemory, messages: Messages, until_s: float) -> RadarMemory:
         """Method B: the messages of one id are one measurement. Each track in reach is run through them."""
         table, models = memory.table, self.bank.models
         messages = messages.take(np.argsort(messages.mmsi, kind="stable"))
-        batch = _columns(messages)
         begin = np.flatnonzero(np.diff(messages.mmsi, prepend=-1))
         end = np.append(begin[1:], len(messages))
         first = _columns(messages.take(begin))
         pairs = by_track(self._near(table, first), len(models))
         of = np.repeat(pairs.slot, np.diff(pairs.start))
-        born = self._begun(first, len(models))
+        born = self._begun(messages.take(begin), len(models))
         both = Filters(*(np.concatenate([a[of], b]) for a, b in zip(table.filters, born, strict=True)))
         time = np.concatenate([table.updated_s[of], first.time])
         rows = np.concatenate([begin[pairs.plot], begin + 1]), np.concatenate([end[pairs.plot], end])
         run = kernels.tracks.message_clusters.run_through
-        log_likelihood, fit = run(tuple(both), time, rows, batch, until_s, self._limit, self.bank.prior.renewal_s, models)
+        measured = messages.time_s, *_measured(messages)
+        log_likelihood, fit = run(tuple(both), time, rows, measured, until_s, self._limit, self.bank.prior.renewal_s, models)
         kept, many = np.flatnonzero(fit[: len(of)]), len(of)
-        found = np.exp(np.clip(log_likelihood[kept] - log_likelihood[many + pairs.plot[kept]], -400.0, 200.0))
+        of_new = log_likelihood[many:] + self._log_density_of_velocity(messages.take(begin))
+        found = _exponential(log_likelihood[kept] - of_new[pairs.plot[kept]])
         slot, number = np.unique(of[kept], return_inverse=True)
         start = np.searchsorted(number, np.arange(len(slot) + 1))
         candidate = Candidate(slot, start, pairs.plot[kept], found)
@@ -130,8 +142,8 @@ class MessageAssociation(JointAssociation):
         if len(begun):
             table = memory.table
             slots = table.live[-len(begun) :]
-            for column, of_new in zip(table.filters, both, strict=True):
-                column[slots] = of_new[many + begun]
+            for column, run_on in zip(table.filters, both, strict=True):
+                column[slots] = run_on[many + begun]
             table.updated_s[slots] = time[many + begun]
             kernels.filters.imm.combine_filters(tuple(table.filters), table.estimates, slots, models)
         return memory
@@ -144,23 +156,75 @@ class MessageAssociation(JointAssociation):
         messages = messages.take(np.sort(newest))
         noise = np.tile(self.messages.sigma_m**2 * np.eye(2), (len(messages), 1, 1))
         now = replace(messages, time_s=np.full(len(messages), until_s), covariance=noise)
-        return self._take(memory, _columns(now), now.mmsi, alone=False)
+        return self._take(memory, now, alone=False)
 
-    def _take(self, memory: RadarMemory, batch: PlotColumns, mmsi: Ints, alone: bool) -> RadarMemory:
+    def _take(self, memory: RadarMemory, messages: Messages, alone: bool) -> RadarMemory:
         """Weigh messages and update tracks by them. Args: alone: no two of them are of one vessel."""
-        table = memory.table
+        table, batch = memory.table, _columns(messages)
         pairs = self._predict_to(table, self._near(table, batch), batch)
         pairs = _chosen(pairs, kernels.tracks.message_clusters.in_any_gate(tuple(table.filters), pairs, self._limit))
-        candidate = Candidate(pairs.slot, pairs.start, pairs.plot, self._likelihood(table, pairs))
-        probability, share, new = self._weigh(memory, candidate, mmsi, alone)
-        self._update(table, pairs, share, batch)
+        slot, start, plot = pairs.slot, pairs.start, pairs.plot
+        if np.isnan(messages.velocity_m_s[:, 0]).all():
+            candidate = Candidate(slot, start, plot, self._likelihood(table, pairs))
+            probability, share, new = self._weigh(memory, candidate, messages.mmsi, alone)
+            self._update(table, pairs, share, batch)
+        else:
+            updated, likelihood = self._updated(table, pairs, messages)
+            candidate = Candidate(slot, start, plot, likelihood)
+            probability, share, new = self._weigh(memory, candidate, messages.mmsi, alone)
+            given = share, self.management.least_model_probability, self.bank.models
+            mix = kernels.tracks.message_clusters.mix_filters
+            mix(tuple(table.filters), table.estimates, slot, start, tuple(updated), *given)
         self._record(memory, candidate, probability, batch)
-        return self._begin_named(memory, batch, mmsi, new)
+        before = len(memory.table)
+        memory = self._begin_named(memory, batch, messages.mmsi, new)
+        slots = memory.table.live[before:]
+        begun = messages.take(np.flatnonzero(new >= self.messages.begin_existence))
+        self._update_new(memory.table.filters, slots, begun)
+        kernels.filters.imm.combine_filters(tuple(memory.table.filters), memory.table.estimates, slots, self.bank.models)
+        return memory
+
+    def _updated(self, table: Table, pairs: Hypotheses, messages: Messages) -> tuple[Filters, Floats]:
+        """The filter of each pair after its message (A), and the likelihood of the message.
+
+        A likelihood with a velocity is relative to the density of such a velocity of a new vessel. So messages with and without a
+        velocity are weighed alike. Args: pairs: predicted to their messages.
+        """
+        of, (z, noise) = np.repeat(pairs.slot, np.diff(pairs.start)), _measured(messages.take(pairs.plot))
+        z[:, :2], noise[:, :2, :2] = pairs.position, pairs.noise
+        before = (column[of] for column in table.filters)
+        *after, log_likelihood = kernels.filters.imm.update_filters(*before, z, noise, np.isfinite(z[:, 2]))
+        return Filters(*after), _exponential(log_likelihood - self._log_density_of_velocity(messages)[pairs.plot])
+
+    @property
+    def _speed_variance(self) -> float:
+        """Of each component of the velocity of a new vessel."""
+        return (self.bank.prior.start_speed_kn * KNOT_M_S) ** 2
+
+    def _log_density_of_velocity(self, messages: Messages) -> Floats:
+        """The logarithm of the density of each velocity, if its vessel is new; 0 where there is none. (M,)"""
+        known = np.isfinite(messages.velocity_m_s[:, 0])
+        v, covariance = messages.velocity_m_s[known], messages.velocity_covariance[known] + self._speed_variance * np.eye(2)
+        square = np.einsum("mi,mij,mj->m", v, np.linalg.inv(covariance), v)
+        out = np.zeros(len(messages))
+        out[known] = -0.5 * (square + np.log(np.linalg.det(covariance))) - math.log(2.0 * math.pi)
+        return out
+
+    def _update_new(self, filters: Filters, rows: Ints, messages: Messages) -> None:
+        """Update filters that know one position by the velocity of the same message, in place. Args: rows: (M,) of the filters."""
+        known = np.isfinite(messages.velocity_m_s[:, 0])
+        rows, one = rows[known], np.eye(2)
+        gain = self._speed_variance * np.linalg.inv(self._speed_variance * one + messages.velocity_covariance[known])
+        filters.state[rows, :, 2:4] = (gain @ messages.velocity_m_s[known, :, None])[:, None, :, 0]
+        filters.covariance[rows, :, 2:4, 2:4] = (self._speed_variance * (one - gain))[:, None]
 
     @property
     def _limit(self) -> float:
-        """Squared Mahalanobis distance of the gate."""
-        return gate(self.management.gate_probability, 2)
+        """Squared Mahalanobis distance of the gate of messages.
+
+        It is wider than that of plots: no message is clutter, and one outside the gate would begin a second track of its vessel.
+        """
+        return self.messages.gate_sigmas**2
 
     def _near(self, table: Table, batch: PlotColumns) -> Candidates:
         """The messages near tracks: a message is more accurate than a track, so that models differ more than the gate of their mean."""
@@ -243,14 +307,15 @@ class MessageAssociation(JointAssociation):
         table.id_probability[slots, NAMES + 1] = 1.0 - self.messages.correct_id
         return memory
 
-    def _begun(self, batch: PlotColumns, models: int) -> Filters:
+    def _begun(self, messages: Messages, models: int) -> Filters:
         """Filters that know one message each."""
-        count = len(batch.time)
+        batch, count = _columns(messages), len(messages)
         filters = Filters(np.empty((count, models, 5)), np.empty((count, models, 5, 5)), np.empty((count, models)))
         estimates = kernels.tracks.columns.Estimates(
             np.empty(count), np.empty((count, 4)), np.empty((count, 4, 4)), np.empty(count)
         )
         self.bank.initialise(filters, estimates, np.arange(count), np.arange(count), batch)
+        self._update_new(filters, np.arange(count), messages)
         return filters
 
     def _rounds(self, memory: RadarMemory, batch: PlotColumns, mmsi: Ints) -> Ints:
@@ -287,6 +352,18 @@ def _columns(messages: Messages) -> PlotColumns:
     """Messages as a batch of measurements of no radar."""
     m = messages
     return PlotColumns(m.time_s, m.position_m, m.covariance, np.full(len(m), -1), m.origin)
+
+
+def _measured(messages: Messages) -> tuple[Floats, Floats]:
+    """Position and velocity of messages (M, 4), NaN rates where there is none, and their covariance (M, 4, 4)."""
+    noise = np.zeros((len(messages), 4, 4))
+    noise[:, :2, :2], noise[:, 2:, 2:] = messages.covariance, messages.velocity_covariance
+    return np.concatenate([messages.position_m, messages.velocity_m_s], axis=1), noise
+
+
+def _exponential(log_likelihood: Floats) -> Floats:
+    """Likelihoods (A,) within the range of floating-point numbers."""
+    return np.exp(np.clip(log_likelihood, LEAST_LOG, MOST_LOG))
 
 
 @dataclass

@@ -26,7 +26,7 @@ from coastwatch.tracks.clutter import ClutterSettings
 from coastwatch.tracks.filter_bank import CompiledBank
 from coastwatch.tracks.joint.association import by_track
 from coastwatch.tracks.joint.existence import ExistenceManagement
-from coastwatch.tracks.joint.messages import MessageAssociation, MessagesInTurn, NoisyMessages, in_order
+from coastwatch.tracks.joint.messages import MessageAssociation, MessagesInTurn, NoisyMessages, in_order, positions_alone
 from coastwatch.tracks.motion import Manoeuvres, Straight
 from coastwatch.tracks.region import track_region
 from coastwatch.tracks.table import RadarMemory, Table
@@ -159,6 +159,6 @@ class BpParticles(Method):
             )
         given = self.upkeep, self.clutter, sensors, self.messages, self.seed, self.particles
         tracker = ParticleAssociation(CompiledBank(self.motion), *given)
-        heard = Messages.empty() if messages is None else messages
+        heard = Messages.empty() if messages is None else positions_alone(messages)
         take = MessagesInTurn(tracker.take_newest, in_order(heard, memory, self.upkeep.late_s))
         return track_region(tracker, memory, plots, time_s, sensors, region, take_messages=take)

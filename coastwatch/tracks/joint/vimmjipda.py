@@ -10,7 +10,14 @@ from coastwatch.tracks.clutter import ClutterSettings
 from coastwatch.tracks.filter_bank import CompiledBank
 from coastwatch.tracks.joint.association import JointAssociation, LiteralAssociation
 from coastwatch.tracks.joint.existence import ExistenceManagement
-from coastwatch.tracks.joint.messages import MessageAssociation, MessageSettings, MessagesInTurn, NoisyMessages, in_order
+from coastwatch.tracks.joint.messages import (
+    MessageAssociation,
+    MessageSettings,
+    MessagesInTurn,
+    NoisyMessages,
+    in_order,
+    positions_alone,
+)
 from coastwatch.tracks.motion import Manoeuvres, Motion
 from coastwatch.tracks.region import track_region
 from coastwatch.tracks.table import RadarMemory
@@ -95,6 +102,7 @@ class VimmjipdaSequential(Method):
     upkeep: ExistenceManagement = ExistenceManagement()
     clutter: ClutterSettings = ClutterSettings()
     messages: MessageSettings = MessageSettings()
+    message_velocities: bool = True  # speed and course of messages are used; false: positions alone, as in the paper
 
     def init(self) -> RadarMemory:
         """No track."""
@@ -111,7 +119,8 @@ class VimmjipdaSequential(Method):
     ) -> tuple[RadarMemory, Tracks, Measurements]:
         """The confirmed tracks of one region that probably exist at time_s; see `Imm.step`. Args: messages: of this cycle."""
         tracker = MessageAssociation(CompiledBank(self.motion), self.upkeep, self.clutter, sensors, self.messages)
-        take = MessagesInTurn(tracker.take_one_by_one, in_order(messages, memory, self.upkeep.late_s))
+        used = messages if self.message_velocities else positions_alone(messages)
+        take = MessagesInTurn(tracker.take_one_by_one, in_order(used, memory, self.upkeep.late_s))
         return track_region(tracker, memory, plots, time_s, sensors, region, take_messages=take)
 
 
@@ -124,6 +133,7 @@ class VimmjipdaPreciseBatch(Method):
     upkeep: ExistenceManagement = ExistenceManagement()
     clutter: ClutterSettings = ClutterSettings()
     messages: MessageSettings = MessageSettings()
+    message_velocities: bool = True  # speed and course of messages are used; false: positions alone, as in the paper
 
     def init(self) -> RadarMemory:
         """No track."""
@@ -140,7 +150,8 @@ class VimmjipdaPreciseBatch(Method):
     ) -> tuple[RadarMemory, Tracks, Measurements]:
         """As of `VimmjipdaSequential`."""
         tracker = MessageAssociation(CompiledBank(self.motion), self.upkeep, self.clutter, sensors, self.messages)
-        take = MessagesInTurn(tracker.take_clusters, in_order(messages, memory, self.upkeep.late_s))
+        used = messages if self.message_velocities else positions_alone(messages)
+        take = MessagesInTurn(tracker.take_clusters, in_order(used, memory, self.upkeep.late_s))
         return track_region(tracker, memory, plots, time_s, sensors, region, take_messages=take)
 
 
@@ -153,6 +164,7 @@ class VimmjipdaNoisyBatch(Method):
     upkeep: ExistenceManagement = ExistenceManagement()
     clutter: ClutterSettings = ClutterSettings()
     messages: NoisyMessages = NoisyMessages()
+    message_velocities: bool = True  # speed and course of messages are used; false: positions alone, as in the paper
 
     def init(self) -> RadarMemory:
         """No track."""
@@ -169,5 +181,6 @@ class VimmjipdaNoisyBatch(Method):
     ) -> tuple[RadarMemory, Tracks, Measurements]:
         """As of `VimmjipdaSequential`."""
         tracker = MessageAssociation(CompiledBank(self.motion), self.upkeep, self.clutter, sensors, self.messages)
-        take = MessagesInTurn(tracker.take_newest, in_order(messages, memory, self.upkeep.late_s))
+        used = messages if self.message_velocities else positions_alone(messages)
+        take = MessagesInTurn(tracker.take_newest, in_order(used, memory, self.upkeep.late_s))
         return track_region(tracker, memory, plots, time_s, sensors, region, take_messages=take)
