@@ -40,12 +40,14 @@ from coastwatch.batches import (
     Reports,
     Sensors,
     Spots,
+    StandingEchoes,
     Tracks,
     TrackSourceStates,
 )
 from coastwatch.scenario import Scenario
 from coastwatch.stage import Groups, Map, RegionMap, serial_regions
 from coastwatch.tracks.joint.messages import messages_of
+from coastwatch.tracks.standing import standing_echoes
 
 Timer = Callable[[str], AbstractContextManager[object]]
 
@@ -113,6 +115,7 @@ class Cycle:
     ais_feeds: AisFeeds = field(default_factory=AisFeeds.empty)
     track_sources: TrackSourceStates = field(default_factory=TrackSourceStates.empty)
     radar_cover: RadarCover = field(default_factory=RadarCover.empty)  # empty where none is learnt
+    standing_echoes: StandingEchoes = field(default_factory=StandingEchoes.empty)  # empty where no clutter map is learnt
 
     def to_write(self) -> Cycle:
         """The cycle without arrays that the store does not read, so that their memory is free while the store writes."""
@@ -173,8 +176,8 @@ def track_region(
     sensors: Sensors,
     region: int,
     *messages: Messages,
-) -> tuple[Any, Tracks, Measurements]:
-    """One cycle of a regional centre: the plots of its radars to tracks, and the plots that are in them.
+) -> tuple[Any, Tracks, Measurements, StandingEchoes]:
+    """One cycle of a regional centre: the plots of its radars to tracks, the plots that are in them, and standing echoes.
 
     The centre knows its own radars only, so its cost and memory do not depend on the other regions.
     Args: tracker: the method of `tracks`; plots: of this region; radars: (R',) their numbers among all, in order; jumped: (R',) whether
@@ -183,7 +186,13 @@ def track_region(
     """
     own = replace(plots, sensor=np.searchsorted(radars, plots.sensor))
     new, tracks, measurements = tracker.step(memory.without_radars(jumped), own, time_s, sensors, region, *messages)
-    return new, tracks, replace(measurements, sensor=radars[measurements.sensor])
+    standing = standing_echoes(tracker.clutter, new.clutter, sensors.radars, sensors.region_origin_deg[region])
+    return (
+        new,
+        tracks,
+        replace(measurements, sensor=radars[measurements.sensor]),
+        replace(standing, radar=radars[standing.radar]),
+    )
 
 
 def for_regions(plots: Plots, corrections: RadarCorrections, time_s: float, sensors: Sensors) -> list[tuple[Any, ...]]:
@@ -287,8 +296,8 @@ def step(
         bearing_memory, bearing_tracks = s.bearing_tracks.step(m.bearing_tracks, reports.bearing, time_s, sensors)
     with timer("received_tracks"):
         given_memory, given_tracks = s.received_tracks.step(m.received_tracks, reports.tracks, time_s, sensors, ais_tracks)
-    tracks = Tracks.join([*(yielded for _, yielded, _ in regional), given_tracks, ais_tracks])
-    measurements = Measurements.join([*(taken for *_, taken in regional), ais_taken])
+    tracks = Tracks.join([*(yielded for _, yielded, *_ in regional), given_tracks, ais_tracks])
+    measurements = Measurements.join([*(taken for _, _, taken, _ in regional), ais_taken])
     received = Received(tracks, measurements, alarms, bearing_tracks, reports.statics, m.ais_detection)
     centre_memory, cycle = fuse(s, sensors, m.centre, received, time_s, map_, timer)
     with timer("registration"):
@@ -301,5 +310,7 @@ def step(
     radar_memory = tuple(new for new, *_ in regional)
     first = plots_memory, radar_memory, ais_memory, bearing_memory, given_memory, centre_memory
     of_feeds, of_sources = ais_memory.clocks.summary(), s.received_tracks.summary(given_memory, sensors)
+    standing = StandingEchoes.join([found for *_, found in regional])
     cycle = replace(cycle, corrections=corrections, ais_feeds=of_feeds, track_sources=of_sources, radar_cover=radar_cover)
+    cycle = replace(cycle, standing_echoes=standing)
     return Memory(*first, registration_memory, corrections, cover_memory, ais_detection), cycle

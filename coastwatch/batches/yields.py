@@ -339,6 +339,17 @@ class RadarCover(Batch):
 
 
 @dataclass(frozen=True, eq=False)
+class StandingEchoes(Batch):
+    """What a clutter map hides from the tracker: quays, piles, moored boats. Two radars may see the same one."""
+
+    radar: Ints = column(np.int64, "N")
+    position_deg: Floats = column(np.float64, "N", 2)
+    extent_m: Floats = column(np.float64, "N")  # how far its cells reach from corner to corner
+    plots_per_turn: Floats = column(np.float64, "N")
+    turns: Floats = column(np.float64, "N")  # of the antenna, in which it was learnt
+
+
+@dataclass(frozen=True, eq=False)
 class AisDetection(Batch):
     """How probably radars detect vessels with AIS; vessels out of range of all radars are left out."""
 

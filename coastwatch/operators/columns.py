@@ -18,7 +18,7 @@ WHOLE = {
 }  # fmt: skip
 WHOLE_ENDINGS = ("_id", "_cycle", "_track")
 NUMBERS = {
-    "ais_detection", "ais_looks", "compared", "false_plots_per_km2", "track_detection", "track_looks", "turns",
+    "ais_detection", "ais_looks", "compared", "false_plots_per_km2", "plots_per_turn", "track_detection", "track_looks", "turns",
     "existence", "found_odds", "odds", "residuals", "rival_share", "rows_a_cycle", "share", "statistic",
 }  # fmt: skip
 KINDS: dict[str, Kind] = {
@@ -41,6 +41,7 @@ DIGITS = {
     "ais_looks": 1,
     "track_looks": 1,
     "turns": 1,
+    "plots_per_turn": 2,
     "false_plots_per_km2": 5,
     "azimuth_bias_deg": 4,
     "azimuth_sigma_deg": 4,

@@ -284,6 +284,19 @@ def radar_cover(found: Store, run_id: int, clutter: bool, sectors: int, rings: i
     return for_people(Rows(("name", "from_deg", "to_deg", "from_nm", "to_nm", *columns), made))
 
 
+def standing_echoes(found: Store, of_run: Mapping[str, Any]) -> Rows:
+    """The echoes that the clutter maps of radars hide, one row each, by radar. Args: of_run: as of `run`.
+
+    Raises: BadInput: no clutter map is learnt.
+    """
+    if not (of_run["settings"].get("tracks", {}).get("clutter") or {}).get("learnt"):
+        raise BadInput(
+            f"run {of_run['id']}: no clutter map is learnt (`tracks.clutter.learnt`), so echoes that stand are in the picture: "
+            "`coastwatch query stationary`"
+        )
+    return for_people(store.standing_echoes(found, of_run["id"]))
+
+
 def registration(rows: Rows, settings: Mapping[str, Any]) -> Rows:
     """The rows of `sensors` as a table for a screen: an error and its standard deviation in one cell, the evidence in another.
 

@@ -41,6 +41,7 @@ from coastwatch.store.runs import sensor_states as sensor_states
 from coastwatch.store.runs import sensors as sensors
 from coastwatch.store.runs import set_verdict as set_verdict
 from coastwatch.store.runs import sources as sources
+from coastwatch.store.runs import standing_echoes as standing_echoes
 from coastwatch.store.runs import timings as timings
 from coastwatch.store.write_cycle import Written as Written
 from coastwatch.store.write_cycle import write_cycle as write_cycle

@@ -42,6 +42,7 @@ OF_CYCLE = (
     "recording",
     "event_gap",
     "sensor_cover",
+    "standing_echo",
 )
 """Tables with rows of one cycle each, under column `cycle`."""
 

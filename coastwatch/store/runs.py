@@ -37,6 +37,7 @@ from coastwatch.store.tables import (
     SENSOR_REGISTRATION,
     SOURCE,
     STAGE_TIMING,
+    STANDING_ECHO,
     TRACK_SOURCE,
 )
 
@@ -397,6 +398,17 @@ def radar_covers(store: Store, run_id: int) -> tuple[list[str], RadarCover]:
     range_m, site_deg, turns = numbers[:, 2].copy(), numbers[:, :2].copy(), numbers[:, 3].copy()
     cover = RadarCover(range_m, site_deg, turns, seen, looks, tracks, track_looks, 1e-6 * per_km2)
     return [row.name for row in found], cover
+
+
+def standing_echoes(store: Store, run_id: int) -> Rows:
+    """The newest echoes that the clutter maps of radars hide, by radar and place; `name` is of the radar."""
+    e, same = (
+        STANDING_ECHO.c,
+        and_(SENSOR.c.run_id == run_id, SENSOR.c.kind == "radar", SENSOR.c.number == STANDING_ECHO.c.radar),
+    )
+    values = e.latitude_deg, e.longitude_deg, e.extent_m, e.plots_per_turn, e.turns
+    query = select(SENSOR.c.name, *values).select_from(STANDING_ECHO.join(SENSOR, same)).where(e.run_id == run_id)
+    return _fetch(store, query.order_by(e.radar, e.latitude_deg, e.longitude_deg))
 
 
 def _fetch(store: Store, query: Executable) -> Rows:

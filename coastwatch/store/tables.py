@@ -29,7 +29,7 @@ from sqlalchemy import (
     text,
 )
 
-REVISION = "0018"
+REVISION = "0019"
 """The migration at which the database equals the tables below; a test compares it with db/migrations."""
 
 REVISION_TABLE = "coastwatch_revision"
@@ -332,6 +332,17 @@ SENSOR_COVER = Table(
     **IN_KEY_ORDER,
 )
 """The newest learnt cover of each radar. A value has 72 sectors of 5 deg, clockwise from north, by 16 rings: little-endian float32."""
+
+STANDING_ECHO = Table(
+    "standing_echo",
+    METADATA,
+    of_run(),
+    *keys("number"),
+    *required(WHOLE, "radar", "cycle"),
+    *required(REAL, "latitude_deg", "longitude_deg", "extent_m", "plots_per_turn", "turns"),
+    **IN_KEY_ORDER,
+)
+"""The newest echoes that a clutter map hides from the tracker: quays, piles, moored boats. `number` is within the run."""
 
 IDENTITY = Table(
     "identity",

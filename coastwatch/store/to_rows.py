@@ -22,6 +22,7 @@ from coastwatch.batches import (
     RegistrationState,
     Reports,
     Spots,
+    StandingEchoes,
 )
 from coastwatch.geodesy import ECCENTRICITY2, KNOT_M_S
 from coastwatch.kernels.tables.lookup import find
@@ -259,6 +260,12 @@ def cover_rows(run_id: int, number: int, cover: RadarCover) -> list[Column]:
     as_bytes = [[grid.astype("<f4").tobytes() for grid in of_radars] for of_radars in grids]
     radars = np.arange(len(cover))
     return [run_id, radars, number, cover.site_deg[:, 0], cover.site_deg[:, 1], cover.range_m, cover.turns, *as_bytes]
+
+
+def standing_echo_rows(run_id: int, number: int, echoes: StandingEchoes) -> list[Column]:
+    """Columns of table `standing_echo`."""
+    values = echoes.extent_m, echoes.plots_per_turn, echoes.turns
+    return [run_id, np.arange(len(echoes)), echoes.radar, number, *echoes.position_deg.T, *values]
 
 
 def registration_rows(

@@ -34,6 +34,7 @@ from coastwatch.store.tables import (
     SENSOR_REGISTRATION,
     SPOT,
     STAGE_TIMING,
+    STANDING_ECHO,
     VESSEL,
     VESSEL_STATIC,
 )
@@ -107,6 +108,7 @@ def write_cycle(
             insert(connection, SENSOR_REGISTRATION, of_sensors)
         if last or _is_due(before, cycle, keep.cover_every_s):
             _replace(connection, SENSOR_COVER, run_id, to_rows.cover_rows(run_id, number, cycle.radar_cover))
+            _replace(connection, STANDING_ECHO, run_id, to_rows.standing_echo_rows(run_id, number, cycle.standing_echoes))
         first_kept = before.first_history, before.first_details
         if any((keep.history_hours, keep.details_hours, keep.event_hours, keep.recording_hours, keep.picture_hours)):
             first_kept = retention.delete_old(connection, run_id, number, before.period_s, keep, first_kept, rows)

@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0018; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0019; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id BIGSERIAL NOT NULL,
@@ -362,6 +362,20 @@ CREATE TABLE stage_timing (
 	seconds FLOAT(53) NOT NULL,
 	rows BIGINT,
 	PRIMARY KEY (run_id, cycle, number),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE TABLE standing_echo (
+	run_id BIGINT NOT NULL,
+	number BIGINT NOT NULL,
+	radar BIGINT NOT NULL,
+	cycle BIGINT NOT NULL,
+	latitude_deg FLOAT(53) NOT NULL,
+	longitude_deg FLOAT(53) NOT NULL,
+	extent_m FLOAT(53) NOT NULL,
+	plots_per_turn FLOAT(53) NOT NULL,
+	turns FLOAT(53) NOT NULL,
+	PRIMARY KEY (run_id, number),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 

@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0018; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0019; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE run (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
@@ -376,6 +376,21 @@ CREATE TABLE stage_timing (
 	seconds FLOAT NOT NULL,
 	rows INTEGER,
 	PRIMARY KEY (run_id, cycle, number),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+)
+ WITHOUT ROWID;
+
+CREATE TABLE standing_echo (
+	run_id INTEGER NOT NULL,
+	number INTEGER NOT NULL,
+	radar INTEGER NOT NULL,
+	cycle INTEGER NOT NULL,
+	latitude_deg FLOAT NOT NULL,
+	longitude_deg FLOAT NOT NULL,
+	extent_m FLOAT NOT NULL,
+	plots_per_turn FLOAT NOT NULL,
+	turns FLOAT NOT NULL,
+	PRIMARY KEY (run_id, number),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 )
  WITHOUT ROWID;

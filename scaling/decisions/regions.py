@@ -62,7 +62,7 @@ class Run:
             self.regions.gather(self.memories)
         self.wall_s.append(time.perf_counter() - wall_s)
         self.processor_s.append(processor_s() - begun)
-        self.tracks = [len(tracks) for _, tracks, _ in found]
+        self.tracks = [len(tracks) for _, tracks, *_ in found]
 
 
 def main() -> None:

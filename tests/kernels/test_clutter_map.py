@@ -11,7 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from coastwatch.batches import Radars
-from coastwatch.tracks.clutter import ClutterSettings, empty_map, false_plots_per_m2, has_moved, learn
+from coastwatch.geodesy import to_plane
+from coastwatch.tracks.clutter import ClutterMap, ClutterSettings, empty_map, false_plots_per_m2, has_moved, learn
+from coastwatch.tracks.standing import standing_echoes
 
 PRIOR_PER_M2 = 1e-6
 ROUNDING = 1e-12  # relative
@@ -55,6 +57,26 @@ def test_it_equals_a_dictionary_of_cells(seed, turns, memory):
     found = [cells.get(tuple(cell), 0.0) / 64.0 for cell in np.floor(asked / 8.0).astype(int).tolist()]
     wanted = (10.0 * PRIOR_PER_M2 + np.array(found)) / (10.0 + weight)
     np.testing.assert_allclose(density(rule, known, asked), wanted, rtol=1e-9)
+
+
+def test_standing_echoes_are_listed_with_place_extent_and_plots_a_turn():
+    """A pile, a quay of five cells and false plots here and there; nothing before the prior is outweighed."""
+    rule, origin = ClutterSettings(cell_m=8.0, prior_turns=10.0), np.array([54.5, -179.999])
+    pile, quay = [[-196.0, -100.0]], [[100.0 + 8.0 * k, 52.0] for k in range(5)]
+    known, random = empty_map(rule, radar(count=2)), np.random.default_rng([7])
+    for k in range(40):
+        seen = [*pile, *(place for place in quay if random.random() < 0.6), *random.uniform(-400.0, 400.0, (5, 2)).tolist()]
+        known = feed(rule, known, 1, seen, first=k, number=1)
+        if k == 8:
+            assert len(standing_echoes(rule, known, radar(count=2), origin)) == 0
+    found = standing_echoes(rule, known, radar(count=2), origin)
+    np.testing.assert_allclose(to_plane(found.position_deg, origin)[0], pile[0], atol=1e-3)
+    np.testing.assert_allclose(to_plane(found.position_deg, origin)[1], [116.0, 52.0], atol=4.0)
+    assert found.extent_m.tolist() == [8.0, 40.0]
+    assert found.plots_per_turn[0] == pytest.approx(1.0, abs=0.05)
+    assert found.plots_per_turn[1] == pytest.approx(3.0, abs=0.6)
+    assert found.radar.tolist() == [1, 1]
+    assert len(standing_echoes(ClutterSettings(), ClutterMap.none(), radar(), origin)) == 0
 
 
 def test_before_the_first_plot_it_is_the_prior():

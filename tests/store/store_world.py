@@ -29,6 +29,7 @@ from coastwatch.batches import (
     Sensors,
     Sonars,
     Spots,
+    StandingEchoes,
     Stations,
     Tracks,
 )
@@ -144,6 +145,13 @@ def cover_of(number: int) -> RadarCover:
     return RadarCover(range_m, site_deg, np.full(2, float(number)), seen, looks, none + 0.8, none.copy(), false)
 
 
+def standing_of(number: int) -> StandingEchoes:
+    """A quay that the second radar sees, and a pile that the first one sees from cycle 3 on."""
+    place = np.array([[-22.8, -43.0], [-22.9, -43.1]])
+    both = StandingEchoes(np.array([1, 0]), place, np.array([120.0, 8.0]), np.array([2.5, 0.9]), np.full(2, float(number)))
+    return both if number >= 3 else both.take(np.array([0]))
+
+
 def cycle_of(number: int, vessels: int, picture: Picture | None = None) -> Cycle:
     """What the pipeline yields in a cycle."""
     picture = picture_of(number, vessels) if picture is None else picture
@@ -162,7 +170,7 @@ def cycle_of(number: int, vessels: int, picture: Picture | None = None) -> Cycle
         time_s=instant_s(number), tracks=tracks, alarms=AisAlarms.empty(), bearing_tracks=bearings, spots=spots,
         associations=found, fused=fused,
         picture=picture, members=members, octants=Octants(none, none, none), bearing_associations=heard,
-        corrections=corrections_of(number), radar_cover=cover_of(number),
+        corrections=corrections_of(number), radar_cover=cover_of(number), standing_echoes=standing_of(number),
     )  # fmt: skip
 
 

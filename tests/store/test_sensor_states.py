@@ -66,7 +66,11 @@ def test_the_cover_of_radars_is_found_again(url: str) -> None:
         said = world.cover_of(stored_at)
         for name, array in vars(said).items():
             np.testing.assert_allclose(getattr(cover, name), array, rtol=1e-6)
+        echoes = kept.standing_echoes(store, run)
+        assert echoes.columns == ("name", "latitude_deg", "longitude_deg", "extent_m", "plots_per_turn", "turns")
+        assert echoes.rows == [("fort", -22.9, -43.1, 8.0, 0.9, stored_at), ("island", -22.8, -43.0, 120.0, 2.5, stored_at)]
         world.write(store, run, 1, keep=keep)
+        assert kept.standing_echoes(store, run).rows == []
         assert (kept.radar_covers(store, run)[1].turns <= 1.0).all()
 
 

@@ -231,19 +231,26 @@ def sensors(service: In, form: As) -> Response:
 @router.get("/sensors/{number}/cover")
 def sensor_cover(
     number: Annotated[int, Path(ge=0, le=LARGEST_ID)], service: In, form: As,
-    grid: Literal["detection", "clutter"] = "detection",
+    grid: Literal["detection", "clutter", "standing"] = "detection",
 ) -> Response:  # fmt: skip
-    """The newest learnt cover of a radar, or the density of its false plots, one row a cell. `number` is as in `/sensors`."""
+    """The newest learnt cover of a radar or the density of its false plots, one row a cell; or the standing echoes that it hides.
+
+    `number` is as in `/sensors`.
+    """
     run_id = service.run_id()
     names = {row[1]: row[2] for row in store.sensors(service.store, run_id).rows if row[0] == "radar"}
     if number not in names:
         raise HTTPException(404, f"sensors: got radar {number}, needed one of {', '.join(map(str, names)) or 'none'}")
     try:
-        cells = stored.radar_cover(service.store, run_id, grid == "clutter", COVER_AZIMUTHS, COVER_RANGES)
+        if grid == "standing":
+            found = stored.standing_echoes(service.store, service.of_run())
+        else:
+            found = stored.radar_cover(service.store, run_id, grid == "clutter", COVER_AZIMUTHS, COVER_RANGES)
     except BadInput as error:
         raise HTTPException(404, str(error)) from error
-    of_radar = Rows(cells.columns, [row for row in cells.rows if row[0] == names[number]])
-    return _answer(of_radar, form, "cells", {"run": run_id, "radar": names[number], "grid": grid})
+    of_radar = Rows(found.columns, [row for row in found.rows if row[0] == names[number]])
+    listed = "echoes" if grid == "standing" else "cells"
+    return _answer(of_radar, form, listed, {"run": run_id, "radar": names[number], "grid": grid})
 
 
 @router.get("/feeds")

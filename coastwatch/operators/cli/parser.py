@@ -361,6 +361,11 @@ def _sensors(commands: Any) -> None:
     grids.add_argument("--cover", action="store_true", help=text)
     text = "the density of plots of no confirmed track instead, in a square kilometre and turn"
     grids.add_argument("--clutter", action="store_true", help=text)
+    text = (
+        "the standing echoes that a clutter map hides from the picture instead: quays, piles and moored boats, with the plots that "
+        "each gives in a turn (`tracks.clutter.learnt`)"
+    )
+    grids.add_argument("--standing", action="store_true", help=text)
     add_rows(sensors, ("table", "csv", "json"))
 
 

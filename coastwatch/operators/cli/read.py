@@ -116,6 +116,9 @@ def sensors(options: argparse.Namespace) -> int:
             coarse = SCREEN_CELLS if options.format == "table" else (COVER_AZIMUTHS, COVER_RANGES)
             _write(stored.radar_cover(store, run["id"], options.clutter, *coarse), options)
             return 0
+        if options.standing:
+            _write(stored.standing_echoes(store, run), options)
+            return 0
         rows = stored.sensors(store, run["id"], options.at)
         warn_beyond_end(store, run, options.at)
     _write(rows if options.format == "json" else stored.registration(rows, run["settings"]), options)
