@@ -11,7 +11,7 @@ export UV_PROJECT_ENVIRONMENT = .venv
 # Node of the package index comes first where it was installed.
 WITH_NODE = PATH="$(CURDIR)/$(BIN):$$PATH"
 
-.PHONY: demo web screenshot test test-all check bench docs clean .warm-all .warm-ahead .web-if-possible
+.PHONY: demo demo-stop web screenshot test test-all check bench docs clean .warm-all .warm-ahead .web-if-possible
 
 .venv/.ready: pyproject.toml uv.lock
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv
@@ -44,10 +44,16 @@ $(PAGE): $(wildcard web/*.* web/src/*) | .venv/.ready
 .web-if-possible: .venv/.ready
 	@$(MAKE) --no-print-directory web || echo "The map was not built: npm could not be reached. All else works; make web tries again."
 
-demo: .venv/.warm .web-if-possible  ## set up, run the guanabara scenario, leave a database and a picture in out/
+DEMO_PORT ?= 8100
+
+demo: .venv/.warm .web-if-possible  ## set up, run the scenario guanabara into out/, then serve it live in the background
 	@mkdir -p out
 	$(BIN)/coastwatch run guanabara --db sqlite:///out/guanabara.db --restart
 	$(BIN)/coastwatch plot --db sqlite:///out/guanabara.db --output out/guanabara.png
+	@$(BIN)/python ops/demo.py start --port $(DEMO_PORT)
+
+demo-stop:  ## end the live server of make demo
+	@$(PYTHON) ops/demo.py stop
 
 screenshot: .venv/.warm $(PAGE)  ## take the picture of the page for the README; needs Chromium
 	@mkdir -p out
@@ -73,6 +79,6 @@ bench: .venv/.warm  ## time stages, load, peers and kernels: one table, also in 
 docs: .venv/.ready  ## write the generated parts of the documentation again
 	$(BIN)/python -m coastwatch.operators.reference
 
-clean:
+clean: demo-stop
 	rm -rf coastwatch/operators/web web/node_modules
 	rm -rf .venv out dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
+import httpx
 import pytest
 from run_world import SEED, Start, column, rows, stored, url
 
@@ -191,3 +192,26 @@ def test_three_machines_of_which_a_regional_one_is_lost_give_the_rows_of_one(
     assert column(spread, "SELECT status FROM run") == ["finished"]
     assert rows(spread) == rows(alone)
     assert nodes["region-1"].poll() is None
+
+
+@pytest.mark.slow
+def test_the_live_demo_begins_shows_vessels_and_ends(tmp_path: Path) -> None:
+    def demo(word: str, *more: str) -> subprocess.CompletedProcess[str]:
+        line = [sys.executable, OPS / "demo.py", word, *more]
+        return subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+
+    try:
+        begun = demo("start", "--port", "0")
+        assert begun.returncode == 0, begun.stderr
+        found = re.search(r"Live: (\d+) vessels, fed over sockets, at (http://127.0.0.1:\d+)", begun.stdout)
+        assert found
+        assert int(found[1]) > 0
+        feeds = httpx.get(f"{found[2]}/api/v1/feeds").json()["feeds"]
+        assert [feed["connected"] for feed in feeds] == [True, True, True]
+    finally:
+        ended = demo("stop")
+    assert "has ended" in ended.stdout
+    with pytest.raises(httpx.ConnectError):
+        httpx.get(f"{found[2]}/healthz")
+    assert "No live demo" in demo("stop").stdout
+    assert rows(tmp_path / "out" / "live.db")["vessel"]
