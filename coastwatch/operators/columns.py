@@ -7,12 +7,13 @@ from typing import Literal
 Kind = Literal["text", "whole", "number", "yes_no", "instant", "flags"]
 
 TEXTS = {
-    "answers", "call_sign", "cycles_done", "evidence", "first_source", "health", "heard_by", "kind", "members", "name", "nav_status",
-    "parameters", "question", "region", "says", "scenario", "second_source", "source", "sources", "specification", "stage", "state",
-    "status", "title", "version", "what",
+    "answers", "body", "call_sign", "client", "cycles_done", "evidence", "first_source", "health", "heard_by", "kind",
+    "members", "method", "name", "nav_status", "parameters", "path", "question", "region", "role", "says",
+    "scenario", "second_source", "source", "sources", "specification", "stage", "state", "status", "title",
+    "version", "what", "who",
 }  # fmt: skip
 WHOLE = {
-    "cycle", "cycles", "cycles_stored", "gaps", "dropped", "number", "run", "seed", "ship_type",
+    "cycle", "cycles", "cycles_stored", "gaps", "dropped", "http_status", "number", "run", "seed", "ship_type",
     "states", "tracks", "vessels", "vessels_of_it_alone",
     "voices", "workers",
 }  # fmt: skip

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import lazy_loader
 
@@ -41,6 +41,13 @@ class Rows(Protocol):
 
     @property
     def rows(self) -> Sequence[Sequence[Any]]: ...
+
+
+class Plain(NamedTuple):
+    """Rows as this module makes them."""
+
+    columns: Sequence[str]
+    rows: Sequence[Sequence[Any]]
 
 
 def write(rows: Rows, form: str, output: str | None, heading: str = "") -> None:
@@ -193,6 +200,18 @@ def as_frame(rows: Rows) -> Any:
             column = column.str.to_datetime(INSTANT, time_unit="us", time_zone="UTC")
         made.append(column.cast(polars.String) if column.dtype == polars.Null else column)
     return polars.DataFrame(made)
+
+
+def as_parquet(rows: Rows) -> bytes:
+    """The rows as a Parquet file. What is a list or an object in JSON, but flags, is JSON text here."""
+    columns = [
+        [json.dumps(value, default=str) if isinstance(value, dict | list | tuple) else value for value in column]
+        for column in zip(*rows.rows, strict=True)
+    ]
+    plain = Plain(rows.columns, list(zip(*columns, strict=True)))
+    out = io.BytesIO()
+    as_frame(plain).write_parquet(out)
+    return out.getvalue()
 
 
 def _needs_position(rows: Rows, form: str) -> None:

@@ -16,7 +16,7 @@ from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.columns import digits_of, rounded
 from coastwatch.spelling import did_you_mean
-from coastwatch.store import Rows, Store, Table
+from coastwatch.store import QueryLimit, Rows, Store, Table
 from coastwatch.store.questions import ParameterError
 
 MAIN_COLUMNS = (
@@ -98,9 +98,9 @@ class Vessel:
 
 
 @contextmanager
-def opened(url: str) -> Iterator[Store]:
-    """The database, which must exist. Raises: StoreError."""
-    with store.open_store(url, create=False) as found:
+def opened(url: str, limit: QueryLimit | None = None) -> Iterator[Store]:
+    """The database, which must exist. Args: limit: of each read transaction. Raises: StoreError."""
+    with store.open_store(url, create=False, limit=limit) as found:
         yield found
 
 

@@ -2,6 +2,10 @@
 
 from coastwatch.store.acknowledgements import acknowledge as acknowledge
 from coastwatch.store.acknowledgements import acknowledgements as acknowledgements
+from coastwatch.store.audit import Change as Change
+from coastwatch.store.audit import changes as changes
+from coastwatch.store.audit import note_change as note_change
+from coastwatch.store.database import QueryLimit as QueryLimit
 from coastwatch.store.database import Store as Store
 from coastwatch.store.database import StoreError as StoreError
 from coastwatch.store.database import open_store as open_store

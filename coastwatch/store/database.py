@@ -10,7 +10,7 @@ import json
 import math
 import shutil
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
@@ -45,6 +45,9 @@ TOO_LONG = 3
 
 TRUNCATE_WAIT_MS = 50
 
+STEPS = 10_000
+"""Steps of SQLite's machine, a fraction of a millisecond, between two looks at the clock."""
+
 FULL = ("is full", "no space left", "could not extend file")
 WRITE_FAILED = "disk i/o error"
 """SQLite's message for any other failure to write, such as the file size limit of the process."""
@@ -58,12 +61,21 @@ class StoreError(Exception):
 
 
 @dataclass(frozen=True)
+class QueryLimit:
+    """How long a read transaction may take."""
+
+    seconds: float
+    clock: Callable[[], float]  # seconds; the store reads no clock of its own
+
+
+@dataclass(frozen=True)
 class Store:
     """An open database and what this process last wrote to it. Close it, or use it in a `with`."""
 
     engine: Engine
     where: str  # for messages: a path, or a URL without its password
     wait_s: float
+    limit: QueryLimit | None = None
     run_states: dict[int, Any] = field(default_factory=dict)  # run -> run_state.RunState
 
     @property
@@ -82,14 +94,14 @@ class Store:
         self.close()
 
 
-def open_store(url: str, *, create: bool = True, wait_s: float = WAIT_S) -> Store:
+def open_store(url: str, *, create: bool = True, wait_s: float = WAIT_S, limit: QueryLimit | None = None) -> Store:
     """An open database with the tables of this version.
 
     Args: url: any SQLAlchemy URL, or the path of an SQLite file; create: make the tables where there are none; wait_s: how long
-    to wait for another process that holds a lock.
+    to wait for another process that holds a lock; limit: of each read transaction, none: it may take any time.
     Raises: StoreError where it is absent, unreachable, of another version, or not a Coastwatch database.
     """
-    store = connect(url, wait_s, may_create=create)
+    store = connect(url, wait_s, may_create=create, limit=limit)
     try:
         with reading(store) as connection:
             found = revision(connection, store.where)
@@ -114,7 +126,7 @@ def other_schema(found: str | None) -> str:
     return f"schema: got {found or 'no tables'}, needed {REVISION}: `coastwatch db upgrade` brings it there"
 
 
-def connect(url: str, wait_s: float, *, may_create: bool) -> Store:
+def connect(url: str, wait_s: float, *, may_create: bool, limit: QueryLimit | None = None) -> Store:
     """An open database, whatever is in it. Raises: StoreError."""
     address = _address(url)
     where = address.database or ":memory:" if is_sqlite(address) else address.render_as_string(hide_password=True)
@@ -132,7 +144,7 @@ def connect(url: str, wait_s: float, *, may_create: bool) -> Store:
     except ModuleNotFoundError as error:
         how = ": pip install 'coastwatch[postgresql]'" if error.name == "psycopg" else ""
         raise StoreError(f"{where}: needs the Python package {error.name!r}{how}") from error
-    store = Store(engine, where, wait_s)
+    store = Store(engine, where, wait_s, limit)
     _prepare(store)
     if engine.dialect.name == "sqlite" and may_create:
         with refusals(store), engine.connect() as connection:
@@ -176,6 +188,8 @@ def _prepare(store: Store) -> None:
             with raw.cursor() as cursor:
                 cursor.execute(f"SET lock_timeout = {max(int(store.wait_s * 1000.0), 1)}")
                 cursor.execute("SET jit = off")  # compiling takes 0.3 s, the query a tenth of that
+                if store.limit is not None:
+                    cursor.execute(f"SET statement_timeout = {max(int(store.limit.seconds * 1000.0), 1)}")
             raw.commit()
 
     if store.engine.dialect.name != "sqlite":
@@ -193,6 +207,18 @@ def _prepare(store: Store) -> None:
     def begin(connection: Connection) -> None:
         writes = connection.get_execution_options().get("writes", False)
         connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+        if store.limit is not None:
+            _limit(connection, None if writes else store.limit)
+
+
+def _limit(connection: Connection, limit: QueryLimit | None) -> None:
+    """End what an SQLite connection does from now on when it has taken too long. Args: limit: None: it may take any time."""
+    raw: Any = connection.connection.driver_connection
+    if limit is None:
+        raw.set_progress_handler(None, STEPS)
+    else:
+        clock, until = limit.clock, limit.clock() + limit.seconds
+        raw.set_progress_handler(lambda: clock() > until, STEPS)
 
 
 def add_math_functions(raw: sqlite3.Connection) -> None:
@@ -252,6 +278,8 @@ def refusals(store: Store) -> Iterator[None]:
 def _message(store: Store, error: BaseException | None) -> str:
     said = str(error).strip()
     low = said.lower()
+    if store.limit is not None and (low == "interrupted" or "statement timeout" in low):
+        return f"the question took longer than {store.limit.seconds:g} s: ask for a smaller box or a shorter time"
     if "locked" in low or "lock timeout" in low:
         return f"database is locked by another process: {store.where} (waited {store.wait_s:g} s); end it, or use another --db"
     if WRITE_FAILED in low or any(sign in low for sign in FULL):

@@ -29,7 +29,7 @@ from sqlalchemy import (
     text,
 )
 
-REVISION = "0019"
+REVISION = "0020"
 """The migration at which the database equals the tables below; a test compares it with db/migrations."""
 
 REVISION_TABLE = "coastwatch_revision"
@@ -404,6 +404,22 @@ ACKNOWLEDGEMENT = Table(
     **IN_KEY_ORDER,
 )
 """Who acknowledged which event, the first time. An event that returned within `store.event_gap_s` stays acknowledged."""
+
+AUDIT = Table(
+    "audit",
+    METADATA,
+    Column("id", WHOLE, primary_key=True),
+    *required(REAL, "time_s"),
+    *required(Text, "who"),  # name of the token, or of the user of a trusted proxy; loopback: this machine, without a token
+    *required(WORD, "role"),
+    *required(Text, "client"),  # address of the other end
+    *required(WORD, "method"),
+    *required(Text, "path"),
+    *required(WHOLE, "http_status"),  # of the answer
+    *required(Text, "body"),  # its first 2,000 bytes
+    sqlite_autoincrement=True,
+)
+"""Who changed what through the API of a server. It belongs to no run."""
 
 RECORDING = Table(  # not in key order: SQLite keeps long rows better apart from the tree of keys
     "recording",

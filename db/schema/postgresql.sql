@@ -1,4 +1,17 @@
--- Generated from coastwatch/store/tables.py, schema 0019; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0020; `python -m coastwatch.store.migrate` writes it again.
+
+CREATE TABLE audit (
+	id BIGSERIAL NOT NULL,
+	time_s FLOAT(53) NOT NULL,
+	who TEXT NOT NULL,
+	role VARCHAR(16) NOT NULL,
+	client TEXT NOT NULL,
+	method VARCHAR(16) NOT NULL,
+	path TEXT NOT NULL,
+	http_status BIGINT NOT NULL,
+	body TEXT NOT NULL,
+	PRIMARY KEY (id)
+);
 
 CREATE TABLE run (
 	id BIGSERIAL NOT NULL,

@@ -1,4 +1,16 @@
--- Generated from coastwatch/store/tables.py, schema 0019; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0020; `python -m coastwatch.store.migrate` writes it again.
+
+CREATE TABLE audit (
+	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
+	time_s FLOAT NOT NULL,
+	who TEXT NOT NULL,
+	role VARCHAR(16) NOT NULL,
+	client TEXT NOT NULL,
+	method VARCHAR(16) NOT NULL,
+	path TEXT NOT NULL,
+	http_status INTEGER NOT NULL,
+	body TEXT NOT NULL
+);
 
 CREATE TABLE run (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,

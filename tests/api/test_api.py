@@ -5,8 +5,10 @@ from __future__ import annotations
 import csv
 import io
 import json
+from socket import create_connection
 
 import httpx
+import polars
 import pytest
 from page import DELTA, FULL, Page
 from server_world import Served, listening
@@ -54,6 +56,31 @@ def test_parameters_choose_vessels(served: Served, query: str, expected: list[in
     answer = served.get(f"/api/v1/picture?{query}")
     assert answer.status_code == 200, answer.text
     assert [row["vessel_id"] for row in answer.json()["vessels"]] == expected
+
+
+def test_parquet_has_the_same_types_whatever_the_rows(served: Served) -> None:
+    answer = served.get("/api/v1/picture", headers={"Accept": "application/vnd.apache.parquet"})
+    found = polars.read_parquet(io.BytesIO(answer.content))
+    assert found["vessel_id"].to_list() == [row["vessel_id"] for row in served.get("/api/v1/picture").json()["vessels"]]
+    assert str(found.schema["time_utc"]) == "Datetime(time_unit='us', time_zone='UTC')"
+    none = polars.read_parquet(io.BytesIO(served.get("/api/v1/picture?format=parquet&limit=0").content))
+    assert (none.height, none.schema) == (0, found.schema)
+    for path in ("alarms", "sensors", "runs", "audit", "vessels/2/history"):
+        assert served.get(f"/api/v1/{path}?format=parquet").content.startswith(b"PAR1"), path
+
+
+def test_pages_follow_each_other_and_an_unchanged_picture_is_not_sent_again(served: Served) -> None:
+    found, path = [], "/api/v1/picture?limit=12&sort=-sog_kn"
+    while path:
+        answer = served.get(path)
+        found += [row["vessel_id"] for row in answer.json()["vessels"]]
+        path = httpx.Response(200, headers=answer.headers).links.get("next", {}).get("url", "")
+    assert sorted(found) == [row["vessel_id"] for row in served.get("/api/v1/picture").json()["vessels"]]
+    assert len(found) == 28
+    tag = served.get("/api/v1/picture").headers["etag"]
+    again = served.get("/api/v1/picture", headers={"If-None-Match": tag})
+    assert (again.status_code, again.content) == (304, b"")
+    assert served.get("/api/v1/picture?format=csv", headers={"If-None-Match": tag}).status_code == 200
 
 
 def test_the_past_is_answered_from_the_store(served: Served) -> None:
@@ -179,6 +206,13 @@ def test_foreign_hosts_and_origins_are_refused_for_http_and_for_sockets(served: 
     assert refused.value.response.status_code == 403
     with served.stream(origin=f"http://{served.address}") as socket:
         assert socket.recv()
+    host, port = served.address.split(":")
+    for name, status in (("evil.example", b"403"), (served.address, b"101")):
+        asked = f"GET /api/v1/stream HTTP/1.1\r\nHost: {name}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        asked += "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==\r\n\r\n"
+        with create_connection((host, int(port)), timeout=10.0) as raw:
+            raw.sendall(asked.encode())
+            assert raw.recv(12).split()[1] == status, name
 
 
 def test_the_page_is_served_where_it_is_built_and_a_plain_one_says_so_where_not(served: Served, tmp_path: object) -> None:

@@ -43,7 +43,7 @@ def test_every_path_of_the_api_needs_a_token(given: dict[str, str]) -> None:
     assert len(paths) > 10
     with httpx.Client(base_url=f"http://{given['address']}") as client:
         for path, method in [*paths, ("/metrics", "GET"), ("/readyz", "GET"), ("/api/v1/openapi.json", "GET")]:
-            asked = path.replace("{vessel_id}", "2")
+            asked = path.replace("{vessel_id}", "2").replace("{number}", "0")
             assert client.request(method, asked).status_code == 401, path
         for wrong in ("x", "x" * 43, given["old"], given["viewer"][:-1]):
             assert client.get("/api/v1/status", headers=bearer(wrong)).status_code == 401
@@ -53,8 +53,11 @@ def test_every_path_of_the_api_needs_a_token(given: dict[str, str]) -> None:
 
 def test_a_viewer_may_read_and_change_nothing(given: dict[str, str]) -> None:
     with httpx.Client(base_url=f"http://{given['address']}") as client:
-        assert client.post("/api/v1/status", headers=bearer(given["viewer"])).status_code == 403
-        assert client.post("/api/v1/status", headers=bearer(given["operator"])).status_code == 405
+        path, body = "/api/v1/alarms/4-dark-1/acknowledge", {"name": "Ana"}
+        assert client.post(path, json=body, headers=bearer(given["viewer"])).status_code == 403
+        assert client.post(path, json=body, headers=bearer(given["operator"])).status_code == 404
+        assert client.get("/api/v1/audit", headers=bearer(given["operator"])).status_code == 403
+        assert client.put("/api/v1/status", headers=bearer(given["viewer"])).status_code == 405
 
 
 def test_a_person_types_a_token_once_and_has_a_cookie_that_scripts_cannot_read(given: dict[str, str]) -> None:
@@ -78,6 +81,27 @@ def test_a_socket_needs_a_token_and_says_so(given: dict[str, str]) -> None:
         socket.recv(timeout=10)
     assert closed.value.rcvd is not None
     assert closed.value.rcvd.code == 4401
+
+
+def test_an_open_socket_and_the_stream_of_alarms_end_when_their_token_is_taken_away(served: Served, tmp_path: Path) -> None:
+    path = tmp_path / "tokens.toml"
+    add(path, "other", "admin", None)
+    kept = path.read_text("utf-8")
+    given = add(path, "watch", "viewer", None)
+    guard = Guard(tokens=Tokens(path), recheck_s=0.2)
+    with (
+        listening(served.service, guard, tmp_path) as address,
+        connect(f"ws://{address}/api/v1/stream", subprotocols=[f"bearer.{given}"], max_size=2**26) as socket,
+        httpx.stream("GET", f"http://{address}/api/v1/alarms/stream", headers=bearer(given), timeout=20.0) as alarms,
+    ):
+        assert socket.recv(timeout=10)
+        path.write_text(kept, "utf-8")
+        os.utime(path, (1, 1))
+        with pytest.raises(ConnectionClosed) as closed:
+            socket.recv(timeout=10)
+        assert closed.value.rcvd is not None
+        assert closed.value.rcvd.code == 4401
+        assert [line for line in alarms.iter_lines() if line.startswith("data")] == []
 
 
 def test_a_large_body_is_refused_and_a_token_may_ask_so_often(given: dict[str, str]) -> None:
@@ -112,6 +136,6 @@ def test_a_wrong_file_of_tokens_is_refused(tmp_path: Path, text: str) -> None:
 
 
 def test_another_address_than_loopback_is_not_opened_without_tokens() -> None:
-    options = argparse.Namespace(host="0.0.0.0", tokens=None, tls_cert=None, tls_key=None)
+    options = argparse.Namespace(host="0.0.0.0", tokens=None, tls_cert=None, tls_key=None, trusted_proxy=[])
     with pytest.raises(BadInput, match="without --tokens"):
         serve(options)

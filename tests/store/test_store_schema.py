@@ -38,6 +38,7 @@ SINCE_0001 = {
     "sensor_cover",
     "standing_echo",
     "acknowledgement",
+    "audit",
 }
 """Tables that schema 0001 does not have."""
 

@@ -265,3 +265,13 @@ def test_reading_needs_no_stage_of_the_pipeline() -> None:
     script = f"import sys, coastwatch.store; print(*[m for m in {slow} if m in sys.modules])"
     said = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert said.stdout.strip() == ""
+
+
+def test_a_question_that_takes_too_long_is_ended_and_the_next_one_is_answered(url: str) -> None:
+    endless = "WITH RECURSIVE n (x) AS (SELECT 1 UNION ALL SELECT 3 - x FROM n) SELECT max(x) FROM n"
+    with kept.open_store(url) as made:
+        world.begin(made)
+    with kept.open_store(url, limit=kept.QueryLimit(0.2, time.monotonic)) as store:
+        with pytest.raises(StoreError, match=r"took longer than 0\.2 s"), database.reading(store) as connection:
+            connection.exec_driver_sql(endless).all()
+        assert kept.latest_run(store) == 1

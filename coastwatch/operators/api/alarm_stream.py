@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+import time
 from collections import deque
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import suppress
 from typing import Any
 
@@ -30,10 +31,11 @@ class AlarmStream:
         self._number, self._looked_at = 0, -math.inf
         self._looking = asyncio.Lock()
 
-    async def events(self, last: str) -> AsyncIterator[bytes]:
+    async def events(self, last: str, allowed: Callable[[], bool], recheck_s: float) -> AsyncIterator[bytes]:
         """The events for one listener: what it missed, or all that lasts or is not acknowledged; then news as they come.
 
-        Args: last: the id of the last event that it has, "run-number"; empty: none.
+        Args: last: the id of the last event that it has, "run-number"; empty: none; allowed: whether the listener may go on, asked each
+        recheck_s.
         """
         await self._look()
         run, _, number = last.partition("-")
@@ -44,8 +46,12 @@ class AlarmStream:
                 if said["end_utc"] is None or said["acknowledged_utc"] is None:
                     yield self._event(self._number, row)
             at = self._number
-        silent_s = 0.0
+        silent_s, looked_at = 0.0, time.monotonic()
         while True:
+            if time.monotonic() - looked_at >= recheck_s:
+                looked_at = time.monotonic()
+                if not allowed():
+                    return
             await self._look()
             news = [(k, row) for k, row in self._news if k > at]
             for k, row in news:

@@ -1,4 +1,4 @@
-"""What the API answers: rows of the live picture and of the store, as JSON, GeoJSON or CSV."""
+"""What the API answers: rows of the live picture and of the store, as JSON, GeoJSON, CSV or Parquet."""
 
 from __future__ import annotations
 
@@ -28,19 +28,52 @@ from coastwatch.store.bbox import inside
 T = TypeVar("T")
 MOST_ROWS, MOST_IDS, MOST_FOUND, NEWEST_POINTS = 10_000, 200, 50, 500
 LARGEST_ID = 2**62
-FORMATS = {"application/json": "json", "application/geo+json": "geojson", "text/csv": "csv"}
+FORMATS = {
+    "application/json": "json",
+    "application/geo+json": "geojson",
+    "text/csv": "csv",
+    "application/vnd.apache.parquet": "parquet",
+}
 TYPES = {form: kind for kind, form in FORMATS.items()}
 KINDS = {kind.name.lower(): bit for kind, bit in KIND_OF_SOURCE.items()}
 FLAGS = {str(flag.name).lower(): int(flag) for flag in Flag}
 
-Form = Literal["json", "geojson", "csv"]
+Form = Literal["json", "geojson", "csv", "parquet"]
 Text = Annotated[str | None, Field(max_length=200)]
 Limit = Annotated[int, Field(ge=0, le=MOST_ROWS)]
 VesselId = Annotated[int, Path(ge=0, le=LARGEST_ID)]
+Offset = Annotated[int, Field(ge=0, le=LARGEST_ID)]
+
+
+class Refusal(BaseModel):
+    """Why a request is refused, in one sentence."""
+
+    detail: str
+
+
 REFUSALS: dict[int | str, dict[str, Any]] = {
-    400: {"description": "a parameter is wrong"},
-    404: {"description": "there is none"},
-    503: {"description": "there is no picture yet, or the database is away"},
+    status: {"description": said, "model": Refusal}
+    for status, said in {
+        400: "a parameter is wrong",
+        401: "a token is needed",
+        403: "the role does not suffice, or the host or origin is foreign",
+        404: "there is none",
+        413: "the body is too large",
+        422: "a parameter is not of its type",
+        429: "too many requests; Retry-After says when to ask again",
+        503: "there is no picture yet, the database is away, or the question takes too long",
+    }.items()
+}
+ROWS: dict[int | str, dict[str, Any]] = {
+    200: {
+        "description": "the rows",
+        "content": {
+            "application/json": {"schema": {"type": "object"}},
+            "application/geo+json": {"schema": {"type": "object"}},
+            "text/csv": {"schema": {"type": "string"}},
+            "application/vnd.apache.parquet": {"schema": {"type": "string", "format": "binary"}},
+        },
+    }
 }
 
 
@@ -96,7 +129,7 @@ class Chosen(BaseModel):
     sort: Text = None  # columns, -NAME: descending
     columns: Text = None
     limit: Limit = 1000
-    offset: Annotated[int, Field(ge=0, le=LARGEST_ID)] = 0
+    offset: Offset = 0
 
     def rows(self, of: LivePicture) -> Ints:
         """The rows of a picture that are asked for. Raises: HTTPException that names the wrong parameter."""
@@ -116,9 +149,15 @@ class Chosen(BaseModel):
         return rows[keep]
 
 
-@router.get("/picture")
-def picture(service: In, form: As, chosen: Annotated[Chosen, Query()]) -> Response:
-    """The picture now or at an instant: one row a vessel, of which parameters choose some."""
+@router.get("/picture", responses={**ROWS, 304: {"description": "the picture is the one of the ETag"}})
+def picture(request: Request, service: In, form: As, chosen: Annotated[Chosen, Query()]) -> Response:
+    """The picture now or at an instant: one row a vessel, of which parameters choose some. `Link` has the next page."""
+    tag = None
+    if chosen.at is None:
+        asked = repr((service.version_of_picture(), form, sorted(request.query_params.multi_items())))
+        tag = f'W/"{hashlib.sha256(asked.encode()).hexdigest()[:32]}"'
+        if request.headers.get("if-none-match") == tag:
+            return Response(status_code=304, headers={"ETag": tag})
     of = _picture_at(service, parsed(utc, "at", chosen.at))
     rows = chosen.rows(of)
     columns, page = _names(chosen.columns), slice(chosen.offset, chosen.offset + chosen.limit)
@@ -128,10 +167,11 @@ def picture(service: In, form: As, chosen: Annotated[Chosen, Query()]) -> Respon
         every = selected(stored.for_people(of.rows(rows)), _names(chosen.sort), None, columns)
         found = Rows(every.columns, every.rows[page])
     head = {"run": of.run_id, "cycle": of.cycle, "time_utc": stored.utc_text(of.time_s), "total": len(rows)}
-    return _answer(found, form, "vessels", {**head, "offset": chosen.offset}, {"X-Total-Count": str(len(rows))})
+    headers = _page(request, len(rows), chosen.offset, chosen.limit) | ({"ETag": tag} if tag else {})
+    return _answer(found, form, "vessels", {**head, "offset": chosen.offset}, headers)
 
 
-@router.get("/frame")
+@router.get("/frame", responses={200: {"content": {"application/octet-stream": {}}}})
 def frame(service: In, bbox: Text = None, at: Text = None) -> Response:
     """The picture as one full binary frame (coastwatch.picture.v1), now or at an instant."""
     of = _picture_at(service, parsed(utc, "at", at))
@@ -170,7 +210,7 @@ def vessel(vessel_id: VesselId, service: In) -> dict[str, Any]:
     return {**details, **lists, "statistics": meanings, "method": methods}
 
 
-@router.get("/vessels/{vessel_id}/history")
+@router.get("/vessels/{vessel_id}/history", responses=ROWS)
 def history(
     vessel_id: VesselId, service: In, form: As, start: Annotated[str | None, Query(alias="from", max_length=40)] = None,
     end: Annotated[str | None, Query(alias="to", max_length=40)] = None, limit: Limit = 5000,
@@ -186,19 +226,31 @@ def history(
     )
 
 
-@router.get("/alarms")
-def alarms(
-    service: In, form: As, state: Literal["all", "lasting", "unacknowledged"] = "all", kind: Text = None,
-    start: Annotated[str | None, Query(alias="from", max_length=40)] = None,
-    end: Annotated[str | None, Query(alias="to", max_length=40)] = None, limit: Limit = 1000,
-) -> Response:  # fmt: skip
-    """The alarms, newest first: every flag but coasting and stationary, from when until when it was set."""
-    instants = {"from_s": parsed(utc, "from", start), "to_s": parsed(utc, "to", end)}
-    rows = service.alarms({name: str(s) for name, s in instants.items() if s is not None}, kind, MOST_ROWS)
-    if state != "all":
-        column = rows.columns.index("end_utc" if state == "lasting" else "acknowledged_utc")
+class ChosenAlarms(BaseModel):
+    """Which alarms."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    format: Form | None = None
+    state: Literal["all", "lasting", "unacknowledged"] = "all"
+    kind: Text = None
+    start: Annotated[str | None, Field(alias="from", max_length=40)] = None
+    end: Annotated[str | None, Field(alias="to", max_length=40)] = None
+    limit: Limit = 1000
+    offset: Offset = 0
+
+
+@router.get("/alarms", responses=ROWS)
+def alarms(request: Request, service: In, form: As, chosen: Annotated[ChosenAlarms, Query()]) -> Response:
+    """The alarms, newest first: every flag but coasting and stationary, from when until when it was set. `Link` has the next page."""
+    instants = {"from_s": parsed(utc, "from", chosen.start), "to_s": parsed(utc, "to", chosen.end)}
+    rows = service.alarms({name: str(s) for name, s in instants.items() if s is not None}, chosen.kind, MOST_ROWS)
+    if chosen.state != "all":
+        column = rows.columns.index("end_utc" if chosen.state == "lasting" else "acknowledged_utc")
         rows = Rows(rows.columns, [row for row in rows.rows if row[column] is None])
-    return _answer(Rows(rows.columns, rows.rows[:limit]), form, "alarms", {"total": len(rows.rows)})
+    page = Rows(rows.columns, rows.rows[chosen.offset : chosen.offset + chosen.limit])
+    headers = _page(request, len(rows.rows), chosen.offset, chosen.limit)
+    return _answer(page, form, "alarms", {"total": len(rows.rows)}, headers)
 
 
 class Acknowledged(BaseModel):
@@ -222,13 +274,13 @@ def acknowledge(
     return alarm
 
 
-@router.get("/sensors")
+@router.get("/sensors", responses=ROWS)
 def sensors(service: In, form: As) -> Response:
     """The sensors with their health, their registration and when they were heard last."""
     return _answer(stored.sensors(service.store, service.run_id(), None), form, "sensors", {})
 
 
-@router.get("/sensors/{number}/cover")
+@router.get("/sensors/{number}/cover", responses=ROWS)
 def sensor_cover(
     number: Annotated[int, Path(ge=0, le=LARGEST_ID)], service: In, form: As,
     grid: Literal["detection", "clutter", "standing"] = "detection",
@@ -259,10 +311,17 @@ def feeds(service: In) -> dict[str, Any]:
     return {"feeds": service.feeds()}
 
 
-@router.get("/runs")
+@router.get("/runs", responses=ROWS)
 def runs(service: In, form: As) -> Response:
     """The runs of the database, newest first."""
     return _answer(stored.runs(service.store), form, "runs", {})
+
+
+@router.get("/audit", responses=ROWS)
+def audit(request: Request, service: In, form: As, limit: Limit = 1000, offset: Offset = 0) -> Response:
+    """Who changed what through this API, newest first. For admins. `Link` has the next page."""
+    rows, total = service.changes(limit, offset)
+    return _answer(rows, form, "changes", {"total": total}, _page(request, total, offset, limit))
 
 
 @router.get("/cycles")
@@ -294,6 +353,15 @@ def coastline(service: In) -> Response:
     if path.parent.parent != scenarios_folder() or not path.is_file():
         raise HTTPException(404, "the scenario has no coastline of its own")
     return Response(path.read_bytes(), media_type="application/geo+json", headers={"Cache-Control": "max-age=3600"})
+
+
+def _page(request: Request, total: int, offset: int, limit: int) -> dict[str, str]:
+    """Headers of a page of rows: how many there are in all, and where the next page is, if there is one."""
+    headers = {"X-Total-Count": str(total), "Vary": "Accept"}
+    if 0 < limit < total - offset:
+        following = request.url.include_query_params(offset=offset + limit)
+        headers["Link"] = f'<{following.path}?{following.query}>; rel="next"'
+    return headers
 
 
 def _picture_at(service: Service, at_s: float | None) -> LivePicture:
@@ -352,6 +420,8 @@ def _ids(text: str) -> Ints:
 
 def _answer(rows: Rows, form: str, name: str, head: dict[str, Any], headers: dict[str, str] | None = None) -> Response:
     """The rows in a format; in JSON as the list `name` behind other values."""
+    if form == "parquet":
+        return Response(export.as_parquet(rows), media_type=TYPES[form], headers=headers)
     if form == "json":
         text = json.dumps({**head, name: export.as_objects(rows)}, allow_nan=False)
     else:

@@ -56,7 +56,7 @@ def application(service: Service, guard: Guard, web: Path = WEB) -> FastAPI:
     _add_alarm_stream(app, service)
     _add_refusals(app)
     app.add_middleware(GZipMiddleware, minimum_size=2000, compresslevel=1)
-    app.add_middleware(guard.middleware, metrics=service.metrics)
+    app.add_middleware(guard.middleware, metrics=service.metrics, audit=service.audit)
     if (web / "index.html").is_file():
         app.mount("/", StaticFiles(directory=web, html=True), name="web")
     else:
@@ -111,10 +111,12 @@ def _add_alarm_stream(app: FastAPI, service: Service) -> None:
     alarms = AlarmStream(service)
 
     @app.get("/api/v1/alarms/stream", response_class=StreamingResponse)
-    async def stream(last_event_id: Annotated[str, Header(max_length=40)] = "") -> StreamingResponse:
+    async def stream(request: Request, last_event_id: Annotated[str, Header(max_length=40)] = "") -> StreamingResponse:
         """New and changed alarms as server-sent events; `Last-Event-ID` goes on after an event."""
         headers = {"Cache-Control": "no-store"}
-        return StreamingResponse(alarms.events(last_event_id), media_type="text/event-stream", headers=headers)
+        state = request.state
+        events = alarms.events(last_event_id, state.allowed, state.recheck_s)
+        return StreamingResponse(events, media_type="text/event-stream", headers=headers)
 
 
 def _add_refusals(app: FastAPI) -> None:

@@ -1,10 +1,16 @@
-"""Who may ask: hosts and origins, tokens and roles, limits; and the headers of every answer. Pure ASGI: it does not wrap streams."""
+"""Who may ask: hosts and origins, tokens, trusted proxy and roles, limits; and the headers of every answer.
+
+Pure ASGI: it does not wrap streams.
+"""
 
 from __future__ import annotations
 
+import asyncio
+import logging
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from http.cookies import CookieError, SimpleCookie
@@ -12,20 +18,33 @@ from typing import Any
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import JSONResponse, Response
+from starlette.routing import Match, Mount
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from coastwatch.operators.api.audit import Audit
 from coastwatch.operators.api.metrics import Metrics
-from coastwatch.operators.api.tokens import ROLES, Limits, Token, Tokens
+from coastwatch.operators.api.proxy import TrustedProxy
+from coastwatch.operators.api.tokens import Limits, Person, Tokens
 from coastwatch.operators.api.wire import PROTOCOL
 
+LOG = logging.getLogger("coastwatch.serve")
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
-SAFE = ("GET", "HEAD", "OPTIONS")
+SAFE, CHANGES = ("GET", "HEAD", "OPTIONS"), ("POST", "PUT", "PATCH", "DELETE")
 COOKIE, SESSION = "coastwatch", "/session"
 PROTECTED = ("/api/", "/metrics", "/readyz")
 """Beginnings of the paths that need a token. The page itself does not: it has no data, and asks for the token."""
 
+FOR_ADMINS = ("/api/v1/audit",)
+"""Beginnings of the paths that a viewer or operator may not read."""
+
 LARGEST_BODY, MOST_SOCKETS = 1 << 20, 8
 TOKEN_NEEDED, TOO_MANY_SOCKETS = 4401, 4429
+RECHECK_S = 60.0
+"""The token of an open socket is looked at again so often."""
+
+HERE = Person("loopback", "admin")
+"""Who asks where no token is needed."""
+
 POLICY = (
     "default-src 'self'; worker-src 'self' blob:; img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; "
     "connect-src 'self' ws: wss:; frame-ancestors 'none'; base-uri 'none'; form-action 'self'"
@@ -40,38 +59,56 @@ HEADERS = {
 
 @dataclass(frozen=True)
 class Guard:
-    """Without tokens only these hosts are answered, and everybody on this machine is an admin. Loopback is not private: any page in a
-    browser on this machine can ask it, so hosts and origins are checked. With tokens each request needs one.
+    """Without tokens and proxy only these hosts are answered, and everybody on this machine is an admin. Loopback is not private: any
+    page in a browser on this machine can ask it, so hosts and origins are checked. Else each request needs a token or the proxy.
     """
 
     hosts: Sequence[str] = LOOPBACK
     tokens: Tokens | None = None
+    proxy: TrustedProxy | None = None
     secure: bool = False  # the cookie is sent over TLS only
+    recheck_s: float = RECHECK_S
+    limits: Callable[[], Limits] = Limits
 
     @property
     def middleware(self) -> Any:
         """The ASGI middleware."""
         return partial(_Middleware, guard=self)
 
+    @property
+    def is_open(self) -> bool:
+        """Whether this machine is answered without a token."""
+        return self.tokens is None and self.proxy is None
+
     def refusal(self, method: str, headers: Headers, socket: bool) -> str | None:
         """Why a request is refused by its host or origin; None: it is not."""
         host = headers.get("host", "")
-        if self.tokens is None and _name(host) not in self.hosts:
+        if self.is_open and _name(host) not in self.hosts:
             return f"Host: got {host[:80]!r}, needed one of {', '.join(self.hosts)}"
         origin = headers.get("origin")
         if origin is not None and (socket or method not in SAFE) and origin.partition("://")[2] != host:
             return f"Origin: got {origin[:80]!r}, needed the page of this server"
         return None
 
-    def token_of(self, headers: Headers) -> Token | None:
-        """The valid token that a request has: in `Authorization`, the cookie, or the subprotocols of a socket."""
-        assert self.tokens is not None
+    def person(self, client: str, headers: Headers) -> Person | None:
+        """Who asks; None: nobody that is known. Args: client: address of the other end of the connection."""
+        if self.is_open:
+            return HERE
+        found = self.proxy.person(client, headers) if self.proxy else None
+        return found or self._of_token(headers)
+
+    def _of_token(self, headers: Headers) -> Person | None:
+        """Who has the token of a request: in `Authorization`, the cookie, or the subprotocols of a socket."""
         scheme, _, given = headers.get("authorization", "").partition(" ")
         if scheme.lower() == "bearer":
-            return self.tokens.of(given.strip())
+            return self._person(given.strip())
         offered = [part.strip() for part in headers.get("sec-websocket-protocol", "").split(",")]
         bearer = next((part.removeprefix("bearer.") for part in offered if part.startswith("bearer.")), None)
-        return self.tokens.of(_cookie(headers) if bearer is None else bearer)
+        return self._person(_cookie(headers) if bearer is None else bearer)
+
+    def _person(self, given: str) -> Person | None:
+        found = None if self.tokens is None else self.tokens.of(given)
+        return None if found is None else Person(found.name, found.role)
 
     def session(self, given: str) -> Response:
         """The answer to a token that was typed into the page: a cookie, or 401."""
@@ -84,11 +121,11 @@ class Guard:
 
 
 class _Middleware:
-    """Refuses what the guard refuses, and adds headers."""
+    """Refuses what the guard refuses, adds headers, and has every change noted."""
 
-    def __init__(self, app: ASGIApp, guard: Guard, metrics: Metrics) -> None:
-        self._app, self._guard, self._metrics = app, guard, metrics
-        self._limits, self._sockets = Limits(), Counter[str]()
+    def __init__(self, app: ASGIApp, guard: Guard, metrics: Metrics, audit: Audit) -> None:
+        self._app, self._guard, self._metrics, self._audit = app, guard, metrics, audit
+        self._limits, self._sockets = guard.limits(), Counter[str]()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
@@ -96,12 +133,17 @@ class _Middleware:
         elif scope["type"] == "websocket":
             await self._socket(scope, receive, send)
         else:
-            sending = self._with_headers(send)
-            refused = self._refused(scope)
-            if refused is not None:
-                await refused(scope, receive, sending)
-            else:
-                await self._app(scope, _limited(receive), sending)
+            await self._request(scope, receive, self._with_headers(scope, send))
+
+    async def _request(self, scope: Scope, receive: Receive, send: Send) -> None:
+        refused = self._refused(scope)
+        if refused is not None:
+            await refused(scope, receive, send)
+            return
+        receive = _limited(receive)
+        if scope["method"] not in SAFE and scope["path"].startswith("/api/"):
+            receive, send = self._audit.noting(scope, receive, send)
+        await self._app(scope, receive, send)
 
     def _refused(self, scope: Scope) -> Response | None:
         """The answer to a request that is refused; None: it goes on, with its role and name in `scope["state"]`."""
@@ -112,53 +154,113 @@ class _Middleware:
         length = headers.get("content-length", "0")
         if not length.isdecimal() or int(length) > LARGEST_BODY:
             return JSONResponse({"detail": f"got a body of {length[:20]} bytes, needed at most {LARGEST_BODY}"}, 413)
-        scope.setdefault("state", {}).update(role="admin", who="loopback")
-        if self._guard.tokens is None:
-            return None
-        token = self._guard.token_of(headers)
-        who = token.name if token else str((scope.get("client") or ("unknown",))[0])
-        wait_s = self._limits.wait_s(who)
+        client = _client(scope)
+        person = self._guard.person(client, headers)
+        wait_s = 0.0 if self._guard.is_open else self._limits.wait_s(client if person is None else person.name)
         if wait_s:
             return JSONResponse({"detail": "too many requests"}, 429, {"Retry-After": str(math.ceil(wait_s))})
-        if path == SESSION or not path.startswith(PROTECTED):
-            return None
-        if token is None:
-            return JSONResponse({"detail": "a token is needed"}, 401, {"WWW-Authenticate": "Bearer"})
-        needed = "viewer" if method in SAFE else "operator"
-        if ROLES.index(token.role) < ROLES.index(needed):
-            return JSONResponse({"detail": f"needs the role {needed}, has {token.role}"}, 403)
-        scope["state"].update(role=token.role, who=token.name)
+        needed = _needed(path, method)
+        if person is None and needed is not None:
+            return JSONResponse({"detail": self._unknown()}, 401, {"WWW-Authenticate": "Bearer"})
+        if person is not None and needed is not None and not person.may(needed) and not _is_undeclared(scope):
+            return JSONResponse({"detail": f"needs the role {needed}, has {person.role}"}, 403)
+        person = person or Person("", "viewer")
+        allowed = partial(self._is_allowed, client, headers, needed)
+        scope.setdefault("state", {}).update(
+            role=person.role, who=person.name, allowed=allowed, recheck_s=self._guard.recheck_s
+        )
         return None
 
+    def _is_allowed(self, client: str, headers: Headers, needed: str | None) -> bool:
+        """Whether a request that was allowed would be so now."""
+        person = self._guard.person(client, headers)
+        return needed is None or (person is not None and person.may(needed))
+
+    def _unknown(self) -> str:
+        if self._guard.proxy is None:
+            return "a token is needed"
+        return "a user in the group coastwatch-viewer, coastwatch-operator or coastwatch-admin is needed, or a token"
+
     async def _socket(self, scope: Scope, receive: Receive, send: Send) -> None:
-        headers = Headers(scope=scope)
+        headers, client = Headers(scope=scope), _client(scope)
         if self._guard.refusal("GET", headers, True) is not None:
             await send({"type": "websocket.close", "code": 4403, "reason": ""})  # before accept: HTTP 403
             return
-        if self._guard.tokens is None:
+        if self._guard.is_open:
             await self._app(scope, receive, send)
             return
-        token = self._guard.token_of(headers)
-        code = TOKEN_NEEDED if token is None else TOO_MANY_SOCKETS if self._sockets[token.name] >= MOST_SOCKETS else 0
-        if token is None or code:
+        person = self._guard.person(client, headers)
+        code = TOKEN_NEEDED if person is None else TOO_MANY_SOCKETS if self._sockets[person.name] >= MOST_SOCKETS else 0
+        if person is None or code:
             await _closed(scope, receive, send, code)
             return
-        self._sockets[token.name] += 1
+        self._sockets[person.name] += 1
         try:
-            await self._app(scope, receive, send)
+            allowed = partial(self._is_allowed, client, headers, "viewer")
+            await _while_allowed(self._app, (scope, receive, send), allowed, self._guard.recheck_s)
         finally:
-            self._sockets[token.name] -= 1
+            self._sockets[person.name] -= 1
 
-    def _with_headers(self, send: Send) -> Send:
+    def _with_headers(self, scope: Scope, send: Send) -> Send:
         async def sending(message: Message) -> None:
             if message["type"] == "http.response.start":
-                headers = MutableHeaders(scope=message)
+                headers, status = MutableHeaders(scope=message), message["status"]
                 for name, value in HEADERS.items():
                     headers.setdefault(name, value)
-                self._metrics.requests.labels(str(message["status"])).inc()
+                self._metrics.requests.labels(str(status)).inc()
+                if status in (401, 403, 413, 429, 500):  # 503: `logs.Watch` says why
+                    about = {"method": scope["method"], "path": scope["path"][:200], "status": status, "client": _client(scope)}
+                    LOG.warning("request refused" if status < 500 else "request failed", extra={"fields": about})
             await send(message)
 
         return sending
+
+
+def _is_undeclared(scope: Scope) -> bool:
+    """Whether there is a route for the path, and none for the path and method: the application answers 405 to anybody."""
+    found = [route.matches(scope)[0] for route in scope["app"].routes if not isinstance(route, Mount)]
+    return Match.PARTIAL in found and Match.FULL not in found
+
+
+def _needed(path: str, method: str) -> str | None:
+    """The role that a request needs; None: not even a token."""
+    if path == SESSION or not path.startswith(PROTECTED):
+        return None
+    if method in CHANGES:
+        return "operator"
+    return "admin" if path.startswith(FOR_ADMINS) else "viewer"
+
+
+async def _while_allowed(app: ASGIApp, of: tuple[Scope, Receive, Send], allowed: Callable[[], bool], every_s: float) -> None:
+    """Run the application of a socket. Once it is not allowed any more, close it with TOKEN_NEEDED."""
+    scope, receive, send = of
+    refused = asyncio.Event()
+
+    async def look() -> None:
+        while allowed():
+            await asyncio.sleep(every_s)
+        refused.set()
+        with suppress(Exception):  # it may be closed by now
+            await send({"type": "websocket.close", "code": TOKEN_NEEDED, "reason": ""})
+
+    async def receiving() -> Message:
+        message, refusal = asyncio.ensure_future(receive()), asyncio.ensure_future(refused.wait())
+        try:
+            await asyncio.wait((message, refusal), return_when=asyncio.FIRST_COMPLETED)
+            return {"type": "websocket.disconnect", "code": TOKEN_NEEDED} if refused.is_set() else message.result()
+        finally:
+            message.cancel()
+            refusal.cancel()
+
+    async def sending(message: Message) -> None:
+        if not refused.is_set():
+            await send(message)
+
+    looking = asyncio.ensure_future(look())
+    try:
+        await app(scope, receiving, sending)
+    finally:
+        looking.cancel()
 
 
 async def _closed(scope: Scope, receive: Receive, send: Send, code: int) -> None:
@@ -180,6 +282,11 @@ def _limited(receive: Receive) -> Receive:
         return message if taken <= LARGEST_BODY else {"type": "http.disconnect"}
 
     return receiving
+
+
+def _client(scope: Scope) -> str:
+    """The address of the other end of a connection."""
+    return str((scope.get("client") or ("unknown",))[0])
 
 
 def _cookie(headers: Headers) -> str:

@@ -7,10 +7,12 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
+from functools import partial
 from typing import Any, Protocol
 
 from coastwatch import store
 from coastwatch.operators import stored
+from coastwatch.operators.api.audit import Audit
 from coastwatch.operators.api.hub import Hub
 from coastwatch.operators.api.metrics import Metrics
 from coastwatch.server.live_picture import LivePicture
@@ -55,10 +57,12 @@ class Service:
     source: Source = field(init=False)
     metrics: Metrics = field(default_factory=Metrics)
     hub: Hub = field(init=False)
+    audit: Audit = field(init=False)
     _runs: dict[int, dict[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.hub = Hub(self.metrics)
+        self.audit = Audit(partial(store.note_change, self.store))
         self.metrics.ask(lambda: (self.source.counts(), self.source.feeds()))
 
     def receive(self, picture: LivePicture) -> None:
@@ -74,6 +78,16 @@ class Service:
         if found is None:
             raise NoPictureYet(self.source.error() or "there is no picture yet")
         return found
+
+    def version_of_picture(self) -> tuple[int, int]:
+        """A value that changes with each new picture. Raises: NoPictureYet."""
+        self.picture()
+        return self.hub.run, self.hub.frames[-1].seq
+
+    def changes(self, limit: int, offset: int) -> tuple[Rows, int]:
+        """Who changed what, the newest first, and how many changes there are. Raises: StoreError."""
+        found, total = store.changes(self.store, limit, offset)
+        return stored.for_people(found), total
 
     def run_id(self) -> int:
         """The run of the newest picture. Raises: NoPictureYet."""

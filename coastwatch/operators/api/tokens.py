@@ -29,6 +29,18 @@ A_SECOND, AT_ONCE = 20.0, 60.0
 MOST_BUCKETS = 10_000
 
 
+@dataclass(frozen=True)
+class Person:
+    """Who asks: the name of a token or of a user of a trusted proxy, and a role."""
+
+    name: str
+    role: str
+
+    def may(self, role: str) -> bool:
+        """Whether the role of this person may do what another one may."""
+        return ROLES.index(self.role) >= ROLES.index(role)
+
+
 class Token(BaseModel):
     """One row of tokens.toml. The token itself is not kept."""
 
@@ -111,18 +123,19 @@ class _Bucket:
 class Limits:
     """A bucket of requests for each token or address."""
 
-    def __init__(self) -> None:
+    def __init__(self, a_second: float = A_SECOND, at_once: float = AT_ONCE) -> None:
+        self._a_second, self._at_once = a_second, at_once
         self._buckets: dict[str, _Bucket] = {}
 
     def wait_s(self, who: str) -> float:
         """Take one request. Returns: seconds until the next one is allowed, 0: it is allowed now."""
         now_s = time.monotonic()
-        bucket = self._buckets.setdefault(who, _Bucket(AT_ONCE, now_s))
-        bucket.left = min(bucket.left + (now_s - bucket.at_s) * A_SECOND, AT_ONCE)
+        bucket = self._buckets.setdefault(who, _Bucket(self._at_once, now_s))
+        bucket.left = min(bucket.left + (now_s - bucket.at_s) * self._a_second, self._at_once)
         bucket.at_s = now_s
         if len(self._buckets) > MOST_BUCKETS:
             del self._buckets[next(iter(self._buckets))]
         if bucket.left < 1.0:
-            return (1.0 - bucket.left) / A_SECOND
+            return (1.0 - bucket.left) / self._a_second
         bucket.left -= 1.0
         return 0.0

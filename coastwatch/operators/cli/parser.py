@@ -207,6 +207,13 @@ def _serve(commands: Any) -> None:
     serve.add_argument("--port", metavar="N", type=whole, default=8100, help="port (default: 8100; 0: any free one)")
     text = "file of tokens, made by `coastwatch token add NAME`: then each request needs one; other addresses than loopback need it"
     completed_by(serve.add_argument("--tokens", metavar="FILE", help=text))
+    text = (
+        "address or network of a proxy that asks people who they are, such as oauth2-proxy: its X-Forwarded-User and "
+        "X-Forwarded-Groups are believed (groups coastwatch-viewer, coastwatch-operator, coastwatch-admin); repeatable"
+    )
+    serve.add_argument("--trusted-proxy", metavar="CIDR", action="append", default=[], help=text)
+    text = "what is printed while it runs: text, or one JSON object a line, for collectors of logs (default: text)"
+    serve.add_argument("--log-format", choices=("text", "json"), default="text", help=text)
     completed_by(serve.add_argument("--tls-cert", metavar="FILE", help="certificate chain, PEM, for https"))
     completed_by(serve.add_argument("--tls-key", metavar="FILE", help="its private key, PEM"))
 

@@ -7,6 +7,7 @@ import signal
 import socket
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -15,8 +16,10 @@ from typing import Any
 import uvicorn
 
 from coastwatch.operators import stored
+from coastwatch.operators.api import logs
 from coastwatch.operators.api.application import application
 from coastwatch.operators.api.guard import LOOPBACK, Guard
+from coastwatch.operators.api.proxy import trusted
 from coastwatch.operators.api.service import Service
 from coastwatch.operators.api.tokens import Tokens, add
 from coastwatch.operators.bad_input import BadInput
@@ -26,7 +29,10 @@ from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.feeds.sending import of_file, of_scenario, send
 from coastwatch.server.follow import POLL_S, Follower
 from coastwatch.server.live import Input, LiveRun, Paced
-from coastwatch.store import Store, open_store
+from coastwatch.store import QueryLimit, Store, open_store
+
+QUERY = QueryLimit(5.0, time.monotonic)
+"""Of each question of the API to the database."""
 
 LARGEST_MESSAGE = 65_536
 """Bytes of a message from a viewer."""
@@ -39,8 +45,9 @@ class Followed:
 
     live = False
 
-    def __init__(self, opened: Store, run_id: int | None, poll_s: float = POLL_S) -> None:
-        self.service = Service(opened)
+    def __init__(self, opened: Store, run_id: int | None, poll_s: float = POLL_S, asked: Store | None = None) -> None:
+        """Args: asked: the same database for the questions of the API, with a limit."""
+        self.service = Service(asked or opened)
         self.service.source = self
         self._follower = Follower(opened, run_id, self.service.receive, poll_s)
 
@@ -67,9 +74,15 @@ class Followed:
 def serve(options: argparse.Namespace) -> int:
     """Serve until Ctrl-C or SIGTERM."""
     guard = _guard(options)
+    logs.begin(options.log_format)
     with _signals_end_the_server():
         if options.scenario is None:
-            with stored.opened(options.db) as opened, Followed(opened, options.run) as followed:
+            with (
+                stored.opened(options.db) as opened,
+                stored.opened(options.db, limit=QUERY) as asked,
+                Followed(opened, options.run, asked=asked) as followed,
+                logs.Watch(followed),
+            ):
                 listen(followed.service, guard, options)
         else:
             _serve_run(options, guard)
@@ -83,7 +96,7 @@ def _serve_run(options: argparse.Namespace, guard: Guard) -> None:
     if options.feed and options.speed != 1.0:
         raise BadInput("--speed: got it with --feed, needed one of them: feeds have their own speed")
     scenario = load_scenario(options.scenario, dict(options.settings))
-    with open_store(options.db) as opened, ExitStack() as stack:
+    with open_store(options.db, limit=QUERY) as opened, ExitStack() as stack:
         service = Service(opened)
         source: Input = Paced(options.speed)
         if options.feed:
@@ -93,7 +106,7 @@ def _serve_run(options: argparse.Namespace, guard: Guard) -> None:
         given = {"database": options.db, "workers": options.workers, "resume": resume}
         run = LiveRun(scenario, source, service.receive, **given)
         service.source = run
-        with run:
+        with run, logs.Watch(run):
             listen(service, guard, options)
         if run.failed:
             raise RuntimeError(run.error())
@@ -137,12 +150,16 @@ def _guard(options: argparse.Namespace) -> Guard:
     """Who is answered. Raises: BadInput where others than this machine could ask without a token."""
     if bool(options.tls_cert) != bool(options.tls_key):
         raise BadInput("--tls-cert, --tls-key: got one, needed both or none")
-    if options.tokens is not None:
-        return Guard(tokens=Tokens(Path(options.tokens)), secure=options.tls_cert is not None)
+    if options.tokens is not None or options.trusted_proxy:
+        return Guard(
+            tokens=Tokens(Path(options.tokens)) if options.tokens is not None else None,
+            proxy=trusted(options.trusted_proxy) if options.trusted_proxy else None,
+            secure=options.tls_cert is not None or bool(options.trusted_proxy),
+        )
     if options.host not in LOOPBACK:
         raise BadInput(
             f"--host: got {options.host!r} without --tokens, needed a file of tokens, because others than this machine can ask: "
-            "`coastwatch token add NAME --tokens FILE` makes one"
+            "`coastwatch token add NAME --tokens FILE` makes one; or --trusted-proxy, where a proxy asks people who they are"
         )
     return Guard()
 
@@ -163,7 +180,7 @@ def listen(service: Service, guard: Guard, options: argparse.Namespace) -> None:
         found = opened.getsockname()
         shown = f"[{found[0]}]" if ":" in found[0] else found[0]
         scheme = "https" if options.tls_cert else "http"
-        print(f"coastwatch: {scheme}://{shown}:{found[1]}", file=sys.stderr, flush=True)
+        logs.say(f"coastwatch: {scheme}://{shown}:{found[1]}", address=f"{scheme}://{shown}:{found[1]}")
         uvicorn.Server(config).run(sockets=[opened])
 
 
@@ -176,6 +193,8 @@ def configured(app: Any) -> uvicorn.Config:
         ws_per_message_deflate=False,  # it costs 85 ms a frame and viewer, and saves a third
         ws_max_size=LARGEST_MESSAGE,
         timeout_graceful_shutdown=STOP_S,
+        proxy_headers=False,  # the address of the other end is that of the connection: a header may say anything
+        log_config=None,
         server_header=False,
     )
 

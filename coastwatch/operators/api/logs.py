@@ -1,0 +1,106 @@
+"""What a server prints while it runs: as text, or as one JSON object a line. No log has a token, a query or a body."""
+
+from __future__ import annotations
+
+import json
+import logging
+import sys
+import threading
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from typing import Any, Protocol, Self
+
+LOG = logging.getLogger("coastwatch.serve")
+LOOK_S = 1.0
+
+
+class Source(Protocol):
+    """What is looked at: see `service.Source`."""
+
+    def error(self) -> str | None: ...
+
+    def feeds(self) -> list[dict[str, Any]]: ...
+
+    def counts(self) -> dict[str, float]: ...
+
+
+class _Lines(logging.Formatter):
+    """A record as one line. Its `fields` are more keys."""
+
+    def __init__(self, as_json: bool) -> None:
+        super().__init__()
+        self.as_json = as_json
+
+    def format(self, record: logging.LogRecord) -> str:
+        fields: Mapping[str, Any] = getattr(record, "fields", {})
+        trouble = self.formatException(record.exc_info) if record.exc_info else ""
+        if not self.as_json:
+            said = ", ".join(f"{name} {value}" for name, value in fields.items())
+            head = "" if record.levelno == logging.INFO else f"{record.levelname.lower()}: "
+            line = f"coastwatch: {head}{record.getMessage()}" + (f" ({said})" if said else "")
+            return f"{line}\n{trouble}" if trouble else line
+        when = datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+        row = {"time": when, "level": record.levelname.lower(), "logger": record.name, "message": record.getMessage(), **fields}
+        return json.dumps({**row, "trace": trouble} if trouble else row, default=str)
+
+
+def begin(form: str) -> None:
+    """Print what the server and uvicorn log to stderr. Args: form: text or json."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(_Lines(form == "json"))
+    for name, level in (("coastwatch.serve", logging.INFO), ("uvicorn", logging.ERROR)):
+        log = logging.getLogger(name)
+        log.handlers, log.propagate = [handler], False
+        log.setLevel(level)
+
+
+def say(line: str, **fields: Any) -> None:
+    """Print a line for people as it is; as JSON with its fields."""
+    handlers = LOG.handlers
+    if handlers and isinstance(handlers[0].formatter, _Lines) and handlers[0].formatter.as_json:
+        LOG.info(line.removeprefix("coastwatch: "), extra={"fields": fields})
+    else:
+        print(line, file=sys.stderr, flush=True)
+
+
+class Watch:
+    """Logs what changes in a run and its feeds, looked at once a second. Use it in a `with` block."""
+
+    def __init__(self, source: Source) -> None:
+        self._source, self._stop = source, threading.Event()
+        self._error: str | None = None
+        self._began = False  # pictures have come
+        self._connected: dict[str, bool] = {}
+        self._late = 0.0
+        self._thread = threading.Thread(target=self._watch, name="log", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *unused: object) -> None:
+        self._stop.set()
+        self._thread.join()
+        LOG.info("stopped")
+
+    def _watch(self) -> None:
+        while not self._stop.wait(LOOK_S):
+            self.look()
+
+    def look(self) -> None:
+        """Log what has changed since the last look."""
+        error = self._source.error()
+        if error != self._error:
+            LOG.log(logging.WARNING if self._began and error else logging.INFO, error or "pictures come")
+            self._error, self._began = error, self._began or error is None
+        for feed in self._source.feeds():
+            name, connected = str(feed["name"]), bool(feed["connected"])
+            if self._connected.get(name) not in (connected, None) or (connected and name not in self._connected):
+                level = logging.INFO if connected else logging.WARNING
+                LOG.log(level, "feed connected" if connected else "feed lost", extra={"fields": {"feed": name}})
+            self._connected[name] = connected
+        counts = self._source.counts()
+        late = counts.get("cycles_late", 0.0)
+        if late > self._late:
+            LOG.warning("cycles late", extra={"fields": {"cycles_late": late, "late_s": round(counts.get("late_s", 0.0), 2)}})
+        self._late = late
