@@ -5,6 +5,8 @@ from coastwatch.store.acknowledgements import acknowledgements as acknowledgemen
 from coastwatch.store.audit import Change as Change
 from coastwatch.store.audit import changes as changes
 from coastwatch.store.audit import note_change as note_change
+from coastwatch.store.backup import backup as backup
+from coastwatch.store.backup import restore as restore
 from coastwatch.store.database import QueryLimit as QueryLimit
 from coastwatch.store.database import Store as Store
 from coastwatch.store.database import StoreError as StoreError
@@ -15,6 +17,8 @@ from coastwatch.store.history_queries import traffic as traffic
 from coastwatch.store.picture_queries import bearing_tracks as bearing_tracks
 from coastwatch.store.picture_queries import picture as picture
 from coastwatch.store.picture_queries import track as track
+from coastwatch.store.prune import Pruned as Pruned
+from coastwatch.store.prune import prune as prune
 from coastwatch.store.questions import Parameter as Parameter
 from coastwatch.store.questions import Question as Question
 from coastwatch.store.questions import operator_queries as operator_queries

@@ -126,8 +126,8 @@ def other_schema(found: str | None) -> str:
     return f"schema: got {found or 'no tables'}, needed {REVISION}: `coastwatch db upgrade` brings it there"
 
 
-def connect(url: str, wait_s: float, *, may_create: bool, limit: QueryLimit | None = None) -> Store:
-    """An open database, whatever is in it. Raises: StoreError."""
+def connect(url: str, wait_s: float, *, may_create: bool, limit: QueryLimit | None = None, touch: bool = True) -> Store:
+    """An open database, whatever is in it. Args: touch: set up the file of a database that may be made. Raises: StoreError."""
     address = _address(url)
     where = address.database or ":memory:" if is_sqlite(address) else address.render_as_string(hide_password=True)
     if is_sqlite(address) and address.database not in (None, "", ":memory:"):
@@ -146,7 +146,7 @@ def connect(url: str, wait_s: float, *, may_create: bool, limit: QueryLimit | No
         raise StoreError(f"{where}: needs the Python package {error.name!r}{how}") from error
     store = Store(engine, where, wait_s, limit)
     _prepare(store)
-    if engine.dialect.name == "sqlite" and may_create:
+    if engine.dialect.name == "sqlite" and may_create and touch:
         with refusals(store), engine.connect() as connection:
             for pragma in (f"page_size = {PAGE_BYTES}", "journal_mode = WAL"):  # page_size has no effect on a file with content
                 connection.connection.cursor().execute(f"PRAGMA {pragma}")

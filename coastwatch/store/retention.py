@@ -75,6 +75,18 @@ def delete_old(
     return history, details
 
 
+def delete_before(connection: Connection, run_id: int, first: int, kind: str, most: int) -> int:
+    """Delete about so many rows of a kind, of cycles before one. Args: kind: history, details or events. Returns: rows deleted."""
+    if kind == "history":
+        _update_cycles(connection, run_id, 0, first, {"history_from": None})
+        return _delete_history(connection, run_id, first, most)
+    if kind == "details":
+        _update_cycles(connection, run_id, 0, first, {"associations_kept": False})
+        return sum(_delete_some(connection, TABLES[name], run_id, ("cycle",), first, most) for name in DETAILS)
+    gaps = _delete_some(connection, EVENT_GAP, run_id, ("cycle",), first, most)
+    return gaps + _delete_some(connection, EVENT, run_id, ("to_cycle",), first, most)
+
+
 def _first_kept(number: int, period_s: float, hours: float, before: int) -> int:
     """The first cycle that is kept, at most CYCLES later than before."""
     if hours == 0.0:
@@ -87,26 +99,30 @@ def _update_cycles(connection: Connection, run_id: int, low: int, high: int, val
     connection.execute(update(CYCLE).where(*where).values(values))
 
 
-def _delete_history(connection: Connection, run_id: int, kept: int, most: int) -> None:
-    """Delete the points that the first kept cycle does not need. Some points that it needs are in earlier cycles."""
+def _delete_history(connection: Connection, run_id: int, kept: int, most: int) -> int:
+    """Delete the points that the first kept cycle does not need. Some points that it needs are in earlier cycles. Returns: rows."""
+    rows = 0
     first = connection.scalar(select(CYCLE.c.history_from).where(CYCLE.c.run_id == run_id, CYCLE.c.number == kept))
     if first is not None:
-        _delete_some(connection, HISTORY, run_id, ("cycle", "vessel_id"), first, most)
+        rows += _delete_some(connection, HISTORY, run_id, ("cycle", "vessel_id"), first, most)
     for name in STAYS:
-        _delete_some(connection, TABLES[name], run_id, ("to_cycle",), kept, most)
+        rows += _delete_some(connection, TABLES[name], run_id, ("to_cycle",), kept, most)
+    return rows
 
 
-def _delete_some(connection: Connection, table: Table, run_id: int, key: tuple[str, ...], below: int, most: int) -> None:
-    """Delete about so many rows whose first key is below a cycle, the lowest first; each statement deletes one stretch of an index."""
+def _delete_some(connection: Connection, table: Table, run_id: int, key: tuple[str, ...], below: int, most: int) -> int:
+    """Delete about so many rows whose first key is below a cycle, the lowest first; each statement deletes one stretch of an index.
+
+    Returns: rows deleted.
+    """
     columns = [table.c[name] for name in key]
     old = (table.c.run_id == run_id, columns[0] < below)
     last = connection.execute(select(*columns).where(*old).order_by(*columns).offset(most - 1).limit(1)).first()
     if last is None:
-        connection.execute(delete(table).where(*old))
-        return
-    connection.execute(delete(table).where(table.c.run_id == run_id, columns[0] < last[0]))
+        return connection.execute(delete(table).where(*old)).rowcount
+    rows = connection.execute(delete(table).where(table.c.run_id == run_id, columns[0] < last[0])).rowcount
     upto = [column <= value for column, value in zip(columns[1:], last[1:], strict=True)]
-    connection.execute(delete(table).where(table.c.run_id == run_id, columns[0] == last[0], *upto))
+    return rows + connection.execute(delete(table).where(table.c.run_id == run_id, columns[0] == last[0], *upto)).rowcount
 
 
 def _delete_pictures(connection: Connection, hours: float) -> None:

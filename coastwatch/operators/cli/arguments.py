@@ -142,6 +142,18 @@ def whole(text: str) -> int:
     return int(text)
 
 
+AGES = {"h": 3600.0, "d": 86_400.0, "w": 604_800.0}
+"""Seconds of a unit of an age."""
+
+
+def age(text: str) -> float:
+    """Seconds of an age such as 12h, 30d or 8w."""
+    number, unit = text.strip()[:-1], text.strip()[-1:]
+    if unit not in AGES or not number.isdecimal() or len(number) > 6 or int(number) == 0:
+        raise argparse.ArgumentTypeError(f"got {text!r}, needed a whole number with h, d or w, such as 12h, 30d or 8w")
+    return int(number) * AGES[unit]
+
+
 def count(text: str) -> int:
     """A whole number, 1 or more."""
     number = whole(text)

@@ -1,11 +1,19 @@
-"""`db upgrade` and `db check`: bring a database to this version's schema, or list the differences."""
+"""`db`: bring a database to this version's schema, list the differences, copy it while it is in use, delete what is old."""
 
 from __future__ import annotations
 
 import argparse
+import re
 import sys
+from datetime import UTC, datetime
+from pathlib import Path
 
+from coastwatch import store
+from coastwatch.operators import stored
+from coastwatch.operators.bad_input import BadInput
 from coastwatch.store import migrate
+
+STAMP = "%Y%m%dT%H%M%SZ"
 
 
 def upgrade(options: argparse.Namespace) -> int:
@@ -27,4 +35,37 @@ def check(options: argparse.Namespace) -> int:
     if differences:
         return 1
     print(f"{options.db}: as this version needs it")
+    return 0
+
+
+def backup(options: argparse.Namespace) -> int:
+    target = Path(options.target)
+    if options.keep is not None and not target.is_dir():
+        raise BadInput(f"--keep: got {target}, which is no folder, needed a folder of copies")
+    with stored.opened(options.db) as opened:
+        stem = re.sub(r"[^\w.-]", "_", Path(opened.where).stem)
+        path = target / f"{stem}-{datetime.now(UTC).strftime(STAMP)}.db" if target.is_dir() else target
+        size = store.backup(opened, path)
+    print(f"{path}: {size / 1e6:.1f} MB")
+    if options.keep is not None:
+        ours = re.compile(re.escape(stem) + r"-\d{8}T\d{6}Z\.db")
+        for old in sorted(found for found in target.iterdir() if ours.fullmatch(found.name))[: -options.keep]:
+            old.unlink()
+            print(f"{old}: deleted")
+    return 0
+
+
+def restore(options: argparse.Namespace) -> int:
+    size = store.restore(Path(options.source), options.db)
+    print(f"{options.db}: {size / 1e6:.1f} MB from {options.source}")
+    return 0
+
+
+def prune(options: argparse.Namespace) -> int:
+    with stored.opened(options.db) as opened:
+        done = store.prune(opened, options.older_than, options.only)
+    if not options.only:
+        print(f"runs: {len(done.runs)} deleted")
+    for kind, count in done.rows.items():
+        print(f"{kind}: {count} {'cycles' if kind == 'recording' else 'rows'} deleted")
     return 0

@@ -23,6 +23,7 @@ from coastwatch.operators.cli.arguments import (
     add_running,
     add_set,
     add_span,
+    age,
     column_names,
     completed_by,
     count,
@@ -414,14 +415,40 @@ def _plot(commands: Any) -> None:
 
 
 def _db(commands: Any) -> None:
-    text = "Upgrade or check a database."
-    verbs = commands.add_parser("db", help="upgrade or check a database", description=text).add_subparsers(
+    text = "Upgrade, check, copy or prune a database."
+    verbs = commands.add_parser("db", help="upgrade, check, copy or prune a database", description=text).add_subparsers(
         title="commands", metavar="COMMAND", required=True
     )
     text = "Create the database, or upgrade an old one to this version's schema. Its content is kept."
     add_db(_command(verbs, "upgrade", "database:upgrade", "create a database or upgrade it to this version", text))
     text = "Compare the database with this version's schema. Exit code 0: they agree; 1: one line per difference."
     add_db(_command(verbs, "check", "database:check", "compare a database with this version's schema", text))
+    text = (
+        "Copy an SQLite database to a new file while others read and write it: the state of one moment, with whole cycles. Into a "
+        "folder, the copy is named after the database and the time. PostgreSQL: pg_dump."
+    )
+    backup = _command(verbs, "backup", "database:backup", "copy a database while it is in use", text)
+    completed_by(backup.add_argument("target", metavar="FILE|FOLDER", help="a new file, or a folder of copies"))
+    add_db(backup)
+    text = "then delete all but the newest N copies of this database in the folder"
+    backup.add_argument("--keep", metavar="N", type=count, help=text)
+    text = "Copy a backup to where there is no database. Then `coastwatch db upgrade` brings an old one to this version."
+    restore = _command(verbs, "restore", "database:restore", "bring a backup back", text)
+    completed_by(restore.add_argument("source", metavar="FILE", help="a file that `db backup` wrote"))
+    add_db(restore)
+    text = (
+        "Delete what is old, also beside a run that goes on: runs that ended so long ago, and of the others history, details "
+        "(associations, spots, timings, registrations), events and recording that are so much older than the newest cycle. The "
+        "current picture stays. An SQLite file does not shrink; backup and restore make a smaller one. Settings `store.history_hours` "
+        "and the like do it in every cycle."
+    )
+    prune = _command(verbs, "prune", "database:prune", "delete what is old", text)
+    add_db(prune)
+    text = "how old: a whole number with h, d or w, such as 12h, 30d or 8w"
+    prune.add_argument("--older-than", metavar="AGE", type=age, required=True, help=text)
+    text = "only this, of all runs: history, details, events, recording or audit (who changed what); repeatable"
+    kinds = ("history", "details", "events", "recording", "audit")
+    prune.add_argument("--only", metavar="KIND", choices=kinds, action="append", default=[], help=text)
 
 
 def _completion(commands: Any) -> None:
