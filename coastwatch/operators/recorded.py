@@ -17,10 +17,10 @@ from coastwatch.operators.bad_input import BadInput
 from coastwatch.scenario import Area, Scenario
 from coastwatch.scenario.refusing import refusals
 from coastwatch.scenario.sites import Radar, Sonar, Station
-from coastwatch.sensors.recorded.ais_table import AisColumns
 from coastwatch.sensors.recorded.files import has_sentences
-from coastwatch.sensors.recorded.tables import BearingColumns, PlotColumns, Tables
-from coastwatch.sensors.recorded.track_table import TrackColumns
+from coastwatch.sensors.recorded.tables.ais import AisColumns
+from coastwatch.sensors.recorded.tables.feed import BearingColumns, PlotColumns, Tables
+from coastwatch.sensors.recorded.tables.tracks import TrackColumns
 from coastwatch.spelling import did_you_mean
 
 COLUMNS: dict[str, type[BaseModel]] = {

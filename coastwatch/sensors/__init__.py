@@ -4,11 +4,11 @@ from typing import Annotated
 
 from pydantic import Field
 
-from coastwatch.sensors.recorded.ais_table import AisTable
-from coastwatch.sensors.recorded.autoferry import Autoferry
-from coastwatch.sensors.recorded.nmea import Nmea
-from coastwatch.sensors.recorded.solent import Solent
-from coastwatch.sensors.recorded.tables import Tables
+from coastwatch.sensors.recorded.datasets.autoferry import Autoferry
+from coastwatch.sensors.recorded.datasets.solent import Solent
+from coastwatch.sensors.recorded.nmea.feed import Nmea
+from coastwatch.sensors.recorded.tables.ais import AisTable
+from coastwatch.sensors.recorded.tables.feed import Tables
 from coastwatch.sensors.simulated.crossing import Crossing
 from coastwatch.sensors.simulated.simulation import Simulated
 

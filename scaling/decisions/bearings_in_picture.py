@@ -27,7 +27,7 @@ from coastwatch.batches import Recording, Sensors
 from coastwatch.geodesy import difference_m, to_plane, turn
 from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario, load_scenario
-from coastwatch.sensors.recorded.autoferry import PIREN_DEG
+from coastwatch.sensors.recorded.datasets.autoferry import PIREN_DEG
 from coastwatch.stage import serial
 
 SHARED = Path(__file__).parents[2].parent / "shared"

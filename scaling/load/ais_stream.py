@@ -24,7 +24,7 @@ from scaling.load.ais_feed import write_feed
 DECODE = """
 import sys
 from pathlib import Path
-from coastwatch.sensors.recorded.nmea import Nmea
+from coastwatch.sensors.recorded.nmea.feed import Nmea
 feed = Nmea(files=(Path(sys.argv[1]),))
 (now_s, stop_s), stream = feed.span(), feed.stream()
 while now_s < stop_s:

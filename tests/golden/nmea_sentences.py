@@ -8,7 +8,7 @@ from pathlib import Path
 from pyais import encode_dict
 
 from coastwatch.batches import AisReports, AisStatics, Fault
-from coastwatch.sensors.recorded.nmea import Nmea
+from coastwatch.sensors.recorded.nmea.feed import Nmea
 
 T0 = 1_357_134_218.0  # 2013-01-02 13:43:38 UTC
 ASSUMED = "2013-01-02T00:00:00Z"

@@ -14,11 +14,11 @@ from pyais.constants import ShipType
 from pyais.messages import AISSentence
 
 from coastwatch.batches import AisStatics, PositionAccuracy
-from coastwatch.sensors.recorded.ais_messages import Assembler, checksums_are_right
-from coastwatch.sensors.recorded.ais_payload import NEEDED_BITS, STATIC_BITS_19, decoded
 from coastwatch.sensors.recorded.ais_validation import AisRows, StaticRows
 from coastwatch.sensors.recorded.faults import Tally
-from coastwatch.sensors.recorded.nmea_sentences import ReceivedSentence
+from coastwatch.sensors.recorded.nmea.messages import Assembler, checksums_are_right
+from coastwatch.sensors.recorded.nmea.payload import NEEDED_BITS, STATIC_BITS_19, decoded
+from coastwatch.sensors.recorded.nmea.sentences import ReceivedSentence
 from coastwatch.sensors.recorded.timestamps import checksum
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from nmea_sentences import ASSUMED, SOUND, T0, checked, read, read_all, sentence, tagged, wire, write
 
-from coastwatch.sensors.recorded.nmea import Nmea
+from coastwatch.sensors.recorded.nmea.feed import Nmea
 
 WIRE_DEG = 1e-5  # the wire carries 1/10000 minute, 1.7e-6 deg; pyais rounds to 1e-6
 

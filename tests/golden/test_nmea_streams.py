@@ -11,8 +11,8 @@ import pytest
 from nmea_sentences import ASSUMED, T0, checked, read, read_all, sentence, tagged, wire, write
 
 from coastwatch.batches import Radars, Sensors, Sonars, Stations
-from coastwatch.sensors.recorded import nmea
-from coastwatch.sensors.recorded.nmea import Nmea
+from coastwatch.sensors.recorded.nmea import feed as nmea
+from coastwatch.sensors.recorded.nmea.feed import Nmea
 from coastwatch.stage import Plan
 
 

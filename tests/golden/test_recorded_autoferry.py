@@ -12,7 +12,7 @@ import pytest
 
 from coastwatch.batches import Radars, Sensors, Sonars, Stations
 from coastwatch.geodesy import to_plane
-from coastwatch.sensors.recorded.autoferry import PIREN_DEG, Autoferry
+from coastwatch.sensors.recorded.datasets.autoferry import PIREN_DEG, Autoferry
 from coastwatch.stage import Plan
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data" / "autoferry"

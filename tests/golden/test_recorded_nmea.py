@@ -10,7 +10,7 @@ from nmea_sentences import ASSUMED, read_all
 
 from coastwatch.batches import AisReports
 from coastwatch.batches.ais_codes import is_vessel
-from coastwatch.sensors.recorded.nmea import Nmea
+from coastwatch.sensors.recorded.nmea.feed import Nmea
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
 

@@ -11,8 +11,8 @@ import pytest
 
 from coastwatch.batches import Radars, Sensors, Sonars, Stations
 from coastwatch.geodesy import KNOT_M_S, difference_m, to_plane
-from coastwatch.sensors.recorded.ais_table import AisTable
-from coastwatch.sensors.recorded.solent import Solent
+from coastwatch.sensors.recorded.datasets.solent import Solent
+from coastwatch.sensors.recorded.tables.ais import AisTable
 from coastwatch.sensors.simulated.radar import interpolated
 from coastwatch.stage import Plan
 

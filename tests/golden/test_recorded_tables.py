@@ -13,8 +13,8 @@ from pydantic import TypeAdapter, ValidationError
 from coastwatch.batches import Fault, Radars, Sensors, Sonars, Stations
 from coastwatch.geodesy import from_plane
 from coastwatch.sensors import Feed
-from coastwatch.sensors.recorded.ais_table import AisTable, wrapped_cog
-from coastwatch.sensors.recorded.tables import Tables
+from coastwatch.sensors.recorded.tables.ais import AisTable, wrapped_cog
+from coastwatch.sensors.recorded.tables.feed import Tables
 from coastwatch.stage import Plan
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from coastwatch.sensors.recorded.smoothing import START_ACCELERATION, between, smooth
+from coastwatch.sensors.recorded.datasets.smoothing import START_ACCELERATION, between, smooth
 
 Floats = NDArray[np.float64]
 EXACT = 1e-6  # m, m/s, m/s2: two solutions of equations whose condition is about 1e8

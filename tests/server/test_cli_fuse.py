@@ -23,7 +23,7 @@ from coastwatch.scenario.sites import TrackSource, sensors_of
 from coastwatch.sensors.recorded.ais_validation import AisIntake
 from coastwatch.sensors.recorded.faults import Tally
 from coastwatch.sensors.recorded.files import has_sentences
-from coastwatch.sensors.recorded.target_sentences import target_reports
+from coastwatch.sensors.recorded.nmea.targets import target_reports
 
 SEED = 4
 SITE = np.array([-17.0, 179.98])  # the ships cross the antimeridian

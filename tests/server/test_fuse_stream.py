@@ -11,7 +11,7 @@ import pytest
 from run_world import Start, column, rows, stored
 
 from coastwatch.operators.cli import main
-from coastwatch.sensors.recorded.nmea import BLOCK
+from coastwatch.sensors.recorded.nmea.feed import BLOCK
 from coastwatch.store.migrate import check
 from scaling.load.ais_feed import write_feed
 

@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 
 from coastwatch.batches import AisStatics, Bools, Floats, Ints, Reports
-from coastwatch.sensors.recorded.ais_messages import Assembler
-from coastwatch.sensors.recorded.ais_payload import decoded
 from coastwatch.sensors.recorded.ais_validation import DUPLICATE, Acceptance, AisIntake, AisRows, StaticRows
 from coastwatch.sensors.recorded.faults import Tally
-from coastwatch.sensors.recorded.nmea_sentences import ais_sentences
+from coastwatch.sensors.recorded.nmea.messages import Assembler
+from coastwatch.sensors.recorded.nmea.payload import decoded
+from coastwatch.sensors.recorded.nmea.sentences import ais_sentences
 from coastwatch.sensors.recorded.reception_time import repeated
 from coastwatch.server.feeds.decoding import plausible_s
 from coastwatch.server.feeds.transport import Item

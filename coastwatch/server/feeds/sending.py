@@ -18,8 +18,8 @@ from typing import Any, Protocol
 from coastwatch.batches import AisReports, AisStatics, RadarReports, Reports, Sensors
 from coastwatch.scenario import Scenario
 from coastwatch.sensors.recorded.faults import Tally
-from coastwatch.sensors.recorded.nmea import lines_of
-from coastwatch.sensors.recorded.nmea_sentences import ais_sentences
+from coastwatch.sensors.recorded.nmea.feed import lines_of
+from coastwatch.sensors.recorded.nmea.sentences import ais_sentences
 from coastwatch.server.feeds.address import Address
 from coastwatch.server.feeds.asterix import datagrams
 

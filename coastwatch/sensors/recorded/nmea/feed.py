@@ -18,13 +18,13 @@ import numpy as np
 from pydantic import AwareDatetime, Field
 
 from coastwatch.batches import AisReports, AisStatics, Fault, FileContent, Floats, Recording, Reports, Sensors
-from coastwatch.sensors.recorded.ais_messages import Assembler, Messages
-from coastwatch.sensors.recorded.ais_payload import decoded
 from coastwatch.sensors.recorded.ais_validation import Acceptance, AisIntake, AisRows, StaticRows, Timed
 from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
 from coastwatch.sensors.recorded.files import GZIP_MAGIC, Fingerprint, fingerprint, has_sentences
 from coastwatch.sensors.recorded.merging import TIME_MISSING, span_of
-from coastwatch.sensors.recorded.nmea_sentences import ais_sentences
+from coastwatch.sensors.recorded.nmea.messages import Assembler, Messages
+from coastwatch.sensors.recorded.nmea.payload import decoded
+from coastwatch.sensors.recorded.nmea.sentences import ais_sentences
 from coastwatch.sensors.recorded.reception_time import reception_times
 from coastwatch.stage import Method, Plan
 

@@ -27,14 +27,15 @@ from coastwatch.batches import (
     TrackSources,
 )
 from coastwatch.geodesy import NAUTICAL_MILE_M, to_plane
-from coastwatch.sensors.recorded.ais_table import SPEED_KN, AisColumns, AisTable
 from coastwatch.sensors.recorded.ais_validation import HIGHEST_LATITUDE, LATITUDE, LONGITUDE, AisIntake
 from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
 from coastwatch.sensors.recorded.files import fingerprint
 from coastwatch.sensors.recorded.merging import MergedStream, by_arrival, recording, span_of
-from coastwatch.sensors.recorded.nmea import Nmea, first_and_last
-from coastwatch.sensors.recorded.table_reader import Separator, Table, read_table
-from coastwatch.sensors.recorded.table_rows import (
+from coastwatch.sensors.recorded.nmea.feed import Nmea, first_and_last
+from coastwatch.sensors.recorded.nmea.targets import target_reports, target_times
+from coastwatch.sensors.recorded.tables.ais import SPEED_KN, AisColumns, AisTable
+from coastwatch.sensors.recorded.tables.reader import Separator, Table, read_table
+from coastwatch.sensors.recorded.tables.rows import (
     PLOTS,
     POSITION_ENTRIES,
     arrived,
@@ -44,8 +45,7 @@ from coastwatch.sensors.recorded.table_rows import (
     need_columns,
     sensor_numbers,
 )
-from coastwatch.sensors.recorded.target_sentences import target_reports, target_times
-from coastwatch.sensors.recorded.track_table import TrackColumns, track_reports
+from coastwatch.sensors.recorded.tables.tracks import TrackColumns, track_reports
 from coastwatch.stage import Method, Plan, Settings
 
 UNKNOWN_RADAR, UNKNOWN_SONAR = "unknown radar", "unknown sonar"

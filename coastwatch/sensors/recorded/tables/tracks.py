@@ -10,8 +10,8 @@ from coastwatch.batches import Floats, Ints, TrackReports, TrackSources
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.sensors.recorded.ais_validation import HIGHEST_LATITUDE, LATITUDE, LONGITUDE, AisIntake
 from coastwatch.sensors.recorded.faults import Tally
-from coastwatch.sensors.recorded.table_reader import Table, read_table
-from coastwatch.sensors.recorded.table_rows import (
+from coastwatch.sensors.recorded.tables.reader import Table, read_table
+from coastwatch.sensors.recorded.tables.rows import (
     AXES,
     EMPTY_CELL,
     arrived,

@@ -13,12 +13,12 @@ from pynmeagps import NMEAParseError, NMEAReader
 
 from coastwatch.batches import FileContent, Floats, TrackReports, TrackSources
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, offset_deg
-from coastwatch.sensors.recorded.ais_messages import UNDECODABLE
 from coastwatch.sensors.recorded.ais_validation import HIGHEST_LATITUDE, LATITUDE, AisIntake
 from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
 from coastwatch.sensors.recorded.merging import TIME_MISSING
-from coastwatch.sensors.recorded.nmea import lines_of
-from coastwatch.sensors.recorded.nmea_sentences import CHECKSUM, wanted_sentences
+from coastwatch.sensors.recorded.nmea.feed import lines_of
+from coastwatch.sensors.recorded.nmea.messages import UNDECODABLE
+from coastwatch.sensors.recorded.nmea.sentences import CHECKSUM, wanted_sentences
 from coastwatch.sensors.recorded.reception_time import reception_times
 
 TARGETS = (b"TTM", b"TLL")

@@ -12,13 +12,13 @@ from pydantic import Field
 
 from coastwatch.batches import AisReports, AisStatics, Fault, FileContent, Floats, Ints, Recording, Sensors
 from coastwatch.geodesy import KNOT_M_S
-from coastwatch.sensors.recorded.ais_cells import accuracies, classes, covariances, nav_statuses
 from coastwatch.sensors.recorded.ais_validation import Acceptance, AisIntake, AisRows, StaticRows
 from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
 from coastwatch.sensors.recorded.files import Fingerprint, fingerprint
 from coastwatch.sensors.recorded.merging import ais_recording, by_arrival, span_of
-from coastwatch.sensors.recorded.table_reader import Separator, Table, read_table
-from coastwatch.sensors.recorded.table_rows import content_of, find_columns, good_cells, need_columns
+from coastwatch.sensors.recorded.tables.ais_cells import accuracies, classes, covariances, nav_statuses
+from coastwatch.sensors.recorded.tables.reader import Separator, Table, read_table
+from coastwatch.sensors.recorded.tables.rows import content_of, find_columns, good_cells, need_columns
 from coastwatch.stage import Method, Plan, Settings
 
 SPEED_KN = {"kn": 1.0, "m/s": 1.0 / KNOT_M_S, "km/h": 1.0 / 1.852}

@@ -12,7 +12,7 @@ from coastwatch.batches import Array, FileContent, Floats, Ints
 from coastwatch.sensors.recorded.ais_validation import NON_FINITE, AisIntake
 from coastwatch.sensors.recorded.faults import Tally
 from coastwatch.sensors.recorded.reception_time import reception_times
-from coastwatch.sensors.recorded.table_reader import Table
+from coastwatch.sensors.recorded.tables.reader import Table
 from coastwatch.stage import Settings
 
 EMPTY_CELL, BAD_CELL = "empty cell", "unparsable cell"

@@ -9,8 +9,8 @@ import numpy as np
 from coastwatch.batches import Bools, Floats, Ints, NavStatus, PositionAccuracy, nav_status_text
 from coastwatch.sensors.recorded.ais_validation import StationKind
 from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
-from coastwatch.sensors.recorded.table_reader import Table
-from coastwatch.sensors.recorded.table_rows import POSITION_ENTRIES
+from coastwatch.sensors.recorded.tables.reader import Table
+from coastwatch.sensors.recorded.tables.rows import POSITION_ENTRIES
 
 UNKNOWN_CLASS = SET_ASIDE + "unknown class, taken as class A"
 UNKNOWN_STATUS = SET_ASIDE + "unknown navigational status, taken as not sent"

@@ -16,12 +16,12 @@ from pydantic import Field
 
 from coastwatch.batches import AisReports, Bools, Fault, Floats, Ints, Radars, Recording, Sensors, Trajectories
 from coastwatch.geodesy import KNOT_M_S, difference_m, from_plane, to_plane, turn
-from coastwatch.sensors.recorded.ais_table import AisTable
 from coastwatch.sensors.recorded.ais_validation import utc
+from coastwatch.sensors.recorded.datasets.smoothing import between, smooth
 from coastwatch.sensors.recorded.faults import Tally
 from coastwatch.sensors.recorded.files import Fingerprint, data_folder, fingerprint
 from coastwatch.sensors.recorded.merging import recording, span_of
-from coastwatch.sensors.recorded.smoothing import between, smooth
+from coastwatch.sensors.recorded.tables.ais import AisTable
 from coastwatch.sensors.simulated.radar import RadarTruth, interpolated, observe
 from coastwatch.sensors.simulated.simulation import truths_of
 from coastwatch.stage import Method, Plan

@@ -1,0 +1,1 @@
+"""Recordings of research projects, each in files of its own kind, with their truth."""

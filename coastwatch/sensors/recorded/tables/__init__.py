@@ -1,0 +1,1 @@
+"""Tables, CSV or Parquet: AIS, plots, bearings and finished tracks."""
