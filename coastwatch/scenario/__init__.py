@@ -3,7 +3,7 @@
 from coastwatch.scenario.extending import ScenarioError
 from coastwatch.scenario.model import Scenario, StoreSettings, WorkerSettings
 from coastwatch.scenario.reading import load_scenario, make_scenario, scenario_names
-from coastwatch.scenario.sites import Area, Radar, Sonar, Station
+from coastwatch.scenario.sites import Area, Radar, Sonar, Station, TrackSource
 
 __all__ = [
     "Area",
@@ -13,6 +13,7 @@ __all__ = [
     "Sonar",
     "Station",
     "StoreSettings",
+    "TrackSource",
     "WorkerSettings",
     "load_scenario",
     "make_scenario",

@@ -63,6 +63,9 @@ class StoreSettings(Settings):
     event_gap_s: Annotated[float, Field(ge=0.0)] = 60.0  # a flag that returns within this time goes on with its event
     picture_hours: Annotated[float, Field(ge=0.0)] = 0.0  # after the end of a run until its last picture is deleted; 0: never
     recording_hours: Annotated[float, Field(ge=0.0)] = 0.0  # of recording; 0: all
+    journal_minutes: Annotated[float, Field(ge=0.0)] = (
+        30.0  # of a regional centre's tracks, for centres that fall behind; the newest cycle is always kept
+    )
     overlap: bool = True  # write cycles while the next ones are computed, at most two behind; the rows are the same
     recording: bool = False  # store every picture with its members, bit for bit
 

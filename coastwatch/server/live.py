@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Protocol, Self
 
@@ -13,21 +13,31 @@ from coastwatch.batches import Fault, Recording, Reports, Sensors
 from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario
 from coastwatch.server.live_picture import LivePicture, Statics, merge_statics, of_cycle, of_store
+from coastwatch.server.regions.publisher import Publisher
 from coastwatch.server.run import run_scenario
 from coastwatch.stage import Plan
+from coastwatch.store import Intake
 
 OnPicture = Callable[[LivePicture], None]
+Positions = Mapping[str, tuple[str, int]]
+"""Of each region, its run and the number of the last cycle that is known."""
 
 
 class Input(Protocol):
     """What a live run takes its reports from."""
 
-    def begin(self, scenario: Scenario, sensors: Sensors, seed: int, stop: threading.Event) -> tuple[Recording, Plan]:
-        """The reports and the instants from now on."""
+    def begin(
+        self, scenario: Scenario, sensors: Sensors, seed: int, stop: threading.Event, positions: Positions
+    ) -> tuple[Recording, Plan]:
+        """The reports and the instants from now on. Args: positions: of each region, the last cycle that is known."""
         ...
 
-    def wait(self, until_s: float, stop: threading.Event) -> None:
-        """Wait until all reports up to an instant have come, or `stop` is set."""
+    def intake(self) -> Sequence[Intake]:
+        """The cycles of regions in the reports of the newest cycle."""
+        ...
+
+    def wait(self, until_s: float, stop: threading.Event) -> bool:
+        """Wait until all reports up to an instant have come. Returns: False: `stop` was set before."""
         ...
 
     def due_s(self, until_s: float) -> float:
@@ -46,7 +56,9 @@ class Paced:
         self._speed = speed
         self._origin = 0.0, 0.0  # an instant, and when it is by the clock
 
-    def begin(self, scenario: Scenario, sensors: Sensors, seed: int, stop: threading.Event) -> tuple[Recording, Plan]:
+    def begin(
+        self, scenario: Scenario, sensors: Sensors, seed: int, stop: threading.Event, positions: Positions
+    ) -> tuple[Recording, Plan]:
         """As of `Input`."""
         plan = scenario.plan()
         simulated = scenario.input.method in ("simulated", "crossing")
@@ -56,14 +68,18 @@ class Paced:
         self._origin = plan.start_s, plan.start_s if simulated else time.time()
         return replace(recording, truth=None), plan
 
+    def intake(self) -> Sequence[Intake]:
+        """As of `Input`: it has no regions."""
+        return ()
+
     def due_s(self, until_s: float) -> float:
         """As of `Input`."""
         instant_s, clock_s = self._origin
         return clock_s + (until_s - instant_s) / self._speed
 
-    def wait(self, until_s: float, stop: threading.Event) -> None:
+    def wait(self, until_s: float, stop: threading.Event) -> bool:
         """As of `Input`."""
-        stop.wait(max(self.due_s(until_s) - time.time(), 0.0))
+        return not stop.wait(max(self.due_s(until_s) - time.time(), 0.0))
 
     def feeds(self) -> list[dict[str, Any]]:
         """As of `Input`: it has none."""
@@ -84,8 +100,9 @@ class LiveRun:
         database: str,
         workers: int | None = None,
         resume: bool = True,
+        publisher: Publisher | None = None,
     ) -> None:
-        """Args: resume: go on with the last run of this scenario, if it ended a short time ago."""
+        """Args: resume: go on with the last run of this scenario, if it ended a short time ago; publisher: of a region's tracks."""
         self.stop = threading.Event()
         self.seconds: dict[str, float] = {}  # of the stages of the last cycle
         self.late_s = 0.0  # how long after it was due the last picture was ready
@@ -93,6 +110,7 @@ class LiveRun:
         self.faults: tuple[Fault, ...] = ()
         self.failed = False
         self._source, self._on_picture, self._statics = source, on_picture, Statics()
+        self._publisher = publisher
         self._scenario = scenario
         self._given: dict[str, Any] = {"database": database, "workers": workers, "resume": resume}
         self._said: str | None = "starting"
@@ -130,17 +148,17 @@ class LiveRun:
         """Cycles computed, how many of them more than a period late, and how late the last one was."""
         return {"cycles": self.cycles, "cycles_late": self.cycles_late, "late_s": self.late_s}
 
-    def begin(self, scenario: Scenario, sensors: Sensors, seed: int) -> tuple[Recording, Plan]:
+    def begin(self, scenario: Scenario, sensors: Sensors, seed: int, positions: Positions) -> tuple[Recording, Plan]:
         """As `run.Live.begin`."""
         self._begun = True
         if self.stop.is_set():
             raise InterruptedError("stopped before the first cycle")
         self._said, self._sensors = "waiting for the first cycle", sensors
-        return self._source.begin(scenario, sensors, seed, self.stop)
+        return self._source.begin(scenario, sensors, seed, self.stop, positions)
 
-    def wait(self, until_s: float) -> None:
+    def wait(self, until_s: float) -> bool:
         """As `run.Live.wait`."""
-        self._source.wait(until_s, self.stop)
+        return self._source.wait(until_s, self.stop)
 
     def computed(self, run_id: int, number: int, cycle: Cycle, reports: Reports, seconds: dict[str, float]) -> None:
         """As `run.Live.computed`."""
@@ -153,6 +171,19 @@ class LiveRun:
         self.late_s = time.time() - self._source.due_s(cycle.time_s)
         self.cycles += 1
         self.cycles_late += self.late_s > self._scenario.period_s
+
+    def for_centres(self, run_id: int, number: int, cycle: Cycle) -> store.ForCentres:
+        """As `run.Live.for_centres`."""
+        assert self._sensors is not None
+        message = None
+        if self._publisher is not None:
+            message = self._publisher.message(run_id, number, cycle, self._sensors)
+        return store.ForCentres(message, self._source.intake())
+
+    def written(self, run_id: int, number: int, passed: store.ForCentres) -> None:
+        """As `run.Live.written`."""
+        if self._publisher is not None and passed.message is not None:
+            self._publisher.written(run_id, number, passed.message)
 
     def _stored_statics(self, run_id: int) -> Statics:
         """The names of a run that is resumed."""

@@ -6,7 +6,7 @@ import importlib.metadata
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -32,22 +32,38 @@ OnCycle = Callable[[Cycle], None]
 RESUME_WITHIN_S = 600.0
 """A live run goes on from its checkpoint if that is at most so old: the cycles since then are computed without reports."""
 
+SMALL_CHECKPOINT_BYTES = 4 << 20
+"""A live run saves a checkpoint of at most so much after every cycle, a larger one every `store.checkpoint_every` cycles."""
+
 
 class Live(Protocol):
     """Input that comes as time passes, and who is given each cycle."""
 
     stop: threading.Event  # ends the run after the cycle in progress
 
-    def begin(self, scenario: Scenario, sensors: Sensors, seed: int) -> tuple[Recording, Plan]:
-        """The input and the instants from now on; it may wait for the first report."""
+    def begin(
+        self, scenario: Scenario, sensors: Sensors, seed: int, positions: Mapping[str, tuple[str, int]]
+    ) -> tuple[Recording, Plan]:
+        """The input and the instants from now on; it may wait for the first report.
+
+        Args: positions: of each region, its run and the last cycle that the run to be resumed has used.
+        """
         ...
 
-    def wait(self, until_s: float) -> None:
-        """Wait until all reports up to an instant have come, or `stop` is set."""
+    def wait(self, until_s: float) -> bool:
+        """Wait until all reports up to an instant have come. Returns: False: `stop` was set before."""
         ...
 
     def computed(self, run_id: int, number: int, cycle: Cycle, reports: Reports, seconds: dict[str, float]) -> None:
         """Take a cycle. Args: reports: of the cycle; seconds: of its stages."""
+        ...
+
+    def for_centres(self, run_id: int, number: int, cycle: Cycle) -> store.ForCentres:
+        """What is stored of this cycle for other centres."""
+        ...
+
+    def written(self, run_id: int, number: int, passed: store.ForCentres) -> None:
+        """A cycle is in the database. It is called in the thread that writes."""
         ...
 
 
@@ -117,8 +133,9 @@ def run_scenario(
         with open_workers(scenario.workers.method, count) as opened_workers:
             warm_up(scenario, sensors, partial(report, 0, plan.cycles if live is None else 1), opened_workers)
             if live is not None:
-                recording, plan = live.begin(scenario, sensors, seed)
-                plan, resume = _live_plan(opened, scenario, seed, plan) if resume else (plan, False)
+                before = _resume_point(opened, scenario, seed) if resume else None
+                recording, plan = live.begin(scenario, sensors, seed, _positions(opened, before))
+                plan, resume = _live_plan(opened, before, plan)
             run_id, point = _begin(opened, scenario, sensors, recording, plan, seed, processors(count), resume)
             with _interrupt_as_flag() if live is None else nullcontext(live.stop) as interrupted:
                 try:
@@ -135,6 +152,7 @@ def run_scenario(
                             writer,
                             interrupted,
                             live,
+                            _CheckpointSize(live is not None),
                         )
                         point, vessels, most = _run_cycles(_Run(*parts), point, report, on_cycle)
                     memory = pipeline.gathered(point.memory, opened_workers.regions)
@@ -165,6 +183,22 @@ def run_scenario(
     )
 
 
+class _CheckpointSize:
+    """The size of the newest checkpoint. A live run saves a small one after every cycle: its feeds do not send anything twice."""
+
+    def __init__(self, live: bool) -> None:
+        self._live, self._bytes = live, SMALL_CHECKPOINT_BYTES + 1
+
+    @property
+    def is_small(self) -> bool:
+        """Whether it is saved after every cycle."""
+        return self._live and self._bytes <= SMALL_CHECKPOINT_BYTES
+
+    def note(self, saved: bytes | None) -> None:
+        """Take a checkpoint; None: none was made."""
+        self._bytes = self._bytes if saved is None else len(saved)
+
+
 @dataclass(frozen=True)
 class _Run:
     """The parts of a run that do not change from cycle to cycle."""
@@ -180,6 +214,7 @@ class _Run:
     writer: Writer[store.Written]
     interrupted: threading.Event
     live: Live | None
+    size: _CheckpointSize
 
 
 def _losses(scenario: Scenario, workers: Workers) -> Iterator[Fault]:
@@ -190,14 +225,26 @@ def _losses(scenario: Scenario, workers: Workers) -> Iterator[Fault]:
         )
 
 
-def _live_plan(opened: Any, scenario: Scenario, seed: int, plan: Plan) -> tuple[Plan, bool]:
-    """The plan of a live run and whether it is resumed: that of an unfinished run whose checkpoint is young enough, else a new one."""
-    found = store.resume_point(opened, scenario.name, seed, version(), scenario.model_dump(mode="json"))
+def _resume_point(opened: Any, scenario: Scenario, seed: int) -> tuple[int, int, bytes] | None:
+    """As `store.resume_point`, of this scenario with these settings."""
+    return store.resume_point(opened, scenario.name, seed, version(), scenario.model_dump(mode="json"))
+
+
+def _positions(opened: Any, before: tuple[int, int, bytes] | None) -> dict[str, tuple[str, int]]:
+    """The last cycle of each region that a run had used at its checkpoint."""
+    return {} if before is None else store.region_positions(opened, before[0], before[1])
+
+
+def _live_plan(opened: Any, found: tuple[int, int, bytes] | None, plan: Plan) -> tuple[Plan, bool]:
+    """The plan of a live run and whether it is resumed: that of an unfinished run whose checkpoint is young enough, else a new one.
+
+    A run that begins at a set instant is resumed whenever it is.
+    """
     if found is None:
         return plan, False
     run_id, cycle, _ = found
     before = plan.model_copy(update={"start_s": store.run(opened, run_id)["start_s"]})
-    resumed = 0.0 <= plan.start_s - before.instant_s(cycle) <= RESUME_WITHIN_S
+    resumed = before == plan or 0.0 <= plan.start_s - before.instant_s(cycle) <= RESUME_WITHIN_S
     return before if resumed else plan, resumed
 
 
@@ -213,7 +260,7 @@ def _begin(
 ) -> tuple[int, Point]:
     """The number of the run and its first point: a checkpoint if `resume` finds one, else the first cycle of a new run."""
     if resume:
-        found = store.resume_point(opened, scenario.name, seed, version(), scenario.model_dump(mode="json"))
+        found = _resume_point(opened, scenario, seed)
         if found is not None:
             run_id, _, blob = found
             point = _loaded_point(blob, run_id)
@@ -253,6 +300,9 @@ def _run_cycles(run: _Run, point: Point, report: Progress, on_cycle: OnCycle | N
     """
     vessels, most, stopped = 0, (0, run.plan.start_s), run.interrupted.is_set()
     while point.cycle < run.plan.cycles and not stopped:
+        if run.live is not None and not run.live.wait(run.plan.instant_s(point.cycle)):
+            _save(run, point)
+            break
         point, cycle, warning, stopped = _run_cycle(run, point)
         vessels = len(cycle.picture)
         most = max(most, (vessels, cycle.time_s), key=lambda found: found[0])
@@ -269,8 +319,6 @@ def _run_cycle(run: _Run, point: Point) -> tuple[Point, Cycle, str | None, bool]
     Returns: the point after it, its yield, a warning of the store, and whether it is the last because of an interrupt.
     """
     scenario, plan, number = run.scenario, run.plan, point.cycle
-    if run.live is not None:
-        run.live.wait(plan.instant_s(number))
     if number == 0:
         reports = run.recording.of_first_cycle(plan.start_s, plan.instant_s(0))
     else:
@@ -287,15 +335,35 @@ def _run_cycle(run: _Run, point: Point) -> tuple[Point, Cycle, str | None, bool]
             tally = add(tally, cycle, run.recording, run.sensors)
     after = Point(number + 1, memory, tally)
     stopped = run.interrupted.is_set()  # read once: the last cycle has a checkpoint
-    due = number == 0 or (number + 1) % scenario.store.checkpoint_every == 0 or stopped
+    due = number == 0 or (number + 1) % scenario.store.checkpoint_every == 0 or stopped or run.size.is_small
     with run.watch("checkpoint"):
         blob = checkpoint.save(replace(after, memory=pipeline.gathered(memory, regions))) if due else None
+    run.size.note(blob)
+    passed = store.ForCentres() if run.live is None else run.live.for_centres(run.run_id, number, cycle)
     before = run.writer.wait()
     last = after.cycle == plan.cycles or stopped
     of_cycle = run.run_id, number, cycle.to_write(), reports, run.watch.so_far(), scenario.store, blob
-    run.writer.start(partial(store.write_cycle, run.store, *of_cycle, last=last))
+    write = partial(store.write_cycle, run.store, *of_cycle, last=last, for_centres=passed)
+    run.writer.start(write if run.live is None else partial(_written, write, run.live, run.run_id, number, passed))
     run.watch.lap()
     return after, cycle, before.warning if before else None, stopped
+
+
+def _save(run: _Run, point: Point) -> None:
+    """Write a checkpoint of a run that ends while it waits for the reports of its next cycle, unless its last cycle has one."""
+    if point.cycle and not run.size.is_small:
+        blob = checkpoint.save(replace(point, memory=pipeline.gathered(point.memory, run.workers.regions)))
+        run.writer.wait()
+        run.writer.start(partial(store.write_checkpoint, run.store, run.run_id, point.cycle - 1, blob))
+
+
+def _written(
+    write: Callable[[], store.Written], live: Live, run_id: int, number: int, passed: store.ForCentres
+) -> store.Written:
+    """Write a cycle, then say so: other centres get nothing that is not stored."""
+    done = write()
+    live.written(run_id, number, passed)
+    return done
 
 
 @contextmanager

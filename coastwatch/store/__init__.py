@@ -14,6 +14,13 @@ from coastwatch.store.database import open_store as open_store
 from coastwatch.store.history_queries import encounters as encounters
 from coastwatch.store.history_queries import history as history
 from coastwatch.store.history_queries import traffic as traffic
+from coastwatch.store.journal import ForCentres as ForCentres
+from coastwatch.store.journal import Intake as Intake
+from coastwatch.store.journal import JournalEntry as JournalEntry
+from coastwatch.store.journal import journal_after as journal_after
+from coastwatch.store.journal import journal_start as journal_start
+from coastwatch.store.journal import region_positions as region_positions
+from coastwatch.store.journal import run_key as run_key
 from coastwatch.store.picture_queries import bearing_tracks as bearing_tracks
 from coastwatch.store.picture_queries import picture as picture
 from coastwatch.store.picture_queries import track as track
@@ -52,4 +59,5 @@ from coastwatch.store.runs import sources as sources
 from coastwatch.store.runs import standing_echoes as standing_echoes
 from coastwatch.store.runs import timings as timings
 from coastwatch.store.write_cycle import Written as Written
+from coastwatch.store.write_cycle import write_checkpoint as write_checkpoint
 from coastwatch.store.write_cycle import write_cycle as write_cycle

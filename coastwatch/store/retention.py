@@ -3,7 +3,7 @@
 | setting | deleted when older |
 |---|---|
 | `history_hours` | points, and stays of vessels, their tracks and their MMSI that ended before; no pictures of so early |
-| `details_hours` | associations, spots, timings and registrations |
+| `details_hours` | associations, spots, timings, registrations, cycles of regions that were used |
 | `event_hours` | events that ended before |
 | `recording_hours` | recorded cycles, whole key cycles at a time |
 | `picture_hours` | the current picture of runs that ended so long ago by the database's clock |
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 TABLES = METADATA.tables
 STAYS = ("presence", "member_history", "identity")
-DETAILS = ("association", "bearing_association", "spot", "stage_timing", "sensor_registration")
+DETAILS = ("association", "bearing_association", "spot", "stage_timing", "sensor_registration", "region_intake")
 
 ROWS = 10_000
 """Rows deleted from a table in a cycle, on top of twice as many as the cycle added: the rate at which a backlog shrinks."""

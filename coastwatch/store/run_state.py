@@ -43,6 +43,8 @@ OF_CYCLE = (
     "event_gap",
     "sensor_cover",
     "standing_echo",
+    "track_journal",
+    "region_intake",
 )
 """Tables with rows of one cycle each, under column `cycle`."""
 

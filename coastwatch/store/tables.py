@@ -29,7 +29,7 @@ from sqlalchemy import (
     text,
 )
 
-REVISION = "0020"
+REVISION = "0021"
 """The migration at which the database equals the tables below; a test compares it with db/migrations."""
 
 REVISION_TABLE = "coastwatch_revision"
@@ -432,3 +432,26 @@ RECORDING = Table(  # not in key order: SQLite keeps long rows better apart from
     *nullable(BYTES, "nav_status", "existence"),  # null: of a version that did not have it
 )
 """The whole picture of a cycle with its members: one compressed value for each column (recording.py)."""
+
+TRACK_JOURNAL = Table(  # not in key order, as `recording`
+    "track_journal",
+    METADATA,
+    of_run(),
+    *keys("cycle"),
+    *required(REAL, "time_s"),
+    *required(BYTES, "message"),  # server/regions/message.py, compressed with zstd
+)
+"""The tracks of a regional centre after a cycle, for high-level centres that have fallen behind: the newest cycles only."""
+
+REGION_INTAKE = Table(
+    "region_intake",
+    METADATA,
+    of_run(),
+    *keys("cycle", "number"),
+    *required(Text, "region"),  # name of its track source
+    *required(String(64), "region_run"),  # number of the run in the region's database, and when it began
+    *required(WHOLE, "first_seq", "last_seq"),  # cycles of the region that were used in this one, an unbroken range
+    *required(WHOLE, "late"),  # of them: came after their cycle, left out
+    **IN_KEY_ORDER,
+)
+"""Which cycles of its regions a cycle of a high-level centre has used, written in its transaction."""

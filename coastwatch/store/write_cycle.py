@@ -16,6 +16,7 @@ from coastwatch.kernels.tables.lookup import find
 from coastwatch.store import database, events, history_rule, retention, to_rows
 from coastwatch.store.database import Store, StoreError
 from coastwatch.store.insert import Column, delete_rows, insert, take, update_rows
+from coastwatch.store.journal import NOTHING_PASSED, ForCentres, write_for_centres
 from coastwatch.store.recording import record
 from coastwatch.store.run_state import RunState, no_such_run, read_run_state, truncate_run
 from coastwatch.store.tables import (
@@ -65,6 +66,7 @@ def write_cycle(
     checkpoint: bytes | None = None,
     *,
     last: bool = False,
+    for_centres: ForCentres = NOTHING_PASSED,
 ) -> Written:
     """Write all results of one cycle in one transaction: after a SIGKILL the cycle is there whole or not at all.
 
@@ -72,7 +74,8 @@ def write_cycle(
     checkpoint), those are replaced in the same transaction.
 
     Args: number: of the cycle, from 0; seconds: of each stage, in order; keep: which tables get rows, and how often; checkpoint: the
-    memory after this cycle, if one is to be kept; last: the run ends here, so its picture is written whatever `keep` says.
+    memory after this cycle, if one is to be kept; last: the run ends here, so its picture is written whatever `keep` says;
+    for_centres: what passes between centres.
     Returns: rows written, and a warning for the operator.
     Raises: StoreError where the run is absent, a cycle is left out, the database is locked or the disk is full.
     """
@@ -114,6 +117,8 @@ def write_cycle(
             first_kept = retention.delete_old(connection, run_id, number, before.period_s, keep, first_kept, rows)
         if keep.recording:
             record(connection, run_id, number, picture, cycle.members)
+        kept = max(math.ceil(keep.journal_minutes * 60.0 / before.period_s), 1)
+        write_for_centres(connection, run_id, number, cycle.time_s, for_centres, kept)
         if checkpoint is not None:
             _write_checkpoint(connection, run_id, number, checkpoint)
     store.run_states[run_id] = replace(
@@ -246,6 +251,13 @@ def _merge_statics(connection: Connection, run_id: int, known: Ints, reports: Ai
     changed = {name: take(column, ~new) for name, column in columns.items()}
     update_rows(connection, VESSEL_STATIC, {"mmsi": mmsi[~new]}, {"run_id": run_id}, changed)
     return np.sort(np.concatenate([known, mmsi[new]]))
+
+
+def write_checkpoint(store: Store, run_id: int, number: int, memory: bytes) -> Written:
+    """Replace the checkpoint of a run. Args: number: of the cycle, stored before. Raises: StoreError."""
+    with database.writing(store) as connection:
+        _write_checkpoint(connection, run_id, number, memory)
+    return Written(0, None)
 
 
 def _write_checkpoint(connection: Connection, run_id: int, number: int, memory: bytes) -> None:

@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0020; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0021; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE audit (
 	id BIGSERIAL NOT NULL,
@@ -282,6 +282,19 @@ CREATE TABLE recording (
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 
+CREATE TABLE region_intake (
+	run_id BIGINT NOT NULL,
+	cycle BIGINT NOT NULL,
+	number BIGINT NOT NULL,
+	region TEXT NOT NULL,
+	region_run VARCHAR(64) NOT NULL,
+	first_seq BIGINT NOT NULL,
+	last_seq BIGINT NOT NULL,
+	late BIGINT NOT NULL,
+	PRIMARY KEY (run_id, cycle, number),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
 CREATE TABLE sensor (
 	run_id BIGINT NOT NULL,
 	kind VARCHAR(16) NOT NULL,
@@ -389,6 +402,15 @@ CREATE TABLE standing_echo (
 	plots_per_turn FLOAT(53) NOT NULL,
 	turns FLOAT(53) NOT NULL,
 	PRIMARY KEY (run_id, number),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
+
+CREATE TABLE track_journal (
+	run_id BIGINT NOT NULL,
+	cycle BIGINT NOT NULL,
+	time_s FLOAT(53) NOT NULL,
+	message BYTEA NOT NULL,
+	PRIMARY KEY (run_id, cycle),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 

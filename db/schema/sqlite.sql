@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0020; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0021; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE audit (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
@@ -292,6 +292,20 @@ CREATE TABLE recording (
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 
+CREATE TABLE region_intake (
+	run_id INTEGER NOT NULL,
+	cycle INTEGER NOT NULL,
+	number INTEGER NOT NULL,
+	region TEXT NOT NULL,
+	region_run VARCHAR(64) NOT NULL,
+	first_seq INTEGER NOT NULL,
+	last_seq INTEGER NOT NULL,
+	late INTEGER NOT NULL,
+	PRIMARY KEY (run_id, cycle, number),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+)
+ WITHOUT ROWID;
+
 CREATE TABLE sensor (
 	run_id INTEGER NOT NULL,
 	kind VARCHAR(16) NOT NULL,
@@ -406,6 +420,15 @@ CREATE TABLE standing_echo (
 	FOREIGN KEY(run_id) REFERENCES run (id)
 )
  WITHOUT ROWID;
+
+CREATE TABLE track_journal (
+	run_id INTEGER NOT NULL,
+	cycle INTEGER NOT NULL,
+	time_s FLOAT NOT NULL,
+	message BLOB NOT NULL,
+	PRIMARY KEY (run_id, cycle),
+	FOREIGN KEY(run_id) REFERENCES run (id)
+);
 
 CREATE TABLE track_source (
 	run_id INTEGER NOT NULL,

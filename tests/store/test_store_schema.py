@@ -39,6 +39,8 @@ SINCE_0001 = {
     "standing_echo",
     "acknowledgement",
     "audit",
+    "track_journal",
+    "region_intake",
 }
 """Tables that schema 0001 does not have."""
 

@@ -18,9 +18,12 @@ from coastwatch.operators.api import answers
 from coastwatch.operators.api.alarm_stream import AlarmStream
 from coastwatch.operators.api.guard import COOKIE, SESSION, Guard
 from coastwatch.operators.api.service import NoPictureYet, Service
+from coastwatch.operators.api.track_stream import serve_tracks
 from coastwatch.operators.api.wire import PROTOCOL
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.safe_text import printable
+from coastwatch.server.regions.client import PATH
+from coastwatch.server.regions.link import Position
 from coastwatch.server.run import version
 from coastwatch.store import StoreError
 
@@ -53,6 +56,7 @@ def application(service: Service, guard: Guard, web: Path = WEB) -> FastAPI:
     _add_health(app, service)
     _add_session(app, guard)
     _add_stream(app, service)
+    _add_track_stream(app, service)
     _add_alarm_stream(app, service)
     _add_refusals(app)
     app.add_middleware(GZipMiddleware, minimum_size=2000, compresslevel=1)
@@ -105,6 +109,17 @@ def _add_stream(app: FastAPI, service: Service) -> None:
         offered = socket.scope.get("subprotocols", [])
         await socket.accept(subprotocol=PROTOCOL if PROTOCOL in offered else None)
         await service.hub.serve(socket, run, seq)
+
+
+def _add_track_stream(app: FastAPI, service: Service) -> None:
+    @app.websocket(PATH)
+    async def stream(
+        socket: WebSocket,
+        run: Annotated[str, Query(max_length=64)] = "",
+        seq: Annotated[int, Query(ge=0, lt=2**62)] = 0,
+        from_s: Annotated[float, Query(allow_inf_nan=False)] = 0.0,
+    ) -> None:
+        await serve_tracks(socket, service.publisher, Position(run, seq), from_s)
 
 
 def _add_alarm_stream(app: FastAPI, service: Service) -> None:

@@ -148,7 +148,7 @@ class Hub:
         self.viewers.add(viewer)
         self._metrics.viewers.set(len(self.viewers))
         try:
-            await _first_done(self._send(socket, viewer), _listen(socket, viewer))
+            await first_done(self._send(socket, viewer), _listen(socket, viewer))
         finally:
             self.viewers.discard(viewer)
             self._metrics.viewers.set(len(self.viewers))
@@ -191,7 +191,7 @@ async def _listen(socket: WebSocket, viewer: Viewer) -> None:
             return
 
 
-async def _first_done(*jobs: Any) -> None:
+async def first_done(*jobs: Any) -> None:
     """Run jobs until the first one ends, then stop the others. A viewer that leaves is no error."""
     tasks = [asyncio.ensure_future(job) for job in jobs]
     try:

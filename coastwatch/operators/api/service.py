@@ -16,6 +16,7 @@ from coastwatch.operators.api.audit import Audit
 from coastwatch.operators.api.hub import Hub
 from coastwatch.operators.api.metrics import Metrics
 from coastwatch.server.live_picture import LivePicture
+from coastwatch.server.regions.publisher import Publisher
 from coastwatch.server.run import version
 from coastwatch.store import Rows, Store
 
@@ -58,6 +59,7 @@ class Service:
     metrics: Metrics = field(default_factory=Metrics)
     hub: Hub = field(init=False)
     audit: Audit = field(init=False)
+    publisher: Publisher | None = None  # of a region's tracks
     _runs: dict[int, dict[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

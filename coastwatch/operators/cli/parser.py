@@ -179,13 +179,14 @@ def _fuse(commands: Any) -> None:
 def _serve(commands: Any) -> None:
     text = (
         "Serve the picture to browsers and programs: map, API and live stream. With a scenario, run it as time passes and serve each "
-        "picture: a simulation begins now. Without one, follow the run that another process writes to the database. Ctrl-C stops it "
-        "after a whole cycle."
+        "picture: a simulation begins now. Without one, follow the run that another process writes to the database. The file of a "
+        "server has these options in its tables [server], [[feeds]] and [[regions]]. Ctrl-C stops it after a whole cycle."
     )
     serve = _command(commands, "serve", "serving:serve", "run live and serve the picture over HTTP and WebSocket", text)
-    text = "name, folder, or .toml file (default: follow the database)"
-    completed_by(serve.add_argument("scenario", metavar="SCENARIO", nargs="?", help=text), SCENARIOS)
+    text = "name, folder or .toml file of a scenario, or the .toml file of a server (default: follow the database)"
+    completed_by(serve.add_argument("scenario", metavar="SCENARIO|FILE", nargs="?", help=text), SCENARIOS)
     add_db(serve)
+    serve.set_defaults(default_db=serve.get_default("db"))
     add_run(serve)
     add_set(serve, "override a setting of the scenario; repeatable")
     text = "processors that share the work (default: the scenario's, in its [workers])"
@@ -195,17 +196,25 @@ def _serve(commands: Any) -> None:
         "listen, udp, file: ais+tcp://host:10110, ais+listen://0.0.0.0:10110, asterix+udp://0.0.0.0:8600?25/1=north, "
         "ais+file:///var/log/ais.nmea; repeatable. The run goes on with the last one, if that ended less than 10 minutes ago"
     )
-    serve.add_argument("--feed", metavar="URL", action="append", default=[], help=text)
-    text = "seconds that a cycle waits for late reports; later ones are counted and left out (default: 2)"
-    serve.add_argument("--lateness", metavar="S", type=float, default=2.0, help=text)
-    text = "what time is: the clock of this machine, or the time stamps of the feeds, for replays (default: wall)"
-    serve.add_argument("--clock", choices=("wall", "feeds"), default="wall", help=text)
-    serve.add_argument("--new", action="store_true", help="begin a new run")
-    serve.add_argument(
-        "--speed", metavar="N", type=speed, default=1.0, help="times as fast as the clock, 0.1 to 100 (default: 1)"
+    serve.add_argument("--feed", metavar="URL", action="append", help=text)
+    text = (
+        "region: also send the tracks of its radars to centres; centre: take the tracks of regions in place of radars; all: both in one "
+        "process (default: all)"
     )
-    serve.add_argument("--host", metavar="ADDRESS", default="127.0.0.1", help="address to listen on (default: 127.0.0.1)")
-    serve.add_argument("--port", metavar="N", type=whole, default=8100, help="port (default: 8100; 0: any free one)")
+    serve.add_argument("--role", choices=("all", "region", "centre"), help=text)
+    text = (
+        "a region of this centre: wss://HOST:PORT?name=NAME&token-file=FILE&ca-file=FILE; its tracks are the track source NAME; "
+        "repeatable"
+    )
+    serve.add_argument("--region", metavar="URL", action="append", help=text)
+    text = "seconds that a cycle waits for late reports; later ones are counted and left out (default: 2; of a centre 5)"
+    serve.add_argument("--lateness", metavar="S", type=float, help=text)
+    text = "what time is: the clock of this machine, or the time stamps of the feeds, for replays (default: wall)"
+    serve.add_argument("--clock", choices=("wall", "feeds"), help=text)
+    serve.add_argument("--new", action="store_true", help="begin a new run")
+    serve.add_argument("--speed", metavar="N", type=speed, help="times as fast as the clock, 0.1 to 100 (default: 1)")
+    serve.add_argument("--host", metavar="ADDRESS", help="address to listen on (default: 127.0.0.1)")
+    serve.add_argument("--port", metavar="N", type=whole, help="port (default: 8100; 0: any free one)")
     text = "file of tokens, made by `coastwatch token add NAME`: then each request needs one; other addresses than loopback need it"
     completed_by(serve.add_argument("--tokens", metavar="FILE", help=text))
     text = (

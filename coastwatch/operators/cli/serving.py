@@ -23,12 +23,16 @@ from coastwatch.operators.api.proxy import trusted
 from coastwatch.operators.api.service import Service
 from coastwatch.operators.api.tokens import Tokens, add
 from coastwatch.operators.bad_input import BadInput
+from coastwatch.operators.cli.server_file import with_file
 from coastwatch.scenario import load_scenario
 from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.feeds.sending import of_file, of_scenario, send
 from coastwatch.server.follow import POLL_S, Follower
 from coastwatch.server.live import Input, LiveRun, Paced
+from coastwatch.server.regions.client import parsed_region
+from coastwatch.server.regions.publisher import Publisher
+from coastwatch.server.regions.scenario import of_centre
 from coastwatch.store import QueryLimit, Store, open_store
 
 QUERY = QueryLimit(5.0, time.monotonic)
@@ -73,7 +77,9 @@ class Followed:
 
 def serve(options: argparse.Namespace) -> int:
     """Serve until Ctrl-C or SIGTERM."""
+    options = with_file(options)
     guard = _guard(options)
+    _check_role(options)
     logs.begin(options.log_format)
     with _signals_end_the_server():
         if options.scenario is None:
@@ -91,25 +97,42 @@ def serve(options: argparse.Namespace) -> int:
 
 def _serve_run(options: argparse.Namespace, guard: Guard) -> None:
     """Run a scenario, on live feeds or on its own input, and serve its pictures."""
+    regions = [parsed_region(text) for text in options.region]
+    live = bool(options.feed or regions)
     if options.run is not None:
         raise BadInput("--run: got it with a scenario, needed one of them: a run of a scenario has a number of its own")
-    if options.feed and options.speed != 1.0:
+    if live and options.speed != 1.0:
         raise BadInput("--speed: got it with --feed, needed one of them: feeds have their own speed")
     scenario = load_scenario(options.scenario, dict(options.settings))
+    if options.role == "centre":
+        scenario = of_centre(scenario, [region.name for region in regions])
+    elif options.role == "region" and not scenario.radars:
+        raise BadInput(f"--role region: got {options.scenario!r} without radars, needed a scenario with at least one")
     with open_store(options.db, limit=QUERY) as opened, ExitStack() as stack:
-        service = Service(opened)
+        service = Service(opened, publisher=Publisher(opened) if options.role == "region" else None)
         source: Input = Paced(options.speed)
-        if options.feed:
+        if live:
             timing = {"clock": options.clock, "lateness_s": options.lateness}
-            source = stack.enter_context(LiveInput([parsed(text) for text in options.feed], scenario.sensors(), **timing))
-        resume = bool(options.feed) and not options.new
-        given = {"database": options.db, "workers": options.workers, "resume": resume}
+            feeds = [parsed(text) for text in options.feed]
+            source = stack.enter_context(LiveInput(feeds, scenario.sensors(), regions=regions, **timing))
+        resume = live and not options.new
+        given = {"database": options.db, "workers": options.workers, "resume": resume, "publisher": service.publisher}
         run = LiveRun(scenario, source, service.receive, **given)
         service.source = run
         with run, logs.Watch(run):
             listen(service, guard, options)
         if run.failed:
             raise RuntimeError(run.error())
+
+
+def _check_role(options: argparse.Namespace) -> None:
+    """Raises: BadInput where the regions or the scenario do not fit the role."""
+    if options.role == "centre" and not options.region:
+        raise BadInput("--role centre: got no --region, needed at least one, e.g. --region wss://north.example:8100?name=north")
+    if options.region and options.role != "centre":
+        raise BadInput(f"--region: got it with --role {options.role}, needed --role centre")
+    if options.role != "all" and options.scenario is None:
+        raise BadInput(f"--role {options.role}: got no scenario, needed one: it names the sensors and the settings")
 
 
 def feed(options: argparse.Namespace) -> int:

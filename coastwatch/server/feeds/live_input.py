@@ -10,9 +10,12 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
 from typing import Any, Literal, Self
 
-from coastwatch.batches import Fault, FileContent, Recording, Reports, Sensors
+from coastwatch.batches import Fault, FileContent, Recording, Reports, Sensors, TrackReports
 from coastwatch.scenario import Scenario
 from coastwatch.sensors.recorded.faults import refused
 from coastwatch.server.feeds.address import Address
@@ -21,12 +24,18 @@ from coastwatch.server.feeds.asterix import AsterixDecoder
 from coastwatch.server.feeds.decoding import Cut, Decoder
 from coastwatch.server.feeds.json_lines import JsonDecoder
 from coastwatch.server.feeds.transport import Inbox, Receiver
+from coastwatch.server.regions.client import RegionAddress, resumed
+from coastwatch.server.regions.intake import RegionIntake
 from coastwatch.stage import Plan
+from coastwatch.store import Intake
 
 Clock = Literal["wall", "feeds"]
 LOOK_S = 0.05
 SILENT_S = 5.0
 """With the clock of the feeds: a feed from which nothing has come for so long is not waited for."""
+
+FIRST_S = 0.0
+"""Before the first cycle of any region: one cycle of each is taken."""
 
 ENDLESS = 100_000_000
 """Cycles of a live run: ten years of cycles of 3 s."""
@@ -66,11 +75,22 @@ class _Feed:
 
 
 class LiveInput:
-    """Feeds as the input of a live run. Use it in a `with` block, in which it receives."""
+    """Feeds and regions as the input of a live run. Use it in a `with` block, in which it receives."""
 
-    def __init__(self, addresses: list[Address], sensors: Sensors, *, clock: Clock = "wall", lateness_s: float = 2.0) -> None:
-        """Raises: AddressError."""
+    def __init__(
+        self,
+        addresses: list[Address],
+        sensors: Sensors,
+        *,
+        regions: Sequence[RegionAddress] = (),
+        clock: Clock = "wall",
+        lateness_s: float = 2.0,
+    ) -> None:
+        """Args: regions: each is the track source of its name. Raises: AddressError."""
         self._clock, self._lateness_s = clock, lateness_s
+        self._addresses, self._regions = regions, list[RegionIntake]()
+        self._sources = {str(name): number for number, name in enumerate(sensors.track_sources.name)}
+        self._stack = ExitStack()
         self._receiver = Receiver(addresses)
         self._feeds: list[_Feed] = []
         ais: list[AisDecoder] = []
@@ -96,42 +116,63 @@ class LiveInput:
         return [inbox.port for inbox in self._receiver.inboxes]
 
     def __enter__(self) -> Self:
-        self._receiver.__enter__()
+        self._stack.enter_context(self._receiver)
         return self
 
     def __exit__(self, *unused: object) -> None:
-        self._receiver.__exit__()
+        self._stack.close()
 
-    def begin(self, scenario: Scenario, sensors: Sensors, seed: int, stop: threading.Event) -> tuple[Recording, Plan]:
+    def begin(
+        self,
+        scenario: Scenario,
+        sensors: Sensors,
+        seed: int,
+        stop: threading.Event,
+        positions: Mapping[str, tuple[str, int]],
+    ) -> tuple[Recording, Plan]:
         """As `live.Input.begin`. With the clock of the feeds the run begins with the first report, unless the scenario says when."""
         start_s = float(math.floor(time.time()))
+        if scenario.start_utc is not None and self._clock == "feeds":
+            start_s = scenario.start_utc.timestamp()
+        from_s = start_s if self._clock == "wall" or scenario.start_utc is not None else 0.0
+        for address in self._addresses:
+            connection = self._stack.enter_context(resumed(address, positions, from_s))
+            self._regions.append(RegionIntake(connection, self._sources[address.name]))
         if self._clock == "feeds":
             while not stop.is_set() and not math.isfinite(self._first_s()):
-                self._decode()
+                self._decode(FIRST_S)
                 stop.wait(LOOK_S)
             first_s = self._first_s()
-            start_s = math.floor(first_s) - 1.0 if math.isfinite(first_s) else start_s
-            if scenario.start_utc is not None:
-                start_s = scenario.start_utc.timestamp()
+            if scenario.start_utc is None and math.isfinite(first_s):
+                start_s = math.floor(first_s) - 1.0
         return Recording(self, feeds=self._names), Plan(start_s=start_s, period_s=scenario.period_s, cycles=ENDLESS)
 
     def due_s(self, until_s: float) -> float:
         """As `live.Input.due_s`."""
         return until_s + self._lateness_s if self._clock == "wall" else time.time()
 
-    def wait(self, until_s: float, stop: threading.Event) -> None:
+    def wait(self, until_s: float, stop: threading.Event) -> bool:
         """As `live.Input.wait`."""
         while not stop.is_set():
-            self._decode()
+            self._decode(until_s)
             left_s = self.due_s(until_s) - time.time()
             if (self._clock == "wall" and left_s <= 0.0) or (self._clock == "feeds" and self._have_passed(until_s)):
-                return
+                return True
             stop.wait(min(max(left_s, 0.001), LOOK_S) if self._clock == "wall" else LOOK_S)
+        return False
 
     def between(self, after_s: float, until_s: float) -> Reports:
         """As `ReportStream.between`."""
-        self._decode()
-        return Reports.merged([cut(after_s, until_s) for cut in self._cuts])
+        self._decode(until_s)
+        reports = Reports.merged([Reports.empty(), *(cut(after_s, until_s) for cut in self._cuts)])
+        if not self._regions:
+            return reports
+        of_regions = [region.cut(after_s, until_s) for region in self._regions]
+        return replace(reports, tracks=TrackReports.join([reports.tracks, *of_regions]))
+
+    def intake(self) -> list[Intake]:
+        """As `live.Input.intake`."""
+        return [one for region in self._regions for one in region.intake()]
 
     def head(self) -> Reports:
         """As `ReportStream.head`: nothing is known ahead."""
@@ -143,7 +184,7 @@ class LiveInput:
         for feed in self._feeds:
             counted = ("report later than its cycle", feed.decoder.late), ("dropped: no room, or too long", feed.inbox.dropped)
             found += [Fault(kind, count, feed.inbox.address.name, "") for kind, count in counted if count]
-        return tuple(found)
+        return (*found, *(fault for region in self._regions for fault in region.faults()))
 
     def contents(self) -> tuple[FileContent, ...]:
         """As `ReportStream.contents`: there are no files."""
@@ -151,10 +192,12 @@ class LiveInput:
 
     def feeds(self) -> list[dict[str, Any]]:
         """As `live.Input.feeds`."""
-        return [feed.counters() for feed in self._feeds]
+        return [*(feed.counters() for feed in self._feeds), *(region.counters() for region in self._regions)]
 
-    def _decode(self) -> None:
-        """Decode what has come since the last call."""
+    def _decode(self, until_s: float) -> None:
+        """Decode what has come since the last call. Args: until_s: of regions no cycles after the first that ends then or later."""
+        for region in self._regions:
+            region.take(until_s)
         about_s = max((feed.decoder.newest_s for feed in self._feeds), default=-math.inf)
         for feed in self._feeds:
             items = feed.inbox.taken()
@@ -163,9 +206,15 @@ class LiveInput:
                 about_s = max(about_s, feed.decoder.newest_s)
 
     def _first_s(self) -> float:
-        return min((feed.decoder.first_s for feed in self._feeds), default=math.inf)
+        of_feeds = (feed.decoder.first_s for feed in self._feeds)
+        return min((*of_feeds, *(region.first_s for region in self._regions)), default=math.inf)
 
     def _have_passed(self, until_s: float) -> bool:
-        """Whether every feed that sends has sent something newer than an instant and the lateness; false if none sends."""
+        """Whether every feed that sends has sent something newer than an instant and the lateness; false if none sends.
+
+        Regions send in order, and have all their cycles again when they return: each is waited for, and without lateness.
+        """
+        if any(region.newest_s < until_s for region in self._regions):
+            return False
         late = [feed for feed in self._feeds if feed.decoder.newest_s < until_s + self._lateness_s]
-        return all(feed.silent_s > SILENT_S for feed in late) and len(late) < len(self._feeds)
+        return all(feed.silent_s > SILENT_S for feed in late) and (len(late) < len(self._feeds) or bool(self._regions))

@@ -1,0 +1,142 @@
+"""The file of a server: what its service runs, listens on and receives, in place of a long command line."""
+
+from __future__ import annotations
+
+import argparse
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, ValidationError
+
+from coastwatch.operators.bad_input import BadInput
+from coastwatch.scenario.refusing import refusals
+from coastwatch.stage import Settings
+
+Port = Annotated[int, Field(ge=0, le=65_535)]
+TABLES = ("server", "feeds", "regions")
+
+DEFAULTS: dict[str, Any] = {
+    "host": "127.0.0.1",
+    "port": 8100,
+    "speed": 1.0,
+    "clock": "wall",
+    "role": "all",
+    "feed": [],
+    "region": [],
+    "out": [],
+}
+"""Options that are neither in the file nor on the command line."""
+
+LATENESS_S = {"all": 2.0, "region": 2.0, "centre": 5.0}
+"""A centre waits for its regions, which wait for their radars."""
+
+PATHS = ("tokens", "tls_cert", "tls_key")
+
+
+class Server(Settings):
+    """How a server runs. A path is relative to the folder of the file."""
+
+    scenario: str | None = None  # name, folder or .toml file; none: follow the database
+    settings: dict[str, Any] = Field(default_factory=dict)  # of the scenario, by dotted key, as --set
+    db: str | None = None  # SQLAlchemy URL, or path of an SQLite file
+    workers: Annotated[int, Field(ge=1, le=4096)] | None = None
+    role: Literal["all", "region", "centre"] | None = None
+    clock: Literal["wall", "feeds"] | None = None
+    lateness_s: Annotated[float, Field(ge=0.0, le=3600.0)] | None = None
+    speed: Annotated[float, Field(ge=0.1, le=100.0)] | None = None
+    host: str | None = None
+    port: Port | None = None
+    tokens: str | None = None  # file of tokens
+    tls_cert: str | None = None
+    tls_key: str | None = None
+    trusted_proxy: tuple[str, ...] = ()  # networks, as --trusted-proxy
+    out: tuple[str, ...] = ()  # feeds that are sent, as --out
+
+
+class NamedFeed(Settings):
+    """A feed or a region."""
+
+    name: Annotated[str, Field(min_length=1, max_length=32)] | None = None  # in lists; of a region, its track source
+    url: str
+
+
+class ServerFile(Settings):
+    """The tables of the file."""
+
+    server: Server = Server()
+    feeds: tuple[NamedFeed, ...] = ()
+    regions: tuple[NamedFeed, ...] = ()
+
+
+def with_file(options: argparse.Namespace) -> argparse.Namespace:
+    """The options, with those of the server file that its first argument names, if it names one; the command line goes first.
+
+    Raises: BadInput that names the file and the key.
+    """
+    found = _read(options.scenario)
+    given = {} if found is None else _options(found, Path(options.scenario))
+    out = argparse.Namespace(**vars(options))
+    if found is not None:
+        out.scenario = given.pop("scenario", None)
+        out.settings = [*given.pop("settings", ()), *options.settings]
+        out.db = given.pop("db", options.db) if options.db == options.default_db else options.db
+    for name, value in {**DEFAULTS, **given}.items():
+        if getattr(out, name, None) in (None, []):
+            setattr(out, name, value)
+    if out.lateness is None:
+        out.lateness = LATENESS_S[out.role]
+    return out
+
+
+def _read(name: str | None) -> ServerFile | None:
+    """The file of a server; None: it is a scenario, or the name of one."""
+    path = None if name is None else Path(name)
+    if path is None or path.suffix != ".toml" or not path.is_file():
+        return None
+    try:
+        data = tomllib.loads(path.read_text("utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError):
+        return None  # the reader of scenarios says what is wrong
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read: {error.strerror}") from error
+    if not any(table in data for table in TABLES):
+        return None
+    try:
+        return ServerFile.model_validate(data)
+    except ValidationError as error:
+        raise BadInput("\n".join(f"{path}: {said}" for said in refusals(error, ServerFile))) from error
+
+
+def _options(file: ServerFile, path: Path) -> dict[str, Any]:
+    """What a file says, by the names of the options."""
+    here, server = path.parent, file.server
+    out = {
+        name: value
+        for name, value in server.model_dump(exclude_none=True).items()
+        if name not in ("settings", "lateness_s", "scenario", "db", "out", "trusted_proxy", *PATHS)
+    }
+    out |= {name: str(here / value) for name in PATHS if (value := getattr(server, name)) is not None}
+    if server.scenario is not None:
+        beside = here / server.scenario
+        out["scenario"] = str(beside) if beside.exists() else server.scenario
+    if server.db is not None:
+        out["db"] = server.db if "://" in server.db else str(here / server.db)
+    out["settings"] = [(key, value if isinstance(value, str) else _toml(value)) for key, value in server.settings.items()]
+    out |= {"out": list(server.out), "trusted_proxy": list(server.trusted_proxy)}
+    if server.lateness_s is not None:
+        out["lateness"] = server.lateness_s
+    for name, many in (("feed", file.feeds), ("region", file.regions)):
+        out[name] = [_url(one) for one in many]
+    return out
+
+
+def _toml(value: Any) -> str:
+    """A value as --set takes it."""
+    return str(value).lower() if isinstance(value, bool) else repr(value)
+
+
+def _url(feed: NamedFeed) -> str:
+    if feed.name is None:
+        return feed.url
+    return f"{feed.url}{'&' if '?' in feed.url else '?'}name={feed.name}"

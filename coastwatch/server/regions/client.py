@@ -1,0 +1,177 @@
+"""The connection of a centre to one of its regions: a thread that connects again and goes on after the last cycle that it has."""
+
+from __future__ import annotations
+
+import json
+import ssl
+import threading
+import time
+from collections import deque
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Self
+from urllib.parse import parse_qsl, urlencode, urlsplit
+
+from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidURI
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Subprotocol
+
+from coastwatch.server.feeds.address import AddressError
+from coastwatch.server.regions.link import IN_FLIGHT, NOTHING, Incoming, Position
+from coastwatch.server.regions.message import PROTOCOL, MessageError, RegionCycle, decode
+
+PATH = "/api/v1/tracks/stream"
+LARGEST_MESSAGE = 1 << 27  # bytes: 700,000 tracks
+FIRST_RETRY_S, LAST_RETRY_S, CONNECT_S, CLOSE_S = 0.25, 5.0, 10.0, 2.0
+LONGEST_NAME = 32
+
+
+@dataclass(frozen=True)
+class RegionAddress:
+    """A region that a centre connects to."""
+
+    url: str  # ws://host:port or wss://host:port
+    name: str  # of its track source
+    token_file: str | None = None  # a file whose first line is the token
+    ca_file: str | None = None  # certificates to trust, PEM; none: those of the system
+
+    @property
+    def where(self) -> str:
+        """Host and port."""
+        return urlsplit(self.url).netloc
+
+
+def parsed_region(text: str) -> RegionAddress:
+    """The region of wss://host:8100?name=north&token-file=north.token&ca-file=ca.pem. Raises: AddressError."""
+    parts = urlsplit(text)
+    options = dict(parse_qsl(parts.query))
+    try:
+        good = parts.scheme in ("ws", "wss") and bool(parts.hostname) and (parts.port or 1) > 0
+    except ValueError:
+        good = False
+    unknown = sorted(set(options) - {"name", "token-file", "ca-file"})
+    if not good or parts.path not in ("", "/") or unknown or parts.username:
+        wrong = f" (unknown: {', '.join(unknown)})" if unknown else ""
+        raise AddressError(
+            f"region: got {text!r}{wrong}, needed ws://HOST:PORT or wss://HOST:PORT, with name=, token-file= and ca-file= behind '?', "
+            "e.g. wss://north.example:8100?name=north&token-file=north.token"
+        )
+    name = options.get("name", parts.netloc)[:LONGEST_NAME]
+    return RegionAddress(f"{parts.scheme}://{parts.netloc}", name, options.get("token-file"), options.get("ca-file"))
+
+
+def token_of(address: RegionAddress) -> str | None:
+    """The token of a region's file. Raises: OSError that names the file."""
+    if address.token_file is None:
+        return None
+    with Path(address.token_file).open(encoding="utf-8") as file:
+        return file.readline().strip()
+
+
+@dataclass
+class Connection:
+    """A region as a centre sees it: what has come and nobody has taken, and counters. Use it in a `with` block."""
+
+    address: RegionAddress
+    from_s: float = 0.0  # where nothing is known of the region, cycles that end before are not wanted
+    incoming: Incoming = field(default_factory=Incoming)
+    connected: bool = False
+    connections: int = 0
+    error: str | None = None
+    size: int = 0  # bytes
+    heard_s: float = 0.0
+    refused: int = 0  # messages that are no cycle
+    _waiting: deque[RegionCycle] = field(default_factory=deque)
+    _ended: threading.Event = field(default_factory=threading.Event)
+    _socket: ClientConnection | None = None
+    _thread: threading.Thread | None = None
+
+    def __enter__(self) -> Self:
+        self._thread = threading.Thread(target=self._run, name=f"region {self.address.name}", daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *unused: object) -> None:
+        self._ended.set()
+        if self._socket is not None:
+            self._socket.close()
+        if self._thread is not None:
+            self._thread.join(CLOSE_S)  # it may be connecting; nothing waits for it then
+
+    def next(self) -> RegionCycle | None:
+        """The oldest cycle that nobody has taken, which is then acknowledged; None: there is none."""
+        try:
+            cycle = self._waiting.popleft()
+        except IndexError:
+            return None
+        self._acknowledge(Position(cycle.run, cycle.seq))
+        return cycle
+
+    def _acknowledge(self, position: Position) -> None:
+        """Tell the region. It is told again by the position after a reconnection, so a failure needs no mend."""
+        socket = self._socket
+        if socket is not None:
+            with suppress(ConnectionClosed, OSError):
+                socket.send(json.dumps({"run": position.run, "seq": position.seq}))
+
+    def _run(self) -> None:
+        wait_s = FIRST_RETRY_S
+        while not self._ended.is_set():
+            if len(self._waiting) >= IN_FLIGHT:  # the region may send as many again
+                self._ended.wait(FIRST_RETRY_S)
+                continue
+            try:
+                with self._opened() as socket:
+                    self._socket, self.connected, self.error = socket, True, None
+                    self.connections, wait_s = self.connections + 1, FIRST_RETRY_S
+                    self._receive(socket)
+            except ConnectionClosed as closed:
+                code = closed.rcvd.code if closed.rcvd else 1006
+                self.error = f"the region closed the connection: {(closed.rcvd.reason if closed.rcvd else '') or code}"
+            except MessageError as error:
+                self.refused += 1
+                self.error = str(error)
+            except (OSError, InvalidHandshake, InvalidURI, TimeoutError) as error:
+                self.error = str(error)
+            finally:
+                self._socket, self.connected = None, False
+            self._ended.wait(wait_s)
+            wait_s = min(2.0 * wait_s, LAST_RETRY_S)
+
+    def _opened(self) -> ClientConnection:
+        run, seq = self.incoming.position
+        query = {"run": run, "seq": seq, "from_s": self.from_s}
+        token = token_of(self.address)
+        context = None
+        if self.address.url.startswith("wss"):
+            context = ssl.create_default_context(cafile=self.address.ca_file)
+        return connect(
+            f"{self.address.url}{PATH}?{urlencode(query)}",
+            subprotocols=[Subprotocol(PROTOCOL)],
+            additional_headers={} if token is None else {"Authorization": f"Bearer {token}"},
+            ssl=context,
+            open_timeout=CONNECT_S,
+            max_size=LARGEST_MESSAGE,
+            compression=None,
+            proxy=None,
+        )
+
+    def _receive(self, socket: ClientConnection) -> None:
+        """Take messages until the connection ends. The region sends no more than IN_FLIGHT that are not acknowledged."""
+        for message in socket:
+            if isinstance(message, str):
+                raise MessageError(f"got the text {message[:40]!r}, needed a cycle of tracks")
+            cycle = decode(message)
+            self.size, self.heard_s = self.size + len(message), time.time()
+            if self.incoming.received(Position(cycle.run, cycle.seq)):
+                self._waiting.append(cycle)
+            else:
+                self._acknowledge(Position(cycle.run, cycle.seq))
+
+
+def resumed(address: RegionAddress, positions: Mapping[str, tuple[str, int]], from_s: float) -> Connection:
+    """The connection to a region, which goes on after what is known of it."""
+    run, seq = positions.get(address.name, NOTHING)
+    return Connection(address, from_s, Incoming(Position(run, seq)))

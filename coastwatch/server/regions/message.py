@@ -1,0 +1,94 @@
+"""One cycle of a region's tracks as bytes, `coastwatch.tracks.v1`, and back: an npz archive of arrays without objects."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from coastwatch.batches import Batch, Bools, Floats, Ints, TrackReports, Tracks, column
+
+PROTOCOL = "coastwatch.tracks.v1"
+RUN_BITS, TRACK_BITS = 14, 48
+HEAD = "run", "seq", "time_s"
+
+
+class MessageError(ValueError):
+    """Bytes that are no cycle of tracks, with the reason."""
+
+
+@dataclass(frozen=True, eq=False)
+class RegionTracks(Batch):
+    """The tracks of a region after a cycle, all at its time."""
+
+    track_id: Ints = column(np.int64, "N")  # never used again in a run
+    updated_s: Floats = column(np.float64, "N")  # of the newest plot in the track
+    position_deg: Floats = column(np.float64, "N", 2)
+    velocity_m_s: Floats = column(np.float64, "N", 2)
+    covariance: Floats = column(np.float64, "N", 4, 4)  # of east, north, east rate, north rate
+
+
+@dataclass(frozen=True, eq=False)
+class RegionCycle:
+    """One cycle of a region."""
+
+    run: str  # number of the run in the region's database, and when it began: `7@2026-07-01T12:00:00Z`
+    seq: int  # of the cycle in this run, from 1 on
+    time_s: float
+    tracks: RegionTracks
+
+    def reports(self, source: int) -> TrackReports:
+        """The tracks as states of a track source. Their numbers differ between the runs of a region.
+
+        Args: source: number of the track source.
+        """
+        tracks, n = self.tracks, len(self.tracks)
+        when = np.full(n, self.time_s)
+        return TrackReports(
+            sensor=np.full(n, source, np.int64),
+            number=(run_number(self.run) % 2**RUN_BITS << TRACK_BITS) + tracks.track_id % 2**TRACK_BITS,
+            time_s=when,
+            received_s=when,
+            position_deg=tracks.position_deg,
+            velocity_m_s=tracks.velocity_m_s,
+            covariance=tracks.covariance,
+            origin=np.full(n, -1, np.int64),
+        )
+
+
+def run_number(run: str) -> int:
+    """The number of a run in its database. Raises: MessageError."""
+    number = run.partition("@")[0]
+    if not (number.isascii() and number.isdecimal() and len(number) <= 18):
+        raise MessageError(f"run: got {run[:40]!r}, needed NUMBER@TIME")
+    return int(number)
+
+
+def radar_tracks(tracks: Tracks, of_regions: Bools) -> RegionTracks:
+    """What a region sends of its tracks. Args: of_regions: (N,) whether radars of this centre made the track."""
+    return RegionTracks(**{f.name: getattr(tracks, f.name)[of_regions] for f in fields(RegionTracks)})
+
+
+def encode(cycle: RegionCycle) -> bytes:
+    """The bytes of a cycle."""
+    out = io.BytesIO()
+    head: dict[str, Any] = {"run": np.array(cycle.run), "seq": np.int64(cycle.seq), "time_s": np.float64(cycle.time_s)}
+    np.savez(out, **head, **{f.name: getattr(cycle.tracks, f.name) for f in fields(RegionTracks)})
+    return out.getvalue()
+
+
+def decode(data: bytes) -> RegionCycle:
+    """The cycle that `encode` was given. Raises: MessageError."""
+    try:
+        with np.load(io.BytesIO(data)) as file:  # numpy refuses arrays of objects by default
+            found = {name: file[name] for name in file.files}
+        run, seq, time_s = str(found["run"][()]), int(found["seq"]), float(found["time_s"])
+        tracks = RegionTracks(**{f.name: found[f.name] for f in fields(RegionTracks)})
+    except Exception as error:  # whatever zipfile and numpy raise on damaged bytes
+        raise MessageError(f"damaged cycle of tracks: {type(error).__name__}: {error}") from error
+    run_number(run)
+    if seq < 1 or not np.isfinite(time_s):
+        raise MessageError(f"cycle of tracks: got seq {seq} and time {time_s}, needed 1 or more and a finite time")
+    return RegionCycle(run, seq, time_s, tracks)

@@ -1,0 +1,89 @@
+"""The cycles of tracks of a region for its centres: the newest in memory, older ones from its database."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+
+from coastwatch import store
+from coastwatch.batches import Sensors
+from coastwatch.pipeline import Cycle
+from coastwatch.server.regions.link import IN_FLIGHT, NOTHING, Position
+from coastwatch.server.regions.message import RegionCycle, encode, radar_tracks
+from coastwatch.store import Store
+
+IN_MEMORY = 2 * IN_FLIGHT
+
+Message = tuple[Position, bytes]
+
+
+class Publisher:
+    """Makes the messages of a run, and gives them to those who ask. All of it may be called in any thread."""
+
+    def __init__(self, opened: Store) -> None:
+        self._store = opened
+        self._newest: deque[Message] = deque(maxlen=IN_MEMORY)
+        self._runs: dict[int, str] = {}
+        self._waiting: dict[int, Callable[[], None]] = {}
+        self._lock = threading.Lock()
+
+    def message(self, run_id: int, number: int, cycle: Cycle, sensors: Sensors) -> bytes:
+        """The message of a cycle, to be stored with it."""
+        mine = np.asarray(cycle.tracks.source < len(sensors.region_names))
+        tracks = radar_tracks(cycle.tracks, mine)
+        return encode(RegionCycle(self._run(run_id), number + 1, cycle.time_s, tracks))
+
+    def written(self, run_id: int, number: int, message: bytes) -> None:
+        """A cycle is in the database: those who wait are told."""
+        with self._lock:
+            self._newest.append((Position(self._run(run_id), number + 1), message))
+            waiting = list(self._waiting.values())
+        for tell in waiting:
+            tell()
+
+    def after(self, position: Position, count: int, from_s: float) -> list[Message]:
+        """The messages after the last one that a centre has, at most so many.
+
+        Args: from_s: where it has none of a run that is known here, it gets those of the newest run that end after this instant.
+        """
+        with self._lock:
+            newest = list(self._newest)
+        at = next((k for k, (known, _) in enumerate(newest) if known == position), None)
+        if at is not None:
+            return newest[at + 1 : at + 1 + count]
+        run_id = self._known_run(position)
+        if run_id is None:
+            found = store.journal_start(self._store, from_s)
+            if found is None:
+                return []
+            run_id, cycle = found
+        else:
+            cycle = position.seq - 1
+        rows = store.journal_after(self._store, run_id, cycle, count)
+        return [(Position(self._run(row.run_id), row.cycle + 1), row.message) for row in rows]
+
+    def listen(self, tell: Callable[[], None]) -> Callable[[], None]:
+        """Call a function after each new cycle. Returns: what ends that."""
+        with self._lock:
+            self._waiting[id(tell)] = tell
+        return lambda: _drop(self._waiting, self._lock, id(tell))
+
+    def _known_run(self, position: Position) -> int | None:
+        """The run in this database that a position is of; None: it is of another database, or of no run."""
+        number = position.run.partition("@")[0]
+        if position == NOTHING or not (number.isascii() and number.isdecimal() and len(number) <= 18):
+            return None
+        return int(number) if store.run_key(self._store, int(number)) == position.run else None
+
+    def _run(self, run_id: int) -> str:
+        if run_id not in self._runs:
+            self._runs[run_id] = store.run_key(self._store, run_id) or f"{run_id}@"
+        return self._runs[run_id]
+
+
+def _drop(waiting: dict[int, Callable[[], None]], lock: threading.Lock, key: int) -> None:
+    with lock:
+        waiting.pop(key, None)

@@ -1,0 +1,101 @@
+"""The two ends of a link between a region and a centre, without sockets: each cycle once and in order, whatever is lost."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+import pytest
+
+from coastwatch.server.feeds.address import AddressError
+from coastwatch.server.regions.client import parsed_region
+from coastwatch.server.regions.link import IN_FLIGHT, NOTHING, Incoming, LinkError, Outgoing, Position
+from coastwatch.server.regions.message import MessageError, RegionCycle, RegionTracks, decode, encode
+
+CYCLES = 200
+
+
+def tracks(n: int = 3) -> RegionTracks:
+    g = np.random.default_rng(n)
+    return RegionTracks(
+        np.arange(n), g.uniform(0, 9, n), g.uniform(-1, 1, (n, 2)), g.uniform(-9, 9, (n, 2)), g.uniform(0, 1, (n, 4, 4))
+    )
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_each_cycle_comes_once_and_in_order_however_often_the_connection_breaks(seed: int) -> None:
+    g, journal = np.random.default_rng(seed), [Position("1@a", seq) for seq in range(1, CYCLES + 1)]
+    centre, used, written, most = Incoming(), [], 0, 0
+    while len(used) < CYCLES:
+        region, way, back = Outgoing(centre.position), deque[Position](), deque[Position]()
+        for _ in range(int(g.integers(1, 40))):  # events until the connection breaks, in any order
+            event = g.integers(4)
+            if event == 0:
+                written = min(written + 1, CYCLES)
+            elif event == 1:
+                for cycle in journal[region.position.seq : written][: region.room]:
+                    region.sent(cycle)
+                    way.append(cycle)
+                most = max(most, len(way) + len(back))
+            elif event == 2 and way:
+                cycle = way.popleft()
+                used += [cycle] if centre.received(cycle) else []
+                back.append(cycle)
+            elif event == 3 and back:
+                region.acknowledged(back.popleft())
+    assert used == journal
+    assert 1 < most <= IN_FLIGHT
+    assert centre.missing == 0
+
+
+def test_no_more_than_four_are_on_their_way_and_an_old_acknowledgement_changes_nothing() -> None:
+    region = Outgoing()
+    for seq in range(1, IN_FLIGHT + 1):
+        region.sent(Position("1@a", seq))
+    with pytest.raises(LinkError, match="needed at most 4"):
+        region.sent(Position("1@a", 9))
+    region.acknowledged(Position("0@z", 2))
+    assert region.room == 0
+    region.acknowledged(Position("1@a", 3))
+    assert region.room == 3
+
+
+def test_gaps_and_another_run_are_counted() -> None:
+    centre = Incoming()
+    assert centre.position == NOTHING
+    said = [centre.received(Position(run, seq)) for run, seq in (("1@a", 7), ("1@a", 8), ("1@a", 8), ("1@a", 11), ("2@b", 1))]
+    assert said == [True, True, False, True, True]
+    assert (centre.missing, centre.repeated, centre.position) == (2, 1, Position("2@b", 1))
+
+
+def test_a_cycle_is_the_same_to_the_bit_after_its_way_and_damaged_ones_are_refused() -> None:
+    sent = RegionCycle("7@2026-07-01T12:00:00Z", 12, 1_750_000_000.1, tracks())
+    data = encode(sent)
+    found = decode(data)
+    assert (found.run, found.seq, found.time_s) == (sent.run, sent.seq, sent.time_s)
+    one, other = sent.reports(1), RegionCycle("8@b", 12, 1.0, tracks()).reports(1)
+    assert not set(one.number) & set(other.number)
+    for name in ("track_id", "position_deg", "velocity_m_s", "covariance"):
+        assert np.array_equal(getattr(found.tracks, name), getattr(sent.tracks, name))
+    g = np.random.default_rng(1)
+    for cut in g.integers(0, len(data), 40).tolist():
+        with pytest.raises(MessageError):
+            decode(data[:cut])
+    with pytest.raises(MessageError, match="needed 1 or more"):
+        decode(encode(RegionCycle("7@x", 0, 1.0, tracks())))
+    with pytest.raises(MessageError, match="NUMBER@TIME"):
+        decode(encode(RegionCycle("x", 1, 1.0, tracks())))
+
+
+@pytest.mark.parametrize(
+    "text", ["wss://", "http://a:1", "ws://a:1/path", "ws://a:1?token=secret", "ws://u:p@a:1", "ws://a:99999"]
+)
+def test_an_address_of_no_region_is_refused(text: str) -> None:
+    with pytest.raises(AddressError, match="needed ws"):
+        parsed_region(text)
+
+
+def test_a_region_has_a_name() -> None:
+    assert parsed_region("ws://a:1").name == "a:1"
+    found = parsed_region("wss://a:1?name=north&token-file=t&ca-file=c")
+    assert (found.name, found.token_file, found.ca_file, found.url) == ("north", "t", "c", "wss://a:1")

@@ -1,0 +1,82 @@
+"""The file of a server: its options, what the command line replaces, and what is refused by file and key."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from pathlib import Path
+
+import pytest
+
+from coastwatch.operators.bad_input import BadInput
+from coastwatch.operators.cli.parser import make_parser
+from coastwatch.operators.cli.server_file import with_file
+
+WHOLE = """
+[server]
+scenario = "guanabara"
+settings = { period_s = 2.5, "tracks.method" = "imm", "store.overlap" = false }
+db = "watch.db"
+role = "centre"
+port = 8123
+tokens = "tokens.toml"
+clock = "feeds"
+[[feeds]]
+name = "harbour"
+url = "ais+tcp://a:1"
+[[feeds]]
+url = "json+listen://b:2?source=x"
+[[regions]]
+name = "north"
+url = "wss://n:3?token-file=t"
+"""
+
+
+def options(path: Path, text: str, *words: str) -> Namespace:
+    path.write_text(text, "utf-8")
+    return with_file(make_parser().parse_args(["serve", str(path), *words]))
+
+
+def test_a_file_takes_the_place_of_options(tmp_path: Path) -> None:
+    found = options(tmp_path / "watch.toml", WHOLE)
+    assert (found.scenario, found.db, found.role) == ("guanabara", str(tmp_path / "watch.db"), "centre")
+    assert (found.host, found.port, found.clock, found.lateness, found.speed) == ("127.0.0.1", 8123, "feeds", 5.0, 1.0)
+    assert found.tokens == str(tmp_path / "tokens.toml")
+    assert found.feed == ["ais+tcp://a:1?name=harbour", "json+listen://b:2?source=x"]
+    assert found.region == ["wss://n:3?token-file=t&name=north"]
+    assert dict(found.settings) == {"period_s": "2.5", "tracks.method": "imm", "store.overlap": "false"}
+
+
+def test_the_command_line_goes_before_the_file(tmp_path: Path) -> None:
+    words = ["--port", "9", "--role", "region", "--db", "other.db", "--feed", "ais+udp://c:4", "--set", "period_s=7"]
+    found = options(tmp_path / "watch.toml", WHOLE, *words)
+    assert (found.port, found.role, found.lateness, found.db) == (9, "region", 2.0, "other.db")
+    assert found.feed == ["ais+udp://c:4"]
+    assert dict(found.settings)["period_s"] == "7"
+
+
+def test_without_a_file_options_have_their_defaults() -> None:
+    found = with_file(make_parser().parse_args(["serve", "guanabara"]))
+    assert (found.scenario, found.host, found.port, found.role, found.feed) == ("guanabara", "127.0.0.1", 8100, "all", [])
+    assert (found.clock, found.lateness, found.settings) == ("wall", 2.0, [])
+
+
+def test_a_scenario_is_no_server_file(tmp_path: Path) -> None:
+    path = tmp_path / "scenario.toml"
+    assert options(path, 'name = "sea"').scenario == str(path)
+    assert options(path, "a = [").scenario == str(path)  # the reader of scenarios says what is wrong
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[server]\nport = 70000", "server.port: got 70000, needed 65535 or less"),
+        ("[server]\nprot = 1", "server.prot: got 1 for an unknown setting"),
+        ('[server]\nrole = "king"', "server.role: got 'king', needed 'all', 'region' or 'centre'"),
+        ("[server]\n[[feeds]]\nname = 'a'", "feeds.0.url: got nothing"),
+        ("[server]\n[zoo]", "zoo: got {} for an unknown setting"),
+    ],
+)
+def test_what_is_wrong_is_named_by_file_and_key(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(BadInput) as error:
+        options(tmp_path / "watch.toml", text)
+    assert str(error.value).startswith(f"{tmp_path / 'watch.toml'}: {said}")
