@@ -52,6 +52,18 @@ def test_the_systemd_unit_starts_a_command_that_there_is() -> None:
     assert (options.scenario, options.resume) == ("guanabara", True)
 
 
+def test_the_units_of_server_and_copies_start_commands_that_there_are() -> None:
+    units = HOUSE / "ops" / "systemd"
+    (given,) = re.findall(r"^COASTWATCH_SERVE=(.*)$", (units / "serve.env").read_text("utf-8"), re.MULTILINE)
+    found = []
+    for name in ("serve", "backup"):
+        text = (units / f"coastwatch-{name}.service").read_text("utf-8").replace("$COASTWATCH_SERVE", given)
+        for line in re.findall(r"^ExecStart=\S+/coastwatch (.*)$", text, re.MULTILINE):
+            found.append(make_parser().parse_args(shlex.split(line)))
+    assert [options.db for options in found] == ["/var/lib/coastwatch/watch.db"] * 3
+    assert len(found[0].feed) == 2
+
+
 def test_the_makefile_calls_commands_that_there_are() -> None:
     calls = re.findall(r"^\t\$\(BIN\)/coastwatch (.*)$", (HOUSE / "Makefile").read_text("utf-8"), re.MULTILINE)
     assert len(calls) >= 2

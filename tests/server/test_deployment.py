@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -15,11 +16,20 @@ from pathlib import Path
 
 import httpx
 import pytest
+import yaml
 from run_world import SEED, Start, column, rows, stored, url
+
+from coastwatch.operators.api.metrics import OF_RUN, Metrics
+from coastwatch.operators.cli import make_parser
+from coastwatch.scenario import load_scenario
+from coastwatch.server.feeds.address import parsed
+from coastwatch.server.feeds.live_input import LiveInput
 
 OPS = Path(__file__).parents[2] / "ops"
 RAY = OPS / "ray"
 UNITS = sorted([*OPS.glob("*/*.service"), *OPS.glob("*/*.timer")])
+COMPOSE = OPS / "compose"
+ALERTS, DASHBOARD = COMPOSE / "alerts.yml", OPS / "dashboards" / "coastwatch.json"
 PROGRAM = "/opt/coastwatch"
 PATIENCE_S = 240.0  # until a node of a busy machine has come up
 HEAD_PORT, FIRST_PORT, FIRST_WORKER_PORT = 36390, 36400, 37000
@@ -41,6 +51,66 @@ def environment(file: Path) -> dict[str, str]:
 def used(text: str) -> set[str]:
     """The variables that a text needs: those with a default are not among them."""
     return {braced or bare for braced, bare in re.findall(r"\$(?:\{([A-Z_]+)\}|([A-Z_]+))", text)}
+
+
+def metrics() -> tuple[str, set[str]]:
+    """What `/metrics` of a server with a feed answers, and the names of all its series."""
+    found = Metrics()
+    with LiveInput([parsed("ais+udp://127.0.0.1:0")], load_scenario("guanabara").sensors()) as live:
+        counts = dict.fromkeys(OF_RUN, 1.0)
+        found.ask(lambda: (True, counts, live.feeds()))
+        text = found.text().decode()
+    kinds = {"counter": ("_total",), "histogram": ("_bucket", "_count", "_sum"), "gauge": ("",)}
+    typed = re.findall(r"^# TYPE (\w+) (\w+)$", text, re.MULTILINE)
+    return text, {name.removesuffix("_total") + end for name, kind in typed for end in kinds[kind]} | {"up"}
+
+
+def test_every_metric_that_a_rule_or_panel_names_is_one_of_the_server() -> None:
+    rules = [rule["expr"] for group in yaml.safe_load(ALERTS.read_text("utf-8"))["groups"] for rule in group["rules"]]
+    panels = [target["expr"] for panel in json.loads(DASHBOARD.read_text("utf-8"))["panels"] for target in panel["targets"]]
+    assert (len(rules), len(panels)) > (10, 15)
+    text, known = metrics()
+    asked = {name for expr in rules + panels for name in re.findall(r"\b(?:coastwatch|process)_\w+|\bup\b", expr)}
+    assert asked - known == set()
+    ours = {name for name in known if name.startswith("coastwatch_") and not name.endswith(("_sum", "_count"))}
+    assert ours - asked <= {"coastwatch_picture_time_seconds", "coastwatch_cycles_total"}
+    counts = {word for expr in rules + panels for said in re.findall(r'count=~?"([^"]+)"', expr) for word in said.split("|")}
+    assert counts == {"records", "refused", "late", "dropped"}
+    assert all(f'count="{word}"' in text for word in counts)
+
+
+def test_every_alert_has_a_page_and_every_page_is_in_the_list() -> None:
+    pages = OPS / "runbook"
+    rules = [rule for group in yaml.safe_load(ALERTS.read_text("utf-8"))["groups"] for rule in group["rules"]]
+    for rule in rules:
+        page = pages / f"{rule['alert']}.md"
+        assert rule["annotations"]["runbook"] == str(page.relative_to(OPS.parent))
+        said = page.read_text("utf-8")
+        assert all(f"**{part}**" in said for part in ("Sign", "Meaning", "Remedy"))
+        assert rule["alert"] in said
+    named = {page.stem for page in pages.glob("Coastwatch*.md")}
+    assert named == {rule["alert"] for rule in rules}
+    listed = (pages / "README.md").read_text("utf-8")
+    assert [page.name for page in pages.glob("*.md") if page.name != "README.md" and f"]({page.name})" not in listed] == []
+
+
+def test_the_stack_of_containers_starts_commands_that_there_are_and_mounts_files_that_there_are() -> None:
+    stack = yaml.safe_load((COMPOSE / "compose.yaml").read_text("utf-8"))
+    services, made_by_hand = stack["services"], {"tokens.toml", "metrics.token"}
+    for name in ("server", "upgrade"):
+        words = [word.replace("${SCENARIO:-guanabara}", "guanabara") for word in services[name]["command"]]
+        make_parser().parse_args(words)
+        assert (COMPOSE / services[name]["build"]["context"] / services[name]["build"]["dockerfile"]).is_file()
+    mounts = [mount.split(":") for service in services.values() for mount in service.get("volumes", ())]
+    for source, target, *_ in mounts:
+        if source.startswith("."):
+            assert Path(source).name in made_by_hand or (COMPOSE / source).exists(), source
+        else:
+            assert source in stack["volumes"], source
+        assert target.startswith("/")
+    assert "http://server:8100".removeprefix("http://") in (COMPOSE / "prometheus.yml").read_text("utf-8")
+    page = (COMPOSE / "README.md").read_text("utf-8")
+    assert [found.name for found in COMPOSE.iterdir() if found.suffix in (".yml", ".yaml") and found.name not in page] == []
 
 
 CENTRE, REGION = environment(RAY / "centre.env"), environment(RAY / "region.env")

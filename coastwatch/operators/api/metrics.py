@@ -6,14 +6,22 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, disable_created_metrics, generate_latest
+from prometheus_client import (
+    CollectorRegistry,
+    Counter,
+    Gauge,
+    Histogram,
+    ProcessCollector,
+    disable_created_metrics,
+    generate_latest,
+)
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 
 from coastwatch.operators.api.wire import FULL
 from coastwatch.server.live_picture import LivePicture
 
-Asked = Callable[[], tuple[Mapping[str, float], Sequence[Mapping[str, Any]]]]
-"""Returns the counts of a live run, and its feeds."""
+Asked = Callable[[], tuple[bool, Mapping[str, float], Sequence[Mapping[str, Any]]]]
+"""Returns whether there is a picture and nothing is wrong, the counts of a live run, and its feeds."""
 
 OF_RUN = {
     "cycles": "Cycles computed",
@@ -47,7 +55,8 @@ class Metrics:
             "coastwatch_cycle_seconds", "Time of a cycle", buckets=(0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0), **of
         )
         self._time_s = 0.0
-        self.source: Asked = lambda: ({}, [])
+        self.source: Asked = lambda: (False, {}, [])
+        ProcessCollector(registry=self.registry)
         self.registry.register(_Asked(self))
 
     def ask(self, source: Asked) -> None:
@@ -85,7 +94,8 @@ class _Asked:
 
     def collect(self) -> Iterator[Metric]:
         yield GaugeMetricFamily("coastwatch_picture_age_seconds", "Age of the picture", self._metrics.age_s)
-        counts, feeds = self._metrics.source()
+        ready, counts, feeds = self._metrics.source()
+        yield GaugeMetricFamily("coastwatch_ready", "1: there is a picture and nothing is wrong", float(ready))
         for name, said in OF_RUN.items():
             if name in counts:
                 kind = GaugeMetricFamily if name.endswith("_s") else CounterMetricFamily
@@ -93,7 +103,11 @@ class _Asked:
                     f"coastwatch_{name.removesuffix('_s')}" + ("_seconds" if name.endswith("_s") else ""), said, counts[name]
                 )
         of_feeds = CounterMetricFamily("coastwatch_feed", "Counts of a feed", labels=["feed", "count"])
+        connected = GaugeMetricFamily("coastwatch_feed_connected", "1: a feed has a connection, or needs none", labels=["feed"])
+        silent = GaugeMetricFamily("coastwatch_feed_silent_seconds", "For how long nothing has come of a feed", labels=["feed"])
         for feed in feeds:
             for name in OF_FEED:
                 of_feeds.add_metric([str(feed["name"]), name], float(feed[name]))
-        yield of_feeds
+            connected.add_metric([str(feed["name"])], float(feed["connected"]))
+            silent.add_metric([str(feed["name"])], float(feed["silent_s"]))
+        yield from (of_feeds, connected, silent)

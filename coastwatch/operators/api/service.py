@@ -65,7 +65,7 @@ class Service:
     def __post_init__(self) -> None:
         self.hub = Hub(self.metrics)
         self.audit = Audit(partial(store.note_change, self.store))
-        self.metrics.ask(lambda: (self.source.counts(), self.source.feeds()))
+        self.metrics.ask(lambda: (self.ready()[0], self.source.counts(), self.source.feeds()))
 
     def receive(self, picture: LivePicture) -> None:
         """Take a picture of the source. It may be called in any thread, one call at a time."""

@@ -69,6 +69,7 @@ class _Feed:
             "late": decoder.late,
             "dropped": inbox.dropped,
             "heard_s": inbox.heard_s or None,
+            "silent_s": round(self.silent_s, 1),
             "newest_s": decoder.newest_s if math.isfinite(decoder.newest_s) else None,
             "faults": {fault.kind: fault.count for fault in faults},
         }
