@@ -1,0 +1,117 @@
+"""Ships that sail or pass close together, by radar tracker: `python -m scaling.decisions.joint_convoys [--seeds 1000-1002]`.
+
+The question: does a tracker that weighs all plots in its gate keep neighbours apart where one that takes the best plot mixes them? 300
+vessels of `context-driven-1000` with clutter and misses, in convoys of three ships 50 m apart, or passing each other at 30 m. All else is
+the default. It prints means over seeds with their standard errors: breaks and changes are counts of a run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from coastwatch import pipeline
+from coastwatch.batches import Floats, Ints, SourceKind, Truth
+from coastwatch.geodesy import difference_m
+from coastwatch.kernels.tables.match_ids import index_of
+from coastwatch.scenario import load_scenario
+from coastwatch.scores.confusion import Confusion, association
+from coastwatch.server.timing import Stopwatch
+from coastwatch.stage import serial
+from scaling.load.seeds import seed_range
+
+PLOTS = {"sonars": "[]", "input.radar.detection_probability": "0.9", "input.radar.clutter_per_m2": "5e-7", "input.count": "300"}
+SPACING = {f"input.convoys.spacing_{end}_m": "50" for end in ("from", "to")}
+CASES: dict[str, dict[str, str]] = {
+    "convoys of 50 m": {"input.convoys.share": "1.0", **SPACING},
+    "passings": {"input.passings.share": "1.0", "input.passings.overtaking_share": "0.5"},
+}
+METHODS: dict[str, dict[str, str]] = {
+    "sided_imm": {"tracks.plot_origin": "estimated"},
+    "sided_vimmjipda": {"tracks.method": "sided_vimmjipda"},
+    "vimmjipda": {"tracks.method": "vimmjipda"},
+    "vimmjipda_sequential": {"tracks.method": "vimmjipda_sequential"},
+}
+HEADS = "F1, %", "fused m", "fused m/s", "radar m", "radar m/s", "breaks", "changes"
+
+
+@dataclass
+class Scores:
+    """What one run gave, after its warm-up."""
+
+    decisions: Confusion = field(default_factory=Confusion)
+    fused: list[Floats] = field(default_factory=list)  # squared errors of position and velocity, (B, 2)
+    radar: list[Floats] = field(default_factory=list)  # the same of radar tracks
+    breaks: int = 0  # a vessel had a radar track in the last cycle and has none now
+    changes: int = 0  # of the true vessel of a radar track
+    held: Ints = field(default_factory=lambda: np.zeros(0, np.int64))  # vessels with a radar track in the last cycle
+    vessel_of: dict[int, int] = field(default_factory=dict)  # of each radar track
+
+    def add(self, cycle: pipeline.Cycle, truth: Truth, kinds: Ints) -> None:
+        """Count one cycle."""
+        tracks, found = cycle.tracks, cycle.associations
+        self.decisions += association(tracks, found, kinds)
+        is_radar, at = kinds[tracks.source] == SourceKind.RADAR, index_of(truth.vessel, tracks.origin)
+        radar = np.flatnonzero(is_radar & (at >= 0))
+        self.radar.append(_squares(tracks, radar, truth, at[radar]))
+        ais = np.flatnonzero(~is_radar & (at >= 0))
+        partner = index_of(found.vessel[ais], found.vessel[radar])
+        right = (partner >= 0) & (tracks.origin[ais[partner]] == tracks.origin[radar])
+        self.fused.append(_squares(cycle.fused, found.vessel[radar[right]], truth, at[radar[right]]))
+        now = np.unique(tracks.origin[radar])
+        self.breaks += len(np.setdiff1d(np.intersect1d(self.held, truth.vessel), now))
+        pairs = dict(zip(tracks.track_id[radar].tolist(), tracks.origin[radar].tolist(), strict=True))
+        self.changes += sum(self.vessel_of.get(track, vessel) != vessel for track, vessel in pairs.items())
+        self.held, self.vessel_of = now, pairs
+
+    def row(self) -> list[float]:
+        """The figures, in the order of HEADS."""
+        rms = [math.sqrt(float(mean)) for parts in (self.fused, self.radar) for mean in np.concatenate(parts).mean(axis=0)]
+        return [100.0 * self.decisions.as_dict()["f1"], *rms, float(self.breaks), float(self.changes)]
+
+
+def _squares(estimate: Any, rows: Ints, truth: Truth, at: Ints) -> Floats:
+    """Squared errors of position and velocity of these rows. (B, 2)"""
+    off = difference_m(estimate.position_deg[rows], truth.position_deg[at])
+    return np.column_stack([(off**2).sum(1), ((estimate.velocity_m_s[rows] - truth.velocity_m_s[at]) ** 2).sum(1)])
+
+
+def run(settings: dict[str, str], seed: int) -> Scores:
+    """The scores of one run."""
+    scenario = load_scenario("context-driven-1000", settings)
+    sensors, plan = scenario.sensors(), scenario.plan()
+    recording = scenario.input.load(sensors, seed, plan)
+    assert recording.truth is not None
+    memory, before_s, scores = pipeline.start(scenario, sensors), float("-inf"), Scores()
+    for number in range(plan.cycles):
+        now_s = plan.instant_s(number)
+        reports = recording.reports.between(before_s, now_s)
+        memory, cycle = pipeline.step(scenario, sensors, memory, reports, now_s, serial, Stopwatch())
+        before_s = now_s
+        if number >= scenario.warmup_cycles:
+            scores.add(cycle, recording.truth.at(now_s), sensors.source_kinds)
+    return scores
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", default="1000-1002", help="first-last")
+    parser.add_argument("--cycles", default="20", help="that are scored")
+    asked = parser.parse_args()
+    seeds = seed_range(asked.seeds)
+    print("  ".join([f"{'case':<16}", f"{'method':<22}", *(f"{head:>14}" for head in HEADS)]), flush=True)
+    for case, made in CASES.items():
+        for method, chosen in METHODS.items():
+            settings = {**PLOTS, **made, **chosen, "cycles": asked.cycles}
+            rows = np.array([run(settings, seed).row() for seed in seeds])
+            mean, error = rows.mean(axis=0), rows.std(axis=0) / math.sqrt(max(len(seeds) - 1, 1))
+            cells = [f"{m:.2f} +- {e:.2f}" for m, e in zip(mean, error, strict=True)]
+            print("  ".join([f"{case:<16}", f"{method:<22}", *(f"{cell:>14}" for cell in cells)]), flush=True)
+
+
+if __name__ == "__main__":
+    main()

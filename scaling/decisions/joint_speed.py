@@ -1,0 +1,100 @@
+"""What `vimmjipda` costs a track and scan, and a scan of a dense cluster: `python -m scaling.decisions.joint_speed [--tracks 4000]`.
+
+The question: does a scan of 4,000 tracks cost 10 us a track at most, and a scan in which 40 vessels meet at a point 20 ms at most?
+Processor time of one thread, after scans that compile kernels and confirm tracks. One radar turns every 3 s and detects 0.9 of the vessels;
+clutter and spacing are those of `context-driven-1000`. The 40 vessels start evenly on a circle of 300 m and sail to its centre. The last
+line is the kernel alone: the probabilities of 40 tracks and 40 plots of which every pair is possible.
+"""
+
+from __future__ import annotations
+
+import argparse
+from time import process_time
+
+import numpy as np
+
+from coastwatch import kernels
+from coastwatch.batches import Floats, Plots, Radars, Sensors, Sonars, Stations
+from coastwatch.geodesy import NAUTICAL_MILE_M
+from coastwatch.tracks import Vimmjipda
+from coastwatch.tracks.joint.existence import Detection, ExistenceManagement
+
+PERIOD_S = 3.0
+DENSITY_M2 = 10.0 / NAUTICAL_MILE_M**2  # of vessels
+CLUTTER_M2 = 5e-7  # of false plots in one turn
+DETECTED = 0.9
+SIGMA_M = 10.0  # of a plot, per axis
+SPEED_M_S = 6.0
+CIRCLE_M = 300.0
+MEETING = 40  # vessels
+ORIGIN_DEG = np.array([-22.95, -43.1])
+
+
+def sensors_of(range_m: float) -> Sensors:
+    """One radar at the origin of its region."""
+    one = np.ones(1)
+    radars = Radars(
+        np.array(["radar"]), np.zeros(1, np.int64), ORIGIN_DEG[None], range_m * one, PERIOD_S * one, SIGMA_M * one, 1e-3 * one
+    )
+    return Sensors(radars, Stations.empty(), Sonars.empty(), ("region",), ORIGIN_DEG[None])
+
+
+def plots_of(place_m: Floats, time_s: float, reach_m: float, rng: np.random.Generator) -> Plots:
+    """The plots of one turn, all stamped alike. Args: place_m: (V, 2)."""
+    seen = place_m[rng.random(len(place_m)) < DETECTED]
+    false = rng.uniform(-reach_m, reach_m, (rng.poisson(4.0 * CLUTTER_M2 * reach_m**2), 2))
+    z = np.concatenate([seen + SIGMA_M * rng.standard_normal(seen.shape), false])
+    count, number = len(z), np.zeros(len(z), np.int64)
+    noise, distance, azimuth = np.tile(SIGMA_M**2 * np.eye(2), (count, 1, 1)), np.hypot(*z.T), np.arctan2(*z.T)
+    time = np.full(count, time_s)
+    return Plots(number, number, time, z, noise, np.zeros((count, 2)), distance, azimuth, np.full(count, -1))
+
+
+def scans(start_m: Floats, velocity_m_s: Floats, count: int, seed: int) -> list[tuple[float, int, float]]:
+    """Processor time in ms, number of reported tracks, and spread of the vessels in m, of each scan of a run."""
+    rng, reach_m = np.random.default_rng([seed, 1]), float(np.abs(start_m).max()) + 500.0
+    method = Vimmjipda(upkeep=ExistenceManagement(detection=Detection(false_plots_per_m2=CLUTTER_M2)))
+    sensors, memory, found = sensors_of(2.0 * reach_m), method.init(), []
+    for k in range(count):
+        time_s = PERIOD_S * (k + 1)
+        place_m = start_m + time_s * velocity_m_s
+        plots = plots_of(place_m, time_s - 0.5, reach_m, rng)
+        begin = process_time()
+        memory, tracks, _ = method.step(memory, plots, time_s, sensors, 0)
+        found.append((1e3 * (process_time() - begin), len(tracks), float(place_m.std(axis=0).max())))
+    return found
+
+
+def spread_out(vessels: int, seed: int) -> tuple[Floats, Floats]:
+    """Places and velocities of vessels at the density of the scene. (V, 2), (V, 2)"""
+    rng = np.random.default_rng([seed, 2])
+    side_m, course = np.sqrt(vessels / DENSITY_M2), rng.uniform(0.0, 2.0 * np.pi, vessels)
+    return rng.uniform(-0.5, 0.5, (vessels, 2)) * side_m, SPEED_M_S * np.column_stack([np.sin(course), np.cos(course)])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--tracks", type=int, default=4000)
+    parser.add_argument("--seed", type=int, default=1)
+    asked = parser.parse_args()
+    last = scans(*spread_out(asked.tracks, asked.seed), 30, asked.seed)[15:]
+    cost, tracks = np.array([ms for ms, *_ in last]), np.mean([count for _, count, _ in last])
+    each = 1e3 * cost / tracks
+    print(f"{tracks:.0f} tracks: {np.median(each):.2f} us a track and scan, worst {each.max():.2f} (asked: 10)")
+    angle = np.linspace(0.0, 2.0 * np.pi, MEETING, endpoint=False)
+    out = np.column_stack([np.sin(angle), np.cos(angle)])
+    meeting = scans(CIRCLE_M * out, -SPEED_M_S * out, 25, asked.seed)[2:]
+    ms, count, spread_m = max(meeting)
+    print(f"{MEETING} vessels meet: worst scan {ms:.2f} ms, with {count} tracks over {spread_m:.0f} m (asked: 20 ms)")
+    plot, track = (rows.ravel() for rows in np.indices((MEETING, MEETING)))
+    weight = np.random.default_rng([asked.seed, 3]).exponential(10.0, MEETING**2)
+    taken = []
+    for _ in range(20):
+        begin = process_time()
+        kernels.association.marginals.marginals(plot, track, weight, MEETING, MEETING, 8)
+        taken.append(1e3 * (process_time() - begin))
+    print(f"probabilities of {MEETING} x {MEETING} pairs: median {np.median(taken):.2f} ms")
+
+
+if __name__ == "__main__":
+    main()
