@@ -15,7 +15,7 @@ import pytest
 from run_world import Start
 
 from coastwatch.operators.cli import main
-from coastwatch.operators.reproduction import finished_runs, planning, published, report, running
+from coastwatch.operators.reproduction import finished_runs, planning, published, report, running, systems
 from coastwatch.operators.reproduction.figures import Row, Spread, at_path
 from coastwatch.operators.reproduction.finished_runs import FinishedRuns
 from coastwatch.operators.reproduction.html_report import better_than_published
@@ -97,6 +97,32 @@ def test_methods_side_by_side_and_two_filters_are_reported(tmp_path: Path) -> No
             record = made.folders[0].made[0].records[0]["scores"]
             assert len(record["pairs"]) == len(folders["sagild-normal"].side_by_side.associations)
             assert all(one["tp"] + one["tn"] >= 0 for one in record["pairs"].values())
+
+
+def test_complete_systems_are_scored_against_the_true_vessels(tmp_path: Path) -> None:
+    of = published.chosen("sagild", ("complete",))["sagild-complete"]
+    few = {"variant": (of.named("track_01"), of.named("measurement_01")), "ordering": of.ordering[:1]}
+    figures = tuple(f for f in of.figure if f.default in ("track_01", "measurement_01"))
+    folders = {"sagild-complete": of.model_copy(update={**few, "figure": figures})}
+    plan, kept = planning.plan(folders, 1, "test", ("cycles=40",)), FinishedRuns(str(tmp_path))
+    running.carry_out(kept, planning.unlike(plan), 1, quiet)
+    made = report.made("sagild", folders, plan, kept, "coastwatch reproduce sagild")
+    fused, taken = (one.records[0]["scores"]["system"] for one in made.folders[0].made)
+    for found in (fused, taken):
+        assert 0.3 < found["present"] <= 1.0
+        assert 0.0 < found["position_rmse_m"] < found["rmse"] < 30.0
+        assert found["ospa2_m"] <= 100.0
+    assert fused != taken
+    assert all(row.default.values for row in made.folders[0].rows)
+
+
+def test_systems_are_matched_once_and_only_nearby() -> None:
+    """Two estimates near the first vessel, none near the second, one far from all."""
+    estimate, true = np.array([[0.0, 30.0], [10.0, 0.0], [5e3, 0.0]]), np.array([[0.0, 0.0], [900.0, 0.0]])
+    row, column = systems.matches(estimate, true, 100.0)
+    assert (row.tolist(), column.tolist()) == ([1], [0])
+    row, column = systems.matches(np.zeros((0, 2)), true, 100.0)
+    assert len(row) == len(column) == 0
 
 
 # ---- what runs ------------------------------------------------------------------------------------------------------

@@ -17,6 +17,7 @@ MEASURING = (
     "cycle_statistics.py",
     "measuring.py",
     "side_by_side.py",
+    "systems.py",
     "targets.py",
     "two_filters.py",
 )  # of this folder; the others only present the records

@@ -11,7 +11,7 @@ from typing import Any
 
 from coastwatch.operators import plot, scene, stored
 from coastwatch.operators.cli.summary import as_plain
-from coastwatch.operators.reproduction import side_by_side, targets, two_filters
+from coastwatch.operators.reproduction import side_by_side, systems, targets, two_filters
 from coastwatch.operators.reproduction.cycle_statistics import Decisions, Pairs
 from coastwatch.operators.reproduction.planning import Job
 from coastwatch.pipeline import Cycle
@@ -26,12 +26,14 @@ def measure(job: Job) -> dict[str, Any] | None:
     """The record of a run; None if it was interrupted.
 
     Returns: seed, elapsed_s, scores (with the counts of decisions of the scored cycles), timings_s, and on request `history`
-    (seconds after the start to scores), `roc`, `picture`. Of targets, methods side by side and two filters only seed and scores.
+    (seconds after the start to scores), `roc`, `picture`. Of targets, methods side by side, systems and two filters only seed and scores.
     """
     if isinstance(job.subject, two_filters.TwoFilters):
         return {"seed": job.seed, "scores": {"two_filters": two_filters.measure(job.subject, job.seed)}}
     if job.side_by_side:
         return {"seed": job.seed, "scores": side_by_side.measure(job.scenario, job.seed, job.side_by_side)}
+    if job.systems:
+        return {"seed": job.seed, "scores": {"system": systems.measure(job.scenario, job.seed, job.systems)}}
     if job.targets:
         return {"seed": job.seed, "scores": {"targets": targets.measure(job.scenario, job.seed, job.targets)}}
     decisions = Decisions(job.scenario.sensors())

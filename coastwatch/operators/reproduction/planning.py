@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.reproduction.published import Point, Published, Roc, Targets, Variant, settings_of
 from coastwatch.operators.reproduction.side_by_side import SideBySide
+from coastwatch.operators.reproduction.systems import Systems
 from coastwatch.operators.reproduction.two_filters import TwoFilters
 from coastwatch.scenario import Scenario, ScenarioError, load_scenario
 from coastwatch.scenario.refusing import refusals
@@ -35,6 +36,7 @@ class Job:
     serial: bool = False
     targets: Targets | None = None
     side_by_side: SideBySide | None = None
+    systems: Systems | None = None
 
     @property
     def scenario(self) -> Scenario:
@@ -117,7 +119,8 @@ def _job(of: Published, subject: Scenario | TwoFilters, seed: int, roc: Roc | No
         "serial": of.serial,
         "targets": of.targets and of.targets.model_dump(mode="json"),
         **({"side_by_side": of.side_by_side.model_dump(mode="json")} if of.side_by_side else {}),
+        **({"systems": of.systems.model_dump(mode="json")} if of.systems else {}),
         "code": code,
     }
     key = hashlib.sha256(json.dumps(decides, sort_keys=True).encode()).hexdigest()[:20]
-    return Job(key, subject, seed, of.history_s, of.picture, roc, of.serial, of.targets, of.side_by_side)
+    return Job(key, subject, seed, of.history_s, of.picture, roc, of.serial, of.targets, of.side_by_side, of.systems)

@@ -12,6 +12,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.reproduction.side_by_side import SideBySide
+from coastwatch.operators.reproduction.systems import Systems
 from coastwatch.operators.reproduction.two_filters import TwoFilters
 from coastwatch.scenario.refusing import refusals
 from coastwatch.shipped import scenarios_folder
@@ -92,6 +93,7 @@ class Published(Settings):
     picture: bool = False  # draw the picture
     targets: Targets | None = None  # score radar tracks alone
     side_by_side: SideBySide | None = None  # score several methods on the same tracks
+    systems: Systems | None = None  # score the vessels of the whole chain
     two_filters: TwoFilters | None = None  # two filters of one target in place of a scenario; settings are theirs
     bound_name: str = "bound"  # heading of that column
     plots: tuple[

@@ -28,7 +28,7 @@ class SideBySide(Settings):
 
 
 def measure(scenario: Scenario, seed: int, asked: SideBySide) -> dict[str, dict[str, Any]]:
-    """Figures by method: `associations` as of `PairScores`; `fused_tracks` as of `_errors`."""
+    """Figures by method: `associations` as of `PairScores`; `fused_tracks` as of `figures_of`."""
     sensors, plan = scenario.sensors(), scenario.plan()
     recording, none = scenario.input.load(sensors, seed, plan), RadarCorrections.none(len(sensors.radars))
     assert recording.truth is not None
@@ -58,14 +58,14 @@ def measure(scenario: Scenario, seed: int, asked: SideBySide) -> dict[str, dict[
         measurements = Measurements.join([taken, reported])
         for name, fuser in fusers.items():
             fused[name], estimate = fuser.step(fused[name], tracks, measurements, found, now_s, kinds)
-            errors[name].append(_errors(estimate.take(vessel), truth.take(of_truth)))
+            errors[name].append(errors_of(estimate.take(vessel), truth.take(of_truth)))
         for side, name in enumerate(("radar", "ais")):
             alone = tracks.take(rows[:, side])
             lone = FusedTracks(alone.time_s, alone.position_deg, alone.velocity_m_s, alone.covariance)
-            errors[name].append(_errors(lone, truth.take(of_truth)))
+            errors[name].append(errors_of(lone, truth.take(of_truth)))
     return {
         "pairs": {name: one.as_dict(scenario.period_s) for name, one in scores.items()},
-        "fusion": {name: _figures(np.concatenate(parts)) for name, parts in errors.items()},
+        "fusion": {name: figures_of(np.concatenate(parts)) for name, parts in errors.items()},
     }
 
 
@@ -82,7 +82,7 @@ def _right_pairs(tracks: Tracks, found: Associations, truth: Truth, kinds: Ints,
     return found.vessel[first], at.astype(np.int64), rows.astype(np.int64)
 
 
-def _errors(estimate: FusedTracks, truth: Truth) -> Floats:
+def errors_of(estimate: FusedTracks, truth: Truth) -> Floats:
     """NEES, and squared error of all four states and of the position, of each estimate. (B, 3)"""
     error = np.concatenate(
         [difference_m(estimate.position_deg, truth.position_deg), estimate.velocity_m_s - truth.velocity_m_s], axis=1
@@ -91,7 +91,7 @@ def _errors(estimate: FusedTracks, truth: Truth) -> Floats:
     return np.column_stack([nees(error, estimate.covariance), square.sum(axis=1), square[:, :2].sum(axis=1)])
 
 
-def _figures(rows: Floats) -> dict[str, float | int | None]:
+def figures_of(rows: Floats) -> dict[str, float | int | None]:
     """anees: 4 is right; rmse of all four states; position_rmse_m; count."""
     if not len(rows):
         return {"anees": None, "rmse": None, "position_rmse_m": None, "count": 0}

@@ -1,0 +1,102 @@
+"""Complete systems against the true vessels: every vessel of the picture that a radar track is in, at each instant.
+
+The whole chain of a scenario runs: tracks, association, fusion. So methods that fuse tracks and methods that take AIS messages as
+measurements are scored alike. A vessel goes by the oldest of its radar tracks, whatever else joins it.
+
+Source: A. Sagild, track-to-track fusion of radar and AIS, 2021, chapter 14.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from coastwatch import pipeline
+from coastwatch.batches import Floats, FusedTracks, Ints, Reports, SourceKind
+from coastwatch.geodesy import to_plane
+from coastwatch.operators.reproduction.side_by_side import errors_of, figures_of
+from coastwatch.scenario import Scenario
+from coastwatch.scores.gospa import gospa
+from coastwatch.scores.ospa import ospa2
+from coastwatch.server.timing import Stopwatch
+from coastwatch.stage import Settings, serial
+
+Metres = Annotated[float, Field(gt=0.0)]
+
+
+class Systems(Settings):
+    """Asks for the scores of complete systems, in place of those of a whole run."""
+
+    near_m: Metres = 100.0  # an estimate farther from every vessel has no vessel
+    gospa_cutoff_m: Metres = 200.0
+    ospa2_cutoff_m: Metres = 100.0
+    ospa2_window: Annotated[int, Field(ge=1)] = 10  # instants
+    order: Annotated[float, Field(ge=1.0)] = 2.0  # of GOSPA and OSPA(2)
+
+
+def measure(scenario: Scenario, seed: int, asked: Systems) -> dict[str, float | int | None]:
+    """The figures of one run: anees (4 is right), rmse of all four states, position_rmse_m and count, as of `figures_of`, over
+    matched vessels; gospa_m and ospa2_m: means over instants; present: share of the instants of vessels that are matched; false: vessels
+    without a true one at an instant.
+    """
+    sensors, plan = scenario.sensors(), scenario.plan()
+    recording = scenario.input.load(sensors, seed, plan)
+    assert recording.truth is not None
+    assert isinstance(recording.reports, Reports)
+    memory, before_s = pipeline.start(scenario, sensors), -np.inf
+    errors: list[Floats] = []
+    gospas: list[float] = []
+    ospas: list[float] = []
+    window: deque[dict[str, Any]] = deque(maxlen=asked.ospa2_window)
+    matched = present = estimates = 0
+    for number in range(plan.cycles):
+        now_s = plan.instant_s(number)
+        reports = recording.reports.between(before_s, now_s)
+        memory, cycle = pipeline.step(scenario, sensors, memory, reports, now_s, serial, Stopwatch())
+        before_s, truth = now_s, recording.truth.at(now_s)
+        name, estimate = _with_radar(cycle, sensors.source_kinds)
+        place_m, true_m = (to_plane(p, sensors.region_origin_deg[0]) for p in (estimate.position_deg, truth.position_deg))
+        gospas.append(gospa(place_m, true_m, asked.gospa_cutoff_m, asked.order).total_m)
+        window.append({"estimate": (name, place_m), "truth": (truth.vessel, true_m)})
+        ospas.append(ospa2(_over(window, "estimate"), _over(window, "truth"), asked.ospa2_cutoff_m, asked.order))
+        row, at = matches(place_m, true_m, asked.near_m)
+        errors.append(errors_of(estimate.take(row), truth.take(at)))
+        matched, present, estimates = matched + len(row), present + len(truth), estimates + len(estimate)
+    return {
+        **figures_of(np.concatenate(errors)),
+        "gospa_m": float(np.mean(gospas)),
+        "ospa2_m": float(np.mean(ospas)),
+        "present": matched / present if present else None,
+        "false": (estimates - matched) / len(gospas),
+    }
+
+
+def matches(estimate_m: Floats, true_m: Floats, near_m: float) -> tuple[Ints, Ints]:
+    """Rows of both of the pairs of the best one-to-one assignment that are nearer than a distance. (B,), (B,)"""
+    from scipy.optimize import linear_sum_assignment
+
+    apart = np.hypot(*np.moveaxis(estimate_m[:, None] - true_m[None], 2, 0))
+    row, column = linear_sum_assignment(np.minimum(apart, near_m) ** 2)
+    near = apart[row, column] < near_m
+    return row[near], column[near]
+
+
+def _with_radar(cycle: pipeline.Cycle, kinds: Ints) -> tuple[Ints, FusedTracks]:
+    """The vessels with a radar track: the oldest of its radar tracks (B,), and the estimate (B)."""
+    tracks, vessel = cycle.tracks, cycle.associations.vessel
+    radar = np.flatnonzero(kinds[tracks.source] == SourceKind.RADAR)
+    radar = radar[np.lexsort((tracks.track_id[radar], vessel[radar]))]
+    number, first = np.unique(vessel[radar], return_index=True)
+    return tracks.track_id[radar[first]], cycle.fused.take(number)
+
+
+def _over(window: deque[dict[str, Any]], key: str) -> Floats:
+    """Positions by name and instant, NaN where there is none. (N, T, 2)"""
+    names = np.unique(np.concatenate([one[key][0] for one in window]))
+    out = np.full((len(names), len(window), 2), np.nan)
+    for k, one in enumerate(window):
+        out[np.searchsorted(names, one[key][0]), k] = one[key][1]
+    return out
