@@ -27,7 +27,7 @@ from coastwatch.operators.cli.arguments import count
 from coastwatch.server.machine import date_utc, machine
 
 PERIOD_S = 1.0
-PATIENCE_S = 300.0  # a busy machine that compiles the kernels for the first time
+PATIENCE_S = 900.0  # a busy machine that compiles the kernels for the first time
 CYCLES_BETWEEN = 4
 LONG = 3_000  # cycles of the simulation: two and a half hours
 COASTWATCH = str(Path(sys.executable).with_name("coastwatch"))

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import asyncio
 import random
+import shutil
 import socket
+import subprocess
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import reduce
+from importlib.util import find_spec
 from itertools import pairwise
+from operator import xor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from asterix import generated
 from server_world import wait_for
 
 from coastwatch.batches import AisReports, AisStatics, BearingReports, RadarReports, Reports
@@ -20,6 +27,7 @@ from coastwatch.scenario import load_scenario
 from coastwatch.server.feeds.address import AddressError, parsed
 from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.feeds.sending import encoded, send
+from coastwatch.server.regions.scenario import with_track_sources
 
 START_S, SPAN_S = 1_750_000_000.0, 30.0
 SCENARIO = load_scenario("guanabara")
@@ -63,8 +71,8 @@ def items(address: str) -> list[bytes]:
 
 
 @contextmanager
-def receiving(*addresses: str, **given: Any) -> Iterator[LiveInput]:
-    with LiveInput([parsed(text) for text in addresses], SENSORS, clock="feeds", **given) as made:
+def receiving(*addresses: str, sensors: Any = SENSORS, **given: Any) -> Iterator[LiveInput]:
+    with LiveInput([parsed(text) for text in addresses], sensors, clock="feeds", **given) as made:
         yield made
 
 
@@ -192,6 +200,109 @@ def test_asterix_gives_plots_to_the_resolution_of_the_format_and_damaged_datagra
     assert np.abs((found.azimuth_deg - want.azimuth_deg + 180) % 360 - 180).max() <= 360 / 131072 + 1e-9
 
 
+WITH_SOURCES = with_track_sources(SCENARIO, ["vts", "tower"]).sensors()
+
+
+def sentence(body: str) -> bytes:
+    return f"${body}*{reduce(xor, body.encode()):02X}".encode()
+
+
+def test_targets_of_a_radar_are_where_it_says_and_a_lost_one_is_set_aside() -> None:
+    lines = [
+        sentence("RATTM,01,1.0,90.0,T,10.0,180.0,T,,,N,,T,,150640.00,A"),  # before any clock: of its own time, near its arrival
+        sentence("GPZDA,150641.00,15,06,2025,00,00"),
+        sentence("RATTM,07,1.0,90.0,T,10.0,180.0,T,,,N,,T,,150641.00,A"),
+        sentence("RATTM,08,2.0,0.0,R,5.0,90.0,T,,,N,,L,,150641.00,A"),
+        sentence("RATTM,09,2.0,0.0,R,5.0,90.0,T,,,N,,T,,150641.00,A"),
+        sentence("RATLL,11,5030.000,N,00106.000,W,X,150642.00,T,"),
+        b"$RATTM,07,1.0,90.0,T,10.0,180.0,T,,,N,,T,,150641.00,A*00",
+    ]
+    with receiving("ttm+listen://127.0.0.1:0?source=vts&site=50.7,-1.1", sensors=WITH_SOURCES) as made:
+        put(made.ports[0], lines)
+        deliver(made, len(lines))
+        found = joined(cycles(made), "tracks")
+        assert made.feeds()[0]["faults"] == {"set aside: target lost": 1, "checksum": 1}
+    assert found.number.tolist() == [7, 9, 11]
+    assert found.time_s.tolist() == 3 * [START_S + 1]  # none is later than the newest clock sentence
+    assert (found.sensor == 0).all()
+    east_deg = 1852 / (111_320 * np.cos(np.radians(50.7)))
+    assert np.allclose(found.position_deg, [[50.7, -1.1 + east_deg], [50.7 + 2 / 60, -1.1], [50.5, -1.1]], atol=1e-4)
+    assert np.allclose(found.velocity_m_s[0], [0.0, -5.144444], atol=1e-5)
+
+
+def test_asterix_tracks_of_062_and_010_have_place_velocity_and_accuracy() -> None:
+    identity = ("SAC", 25), ("SIC", 7)
+    of_day = START_S % 86_400.0
+    accuracy = {
+        "APC": (("X", (12.0, "m")), ("Y", (10.0, "m"))),
+        "COV": (-4.0, "m"),
+        "ATV": (("X", (0.5, "m/s")), ("Y", (1.0, "m/s"))),
+    }
+    of_062 = {
+        "010": identity, "040": 77, "070": (of_day + 3.0, "s"), "105": (("LAT", (50.7, "°")), ("LON", (-1.1, "°"))),
+        "185": (("VX", (3.25, "m/s")), ("VY", (-1.5, "m/s"))), "500": accuracy,
+    }  # fmt: skip
+    ended = {**of_062, "080": ((0, 0, 0, 0, 0, None), (0, 1, 0, 0, 0, 0, 0, None))}
+    of_010 = {
+        "010": (("SAC", 25), ("SIC", 8)), "000": 1, "140": (of_day + 4.0, "s"), "161": (0, ("TRK", 5)),
+        "040": (("RHO", (5000.0, "m")), ("TH", (90.0, "°"))), "041": (("LAT", (50.6, "°")), ("LON", (-1.2, "°"))),
+        "202": (("VX", (1.0, "m/s")), ("VY", (2.0, "m/s"))),
+    }  # fmt: skip
+    plot = {**of_010, "010": (("SAC", 25), ("SIC", 9))}
+    sent = [
+        (generated.Cat_062_1_20, of_062),
+        (generated.Cat_062_1_20, ended),
+        (generated.Cat_010_1_1, of_010),
+        (generated.Cat_010_1_1, plot),
+    ]
+    data = [kind.create([kind.cv_record.create(one)]).unparse().to_bytes() for kind, one in sent]  # type: ignore[attr-defined]
+    radar = str(SENSORS.radars.name[0])
+    address = f"asterix+udp://127.0.0.1:0?25/7=tower&25/8=vts&25/9={radar}"
+    with receiving(address, "ais+listen://127.0.0.1:0", sensors=WITH_SOURCES) as made:
+        put(made.ports[1], items("ais+tcp://x:1")[:1])  # the date
+        deliver(made, 1, 1)
+        made.between(START_S - 10, START_S - 5)
+        put_datagrams(made.ports[0], data)
+        deliver(made, len(data))
+        parts = cycles(made)
+        assert made.feeds()[0]["faults"] == {"set aside: last report of a track": 1}
+    found, plots = joined(parts, "tracks"), joined(parts, "radar")
+    assert (found.sensor.tolist(), found.number.tolist()) == ([1, 0], [77, 5])
+    assert np.allclose(found.time_s, [START_S + 3.0, START_S + 4.0], atol=1 / 128)
+    assert np.allclose(found.position_deg, [[50.7, -1.1], [50.6, -1.2]], atol=1e-5)
+    assert np.allclose(found.velocity_m_s, [[3.25, -1.5], [1.0, 2.0]], atol=0.13)
+    want = np.diag([144.0, 100.0, 0.25, 1.0])
+    want[0, 1] = want[1, 0] = -16.0
+    assert np.allclose(found.covariance[0], want, atol=1e-6)
+    assert np.isnan(found.covariance[1]).all()
+    assert np.allclose([plots.range_m[0], plots.azimuth_deg[0]], [5000.0, 90.0], atol=1.0)
+
+
+def test_messages_of_a_broker_are_what_was_sent_also_after_it_was_away(tmp_path: Path) -> None:
+    if shutil.which("mosquitto") is None or find_spec("aiomqtt") is None:
+        pytest.skip("needs the broker mosquitto and the package aiomqtt")
+    with socket.create_server(("127.0.0.1", 0)) as held:
+        port = held.getsockname()[1]
+    lines, settings = items("ais+tcp://x:1"), tmp_path / "mosquitto.conf"
+    settings.write_text(f"listener {port} 127.0.0.1\nallow_anonymous true\n")
+
+    async def publish(some: list[bytes]) -> None:
+        from aiomqtt import Client
+
+        async with Client("127.0.0.1", port) as client:
+            for k in range(0, len(some), 10):
+                await client.publish("coast/ais", b"\r\n".join(some[k : k + 10]), qos=1)
+
+    with receiving(f"ais+mqtt://127.0.0.1:{port}/coast/ais") as made:
+        for number, part in enumerate((lines[:70], lines[70:]), 1):
+            with subprocess.Popen(["mosquitto", "-c", str(settings)], stderr=subprocess.DEVNULL) as broker:
+                wait_for(lambda number=number: made.feeds()[0]["connections"] == number and made.feeds()[0]["connected"], 20.0)
+                asyncio.run(publish(part))
+                deliver(made, len(lines) if number == 2 else 70)
+                broker.terminate()
+        assert same(joined(cycles(made), "ais"), joined(by_tcp(lines), "ais"))
+
+
 def test_json_lines_give_plots_bearings_and_tracks_exactly_and_say_what_is_wrong() -> None:
     lines = items("json+tcp://x:1")
     bad = [
@@ -264,6 +375,8 @@ def test_the_generator_reaches_a_server_that_starts_later_and_counts_what_it_sen
         "asterix+tcp://x:1",
         "ais+file://",
         "ais+tcp://x:99999",
+        "ais+mqtt://x",
+        "asterix+mqtt://x/topic",
     ],
 )
 def test_an_address_of_no_feed_is_refused(text: str) -> None:
@@ -278,5 +391,5 @@ def test_a_taken_port_and_an_unknown_radar_are_refused() -> None:
         receiving(f"ais+listen://127.0.0.1:{held.getsockname()[1]}"),
     ):
         pass
-    with pytest.raises(AddressError, match="needed SAC/SIC=RADAR"), receiving("asterix+udp://127.0.0.1:0?25/1=moon"):
+    with pytest.raises(AddressError, match="needed SAC/SIC=NAME"), receiving("asterix+udp://127.0.0.1:0?25/1=moon"):
         pass

@@ -192,8 +192,8 @@ def _serve(commands: Any) -> None:
     text = "processors that share the work (default: the scenario's, in its [workers])"
     serve.add_argument("--workers", metavar="N", type=workers, help=text)
     text = (
-        "a live feed in place of the scenario's input, FORMAT+TRANSPORT://ADDRESS; formats ais, asterix, json; transports tcp (connect), "
-        "listen, udp, file: ais+tcp://host:10110, ais+listen://0.0.0.0:10110, asterix+udp://0.0.0.0:8600?25/1=north, "
+        "a live feed in place of the scenario's input, FORMAT+TRANSPORT://ADDRESS; formats ais, ttm, asterix, json; transports tcp "
+        "(connect), listen, udp, file, mqtt: ais+tcp://host:10110, ais+listen://0.0.0.0:10110, asterix+udp://0.0.0.0:8600?25/1=north, "
         "ais+file:///var/log/ais.nmea; repeatable. The run goes on with the last one, if that ended less than 10 minutes ago"
     )
     serve.add_argument("--feed", metavar="URL", action="append", help=text)

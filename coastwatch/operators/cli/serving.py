@@ -32,7 +32,7 @@ from coastwatch.server.follow import POLL_S, Follower
 from coastwatch.server.live import Input, LiveRun, Paced
 from coastwatch.server.regions.client import parsed_region
 from coastwatch.server.regions.publisher import Publisher
-from coastwatch.server.regions.scenario import of_centre
+from coastwatch.server.regions.scenario import of_centre, with_track_sources
 from coastwatch.store import QueryLimit, Store, open_store
 
 QUERY = QueryLimit(5.0, time.monotonic)
@@ -104,6 +104,8 @@ def _serve_run(options: argparse.Namespace, guard: Guard) -> None:
     if live and options.speed != 1.0:
         raise BadInput("--speed: got it with --feed, needed one of them: feeds have their own speed")
     scenario = load_scenario(options.scenario, dict(options.settings))
+    feeds = [parsed(text) for text in options.feed]
+    scenario = with_track_sources(scenario, [address.source for address in feeds if address.format == "ttm"])
     if options.role == "centre":
         scenario = of_centre(scenario, [region.name for region in regions])
     elif options.role == "region" and not scenario.radars:
@@ -113,7 +115,6 @@ def _serve_run(options: argparse.Namespace, guard: Guard) -> None:
         source: Input = Paced(options.speed)
         if live:
             timing = {"clock": options.clock, "lateness_s": options.lateness}
-            feeds = [parsed(text) for text in options.feed]
             source = stack.enter_context(LiveInput(feeds, scenario.sensors(), regions=regions, **timing))
         resume = live and not options.new
         given = {"database": options.db, "workers": options.workers, "resume": resume, "publisher": service.publisher}

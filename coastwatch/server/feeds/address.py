@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from urllib.parse import parse_qsl, unquote, urlsplit
 
-FORMATS = ("ais", "asterix", "targets", "json")
-TRANSPORTS = ("tcp", "listen", "udp", "file")
+FORMATS = ("ais", "asterix", "ttm", "json")
+TRANSPORTS = ("tcp", "listen", "udp", "file", "mqtt", "mqtts")
+MQTT_PORTS = {"mqtt": 1883, "mqtts": 8883}
+LONGEST_NAME = 32  # of a source
 EXAMPLES = "ais+tcp://host:10110, ais+listen://127.0.0.1:10110, asterix+udp://127.0.0.1:8600, ais+file:///var/log/ais.nmea"
 
 
@@ -29,7 +31,14 @@ class Address:
     @property
     def name(self) -> str:
         """Its name in lists."""
-        return self.options.get("name", f"{self.format}+{self.transport}://{self.path or f'{self.host}:{self.port}'}")
+        where = f"{self.host}:{self.port}" if self.port else ""
+        topic = "/" if self.port and self.path else ""
+        return self.options.get("name", f"{self.format}+{self.transport}://{where}{topic}{self.path}")
+
+    @property
+    def source(self) -> str:
+        """The track source that its tracks are of."""
+        return self.options.get("source", self.name)[:LONGEST_NAME]
 
 
 def parsed(text: str) -> Address:
@@ -48,11 +57,14 @@ def parsed(text: str) -> Address:
             raise AddressError(f"feed: got {text!r}, needed the path of a file of lines, e.g. ais+file:///var/log/ais.nmea")
         return Address(text, format_, transport, path=path, options=options)
     try:
-        port = parts.port
+        port = parts.port or MQTT_PORTS.get(transport) if parts.port != 0 else 0
     except ValueError:
         port = None
+    if transport in MQTT_PORTS and not (parts.hostname and parts.path.strip("/")):
+        raise AddressError(f"feed: got {text!r}, needed host and topic, e.g. ais+mqtt://broker:1883/coast/ais")
     if port is None or (not parts.hostname and transport == "tcp"):
         raise AddressError(f"feed: got {text!r}, needed host and port, e.g. {EXAMPLES}")
     if format_ == "asterix" and transport != "udp":
         raise AddressError(f"feed: got {text!r}, needed asterix+udp: ASTERIX comes in datagrams")
-    return Address(text, format_, transport, parts.hostname or "127.0.0.1", port, options=options)
+    path = unquote(parts.path).strip("/") if transport in MQTT_PORTS else ""
+    return Address(text, format_, transport, parts.hostname or "127.0.0.1", port, path, options)

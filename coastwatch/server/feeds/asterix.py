@@ -1,33 +1,49 @@
-"""Plots and service messages of radars as ASTERIX CAT 048 and 034, both ways.
+"""Plots, tracks and service messages as ASTERIX: CAT 048 and 034 of radars, 010 of surface radars, 062 of other systems.
 
-Source: EUROCONTROL Specification for Surveillance Data Exchange, Part 4 (CAT 048, edition 1.32) and Part 2b (CAT 034, edition 1.29).
+Source: EUROCONTROL Specification for Surveillance Data Exchange, Part 4 (CAT 048, edition 1.32), Part 2b (CAT 034, edition 1.29),
+Part 7 (CAT 010, edition 1.1) and Part 9 (CAT 062, edition 1.20).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from coastwatch.batches import RadarReports, Radars, Reports
+from coastwatch.batches import Floats, RadarReports, Radars, Reports, Sensors, TrackReports
 from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
 from coastwatch.server.feeds.address import Address, AddressError
+from coastwatch.server.feeds.asterix_tracks import Track, quantity_of, reports_of, track_of, uint_of
 from coastwatch.server.feeds.decoding import Waiting
 from coastwatch.server.feeds.transport import Item
 
 DAMAGED = "damaged datagram"
 OTHER_CATEGORY = SET_ASIDE + "other category"
-UNKNOWN_RADAR = "SAC and SIC of no radar"
+UNKNOWN_RADAR = "SAC and SIC of no radar or track source"
 NO_POSITION = "plot without range and azimuth"
 TEST_TARGET = SET_ASIDE + "test target"
 SERVICE = SET_ASIDE + "service message"
+CLOCK = {48: "140", 34: "030", 10: "140", 62: "070"}
+"""Item with the time of day, by category."""
+
+TARGET_REPORT = 1  # message type of CAT 010
 DAY_S = 86_400.0
 SAC = 25  # of what is sent from here
+
+
+class Plot(NamedTuple):
+    """A plot of a radar."""
+
+    radar: int
+    time_s: float
+    range_m: float
+    azimuth_deg: float
 
 
 @cache
@@ -35,73 +51,81 @@ def _library() -> Any:
     """The parts of libasterix that are needed. It takes a second to import."""
     from asterix import base, generated
 
-    return SimpleNamespace(Raw=base.RawDatablock, Bits=base.Bits, plots=generated.Cat_048_1_32, service=generated.Cat_034_1_29)
+    kinds = {48: generated.Cat_048_1_32, 34: generated.Cat_034_1_29, 10: generated.Cat_010_1_1, 62: generated.Cat_062_1_20}
+    return SimpleNamespace(Raw=base.RawDatablock, Bits=base.Bits, kinds=kinds)
 
 
-def numbers_of(address: Address, names: list[str]) -> dict[tuple[int, int], int]:
-    """The radar of each SAC and SIC that an address names, as in asterix+udp://:8600?25/1=north.
+class Origin(NamedTuple):
+    """What a SAC and SIC stand for."""
 
-    Args: names: of the radars. Raises: AddressError.
-    """
+    is_track_source: bool
+    number: int  # of the radar or track source
+
+
+def origins_of(address: Address, sensors: Sensors) -> dict[tuple[int, int], Origin]:
+    """What each SAC and SIC that an address names stands for, as in asterix+udp://:8600?25/1=north. Raises: AddressError."""
+    radars, sources = [str(name) for name in sensors.radars.name], [str(name) for name in sensors.track_sources.name]
     out = {}
     for key, value in address.options.items():
         if key == "name":
             continue
         sac, _, sic = key.partition("/")
-        if not (sac.isdecimal() and sic.isdecimal()) or value not in names:
+        if not (sac.isdecimal() and sic.isdecimal()) or value not in (*radars, *sources):
+            known = ", ".join([*radars, *sources]) or "none"
             raise AddressError(
-                f"feed: got {key}={value} in {address.text!r}, needed SAC/SIC=RADAR with a radar of {', '.join(names) or 'none'}"
+                f"feed: got {key}={value} in {address.text!r}, needed SAC/SIC=NAME with a radar or track source of {known}"
             )
-        out[int(sac), int(sic)] = names.index(value)
+        out[int(sac), int(sic)] = Origin(False, radars.index(value)) if value in radars else Origin(True, sources.index(value))
     return out
 
 
 class AsterixDecoder:
-    """The datagrams of one feed. Where its address names no radar, SIC 1 is the first radar of the scenario, 2 the second."""
+    """The datagrams of one feed.
 
-    def __init__(self, address: Address, radars: Radars) -> None:
+    Where its address names nothing, SIC 1 is the first radar of the scenario, 2 the second, and CAT 062 is of the only track source.
+    """
+
+    def __init__(self, address: Address, sensors: Sensors) -> None:
         """Raises: AddressError."""
         self.tally, self.newest_s, self.first_s = Tally(), -math.inf, math.inf
-        self._name, self._radars = address.name, radars
-        self._numbers = numbers_of(address, [str(name) for name in radars.name])
-        self._waiting = Waiting(RadarReports, ("sensor", "range_m", "azimuth_deg"))
+        self._name, self._sensors = address.name, sensors
+        self._origins = origins_of(address, sensors)
+        self._plots = Waiting(RadarReports, ("sensor", "range_m", "azimuth_deg"))
+        self._tracks = Waiting(TrackReports, ("sensor", "number", "position_deg"))
 
     @property
     def late(self) -> int:
         """As of `Decoder`."""
-        return self._waiting.late
+        return self._plots.late + self._tracks.late
 
     @property
     def records(self) -> int:
         """As of `Decoder`."""
-        return self._waiting.records
+        return self._plots.records + self._tracks.records
 
     def take(self, items: list[Item], reference_s: float | None) -> None:
         """As of `Decoder`. A time of day is that nearest to the reference, or to the arrival."""
-        plots = [plot for when, data in items for plot in self._plots(data, when if reference_s is None else reference_s)]
-        if not plots:
-            return
-        table = np.array(plots, np.float64)
-        sensor = table[:, 0].astype(np.int64)
-        self._waiting.add(
-            RadarReports(
-                sensor=sensor,
-                time_s=table[:, 1].copy(),
-                received_s=table[:, 1].copy(),
-                range_m=table[:, 2].copy(),
-                azimuth_deg=table[:, 3].copy(),
-                site_deg=self._radars.site_deg[sensor],
-                origin=np.full(len(table), -1, np.int64),
-            )
-        )
+        plots: list[Plot] = []
+        tracks: list[tuple[int, Track]] = []
+        for when, data in items:
+            for found in self._found(data, when if reference_s is None else reference_s):
+                if isinstance(found, Plot):
+                    plots.append(found)
+                else:
+                    tracks.append(found)
+        if plots:
+            table = np.array(plots, np.float64)
+            self._plots.add(_radar_reports(table, self._sensors.radars))
+        for source in sorted({number for number, _ in tracks}):
+            self._tracks.add(reports_of(source, [track for number, track in tracks if number == source]))
 
     def cut(self, after_s: float, until_s: float) -> Reports:
         """As `Cut`."""
-        empty = Reports.empty()
-        return Reports(self._waiting.cut(after_s, until_s), empty.ais, empty.statics, empty.bearing, empty.tracks)
+        radar, tracks = self._plots.cut(after_s, until_s), self._tracks.cut(after_s, until_s)
+        return replace(Reports.empty(), radar=radar, tracks=tracks)
 
-    def _plots(self, data: bytes, about_s: float) -> Iterator[tuple[float, float, float, float]]:
-        """Radar, time, range and azimuth of each plot of a datagram. What cannot be used is counted."""
+    def _found(self, data: bytes, about_s: float) -> Iterator[Plot | tuple[int, Track]]:
+        """The plots and the tracks, with the number of their source, of a datagram. What cannot be used is counted."""
         lib = _library()
         try:
             blocks = lib.Raw.parse(lib.Bits.from_bytes(data))
@@ -109,45 +133,71 @@ class AsterixDecoder:
                 raise blocks
             for block in blocks:
                 category = block.get_category()
-                if category not in (34, 48):
+                if category not in lib.kinds:
                     self.tally.add(OTHER_CATEGORY, self._name, str(category))
                     continue
-                kind = lib.plots if category == 48 else lib.service
-                records = kind.cv_uap.parse(block.get_raw_records())
+                records = lib.kinds[category].cv_uap.parse(block.get_raw_records())
                 if isinstance(records, ValueError):
                     raise records
                 for record in records:
-                    plot = self._plot(record, category == 48, about_s)
-                    if plot is not None:
-                        yield plot
+                    found = self._one(record, category, about_s)
+                    if found is not None:
+                        yield found
         except Exception as error:  # whatever a library raises on damaged bytes
             self.tally.add(DAMAGED, self._name, f"{type(error).__name__}: {error}")
 
-    def _plot(self, record: Any, is_plot: bool, about_s: float) -> tuple[float, float, float, float] | None:
-        source, clock = record.get_item("010"), record.get_item("140" if is_plot else "030")
-        number = None if source is None else self._number(*(source.variation.get_item(x).as_uint() for x in ("SAC", "SIC")))
-        if number is None:
-            self.tally.add(UNKNOWN_RADAR, self._name, "no item 010" if source is None else str(source.as_uint()))
+    def _one(self, record: Any, category: int, about_s: float) -> Plot | tuple[int, Track] | None:
+        """What a record holds; None: nothing that is used, which is counted."""
+        identity, clock = record.get_item("010"), record.get_item(CLOCK[category])
+        origin = None if identity is None else self._origin(category, *(uint_of(identity, x) for x in ("SAC", "SIC")))
+        if origin is None:
+            self.tally.add(UNKNOWN_RADAR, self._name, "no item 010" if identity is None else str(identity.as_uint()))
             return None
         time_s = about_s if clock is None else nearest_s(clock.variation.content.as_quantity("s"), about_s)
         self.newest_s, self.first_s = max(self.newest_s, time_s), min(self.first_s, time_s)
-        if not is_plot:
+        if category == 34 or (category == 10 and record.get_item("000").as_uint() != TARGET_REPORT):
             self.tally.add(SERVICE, self._name)
             return None
-        position = record.get_item("040")
+        if _is_test(record.get_item("020")) and category != 62:
+            self.tally.add(TEST_TARGET, self._name)
+            return None
+        if origin.is_track_source:
+            track = track_of(record, category, time_s, self._sensors.track_sources.site_deg[origin.number])
+            if isinstance(track, str):
+                self.tally.add(track, self._name)
+                return None
+            return origin.number, track
+        return self._plot(record, category, origin.number, time_s)
+
+    def _plot(self, record: Any, category: int, radar: int, time_s: float) -> Plot | None:
+        position = record.get_item("040") if category in (48, 10) else None
         if position is None:
             self.tally.add(NO_POSITION, self._name)
             return None
-        if _is_test(record.get_item("020")):
-            self.tally.add(TEST_TARGET, self._name)
-            return None
-        rho, theta = (position.variation.get_item(name).variation.content for name in ("RHO", "THETA"))
-        return number, time_s, rho.as_quantity("NM") * NAUTICAL_MILE_M, theta.as_quantity("°")
+        if category == 10:
+            return Plot(radar, time_s, quantity_of(position, "RHO", "m"), quantity_of(position, "TH", "°"))
+        return Plot(radar, time_s, quantity_of(position, "RHO", "NM") * NAUTICAL_MILE_M, quantity_of(position, "THETA", "°"))
 
-    def _number(self, sac: int, sic: int) -> int | None:
-        if self._numbers:
-            return self._numbers.get((sac, sic))
-        return sic - 1 if 1 <= sic <= len(self._radars) else None
+    def _origin(self, category: int, sac: int, sic: int) -> Origin | None:
+        if self._origins:
+            return self._origins.get((sac, sic))
+        if category == 62:
+            return Origin(True, 0) if len(self._sensors.track_sources) == 1 else None
+        return Origin(False, sic - 1) if 1 <= sic <= len(self._sensors.radars) else None
+
+
+def _radar_reports(table: Floats, radars: Radars) -> RadarReports:
+    """Plots as reports. Args: table: (M, 4), rows of `Plot`."""
+    sensor = table[:, 0].astype(np.int64)
+    return RadarReports(
+        sensor=sensor,
+        time_s=table[:, 1].copy(),
+        received_s=table[:, 1].copy(),
+        range_m=table[:, 2].copy(),
+        azimuth_deg=table[:, 3].copy(),
+        site_deg=radars.site_deg[sensor],
+        origin=np.full(len(table), -1, np.int64),
+    )
 
 
 def nearest_s(of_day_s: float, about_s: float) -> float:
@@ -159,13 +209,12 @@ def _is_test(descriptor: Any) -> bool:
     """Whether a target report descriptor (item 020) says that the plot is of a test target."""
     if descriptor is None:
         return False
-    found = descriptor.variation.get_item("TST")
-    return found is not None and bool(found.as_uint())
+    return bool(uint_of(descriptor, "TST"))
 
 
 def datagrams(reports: RadarReports, most_plots: int = 40) -> Iterator[bytes]:
     """CAT 048 datagrams of plots, of one radar each, in order. SIC is the number of the radar from 1 on."""
-    kind = _library().plots
+    kind = _library().kinds[48]
     start = np.flatnonzero(np.append(True, np.diff(reports.sensor) != 0)[: len(reports)]).tolist()
     for begin, end in zip(start, [*start[1:], len(reports)], strict=True):
         for low in range(begin, end, most_plots):

@@ -23,6 +23,7 @@ from coastwatch.server.feeds.ais import AisDecoder, Receivers
 from coastwatch.server.feeds.asterix import AsterixDecoder
 from coastwatch.server.feeds.decoding import Cut, Decoder
 from coastwatch.server.feeds.json_lines import JsonDecoder
+from coastwatch.server.feeds.targets import TargetDecoder
 from coastwatch.server.feeds.transport import Inbox, Receiver
 from coastwatch.server.regions.client import RegionAddress, resumed
 from coastwatch.server.regions.intake import RegionIntake
@@ -75,6 +76,13 @@ class _Feed:
         }
 
 
+def _other_decoder(address: Address, sensors: Sensors) -> AsterixDecoder | JsonDecoder | TargetDecoder:
+    """The decoder of a feed that is not of AIS. Raises: AddressError."""
+    if address.format == "asterix":
+        return AsterixDecoder(address, sensors)
+    return TargetDecoder(address, sensors.track_sources) if address.format == "ttm" else JsonDecoder(address, sensors)
+
+
 class LiveInput:
     """Feeds and regions as the input of a live run. Use it in a `with` block, in which it receives."""
 
@@ -95,17 +103,15 @@ class LiveInput:
         self._receiver = Receiver(addresses)
         self._feeds: list[_Feed] = []
         ais: list[AisDecoder] = []
-        others: list[AsterixDecoder | JsonDecoder] = []
+        others: list[AsterixDecoder | JsonDecoder | TargetDecoder] = []
         for inbox in self._receiver.inboxes:
-            made: AisDecoder | AsterixDecoder | JsonDecoder
-            if inbox.address.format == "ais":
-                made = AisDecoder(inbox.address.name, len(ais), checked=clock == "wall")
+            address = inbox.address
+            made: AisDecoder | AsterixDecoder | JsonDecoder | TargetDecoder
+            if address.format == "ais":
+                made = AisDecoder(address.name, len(ais), checked=clock == "wall")
                 ais.append(made)
-            elif inbox.address.format == "asterix":
-                made = AsterixDecoder(inbox.address, sensors.radars)
-                others.append(made)
             else:
-                made = JsonDecoder(inbox.address, sensors)
+                made = _other_decoder(address, sensors)
                 others.append(made)
             self._feeds.append(_Feed(inbox, made))
         self._names = tuple(decoder.name for decoder in ais)

@@ -20,7 +20,7 @@ from coastwatch.scenario import Scenario
 from coastwatch.sensors.recorded.faults import Tally
 from coastwatch.sensors.recorded.nmea.feed import lines_of
 from coastwatch.sensors.recorded.nmea.sentences import ais_sentences
-from coastwatch.server.feeds.address import Address
+from coastwatch.server.feeds.address import MQTT_PORTS, Address, AddressError
 from coastwatch.server.feeds.asterix import datagrams
 
 STEP_S = 0.2
@@ -214,6 +214,8 @@ class _File:
 
 
 def _opened(address: Address, stack: ExitStack) -> Sender:
+    if address.transport in MQTT_PORTS or address.format == "ttm":
+        raise AddressError(f"feed: got {address.text!r}, needed a feed of ais, asterix or json that is not MQTT, to send to it")
     if address.transport == "udp":
         return _Datagrams(address, stack)
     return _File(address, stack) if address.transport == "file" else _Stream(address, stack)

@@ -13,10 +13,11 @@ import time
 from collections import deque
 from contextlib import suppress
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Self
 
-from coastwatch.server.feeds.address import Address
+from coastwatch.server.feeds.address import MQTT_PORTS, Address, AddressError
 
 MOST_ITEMS = 200_000
 """Lines or datagrams that may wait in an inbox."""
@@ -71,6 +72,9 @@ class Receiver:
     """Receives all feeds in a thread. Use it in a `with` block."""
 
     def __init__(self, addresses: list[Address]) -> None:
+        """Raises: AddressError: a package is missing."""
+        if any(address.transport in MQTT_PORTS for address in addresses) and find_spec("aiomqtt") is None:
+            raise AddressError("feed: got an MQTT feed, needed the package aiomqtt: pip install 'coastwatch[mqtt]'")
         self.inboxes = [Inbox(address) for address in addresses]
         self._opened = threading.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -100,7 +104,7 @@ class Receiver:
                 if inbox.address.transport in ("listen", "udp"):
                     closers.append(await _opened(inbox))
                 else:
-                    read = _connected if inbox.address.transport == "tcp" else _tailed
+                    read = READERS[inbox.address.transport]
                     tasks.append(asyncio.create_task(read(inbox)))
         except OSError as error:
             self._failed = error
@@ -229,3 +233,38 @@ async def _tailed(inbox: Inbox) -> None:
             inbox.connected, inbox.error = 0, str(error.strerror or error)
             at_start = True  # a file that comes is read whole
         await asyncio.sleep(TAIL_WAIT_S)
+
+
+async def _subscribed(inbox: Inbox) -> None:
+    """Take the messages of an MQTT topic, whole lines each, and subscribe again when the broker is gone."""
+    from aiomqtt import Client, MqttError, TLSParameters  # of the extra `mqtt`
+
+    address, wait_s = inbox.address, FIRST_RETRY_S
+    tls = TLSParameters(ca_certs=address.options.get("ca-file")) if address.transport == "mqtts" else None
+    while True:
+        try:
+            login = address.options.get("user"), _password(address)
+            async with Client(address.host, address.port, username=login[0], password=login[1], tls_params=tls) as client:
+                await client.subscribe(address.path, qos=1)
+                inbox.connections, inbox.connected, inbox.error, wait_s = inbox.connections + 1, 1, None, FIRST_RETRY_S
+                async for message in client.messages:
+                    data = message.payload if isinstance(message.payload, bytes) else str(message.payload).encode()
+                    _put_lines(inbox, data.rstrip(b"\r\n") + b"\n", len(data))
+                    while inbox.is_full:
+                        await asyncio.sleep(FULL_WAIT_S)
+        except (MqttError, OSError) as error:
+            inbox.error = str(error)
+        finally:
+            inbox.connected = 0
+        await asyncio.sleep(wait_s)
+        wait_s = min(2.0 * wait_s, LAST_RETRY_S)
+
+
+def _password(address: Address) -> str | None:
+    """The first line of the file that `password-file` names. Raises: OSError."""
+    path = address.options.get("password-file")
+    return None if path is None else Path(path).read_text("utf-8").partition("\n")[0]
+
+
+READERS = {"tcp": _connected, "file": _tailed, "mqtt": _subscribed, "mqtts": _subscribed}
+"""What receives a feed that does not listen, by transport."""

@@ -15,11 +15,18 @@ def of_centre(scenario: Scenario, regions: Sequence[str]) -> Scenario:
 
     Raises: ScenarioError: two regions of one name.
     """
-    twice = sorted({name for name in regions if list(regions).count(name) > 1})
+    return with_track_sources(scenario, regions, PATIENCE_S).model_copy(update={"radars": ()})
+
+
+def with_track_sources(scenario: Scenario, names: Sequence[str], patience_s: float = 30.0) -> Scenario:
+    """The scenario with a track source of each of these names. One that it has already keeps its settings.
+
+    Args: patience_s: of the new ones. Raises: ScenarioError: a name is there twice.
+    """
+    twice = sorted({name for name in names if list(names).count(name) > 1})
     if twice:
-        raise ScenarioError(
-            f"region: got the name {twice[0]!r} {list(regions).count(twice[0])} times, needed each once: name=NAME"
-        )
+        count = list(names).count(twice[0])
+        raise ScenarioError(f"track source: got the name {twice[0]!r} {count} times, needed each once: name=NAME")
     known = {source.name for source in scenario.track_sources}
-    added = tuple(TrackSource(name=name, patience_s=PATIENCE_S) for name in regions if name not in known)
-    return scenario.model_copy(update={"radars": (), "track_sources": (*scenario.track_sources, *added)})
+    added = tuple(TrackSource(name=name, patience_s=patience_s) for name in names if name not in known)
+    return scenario.model_copy(update={"track_sources": (*scenario.track_sources, *added)})

@@ -79,39 +79,62 @@ def target_reports(
     time of day and no date; NaN: none.
     Raises: OSError that names the file.
     """
-    site, heading = sources.site_deg[source], float(sources.heading_deg[source])
-    fixed = bool(np.isfinite(site).all())
-    own = _OwnShip(float(site[0]), float(site[1]), heading if fixed else math.nan)
+    targets = TargetSentences(sources.site_deg[source], float(sources.heading_deg[source]), assumed_s, tally)
     states: list[State] = []
     lines: list[int] = []
     for received in wanted_sentences(lines_of(path, tally), path.name, tally, TARGETS + OWN_SHIP):
-        kind = received.sentence[3:6].upper()
-        where = f"{path.name}:{received.line}"
         clock_s = received.clock_s if math.isnan(received.own_s) else received.own_s
+        state = targets.state(received.sentence, clock_s, f"{path.name}:{received.line}")
+        if state is not None:
+            states.append(state)
+            lines.append(received.line)
+    return _in_order(states, lines, source, path.name, intake, tally)
+
+
+class TargetSentences:
+    """Sentences of one radar, one after the other, to states of its targets; what cannot be used is counted."""
+
+    def __init__(self, site_deg: Floats, heading_deg: float, assumed_s: float, tally: Tally) -> None:
+        """Args: site_deg: (2,) of a radar that does not move, NaN: unknown; heading_deg: its; assumed_s: as of `target_reports`."""
+        fixed = bool(np.isfinite(site_deg).all())
+        self._own = _OwnShip(float(site_deg[0]), float(site_deg[1]), heading_deg if fixed else math.nan)
+        self._assumed_s, self._tally = assumed_s, tally
+
+    def state(self, sentence: bytes, clock_s: float, where: str) -> State | None:
+        """The state that a sentence of TARGETS holds; None: it has none, or is of the own ship.
+
+        Args: clock_s: time of the sentence; NaN: unknown; where: of the sentence, for the tally.
+        """
+        kind = sentence[3:6].upper()
+        said = self._parsed(sentence, where)
+        if said is None:
+            return None
+        if math.isnan(clock_s) and not math.isnan(self._assumed_s):
+            clock_s = self._assumed_s = _time_s(getattr(said, "time", None), self._assumed_s)
+        if kind in OWN_SHIP:
+            self._own.update(said, kind, clock_s)
+            return None
+        if math.isnan(clock_s):
+            self._tally.add(TIME_MISSING, where, sentence)
+            return None
+        state, refused = _state(said, kind, clock_s, self._own)
+        if state is None:
+            self._tally.add(refused, where, sentence)
+        return state
+
+    def _parsed(self, sentence: bytes, where: str) -> Any:
+        """What pynmeagps makes of a sentence; None: nothing."""
+        said: Any = None
+        fault = UNDECODABLE
         try:
-            said: Any = NMEAReader.parse(received.sentence)
+            said = NMEAReader.parse(sentence)
         except NMEAParseError as error:
-            tally.add(CHECKSUM if "checksum" in str(error) else UNDECODABLE, where, received.sentence)
-            continue
+            fault = CHECKSUM if "checksum" in str(error) else UNDECODABLE
         except Exception:  # a sentence that pynmeagps cannot parse must not stop the feed
             said = None
         if said is None:
-            tally.add(UNDECODABLE, where, received.sentence)
-            continue
-        if math.isnan(clock_s) and not math.isnan(assumed_s):
-            clock_s = assumed_s = _time_s(getattr(said, "time", None), assumed_s)
-        if kind in OWN_SHIP:
-            own.update(said, kind, clock_s)
-        elif math.isnan(clock_s):
-            tally.add(TIME_MISSING, where, received.sentence)
-        else:
-            state, refused = _state(said, kind, clock_s, own)
-            if state is None:
-                tally.add(refused, where, received.sentence)
-            else:
-                states.append(state)
-                lines.append(received.line)
-    return _in_order(states, lines, source, path.name, intake, tally)
+            self._tally.add(fault, where, sentence)
+        return said
 
 
 def _state(said: Any, kind: bytes, clock_s: float, own: _OwnShip) -> tuple[State | None, str]:
