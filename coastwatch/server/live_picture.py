@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
+import lazy_loader
 import numpy as np
 
 from coastwatch import store
@@ -16,6 +18,9 @@ from coastwatch.store import Store, Table
 from coastwatch.store.insert import NullableId
 from coastwatch.store.picture_queries import COLUMNS, STATIC
 from coastwatch.store.to_rows import membership, motion, source_texts, static_rows
+
+polars = lazy_loader.load("polars")  # only a search needs it
+SEARCHED = ("vessel_id", "mmsi", "name", "call_sign")
 
 KIND_OF_SOURCE = {SourceKind.AIS: 1, SourceKind.RADAR: 2, SourceKind.BEARING: 4}
 """The bit that a source of this kind sets in the kind of a vessel."""
@@ -72,16 +77,35 @@ class LivePicture:
         return Table(COLUMNS, tuple(found[name] for name in COLUMNS))
 
     def search(self, text: str) -> Ints:
-        """Rows whose name, call sign, MMSI or vessel id has this text, those that begin with it first."""
-        wanted = text.strip().upper()
-        ranks: list[tuple[int, int]] = []
-        for row, (vessel, mmsi) in enumerate(zip(self.array("vessel_id").tolist(), self.array("mmsi").tolist(), strict=True)):
-            name, sign, *_ = self.statics.get(mmsi, ("", ""))
-            fields = (str(vessel), f"{mmsi:09d}" if mmsi >= 0 else "", (name or "").upper(), (sign or "").upper())
-            if any(wanted in field for field in fields):
-                exact, begins = wanted in fields, any(field.startswith(wanted) for field in fields)
-                ranks.append((0 if exact else 1 if begins else 2, row))
-        return np.array([row for _, row in sorted(ranks)], np.int64)
+        """Rows whose name, call sign, MMSI or vessel id has this text: those that equal it first, then those that begin with it."""
+        wanted, ranks = text.strip().upper(), []
+        for name in SEARCHED:
+            column = polars.col(name)
+            begins = polars.when(column.str.starts_with(wanted)).then(1)
+            has = begins.when(column.str.contains(wanted, literal=True)).then(2).otherwise(3)
+            ranks.append(polars.when(column == wanted).then(0).otherwise(has))
+        rank = self._searched.select(polars.min_horizontal(ranks)).to_series().to_numpy()
+        found = np.flatnonzero(rank < 3)
+        return found[np.argsort(rank[found], kind="stable")]
+
+    @cached_property
+    def _searched(self) -> Any:
+        """Columns SEARCHED of all vessels as a data frame of texts in upper case, made at the first search in this picture."""
+        statics = dict(self.statics)  # it grows in another thread
+        names = polars.DataFrame(
+            {
+                "number": polars.Series(list(statics), dtype=polars.Int64),
+                "name": polars.Series([of[0] for of in statics.values()], dtype=polars.String),
+                "call_sign": polars.Series([of[1] for of in statics.values()], dtype=polars.String),
+            }
+        )
+        own = polars.DataFrame({"vessel_id": self.array("vessel_id"), "number": self.array("mmsi")})
+        number = polars.col("number")
+        texts = own.join(names, "number", "left", maintain_order="left").with_columns(
+            polars.col("vessel_id").cast(polars.String),
+            polars.when(number >= 0).then(number.cast(polars.String).str.zfill(9)).alias("mmsi"),
+        )
+        return texts.select(polars.col(name).fill_null("").str.to_uppercase() for name in SEARCHED)
 
 
 def of_cycle(run_id: int, number: int, cycle: Cycle, sensors: Sensors, statics: Statics) -> LivePicture:

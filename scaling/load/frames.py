@@ -1,4 +1,4 @@
-"""Size and cost of the frames that viewers get: of drawn vessels, or of the recorded pictures of a run.
+"""Size and processor time of the frames that viewers get: of drawn vessels, or of the recorded pictures of a run.
 
 python -m scaling.load.frames --vessels 100000
 coastwatch run guanabara --set store.recording=true --db x.db && python -m scaling.load.frames --db x.db
@@ -60,17 +60,17 @@ def main() -> None:
     seconds: dict[str, list[float]] = {"find what moved": [], "full frame": [], "delta": []}
     sizes: dict[str, list[int]] = {"full frame": [], "delta": []}
     for picture in recorded(options.db) if options.db else drawn(options.vessels):
-        began = time.perf_counter()
+        began = time.thread_time()
         frames.append(encoder.frame(picture))
-        made = time.perf_counter()
+        made = time.thread_time()
         full = frames[-1].full()
-        filled = time.perf_counter()
+        filled = time.thread_time()
         delta = viewer.message(frames)
         seconds["find what moved"].append(made - began)
         seconds["full frame"].append(filled - made)
         sizes["full frame"].append(len(full))
         if len(frames) > 1:
-            seconds["delta"].append(time.perf_counter() - filled)
+            seconds["delta"].append(time.thread_time() - filled)
             sizes["delta"].append(len(delta))
     for name, taken in seconds.items():
         print(f"{name}: median {statistics.median(taken) * 1e3:.1f} ms, longest {max(taken) * 1e3:.1f} ms")

@@ -47,7 +47,7 @@ class Subset(BaseModel):
         """The ids of a frame with 0 for vessels that are left out. (S,)"""
         vessels, wanted = frame.vessels, frame.ids != 0
         if self.bbox is not None:
-            wanted &= inside(frame.position_deg, self.bbox)
+            wanted &= inside(frame.position_deg.T, self.bbox)
         if self.kinds != 7:
             wanted &= (vessels["kind"] & self.kinds) != 0
         if self.min_sog > 0.0:
