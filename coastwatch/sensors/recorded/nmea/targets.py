@@ -148,7 +148,8 @@ def _state(said: Any, kind: bytes, clock_s: float, own: _OwnShip) -> tuple[State
     time_s = _time_s(getattr(said, "time", None), clock_s)
     velocity = (math.nan, math.nan)
     if kind == b"TLL":
-        latitude, longitude = said.targetlat, said.targetlon
+        latitude = _signed(said.targetlat, getattr(said, "targetlatNS", "N"), "S")  # pynmeagps gives both without a sign
+        longitude = _signed(said.targetlon, getattr(said, "targetlonEW", "E"), "W")
     else:
         own_latitude, own_longitude, heading = own.at(clock_s)
         relative = said.targetbearingu == "R"
@@ -162,6 +163,11 @@ def _state(said: Any, kind: bytes, clock_s: float, own: _OwnShip) -> tuple[State
     if not abs(latitude) <= HIGHEST_LATITUDE:
         return None, LATITUDE
     return (int(said.targetnum), min(time_s, clock_s), clock_s, latitude, longitude, *velocity), ""
+
+
+def _signed(degrees: float, side: str, negative: str) -> float:
+    """Degrees with their sign. Args: negative: the side on which they are negative."""
+    return -abs(degrees) if side == negative else degrees
 
 
 def _velocity(said: Any, heading: float, own: _OwnShip) -> tuple[float, float]:
