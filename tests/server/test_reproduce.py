@@ -16,7 +16,7 @@ from run_world import Start
 
 from coastwatch.operators.cli import main
 from coastwatch.operators.reproduction import finished_runs, planning, published, report, running, systems
-from coastwatch.operators.reproduction.figures import Row, Spread, at_path
+from coastwatch.operators.reproduction.figures import Made, Row, Spread, at_path, orders
 from coastwatch.operators.reproduction.finished_runs import FinishedRuns
 from coastwatch.operators.reproduction.html_report import better_than_published
 from coastwatch.operators.reproduction.report_plots import roc_curve
@@ -114,6 +114,18 @@ def test_complete_systems_are_scored_against_the_true_vessels(tmp_path: Path) ->
         assert found["ospa2_m"] <= 100.0
     assert fused != taken
     assert all(row.default.values for row in made.folders[0].rows)
+
+
+def test_two_methods_of_a_variant_are_compared_and_their_names_may_have_dots() -> None:
+    of = published.chosen("sagild", ("normal",))["sagild-normal"]
+    claim = next(o for o in of.ordering if o.than == "pairs.counting 30 4 3.initialisation_s")
+    assert claim.title == "initialisation_s: test 0.01 < counting 30 4 3 (fast)"
+    pairs = [{"test 0.01": {"initialisation_s": t}, "counting 30 4 3": {"initialisation_s": 4.0}} for t in (0.5, 0.0, None)]
+    records = tuple({"scores": {"pairs": one}} for one in pairs)
+    made = [Made(planning.Wanted(of.named("fast"), (), (), ()), records)]
+    (order,) = orders(of.model_copy(update={"ordering": (claim,)}), made)
+    assert order.difference.values == (3.5, 4.0)
+    assert order.verdict == "holds"
 
 
 def test_systems_are_matched_once_and_only_nearby() -> None:

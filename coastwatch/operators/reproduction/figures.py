@@ -91,7 +91,8 @@ def orders(of: Published, made: Sequence[Made]) -> list[Order]:
             other = at(made, claim.more, point)
             if other is None or not all(point.get(key) in wanted for key, wanted in claim.at.items()):
                 continue
-            pairs = [(at_path(a, claim.path), at_path(b, claim.path)) for a, b in zip(one.records, other.records, strict=False)]
+            than = claim.than or claim.path
+            pairs = [(at_path(a, claim.path), at_path(b, than)) for a, b in zip(one.records, other.records, strict=False)]
             apart = tuple(b - a for a, b in pairs if a is not None and b is not None)
             found.append(Order(claim, one.wanted.point, Spread(apart)))
     return found
@@ -118,12 +119,22 @@ def values(records: Sequence[Record], path: str) -> tuple[float, ...]:
 
 
 def at_path(record: Record, path: str) -> float | None:
-    """The number at a dotted path of a record, of which "scores." may be left out. None if there is none."""
-    here: Any = record
-    first = path.split(".")[0]
-    for part in path.split(".") if first in record else ["scores", *path.split(".")]:
-        here = here.get(part) if isinstance(here, Mapping) else None
+    """The number at a dotted path of a record, of which "scores." may be left out. None if there is none.
+
+    A name may have a dot: "pairs.test 0.01.tpr".
+    """
+    parts = path.split(".")
+    here = _below(record, parts if parts[0] in record else ["scores", *parts])
     return float(here) if isinstance(here, int | float) and math.isfinite(here) else None
+
+
+def _below(here: Any, parts: Sequence[str]) -> Any:
+    """What stands at these parts of a path; None if there is nothing."""
+    if not parts or not isinstance(here, Mapping):
+        return None if parts else here
+    names = ((".".join(parts[:k]), parts[k:]) for k in range(1, len(parts) + 1))
+    found = (_below(here[name], rest) for name, rest in names if name in here)
+    return next((value for value in found if value is not None), None)
 
 
 def at(made: Sequence[Made], variant: str, point: Mapping[str, Value]) -> Made | None:

@@ -143,7 +143,7 @@ def _section(folder: Folder) -> Iterator[str]:
 def _order(order: Order) -> Sequence[str]:
     o = order.ordering
     at = escape(", ".join(str(value) for _, value in order.point))
-    said = f"{o.path.rpartition('.')[2]}: {o.less} below {o.more}"
+    said = escape(o.title)
     colour = {"holds": "yes", "fails": "no"}.get(order.verdict, "note")
     numbers = f"{order.difference.mean:.3g}", f"{order.error:.2g}"
     return said, at, *numbers, f"<span class={colour}>{order.verdict}</span>"

@@ -81,7 +81,14 @@ def _figure(row: Row) -> dict[str, Any]:
 
 def _order(order: Order) -> dict[str, Any]:
     o = order.ordering
-    known = {"path": o.path, "less": o.less, "more": o.more, "at": dict(order.point), "verdict": order.verdict}
+    known = {
+        "path": o.path,
+        "than": o.than or o.path,
+        "less": o.less,
+        "more": o.more,
+        "at": dict(order.point),
+        "verdict": order.verdict,
+    }
     return {**known, "difference": _spread(order.difference)}
 
 

@@ -72,12 +72,28 @@ class Figure(Settings):
 
 
 class Ordering(Settings):
-    """A claim about two variants at every point of the sweeps: a value of one is less than that of the other, seed by seed."""
+    """A claim about two variants at every point of the sweeps: a value of one is less than that of the other, seed by seed.
+
+    With `than` it may be a claim about two methods of one variant.
+    """
 
     path: str  # path in the record
+    than: str = ""  # path of the value that is more, if it is another
     less: str  # variant
     more: str  # variant
     at: dict[str, tuple[Value, ...]] = Field(default_factory=dict)  # only at these points
+
+    @property
+    def title(self) -> str:
+        """The claim in short: the figure, what is less, and what is more."""
+        if not self.than:
+            return f"{self.path.rpartition('.')[2]}: {self.less} < {self.more}"
+        sides = [
+            (path.split(".", 1)[1].rpartition("."), name) for path, name in ((self.path, self.less), (self.than, self.more))
+        ]
+        one, other = (method if self.less == self.more else f"{method} of {name}" for (method, _, _), name in sides)
+        among = f" ({self.less})" if self.less == self.more else ""
+        return f"{sides[0][0][2]}: {one} < {other}{among}"
 
 
 class Published(Settings):

@@ -56,7 +56,7 @@ def lines(reproduction: Reproduction) -> Iterator[str]:
                 ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for _, value in order.point),
             )
             apart = f"{order.difference.mean:.3g} +- {order.error:.2g} (standard error)"
-            yield f"  {o.path.rpartition('.')[2]}: {o.less} < {o.more} {f'at {at}' if at else ''}: {order.verdict}: {apart}"
+            yield f"  {o.title} {f'at {at}' if at else ''}: {order.verdict}: {apart}"
 
 
 def _spread(spread: Spread, row: Row) -> str:
