@@ -107,6 +107,8 @@ def test_a_centre_that_does_not_wait_goes_on_without_a_region_and_counts_what_co
         wait_for(lambda: source.feeds()[0]["received"] == 6)
         assert len(source.between(end[4], end[5])) == VESSELS
         assert [one[2:] for one in source.intake()] == [(3, 5, 2)]
+        of_feeds = {"bytes", "records", "refused", "late", "dropped", "connections", "silent_s"}  # that metrics ask for
+        assert of_feeds <= set(source.feeds()[0])
         assert [(fault.kind, fault.count) for fault in source.faults()] == [(LATE, 2), (WITHOUT, 2)]
 
 

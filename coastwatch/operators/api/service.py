@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import partial
@@ -15,6 +15,7 @@ from coastwatch.operators import stored
 from coastwatch.operators.api.audit import Audit
 from coastwatch.operators.api.hub import Hub
 from coastwatch.operators.api.metrics import Metrics
+from coastwatch.server.feeds.outgoing import OutFeed
 from coastwatch.server.live_picture import LivePicture
 from coastwatch.server.regions.publisher import Publisher
 from coastwatch.server.run import version
@@ -60,12 +61,13 @@ class Service:
     hub: Hub = field(init=False)
     audit: Audit = field(init=False)
     publisher: Publisher | None = None  # of a region's tracks
+    outs: Sequence[OutFeed] = ()  # to which each picture is sent
     _runs: dict[int, dict[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.hub = Hub(self.metrics)
         self.audit = Audit(partial(store.note_change, self.store))
-        self.metrics.ask(lambda: (self.ready()[0], self.source.counts(), self.source.feeds()))
+        self.metrics.ask(lambda: (self.ready()[0], self.source.counts(), self.feeds()))
 
     def receive(self, picture: LivePicture) -> None:
         """Take a picture of the source. It may be called in any thread, one call at a time."""
@@ -73,6 +75,8 @@ class Service:
         if taken is not None:
             self.metrics.cycle.observe(taken)
         self.hub.receive(picture)
+        for out in self.outs:
+            out.receive(picture)
 
     def picture(self) -> LivePicture:
         """The newest picture. Raises: NoPictureYet."""
@@ -101,7 +105,7 @@ class Service:
 
     def feeds(self) -> list[dict[str, Any]]:
         """The feeds with their counters."""
-        return self.source.feeds()
+        return [*self.source.feeds(), *(out.counters() for out in self.outs)]
 
     def alarms(self, parameters: Mapping[str, str], kind: str | None, count: int) -> Rows:
         """The alarms of the run, newest first, with an id and who acknowledged them."""

@@ -207,6 +207,11 @@ def _serve(commands: Any) -> None:
         "repeatable"
     )
     serve.add_argument("--region", metavar="URL", action="append", help=text)
+    text = (
+        "send the picture of each cycle: cot+udp://239.2.3.1:6969, cot+tcp://HOST:PORT (Cursor on Target), "
+        "ttm+udp://HOST:PORT?site=LAT,LON, tll+udp://HOST:PORT (NMEA targets); ?rate=N messages a second (500); repeatable"
+    )
+    serve.add_argument("--out", metavar="URL", action="append", help=text)
     text = "seconds that a cycle waits for late reports; later ones are counted and left out (default: 2; of a centre 5)"
     serve.add_argument("--lateness", metavar="S", type=float, help=text)
     text = "what time is: the clock of this machine, or the time stamps of the feeds, for replays (default: wall)"

@@ -27,6 +27,7 @@ from coastwatch.operators.cli.server_file import with_file
 from coastwatch.scenario import load_scenario
 from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.live_input import LiveInput
+from coastwatch.server.feeds.outgoing import OutAddress, OutFeed, parsed_out
 from coastwatch.server.feeds.sending import of_file, of_scenario, send
 from coastwatch.server.follow import POLL_S, Follower
 from coastwatch.server.live import Input, LiveRun, Paced
@@ -80,6 +81,7 @@ def serve(options: argparse.Namespace) -> int:
     options = with_file(options)
     guard = _guard(options)
     _check_role(options)
+    outs = [parsed_out(text) for text in options.out]
     logs.begin(options.log_format)
     with _signals_end_the_server():
         if options.scenario is None:
@@ -89,13 +91,13 @@ def serve(options: argparse.Namespace) -> int:
                 Followed(opened, options.run, asked=asked) as followed,
                 logs.Watch(followed),
             ):
-                listen(followed.service, guard, options)
+                _listen_and_send(followed.service, guard, options, outs)
         else:
-            _serve_run(options, guard)
+            _serve_run(options, guard, outs)
     return 0
 
 
-def _serve_run(options: argparse.Namespace, guard: Guard) -> None:
+def _serve_run(options: argparse.Namespace, guard: Guard, outs: list[OutAddress]) -> None:
     """Run a scenario, on live feeds or on its own input, and serve its pictures."""
     regions = [parsed_region(text) for text in options.region]
     live = bool(options.feed or regions)
@@ -121,9 +123,16 @@ def _serve_run(options: argparse.Namespace, guard: Guard) -> None:
         run = LiveRun(scenario, source, service.receive, **given)
         service.source = run
         with run, logs.Watch(run):
-            listen(service, guard, options)
+            _listen_and_send(service, guard, options, outs)
         if run.failed:
             raise RuntimeError(run.error())
+
+
+def _listen_and_send(service: Service, guard: Guard, options: argparse.Namespace, outs: list[OutAddress]) -> None:
+    """As `listen`, and send each picture to these addresses."""
+    with ExitStack() as stack:
+        service.outs = [stack.enter_context(OutFeed(address)) for address in outs]
+        listen(service, guard, options)
 
 
 def _check_role(options: argparse.Namespace) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from typing import Any
 
 from coastwatch.batches import Fault, TrackReports
@@ -21,6 +22,7 @@ class RegionIntake:
     def __init__(self, connection: Connection, source: int) -> None:
         """Args: source: number of its track source."""
         self.connection, self._source = connection, source
+        self._began_s = time.time()
         self.newest_s, self.first_s = -math.inf, math.inf
         self.late = self.used = self.without = 0
         self._waiting: list[RegionCycle] = []
@@ -72,6 +74,7 @@ class RegionIntake:
             "late": self.late,
             "dropped": link.incoming.missing,
             "heard_s": link.heard_s or None,
+            "silent_s": round(time.time() - max(link.heard_s, self._began_s), 1),
             "newest_s": self.newest_s if math.isfinite(self.newest_s) else None,
             "faults": {fault.kind: fault.count for fault in self.faults()},
         }
