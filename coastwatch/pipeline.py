@@ -43,7 +43,9 @@ from coastwatch.batches import (
     StandingEchoes,
     Tracks,
     TrackSourceStates,
+    VesselAlarms,
 )
+from coastwatch.picture import Numbered, numbered
 from coastwatch.scenario import Scenario
 from coastwatch.stage import Groups, Map, RegionMap, serial_regions
 from coastwatch.tracks.joint.messages import messages_of
@@ -63,6 +65,7 @@ class CentreMemory:
     octants: Any
     bearing_associations: Any
     bearing_members: BearingMembers  # for the fused tracks of the next cycle
+    alarms: Any
 
 
 @dataclass(frozen=True)
@@ -116,6 +119,7 @@ class Cycle:
     track_sources: TrackSourceStates = field(default_factory=TrackSourceStates.empty)
     radar_cover: RadarCover = field(default_factory=RadarCover.empty)  # empty where none is learnt
     standing_echoes: StandingEchoes = field(default_factory=StandingEchoes.empty)  # empty where no clutter map is learnt
+    vessel_alarms: VesselAlarms = field(default_factory=VesselAlarms.empty)
 
     def to_write(self) -> Cycle:
         """The cycle without arrays that the store does not read, so that their memory is free while the store writes."""
@@ -127,7 +131,8 @@ def start_centre(scenario: Scenario) -> CentreMemory:
     """The memory of the high-level centre before the first cycle."""
     s = scenario
     first = s.spots.init(), s.associations.init(), s.fused_tracks.init(), s.picture.init()
-    return CentreMemory(*first, s.octants.init(), s.bearing_associations.init(), BearingMembers.empty())
+    bearings = s.octants.init(), s.bearing_associations.init(), BearingMembers.empty()
+    return CentreMemory(*first, *bearings, s.alarms.init())
 
 
 def start(scenario: Scenario, sensors: Sensors) -> Memory:
@@ -220,6 +225,7 @@ def fuse(
     time_s: float,
     map_: Map,
     timer: Timer,
+    zones: tuple[Numbered, ...] | None = None,
 ) -> tuple[CentreMemory, Cycle]:
     """One cycle of the high-level centre. It does not estimate registration errors of radars. Args: as in `step`."""
     s, m = scenario, memory
@@ -243,6 +249,9 @@ def fuse(
         picture_memory, picture, members = s.picture.step(
             m.picture, tracks, associations, fused, alarms, time_s, sensors, by_bearings, detection=detection
         )
+    with timer("alarms"):
+        known = numbered(s.zones) if zones is None else zones
+        alarms_memory, vessel_alarms = s.alarms.step(m.alarms, picture, members, time_s, sensors, known)
     with timer("octants"):
         octants_memory, octants = s.octants.step(m.octants, bearing_tracks, picture, sensors)
     with timer("bearing_associations"):
@@ -251,9 +260,10 @@ def fuse(
         )
         next_bearings = bearing_members(bearing_associations, bearing_tracks, picture, members, sensors)
     stages = spots_memory, associations_memory, fused_memory, picture_memory, octants_memory, bearings_memory
-    after = CentreMemory(*stages, next_bearings)
+    after = CentreMemory(*stages, next_bearings, alarms_memory)
     found = spots, associations, fused, picture, members, octants, bearing_associations
-    return after, Cycle(time_s, tracks, alarms, bearing_tracks, *found, RadarCorrections.none(len(sensors.radars)))
+    none = RadarCorrections.none(len(sensors.radars))
+    return after, Cycle(time_s, tracks, alarms, bearing_tracks, *found, none, vessel_alarms=vessel_alarms)
 
 
 def _associate(s: Scenario, memory: Any, tracks: Tracks, spots: Spots, kinds: Ints, map_: Map) -> tuple[Any, Associations]:
@@ -275,11 +285,14 @@ def step(
     map_: Map,
     timer: Timer,
     regions: RegionMap = serial_regions,
+    *,
+    zones: tuple[Numbered, ...] | None = None,
 ) -> tuple[Memory, Cycle]:
     """One cycle of all centres.
 
     Args: reports: all that arrived since the last cycle; time_s: of the picture; map_: maps the work of spots over processors;
-    timer: returns a context manager for the name of a stage, inside which the stage runs; regions: maps the regional centres.
+    timer: returns a context manager for the name of a stage, inside which the stage runs; regions: maps the regional centres;
+    zones: with their numbers; none: the zones of the scenario.
     Returns: the memory for the next cycle, and the outputs of all stages.
     """
     s, m = scenario, memory
@@ -299,7 +312,7 @@ def step(
     tracks = Tracks.join([*(yielded for _, yielded, *_ in regional), given_tracks, ais_tracks])
     measurements = Measurements.join([*(taken for _, _, taken, _ in regional), ais_taken])
     received = Received(tracks, measurements, alarms, bearing_tracks, reports.statics, m.ais_detection)
-    centre_memory, cycle = fuse(s, sensors, m.centre, received, time_s, map_, timer)
+    centre_memory, cycle = fuse(s, sensors, m.centre, received, time_s, map_, timer, zones)
     with timer("registration"):
         seen = plots, ais_tracks, alarms, measurements, cycle.picture, cycle.members, bearing_tracks, cycle.bearing_associations
         registration_memory, corrections = s.registration.step(m.registration, *seen, time_s, sensors, m.corrections)

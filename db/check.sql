@@ -65,14 +65,16 @@ SELECT c.run_id FROM cycle c
     LEFT JOIN recording r ON r.run_id = c.run_id AND r.cycle = c.number
 WHERE c.recorded AND coalesce(r.vessels, -1) <> c.vessels;
 
--- an event that lasts is of a vessel that is in the picture
+-- a flag that lasts is of a vessel that is in the picture
 SELECT e.run_id FROM event e
-WHERE e.to_cycle IS NULL AND NOT EXISTS (SELECT 1 FROM presence p
+WHERE e.to_cycle IS NULL AND e.kind NOT IN ('zone_enter', 'zone_leave', 'zone_dwell', 'zone_speed', 'line_crossed',
+    'close_approach', 'anchor_drag', 'lost') AND NOT EXISTS (SELECT 1 FROM presence p
     WHERE p.run_id = e.run_id AND p.vessel_id = e.vessel_id AND p.to_cycle IS NULL);
 
 -- a gap of an event is between cycles of the event
 SELECT g.run_id FROM event_gap g
-    LEFT JOIN event e ON e.run_id = g.run_id AND e.vessel_id = g.vessel_id AND e.kind = g.kind AND e.from_cycle = g.from_cycle
+    LEFT JOIN event e ON e.run_id = g.run_id AND e.vessel_id = g.vessel_id AND e.kind = g.kind
+        AND e.subject = g.subject AND e.from_cycle = g.from_cycle
 WHERE e.run_id IS NULL OR g.last_cycle < e.from_cycle OR g.cycle > coalesce(e.to_cycle, g.cycle);
 
 -- no checkpoint is newer than the newest cycle

@@ -52,6 +52,7 @@ from coastwatch.batches.yields import (
     AisAlarms,
     AisDetection,
     AisFeeds,
+    AlarmKind,
     Associations,
     BearingAssociations,
     BearingMembers,
@@ -72,7 +73,9 @@ from coastwatch.batches.yields import (
     StandingEchoes,
     Tracks,
     TrackSourceStates,
+    VesselAlarms,
     VesselBearings,
+    joint_keys,
 )
 
 __all__ = [
@@ -85,6 +88,7 @@ __all__ = [
     "AisFeeds",
     "AisReports",
     "AisStatics",
+    "AlarmKind",
     "Array",
     "Associations",
     "Batch",
@@ -131,8 +135,10 @@ __all__ = [
     "Tracks",
     "Trajectories",
     "Truth",
+    "VesselAlarms",
     "VesselBearings",
     "VesselClass",
     "column",
+    "joint_keys",
     "nav_status_text",
 ]

@@ -11,7 +11,7 @@ import numpy as np
 
 from coastwatch import kernels
 from coastwatch.batches.classes import CLASSES
-from coastwatch.batches.struct import Batch, Bools, Floats, Ints, Rows, Struct, column, optional_column
+from coastwatch.batches.struct import Array, Batch, Bools, Floats, Ints, Rows, Struct, column, optional_column
 
 
 @dataclass(frozen=True, eq=False)
@@ -373,3 +373,43 @@ class Flag(IntFlag):
     NOT_UNDER_COMMAND = 1024  # by its navigational status
     AGROUND = 2048  # the same
     STATIONARY = 4096  # it has stayed in one place: a moored or anchored vessel, a quay, a buoy
+
+
+class AlarmKind(IntEnum):
+    """What an alarm is raised for that no flag says. Events have kinds of both, so these numbers are above every bit of `Flag`."""
+
+    ZONE_ENTER = 32  # a vessel has come into a zone
+    ZONE_LEAVE = 33  # it has left it
+    ZONE_DWELL = 34  # it has been inside for longer than allowed
+    ZONE_SPEED = 35  # it is too fast or too slow inside
+    LINE_CROSSED = 36  # it has crossed a line in a direction that counts
+    CLOSE_APPROACH = 37  # two vessels will pass too close, soon
+    ANCHOR_DRAG = 38  # an anchored or moored vessel has moved out of its swing circle
+    LOST = 39  # a vessel under way is no longer tracked although it should be within cover
+
+
+@dataclass(frozen=True, eq=False)
+class VesselAlarms(Batch):
+    """The alarms that hold in a cycle, sorted by vessel, kind and subject; each of them once."""
+
+    vessel_id: Ints = column(np.int64, "A")
+    kind: Ints = column(np.int64, "A")  # AlarmKind
+    subject: Ints = column(np.int64, "A")  # number of the zone, or id of the other vessel; 0: none
+    name: Array = column("U64", "A")  # of the zone
+    position_deg: Floats = column(np.float64, "A", 2)  # of the vessel, last known
+    velocity_m_s: Floats = column(np.float64, "A", 2)
+    mmsi: Ints = column(np.int64, "A")
+    distance_m: Floats = column(np.float64, "A")  # at the closest approach, or from the anchorage; NaN: none of them
+    range_m: Floats = column(np.float64, "A")  # to the other vessel now
+    interval_s: Floats = column(np.float64, "A")  # to the closest approach, inside a zone, at rest, or without a report
+    to_right: Floats = column(np.float64, "A")  # of a line as it was drawn: 1, to its left: -1
+
+
+def joint_keys(*sets: tuple[Ints, Ints]) -> list[Ints]:
+    """One whole number for each pair of a key and a subject, in the same order as the pairs, and equal for equal pairs of all sets.
+
+    Args: sets: keys (K,) and subjects (K,) of 0 or more, most of them 0.
+    """
+    subjects = np.unique(np.concatenate([subject[subject != 0] for _, subject in sets]))
+    steps = len(subjects) + 1
+    return [key * steps + np.where(subject != 0, np.searchsorted(subjects, subject) + 1, 0) for key, subject in sets]

@@ -12,7 +12,6 @@ The flags that follow from an MMSI and a navigational status alone are in `ais_s
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +21,7 @@ from coastwatch.batches import AisAlarms, AisDetection, Bools, Flag, Floats, Int
 from coastwatch.geodesy import KNOT_M_S, difference_m
 from coastwatch.picture.match import IdentityMatch
 from coastwatch.picture.order import VesselOrder
+from coastwatch.picture.sensor_cover import coverages
 from coastwatch.picture.settings import IdentitySettings
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def flag(
 
     Args: row_of_track: (N,) of the picture; detection: of AIS tracks by radars; none: not known. Returns: memory, (R,).
     """
-    ais_coverage, radar_coverage = _coverages(sensors, settings.cover_margin)
+    ais_coverage, radar_coverage = coverages(sensors, settings.cover_margin)
     radars, ais = np.flatnonzero(tracks.source < sensors.ais_source), np.flatnonzero(tracks.source == sensors.ais_source)
     first_radar = np.full(len(picture), -1, np.int64)
     first_radar[row_of_track[radars[::-1]]] = radars[::-1]  # the last one written is the first of its vessel
@@ -105,14 +105,6 @@ def flag(
         odd = np.isin(tracks.track_id, alarms.track_id[alarm])
         flags[row_of_track[odd]] |= int(what)
     return FlagMemory(no_ais_since_s, no_radar_since_s, pairs, anchor_deg, anchor_since_s), flags
-
-
-@lru_cache(maxsize=2)
-def _coverages(sensors: Sensors, margin: float) -> tuple[Coverage, Coverage]:
-    """Coverage of AIS stations and of radars. It is cached: the sensors are the same object throughout a run."""
-    coverage_of = kernels.geometry.sensor_coverage.coverage_of
-    ais = coverage_of(sensors.stations.site_deg, margin * sensors.stations.range_m, 0.0)
-    return ais, coverage_of(sensors.radars.site_deg, margin * sensors.radars.range_m, 0.0)
 
 
 def _within(coverage: Coverage, picture: Picture, candidates: Bools) -> Bools:

@@ -18,7 +18,7 @@ from coastwatch.associations import (
 from coastwatch.batches import Sensors
 from coastwatch.cover import LearntCover, RadarCoverage
 from coastwatch.fused_tracks import CentralImm, Fuser
-from coastwatch.picture import Identity
+from coastwatch.picture import AlarmRules, Identity, Zone
 from coastwatch.plots import PlotConverter, PolarConversion
 from coastwatch.registration import OnlineRegistration, Registrar
 from coastwatch.scenario.sites import Area, Name, Positive, Radar, Sonar, Station, TrackSource, sensors_of
@@ -96,6 +96,7 @@ class Scenario(Settings):
     stations: tuple[Station, ...] = ()
     sonars: tuple[Sonar, ...] = ()
     track_sources: tuple[TrackSource, ...] = ()
+    zones: tuple[Zone, ...] = ()
     input: Feed
     plots: PlotConverter = PolarConversion()
     tracks: RadarTracker = SidedImm()
@@ -109,6 +110,7 @@ class Scenario(Settings):
     bearing_associations: BearingAssociator = BearingLikelihood()
     fused_tracks: Fuser = CentralImm()
     picture: Identity = Identity()
+    alarms: AlarmRules = AlarmRules()
     registration: Registrar = OnlineRegistration()
     cover: RadarCoverage = LearntCover()
     store: StoreSettings = StoreSettings()
@@ -128,7 +130,7 @@ class Scenario(Settings):
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> Scenario:
-        for kind in ("radars", "stations", "sonars", "track_sources"):
+        for kind in ("radars", "stations", "sonars", "track_sources", "zones"):
             names = [s.name for s in getattr(self, kind)]
             if len(set(names)) < len(names):
                 twice = next(name for name in names if names.count(name) > 1)

@@ -21,6 +21,7 @@ from coastwatch.server import checkpoint
 from coastwatch.server.checkpoint import CheckpointError, Point
 from coastwatch.server.timing import Stopwatch
 from coastwatch.server.warm_up import warm_up
+from coastwatch.server.watched_zones import WatchedZones
 from coastwatch.server.writer import BEHIND, Writer
 from coastwatch.stage import Plan
 from coastwatch.workers import Workers, open_workers, processors
@@ -153,6 +154,7 @@ def run_scenario(
                             interrupted,
                             live,
                             _CheckpointSize(live is not None),
+                            None if live is None else WatchedZones(opened, scenario),
                         )
                         point, vessels, most = _run_cycles(_Run(*parts), point, report, on_cycle)
                     memory = pipeline.gathered(point.memory, opened_workers.regions)
@@ -215,6 +217,7 @@ class _Run:
     interrupted: threading.Event
     live: Live | None
     size: _CheckpointSize
+    zones: WatchedZones | None  # none: those of the scenario
 
 
 def _losses(scenario: Scenario, workers: Workers) -> Iterator[Fault]:
@@ -324,9 +327,8 @@ def _run_cycle(run: _Run, point: Point) -> tuple[Point, Cycle, str | None, bool]
     else:
         reports = run.recording.reports.between(plan.instant_s(number - 1), plan.instant_s(number))
     spots, regions = run.workers.spots, run.workers.regions
-    memory, cycle = pipeline.step(
-        scenario, run.sensors, point.memory, reports, plan.instant_s(number), spots, run.watch, regions
-    )
+    given = scenario, run.sensors, point.memory, reports, plan.instant_s(number), spots, run.watch, regions
+    memory, cycle = pipeline.step(*given, zones=None if run.zones is None else run.zones.now())
     if run.live is not None:
         run.live.computed(run.run_id, number, cycle, reports, run.watch.so_far())
     tally = point.tally

@@ -61,3 +61,9 @@ from coastwatch.store.runs import timings as timings
 from coastwatch.store.write_cycle import Written as Written
 from coastwatch.store.write_cycle import write_checkpoint as write_checkpoint
 from coastwatch.store.write_cycle import write_cycle as write_cycle
+from coastwatch.store.zones import StoredZone as StoredZone
+from coastwatch.store.zones import add_zone as add_zone
+from coastwatch.store.zones import change_zone as change_zone
+from coastwatch.store.zones import zone_changes as zone_changes
+from coastwatch.store.zones import zone_version as zone_version
+from coastwatch.store.zones import zones as zones

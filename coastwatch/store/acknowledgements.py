@@ -13,22 +13,22 @@ SAME_START_S = 0.0006
 
 
 def acknowledge(
-    store: Store, run_id: int, event: tuple[int, str, float], *, at_s: float, name: str, note: str, who: str
+    store: Store, run_id: int, event: tuple[int, str, int, float], *, at_s: float, name: str, note: str, who: str
 ) -> bool:
     """Acknowledge an event, if nobody has. Returns: whether there is such an event.
 
-    Args: event: vessel, kind and start, s; at_s: now; name: of the person; who: of the token.
+    Args: event: vessel, kind, subject and start, s; at_s: now; name: of the person; who: of the token.
     Raises: StoreError.
     """
-    vessel_id, kind, start_s = event
+    vessel_id, kind, subject, start_s = event
     e, a = EVENT.c, ACKNOWLEDGEMENT.c
-    which = select(e.from_cycle).where(e.run_id == run_id, e.vessel_id == vessel_id, e.kind == kind)
+    which = select(e.from_cycle).where(e.run_id == run_id, e.vessel_id == vessel_id, e.kind == kind, e.subject == subject)
     which = which.where(e.start_s.between(start_s - SAME_START_S, start_s + SAME_START_S))
     with writing(store) as connection:
         from_cycle = connection.scalar(which)
         if from_cycle is None:
             return False
-        key = {"run_id": run_id, "vessel_id": vessel_id, "kind": kind, "from_cycle": from_cycle}
+        key = {"run_id": run_id, "vessel_id": vessel_id, "kind": kind, "subject": subject, "from_cycle": from_cycle}
         known = select(a.acknowledged_s).where(*(a[column] == value for column, value in key.items()))
         if connection.scalar(known) is None:
             row = {**key, "acknowledged_s": at_s, "acknowledged_by": name, "note": note, "who": who}
@@ -37,9 +37,10 @@ def acknowledge(
 
 
 def acknowledgements(store: Store, run_id: int) -> Rows:
-    """The acknowledged events of a run: vessel_id, kind, start_s, acknowledged_by, acknowledged_s, note, who."""
+    """The acknowledged events of a run: vessel_id, kind, subject, start_s, acknowledged_by, acknowledged_s, note, who."""
     e, a = EVENT.c, ACKNOWLEDGEMENT.c
-    same = and_(e.run_id == a.run_id, e.vessel_id == a.vessel_id, e.kind == a.kind, e.from_cycle == a.from_cycle)
-    query = select(a.vessel_id, a.kind, e.start_s, a.acknowledged_by, a.acknowledged_s, a.note, a.who).join(EVENT, same)
+    same = and_(*(e[name] == a[name] for name in ("run_id", "vessel_id", "kind", "subject", "from_cycle")))
+    query = select(a.vessel_id, a.kind, a.subject, e.start_s, a.acknowledged_by, a.acknowledged_s, a.note, a.who)
+    query = query.join(EVENT, same)
     with reading(store) as connection:
         return fetch_rows(connection, query.where(a.run_id == run_id).order_by(a.acknowledged_s))

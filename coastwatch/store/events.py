@@ -1,7 +1,7 @@
-"""Events: from when until when a vessel had a flag. A flag that returns soon goes on with its event, so that flapping is one event.
+"""Events: from when until when a vessel had a flag or an alarm. One that returns soon goes on with its event: flapping is one event.
 
-Rows are written only when a flag is set or cleared. A gap within an event is a row of `event_gap`: from it a run that goes on from an
-older checkpoint restores when the event had ended.
+Rows are written only when a flag is set or cleared, or an alarm begins or ends. A gap within an event is a row of `event_gap`: from it
+a run that goes on from an older checkpoint restores when the event had ended.
 """
 
 from __future__ import annotations
@@ -13,37 +13,41 @@ from typing import Any, NamedTuple
 import numpy as np
 from sqlalchemy import Connection, delete, func, or_, select, update
 
-from coastwatch.batches import Bools, Flag, Floats, Ints, Picture, Tracks, nav_status_text
-from coastwatch.geodesy import KNOT_M_S, difference_m
+from coastwatch.batches import AlarmKind, Bools, Flag, Floats, Ints, Picture, Tracks, VesselAlarms, joint_keys, nav_status_text
+from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.store.insert import Categorical, Column, NullableId, clear_columns, insert, update_rows
 from coastwatch.store.rows import fetch_arrays
 from coastwatch.store.tables import EVENT, EVENT_GAP
 
-KINDS = {flag.value.bit_length() - 1: str(flag.name).lower() for flag in Flag}
+OF_FLAGS = {flag.value.bit_length() - 1: str(flag.name).lower() for flag in Flag}
 """Bit of a flag -> kind of its events."""
+
+KINDS = OF_FLAGS | {int(kind): kind.name.lower() for kind in AlarmKind}
+"""Bit of a flag, or number of a kind of alarm -> kind of its events."""
 
 OF_STATUS = ("ais_sart", "man_overboard", "epirb", "not_under_command", "aground")
 """Kinds of events whose evidence has the navigational status: a distress device under test says "undefined"."""
 
 BITS = 64
-"""A key is vessel_id * BITS + bit of the flag."""
+"""A key is vessel_id * BITS + bit of the flag, or number of the kind of alarm."""
 
 E = EVENT.c
 
 
 @dataclass(frozen=True, eq=False)
 class Events:
-    """The events that last, and those that ended lately. E rows; of each vessel and kind at most one."""
+    """The events that last, and those that ended lately. E rows, sorted; of each key and subject at most one."""
 
-    key: Ints  # (E,) ascending
+    key: Ints  # (E,)
+    subject: Ints  # (E,) of an alarm: number of the zone or id of the other vessel; 0: none
     from_cycle: Ints  # (E,)
     to_cycle: Ints  # (E,) last cycle with the flag; -1: it lasts
     end_s: Floats  # (E,) its time; NaN: it lasts
 
     def take(self, rows: Ints | Bools) -> Events:
         """Some of them."""
-        return Events(self.key[rows], self.from_cycle[rows], self.to_cycle[rows], self.end_s[rows])
+        return Events(*(getattr(self, name)[rows] for name in vars(self)))
 
 
 class Changes(NamedTuple):
@@ -54,39 +58,39 @@ class Changes(NamedTuple):
     ended: Events  # whose flag was set until the cycle before
     returned: Events  # as they had ended
     begun: Ints  # (B,) keys
+    subjects: Ints  # (B,) of those that have begun
 
 
 def extend(
-    before: Events, number: int, time_s: float, before_s: float, picture: Picture, gap_s: float
+    before: Events, number: int, time_s: float, before_s: float, picture: Picture, alarms: VesselAlarms, gap_s: float
 ) -> tuple[Events, Changes]:
     """The events after a cycle.
 
-    Args: before: after the cycle before, whose time is before_s; picture: sorted by vessel; gap_s: a flag that was set so lately
-    goes on with its event.
+    Args: before: after the cycle before, whose time is before_s; picture: sorted by vessel; gap_s: a flag or alarm that was there so
+    lately goes on with its event.
     """
-    now = _keys(picture)
+    key, subject = _keys(picture, alarms)
+    old, now = joint_keys((before.key, before.subject), (key, subject))
     lasts = before.to_cycle < 0
-    at = find(before.key, now)
+    at = find(old, now)
     known = at >= 0
     returns = np.zeros(len(now), np.bool_)
     returns[known] = ~lasts[at[known]] & (time_s - before.end_s[at[known]] <= gap_s)
-    begun = now[~(known & (returns | lasts[at]))] if len(before.key) else now
-    gone = lasts & (find(now, before.key) < 0)
+    new = ~(known & (returns | lasts[at])) if len(old) else np.ones(len(now), np.bool_)
+    gone = lasts & (find(now, old) < 0)
     returned = before.take(at[returns])
 
     to_cycle, end_s = before.to_cycle.copy(), before.end_s.copy()
     to_cycle[gone], end_s[gone] = number - 1, before_s
     to_cycle[at[returns]], end_s[at[returns]] = -1, np.nan
     kept = (to_cycle < 0) | (time_s - end_s <= gap_s)
-    ended = Events(before.key, before.from_cycle, to_cycle, end_s)
-    after = ended.take(kept)
-    if len(begun):
-        new = Events(begun, np.full(len(begun), number), np.full(len(begun), -1), np.full(len(begun), np.nan))
-        key = np.concatenate([after.key, begun])
-        order = np.argsort(key, kind="stable")
-        columns = ("from_cycle", "to_cycle", "end_s")
-        after = Events(key[order], *(np.concatenate([getattr(after, c), getattr(new, c)])[order] for c in columns))
-    return after, Changes(number, time_s, ended.take(gone), returned, begun)
+    ended = Events(before.key, before.subject, before.from_cycle, to_cycle, end_s)
+    after, count = ended.take(kept), int(new.sum())
+    if count:
+        begun = Events(key[new], subject[new], np.full(count, number), np.full(count, -1), np.full(count, np.nan))
+        order = np.argsort(np.append(old[kept], now[new]), kind="stable")
+        after = Events(*(np.concatenate([getattr(after, c), getattr(begun, c)])[order] for c in vars(begun)))
+    return after, Changes(number, time_s, ended.take(gone), returned, key[new], subject[new])
 
 
 def write_events(
@@ -94,13 +98,15 @@ def write_events(
     run_id: int,
     changes: Changes,
     picture: Picture,
+    alarms: VesselAlarms,
     members: Ints,
     names: Sequence[str],
     tracks: Tracks,
 ) -> int:
     """Write what a cycle changed. Returns: rows inserted.
 
-    Args: picture: sorted by vessel; members: (L, 3) vessel, source, track, sorted; names: of the sources; tracks: of the cycle.
+    Args: picture: sorted by vessel; alarms: of the cycle; members: (L, 3) vessel, source, track, sorted; names: of the sources;
+    tracks: of the cycle.
     """
     of_run, ended, returned = {"run_id": run_id}, changes.ended, changes.returned
     if len(ended.key):
@@ -110,28 +116,42 @@ def write_events(
         clear_columns(connection, EVENT, _named(returned), of_run, ("to_cycle", "end_s"))
         gaps = [run_id, *_named(returned).values(), changes.number, returned.to_cycle, returned.end_s]
         rows += insert(connection, EVENT_GAP, gaps)
-    if len(changes.begun):
-        vessel_id, bit = np.divmod(changes.begun, BITS)
+    is_flag = np.isin(changes.begun % BITS, list(OF_FLAGS))
+    if is_flag.any():
+        vessel_id, bit = np.divmod(changes.begun[is_flag], BITS)
         row = find(picture.vessel_id, vessel_id)
-        speed_kn = np.hypot(*picture.velocity_m_s[row].T) / KNOT_M_S
-        then: list[Column] = [*picture.position_deg[row].T, speed_kn, NullableId(picture.mmsi[row])]
-        said: list[Any] = _evidence(row, bit, picture, members, names, tracks)
-        begun: list[Column] = [run_id, vessel_id, _kind(bit), changes.number, None, changes.time_s, None, *then, said]
-        rows += insert(connection, EVENT, begun)
+        then = picture.position_deg[row], picture.velocity_m_s[row], picture.mmsi[row]
+        said = _evidence(row, bit, picture, members, names, tracks)
+        rows += _insert(connection, run_id, changes, changes.begun[is_flag], changes.subjects[is_flag], then, said)
+    if not is_flag.all():
+        keys = changes.begun[~is_flag], changes.subjects[~is_flag]
+        all_keys, begun = joint_keys((alarms.vessel_id * BITS + alarms.kind, alarms.subject), keys)
+        raised = alarms.take(find(all_keys, begun))
+        row = find(picture.vessel_id, raised.vessel_id)
+        here = np.flatnonzero(row >= 0)
+        of_tracks = [""] * len(row)
+        for k, text in zip(
+            here.tolist(), _evidence(row[here], raised.kind[here], picture, members, names, tracks), strict=True
+        ):
+            of_tracks[k] = f"; {text}"
+        said = [of_alarm + of_vessel for of_alarm, of_vessel in zip(_of_alarms(raised, picture), of_tracks, strict=True)]
+        then = raised.position_deg, raised.velocity_m_s, raised.mmsi
+        rows += _insert(connection, run_id, changes, *keys, then, said)
     return rows
 
 
 def read_events(connection: Connection, run_id: int, since_s: float) -> Events:
     """The events of a run that last or ended since an instant."""
     since = or_(E.to_cycle.is_(None), E.end_s >= since_s) if np.isfinite(since_s) else E.to_cycle.is_(None)
-    query = select(E.vessel_id, E.kind, E.from_cycle, E.to_cycle, E.end_s).where(E.run_id == run_id, since)
-    vessel_id, kind, from_cycle, to_cycle, end_s = fetch_arrays(connection, query)
+    query = select(E.vessel_id, E.kind, E.subject, E.from_cycle, E.to_cycle, E.end_s).where(E.run_id == run_id, since)
+    vessel_id, kind, subject, from_cycle, to_cycle, end_s = fetch_arrays(connection, query)
     bits = {name: bit for bit, name in KINDS.items()}
     known = np.array([name in bits for name in kind], np.bool_)
     key = vessel_id[known] * BITS + np.array([bits[name] for name in kind[known]], np.int64)
-    found = Events(key, from_cycle[known], to_cycle[known], end_s[known])
-    found = found.take(np.lexsort((found.from_cycle, found.key)))
-    newest = np.append(found.key[1:] != found.key[:-1], True)[: len(found.key)]
+    found = Events(key, *(column[known] for column in (subject, from_cycle, to_cycle, end_s)))
+    found = found.take(np.lexsort((found.from_cycle, found.subject, found.key)))
+    joint = joint_keys((found.key, found.subject))[0]
+    newest = np.append(joint[1:] != joint[:-1], True)[: len(joint)]
     return found.take(newest)
 
 
@@ -141,26 +161,50 @@ def truncate_events(connection: Connection, run_id: int, number: int) -> None:
     later = update(EVENT).where(E.run_id == run_id, E.to_cycle >= number - 1)
     connection.execute(later.values(to_cycle=None, end_s=None))
     g = EVENT_GAP.c
-    first = select(g.vessel_id, g.kind, g.from_cycle, func.min(g.last_cycle), func.min(g.last_s))
-    first = first.where(g.run_id == run_id, g.cycle >= number).group_by(g.vessel_id, g.kind, g.from_cycle)
-    gaps = [row for row in connection.execute(first) if row[3] < number - 1]
+    of_event = g.vessel_id, g.kind, g.subject, g.from_cycle
+    first = select(*of_event, func.min(g.last_cycle), func.min(g.last_s))
+    first = first.where(g.run_id == run_id, g.cycle >= number).group_by(*of_event)
+    gaps = [row for row in connection.execute(first) if row[4] < number - 1]
     if gaps:
-        vessel, kind, from_cycle, last_cycle, last_s = map(list, zip(*gaps, strict=True))
-        keys: dict[str, Column] = {"vessel_id": vessel, "kind": kind, "from_cycle": from_cycle}
+        vessel, kind, subject, from_cycle, last_cycle, last_s = map(list, zip(*gaps, strict=True))
+        keys: dict[str, Column] = {"vessel_id": vessel, "kind": kind, "subject": subject, "from_cycle": from_cycle}
         update_rows(connection, EVENT, keys, {"run_id": run_id}, {"to_cycle": last_cycle, "end_s": last_s})
 
 
-def _keys(picture: Picture) -> Ints:
-    """The key of each flag that is set, ascending."""
+def _keys(picture: Picture, alarms: VesselAlarms) -> tuple[Ints, Ints]:
+    """Key and subject of each flag that is set and of each alarm, sorted."""
     rows = np.flatnonzero(picture.flags)
-    bits = np.array(list(KINDS), np.int64)
+    bits = np.array(list(OF_FLAGS), np.int64)
     at, bit = np.nonzero((picture.flags[rows, None] >> bits) & 1)
-    return picture.vessel_id[rows[at]] * BITS + bits[bit]
+    key, subject = picture.vessel_id[rows[at]] * BITS + bits[bit], np.zeros(len(at), np.int64)
+    if len(alarms):
+        key, subject = np.append(key, alarms.vessel_id * BITS + alarms.kind), np.append(subject, alarms.subject)
+        order = np.lexsort((subject, key))
+        key, subject = key[order], subject[order]
+    return key, subject
+
+
+def _insert(
+    connection: Connection,
+    run_id: int,
+    changes: Changes,
+    key: Ints,
+    subject: Ints,
+    then: tuple[Floats, Floats, Ints],
+    said: list[str],
+) -> int:
+    """Insert events that have begun. Args: then: position, velocity and MMSI of each vessel; said: evidence."""
+    vessel_id, bit = np.divmod(key, BITS)
+    position_deg, velocity_m_s, mmsi = then
+    speed_kn = np.hypot(*velocity_m_s.T) / KNOT_M_S
+    of_event: list[Column] = [run_id, vessel_id, _kind(bit), subject, changes.number, None, changes.time_s, None]
+    of_vessel: list[Any] = [*position_deg.T, speed_kn, NullableId(mmsi), said]
+    return insert(connection, EVENT, [*of_event, *of_vessel])
 
 
 def _named(events: Events) -> Mapping[str, Column]:
     vessel_id, bit = np.divmod(events.key, BITS)
-    return {"vessel_id": vessel_id, "kind": _kind(bit), "from_cycle": events.from_cycle}
+    return {"vessel_id": vessel_id, "kind": _kind(bit), "subject": events.subject, "from_cycle": events.from_cycle}
 
 
 def _kind(bit: Ints) -> Categorical:
@@ -216,3 +260,34 @@ def _of_same_mmsi(row: int, picture: Picture) -> str:
     apart_m = np.hypot(*difference_m(picture.position_deg[others], picture.position_deg[[row] * len(others)]).T)
     pairs = zip(picture.vessel_id[others].tolist(), apart_m.tolist(), strict=True)
     return "".join(f"; same MMSI as vessel {vessel}, {metres:.0f} m away" for vessel, metres in pairs)
+
+
+def _of_alarms(alarms: VesselAlarms, picture: Picture) -> list[str]:
+    """One text for each alarm: its zone, the other vessel, and its figures."""
+    speed_kn = np.hypot(*alarms.velocity_m_s.T) / KNOT_M_S
+    other = find(picture.vessel_id, alarms.subject)
+    out = []
+    for k, number in enumerate(alarms.kind.tolist()):
+        kind, name = AlarmKind(number), str(alarms.name[k])
+        distance_m, range_m, interval_s = (
+            float(column[k]) for column in (alarms.distance_m, alarms.range_m, alarms.interval_s)
+        )
+        if kind == AlarmKind.LINE_CROSSED:
+            said = f"line {name}, to its {'right' if alarms.to_right[k] > 0 else 'left'}"
+        elif kind == AlarmKind.ZONE_DWELL:
+            said = f"zone {name}, inside for {interval_s:.0f} s"
+        elif kind == AlarmKind.ZONE_SPEED:
+            said = f"zone {name}, {speed_kn[k]:.1f} kn"
+        elif kind == AlarmKind.CLOSE_APPROACH:
+            mmsi = int(picture.mmsi[other[k]]) if other[k] >= 0 else -1
+            called = f"vessel {alarms.subject[k]}" + (f" (MMSI {mmsi:09d})" if mmsi >= 0 else "")
+            passing = f"CPA {distance_m / NAUTICAL_MILE_M:.2f} NM in {interval_s / 60.0:.1f} min"
+            said = f"with {called}, {passing}, range {range_m / NAUTICAL_MILE_M:.2f} NM"
+        elif kind == AlarmKind.ANCHOR_DRAG:
+            said = f"{distance_m:.0f} m from where it lay for {interval_s / 60.0:.0f} min"
+        elif kind == AlarmKind.LOST:
+            said = f"no track for {interval_s:.0f} s, under way at {speed_kn[k]:.1f} kn before"
+        else:
+            said = f"zone {name}"
+        out.append(said)
+    return out

@@ -54,13 +54,13 @@ WHERE b.run_id = {run} AND b.cycle = (
 """Of the bearing tracks of the past only those are stored that were given to a vessel, without their rates."""
 
 EVENT_VIEW = """
-SELECT e.run_id, e.vessel_id, e.kind, e.from_cycle,
+SELECT e.run_id, e.vessel_id, e.kind, e.subject, e.from_cycle,
     CASE WHEN g.cycle IS NOT NULL THEN g.last_cycle WHEN e.to_cycle < {cycle} THEN e.to_cycle END AS to_cycle, e.start_s,
     CASE WHEN g.cycle IS NOT NULL THEN g.last_s WHEN e.to_cycle < {cycle} THEN e.end_s END AS end_s,
     e.latitude_deg, e.longitude_deg, e.sog_kn, e.mmsi, e.evidence
 FROM {main}event e
     LEFT JOIN {main}event_gap g ON g.run_id = e.run_id AND g.vessel_id = e.vessel_id AND g.kind = e.kind
-        AND g.from_cycle = e.from_cycle AND g.last_cycle < {cycle} AND g.cycle > {cycle}
+        AND g.subject = e.subject AND g.from_cycle = e.from_cycle AND g.last_cycle < {cycle} AND g.cycle > {cycle}
 WHERE e.run_id = {run} AND e.from_cycle <= {cycle}
 """
 """An event in whose gap the cycle lies had ended then."""

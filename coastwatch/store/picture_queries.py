@@ -286,12 +286,13 @@ def _select_by_key(connection: Connection, query: Select[*tuple[Any, ...]], key:
 
 
 def _events(run_id: int, vessel_id: int) -> Select[*tuple[Any, ...]]:
-    """The events of a vessel; `gaps`: how often the flag was cleared and returned."""
+    """The events of a vessel, and of others with it; `gaps`: how often each ended and returned."""
     e, g = EVENT.c, EVENT_GAP.c
-    same = (g.run_id == e.run_id, g.vessel_id == e.vessel_id, g.kind == e.kind, g.from_cycle == e.from_cycle)
+    same = [getattr(g, name) == getattr(e, name) for name in ("run_id", "vessel_id", "kind", "subject", "from_cycle")]
     gaps = select(func.count()).where(*same).correlate(EVENT).scalar_subquery().label("gaps")
     query = select(e.kind, e.start_s, e.end_s, gaps, e.latitude_deg, e.longitude_deg, e.sog_kn, e.mmsi, e.evidence)
-    return query.where(e.run_id == run_id, e.vessel_id == vessel_id).order_by(e.start_s, e.kind)
+    with_it = and_(e.kind == "close_approach", e.subject == vessel_id)
+    return query.where(e.run_id == run_id, or_(e.vessel_id == vessel_id, with_it)).order_by(e.start_s, e.kind)
 
 
 def _members(run_id: int, vessel_id: int) -> Select[*tuple[Any, ...]]:

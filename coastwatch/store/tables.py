@@ -29,7 +29,7 @@ from sqlalchemy import (
     text,
 )
 
-REVISION = "0021"
+REVISION = "0022"
 """The migration at which the database equals the tables below; a test compares it with db/migrations."""
 
 REVISION_TABLE = "coastwatch_revision"
@@ -360,7 +360,8 @@ EVENT = Table(
     METADATA,
     of_run(),
     *keys("vessel_id"),
-    *keys("kind", kind=FLAG),  # name of batches.Flag in lower case
+    *keys("kind", kind=FLAG),  # name of batches.Flag or batches.AlarmKind in lower case
+    *keys("subject"),  # number of the zone, or id of the other vessel; 0: none
     *keys("from_cycle"),
     *nullable(WHOLE, "to_cycle"),
     *required(REAL, "start_s"),
@@ -373,7 +374,7 @@ EVENT = Table(
     Index("event_to", "run_id", "to_cycle"),
     **IN_KEY_ORDER,
 )
-"""When a vessel had a flag. to_cycle and end_s are the last cycle with the flag, null while it is set. A flag that returns within
+"""When a vessel had a flag or an alarm. to_cycle and end_s are the last cycle with it, null while it lasts. One that returns within
 `store.event_gap_s` goes on with the event before.
 """
 
@@ -383,7 +384,7 @@ EVENT_GAP = Table(
     of_run(),
     *keys("vessel_id"),
     *keys("kind", kind=FLAG),
-    *keys("from_cycle", "cycle"),  # of the event; in which the flag returned
+    *keys("subject", "from_cycle", "cycle"),  # of the event; in which the flag returned
     *required(WHOLE, "last_cycle"),  # with the flag before the gap
     *required(REAL, "last_s"),
     Index("event_gap_cycle", "run_id", "cycle"),
@@ -397,7 +398,7 @@ ACKNOWLEDGEMENT = Table(
     of_run(),
     *keys("vessel_id"),
     *keys("kind", kind=FLAG),
-    *keys("from_cycle"),  # of the event
+    *keys("subject", "from_cycle"),  # of the event
     *required(REAL, "acknowledged_s"),
     *required(Text, "acknowledged_by"),  # the name that a person gave
     *required(Text, "note", "who"),  # who: the name of the token that was used
@@ -420,6 +421,18 @@ AUDIT = Table(
     sqlite_autoincrement=True,
 )
 """Who changed what through the API of a server. It belongs to no run."""
+ZONE = Table(
+    "zone",
+    METADATA,
+    *keys("number", "version"),  # version: from 1, one a change
+    *required(Text, "scenario"),  # whose runs watch the zone
+    *nullable(JSON(none_as_null=True), "definition"),  # as in a scenario file; null: deleted
+    *required(REAL, "changed_s"),
+    *required(Text, "changed_by"),  # the name of the token that was used
+    Index("zone_scenario", "scenario", "number", "version"),
+    **IN_KEY_ORDER,
+)
+"""Zones that were drawn or sent, beside those of scenario files. A change is a new row, so the rows say who changed what and when."""
 
 RECORDING = Table(  # not in key order: SQLite keeps long rows better apart from the tree of keys
     "recording",

@@ -97,8 +97,11 @@ def write_cycle(
             bearings = cycle.bearing_tracks, cycle.bearing_associations, cycle.picture
             rows += _replace(connection, BEARING_TRACK, run_id, to_rows.bearing_track_rows(run_id, *bearings))
         rows += _write_stays(connection, run_id, number, before, members, picture)
-        lasting, changes = events.extend(before.events, number, cycle.time_s, before.time_s, picture, keep.event_gap_s)
-        rows += events.write_events(connection, run_id, changes, picture, members, before.source_names, cycle.tracks)
+        alarms = cycle.vessel_alarms
+        times = cycle.time_s, before.time_s
+        lasting, changes = events.extend(before.events, number, *times, picture, alarms, keep.event_gap_s)
+        of_tracks = members, before.source_names, cycle.tracks
+        rows += events.write_events(connection, run_id, changes, picture, alarms, *of_tracks)
         rows += _write_details(connection, run_id, number, cycle, members, keep)
         static_mmsi = _merge_statics(connection, run_id, before.static_mmsi, reports.statics)
         last_report = to_rows.last_reports(before.last_report, reports)

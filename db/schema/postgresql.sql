@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0021; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0022; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE audit (
 	id BIGSERIAL NOT NULL,
@@ -61,16 +61,29 @@ CREATE TABLE vessel (
 	PRIMARY KEY (run_id, vessel_id)
 );
 
+CREATE TABLE zone (
+	number BIGINT NOT NULL,
+	version BIGINT NOT NULL,
+	scenario TEXT NOT NULL,
+	definition JSON,
+	changed_s FLOAT(53) NOT NULL,
+	changed_by TEXT NOT NULL,
+	PRIMARY KEY (number, version)
+);
+
+CREATE INDEX zone_scenario ON zone (scenario, number, version);
+
 CREATE TABLE acknowledgement (
 	run_id BIGINT NOT NULL,
 	vessel_id BIGINT NOT NULL,
 	kind VARCHAR(32) NOT NULL,
+	subject BIGINT NOT NULL,
 	from_cycle BIGINT NOT NULL,
 	acknowledged_s FLOAT(53) NOT NULL,
 	acknowledged_by TEXT NOT NULL,
 	note TEXT NOT NULL,
 	who TEXT NOT NULL,
-	PRIMARY KEY (run_id, vessel_id, kind, from_cycle),
+	PRIMARY KEY (run_id, vessel_id, kind, subject, from_cycle),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 
@@ -154,6 +167,7 @@ CREATE TABLE event (
 	run_id BIGINT NOT NULL,
 	vessel_id BIGINT NOT NULL,
 	kind VARCHAR(32) NOT NULL,
+	subject BIGINT NOT NULL,
 	from_cycle BIGINT NOT NULL,
 	to_cycle BIGINT,
 	start_s FLOAT(53) NOT NULL,
@@ -163,7 +177,7 @@ CREATE TABLE event (
 	sog_kn FLOAT(53),
 	mmsi BIGINT,
 	evidence TEXT NOT NULL,
-	PRIMARY KEY (run_id, vessel_id, kind, from_cycle),
+	PRIMARY KEY (run_id, vessel_id, kind, subject, from_cycle),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 
@@ -175,11 +189,12 @@ CREATE TABLE event_gap (
 	run_id BIGINT NOT NULL,
 	vessel_id BIGINT NOT NULL,
 	kind VARCHAR(32) NOT NULL,
+	subject BIGINT NOT NULL,
 	from_cycle BIGINT NOT NULL,
 	cycle BIGINT NOT NULL,
 	last_cycle BIGINT NOT NULL,
 	last_s FLOAT(53) NOT NULL,
-	PRIMARY KEY (run_id, vessel_id, kind, from_cycle, cycle),
+	PRIMARY KEY (run_id, vessel_id, kind, subject, from_cycle, cycle),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 

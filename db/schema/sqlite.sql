@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0021; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/tables.py, schema 0022; `python -m coastwatch.store.migrate` writes it again.
 
 CREATE TABLE audit (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
@@ -60,16 +60,30 @@ CREATE TABLE vessel (
 )
  WITHOUT ROWID;
 
+CREATE TABLE zone (
+	number INTEGER NOT NULL,
+	version INTEGER NOT NULL,
+	scenario TEXT NOT NULL,
+	definition JSON,
+	changed_s FLOAT NOT NULL,
+	changed_by TEXT NOT NULL,
+	PRIMARY KEY (number, version)
+)
+ WITHOUT ROWID;
+
+CREATE INDEX zone_scenario ON zone (scenario, number, version);
+
 CREATE TABLE acknowledgement (
 	run_id INTEGER NOT NULL,
 	vessel_id INTEGER NOT NULL,
 	kind VARCHAR(32) NOT NULL,
+	subject INTEGER NOT NULL,
 	from_cycle INTEGER NOT NULL,
 	acknowledged_s FLOAT NOT NULL,
 	acknowledged_by TEXT NOT NULL,
 	note TEXT NOT NULL,
 	who TEXT NOT NULL,
-	PRIMARY KEY (run_id, vessel_id, kind, from_cycle),
+	PRIMARY KEY (run_id, vessel_id, kind, subject, from_cycle),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 )
  WITHOUT ROWID;
@@ -157,6 +171,7 @@ CREATE TABLE event (
 	run_id INTEGER NOT NULL,
 	vessel_id INTEGER NOT NULL,
 	kind VARCHAR(32) NOT NULL,
+	subject INTEGER NOT NULL,
 	from_cycle INTEGER NOT NULL,
 	to_cycle INTEGER,
 	start_s FLOAT NOT NULL,
@@ -166,7 +181,7 @@ CREATE TABLE event (
 	sog_kn FLOAT,
 	mmsi INTEGER,
 	evidence TEXT NOT NULL,
-	PRIMARY KEY (run_id, vessel_id, kind, from_cycle),
+	PRIMARY KEY (run_id, vessel_id, kind, subject, from_cycle),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 )
  WITHOUT ROWID;
@@ -179,11 +194,12 @@ CREATE TABLE event_gap (
 	run_id INTEGER NOT NULL,
 	vessel_id INTEGER NOT NULL,
 	kind VARCHAR(32) NOT NULL,
+	subject INTEGER NOT NULL,
 	from_cycle INTEGER NOT NULL,
 	cycle INTEGER NOT NULL,
 	last_cycle INTEGER NOT NULL,
 	last_s FLOAT NOT NULL,
-	PRIMARY KEY (run_id, vessel_id, kind, from_cycle, cycle),
+	PRIMARY KEY (run_id, vessel_id, kind, subject, from_cycle, cycle),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 )
  WITHOUT ROWID;

@@ -15,7 +15,7 @@ from time import process_time
 import numpy as np
 
 from coastwatch import store
-from coastwatch.batches import Flag, Ints, Picture, Tracks
+from coastwatch.batches import Flag, Ints, Picture, Tracks, VesselAlarms
 from coastwatch.scenario import load_scenario
 from coastwatch.store.database import writing
 from coastwatch.store.events import Events, extend, write_events
@@ -55,8 +55,8 @@ def main() -> None:
     names = sensors.source_names
     flags = np.where(rng.random(vessels) < FLAGGED, rng.choice(kinds, vessels), 0)
     members = np.stack([np.repeat(np.arange(1, vessels + 1), 2), np.tile([RADAR, AIS], vessels), np.arange(2 * vessels)], 1)
-    none = np.zeros(0, np.int64)
-    events, ms, rows = Events(none, none, none, np.zeros(0)), [], 0
+    none, no_alarms = np.zeros(0, np.int64), VesselAlarms.empty()
+    events, ms, rows = Events(none, none, none, none, np.zeros(0)), [], 0
     with tempfile.TemporaryDirectory() as folder, store.open_store(f"sqlite:///{Path(folder) / 'events.db'}") as opened:
         run = store.begin_run(opened, scenario="events", title="", seed=1, version="", settings={}, sensors=sensors, plan=plan)
         for number in range(cycles):
@@ -66,10 +66,10 @@ def main() -> None:
             picture = picture_of(flags, time_s)
             tracks = tracks_of(picture)
             begun = process_time()
-            events, changes = extend(events, number, time_s, time_s - plan.period_s, picture, GAP_S)
+            events, changes = extend(events, number, time_s, time_s - plan.period_s, picture, no_alarms, GAP_S)
             extended = process_time()
             with writing(opened) as connection:
-                rows += write_events(connection, run, changes, picture, members, names, tracks)
+                rows += write_events(connection, run, changes, picture, no_alarms, members, names, tracks)
             ms.append((1e3 * (extended - begun), 1e3 * (process_time() - extended)))
     follow, write = (statistics.median(column) for column in zip(*ms[WARM:], strict=True))
     print(f"{vessels} vessels, {np.count_nonzero(flags)} with a flag, {rows} rows in {cycles} cycles")

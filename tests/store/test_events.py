@@ -12,7 +12,7 @@ import store_world as world
 from sqlalchemy import text
 
 from coastwatch import store as kept
-from coastwatch.batches import Flag, Picture
+from coastwatch.batches import AlarmKind, Flag, Picture, VesselAlarms
 from coastwatch.scenario import StoreSettings
 from coastwatch.store import Store
 from coastwatch.store.database import reading
@@ -142,3 +142,64 @@ def test_alarms_of_a_span_are_those_that_touch_it(url: str) -> None:
         wanted = [e for e in oracle(made, GAP_S)[0] if e[1] == "dark" and e[4] <= to_s and (e[5] is None or e[5] >= from_s)]
         assert sorted(found.column("vessel_id")) == sorted(e[0] for e in wanted)
         assert len(wanted) > 0
+
+
+def raised(seed: int, cycles: int = CYCLES) -> list[VesselAlarms]:
+    """Alarms that come and go at random, some of vessels that are not in the picture; several of a vessel and kind at a time."""
+    rng, made = np.random.default_rng([seed, 19]), []
+    kinds = [AlarmKind.ZONE_ENTER, AlarmKind.LINE_CROSSED, AlarmKind.CLOSE_APPROACH, AlarmKind.LOST]
+    every = [(v, int(k), s) for v in range(1, 30) for k in kinds for s in ((0,) if k == AlarmKind.LOST else (1, 6, 1001))]
+    on = np.zeros(len(every), np.bool_)
+    for _ in range(cycles):
+        on ^= rng.random(len(every)) < 0.1
+        vessel, kind, subject = (
+            np.array([row for row, shown in zip(every, on, strict=True) if shown], np.int64).reshape(-1, 3).T
+        )
+        n, unknown = len(vessel), np.full(int(on.sum()), 60.0)
+        place = np.zeros((n, 2))
+        made.append(VesselAlarms(vessel, kind, subject, np.full(n, "bar"), place, place, vessel, *([unknown] * 4)))
+    return made
+
+
+def oracle_of_alarms(made: list[VesselAlarms], gap_s: float) -> list[tuple[Any, ...]]:
+    """Vessel, kind, subject, first and last cycle of each event, one alarm after the other."""
+    sets = [set(zip(a.vessel_id.tolist(), a.kind.tolist(), a.subject.tolist(), strict=True)) for a in made]
+    events: list[tuple[Any, ...]] = []
+    for alarm in set().union(*sets):
+        cycles = [number for number, found in enumerate(sets) if alarm in found]
+        first = cycles[0]
+        for before, now in zip(cycles, [*cycles[1:], None], strict=True):
+            ends = now is None or world.PERIOD_S * (now - before) > max(gap_s, world.PERIOD_S)
+            if ends:
+                last = None if before == len(made) - 1 else before
+                events.append((alarm[0], AlarmKind(alarm[1]).name.lower(), alarm[2], first, last))
+                first = now if now is not None else first
+    return sorted(events, key=lambda event: event[:4])
+
+
+ALARMS = """
+SELECT vessel_id, kind, subject, from_cycle, to_cycle FROM event
+WHERE kind IN ('zone_enter', 'line_crossed', 'close_approach', 'lost') ORDER BY vessel_id, kind, subject, from_cycle
+"""
+
+
+def test_alarms_of_several_zones_and_pairs_are_events_also_after_kills_and_going_back(url: str) -> None:
+    pictures, made, others = flagged(8), raised(1), raised(2)
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        for first, of_alarms in ((0, made[:15] + others[15:25]), (15, made[15:])):
+            for number, alarms in enumerate(of_alarms, first):
+                store.run_states.clear()
+                cycle = replace(world.cycle_of(number, 0, pictures[number]), vessel_alarms=alarms)
+                world.write(store, run, number, cycle=cycle, keep=KEEP)
+        assert stored(store, ALARMS) == oracle_of_alarms(made, GAP_S)
+        assert stored(store, ROWS.replace("FROM event", "FROM event WHERE kind = 'dark'")) == [
+            event for event in oracle(pictures, GAP_S)[0] if event[1] == "dark"
+        ]
+        said = {text for (text,) in stored(store, "SELECT evidence FROM event WHERE kind = 'close_approach' AND subject = 6")}
+        assert any(
+            text.startswith("with vessel 6 (MMSI 710000005), CPA 0.03 NM in 1.0 min, range 0.03 NM; tracks") for text in said
+        )
+        with_it = kept.track(store, run, 6)["events"]
+        assert {row[0] for row in with_it.rows} > {"close_approach", "lost", "dark"}
+    assert check(url) == []

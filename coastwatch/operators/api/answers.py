@@ -340,12 +340,6 @@ def cycles(service: In) -> dict[str, Any]:
     }
 
 
-@router.get("/zones")
-def zones(service: In) -> dict[str, Any]:
-    """The zones as GeoJSON."""
-    return {"type": "FeatureCollection", "features": []}
-
-
 @router.get("/coastline")
 def coastline(service: In) -> Response:
     """The coastline that comes with the scenario, as GeoJSON."""

@@ -14,7 +14,7 @@ from pydantic import BaseModel, Field
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.staticfiles import StaticFiles
 
-from coastwatch.operators.api import answers
+from coastwatch.operators.api import answers, zones
 from coastwatch.operators.api.alarm_stream import AlarmStream
 from coastwatch.operators.api.guard import COOKIE, SESSION, Guard
 from coastwatch.operators.api.service import NoPictureYet, Service
@@ -53,6 +53,7 @@ def application(service: Service, guard: Guard, web: Path = WEB) -> FastAPI:
     )
     app.state.service = service
     app.include_router(answers.router)
+    app.include_router(zones.router)
     _add_health(app, service)
     _add_session(app, guard)
     _add_stream(app, service)

@@ -21,7 +21,7 @@ from coastwatch.server.regions.publisher import Publisher
 from coastwatch.server.run import version
 from coastwatch.store import Rows, Store
 
-ALARM_ID = re.compile(r"(\d{1,18})-([a-z_]{1,32})-(\d{1,15})")
+ALARM_ID = re.compile(r"(\d{1,18})-([a-z_]{1,32})-(\d{1,15})(?:-(\d{1,18}))?")
 ALL_ALARMS = 2**31 - 1
 
 
@@ -111,12 +111,12 @@ class Service:
         """The alarms of the run, newest first, with an id and who acknowledged them."""
         asked = {**parameters, "run": str(self.run_id()), "count": str(count)} | ({"kind": kind} if kind else {})
         found = stored.answer(self.store, "alarms", asked)
-        done = {_alarm_id(*row[:3]): row[3:6] for row in store.acknowledgements(self.store, self.run_id()).rows}
-        at = [found.columns.index(name) for name in ("vessel_id", "kind", "start_utc")]
+        done = {_alarm_id(*row[:4]): row[4:7] for row in store.acknowledgements(self.store, self.run_id()).rows}
+        at = [found.columns.index(name) for name in ("vessel_id", "kind", "subject", "start_utc")]
         rows = []
         for row in found.rows:
-            vessel_id, alarm_kind, start = (row[k] for k in at)
-            alarm_id = _alarm_id(vessel_id, alarm_kind, datetime.fromisoformat(start).timestamp())
+            vessel_id, alarm_kind, subject, start = (row[k] for k in at)
+            alarm_id = _alarm_id(vessel_id, alarm_kind, subject, datetime.fromisoformat(start).timestamp())
             by, when_s, note = done.get(alarm_id, (None, None, None))
             rows.append((alarm_id, *row, by, None if when_s is None else stored.utc_text(when_s), note))
         return Rows(("alarm_id", *found.columns, "acknowledged_by", "acknowledged_utc", "note"), rows)
@@ -126,7 +126,7 @@ class Service:
         found = ALARM_ID.fullmatch(alarm_id)
         if found is None:
             return None
-        event = int(found[1]), found[2], int(found[3]) / 1000.0
+        event = int(found[1]), found[2], int(found[4] or 0), int(found[3]) / 1000.0
         if not store.acknowledge(self.store, self.run_id(), event, at_s=time.time(), name=name, note=note, who=who):
             return None
         rows = self.alarms({"from_s": "0"}, event[1], ALL_ALARMS)
@@ -176,5 +176,5 @@ class Service:
         return self._runs[run_id]
 
 
-def _alarm_id(vessel_id: int, kind: str, start_s: float) -> str:
-    return f"{vessel_id}-{kind}-{round(start_s * 1000)}"
+def _alarm_id(vessel_id: int, kind: str, subject: int, start_s: float) -> str:
+    return f"{vessel_id}-{kind}-{round(start_s * 1000)}" + (f"-{subject}" if subject else "")

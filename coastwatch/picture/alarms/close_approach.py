@@ -1,0 +1,139 @@
+"""Pairs of vessels that will pass too close, soon: of all pairs, found by where each vessel is in the middle of a span of time.
+
+Two vessels that come within D of each other during a span are, in its middle, no farther apart than D plus half the span times the sum
+of their speeds. So pairs within that distance are candidates, whose closest approach is then computed. Few fast vessels are in a class
+of their own, so that they do not widen the search for all others. The time to look ahead is cut in spans, and each cycle searches one
+of them. Pairs that were found are followed in every cycle.
+
+Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001 (straight motion).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from coastwatch import kernels
+from coastwatch.batches import Bools, Flag, Floats, Ints, NavStatus, Picture
+from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, scale_m_deg
+from coastwatch.kernels.tables.lookup import find
+from coastwatch.picture.alarms.settings import AlarmSettings
+
+SPANS = 2
+CLASSES_M_S = (12.0, 60.0)
+"""Greatest speed of each class. What is faster is no vessel."""
+
+SLACK_M = 100.0
+"""How far the middle of a way may be from where it is taken to be, with the scale of its start."""
+
+
+@dataclass(frozen=True, eq=False)
+class Approaching:
+    """Pairs that are followed. P rows, sorted."""
+
+    first_id: Ints  # (P,) vessels, the lower id of each pair
+    second_id: Ints
+    turn: int  # cycles so far: which span is searched next
+
+    @classmethod
+    def none(cls) -> Approaching:
+        number = np.zeros(0, np.int64)
+        return cls(number, number, 0)
+
+
+class Pairs(NamedTuple):
+    """Pairs of rows of a picture, the first below the second. P pairs, sorted."""
+
+    first: Ints
+    second: Ints
+    cpa_m: Floats
+    tcpa_s: Floats  # negative: they have passed
+    range_m: Floats
+
+
+def close_pairs(settings: AlarmSettings, before: Approaching, picture: Picture, time_s: float) -> tuple[Approaching, Pairs]:
+    """The pairs whose closest approach lies within the limits, each widened by `cpa_hold_factor`.
+
+    A pair is found within the limits themselves, at the latest after `SPANS` cycles.
+    Args: picture: vessels with a track, sorted.
+    """
+    speed_m_s = np.hypot(picture.velocity_m_s[:, 0], picture.velocity_m_s[:, 1])
+    slow = speed_m_s < settings.cpa_under_way_kn * KNOT_M_S
+    counts = _counts(settings, picture, slow, time_s) & (speed_m_s <= CLASSES_M_S[-1])
+    limit_m, within_s = settings.cpa_nm * NAUTICAL_MILE_M, settings.tcpa_min * 60.0
+    half_s = 0.5 * within_s / SPANS
+    middle_s = (2 * (before.turn % SPANS) + 1) * half_s
+    new = _candidates(picture, np.flatnonzero(counts), speed_m_s, limit_m, middle_s, half_s)
+    old = find(picture.vessel_id, before.first_id), find(picture.vessel_id, before.second_id)
+    there = (old[0] >= 0) & (old[1] >= 0)
+    first, second = (np.concatenate([row[there], found]) for row, found in zip(old, new, strict=True))
+    both = counts[first] & counts[second] & ~(slow[first] & slow[second])
+    first, second = _once(first[both], second[both], len(picture))
+    pairs, relative_m_s = _closest(picture, first, second)
+    hold = settings.cpa_hold_factor
+    near = (pairs.cpa_m <= hold * limit_m) & (pairs.tcpa_s >= 0.0) & (pairs.tcpa_s <= hold * within_s)
+    near &= relative_m_s >= settings.cpa_relative_kn * KNOT_M_S
+    pairs = Pairs(pairs.first[near], pairs.second[near], pairs.cpa_m[near], pairs.tcpa_s[near], pairs.range_m[near])
+    return Approaching(picture.vessel_id[pairs.first], picture.vessel_id[pairs.second], before.turn + 1), pairs
+
+
+def _counts(settings: AlarmSettings, picture: Picture, slow: Bools, time_s: float) -> Bools:
+    """Which vessels may be one of a pair. (V,) Args: slow: (V,)."""
+    known = time_s - picture.since_s >= settings.cpa_known_s
+    if not settings.cpa_at_rest:
+        return np.asarray(known & ~slow)
+    at_rest = np.isin(picture.nav_status, (NavStatus.AT_ANCHOR, NavStatus.MOORED, NavStatus.AGROUND))
+    at_rest |= (picture.flags & Flag.STATIONARY) != 0
+    return np.asarray(known & (~slow | (at_rest & (picture.mmsi >= 0))))
+
+
+def _candidates(
+    picture: Picture, rows: Ints, speed_m_s: Floats, limit_m: float, middle_s: float, half_s: float
+) -> tuple[Ints, Ints]:
+    """Pairs of these rows that may come within the limit in a span. Args: speed_m_s: (V,); middle_s: of the span; half_s: its half."""
+    north, east = scale_m_deg(picture.position_deg[rows, 0])
+    ahead_deg = np.stack([picture.velocity_m_s[rows, 1] / north, picture.velocity_m_s[rows, 0] / east], 1) * middle_s
+    middle_deg = picture.position_deg[rows] + ahead_deg
+    of_speed = np.searchsorted(CLASSES_M_S, speed_m_s[rows])
+    classes = [np.flatnonzero(of_speed == k) for k in range(len(CLASSES_M_S))]
+    none = np.zeros(0, np.int64)
+    first, second = [none], [none]
+    for b, faster in enumerate(classes):
+        for a, slower in enumerate(classes[: b + 1]):
+            if len(faster) and len(slower):
+                reach_m = limit_m + SLACK_M + (CLASSES_M_S[a] + CLASSES_M_S[b]) * half_s
+                found = _pairs_within(middle_deg, slower, faster, reach_m, a == b)
+                first.append(rows[found[0]])
+                second.append(rows[found[1]])
+    return np.concatenate(first), np.concatenate(second)
+
+
+def _pairs_within(position_deg: Floats, some: Ints, others: Ints, reach_m: float, same: bool) -> tuple[Ints, Ints]:
+    """Pairs of one of some rows and one of other rows, not farther apart than the reach. Args: same: both are the same rows."""
+    pairs = kernels.association.candidate_pairs
+    rows = some if same else np.concatenate([some, others])
+    group = np.arange(len(rows)) if same else np.repeat([0, 1], [len(some), len(others)])
+    place = pairs.sorted_places(position_deg[rows], group, np.zeros(len(rows), np.int64), reach_m)
+    no_halo = np.zeros(len(rows) + 1, np.int64), np.zeros(0, np.int64)
+    found = pairs.candidate_pairs(0, len(rows), np.arange(len(rows)), place, no_halo, reach_m)
+    return rows[place["row"][found["first"]]], rows[place["row"][found["second"]]]
+
+
+def _once(first: Ints, second: Ints, count: int) -> tuple[Ints, Ints]:
+    """Each pair once, the lower row first, sorted."""
+    code = np.sort(np.minimum(first, second) * count + np.maximum(first, second))
+    code = code[np.append(True, code[1:] != code[:-1])[: len(code)]]
+    low, high = np.divmod(code, max(count, 1))
+    return low, high
+
+
+def _closest(picture: Picture, first: Ints, second: Ints) -> tuple[Pairs, Floats]:
+    """The closest approach of pairs of rows on straight courses, and their relative speeds, m/s."""
+    away = difference_m(picture.position_deg[second], picture.position_deg[first])
+    relative = picture.velocity_m_s[second] - picture.velocity_m_s[first]
+    speed2 = relative[:, 0] ** 2 + relative[:, 1] ** 2
+    tcpa_s = -(away[:, 0] * relative[:, 0] + away[:, 1] * relative[:, 1]) / np.maximum(speed2, 1e-12)
+    cpa_m = np.hypot(away[:, 0] + relative[:, 0] * tcpa_s, away[:, 1] + relative[:, 1] * tcpa_s)
+    return Pairs(first, second, cpa_m, tcpa_s, np.hypot(away[:, 0], away[:, 1])), np.sqrt(speed2)

@@ -1,0 +1,113 @@
+"""The alarms of a cycle: zones and lines, close approaches, dragging anchors, lost vessels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from coastwatch import kernels
+from coastwatch.batches import AlarmKind, Bools, Members, Picture, Sensors, VesselAlarms, joint_keys
+from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, offset_deg
+from coastwatch.kernels.tables.lookup import find
+from coastwatch.picture.alarms.close_approach import Approaching, Pairs, close_pairs
+from coastwatch.picture.alarms.lasting import KINDS, Holding, Lasting, extend
+from coastwatch.picture.alarms.raised import Raised, together
+from coastwatch.picture.alarms.settings import AlarmSettings
+from coastwatch.picture.alarms.watched import AIS, RADAR, Seen, Watched, look
+from coastwatch.picture.alarms.zone_alarms import ZoneMemory, zone_alarms
+from coastwatch.picture.alarms.zones import Numbered, shapes
+from coastwatch.picture.sensor_cover import coverages
+
+
+@dataclass(frozen=True, eq=False)
+class AlarmMemory:
+    """The memory of the alarms between cycles."""
+
+    watched: Watched
+    zones: ZoneMemory
+    approaching: Approaching
+    close: Lasting  # of pairs: the vessel with the lower id, and the other one as subject
+    dragging: Lasting
+
+
+class AlarmRules(AlarmSettings):
+    """Alarms beside the flags: zones, lines, close approaches, dragging anchors and lost vessels.
+
+    An alarm begins when its condition has held for `open_cycles`, and ends when it has not held for `close_cycles`. While a vessel has
+    no track, its alarms stay as they are. One that returns within `store.event_gap_s` goes on with the event before.
+    """
+
+    def init(self) -> AlarmMemory:
+        return AlarmMemory(Watched.none(), ZoneMemory.none(), Approaching.none(), Lasting.none(), Lasting.none())
+
+    def step(
+        self,
+        memory: AlarmMemory,
+        picture: Picture,
+        members: Members,
+        time_s: float,
+        sensors: Sensors,
+        zones: tuple[Numbered, ...] = (),
+    ) -> tuple[AlarmMemory, VesselAlarms]:
+        """The alarms that hold in this cycle. Args: zones: with their numbers, each above 0 and once."""
+        known = shapes(zones, self.zone_margin_m)
+        seen = look(self, memory.watched, picture, members, sensors, time_s)
+        zone_memory, raised = zone_alarms(self, memory.zones, seen, known, time_s)
+        followed, close, approaching = self._close(memory, seen, time_s)
+        dragging, anchored = self._dragging(memory.dragging, seen, time_s)
+        raised = [*raised, approaching, anchored, self._lost(seen, sensors, time_s)]
+        after = AlarmMemory(seen.watched, zone_memory, followed, close, dragging)
+        return after, together(raised, seen.watched, known)
+
+    def _close(self, memory: AlarmMemory, seen: Seen, time_s: float) -> tuple[Approaching, Lasting, Raised]:
+        """Close approaches. Within the limits they begin, within the wider ones they last."""
+        none = np.zeros(0, np.int64)
+        if self.cpa_nm == 0.0:
+            return Approaching.none(), Lasting.none(), Raised.of(AlarmKind.CLOSE_APPROACH, none)
+        followed, pairs = close_pairs(self, memory.approaching, seen.picture, time_s)
+        vessel_id = seen.picture.vessel_id
+        key, subject = vessel_id[pairs.first] * KINDS + AlarmKind.CLOSE_APPROACH, vessel_id[pairs.second]
+        strong = self._is_close(pairs)
+        now = Holding(key, subject, strong, np.zeros(len(key), np.bool_))
+        after, _ = extend(memory.close, now, none, self.cpa_open_cycles, self.close_cycles, time_s)
+        opened = after.take(after.open)
+        of_now, wanted = joint_keys((key, subject), (opened.key, opened.subject))
+        row = find(of_now, wanted)
+        of_pair = {
+            name: np.append(value, np.nan)[row]
+            for name, value in (("distance_m", pairs.cpa_m), ("range_m", pairs.range_m), ("interval_s", pairs.tcpa_s))
+        }
+        return followed, after, Raised.of(AlarmKind.CLOSE_APPROACH, opened.vessel_id, opened.subject, **of_pair)
+
+    def _is_close(self, pairs: Pairs) -> Bools:
+        """Which pairs are within the limits themselves. (P,)"""
+        limit_m = self.cpa_nm * NAUTICAL_MILE_M
+        return np.asarray((pairs.cpa_m <= limit_m) & (pairs.tcpa_s <= self.tcpa_min * 60.0))
+
+    def _dragging(self, before: Lasting, seen: Seen, time_s: float) -> tuple[Lasting, Raised]:
+        rows = np.flatnonzero(seen.dragging)
+        key, zero = seen.picture.vessel_id[rows] * KINDS + AlarmKind.ANCHOR_DRAG, np.zeros(len(rows), np.int64)
+        now = Holding(key, zero, np.ones(len(rows), np.bool_), np.zeros(len(rows), np.bool_))
+        after, _ = extend(before, now, seen.frozen, self.open_cycles, self.close_cycles, time_s)
+        opened = after.vessel_id[after.open]
+        at = find(seen.picture.vessel_id, opened)
+        of_row = {
+            name: np.append(value, np.nan)[at] for name, value in (("distance_m", seen.away_m), ("interval_s", seen.lain_s))
+        }
+        return after, Raised.of(AlarmKind.ANCHOR_DRAG, opened, **of_row)
+
+    def _lost(self, seen: Seen, sensors: Sensors, time_s: float) -> Raised:
+        """Vessels that were under way, have left the picture, and would still be within cover of what tracked them."""
+        u = seen.watched
+        silent_s = time_s - u.seen_s
+        gone = ~u.here & (silent_s >= self.lost_after_s) & (silent_s <= self.lost_for_s)
+        gone &= (u.seen_s - u.since_s >= self.lost_known_s) & (u.speed_m_s >= self.lost_under_way_kn * KNOT_M_S)
+        rows = np.flatnonzero(gone & (self.lost_after_s > 0.0))
+        then_deg = offset_deg(u.position_deg[rows], u.velocity_m_s[rows] * self.lost_after_s)
+        covered = np.zeros(len(rows), np.bool_)
+        for bit, coverage in zip((AIS, RADAR), coverages(sensors, self.cover_margin), strict=True):
+            of_kind = (u.sources[rows] & bit) != 0
+            covered[of_kind] |= kernels.geometry.sensor_coverage.in_any_range(coverage, then_deg[of_kind])
+        rows = rows[covered]
+        return Raised.of(AlarmKind.LOST, u.vessel_id[rows], interval_s=silent_s[rows])

@@ -1,0 +1,178 @@
+"""The vessels of the picture and those that left it lately: what alarms need of their past."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from coastwatch.batches import Bools, Flag, Floats, Ints, Members, NavStatus, Picture, Sensors, SourceKind
+from coastwatch.geodesy import KNOT_M_S, difference_m, offset_deg
+from coastwatch.kernels.tables.lookup import find
+from coastwatch.picture.alarms.settings import AlarmSettings
+
+AIS, RADAR = 1, 2
+"""Bits of `Watched.sources`."""
+
+FASTEST_M_S = 120.0 * KNOT_M_S
+"""A vessel that seems to have been faster is elsewhere because its track was corrected."""
+
+SIGMAS = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Watched:
+    """Vessels by id. U rows. While a vessel has no track, its row stays as it was when it had one last."""
+
+    vessel_id: Ints  # (U,) ascending
+    seen_s: Floats  # (U,) last time with a track
+    since_s: Floats  # (U,) first one
+    position_deg: Floats  # (U, 2)
+    velocity_m_s: Floats  # (U, 2)
+    mmsi: Ints  # (U,)
+    sources: Ints  # (U,) sum of AIS and RADAR
+    here: Bools  # (U,) it is in the picture
+    tracked: Bools  # (U,) it has a track
+    came_s: Floats  # (U,) since when it has been watched without being forgotten
+    way_from_deg: Floats  # (U, 2) where the way begins that is looked at for crossings
+    anchorage_deg: Floats  # (U, 2)
+    at_rest_s: Floats  # (U,) since when it has lain at the anchorage; NaN: it does not
+    outside_s: Floats  # (U,) since when it has been out of the swing circle; NaN: it is inside
+
+    @classmethod
+    def none(cls) -> Watched:
+        number, time, place = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 2))
+        of = number > 0
+        return cls(number, time, time, place, place, number, number, of, of, time, place, place, time, time)
+
+    def take(self, rows: Ints | Bools) -> Watched:
+        """Some of them."""
+        return Watched(*(getattr(self, name)[rows] for name in vars(self)))
+
+    @property
+    def speed_m_s(self) -> Floats:
+        """(U,)"""
+        return np.hypot(self.velocity_m_s[:, 0], self.velocity_m_s[:, 1])
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """The watched vessels of a cycle, and which of them have a track."""
+
+    watched: Watched
+    rows: Ints  # (R,) of the vessels with a track, ascending
+    picture: Picture  # R rows, the same vessels
+    frozen: Ints  # (F,) ids of watched vessels without a track
+    moved: Bools  # (R,) far enough since `way_from_deg`, and not farther than a vessel can
+    way_from_deg: Floats  # (R, 2)
+    dragging: Bools  # (R,)
+    lain_s: Floats  # (R,) at rest at the anchorage
+    away_m: Floats  # (R,) from the anchorage
+
+
+def look(settings: AlarmSettings, before: Watched, picture: Picture, members: Members, sensors: Sensors, time_s: float) -> Seen:
+    """The watched vessels after a cycle. Args: picture, members: of the cycle."""
+    tracked = (picture.flags & Flag.COASTING) == 0
+    now = picture.take(tracked)
+    at = find(before.vessel_id, now.vessel_id)
+    known = at >= 0
+    fresh = _rows_of(now, members, sensors, time_s)
+    columns = {name: getattr(fresh, name) for name in vars(fresh)}
+    for name in ("came_s", "way_from_deg", "anchorage_deg", "at_rest_s", "outside_s"):
+        columns[name][known] = getattr(before, name)[at[known]]
+    waited_s = np.zeros(len(now))
+    waited_s[known] = time_s - before.seen_s[at[known]]
+    columns["came_s"][waited_s > settings.forget_s] = time_s
+    columns["way_from_deg"][waited_s > settings.forget_s] = now.position_deg[waited_s > settings.forget_s]
+
+    way_from_deg = columns["way_from_deg"].copy()
+    way_m = np.hypot(*difference_m(now.position_deg, way_from_deg).T)
+    period_s = np.maximum(waited_s, 1.0)
+    jumped = way_m > settings.line_margin_m + FASTEST_M_S * period_s + SIGMAS * _sigma_m(now)
+    moved = (way_m >= settings.line_margin_m) & ~jumped
+    columns["way_from_deg"][moved | jumped] = now.position_deg[moved | jumped]
+    row = Watched(**columns)
+    row, dragging, lain_s, away_m = _anchored(settings, row, now, waited_s, time_s)
+
+    watched = _with_absent(settings, before, row, picture, time_s)
+    rows = find(watched.vessel_id, now.vessel_id)
+    without = np.ones(len(watched.vessel_id), np.bool_)
+    without[rows] = False
+    frozen = watched.vessel_id[without & (time_s - watched.seen_s <= settings.forget_s)]
+    return Seen(watched, rows, now, frozen, moved, way_from_deg, dragging, lain_s, away_m)
+
+
+def _rows_of(now: Picture, members: Members, sensors: Sensors, time_s: float) -> Watched:
+    """The rows of vessels with a track, as if all were new."""
+    n, kinds = len(now), sensors.source_kinds
+    sources = np.zeros(n, np.int64)
+    row = find(now.vessel_id, members.vessel_id)
+    for kind, bit in ((SourceKind.AIS, AIS), (SourceKind.RADAR, RADAR)):
+        of_kind = row[(kinds[members.source] == int(kind)) & (row >= 0)]
+        sources[of_kind] |= bit
+    time, unknown = np.full(n, float(time_s)), np.full(n, np.nan)
+    place = now.position_deg
+    first = (
+        now.vessel_id,
+        time,
+        now.since_s,
+        place,
+        now.velocity_m_s,
+        now.mmsi,
+        sources,
+        np.ones(n, np.bool_),
+        np.ones(n, np.bool_),
+    )
+    return Watched(*first, time.copy(), place.copy(), np.full((n, 2), np.nan), unknown, unknown.copy())
+
+
+def _with_absent(settings: AlarmSettings, before: Watched, row: Watched, picture: Picture, time_s: float) -> Watched:
+    """The rows of all vessels: those with a track, and of the others those that are not forgotten.
+
+    A vessel that left the picture while it had a track is dropped: its tracks are in another vessel now.
+    """
+    gone = before.take(find(row.vessel_id, before.vessel_id) < 0)
+    here = find(picture.vessel_id, gone.vessel_id) >= 0
+    keep_s = max(settings.forget_s, settings.lost_for_s if settings.lost_after_s else 0.0)
+    kept = (here | ~gone.tracked) & (time_s - gone.seen_s <= keep_s)
+    gone = replace(gone, here=here, tracked=np.zeros(len(here), np.bool_)).take(kept)
+    both = Watched(*(np.concatenate([getattr(row, name), getattr(gone, name)]) for name in vars(row)))
+    return both.take(np.argsort(both.vessel_id, kind="stable"))
+
+
+def _anchored(
+    settings: AlarmSettings, row: Watched, now: Picture, waited_s: Floats, time_s: float
+) -> tuple[Watched, Bools, Floats, Floats]:
+    """The rows with their anchorages, which of them drag, how long each has lain there, and how far from it each is. (R,)
+
+    A vessel comes to rest when it is stationary, or at anchor and slow. It drags where it is out of its swing circle and slow, if its
+    status says "at anchor" or it has lain there for long. It has got under way, and has no anchorage, once it is fast, or out of the
+    circle for another reason. One that lies outside for `settle_s` has a new anchorage there.
+    Args: row, now: R vessels with a track; waited_s: (R,) since each had one before.
+    """
+    slow = row.speed_m_s <= settings.drag_kn * KNOT_M_S
+    at_anchor = now.nav_status == NavStatus.AT_ANCHOR
+    rests = ((now.flags & Flag.STATIONARY) != 0) | (at_anchor & slow)
+    anchorage, at_rest_s, outside_s = row.anchorage_deg.copy(), row.at_rest_s.copy(), row.outside_s.copy()
+    new = np.isnan(at_rest_s) & rests
+    anchorage[new], at_rest_s[new] = now.position_deg[new], time_s
+    lain_s = time_s - at_rest_s
+    away_m = np.hypot(*difference_m(now.position_deg, anchorage).T)
+    outside = away_m > settings.swing_m + SIGMAS * _sigma_m(now)
+    settling = ~outside & (lain_s > 0.0) & (lain_s < settings.settle_s)
+    share = waited_s[settling] / (lain_s[settling] + waited_s[settling])
+    step_m = difference_m(now.position_deg[settling], anchorage[settling])
+    anchorage[settling] = offset_deg(anchorage[settling], share[:, None] * step_m)
+    outside_s[outside & np.isnan(outside_s)] = time_s
+    outside_s[~outside] = np.nan
+    dragging = outside & slow & (at_anchor | (outside_s - at_rest_s >= settings.rest_s)) & (settings.swing_m > 0.0)
+    stopped = dragging & ((now.flags & Flag.STATIONARY) != 0) & (time_s - outside_s >= settings.settle_s)
+    left = ~np.isnan(at_rest_s) & (~slow | (outside & ~dragging) | stopped)
+    anchorage[left], at_rest_s[left], outside_s[left] = np.nan, np.nan, np.nan
+    row = replace(row, anchorage_deg=anchorage, at_rest_s=at_rest_s, outside_s=outside_s)
+    return row, dragging & ~left, lain_s, away_m
+
+
+def _sigma_m(now: Picture) -> Floats:
+    """Standard deviation of each position; 0 where it is not known. (R,)"""
+    return np.nan_to_num(np.sqrt(now.covariance[:, 0, 0] + now.covariance[:, 1, 1]))

@@ -1,0 +1,87 @@
+"""How many alarms a watch officer gets in an hour of a scenario, by kind, and what settings change.
+
+Run: python -m scaling.decisions.alarm_rate SCENARIO [--cycles N] [--seed S] [--set KEY=VALUE ...] [--try KEY=VALUE,...]
+The scenario runs once. Its pictures then go through the alarms with the settings of the scenario, and once more for each `--try`
+(settings of [alarms]). One line each: events an hour by kind, as the store counts them (`store.event_gap_s`), how many last at the
+end, the most that last at a time, and milliseconds of processor a cycle.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from contextlib import nullcontext
+
+import numpy as np
+
+from coastwatch import pipeline
+from coastwatch.batches import Members, Picture, Sensors
+from coastwatch.picture import AlarmRules, numbered
+from coastwatch.scenario import Scenario, load_scenario
+from coastwatch.stage import serial
+from coastwatch.store.events import BITS, KINDS, Events, extend
+
+SILENT = ("coasting", "stationary")
+"""Kinds of events that are no alarms."""
+
+
+def pictures_of(scenario: Scenario, sensors: Sensors, seed: int) -> list[tuple[float, Picture, Members]]:
+    """Time, picture and members of every cycle."""
+    plan = scenario.plan()
+    reports = scenario.input.load(sensors, seed, plan).reports
+    memory, before_s, out = pipeline.start(scenario, sensors), -np.inf, []
+    for number in range(plan.cycles):
+        now_s = plan.instant_s(number)
+        part = reports.between(before_s, now_s)
+        memory, cycle = pipeline.step(scenario, sensors, memory, part, now_s, serial, lambda _: nullcontext(), zones=())
+        out.append((now_s, cycle.picture, cycle.members))
+        before_s = now_s
+    return out
+
+
+def rate(scenario: Scenario, rules: AlarmRules, sensors: Sensors, made: list[tuple[float, Picture, Members]]) -> str:
+    """One line of figures."""
+    none = np.zeros(0, np.int64)
+    memory, events, before_s = rules.init(), Events(none, none, none, none, np.zeros(0)), -np.inf
+    count, most, spent_s, zones = dict.fromkeys(KINDS.values(), 0), 0, [], numbered(scenario.zones)
+    silent = [number for number, kind in KINDS.items() if kind in SILENT]
+    for number, (now_s, picture, members) in enumerate(made):
+        begun = time.process_time()
+        memory, alarms = rules.step(memory, picture, members, now_s, sensors, zones)
+        spent_s.append(time.process_time() - begun)
+        events, changes = extend(events, number, now_s, before_s, picture, alarms, scenario.store.event_gap_s)
+        for kind in (changes.begun % BITS).tolist():
+            count[KINDS[kind]] += 1
+        lasting = events.take((events.to_cycle < 0) & ~np.isin(events.key % BITS, silent))
+        most, before_s = max(most, len(lasting.key)), now_s
+    hours = (made[-1][0] - made[0][0]) / 3600.0
+    rates = {kind: found / hours for kind, found in count.items() if found and kind not in SILENT}
+    said = ", ".join(f"{kind} {value:.1f}" for kind, value in rates.items())
+    return (
+        f"{hours:.2f} h, {np.mean([len(picture) for _, picture, _ in made]):.0f} vessels: {sum(rates.values()):.1f} alarms an hour: "
+        f"{said}; {len(lasting.key)} last at the end, {most} at most; {1e3 * np.median(spent_s):.2f} ms a cycle"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenario")
+    parser.add_argument("--cycles", type=int)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
+    parser.add_argument("--try", action="append", default=[], metavar="KEY=VALUE,...", dest="tried")
+    options = parser.parse_args()
+    changes = dict(change.split("=", 1) for change in options.set)
+    if options.cycles:
+        changes["cycles"] = str(options.cycles)
+    scenario = load_scenario(options.scenario, changes)
+    sensors = scenario.sensors()
+    made = pictures_of(scenario, sensors, options.seed)
+    for tried in ["", *options.tried]:
+        given = dict(one.split("=", 1) for one in tried.split(",") if one)
+        rules = AlarmRules.model_validate({**scenario.alarms.model_dump(), **given})
+        print(f"{tried or 'as set'}: {rate(scenario, rules, sensors, made)}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

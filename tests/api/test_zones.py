@@ -1,0 +1,69 @@
+"""Zones over the API: added, changed and deleted by operators, each change kept with who made it, and watched by a live run."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import httpx
+import pytest
+from server_world import Served, listening
+
+from coastwatch.operators.api import tokens
+from coastwatch.operators.api.guard import Guard
+from coastwatch.scenario import load_scenario
+from coastwatch.server.watched_zones import WatchedZones
+
+BAY = {"name": "bay", "kind": "polygon", "points_deg": [[-22.9, -43.2], [-22.9, -43.1], [-22.8, -43.1]], "enter": True}
+RING = {"name": "ring", "kind": "circle", "centre_deg": [0.0, 180.0], "radius_nm": 2.0, "max_speed_kn": 5.0}
+
+
+def test_zones_are_added_changed_and_deleted_and_a_live_run_watches_them(changing: Served) -> None:
+    path = f"http://{changing.address}/api/v1/zones"
+    scenario = load_scenario("guanabara").model_copy(update={"name": "sea", "zones": ()})
+    watched = WatchedZones(changing.store, scenario)
+    assert watched.now() == ()
+    made = httpx.post(path, json=BAY)
+    assert made.status_code == 201
+    first = made.json()["properties"]["number"]
+    assert [(number, zone.name) for number, zone in watched.now()] == [(first, "bay")]
+    ring = httpx.post(path, json=RING).json()
+    assert ring["properties"]["number"] == first + 1
+    corners = ring["geometry"]["coordinates"][0]
+    assert max(abs(a[0] - b[0]) for a, b in pairwise(corners)) < 0.01  # no jump at the antimeridian
+    for body, status, said in (
+        (BAY, 409, "which another zone has"),
+        ({**BAY, "name": "x", "points_deg": BAY["points_deg"][:2]}, 422, "needed 3 or more points_deg"),
+        ({**BAY, "name": "x", "speed": 3}, 422, "speed: Extra inputs are not permitted"),
+    ):
+        answer = httpx.post(path, json=body)
+        assert (answer.status_code, said in answer.json()["detail"]) == (status, True), answer.text
+    assert httpx.put(f"{path}/{first}", json={**BAY, "name": "ring"}).status_code == 409
+    changed = httpx.put(f"{path}/{first}", json={**BAY, "leave": True}).json()["properties"]
+    assert (changed["version"], changed["leave"], changed["dwell_s"]) == (2, True, None)
+    assert httpx.delete(f"{path}/{first}").json()["properties"]["name"] == "bay"
+    assert [httpx.delete(f"{path}/{number}").status_code for number in (first, 1, 999_999)] == [404, 404, 404]
+    assert [f["properties"]["name"] for f in changing.get("/api/v1/zones").json()["features"]] == ["ring"]
+    assert [zone.name for _, zone in watched.now()] == ["ring"]
+    changes = changing.get("/api/v1/zones/changes").json()["changes"]
+    done = [(row["number"] - first, row["version"], row["definition"] is None, row["changed_by"]) for row in changes]
+    assert done == [(0, 3, True, "loopback"), (0, 2, False, "loopback"), (1, 1, False, "loopback"), (0, 1, False, "loopback")]
+
+
+def test_a_viewer_may_look_at_zones_and_not_change_them(served: Served, tmp_path: Path) -> None:
+    file = tmp_path / "tokens.toml"
+    viewer, operator = (tokens.add(file, role, role, None) for role in ("viewer", "operator"))
+    with listening(served.service, Guard(tokens=tokens.Tokens(file))) as address:
+        path = f"http://{address}/api/v1/zones"
+        as_viewer, as_operator = ({"Authorization": f"Bearer {token}"} for token in (viewer, operator))
+        assert httpx.get(path, headers=as_viewer).status_code == 200
+        assert httpx.post(path, json=RING, headers=as_viewer).status_code == 403
+        assert httpx.post(path, json=RING, headers=as_operator).status_code == 201
+        changes = httpx.get(f"{path}/changes", headers=as_viewer).json()["changes"]
+        assert [row["changed_by"] for row in changes] == ["operator"]
+
+
+@pytest.mark.parametrize("name", ["guanabara"])
+def test_the_zones_of_a_shipped_scenario_are_numbered_in_their_order(name: str, served: Served) -> None:
+    zones = WatchedZones(served.store, load_scenario(name)).now()
+    assert [(number, zone.name) for number, zone in zones] == [(1, "fort"), (2, "channel"), (3, "bar")]

@@ -1,0 +1,284 @@
+"""Alarms beside the flags: zones, lines, close approaches, anchors, lost vessels; hysteresis; resumed from a checkpoint."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from coastwatch.batches import AlarmKind, Flag, Members, NavStatus, Picture, Radars, Sensors, Sonars, Stations, VesselAlarms
+from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, offset_deg
+from coastwatch.picture import AlarmRules, Zone, numbered
+from coastwatch.picture.alarms.close_approach import SPANS, Approaching, close_pairs
+from coastwatch.picture.alarms.zones import Shape
+from coastwatch.server.checkpoint import load, save
+
+PERIOD_S = 3.0
+SITE = np.array([-17.0, 179.98])  # Fiji: zones lie across the antimeridian
+RULES = AlarmRules(open_cycles=2, close_cycles=3, cpa_open_cycles=2, cpa_known_s=0.0, lost_known_s=0.0, lost_after_s=30.0)
+
+
+def sensors(range_m: float = 20e3) -> Sensors:
+    one, two = np.array(["a"], "U32"), np.full(1, 10.0)
+    radars = Radars(one, np.zeros(1, np.int64), SITE[None], np.array([range_m]), two, two, two / 1000.0)
+    return Sensors(radars, Stations.empty(), Sonars.empty(), ("west",), SITE[None])
+
+
+def picture_of(time_s: float, rows: list[dict[str, Any]]) -> tuple[Picture, Members]:
+    """Vessels by id, metres east and north of the site, knots east and north, flags and status; each has a radar track."""
+    n = len(rows)
+    value = {k: np.array([row.get(k, d) for row in rows]) for k, d in (("id", 0), ("flags", 0), ("status", -1), ("mmsi", -1))}
+    at = np.array([row["at"] for row in rows], float).reshape(n, 2)
+    speed = np.array([row.get("kn", (0.0, 0.0)) for row in rows], float).reshape(n, 2) * KNOT_M_S
+    covariance = np.tile(np.diag([25.0, 25.0, 0.1, 0.1]), (n, 1, 1))
+    place = offset_deg(np.broadcast_to(SITE, (n, 2)), at)
+    times = np.full(n, time_s), place, speed, covariance, np.zeros(n), np.full(n, time_s)
+    columns = (value[name].astype(np.int64) for name in ("id", "mmsi", "flags", "id", "status"))
+    ids, mmsi, flags, origin, status = columns
+    picture = Picture(ids, *times, mmsi, flags, origin, status)
+    tracked = np.flatnonzero((flags & Flag.COASTING) == 0)
+    return picture, Members(ids[tracked], ids[tracked] + 100, np.zeros(len(tracked), np.int64))
+
+
+def play(
+    rules: AlarmRules, scene: Callable[[float], list[dict[str, Any]]], cycles: int, zones: tuple[Zone, ...] = (), **more: Any
+) -> list[VesselAlarms]:
+    """The alarms of each cycle. Now and then the memory goes through a checkpoint too; it is never written to."""
+    memory, out, where = rules.init(), [], sensors(**more)
+    for cycle in range(cycles):
+        time_s = PERIOD_S * cycle
+        given = *picture_of(time_s, scene(time_s)), time_s, where, numbered(zones)
+        saved = save(memory) if cycle % 20 == 13 else b""
+        after, alarms = rules.step(memory, *given)
+        if saved:
+            assert save(memory) == saved
+            again, same = rules.step(load(saved), *given)
+            assert save(again) == save(after)
+            assert same.vessel_id.tolist() == alarms.vessel_id.tolist()
+        memory = after
+        out.append(alarms)
+    return out
+
+
+def spans(found: list[VesselAlarms], kind: AlarmKind) -> dict[tuple[int, int], list[tuple[int, int]]]:
+    """First and last cycle of each stretch in which an alarm held, by vessel and subject."""
+    out: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    for cycle, alarms in enumerate(found):
+        for vessel, what, subject in zip(alarms.vessel_id.tolist(), alarms.kind.tolist(), alarms.subject.tolist(), strict=True):
+            if what == kind:
+                seen = out.setdefault((vessel, subject), [])
+                seen[-1:] = [(seen[-1][0], cycle)] if seen and seen[-1][1] == cycle - 1 else [*seen[-1:], (cycle, cycle)]
+    return out
+
+
+def square(half_m: float, east_m: float = 0.0) -> tuple[tuple[float, float], ...]:
+    """The corners of a square about a place east of the site; a half of it lies beyond the antimeridian."""
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half_m + [east_m, 0.0]
+    return tuple(map(tuple, offset_deg(np.broadcast_to(SITE, (4, 2)), corners).tolist()))
+
+
+AREA = Zone(name="port", kind="polygon", points_deg=square(3000.0), enter=True, leave=True, dwell_s=300.0, max_speed_kn=25.0)
+
+
+def through(time_s: float) -> list[dict[str, Any]]:
+    """Vessel 1 sails east through the square at 30 kn, 2 has been inside from the beginning, 3 sails outside."""
+    east = -4000.0 + 30.0 * KNOT_M_S * time_s
+    return [
+        {"id": 1, "at": (east, 0.0), "kn": (30.0, 0.0)},
+        {"id": 2, "at": (0.0, 500.0)},
+        {"id": 3, "at": (east, 4000.0), "kn": (30.0, 0.0)},
+    ]
+
+
+def test_a_vessel_enters_speeds_in_and_leaves_a_zone_across_the_antimeridian() -> None:
+    found = play(RULES, through, 220, (AREA,))
+    speed = 30.0 * KNOT_M_S * PERIOD_S
+    inside_from, inside_to = int(np.ceil(1000.0 / speed)), int(np.ceil((7000.0 + 50.0) / speed))
+    stay = [(inside_from + 1, inside_to + 1)]  # open in the second cycle inside, ended in the third one outside by the margin
+    assert spans(found, AlarmKind.ZONE_ENTER) == {(1, 1): stay}
+    assert spans(found, AlarmKind.ZONE_SPEED)[1, 1][0][0] == inside_from + 1
+    ((left, last),) = spans(found, AlarmKind.ZONE_LEAVE)[1, 1]
+    assert (left, last) == (inside_to + 2, inside_to + 2 + int(RULES.moment_s / PERIOD_S) - 1)
+    assert spans(found, AlarmKind.ZONE_DWELL) == {(1, 1): [(found_at(300.0, inside_from), inside_to + 1)], (2, 1): [(101, 219)]}
+    assert found[stay[0][0]].name.tolist() == ["port", "port"]
+
+
+def found_at(dwell_s: float, since: int) -> int:
+    return since + int(dwell_s / PERIOD_S) + 1
+
+
+def test_a_vessel_that_swings_over_the_edge_or_is_unseen_for_a_while_enters_once() -> None:
+    def scene(time_s: float) -> list[dict[str, Any]]:
+        cycle = round(time_s / PERIOD_S)
+        east = -3300.0 if cycle < 10 else -2980.0 if cycle < 12 else -3000.0 + 40.0 * (-1) ** cycle
+        flags = int(Flag.COASTING) if 40 <= cycle < 50 else 0
+        return [] if 50 <= cycle < 60 else [{"id": 1, "at": (east, 0.0), "flags": flags}]
+
+    assert spans(play(RULES, scene, 90, (AREA,)), AlarmKind.ZONE_ENTER) == {(1, 1): [(11, 89)]}
+
+
+def test_a_circle_is_as_large_as_it_says() -> None:
+    shape = Shape(1, Zone(name="ring", kind="circle", centre_deg=(60.0, 179.9), radius_nm=30.0), 100.0)
+    bearing = np.radians(np.arange(0.0, 360.0, 15.0))
+    unit = np.stack([np.sin(bearing), np.cos(bearing)], 1)
+    centre = np.broadcast_to(np.array([60.0, 179.9]), (len(unit), 2))
+    for metres, wanted in ((-60.0, (True, True)), (60.0, (False, True)), (160.0, (False, False))):
+        inside, near = shape.contains(offset_deg(centre, unit * (30.0 * NAUTICAL_MILE_M + metres) * 1.0))
+        assert (inside.mean() > 0.5, near.mean() > 0.5) == wanted
+
+
+def test_inside_is_what_a_plain_loop_says() -> None:
+    rng = np.random.default_rng([19, 4])
+    points = offset_deg(np.broadcast_to(SITE, (9, 2)), rng.uniform(-5e3, 5e3, (9, 2)))
+    middle = points.mean(0)
+    turned = points[
+        np.argsort(np.arctan2(points[:, 0] - middle[0], np.mod(points[:, 1], 360.0) - np.mod(points[:, 1], 360.0).mean()))
+    ]
+    zone = Zone(name="odd", kind="polygon", points_deg=tuple(map(tuple, turned.tolist())))
+    vessels = offset_deg(np.broadcast_to(SITE, (400, 2)), rng.uniform(-6e3, 6e3, (400, 2)))
+    inside, _ = Shape(1, zone, 0.0).contains(vessels)
+    y, x = np.log(np.tan(np.pi / 4 + np.radians(turned[:, 0]) / 2)), np.mod(turned[:, 1], 360.0)
+    expected = []
+    for latitude, longitude in vessels:
+        v, u, odd = np.log(np.tan(np.pi / 4 + np.radians(latitude) / 2)), longitude % 360.0, False
+        for a in range(len(x)):
+            b = (a + 1) % len(x)
+            if (y[a] > v) != (y[b] > v) and u < x[a] + (v - y[a]) * (x[b] - x[a]) / (y[b] - y[a]):
+                odd = not odd
+        expected.append(odd)
+    assert inside.tolist() == expected
+    assert 50 < inside.sum() < 350
+
+
+@pytest.mark.parametrize(("crossing", "vessels"), [("both", {1, 2}), ("to_right", {1}), ("to_left", {2})])
+def test_a_line_is_crossed_in_the_direction_that_counts(crossing: Any, vessels: set[int]) -> None:
+    line = Zone(name="bar", kind="line", points_deg=((-17.02, -179.99), (-16.98, -179.99)), crossing=crossing)  # to the north
+
+    def scene(time_s: float) -> list[dict[str, Any]]:
+        way = 20.0 * KNOT_M_S * time_s
+        return [
+            {"id": 1, "at": (2700.0 + way, 0.0), "kn": (20.0, 0.0)},
+            {"id": 2, "at": (3700.0 - way, 300.0), "kn": (-20.0, 0.0)},
+            {"id": 3, "at": (2700.0 + way, 3000.0), "kn": (20.0, 0.0)},  # beyond its end
+            {"id": 4, "at": (3190.0 + 20.0 * np.sin(time_s), -300.0)},  # swings over it
+        ]
+
+    found = spans(play(RULES, scene, 40, (line,)), AlarmKind.LINE_CROSSED)
+    assert {vessel for vessel, _ in found} == vessels
+    assert all(len(times) == 1 for times in found.values())
+
+
+def test_zones_that_make_no_sense_are_refused_with_their_key() -> None:
+    base: dict[str, Any] = {"name": "x", "kind": "polygon"}
+    bow_tie = ((0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0))
+    wrong: tuple[tuple[dict[str, Any], str], ...] = (
+        ({"points_deg": ((0.0, 0.0), (1.0, 1.0))}, "needed 3 or more points_deg"),
+        ({"points_deg": bow_tie}, "edges cross"),
+        ({"kind": "circle", "points_deg": bow_tie}, "needed centre_deg and radius_nm"),
+        ({"kind": "line", "points_deg": bow_tie, "enter": True}, "needed crossing only"),
+        ({"points_deg": square(10.0), "crossing": "both"}, "needed a line"),
+        ({"points_deg": square(10.0), "min_speed_kn": 5.0, "max_speed_kn": 4.0}, "needed less than max_speed_kn"),
+        ({"points_deg": ((0.0, -100.0), (1.0, 0.0), (2.0, 100.0))}, "wider than 170"),
+    )
+    for more, said in wrong:
+        with pytest.raises(ValidationError, match=said):
+            Zone.model_validate({**base, **more})
+
+
+def approaches(picture: Picture, rules: AlarmRules) -> set[tuple[int, int]]:
+    """Pairs within the limits, one pair after the other."""
+    limit_m, within_s = rules.cpa_nm * NAUTICAL_MILE_M, rules.tcpa_min * 60.0
+    metres = (picture.position_deg - SITE) * [110_648.0, 106_490.0]  # a degree at 17 S
+    out, speed = set(), np.hypot(*picture.velocity_m_s.T) / KNOT_M_S
+    for a in range(len(picture)):
+        for b in range(a + 1, len(picture)):
+            away, relative = (metres[b] - metres[a])[::-1], picture.velocity_m_s[b] - picture.velocity_m_s[a]
+            time_s = -(away @ relative) / (relative @ relative)
+            distance_m = np.hypot(*(away + relative * time_s))
+            slow = min(speed[a], speed[b]) < rules.cpa_under_way_kn or np.hypot(*relative) < rules.cpa_relative_kn * KNOT_M_S
+            if not slow and 0.0 <= time_s <= within_s and distance_m <= limit_m:
+                out.add((a, b))
+    return out
+
+
+def test_all_close_pairs_are_found_and_no_others() -> None:
+    rng = np.random.default_rng([19, 5])
+    speeds = rng.choice([2.0, 8.0, 15.0, 45.0], 300)
+    course = rng.uniform(0.0, 2 * np.pi, 300)
+    rows = [
+        {"id": k + 1, "at": tuple(rng.uniform(-5e3, 1.5e3, 2)), "kn": (s * np.sin(c), s * np.cos(c))}
+        for k, (s, c) in enumerate(zip(speeds, course, strict=True))
+    ]
+    picture, _ = picture_of(100.0, rows)
+    followed = Approaching.none()
+    for _ in range(SPANS):
+        followed, found = close_pairs(RULES, followed, picture, 100.0)
+    wanted = approaches(picture, RULES)
+    within = (found.cpa_m <= RULES.cpa_nm * NAUTICAL_MILE_M) & (found.tcpa_s <= RULES.tcpa_min * 60.0)
+    pairs = set(zip(found.first[within].tolist(), found.second[within].tolist(), strict=True))
+    assert len(wanted) > 100
+    assert len(pairs ^ wanted) <= 0.01 * len(wanted)  # the loop's plane is flat
+
+
+def test_a_head_on_pair_alarms_once_until_it_has_passed_and_company_or_moored_vessels_do_not() -> None:
+    def scene(time_s: float) -> list[dict[str, Any]]:
+        way = 10.0 * KNOT_M_S * time_s
+        return [
+            {"id": 1, "at": (-3000.0 + way, 0.0), "kn": (10.0, 0.0)},
+            {"id": 2, "at": (3000.0 - way, 100.0), "kn": (-10.0, 0.0)},
+            {"id": 3, "at": (-3000.0 + way, 2000.0), "kn": (10.0, 0.0)},
+            {"id": 4, "at": (-2950.0 + way, 2000.0), "kn": (10.5, 0.0)},  # in company with 3
+            {"id": 5, "at": (0.0, 2050.0), "flags": int(Flag.STATIONARY), "mmsi": 710_000_005},
+            {"id": 6, "at": (30.0, 2050.0), "status": int(NavStatus.MOORED), "mmsi": 710_000_006},
+        ]
+
+    meet_s, soon_s = 6000.0 / (20.0 * KNOT_M_S), RULES.tcpa_min * 60.0
+    first = int(np.ceil((meet_s - soon_s) / PERIOD_S)) + 1  # or one cycle later: the far span is searched in every second one
+    found = play(RULES, scene, 210)
+    assert spans(found, AlarmKind.CLOSE_APPROACH) == {(1, 2): [(first, int(meet_s / PERIOD_S) + 2)]}
+    assert found[first].distance_m[0] == pytest.approx(100.0, abs=0.5)
+    assert found[first].interval_s[0] == pytest.approx(meet_s - first * PERIOD_S, abs=0.5)
+    at_rest = play(RULES.model_copy(update={"cpa_at_rest": True}), scene, 120)
+    assert set(spans(at_rest, AlarmKind.CLOSE_APPROACH)) == {(1, 2), (3, 5), (3, 6), (4, 5), (4, 6)}
+
+
+def test_an_anchored_vessel_that_drifts_out_of_its_circle_drags_and_one_that_weighs_anchor_does_not() -> None:
+    def scene(time_s: float) -> list[dict[str, Any]]:
+        drift = max(time_s - 900.0, 0.0)
+        swing = [100.0 * np.sin(time_s / 200.0), 100.0 * np.cos(time_s / 200.0)]
+        anchored = int(NavStatus.AT_ANCHOR)
+        return [
+            {"id": 1, "at": (swing[0] + 0.8 * drift, swing[1]), "kn": (1.5, 0.0), "status": anchored},
+            {"id": 2, "at": (5000.0 + swing[0], swing[1]), "kn": (0.5, 0.0), "status": anchored},
+            {"id": 3, "at": (-5000.0 + 5.0 * drift, 0.0), "kn": (9.7 * (drift > 0.0), 0.0), "status": anchored},
+        ]
+
+    rules = RULES.model_copy(update={"cpa_nm": 0.0})
+    ((first, last),) = spans(play(rules, scene, 600), AlarmKind.ANCHOR_DRAG).pop((1, 0))
+    assert 200.0 / 0.8 <= first * PERIOD_S - 900.0 <= 550.0 / 0.8
+    assert last == 599
+
+
+def test_a_vessel_under_way_that_vanishes_within_cover_is_lost_until_it_returns() -> None:
+    def scene(time_s: float) -> list[dict[str, Any]]:
+        cycle, way = round(time_s / PERIOD_S), 10.0 * KNOT_M_S * time_s
+        flags = int(Flag.COASTING) if cycle >= 20 else 0
+        rows = [
+            {"id": 1, "at": (way, 0.0), "kn": (10.0, 0.0), "flags": flags},
+            {"id": 2, "at": (0.0, 300.0), "flags": flags},  # not under way
+            {"id": 3, "at": (17_800.0 + way, 0.0), "kn": (10.0, 0.0), "flags": flags},  # about to leave the cover
+        ]
+        merged = [{"id": 4, "at": (way, 900.0), "kn": (10.0, 0.0)}] if cycle < 20 else []  # never coasting
+        back = [{**rows[0], "flags": 0}] if cycle >= 60 else []
+        return rows + merged if cycle < 30 else back
+
+    found = play(RULES, scene, 70)
+    assert spans(found, AlarmKind.LOST) == {(1, 0): [(30, 59)]}
+    assert found[30].interval_s.tolist() == [33.0]
+
+
+def test_no_vessels_and_no_zones_are_no_trouble() -> None:
+    assert [len(alarms) for alarms in play(RULES, lambda _: [], 3, (AREA,))] == [0, 0, 0]
