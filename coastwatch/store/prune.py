@@ -96,6 +96,6 @@ def _delete(connection: Connection, run_id: int, first: int, kind: str) -> int:
     rows = delete_before(connection, run_id, first, kind, ROWS)
     if kind == "events" and not rows:
         a, e = ACKNOWLEDGEMENT.c, EVENT.c
-        same = e.run_id == a.run_id, e.vessel_id == a.vessel_id, e.kind == a.kind, e.from_cycle == a.from_cycle
+        same = [e[name] == a[name] for name in ("run_id", "vessel_id", "kind", "subject", "from_cycle")]
         connection.execute(delete(ACKNOWLEDGEMENT).where(a.run_id == run_id, ~exists().where(*same)))
     return rows

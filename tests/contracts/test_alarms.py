@@ -18,7 +18,16 @@ from coastwatch.server.checkpoint import load, save
 
 PERIOD_S = 3.0
 SITE = np.array([-17.0, 179.98])  # Fiji: zones lie across the antimeridian
-RULES = AlarmRules(open_cycles=2, close_cycles=3, cpa_open_cycles=2, cpa_known_s=0.0, lost_known_s=0.0, lost_after_s=30.0)
+RULES = AlarmRules(
+    open_cycles=2,
+    close_cycles=3,
+    cpa_nm=0.1,
+    tcpa_min=6.0,
+    cpa_open_cycles=2,
+    cpa_known_s=0.0,
+    lost_known_s=0.0,
+    lost_after_s=30.0,
+)
 
 
 def sensors(range_m: float = 20e3) -> Sensors:

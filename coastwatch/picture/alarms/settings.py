@@ -22,9 +22,9 @@ class AlarmSettings(Method):
     line_margin_m: Annotated[float, Field(gt=0.0)] = 50.0  # a vessel must move so far before a crossing is looked for
     moment_s: NotNegative = 60.0  # how long an alarm for leaving a zone or crossing a line lasts
     forget_s: NotNegative = 300.0  # a vessel that is away for longer is new to zones and lines when it returns
-    cpa_nm: NotNegative = 0.1  # distance of closest approach (CPA) below which two vessels are too close; 0: no such alarm
-    tcpa_min: Annotated[float, Field(gt=0.0, le=60.0)] = 6.0  # time to closest approach (TCPA) within which the alarm begins
-    cpa_open_cycles: Annotated[int, Field(ge=1)] = 10  # in place of `open_cycles`: a turn must not raise alarms
+    cpa_nm: NotNegative = 0.05  # distance of closest approach (CPA) below which two vessels are too close; 0: no such alarm
+    tcpa_min: Annotated[float, Field(gt=0.0, le=60.0)] = 3.0  # time to closest approach (TCPA) within which the alarm begins
+    cpa_open_cycles: Annotated[int, Field(ge=1)] = 20  # in place of `open_cycles`: a turn must not raise alarms
     cpa_hold_factor: Annotated[float, Field(ge=1.0, le=3.0)] = 1.5  # the alarm lasts within so many times both limits
     cpa_relative_kn: NotNegative = 3.0  # least relative speed: vessels in company are no danger to each other
     cpa_under_way_kn: NotNegative = 3.0  # least speed of each of the two, or of one of them with `cpa_at_rest`
