@@ -2,7 +2,8 @@
 
 - DARK: radar but no AIS for `dark_after_s`, inside the range of an AIS station; of what is stationary only if it once had AIS.
 - AIS_WITHOUT_RADAR: AIS but no radar for `unseen_after_s`, where a radar detects most vessels (`AisDetection`).
-- AIS_CONTRADICTED: an AIS and a radar track were one vessel, have split, and are `contradicted_from_m` apart.
+- AIS_CONTRADICTED: an AIS and a radar track were one vessel, have split, and are `contradicted_from_m` apart, where a radar
+  detects most vessels.
 - STATIONARY: it has stayed within `stationary_m`, or within its noise, for longer than a vessel under way could.
 - MMSI_TWICE, IMPOSSIBLE_SPEED: alarms of the AIS tracks.
 
@@ -85,12 +86,13 @@ def flag(
     no_ais = _within(ais_coverage, picture, has_radar & ~has_ais)
     no_radar = has_ais & ~has_radar
     if detection is not None:
-        no_radar &= _should_be_seen(settings, detection, tracks.track_id[ais], row_of_track[ais], len(picture))
+        should_see = _should_be_seen(settings, detection, tracks.track_id[ais], row_of_track[ais], len(picture))
+        no_radar &= should_see
     no_radar = _within(radar_coverage, picture, no_radar)
     no_ais_since_s = _since(no_ais, memory.no_ais_since_s, order.vessel_of_row, time_s)
     no_radar_since_s = _since(no_radar, memory.no_radar_since_s, order.vessel_of_row, time_s)
     pairs = _track_pairs(settings, memory.pairs, match, ais, first_radar[row_of_track[ais]], len(tracks), time_s)
-    pairs = _in_radar_cover(pairs, radar_coverage, picture, row_of_track)
+    pairs = _in_radar_cover(pairs, radar_coverage, picture, row_of_track, None if detection is None else should_see)
 
     flags = picture.flags.copy()
     anchor_deg, anchor_since_s, stationary = _stationary(settings, memory, order.vessel_of_row, picture, time_s)
@@ -189,12 +191,19 @@ def _track_pairs(
     )
 
 
-def _in_radar_cover(pairs: TrackPairs, radar_coverage: Coverage, picture: Picture, row_of_track: Ints) -> TrackPairs:
-    """The pairs without those that have split and whose AIS track is outside the cover of radars."""
+def _in_radar_cover(
+    pairs: TrackPairs, radar_coverage: Coverage, picture: Picture, row_of_track: Ints, should_see: Bools | None
+) -> TrackPairs:
+    """The pairs without those that have split and whose AIS track is where radars do not see most vessels.
+
+    Args: should_see: (R,) rows of the picture that some radar should see; none: not known.
+    """
     counts = np.ones(len(pairs.ais), np.bool_)
     split = np.flatnonzero(np.isfinite(pairs.split_since_s))
-    position_deg = picture.position_deg[row_of_track[pairs.ais[split]]]
-    counts[split] = kernels.geometry.sensor_coverage.in_any_range(radar_coverage, position_deg)
+    row = row_of_track[pairs.ais[split]]
+    counts[split] = kernels.geometry.sensor_coverage.in_any_range(radar_coverage, picture.position_deg[row])
+    if should_see is not None:
+        counts[split] &= should_see[row]
     return TrackPairs(pairs.ais[counts], pairs.radar[counts], pairs.paired_since_s[counts], pairs.split_since_s[counts])
 
 

@@ -196,6 +196,14 @@ def test_contradicted_when_ais_leaves_its_radar():
     assert not any(flagged(play([[RADAR, AIS]] * 15 + [[RADAR, near]] * 10), Flag.AIS_CONTRADICTED))
 
 
+def test_contradicted_only_where_most_other_vessels_are_detected():
+    """Where no radar would see the vessel, a radar track elsewhere proves nothing against its AIS."""
+    script = [[RADAR, AIS]] * 15 + [[RADAR, (3, 2, 1, 600.0, 235000001, 5)]] * 10
+    for probability, is_set in ((0.6, True), (0.4, False)):
+        detection = AisDetection(np.array([3]), np.array([probability]))
+        assert flagged(play(script, detection=detection), Flag.AIS_CONTRADICTED)[-1] == is_set
+
+
 def test_contradicted_not_when_ais_found_its_true_radar():
     other = (8, 0, 1, 600.0, -1, 6)
     out = play([[RADAR, AIS, other]] * 15 + [[RADAR, (3, 2, 1, 600.0, 235000001, 6), other]] * 10)
