@@ -29,6 +29,7 @@ from coastwatch.workers import Workers, open_workers, processors
 DEFAULT_DATABASE = "sqlite:///coastwatch.db"
 Progress = Callable[[int, int, str], None]
 OnCycle = Callable[[Cycle], None]
+OnInput = Callable[[tuple[FileContent, ...]], None]
 
 RESUME_WITHIN_S = 600.0
 """A live run goes on from its checkpoint if that is at most so old: the cycles since then are computed without reports."""
@@ -106,6 +107,7 @@ def run_scenario(
     progress: Progress | None = None,
     on_cycle: OnCycle | None = None,
     live: Live | None = None,
+    on_input: OnInput | None = None,
 ) -> RunResult:
     """Run a scenario into a database. Ctrl-C or SIGTERM stops it after the cycle in progress: only whole cycles are stored.
 
@@ -114,6 +116,7 @@ def run_scenario(
         resume: continue the newest unfinished run of this scenario, seed and version from its last checkpoint, if there is one.
         restart: delete earlier runs of this scenario and seed first.
         progress: called with cycles done, cycles in all and a short text. on_cycle: called with each cycle, before it is stored.
+        on_input: called with what the recorded files hold, as far as it is known before the first cycle: of tables, not of streams.
         live: takes the place of the scenario's input and start; its `stop` takes the place of signals.
     Raises: StoreError, OSError, ValueError: errors that the caller can repair; the message says how.
     """
@@ -127,6 +130,8 @@ def run_scenario(
     if live is None:
         plan = scenario.plan()
         recording = scenario.input.load(sensors, seed, plan)
+        if on_input is not None:
+            on_input(recording.all_contents())
     with store.open_store(database) as opened:
         if restart:
             store.discard_runs(opened, scenario.name, seed)

@@ -43,13 +43,12 @@ def contents_as_objects(contents: Sequence[Any]) -> list[dict[str, Any]]:
 
 def warnings(scenario: Any, result: Any) -> list[str]:
     """What an operator should check: files of odd times, files that do not overlap in time or in place, and why a picture is empty."""
-    return [
-        *_before_1980(result.contents),
-        *_without_overlap(result.contents),
-        *_elsewhere(scenario, result.contents),
-        *_nothing_taken(result),
-        *_empty_picture(result),
-    ]
+    return [*warnings_of_files(scenario, result.contents), *_nothing_taken(result), *_empty_picture(result)]
+
+
+def warnings_of_files(scenario: Any, contents: Sequence[Any]) -> list[str]:
+    """The warnings that need no result: files of odd times, and files that do not overlap in time or in place."""
+    return [*_before_1980(contents), *_without_overlap(contents), *_elsewhere(scenario, contents)]
 
 
 def span_of(file: Any) -> str:

@@ -28,6 +28,14 @@ def run(options: argparse.Namespace) -> int:
 
 def carry_out(scenario: Any, options: argparse.Namespace, seed: int | None, on_cycle: Any = None) -> int:
     """Runs a scenario with the options of `arguments.add_running` and prints the result. Returns the exit code."""
+    said: list[str] = []  # hours before the result, if files are hours apart
+
+    def warn(warnings: list[str]) -> None:
+        for warning in warnings:
+            if warning not in said:
+                print(f"coastwatch: warning: {printable(warning)}", file=sys.stderr)
+        said.extend(warnings)
+
     with progress.report_progress() as show:
         result = run_scenario(
             scenario,
@@ -38,13 +46,13 @@ def carry_out(scenario: Any, options: argparse.Namespace, seed: int | None, on_c
             restart=options.restart,
             progress=show,
             on_cycle=on_cycle,
+            on_input=lambda contents: warn(inputs.warnings_of_files(scenario, contents)),
         )
     if options.json:
         print(json.dumps(summary.as_object(scenario, result), allow_nan=False))
     else:
         print(printable_lines(summary.as_text(scenario, result)))
-    for warning in inputs.warnings(scenario, result):
-        print(f"coastwatch: warning: {printable(warning)}", file=sys.stderr)
+    warn(inputs.warnings(scenario, result))
     if result.interrupted:
         print("coastwatch: interrupted after a whole cycle; the same command with --resume continues", file=sys.stderr)
         return INTERRUPTED
