@@ -33,7 +33,7 @@ from coastwatch.server.feeds.asterix import datagrams
 from scaling.load.processes import KIB
 
 HOST, SCENARIO = "127.0.0.1", "guanabara"
-PERIOD_S, WARM_UP_S, START_UP_S, MINUTE_S = 3.0, 30.0, 300.0, 60.0
+PERIOD_S, WARM_UP_S, START_UP_S, MINUTE_S = 3.0, 30.0, 900.0, 60.0
 SLOW_SENDERS = 40
 """Senders of a byte a second on each socket, and viewers that read nothing."""
 

@@ -1,6 +1,6 @@
 """What the page of the map costs with many vessels in view, in a real Chromium:
 
-python -m scaling.page.measure [--vessels N] [--frames N]
+python -m scaling.page.measure [--vessels N] [--frames N] [--minutes M]
 
 The script of a frame is the page's own work on the main thread: uniforms, draw call, marks, MapLibre. The asked bound is 6 ms.
 """
@@ -93,11 +93,27 @@ def measured(page: Any, vessels: int, frames: int) -> list[tuple[str, str]]:
     return rows
 
 
+def heap_over(page: Any, minutes: float) -> list[tuple[str, str]]:
+    """The JavaScript heap after a collection, each ten seconds. Args: minutes: how long to look."""
+    heaps = []
+    end = time.monotonic() + minutes * 60.0
+    while time.monotonic() < end:
+        page.evaluate("window.gc?.()")
+        heaps.append(page.evaluate("performance.memory.usedJSHeapSize") / 1e6)
+        time.sleep(10.0)
+    tenth = max(len(heaps) // 10, 1)
+    first, last = (sorted(part)[tenth // 2] for part in (heaps[:tenth], heaps[-tenth:]))
+    frames = page.evaluate("coastwatch.stats.frames")
+    said = f"{first:.1f} MB at first, {last:.1f} at last ({100 * (last / first - 1):+.1f} %), {max(heaps):.1f} at most, {frames} frames"
+    return [(f"heap over {minutes:g} minutes live", said)]
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(prog="python -m scaling.page.measure", description=__doc__.split(":")[0])
     parser.add_argument("--vessels", type=int, default=100_000)
     parser.add_argument("--frames", type=int, default=120, help="of each pan")
+    parser.add_argument("--minutes", type=float, default=0.0, help="then look at the heap for so long; 30 are asked")
     options = parser.parse_args()
     with (
         tempfile.TemporaryDirectory() as folder,
@@ -111,6 +127,8 @@ def main() -> None:
         drawn_s = time.monotonic() - began
         time.sleep(8.0)  # two deltas
         rows = [("navigation to vessels drawn", f"{drawn_s:.1f} s"), *measured(page, options.vessels, options.frames)]
+        if options.minutes:
+            rows += heap_over(page, options.minutes)
         gpu = "software" if page.evaluate("coastwatch.software") else "GPU"
         print(f"{options.vessels:,} vessels, Chromium {browser.version}, {gpu}, load {os.getloadavg()[0]:.1f}")
     for name, figure in rows:

@@ -190,8 +190,14 @@ def test_the_list_sorts_and_the_filters_hide_all_but_alarms(watch: Watch) -> Non
     ids = "[...coastwatch.picture.id].filter((_, slot) => coastwatch.shown[slot]).sort((a, b) => a - b)"
     watch.until(ids, lambda shown: shown == [DARK, IN_DISTRESS])
     assert watch.ask("document.getElementById('filter-words').textContent").startswith("Filter: sources: bearing, from 50 kn")
+    watch.ask("document.activeElement.blur()")
+    watch.page.keyboard.press("Shift+Digit1")
     watch.page.click("#no-filter")
     watch.until("[...coastwatch.shown].filter(Boolean).length", lambda shown: shown > 50)
+    watch.page.keyboard.press("1")  # the view that was kept
+    watch.until(ids, lambda shown: shown == [DARK, IN_DISTRESS])
+    assert watch.ask("document.getElementById('filter-minsog').value") == "50"
+    watch.page.click("#no-filter")
 
 
 def test_alarms_are_listed_and_lead_to_the_vessel(watch: Watch) -> None:

@@ -5,6 +5,7 @@ import { filterWords, NO_FILTER } from './filters.js';
 import { CLASSES } from './formats.js';
 import { LAYERS, SPEEDS, THEME_NAMES, VECTOR_MINUTES } from './state.js';
 import { css, THEMES } from './symbols.js';
+import { keepView, showView } from './views.js';
 
 const LAYER_NAMES = {
   labels: 'Names', vectors: 'Course vectors', ellipses: 'Ellipses (2σ)', trail: 'Trail, bearings of the selected',
@@ -43,6 +44,14 @@ export function makeControls(app) {
     showFilter(state.filter);
     app.filterChanged();
   });
+}
+
+/** Brings the controls into step with the state. */
+export function showControls(state) {
+  byId('theme').value = state.theme;
+  byId('minutes').value = state.minutes;
+  for (const box of byId('layers').querySelectorAll('input')) box.checked = state.layers.has(box.name);
+  showFilter(state.filter);
 }
 
 const bits = [['filter-ais', 1], ['filter-radar', 2], ['filter-bearing', 4]];
@@ -104,6 +113,12 @@ export function listenToKeys(app) {
     const { target } = event;
     if (target.closest('input:not([type=checkbox]), select, textarea, dialog')) return;
     if (event.key === ' ' && target.closest('button, summary, input, a')) return;
+    const digit = /^Digit([1-9])$/.exec(event.code); // with Shift its character depends on the keyboard
+    if (digit) {
+      event.preventDefault();
+      (event.shiftKey ? keepView : showView)(app, Number(digit[1]));
+      return;
+    }
     if (pan[event.key] && target === document.body) app.map.panBy(pan[event.key]);
     const act = keys[event.key] ?? keys[event.key.toLowerCase()];
     if (!act || (target === app.map.getCanvas() && '+=-'.includes(event.key))) return; // the map has its own keys for these

@@ -4,7 +4,7 @@
 import { Alarms } from './alarms.js';
 import { Details, getJson, openSession } from './api.js';
 import { drawEveryMs, drawsInSoftware, loadCoastline, loadLand, makeMap, paintChart, setZones, sizeAt } from './chart.js';
-import { listenToKeys, makeControls, paintPage, showFilterWords } from './controls.js';
+import { listenToKeys, makeControls, paintPage, showControls, showFilterWords } from './controls.js';
 import { byId } from './dom.js';
 import { markShown, needsDetails } from './filters.js';
 import { clock as clockText, duration } from './formats.js';
@@ -252,6 +252,17 @@ class App {
     this.points.setTheme(this.theme());
     this.map.triggerRepaint();
     this.stateChanged();
+  }
+
+  /** A kept view was put into the state. */
+  viewChanged() {
+    const { lat, lon, zoom } = this.state;
+    showControls(this.state);
+    this.follow(false);
+    if (zoom !== null) this.map.jumpTo({ center: [lon, lat], zoom });
+    this.themeChanged();
+    this.layersChanged();
+    this.filterChanged();
   }
 
   /** Live or replay was chosen. */

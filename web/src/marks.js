@@ -3,6 +3,7 @@
 
 import { KNOT_M_S, mercatorX, mercatorY, METRES_A_DEGREE, rangeBearing } from './geodesy.js';
 import { course, label, miles } from './formats.js';
+import { Names } from './names.js';
 import { ALWAYS_SHOWN, css, FLAG, RINGED, SYMBOL_COLOURS, symbolOf } from './symbols.js';
 import { METRES_UNKNOWN, metresOf, SOG_UNKNOWN } from './wire.js';
 
@@ -16,7 +17,8 @@ const WORLD = 2 ** 32;
 export class Marks {
   #labels = [];
   #labelsAt = -Infinity;
-  #widths = new Map();
+  #names = new Names();
+  #near = null; // see #nearby
 
   /** @param {HTMLCanvasElement} canvas over the map  @param {object} app the page */
   constructor(canvas, app) {
@@ -70,27 +72,52 @@ export class Marks {
     return this.scale / (360 * METRES_A_DEGREE * Math.cos(lat * RAD));
   }
 
-  /** Shown slots in view with their screen positions. The first test is in whole numbers, which wrap at the date line. */
+  /** Shown slots in view with their screen positions, at which the shader draws them too. */
   #inView() {
-    const { picture, shown } = this.app;
-    const { place } = picture;
+    const { picture } = this.app;
+    const { place, lat, sog, cog } = picture;
     const unit = WORLD / this.scale; // of `place`, in a CSS pixel
     const beyond = 60 + 3000 * this.pixels(0); // a vessel is drawn ahead of its stored place
-    const reachX = Math.min(2 ** 31 - 1, (this.size[0] / 2 + beyond) * unit);
-    const reachY = Math.min(2 ** 31 - 1, (this.size[1] / 2 + beyond) * unit);
+    const reach = this.size.map((pixels) => pixels / 2 + beyond);
     const centreX = Math.round((((this.origin[0] % 1) + 1) % 1) * WORLD) | 0;
     const centreY = Math.round(this.origin[1] * WORLD) | 0;
     const found = [];
+    for (const slot of this.#nearby(centreX, centreY, reach.map((pixels) => pixels * unit))) {
+      const dx = ((place[2 * slot] - centreX) | 0) / unit;
+      const dy = ((place[2 * slot + 1] - centreY) | 0) / unit;
+      if (dx > reach[0] || dx < -reach[0] || dy > reach[1] || dy < -reach[1]) continue;
+      const latitude = lat[slot] / 1e7;
+      const knots = sog[slot] === SOG_UNKNOWN ? 0 : sog[slot] / 100;
+      const way = knots * KNOT_M_S * picture.elapsed(slot, this.now) * this.pixels(latitude); // CSS pixels
+      const course = (cog[slot] * 2 * Math.PI) / 65536;
+      const x = this.size[0] / 2 + dx + way * Math.sin(course);
+      found.push({ slot, lat: latitude, x, y: this.size[1] / 2 + dy - way * Math.cos(course) });
+    }
+    return found;
+  }
+
+  /**
+   * Shown slots within twice a reach of the centre, in units of `place`. They are looked for again with another picture, filter or
+   * zoom, and once the centre has moved by more than the reach: a loop over all vessels takes most of a frame.
+   * Differences are in whole numbers, which wrap at the date line.
+   */
+  #nearby(centreX, centreY, [reachX, reachY]) {
+    const { picture, shown, points } = this.app;
+    const of = [picture, picture.run, picture.version, points.shownVersion, this.zoom, ...this.size];
+    const near = this.#near;
+    if (near && of.every((value, k) => value === near.of[k]) && Math.abs((near.centreX - centreX) | 0) <= reachX
+      && Math.abs((near.centreY - centreY) | 0) <= reachY) return near.slots;
+    const { place } = picture;
+    const [farX, farY] = [Math.min(2 ** 31 - 1, 2 * reachX), Math.min(2 ** 31 - 1, 2 * reachY)];
+    const slots = [];
     for (let slot = 0; slot < picture.slots; slot++) {
       if (!shown[slot]) continue;
       const dx = (place[2 * slot] - centreX) | 0;
       const dy = (place[2 * slot + 1] - centreY) | 0;
-      if (dx > reachX || dx < -reachX || dy > reachY || dy < -reachY) continue;
-      const [lat, lon] = picture.position(slot, this.now);
-      const [x, y] = this.screen(lat, lon);
-      found.push({ slot, x, y, lat });
+      if (dx <= farX && dx >= -farX && dy <= farY && dy >= -farY) slots.push(slot);
     }
-    return found;
+    this.#near = { of, centreX, centreY, slots };
+    return slots;
   }
 
   /** Colour of a vessel, as its place in SYMBOL_COLOURS. */
@@ -241,8 +268,8 @@ export class Marks {
       this.#labels = this.#chosen(seen).map(({ slot }) => app.picture.id[slot]);
       app.details.need(this.#labels);
     }
-    context.font = '12px system-ui, sans-serif';
     const [width, height] = this.size;
+    const [colour, halo] = [css(app.state.theme === 'night' ? this.colours.fused : this.colours.text), css(this.colours.sea, 0.75)];
     const taken = [];
     for (const id of this.#labels) {
       const slot = app.picture.slotOf.get(id);
@@ -251,22 +278,12 @@ export class Marks {
       if (x < 0 || y < 0 || x > width || y > height) continue;
       const text = label(id, app.details.get(id));
       const [left, top] = [x + 13, y - 8];
-      const right = left + this.#width(text);
+      const drawn = this.#names.of(text, colour, halo);
+      const right = left + drawn.width;
       if (taken.some((box) => left < box[2] && right > box[0] && top < box[3] && top + 14 > box[1])) continue;
       taken.push([left, top, right, top + 14]);
-      context.lineWidth = 3;
-      context.strokeStyle = css(this.colours.sea, 0.75);
-      context.strokeText(text, left, top + 11);
-      context.fillStyle = css(this.app.state.theme === 'night' ? this.colours.fused : this.colours.text);
-      context.fillText(text, left, top + 11);
+      this.#names.draw(context, drawn, left, top);
     }
-  }
-
-  /** Width of a text in CSS pixels, measured once. */
-  #width(text) {
-    if (this.#widths.size > 5000) this.#widths.clear();
-    if (!this.#widths.has(text)) this.#widths.set(text, this.context.measureText(text).width);
-    return this.#widths.get(text);
   }
 
   #chosen(seen) {

@@ -4,6 +4,7 @@ import { closestApproach, mercatorX, mercatorY, rangeBearing, wrapped } from '..
 import { clock, course, dateClock, duration, length, position, seconds, shipClass, speed } from '../src/formats.js';
 import { filterWords, listOrder, markShown, NO_FILTER } from '../src/filters.js';
 import { defaults, fromQuery, toQuery } from '../src/state.js';
+import { restore, viewOf } from '../src/views.js';
 import { contrast, FLAG, flagWords, luminance, NIGHT_LUMINANCE, SYMBOL, SYMBOL_COLOURS, symbolOf, THEMES } from '../src/symbols.js';
 import { Picture } from '../src/wire.js';
 import { full } from './frames.js';
@@ -114,6 +115,15 @@ test('the list sorts by any column, absent values last', () => {
   assert.deepEqual(order('sog', true), [5, 7, 8, 6]);
   assert.deepEqual(order('name', false), [7, 5, 6, 8]);
   assert.deepEqual(order('flags', true), [8, 7, 5, 6]);
+});
+
+test('a kept view has the chart, layers and filter, and neither the selection nor the replay', () => {
+  const state = Object.assign(defaults(), { lat: 50.8, lon: -1.3, zoom: 9.25, theme: 'dusk', selected: 17, at: 1748779200 });
+  state.filter.minSog = 2;
+  state.layers.delete('cover');
+  const later = Object.assign(defaults(), { selected: 4, drawer: 'alarms', lat: 1, lon: 2, zoom: 3 });
+  restore(later, viewOf(state));
+  assert.deepEqual(later, { ...state, selected: 4, at: null, drawer: 'alarms' });
 });
 
 test('the state goes into the address and comes back; nonsense keeps the defaults', () => {

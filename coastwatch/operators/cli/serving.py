@@ -221,7 +221,7 @@ def configured(app: Any) -> uvicorn.Config:
     """The settings of the server of an application."""
     return uvicorn.Config(
         app,
-        log_level="warning",
+        log_level="error",  # below that, whoever sends rubbish fills the log
         ws="websockets-sansio",
         ws_per_message_deflate=False,  # it costs 85 ms a frame and viewer, and saves a third
         ws_max_size=LARGEST_MESSAGE,
