@@ -158,7 +158,8 @@ class Seen:
     vessels: list[int] = field(default_factory=list)
     unanswered: int = 0
     feeds: list[dict[str, Any]] = field(default_factory=list)  # at the end
-    cycles_late: float = 0.0
+    cycles_late: float = 0.0  # since the first look
+    late_before: float | None = None  # while kernels were compiled
 
     def look(self, address: str, pid: int) -> None:
         """Ask the server once."""
@@ -173,7 +174,9 @@ class Seen:
         self.cycles.append((time.monotonic(), status["cycles"]))
         self.late_s.append(status["late_s"])
         self.vessels.append(status["vessels"])
-        self.cycles_late = status["cycles_late"]
+        if self.late_before is None:
+            self.late_before = status["cycles_late"]
+        self.cycles_late = status["cycles_late"] - self.late_before
         self.records.append(next(feed["records"] for feed in self.feeds if feed["name"].startswith("ais")))
         with suppress(OSError):
             status_text = Path(f"/proc/{pid}/status").read_text("utf-8")
