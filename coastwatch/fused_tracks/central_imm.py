@@ -92,7 +92,7 @@ class CentralImm(Method):
 
     method: Literal["central_imm"] = "central_imm"
     noise_m2_s3: tuple[NotNegative, NotNegative, NotNegative, NotNegative] = (1e-5, 3e-3, 0.2, 1e-5)  # density of acceleration
-    sojourn_s: Four = (600.0, 300.0, 60.0, 3000.0)  # mean time in each model
+    sojourn_s: Four = (600.0, 300.0, 1000.0, 3000.0)  # mean time in each model
     share: Four = (0.4, 0.1, 0.1, 0.4)  # of each model where a filter begins
     velocity_jump_m_s: NotNegative = 0.2  # standard deviation of a velocity jump of a steady vessel, per axis
     velocity_jump_interval_s: Positive = 60.0  # mean time between velocity jumps

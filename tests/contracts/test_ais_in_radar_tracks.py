@@ -111,6 +111,16 @@ def test_a_wrong_id_begins_no_second_track_and_swapped_ids_change_hands(method, 
 
 
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.method)
+def test_a_wrong_id_among_the_first_messages_of_a_vessel_begins_no_second_track(method):
+    truth = world(1, 33, kick_m_s=0.0, side_nm=1.0)
+    messages = messages_of(truth, [0], 33, every_s=0.9)
+    mmsi = np.where(np.arange(len(messages)) == 1, 7, messages.mmsi)
+    _, out = run(method, Plots.empty(), replace(messages, mmsi=mmsi), cycles=range(4))
+    assert [len(tracks) for tracks in out[1:]] == [1] * 3
+    assert out[-1].held_mmsi[0] == 1000
+
+
+@pytest.mark.parametrize("method", METHODS, ids=lambda m: m.method)
 def test_two_vessels_with_one_mmsi_stay_two_tracks(method, scene):
     truth, plots, messages = scene
     both = replace(messages, mmsi=np.where(messages.origin == 1, 1000, messages.mmsi))

@@ -105,7 +105,7 @@ class MessageAssociation(JointAssociation):
         order = self._rounds(memory, batch, messages.mmsi)
         for number in range(int(order.max(initial=-1)) + 1):
             rows = np.flatnonzero(order == number)
-            memory = self._take(memory, messages.take(rows), alone=True)
+            memory = self._take(memory, messages.take(rows))
         return memory
 
     def take_clusters(self, memory: RadarMemory, messages: Messages, until_s: float) -> RadarMemory:
@@ -132,6 +132,8 @@ class MessageAssociation(JointAssociation):
         candidate = Candidate(slot, start, pairs.plot[kept], found)
         self._predict(memory, slot, until_s)
         probability, share, new = self._weigh(memory, candidate, messages.mmsi[begin], alone=False)
+        mean, spread = kernels.filters.imm.estimate_filters(*(column[many:] for column in both))
+        new = self._first_of_new(new, end - begin, mean[:, :2], spread[:, :2, :2])
         others = tuple(column[kept] for column in both)
         given = share, self.management.least_model_probability, models
         kernels.tracks.message_clusters.mix_filters(tuple(table.filters), table.estimates, slot, start, others, *given)
@@ -153,29 +155,32 @@ class MessageAssociation(JointAssociation):
         assert isinstance(self.messages, NoisyMessages)
         order = np.argsort(messages.mmsi, kind="stable")
         newest = order[np.diff(messages.mmsi[order], append=-1) != 0]
+        ids, size = np.unique(messages.mmsi, return_counts=True)
         messages = messages.take(np.sort(newest))
         noise = np.tile(self.messages.sigma_m**2 * np.eye(2), (len(messages), 1, 1))
         now = replace(messages, time_s=np.full(len(messages), until_s), covariance=noise)
-        return self._take(memory, now, alone=False)
+        return self._take(memory, now, size[np.searchsorted(ids, now.mmsi)])
 
-    def _take(self, memory: RadarMemory, messages: Messages, alone: bool) -> RadarMemory:
-        """Weigh messages and update tracks by them. Args: alone: no two of them are of one vessel."""
+    def _take(self, memory: RadarMemory, messages: Messages, size: Ints | None = None) -> RadarMemory:
+        """Weigh messages and update tracks by them. Args: size: (M,) messages of each id in the batch; none: no two are of one vessel."""
         table, batch = memory.table, _columns(messages)
         pairs = self._predict_to(table, self._near(table, batch), batch)
         pairs = _chosen(pairs, kernels.tracks.message_clusters.in_any_gate(tuple(table.filters), pairs, self._limit))
         slot, start, plot = pairs.slot, pairs.start, pairs.plot
         if np.isnan(messages.velocity_m_s[:, 0]).all():
             candidate = Candidate(slot, start, plot, self._likelihood(table, pairs))
-            probability, share, new = self._weigh(memory, candidate, messages.mmsi, alone)
+            probability, share, new = self._weigh(memory, candidate, messages.mmsi, alone=size is None)
             self._update(table, pairs, share, batch)
         else:
             updated, likelihood = self._updated(table, pairs, messages)
             candidate = Candidate(slot, start, plot, likelihood)
-            probability, share, new = self._weigh(memory, candidate, messages.mmsi, alone)
+            probability, share, new = self._weigh(memory, candidate, messages.mmsi, alone=size is None)
             given = share, self.management.least_model_probability, self.bank.models
             mix = kernels.tracks.message_clusters.mix_filters
             mix(tuple(table.filters), table.estimates, slot, start, tuple(updated), *given)
         self._record(memory, candidate, probability, batch)
+        if size is not None:
+            new = self._first_of_new(new, size, batch.position, batch.covariance)
         before = len(memory.table)
         memory = self._begin_named(memory, batch, messages.mmsi, new)
         slots = memory.table.live[before:]
@@ -263,6 +268,28 @@ class MessageAssociation(JointAssociation):
         table.existence[slot] = np.minimum(exists, SURELY)
         free = np.maximum(1.0 - np.bincount(message, probability, count), 0.0)
         return probability, share, free * new / (new + second)
+
+    def _first_of_new(self, new: Floats, size: Ints, place_m: Floats, covariance: Floats) -> Floats:
+        """The probability that each message begins a track (M,), less that it is a second one, with a wrong id, of a new vessel.
+
+        Of two messages at one place the one whose id has more of them is the first, then the lower row.
+        Args: new: (M,) without that; size: (M,) messages of each id; place_m (M, 2), covariance (M, 2, 2): of the tracks they begin.
+        """
+        rows = np.flatnonzero(new >= self.messages.begin_existence)
+        if len(rows) < 2:
+            return new
+        from scipy.spatial import cKDTree  # as in `_rounds`
+
+        rows = rows[np.lexsort((rows, -size[rows]))]
+        reach_m = math.sqrt(2.0 * self._limit * float(np.trace(covariance[rows], axis1=1, axis2=2).max()))
+        pairs = cKDTree(place_m[rows]).query_pairs(reach_m, output_type="ndarray")
+        first, second = rows[pairs.min(axis=1)], rows[pairs.max(axis=1)]
+        apart, total = place_m[first] - place_m[second], covariance[first] + covariance[second]
+        square = np.einsum("ai,aij,aj->a", apart, np.linalg.inv(total), apart)
+        likelihood = np.exp(-0.5 * square) / (2.0 * np.pi * np.sqrt(np.linalg.det(total)))
+        wrong = np.bincount(second, new[first] * likelihood, len(new)) * (1.0 - self.messages.correct_id)
+        unborn = self.management.new_vessels_per_m2 * (1.0 - self.messages.silent_share)
+        return np.asarray(new * unborn / (unborn + wrong))
 
     def _predict(self, memory: RadarMemory, slots: Ints, until_s: float) -> None:
         """Predict the filters in these slots to a time, in place."""
