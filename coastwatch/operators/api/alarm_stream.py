@@ -63,6 +63,32 @@ class AlarmStream:
                 silent_s = 0.0
             await asyncio.sleep(LOOK_S)
 
+    async def changes(self) -> AsyncIterator[tuple[str, dict[str, Any]]]:
+        """Each alarm as it begins, "opened", and as it ends, "closed", with its row.
+
+        Alarms that are there when a run is first seen are new only if this process has computed the run from its first cycle.
+        """
+        run, at, told = 0, 0, dict[str, bool]()  # alarm_id and whether its end has been told
+        while True:
+            await self._look()
+            if self._run != run:
+                run, told = self._run, {}
+                if not self._service.computed_all():
+                    told = {key: json.loads(row)["end_utc"] is not None for key, row in self._known.items()}
+            for number, row in list(self._news):
+                if number <= at:
+                    continue
+                at, alarm = number, json.loads(row)
+                key, ended = alarm["alarm_id"], alarm["end_utc"] is not None
+                if key not in told:
+                    told[key] = False
+                    yield "opened", alarm
+                if ended and not told[key]:
+                    yield "closed", alarm
+                told[key] = ended
+            told = {key: ended for key, ended in told.items() if key in self._known}
+            await asyncio.sleep(LOOK_S)
+
     async def _look(self) -> None:
         """Read the alarms, at most once a second for all listeners."""
         async with self._looking:

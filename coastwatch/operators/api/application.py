@@ -14,7 +14,7 @@ from pydantic import BaseModel, Field
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.staticfiles import StaticFiles
 
-from coastwatch.operators.api import answers, zones
+from coastwatch.operators.api import answers, webhooks, zones
 from coastwatch.operators.api.alarm_stream import AlarmStream
 from coastwatch.operators.api.guard import COOKIE, SESSION, Guard
 from coastwatch.operators.api.service import NoPictureYet, Service
@@ -43,10 +43,13 @@ PLAIN_PAGE = """<!doctype html>
 def application(service: Service, guard: Guard, web: Path = WEB) -> FastAPI:
     """The application of a server. Args: web: folder of the page."""
 
+    alarms = AlarmStream(service)
+
     @asynccontextmanager
     async def life(_: FastAPI) -> AsyncIterator[None]:
         service.hub.open()
-        yield
+        async with webhooks.sending(service.webhooks, alarms, service.metrics):
+            yield
 
     app = FastAPI(
         title="Coastwatch", version=version(), lifespan=life, docs_url=None, redoc_url=None, openapi_url="/api/v1/openapi.json"
@@ -58,7 +61,7 @@ def application(service: Service, guard: Guard, web: Path = WEB) -> FastAPI:
     _add_session(app, guard)
     _add_stream(app, service)
     _add_track_stream(app, service)
-    _add_alarm_stream(app, service)
+    _add_alarm_stream(app, alarms)
     _add_refusals(app)
     app.add_middleware(GZipMiddleware, minimum_size=2000, compresslevel=1)
     app.add_middleware(guard.middleware, metrics=service.metrics, audit=service.audit)
@@ -123,9 +126,7 @@ def _add_track_stream(app: FastAPI, service: Service) -> None:
         await serve_tracks(socket, service.publisher, Position(run, seq), from_s)
 
 
-def _add_alarm_stream(app: FastAPI, service: Service) -> None:
-    alarms = AlarmStream(service)
-
+def _add_alarm_stream(app: FastAPI, alarms: AlarmStream) -> None:
     @app.get("/api/v1/alarms/stream", response_class=StreamingResponse)
     async def stream(request: Request, last_event_id: Annotated[str, Header(max_length=40)] = "") -> StreamingResponse:
         """New and changed alarms as server-sent events; `Last-Event-ID` goes on after an event."""

@@ -51,6 +51,7 @@ class Metrics:
         frames = Counter("coastwatch_frames_sent", "Frames sent", ["kind"], **of)
         self.full, self.delta = frames.labels("full"), frames.labels("delta")
         self.requests = Counter("coastwatch_requests", "Requests answered", ["status"], **of)
+        self.webhooks = Counter("coastwatch_webhook", "Messages to web hooks", ["webhook", "count"], **of)
         self.cycle = Histogram(
             "coastwatch_cycle_seconds", "Time of a cycle", buckets=(0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0), **of
         )

@@ -15,6 +15,7 @@ from coastwatch.operators import stored
 from coastwatch.operators.api.audit import Audit
 from coastwatch.operators.api.hub import Hub
 from coastwatch.operators.api.metrics import Metrics
+from coastwatch.operators.api.webhook_settings import WebHook
 from coastwatch.server.feeds.outgoing import OutFeed
 from coastwatch.server.live_picture import LivePicture
 from coastwatch.server.regions.publisher import Publisher
@@ -62,6 +63,7 @@ class Service:
     audit: Audit = field(init=False)
     publisher: Publisher | None = None  # of a region's tracks
     outs: Sequence[OutFeed] = ()  # to which each picture is sent
+    webhooks: Sequence[WebHook] = ()  # to which alarms are sent
     _runs: dict[int, dict[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -94,6 +96,11 @@ class Service:
         """Who changed what, the newest first, and how many changes there are. Raises: StoreError."""
         found, total = store.changes(self.store, limit, offset)
         return stored.for_people(found), total
+
+    def computed_all(self) -> bool:
+        """Whether this process has computed the run of the newest picture from its first cycle."""
+        of = self.hub.picture
+        return of is not None and self.source.live and self.source.counts().get("cycles", 0) > of.cycle
 
     def run_id(self) -> int:
         """The run of the newest picture. Raises: NoPictureYet."""

@@ -212,6 +212,10 @@ def _serve(commands: Any) -> None:
         "ttm+udp://HOST:PORT?site=LAT,LON, tll+udp://HOST:PORT (NMEA targets); ?rate=N messages a second (500); repeatable"
     )
     serve.add_argument("--out", metavar="URL", action="append", help=text)
+    text = "POST each alarm that begins or ends as JSON to this address, again for minutes while nobody takes it; repeatable"
+    serve.add_argument("--webhook", metavar="URL", action="append", help=text)
+    text = "file whose first line signs these messages (HMAC-SHA256 in X-Coastwatch-Signature)"
+    completed_by(serve.add_argument("--webhook-secret-file", metavar="FILE", help=text))
     text = "seconds that a cycle waits for late reports; later ones are counted and left out (default: 2; of a centre 5)"
     serve.add_argument("--lateness", metavar="S", type=float, help=text)
     text = "what time is: the clock of this machine, or the time stamps of the feeds, for replays (default: wall)"

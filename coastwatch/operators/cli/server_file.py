@@ -9,12 +9,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError
 
+from coastwatch.operators.api.webhook_settings import WebHook, checked, secret_of
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.scenario.refusing import refusals
 from coastwatch.stage import Settings
 
 Port = Annotated[int, Field(ge=0, le=65_535)]
-TABLES = ("server", "feeds", "regions")
+TABLES = ("server", "feeds", "regions", "webhooks")
 
 DEFAULTS: dict[str, Any] = {
     "host": "127.0.0.1",
@@ -25,6 +26,7 @@ DEFAULTS: dict[str, Any] = {
     "feed": [],
     "region": [],
     "out": [],
+    "webhook": [],
 }
 """Options that are neither in the file nor on the command line."""
 
@@ -61,12 +63,22 @@ class NamedFeed(Settings):
     url: str
 
 
+class Hook(Settings):
+    """A web hook: a POST for each alarm that begins or ends."""
+
+    url: str
+    kinds: tuple[str, ...] = ()  # of alarms; none: all
+    secret: str | None = None  # signs each message
+    secret_file: str | None = None  # or the file whose first line it is
+
+
 class ServerFile(Settings):
     """The tables of the file."""
 
     server: Server = Server()
     feeds: tuple[NamedFeed, ...] = ()
     regions: tuple[NamedFeed, ...] = ()
+    webhooks: tuple[Hook, ...] = ()
 
 
 def with_file(options: argparse.Namespace) -> argparse.Namespace:
@@ -128,7 +140,13 @@ def _options(file: ServerFile, path: Path) -> dict[str, Any]:
         out["lateness"] = server.lateness_s
     for name, many in (("feed", file.feeds), ("region", file.regions)):
         out[name] = [_url(one) for one in many]
+    out["webhook"] = [_hook(one, here) for one in file.webhooks]
     return out
+
+
+def _hook(hook: Hook, here: Path) -> WebHook:
+    secret = hook.secret or secret_of(None if hook.secret_file is None else str(here / hook.secret_file))
+    return checked(WebHook(hook.url, hook.kinds, secret))
 
 
 def _toml(value: Any) -> str:

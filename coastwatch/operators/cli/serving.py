@@ -22,6 +22,7 @@ from coastwatch.operators.api.guard import LOOPBACK, Guard
 from coastwatch.operators.api.proxy import trusted
 from coastwatch.operators.api.service import Service
 from coastwatch.operators.api.tokens import Tokens, add
+from coastwatch.operators.api.webhook_settings import WebHook, checked, secret_of
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.cli.server_file import with_file
 from coastwatch.scenario import load_scenario
@@ -82,6 +83,7 @@ def serve(options: argparse.Namespace) -> int:
     guard = _guard(options)
     _check_role(options)
     outs = [parsed_out(text) for text in options.out]
+    _webhooks(options)  # wrong ones are refused before anything starts
     logs.begin(options.log_format)
     with _signals_end_the_server():
         if options.scenario is None:
@@ -131,8 +133,16 @@ def _serve_run(options: argparse.Namespace, guard: Guard, outs: list[OutAddress]
 def _listen_and_send(service: Service, guard: Guard, options: argparse.Namespace, outs: list[OutAddress]) -> None:
     """As `listen`, and send each picture to these addresses."""
     with ExitStack() as stack:
+        service.webhooks = _webhooks(options)
         service.outs = [stack.enter_context(OutFeed(address)) for address in outs]
         listen(service, guard, options)
+
+
+def _webhooks(options: argparse.Namespace) -> list[WebHook]:
+    """The web hooks of the server file, or of the command line. Raises: BadInput."""
+    given = [hook for hook in options.webhook if isinstance(hook, str)]
+    secret = secret_of(options.webhook_secret_file) if given else ""
+    return [hook if isinstance(hook, WebHook) else checked(WebHook(hook, (), secret)) for hook in options.webhook]
 
 
 def _check_role(options: argparse.Namespace) -> None:

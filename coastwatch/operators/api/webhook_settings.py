@@ -1,0 +1,57 @@
+"""A web hook as it is set: who is told of which alarms, and how a message is signed."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import urlsplit
+
+from coastwatch.batches import AlarmKind, Flag
+from coastwatch.operators.bad_input import BadInput
+
+KINDS = tuple(str(kind.name).lower() for kind in (*Flag, *AlarmKind) if kind not in (Flag.COASTING, Flag.STATIONARY))
+"""Of alarms."""
+
+
+@dataclass(frozen=True)
+class WebHook:
+    """Who is told of which alarms."""
+
+    url: str
+    kinds: tuple[str, ...] = ()  # of alarms; none: all
+    secret: str = ""  # signs each message; empty: no signature
+
+    @property
+    def name(self) -> str:
+        """Host and port: a path or a query may hold a secret."""
+        return urlsplit(self.url).netloc.rpartition("@")[2]
+
+
+def checked(hook: WebHook) -> WebHook:
+    """The hook, if it can work. Raises: BadInput."""
+    if urlsplit(hook.url).scheme not in ("http", "https") or not hook.name:
+        raise BadInput(f"webhook: got {hook.name or hook.url[:40]!r}, needed an address such as https://host/path")
+    unknown = [kind for kind in hook.kinds if kind not in KINDS]
+    if unknown:
+        raise BadInput(f"webhook {hook.name}: kinds: got {unknown[0]!r}, needed some of {', '.join(KINDS)}")
+    return hook
+
+
+def signature(secret: str, timestamp: str, body: bytes) -> str:
+    """The value of X-Coastwatch-Signature: "sha256=" and HMAC-SHA256 of timestamp, point and body."""
+    return "sha256=" + hmac.new(secret.encode(), timestamp.encode() + b"." + body, hashlib.sha256).hexdigest()
+
+
+def secret_of(path: str | None) -> str:
+    """The secret in the first line of a file; empty: no file. Raises: BadInput that names the file."""
+    if path is None:
+        return ""
+    try:
+        found = Path(path).read_text("utf-8").partition("\n")[0].strip()
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInput(f"{path}: cannot be read: {error}") from error
+    if not found:
+        raise BadInput(f"{path}: got an empty first line, needed the secret that signs messages to web hooks")
+    return found
