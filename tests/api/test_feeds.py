@@ -393,3 +393,17 @@ def test_a_taken_port_and_an_unknown_radar_are_refused() -> None:
         pass
     with pytest.raises(AddressError, match="needed SAC/SIC=NAME"), receiving("asterix+udp://127.0.0.1:0?25/1=moon"):
         pass
+
+
+def test_a_feed_that_listens_takes_so_many_senders_and_room_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("coastwatch.server.feeds.transport.MOST_SENDERS", 2)
+    with receiving("ais+listen://127.0.0.1:0") as made:
+        held = [socket.create_connection(("127.0.0.1", made.ports[0])) for _ in range(3)]
+        held[2].settimeout(10.0)
+        assert held[2].recv(1) == b""
+        assert "2 are connected" in str(made.feeds()[0]["error"])
+        for one in held:
+            one.close()
+        wait_for(lambda: not made.feeds()[0]["connected"])
+        put(made.ports[0], items("ais+tcp://x:1"))
+        deliver(made, 1)

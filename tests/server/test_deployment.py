@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -285,3 +286,42 @@ def test_the_live_demo_begins_shows_vessels_and_ends(tmp_path: Path) -> None:
         httpx.get(f"{found[2]}/healthz")
     assert "No live demo" in demo("stop").stdout
     assert rows(tmp_path / "out" / "live.db")["vessel"]
+
+
+@pytest.mark.slow
+def test_a_server_that_is_stopped_and_started_again_goes_on_with_the_same_vessels(tmp_path: Path, start: Start) -> None:
+    with socket.socket() as one, socket.socket() as other:
+        one.bind(("127.0.0.1", 0))
+        other.bind(("127.0.0.1", 0))
+        page, ais = one.getsockname()[1], other.getsockname()[1]
+    path = tmp_path / "live.db"
+    serve = ["serve", "guanabara", "--db", url(path), "--port", str(page), "--set", "radars=[]", "--feed"]
+
+    def ids(cycle: int) -> dict[str, int]:
+        until = time.monotonic() + PATIENCE_S
+        while time.monotonic() < until:
+            with suppress(httpx.HTTPError, KeyError):
+                found = httpx.get(f"http://127.0.0.1:{page}/api/v1/picture", params={"sources": "ais", "limit": 1000}).json()
+                if found["cycle"] >= cycle:
+                    return {row["mmsi"]: row["vessel_id"] for row in found["vessels"]}
+            time.sleep(0.2)
+        raise TimeoutError(f"cycle {cycle} did not come")
+
+    first = start(*serve, f"ais+listen://127.0.0.1:{ais}")
+    feed = start("feed", "guanabara", "--set", "cycles=600", "--set", "radars=[]", "--to", f"ais+tcp://127.0.0.1:{ais}")
+    before = ids(6)
+    first.send_signal(signal.SIGINT)
+    _, said = first.communicate(timeout=PATIENCE_S)
+    assert first.returncode == 0, said
+    last = stored(path) - 1
+    second = start(*serve, f"ais+listen://127.0.0.1:{ais}")
+    after = ids(last + 1)
+    assert feed.poll() is None
+    second.send_signal(signal.SIGINT)
+    second.communicate(timeout=PATIENCE_S)
+    common = before.keys() & after.keys()
+    assert len(common) > 50
+    assert {mmsi: before[mmsi] for mmsi in common} == {mmsi: after[mmsi] for mmsi in common}
+    assert column(path, "SELECT count(*) FROM run") == [1]
+    numbers = column(path, "SELECT number FROM cycle ORDER BY number")
+    assert numbers == list(range(len(numbers)))

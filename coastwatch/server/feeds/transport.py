@@ -22,6 +22,9 @@ from coastwatch.server.feeds.address import MQTT_PORTS, Address, AddressError
 MOST_ITEMS = 200_000
 """Lines or datagrams that may wait in an inbox."""
 
+MOST_SENDERS = 200
+"""Connections to one feed that listens: more would take the file handles of the others."""
+
 LONGEST_LINE = 65_536
 READ_BYTES = 65_536
 FIRST_RETRY_S, LAST_RETRY_S = 0.5, 15.0
@@ -154,7 +157,11 @@ class _Datagrams(asyncio.DatagramProtocol):
 
 
 async def _accepted(inbox: Inbox, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    """Read one sender that has connected."""
+    """Read one sender that has connected, if there is room for it."""
+    if inbox.connected >= MOST_SENDERS:
+        inbox.error = f"a sender was refused: {MOST_SENDERS} are connected"
+        writer.close()
+        return
     inbox.connections += 1
     inbox.connected += 1
     try:
