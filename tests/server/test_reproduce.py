@@ -114,6 +114,9 @@ def test_complete_systems_are_scored_against_the_true_vessels(tmp_path: Path) ->
         assert found["ospa2_m"] <= 100.0
     assert fused != taken
     assert all(row.default.values for row in made.folders[0].rows)
+    page = report.written_page(kept, made).read_text("utf-8")
+    assert "rmse: track_01 &lt; measurement_01" in page
+    assert "OSPA(2)</th>" in page
 
 
 def test_two_methods_of_a_variant_are_compared_and_their_names_may_have_dots() -> None:

@@ -35,6 +35,15 @@ TIMES = (("timings_s.associations.median", "association, ms", "ms", 3), ("timing
          ("associations.recall", "recall", "%", 2))  # fmt: skip
 COUNTS = (("picture.fused", "fused", "", 0), ("picture.radar_only", "radar alone", "", 0),
           ("picture.AIS_only", "AIS alone", "", 0), ("picture.bearings", "bearings", "", 0))  # fmt: skip
+SYSTEMS = (
+    ("system.rmse", "RMSE of 4 states", "", 2),
+    ("system.position_rmse_m", "position", "m", 2),
+    ("system.anees", "ANEES", "", 2),
+    ("system.gospa_m", "GOSPA", "m", 1),
+    ("system.ospa2_m", "OSPA(2)", "m", 1),
+    ("system.present", "with a track", "%", 1),
+    ("system.false", "false", "", 2),
+)
 TARGETS = (("targets.ospa_m", "OSPA, m", "", 1), ("targets.error_m", "TLE, m", "", 2), ("targets.probability", "TPD", "%", 1),
            ("targets.false_tracks", "TFAR", "", 3), ("targets.breaks", "breaks", "", 2), ("targets.nees", "ANEES", "", 2),
            ("targets.id_right", "id right", "%", 1), ("targets.id_wrong", "id wrong", "%", 1),
@@ -143,7 +152,7 @@ def _section(folder: Folder) -> Iterator[str]:
 def _order(order: Order) -> Sequence[str]:
     o = order.ordering
     at = escape(", ".join(str(value) for _, value in order.point))
-    said = escape(o.title)
+    said = o.title
     colour = {"holds": "yes", "fails": "no"}.get(order.verdict, "note")
     numbers = f"{order.difference.mean:.3g}", f"{order.error:.2g}"
     return said, at, *numbers, f"<span class={colour}>{order.verdict}</span>"
@@ -154,6 +163,8 @@ def _columns_of(folder: Folder) -> Sequence[tuple[str, str, str, int]]:
         return COUNTS
     if folder.of.targets:
         return TARGETS
+    if folder.of.systems:
+        return SYSTEMS
     if folder.of.serial:
         return TIMES
     if any(f.path.startswith("fused_tracks") for f in folder.of.figure):
