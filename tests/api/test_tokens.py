@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,6 +17,7 @@ from coastwatch.operators.api.answers import router
 from coastwatch.operators.api.guard import Guard
 from coastwatch.operators.api.tokens import Limits, Tokens, add, read
 from coastwatch.operators.bad_input import BadInput
+from coastwatch.operators.cli import make_parser
 from coastwatch.operators.cli.serving import serve
 
 
@@ -136,6 +136,6 @@ def test_a_wrong_file_of_tokens_is_refused(tmp_path: Path, text: str) -> None:
 
 
 def test_another_address_than_loopback_is_not_opened_without_tokens() -> None:
-    options = argparse.Namespace(host="0.0.0.0", tokens=None, tls_cert=None, tls_key=None, trusted_proxy=[])
+    options = make_parser().parse_args(["serve", "--host", "0.0.0.0"])
     with pytest.raises(BadInput, match="without --tokens"):
         serve(options)

@@ -33,7 +33,7 @@ def test_zones_are_added_changed_and_deleted_and_a_live_run_watches_them(changin
     assert max(abs(a[0] - b[0]) for a, b in pairwise(corners)) < 0.01  # no jump at the antimeridian
     for body, status, said in (
         (BAY, 409, "which another zone has"),
-        ({**BAY, "name": "x", "points_deg": BAY["points_deg"][:2]}, 422, "needed 3 or more points_deg"),
+        ({**BAY, "name": "x", "points_deg": BAY["points_deg"][:2]}, 400, "needed 3 or more points_deg"),
         ({**BAY, "name": "x", "speed": 3}, 422, "speed: Extra inputs are not permitted"),
     ):
         answer = httpx.post(path, json=body)

@@ -16,7 +16,7 @@ from starlette.staticfiles import StaticFiles
 
 from coastwatch.operators.api import answers, webhooks, zones
 from coastwatch.operators.api.alarm_stream import AlarmStream
-from coastwatch.operators.api.guard import COOKIE, SESSION, Guard
+from coastwatch.operators.api.guard import COOKIE, SESSION, Guard, methods_of
 from coastwatch.operators.api.service import NoPictureYet, Service
 from coastwatch.operators.api.track_stream import serve_tracks
 from coastwatch.operators.api.wire import PROTOCOL
@@ -152,6 +152,12 @@ def _add_refusals(app: FastAPI) -> None:
         assert isinstance(error, RequestValidationError)
         found: list[dict[str, Any]] = [dict(one) for one in error.errors()]
         said = "; ".join(f"{one['loc'][-1]}: {one['msg']}" for one in found)
-        return JSONResponse({"detail": printable(said)}, 422)
+        of_its_type = all(one["type"] == "value_error" for one in found)  # and wrong by its meaning
+        return JSONResponse({"detail": printable(said)}, 400 if of_its_type else 422)
 
     app.add_exception_handler(RequestValidationError, wrong)
+
+    async def wrong_method(request: Request, _: Exception) -> Response:
+        return JSONResponse({"detail": "Method Not Allowed"}, 405, {"Allow": ", ".join(methods_of(request.scope))})
+
+    app.add_exception_handler(405, wrong_method)

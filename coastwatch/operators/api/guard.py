@@ -30,6 +30,7 @@ from coastwatch.operators.api.wire import PROTOCOL
 LOG = logging.getLogger("coastwatch.serve")
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 SAFE, CHANGES = ("GET", "HEAD", "OPTIONS"), ("POST", "PUT", "PATCH", "DELETE")
+METHODS = (*SAFE, *CHANGES)
 COOKIE, SESSION = "coastwatch", "/session"
 PROTECTED = ("/api/", "/metrics", "/readyz")
 """Beginnings of the paths that need a token. The page itself does not: it has no data, and asks for the token."""
@@ -218,8 +219,14 @@ class _Middleware:
 
 def _is_undeclared(scope: Scope) -> bool:
     """Whether there is a route for the path, and none for the path and method: the application answers 405 to anybody."""
-    found = [route.matches(scope)[0] for route in scope["app"].routes if not isinstance(route, Mount)]
-    return Match.PARTIAL in found and Match.FULL not in found
+    known = methods_of(scope)
+    return bool(known) and scope["method"] not in known
+
+
+def methods_of(scope: Scope) -> list[str]:
+    """The methods that routes take for the path of a request; the files of the page do not count."""
+    routes = [route for route in scope["app"].routes if not isinstance(route, Mount)]
+    return [m for m in METHODS if any(route.matches({**scope, "method": m})[0] is Match.FULL for route in routes)]
 
 
 def _needed(path: str, method: str) -> str | None:

@@ -56,7 +56,7 @@ def add(zone: Zone, request: Request, service: In) -> dict[str, Any]:
     return _feature(found.number, found.version, zone)
 
 
-@router.put("/zones/{number}", responses=CONFLICT)
+@router.put("/zones/{number:int}", responses=CONFLICT)
 def change(number: Number, zone: Zone, request: Request, service: In) -> dict[str, Any]:
     """Replace a zone. Returns: its feature."""
     about = _changeable(service, number)
@@ -70,7 +70,7 @@ def change(number: Number, zone: Zone, request: Request, service: In) -> dict[st
     return _feature(found.number, found.version, zone)
 
 
-@router.delete("/zones/{number}", responses=CONFLICT)
+@router.delete("/zones/{number:int}", responses=CONFLICT)
 def delete(number: Number, request: Request, service: In) -> dict[str, Any]:
     """Delete a zone. Its alarms end with the next cycle. Returns: its feature as it was."""
     about = _changeable(service, number)
