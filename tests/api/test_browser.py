@@ -238,13 +238,35 @@ def test_the_past_is_shown_as_stored_and_l_returns_to_the_live_picture(watch: Wa
     assert watch.ask("coastwatch.picture === coastwatch.live")
 
 
+def test_a_zone_is_drawn_on_the_chart_saved_and_deleted(world: World, watch: Watch) -> None:
+    address = f"http://127.0.0.1:{watch.port}/api/v1/zones"
+    watch.ask("coastwatch.openDrawer('zones')")
+    watch.page.fill("#zone-name", "ring")
+    watch.page.select_option("#zone-kind", "circle")  # begins to draw
+    watch.page.check("#zone-enter")
+    box = watch.page.locator("#map").bounding_box()
+    for across in (0.87, 0.96):  # beside the drawer
+        watch.page.mouse.click(box["x"] + across * box["width"], box["y"] + 0.5 * box["height"])
+        time.sleep(0.4)  # else the map takes them for a double click
+    watch.until("!document.getElementById('zone-save').disabled")
+    watch.page.click("#zone-save")
+    watch.until("document.getElementById('zone-rows').textContent", lambda text: "ring circle: enter" in text)
+    (zone,) = httpx.get(address).json()["features"]
+    assert zone["properties"]["enter"]
+    assert zone["properties"]["radius_nm"] > 0.1
+    assert watch.ask("coastwatch.state.selected") == 0  # a click while drawing selects nothing
+    watch.page.once("dialog", lambda dialog: dialog.accept())
+    watch.page.click("#zone-rows button[aria-label='Delete ring']")
+    watch.until("document.getElementById('zone-rows').textContent", lambda text: text == "no zones")
+
+
 def test_axe_finds_no_serious_fault_in_any_theme(watch: Watch) -> None:
     if not AXE.is_file():
         pytest.skip("axe-core is not installed; `make web` installs it")
     watch.ask(f"(coastwatch.select({DARK}), coastwatch.openDrawer('vessels'))")
     watch.until("document.querySelectorAll('#why table').length")
     watch.ask(AXE.read_text("utf-8") + "; 0")
-    for theme, drawer in (("day", "vessels"), ("dusk", "alarms"), ("night", "layers")):
+    for theme, drawer in (("day", "vessels"), ("dusk", "alarms"), ("night", "layers"), ("day", "zones")):
         watch.ask(f"(coastwatch.state.theme = '{theme}', coastwatch.themeChanged(), coastwatch.openDrawer('{drawer}'))")
         found = watch.ask("axe.run(document, {resultTypes: ['violations']}).then(done => done.violations)")
         grave = [(v["id"], v["nodes"][0]["html"][:200]) for v in found if v["impact"] in ("serious", "critical")]

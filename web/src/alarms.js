@@ -26,6 +26,7 @@ export class Alarms {
     const name = byId('watch-name');
     name.value = localStorage.getItem(NAME_KEY) ?? '';
     name.addEventListener('change', () => localStorage.setItem(NAME_KEY, name.value.trim()));
+    byId('alarm-kind').addEventListener('change', () => this.update());
     byId('strip-acknowledge').addEventListener('click', () => this.acknowledgeFirst());
     byId('strip-show').addEventListener('click', () => this.#select(this.first()));
     this.#listen();
@@ -91,7 +92,12 @@ export class Alarms {
     if (this.app.state.drawer !== 'alarms') return;
     const focused = document.activeElement?.closest('[data-alarm]')?.dataset.alarm;
     const list = byId('alarm-rows');
-    fill(list, this.rows.length ? this.rows.slice(0, 200).map((alarm) => this.#row(alarm)) : element('li', { class: 'soft' }, 'no alarms'));
+    const kind = byId('alarm-kind').value;
+    const kinds = new Set([...this.rows.map((alarm) => alarm.kind), kind].filter(Boolean));
+    fill(byId('alarm-kind'), element('option', { value: '' }, 'all'),
+      [...kinds].sort().map((name) => element('option', { value: name, selected: name === kind }, name.replaceAll('_', ' '))));
+    const rows = this.rows.filter((alarm) => !kind || alarm.kind === kind);
+    fill(list, rows.length ? rows.slice(0, 200).map((alarm) => this.#row(alarm)) : element('li', { class: 'soft' }, 'no alarms'));
     if (focused) list.querySelector(`[data-alarm="${CSS.escape(focused)}"] button`)?.focus();
   }
 

@@ -24,8 +24,9 @@ export async function ask(path, options = {}) {
 export const getJson = async (path) => (await ask(path)).json();
 export const getBytes = async (path) => (await ask(path)).arrayBuffer();
 
-export const postJson = async (path, body) =>
-  (await ask(path, { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify(body) })).json();
+export const sendJson = async (method, path, body) =>
+  (await ask(path, { method, headers: { 'Content-Type': 'application/json' }, body: JSON.stringify(body) })).json();
+export const postJson = (path, body) => sendJson('POST', path, body);
 
 /** Exchanges a token for the cookie of this page. */
 export async function openSession(token) {

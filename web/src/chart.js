@@ -23,7 +23,7 @@ export function makeMap(container, { lat, lon, zoom }) {
     canvasContextAttributes: { antialias: false, preserveDrawingBuffer: false },
     style: {
       version: 8,
-      sources: { land: geojson(), coastline: geojson(), zones: geojson() },
+      sources: { land: geojson(), coastline: geojson(), zones: geojson(), draft: geojson() },
       layers: [
         { id: 'sea', type: 'background' },
         { id: 'land', type: 'fill', source: 'land', paint: { 'fill-antialias': false } },
@@ -32,6 +32,8 @@ export function makeMap(container, { lat, lon, zoom }) {
         { id: 'own-land', type: 'fill', source: 'coastline', minzoom: 7, filter: ['!=', ['get', 'kind'], 'extent'] },
         { id: 'own-shore', type: 'line', source: 'coastline', minzoom: 7, filter: ['!=', ['get', 'kind'], 'extent'] },
         { id: 'zones', type: 'line', source: 'zones', paint: { 'line-dasharray': [4, 2], 'line-width': 1.5 } },
+        { id: 'draft', type: 'line', source: 'draft', paint: { 'line-width': 2 } },
+        { id: 'draft-points', type: 'circle', source: 'draft', filter: ['==', ['geometry-type'], 'Point'], paint: { 'circle-radius': 4 } },
       ],
     },
   });
@@ -95,13 +97,16 @@ function extent(coastline) {
 /** Zones of the watch. Args: zones: a FeatureCollection, or null: none are drawn. */
 export const setZones = (map, zones) => map.getSource('zones').setData(zones ?? NOTHING);
 
+/** The zone that is being drawn. */
+export const setDraft = (map, draft) => map.getSource('draft').setData(draft);
+
 /** Colours of a theme for land, shore and zones. */
 export function paintChart(map, name) {
   const theme = THEMES[name];
   const paint = {
     sea: ['background-color', 'sea'], land: ['fill-color', 'land'], shore: ['line-color', 'shore'],
     'own-sea': ['fill-color', 'sea'], 'own-land': ['fill-color', 'land'], 'own-shore': ['line-color', 'shore'],
-    zones: ['line-color', 'flagged'],
+    zones: ['line-color', 'flagged'], draft: ['line-color', 'selected'], 'draft-points': ['circle-color', 'selected'],
   };
   for (const [layer, [property, colour]] of Object.entries(paint)) map.setPaintProperty(layer, property, css(theme[colour]));
 }

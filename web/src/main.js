@@ -3,7 +3,7 @@
 
 import { Alarms } from './alarms.js';
 import { Details, getJson, openSession } from './api.js';
-import { drawEveryMs, drawsInSoftware, loadCoastline, loadLand, makeMap, paintChart, setZones, sizeAt } from './chart.js';
+import { drawEveryMs, drawsInSoftware, loadCoastline, loadLand, makeMap, paintChart, sizeAt } from './chart.js';
 import { listenToKeys, makeControls, paintPage, showControls, showFilterWords } from './controls.js';
 import { byId } from './dom.js';
 import { markShown, needsDetails } from './filters.js';
@@ -17,6 +17,7 @@ import { Replay } from './replay.js';
 import { DRAWERS, fromQuery, toQuery } from './state.js';
 import { THEMES } from './symbols.js';
 import { Picture } from './wire.js';
+import { Zones } from './zones.js';
 
 const STATUS_EVERY_MS = 3000;
 const SENSORS_EVERY_MS = 60000;
@@ -71,6 +72,7 @@ class App {
     this.search = new Search(this, async (query) => (await getJson(`vessels?q=${encodeURIComponent(query)}`)).vessels);
     this.alarms = new Alarms(this);
     this.replay = new Replay(this);
+    this.zones = new Zones(this);
     makeControls(this);
     listenToKeys(this);
     this.#buttons();
@@ -84,6 +86,7 @@ class App {
     this.alarms.load();
     this.#poll();
     this.#loadSensors();
+    this.zones.load();
     if (this.state.at !== null) this.replay.enter(this.state.at);
     if (this.state.selected) this.select(this.state.selected);
     this.openDrawer(this.state.drawer);
@@ -241,8 +244,7 @@ class App {
   }
 
   layersChanged() {
-    setZones(this.map, this.state.layers.has('zones') ? this.zones : null);
-    this.map.triggerRepaint();
+    this.zones.show();
     this.stateChanged();
   }
 
@@ -337,6 +339,10 @@ class App {
   }
 
   #click({ point, lngLat, originalEvent }) {
+    if (this.zones.drawing) {
+      this.zones.point(lngLat);
+      return;
+    }
     if (this.measure && !this.measure.from) {
       this.measure.from = { lat: lngLat.lat, lon: lngLat.lng };
       return;
@@ -391,7 +397,8 @@ class App {
 
   /** Closes one thing at a time. */
   escape() {
-    if (this.measure) this.toggleMeasure();
+    if (this.zones.drawing) this.zones.clear();
+    else if (this.measure) this.toggleMeasure();
     else if (this.second) this.second = 0;
     else if (this.state.selected) this.select(0);
     else this.openDrawer('');
@@ -460,11 +467,9 @@ class App {
   async #loadSensors() {
     try {
       this.sensors = (await getJson('sensors')).sensors;
-      this.zones = await getJson('zones');
-      setZones(this.map, this.state.layers.has('zones') ? this.zones : null);
       this.map.triggerRepaint();
     } catch {
-      // Asked again; the chart works without sensors and zones.
+      // Asked again; the chart works without sensors.
     }
     setTimeout(() => this.#loadSensors(), SENSORS_EVERY_MS);
   }

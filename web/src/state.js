@@ -5,7 +5,7 @@ import { LIST_COLUMNS, NO_FILTER } from './filters.js';
 
 export const LAYERS = ['labels', 'vectors', 'ellipses', 'trail', 'cover', 'zones'];
 /** What the drawer on the left holds; empty: it is closed. */
-export const DRAWERS = ['vessels', 'alarms', 'layers'];
+export const DRAWERS = ['vessels', 'alarms', 'zones', 'layers'];
 export const THEME_NAMES = ['day', 'dusk', 'night'];
 export const VECTOR_MINUTES = [3, 6, 12, 30];
 export const SPEEDS = [1, 2, 5, 10, 30, 60];
