@@ -22,6 +22,7 @@ WITH_NODE = PATH="$(CURDIR)/$(BIN):$$PATH"
 # Two short runs, side by side, compile the kernels that runs use: without them every process of the tests would do it.
 # The one without radars is ahead with all but the radar filters, and the other takes from the cache what is there.
 .venv/.warm: .venv/.ready $(wildcard coastwatch/kernels/*.py coastwatch/kernels/*/*.py)
+	@rm -f .venv/warm-*.db*
 	@$(MAKE) --no-print-directory -j2 .warm-all .warm-ahead
 	@touch $@
 
@@ -48,6 +49,7 @@ DEMO_PORT ?= 8100
 
 demo: .venv/.warm .web-if-possible  ## set up, run the scenario guanabara into out/, then serve it live in the background
 	@mkdir -p out
+	@$(BIN)/coastwatch db upgrade --db sqlite:///out/guanabara.db >/dev/null
 	$(BIN)/coastwatch run guanabara --db sqlite:///out/guanabara.db --restart
 	$(BIN)/coastwatch plot --db sqlite:///out/guanabara.db --output out/guanabara.png
 	@$(BIN)/python ops/demo.py start --port $(DEMO_PORT)
