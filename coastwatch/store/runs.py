@@ -24,6 +24,7 @@ from coastwatch.batches import (
     TrackSources,
 )
 from coastwatch.store.database import Store, StoreError, as_json, now_utc, reading, writing
+from coastwatch.store.journal import decompressed
 from coastwatch.store.processes import is_gone, this_process
 from coastwatch.store.rows import Rows, fetch_rows
 from coastwatch.store.tables import (
@@ -153,7 +154,7 @@ def resume_point(
         ):
             if settings is None or stored == json.loads(as_json(settings)):
                 pieces = select(CHECKPOINT.c.memory).where(CHECKPOINT.c.run_id == run_id).order_by(CHECKPOINT.c.piece)
-                return run_id, cycle, b"".join(connection.scalars(pieces))
+                return run_id, cycle, decompressed(b"".join(connection.scalars(pieces)))
     return None
 
 

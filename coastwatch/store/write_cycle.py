@@ -16,7 +16,7 @@ from coastwatch.kernels.tables.lookup import find
 from coastwatch.store import database, events, history_rule, retention, to_rows
 from coastwatch.store.database import Store, StoreError
 from coastwatch.store.insert import Column, delete_rows, insert, take, update_rows
-from coastwatch.store.journal import NOTHING_PASSED, ForCentres, write_for_centres
+from coastwatch.store.journal import NOTHING_PASSED, ForCentres, compressed, write_for_centres
 from coastwatch.store.recording import record
 from coastwatch.store.run_state import RunState, no_such_run, read_run_state, truncate_run
 from coastwatch.store.tables import (
@@ -264,6 +264,7 @@ def write_checkpoint(store: Store, run_id: int, number: int, memory: bytes) -> W
 
 
 def _write_checkpoint(connection: Connection, run_id: int, number: int, memory: bytes) -> None:
+    memory = compressed(memory)
     connection.execute(delete(CHECKPOINT).where(CHECKPOINT.c.run_id == run_id))
     for piece, low in enumerate(range(0, max(len(memory), 1), PIECE_BYTES)):
         row = {"run_id": run_id, "piece": piece, "cycle": number, "memory": memory[low : low + PIECE_BYTES]}

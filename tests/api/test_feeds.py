@@ -28,6 +28,8 @@ from coastwatch.server.feeds.address import AddressError, parsed
 from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.feeds.sending import encoded, send
 from coastwatch.server.regions.scenario import with_track_sources
+from coastwatch.server.run import run_scenario
+from scaling.load import replayed
 
 START_S, SPAN_S = 1_750_000_000.0, 30.0
 SCENARIO = load_scenario("guanabara")
@@ -407,3 +409,17 @@ def test_a_feed_that_listens_takes_so_many_senders_and_room_comes_back(monkeypat
         wait_for(lambda: not made.feeds()[0]["connected"])
         put(made.ports[0], items("ais+tcp://x:1"))
         deliver(made, 1)
+
+
+@pytest.mark.slow
+def test_a_recording_over_sockets_gives_the_pictures_of_its_files(tmp_path: Path) -> None:
+    try:
+        scenario, reports, cycles = replayed.recorded("solent", 2)
+    except FileNotFoundError as error:
+        pytest.skip(str(error))
+    sent = replayed.batches(scenario, reports)
+    urls = [f"sqlite:///{tmp_path}/{name}.db" for name in ("files", "live")]
+    run_scenario(replayed.files(scenario, sent, tmp_path), database=urls[0])
+    replayed.live(scenario, sent, cycles, 60.0, urls[1])
+    found = replayed.differences(*urls, cycles)
+    assert (found["cycles"], found["equal_cycles"]) == (cycles, cycles), found

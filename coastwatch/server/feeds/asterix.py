@@ -201,8 +201,8 @@ def _radar_reports(table: Floats, radars: Radars) -> RadarReports:
 
 
 def nearest_s(of_day_s: float, about_s: float) -> float:
-    """The instant nearest to another one at this time of day, UTC."""
-    return about_s + (of_day_s - about_s + 0.5 * DAY_S) % DAY_S - 0.5 * DAY_S
+    """The instant nearest to another one at this time of day, UTC. Its last bits do not depend on the other one."""
+    return round((about_s - of_day_s) / DAY_S) * DAY_S + of_day_s
 
 
 def _is_test(descriptor: Any) -> bool:

@@ -28,6 +28,7 @@ STEP_S = 0.2
 
 LINES_A_DATAGRAM = 10
 CONNECT_S = 20.0
+RECONNECT_S, AGAIN_S = 0.1, 0.5  # how long it is tried to connect again, and how often
 NO_COURSE, NO_SPEED, NO_STATUS = 360.0, 102.3, 15
 Batch = tuple[float, Callable[[Address], list[bytes]]]
 """An instant, and what is sent up to it over an address."""
@@ -186,21 +187,30 @@ class _Datagrams:
 
 
 class _Stream:
-    """A stream that is opened again when it breaks; what was being sent is lost."""
+    """A stream that is opened again when it breaks. What is sent while nobody is there is lost, and delays no other feed."""
 
     def __init__(self, address: Address, stack: ExitStack) -> None:
-        self._address = address
-        self._socket = _connection(address)
-        stack.callback(lambda: self._socket.close())
+        self._address, self._again_s = address, 0.0
+        self._socket: socket.socket | None = _connection(address, CONNECT_S)
+        stack.callback(self._close)
 
     def send(self, items: list[bytes]) -> None:
         if not items:
             return
-        try:
-            self._socket.sendall(b"\r\n".join([*items, b""]))
-        except OSError:
+        if self._socket is None and time.monotonic() >= self._again_s:
+            with suppress(OSError):
+                self._socket = _connection(self._address, RECONNECT_S)
+            self._again_s = time.monotonic() + AGAIN_S
+        if self._socket is not None:
+            try:
+                self._socket.sendall(b"\r\n".join([*items, b""]))
+            except OSError:
+                self._close()
+
+    def _close(self) -> None:
+        if self._socket is not None:
             self._socket.close()
-            self._socket = _connection(self._address)
+            self._socket = None
 
 
 class _File:
@@ -221,19 +231,24 @@ def _opened(address: Address, stack: ExitStack) -> Sender:
     return _File(address, stack) if address.transport == "file" else _Stream(address, stack)
 
 
-def _connection(address: Address) -> socket.socket:
-    """A stream: to a listener, tried until it is there, or of the first that connects. Raises: OSError that names the address."""
+def _connection(address: Address, patience_s: float) -> socket.socket:
+    """A stream: to a listener, tried until it is there, or of the first that connects.
+
+    Args: patience_s: after which it is given up. Raises: OSError that names the address.
+    """
     if address.transport == "listen":
         with socket.create_server((address.host, address.port)) as server:
-            server.settimeout(CONNECT_S)
+            server.settimeout(patience_s)
             try:
                 return server.accept()[0]
             except TimeoutError as error:
-                raise OSError(f"{address.text}: nobody has connected in {CONNECT_S:.0f} s") from error
-    until_s = time.monotonic() + CONNECT_S
+                raise OSError(f"{address.text}: nobody has connected in {patience_s:.0f} s") from error
+    until_s = time.monotonic() + patience_s
     while True:
         try:
-            return socket.create_connection((address.host, address.port), timeout=CONNECT_S)
+            made = socket.create_connection((address.host, address.port), timeout=patience_s)
+            made.settimeout(CONNECT_S)  # of each sending
+            return made
         except OSError as error:
             if time.monotonic() > until_s:
                 raise OSError(f"{address.text}: {error.strerror or error}") from error
