@@ -97,9 +97,15 @@ def started(folder: Path, scenario: str) -> tuple[Server, Server, subprocess.Pop
     centre += ["--region", f"ws://127.0.0.1:{of_region}?name=north"]
     made = [Server(folder, name, scenario, *settings, *words) for name, words in (("region", region), ("centre", centre))]
     to = ["--to", f"json+tcp://127.0.0.1:{plots}", "--to", f"ais+tcp://127.0.0.1:{ais}"]
-    for server in made:
-        server.start()
-        server.wait(1)
+    try:
+        for server in made:
+            server.start()
+            server.wait(1)
+    except BaseException:
+        for server in made:
+            with suppress(AssertionError):
+                server.end(signal.SIGKILL)
+        raise
     command = [COASTWATCH, "feed", scenario, *to, "--set", f"cycles={LONG}"]
     return made[0], made[1], subprocess.Popen(command, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
 
