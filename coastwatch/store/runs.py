@@ -29,10 +29,10 @@ from coastwatch.store.processes import is_gone, this_process
 from coastwatch.store.rows import Rows, fetch_rows
 from coastwatch.store.tables import (
     AIS_FEED,
-    AUDIT,
     CHECKPOINT,
     CYCLE,
     METADATA,
+    OF_NO_RUN,
     RUN,
     SENSOR,
     SENSOR_COVER,
@@ -193,7 +193,7 @@ def _delete(store: Store, which: Executable) -> list[int]:
     with writing(store) as connection:
         found = list(connection.scalars(which))
         for run_id in found:
-            for table in (t for t in reversed(METADATA.sorted_tables) if t is not AUDIT):
+            for table in (t for t in reversed(METADATA.sorted_tables) if t not in OF_NO_RUN):
                 column = table.c.id if table.name == "run" else table.c.run_id
                 connection.execute(delete(table).where(column == run_id))
     for run_id in found:

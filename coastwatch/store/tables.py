@@ -434,6 +434,9 @@ ZONE = Table(
 )
 """Zones that were drawn or sent, beside those of scenario files. A change is a new row, so the rows say who changed what and when."""
 
+OF_NO_RUN = (AUDIT, ZONE)
+"""Tables whose rows stay when runs are deleted."""
+
 RECORDING = Table(  # not in key order: SQLite keeps long rows better apart from the tree of keys
     "recording",
     METADATA,
