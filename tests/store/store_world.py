@@ -37,7 +37,7 @@ from coastwatch.geodesy import KNOT_M_S, earth_centred
 from coastwatch.pipeline import Cycle
 from coastwatch.scenario import StoreSettings
 from coastwatch.stage import Plan
-from coastwatch.store import Store, Written, begin_run, write_cycle
+from coastwatch.store import ForCentres, Intake, Store, Written, begin_run, write_cycle
 
 START_S = 1_750_000_000.0
 PERIOD_S = 3.0
@@ -205,4 +205,5 @@ def write_and_say(store: Store, run_id: int, number: int, vessels: int = 30, **m
     cycle = more.pop("cycle", None) or cycle_of(number, vessels)
     given = {"keep": KEEP, "checkpoint": b"memory %d" % number, "reports": reports_of(number, vessels), "last": False, **more}
     kept = given["keep"], given["checkpoint"]
-    return write_cycle(store, run_id, number, cycle, given["reports"], SECONDS, *kept, last=given["last"])
+    used = ForCentres(intake=[Intake("north", "a run of the region", number, number, 0)])
+    return write_cycle(store, run_id, number, cycle, given["reports"], SECONDS, *kept, last=given["last"], for_centres=used)
