@@ -18,7 +18,7 @@ from coastwatch.operators.export import write_parquet
 from coastwatch.operators.safe_text import csv_cell
 from coastwatch.operators.stored import flag_words
 from coastwatch.store import Recorded, Store, StoreError
-from coastwatch.store.to_rows import motion
+from coastwatch.store.write.to_rows import motion
 
 polars = lazy_loader.load("polars")  # every command that reads imports this module, only `replay` needs polars
 

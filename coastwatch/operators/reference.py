@@ -13,7 +13,7 @@ from typing import Any
 from coastwatch.operators import settings, stored
 from coastwatch.operators.cli.parser import EPILOG, make_parser
 from coastwatch.scenario import Scenario, scenario_names
-from coastwatch.store.migrate import write_schemas
+from coastwatch.store.schema.migrate import write_schemas
 
 FILE = Path(__file__).with_name("REFERENCE.md")
 HEAD = """\

@@ -17,7 +17,7 @@ from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.columns import digits_of, rounded
 from coastwatch.spelling import did_you_mean
 from coastwatch.store import QueryLimit, Rows, Store, Table
-from coastwatch.store.questions import ParameterError
+from coastwatch.store.read.questions import ParameterError
 
 MAIN_COLUMNS = (
     "vessel_id",

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from sqlalchemy import and_, insert, select
 
-from coastwatch.store.database import Store, reading, writing
-from coastwatch.store.rows import Rows, fetch_rows
-from coastwatch.store.tables import ACKNOWLEDGEMENT, EVENT
+from coastwatch.store.read.rows import Rows, fetch_rows
+from coastwatch.store.schema.database import Store, reading, writing
+from coastwatch.store.schema.tables import ACKNOWLEDGEMENT, EVENT
 
 SAME_START_S = 0.0006
 """Starts of events are given to the millisecond."""

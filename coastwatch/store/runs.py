@@ -23,11 +23,10 @@ from coastwatch.batches import (
     Stations,
     TrackSources,
 )
-from coastwatch.store.database import Store, StoreError, as_json, now_utc, reading, writing
-from coastwatch.store.journal import decompressed
 from coastwatch.store.processes import is_gone, this_process
-from coastwatch.store.rows import Rows, fetch_rows
-from coastwatch.store.tables import (
+from coastwatch.store.read.rows import Rows, fetch_rows
+from coastwatch.store.schema.database import Store, StoreError, as_json, now_utc, reading, writing
+from coastwatch.store.schema.tables import (
     AIS_FEED,
     CHECKPOINT,
     CYCLE,
@@ -42,6 +41,7 @@ from coastwatch.store.tables import (
     STANDING_ECHO,
     TRACK_SOURCE,
 )
+from coastwatch.store.write.journal import decompressed
 
 if TYPE_CHECKING:  # to read a database needs no pydantic, which is slow to import
     from coastwatch.stage import Plan

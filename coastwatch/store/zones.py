@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import Connection, Select, and_, func, insert, select
 
-from coastwatch.store.database import Store, reading, writing
-from coastwatch.store.rows import Rows, fetch_rows
-from coastwatch.store.tables import ZONE
+from coastwatch.store.read.rows import Rows, fetch_rows
+from coastwatch.store.schema.database import Store, reading, writing
+from coastwatch.store.schema.tables import ZONE
 
 FIRST_NUMBER = 1001
 """Numbers below are for zones of scenario files."""

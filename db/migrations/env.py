@@ -1,8 +1,8 @@
-"""Run by Alembic around the migrations. coastwatch/store/migrate.py hands over a connection in whose transaction they run."""
+"""Run by Alembic around the migrations. coastwatch/store/schema/migrate.py hands over a connection in whose transaction they run."""
 
 from alembic import context
 
-from coastwatch.store.tables import METADATA, REVISION_TABLE
+from coastwatch.store.schema.tables import METADATA, REVISION_TABLE
 
 context.configure(
     connection=context.config.attributes["connection"],

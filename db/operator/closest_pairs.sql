@@ -1,5 +1,5 @@
 -- Vessels that are close to each other now
--- Each pair once, closest first, with the distance. Computed: coastwatch/store/close_pairs.py.
+-- Each pair once, closest first, with the distance. Computed: coastwatch/store/read/close_pairs.py.
 -- parameter: within_m = 500.0, metres
 -- parameter: min_sog_kn = 1.0, at least one of the two is as fast
 -- parameter: count = 50, how many at most

@@ -1,6 +1,6 @@
 -- Where an MMSI was
 -- The points of the vessels that had this MMSI, oldest first: until its next point a vessel goes on at the speed and
 -- course of the last one, within store.history_error_m. Two vessels at one time: two senders.
--- Computed: coastwatch/store/history_queries.py.
+-- Computed: coastwatch/store/read/history_queries.py.
 -- parameter: mmsi = required, nine digits
 -- parameter: minutes = 60.0, how far back

@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/tables.py, schema 0022; `python -m coastwatch.store.migrate` writes it again.
+-- Generated from coastwatch/store/schema/tables.py, schema 0022, by `make docs`.
 
 CREATE TABLE audit (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,

@@ -19,7 +19,7 @@ from coastwatch.batches import Members, Picture, Sensors
 from coastwatch.picture import AlarmRules, numbered
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.stage import serial
-from coastwatch.store.events import BITS, KINDS, Events, extend
+from coastwatch.store.write.events import BITS, KINDS, Events, extend
 
 SILENT = ("coasting", "stationary")
 """Kinds of events that are no alarms."""

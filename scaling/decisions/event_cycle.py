@@ -17,8 +17,8 @@ import numpy as np
 from coastwatch import store
 from coastwatch.batches import Flag, Ints, Picture, Tracks, VesselAlarms
 from coastwatch.scenario import load_scenario
-from coastwatch.store.database import writing
-from coastwatch.store.events import Events, extend, write_events
+from coastwatch.store.schema.database import writing
+from coastwatch.store.write.events import Events, extend, write_events
 
 WARM = 2  # cycles: in the first all flags begin
 FLAGGED, CHANGING = 0.05, 0.001

@@ -19,9 +19,9 @@ from coastwatch import store
 from coastwatch.batches import Floats, Members, Picture
 from coastwatch.scenario import load_scenario
 from coastwatch.server.run import run_scenario
-from coastwatch.store.database import reading, writing
-from coastwatch.store.recording import record
-from coastwatch.store.tables import CYCLE, RECORDING
+from coastwatch.store.schema.database import reading, writing
+from coastwatch.store.schema.tables import CYCLE, RECORDING
+from coastwatch.store.write.recording import record
 
 CYCLES = 6
 

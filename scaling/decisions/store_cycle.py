@@ -42,7 +42,7 @@ from coastwatch.batches import (
 from coastwatch.geodesy import KNOT_M_S, offset_deg
 from coastwatch.pipeline import Cycle
 from coastwatch.scenario import StoreSettings
-from coastwatch.store.database import reading
+from coastwatch.store.schema.database import reading
 
 WARM = 2
 SEVERAL = ((100_000, 10), (267_000, 8))

@@ -19,8 +19,8 @@ from coastwatch.server.regions.message import RegionCycle, RegionTracks, encode
 from coastwatch.server.regions.publisher import Publisher
 from coastwatch.server.regions.scenario import of_centre
 from coastwatch.store import ForCentres, Store
-from coastwatch.store.database import writing
-from coastwatch.store.journal import write_for_centres
+from coastwatch.store.schema.database import writing
+from coastwatch.store.write.journal import write_for_centres
 
 START_S, PERIOD_S, VESSELS = 1_750_000_000.0, 3.0, 8
 START_UTC = "2025-06-15T15:06:40Z"

@@ -11,7 +11,8 @@ from types import ModuleType, SimpleNamespace
 
 import pytest
 
-from coastwatch.store import database, open_store, runs
+from coastwatch.store import open_store, runs
+from coastwatch.store.schema import database
 from scaling.load import cycle, queries, ramp, seeds, soak, stages
 from scaling.load.run import Load, run_cycles
 

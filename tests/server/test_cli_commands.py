@@ -18,9 +18,9 @@ from coastwatch import store
 from coastwatch.batches import Flag
 from coastwatch.operators import stored, verdict
 from coastwatch.operators.cli import main
-from coastwatch.store import migrate
 from coastwatch.store.processes import this_process
-from coastwatch.store.tables import REVISION
+from coastwatch.store.schema import migrate
+from coastwatch.store.schema.tables import REVISION
 
 PATIENCE_S = 600.0  # a busy machine that compiles the kernels for the first time
 

@@ -12,7 +12,7 @@ from run_world import Start, column, rows, stored
 
 from coastwatch.operators.cli import main
 from coastwatch.sensors.recorded.nmea.feed import BLOCK
-from coastwatch.store.migrate import check
+from coastwatch.store.schema.migrate import check
 from scaling.load.ais_feed import write_feed
 
 PATIENCE_S = 600.0  # a busy machine that compiles the kernels for the first time

@@ -18,7 +18,7 @@ from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.server.run import run_scenario
 from coastwatch.store import Rows, Store, StoreError
-from coastwatch.store.migrate import check
+from coastwatch.store.schema.migrate import check
 
 PAGES = 105  # of 16 kB: room for a few cycles and the checkpoint
 

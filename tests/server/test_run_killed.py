@@ -15,7 +15,7 @@ from coastwatch import store
 from coastwatch.scenario import load_scenario
 from coastwatch.server.run import RunResult
 from coastwatch.store import open_store
-from coastwatch.store.migrate import check
+from coastwatch.store.schema.migrate import check
 
 PATIENCE_S = 600.0  # a busy machine that compiles the kernels for the first time
 KILLS = 2

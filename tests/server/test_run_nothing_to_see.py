@@ -9,7 +9,7 @@ import pytest
 from run_world import column, rows, run, small, stored, url
 
 from coastwatch.scenario import Scenario, load_scenario
-from coastwatch.store.migrate import check
+from coastwatch.store.schema.migrate import check
 
 
 def test_no_truth_gives_no_scores(tmp_path: Path) -> None:

@@ -13,8 +13,8 @@ from coastwatch import store as kept
 from coastwatch.operators.cli import main
 from coastwatch.scenario import StoreSettings
 from coastwatch.store import Store, StoreError
-from coastwatch.store.database import reading, writing
-from coastwatch.store.migrate import check
+from coastwatch.store.schema.database import reading, writing
+from coastwatch.store.schema.migrate import check
 
 DAY_S = 86_400.0
 

@@ -13,7 +13,7 @@ from test_plans import said
 
 from coastwatch import store as kept
 from coastwatch.geodesy import KNOT_M_S, offset_deg
-from coastwatch.store import close_pairs
+from coastwatch.store.read import close_pairs
 
 VESSELS = 500
 PLACES = {

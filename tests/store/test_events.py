@@ -15,8 +15,8 @@ from coastwatch import store as kept
 from coastwatch.batches import AlarmKind, Flag, Picture, VesselAlarms
 from coastwatch.scenario import StoreSettings
 from coastwatch.store import Store
-from coastwatch.store.database import reading
-from coastwatch.store.migrate import check
+from coastwatch.store.schema.database import reading
+from coastwatch.store.schema.migrate import check
 
 CYCLES = 40
 GAP_S = 12.0

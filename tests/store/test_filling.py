@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from coastwatch import store as kept
-from coastwatch.store.migrate import check
+from coastwatch.store.schema.migrate import check
 from scaling.load.filling import fill
 from scaling.load.queries import MEASURED, newest_run
 

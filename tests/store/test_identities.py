@@ -12,8 +12,8 @@ from sqlalchemy import select
 
 from coastwatch import store as kept
 from coastwatch.batches import Picture
-from coastwatch.store.database import reading
-from coastwatch.store.tables import IDENTITY
+from coastwatch.store.schema.database import reading
+from coastwatch.store.schema.tables import IDENTITY
 
 CYCLES = 40
 MMSI = np.array([710_000_001, 710_000_002, 710_000_003, 710_000_004, -1])

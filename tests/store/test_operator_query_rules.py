@@ -13,8 +13,8 @@ from sqlalchemy import text
 from coastwatch import store as kept
 from coastwatch.shipped import operator_queries_folder
 from coastwatch.store import StoreError
-from coastwatch.store.database import writing
-from coastwatch.store.questions import COMPUTED, limits
+from coastwatch.store.read.questions import COMPUTED, limits
+from coastwatch.store.schema.database import writing
 
 
 @pytest.mark.parametrize(
@@ -81,7 +81,7 @@ def test_questions_are_written_as_questions_are_written() -> None:
 
 def test_a_question_cannot_write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, url: str) -> None:
     (tmp_path / "wreck.sql").write_text("-- Wreck\n-- Deletes the picture.\nDELETE FROM vessel WHERE run_id = :run\n")
-    monkeypatch.setattr("coastwatch.store.questions.operator_queries_folder", lambda: tmp_path)
+    monkeypatch.setattr("coastwatch.store.read.questions.operator_queries_folder", lambda: tmp_path)
     with kept.open_store(url) as store:
         run = world.begin(store)
         world.write(store, run, 0)

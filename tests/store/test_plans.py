@@ -18,7 +18,7 @@ from sqlalchemy import Engine, event, text
 
 from coastwatch import store as kept
 from coastwatch.store import Store
-from coastwatch.store.database import reading
+from coastwatch.store.schema.database import reading
 
 CYCLES = 30
 SPAN = world.instant_s(8), world.instant_s(20)

@@ -12,8 +12,8 @@ import past_world
 import store_world as world
 
 from coastwatch import store as kept
-from coastwatch.store import database
-from coastwatch.store.migrate import check
+from coastwatch.store.schema import database
+from coastwatch.store.schema.migrate import check
 
 IMPATIENT_S = 0.02
 """How long the writer waits for a lock: not as long as a reader's transaction lasts, so that a reader that held one would be an error."""

@@ -14,9 +14,11 @@ from sqlalchemy import text
 from coastwatch import store as kept
 from coastwatch.geodesy import difference_m
 from coastwatch.scenario import StoreSettings
-from coastwatch.store import Store, StoreError, database, retention
-from coastwatch.store.database import reading, writing
-from coastwatch.store.migrate import check
+from coastwatch.store import Store, StoreError
+from coastwatch.store.schema import database
+from coastwatch.store.schema.database import reading, writing
+from coastwatch.store.schema.migrate import check
+from coastwatch.store.write import retention
 
 CYCLES = 60
 HOURS = 20 * world.PERIOD_S / 3600.0  # twenty cycles

@@ -14,7 +14,7 @@ from coastwatch.batches import RadarReports
 from coastwatch.operators import stored
 from coastwatch.scenario import StoreSettings
 from coastwatch.store import StoreError
-from coastwatch.store.database import reading
+from coastwatch.store.schema.database import reading
 
 
 def test_sensors_as_they_were(url: str) -> None:

@@ -9,8 +9,8 @@ from sqlalchemy import text
 
 from coastwatch import store as kept
 from coastwatch.scenario import StoreSettings
-from coastwatch.store.database import reading
-from coastwatch.store.migrate import check
+from coastwatch.store.schema.database import reading
+from coastwatch.store.schema.migrate import check
 
 
 def test_memberships_are_written_when_they_change(url: str) -> None:

@@ -12,9 +12,9 @@ from sqlalchemy import text
 
 from coastwatch import store as kept
 from coastwatch.store import Store, StoreError
-from coastwatch.store.database import reading
-from coastwatch.store.migrate import check
-from coastwatch.store.tables import METADATA
+from coastwatch.store.schema.database import reading
+from coastwatch.store.schema.migrate import check
+from coastwatch.store.schema.tables import METADATA
 
 
 def everything(store: Store) -> dict[str, list[tuple[Any, ...]]]:
@@ -108,7 +108,7 @@ def test_a_run_that_goes_on_from_a_checkpoint_ends_as_one_that_never_stopped(url
 
 
 def test_a_checkpoint_larger_than_a_piece_comes_back_whole(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(import_module("coastwatch.store.write_cycle"), "PIECE_BYTES", 1000)
+    monkeypatch.setattr(import_module("coastwatch.store.write.write_cycle"), "PIECE_BYTES", 1000)
     memory = np.random.default_rng(1).bytes(3500)
     with kept.open_store(url) as store:
         run = world.begin(store)

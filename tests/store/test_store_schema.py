@@ -21,10 +21,11 @@ from test_recording import same
 
 from coastwatch import store as kept
 from coastwatch.shipped import migrations_folder, schema_folder
-from coastwatch.store import StoreError, migrate
-from coastwatch.store.bbox import inside
-from coastwatch.store.database import connect, reading, revision, writing
-from coastwatch.store.tables import HISTORY, METADATA, REVISION, REVISION_TABLE
+from coastwatch.store import StoreError
+from coastwatch.store.read.bbox import inside
+from coastwatch.store.schema import migrate
+from coastwatch.store.schema.database import connect, reading, revision, writing
+from coastwatch.store.schema.tables import HISTORY, METADATA, REVISION, REVISION_TABLE
 
 SINCE_0001 = {
     "ais_feed",
@@ -105,7 +106,7 @@ def test_the_newest_migration_is_the_one_that_the_tables_name() -> None:
 @pytest.mark.parametrize("dialect", migrate.DIALECTS)
 def test_the_written_schema_is_current(dialect: str) -> None:
     written = (schema_folder() / f"{dialect}.sql").read_text("utf-8")
-    assert written == migrate.schema(dialect), "write it again: python -m coastwatch.store.migrate"
+    assert written == migrate.schema(dialect), "write it again: python -m coastwatch.store.schema.migrate"
 
 
 @pytest.mark.parametrize("dialect", migrate.DIALECTS)

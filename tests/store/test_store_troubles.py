@@ -20,8 +20,9 @@ import store_world as world
 from sqlalchemy import event
 
 from coastwatch import store as kept
-from coastwatch.store import Store, StoreError, database
-from coastwatch.store.migrate import check
+from coastwatch.store import Store, StoreError
+from coastwatch.store.schema import database
+from coastwatch.store.schema.migrate import check
 
 KILLS = 6
 VESSELS = 600

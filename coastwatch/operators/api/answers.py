@@ -23,7 +23,7 @@ from coastwatch.operators.selection import selected
 from coastwatch.server.live_picture import KIND_OF_SOURCE, LivePicture, of_store
 from coastwatch.shipped import scenarios_folder
 from coastwatch.store import Rows, StoreError
-from coastwatch.store.bbox import inside
+from coastwatch.store.read.bbox import inside
 
 T = TypeVar("T")
 MOST_ROWS, MOST_IDS, MOST_FOUND, NEWEST_POINTS = 10_000, 200, 50, 500

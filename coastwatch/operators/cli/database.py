@@ -11,7 +11,7 @@ from pathlib import Path
 from coastwatch import store
 from coastwatch.operators import stored
 from coastwatch.operators.bad_input import BadInput
-from coastwatch.store import migrate
+from coastwatch.store.schema import migrate
 
 STAMP = "%Y%m%dT%H%M%SZ"
 

@@ -26,7 +26,7 @@ from coastwatch.batches import (
 )
 from coastwatch.geodesy import ECCENTRICITY2, KNOT_M_S
 from coastwatch.kernels.tables.lookup import find
-from coastwatch.store.insert import Categorical, Column, NullableId
+from coastwatch.store.write.insert import Categorical, Column, NullableId
 
 if TYPE_CHECKING:  # to read a database needs no stage of the pipeline, which are slow to import
     from coastwatch.pipeline import Cycle

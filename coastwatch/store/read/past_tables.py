@@ -10,11 +10,10 @@ from contextlib import contextmanager
 
 from sqlalchemy import Connection, Table, or_, text
 
-from coastwatch.store.database import Store, refusals
-from coastwatch.store.insert import Column, NullableId, insert
-from coastwatch.store.picture_queries import picture_of_cycle
+from coastwatch.store.read.picture_queries import picture_of_cycle
 from coastwatch.store.runs import cycle_at
-from coastwatch.store.tables import (
+from coastwatch.store.schema.database import Store, refusals
+from coastwatch.store.schema.tables import (
     ASSOCIATION,
     BEARING_ASSOCIATION,
     CYCLE,
@@ -28,6 +27,7 @@ from coastwatch.store.tables import (
     STAGE_TIMING,
     VESSEL,
 )
+from coastwatch.store.write.insert import Column, NullableId, insert
 
 OF_CYCLE = (STAGE_TIMING, HISTORY, ASSOCIATION, BEARING_ASSOCIATION, SPOT, SENSOR_REGISTRATION, EVENT_GAP)
 """Tables whose rows belong to the cycle in their column `cycle`."""

@@ -16,9 +16,9 @@ from sqlalchemy import Connection, delete, func, or_, select, update
 from coastwatch.batches import AlarmKind, Bools, Flag, Floats, Ints, Picture, Tracks, VesselAlarms, joint_keys, nav_status_text
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m
 from coastwatch.kernels.tables.lookup import find
-from coastwatch.store.insert import Categorical, Column, NullableId, clear_columns, insert, update_rows
-from coastwatch.store.rows import fetch_arrays
-from coastwatch.store.tables import EVENT, EVENT_GAP
+from coastwatch.store.read.rows import fetch_arrays
+from coastwatch.store.schema.tables import EVENT, EVENT_GAP
+from coastwatch.store.write.insert import Categorical, Column, NullableId, clear_columns, insert, update_rows
 
 OF_FLAGS = {flag.value.bit_length() - 1: str(flag.name).lower() for flag in Flag}
 """Bit of a flag -> kind of its events."""

@@ -17,13 +17,13 @@ from sqlalchemy import Connection, text
 
 from coastwatch.shipped import operator_queries_folder
 from coastwatch.spelling import did_you_mean
-from coastwatch.store.close_pairs import closest_approach, closest_pairs
-from coastwatch.store.database import Store, StoreError, reading
-from coastwatch.store.events import KINDS
-from coastwatch.store.history_queries import history_of_mmsi
-from coastwatch.store.past_tables import as_of
-from coastwatch.store.rows import Rows, fetch_rows
+from coastwatch.store.read.close_pairs import closest_approach, closest_pairs
+from coastwatch.store.read.history_queries import history_of_mmsi
+from coastwatch.store.read.past_tables import as_of
+from coastwatch.store.read.rows import Rows, fetch_rows
 from coastwatch.store.runs import latest_run, run_exists
+from coastwatch.store.schema.database import Store, StoreError, reading
+from coastwatch.store.write.events import KINDS
 
 PARAMETER = re.compile(r"^-- parameter: (?P<name>\w+) = (?P<default>[^,]+), (?P<meaning>.+)$")
 Value = int | float | str

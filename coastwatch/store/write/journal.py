@@ -8,8 +8,8 @@ from typing import NamedTuple
 from sqlalchemy import Connection, delete, func, insert, select
 from zstandard import ZstdCompressor, ZstdDecompressor, ZstdError
 
-from coastwatch.store.database import Store, StoreError, reading
-from coastwatch.store.tables import REGION_INTAKE, RUN, TRACK_JOURNAL
+from coastwatch.store.schema.database import Store, StoreError, reading
+from coastwatch.store.schema.tables import REGION_INTAKE, RUN, TRACK_JOURNAL
 
 LEVEL = 1
 FRAME = b"\x28\xb5\x2f\xfd"

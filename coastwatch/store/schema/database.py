@@ -21,7 +21,7 @@ from sqlalchemy import URL, Connection, Engine, create_engine, event, func, insp
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
 
 from coastwatch.spelling import did_you_mean
-from coastwatch.store.tables import METADATA, REVISION, REVISION_TABLE
+from coastwatch.store.schema.tables import METADATA, REVISION, REVISION_TABLE
 
 BACKENDS = ("sqlite", "postgresql")
 URLS = "the path of an SQLite file, sqlite:///FILE or postgresql+psycopg://USER@HOST/DATABASE"
@@ -108,7 +108,7 @@ def open_store(url: str, *, create: bool = True, wait_s: float = WAIT_S, limit: 
         if found is None and not create:
             raise StoreError(f"{store.where}: holds no tables; `coastwatch run` or `coastwatch db upgrade` makes them")
         if found is None:
-            from coastwatch.store.migrate import upgrade_open
+            from coastwatch.store.schema.migrate import upgrade_open
 
             upgrade_open(store)
         elif found != REVISION:

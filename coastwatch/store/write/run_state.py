@@ -9,12 +9,10 @@ import numpy as np
 from sqlalchemy import Connection, and_, delete, func, insert, select, update
 
 from coastwatch.batches import Ints, RegistrationState
-from coastwatch.store.database import StoreError
-from coastwatch.store.events import Events, read_events, truncate_events
-from coastwatch.store.history_queries import newest_points, of_newest
-from coastwatch.store.history_rule import Points, no_points, rate_deg_s
-from coastwatch.store.rows import fetch_arrays
-from coastwatch.store.tables import (
+from coastwatch.store.read.history_queries import newest_points, of_newest
+from coastwatch.store.read.rows import fetch_arrays
+from coastwatch.store.schema.database import StoreError
+from coastwatch.store.schema.tables import (
     AIS_FEED,
     CHECKPOINT,
     CYCLE,
@@ -30,7 +28,9 @@ from coastwatch.store.tables import (
     STAGE_TIMING,
     VESSEL_STATIC,
 )
-from coastwatch.store.to_rows import LastReport
+from coastwatch.store.write.events import Events, read_events, truncate_events
+from coastwatch.store.write.history_rule import Points, no_points, rate_deg_s
+from coastwatch.store.write.to_rows import LastReport
 
 OF_CYCLE = (
     "stage_timing",

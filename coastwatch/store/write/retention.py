@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import Connection, Table, delete, func, select, update
 
-from coastwatch.store.database import now_utc
-from coastwatch.store.recording import delete_recording
-from coastwatch.store.tables import CYCLE, EVENT, EVENT_GAP, HISTORY, METADATA, RUN, VESSEL
+from coastwatch.store.schema.database import now_utc
+from coastwatch.store.schema.tables import CYCLE, EVENT, EVENT_GAP, HISTORY, METADATA, RUN, VESSEL
+from coastwatch.store.write.recording import delete_recording
 
 if TYPE_CHECKING:
     from coastwatch.scenario import StoreSettings

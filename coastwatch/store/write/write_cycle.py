@@ -13,13 +13,9 @@ from sqlalchemy import insert as insert_one
 
 from coastwatch.batches import AisStatics, Floats, Ints, Picture, Reports
 from coastwatch.kernels.tables.lookup import find
-from coastwatch.store import database, events, history_rule, retention, to_rows
-from coastwatch.store.database import Store, StoreError
-from coastwatch.store.insert import Column, delete_rows, insert, take, update_rows
-from coastwatch.store.journal import NOTHING_PASSED, ForCentres, compressed, write_for_centres
-from coastwatch.store.recording import record
-from coastwatch.store.run_state import RunState, no_such_run, read_run_state, truncate_run
-from coastwatch.store.tables import (
+from coastwatch.store.schema import database
+from coastwatch.store.schema.database import Store, StoreError
+from coastwatch.store.schema.tables import (
     ASSOCIATION,
     BEARING_ASSOCIATION,
     BEARING_TRACK,
@@ -39,6 +35,11 @@ from coastwatch.store.tables import (
     VESSEL,
     VESSEL_STATIC,
 )
+from coastwatch.store.write import events, history_rule, retention, to_rows
+from coastwatch.store.write.insert import Column, delete_rows, insert, take, update_rows
+from coastwatch.store.write.journal import NOTHING_PASSED, ForCentres, compressed, write_for_centres
+from coastwatch.store.write.recording import record
+from coastwatch.store.write.run_state import RunState, no_such_run, read_run_state, truncate_run
 
 if TYPE_CHECKING:  # to read a database needs no stage of the pipeline, which are slow to import
     from coastwatch.pipeline import Cycle

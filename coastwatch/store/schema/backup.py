@@ -7,7 +7,7 @@ import sqlite3
 from contextlib import closing, suppress
 from pathlib import Path
 
-from coastwatch.store.database import (
+from coastwatch.store.schema.database import (
     WAIT_S,
     Store,
     StoreError,
@@ -18,7 +18,7 @@ from coastwatch.store.database import (
     refusals,
     revision,
 )
-from coastwatch.store.tables import REVISION
+from coastwatch.store.schema.tables import REVISION
 
 PART = ".part"
 """End of the name of a copy that is not yet whole."""

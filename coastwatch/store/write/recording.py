@@ -18,10 +18,10 @@ from zstandard import ZstdCompressor, ZstdDecompressor
 
 from coastwatch.batches import Array, Members, Picture
 from coastwatch.kernels.tables.lookup import find
-from coastwatch.store.bbox import Box, inside
-from coastwatch.store.database import Store, StoreError, reading, writing
+from coastwatch.store.read.bbox import Box, inside
 from coastwatch.store.runs import run_exists
-from coastwatch.store.tables import CYCLE, RECORDING
+from coastwatch.store.schema.database import Store, StoreError, reading, writing
+from coastwatch.store.schema.tables import CYCLE, RECORDING
 
 LEVEL = 1
 UPPER, LOWER = np.triu_indices(4), np.tril_indices(4, -1)

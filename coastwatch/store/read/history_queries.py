@@ -18,12 +18,12 @@ from sqlalchemy import Connection, Subquery, and_, false, func, or_, select, tex
 
 from coastwatch.batches import Array, Bools, Floats, Ints
 from coastwatch.geodesy import scale_m_deg, wrap_deg
-from coastwatch.store.bbox import FASTEST_M_S, Box, widened
-from coastwatch.store.database import Store, StoreError, reading
-from coastwatch.store.history_rule import rate_deg_s
-from coastwatch.store.rows import Rows, Table, fetch_arrays, is_one_of
+from coastwatch.store.read.bbox import FASTEST_M_S, Box, widened
+from coastwatch.store.read.rows import Rows, Table, fetch_arrays, is_one_of
 from coastwatch.store.runs import run_exists
-from coastwatch.store.tables import CYCLE, HISTORY, IDENTITY, PRESENCE
+from coastwatch.store.schema.database import Store, StoreError, reading
+from coastwatch.store.schema.tables import CYCLE, HISTORY, IDENTITY, PRESENCE
+from coastwatch.store.write.history_rule import rate_deg_s
 
 scipy = lazy_loader.load("scipy")  # few questions need it
 

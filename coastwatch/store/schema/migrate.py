@@ -14,8 +14,8 @@ from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.schema import CreateIndex, CreateTable, ExecutableDDLElement
 
 from coastwatch.shipped import folder, migrations_folder, schema_folder
-from coastwatch.store.database import WAIT_S, Store, StoreError, connect, other_schema, reading, revision, writing
-from coastwatch.store.tables import METADATA, REVISION, REVISION_TABLE
+from coastwatch.store.schema.database import WAIT_S, Store, StoreError, connect, other_schema, reading, revision, writing
+from coastwatch.store.schema.tables import METADATA, REVISION, REVISION_TABLE
 
 DIALECTS = {"sqlite": sqlite.dialect, "postgresql": postgresql.dialect}
 
@@ -127,9 +127,7 @@ def _check_cycles(connection: Connection) -> list[str]:
 def schema(dialect: str) -> str:
     """The SQL that makes the tables of this version. Args: dialect: sqlite or postgresql."""
     made = DIALECTS[dialect]()
-    out = [
-        f"-- Generated from coastwatch/store/tables.py, schema {REVISION}; `python -m coastwatch.store.migrate` writes it again.\n"
-    ]
+    out = [f"-- Generated from coastwatch/store/schema/tables.py, schema {REVISION}, by `make docs`.\n"]
     for table in METADATA.sorted_tables:
         statements: list[ExecutableDDLElement] = [
             CreateTable(table),

@@ -20,8 +20,8 @@ import numpy as np
 from coastwatch.batches import Bools, Floats, Ints, Picture
 from coastwatch.geodesy import KNOT_M_S, difference_m, scale_m_deg, wrap_deg
 from coastwatch.kernels.tables.lookup import find
-from coastwatch.store.insert import Column, NullableId, take
-from coastwatch.store.to_rows import motion
+from coastwatch.store.write.insert import Column, NullableId, take
+from coastwatch.store.write.to_rows import motion
 
 ROUNDING_M = 1e-6
 """Subtracted from the bound, for the rounding of speed, course, sine and cosine."""
