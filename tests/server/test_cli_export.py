@@ -18,6 +18,7 @@ from coastwatch.operators.cli import arguments
 from coastwatch.operators.reproduction import html_report
 from coastwatch.operators.safe_text import printable
 from coastwatch.operators.selection import selected
+from coastwatch.store.schema.database import writing
 
 Rows = namedtuple("Rows", ["columns", "rows"])
 SHIPS = Rows(
@@ -134,7 +135,7 @@ def test_parquet_has_the_same_types_with_and_without_values(tmp_path: Path) -> N
 
 
 def test_every_column_of_every_question_has_a_type(tmp_path: Path) -> None:
-    with store.open_store(str(tmp_path / "x.db")) as opened, store.database.writing(opened) as connection:
+    with store.open_store(str(tmp_path / "x.db")) as opened, writing(opened) as connection:
         connection.exec_driver_sql(
             "INSERT INTO run (id, scenario, title, seed, version, settings, command, started_utc, status, period_s, cycles, "
             "warmup_cycles, start_s, workers, faults) VALUES (1, 'x', '', 1, '', '{}', '', '', 'finished', 1, 1, 0, 0, 1, '[]')"

@@ -33,7 +33,7 @@ READS: dict[str, list[list[str]]] = {
     "db check": [[]],
     "db upgrade": [[]],
 }
-WRITES = {"run", "fuse"}
+WRITES = {"run", "fuse", "db backup", "db restore", "db prune"}
 LASTS = {"serve"}  # until it is stopped: tests/api
 FORMATS = {
     "picture": ("table", "csv", "geojson", "parquet"),
