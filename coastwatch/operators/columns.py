@@ -14,7 +14,7 @@ TEXTS = {
 }  # fmt: skip
 WHOLE = {
     "cycle", "cycles", "cycles_stored", "gaps", "dropped", "http_status", "number", "run", "seed", "ship_type",
-    "states", "tracks", "vessels", "vessels_of_it_alone",
+    "states", "subject", "tracks", "vessels", "vessels_of_it_alone",
     "voices", "workers",
 }  # fmt: skip
 WHOLE_ENDINGS = ("_id", "_cycle", "_track")

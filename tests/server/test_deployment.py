@@ -60,6 +60,7 @@ def metrics() -> tuple[str, set[str]]:
     with LiveInput([parsed("ais+udp://127.0.0.1:0")], load_scenario("guanabara").sensors()) as live:
         counts = dict.fromkeys(OF_RUN, 1.0)
         found.ask(lambda: (True, counts, live.feeds()))
+        found.webhooks.labels("a hook", "failed")
         text = found.text().decode()
     kinds = {"counter": ("_total",), "histogram": ("_bucket", "_count", "_sum"), "gauge": ("",)}
     typed = re.findall(r"^# TYPE (\w+) (\w+)$", text, re.MULTILINE)
@@ -76,7 +77,7 @@ def test_every_metric_that_a_rule_or_panel_names_is_one_of_the_server() -> None:
     ours = {name for name in known if name.startswith("coastwatch_") and not name.endswith(("_sum", "_count"))}
     assert ours - asked <= {"coastwatch_picture_time_seconds", "coastwatch_cycles_total"}
     counts = {word for expr in rules + panels for said in re.findall(r'count=~?"([^"]+)"', expr) for word in said.split("|")}
-    assert counts == {"records", "refused", "late", "dropped"}
+    assert counts == {"records", "refused", "late", "dropped", "failed"}
     assert all(f'count="{word}"' in text for word in counts)
 
 
