@@ -202,6 +202,24 @@ def test_asterix_gives_plots_to_the_resolution_of_the_format_and_damaged_datagra
     assert np.abs((found.azimuth_deg - want.azimuth_deg + 180) % 360 - 180).max() <= 360 / 131072 + 1e-9
 
 
+def test_radars_that_are_heard_before_ais_take_its_date(monkeypatch: pytest.MonkeyPatch) -> None:
+    plots, lines = items("asterix+udp://x:1"), items("ais+tcp://x:1")
+    with receiving("asterix+udp://127.0.0.1:0", "ais+listen://127.0.0.1:0") as made:
+        put_datagrams(made.ports[0], plots)
+        deliver(made, len(plots))
+        made.between(START_S - 10, START_S - 5)  # the recording is old: the clock of this machine has another date
+        assert made.feeds()[0]["newest_s"] is None
+        put(made.ports[1], lines)
+        deliver(made, len(lines), 1)
+        assert len(joined(cycles(made), "radar")) == len(SEA.radar)
+    with receiving("asterix+udp://127.0.0.1:0", "ais+listen://127.0.0.1:0") as made:
+        put_datagrams(made.ports[0], plots)
+        deliver(made, len(plots))
+        monkeypatch.setattr("coastwatch.server.feeds.live_input.SILENT_S", 0.0)
+        made.between(START_S - 10, START_S - 5)
+        assert made.feeds()[0]["newest_s"] is not None  # AIS was silent for too long
+
+
 WITH_SOURCES = with_track_sources(SCENARIO, ["vts", "tower"]).sensors()
 
 

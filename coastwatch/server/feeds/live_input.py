@@ -24,7 +24,7 @@ from coastwatch.server.feeds.asterix import AsterixDecoder
 from coastwatch.server.feeds.decoding import Cut, Decoder
 from coastwatch.server.feeds.json_lines import JsonDecoder
 from coastwatch.server.feeds.targets import TargetDecoder
-from coastwatch.server.feeds.transport import Inbox, Receiver
+from coastwatch.server.feeds.transport import Inbox, Item, Receiver
 from coastwatch.server.regions.client import RegionAddress, resumed
 from coastwatch.server.regions.intake import RegionIntake
 from coastwatch.stage import Plan
@@ -48,6 +48,8 @@ class _Feed:
     def __init__(self, inbox: Inbox, decoder: Decoder) -> None:
         self.inbox, self.decoder = inbox, decoder
         self.began_s = time.time()
+        self.has_dates = not isinstance(decoder, AsterixDecoder)
+        self.items: list[Item] = []  # received and not yet decoded
 
     @property
     def silent_s(self) -> float:
@@ -206,11 +208,21 @@ class LiveInput:
         for region in self._regions:
             region.take(until_s)
         about_s = max((feed.decoder.newest_s for feed in self._feeds), default=-math.inf)
-        for feed in self._feeds:
-            items = feed.inbox.taken()
-            if items:
+        for feed in sorted(self._feeds, key=lambda feed: not feed.has_dates):
+            feed.items += feed.inbox.taken()
+            if feed.items and not self._waits_for_a_date(feed, about_s):
+                items, feed.items = feed.items, []
                 feed.decoder.take(items, about_s if self._clock == "feeds" and math.isfinite(about_s) else None)
                 about_s = max(about_s, feed.decoder.newest_s)
+
+    def _waits_for_a_date(self, feed: _Feed, about_s: float) -> bool:
+        """Whether a feed with times of day alone is to wait for the first report of a feed with dates, for `SILENT_S` at most.
+
+        Args: about_s: time of the newest report of all feeds, -inf before the first.
+        """
+        if self._clock == "wall" or math.isfinite(about_s) or feed.has_dates:
+            return False
+        return any(other.has_dates for other in self._feeds) and time.time() - feed.items[0][0] <= SILENT_S
 
     def _first_s(self) -> float:
         of_feeds = (feed.decoder.first_s for feed in self._feeds)
