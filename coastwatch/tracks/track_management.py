@@ -38,7 +38,7 @@ class TrackManagement(Settings):
     misses_per_hit: Positive = 0.5  # a track ends after this many misses for each hit, at most `delete_misses`
     look_slack: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.1  # a look is counted as over after 1 + look_slack turns
     own_looks: bool = (
-        False  # each radar counts its own looks: a new track those of radars that saw it, others by what they missed
+        True  # each radar counts its own looks: a new track those of radars that saw it, others by what they missed
     )
     coast_s: Positive = 30.0  # longest time without a plot, also outside the range of every radar
     merge_probability: Probability = 0.99  # that two tracks of one vessel pass the test for duplicates
