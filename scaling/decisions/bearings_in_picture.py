@@ -3,12 +3,10 @@
     python -m scaling.decisions.bearings_in_picture autoferry [SETTING=VALUE ...]
     python -m scaling.decisions.bearings_in_picture radar_off [SETTING=VALUE ...]
     python -m scaling.decisions.bearings_in_picture lidar [SETTING=VALUE ...]
-    python -m scaling.decisions.bearings_in_picture harbour [SETTING=VALUE ...]
 
 `autoferry`: five recordings, by the scorer beside the data. `radar_off`: `context-driven-100` with estimated plot origin, seeds 1
 and 2; the first radar is off from 150 s to 270 s. Counted are vessels without AIS inside the range of the sonar. `lidar`: the
-recordings with their lidar as second radar, in the region of the radar and in one of its own. `harbour`: the recordings with the
-tracker of their own files, then with that of `small-craft-harbour`.
+recordings with their lidar as second radar, in the region of the radar and in one of its own.
 """
 
 from __future__ import annotations
@@ -59,35 +57,38 @@ def cycles(scenario: Scenario, recording: Recording, sensors: Sensors) -> Iterat
         yield made
 
 
-def autoferry(settings: dict[str, str], lidar_region: str = "", tracks_of: str = "") -> None:
-    """Prints the scores of each recording and their mean.
-
-    Args: lidar_region: of the lidar; empty: without it; tracks_of: the scenario whose tracker is taken; empty: that of the recording.
-    """
+def scores(number: int, scenario: Scenario) -> tuple[float, ...]:
+    """The scores of a recording by the scorer beside the data, in order of COLUMNS. Args: scenario: of that recording."""
     sys.path.insert(0, str(SHARED / "scoring"))
     from afload import load
     from score_autoferry import evaluate
 
+    sensors = scenario.sensors()
+    rows: dict[int, list[tuple[float, ...]]] = {}
+    for made in cycles(scenario, scenario.input.load(sensors, scenario.seed, scenario.plan()), sensors):
+        p = made.picture
+        at = to_plane(p.position_deg, PIREN_DEG)
+        v = np.einsum("vij,vj->vi", turn(p.position_deg, PIREN_DEG), p.velocity_m_s)
+        for k, one in enumerate(p.vessel_id.tolist()):
+            rows.setdefault(one, []).append((p.time_s[k], at[k, 1], at[k, 0], v[k, 1], v[k, 0]))
+    found = evaluate(load(number)[1], {k: np.array(r) for k, r in rows.items()})
+    return tuple(np.nan if found[c] is None else float(found[c]) for c in COLUMNS)  # none: without a match
+
+
+def autoferry(settings: dict[str, str], lidar_region: str = "") -> None:
+    """Prints the scores of each recording and their mean.
+
+    Args: lidar_region: of the lidar; empty: without it.
+    """
     every = []
     for number in RECORDINGS:
         use = {"input.use_lidar": "true", "input.lidar_time_lag_s": "0.5"} if lidar_region else {}
         scenario = load_scenario(f"autoferry-{number}", {**use, **settings})
-        if tracks_of:
-            scenario = scenario.model_copy(update={"tracks": load_scenario(tracks_of).tracks})
         if lidar_region:
             dumped = scenario.model_dump(mode="json")
             dumped["radars"] = [*dumped["radars"], {**dumped["radars"][0], **LIDAR, "region": lidar_region}]
             scenario = Scenario.model_validate(dumped)
-        sensors = scenario.sensors()
-        rows: dict[int, list[tuple[float, ...]]] = {}
-        for made in cycles(scenario, scenario.input.load(sensors, scenario.seed, scenario.plan()), sensors):
-            p = made.picture
-            at = to_plane(p.position_deg, PIREN_DEG)
-            v = np.einsum("vij,vj->vi", turn(p.position_deg, PIREN_DEG), p.velocity_m_s)
-            for k, one in enumerate(p.vessel_id.tolist()):
-                rows.setdefault(one, []).append((p.time_s[k], at[k, 1], at[k, 0], v[k, 1], v[k, 0]))
-        found = evaluate(load(number)[1], {k: np.array(r) for k, r in rows.items()})
-        every.append([found[c] for c in COLUMNS])
+        every.append(scores(number, scenario))
         print(number, " ".join(f"{x:7.3f}" for x in every[-1]), flush=True)
     print("mean", " ".join(f"{x:7.3f}" for x in np.mean(every, axis=0)), flush=True)
 
@@ -143,11 +144,6 @@ def main() -> None:
         for region in ("", "trondheim", "lidar"):
             print(f"lidar in region {region!r}", json.dumps(settings), flush=True)
             autoferry(settings, region)
-        return
-    if kind == "harbour":
-        for tracks_of in ("", "small-craft-harbour"):
-            print(f"tracks of {tracks_of or 'each file'}", *COLUMNS, json.dumps(settings), flush=True)
-            autoferry(settings, tracks_of=tracks_of)
         return
     for name, off in (("with bearings", {}), ("without", NONE)):
         print(kind, name, json.dumps(settings), flush=True)
