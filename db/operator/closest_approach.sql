@@ -1,6 +1,7 @@
 -- Vessels that are going to pass close to each other
 -- Pairs that on their present course and speed come close soon, the soonest first: distance now, and distance and time of the
--- closest approach. Only pairs that are within the search radius now are looked at. Computed: coastwatch/store/read/close_pairs.py.
+-- closest approach. Only pairs that are within the search radius now are looked at.
+-- Computed: coastwatch/store/read/close_pairs.py.
 -- parameter: within_m = 300.0, metres at the closest approach
 -- parameter: minutes = 12.0, the closest approach is within this time
 -- parameter: search_nm = 3.0, nautical miles between the two now

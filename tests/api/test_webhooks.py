@@ -14,6 +14,7 @@ import pytest
 from server_world import listening, wait_for
 from test_alarms import raise_alarm
 
+from coastwatch.batches import AlarmKind
 from coastwatch.operators.api.webhook_settings import WebHook, checked, secret_of, signature
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.cli.serving import Followed
@@ -78,6 +79,14 @@ def test_alarms_are_sent_signed_and_again_until_they_are_taken(tmp_path: Path, m
     assert counts == {"retried": True, "failed": True}
     assert "hidden" not in metrics
     assert "s3cret" not in metrics
+
+
+def test_every_kind_of_alarm_may_be_chosen() -> None:
+    kinds = (*(kind.name.lower() for kind in AlarmKind), "dark", "epirb")
+    assert checked(WebHook("https://a/b", kinds)).kinds == kinds
+    for flag in ("coasting", "stationary"):
+        with pytest.raises(BadInput, match=flag):
+            checked(WebHook("https://a/b", (flag,)))
 
 
 def test_the_signature_is_that_of_openssl() -> None:

@@ -11,8 +11,9 @@ from urllib.parse import urlsplit
 from coastwatch.batches import AlarmKind, Flag
 from coastwatch.operators.bad_input import BadInput
 
-KINDS = tuple(str(kind.name).lower() for kind in (*Flag, *AlarmKind) if kind not in (Flag.COASTING, Flag.STATIONARY))
-"""Of alarms."""
+FLAGS = tuple(str(flag.name).lower() for flag in Flag if flag not in (Flag.COASTING, Flag.STATIONARY))
+KINDS = (*FLAGS, *(kind.name.lower() for kind in AlarmKind))
+"""Of alarms: most flags, and what no flag says. A flag and a kind of alarm may have the same number."""
 
 
 @dataclass(frozen=True)
