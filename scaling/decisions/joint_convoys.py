@@ -1,8 +1,8 @@
 """Ships that sail or pass close together, by radar tracker: `python -m scaling.decisions.joint_convoys [--seeds 1000-1002]`.
 
-The question: does a tracker that weighs all plots in its gate keep neighbours apart where one that takes the best plot mixes them? 300
-vessels of `context-driven-1000` with clutter and misses, in convoys of three ships 50 m apart, or passing each other at 30 m. All else is
-the default. It prints means over seeds with their standard errors: breaks and changes are counts of a run.
+The question: does weighing all plots in the gate keep neighbours apart, where taking the best plot mixes them?
+300 vessels of `context-driven-1000` with clutter and misses sail in convoys of three ships 50 m apart, or pass each other at 30 m.
+All else is the default. It prints means over seeds with their standard errors: breaks and changes are counts of a run.
 """
 
 from __future__ import annotations

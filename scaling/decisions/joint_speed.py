@@ -1,6 +1,6 @@
 """What `vimmjipda` costs a track and scan, and a scan of a dense cluster: `python -m scaling.decisions.joint_speed [--tracks 4000]`.
 
-The question: does a scan of 4,000 tracks cost 10 us a track at most, and a scan in which 40 vessels meet at a point 20 ms at most?
+The question: does a scan of 4,000 tracks cost 10 us a track at most? Does a scan in which 40 vessels meet cost 20 ms at most?
 Processor time of one thread, after scans that compile kernels and confirm tracks. One radar turns every 3 s and detects 0.9 of the vessels;
 clutter and spacing are those of `context-driven-1000`. The 40 vessels start evenly on a circle of 300 m and sail to its centre. The last
 line is the kernel alone: the probabilities of 40 tracks and 40 plots of which every pair is possible.

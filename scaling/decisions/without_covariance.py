@@ -1,7 +1,7 @@
 """Association of tracks that come without covariance, by method: `python -m scaling.decisions.without_covariance [--seeds 1000-1003]`.
 
-The question: which method should associate the tracks of sources that give no covariance? The families of Sagild with the AIS tracks of
-its Kalman filter, whose covariances are taken away, and the radar tracks of `vimmjipda`. All methods see the same tracks. It prints the
+The question: which method should associate the tracks of sources that give no covariance? The families of Sagild give
+the tracks: AIS from its Kalman filter, without the covariances, and radar from `vimmjipda`. All methods see the same tracks. It prints the
 true and the false positive rate and the time until the first right association, of all runs together.
 """
 

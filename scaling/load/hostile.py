@@ -2,8 +2,9 @@
 
 python -m scaling.load.hostile [--minutes 10] [--seed 1]
 
-Random bytes, damaged ASTERIX, lines of 1 MB, senders that give a byte a second, and viewers that read nothing go to the feeds, the API
-and its WebSocket, all on loopback. Exit code 1: a cycle was more than a period late, a feed ended, the API did not answer, or memory grew.
+The feeds, the API and its WebSocket get random bytes, damaged ASTERIX and lines of 1 MB, all on loopback. Some senders give a byte
+a second, and some viewers read nothing. Exit code 1: a cycle was more than a period late, a feed ended, the API did not answer, or
+memory grew.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Pairs of vessels that will pass too close, soon: of all pairs, found by where each vessel is in the middle of a span of time.
 
-Two vessels that come within D of each other during a span are, in its middle, no farther apart than D plus half the span times the sum
-of their speeds. So pairs within that distance are candidates, whose closest approach is then computed. Few fast vessels are in a class
-of their own, so that they do not widen the search for all others. The time to look ahead is cut in spans, and each cycle searches one
-of them. Pairs that were found are followed in every cycle.
+Let two vessels come within D of each other during a span. In its middle they are then no farther apart than D plus half the span
+times the sum of their speeds. So pairs within that distance are candidates, whose closest approach is then computed. Few fast
+vessels are in a class of their own, so that they do not widen the search for all others. The time to look ahead is cut in spans,
+and each cycle searches one of them. Pairs that were found are followed in every cycle.
 
 Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001 (straight motion).
 """
