@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import types
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 
 from coastwatch.spelling import did_you_mean
 
@@ -46,6 +47,7 @@ LIMITS: dict[str, Callable[[Mapping[str, Any]], str]] = {
     "string_too_long": lambda c: f"at most {c['max_length']} characters",
     "too_short": lambda c: f"at least {c['min_length']}",
     "too_long": lambda c: f"at most {c['max_length']}",
+    "string_pattern_mismatch": lambda c: f"text that matches {c['pattern']}",
     "literal_error": lambda c: str(c["expected"]),
     "union_tag_invalid": lambda c: f"one of {c['expected_tags']}",
 }
@@ -54,7 +56,12 @@ LIMITS: dict[str, Callable[[Mapping[str, Any]], str]] = {
 
 def refusals(error: ValidationError, model: type[BaseModel]) -> list[str]:
     """A sentence for each error. Args: model: that refused the settings."""
-    return [_sentence(dict(found), model) for found in error.errors()]
+    return [sentence(dict(found), model) for found in error.errors()]
+
+
+def in_brackets(path: Sequence[str]) -> str:
+    """A path as in JSON: points_deg[2], where the command line has points_deg.2."""
+    return "".join(f"[{part}]" if part.isdecimal() else f".{part}" for part in path).removeprefix(".")
 
 
 def models_of(annotation: Any) -> tuple[list[type[BaseModel]], bool]:
@@ -68,18 +75,29 @@ def models_of(annotation: Any) -> tuple[list[type[BaseModel]], bool]:
     return [m for models, _ in found for m in models], origin in (tuple, list) or any(many for _, many in found)
 
 
-def _sentence(error: Mapping[str, Any], model: type[BaseModel]) -> str:
+def sentence(
+    error: Mapping[str, Any],
+    model: type[BaseModel],
+    joined: Callable[[Sequence[str]], str] = ".".join,
+    unknown: str = "setting",
+) -> str:
+    """What one error of pydantic says: path, what was found, what was needed.
+
+    Args: error: of `errors()`; model: that refused the values; joined: writes a path; unknown: what a name is that the model has not.
+    """
     kind, given, context = error["type"], error["input"], error.get("ctx", {})
-    path, holder = _place(error["loc"], model)
+    parts, holder = _place(error["loc"], model)
+    noun = _noun(error["loc"], model)
+    path = joined(parts[:-1] if noun else parts)
     last = str(error["loc"][-1]) if error["loc"] else ""
     if kind == "value_error":
         return f"{path}: {context['error']}" if path else str(context["error"])
     if kind == "missing":
-        return f"{path}: got nothing, needed {_form(holder, last)}"
+        return f"{path}: got nothing, needed {f'a {noun}' if noun else _form(holder, last)}"
     if kind == "extra_forbidden":
         known = list(holder.model_fields) if holder else []
         hint = f"; its name is now {RENAMED[last]}" if last in RENAMED else did_you_mean(last, known)
-        return f"{path or repr('')}: got {_short(given)} for an unknown setting, needed one of {', '.join(known)}{hint}"
+        return f"{path or repr('')}: got {_short(given)} for an unknown {unknown}, needed one of {', '.join(known)}{hint}"
     if kind == "union_tag_not_found":
         return f"{path}.method: got nothing, needed the name of a method"
     if kind == "union_tag_invalid":
@@ -88,10 +106,28 @@ def _sentence(error: Mapping[str, Any], model: type[BaseModel]) -> str:
         hint = f"; its name is now {RENAMED[tag]}" if tag in RENAMED else did_you_mean(tag, known)
         return f"{path}.method: got {tag!r}, needed one of {', '.join(known)}{hint}"
     needed = LIMITS[kind](context) if kind in LIMITS else WANTED.get(kind, error["msg"])
-    return f"{path}: got {_short(given)}, needed {needed}"
+    return f"{path}: got {f'{noun} ' if noun else ''}{_short(given)}, needed {needed}"
 
 
-def _place(loc: Loc, model: type[BaseModel]) -> tuple[str, type[BaseModel] | None]:
+def _noun(loc: Loc, model: type[BaseModel]) -> str:
+    """What an item of a list is, by the title of its type, such as latitude; empty: it has none."""
+    found: Any = model
+    for part in loc:
+        while get_origin(found) is Annotated or get_origin(found) in (Union, types.UnionType):
+            found = next((a for a in get_args(found) if a is not types.NoneType), None)
+        items = get_args(found)
+        if isinstance(part, int):
+            part = 0 if items[1:] == (...,) else part
+            found = items[part] if get_origin(found) in (tuple, list) and part < len(items) else None
+        elif isinstance(found, type) and issubclass(found, BaseModel) and part in found.model_fields:
+            found = found.model_fields[part].annotation
+        else:
+            return ""
+    about = found.__metadata__ if loc and isinstance(loc[-1], int) and get_origin(found) is Annotated else ()
+    return next((str(given.title) for given in about if isinstance(given, FieldInfo) and given.title), "")
+
+
+def _place(loc: Loc, model: type[BaseModel]) -> tuple[list[str], type[BaseModel] | None]:
     """Path of a setting as in the file, without the names of methods, and the model that would hold it."""
     path: list[str] = []
     choices: list[type[BaseModel]] = [model]
@@ -106,7 +142,7 @@ def _place(loc: Loc, model: type[BaseModel]) -> tuple[str, type[BaseModel] | Non
             holder = choices[0] if len(choices) == 1 else None
             field = holder.model_fields.get(part) if holder else None
             choices = models_of(field.annotation)[0] if field else []
-    return ".".join(path), holder
+    return path, holder
 
 
 def methods_of(model: type[BaseModel]) -> Iterator[str]:

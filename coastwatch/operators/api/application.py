@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_type_hints
 
 from fastapi import FastAPI, Header, Query, Request, Response, WebSocket
 from fastapi.exceptions import RequestValidationError
@@ -22,6 +22,7 @@ from coastwatch.operators.api.track_stream import serve_tracks
 from coastwatch.operators.api.wire import PROTOCOL
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.safe_text import printable
+from coastwatch.scenario.refusing import in_brackets, models_of, sentence
 from coastwatch.server.regions.client import PATH
 from coastwatch.server.regions.link import Position
 from coastwatch.server.run import version
@@ -141,23 +142,45 @@ def _add_refusals(app: FastAPI) -> None:
 
     def says(status: int) -> Callable[[Request, Exception], Awaitable[Response]]:
         async def answer(_: Request, error: Exception) -> Response:
-            return JSONResponse({"detail": printable(str(error))}, status)
+            said = str(error).removeprefix("--")  # an option of the command line is a parameter here
+            return JSONResponse({"detail": printable(said)}, status)
 
         return answer
 
     for kind, status in ((NoPictureYet, 503), (StoreError, 503), (BadInput, 400)):
         app.add_exception_handler(kind, says(status))
 
-    async def wrong(_: Request, error: Exception) -> Response:
+    async def wrong(request: Request, error: Exception) -> Response:
         assert isinstance(error, RequestValidationError)
         found: list[dict[str, Any]] = [dict(one) for one in error.errors()]
-        said = "; ".join(f"{one['loc'][-1]}: {one['msg']}" for one in found)
+        hints = get_type_hints(request.scope["endpoint"], include_extras=True)
+        models = [model for hint in hints.values() for model in models_of(hint)[0]]
+        said = "; ".join(_refusal(one, models[0] if models else BaseModel) for one in found)
         of_its_type = all(one["type"] == "value_error" for one in found)  # and wrong by its meaning
         return JSONResponse({"detail": printable(said)}, 400 if of_its_type else 422)
 
     app.add_exception_handler(RequestValidationError, wrong)
 
+    async def wrong_path(request: Request, error: Exception) -> Response:
+        detail = getattr(error, "detail", "")
+        said = f"there is no path {request.url.path}" if detail == "Not Found" else detail
+        return JSONResponse({"detail": printable(said)}, 404)
+
+    app.add_exception_handler(404, wrong_path)
+
     async def wrong_method(request: Request, _: Exception) -> Response:
-        return JSONResponse({"detail": "Method Not Allowed"}, 405, {"Allow": ", ".join(methods_of(request.scope))})
+        known = methods_of(request.scope)
+        said = f"got {request.method}, needed {' or '.join(known)}"
+        return JSONResponse({"detail": said}, 405, {"Allow": ", ".join(known)})
 
     app.add_exception_handler(405, wrong_method)
+
+
+def _refusal(error: dict[str, Any], model: type[BaseModel]) -> str:
+    """What an error of a request says: the path of the value in the body, or the name of the parameter, and what was needed."""
+    where, *path = error["loc"]
+    if error["type"] == "json_invalid":
+        return f"body: got no JSON from character {path[0]} on, needed JSON"
+    if not path and error["type"] != "value_error":
+        path = [where]  # the whole body
+    return sentence({**error, "loc": tuple(path)}, model, in_brackets, "key" if where == "body" else "parameter")

@@ -17,6 +17,7 @@ from typing import Annotated, Literal
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
 from coastwatch.operators.bad_input import BadInput
+from coastwatch.scenario.refusing import sentence
 
 ROLES = ("viewer", "operator", "admin")
 """Each may do what those before it may."""
@@ -56,6 +57,12 @@ class Token(BaseModel):
         return self.expires_utc is None or self.expires_utc > datetime.now(UTC)
 
 
+class _File(BaseModel):
+    """What a file of tokens holds."""
+
+    tokens: tuple[Token, ...] = ()
+
+
 class Tokens:
     """The tokens of a file. It is read again when it changes."""
 
@@ -83,17 +90,18 @@ class Tokens:
 def read(path: Path) -> tuple[Token, ...]:
     """The tokens of a file. Raises: BadInput, OSError that name it."""
     try:
-        rows = tomllib.loads(path.read_text("utf-8")).get("tokens", [])
-        return tuple(Token.model_validate(row) for row in rows)
-    except (tomllib.TOMLDecodeError, ValidationError, UnicodeDecodeError, TypeError, AttributeError) as error:
-        said = (
-            "; ".join(f"{one['loc'][-1]}: {one['msg']}" for one in error.errors())
-            if isinstance(error, ValidationError)
-            else error
-        )
+        return _File.model_validate(tomllib.loads(path.read_text("utf-8"))).tokens
+    except (tomllib.TOMLDecodeError, ValidationError, UnicodeDecodeError) as error:
+        said = "; ".join(_refusals(error)) if isinstance(error, ValidationError) else error
         raise BadInput(
             f"{path}: {said}; needed [[tokens]] with name, role and sha256, as `coastwatch token add` writes it"
         ) from error
+
+
+def _refusals(error: ValidationError) -> list[str]:
+    """A sentence for each error. What stands for a hash is not repeated: it may be a token."""
+    found = [{**one, "input": "..."} if one["loc"][-1] == "sha256" else dict(one) for one in error.errors()]
+    return [sentence(one, _File) for one in found]
 
 
 def add(path: Path, name: str, role: str, expires_s: float | None) -> str:

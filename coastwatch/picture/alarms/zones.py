@@ -22,8 +22,8 @@ from coastwatch.stage import Settings
 EARTH_M = 6371008.8
 """Mean radius (IUGG 1980)."""
 
-Latitude = Annotated[float, Field(gt=-85.0, lt=85.0)]
-Longitude = Annotated[float, Field(ge=-180.0, le=180.0)]
+Latitude = Annotated[float, Field(gt=-85.0, lt=85.0, title="latitude")]
+Longitude = Annotated[float, Field(ge=-180.0, le=180.0, title="longitude")]
 Position = tuple[Latitude, Longitude]
 Limit = Annotated[float, Field(gt=0.0, le=1000.0)]
 Numbered = tuple[int, "Zone"]
