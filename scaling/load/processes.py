@@ -37,16 +37,18 @@ def _kib(path: Path, key: str) -> int:
     return next((int(line.split()[1]) for line in path.read_text("utf-8").splitlines() if line.startswith(f"{key}:")), 0)
 
 
-def memory_bytes() -> tuple[int, int]:
+def memory_bytes(pid: int | None = None) -> tuple[int, int]:
     """Memory of all processes now, and an upper bound of their peak, in bytes; shared pages count once.
+
+    Args: pid: of the first process, else this one.
 
     Now: the sum of PSS. Peak: the sum of the highest resident sizes (VmHWM), less the pages now counted more than once
     (RSS less PSS). The bound assumes that all processes peaked at one time.
     """
     now = peak = 0
-    for pid in process_tree():
+    for one in process_tree(pid):
         with suppress(OSError):
-            rollup, status = Path(f"/proc/{pid}/smaps_rollup"), Path(f"/proc/{pid}/status")
+            rollup, status = Path(f"/proc/{one}/smaps_rollup"), Path(f"/proc/{one}/status")
             pss, rss = _kib(rollup, "Pss"), _kib(rollup, "Rss")
             now += pss
             peak += _kib(status, "VmHWM") - (rss - pss)

@@ -107,7 +107,7 @@ def build_world(size: Size, settings: Mapping[str, str], seed: int) -> World:
     Args: settings: of the scenario, as in `--set`, over those of the coast. Raises: ScenarioError that names the setting.
     """
     middles, side_m = _regions(size)
-    scenario = make_scenario(_document(size, middles, side_m / NAUTICAL_MILE_M, seed), "chain", settings)
+    scenario = make_scenario(scenario_document(size, seed), "chain", settings)
     if not isinstance(scenario.input, Simulated):
         raise ScenarioError(f"input.method: got {scenario.input.method!r}, needed simulated")
     _refuse_what_is_not_obeyed(scenario.input)
@@ -170,8 +170,10 @@ def _near(anchor_deg: Floats, site_deg: Floats, range_m: float, margin_m: float)
     return rows[np.linalg.norm(to_plane(anchor_deg[rows], site_deg), axis=1) <= reach_m]
 
 
-def _document(size: Size, middles: Floats, side_nm: float, seed: int) -> dict[str, Any]:
-    """The scenario as a document, before overrides."""
+def scenario_document(size: Size, seed: int) -> dict[str, Any]:
+    """The scenario of a coast as a document, before overrides."""
+    middles, side_m = _regions(size)
+    side_nm = side_m / NAUTICAL_MILE_M
     scale = side_nm / SIDE_NM
     feed: dict[str, Any] = {
         "method": "simulated",
