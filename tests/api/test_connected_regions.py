@@ -23,6 +23,7 @@ from coastwatch.store import open_store
 from scaling.load.kills import is_right, kill
 
 CYCLES = 6
+AWAY = 100  # cycles: five minutes
 TABLES = ("cycle", "vessel", "history", "member_history", "presence", "recording", "region_intake")
 
 
@@ -70,18 +71,18 @@ def test_a_region_that_was_away_leaves_a_picture_equal_to_one_that_never_was(
         assert run.cycles == 0
         with listening(region.service, web=tmp_path, port=port):
             wait_for(lambda: run.cycles == 5)
-        region.write(9)  # more than four, while the region cannot be reached
+        region.write(AWAY)  # while the region cannot be reached
         with listening(region.service, web=tmp_path, port=port):
-            wait_for(lambda: run.cycles == 14)
+            wait_for(lambda: run.cycles == 5 + AWAY)
             assert source.feeds()[0]["connections"] == 2
     with listening(region.service, web=tmp_path, port=port), running(whole, address) as (source, run):
-        wait_for(lambda: run.cycles == 14)
+        wait_for(lambda: run.cycles == 5 + AWAY)
     one, other = rows(whole), rows(broken)
     assert len(one["vessel"]) == VESSELS
-    assert len(one["recording"]) == CYCLES + 14
+    assert len(one["recording"]) == CYCLES + 5 + AWAY
     for table in TABLES:
         assert one[table] == other[table], table
-    assert intake(broken) == [(seq, seq) for seq in range(1, CYCLES + 15)]
+    assert intake(broken) == [(seq, seq) for seq in range(1, CYCLES + 6 + AWAY)]
 
 
 def test_a_centre_that_does_not_wait_goes_on_without_a_region_and_counts_what_comes_late(
