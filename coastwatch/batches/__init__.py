@@ -47,8 +47,10 @@ from coastwatch.batches.struct import (
     column,
 )
 from coastwatch.batches.yields import (
+    ALARM_KINDS,
     COVER_AZIMUTHS,
     COVER_RANGES,
+    NO_ALARMS,
     AisAlarms,
     AisDetection,
     AisFeeds,
@@ -79,10 +81,12 @@ from coastwatch.batches.yields import (
 )
 
 __all__ = [
+    "ALARM_KINDS",
     "CLASSES",
     "CLASS_OF_TYPE",
     "COVER_AZIMUTHS",
     "COVER_RANGES",
+    "NO_ALARMS",
     "AisAlarms",
     "AisDetection",
     "AisFeeds",

@@ -388,6 +388,13 @@ class AlarmKind(IntEnum):
     LOST = 39  # a vessel under way is no longer tracked although it should be within cover
 
 
+NO_ALARMS = ("coasting", "stationary")
+"""Flags whose events are no alarms."""
+
+ALARM_KINDS = tuple(str(kind.name).lower() for kind in (*Flag, *AlarmKind) if str(kind.name).lower() not in NO_ALARMS)
+"""What an alarm may be: most flags, and what no flag says."""
+
+
 @dataclass(frozen=True, eq=False)
 class VesselAlarms(Batch):
     """The alarms that hold in a cycle, sorted by vessel, kind and subject; each of them once."""

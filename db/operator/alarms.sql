@@ -4,7 +4,7 @@
 -- the zone, or the id of the other vessel of a close approach; 0: none.
 -- parameter: from_s = 0.0, alarms that lasted at this instant or later, seconds since 1970 UTC (option --from takes UTC)
 -- parameter: to_s = 253402300800.0, alarms that began at this instant or earlier (option --to takes UTC)
--- parameter: kind = alarms, a kind such as dark or zone_enter (option --kind); alarms: every kind but coasting and stationary
+-- parameter: kind = alarms, a kind such as dark or zone_enter (option --kind); alarms: every kind
 -- parameter: count = 1000, how many at most
 WITH latest AS (
     SELECT max(time_s) AS time_s FROM cycle WHERE run_id = :run

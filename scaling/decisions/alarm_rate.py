@@ -15,14 +15,11 @@ from contextlib import nullcontext
 import numpy as np
 
 from coastwatch import pipeline
-from coastwatch.batches import Members, Picture, Sensors
+from coastwatch.batches import NO_ALARMS, Members, Picture, Sensors
 from coastwatch.picture import AlarmRules, numbered
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.stage import serial
 from coastwatch.store.write.events import BITS, KINDS, Events, extend
-
-SILENT = ("coasting", "stationary")
-"""Kinds of events that are no alarms."""
 
 
 def pictures_of(scenario: Scenario, sensors: Sensors, seed: int) -> list[tuple[float, Picture, Members]]:
@@ -44,7 +41,7 @@ def rate(scenario: Scenario, rules: AlarmRules, sensors: Sensors, made: list[tup
     none = np.zeros(0, np.int64)
     memory, events, before_s = rules.init(), Events(none, none, none, none, np.zeros(0)), -np.inf
     count, most, spent_s, zones = dict.fromkeys(KINDS.values(), 0), 0, [], numbered(scenario.zones)
-    silent = [number for number, kind in KINDS.items() if kind in SILENT]
+    silent = [number for number, kind in KINDS.items() if kind in NO_ALARMS]
     for number, (now_s, picture, members) in enumerate(made):
         begun = time.process_time()
         memory, alarms = rules.step(memory, picture, members, now_s, sensors, zones)
@@ -55,7 +52,7 @@ def rate(scenario: Scenario, rules: AlarmRules, sensors: Sensors, made: list[tup
         lasting = events.take((events.to_cycle < 0) & ~np.isin(events.key % BITS, silent))
         most, before_s = max(most, len(lasting.key)), now_s
     hours = (made[-1][0] - made[0][0]) / 3600.0
-    rates = {kind: found / hours for kind, found in count.items() if found and kind not in SILENT}
+    rates = {kind: found / hours for kind, found in count.items() if found and kind not in NO_ALARMS}
     said = ", ".join(f"{kind} {value:.1f}" for kind, value in rates.items())
     return (
         f"{hours:.2f} h, {np.mean([len(picture) for _, picture, _ in made]):.0f} vessels: {sum(rates.values()):.1f} alarms an hour: "

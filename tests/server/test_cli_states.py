@@ -60,7 +60,7 @@ def with_database(parser: argparse.ArgumentParser, name: str = "") -> list[str]:
     return found
 
 
-NO_POSITION = {"load", "sensor_coverage", "sensor_registration"}
+NO_POSITION = {"audit", "load", "sensor_coverage", "sensor_registration"}
 """Questions whose answer has no position."""
 
 

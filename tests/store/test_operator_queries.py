@@ -105,7 +105,16 @@ def store(url: str) -> Iterator[Store]:
             picture = planted(number)
             cycle = without_radar(world.cycle_of(number, 0, picture), number)
             world.write(store, run, number, cycle=cycle, reports=world.reports_of(1, 2))
+        changed(store, CYCLES - 1)
         yield store
+
+
+def changed(store: Store, last: int) -> None:
+    """Two changes through the API, those up to a cycle."""
+    for number, who in ((10, "ana"), (30, "bia")):
+        if number <= last:
+            path = "/api/v1/alarms/4-dark-1/acknowledge"
+            kept.note_change(store, kept.Change(world.instant_s(number), who, "operator", "10.0.0.9", "POST", path, 200, "{}"))
 
 
 def ask(store: Store, name: str, /, **parameters: Any) -> list[dict[str, Any]]:
@@ -161,8 +170,14 @@ def test_every_question(store: Store) -> None:
     assert re.fullmatch(both + r"; same MMSI as vessel 8, (2999|3000) m away", alarms[4]["evidence"])
     assert alarms[0]["lasted_s"] == LAST_S - world.instant_s(0)
     assert ids(rows("alarms", kind="dark", count=1)) == [3]
-    assert ids(rows("alarms", kind="coasting")) == [9]
     assert rows("alarms", to_s=world.START_S) == []
+
+    audit = rows("audit")
+    assert [(row["who"], row["time_s"]) for row in audit] == [("bia", world.instant_s(30)), ("ana", world.instant_s(10))]
+    assert (audit[0]["role"], audit[0]["client"], audit[0]["http_status"]) == ("operator", "10.0.0.9", 200)
+    assert [row["who"] for row in rows("audit", from_s=world.instant_s(30))] == ["bia"]
+    assert [row["who"] for row in rows("audit", to_s=world.instant_s(29))] == ["ana"]
+    assert [row["who"] for row in rows("audit", count=1)] == ["bia"]
 
     new = rows("new_vessels", minutes=1)
     assert [(row["vessel_id"], row["from_s"]) for row in new] == [(8, world.instant_s(35)), (10, world.instant_s(30))]
@@ -281,6 +296,7 @@ def test_every_question_at_an_instant_is_answered_as_it_was_then(store: Store, l
         for number in range(last + 1):
             cycle = without_radar(world.cycle_of(number, 0, planted(number)), number)
             world.write(shorter, run, number, cycle=cycle, reports=world.reports_of(1, 2))
+        changed(shorter, last)
         for name, question in kept.operator_queries().items():
             asked = {key: given[key] for key, parameter in question.parameters.items() if parameter.default is None}
             now = kept.operator_query(shorter, name, asked)

@@ -36,6 +36,8 @@ from coastwatch.store.schema.database import writing
         ("dark_vessels", {"min_sog_kn": "-0.5"}, "parameter min_sog_kn: got '-0.5', needed 0 or more"),
         ("silent", {"seconds": -1.0}, "parameter seconds: got -1.0, needed 0 or more"),
         ("alarms", {"kind": "darc"}, "parameter kind: got 'darc', needed one of alarms, dark, ais_without_radar"),
+        ("alarms", {"kind": "coasting"}, "parameter kind: got 'coasting', needed one of alarms, dark"),
+        ("audit", {"run": 1}, "query audit: got run 1, needed none: its rows belong to no run"),
         ("alarms", {"from_s": -1.0}, "parameter from_s: got -1.0, needed 0 to 253402300800"),
         ("history_of_mmsi", {"mmsi": "71000000"}, "parameter mmsi: got '71000000', needed nine digits"),
         ("history_of_mmsi", {"mmsi": 7_100_000_020}, "parameter mmsi: got 7100000020, needed nine digits"),
@@ -65,13 +67,16 @@ def test_a_run_without_cycles_has_no_answers_and_no_errors(url: str) -> None:
 def test_questions_are_written_as_questions_are_written() -> None:
     questions = kept.operator_queries()
     assert len(questions) >= 10
+    assert [name for name, question in questions.items() if not question.of_run] == ["audit"]
     assert len({question.title for question in questions.values()}) == len(questions)
     for name, question in questions.items():
         written = (operator_queries_folder() / f"{name}.sql").read_text("utf-8")
         assert written.startswith(f"-- {question.title}\n")
         assert question.explanation, f"{name} does not say what it returns"
         used = set(re.findall(r"(?<![:\w]):(\w+)", question.sql))
-        assert used == (set() if name in COMPUTED else set(question.parameters) | {"run"}), name
+        assert used == (set() if name in COMPUTED else set(question.parameters) | ({"run"} if question.of_run else {"to_s"})), (
+            name
+        )
         assert max(map(len, written.splitlines())) <= 128, name
         assert all(parameter.meaning for parameter in question.parameters.values())
         assert all(key in ("mmsi", "kind") or limits(key)[1] < float("inf") for key in question.parameters), (
@@ -81,12 +86,16 @@ def test_questions_are_written_as_questions_are_written() -> None:
 
 def test_a_question_cannot_write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, url: str) -> None:
     (tmp_path / "wreck.sql").write_text("-- Wreck\n-- Deletes the picture.\nDELETE FROM vessel WHERE run_id = :run\n")
+    (tmp_path / "fire.sql").write_text(
+        "-- Fire\n-- Deletes all pictures.\n-- parameter: to_s = 9.0, until then\nDELETE FROM vessel WHERE run_id < :to_s\n"
+    )
     monkeypatch.setattr("coastwatch.store.read.questions.operator_queries_folder", lambda: tmp_path)
     with kept.open_store(url) as store:
         run = world.begin(store)
         world.write(store, run, 0)
-        with pytest.raises(StoreError):
-            kept.operator_query(store, "wreck")
+        for name in ("wreck", "fire"):
+            with pytest.raises(StoreError):
+                kept.operator_query(store, name)
         assert len(kept.picture(store, run).rows) == 28
         with writing(store) as connection:  # and the connection can write again
             assert connection.execute(text("DELETE FROM vessel")).rowcount == 28

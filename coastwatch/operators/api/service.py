@@ -11,6 +11,7 @@ from functools import partial
 from typing import Any, Protocol
 
 from coastwatch import store
+from coastwatch.batches import ALARM_KINDS
 from coastwatch.operators import stored
 from coastwatch.operators.api.audit import Audit
 from coastwatch.operators.api.hub import Hub
@@ -131,7 +132,7 @@ class Service:
     def acknowledge(self, alarm_id: str, name: str, note: str, who: str) -> Rows | None:
         """Acknowledge an alarm. Returns: its row; None where there is no such alarm. Args: name: of the person; who: of the token."""
         found = ALARM_ID.fullmatch(alarm_id)
-        if found is None:
+        if found is None or found[2] not in ALARM_KINDS:
             return None
         event = int(found[1]), found[2], int(found[4] or 0), int(found[3]) / 1000.0
         if not store.acknowledge(self.store, self.run_id(), event, at_s=time.time(), name=name, note=note, who=who):

@@ -8,12 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from coastwatch.batches import AlarmKind, Flag
+from coastwatch.batches import ALARM_KINDS
 from coastwatch.operators.bad_input import BadInput
-
-FLAGS = tuple(str(flag.name).lower() for flag in Flag if flag not in (Flag.COASTING, Flag.STATIONARY))
-KINDS = (*FLAGS, *(kind.name.lower() for kind in AlarmKind))
-"""Of alarms: most flags, and what no flag says. A flag and a kind of alarm may have the same number."""
 
 
 @dataclass(frozen=True)
@@ -34,9 +30,9 @@ def checked(hook: WebHook) -> WebHook:
     """The hook, if it can work. Raises: BadInput."""
     if urlsplit(hook.url).scheme not in ("http", "https") or not hook.name:
         raise BadInput(f"webhook: got {hook.name or hook.url[:40]!r}, needed an address such as https://host/path")
-    unknown = [kind for kind in hook.kinds if kind not in KINDS]
+    unknown = [kind for kind in hook.kinds if kind not in ALARM_KINDS]
     if unknown:
-        raise BadInput(f"webhook {hook.name}: kinds: got {unknown[0]!r}, needed some of {', '.join(KINDS)}")
+        raise BadInput(f"webhook {hook.name}: kinds: got {unknown[0]!r}, needed some of {', '.join(ALARM_KINDS)}")
     return hook
 
 

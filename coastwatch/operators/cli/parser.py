@@ -403,7 +403,7 @@ def _query(commands: Any) -> None:
     add_db(query)
     add_run(query)
     add_set(query, "a parameter of the question, e.g. --set count=20; repeatable")
-    text = "of question `alarms`: the {}, ISO 8601, e.g. 2026-07-01T12:00:00Z"
+    text = "of questions `alarms` and `audit`: the {}, ISO 8601, e.g. 2026-07-01T12:00:00Z"
     query.add_argument("--from", metavar="UTC", type=utc, dest="from_s", help=text.format("first instant"))
     query.add_argument("--to", metavar="UTC", type=utc, dest="to_s", help=text.format("last instant"))
     query.add_argument("--kind", metavar="KIND", help="of question `alarms`: only these, e.g. dark")

@@ -2,8 +2,9 @@
 
 The first line of a file is `-- <title>`; then comment lines say what comes back, and
 `-- parameter: radius_nm = 2, nautical miles around the position` declares a parameter with its default and meaning (`= required`
-where there is none). `:run` is a parameter of every question; its default is the latest run. What a value may be is decided by
-the parameter's name or its unit, the last word of the name: LIMITS. A question without SQL is answered by its function in COMPUTED.
+where there is none). `:run` is a parameter of a question; its default is the latest run. A question without it is of no run. What
+a value may be is decided by the parameter's name or its unit, the last word of the name: LIMITS. A question without SQL is answered
+by its function in COMPUTED.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import Connection, text
 
+from coastwatch.batches import ALARM_KINDS
 from coastwatch.shipped import operator_queries_folder
 from coastwatch.spelling import did_you_mean
 from coastwatch.store.read.close_pairs import closest_approach, closest_pairs
@@ -23,9 +25,9 @@ from coastwatch.store.read.past_tables import as_of
 from coastwatch.store.read.rows import Rows, fetch_rows
 from coastwatch.store.runs import latest_run, run_exists
 from coastwatch.store.schema.database import Store, StoreError, reading
-from coastwatch.store.write.events import KINDS
 
 PARAMETER = re.compile(r"^-- parameter: (?P<name>\w+) = (?P<default>[^,]+), (?P<meaning>.+)$")
+OF_RUN = re.compile(r"(?<![:\w]):run\b")
 Value = int | float | str
 
 LARGEST = 2**31 - 1  # both databases hold it, in every column
@@ -47,7 +49,7 @@ COMPUTED: dict[str, Callable[[Connection, Mapping[str, Any]], Rows]] = {
 """Questions answered in Python, because SQL would compare every pair of rows, or read and sort whole tables."""
 
 ALARMS = "alarms"
-"""Value of parameter `kind` for every kind of event but `coasting`, which is no alarm."""
+"""Value of parameter `kind` for every kind of alarm."""
 
 MMSI = re.compile(r"[0-9]{9,10}")
 MOST_MMSI = 2**30 - 1  # the field of a message has 30 bits
@@ -72,6 +74,11 @@ class Question(NamedTuple):
     explanation: str
     sql: str  # without comments; empty: the question is in COMPUTED
 
+    @property
+    def of_run(self) -> bool:
+        """Whether it is about a run. Else its rows belong to none, and it has a parameter `to_s`."""
+        return not self.sql.strip() or OF_RUN.search(self.sql) is not None
+
 
 def operator_queries() -> dict[str, Question]:
     """Every question by its name, sorted."""
@@ -82,7 +89,7 @@ def operator_query(store: Store, name: str, parameters: Mapping[str, Any] | None
     """The answer to one question; the database is only read.
 
     Args: parameters: by name, as numbers or as text; what is not given has its default. `run`: the number of a run; at_s: answer as
-    it would have been then, seconds since 1970 UTC.
+    it would have been then, seconds since 1970 UTC. A question of no run leaves out what is later.
     Raises: StoreError for an unknown name or parameter; ParameterError for a value of the wrong kind, out of its limits, or missing.
     """
     known = operator_queries()
@@ -94,19 +101,30 @@ def operator_query(store: Store, name: str, parameters: Mapping[str, Any] | None
     if unknown:
         raise StoreError(f"query {name}: got parameter {', '.join(unknown)}, needed {', '.join((*question.parameters, 'run'))}")
     values = {key: _value(name, key, given.get(key), known.default) for key, known in question.parameters.items()}
+    if not question.of_run:
+        if run_id is not None:
+            raise ParameterError(f"query {name}: got run {run_id}, needed none: its rows belong to no run")
+        values["to_s"] = min(values["to_s"], values["to_s"] if at_s is None else at_s)
+        with reading(store) as connection:
+            return _fetched(connection, question.sql, values)
     run = latest_run(store) if run_id is None else int(_value(name, "run", run_id, 1))
     values["run"] = run
     with reading(store) if at_s is None else as_of(store, run, at_s) as connection:
         run_exists(connection, store, run)
         if name in COMPUTED:
             return COMPUTED[name](connection, values)
-        if connection.dialect.name != "sqlite":
-            return fetch_rows(connection, text(question.sql).bindparams(**values))
-        connection.exec_driver_sql("PRAGMA query_only = ON")
-        try:
-            return fetch_rows(connection, text(question.sql).bindparams(**values))
-        finally:
-            connection.exec_driver_sql("PRAGMA query_only = OFF")
+        return _fetched(connection, question.sql, values)
+
+
+def _fetched(connection: Connection, sql: str, values: Mapping[str, Any]) -> Rows:
+    """The rows of a question in SQL, which cannot write."""
+    if connection.dialect.name != "sqlite":
+        return fetch_rows(connection, text(sql).bindparams(**values))
+    connection.exec_driver_sql("PRAGMA query_only = ON")
+    try:
+        return fetch_rows(connection, text(sql).bindparams(**values))
+    finally:
+        connection.exec_driver_sql("PRAGMA query_only = OFF")
 
 
 def limits(key: str) -> tuple[float, float]:
@@ -149,7 +167,7 @@ def _value(question: str, key: str, given: Any, default: Value | None) -> Value:
     mmsi = f"{given:09d}" if isinstance(given, int) else str(given)
     if key == "mmsi" and (not MMSI.fullmatch(mmsi) or int(mmsi) > MOST_MMSI):
         raise ParameterError(f"query {question}: parameter {key}: got {given!r}, needed nine digits")
-    kinds = (ALARMS, *KINDS.values())
+    kinds = (ALARMS, *ALARM_KINDS)
     if key == "kind" and given not in kinds:
         needed = f"{', '.join(kinds)}{did_you_mean(str(given), kinds)}"
         raise ParameterError(f"query {question}: parameter kind: got {given!r}, needed one of {needed}")
