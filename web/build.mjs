@@ -25,5 +25,6 @@ const copies = {
   'node_modules/world-atlas/land-50m.json': 'land-50m.json',
 };
 for (const [from, to] of Object.entries(copies)) copyFileSync(join(here, from), join(out, to));
-const sizes = readdirSync(out).map((name) => `${name} ${Math.round(statSync(join(out, name)).size / 1000)} kB`);
-console.log(sizes.join(', '));
+const files = readdirSync(out);
+const bytes = files.reduce((sum, name) => sum + statSync(join(out, name)).size, 0);
+console.log(`The map is built: ${files.length} files, ${(bytes / 1e6).toFixed(1)} MB.`);

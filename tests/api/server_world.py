@@ -47,7 +47,6 @@ def listening(service: Service, guard: Guard | None = None, web: Path | None = N
     server = uvicorn.Server(configured(app))
     with bound("127.0.0.1", port) as opened:
         port = opened.getsockname()[1]
-        opened.listen()
         thread = threading.Thread(target=server.run, kwargs={"sockets": [opened]})
         thread.start()
         try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import random
+import re
 import shutil
 import socket
 import subprocess
@@ -15,6 +16,7 @@ from importlib.util import find_spec
 from itertools import pairwise
 from operator import xor
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -26,7 +28,7 @@ from coastwatch.batches import AisReports, AisStatics, BearingReports, RadarRepo
 from coastwatch.scenario import load_scenario
 from coastwatch.server.feeds.address import AddressError, parsed
 from coastwatch.server.feeds.live_input import LiveInput
-from coastwatch.server.feeds.sending import encoded, send
+from coastwatch.server.feeds.sending import encoded, of_scenario, send
 from coastwatch.server.regions.scenario import with_track_sources
 from coastwatch.server.run import run_scenario
 from scaling.load import replayed
@@ -355,6 +357,32 @@ def test_what_comes_after_its_cycle_is_counted_and_left_out() -> None:
         assert [fault.count for fault in made.faults() if "later" in fault.kind] == [late]
 
 
+def test_what_was_made_before_the_run_began_is_not_called_late() -> None:
+    lines = items("json+tcp://x:1")
+    with receiving("json+listen://127.0.0.1:0") as made:
+        put(made.ports[0], lines)
+        deliver(made, len(lines))
+        found = made.between(START_S + 10, START_S + SPAN_S)  # the first cycle
+        before = int((SEA.radar.time_s <= START_S + 10).sum() + (SEA.bearing.time_s <= START_S + 10).sum())
+        assert before > 5
+        feed = made.feeds()[0]
+        assert (feed["before_run"], feed["late"], len(found)) == (before, 0, len(lines) - before)
+        assert [(fault.kind, fault.count) for fault in made.faults()] == [("report from before the run began", before)]
+
+
+def test_the_generator_begins_now_although_its_simulation_took_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = iter([START_S - 0.5, START_S + 7.25])
+    monkeypatch.setattr("coastwatch.server.feeds.sending.time", SimpleNamespace(time=lambda: next(clock)))
+    scenario = load_scenario("guanabara", {"cycles": "4", "warmup_s": "0"})
+    batches = of_scenario(scenario, scenario.sensors(), now=True, plots_as_json=False)
+    (names_s, names), (first_s, first), *_ = batches
+    assert (names_s, first_s) == (START_S + 7.0, START_S + 7.2)
+    ais = parsed("ais+tcp://x:1")
+    assert names(parsed("asterix+udp://x:1")) == []
+    assert {line.rpartition(b"\\")[2].split(b",")[1] for line in names(ais)} == {b"2"}  # names alone: two sentences each
+    assert all(float(re.findall(rb"c:(\d+)", line)[0]) / 1000 > START_S + 7.0 for line in first(ais))
+
+
 def test_a_cycle_waits_until_every_feed_that_sends_has_passed_its_end() -> None:
     stop = threading.Event()
     with receiving("json+listen://127.0.0.1:0?name=a", "json+listen://127.0.0.1:0?name=b", lateness_s=2.0) as made:
@@ -407,7 +435,7 @@ def test_an_address_of_no_feed_is_refused(text: str) -> None:
 def test_a_taken_port_and_an_unknown_radar_are_refused() -> None:
     with (
         socket.create_server(("127.0.0.1", 0)) as held,
-        pytest.raises(OSError, match="in use"),
+        pytest.raises(OSError, match=r"feed ais\+listen://127\.0\.0\.1:\d+: Address already in use: is another program"),
         receiving(f"ais+listen://127.0.0.1:{held.getsockname()[1]}"),
     ):
         pass

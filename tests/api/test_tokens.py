@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 import os
+import socket
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,7 +19,7 @@ from coastwatch.operators.api.answers import router
 from coastwatch.operators.api.guard import Guard
 from coastwatch.operators.api.tokens import Limits, Tokens, add, read
 from coastwatch.operators.bad_input import BadInput
-from coastwatch.operators.cli import make_parser
+from coastwatch.operators.cli import main, make_parser
 from coastwatch.operators.cli.serving import serve
 
 
@@ -104,6 +106,19 @@ def test_an_open_socket_and_the_stream_of_alarms_end_when_their_token_is_taken_a
         assert [line for line in alarms.iter_lines() if line.startswith("data")] == []
 
 
+def test_a_page_before_its_sign_in_is_not_warned_of_but_a_wrong_token_is(
+    given: dict[str, str], caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(logging.getLogger("coastwatch.serve"), "propagate", True)
+    with httpx.Client(base_url=f"http://{given['address']}") as client:
+        assert client.get("/api/v1/status").status_code == 401
+        assert caplog.messages == []
+        client.get("/api/v1/status", headers=bearer("x"))
+        client.get("/api/v1/status", headers={"Cookie": "coastwatch=x"})
+        client.post("/session", json={"token": "x"})
+    assert caplog.messages == 3 * ["request refused"]
+
+
 def test_a_large_body_is_refused_and_a_token_may_ask_so_often(given: dict[str, str]) -> None:
     with httpx.Client(base_url=f"http://{given['address']}") as client:
         assert client.post("/session", content=b"x" * (1 << 20) + b"x").status_code == 413
@@ -133,6 +148,17 @@ def test_a_wrong_file_of_tokens_is_refused(tmp_path: Path, text: str) -> None:
     path.write_text(text, "utf-8")
     with pytest.raises(BadInput, match=r"tokens\.toml"):
         read(path)
+
+
+def test_a_used_port_is_refused_before_anything_starts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as held:
+        port = held.getsockname()[1]
+        assert main(["serve", "guanabara", "--db", str(tmp_path / "x.db"), "--port", str(port)]) == 1
+    said = capsys.readouterr().err
+    assert said == (
+        f"coastwatch: error: 127.0.0.1:{port}: Address already in use: is another server running there? --port chooses another one\n"
+    )
+    assert not (tmp_path / "x.db").exists()
 
 
 def test_another_address_than_loopback_is_not_opened_without_tokens() -> None:

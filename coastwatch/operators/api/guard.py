@@ -40,6 +40,9 @@ FOR_ADMINS = ("/api/v1/audit",)
 
 LARGEST_BODY, MOST_SOCKETS = 1 << 20, 8
 TOKEN_NEEDED, TOO_MANY_SOCKETS = 4401, 4429
+LOGGED = (401, 403, 413, 429, 500)
+"""Answers that are warned of in the log. 503 is not among them: `logs.Watch` says why."""
+
 RECHECK_S = 60.0
 """The token of an open socket is looked at again so often."""
 
@@ -209,12 +212,18 @@ class _Middleware:
                 for name, value in HEADERS.items():
                     headers.setdefault(name, value)
                 self._metrics.requests.labels(str(status)).inc()
-                if status in (401, 403, 413, 429, 500):  # 503: `logs.Watch` says why
+                if status in LOGGED and not (status == 401 and _is_before_sign_in(scope)):
                     about = {"method": scope["method"], "path": scope["path"][:200], "status": status, "client": _client(scope)}
                     LOG.warning("request refused" if status < 500 else "request failed", extra={"fields": about})
             await send(message)
 
         return sending
+
+
+def _is_before_sign_in(scope: Scope) -> bool:
+    """Whether a request offers neither a token nor a cookie and is no sign-in, as those of a page that is about to ask for a token."""
+    headers = Headers(scope=scope)
+    return scope["path"] != SESSION and "authorization" not in headers and not _cookie(headers)
 
 
 def _is_undeclared(scope: Scope) -> bool:

@@ -78,10 +78,11 @@ class Watch:
         self._thread.start()
         return self
 
-    def __exit__(self, *unused: object) -> None:
+    def __exit__(self, kind: object, *unused: object) -> None:
         self._stop.set()
         self._thread.join()
-        LOG.info("stopped")
+        if kind is None:  # else the error is said instead
+            LOG.info("stopped")
 
     def _watch(self) -> None:
         while not self._stop.wait(LOOK_S):

@@ -44,6 +44,8 @@ LARGEST_MESSAGE = 65_536
 """Bytes of a message from a viewer."""
 
 STOP_S = 3
+BACKLOG = 2048
+"""Connections that may wait to be taken."""
 
 
 class Followed:
@@ -85,7 +87,10 @@ def serve(options: argparse.Namespace) -> int:
     outs = [parsed_out(text) for text in options.out]
     _webhooks(options)  # wrong ones are refused before anything starts
     logs.begin(options.log_format)
-    with _signals_end_the_server():
+    with (
+        _signals_end_the_server(),
+        bound(options.host, options.port) as listener,
+    ):  # a used port is refused before anything starts
         if options.scenario is None:
             with (
                 stored.opened(options.db) as opened,
@@ -93,13 +98,13 @@ def serve(options: argparse.Namespace) -> int:
                 Followed(opened, options.run, asked=asked) as followed,
                 logs.Watch(followed),
             ):
-                _listen_and_send(followed.service, guard, options, outs)
+                _listen_and_send(followed.service, guard, options, outs, listener)
         else:
-            _serve_run(options, guard, outs)
+            _serve_run(options, guard, outs, listener)
     return 0
 
 
-def _serve_run(options: argparse.Namespace, guard: Guard, outs: list[OutAddress]) -> None:
+def _serve_run(options: argparse.Namespace, guard: Guard, outs: list[OutAddress], listener: socket.socket) -> None:
     """Run a scenario, on live feeds or on its own input, and serve its pictures."""
     regions = [parsed_region(text) for text in options.region]
     live = bool(options.feed or regions)
@@ -125,17 +130,19 @@ def _serve_run(options: argparse.Namespace, guard: Guard, outs: list[OutAddress]
         run = LiveRun(scenario, source, service.receive, **given)
         service.source = run
         with run, logs.Watch(run):
-            _listen_and_send(service, guard, options, outs)
+            _listen_and_send(service, guard, options, outs, listener)
         if run.failed:
             raise RuntimeError(run.error())
 
 
-def _listen_and_send(service: Service, guard: Guard, options: argparse.Namespace, outs: list[OutAddress]) -> None:
+def _listen_and_send(
+    service: Service, guard: Guard, options: argparse.Namespace, outs: list[OutAddress], listener: socket.socket
+) -> None:
     """As `listen`, and send each picture to these addresses."""
     with ExitStack() as stack:
         service.webhooks = _webhooks(options)
         service.outs = [stack.enter_context(OutFeed(address)) for address in outs]
-        listen(service, guard, options)
+        listen(service, guard, options, listener)
 
 
 def _webhooks(options: argparse.Namespace) -> list[WebHook]:
@@ -173,8 +180,9 @@ def feed(options: argparse.Namespace) -> int:
     finally:
         for s, handler in usual.items():
             signal.signal(s, handler)
-    for address, count in sent.items():
-        print(f"{count} {address}")
+    for address in addresses:
+        unit = "datagrams" if address.format == "asterix" else "lines"
+        print(f"sent {sent[address.text]} {unit} to {address.text}")
     return 0
 
 
@@ -215,16 +223,15 @@ def add_token(options: argparse.Namespace) -> int:
     return 0
 
 
-def listen(service: Service, guard: Guard, options: argparse.Namespace) -> None:
-    """Answer requests until Ctrl-C or SIGTERM. Raises: OSError where the address cannot be used."""
+def listen(service: Service, guard: Guard, options: argparse.Namespace, listener: socket.socket) -> None:
+    """Answer requests until Ctrl-C or SIGTERM. Args: listener: as of `bound`."""
     config = configured(application(service, guard))
     config.ssl_certfile, config.ssl_keyfile = options.tls_cert, options.tls_key
-    with bound(options.host, options.port) as opened:
-        found = opened.getsockname()
-        shown = f"[{found[0]}]" if ":" in found[0] else found[0]
-        scheme = "https" if options.tls_cert else "http"
-        logs.say(f"coastwatch: {scheme}://{shown}:{found[1]}", address=f"{scheme}://{shown}:{found[1]}")
-        uvicorn.Server(config).run(sockets=[opened])
+    found = listener.getsockname()
+    shown = f"[{found[0]}]" if ":" in found[0] else found[0]
+    scheme = "https" if options.tls_cert else "http"
+    logs.say(f"coastwatch: {scheme}://{shown}:{found[1]}", address=f"{scheme}://{shown}:{found[1]}")
+    uvicorn.Server(config).run(sockets=[listener])
 
 
 def configured(app: Any) -> uvicorn.Config:
@@ -243,12 +250,13 @@ def configured(app: Any) -> uvicorn.Config:
 
 
 def bound(host: str, port: int) -> socket.socket:
-    """A listening socket. Raises: OSError that names the address."""
+    """A listening socket: requests wait until the server answers. Raises: OSError that names the address."""
     family, kind, proto, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
     made = socket.socket(family, kind, proto)
     try:
         made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         made.bind(address)
+        made.listen(BACKLOG)
     except OSError as error:
         made.close()
         raise OSError(

@@ -15,7 +15,7 @@ from coastwatch.sensors.recorded.nmea.messages import Assembler
 from coastwatch.sensors.recorded.nmea.payload import decoded
 from coastwatch.sensors.recorded.nmea.sentences import ais_sentences
 from coastwatch.sensors.recorded.reception_time import repeated
-from coastwatch.server.feeds.decoding import plausible_s
+from coastwatch.server.feeds.decoding import Counts, plausible_s
 from coastwatch.server.feeds.transport import Item
 
 ANY_LATENESS_S = 1e9
@@ -29,7 +29,7 @@ class AisDecoder:
 
     def __init__(self, name: str, feed: int, checked: bool) -> None:
         """Args: feed: its number; checked: stamps far ahead of the clock are not believed."""
-        self.tally, self._late, self._records = Tally(), 0, 0
+        self.tally, self.counts = Tally(), Counts()
         self.newest_s, self.first_s = -math.inf, math.inf
         self.name, self._checked = name, checked
         self._assembler = Assembler(name, self.tally)
@@ -40,16 +40,6 @@ class AisDecoder:
         self._lines = 0
         self._rows: list[AisRows] = []
         self._statics: list[tuple[AisStatics, StaticRows]] = []
-
-    @property
-    def late(self) -> int:
-        """As of `Decoder`."""
-        return self._late
-
-    @property
-    def records(self) -> int:
-        """As of `Decoder`."""
-        return self._records
 
     def take(self, items: list[Item], reference_s: float | None) -> None:
         """As of `Decoder`. A sentence without a time has that of its arrival."""
@@ -73,16 +63,16 @@ class AisDecoder:
         self.first_s = min(self.first_s, float(stamp.min(initial=math.inf)))
 
     def due(self, after_s: float, until_s: float) -> AisRows:
-        """The positions of a span, which then wait no longer. Older ones are counted as late."""
+        """The positions of a span, which then wait no longer. Older ones are counted."""
         rows = AisRows.join(self._rows)
-        keep, late = rows.stamp_s > until_s, rows.stamp_s <= after_s
-        self._rows, self._late = [rows.take(keep)] if keep.any() else [], self._late + int(late.sum())
-        return rows.take(~keep & ~late)
+        keep, outdated = rows.stamp_s > until_s, self.counts.outdated(rows.stamp_s, after_s)
+        self._rows = [rows.take(keep)] if keep.any() else []
+        return rows.take(~keep & ~outdated)
 
     def accepted(self, rows: AisRows, until_s: float) -> Reports:
         """The reports of these positions, and names and sizes up to an instant."""
         reports, named = self._acceptance.block(rows, *self._named(until_s))
-        self._records += len(reports) + len(named)
+        self.counts.records += len(reports) + len(named)
         return replace(Reports.empty(), ais=reports, statics=named)
 
     def _named(self, until_s: float) -> tuple[AisStatics, StaticRows]:

@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -20,7 +21,7 @@ from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
 from coastwatch.server.feeds.address import Address, AddressError
 from coastwatch.server.feeds.asterix_tracks import Track, quantity_of, reports_of, track_of, uint_of
-from coastwatch.server.feeds.decoding import Waiting
+from coastwatch.server.feeds.decoding import Counts, Waiting
 from coastwatch.server.feeds.transport import Item
 
 DAMAGED = "damaged datagram"
@@ -87,21 +88,12 @@ class AsterixDecoder:
 
     def __init__(self, address: Address, sensors: Sensors) -> None:
         """Raises: AddressError."""
-        self.tally, self.newest_s, self.first_s = Tally(), -math.inf, math.inf
+        self.tally, self.counts = Tally(), Counts()
+        self.newest_s, self.first_s = -math.inf, math.inf
         self._name, self._sensors = address.name, sensors
         self._origins = origins_of(address, sensors)
-        self._plots = Waiting(RadarReports, ("sensor", "range_m", "azimuth_deg"))
-        self._tracks = Waiting(TrackReports, ("sensor", "number", "position_deg"))
-
-    @property
-    def late(self) -> int:
-        """As of `Decoder`."""
-        return self._plots.late + self._tracks.late
-
-    @property
-    def records(self) -> int:
-        """As of `Decoder`."""
-        return self._plots.records + self._tracks.records
+        self._plots = Waiting(self.counts, RadarReports, ("sensor", "range_m", "azimuth_deg"))
+        self._tracks = Waiting(self.counts, TrackReports, ("sensor", "number", "position_deg"))
 
     def take(self, items: list[Item], reference_s: float | None) -> None:
         """As of `Decoder`. A time of day is that nearest to the reference, or to the arrival."""
@@ -216,7 +208,7 @@ def datagrams(reports: RadarReports, most_plots: int = 40) -> Iterator[bytes]:
     """CAT 048 datagrams of plots, of one radar each, in order. SIC is the number of the radar from 1 on."""
     kind = _library().kinds[48]
     start = np.flatnonzero(np.append(True, np.diff(reports.sensor) != 0)[: len(reports)]).tolist()
-    for begin, end in zip(start, [*start[1:], len(reports)], strict=True):
+    for begin, end in pairwise([*start, len(reports)]):
         for low in range(begin, end, most_plots):
             rows = range(low, min(low + most_plots, end))
             yield kind.create([_record(kind, reports, row) for row in rows]).unparse().to_bytes()

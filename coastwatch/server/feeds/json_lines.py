@@ -13,7 +13,7 @@ from coastwatch.batches import BearingReports, RadarReports, Reports, Sensors, T
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.sensors.recorded.faults import Tally
 from coastwatch.server.feeds.address import Address
-from coastwatch.server.feeds.decoding import Waiting, plausible_s
+from coastwatch.server.feeds.decoding import Counts, Waiting, plausible_s
 from coastwatch.server.feeds.transport import Item
 
 NOT_READ = "not an object of the format"
@@ -70,25 +70,16 @@ class JsonDecoder:
     """The lines of one feed."""
 
     def __init__(self, address: Address, sensors: Sensors) -> None:
-        self.tally, self.newest_s, self.first_s = Tally(), -math.inf, math.inf
+        self.tally, self.counts = Tally(), Counts()
+        self.newest_s, self.first_s = -math.inf, math.inf
         self._name, self._sensors = address.name, sensors
         names = {"plot": sensors.radars.name, "bearing": sensors.sonars.name, "track": sensors.track_sources.name}
         self._numbers = {kind: {str(name): k for k, name in enumerate(of)} for kind, of in names.items()}
         self._waiting = {
-            "plot": Waiting(RadarReports, ("sensor", "range_m", "azimuth_deg")),
-            "bearing": Waiting(BearingReports, ("sensor", "contact", "bearing_deg")),
-            "track": Waiting(TrackReports, ("sensor", "number", "position_deg")),
+            "plot": Waiting(self.counts, RadarReports, ("sensor", "range_m", "azimuth_deg")),
+            "bearing": Waiting(self.counts, BearingReports, ("sensor", "contact", "bearing_deg")),
+            "track": Waiting(self.counts, TrackReports, ("sensor", "number", "position_deg")),
         }
-
-    @property
-    def late(self) -> int:
-        """As of `Decoder`."""
-        return sum(of.late for of in self._waiting.values())
-
-    @property
-    def records(self) -> int:
-        """As of `Decoder`."""
-        return sum(of.records for of in self._waiting.values())
 
     def take(self, items: list[Item], reference_s: float | None) -> None:
         """As of `Decoder`."""

@@ -35,6 +35,10 @@ LOOK_S = 0.05
 SILENT_S = 5.0
 """With the clock of the feeds: a feed from which nothing has come for so long is not waited for."""
 
+LATE = "report later than its cycle"
+BEFORE_RUN = "report from before the run began"
+DROPPED = "dropped: no room, or too long"
+
 FIRST_S = 0.0
 """Before the first cycle of any region: one cycle of each is taken."""
 
@@ -67,9 +71,10 @@ class _Feed:
             "error": inbox.error,
             "bytes": inbox.size,
             "received": inbox.received,
-            "records": decoder.records,
+            "records": decoder.counts.records,
             "refused": sum(fault.count for fault in refused(faults)),
-            "late": decoder.late,
+            "late": decoder.counts.late,
+            "before_run": decoder.counts.before_run,
             "dropped": inbox.dropped,
             "heard_s": inbox.heard_s or None,
             "silent_s": round(self.silent_s, 1),
@@ -191,7 +196,8 @@ class LiveInput:
         """As `ReportStream.faults`, with what was late or dropped."""
         found = [fault for feed in self._feeds for fault in feed.decoder.tally.faults()]
         for feed in self._feeds:
-            counted = ("report later than its cycle", feed.decoder.late), ("dropped: no room, or too long", feed.inbox.dropped)
+            counts = feed.decoder.counts
+            counted = (LATE, counts.late), (BEFORE_RUN, counts.before_run), (DROPPED, feed.inbox.dropped)
             found += [Fault(kind, count, feed.inbox.address.name, "") for kind, count in counted if count]
         return (*found, *(fault for region in self._regions for fault in region.faults()))
 

@@ -64,13 +64,22 @@ def send(
 
 
 def of_scenario(scenario: Scenario, sensors: Sensors, *, now: bool, plots_as_json: bool) -> Iterator[Batch]:
-    """The reports of a scenario's input by arrival. Args: now: shift a simulation so that it begins now."""
+    """The reports of a scenario's input by arrival.
+
+    Args: now: shift a simulation so that it begins now. What was made while it was computed is left out, but for names and sizes: a
+    server would count it as late.
+    """
     plan = scenario.plan()
     if now:
         plan = plan.model_copy(update={"start_s": float(math.ceil(time.time()))})
     recording = scenario.input.load(sensors, scenario.seed, plan)
     names = {"plot": sensors.radars.name, "bearing": sensors.sonars.name}
     before_s, stop_s = plan.start_s, plan.instant_s(plan.cycles - 1)
+    begin_s = float(math.floor(time.time())) if now else before_s
+    if begin_s > before_s:
+        named = replace(Reports.empty(), statics=recording.reports.between(before_s, begin_s).statics)
+        yield begin_s, partial(_of_formats, {}, named, names)
+        before_s = begin_s
     while before_s < stop_s:
         until_s = before_s + STEP_S
         part = recording.reports.between(before_s, until_s)

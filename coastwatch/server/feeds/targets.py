@@ -12,7 +12,7 @@ from coastwatch.sensors.recorded.faults import Tally
 from coastwatch.sensors.recorded.nmea.sentences import wanted_sentences
 from coastwatch.sensors.recorded.nmea.targets import OWN_SHIP, TARGETS, State, TargetSentences
 from coastwatch.server.feeds.address import Address, AddressError
-from coastwatch.server.feeds.decoding import Waiting, plausible_s
+from coastwatch.server.feeds.decoding import Counts, Waiting, plausible_s
 from coastwatch.server.feeds.transport import Item
 
 AHEAD = b"$PGHP", b"\\"
@@ -24,25 +24,16 @@ class TargetDecoder:
 
     def __init__(self, address: Address, sources: TrackSources) -> None:
         """Raises: AddressError."""
-        self.tally, self.newest_s, self.first_s = Tally(), -math.inf, math.inf
+        self.tally, self.counts = Tally(), Counts()
+        self.newest_s, self.first_s = -math.inf, math.inf
         self._name = address.name
         self._source = source_of(address, sources)
         site = site_of(address)
         of_source = sources.site_deg[self._source]
         heading = float(sources.heading_deg[self._source])
         self._targets = TargetSentences(of_source if site is None else site, heading, math.nan, self.tally)
-        self._waiting = Waiting(TrackReports, ("sensor", "number", "position_deg"))
+        self._waiting = Waiting(self.counts, TrackReports, ("sensor", "number", "position_deg"))
         self._before: list[Item] = []  # the last clock sentence, and lines that belong to the next sentence
-
-    @property
-    def late(self) -> int:
-        """As of `Decoder`."""
-        return self._waiting.late
-
-    @property
-    def records(self) -> int:
-        """As of `Decoder`."""
-        return self._waiting.records
 
     def take(self, items: list[Item], reference_s: float | None) -> None:
         """As of `Decoder`. A sentence without a time has that of its arrival."""

@@ -6,6 +6,7 @@ A full inbox stops the reading of a stream, so that its sender waits. Datagrams 
 from __future__ import annotations
 
 import asyncio
+import errno
 import os
 import socket
 import threading
@@ -123,6 +124,14 @@ class Receiver:
             await asyncio.gather(*tasks, return_exceptions=True)
 
 
+def reason_of(error: OSError) -> str:
+    """What is wrong with an address, in the words of the system: asyncio adds the address as a tuple."""
+    if isinstance(error, socket.gaierror) or error.errno is None:
+        return str(error.strerror or error)
+    said = os.strerror(error.errno)
+    return f"{said}: is another program listening there?" if error.errno == errno.EADDRINUSE else said
+
+
 async def _opened(inbox: Inbox) -> Any:
     """A listening socket of a feed. Raises: OSError that names its address."""
     address, loop = inbox.address, asyncio.get_running_loop()
@@ -135,7 +144,7 @@ async def _opened(inbox: Inbox) -> Any:
             return server
         transport, _ = await loop.create_datagram_endpoint(lambda: _Datagrams(inbox), (address.host, address.port))
     except OSError as error:
-        raise OSError(f"feed {address.text}: {error.strerror or error}") from error
+        raise OSError(f"feed {address.text}: {reason_of(error)}") from error
     found = transport.get_extra_info("socket")
     with suppress(OSError):
         found.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, DATAGRAM_BUFFER)
@@ -189,7 +198,7 @@ async def _connected(inbox: Inbox) -> None:
                 inbox.connected = 0
                 writer.close()
         except OSError as error:
-            inbox.error = str(error.strerror or error)
+            inbox.error = reason_of(error)
         await asyncio.sleep(wait_s)
         wait_s = min(2.0 * wait_s, LAST_RETRY_S)
 
