@@ -260,9 +260,15 @@ def _newest(reports: TrackReports) -> TrackReports:
 
 def _row_of(table: ReceivedTable, new: TrackReports) -> Ints:
     """The row of each track in the table, -1 where it has none. (M,)"""
-    known = {key: row for row, key in enumerate(zip(table.sensor.tolist(), table.number.tolist(), strict=True))}
-    keys = zip(new.sensor.tolist(), new.number.tolist(), strict=True)
-    return np.array([known.get(key, -1) for key in keys], np.int64)
+    out = np.full(len(new), -1, np.int64)
+    for sensor in np.unique(new.sensor):
+        first, end = np.searchsorted(table.sensor, (sensor, sensor + 1)).tolist()
+        if first == end:
+            continue
+        known, mine = table.number[first:end], np.flatnonzero(new.sensor == sensor)
+        at = np.minimum(np.searchsorted(known, new.number[mine]), end - first - 1)
+        out[mine] = np.where(known[at] == new.number[mine], first + at, -1)
+    return out
 
 
 def _appended(kept: Floats, sensor: Ints, values: Floats) -> Floats:

@@ -41,6 +41,23 @@ def states(
     )
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_number_keeps_its_track_among_those_of_all_sources_in_any_order(seed: int) -> None:
+    g, method, two = np.random.default_rng(seed), ReceivedTracks(), sensors(patience_s=1e6)
+    memory, expected = method.init(), dict[tuple[int, int], int]()
+    for cycle in range(5):
+        n = int(g.integers(0, 40))
+        number = g.choice(np.array([0, 1, 5, 2**40, 2**61, *range(100, 160)]), n, replace=False)
+        sent = replace(states(10.0 * cycle, number.tolist(), np.zeros((n, 2))), sensor=g.integers(0, 2, n))
+        memory, _ = method.step(memory, sent, 10.0 * cycle, two, Tracks.empty())
+        found = memory.table
+        now = dict(zip(zip(found.sensor.tolist(), found.number.tolist(), strict=True), found.track.tolist(), strict=True))
+        assert len(now) == len(found)
+        assert {key: now[key] for key in expected if key in now} == {key: expected[key] for key in expected if key in now}
+        assert set(zip(sent.sensor.tolist(), sent.number.tolist(), strict=True)) <= set(now)
+        expected = now
+
+
 def test_a_track_comes_out_as_it_came_in() -> None:
     root = np.random.default_rng(1).normal(size=(2, 4, 4))
     covariance, velocity = root @ root.swapaxes(1, 2) + np.eye(4), np.array([[5.0, 1.0], [-3.0, 2.0]])
