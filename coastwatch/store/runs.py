@@ -1,4 +1,4 @@
-"""Begin, finish, resume, delete and list runs; their sensors and the times of their stages."""
+"""Begin, finish, resume, delete and list runs; the times of their stages."""
 
 from __future__ import annotations
 
@@ -9,20 +9,9 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from sqlalchemy import Connection, Executable, and_, delete, func, insert, literal, null, select, true, update
+from sqlalchemy import Connection, Executable, delete, func, insert, select, true, update
 
-from coastwatch.batches import (
-    COVER_AZIMUTHS,
-    COVER_RANGES,
-    Fault,
-    RadarCover,
-    Radars,
-    Sensors,
-    Sonars,
-    SourceKind,
-    Stations,
-    TrackSources,
-)
+from coastwatch.batches import Fault, Sensors
 from coastwatch.store.processes import is_gone, this_process
 from coastwatch.store.read.rows import Rows, fetch_rows
 from coastwatch.store.schema.database import Store, StoreError, as_json, now_utc, reading, writing
@@ -34,14 +23,12 @@ from coastwatch.store.schema.tables import (
     OF_NO_RUN,
     RUN,
     SENSOR,
-    SENSOR_COVER,
-    SENSOR_REGISTRATION,
     SOURCE,
     STAGE_TIMING,
-    STANDING_ECHO,
     TRACK_SOURCE,
 )
 from coastwatch.store.write.journal import decompressed
+from coastwatch.store.write.sensor_rows import sensor_rows, source_rows, track_source_rows
 
 if TYPE_CHECKING:  # to read a database needs no pydantic, which is slow to import
     from coastwatch.stage import Plan
@@ -101,8 +88,8 @@ def begin_run(
         row["started_utc"] = row["written_utc"] = now_utc(connection)
         run_id = int(connection.execute(insert(RUN).values(row).returning(RUN.c.id)).scalar_one())
         of_feeds = [{"run_id": run_id, "number": number, "name": name} for number, name in enumerate(feeds)]
-        made = (SENSOR, _sensor_rows(run_id, sensors)), (SOURCE, _source_rows(run_id, sensors)), (AIS_FEED, of_feeds)
-        for table, rows in (*made, (TRACK_SOURCE, _track_source_rows(run_id, sensors.track_sources))):
+        made = (SENSOR, sensor_rows(run_id, sensors)), (SOURCE, source_rows(run_id, sensors)), (AIS_FEED, of_feeds)
+        for table, rows in (*made, (TRACK_SOURCE, track_source_rows(run_id, sensors.track_sources))):
             if rows:
                 connection.execute(insert(table), rows)
     return run_id
@@ -307,47 +294,6 @@ def timings(store: Store, run_id: int) -> Rows:
     return Rows(("stage", "cycles", "median_ms", "p99_ms", "longest_ms", "total_ms", "share", "rows"), out)
 
 
-def sensors(store: Store, run_id: int) -> Rows:
-    """The sensors of a run; `spec` is a dict."""
-    s = SENSOR.c
-    columns = [c for c in s if c is not s.run_id]
-    return _fetch(store, select(*columns).where(s.run_id == run_id).order_by(s.kind, s.number))
-
-
-def sources(store: Store, run_id: int) -> Rows:
-    """The sources of tracks in a run: number, name, kind (radar, ais, bearing)."""
-    s = SOURCE.c
-    return _fetch(store, select(s.number, s.name, s.kind).where(s.run_id == run_id).order_by(s.number))
-
-
-def sensor_states(store: Store, run_id: int, at_s: float | None = None) -> Rows:
-    """One row a sensor: specification, when it was heard last, and its registration; now, or up to an instant. The feeds of AIS
-    follow, each with the jitter of its times, and the track sources with what they sent.
-
-    Raises: StoreError where there is no such run, or nothing is stored so early.
-    """
-    s, t = SENSOR.c, SENSOR_REGISTRATION.c
-    with reading(store) as connection:
-        last = cycle_at(connection, store, run_id, at_s)
-        newest = select(t.kind, t.number, func.max(t.cycle).label("cycle")).where(t.run_id == run_id, t.cycle <= last)
-        found = newest.group_by(t.kind, t.number).subquery()
-        row = and_(t.run_id == run_id, t.cycle == found.c.cycle, t.kind == found.c.kind, t.number == found.c.number)
-        when = and_(CYCLE.c.run_id == run_id, CYCLE.c.number == found.c.cycle)
-        f, known = AIS_FEED.c, [c for c in t if not c.primary_key] + [CYCLE.c.time_s]
-        of_sensor = {c.name: c for c in s if c is not s.run_id}
-        nothing, source = {name: null().label(name) for name in of_sensor}, TRACK_SOURCE.c
-        of_feed = nothing | {"kind": literal("feed").label("kind"), "number": f.number, "name": f.name}
-        of_source = nothing | {"kind": literal("tracks").label("kind"), "number": source.number, "name": source.name}
-        of_source |= {"latitude_deg": source.latitude_deg, "longitude_deg": source.longitude_deg}
-        answers = []
-        for table, columns in ((SENSOR, of_sensor), (AIS_FEED, of_feed), (TRACK_SOURCE, of_source)):
-            same = and_(found.c.kind == columns["kind"], found.c.number == columns["number"])
-            joined = table.outerjoin(found, same).outerjoin(SENSOR_REGISTRATION, row).outerjoin(CYCLE, when)
-            query = select(*columns.values(), *known).select_from(joined).where(table.c.run_id == run_id)
-            answers.append(fetch_rows(connection, query.order_by(columns["kind"], columns["number"])))
-        return Rows(answers[0].columns, [row for answer in answers for row in answer.rows])
-
-
 def cycle_at(connection: Connection, store: Store, run_id: int, at_s: float | None, kept: Any = true()) -> int:  # noqa: B008
     """The newest cycle (of those that are kept) up to an instant; -1 where no instant is asked and there is none.
 
@@ -381,108 +327,6 @@ def no_run(connection: Connection, store: Store, run_id: int) -> StoreError:
     return StoreError(f"{store.where}: there is no run {run_id}, {needed}; `coastwatch runs` lists all")
 
 
-def radar_covers(store: Store, run_id: int) -> tuple[list[str], RadarCover]:
-    """Names of the radars with a learnt cover, and the newest cover of each."""
-    c, same = (
-        SENSOR_COVER.c,
-        and_(SENSOR.c.run_id == run_id, SENSOR.c.kind == "radar", SENSOR.c.number == SENSOR_COVER.c.number),
-    )
-    values = c.latitude_deg, c.longitude_deg, c.range_m, c.turns
-    grids = c.ais_detection, c.ais_looks, c.track_detection, c.track_looks, c.false_plots_per_km2
-    query = select(SENSOR.c.name, *values, *grids).select_from(SENSOR_COVER.join(SENSOR, same)).where(c.run_id == run_id)
-    with reading(store) as connection:
-        found = connection.execute(query.order_by(c.number)).all()
-    numbers = np.array([row[1:5] for row in found], np.float64).reshape(-1, 4)
-    read = [[np.frombuffer(row[5 + k], "<f4") for row in found] for k in range(len(grids))]
-    seen, looks, tracks, track_looks, per_km2 = (
-        np.array(each, np.float64).reshape(-1, COVER_AZIMUTHS, COVER_RANGES) for each in read
-    )
-    range_m, site_deg, turns = numbers[:, 2].copy(), numbers[:, :2].copy(), numbers[:, 3].copy()
-    cover = RadarCover(range_m, site_deg, turns, seen, looks, tracks, track_looks, 1e-6 * per_km2)
-    return [row.name for row in found], cover
-
-
-def standing_echoes(store: Store, run_id: int) -> Rows:
-    """The newest echoes that the clutter maps of radars hide, by radar and place; `name` is of the radar."""
-    e, same = (
-        STANDING_ECHO.c,
-        and_(SENSOR.c.run_id == run_id, SENSOR.c.kind == "radar", SENSOR.c.number == STANDING_ECHO.c.radar),
-    )
-    values = e.latitude_deg, e.longitude_deg, e.extent_m, e.plots_per_turn, e.turns
-    query = select(SENSOR.c.name, *values).select_from(STANDING_ECHO.join(SENSOR, same)).where(e.run_id == run_id)
-    return _fetch(store, query.order_by(e.radar, e.latitude_deg, e.longitude_deg))
-
-
 def _fetch(store: Store, query: Executable) -> Rows:
     with reading(store) as connection:
         return fetch_rows(connection, query)
-
-
-def _sensor_rows(run_id: int, sensors: Sensors) -> list[dict[str, Any]]:
-    """One row a radar, AIS receiver and sonar. `number` is the index that its reports carry."""
-    return [
-        {"run_id": run_id, "kind": kind, "number": k, **row}
-        for kind, rows in (
-            ("radar", _radars(sensors.radars, sensors.region_names)),
-            ("ais", [_common(sensors.stations, k) for k in range(len(sensors.stations))]),
-            ("bearing", _sonars(sensors.sonars)),
-        )
-        for k, row in enumerate(rows)
-    ]
-
-
-def _track_source_rows(run_id: int, sources: TrackSources) -> list[dict[str, Any]]:
-    """One row a track source. `number` is the index that its reports carry."""
-    sites = [[value if np.isfinite(value) else None for value in site] for site in sources.site_deg.tolist()]
-    return [
-        {"run_id": run_id, "number": k, "name": str(name), "latitude_deg": latitude, "longitude_deg": longitude}
-        for k, (name, (latitude, longitude)) in enumerate(zip(sources.name, sites, strict=True))
-    ]
-
-
-def _source_rows(run_id: int, sensors: Sensors) -> list[dict[str, Any]]:
-    """One row for each source of tracks. `number` is the source that tracks carry."""
-    kinds = [SourceKind(kind).name.lower() for kind in sensors.source_kinds.tolist()]
-    named = enumerate(zip(sensors.source_names, kinds, strict=True))
-    return [{"run_id": run_id, "number": k, "name": name, "kind": kind} for k, (name, kind) in named]
-
-
-def _common(of: Radars | Stations | Sonars, k: int) -> dict[str, Any]:
-    return {
-        "name": str(of.name[k]),
-        "latitude_deg": float(of.site_deg[k, 0]),
-        "longitude_deg": float(of.site_deg[k, 1]),
-        "range_m": float(of.range_m[k]),
-        "region": None,
-        "spec": {},
-    }
-
-
-def _radars(radars: Radars, regions: tuple[str, ...]) -> list[dict[str, Any]]:
-    return [
-        {
-            **_common(radars, k),
-            "region": regions[radars.region[k]],
-            "spec": {
-                "period_s": float(radars.period_s[k]),
-                "range_sigma_m": float(radars.range_sigma_m[k]),
-                "azimuth_sigma_deg": float(np.degrees(radars.azimuth_sigma_rad[k])),
-            },
-        }
-        for k in range(len(radars))
-    ]
-
-
-def _sonars(sonars: Sonars) -> list[dict[str, Any]]:
-    return [
-        {
-            **_common(sonars, k),
-            "spec": {
-                "bearing_sigma_deg": float(np.degrees(sonars.bearing_sigma_rad[k])),
-                "interval_s": float(sonars.interval_s[k]),
-                "arc_from_deg": float(sonars.arc_from_deg[k]),
-                "arc_to_deg": float(sonars.arc_to_deg[k]),
-            },
-        }
-        for k in range(len(sonars))
-    ]
