@@ -11,14 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import uvicorn
 
 from coastwatch.batches import Array, Flag, Floats, Radars, Sensors, Sonars, Stations
 from coastwatch.operators.api.application import application
 from coastwatch.operators.api.guard import Guard
 from coastwatch.operators.api.service import Service
 from coastwatch.operators.api.wire import ahead
-from coastwatch.operators.cli.serving import bound, configured
+from coastwatch.operators.cli.serving import bound, server_of
 from coastwatch.server.live_picture import OWN, LivePicture
 from coastwatch.stage import Plan
 from coastwatch.store import Table, begin_run, open_store
@@ -110,7 +109,7 @@ class Simulated:
 @contextmanager
 def listening(service: Service, web: Path) -> Iterator[str]:
     """Serve the page and the API in a thread. Yields: the address of the page."""
-    server = uvicorn.Server(configured(application(service, Guard(), web)))
+    server = server_of(application(service, Guard(), web))
     with bound("127.0.0.1", 0) as opened:
         port = opened.getsockname()[1]
         thread = threading.Thread(target=server.run, kwargs={"sockets": [opened]})

@@ -11,13 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import httpx
-import uvicorn
 from websockets.sync.client import ClientConnection, connect
 
 from coastwatch.operators.api.application import application
 from coastwatch.operators.api.guard import Guard
 from coastwatch.operators.api.service import Service
-from coastwatch.operators.cli.serving import Followed, bound, configured
+from coastwatch.operators.cli.serving import Followed, bound, server_of
 from coastwatch.store import Store, open_store
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "store"))  # a sea to write to a store
@@ -44,7 +43,7 @@ class Served:
 def listening(service: Service, guard: Guard | None = None, web: Path | None = None, port: int = 0) -> Iterator[str]:
     """Serve in a thread. Args: port: 0: a free one. Yields: host:port."""
     app = application(service, guard or Guard(), *([] if web is None else [web]))
-    server = uvicorn.Server(configured(app))
+    server = server_of(app)
     with bound("127.0.0.1", port) as opened:
         port = opened.getsockname()[1]
         thread = threading.Thread(target=server.run, kwargs={"sockets": [opened]})

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any
 
 import httpx
 import numpy as np
-from server_world import Served, wait_for
+import pytest
+from server_world import Served, listening, wait_for
 
 from coastwatch.batches import Flag
+from coastwatch.operators.api import alarm_stream
 
 
 def raise_alarm(served: Served, number: int, vessel_id: int | None) -> None:
@@ -32,6 +36,24 @@ def events(answer: httpx.Response) -> Iterator[dict[str, Any]]:
             yield {**json.loads(fields["data"]), "id": fields["id"]}
             fields = {}
         fields[key] = value
+
+
+def test_an_acknowledgement_is_told_at_once_and_the_stream_ends_with_the_server(
+    changing: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    raise_alarm(changing, 3, 4)
+    wait_for(lambda: changing.service.picture().cycle == 3)
+    monkeypatch.setattr(alarm_stream, "LOOK_S", 60.0)  # nothing is found by looking again
+    with httpx.Client(timeout=20.0) as client, ExitStack() as opened:
+        with listening(changing.service) as address:
+            path = f"http://{address}/api/v1/alarms"
+            seen = events(opened.enter_context(client.stream("GET", f"{path}/stream")))
+            alarm = next(seen)
+            time.sleep(0.2)  # now it waits
+            monkeypatch.setattr(alarm_stream, "LOOK_S", 0.05)  # of the next wait
+            httpx.post(f"{path}/{alarm['alarm_id']}/acknowledge", json={"name": "Ana"}).raise_for_status()
+            assert next(seen)["acknowledged_by"] == "Ana"
+        assert list(seen) == []  # a stream that is cut off is an error
 
 
 def test_an_alarm_is_seen_acknowledged_and_seen_as_such_by_others(changing: Served) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -34,16 +34,17 @@ pytestmark = [
 ]
 
 VESSELS = 60
+SIZE = {"width": 900, "height": 600}
 DARK, IN_DISTRESS = 4, 10  # vessel ids
 VIEW = "lat=-22.898&lon=-43.155&zoom=11"
 UNSENT_DEG = 11.0 / 111_120.0  # the server sends a vessel again when it is 10 m from where the page draws it; 1 m for rounding
 ANY_TIME_S = 30.0  # the machine may be busy
 
 
-def cycle_of(number: int) -> Cycle:
-    """A cycle of the small sea with a dark vessel and a man overboard."""
+def cycle_of(number: int, dark: Sequence[int] = (DARK,)) -> Cycle:
+    """A cycle of the small sea with dark vessels and a man overboard."""
     picture = store_world.picture_of(number, VESSELS)
-    flags = np.where(picture.vessel_id == DARK, int(Flag.DARK), 0)
+    flags = np.where(np.isin(picture.vessel_id, dark), int(Flag.DARK), 0)
     flags |= np.where(picture.vessel_id == IN_DISTRESS, int(Flag.MAN_OVERBOARD), 0)
     return store_world.cycle_of(number, VESSELS, replace(picture, flags=flags))
 
@@ -60,9 +61,9 @@ class World:
             self.write()
         self.start()
 
-    def write(self) -> None:
+    def write(self, dark: Sequence[int] = (DARK,)) -> None:
         """One cycle more."""
-        store_world.write(self.store, self.run_id, self.number, VESSELS, cycle=cycle_of(self.number))
+        store_world.write(self.store, self.run_id, self.number, VESSELS, cycle=cycle_of(self.number, dark))
         self.number += 1
 
     def start(self) -> None:
@@ -132,7 +133,7 @@ def browser() -> Iterator[Any]:
 @pytest.fixture(scope="module")
 def opened(browser: Any, world: World) -> Iterator[Watch]:
     """One page for all tests: loading it takes most of the time."""
-    watch = Watch(browser.new_page(viewport={"width": 900, "height": 600}), world.port)
+    watch = Watch(browser.new_page(viewport=SIZE), world.port)
     watch.open()
     yield watch
     assert watch.errors == []
@@ -236,6 +237,26 @@ def test_an_alarm_is_acknowledged_here_and_one_that_another_page_acknowledged_go
     watch.until(done, lambda text: "acknowledged by Rui" in text)
 
 
+@pytest.mark.parametrize("width", [1024, 1280, 1920])
+def test_nothing_is_cut_off_or_overhangs(watch: Watch, width: int) -> None:
+    watch.page.set_viewport_size({"width": width, "height": 700})
+    outside = """(() => { const box = (of) => of.getBoundingClientRect(), found = [];
+      for (const of of document.querySelectorAll('header, footer > div, #drawer, #panel')) for (const part of of.querySelectorAll('*'))
+        if (box(part).width > 1 && !part.closest('#hits, #list-scroll, option, svg, table')
+          && (box(part).left < box(of).left - 1 || box(part).right > box(of).right + 1)) found.push(part.id || part.outerHTML.slice(0, 80));
+      const search = document.getElementById('search');
+      if (search.scrollWidth > search.clientWidth) found.push('search');
+      return found; })()"""
+    try:
+        watch.ask(f"coastwatch.select({DARK})")
+        for drawer in ("vessels", "alarms", "zones", "layers"):
+            watch.ask(f"coastwatch.openDrawer('{drawer}')")
+            assert watch.ask(outside) == [], drawer
+            assert watch.ask("document.getElementById('chart').clientWidth") >= 300, drawer
+    finally:
+        watch.page.set_viewport_size(SIZE)
+
+
 def test_the_past_is_shown_as_stored_and_l_returns_to_the_live_picture(watch: Watch) -> None:
     at_s = store_world.instant_s(1)
     watch.ask(f"coastwatch.replay.enter({at_s})")
@@ -269,6 +290,24 @@ def test_a_zone_is_drawn_on_the_chart_saved_and_deleted(world: World, watch: Wat
     watch.until("document.getElementById('zone-rows').textContent", lambda text: text == "no zones")
 
 
+def test_an_alarm_that_another_page_acknowledged_goes_within_a_second(world: World, watch: Watch) -> None:
+    address = f"http://127.0.0.1:{watch.port}/api/v1/alarms"
+    more = (DARK, 21, 22, 23)
+    world.write(more)
+    watch.ask("coastwatch.openDrawer('alarms')")
+    waiting = "[...document.querySelectorAll('#alarm-rows li.open')].map(row => row.dataset.alarm)"
+    watch.until(waiting, lambda ids: {id_.partition("-")[0] for id_ in ids} >= {"21", "22", "23"})
+    took_s = []
+    for vessel_id in more[1:]:
+        (alarm,) = (found for found in watch.ask(waiting) if found.startswith(f"{vessel_id}-"))
+        began = time.monotonic()
+        httpx.post(f"{address}/{alarm}/acknowledge", json={"name": "Rui"}).raise_for_status()
+        watch.until(waiting, lambda ids, gone=alarm: gone not in ids)
+        took_s.append(time.monotonic() - began)
+    assert min(took_s) < 1.0  # the quickest of three: the machine may be busy
+    world.write()
+
+
 def test_axe_finds_no_serious_fault_in_any_theme(watch: Watch) -> None:
     if not AXE.is_file():
         pytest.skip("axe-core is not installed; `make web` installs it")
@@ -283,13 +322,13 @@ def test_axe_finds_no_serious_fault_in_any_theme(watch: Watch) -> None:
 
 
 def test_it_survives_a_restart_of_the_server(world: World, watch: Watch) -> None:
-    before = watch.ask("coastwatch.live.run")
+    before, ids = watch.ask("[coastwatch.live.run, [...coastwatch.live.slotOf.keys()].sort()]")
     world.stop()
-    watch.until("document.getElementById('badge').textContent", lambda text: text == "NO CONNECTION")
+    watch.until("document.getElementById('badge').textContent", lambda text: text.startswith("NO CONNECTION"))
     world.start()
     watch.until("coastwatch.live.run", lambda run: run != before)
-    watch.until("document.getElementById('badge').textContent", lambda text: text != "NO CONNECTION")
-    assert watch.ask("coastwatch.live.slotOf.has(5)")
+    watch.until("document.getElementById('badge').textContent", lambda text: not text.startswith("NO CONNECTION"))
+    assert watch.ask("[...coastwatch.live.slotOf.keys()].sort()") == ids
 
 
 def test_no_request_leaves_loopback(watch: Watch) -> None:
@@ -300,7 +339,7 @@ def test_no_request_leaves_loopback(watch: Watch) -> None:
 
 def test_without_an_area_all_vessels_come_into_sight(browser: Any, tmp_path: Path) -> None:
     with served_fleet(200, 1, tmp_path, WEB) as address:
-        watch = Watch(browser.new_page(viewport={"width": 900, "height": 600}), int(address.rpartition(":")[2]))
+        watch = Watch(browser.new_page(viewport=SIZE), int(address.rpartition(":")[2]))
         watch.open("")
         assert watch.ask("coastwatch.live.vessels") == 200
         inside = "[...coastwatch.live.slotOf.values()].every(slot => coastwatch.map.getBounds().contains("
@@ -314,7 +353,7 @@ def test_a_token_is_asked_for_and_opens_the_page(world: World, browser: Any, tmp
     guard = Guard(tokens=tokens.Tokens(tmp_path / "tokens.toml"))
     with Followed(world.store, None, poll_s=0.05) as followed, listening(followed.service, guard, web=WEB) as address:
         wait_for(lambda: followed.service.hub.picture)
-        watch = Watch(browser.new_page(viewport={"width": 900, "height": 600}), int(address.rpartition(":")[2]))
+        watch = Watch(browser.new_page(viewport=SIZE), int(address.rpartition(":")[2]))
         watch.page.goto(f"http://{address}/")
         watch.until("document.getElementById('login').open")
         watch.page.fill("#token", made)

@@ -7,7 +7,9 @@ import { dateClock, label, seconds, text } from './formats.js';
 
 const ASK_MS = 3000;
 const ASK_WITH_STREAM_MS = 15000;
-const MOST = 500;
+const MOST = 500; // that wait
+const MOST_DONE = 200;
+const MOST_ROWS = 300;
 const NAME_KEY = 'coastwatch.name';
 
 const lasting = (alarm) => !alarm.end_utc;
@@ -20,6 +22,7 @@ export class Alarms {
   #timer = null;
   #streaming = false;
   #changes = 0; // acknowledgements from this page
+  #unread = 0; // that wait and are older than those of `rows`
 
   constructor(app) {
     this.app = app;
@@ -43,13 +46,18 @@ export class Alarms {
     stream.onerror = () => { this.#streaming = false; };
   }
 
-  /** Asks for the alarms now, and again later. */
+  /** Asks for the alarms now, and again later: every one that waits, however old, and the newest of the others. */
   async load() {
     clearTimeout(this.#timer);
     try {
       const changes = this.#changes;
-      const { alarms } = await getJson(`alarms?state=all&limit=${MOST}`);
-      if (changes === this.#changes) this.#take(alarms); // else the answer is older than what was acknowledged
+      const [waiting, newest] = await Promise.all([
+        getJson(`alarms?state=unacknowledged&limit=${MOST}`), getJson(`alarms?state=all&limit=${MOST_DONE}`)]);
+      if (changes === this.#changes) { // else the answer is older than what was acknowledged
+        this.#unread = waiting.total - waiting.alarms.length;
+        const both = new Map([...waiting.alarms, ...newest.alarms].map((alarm) => [alarm.alarm_id, alarm]));
+        this.#take([...both.values()]);
+      }
     } catch (error) {
       if (error.status) this.app.say(error.message);
     }
@@ -75,20 +83,23 @@ export class Alarms {
     return this.rows.find(open);
   }
 
+  /** How many alarms nobody has acknowledged. */
   count() {
-    return this.rows.filter((alarm) => open(alarm) && lasting(alarm)).length;
+    return this.rows.filter(open).length + this.#unread;
   }
 
   /** Draws the line at the bottom and, where it is open, the list. */
   update() {
     const first = this.first();
-    const waiting = this.rows.filter(open).length;
+    const waiting = this.count();
+    const last = this.rows.filter((alarm) => open(alarm) && lasting(alarm)).length;
     byId('strip').hidden = !first;
     if (first) {
       byId('strip-text').textContent = `${words(first)}, ${dateClock(seconds(first.start_utc))}${lasting(first) ? '' : ', ended'}`;
-      byId('strip-count').textContent = waiting > 1 ? `1 of ${waiting}` : '';
+      byId('strip-count').textContent = waiting > 1 ? `1 of ${waiting} to acknowledge` : '';
     }
-    byId('alarm-count').textContent = String(this.count());
+    byId('alarm-count').textContent = String(waiting);
+    byId('open-alarms').title = `${waiting} to acknowledge`;
     if (this.app.state.drawer !== 'alarms') return;
     const focused = document.activeElement?.closest('[data-alarm]')?.dataset.alarm;
     const list = byId('alarm-rows');
@@ -97,7 +108,9 @@ export class Alarms {
     fill(byId('alarm-kind'), element('option', { value: '' }, 'all'),
       [...kinds].sort().map((name) => element('option', { value: name, selected: name === kind }, name.replaceAll('_', ' '))));
     const rows = this.rows.filter((alarm) => !kind || alarm.kind === kind);
-    fill(list, rows.length ? rows.slice(0, 200).map((alarm) => this.#row(alarm)) : element('li', { class: 'soft' }, 'no alarms'));
+    byId('alarm-words').textContent = waiting ? `${waiting} to acknowledge: ${last} lasting, ${waiting - last} ended`
+      : 'Nothing to acknowledge.';
+    fill(list, rows.length ? rows.slice(0, MOST_ROWS).map((alarm) => this.#row(alarm)) : element('li', { class: 'soft' }, 'no alarms'));
     if (focused) list.querySelector(`[data-alarm="${CSS.escape(focused)}"] button`)?.focus();
   }
 

@@ -99,6 +99,8 @@ export function listenToKeys(app) {
     l: () => app.replay.leave(),
     a: () => app.alarms.acknowledgeFirst(),
     m: () => app.toggleMeasure(),
+    c: () => app.compare(),
+    enter: () => app.takeCentre(),
     n: () => app.nextAlarm(),
     ' ': () => app.replay.play(!app.replay.playing),
     '?': () => byId('help').showModal(),
@@ -112,14 +114,14 @@ export function listenToKeys(app) {
     if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented) return;
     const { target } = event;
     if (target.closest('input:not([type=checkbox]), select, textarea, dialog')) return;
-    if (event.key === ' ' && target.closest('button, summary, input, a')) return;
+    if ([' ', 'Enter'].includes(event.key) && target.closest('button, summary, input, a')) return;
     const digit = /^Digit([1-9])$/.exec(event.code); // with Shift its character depends on the keyboard
     if (digit) {
       event.preventDefault();
       (event.shiftKey ? keepView : showView)(app, Number(digit[1]));
       return;
     }
-    if (pan[event.key] && target === document.body) app.map.panBy(pan[event.key]);
+    if (pan[event.key] && target === document.body) app.map.panBy(pan[event.key], {}, { byKeys: true });
     const act = keys[event.key] ?? keys[event.key.toLowerCase()];
     if (!act || (target === app.map.getCanvas() && '+=-'.includes(event.key))) return; // the map has its own keys for these
     event.preventDefault();

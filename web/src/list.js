@@ -4,7 +4,6 @@ import { byId, element, fill } from './dom.js';
 import { DETAIL_COLUMNS, listOrder } from './filters.js';
 import { course, duration, label, shipClass, text } from './formats.js';
 import { flagWords, sourceWords } from './symbols.js';
-import { secondsOf } from './wire.js';
 
 const ROW_PX = 26;
 const COLUMNS = [
@@ -61,6 +60,9 @@ export class VesselList {
     if (this.app.state.drawer !== 'vessels') return;
     const { picture, shown, details, state } = this.app;
     if (forced || !this.locked || this.order.length === 0) this.order = listOrder(picture, shown, details, state.sort);
+    const empty = this.order.length ? '' : picture.vessels ? 'The filter hides every vessel.' : 'There are no vessels in the picture.';
+    byId('list-empty').textContent = empty;
+    byId('list-empty').hidden = !empty;
     byId('list-count').textContent = `${this.order.length} of ${picture.vessels} vessels`;
     byId('list').setAttribute('aria-rowcount', String(this.order.length + 1));
     this.body.style.height = `${this.order.length * ROW_PX}px`;
@@ -94,7 +96,7 @@ export class VesselList {
       cog: vessel ? course(vessel.cog) : '–',
       source: vessel ? sourceWords(vessel.kind) : '–',
       flags: flags.join(', '),
-      age: vessel ? duration(secondsOf(app.picture.age[slot])) : '–',
+      age: vessel ? duration(app.heardAgo(slot, details)) : '–',
     };
     const selected = id === app.state.selected;
     return element('div', {

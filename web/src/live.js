@@ -11,8 +11,9 @@ const TOKEN_NEEDED = 4401;
  * Follows a server until stopped.
  * @param {string} url of the WebSocket, without query
  * @param {import('./wire.js').Picture} picture written by each frame
- * @param {{frame: (changed: number, bytes: number, ms: number) => void, state: (name: 'open'|'lost'|'token') => void,
- *   refused?: (reason: string) => void, Socket?: typeof WebSocket}} told `changed`: rows, -1 for a heartbeat
+ * @param {{frame: (changed: number, bytes: number, ms: number) => void, state: (name: 'waiting'|'open'|'lost'|'token') => void,
+ *   refused?: (reason: string) => void, Socket?: typeof WebSocket}} told
+ *   `changed`: rows, -1 for a heartbeat; `waiting`: connected, before a frame has come
  * @returns {{stop: () => void, retry: () => void}}
  */
 export function follow(url, picture, { frame, state, refused = () => {}, Socket = globalThis.WebSocket }) {
@@ -32,6 +33,7 @@ export function follow(url, picture, { frame, state, refused = () => {}, Socket 
     socket = mine;
     mine.binaryType = 'arraybuffer';
     heard();
+    mine.onopen = () => { if (mine === socket) state('waiting'); };
     mine.onmessage = ({ data }) => {
       if (mine !== socket) return;
       const began = performance.now();

@@ -7,7 +7,7 @@ import { drawEveryMs, drawsInSoftware, loadCoastline, loadLand, makeMap, paintCh
 import { listenToKeys, makeControls, paintPage, showControls, showFilterWords } from './controls.js';
 import { byId } from './dom.js';
 import { markShown, needsDetails } from './filters.js';
-import { clock as clockText, duration } from './formats.js';
+import { clock as clockText, duration, seconds } from './formats.js';
 import { VesselList, Search } from './list.js';
 import { follow as followLive } from './live.js';
 import { Marks } from './marks.js';
@@ -15,8 +15,8 @@ import { Panel } from './panel.js';
 import { PointsLayer } from './points.js';
 import { Replay } from './replay.js';
 import { DRAWERS, fromQuery, toQuery } from './state.js';
-import { THEMES } from './symbols.js';
-import { Picture } from './wire.js';
+import { STROKE_PX, THEMES } from './symbols.js';
+import { Picture, secondsOf } from './wire.js';
 import { Zones } from './zones.js';
 
 const STATUS_EVERY_MS = 3000;
@@ -54,6 +54,22 @@ class App {
     if (!this.live.at || this.status?.live === false) return this.live.at;
     const period = this.status?.period_s ?? 3;
     return this.live.at + Math.min((performance.now() - this.#heardAt) / 1000, (MISSED_CYCLES + 1) * period);
+  }
+
+  /** Unix seconds to which ages count: it goes on where the picture does not. */
+  present() {
+    if (this.replaying) return this.replay.now();
+    if (!this.live.at || this.status?.live === false) return this.live.at;
+    return this.live.at + (performance.now() - this.#heardAt) / 1000;
+  }
+
+  /** Seconds since a vessel of the picture was heard: by the picture, or by its details where they are newer. */
+  heardAgo(slot, details) {
+    const { picture } = this;
+    const now = this.present();
+    const told = seconds(details?.updated_utc);
+    const sent = picture.epoch + picture.time[slot] - secondsOf(picture.age[slot]);
+    return Math.max(0, now - (told > sent && told <= now ? told : sent));
   }
 
   theme() {
@@ -122,13 +138,18 @@ class App {
     const { map } = this;
     this.software = drawsInSoftware(map);
     if (this.software) map.setPixelRatio(SOFTWARE_PIXELS);
-    this.points.setTheme(this.theme());
+    this.points.setTheme(this.theme(), STROKE_PX[this.state.theme]);
     map.addLayer(this.points);
     this.themeChanged();
     this.points.size = sizeAt(map);
     map.on('zoom', () => { this.points.size = sizeAt(map); });
     map.on('render', () => this.marks.draw());
     map.on('moveend', () => this.stateChanged());
+    map.on('move', ({ originalEvent, byKeys }) => { // panned by keys: the middle of the chart is then the other place
+      if (!this.measure?.from || !(byKeys || originalEvent instanceof KeyboardEvent)) return;
+      const { lat, lng } = map.getCenter().wrap();
+      this.measure.to = { lat, lon: lng };
+    });
     map.on('dragstart', () => this.follow(false));
     map.on('click', (event) => this.#click(event));
     map.on('mousemove', ({ lngLat }) => {
@@ -251,7 +272,7 @@ class App {
   themeChanged() {
     paintPage(this.state.theme);
     paintChart(this.map, this.state.theme);
-    this.points.setTheme(this.theme());
+    this.points.setTheme(this.theme(), STROKE_PX[this.state.theme]);
     this.map.triggerRepaint();
     this.stateChanged();
   }
@@ -339,12 +360,8 @@ class App {
   }
 
   #click({ point, lngLat, originalEvent }) {
-    if (this.zones.drawing) {
-      this.zones.point(lngLat);
-      return;
-    }
-    if (this.measure && !this.measure.from) {
-      this.measure.from = { lat: lngLat.lat, lon: lngLat.lng };
+    if (this.zones.drawing || (this.measure && !this.measure.from)) {
+      this.#takePoint(lngLat);
       return;
     }
     const slot = this.points.pick(point);
@@ -356,6 +373,35 @@ class App {
     } else {
       this.select(id);
     }
+  }
+
+  /** A place of the chart for what is being drawn or measured. */
+  #takePoint({ lat, lng }) {
+    if (this.zones.drawing) this.zones.point({ lat, lng });
+    else this.measure.from = { lat, lon: lng };
+    this.map.triggerRepaint();
+  }
+
+  /** Takes the middle of the chart as a click takes its place: drawing and measuring without a mouse. */
+  takeCentre() {
+    if (this.awaitsPoint()) this.#takePoint(this.map.getCenter().wrap());
+  }
+
+  /** Whether a click on the chart is a point of a zone or the beginning of a measure. */
+  awaitsPoint() {
+    return this.zones.drawing || (this.measure !== null && !this.measure.from);
+  }
+
+  /** Keeps the selected vessel, so that the next one that is selected is compared with it. */
+  compare() {
+    const { selected } = this.state;
+    if (!selected) this.say('Select a vessel first.');
+    else {
+      this.second = this.second ? 0 : selected;
+      this.say(this.second ? 'Now select the other vessel: list (T), search (/) or click.' : 'No second vessel.');
+    }
+    this.panel.update();
+    this.map.triggerRepaint();
   }
 
   /** The stored path of the selected vessel up to the time that is shown. */
@@ -384,7 +430,8 @@ class App {
     const [lat, lon] = slot >= 0 ? this.picture.position(slot, this.clock()) : [];
     this.measure = this.measure ? null : { from: slot >= 0 ? { lat, lon } : null, to: null };
     byId('measure').setAttribute('aria-pressed', String(this.measure !== null));
-    if (this.measure && slot < 0) this.say('Measure: click the first place.');
+    if (this.measure && slot < 0) this.say('Measure: click the first place, or move the cross there and press Enter.');
+    else if (this.measure) this.say('Measure: point at the other place, or move the chart with the arrow keys.');
     this.map.triggerRepaint();
   }
 
@@ -432,7 +479,8 @@ class App {
     const waited = this.live.at ? (performance.now() - this.#heardAt) / 1000 : Infinity;
     let [name, words] = ['live', `LIVE  lag ${duration(this.status?.age_s)}`];
     if (this.replaying) [name, words] = ['replay', 'REPLAY'];
-    else if (this.#socket !== 'open') [name, words] = ['late', 'NO CONNECTION'];
+    else if (this.#socket === 'waiting' && !this.live.at) [name, words] = ['late', 'NO PICTURE YET'];
+    else if (this.#socket !== 'open' && this.#socket !== 'waiting') [name, words] = ['late', this.live.at ? `NO CONNECTION  ${duration(waited)}` : 'NO CONNECTION'];
     else if (this.status?.live === false) [name, words] = ['stored', 'STORED'];
     else if (waited > MISSED_CYCLES * period + 1) [name, words] = ['late', `LATE  ${duration(waited)}`];
     if (badge.dataset.is !== name) badge.dataset.is = name;
@@ -455,7 +503,7 @@ class App {
       const sum = (test) => Object.entries(kinds).filter(([kind]) => test(Number(kind))).reduce((total, [, n]) => total + n, 0);
       byId('counts').textContent = `${this.status.vessels} vessels: ${sum((kind) => (kind & 3) === 3)} fused, ${sum((kind) => (kind & 3) === 1)} AIS, `
         + `${sum((kind) => (kind & 3) === 2)} radar, ${sum((kind) => kind === 4)} bearing`;
-      byId('title').textContent = this.status.title || this.status.scenario || 'Coastwatch';
+      byId('title').textContent = byId('title').title = this.status.title || this.status.scenario || 'Coastwatch';
       byId('role').textContent = this.status.role ?? '';
       document.body.dataset.role = this.status.role ?? '';
     } catch (error) {

@@ -4,7 +4,7 @@
 import { KNOT_M_S, mercatorX, mercatorY, METRES_A_DEGREE, rangeBearing } from './geodesy.js';
 import { course, label, miles } from './formats.js';
 import { Names } from './names.js';
-import { ALWAYS_SHOWN, css, FLAG, RINGED, SYMBOL_COLOURS, symbolOf } from './symbols.js';
+import { ALWAYS_SHOWN, css, FLAG, RINGED, STROKE_PX, SYMBOL_COLOURS, symbolOf } from './symbols.js';
 import { METRES_UNKNOWN, metresOf, SOG_UNKNOWN } from './wire.js';
 
 const MOST = { vectors: 5000, ellipses: 2000, labels: 120 };
@@ -42,6 +42,7 @@ export class Marks {
     this.context.lineJoin = 'round';
     this.size = [width, height];
     this.colours = app.theme();
+    this.line = STROKE_PX[app.state.theme] / STROKE_PX.day; // CSS pixels
     this.now = app.clock();
     const centre = app.map.getCenter();
     this.zoom = app.map.getZoom();
@@ -58,6 +59,21 @@ export class Marks {
     this.#selection();
     if (layers.has('labels')) this.#drawLabels(seen);
     this.#measure();
+    if (app.awaitsPoint()) this.#centre();
+  }
+
+  /** A cross in the middle of the chart: the place that Enter takes. */
+  #centre() {
+    const { context } = this;
+    const [x, y] = this.size.map((pixels) => pixels / 2);
+    context.strokeStyle = css(this.colours.selected);
+    context.lineWidth = this.line;
+    context.beginPath();
+    for (const [u, v] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) {
+      context.moveTo(x + 4 * u, y + 4 * v);
+      context.lineTo(x + 14 * u, y + 14 * v);
+    }
+    context.stroke();
   }
 
   /** Screen position of a place in CSS pixels; nearest copy of the world. */
@@ -150,7 +166,7 @@ export class Marks {
         ends.push(a + v * 3, b - u * 3, a - v * 3, b + u * 3);
       }
     }
-    context.lineWidth = 1;
+    context.lineWidth = this.line;
     for (const [style, ends] of lines.entries()) {
       if (!ends.length) continue;
       context.strokeStyle = css(this.colours[SYMBOL_COLOURS[style >> 1]], 0.85);
@@ -167,7 +183,7 @@ export class Marks {
 
   /** 2-sigma ellipses of the position. */
   #ellipses(seen) {
-    this.context.lineWidth = 1;
+    this.context.lineWidth = this.line;
     for (const { slot, x, y, lat } of seen) this.#ellipse(slot, x, y, lat, 0.6);
   }
 
@@ -198,7 +214,7 @@ export class Marks {
     const slot = app.selectedSlot();
     if (slot >= 0) context.lineTo(...this.screen(...app.picture.position(slot, this.now)));
     context.strokeStyle = css(this.colours.selected, 0.7);
-    context.lineWidth = 1.5;
+    context.lineWidth = 1.5 * this.line;
     context.stroke();
   }
 
@@ -206,7 +222,7 @@ export class Marks {
   #bearings() {
     const { context } = this;
     context.strokeStyle = css(this.colours.bearing, 0.9);
-    context.lineWidth = 1;
+    context.lineWidth = this.line;
     for (const { lat, lon, bearing_deg, range_m } of this.app.bearings()) {
       const [x, y] = this.screen(lat, lon);
       const far = range_m * this.pixels(lat);
@@ -222,7 +238,7 @@ export class Marks {
     const { context } = this;
     context.strokeStyle = css(this.colours.cover, 0.8);
     context.fillStyle = css(this.colours.lost);
-    context.lineWidth = 1;
+    context.lineWidth = this.line;
     context.font = '11px system-ui, sans-serif';
     for (const sensor of this.app.sensors) {
       if (sensor.latitude_deg === null || !(sensor.range_m > 0)) continue;
@@ -247,7 +263,7 @@ export class Marks {
       const [lat, lon] = app.picture.position(slot, this.now);
       const [x, y] = this.screen(lat, lon);
       context.strokeStyle = css(this.colours.selected);
-      context.lineWidth = 2;
+      context.lineWidth = 2 * this.line;
       context.beginPath();
       for (const [a, b] of [[-1, -1], [1, -1], [1, 1], [-1, 1]]) {
         context.moveTo(x + a * half, y + b * (half - 6));
@@ -255,7 +271,7 @@ export class Marks {
         context.lineTo(x + a * (half - 6), y + b * half);
       }
       context.stroke();
-      context.lineWidth = 1;
+      context.lineWidth = this.line;
       this.#ellipse(slot, x, y, lat, 0.9);
     }
   }
@@ -269,7 +285,8 @@ export class Marks {
       app.details.need(this.#labels);
     }
     const [width, height] = this.size;
-    const [colour, halo] = [css(app.state.theme === 'night' ? this.colours.fused : this.colours.text), css(this.colours.sea, 0.75)];
+    const night = app.state.theme === 'night'; // dark and bold, as texts beside the chart are too bright for it
+    const [colour, halo] = [css(night ? this.colours.fused : this.colours.text), css(this.colours.sea, 0.75)];
     const taken = [];
     for (const id of this.#labels) {
       const slot = app.picture.slotOf.get(id);
@@ -278,7 +295,7 @@ export class Marks {
       if (x < 0 || y < 0 || x > width || y > height) continue;
       const text = label(id, app.details.get(id));
       const [left, top] = [x + 13, y - 8];
-      const drawn = this.#names.of(text, colour, halo);
+      const drawn = this.#names.of(text, colour, halo, night);
       const right = left + drawn.width;
       if (taken.some((box) => left < box[2] && right > box[0] && top < box[3] && top + 14 > box[1])) continue;
       taken.push([left, top, right, top + 14]);
@@ -312,7 +329,7 @@ export class Marks {
     const [x, y] = this.screen(from.lat, from.lon);
     const [u, v] = this.screen(to.lat, to.lon);
     context.strokeStyle = css(this.colours.selected);
-    context.lineWidth = 1.5;
+    context.lineWidth = 1.5 * this.line;
     context.setLineDash([6, 4]);
     context.beginPath();
     context.moveTo(x, y);

@@ -1,6 +1,7 @@
 // Names of vessels as pictures on one canvas: text with an edge is costly to draw, a copy of its picture is not.
 
 const FONT = '12px system-ui, sans-serif';
+const BOLD = `bold ${FONT}`;
 const ROW = 18; // CSS pixels
 const EDGE = 3; // room on each side for the edge of the letters
 const BASE = 14; // of the letters below the top of a row
@@ -24,23 +25,24 @@ export class Names {
     this.#row = 0;
     this.context = this.#canvas.getContext('2d');
     this.context.setTransform(this.#ratio, 0, 0, this.#ratio, 0, 0);
-    this.context.font = FONT;
     this.context.lineJoin = 'round';
     this.context.lineWidth = 3;
   }
 
   /**
-   * The picture of a text, made at the first call.
+   * The picture of a text, made at the first call. A colour has one weight.
    * @returns {{x: number, y: number, width: number}} its place on the canvas, and the width of the text in CSS pixels
    */
-  of(text, colour, halo) {
+  of(text, colour, halo, bold = false) {
     if (this.#ratio !== devicePixelRatio) this.#clear();
     const key = `${text}|${colour}|${halo}`;
     const known = this.#known.get(key);
     if (known) return known;
+    this.context.font = bold ? BOLD : FONT;
     const width = Math.min(this.context.measureText(text).width, WIDE - 2 * EDGE);
     if (this.#x + width + 2 * EDGE > WIDE) [this.#x, this.#row] = [0, this.#row + 1];
     if (this.#row >= ROWS) this.#clear();
+    this.context.font = bold ? BOLD : FONT; // a cleared canvas has lost it
     const made = { x: this.#x, y: this.#row * ROW, width };
     this.#x += Math.ceil(width) + 2 * EDGE;
     this.context.strokeStyle = halo;

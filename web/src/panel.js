@@ -5,7 +5,7 @@ import { byId, element, fill, pairs } from './dom.js';
 import { clock, course, dateClock, duration, label, length, miles, position, seconds, shipClass, speed, text } from './formats.js';
 import { closestApproach, rangeBearing } from './geodesy.js';
 import { flagWords, sourceWords } from './symbols.js';
-import { metresOf, secondsOf } from './wire.js';
+import { metresOf } from './wire.js';
 
 const AGAIN_MS = 10000;
 const ROWS = 8; // of a table of the reasons
@@ -71,7 +71,7 @@ export class Panel {
       vessel && ['Speed, course', `${speed(vessel.sog)}  ${course(vessel.cog)}`],
       vessel && ['Ellipse (2σ)', `${length(2 * metresOf(app.picture.major[slot]))} × ${length(2 * metresOf(app.picture.minor[slot]))}`],
       vessel && ['Sources', sourceWords(vessel.kind)],
-      vessel && ['Heard', `${duration(secondsOf(app.picture.age[slot]))} ago`],
+      vessel && ['Heard', `${duration(app.heardAgo(slot, details))} ago`],
       details.since_utc && ['Known since', dateClock(seconds(details.since_utc))],
       ['Vessel number', String(id)],
     ]));

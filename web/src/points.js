@@ -74,6 +74,7 @@ export class PointsLayer {
   shown = new Uint8Array(0); // one entry a slot: 0 hidden, 1 shown, 2 flashing
   shownVersion = 0;
   colours = new Float32Array(24);
+  stroke = 1.5; // CSS pixels
   picture = null;
 
   /** @param {() => number} clock Unix seconds to which vessels are moved on */
@@ -81,8 +82,9 @@ export class PointsLayer {
     this.clock = clock;
   }
 
-  /** Colours of a theme, in the order of SYMBOL_COLOURS. */
-  setTheme(theme) {
+  /** Colours of a theme, in the order of SYMBOL_COLOURS. Args: stroke: width of lines in CSS pixels. */
+  setTheme(theme, stroke) {
+    this.stroke = stroke;
     SYMBOL_COLOURS.forEach((name, k) => this.colours.set(theme[name].map((value) => value / 255), 3 * k));
   }
 
@@ -166,7 +168,7 @@ export class PointsLayer {
     gl.uniformMatrix4fv(this.uniform.matrix, false, near);
     gl.uniform1f(this.uniform.now, this.clock() - p.epoch);
     gl.uniform1f(this.uniform.pixels, Math.max(2, pixels));
-    gl.uniform1f(this.uniform.width, Math.max(0.09, 1.5 / Math.max(2, pixels)));
+    gl.uniform1f(this.uniform.width, Math.max(0.06 * this.stroke, this.stroke / Math.max(2, pixels)));
     gl.uniform1f(this.uniform.bright, this.bright ? 1 : 0);
     gl.uniform3fv(this.uniform.colours, this.colours);
     gl.disable(gl.DEPTH_TEST);

@@ -40,7 +40,7 @@ export const gravity = (flag) => FLAG_NAMES.reduce((sum, [bit], k) => sum + (fla
 
 /**
  * Colours as red, green, blue of 255. Sea, land and shore are those of S-52. Symbols by day and dusk are darker or brighter than
- * the table, so that each has 3:1 against sea and land. By night the chart keeps within the luminance of the table.
+ * the table, so that each has 3:1 against sea and land. By night symbols have the greatest luminance of the table, and no more.
  */
 export const THEMES = {
   day: {
@@ -56,14 +56,16 @@ export const THEMES = {
     text: [206, 210, 208], soft: [156, 162, 160], panel: [20, 21, 20], edge: [70, 76, 74], row: [38, 41, 40], focus: [104, 150, 255],
   },
   night: {
-    sea: [7, 7, 7], land: [13, 10, 8], shore: [30, 34, 34],
-    ais: [22, 32, 92], radar: [12, 44, 24], fused: [37, 41, 41], bearing: [58, 34, 10], lost: [33, 33, 33],
-    alarm: [84, 8, 6], flagged: [64, 14, 62], selected: [37, 41, 41], cover: [12, 31, 21],
+    sea: [7, 7, 7], land: [13, 10, 8], shore: [37, 41, 41],
+    ais: [28, 38, 110], radar: [10, 54, 24], fused: [43, 48, 48], bearing: [73, 38, 10], lost: [46, 47, 47],
+    alarm: [98, 9, 7], flagged: [82, 16, 80], selected: [43, 48, 48], cover: [12, 31, 21],
     text: [138, 126, 112], soft: [136, 124, 110], panel: [7, 7, 7], edge: [40, 38, 36], row: [20, 19, 18], focus: [84, 80, 74],
   },
 };
-/** Greatest relative luminance of the chart by night: CSTLN of the night table of S-52. */
-export const NIGHT_LUMINANCE = luminance([37, 41, 41]);
+/** Greatest relative luminance of the chart by night: UINFD, the brightest colour of the night table of S-52. */
+export const NIGHT_LUMINANCE = luminance([43, 48, 48]);
+/** Widths of the lines of symbols in CSS pixels: where luminance is limited, wider lines are what can be seen. */
+export const STROKE_PX = { day: 1.5, dusk: 1.5, night: 2.2 };
 /** Colours that draw symbols on the chart: those of SYMBOL in its order, then others. */
 export const SYMBOL_COLOURS = ['lost', 'ais', 'radar', 'fused', 'bearing', 'alarm', 'flagged', 'selected'];
 

@@ -43,6 +43,15 @@ export function draftOf(kind, points) {
 
 const feature = (type, coordinates) => ({ type: 'Feature', properties: {}, geometry: { type, coordinates } });
 
+/** What to do next, in words. Args: count: points so far. */
+export function hintOf(kind, count, drawing) {
+  if (!drawing) return count ? 'Its shape stays, unless it is drawn again.' : 'Draw its shape, then save it.';
+  const needed = {
+    polygon: 'its corners, 3 or more', line: 'its points, 2 or more', circle: 'its centre, then a place on it',
+  }[kind];
+  return `Click ${needed}, or move the cross and press Enter on the chart. So far: ${count}.`;
+}
+
 /** The rules of a zone in words. */
 export function ruleWords(zone) {
   return [

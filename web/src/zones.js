@@ -3,7 +3,7 @@
 import { getJson, sendJson } from './api.js';
 import { setDraft, setZones } from './chart.js';
 import { byId, element, fill } from './dom.js';
-import { definitionOf, draftOf, NEEDED, pointsOf, ruleWords } from './zone_shapes.js';
+import { definitionOf, draftOf, hintOf, NEEDED, pointsOf, ruleWords } from './zone_shapes.js';
 
 const LOOK_EVERY_MS = 15000;
 
@@ -15,7 +15,10 @@ export class Zones {
 
   constructor(app) {
     this.app = app;
-    byId('zone-draw').addEventListener('click', () => this.draw());
+    byId('zone-draw').addEventListener('click', () => {
+      this.draw();
+      app.map.getCanvas().focus(); // where Enter takes a point
+    });
     byId('zone-cancel').addEventListener('click', () => this.clear());
     byId('zone-kind').addEventListener('change', () => this.draw());
     byId('zone-form').addEventListener('submit', (event) => {
@@ -58,7 +61,6 @@ export class Zones {
     this.#points = [];
     this.drawing = true;
     this.#draft();
-    this.app.say('Click the points of the zone on the chart, then Save. Of a circle: its centre, then a place on it.');
   }
 
   /** A click on the chart while drawing. */
@@ -72,6 +74,9 @@ export class Zones {
     const kind = byId('zone-kind').value;
     byId('zone-draw').setAttribute('aria-pressed', String(this.drawing));
     byId('zone-save').disabled = this.#points.length < NEEDED[kind];
+    byId('zone-cancel').disabled = !this.drawing && this.#number === null;
+    byId('zone-title').textContent = this.#number === null ? 'New zone' : 'Change a zone';
+    byId('zone-hint').textContent = hintOf(kind, this.#points.length, this.drawing);
     for (const part of document.querySelectorAll('#zone-form [data-of]')) part.hidden = (part.dataset.of === 'line') !== (kind === 'line');
     setDraft(this.app.map, draftOf(kind, this.#points));
     this.app.map.triggerRepaint();

@@ -39,6 +39,7 @@ test('it resumes by run and seq after a loss, and asks for everything after a fr
   });
   assert.equal(opened[0].url, 'ws://here/stream');
   assert.deepEqual(opened[0].protocols, ['coastwatch.picture.v1']);
+  opened[0].onopen();
   opened[0].onmessage({ data: full({ run: 7, seq: 3 }, rows) });
   opened[0].close();
   await count(opened, 2);
@@ -49,7 +50,7 @@ test('it resumes by run and seq after a loss, and asks for everything after a fr
   assert.match(reasons[0], /got run 8 and base 8, needed run 7 and base 3/);
   opened[2].onmessage({ data: full({ run: 8, seq: 1 }, rows) });
   assert.deepEqual([picture.run, picture.seq], [8, 1]);
-  assert.deepEqual(states, ['open', 'lost', 'lost', 'open']);
+  assert.deepEqual(states, ['waiting', 'open', 'lost', 'lost', 'open']);
   link.stop();
   assert.ok(opened[2].closed);
 });

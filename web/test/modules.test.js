@@ -5,7 +5,7 @@ import { clock, course, dateClock, duration, length, position, seconds, shipClas
 import { filterWords, listOrder, markShown, NO_FILTER } from '../src/filters.js';
 import { defaults, fromQuery, toQuery } from '../src/state.js';
 import { restore, viewOf } from '../src/views.js';
-import { contrast, FLAG, flagWords, luminance, NIGHT_LUMINANCE, SYMBOL, SYMBOL_COLOURS, symbolOf, THEMES } from '../src/symbols.js';
+import { contrast, FLAG, flagWords, luminance, NIGHT_LUMINANCE, STROKE_PX, SYMBOL, SYMBOL_COLOURS, symbolOf, THEMES } from '../src/symbols.js';
 import { Picture } from '../src/wire.js';
 import { full } from './frames.js';
 
@@ -66,10 +66,12 @@ test('by day and dusk each symbol has a contrast of 3 to 1 against sea and land,
   }
 });
 
-test('by night nothing on the chart is brighter than the night table of S-52', () => {
+test('by night nothing on the chart is brighter than the night table of S-52, and symbols are as bright as it allows', () => {
   for (const colour of [...SYMBOL_COLOURS, 'sea', 'land', 'shore', 'cover']) {
     assert.ok(luminance(THEMES.night[colour]) <= NIGHT_LUMINANCE + 1e-12, colour);
   }
+  for (const colour of SYMBOL_COLOURS) assert.ok(luminance(THEMES.night[colour]) >= 0.95 * NIGHT_LUMINANCE, colour);
+  assert.ok(STROKE_PX.night > STROKE_PX.day);
 });
 
 const fleet = () => {

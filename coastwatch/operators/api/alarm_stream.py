@@ -22,10 +22,14 @@ CHANGING = ("lasted_s",)
 
 
 class AlarmStream:
-    """The changes of alarms, each with a number. One task looks for them while anybody listens."""
+    """The changes of alarms, each with a number. One task looks for them while anybody listens, and at once after an acknowledgement."""
 
-    def __init__(self, service: Service) -> None:
-        self._service, self._run = service, 0
+    def __init__(self, service: Service, stopping: Callable[[], bool] = lambda: False) -> None:
+        """Args: stopping: whether the server ends; events then end too, so that nobody waits for them."""
+        self._service, self._stopping, self._run = service, stopping, 0
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._listeners: set[asyncio.Event] = set()
+        service.acknowledged = self._look_soon
         self._news: deque[tuple[int, str]] = deque(maxlen=KEPT)  # number and row as JSON
         self._known: dict[str, str] = {}
         self._number, self._looked_at = 0, -math.inf
@@ -37,6 +41,18 @@ class AlarmStream:
         Args: last: the id of the last event that it has, "run-number"; empty: none; allowed: whether the listener may go on, asked each
         recheck_s.
         """
+        self._loop = asyncio.get_running_loop()
+        woken = asyncio.Event()
+        self._listeners.add(woken)
+        try:
+            async for event in self._events(last, allowed, recheck_s, woken):
+                yield event
+        finally:
+            self._listeners.discard(woken)
+
+    async def _events(
+        self, last: str, allowed: Callable[[], bool], recheck_s: float, woken: asyncio.Event
+    ) -> AsyncIterator[bytes]:
         await self._look()
         run, _, number = last.partition("-")
         at = int(number) if run == str(self._run) and number.isdecimal() else -1
@@ -47,7 +63,7 @@ class AlarmStream:
                     yield self._event(self._number, row)
             at = self._number
         silent_s, looked_at = 0.0, time.monotonic()
-        while True:
+        while not self._stopping():
             if time.monotonic() - looked_at >= recheck_s:
                 looked_at = time.monotonic()
                 if not allowed():
@@ -61,7 +77,9 @@ class AlarmStream:
             if silent_s >= SILENCE_S:
                 yield b": nothing new\n\n"
                 silent_s = 0.0
-            await asyncio.sleep(LOOK_S)
+            with suppress(TimeoutError):
+                await asyncio.wait_for(woken.wait(), LOOK_S)
+            woken.clear()
 
     async def changes(self) -> AsyncIterator[tuple[str, dict[str, Any]]]:
         """Each alarm as it begins, "opened", and as it ends, "closed", with its row.
@@ -88,6 +106,17 @@ class AlarmStream:
                 told[key] = ended
             told = {key: ended for key, ended in told.items() if key in self._known}
             await asyncio.sleep(LOOK_S)
+
+    def _look_soon(self) -> None:
+        """Have the alarms read at once. It may be called in any thread."""
+        if self._loop is not None:
+            with suppress(RuntimeError):  # the loop has been closed
+                self._loop.call_soon_threadsafe(self._wake)
+
+    def _wake(self) -> None:
+        self._looked_at = -math.inf
+        for listener in self._listeners:
+            listener.set()
 
     async def _look(self) -> None:
         """Read the alarms, at most once a second for all listeners."""

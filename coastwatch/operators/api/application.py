@@ -42,9 +42,9 @@ PLAIN_PAGE = """<!doctype html>
 
 
 def application(service: Service, guard: Guard, web: Path = WEB) -> FastAPI:
-    """The application of a server. Args: web: folder of the page."""
+    """The application of a server. Its `state.stopping` says whether the server ends. Args: web: folder of the page."""
 
-    alarms = AlarmStream(service)
+    alarms = AlarmStream(service, lambda: app.state.stopping())
 
     @asynccontextmanager
     async def life(_: FastAPI) -> AsyncIterator[None]:
@@ -56,6 +56,7 @@ def application(service: Service, guard: Guard, web: Path = WEB) -> FastAPI:
         title="Coastwatch", version=version(), lifespan=life, docs_url=None, redoc_url=None, openapi_url="/api/v1/openapi.json"
     )
     app.state.service = service
+    app.state.stopping = lambda: False
     app.include_router(answers.router)
     app.include_router(zones.router)
     _add_health(app, service)

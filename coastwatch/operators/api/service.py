@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import partial
@@ -65,6 +65,7 @@ class Service:
     publisher: Publisher | None = None  # of a region's tracks
     outs: Sequence[OutFeed] = ()  # to which each picture is sent
     webhooks: Sequence[WebHook] = ()  # to which alarms are sent
+    acknowledged: Callable[[], None] = lambda: None  # called after each acknowledgement, in any thread
     _runs: dict[int, dict[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -137,6 +138,7 @@ class Service:
         event = int(found[1]), found[2], int(found[4] or 0), int(found[3]) / 1000.0
         if not store.acknowledge(self.store, self.run_id(), event, at_s=time.time(), name=name, note=note, who=who):
             return None
+        self.acknowledged()
         rows = self.alarms({"from_s": "0"}, event[1], ALL_ALARMS)
         return Rows(rows.columns, [row for row in rows.rows if row[0] == alarm_id])
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import uvicorn
+from fastapi import FastAPI
 
 from coastwatch.operators import stored
 from coastwatch.operators.api import logs
@@ -225,18 +226,17 @@ def add_token(options: argparse.Namespace) -> int:
 
 def listen(service: Service, guard: Guard, options: argparse.Namespace, listener: socket.socket) -> None:
     """Answer requests until Ctrl-C or SIGTERM. Args: listener: as of `bound`."""
-    config = configured(application(service, guard))
-    config.ssl_certfile, config.ssl_keyfile = options.tls_cert, options.tls_key
+    tls = {"ssl_certfile": options.tls_cert, "ssl_keyfile": options.tls_key}
     found = listener.getsockname()
     shown = f"[{found[0]}]" if ":" in found[0] else found[0]
     scheme = "https" if options.tls_cert else "http"
     logs.say(f"coastwatch: {scheme}://{shown}:{found[1]}", address=f"{scheme}://{shown}:{found[1]}")
-    uvicorn.Server(config).run(sockets=[listener])
+    server_of(application(service, guard), **tls).run(sockets=[listener])
 
 
-def configured(app: Any) -> uvicorn.Config:
-    """The settings of the server of an application."""
-    return uvicorn.Config(
+def server_of(app: FastAPI, **given: Any) -> uvicorn.Server:
+    """The server of an application, which then knows when it ends. Args: given: more settings of uvicorn."""
+    config = uvicorn.Config(
         app,
         log_level="error",  # below that, whoever sends rubbish fills the log
         ws="websockets-sansio",
@@ -246,7 +246,11 @@ def configured(app: Any) -> uvicorn.Config:
         proxy_headers=False,  # the address of the other end is that of the connection: a header may say anything
         log_config=None,
         server_header=False,
+        **given,
     )
+    made = uvicorn.Server(config)
+    app.state.stopping = lambda: made.should_exit
+    return made
 
 
 def bound(host: str, port: int) -> socket.socket:
