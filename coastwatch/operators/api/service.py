@@ -53,6 +53,14 @@ class Source(Protocol):
         ...
 
 
+class Counted(Protocol):
+    """What has the counters of a feed."""
+
+    def counters(self) -> dict[str, Any]:
+        """Its state for operators."""
+        ...
+
+
 @dataclass
 class Service:
     """The parts of a running server. `run_id` is of the newest picture."""
@@ -64,6 +72,7 @@ class Service:
     audit: Audit = field(init=False)
     publisher: Publisher | None = None  # of a region's tracks
     outs: Sequence[OutFeed] = ()  # to which each picture is sent
+    journals: Sequence[Counted] = ()  # to which the tracks of this region are published
     webhooks: Sequence[WebHook] = ()  # to which alarms are sent
     acknowledged: Callable[[], None] = lambda: None  # called after each acknowledgement, in any thread
     _runs: dict[int, dict[str, Any]] = field(default_factory=dict)
@@ -114,7 +123,7 @@ class Service:
 
     def feeds(self) -> list[dict[str, Any]]:
         """The feeds with their counters."""
-        return [*self.source.feeds(), *(out.counters() for out in self.outs)]
+        return [*self.source.feeds(), *(out.counters() for out in (*self.outs, *self.journals))]
 
     def alarms(self, parameters: Mapping[str, str], kind: str | None, count: int) -> Rows:
         """The alarms of the run, newest first, with an id and who acknowledged them."""

@@ -204,12 +204,13 @@ def _serve(commands: Any) -> None:
     serve.add_argument("--role", choices=("all", "region", "centre"), help=text)
     text = (
         "a region of this centre: wss://HOST:PORT?name=NAME&token-file=FILE&ca-file=FILE; its tracks are the track source NAME; "
-        "repeatable"
+        "or nats://HOST:PORT/NAME, the stream of NATS JetStream that has them; repeatable"
     )
     serve.add_argument("--region", metavar="URL", action="append", help=text)
     text = (
         "send the picture of each cycle: cot+udp://239.2.3.1:6969, cot+tcp://HOST:PORT (Cursor on Target), "
-        "ttm+udp://HOST:PORT?site=LAT,LON, tll+udp://HOST:PORT (NMEA targets); ?rate=N messages a second (500); repeatable"
+        "ttm+udp://HOST:PORT?site=LAT,LON, tll+udp://HOST:PORT (NMEA targets); ?rate=N messages a second (500). "
+        "Of a region: tracks+nats://HOST:PORT/NAME, its tracks to a stream; repeatable"
     )
     serve.add_argument("--out", metavar="URL", action="append", help=text)
     text = "POST each alarm that begins or ends as JSON to this address, again for minutes while nobody takes it; repeatable"

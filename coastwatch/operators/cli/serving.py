@@ -21,19 +21,19 @@ from coastwatch.operators.api import logs
 from coastwatch.operators.api.application import application
 from coastwatch.operators.api.guard import LOOPBACK, Guard
 from coastwatch.operators.api.proxy import trusted
-from coastwatch.operators.api.service import Service
+from coastwatch.operators.api.service import Counted, Service
 from coastwatch.operators.api.tokens import Tokens, add
 from coastwatch.operators.api.webhook_settings import WebHook, checked, secret_of
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.cli.server_file import with_file
-from coastwatch.scenario import load_scenario
+from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.feeds.outgoing import OutAddress, OutFeed, parsed_out
 from coastwatch.server.feeds.sending import of_file, of_scenario, send
 from coastwatch.server.follow import POLL_S, Follower
 from coastwatch.server.live import Input, LiveRun, Paced
-from coastwatch.server.regions.client import parsed_region
+from coastwatch.server.regions.client import RegionAddress, parsed_region
 from coastwatch.server.regions.publisher import Publisher
 from coastwatch.server.regions.scenario import of_centre, with_track_sources
 from coastwatch.store import QueryLimit, Store, open_store
@@ -45,6 +45,9 @@ LARGEST_MESSAGE = 65_536
 """Bytes of a message from a viewer."""
 
 STOP_S = 3
+TRACKS = "tracks+"
+"""How `--out` of a region begins, to publish its tracks."""
+
 BACKLOG = 2048
 """Connections that may wait to be taken."""
 
@@ -85,7 +88,8 @@ def serve(options: argparse.Namespace) -> int:
     options = with_file(options)
     guard = _guard(options)
     _check_role(options)
-    outs = [parsed_out(text) for text in options.out]
+    outs = [parsed_out(text) for text in options.out if not text.startswith(TRACKS)]
+    _journal_addresses(options)
     _webhooks(options)  # wrong ones are refused before anything starts
     logs.begin(options.log_format)
     with (
@@ -130,6 +134,8 @@ def _serve_run(options: argparse.Namespace, guard: Guard, outs: list[OutAddress]
         given = {"database": options.db, "workers": options.workers, "resume": resume, "publisher": service.publisher}
         run = LiveRun(scenario, source, service.receive, **given)
         service.source = run
+        if service.publisher is not None:
+            service.journals = _journals(options, scenario, service.publisher, stack)
         with run, logs.Watch(run):
             _listen_and_send(service, guard, options, outs, listener)
         if run.failed:
@@ -144,6 +150,27 @@ def _listen_and_send(
         service.webhooks = _webhooks(options)
         service.outs = [stack.enter_context(OutFeed(address)) for address in outs]
         listen(service, guard, options, listener)
+
+
+def _journal_addresses(options: argparse.Namespace) -> list[RegionAddress]:
+    """Where the tracks of this region are published. Raises: AddressError, BadInput."""
+    found = [parsed_region(text.removeprefix(TRACKS)) for text in options.out if text.startswith(TRACKS)]
+    if any(not address.stream for address in found):
+        raise BadInput("--out: got tracks+ of no stream, needed tracks+nats://HOST:PORT/NAME or tracks+tls://HOST:PORT/NAME")
+    if found and options.role != "region":
+        raise BadInput(f"--out tracks+...: got it with --role {options.role}, needed --role region: it has tracks to publish")
+    return found
+
+
+def _journals(options: argparse.Namespace, scenario: Scenario, publisher: Publisher, stack: ExitStack) -> list[Counted]:
+    """The streams to which a region publishes its tracks, begun."""
+    addresses = _journal_addresses(options)
+    if not addresses:
+        return []
+    from coastwatch.server.regions.jetstream import Journal  # of the extra `nats`
+
+    keep_s = 60.0 * scenario.store.journal_minutes
+    return [stack.enter_context(Journal(address, publisher, keep_s)) for address in addresses]
 
 
 def _webhooks(options: argparse.Namespace) -> list[WebHook]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import ssl
 import threading
 import time
@@ -10,6 +11,7 @@ from collections import deque
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Self
 from urllib.parse import parse_qsl, urlencode, urlsplit
@@ -26,16 +28,21 @@ PATH = "/api/v1/tracks/stream"
 LARGEST_MESSAGE = 1 << 27  # bytes: 700,000 tracks
 FIRST_RETRY_S, LAST_RETRY_S, CONNECT_S, CLOSE_S = 0.25, 5.0, 10.0, 2.0
 LONGEST_NAME = 32
+STREAM_SCHEMES, STREAM = ("nats", "tls"), re.compile(r"[A-Za-z0-9_-]{1,32}")
+"""Of addresses of NATS, and of what a region calls itself there."""
 
 
 @dataclass(frozen=True)
 class RegionAddress:
-    """A region that a centre connects to."""
+    """A region that a centre connects to, or the stream of NATS that has its cycles."""
 
-    url: str  # ws://host:port or wss://host:port
+    url: str  # ws://host:port or wss://host:port; nats:// or tls://
     name: str  # of its track source
     token_file: str | None = None  # a file whose first line is the token
     ca_file: str | None = None  # certificates to trust, PEM; none: those of the system
+    stream: str = ""  # of NATS: what the region calls itself there
+    user: str | None = None  # of NATS
+    password_file: str | None = None  # of NATS
 
     @property
     def where(self) -> str:
@@ -44,29 +51,49 @@ class RegionAddress:
 
 
 def parsed_region(text: str) -> RegionAddress:
-    """The region of wss://host:8100?name=north&token-file=north.token&ca-file=ca.pem. Raises: AddressError."""
+    """The region of wss://host:8100?name=north&token-file=north.token&ca-file=ca.pem, or of nats://host:4222/north.
+
+    Raises: AddressError.
+    """
     parts = urlsplit(text)
-    options = dict(parse_qsl(parts.query))
+    of_stream = parts.scheme in STREAM_SCHEMES
+    options, stream = dict(parse_qsl(parts.query)), parts.path.strip("/") if of_stream else ""
     try:
-        good = parts.scheme in ("ws", "wss") and bool(parts.hostname) and (parts.port or 1) > 0
+        good = parts.scheme in ("ws", "wss", *STREAM_SCHEMES) and bool(parts.hostname) and (parts.port or 1) > 0
     except ValueError:
         good = False
-    unknown = sorted(set(options) - {"name", "token-file", "ca-file"})
-    if not good or parts.path not in ("", "/") or unknown or parts.username:
+    unknown = sorted(set(options) - {"name", "token-file", "ca-file"} - ({"user", "password-file"} if of_stream else set()))
+    if not good or unknown or parts.username or (parts.path not in ("", "/") and not STREAM.fullmatch(stream)):
         wrong = f" (unknown: {', '.join(unknown)})" if unknown else ""
         raise AddressError(
             f"region: got {text!r}{wrong}, needed ws://HOST:PORT or wss://HOST:PORT, with name=, token-file= and ca-file= behind '?', "
-            "e.g. wss://north.example:8100?name=north&token-file=north.token"
+            "e.g. wss://north.example:8100?name=north&token-file=north.token; or nats://HOST:PORT/NAME or tls://HOST:PORT/NAME, also "
+            "with user= and password-file=, NAME of letters, digits, - and _"
         )
-    name = options.get("name", parts.netloc)[:LONGEST_NAME]
-    return RegionAddress(f"{parts.scheme}://{parts.netloc}", name, options.get("token-file"), options.get("ca-file"))
+    if of_stream and not stream:
+        raise AddressError(f"region: got {text!r}, needed the name of the region in its stream: nats://HOST:PORT/NAME")
+    if of_stream and find_spec("nats") is None:
+        raise AddressError(f"region: got {text!r}, needed the package nats-py: pip install 'coastwatch[nats]'")
+    name = options.get("name", stream or parts.netloc)[:LONGEST_NAME]
+    return RegionAddress(
+        f"{parts.scheme}://{parts.netloc}",
+        name,
+        token_file=options.get("token-file"),
+        ca_file=options.get("ca-file"),
+        stream=stream,
+        user=options.get("user"),
+        password_file=options.get("password-file"),
+    )
 
 
 def token_of(address: RegionAddress) -> str | None:
     """The token of a region's file. Raises: OSError that names the file."""
-    if address.token_file is None:
-        return None
-    with Path(address.token_file).open(encoding="utf-8") as file:
+    return None if address.token_file is None else first_line(address.token_file)
+
+
+def first_line(path: str) -> str:
+    """The first line of a file. Raises: OSError that names it."""
+    with Path(path).open(encoding="utf-8") as file:
         return file.readline().strip()
 
 
@@ -122,11 +149,9 @@ class Connection:
             if len(self._waiting) >= IN_FLIGHT:  # the region may send as many again
                 self._ended.wait(FIRST_RETRY_S)
                 continue
+            made = self.connections
             try:
-                with self._opened() as socket:
-                    self._socket, self.connected, self.error = socket, True, None
-                    self.connections, wait_s = self.connections + 1, FIRST_RETRY_S
-                    self._receive(socket)
+                self._session()
             except ConnectionClosed as closed:
                 code = closed.rcvd.code if closed.rcvd else 1006
                 self.error = f"the region closed the connection: {(closed.rcvd.reason if closed.rcvd else '') or code}"
@@ -137,8 +162,17 @@ class Connection:
                 self.error = str(error)
             finally:
                 self._socket, self.connected = None, False
+            if self.connections > made:
+                wait_s = FIRST_RETRY_S
             self._ended.wait(wait_s)
             wait_s = min(2.0 * wait_s, LAST_RETRY_S)
+
+    def _session(self) -> None:
+        """Connect and take messages until the connection ends. Raises: what `_run` counts."""
+        with self._opened() as socket:
+            self._socket, self.connected, self.error = socket, True, None
+            self.connections += 1
+            self._receive(socket)
 
     def _opened(self) -> ClientConnection:
         run, seq = self.incoming.position
@@ -173,5 +207,9 @@ class Connection:
 
 def resumed(address: RegionAddress, positions: Mapping[str, tuple[str, int]], from_s: float) -> Connection:
     """The connection to a region, which goes on after what is known of it."""
-    run, seq = positions.get(address.name, NOTHING)
-    return Connection(address, from_s, Incoming(Position(run, seq)))
+    incoming = Incoming(Position(*positions.get(address.name, NOTHING)))
+    if not address.stream:
+        return Connection(address, from_s, incoming)
+    from coastwatch.server.regions.jetstream import Subscription  # of the extra `nats`
+
+    return Subscription(address, from_s, incoming)

@@ -1,0 +1,307 @@
+"""The cycles of a region over a stream of NATS JetStream: it keeps them for any number of centres, which resume by run and seq.
+
+The stream `coastwatch-NAME` has a subject for each cycle, `coastwatch.tracks.NAME.RUN.SEQ`. A cycle is one message of
+`coastwatch.tracks.v1`, cut into parts where the server takes no message of its size.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import ssl
+import threading
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
+from dataclasses import dataclass, field
+from typing import Any, Self
+
+import nats
+from nats.aio.client import Client
+from nats.aio.msg import Msg
+from nats.errors import Error, NoServersError
+from nats.errors import TimeoutError as NothingCame
+from nats.js import JetStreamContext
+from nats.js.api import AckPolicy, ConsumerConfig, DeliverPolicy, StreamConfig
+from nats.js.errors import NotFoundError
+
+from coastwatch.server.feeds.transport import reason_of
+from coastwatch.server.regions.client import (
+    CLOSE_S,
+    CONNECT_S,
+    FIRST_RETRY_S,
+    LAST_RETRY_S,
+    Connection,
+    RegionAddress,
+    first_line,
+    token_of,
+)
+from coastwatch.server.regions.link import IN_FLIGHT, NOTHING, Position
+from coastwatch.server.regions.message import MessageError, decode
+from coastwatch.server.regions.publisher import Publisher
+
+PART = "Coastwatch-Part"
+"""Header of a message: the number of its part from 1 on, and how many parts the cycle has, `2/3`."""
+
+HEADERS_BYTES = 4096  # of a message, kept free of its cycle
+LOOK_S = 0.5  # how long it is waited for a message before the end of the run is looked for
+TOGETHER = 8  # messages that are asked for at once
+SHORTEST_S = 60.0  # for which a stream keeps a cycle
+FORGOTTEN_S = 300.0  # after which the server forgets a centre that asks for nothing
+
+
+def stream_of(name: str) -> str:
+    """The stream of a region."""
+    return f"coastwatch-{name}"
+
+
+def subject_of(name: str, position: Position) -> str:
+    """The subject of a cycle of a region."""
+    return f"coastwatch.tracks.{name}.{position.run}.{position.seq}"
+
+
+def position_of(subject: str) -> Position:
+    """The cycle that a subject is of. Raises: MessageError: it is of none."""
+    *_, run, seq = subject.split(".")
+    if not seq.isdecimal():
+        raise MessageError(f"subject: got {subject[:80]!r}, needed coastwatch.tracks.NAME.RUN.SEQ")
+    return Position(run, int(seq))
+
+
+def part_of(headers: dict[str, str] | None) -> tuple[int, int]:
+    """The number of a part and how many there are. Raises: MessageError."""
+    number, _, count = (headers or {}).get(PART, "").partition("/")
+    if not (number.isdecimal() and count.isdecimal() and 1 <= int(number) <= int(count)):
+        raise MessageError(f"header {PART}: got {number[:20]!r}, needed a part such as 2/3")
+    return int(number), int(count)
+
+
+@asynccontextmanager
+async def _opened(address: RegionAddress) -> AsyncIterator[Client]:
+    """A connection that is not made again when it breaks. Raises: OSError."""
+    context = ssl.create_default_context(cafile=address.ca_file) if address.ca_file else None
+
+    errors: list[Exception] = []
+
+    async def note(error: Exception) -> None:
+        errors.append(error)
+
+    try:
+        client = await nats.connect(
+            address.url,
+            error_cb=note,
+            name="coastwatch",
+            allow_reconnect=False,
+            max_reconnect_attempts=1,  # here of the first connection
+            reconnect_time_wait=0,
+            connect_timeout=int(CONNECT_S),
+            token=token_of(address),
+            user=address.user,
+            password=None if address.password_file is None else first_line(address.password_file),
+            tls=context,
+        )
+    except NoServersError as none:
+        error = errors[-1] if errors else none
+        raise OSError(f"{address.where}: {reason_of(error) if isinstance(error, OSError) else error}") from error
+    try:
+        yield client
+    finally:
+        with suppress(Error, OSError):
+            await client.close()
+
+
+class Subscription(Connection):
+    """A region as a centre sees it: as `Connection`, with cycles of a stream. The stream keeps what is not taken."""
+
+    _parts: list[bytes]
+
+    def _session(self) -> None:
+        """As of `Connection`."""
+        try:
+            asyncio.run(self._take())
+        except Error as error:
+            raise OSError(str(error) or type(error).__name__) from error
+
+    def _acknowledge(self, position: Position) -> None:
+        """The stream needs none: the centre keeps its position with its cycles."""
+
+    async def _take(self) -> None:
+        name, self._parts = self.address.stream, []
+        async with _opened(self.address) as client:
+            stream = client.jetstream()
+            try:
+                begin, newest = await self._first(stream)
+                wanted = ConsumerConfig(
+                    deliver_policy=DeliverPolicy.ALL if begin is None else DeliverPolicy.BY_START_SEQUENCE,
+                    opt_start_seq=begin,
+                    ack_policy=AckPolicy.NONE,
+                    inactive_threshold=FORGOTTEN_S,
+                )
+                asked = f"coastwatch.tracks.{name}.>"
+                messages = await stream.pull_subscribe(asked, stream=stream_of(name), config=wanted)
+            except NotFoundError as error:
+                raise OSError(f"the server has no stream {stream_of(name)}: the region makes it") from error
+            self.connected, self.error, self.connections = True, None, self.connections + 1
+            begun = begin is not None
+            while not self._ended.is_set():
+                if len(self._waiting) >= IN_FLIGHT:
+                    await asyncio.sleep(LOOK_S / 10.0)
+                    continue
+                try:
+                    found = await messages.fetch(TOGETHER, timeout=LOOK_S)
+                except NothingCame:
+                    if not client.is_connected:
+                        raise OSError("the connection is lost") from None
+                    continue
+                for message in found:
+                    begun = self._received(message, begun, newest)
+
+    async def _first(self, stream: JetStreamContext) -> tuple[int | None, str]:
+        """Where the stream goes on after the last cycle that is known, None: it is not there; and the newest run. Raises: Error."""
+        name, position = self.address.stream, self.incoming.position
+        if position.seq:
+            with suppress(NotFoundError):
+                last = await stream.get_last_msg(stream_of(name), subject_of(name, position))
+                return (last.seq or 0) + 1, position.run
+        state = (await stream.stream_info(stream_of(name))).state
+        if not state.messages:
+            return None, ""
+        newest = await stream.get_msg(stream_of(name), state.last_seq)
+        return None, position_of(newest.subject or "").run
+
+    def _received(self, message: Msg, begun: bool, newest: str) -> bool:
+        """Take a part of a cycle. Returns: whether cycles are wanted whatever run they are of.
+
+        Args: begun: so before; if not, those of the run that is known, and of the newest run after `from_s`.
+        """
+        try:
+            position, (number, count) = position_of(message.subject), part_of(message.headers)
+            known = position.run == self.incoming.position.run
+            if not (begun or known or newest in ("", position.run)):
+                return False
+            self._parts = [*self._parts, message.data] if number == len(self._parts) + 1 else [message.data][: number == 1]
+            if len(self._parts) < count or number < count:
+                return begun
+            cycle, self._parts = decode(b"".join(self._parts)), []
+            if Position(cycle.run, cycle.seq) != position:
+                raise MessageError(f"cycle: got {cycle.run} {cycle.seq} as {message.subject}")
+        except MessageError as error:
+            self.refused, self.error, self._parts = self.refused + 1, str(error), []
+            return begun
+        if not (begun or known or cycle.time_s > self.from_s):
+            return False
+        self.size, self.heard_s = self.size + len(message.data) * count, time.time()
+        if self.incoming.received(position):
+            self._waiting.append(cycle)
+        return True
+
+
+@dataclass
+class Journal:
+    """Publishes the cycles of a region to its stream, in a thread. Use it in a `with` block."""
+
+    address: RegionAddress
+    publisher: Publisher
+    keep_s: float  # for which a stream that is made here keeps its cycles
+    connected: bool = False
+    connections: int = 0
+    error: str | None = "not connected yet"
+    published: int = 0  # cycles
+    missing: int = 0  # cycles that the journal of the region did not have any more
+    size: int = 0  # bytes
+    _heard_s: float = 0.0
+    _began_s: float = field(default_factory=time.time)
+    _ended: threading.Event = field(default_factory=threading.Event)
+    _thread: threading.Thread | None = None
+
+    def __enter__(self) -> Self:
+        self._thread = threading.Thread(target=self._run, name=f"journal {self.address.stream}", daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *unused: object) -> None:
+        self._ended.set()
+        if self._thread is not None:
+            self._thread.join(CLOSE_S)
+
+    def counters(self) -> dict[str, Any]:
+        """Its state for operators, as of a feed."""
+        return {
+            "name": f"out tracks+{self.address.url}/{self.address.stream}",
+            "connected": self.connected,
+            "connections": self.connections,
+            "error": self.error,
+            "bytes": self.size,
+            "received": 0,
+            "records": self.published,
+            "refused": 0,
+            "late": 0,
+            "dropped": self.missing,
+            "heard_s": self._heard_s or None,
+            "silent_s": round(time.time() - max(self._heard_s, self._began_s), 1),
+            "newest_s": None,
+            "faults": {},
+        }
+
+    def _run(self) -> None:
+        wait_s = FIRST_RETRY_S
+        while not self._ended.is_set():
+            made = self.connections
+            try:
+                asyncio.run(self._publish())
+            except (Error, MessageError, OSError) as error:
+                self.error = str(error) or type(error).__name__
+            self.connected = False
+            wait_s = FIRST_RETRY_S if self.connections > made else min(2.0 * wait_s, LAST_RETRY_S)
+            self._ended.wait(wait_s)
+
+    async def _publish(self) -> None:
+        loop, wake = asyncio.get_running_loop(), asyncio.Event()
+
+        def tell() -> None:
+            with suppress(RuntimeError):  # the loop has been closed
+                loop.call_soon_threadsafe(wake.set)
+
+        stop = self.publisher.listen(tell)
+        try:
+            async with _opened(self.address) as client:
+                stream = client.jetstream()
+                position = await self._last(stream)
+                self.connected, self.error, self.connections = True, None, self.connections + 1
+                while not self._ended.is_set():
+                    wake.clear()
+                    found = await asyncio.to_thread(self.publisher.after, position, IN_FLIGHT, 0.0)
+                    for cycle, message in found:
+                        await self._put(stream, cycle, message, client.max_payload - HEADERS_BYTES)
+                        self.missing += cycle.seq - 1 - position.seq if cycle.run == position.run else 0
+                        position = cycle
+                    if not found:
+                        with suppress(asyncio.TimeoutError):
+                            await asyncio.wait_for(wake.wait(), LOOK_S)
+                        if not client.is_connected:
+                            raise OSError("the connection is lost")
+        finally:
+            stop()
+
+    async def _last(self, stream: JetStreamContext) -> Position:
+        """The last whole cycle in the stream, which is made if there is none. Raises: Error."""
+        name = self.address.stream
+        try:
+            state = (await stream.stream_info(stream_of(name))).state
+        except NotFoundError:
+            subjects = [f"coastwatch.tracks.{name}.>"]
+            await stream.add_stream(StreamConfig(stream_of(name), subjects=subjects, max_age=max(self.keep_s, SHORTEST_S)))
+            return NOTHING
+        if not state.messages:
+            return NOTHING
+        last = await stream.get_msg(stream_of(name), state.last_seq)
+        position, (number, count) = position_of(last.subject or ""), part_of(last.headers)
+        return position if number == count else Position(position.run, position.seq - 1)
+
+    async def _put(self, stream: JetStreamContext, cycle: Position, message: bytes, most: int) -> None:
+        """Publish a cycle in parts of at most so many bytes. The server leaves out what it has had a short time ago. Raises: Error."""
+        parts = [message[k : k + most] for k in range(0, len(message), most)]
+        for number, part in enumerate(parts, 1):
+            headers = {PART: f"{number}/{len(parts)}", "Nats-Msg-Id": f"{cycle.run}/{cycle.seq}/{number}"}
+            name = self.address.stream
+            await stream.publish(subject_of(name, cycle), part, stream=stream_of(name), headers=headers)
+        self.published, self.size, self._heard_s = self.published + 1, self.size + len(message), time.time()

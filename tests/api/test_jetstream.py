@@ -1,0 +1,219 @@
+"""A region and its centres over a stream of NATS JetStream: the cycles are those that a WebSocket brings, each once."""
+
+from __future__ import annotations
+
+import asyncio
+import shutil
+import socket
+import subprocess
+import threading
+import uuid
+from collections.abc import Callable, Coroutine, Iterator
+from contextlib import ExitStack, suppress
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from region_world import PERIOD_S, START_S, VESSELS, Region, centre_scenario
+from server_world import listening, wait_for
+
+from coastwatch.operators.bad_input import BadInput
+from coastwatch.operators.cli import make_parser
+from coastwatch.operators.cli.serving import serve
+from coastwatch.server.feeds.address import AddressError
+from coastwatch.server.feeds.live_input import LiveInput
+from coastwatch.server.regions.client import parsed_region
+from coastwatch.store import open_store
+
+SERVER = "nats://127.0.0.1:4222"
+KEEP_S = 600.0
+
+
+def run_with_stream(act: Callable[[Any], Coroutine[Any, Any, Any]]) -> Any:
+    import nats
+
+    async def whole() -> Any:
+        client = await nats.connect(SERVER, allow_reconnect=False, connect_timeout=2)
+        try:
+            return await act(client)
+        finally:
+            await client.close()
+
+    return asyncio.run(whole())
+
+
+@pytest.fixture
+def name() -> Iterator[str]:
+    """What a region of this test calls itself; its stream is deleted."""
+    if find_spec("nats") is None:
+        pytest.skip("needs the package nats-py")
+    from nats.js.errors import Error, NotFoundError
+
+    try:
+        with socket.create_connection(("127.0.0.1", 4222), timeout=1.0):
+            run_with_stream(lambda client: client.jetstream().account_info())
+    except (OSError, Error) as error:
+        pytest.skip(f"needs a NATS server with JetStream at 127.0.0.1:4222: {error}")
+    made = f"test-{uuid.uuid4().hex[:12]}"
+    yield made
+    with suppress(NotFoundError):
+        run_with_stream(lambda client: client.jetstream().delete_stream(f"coastwatch-{made}"))
+
+
+@pytest.fixture
+def region(tmp_path: Path) -> Iterator[Region]:
+    with open_store(str(tmp_path / "region.db")) as opened:
+        yield Region(opened)
+
+
+def journal(region: Region, address: str) -> Any:
+    from coastwatch.server.regions.jetstream import Journal
+
+    assert region.service.publisher is not None
+    return Journal(parsed_region(address), region.service.publisher, KEEP_S)
+
+
+def cycles(address: str, positions: dict[str, tuple[str, int]], wanted: int) -> tuple[list[Any], list[Any], dict[str, Any]]:
+    """The tracks and the intake of each cycle of a centre, and the counters of its region."""
+    scenario = centre_scenario()
+    sensors = scenario.sensors()
+    with LiveInput([], sensors, regions=[parsed_region(address)], clock="feeds") as source:
+        source.begin(scenario, sensors, 1, threading.Event(), positions)
+        found, intake = [], []
+        for number in range(wanted):
+            wait_for(lambda number=number: source.wait(START_S + (number + 1) * PERIOD_S, threading.Event()))
+            found.append(source.between(START_S + number * PERIOD_S, START_S + (number + 1) * PERIOD_S).tracks)
+            intake.append(source.intake())
+        return found, intake, source.feeds()[0]
+
+
+def test_cycles_of_a_stream_are_to_the_bit_those_of_a_websocket_and_go_on_after_the_last_one(
+    region: Region, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "coastwatch.server.regions.jetstream.HEADERS_BYTES", (1 << 20) - 1000
+    )  # so each cycle has several parts
+    region.write(7)
+    with listening(region.service, web=tmp_path) as address, journal(region, f"{SERVER}/{name}") as published:
+        wait_for(lambda: published.published == 7)
+        by_socket = cycles(f"ws://{address}?name=north", {}, 7)
+        by_stream = cycles(f"{SERVER}/{name}?name=north", {}, 7)
+        run = by_stream[1][0][0].region_run
+        later = cycles(f"{SERVER}/{name}?name=north", {"north": (run, 4)}, 7)
+    assert by_stream[1] == by_socket[1]
+    assert [len(tracks) for tracks in by_stream[0]] == 7 * [VESSELS]
+    for one, other in zip(by_socket[0], by_stream[0], strict=True):
+        for column in ("sensor", "number", "time_s", "position_deg", "velocity_m_s", "covariance"):
+            assert np.array_equal(getattr(one, column), getattr(other, column)), column
+    assert [len(tracks) for tracks in later[0]] == [0, 0, 0, 0, VESSELS, VESSELS, VESSELS]
+    assert (by_stream[2]["records"], by_stream[2]["dropped"], by_stream[2]["refused"], by_stream[2]["late"]) == (7, 0, 0, 0)
+    messages = run_with_stream(lambda client: client.jetstream().stream_info(f"coastwatch-{name}")).state.messages
+    assert messages > 2 * 7
+
+
+def test_a_region_that_starts_again_publishes_what_the_stream_does_not_have(region: Region, name: str) -> None:
+    region.write(3)
+    with journal(region, f"{SERVER}/{name}") as published:
+        wait_for(lambda: published.published == 3)
+    region.write(2)
+    with journal(region, f"{SERVER}/{name}") as published:
+        wait_for(lambda: published.published == 2)
+        region.write(1)
+        wait_for(lambda: published.published == 3)
+        assert published.counters()["connected"]
+        assert published.counters()["dropped"] == 0
+    found, intake, _ = cycles(f"{SERVER}/{name}?name=north", {}, 6)
+    assert [len(tracks) for tracks in found] == 6 * [VESSELS]
+    assert [(one.first_seq, one.last_seq) for part in intake for one in part] == [(seq, seq) for seq in range(1, 7)]
+
+
+def test_damaged_messages_are_counted_and_cycles_that_the_stream_lost_too(region: Region, name: str) -> None:
+    region.write(2)
+    with journal(region, f"{SERVER}/{name}") as published, ExitStack() as stack:
+        wait_for(lambda: published.published == 2)
+        scenario = centre_scenario()
+        sensors = scenario.sensors()
+        source = stack.enter_context(
+            LiveInput([], sensors, regions=[parsed_region(f"{SERVER}/{name}?name=north")], clock="feeds")
+        )
+        source.begin(scenario, sensors, 1, threading.Event(), {})
+        wait_for(lambda: source.feeds()[0]["received"] == 2)
+
+        async def damage(client: Any) -> None:
+            stream = client.jetstream()
+            for headers in ({"Coastwatch-Part": "1/1"}, {"Coastwatch-Part": "3/2"}, None):
+                await stream.publish(f"coastwatch.tracks.{name}.9@x.1", b"damaged", headers=headers)
+
+        run_with_stream(damage)
+        wait_for(lambda: source.feeds()[0]["refused"] == 3)
+        region.cycles += 1  # a cycle that nobody gets
+        region.write(1)
+        wait_for(lambda: source.feeds()[0]["received"] == 4)
+        assert source.feeds()[0]["dropped"] == 1
+
+
+@pytest.mark.parametrize(
+    "text", ["nats://h:1", "nats://h:1/a.b", "nats://h:1/a/b", "nats://h:1/a?x=1", "ws://h:1?user=a", "tls://:1/a"]
+)
+def test_an_address_of_no_stream_is_refused(text: str) -> None:
+    with pytest.raises(AddressError, match="needed"):
+        parsed_region(text)
+
+
+def test_a_stream_has_a_name_and_secrets_in_files(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = parsed_region("tls://h:4222/north-1?user=a&password-file=p&ca-file=c")
+    assert (found.url, found.stream, found.name) == ("tls://h:4222", "north-1", "north-1")
+    assert (found.user, found.password_file, found.ca_file) == ("a", "p", "c")
+    monkeypatch.setattr("coastwatch.server.regions.client.find_spec", lambda name: None)
+    with pytest.raises(AddressError, match=r"pip install 'coastwatch\[nats\]'"):
+        parsed_region("nats://h:4222/north")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--role", "all", "--out", "tracks+nats://h:1/a"], "needed --role region"),
+        (["--role", "region", "--out", "tracks+ws://h:1"], "of no stream"),
+    ],
+)
+def test_only_a_region_publishes_and_only_to_a_stream(words: list[str], said: str) -> None:
+    with pytest.raises(BadInput, match=said):
+        serve(make_parser().parse_args(["serve", "guanabara", *words]))
+
+
+def test_a_server_that_wants_a_token_gets_it_from_a_file(region: Region, name: str, tmp_path: Path) -> None:
+    if shutil.which("nats-server") is None:
+        pytest.skip("needs the program nats-server")
+    with socket.create_server(("127.0.0.1", 0)) as held:
+        port = held.getsockname()[1]
+    token = tmp_path / "token"
+    token.write_text("wrong\n", "utf-8")
+    region.write(2)
+    words = ["nats-server", "-a", "127.0.0.1", "-p", str(port), "-js", "-sd", str(tmp_path / "js"), "--auth", "right"]
+    with subprocess.Popen(words, stderr=subprocess.DEVNULL) as server:
+        address = f"nats://127.0.0.1:{port}/{name}?token-file={token}"
+        try:
+            with journal(region, address) as published:
+                wait_for(lambda: "Authorization" in (published.counters()["error"] or ""))
+                token.write_text("right\n", "utf-8")
+                wait_for(lambda: published.published == 2)
+                assert len(cycles(f"{address}&name=north", {}, 2)[0][1]) == VESSELS
+        finally:
+            server.terminate()
+
+
+def test_without_a_server_a_centre_says_so_and_tries_again(name: str) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as held:
+        port = held.getsockname()[1]
+    scenario = centre_scenario()
+    sensors = scenario.sensors()
+    with LiveInput([], sensors, regions=[parsed_region(f"nats://127.0.0.1:{port}/{name}?name=north")], clock="feeds") as source:
+        stop = threading.Event()
+        waiting = threading.Thread(target=source.begin, args=(scenario, sensors, 1, stop, {}))
+        waiting.start()
+        wait_for(lambda: source.feeds() and source.feeds()[0]["error"])
+        stop.set()
+        waiting.join()
+        assert (source.feeds()[0]["connected"], source.feeds()[0]["error"]) == (False, f"127.0.0.1:{port}: Connection refused")
