@@ -39,6 +39,9 @@ FOR_ADMINS = ("/api/v1/audit",)
 """Beginnings of the paths that a viewer or operator may not read."""
 
 LARGEST_BODY, MOST_SOCKETS = 1 << 20, 8
+BODY_S = 30.0
+"""The body of a request has to be here after so long."""
+
 TOKEN_NEEDED, TOO_MANY_SOCKETS = 4401, 4429
 LOGGED = (401, 403, 413, 429, 500)
 """Answers that are warned of in the log. 503 is not among them: `logs.Watch` says why."""
@@ -288,13 +291,19 @@ async def _closed(scope: Scope, receive: Receive, send: Send, code: int) -> None
 
 
 def _limited(receive: Receive) -> Receive:
-    """Receives at most LARGEST_BODY bytes of a body without a length; then the sender seems to have gone."""
-    taken = 0
+    """Receives a body of at most LARGEST_BODY bytes, within BODY_S; after that the sender seems to have gone."""
+    taken, whole = 0, False
+    until_s = asyncio.get_running_loop().time() + BODY_S
 
     async def receiving() -> Message:
-        nonlocal taken
-        message = await receive()
+        nonlocal taken, whole
+        try:
+            async with asyncio.timeout_at(None if whole else until_s):
+                message = await receive()
+        except TimeoutError:
+            return {"type": "http.disconnect"}
         taken += len(message.get("body", b""))
+        whole = whole or not message.get("more_body", False)
         return message if taken <= LARGEST_BODY else {"type": "http.disconnect"}
 
     return receiving

@@ -20,6 +20,7 @@ from coastwatch.operators import stored
 from coastwatch.operators.api import logs
 from coastwatch.operators.api.application import application
 from coastwatch.operators.api.guard import LOOPBACK, Guard
+from coastwatch.operators.api.patience import Patience
 from coastwatch.operators.api.proxy import trusted
 from coastwatch.operators.api.service import Counted, Service
 from coastwatch.operators.api.tokens import Tokens, add
@@ -263,8 +264,10 @@ def listen(service: Service, guard: Guard, options: argparse.Namespace, listener
 
 def server_of(app: FastAPI, **given: Any) -> uvicorn.Server:
     """The server of an application, which then knows when it ends. Args: given: more settings of uvicorn."""
+    patience = Patience(app, app.state.service.metrics.requests.labels("408").inc)
     config = uvicorn.Config(
-        app,
+        patience,
+        http=patience.protocol,
         log_level="error",  # below that, whoever sends rubbish fills the log
         ws="websockets-sansio",
         ws_per_message_deflate=False,  # it costs 85 ms a frame and viewer, and saves a third
