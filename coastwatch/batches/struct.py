@@ -95,6 +95,16 @@ def _optional_columns(struct: type[Struct]) -> tuple[str, ...]:
     return _OPTIONAL[struct]
 
 
+_NAMES: dict[type, tuple[str, ...]] = {}
+
+
+def _names(struct: type[Struct]) -> tuple[str, ...]:
+    """The fields in order; kept for each class, because rows are counted and taken hundreds of times a cycle."""
+    if struct not in _NAMES:
+        _NAMES[struct] = tuple(f.name for f in fields(struct))
+    return _NAMES[struct]
+
+
 @dataclass(frozen=True, eq=False)
 class Batch(Struct):
     """A Struct whose every column has the same first axis: rows can be counted, taken and joined."""
@@ -108,15 +118,15 @@ class Batch(Struct):
         super().__post_init__()
 
     def __len__(self) -> int:
-        return len(getattr(self, fields(self)[0].name))
+        return len(getattr(self, _names(type(self))[0]))
 
     def take(self, rows: Array) -> Self:
         """The rows at these indices or under this mask, in that order."""
-        return type(self)(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+        return type(self)(**{name: getattr(self, name)[rows] for name in _names(type(self))})
 
     def without_values(self, *kept: str) -> Self:
         """As many rows, with the values of the columns that are named. The others are NaN or 0 throughout and take no memory."""
-        every = {f.name: getattr(self, f.name) for f in fields(self)}
+        every = {name: getattr(self, name) for name in _names(type(self))}
         return type(self)(**{name: array if name in kept else _constant(array) for name, array in every.items()})
 
     @classmethod
@@ -124,7 +134,7 @@ class Batch(Struct):
         """The rows of all parts, one after the other; no part gives an empty batch."""
         if not parts:
             return cls.empty()
-        return cls(**{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)})
+        return cls(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in _names(cls)})
 
     @classmethod
     def empty(cls, **sizes: int) -> Self:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coastwatch.batches import Associations, Floats, Ints, SourceKind, Tracks, Truth
+from coastwatch.batches import Associations, Bools, Floats, Ints, SourceKind, Tracks, Truth
 from coastwatch.geodesy import difference_m
 from coastwatch.kernels.tables.match_ids import index_of
 
@@ -21,44 +21,62 @@ GONE, NOBODY = -3, -1  # in place of the number of a true vessel
 
 
 @dataclass(frozen=True)
+class TruePairs:
+    """Every pair of a radar and an AIS track at one instant: whether it is scored, and whether it is of one vessel."""
+
+    radar: Ints  # (N,) number of each track among the R radar tracks, -1 for others
+    ais: Ints  # (N,) number of each track among the A AIS tracks, -1 for others
+    scored: Bools  # (R, A)
+    same: Bools  # (R, A) of one vessel; a lost radar track has none
+    vessel: Ints  # (A,) true vessel of each AIS track
+
+    @staticmethod
+    def of(tracks: Tracks, truth: Truth, kinds: Ints, lost_m: float) -> TruePairs:
+        """The pairs of these tracks. Args: kinds: SourceKind of each source; lost_m: a radar track farther from its vessel is lost."""
+        rows = [np.flatnonzero(kinds[tracks.source] == kind) for kind in (SourceKind.RADAR, SourceKind.AIS)]
+        of_radar, of_ais = (
+            true_vessels(tracks.take(some), truth, most) for some, most in zip(rows, (lost_m, np.inf), strict=True)
+        )
+        number = np.full((2, len(tracks)), -1)
+        for k, some in enumerate(rows):
+            number[k, some] = np.arange(len(some))
+        scored = (of_radar != GONE)[:, None] & (of_ais != GONE)
+        return TruePairs(number[0], number[1], scored, scored & (of_radar[:, None] == of_ais) & (of_ais != NOBODY), of_ais)
+
+
+@dataclass(frozen=True)
 class PairScores:
     """Sums over the instants so far."""
 
-    lost_m: float = 100.0  # a radar track farther than this from its vessel is lost
     tp: int = 0
     fn: int = 0
     fp: int = 0
     tn: int = 0
     waited: int = 0  # instants before the first right association of a vessel that had tracks of both kinds
-    wanted: tuple[int, ...] = ()  # vessels that have had tracks of both kinds
-    found: tuple[int, ...] = ()  # of them, those that have been associated rightly
+    wanted: frozenset[int] = frozenset()  # vessels that have had tracks of both kinds
+    found: frozenset[int] = frozenset()  # of them, those that have been associated rightly
 
-    def seen(self, tracks: Tracks, associations: Associations, truth: Truth, kinds: Ints) -> PairScores:
-        """The sums after one more instant. Args: associations: of these tracks; kinds: SourceKind of each source."""
-        radar, ais = (np.flatnonzero(kinds[tracks.source] == kind) for kind in (SourceKind.RADAR, SourceKind.AIS))
-        of_radar, of_ais = true_vessels(tracks.take(radar), truth, self.lost_m), true_vessels(tracks.take(ais), truth, np.inf)
-        scored = (of_radar != GONE)[:, None] & (of_ais != GONE)
-        same = scored & (of_radar[:, None] == of_ais) & (of_ais != NOBODY)
-        column = np.full(len(tracks), -1)
-        column[ais], row = np.arange(len(ais)), np.full(len(tracks), -1)
-        row[radar] = np.arange(len(radar))
-        made = np.zeros(scored.shape, np.bool_)
+    def seen(self, pairs: TruePairs, associations: Associations) -> PairScores:
+        """The sums after one more instant. Args: pairs, associations: of the same tracks."""
+        made = np.zeros(pairs.scored.shape, np.bool_)
         for one, other in ((associations.first, associations.second), (associations.second, associations.first)):
-            pair = (row[one] >= 0) & (column[other] >= 0)
-            made[row[one[pair]], column[other[pair]]] = True
-        right = made & same
-        wanted = set(np.broadcast_to(of_ais, same.shape)[same].tolist())
-        found = set(self.found) | set(np.broadcast_to(of_ais, same.shape)[right].tolist())
-        begun = same & np.isin(of_ais, sorted(found))
+            row, column = pairs.radar[one], pairs.ais[other]
+            both = (row >= 0) & (column >= 0)
+            made[row[both], column[both]] = True
+        made &= pairs.scored
+        right = made & pairs.same
+        wanted = set(pairs.vessel[pairs.same.any(axis=0)].tolist())
+        found = self.found.union(pairs.vessel[right.any(axis=0)].tolist())
+        begun = pairs.same & np.array([vessel in found for vessel in pairs.vessel.tolist()], np.bool_)
+        scored, same, accepted, tp = (int(np.count_nonzero(one)) for one in (pairs.scored, pairs.same, made, right))
         return PairScores(
-            self.lost_m,
-            self.tp + int(right.sum()),
-            self.fn + int((begun & ~made).sum()),
-            self.fp + int((made & scored & ~same).sum()),
-            self.tn + int((scored & ~made & ~same).sum()),
+            self.tp + tp,
+            self.fn + int(np.count_nonzero(begun)) - tp,
+            self.fp + accepted - tp,
+            self.tn + scored - same - (accepted - tp),
             self.waited + len(wanted - found),
-            tuple(sorted(set(self.wanted) | wanted)),
-            tuple(sorted(found)),
+            self.wanted | wanted,
+            found,
         )
 
     def as_dict(self, period_s: float) -> dict[str, float | int | None]:

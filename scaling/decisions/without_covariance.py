@@ -17,10 +17,11 @@ from pydantic import TypeAdapter
 from coastwatch.associations import Associator
 from coastwatch.batches import RadarCorrections, Tracks
 from coastwatch.scenario import Scenario, load_scenario
-from coastwatch.scores.track_pairs import PairScores
+from coastwatch.scores.track_pairs import PairScores, TruePairs
 from coastwatch.stage import serial
 from scaling.load.seeds import seed_range
 
+LOST_M = 100.0  # a radar track farther than this from its vessel is lost
 FAMILIES = "easy", "normal", "difficult", "very-difficult"
 METHODS: dict[str, dict[str, Any]] = {
     "windowed_covariance": {"method": "windowed_covariance"},
@@ -50,10 +51,10 @@ def run(scenario: Scenario, seed: int, methods: dict[str, Any]) -> dict[str, Pai
         unknown = replace(ais_tracks, covariance=np.full_like(ais_tracks.covariance, np.nan))
         tracks = scenario.alignment.step(Tracks.join([radar_tracks, unknown]), now_s)
         of_spots, spots = scenario.spots.step(of_spots, tracks)
-        truth = recording.truth.at(now_s)
+        pairs = TruePairs.of(tracks, recording.truth.at(now_s), sensors.source_kinds, LOST_M)
         for name, method in methods.items():
             memories[name], found = method.step(memories[name], tracks, spots, serial)
-            scores[name] = scores[name].seen(tracks, found, truth, sensors.source_kinds)
+            scores[name] = scores[name].seen(pairs, found)
     return scores
 
 

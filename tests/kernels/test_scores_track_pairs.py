@@ -8,9 +8,10 @@ from coastwatch.batches import Associations, Tracks, Truth
 from coastwatch.geodesy import offset_deg
 from coastwatch.scores.nees import mean_of_runs
 from coastwatch.scores.ospa import ospa2
-from coastwatch.scores.track_pairs import PairScores
+from coastwatch.scores.track_pairs import PairScores, TruePairs
 
 KINDS = np.array([0, 1], np.int64)
+LOST_M = 100.0
 ORIGIN = np.array([60.0, 5.0])
 
 
@@ -38,17 +39,17 @@ def test_pairs_are_counted_as_by_hand():
     where = truth([0, 1], [0.0, 1000.0])
     source, origin = [0, 0, 0, 0, 1, 1], [0, 1, -1, 7, 0, 1]
     lost = tracks(source, origin, [10.0, 1150.0, 500.0, 0.0, 0.0, 1000.0])
-    scores = PairScores().seen(lost, pairs(lost), where, KINDS)
+    scores = PairScores().seen(TruePairs.of(lost, where, KINDS, LOST_M), pairs(lost))
     assert (scores.tp, scores.fn, scores.fp, scores.tn) == (0, 0, 0, 5), "vessel 0 waits: its miss does not count; 1 is lost"
-    assert (scores.waited, scores.wanted, scores.found) == (1, (0,), ())
-    scores = scores.seen(lost, pairs(lost, (0, 4), (1, 5), (3, 5)), where, KINDS)
+    assert (scores.waited, scores.wanted, scores.found) == (1, {0}, set())
+    scores = scores.seen(TruePairs.of(lost, where, KINDS, LOST_M), pairs(lost, (0, 4), (1, 5), (3, 5)))
     assert (scores.tp, scores.fn, scores.fp, scores.tn) == (1, 0, 1, 9), (
         "a lost track is wrong; that of a gone vessel is not scored"
     )
     near = tracks(source, origin, [10.0, 1010.0, 500.0, 0.0, 0.0, 1000.0])
-    scores = scores.seen(near, pairs(near, (0, 5)), where, KINDS)
+    scores = scores.seen(TruePairs.of(near, where, KINDS, LOST_M), pairs(near, (0, 5)))
     assert (scores.tp, scores.fn, scores.fp, scores.tn) == (1, 1, 2, 12), "vessel 0 has begun: its miss counts; 1 waits"
-    assert (scores.waited, scores.wanted, scores.found) == (2, (0, 1), (0,))
+    assert (scores.waited, scores.wanted, scores.found) == (2, {0, 1}, {0})
     figures = scores.as_dict(2.0)
     assert figures["tpr"] == 0.5
     assert figures["fpr"] == 2 / 14
@@ -58,7 +59,7 @@ def test_pairs_are_counted_as_by_hand():
 
 def test_nothing_to_count_is_none():
     assert PairScores().as_dict(1.0)["tpr"] is None
-    assert PairScores().seen(Tracks.empty(), pairs([]), truth([], []), KINDS) == PairScores()
+    assert PairScores().seen(TruePairs.of(Tracks.empty(), truth([], []), KINDS, LOST_M), pairs([])) == PairScores()
 
 
 def test_ospa2_is_that_by_hand():

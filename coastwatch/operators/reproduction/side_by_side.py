@@ -15,7 +15,7 @@ from coastwatch.fused_tracks import Fuser
 from coastwatch.geodesy import difference_m
 from coastwatch.scenario import Scenario
 from coastwatch.scores.nees import nees
-from coastwatch.scores.track_pairs import PairScores, true_vessels
+from coastwatch.scores.track_pairs import PairScores, TruePairs, true_vessels
 from coastwatch.stage import Settings, serial
 
 
@@ -37,7 +37,7 @@ def measure(scenario: Scenario, seed: int, asked: SideBySide) -> dict[str, dict[
     memories = {name: method.init() for name, method in methods.items()}
     fusers: dict[str, Any] = dict(asked.fused_tracks)
     fused: dict[str, Any] = {name: method.init() for name, method in fusers.items()}
-    scores = dict.fromkeys(asked.associations, PairScores(asked.lost_m))
+    scores = dict.fromkeys(asked.associations, PairScores())
     errors: dict[str, list[Floats]] = {name: [] for name in ("radar", "ais", *fused)}
     converted, radar, ais = scenario.plots.init(), scenario.tracks.init(), scenario.ais_tracks.init()
     spots_memory = scenario.spots.init()
@@ -50,10 +50,11 @@ def measure(scenario: Scenario, seed: int, asked: SideBySide) -> dict[str, dict[
         tracks = scenario.alignment.step(Tracks.join([radar_tracks, ais_tracks]), now_s)
         spots_memory, spots = scenario.spots.step(spots_memory, tracks)
         truth, kinds = recording.truth.at(now_s), sensors.source_kinds
+        pairs = TruePairs.of(tracks, truth, kinds, asked.lost_m)
         for name, method in methods.items():
             memories[name], found = method.step(memories[name], tracks, spots, serial)
             if name:
-                scores[name] = scores[name].seen(tracks, found, truth, kinds)
+                scores[name] = scores[name].seen(pairs, found)
         vessel, of_truth, rows = _right_pairs(tracks, found, truth, kinds, asked.lost_m)
         measurements = Measurements.join([taken, reported])
         for name, fuser in fusers.items():
