@@ -222,6 +222,32 @@ def test_radars_that_are_heard_before_ais_take_its_date(monkeypatch: pytest.Monk
         assert made.feeds()[0]["newest_s"] is not None  # AIS was silent for too long
 
 
+def test_radars_alone_take_the_date_of_their_address_and_go_on_over_midnight() -> None:
+    address = "asterix+udp://127.0.0.1:0?date=2024-02-29"
+    day_s, kind = 1_709_164_800.0, generated.Cat_048_1_32
+    seconds = [86_398.0, 86_399.5, 1.0, 86_399.0, 2.5]
+
+    def plot(of_day_s: float) -> Any:
+        said = {"010": (("SAC", 25), ("SIC", 1)), "140": (of_day_s, "s"), "020": ((("TYP", 1), 0, 0, 0, 0, 0, None),)}
+        return kind.cv_record.create({**said, "040": (("RHO", (3.0, "NM")), ("THETA", (40.0, "°")))})  # type: ignore[attr-defined]
+
+    with receiving(address) as made:
+        put_datagrams(made.ports[0], [kind.create([plot(of_day_s)]).unparse().to_bytes() for of_day_s in seconds])  # type: ignore[attr-defined]
+        deliver(made, len(seconds))
+        found = made.between(day_s, day_s + 2 * 86_400.0).radar
+        assert made.dateless == []
+    assert (found.time_s - day_s).tolist() == [86_398.0, 86_399.0, 86_399.5, 86_401.0, 86_402.5]
+    for text, said in (("2024-2-30", "YYYY-MM-DD"), ("", "needed")):
+        with pytest.raises(AddressError, match=said), receiving(f"asterix+udp://127.0.0.1:0?date={text or 'x'}"):
+            pass
+    with pytest.raises(AddressError, match="needed --clock feeds"):
+        LiveInput([parsed(address)], SENSORS)
+    with receiving("asterix+udp://127.0.0.1:0") as made:
+        assert made.dateless == ["asterix+udp://127.0.0.1:0"]
+    with receiving("asterix+udp://127.0.0.1:0", "ais+listen://127.0.0.1:0") as made:
+        assert made.dateless == []
+
+
 WITH_SOURCES = with_track_sources(SCENARIO, ["vts", "tower"]).sensors()
 
 

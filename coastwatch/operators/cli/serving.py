@@ -130,7 +130,11 @@ def _serve_run(options: argparse.Namespace, guard: Guard, outs: list[OutAddress]
         source: Input = Paced(options.speed)
         if live:
             timing = {"clock": options.clock, "lateness_s": options.lateness}
-            source = stack.enter_context(LiveInput(feeds, scenario.sensors(), regions=regions, **timing))
+            source = received = stack.enter_context(LiveInput(feeds, scenario.sensors(), regions=regions, **timing))
+            for text in received.dateless:
+                logs.LOG.warning(
+                    f"{text}: its times of day are of today's date, as no feed has one; ?date=YYYY-MM-DD says another"
+                )
         resume = live and not options.new
         given = {"database": options.db, "workers": options.workers, "resume": resume, "publisher": service.publisher}
         run = LiveRun(scenario, source, service.receive, **given)

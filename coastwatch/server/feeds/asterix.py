@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from datetime import UTC, date, datetime
 from functools import cache
 from itertools import pairwise
 from types import SimpleNamespace
@@ -68,7 +69,7 @@ def origins_of(address: Address, sensors: Sensors) -> dict[tuple[int, int], Orig
     radars, sources = [str(name) for name in sensors.radars.name], [str(name) for name in sensors.track_sources.name]
     out = {}
     for key, value in address.options.items():
-        if key == "name":
+        if key in ("name", "date"):
             continue
         sac, _, sic = key.partition("/")
         if not (sac.isdecimal() and sic.isdecimal()) or value not in (*radars, *sources):
@@ -80,8 +81,21 @@ def origins_of(address: Address, sensors: Sensors) -> dict[tuple[int, int], Orig
     return out
 
 
+def date_of(address: Address) -> float | None:
+    """The beginning of the day in `?date=YYYY-MM-DD`, Unix time; None: there is none. Raises: AddressError."""
+    text = address.options.get("date")
+    if text is None:
+        return None
+    try:
+        return datetime.combine(date.fromisoformat(text), datetime.min.time(), UTC).timestamp()
+    except ValueError:
+        raise AddressError(
+            f"feed: got date={text} in {address.text!r}, needed the day of its first report, YYYY-MM-DD"
+        ) from None
+
+
 class AsterixDecoder:
-    """The datagrams of one feed.
+    """The datagrams of one feed. With `date=` its first time of day is of that day, and the others are near the newest one.
 
     Where its address names nothing, SIC 1 is the first radar of the scenario, 2 the second, and CAT 062 is of the only track source.
     """
@@ -91,9 +105,14 @@ class AsterixDecoder:
         self.tally, self.counts = Tally(), Counts()
         self.newest_s, self.first_s = -math.inf, math.inf
         self._name, self._sensors = address.name, sensors
-        self._origins = origins_of(address, sensors)
+        self._origins, self._date_s = origins_of(address, sensors), date_of(address)
         self._plots = Waiting(self.counts, RadarReports, ("sensor", "range_m", "azimuth_deg"))
         self._tracks = Waiting(self.counts, TrackReports, ("sensor", "number", "position_deg"))
+
+    @property
+    def has_date(self) -> bool:
+        """Whether its address has the date of its times of day."""
+        return self._date_s is not None
 
     def take(self, items: list[Item], reference_s: float | None) -> None:
         """As of `Decoder`. A time of day is that nearest to the reference, or to the arrival."""
@@ -145,7 +164,7 @@ class AsterixDecoder:
         if origin is None:
             self.tally.add(UNKNOWN_RADAR, self._name, "no item 010" if identity is None else str(identity.as_uint()))
             return None
-        time_s = about_s if clock is None else nearest_s(clock.variation.content.as_quantity("s"), about_s)
+        time_s = about_s if clock is None else self._instant_s(clock.variation.content.as_quantity("s"), about_s)
         self.newest_s, self.first_s = max(self.newest_s, time_s), min(self.first_s, time_s)
         if category == 34 or (category == 10 and record.get_item("000").as_uint() != TARGET_REPORT):
             self.tally.add(SERVICE, self._name)
@@ -160,6 +179,12 @@ class AsterixDecoder:
                 return None
             return origin.number, track
         return self._plot(record, category, origin.number, time_s)
+
+    def _instant_s(self, of_day_s: float, about_s: float) -> float:
+        """When it is this time of day: on the date of the address, or nearest to the newest report or to `about_s`."""
+        if self._date_s is None:
+            return nearest_s(of_day_s, about_s)
+        return nearest_s(of_day_s, self.newest_s) if math.isfinite(self.newest_s) else self._date_s + of_day_s
 
     def _plot(self, record: Any, category: int, radar: int, time_s: float) -> Plot | None:
         position = record.get_item("040") if category in (48, 10) else None

@@ -18,7 +18,7 @@ from typing import Any, Literal, Self
 from coastwatch.batches import Fault, FileContent, Recording, Reports, Sensors, TrackReports
 from coastwatch.scenario import Scenario
 from coastwatch.sensors.recorded.faults import refused
-from coastwatch.server.feeds.address import Address
+from coastwatch.server.feeds.address import Address, AddressError
 from coastwatch.server.feeds.ais import AisDecoder, Receivers
 from coastwatch.server.feeds.asterix import AsterixDecoder
 from coastwatch.server.feeds.decoding import Cut, Decoder
@@ -52,7 +52,7 @@ class _Feed:
     def __init__(self, inbox: Inbox, decoder: Decoder) -> None:
         self.inbox, self.decoder = inbox, decoder
         self.began_s = time.time()
-        self.has_dates = not isinstance(decoder, AsterixDecoder)
+        self.has_dates = not isinstance(decoder, AsterixDecoder) or decoder.has_date
         self.items: list[Item] = []  # received and not yet decoded
 
     @property
@@ -121,8 +121,17 @@ class LiveInput:
                 made = _other_decoder(address, sensors)
                 others.append(made)
             self._feeds.append(_Feed(inbox, made))
+            if clock == "wall" and "date" in address.options and address.format == "asterix":
+                raise AddressError(f"feed: got date= in {address.text!r}, needed --clock feeds with it: it is for replays")
         self._names = tuple(decoder.name for decoder in ais)
         self._cuts: list[Cut] = [Receivers(ais).cut, *(decoder.cut for decoder in others)]
+
+    @property
+    def dateless(self) -> list[str]:
+        """The feeds whose times of day take the date of this machine, as nothing else has one: with the clock of the feeds."""
+        if self._clock == "wall" or self._addresses or any(feed.has_dates for feed in self._feeds):
+            return []
+        return [feed.inbox.address.text for feed in self._feeds]
 
     @property
     def ports(self) -> list[int]:
