@@ -125,7 +125,8 @@ def peer_rows(found: dict[str, Any]) -> list[Row]:
 
 def kernel_rows(found: dict[str, Any]) -> list[Row]:
     """Rows of the JSON of pytest-benchmark: each of our functions beside the baseline of its group, least time per row."""
-    rows, groups = [], {}
+    rows: list[Row] = []
+    groups: dict[str, dict[str, float]] = {}
     for one in found["benchmarks"]:
         groups.setdefault(one["group"], {})[one["name"]] = one["stats"]["min"] / one["extra_info"]["rows"]
     for group, times in groups.items():

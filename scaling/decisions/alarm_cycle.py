@@ -1,20 +1,22 @@
 """What do all alarms cost in a cycle of a large picture?
 
-Run: python -m scaling.decisions.alarm_cycle [VESSELS [ZONES [CYCLES]]]
+    python -m scaling.decisions.alarm_cycle [VESSELS [ZONES [CYCLES]]]
+
 Vessels lie along a coast of 4,000 NM, half of them in ports: a third at rest, the others at up to 20 kn, one in fifty at up to 45 kn.
 Zones are circles of 5 NM, polygons of 8 corners of the same size and lines, at ports. Processor time of each part, medians.
 """
 
 from __future__ import annotations
 
+import argparse
 import statistics
-import sys
 from time import process_time
 
 import numpy as np
 
 from coastwatch.batches import Flag, Members, Picture, Radars, Sensors, Sonars, Stations
 from coastwatch.geodesy import KNOT_M_S, offset_deg
+from coastwatch.operators.cli.arguments import count
 from coastwatch.picture import AlarmRules, Zone, numbered
 from coastwatch.picture.alarms.close_approach import close_pairs
 from coastwatch.picture.alarms.watched import look
@@ -35,10 +37,10 @@ def coast(vessels: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarra
     return position, (knots * KNOT_M_S)[:, None] * np.stack([np.sin(course), np.cos(course)], 1), ports
 
 
-def zones_at(ports: np.ndarray, count: int, rng: np.random.Generator) -> tuple[Zone, ...]:
+def zones_at(ports: np.ndarray, zones: int, rng: np.random.Generator) -> tuple[Zone, ...]:
     """Circles, polygons and lines in turn, each with every rule of its kind."""
     out = []
-    for k, port in enumerate(ports[rng.integers(0, len(ports), count)]):
+    for k, port in enumerate(ports[rng.integers(0, len(ports), zones)]):
         angle = np.arange(8) * (np.pi / 4.0)
         corners = offset_deg(np.broadcast_to(port, (8, 2)), 9_000.0 * np.stack([np.sin(angle), np.cos(angle)], 1))
         points = tuple((float(a), float(b)) for a, b in corners)
@@ -53,10 +55,15 @@ def zones_at(ports: np.ndarray, count: int, rng: np.random.Generator) -> tuple[Z
 
 
 def main() -> None:
-    vessels, count, cycles = (int(sys.argv[k]) if len(sys.argv) > k else v for k, v in ((1, 100_000), (2, 50), (3, 20)))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("vessels", nargs="?", type=count, default=100_000, help="default: 100,000")
+    parser.add_argument("zones", nargs="?", type=count, default=50, help="default: 50")
+    parser.add_argument("cycles", nargs="?", type=count, default=20, help=f"the first {WARM} do not count (default: 20)")
+    asked = parser.parse_args()
+    vessels, cycles = asked.vessels, asked.cycles
     rng = np.random.default_rng([19, vessels])
     position, velocity, ports = coast(vessels, rng)
-    zones, rules = numbered(zones_at(ports, count, rng)), AlarmRules()
+    zones, rules = numbered(zones_at(ports, asked.zones, rng)), AlarmRules()
     one = np.array(["coast"], "U32")
     radars = Radars(one, np.zeros(1, np.int64), ports[:1], np.array([4e5]), *(np.full(1, v) for v in (3.0, 10.0, 0.005)))
     sensors = Sensors(radars, Stations.empty(), Sonars.empty(), ("coast",), ports[:1])
@@ -80,7 +87,7 @@ def main() -> None:
         ms.append(1e3 * np.diff(marks))
         last = {"close pairs": len(pairs.first), "alarms": len(alarms)}
     past, of_zones, close, every = (statistics.median(column) for column in zip(*ms[WARM:], strict=True))
-    print(f"{vessels} vessels, {count} zones: {last}")
+    print(f"{vessels} vessels, {asked.zones} zones: {last}")
     print(
         f"processor ms a cycle: all alarms {every:.1f}; of it vessels' past {past:.1f}, zones {of_zones:.1f}, close {close:.1f}"
     )

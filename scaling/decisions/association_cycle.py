@@ -1,12 +1,13 @@
 """What does each part of the association of tracks cost, and do the grid and the bounds pay? Plain library code stands beside both.
 
-python -m scaling.decisions.association_cycle [TRACKS [CYCLES]]: processor time on one thread of the last of CYCLES cycles over the
-national picture, least of five; windows are full after 20.
+    python -m scaling.decisions.association_cycle [TRACKS [CYCLES]]
+
+Processor time on one thread of the last of CYCLES cycles over the national picture, least of five. Windows are full after 20.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 import time
 from collections.abc import Callable
 from typing import Any
@@ -21,6 +22,7 @@ from coastwatch.geodesy import earth_centred
 from coastwatch.kernels.association.candidate_pairs import sorted_places
 from coastwatch.kernels.association.pair_score import pair_scores
 from coastwatch.kernels.association.prune_pairs import hopeless_steps, possible_pairs, track_bounds
+from coastwatch.operators.cli.arguments import count
 from coastwatch.stage import Arrays, Groups, Work, serial
 from scaling.load import national
 
@@ -28,17 +30,18 @@ REPEATS = 5
 Cycle = tuple[dict[str, Any], Groups, Tracks, Spots, WindowedCovariance]
 
 
-def last_cycle(count: int, cycles: int) -> Cycle:
+def last_cycle(tracks_asked: int, cycles: int) -> Cycle:
     """What the associator maps over spots in the last of these cycles."""
-    world = national.build_world(count, 1)
+    world = national.build_world(tracks_asked, 1)
     scenario = national.scenario_of(world, {})
     method = scenario.associations
     assert isinstance(method, WindowedCovariance)
-    state, sensors, given = national.initial_state(world), scenario.sensors(), []
+    state, sensors = national.initial_state(world), scenario.sensors()
     spots_memory, memory = scenario.spots.init(), method.init()
+    given: list[tuple[dict[str, Any], Groups]] = []
 
     def noted(work: Work, settings: Any, arrays: Arrays, spots: Groups) -> list[tuple[Array, ...]]:
-        given[:] = [dict(arrays), spots]
+        given[:] = [(dict(arrays), spots)]
         return serial(work, settings, arrays, spots)
 
     for cycle in range(cycles):
@@ -46,7 +49,8 @@ def last_cycle(count: int, cycles: int) -> Cycle:
         tracks = scenario.alignment.step(received.tracks, world.time_s(cycle))
         spots_memory, spots = scenario.spots.step(spots_memory, tracks)
         memory, _ = method.step(memory, tracks, spots, noted)
-    return given[0], given[1], tracks, spots, method
+    arrays, groups = given[0]
+    return arrays, groups, tracks, spots, method
 
 
 def cost(name: str, run: Callable[[], Any]) -> Any:
@@ -67,8 +71,11 @@ def tree_pairs(tracks: Tracks, gate_m: float) -> Array:
 
 
 def main() -> None:
-    count, cycles = (int(sys.argv[k]) if len(sys.argv) > k else default for k, default in ((1, 100_000), (2, 22)))
-    arrays, groups, tracks, spots, method = last_cycle(count, cycles)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("tracks", nargs="?", type=count, default=100_000, help="default: 100,000")
+    parser.add_argument("cycles", nargs="?", type=count, default=22, help="default: 22")
+    asked = parser.parse_args()
+    arrays, groups, tracks, spots, method = last_cycle(asked.tracks, asked.cycles)
     rule, values, newest = method.rule(), arrays["values"], int(arrays["newest"])
     place, track, bound = arrays["place"], arrays["track"], arrays["bound"]
     cost("sort places into the grid", lambda: sorted_places(tracks.position_deg, tracks.source, spots.spot, rule.gate_m))

@@ -1,17 +1,19 @@
 """F1 of bearing association by history, density and place of the sonar: spec section 6.
 
-    python scaling/decisions/bearing_association.py [first seed] [number of seeds] [KEY=VALUE ...]
+    python -m scaling.decisions.bearing_association [FIRST_SEED [NUMBER_OF_SEEDS [few] [literal] [KEY=VALUE ...]]]
 
-Settings of BearingLikelihood may be given; `literal` runs the paper's method. Histories are seconds of bearings before the decisions,
-which are taken at every cycle for half a minute.
+KEY=VALUE is a setting of BearingLikelihood; `literal` runs the paper's method, `few` three of the cases. Histories are seconds of
+bearings before the decisions. Decisions are taken at every cycle for half a minute.
 """
 
 from __future__ import annotations
 
+import argparse
 import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +23,8 @@ import bearing_world as bw
 
 from coastwatch.associations.bearing_likelihood import BearingLikelihood
 from coastwatch.associations.bearing_literal import BearingWindowedCovariance
-from coastwatch.batches import AisStatics
+from coastwatch.batches import AisStatics, Floats, Sensors
+from coastwatch.operators.cli.arguments import count, whole
 from coastwatch.spots.octants import OctantSpots
 from coastwatch.stage import serial
 from coastwatch.tracks.bearing import BearingWindow
@@ -31,25 +34,26 @@ DECISIONS_S = 30
 
 
 def run(
-    associate,
-    sensors,
-    vessels,
-    seed,
+    associate: BearingLikelihood | BearingWindowedCovariance,
+    sensors: Sensors,
+    vessels: int,
+    seed: int,
     *,
-    bias_deg=0.0,
-    misses=0.0,
-    kick=0.1,
-    phase_s=0.0,
-    spots=None,
-    worse=1.0,
-    histories=HISTORIES,
-):
+    bias_deg: float = 0.0,
+    misses: float = 0.0,
+    kick: float = 0.1,
+    phase_s: float = 0.0,
+    spots: OctantSpots | None = None,
+    worse: float = 1.0,
+    histories: tuple[int, ...] = HISTORIES,
+) -> Floats:
     """Counts (histories, 4) of one seed."""
     last = max(histories) + DECISIONS_S
     world = bw.make_world(vessels, last, seed, kick)
     world = replace(world, error_m=world.error_m * worse)
     tracker, spots = BearingWindow(), spots or OctantSpots()
-    tm, sm, am = tracker.init(), spots.init(), associate.init()
+    tm, sm = tracker.init(), spots.init()
+    am: Any = associate.init()
     counts = np.zeros((len(histories), 4))
     for t in range(3, last + 1, 3):
         tm, tracks = tracker.step(tm, bw.hear(world, sensors, t, seed, bias_deg, misses, phase_s), bw.START_S + t, sensors)
@@ -63,13 +67,23 @@ def run(
     return counts
 
 
+def _further(text: str) -> str:
+    if text not in ("few", "literal") and "=" not in text:
+        raise argparse.ArgumentTypeError(f"got {text!r}, needed few, literal or KEY=VALUE")
+    return text
+
+
 def main() -> None:
-    first, number, *rest = sys.argv[1:] or ["1000", "4"]
-    literal = "literal" in rest
-    settings = dict(s.split("=") for s in rest if "=" in s)
-    associate = BearingWindowedCovariance(**settings) if literal else BearingLikelihood(**settings)
-    seeds = range(int(first), int(first) + int(number))
-    cases = [
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("first", nargs="?", type=whole, default=1000, help="first seed (default: 1000)")
+    parser.add_argument("number", nargs="?", type=count, default=4, help="number of seeds (default: 4)")
+    parser.add_argument("further", nargs="*", type=_further, metavar="few | literal | KEY=VALUE")
+    asked = parser.parse_args()
+    settings = dict(one.split("=", 1) for one in asked.further if "=" in one)
+    method = BearingWindowedCovariance if "literal" in asked.further else BearingLikelihood
+    associate: BearingLikelihood | BearingWindowedCovariance = method.model_validate(settings)
+    seeds = range(asked.first, asked.first + asked.number)
+    cases: list[tuple[str, Sensors, int, dict[str, Any]]] = [
         *((f"{n} centre", bw.centre(), n, {}) for n in (100, 200, 500)),
         *((f"{n} coast", bw.coast(), n, {}) for n in (100, 200, 500)),
         ("200 centre, bias 0.5", bw.centre(), 200, {"bias_deg": 0.5}),
@@ -81,12 +95,12 @@ def main() -> None:
         ("200 centre, position err x 6", bw.centre(), 200, {"worse": 6.0}),
         ("200 centre, no overlap", bw.centre(), 200, {"spots": OctantSpots(overlap_deg=0, position_sigmas=0, range_margin=1)}),
     ]
-    if "few" in rest:
+    if "few" in asked.further:
         cases = [cases[1], cases[2], cases[4]]
     print("F1 % (MCC) after", *HISTORIES, "s; seeds", seeds[0], "to", seeds[-1])
     for name, sensors, vessels, extra in cases:
         begin = time.perf_counter()
-        total = sum(run(associate, sensors, vessels, seed, **extra) for seed in seeds)
+        total = np.sum([run(associate, sensors, vessels, seed, **extra) for seed in seeds], axis=0)
         line = "  ".join(f"{100 * bw.f1(c):6.2f} ({bw.mcc(c):.3f})" for c in total)
         print(f"{name:28s} {line}   {time.perf_counter() - begin:.0f} s", flush=True)
 

@@ -1,15 +1,17 @@
 """Seconds a cycle of bearing tracks, octants and bearing association, with 100 sonars of 100 contacts each on a long coast.
 
-    python scaling/decisions/bearing_cycle_time.py [vessels [cycles]]
+    python -m scaling.decisions.bearing_cycle_time [VESSELS [CYCLES]]
 
 Sonars stand every 20 km; each hears about 100 vessels within 10 km, of which the picture has 75; the other vessels sail out of reach.
 """
 
 from __future__ import annotations
 
+import argparse
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,8 +21,9 @@ import bearing_world as bw
 
 from coastwatch.associations.bearing_likelihood import BearingLikelihood
 from coastwatch.associations.bearing_literal import BearingWindowedCovariance
-from coastwatch.batches import AisStatics, Picture
-from coastwatch.geodesy import offset_deg
+from coastwatch.batches import AisStatics, BearingReports, Floats, Ints, Picture, Sensors
+from coastwatch.geodesy import difference_m, offset_deg
+from coastwatch.operators.cli.arguments import count
 from coastwatch.spots.octants import OctantSpots
 from coastwatch.stage import serial
 from coastwatch.tracks.bearing import BearingWindow
@@ -28,7 +31,8 @@ from coastwatch.tracks.bearing import BearingWindow
 SONARS, HEARD, RANGE_M, APART_M = 100, 100, 10_000.0, 20_000.0
 
 
-def picture_at(seconds: float, start_deg, velocity, rows) -> Picture:
+def picture_at(seconds: float, start_deg: Floats, velocity: Floats, rows: Ints) -> Picture:
+    """The vessels of these rows, where they are after a time."""
     n = len(rows)
     covariance = np.broadcast_to(np.diag([100.0, 100.0, 1.0, 1.0]), (n, 4, 4)).copy()
     stamp, none = np.full(n, bw.START_S + seconds), np.full(n, -1)
@@ -36,10 +40,10 @@ def picture_at(seconds: float, start_deg, velocity, rows) -> Picture:
     return Picture(rows, stamp, where, velocity[rows], covariance, stamp, stamp, none, none * 0, rows)
 
 
-def reports_at(seconds: float, start_deg, velocity, home, sensors, rng):
-    from coastwatch.batches import BearingReports
-    from coastwatch.geodesy import difference_m
-
+def reports_at(
+    seconds: float, start_deg: Floats, velocity: Floats, home: Ints, sensors: Sensors, rng: np.random.Generator
+) -> BearingReports:
+    """What each sonar hears of its vessels in range. Args: home: sonar of each of the first vessels."""
     off = difference_m(offset_deg(start_deg[: len(home)], seconds * velocity[: len(home)]), sensors.sonars.site_deg[home])
     rows = np.flatnonzero(np.hypot(*off.T) <= RANGE_M)
     said = np.degrees(np.arctan2(off[rows, 0], off[rows, 1])) + rng.normal(size=len(rows))
@@ -48,7 +52,11 @@ def reports_at(seconds: float, start_deg, velocity, home, sensors, rng):
 
 
 def main() -> None:
-    vessels, cycles = (*(int(a) for a in sys.argv[1:]), *(100_000, 110)[len(sys.argv) - 1 :])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("vessels", nargs="?", type=count, default=100_000, help="default: 100,000; at least 12,700")
+    parser.add_argument("cycles", nargs="?", type=count, default=110, help="default: 110; windows are full after 100")
+    asked = parser.parse_args()
+    vessels, cycles = asked.vessels, asked.cycles
     rng = np.random.default_rng([7, 3])
     sites = np.column_stack([np.zeros(SONARS), (np.arange(SONARS) - SONARS / 2) * APART_M])
     sensors = bw.sensors_of(sites / 8.0, RANGE_M, (0.0, 360.0))
@@ -58,8 +66,10 @@ def main() -> None:
     far = np.column_stack([rng.uniform(-22.0, -4.0, vessels - len(home)), rng.uniform(-39.5, -35.0, vessels - len(home))])
     start, velocity = np.concatenate([near, far]), rng.normal(0.0, 3.0, (vessels, 2))
     known = np.flatnonzero(rng.uniform(size=vessels) < 0.75)
-    tracker, spots, methods = BearingWindow(), OctantSpots(), (BearingLikelihood(), BearingWindowedCovariance())
-    tm, sm, am = tracker.init(), spots.init(), [m.init() for m in methods]
+    tracker, spots = BearingWindow(), OctantSpots()
+    methods: list[BearingLikelihood | BearingWindowedCovariance] = [BearingLikelihood(), BearingWindowedCovariance()]
+    tm, sm = tracker.init(), spots.init()
+    am: list[Any] = [m.init() for m in methods]
     spent = []
     for cycle in range(1, cycles + 1):
         now = 3.0 * cycle

@@ -11,6 +11,7 @@ recordings with their lidar as second radar, in the region of the radar and in o
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 from collections.abc import Iterator
@@ -23,6 +24,7 @@ import numpy as np
 from coastwatch import pipeline
 from coastwatch.batches import Recording, Sensors
 from coastwatch.geodesy import difference_m, to_plane, turn
+from coastwatch.operators.cli.arguments import pair
 from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.sensors.recorded.datasets.autoferry import PIREN_DEG
@@ -31,6 +33,7 @@ from coastwatch.stage import serial
 SHARED = Path(__file__).parents[2].parent / "shared"
 RECORDINGS = (2, 3, 6, 13, 17)
 COLUMNS = ("gospa_rms", "gospa_mov_rms", "rmse", "coverage", "longest_single_id", "id_switches", "breaks", "false_tracks_per_s")
+BEARINGS: dict[str, str] = {}
 NONE = {"fused_tracks.bearing_probability": "1.0"}
 LIDAR = {
     "name": "lidar",
@@ -104,7 +107,9 @@ def radar_off(settings: dict[str, str]) -> None:
         kept = (reports.radar.sensor != 0) | (since_s < OFF_S) | (since_s > ON_S)
         recording = replace(recording, reports=replace(reports, radar=reports.radar.take(kept)))
         named = np.unique(reports.ais.origin)
-        truth, square, seen, counted, breaks, before, ids, swaps = recording.truth, [], 0, 0, 0, {}, {}, 0
+        truth, square, seen, counted, breaks, swaps = recording.truth, [], 0, 0, 0, 0
+        before: dict[int, bool] = {}  # whether a vessel was seen in the last cycle
+        ids: dict[int, int] = {}
         assert truth is not None
         normalised = []
         for made in cycles(scenario, recording, sensors):
@@ -116,7 +121,7 @@ def radar_off(settings: dict[str, str]) -> None:
             away = difference_m(now.position_deg, np.broadcast_to(sensors.radars.site_deg[0], (len(now), 2)))
             near &= np.hypot(*away.T) < sensors.radars.range_m[0]
             for k in np.flatnonzero(near):
-                who = now.vessel[k]
+                who = int(now.vessel[k])
                 rows = np.flatnonzero(p.origin == who)
                 error = difference_m(p.position_deg[rows], np.broadcast_to(now.position_deg[k], (len(rows), 2)))
                 good = rows[np.hypot(*error.T) < MATCHED_M]
@@ -130,7 +135,7 @@ def radar_off(settings: dict[str, str]) -> None:
                     square.append((error[best] ** 2).sum())
                     e = np.append(-error[best], now.velocity_m_s[k] - p.velocity_m_s[rows[best]])
                     normalised.append(e @ np.linalg.solve(p.covariance[rows[best]], e))
-                    one = p.vessel_id[rows[best]]
+                    one = int(p.vessel_id[rows[best]])
                     swaps += ids.get(who, one) != one
                     ids[who] = one
         line = f"coverage {seen / counted:.3f}, breaks {breaks}, id switches {swaps}, RMSE {np.sqrt(np.mean(square)):.1f} m"
@@ -138,14 +143,17 @@ def radar_off(settings: dict[str, str]) -> None:
 
 
 def main() -> None:
-    kind, *pairs = sys.argv[1:]
-    settings = dict(pair.split("=", 1) for pair in pairs)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("kind", choices=("autoferry", "radar_off", "lidar"))
+    parser.add_argument("further", nargs="*", type=pair, metavar="SETTING=VALUE", help="settings of the scenarios")
+    asked = parser.parse_args()
+    kind, settings = asked.kind, dict(asked.further)
     if kind == "lidar":
         for region in ("", "trondheim", "lidar"):
             print(f"lidar in region {region!r}", json.dumps(settings), flush=True)
             autoferry(settings, region)
         return
-    for name, off in (("with bearings", {}), ("without", NONE)):
+    for name, off in (("with bearings", BEARINGS), ("without", NONE)):
         print(kind, name, json.dumps(settings), flush=True)
         (autoferry if kind == "autoferry" else radar_off)({**settings, **off})
 

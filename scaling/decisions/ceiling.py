@@ -1,12 +1,13 @@
 """How fast is this machine at this minute? `python -m scaling.decisions.ceiling`.
 
-A shared machine is not as fast at one hour as at another: figures of a cycle mean little without what the same minute gave. Bytes
-a second of a triad and of windows of 640 bytes read at random, beside what this kind of machine gave with nothing else on it, and steps
-a second of a chain of which each waits for the last.
+A shared machine is faster at one hour than at another. Figures of a cycle mean little without the speed of the same minute. It
+prints bytes a second of a triad, and of windows of 640 bytes read at random, beside those of a quiet machine of this kind. The last
+kernel is a chain, in which each step waits for the last.
 """
 
 from __future__ import annotations
 
+import argparse
 import os
 import time
 from collections.abc import Callable
@@ -56,7 +57,8 @@ def least_s(work: Callable[..., Any], given: list[tuple[Any, ...]]) -> float:
 
 
 def main() -> None:
-    """Print a line a kernel and number of threads."""
+    """Print a line for each kernel and number of threads."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     rng = np.random.default_rng(1)
     table, row = np.ones((WINDOWS, WINDOW)), rng.integers(0, WINDOWS, WINDOWS)
     arrays = [tuple(np.ones(LONG) for _ in range(3)) for _ in range(2)]

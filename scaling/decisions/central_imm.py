@@ -132,7 +132,7 @@ def _compared(steps: list[Any], recording: Recording, kinds: Ints, warmup: int) 
 
 def _best(truth: Trajectories, recording: Recording, origin: Ints, now: float, until_s: float) -> Floats:
     """The exact filter's places of these vessels, of the reports that had arrived. (C, 2)"""
-    few, r = rows_of_vessels(truth, rows_of(truth.vessel, origin)), recording.reports
+    few, r = rows_of_vessels(truth, rows_of(truth.vessel, origin)), recording.whole()
     assert recording.noise is not None
     radar, ais = r.radar.take(r.radar.received_s <= until_s), r.ais.take(r.ais.received_s <= until_s)
     return bound(few, radar, ais, recording.noise, np.array([now])).position_deg[:, 0]

@@ -62,7 +62,7 @@ def main() -> None:
     best, ours = dict.fromkeys(AT_S, Confusion()), dict.fromkeys(AT_S, Confusion())
     for seed in range(first, last + 1):
         recording = scenario.input.load(sensors, seed, plan)
-        truth, reports = recording.truth, recording.reports
+        truth, reports = recording.truth, recording.whole()
         assert truth is not None
         memory, before_s = pipeline.start(scenario, sensors), float("-inf")
         for cycle in range(plan.cycles):

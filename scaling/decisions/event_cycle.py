@@ -1,13 +1,15 @@
 """What do events of flags cost in a cycle of a large picture?
 
-python -m scaling.decisions.event_cycle [VESSELS [CYCLES]]: one vessel in twenty has a flag, and of a thousand vessels one changes a flag
-in each cycle. Processor time of `events.extend` and of `events.write_events` into SQLite, medians.
+    python -m scaling.decisions.event_cycle [VESSELS [CYCLES]]
+
+One vessel in twenty has a flag, and of a thousand vessels one changes a flag in each cycle. Processor time of `events.extend` and
+of `events.write_events` into SQLite, medians.
 """
 
 from __future__ import annotations
 
+import argparse
 import statistics
-import sys
 import tempfile
 from pathlib import Path
 from time import process_time
@@ -16,6 +18,7 @@ import numpy as np
 
 from coastwatch import store
 from coastwatch.batches import Flag, Ints, Picture, Tracks, VesselAlarms
+from coastwatch.operators.cli.arguments import count
 from coastwatch.scenario import load_scenario
 from coastwatch.store.schema.database import writing
 from coastwatch.store.write.events import Events, extend, write_events
@@ -48,7 +51,11 @@ def tracks_of(picture: Picture) -> Tracks:
 
 
 def main() -> None:
-    vessels, cycles = (int(sys.argv[k]) if len(sys.argv) > k else default for k, default in ((1, 100_000), (2, 12)))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("vessels", nargs="?", type=count, default=100_000, help="default: 100,000")
+    parser.add_argument("cycles", nargs="?", type=count, default=12, help=f"the first {WARM} do not count (default: 12)")
+    asked = parser.parse_args()
+    vessels, cycles = asked.vessels, asked.cycles
     rng, kinds = np.random.default_rng([17, vessels]), np.array([flag.value for flag in Flag])
     scenario = load_scenario("context-driven-100", {"cycles": str(cycles), "warmup_s": "0"})
     sensors, plan = scenario.sensors(), scenario.plan()

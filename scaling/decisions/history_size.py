@@ -1,19 +1,22 @@
 """How much does the history take under which bound? Rows and bytes a vessel and hour, of a scenario or of the national load.
 
-Run: .venv/bin/python -m scaling.decisions.history_size [SCENARIO] [key=value]...       (default: solent; settings as of `run --set`)
-     .venv/bin/python -m scaling.decisions.history_size TRACKS CYCLES [key=value]...    (the load of scaling/load after 20 cycles)
-One run, stored under its own bound; the rule is asked on every picture under the others too. Bytes are what SQLite's pages of
-table `history` take, divided by its rows.
+    python -m scaling.decisions.history_size [SCENARIO] [--set KEY=VALUE ...]
+    python -m scaling.decisions.history_size --tracks N --cycles C [--set KEY=VALUE ...]
+
+The default is the scenario solent. With `--tracks` it is the load of scaling/load, after 20 cycles that do not count. One run is
+stored under its own bound, and its pictures also pass the rule under the other bounds. Bytes are the pages of table `history` in
+SQLite, divided by its rows.
 """
 
 from __future__ import annotations
 
+import argparse
 import sqlite3
-import sys
 import tempfile
 from itertools import product
 
 from coastwatch import pipeline
+from coastwatch.operators.cli.arguments import count, pair
 from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.server.run import run_scenario
@@ -23,7 +26,7 @@ from coastwatch.store.write import history_rule
 from coastwatch.store.write.history_rule import Bound
 from coastwatch.workers import open_workers
 from scaling.load import national
-from scaling.load.run import RunDatabase
+from scaling.load.run import RunDatabase, statics_alone
 
 ERRORS_M = (5.0, 10.0, 25.0, 100.0)
 LONGEST_S = (60.0, 300.0, 1800.0)
@@ -87,7 +90,7 @@ def of_load(tracks: int, cycles: int, settings: dict[str, str]) -> None:
             for number in range(WARM + cycles):
                 state, received = national.next_cycle(world, state, sensors)
                 memory, cycle = pipeline.fuse(scenario, sensors, memory, received, world.time_s(number), workers.spots, watch)
-                keeper.write(number, cycle, received.statics, watch.lap())
+                keeper.write(number, cycle, statics_alone(received.statics), watch.lap())
                 for one in asked:
                     one(cycle)
                 if number == WARM - 1:
@@ -97,14 +100,18 @@ def of_load(tracks: int, cycles: int, settings: dict[str, str]) -> None:
         table(f"{tracks} tracks", scenario, hours, asked, f"{folder}/x.db")
 
 
-def main(words: list[str]) -> None:
-    settings = dict(word.split("=", 1) for word in words if "=" in word)
-    named = [word for word in words if "=" not in word] or ["solent"]
-    if len(named) == 2:
-        of_load(int(named[0]), int(named[1]), settings)
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenario", nargs="?", default="solent", help="default: solent")
+    parser.add_argument("--tracks", type=count, help="the load of scaling/load instead of a scenario")
+    parser.add_argument("--cycles", type=count, default=100, help="of the load, after 20 that do not count (default: 100)")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", type=pair, help="a setting of the scenario")
+    asked = parser.parse_args()
+    if asked.tracks:
+        of_load(asked.tracks, asked.cycles, dict(asked.set))
     else:
-        of_scenario(named[0], settings)
+        of_scenario(asked.scenario, dict(asked.set))
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()

@@ -16,8 +16,8 @@ import numpy as np
 from coastwatch import kernels
 from coastwatch.batches import Floats, Plots, Radars, Sensors, Sonars, Stations
 from coastwatch.geodesy import NAUTICAL_MILE_M
-from coastwatch.tracks import Vimmjipda
 from coastwatch.tracks.joint.existence import Detection, ExistenceManagement
+from coastwatch.tracks.joint.vimmjipda import Vimmjipda
 
 PERIOD_S = 3.0
 DENSITY_M2 = 10.0 / NAUTICAL_MILE_M**2  # of vessels

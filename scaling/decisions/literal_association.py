@@ -1,6 +1,6 @@
 """F1 of the paper's association as it stands: which window p, confidence and choice give the published figures?
 
-    python scaling/decisions/literal_association.py [first seed] [number of seeds] [sweep | cases | all]
+    python -m scaling.decisions.literal_association [FIRST_SEED [NUMBER_OF_SEEDS [sweep | cases | all]]]
 
 `context-driven-1000` with the paper's AIS tracks (dead reckoning) and one decision a radar track and cycle, over 40 cycles. `sweep` is
 the base case over p, confidence and choice; `cases` are a few of these methods, and the default with filtered AIS, under the conditions of
@@ -9,18 +9,22 @@ the specification. Published (Tables I and II): F1 99.53 %, specificity 99.45 %;
 
 from __future__ import annotations
 
-import sys
+import argparse
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import ValidationError
 
 from coastwatch.associations import WindowedCovariance, WindowedCovarianceLiteral
-from coastwatch.batches import RadarCorrections
+from coastwatch.batches import Ints, RadarCorrections, Spots, Tracks, Trajectories
 from coastwatch.geodesy import NAUTICAL_MILE_M, scale_m_deg
+from coastwatch.operators.cli.arguments import count, whole
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.confusion import Confusion, association
+from coastwatch.sensors import Simulated
 from coastwatch.stage import serial
 
+Threshold = Literal["chi_square", "hotelling"]
 WINDOWS = (3, 5, 8, 10, 15, 20, 30, 40)
 CONFIDENCES = (0.95, 0.99, 0.999, 0.9999)
 # The radars 18 NM from the middle less a little, so that the union of two discs of 18 NM is still half of the area.
@@ -28,7 +32,7 @@ FAR_LONGITUDE = -43.10 - 17.95 * NAUTICAL_MILE_M / float(scale_m_deg(np.array(-2
 FAR = {
     f"radars.{k}.{name}": str(value) for k in (0, 1) for name, value in (("longitude_deg", FAR_LONGITUDE), ("range_nm", 18.0))
 }
-CASES = {
+CASES: dict[str, dict[str, str]] = {
     "base": {},
     "base, restless radar filter": {"tracks.motion.quiet_noise_m2_s3": "0.02"},
     "exact AIS": {"input.ais.position_sigma_m": "0", "input.ais.velocity_sigma_kn": "0"},
@@ -48,9 +52,19 @@ METHODS = {
 }
 
 
-def cycles_of(overrides, seed, hidden_share=0.0):
-    """Tracks and spots of every cycle, the number of the first that counts, the kinds of sources, the truth."""
+class Cycles(NamedTuple):
+    """One run up to its spots."""
+
+    made: list[tuple[Tracks, Spots]]  # of every cycle
+    warm: int  # number of the first cycle that counts
+    kinds: Ints  # SourceKind of each source
+    truth: Trajectories
+
+
+def cycles_of(overrides: dict[str, str], seed: int, hidden_share: float = 0.0) -> Cycles:
+    """One run. Args: hidden_share: share of the vessels that lose their radar track where they have an AIS track."""
     scenario = load_scenario("context-driven-1000", overrides)
+    assert isinstance(scenario.input, Simulated)
     sensors, plan = scenario.sensors(), scenario.plan()
     recording = scenario.input.load(sensors, seed, plan)
     reports = recording.reports
@@ -72,38 +86,41 @@ def cycles_of(overrides, seed, hidden_share=0.0):
         tracks = type(seen).join([seen, said])
         spots_memory, spots = scenario.spots.step(spots_memory, tracks)
         out.append((tracks, spots))
-    return out, scenario.warmup_cycles, sensors.source_kinds, recording.truth
+    assert recording.truth is not None
+    return Cycles(out, scenario.warmup_cycles, sensors.source_kinds, recording.truth)
 
 
-def decided(method, runs):
+def decided(method: WindowedCovariance | WindowedCovarianceLiteral, runs: list[Cycles]) -> Confusion:
     """The decisions of a method over several runs."""
     total = Confusion()
-    for cycles, warm, kinds, _ in runs:
-        memory = method.init()
-        for number, (tracks, spots) in enumerate(cycles):
-            if number < warm - getattr(method, "window", 0):
+    for run in runs:
+        memory: Any = method.init()
+        for number, (tracks, spots) in enumerate(run.made):
+            if number < run.warm - method.window:
                 continue
             memory, found = method.step(memory, tracks, spots, serial)
-            if number >= warm:
-                total += association(tracks, found, kinds)
+            if number >= run.warm:
+                total += association(tracks, found, run.kinds)
     return total
 
 
-def told(confusion):
+def told(confusion: Confusion) -> str:
     """The figures of the paper's Table II that are not each other's mirror."""
     d = confusion.as_dict()
     return f"F1 {100 * d['f1']:6.2f}  recall {100 * d['recall']:6.2f}  specificity {100 * d['specificity']:6.2f}"
 
 
-def sweep(seeds):
+def sweep(seeds: range) -> None:
+    """Prints the base case over p, confidence and choice."""
     runs = [cycles_of(DEAD_RECKONING, seed) for seed in seeds]
-    for threshold in ("chi_square", "hotelling"):
+    thresholds: tuple[Threshold, ...] = ("chi_square", "hotelling")
+    for threshold in thresholds:
         print(f"{threshold}: F1 (specificity), % at confidence {CONFIDENCES}, nearest, then one-to-one")
         for p in WINDOWS:
             print(f"p={p:<3}", "  ".join(row(p, threshold, runs)), flush=True)
 
 
-def row(p, threshold, runs):
+def row(p: int, threshold: Threshold, runs: list[Cycles]) -> list[str]:
     """A cell for each confidence, nearest, then one-to-one."""
     cells = []
     for one_to_one in (False, True):
@@ -117,7 +134,8 @@ def row(p, threshold, runs):
     return cells
 
 
-def cases(seeds):
+def cases(seeds: range) -> None:
+    """Prints a few methods under the conditions of the specification."""
     for name, overrides in CASES.items():
         hidden = 0.1 if name.startswith("10 %") else 0.0
         runs = [cycles_of(overrides | DEAD_RECKONING, seed, hidden) for seed in seeds]
@@ -128,12 +146,16 @@ def cases(seeds):
 
 
 def main() -> None:
-    first, number, what = [*sys.argv[1:], *("1", "2", "all")[len(sys.argv) - 1 :]]
-    seeds = range(int(first), int(first) + int(number))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("first", nargs="?", type=whole, default=1, help="first seed (default: 1)")
+    parser.add_argument("number", nargs="?", type=count, default=2, help="number of seeds (default: 2)")
+    parser.add_argument("what", nargs="?", choices=("sweep", "cases", "all"), default="all", help="default: all")
+    asked = parser.parse_args()
+    seeds = range(asked.first, asked.first + asked.number)
     print(f"seeds {seeds[0]} to {seeds[-1]}")
-    if what in ("cases", "all"):
+    if asked.what in ("cases", "all"):
         cases(seeds)
-    if what in ("sweep", "all"):
+    if asked.what in ("sweep", "all"):
         sweep(seeds)
 
 

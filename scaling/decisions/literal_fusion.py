@@ -1,6 +1,6 @@
 """Position, course and speed RMSE of the paper's fusion as it stands: which reading of the paper gives its figures?
 
-    python scaling/decisions/literal_fusion.py [first seed] [number of seeds] [vessels]
+    python -m scaling.decisions.literal_fusion [FIRST_SEED [NUMBER_OF_SEEDS [VESSELS]]]
 
 `context-driven-1000` with raw AIS (dead reckoning) and association by the true vessel, so that fusion alone is judged. A row is one
 reading of what the paper leaves open, a column one method: m / deg / kn. Published, Tables V and VI: weighted average
@@ -9,18 +9,20 @@ reading of what the paper leaves open, a column one method: m / deg / kn. Publis
 
 from __future__ import annotations
 
-import sys
+import argparse
+from typing import Any
 
 import numpy as np
-from literal_association import DEAD_RECKONING, cycles_of
 
-from coastwatch.batches import Associations, Measurements
+from coastwatch.batches import Associations, Measurements, Tracks
 from coastwatch.fused_tracks import CovarianceIntersection, ImmOfTracks, ImmOfTracksLiteral, WeightedAverage
+from coastwatch.operators.cli.arguments import count, whole
 from coastwatch.scores.rmse import Errors, fusion_errors
+from scaling.decisions.literal_association import DEAD_RECKONING, Cycles, cycles_of
 
 CIRCLES = {"input.motion.linear_weight": "0", "input.motion.circular_weight": "1"}
 STALE = {"ais_tracks.aligned": "false"}
-READINGS = {
+READINGS: dict[str, dict[str, str]] = {
     "base": {},
     "sea conditions f = 0.3": {"input.motion.process_noise_fraction": "0.3"},
     "a kick every second (rw1)": {"input.motion.process_noise": "rw1"},
@@ -33,7 +35,8 @@ READINGS = {
     "circles": CIRCLES,
     "circles, not extrapolated, 5 s": CIRCLES | STALE | {"input.ais.interval_s": "5"},
 }
-METHODS = {
+Fuser = WeightedAverage | ImmOfTracks | ImmOfTracksLiteral | CovarianceIntersection
+METHODS: dict[str, Fuser] = {
     "WA .2/.8": WeightedAverage(weights="fixed"),
     "WA .059/.941": WeightedAverage(weights="fixed", radar_weight=0.059, ais_weight=0.941),
     "IMM lit., p=10": ImmOfTracksLiteral(),
@@ -44,38 +47,43 @@ METHODS = {
 }
 
 
-def known(tracks):
+def known(tracks: Tracks) -> Associations:
     """The associations that the true vessels make."""
     none = np.zeros(0, np.int64)
     return Associations(none, none, np.zeros(0), np.unique(tracks.origin, return_inverse=True)[1].astype(np.int64))
 
 
-def errors_of(method, runs):
+def errors_of(method: Fuser, runs: list[Cycles]) -> tuple[Errors, Errors, Errors]:
     """Errors of the fused tracks, of the radar tracks in them and of the AIS tracks."""
     fused, radar, ais = Errors(), Errors(), Errors()
-    for cycles, warm, kinds, truth in runs:
-        memory = method.init()
-        for number, (tracks, _) in enumerate(cycles):
+    for run in runs:
+        memory: Any = method.init()
+        for number, (tracks, _) in enumerate(run.made):
             associations, now = known(tracks), float(tracks.time_s[0])
-            memory, made = method.step(memory, tracks, Measurements.empty(), associations, now, kinds)
-            if number >= warm:
-                e = fusion_errors(truth.at(now), tracks, associations, made, kinds)
+            memory, made = method.step(memory, tracks, Measurements.empty(), associations, now, run.kinds)
+            if number >= run.warm:
+                e = fusion_errors(run.truth.at(now), tracks, associations, made, run.kinds)
                 fused, radar, ais = fused + e.fused, radar + e.radar, ais + e.ais
     return fused, radar, ais
 
 
-def told(errors):
+def told(errors: Errors) -> str:
+    """Position, course and speed RMSE."""
     d = errors.as_dict()
     return f"{d['position_rmse_m']:5.2f}/{d['course_rmse_deg']:4.1f}/{d['speed_rmse_kn']:4.2f}"
 
 
 def main() -> None:
-    first, number, vessels = [*sys.argv[1:], *("1", "1", "400")[len(sys.argv) - 1 :]]
-    seeds = range(int(first), int(first) + int(number))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("first", nargs="?", type=whole, default=1, help="first seed (default: 1)")
+    parser.add_argument("number", nargs="?", type=count, default=1, help="number of seeds (default: 1)")
+    parser.add_argument("vessels", nargs="?", type=count, default=400, help="default: 400")
+    asked = parser.parse_args()
+    seeds, vessels = range(asked.first, asked.first + asked.number), asked.vessels
     print(f"seeds {seeds[0]} to {seeds[-1]}, {vessels} vessels")
     print(" " * 32, "".join(f"{title:18s}" for title in ("radar", "AIS", *METHODS)))
     for name, overrides in READINGS.items():
-        runs = [cycles_of(DEAD_RECKONING | {"input.count": vessels} | overrides, seed) for seed in seeds]
+        runs = [cycles_of(DEAD_RECKONING | {"input.count": str(vessels)} | overrides, seed) for seed in seeds]
         found = [errors_of(method, runs) for method in METHODS.values()]
         print(f"{name:32s}", "".join(f"{told(e):18s}" for e in (*found[0][1:], *(f for f, _, _ in found))), flush=True)
 

@@ -11,8 +11,8 @@ is closed there.
 
 from __future__ import annotations
 
+import argparse
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +33,9 @@ def continuous(ring: list[list[float]]) -> np.ndarray:
 
 
 def main() -> None:
-    (collection,) = [json.loads(Path(name).read_text("utf-8")) for name in sys.argv[1:]]
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("file", type=Path, help="GeoJSON of the land")
+    collection = json.loads(parser.parse_args().file.read_text("utf-8"))
     features = collection.get("features", [collection])
     polygons = [polygon for feature in features for polygon in feature["geometry"]["coordinates"]]
     rings = [(continuous(ring), k > 0) for polygon in polygons for k, ring in enumerate(polygon)]

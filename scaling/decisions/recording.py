@@ -1,6 +1,6 @@
 """What does a full recording take: bytes a vessel and cycle, and the processor's time of writing and reading it?
 
-Run: python -m scaling.decisions.recording [SCENARIO [VESSELS]]
+    python -m scaling.decisions.recording [SCENARIO [VESSELS]]
 
 The last pictures of a scenario are repeated side by side until there are as many vessels as asked, every repetition with other low bits,
 numbers and MMSI.
@@ -8,7 +8,7 @@ numbers and MMSI.
 
 from __future__ import annotations
 
-import sys
+import argparse
 import tempfile
 import time
 from pathlib import Path
@@ -17,6 +17,7 @@ import numpy as np
 
 from coastwatch import store
 from coastwatch.batches import Floats, Members, Picture
+from coastwatch.operators.cli.arguments import count
 from coastwatch.scenario import load_scenario
 from coastwatch.server.run import run_scenario
 from coastwatch.store.schema.database import reading, writing
@@ -40,16 +41,16 @@ def repeated(made: list[tuple[Picture, Members]], vessels: int) -> list[tuple[Pi
     some = made[-CYCLES:]
     stay = set.intersection(*(set(picture.vessel_id.tolist()) for picture, _ in some))
     times = -(-vessels // len(stay))
-    count = times * len(stay)
+    most = times * len(stay)
     rng = np.random.default_rng(1)
     fixed = {
-        "vessel_id": np.arange(1, count + 1),
-        "since_s": 1.7e9 + rng.uniform(0.0, 1e5, count),
-        "mmsi": np.where(rng.random(count) < 0.5, -1, rng.integers(2e8, 8e8, count)),
+        "vessel_id": np.arange(1, most + 1),
+        "since_s": 1.7e9 + rng.uniform(0.0, 1e5, most),
+        "mmsi": np.where(rng.random(most) < 0.5, -1, rng.integers(200_000_000, 800_000_000, most)),
     }
     moved = np.repeat(rng.uniform(-3.0, 3.0, (times, 2)), len(stay), axis=0)
-    row = np.repeat(np.arange(count), 1 + (fixed["mmsi"] >= 0))
-    members = Members(row + 1, rng.integers(0, 10 * count, len(row)), np.arange(len(row)) % 7)
+    row = np.repeat(np.arange(most), 1 + (fixed["mmsi"] >= 0))
+    members = Members(row + 1, rng.integers(0, 10 * most, len(row)), np.arange(len(row)) % 7)
     out = []
     for picture, _ in some:
         one = Picture.join([picture.take(np.isin(picture.vessel_id, list(stay)))] * times)
@@ -88,16 +89,21 @@ def times(made: list[tuple[Picture, Members]], folder: str) -> None:
         columns = [column.name for column in RECORDING.columns][4:]
         sizes = ", ".join(f"sum(length({name})) * 1.0 / sum(vessels) AS {name}" for name in columns)
         with reading(kept) as connection:
-            row = connection.exec_driver_sql(f"SELECT {sizes} FROM recording").mappings().one()
-        print(f"  bytes a vessel: {sum(row.values()):.1f}: " + ", ".join(f"{name} {size:.1f}" for name, size in row.items()))
+            row = connection.exec_driver_sql(f"SELECT {sizes} FROM recording").one()
+        each = ", ".join(f"{name} {size:.1f}" for name, size in zip(columns, row, strict=True))
+        print(f"  bytes a vessel: {sum(row):.1f}: {each}")
 
 
-def main(scenario: str, vessels: int) -> None:
-    side_by_side = repeated(seen(scenario), vessels)
-    print(f"{len(side_by_side[0][0])} vessels like {scenario}:")
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenario", nargs="?", default="guanabara", help="default: guanabara")
+    parser.add_argument("vessels", nargs="?", type=count, default=267_000, help="default: 267,000")
+    asked = parser.parse_args()
+    side_by_side = repeated(seen(asked.scenario), asked.vessels)
+    print(f"{len(side_by_side[0][0])} vessels like {asked.scenario}:")
     with tempfile.TemporaryDirectory() as folder:
         times(side_by_side, folder)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1] if len(sys.argv) > 1 else "guanabara", int(sys.argv[2]) if len(sys.argv) > 2 else 267_000)
+    main()

@@ -1,13 +1,15 @@
 """What do R like regions cost, of what one costs, over threads, processes and Ray? What `workers.method = "auto"` rests on.
 
-python -m scaling.decisions.regions [VESSELS [CYCLES [WAYS [WORKERS]]]]: VESSELS in each of 1, 2 and 4 regions of two radars that do not
-see each other; WAYS: of "one,threads,processes,ray", "one" is one thread. In turns with one region, cycle by cycle. Times are of
-`tracks`: plots of all regions in, tracks and their plots out. "ray-again": the memories of the regions are also brought home every cycle.
+    python -m scaling.decisions.regions [VESSELS [CYCLES [WAYS [WORKERS]]]]
+
+VESSELS are in each of 1, 2 and 4 regions of two radars that do not see each other. They run in turns with one region, cycle by
+cycle. Times are of `tracks`: plots of all regions in, tracks and their plots out. WAYS are some of one (one thread), threads,
+processes, ray. Way "ray-again" also brings the memories of the regions home every cycle.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 import time
 from contextlib import nullcontext
 from functools import partial
@@ -18,6 +20,7 @@ import numpy as np
 from coastwatch import pipeline
 from coastwatch.batches import Plots, RadarCorrections
 from coastwatch.kernels.threads import threads
+from coastwatch.operators.cli.arguments import count, names
 from coastwatch.stage import RegionMap, serial, serial_regions
 from coastwatch.workers import Workers, open_workers
 from scaling.load.chain.reports import initial_state, next_cycle
@@ -42,9 +45,9 @@ def plots_of(world: World) -> list[Plots]:
 class Run:
     """Some regions, mapped in one way."""
 
-    def __init__(self, world: World, count: int, regions: RegionMap, gather: bool) -> None:
+    def __init__(self, world: World, number: int, regions: RegionMap, gather: bool) -> None:
         self.world, self.regions, self.gather = world, regions, gather
-        self.memories: list[Any] = [world.scenario.tracks.init() for _ in range(count)]
+        self.memories: list[Any] = [world.scenario.tracks.init() for _ in range(number)]
         self.wall_s: list[float] = []
         self.processor_s: list[float] = []
         self.tracks: list[int] = []
@@ -66,9 +69,14 @@ class Run:
 
 
 def main() -> None:
-    vessels, cycles = (int(sys.argv[k]) if len(sys.argv) > k else default for k, default in ((1, 4000), (2, 20)))
-    ways = (sys.argv[3] if len(sys.argv) > 3 else "one,threads,processes").split(",")
-    workers = int(sys.argv[4]) if len(sys.argv) > 4 else 2
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("vessels", nargs="?", type=count, default=4000, help="in a region (default: 4,000)")
+    parser.add_argument("cycles", nargs="?", type=count, default=20, help=f"after {SETTLING} that do not count (default: 20)")
+    ways = "one", "threads", "processes"
+    parser.add_argument("ways", nargs="?", type=names, default=ways, help=f"default: {','.join(ways)}")
+    parser.add_argument("workers", nargs="?", type=count, default=2, help="default: 2")
+    asked = parser.parse_args()
+    vessels, cycles, workers = asked.vessels, asked.cycles, asked.workers
     size = Size(max(REGIONS) * vessels, SETTLING + cycles, region_vessels=vessels, apart=True)
     world = build_world(size, {}, 1)
     plots = plots_of(world)
@@ -76,17 +84,17 @@ def main() -> None:
         f"{vessels} vessels a region, {workers} workers; times of a cycle in ms; of one: of one region in one thread, in turns"
     )
     print(f"{'way':18s}{'regions':>8s}{'tracks':>8s}{'processor':>11s}{'of one':>8s}{'wall':>8s}{'of one':>8s}")
-    for way in ways:
-        for count in REGIONS:
-            line(world, plots, way, count, workers)
+    for way in asked.ways:
+        for regions in REGIONS:
+            line(world, plots, way, regions, workers)
 
 
-def line(world: World, plots: list[Plots], way: str, count: int, workers: int) -> None:
+def line(world: World, plots: list[Plots], way: str, regions: int, workers: int) -> None:
     """Measure and print one way for some regions."""
     name, _, again = way.partition("-")
     opened = nullcontext(Workers(serial, serial_regions)) if name == "one" else open_workers(name, workers)
     with opened as maps:
-        one, run = Run(world, 1, serial_regions, False), Run(world, count, maps.regions, bool(again))
+        one, run = Run(world, 1, serial_regions, False), Run(world, regions, maps.regions, bool(again))
         for number in range(world.plan.cycles):
             with threads(1):
                 one.cycle(number, plots[number])
@@ -95,7 +103,7 @@ def line(world: World, plots: list[Plots], way: str, count: int, workers: int) -
     mine, alone = (float(np.mean(each.processor_s[SETTLING:])) for each in (run, one))
     clock, clock_alone = (float(np.median(each.wall_s[SETTLING:])) for each in (run, one))
     print(
-        f"{way:18s}{count:8d}{sum(run.tracks):8d}{1e3 * mine:11.1f}{mine / alone:8.2f}{1e3 * clock:8.1f}"
+        f"{way:18s}{regions:8d}{sum(run.tracks):8d}{1e3 * mine:11.1f}{mine / alone:8.2f}{1e3 * clock:8.1f}"
         f"{clock / clock_alone:8.2f}",
         flush=True,
     )

@@ -1,6 +1,6 @@
 """How soon after the start association is as good with misregistered radars as with right ones, and what is found of their errors.
 
-Run: .venv/bin/python scaling/decisions/registration.py [--seeds 1-3] [--scenario context-driven-1000] [--only CASE ...] [--set KEY=VALUE]
+Run: python -m scaling.decisions.registration [--seeds 1-3] [--scenario context-driven-1000] [--only CASE ...] [--set KEY=VALUE]
 A line a case: seconds from the start until association F1 of every later half minute is within 0.2 points of the same seed without
 errors; F1 of the last half minute of both; the errors found, their standard deviations and the true ones.
 """
@@ -18,6 +18,7 @@ from coastwatch.batches import RadarCorrections, RegistrationState
 from coastwatch.pipeline import Cycle
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.confusion import Confusion, association
+from coastwatch.sensors import Simulated
 from coastwatch.server.run import run_scenario
 
 LASTS_S = 300.0
@@ -51,7 +52,10 @@ def run(name: str, seed: int, wrong: str, more: dict[str, str]) -> Course:
     names = [r.name for r in load_scenario(name).radars]
     named = names[:1] if "first" in more else names
     settings = {"warmup_s": "0", "cycles": str(round(LASTS_S / load_scenario(name).period_s)), **rest}
-    every = load_scenario(name, settings).input.radar.model_dump(exclude_defaults=True)  # a named radar takes nothing from it
+    simulated = load_scenario(name, settings).input
+    if not isinstance(simulated, Simulated):
+        raise SystemExit(f"error: scenario {name}: got input {simulated.method!r}, needed one whose radars are simulated")
+    every = simulated.radar.model_dump(exclude_defaults=True)  # a named radar takes nothing from it
     said = [*(f"{key}={value}" for key, value in every.items()), wrong]
     table = "[" + ", ".join(f'{{name="{n}", {", ".join(said)}}}' for n in named) + "]"
     scenario = load_scenario(name, settings | ({"input.radars": table} if wrong else {}))

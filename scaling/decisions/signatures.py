@@ -1,6 +1,6 @@
 """What ship types against acoustic classes add to bearing association soon after a start: F1 of 500 vessels around a sonar.
 
-    python scaling/decisions/signatures.py [first seed] [number of seeds]
+    python -m scaling.decisions.signatures [FIRST_SEED [NUMBER_OF_SEEDS]]
 
 Positions as good as in bearing_association.py; half of the vessels have AIS, of these 5 % never set their type and 5 % send a wrong
 one; the others are of types as common as in coastwatch/sensors/simulated/static_data.py. A look draws a class as SonarTruth has it.
@@ -8,6 +8,7 @@ one; the others are of types as common as in coastwatch/sensors/simulated/static
 
 from __future__ import annotations
 
+import argparse
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +20,8 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "contracts"))
 import bearing_world as bw
 
 from coastwatch.associations.bearing_likelihood import BearingLikelihood
-from coastwatch.batches import CLASS_OF_TYPE, AisStatics
+from coastwatch.batches import CLASS_OF_TYPE, AisStatics, Floats
+from coastwatch.operators.cli.arguments import count, whole
 from coastwatch.sensors.simulated.sonar import SonarTruth, reported_class
 from coastwatch.sensors.simulated.static_data import TYPES
 from coastwatch.spots.octants import OctantSpots
@@ -53,7 +55,7 @@ CASES = [
 ]
 
 
-def run(truth: SonarTruth, associate: BearingLikelihood, seed: int):
+def run(truth: SonarTruth, associate: BearingLikelihood, seed: int) -> Floats:
     """Counts (histories, 4) of one seed."""
     last, sensors = max(HISTORIES) + DECISIONS_S, bw.centre()
     world = bw.make_world(VESSELS, last, seed)
@@ -84,13 +86,16 @@ def run(truth: SonarTruth, associate: BearingLikelihood, seed: int):
 
 
 def main() -> None:
-    first, number = (int(a) for a in (sys.argv[1:] or ["1000", "10"]))
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("first", nargs="?", type=whole, default=1000, help="first seed (default: 1000)")
+    parser.add_argument("number", nargs="?", type=count, default=10, help="number of seeds (default: 10)")
+    asked = parser.parse_args()
+    first, number = asked.first, asked.number
     print(f"F1 % (MCC) after {HISTORIES} s, {VESSELS} vessels; seeds {first} to {first + number - 1}")
     for name, truth, settings in CASES:
-        associate = BearingLikelihood(**settings)
-        total = sum(
-            run(SonarTruth(**{"signature_share": 1.0, **truth}), associate, seed) for seed in range(first, first + number)
-        )
+        associate = BearingLikelihood.model_validate(settings)
+        sonar = SonarTruth.model_validate({"signature_share": 1.0, **truth})
+        total = np.sum([run(sonar, associate, seed) for seed in range(first, first + number)], axis=0)
         print(f"{name:56s}" + "  ".join(f"{100 * bw.f1(c):6.2f} ({bw.mcc(c):.3f})" for c in total), flush=True)
 
 

@@ -1,16 +1,16 @@
 """What does it cost to write a cycle of a large picture: the current picture, the history under its bound, memberships, the rest?
 
-Run: .venv/bin/python scaling/decisions/store_cycle.py [--no-picture] [--recording] [URL] [VESSELS CYCLES]...
-(URL: of an empty database; none: a file in /tmp)
-Half of the vessels lie at anchor and wander by metres, half go straight on and turn now and then; of 1,000 one comes or goes and ten
-change a track in every cycle. Half of the vessels have a radar and an AIS track, the others one of the two. Associations are left
-out (`store.associations_every`): at this size they are half as many rows again. The current picture is written in every cycle.
-`--no-picture` leaves it out, as three cycles of four beyond 100,000 tracks do; `--recording` adds the full recording. Seconds are
-medians after two cycles.
+    python -m scaling.decisions.store_cycle [--no-picture] [--recording] [URL [VESSELS CYCLES]...]
+
+Half of the vessels lie at anchor and wander by metres. Half go straight on and turn now and then. Of 1,000 vessels one comes or
+goes and ten change a track in every cycle. Half have a radar and an AIS track, the others one of the two. Associations are left out
+(`store.associations_every`): at this size they are half as many rows again. The current picture is written in every cycle.
+Seconds are medians after two cycles.
 """
 
 from __future__ import annotations
 
+import argparse
 import resource
 import statistics
 import sys
@@ -40,16 +40,16 @@ from coastwatch.batches import (
     Tracks,
 )
 from coastwatch.geodesy import KNOT_M_S, offset_deg
+from coastwatch.operators.cli.arguments import count
 from coastwatch.pipeline import Cycle
 from coastwatch.scenario import StoreSettings
 from coastwatch.store.schema.database import reading
 
 WARM = 2
 SEVERAL = ((100_000, 10), (267_000, 8))
-KEEP = StoreSettings(associations_every=10**9, picture_large=10**9)
 
 
-def cycles(count: int, vessels: int) -> Iterator[Cycle]:
+def cycles(last: int, vessels: int) -> Iterator[Cycle]:
     """What the pipeline would yield."""
     rng = np.random.default_rng([13, vessels])
     spare = vessels // 100
@@ -58,7 +58,7 @@ def cycles(count: int, vessels: int) -> Iterator[Cycle]:
     speed = np.where(rng.random(n) < 0.5, 0.0, rng.uniform(3.0, 20.0, n)) * KNOT_M_S
     course, swing = rng.uniform(0.0, 2.0 * np.pi, n), np.zeros((n, 2))
     there, kind, regions = np.arange(n) < vessels, rng.integers(0, 4, n), rng.integers(0, 2, n)
-    for number in range(count):
+    for number in range(last):
         turning = rng.random(n) < 0.01
         course = np.where(turning, course + rng.normal(0.0, 0.5, n), course)
         velocity = speed[:, None] * np.stack([np.sin(course), np.cos(course)], 1)
@@ -98,15 +98,15 @@ def cycle_of(
     )
 
 
-def measure(url: str, vessels: int, count: int) -> None:
+def measure(url: str, vessels: int, length: int, keep: StoreSettings) -> None:
     """Write a run, print its seconds and rows."""
     said = Reports(RadarReports.empty(), AisReports.empty(), AisStatics.empty(), BearingReports.empty())
     with kept.open_store(url) as store:
         run = world.begin(store)
         wall, processor = [], []
-        for number, cycle in enumerate(cycles(count, vessels)):
+        for number, cycle in enumerate(cycles(length, vessels)):
             begun, used = time.perf_counter(), time.process_time()
-            kept.write_cycle(store, run, number, cycle, said, world.SECONDS, KEEP)
+            kept.write_cycle(store, run, number, cycle, said, world.SECONDS, keep)
             wall.append(time.perf_counter() - begun)
             processor.append(time.process_time() - used)
         with reading(store) as connection:
@@ -116,19 +116,34 @@ def measure(url: str, vessels: int, count: int) -> None:
             a_cycle = float(points.scalar_one())
         name = store.engine.dialect.name
     took, used = statistics.median(wall[WARM:]), statistics.median(processor[WARM:])
+    peak_gb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     print(
-        f"{name}, {vessels} vessels, {count} cycles: {took:.3f} s a cycle (first {wall[0]:.3f}, longest later {max(wall[WARM:]):.3f}),"
-        f" {used:.3f} s of this process's processor; {a_cycle:.0f} points a cycle ({a_cycle / vessels:.1%} of the vessels);"
-        f" peak {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20:.2f} GB"
+        f"{name}, {vessels} vessels, {length} cycles: {took:.3f} s a cycle (first {wall[0]:.3f},"
+        f" longest later {max(wall[WARM:]):.3f}), {used:.3f} s of this process's processor;"
+        f" {a_cycle:.0f} points a cycle ({a_cycle / vessels:.1%} of the vessels); peak {peak_gb:.2f} GB"
     )
 
 
-if __name__ == "__main__":
-    if "--no-picture" in sys.argv:
-        KEEP = KEEP.model_copy(update={"picture_large": 0, "picture_every_s": 1e9})
-    KEEP = KEEP.model_copy(update={"recording": "--recording" in sys.argv})
-    words = [word for word in sys.argv[1:] if not word.startswith("--")]
-    given = [int(text) for text in words[1:]]
-    for vessels, count in list(zip(given[::2], given[1::2], strict=True)) or SEVERAL:
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    picture = "leave out the current picture, as three cycles of four beyond 100,000 tracks do"
+    parser.add_argument("--no-picture", action="store_true", help=picture)
+    parser.add_argument("--recording", action="store_true", help="add the full recording")
+    parser.add_argument(
+        "url", nargs="?", default="", metavar="URL", help='of an empty database (default, or "": a temporary file)'
+    )
+    text = f"vessels and cycles of each run (default: {SEVERAL})"
+    parser.add_argument("sizes", nargs="*", type=count, metavar="VESSELS CYCLES", help=text)
+    asked = parser.parse_args()
+    if len(asked.sizes) % 2:
+        parser.error(f"got {asked.sizes}, needed pairs of vessels and cycles")
+    keep = StoreSettings(associations_every=10**9, picture_large=10**9, recording=asked.recording)
+    if asked.no_picture:
+        keep = keep.model_copy(update={"picture_large": 0, "picture_every_s": 1e9})
+    for vessels, number in list(zip(asked.sizes[::2], asked.sizes[1::2], strict=True)) or SEVERAL:
         with tempfile.TemporaryDirectory() as folder:
-            measure(words[0] if words and words[0] else f"{folder}/x.db", vessels, count)
+            measure(asked.url or f"{folder}/x.db", vessels, number, keep)
+
+
+if __name__ == "__main__":
+    main()

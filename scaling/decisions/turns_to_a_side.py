@@ -107,9 +107,10 @@ def measured(kind: str, method: RadarTracker, seed: int) -> tuple[Errors, Errors
     assert recording.truth is not None
     assert recording.noise is not None
     out = list(cycles(scenario, recording, sensors, method))
-    no_ais = recording.reports.ais.take(np.zeros(0, np.int64))
+    reports = recording.whole()
+    no_ais = reports.ais.take(np.zeros(0, np.int64))
     times = np.array([time_s for time_s, _ in out])
-    best = bound(recording.truth, recording.reports.radar, no_ais, recording.noise, times)
+    best = bound(recording.truth, reports.radar, no_ais, recording.noise, times)
     own, least, squares = Errors(), Errors(), []
     for t, (time_s, tracks) in enumerate(out):
         truth = recording.truth.at(time_s)

@@ -38,9 +38,8 @@ def run(scenario: Scenario, seed: int, methods: dict[str, Any]) -> dict[str, Pai
     sensors, plan = scenario.sensors(), scenario.plan()
     recording, none = scenario.input.load(sensors, seed, plan), RadarCorrections.none(len(sensors.radars))
     assert recording.truth is not None
-    converted, radar, ais, of_spots = (
-        part.init() for part in (scenario.plots, scenario.tracks, scenario.ais_tracks, scenario.spots)
-    )
+    converted, radar = scenario.plots.init(), scenario.tracks.init()
+    ais, of_spots = scenario.ais_tracks.init(), scenario.spots.init()
     memories, scores = {name: method.init() for name, method in methods.items()}, dict.fromkeys(methods, PairScores())
     for cycle in range(plan.cycles):
         now_s = plan.instant_s(cycle)

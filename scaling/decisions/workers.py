@@ -1,14 +1,15 @@
 """What do threads and processes gain in the work of spots? What `workers.method = "auto"` rests on.
 
-python -m scaling.decisions.workers [TRACKS [WORKERS [CYCLES]]]: first the association of tracks, over the national picture after CYCLES
-cycles: time by the clock and of all processors, median of nine in turns, and the size of the arrays that processes share.
-Then fusion by `central_imm` for half as many vessels, with a plot each: its processor time in one thread, and that of moving its
-filters to another process and back, which the work of a spot in a process would need each cycle.
+    python -m scaling.decisions.workers [TRACKS [WORKERS [CYCLES]]]
+
+First the association of tracks, over the national picture after CYCLES cycles: time by the clock and of all processors, median of
+nine in turns, and the size of the arrays that processes share. Then fusion by `central_imm` for half as many vessels, with a plot
+each: its processor time in one thread. Beside it stands the time to move its filters to another process and back.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -20,6 +21,7 @@ from coastwatch.associations.windowed_covariance import score_spots
 from coastwatch.fused_tracks import CentralImm
 from coastwatch.kernels.filters import fused_filters
 from coastwatch.kernels.threads import threads
+from coastwatch.operators.cli.arguments import count
 from coastwatch.stage import Map, serial
 from coastwatch.workers.processes import Processes
 from coastwatch.workers.shared_memory import Publisher, Reader
@@ -40,8 +42,8 @@ def association(tracks: int, workers: int, cycles: int) -> None:
         processor: dict[str, list[float]] = {way: [] for way in ways}
         pairs = {}
         for _ in range(SETTLING + REPEATS):
-            for way, (count, map_) in ways.items():
-                with threads(count):
+            for way, (of_kernels, map_) in ways.items():
+                with threads(of_kernels):
                     begun, begun_cpu = time.perf_counter(), processor_s()
                     parts = map_(score_spots, method, arrays, spots)
                     wall[way].append(time.perf_counter() - begun)
@@ -97,11 +99,13 @@ def least(work: Callable[[], Any]) -> float:
 
 
 def main() -> None:
-    tracks, workers, cycles = (
-        int(sys.argv[k]) if len(sys.argv) > k else default for k, default in ((1, 100_000), (2, 2), (3, 22))
-    )
-    association(tracks, workers, cycles)
-    fusion(tracks // 2)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("tracks", nargs="?", type=count, default=100_000, help="default: 100,000")
+    parser.add_argument("workers", nargs="?", type=count, default=2, help="default: 2")
+    parser.add_argument("cycles", nargs="?", type=count, default=22, help="default: 22; windows are full after 20")
+    asked = parser.parse_args()
+    association(asked.tracks, asked.workers, asked.cycles)
+    fusion(asked.tracks // 2)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,10 @@
 """One prediction, gate and update of each of 4,000 radar tracks: the two banks of models, and filterpy on 100 of them."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
+from pytest_benchmark.fixture import BenchmarkFixture
 
 from coastwatch.kernels.tracks.columns import PlotColumns
 from coastwatch.tracks.filter_bank import CompiledBank
@@ -12,7 +15,7 @@ from coastwatch.tracks.table import Table
 TRACKS, FEW = 4_000, 100
 
 
-def problem(bank, tracks):
+def problem(bank: CompiledBank | FilterpyBank, tracks: int) -> Callable[[], None]:
     """Filters that have had a second plot, and the arguments of `update` for further ones: each call takes one that is 3 s newer."""
     rng = np.random.default_rng([1, 0])
     noise = np.tile(np.diag([100.0, 900.0]), (tracks, 1, 1))
@@ -24,7 +27,7 @@ def problem(bank, tracks):
     bank.initialise(table.filters, table.estimates, rows, rows, first)
     bank.update(table.filters, table.estimates, rows, rows, second)
 
-    def update():
+    def update() -> None:
         third.time[:] += 3.0
         bank.update(table.filters, table.estimates, rows, rows, third)
 
@@ -32,14 +35,14 @@ def problem(bank, tracks):
 
 
 @pytest.mark.benchmark(group="imm: radar filters")
-def test_ours_sided_imm(benchmark):
+def test_ours_sided_imm(benchmark: BenchmarkFixture) -> None:
     bank = CompiledBank(Manoeuvres())
     benchmark.extra_info["rows"] = TRACKS
     benchmark(problem(bank, TRACKS))
 
 
 @pytest.mark.benchmark(group="imm: radar filters")
-def test_ours_sided_imm_of_three_models(benchmark):
+def test_ours_sided_imm_of_three_models(benchmark: BenchmarkFixture) -> None:
     """As many models as `imm` has."""
     models = tuple(m.model_copy(update={"share": 1.0 / 3.0}) for m in Manoeuvres().models[2:5])
     bank = CompiledBank(Manoeuvres(models=models))
@@ -48,14 +51,14 @@ def test_ours_sided_imm_of_three_models(benchmark):
 
 
 @pytest.mark.benchmark(group="imm: radar filters")
-def test_ours_imm(benchmark):
+def test_ours_imm(benchmark: BenchmarkFixture) -> None:
     bank = CompiledBank(Motion())
     benchmark.extra_info["rows"] = TRACKS
     benchmark(problem(bank, TRACKS))
 
 
 @pytest.mark.benchmark(group="imm: radar filters")
-def test_baseline_filterpy(benchmark):
+def test_baseline_filterpy(benchmark: BenchmarkFixture) -> None:
     bank = FilterpyBank(Motion())
     benchmark.extra_info["rows"] = FEW
     benchmark.pedantic(problem(bank, FEW), rounds=3)

@@ -4,7 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from pytest_benchmark.fixture import BenchmarkFixture
 
+from coastwatch.batches import Floats
 from coastwatch.geodesy import earth_centred, from_plane, to_plane, wrap_rad
 from coastwatch.kernels.bearings.likelihood import Hypotheses, TrackPairs, log_odds
 from coastwatch.kernels.bearings.null_hypothesis import UnknownVessel
@@ -25,7 +27,7 @@ class Problem(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def problem():
+def problem() -> Problem:
     """Vessels on straight courses around a sonar; each track is of one of them and is compared with its neighbours."""
     rng = np.random.default_rng([1, 0])
     azimuth, distance = np.sort(rng.uniform(-np.pi, np.pi, TRACKS)), rng.uniform(3e3, 1e4, TRACKS)
@@ -37,7 +39,7 @@ def problem():
     return Problem(np.tile(instant, (TRACKS, 1)), bearing, metres, slot.ravel())
 
 
-def by_numpy(p):
+def by_numpy(p: Problem) -> Floats:
     """The filter recursion alone, all pairs at each step: no null hypothesis, no coverage, no interpolation in time."""
     bearing = np.repeat(p.bearing[:BASELINE_TRACKS], CANDIDATES, axis=0)
     n = len(bearing)
@@ -57,7 +59,7 @@ def by_numpy(p):
 
 
 @pytest.mark.benchmark(group="likelihood: bearing tracks against vessels")
-def test_ours(benchmark, problem):
+def test_ours(benchmark: BenchmarkFixture, problem: Problem) -> None:
     n, row = TRACKS, np.arange(TRACKS)
     instants = np.append(problem.time[0], problem.time[0, -1] + 3.0)
     metres = np.concatenate([problem.metres, problem.metres[-1:]])
@@ -77,6 +79,6 @@ def test_ours(benchmark, problem):
 
 
 @pytest.mark.benchmark(group="likelihood: bearing tracks against vessels")
-def test_baseline_numpy(benchmark, problem):
+def test_baseline_numpy(benchmark: BenchmarkFixture, problem: Problem) -> None:
     benchmark.extra_info["rows"] = BASELINE_TRACKS * CANDIDATES
     benchmark.pedantic(by_numpy, args=(problem,), rounds=3)

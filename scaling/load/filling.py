@@ -44,7 +44,9 @@ class _Stays:
     mmsi: Ints
     generation: Ints  # of the vessel of each slot
     next_number: int = 1
-    ended: list[tuple[Ints, ...]] = field(default_factory=list)  # vessel id, first cycle, last cycle, time of the first
+    ended: list[tuple[Ints, Ints, Ints, Floats]] = field(
+        default_factory=list
+    )  # vessel id, first cycle, last cycle, time of the first
 
 
 def fill(url: str, points: int, vessels: int, seed: int, say: Callable[[str], None]) -> int:

@@ -1,14 +1,16 @@
 """How long is the first cycle of a run beside a later one, by the kind of workers?
 
-python -m scaling.load.first_cycle_of_workers [METHOD ...]: threads, processes, ray. Three radars, each a region of its own, 1,000
-vessels, two workers, everything compiled. Wall time of all stages without the store; the later cycle is the median of the last ten.
+    python -m scaling.load.first_cycle_of_workers [METHOD ...]
+
+METHOD is threads, processes or ray. Three radars, each a region of its own, 1,000 vessels, two workers, everything compiled. Wall
+time of all stages without the store. The later cycle is the median of the last ten.
 """
 
 from __future__ import annotations
 
+import argparse
 import sqlite3
 import statistics
-import sys
 import tempfile
 from contextlib import closing
 from pathlib import Path
@@ -27,6 +29,7 @@ SETTINGS = {
     "spots.count": "3",
 }
 LAST = 10
+METHODS = "threads", "processes"
 
 
 def compute_ms(method: str) -> list[float]:
@@ -42,8 +45,11 @@ def compute_ms(method: str) -> list[float]:
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("methods", nargs="*", default=METHODS, metavar="METHOD", help="default: threads processes")
+    methods = parser.parse_args().methods
     print(f"{'workers':12s}{'first cycle ms':>16s}{'later ms':>12s}{'ratio':>8s}")
-    for method in sys.argv[1:] or ["threads", "processes"]:
+    for method in methods:
         ms = compute_ms(method)
         later = statistics.median(ms[-LAST:])
         print(f"{method:12s}{ms[0]:16.1f}{later:12.1f}{ms[0] / later:8.1f}", flush=True)

@@ -28,7 +28,7 @@ import numpy as np
 import tomli_w
 
 from coastwatch.operators.cli.arguments import count
-from coastwatch.server.feeds.address import parsed
+from coastwatch.server.feeds.address import Address, parsed
 from coastwatch.server.feeds.sending import STEP_S, Batch, encoded, send
 from coastwatch.server.machine import date_utc, machine
 from scaling.load.chain.reports import State, initial_state, next_cycle
@@ -75,7 +75,11 @@ def _of_cycle(world: World, state: State, names: dict[str, Any]) -> tuple[State,
 def batches(lines: Lines) -> Iterator[Batch]:
     """What `send` takes."""
     for instant_s, by_format in lines.items():
-        yield instant_s, lambda address, by_format=by_format: by_format[address.format]
+
+        def encode(address: Address, by_format: dict[str, list[bytes]] = by_format) -> list[bytes]:
+            return by_format[address.format]
+
+        yield instant_s, encode
 
 
 @dataclass

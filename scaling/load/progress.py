@@ -3,6 +3,6 @@
 try:
     from coastwatch.operators.cli.progress import report_progress
 except ImportError:
-    from coastwatch.operators.cli.progress import shown as report_progress
+    from coastwatch.operators.cli.progress import shown as report_progress  # type: ignore[attr-defined, no-redef]
 
 __all__ = ["report_progress"]

@@ -29,8 +29,8 @@ from scaling.load.filling import fill
 HALF_BOX_M = 10_000.0
 WINDOW_S = 600.0
 SKIPPED_S = 120.0  # start of the history, not queried
-MEASURED = ("vessel_id", "latitude_deg", "longitude_deg", "sog_kn", "cog_deg", "mmsi", "flags", "time_s", "updated_s")
-MEASURED += ("major_m", "minor_m", "orientation_deg")
+FIXES = ("vessel_id", "latitude_deg", "longitude_deg", "sog_kn", "cog_deg", "mmsi", "flags", "time_s", "updated_s")
+MEASURED = (*FIXES, "major_m", "minor_m", "orientation_deg")
 
 Query = Callable[[Store], Any]
 

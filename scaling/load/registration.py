@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 import time
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -28,6 +29,7 @@ from coastwatch.batches import (
 from coastwatch.geodesy import from_plane
 from coastwatch.registration import OnlineRegistration
 from coastwatch.scenario import Scenario, load_scenario
+from coastwatch.sensors import Simulated
 from coastwatch.sensors.simulated.harbour import Row
 from coastwatch.sensors.simulated.radar import RadarTruth
 from scaling.load.options import errors_as_one_line
@@ -103,6 +105,7 @@ def harbour(case: Case, seed: int, minutes: float | None = None) -> tuple[Scenar
     others = max(int(vessels * rng.uniform(0.5, 1.2)), 5)
     visible = min(seen / SEEN_IN_VIEW / (1.0 - UNSEEN), 1.0)
     base = load_scenario(SCENARIO)
+    assert isinstance(base.input, Simulated)
     site = np.array([base.radars[0].latitude_deg, base.radars[0].longitude_deg])
     azimuth, distance = rng.uniform(-0.7, 0.7), rng.uniform(2500.0, 5000.0)
     beside = azimuth + np.radians(rng.choice([-1.0, 1.0]) * rng.uniform(6.0, 16.0))
@@ -160,28 +163,24 @@ def run(case: Case, seed: int, minutes: float | None = None, method: OnlineRegis
     scenario, shares = harbour(case, seed, minutes)
     sensors, plan = scenario.sensors(), scenario.plan()
     reports = scenario.input.load(sensors, seed, plan).reports
-    method = scenario.registration if method is None else method
+    chosen = method or scenario.registration
+    assert isinstance(chosen, OnlineRegistration)
     courses = [Course(seed, r, shares) for r in range(len(sensors.radars))]
-    plots_memory, ais_memory, memory = scenario.plots.init(), scenario.ais_tracks.init(), method.init()
-    given, before, none = RadarCorrections.none(len(sensors.radars)), -np.inf, nothing_else()
+    plots_memory, ais_memory, memory = scenario.plots.init(), scenario.ais_tracks.init(), chosen.init()
+    given, before, none = RadarCorrections.none(len(sensors.radars)), -np.inf, np.zeros(0, np.int64)
+    bearings = BearingTracks.empty(), BearingAssociations(none, none, np.zeros(0), np.zeros(0))
+    rest = Measurements.empty(), Picture.empty(), Members.empty(), *bearings  # there is no bearing sensor
     for number in range(plan.cycles):
         now = plan.instant_s(number)
         arrived = reports.between(before, now)
         before = now
         plots_memory, plots = scenario.plots.step(plots_memory, arrived.radar, sensors, given)
         ais_memory, tracks, alarms, _ = scenario.ais_tracks.step(ais_memory, arrived.ais, now, sensors)
-        memory, given = method.step(memory, plots, tracks, alarms, *none, now, sensors, given)
+        memory, given = chosen.step(memory, plots, tracks, alarms, *rest, now, sensors, given)
         for course, errors in zip(courses, case.errors, strict=True):
             _note(course, case, errors, given, now - plan.start_s, plan.period_s)
             course.voters = max(course.voters, len(memory.voters[course.radar]))
     return courses
-
-
-def nothing_else() -> tuple[Any, ...]:
-    """What registration is given besides, where there is no bearing sensor."""
-    none = np.zeros(0, np.int64)
-    bearings = BearingAssociations(none, none, np.zeros(0), np.zeros(0))
-    return Measurements.empty(), Picture.empty(), Members.empty(), BearingTracks.empty(), bearings
 
 
 def _note(course: Course, case: Case, errors: tuple[float, float, float], given: RadarCorrections, t: float, dt: float) -> None:
@@ -264,7 +263,7 @@ def main() -> None:
         for seed in range(first, last + 1):
             for course in run(CASES[options.case], seed, options.minutes):
                 courses.append(course)
-                print(told(course), flush=True)
+                print(told(course), file=sys.stderr if options.json else sys.stdout, flush=True)
     figures = {"case": options.case, **summary(courses), "processor_s": round(time.process_time() - begun, 1)}
     print(json.dumps(figures) if options.json else "\n".join(f"{key}: {value}" for key, value in figures.items()))
 

@@ -172,7 +172,7 @@ def main() -> None:
             "speed_asked": options.speed,
             "speed": cycles * scenario.period_s / send_s,
             "behind_s": behind_s,
-            **differences(*urls, cycles),
+            **differences(urls[0], urls[1], cycles),
             "feeds": [
                 {key: one[key] for key in ("name", "received", "records", "refused", "late", "dropped")} for one in counters
             ],

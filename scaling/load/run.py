@@ -158,7 +158,7 @@ def run_cycles(load: Load) -> Iterator[CycleResult]:
         for number in range(count):
             begun = time.perf_counter()
             state, received = national.next_cycle(world, state, sensors)
-            sent, given = _statics_alone(received.statics), [received]
+            sent, given = statics_alone(received.statics), [received]
             del received  # otherwise the tracks as received would stay in memory beside the aligned ones
             generator_s, cpu_s, begun = time.perf_counter() - begun, processor_s(), time.perf_counter()
             if job is not None:
@@ -197,7 +197,7 @@ def _open_database(
     return RunDatabase(load.store, scenario, sensors, plan, load.workers)
 
 
-def _statics_alone(statics: AisStatics) -> Reports:
+def statics_alone(statics: AisStatics) -> Reports:
     """The reports of a cycle for the store: the high-level centre receives no others."""
     return Reports(RadarReports.empty(), AisReports.empty(), statics, BearingReports.empty())
 

@@ -55,8 +55,8 @@ def table(scores: list[dict[str, Any]]) -> list[str]:
         own, best = f"{part}position_rmse_m", f"{part}bound_position_rmse_m"
         ratios = [f[own] / f[best] for s in scores if (f := s["fused_tracks"])[best]]
         if ratios:
-            values = f"{np.mean(ratios):9.3f} +- {np.std(ratios):6.3f}   worst {max(ratios):9.3f}"
-            lines.append(f"{f'{title} position RMSE over its bound':<48} {values}")
+            text = f"{np.mean(ratios):9.3f} +- {np.std(ratios):6.3f}   worst {max(ratios):9.3f}"
+            lines.append(f"{f'{title} position RMSE over its bound':<48} {text}")
     return lines
 
 

@@ -55,7 +55,8 @@ class Fleet:
         moored = random.random(vessels) < 0.3
         return cls(
             random,
-            *position.T,
+            position[:, 0],
+            position[:, 1],
             np.where(moored, 0.0, random.gamma(6.0, 2.0, vessels)),
             random.uniform(0.0, 360.0, vessels),
             random.choice(np.array([1, 2, 3], np.uint8), vessels, p=[0.3, 0.3, 0.4]),

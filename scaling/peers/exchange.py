@@ -99,7 +99,8 @@ def input_of(task: str) -> type[TrackHistory] | type[PlotHistory]:
 def save(path: Path, record: TrackHistory | PlotHistory | TaskResult) -> None:
     """Write an npz file; fields that are no arrays are stored as JSON text."""
     values = {f.name: getattr(record, f.name) for f in fields(record)}
-    np.savez(path, **{k: v if isinstance(v, np.ndarray) else np.array(json.dumps(v)) for k, v in values.items()})
+    arrays: dict[str, Any] = {k: v if isinstance(v, np.ndarray) else np.array(json.dumps(v)) for k, v in values.items()}
+    np.savez(path, **arrays)
 
 
 def load(path: Path, kind: type[Any]) -> Any:

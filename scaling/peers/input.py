@@ -35,7 +35,7 @@ def make_history(tracks: int, cycles: int, measured: int, seed: int) -> TrackHis
     source = np.repeat([RADAR, AIS], [both + alone, tracks - both - alone])
     mixed = rng.permutation(tracks)
     vessel, source = vessel[mixed].astype(np.int64), source[mixed].astype(np.int64)
-    time_s = 1.8e9 + PERIOD_S * np.arange(1, cycles + 1)
+    time_s = 1.8e9 + PERIOD_S * np.arange(1.0, cycles + 1.0)
     true_position, true_velocity = _motion(rng, vessels, cycles)
     covariance = _covariances(rng, source)
     errors = _errors(rng, covariance, source, cycles)
@@ -109,4 +109,5 @@ def _errors(rng: np.random.Generator, covariance: Floats, source: Ints, cycles: 
     white = rng.standard_normal((cycles, len(source), 4))
     for k in range(1, cycles):
         white[k] = keep * white[k - 1] + np.sqrt(1.0 - keep**2) * white[k]
-    return np.einsum("nij,tnj->tni", root, white)
+    errors: Floats = np.einsum("nij,tnj->tni", root, white)
+    return errors

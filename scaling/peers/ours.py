@@ -134,7 +134,7 @@ def track(history: PlotHistory, watch: Stopwatch, method: SidedImm | FilterpyImm
     for cycle, now_s in enumerate(history.time_s.tolist()):
         plots, timed = _plots(history, cycle), cycle >= history.first
         with (watch if timed else Stopwatch()).lap():
-            memory, tracks, _ = method.step(memory, plots, now_s, sensors, 0)  # type: ignore[arg-type]
+            memory, tracks, _ = method.step(memory, plots, now_s, sensors, 0)
         if timed:
             number = np.column_stack([np.full(len(tracks), cycle), tracks.track_id])
             found.append(np.column_stack([number, to_plane(tracks.position_deg, ORIGIN_DEG), tracks.velocity_m_s]))

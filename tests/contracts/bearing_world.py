@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coastwatch.batches import BearingReports, Floats, Picture, Radars, Sensors, Sonars, Stations
+from coastwatch.batches import BearingReports, Floats, Ints, Picture, Radars, Sensors, Sonars, Stations
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, from_plane, to_plane
 
 ORIGIN_DEG = np.array([-22.9, -43.15])
@@ -112,7 +112,7 @@ def hear(
     return BearingReports.join(parts)
 
 
-def count(pairs_bearing: Floats, pairs_vessel: Floats, bearing_origin: Floats, vessel_origin: Floats) -> Floats:
+def count(pairs_bearing: Ints, pairs_vessel: Ints, bearing_origin: Ints, vessel_origin: Ints) -> Floats:
     """TP, FN, FP, TN of one cycle, one decision a bearing track; a swap is an FN and an FP."""
     partner = np.full(len(bearing_origin), -1)
     partner[pairs_bearing] = vessel_origin[pairs_vessel]

@@ -1,8 +1,16 @@
 """Every command line that the documentation shows is one that the parser takes, and the systemd unit starts one of them."""
 
+import argparse
+import ast
+import importlib
+import importlib.util
 import re
 import shlex
+import sys
 from pathlib import Path
+from typing import Any, NoReturn
+
+import pytest
 
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.cli import make_parser
@@ -38,6 +46,81 @@ def test_the_parser_takes_every_example() -> None:
         except BadInput as error:
             refused.append(f"{page}: {line}: {error}")
     assert len(shown()) >= 20
+    assert refused == []
+
+
+MEASURED = re.compile(r"`python -m (scaling\.[^`]*)`|^    (?:\.venv/bin/)?python -m (scaling\..*)$", re.MULTILINE)
+OF_OPTION = {"--case": "three", "--part": "stages", "--peer": "scipy", "--task": "imm"}
+STAND_INS_OF_MEASUREMENTS = {
+    "SCENARIO": "solent", "NAME": "solent", "M": "1", "FIRST-LAST": "1-2", "WIDTHxHEIGHT": "800x600", "METHOD": "threads",
+    "KEY=VALUE,...": "cpa_nm=0.1", "SETTING=VALUE": "seed=1", "autoferry|radar_off|lidar": "lidar", "--try": "--try=cpa_nm=0.1",
+}  # fmt: skip
+"""Of words in capitals; any other stands for a number."""
+
+
+def measurements() -> list[tuple[str, list[str]]]:
+    """Page and words of every `python -m scaling...` of the documentation and of the docstrings of scaling/.
+
+    What is in brackets is taken, of A | B the first, and dots are left out.
+    """
+    texts = {page: page.read_text("utf-8") for page in PAGES}
+    for module in (HOUSE / "scaling").rglob("*.py"):
+        texts[module] = ast.get_docstring(ast.parse(module.read_text("utf-8")), clean=False) or ""
+    found = []
+    for page, text in texts.items():
+        for match in MEASURED.finditer(text):
+            line = re.split(r"  |#", match[1] or match[2])[0] if match[2] else " ".join(match[1].split())
+            words = shlex.split(re.sub(r"(\S+)( ?\| ?\S+)+", r"\1", re.sub(r"[\[\]]|\.\.\.", "", line)))
+            if (
+                "PEER" not in line
+                and "--help" not in line
+                and not words[0].endswith(("NAME", "adapter", "method", "ours", "polling"))
+            ):
+                found.append((str(page.relative_to(HOUSE)), words))
+    return found
+
+
+def stands_for(word: str, before: str) -> str:
+    """The value that a word in capitals stands for; another word as it is."""
+    if word.isupper() and before in OF_OPTION:
+        return OF_OPTION[before]
+    given = STAND_INS_OF_MEASUREMENTS.get(word, STAND_INS.get(word))
+    return given or ("1" if re.fullmatch(r"[A-Z_]+", word) else word)
+
+
+class Parsed(Exception):
+    """The parser took the words; the measurement itself does not begin."""
+
+
+class Refused(Exception):
+    """The parser did not take the words."""
+
+
+def refuse(_: argparse.ArgumentParser, message: str) -> NoReturn:
+    raise Refused(message)
+
+
+def test_the_parser_takes_every_measurement(monkeypatch: pytest.MonkeyPatch) -> None:
+    take = argparse.ArgumentParser.parse_args
+
+    def parse_only(parser: argparse.ArgumentParser, *given: Any) -> NoReturn:
+        take(parser, *given)
+        raise Parsed
+
+    monkeypatch.setattr(argparse.ArgumentParser, "parse_args", parse_only)
+    monkeypatch.setattr(argparse.ArgumentParser, "error", refuse)
+    refused = []
+    for page, (name, *words) in measurements():
+        try:
+            spec = importlib.util.find_spec(name)
+            module = importlib.import_module(f"{name}.__main__" if spec and spec.submodule_search_locations else name)
+            given = [stands_for(word, before) for before, word in zip(["", *words], words, strict=False)]
+            monkeypatch.setattr(sys, "argv", [name, *given])
+            with pytest.raises(Parsed):
+                module.main()
+        except (Refused, ImportError) as error:
+            refused.append(f"{page}: {name} {' '.join(words)}: {error}")
+    assert len(measurements()) >= 60
     assert refused == []
 
 

@@ -20,7 +20,6 @@ from coastwatch.scores.purity import Identities
 from coastwatch.scores.rmse import Errors, fusion_errors, rows_of
 from coastwatch.sensors.simulated.ais import POSITION_STEP_DEG, SOG_STEP_KN
 from coastwatch.sensors.simulated.simulation import ROUNDING, truths_of
-from coastwatch.sensors.simulated.trajectories import PiecewiseMotion
 from scaling.load.chain.world import World
 
 SAMPLE = 1000  # vessels of which the bound is computed
@@ -84,7 +83,8 @@ def sample_of(world: World) -> Ints:
 
 def received(tally: Tally, reports: Reports, sample: Ints) -> Tally:
     """The tally with the reports of the sample, also of cycles that are not scored."""
-    radar, ais = (part.take(np.isin(part.origin, sample)) for part in (reports.radar, reports.ais))
+    radar = reports.radar.take(np.isin(reports.radar.origin, sample))
+    ais = reports.ais.take(np.isin(reports.ais.origin, sample))
     return replace(tally, radar_reports=(*tally.radar_reports, radar), ais_reports=(*tally.ais_reports, ais))
 
 
@@ -195,12 +195,12 @@ def _against_bound(
     counted: tuple[tuple[float, Ints, Floats], ...], world: World, sample: Ints, radar: RadarReports, ais: AisReports
 ) -> dict[str, float | None]:
     """Position RMSE of the sample, the RMSE of the exact filter at the same instants, and the ratio of the two."""
-    few = PiecewiseMotion(
-        **{f.name: v if np.isscalar(v := getattr(world.vessels, f.name)) else v[sample] for f in fields(world.vessels)}
-    )
+    every = {f.name: getattr(world.vessels, f.name) for f in fields(world.vessels)}
+    arrays: dict[str, Any] = {name: value[sample] for name, value in every.items() if isinstance(value, np.ndarray)}
+    few = replace(world.vessels, **arrays)
     start_s, times = world.plan.start_s, np.array([time_s for time_s, *_ in counted])
     instants = np.array([start_s, *(world.plan.instant_s(c) for c in range(world.plan.cycles))])
-    none = {"sample_rmse_m": None, "bound_rmse_m": None, "over_bound": None}
+    none: dict[str, float | None] = {"sample_rmse_m": None, "bound_rmse_m": None, "over_bound": None}
     if not sum(len(origin) for _, origin, _ in counted):
         return none
     truth = replace(few.sampled(instants), vessel=sample)

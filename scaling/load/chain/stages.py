@@ -6,8 +6,8 @@ are timed, in odd ones memory is measured. Linux with glibc only.
 
 from __future__ import annotations
 
+import argparse
 import ctypes
-import sys
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,6 +16,7 @@ from statistics import median
 from time import process_time
 
 from coastwatch import pipeline
+from coastwatch.operators.cli.arguments import count
 from coastwatch.server.machine import date_utc, machine
 from coastwatch.stage import serial
 from scaling.load.chain.reports import initial_state, next_cycle
@@ -33,8 +34,13 @@ def _resident_kib(key: str) -> int:
 
 def main() -> None:
     return_freed_memory = ctypes.CDLL(None).malloc_trim
-    vessels, cycles = (int(sys.argv[k]) if len(sys.argv) > k else default for k, default in ((1, 16_000), (2, 8)))
-    size = Size(vessels, WARMUP + cycles)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("vessels", nargs="?", type=count, default=16_000, help="default: 16,000")
+    parser.add_argument("cycles", nargs="?", type=count, default=8, help=f"after {WARMUP} that do not count (default: 8)")
+    asked = parser.parse_args()
+    if asked.cycles < 2:
+        parser.error("got 1 cycle, needed 2: time and memory are measured in turns")
+    vessels, size = asked.vessels, Size(asked.vessels, WARMUP + asked.cycles)
     world = build_world(size, {}, 1)
     scenario, sensors, plan = world.scenario, world.sensors, world.plan
     ms, mib, number = defaultdict[str, list[float]](list), defaultdict[str, list[float]](list), 0

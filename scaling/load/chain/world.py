@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from coastwatch.batches import AisStatics, Floats, Ints, Sensors
+from coastwatch.batches import AisStatics, Bools, Floats, Ints, Sensors
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, offset_deg, to_plane, within_any
 from coastwatch.scenario import Scenario, ScenarioError
 from coastwatch.scenario.reading import make_scenario
@@ -167,7 +167,8 @@ def _near(anchor_deg: Floats, site_deg: Floats, range_m: float, margin_m: float)
     """Rows of the vessels that may come into a range during the run."""
     reach_m = range_m + margin_m
     rows = np.flatnonzero(np.abs(anchor_deg[:, 0] - site_deg[0]) * 110_000.0 <= 1.02 * reach_m)
-    return rows[np.linalg.norm(to_plane(anchor_deg[rows], site_deg), axis=1) <= reach_m]
+    in_reach: Bools = np.linalg.norm(to_plane(anchor_deg[rows], site_deg), axis=1) <= reach_m
+    return rows[in_reach]
 
 
 def scenario_document(size: Size, seed: int) -> dict[str, Any]:

@@ -147,16 +147,18 @@ def _draw_kind(rng: np.random.Generator, slots: Slots, slot: Ints, kind: int) ->
     if not is_ais:
         interval = rng.uniform(*RADAR_INTERVAL_S, count)
     changes_mmsi = is_ais & (rng.uniform(0.0, 1.0, count) < MMSI_CHANGE_SHARE)
-    columns = (
-        rng.uniform(0.0, 1.0, count),
-        rng.uniform(*AIS_SIGMA_M, count),
-        rng.uniform(*CORRELATION_S, count),
-        rng.uniform(*(AIS_BREAK_S if is_ais else RADAR_BREAK_S), count),
-        np.where(changes_mmsi, MMSI_CHANGE_S, np.inf),
+    single = np.float32
+    return Channels(
+        slot=slot.astype(np.int32),
+        kind=np.full(count, kind, np.int8),
+        interval_s=interval,
+        phase=rng.uniform(0.0, 1.0, count).astype(single),
+        sigma_m=rng.uniform(*AIS_SIGMA_M, count).astype(single),
+        correlation_s=rng.uniform(*CORRELATION_S, count).astype(single),
+        break_s=rng.uniform(*(AIS_BREAK_S if is_ais else RADAR_BREAK_S), count).astype(single),
+        mmsi_change_s=np.where(changes_mmsi, MMSI_CHANGE_S, np.inf).astype(single),
+        has_covariance=~(is_ais & (rng.uniform(0.0, 1.0, count) < NO_COVARIANCE_SHARE)),
     )
-    has_covariance = ~(is_ais & (rng.uniform(0.0, 1.0, count) < NO_COVARIANCE_SHARE))
-    single = [np.asarray(values, np.float32) for values in columns]
-    return Channels(slot.astype(np.int32), np.full(count, kind, np.int8), interval, *single, has_covariance)
 
 
 def next_tracks(
@@ -173,15 +175,15 @@ def next_tracks(
     Args: elapsed_s: time of the cycle since the start; start_s: of the picture, since the Unix epoch.
     """
     count, sites = len(channels), radar_sites(coasts)
-    after = ChannelState(*(np.empty_like(a) for a in (state.error, state.track_id, state.started_s, state.updated_s)))
+    empty = np.empty_like
+    after = ChannelState(empty(state.error), empty(state.track_id), empty(state.started_s), empty(state.updated_s))
     out = _allocate(count)
     done = 0
     for low in range(0, count, BLOCK_ROWS):
         block = slice(low, min(low + BLOCK_ROWS, count))
+        channel = channels.take(np.arange(block.start, block.stop))
         rest = {name: values[done:] for name, values in out.items()}
-        done += _write_block(
-            slots, channels.take(block), coasts, sites, state, after, block=block, elapsed_s=elapsed_s, rng=rng, out=rest
-        )
+        done += _write_block(slots, channel, coasts, sites, state, after, block=block, elapsed_s=elapsed_s, rng=rng, out=rest)
     rows = slice(0, done)
     out["updated_s"][rows] += start_s
     out["started_s"][rows] += start_s

@@ -114,7 +114,9 @@ def true_motion(slots: Slots, coasts: Coasts, rows: Array, elapsed_s: Floats) ->
     lives = (elapsed_s + slots.initial_age_s[rows]) / slots.lifetime_s[rows]
     generation = np.floor(lives)
     age_s = (lives - generation) * slots.lifetime_s[rows]
-    out = TrueMotion(*(np.zeros(len(rows)) for _ in range(5)), generation.astype(np.int64), age_s >= ABSENT_S)
+    along_m, offshore_m, along_m_s, offshore_m_s, region_along_m = np.zeros((5, len(rows)))
+    moving = along_m, offshore_m, along_m_s, offshore_m_s, region_along_m
+    out = TrueMotion(*moving, generation.astype(np.int64), age_s >= ABSENT_S)
     kinds = slots.kind[rows]
     for kind, move in MOTION_OF.items():
         at = np.flatnonzero(kinds == kind)
@@ -152,7 +154,8 @@ def _draw_ports(rng: np.random.Generator, length_m: float, berths: int, anchored
 
 def _apportion(total: int, weight: Floats) -> Ints:
     """Whole numbers in proportion to the weights, with this total."""
-    return np.diff(np.round(np.cumsum(np.r_[0.0, weight]) / weight.sum() * total)).astype(np.int64)
+    shares: Floats = np.cumsum(np.concatenate([np.zeros(1), weight])) / weight.sum()
+    return np.diff(np.round(shares * total)).astype(np.int64)
 
 
 def _draw_berths(rng: np.random.Generator, middle_m: float, count: int) -> Drawn:

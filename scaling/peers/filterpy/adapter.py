@@ -23,6 +23,9 @@ class ConstantVelocity(KalmanFilter):
 class CoordinatedTurn(KalmanFilter):
     """Coordinated turn, linearised at the state."""
 
+    x: Floats  # (5,)
+    P: Floats  # (5, 5)
+
     def __init__(self, motion: Motion, noise: float, tracks: int) -> None:
         super().__init__(dim_x=5, dim_z=4 * tracks)
         self.motion, self.Q = motion, motion.turn_process_noise(noise)
@@ -80,7 +83,7 @@ def _filter(history: TrackHistory, motion: Motion, lead: int, noise: Floats) -> 
     state, covariance, mode = initialise(motion, first[None], history.covariance[lead][None])
     tracks = len(noise) // 4
     kinds = ConstantVelocity, ConstantVelocity, CoordinatedTurn
-    models = [kind(motion, q, tracks) for kind, q in zip(kinds, motion.noise, strict=True)]
+    models: list[KalmanFilter] = [kind(motion, q, tracks) for kind, q in zip(kinds, motion.noise, strict=True)]
     for k, model in enumerate(models):
         model.x, model.P, model.R = state[0, k], covariance[0, k], noise
         model.H = np.tile(np.eye(4, 5), (tracks, 1))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -45,7 +46,7 @@ def _associate(history: TrackHistory, watch: Stopwatch, statistics: Statistics) 
 
 def pairs_in_gate(position: Floats, radar: Ints, ais: Ints, gate_m: float) -> tuple[Ints, Ints]:
     """Rows of radar and AIS tracks within a distance in metres, one row pair each. Returns: (A,), (A,)."""
-    lists = cKDTree(position[ais]).query_ball_point(position[radar], gate_m)
+    lists: Any = cKDTree(position[ais]).query_ball_point(position[radar], gate_m)  # an array of lists; scipy-stubs: one list
     first = np.repeat(radar, [len(near) for near in lists])
     return first, ais[np.concatenate([np.zeros(0, np.int64), *lists]).astype(np.int64)]
 
@@ -65,7 +66,8 @@ def statistic_by_batch(window: Floats, first: Ints, second: Ints) -> Floats:
     centred = delta - delta.mean(axis=1, keepdims=True)
     phi = centred.swapaxes(1, 2) @ centred / (window.shape[1] - 1)
     last = delta[:, -1]
-    return np.einsum("pi,pi->p", last, np.linalg.solve(phi, last[..., None])[..., 0])
+    statistic: Floats = np.einsum("pi,pi->p", last, np.linalg.solve(phi, last[..., None])[..., 0])
+    return statistic
 
 
 def one_to_one(first: Ints, second: Ints, x: Floats) -> Ints:
