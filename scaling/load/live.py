@@ -89,6 +89,7 @@ class Seen:
     address: str
     pid: int
     rows: list[dict[str, Any]] = field(default_factory=list)
+    faults: dict[str, int] = field(default_factory=dict)  # of all feeds, since the start
     unanswered: int = 0
 
     def look(self) -> None:
@@ -101,6 +102,7 @@ class Seen:
             return
         kept = {name: status[name] for name in ("cycles", "cycles_late", "late_s", "cycle_ms", "vessels")}
         counted = {name: sum(one[name] for one in feeds) for name in ("late", "dropped", "refused", "records")}
+        self.faults = {kind: count for one in feeds for kind, count in one["faults"].items()}
         self.rows.append(kept | counted | {"clock_s": time.time(), "memory": memory_bytes(self.pid)[0]})
 
     def figures(self) -> dict[str, Any]:
@@ -120,6 +122,7 @@ class Seen:
             "vessels": [min(row["vessels"] for row in self.rows), max(row["vessels"] for row in self.rows)],
             "reports": last["records"] - first["records"],
             **{name: last[name] - first[name] for name in ("late", "dropped", "refused")},
+            "faults": self.faults,
             "memory_mb_by_minute": [round(float(np.median(part)) / 1e6) for part in minutes if part],
             "unanswered": self.unanswered,
         }
