@@ -12,8 +12,11 @@ from typing import Any, NoReturn
 
 import pytest
 
+from coastwatch.operators import stored
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.cli import make_parser
+from coastwatch.operators.reproduction.published import chosen
+from coastwatch.scenario import ScenarioError, load_scenario
 
 HOUSE = Path(__file__).parents[2]
 PAGES = [
@@ -47,6 +50,29 @@ def test_the_parser_takes_every_example() -> None:
             refused.append(f"{page}: {line}: {error}")
     assert len(shown()) >= 20
     assert refused == []
+
+
+def test_every_example_names_scenarios_settings_and_questions_that_there_are() -> None:
+    taken, wrong = 0, []
+    questions = {row[0] for row in stored.questions().rows}
+    for page, line in shown():
+        if {"SCENARIO", "NAME", "PAPER"} & set(line.split()):
+            continue
+        options = make_parser().parse_args([STAND_INS.get(word, word) for word in shlex.split(line)][1:])
+        try:
+            if options.command == "coastwatch reproduce":
+                chosen(options.paper, tuple(options.only))
+            elif options.command == "coastwatch query":
+                assert options.name in questions, f"got {options.name}, needed a file of db/operator"
+            elif options.command == "coastwatch run":
+                load_scenario(options.scenario, dict(options.settings))
+            else:
+                continue
+            taken += 1
+        except (AssertionError, BadInput, ScenarioError) as error:
+            wrong.append(f"{page}: {line}: {error}")
+    assert taken >= 40
+    assert wrong == []
 
 
 MEASURED = re.compile(r"`python -m (scaling\.[^`]*)`|^    (?:\.venv/bin/)?python -m (scaling\..*)$", re.MULTILINE)
