@@ -10,6 +10,7 @@ import json
 import subprocess
 import sys
 import tempfile
+import textwrap
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
@@ -212,7 +213,10 @@ def as_markdown(heading: list[str], rows: list[Row], missing: list[str]) -> str:
     """The table in Markdown, without the single stages."""
     lines = ["| " + " | ".join(row) + " |" for row in (HEADS, *(row for row in rows if row.part != STAGE))]
     lines.insert(1, "|---" * len(HEADS) + "|")
-    return "\n".join(["`make bench`: " + ". ".join(heading) + ".", "", *lines, *(f"\n{line}" for line in missing)]) + "\n"
+    said = [
+        part for line in heading for part in textwrap.wrap(f"- {line}.", 120, subsequent_indent="  ", break_on_hyphens=False)
+    ]
+    return "\n".join(["`make bench`:", "", *said, "", *lines, *(f"\n{line}" for line in missing)]) + "\n"
 
 
 def _ms(seconds: float) -> str:

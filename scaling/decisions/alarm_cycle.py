@@ -2,7 +2,8 @@
 
     python -m scaling.decisions.alarm_cycle [VESSELS [ZONES [CYCLES]]]
 
-Vessels lie along a coast of 4,000 NM, half of them in ports: a third at rest, the others at up to 20 kn, one in fifty at up to 45 kn.
+Vessels lie along a coast of 4,000 NM, half of them in ports. A third is at rest, the others sail at up to 20 kn, one in fifty at up to
+45 kn.
 Zones are circles of 5 NM, polygons of 8 corners of the same size and lines, at ports. Processor time of each part, medians.
 """
 

@@ -1,9 +1,10 @@
 """How many alarms a watch officer gets in an hour of a scenario, by kind, and what settings change.
 
-Run: python -m scaling.decisions.alarm_rate SCENARIO [--cycles N] [--seed S] [--set KEY=VALUE ...] [--try KEY=VALUE,...]
+    python -m scaling.decisions.alarm_rate SCENARIO [--cycles N] [--seed S] [--set KEY=VALUE ...] [--try KEY=VALUE,...]
+
 The scenario runs once. Its pictures then go through the alarms with the settings of the scenario, and once more for each `--try`
-(settings of [alarms]). One line each: events an hour by kind, as the store counts them (`store.event_gap_s`), how many last at the
-end, the most that last at a time, and milliseconds of processor a cycle.
+(settings of [alarms]). Each gives one line. It has events an hour by kind, as the store counts them (`store.event_gap_s`). Then follow
+how many last at the end, the most that last at a time, and milliseconds of processor a cycle.
 """
 
 from __future__ import annotations

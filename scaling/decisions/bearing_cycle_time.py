@@ -2,7 +2,7 @@
 
     python -m scaling.decisions.bearing_cycle_time [VESSELS [CYCLES]]
 
-Sonars stand every 20 km; each hears about 100 vessels within 10 km, of which the picture has 75; the other vessels sail out of reach.
+Sonars stand every 20 km. Each hears about 100 vessels within 10 km, of which the picture has 75. The other vessels sail out of reach.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """How fast is this machine at this minute? `python -m scaling.decisions.ceiling`.
 
 A shared machine is faster at one hour than at another. Figures of a cycle mean little without the speed of the same minute. It
-prints bytes a second of a triad, and of windows of 640 bytes read at random, beside those of a quiet machine of this kind. The last
-kernel is a chain, in which each step waits for the last.
+prints bytes a second of a triad, and of windows of 640 bytes read at random. Beside them stand those of a quiet machine of this
+kind. The last kernel is a chain, in which each step waits for the last.
 """
 
 from __future__ import annotations

@@ -1,13 +1,12 @@
-"""What does `central_imm` cost a vessel, are late reports worth to be played again in their places, and does what AIS said help
-after it has gone?
+"""What does `central_imm` cost a vessel, what would late reports gain in their places, and does earlier AIS help after silence?
 
     python -m scaling.decisions.central_imm [--seed 2]
 
-Forward: the method as it is; a report older than the filter is brought forward by the filter's velocity. In place: the same filter
-given all that had arrived at an instant at once, so in order of measurement, which is what going back and playing again would give.
-The bound is that of the scores, which has every report from its measurement on; the causal bound has it from its arrival on.
+Forward: the method as it is. A report older than the filter is brought forward by the filter's velocity. In place: the same filter is
+given all reports that had arrived at an instant at once, in order of measurement. Going back and playing again would give the same.
+The bound is that of the scores, which has every report from its measurement on. The causal bound has it from its arrival on.
 
-After silence: all AIS ends at one instant; the filters that go on with plots alone against the radar tracks.
+After silence: all AIS ends at one instant. The filters that go on with plots alone are compared with the radar tracks.
 """
 
 from __future__ import annotations

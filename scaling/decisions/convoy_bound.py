@@ -1,8 +1,9 @@
 """How well ships of a convoy can be told apart at all: `python -m scaling.decisions.convoy_bound [--seeds 1-3] [--spacing 50]`.
 
-An associator that nobody can have: it knows the path of every ship, with AIS or without, which plots are of one ship, all of these since
-the start of the run, and the radars' noise. It gives plots to ships one to one by the greatest likelihood. Beside it stands the default
-associator on the same input. No method can do better than the first; what separates them is at most what a better method could gain.
+The bound is an associator that nobody can have. It knows the path of every ship, with AIS or without, and the noise of the radars. It
+also knows which plots are of one ship, all of these since the start of the run. It gives plots to ships one to one by the greatest
+likelihood. Beside it stands the default associator on the same input. No method can do better than the first; what separates them is at
+most what a better method could gain.
 """
 
 from __future__ import annotations

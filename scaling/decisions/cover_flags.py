@@ -1,6 +1,6 @@
 """What the learnt cover of radars changes: vessel time flagged, and what the stage costs.
 
-Run: python -m scaling.decisions.cover_flags SCENARIO [--cycles N] [--seed S] [--set KEY=VALUE ...]
+    python -m scaling.decisions.cover_flags SCENARIO [--cycles N] [--seed S] [--set KEY=VALUE ...]
 Each scenario runs twice, with `cover.method` disc and learnt. One line each: cycles, AIS vessel time, share of it flagged as AIS
 without radar, MMSI flagged, flagged vessel time within 200 m of the true vessel, vessel time with other flags, and
 milliseconds of processor a cycle of the stage `cover`.

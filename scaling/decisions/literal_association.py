@@ -3,8 +3,8 @@
     python -m scaling.decisions.literal_association [FIRST_SEED [NUMBER_OF_SEEDS [sweep | cases | all]]]
 
 `context-driven-1000` with the paper's AIS tracks (dead reckoning) and one decision a radar track and cycle, over 40 cycles. `sweep` is
-the base case over p, confidence and choice; `cases` are a few of these methods, and the default with filtered AIS, under the conditions of
-the specification. Published (Tables I and II): F1 99.53 %, specificity 99.45 %; p and the confidence are not.
+the base case over p, confidence and choice. `cases` has a few of these methods, and the default with filtered AIS, under the
+conditions of the specification. Published (Tables I and II): F1 99.53 %, specificity 99.45 %; p and the confidence are not.
 """
 
 from __future__ import annotations

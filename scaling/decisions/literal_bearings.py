@@ -2,9 +2,9 @@
 
     python -m scaling.decisions.literal_bearings [FIRST_SEED [NUMBER_OF_SEEDS]]
 
-100 vessels, the sonar in the middle and on the coast, decisions at every cycle for half a minute after two minutes; published octants (no
-overlap, no tolerance) and ours. A decision stands once, as in Table III: a swap is an FN. `alike` is the F1 if partners existed for as many
-bearing tracks as in Table III (1826 of 2152), which a sonar and radars over the same water would give.
+100 vessels, the sonar in the middle and on the coast. Decisions are taken at every cycle for half a minute after two minutes. Octants
+are the published ones (no overlap, no tolerance) and ours. A decision stands once, as in Table III: a swap is an FN. `alike` is the F1
+if partners existed for as many bearing tracks as in Table III (1826 of 2152). A sonar and radars over the same water would give that.
 """
 
 from __future__ import annotations

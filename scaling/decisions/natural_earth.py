@@ -1,6 +1,6 @@
 """Write coastwatch/operators/natural_earth_land.npz, the land that `coastwatch plot` draws where a scenario has no coastline.
 
-Source: Natural Earth 1:10m land (naturalearthdata.com, public domain), as in the npm package world-atlas 2.0.2, whose grid of 0.0036
+Source: Natural Earth 1:10m land (naturalearthdata.com, public domain), as in the npm package world-atlas 2.0.2. Its grid of 0.0036
 degrees of longitude and 0.0017 of latitude is kept. Rings are made continuous across the antimeridian, and the one around the pole
 is closed there.
 

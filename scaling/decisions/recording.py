@@ -2,8 +2,8 @@
 
     python -m scaling.decisions.recording [SCENARIO [VESSELS]]
 
-The last pictures of a scenario are repeated side by side until there are as many vessels as asked, every repetition with other low bits,
-numbers and MMSI.
+The last pictures of a scenario are repeated side by side until there are as many vessels as asked. Every repetition has other low
+bits, numbers and MMSI.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """What the radar tracker of a region costs and yields at a size: `python -m scaling.decisions.region_tracker [--vessels 16000] [--json]`.
 
-The question: may a track be gated by the combined estimate of its models, and its models be touched only by the plot that it takes?
+The question: may a track be gated by the combined estimate of its models, and only the plot that it takes touch its models?
 Run it in two checkouts on the same arguments: the plots are the same. Vessels keep their density (10 a square nautical mile), so the
 ranges of the two radars grow with their number. Plots are made before the timed part. Processor time of the stage `tracks` alone.
 """

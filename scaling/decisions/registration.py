@@ -1,8 +1,9 @@
 """How soon after the start association is as good with misregistered radars as with right ones, and what is found of their errors.
 
-Run: python -m scaling.decisions.registration [--seeds 1-3] [--scenario context-driven-1000] [--only CASE ...] [--set KEY=VALUE]
-A line a case: seconds from the start until association F1 of every later half minute is within 0.2 points of the same seed without
-errors; F1 of the last half minute of both; the errors found, their standard deviations and the true ones.
+    python -m scaling.decisions.registration [--seeds 1-3] [--scenario context-driven-1000] [--only CASE ...] [--set KEY=VALUE]
+
+One line for each case. First the seconds from the start until association F1 of every later half minute is within 0.2 points of the
+same seed without errors. Then F1 of the last half minute of both, the errors found, their standard deviations and the true ones.
 """
 
 from __future__ import annotations

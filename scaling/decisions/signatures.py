@@ -2,8 +2,8 @@
 
     python -m scaling.decisions.signatures [FIRST_SEED [NUMBER_OF_SEEDS]]
 
-Positions as good as in bearing_association.py; half of the vessels have AIS, of these 5 % never set their type and 5 % send a wrong
-one; the others are of types as common as in coastwatch/sensors/simulated/static_data.py. A look draws a class as SonarTruth has it.
+Positions are as good as in bearing_association.py. Half of the vessels have AIS. Of these 5 % never set their type and 5 % send a wrong
+one. The others are of types as common as in coastwatch/sensors/simulated/static_data.py. A look draws a class as SonarTruth has it.
 """
 
 from __future__ import annotations

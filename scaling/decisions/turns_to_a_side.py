@@ -1,7 +1,8 @@
-"""Which models of motion should a radar filter have? `python -m scaling.decisions.turns_to_a_side [--seeds 1-2] [--kinds a,b]`.
+"""Which models of motion should a radar filter have? `python -m scaling.decisions.turns_to_a_side [--seeds 1-2] [--kinds "rw60;circles"]`.
 
-Radar tracks of known plot origin on every kind of simulated motion: position RMSE (m), over the radar-only bound, course (deg), speed
-(kn), and the mean NEES of position and velocity (4: consistent), for sets of models. What is asked:
+Radar tracks of known plot origin on every kind of simulated motion, for sets of models. It prints position RMSE (m), its ratio to the
+radar-only bound, course (deg), speed (kn), and the mean NEES of position and velocity (4: consistent). What is asked:
+
     Is one turning model enough?          `imm`; the default set with `one turn` for all, and with `one turn a side`
     What could any filter reach that does not know the rate?  `prior of rates known`: turns in 60 narrow models, nothing else; the
         best there is on circles, since given its rate a turn is linear

@@ -2,8 +2,8 @@
 
     python -m scaling.decisions.workers [TRACKS [WORKERS [CYCLES]]]
 
-First the association of tracks, over the national picture after CYCLES cycles: time by the clock and of all processors, median of
-nine in turns, and the size of the arrays that processes share. Then fusion by `central_imm` for half as many vessels, with a plot
+First the association of tracks, over the national picture after CYCLES cycles. It has time by the clock and of all processors, median
+of nine in turns, and the size of the arrays that processes share. Then fusion by `central_imm` for half as many vessels, with a plot
 each: its processor time in one thread. Beside it stands the time to move its filters to another process and back.
 """
 

@@ -1,6 +1,6 @@
 """A recorded day of AIS through `coastwatch fuse`: sentences a second of processor, peak memory, share of each stage:
 
-python -m scaling.load.ais_stream --sentences N [--transponders N] [--feed FILE] [--period S] [--set KEY=VALUE ...]
+    python -m scaling.load.ais_stream --sentences N [--transponders N] [--feed FILE] [--period S] [--set KEY=VALUE ...]
 
 The baseline of the same run is decoding alone: the same file read to reports and not fused. Both run in processes of their own.
 """

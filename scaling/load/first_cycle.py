@@ -1,6 +1,6 @@
 """Time and memory of the first cycles, first with nothing compiled, then with everything compiled:
 
-python -m scaling.load.first_cycle [--tracks N] [--root CHECKOUT]
+    python -m scaling.load.first_cycle [--tracks N] [--root CHECKOUT]
 
 Each of the two runs is a process of its own, with one temporary folder for compiled kernels. --root names another checkout.
 """

@@ -1,6 +1,6 @@
 """Size and processor time of the frames that viewers get: of drawn vessels, or of the recorded pictures of a run.
 
-python -m scaling.load.frames --vessels 100000
+    python -m scaling.load.frames --vessels 100000
 coastwatch run guanabara --set store.recording=true --db x.db && python -m scaling.load.frames --db x.db
 """
 

@@ -1,6 +1,6 @@
 """A server under hostile input on every socket while a good feed goes on: does anything stop, come late, or grow?
 
-python -m scaling.load.hostile [--minutes 10] [--seed 1]
+    python -m scaling.load.hostile [--minutes 10] [--seed 1]
 
 The feeds, the API and its WebSocket get random bytes, damaged ASTERIX and lines of 1 MB, all on loopback. Some senders give a byte
 a second, and some viewers read nothing. Exit code 1: a cycle was more than a period late, a feed ended, the API did not answer, or

@@ -1,6 +1,6 @@
 """Whether SIGKILL of a region or of its centre loses or repeats a cycle, with a simulation over real sockets:
 
-python -m scaling.load.kills --kills 10 [--scenario NAME] [--seed N] [--json]
+    python -m scaling.load.kills --kills 10 [--scenario NAME] [--seed N] [--json]
 
 The region runs the scenario's radars, the centre takes its tracks and AIS. They are killed in turn, at random moments.
 """

@@ -1,6 +1,6 @@
 """A server with a coast of vessels live at the speed of the clock, over sockets: cycles on time, lag, memory, drops:
 
-python -m scaling.load.live --vessels 10000 --minutes 10 [--workers N] [--json]
+    python -m scaling.load.live --vessels 10000 --minutes 10 [--workers N] [--json]
 
 AIS sentences go over one TCP connection, plots and bearings as JSON lines over another. They are made before the clock starts, so that
 the sender costs little. Exit code 1: a cycle was more than a period late, or a report was dropped or late.

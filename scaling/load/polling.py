@@ -1,6 +1,8 @@
 """An operator's console in a process of its own: queries the database repeatedly and prints its waiting times as JSON.
 
-python -m scaling.load.polling URL [--every S]; ends when its standard input is closed.
+    python -m scaling.load.polling URL [--every S]
+
+It ends when its standard input is closed.
 """
 
 from __future__ import annotations

@@ -1,7 +1,9 @@
 """Registration in simulated harbours where few vessels are seen: when a bias is found, how wrong it is, and false alarms.
 
-Run: python -m scaling.load.registration --case three --seeds 101-120 [--minutes 16] [--json]
-A harbour is drawn for each seed: 30 to 100 AIS vessels, 6 to 22 % of them seen in a turn, 75 to 95 % of plots of nobody with AIS.
+    python -m scaling.load.registration --case three --seeds 101-120 [--minutes 16] [--json]
+
+A harbour is drawn for each seed. It has 30 to 100 AIS vessels, of which 6 to 22 % are seen in a turn. 75 to 95 % of plots are of nobody
+with AIS.
 Its reports go through the stages plots, ais_tracks and registration of the scenario busy-harbour. A line a seed, then a summary.
 """
 

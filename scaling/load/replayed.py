@@ -1,6 +1,6 @@
 """A recording over live sockets, AIS over TCP and radars as ASTERIX, against the same data read from files:
 
-python -m scaling.load.replayed [--scenario solent] [--minutes 60] [--speed 60] [--json]
+    python -m scaling.load.replayed [--scenario solent] [--minutes 60] [--speed 60] [--json]
 
 The live run has `--clock feeds`. Its pictures are compared cycle by cycle, bit by bit, with those of a run on the files.
 """

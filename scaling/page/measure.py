@@ -1,6 +1,6 @@
 """What the page of the map costs with many vessels in view, in a real Chromium:
 
-python -m scaling.page.measure [--vessels N] [--frames N] [--minutes M]
+    python -m scaling.page.measure [--vessels N] [--frames N] [--minutes M]
 
 The script of a frame is the page's own work on the main thread: uniforms, draw call, marks, MapLibre. The asked bound is 6 ms.
 """

@@ -48,7 +48,7 @@ def position_rmse_m(history: TrackHistory, result: TaskResult) -> float:
 def track_figures(history: PlotHistory, result: TaskResult) -> dict[str, float]:
     """Confirmed tracks against the vessels in cover, over the measured cycles, by the assignment of GOSPA.
 
-    Returns: completeness, the share of vessels with a track within `CUTOFF_M`; false tracks a cycle; position RMSE of the
+    Returns: completeness (share of vessels with a track within `CUTOFF_M`); false tracks a cycle; position RMSE of the
     assigned tracks; GOSPA, the root of its mean square per vessel.
     """
     vessels = assigned = false = 0

@@ -75,11 +75,11 @@ def test_every_example_names_scenarios_settings_and_questions_that_there_are() -
     assert wrong == []
 
 
-MEASURED = re.compile(r"`python -m (scaling\.[^`]*)`|^    (?:\.venv/bin/)?python -m (scaling\..*)$", re.MULTILINE)
+MEASURED = re.compile(r"`python -m (scaling\.[^`]*)`|^ *(?:Run: )?(?:\.venv/bin/)?python -m (scaling\..*)$", re.MULTILINE)
 OF_OPTION = {"--case": "three", "--part": "stages", "--peer": "scipy", "--task": "imm"}
 STAND_INS_OF_MEASUREMENTS = {
     "SCENARIO": "solent", "NAME": "solent", "M": "1", "FIRST-LAST": "1-2", "WIDTHxHEIGHT": "800x600", "METHOD": "threads",
-    "KEY=VALUE,...": "cpa_nm=0.1", "SETTING=VALUE": "seed=1", "autoferry|radar_off|lidar": "lidar", "--try": "--try=cpa_nm=0.1",
+    "SETTING=VALUE": "seed=1", "N,N": "1,1",
 }  # fmt: skip
 """Of words in capitals; any other stands for a number."""
 
@@ -89,14 +89,14 @@ def measurements() -> list[tuple[str, list[str]]]:
 
     What is in brackets is taken, of A | B the first, and dots are left out.
     """
-    texts = {page: page.read_text("utf-8") for page in PAGES}
+    texts = {page: re.sub(r" *\\\n *", " ", page.read_text("utf-8")) for page in PAGES}
     for module in (HOUSE / "scaling").rglob("*.py"):
         texts[module] = ast.get_docstring(ast.parse(module.read_text("utf-8")), clean=False) or ""
     found = []
     for page, text in texts.items():
         for match in MEASURED.finditer(text):
             line = re.split(r"  |#", match[1] or match[2])[0] if match[2] else " ".join(match[1].split())
-            words = shlex.split(re.sub(r"(\S+)( ?\| ?\S+)+", r"\1", re.sub(r"[\[\]]|\.\.\.", "", line)))
+            words = shlex.split(re.sub(r"([^\s|]+)(?: ?\| ?[^\s|]+)+", r"\1", re.sub(r"[\[\]]|,?\.\.\.", "", line)))
             if (
                 "PEER" not in line
                 and "--help" not in line

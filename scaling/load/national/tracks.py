@@ -1,6 +1,6 @@
 """Radar and AIS tracks of a national picture, as regions and AIS receivers send them to the centre.
 
-Each slot of the traffic has up to three channels: a radar track in an even region, one in an odd region, and an AIS track.
+Each slot of the traffic has up to three channels: radar tracks in an even and in an odd region, and an AIS track.
 Neighbouring regions have different parity, so a vessel in an overlap has a radar track in both. Channels are drawn once by
 `draw_channels`; `next_tracks` gives the tracks of a cycle. Each track has the time of its own newest report. Its errors are
 correlated in time and as large as its covariance says.
