@@ -1,7 +1,8 @@
 """Flags of vessels that an operator should look at: who decides that a vessel is dark, and the other alarms.
 
 - DARK: radar but no AIS for `dark_after_s`, inside the range of an AIS station; of what is stationary only if it once had AIS.
-- AIS_WITHOUT_RADAR: AIS but no radar for `unseen_after_s`, where a radar detects most vessels (`AisDetection`).
+- AIS_WITHOUT_RADAR: no radar, and AIS reports still `unseen_after_s` later, where a radar detects most vessels (`AisDetection`).
+  A vessel that no report has placed there since may have left: a report of minutes ago does not contradict the radar.
 - AIS_CONTRADICTED: an AIS and a radar track were one vessel, have split, and are `contradicted_from_m` apart, where a radar
   detects most vessels.
 - STATIONARY: it has stayed within `stationary_m`, or within its noise, for longer than a vessel under way could.
@@ -82,6 +83,8 @@ def flag(
     first_radar[row_of_track[radars[::-1]]] = radars[::-1]  # the last one written is the first of its vessel
     has_radar, has_ais = first_radar >= 0, np.zeros(len(picture), np.bool_)
     has_ais[row_of_track[ais]] = True
+    heard_s = np.full(len(picture), -np.inf)
+    np.maximum.at(heard_s, row_of_track[ais], tracks.updated_s[ais])
 
     no_ais = _within(ais_coverage, picture, has_radar & ~has_ais)
     no_radar = has_ais & ~has_radar
@@ -99,7 +102,7 @@ def flag(
     flags[stationary] |= int(Flag.STATIONARY)
     never_sent = stationary & (picture.mmsi < 0)
     flags[(time_s - no_ais_since_s >= settings.dark_after_s) & ~never_sent] |= int(Flag.DARK)
-    flags[time_s - no_radar_since_s >= settings.unseen_after_s] |= int(Flag.AIS_WITHOUT_RADAR)
+    flags[heard_s - no_radar_since_s >= settings.unseen_after_s] |= int(Flag.AIS_WITHOUT_RADAR)
     contradicted = _contradicted(settings, pairs, tracks, time_s)
     for track in (pairs.ais[contradicted], pairs.radar[contradicted]):
         flags[row_of_track[track]] |= int(Flag.AIS_CONTRADICTED)

@@ -20,7 +20,7 @@ class IdentitySettings(Method):
     drift_m_s15: Annotated[float, Field(gt=0.0)] = 0.15  # growth of the uncertainty of a vessel without tracks
     max_speed_kn: Annotated[float, Field(gt=0.0)] = 60.0  # of a return by MMSI
     dark_after_s: Annotated[float, Field(ge=0.0)] = 60.0  # radar without AIS where a station should hear it
-    unseen_after_s: Annotated[float, Field(ge=0.0)] = 60.0  # AIS without radar where a radar should see it
+    unseen_after_s: Annotated[float, Field(ge=0.0)] = 60.0  # from the last radar to an AIS report, where a radar should see it
     should_see: Annotated[float, Field(ge=0.0, le=1.0)] = (
         0.5  # least detection probability, in a turn, of a radar that should see a vessel
     )

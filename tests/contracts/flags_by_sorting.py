@@ -75,7 +75,9 @@ def flags_of(
     flags |= np.where(stays, int(Flag.STATIONARY), 0)
     silent = (time_s - no_ais >= settings.dark_after_s) & ~(stays & (picture.mmsi == -1))
     flags |= np.where(silent, int(Flag.DARK), 0)
-    flags |= np.where(time_s - no_radar >= settings.unseen_after_s, int(Flag.AIS_WITHOUT_RADAR), 0)
+    is_ais = kinds == SourceKind.AIS
+    newest_s = np.array([np.max(tracks.updated_s[is_ais & (row == k)], initial=-np.inf) for k in range(len(picture))])
+    flags |= np.where(newest_s - no_radar >= settings.unseen_after_s, int(Flag.AIS_WITHOUT_RADAR), 0)
     contradicted = (time_s - pairs.parted_since_s >= settings.contradicted_after_s) & _apart(settings, pairs, tracks)
     for track in (pairs.ais_track[contradicted], pairs.radar_track[contradicted]):
         flags[row[find_any(tracks.track_id, track)]] |= int(Flag.AIS_CONTRADICTED)

@@ -43,7 +43,7 @@ def sensors(ais_range_m=50e3, radar_range_m=50e3):
 
 
 def cycle_of(cycle, rows):
-    """Tracks of rows (track_id, source, vessel number, east_m, mmsi, origin): all sail east at 4 m/s."""
+    """Tracks of rows (track_id, source, vessel number, east_m, mmsi, origin, age in s or nothing): all sail east at 4 m/s."""
     time_s = PERIOD_S * cycle
     n = len(rows)
     ids, source, vessel, east, mmsi, origin = (
@@ -60,7 +60,7 @@ def cycle_of(cycle, rows):
         velocity,
         covariance,
         np.tile(100.0 * np.eye(2), (n, 1, 1)),
-        np.full(n, time_s),
+        time_s - np.array([row[6] if len(row) > 6 else 0.0 for row in rows]),
         np.zeros(n),
         mmsi,
         origin,
@@ -176,6 +176,16 @@ def test_ais_without_radar_only_where_a_radar_sees():
     assert flagged(play(script), Flag.AIS_WITHOUT_RADAR)[-1]
     assert not any(flagged(play(script, where=sensors(radar_range_m=10.0)), Flag.AIS_WITHOUT_RADAR))
     assert not any(flagged(play([[RADAR, AIS]] * 30), Flag.AIS_WITHOUT_RADAR))
+
+
+def test_ais_without_radar_only_with_a_report_since_it_was_missed():
+    """One report in the first cycle, another one in cycle 40 of 3 s: it is 60 s after the radar was missed, the first one is not."""
+    script = [[(*AIS, PERIOD_S * cycle)] for cycle in range(40)]
+    assert not any(flagged(play(script), Flag.AIS_WITHOUT_RADAR))
+    up = flagged(play(script + script[:20]), Flag.AIS_WITHOUT_RADAR)
+    assert (up.index(True), all(up[40:])) == (40, True)
+    missed_late = [[RADAR, (*AIS, PERIOD_S * cycle)] for cycle in range(39)]
+    assert not any(flagged(play(missed_late + script), Flag.AIS_WITHOUT_RADAR))
 
 
 def test_ais_without_radar_only_where_most_other_vessels_are_detected():
