@@ -129,6 +129,33 @@ def test_a_vessel_that_swings_over_the_edge_or_is_unseen_for_a_while_enters_once
     assert spans(play(RULES, scene, 90, (AREA,)), AlarmKind.ZONE_ENTER) == {(1, 1): [(11, 89)]}
 
 
+def test_a_vessel_first_seen_inside_has_entered_but_not_at_the_start_nor_where_a_zone_is_new() -> None:
+    """Vessels appear inside in cycles 10 (start of the run), 60, 70 (for 30 s) and 80; the last one is away from 120 to 239."""
+    rules = RULES.model_copy(update={"start_up_s": 120.0, "forget_s": 90.0})
+    times = {1: (10, 300), 2: (60, 300), 3: (70, 80), 4: (80, 120), 5: (0, 300)}
+    outside = {5: (6000.0, 0.0)}
+
+    def scene(time_s: float) -> list[dict[str, Any]]:
+        cycle = round(time_s / PERIOD_S)
+        here = [k for k, (first, end) in times.items() if first <= cycle < end or (k == 4 and cycle >= 240)]
+        frozen = [k for k, (_, end) in times.items() if end < 300 and end <= cycle < end + 10]
+        at = {k: outside.get(k, (100.0 * k, 0.0)) for k in (*here, *frozen)}
+        return [{"id": k, "at": at[k], "flags": int(Flag.COASTING) * (k in frozen and k not in here)} for k in sorted(at)]
+
+    stays_s = int(rules.first_seen_s / PERIOD_S)
+    entered = spans(play(rules, scene, 300, (AREA,)), AlarmKind.ZONE_ENTER)
+    ((first, last),) = entered.pop((4, 1))  # it returns to where it was seen last: no second alarm
+    assert (first, last < 240) == (80 + stays_s, True)
+    assert entered == {(2, 1): [(60 + stays_s, 299)]}
+
+    memory, found = rules.init(), []
+    for cycle in range(130):
+        time_s, zones = PERIOD_S * cycle, numbered((AREA,) if cycle >= 65 else ())
+        memory, alarms = rules.step(memory, *picture_of(time_s, scene(time_s)), time_s, sensors(), zones)
+        found.append(alarms)
+    assert set(spans(found, AlarmKind.ZONE_ENTER)) == {(4, 1)}  # the zone is new in cycle 65: vessels 1 and 2 were there
+
+
 def test_a_circle_is_as_large_as_it_says() -> None:
     shape = Shape(1, Zone(name="ring", kind="circle", centre_deg=(60.0, 179.9), radius_nm=30.0), 100.0)
     bearing = np.radians(np.arange(0.0, 360.0, 15.0))

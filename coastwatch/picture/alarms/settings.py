@@ -22,6 +22,8 @@ class AlarmSettings(Method):
     line_margin_m: Annotated[float, Field(gt=0.0)] = 50.0  # a vessel must move so far before a crossing is looked for
     moment_s: NotNegative = 60.0  # how long an alarm for leaving a zone or crossing a line lasts
     forget_s: NotNegative = 300.0  # a vessel that is away for longer is new to zones and lines when it returns
+    first_seen_s: NotNegative = 60.0  # a vessel first seen inside a zone has entered it when it has been there for so long
+    start_up_s: NotNegative = 600.0  # of a run: what is first seen inside a zone until then was there before
     cpa_nm: NotNegative = 0.05  # distance of closest approach (CPA) below which two vessels are too close; 0: no such alarm
     tcpa_min: Annotated[float, Field(gt=0.0, le=60.0)] = 3.0  # time to closest approach (TCPA) within which the alarm begins
     cpa_open_cycles: Annotated[int, Field(ge=1)] = 20  # in place of `open_cycles`: a turn must not raise alarms

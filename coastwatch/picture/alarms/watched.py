@@ -65,6 +65,7 @@ class Seen:
     frozen: Ints  # (F,) ids of watched vessels without a track
     moved: Bools  # (R,) far enough since `way_from_deg`, and not farther than a vessel can
     way_from_deg: Floats  # (R, 2)
+    before_deg: Floats  # (R, 2) where each was seen last; NaN: never, or so long ago that nothing is known
     dragging: Bools  # (R,)
     lain_s: Floats  # (R,) at rest at the anchorage
     away_m: Floats  # (R,) from the anchorage
@@ -84,6 +85,8 @@ def look(settings: AlarmSettings, before: Watched, picture: Picture, members: Me
     waited_s[known] = time_s - before.seen_s[at[known]]
     columns["came_s"][waited_s > settings.forget_s] = time_s
     columns["way_from_deg"][waited_s > settings.forget_s] = now.position_deg[waited_s > settings.forget_s]
+    before_deg = np.full((len(now), 2), np.nan)
+    before_deg[known] = before.position_deg[at[known]]
 
     way_from_deg = columns["way_from_deg"].copy()
     way_m = np.hypot(*difference_m(now.position_deg, way_from_deg).T)
@@ -99,7 +102,7 @@ def look(settings: AlarmSettings, before: Watched, picture: Picture, members: Me
     without = np.ones(len(watched.vessel_id), np.bool_)
     without[rows] = False
     frozen = watched.vessel_id[without & (time_s - watched.seen_s <= settings.forget_s)]
-    return Seen(watched, rows, now, frozen, moved, way_from_deg, dragging, lain_s, away_m)
+    return Seen(watched, rows, now, frozen, moved, way_from_deg, before_deg, dragging, lain_s, away_m)
 
 
 def _rows_of(now: Picture, members: Members, sensors: Sensors, time_s: float) -> Watched:

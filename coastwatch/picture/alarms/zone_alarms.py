@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,10 +38,11 @@ class Moments:
 class ZoneMemory:
     """What alarms of zones need of the last cycle."""
 
-    inside: Lasting  # subject: number of the zone; mark: the vessel was outside before
+    inside: Lasting  # subject: number of the zone; mark: the vessel was outside before, or was not seen before
     speeding: Lasting
     moments: Moments
     zones: Ints  # numbers of the zones, ascending
+    began_s: float = np.nan  # first cycle of the run
 
     @classmethod
     def none(cls) -> ZoneMemory:
@@ -53,6 +54,8 @@ def zone_alarms(
     settings: AlarmSettings, memory: ZoneMemory, seen: Seen, zones: Sequence[Shape], time_s: float
 ) -> tuple[ZoneMemory, list[Raised]]:
     """The alarms of zones and lines that hold in a cycle."""
+    if np.isnan(memory.began_s):
+        memory = replace(memory, began_s=float(time_s))
     if not zones and not len(memory.zones):
         return memory, []
     positions = ByLatitude(seen.picture.position_deg)
@@ -69,14 +72,22 @@ def zone_alarms(
     out = []
     lasted_s = time_s - stays.since_s
     entering, dwell_s = _of_zones(by_number, stays.subject)
-    for kind, rows in ((AlarmKind.ZONE_ENTER, entering & stays.mark), (AlarmKind.ZONE_DWELL, lasted_s > dwell_s)):
+    entered = entering & _has_entered(settings, stays, seen)
+    for kind, rows in ((AlarmKind.ZONE_ENTER, entered), (AlarmKind.ZONE_DWELL, lasted_s > dwell_s)):
         out.append(Raised.of(kind, stays.vessel_id[rows], stays.subject[rows], interval_s=lasted_s[rows]))
     rows = speeding.open & np.isin(speeding.subject, list(by_number))
     out.append(Raised.of(AlarmKind.ZONE_SPEED, speeding.vessel_id[rows], speeding.subject[rows]))
     for kind in (AlarmKind.ZONE_LEAVE, AlarmKind.LINE_CROSSED):
         rows = moments.key % KINDS == kind
         out.append(Raised.of(kind, moments.key[rows] // KINDS, moments.subject[rows], to_right=moments.to_right[rows]))
-    return ZoneMemory(inside, speeding, moments, np.array(sorted(by_number), np.int64)), out
+    return ZoneMemory(inside, speeding, moments, np.array(sorted(by_number), np.int64), memory.began_s), out
+
+
+def _has_entered(settings: AlarmSettings, stays: Lasting, seen: Seen) -> Bools:
+    """Whether each stay is of a vessel that came from outside, or was first seen inside and tracked there for `first_seen_s`. (D,)"""
+    at = find(seen.watched.vessel_id, stays.vessel_id)
+    came_s, seen_s = (np.append(column, -np.inf)[at] for column in (seen.watched.came_s, seen.watched.seen_s))
+    return stays.mark & ((came_s < stays.since_s) | (seen_s - stays.since_s >= settings.first_seen_s))
 
 
 def _of_zones(by_number: dict[int, Shape], number: Ints) -> tuple[Bools, Floats]:
@@ -93,7 +104,8 @@ def _inside(
 ) -> tuple[Holding, Holding]:
     """Who is inside which area, and who has a wrong speed there, as conditions of this cycle.
 
-    A vessel was outside before if it was watched before it came in, and the zone too.
+    A vessel was outside before if it was watched before it came in, and the zone too. One that was not watched before counts too, but
+    for the start of the run, and but for one that was seen last in the zone.
     """
     vessel_id, came_s = seen.picture.vessel_id, seen.watched.came_s[seen.rows]
     speed_m_s = seen.watched.speed_m_s[seen.rows]
@@ -102,8 +114,10 @@ def _inside(
         rows = positions.near(shape)
         within, near = shape.contains(positions.position_deg[rows])
         rows, within = rows[near], within[near]
-        is_new = not np.isin(shape.number, memory.zones).item()
-        mark = came_s[rows] < time_s if not is_new else np.zeros(len(rows), np.bool_)
+        mark = np.full(len(rows), np.isin(shape.number, memory.zones).item())
+        first = np.flatnonzero(came_s[rows] == time_s)
+        was_inside, _ = shape.contains(seen.before_deg[rows[first]])
+        mark[first] &= ~was_inside & (time_s - memory.began_s >= settings.start_up_s)
         number = np.full(len(rows), shape.number)
         inside.append(Holding(vessel_id[rows] * KINDS + INSIDE, number, within, mark))
         lasts = shape.breaks_speed(speed_m_s[rows], -settings.zone_speed_margin_kn)
