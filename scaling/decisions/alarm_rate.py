@@ -4,7 +4,8 @@
 
 The scenario runs once. Its pictures then go through the alarms with the settings of the scenario, and once more for each `--try`
 (settings of [alarms]). Each gives one line. It has events an hour by kind, as the store counts them (`store.event_gap_s`). Then follow
-how many last at the end, the most that last at a time, and milliseconds of processor a cycle.
+how many last at the end, the most that last at a time, and milliseconds of processor a cycle. The last line has the dark alarms by
+the AIS of their true vessels.
 """
 
 from __future__ import annotations
@@ -16,17 +17,20 @@ from contextlib import nullcontext
 import numpy as np
 
 from coastwatch import pipeline
-from coastwatch.batches import NO_ALARMS, Members, Picture, Sensors
+from coastwatch.batches import NO_ALARMS, AisReports, Flag, Members, Picture, Reports, Sensors, VesselAlarms
 from coastwatch.picture import AlarmRules, numbered
 from coastwatch.scenario import Scenario, load_scenario
+from coastwatch.scores.dark import SILENT_FOR_S
 from coastwatch.stage import serial
 from coastwatch.store.write.events import BITS, KINDS, Events, extend
 
+DARK = int(Flag.DARK).bit_length() - 1
+"""Bit of the flag."""
 
-def pictures_of(scenario: Scenario, sensors: Sensors, seed: int) -> list[tuple[float, Picture, Members]]:
+
+def pictures_of(scenario: Scenario, sensors: Sensors, reports: Reports) -> list[tuple[float, Picture, Members]]:
     """Time, picture and members of every cycle."""
     plan = scenario.plan()
-    reports = scenario.input.load(sensors, seed, plan).reports
     memory, before_s, out = pipeline.start(scenario, sensors), -np.inf, []
     for number in range(plan.cycles):
         now_s = plan.instant_s(number)
@@ -61,6 +65,24 @@ def rate(scenario: Scenario, rules: AlarmRules, sensors: Sensors, made: list[tup
     )
 
 
+def dark_alarms(scenario: Scenario, ais: AisReports, made: list[tuple[float, Picture, Members]]) -> str:
+    """The dark alarms by the AIS of their true vessels."""
+    none = np.zeros(0, np.int64)
+    events, before_s = Events(none, none, none, none, np.zeros(0)), -np.inf
+    count = dict.fromkeys(("that never sends AIS", "that never sends again", "silent for 60 s then", "that is not silent"), 0)
+    never, silent, paused, wrong = count
+    for number, (now_s, picture, _) in enumerate(made):
+        events, changes = extend(events, number, now_s, before_s, picture, VesselAlarms.empty(), scenario.store.event_gap_s)
+        before_s = now_s
+        vessel_id, bit = np.divmod(changes.begun, BITS)
+        for origin in picture.origin[np.searchsorted(picture.vessel_id, vessel_id[bit == DARK])].tolist():
+            sent_s = ais.received_s[ais.origin == origin]
+            heard, later = (sent_s > now_s - SILENT_FOR_S) & (sent_s <= now_s), sent_s > now_s
+            kind = wrong if origin < 0 or heard.any() else never if not len(sent_s) else paused if later.any() else silent
+            count[kind] += 1
+    return f"{sum(count.values())} dark alarms: " + ", ".join(f"{found} of a vessel {kind}" for kind, found in count.items())
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenario")
@@ -74,11 +96,15 @@ def main() -> None:
         changes["cycles"] = str(options.cycles)
     scenario = load_scenario(options.scenario, changes)
     sensors = scenario.sensors()
-    made = pictures_of(scenario, sensors, options.seed)
+    reports = scenario.input.load(sensors, options.seed, scenario.plan()).reports
+    if not isinstance(reports, Reports):
+        parser.error(f"SCENARIO: got {options.scenario!r}, whose reports come as a stream, needed one that is read at once")
+    made = pictures_of(scenario, sensors, reports)
     for tried in ["", *options.tried]:
         given = dict(one.split("=", 1) for one in tried.split(",") if one)
         rules = AlarmRules.model_validate({**scenario.alarms.model_dump(), **given})
         print(f"{tried or 'as set'}: {rate(scenario, rules, sensors, made)}", flush=True)
+    print(dark_alarms(scenario, reports.ais, made))
 
 
 if __name__ == "__main__":
