@@ -57,6 +57,9 @@ class StoreSettings(Settings):
         60.0  # between two writings of the learnt cover of radars; the newest is kept
     )
     checkpoint_every: Annotated[int, Field(ge=1)] = 10  # cycles
+    checkpoint_mb_s: Annotated[float, Field(gt=0.0)] = (
+        32.0  # megabytes a second before compression that checkpoints of a live run may take, to save more often than that
+    )
     history_hours: Annotated[float, Field(ge=0.0)] = 0.0  # of history; 0: all
     details_hours: Annotated[float, Field(ge=0.0)] = 0.0  # of associations, spots, timings and registrations; 0: all
     event_hours: Annotated[float, Field(ge=0.0)] = 0.0  # of events, by their end; 0: all

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from coastwatch.batches.plain_data import TreeError, from_tree, to_tree
 from coastwatch.pipeline import Memory
+from coastwatch.scenario.model import StoreSettings
 from coastwatch.scores import Tally
 
 MODULES_WITH_CLASSES = (
@@ -32,6 +34,9 @@ MODULES_WITH_CLASSES = (
 )
 """Modules, and packages with their modules, whose dataclasses and named tuples a checkpoint may hold. No other class is made."""
 
+MOST_OF_PERIOD = 0.1
+"""Share of the time of a live run for which cycles wait, that checkpoints may take."""
+
 TREE = "tree"  # the member of the npz file that holds the JSON text
 
 
@@ -46,6 +51,29 @@ class Point:
     cycle: int  # the next one
     memory: Memory
     tally: Tally
+
+
+class Pace:
+    """After which cycles a run saves a checkpoint. A live run saves as often as clock and disk allow: its feeds send nothing twice."""
+
+    def __init__(self, keep: StoreSettings, live_period_s: float | None = None) -> None:
+        """Args: live_period_s: period of a live run; none: the run is not live."""
+        self.newest = -1  # cycle after which one was saved
+        self._keep, self._period_s, self._cycles = keep, live_period_s, 1
+
+    def is_due(self, cycle: int, writer_is_idle: bool) -> bool:
+        """Whether one is to be saved after a cycle. Args: writer_is_idle: all earlier cycles are written."""
+        if cycle == 0 or (cycle + 1) % self._keep.checkpoint_every == 0:
+            return True
+        return self._period_s is not None and writer_is_idle and cycle - self.newest >= self._cycles
+
+    def note(self, cycle: int, size: int, seconds: float) -> None:
+        """One was saved after a cycle. Args: size: bytes; seconds: that it took."""
+        self.newest = cycle
+        if self._period_s is not None:
+            of_clock = seconds / (MOST_OF_PERIOD * self._period_s)
+            of_disk = size / (1e6 * self._keep.checkpoint_mb_s * self._period_s)
+            self._cycles = max(math.ceil(of_clock), math.ceil(of_disk), 1)
 
 
 def save(value: Any) -> bytes:

@@ -18,7 +18,7 @@ from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario
 from coastwatch.scores import add, result, start
 from coastwatch.server import checkpoint
-from coastwatch.server.checkpoint import CheckpointError, Point
+from coastwatch.server.checkpoint import CheckpointError, Pace, Point
 from coastwatch.server.timing import Stopwatch
 from coastwatch.server.warm_up import warm_up
 from coastwatch.server.watched_zones import WatchedZones
@@ -33,9 +33,6 @@ OnInput = Callable[[tuple[FileContent, ...]], None]
 
 RESUME_WITHIN_S = 600.0
 """A live run goes on from its checkpoint if that is at most so old: the cycles since then are computed without reports."""
-
-SMALL_CHECKPOINT_BYTES = 4 << 20
-"""A live run saves a checkpoint of at most so much after every cycle, a larger one every `store.checkpoint_every` cycles."""
 
 
 class Live(Protocol):
@@ -158,7 +155,7 @@ def run_scenario(
                             writer,
                             interrupted,
                             live,
-                            _CheckpointSize(live is not None),
+                            Pace(scenario.store, scenario.period_s) if live is not None else Pace(scenario.store),
                             None if live is None else WatchedZones(opened, scenario),
                         )
                         point, vessels, most = _run_cycles(_Run(*parts), point, report, on_cycle)
@@ -190,22 +187,6 @@ def run_scenario(
     )
 
 
-class _CheckpointSize:
-    """The size of the newest checkpoint. A live run saves a small one after every cycle: its feeds do not send anything twice."""
-
-    def __init__(self, live: bool) -> None:
-        self._live, self._bytes = live, SMALL_CHECKPOINT_BYTES + 1
-
-    @property
-    def is_small(self) -> bool:
-        """Whether it is saved after every cycle."""
-        return self._live and self._bytes <= SMALL_CHECKPOINT_BYTES
-
-    def note(self, saved: bytes | None) -> None:
-        """Take a checkpoint; None: none was made."""
-        self._bytes = self._bytes if saved is None else len(saved)
-
-
 @dataclass(frozen=True)
 class _Run:
     """The parts of a run that do not change from cycle to cycle."""
@@ -221,7 +202,7 @@ class _Run:
     writer: Writer[store.Written]
     interrupted: threading.Event
     live: Live | None
-    size: _CheckpointSize
+    pace: Pace
     zones: WatchedZones | None  # none: those of the scenario
 
 
@@ -342,10 +323,12 @@ def _run_cycle(run: _Run, point: Point) -> tuple[Point, Cycle, str | None, bool]
             tally = add(tally, cycle, run.recording, run.sensors)
     after = Point(number + 1, memory, tally)
     stopped = run.interrupted.is_set()  # read once: the last cycle has a checkpoint
-    due = number == 0 or (number + 1) % scenario.store.checkpoint_every == 0 or stopped or run.size.is_small
+    blob = None
     with run.watch("checkpoint"):
-        blob = checkpoint.save(replace(after, memory=pipeline.gathered(memory, regions))) if due else None
-    run.size.note(blob)
+        if stopped or run.pace.is_due(number, run.writer.is_idle):
+            begun_s = time.perf_counter()
+            blob = checkpoint.save(replace(after, memory=pipeline.gathered(memory, regions)))
+            run.pace.note(number, len(blob), time.perf_counter() - begun_s)
     passed = store.ForCentres() if run.live is None else run.live.for_centres(run.run_id, number, cycle)
     before = run.writer.wait()
     last = after.cycle == plan.cycles or stopped
@@ -358,7 +341,7 @@ def _run_cycle(run: _Run, point: Point) -> tuple[Point, Cycle, str | None, bool]
 
 def _save(run: _Run, point: Point) -> None:
     """Write a checkpoint of a run that ends while it waits for the reports of its next cycle, unless its last cycle has one."""
-    if point.cycle and not run.size.is_small:
+    if point.cycle and run.pace.newest != point.cycle - 1:
         blob = checkpoint.save(replace(point, memory=pipeline.gathered(point.memory, run.workers.regions)))
         run.writer.wait()
         run.writer.start(partial(store.write_checkpoint, run.store, run.run_id, point.cycle - 1, blob))

@@ -41,6 +41,11 @@ class Writer(Generic[T]):
             if self._thread is not None:
                 self._thread.shutdown()
 
+    @property
+    def is_idle(self) -> bool:
+        """Whether all jobs are done."""
+        return all(job.done() for job in self._jobs)
+
     def wait(self) -> T | None:
         """Wait while more than `behind` jobs are unfinished. Returns the result of the oldest job that has not been returned, None if
         it is unfinished. Raises: its error.

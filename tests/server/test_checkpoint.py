@@ -20,7 +20,8 @@ from coastwatch import pipeline
 from coastwatch.batches import Tracks
 from coastwatch.operators.cli import main
 from coastwatch.scenario import load_scenario
-from coastwatch.server.checkpoint import CheckpointError, load, save
+from coastwatch.scenario.model import StoreSettings
+from coastwatch.server.checkpoint import CheckpointError, Pace, load, save
 from coastwatch.stage import NoMemory, serial
 from coastwatch.tracks.motion import Filters
 
@@ -236,3 +237,24 @@ def test_a_run_does_not_resume_from_it(kind: str, reason: str, tmp_path: Path, c
     assert "--restart" in said
     assert RAN == []
     assert main([*command, "--restart"]) == 0
+
+
+def cycles_saved(pace: Pace, size: int, seconds: float, busy: tuple[int, ...] = ()) -> list[int]:
+    """After which of 40 cycles a run saves, if each checkpoint has this size and takes so long. Args: busy: cycles with a busy writer."""
+    found = []
+    for cycle in range(40):
+        if pace.is_due(cycle, cycle not in busy):
+            pace.note(cycle, size, seconds)
+            found.append(cycle)
+    return found
+
+
+def test_a_live_run_saves_as_often_as_clock_and_disk_allow_and_never_less_than_any_run() -> None:
+    keep = StoreSettings(checkpoint_every=10, checkpoint_mb_s=32.0)
+    usual = [0, 9, 19, 29, 39]
+    assert cycles_saved(Pace(keep), 1, 0.0) == usual
+    assert cycles_saved(Pace(keep, 3.0), 96_000_000, 0.3) == list(range(40))
+    assert cycles_saved(Pace(keep, 3.0), 96_000_001, 0.0) == [*range(0, 9, 2), *range(9, 40, 2)]
+    assert cycles_saved(Pace(keep, 3.0), 1, 0.85)[:5] == [0, 3, 6, 9, 12]
+    assert cycles_saved(Pace(keep, 3.0), 2_000_000_000, 2.0) == usual
+    assert cycles_saved(Pace(keep, 3.0), 1, 0.0, busy=(4, 5, 9)) == [k for k in range(40) if k not in (4, 5)]
