@@ -18,6 +18,7 @@ import numpy as np
 
 from coastwatch import pipeline
 from coastwatch.batches import NO_ALARMS, AisReports, Flag, Members, Picture, Reports, Sensors, VesselAlarms
+from coastwatch.operators.cli.arguments import names, pair
 from coastwatch.picture import AlarmRules, numbered
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.scores.dark import SILENT_FOR_S
@@ -83,15 +84,22 @@ def dark_alarms(scenario: Scenario, ais: AisReports, made: list[tuple[float, Pic
     return f"{sum(count.values())} dark alarms: " + ", ".join(f"{found} of a vessel {kind}" for kind, found in count.items())
 
 
+def settings_of(text: str) -> dict[str, str]:
+    """The settings in KEY=VALUE,KEY=VALUE."""
+    return dict(map(pair, names(text)))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenario")
     parser.add_argument("--cycles", type=int)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
-    parser.add_argument("--try", action="append", default=[], metavar="KEY=VALUE,...", dest="tried")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", type=pair, help="a setting of the scenario")
+    parser.add_argument(
+        "--try", action="append", default=[], metavar="KEY=VALUE,...", type=settings_of, dest="tried", help="of [alarms]"
+    )
     options = parser.parse_args()
-    changes = dict(change.split("=", 1) for change in options.set)
+    changes = dict(options.set)
     if options.cycles:
         changes["cycles"] = str(options.cycles)
     scenario = load_scenario(options.scenario, changes)
@@ -100,8 +108,8 @@ def main() -> None:
     if not isinstance(reports, Reports):
         parser.error(f"SCENARIO: got {options.scenario!r}, whose reports come as a stream, needed one that is read at once")
     made = pictures_of(scenario, sensors, reports)
-    for tried in ["", *options.tried]:
-        given = dict(one.split("=", 1) for one in tried.split(",") if one)
+    for given in [{}, *options.tried]:
+        tried = ",".join(f"{key}={value}" for key, value in given.items())
         rules = AlarmRules.model_validate({**scenario.alarms.model_dump(), **given})
         print(f"{tried or 'as set'}: {rate(scenario, rules, sensors, made)}", flush=True)
     print(dark_alarms(scenario, reports.ais, made))

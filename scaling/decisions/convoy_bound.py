@@ -21,6 +21,7 @@ from coastwatch.scores.confusion import Confusion, association, count_decisions
 from coastwatch.sensors.simulated.radar import interpolated
 from coastwatch.server.timing import Stopwatch
 from coastwatch.stage import serial
+from scaling.load.seeds import seed_range
 
 AT_S = (9.0, 30.0, 60.0, 120.0, 180.0)  # after the start of the run
 NEAR_M = 400.0  # farther off no ship is taken for another
@@ -55,13 +56,13 @@ def main() -> None:
     parser.add_argument("--seeds", default="1-3", help="first-last")
     parser.add_argument("--spacing", default="50", help="metres from ship to ship")
     asked = parser.parse_args()
-    first, last = (int(s) for s in asked.seeds.split("-"))
+    seeds = seed_range(asked.seeds)
     convoys = {f"input.convoys.spacing_{end}_m": asked.spacing for end in ("from", "to")}
     made = {"input.count": "300", "sonars": "[]", "input.convoys.share": "1.0", "warmup_s": "0", "cycles": "60", **convoys}
     scenario = load_scenario("context-driven-1000", made)
     sensors, plan = scenario.sensors(), scenario.plan()
     best, ours = dict.fromkeys(AT_S, Confusion()), dict.fromkeys(AT_S, Confusion())
-    for seed in range(first, last + 1):
+    for seed in seeds:
         recording = scenario.input.load(sensors, seed, plan)
         truth, reports = recording.truth, recording.whole()
         assert truth is not None

@@ -19,6 +19,7 @@ from coastwatch import pipeline
 from coastwatch.batches import Flag, Picture, Recording
 from coastwatch.geodesy import difference_m
 from coastwatch.kernels.tables.match_ids import index_of
+from coastwatch.operators.cli.arguments import pair
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.stage import serial
 
@@ -77,9 +78,9 @@ def main() -> None:
     parser.add_argument("scenario")
     parser.add_argument("--cycles", type=int)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", type=pair, help="a setting of the scenario")
     options = parser.parse_args()
-    changes = dict(change.split("=", 1) for change in options.set)
+    changes = dict(options.set)
     if options.cycles:
         changes["cycles"] = str(options.cycles)
     for method in ("disc", "learnt"):

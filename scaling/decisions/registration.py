@@ -16,11 +16,13 @@ from typing import NamedTuple
 import numpy as np
 
 from coastwatch.batches import RadarCorrections, RegistrationState
+from coastwatch.operators.cli.arguments import pair
 from coastwatch.pipeline import Cycle
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.confusion import Confusion, association
 from coastwatch.sensors import Simulated
 from coastwatch.server.run import run_scenario
+from scaling.load.seeds import seed_range
 
 LASTS_S = 300.0
 WITHIN = 0.002  # of F1
@@ -93,15 +95,17 @@ def told(corrections: RadarCorrections) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenario", default="context-driven-1000")
-    parser.add_argument("--seeds", default="1-1", help="first-last")
-    parser.add_argument("--only", nargs="*", type=int, help="numbers of cases")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
+    parser.add_argument("--seeds", default="1-1", help="first-last (default: 1-1)")
+    cases = "; ".join(f"{number} {title}" for number, title in enumerate(CASES))
+    parser.add_argument(
+        "--only", nargs="*", type=int, choices=range(len(CASES)), metavar="CASE", help=f"numbers of cases: {cases}"
+    )
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", type=pair, help="a setting of all cases")
     parser.add_argument("--course", action="store_true", help="F1 each quarter of a minute too")
     asked = parser.parse_args()
-    first, last = (int(s) for s in asked.seeds.split("-"))
-    common = dict(item.split("=", 1) for item in asked.set)
+    common = dict(asked.set)
     period_s = load_scenario(asked.scenario).period_s
-    for seed in range(first, last + 1):
+    for seed in seed_range(asked.seeds):
         right = run(asked.scenario, seed, "", {**common, "registration.method": "none"})
         best = smoothed(right)
         for number, (title, (wrong, more)) in enumerate(CASES.items()):

@@ -26,6 +26,7 @@ from coastwatch.scores.nees import nees
 from coastwatch.scores.rmse import Errors, errors, rows_of
 from coastwatch.tracks import Imm, RadarTracker, SidedImm
 from coastwatch.tracks.motion import AGILE, CHANGING, RESTLESS, SHARP, STEADY, TURNS, Manoeuvres, Model, Turning
+from scaling.load.seeds import seed_range
 
 CIRCLES = {"input.motion.linear_weight": "0", "input.motion.circular_weight": "1"}
 KINDS = {
@@ -131,12 +132,15 @@ def main() -> None:
     parser.add_argument("--kinds", default=";".join(KINDS), help="separated by ;")
     parser.add_argument("--methods", default=";".join(METHODS), help="separated by ;")
     asked = parser.parse_args()
-    first, last = (int(s) for s in asked.seeds.split("-"))
-    for kind in asked.kinds.split(";"):
+    kinds, methods, seeds = asked.kinds.split(";"), asked.methods.split(";"), seed_range(asked.seeds)
+    for option, given, known in (("--kinds", kinds, KINDS), ("--methods", methods, METHODS)):
+        if not set(given) <= set(known):
+            parser.error(f"{option}: got {given}, needed some of {list(known)}")
+    for kind in kinds:
         print(f"{kind:<24} position   / bound  course  speed   NEES")
-        for name in asked.methods.split(";"):
+        for name in methods:
             own, least, squares = Errors(), Errors(), []
-            for seed in range(first, last + 1):
+            for seed in seeds:
                 done = measured(kind, METHODS[name], seed)
                 own, least = own + done[0], least + done[1]
                 squares.append(done[2])

@@ -64,13 +64,18 @@ def pooled(case: Case, seeds: range) -> tuple[float, float, float]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("name", nargs="*", default=[], help="cases; none: all")
+    parser.add_argument("name", nargs="*", default=[], metavar="NAME", help="cases; none: all")
     parser.add_argument("--seeds", default="1000-1009", help="first-last")
     options = parser.parse_args()
+    names = {case.name for case in CASES}
+    if not names.issuperset(options.name):
+        parser.error(f"got {options.name}, needed some of {sorted(names)}")
+    # A case that may lose only so much of another one needs it too.
+    wanted = {*options.name, *(case.reference for case in CASES if case.name in options.name)} - {""} or names
     print(f"# bearing association, F1 % (worst seed), MCC; seeds {options.seeds}")
     found: dict[str, float] = {}
     for case in CASES:
-        if options.name and case.name not in options.name:
+        if case.name not in wanted:
             continue
         print(f"# {case.name}: {conditions(case.scenario, case.settings)}")
         f1, worst, mcc = pooled(case, seed_range(options.seeds))

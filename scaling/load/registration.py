@@ -35,6 +35,7 @@ from coastwatch.sensors import Simulated
 from coastwatch.sensors.simulated.harbour import Row
 from coastwatch.sensors.simulated.radar import RadarTruth
 from scaling.load.options import errors_as_one_line
+from scaling.load.seeds import seed_range
 
 SCENARIO = "busy-harbour"
 TURN_S = 2.5
@@ -259,10 +260,10 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, help="instead of those of the case")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
-    first, last = (int(s) for s in options.seeds.split("-"))
+    seeds = seed_range(options.seeds)
     courses, begun = [], time.process_time()
     with errors_as_one_line():
-        for seed in range(first, last + 1):
+        for seed in seeds:
             for course in run(CASES[options.case], seed, options.minutes):
                 courses.append(course)
                 print(told(course), file=sys.stderr if options.json else sys.stdout, flush=True)

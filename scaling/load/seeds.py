@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from coastwatch.operators.cli.arguments import pair
 from coastwatch.scenario import load_scenario
 from coastwatch.server.run import OnCycle, run_scenario
 
@@ -39,9 +40,11 @@ def conditions(scenario: str, settings: dict[str, str]) -> str:
 
 
 def seed_range(text: str) -> range:
-    """The seeds of FIRST-LAST, both included."""
-    first, last = (int(s) for s in text.split("-"))
-    return range(first, last + 1)
+    """The seeds of FIRST-LAST, both included. Ends the process with one sentence where it is something else."""
+    first, _, last = text.partition("-")
+    if not (first.isdecimal() and last.isdecimal() and int(first) <= int(last)):
+        raise SystemExit(f"error: --seeds: got {text!r}, needed FIRST-LAST, such as 1000-1009")
+    return range(int(first), int(last) + 1)
 
 
 def table(scores: list[dict[str, Any]]) -> list[str]:
@@ -64,10 +67,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scenario")
     parser.add_argument("--seeds", default="1000-1009", help="first-last")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", type=pair, help="a setting of the scenario")
     parser.add_argument("--json", action="store_true", help="the scores of every seed instead of the table")
     options = parser.parse_args()
-    overrides = dict(item.split("=", 1) for item in options.set)
+    overrides = dict(options.set)
     scores = [scores_of(options.scenario, overrides, seed) for seed in seed_range(options.seeds)]
     if not options.json:
         print(f"# {conditions(options.scenario, overrides)}; seeds {options.seeds}")
