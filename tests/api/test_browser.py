@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import io
+import json
 import shutil
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
@@ -14,13 +18,16 @@ import httpx
 import numpy as np
 import pytest
 import store_world
+from PIL import Image
 from server_world import listening, wait_for
 
 from coastwatch.batches import Flag
+from coastwatch.geodesy import KNOT_M_S
 from coastwatch.operators.api import tokens
 from coastwatch.operators.api.application import WEB
 from coastwatch.operators.api.guard import Guard
-from coastwatch.operators.cli.serving import Followed
+from coastwatch.operators.cli import main
+from coastwatch.operators.cli.serving import Followed, bound
 from coastwatch.pipeline import Cycle
 from coastwatch.store import Store, open_store
 from scaling.page.fleet import served_fleet
@@ -34,10 +41,12 @@ pytestmark = [
 ]
 
 VESSELS = 60
+SHADE = 4  # of 255, between a colour of the theme and a pixel of it
 SIZE = {"width": 900, "height": 600}
 DARK, IN_DISTRESS = 4, 10  # vessel ids
 VIEW = "lat=-22.898&lon=-43.155&zoom=11"
 UNSENT_DEG = 11.0 / 111_120.0  # the server sends a vessel again when it is 10 m from where the page draws it; 1 m for rounding
+TOLD_S = 10.0  # the page looks for itself each 15 s; 1 s is asked, measured in scaling/results/page.md
 ANY_TIME_S = 30.0  # the machine may be busy
 
 
@@ -55,7 +64,8 @@ class World:
     def __init__(self, folder: Path) -> None:
         self.number = self.port = 0
         self._opened, self._server = ExitStack(), ExitStack()
-        self.store: Store = self._opened.enter_context(open_store(str(folder / "sea.db")))
+        self.url = f"sqlite:///{folder / 'sea.db'}"
+        self.store: Store = self._opened.enter_context(open_store(self.url))
         self.run_id = store_world.begin(self.store)
         for _ in range(4):
             self.write()
@@ -65,6 +75,13 @@ class World:
         """One cycle more."""
         store_world.write(self.store, self.run_id, self.number, VESSELS, cycle=cycle_of(self.number, dark))
         self.number += 1
+
+    def raise_alarms(self, after: int, count: int) -> list[int]:
+        """One cycle more, in which some vessels are dark too: the first ones after a vessel id. Returns: their ids."""
+        there = store_world.picture_of(self.number, VESSELS).vessel_id
+        more = [int(number) for number in there[there > after][:count]]
+        self.write((DARK, *more))
+        return more
 
     def start(self) -> None:
         followed = self._server.enter_context(Followed(self.store, None, poll_s=0.05))
@@ -257,6 +274,184 @@ def test_nothing_is_cut_off_or_overhangs(watch: Watch, width: int) -> None:
         watch.page.set_viewport_size(SIZE)
 
 
+def test_the_panel_has_the_tracks_and_statistics_of_coastwatch_track(
+    world: World, watch: Watch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["track", "12", "--db", world.url, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    watch.ask("coastwatch.select(12)")
+    rows = """(() => Object.fromEntries([...document.querySelectorAll('#why table')].map(table => [table.caption.textContent,
+      [...table.tBodies[0].rows].map(row => [...row.cells].map(cell => cell.textContent))])))()"""
+    shown = {name.partition(" (")[0]: found for name, found in watch.until(rows).items()}
+    assert [row[:2] for row in shown["Contributing tracks"]] == [
+        [row["source"], str(row["track_id"])] for row in told["members"]
+    ]
+    newest = sorted(told["associations"], key=lambda row: row["time_utc"], reverse=True)[: len(shown["Associations"])]
+    assert [(row[0], row[3]) for row in shown["Associations"]] == [
+        (row["time_utc"][11:19], f"{row['statistic']:.4g}") for row in newest
+    ]
+    assert len(newest) > 1
+
+
+def test_every_key_works_without_a_mouse(world: World, watch: Watch) -> None:
+    press, ask = watch.page.keyboard.press, watch.ask
+
+    def tab_to(name: str) -> None:
+        """Go to an element with the tabulator, and see where the focus is on the way."""
+        for _ in range(120):
+            if ask("document.activeElement.id") == name:
+                return
+            press("Tab")
+            ring = ask("[getComputedStyle(document.activeElement).outlineStyle, document.activeElement.outerHTML.slice(0, 80)]")
+            assert ring[0] != "none" or ring[1].startswith("<body"), ring
+        raise AssertionError(f"the tabulator does not reach {name}")
+
+    press("/")
+    watch.page.keyboard.type("710000023")
+    press("Enter")  # before the server has answered
+    first = watch.until("coastwatch.state.selected")
+    assert first == 24
+    press("f")
+    assert ask("coastwatch.state.follow")
+    press("c")
+    press("t")
+    press("Home")
+    other = watch.until("coastwatch.state.selected", lambda number: number != first)
+    press("ArrowDown")
+    watch.until("coastwatch.state.selected", lambda number: number not in (first, other))
+    watch.until("document.getElementById('second').textContent", lambda text: "TCPA" in text)
+    press("t")
+    press("m")
+    at = ask("coastwatch.map.getCenter().lng")
+    press("ArrowRight")
+    watch.until("coastwatch.map.getCenter().lng", lambda lon: lon > at)
+    watch.until("coastwatch.measure.to?.lon ?? -180", lambda lon: lon > at)
+    for _ in range(3):  # the measure, the second vessel, the selected one
+        press("Escape")
+    assert ask("[coastwatch.measure, coastwatch.second, coastwatch.state.selected]") == [None, 0, 0]
+    zoom = ask("coastwatch.map.getZoom()")
+    press("+")
+    watch.until("coastwatch.map.getZoom()", lambda now: now > zoom + 0.9)
+    press("-")
+    watch.until("coastwatch.map.getZoom()", lambda now: abs(now - zoom) < 0.1)
+    press("?")
+    assert ask("document.getElementById('help').open")
+    press("Escape")
+    assert not ask("document.getElementById('help').open")
+    press("Space")
+    assert watch.until("coastwatch.replay.playing")
+    press("l")
+    assert ask("coastwatch.replay.at") is None
+    tab_to("time")
+    press("ArrowLeft")
+    watch.until("coastwatch.replay.at")
+    ask("document.activeElement.blur()")
+    press("l")
+
+    tab_to("open-alarms")
+    press("Enter")
+    tab_to("watch-name")
+    watch.page.keyboard.type("Eva")
+    press("Enter")
+    more = world.raise_alarms(after=30, count=2)
+    waiting = "[...document.querySelectorAll('#alarm-rows li.open')].map(row => Number(row.dataset.alarm.split('-')[0]))"
+    watch.until(waiting, lambda ids: set(more) <= set(ids))
+    press("n")
+    assert watch.until("coastwatch.state.selected") in more
+    before = ask("coastwatch.alarms.count()")
+    press("a")
+    watch.until("coastwatch.alarms.count()", lambda count: count == before - 1)
+    world.write()
+
+    tab_to("open-zones")
+    press("Enter")
+    tab_to("zone-name")
+    watch.page.keyboard.type("by keys")
+    tab_to("zone-draw")
+    press("Enter")
+    for key in ("ArrowRight", "ArrowDown", "ArrowLeft"):
+        press("Enter")
+        centre = ask("coastwatch.map.getCenter().toString()")
+        press(key)
+        watch.until(
+            "coastwatch.map.isMoving() ? '' : coastwatch.map.getCenter().toString()",
+            lambda now, was=centre: now not in ("", was),
+        )
+    tab_to("zone-save")
+    press("Enter")
+    watch.until("document.getElementById('zone-rows').textContent", lambda text: "by keys polygon" in text)
+    zones = f"http://127.0.0.1:{watch.port}/api/v1/zones"
+    (zone,) = httpx.get(zones).json()["features"]
+    assert len(zone["properties"]["points_deg"]) == 3
+    httpx.delete(f"{zones}/{zone['id']}").raise_for_status()
+    tab_to("open-layers")
+    press("Enter")
+    press("Escape")
+    press("Escape")
+    assert ask("coastwatch.state.drawer") == ""
+
+
+def test_each_theme_is_drawn_in_its_colours_and_by_night_no_pixel_is_brighter_than_the_table(watch: Watch) -> None:
+    ground = "(({sea, land}) => ({sea, land}))(coastwatch.theme())"
+    box = watch.page.locator("#chart").bounding_box()
+    middle = {
+        "x": box["x"],
+        "y": box["y"] + 60,
+        "width": box["width"],
+        "height": box["height"] - 120,
+    }  # without the words at its edges
+    try:
+        for theme in ("day", "dusk", "night"):
+            watch.ask(f"(coastwatch.state.theme = '{theme}', coastwatch.themeChanged())")
+            watch.ask("new Promise(done => coastwatch.map.once('idle', () => done(0)).triggerRepaint())")
+            colours = watch.ask(ground)
+            taken = np.asarray(Image.open(io.BytesIO(watch.page.screenshot(clip=middle))).convert("RGB"), np.float64)
+            even = [np.abs(taken - colours[name]).max(axis=2) <= SHADE for name in ("sea", "land")]
+            assert (even[0] | even[1]).mean() > 0.5, theme
+            brightest = luminance(taken).max()
+            if theme == "night":
+                table = luminance(np.array([43.0, 48.0, 48.0]))
+                assert 0.8 * table < brightest < 1.1 * table
+            elif theme == "day":
+                assert luminance(taken).min() < 0.02
+    finally:
+        watch.ask("(coastwatch.state.theme = 'day', coastwatch.themeChanged())")
+
+
+def luminance(colour: np.ndarray) -> np.ndarray:
+    """Relative luminance. Args: colour: (..., 3) of 255. Source: W3C, WCAG 2.2, "relative luminance"."""
+    share = colour / 255.0
+    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    return linear @ np.array([0.2126, 0.7152, 0.0722])
+
+
+def test_a_replay_at_sixty_times_shows_each_vessel_where_it_was_and_l_returns_to_live(world: World, watch: Watch) -> None:
+    for _ in range(40):
+        world.write()
+    last_s = store_world.instant_s(world.number - 1)
+    watch.until("coastwatch.live.at", lambda at: at == last_s)
+    speed_deg_s = (4 * KNOT_M_S) / 111_120.0  # of vessel 5, to the north
+    first = watch.ask("(coastwatch.state.speed = 60, coastwatch.replay.play(true), coastwatch.replay.at)")
+    shown = """(() => { const {picture, at} = coastwatch.replay, slot = picture.slotOf.get(5);
+      return [at === null ? 0 : picture.at, slot === undefined ? null : picture.lat[slot] / 1e7]; })()"""
+    seen: dict[float, float | None] = {}
+    while watch.ask("coastwatch.replay.playing"):
+        at, latitude = watch.ask(shown)
+        if at >= first:
+            seen[at] = latitude
+    assert len(seen) >= 3
+    for at, latitude in seen.items():
+        number = int((at - store_world.START_S) // store_world.PERIOD_S) - 1
+        if not store_world.present(number, VESSELS)[4]:
+            assert latitude is None
+            continue
+        (row,) = np.flatnonzero(store_world.picture_of(number, VESSELS).vessel_id == 5)
+        then = float(store_world.picture_of(number, VESSELS).position_deg[row, 0])
+        assert latitude == pytest.approx(then + speed_deg_s * (at - store_world.instant_s(number)), abs=2e-6), at
+    watch.page.keyboard.press("l")
+    assert watch.ask("[coastwatch.picture === coastwatch.live, coastwatch.live.at]") == [True, last_s]
+
+
 def test_the_past_is_shown_as_stored_and_l_returns_to_the_live_picture(watch: Watch) -> None:
     at_s = store_world.instant_s(1)
     watch.ask(f"coastwatch.replay.enter({at_s})")
@@ -290,21 +485,20 @@ def test_a_zone_is_drawn_on_the_chart_saved_and_deleted(world: World, watch: Wat
     watch.until("document.getElementById('zone-rows').textContent", lambda text: text == "no zones")
 
 
-def test_an_alarm_that_another_page_acknowledged_goes_within_a_second(world: World, watch: Watch) -> None:
+def test_an_alarm_that_another_page_acknowledged_goes_as_the_server_tells_it(world: World, watch: Watch) -> None:
     address = f"http://127.0.0.1:{watch.port}/api/v1/alarms"
-    more = (DARK, 21, 22, 23)
-    world.write(more)
+    more = world.raise_alarms(after=40, count=3)
     watch.ask("coastwatch.openDrawer('alarms')")
     waiting = "[...document.querySelectorAll('#alarm-rows li.open')].map(row => row.dataset.alarm)"
-    watch.until(waiting, lambda ids: {id_.partition("-")[0] for id_ in ids} >= {"21", "22", "23"})
+    watch.until(waiting, lambda ids: {int(id_.partition("-")[0]) for id_ in ids} >= set(more))
     took_s = []
-    for vessel_id in more[1:]:
+    for vessel_id in more:
         (alarm,) = (found for found in watch.ask(waiting) if found.startswith(f"{vessel_id}-"))
         began = time.monotonic()
         httpx.post(f"{address}/{alarm}/acknowledge", json={"name": "Rui"}).raise_for_status()
         watch.until(waiting, lambda ids, gone=alarm: gone not in ids)
         took_s.append(time.monotonic() - began)
-    assert min(took_s) < 1.0  # the quickest of three: the machine may be busy
+    assert max(took_s) < TOLD_S
     world.write()
 
 
@@ -319,6 +513,10 @@ def test_axe_finds_no_serious_fault_in_any_theme(watch: Watch) -> None:
         found = watch.ask("axe.run(document, {resultTypes: ['violations']}).then(done => done.violations)")
         grave = [(v["id"], v["nodes"][0]["html"][:200]) for v in found if v["impact"] in ("serious", "critical")]
         assert grave == [], theme
+    watch.ask("document.getElementById('help').showModal()")
+    found = watch.ask("axe.run(document, {resultTypes: ['violations']}).then(done => done.violations)")
+    assert [v["id"] for v in found if v["impact"] in ("serious", "critical")] == []
+    watch.ask("document.getElementById('help').close()")
 
 
 def test_it_survives_a_restart_of_the_server(world: World, watch: Watch) -> None:
@@ -335,6 +533,46 @@ def test_no_request_leaves_loopback(watch: Watch) -> None:
     assert len(watch.requests) > 10
     allowed = (f"http://127.0.0.1:{watch.port}/", f"blob:http://127.0.0.1:{watch.port}/", "data:")
     assert [url for url in watch.requests if not url.startswith(allowed)] == []
+
+
+@pytest.mark.slow
+def test_after_kill_9_of_the_server_the_page_follows_the_next_one_within_15_seconds(world: World, browser: Any) -> None:
+    with bound("127.0.0.1", 0) as free:
+        port = free.getsockname()[1]
+    line = [sys.executable, "-c", "import sys; from coastwatch.operators.cli import main; sys.exit(main())"]
+    line += ["serve", "--db", world.url, "--port", str(port)]
+
+    def started() -> subprocess.Popen[bytes]:
+        made = subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        wait_for(lambda: _answers(f"http://127.0.0.1:{port}/readyz"), ANY_TIME_S)
+        return made
+
+    server = started()
+    watch = Watch(browser.new_page(viewport=SIZE), port)
+    try:
+        watch.open()
+        run, ids = watch.ask("[coastwatch.live.run, [...coastwatch.live.slotOf.keys()].sort()]")
+        server.kill()
+        server.wait()
+        watch.until("document.getElementById('badge').textContent", lambda text: text.startswith("NO CONNECTION"))
+        server = started()
+        began = time.monotonic()
+        watch.until("coastwatch.live.run", lambda now: now != run)
+        assert time.monotonic() - began < 15.0
+        assert watch.ask("[...coastwatch.live.slotOf.keys()].sort()") == ids
+        assert watch.errors == []
+    finally:
+        server.kill()
+        server.wait()
+        watch.page.close()
+
+
+def _answers(address: str) -> bool:
+    """Whether a server answers."""
+    try:
+        return httpx.get(address).status_code == 200
+    except httpx.TransportError:
+        return False
 
 
 def test_without_an_area_all_vessels_come_into_sight(browser: Any, tmp_path: Path) -> None:

@@ -29,6 +29,7 @@ export class Alarms {
     const name = byId('watch-name');
     name.value = localStorage.getItem(NAME_KEY) ?? '';
     name.addEventListener('change', () => localStorage.setItem(NAME_KEY, name.value.trim()));
+    name.addEventListener('keydown', ({ key }) => ['Enter', 'Escape'].includes(key) && name.blur()); // A then acknowledges
     byId('alarm-kind').addEventListener('change', () => this.update());
     byId('strip-acknowledge').addEventListener('click', () => this.acknowledgeFirst());
     byId('strip-show').addEventListener('click', () => this.#select(this.first()));

@@ -6,6 +6,7 @@ import { getJson } from './api.js';
 import { css, symbolSize, THEMES } from './symbols.js';
 
 const FINE_LAND_FROM_ZOOM = 5;
+const AGAIN_MS = 5000;
 const SOFTWARE = /SwiftShader|llvmpipe|softpipe|Microsoft Basic Render/i;
 const NOTHING = { type: 'FeatureCollection', features: [] };
 
@@ -56,8 +57,12 @@ export function drawsInSoftware(map) {
 /** Loads the coarse land, and the fine one once the map is near enough. */
 export async function loadLand(map) {
   const load = async (name) => {
-    const topology = await (await fetch(`./${name}.json`)).json();
-    map.getSource('land').setData(feature(topology, topology.objects.land));
+    try {
+      const topology = await (await fetch(`./${name}.json`)).json();
+      map.getSource('land').setData(feature(topology, topology.objects.land));
+    } catch {
+      setTimeout(() => load(name), AGAIN_MS); // the server is away
+    }
   };
   let fine = false;
   const refine = () => {

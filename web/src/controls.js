@@ -93,8 +93,14 @@ export function paintPage(name) {
 /** Keys that work anywhere but in a field. */
 export function listenToKeys(app) {
   const keys = {
-    '/': () => byId('search').focus(),
-    t: () => app.openDrawer(app.state.drawer === 'vessels' ? '' : 'vessels'),
+    '/': () => {
+      byId('search').focus();
+      byId('search').select(); // what is typed replaces the last search
+    },
+    t: () => {
+      app.openDrawer(app.state.drawer === 'vessels' ? '' : 'vessels');
+      if (app.state.drawer) byId('list-scroll').focus(); // arrows then select
+    },
     f: () => app.follow(!app.state.follow),
     l: () => app.replay.leave(),
     a: () => app.alarms.acknowledgeFirst(),

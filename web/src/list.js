@@ -128,6 +128,8 @@ export class VesselList {
 export class Search {
   #asked = 0;
   #timer = null;
+  #answered = ''; // the text of which `rows` are the hits
+  #takeFirst = false; // Enter was pressed before the hits came
 
   constructor(app, find) {
     this.app = app;
@@ -136,6 +138,7 @@ export class Search {
     this.hits = byId('hits');
     this.field.addEventListener('input', () => {
       clearTimeout(this.#timer);
+      this.#takeFirst = false;
       this.#timer = setTimeout(() => this.#ask(), 200);
     });
     this.field.addEventListener('keydown', (event) => this.#key(event));
@@ -156,7 +159,10 @@ export class Search {
     if (mine !== this.#asked) return undefined;
     this.rows = found.slice(0, 12);
     this.at = this.rows.length ? 0 : -1;
-    this.#show();
+    this.#answered = query;
+    if (this.#takeFirst && this.rows.length) this.#take(0);
+    else this.#show();
+    this.#takeFirst = false;
     return undefined;
   }
 
@@ -175,6 +181,7 @@ export class Search {
   #close() {
     this.hits.hidden = true;
     this.rows = [];
+    this.#answered = '';
     this.field.setAttribute('aria-expanded', 'false');
     this.field.removeAttribute('aria-activedescendant');
   }
@@ -189,7 +196,12 @@ export class Search {
   }
 
   #key(event) {
-    if (event.key === 'Enter') this.#take(this.at);
+    if (event.key === 'Enter' && this.field.value.trim() === this.#answered) this.#take(this.at);
+    else if (event.key === 'Enter') {
+      clearTimeout(this.#timer);
+      this.#takeFirst = true;
+      this.#ask();
+    }
     else if (event.key === 'Escape') {
       this.field.value = '';
       this.#close();

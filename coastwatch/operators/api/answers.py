@@ -6,6 +6,7 @@ import argparse
 import hashlib
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
@@ -359,11 +360,13 @@ def _page(request: Request, total: int, offset: int, limit: int) -> dict[str, st
 
 
 def _picture_at(service: Service, at_s: float | None) -> LivePicture:
+    """The picture now, or of the last cycle up to an instant, with the time of that cycle: viewers move its vessels on from there."""
     if at_s is None:
         return service.picture()
     run_id = service.run_id()
     last_s = store.last_instant(service.store, run_id)
-    return of_store(service.store, run_id, -1, at_s if last_s is None else min(at_s, last_s), at_s)
+    found = of_store(service.store, run_id, -1, at_s if last_s is None else min(at_s, last_s), at_s)
+    return replace(found, time_s=float(found.array("time_s").max())) if len(found) else found
 
 
 def _vessel(service: Service, vessel_id: int) -> tuple[dict[str, Any], stored.Vessel]:
