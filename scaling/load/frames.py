@@ -1,7 +1,8 @@
 """Size and processor time of the frames that viewers get: of drawn vessels, or of the recorded pictures of a run.
 
-    python -m scaling.load.frames --vessels 100000
-coastwatch run guanabara --set store.recording=true --db x.db && python -m scaling.load.frames --db x.db
+python -m scaling.load.frames --vessels 100000
+coastwatch run guanabara --set store.recording=true --db x.db
+python -m scaling.load.frames --db x.db
 """
 
 from __future__ import annotations
@@ -52,9 +53,9 @@ def recorded(url: str) -> Iterator[LivePicture]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--vessels", type=int, default=100_000)
-    parser.add_argument("--db", help="of a recorded run")
+    parser.add_argument("--db", help="of a recorded run, instead of drawn vessels")
     options = parser.parse_args()
     encoder, viewer, frames = Encoder(1), Viewer(0, 0), deque[Frame](maxlen=41)
     seconds: dict[str, list[float]] = {"find what moved": [], "full frame": [], "delta": []}

@@ -1,6 +1,7 @@
 """Time of queries on a database with a long history: `python -m scaling.load.queries [--points N] [--database PATH]`.
 
-If the database does not exist, `filling` makes it first; `--keep` keeps it for the next run. The queries are the public functions
+If the database does not exist, `filling` makes it first and it is deleted at the end; `--keep` keeps it for the next run. One that
+exists is asked as it is, whatever its size, and stays. The queries are the public functions
 of the store that the command line uses. A box is 20 km by 20 km around a vessel, so most boxes are in ports. A time window is ten
 minutes. Warm: the file was read once and is in the system's page cache, as far as memory goes. Cold: the file is dropped from the
 page cache and the connection is new.
@@ -182,21 +183,25 @@ def _drop_from_page_cache(path: Path) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--points", type=float, default=50e6, metavar="N", help="of the history (50e6)")
-    parser.add_argument("--vessels", type=int, default=100_000, metavar="N", help="at any time")
-    parser.add_argument("--database", type=Path, default=Path("/tmp/coastwatch-queries/queries.db"), metavar="PATH")
+    parser.add_argument("--points", type=float, default=50e6, metavar="N", help="of the history that is made (default: 50e6)")
+    parser.add_argument("--vessels", type=int, default=100_000, metavar="N", help="at any time (default: 100,000)")
+    default = Path("/tmp/coastwatch-queries/queries.db")
+    parser.add_argument("--database", type=Path, default=default, metavar="PATH", help=f"default: {default}")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--ask", type=int, default=60, metavar="N", help="queries of each kind, warm; a sixth of it cold")
     parser.add_argument("--only", default="", metavar="TEXT", help="queries whose name contains this")
     parser.add_argument("--warm", action="store_true", help="nothing cold")
-    parser.add_argument("--keep", action="store_true", help="do not delete the database")
+    parser.add_argument("--keep", action="store_true", help="do not delete the database that was made")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     options.database.parent.mkdir(parents=True, exist_ok=True)
-    if not options.database.exists():
+    made = not options.database.exists()
+    if made:
         _fill_database(options)
+    else:
+        print(f"# {options.database} exists: --points, --vessels and --keep have no effect", file=comments(options), flush=True)
     _measure(f"sqlite:///{options.database}", options)
-    if not options.keep:
+    if made and not options.keep:
         _delete(options.database)
 
 

@@ -18,7 +18,7 @@ from coastwatch.geodesy import difference_m
 from coastwatch.pipeline import Cycle
 from coastwatch.scores.confusion import Confusion
 from coastwatch.stage import serial
-from scaling.load import baseline, national, ramp, soak
+from scaling.load import baseline, national, queries, ramp, soak
 from scaling.load import cycle as cycle_command
 from scaling.load.processes import memory_bytes, process_tree, processor_s
 from scaling.load.run import ALL, BEARINGS, TRAFFIC, YOUNG, YOUNG_S, Load, decision_counts, pairs_within_gate, run_cycles
@@ -217,6 +217,19 @@ def test_a_baseline_is_run_in_turns_and_compared(monkeypatch: pytest.MonkeyPatch
     assert "fused_tracks.method=convex associations.gate_m=800" in out
     assert out.count("ratio 2.000") == 3
     assert "\nspots" in out
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_queries_delete_only_a_database_that_they_made(there: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    database, measured = tmp_path / "watch.db", []
+    if there:
+        database.write_text("of somebody else", "utf-8")
+    monkeypatch.setattr(queries, "fill", lambda url, *_: Path(url.removeprefix("sqlite:///")).touch())
+    monkeypatch.setattr(queries, "_measure", lambda url, options: measured.append(database.exists()))
+    monkeypatch.setattr(sys, "argv", ["queries", "--database", str(database)])
+    queries.main()
+    assert measured == [True]
+    assert database.exists() == there
 
 
 @pytest.mark.slow
