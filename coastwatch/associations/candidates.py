@@ -41,7 +41,7 @@ def step_with_candidates(
 
     memory, associations = method.step(memory, tracks, spots, twice)
     first, second = (np.concatenate([np.zeros(0, np.int64), *(part[k] for part in scored)]) for k in range(2))
-    statistic = np.concatenate([np.zeros(0), *(part[2] for part in scored)])
+    statistic = np.concatenate([np.zeros(0), *(part[2] if literal else part[2][:, 0] for part in scored)])
     order = np.lexsort((second, first))
     score = -statistic if literal else statistic
     return memory, associations, Candidates(first[order], second[order], score[order])

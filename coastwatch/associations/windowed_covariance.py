@@ -26,6 +26,8 @@ from coastwatch.kernels.association.prune_pairs import BOUND
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Arrays, Groups, Map, Method
 
+LEAST_GAIN = 1e-3  # of an accepted pair in the assignment, so that a pair without a rival is taken
+
 
 @dataclass(frozen=True, eq=False)
 class WindowMemory:
@@ -46,6 +48,8 @@ class WindowedCovariance(Method):
     - The alternative hypothesis is an unrelated vessel at the local density of tracks.
     - Each cycle multiplies the former sum by `forgetting` and adds one ratio, limited to +- `step_limit`. So a track that changes
       vessel loses its partner within a few cycles.
+    - Among accepted pairs that share a track the newest cycles decide: the assignment takes the sums with `rival_forgetting`.
+      Otherwise a radar track that went over to another vessel would stay with the AIS track of the first one.
 
     Statistic: the accumulated log-likelihood ratio.
 
@@ -62,6 +66,7 @@ class WindowedCovariance(Method):
     floor: Annotated[float, Field(gt=0.0, le=1.0)] = 0.5  # least factor on the covariance of a difference
     cap: Annotated[float, Field(ge=1.0)] = 2.0  # largest factor on the covariance of a difference
     forgetting: Annotated[float, Field(ge=0.0, le=1.0)] = 0.9  # factor on the former sum in each cycle
+    rival_forgetting: Annotated[float, Field(ge=0.0, le=1.0)] = 0.5  # the same, of the sums that decide among accepted pairs
     registration: Annotated[float, Field(ge=0.0)] = 0.5  # share of a plot's covariance that is added
     step_limit: Annotated[float, Field(gt=0.0)] = 20.0  # largest log-likelihood ratio of a cycle, of either sign
     misled_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.01  # of tracks whose velocity is wrong, by plots of other vessels
@@ -77,10 +82,11 @@ class WindowedCovariance(Method):
         arrays = gate_arrays(tracks, spots, self.gate_m)
         history, arrays["track"], arrays["bound"] = self._features(memory.history, tracks, arrays["place"]["row"])
         arrays["values"], arrays["newest"] = history.values, np.array(history.column)
-        first, second, score, tested = joined_parts(map_(score_spots, self, arrays, members_of_spots(spots)), len(tracks))
-        chosen = one_to_one(tracks, first, second, score - self.threshold)
-        first, second, score = first[chosen], second[chosen], score[chosen]
-        vessel, kept = vessels(tracks, first, second, score)
+        first, second, scores, tested = joined_parts(map_(score_spots, self, arrays, members_of_spots(spots)), len(tracks))
+        score, gain = scores[:, 0], scores[:, 1] + self.step_limit + LEAST_GAIN
+        chosen = one_to_one(tracks, first, second, gain)
+        first, second, score, gain = first[chosen], second[chosen], score[chosen], gain[chosen]
+        vessel, kept = vessels(tracks, first, second, gain)
         return WindowMemory(history), Associations(first[kept], second[kept], score[kept], vessel, tested)
 
     def rule(self) -> Rule:
@@ -104,7 +110,7 @@ class WindowedCovariance(Method):
 
 
 def score_spots(settings: WindowedCovariance, arrays: Arrays, spots: Groups) -> tuple[Array, ...]:
-    """Pairs that these spots own and that pass: rows of the first and second track, score; and how many pairs were tested."""
+    """Pairs that these spots own and that pass: rows of the first and second track; score and newest score (A, 2); number tested."""
     parts = blocks_of_members(_score_members, arrays, spots, settings)
     return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
 
@@ -117,5 +123,8 @@ def _score_members(low: int, high: int, member: Ints, arrays: Arrays, settings: 
     some = pair[kernels.association.prune_pairs.possible_pairs(pair, arrays["bound"], least, rule.null_speed_m_s)]
     score = kernels.association.pair_score.pair_scores(some, arrays["track"], values, newest, rule)
     kept, row = score > rule.threshold, arrays["place"]["row"]
-    first, second = (row[some[name][kept]].astype(np.int64) for name in ("first", "second"))
-    return first, second, score[kept], np.array([len(pair)])
+    some = some[kept]
+    newer = rule._replace(forgetting=settings.rival_forgetting)
+    among = kernels.association.pair_score.pair_scores(some, arrays["track"], values, newest, newer)
+    first, second = (row[some[name]].astype(np.int64) for name in ("first", "second"))
+    return first, second, np.column_stack([score[kept], among]), np.array([len(pair)])

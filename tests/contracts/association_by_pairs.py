@@ -5,7 +5,7 @@ This is how it was done before it was done by arrays. Sums are taken in the same
 
 import math
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.sparse import coo_matrix
@@ -13,6 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from score_by_pairs import E2, A, score
 
+LEAST_GAIN = 1e-3  # of an accepted pair
 NUDGE = 1e-10  # of a score: far more than rounding, far less than what tells two assignments apart
 
 
@@ -26,6 +27,7 @@ class Rules:
     floor: float = 0.5
     cap: float = 2.0
     forgetting: float = 0.9
+    rival_forgetting: float = 0.5
     registration: float = 0.5
     step_limit: float = 20.0
     misled_share: float = 0.01
@@ -42,6 +44,7 @@ class Found:
     vessel: list = field(default_factory=list)
     tested: int = 0
     scores: dict = field(default_factory=dict)  # of every pair within the gate
+    newest: dict = field(default_factory=dict)  # the same, that decide among accepted pairs
     unique: bool = (
         True  # no other assignment is as good: where scores are bounded many pairs have the same, and roundings decide
     )
@@ -78,16 +81,19 @@ def step(windows, tracks, spots, rules):
             density = max(around[a] - 1, 1) / (np.pi * rules.gate_m**2)
             phi, offset = covariance[a] + covariance[b], registration[a] + registration[b]
             found.scores[(a, b)] = score(history[a], history[b], phi, offset, density, rules)
+            newer = replace(rules, forgetting=rules.rival_forgetting)
+            found.newest[(a, b)] = score(history[a], history[b], phi, offset, density, newer)
     kept = sorted(pair for pair, value in found.scores.items() if value > rules.threshold)
     first, second = (np.array([pair[k] for pair in kept], np.int64) for k in range(2))
     value = np.array([found.scores[pair] for pair in kept])
+    gain = np.array([found.newest[pair] for pair in kept]) + rules.step_limit + LEAST_GAIN
     sources = int(tracks.source.max(initial=0)) + 1
     labels = first * sources + tracks.source[second], second * sources + tracks.source[first]
-    taken = assign(*labels, value - rules.threshold)
+    taken = assign(*labels, gain)
     for seed in range(2):
-        nudged = value - rules.threshold + NUDGE * np.random.default_rng([seed, 5]).uniform(-1.0, 1.0, len(value))
+        nudged = gain + NUDGE * np.random.default_rng([seed, 5]).uniform(-1.0, 1.0, len(gain))
         found.unique &= bool((assign(*labels, nudged) == taken).all())
-    found.vessel, stands = vessels(tracks, first[taken], second[taken], value[taken])
+    found.vessel, stands = vessels(tracks, first[taken], second[taken], gain[taken])
     found.first, found.second, found.statistic = (x[taken][stands].tolist() for x in (first, second, value))
     return after, found
 

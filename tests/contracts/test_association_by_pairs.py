@@ -119,6 +119,7 @@ RULES = st.builds(
     floor=st.sampled_from([0.2, 0.5, 1.0]),
     cap=st.sampled_from([1.0, 2.0]),
     forgetting=st.sampled_from([0.0, 0.5, 0.9, 1.0]),
+    rival_forgetting=st.sampled_from([0.0, 0.5, 0.9]),
     registration=st.sampled_from([0.0, 0.5]),
     step_limit=st.sampled_from([0.5, 3.0, 20.0, 100.0]),
     misled_share=st.sampled_from([0.01, 0.3]),

@@ -112,6 +112,9 @@ def test_complete_systems_are_scored_against_the_true_vessels(tmp_path: Path) ->
         assert 0.3 < found["present"] <= 1.0
         assert 0.0 < found["position_rmse_m"] < found["rmse"] < 30.0
         assert found["ospa2_m"] <= 100.0
+        parts = found["gospa_localisation_m"] ** 2 + 0.5 * 200.0**2 * (found["gospa_missed"] + found["gospa_false"])
+        assert found["gospa_m"] ** 2 <= parts, "a mean is below the root of the mean square"
+        assert 0.0 <= found["late_s"] < 40.0
     assert fused != taken
     assert all(row.default.values for row in made.folders[0].rows)
     page = report.written_page(kept, made).read_text("utf-8")

@@ -19,7 +19,7 @@ from coastwatch.batches import Floats, FusedTracks, Ints, Reports, SourceKind
 from coastwatch.geodesy import to_plane
 from coastwatch.operators.reproduction.side_by_side import errors_of, figures_of
 from coastwatch.scenario import Scenario
-from coastwatch.scores.gospa import gospa
+from coastwatch.scores.gospa import Gospa, gospa
 from coastwatch.scores.ospa import ospa2
 from coastwatch.server.timing import Stopwatch
 from coastwatch.stage import Settings, serial
@@ -40,7 +40,8 @@ class Systems(Settings):
 def measure(scenario: Scenario, seed: int, asked: Systems) -> dict[str, float | int | None]:
     """The figures of one run: anees (4 is right), rmse of all four states, position_rmse_m and count, as of `figures_of`, over
     matched vessels; gospa_m and ospa2_m: means over instants; present: share of the instants of vessels that are matched; false: vessels
-    without a true one at an instant.
+    without a true one at an instant; gospa_localisation_m, gospa_missed and gospa_false: root of the mean localisation part of GOSPA,
+    and mean counts an instant; late_s: mean time from the first instant of a vessel to its first match, of vessels that have one.
     """
     sensors, plan = scenario.sensors(), scenario.plan()
     recording = scenario.input.load(sensors, seed, plan)
@@ -48,7 +49,9 @@ def measure(scenario: Scenario, seed: int, asked: Systems) -> dict[str, float | 
     assert isinstance(recording.reports, Reports)
     memory, before_s = pipeline.start(scenario, sensors), -np.inf
     errors: list[Floats] = []
-    gospas: list[float] = []
+    gospas: list[Gospa] = []
+    born: dict[int, float] = {}
+    begun: dict[int, float] = {}
     ospas: list[float] = []
     window: deque[dict[str, Any]] = deque(maxlen=asked.ospa2_window)
     matched = present = estimates = 0
@@ -59,15 +62,21 @@ def measure(scenario: Scenario, seed: int, asked: Systems) -> dict[str, float | 
         before_s, truth = now_s, recording.truth.at(now_s)
         name, estimate = _with_radar(cycle, sensors.source_kinds)
         place_m, true_m = (to_plane(p, sensors.region_origin_deg[0]) for p in (estimate.position_deg, truth.position_deg))
-        gospas.append(gospa(place_m, true_m, asked.gospa_cutoff_m, asked.order).total_m)
+        gospas.append(gospa(place_m, true_m, asked.gospa_cutoff_m, asked.order))
         window.append({"estimate": (name, place_m), "truth": (truth.vessel, true_m)})
         ospas.append(ospa2(_over(window, "estimate"), _over(window, "truth"), asked.ospa2_cutoff_m, asked.order))
         row, at = matches(place_m, true_m, asked.near_m)
+        born = dict.fromkeys(truth.vessel.tolist(), now_s) | born
+        begun = dict.fromkeys(truth.vessel[at].tolist(), now_s) | begun
         errors.append(errors_of(estimate.take(row), truth.take(at)))
         matched, present, estimates = matched + len(row), present + len(truth), estimates + len(estimate)
     return {
         **figures_of(np.concatenate(errors)),
-        "gospa_m": float(np.mean(gospas)),
+        "gospa_m": float(np.mean([one.total_m for one in gospas])),
+        "gospa_localisation_m": float(np.mean([one.localisation for one in gospas]) ** (1.0 / asked.order)),
+        "gospa_missed": float(np.mean([one.missed_count for one in gospas])),
+        "gospa_false": float(np.mean([one.false_count for one in gospas])),
+        "late_s": float(np.mean([begun[vessel] - born[vessel] for vessel in begun])) if begun else None,
         "ospa2_m": float(np.mean(ospas)),
         "present": matched / present if present else None,
         "false": (estimates - matched) / len(gospas),
