@@ -85,6 +85,7 @@ class Memory:
     corrections: RadarCorrections  # of the radars, for the next cycle
     cover: Any
     ais_detection: AisDetection  # by the cover of the radars, for the next cycle
+    radar_cover: RadarCover = field(default_factory=RadarCover.empty)  # for the next cycle
 
 
 @dataclass(frozen=True)
@@ -97,6 +98,7 @@ class Received:
     bearing_tracks: BearingTracks
     statics: AisStatics
     ais_detection: AisDetection | None = None  # none: a radar should see every vessel within its range
+    radar_cover: RadarCover | None = None  # the same
 
 
 @dataclass(frozen=True)
@@ -231,6 +233,7 @@ def fuse(
     s, m = scenario, memory
     measurements, alarms = received.measurements, received.alarms
     bearing_tracks, statics, detection = received.bearing_tracks, received.statics, received.ais_detection
+    cover = received.radar_cover
     with timer("alignment"):
         tracks = s.alignment.step(received.tracks, time_s)
     del received  # frees the tracks at their own times, if the caller has dropped them too
@@ -251,7 +254,7 @@ def fuse(
         )
     with timer("alarms"):
         known = numbered(s.zones) if zones is None else zones
-        alarms_memory, vessel_alarms = s.alarms.step(m.alarms, picture, members, time_s, sensors, known)
+        alarms_memory, vessel_alarms = s.alarms.step(m.alarms, picture, members, time_s, sensors, known, cover)
     with timer("octants"):
         octants_memory, octants = s.octants.step(m.octants, bearing_tracks, picture, sensors)
     with timer("bearing_associations"):
@@ -311,7 +314,7 @@ def step(
         given_memory, given_tracks = s.received_tracks.step(m.received_tracks, reports.tracks, time_s, sensors, ais_tracks)
     tracks = Tracks.join([*(yielded for _, yielded, *_ in regional), given_tracks, ais_tracks])
     measurements = Measurements.join([*(taken for _, _, taken, _ in regional), ais_taken])
-    received = Received(tracks, measurements, alarms, bearing_tracks, reports.statics, m.ais_detection)
+    received = Received(tracks, measurements, alarms, bearing_tracks, reports.statics, m.ais_detection, m.radar_cover)
     centre_memory, cycle = fuse(s, sensors, m.centre, received, time_s, map_, timer, zones)
     with timer("registration"):
         seen = plots, ais_tracks, alarms, measurements, cycle.picture, cycle.members, bearing_tracks, cycle.bearing_associations
@@ -326,4 +329,4 @@ def step(
     standing = StandingEchoes.join([found for *_, found in regional])
     cycle = replace(cycle, corrections=corrections, ais_feeds=of_feeds, track_sources=of_sources, radar_cover=radar_cover)
     cycle = replace(cycle, standing_echoes=standing)
-    return Memory(*first, registration_memory, corrections, cover_memory, ais_detection), cycle
+    return Memory(*first, registration_memory, corrections, cover_memory, ais_detection, radar_cover), cycle

@@ -77,6 +77,7 @@ from coastwatch.batches.yields import (
     TrackSourceStates,
     VesselAlarms,
     VesselBearings,
+    cover_cell,
     joint_keys,
 )
 
@@ -143,6 +144,7 @@ __all__ = [
     "VesselBearings",
     "VesselClass",
     "column",
+    "cover_cell",
     "joint_keys",
     "nav_status_text",
 ]

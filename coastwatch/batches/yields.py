@@ -337,6 +337,19 @@ class RadarCover(Batch):
     track_looks: Floats = column(np.float64, "R", COVER_AZIMUTHS, COVER_RANGES)
     false_plots_per_m2: Floats = column(np.float64, "R", COVER_AZIMUTHS, COVER_RANGES)  # in a turn, of no confirmed track
 
+    def ais_at(self, east_m: Floats, north_m: Floats) -> tuple[Floats, Floats]:
+        """`ais_detection` and `ais_looks` at positions within the range of each radar. Args: (K, R) from its antenna. Returns: (K, R)."""
+        sector, ring = cover_cell(np.arctan2(east_m, north_m), np.hypot(east_m, north_m), self.range_m)
+        radar = np.arange(len(self))
+        return self.ais_detection[radar, sector, ring], self.ais_looks[radar, sector, ring]
+
+
+def cover_cell(azimuth_rad: Floats, distance_m: Floats, range_m: Floats) -> tuple[Ints, Ints]:
+    """Sector and ring of the cell of each position; what is beyond the range is in the outermost ring. Args: broadcast together."""
+    sector = np.floor(azimuth_rad * (COVER_AZIMUTHS / (2.0 * np.pi))).astype(np.int64) % COVER_AZIMUTHS
+    ring = np.clip(distance_m * (COVER_RANGES / range_m), 0.0, COVER_RANGES - 1).astype(np.int64)
+    return sector, ring
+
 
 @dataclass(frozen=True, eq=False)
 class StandingEchoes(Batch):

@@ -24,6 +24,7 @@ from coastwatch.batches import (
     Sensors,
     Tracks,
     column,
+    cover_cell,
 )
 from coastwatch.geodesy import difference_m, from_plane
 from coastwatch.kernels.tables.lookup import find
@@ -307,8 +308,7 @@ def _may_see(source: Ints, region: Ints, sensors: Sensors) -> Bools:
 
 def _cell(azimuth_rad: Floats, distance_m: Floats, range_m: Floats) -> Ints:
     """The cell of each place; what is beyond the range is in the outermost cell."""
-    sector = np.floor(azimuth_rad * (COVER_AZIMUTHS / (2.0 * np.pi))).astype(np.int64) % COVER_AZIMUTHS
-    ring = np.clip(distance_m * (COVER_RANGES / range_m), 0.0, COVER_RANGES - 1).astype(np.int64)
+    sector, ring = cover_cell(azimuth_rad, distance_m, range_m)
     return np.asarray(sector * COVER_RANGES + ring)
 
 

@@ -13,11 +13,12 @@ from __future__ import annotations
 import argparse
 import time
 from contextlib import nullcontext
+from typing import NamedTuple
 
 import numpy as np
 
 from coastwatch import pipeline
-from coastwatch.batches import NO_ALARMS, AisReports, Flag, Members, Picture, Reports, Sensors, VesselAlarms
+from coastwatch.batches import NO_ALARMS, AisReports, Flag, Members, Picture, RadarCover, Reports, Sensors, VesselAlarms
 from coastwatch.operators.cli.arguments import names, pair
 from coastwatch.picture import AlarmRules, numbered
 from coastwatch.scenario import Scenario, load_scenario
@@ -28,51 +29,64 @@ from coastwatch.store.write.events import BITS, KINDS, Events, extend
 DARK = int(Flag.DARK).bit_length() - 1
 """Bit of the flag."""
 
+COVER_CYCLES = 20
 
-def pictures_of(scenario: Scenario, sensors: Sensors, reports: Reports) -> list[tuple[float, Picture, Members]]:
-    """Time, picture and members of every cycle."""
+
+class Made(NamedTuple):
+    """What a cycle gave that alarms need."""
+
+    time_s: float
+    picture: Picture
+    members: Members
+    cover: RadarCover
+
+
+def pictures_of(scenario: Scenario, sensors: Sensors, reports: Reports) -> list[Made]:
+    """Every cycle. The cover is of the newest of every COVER_CYCLES cycles: each has its own arrays."""
     plan = scenario.plan()
     memory, before_s, out = pipeline.start(scenario, sensors), -np.inf, []
+    cover = memory.radar_cover
     for number in range(plan.cycles):
         now_s = plan.instant_s(number)
         part = reports.between(before_s, now_s)
+        cover = memory.radar_cover if number % COVER_CYCLES == 0 else cover
         memory, cycle = pipeline.step(scenario, sensors, memory, part, now_s, serial, lambda _: nullcontext(), zones=())
-        out.append((now_s, cycle.picture, cycle.members))
+        out.append(Made(now_s, cycle.picture, cycle.members, cover))
         before_s = now_s
     return out
 
 
-def rate(scenario: Scenario, rules: AlarmRules, sensors: Sensors, made: list[tuple[float, Picture, Members]]) -> str:
+def rate(scenario: Scenario, rules: AlarmRules, sensors: Sensors, made: list[Made]) -> str:
     """One line of figures."""
     none = np.zeros(0, np.int64)
     memory, events, before_s = rules.init(), Events(none, none, none, none, np.zeros(0)), -np.inf
     count, most, spent_s, zones = dict.fromkeys(KINDS.values(), 0), 0, [], numbered(scenario.zones)
     silent = [number for number, kind in KINDS.items() if kind in NO_ALARMS]
-    for number, (now_s, picture, members) in enumerate(made):
+    for number, (now_s, picture, members, cover) in enumerate(made):
         begun = time.process_time()
-        memory, alarms = rules.step(memory, picture, members, now_s, sensors, zones)
+        memory, alarms = rules.step(memory, picture, members, now_s, sensors, zones, cover)
         spent_s.append(time.process_time() - begun)
         events, changes = extend(events, number, now_s, before_s, picture, alarms, scenario.store.event_gap_s)
         for kind in (changes.begun % BITS).tolist():
             count[KINDS[kind]] += 1
         lasting = events.take((events.to_cycle < 0) & ~np.isin(events.key % BITS, silent))
         most, before_s = max(most, len(lasting.key)), now_s
-    hours = (made[-1][0] - made[0][0]) / 3600.0
+    hours = (made[-1].time_s - made[0].time_s) / 3600.0
     rates = {kind: found / hours for kind, found in count.items() if found and kind not in NO_ALARMS}
     said = ", ".join(f"{kind} {value:.1f}" for kind, value in rates.items())
     return (
-        f"{hours:.2f} h, {np.mean([len(picture) for _, picture, _ in made]):.0f} vessels: {sum(rates.values()):.1f} alarms an hour: "
+        f"{hours:.2f} h, {np.mean([len(cycle.picture) for cycle in made]):.0f} vessels: {sum(rates.values()):.1f} alarms an hour: "
         f"{said}; {len(lasting.key)} last at the end, {most} at most; {1e3 * np.median(spent_s):.2f} ms a cycle"
     )
 
 
-def dark_alarms(scenario: Scenario, ais: AisReports, made: list[tuple[float, Picture, Members]]) -> str:
+def dark_alarms(scenario: Scenario, ais: AisReports, made: list[Made]) -> str:
     """The dark alarms by the AIS of their true vessels."""
     none = np.zeros(0, np.int64)
     events, before_s = Events(none, none, none, none, np.zeros(0)), -np.inf
     count = dict.fromkeys(("that never sends AIS", "that never sends again", "silent for 60 s then", "that is not silent"), 0)
     never, silent, paused, wrong = count
-    for number, (now_s, picture, _) in enumerate(made):
+    for number, (now_s, picture, *_) in enumerate(made):
         events, changes = extend(events, number, now_s, before_s, picture, VesselAlarms.empty(), scenario.store.event_gap_s)
         before_s = now_s
         vessel_id, bit = np.divmod(changes.begun, BITS)

@@ -9,7 +9,21 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from coastwatch.batches import AlarmKind, Flag, Members, NavStatus, Picture, Radars, Sensors, Sonars, Stations, VesselAlarms
+from coastwatch.batches import (
+    COVER_AZIMUTHS,
+    COVER_RANGES,
+    AlarmKind,
+    Flag,
+    Members,
+    NavStatus,
+    Picture,
+    RadarCover,
+    Radars,
+    Sensors,
+    Sonars,
+    Stations,
+    VesselAlarms,
+)
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, offset_deg
 from coastwatch.picture import AlarmRules, Zone, numbered
 from coastwatch.picture.alarms.close_approach import SPANS, Approaching, close_pairs
@@ -314,6 +328,26 @@ def test_a_vessel_under_way_that_vanishes_within_cover_is_lost_until_it_returns(
     found = play(RULES, scene, 70)
     assert spans(found, AlarmKind.LOST) == {(1, 0): [(30, 59)]}
     assert found[30].interval_s.tolist() == [33.0]
+
+
+@pytest.mark.parametrize(("detection", "looks", "is_lost"), [(0.2, 30.0, False), (0.6, 30.0, True), (0.2, 10.0, True)])
+def test_a_vessel_is_lost_only_where_radars_have_learnt_to_see_it(detection: float, looks: float, is_lost: bool) -> None:
+    """Of the radar only the eastern half is known, where vessel 1 vanishes; vessel 2 vanishes in the west."""
+    east = np.broadcast_to((np.arange(COVER_AZIMUTHS) < COVER_AZIMUTHS // 2)[None, :, None], (1, COVER_AZIMUTHS, COVER_RANGES))
+    none = np.zeros(east.shape)
+    known = np.where(east, detection, 0.1), np.where(east, looks, 0.0)
+    cover = RadarCover(np.array([20e3]), SITE[None], np.ones(1), *known, none, none, none)
+
+    def scene(time_s: float) -> list[dict[str, Any]]:
+        way, flags = 2000.0 + 10.0 * KNOT_M_S * time_s, int(Flag.COASTING) if time_s >= 60.0 else 0
+        rows = [{"id": 1, "at": (way, 0.0), "kn": (10.0, 0.0)}, {"id": 2, "at": (-way, 0.0), "kn": (-10.0, 0.0)}]
+        return [{**row, "flags": flags} for row in rows] if time_s < 90.0 else []
+
+    memory, found = RULES.init(), []
+    for time_s in np.arange(0.0, 120.0, PERIOD_S).tolist():
+        memory, alarms = RULES.step(memory, *picture_of(time_s, scene(time_s)), time_s, sensors(), (), cover)
+        found.append(alarms)
+    assert set(spans(found, AlarmKind.LOST)) == ({(1, 0), (2, 0)} if is_lost else {(2, 0)})
 
 
 def test_no_vessels_and_no_zones_are_no_trouble() -> None:

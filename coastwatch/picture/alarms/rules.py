@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import AlarmKind, Bools, Members, Picture, Sensors, VesselAlarms, joint_keys
-from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, offset_deg
+from coastwatch.batches import AlarmKind, Bools, Floats, Members, Picture, RadarCover, Sensors, VesselAlarms, joint_keys
+from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, offset_deg
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.picture.alarms.close_approach import Approaching, Pairs, close_pairs
 from coastwatch.picture.alarms.lasting import KINDS, Holding, Lasting, extend
@@ -49,14 +49,18 @@ class AlarmRules(AlarmSettings):
         time_s: float,
         sensors: Sensors,
         zones: tuple[Numbered, ...] = (),
+        cover: RadarCover | None = None,
     ) -> tuple[AlarmMemory, VesselAlarms]:
-        """The alarms that hold in this cycle. Args: zones: with their numbers, each above 0 and once."""
+        """The alarms that hold in this cycle.
+
+        Args: zones: with their numbers, each above 0 and once; cover: of each radar; none, or empty: it sees within its range.
+        """
         known = shapes(zones, self.zone_margin_m)
         seen = look(self, memory.watched, picture, members, sensors, time_s)
         zone_memory, raised = zone_alarms(self, memory.zones, seen, known, time_s)
         followed, close, approaching = self._close(memory, seen, time_s)
         dragging, anchored = self._dragging(memory.dragging, seen, time_s)
-        raised = [*raised, approaching, anchored, self._lost(seen, sensors, time_s)]
+        raised = [*raised, approaching, anchored, self._lost(seen, sensors, cover, time_s)]
         after = AlarmMemory(seen.watched, zone_memory, followed, close, dragging)
         return after, together(raised, seen.watched, known)
 
@@ -97,7 +101,7 @@ class AlarmRules(AlarmSettings):
         }
         return after, Raised.of(AlarmKind.ANCHOR_DRAG, opened, **of_row)
 
-    def _lost(self, seen: Seen, sensors: Sensors, time_s: float) -> Raised:
+    def _lost(self, seen: Seen, sensors: Sensors, cover: RadarCover | None, time_s: float) -> Raised:
         """Vessels that were under way, have left the picture, and would still be within cover of what tracked them."""
         u = seen.watched
         silent_s = time_s - u.seen_s
@@ -108,6 +112,22 @@ class AlarmRules(AlarmSettings):
         covered = np.zeros(len(rows), np.bool_)
         for bit, coverage in zip((AIS, RADAR), coverages(sensors, self.cover_margin), strict=True):
             of_kind = (u.sources[rows] & bit) != 0
-            covered[of_kind] |= kernels.geometry.sensor_coverage.in_any_range(coverage, then_deg[of_kind])
+            if bit == RADAR and cover is not None and len(cover):
+                covered[of_kind] |= self._seen_by_radar(then_deg[of_kind], sensors, cover)
+            else:
+                covered[of_kind] |= kernels.geometry.sensor_coverage.in_any_range(coverage, then_deg[of_kind])
         rows = rows[covered]
         return Raised.of(AlarmKind.LOST, u.vessel_id[rows], interval_s=silent_s[rows])
+
+    def _seen_by_radar(self, position_deg: Floats, sensors: Sensors, cover: RadarCover) -> Bools:
+        """Whether some radar should see each position: by its learnt cover where it has looked often enough, else by its range.
+
+        Args: position_deg: (K, 2). Returns: (K,).
+        """
+        known = np.isfinite(cover.site_deg[:, :1])
+        site_deg = np.where(known, cover.site_deg, sensors.radars.site_deg)
+        away = difference_m(position_deg[:, None], site_deg[None])
+        in_range = np.hypot(away[..., 0], away[..., 1]) <= self.cover_margin * cover.range_m
+        detection, looks = cover.ais_at(away[..., 0], away[..., 1])
+        sees = in_range & ((looks < self.cover_looks) | (detection >= self.should_see))
+        return np.asarray(sees.any(axis=1))

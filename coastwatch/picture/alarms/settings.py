@@ -40,4 +40,8 @@ class AlarmSettings(Method):
     lost_for_s: NotNegative = 1800.0  # the alarm ends if the vessel has not returned so long after its last track
     lost_known_s: NotNegative = 300.0  # it must have been in the picture for so long
     lost_under_way_kn: NotNegative = 3.0  # it must have had this speed
+    should_see: Annotated[float, Field(ge=0.0, le=1.0)] = 0.5  # least learnt probability of detection that counts as cover
+    cover_looks: NotNegative = (
+        24.0  # turns at AIS vessels in a cell of a radar, from which its learnt cover counts, not its range
+    )
     cover_margin: Annotated[float, Field(gt=0.0, le=1.0)] = 0.9  # share of a sensor's range that counts as cover
