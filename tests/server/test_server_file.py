@@ -9,7 +9,9 @@ import pytest
 
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.cli.parser import make_parser
-from coastwatch.operators.cli.server_file import with_file
+from coastwatch.operators.cli.server_file import with_file, with_zones
+from coastwatch.picture import numbered
+from coastwatch.scenario import load_scenario
 
 WHOLE = """
 [server]
@@ -60,6 +62,32 @@ def test_without_a_file_options_have_their_defaults() -> None:
     assert (found.clock, found.lateness, found.settings) == ("wall", 2.0, [])
 
 
+BAY = """
+[[zones]]
+name = "NAME"
+kind = "circle"
+centre_deg = [-22.9, -43.15]
+radius_nm = 1.0
+enter = true
+"""
+
+
+def test_zones_of_a_file_follow_those_of_its_scenario(tmp_path: Path) -> None:
+    scenario = load_scenario("guanabara")
+    found = options(tmp_path / "watch.toml", WHOLE + BAY.replace("NAME", "bay"))
+    made = with_zones(scenario, found.zones)
+    assert [(number, zone.name) for number, zone in numbered(made.zones)] == [
+        (1, "fort"),
+        (2, "channel"),
+        (3, "bar"),
+        (4, "bay"),
+    ]
+    assert (made.zones[3].enter, made.zones[3].radius_nm) == (True, 1.0)
+    assert with_zones(scenario, options(tmp_path / "watch.toml", WHOLE).zones).zones == scenario.zones
+    with pytest.raises(BadInput, match="zones: got the name 'fort' 2 times"):
+        with_zones(scenario, options(tmp_path / "watch.toml", WHOLE + BAY.replace("NAME", "fort")).zones)
+
+
 def test_a_scenario_is_no_server_file(tmp_path: Path) -> None:
     path = tmp_path / "scenario.toml"
     assert options(path, 'name = "sea"').scenario == str(path)
@@ -73,6 +101,8 @@ def test_a_scenario_is_no_server_file(tmp_path: Path) -> None:
         ("[server]\nprot = 1", "server.prot: got 1 for an unknown setting"),
         ('[server]\nrole = "king"', "server.role: got 'king', needed 'all', 'region' or 'centre'"),
         ("[server]\n[[feeds]]\nname = 'a'", "feeds.0.url: got nothing"),
+        ("[server]" + BAY, "zones: got them without server.scenario, needed both"),
+        ('[server]\nscenario = "guanabara"' + BAY.replace("radius_nm = 1.0", ""), "zones.0: got a circle with other keys"),
         ("[server]\n[zoo]", "zoo: got {} for an unknown setting"),
     ],
 )

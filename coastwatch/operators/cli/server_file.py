@@ -7,10 +7,12 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 
 from coastwatch.operators.api.webhook_settings import WebHook, checked, secret_of
 from coastwatch.operators.bad_input import BadInput
+from coastwatch.picture import Zone
+from coastwatch.scenario import Scenario
 from coastwatch.scenario.refusing import refusals
 from coastwatch.stage import Settings
 
@@ -27,6 +29,7 @@ DEFAULTS: dict[str, Any] = {
     "region": [],
     "out": [],
     "webhook": [],
+    "zones": (),
 }
 """Options that are neither in the file nor on the command line."""
 
@@ -79,6 +82,15 @@ class ServerFile(Settings):
     feeds: tuple[NamedFeed, ...] = ()
     regions: tuple[NamedFeed, ...] = ()
     webhooks: tuple[Hook, ...] = ()
+    zones: tuple[Zone, ...] = ()  # beside those of the scenario
+
+    @model_validator(mode="after")
+    def _zones_have_a_run(self) -> ServerFile:
+        if self.zones and self.server.scenario is None:
+            raise ValueError(
+                "zones: got them without server.scenario, needed both: the process that writes the database watches zones"
+            )
+        return self
 
 
 def with_file(options: argparse.Namespace) -> argparse.Namespace:
@@ -99,6 +111,17 @@ def with_file(options: argparse.Namespace) -> argparse.Namespace:
     if out.lateness is None:
         out.lateness = LATENESS_S[out.role]
     return out
+
+
+def with_zones(scenario: Scenario, zones: tuple[Zone, ...]) -> Scenario:
+    """The scenario with more zones; their numbers follow those of its own. Raises: BadInput where a name is there twice."""
+    names = [zone.name for zone in (*scenario.zones, *zones)]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise BadInput(
+            f"zones: got the name {twice!r} {names.count(twice)} times in the scenario and the server file, needed each once"
+        )
+    return scenario.model_copy(update={"zones": (*scenario.zones, *zones)})
 
 
 def _read(name: str | None) -> ServerFile | None:
@@ -140,6 +163,7 @@ def _options(file: ServerFile, path: Path) -> dict[str, Any]:
         out["lateness"] = server.lateness_s
     for name, many in (("feed", file.feeds), ("region", file.regions)):
         out[name] = [_url(one) for one in many]
+    out["zones"] = file.zones
     out["webhook"] = [_hook(one, here) for one in file.webhooks]
     return out
 

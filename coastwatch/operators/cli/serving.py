@@ -26,7 +26,7 @@ from coastwatch.operators.api.service import Counted, Service
 from coastwatch.operators.api.tokens import Tokens, add
 from coastwatch.operators.api.webhook_settings import WebHook, checked, secret_of
 from coastwatch.operators.bad_input import BadInput
-from coastwatch.operators.cli.server_file import with_file
+from coastwatch.operators.cli.server_file import with_file, with_zones
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.live_input import LiveInput
@@ -119,6 +119,7 @@ def _serve_run(options: argparse.Namespace, guard: Guard, outs: list[OutAddress]
     if live and options.speed != 1.0:
         raise BadInput("--speed: got it with --feed, needed one of them: feeds have their own speed")
     scenario = load_scenario(options.scenario, dict(options.settings))
+    scenario = with_zones(scenario, options.zones)
     feeds = [parsed(text) for text in options.feed]
     scenario = with_track_sources(scenario, [address.source for address in feeds if address.format == "ttm"])
     if options.role == "centre":
