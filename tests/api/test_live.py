@@ -8,9 +8,11 @@ from pathlib import Path
 import httpx
 import pytest
 from server_world import listening, wait_for
+from test_alarms import events
 
 from coastwatch import store
 from coastwatch.operators.api.service import Service
+from coastwatch.operators.cli.arguments import utc
 from coastwatch.scenario import load_scenario
 from coastwatch.server.live import LiveRun, Paced
 
@@ -39,6 +41,45 @@ def test_a_simulation_runs_with_the_clock_and_ends_after_a_whole_cycle_with_what
         now = store.picture(opened, last.run_id)
         for name in ("vessel_id", "latitude_deg", "longitude_deg", "sog_kn", "mmsi", "flags", "sources", "name"):
             assert last.rows(last.at(now.array("vessel_id"))).column(name) == now.column(name), name
+
+
+def test_a_zone_that_is_drawn_raises_an_alarm_that_is_sent_acknowledged_and_noted(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'live.db'}"
+    scenario = load_scenario("context-driven-100", {"period_s": "0.5", "warmup_s": "0", "cycles": "1000", "input.count": "10"})
+    centre_deg = scenario.area.latitude_deg, scenario.area.longitude_deg
+    with store.open_store(url) as opened:
+        service = Service(opened)
+        run = LiveRun(scenario, Paced(), service.receive, database=url, workers=1, resume=False)
+        service.source = run
+        with listening(service, web=tmp_path) as address, run:
+            base = f"http://{address}/api/v1"
+            wait_for(
+                lambda: run.cycles and (service.picture().array("sog_kn") > 1.0).any(), 300.0
+            )  # kernels may be compiled first
+            with httpx.stream("GET", f"{base}/alarms/stream", timeout=60.0) as stream:
+                seen = events(stream)
+                zone = {"name": "all", "kind": "circle", "centre_deg": centre_deg, "radius_nm": 100.0, "max_speed_kn": 0.5}
+                drawn = httpx.post(f"{base}/zones", json=zone, timeout=60.0).json()["properties"]["number"]
+                then_s = service.picture().time_s
+                alarm = next(one for one in seen if one["kind"] == "zone_speed")
+                said = {"name": "Ana", "note": "called on 16"}
+                path = f"{base}/alarms/{alarm['alarm_id']}/acknowledge"
+                assert httpx.post(path, json=said, timeout=60.0).status_code == 200
+                again = next(one for one in seen if one["alarm_id"] == alarm["alarm_id"] and one["acknowledged_by"])
+            assert (alarm["subject"], alarm["acknowledged_by"]) == (drawn, None)
+            assert (again["acknowledged_by"], again["note"]) == ("Ana", "called on 16")
+            cycles = scenario.alarms.open_cycles + 2  # the cycle of now may have begun before
+            assert utc(alarm["start_utc"]) <= then_s + cycles * scenario.period_s
+            found = httpx.get(f"{base}/audit", timeout=60.0).json()["changes"]
+            run_id = service.run_id()
+    assert [(row["who"], row["path"].split("/")[3]) for row in found] == [("loopback", "alarms"), ("loopback", "zones")]
+    assert found[0]["body"] == '{"name":"Ana","note":"called on 16"}'
+    with store.open_store(url) as opened:
+        (kept,) = store.acknowledgements(opened, run_id).rows
+        assert (kept[0], kept[1], kept[2], kept[4], *kept[6:]) == (
+            *(alarm["vessel_id"], "zone_speed", drawn, "Ana"),
+            *("called on 16", "loopback"),
+        )
 
 
 def test_a_run_that_fails_says_why_and_the_server_goes_on(tmp_path: Path) -> None:
