@@ -520,10 +520,15 @@ def test_axe_finds_no_serious_fault_in_any_theme(watch: Watch) -> None:
 
 
 def test_it_survives_a_restart_of_the_server(world: World, watch: Watch) -> None:
+    watch.until("coastwatch.live.at", lambda at: at == store_world.instant_s(world.number - 1))
     before, ids = watch.ask("[coastwatch.live.run, [...coastwatch.live.slotOf.keys()].sort()]")
+    watch.ask("coastwatch.openDrawer('alarms')")
     world.stop()
     watch.until("document.getElementById('badge').textContent", lambda text: text.startswith("NO CONNECTION"))
+    said = "document.getElementById('alarm-words').textContent"
+    watch.until(said, lambda text: text == "Not up to date: the server does not answer.")
     world.start()
+    watch.until(said, lambda text: "to acknowledge" in text)
     watch.until("coastwatch.live.run", lambda run: run != before)
     watch.until("document.getElementById('badge').textContent", lambda text: not text.startswith("NO CONNECTION"))
     assert watch.ask("[...coastwatch.live.slotOf.keys()].sort()") == ids

@@ -22,6 +22,7 @@ export class Alarms {
   #timer = null;
   #streaming = false;
   #changes = 0; // acknowledgements from this page
+  #failed = 'the server has not answered yet'; // why the alarms are not those of now; empty: they are
   #unread = 0; // that wait and are older than those of `rows`
 
   constructor(app) {
@@ -44,7 +45,11 @@ export class Alarms {
       clearTimeout(this.#timer);
       this.#timer = setTimeout(() => this.load(), 100);
     });
-    stream.onerror = () => { this.#streaming = false; };
+    stream.onerror = () => {
+      this.#streaming = false;
+      clearTimeout(this.#timer);
+      this.#timer = setTimeout(() => this.load(), 1000);
+    };
   }
 
   /** Asks for the alarms now, and again later: every one that waits, however old, and the newest of the others. */
@@ -54,6 +59,7 @@ export class Alarms {
       const changes = this.#changes;
       const [waiting, newest] = await Promise.all([
         getJson(`alarms?state=unacknowledged&limit=${MOST}`), getJson(`alarms?state=all&limit=${MOST_DONE}`)]);
+      this.#failed = '';
       if (changes === this.#changes) { // else the answer is older than what was acknowledged
         this.#unread = waiting.total - waiting.alarms.length;
         const both = new Map([...waiting.alarms, ...newest.alarms].map((alarm) => [alarm.alarm_id, alarm]));
@@ -61,6 +67,8 @@ export class Alarms {
       }
     } catch (error) {
       if (error.status) this.app.say(error.message);
+      this.#failed = error.status ? error.message : 'the server does not answer';
+      this.update();
     }
     clearTimeout(this.#timer);
     this.#timer = setTimeout(() => this.load(), this.#streaming ? ASK_WITH_STREAM_MS : ASK_MS);
@@ -99,7 +107,7 @@ export class Alarms {
       byId('strip-text').textContent = `${words(first)}, ${dateClock(seconds(first.start_utc))}${lasting(first) ? '' : ', ended'}`;
       byId('strip-count').textContent = waiting > 1 ? `1 of ${waiting} to acknowledge` : '';
     }
-    byId('alarm-count').textContent = String(waiting);
+    byId('alarm-count').textContent = this.#heard ? String(waiting) : '–';
     byId('open-alarms').title = `${waiting} to acknowledge`;
     if (this.app.state.drawer !== 'alarms') return;
     const focused = document.activeElement?.closest('[data-alarm]')?.dataset.alarm;
@@ -109,9 +117,9 @@ export class Alarms {
     fill(byId('alarm-kind'), element('option', { value: '' }, 'all'),
       [...kinds].sort().map((name) => element('option', { value: name, selected: name === kind }, name.replaceAll('_', ' '))));
     const rows = this.rows.filter((alarm) => !kind || alarm.kind === kind);
-    byId('alarm-words').textContent = waiting ? `${waiting} to acknowledge: ${last} lasting, ${waiting - last} ended`
-      : 'Nothing to acknowledge.';
-    fill(list, rows.length ? rows.slice(0, MOST_ROWS).map((alarm) => this.#row(alarm)) : element('li', { class: 'soft' }, 'no alarms'));
+    const sum = waiting ? `${waiting} to acknowledge: ${last} lasting, ${waiting - last} ended` : 'Nothing to acknowledge.';
+    byId('alarm-words').textContent = this.#failed ? `Not up to date: ${this.#failed}.` : sum;
+    fill(list, rows.length ? rows.slice(0, MOST_ROWS).map((alarm) => this.#row(alarm)) : element('li', { class: 'soft' }, this.#heard ? 'no alarms' : 'not known'));
     if (focused) list.querySelector(`[data-alarm="${CSS.escape(focused)}"] button`)?.focus();
   }
 
