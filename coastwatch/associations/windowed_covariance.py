@@ -18,7 +18,8 @@ from coastwatch.associations.pairing import (
     one_to_one,
     vessels,
 )
-from coastwatch.batches import Array, Associations, Ints, Spots, Tracks
+from coastwatch.batches import Array, Associations, Floats, Ints, Spots, Tracks
+from coastwatch.kernels.association.candidate_pairs import PAIR
 from coastwatch.kernels.association.history import History
 from coastwatch.kernels.association.pair_features import ENTRY, TRACK
 from coastwatch.kernels.association.pair_score import Rule
@@ -83,11 +84,26 @@ class WindowedCovariance(Method):
         history, arrays["track"], arrays["bound"] = self._features(memory.history, tracks, arrays["place"]["row"])
         arrays["values"], arrays["newest"] = history.values, np.array(history.column)
         first, second, scores, tested = joined_parts(map_(score_spots, self, arrays, members_of_spots(spots)), len(tracks))
-        score, gain = scores[:, 0], scores[:, 1] + self.step_limit + LEAST_GAIN
+        score, gain = scores[:, 0], self._gains(arrays, first, second, scores[:, 1])
         chosen = one_to_one(tracks, first, second, gain)
         first, second, score, gain = first[chosen], second[chosen], score[chosen], gain[chosen]
         vessel, kept = vessels(tracks, first, second, gain)
         return WindowMemory(history), Associations(first[kept], second[kept], score[kept], vessel, tested)
+
+    def _gains(self, arrays: Arrays, first: Ints, second: Ints, density: Floats) -> Floats:
+        """What each accepted pair is worth in the assignment: its newest score where it shares a track, else 1. (A,)"""
+        place, rows = arrays["place"], len(arrays["place"])
+        often = np.bincount(first, minlength=rows) + np.bincount(second, minlength=rows)
+        rival = np.flatnonzero((often[first] > 1) | (often[second] > 1))
+        at = np.empty(rows, np.int32)
+        at[place["row"]] = np.arange(rows)
+        pair = np.empty(len(rival), PAIR)
+        pair["first"], pair["second"], pair["density"] = at[first[rival]], at[second[rival]], density[rival]
+        rule, newest = self.rule()._replace(forgetting=self.rival_forgetting), int(arrays["newest"])
+        gain = np.ones(len(first))
+        newer = kernels.association.pair_score.pair_scores(pair, arrays["track"], arrays["values"], newest, rule)
+        gain[rival] = newer + self.step_limit + LEAST_GAIN
+        return gain
 
     def rule(self) -> Rule:
         """The settings as the kernels read them."""
@@ -110,7 +126,7 @@ class WindowedCovariance(Method):
 
 
 def score_spots(settings: WindowedCovariance, arrays: Arrays, spots: Groups) -> tuple[Array, ...]:
-    """Pairs that these spots own and that pass: rows of the first and second track; score and newest score (A, 2); number tested."""
+    """Pairs that these spots own and that pass: rows of the first and second track; score and density (A, 2); number tested."""
     parts = blocks_of_members(_score_members, arrays, spots, settings)
     return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
 
@@ -124,7 +140,5 @@ def _score_members(low: int, high: int, member: Ints, arrays: Arrays, settings: 
     score = kernels.association.pair_score.pair_scores(some, arrays["track"], values, newest, rule)
     kept, row = score > rule.threshold, arrays["place"]["row"]
     some = some[kept]
-    newer = rule._replace(forgetting=settings.rival_forgetting)
-    among = kernels.association.pair_score.pair_scores(some, arrays["track"], values, newest, newer)
     first, second = (row[some[name]].astype(np.int64) for name in ("first", "second"))
-    return first, second, np.column_stack([score[kept], among]), np.array([len(pair)])
+    return first, second, np.column_stack([score[kept], some["density"]]), np.array([len(pair)])
