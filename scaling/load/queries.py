@@ -200,9 +200,11 @@ def main() -> None:
         _fill_database(options)
     else:
         print(f"# {options.database} exists: --points, --vessels and --keep have no effect", file=comments(options), flush=True)
-    _measure(f"sqlite:///{options.database}", options)
-    if made and not options.keep:
-        _delete(options.database)
+    try:
+        _measure(f"sqlite:///{options.database}", options)
+    finally:
+        if made and not options.keep:
+            _delete(options.database)
 
 
 def _fill_database(options: argparse.Namespace) -> None:
