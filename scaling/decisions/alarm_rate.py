@@ -84,8 +84,9 @@ def dark_alarms(scenario: Scenario, ais: AisReports, made: list[Made]) -> str:
     """The dark alarms by the AIS of their true vessels."""
     none = np.zeros(0, np.int64)
     events, before_s = Events(none, none, none, none, np.zeros(0)), -np.inf
-    count = dict.fromkeys(("that never sends AIS", "that never sends again", "silent for 60 s then", "that is not silent"), 0)
-    never, silent, paused, wrong = count
+    said = "that never sends AIS", "that never sends again", "silent for 60 s then", "that is not silent"
+    count = dict.fromkeys((*(f"a vessel {one}" for one in said), "no true vessel"), 0)
+    never, silent, paused, wrong, no_vessel = count
     for number, (now_s, picture, *_) in enumerate(made):
         events, changes = extend(events, number, now_s, before_s, picture, VesselAlarms.empty(), scenario.store.event_gap_s)
         before_s = now_s
@@ -93,9 +94,9 @@ def dark_alarms(scenario: Scenario, ais: AisReports, made: list[Made]) -> str:
         for origin in picture.origin[np.searchsorted(picture.vessel_id, vessel_id[bit == DARK])].tolist():
             sent_s = ais.received_s[ais.origin == origin]
             heard, later = (sent_s > now_s - SILENT_FOR_S) & (sent_s <= now_s), sent_s > now_s
-            kind = wrong if origin < 0 or heard.any() else never if not len(sent_s) else paused if later.any() else silent
-            count[kind] += 1
-    return f"{sum(count.values())} dark alarms: " + ", ".join(f"{found} of a vessel {kind}" for kind, found in count.items())
+            kind = wrong if heard.any() else never if not len(sent_s) else paused if later.any() else silent
+            count[no_vessel if origin < 0 else kind] += 1
+    return f"{sum(count.values())} dark alarms: " + ", ".join(f"{found} of {kind}" for kind, found in count.items())
 
 
 def settings_of(text: str) -> dict[str, str]:
