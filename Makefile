@@ -8,6 +8,8 @@ SYNC = --compile-bytecode
 WARM_UP = $(BIN)/coastwatch run guanabara --restart --set warmup_s=30 --set cycles=10
 TEST = $(BIN)/python -m pytest -n auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder
 export UV_PROJECT_ENVIRONMENT = .venv
+# Of one file; a busy machine needs more than the minute that is the default.
+export UV_COMPILE_BYTECODE_TIMEOUT = 900
 
 # Node of the package index comes first where it was installed.
 WITH_NODE = PATH="$(CURDIR)/$(BIN):$$PATH"

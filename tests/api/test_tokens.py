@@ -116,7 +116,11 @@ def test_a_page_before_its_sign_in_is_not_warned_of_but_a_wrong_token_is(
         client.get("/api/v1/status", headers=bearer("x"))
         client.get("/api/v1/status", headers={"Cookie": "coastwatch=x"})
         client.post("/session", json={"token": "x"})
-    assert caplog.messages == 3 * ["request refused"]
+    url = f"ws://{given['address']}/api/v1/stream"
+    for offered in ([], ["bearer.x"]):
+        with connect(url, subprotocols=["coastwatch.picture.v1", *offered]) as socket, pytest.raises(ConnectionClosed):
+            socket.recv(timeout=10)
+    assert caplog.messages == [*3 * ["request refused"], "socket refused"]
 
 
 def test_a_large_body_is_refused_and_a_token_may_ask_so_often(given: dict[str, str]) -> None:

@@ -12,6 +12,8 @@ from coastwatch.operators.cli.parser import make_parser
 from coastwatch.operators.cli.server_file import with_file, with_zones
 from coastwatch.picture import numbered
 from coastwatch.scenario import load_scenario
+from coastwatch.server.feeds.address import AddressError
+from coastwatch.server.regions.client import check_files, parsed_region
 
 WHOLE = """
 [server]
@@ -44,7 +46,7 @@ def test_a_file_takes_the_place_of_options(tmp_path: Path) -> None:
     assert (found.host, found.port, found.clock, found.lateness, found.speed) == ("127.0.0.1", 8123, "feeds", 5.0, 1.0)
     assert found.tokens == str(tmp_path / "tokens.toml")
     assert found.feed == ["ais+tcp://a:1?name=harbour", "json+listen://b:2?source=x"]
-    assert found.region == ["wss://n:3?token-file=t&name=north"]
+    assert found.region == [f"wss://n:3?token-file={tmp_path}/t&name=north"]
     assert dict(found.settings) == {"period_s": "2.5", "tracks.method": "imm", "store.overlap": "false"}
 
 
@@ -86,6 +88,16 @@ def test_zones_of_a_file_follow_those_of_its_scenario(tmp_path: Path) -> None:
     assert with_zones(scenario, options(tmp_path / "watch.toml", WHOLE).zones).zones == scenario.zones
     with pytest.raises(BadInput, match="zones: got the name 'fort' 2 times"):
         with_zones(scenario, options(tmp_path / "watch.toml", WHOLE + BAY.replace("NAME", "fort")).zones)
+
+
+def test_files_in_addresses_lie_beside_the_file_of_the_server(tmp_path: Path) -> None:
+    (tmp_path / "north.token").write_text("x", "utf-8")
+    region = '[[regions]]\nname = "north"\nurl = "wss://north.example:8100?token-file=north.token&ca-file=/etc/ca.pem"'
+    (url,) = options(tmp_path / "watch.toml", '[server]\nrole = "centre"\n' + region).region
+    found = parsed_region(url)
+    assert (found.name, found.token_file, found.ca_file) == ("north", str(tmp_path / "north.token"), "/etc/ca.pem")
+    with pytest.raises(AddressError, match=r"region north: got ca-file=/etc/ca\.pem, needed a file that is there"):
+        check_files(found)
 
 
 def test_a_scenario_is_no_server_file(tmp_path: Path) -> None:

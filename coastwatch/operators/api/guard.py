@@ -42,6 +42,9 @@ LARGEST_BODY, MOST_SOCKETS = 1 << 20, 8
 BODY_S = 30.0
 """The body of a request has to be here after so long."""
 
+BEARER = "bearer."
+"""How a subprotocol with the token of a socket begins."""
+
 TOKEN_NEEDED, TOO_MANY_SOCKETS = 4401, 4429
 LOGGED = (401, 403, 413, 429, 500)
 """Answers that are warned of in the log. 503 is not among them: `logs.Watch` says why."""
@@ -110,7 +113,7 @@ class Guard:
         if scheme.lower() == "bearer":
             return self._person(given.strip())
         offered = [part.strip() for part in headers.get("sec-websocket-protocol", "").split(",")]
-        bearer = next((part.removeprefix("bearer.") for part in offered if part.startswith("bearer.")), None)
+        bearer = next((part.removeprefix(BEARER) for part in offered if part.startswith(BEARER)), None)
         return self._person(_cookie(headers) if bearer is None else bearer)
 
     def _person(self, given: str) -> Person | None:
@@ -199,6 +202,8 @@ class _Middleware:
         person = self._guard.person(client, headers)
         code = TOKEN_NEEDED if person is None else TOO_MANY_SOCKETS if self._sockets[person.name] >= MOST_SOCKETS else 0
         if person is None or code:
+            if not _is_before_sign_in(scope):
+                LOG.warning("socket refused", extra={"fields": {"path": scope["path"][:200], "code": code, "client": client}})
             await _closed(scope, receive, send, code)
             return
         self._sockets[person.name] += 1
@@ -226,7 +231,8 @@ class _Middleware:
 def _is_before_sign_in(scope: Scope) -> bool:
     """Whether a request offers neither a token nor a cookie and is no sign-in, as those of a page that is about to ask for a token."""
     headers = Headers(scope=scope)
-    return scope["path"] != SESSION and "authorization" not in headers and not _cookie(headers)
+    offers = "authorization" in headers or any(name.startswith(BEARER) for name in scope.get("subprotocols", ()))
+    return scope["path"] != SESSION and not offers and not _cookie(headers)
 
 
 def _is_undeclared(scope: Scope) -> bool:

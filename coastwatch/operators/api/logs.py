@@ -71,6 +71,7 @@ class Watch:
         self._error: str | None = None
         self._began = False  # pictures have come
         self._connected: dict[str, bool] = {}
+        self._troubles: set[tuple[str, str]] = set()  # of feeds, each said once
         self._late = 0.0
         self._thread = threading.Thread(target=self._watch, name="log", daemon=True)
 
@@ -100,6 +101,10 @@ class Watch:
                 level = logging.INFO if connected else logging.WARNING
                 LOG.log(level, "feed connected" if connected else "feed lost", extra={"fields": {"feed": name}})
             self._connected[name] = connected
+            trouble = str(feed.get("error") or "")
+            if trouble and (name, trouble) not in self._troubles:
+                self._troubles.add((name, trouble))
+                LOG.warning(trouble, extra={"fields": {"feed": name}})
         counts = self._source.counts()
         late = counts.get("cycles_late", 0.0)
         if late > self._late:

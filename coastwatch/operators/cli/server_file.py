@@ -6,6 +6,7 @@ import argparse
 import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
+from urllib.parse import parse_qsl, urlencode, urlsplit, urlunsplit
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -37,6 +38,8 @@ LATENESS_S = {"all": 2.0, "region": 2.0, "centre": 5.0}
 """A centre waits for its regions, which wait for their radars."""
 
 PATHS = ("tokens", "tls_cert", "tls_key")
+FILES = ("token-file", "ca-file", "password-file")
+"""Options of addresses that are paths."""
 
 
 class Server(Settings):
@@ -162,7 +165,7 @@ def _options(file: ServerFile, path: Path) -> dict[str, Any]:
     if server.lateness_s is not None:
         out["lateness"] = server.lateness_s
     for name, many in (("feed", file.feeds), ("region", file.regions)):
-        out[name] = [_url(one) for one in many]
+        out[name] = [_url(one, here) for one in many]
     out["zones"] = file.zones
     out["webhook"] = [_hook(one, here) for one in file.webhooks]
     return out
@@ -178,7 +181,12 @@ def _toml(value: Any) -> str:
     return str(value).lower() if isinstance(value, bool) else repr(value)
 
 
-def _url(feed: NamedFeed) -> str:
-    if feed.name is None:
-        return feed.url
-    return f"{feed.url}{'&' if '?' in feed.url else '?'}name={feed.name}"
+def _url(feed: NamedFeed, here: Path) -> str:
+    """The address with its name, and with files relative to a folder."""
+    parts = urlsplit(feed.url)
+    options = parse_qsl(parts.query)
+    if any(key in FILES for key, _ in options):
+        options = [(key, str(here / value) if key in FILES else value) for key, value in options]
+        parts = parts._replace(query=urlencode(options, safe="/:,"))
+    url = urlunsplit(parts)
+    return url if feed.name is None else f"{url}{'&' if parts.query else '?'}name={feed.name}"

@@ -34,7 +34,7 @@ from coastwatch.server.feeds.outgoing import OutAddress, OutFeed, parsed_out
 from coastwatch.server.feeds.sending import of_file, of_scenario, send
 from coastwatch.server.follow import POLL_S, Follower
 from coastwatch.server.live import Input, LiveRun, Paced
-from coastwatch.server.regions.client import RegionAddress, parsed_region
+from coastwatch.server.regions.client import RegionAddress, check_files, parsed_region
 from coastwatch.server.regions.publisher import Publisher
 from coastwatch.server.regions.scenario import of_centre, with_track_sources
 from coastwatch.store import QueryLimit, Store, open_store
@@ -113,6 +113,8 @@ def serve(options: argparse.Namespace) -> int:
 def _serve_run(options: argparse.Namespace, guard: Guard, outs: list[OutAddress], listener: socket.socket) -> None:
     """Run a scenario, on live feeds or on its own input, and serve its pictures."""
     regions = [parsed_region(text) for text in options.region]
+    for region in regions:
+        check_files(region)
     live = bool(options.feed or regions)
     if options.run is not None:
         raise BadInput("--run: got it with a scenario, needed one of them: a run of a scenario has a number of its own")

@@ -28,6 +28,9 @@ PATH = "/api/v1/tracks/stream"
 LARGEST_MESSAGE = 1 << 27  # bytes: 700,000 tracks
 FIRST_RETRY_S, LAST_RETRY_S, CONNECT_S, CLOSE_S = 0.25, 5.0, 10.0, 2.0
 LONGEST_NAME = 32
+CLOSED = {4401: "it does not know the token", 4404: "it is no region: --role region", 4408: "this centre did not read"}
+"""Why a region closed a connection, by its code."""
+
 STREAM_SCHEMES, STREAM = ("nats", "tls"), re.compile(r"[A-Za-z0-9_-]{1,32}")
 """Of addresses of NATS, and of what a region calls itself there."""
 
@@ -84,6 +87,14 @@ def parsed_region(text: str) -> RegionAddress:
         user=options.get("user"),
         password_file=options.get("password-file"),
     )
+
+
+def check_files(address: RegionAddress) -> None:
+    """Raises: AddressError where a file that an address names is not there."""
+    named = ("token-file", address.token_file), ("ca-file", address.ca_file), ("password-file", address.password_file)
+    for option, path in named:
+        if path is not None and not Path(path).is_file():
+            raise AddressError(f"region {address.name}: got {option}={path}, needed a file that is there")
 
 
 def token_of(address: RegionAddress) -> str | None:
@@ -149,12 +160,14 @@ class Connection:
             if len(self._waiting) >= IN_FLIGHT:  # the region may send as many again
                 self._ended.wait(FIRST_RETRY_S)
                 continue
-            made = self.connections
+            size = self.size
             try:
                 self._session()
             except ConnectionClosed as closed:
                 code = closed.rcvd.code if closed.rcvd else 1006
-                self.error = f"the region closed the connection: {(closed.rcvd.reason if closed.rcvd else '') or code}"
+                self.error = (
+                    f"the region closed the connection: {CLOSED.get(code) or (closed.rcvd and closed.rcvd.reason) or code}"
+                )
             except MessageError as error:
                 self.refused += 1
                 self.error = str(error)
@@ -162,7 +175,7 @@ class Connection:
                 self.error = str(error)
             finally:
                 self._socket, self.connected = None, False
-            if self.connections > made:
+            if self.size > size:  # it sent something: a connection that is closed at once is no sign of life
                 wait_s = FIRST_RETRY_S
             self._ended.wait(wait_s)
             wait_s = min(2.0 * wait_s, LAST_RETRY_S)
