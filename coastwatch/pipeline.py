@@ -27,6 +27,7 @@ from coastwatch.batches import (
     BearingTracks,
     Bools,
     Fault,
+    Floats,
     FusedTracks,
     Ints,
     Measurements,
@@ -122,6 +123,7 @@ class Cycle:
     radar_cover: RadarCover = field(default_factory=RadarCover.empty)  # empty where none is learnt
     standing_echoes: StandingEchoes = field(default_factory=StandingEchoes.empty)  # empty where no clutter map is learnt
     vessel_alarms: VesselAlarms = field(default_factory=VesselAlarms.empty)
+    ais_heard_s: Floats = field(default_factory=lambda: np.zeros(0))  # (V,) newest AIS report of each vessel; -inf: not known
 
     def to_write(self) -> Cycle:
         """The cycle without arrays that the store does not read, so that their memory is free while the store writes."""
@@ -266,7 +268,8 @@ def fuse(
     after = CentreMemory(*stages, next_bearings, alarms_memory)
     found = spots, associations, fused, picture, members, octants, bearing_associations
     none = RadarCorrections.none(len(sensors.radars))
-    return after, Cycle(time_s, tracks, alarms, bearing_tracks, *found, none, vessel_alarms=vessel_alarms)
+    heard_s = picture_memory.flags.ais_heard_s
+    return after, Cycle(time_s, tracks, alarms, bearing_tracks, *found, none, vessel_alarms=vessel_alarms, ais_heard_s=heard_s)
 
 
 def _associate(s: Scenario, memory: Any, tracks: Tracks, spots: Spots, kinds: Ints, map_: Map) -> tuple[Any, Associations]:

@@ -52,11 +52,12 @@ class FlagMemory:
     pairs: TrackPairs
     anchor_deg: Floats  # (R, 2) where each row was when it last moved
     anchor_since_s: Floats  # (R,)
+    ais_heard_s: Floats  # (R,) newest AIS report of each row; -inf: none since it is shown
 
     @classmethod
     def none(cls) -> FlagMemory:
         row, none = np.zeros(0, np.int64), np.zeros(0)
-        return cls(none, none, TrackPairs(row, row, none, none), np.zeros((0, 2)), none)
+        return cls(none, none, TrackPairs(row, row, none, none), np.zeros((0, 2)), none, none)
 
 
 def flag(
@@ -85,6 +86,9 @@ def flag(
     has_ais[row_of_track[ais]] = True
     heard_s = np.full(len(picture), -np.inf)
     np.maximum.at(heard_s, row_of_track[ais], tracks.updated_s[ais])
+    known = np.flatnonzero((order.vessel_of_row >= 0) & (order.vessel_of_row < len(memory.ais_heard_s)))
+    ever_heard_s = heard_s.copy()
+    ever_heard_s[known] = np.maximum(heard_s[known], memory.ais_heard_s[order.vessel_of_row[known]])
 
     no_ais = _within(ais_coverage, picture, has_radar & ~has_ais)
     no_radar = has_ais & ~has_radar
@@ -109,7 +113,7 @@ def flag(
     for alarm, what in ((alarms.twice, Flag.MMSI_TWICE), (alarms.impossible_speed, Flag.IMPOSSIBLE_SPEED)):
         odd = np.isin(tracks.track_id, alarms.track_id[alarm])
         flags[row_of_track[odd]] |= int(what)
-    return FlagMemory(no_ais_since_s, no_radar_since_s, pairs, anchor_deg, anchor_since_s), flags
+    return FlagMemory(no_ais_since_s, no_radar_since_s, pairs, anchor_deg, anchor_since_s, ever_heard_s), flags
 
 
 def _within(coverage: Coverage, picture: Picture, candidates: Bools) -> Bools:

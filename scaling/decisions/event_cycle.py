@@ -21,7 +21,7 @@ from coastwatch.batches import Flag, Ints, Picture, Tracks, VesselAlarms
 from coastwatch.operators.cli.arguments import count
 from coastwatch.scenario import load_scenario
 from coastwatch.store.schema.database import writing
-from coastwatch.store.write.events import Events, extend, write_events
+from coastwatch.store.write.events import Events, Why, extend, write_events
 
 WARM = 2  # cycles: in the first all flags begin
 FLAGGED, CHANGING = 0.05, 0.001
@@ -76,7 +76,7 @@ def main() -> None:
             events, changes = extend(events, number, time_s, time_s - plan.period_s, picture, no_alarms, GAP_S)
             extended = process_time()
             with writing(opened) as connection:
-                rows += write_events(connection, run, changes, picture, no_alarms, members, names, tracks)
+                rows += write_events(connection, run, changes, picture, no_alarms, members, names, tracks, why=Why.nothing())
             ms.append((1e3 * (extended - begun), 1e3 * (process_time() - extended)))
     follow, write = (statistics.median(column) for column in zip(*ms[WARM:], strict=True))
     print(f"{vessels} vessels, {np.count_nonzero(flags)} with a flag, {rows} rows in {cycles} cycles")

@@ -171,6 +171,17 @@ def test_dark_only_after_a_while_and_only_where_ais_is_heard():
     assert not any(flagged(play(script, where=sensors(ais_range_m=100.0, radar_range_m=50e3)), Flag.DARK))
 
 
+def test_the_last_ais_report_of_a_vessel_is_known_while_it_is_shown():
+    method, heard_s = Identity(coast_s=10.0), []
+    memory = method.init()
+    for cycle, rows in enumerate([[RADAR]] * 2 + [[RADAR, AIS]] * 3 + [[RADAR]] * 3 + [[]] * 2):
+        tracks, associations, fused = cycle_of(cycle, rows)
+        memory, picture, _ = method.step(memory, tracks, associations, fused, alarms(tracks), PERIOD_S * cycle, sensors())
+        assert memory.flags.ais_heard_s.shape == (len(picture),)
+        heard_s += memory.flags.ais_heard_s.tolist()
+    assert heard_s == [-np.inf, -np.inf, 6.0, 9.0, *[12.0] * 6]
+
+
 def test_ais_without_radar_only_where_a_radar_sees():
     script = [[AIS]] * 30
     assert flagged(play(script), Flag.AIS_WITHOUT_RADAR)[-1]

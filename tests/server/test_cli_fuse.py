@@ -88,7 +88,7 @@ def test_radar_ais_and_bearings_become_two_ships(files: Path, capsys: pytest.Cap
         assert np.hypot(*(place - truth[k])) < POSITION_M
     assert main(["query", "alarms", "--db", url, "--json"]) == 0
     (alarm,) = json.loads(capsys.readouterr().out)
-    assert re.search(r"tracks region \d+ \(\d+\.\d kn, \d+ s old\)", alarm["evidence"])
+    assert re.search(r"seen by region \(\d+\.\d kn, \d+ s old\)", alarm["evidence"])
     assert main(["track", "235070762", "--db", url]) == 1
     assert f"it is the MMSI of vessel {both['vessel_id']}: `coastwatch track" in capsys.readouterr().err
     path = files / "p.png"

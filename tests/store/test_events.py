@@ -198,8 +198,30 @@ def test_alarms_of_several_zones_and_pairs_are_events_also_after_kills_and_going
         ]
         said = {text for (text,) in stored(store, "SELECT evidence FROM event WHERE kind = 'close_approach' AND subject = 6")}
         assert any(
-            text.startswith("with vessel 6 (MMSI 710000005), CPA 0.03 NM in 1.0 min, range 0.03 NM; tracks") for text in said
+            text.startswith("with vessel 6 (MMSI 710000005), CPA 0.03 NM in 1.0 min, range 0.03 NM; seen by") for text in said
         )
         with_it = kept.track(store, run, 6)["events"]
         assert {row[0] for row in with_it.rows} > {"close_approach", "lost", "dark"}
     assert check(url) == []
+
+
+def test_a_dark_vessel_says_when_it_was_last_heard_and_who_should_hear_it(url: str) -> None:
+    """Vessel 1 never had AIS, vessel 2 had it 95 s ago, of vessel 4 no report is known since it came back; only 1 is in range."""
+    made = past_world.pictures(5, 1)[0].take(np.array([0, 1, 2, 3]))
+    far_deg = np.array([[-22.9, -43.2], [-20.0, -43.2], [-22.9, -43.1], [-20.0, -43.2]])
+    flags = np.array([int(Flag.DARK), int(Flag.DARK), int(Flag.AIS_WITHOUT_RADAR), int(Flag.DARK)])
+    mmsi, time_s = np.array([-1, 710_000_002, 710_000_003, 710_000_004]), world.instant_s(0)
+    made = replace(made, position_deg=far_deg, flags=flags, mmsi=mmsi)
+    heard_s = np.array([-np.inf, time_s - 95.0, time_s - 1.0, -np.inf])
+    limits = {"dark_after_s": 60.0, "unseen_after_s": 45.0, "cover_margin": 0.95}
+    with kept.open_store(url) as store:
+        run = world.begin(store, settings={"picture": limits})
+        cycle = replace(world.cycle_of(0, 0, made), ais_heard_s=heard_s)
+        world.write(store, run, 0, cycle=cycle)
+        said = [text.split("; seen by")[0] for (text,) in stored(store, "SELECT evidence FROM event ORDER BY vessel_id")]
+    assert said == [
+        "never heard on AIS; in range of AIS station hill; limit 60 s",
+        "last AIS 2025-06-15 15:05:08 UTC, 95 s before; limit 60 s",
+        "AIS goes on without a radar track; in range of radars fort, island; limit 45 s",
+        "no AIS since it came back; limit 60 s",
+    ]

@@ -51,6 +51,10 @@ FLAGS = {
     1: Flag.STATIONARY | Flag.ODD_MMSI | Flag.AGROUND,
     10: Flag.EPIRB,
 }
+SETTINGS = {
+    "period_s": world.PERIOD_S,
+    "picture": {"dark_after_s": 60.0, "unseen_after_s": 45.0, "cover_margin": 0.95},
+}
 STATUS = {1: NavStatus.AGROUND, 2: NavStatus.MOORED, 10: NavStatus.AIS_SART_ACTIVE}
 MMSI = {1: 710_000_001, 2: 710_000_002, 4: 710_000_004, 5: 710_000_005, 6: 710_000_006, 7: 710_000_007, 8: 710_000_007}
 
@@ -100,7 +104,7 @@ def store(url: str) -> Iterator[Store]:
     with kept.open_store(url) as store:
         other = world.begin(store, "other")
         world.write(store, other, 0)
-        run = world.begin(store)
+        run = world.begin(store, settings=SETTINGS)
         for number in range(CYCLES):
             picture = planted(number)
             cycle = without_radar(world.cycle_of(number, 0, picture), number)
@@ -164,9 +168,12 @@ def test_every_question(store: Store) -> None:
     ]
     assert alarms[0]["evidence"].endswith("; navigational status AIS-SART active")
     alarms = alarms[3:]
-    assert alarms[0]["evidence"] == "tracks ilha 1003 (11.0 kn, 1 s old)"
-    assert alarms[1]["evidence"] == "tracks ais 5000000004 (10.0 kn, 1 s old)"
-    both = r"tracks ilha 1007 \(6\.0 kn, 1 s old\), ais 5000000007 \(6\.0 kn, 1 s old, 0 m from the first\)"
+    dark, alone = (row["evidence"] for row in alarms[:2])
+    reason = "never heard on AIS; in range of AIS station hill; limit 60 s; "
+    assert dark == reason + "seen by ilha (11.0 kn, 1 s old)"
+    reason = "AIS goes on without a radar track; in range of radars fort, island; limit 45 s; "
+    assert alone == reason + "seen by ais (10.0 kn, 1 s old)"
+    both = r"seen by ilha \(6\.0 kn, 1 s old\), ais \(6\.0 kn, 1 s old, 0 m from the first\)"
     assert re.fullmatch(both + r"; same MMSI as vessel 8, (2999|3000) m away", alarms[4]["evidence"])
     assert alarms[0]["lasted_s"] == LAST_S - world.instant_s(0)
     assert ids(rows("alarms", kind="dark", count=1)) == [3]
@@ -292,7 +299,7 @@ def test_every_question_at_an_instant_is_answered_as_it_was_then(store: Store, l
     """A second database ends at that cycle. A question about now asks it; one about then asks the whole database."""
     given = {"latitude_deg": -22.9, "longitude_deg": -43.2, "mmsi": 710_000_001}
     with kept.open_store(str(tmp_path / "shorter.db")) as shorter:
-        run = world.begin(shorter)
+        run = world.begin(shorter, settings=SETTINGS)
         for number in range(last + 1):
             cycle = without_radar(world.cycle_of(number, 0, planted(number)), number)
             world.write(shorter, run, number, cycle=cycle, reports=world.reports_of(1, 2))

@@ -18,6 +18,7 @@ from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.store.read.rows import fetch_arrays
 from coastwatch.store.schema.tables import EVENT, EVENT_GAP
+from coastwatch.store.write.expected import Expected, reasons
 from coastwatch.store.write.insert import Categorical, Column, NullableId, clear_columns, insert, update_rows
 
 OF_FLAGS = {flag.value.bit_length() - 1: str(flag.name).lower() for flag in Flag}
@@ -48,6 +49,18 @@ class Events:
     def take(self, rows: Ints | Bools) -> Events:
         """Some of them."""
         return Events(*(getattr(self, name)[rows] for name in vars(self)))
+
+
+class Why(NamedTuple):
+    """What evidence needs beside the picture and its tracks."""
+
+    expected: Expected
+    ais_heard_s: Floats  # (V,) newest AIS report of each vessel of the picture; none: not known
+
+    @classmethod
+    def nothing(cls) -> Why:
+        """Nothing is known."""
+        return cls(Expected.none(), np.zeros(0))
 
 
 class Changes(NamedTuple):
@@ -102,11 +115,13 @@ def write_events(
     members: Ints,
     names: Sequence[str],
     tracks: Tracks,
+    *,
+    why: Why,
 ) -> int:
     """Write what a cycle changed. Returns: rows inserted.
 
     Args: picture: sorted by vessel; alarms: of the cycle; members: (L, 3) vessel, source, track, sorted; names: of the sources;
-    tracks: of the cycle.
+    tracks: of the cycle; why: flags are set.
     """
     of_run, ended, returned = {"run_id": run_id}, changes.ended, changes.returned
     if len(ended.key):
@@ -121,7 +136,9 @@ def write_events(
         vessel_id, bit = np.divmod(changes.begun[is_flag], BITS)
         row = find(picture.vessel_id, vessel_id)
         then = picture.position_deg[row], picture.velocity_m_s[row], picture.mmsi[row]
-        said = _evidence(row, bit, picture, members, names, tracks)
+        said = _of_flags(row, bit, picture, why, changes.time_s)
+        of_tracks = _evidence(row, bit, picture, members, names, tracks)
+        said = [f"{reason}; {text}" if reason else text for reason, text in zip(said, of_tracks, strict=True)]
         rows += _insert(connection, run_id, changes, changes.begun[is_flag], changes.subjects[is_flag], then, said)
     if not is_flag.all():
         keys = changes.begun[~is_flag], changes.subjects[~is_flag]
@@ -129,12 +146,12 @@ def write_events(
         raised = alarms.take(find(all_keys, begun))
         row = find(picture.vessel_id, raised.vessel_id)
         here = np.flatnonzero(row >= 0)
-        of_tracks = [""] * len(row)
+        of_vessels = [""] * len(row)
         for k, text in zip(
             here.tolist(), _evidence(row[here], raised.kind[here], picture, members, names, tracks), strict=True
         ):
-            of_tracks[k] = f"; {text}"
-        said = [of_alarm + of_vessel for of_alarm, of_vessel in zip(_of_alarms(raised, picture), of_tracks, strict=True)]
+            of_vessels[k] = f"; {text}"
+        said = [of_alarm + of_vessel for of_alarm, of_vessel in zip(_of_alarms(raised, picture), of_vessels, strict=True)]
         then = raised.position_deg, raised.velocity_m_s, raised.mmsi
         rows += _insert(connection, run_id, changes, *keys, then, said)
     return rows
@@ -211,6 +228,16 @@ def _kind(bit: Ints) -> Categorical:
     return Categorical(bit, [KINDS.get(k, "") for k in range(max(KINDS) + 1)])
 
 
+def _of_flags(row: Ints, bit: Ints, picture: Picture, why: Why, time_s: float) -> list[str]:
+    """Why the flag of each event is set, where a sensor is silent; else empty. Args: row: (B,) of the picture; bit: (B,)."""
+    out = [""] * len(row)
+    for flag in (Flag.DARK, Flag.AIS_WITHOUT_RADAR):
+        of = np.flatnonzero(bit == flag.value.bit_length() - 1)
+        for k, text in zip(of.tolist(), reasons(why.expected, flag, picture, row[of], time_s, why.ais_heard_s), strict=True):
+            out[k] = text
+    return out
+
+
 def _evidence(row: Ints, bit: Ints, picture: Picture, members: Ints, names: Sequence[str], tracks: Tracks) -> list[str]:
     """One text for each event: the tracks of its vessel, how fast, how old and how far from the first they are, and other vessels.
 
@@ -224,7 +251,7 @@ def _evidence(row: Ints, bit: Ints, picture: Picture, members: Ints, names: Sequ
     out = []
     for k, kind in enumerate(bit.tolist()):
         said = _of_tracks([(source, track) for _, source, track in members[low[k] : high[k]].tolist()], at, names, tracks)
-        text = f"tracks {', '.join(said)}" if said else f"no track, last report {age_s[k]:.0f} s before"
+        text = f"seen by {', '.join(said)}" if said else f"no track, last report {age_s[k]:.0f} s before"
         if KINDS[kind] == "mmsi_twice":
             text += _of_same_mmsi(int(row[k]), picture)
         if KINDS[kind] in OF_STATUS and picture.nav_status[row[k]] >= 0:
@@ -236,11 +263,11 @@ def _evidence(row: Ints, bit: Ints, picture: Picture, members: Ints, names: Sequ
 def _of_tracks(
     members: Sequence[tuple[int, int]], at: Mapping[tuple[int, int], int], names: Sequence[str], tracks: Tracks
 ) -> list[str]:
-    """A text for each track of a vessel. Args: members: source, track; at: their rows in the tracks, bearing tracks have none."""
+    """A text for each track of a vessel, and for each sonar. Args: members: source, track; at: their rows; bearings have none."""
     rows = [at[member] for member in members if member in at]
     out = []
-    for source, track in members:
-        row, text = at.get((source, track)), f"{names[source]} {track}"
+    for source, track in dict.fromkeys(member if member in at else (member[0], -1) for member in members):
+        row, text = at.get((source, track)), names[source]
         if row is not None:
             speed_kn = float(np.hypot(*tracks.velocity_m_s[row])) / KNOT_M_S
             about = [f"{speed_kn:.1f} kn"] if np.isfinite(speed_kn) else []

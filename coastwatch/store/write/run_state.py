@@ -29,6 +29,7 @@ from coastwatch.store.schema.tables import (
     VESSEL_STATIC,
 )
 from coastwatch.store.write.events import Events, read_events, truncate_events
+from coastwatch.store.write.expected import Expected, read_expected
 from coastwatch.store.write.history_rule import Points, no_points, rate_deg_s
 from coastwatch.store.write.to_rows import LastReport
 
@@ -69,6 +70,7 @@ class RunState:
     feeds: int
     source_names: tuple[str, ...]
     source_kinds: tuple[str, ...]
+    expected: Expected
 
 
 def read_run_state(connection: Connection, run_id: int, where: str, event_gap_s: float) -> RunState:
@@ -110,6 +112,7 @@ def read_run_state(connection: Connection, run_id: int, where: str, event_gap_s:
         feeds=connection.scalar(feeds) or 0,
         source_names=tuple(row.name for row in names),
         source_kinds=tuple(row.kind for row in names),
+        expected=read_expected(connection, run_id),
     )
 
 

@@ -102,7 +102,8 @@ def write_cycle(
         times = cycle.time_s, before.time_s
         lasting, changes = events.extend(before.events, number, *times, picture, alarms, keep.event_gap_s)
         of_tracks = members, before.source_names, cycle.tracks
-        rows += events.write_events(connection, run_id, changes, picture, alarms, *of_tracks)
+        why = events.Why(before.expected, cycle.ais_heard_s)
+        rows += events.write_events(connection, run_id, changes, picture, alarms, *of_tracks, why=why)
         rows += _write_details(connection, run_id, number, cycle, members, keep)
         static_mmsi = _merge_statics(connection, run_id, before.static_mmsi, reports.statics)
         last_report = to_rows.last_reports(before.last_report, reports)
