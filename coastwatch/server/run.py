@@ -29,7 +29,7 @@ from coastwatch.workers import Workers, open_workers, processors
 DEFAULT_DATABASE = "sqlite:///coastwatch.db"
 Progress = Callable[[int, int, str], None]
 OnCycle = Callable[[Cycle], None]
-OnInput = Callable[[tuple[FileContent, ...]], None]
+OnInput = Callable[[tuple[FileContent, ...], tuple[Fault, ...]], None]
 
 RESUME_WITHIN_S = 600.0
 """A live run goes on from its checkpoint if that is at most so old: the cycles since then are computed without reports."""
@@ -113,7 +113,8 @@ def run_scenario(
         resume: continue the newest unfinished run of this scenario, seed and version from its last checkpoint, if there is one.
         restart: delete earlier runs of this scenario and seed first.
         progress: called with cycles done, cycles in all and a short text. on_cycle: called with each cycle, before it is stored.
-        on_input: called with what the recorded files hold, as far as it is known before the first cycle: of tables, not of streams.
+        on_input: called with what the recorded files hold and with their faults, as far as both are known before the first cycle:
+            of tables, not of streams.
         live: takes the place of the scenario's input and start; its `stop` takes the place of signals.
     Raises: StoreError, OSError, ValueError: errors that the caller can repair; the message says how.
     """
@@ -128,7 +129,7 @@ def run_scenario(
         plan = scenario.plan()
         recording = scenario.input.load(sensors, seed, plan)
         if on_input is not None:
-            on_input(recording.all_contents())
+            on_input(recording.all_contents(), recording.faults)
     with store.open_store(database) as opened:
         if restart:
             store.discard_runs(opened, scenario.name, seed)

@@ -128,6 +128,20 @@ def test_radar_ais_and_bearings_become_two_ships(files: Path, capsys: pytest.Cap
         (["--tracks", "plots.csv"], "it is a table of radar plots (columns range, azimuth): use --plots"),
         (["--ais", "targets.nmea"], "it holds 3 TTM sentences and no VDM or VDO: use --tracks"),
         (["--tracks", "untimed.nmea"], "it holds 1 VDM sentences and no TTM or TLL: use --ais"),
+        (["--plots", "dist.csv", RADAR], "needed one of range_m, range: --columns plots.range_m=dist names yours"),
+        (["--ais", "bare.csv"], "1 table without a row under its header (first at bare.csv)"),
+        (["--plots", "bare.csv", RADAR], "1 table without a row under its header (first at bare.csv)"),
+        (["--bearings", "rowless.csv", CAMERA], "1 table without a row under its header (first at rowless.csv)"),
+        (["--tracks", "bare.csv"], "1 table without a row under its header (first at bare.csv)"),
+        (
+            ["--plots", "south.csv", RADAR],
+            "south.csv:2, column radar: got unknown radar in every row, 'Hil', needed one of hill; did you mean 'hill'?",
+        ),
+        (
+            ["--ais", "values.csv"],
+            "values.csv: got no header, its first line begins with '1700000000.0,235070762,-17.0': needed",
+        ),
+        (["--plots", "values.csv", RADAR, "--columns", "time=when"], "values.csv: got no header"),
         (["--ais", "ais.csv", "--columns", "time=when,mmsi=vessel"], "vessel"),
         (["--ais", "ais.csv", "--columns", "time=when,mmsi=ship", "--period", "0"], "period_s"),
         (["--ais", "ais.csv", "--columns", "time=when,mmsi=ship", "--set", "tracks.gate=x"], "tracks"),
@@ -143,6 +157,11 @@ def test_what_is_wrong_is_named(
     contents |= {"packed.xz": b"\xfd7zXZ\x00" + noise, "packed.zst": b"\x28\xb5\x2f\xfd" + noise}
     contents["wide.nmea"] = SENTENCE.encode("utf-16")
     contents["tracks.csv"] = b"time,track_id,lat,lon,sog,cog\n"
+    contents["dist.csv"] = b"time,radar,dist,azimuth\n1700000000,hill,1000,10\n"
+    contents["bare.csv"] = b"time,mmsi,track,latitude,longitude,range,azimuth,bearing,sog,cog\n"
+    contents["rowless.csv"] = b"time,bearing\n"
+    contents["south.csv"] = b"time,radar,range,azimuth\n1700000000,Hil,1000,10\n1700000003,Hil,1000,10\n"
+    contents["values.csv"] = b"1700000000.0,235070762,-17.0,179.98,5.0,90.0\n1700000010.0,235070762,-17.0,179.98,5.0,90.0\n"
     if "mmsi=" not in str(arguments):
         ais = (files / "ais.csv").read_bytes()
         contents["ais.csv"] = ais.replace(b"ship", b"mmsi")
@@ -300,6 +319,7 @@ def test_files_that_do_not_overlap_in_time_are_warned_of_with_both_spans(
             {"first_s": 0.0, "last_s": 46217.5},
             "clock.csv: its times are 1970-01-01T00:00:00Z to 1970-01-01T12:50:17Z",
         ),
+        ("none.csv", {}, "60 rows are left out: unknown radar .first at none.csv:2, column radar: north, known"),
         ("none.csv", {"records": 0}, "none.csv: no record was taken: 60 unknown radar .*north, known"),
         ("good.csv", {}, None),
     ],

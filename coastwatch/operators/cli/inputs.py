@@ -9,6 +9,7 @@ from typing import Any
 
 FIRST_RECORDING_S = 315_532_800.0  # 1980
 NEAR_DEG = 3.0
+UNKNOWN_SENSORS = ("unknown radar", "unknown sonar", "unknown track source")
 
 
 def contents_as_lines(contents: Sequence[Any]) -> Iterator[str]:
@@ -43,12 +44,17 @@ def contents_as_objects(contents: Sequence[Any]) -> list[dict[str, Any]]:
 
 def warnings(scenario: Any, result: Any) -> list[str]:
     """What an operator should check: files of odd times, files that do not overlap in time or in place, and why a picture is empty."""
-    return [*warnings_of_files(scenario, result.contents), *_nothing_taken(result), *_empty_picture(result)]
+    return [*warnings_of_files(scenario, result.contents, result.faults), *_nothing_taken(result), *_empty_picture(result)]
 
 
-def warnings_of_files(scenario: Any, contents: Sequence[Any]) -> list[str]:
-    """The warnings that need no result: files of odd times, and files that do not overlap in time or in place."""
-    return [*_before_1980(contents), *_without_overlap(contents), *_elsewhere(scenario, contents)]
+def warnings_of_files(scenario: Any, contents: Sequence[Any], faults: Sequence[Any]) -> list[str]:
+    """The warnings that need no result: files of odd times, files that do not overlap in time or in place, unknown sensors."""
+    return [
+        *_before_1980(contents),
+        *_without_overlap(contents),
+        *_elsewhere(scenario, contents),
+        *_unknown_sensors(contents, faults),
+    ]
 
 
 def span_of(file: Any) -> str:
@@ -79,6 +85,14 @@ def _nothing_taken(result: Any) -> Iterator[str]:
             faults = [f for f in result.faults if f.where.startswith(file.name)]
             refusals = ", ".join(f"{f.count:,} {f.kind} (first at {f.where}: {f.example})" for f in faults) or "it has none"
             yield f"{file.name}: no record was taken: {refusals}"
+
+
+def _unknown_sensors(contents: Sequence[Any], faults: Sequence[Any]) -> Iterator[str]:
+    """The rows of files with other rows that name a sensor which the scenario does not have."""
+    taken = [file.name for file in contents if file.records]
+    for fault in faults:
+        if fault.kind in UNKNOWN_SENSORS and any(map(fault.where.startswith, taken)):
+            yield f"{fault.count:,} rows are left out: {fault.kind} (first at {fault.where}: {fault.example})"
 
 
 def _before_1980(contents: Sequence[Any]) -> Iterator[str]:

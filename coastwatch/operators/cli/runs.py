@@ -46,7 +46,7 @@ def carry_out(scenario: Any, options: argparse.Namespace, seed: int | None, on_c
             restart=options.restart,
             progress=show,
             on_cycle=on_cycle,
-            on_input=lambda contents: warn(inputs.warnings_of_files(scenario, contents)),
+            on_input=lambda contents, faults: warn(inputs.warnings_of_files(scenario, contents, faults)),
         )
     if options.json:
         print(json.dumps(summary.as_object(scenario, result), allow_nan=False))

@@ -159,7 +159,7 @@ class Tables(Method):
             ("tracks", self.tracks, self.track_columns),
         ):
             for path, _, _ in fingerprint(files):
-                received.append(_received(self, read_table(path, self.separator, Tally()), part, columns, tally))
+                received.append(_received(self, read_table(path, self.separator, tally), part, columns, tally))
         for path, _, _ in fingerprint(self.track_sentences):
             received.append(target_times(path, self._assumed_s(), self.intake, tally))
         faults = tally.faults()

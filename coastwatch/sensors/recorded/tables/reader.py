@@ -32,6 +32,7 @@ NO_ROW = "table without a row under its header"
 Separator = Annotated[str, Field(pattern=r"^(auto|.)$")]
 REPEATED = "_duplicated_"  # polars names the second column of a name so, with a number
 SEPARATORS = (",", ";", "\t", "|")
+VALUE = re.compile(rf"[-+]?\d[-+\d.:,TZ/ ]*([eE][-+]?\d+)?({REPEATED}\d+)?")  # a number or a time, where a name should be
 LINE_BREAKER = "\x1f"  # the ASCII unit separator, which no line of a table contains
 CLOCKS = ("%H:%M:%S%.f", "%H:%M", "%I:%M:%S%.f %p", "%I:%M %p")
 DATES = ("%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%d-%b-%Y", "%d %b %Y", "%d/%b/%Y")
@@ -78,12 +79,22 @@ class Table:
         Raises: ValueError if `wanted` is not a column, or the column is there twice.
         """
         if wanted is not None and wanted not in self.frame.columns:
-            raise ValueError(f"{self.name}: got columns {', '.join(self.frame.columns)}, needed {wanted!r}")
+            raise self.lacks(repr(wanted))
         plain = {plain_name(c): c for c in reversed(self.frame.columns)}
         name = next((plain[k] for k in known if k in plain), None) if wanted is None else wanted
         if f"{name}{REPEATED}0" in self.frame.columns:
             raise ValueError(f"{self.name}: got two columns {name!r}, needed one: rename or delete the other")
         return name
+
+    def lacks(self, needed: str) -> ValueError:
+        """The error of a missing column: the columns that are there, or that values stand where a header should be."""
+        names = self.frame.columns
+        if 2 * sum(VALUE.fullmatch(name.strip()) is not None for name in names) > len(names):
+            first = self.separator.join(names[:3])
+            return ValueError(
+                f"{self.name}: got no header, its first line begins with {first!r}: needed a first line with the names of its columns"
+            )
+        return ValueError(f"{self.name}: got columns {', '.join(names)}, needed {needed}")
 
     def numbers(self, column: str | None) -> tuple[Floats, Bools]:
         """The numbers of a column, NaN for an empty cell or a missing column, and which cells are no number."""

@@ -13,10 +13,12 @@ from coastwatch.sensors.recorded.ais_validation import NON_FINITE, AisIntake
 from coastwatch.sensors.recorded.faults import Tally
 from coastwatch.sensors.recorded.reception_time import reception_times
 from coastwatch.sensors.recorded.tables.reader import Table
+from coastwatch.spelling import did_you_mean
 from coastwatch.stage import Settings
 
 EMPTY_CELL, BAD_CELL = "empty cell", "unparsable cell"
 OUTLIERS_PERCENT = 2.0
+SHOWN_NAMES = 5  # of unknown sensors
 NO_ZONE = "times have no zone: taken as UTC"
 TEXTS = ("radar", "sonar", "source", "track", "name", "call_sign", "ais_class", "nav_status", "accuracy", "raim")
 """Keys of columns that hold texts."""
@@ -100,6 +102,8 @@ TRACKS: dict[str, tuple[str, ...]] = {
     "velocity_sigma_m_s": ("velocity_sigma_m_s", "velocity_sigma"),
     **{name: (name,) for name in STATE_ENTRIES},
 }
+RADAR_ALONE = ("radar", "radar_name")
+"""Columns of the sensor that a table of bearings does not have."""
 COLUMNS = {"ais": AIS, "plots": PLOTS, "bearings": BEARINGS, "tracks": TRACKS}
 """Of each kind of table our names of columns, and the names, in lower case, by which one is found if no setting names it."""
 SETTING = {"ais": "ais_columns", "plots": "plot_columns", "bearings": "bearing_columns", "tracks": "track_columns"}
@@ -126,11 +130,13 @@ def find_columns(table: Table, part: str, named: Settings) -> dict[str, str | No
 
 def need_columns(table: Table, part: str, column: dict[str, str | None], keys: Sequence[str]) -> None:
     """Refuses a table without these columns. Raises: ValueError that names its columns, what was looked for, and the option."""
+    free = [name for name in table.frame.columns if name not in column.values()]
+    yours = free[0] if len(free) == 1 else "NAME"
     for key in keys:
         if column[key] is None:
-            raise ValueError(
-                f"{table.name}: got columns {', '.join(table.frame.columns)}, needed one of {', '.join(COLUMNS[part][key])}: "
-                f"--columns {part}.{key}=NAME names yours (in a scenario: input.{SETTING[part]}.{key})"
+            raise table.lacks(
+                f"one of {', '.join(COLUMNS[part][key])}: --columns {part}.{key}={yours} names yours (in a scenario: "
+                f"input.{SETTING[part]}.{key})"
             )
 
 
@@ -143,7 +149,8 @@ def _parts(table: Table) -> dict[str, tuple[str, ...]]:
     reach, angle = table.find(None, (*PLOTS["range_m"], *PLOTS["range_nm"])), table.find(None, PLOTS["azimuth"])
     if reach is not None and angle is not None:
         out["plots"] = reach, angle
-    if reach is None and angle is not None and latitude is None:
+    radar = table.find(None, RADAR_ALONE)
+    if reach is None and angle is not None and latitude is None and radar is None:
         out["bearings"] = (angle,)
     track = table.find(None, TRACKS["track"])
     for keys in VELOCITY:
@@ -211,7 +218,10 @@ def arrived(table: Table, stamp: Floats, intake: AisIntake, tally: Tally) -> tup
 
 
 def sensor_numbers(table: Table, column: str | None, names: Array, kind: str, tally: Tally) -> Ints:
-    """The number of the sensor of each row, -1 for an unknown name. A single sensor needs no name."""
+    """The number of the sensor of each row, -1 for an unknown name. A single sensor needs no name.
+
+    Args: kind: of the fault of an unknown name. Raises: ValueError: no row has a known name.
+    """
     if column is None and len(names) == 1:
         return np.zeros(len(table), np.int64)
     if column is None:
@@ -219,7 +229,14 @@ def sensor_numbers(table: Table, column: str | None, names: Array, kind: str, ta
         return np.full(len(table), -1, np.int64)
     names_found, number = np.unique(np.array(table.texts(column), "U"), return_inverse=True)
     known = {str(n): i for i, n in enumerate(names)}
-    out = np.array([known.get(str(n), -1) for n in names_found], np.int64)[number]
+    of_name = np.array([known.get(str(n), -1) for n in names_found], np.int64)
+    if len(table) and (of_name < 0).all():
+        got = ", ".join(repr(str(n)) for n in names_found[:SHOWN_NAMES]) + (", ..." if len(names_found) > SHOWN_NAMES else "")
+        raise ValueError(
+            f"{table.location(0, column)}: got {kind} in every row, {got}, needed one of {', '.join(known)}"
+            f"{did_you_mean(str(names_found[0]), list(known))}"
+        )
+    out = of_name[number]
     tally.add_rows(
         kind, out < 0, lambda i: table.location(i, column), lambda i: f"{names_found[number[i]]!s}, known: {sorted(known)}"
     )
