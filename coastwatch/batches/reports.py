@@ -229,6 +229,7 @@ class FileContent:
     box_deg: tuple[float, float, float, float] | None = (
         None  # south, west, north, east of the positions taken; None: it has none
     )
+    doubts: tuple[str, ...] = ()  # what looks wrong about its values, in sentences
 
 
 @dataclass(frozen=True, eq=False)

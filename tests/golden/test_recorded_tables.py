@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,8 @@ import polars as pl
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from coastwatch.batches import Fault, Radars, Sensors, Sonars, Stations
-from coastwatch.geodesy import from_plane
+from coastwatch.batches import Fault, Radars, Sensors, Sonars, Stations, TrackSources
+from coastwatch.geodesy import KNOT_M_S, from_plane
 from coastwatch.sensors import Feed
 from coastwatch.sensors.recorded.tables.ais import AisTable, wrapped_cog
 from coastwatch.sensors.recorded.tables.feed import Tables
@@ -292,6 +293,41 @@ def test_plots_polar_and_geodetic_are_the_same_place(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.radians(b.azimuth_deg) * b.range_m, np.radians(a.azimuth_deg) * a.range_m, atol=METRES)
     assert a.sensor.tolist() == b.sensor.tolist() == [0, 1]
     np.testing.assert_array_equal(a.site_deg, sensors().radars.site_deg)
+
+
+@pytest.mark.parametrize(
+    ("factor", "swapped", "said"),
+    [
+        (1.0, False, None),
+        (
+            0.5144,
+            False,
+            "the positions move 1.94 times as fast as SOG says (median of 8 tracks): is it in m/s? --set input.speed_unit",
+        ),
+        (1.852, False, "the positions move 0.54 times as fast as SOG says (median of 8 tracks): is it in km/h?"),
+        (0.7, False, None),
+        (1.0, True, "the positions of 8 tracks move as SOG and course say only with latitude and longitude exchanged"),
+    ],
+)
+@pytest.mark.parametrize("part", ["tracks", "ais"])
+def test_speeds_that_the_positions_do_not_have_are_doubted(
+    part: str, factor: float, swapped: bool, said: str | None, tmp_path: Path
+) -> None:
+    rng, rows = np.random.default_rng([7, 1, 0]), []
+    for step in range(30):
+        course, speed_m_s = np.radians(40.0 * np.arange(8) + 2.0 * step), 4.0 + np.arange(8)
+        metres = (
+            5.0 * step * speed_m_s[:, None] * np.stack([np.sin(course - 0.03 * step), np.cos(course - 0.03 * step)], axis=-1)
+        )
+        place = from_plane(metres + rng.normal(0.0, 10.0, (8, 2)), np.array([50.8, -1.1]))
+        place = place[:, ::-1] if swapped else place
+        sog, cog = speed_m_s / KNOT_M_S * factor, np.degrees(course - 0.015 * step) % 360.0
+        rows += [f"{T0 + 5 * step},{235000000 + k},{place[k, 0]},{place[k, 1]},{sog[k]},{cog[k]}" for k in range(8)]
+    file = table(tmp_path, *rows, header="time,track,lat,lon,sog,cog" if part == "tracks" else HEADER)
+    one = TrackSources(np.array(["t"], "U32"), np.full((1, 2), np.nan), *np.full((4, 1), np.nan))
+    (content,) = Tables(**{part: (file,)}).load(replace(sensors(), track_sources=one), 1, PLAN).contents
+    assert len(content.doubts) == (said is not None)
+    assert said is None or content.doubts[0].startswith(said)
 
 
 def test_bad_plots_and_bearings_are_counted(tmp_path: Path) -> None:

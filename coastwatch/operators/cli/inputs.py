@@ -48,12 +48,13 @@ def warnings(scenario: Any, result: Any) -> list[str]:
 
 
 def warnings_of_files(scenario: Any, contents: Sequence[Any], faults: Sequence[Any]) -> list[str]:
-    """The warnings that need no result: files of odd times, files that do not overlap in time or in place, unknown sensors."""
+    """The warnings that need no result: files of odd times, files that do not overlap in time or in place, unknown sensors, odd speeds."""
     return [
         *_before_1980(contents),
         *_without_overlap(contents),
         *_elsewhere(scenario, contents),
         *_unknown_sensors(contents, faults),
+        *(f"{file.name}: {doubt}" for file in contents for doubt in file.doubts),
     ]
 
 

@@ -19,9 +19,8 @@ from coastwatch.sensors.recorded.merging import ais_recording, by_arrival, span_
 from coastwatch.sensors.recorded.tables.ais_cells import accuracies, classes, covariances, nav_statuses
 from coastwatch.sensors.recorded.tables.reader import Separator, Table, read_table
 from coastwatch.sensors.recorded.tables.rows import content_of, find_columns, good_cells, need_columns
+from coastwatch.sensors.recorded.tables.stated_motion import SPEED_KN, doubts
 from coastwatch.stage import Method, Plan, Settings
-
-SPEED_KN = {"kn": 1.0, "m/s": 1.0 / KNOT_M_S, "km/h": 1.0 / 1.852}
 
 WRAPPED_COG = SET_ASIDE + "COG of a wrapped field: "
 LEAST_WRAPPED_SHARE = 0.02  # of the courses of a file
@@ -128,7 +127,10 @@ def _one_file(settings: AisTable, path: Path, feed: int, tally: Tally) -> tuple[
     statics, static_rows = _statics(table, column, values, rows.mmsi, stamp)
     stream = Acceptance(settings.intake, tally, lambda row: table.location(int(np.searchsorted(table.row, row))), feed)
     reports, static = stream.block(rows, statics, static_rows)
-    tally.add_file(content_of(table, "AIS reports", column, reports.time_s, reports.position_deg))
+    course = np.radians(reports.cog_deg)
+    velocity = (reports.sog_kn * KNOT_M_S)[:, None] * np.stack([np.sin(course), np.cos(course)], axis=-1)
+    said = doubts(reports.mmsi, reports.time_s, reports.position_deg, velocity, settings.speed_unit, "SOG")
+    tally.add_file(content_of(table, "AIS reports", column, reports.time_s, reports.position_deg, said))
     return reports, static
 
 

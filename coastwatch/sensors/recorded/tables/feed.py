@@ -33,7 +33,7 @@ from coastwatch.sensors.recorded.files import fingerprint
 from coastwatch.sensors.recorded.merging import MergedStream, by_arrival, recording, span_of
 from coastwatch.sensors.recorded.nmea.feed import Nmea, first_and_last
 from coastwatch.sensors.recorded.nmea.targets import target_reports, target_times
-from coastwatch.sensors.recorded.tables.ais import SPEED_KN, AisColumns, AisTable
+from coastwatch.sensors.recorded.tables.ais import AisColumns, AisTable
 from coastwatch.sensors.recorded.tables.reader import Separator, Table, read_table
 from coastwatch.sensors.recorded.tables.rows import (
     PLOTS,
@@ -205,7 +205,7 @@ class Tables(Method):
                     raise ValueError(f"{path.name}: got {len(sources)} track_sources for {len(files)} files, needed as many")
                 parts.append(target_reports(path, only, sources, self._assumed_s(), self.intake, tally))
             else:
-                form = self.time_format, self.separator, SPEED_KN[self.speed_unit]
+                form = self.time_format, self.separator, self.speed_unit
                 parts.append(track_reports(path, sources, only, self.track_columns, *form, intake=self.intake, tally=tally))
         return by_arrival(parts)
 

@@ -187,11 +187,17 @@ def good_cells(
 
 
 def content_of(
-    table: Table, kind: str, column: dict[str, str | None], time_s: Floats, position_deg: Floats | None = None
+    table: Table,
+    kind: str,
+    column: dict[str, str | None],
+    time_s: Floats,
+    position_deg: Floats | None = None,
+    doubts: tuple[str, ...] = (),
 ) -> FileContent:
     """What was taken from a table.
 
-    Args: column: of the file, by our names; time_s: (M,) of the records taken; position_deg: (M, 2), None where they have none.
+    Args: column: of the file, by our names; time_s: (M,) of the records taken; position_deg: (M, 2), None where they have none;
+    doubts: as of FileContent.
     """
     read = tuple((key, name) for key, name in column.items() if name is not None)
     used = {name for _, name in read}
@@ -199,7 +205,7 @@ def content_of(
     ignored = tuple(name for name in table.frame.columns if name not in used)
     notes = (NO_ZONE,) if table.without_zone(column["time"]) else ()
     box = None if position_deg is None or not len(time_s) else box_of(position_deg)
-    return FileContent(table.name, kind, len(time_s), first_s, last_s, read, ignored, notes, box)
+    return FileContent(table.name, kind, len(time_s), first_s, last_s, read, ignored, notes, box, doubts)
 
 
 def box_of(position_deg: Floats) -> tuple[float, float, float, float]:

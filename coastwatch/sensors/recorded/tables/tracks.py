@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from coastwatch.sensors.recorded.tables.rows import (
     need_columns,
     sensor_numbers,
 )
+from coastwatch.sensors.recorded.tables.stated_motion import SPEED_KN, doubts
 from coastwatch.stage import Settings
 
 UNKNOWN_SOURCE = "unknown track source"
@@ -51,14 +53,14 @@ def track_reports(
     columns: TrackColumns,
     time_format: str,
     separator: str,
-    speed_kn: float,
+    speed_unit: Literal["kn", "m/s", "km/h"],
     *,
     intake: AisIntake,
     tally: Tally,
 ) -> TrackReports:
     """The states in a table, in order of arrival. Other rows are counted in the tally.
 
-    Args: only: the source of a table without a column of sources; speed_kn: knots of the unit of SOG.
+    Args: only: the source of a table without a column of sources; speed_unit: of SOG.
     Raises: OSError or ValueError that names the file.
     """
     table = read_table(path, separator, tally)
@@ -81,14 +83,18 @@ def track_reports(
     rows, received = arrived(table.at(good), stamp, intake, tally)
     rows = kept[rows]
     position = np.stack([values["latitude"], values["longitude"]], axis=-1)[rows]
-    tally.add_file(content_of(table, "track states", column, values["time"][rows], position))
+    velocity = _velocity(values, SPEED_KN[speed_unit])[rows]
+    _, track = np.unique(np.stack([sensor, number], axis=-1)[rows], axis=0, return_inverse=True)
+    told = "SOG" if column["east_m_s"] is None or column["north_m_s"] is None else "the velocity"
+    said = doubts(track, values["time"][rows], position, velocity, speed_unit if told == "SOG" else "m/s", told)
+    tally.add_file(content_of(table, "track states", column, values["time"][rows], position, said))
     return TrackReports(
         sensor=sensor[rows],
         number=number[rows],
         time_s=values["time"][rows],
         received_s=received,
         position_deg=position,
-        velocity_m_s=_velocity(values, speed_kn)[rows],
+        velocity_m_s=velocity,
         covariance=covariance[rows],
         origin=np.full(len(rows), -1, np.int64),
     )
