@@ -35,6 +35,10 @@ TIMEOUT_S = 120
         (["track", "two"], "two"),
         (["query", "--format", "xml"], "xml"),
         (["fuse"], "fuse"),
+        (
+            ["serve", "guanabara", "--feed", "ias+listen://127.0.0.1:10110"],
+            "feed: got 'ias+listen://127.0.0.1:10110', needed FORMAT",
+        ),
     ],
 )
 def test_bad_input_is_one_line_and_code_2(arguments: list[str], wanted: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -121,7 +121,9 @@ def test_radar_ais_and_bearings_become_two_ships(files: Path, capsys: pytest.Cap
         (["--ais", "untimed.nmea"], "--set input.assume_start_utc=2026-07-01T12:00:00Z"),
         (["--plots", "plots.csv", RADAR], "when"),
         (["--plots", "plots.csv", RADAR, "--columns", "time=when,mmsi=ship"], "mmsi"),
-        (["--ais", "nothing.csv"], "nothing.csv"),
+        (["--ais", "nothing.csv"], "nothing.csv: there is no such file"),
+        (["--plots", "pyproject.toml", RADAR], "pyproject.toml: there is no such file"),  # it is in the checkout
+        (["--bearings", "pyproject.toml", CAMERA], "pyproject.toml: there is no such file"),
         (["--plots", "ais.csv", RADAR], "it is a table of decoded AIS (columns mmsi): use --ais"),
         (["--plots", "tracks.csv", RADAR], "it is a table of finished tracks (columns track_id, sog, cog): use --tracks"),
         (["--ais", "tracks.csv"], "it is a table of finished tracks (columns track_id, sog, cog): use --tracks"),

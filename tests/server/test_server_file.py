@@ -110,6 +110,8 @@ def test_a_scenario_is_no_server_file(tmp_path: Path) -> None:
     ("text", "said"),
     [
         ("[server]\nport = 70000", "server.port: got 70000, needed 65535 or less"),
+        ('[server]\nport = "8192"', "server.port: got '8192', needed"),
+        ('[server]\nlateness_s = "2"', "server.lateness_s: got '2', needed"),
         ("[server]\nprot = 1", "server.prot: got 1 for an unknown setting"),
         ('[server]\nrole = "king"', "server.role: got 'king', needed 'all', 'region' or 'centre'"),
         ("[server]\n[[feeds]]\nname = 'a'", "feeds.0.url: got nothing"),

@@ -39,7 +39,7 @@ def test_a_copy_that_is_taken_while_a_run_writes_has_whole_cycles_and_is_restore
             assert begun.wait(30.0)
             with kept.open_store(str(path), create=False) as other:
                 kept.backup(other, copy)
-                with pytest.raises(StoreError, match="is there already"):
+                with pytest.raises(FileExistsError, match="is there already"):
                     kept.backup(other, copy)
         finally:
             done.set()
@@ -53,7 +53,7 @@ def test_a_copy_that_is_taken_while_a_run_writes_has_whole_cycles_and_is_restore
         assert 3 <= stored < cycles
         assert len(kept.picture(store, run).rows) == len(world.picture_of(stored - 1, 300).vessel_id)
         world.write(store, run, stored, 300)
-    with pytest.raises(StoreError, match="is there already"):
+    with pytest.raises(FileExistsError, match="is there already"):
         kept.restore(copy, str(back))
     assert [found.name for found in tmp_path.iterdir() if found.name.endswith(".part")] == []
 

@@ -88,7 +88,11 @@ def _forget_stdout() -> None:
 
 
 def _is_bad_input(error: Exception) -> bool:
-    if isinstance(error, BadInput | FileNotFoundError | IsADirectoryError | NotADirectoryError | PermissionError):
+    from coastwatch.server.feeds.address import AddressError  # only an error needs it
+
+    if isinstance(error, BadInput | AddressError | FileNotFoundError | FileExistsError):
+        return True
+    if isinstance(error, IsADirectoryError | NotADirectoryError | PermissionError):
         return True
     return isinstance(error, OSError | ValueError) and _raised_in(error).startswith(
         ("coastwatch.sensors.", "coastwatch.scenario")

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import errno
+import os
+from pathlib import Path
 
 from coastwatch.operators import recorded
 from coastwatch.operators.bad_input import BadInput
@@ -19,6 +22,9 @@ def fuse(options: argparse.Namespace) -> int:
         raise BadInput("fuse --bearings: got no sensor, needed --sonar for each sensor in the file")
     recorded.check_sensors(options.radar, options.station, options.sonar)
     sensors = {"radars": options.radar, "stations": options.station, "sonars": options.sonar}
+    for name in (*options.ais, options.plots, options.bearings, *options.tracks):
+        if name is not None and not Path(name).exists():  # the reader of scenarios would look in the checkout too
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), name)
     files = recorded.Files(tuple(options.ais), options.plots, options.bearings, tuple(options.tracks), options.columns)
     sensors["track_sources"] = recorded.track_sources(files.tracks, options.track_site)
     document = recorded.document(files, sensors, files.default_period_s if options.period is None else options.period)

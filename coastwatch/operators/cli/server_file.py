@@ -17,7 +17,7 @@ from coastwatch.scenario import Scenario
 from coastwatch.scenario.refusing import refusals
 from coastwatch.stage import Settings
 
-Port = Annotated[int, Field(ge=0, le=65_535)]
+Port = Annotated[int, Field(strict=True, ge=0, le=65_535)]
 TABLES = ("server", "feeds", "regions", "webhooks")
 
 DEFAULTS: dict[str, Any] = {
@@ -48,11 +48,11 @@ class Server(Settings):
     scenario: str | None = None  # name, folder or .toml file; none: follow the database
     settings: dict[str, Any] = Field(default_factory=dict)  # of the scenario, by dotted key, as --set
     db: str | None = None  # SQLAlchemy URL, or path of an SQLite file
-    workers: Annotated[int, Field(ge=1, le=4096)] | None = None
+    workers: Annotated[int, Field(strict=True, ge=1, le=4096)] | None = None
     role: Literal["all", "region", "centre"] | None = None
     clock: Literal["wall", "feeds"] | None = None
-    lateness_s: Annotated[float, Field(ge=0.0, le=3600.0)] | None = None
-    speed: Annotated[float, Field(ge=0.1, le=100.0)] | None = None
+    lateness_s: Annotated[float, Field(strict=True, ge=0.0, le=3600.0)] | None = None
+    speed: Annotated[float, Field(strict=True, ge=0.1, le=100.0)] | None = None
     host: str | None = None
     port: Port | None = None
     tokens: str | None = None  # file of tokens

@@ -28,12 +28,12 @@ def backup(store: Store, path: Path) -> int:
     """Copy a database to a new file: its state of one moment, with whole cycles. Returns: bytes of the file.
 
     It is one long read transaction: no writer waits, and the write-ahead log grows meanwhile.
-    Raises: StoreError, OSError that name the file.
+    Raises: FileExistsError; StoreError, OSError that name the file.
     """
     if not is_sqlite(store.engine.url):
         raise StoreError(f"{store.where}: got PostgreSQL, needed an SQLite database: pg_dump copies PostgreSQL (ops/README.md)")
     if path.exists():
-        raise StoreError(f"{path}: is there already, needed the name of a new file")
+        raise FileExistsError(f"{path}: is there already, needed the name of a new file")
     part = path.with_name(path.name + PART)
     part.unlink(missing_ok=True)
     try:
@@ -55,7 +55,7 @@ def backup(store: Store, path: Path) -> int:
 def restore(source: Path, url: str) -> int:
     """Copy a backup to where there is no database. Returns: bytes of the file.
 
-    Raises: StoreError where the backup is damaged or of a newer version, or the database exists; OSError.
+    Raises: StoreError where the backup is damaged or of a newer version; FileExistsError where the database exists; OSError.
     """
     with connect(str(source), WAIT_S, may_create=False) as found:
         with reading(found) as connection:
