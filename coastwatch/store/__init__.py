@@ -1,6 +1,7 @@
 """Where the picture is kept. README.md shows the way; `schema/tables.py` has every table."""
 
 from coastwatch.store.acknowledgements import acknowledge as acknowledge
+from coastwatch.store.acknowledgements import acknowledge_all as acknowledge_all
 from coastwatch.store.acknowledgements import acknowledgements as acknowledgements
 from coastwatch.store.audit import Change as Change
 from coastwatch.store.audit import changes as changes

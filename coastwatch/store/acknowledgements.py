@@ -1,8 +1,10 @@
-"""Who acknowledged which alarm. The row is the audit too: it is written once and never changed."""
+"""Who acknowledged which alarm. The row is written once and never changed."""
 
 from __future__ import annotations
 
-from sqlalchemy import and_, insert, select
+from collections.abc import Sequence
+
+from sqlalchemy import and_, exists, insert, select
 
 from coastwatch.store.read.rows import Rows, fetch_rows
 from coastwatch.store.schema.database import Store, reading, writing
@@ -34,6 +36,39 @@ def acknowledge(
             row = {**key, "acknowledged_s": at_s, "acknowledged_by": name, "note": note, "who": who}
             connection.execute(insert(ACKNOWLEDGEMENT).values(row))
     return True
+
+
+def acknowledge_all(
+    store: Store,
+    run_id: int,
+    kinds: Sequence[str],
+    subject: int | None,
+    began_s: tuple[float, float],
+    *,
+    at_s: float,
+    name: str,
+    note: str,
+    who: str,
+) -> int:
+    """Acknowledge, in one transaction, every event of these kinds that nobody has acknowledged. Returns: how many.
+
+    Args: subject: number of the zone or id of the other vessel; none: any; began_s: first and last start; the others as of `acknowledge`.
+    Raises: StoreError.
+    """
+    e, a = EVENT.c, ACKNOWLEDGEMENT.c
+    same = [e[column] == a[column] for column in ("run_id", "vessel_id", "kind", "subject", "from_cycle")]
+    query = select(e.vessel_id, e.kind, e.subject, e.from_cycle).where(
+        e.run_id == run_id, e.kind.in_(kinds), ~exists().where(*same)
+    )
+    query = query.where(e.start_s.between(began_s[0] - SAME_START_S, began_s[1] + SAME_START_S))
+    if subject is not None:
+        query = query.where(e.subject == subject)
+    said = {"run_id": run_id, "acknowledged_s": at_s, "acknowledged_by": name, "note": note, "who": who}
+    with writing(store) as connection:
+        rows = [{**row._mapping, **said} for row in connection.execute(query)]
+        if rows:
+            connection.execute(insert(ACKNOWLEDGEMENT), rows)
+    return len(rows)
 
 
 def acknowledgements(store: Store, run_id: int) -> Rows:

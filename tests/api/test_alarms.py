@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from server_world import Served, listening, wait_for
 
-from coastwatch.batches import Flag
+from coastwatch.batches import AlarmKind, Flag, VesselAlarms
 from coastwatch.operators.api import alarm_stream
 
 
@@ -87,3 +87,38 @@ def test_an_alarm_is_seen_acknowledged_and_seen_as_such_by_others(changing: Serv
     unacknowledged = changing.get("/api/v1/alarms?state=unacknowledged").json()
     assert [row["vessel_id"] for row in unacknowledged["alarms"]] == [7]
     assert changing.get("/api/v1/alarms?state=lasting").json()["total"] == 1
+
+
+def test_alarms_are_acknowledged_together_by_kind_and_zone_with_one_row_of_audit(changing: Served) -> None:
+    """Vessels 4, 5 and 6 enter zone 1, vessel 7 enters zone 2, vessel 12 is dark; vessel 9 enters zone 1 later."""
+    import store_world
+
+    def enter(number: int, vessels: list[int], zones: list[int]) -> None:
+        picture = store_world.picture_of(number, 30)
+        flags = np.where(picture.vessel_id == 12, int(Flag.DARK), 0)
+        n, none = len(vessels), np.full(len(vessels), np.nan)
+        raised = VesselAlarms(
+            np.array(vessels), np.full(n, int(AlarmKind.ZONE_ENTER)), np.array(zones), np.full(n, "bay", "U64"),
+            np.zeros((n, 2)), np.zeros((n, 2)), np.full(n, -1), none, none, none, none,
+        )  # fmt: skip
+        cycle = store_world.cycle_of(number, 30, replace(picture, flags=flags))
+        store_world.write(changing.store, 1, number, cycle=replace(cycle, vessel_alarms=raised))
+
+    enter(3, [4, 5, 6, 7], [1, 1, 1, 2])
+    wait_for(lambda: changing.service.picture().cycle == 3)
+    shown = changing.get("/api/v1/alarms").json()["alarms"]
+    began = {"from": min(row["start_utc"] for row in shown), "to": max(row["start_utc"] for row in shown)}
+    enter(4, [4, 5, 6, 7, 9], [1, 1, 1, 2, 1])
+    with listening(changing.service) as address:
+        path = f"http://{address}/api/v1/alarms/acknowledge"
+        said = {"name": "Ana", "note": "regatta", **began}
+        assert httpx.post(path, json={**said, "kind": "nothing"}).status_code == 400
+        assert httpx.post(path, json={**said, "from": "yesterday"}).status_code == 400
+        assert httpx.post(path, json={**said, "kind": "zone_enter", "zone": 1}).json() == {"acknowledged": 3}
+        assert httpx.post(path, json={**said, "kind": "zone_enter", "zone": 1}).json() == {"acknowledged": 0}
+        rows = httpx.get(f"http://{address}/api/v1/alarms").json()["alarms"]
+        assert {row["vessel_id"] for row in rows if row["acknowledged_by"] is None} == {7, 12, 9}
+        assert {(row["acknowledged_by"], row["note"]) for row in rows if row["vessel_id"] in (4, 5, 6)} == {("Ana", "regatta")}
+        assert httpx.post(path, json=said).json() == {"acknowledged": 2}, "without a filter: vessels 7 and 12"
+        audit = httpx.get(f"http://{address}/api/v1/audit").json()["changes"]
+        assert [row["path"] for row in audit].count("/api/v1/alarms/acknowledge") == 3, "one row a request that was done"

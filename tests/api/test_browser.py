@@ -485,6 +485,62 @@ def test_a_zone_is_drawn_on_the_chart_saved_and_deleted(world: World, watch: Wat
     watch.until("document.getElementById('zone-rows').textContent", lambda text: text == "no zones")
 
 
+def test_a_corner_is_undone_the_shape_ended_and_a_zone_without_rules_said_so(watch: Watch) -> None:
+    address = f"http://127.0.0.1:{watch.port}/api/v1/zones"
+    watch.ask("coastwatch.openDrawer('zones')")
+    watch.page.fill("#zone-name", "quiet")
+    watch.page.click("#zone-draw")
+    box = watch.page.locator("#map").bounding_box()
+    corners = "document.getElementById('zone-hint').textContent"
+
+    def at(across: float, down: float) -> tuple[float, float]:
+        return box["x"] + across * box["width"], box["y"] + down * box["height"]
+
+    for place in ((0.85, 0.3), (0.96, 0.3), (0.96, 0.6)):
+        watch.page.mouse.click(*at(*place))
+        time.sleep(0.4)  # else the map takes them for a double click
+    watch.until(corners, lambda text: "So far: 3." in text)
+    watch.page.keyboard.press("Backspace")
+    watch.until(corners, lambda text: "So far: 2." in text)
+    zoom = watch.ask("coastwatch.map.getZoom()")
+    watch.page.mouse.dblclick(*at(0.9, 0.7))  # the last corner, once
+    watch.until("!coastwatch.zones.drawing")
+    assert watch.ask("[document.activeElement.id, coastwatch.map.getZoom()]") == ["zone-save", zoom]
+    watch.page.keyboard.press("Enter")
+    watch.until("document.getElementById('message').textContent", lambda text: "raises no alarm" in text)
+    (zone,) = httpx.get(address).json()["features"]
+    assert len(zone["properties"]["points_deg"]) == 3
+    httpx.delete(f"{address}/{zone['id']}").raise_for_status()
+
+
+def test_shown_alarms_are_acknowledged_together_and_a_replay_has_no_ring_of_now(world: World, watch: Watch) -> None:
+    more = world.raise_alarms(after=45, count=3)
+    watch.until("[...coastwatch.alarms.flashing]", lambda ids: set(more) <= set(ids))
+    lit = "coastwatch.shown.filter((state) => state === 2).length"
+    assert watch.until(lit) >= 3
+    watch.ask(f"coastwatch.replay.enter({store_world.instant_s(1)})")
+    watch.until(lit, lambda count: count == 0)
+    watch.page.keyboard.press("l")
+    watch.until(lit)
+    watch.ask("coastwatch.openDrawer('alarms')")
+    watch.page.fill("#watch-name", "Ana")
+    watch.page.fill("#alarm-note", "exercise")
+    watch.page.select_option("#alarm-kind", "dark")
+    assert "to acknowledge" in watch.ask("document.getElementById('alarm-words').textContent")
+    watch.page.once("dialog", lambda dialog: dialog.accept())
+    for _ in range(4):
+        watch.page.keyboard.press("Tab")
+        if watch.ask("document.activeElement.id") == "acknowledge-shown":
+            break
+    watch.page.keyboard.press("Enter")
+    watch.until("document.getElementById('alarm-words').textContent", lambda text: text == "Nothing to acknowledge.")
+    rows = httpx.get(f"http://127.0.0.1:{watch.port}/api/v1/alarms?kind=dark&state=all").json()["alarms"]
+    said = {row["vessel_id"]: (row["acknowledged_by"], row["note"]) for row in rows if row["vessel_id"] in more}
+    assert said == dict.fromkeys(more, ("Ana", "exercise"))
+    watch.page.select_option("#alarm-kind", "")
+    world.write()
+
+
 def test_an_alarm_that_another_page_acknowledged_goes_as_the_server_tells_it(world: World, watch: Watch) -> None:
     address = f"http://127.0.0.1:{watch.port}/api/v1/alarms"
     more = world.raise_alarms(after=40, count=3)

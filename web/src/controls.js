@@ -107,6 +107,7 @@ export function listenToKeys(app) {
     m: () => app.toggleMeasure(),
     c: () => app.compare(),
     enter: () => app.takeCentre(),
+    backspace: () => app.zones.undo(),
     n: () => app.nextAlarm(),
     ' ': () => app.replay.play(!app.replay.playing),
     '?': () => byId('help').showModal(),

@@ -5,7 +5,7 @@ import { Alarms } from './alarms.js';
 import { Details, getJson, openSession } from './api.js';
 import { drawEveryMs, drawsInSoftware, loadCoastline, loadLand, makeMap, paintChart, sizeAt } from './chart.js';
 import { listenToKeys, makeControls, paintPage, showControls, showFilterWords } from './controls.js';
-import { byId } from './dom.js';
+import { byId, element, fill } from './dom.js';
 import { markShown, needsDetails } from './filters.js';
 import { clock as clockText, duration, seconds } from './formats.js';
 import { VesselList, Search } from './list.js';
@@ -152,6 +152,11 @@ class App {
     });
     map.on('dragstart', () => this.follow(false));
     map.on('click', (event) => this.#click(event));
+    map.on('dblclick', (event) => {
+      if (!this.zones.drawing) return;
+      event.preventDefault(); // no zoom
+      this.zones.end();
+    });
     map.on('mousemove', ({ lngLat }) => {
       if (!this.measure?.from) return;
       this.measure.to = { lat: lngLat.lat, lon: lngLat.lng };
@@ -224,7 +229,7 @@ class App {
     const { picture } = this;
     if (this.shown.length !== picture.id.length) this.shown = new Uint8Array(picture.id.length);
     this.count = markShown(picture, this.state.filter, this.details, this.shown);
-    for (const id of this.alarms.flashing) {
+    for (const id of this.replaying ? [] : this.alarms.flashing) { // alarms are of now
       const slot = picture.slotOf.get(id);
       if (slot === undefined) continue;
       this.count += this.shown[slot] ? 0 : 1;
@@ -291,6 +296,9 @@ class App {
   /** Live or replay was chosen. */
   modeChanged() {
     this.pictureChanged();
+    this.zones.show();
+    this.alarms.update();
+    this.panel.refresh();
     this.stateChanged();
   }
 
@@ -384,7 +392,8 @@ class App {
 
   /** Takes the middle of the chart as a click takes its place: drawing and measuring without a mouse. */
   takeCentre() {
-    if (this.awaitsPoint()) this.#takePoint(this.map.getCenter().wrap());
+    if (this.zones.drawing) this.zones.enter(this.map.getCenter().wrap());
+    else if (this.awaitsPoint()) this.#takePoint(this.map.getCenter().wrap());
   }
 
   /** Whether a click on the chart is a point of a zone or the beginning of a measure. */
@@ -501,8 +510,8 @@ class App {
       this.status = await getJson('status');
       const kinds = this.status.by_kind ?? {};
       const sum = (test) => Object.entries(kinds).filter(([kind]) => test(Number(kind))).reduce((total, [, n]) => total + n, 0);
-      byId('counts').textContent = `${this.status.vessels} vessels: ${sum((kind) => (kind & 3) === 3)} fused, ${sum((kind) => (kind & 3) === 1)} AIS, `
-        + `${sum((kind) => (kind & 3) === 2)} radar, ${sum((kind) => kind === 4)} bearing`;
+      fill(byId('counts'), `${this.status.vessels} vessels`, element('span', { class: 'soft' }, `: ${sum((kind) => (kind & 3) === 3)} fused, ${sum((kind) => (kind & 3) === 1)} AIS, `
+        + `${sum((kind) => (kind & 3) === 2)} radar, ${sum((kind) => kind === 4)} bearing`));
       byId('title').textContent = byId('title').title = this.status.title || this.status.scenario || 'Coastwatch';
       byId('role').textContent = this.status.role ?? '';
       document.body.dataset.role = this.status.role ?? '';

@@ -39,13 +39,18 @@ export class Panel {
       if (this.app.state.selected !== id) return;
       this.known = known;
       this.app.details.set(id, { ...this.app.details.get(id), ...known });
-      fill(byId('why'), this.#reasons(known));
+      this.refresh();
     } catch (error) {
       if (this.app.state.selected !== id) return;
       if (!this.known) fill(byId('why'), element('p', {}, error.status === 404 ? `Vessel ${id} is not in this run.` : error.message));
     }
     this.update();
     this.#timer = setTimeout(() => this.#load(id), AGAIN_MS);
+  }
+
+  /** The reasons for the time that is shown. */
+  refresh() {
+    if (this.known) fill(byId('why'), this.#reasons(this.known));
   }
 
   /** The figures that change with each picture. */
@@ -66,7 +71,7 @@ export class Panel {
       ['Call sign', text(details.call_sign)],
       ['Type', shipClass(details.ship_type) || text(details.ship_type)],
       ['Length × beam', size],
-      ['Status', text(details.nav_status)],
+      !app.replaying && ['Status', text(details.nav_status)], // of now: the past is not asked for
       vessel && ['Position', position(vessel.lat, vessel.lon)],
       vessel && ['Speed, course', `${speed(vessel.sog)}  ${course(vessel.cog)}`],
       vessel && ['Ellipse (2σ)', `${length(2 * metresOf(app.picture.major[slot]))} × ${length(2 * metresOf(app.picture.minor[slot]))}`],
@@ -103,9 +108,12 @@ export class Panel {
       .filter(([, value]) => value !== null && typeof value !== 'object');
     return [
       element('h3', {}, 'Why'),
+      ...(known.events ?? []).filter((event) => lastsAt(event.start_utc, event.end_utc, until) && event.evidence)
+        .map(({ kind, start_utc: from, evidence }) => element('p', {}, element('strong', {}, kind.replaceAll('_', ' ')),
+          ` since ${clockOf(from)}: ${evidence}`)),
       table('Contributing tracks', known.members, [
         ['source', 'Source'], ['track_id', 'Track'], ['from_utc', 'From', clockOf], ['to_utc', 'To', clockOf],
-      ], until),
+      ], until, (row) => (lastsAt(row.from_utc, row.to_utc, until) ? 0 : 2) + (row.kind === 'bearing' ? 1 : 0)),
       table('Associations', known.associations, [
         ['time_utc', 'Time', clockOf], ['first_source', 'First track', (source, row) => `${source} ${row.first_track}`],
         ['second_source', 'Second track', (source, row) => `${source} ${row.second_track}`], ['statistic', 'Statistic', number],
@@ -152,14 +160,22 @@ export class Panel {
 const clockOf = (utc) => (utc ? clock(seconds(utc)) : '–');
 const number = (value) => (value === null || value === undefined ? '–' : Number(value.toPrecision(4)).toString());
 
-/** The newest rows of a table up to a time; null where there are none. Args: columns: name, title, format; until: Unix seconds. */
-function table(title, all, columns, until) {
+/** Whether something lasts at a time; an end after that time is not known yet. Args: until: Unix seconds. */
+const lastsAt = (from, to, until) => !(seconds(from) > until) && (!to || seconds(to) > until);
+
+/**
+ * The newest rows of a table up to a time; null where there are none.
+ * @param {[string, string, Function?][]} columns name, title, format
+ * @param {number} until Unix seconds
+ * @param {(row: object) => number} rank of a row; those with the lowest come first
+ */
+function table(title, all, columns, until, rank = () => 0) {
   const time = columns.map(([name]) => name).find((name) => name.endsWith('_utc'));
   const rows = (all ?? []).filter((row) => !(seconds(row[time]) > until));
   if (!rows.length) return null;
-  const shown = rows.toSorted((a, b) => seconds(b[time]) - seconds(a[time])).slice(0, ROWS);
+  const shown = rows.toSorted((a, b) => rank(a) - rank(b) || seconds(b[time]) - seconds(a[time])).slice(0, ROWS);
   return element('table', {},
-    element('caption', {}, rows.length > ROWS ? `${title} (newest ${ROWS} of ${rows.length})` : title),
+    element('caption', {}, rows.length > ROWS ? `${title} (${ROWS} of ${rows.length})` : title),
     element('thead', {}, element('tr', {}, columns.map(([, name]) => element('th', { scope: 'col' }, name)))),
     element('tbody', {}, shown.map((row) => element('tr', {}, columns.map(([name, , format = text]) => element('td', {}, format(row[name], row)))))));
 }

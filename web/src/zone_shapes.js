@@ -3,6 +3,8 @@
 import { METRES_A_DEGREE, rangeBearing, wrapped } from './geodesy.js';
 
 const MILE_M = 1852;
+/** The words for a zone without rules. */
+export const NO_RULE = 'no alarm';
 /** Clicks that a shape needs. */
 export const NEEDED = { polygon: 3, circle: 2, line: 2 };
 
@@ -49,7 +51,8 @@ export function hintOf(kind, count, drawing) {
   const needed = {
     polygon: 'its corners, 3 or more', line: 'its points, 2 or more', circle: 'its centre, then a place on it',
   }[kind];
-  return `Click ${needed}, or move the cross and press Enter on the chart. So far: ${count}.`;
+  return `Click ${needed}, or move the cross and press Enter on the chart. So far: ${count}.`
+    + (count ? ' Backspace takes the last one away; Enter or a double click ends.' : '');
 }
 
 /** The rules of a zone in words. */
@@ -58,5 +61,5 @@ export function ruleWords(zone) {
     zone.enter && 'enter', zone.leave && 'leave', zone.dwell_s && `stay over ${Math.round(zone.dwell_s / 6) / 10} min`,
     zone.min_speed_kn && `under ${zone.min_speed_kn} kn`, zone.max_speed_kn && `over ${zone.max_speed_kn} kn`,
     zone.crossing && zone.crossing !== 'none' && `cross ${zone.crossing.replaceAll('_', ' ')}`,
-  ].filter(Boolean).join(', ') || 'no alarm';
+  ].filter(Boolean).join(', ') || NO_RULE;
 }

@@ -3,14 +3,16 @@
 import { getJson, sendJson } from './api.js';
 import { setDraft, setZones } from './chart.js';
 import { byId, element, fill } from './dom.js';
-import { definitionOf, draftOf, hintOf, NEEDED, pointsOf, ruleWords } from './zone_shapes.js';
+import { definitionOf, draftOf, hintOf, NEEDED, NO_RULE, pointsOf, ruleWords } from './zone_shapes.js';
 
 const LOOK_EVERY_MS = 15000;
+const SAME_PX = 6;
 
 export class Zones {
   found = null; // the FeatureCollection of the server
   drawing = false;
   #points = [];
+  #byKey = false; // whether the newest point came from the keyboard
   #number = null; // of the zone that is changed; null: a new one
 
   constructor(app) {
@@ -41,7 +43,10 @@ export class Zones {
 
   /** Draws the zones on the chart, if their layer is on, and in the list. */
   show() {
-    setZones(this.app.map, this.app.state.layers.has('zones') ? this.found : null);
+    const all = this.app.state.layers.has('zones') ? this.found : null;
+    // A replay shows the zones of files, which a run has from its beginning: those of now may not have been drawn then.
+    const features = all?.features.filter(({ properties }) => !this.app.replaying || properties.source !== 'stored');
+    setZones(this.app.map, all && { ...all, features });
     this.app.map.triggerRepaint();
     const zones = (this.found?.features ?? []).map(({ properties }) => properties);
     fill(byId('zone-rows'), zones.length ? zones.map((zone) => this.#row(zone)) : element('li', { class: 'soft' }, 'no zones'));
@@ -63,18 +68,49 @@ export class Zones {
     this.#draft();
   }
 
-  /** A click on the chart while drawing. */
-  point({ lat, lng }) {
+  /** A click on the chart while drawing. A second one at the same place, as of a double click, is no other point. */
+  point({ lat, lng }, byKey = false) {
+    if (this.#isLast({ lat, lng })) return;
+    this.#byKey = byKey;
     if (byId('zone-kind').value === 'circle' && this.#points.length === 2) this.#points.pop();
     this.#points.push([lat, lng]);
     this.#draft();
+  }
+
+  /** Enter: takes a place that the chart was moved to, and else ends the shape. Args: centre of the chart. */
+  enter(centre) {
+    if (this.#points.length && (!this.#byKey || this.#isLast(centre))) this.end();
+    else this.point(centre, true);
+  }
+
+  /** Ends the shape; it is then named and saved. */
+  end() {
+    if (this.#points.length < NEEDED[byId('zone-kind').value]) return;
+    this.drawing = false;
+    this.#draft();
+    byId(byId('zone-name').value ? 'zone-save' : 'zone-name').focus();
+  }
+
+  /** Takes the last point away. */
+  undo() {
+    if (!this.drawing) return;
+    this.#points.pop();
+    this.#draft();
+    this.app.map.getCanvas().focus();
+  }
+
+  /** Whether a place is the last point, within a few pixels. */
+  #isLast({ lat, lng }) {
+    if (!this.#points.length) return false;
+    const [one, other] = [this.app.map.project([lng, lat]), this.app.map.project(this.#points.at(-1).toReversed())];
+    return Math.hypot(one.x - other.x, one.y - other.y) < SAME_PX;
   }
 
   #draft() {
     const kind = byId('zone-kind').value;
     byId('zone-draw').setAttribute('aria-pressed', String(this.drawing));
     byId('zone-save').disabled = this.#points.length < NEEDED[kind];
-    byId('zone-cancel').disabled = !this.drawing && this.#number === null;
+    byId('zone-cancel').disabled = !this.drawing && this.#number === null && !this.#points.length;
     byId('zone-title').textContent = this.#number === null ? 'New zone' : 'Change a zone';
     byId('zone-hint').textContent = hintOf(kind, this.#points.length, this.drawing);
     for (const part of document.querySelectorAll('#zone-form [data-of]')) part.hidden = (part.dataset.of === 'line') !== (kind === 'line');
@@ -108,8 +144,10 @@ export class Zones {
       enter: byId('zone-enter').checked, leave: byId('zone-leave').checked, dwell_s: 60 * number('dwell_min'),
       min_speed_kn: number('min_speed_kn'), max_speed_kn: number('max_speed_kn'),
     };
+    const zone = definitionOf(form, this.#points);
     const path = this.#number === null ? 'zones' : `zones/${this.#number}`;
-    await this.#change(this.#number === null ? 'POST' : 'PUT', path, definitionOf(form, this.#points), `Saved: ${form.name}.`);
+    await this.#change(this.#number === null ? 'POST' : 'PUT', path, zone, ruleWords(zone) === NO_RULE
+      ? `Saved: ${form.name}. It has no rule, so it raises no alarm: Change gives it one.` : `Saved: ${form.name}.`);
   }
 
   #remove(zone) {

@@ -14,7 +14,7 @@ from fastapi import APIRouter, Depends, HTTPException, Path, Query, Request, Res
 from pydantic import BaseModel, ConfigDict, Field
 
 from coastwatch import store
-from coastwatch.batches import COVER_AZIMUTHS, COVER_RANGES, Flag, Ints
+from coastwatch.batches import ALARM_KINDS, COVER_AZIMUTHS, COVER_RANGES, Flag, Ints
 from coastwatch.operators import export, stored
 from coastwatch.operators.api.service import Service
 from coastwatch.operators.api.wire import Encoder
@@ -202,7 +202,7 @@ def vessel(vessel_id: VesselId, service: In) -> dict[str, Any]:
     """One vessel with its tracks, events, associations and the newest points of its path."""
     of_run, found = _vessel(service, vessel_id)
     lists = {
-        key.replace(" ", "_"): export.as_objects(Rows(rows.columns, rows.rows[-NEWEST_POINTS:]))
+        key.replace(" ", "_"): export.as_objects(Rows(rows.columns, _lasting_last(rows)[-NEWEST_POINTS:]))
         for key, rows in found.tables.items()
     }
     (details,) = export.as_objects(Rows(tuple(found.details), [tuple(found.details.values())]))
@@ -261,6 +261,24 @@ class Acknowledged(BaseModel):
 
     name: Annotated[str, Field(min_length=1, max_length=64)]
     note: Annotated[str, Field(max_length=500)] = ""
+
+
+class AcknowledgedTogether(Acknowledged):
+    """Who acknowledges which alarms."""
+
+    kind: Annotated[str | None, Field(max_length=40)] = None
+    zone: Annotated[int, Field(ge=1, le=LARGEST_ID)] | None = None
+    start: Annotated[str, Field(alias="from", max_length=40)]
+    end: Annotated[str, Field(alias="to", max_length=40)]
+
+
+@router.post("/alarms/acknowledge")
+def acknowledge_together(said: AcknowledgedTogether, request: Request, service: In) -> dict[str, int]:
+    """Acknowledge, with one name and note, every alarm that began between two instants: of a kind, of a zone, or all."""
+    if said.kind is not None and said.kind not in ALARM_KINDS:
+        raise HTTPException(400, f"kind: got {said.kind!r}, needed one of {', '.join(ALARM_KINDS)}")
+    began_s = parsed(utc, "from", said.start) or 0.0, parsed(utc, "to", said.end) or 0.0
+    return {"acknowledged": service.acknowledge_all(said.kind, said.zone, began_s, said.name, said.note, request.state.who)}
 
 
 @router.post("/alarms/{alarm_id}/acknowledge")
@@ -348,6 +366,14 @@ def coastline(service: In) -> Response:
     if path.parent.parent != scenarios_folder() or not path.is_file():
         raise HTTPException(404, "the scenario has no coastline of its own")
     return Response(path.read_bytes(), media_type="application/geo+json", headers={"Cache-Control": "max-age=3600"})
+
+
+def _lasting_last(rows: Rows) -> list[tuple[Any, ...]]:
+    """The rows with those that have ended first: they are left out before those that last."""
+    if "to_utc" not in rows.columns:
+        return rows.rows
+    at = rows.columns.index("to_utc")
+    return sorted(rows.rows, key=lambda row: row[at] is None)
 
 
 def _page(request: Request, total: int, offset: int, limit: int) -> dict[str, str]:

@@ -25,6 +25,8 @@ from coastwatch.store import Rows, Store
 
 ALARM_ID = re.compile(r"(\d{1,18})-([a-z_]{1,32})-(\d{1,15})(?:-(\d{1,18}))?")
 ALL_ALARMS = 2**31 - 1
+ZONE_KINDS = ("zone_enter", "zone_leave", "zone_dwell", "zone_speed", "line_crossed")
+"""Kinds of alarms whose subject is a zone."""
 
 
 class NoPictureYet(Exception):
@@ -150,6 +152,20 @@ class Service:
         self.acknowledged()
         rows = self.alarms({"from_s": "0"}, event[1], ALL_ALARMS)
         return Rows(rows.columns, [row for row in rows.rows if row[0] == alarm_id])
+
+    def acknowledge_all(
+        self, kind: str | None, zone: int | None, began_s: tuple[float, float], name: str, note: str, who: str
+    ) -> int:
+        """Acknowledge every alarm that began between two instants and that nobody has acknowledged. Returns: how many.
+
+        Args: kind: none: any; zone: number of the zone; none: any, and alarms without a zone; name, note, who: as of `acknowledge`.
+        """
+        kinds = [each for each in ALARM_KINDS if kind in (None, each) and (zone is None or each in ZONE_KINDS)]
+        count = store.acknowledge_all(
+            self.store, self.run_id(), kinds, zone, began_s, at_s=time.time(), name=name, note=note, who=who
+        )
+        self.acknowledged()
+        return count
 
     def ready(self) -> tuple[bool, dict[str, Any]]:
         """Whether there is a picture and nothing is wrong, and why not."""
