@@ -1,6 +1,7 @@
 """Every method of the associations stage, and the cases in which a windowed covariance is known to fail."""
 
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -112,6 +113,14 @@ def f1(tracks, found):
     first = tracks.origin[tracks.mmsi < 0]
     exist = np.isin(first, tracks.origin[tracks.mmsi >= 0]).sum()
     return 2.0 * right / (len(found.first) + exist)
+
+
+def test_every_method_of_the_union_is_tried_and_has_what_the_pipeline_reads():
+    union, _ = get_args(Associator)
+    assert {type(method) for method in METHODS} == set(get_args(union))
+    for method in METHODS:
+        assert isinstance(method.statistic_is_distance, bool)
+        assert method.gate_m > 0.0
 
 
 @pytest.mark.parametrize("method", METHODS, ids=IDS)
