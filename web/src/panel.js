@@ -113,7 +113,7 @@ export class Panel {
           ` since ${clockOf(from)}: ${evidence}`)),
       table('Contributing tracks', known.members, [
         ['source', 'Source'], ['track_id', 'Track'], ['from_utc', 'From', clockOf], ['to_utc', 'To', clockOf],
-      ], until, (row) => (lastsAt(row.from_utc, row.to_utc, until) ? 0 : 2) + (row.kind === 'bearing' ? 1 : 0)),
+      ], until, (row) => trackRank(row, until)),
       table('Associations', known.associations, [
         ['time_utc', 'Time', clockOf], ['first_source', 'First track', (source, row) => `${source} ${row.first_track}`],
         ['second_source', 'Second track', (source, row) => `${source} ${row.second_track}`], ['statistic', 'Statistic', number],
@@ -161,7 +161,10 @@ const clockOf = (utc) => (utc ? clock(seconds(utc)) : '–');
 const number = (value) => (value === null || value === undefined ? '–' : Number(value.toPrecision(4)).toString());
 
 /** Whether something lasts at a time; an end after that time is not known yet. Args: until: Unix seconds. */
-const lastsAt = (from, to, until) => !(seconds(from) > until) && (!to || seconds(to) > until);
+export const lastsAt = (from, to, until) => !(seconds(from) > until) && (!to || seconds(to) > until);
+
+/** Tracks that last before those that have ended, and of these radar and AIS before bearings. Args: until: Unix seconds. */
+export const trackRank = (row, until) => (lastsAt(row.from_utc, row.to_utc, until) ? 0 : 2) + (row.kind === 'bearing' ? 1 : 0);
 
 /**
  * The newest rows of a table up to a time; null where there are none.

@@ -4,6 +4,7 @@ import { closestApproach, mercatorX, mercatorY, rangeBearing, wrapped } from '..
 import { clock, course, dateClock, duration, length, position, seconds, shipClass, speed } from '../src/formats.js';
 import { filterWords, listOrder, markShown, NO_FILTER } from '../src/filters.js';
 import { defaults, fromQuery, toQuery } from '../src/state.js';
+import { lastsAt, trackRank } from '../src/panel.js';
 import { restore, viewOf } from '../src/views.js';
 import { contrast, FLAG, flagWords, luminance, NIGHT_LUMINANCE, STROKE_PX, SYMBOL, SYMBOL_COLOURS, symbolOf, THEMES } from '../src/symbols.js';
 import { Picture } from '../src/wire.js';
@@ -137,4 +138,13 @@ test('the state goes into the address and comes back; nonsense keeps the default
   state.sort = { column: 'name', down: false };
   assert.deepEqual(fromQuery(toQuery(state)), state);
   assert.deepEqual(fromQuery('?lat=900&theme=pink&kinds=x&sort=-nothing&at=never&speed=7&vessel=-3&layers=labels,vectors,trail,cover,zones'), defaults());
+});
+
+test('the track that holds a vessel comes before ended ones and bearings, also in a replay', () => {
+  const row = (kind, from, to) => ({ kind, from_utc: `2026-11-23T12:${from}:00Z`, to_utc: to && `2026-11-23T12:${to}:00Z` });
+  const rows = [row('bearing', '50', '55'), row('bearing', '40', null), row('radar', '01', null), row('ais', '02', '30')];
+  const at = (until) => rows.map((of) => trackRank(of, until));
+  assert.deepEqual(at(Infinity), [3, 1, 0, 2]);
+  assert.deepEqual(at(seconds('2026-11-23T12:20:00Z')).slice(2), [0, 0]); // its end was not known then
+  assert.ok(!lastsAt('2026-11-23T12:50:00Z', null, seconds('2026-11-23T12:20:00Z')));
 });
