@@ -330,6 +330,18 @@ def test_speeds_that_the_positions_do_not_have_are_doubted(
     assert said is None or content.doubts[0].startswith(said)
 
 
+def test_velocities_in_knots_are_doubted(tmp_path: Path) -> None:
+    rows = []
+    for step, k in np.ndindex(30, 6):
+        (place,) = from_plane(np.array([[10.0 * step * (k + 2), -20.0 * step * (k + 2)]]), np.array([50.8, -1.1]))
+        rows.append(f"{T0 + 10 * step},{k},{place[0]},{place[1]},{(k + 2) / KNOT_M_S},{-2 * (k + 2) / KNOT_M_S}")
+    file = table(tmp_path, *rows, header="time,track,lat,lon,ve,vn")
+    one = TrackSources(np.array(["t"], "U32"), np.full((1, 2), np.nan), *np.full((4, 1), np.nan))
+    (content,) = Tables(tracks=(file,), speed_unit="km/h").load(replace(sensors(), track_sources=one), 1, PLAN).contents
+    wanted = "the positions move 0.51 times as fast as the velocity says (median of 6 tracks): is it in kn? needed m/s"
+    assert content.doubts == (wanted,)
+
+
 def test_bad_plots_and_bearings_are_counted(tmp_path: Path) -> None:
     plots, bearings = tmp_path / "plots.csv", tmp_path / "bearings.csv"
     plots.write_text(

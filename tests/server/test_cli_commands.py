@@ -18,6 +18,7 @@ from coastwatch import store
 from coastwatch.batches import Flag
 from coastwatch.operators import stored, verdict
 from coastwatch.operators.cli import main
+from coastwatch.server.feeds import live_input
 from coastwatch.store.processes import this_process
 from coastwatch.store.schema import migrate
 from coastwatch.store.schema.tables import REVISION
@@ -30,6 +31,10 @@ def answer(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
     out, err = capsys.readouterr()
     assert err == ""
     return out
+
+
+def test_a_run_on_live_feeds_is_shown_without_a_total() -> None:
+    assert stored.ENDLESS == live_input.ENDLESS, "`runs` knows a run without an end by its planned cycles"
 
 
 def test_the_json_of_a_run(finished_run: FinishedRun) -> None:

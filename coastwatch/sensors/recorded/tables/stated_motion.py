@@ -25,7 +25,7 @@ def doubts(track: Ints, time_s: Floats, position_deg: Floats, velocity_m_s: Floa
     positions do not shift it.
 
     Args: track: (M,) its number; velocity_m_s: (M, 2) east, north, as stated, NaN: not stated; unit: of SPEED_KN, in which the
-    stated speeds were taken; told: what says the speeds, for the sentence, with what to do after "is it in UNIT?".
+    stated speeds were taken; told: what says them: "SOG", whose unit is a setting, or "the velocity", whose unit is not.
     """
     order = np.lexsort((time_s[:ROWS], track[:ROWS]))
     track, time_s, position_deg, velocity_m_s = track[order], time_s[order], position_deg[order], velocity_m_s[order]
