@@ -323,6 +323,11 @@ def test_files_that_do_not_overlap_in_time_are_warned_of_with_both_spans(
         ),
         ("none.csv", {}, "60 rows are left out: unknown radar .first at none.csv:2, column radar: north, known"),
         ("none.csv", {"records": 0}, "none.csv: no record was taken: 60 unknown radar .*north, known"),
+        (
+            "swift.csv",
+            {"doubts": ("the positions move 1.94 times as fast",)},
+            "swift.csv: the positions move 1.94 times as fast",
+        ),
         ("good.csv", {}, None),
     ],
 )
