@@ -263,6 +263,8 @@ def test_nothing_is_cut_off_or_overhangs(watch: Watch, width: int) -> None:
           && (box(part).left < box(of).left - 1 || box(part).right > box(of).right + 1)) found.push(part.id || part.outerHTML.slice(0, 80));
       const search = document.getElementById('search');
       if (search.scrollWidth > search.clientWidth) found.push('search');
+      for (const cut of [document.getElementById('title'), document.getElementById('counts')])
+        if (cut.clientWidth > 1 && innerWidth < 1500 && cut.scrollWidth > cut.clientWidth) found.push(cut.id);
       return found; })()"""
     try:
         watch.ask(f"coastwatch.select({DARK})")

@@ -512,7 +512,9 @@ class App {
       const sum = (test) => Object.entries(kinds).filter(([kind]) => test(Number(kind))).reduce((total, [, n]) => total + n, 0);
       fill(byId('counts'), `${this.status.vessels} vessels`, element('span', { class: 'soft' }, `: ${sum((kind) => (kind & 3) === 3)} fused, ${sum((kind) => (kind & 3) === 1)} AIS, `
         + `${sum((kind) => (kind & 3) === 2)} radar, ${sum((kind) => kind === 4)} bearing`));
-      byId('title').textContent = byId('title').title = this.status.title || this.status.scenario || 'Coastwatch';
+      const { title, scenario } = this.status;
+      byId('title').title = title || scenario || 'Coastwatch';
+      fill(byId('title'), element('span', { class: 'long' }, byId('title').title), element('span', { class: 'short' }, scenario || 'Coastwatch'));
       byId('role').textContent = this.status.role ?? '';
       document.body.dataset.role = this.status.role ?? '';
     } catch (error) {

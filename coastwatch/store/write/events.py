@@ -267,7 +267,8 @@ def _of_tracks(
     rows = [at[member] for member in members if member in at]
     out = []
     for source, track in dict.fromkeys(member if member in at else (member[0], -1) for member in members):
-        row, text = at.get((source, track)), names[source]
+        row = at.get((source, track))
+        text = f"bearings of {names[source]}" if row is None else names[source]
         if row is not None:
             speed_kn = float(np.hypot(*tracks.velocity_m_s[row])) / KNOT_M_S
             about = [f"{speed_kn:.1f} kn"] if np.isfinite(speed_kn) else []
