@@ -29,6 +29,7 @@ from coastwatch.store.read.bbox import inside
 T = TypeVar("T")
 MOST_ROWS, MOST_IDS, MOST_FOUND, NEWEST_POINTS = 10_000, 200, 50, 500
 LARGEST_ID = 2**62
+MOST_ZONE = 10**9
 FORMATS = {
     "application/json": "json",
     "application/geo+json": "geojson",
@@ -267,7 +268,7 @@ class AcknowledgedTogether(Acknowledged):
     """Who acknowledges which alarms."""
 
     kind: Annotated[str | None, Field(max_length=40)] = None
-    zone: Annotated[int, Field(ge=1, le=LARGEST_ID)] | None = None
+    zone: Annotated[int, Field(ge=1, le=MOST_ZONE)] | None = None
     start: Annotated[str, Field(alias="from", max_length=40)]
     end: Annotated[str, Field(alias="to", max_length=40)]
 
