@@ -88,15 +88,14 @@ def _forget_stdout() -> None:
 
 
 def _is_bad_input(error: Exception) -> bool:
-    from coastwatch.server.feeds.address import AddressError  # only an error needs it
-
-    if isinstance(error, BadInput | AddressError | FileNotFoundError | FileExistsError):
+    if isinstance(error, BadInput | FileNotFoundError | FileExistsError):
         return True
     if isinstance(error, IsADirectoryError | NotADirectoryError | PermissionError):
         return True
-    return isinstance(error, OSError | ValueError) and _raised_in(error).startswith(
-        ("coastwatch.sensors.", "coastwatch.scenario")
-    )
+    where = _raised_in(error)
+    if isinstance(error, ValueError) and where.startswith(("coastwatch.server.feeds.", "coastwatch.server.regions.")):
+        return True  # an address of a feed or a region
+    return isinstance(error, OSError | ValueError) and where.startswith(("coastwatch.sensors.", "coastwatch.scenario"))
 
 
 def _raised_in(error: Exception) -> str:
