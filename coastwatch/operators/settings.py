@@ -25,6 +25,7 @@ UNITS = {
     "_m2_s5": "m2/s5",
     "_rad2_s3": "rad2/s3",
     "_m_s15": "m/s^1.5",
+    "_mb_s": "MB/s",
     "_deg_h": "deg/h",
     "_m_s2": "m/s2",
     "_m_s": "m/s",

@@ -32,7 +32,7 @@ from coastwatch.server.feeds.address import Address, parsed
 from coastwatch.server.feeds.sending import STEP_S, Batch, encoded, send
 from coastwatch.server.machine import date_utc, machine
 from scaling.load.chain.reports import State, initial_state, next_cycle
-from scaling.load.chain.world import Size, World, build_world, scenario_document
+from scaling.load.chain.world import Size, World, build_world, conditions, scenario_document
 from scaling.load.hostile import HOST, free_ports, wait_for_cycles
 from scaling.load.kills import COASTWATCH
 from scaling.load.processes import memory_bytes
@@ -89,7 +89,7 @@ class Seen:
     address: str
     pid: int
     rows: list[dict[str, Any]] = field(default_factory=list)
-    faults: dict[str, int] = field(default_factory=dict)  # of all feeds, since the start
+    faults: dict[str, int] = field(default_factory=dict)  # by feed and kind, since the start
     unanswered: int = 0
 
     def look(self) -> None:
@@ -102,7 +102,7 @@ class Seen:
             return
         kept = {name: status[name] for name in ("cycles", "cycles_late", "late_s", "cycle_ms", "vessels")}
         counted = {name: sum(one[name] for one in feeds) for name in ("late", "dropped", "refused", "records")}
-        self.faults = {kind: count for one in feeds for kind, count in one["faults"].items()}
+        self.faults = {f"{one['name']}: {kind}": count for one in feeds for kind, count in one["faults"].items()}
         self.rows.append(kept | counted | {"clock_s": time.time(), "memory": memory_bytes(self.pid)[0]})
 
     def figures(self) -> dict[str, Any]:
@@ -198,6 +198,7 @@ def main() -> int:
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     found = {"date": date_utc(), "machine": machine(), "vessels_simulated": options.vessels, "workers": options.workers}
+    found["conditions"] = conditions(Size(options.vessels, 1), {})
     found |= run(options.vessels, options.minutes, options.workers, options.seed)
     found["on_time"] = is_on_time(found)
     if options.json:
