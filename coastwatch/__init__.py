@@ -10,7 +10,8 @@ The map, in the order in which data flows (each stage is a folder with a README)
 | spots          | tracks of all sources          | Spots and Octants: tracks that may be compared    |
 | associations   | tracks in a spot               | Associations: which tracks are one vessel         |
 | fused_tracks   | associated tracks              | FusedTracks: one estimate a vessel                |
-| picture        | fused tracks                   | Picture: stable identity, sources, flags, alarms  |
+| picture        | fused tracks                   | Picture: stable identity, sources, flags          |
+| alarms         | picture, zones                 | VesselAlarms: what holds beside the flags         |
 | registration   | plots, tracks, bearings        | RadarCorrections for the plots of the next cycle  |
 | cover          | plots, tracks, associations    | RadarCover and AisDetection for the next cycle    |
 | scores         | truth and any of the above     | numbers                                           |

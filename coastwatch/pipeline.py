@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from coastwatch.alarms import Numbered, numbered
 from coastwatch.associations import held
 from coastwatch.associations.bearing_members import bearing_members, held_vessels, vessel_bearings
 from coastwatch.batches import (
@@ -46,7 +47,6 @@ from coastwatch.batches import (
     TrackSourceStates,
     VesselAlarms,
 )
-from coastwatch.picture import Numbered, numbered
 from coastwatch.scenario import Scenario
 from coastwatch.stage import Groups, Map, RegionMap, serial_regions
 from coastwatch.tracks.joint.messages import messages_of

@@ -20,10 +20,10 @@ import numpy as np
 
 from coastwatch import kernels
 from coastwatch.batches import AisAlarms, AisDetection, Bools, Flag, Floats, Ints, Picture, Sensors, Tracks
+from coastwatch.batches.sensor_cover import coverages
 from coastwatch.geodesy import KNOT_M_S, difference_m
 from coastwatch.picture.match import IdentityMatch
 from coastwatch.picture.order import VesselOrder
-from coastwatch.picture.sensor_cover import coverages
 from coastwatch.picture.settings import IdentitySettings
 
 if TYPE_CHECKING:

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AwareDatetime, Field, model_validator
 
+from coastwatch.alarms import AlarmRules, Zone
 from coastwatch.associations import (
     Associator,
     BearingAssociator,
@@ -18,7 +19,7 @@ from coastwatch.associations import (
 from coastwatch.batches import Sensors
 from coastwatch.cover import LearntCover, RadarCoverage
 from coastwatch.fused_tracks import CentralImm, Fuser
-from coastwatch.picture import AlarmRules, Identity, Zone
+from coastwatch.picture import Identity
 from coastwatch.plots import PlotConverter, PolarConversion
 from coastwatch.registration import OnlineRegistration, Registrar
 from coastwatch.scenario.sites import Area, Name, Positive, Radar, Sonar, Station, TrackSource, sensors_of

@@ -25,6 +25,7 @@ MODULES_WITH_CLASSES = (
     "coastwatch.kernels.fusion.cross_covariance",
     "coastwatch.fused_tracks",
     "coastwatch.picture",
+    "coastwatch.alarms",
     "coastwatch.registration",
     "coastwatch.cover",
     "coastwatch.scores",

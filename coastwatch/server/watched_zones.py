@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 
 from coastwatch import store
-from coastwatch.picture import Numbered, Zone, numbered
+from coastwatch.alarms import Numbered, Zone, numbered
 from coastwatch.scenario import Scenario
 from coastwatch.store import Store, StoreError
 

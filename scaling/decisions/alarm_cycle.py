@@ -15,14 +15,14 @@ from time import process_time
 
 import numpy as np
 
+from coastwatch.alarms import AlarmRules, Zone, numbered
+from coastwatch.alarms.close_approach import close_pairs
+from coastwatch.alarms.watched import look
+from coastwatch.alarms.zone_alarms import zone_alarms
+from coastwatch.alarms.zones import shapes
 from coastwatch.batches import Flag, Members, Picture, Radars, Sensors, Sonars, Stations
 from coastwatch.geodesy import KNOT_M_S, offset_deg
 from coastwatch.operators.cli.arguments import count
-from coastwatch.picture import AlarmRules, Zone, numbered
-from coastwatch.picture.alarms.close_approach import close_pairs
-from coastwatch.picture.alarms.watched import look
-from coastwatch.picture.alarms.zone_alarms import zone_alarms
-from coastwatch.picture.alarms.zones import shapes
 
 PORTS, PERIOD_S, WARM = 200, 3.0, 6
 

@@ -18,9 +18,9 @@ from typing import NamedTuple
 import numpy as np
 
 from coastwatch import pipeline
+from coastwatch.alarms import AlarmRules, numbered
 from coastwatch.batches import NO_ALARMS, AisReports, Flag, Members, Picture, RadarCover, Reports, Sensors, VesselAlarms
 from coastwatch.operators.cli.arguments import names, pair
-from coastwatch.picture import AlarmRules, numbered
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.scores.dark import SILENT_FOR_S
 from coastwatch.stage import serial

@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from coastwatch.alarms import AlarmRules, Zone, numbered
+from coastwatch.alarms.close_approach import SPANS, Approaching, close_pairs
+from coastwatch.alarms.zones import Shape
 from coastwatch.batches import (
     COVER_AZIMUTHS,
     COVER_RANGES,
@@ -25,9 +28,6 @@ from coastwatch.batches import (
     VesselAlarms,
 )
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, offset_deg
-from coastwatch.picture import AlarmRules, Zone, numbered
-from coastwatch.picture.alarms.close_approach import SPANS, Approaching, close_pairs
-from coastwatch.picture.alarms.zones import Shape
 from coastwatch.server.checkpoint import load, save
 
 PERIOD_S = 3.0

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from coastwatch.alarms import numbered
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.cli.parser import make_parser
 from coastwatch.operators.cli.server_file import with_file, with_zones
-from coastwatch.picture import numbered
 from coastwatch.scenario import load_scenario
 from coastwatch.server.feeds.address import AddressError
 from coastwatch.server.regions.client import check_files, parsed_region

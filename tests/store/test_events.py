@@ -225,3 +225,20 @@ def test_a_dark_vessel_says_when_it_was_last_heard_and_who_should_hear_it(url: s
         "AIS goes on without a radar track; in range of radars fort, island; limit 45 s",
         "no AIS since it came back; limit 60 s",
     ]
+
+
+def test_a_lost_vessel_that_has_left_the_picture_is_an_event_alone(url: str) -> None:
+    """No other alarm begins in the cycle, and the vessel has neither a row of the picture nor a track."""
+    picture, one = past_world.pictures(5, 1)[0], np.array([60.0])
+    gone = VesselAlarms(
+        vessel_id=np.array([10_000]), kind=np.array([int(AlarmKind.LOST)]), subject=np.array([0]), name=np.array([""]),
+        position_deg=np.zeros((1, 2)), velocity_m_s=np.full((1, 2), 4.0), mmsi=np.array([-1]),
+        distance_m=np.array([np.nan]), range_m=np.array([np.nan]), interval_s=one * 2.0, to_right=np.array([np.nan]),
+    )  # fmt: skip
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        past_world.write(store, run, [picture], 0, KEEP)
+        cycle = replace(world.cycle_of(1, 0, picture), vessel_alarms=gone)
+        world.write(store, run, 1, cycle=cycle, keep=KEEP)
+        said = stored(store, "SELECT vessel_id, evidence FROM event WHERE kind = 'lost'")
+    assert said == [(10_000, "no track for 120 s, under way at 11.0 kn before")]

@@ -9,11 +9,11 @@ import numpy as np
 from fastapi import APIRouter, HTTPException, Path, Request
 
 from coastwatch import store
+from coastwatch.alarms import Zone, numbered
 from coastwatch.geodesy import NAUTICAL_MILE_M, offset_deg
 from coastwatch.operators import export, stored
 from coastwatch.operators.api.answers import REFUSALS, In
 from coastwatch.operators.api.service import Service
-from coastwatch.picture import Zone, numbered
 from coastwatch.store.zones import FIRST_NUMBER
 
 MOST_ZONES = 500

@@ -10,9 +10,9 @@ from urllib.parse import parse_qsl, urlencode, urlsplit, urlunsplit
 
 from pydantic import Field, ValidationError, model_validator
 
+from coastwatch.alarms import Zone
 from coastwatch.operators.api.webhook_settings import WebHook, checked, secret_of
 from coastwatch.operators.bad_input import BadInput
-from coastwatch.picture import Zone
 from coastwatch.scenario import Scenario
 from coastwatch.scenario.refusing import refusals
 from coastwatch.stage import Settings

@@ -245,7 +245,8 @@ def _evidence(row: Ints, bit: Ints, picture: Picture, members: Ints, names: Sequ
     """
     low, high = (np.searchsorted(members[:, 0], picture.vessel_id[row], side).tolist() for side in ("left", "right"))
     age_s = (picture.time_s[row] - picture.updated_s[row]).tolist()
-    found = np.flatnonzero(np.isin(tracks.track_id, np.concatenate([members[a:b, 2] for a, b in zip(low, high, strict=True)])))
+    parts = [members[a:b, 2] for a, b in zip(low, high, strict=True)]
+    found = np.flatnonzero(np.isin(tracks.track_id, np.concatenate([np.zeros(0, np.int64), *parts])))
     keys = zip(tracks.source[found].tolist(), tracks.track_id[found].tolist(), strict=True)
     at = dict(zip(keys, found.tolist(), strict=True))
     out = []

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from coastwatch.alarms.lasting import KINDS, Holding, Lasting, extend
+from coastwatch.alarms.raised import Raised
+from coastwatch.alarms.settings import AlarmSettings
+from coastwatch.alarms.watched import Seen
+from coastwatch.alarms.zones import ByLatitude, Shape
 from coastwatch.batches import AlarmKind, Bools, Floats, Ints, joint_keys
 from coastwatch.kernels.tables.lookup import find
-from coastwatch.picture.alarms.lasting import KINDS, Holding, Lasting, extend
-from coastwatch.picture.alarms.raised import Raised
-from coastwatch.picture.alarms.settings import AlarmSettings
-from coastwatch.picture.alarms.watched import Seen
-from coastwatch.picture.alarms.zones import ByLatitude, Shape
 
 INSIDE = 0
 """Kind of the condition that a vessel is inside a zone; no alarm has it."""

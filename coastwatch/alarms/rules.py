@@ -7,17 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from coastwatch import kernels
+from coastwatch.alarms.close_approach import Approaching, Pairs, close_pairs
+from coastwatch.alarms.lasting import KINDS, Holding, Lasting, extend
+from coastwatch.alarms.raised import Raised, together
+from coastwatch.alarms.settings import AlarmSettings
+from coastwatch.alarms.watched import AIS, RADAR, Seen, Watched, look
+from coastwatch.alarms.zone_alarms import ZoneMemory, zone_alarms
+from coastwatch.alarms.zones import Numbered, shapes
 from coastwatch.batches import AlarmKind, Bools, Floats, Members, Picture, RadarCover, Sensors, VesselAlarms, joint_keys
+from coastwatch.batches.sensor_cover import coverages
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, offset_deg
 from coastwatch.kernels.tables.lookup import find
-from coastwatch.picture.alarms.close_approach import Approaching, Pairs, close_pairs
-from coastwatch.picture.alarms.lasting import KINDS, Holding, Lasting, extend
-from coastwatch.picture.alarms.raised import Raised, together
-from coastwatch.picture.alarms.settings import AlarmSettings
-from coastwatch.picture.alarms.watched import AIS, RADAR, Seen, Watched, look
-from coastwatch.picture.alarms.zone_alarms import ZoneMemory, zone_alarms
-from coastwatch.picture.alarms.zones import Numbered, shapes
-from coastwatch.picture.sensor_cover import coverages
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,10 +16,10 @@ from typing import NamedTuple
 import numpy as np
 
 from coastwatch import kernels
+from coastwatch.alarms.settings import AlarmSettings
 from coastwatch.batches import Bools, Flag, Floats, Ints, NavStatus, Picture
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, scale_m_deg
 from coastwatch.kernels.tables.lookup import find
-from coastwatch.picture.alarms.settings import AlarmSettings
 
 SPANS = 2
 CLASSES_M_S = (12.0, 60.0)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from coastwatch.alarms.watched import Watched
+from coastwatch.alarms.zones import Shape
 from coastwatch.batches import AlarmKind, Floats, Ints, VesselAlarms
 from coastwatch.kernels.tables.lookup import find
-from coastwatch.picture.alarms.watched import Watched
-from coastwatch.picture.alarms.zones import Shape
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from coastwatch.alarms.settings import AlarmSettings
 from coastwatch.batches import Bools, Flag, Floats, Ints, Members, NavStatus, Picture, Sensors, SourceKind
 from coastwatch.geodesy import KNOT_M_S, difference_m, offset_deg
 from coastwatch.kernels.tables.lookup import find
-from coastwatch.picture.alarms.settings import AlarmSettings
 
 AIS, RADAR = 1, 2
 """Bits of `Watched.sources`."""
