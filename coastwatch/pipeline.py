@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from coastwatch.alarms import Numbered, numbered
+from coastwatch.alarms import EventMemory, Evidence, Numbered, expected_sensors, next_events, numbered
 from coastwatch.associations import held
 from coastwatch.associations.bearing_members import bearing_members, held_vessels, vessel_bearings
 from coastwatch.batches import (
@@ -27,8 +27,8 @@ from coastwatch.batches import (
     BearingMembers,
     BearingTracks,
     Bools,
+    EventChanges,
     Fault,
-    Floats,
     FusedTracks,
     Ints,
     Measurements,
@@ -67,6 +67,7 @@ class CentreMemory:
     bearing_associations: Any
     bearing_members: BearingMembers  # for the fused tracks of the next cycle
     alarms: Any
+    events: EventMemory
 
 
 @dataclass(frozen=True)
@@ -123,12 +124,11 @@ class Cycle:
     radar_cover: RadarCover = field(default_factory=RadarCover.empty)  # empty where none is learnt
     standing_echoes: StandingEchoes = field(default_factory=StandingEchoes.empty)  # empty where no clutter map is learnt
     vessel_alarms: VesselAlarms = field(default_factory=VesselAlarms.empty)
-    ais_heard_s: Floats = field(default_factory=lambda: np.zeros(0))  # (V,) newest AIS report of each vessel; -inf: not known
+    events: EventChanges = field(default_factory=EventChanges.empty)  # flags and alarms that begin or end
 
     def to_write(self) -> Cycle:
         """The cycle without arrays that the store does not read, so that their memory is free while the store writes."""
-        read = "track_id", "source", "time_s", "updated_s", "position_deg", "velocity_m_s"  # members, and evidence of events
-        return replace(self, tracks=self.tracks.without_values(*read), fused=self.fused.without_values())
+        return replace(self, tracks=self.tracks.without_values("track_id", "source"), fused=self.fused.without_values())
 
 
 def start_centre(scenario: Scenario) -> CentreMemory:
@@ -136,7 +136,7 @@ def start_centre(scenario: Scenario) -> CentreMemory:
     s = scenario
     first = s.spots.init(), s.associations.init(), s.fused_tracks.init(), s.picture.init()
     bearings = s.octants.init(), s.bearing_associations.init(), BearingMembers.empty()
-    return CentreMemory(*first, *bearings, s.alarms.init())
+    return CentreMemory(*first, *bearings, s.alarms.init(), EventMemory.none())
 
 
 def start(scenario: Scenario, sensors: Sensors) -> Memory:
@@ -264,12 +264,17 @@ def fuse(
             m.bearing_associations, bearing_tracks, picture, octants, time_s, sensors, map_, statics
         )
         next_bearings = bearing_members(bearing_associations, bearing_tracks, picture, members, sensors)
+    with timer("alarms"):
+        stations, radars = expected_sensors(sensors, s.picture.cover_margin, s.picture.dark_after_s, s.picture.unseen_after_s)
+        seen_by = tracks, members, bearing_tracks, bearing_associations
+        heard_s = picture_memory.flags.ais_heard_s
+        evidence = Evidence(*seen_by, sensors.source_names, stations, radars, heard_s)
+        events_memory, events = next_events(m.events, picture, vessel_alarms, time_s, s.store.event_gap_s, evidence)
     stages = spots_memory, associations_memory, fused_memory, picture_memory, octants_memory, bearings_memory
-    after = CentreMemory(*stages, next_bearings, alarms_memory)
+    after = CentreMemory(*stages, next_bearings, alarms_memory, events_memory)
     found = spots, associations, fused, picture, members, octants, bearing_associations
     none = RadarCorrections.none(len(sensors.radars))
-    heard_s = picture_memory.flags.ais_heard_s
-    return after, Cycle(time_s, tracks, alarms, bearing_tracks, *found, none, vessel_alarms=vessel_alarms, ais_heard_s=heard_s)
+    return after, Cycle(time_s, tracks, alarms, bearing_tracks, *found, none, vessel_alarms=vessel_alarms, events=events)
 
 
 def _associate(s: Scenario, memory: Any, tracks: Tracks, spots: Spots, kinds: Ints, map_: Map) -> tuple[Any, Associations]:

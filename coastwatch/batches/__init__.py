@@ -13,6 +13,7 @@ simulated, -1 elsewhere. Scores read it. A method that reads it has a setting wi
 
 from coastwatch.batches.ais_codes import NavStatus, PositionAccuracy, nav_status_text
 from coastwatch.batches.classes import CLASS_OF_TYPE, CLASSES, VesselClass
+from coastwatch.batches.events import BegunEvents, EventChanges, EventSpans
 from coastwatch.batches.reports import (
     AisReports,
     AisStatics,
@@ -101,7 +102,10 @@ __all__ = [
     "BearingMembers",
     "BearingReports",
     "BearingTracks",
+    "BegunEvents",
     "Bools",
+    "EventChanges",
+    "EventSpans",
     "Fault",
     "FileContent",
     "Flag",

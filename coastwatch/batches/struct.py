@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any, Self
 
 import numpy as np
@@ -151,3 +151,12 @@ def _constant(array: Array) -> Array:
     """An array of this shape and dtype, of NaN or 0, in the memory of one value."""
     none = np.nan if array.dtype.kind == "f" else 0
     return np.broadcast_to(np.array(none, array.dtype), array.shape)
+
+
+def size_bytes(value: Any) -> int:
+    """The bytes of the arrays in a dataclass of batches, those of one constant left out."""
+    if isinstance(value, np.ndarray):
+        return 0 if 0 in value.strides else int(value.nbytes)
+    if is_dataclass(value):
+        return sum(size_bytes(getattr(value, f.name)) for f in fields(value))
+    return 0

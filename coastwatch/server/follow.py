@@ -1,14 +1,17 @@
-"""Follows a database: a thread that reads the picture whenever a run has written a new one."""
+"""Follows a database: a thread that reads the picture and the changes of alarms whenever a run has written a new one."""
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Callable
 
 from coastwatch import store
+from coastwatch.server.alarm_book import MOST_ENDED, Alarm, AlarmBook
 from coastwatch.server.live_picture import LivePicture, of_store
-from coastwatch.store import Store, StoreError
+from coastwatch.store import Cursor, Store, StoreError
 
+LOG = logging.getLogger("coastwatch.serve")
 POLL_S = 1.0
 OnPicture = Callable[[LivePicture], None]
 
@@ -18,9 +21,11 @@ class Follower:
 
     def __init__(self, opened: Store, run_id: int | None, on_picture: OnPicture, poll_s: float = POLL_S) -> None:
         self.error: str | None = None  # why the last attempt failed
+        self.alarms = AlarmBook()
         self._store, self._run_id, self._on_picture, self._poll_s = opened, run_id, on_picture, poll_s
         self._seen: tuple[int, int] | None = None
-        self._stop = threading.Event()
+        self._cursor: Cursor | None = None  # up to where changes of alarms were read; None: they are read anew
+        self._stop, self._woken = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._follow, name="follow", daemon=True)
 
     def __enter__(self) -> Follower:
@@ -29,7 +34,12 @@ class Follower:
 
     def __exit__(self, *unused: object) -> None:
         self._stop.set()
+        self._woken.set()
         self._thread.join()
+
+    def look_soon(self) -> None:
+        """Look at the database at once: something was written to it here."""
+        self._woken.set()
 
     def _follow(self) -> None:
         while not self._stop.is_set():
@@ -38,12 +48,30 @@ class Follower:
                 self.error = None
             except StoreError as error:  # a database that is away may come back
                 self.error = str(error)
-            self._stop.wait(self._poll_s)
+            except Exception as error:  # of one look: the next one may succeed
+                LOG.exception("the database cannot be followed")
+                self.error = f"{type(error).__name__}: {error}"
+            self._woken.wait(self._poll_s)
+            self._woken.clear()
 
     def _look(self) -> None:
-        """Read the picture if there is a newer one."""
+        """Read the picture if there is a newer one, and what has changed of the alarms."""
         found = store.newest_picture(self._store, self._run_id)
-        if found is None or found[:2] == self._seen:
+        if found is None:
             return
-        self._on_picture(of_store(self._store, *found))
-        self._seen = found[:2]
+        if found[:2] != self._seen:
+            self._on_picture(of_store(self._store, *found))
+            self._seen = found[:2]
+        self._look_at_alarms(found[0])
+
+    def _look_at_alarms(self, run_id: int) -> None:
+        before = self._cursor if self.alarms.run_id == run_id else None
+        rows, now = store.changed_alarms(self._store, run_id, before, MOST_ENDED)
+        if before is not None and (now.process != before.process or now.cycle < before.cycle):
+            before = None  # the run has begun again at an older cycle
+            rows, now = store.changed_alarms(self._store, run_id, None, MOST_ENDED)
+        if before is None:
+            self.alarms.begin(run_id, (Alarm(*row) for row in rows.rows))
+        else:
+            self.alarms.compare(rows)
+        self._cursor = now

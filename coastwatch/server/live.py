@@ -2,25 +2,49 @@
 
 from __future__ import annotations
 
+import logging
+import math
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from typing import Any, Protocol, Self
 
 from coastwatch import store
 from coastwatch.batches import Fault, Recording, Reports, Sensors
 from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario
-from coastwatch.server.live_picture import LivePicture, Statics, merge_statics, of_cycle, of_store
+from coastwatch.server.alarm_book import MOST_ENDED, Alarm, AlarmBook, known_of
+from coastwatch.server.checkpoint import CheckpointError, Point
+from coastwatch.server.live_picture import LivePicture, Statics, merge_statics, of_cycle, of_store, without_absent
+from coastwatch.server.live_writer import LiveWriter, WriterState
 from coastwatch.server.regions.publisher import Publisher
 from coastwatch.server.run import run_scenario
+from coastwatch.server.timing import Stopwatch
+from coastwatch.server.troubles import Trouble, of_feeds
 from coastwatch.stage import Plan
-from coastwatch.store import Intake
+from coastwatch.store import CycleRecord, Intake, StoreError, Written
 
+LOG = logging.getLogger("coastwatch.serve")
 OnPicture = Callable[[LivePicture], None]
 Positions = Mapping[str, tuple[str, int]]
 """Of each region, its run and the number of the last cycle that is known."""
+
+
+@dataclass(frozen=True)
+class RunAbout:
+    """What does not change in a run."""
+
+    scenario: str
+    title: str
+    period_s: float
+    area: dict[str, Any] | None
+
+
+class NotRunning(StoreError):
+    """There is no run that could write a change."""
 
 
 class Input(Protocol):
@@ -86,8 +110,31 @@ class Paced:
         return []
 
 
+MOST_RESTARTS, RESTARTS_WITHIN_S = 5, 600.0
+"""A run that fails is begun again from its checkpoint. One that fails more often in so long ends the process."""
+
+RESTART_WAIT_S = (1.0, 2.0, 5.0, 10.0, 30.0)
+SHOWN_S = 600.0
+"""For how long after it a restart is shown as a trouble."""
+
+REPAIRABLE = (ValueError, OSError, StoreError)
+"""Errors of a run that the caller can repair: before its first cycle they end it."""
+
+MERGED_AFTER = 2.0
+"""Periods that a cycle may be behind before it may be merged with the next ones."""
+
+CAUGHT_UP_S = 30.0
+"""Cycles are merged where computing each of them would leave the picture behind for longer."""
+
+MOST_STATICS = 200_000
+"""Vessels whose names are kept; those of vessels that are not in the picture go first."""
+
+
 class LiveRun:
-    """Runs a scenario in a thread until it is closed. Use it in a `with` block, which ends after a whole cycle with a checkpoint."""
+    """Runs a scenario in a thread until it is closed. Use it in a `with` block, which ends after a whole cycle with a checkpoint.
+
+    A cycle that fails does not end it: it is begun again from its checkpoint, and as a new run where that fails in its first cycle.
+    """
 
     live = True
 
@@ -101,21 +148,31 @@ class LiveRun:
         workers: int | None = None,
         resume: bool = True,
         publisher: Publisher | None = None,
+        restart_wait_s: Sequence[float] = RESTART_WAIT_S,
     ) -> None:
         """Args: resume: go on with the last run of this scenario, if it ended a short time ago; publisher: of a region's tracks."""
         self.stop = threading.Event()
+        self.scenario, self.alarms = scenario, AlarmBook()
         self.seconds: dict[str, float] = {}  # of the stages of the last cycle
         self.late_s = 0.0  # how long after it was due the last picture was ready
-        self.cycles = self.cycles_late = 0
+        self.cycles = self.cycles_late = self.cycles_merged = self.restarts = 0
         self.faults: tuple[Fault, ...] = ()
         self.failed = False
+        self.on_failed: Callable[[], None] = lambda: None  # called in the thread of the run when it has failed for good
         self._source, self._on_picture, self._statics = source, on_picture, Statics()
         self._publisher = publisher
-        self._scenario = scenario
-        self._given: dict[str, Any] = {"database": database, "workers": workers, "resume": resume}
+        self._resume, self._restart_wait_s = resume, tuple(restart_wait_s)
+        self._given: dict[str, Any] = {"database": database, "workers": workers}
         self._said: str | None = "starting"
         self._sensors: Sensors | None = None
+        self._writer: LiveWriter | None = None
         self._begun = False
+        self._cycles_before = 0  # when this attempt began
+        self._failures: list[tuple[float, str]] = []  # Unix time and text of each, the newest last
+        self._catches_up = False  # the reports of the last cycle had come before it was asked for
+        self._computed_s, self._spacing_s = math.inf, 0.0  # monotonic time of the last cycle, and how long after the one before
+        self._number, self._merged = -1, 0  # of the last cycle: its number, and the cycles that are merged in it
+        self._reached = False  # whether this attempt has come to its first cycle
         self._thread = threading.Thread(target=self._run, name="cycles", daemon=True)
 
     def __enter__(self) -> Self:
@@ -145,8 +202,53 @@ class LiveRun:
         return sum(self.seconds.values()) if self.seconds else None
 
     def counts(self) -> dict[str, float]:
-        """Cycles computed, how many of them more than a period late, and how late the last one was."""
-        return {"cycles": self.cycles, "cycles_late": self.cycles_late, "late_s": self.late_s}
+        """Cycles computed, late, merged, how late the last one was, and what the database has not taken."""
+        state = self._writer.state if self._writer else WriterState()
+        return {
+            "cycles": self.cycles,
+            "cycles_late": self.cycles_late,
+            "cycles_merged": self.cycles_merged,
+            "late_s": self.late_s,
+            "restarts": self.restarts,
+            "store_waiting": state.waiting,
+            "store_skipped": state.not_stored,
+            "store_failures": state.failures,
+            "store_forgotten": state.forgotten,
+            "alarms_forgotten": self.alarms.forgotten,
+            "log_bytes": state.log_bytes,
+        }
+
+    def troubles(self) -> list[Trouble]:
+        """What an operator should know."""
+        now_s, out = time.time(), of_feeds(self.feeds(), time.time())
+        state = self._writer.state if self._writer else WriterState()
+        if state.error is not None:
+            since_s = now_s - (time.monotonic() - (state.since_s or time.monotonic()))
+            said = (
+                f"the database cannot be written: {state.error}; {state.waiting} cycles wait, {state.not_stored} were left out"
+            )
+            out.append(Trouble("store", "", since_s, said, False))
+        if state.warning is not None:
+            out.append(Trouble("log", "", None, state.warning, False))
+        late_s = self.late_s
+        if self.cycles and late_s > MERGED_AFTER * self.scenario.period_s:
+            said = f"cycles take too long: the picture is {late_s:.0f} s late, {self.cycles_merged} cycles were merged"
+            out.append(Trouble("behind", "", None, said, True))
+        out += [
+            Trouble("restart", "", when_s, f"the run was begun again after: {text}", False)
+            for when_s, text in self._failures[-1:]
+            if now_s - when_s < SHOWN_S
+        ]
+        return out
+
+    def now_s(self) -> float:
+        """Now, by the clock that the times of its pictures are of."""
+        return time.time()
+
+    def about(self) -> RunAbout:
+        """What does not change in the run."""
+        of = self.scenario
+        return RunAbout(of.name, of.title, of.period_s, of.area.model_dump(mode="json"))
 
     def begin(self, scenario: Scenario, sensors: Sensors, seed: int, positions: Positions) -> tuple[Recording, Plan]:
         """As `run.Live.begin`."""
@@ -156,50 +258,113 @@ class LiveRun:
         self._said, self._sensors = "waiting for the first cycle", sensors
         return self._source.begin(scenario, sensors, seed, self.stop, positions)
 
+    def begun(self, run_id: int, point: Point) -> None:
+        """As `run.Live.begun`. Names and alarms of a run that goes on come from the database, those of a new one from its cycles."""
+        events, known = point.memory.centre.events, list[Alarm]()
+        self._number, self._reached = point.cycle - 1, True
+        if point.cycle:
+            with store.open_store(self._given["database"], create=False) as opened:
+                newest = store.newest_picture(opened, run_id)
+                self._statics = {} if newest is None else of_store(opened, *newest).statics
+                known = known_of(store.alarms_before(opened, run_id, events.time_s, MOST_ENDED), events)
+        self.alarms.begin(run_id, known)
+
+    def behind(self, until_s: float) -> int:
+        """As `run.Live.behind`."""
+        due_s = self._source.due_s(until_s)
+        late_s, period_s = time.time() - due_s, self._source.due_s(until_s + self.scenario.period_s) - due_s
+        if late_s <= MERGED_AFTER * period_s:
+            return 0
+        cycle_s = self._spacing_s
+        gained = 1.0 - cycle_s / period_s  # of the delay, a period
+        caught_up_s = late_s / period_s * cycle_s / gained if gained > 0.0 else math.inf
+        return int(late_s / period_s) if caught_up_s > CAUGHT_UP_S else 0
+
     def wait(self, until_s: float) -> bool:
         """As `run.Live.wait`."""
-        return self._source.wait(until_s, self.stop)
+        began_s = time.monotonic()
+        came = self._source.wait(until_s, self.stop)
+        self._catches_up = time.monotonic() - began_s < 0.5 * self.scenario.period_s
+        return came
 
     def computed(self, run_id: int, number: int, cycle: Cycle, reports: Reports, seconds: dict[str, float]) -> None:
         """As `run.Live.computed`."""
         assert self._sensors is not None
-        if number and not self.cycles:
-            self._statics = self._stored_statics(run_id)
         merge_statics(self._statics, reports.statics)
+        if len(self._statics) > MOST_STATICS:
+            self._statics = without_absent(self._statics, cycle.picture.mmsi)
+        self.alarms.take(cycle.events)
         self.seconds, self._said = seconds, None
         self._on_picture(of_cycle(run_id, number, cycle, self._sensors, self._statics))
         self.late_s = time.time() - self._source.due_s(cycle.time_s)
+        now_s = time.monotonic()
+        self._computed_s, self._spacing_s = now_s, max(now_s - self._computed_s, 0.0)
         self.cycles += 1
-        self.cycles_late += self.late_s > self._scenario.period_s
+        self._merged = number - self._number - 1
+        self.cycles_merged += self._merged
+        self.cycles_late += self.late_s > self.scenario.period_s
+        self._number = number
 
     def for_centres(self, run_id: int, number: int, cycle: Cycle) -> store.ForCentres:
         """As `run.Live.for_centres`."""
         assert self._sensors is not None
         message = None
         if self._publisher is not None:
-            message = self._publisher.message(run_id, number, cycle, self._sensors)
+            message = self._publisher.message(run_id, number, cycle, self._sensors, self._merged)
         return store.ForCentres(message, self._source.intake())
 
-    def written(self, run_id: int, number: int, passed: store.ForCentres) -> None:
-        """As `run.Live.written`."""
-        if self._publisher is not None and passed.message is not None:
-            self._publisher.written(run_id, number, passed.message)
+    @contextmanager
+    def writer(self, run_id: int, watch: Stopwatch, write: Callable[[CycleRecord], Written]) -> Iterator[LiveWriter]:
+        """As `run.Live.writer`."""
 
-    def _stored_statics(self, run_id: int) -> Statics:
-        """The names of a run that is resumed."""
-        with store.open_store(self._given["database"], create=False) as opened:
-            newest = store.newest_picture(opened, run_id)
-            return {} if newest is None else of_store(opened, *newest).statics
+        def announce(record: CycleRecord) -> None:
+            if self._publisher is not None and record.for_centres.message is not None:
+                self._publisher.written(run_id, record.number, record.for_centres.message)
+
+        with LiveWriter(watch, write, announce, catches_up=lambda: self._catches_up) as made:
+            self._writer = made
+            yield made
+
+    def later(self, job: Callable[[], Any]) -> Future[Any]:
+        """Have a change by an operator written after the cycles until now. Raises: NotRunning: there is no run."""
+        if self._writer is None or self.ended:
+            raise NotRunning("there is no run that could write the change")
+        return self._writer.later(job)
 
     def _run(self) -> None:
         def progress(done: int, total: int, text: str) -> None:
-            if not done:
+            if not done and not self.cycles:
                 self._said = text
 
-        try:
-            result = run_scenario(self._scenario, live=self, progress=progress, **self._given)
-            self.faults = result.faults
-            self._said = None if self.stop.is_set() else "the run has ended: its input has no more reports"
-        except Exception as error:  # of any part: the server says so and goes on answering
-            self.failed = not self.stop.is_set()
-            self._said = f"the run has failed: {error}"
+        resume = self._resume
+        while not self.stop.is_set():
+            self._cycles_before, self._reached = self.cycles, False
+            try:
+                result = run_scenario(self.scenario, live=self, progress=progress, resume=resume, **self._given)
+                self.faults = result.faults
+                self._said = None if self.stop.is_set() else "the run has ended: its input has no more reports"
+                return
+            except Exception as error:  # of any part: the run is begun again, and the server goes on answering
+                if not self._goes_on(error):
+                    return
+                if self.cycles > self._cycles_before:
+                    resume = True
+                elif self._reached or isinstance(error, CheckpointError):
+                    resume = False  # a checkpoint that fails in its first cycle, or cannot be read, is left
+            self.stop.wait(self._restart_wait_s[min(self.restarts, len(self._restart_wait_s)) - 1])
+
+    def _goes_on(self, error: Exception) -> bool:
+        """Note a failure. Returns: whether the run is begun again."""
+        if self.stop.is_set() and not isinstance(error, StoreError):
+            return False
+        now_s, text = time.time(), str(error) or type(error).__name__
+        self._failures = [one for one in self._failures if now_s - one[0] < RESTARTS_WITHIN_S] + [(now_s, text)]
+        never_began = not self.cycles and isinstance(error, REPAIRABLE) and not isinstance(error, CheckpointError)
+        if self.stop.is_set() or never_began or len(self._failures) > MOST_RESTARTS:
+            self.failed, self._said = True, f"the run has failed: {text}"
+            LOG.error(self._said, exc_info=None if never_began else error)
+            self.on_failed()
+            return False
+        self.restarts += 1
+        LOG.error(f"the run is begun again after: {text}", exc_info=error)
+        return True

@@ -148,6 +148,12 @@ def merge_statics(known: Statics, reports: AisStatics) -> None:
         known[number] = tuple(old if new is None or new in ("", -1) or new != new else new for new, old in pairs)
 
 
+def without_absent(known: Statics, mmsi: Ints) -> Statics:
+    """The names of those vessels that are in a picture. Args: mmsi: (V,) of its vessels."""
+    here = set(mmsi.tolist())
+    return {number: values for number, values in known.items() if number in here}
+
+
 def _numbered(texts: Iterable[str | None]) -> tuple[list[str], Ints]:
     """Each different text once, and the number of each."""
     number: dict[str, int] = {}

@@ -7,7 +7,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Protocol
@@ -22,8 +22,9 @@ from coastwatch.server.checkpoint import CheckpointError, Pace, Point
 from coastwatch.server.timing import Stopwatch
 from coastwatch.server.warm_up import warm_up
 from coastwatch.server.watched_zones import WatchedZones
-from coastwatch.server.writer import BEHIND, Writer
+from coastwatch.server.writer import BEHIND, BatchWriter, CycleWriter, Writer
 from coastwatch.stage import Plan
+from coastwatch.store import CycleRecord, SkippedCycle, Written
 from coastwatch.workers import Workers, open_workers, processors
 
 DEFAULT_DATABASE = "sqlite:///coastwatch.db"
@@ -33,6 +34,9 @@ OnInput = Callable[[tuple[FileContent, ...], tuple[Fault, ...]], None]
 
 RESUME_WITHIN_S = 600.0
 """A live run goes on from its checkpoint if that is at most so old: the cycles since then are computed without reports."""
+
+MOST_MERGED = 10
+"""Cycles that are merged in the next one at most: a filter that is asked for too long a span predicts too far."""
 
 
 class Live(Protocol):
@@ -49,6 +53,14 @@ class Live(Protocol):
         """
         ...
 
+    def begun(self, run_id: int, point: Point) -> None:
+        """The run has its number. Args: point: from which it goes on."""
+        ...
+
+    def behind(self, until_s: float) -> int:
+        """How many periods later than a cycle that ends at an instant another one could be computed already. 0: it is in time."""
+        ...
+
     def wait(self, until_s: float) -> bool:
         """Wait until all reports up to an instant have come. Returns: False: `stop` was set before."""
         ...
@@ -61,8 +73,10 @@ class Live(Protocol):
         """What is stored of this cycle for other centres."""
         ...
 
-    def written(self, run_id: int, number: int, passed: store.ForCentres) -> None:
-        """A cycle is in the database. It is called in the thread that writes."""
+    def writer(
+        self, run_id: int, watch: Stopwatch, write: Callable[[CycleRecord], Written]
+    ) -> AbstractContextManager[CycleWriter]:
+        """What takes the cycles to be stored."""
         ...
 
 
@@ -141,9 +155,11 @@ def run_scenario(
                 recording, plan = live.begin(scenario, sensors, seed, _positions(opened, before))
                 plan, resume = _live_plan(opened, before, plan)
             run_id, point = _begin(opened, scenario, sensors, recording, plan, seed, processors(count), resume)
+            if live is not None:
+                live.begun(run_id, point)
             with _interrupt_as_flag() if live is None else nullcontext(live.stop) as interrupted:
                 try:
-                    with Writer[store.Written](watch, scenario.store.overlap and opened.shared, BEHIND) as writer:
+                    with _cycle_writer(live, opened, scenario, run_id, watch) as writer:
                         parts = (
                             scenario,
                             sensors,
@@ -200,7 +216,7 @@ class _Run:
     run_id: int
     workers: Workers
     watch: Stopwatch
-    writer: Writer[store.Written]
+    writer: CycleWriter
     interrupted: threading.Event
     live: Live | None
     pace: Pace
@@ -290,10 +306,11 @@ def _run_cycles(run: _Run, point: Point, report: Progress, on_cycle: OnCycle | N
     """
     vessels, most, stopped = 0, (0, run.plan.start_s), run.interrupted.is_set()
     while point.cycle < run.plan.cycles and not stopped:
-        if run.live is not None and not run.live.wait(run.plan.instant_s(point.cycle)):
+        number = _next_cycle(run, point)
+        if run.live is not None and not run.live.wait(run.plan.instant_s(number)):
             _save(run, point)
             break
-        point, cycle, warning, stopped = _run_cycle(run, point)
+        point, cycle, warning, stopped = _run_cycle(run, point, number)
         vessels = len(cycle.picture)
         most = max(most, (vessels, cycle.time_s), key=lambda found: found[0])
         if on_cycle is not None:
@@ -303,16 +320,24 @@ def _run_cycles(run: _Run, point: Point, report: Progress, on_cycle: OnCycle | N
     return point, vessels, most
 
 
-def _run_cycle(run: _Run, point: Point) -> tuple[Point, Cycle, str | None, bool]:
-    """One cycle: reports, pipeline, scores, store.
+def _next_cycle(run: _Run, point: Point) -> int:
+    """The number of the next cycle: a later one where a live run is behind, so that the picture is of now. Cycles before it are merged."""
+    if run.live is None or point.cycle == 0:
+        return point.cycle
+    merged = min(run.live.behind(run.plan.instant_s(point.cycle)), MOST_MERGED, run.plan.cycles - 1 - point.cycle)
+    return point.cycle + merged
+
+
+def _run_cycle(run: _Run, point: Point, number: int) -> tuple[Point, Cycle, str | None, bool]:
+    """One cycle: reports, pipeline, scores, store. Args: number: of the cycle; those from the point's to this one are merged in it.
 
     Returns: the point after it, its yield, a warning of the store, and whether it is the last because of an interrupt.
     """
-    scenario, plan, number = run.scenario, run.plan, point.cycle
+    scenario, plan = run.scenario, run.plan
     if number == 0:
         reports = run.recording.of_first_cycle(plan.start_s, plan.instant_s(0))
     else:
-        reports = run.recording.reports.between(plan.instant_s(number - 1), plan.instant_s(number))
+        reports = run.recording.reports.between(plan.instant_s(point.cycle - 1), plan.instant_s(number))
     spots, regions = run.workers.spots, run.workers.regions
     given = scenario, run.sensors, point.memory, reports, plan.instant_s(number), spots, run.watch, regions
     memory, cycle = pipeline.step(*given, zones=None if run.zones is None else run.zones.now())
@@ -330,31 +355,51 @@ def _run_cycle(run: _Run, point: Point) -> tuple[Point, Cycle, str | None, bool]
             begun_s = time.perf_counter()
             blob = checkpoint.save(replace(after, memory=pipeline.gathered(memory, regions)))
             run.pace.note(number, len(blob), time.perf_counter() - begun_s)
-    passed = store.ForCentres() if run.live is None else run.live.for_centres(run.run_id, number, cycle)
-    before = run.writer.wait()
-    last = after.cycle == plan.cycles or stopped
-    of_cycle = run.run_id, number, cycle.to_write(), reports, run.watch.so_far(), scenario.store, blob
-    write = partial(store.write_cycle, run.store, *of_cycle, last=last, for_centres=passed)
-    run.writer.start(write if run.live is None else partial(_written, write, run.live, run.run_id, number, passed))
+    for_centres = store.ForCentres() if run.live is None else run.live.for_centres(run.run_id, number, cycle)
+    warning = run.writer.wait_for_room()
+    record = CycleRecord(
+        number,
+        cycle.to_write(),
+        reports,
+        run.watch.so_far(),
+        blob,
+        last=after.cycle == plan.cycles or stopped,
+        for_centres=for_centres,
+        merged=_merged(plan, point.cycle, number, cycle, reports),
+    )
+    run.writer.put(record)
     run.watch.lap()
-    return after, cycle, before.warning if before else None, stopped
+    return after, cycle, warning, stopped
+
+
+def _merged(plan: Plan, first: int, number: int, cycle: Cycle, reports: Reports) -> tuple[SkippedCycle, ...]:
+    """The cycles that are merged in one. They count what it has."""
+    if first == number:
+        return ()
+    counts = store.cycle_counts(cycle, reports)
+    return tuple(SkippedCycle(one, plan.instant_s(one), "merged", counts) for one in range(first, number))
 
 
 def _save(run: _Run, point: Point) -> None:
     """Write a checkpoint of a run that ends while it waits for the reports of its next cycle, unless its last cycle has one."""
     if point.cycle and run.pace.newest != point.cycle - 1:
         blob = checkpoint.save(replace(point, memory=pipeline.gathered(point.memory, run.workers.regions)))
-        run.writer.wait()
-        run.writer.start(partial(store.write_checkpoint, run.store, run.run_id, point.cycle - 1, blob))
+        run.writer.later(partial(store.write_checkpoint, run.store, run.run_id, point.cycle - 1, blob))
 
 
-def _written(
-    write: Callable[[], store.Written], live: Live, run_id: int, number: int, passed: store.ForCentres
-) -> store.Written:
-    """Write a cycle, then say so: other centres get nothing that is not stored."""
-    done = write()
-    live.written(run_id, number, passed)
-    return done
+@contextmanager
+def _cycle_writer(live: Live | None, opened: Any, scenario: Scenario, run_id: int, watch: Stopwatch) -> Iterator[CycleWriter]:
+    """What takes the cycles of a run to be stored."""
+
+    def write(record: CycleRecord) -> Written:
+        return record.write(opened, run_id, scenario.store)
+
+    if live is not None:
+        with live.writer(run_id, watch, write) as writer:
+            yield writer
+        return
+    with Writer[Written](watch, scenario.store.overlap and opened.shared, BEHIND) as jobs:
+        yield BatchWriter(jobs, write)
 
 
 @contextmanager

@@ -6,14 +6,36 @@ import time
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Any, Generic, Self, TypeVar
+from typing import Any, Generic, Protocol, Self, TypeVar
 
 from coastwatch.server.timing import Stopwatch
+from coastwatch.store import CycleRecord, Written
 
 T = TypeVar("T")
 STAGE, WAIT = "store", "store_wait"
 BEHIND = 2
 """Cycles that may be unwritten while the next one is computed: the large pictures come every few cycles and take longer than one."""
+
+
+class CycleWriter(Protocol):
+    """Takes cycles to be stored, in order."""
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether all cycles are stored."""
+        ...
+
+    def wait_for_room(self) -> str | None:
+        """Wait until a cycle can be put. Returns: a warning of the store for the operator."""
+        ...
+
+    def put(self, record: CycleRecord) -> None:
+        """Have a cycle stored."""
+        ...
+
+    def later(self, job: Callable[[], Any]) -> Any:
+        """Have a job run once all cycles until now are stored."""
+        ...
 
 
 class Writer(Generic[T]):
@@ -78,3 +100,29 @@ class Writer(Generic[T]):
         made = job()
         self._failed = False
         return made, time.perf_counter() - started
+
+
+class BatchWriter:
+    """The writer of a run that is not live: the run waits for the database, and ends with its error."""
+
+    def __init__(self, jobs: Writer[Written], write: Callable[[CycleRecord], Written]) -> None:
+        self._jobs, self._write = jobs, write
+
+    @property
+    def is_idle(self) -> bool:
+        """As of `CycleWriter`."""
+        return self._jobs.is_idle
+
+    def wait_for_room(self) -> str | None:
+        """As of `CycleWriter`. Raises: StoreError: of an earlier cycle."""
+        before = self._jobs.wait()
+        return None if before is None else before.warning
+
+    def put(self, record: CycleRecord) -> None:
+        """As of `CycleWriter`."""
+        self._jobs.start(lambda: self._write(record))
+
+    def later(self, job: Callable[[], Any]) -> None:
+        """As of `CycleWriter`. Raises: StoreError: of an earlier cycle."""
+        self._jobs.wait()
+        self._jobs.start(job)

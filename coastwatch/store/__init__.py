@@ -1,13 +1,20 @@
 """Where the picture is kept. README.md shows the way; `schema/tables.py` has every table."""
 
+from coastwatch.store.acknowledgements import Acknowledgement as Acknowledgement
+from coastwatch.store.acknowledgements import AlarmKey as AlarmKey
+from coastwatch.store.acknowledgements import Beginnings as Beginnings
 from coastwatch.store.acknowledgements import acknowledge as acknowledge
 from coastwatch.store.acknowledgements import acknowledge_all as acknowledge_all
-from coastwatch.store.acknowledgements import acknowledgements as acknowledgements
 from coastwatch.store.audit import Change as Change
 from coastwatch.store.audit import changes as changes
 from coastwatch.store.audit import note_change as note_change
 from coastwatch.store.prune import Pruned as Pruned
 from coastwatch.store.prune import prune as prune
+from coastwatch.store.read.alarms import Asked as Asked
+from coastwatch.store.read.alarms import Cursor as Cursor
+from coastwatch.store.read.alarms import alarms as alarms
+from coastwatch.store.read.alarms import alarms_before as alarms_before
+from coastwatch.store.read.alarms import changed_alarms as changed_alarms
 from coastwatch.store.read.history_queries import encounters as encounters
 from coastwatch.store.read.history_queries import history as history
 from coastwatch.store.read.history_queries import traffic as traffic
@@ -59,7 +66,10 @@ from coastwatch.store.write.recording import Recorded as Recorded
 from coastwatch.store.write.recording import discard_recording_before as discard_recording_before
 from coastwatch.store.write.recording import recorded_at as recorded_at
 from coastwatch.store.write.recording import replay as replay
+from coastwatch.store.write.write_cycle import CycleRecord as CycleRecord
+from coastwatch.store.write.write_cycle import SkippedCycle as SkippedCycle
 from coastwatch.store.write.write_cycle import Written as Written
+from coastwatch.store.write.write_cycle import cycle_counts as cycle_counts
 from coastwatch.store.write.write_cycle import write_checkpoint as write_checkpoint
 from coastwatch.store.write.write_cycle import write_cycle as write_cycle
 from coastwatch.store.zones import StoredZone as StoredZone

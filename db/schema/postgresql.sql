@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/schema/tables.py, schema 0022, by `make docs`.
+-- Generated from coastwatch/store/schema/tables.py, schema 0023, by `make docs`.
 
 CREATE TABLE audit (
 	id BIGSERIAL NOT NULL,
@@ -87,6 +87,8 @@ CREATE TABLE acknowledgement (
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
 
+CREATE INDEX acknowledgement_time ON acknowledgement (run_id, acknowledged_s);
+
 CREATE TABLE ais_feed (
 	run_id BIGINT NOT NULL,
 	number BIGINT NOT NULL,
@@ -157,6 +159,7 @@ CREATE TABLE cycle (
 	history_points BIGINT NOT NULL,
 	associations_kept BOOLEAN NOT NULL,
 	recorded BOOLEAN DEFAULT false NOT NULL,
+	skipped VARCHAR(16),
 	PRIMARY KEY (run_id, number),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
@@ -177,6 +180,7 @@ CREATE TABLE event (
 	sog_kn FLOAT(53),
 	mmsi BIGINT,
 	evidence TEXT NOT NULL,
+	unacknowledged BOOLEAN DEFAULT false NOT NULL,
 	PRIMARY KEY (run_id, vessel_id, kind, subject, from_cycle),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
@@ -184,6 +188,8 @@ CREATE TABLE event (
 CREATE INDEX event_start ON event (run_id, start_s);
 
 CREATE INDEX event_to ON event (run_id, to_cycle);
+
+CREATE INDEX event_unacknowledged ON event (run_id, start_s) WHERE unacknowledged;
 
 CREATE TABLE event_gap (
 	run_id BIGINT NOT NULL,

@@ -1,4 +1,4 @@
--- Generated from coastwatch/store/schema/tables.py, schema 0022, by `make docs`.
+-- Generated from coastwatch/store/schema/tables.py, schema 0023, by `make docs`.
 
 CREATE TABLE audit (
 	id INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
@@ -88,6 +88,8 @@ CREATE TABLE acknowledgement (
 )
  WITHOUT ROWID;
 
+CREATE INDEX acknowledgement_time ON acknowledgement (run_id, acknowledged_s);
+
 CREATE TABLE ais_feed (
 	run_id INTEGER NOT NULL,
 	number INTEGER NOT NULL,
@@ -161,6 +163,7 @@ CREATE TABLE cycle (
 	history_points INTEGER NOT NULL,
 	associations_kept BOOLEAN NOT NULL,
 	recorded BOOLEAN DEFAULT 0 NOT NULL,
+	skipped VARCHAR(16),
 	PRIMARY KEY (run_id, number),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 );
@@ -181,6 +184,7 @@ CREATE TABLE event (
 	sog_kn FLOAT,
 	mmsi INTEGER,
 	evidence TEXT NOT NULL,
+	unacknowledged BOOLEAN DEFAULT 0 NOT NULL,
 	PRIMARY KEY (run_id, vessel_id, kind, subject, from_cycle),
 	FOREIGN KEY(run_id) REFERENCES run (id)
 )
@@ -189,6 +193,8 @@ CREATE TABLE event (
 CREATE INDEX event_start ON event (run_id, start_s);
 
 CREATE INDEX event_to ON event (run_id, to_cycle);
+
+CREATE INDEX event_unacknowledged ON event (run_id, start_s) WHERE unacknowledged;
 
 CREATE TABLE event_gap (
 	run_id INTEGER NOT NULL,

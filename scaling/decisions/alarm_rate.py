@@ -18,14 +18,29 @@ from typing import NamedTuple
 import numpy as np
 
 from coastwatch import pipeline
-from coastwatch.alarms import AlarmRules, numbered
-from coastwatch.batches import NO_ALARMS, AisReports, Flag, Members, Picture, RadarCover, Reports, Sensors, VesselAlarms
+from coastwatch.alarms import AlarmRules, EventMemory, Evidence, expected_sensors, next_events, numbered
+from coastwatch.alarms.events import KINDS
+from coastwatch.batches import (
+    AisReports,
+    BearingAssociations,
+    BearingTracks,
+    EventChanges,
+    Flag,
+    Members,
+    Picture,
+    RadarCover,
+    Reports,
+    Sensors,
+    Tracks,
+    VesselAlarms,
+)
+from coastwatch.batches.events import EVENT_KINDS, IS_ALARM
 from coastwatch.operators.cli.arguments import names, pair
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.scores.dark import SILENT_FOR_S
 from coastwatch.stage import serial
-from coastwatch.store.write.events import BITS, KINDS, Events, extend
 
+NONE = np.zeros(0, np.int64)
 DARK = int(Flag.DARK).bit_length() - 1
 """Bit of the flag."""
 
@@ -56,42 +71,50 @@ def pictures_of(scenario: Scenario, sensors: Sensors, reports: Reports) -> list[
     return out
 
 
+def events_after(
+    scenario: Scenario, sensors: Sensors, memory: EventMemory, picture: Picture, alarms: VesselAlarms, time_s: float
+) -> tuple[EventMemory, EventChanges]:
+    """The events after a cycle, without the tracks in their evidence."""
+    none = Tracks.empty(), Members.empty(), BearingTracks.empty(), BearingAssociations(NONE, NONE, np.zeros(0), np.zeros(0))
+    expected = expected_sensors(
+        sensors, scenario.picture.cover_margin, scenario.picture.dark_after_s, scenario.picture.unseen_after_s
+    )
+    evidence = Evidence(*none, sensors.source_names, *expected, np.full(len(picture), -np.inf))
+    return next_events(memory, picture, alarms, time_s, scenario.store.event_gap_s, evidence)
+
+
 def rate(scenario: Scenario, rules: AlarmRules, sensors: Sensors, made: list[Made]) -> str:
     """One line of figures."""
-    none = np.zeros(0, np.int64)
-    memory, events, before_s = rules.init(), Events(none, none, none, none, np.zeros(0)), -np.inf
-    count, most, spent_s, zones = dict.fromkeys(KINDS.values(), 0), 0, [], numbered(scenario.zones)
-    silent = [number for number, kind in KINDS.items() if kind in NO_ALARMS]
-    for number, (now_s, picture, members, cover) in enumerate(made):
+    memory, events = rules.init(), EventMemory.none()
+    count, most, spent_s, zones = dict.fromkeys(EVENT_KINDS.values(), 0), 0, [], numbered(scenario.zones)
+    for now_s, picture, members, cover in made:
         begun = time.process_time()
         memory, alarms = rules.step(memory, picture, members, now_s, sensors, zones, cover)
         spent_s.append(time.process_time() - begun)
-        events, changes = extend(events, number, now_s, before_s, picture, alarms, scenario.store.event_gap_s)
-        for kind in (changes.begun % BITS).tolist():
-            count[KINDS[kind]] += 1
-        lasting = events.take((events.to_cycle < 0) & ~np.isin(events.key % BITS, silent))
-        most, before_s = max(most, len(lasting.key)), now_s
+        events, changes = events_after(scenario, sensors, events, picture, alarms, now_s)
+        for kind in changes.begun.kind[IS_ALARM[changes.begun.kind]].tolist():
+            count[EVENT_KINDS[kind]] += 1
+        last = int((np.isnan(events.end_s) & IS_ALARM[events.key % KINDS]).sum())
+        most = max(most, last)
     hours = (made[-1].time_s - made[0].time_s) / 3600.0
-    rates = {kind: found / hours for kind, found in count.items() if found and kind not in NO_ALARMS}
+    rates = {kind: found / hours for kind, found in count.items() if found}
     said = ", ".join(f"{kind} {value:.1f}" for kind, value in rates.items())
     return (
         f"{hours:.2f} h, {np.mean([len(cycle.picture) for cycle in made]):.0f} vessels: {sum(rates.values()):.1f} alarms an hour: "
-        f"{said}; {len(lasting.key)} last at the end, {most} at most; {1e3 * np.median(spent_s):.2f} ms a cycle"
+        f"{said}; {last} last at the end, {most} at most; {1e3 * np.median(spent_s):.2f} ms a cycle"
     )
 
 
 def dark_alarms(scenario: Scenario, ais: AisReports, made: list[Made]) -> str:
     """The dark alarms by the AIS of their true vessels."""
-    none = np.zeros(0, np.int64)
-    events, before_s = Events(none, none, none, none, np.zeros(0)), -np.inf
+    sensors, events = scenario.sensors(), EventMemory.none()
     said = "that never sends AIS", "that never sends again", "silent for 60 s then", "that is not silent"
     count = dict.fromkeys((*(f"a vessel {one}" for one in said), "no true vessel"), 0)
     never, silent, paused, wrong, no_vessel = count
-    for number, (now_s, picture, *_) in enumerate(made):
-        events, changes = extend(events, number, now_s, before_s, picture, VesselAlarms.empty(), scenario.store.event_gap_s)
-        before_s = now_s
-        vessel_id, bit = np.divmod(changes.begun, BITS)
-        for origin in picture.origin[np.searchsorted(picture.vessel_id, vessel_id[bit == DARK])].tolist():
+    for now_s, picture, *_ in made:
+        events, changes = events_after(scenario, sensors, events, picture, VesselAlarms.empty(), now_s)
+        dark = changes.begun.vessel_id[changes.begun.kind == DARK]
+        for origin in picture.origin[np.searchsorted(picture.vessel_id, dark)].tolist():
             sent_s = ais.received_s[ais.origin == origin]
             heard, later = (sent_s > now_s - SILENT_FOR_S) & (sent_s <= now_s), sent_s > now_s
             kind = wrong if heard.any() else never if not len(sent_s) else paused if later.any() else silent

@@ -2,8 +2,8 @@
 
     python -m scaling.decisions.event_cycle [VESSELS [CYCLES]]
 
-One vessel in twenty has a flag, and of a thousand vessels one changes a flag in each cycle. Processor time of `events.extend` and
-of `events.write_events` into SQLite, medians.
+One vessel in twenty has a flag, and of a thousand vessels one changes a flag in each cycle. Processor time of `alarms.next_events`,
+which writes evidence too, and of `events.write_events` into SQLite, medians.
 """
 
 from __future__ import annotations
@@ -17,15 +17,27 @@ from time import process_time
 import numpy as np
 
 from coastwatch import store
-from coastwatch.batches import Flag, Ints, Picture, Tracks, VesselAlarms
+from coastwatch.alarms import EventMemory, Evidence, expected_sensors, next_events
+from coastwatch.batches import (
+    BearingAssociations,
+    BearingTracks,
+    Flag,
+    Ints,
+    Members,
+    Picture,
+    Tracks,
+    VesselAlarms,
+)
 from coastwatch.operators.cli.arguments import count
 from coastwatch.scenario import load_scenario
 from coastwatch.store.schema.database import writing
-from coastwatch.store.write.events import Events, Why, extend, write_events
+from coastwatch.store.write.events import write_events
+from coastwatch.store.write.timeline import Timeline
 
 WARM = 2  # cycles: in the first all flags begin
 FLAGGED, CHANGING = 0.05, 0.001
 GAP_S = 60.0
+NONE = np.zeros(0, np.int64)
 RADAR, AIS = 0, 1  # sources of the tracks of each vessel
 
 
@@ -61,9 +73,10 @@ def main() -> None:
     sensors, plan = scenario.sensors(), scenario.plan()
     names = sensors.source_names
     flags = np.where(rng.random(vessels) < FLAGGED, rng.choice(kinds, vessels), 0)
-    members = np.stack([np.repeat(np.arange(1, vessels + 1), 2), np.tile([RADAR, AIS], vessels), np.arange(2 * vessels)], 1)
-    none, no_alarms = np.zeros(0, np.int64), VesselAlarms.empty()
-    events, ms, rows = Events(none, none, none, none, np.zeros(0)), [], 0
+    members = Members(np.repeat(np.arange(1, vessels + 1), 2), np.arange(2 * vessels), np.tile([RADAR, AIS], vessels))
+    no_bearings = BearingTracks.empty(), BearingAssociations(NONE, NONE, np.zeros(0), np.zeros(0))
+    expected, heard_s = expected_sensors(sensors, 0.95, 60.0, 60.0), np.full(vessels, -np.inf)
+    memory, ms, rows = EventMemory.none(), [], 0
     with tempfile.TemporaryDirectory() as folder, store.open_store(f"sqlite:///{Path(folder) / 'events.db'}") as opened:
         run = store.begin_run(opened, scenario="events", title="", seed=1, version="", settings={}, sensors=sensors, plan=plan)
         for number in range(cycles):
@@ -72,15 +85,16 @@ def main() -> None:
             time_s = plan.instant_s(number)
             picture = picture_of(flags, time_s)
             tracks = tracks_of(picture)
+            evidence = Evidence(tracks, members, *no_bearings, names, *expected, heard_s)
             begun = process_time()
-            events, changes = extend(events, number, time_s, time_s - plan.period_s, picture, no_alarms, GAP_S)
+            memory, changes = next_events(memory, picture, VesselAlarms.empty(), time_s, GAP_S, evidence)
             extended = process_time()
             with writing(opened) as connection:
-                rows += write_events(connection, run, changes, picture, no_alarms, members, names, tracks, why=Why.nothing())
+                rows += write_events(connection, run, number, changes, Timeline(plan.start_s, plan.period_s))
             ms.append((1e3 * (extended - begun), 1e3 * (process_time() - extended)))
     follow, write = (statistics.median(column) for column in zip(*ms[WARM:], strict=True))
     print(f"{vessels} vessels, {np.count_nonzero(flags)} with a flag, {rows} rows in {cycles} cycles")
-    print(f"processor time a cycle: extend {follow:.1f} ms, write_events {write:.1f} ms; first cycle {sum(ms[0]):.0f} ms")
+    print(f"processor time a cycle: next_events {follow:.1f} ms, write_events {write:.1f} ms; first cycle {sum(ms[0]):.0f} ms")
 
 
 if __name__ == "__main__":

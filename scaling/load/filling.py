@@ -70,7 +70,7 @@ def fill(url: str, points: int, vessels: int, seed: int, say: Callable[[str], No
                     time_s, picture = next(pictures)
                     held, added = history_rule.extend(held, bound, number, time_s, time_s - world.period_s, picture)
                     connection.execute(insert_one(CYCLE), [_cycle(run_id, number, time_s, len(picture), added)])
-                    write_history(connection, run_id, number, added)
+                    write_history(connection, run_id, number - 1, number, added)
                     written, number = written + added.points, number + 1
             if number % (10 * TOGETHER) == 0:
                 say(f"{number} cycles, {written / 1e6:.1f} M points, {written / number:.0f} a cycle")

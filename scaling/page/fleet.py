@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +19,9 @@ from coastwatch.operators.api.guard import Guard
 from coastwatch.operators.api.service import Service
 from coastwatch.operators.api.wire import ahead
 from coastwatch.operators.cli.serving import bound, server_of
+from coastwatch.server.alarm_book import AlarmBook
 from coastwatch.server.live_picture import OWN, LivePicture
+from coastwatch.server.troubles import Trouble
 from coastwatch.stage import Plan
 from coastwatch.store import Table, begin_run, open_store
 
@@ -92,7 +95,10 @@ class Fleet:
 class Simulated:
     """The source of the pictures, as `Service` asks for it."""
 
-    live = True
+    live, failed = True, False
+
+    def __init__(self) -> None:
+        self.alarms = AlarmBook()
 
     def error(self) -> None:
         return None
@@ -105,6 +111,20 @@ class Simulated:
 
     def counts(self) -> dict[str, float]:
         return {}
+
+    def troubles(self) -> list[Trouble]:
+        return []
+
+    def now_s(self) -> float:
+        return time.time()
+
+    def about(self) -> None:
+        return None
+
+    def later(self, job: Callable[[], Any]) -> Future[Any]:
+        made: Future[Any] = Future()
+        made.set_result(job())
+        return made
 
 
 @contextmanager

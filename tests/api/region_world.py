@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import store_world
@@ -21,6 +20,7 @@ from coastwatch.server.regions.scenario import of_centre
 from coastwatch.store import ForCentres, Store
 from coastwatch.store.schema.database import writing
 from coastwatch.store.write.journal import write_for_centres
+from scaling.page.fleet import Simulated
 
 START_S, PERIOD_S, VESSELS = 1_750_000_000.0, 3.0, 8
 START_UTC = "2025-06-15T15:06:40Z"
@@ -41,7 +41,7 @@ class Region:
 
     def __init__(self, opened: Store) -> None:
         self.service = Service(opened, publisher=Publisher(opened))
-        self.service.source = _NoSource()
+        self.service.source = Simulated()
         self._store, self._run, self.cycles = opened, store_world.begin(opened), 0
 
     def write(self, cycles: int) -> None:
@@ -56,22 +56,6 @@ class Region:
                 write_for_centres(connection, self._run, number, time_s, ForCentres(message), 600)
             publisher.written(self._run, number, message)
         self.cycles += cycles
-
-
-class _NoSource:
-    live = True
-
-    def error(self) -> str | None:
-        return None
-
-    def feeds(self) -> list[dict[str, Any]]:
-        return []
-
-    def cycle_s(self) -> float | None:
-        return None
-
-    def counts(self) -> dict[str, float]:
-        return {}
 
 
 def centre_scenario() -> Scenario:

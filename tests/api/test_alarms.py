@@ -28,12 +28,13 @@ def raise_alarm(served: Served, number: int, vessel_id: int | None) -> None:
 
 
 def events(answer: httpx.Response) -> Iterator[dict[str, Any]]:
-    """The events of a stream, with their ids."""
+    """The alarms of a stream, with their ids."""
     fields: dict[str, str] = {}
     for line in answer.iter_lines():
         key, _, value = line.partition(": ")
-        if not line and "data" in fields:
+        if not line and fields.get("event") == "alarm":
             yield {**json.loads(fields["data"]), "id": fields["id"]}
+        if not line:
             fields = {}
         fields[key] = value
 
@@ -43,14 +44,15 @@ def test_an_acknowledgement_is_told_at_once_and_the_stream_ends_with_the_server(
 ) -> None:
     raise_alarm(changing, 3, 4)
     wait_for(lambda: changing.service.picture().cycle == 3)
-    monkeypatch.setattr(alarm_stream, "LOOK_S", 60.0)  # nothing is found by looking again
+    wait_for(lambda: len(changing.service.book.alarms()) == 1)
+    monkeypatch.setattr(alarm_stream, "STOP_S", 60.0)  # nothing is found by looking again
     with httpx.Client(timeout=20.0) as client, ExitStack() as opened:
         with listening(changing.service) as address:
             path = f"http://{address}/api/v1/alarms"
             seen = events(opened.enter_context(client.stream("GET", f"{path}/stream")))
             alarm = next(seen)
             time.sleep(0.2)  # now it waits
-            monkeypatch.setattr(alarm_stream, "LOOK_S", 0.05)  # of the next wait
+            monkeypatch.setattr(alarm_stream, "STOP_S", 0.05)  # of the next wait
             httpx.post(f"{path}/{alarm['alarm_id']}/acknowledge", json={"name": "Ana"}).raise_for_status()
             assert next(seen)["acknowledged_by"] == "Ana"
         assert list(seen) == []  # a stream that is cut off is an error

@@ -25,6 +25,7 @@ from coastwatch.operators.cli import make_parser
 from coastwatch.scenario import load_scenario
 from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.live_input import LiveInput
+from coastwatch.server.troubles import Trouble
 
 OPS = Path(__file__).parents[2] / "ops"
 RAY = OPS / "ray"
@@ -59,7 +60,7 @@ def metrics() -> tuple[str, set[str]]:
     found = Metrics()
     with LiveInput([parsed("ais+udp://127.0.0.1:0")], load_scenario("guanabara").sensors()) as live:
         counts = dict.fromkeys(OF_RUN, 1.0)
-        found.ask(lambda: (True, counts, live.feeds()))
+        found.ask(lambda: (True, counts, live.feeds(), [Trouble("store", "", None, "away", False)]))
         found.webhooks.labels("a hook", "failed")
         text = found.text().decode()
     kinds = {"counter": ("_total",), "histogram": ("_bucket", "_count", "_sum"), "gauge": ("",)}

@@ -20,7 +20,7 @@ from coastwatch.server.run import run_scenario
 from coastwatch.store import Rows, Store, StoreError
 from coastwatch.store.schema.migrate import check
 
-PAGES = 60  # of 16 kB: room for a few cycles and the checkpoint
+PAGES = 66  # of 16 kB: room for a few cycles and the checkpoint
 
 
 @pytest.fixture(scope="module")

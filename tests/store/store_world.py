@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from coastwatch.alarms import EventMemory, Evidence, expected_sensors, next_events
 from coastwatch.batches import (
     CLASSES,
     COVER_AZIMUTHS,
@@ -17,6 +19,7 @@ from coastwatch.batches import (
     BearingAssociations,
     BearingReports,
     BearingTracks,
+    EventChanges,
     FusedTracks,
     Members,
     Octants,
@@ -193,6 +196,28 @@ def reports_of(number: int, vessels: int) -> Reports:
 SECONDS = {"plots": 0.001, "tracks": 0.004, "spots": 0.0005, "picture": 0.002, "scores": 0.1}
 
 
+MEMORIES: dict[tuple[str, int], dict[int, EventMemory]] = {}
+"""Of each database and run, the memory of events before each cycle, as a checkpoint has it."""
+
+
+def with_events(store: Store, run_id: int, number: int, cycle: Cycle, gap_s: float) -> Cycle:
+    """The cycle with what it changes in the events, as the pipeline yields it."""
+    memories = MEMORIES.setdefault((store.where, run_id), {})
+    memories[number + 1], events = events_of(memories.get(number, EventMemory.none()), cycle, gap_s)
+    return replace(cycle, events=events)
+
+
+def events_of(
+    memory: EventMemory, cycle: Cycle, gap_s: float, heard_s: np.ndarray | None = None, margin: float = 0.95
+) -> tuple[EventMemory, EventChanges]:
+    """The memory of events after a cycle, and what it changes. Args: heard_s: (V,) newest AIS report of each vessel."""
+    never = np.full(len(cycle.picture), -np.inf) if heard_s is None else heard_s
+    of_cycle = cycle.tracks, cycle.members, cycle.bearing_tracks, cycle.bearing_associations
+    names = (*REGIONS, "ais", "mouth")
+    evidence = Evidence(*of_cycle, names, *expected_sensors(sensors(), margin, 60.0, 45.0), never)
+    return next_events(memory, cycle.picture, cycle.vessel_alarms, cycle.time_s, gap_s, evidence)
+
+
 def write(store: Store, run_id: int, number: int, vessels: int = 30, **more: Any) -> Cycle:
     """Write one cycle of this sea and return it."""
     cycle = more.pop("cycle", None) or cycle_of(number, vessels)
@@ -203,7 +228,12 @@ def write(store: Store, run_id: int, number: int, vessels: int = 30, **more: Any
 def write_and_say(store: Store, run_id: int, number: int, vessels: int = 30, **more: Any) -> Written:
     """Write one cycle of this sea and return what the store says of it."""
     cycle = more.pop("cycle", None) or cycle_of(number, vessels)
+    if not len(cycle.events):
+        cycle = with_events(store, run_id, number, cycle, more.get("keep", KEEP).event_gap_s)
     given = {"keep": KEEP, "checkpoint": b"memory %d" % number, "reports": reports_of(number, vessels), "last": False, **more}
     kept = given["keep"], given["checkpoint"]
+    skipped = {"skipped": given["skipped"]} if "skipped" in given else {}
     used = ForCentres(intake=[Intake("north", "a run of the region", number, number, 0)])
-    return write_cycle(store, run_id, number, cycle, given["reports"], SECONDS, *kept, last=given["last"], for_centres=used)
+    return write_cycle(
+        store, run_id, number, cycle, given["reports"], SECONDS, *kept, last=given["last"], for_centres=used, **skipped
+    )

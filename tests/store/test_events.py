@@ -12,6 +12,7 @@ import store_world as world
 from sqlalchemy import text
 
 from coastwatch import store as kept
+from coastwatch.alarms import EventMemory
 from coastwatch.batches import AlarmKind, Flag, Picture, VesselAlarms
 from coastwatch.scenario import StoreSettings
 from coastwatch.store import Store
@@ -213,11 +214,11 @@ def test_a_dark_vessel_says_when_it_was_last_heard_and_who_should_hear_it(url: s
     mmsi, time_s = np.array([-1, 710_000_002, 710_000_003, 710_000_004]), world.instant_s(0)
     made = replace(made, position_deg=far_deg, flags=flags, mmsi=mmsi)
     heard_s = np.array([-np.inf, time_s - 95.0, time_s - 1.0, -np.inf])
-    limits = {"dark_after_s": 60.0, "unseen_after_s": 45.0, "cover_margin": 0.95}
     with kept.open_store(url) as store:
-        run = world.begin(store, settings={"picture": limits})
-        cycle = replace(world.cycle_of(0, 0, made), ais_heard_s=heard_s)
-        world.write(store, run, 0, cycle=cycle)
+        run = world.begin(store)
+        cycle = world.cycle_of(0, 0, made)
+        _, events = world.events_of(EventMemory.none(), cycle, GAP_S, heard_s)
+        world.write(store, run, 0, cycle=replace(cycle, events=events))
         said = [text.split("; seen by")[0] for (text,) in stored(store, "SELECT evidence FROM event ORDER BY vessel_id")]
     assert said == [
         "never heard on AIS; in range of AIS station hill; limit 60 s",

@@ -16,19 +16,20 @@ from pydantic import BaseModel, ConfigDict, Field
 from coastwatch import store
 from coastwatch.batches import ALARM_KINDS, COVER_AZIMUTHS, COVER_RANGES, Flag, Ints
 from coastwatch.operators import export, stored
-from coastwatch.operators.api.service import Service
+from coastwatch.operators.api.service import ZONE_KINDS, Service
 from coastwatch.operators.api.wire import Encoder
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.cli.arguments import box, utc
 from coastwatch.operators.selection import selected
 from coastwatch.server.live_picture import KIND_OF_SOURCE, LivePicture, of_store
 from coastwatch.shipped import scenarios_folder
-from coastwatch.store import Rows, StoreError
+from coastwatch.store import Asked, Beginnings, Rows, StoreError
 from coastwatch.store.read.bbox import inside
 
 T = TypeVar("T")
 MOST_ROWS, MOST_IDS, MOST_FOUND, NEWEST_POINTS = 10_000, 200, 50, 500
 LARGEST_ID = 2**62
+ALL_KINDS = "alarms"
 MOST_ZONE = 10**9
 FORMATS = {
     "application/json": "json",
@@ -234,7 +235,7 @@ class ChosenAlarms(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     format: Form | None = None
-    state: Literal["all", "lasting", "unacknowledged"] = "all"
+    state: Literal["all", "lasting", "unacknowledged", "waiting"] = "all"  # waiting: lasting or not acknowledged
     kind: Text = None
     start: Annotated[str | None, Field(alias="from", max_length=40)] = None
     end: Annotated[str | None, Field(alias="to", max_length=40)] = None
@@ -244,15 +245,17 @@ class ChosenAlarms(BaseModel):
 
 @router.get("/alarms", responses=ROWS)
 def alarms(request: Request, service: In, form: As, chosen: Annotated[ChosenAlarms, Query()]) -> Response:
-    """The alarms, newest first: every flag but coasting and stationary, from when until when it was set. `Link` has the next page."""
-    instants = {"from_s": parsed(utc, "from", chosen.start), "to_s": parsed(utc, "to", chosen.end)}
-    rows = service.alarms({name: str(s) for name, s in instants.items() if s is not None}, chosen.kind, MOST_ROWS)
-    if chosen.state != "all":
-        column = rows.columns.index("end_utc" if chosen.state == "lasting" else "acknowledged_utc")
-        rows = Rows(rows.columns, [row for row in rows.rows if row[column] is None])
-    page = Rows(rows.columns, rows.rows[chosen.offset : chosen.offset + chosen.limit])
-    headers = _page(request, len(rows.rows), chosen.offset, chosen.limit)
-    return _answer(page, form, "alarms", {"total": len(rows.rows)}, headers)
+    """The alarms, the most urgent first, then the newest: distress, silent sensors, danger, others. `Link` has the next page.
+
+    An alarm is every flag but coasting and stationary, and every kind of `[alarms]`, from when until when it held.
+    """
+    if chosen.kind is not None and chosen.kind not in (ALL_KINDS, *ALARM_KINDS):
+        raise HTTPException(400, f"kind: got {chosen.kind!r}, needed one of {', '.join((ALL_KINDS, *ALARM_KINDS))}")
+    kinds = ALARM_KINDS if chosen.kind in (None, ALL_KINDS) else (str(chosen.kind),)
+    instants = parsed(utc, "from", chosen.start), parsed(utc, "to", chosen.end)
+    rows, total = service.alarms(Asked(chosen.state, kinds, *instants, limit=chosen.limit, offset=chosen.offset))
+    headers = _page(request, total, chosen.offset, chosen.limit)
+    return _answer(rows, form, "alarms", {"total": total}, headers)
 
 
 class Acknowledged(BaseModel):
@@ -279,7 +282,9 @@ def acknowledge_together(said: AcknowledgedTogether, request: Request, service: 
     if said.kind is not None and said.kind not in ALARM_KINDS:
         raise HTTPException(400, f"kind: got {said.kind!r}, needed one of {', '.join(ALARM_KINDS)}")
     began_s = parsed(utc, "from", said.start) or 0.0, parsed(utc, "to", said.end) or 0.0
-    return {"acknowledged": service.acknowledge_all(said.kind, said.zone, began_s, said.name, said.note, request.state.who)}
+    kinds = [each for each in ALARM_KINDS if said.kind in (None, each) and (said.zone is None or each in ZONE_KINDS)]
+    chosen = Beginnings(kinds, said.zone, *began_s)
+    return {"acknowledged": service.acknowledge_all(chosen, said.name, said.note, request.state.who)}
 
 
 @router.post("/alarms/{alarm_id}/acknowledge")

@@ -49,7 +49,7 @@ def application(service: Service, guard: Guard, web: Path = WEB) -> FastAPI:
     @asynccontextmanager
     async def life(_: FastAPI) -> AsyncIterator[None]:
         service.hub.open()
-        async with webhooks.sending(service.webhooks, alarms, service.metrics):
+        async with webhooks.sending(service.webhooks, alarms, service):
             yield
 
     app = FastAPI(

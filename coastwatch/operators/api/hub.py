@@ -103,7 +103,7 @@ class Hub:
 
     def __init__(self, metrics: Metrics) -> None:
         self.picture: LivePicture | None = None
-        self.run = 0
+        self.run = self.newest_seq = 0
         self.frames: deque[Frame] = deque(maxlen=RING + 1)
         self.viewers: set[Viewer] = set()
         self._metrics, self._encoder, self._of_run = metrics, Encoder(0), -1
@@ -138,7 +138,7 @@ class Hub:
         if self.frames:
             self.frames[-1] = self.frames[-1].past()
         self.frames.append(frame)
-        self._metrics.picture(picture)
+        self.newest_seq = frame.seq
         for viewer in self.viewers:
             viewer.wake.set()
 

@@ -6,22 +6,15 @@ import json
 import logging
 import sys
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
-from typing import Any, Protocol, Self
+from typing import Any, Self
+
+from coastwatch.operators.api.service import Service
+from coastwatch.server.troubles import Trouble
 
 LOG = logging.getLogger("coastwatch.serve")
 LOOK_S = 1.0
-
-
-class Source(Protocol):
-    """What is looked at: see `service.Source`."""
-
-    def error(self) -> str | None: ...
-
-    def feeds(self) -> list[dict[str, Any]]: ...
-
-    def counts(self) -> dict[str, float]: ...
 
 
 class _Lines(logging.Formatter):
@@ -64,14 +57,15 @@ def say(line: str, **fields: Any) -> None:
 
 
 class Watch:
-    """Logs what changes in a run and its feeds, looked at once a second. Use it in a `with` block."""
+    """Logs what changes in a server, looked at once a second. Use it in a `with` block."""
 
-    def __init__(self, source: Source) -> None:
-        self._source, self._stop = source, threading.Event()
+    def __init__(self, service: Service) -> None:
+        self._service, self._stop = service, threading.Event()
         self._error: str | None = None
         self._began = False  # pictures have come
         self._connected: dict[str, bool] = {}
-        self._troubles: set[tuple[str, str]] = set()  # of feeds, each said once
+        self._errors: dict[str, str] = {}  # the last one of each feed
+        self._troubles: set[tuple[str, str]] = set()  # kind and name of those of the last look
         self._late = 0.0
         self._thread = threading.Thread(target=self._watch, name="log", daemon=True)
 
@@ -87,26 +81,42 @@ class Watch:
 
     def _watch(self) -> None:
         while not self._stop.wait(LOOK_S):
-            self.look()
+            try:
+                self.look()
+            except Exception:  # of one look: the next one may succeed
+                LOG.exception("the server cannot be watched")
 
     def look(self) -> None:
         """Log what has changed since the last look."""
-        error = self._source.error()
+        source = self._service.source
+        error = source.error()
         if error != self._error:
             LOG.log(logging.WARNING if self._began and error else logging.INFO, error or "pictures come")
             self._error, self._began = error, self._began or error is None
-        for feed in self._source.feeds():
-            name, connected = str(feed["name"]), bool(feed["connected"])
-            if self._connected.get(name) not in (connected, None) or (connected and name not in self._connected):
-                level = logging.INFO if connected else logging.WARNING
-                LOG.log(level, "feed connected" if connected else "feed lost", extra={"fields": {"feed": name}})
-            self._connected[name] = connected
-            trouble = str(feed.get("error") or "")
-            if trouble and (name, trouble) not in self._troubles:
-                self._troubles.add((name, trouble))
-                LOG.warning(trouble, extra={"fields": {"feed": name}})
-        counts = self._source.counts()
+        for feed in source.feeds():
+            self._look_at_feed(feed)
+        self._look_at_troubles(self._service.troubles())
+        counts = source.counts()
         late = counts.get("cycles_late", 0.0)
         if late > self._late:
             LOG.warning("cycles late", extra={"fields": {"cycles_late": late, "late_s": round(counts.get("late_s", 0.0), 2)}})
         self._late = late
+
+    def _look_at_feed(self, feed: Mapping[str, Any]) -> None:
+        name, connected = str(feed["name"]), bool(feed["connected"])
+        if self._connected.get(name) not in (connected, None) or (connected and name not in self._connected):
+            level = logging.INFO if connected else logging.WARNING
+            LOG.log(level, "feed connected" if connected else "feed lost", extra={"fields": {"feed": name}})
+        self._connected[name] = connected
+        error = str(feed.get("error") or "")
+        if error and self._errors.get(name) != error:
+            self._errors[name] = error
+            LOG.warning(error, extra={"fields": {"feed": name}})
+
+    def _look_at_troubles(self, troubles: Sequence[Trouble]) -> None:
+        now = {(trouble.kind, trouble.name): trouble for trouble in troubles}
+        for key in now.keys() - self._troubles:
+            LOG.warning(now[key].text, extra={"fields": {"trouble": key[0], **({"name": key[1]} if key[1] else {})}})
+        for kind, name in self._troubles - now.keys():
+            LOG.info("trouble is over", extra={"fields": {"trouble": kind, **({"name": name} if name else {})}})
+        self._troubles = set(now)

@@ -19,15 +19,25 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metri
 
 from coastwatch.operators.api.wire import FULL
 from coastwatch.server.live_picture import LivePicture
+from coastwatch.server.troubles import Trouble
 
-Asked = Callable[[], tuple[bool, Mapping[str, float], Sequence[Mapping[str, Any]]]]
-"""Returns whether there is a picture and nothing is wrong, the counts of a live run, and its feeds."""
+Asked = Callable[[], tuple[bool, Mapping[str, float], Sequence[Mapping[str, Any]], Sequence[Trouble]]]
+"""Returns whether there is a picture of now, the counts of a live run, its feeds, and what is wrong."""
 
 OF_RUN = {
     "cycles": "Cycles computed",
     "cycles_late": "Cycles that were more than a period late",
     "late_s": "How long after it was due the last picture was ready",
+    "cycles_merged": "Cycles that were merged with the next one, because the run was behind",
+    "restarts": "How often the run failed and was begun again",
+    "store_waiting": "Cycles that wait for the database",
+    "store_skipped": "Cycles whose picture was not stored",
+    "store_failures": "Attempts to write to the database that failed",
+    "store_forgotten": "Events and changes by operators that could not be stored",
+    "alarms_forgotten": "Ended alarms that nobody acknowledged, and that are in the database alone",
+    "log_bytes": "Size of the write-ahead log of an SQLite database",
 }
+GAUGES = ("late_s", "store_waiting", "log_bytes")
 OF_FEED = ("bytes", "records", "refused", "late", "dropped", "connections")
 
 disable_created_metrics()  # type: ignore[no-untyped-call]  # a time for each counter that nobody asks for
@@ -55,8 +65,10 @@ class Metrics:
         self.cycle = Histogram(
             "coastwatch_cycle_seconds", "Time of a cycle", buckets=(0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0), **of
         )
-        self._time_s = 0.0
-        self.source: Asked = lambda: (False, {}, [])
+        self._newest: tuple[float, float] | None = (
+            None  # age of the newest picture when it came, and when by the monotonic clock
+        )
+        self.source: Asked = lambda: (False, {}, [], [])
         ProcessCollector(registry=self.registry)
         self.registry.register(_Asked(self))
 
@@ -66,12 +78,17 @@ class Metrics:
 
     @property
     def age_s(self) -> float:
-        """How old the picture is, s; 0 before the first one."""
-        return time.time() - self._time_s if self._time_s else 0.0
+        """How old the picture is, s; 0 before the first one. A step of the clock of this machine does not change it."""
+        return 0.0 if self._newest is None else self._newest[0] + self.waited_s
 
-    def picture(self, picture: LivePicture) -> None:
-        """Note a new picture."""
-        self._time_s = picture.time_s
+    @property
+    def waited_s(self) -> float:
+        """For how long no picture has come, s; 0 before the first one."""
+        return 0.0 if self._newest is None else time.monotonic() - self._newest[1]
+
+    def picture(self, picture: LivePicture, now_s: float) -> None:
+        """Note a new picture. Args: now_s: by the clock of its source."""
+        self._newest = now_s - picture.time_s, time.monotonic()
         self.vessels.set(len(picture))
         self.time.set(picture.time_s)
 
@@ -95,14 +112,18 @@ class _Asked:
 
     def collect(self) -> Iterator[Metric]:
         yield GaugeMetricFamily("coastwatch_picture_age_seconds", "Age of the picture", self._metrics.age_s)
-        ready, counts, feeds = self._metrics.source()
-        yield GaugeMetricFamily("coastwatch_ready", "1: there is a picture and nothing is wrong", float(ready))
+        ready, counts, feeds, troubles = self._metrics.source()
+        yield GaugeMetricFamily("coastwatch_ready", "1: there is a picture of now", float(ready))
         for name, said in OF_RUN.items():
             if name in counts:
-                kind = GaugeMetricFamily if name.endswith("_s") else CounterMetricFamily
+                kind = GaugeMetricFamily if name in GAUGES else CounterMetricFamily
                 yield kind(
                     f"coastwatch_{name.removesuffix('_s')}" + ("_seconds" if name.endswith("_s") else ""), said, counts[name]
                 )
+        wrong = GaugeMetricFamily("coastwatch_trouble", "1: something is wrong", labels=["kind", "name", "serious"])
+        for kind_of, name, serious in sorted({(one.kind, one.name, str(one.is_serious).lower()) for one in troubles}):
+            wrong.add_metric([kind_of, name, serious], 1.0)
+        yield wrong
         of_feeds = CounterMetricFamily("coastwatch_feed", "Counts of a feed", labels=["feed", "count"])
         connected = GaugeMetricFamily("coastwatch_feed_connected", "1: a feed has a connection, or needs none", labels=["feed"])
         silent = GaugeMetricFamily("coastwatch_feed_silent_seconds", "For how long nothing has come of a feed", labels=["feed"])

@@ -2,31 +2,48 @@
 
 from __future__ import annotations
 
-import re
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as NotDoneYet
+from contextlib import suppress
 from dataclasses import dataclass, field
-from datetime import datetime
 from functools import partial
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from coastwatch import store
-from coastwatch.batches import ALARM_KINDS
 from coastwatch.operators import stored
 from coastwatch.operators.api.audit import Audit
 from coastwatch.operators.api.hub import Hub
 from coastwatch.operators.api.metrics import Metrics
 from coastwatch.operators.api.webhook_settings import WebHook
+from coastwatch.server.alarm_book import Alarm, AlarmBook, Chosen, key_of
 from coastwatch.server.feeds.outgoing import OutFeed
+from coastwatch.server.live import RunAbout
 from coastwatch.server.live_picture import LivePicture
 from coastwatch.server.regions.publisher import Publisher
 from coastwatch.server.run import version
-from coastwatch.store import Rows, Store
+from coastwatch.server.troubles import Trouble
+from coastwatch.store import Acknowledgement, Asked, Beginnings, Rows, Store, StoreError
+from coastwatch.store.acknowledgements import SAME_START_S
 
-ALARM_ID = re.compile(r"(\d{1,18})-([a-z_]{1,32})-(\d{1,15})(?:-(\d{1,18}))?")
-ALL_ALARMS = 2**31 - 1
+WAIT_FOR_STORE_S = 1.0
+"""How long a request that changes something waits for the database. If it takes longer the change is written later."""
+
+READY_WITHIN_S, READY_WITHIN_PERIODS = 30.0, 10.0
+"""A live picture that is older is not ready: the longer of both."""
+
+ALARM_COLUMNS = (
+    "alarm_id", "vessel_id", "kind", "subject", "start_s", "end_s", "lasted_s", "gaps", "mmsi", "name", "latitude_deg",
+    "longitude_deg", "sog_kn", "evidence", "acknowledged_by", "acknowledged_s", "note",
+)  # fmt: skip
+T = TypeVar("T")
 ZONE_KINDS = ("zone_enter", "zone_leave", "zone_dwell", "zone_speed", "line_crossed")
 """Kinds of alarms whose subject is a zone."""
+
+
+class WrittenLater(StoreError):
+    """A change was not written in time. It will be."""
 
 
 class NoPictureYet(Exception):
@@ -37,6 +54,7 @@ class Source(Protocol):
     """Where pictures come from."""
 
     live: bool  # whether this process computes them
+    failed: bool  # for good: the process is to end
 
     def error(self) -> str | None:
         """Why there is no newer picture, if something is wrong."""
@@ -51,7 +69,28 @@ class Source(Protocol):
         ...
 
     def counts(self) -> dict[str, float]:
-        """Of a live run: cycles, cycles_late and late_s."""
+        """Of a live run: cycles, cycles_late, late_s and others."""
+        ...
+
+    @property
+    def alarms(self) -> AlarmBook:
+        """The alarms of the run."""
+        ...
+
+    def troubles(self) -> list[Trouble]:
+        """What an operator should know."""
+        ...
+
+    def now_s(self) -> float:
+        """Now, by the clock that the times of its pictures are of."""
+        ...
+
+    def about(self) -> RunAbout | None:
+        """What is known of the run without the database; None: nothing."""
+        ...
+
+    def later(self, job: Callable[[], Any]) -> Future[Any]:
+        """Have a change written to the database, in order with the cycles."""
         ...
 
 
@@ -76,19 +115,21 @@ class Service:
     outs: Sequence[OutFeed] = ()  # to which each picture is sent
     journals: Sequence[Counted] = ()  # to which the tracks of this region are published
     webhooks: Sequence[WebHook] = ()  # to which alarms are sent
-    acknowledged: Callable[[], None] = lambda: None  # called after each acknowledgement, in any thread
-    _runs: dict[int, dict[str, Any]] = field(default_factory=dict)
+    end: Callable[[], None] = lambda: None  # ends the server
+    asked: list[Callable[[], list[Trouble]]] = field(default_factory=list)  # others who may have troubles
+    _about: tuple[int, RunAbout] | None = None  # of a run in the database
 
     def __post_init__(self) -> None:
         self.hub = Hub(self.metrics)
-        self.audit = Audit(partial(store.note_change, self.store))
-        self.metrics.ask(lambda: (self.ready()[0], self.source.counts(), self.feeds()))
+        self.audit = Audit(lambda change: self.write(partial(store.note_change, self.store, change)))
+        self.metrics.ask(lambda: (self.ready()[0], self.source.counts(), self.feeds(), self.troubles()))
 
     def receive(self, picture: LivePicture) -> None:
         """Take a picture of the source. It may be called in any thread, one call at a time."""
         taken = self.source.cycle_s()
         if taken is not None:
             self.metrics.cycle.observe(taken)
+        self.metrics.picture(picture, self.source.now_s())
         self.hub.receive(picture)
         for out in self.outs:
             out.receive(picture)
@@ -100,20 +141,15 @@ class Service:
             raise NoPictureYet(self.source.error() or "there is no picture yet")
         return found
 
-    def version_of_picture(self) -> tuple[int, int]:
+    def version_of_picture(self) -> tuple[int, int, int]:
         """A value that changes with each new picture. Raises: NoPictureYet."""
-        self.picture()
-        return self.hub.run, self.hub.frames[-1].seq
+        of = self.picture()
+        return self.hub.run, of.run_id, of.cycle
 
     def changes(self, limit: int, offset: int) -> tuple[Rows, int]:
         """Who changed what, the newest first, and how many changes there are. Raises: StoreError."""
         found, total = store.changes(self.store, limit, offset)
         return stored.for_people(found), total
-
-    def computed_all(self) -> bool:
-        """Whether this process has computed the run of the newest picture from its first cycle."""
-        of = self.hub.picture
-        return of is not None and self.source.live and self.source.counts().get("cycles", 0) > of.cycle
 
     def run_id(self) -> int:
         """The run of the newest picture. Raises: NoPictureYet."""
@@ -127,89 +163,144 @@ class Service:
         """The feeds with their counters."""
         return [*self.source.feeds(), *(out.counters() for out in (*self.outs, *self.journals))]
 
-    def alarms(self, parameters: Mapping[str, str], kind: str | None, count: int) -> Rows:
-        """The alarms of the run, newest first, with an id and who acknowledged them."""
-        asked = {**parameters, "run": str(self.run_id()), "count": str(count)} | ({"kind": kind} if kind else {})
-        found = stored.answer(self.store, "alarms", asked)
-        done = {_alarm_id(*row[:4]): row[4:7] for row in store.acknowledgements(self.store, self.run_id()).rows}
-        at = [found.columns.index(name) for name in ("vessel_id", "kind", "subject", "start_utc")]
+    @property
+    def book(self) -> AlarmBook:
+        """The alarms of the run in memory."""
+        return self.source.alarms
+
+    def write(self, job: Callable[[], T]) -> T:
+        """Have a change written to the database. Returns: what the job returns.
+
+        Raises: the error of the job; WrittenLater: the database is away.
+        """
+        try:
+            done: T = self.source.later(job).result(WAIT_FOR_STORE_S)
+        except NotDoneYet as error:
+            raise WrittenLater("the database is away: the change is written when it is back") from error
+        return done
+
+    def alarms(self, asked: Asked) -> tuple[Rows, int]:
+        """Some alarms, the most urgent first, then the newest, and how many there are.
+
+        Those that last or wait for acknowledgement come from memory, also where the database is away. Raises: StoreError.
+        """
+        book, times = self.book, (asked.from_s, asked.to_s)
+        if asked.state == "all" or times != (None, None) or book.forgotten or book.run_id != self.run_id():
+            found, total = store.alarms(self.store, self.run_id(), asked)
+            return self.rows_of([Alarm(*row) for row in found.rows]), total
+        chosen = Chosen(asked.state == "lasting", asked.state == "unacknowledged", asked.state == "waiting")
+        every = [alarm for alarm in book.alarms(chosen) if alarm.kind in asked.kinds]
+        return self.rows_of(every[asked.offset : asked.offset + asked.limit]), len(every)
+
+    def rows_of(self, alarms: Sequence[Alarm]) -> Rows:
+        """Alarms in the units of an operator, with the names of their vessels as far as they are known."""
+        picture = self.hub.picture
+        now_s, statics = (0.0, {}) if picture is None else (picture.time_s, picture.statics)
         rows = []
-        for row in found.rows:
-            vessel_id, alarm_kind, subject, start = (row[k] for k in at)
-            alarm_id = _alarm_id(vessel_id, alarm_kind, subject, datetime.fromisoformat(start).timestamp())
-            by, when_s, note = done.get(alarm_id, (None, None, None))
-            rows.append((alarm_id, *row, by, None if when_s is None else stored.utc_text(when_s), note))
-        return Rows(("alarm_id", *found.columns, "acknowledged_by", "acknowledged_utc", "note"), rows)
+        for one in alarms:
+            name = one.name
+            if name is None and one.mmsi is not None and one.mmsi in statics:
+                name = statics[one.mmsi][0]
+            lasted_s = max((now_s if one.end_s is None else one.end_s) - one.start_s, 0.0)
+            rows.append((one.alarm_id, *one[:5], lasted_s, *one[5:7], name, *one[8:]))
+        return stored.for_people(Rows(ALARM_COLUMNS, rows))
 
     def acknowledge(self, alarm_id: str, name: str, note: str, who: str) -> Rows | None:
-        """Acknowledge an alarm. Returns: its row; None where there is no such alarm. Args: name: of the person; who: of the token."""
-        found = ALARM_ID.fullmatch(alarm_id)
-        if found is None or found[2] not in ALARM_KINDS:
-            return None
-        event = int(found[1]), found[2], int(found[4] or 0), int(found[3]) / 1000.0
-        if not store.acknowledge(self.store, self.run_id(), event, at_s=time.time(), name=name, note=note, who=who):
-            return None
-        self.acknowledged()
-        rows = self.alarms({"from_s": "0"}, event[1], ALL_ALARMS)
-        return Rows(rows.columns, [row for row in rows.rows if row[0] == alarm_id])
+        """Acknowledge an alarm. Returns: its row; None where there is no such alarm. Args: name: of the person; who: of the token.
 
-    def acknowledge_all(
-        self, kind: str | None, zone: int | None, began_s: tuple[float, float], name: str, note: str, who: str
-    ) -> int:
-        """Acknowledge every alarm that began between two instants and that nobody has acknowledged. Returns: how many.
-
-        Args: kind: none: any; zone: number of the zone; none: any, and alarms without a zone; name, note, who: as of `acknowledge`.
+        Raises: StoreError: it is not in memory, and the database is away.
         """
-        kinds = [each for each in ALARM_KINDS if kind in (None, each) and (zone is None or each in ZONE_KINDS)]
-        count = store.acknowledge_all(
-            self.store, self.run_id(), kinds, zone, began_s, at_s=time.time(), name=name, note=note, who=who
-        )
-        self.acknowledged()
-        return count
+        key, by = key_of(alarm_id), Acknowledgement(time.time(), name, note, who)
+        if key is None:
+            return None
+        alarm, run_id = self.book.acknowledge(alarm_id, by), self.run_id()
+        try:
+            self.write(partial(store.acknowledge, self.store, run_id, key, by))
+        except StoreError:
+            if alarm is None:
+                raise
+        if alarm is None:
+            rows, _ = store.alarms(self.store, run_id, Asked(key=key))
+            alarm = next((Alarm(*row) for row in rows.rows), None)
+        return None if alarm is None else self.rows_of([alarm])
+
+    def acknowledge_all(self, chosen: Beginnings, name: str, note: str, who: str) -> int:
+        """Acknowledge every alarm of these beginnings that nobody has acknowledged. Returns: how many. Raises: StoreError."""
+        by = Acknowledgement(time.time(), name, note, who)
+        in_memory = self.book.acknowledge_all(chosen, by, SAME_START_S)
+        with suppress(WrittenLater):
+            return max(in_memory, self.write(partial(store.acknowledge_all, self.store, self.run_id(), chosen, by)))
+        return in_memory
+
+    def troubles(self) -> list[Trouble]:
+        """What an operator should know, the serious first."""
+        out = [*self.source.troubles(), *(trouble for ask in self.asked for trouble in ask())]
+        of, about = self.hub.picture, self.source.about()
+        if of is not None and self.source.live and about is not None:
+            oldest_s = max(READY_WITHIN_S, READY_WITHIN_PERIODS * about.period_s)
+            if (waited_s := self.metrics.waited_s) > oldest_s:
+                out.append(Trouble("picture", "", None, f"no picture has come for {waited_s:.0f} s", True))
+        return sorted(out, key=lambda trouble: not trouble.is_serious)
 
     def ready(self) -> tuple[bool, dict[str, Any]]:
-        """Whether there is a picture and nothing is wrong, and why not."""
-        of, error = self.hub.picture, self.source.error()
-        said = error or ("there is no picture yet" if of is None else "ready")
+        """Whether there is a picture of now, and why not. A trouble that is not serious is said, and does not count."""
+        of, error, troubles = self.hub.picture, self.source.error(), self.troubles()
+        serious = next(
+            (f"{trouble.name}: {trouble.text}" if trouble.name else trouble.text for trouble in troubles if trouble.is_serious),
+            None,
+        )
+        said = error or ("there is no picture yet" if of is None else serious or "ready")
         run, cycle = (None, None) if of is None else (of.run_id, of.cycle)
-        return said == "ready", {"status": said, "run": run, "cycle": cycle, "age_s": round(self.metrics.age_s, 3)}
+        body = {"status": said, "run": run, "cycle": cycle, "age_s": round(self.metrics.age_s, 3)}
+        return said == "ready", {**body, "troubles": [_shown(trouble) for trouble in troubles]}
 
     def status(self) -> dict[str, Any]:
-        """The run, its newest picture and its age. Raises: NoPictureYet."""
+        """The run, its newest picture and its age, and what is wrong. Raises: NoPictureYet; StoreError of a database that is followed."""
         of = self.picture()
-        about = self._about(of.run_id)
+        about = self.about()
         kinds = {str(kind): int((of.kind == kind).sum()) for kind in range(8)}
         taken = self.source.cycle_s()
         return {
             "run": of.run_id,
-            "scenario": about["scenario"],
-            "title": about["title"],
-            "run_status": store.run_status(self.store, of.run_id),
+            "scenario": about.scenario,
+            "title": about.title,
+            "run_status": self._run_status(of.run_id),
             "version": version(),
             "live": self.source.live,
             "run_id": self.hub.run,
-            "seq": self.hub.frames[-1].seq,
+            "seq": self.hub.newest_seq,
             "cycle": of.cycle,
             "time_utc": stored.utc_text(of.time_s),
             "server_utc": stored.utc_text(time.time()),
-            "age_s": round(time.time() - of.time_s, 3),
-            "period_s": about["period_s"],
+            "age_s": round(self.metrics.age_s, 3),
+            "period_s": about.period_s,
             "cycle_ms": None if taken is None else round(taken * 1e3, 1),
             "vessels": len(of),
             "by_kind": kinds,
             "viewers": len(self.hub.viewers),
-            "area": about["settings"].get("area"),
+            "area": about.area,
             "error": self.source.error(),
+            "troubles": [_shown(trouble) for trouble in self.troubles()],
             "late": sum(feed.get("late", 0) for feed in self.source.feeds()),
             **{name: round(value, 3) for name, value in self.source.counts().items()},
         }
 
-    def _about(self, run_id: int) -> dict[str, Any]:
-        """The row of a run, kept: what is taken from it does not change."""
-        if run_id not in self._runs:
-            self._runs = {run_id: stored.run(self.store, run_id)}
-        return self._runs[run_id]
+    def _run_status(self, run_id: int) -> str:
+        if self.source.live:
+            return "running" if self.source.error() is None else "failed"
+        return store.run_status(self.store, run_id)
+
+    def about(self) -> RunAbout:
+        """What does not change in the run of the newest picture. Raises: NoPictureYet, StoreError."""
+        run_id, known = self.run_id(), self.source.about()
+        if known is not None:
+            return known
+        if self._about is None or self._about[0] != run_id:
+            row = stored.run(self.store, run_id)
+            self._about = run_id, RunAbout(row["scenario"], row["title"], row["period_s"], row["settings"].get("area"))
+        return self._about[1]
 
 
-def _alarm_id(vessel_id: int, kind: str, subject: int, start_s: float) -> str:
-    return f"{vessel_id}-{kind}-{round(start_s * 1000)}" + (f"-{subject}" if subject else "")
+def _shown(trouble: Trouble) -> dict[str, Any]:
+    since = None if trouble.since_s is None else stored.utc_text(trouble.since_s)
+    return {"kind": trouble.kind, "name": trouble.name, "since_utc": since, "text": trouble.text, "serious": trouble.is_serious}

@@ -3,83 +3,116 @@
 from __future__ import annotations
 
 import asyncio
+import heapq
 import json
+import logging
 import time
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager, suppress
-from typing import Any
+from typing import NamedTuple
 
 import httpx
 
+from coastwatch.operators import export
 from coastwatch.operators.api.alarm_stream import AlarmStream
-from coastwatch.operators.api.metrics import Metrics
+from coastwatch.operators.api.service import Service
 from coastwatch.operators.api.webhook_settings import WebHook, signature
+from coastwatch.server.alarm_book import Change
 
-WAITING, TIME_OUT_S = 1000, 10.0
+LOG = logging.getLogger("coastwatch.serve")
+WAITING, TIME_OUT_S = 50_000, 10.0
 RETRY_AFTER_S = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 60.0)
 AGAIN = (408, 425, 429)
 """Refusals after which the same message may be taken later."""
 
+WORDS = {"opened": "opened", "closed": "closed"}
+"""Changes of which a hook is told, and the word for each."""
+
+
+class _Message(NamedTuple):
+    """A message to a hook. The most urgent comes first, then the oldest."""
+
+    priority: int
+    number: int  # of the change
+    name: str
+    body: bytes
+    attempts: int = 0
+
 
 class _Sender:
-    """The messages to one hook, in order. When too many wait, the oldest are dropped and counted."""
+    """The messages to one hook, the most urgent first. When too many wait, the least urgent ones are dropped and counted."""
 
-    def __init__(self, hook: WebHook, metrics: Metrics, retry_after_s: Sequence[float]) -> None:
+    def __init__(self, hook: WebHook, service: Service, retry_after_s: Sequence[float]) -> None:
         self.hook, self._retry_after_s = hook, retry_after_s
-        self._waiting: asyncio.Queue[tuple[str, bytes]] = asyncio.Queue(WAITING)
-        self._count = {name: metrics.webhooks.labels(hook.name, name) for name in ("sent", "retried", "failed", "dropped")}
+        self._waiting: list[_Message] = []  # a heap
+        self._woken = asyncio.Event()
+        counts = ("sent", "retried", "failed", "dropped")
+        self._count = {name: service.metrics.webhooks.labels(hook.name, name) for name in counts}
 
-    def take(self, what: str, alarm: dict[str, Any]) -> None:
-        """Let a message wait, if the hook wants this kind. Args: what: opened or closed."""
-        if self.hook.kinds and alarm["kind"] not in self.hook.kinds:
-            return
-        if self._waiting.full():
-            self._waiting.get_nowait()
-            self._count["dropped"].inc()
-        self._waiting.put_nowait((f"{alarm['alarm_id']}-{what}", json.dumps({"event": what, "alarm": alarm}).encode()))
+    def take(self, messages: Sequence[tuple[str, _Message]]) -> None:
+        """Let messages wait, if the hook wants their kinds. Args: messages: with the kind of the alarm."""
+        for kind, message in messages:
+            if not self.hook.kinds or kind in self.hook.kinds:
+                heapq.heappush(self._waiting, message)
+        if len(self._waiting) > WAITING:
+            kept = heapq.nsmallest(WAITING * 9 // 10, self._waiting)  # sorted, and so a heap
+            self._count["dropped"].inc(len(self._waiting) - len(kept))
+            self._waiting = kept
+        if self._waiting:
+            self._woken.set()
 
     async def run(self) -> None:
-        """Send for ever."""
+        """Send for ever. A message that nobody takes is sent again, after more urgent ones that came since."""
         async with httpx.AsyncClient(timeout=TIME_OUT_S, follow_redirects=False) as client:
             while True:
-                await self._send(client, *await self._waiting.get())
+                while not self._waiting:
+                    self._woken.clear()
+                    await self._woken.wait()
+                message = heapq.heappop(self._waiting)
+                again_after_s = await self._send(client, message)
+                if again_after_s is not None:
+                    heapq.heappush(self._waiting, message._replace(attempts=message.attempts + 1))
+                    await asyncio.sleep(again_after_s)
 
-    async def _send(self, client: httpx.AsyncClient, number: str, body: bytes) -> None:
-        """Send one message, again while nobody takes it. A refusal that will not change ends it at once."""
-        for wait_s in (*self._retry_after_s, None):
-            status = await self._post(client, number, body)
-            if 200 <= status < 300:
-                self._count["sent"].inc()
-                return
-            if wait_s is None or (300 <= status < 500 and status not in AGAIN):
-                self._count["failed"].inc()
-                return
-            self._count["retried"].inc()
-            await asyncio.sleep(wait_s)
+    async def _send(self, client: httpx.AsyncClient, message: _Message) -> float | None:
+        """Send a message. Returns: seconds until it is to be sent again; None: it was taken, or refused for good."""
+        status = await self._post(client, message)
+        if 200 <= status < 300:
+            self._count["sent"].inc()
+            return None
+        if message.attempts >= len(self._retry_after_s) or (300 <= status < 500 and status not in AGAIN):
+            self._count["failed"].inc()
+            return None
+        self._count["retried"].inc()
+        return self._retry_after_s[message.attempts]
 
-    async def _post(self, client: httpx.AsyncClient, number: str, body: bytes) -> int:
+    async def _post(self, client: httpx.AsyncClient, message: _Message) -> int:
         """The status of the answer; 0: there was none."""
         stamp = str(int(time.time()))
-        headers = {"Content-Type": "application/json", "X-Coastwatch-Delivery": number, "X-Coastwatch-Timestamp": stamp}
+        headers = {"Content-Type": "application/json", "X-Coastwatch-Delivery": message.name, "X-Coastwatch-Timestamp": stamp}
         if self.hook.secret:
-            headers["X-Coastwatch-Signature"] = signature(self.hook.secret, stamp, body)
+            headers["X-Coastwatch-Signature"] = signature(self.hook.secret, stamp, message.body)
         try:
-            return (await client.post(self.hook.url, content=body, headers=headers)).status_code
+            return (await client.post(self.hook.url, content=message.body, headers=headers)).status_code
         except (httpx.HTTPError, httpx.InvalidURL, OSError):
             return 0
 
 
 @asynccontextmanager
 async def sending(
-    hooks: Sequence[WebHook], alarms: AlarmStream, metrics: Metrics, retry_after_s: Sequence[float] = RETRY_AFTER_S
+    hooks: Sequence[WebHook], alarms: AlarmStream, service: Service, retry_after_s: Sequence[float] = RETRY_AFTER_S
 ) -> AsyncIterator[None]:
     """Send alarms to the hooks while the block runs."""
-    senders = [_Sender(hook, metrics, retry_after_s) for hook in hooks]
+    senders = [_Sender(hook, service, retry_after_s) for hook in hooks]
 
     async def follow() -> None:
-        async for what, alarm in alarms.changes():
-            for sender in senders:
-                sender.take(what, alarm)
+        async for changes in alarms.changes():
+            try:
+                messages = _messages(service, [change for change in changes if change.what in WORDS])
+                for sender in senders:
+                    sender.take(messages)
+            except Exception:  # of one batch of alarms: the next ones are sent
+                LOG.exception("alarms cannot be sent to web hooks")
 
     tasks = [asyncio.create_task(job) for job in ([follow()] if senders else [])]
     tasks += [asyncio.create_task(sender.run()) for sender in senders]
@@ -91,3 +124,14 @@ async def sending(
         for task in tasks:
             with suppress(asyncio.CancelledError):
                 await task
+
+
+def _messages(service: Service, changes: Sequence[Change]) -> list[tuple[str, _Message]]:
+    """A message for each change, with the kind of its alarm."""
+    rows = export.as_objects(service.rows_of([change.alarm for change in changes]))
+    out = []
+    for change, row in zip(changes, rows, strict=True):
+        word, alarm = WORDS[change.what], change.alarm
+        body = json.dumps({"event": word, "alarm": row}).encode()
+        out.append((alarm.kind, _Message(alarm.urgency[0], change.number, f"{alarm.alarm_id}-{word}", body)))
+    return out

@@ -8,7 +8,8 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,7 @@ from coastwatch.operators.api.webhook_settings import WebHook, checked, secret_o
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.cli.server_file import with_file, with_zones
 from coastwatch.scenario import Scenario, load_scenario
+from coastwatch.server.alarm_book import AlarmBook
 from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.feeds.outgoing import OutAddress, OutFeed, parsed_out
@@ -37,6 +39,7 @@ from coastwatch.server.live import Input, LiveRun, Paced
 from coastwatch.server.regions.client import RegionAddress, check_files, parsed_region
 from coastwatch.server.regions.publisher import Publisher
 from coastwatch.server.regions.scenario import of_centre, with_track_sources
+from coastwatch.server.troubles import Trouble
 from coastwatch.store import QueryLimit, Store, open_store
 
 QUERY = QueryLimit(5.0, time.monotonic)
@@ -56,13 +59,19 @@ BACKLOG = 2048
 class Followed:
     """A database that another process writes, as the source of pictures."""
 
-    live = False
+    live = failed = False
 
     def __init__(self, opened: Store, run_id: int | None, poll_s: float = POLL_S, asked: Store | None = None) -> None:
         """Args: asked: the same database for the questions of the API, with a limit."""
         self.service = Service(asked or opened)
         self.service.source = self
         self._follower = Follower(opened, run_id, self.service.receive, poll_s)
+        self._changes = ThreadPoolExecutor(1, "changes")
+
+    @property
+    def alarms(self) -> AlarmBook:
+        """As of `service.Source`, and so are the functions below."""
+        return self._follower.alarms
 
     def error(self) -> str | None:
         return self._follower.error
@@ -76,11 +85,26 @@ class Followed:
     def counts(self) -> dict[str, float]:
         return {}
 
+    def troubles(self) -> list[Trouble]:
+        return []
+
+    def now_s(self) -> float:
+        return time.time()
+
+    def about(self) -> None:
+        return None
+
+    def later(self, job: Callable[[], Any]) -> Future[Any]:
+        made = self._changes.submit(job)
+        made.add_done_callback(lambda _: self._follower.look_soon())
+        return made
+
     def __enter__(self) -> Followed:
         self._follower.__enter__()
         return self
 
     def __exit__(self, *unused: object) -> None:
+        self._changes.shutdown(wait=False, cancel_futures=True)
         self._follower.__exit__()
 
 
@@ -102,7 +126,7 @@ def serve(options: argparse.Namespace) -> int:
                 stored.opened(options.db) as opened,
                 stored.opened(options.db, limit=QUERY) as asked,
                 Followed(opened, options.run, asked=asked) as followed,
-                logs.Watch(followed),
+                logs.Watch(followed.service),
             ):
                 _listen_and_send(followed.service, guard, options, outs, listener)
         else:
@@ -141,10 +165,10 @@ def _serve_run(options: argparse.Namespace, guard: Guard, outs: list[OutAddress]
         resume = live and not options.new
         given = {"database": options.db, "workers": options.workers, "resume": resume, "publisher": service.publisher}
         run = LiveRun(scenario, source, service.receive, **given)
-        service.source = run
+        service.source, run.on_failed = run, lambda: service.end()
         if service.publisher is not None:
             service.journals = _journals(options, scenario, service.publisher, stack)
-        with run, logs.Watch(run):
+        with run, logs.Watch(service):
             _listen_and_send(service, guard, options, outs, listener)
         if run.failed:
             raise RuntimeError(run.error())
@@ -266,7 +290,14 @@ def listen(service: Service, guard: Guard, options: argparse.Namespace, listener
     shown = f"[{found[0]}]" if ":" in found[0] else found[0]
     scheme = "https" if options.tls_cert else "http"
     logs.say(f"coastwatch: {scheme}://{shown}:{found[1]}", address=f"{scheme}://{shown}:{found[1]}")
-    server_of(application(service, guard), **tls).run(sockets=[listener])
+    server = server_of(application(service, guard), **tls)
+
+    def end() -> None:
+        server.should_exit = True
+
+    service.end = end
+    if not service.source.failed:
+        server.run(sockets=[listener])
 
 
 def server_of(app: FastAPI, **given: Any) -> uvicorn.Server:

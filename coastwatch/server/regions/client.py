@@ -212,7 +212,7 @@ class Connection:
                 raise MessageError(f"got the text {message[:40]!r}, needed a cycle of tracks")
             cycle = decode(message)
             self.size, self.heard_s = self.size + len(message), time.time()
-            if self.incoming.received(Position(cycle.run, cycle.seq)):
+            if self.incoming.received(Position(cycle.run, cycle.seq), cycle.merged):
                 self._waiting.append(cycle)
             else:
                 self._acknowledge(Position(cycle.run, cycle.seq))

@@ -87,4 +87,4 @@ def _runs(cycles: list[RegionCycle]) -> list[str]:
 
 def _intake(name: str, cycles: list[RegionCycle], after_s: float) -> Intake:
     late = sum(cycle.time_s <= after_s for cycle in cycles)
-    return Intake(name, cycles[0].run, cycles[0].seq, cycles[-1].seq, late)
+    return Intake(name, cycles[0].run, cycles[0].seq - cycles[0].merged, cycles[-1].seq, late)

@@ -190,7 +190,7 @@ class Subscription(Connection):
         if not (begun or known or cycle.time_s > self.from_s):
             return False
         self.size, self.heard_s = self.size + len(message.data) * count, time.time()
-        if self.incoming.received(position):
+        if self.incoming.received(position, cycle.merged):
             self._waiting.append(cycle)
         return True
 

@@ -61,13 +61,14 @@ class Incoming:
     missing: int = 0  # cycles that the region did not have any more
     repeated: int = 0  # cycles that came again, and were left out
 
-    def received(self, cycle: Position) -> bool:
-        """Whether a cycle is new; one that came before is left out. A gap is counted."""
+    def received(self, cycle: Position, merged: int = 0) -> bool:
+        """Whether a cycle is new; one that came before is left out. A gap is counted. Args: merged: cycles before it that are in it."""
         run, seq = cycle
         if run == self.position.run and seq <= self.position.seq:
             self.repeated += 1
             return False
         if self.position.run:
-            self.missing += seq - 1 - (self.position.seq if run == self.position.run else 0)
+            before = self.position.seq if run == self.position.run else 0
+            self.missing += max(seq - 1 - merged - before, 0)
         self.position = cycle
         return True

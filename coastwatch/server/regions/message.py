@@ -38,6 +38,7 @@ class RegionCycle:
     seq: int  # of the cycle in this run, from 1 on
     time_s: float
     tracks: RegionTracks
+    merged: int = 0  # cycles before it that are computed in it, because the region was behind
 
     def reports(self, source: int) -> TrackReports:
         """The tracks as states of a track source. Their numbers differ between the runs of a region.
@@ -75,6 +76,7 @@ def encode(cycle: RegionCycle) -> bytes:
     """The bytes of a cycle."""
     out = io.BytesIO()
     head: dict[str, Any] = {"run": np.array(cycle.run), "seq": np.int64(cycle.seq), "time_s": np.float64(cycle.time_s)}
+    head["merged"] = np.int64(cycle.merged)
     np.savez(out, **head, **{f.name: getattr(cycle.tracks, f.name) for f in fields(RegionTracks)})
     return out.getvalue()
 
@@ -85,10 +87,12 @@ def decode(data: bytes) -> RegionCycle:
         with np.load(io.BytesIO(data)) as file:  # numpy refuses arrays of objects by default
             found = {name: file[name] for name in file.files}
         run, seq, time_s = str(found["run"][()]), int(found["seq"]), float(found["time_s"])
+        merged = int(found.get("merged", 0))  # a region of an older version merges none
         tracks = RegionTracks(**{f.name: found[f.name] for f in fields(RegionTracks)})
     except Exception as error:  # whatever zipfile and numpy raise on damaged bytes
         raise MessageError(f"damaged cycle of tracks: {type(error).__name__}: {error}") from error
     run_number(run)
-    if seq < 1 or not np.isfinite(time_s):
-        raise MessageError(f"cycle of tracks: got seq {seq} and time {time_s}, needed 1 or more and a finite time")
-    return RegionCycle(run, seq, time_s, tracks)
+    if seq < 1 or not 0 <= merged < seq or not np.isfinite(time_s):
+        said = f"got seq {seq}, {merged} merged and time {time_s}, needed 1 or more, fewer and a finite time"
+        raise MessageError(f"cycle of tracks: {said}")
+    return RegionCycle(run, seq, time_s, tracks, merged)

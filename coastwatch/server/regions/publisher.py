@@ -30,11 +30,11 @@ class Publisher:
         self._waiting: dict[int, Callable[[], None]] = {}
         self._lock = threading.Lock()
 
-    def message(self, run_id: int, number: int, cycle: Cycle, sensors: Sensors) -> bytes:
-        """The message of a cycle, to be stored with it."""
+    def message(self, run_id: int, number: int, cycle: Cycle, sensors: Sensors, merged: int = 0) -> bytes:
+        """The message of a cycle, to be stored with it. Args: merged: cycles before it that are computed in it."""
         mine = np.asarray(cycle.tracks.source < len(sensors.region_names))
         tracks = radar_tracks(cycle.tracks, mine)
-        return encode(RegionCycle(self._run(run_id), number + 1, cycle.time_s, tracks))
+        return encode(RegionCycle(self._run(run_id), number + 1, cycle.time_s, tracks, merged))
 
     def written(self, run_id: int, number: int, message: bytes) -> None:
         """A cycle is in the database: those who wait are told."""

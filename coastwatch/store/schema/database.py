@@ -340,6 +340,13 @@ def log_bytes(vessels: int) -> int:
     return min(max(LOG_BYTES, 8 * vessels * PICTURE_BYTES), MOST_LOG_BYTES)
 
 
+def log_size(store: Store) -> int:
+    """Bytes of the write-ahead log of an SQLite database; 0: there is none."""
+    if store.engine.dialect.name != "sqlite" or not store.shared:
+        return 0
+    return _size(Path(f"{store.engine.url.database}-wal"))
+
+
 def long_log_warning(store: Store, vessels: int) -> str | None:
     """A sentence where a reader holds the write-ahead log, so that it grows; None where all is well.
 

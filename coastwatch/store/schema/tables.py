@@ -29,7 +29,7 @@ from sqlalchemy import (
     text,
 )
 
-REVISION = "0022"
+REVISION = "0023"
 """The migration at which the database equals the tables below; a test compares it with db/migrations."""
 
 REVISION_TABLE = "coastwatch_revision"
@@ -142,6 +142,7 @@ CYCLE = Table(
     *required(WHOLE, "history_points"),  # rows of `history` of this cycle, closing ones included
     *required(Boolean, "associations_kept"),
     *required(Boolean, "recorded", server_default=false()),  # table `recording` has the whole picture
+    *nullable(WORD, "skipped"),  # merged: computed with the next one; not_stored: the database was away; null: neither
     Index("cycle_time", "run_id", "time_s"),
 )
 """One row a cycle, written in the same transaction as everything else of the cycle."""
@@ -370,8 +371,10 @@ EVENT = Table(
     *nullable(REAL, "sog_kn"),
     *nullable(WHOLE, "mmsi"),
     *required(Text, "evidence"),
+    *required(Boolean, "unacknowledged", server_default=false()),  # an alarm that nobody has acknowledged
     Index("event_start", "run_id", "start_s"),
     Index("event_to", "run_id", "to_cycle"),
+    Index("event_unacknowledged", "run_id", "start_s", sqlite_where=text("unacknowledged")),
     **IN_KEY_ORDER,
 )
 """When a vessel had a flag or an alarm. to_cycle and end_s are the last cycle with it, null while it lasts. One that returns within
@@ -402,6 +405,7 @@ ACKNOWLEDGEMENT = Table(
     *required(REAL, "acknowledged_s"),
     *required(Text, "acknowledged_by"),  # the name that a person gave
     *required(Text, "note", "who"),  # who: the name of the token that was used
+    Index("acknowledgement_time", "run_id", "acknowledged_s"),
     **IN_KEY_ORDER,
 )
 """Who acknowledged which event, the first time. An event that returned within `store.event_gap_s` stays acknowledged."""

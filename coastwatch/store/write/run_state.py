@@ -28,9 +28,9 @@ from coastwatch.store.schema.tables import (
     STAGE_TIMING,
     VESSEL_STATIC,
 )
-from coastwatch.store.write.events import Events, read_events, truncate_events
-from coastwatch.store.write.expected import Expected, read_expected
+from coastwatch.store.write.events import truncate_events
 from coastwatch.store.write.history_rule import Points, no_points, rate_deg_s
+from coastwatch.store.write.timeline import Timeline
 from coastwatch.store.write.to_rows import LastReport
 
 OF_CYCLE = (
@@ -59,24 +59,21 @@ class RunState:
     members: Ints  # (L, 3) vessel, source, track, sorted
     vessels: Ints  # (V, 1) sorted
     points: Points
-    events: Events
     static_mmsi: Ints  # of which names are stored, sorted
     last_report: LastReport
     radar_states: tuple[int, ...]  # as last written
     first_history: int  # first cycle whose history is kept
     first_details: int  # first cycle whose associations, spots, timings and registrations are kept
-    period_s: float
+    timeline: Timeline
     stations: int
     feeds: int
     source_names: tuple[str, ...]
     source_kinds: tuple[str, ...]
-    expected: Expected
 
 
-def read_run_state(connection: Connection, run_id: int, where: str, event_gap_s: float) -> RunState:
+def read_run_state(connection: Connection, run_id: int, where: str) -> RunState:
     """The stored state of a run, which is then marked as running.
 
-    Args: event_gap_s: events that ended within this time go on if their flag returns.
     Raises: StoreError where there is no such run.
     """
     running = connection.execute(update(RUN).where(RUN.c.id == run_id).values(status="running", finished_utc=None))
@@ -101,18 +98,16 @@ def read_run_state(connection: Connection, run_id: int, where: str, event_gap_s:
         members=_table(connection, members.order_by(MEMBER.c.vessel_id, MEMBER.c.source, MEMBER.c.track_id)),
         vessels=_table(connection, vessels.order_by(PRESENCE.c.vessel_id)),
         points=_points(connection, run_id, number),
-        events=read_events(connection, run_id, time_s - event_gap_s),
         static_mmsi=_table(connection, mmsi)[:, 0],
         last_report=last_report,
         radar_states=states,
         first_history=first_history,
         first_details=first_details,
-        period_s=connection.scalars(select(RUN.c.period_s).where(RUN.c.id == run_id)).one(),
+        timeline=Timeline(*connection.execute(select(RUN.c.start_s, RUN.c.period_s).where(RUN.c.id == run_id)).one()),
         stations=connection.scalar(stations) or 0,
         feeds=connection.scalar(feeds) or 0,
         source_names=tuple(row.name for row in names),
         source_kinds=tuple(row.kind for row in names),
-        expected=read_expected(connection, run_id),
     )
 
 

@@ -253,6 +253,11 @@ def last_reports(before: LastReport, reports: Reports) -> LastReport:
     return out
 
 
+def newest_reports(before: LastReport, after: LastReport) -> LastReport:
+    """When each sensor was received last, of two such times."""
+    return before | {sensor: max(heard_s, before.get(sensor, heard_s)) for sensor, heard_s in after.items()}
+
+
 def cover_rows(run_id: int, number: int, cover: RadarCover) -> list[Column]:
     """Columns of table `sensor_cover`."""
     per_km2 = 1e6 * cover.false_plots_per_m2

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from sqlalchemy import Connection, Table, delete, select, update
 from sqlalchemy import insert as insert_one
 
-from coastwatch.batches import AisStatics, Floats, Ints, Picture, Reports
+from coastwatch.batches import AisStatics, EventChanges, Floats, Ints, Picture, Reports
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.store.schema import database
 from coastwatch.store.schema.database import Store, StoreError
@@ -54,6 +54,47 @@ class Written(NamedTuple):
 
     rows: int  # that came into the tables of the picture, its history, stays and associations
     warning: str | None  # what an operator should see to
+    log_bytes: int = 0  # of the write-ahead log of an SQLite database
+
+
+@dataclass(frozen=True)
+class SkippedCycle:
+    """A cycle whose picture is not stored. What began or ended in it, names, and what passed between centres are."""
+
+    number: int
+    time_s: float
+    why: Literal["merged", "not_stored"]  # its reports are in the next cycle; the database was away
+    counts: Mapping[str, int]  # vessels, tracks, pairs, bearing_pairs, reports
+    events: EventChanges = field(default_factory=EventChanges.empty)
+    statics: AisStatics = field(default_factory=AisStatics.empty)
+    heard: to_rows.LastReport = field(default_factory=dict)
+    for_centres: ForCentres = NOTHING_PASSED
+
+
+@dataclass(frozen=True)
+class CycleRecord:
+    """A cycle to be stored: the arguments of `write_cycle`."""
+
+    number: int
+    cycle: Cycle
+    reports: Reports
+    seconds: Mapping[str, float]
+    checkpoint: bytes | None = None
+    last: bool = False
+    for_centres: ForCentres = NOTHING_PASSED
+    merged: tuple[SkippedCycle, ...] = ()  # the cycles before it whose reports are in it
+
+    def skipped(self) -> SkippedCycle:
+        """What is kept of it where its picture cannot be stored."""
+        counts, heard = cycle_counts(self.cycle, self.reports), to_rows.last_reports({}, self.reports)
+        kept = self.cycle.events, self.reports.statics, heard, self.for_centres
+        return SkippedCycle(self.number, self.cycle.time_s, "not_stored", counts, *kept)
+
+    def write(self, store: Store, run_id: int, keep: StoreSettings, skipped: Sequence[SkippedCycle] = ()) -> Written:
+        """As `write_cycle`. Args: skipped: cycles before those that are merged in this one."""
+        given = self.number, self.cycle, self.reports, self.seconds, keep, self.checkpoint
+        every = (*skipped, *self.merged)
+        return write_cycle(store, run_id, *given, last=self.last, for_centres=self.for_centres, skipped=every)
 
 
 def write_cycle(
@@ -68,6 +109,7 @@ def write_cycle(
     *,
     last: bool = False,
     for_centres: ForCentres = NOTHING_PASSED,
+    skipped: Sequence[SkippedCycle] = (),
 ) -> Written:
     """Write all results of one cycle in one transaction: after a SIGKILL the cycle is there whole or not at all.
 
@@ -76,21 +118,25 @@ def write_cycle(
 
     Args: number: of the cycle, from 0; seconds: of each stage, in order; keep: which tables get rows, and how often; checkpoint: the
     memory after this cycle, if one is to be kept; last: the run ends here, so its picture is written whatever `keep` says;
-    for_centres: what passes between centres.
+    for_centres: what passes between centres; skipped: the cycles between the newest one of the run and this one, all of them.
     Returns: rows written, and a warning for the operator.
     Raises: StoreError where the run is absent, a cycle is left out, the database is locked or the disk is full.
     """
     picture, members = _by_vessel(cycle.picture), to_rows.membership(cycle)
     with database.writing(store) as connection:
         database.size_for(connection, len(picture))
-        before, truncated = _state_before(connection, store, run_id, number, keep.event_gap_s)
+        before, truncated = _state_before(connection, store, run_id, skipped[0].number if skipped else number)
+        for one in skipped:
+            before = _write_skipped(connection, run_id, before, one, keep)
+        if number != before.cycle + len(skipped) + 1:
+            raise StoreError(f"{store.where}: run {run_id}: got cycle {number}, needed {before.cycle + len(skipped) + 1}")
         bound = history_rule.Bound(keep.history_error_m, keep.history_max_s)
         points, added = history_rule.extend(before.points, bound, number, cycle.time_s, before.time_s, picture)
         picture_due = last or truncated or _picture_due(before, cycle, keep)
         _insert_cycle(connection, run_id, number, cycle, reports, keep, picture_due, added)
         timings = to_rows.timing_rows(run_id, number, cycle, reports, seconds, before.source_kinds)
         insert(connection, STAGE_TIMING, timings)
-        rows = write_history(connection, run_id, number, added)
+        rows = write_history(connection, run_id, before.cycle, number, added)
         if picture_due:
             intervals = to_rows.ais_intervals(picture, cycle.members, cycle.alarms)
             sources = to_rows.source_texts(picture.vessel_id, members, before.source_names)
@@ -98,12 +144,7 @@ def write_cycle(
             bearings = cycle.bearing_tracks, cycle.bearing_associations, cycle.picture
             rows += _replace(connection, BEARING_TRACK, run_id, to_rows.bearing_track_rows(run_id, *bearings))
         rows += _write_stays(connection, run_id, number, before, members, picture)
-        alarms = cycle.vessel_alarms
-        times = cycle.time_s, before.time_s
-        lasting, changes = events.extend(before.events, number, *times, picture, alarms, keep.event_gap_s)
-        of_tracks = members, before.source_names, cycle.tracks
-        why = events.Why(before.expected, cycle.ais_heard_s)
-        rows += events.write_events(connection, run_id, changes, picture, alarms, *of_tracks, why=why)
+        rows += events.write_events(connection, run_id, number, cycle.events, before.timeline)
         rows += _write_details(connection, run_id, number, cycle, members, keep)
         static_mmsi = _merge_statics(connection, run_id, before.static_mmsi, reports.statics)
         last_report = to_rows.last_reports(before.last_report, reports)
@@ -118,12 +159,12 @@ def write_cycle(
             _replace(connection, SENSOR_COVER, run_id, to_rows.cover_rows(run_id, number, cycle.radar_cover))
             _replace(connection, STANDING_ECHO, run_id, to_rows.standing_echo_rows(run_id, number, cycle.standing_echoes))
         first_kept = before.first_history, before.first_details
+        period_s = before.timeline.period_s
         if any((keep.history_hours, keep.details_hours, keep.event_hours, keep.recording_hours, keep.picture_hours)):
-            first_kept = retention.delete_old(connection, run_id, number, before.period_s, keep, first_kept, rows)
+            first_kept = retention.delete_old(connection, run_id, number, period_s, keep, first_kept, rows)
         if keep.recording:
             record(connection, run_id, number, picture, cycle.members)
-        kept = max(math.ceil(keep.journal_minutes * 60.0 / before.period_s), 1)
-        write_for_centres(connection, run_id, number, cycle.time_s, for_centres, kept)
+        write_for_centres(connection, run_id, number, cycle.time_s, for_centres, _kept_messages(keep, period_s))
         if checkpoint is not None:
             _write_checkpoint(connection, run_id, number, checkpoint)
     store.run_states[run_id] = replace(
@@ -133,14 +174,35 @@ def write_cycle(
         members=members,
         vessels=picture.vessel_id[:, None],
         points=points,
-        events=lasting,
         static_mmsi=static_mmsi,
         last_report=last_report,
         radar_states=radar_states,
         first_history=first_kept[0],
         first_details=first_kept[1],
     )
-    return Written(rows, database.long_log_warning(store, len(picture)))
+    return Written(rows, database.long_log_warning(store, len(picture)), database.log_size(store))
+
+
+def _write_skipped(
+    connection: Connection, run_id: int, before: RunState, skipped: SkippedCycle, keep: StoreSettings
+) -> RunState:
+    """Write what is kept of a skipped cycle. Returns: the state with its names and newest reports; its cycle stays the stored one."""
+    none = {"picture_kept": False, "history_from": None, "history_points": 0, "associations_kept": False, "recorded": False}
+    row = {"run_id": run_id, "number": skipped.number, "time_s": skipped.time_s, "skipped": skipped.why, **none}
+    connection.execute(insert_one(CYCLE), [row | dict(skipped.counts)])
+    events.write_events(connection, run_id, skipped.number, skipped.events, before.timeline)
+    kept = _kept_messages(keep, before.timeline.period_s)
+    write_for_centres(connection, run_id, skipped.number, skipped.time_s, skipped.for_centres, kept)
+    return replace(
+        before,
+        static_mmsi=_merge_statics(connection, run_id, before.static_mmsi, skipped.statics),
+        last_report=to_rows.newest_reports(before.last_report, skipped.heard),
+    )
+
+
+def _kept_messages(keep: StoreSettings, period_s: float) -> int:
+    """How many messages for other centres are kept."""
+    return max(math.ceil(keep.journal_minutes * 60.0 / period_s), 1)
 
 
 def _by_vessel(picture: Picture) -> Picture:
@@ -148,18 +210,18 @@ def _by_vessel(picture: Picture) -> Picture:
     return picture if (np.diff(picture.vessel_id) > 0).all() else picture.take(np.argsort(picture.vessel_id, kind="stable"))
 
 
-def _state_before(connection: Connection, store: Store, run_id: int, number: int, event_gap_s: float) -> tuple[RunState, bool]:
+def _state_before(connection: Connection, store: Store, run_id: int, number: int) -> tuple[RunState, bool]:
     """The state after the cycle before this one, and whether later cycles were deleted to get there."""
     written = update(RUN).where(RUN.c.id == run_id).values(written_utc=database.now_utc(connection))
     if connection.execute(written).rowcount == 0:
         raise no_such_run(run_id, store.where)
-    before = store.run_states.get(run_id) or read_run_state(connection, run_id, store.where, event_gap_s)
+    before = store.run_states.get(run_id) or read_run_state(connection, run_id, store.where)
     if number > before.cycle + 1:
         raise StoreError(f"{store.where}: run {run_id}: got cycle {number}, needed {before.cycle + 1}")
     if number == before.cycle + 1:
         return before, False
     truncate_run(connection, run_id, number)
-    return read_run_state(connection, run_id, store.where, event_gap_s), True
+    return read_run_state(connection, run_id, store.where), True
 
 
 def _picture_due(before: RunState, cycle: Cycle, keep: StoreSettings) -> bool:
@@ -189,11 +251,7 @@ def _insert_cycle(
         "run_id": run_id,
         "number": number,
         "time_s": cycle.time_s,
-        "vessels": len(cycle.picture),
-        "tracks": len(cycle.tracks) + len(cycle.bearing_tracks),
-        "pairs": len(cycle.associations.first),
-        "bearing_pairs": len(cycle.bearing_associations.bearing_row),
-        "reports": len(reports),
+        **cycle_counts(cycle, reports),
         "picture_kept": picture_due,
         "history_from": added.first_cycle,
         "history_points": added.points,
@@ -203,11 +261,22 @@ def _insert_cycle(
     connection.execute(insert_one(CYCLE), [row])
 
 
-def write_history(connection: Connection, run_id: int, number: int, added: history_rule.Added) -> int:
-    """The points of a cycle, and which vessel has which MMSI since then."""
+def cycle_counts(cycle: Cycle, reports: Reports) -> dict[str, int]:
+    """The columns of table `cycle` that say how much there was."""
+    return {
+        "vessels": len(cycle.picture),
+        "tracks": len(cycle.tracks) + len(cycle.bearing_tracks),
+        "pairs": len(cycle.associations.first),
+        "bearing_pairs": len(cycle.bearing_associations.bearing_row),
+        "reports": len(reports),
+    }
+
+
+def write_history(connection: Connection, run_id: int, before: int, number: int, added: history_rule.Added) -> int:
+    """The points of a cycle, and which vessel has which MMSI since then. Args: before: the stored cycle before it."""
     ended = dict(zip(("mmsi", "vessel_id"), added.ended.T, strict=True))
     lasting: dict[str, int | None] = {"run_id": run_id, "to_cycle": None}
-    update_rows(connection, IDENTITY, ended, lasting, {"to_cycle": number - 1})
+    update_rows(connection, IDENTITY, ended, lasting, {"to_cycle": before})
     rows = insert(connection, IDENTITY, [run_id, *added.begun.T, number, None])
     return rows + insert(connection, HISTORY, [run_id, number, *added.columns])
 
@@ -225,12 +294,12 @@ def _write_stays(connection: Connection, run_id: int, number: int, before: RunSt
     lasting: dict[str, int | None] = {"run_id": run_id, "to_cycle": None}
     left, came = to_rows.changed_rows(before.members, members)
     keys = dict(zip(("vessel_id", "source", "track_id"), left.T, strict=True))
-    update_rows(connection, MEMBER_HISTORY, keys, lasting, {"to_cycle": number - 1})
+    update_rows(connection, MEMBER_HISTORY, keys, lasting, {"to_cycle": before.cycle})
     delete_rows(connection, MEMBER, keys, {"run_id": run_id})
     rows = insert(connection, MEMBER, [run_id, *came.T])
     rows += insert(connection, MEMBER_HISTORY, [run_id, *came.T, number, None])
     left, came = to_rows.changed_rows(before.vessels, picture.vessel_id[:, None])
-    update_rows(connection, PRESENCE, {"vessel_id": left[:, 0]}, lasting, {"to_cycle": number - 1})
+    update_rows(connection, PRESENCE, {"vessel_id": left[:, 0]}, lasting, {"to_cycle": before.cycle})
     since_s: Floats = picture.since_s[np.searchsorted(picture.vessel_id, came[:, 0])]
     return rows + insert(connection, PRESENCE, [run_id, came[:, 0], number, None, since_s])
 

@@ -1,0 +1,75 @@
+"""Events: from when until when a vessel had a flag or an alarm, and the kinds of events."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from coastwatch.batches.struct import Array, Batch, Floats, Ints, column
+from coastwatch.batches.yields import ALARM_KINDS, AlarmKind, Flag
+
+FLAG_KINDS = {flag.value.bit_length() - 1: str(flag.name).lower() for flag in Flag}
+"""Number of a flag, that of its bit -> kind of its events."""
+
+EVENT_KINDS = FLAG_KINDS | {int(kind): kind.name.lower() for kind in AlarmKind}
+"""Number of a flag, or of a kind of alarm -> kind of its events."""
+
+DISTRESS, SENSORS, DANGER, SUSPICION, NOTICE = range(5)
+"""Priorities of alarms, the most urgent first. Lists, streams and web hooks go by priority, then by time."""
+
+_PRIORITIES = {
+    DISTRESS: ("ais_sart", "man_overboard", "epirb"),
+    SENSORS: ("sensor_silent",),
+    DANGER: ("close_approach", "anchor_drag", "not_under_command", "aground", "lost"),
+    NOTICE: ("odd_mmsi", "coasting", "stationary"),
+}
+PRIORITIES = dict.fromkeys(EVENT_KINDS.values(), SUSPICION) | {
+    kind: priority for priority, kinds in _PRIORITIES.items() for kind in kinds
+}
+"""Kind of event -> its priority."""
+
+IS_ALARM = np.array([EVENT_KINDS.get(number, "") in ALARM_KINDS for number in range(max(EVENT_KINDS) + 1)])
+"""Whether each number of a kind is of an alarm."""
+
+
+@dataclass(frozen=True, eq=False)
+class EventSpans(Batch):
+    """Events by what tells them apart, with their ends. Sorted by vessel, kind and subject, each of them once."""
+
+    vessel_id: Ints = column(np.int64, "E")
+    kind: Ints = column(np.int64, "E")  # of EVENT_KINDS
+    subject: Ints = column(np.int64, "E")  # of an alarm: number of the zone or id of the other vessel; 0: none
+    start_s: Floats = column(np.float64, "E")  # time of the first cycle with the flag or alarm
+    end_s: Floats = column(np.float64, "E")  # of the last one; NaN: it lasts
+
+
+@dataclass(frozen=True, eq=False)
+class BegunEvents(Batch):
+    """Events that begin in a cycle, with what is known of their vessels then."""
+
+    vessel_id: Ints = column(np.int64, "E")
+    kind: Ints = column(np.int64, "E")
+    subject: Ints = column(np.int64, "E")
+    start_s: Floats = column(np.float64, "E")
+    position_deg: Floats = column(np.float64, "E", 2)
+    speed_kn: Floats = column(np.float64, "E")  # NaN: not known
+    mmsi: Ints = column(np.int64, "E")  # -1: none
+    evidence: Array = column(object, "E")  # texts
+
+
+@dataclass(frozen=True, eq=False)
+class EventChanges:
+    """What a cycle changes in the events."""
+
+    begun: BegunEvents
+    ended: EventSpans  # whose flag or alarm held until the cycle before
+    returned: EventSpans  # that go on, with the end that they had
+
+    @classmethod
+    def empty(cls) -> EventChanges:
+        """Nothing changes."""
+        return cls(BegunEvents.empty(), EventSpans.empty(), EventSpans.empty())
+
+    def __len__(self) -> int:
+        return len(self.begun) + len(self.ended) + len(self.returned)

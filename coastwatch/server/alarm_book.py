@@ -1,0 +1,293 @@
+"""The alarms of a run in memory: those that last or wait for acknowledgement, and what has changed, with a number for each change.
+
+Page, stream and web hooks read them here, so they go on without the database. SQL answers for the past.
+"""
+
+from __future__ import annotations
+
+import re
+import threading
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from coastwatch.alarms import EventMemory
+from coastwatch.alarms.events import KINDS
+from coastwatch.batches import ALARM_KINDS, BegunEvents, EventChanges, EventSpans
+from coastwatch.batches.events import EVENT_KINDS, IS_ALARM, PRIORITIES
+from coastwatch.store import Acknowledgement, AlarmKey, Beginnings, Rows
+
+MOST_ENDED = 20_000
+"""Alarms that have ended and are kept: the oldest acknowledged ones go first, then the least urgent."""
+
+MOST_CHANGES = 50_000
+"""Changes that are kept for those who read them later."""
+
+ALARM_ID = re.compile(r"(-?\d{1,18})-([a-z_]{1,32})-(\d{1,15})(?:-(\d{1,18}))?")
+
+What = Literal["opened", "closed", "returned", "acknowledged"]
+
+
+class Alarm(NamedTuple):
+    """One alarm. The columns from `mmsi` on are of its vessel when it began."""
+
+    vessel_id: int
+    kind: str
+    subject: int  # number of the zone or id of the other vessel; 0: none
+    start_s: float
+    end_s: float | None  # None: it lasts
+    gaps: int  # how often it has ended and returned
+    mmsi: int | None
+    name: str | None
+    latitude_deg: float | None
+    longitude_deg: float | None
+    sog_kn: float | None
+    evidence: str
+    acknowledged_by: str | None
+    acknowledged_s: float | None
+    note: str | None
+
+    @property
+    def alarm_id(self) -> str:
+        """What tells it from the other alarms of the run, as a text."""
+        return id_of(AlarmKey(*self[:4]))
+
+    @property
+    def lasts(self) -> bool:
+        return self.end_s is None
+
+    @property
+    def is_acknowledged(self) -> bool:
+        return self.acknowledged_s is not None
+
+    @property
+    def urgency(self) -> tuple[int, float]:
+        """Smaller for what comes first: by priority, then the newest."""
+        return PRIORITIES[self.kind], -self.start_s
+
+
+class Change(NamedTuple):
+    """A change of an alarm."""
+
+    number: int  # from 1 on, in order
+    what: What
+    alarm: Alarm  # as it was then
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """Which alarms of a book."""
+
+    lasting: bool = False  # only those that last
+    unacknowledged: bool = False  # only those that nobody has acknowledged
+    waiting: bool = False  # only those that last or that nobody has acknowledged
+
+    def has(self, alarm: Alarm) -> bool:
+        """Whether an alarm is one of them."""
+        if (self.lasting and not alarm.lasts) or (self.unacknowledged and alarm.is_acknowledged):
+            return False
+        return not self.waiting or alarm.lasts or not alarm.is_acknowledged
+
+
+def id_of(key: AlarmKey) -> str:
+    """The text that stands for an alarm."""
+    return f"{key.vessel_id}-{key.kind}-{round(key.start_s * 1000)}" + (f"-{key.subject}" if key.subject else "")
+
+
+def key_of(alarm_id: str) -> AlarmKey | None:
+    """The alarm of a text, its start to the millisecond; None: it is none."""
+    found = ALARM_ID.fullmatch(alarm_id)
+    if found is None or found[2] not in ALARM_KINDS:
+        return None
+    return AlarmKey(int(found[1]), found[2], int(found[4] or 0), int(found[3]) / 1000.0)
+
+
+class AlarmBook:
+    """The alarms of one run. All of it may be called in any thread."""
+
+    def __init__(self) -> None:
+        self.run_id = -1
+        self.forgotten = 0  # ended alarms that were not acknowledged, and had no room: they are in the database only
+        self._alarms: dict[str, Alarm] = {}
+        self._changes: deque[Change] = deque(maxlen=MOST_CHANGES)
+        self._number, self._first = 0, 1  # of the newest change, and of the first one since `begin`
+        self._lock = threading.Lock()
+        self._listeners: dict[int, Callable[[], None]] = {}
+
+    @property
+    def number(self) -> int:
+        """The number of the newest change."""
+        return self._number
+
+    @property
+    def first(self) -> int:
+        """The number of the oldest change that is kept."""
+        return self._changes[0].number if self._changes else self._first
+
+    def begin(self, run_id: int, known: Iterable[Alarm] = ()) -> None:
+        """Forget all, and hold the alarms that are known of a run. They are no news, but readers take all alarms again."""
+        with self._lock:
+            self.run_id, self._alarms = run_id, {alarm.alarm_id: alarm for alarm in known}
+            self._changes.clear()
+            self._first = self._number + 1
+        self._tell(True)
+
+    def take(self, changes: EventChanges) -> None:
+        """Take what a cycle has changed in the events."""
+        made: list[tuple[What, Alarm]] = []
+        with self._lock:
+            for alarm_id, end_s in _alarm_ends(changes.ended):
+                if (ended := self._alarms.get(alarm_id)) is not None:
+                    made.append(("closed", ended._replace(end_s=end_s)))
+            for alarm_id, _ in _alarm_ends(changes.returned):
+                if (back := self._alarms.get(alarm_id)) is not None:
+                    made.append(("returned", back._replace(end_s=None, gaps=back.gaps + 1)))
+            made += [("opened", alarm) for alarm in _begun(changes.begun)]
+            self._note(made)
+        self._tell(bool(made))
+
+    def compare(self, rows: Rows) -> None:
+        """Take alarms as the database has them now. Args: rows: columns as of `Alarm`."""
+        made: list[tuple[What, Alarm]] = []
+        with self._lock:
+            for row in rows.rows:
+                alarm = Alarm(*row)
+                before = self._alarms.get(alarm.alarm_id)
+                made += [(what, alarm) for what in _differences(before, alarm)]
+            self._note(made)
+        self._tell(bool(made))
+
+    def acknowledge(self, alarm_id: str, by: Acknowledgement) -> Alarm | None:
+        """Acknowledge an alarm; the first one counts. Returns: it; None: it is not here."""
+        with self._lock:
+            alarm = self._alarms.get(alarm_id)
+            if alarm is None or alarm.is_acknowledged:
+                return alarm
+            done = _acknowledged(alarm, by)
+            self._note([("acknowledged", done)])
+        self._tell(True)
+        return done
+
+    def acknowledge_all(self, chosen: Beginnings, by: Acknowledgement, slack_s: float) -> int:
+        """Acknowledge each alarm of these beginnings that nobody has. Returns: how many. Args: slack_s: starts are given so exactly."""
+        with self._lock:
+            found = [
+                alarm
+                for alarm in self._alarms.values()
+                if not alarm.is_acknowledged
+                and alarm.kind in chosen.kinds
+                and chosen.subject in (None, alarm.subject)
+                and chosen.first_s - slack_s <= alarm.start_s <= chosen.last_s + slack_s
+            ]
+            self._note([("acknowledged", _acknowledged(alarm, by)) for alarm in found])
+        self._tell(bool(found))
+        return len(found)
+
+    def alarm(self, alarm_id: str) -> Alarm | None:
+        """One alarm; None: it is not here."""
+        return self._alarms.get(alarm_id)
+
+    def alarms(self, chosen: Chosen = Chosen()) -> list[Alarm]:
+        """The alarms, the most urgent first, then the newest."""
+        _, _, every = self.snapshot()
+        return sorted((alarm for alarm in every if chosen.has(alarm)), key=lambda alarm: alarm.urgency)
+
+    def snapshot(self) -> tuple[int, int, list[Alarm]]:
+        """The run, the number of the newest change, and all alarms as they are after it, in any order."""
+        with self._lock:
+            return self.run_id, self._number, list(self._alarms.values())
+
+    def since(self, run_id: int, number: int) -> list[Change] | None:
+        """The changes after a number; None: they are not here any more, or of another run, and the reader begins with `alarms`."""
+        with self._lock:
+            if run_id != self.run_id or not self.first - 1 <= number <= self._number:
+                return None
+            return list(islice(self._changes, len(self._changes) - (self._number - number), None))
+
+    def listen(self, tell: Callable[[], None]) -> Callable[[], None]:
+        """Have a function called after each change, in any thread. Returns: what ends that."""
+        with self._lock:
+            self._listeners[id(tell)] = tell
+
+        def end() -> None:
+            with self._lock:
+                self._listeners.pop(id(tell), None)
+
+        return end
+
+    def _note(self, made: Sequence[tuple[What, Alarm]]) -> None:
+        for what, alarm in made:
+            self._number += 1
+            self._alarms[alarm.alarm_id] = alarm
+            self._changes.append(Change(self._number, what, alarm))
+        if len(self._alarms) > MOST_ENDED:
+            self._forget()
+
+    def _forget(self) -> None:
+        """Forget ended alarms where there are too many of them."""
+        ended = [alarm for alarm in self._alarms.values() if not alarm.lasts]
+        if len(ended) <= MOST_ENDED:
+            return
+        ended.sort(key=lambda alarm: (alarm.is_acknowledged, *alarm.urgency))
+        for alarm in ended[MOST_ENDED - MOST_ENDED // 10 :]:
+            self.forgotten += not alarm.is_acknowledged
+            del self._alarms[alarm.alarm_id]
+
+    def _tell(self, changed: bool) -> None:
+        if not changed:
+            return
+        with self._lock:
+            listeners = list(self._listeners.values())
+        for tell in listeners:
+            tell()
+
+
+def known_of(rows: Rows, memory: EventMemory) -> list[Alarm]:
+    """The alarms of a run that goes on from a checkpoint, as they were then: some have ended or returned later.
+
+    Args: rows: of the database, that began before the checkpoint; memory: of the events, at the checkpoint.
+    """
+    vessel_id, kind = np.divmod(memory.key, KINDS)
+    spans = EventSpans(vessel_id, kind, memory.subject, memory.start_s, memory.end_s)
+    end_s = {alarm_id: None if np.isnan(end) else end for alarm_id, end in _alarm_ends(spans)}
+    found = [Alarm(*row) for row in rows.rows]
+    return [alarm._replace(end_s=end_s.get(alarm.alarm_id, alarm.end_s)) for alarm in found]
+
+
+def _alarm_ends(spans: EventSpans) -> Iterable[tuple[str, float]]:
+    """The text and the end of each span that is of an alarm."""
+    rows = np.flatnonzero(IS_ALARM[spans.kind])
+    columns = spans.vessel_id, spans.kind, spans.subject, spans.start_s, spans.end_s
+    for vessel_id, kind, subject, start_s, end_s in zip(*(column[rows].tolist() for column in columns), strict=True):
+        yield id_of(AlarmKey(vessel_id, EVENT_KINDS[kind], subject, start_s)), end_s
+
+
+def _begun(begun: BegunEvents) -> Iterable[Alarm]:
+    rows = np.flatnonzero(IS_ALARM[begun.kind])
+    columns = begun.vessel_id, begun.kind, begun.subject, begun.start_s, begun.mmsi, begun.position_deg, begun.speed_kn
+    values = (column[rows].tolist() for column in (*columns, begun.evidence))
+    for vessel_id, kind, subject, start_s, mmsi, (latitude, longitude), speed_kn, evidence in zip(*values, strict=True):
+        then = mmsi if mmsi >= 0 else None, None, latitude, longitude, None if np.isnan(speed_kn) else speed_kn, evidence
+        yield Alarm(vessel_id, EVENT_KINDS[kind], subject, start_s, None, 0, *then, None, None, None)
+
+
+def _acknowledged(alarm: Alarm, by: Acknowledgement) -> Alarm:
+    return alarm._replace(acknowledged_by=by.name, acknowledged_s=by.at_s, note=by.note)
+
+
+def _differences(before: Alarm | None, now: Alarm) -> list[What]:
+    """What has happened to an alarm between two looks at the database."""
+    out: list[What] = []
+    if before is None:
+        out.append("opened")
+    elif now.gaps != before.gaps and (not before.lasts or now.lasts):
+        out.append("returned")
+    if not now.lasts and (before is None or before.lasts or now.end_s != before.end_s):
+        out.append("closed")
+    if now.is_acknowledged and (before is None or not before.is_acknowledged):
+        out.append("acknowledged")
+    return out

@@ -1,0 +1,229 @@
+"""The writer of a live run: it is never waited for, tries again, skips pictures and nothing else, and survives defects."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import store_world as world
+from server_world import wait_for
+
+from coastwatch import store
+from coastwatch.batches import EventChanges, Flag
+from coastwatch.scenario import StoreSettings
+from coastwatch.server import live_writer
+from coastwatch.server.live_writer import LiveWriter
+from coastwatch.server.timing import Stopwatch
+from coastwatch.store import CycleRecord, Store, StoreError, Written
+from coastwatch.store.schema.migrate import check
+
+RETRY_S = (0.01,)
+KEEP = StoreSettings()
+A, B = 12, 10
+"""Vessels that are in the picture whenever they are dark here."""
+
+
+def record(number: int, memory: dict[int, object], flagged: int | None = None) -> CycleRecord:
+    """A cycle of the small sea, in which one vessel is dark, or none."""
+    picture = world.picture_of(number, 30)
+    flags = np.where(picture.vessel_id == flagged, int(Flag.DARK), 0)
+    cycle = world.cycle_of(number, 30, replace(picture, flags=flags))
+    before = memory.get(number, world.EventMemory.none())
+    memory[number + 1], events = world.events_of(before, cycle, 0.0)  # type: ignore[arg-type]
+    cycle = replace(cycle, events=events).to_write()
+    return CycleRecord(number, cycle, world.reports_of(number, 30), world.SECONDS, b"memory %d" % number)
+
+
+class Database:
+    """A database that a test takes away."""
+
+    def __init__(self, opened: Store) -> None:
+        self.store, self.run_id = opened, world.begin(opened)
+        self.away: Exception | None = None
+        self.attempts: list[int] = []
+
+    def write(self, one: CycleRecord) -> Written:
+        self.attempts.append(one.number)
+        if self.away is not None:
+            raise self.away
+        return one.write(self.store, self.run_id, KEEP)
+
+    def rows(self, query: str) -> list[tuple[object, ...]]:
+        with store.schema.database.reading(self.store) as connection:
+            return [tuple(row) for row in connection.exec_driver_sql(query)]
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Database:
+    return Database(store.open_store(str(tmp_path / "sea.db")))
+
+
+def writer_of(database: Database, announce: Callable[[CycleRecord], None] = lambda _: None) -> LiveWriter:
+    return LiveWriter(Stopwatch(), database.write, announce, RETRY_S)
+
+
+def test_a_database_that_is_away_for_a_while_gets_every_cycle(database: Database) -> None:
+    memory: dict[int, object] = {}
+    announced: list[int] = []
+    with writer_of(database, lambda one: announced.append(one.number)) as writer:
+        writer.put(record(0, memory))
+        wait_for(lambda: writer.is_idle)
+        database.away = StoreError("database is locked")
+        for number in range(1, 8):
+            began_s = time.monotonic()
+            writer.put(record(number, memory, flagged=A))
+            assert time.monotonic() - began_s < 1.0
+        wait_for(lambda: writer.state.failures > 1)
+        assert (writer.state.error, writer.state.waiting) == ("database is locked", 7)
+        wait_for(lambda: announced == list(range(8)))  # other centres do not wait for the database
+        database.away = None
+        wait_for(lambda: writer.is_idle)
+        assert (writer.state.error, writer.state.since_s, writer.state.waiting, writer.state.not_stored) == (None, None, 0, 0)
+    assert database.rows("SELECT number, skipped FROM cycle ORDER BY number") == [(n, None) for n in range(8)]
+    assert database.rows("SELECT vessel_id, from_cycle, to_cycle FROM event") == [(A, 1, None)]
+    assert announced == list(range(8))
+    assert check(str(database.store.engine.url)) == []
+
+
+def test_of_too_many_cycles_the_newest_picture_and_every_event_name_and_change_are_stored(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live_writer, "MOST_WAITING", 5)
+    memory: dict[int, object] = {}
+    with writer_of(database) as writer:
+        writer.put(record(0, memory))
+        wait_for(lambda: writer.is_idle)
+        database.away = StoreError("disk full")
+        for number in range(1, 21):  # A is dark in cycles 5 to 9 only, B from 15 on
+            writer.put(record(number, memory, flagged=A if 5 <= number < 10 else B if number >= 15 else None))
+        said = writer.later(lambda: store.acknowledge_all(database.store, database.run_id, DARK, BY))
+        wait_for(lambda: writer.state.failures > 0)
+        assert writer.state.waiting <= 6
+        database.away = None
+        assert said.result(20.0) == 2, "written after the cycles in which the alarms began"
+    skipped = writer.state.not_stored
+    assert skipped >= 14
+    numbers = database.rows("SELECT number, skipped FROM cycle ORDER BY number")
+    assert [row[0] for row in numbers] == list(range(21)), "no cycle is without its row"
+    assert sum(row[1] == "not_stored" for row in numbers) == skipped
+    assert numbers[-1] == (20, None)
+    assert numbers[0] == (0, None)
+    events = "SELECT vessel_id, from_cycle, to_cycle FROM event ORDER BY vessel_id"
+    assert database.rows(events) == [(B, 15, None), (A, 5, 9)]
+    names = {row[0] for row in database.rows("SELECT mmsi FROM vessel_static")}
+    assert names == {710_000_000 + number for number in range(21)}
+    assert database.rows("SELECT count(*) FROM checkpoint WHERE cycle = 20") == [(1,)]
+    picture = store.picture(database.store, database.run_id)
+    assert sorted(picture.column("vessel_id")) == sorted(world.picture_of(20, 30).vessel_id.tolist())
+    before = store.picture(database.store, database.run_id, world.instant_s(12))
+    assert {*before.column("time_s")} <= {world.instant_s(0), world.instant_s(1)}, "of a skipped cycle nothing is invented"
+    assert check(str(database.store.engine.url)) == []
+
+
+DARK = store.Beginnings(("dark",), None, 0.0, 1e12)
+BY = store.Acknowledgement(1.0, "Ana", "", "loopback")
+
+
+def test_a_run_goes_on_from_a_checkpoint_before_skipped_cycles(database: Database) -> None:
+    memory: dict[int, object] = {}
+    for number in range(3):
+        database.write(record(number, memory, flagged=A))
+    skipped = tuple(record(number, memory).skipped() for number in (3, 4, 5))
+    last = replace(record(6, memory), merged=skipped)
+    database.write(last)
+    database.store.run_states.clear()
+    again = {n: memory[n] for n in (1, 2, 3)}
+    for number in range(3, 8):
+        database.write(record(number, again, flagged=A))
+    assert database.rows("SELECT number, skipped FROM cycle ORDER BY number") == [(n, None) for n in range(8)]
+    assert database.rows("SELECT vessel_id, from_cycle, to_cycle FROM event") == [(A, 0, None)]
+    assert check(str(database.store.engine.url)) == []
+
+
+def test_merged_cycles_have_rows_and_change_nothing_else(database: Database) -> None:
+    memory: dict[int, object] = {}
+    database.write(record(0, memory, flagged=A))
+    counts = {"vessels": 1, "tracks": 2, "pairs": 3, "bearing_pairs": 4, "reports": 5}
+    merged = tuple(store.SkippedCycle(n, world.instant_s(n), "merged", counts) for n in (1, 2))
+    memory[3] = memory[1]
+    database.write(replace(record(3, memory), merged=merged))
+    rows = database.rows("SELECT number, skipped, vessels, reports FROM cycle ORDER BY number")
+    assert rows[1:3] == [(1, "merged", 1, 5), (2, "merged", 1, 5)]
+    assert database.rows("SELECT to_cycle FROM event") == [(0,)], "the last cycle in which it held"
+    with pytest.raises(StoreError, match="got cycle 6, needed 4"):
+        database.write(record(6, memory))
+
+
+def test_a_defect_in_the_writing_of_a_cycle_costs_its_picture_alone(database: Database) -> None:
+    memory: dict[int, object] = {}
+    with writer_of(database) as writer:
+        writer.put(record(0, memory))
+        wait_for(lambda: writer.is_idle)
+        database.away = ValueError("need at least one array to concatenate")
+        writer.put(record(1, memory, flagged=A))
+        wait_for(lambda: writer.is_idle)
+        assert writer.state.error == "ValueError: need at least one array to concatenate"
+        database.away = None
+        writer.put(record(2, memory, flagged=A))
+        wait_for(lambda: writer.is_idle and writer.state.error is None)
+    assert database.rows("SELECT number, skipped FROM cycle") == [(0, None), (1, "not_stored"), (2, None)]
+    assert database.rows("SELECT vessel_id, from_cycle FROM event") == [(A, 1)]
+
+
+def test_events_that_cannot_be_written_are_left_in_the_end(database: Database) -> None:
+    """Otherwise one of them would keep the database from all that follows."""
+    memory: dict[int, object] = {}
+
+    def write(one: CycleRecord) -> Written:
+        if any(len(part.events) for part in (*one.merged, one.cycle)):
+            raise ValueError("a text that no database takes")
+        return database.write(one)
+
+    with LiveWriter(Stopwatch(), write, lambda _: None, RETRY_S) as writer:
+        for number in range(4):
+            writer.put(record(number, memory, flagged=A if number == 1 else None))
+            wait_for(lambda: writer.is_idle)
+        writer.put(record(4, memory))
+        wait_for(lambda: writer.is_idle and writer.state.error is None)
+        assert writer.state.forgotten > 0
+    assert [row[0] for row in database.rows("SELECT number FROM cycle ORDER BY number")] == list(range(5))
+
+
+def test_a_change_that_the_database_refuses_is_given_up_and_does_not_hold_up_the_cycles(database: Database) -> None:
+    memory: dict[int, object] = {}
+
+    def refused() -> None:
+        raise StoreError("there is no run 7")
+
+    with writer_of(database) as writer:
+        said = writer.later(refused)
+        writer.put(record(0, memory))
+        writer.put(record(1, memory))
+        with pytest.raises(StoreError, match="there is no run 7"):
+            said.result(20.0)
+        wait_for(lambda: writer.is_idle)
+    assert database.rows("SELECT count(*) FROM cycle") == [(2,)]
+
+
+def test_the_end_waits_for_what_can_be_written_and_says_what_cannot(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    memory: dict[int, object] = {}
+    with writer_of(database) as writer:
+        database.away = StoreError("database is locked")
+        writer.put(record(0, memory))
+        threading.Timer(0.1, lambda: setattr(database, "away", None)).start()
+    assert database.rows("SELECT count(*) FROM cycle") == [(1,)]
+    monkeypatch.setattr(live_writer, "CLOSE_S", 0.05)
+    database.away, last = StoreError("disk full"), record(1, memory)
+    with pytest.raises(StoreError, match="1 cycles could not be stored at the end: disk full"), writer_of(database) as writer:
+        writer.put(last)
+
+
+def test_no_events_is_what_empty_means() -> None:
+    assert len(EventChanges.empty()) == 0
