@@ -16,6 +16,7 @@ from coastwatch import store
 from coastwatch.batches import Fault, Recording, Reports, Sensors
 from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario
+from coastwatch.server import clock
 from coastwatch.server.alarm_book import MOST_ENDED, Alarm, AlarmBook, known_of
 from coastwatch.server.checkpoint import CheckpointError, Point
 from coastwatch.server.live_picture import LivePicture, Statics, merge_statics, of_cycle, of_store, without_absent
@@ -87,9 +88,9 @@ class Paced:
         plan = scenario.plan()
         simulated = scenario.input.method in ("simulated", "crossing")
         if simulated:
-            plan = plan.model_copy(update={"start_s": float(int(time.time()))})
+            plan = plan.model_copy(update={"start_s": float(int(clock.now_s()))})
         recording = scenario.input.load(sensors, seed, plan)
-        self._origin = plan.start_s, plan.start_s if simulated else time.time()
+        self._origin = plan.start_s, plan.start_s if simulated else clock.now_s()
         return replace(recording, truth=None), plan
 
     def intake(self) -> Sequence[Intake]:
@@ -103,7 +104,7 @@ class Paced:
 
     def wait(self, until_s: float, stop: threading.Event) -> bool:
         """As of `Input`."""
-        return not stop.wait(max(self.due_s(until_s) - time.time(), 0.0))
+        return not stop.wait(max(self.due_s(until_s) - clock.now_s(), 0.0))
 
     def feeds(self) -> list[dict[str, Any]]:
         """As of `Input`: it has none."""
@@ -220,7 +221,7 @@ class LiveRun:
 
     def troubles(self) -> list[Trouble]:
         """What an operator should know."""
-        now_s, out = time.time(), of_feeds(self.feeds(), time.time())
+        now_s, out = clock.now_s(), of_feeds(self.feeds(), clock.now_s())
         state = self._writer.state if self._writer else WriterState()
         if state.error is not None:
             since_s = now_s - (time.monotonic() - (state.since_s or time.monotonic()))
@@ -234,6 +235,11 @@ class LiveRun:
         if self.cycles and late_s > MERGED_AFTER * self.scenario.period_s:
             said = f"cycles take too long: the picture is {late_s:.0f} s late, {self.cycles_merged} cycles were merged"
             out.append(Trouble("behind", "", None, said, True))
+        if step_s := clock.CLOCK.step_s:
+            said = (
+                f"the clock of this machine was set by {step_s:+.0f} s: the watch goes on by its own until it is started again"
+            )
+            out.append(Trouble("clock", "", None, said, False))
         out += [
             Trouble("restart", "", when_s, f"the run was begun again after: {text}", False)
             for when_s, text in self._failures[-1:]
@@ -243,7 +249,7 @@ class LiveRun:
 
     def now_s(self) -> float:
         """Now, by the clock that the times of its pictures are of."""
-        return time.time()
+        return clock.now_s()
 
     def about(self) -> RunAbout:
         """What does not change in the run."""
@@ -272,7 +278,7 @@ class LiveRun:
     def behind(self, until_s: float) -> int:
         """As `run.Live.behind`."""
         due_s = self._source.due_s(until_s)
-        late_s, period_s = time.time() - due_s, self._source.due_s(until_s + self.scenario.period_s) - due_s
+        late_s, period_s = clock.now_s() - due_s, self._source.due_s(until_s + self.scenario.period_s) - due_s
         if late_s <= MERGED_AFTER * period_s:
             return 0
         cycle_s = self._spacing_s
@@ -296,9 +302,9 @@ class LiveRun:
         self.alarms.take(cycle.events)
         self.seconds, self._said = seconds, None
         self._on_picture(of_cycle(run_id, number, cycle, self._sensors, self._statics))
-        self.late_s = time.time() - self._source.due_s(cycle.time_s)
-        now_s = time.monotonic()
-        self._computed_s, self._spacing_s = now_s, max(now_s - self._computed_s, 0.0)
+        self.late_s = clock.now_s() - self._source.due_s(cycle.time_s)
+        computed_s = time.monotonic()
+        self._computed_s, self._spacing_s = computed_s, max(computed_s - self._computed_s, 0.0)
         self.cycles += 1
         self._merged = number - self._number - 1
         self.cycles_merged += self._merged
@@ -357,7 +363,7 @@ class LiveRun:
         """Note a failure. Returns: whether the run is begun again."""
         if self.stop.is_set() and not isinstance(error, StoreError):
             return False
-        now_s, text = time.time(), str(error) or type(error).__name__
+        now_s, text = clock.now_s(), str(error) or type(error).__name__
         self._failures = [one for one in self._failures if now_s - one[0] < RESTARTS_WITHIN_S] + [(now_s, text)]
         never_began = not self.cycles and isinstance(error, REPAIRABLE) and not isinstance(error, CheckpointError)
         if self.stop.is_set() or never_began or len(self._failures) > MOST_RESTARTS:

@@ -27,8 +27,10 @@ from server_world import wait_for
 from coastwatch.batches import AisReports, AisStatics, BearingReports, RadarReports, Reports
 from coastwatch.scenario import load_scenario
 from coastwatch.server.feeds.address import AddressError, parsed
+from coastwatch.server.feeds.decoding import JUMP
 from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.feeds.sending import encoded, of_scenario, send
+from coastwatch.server.feeds.transport import Inbox, kept_alive
 from coastwatch.server.regions.scenario import with_track_sources
 from coastwatch.server.run import run_scenario
 from scaling.load import replayed
@@ -257,7 +259,9 @@ def sentence(body: str) -> bytes:
 
 def test_targets_of_a_radar_are_where_it_says_and_a_lost_one_is_set_aside() -> None:
     lines = [
-        sentence("RATTM,01,1.0,90.0,T,10.0,180.0,T,,,N,,T,,150640.00,A"),  # before any clock: of its own time, near its arrival
+        sentence(
+            "RATTM,01,1.0,90.0,T,10.0,180.0,T,,,N,,T,,150640.00,A"
+        ),  # before any clock: near its arrival, far ahead of the rest
         sentence("GPZDA,150641.00,15,06,2025,00,00"),
         sentence("RATTM,07,1.0,90.0,T,10.0,180.0,T,,,N,,T,,150641.00,A"),
         sentence("RATTM,08,2.0,0.0,R,5.0,90.0,T,,,N,,L,,150641.00,A"),
@@ -269,7 +273,7 @@ def test_targets_of_a_radar_are_where_it_says_and_a_lost_one_is_set_aside() -> N
         put(made.ports[0], lines)
         deliver(made, len(lines))
         found = joined(cycles(made), "tracks")
-        assert made.feeds()[0]["faults"] == {"set aside: target lost": 1, "checksum": 1}
+        assert made.feeds()[0]["faults"] == {"set aside: target lost": 1, "checksum": 1, JUMP: 1}
     assert found.number.tolist() == [7, 9, 11]
     assert found.time_s.tolist() == 3 * [START_S + 1]  # none is later than the newest clock sentence
     assert (found.sensor == 0).all()
@@ -472,15 +476,49 @@ def test_a_taken_port_and_an_unknown_radar_are_refused() -> None:
 def test_a_feed_that_listens_takes_so_many_senders_and_room_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("coastwatch.server.feeds.transport.MOST_SENDERS", 2)
     with receiving("ais+listen://127.0.0.1:0") as made:
-        held = [socket.create_connection(("127.0.0.1", made.ports[0])) for _ in range(3)]
-        held[2].settimeout(10.0)
-        assert held[2].recv(1) == b""
-        assert "2 are connected" in str(made.feeds()[0]["error"])
+        held = []
+        for number in range(2):
+            held.append(socket.create_connection(("127.0.0.1", made.ports[0])))
+            wait_for(lambda number=number: made.feeds()[0]["connections"] == number + 1)
+        held[0].sendall(b"#\r\n")  # the second one is silent longest
+        deliver(made, 1)
+        held.append(socket.create_connection(("127.0.0.1", made.ports[0])))
+        held[1].settimeout(10.0)
+        assert held[1].recv(1) == b""
+        assert "silent longest" in str(made.feeds()[0]["error"])
+        held[2].sendall(b"#\r\n")
+        held[0].sendall(b"#\r\n")
+        deliver(made, 3)
         for one in held:
             one.close()
         wait_for(lambda: not made.feeds()[0]["connected"])
         put(made.ports[0], items("ais+tcp://x:1"))
-        deliver(made, 1)
+        deliver(made, 4)
+
+
+def test_a_name_that_no_machine_can_have_is_refused_and_stops_no_start() -> None:
+    with pytest.raises(OSError, match="no name of a machine"), receiving("ais+listen://north..example:1"):
+        pass
+    with receiving("ais+tcp://north..example:1") as made:
+        wait_for(lambda: "no name of a machine" in str(made.feeds()[0]["error"]))
+
+
+def test_an_inbox_is_bounded_in_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("coastwatch.server.feeds.transport.MOST_BYTES", 1 << 20)
+    inbox = Inbox(parsed("ais+udp://:1"))
+    inbox.put([b"x" * 60_000] * 17, 17 * 60_000, 0)
+    assert not inbox.is_full
+    inbox.put([b"x" * 60_000], 60_000, 0)
+    assert inbox.is_full
+    assert len(inbox.taken()) == 18
+    assert not inbox.is_full
+
+
+def test_a_sender_whose_machine_is_gone_is_noticed() -> None:
+    with socket.socket() as found:
+        kept_alive(found)
+        assert found.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE) == 1
+        assert found.getsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE) <= 30
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -11,63 +12,115 @@ import numpy as np
 from coastwatch.batches import AisStatics, Bools, Floats, Ints, Reports
 from coastwatch.sensors.recorded.ais_validation import DUPLICATE, Acceptance, AisIntake, AisRows, StaticRows
 from coastwatch.sensors.recorded.faults import Tally
-from coastwatch.sensors.recorded.nmea.messages import Assembler
+from coastwatch.sensors.recorded.nmea.messages import Assembler, Messages, taken
 from coastwatch.sensors.recorded.nmea.payload import decoded
 from coastwatch.sensors.recorded.nmea.sentences import ais_sentences
 from coastwatch.sensors.recorded.reception_time import repeated
-from coastwatch.server.feeds.decoding import Counts, plausible_s
+from coastwatch.server.feeds.decoding import FAR_AHEAD_S, Counts, Newest, Stamps
+from coastwatch.server.feeds.new_vessels import BEYOND, NewVessels
 from coastwatch.server.feeds.transport import Item
 
 ANY_LATENESS_S = 1e9
 """Stamps are judged when rows come, not in the order of a file."""
 
+MOST_SENDERS = 256
+"""Senders of one feed whose clocks are kept; of more, the one that was heard longest ago goes."""
+
+JUDGED_FOR_S = 60.0
+"""The clock of a sender that was not heard for so long is not judged any more."""
+
+CLOCKS = b"ZDA", b"RMC"
+FAR_CLOCK = "clock sentence far from the clock of this machine, time of arrival taken"
+
 TWICE_WITHIN_S = AisIntake().duplicate_within_s
 
 
-class AisDecoder:
-    """The sentences of one receiver."""
+class _Sender:
+    """What is known of one sender of a feed: its clock, the beginnings of its messages, and the stamps that are believed."""
 
-    def __init__(self, name: str, feed: int, checked: bool) -> None:
-        """Args: feed: its number; checked: stamps far ahead of the clock are not believed."""
-        self.tally, self.counts = Tally(), Counts()
-        self.newest_s, self.first_s = -math.inf, math.inf
-        self.name, self._checked = name, checked
-        self._assembler = Assembler(name, self.tally)
-        intake = AisIntake(order="time", lateness_s=ANY_LATENESS_S, longest_silence_s=ANY_LATENESS_S)
-        self._acceptance = Acceptance(intake, self.tally, lambda line: f"{name}:{line}", feed)
+    def __init__(self, name: str, checked: bool, tally: Tally) -> None:
+        self.stamps = Stamps(name, checked, tally)
+        self._name, self._checked, self._tally = name, checked, tally
+        self._assembler = Assembler(name, tally)
         self._ahead: list[Item] = []  # lines that belong to the next sentence
         self._clock: list[Item] = []  # the last clock sentence
-        self._lines = 0
-        self._rows: list[AisRows] = []
-        self._statics: list[tuple[AisStatics, StaticRows]] = []
 
-    def take(self, items: list[Item], reference_s: float | None) -> None:
-        """As of `Decoder`. A sentence without a time has that of its arrival."""
+    def messages(self, items: list[Item], lines_before: int) -> Messages:
+        """The messages that are whole, with their times. Args: lines_before: of the feed, for the numbers of lines."""
         items = [*self._clock, *self._ahead, *items]
         self._clock, self._ahead = [], []
         while items and _is_ahead(items[-1][1]):
             self._ahead.insert(0, items.pop())
-        self._clock = [item for item in items if item[1][3:6] in (b"ZDA", b"RMC")][-1:]
-        if not items:
-            return
-        first, self._lines = self._lines, self._lines + len(items)
-        found = ais_sentences([line for _, line in items], self.name, self.tally)
-        messages = self._assembler.whole([s._replace(line=s.line + first) for s in found], False)
-        arrived = np.array([when for when, _ in items], np.float64)
-        at = np.clip(messages.line - first - 1, 0, len(items) - 1)  # a message may have begun in lines before these
-        stamp = plausible_s(messages.stamp_s, arrived[at], self._checked, self.tally, self.name)
-        rows, statics, static_rows = decoded(messages._replace(stamp_s=stamp), self.name, self.tally)
-        self._rows.append(rows)
-        self._statics.append((statics, static_rows))
-        self.newest_s = max(self.newest_s, float(stamp.max(initial=-math.inf)))
-        self.first_s = min(self.first_s, float(stamp.min(initial=math.inf)))
+        self._clock = [item for item in items if item[1][3:6] in CLOCKS][-1:]
+        found = ais_sentences([line for _, line, _ in items], self._name, self._tally)
+        messages = self._assembler.whole([s._replace(line=s.line + lines_before) for s in found], False)
+        arrived = np.array([when for when, _, _ in items], np.float64)
+        at = np.clip(
+            messages.line - lines_before - 1, 0, max(len(items) - 1, 0)
+        )  # a message may have begun in lines before these
+        arrived_s = arrived[at]
+        stamp_s = self._without_far_clocks(messages, arrived_s) if self._checked else messages.stamp_s
+        time_s = self.stamps.times_s(stamp_s, arrived_s)
+        return taken(messages._replace(stamp_s=time_s), np.isfinite(time_s))
 
-    def due(self, after_s: float, until_s: float) -> AisRows:
-        """The positions of a span, which then wait no longer. Older ones are counted."""
-        rows = AisRows.join(self._rows)
+    def _without_far_clocks(self, messages: Messages, arrived_s: Floats) -> Floats:
+        """The stamps, NaN where a clock sentence says another time than that of arrival. Args: arrived_s: (M,). Returns: (M,)."""
+        far = messages.by_clock & (np.abs(messages.stamp_s - arrived_s) > FAR_AHEAD_S)
+        said = messages.stamp_s - arrived_s
+        self._tally.add_rows(FAR_CLOCK, far, lambda i: self._name, lambda i: f"{said[i]:.0f} s")
+        return np.where(far, np.nan, messages.stamp_s)
+
+
+class AisDecoder:
+    """The sentences of one receiver, which several senders may send. A sender disturbs no other one: each has a clock of its own."""
+
+    def __init__(self, name: str, feed: int, checked: bool) -> None:
+        """Args: feed: its number; checked: stamps are judged by the clock of the machine."""
+        self.tally, self.counts = Tally(), Counts()
+        self.name, self.checked = name, checked
+        self._senders: OrderedDict[int, _Sender] = OrderedDict()  # the one that was heard last is last
+        intake = AisIntake(order="time", lateness_s=ANY_LATENESS_S, longest_silence_s=ANY_LATENESS_S)
+        self._acceptance = Acceptance(intake, self.tally, lambda line: f"{name}:{line}", feed)
+        self._newest = Newest()
+        self._lines = 0
+        self._rows: list[AisRows] = []
+        self._of: list[Ints] = []  # the sender of each row
+        self._statics: list[tuple[AisStatics, StaticRows]] = []
+
+    @property
+    def stamps(self) -> Newest:
+        """As of `Decoder`, of all senders together."""
+        return self._newest
+
+    def take(self, items: list[Item], reference_s: float | None) -> None:
+        """As of `Decoder`. A sentence without a time has that of its arrival."""
+        by_sender: dict[int, list[Item]] = {}
+        for item in items:
+            by_sender.setdefault(item[2], []).append(item)
+        for number, own in by_sender.items():
+            if number not in self._senders:
+                self._senders[number] = _Sender(self.name, self.checked, self.tally)
+            self._senders.move_to_end(number)
+            sender = self._senders[number]
+            messages = sender.messages(own, self._lines)
+            self._lines += len(own)
+            rows, statics, static_rows = decoded(messages, self.name, self.tally)
+            self._rows.append(rows)
+            self._of.append(np.full(len(rows), number, np.int64))
+            self._statics.append((statics, static_rows))
+        while len(self._senders) > MOST_SENDERS:
+            self._senders.popitem(last=False)
+        every = [sender.stamps for sender in self._senders.values()]
+        heard_s = max((one.heard_s for one in every), default=0.0)
+        self._newest = Newest.of([one for one in every if one.heard_s > heard_s - JUDGED_FOR_S], self._newest)
+
+    def due(self, after_s: float, until_s: float) -> tuple[AisRows, Ints]:
+        """The positions of a span, which then wait no longer, and the sender of each. Older ones are counted."""
+        rows, of = AisRows.join(self._rows), np.concatenate([np.zeros(0, np.int64), *self._of])
         keep, outdated = rows.stamp_s > until_s, self.counts.outdated(rows.stamp_s, after_s)
-        self._rows = [rows.take(keep)] if keep.any() else []
-        return rows.take(~keep & ~outdated)
+        self._rows, self._of = ([rows.take(keep)], [of[keep]]) if keep.any() else ([], [])
+        due = ~keep & ~outdated
+        return rows.take(due), of[due]
 
     def accepted(self, rows: AisRows, until_s: float) -> Reports:
         """The reports of these positions, and names and sizes up to an instant."""
@@ -91,21 +144,25 @@ class Receivers:
     """The receivers of one coast. A message that several of them heard is used once: that of the earliest stamp."""
 
     def __init__(self, decoders: Sequence[AisDecoder]) -> None:
-        self._decoders = decoders
+        self._decoders, self._new = decoders, NewVessels()
         self._seen = np.zeros((0, 2), np.int64), np.zeros(0)  # digest and MMSI of messages, and their times
 
     def cut(self, after_s: float, until_s: float) -> Reports:
         """As `Cut`, of all of them."""
         parts = [decoder.due(after_s, until_s) for decoder in self._decoders]
-        rows, of = AisRows.join(parts), np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+        rows = AisRows.join([part for part, _ in parts])
+        of = np.repeat(np.arange(len(parts)), [len(part) for part, _ in parts])
+        sender = np.concatenate([np.zeros(0, np.int64), *(senders for _, senders in parts)])
         order = np.lexsort((of, rows.digest, rows.second, rows.mmsi, rows.stamp_s))
-        rows, of = rows.take(order), of[order]
+        rows, of, sender = rows.take(order), of[order], sender[order]
         first = self._first(np.stack([rows.digest, rows.mmsi], 1), rows.stamp_s)
+        known = self._new.accepted(rows.mmsi, rows.stamp_s, rows.position_deg, of, sender)
         found = []
         for number, decoder in enumerate(self._decoders):
             own = of == number
             decoder.tally.add_rows(DUPLICATE, own & ~first, lambda i: "live", lambda i: f"MMSI {rows.mmsi[i]}")
-            found.append(decoder.accepted(rows.take(own & first), until_s))
+            decoder.tally.add_rows(BEYOND, own & first & ~known, lambda i: "live", lambda i: f"MMSI {rows.mmsi[i]}")
+            found.append(decoder.accepted(rows.take(own & first & known), until_s))
         return Reports.merged(found) if found else Reports.empty()
 
     def _first(self, message: Ints, time_s: Floats) -> Bools:

@@ -22,7 +22,7 @@ from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
 from coastwatch.server.feeds.address import Address, AddressError
 from coastwatch.server.feeds.asterix_tracks import Track, quantity_of, reports_of, track_of, uint_of
-from coastwatch.server.feeds.decoding import Counts, Waiting
+from coastwatch.server.feeds.decoding import Counts, Stamps, Waiting
 from coastwatch.server.feeds.transport import Item
 
 DAMAGED = "damaged datagram"
@@ -100,10 +100,11 @@ class AsterixDecoder:
     Where its address names nothing, SIC 1 is the first radar of the scenario, 2 the second, and CAT 062 is of the only track source.
     """
 
-    def __init__(self, address: Address, sensors: Sensors) -> None:
-        """Raises: AddressError."""
+    def __init__(self, address: Address, sensors: Sensors, checked: bool = True) -> None:
+        """Args: checked: stamps are judged by the clock of the machine. Raises: AddressError."""
         self.tally, self.counts = Tally(), Counts()
-        self.newest_s, self.first_s = -math.inf, math.inf
+        self.checked = checked
+        self.stamps = Stamps(address.name, checked, self.tally)
         self._name, self._sensors = address.name, sensors
         self._origins, self._date_s = origins_of(address, sensors), date_of(address)
         self._plots = Waiting(self.counts, RadarReports, ("sensor", "range_m", "azimuth_deg"))
@@ -118,8 +119,8 @@ class AsterixDecoder:
         """As of `Decoder`. A time of day is that nearest to the reference, or to the arrival."""
         plots: list[Plot] = []
         tracks: list[tuple[int, Track]] = []
-        for when, data in items:
-            for found in self._found(data, when if reference_s is None else reference_s):
+        for when, data, _ in items:
+            for found in self._found(data, when, when if reference_s is None else reference_s):
                 if isinstance(found, Plot):
                     plots.append(found)
                 else:
@@ -135,7 +136,7 @@ class AsterixDecoder:
         radar, tracks = self._plots.cut(after_s, until_s), self._tracks.cut(after_s, until_s)
         return replace(Reports.empty(), radar=radar, tracks=tracks)
 
-    def _found(self, data: bytes, about_s: float) -> Iterator[Plot | tuple[int, Track]]:
+    def _found(self, data: bytes, arrived_s: float, about_s: float) -> Iterator[Plot | tuple[int, Track]]:
         """The plots and the tracks, with the number of their source, of a datagram. What cannot be used is counted."""
         lib = _library()
         try:
@@ -151,21 +152,23 @@ class AsterixDecoder:
                 if isinstance(records, ValueError):
                     raise records
                 for record in records:
-                    found = self._one(record, category, about_s)
+                    found = self._one(record, category, arrived_s, about_s)
                     if found is not None:
                         yield found
         except Exception as error:  # whatever a library raises on damaged bytes
             self.tally.add(DAMAGED, self._name, f"{type(error).__name__}: {error}")
 
-    def _one(self, record: Any, category: int, about_s: float) -> Plot | tuple[int, Track] | None:
+    def _one(self, record: Any, category: int, arrived_s: float, about_s: float) -> Plot | tuple[int, Track] | None:
         """What a record holds; None: nothing that is used, which is counted."""
         identity, clock = record.get_item("010"), record.get_item(CLOCK[category])
         origin = None if identity is None else self._origin(category, *(uint_of(identity, x) for x in ("SAC", "SIC")))
         if origin is None:
             self.tally.add(UNKNOWN_RADAR, self._name, "no item 010" if identity is None else str(identity.as_uint()))
             return None
-        time_s = about_s if clock is None else self._instant_s(clock.variation.content.as_quantity("s"), about_s)
-        self.newest_s, self.first_s = max(self.newest_s, time_s), min(self.first_s, time_s)
+        stamp_s = about_s if clock is None else self._instant_s(clock.variation.content.as_quantity("s"), about_s)
+        time_s = self.stamps.time_s(stamp_s, arrived_s)
+        if math.isnan(time_s):
+            return None
         if category == 34 or (category == 10 and record.get_item("000").as_uint() != TARGET_REPORT):
             self.tally.add(SERVICE, self._name)
             return None
@@ -184,7 +187,7 @@ class AsterixDecoder:
         """When it is this time of day: on the date of the address, or nearest to the newest report or to `about_s`."""
         if self._date_s is None:
             return nearest_s(of_day_s, about_s)
-        return nearest_s(of_day_s, self.newest_s) if math.isfinite(self.newest_s) else self._date_s + of_day_s
+        return nearest_s(of_day_s, self.stamps.newest_s) if math.isfinite(self.stamps.newest_s) else self._date_s + of_day_s
 
     def _plot(self, record: Any, category: int, radar: int, time_s: float) -> Plot | None:
         position = record.get_item("040") if category in (48, 10) else None

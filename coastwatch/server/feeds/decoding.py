@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -13,6 +14,10 @@ from coastwatch.sensors.recorded.faults import Tally
 from coastwatch.server.feeds.transport import Item
 
 FAR_AHEAD_S = 60.0
+FAR_JUMP_S, CONFIRMED_BY = 600.0, 10
+"""A stamp so far ahead of the one before is believed when so many records in a row have such."""
+
+JUMP = "time far ahead of the reports before"
 AHEAD = "time ahead of the clock of this machine, that of arrival taken"
 
 
@@ -25,6 +30,10 @@ class Counts:
     before_run: int = 0  # left out: of an instant before the first cycle of this run
     _began_s: float | None = None
 
+    def begin(self) -> None:
+        """A run begins."""
+        self._began_s = None
+
     def outdated(self, time_s: Floats, after_s: float) -> Bools:
         """Which reports are of no cycle any more; they are counted. Args: time_s: (M,); after_s: where the cycle begins. (M,)"""
         if self._began_s is None:
@@ -35,13 +44,54 @@ class Counts:
         return found
 
 
+class Span(Protocol):
+    """The times of reports."""
+
+    @property
+    def newest_s(self) -> float:
+        """Of the newest, -inf before the first."""
+        ...
+
+    @property
+    def first_s(self) -> float:
+        """Of the oldest, inf before the first."""
+        ...
+
+    @property
+    def ahead_s(self) -> float:
+        """How far the newest stamps were ahead of their arrival; NaN: none had one."""
+        ...
+
+
+@dataclass(frozen=True)
+class Newest:
+    """The times of the reports of several senders."""
+
+    newest_s: float = -math.inf
+    first_s: float = math.inf
+    ahead_s: float = math.nan  # of the sender that is furthest from its arrival
+
+    @classmethod
+    def of(cls, spans: Sequence[Span], before: Newest) -> Newest:
+        """Of senders, some of which may be forgotten. Args: before: of the call before."""
+        return cls(
+            max((before.newest_s, *(span.newest_s for span in spans))),
+            min((before.first_s, *(span.first_s for span in spans))),
+            max((span.ahead_s for span in spans if math.isfinite(span.ahead_s)), key=abs, default=math.nan),
+        )
+
+
 class Decoder(Protocol):
     """Lines or datagrams of one feed to reports."""
 
     tally: Tally
     counts: Counts
-    newest_s: float  # time of the newest report so far, -inf before the first
-    first_s: float  # of the oldest, inf before the first
+    checked: bool  # whether its stamps are judged by the clock of this machine
+
+    @property
+    def stamps(self) -> Span:
+        """The times of its reports so far."""
+        ...
 
     def take(self, items: list[Item], reference_s: float | None) -> None:
         """Decode what has come. Args: reference_s: about now, for times of day; None: as each item came."""
@@ -84,8 +134,72 @@ class Waiting:
         return found.take(order[~twice])
 
 
-def plausible_s(stamp_s: Floats, arrived_s: Floats, checked: bool, tally: Tally, name: str) -> Floats:
-    """The times of records: their stamps; that of arrival where there is none, or if checked where a stamp is far ahead."""
-    ahead = (stamp_s > arrived_s + FAR_AHEAD_S) if checked else np.zeros(len(stamp_s), np.bool_)
-    tally.add_rows(AHEAD, ahead, lambda i: name, lambda i: f"{stamp_s[i] - arrived_s[i]:.0f} s")
-    return np.where(np.isnan(stamp_s) | ahead, arrived_s, stamp_s)
+class Stamps:
+    """The stamps of one sender, judged. With the clock of the machine a stamp far ahead is replaced by the time of arrival.
+
+    With the clock of the feeds a jump far ahead is believed once several records in a row agree; until then they are left out.
+    """
+
+    def __init__(self, name: str, checked: bool, tally: Tally) -> None:
+        """Args: name: of the feed; checked: by the clock of the machine."""
+        self.newest_s, self.first_s = -math.inf, math.inf  # of what is believed
+        self.ahead_s = math.nan  # median of stamp - arrival in the newest batch that has stamps
+        self.heard_s = -math.inf  # newest arrival
+        self._name, self._checked, self._tally = name, checked, tally
+        self._far = self._before = 0  # records in a row that are far ahead, or far before
+        self._agreeing = 0  # records near the newest
+
+    def times_s(self, stamp_s: Floats, arrived_s: Floats) -> Floats:
+        """The times of records in order of arrival. Args: stamp_s: (M,), NaN: none. Returns: (M,), NaN: not to be used."""
+        stamped = np.isfinite(stamp_s)
+        self.heard_s = max(self.heard_s, float(arrived_s.max(initial=-math.inf)))
+        if stamped.any():
+            self.ahead_s = float(np.median(stamp_s[stamped] - arrived_s[stamped]))
+        time_s = np.where(stamped, stamp_s, arrived_s)
+        if self._checked:
+            ahead = time_s > arrived_s + FAR_AHEAD_S
+            self._tally.add_rows(AHEAD, ahead, lambda i: self._name, lambda i: f"{time_s[i] - arrived_s[i]:.0f} s")
+            time_s = np.where(ahead, arrived_s, time_s)
+        else:
+            time_s = self._without_jumps(time_s)
+        self.newest_s = max(self.newest_s, float(np.nanmax(time_s, initial=-math.inf)))
+        self.first_s = min(self.first_s, float(np.nanmin(time_s, initial=math.inf)))
+        return time_s
+
+    def time_s(self, stamp_s: float, arrived_s: float) -> float:
+        """As `times_s`, of one record."""
+        if not self._checked and self._agreeing >= CONFIRMED_BY and stamp_s <= self.newest_s + FAR_JUMP_S:
+            self._far, self.ahead_s, self.newest_s = 0, stamp_s - arrived_s, max(self.newest_s, stamp_s)
+            return stamp_s
+        if self._checked and stamp_s <= arrived_s + FAR_AHEAD_S:
+            self.ahead_s = stamp_s - arrived_s
+            self.newest_s, self.first_s = max(self.newest_s, stamp_s), min(self.first_s, stamp_s)
+            return stamp_s
+        return float(self.times_s(np.array([stamp_s]), np.array([arrived_s]))[0])
+
+    def _without_jumps(self, time_s: Floats) -> Floats:
+        """The times, NaN where one is far ahead of those before and not confirmed."""
+        if not len(time_s):
+            return time_s
+        if not math.isfinite(self.newest_s):
+            self.newest_s = float(np.median(time_s))
+        far = time_s > self.newest_s + FAR_JUMP_S
+        if self._agreeing < CONFIRMED_BY:  # the first stamps may have been the wrong ones
+            before = time_s < self.newest_s - FAR_JUMP_S
+            self._before = _at_the_end(before, self._before)
+            self._agreeing += int((~far & ~before).sum())
+            if self._before >= CONFIRMED_BY:
+                self.newest_s = self.first_s = float(np.median(time_s[before]))
+                far = time_s > self.newest_s + FAR_JUMP_S
+        self._far = _at_the_end(far, self._far)
+        if self._far >= CONFIRMED_BY:
+            far[len(far) - min(self._far, len(far)) :] = False
+            self._far = 0
+        self._tally.add_rows(JUMP, far, lambda i: self._name, lambda i: f"{time_s[i] - self.newest_s:.0f} s")
+        return np.where(far, np.nan, time_s)
+
+
+def _at_the_end(mask: Bools, before: int) -> int:
+    """How many in a row are true at the end. Args: before: how many were, before the first of these."""
+    false = np.flatnonzero(~mask)
+    return int(len(mask) - false[-1] - 1) if len(false) else len(mask) + before

@@ -13,7 +13,7 @@ from coastwatch.batches import BearingReports, RadarReports, Reports, Sensors, T
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.sensors.recorded.faults import Tally
 from coastwatch.server.feeds.address import Address
-from coastwatch.server.feeds.decoding import Counts, Waiting, plausible_s
+from coastwatch.server.feeds.decoding import Counts, Stamps, Waiting
 from coastwatch.server.feeds.transport import Item
 
 NOT_READ = "not an object of the format"
@@ -69,9 +69,11 @@ LINE: TypeAdapter[Plot | Bearing | Track] = TypeAdapter(Annotated[Plot | Bearing
 class JsonDecoder:
     """The lines of one feed."""
 
-    def __init__(self, address: Address, sensors: Sensors) -> None:
+    def __init__(self, address: Address, sensors: Sensors, checked: bool = True) -> None:
+        """Args: checked: stamps are judged by the clock of the machine."""
         self.tally, self.counts = Tally(), Counts()
-        self.newest_s, self.first_s = -math.inf, math.inf
+        self.checked = checked
+        self.stamps = Stamps(address.name, checked, self.tally)
         self._name, self._sensors = address.name, sensors
         names = {"plot": sensors.radars.name, "bearing": sensors.sonars.name, "track": sensors.track_sources.name}
         self._numbers = {kind: {str(name): k for k, name in enumerate(of)} for kind, of in names.items()}
@@ -84,7 +86,7 @@ class JsonDecoder:
     def take(self, items: list[Item], reference_s: float | None) -> None:
         """As of `Decoder`."""
         found: dict[str, list[tuple[float, int, Any]]] = {kind: [] for kind in self._waiting}
-        for arrived_s, text in items:
+        for arrived_s, text, _ in items:
             if not text.strip():
                 continue
             try:
@@ -102,10 +104,9 @@ class JsonDecoder:
             if found[kind]:
                 when, number, lines = (list(column) for column in zip(*found[kind], strict=True))
                 stamp = np.array([line.time_s for line in lines])
-                time_s = plausible_s(stamp, np.array(when, np.float64), reference_s is None, self.tally, self._name)
-                self.newest_s = max(self.newest_s, float(time_s.max()))
-                self.first_s = min(self.first_s, float(time_s.min()))
-                self._waiting[kind].add(make(time_s, np.array(number, np.int64), lines))
+                time_s = self.stamps.times_s(stamp, np.array(when, np.float64))
+                batch = make(time_s, np.array(number, np.int64), lines)
+                self._waiting[kind].add(batch.take(np.isfinite(time_s)))
 
     def cut(self, after_s: float, until_s: float) -> Reports:
         """As `Cut`."""

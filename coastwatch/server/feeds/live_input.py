@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections import deque
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
@@ -18,10 +19,11 @@ from typing import Any, Literal, Self
 from coastwatch.batches import Fault, FileContent, Recording, Reports, Sensors, TrackReports
 from coastwatch.scenario import Scenario
 from coastwatch.sensors.recorded.faults import refused
+from coastwatch.server.clock import CLOCK, ClockSet, now_s
 from coastwatch.server.feeds.address import Address, AddressError
 from coastwatch.server.feeds.ais import AisDecoder, Receivers
 from coastwatch.server.feeds.asterix import AsterixDecoder
-from coastwatch.server.feeds.decoding import Cut, Decoder
+from coastwatch.server.feeds.decoding import FAR_AHEAD_S, Cut, Decoder
 from coastwatch.server.feeds.json_lines import JsonDecoder
 from coastwatch.server.feeds.targets import TargetDecoder
 from coastwatch.server.feeds.transport import Inbox, Item, Receiver
@@ -34,6 +36,15 @@ Clock = Literal["wall", "feeds"]
 LOOK_S = 0.05
 SILENT_S = 5.0
 """With the clock of the feeds: a feed from which nothing has come for so long is not waited for."""
+
+BEGIN_RECORDS, BEGIN_S = 10, 2.0
+"""With the clock of the feeds a run begins when so many records have come, or after so long: the first stamp may be wrong."""
+
+AHEAD_OF_CYCLE_S = 60.0
+"""With the clock of the feeds: a feed that is so far ahead of the cycle is not read for now, so that its sender waits."""
+
+THROWN_WITHIN_S, LEAST_THROWN, THROWN_SHARE = 60.0, 10, 0.2
+"""A feed is in trouble when so many of its reports in so long were thrown away, and this share."""
 
 LATE = "report later than its cycle"
 BEFORE_RUN = "report from before the run began"
@@ -51,18 +62,41 @@ class _Feed:
 
     def __init__(self, inbox: Inbox, decoder: Decoder) -> None:
         self.inbox, self.decoder = inbox, decoder
-        self.began_s = time.time()
+        self.began_s = now_s()
         self.has_dates = not isinstance(decoder, AsterixDecoder) or decoder.has_date
         self.items: list[Item] = []  # received and not yet decoded
+        self._looks: deque[tuple[float, int, int]] = deque()  # of the last minute: when, records used, and thrown away
 
     @property
     def silent_s(self) -> float:
         """For how long nothing has come."""
-        return time.time() - max(self.inbox.heard_s, self.began_s)
+        return now_s() - max(self.inbox.heard_s, self.began_s)
+
+    def look(self) -> None:
+        """Note the counts, for `troubles`."""
+        at_s, counts = now_s(), self.decoder.counts
+        self._looks.append((at_s, counts.records, counts.late + counts.before_run))
+        while self._looks[0][0] < at_s - THROWN_WITHIN_S:
+            self._looks.popleft()
+
+    def troubles(self) -> list[str]:
+        """What is wrong with what it sends."""
+        out, ahead_s = [], self.decoder.stamps.ahead_s
+        if self.decoder.checked and abs(ahead_s) > FAR_AHEAD_S:
+            said = f"its clock is {abs(ahead_s):.0f} s {'ahead' if ahead_s > 0.0 else 'behind'}"
+            out.append(said + (": the time of arrival is taken" if ahead_s > 0.0 else ""))
+        looks = list(self._looks)
+        if looks:
+            used, thrown = (looks[-1][k] - looks[0][k] for k in (1, 2))
+            if thrown >= LEAST_THROWN and thrown > THROWN_SHARE * (thrown + used):
+                said = f"{thrown} of {thrown + used} reports of the last minute were thrown away"
+                out.append(f"{said}: they came after their cycle, or are from before the run began")
+        return out
 
     def counters(self) -> dict[str, Any]:
         """Its state for operators."""
         inbox, decoder = self.inbox, self.decoder
+        newest_s = decoder.stamps.newest_s
         faults = decoder.tally.faults()
         return {
             "name": inbox.address.name,
@@ -78,16 +112,19 @@ class _Feed:
             "dropped": inbox.dropped,
             "heard_s": inbox.heard_s or None,
             "silent_s": round(self.silent_s, 1),
-            "newest_s": decoder.newest_s if math.isfinite(decoder.newest_s) else None,
+            "newest_s": newest_s if math.isfinite(newest_s) else None,
             "faults": {fault.kind: fault.count for fault in faults},
+            "troubles": self.troubles(),
         }
 
 
-def _other_decoder(address: Address, sensors: Sensors) -> AsterixDecoder | JsonDecoder | TargetDecoder:
+def _other_decoder(address: Address, sensors: Sensors, checked: bool) -> AsterixDecoder | JsonDecoder | TargetDecoder:
     """The decoder of a feed that is not of AIS. Raises: AddressError."""
     if address.format == "asterix":
-        return AsterixDecoder(address, sensors)
-    return TargetDecoder(address, sensors.track_sources) if address.format == "ttm" else JsonDecoder(address, sensors)
+        return AsterixDecoder(address, sensors, checked)
+    if address.format == "ttm":
+        return TargetDecoder(address, sensors.track_sources, checked)
+    return JsonDecoder(address, sensors, checked)
 
 
 class LiveInput:
@@ -106,7 +143,8 @@ class LiveInput:
         self._clock, self._lateness_s = clock, lateness_s
         self._addresses, self._regions = regions, list[RegionIntake]()
         self._sources = {str(name): number for number, name in enumerate(sensors.track_sources.name)}
-        self._stack = ExitStack()
+        self._stack, self._of_regions = ExitStack(), ExitStack()
+        self._has_begun = False
         self._receiver = Receiver(addresses)
         self._feeds: list[_Feed] = []
         ais: list[AisDecoder] = []
@@ -118,7 +156,7 @@ class LiveInput:
                 made = AisDecoder(address.name, len(ais), checked=clock == "wall")
                 ais.append(made)
             else:
-                made = _other_decoder(address, sensors)
+                made = _other_decoder(address, sensors, clock == "wall")
                 others.append(made)
             self._feeds.append(_Feed(inbox, made))
             if clock == "wall" and "date" in address.options and address.format == "asterix":
@@ -143,6 +181,7 @@ class LiveInput:
         return self
 
     def __exit__(self, *unused: object) -> None:
+        self._of_regions.close()
         self._stack.close()
 
     def begin(
@@ -154,35 +193,68 @@ class LiveInput:
         positions: Mapping[str, tuple[str, int]],
     ) -> tuple[Recording, Plan]:
         """As `live.Input.begin`. With the clock of the feeds the run begins with the first report, unless the scenario says when."""
-        start_s = float(math.floor(time.time()))
+        start_s = float(math.floor(now_s()))
         if scenario.start_utc is not None and self._clock == "feeds":
             start_s = scenario.start_utc.timestamp()
         from_s = start_s if self._clock == "wall" or scenario.start_utc is not None else 0.0
+        self._of_regions.close()  # of a run before this one
+        self._regions = []
+        for feed in self._feeds:
+            feed.decoder.counts.begin()
         for address in self._addresses:
-            connection = self._stack.enter_context(resumed(address, positions, from_s))
-            self._regions.append(RegionIntake(connection, self._sources[address.name]))
+            connection = self._of_regions.enter_context(resumed(address, positions, from_s))
+            self._regions.append(RegionIntake(connection, self._sources[address.name], self._clock == "wall"))
         if self._clock == "feeds":
-            while not stop.is_set() and not math.isfinite(self._first_s()):
-                self._decode(FIRST_S)
-                stop.wait(LOOK_S)
-            first_s = self._first_s()
+            self._wait_for_first(stop)
+            first_s = self._first_s() if not self._has_begun else self._newest_s()
             if scenario.start_utc is None and math.isfinite(first_s):
                 start_s = math.floor(first_s) - 1.0
+        self._has_begun = True
         return Recording(self, feeds=self._names), Plan(start_s=start_s, period_s=scenario.period_s, cycles=ENDLESS)
+
+    def _wait_for_first(self, stop: threading.Event) -> None:
+        """Wait for the first records of feeds, or the first cycle of a region."""
+        before_s = None
+        while not stop.is_set():
+            for region in self._regions:
+                region.take(FIRST_S)
+            self._decode_feeds(math.inf)
+            if math.isfinite(self._first_s()):
+                before_s = before_s or time.monotonic()
+                of_feeds = sum(feed.inbox.received for feed in self._feeds)
+                if self._regions or of_feeds >= BEGIN_RECORDS or time.monotonic() - before_s > BEGIN_S:
+                    return
+            stop.wait(LOOK_S)
 
     def due_s(self, until_s: float) -> float:
         """As `live.Input.due_s`."""
-        return until_s + self._lateness_s if self._clock == "wall" else time.time()
+        return until_s + self._lateness_s if self._clock == "wall" else now_s()
 
     def wait(self, until_s: float, stop: threading.Event) -> bool:
         """As `live.Input.wait`."""
+        for feed in self._feeds:
+            feed.look()
         while not stop.is_set():
             self._decode(until_s)
-            left_s = self.due_s(until_s) - time.time()
+            self._adopt_clock()
+            left_s = self.due_s(until_s) - now_s()
             if (self._clock == "wall" and left_s <= 0.0) or (self._clock == "feeds" and self._have_passed(until_s)):
                 return True
             stop.wait(min(max(left_s, 0.001), LOOK_S) if self._clock == "wall" else LOOK_S)
         return False
+
+    def _adopt_clock(self) -> None:
+        """Go on by the clock of the machine after it was set, where the stamps of the feeds say that it is right now.
+
+        Raises: ClockSet: the run begins again by it.
+        """
+        if self._clock != "wall" or not (step_s := CLOCK.step_s):
+            return
+        ahead = [feed.decoder.stamps.ahead_s for feed in self._feeds if math.isfinite(feed.decoder.stamps.ahead_s)]
+        agree = sum(abs(ahead_s - step_s) < min(abs(ahead_s), FAR_AHEAD_S) for ahead_s in ahead)
+        if agree > len(ahead) / 2:
+            CLOCK.adopt()
+            raise ClockSet(f"the clock of this machine was set by {step_s:+.0f} s, and the feeds agree with it")
 
     def between(self, after_s: float, until_s: float) -> Reports:
         """As `ReportStream.between`."""
@@ -222,13 +294,18 @@ class LiveInput:
         """Decode what has come since the last call. Args: until_s: of regions no cycles after the first that ends then or later."""
         for region in self._regions:
             region.take(until_s)
-        about_s = max((feed.decoder.newest_s for feed in self._feeds), default=-math.inf)
+        self._decode_feeds(until_s)
+
+    def _decode_feeds(self, until_s: float) -> None:
+        about_s = self._newest_s()
         for feed in sorted(self._feeds, key=lambda feed: not feed.has_dates):
+            if self._clock == "feeds" and feed.decoder.stamps.newest_s > until_s + self._lateness_s + AHEAD_OF_CYCLE_S:
+                continue
             feed.items += feed.inbox.taken()
             if feed.items and not self._waits_for_a_date(feed, about_s):
                 items, feed.items = feed.items, []
                 feed.decoder.take(items, about_s if self._clock == "feeds" and math.isfinite(about_s) else None)
-                about_s = max(about_s, feed.decoder.newest_s)
+                about_s = max(about_s, feed.decoder.stamps.newest_s)
 
     def _waits_for_a_date(self, feed: _Feed, about_s: float) -> bool:
         """Whether a feed with times of day alone is to wait for the first report of a feed with dates, for `SILENT_S` at most.
@@ -237,11 +314,14 @@ class LiveInput:
         """
         if self._clock == "wall" or math.isfinite(about_s) or feed.has_dates:
             return False
-        return any(other.has_dates for other in self._feeds) and time.time() - feed.items[0][0] <= SILENT_S
+        return any(other.has_dates for other in self._feeds) and now_s() - feed.items[0][0] <= SILENT_S
 
     def _first_s(self) -> float:
-        of_feeds = (feed.decoder.first_s for feed in self._feeds)
+        of_feeds = (feed.decoder.stamps.first_s for feed in self._feeds)
         return min((*of_feeds, *(region.first_s for region in self._regions)), default=math.inf)
+
+    def _newest_s(self) -> float:
+        return max((feed.decoder.stamps.newest_s for feed in self._feeds), default=-math.inf)
 
     def _have_passed(self, until_s: float) -> bool:
         """Whether every feed that sends has sent something newer than an instant and the lateness; false if none sends.
@@ -250,5 +330,5 @@ class LiveInput:
         """
         if any(region.newest_s < until_s for region in self._regions):
             return False
-        late = [feed for feed in self._feeds if feed.decoder.newest_s < until_s + self._lateness_s]
+        late = [feed for feed in self._feeds if feed.decoder.stamps.newest_s < until_s + self._lateness_s]
         return all(feed.silent_s > SILENT_S for feed in late) and (len(late) < len(self._feeds) or bool(self._regions))

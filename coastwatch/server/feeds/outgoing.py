@@ -25,6 +25,7 @@ import numpy as np
 
 from coastwatch.batches import Floats
 from coastwatch.geodesy import NAUTICAL_MILE_M, difference_m
+from coastwatch.server.clock import now_s
 from coastwatch.server.feeds.address import AddressError
 from coastwatch.server.live_picture import LivePicture
 
@@ -153,7 +154,7 @@ class OutFeed:
         self._encoder: Encoder = CursorOnTarget() if address.format == "cot" else Targets(address.site_deg)
         self._newest: tuple[LivePicture, float] | None = None  # and the time between pictures
         self._before_s, self._next, self._heard_s = math.nan, 0, 0.0
-        self._began_s = time.time()
+        self._began_s = now_s()
         self._wake, self._ended = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"out {address.format}", daemon=True)
 
@@ -187,7 +188,7 @@ class OutFeed:
             "late": 0,
             "dropped": self.skipped,
             "heard_s": self._heard_s or None,
-            "silent_s": round(time.time() - max(self._heard_s, self._began_s), 1),
+            "silent_s": round(now_s() - max(self._heard_s, self._began_s), 1),
             "newest_s": None,
             "faults": {},
         }
@@ -238,7 +239,7 @@ class OutFeed:
                     connection.send(message)
         self.sent += len(some)
         self.size += sum(map(len, some))
-        self._heard_s = time.time()
+        self._heard_s = now_s()
 
 
 def _connection(address: OutAddress) -> socket.socket:

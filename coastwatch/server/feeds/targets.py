@@ -12,7 +12,7 @@ from coastwatch.sensors.recorded.faults import Tally
 from coastwatch.sensors.recorded.nmea.sentences import wanted_sentences
 from coastwatch.sensors.recorded.nmea.targets import OWN_SHIP, TARGETS, State, TargetSentences
 from coastwatch.server.feeds.address import Address, AddressError
-from coastwatch.server.feeds.decoding import Counts, Waiting, plausible_s
+from coastwatch.server.feeds.decoding import Counts, Stamps, Waiting
 from coastwatch.server.feeds.transport import Item
 
 AHEAD = b"$PGHP", b"\\"
@@ -22,10 +22,11 @@ AHEAD = b"$PGHP", b"\\"
 class TargetDecoder:
     """The sentences of one radar. Its position is that of the own ship's sentences, of `?site=LAT,LON` or of the track source."""
 
-    def __init__(self, address: Address, sources: TrackSources) -> None:
-        """Raises: AddressError."""
+    def __init__(self, address: Address, sources: TrackSources, checked: bool = True) -> None:
+        """Args: checked: stamps are judged by the clock of the machine. Raises: AddressError."""
         self.tally, self.counts = Tally(), Counts()
-        self.newest_s, self.first_s = -math.inf, math.inf
+        self.checked = checked
+        self.stamps = Stamps(address.name, checked, self.tally)
         self._name = address.name
         self._source = source_of(address, sources)
         site = site_of(address)
@@ -43,7 +44,7 @@ class TargetDecoder:
             ahead -= 1
         items, waiting = items[:ahead], items[ahead:]
         self._before = [*[item for item in items if item[1][3:6] in (b"ZDA", b"RMC")][-1:], *waiting]
-        lines = [line for _, line in items]
+        lines = [line for _, line, _ in items]
         states: list[State] = []
         arrived: list[float] = []
         for found in wanted_sentences(lines, self._name, self.tally, TARGETS + OWN_SHIP):
@@ -54,13 +55,13 @@ class TargetDecoder:
                 states.append(state)
                 arrived.append(when)
         if states:
-            self._add(np.array(states, np.float64), np.array(arrived), reference_s is None)
+            self._add(np.array(states, np.float64), np.array(arrived))
 
-    def _add(self, table: Floats, arrived_s: Floats, checked: bool) -> None:
+    def _add(self, table: Floats, arrived_s: Floats) -> None:
         """Keep states until their cycle. Args: table: (M, 7) of `State`."""
-        time_s = plausible_s(table[:, 1], arrived_s, checked, self.tally, self._name)
-        self.newest_s = max(self.newest_s, float(time_s.max()))
-        self.first_s = min(self.first_s, float(time_s.min()))
+        time_s = self.stamps.times_s(table[:, 1], arrived_s)
+        usable = np.isfinite(time_s)
+        time_s, table = time_s[usable], table[usable]
         self._waiting.add(track_reports(self._source, table[:, 0].astype(np.int64), time_s, table[:, 3:5], table[:, 5:7]))
 
     def cut(self, after_s: float, until_s: float) -> Reports:

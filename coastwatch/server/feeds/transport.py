@@ -7,17 +7,20 @@ from __future__ import annotations
 
 import asyncio
 import errno
+import logging
 import os
 import socket
 import threading
-import time
-from collections import deque
+from collections import OrderedDict, deque
+from collections.abc import Callable, Coroutine, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.util import find_spec
+from itertools import count
 from pathlib import Path
 from typing import Any, Self
 
+from coastwatch.server.clock import now_s
 from coastwatch.server.feeds.address import MQTT_PORTS, Address, AddressError
 
 MOST_ITEMS = 200_000
@@ -26,14 +29,25 @@ MOST_ITEMS = 200_000
 MOST_SENDERS = 200
 """Connections to one feed that listens: more would take the file handles of the others."""
 
+MOST_BYTES = 64 << 20
+"""Their bytes together."""
+
+KEEPALIVE = {"TCP_KEEPIDLE": 15, "TCP_KEEPINTVL": 5, "TCP_KEEPCNT": 3}
+"""A sender whose machine is gone is noticed after half a minute: seconds of silence, seconds between probes, and probes."""
+
+MOST_ADDRESSES = 4_096
+"""Senders of datagrams to one feed that are told apart."""
+
 LONGEST_LINE = 65_536
 READ_BYTES = 65_536
 FIRST_RETRY_S, LAST_RETRY_S = 0.5, 15.0
 FULL_WAIT_S, TAIL_WAIT_S = 0.02, 0.2
 DATAGRAM_BUFFER = 4 << 20  # bytes that the system may hold while Python computes
 
-Item = tuple[float, bytes]
-"""When a line or datagram came, Unix time, and its bytes."""
+Item = tuple[float, bytes, int]
+"""When a line or datagram came, Unix time, its bytes, and the number of its sender: of a connection, or of an address."""
+
+LOG = logging.getLogger("coastwatch.serve")
 
 
 @dataclass
@@ -50,18 +64,36 @@ class Inbox:
     heard_s: float = 0.0  # when something came last
     port: int = 0  # on which it listens
     _items: deque[Item] = field(default_factory=deque)
+    _put_bytes: int = 0  # written by the thread that receives
+    _taken_bytes: int = 0  # written by the thread that takes
+    _numbers: Iterator[int] = field(default_factory=count)
+    _senders: OrderedDict[Any, int] = field(default_factory=OrderedDict)  # by address, the one that was heard last at the end
 
     @property
     def is_full(self) -> bool:
         """Whether it takes nothing more for now."""
-        return len(self._items) >= MOST_ITEMS
+        return len(self._items) >= MOST_ITEMS or self._put_bytes - self._taken_bytes >= MOST_BYTES
 
-    def put(self, lines: list[bytes], size: int) -> None:
+    def new_sender(self) -> int:
+        """The number of a sender that has just connected."""
+        return next(self._numbers)
+
+    def sender_at(self, address: Any) -> int:
+        """The number of the sender of datagrams at an address."""
+        if address not in self._senders:
+            self._senders[address] = self.new_sender()
+            if len(self._senders) > MOST_ADDRESSES:
+                self._senders.popitem(last=False)
+        self._senders.move_to_end(address)
+        return self._senders[address]
+
+    def put(self, lines: list[bytes], size: int, sender: int) -> None:
         """Add lines or datagrams that have just come. Args: size: bytes received."""
-        now_s = time.time()
-        self.size, self.heard_s = self.size + size, now_s
+        at_s = now_s()
+        self.size, self.heard_s = self.size + size, at_s
         self.received += len(lines)
-        self._items.extend((now_s, line) for line in lines)
+        self._put_bytes += sum(map(len, lines))
+        self._items.extend((at_s, line, sender) for line in lines)
 
     def taken(self) -> list[Item]:
         """All that waits, in order of arrival."""
@@ -69,6 +101,7 @@ class Inbox:
         with suppress(IndexError):
             while True:
                 out.append(self._items.popleft())
+        self._taken_bytes += sum(len(line) for _, line, _ in out)
         return out
 
 
@@ -108,10 +141,11 @@ class Receiver:
                 if inbox.address.transport in ("listen", "udp"):
                     closers.append(await _opened(inbox))
                 else:
-                    read = READERS[inbox.address.transport]
-                    tasks.append(asyncio.create_task(read(inbox)))
+                    tasks.append(asyncio.create_task(_again(READERS[inbox.address.transport], inbox)))
         except OSError as error:
             self._failed = error
+        except Exception as error:  # else the start would wait for ever
+            self._failed = OSError(f"feeds: {type(error).__name__}: {error}")
         self._opened.set()
         try:
             if self._failed is None:
@@ -122,6 +156,26 @@ class Receiver:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def _again(read: Reader, inbox: Inbox) -> None:
+    """Read a feed for ever, whatever is raised."""
+    while True:
+        try:
+            await read(inbox)
+        except Exception as error:
+            LOG.exception(f"feed {inbox.address.name} is begun again")
+            inbox.connected, inbox.error = 0, f"{type(error).__name__}: {error}"
+        await asyncio.sleep(LAST_RETRY_S)
+
+
+def kept_alive(found: Any) -> None:
+    """Have the system ask now and then whether the other side of a connection is still there. Args: found: its socket."""
+    with suppress(OSError):
+        found.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        for name, value in KEEPALIVE.items():
+            if hasattr(socket, name):  # not all systems have each
+                found.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
 
 
 def reason_of(error: OSError) -> str:
@@ -137,14 +191,15 @@ async def _opened(inbox: Inbox) -> Any:
     address, loop = inbox.address, asyncio.get_running_loop()
     try:
         if address.transport == "listen":
-            server = await asyncio.start_server(
-                lambda r, w: _accepted(inbox, r, w), address.host, address.port, limit=READ_BYTES
-            )
+            room = _Room(inbox)
+            server = await asyncio.start_server(room.accepted, address.host, address.port, limit=READ_BYTES)
             inbox.port = server.sockets[0].getsockname()[1]
             return server
         transport, _ = await loop.create_datagram_endpoint(lambda: _Datagrams(inbox), (address.host, address.port))
     except OSError as error:
         raise OSError(f"feed {address.text}: {reason_of(error)}") from error
+    except UnicodeError as error:
+        raise OSError(f"feed {address.text}: got {address.host!r}, which is no name of a machine: {error}") from error
     found = transport.get_extra_info("socket")
     with suppress(OSError):
         found.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, DATAGRAM_BUFFER)
@@ -162,26 +217,42 @@ class _Datagrams(asyncio.DatagramProtocol):
         if self._inbox.is_full:
             self._inbox.dropped += 1
             return
-        self._inbox.put([data] if self._whole else data.splitlines(), len(data))
+        self._inbox.put([data] if self._whole else data.splitlines(), len(data), self._inbox.sender_at(addr))
 
 
-async def _accepted(inbox: Inbox, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    """Read one sender that has connected, if there is room for it."""
-    if inbox.connected >= MOST_SENDERS:
-        inbox.error = f"a sender was refused: {MOST_SENDERS} are connected"
-        writer.close()
-        return
-    inbox.connections += 1
-    inbox.connected += 1
-    try:
-        await _read(inbox, reader)
-    except OSError as error:
-        inbox.error = str(error)
-    except asyncio.CancelledError:
-        pass  # the receiver ends; Python 3.11 would print a traceback for a handler that was cancelled
-    finally:
-        inbox.connected -= 1
-        writer.close()
+class _Room:
+    """The senders that are connected to a feed that listens. Where there is no room, the one that is silent longest goes."""
+
+    def __init__(self, inbox: Inbox) -> None:
+        self._inbox = inbox
+        self._silent: OrderedDict[int, asyncio.StreamWriter] = (
+            OrderedDict()
+        )  # by sender, the one that was heard last at the end
+
+    async def accepted(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Read one sender that has connected."""
+        inbox, sender = self._inbox, self._inbox.new_sender()
+        if len(self._silent) >= MOST_SENDERS:
+            _, longest = self._silent.popitem(last=False)
+            longest.close()
+            inbox.error = f"more than {MOST_SENDERS} senders: the one that was silent longest was closed"
+        self._silent[sender] = writer
+        inbox.connections, inbox.connected = inbox.connections + 1, len(self._silent)
+        kept_alive(writer.get_extra_info("socket"))
+        try:
+            await _read(inbox, reader, sender, lambda: self._heard(sender))
+        except Exception as error:
+            inbox.error = str(error) or type(error).__name__
+        except asyncio.CancelledError:
+            pass  # the receiver ends; Python 3.11 would print a traceback for a handler that was cancelled
+        finally:
+            self._silent.pop(sender, None)
+            inbox.connected = len(self._silent)
+            writer.close()
+
+    def _heard(self, sender: int) -> None:
+        if sender in self._silent:
+            self._silent.move_to_end(sender)
 
 
 async def _connected(inbox: Inbox) -> None:
@@ -191,35 +262,39 @@ async def _connected(inbox: Inbox) -> None:
         try:
             reader, writer = await asyncio.open_connection(address.host, address.port, limit=READ_BYTES)
             inbox.connections, inbox.connected, inbox.error, wait_s = inbox.connections + 1, 1, None, FIRST_RETRY_S
+            kept_alive(writer.get_extra_info("socket"))
             try:
-                await _read(inbox, reader)
+                await _read(inbox, reader, inbox.new_sender())
                 inbox.error = "the sender closed the connection"
             finally:
                 inbox.connected = 0
                 writer.close()
         except OSError as error:
             inbox.error = reason_of(error)
+        except UnicodeError as error:
+            inbox.error = f"{address.host!r} is no name of a machine: {error}"
         await asyncio.sleep(wait_s)
         wait_s = min(2.0 * wait_s, LAST_RETRY_S)
 
 
-async def _read(inbox: Inbox, reader: asyncio.StreamReader) -> None:
-    """Read lines to the end of a stream. A line that is too long is dropped up to its end."""
+async def _read(inbox: Inbox, reader: asyncio.StreamReader, sender: int, heard: Callable[[], None] = lambda: None) -> None:
+    """Read lines to the end of a stream. A line that is too long is dropped up to its end. Args: heard: called when something came."""
     rest = b""
     while data := await reader.read(READ_BYTES):
-        rest = _put_lines(inbox, rest + data, len(data))
+        heard()
+        rest = _put_lines(inbox, rest + data, len(data), sender)
         while inbox.is_full:
             await asyncio.sleep(FULL_WAIT_S)
     if rest:
-        inbox.put([rest], 0)
+        inbox.put([rest], 0, sender)
 
 
-def _put_lines(inbox: Inbox, data: bytes, size: int) -> bytes:
+def _put_lines(inbox: Inbox, data: bytes, size: int, sender: int) -> bytes:
     """Put the whole lines into the inbox. Returns: the beginning of the next one."""
     *lines, rest = data.split(b"\n")
     good = [line for line in lines if len(line) <= LONGEST_LINE]
     inbox.dropped += len(lines) - len(good)
-    inbox.put(good, size)
+    inbox.put(good, size, sender)
     return rest if len(rest) <= LONGEST_LINE else rest[: LONGEST_LINE + 1]  # so long that it is dropped, whatever follows
 
 
@@ -227,7 +302,7 @@ async def _tailed(inbox: Inbox) -> None:
     """Read what is added to a file, from its end on; from the beginning where the file is replaced or `from=start` is given."""
     path, at_start, rest = Path(inbox.address.path), inbox.address.options.get("from") == "start", b""
     identity: tuple[int, int] | None = None
-    position = 0
+    position, sender = 0, inbox.new_sender()
     while True:
         try:
             found = os.stat(path)
@@ -235,6 +310,7 @@ async def _tailed(inbox: Inbox) -> None:
                 position = 0 if at_start else found.st_size
             if identity != (found.st_dev, found.st_ino) or found.st_size < position:
                 position, rest = (position, b"") if identity is None else (0, b"")
+                sender = inbox.new_sender()
                 identity, inbox.connections = (found.st_dev, found.st_ino), inbox.connections + 1
             inbox.connected, inbox.error = 1, None
             if found.st_size > position and not inbox.is_full:
@@ -242,7 +318,7 @@ async def _tailed(inbox: Inbox) -> None:
                     stream.seek(position)
                     data = stream.read(16 * READ_BYTES)
                 position += len(data)
-                rest = _put_lines(inbox, rest + data, len(data))
+                rest = _put_lines(inbox, rest + data, len(data), sender)
                 await asyncio.sleep(0)
                 continue
         except OSError as error:
@@ -263,9 +339,10 @@ async def _subscribed(inbox: Inbox) -> None:
             async with Client(address.host, address.port, username=login[0], password=login[1], tls_params=tls) as client:
                 await client.subscribe(address.path, qos=1)
                 inbox.connections, inbox.connected, inbox.error, wait_s = inbox.connections + 1, 1, None, FIRST_RETRY_S
+                sender = inbox.new_sender()
                 async for message in client.messages:
                     data = message.payload if isinstance(message.payload, bytes) else str(message.payload).encode()
-                    _put_lines(inbox, data.rstrip(b"\r\n") + b"\n", len(data))
+                    _put_lines(inbox, data.rstrip(b"\r\n") + b"\n", len(data), sender)
                     while inbox.is_full:
                         await asyncio.sleep(FULL_WAIT_S)
         except (MqttError, OSError) as error:
@@ -282,5 +359,7 @@ def _password(address: Address) -> str | None:
     return None if path is None else Path(path).read_text("utf-8").partition("\n")[0]
 
 
-READERS = {"tcp": _connected, "file": _tailed, "mqtt": _subscribed, "mqtts": _subscribed}
+Reader = Callable[[Inbox], Coroutine[Any, Any, None]]
+
+READERS: dict[str, Reader] = {"tcp": _connected, "file": _tailed, "mqtt": _subscribed, "mqtts": _subscribed}
 """What receives a feed that does not listen, by transport."""

@@ -6,7 +6,6 @@ import json
 import re
 import ssl
 import threading
-import time
 from collections import deque
 from collections.abc import Mapping
 from contextlib import suppress
@@ -20,6 +19,7 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidURI
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
+from coastwatch.server.clock import now_s
 from coastwatch.server.feeds.address import AddressError
 from coastwatch.server.regions.link import IN_FLIGHT, NOTHING, Incoming, Position
 from coastwatch.server.regions.message import PROTOCOL, MessageError, RegionCycle, decode
@@ -211,7 +211,7 @@ class Connection:
             if isinstance(message, str):
                 raise MessageError(f"got the text {message[:40]!r}, needed a cycle of tracks")
             cycle = decode(message)
-            self.size, self.heard_s = self.size + len(message), time.time()
+            self.size, self.heard_s = self.size + len(message), now_s()
             if self.incoming.received(Position(cycle.run, cycle.seq), cycle.merged):
                 self._waiting.append(cycle)
             else:

@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 import math
-import time
+from dataclasses import replace
 from typing import Any
 
 from coastwatch.batches import Fault, TrackReports
+from coastwatch.server.clock import now_s
+from coastwatch.server.feeds.decoding import FAR_AHEAD_S
 from coastwatch.server.regions.client import Connection
 from coastwatch.server.regions.message import RegionCycle
 from coastwatch.store import Intake
 
 MISSING = "cycle of the region that it did not have any more"
 LATE = "cycle of the region later than its cycle here"
+AHEAD = "cycle of the region ahead of the clock of this machine, time of arrival taken"
 WITHOUT = "cycle without tracks of the region"
 
 
 class RegionIntake:
     """The cycles of one region that wait for their cycle here."""
 
-    def __init__(self, connection: Connection, source: int) -> None:
-        """Args: source: number of its track source."""
-        self.connection, self._source = connection, source
-        self._began_s = time.time()
+    def __init__(self, connection: Connection, source: int, checked: bool) -> None:
+        """Args: source: number of its track source; checked: its times are judged by the clock of this machine."""
+        self.connection, self._source, self._checked = connection, source, checked
+        self.ahead, self._ahead_s = 0, 0.0  # cycles of a time far ahead, and how far the newest cycle was
+        self._began_s = now_s()
         self.newest_s, self.first_s = -math.inf, math.inf
         self.late = self.used = self.without = 0
         self._waiting: list[RegionCycle] = []
@@ -33,12 +37,26 @@ class RegionIntake:
         """Name of its track source."""
         return self.connection.address.name
 
+    @property
+    def _is_ahead(self) -> bool:
+        return self._checked and self._ahead_s > FAR_AHEAD_S
+
     def take(self, until_s: float) -> None:
         """Take what has come, until a cycle ends at this instant or later. What follows stays with the region: memory is bounded."""
         while self.newest_s < until_s and (cycle := self.connection.next()) is not None:
+            cycle = self._judged(cycle)
             self._waiting.append(cycle)
             self.newest_s = max(self.newest_s, cycle.time_s)
             self.first_s = min(self.first_s, cycle.time_s)
+
+    def _judged(self, cycle: RegionCycle) -> RegionCycle:
+        """A cycle, at the time of its arrival where its own is far ahead."""
+        at_s = now_s()
+        self._ahead_s = cycle.time_s - at_s
+        if not self._checked or self._ahead_s <= FAR_AHEAD_S:
+            return cycle
+        self.ahead += 1
+        return replace(cycle, time_s=max(at_s, self.newest_s))
 
     def cut(self, after_s: float, until_s: float) -> TrackReports:
         """The tracks of the cycles that end in a span. Older ones are late: counted and left out."""
@@ -56,7 +74,8 @@ class RegionIntake:
 
     def faults(self) -> list[Fault]:
         """What was late, missing or away."""
-        counted = (LATE, self.late), (MISSING, self.connection.incoming.missing), (WITHOUT, self.without)
+        missing = self.connection.incoming.missing
+        counted = (LATE, self.late), (MISSING, missing), (WITHOUT, self.without), (AHEAD, self.ahead)
         return [Fault(kind, count, f"region {self.name}", self.connection.error or "") for kind, count in counted if count]
 
     def counters(self) -> dict[str, Any]:
@@ -74,9 +93,10 @@ class RegionIntake:
             "late": self.late,
             "dropped": link.incoming.missing,
             "heard_s": link.heard_s or None,
-            "silent_s": round(time.time() - max(link.heard_s, self._began_s), 1),
+            "silent_s": round(now_s() - max(link.heard_s, self._began_s), 1),
             "newest_s": self.newest_s if math.isfinite(self.newest_s) else None,
             "faults": {fault.kind: fault.count for fault in self.faults()},
+            "troubles": [f"its clock is {self._ahead_s:.0f} s ahead: the time of arrival is taken"] if self._is_ahead else [],
         }
 
 

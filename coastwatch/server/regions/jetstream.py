@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import ssl
 import threading
-import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
@@ -24,6 +23,7 @@ from nats.js import JetStreamContext
 from nats.js.api import AckPolicy, ConsumerConfig, DeliverPolicy, StreamConfig
 from nats.js.errors import NotFoundError
 
+from coastwatch.server.clock import now_s
 from coastwatch.server.feeds.transport import reason_of
 from coastwatch.server.regions.client import (
     CLOSE_S,
@@ -189,7 +189,7 @@ class Subscription(Connection):
             return begun
         if not (begun or known or cycle.time_s > self.from_s):
             return False
-        self.size, self.heard_s = self.size + len(message.data) * count, time.time()
+        self.size, self.heard_s = self.size + len(message.data) * count, now_s()
         if self.incoming.received(position, cycle.merged):
             self._waiting.append(cycle)
         return True
@@ -209,7 +209,7 @@ class Journal:
     missing: int = 0  # cycles that the journal of the region did not have any more
     size: int = 0  # bytes
     _heard_s: float = 0.0
-    _began_s: float = field(default_factory=time.time)
+    _began_s: float = field(default_factory=now_s)
     _ended: threading.Event = field(default_factory=threading.Event)
     _thread: threading.Thread | None = None
 
@@ -237,7 +237,7 @@ class Journal:
             "late": 0,
             "dropped": self.missing,
             "heard_s": self._heard_s or None,
-            "silent_s": round(time.time() - max(self._heard_s, self._began_s), 1),
+            "silent_s": round(now_s() - max(self._heard_s, self._began_s), 1),
             "newest_s": None,
             "faults": {},
         }
@@ -304,4 +304,4 @@ class Journal:
             headers = {PART: f"{number}/{len(parts)}", "Nats-Msg-Id": f"{cycle.run}/{cycle.seq}/{number}"}
             name = self.address.stream
             await stream.publish(subject_of(name, cycle), part, stream=stream_of(name), headers=headers)
-        self.published, self.size, self._heard_s = self.published + 1, self.size + len(message), time.time()
+        self.published, self.size, self._heard_s = self.published + 1, self.size + len(message), now_s()

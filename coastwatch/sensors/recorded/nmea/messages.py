@@ -34,6 +34,24 @@ class Messages(NamedTuple):
     payload: list[bytes]
     bits: Ints  # of the payload
     raw: list[bytes]  # the sentences
+    by_clock: Bools  # the time is of a clock sentence
+
+
+def taken(messages: Messages, keep: Bools) -> Messages:
+    """The messages where a mask is true. Args: keep: (M,)."""
+    if keep.all():
+        return messages
+    rows = np.flatnonzero(keep)
+    some = rows.tolist()
+    return Messages(
+        messages.line[rows],
+        messages.stamp_s[rows],
+        messages.own[rows],
+        [messages.payload[row] for row in some],
+        messages.bits[rows],
+        [messages.raw[row] for row in some],
+        messages.by_clock[rows],
+    )
 
 
 class _Sentence(NamedTuple):
@@ -74,6 +92,7 @@ class Assembler:
         payload: list[bytes] = []
         bits: list[int] = []
         raws: list[bytes] = []
+        by_clock: list[bool] = []
         for received, right in zip(sentences, checksums_are_right([s.sentence for s in sentences]).tolist(), strict=True):
             raw = received.sentence
             sentence = _parsed(raw)
@@ -97,6 +116,7 @@ class Assembler:
             payload.append(text)
             bits.append(6 * len(text) - fill_bits)
             raws.append(raw)
+            by_clock.append(math.isnan(own_s))
         if last:
             for waiting in self._open.values():
                 self._count_lone(waiting)
@@ -108,6 +128,7 @@ class Assembler:
             payload,
             np.array(bits, np.int64),
             raws,
+            np.array(by_clock, np.bool_),
         )
 
     def _refuse(self, received: ReceivedSentence, sentence: _Sentence | None, right: bool) -> None:

@@ -1,0 +1,255 @@
+"""Wrong clocks and hostile senders: a feed of which the stamps are wrong is said to be wrong, and disturbs no other one."""
+
+from __future__ import annotations
+
+import math
+import time
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+from test_feeds import NAMES, SEA, SENSORS, deliver, put, sentence
+
+from coastwatch.sensors.recorded.faults import Tally
+from coastwatch.server.clock import CLOCK, ClockSet, SteadyClock
+from coastwatch.server.feeds.address import parsed
+from coastwatch.server.feeds.decoding import CONFIRMED_BY, FAR_JUMP_S, Stamps
+from coastwatch.server.feeds.live_input import LiveInput
+from coastwatch.server.feeds.new_vessels import AGREES_M, BURST, BURST_OF_FEED, MOST_WAITING, PER_SECOND, NewVessels
+from coastwatch.server.feeds.sending import encoded
+from coastwatch.server.troubles import of_feeds
+
+HOUR_S = 3_600.0
+
+
+class Machine:
+    """The clocks of a machine that can be set."""
+
+    def __init__(self) -> None:
+        self.wall_s, self.monotonic_s = 1.7e9, 50.0
+
+    def passes(self, seconds: float) -> None:
+        self.wall_s, self.monotonic_s = self.wall_s + seconds, self.monotonic_s + seconds
+
+    def clock(self) -> SteadyClock:
+        return SteadyClock(lambda: self.wall_s, lambda: self.monotonic_s)
+
+
+@pytest.mark.parametrize("step_s", [-HOUR_S, HOUR_S, 3 * 365 * 86_400.0])
+def test_time_goes_on_evenly_when_the_clock_of_the_machine_is_set(step_s: float) -> None:
+    machine = Machine()
+    clock = machine.clock()
+    begun_s = clock.now_s()
+    machine.passes(10.0)
+    machine.wall_s += step_s
+    assert clock.now_s() == begun_s + 10.0
+    assert clock.step_s == step_s
+    machine.passes(10.0)
+    assert clock.now_s() == begun_s + 20.0
+    machine.wall_s -= step_s
+    assert (clock.now_s(), clock.step_s) == (begun_s + 20.0, 0.0)
+    machine.wall_s += step_s
+    clock.adopt()
+    assert clock.now_s() == machine.wall_s
+
+
+def test_a_small_correction_is_taken_over_slowly() -> None:
+    machine = Machine()
+    clock = machine.clock()
+    machine.wall_s -= 1.0
+    before_s = clock.now_s()
+    for _ in range(120):
+        machine.passes(1.0)
+        now_s = clock.now_s()
+        assert 0.98 < now_s - before_s < 1.02
+        before_s = now_s
+    assert clock.now_s() == pytest.approx(machine.wall_s, abs=1e-3)
+
+
+def live(*addresses: str) -> LiveInput:
+    return LiveInput([parsed(text) for text in addresses], SENSORS)
+
+
+def bearing(when_s: float, degrees: float) -> bytes:
+    return b'{"type":"bearing","sonar":"%s","time":%f,"bearing_deg":%f}' % (
+        str(SENSORS.sonars.name[0]).encode(),
+        when_s,
+        degrees,
+    )
+
+
+def test_asterix_and_json_of_a_clock_an_hour_ahead_are_of_their_arrival_and_said() -> None:
+    now_s = time.time()
+    radar = SEA.radar.take(np.arange(20))
+    radar = type(radar)(**{**radar.__dict__, "time_s": np.full(20, now_s + HOUR_S), "received_s": np.full(20, now_s + HOUR_S)})
+    datagrams = encoded(type(SEA)(**{**SEA.__dict__, "radar": radar}), parsed("asterix+udp://x:1"), NAMES)
+    with live("asterix+udp://127.0.0.1:0", "json+listen://127.0.0.1:0", "json+listen://127.0.0.1:0?name=good") as made:
+        put(made.ports[1], [bearing(now_s + 3 * 365 * 86_400.0, degree) for degree in range(20)])
+        put(made.ports[2], [bearing(now_s, 200 + degree) for degree in range(20)])
+        import socket
+
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+            for datagram in datagrams:
+                out.sendto(datagram, ("127.0.0.1", made.ports[0]))
+        deliver(made, len(datagrams), 0)
+        deliver(made, 20, 1)
+        deliver(made, 20, 2)
+        found = made.between(now_s - 10.0, time.time() + 1.0)
+        assert (len(found.radar), len(found.bearing)) == (20, 40)
+        assert np.all(np.abs(found.radar.time_s - now_s) < 10.0)
+        said = [(trouble.name, trouble.text) for trouble in of_feeds(made.feeds(), now_s)]
+        assert len(said) == 2
+        assert "3600 s ahead" in said[0][1]
+        assert all("good" not in name for name, _ in said)
+
+
+def zda(when_s: float) -> bytes:
+    return sentence(datetime.fromtimestamp(when_s, UTC).strftime("GPZDA,%H%M%S.00,%d,%m,%Y,00,00"))
+
+
+def plain(count: int, first: int = 0) -> list[bytes]:
+    """AIS sentences without a time."""
+    lines = encoded(SEA, parsed("ais+tcp://x:1"), NAMES)
+    bare = [line.rpartition(b"\\")[2] for line in lines]
+    return [line for line in bare if line.split(b",")[1] == b"1"][first : first + count]
+
+
+def test_an_old_clock_sentence_throws_nothing_away_and_is_said() -> None:
+    with live("ais+listen://127.0.0.1:0") as made:
+        now_s = time.time()
+        put(made.ports[0], [zda(now_s - 40 * 86_400.0), *plain(50)])
+        deliver(made, 51)
+        put(made.ports[0], plain(50, 50))  # a new connection, without a clock
+        deliver(made, 101)
+        found = made.between(now_s - 5.0, time.time() + 1.0)
+        feed = made.feeds()[0]
+        assert len(found.ais) > 90
+        assert (feed["before_run"], feed["late"]) == (0, 0)
+        assert any("clock sentence" in kind for kind in feed["faults"])
+
+
+def test_the_clock_sentence_of_one_sender_is_not_that_of_another() -> None:
+    with LiveInput([parsed("ais+listen://127.0.0.1:0")], SENSORS, clock="feeds") as made:
+        import socket
+
+        honest = socket.create_connection(("127.0.0.1", made.ports[0]))
+        honest.sendall(zda(1.75e9) + b"\r\n" + b"\r\n".join(plain(20)) + b"\r\n")
+        deliver(made, 21)
+        assert made.feeds()[0]["newest_s"] is None
+        assert len(made.between(1.75e9 - 5.0, 1.75e9 - 1.0)) == 0
+        put(made.ports[0], [zda(1.75e9 - 300.0)])
+        deliver(made, 22)
+        honest.sendall(b"\r\n".join(plain(20, 20)) + b"\r\n")
+        deliver(made, 42)
+        found = made.between(1.75e9 - 1.0, 1.75e9 + 1.0)
+        honest.close()
+        assert len(found.ais) > 35
+        assert made.feeds()[0]["late"] == 0
+
+
+def test_a_feed_of_which_most_is_thrown_away_is_said() -> None:
+    with live("json+listen://127.0.0.1:0") as made:
+        now_s = time.time()
+        made.between(now_s - 10.0, now_s - 5.0)
+        made._feeds[0].look()
+        put(made.ports[0], [bearing(now_s - 60.0, degree) for degree in range(50)])
+        deliver(made, 50)
+        made.between(now_s - 5.0, now_s)
+        made._feeds[0].look()
+        said = " ".join(trouble.text for trouble in of_feeds(made.feeds(), now_s))
+        assert "50 of 50 reports of the last minute were thrown away" in said
+
+
+def stamps(checked: bool = False) -> Stamps:
+    return Stamps("x", checked, Tally())
+
+
+def test_one_wild_stamp_does_not_run_the_clock_of_the_feeds_away() -> None:
+    judged, arrived = stamps(), np.zeros(40)
+    time_s = np.linspace(1e9, 1e9 + 40.0, 40)
+    time_s[[0, 7, 20]] += 3 * 365 * 86_400.0
+    found = judged.times_s(time_s, arrived)
+    assert np.isnan(found).nonzero()[0].tolist() == [0, 7, 20]
+    assert judged.newest_s == time_s[39]
+
+
+def test_a_wild_stamp_that_comes_first_is_corrected() -> None:
+    judged = stamps()
+    judged.times_s(np.array([2e9]), np.zeros(1))
+    found = judged.times_s(1e9 + np.arange(2.0 * CONFIRMED_BY), np.zeros(2 * CONFIRMED_BY))
+    assert np.isfinite(found).all()
+    assert judged.newest_s == 1e9 + 2.0 * CONFIRMED_BY - 1.0
+
+
+def test_a_jump_that_many_records_confirm_is_believed() -> None:
+    judged = stamps()
+    judged.times_s(1e9 + np.arange(20.0), np.zeros(20))
+    after = 1e9 + 2 * FAR_JUMP_S + np.arange(20.0)
+    found = np.array([judged.time_s(float(one), 0.0) for one in after])
+    assert np.isnan(found[: CONFIRMED_BY - 1]).all()
+    assert np.array_equal(found[CONFIRMED_BY - 1 :], after[CONFIRMED_BY - 1 :])
+
+
+def test_a_clock_of_the_machine_that_the_feeds_agree_with_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = time.time
+    with live("json+listen://127.0.0.1:0") as made:
+        monkeypatch.setattr("coastwatch.server.clock.time.time", lambda: real() - HOUR_S)
+        CLOCK.now_s()
+        assert CLOCK.step_s == pytest.approx(-HOUR_S, abs=5.0)
+        put(made.ports[0], [bearing(real(), degree) for degree in range(20)])
+        deliver(made, 20)
+        made.between(real() - 10.0, real())
+        made._adopt_clock()  # the feed agrees with the time before
+        put(made.ports[0], [bearing(real() - HOUR_S, degree) for degree in range(20)])
+        deliver(made, 40)
+        made.between(real(), real() + 1.0)
+        with pytest.raises(ClockSet, match="-3600 s"):
+            made._adopt_clock()
+        assert CLOCK.now_s() == pytest.approx(real() - HOUR_S, abs=1.0)
+        monkeypatch.undo()
+        CLOCK.adopt()
+
+
+def heard(new: NewVessels, mmsi: np.ndarray, time_s: float, at_deg: np.ndarray, sender: int = 0) -> np.ndarray:
+    n = len(mmsi)
+    return new.accepted(mmsi, np.full(n, time_s), at_deg, np.zeros(n, np.int64), np.full(n, sender, np.int64))
+
+
+def test_a_sender_that_invents_vessels_gets_its_budget_and_the_honest_one_beside_it_all() -> None:
+    new, g = NewVessels(), np.random.default_rng(3)
+    granted = 0
+    for second in range(100):
+        n = 3_000
+        wrong = heard(new, g.integers(10**8, 10**9, n), float(second), g.uniform(-60, 60, (n, 2)), sender=1)
+        granted += int(wrong.sum())
+        honest = heard(new, 10**9 + np.arange(10) + 10 * second, float(second), np.zeros((10, 2)), sender=2)
+        assert honest.all()
+    assert granted <= BURST + PER_SECOND * 100 + 500  # and those that were drawn twice near each other
+    assert len(new._waiting) <= MOST_WAITING
+
+
+def test_a_vessel_beyond_the_budget_is_used_from_the_second_report_on_that_agrees() -> None:
+    new, n = NewVessels(), BURST + 500
+    mmsi, at_deg = 10**8 + np.arange(n), np.zeros((n, 2))
+    first = heard(new, mmsi, 0.0, at_deg)
+    assert int(first.sum()) == BURST
+    near = at_deg + np.array([0.5 * AGREES_M / 111_320.0, 0.0])
+    far = at_deg + 1.0
+    assert heard(new, mmsi, 0.01, np.where(np.arange(n)[:, None] % 2, near, far)).sum() == BURST + 250
+    assert heard(new, mmsi, 0.02, far).all()
+
+
+def test_senders_without_number_share_the_budget_of_the_feed() -> None:
+    new = NewVessels()
+    granted = sum(
+        int(heard(new, 10**8 + 100 * sender + np.arange(100), 0.0, np.zeros((100, 2)), sender).sum()) for sender in range(500)
+    )
+    assert granted == BURST_OF_FEED
+
+
+def test_an_mmsi_that_was_not_heard_for_an_hour_is_new_again() -> None:
+    new = NewVessels()
+    for hour in range(3):
+        heard(new, 10**8 + np.arange(1_000) + 1_000 * hour, 5_000.0 * hour, np.zeros((1_000, 2)))
+    assert len(new._known) == 1_000
+    assert math.isfinite(float(new._heard_s.max()))
