@@ -95,7 +95,7 @@ class _FileStream:
         self._decoded: deque[_Block] = deque()
         self._reports: list[AisReports] = []  # accepted, not yet asked for
         self._statics: list[AisStatics] = []
-        self.at_end = False  # no sentence is left to decode
+        self._at_end = False  # no sentence is left to decode
         self._count, self._first_s, self._last_s = 0, math.inf, -math.inf  # accepted reports, and the times of their fixes
         self._corners = [[math.inf, math.inf], [-math.inf, -math.inf]]  # of their positions
 
@@ -110,6 +110,11 @@ class _FileStream:
     def newest_s(self) -> float:
         """The newest time of reception so far; no later record is older."""
         return self._acceptance.newest_s
+
+    @property
+    def is_exhausted(self) -> bool:
+        """Whether nothing is left to decode or to accept. A block is decoded ahead of the one that is accepted."""
+        return self._at_end and not self._decoded
 
     def between(self, after_s: float, until_s: float) -> tuple[AisReports, AisStatics]:
         """As `NmeaStream.between`, of this file."""
@@ -136,7 +141,7 @@ class _FileStream:
 
     def block(self) -> tuple[AisReports, AisStatics] | None:
         """The next accepted reports and static data, in order of arrival; None at the end of the file."""
-        while len(self._decoded) < 2 and not self.at_end:
+        while len(self._decoded) < 2 and not self._at_end:
             self._decoded.append(self._decode())
         if not self._decoded:
             return None
@@ -153,8 +158,8 @@ class _FileStream:
 
     def _decode(self) -> _Block:
         sentences = list(islice(self._sentences, self._size))
-        self.at_end = len(sentences) < self._size
-        messages = self._assembler.whole(sentences, self.at_end)
+        self._at_end = len(sentences) < self._size
+        messages = self._assembler.whole(sentences, self._at_end)
         messages = messages._replace(stamp_s=self._with_times(messages))
         rows, statics, static_rows = decoded(messages, self._name, self._tally)
         if self._settings.drop_own_ship:
@@ -257,7 +262,7 @@ def first_and_last(settings: Nmea, files: Fingerprint) -> Ends:
         if len(received):
             firsts.append(float(received.min()))
             lasts.append(float(received.max()))
-        if not file.at_end:
+        if not file.is_exhausted:
             last_s = _last_s(settings, path)
             lasts.append(_newest_of_all(settings, path) if math.isnan(last_s) else last_s)
     first_s, last_s = min(firsts), max(lasts)
