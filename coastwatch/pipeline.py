@@ -46,6 +46,7 @@ from coastwatch.batches import (
     Tracks,
     TrackSourceStates,
     VesselAlarms,
+    limits,
 )
 from coastwatch.scenario import Scenario
 from coastwatch.stage import Groups, Map, RegionMap, serial_regions
@@ -88,6 +89,7 @@ class Memory:
     cover: Any
     ais_detection: AisDetection  # by the cover of the radars, for the next cycle
     radar_cover: RadarCover = field(default_factory=RadarCover.empty)  # for the next cycle
+    beyond: dict[str, int] = field(default_factory=dict)  # reports, tracks and vessels that were dropped as none, by kind
 
 
 @dataclass(frozen=True)
@@ -125,6 +127,7 @@ class Cycle:
     standing_echoes: StandingEchoes = field(default_factory=StandingEchoes.empty)  # empty where no clutter map is learnt
     vessel_alarms: VesselAlarms = field(default_factory=VesselAlarms.empty)
     events: EventChanges = field(default_factory=EventChanges.empty)  # flags and alarms that begin or end
+    unsound: int = 0  # vessels that were left out of the picture, because their state is none
 
     def to_write(self) -> Cycle:
         """The cycle without arrays that the store does not read, so that their memory is free while the store writes."""
@@ -172,6 +175,7 @@ def dropped(memory: Memory, sensors: Sensors) -> tuple[Fault, ...]:
     counts += [
         (f"track state dropped: {stamp}, or a newer one is known", "received_tracks", int(m.received_tracks.dropped.sum()))
     ]
+    counts += [(limits.BEYOND + kind, "pipeline", count) for kind, count in m.beyond.items()]
     return tuple(Fault(kind, count, where, "") for kind, where, count in counts if count)
 
 
@@ -254,6 +258,10 @@ def fuse(
         picture_memory, picture, members = s.picture.step(
             m.picture, tracks, associations, fused, alarms, time_s, sensors, by_bearings, detection=detection
         )
+        good = limits.are_sound(picture.position_deg, picture.covariance)
+        if not good.all():
+            members = members.take(~np.isin(members.vessel_id, picture.vessel_id[~good]))
+            picture = picture.take(good)
     with timer("alarms"):
         known = numbered(s.zones) if zones is None else zones
         alarms_memory, vessel_alarms = s.alarms.step(m.alarms, picture, members, time_s, sensors, known, cover)
@@ -274,7 +282,17 @@ def fuse(
     after = CentreMemory(*stages, next_bearings, alarms_memory, events_memory)
     found = spots, associations, fused, picture, members, octants, bearing_associations
     none = RadarCorrections.none(len(sensors.radars))
-    return after, Cycle(time_s, tracks, alarms, bearing_tracks, *found, none, vessel_alarms=vessel_alarms, events=events)
+    return after, Cycle(
+        time_s,
+        tracks,
+        alarms,
+        bearing_tracks,
+        *found,
+        none,
+        vessel_alarms=vessel_alarms,
+        events=events,
+        unsound=int((~good).sum()),
+    )
 
 
 def _associate(s: Scenario, memory: Any, tracks: Tracks, spots: Spots, kinds: Ints, map_: Map) -> tuple[Any, Associations]:
@@ -307,6 +325,7 @@ def step(
     Returns: the memory for the next cycle, and the outputs of all stages.
     """
     s, m = scenario, memory
+    reports, beyond = limits.reports_within(reports)
     with timer("plots"):
         plots_memory, plots = s.plots.step(m.plots, reports.radar, sensors, m.corrections)
     with timer("ais_tracks"):
@@ -322,8 +341,10 @@ def step(
         given_memory, given_tracks = s.received_tracks.step(m.received_tracks, reports.tracks, time_s, sensors, ais_tracks)
     tracks = Tracks.join([*(yielded for _, yielded, *_ in regional), given_tracks, ais_tracks])
     measurements = Measurements.join([*(taken for _, _, taken, _ in regional), ais_taken])
+    tracks, measurements, alarms, bearing_tracks, unsound = _sound(tracks, measurements, alarms, bearing_tracks)
     received = Received(tracks, measurements, alarms, bearing_tracks, reports.statics, m.ais_detection, m.radar_cover)
     centre_memory, cycle = fuse(s, sensors, m.centre, received, time_s, map_, timer, zones)
+    beyond = _summed(m.beyond, beyond, unsound, {"vessel of the picture": cycle.unsound})
     with timer("registration"):
         seen = plots, ais_tracks, alarms, measurements, cycle.picture, cycle.members, bearing_tracks, cycle.bearing_associations
         registration_memory, corrections = s.registration.step(m.registration, *seen, time_s, sensors, m.corrections)
@@ -337,4 +358,28 @@ def step(
     standing = StandingEchoes.join([found for *_, found in regional])
     cycle = replace(cycle, corrections=corrections, ais_feeds=of_feeds, track_sources=of_sources, radar_cover=radar_cover)
     cycle = replace(cycle, standing_echoes=standing)
-    return Memory(*first, registration_memory, corrections, cover_memory, ais_detection, radar_cover), cycle
+    return Memory(*first, registration_memory, corrections, cover_memory, ais_detection, radar_cover, beyond), cycle
+
+
+def _sound(
+    tracks: Tracks, measurements: Measurements, alarms: AisAlarms, bearings: BearingTracks
+) -> tuple[Tracks, Measurements, AisAlarms, BearingTracks, dict[str, int]]:
+    """The same without tracks whose state is none, and how many those are: no later stage can use them."""
+    good = limits.are_sound(tracks.position_deg, tracks.covariance)
+    seen = np.isfinite(bearings.bearing_rad) & np.isfinite(bearings.covariance.sum(axis=(1, 2)))
+    if good.all() and seen.all():
+        return tracks, measurements, alarms, bearings, {}
+    gone = tracks.track_id[~good]
+    kept = measurements.take(~np.isin(measurements.track_id, gone)), alarms.take(~np.isin(alarms.track_id, gone))
+    counts = {"track": int((~good).sum()), "bearing track": int((~seen).sum())}
+    return tracks.take(good), *kept, bearings.take(seen), counts
+
+
+def _summed(before: dict[str, int], *more: dict[str, int]) -> dict[str, int]:
+    """The sums of counts by kind."""
+    out = dict(before)
+    for counts in more:
+        for kind, count in counts.items():
+            if count:
+                out[kind] = out.get(kind, 0) + count
+    return out

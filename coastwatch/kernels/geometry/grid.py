@@ -21,6 +21,7 @@ Floats = NDArray[np.float64]
 Rows = NDArray[np.int32]
 
 LAYERS = 3
+MOST_SIDE_M = 1e8
 WIDER = 3.0  # times the mean standard deviation, at which a layer ends: at 1 and at 3 times
 
 
@@ -40,8 +41,11 @@ class Grid(NamedTuple):
 
 @jit
 def _cell(value, low, side, count):  # type: ignore[no-untyped-def]
-    """Column or row of a coordinate, on the edge where it is beyond it."""
-    return int(min(max((value - low) / side, 0.0), count - 1.0))
+    """Column or row of a coordinate, on the edge where it is beyond it; the first where it is no number."""
+    at = (value - low) / side
+    if not at > 0.0:
+        return 0
+    return count - 1 if at >= count - 1.0 else int(at)
 
 
 @jit
@@ -53,6 +57,8 @@ def build(position, sigma, drift, low, high):  # type: ignore[no-untyped-def]
     """
     n = len(position)
     width, height = max(high[0] - low[0], 1.0), max(high[1] - low[1], 1.0)
+    if not width + height < MOST_SIDE_M:
+        width, height = MOST_SIDE_M, MOST_SIDE_M  # also where a corner is no number
     side = max(math.sqrt(width * height / max(n, 1)), max(width, height) / max(n, 1))
     columns, rows = int(width / side) + 1, int(height / side) + 1
     mean = 0.0
@@ -99,7 +105,7 @@ def near(grid, centre, covariance, limit):  # type: ignore[no-untyped-def]
                 continue
             s_ee, s_nn = covariance[m, 0, 0] + variance, covariance[m, 1, 1] + variance
             slope = covariance[m, 1, 0] / s_nn  # mean of east for each metre north
-            half = math.sqrt(limit * (s_ee - slope * covariance[m, 1, 0])) + drift * (1.0 + abs(slope))
+            half = math.sqrt(limit * max(s_ee - slope * covariance[m, 1, 0], 0.0)) + drift * (1.0 + abs(slope))
             reach_e, reach_n = math.sqrt(limit * s_ee) + drift, math.sqrt(limit * s_nn) + drift
             first = _cell(north - reach_n, grid.low[1], grid.side, grid.rows)
             last = _cell(north + reach_n, grid.low[1], grid.side, grid.rows)

@@ -107,8 +107,8 @@ class AsterixDecoder:
         self.stamps = Stamps(address.name, checked, self.tally)
         self._name, self._sensors = address.name, sensors
         self._origins, self._date_s = origins_of(address, sensors), date_of(address)
-        self._plots = Waiting(self.counts, RadarReports, ("sensor", "range_m", "azimuth_deg"))
-        self._tracks = Waiting(self.counts, TrackReports, ("sensor", "number", "position_deg"))
+        self._plots = Waiting(self.counts, self.tally, RadarReports, ("sensor", "range_m", "azimuth_deg"))
+        self._tracks = Waiting(self.counts, self.tally, TrackReports, ("sensor", "number", "position_deg"))
 
     @property
     def has_date(self) -> bool:

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from coastwatch.batches import Bools, Floats, Reports
+from coastwatch.batches import Bools, Floats, Reports, limits
 from coastwatch.sensors.recorded.faults import Tally
 from coastwatch.server.feeds.transport import Item
 
@@ -106,15 +106,18 @@ counted and dropped: late, or of before the run."""
 class Waiting:
     """Batches of reports that wait for their cycle, by their `received_s`."""
 
-    def __init__(self, counts: Counts, kind: Any, order: tuple[str, ...]) -> None:
-        """Args: counts: of the feed; kind: of batch; order: columns by which rows of one time are sorted."""
-        self._counts, self._kind, self._order = counts, kind, order
+    def __init__(self, counts: Counts, tally: Tally, kind: Any, order: tuple[str, ...]) -> None:
+        """Args: counts, tally: of the feed; kind: of batch; order: columns by which rows of one time are sorted."""
+        self._counts, self._tally, self._kind, self._order = counts, tally, kind, order
         self._parts: list[Any] = []
 
     def add(self, batch: Any) -> None:
-        """Keep reports until they are asked for."""
-        if len(batch):
-            self._parts.append(batch)
+        """Keep the reports within bounds until they are asked for."""
+        kept, found = limits.within(batch, limits.KINDS[self._kind](batch))
+        for kind, mask in found.items():
+            self._tally.add(limits.BEYOND + kind, "live", count=int(mask.sum()))
+        if len(kept):
+            self._parts.append(kept)
 
     def cut(self, after_s: float, until_s: float) -> Any:
         """The reports of a span, each once, sorted by time and content. Older ones are counted."""

@@ -78,9 +78,9 @@ class JsonDecoder:
         names = {"plot": sensors.radars.name, "bearing": sensors.sonars.name, "track": sensors.track_sources.name}
         self._numbers = {kind: {str(name): k for k, name in enumerate(of)} for kind, of in names.items()}
         self._waiting = {
-            "plot": Waiting(self.counts, RadarReports, ("sensor", "range_m", "azimuth_deg")),
-            "bearing": Waiting(self.counts, BearingReports, ("sensor", "contact", "bearing_deg")),
-            "track": Waiting(self.counts, TrackReports, ("sensor", "number", "position_deg")),
+            "plot": Waiting(self.counts, self.tally, RadarReports, ("sensor", "range_m", "azimuth_deg")),
+            "bearing": Waiting(self.counts, self.tally, BearingReports, ("sensor", "contact", "bearing_deg")),
+            "track": Waiting(self.counts, self.tally, TrackReports, ("sensor", "number", "position_deg")),
         }
 
     def take(self, items: list[Item], reference_s: float | None) -> None:

@@ -48,6 +48,7 @@ THROWN_WITHIN_S, LEAST_THROWN, THROWN_SHARE = 60.0, 10, 0.2
 
 LATE = "report later than its cycle"
 BEFORE_RUN = "report from before the run began"
+BROKEN = "defect of its decoder"
 DROPPED = "dropped: no room, or too long"
 
 FIRST_S = 0.0
@@ -71,6 +72,18 @@ class _Feed:
     def silent_s(self) -> float:
         """For how long nothing has come."""
         return now_s() - max(self.inbox.heard_s, self.began_s)
+
+    def decode(self, reference_s: float | None) -> None:
+        """Decode what has come. Whatever a decoder raises, the other lines are used. Args: as of `Decoder.take`."""
+        items, self.items = self.items, []
+        try:
+            self.decoder.take(items, reference_s)
+        except Exception:
+            for item in items:
+                try:
+                    self.decoder.take([item], reference_s)
+                except Exception as error:
+                    self.decoder.tally.add(BROKEN, self.inbox.address.name, f"{type(error).__name__}: {error}")
 
     def look(self) -> None:
         """Note the counts, for `troubles`."""
@@ -303,8 +316,7 @@ class LiveInput:
                 continue
             feed.items += feed.inbox.taken()
             if feed.items and not self._waits_for_a_date(feed, about_s):
-                items, feed.items = feed.items, []
-                feed.decoder.take(items, about_s if self._clock == "feeds" and math.isfinite(about_s) else None)
+                feed.decode(about_s if self._clock == "feeds" and math.isfinite(about_s) else None)
                 about_s = max(about_s, feed.decoder.stamps.newest_s)
 
     def _waits_for_a_date(self, feed: _Feed, about_s: float) -> bool:

@@ -33,7 +33,7 @@ class TargetDecoder:
         of_source = sources.site_deg[self._source]
         heading = float(sources.heading_deg[self._source])
         self._targets = TargetSentences(of_source if site is None else site, heading, math.nan, self.tally)
-        self._waiting = Waiting(self.counts, TrackReports, ("sensor", "number", "position_deg"))
+        self._waiting = Waiting(self.counts, self.tally, TrackReports, ("sensor", "number", "position_deg"))
         self._before: list[Item] = []  # the last clock sentence, and lines that belong to the next sentence
 
     def take(self, items: list[Item], reference_s: float | None) -> None:

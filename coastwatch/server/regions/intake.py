@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from typing import Any
 
-from coastwatch.batches import Fault, TrackReports
+from coastwatch.batches import Fault, TrackReports, limits
 from coastwatch.server.clock import now_s
 from coastwatch.server.feeds.decoding import FAR_AHEAD_S
 from coastwatch.server.regions.client import Connection
@@ -29,6 +29,7 @@ class RegionIntake:
         self._began_s = now_s()
         self.newest_s, self.first_s = -math.inf, math.inf
         self.late = self.used = self.without = 0
+        self._beyond: dict[str, int] = {}  # states of tracks that are none, by kind
         self._waiting: list[RegionCycle] = []
         self._intake: list[Intake] = []
 
@@ -66,7 +67,11 @@ class RegionIntake:
         self.late, self.used = self.late + len(due) - len(used), self.used + len(used)
         self.without += not used
         self._intake = [_intake(self.name, [c for c in due if c.run == run], after_s) for run in _runs(due)]
-        return TrackReports.join([cycle.reports(self._source) for cycle in used])
+        reports = TrackReports.join([cycle.reports(self._source) for cycle in used])
+        kept, found = limits.within(reports, limits.track_faults(reports))
+        for kind, mask in found.items():
+            self._beyond[kind] = self._beyond.get(kind, 0) + int(mask.sum())
+        return kept
 
     def intake(self) -> list[Intake]:
         """What the newest `cut` used, by run of the region."""
@@ -75,7 +80,8 @@ class RegionIntake:
     def faults(self) -> list[Fault]:
         """What was late, missing or away."""
         missing = self.connection.incoming.missing
-        counted = (LATE, self.late), (MISSING, missing), (WITHOUT, self.without), (AHEAD, self.ahead)
+        counted = [(LATE, self.late), (MISSING, missing), (WITHOUT, self.without), (AHEAD, self.ahead)]
+        counted += [(limits.BEYOND + kind, count) for kind, count in self._beyond.items()]
         return [Fault(kind, count, f"region {self.name}", self.connection.error or "") for kind, count in counted if count]
 
     def counters(self) -> dict[str, Any]:

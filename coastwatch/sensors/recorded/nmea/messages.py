@@ -22,6 +22,7 @@ FILL_BITS = {str(k).encode(): k for k in range(6)}
 PARTS = {str(k).encode(): k for k in range(1, 10)}
 PART_LINES = 1000  # largest distance between the parts of one message
 PART_SECONDS = 30.0  # and largest time between them
+MOST_SLOTS = 4096  # kinds of messages of several parts whose station is remembered
 HEX = np.array([int(chr(c), 16) if chr(c) in "0123456789abcdefABCDEF" else 256 for c in range(256)])
 
 
@@ -117,10 +118,7 @@ class Assembler:
             bits.append(6 * len(text) - fill_bits)
             raws.append(raw)
             by_clock.append(math.isnan(own_s))
-        if last:
-            for waiting in self._open.values():
-                self._count_lone(waiting)
-            self._open.clear()
+        self._expire(math.inf if last else sentences[-1].line if sentences else -math.inf)
         return Messages(
             np.array(line, np.int64),
             np.array(stamp, np.float64),
@@ -141,7 +139,10 @@ class Assembler:
     def _join(self, at: ReceivedSentence, sentence: _Sentence) -> _Open | None:
         """The message that this part completes, if any. Parts that cannot belong to it are counted as lone."""
         if sentence.part == 1 or at.station:
+            self._newest.pop(sentence.slot, None)
             self._newest[sentence.slot] = at.station
+            if len(self._newest) > MOST_SLOTS:
+                del self._newest[next(iter(self._newest))]
         slot = (*sentence.slot, self._newest.get(sentence.slot, b""))
         known = self._open.pop(slot, None)
         if known is not None and (
@@ -158,6 +159,14 @@ class Assembler:
             return known
         self._open[slot] = known
         return None
+
+    def _expire(self, line: float) -> None:
+        """Drop and count open messages that no later part can complete. Args: line: the newest one; infinite: the file ends here."""
+        while self._open:
+            slot, oldest = next(iter(self._open.items()))
+            if line - oldest.line <= PART_LINES:
+                return
+            self._count_lone(self._open.pop(slot))
 
     def _count_lone(self, waiting: _Open) -> None:
         self._tally.add(LONE_PART, f"{self._name}:{waiting.line}", next(iter(waiting.parts.values()))[1], len(waiting.parts))

@@ -13,7 +13,7 @@ from pynmeagps import NMEAParseError, NMEAReader
 
 from coastwatch.batches import FileContent, Floats, TrackReports, TrackSources
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, offset_deg
-from coastwatch.sensors.recorded.ais_validation import HIGHEST_LATITUDE, LATITUDE, AisIntake
+from coastwatch.sensors.recorded.ais_validation import HIGHEST_LATITUDE, LATITUDE, LONGITUDE, AisIntake
 from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
 from coastwatch.sensors.recorded.merging import TIME_MISSING
 from coastwatch.sensors.recorded.nmea.feed import lines_of
@@ -105,6 +105,13 @@ class TargetSentences:
 
         Args: clock_s: time of the sentence; NaN: unknown; where: of the sentence, for the tally.
         """
+        try:
+            return self._state(sentence, clock_s, where)
+        except Exception:  # whatever an odd field leads to: a sentence must not stop the feed
+            self._tally.add(UNDECODABLE, where, sentence)
+            return None
+
+    def _state(self, sentence: bytes, clock_s: float, where: str) -> State | None:
         kind = sentence[3:6].upper()
         said = self._parsed(sentence, where)
         if said is None:
@@ -152,7 +159,7 @@ def _state(said: Any, kind: bytes, clock_s: float, own: _OwnShip) -> tuple[State
         longitude = _signed(said.targetlon, getattr(said, "targetlonEW", "E"), "W")
     else:
         own_latitude, own_longitude, heading = own.at(clock_s)
-        relative = said.targetbearingu == "R"
+        relative = getattr(said, "targetbearingu", "T") == "R"
         bearing = said.targetbearing + (heading if relative else 0.0)
         if math.isnan(own_latitude) or math.isnan(bearing):
             return None, NO_OWN_SHIP
@@ -162,6 +169,8 @@ def _state(said: Any, kind: bytes, clock_s: float, own: _OwnShip) -> tuple[State
         velocity = _velocity(said, heading, own)
     if not abs(latitude) <= HIGHEST_LATITUDE:
         return None, LATITUDE
+    if not abs(longitude) <= 180.0:
+        return None, LONGITUDE
     return (int(said.targetnum), min(time_s, clock_s), clock_s, latitude, longitude, *velocity), ""
 
 
@@ -175,7 +184,7 @@ def _velocity(said: Any, heading: float, own: _OwnShip) -> tuple[float, float]:
     if not _known(said, "targetspeed", "targetcourse"):
         return math.nan, math.nan
     speed = said.targetspeed * METRES_PER_SECOND.get(getattr(said, "speedu", "N"), KNOT_M_S)
-    if said.targetcourseu != "R":
+    if getattr(said, "targetcourseu", "T") != "R":
         return _vector(speed, said.targetcourse)
     east, north = _vector(speed, said.targetcourse + heading)
     return east + own.east_m_s, north + own.north_m_s
@@ -187,7 +196,9 @@ def _vector(length: float, bearing_deg: float) -> tuple[float, float]:
 
 
 def _known(said: Any, *names: str) -> bool:
-    return all(isinstance(getattr(said, name, None), int | float) for name in names)
+    """Whether fields are there and finite numbers."""
+    found = (getattr(said, name, None) for name in names)
+    return all(isinstance(value, int | float) and math.isfinite(value) for value in found)
 
 
 def _time_s(of_day: Any, clock_s: float) -> float:

@@ -1,0 +1,156 @@
+"""Bounds on the numbers of reports, and on the states of tracks and vessels: what is beyond them is no measurement and no vessel.
+
+Sources of reports say anything. Filters and kernels rest on finite numbers and on covariances that can be inverted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+import numpy as np
+
+from coastwatch.batches.reports import AisReports, BearingReports, RadarReports, Reports, TrackReports
+from coastwatch.batches.struct import Batch, Bools, Floats
+
+HIGHEST_LATITUDE_DEG = 85.0
+MOST_RANGE_M = 500_000.0
+RANGE_SIGMA_M = 1e-3, 20_000.0
+AZIMUTH_SIGMA_DEG = 1e-5, 90.0
+MOST_SPEED_M_S = 110.0
+"""Of a track of another system: more than 200 knots."""
+
+SIGMA_M, SIGMA_M_S = (1e-4, 200_000.0), (1e-6, 1_000.0)
+"""Standard deviations of position and velocity in a covariance."""
+
+TIMES_S = 0.0, 8e9
+"""Unix times: from 1970 to 2223."""
+
+ASYMMETRY = 1e-6
+BEYOND = "beyond the bounds of its format: "
+Masks = Mapping[str, Bools]
+Of = TypeVar("Of", bound=Batch)
+
+
+def radar_faults(radar: RadarReports) -> Masks:
+    """Which plots are none, by kind. (M,) each."""
+    return {
+        "time": _no_time(radar.time_s, radar.received_s),
+        "range": ~((radar.range_m >= 0.0) & (radar.range_m <= MOST_RANGE_M)),
+        "azimuth": ~(np.abs(radar.azimuth_deg) <= 360.0),
+        "site": ~_is_on_earth(radar.site_deg),
+        "standard deviation of range": _no_sigma(radar.range_sigma_m, RANGE_SIGMA_M),
+        "standard deviation of azimuth": _no_sigma(radar.azimuth_sigma_deg, AZIMUTH_SIGMA_DEG),
+    }
+
+
+def bearing_faults(bearing: BearingReports) -> Masks:
+    """Which bearings are none, by kind. (M,) each."""
+    return {
+        "time": _no_time(bearing.time_s, bearing.received_s),
+        "bearing": ~(np.abs(bearing.bearing_deg) <= 360.0),
+        "site": ~_is_on_earth(bearing.site_deg),
+        "standard deviation of bearing": _no_sigma(bearing.bearing_sigma_deg, AZIMUTH_SIGMA_DEG),
+    }
+
+
+def ais_faults(ais: AisReports) -> Masks:
+    """Which AIS reports are none, by kind. (M,) each."""
+    return {"time": _no_time(ais.time_s, ais.received_s), "position": ~_is_on_earth(ais.position_deg)}
+
+
+def track_faults(tracks: TrackReports) -> Masks:
+    """Which states of tracks are none, by kind. (M,) each."""
+    velocity = tracks.velocity_m_s
+    given = ~np.isnan(velocity).all(axis=1)
+    return {
+        "time": _no_time(tracks.time_s, tracks.received_s),
+        "position": ~_is_on_earth(tracks.position_deg),
+        "velocity": given & ~(np.hypot(velocity[:, 0], velocity[:, 1]) <= MOST_SPEED_M_S),
+        "covariance": _no_covariance(tracks.covariance),
+    }
+
+
+FAULTS: Mapping[str, Callable[[Any], Masks]] = MappingProxyType(
+    {"radar": radar_faults, "bearing": bearing_faults, "ais": ais_faults, "tracks": track_faults}
+)
+"""By field of Reports."""
+
+KINDS: Mapping[type, Callable[[Any], Masks]] = MappingProxyType(
+    {RadarReports: radar_faults, BearingReports: bearing_faults, AisReports: ais_faults, TrackReports: track_faults}
+)
+
+
+def within(batch: Of, faults: Masks) -> tuple[Of, dict[str, Bools]]:
+    """The rows without a fault, and the faults that there are. Args: faults: (M,) each."""
+    found = {kind: mask for kind, mask in faults.items() if mask.any()}
+    if not found:
+        return batch, {}
+    return batch.take(~np.logical_or.reduce(list(found.values()))), found
+
+
+def reports_within(reports: Reports) -> tuple[Reports, dict[str, int]]:
+    """The reports within all bounds, and how many of the others there are, by kind."""
+    kept, counts = {}, dict[str, int]()
+    for name, faults in FAULTS.items():
+        batch = getattr(reports, name)
+        if not len(batch):
+            continue
+        kept[name], found = within(batch, faults(batch))
+        counts.update({f"{name}: {kind}": int(mask.sum()) for kind, mask in found.items()})
+    return (replace(reports, **kept), counts) if counts else (reports, counts)
+
+
+def are_sound(position_deg: Floats, covariance: Floats) -> Bools:
+    """Whether states are on the earth, with finite covariances. Args: (N, 2), (N, 4, 4). Returns: (N,)."""
+    return np.asarray(_is_on_earth(position_deg) & np.isfinite(covariance.sum(axis=(1, 2))))
+
+
+def _no_time(*times_s: Floats) -> Bools:
+    out = np.zeros(len(times_s[0]), np.bool_)
+    for time_s in times_s:
+        out |= ~((time_s >= TIMES_S[0]) & (time_s <= TIMES_S[1]))
+    return np.asarray(out)
+
+
+def _is_on_earth(position_deg: Floats) -> Bools:
+    return np.asarray((np.abs(position_deg[:, 0]) <= HIGHEST_LATITUDE_DEG) & (np.abs(position_deg[:, 1]) <= 180.0))
+
+
+def _no_sigma(sigma: Floats, bounds: tuple[float, float]) -> Bools:
+    """Which given deviations are beyond bounds. NaN: not given."""
+    return np.asarray(~np.isnan(sigma) & ~((sigma >= bounds[0]) & (sigma <= bounds[1])))
+
+
+def _no_covariance(covariance: Floats) -> Bools:
+    """Which covariances are given and are none: not symmetric, not positive definite, or beyond bounds. (M, 4, 4) -> (M,)"""
+    out = np.zeros(len(covariance), np.bool_)
+    given = ~np.isnan(covariance).all(axis=(1, 2))
+    rows = np.flatnonzero(given)
+    if not len(rows):
+        return out
+    some = covariance[rows]
+    alone = np.isnan(some[:, 2:, 2:]).all(axis=(1, 2))  # of the position alone
+    some[alone, :2, 2:] = some[alone, 2:, :2] = 0.0
+    some[alone, 2:, 2:] = np.eye(2)
+    out[rows] = ~_is_positive_definite(some)
+    return out
+
+
+def _is_positive_definite(covariance: Floats) -> Bools:
+    """Whether matrices are symmetric, positive definite and within bounds, by their LDL factors. (M, 4, 4) -> (M,)"""
+    diagonal = np.diagonal(covariance, axis1=1, axis2=2)
+    low = np.array([SIGMA_M[0], SIGMA_M[0], SIGMA_M_S[0], SIGMA_M_S[0]]) ** 2
+    high = np.array([SIGMA_M[1], SIGMA_M[1], SIGMA_M_S[1], SIGMA_M_S[1]]) ** 2
+    good: Bools = np.asarray(((diagonal >= low) & (diagonal <= high)).all(axis=1))
+    scale = np.sqrt(np.where(good[:, None], diagonal, 1.0))
+    unit = np.where(good[:, None, None], covariance / (scale[:, :, None] * scale[:, None, :]), np.eye(4))
+    good &= (np.abs(unit - unit.transpose(0, 2, 1)) <= ASYMMETRY).all(axis=(1, 2))
+    rest = unit.copy()
+    for k in range(4):
+        pivot = rest[:, k, k]
+        good &= pivot > 1e-12
+        rest = rest - rest[:, :, k, None] * rest[:, k, None, :] / np.where(pivot > 1e-12, pivot, 1.0)[:, None, None]
+    return np.asarray(good)

@@ -1,0 +1,96 @@
+"""The border of the feeds: odd messages of every format are counted, and no exception of a decoder stops the other lines."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from test_feeds import SEA, SENSORS, START_S, cycles, deliver, items, joined, put, put_datagrams, receiving
+
+from coastwatch.batches import limits
+from coastwatch.scenario import load_scenario
+from coastwatch.server.feeds.live_input import BROKEN
+from coastwatch.server.regions.scenario import with_track_sources
+from scaling.load import fuzz
+
+WITH_SOURCE = with_track_sources(load_scenario("guanabara"), ["vts"]).sensors()
+PLOT = b'{"type": "plot", "radar": "%s", "time": %f, "range_m": %s, "azimuth_deg": 10.0%s}'
+RADAR = str(SENSORS.radars.name[0]).encode()
+
+
+def faults(made: Any) -> dict[str, int]:
+    return {fault.kind: fault.count for fault in made.faults()}
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        b"$RATTM,01,2.5,45.0*45", b"$RATTM,01,inf,45.0,T,10.0,90.0,T,0.1,1.0,N,NAME,T,,120000.00,A*00",
+        b"$RATTM,01,1e400,45.0,T,10.0,90.0,T*00", b"$RATLL,01*00", b"$RATLL,01,5047.7,N,99906.3,W,NAME,120000.00,T,*00",
+        b"$RATTM*00", b"$RATTM,,,,,,,,,,,,,,,*00",
+    ],
+)  # fmt: skip
+def test_a_target_sentence_that_is_cut_short_or_odd_is_counted(line: bytes) -> None:
+    body = line[1:].rpartition(b"*")[0]
+    good = [sum_of(b"RATTM,02,2.5,45.0,T,10.0,90.0,T,0.1,1.0,N,NAME,T,,,A"), sum_of(b"GPHDT,90.0,T")]
+    with receiving("ttm+listen://127.0.0.1:0?source=vts&site=-22.9,-43.1", sensors=WITH_SOURCE) as made:
+        put(made.ports[0], [sum_of(b"GPZDA,150641.00,15,06,2025,00,00"), sum_of(body), *good])
+        deliver(made, 4)
+        tracks = joined(cycles(made), "tracks")
+    assert 2 in tracks.number
+    assert np.isfinite(tracks.position_deg).all()
+
+
+def sum_of(body: bytes) -> bytes:
+    value = 0
+    for c in body:
+        value ^= c
+    return b"$%s*%02X" % (body, value)
+
+
+@pytest.mark.parametrize(
+    ("fields", "range_m"),
+    [(b', "range_sigma_m": 1e10, "azimuth_sigma_deg": 1e-10', b"5e3"), (b', "range_sigma_m": 1e-300', b"5e3"), (b"", b"1e300")],
+)
+def test_a_plot_beyond_all_bounds_is_counted_and_not_used(fields: bytes, range_m: bytes) -> None:
+    good = PLOT % (RADAR, START_S + 2.0, b"4e3", b"")
+    with receiving("json+listen://127.0.0.1:0") as made:
+        put(made.ports[0], [PLOT % (RADAR, START_S + 1.0, range_m, fields), good])
+        deliver(made, 2)
+        radar = joined(cycles(made), "radar")
+        found = faults(made)
+    assert radar.range_m.tolist() == [4e3]
+    assert sum(count for kind, count in found.items() if kind.startswith(limits.BEYOND)) >= 1
+
+
+@pytest.mark.parametrize("name", ["ais", "json", "asterix"])
+def test_whatever_one_line_raises_the_others_are_used(name: str) -> None:
+    sent = items(f"{name}+udp://x:1")
+    address = "asterix+udp://127.0.0.1:0?date=2025-06-15" if name == "asterix" else f"{name}+listen://127.0.0.1:0"
+    with receiving(address) as made:
+        feed = vars(made)["_feeds"][0]
+        take, broken = feed.decoder.take, sent[1]
+
+        def odd(some: list[Any], reference_s: float | None) -> None:
+            if any(item[1].strip() == broken.strip() for item in some):
+                raise ValueError("of an odd line")
+            take(some, reference_s)
+
+        feed.decoder.take = odd
+        if name == "asterix":
+            put_datagrams(made.ports[0], sent)
+        else:
+            put(made.ports[0], sent)
+        deliver(made, len(sent))
+        found = cycles(made)
+        assert faults(made)[BROKEN] == 1
+    kind = {"ais": "ais", "json": "bearing", "asterix": "radar"}[name]
+    assert len(joined(found, kind)) >= 0.5 * len(getattr(SEA, kind))
+
+
+def test_damaged_messages_of_every_format_raise_nothing_in_decoders_and_chain() -> None:
+    *_, (done, broken, taken) = fuzz.fuzzed(24_000, 11, 2_400)
+    assert done >= 24_000
+    assert not broken
+    assert all(taken[name] > 50 for name in fuzz.ADDRESSES)
