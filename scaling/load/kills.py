@@ -1,8 +1,9 @@
 """Whether SIGKILL of a region or of its centre loses or repeats a cycle, with a simulation over real sockets:
 
-    python -m scaling.load.kills --kills 10 [--scenario NAME] [--seed N] [--json]
+    python -m scaling.load.kills --kills 10 [--while-writing 2] [--scenario NAME] [--seed N] [--json]
 
-The region runs the scenario's radars, the centre takes its tracks and AIS. They are killed in turn, at random moments.
+The region runs the scenario's radars, the centre takes its tracks and AIS. They are killed in turn, at random moments; some at the
+moment when their database begins to be written. Nearly every cycle of a live run is written with a checkpoint.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from coastwatch.operators.cli.arguments import count
+from coastwatch.operators.cli.arguments import count, whole
 from coastwatch.server.machine import date_utc, machine
 
 PERIOD_S = 1.0
@@ -73,6 +74,18 @@ class Server:
         """Cycles stored."""
         found = self.rows("SELECT count(*) FROM cycle")
         return int(found[0][0]) if found else 0
+
+    def wait_for_writing(self) -> None:
+        """Wait until a transaction begins to be written: the write-ahead log changes."""
+        log, until_s = Path(f"{self.db}-wal"), time.monotonic() + PATIENCE_S
+        before = log.stat().st_mtime_ns
+        while log.stat().st_mtime_ns == before and time.monotonic() < until_s:
+            time.sleep(0.0005)
+
+    def has_checkpoint_of_last_cycle(self) -> bool:
+        """Whether the newest cycle was written with a checkpoint."""
+        found = self.rows("SELECT (SELECT max(cycle) FROM checkpoint) = (SELECT max(number) FROM cycle)")
+        return bool(found and found[0][0])
 
     def vessels(self) -> set[int]:
         """The vessels that are there now."""
@@ -145,9 +158,10 @@ def is_right(found: dict[str, Any]) -> bool:
     return servers and intake["region_runs"] == 1 and intake["cycles"] > 0 and not intake["missing"] + intake["twice"]
 
 
-def kill(kills: int, scenario: str, seed: int) -> dict[str, Any]:
-    """Kill them so many times in all, in turn. Returns: figures."""
-    rng, kept = np.random.default_rng([seed, 1]), list[float]()
+def kill(kills: int, while_writing: int, scenario: str, seed: int) -> dict[str, Any]:
+    """Kill them so many times in all, in turn. Args: while_writing: of these kills. Returns: figures."""
+    rng, kept, with_checkpoint = np.random.default_rng([seed, 1]), list[float](), 0
+    writing = set(rng.permutation(kills)[:while_writing].tolist())
     with tempfile.TemporaryDirectory() as folder:
         region, centre, feed = started(Path(folder), scenario)
         try:
@@ -161,6 +175,9 @@ def kill(kills: int, scenario: str, seed: int) -> dict[str, Any]:
                 killed = (region, centre)[number % 2]
                 known[killed] = killed.vessels()
                 time.sleep(PERIOD_S * rng.random())
+                if number in writing:
+                    killed.wait_for_writing()
+                    with_checkpoint += killed.has_checkpoint_of_last_cycle()
                 killed.end(signal.SIGKILL)
                 killed.start()
                 killed.wait(CYCLES_BETWEEN)
@@ -177,18 +194,20 @@ def kill(kills: int, scenario: str, seed: int) -> dict[str, Any]:
             for server in (centre, region):
                 with suppress(subprocess.TimeoutExpired, AssertionError):
                     server.end(signal.SIGINT)
-        return figures(region, centre) | {"least_share_of_vessels_kept": min(kept)}
+        more = {"least_share_of_vessels_kept": min(kept), "cycle_before_had_a_checkpoint": with_checkpoint}
+        return figures(region, centre) | more
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--kills", type=count, default=10, help="in all, in turn region and centre (default: 10)")
+    parser.add_argument("--while-writing", type=whole, default=0, metavar="N", help="of these, while a cycle is written")
     parser.add_argument("--scenario", default="guanabara")
     parser.add_argument("--seed", type=int, default=1, help="of the moments of the kills")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
-    found = {"date": date_utc(), "machine": machine(), "kills": options.kills}
-    found |= kill(options.kills, options.scenario, options.seed)
+    found = {"date": date_utc(), "machine": machine(), "kills": options.kills, "while_writing": options.while_writing}
+    found |= kill(options.kills, options.while_writing, options.scenario, options.seed)
     found["right"] = is_right(found)
     if options.json:
         print(json.dumps(found))
