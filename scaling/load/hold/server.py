@@ -15,7 +15,7 @@ from typing import IO, Self
 from scaling.load.hostile import HOST, free_ports
 
 SCENARIO, SOURCE, SITE = "guanabara", "vts", "-22.949,-43.156"
-DISK_MB = 6_000
+DISK_MB = 2_000
 AGAIN_S = 0.5
 FEEDS = ("ais", "ais_others", "asterix", "json", "json_others", "ttm", "ttm_others")
 
