@@ -56,7 +56,8 @@ class Pairs(NamedTuple):
 def close_pairs(settings: AlarmSettings, before: Approaching, picture: Picture, time_s: float) -> tuple[Approaching, Pairs]:
     """The pairs whose closest approach lies within the limits, each widened by `cpa_hold_factor`.
 
-    A pair is found within the limits themselves, at the latest after `SPANS` cycles.
+    A pair is found within the limits themselves, at the latest after `SPANS` cycles. One of the two whose newest report is older than
+    `cpa_oldest_s` may be elsewhere, so it has no pair.
     Args: picture: vessels with a track, sorted.
     """
     speed_m_s = np.hypot(picture.velocity_m_s[:, 0], picture.velocity_m_s[:, 1])
@@ -81,7 +82,7 @@ def close_pairs(settings: AlarmSettings, before: Approaching, picture: Picture, 
 
 def _counts(settings: AlarmSettings, picture: Picture, slow: Bools, time_s: float) -> Bools:
     """Which vessels may be one of a pair. (V,) Args: slow: (V,)."""
-    known = time_s - picture.since_s >= settings.cpa_known_s
+    known = (time_s - picture.since_s >= settings.cpa_known_s) & (time_s - picture.updated_s <= settings.cpa_oldest_s)
     if not settings.cpa_at_rest:
         return np.asarray(known & ~slow)
     at_rest = np.isin(picture.nav_status, (NavStatus.AT_ANCHOR, NavStatus.MOORED, NavStatus.AGROUND))

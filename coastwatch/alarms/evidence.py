@@ -201,6 +201,8 @@ def _of_alarms(alarms: VesselAlarms, picture: Picture) -> list[str]:
     """One text for each alarm: its zone, the other vessel, and its figures."""
     speed_kn = np.hypot(*alarms.velocity_m_s.T) / KNOT_M_S
     other = find(picture.vessel_id, alarms.subject)
+    age_s = np.append(picture.time_s - picture.updated_s, np.nan)
+    own_s, other_s = age_s[find(picture.vessel_id, alarms.vessel_id)], age_s[other]
     out = []
     for k, number in enumerate(alarms.kind.tolist()):
         kind, name = AlarmKind(number), str(alarms.name[k])
@@ -218,6 +220,8 @@ def _of_alarms(alarms: VesselAlarms, picture: Picture) -> list[str]:
             called = f"vessel {alarms.subject[k]}" + (f" (MMSI {mmsi:09d})" if mmsi >= 0 else "")
             passing = f"CPA {distance_m / NAUTICAL_MILE_M:.2f} NM in {interval_s / 60.0:.1f} min"
             said = f"with {called}, {passing}, range {range_m / NAUTICAL_MILE_M:.2f} NM"
+            if np.isfinite(own_s[k] + other_s[k]):
+                said += f", positions {own_s[k]:.0f} and {other_s[k]:.0f} s old"
         elif kind == AlarmKind.ANCHOR_DRAG:
             said = f"{distance_m:.0f} m from where it lay for {interval_s / 60.0:.0f} min"
         elif kind == AlarmKind.LOST:

@@ -1,8 +1,11 @@
-"""Hysteresis: a condition lasts once it has held for some cycles, until it has not held for some others."""
+"""Hysteresis: a condition lasts once it has held for some time, until it has not held for some other time.
+
+Both count seconds, so they do not depend on the period, nor on cycles that a late server has merged.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +15,9 @@ from coastwatch.kernels.tables.lookup import find
 KINDS = 64
 """A key is vessel_id * KINDS + kind."""
 
+SLACK_S = 1e-3
+"""What the difference of two times may be short of a limit: they are rounded to parts of a microsecond."""
+
 
 @dataclass(frozen=True, eq=False)
 class Lasting:
@@ -19,16 +25,17 @@ class Lasting:
 
     key: Ints  # (D,)
     subject: Ints  # (D,)
-    held: Ints  # (D,) cycles that it has held, without a break while it was not open
-    missed: Ints  # (D,) cycles since it held last
+    held_s: Floats  # (D,) how long it has held, without a break while it was not open
+    missed_s: Floats  # (D,) since it held last, but for cycles in which nothing was known of it
     open: Bools  # (D,)
     since_s: Floats  # (D,) when it began to hold
+    at_s: Floats  # (D,) the newest cycle
     mark: Bools  # (D,) as given when it began
 
     @classmethod
     def none(cls) -> Lasting:
         number, time = np.zeros(0, np.int64), np.zeros(0)
-        return cls(number, number, number, number, number > 0, time, number > 0)
+        return cls(number, number, time, time, number > 0, time, time, number > 0)
 
     @property
     def vessel_id(self) -> Ints:
@@ -56,12 +63,14 @@ class Holding:
 
 
 def extend(
-    before: Lasting, now: Holding, frozen: Ints, open_cycles: int, close_cycles: int, time_s: float
+    before: Lasting, now: Holding, frozen: Ints, open_s: float, close_s: float, time_s: float
 ) -> tuple[Lasting, Lasting]:
     """The conditions after a cycle, and those open ones that have ended with it.
 
-    Args: frozen: (F,) ascending vessel ids: of these nothing is known now, so their conditions stay as they are.
+    Args: frozen: (F,) ascending vessel ids: of these nothing is known now, so their conditions stay as they are; open_s: how long a
+    condition must hold before it is open; close_s: how long an open one must not hold before it ends.
     """
+    before_s = time_s - before.at_s
     old, new = joint_keys((before.key, before.subject), (now.key, now.subject))
     at = find(old, new)
     was_open = np.zeros(len(new), np.bool_)
@@ -69,19 +78,20 @@ def extend(
     kept = now.strong | was_open
     rows, at, was_open = np.flatnonzero(kept), at[kept], was_open[kept]
     known, strong = at >= 0, now.strong[rows]
-    held, since_s, mark = strong.astype(np.int64), np.full(len(rows), float(time_s)), now.mark[rows]
-    held[known] += before.held[at[known]]
+    zero, at_s = np.zeros(len(rows)), np.full(len(rows), float(time_s))
+    held_s, since_s, mark = zero.copy(), at_s.copy(), now.mark[rows]
+    held_s[known] = before.held_s[at[known]] + np.where(strong[known], before_s[at[known]], 0.0)
     since_s[known], mark[known] = before.since_s[at[known]], before.mark[at[known]]
-    is_open = was_open | (held >= open_cycles)
-    holds = Lasting(now.key[rows], now.subject[rows], held, np.zeros(len(rows), np.int64), is_open, since_s, mark)
+    is_open = was_open | (held_s >= open_s - SLACK_S)
+    holds = Lasting(now.key[rows], now.subject[rows], held_s, zero, is_open, since_s, at_s, mark)
 
     rest = np.ones(len(old), np.bool_)
     rest[at[known]] = False
     gone = before.take(rest)
     waits = find(frozen, gone.vessel_id) >= 0
-    missed = gone.missed + ~waits
-    stays = waits | (gone.open & (missed < close_cycles))
-    gone = Lasting(gone.key, gone.subject, gone.held, missed, gone.open, gone.since_s, gone.mark)
+    missed_s = gone.missed_s + np.where(waits, 0.0, before_s[rest])
+    stays = waits | (gone.open & (missed_s < close_s - SLACK_S))
+    gone = replace(gone, missed_s=missed_s, at_s=np.full(len(missed_s), float(time_s)))
     parts = holds, gone.take(stays)
     both = Lasting(*(np.concatenate([getattr(part, name) for part in parts]) for name in vars(holds)))
     return both.take(np.lexsort((both.subject, both.key))), gone.take(~stays & gone.open)

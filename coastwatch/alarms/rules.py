@@ -29,17 +29,19 @@ class AlarmMemory:
     approaching: Approaching
     close: Lasting  # of pairs: the vessel with the lower id, and the other one as subject
     dragging: Lasting
+    members: Members  # of the newest cycle
 
 
 class AlarmRules(AlarmSettings):
     """Alarms beside the flags: zones, lines, close approaches, dragging anchors and lost vessels.
 
-    An alarm begins when its condition has held for `open_cycles`, and ends when it has not held for `close_cycles`. While a vessel has
-    no track, its alarms stay as they are. One that returns within `store.event_gap_s` goes on with the event before.
+    An alarm begins when its condition has held for `open_s`, and ends when it has not held for `close_s`. While a vessel has no track,
+    its alarms stay as they are. One that returns within `store.event_gap_s` goes on with the event before.
     """
 
     def init(self) -> AlarmMemory:
-        return AlarmMemory(Watched.none(), ZoneMemory.none(), Approaching.none(), Lasting.none(), Lasting.none())
+        lasting = Lasting.none(), Lasting.none()
+        return AlarmMemory(Watched.none(), ZoneMemory.none(), Approaching.none(), *lasting, Members.empty())
 
     def step(
         self,
@@ -56,12 +58,12 @@ class AlarmRules(AlarmSettings):
         Args: zones: with their numbers, each above 0 and once; cover: of each radar; none, or empty: it sees within its range.
         """
         known = shapes(zones, self.zone_margin_m)
-        seen = look(self, memory.watched, picture, members, sensors, time_s)
+        seen = look(self, memory.watched, picture, members, memory.members, sensors, time_s)
         zone_memory, raised = zone_alarms(self, memory.zones, seen, known, time_s)
         followed, close, approaching = self._close(memory, seen, time_s)
         dragging, anchored = self._dragging(memory.dragging, seen, time_s)
         raised = [*raised, approaching, anchored, self._lost(seen, sensors, cover, time_s)]
-        after = AlarmMemory(seen.watched, zone_memory, followed, close, dragging)
+        after = AlarmMemory(seen.watched, zone_memory, followed, close, dragging, members)
         return after, together(raised, seen.watched, known)
 
     def _close(self, memory: AlarmMemory, seen: Seen, time_s: float) -> tuple[Approaching, Lasting, Raised]:
@@ -74,7 +76,7 @@ class AlarmRules(AlarmSettings):
         key, subject = vessel_id[pairs.first] * KINDS + AlarmKind.CLOSE_APPROACH, vessel_id[pairs.second]
         strong = self._is_close(pairs)
         now = Holding(key, subject, strong, np.zeros(len(key), np.bool_))
-        after, _ = extend(memory.close, now, none, self.cpa_open_cycles, self.close_cycles, time_s)
+        after, _ = extend(memory.close, now, none, self.cpa_open_s, self.close_s, time_s)
         opened = after.take(after.open)
         of_now, wanted = joint_keys((key, subject), (opened.key, opened.subject))
         row = find(of_now, wanted)
@@ -93,7 +95,7 @@ class AlarmRules(AlarmSettings):
         rows = np.flatnonzero(seen.dragging)
         key, zero = seen.picture.vessel_id[rows] * KINDS + AlarmKind.ANCHOR_DRAG, np.zeros(len(rows), np.int64)
         now = Holding(key, zero, np.ones(len(rows), np.bool_), np.zeros(len(rows), np.bool_))
-        after, _ = extend(before, now, seen.frozen, self.open_cycles, self.close_cycles, time_s)
+        after, _ = extend(before, now, seen.frozen, self.open_s, self.close_s, time_s)
         opened = after.vessel_id[after.open]
         at = find(seen.picture.vessel_id, opened)
         of_row = {

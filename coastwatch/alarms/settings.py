@@ -15,8 +15,8 @@ class AlarmSettings(Method):
     """Settings of `AlarmRules`."""
 
     method: Literal["rules"] = "rules"
-    open_cycles: Annotated[int, Field(ge=1)] = 3  # cycles that a condition must hold before its alarm begins
-    close_cycles: Annotated[int, Field(ge=1)] = 5  # cycles without it before the alarm ends
+    open_s: NotNegative = 6.0  # how long a condition must hold before its alarm begins
+    close_s: NotNegative = 15.0  # how long it must not hold before the alarm ends
     zone_margin_m: NotNegative = 50.0  # a vessel leaves a zone when it is so far outside
     zone_speed_margin_kn: NotNegative = 1.0  # an alarm for speed ends so far below (above) the limit
     line_margin_m: Annotated[float, Field(gt=0.0)] = 50.0  # a vessel must move so far before a crossing is looked for
@@ -26,7 +26,8 @@ class AlarmSettings(Method):
     start_up_s: NotNegative = 600.0  # of a run: what is first seen inside a zone until then was there before
     cpa_nm: NotNegative = 0.05  # distance of closest approach (CPA) below which two vessels are too close; 0: no such alarm
     tcpa_min: Annotated[float, Field(gt=0.0, le=60.0)] = 3.0  # time to closest approach (TCPA) within which the alarm begins
-    cpa_open_cycles: Annotated[int, Field(ge=1)] = 20  # in place of `open_cycles`: a turn must not raise alarms
+    cpa_open_s: NotNegative = 60.0  # in place of `open_s`: a turn must not raise alarms
+    cpa_oldest_s: NotNegative = 60.0  # a pair raises no alarm if the newest report of one of the two is older
     cpa_hold_factor: Annotated[float, Field(ge=1.0, le=3.0)] = 1.5  # the alarm lasts within so many times both limits
     cpa_relative_kn: NotNegative = 3.0  # least relative speed: vessels in company are no danger to each other
     cpa_under_way_kn: NotNegative = 3.0  # least speed of each of the two, or of one of them with `cpa_at_rest`

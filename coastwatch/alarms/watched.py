@@ -71,8 +71,16 @@ class Seen:
     away_m: Floats  # (R,) from the anchorage
 
 
-def look(settings: AlarmSettings, before: Watched, picture: Picture, members: Members, sensors: Sensors, time_s: float) -> Seen:
-    """The watched vessels after a cycle. Args: picture, members: of the cycle."""
+def look(
+    settings: AlarmSettings,
+    before: Watched,
+    picture: Picture,
+    members: Members,
+    members_before: Members,
+    sensors: Sensors,
+    time_s: float,
+) -> Seen:
+    """The watched vessels after a cycle. Args: picture, members: of the cycle; members_before: of the cycle before."""
     tracked = (picture.flags & Flag.COASTING) == 0
     now = picture.take(tracked)
     at = find(before.vessel_id, now.vessel_id)
@@ -97,7 +105,8 @@ def look(settings: AlarmSettings, before: Watched, picture: Picture, members: Me
     row = Watched(**columns)
     row, dragging, lain_s, away_m = _anchored(settings, row, now, waited_s, time_s)
 
-    watched = _with_absent(settings, before, row, picture, time_s)
+    moved_on = members_before.vessel_id[np.isin(members_before.track_id, members.track_id)]
+    watched = _with_absent(settings, before, row, picture, moved_on, time_s)
     rows = find(watched.vessel_id, now.vessel_id)
     without = np.ones(len(watched.vessel_id), np.bool_)
     without[rows] = False
@@ -129,15 +138,20 @@ def _rows_of(now: Picture, members: Members, sensors: Sensors, time_s: float) ->
     return Watched(*first, time.copy(), place.copy(), np.full((n, 2), np.nan), unknown, unknown.copy())
 
 
-def _with_absent(settings: AlarmSettings, before: Watched, row: Watched, picture: Picture, time_s: float) -> Watched:
+def _with_absent(
+    settings: AlarmSettings, before: Watched, row: Watched, picture: Picture, moved_on: Ints, time_s: float
+) -> Watched:
     """The rows of all vessels: those with a track, and of the others those that are not forgotten.
 
-    A vessel that left the picture while it had a track is dropped: its tracks are in another vessel now.
+    A vessel that left the picture while it had a track is dropped if one of its tracks goes on: that one is in another vessel now. A
+    vessel whose tracks have ended is kept. One with AIS alone leaves so: its track is predicted for longer than a vessel without one.
+    Args: moved_on: (K,) vessels of the cycle before of which some track goes on.
     """
     gone = before.take(find(row.vessel_id, before.vessel_id) < 0)
     here = find(picture.vessel_id, gone.vessel_id) >= 0
     keep_s = max(settings.forget_s, settings.lost_for_s if settings.lost_after_s else 0.0)
-    kept = (here | ~gone.tracked) & (time_s - gone.seen_s <= keep_s)
+    merged = ~here & gone.tracked & np.isin(gone.vessel_id, moved_on)
+    kept = ~merged & (time_s - gone.seen_s <= keep_s)
     gone = replace(gone, here=here, tracked=np.zeros(len(here), np.bool_)).take(kept)
     both = Watched(*(np.concatenate([getattr(row, name), getattr(gone, name)]) for name in vars(row)))
     return both.take(np.argsort(both.vessel_id, kind="stable"))

@@ -21,8 +21,11 @@ RENAMED = {
     "kick_interval_s": "velocity_jump_interval_s",
     "kick_share": "velocity_jump_share",
     "on_line": "online",
+    "open_cycles": "open_s, in seconds",
+    "close_cycles": "close_s, in seconds",
+    "cpa_open_cycles": "cpa_open_s, in seconds",
 }
-"""Settings and methods of 0.1.0 and their names today, for the message that refuses the old name."""
+"""Settings and methods of earlier versions and their names today, for the message that refuses the old name."""
 
 TABLE, LIST, INSTANT = "a table", "a list", "an instant with a time zone, such as 2026-07-01T12:00:00Z"
 WANTED: dict[str, str] = {

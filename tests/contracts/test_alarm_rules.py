@@ -33,11 +33,11 @@ from coastwatch.server.checkpoint import load, save
 PERIOD_S = 3.0
 SITE = np.array([-17.0, 179.98])  # Fiji: zones lie across the antimeridian
 RULES = AlarmRules(
-    open_cycles=2,
-    close_cycles=3,
+    open_s=3.0,
+    close_s=9.0,
     cpa_nm=0.1,
     tcpa_min=6.0,
-    cpa_open_cycles=2,
+    cpa_open_s=3.0,
     cpa_known_s=0.0,
     lost_known_s=0.0,
     lost_after_s=30.0,
@@ -62,8 +62,10 @@ def picture_of(time_s: float, rows: list[dict[str, Any]]) -> tuple[Picture, Memb
     columns = (value[name].astype(np.int64) for name in ("id", "mmsi", "flags", "id", "status"))
     ids, mmsi, flags, origin, status = columns
     picture = Picture(ids, *times, mmsi, flags, origin, status)
-    tracked = np.flatnonzero((flags & Flag.COASTING) == 0)
-    return picture, Members(ids[tracked], ids[tracked] + 100, np.zeros(len(tracked), np.int64))
+    tracked = [row for row in rows if not row.get("flags", 0) & Flag.COASTING]
+    pairs = [(row["id"], track) for row in tracked for track in row.get("tracks", (row["id"] + 100,))]
+    vessel, track = np.array(pairs, np.int64).reshape(-1, 2).T
+    return picture, Members(vessel, track, np.zeros(len(track), np.int64))
 
 
 def play(
@@ -321,12 +323,22 @@ def test_a_vessel_under_way_that_vanishes_within_cover_is_lost_until_it_returns(
             {"id": 2, "at": (0.0, 300.0), "flags": flags},  # not under way
             {"id": 3, "at": (17_800.0 + way, 0.0), "kn": (10.0, 0.0), "flags": flags},  # about to leave the cover
         ]
-        merged = [{"id": 4, "at": (way, 900.0), "kn": (10.0, 0.0)}] if cycle < 20 else []  # never coasting
-        back = [{**rows[0], "flags": 0}] if cycle >= 60 else []
-        return rows + merged if cycle < 30 else back
+        never_coasting = [
+            {"id": 4, "at": (way, 900.0), "kn": (10.0, 0.0)},
+            {
+                "id": 5,
+                "at": (way, 950.0),
+                "kn": (10.0, 0.0),
+                "tracks": (104, 105) if cycle >= 20 else (105,),
+            },  # takes that of 4
+            {"id": 6, "at": (way, 5000.0), "kn": (10.0, 0.0)},  # its track ends, as one of AIS alone does
+        ]
+        there = never_coasting[0 if cycle < 20 else 1 : 3 if cycle < 25 else 2]
+        back = [{**rows[0], "flags": 0}, never_coasting[1]] if cycle >= 60 else [never_coasting[1]]
+        return rows + there if cycle < 30 else back
 
     found = play(RULES, scene, 70)
-    assert spans(found, AlarmKind.LOST) == {(1, 0): [(30, 59)]}
+    assert spans(found, AlarmKind.LOST) == {(1, 0): [(30, 59)], (6, 0): [(34, 69)]}
     assert found[30].interval_s.tolist() == [33.0]
 
 
