@@ -8,7 +8,7 @@ from typing import Any
 
 from coastwatch.shipped import scenarios_folder
 
-OWN = ("name", "title", "extends")  # never inherited: a run is stored under the name of its own scenario
+OWN = ("name", "extends")  # never inherited: a run is stored under the name of its own scenario
 
 
 class ScenarioError(ValueError):
@@ -19,7 +19,7 @@ def extended(path: Path) -> dict[str, Any]:
     """The TOML document in this file, merged over the one that its `extends` names.
 
     Tables are merged key by key; other values, also lists, are those of the extending file. A table that names another `method`
-    replaces the table below it, whose settings belong to the other method. Name and title are never inherited.
+    replaces the table below it, whose settings belong to the other method. The name is never inherited.
     Raises: ScenarioError that names the file.
     """
     return _extended(path, ())

@@ -115,8 +115,9 @@ def result(tally: Tally, recording: Recording, sensors: Sensors) -> dict[str, An
     if recording.truth is None:
         return {}
     ais = recording.whole().ais
+    best = _bound_errors(tally, recording, ais)
     parts = {
-        "bound": _bound_errors(tally, recording, ais),
+        "bound": best,
         "radar": tally.radar,
         "radar_bound": _bound_errors(tally, recording, ais.take(np.zeros(0, np.int64))),
         "ais": tally.ais,
@@ -129,6 +130,7 @@ def result(tally: Tally, recording: Recording, sensors: Sensors) -> dict[str, An
             **{f"{part}_{name}": value for part, made in parts.items() for name, value in made.as_dict().items()},
             "nees": tally.nees_sum / tally.nees_count if tally.nees_count else None,
             "count": tally.fused.count,
+            "bound_count": best.count,
         },
         "picture": {
             "gospa_rms_m": float(np.sqrt(tally.gospa_squares_m2 / tally.instants)) if tally.instants else None,

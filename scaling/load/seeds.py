@@ -56,7 +56,7 @@ def table(scores: list[dict[str, Any]]) -> list[str]:
             lines.append(f"{title:<48} {np.mean(values):9.3f} +- {np.std(values):6.3f}   worst {worst(values):9.3f}")
     for part, title in (("", "fused"), ("radar_", "radar track")):
         own, best = f"{part}position_rmse_m", f"{part}bound_position_rmse_m"
-        ratios = [f[own] / f[best] for s in scores if (f := s["fused_tracks"])[best]]
+        ratios = [f[own] / f[best] for s in scores if (f := s["fused_tracks"])[best] and f["bound_count"] == f["count"]]
         if ratios:
             text = f"{np.mean(ratios):9.3f} +- {np.std(ratios):6.3f}   worst {max(ratios):9.3f}"
             lines.append(f"{f'{title} position RMSE over its bound':<48} {text}")

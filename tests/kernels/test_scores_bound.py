@@ -12,6 +12,7 @@ from coastwatch.batches import Noise, RadarReports, Trajectories
 from coastwatch.geodesy import KNOT_M_S, difference_m, to_plane, turn
 from coastwatch.scores.bound import bound
 from coastwatch.scores.nees import band, nees
+from coastwatch.sensors.simulated.harbour import Lanes
 
 INSTANTS = START_S + 3.0 * np.arange(21, 61)
 STEPS_APART = 20  # instants between two errors that count as independent: a minute
@@ -155,3 +156,14 @@ def test_no_vessel_no_report():
     noise = Noise(np.ones(2), np.ones(2), np.zeros(2), np.zeros(2), np.zeros(2), 1.0, 1.0)
     nothing = bound(few, RadarReports.empty(), made.reports.ais, noise, INSTANTS)
     assert (nothing.covariance[..., 0, 0] > 1e7).all()
+
+
+def test_vessels_that_sway_in_lanes_have_no_bound_and_the_others_keep_theirs():
+    made, best = run(60, lanes=Lanes(share=0.7, sway_m=25.0))
+    unbound = np.isnan(best.position_deg).all(axis=(1, 2))
+    assert unbound.sum() == 42
+    assert (np.isfinite(best.position_deg).all(axis=(1, 2)) == ~unbound).all()
+    assert np.isnan(best.covariance[unbound]).all()
+    (position, _), (of_plain, _) = misses(made, best), misses(*run(60))
+    assert rms(position[~unbound]) < 1.2 * rms(of_plain[~unbound]), "the ones with a bound are not in lanes"
+    assert np.isnan(run(20, lanes=Lanes(share=1.0))[1].position_deg).all()

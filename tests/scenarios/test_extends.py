@@ -80,7 +80,20 @@ def test_tables_are_joined_lists_replaced_and_settings_of_another_method_left_be
 def test_a_name_is_never_taken_over(tmp_path: Path) -> None:
     said = refusal(written(tmp_path, above='extends = "context-driven-100"'))
     assert "name: got nothing" in said
-    assert "title: got nothing" in said
+    assert "title" not in said
+
+
+@pytest.mark.parametrize("levels", [1, 2, 3])
+def test_a_title_is_taken_over_from_any_level(levels: int, tmp_path: Path) -> None:
+    wanted, below = load_scenario("autoferry-2"), "autoferry-2"
+    for level in range(levels):
+        written(
+            tmp_path, **{f"level-{level}": f'name = "level-{level}"\nextends = "{below}"\n\n[input]\nscenario = {level + 3}\n'}
+        )
+        below = f"level-{level}.toml"
+    made = load_scenario(str(tmp_path / below))
+    assert (made.name, made.title) == (f"level-{levels - 1}", wanted.title)
+    assert made.input == wanted.input.model_copy(update={"scenario": levels + 2})
 
 
 @pytest.mark.parametrize(

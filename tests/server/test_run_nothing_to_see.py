@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from run_world import column, rows, run, small, stored, url
 
+from coastwatch.operators.cli.summary import as_text
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.store.schema.migrate import check
 
@@ -56,6 +57,18 @@ def test_where_nothing_can_be_fused_the_rest_is_scored(without: dict[str, str], 
     assert made.scores["fused_tracks"]["count"] == 0
     assert made.scores["fused_tracks"]["bound_position_rmse_m"] is None
     assert column(path, "SELECT status FROM run") == ["finished"]
+
+
+@pytest.mark.parametrize(("share", "said"), [("1.0", "(no bound: lanes sway)"), ("0.5", "the others have none: lanes sway)")])
+def test_vessels_without_a_bound_are_said_to_have_none(share: str, said: str, tmp_path: Path) -> None:
+    scenario = small(input__lanes__share=share)
+    made = run(tmp_path / "x.db", scenario)
+    fusion = made.scores["fused_tracks"]
+    assert fusion["bound_count"] < fusion["count"]
+    assert (fusion["bound_position_rmse_m"] is None) == (share == "1.0")
+    (line,) = (line for line in as_text(scenario, made).splitlines() if "position RMSE" in line)
+    assert said in line
+    assert "x the bound" not in line
 
 
 def test_one_vessel(tmp_path: Path) -> None:

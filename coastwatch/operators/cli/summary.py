@@ -66,7 +66,7 @@ def as_text(scenario: Any, result: Any) -> str:
         f"computed in {result.elapsed_s:.1f} s",
         f"sources: {_sources(scenario)}",
         *contents_as_lines(result.contents),
-        *_scores(as_plain(result.scores)),
+        *_scores(as_plain(result.scores), _why_unbound(scenario)),
         *_timings(as_plain(result.timings_s), scenario.period_s),
         *_faults(result.faults),
         f"database: {result.database}",
@@ -90,14 +90,21 @@ def _several(name: str) -> str:
     return f"{first}s{of}{rest}"
 
 
-def _scores(scores: Mapping[str, Any]) -> Iterator[str]:
+def _why_unbound(scenario: Any) -> str:
+    """Why vessels have no bound: what in the scenario moves them as no exact filter can follow; empty: nothing does."""
+    lanes, motion = getattr(scenario.input, "lanes", None), getattr(scenario.input, "motion", None)
+    why = ("lanes sway", getattr(lanes, "share", 0.0)), ("vessels brake", getattr(motion, "stopping_share", 0.0))
+    return " and ".join(said for said, share in why if share)
+
+
+def _scores(scores: Mapping[str, Any], why_unbound: str) -> Iterator[str]:
     if not scores:
         yield "scores: none (no truth in this input)"
         return
     yield "scores"
     for stage, values in scores.items():
         if isinstance(values, Mapping):
-            shown = _fusion_score(values) if "position_rmse_m" in values else _shares(values)
+            shown = _fusion_score(values, why_unbound) if "position_rmse_m" in values else _shares(values)
             yield f"  {stage:<22} {', '.join(shown) or 'nothing to score'}"
         elif values is not None:
             yield f"  {stage:<22} {_figure(stage, values)}"
@@ -116,10 +123,18 @@ def _shares(values: Mapping[str, Any]) -> Iterator[str]:
         yield " ".join(counts)
 
 
-def _fusion_score(values: Mapping[str, Any]) -> Iterator[str]:
+def _fusion_score(values: Mapping[str, Any], why_unbound: str) -> Iterator[str]:
+    """Args: why_unbound: why vessels may have no bound; empty: all have one, or the input has none at all."""
     position, bound = values.get("position_rmse_m"), values.get("bound_position_rmse_m")
     if position is not None:
+        has_bound = values.get("bound_count", 0) / max(values.get("count", 0), 1)
         against = f" ({position / bound:.2f} x the bound of {bound:.2f} m)" if bound else ""
+        if bound and has_bound < 1.0:
+            against = (
+                f" (bound of {100.0 * has_bound:.0f} % of the vessels: {bound:.2f} m; the others have none: {why_unbound})"
+            )
+        elif not bound and why_unbound:
+            against = f" (no bound: {why_unbound})"
         yield f"position RMSE {position:.2f} m{against}"
     for key, name, unit in (("course_rmse_deg", "course", "deg"), ("speed_rmse_kn", "speed", "kn")):
         if values.get(key) is not None:

@@ -51,8 +51,9 @@ TARGETS = (("targets.ospa_m", "OSPA, m", "", 1), ("targets.error_m", "TLE, m", "
 HOW = """
 <p>Columns: <b>published</b>, the paper's value. <b>Literal</b>, the methods as the paper describes them, run here; where the
 paper is not specific, the choice is named. <b>Our default</b>, the methods of <code>coastwatch run</code>. <b>Bound</b>, the exact filter
-that knows the true motion and every noise: no method can be better. Each is the mean over runs &plusmn; the standard deviation of one
-run. "Asked" says whether the project's own target is reached, by the named variant if it is not the default.</p>"""
+that knows the true motion and every noise: no method can be better. Vessels that brake or sway in lanes have none. Each is the mean
+over runs &plusmn; the standard deviation of one run. "Asked" says whether the project's own target is reached,
+by the named variant if it is not the default.</p>"""
 OPEN = """
 <p>The paper does not give radar range, process noise, window p, confidence and AIS interval. These matter more than the methods; the
 README of each scenario lists the values. A decision is counted per track and cycle; a swap is FN and FP. F1 is shown with

@@ -166,7 +166,10 @@ def _at_rest(rows: Ints, position_deg: Floats) -> tuple[Ints, dict[str, Floats]]
 def _along_lanes(
     lanes: Lanes, motion: VesselMotion, area: Area, rows: Ints, span_s: float, rng: np.random.Generator
 ) -> tuple[Ints, dict[str, Floats]]:
-    """These vessels and the columns of their motion: ways along the lane in SWAYS pieces, and half circles at its ends."""
+    """These vessels and the columns of their motion: ways along the lane in SWAYS pieces, and half circles at its ends.
+
+    The standard deviation of their kicks is NaN, as no linear model with kicks at known times moves so: they have no physical bound.
+    """
     n, length = len(rows), lanes.length_nm * NAUTICAL_MILE_M
     lane = rng.integers(0, lanes.count, n)
     middle, direction = area.drawn(rng, lanes.count)[lane], rng.uniform(0.0, np.pi, lanes.count)[lane]
@@ -201,6 +204,7 @@ def _along_lanes(
         "position_m": position.reshape(n, pieces, 2),
         "velocity_m_s": velocity.reshape(n, pieces, 2),
         "turn_rate_rad_s": turn_rate.reshape(n, pieces),
+        "kick_m_s": np.full(n, np.nan),
     }
 
 
@@ -222,6 +226,7 @@ def _with_rows(vessels: PiecewiseMotion, rows: Ints, columns: dict[str, Floats])
         "appear_s": -np.inf,
         "disappear_s": np.inf,
         "kick_s": np.nan,
+        "kick_m_s": columns.get("kick_m_s", vessels.kick_m_s[rows]),
     }.items():
         made[name] = made[name].copy()
         made[name][rows] = value

@@ -92,7 +92,7 @@ class PiecewiseMotion(Struct):
     appear_s: Floats = column(np.float64, "V")
     disappear_s: Floats = column(np.float64, "V")
     kick_s: Floats = column(np.float64, "V", "C")  # NaN pads
-    kick_m_s: Floats = column(np.float64, "V")  # NaN: the vessel stops, which no linear model predicts
+    kick_m_s: Floats = column(np.float64, "V")  # NaN: the vessel stops or sways in a lane, which no linear model predicts
 
     def present(self, row: Ints, time_s: Floats) -> Bools:
         """Whether vessels are in the area. Args: row: (M,); time_s: (M,) since the epoch. Returns: (M,)."""
