@@ -152,6 +152,10 @@ class ReportStream(Protocol):
         """What was taken from each file so far."""
         ...
 
+    def rest(self, after_s: float) -> int:
+        """How many reports come after an instant. It reads all files to their ends."""
+        ...
+
 
 @dataclass(frozen=True, eq=False)
 class Truth(Batch):
@@ -212,6 +216,7 @@ class Fault:
     count: int
     where: str  # "file:line" or "file, row 12, column sog"
     example: str  # the record, cut to 80 characters
+    used: bool = False  # the records are used all the same: this is a note about them
 
 
 @dataclass(frozen=True)
@@ -230,6 +235,10 @@ class FileContent:
         None  # south, west, north, east of the positions taken; None: it has none
     )
     doubts: tuple[str, ...] = ()  # what looks wrong about its values, in sentences
+    read: int = 0  # lines or rows with content so far, as they were counted when they were read; one that holds two records counts twice
+    beside: tuple[
+        tuple[str, int], ...
+    ] = ()  # records that are neither in `records` nor in a fault: what they are, and how many
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,6 +263,12 @@ class Recording:
         A file may begin a day before the run, and its reports would not fit in memory.
         """
         return self.reports.between(-math.inf if isinstance(self.reports, Reports) else start_s - EARLIER_S, until_s)
+
+    def rest(self, after_s: float) -> int:
+        """How many reports come after an instant. A stream is read to its end."""
+        if not isinstance(self.reports, Reports):
+            return self.reports.rest(after_s)
+        return len(self.reports.between(after_s, math.inf))
 
     def all_faults(self) -> tuple[Fault, ...]:
         """The records that were refused or set aside so far."""

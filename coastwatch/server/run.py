@@ -17,6 +17,7 @@ from coastwatch.batches import Fault, FileContent, Recording, Reports, Sensors
 from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario
 from coastwatch.scores import add, result, start
+from coastwatch.sensors.recorded.accounts import losses
 from coastwatch.server import checkpoint
 from coastwatch.server.checkpoint import CheckpointError, Pace, Point
 from coastwatch.server.timing import Stopwatch
@@ -105,6 +106,7 @@ class RunResult:
     stop_s: float  # time of the last cycle
     most_vessels: int  # in one picture
     most_vessels_s: float  # when
+    faults_of_input: tuple[Fault, ...] = ()  # those of `faults` that the readers of files counted
 
 
 def run_scenario(
@@ -182,8 +184,12 @@ def run_scenario(
                     faults = *recording.all_faults(), *_losses(scenario, opened_workers)
                     store.finish_run(opened, run_id, "failed", {}, faults)
                     raise
-        faults = *recording.all_faults(), *pipeline.dropped(memory, sensors), *_losses(scenario, opened_workers)
         status = "interrupted" if interrupted.is_set() and point.cycle < plan.cycles else "finished"
+        unused = recording.rest(plan.instant_s(plan.cycles - 1)) if _is_of_whole_files(scenario, recording, live, status) else 0
+        faults = of_input = recording.all_faults()
+        if live is None:
+            faults += losses(recording.all_contents(), faults, unused)
+        faults = *faults, *pipeline.dropped(memory, sensors), *_losses(scenario, opened_workers)
         store.finish_run(opened, run_id, status, scores, faults)
     return RunResult(
         run_id,
@@ -201,6 +207,7 @@ def run_scenario(
         recording.all_contents(),
         plan.instant_s(point.cycle - 1),
         *most,
+        of_input,
     )
 
 
@@ -221,6 +228,11 @@ class _Run:
     live: Live | None
     pace: Pace
     zones: WatchedZones | None  # none: those of the scenario
+
+
+def _is_of_whole_files(scenario: Scenario, recording: Recording, live: Live | None, status: str) -> bool:
+    """Whether a run has used its files to their ends: of recorded files, not cut to a number of cycles, and finished."""
+    return live is None and scenario.cycles == 0 and status == "finished" and bool(recording.all_contents())
 
 
 def _losses(scenario: Scenario, workers: Workers) -> Iterator[Fault]:

@@ -25,6 +25,39 @@ def contents_as_lines(contents: Sequence[Any]) -> Iterator[str]:
         yield from (f"    {note}" for note in file.notes)
 
 
+def accounts_as_lines(result: Any) -> Iterator[str]:
+    """What became of the records that were read: in reports, beside them, refused, set aside."""
+    if not result.contents:
+        return
+    found = _accounts(result)
+    parts = [(found.in_reports, "in reports"), *((count, what) for what, count in found.beside)]
+    parts += [(found.refused, "refused"), (found.set_aside, "set aside")]
+    yield f"records: {found.read:,} read = " + " + ".join(f"{count:,} {what}" for count, what in parts)
+
+
+def accounts_as_object(result: Any) -> dict[str, Any] | None:
+    """The same for JSON; none without files."""
+    if not result.contents:
+        return None
+    found = _accounts(result)
+    return {**found._asdict(), "beside": dict(found.beside), "unaccounted": found.unaccounted}
+
+
+def _accounts(result: Any) -> Any:
+    from coastwatch.sensors.recorded.accounts import accounts  # commands that read a database do not load the feeds
+
+    return accounts(result.contents, result.faults_of_input)
+
+
+def _lost_records(result: Any) -> Iterator[str]:
+    """Each loss of records, which is an error of the program or of a clock in the file."""
+    from coastwatch.sensors.recorded.accounts import LOSSES
+
+    for fault in result.faults:
+        if fault.kind in LOSSES:
+            yield f"{fault.count:,} {fault.kind} ({fault.where}){f': {fault.example}' if fault.example else ''}"
+
+
 def contents_as_objects(contents: Sequence[Any]) -> list[dict[str, Any]]:
     """The same for JSON."""
     return [
@@ -32,6 +65,8 @@ def contents_as_objects(contents: Sequence[Any]) -> list[dict[str, Any]]:
             "name": file.name,
             "kind": file.kind,
             "records": file.records,
+            "read": file.read,
+            "beside": dict(file.beside),
             "first_s": file.first_s,
             "last_s": file.last_s,
             "columns": dict(file.columns),
@@ -44,7 +79,8 @@ def contents_as_objects(contents: Sequence[Any]) -> list[dict[str, Any]]:
 
 def warnings(scenario: Any, result: Any) -> list[str]:
     """What an operator should check: files of odd times, files that do not overlap in time or in place, and why a picture is empty."""
-    return [*warnings_of_files(scenario, result.contents, result.faults), *_nothing_taken(result), *_empty_picture(result)]
+    of_files = warnings_of_files(scenario, result.contents, result.faults)
+    return [*_lost_records(result), *of_files, *_nothing_taken(result), *_empty_picture(result)]
 
 
 def warnings_of_files(scenario: Any, contents: Sequence[Any], faults: Sequence[Any]) -> list[str]:

@@ -12,9 +12,10 @@ from coastwatch.operators import tracks_csv, verdict
 from coastwatch.operators.cli import inputs, progress, summary
 from coastwatch.operators.safe_text import printable, printable_lines
 from coastwatch.scenario import load_scenario, scenario_names
+from coastwatch.sensors.recorded.accounts import LOSSES
 from coastwatch.server.run import run_scenario
 
-FELL, INTERRUPTED = 4, 130
+LOST_RECORDS, FELL, INTERRUPTED = 1, 4, 130
 
 
 def run(options: argparse.Namespace) -> int:
@@ -56,11 +57,11 @@ def carry_out(scenario: Any, options: argparse.Namespace, seed: int | None, on_c
     if result.interrupted:
         print("coastwatch: interrupted after a whole cycle; the same command with --resume continues", file=sys.stderr)
         return INTERRUPTED
-    has_fallen = fell(result, options)
+    has_fallen, has_lost = fell(result, options), any(fault.kind in LOSSES for fault in result.faults)
     if getattr(options, "keep", None) is not None:
         with store.open_store(result.database) as opened:
             store.keep_runs(opened, options.keep, result.scenario)
-    return FELL if has_fallen else 0
+    return LOST_RECORDS if has_lost else FELL if has_fallen else 0
 
 
 def fell(result: Any, options: argparse.Namespace) -> bool:

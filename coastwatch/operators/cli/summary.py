@@ -6,7 +6,13 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from coastwatch.operators.cli.inputs import contents_as_lines, contents_as_objects, warnings
+from coastwatch.operators.cli.inputs import (
+    accounts_as_lines,
+    accounts_as_object,
+    contents_as_lines,
+    contents_as_objects,
+    warnings,
+)
 
 PERCENT = ("f1", "precision", "recall", "accuracy", "specificity")
 INPUTS = (
@@ -38,6 +44,7 @@ def as_object(scenario: Any, result: Any) -> dict[str, Any]:
             "timings_s": result.timings_s,
             "faults": [{"kind": f.kind, "count": f.count, "where": f.where, "example": f.example} for f in result.faults],
             "files": contents_as_objects(result.contents),
+            "records": accounts_as_object(result),
             "warnings": warnings(scenario, result),
             "database": result.database,
         }
@@ -66,6 +73,7 @@ def as_text(scenario: Any, result: Any) -> str:
         f"computed in {result.elapsed_s:.1f} s",
         f"sources: {_sources(scenario)}",
         *contents_as_lines(result.contents),
+        *accounts_as_lines(result),
         *_scores(as_plain(result.scores), _why_unbound(scenario)),
         *_timings(as_plain(result.timings_s), scenario.period_s),
         *_faults(result.faults),

@@ -134,7 +134,9 @@ class Acceptance:
         order = np.argsort(stamp if self._intake.order == "time" else number, kind="stable")
         arrived = self._arrived(stamp[order], np.zeros(0) if ahead_s is None else ahead_s)
         for kind, mask in arrived.faults.items():
-            self._tally.add_rows(kind, mask, lambda i: self._location(number[order[i]]), lambda i: utc(stamp[order[i]]))
+            self._tally.add_rows(
+                kind, mask, lambda i: self._location(number[order[i]]), lambda i: utc(stamp[order[i]]), used=kind == LATE
+            )
         back = np.argsort(order, kind="stable")
         received, accepted = arrived.received_s[back], arrived.accepted[back]
         n = len(rows)
@@ -176,7 +178,7 @@ class Acceptance:
             good &= ~mask
         rows, received = rows.take(good), received[good]
         for kind, mask in _no_value(rows).items():
-            tally.add_rows(kind, mask, lambda i: location(rows.row[i]), lambda i: _example(rows, i))
+            tally.add_rows(kind, mask, lambda i: location(rows.row[i]), lambda i: _example(rows, i), used=True)
         return AisReports(
             time_s=np.minimum(_fix_s(rows, intake), received),
             received_s=received,

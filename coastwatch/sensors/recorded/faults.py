@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -13,6 +14,14 @@ SET_ASIDE = "set aside: "
 EXAMPLE_LENGTH = 80
 
 
+class Ledger:
+    """Records of one file as they are read, and those of them that are neither in a report nor in a fault."""
+
+    def __init__(self) -> None:
+        self.read = 0
+        self.beside: Counter[str] = Counter()
+
+
 class Tally:
     """Counts of faults by kind, in order of the first of each kind, and what was taken from each file."""
 
@@ -20,21 +29,23 @@ class Tally:
         self._faults: dict[str, Fault] = {}
         self._contents: list[FileContent] = []
 
-    def add(self, kind: str, where: str, example: str | bytes = "", count: int = 1) -> None:
-        """Count records of a kind. The first call of a kind also stores its location and an example."""
+    def add(self, kind: str, where: str, example: str | bytes = "", count: int = 1, *, used: bool = False) -> None:
+        """Count records of a kind. The first call of a kind also stores its location and an example. Args: used: as of Fault."""
         known = self._faults.get(kind)
         if known is not None:
             self._faults[kind] = replace(known, count=known.count + count)
             return
         text = example.decode("ascii", "backslashreplace") if isinstance(example, bytes) else example
-        self._faults[kind] = Fault(kind, count, where, text[:EXAMPLE_LENGTH])
+        self._faults[kind] = Fault(kind, count, where, text[:EXAMPLE_LENGTH], used)
 
-    def add_rows(self, kind: str, rows: Array, where: Callable[[int], str], example: Callable[[int], str]) -> None:
-        """Count the rows under a mask. `where` and `example` are called for the first row only."""
+    def add_rows(
+        self, kind: str, rows: Array, where: Callable[[int], str], example: Callable[[int], str], *, used: bool = False
+    ) -> None:
+        """Count the rows under a mask. `where` and `example` are called for the first row only. Args: used: as of Fault."""
         count = int(rows.sum())
         if count:
             first = int(rows.argmax())
-            self.add(kind, where(first), example(first), count)
+            self.add(kind, where(first), example(first), count, used=used)
 
     def count(self, kind: str) -> int:
         """Number of faults of this kind so far."""

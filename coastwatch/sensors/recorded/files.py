@@ -75,11 +75,12 @@ def fingerprint(paths: tuple[Path, ...]) -> Fingerprint:
     return tuple(out)
 
 
-def head(path: Path, size: int = LOOK_BYTES) -> bytes:
-    """The first bytes of a file, decompressed if needed.
+def head(path: Path, size: int | None = None) -> bytes:
+    """The first bytes of a file, LOOK_BYTES unless told otherwise, decompressed if needed.
 
     Raises: OSError that names the file: it is not there, is compressed in another way, or is gzip that cannot be decompressed.
     """
+    size = LOOK_BYTES if size is None else size
     with path.open("rb") as file:
         content = file.read(size)
     for magic, kind in OTHER_FORMATS.items():

@@ -60,7 +60,7 @@ class MergedStream:
 
     def __init__(self, fixed: Reports, streams: Sequence[ReportStream]) -> None:
         self._parts: tuple[Reports | ReportStream, ...] = (fixed, *streams)
-        self._streams = streams
+        self._fixed, self._streams = fixed, streams
 
     def between(self, after_s: float, until_s: float) -> Reports:
         """As `ReportStream.between`."""
@@ -69,6 +69,10 @@ class MergedStream:
     def head(self) -> Reports:
         """As `ReportStream.head`."""
         return Reports.merged([part if isinstance(part, Reports) else part.head() for part in self._parts])
+
+    def rest(self, after_s: float) -> int:
+        """As `ReportStream.rest`."""
+        return len(self._fixed.between(after_s, np.inf)) + sum(part.rest(after_s) for part in self._streams)
 
     def faults(self) -> tuple[Fault, ...]:
         """As `ReportStream.faults`."""

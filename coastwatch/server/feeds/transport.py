@@ -22,6 +22,7 @@ from typing import Any, Self
 
 from coastwatch.server.clock import now_s
 from coastwatch.server.feeds.address import MQTT_PORTS, Address, AddressError
+from coastwatch.server.feeds.growing_file import GrowingFile
 
 MOST_ITEMS = 200_000
 """Lines or datagrams that may wait in an inbox."""
@@ -42,6 +43,7 @@ LONGEST_LINE = 65_536
 READ_BYTES = 65_536
 FIRST_RETRY_S, LAST_RETRY_S = 0.5, 15.0
 FULL_WAIT_S, TAIL_WAIT_S = 0.02, 0.2
+FORMER_S = 5.0  # how long a file that was renamed must not have grown before it is closed
 DATAGRAM_BUFFER = 4 << 20  # bytes that the system may hold while Python computes
 
 Item = tuple[float, bytes, int]
@@ -299,32 +301,58 @@ def _put_lines(inbox: Inbox, data: bytes, size: int, sender: int) -> bytes:
 
 
 async def _tailed(inbox: Inbox) -> None:
-    """Read what is added to a file, from its end on; from the beginning where the file is replaced or `from=start` is given."""
-    path, at_start, rest = Path(inbox.address.path), inbox.address.options.get("from") == "start", b""
-    identity: tuple[int, int] | None = None
-    position, sender = 0, inbox.new_sender()
-    while True:
-        try:
-            found = os.stat(path)
-            if identity is None:
-                position = 0 if at_start else found.st_size
-            if identity != (found.st_dev, found.st_ino) or found.st_size < position:
-                position, rest = (position, b"") if identity is None else (0, b"")
-                sender = inbox.new_sender()
-                identity, inbox.connections = (found.st_dev, found.st_ino), inbox.connections + 1
-            inbox.connected, inbox.error = 1, None
-            if found.st_size > position and not inbox.is_full:
-                with path.open("rb") as stream:
-                    stream.seek(position)
-                    data = stream.read(16 * READ_BYTES)
-                position += len(data)
-                rest = _put_lines(inbox, rest + data, len(data), sender)
-                await asyncio.sleep(0)
-                continue
-        except OSError as error:
-            inbox.connected, inbox.error = 0, str(error.strerror or error)
-            at_start = True  # a file that comes is read whole
-        await asyncio.sleep(TAIL_WAIT_S)
+    """Read what is added to a file, from its end on; from the beginning where the file is replaced or `from=start` is given.
+
+    A file that was renamed is read to its end before the one in its place, and a while longer: who writes it may still have it open.
+    """
+    loop, path, at_start = asyncio.get_running_loop(), Path(inbox.address.path), inbox.address.options.get("from") == "start"
+    files: list[GrowingFile] = []  # the newest is last
+    try:
+        while True:
+            try:
+                found = os.stat(path)
+                if not files or files[-1].identity != (found.st_dev, found.st_ino):
+                    files.append(GrowingFile(path, inbox.new_sender(), at_start or bool(files)))
+                    inbox.connections += 1
+                inbox.connected, inbox.error = 1, None
+            except OSError as error:
+                inbox.connected, inbox.error = 0, str(error.strerror or error)
+                at_start = True  # a file that comes is read whole
+            try:
+                while any(_taken(file, inbox, loop.time()) for file in files):
+                    await asyncio.sleep(0)
+            except OSError as error:
+                inbox.connected, inbox.error = 0, str(error.strerror or error)
+            for file in files[:-1]:
+                if loop.time() - file.grown_s >= FORMER_S:
+                    _put_rest(file, inbox)
+                    file.close()
+                    files.remove(file)
+            await asyncio.sleep(TAIL_WAIT_S)
+    finally:
+        for file in files:
+            file.close()
+
+
+def _taken(file: GrowingFile, inbox: Inbox, at_s: float) -> bool:
+    """Whether something was added to a file: it is in the inbox then. A full inbox waits. Args: at_s: now. Raises: OSError."""
+    if inbox.is_full:
+        return False
+    if file.is_emptied():
+        _put_rest(file, inbox)
+        file.sender = inbox.new_sender()
+        inbox.connections += 1
+    data = file.more(16 * READ_BYTES)
+    file.rest = _put_lines(inbox, file.rest + data, len(data), file.sender)
+    file.grown_s = at_s if data or not file.grown_s else file.grown_s
+    return bool(data)
+
+
+def _put_rest(file: GrowingFile, inbox: Inbox) -> None:
+    """Put the line at the end of a file into the inbox, though its end will not come any more."""
+    if file.rest:
+        inbox.put([file.rest], 0, file.sender)
+        file.rest = b""
 
 
 async def _subscribed(inbox: Inbox) -> None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import gzip
 import json
+import math
 import zlib
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
@@ -12,7 +14,18 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import Array, BearingReports, Fault, Floats, Ints, RadarReports, Recording, Sensors, Trajectories
+from coastwatch.batches import (
+    Array,
+    BearingReports,
+    Fault,
+    FileContent,
+    Floats,
+    Ints,
+    RadarReports,
+    Recording,
+    Sensors,
+    Trajectories,
+)
 from coastwatch.geodesy import from_plane
 from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
 from coastwatch.sensors.recorded.files import Fingerprint, data_folder, fingerprint
@@ -27,6 +40,7 @@ VELOCITY_OVER_S = (
 
 MALFORMED = "not a detection"
 NON_FINITE = "non-finite"
+NOT_USED = "returns of sensors that are not used"
 NO_SENSOR = SET_ASIDE + "no sensor for it in the scenario"
 
 Seconds = Annotated[float, Field(ge=0.0, le=10.0)]
@@ -56,9 +70,9 @@ class Autoferry(Method):
         tally = Tally()
         radar, bearing = _radar_reports(frames, self, sensors, tally), _bearing_reports(frames, self, sensors, tally)
         instants = plan.start_s + plan.period_s * np.arange(plan.cycles + 1, dtype=np.float64)
-        return recording(
-            radar=radar, bearing=bearing, truth=_trajectories(truth, np.asarray(instants)), faults=faults + tally.faults()
-        )
+        faults += tally.faults()
+        made = recording(radar=radar, bearing=bearing, truth=_trajectories(truth, np.asarray(instants)), faults=faults)
+        return replace(made, contents=(_content(frames, self, len(radar) + len(bearing)),))
 
     def span(self) -> tuple[float, float]:
         """Whole seconds before the first and after the last arrival."""
@@ -79,6 +93,8 @@ class _Returns(NamedTuple):
     received_s: Floats
     own_ne_m: Floats
     ne_m: Floats
+    name: str  # of the file
+    read: int  # returns, and frames that hold none
 
 
 class _Fixes(NamedTuple):
@@ -113,6 +129,7 @@ def _returns(detections: list[Any], name: str, tally: Tally) -> _Returns:
     times: list[float] = []
     own: list[Floats] = []
     frames: list[Floats] = []
+    refused = 0
     for i, item in enumerate(detections):
         try:
             sensor, time_s, own_ne = int(item["sensorID"]), float(item["time"]), np.array(item["ownshipPosition"], float)
@@ -121,9 +138,11 @@ def _returns(detections: list[Any], name: str, tally: Tally) -> _Returns:
                 raise ValueError("ownshipPosition")
         except (KeyError, TypeError, ValueError):
             tally.add(MALFORMED, f"{name}, item {i}", str(item))
+            refused += 1
             continue
         if not (np.isfinite(time_s) and np.isfinite(own_ne).all() and np.isfinite(ne).all()):
             tally.add(NON_FINITE, f"{name}, item {i}", str(item))
+            refused += 1
             continue
         sensors.append(sensor)
         times.append(time_s)
@@ -139,7 +158,17 @@ def _returns(detections: list[Any], name: str, tally: Tally) -> _Returns:
         received_s=received[frame],
         own_ne_m=np.array(own, np.float64).reshape(-1, 2)[frame],
         ne_m=np.concatenate([np.zeros((0, 2)), *frames]),
+        name=name,
+        read=refused + sum(map(len, frames)),
     )
+
+
+def _content(found: _Returns, settings: Autoferry, taken: int) -> FileContent:
+    """What was taken from the file, and which returns are of sensors that the settings leave out."""
+    off = ((LIDAR,) if not settings.use_lidar else ()) + ((INFRARED, VISIBLE) if not settings.use_cameras else ())
+    times = (float(found.time_s.min()), float(found.time_s.max())) if len(found.time_s) else (math.nan, math.nan)
+    beside = ((NOT_USED, int(np.isin(found.sensor, off).sum())),)
+    return FileContent(found.name, "returns and bearings", taken, *times, read=found.read, beside=beside)
 
 
 def _measured(sensor: int, measurement: Any) -> Floats:

@@ -14,7 +14,7 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import AisReports, Bools, Fault, Floats, Ints, Radars, Recording, Sensors, Trajectories
+from coastwatch.batches import AisReports, Bools, Fault, FileContent, Floats, Ints, Radars, Recording, Sensors, Trajectories
 from coastwatch.geodesy import KNOT_M_S, difference_m, from_plane, to_plane, turn
 from coastwatch.sensors.recorded.ais_validation import utc
 from coastwatch.sensors.recorded.datasets.smoothing import between, smooth
@@ -32,6 +32,7 @@ SILENCE = 31  # stream of random numbers
 GRID_S = 1.0  # between samples of the truth: at a turn rate of 1 deg/s linear interpolation is wrong by 2 cm
 
 POSITION_JUMP = "position jump"
+OF_TRUTH, SILENCED = "fixes of the truth", "reports of AIS that is switched off"
 JUMP_M, JUMP_M_S = 500.0, 50.0  # a fix this far from both neighbours, at this speed, is an error
 
 # Errors of a fix. The README of the data gives 5 m along the track and 0.7 s of time jitter. The jitter of neighbouring fixes is
@@ -74,7 +75,10 @@ class Solent(Method):
         dark = np.isin(ais.origin, silenced) & (ais.received_s > plan.start_s + self.silence_from_s)
         truths = truths_of("radars", sensors.radars.name, self.radar, self.radars)
         radar = observe(sensors.radars, truths, interpolated(truth), truth.vessel, plan.start_s, stop_s, seed)
-        return recording(radar=radar, ais=ais.take(~dark), truth=truth, faults=faults, silenced=tuple(silenced.tolist()))
+        made = recording(radar=radar, ais=ais.take(~dark), truth=truth, faults=faults, silenced=tuple(silenced.tolist()))
+        beside = *fixes.content.beside, (SILENCED, int(dark.sum()))
+        content = replace(fixes.content, records=len(made.whole().ais), beside=beside)
+        return replace(made, contents=(content,))
 
     def span(self) -> tuple[float, float]:
         """Whole seconds before the first and after the last report."""
@@ -101,6 +105,7 @@ class _Fixes(NamedTuple):
 
     mmsi: Ints  # of each vessel number
     ais: AisReports  # the even fixes, in order of arrival
+    content: FileContent
 
 
 class _Paths(NamedTuple):
@@ -115,7 +120,8 @@ class _Paths(NamedTuple):
 @lru_cache(maxsize=1)
 def _read(files: Fingerprint, gap_s: float, berthed_gap_s: float) -> tuple[_Fixes, _Paths, tuple[Fault, ...]]:
     path = files[0][0]
-    reports, _, faults = AisTable(files=(path,)).read()
+    table = AisTable(files=(path,))
+    reports, _, faults = table.read()
     mmsi, vessel = np.unique(reports.mmsi, return_inverse=True)
     reports = replace(reports, origin=vessel.astype(np.int64))
     reports = reports.take(np.lexsort((reports.received_s, reports.origin)))
@@ -129,7 +135,9 @@ def _read(files: Fingerprint, gap_s: float, berthed_gap_s: float) -> tuple[_Fixe
     seen, sent = reports.take(odd), reports.take(~odd)
     paths = _Paths(seen.origin, part[odd], seen.time_s, _smoothed(seen, part[odd]))
     replayed = sent.take(np.argsort(sent.received_s, kind="stable"))
-    return _Fixes(mmsi, replayed), paths, faults + tally.faults()
+    (content,) = table.contents()
+    beside = *content.beside, (OF_TRUTH, len(seen))
+    return _Fixes(mmsi, replayed, replace(content, records=len(replayed), beside=beside)), paths, faults + tally.faults()
 
 
 def _steps(reports: AisReports) -> tuple[Bools, Floats, Floats]:

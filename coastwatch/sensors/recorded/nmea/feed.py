@@ -6,10 +6,10 @@ import gzip
 import math
 import sys
 import zlib
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import islice
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
@@ -17,9 +17,9 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from pydantic import AwareDatetime, Field
 
-from coastwatch.batches import AisReports, AisStatics, Fault, FileContent, Floats, Recording, Reports, Sensors
+from coastwatch.batches import AisReports, AisStatics, Fault, FileContent, Floats, Ints, Recording, Reports, Sensors
 from coastwatch.sensors.recorded.ais_validation import Acceptance, AisIntake, AisRows, StaticRows, Timed
-from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
+from coastwatch.sensors.recorded.faults import SET_ASIDE, Ledger, Tally
 from coastwatch.sensors.recorded.files import GZIP_MAGIC, Fingerprint, fingerprint, has_sentences
 from coastwatch.sensors.recorded.merging import TIME_MISSING, span_of
 from coastwatch.sensors.recorded.nmea.messages import Assembler, Messages
@@ -31,6 +31,8 @@ from coastwatch.stage import Method, Plan
 TIME_OF_NEIGHBOUR = SET_ASIDE + "time missing, that of its neighbour taken"
 OWN_SHIP = SET_ASIDE + "own ship"
 CUT_FILE = "file cut short"
+NAMES, FURTHER, WAITING = "names and sizes", "further sentences of messages", "not yet judged"
+"""What is beside the positions of a file."""
 
 BLOCK = 25_000  # sentences that are decoded at once
 TAIL_BYTES = 1 << 20  # of a long file, read to find its last time
@@ -85,7 +87,8 @@ class _FileStream:
 
     def __init__(self, settings: Nmea, path: Path, tally: Tally, feed: int = -1) -> None:
         self._settings, self._name, self._tally = settings, path.name, tally
-        self._sentences = ais_sentences(lines_of(path, tally), path.name, tally)
+        self._ledger = Ledger()
+        self._sentences = ais_sentences(lines_of(path, tally), path.name, tally, self._ledger)
         self._assembler = Assembler(path.name, tally)
         self._acceptance = Acceptance(settings.intake, tally, lambda line: f"{path.name}:{line}", feed)
         self._size = BLOCK if settings.intake.order == "arrival" else sys.maxsize  # to sort by time takes all of the file
@@ -96,15 +99,22 @@ class _FileStream:
         self._reports: list[AisReports] = []  # accepted, not yet asked for
         self._statics: list[AisStatics] = []
         self._at_end = False  # no sentence is left to decode
-        self._count, self._first_s, self._last_s = 0, math.inf, -math.inf  # accepted reports, and the times of their fixes
+        self._given = np.zeros(2, np.int64)  # reports and static data that no longer wait
+        self._first_s, self._last_s = math.inf, -math.inf  # times of the fixes of the accepted reports
         self._corners = [[math.inf, math.inf], [-math.inf, -math.inf]]  # of their positions
 
     def content(self) -> FileContent:
         """What was taken so far."""
-        first_s, last_s = (self._first_s, self._last_s) if self._count else (math.nan, math.nan)
+        given, waiting_names = self._given.tolist(), sum(map(len, self._statics))
+        count, names = given[0] + sum(map(len, self._reports)), given[1] + waiting_names
+        first_s, last_s = (self._first_s, self._last_s) if count else (math.nan, math.nan)
         (south, west), (north, east) = self._corners
-        box = (south, west, north, east) if self._count else None
-        return FileContent(self._name, "AIS reports", self._count, first_s, last_s, box_deg=box)
+        box = (south, west, north, east) if count else None
+        waiting = sum(len(block.rows) + len(block.static_rows) for block in self._decoded) + self._assembler.waiting
+        beside = tuple((self._ledger.beside + Counter({NAMES: names, WAITING: waiting})).items())
+        return FileContent(
+            self._name, "AIS reports", count, first_s, last_s, box_deg=box, read=self._ledger.read, beside=beside
+        )
 
     @property
     def newest_s(self) -> float:
@@ -128,9 +138,22 @@ class _FileStream:
 
     def _taken(self, after_s: float, until_s: float) -> tuple[list[AisReports], list[AisStatics]]:
         """The waiting reports of a time span. Those up to its end wait no longer."""
-        reports, self._reports = _split(self._reports, after_s, until_s)
-        statics, self._statics = _split(self._statics, after_s, until_s)
+        reports, self._reports, older = _split(self._reports, after_s, until_s)
+        statics, self._statics, older_statics = _split(self._statics, after_s, until_s)
+        self._given += [sum(map(len, reports)) + older, sum(map(len, statics)) + older_statics]
         return reports, statics
+
+    def rest(self, after_s: float) -> int:
+        """How many reports come after an instant. The file is read to its end, and nothing of it is kept."""
+        count = 0
+        waiting: tuple[list[AisReports], list[AisStatics]] | None = self._reports, self._statics
+        self._reports, self._statics = [], []
+        while waiting is not None:
+            count += sum(int((part.received_s > after_s).sum()) for parts in waiting for part in parts)
+            self._given += [sum(map(len, parts)) for parts in waiting]
+            block = self.block()
+            waiting = None if block is None else ([block[0]], [block[1]])
+        return count
 
     def head(self) -> tuple[AisReports, AisStatics]:
         """The first accepted reports and static data. They stay in the stream."""
@@ -149,7 +172,6 @@ class _FileStream:
         ahead_s = self._decoded[0].stamp_s if self._decoded else None
         rows, statics, static_rows = self._without_own(block) if self._settings.drop_own_ship else block
         reports, static = self._acceptance.block(rows, statics, static_rows, ahead_s)
-        self._count += len(reports)
         self._corners[0] = reports.position_deg.min(axis=0, initial=math.inf).clip(max=self._corners[0]).tolist()
         self._corners[1] = reports.position_deg.max(axis=0, initial=-math.inf).clip(min=self._corners[1]).tolist()
         self._first_s = min(self._first_s, float(reports.time_s.min(initial=math.inf)))
@@ -162,6 +184,12 @@ class _FileStream:
         messages = self._assembler.whole(sentences, self._at_end)
         messages = messages._replace(stamp_s=self._with_times(messages))
         rows, statics, static_rows = decoded(messages, self._name, self._tally)
+        self._ledger.read += int(np.isin(static_rows.row, rows.row).sum())  # a message with a position and a name
+        self._ledger.beside[FURTHER] += int(messages.sentences.sum()) - len(messages.line)
+        for found in (rows, static_rows):
+            self._tally.add_rows(
+                TIME_MISSING, ~np.isfinite(found.stamp_s), partial(_where, self._name, found.row), lambda i: ""
+            )
         if self._settings.drop_own_ship:
             own = messages.line[messages.own]
             of_statics = statics.mmsi[np.isin(static_rows.row, own)]
@@ -179,8 +207,9 @@ class _FileStream:
             return np.asarray(settings.assume_start_utc.timestamp() + settings.assume_interval_s * steps)
         first = stamp_s[known[0]] if math.isnan(self._stamp_s) and len(known) else self._stamp_s
         missing = np.isnan(stamp_s)
-        kind = TIME_MISSING if math.isnan(first) else TIME_OF_NEIGHBOUR
-        self._tally.add_rows(kind, missing, lambda i: f"{self._name}:{messages.line[i]}", lambda i: "")
+        if not math.isnan(first):
+            where = partial(_where, self._name, messages.line)
+            self._tally.add_rows(TIME_OF_NEIGHBOUR, missing, where, lambda i: "", used=True)
         if len(known):
             self._stamp_s = float(stamp_s[known[-1]])
         before = np.maximum.accumulate(np.where(missing, -1, np.arange(len(stamp_s))))
@@ -199,14 +228,19 @@ class _FileStream:
         return _Block(rows.take(~own_rows), statics, static_rows.take(~own_statics))
 
 
-def _split(parts: list[Timed], after_s: float, until_s: float) -> tuple[list[Timed], list[Timed]]:
-    """Of batches in order of arrival: the rows of a time span, and the rows after it."""
-    taken, later = [], []
+def _where(name: str, line: Ints, row: int) -> str:
+    return f"{name}:{line[row]}"
+
+
+def _split(parts: list[Timed], after_s: float, until_s: float) -> tuple[list[Timed], list[Timed], int]:
+    """Of batches in order of arrival: the rows of a time span, the rows after it, and how many are before it."""
+    taken, later, older = [], [], 0
     for part in parts:
-        low, high = np.searchsorted(part.received_s, [after_s, until_s], side="right")
+        low, high = np.searchsorted(part.received_s, [after_s, until_s], side="right").tolist()
+        older += low
         taken += [part.take(np.arange(low, high))] if low < high else []
         later += [part.take(np.arange(high, len(part)))] if high < len(part) else []
-    return taken, later
+    return taken, later, older
 
 
 class NmeaStream:
@@ -223,6 +257,10 @@ class NmeaStream:
     def head(self) -> Reports:
         """The reports of the first blocks, at least one of each file that has any. They stay in the stream."""
         return Reports.merged([_reports(*file.head()) for file in self._files])
+
+    def rest(self, after_s: float) -> int:
+        """As `ReportStream.rest`."""
+        return sum(file.rest(after_s) for file in self._files)
 
     def faults(self) -> tuple[Fault, ...]:
         """The records that were refused or set aside so far."""
@@ -320,4 +358,4 @@ def lines_of(path: Path, tally: Tally) -> Iterator[bytes]:
         except (EOFError, zlib.error, gzip.BadGzipFile) as error:
             if not read:
                 raise OSError(f"{path}: got {error}, needed text or gzip") from error
-            tally.add(CUT_FILE, f"{path.name}:{read}", str(error))
+            tally.add(CUT_FILE, f"{path.name}:{read}", str(error), used=True)

@@ -36,6 +36,7 @@ class Messages(NamedTuple):
     bits: Ints  # of the payload
     raw: list[bytes]  # the sentences
     by_clock: Bools  # the time is of a clock sentence
+    sentences: Ints  # of the message
 
 
 def taken(messages: Messages, keep: Bools) -> Messages:
@@ -52,6 +53,7 @@ def taken(messages: Messages, keep: Bools) -> Messages:
         messages.bits[rows],
         [messages.raw[row] for row in some],
         messages.by_clock[rows],
+        messages.sentences[rows],
     )
 
 
@@ -82,6 +84,11 @@ class Assembler:
         self._open: dict[tuple[bytes, ...], _Open] = {}
         self._newest: dict[tuple[bytes, ...], bytes] = {}
 
+    @property
+    def waiting(self) -> int:
+        """Sentences that wait for others of their messages."""
+        return sum(len(message.parts) for message in self._open.values())
+
     def whole(self, sentences: Sequence[ReceivedSentence], last: bool) -> Messages:
         """The messages that these sentences complete. Other sentences are counted.
 
@@ -94,6 +101,7 @@ class Assembler:
         bits: list[int] = []
         raws: list[bytes] = []
         by_clock: list[bool] = []
+        count: list[int] = []
         for received, right in zip(sentences, checksums_are_right([s.sentence for s in sentences]).tolist(), strict=True):
             raw = received.sentence
             sentence = _parsed(raw)
@@ -118,6 +126,7 @@ class Assembler:
             bits.append(6 * len(text) - fill_bits)
             raws.append(raw)
             by_clock.append(math.isnan(own_s))
+            count.append(sentence.parts)
         self._expire(math.inf if last else sentences[-1].line if sentences else -math.inf)
         return Messages(
             np.array(line, np.int64),
@@ -127,6 +136,7 @@ class Assembler:
             np.array(bits, np.int64),
             raws,
             np.array(by_clock, np.bool_),
+            np.array(count, np.int64),
         )
 
     def _refuse(self, received: ReceivedSentence, sentence: _Sentence | None, right: bool) -> None:

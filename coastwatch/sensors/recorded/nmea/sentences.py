@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
+from coastwatch.sensors.recorded.faults import SET_ASIDE, Ledger, Tally
 from coastwatch.sensors.recorded.timestamps import (
     checksum_is_right,
     clock_s,
@@ -24,6 +24,7 @@ TAG_CHECKSUM = "tag block checksum"
 TAG_CUT = "tag block without end"
 PREFIX = "unreadable prefix"
 OTHER_SENTENCE = SET_ASIDE + "other sentence"
+OF_OTHERS = "times and tag blocks of other lines"
 
 REMEMBERED_GROUPS = 4096
 AIS_SENTENCES = (b"VDM", b"VDO")
@@ -54,17 +55,21 @@ class _Prefix(NamedTuple):
 NO_PREFIX = _Prefix()
 
 
-def ais_sentences(lines: Iterable[bytes], name: str, tally: Tally) -> Iterator[ReceivedSentence]:
+def ais_sentences(lines: Iterable[bytes], name: str, tally: Tally, ledger: Ledger | None = None) -> Iterator[ReceivedSentence]:
     """As `wanted_sentences`, of AIS."""
-    return wanted_sentences(lines, name, tally, AIS_SENTENCES)
+    return wanted_sentences(lines, name, tally, AIS_SENTENCES, ledger)
 
 
-def wanted_sentences(lines: Iterable[bytes], name: str, tally: Tally, wanted: tuple[bytes, ...]) -> Iterator[ReceivedSentence]:
+def wanted_sentences(
+    lines: Iterable[bytes], name: str, tally: Tally, wanted: tuple[bytes, ...], ledger: Ledger | None = None
+) -> Iterator[ReceivedSentence]:
     """The sentences with these formatters among the lines, in order. Other lines are counted in the tally.
 
     A $PGHP line, or a tag block alone on its line, belongs to the next sentence. A sentence of a group without a time of
     its own takes that of the group.
+    Args: ledger: counts the lines that are neither blank nor comments, and those of times and tag blocks among them.
     """
+    ledger = Ledger() if ledger is None else ledger
     clock = math.nan
     waiting = NO_PREFIX
     groups: dict[bytes, float] = {}
@@ -72,6 +77,7 @@ def wanted_sentences(lines: Iterable[bytes], name: str, tally: Tally, wanted: tu
         line = raw.strip()
         if not line or line[:1] == b"#":
             continue
+        ledger.read += 1
         usual = TAGGED.fullmatch(line) if waiting is NO_PREFIX else None
         if usual is not None:
             tag, sentence, formatter = usual.groups()
@@ -80,12 +86,14 @@ def wanted_sentences(lines: Iterable[bytes], name: str, tally: Tally, wanted: tu
                 yield ReceivedSentence(number, sentence, time_s, clock, station)
                 continue
         bare = line[0] in BARE
-        ahead, rest = (waiting, line) if bare else _prefix(line, waiting, f"{name}:{number}", tally)
+        ahead, rest, is_cut = (waiting, line, False) if bare else _prefix(line, waiting, f"{name}:{number}", tally)
         if rest[:1] == b"$" and rest[3:6].upper() not in wanted:
-            waiting, clock = _other_line(rest, waiting, clock, f"{name}:{number}", tally)
+            waiting, clock, is_used = _other_line(rest, waiting, clock, f"{name}:{number}", tally)
+            ledger.beside[OF_OTHERS] += is_used
             continue
         if not rest:
             waiting = ahead
+            ledger.beside[OF_OTHERS] += not is_cut
             continue
         if rest[:1] == b"$":
             said_s = clock_s(rest)
@@ -108,15 +116,15 @@ def wanted_sentences(lines: Iterable[bytes], name: str, tally: Tally, wanted: tu
         yield ReceivedSentence(number, rest[: star + 3], time_s, clock, ahead.group or ahead.station)
 
 
-def _prefix(line: bytes, waiting: _Prefix, where: str, tally: Tally) -> tuple[_Prefix, bytes]:
-    """The prefix of a sentence on its line, and the rest of the line."""
+def _prefix(line: bytes, waiting: _Prefix, where: str, tally: Tally) -> tuple[_Prefix, bytes, bool]:
+    """The prefix of a sentence on its line, the rest of the line, and whether its tag block has no end."""
     time_s, station, group = waiting
     starts = [at for at in (line.find(BACKSLASH), line.find(BANG), line.find(b"$")) if at >= 0]
     begin = min(starts, default=len(line))
     if begin and starts:
         prefix_s = leading_time_s(line[:begin])
         if math.isnan(prefix_s):
-            tally.add(PREFIX, where, line)
+            tally.add(PREFIX, where, line, used=True)
         else:
             time_s = prefix_s
     rest = line[begin:] if starts else line
@@ -124,27 +132,29 @@ def _prefix(line: bytes, waiting: _Prefix, where: str, tally: Tally) -> tuple[_P
         end = rest.find(BACKSLASH, 1)
         if end < 0:
             tally.add(TAG_CUT, where, line)
-            return _Prefix(time_s, station, group), b""
+            return _Prefix(time_s, station, group), b"", True
         right, tag_s, tag_station, tag_group = tag_block(rest[1:end])
         if not right:
-            tally.add(TAG_CHECKSUM, where, line)
+            tally.add(TAG_CHECKSUM, where, line, used=True)
         time_s = time_s if math.isnan(tag_s) else tag_s
         station, group = tag_station or station, tag_group or group
         rest = rest[end + 1 :].lstrip()
-    return _Prefix(time_s, station, group), rest
+    return _Prefix(time_s, station, group), rest, False
 
 
-def _other_line(sentence: bytes, waiting: _Prefix, clock: float, where: str, tally: Tally) -> tuple[_Prefix, float]:
-    """The prefix for the next sentence, and the clock, after a sentence that starts with $."""
+def _other_line(sentence: bytes, waiting: _Prefix, clock: float, where: str, tally: Tally) -> tuple[_Prefix, float, bool]:
+    """The prefix for the next sentence, and the clock, after a sentence that starts with $, and whether it is of these two."""
     gateway = sentence.startswith(b"$PGHP")
     time_s = pghp_s(sentence) if gateway else clock_s(sentence)
+    is_used = True
     if not math.isnan(time_s) and not checksum_is_right(sentence):
         tally.add(CHECKSUM, where, sentence)
-        time_s = math.nan
+        time_s, is_used = math.nan, False
     elif gateway and math.isnan(time_s):
-        tally.add(PREFIX, where, sentence)
+        tally.add(PREFIX, where, sentence, used=True)
     elif math.isnan(time_s):
         tally.add(OTHER_SENTENCE, where, sentence)
+        is_used = False
     if gateway:
-        return _Prefix(time_s), clock
-    return waiting, clock if math.isnan(time_s) else time_s
+        return _Prefix(time_s), clock, is_used
+    return waiting, clock if math.isnan(time_s) else time_s, is_used

@@ -14,12 +14,12 @@ from pynmeagps import NMEAParseError, NMEAReader
 from coastwatch.batches import FileContent, Floats, TrackReports, TrackSources
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, offset_deg
 from coastwatch.sensors.recorded.ais_validation import HIGHEST_LATITUDE, LATITUDE, LONGITUDE, AisIntake
-from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
+from coastwatch.sensors.recorded.faults import SET_ASIDE, Ledger, Tally
 from coastwatch.sensors.recorded.merging import TIME_MISSING
 from coastwatch.sensors.recorded.nmea.feed import lines_of
 from coastwatch.sensors.recorded.nmea.messages import UNDECODABLE
 from coastwatch.sensors.recorded.nmea.sentences import CHECKSUM, wanted_sentences
-from coastwatch.sensors.recorded.reception_time import reception_times
+from coastwatch.sensors.recorded.reception_time import LATE, reception_times
 
 TARGETS = (b"TTM", b"TLL")
 OWN_SHIP = (b"RMC", b"GGA", b"GLL", b"VTG", b"HDT", b"THS", b"OSD")
@@ -27,6 +27,7 @@ NO_OWN_SHIP = "no position or heading of own ship"
 LOST = SET_ASIDE + "target lost"
 ACQUIRED = SET_ASIDE + "target in acquisition"
 NO_TARGET = "target without position"
+OF_OWN_SHIP = "position, motion and heading of own ship"
 
 METRES = {"N": NAUTICAL_MILE_M, "K": 1000.0, "S": 1609.344}
 METRES_PER_SECOND = {"N": KNOT_M_S, "K": 1.0 / 3.6, "S": 1609.344 / 3600.0}
@@ -82,13 +83,15 @@ def target_reports(
     targets = TargetSentences(sources.site_deg[source], float(sources.heading_deg[source]), assumed_s, tally)
     states: list[State] = []
     lines: list[int] = []
-    for received in wanted_sentences(lines_of(path, tally), path.name, tally, TARGETS + OWN_SHIP):
+    ledger = Ledger()
+    for received in wanted_sentences(lines_of(path, tally), path.name, tally, TARGETS + OWN_SHIP, ledger):
         clock_s = received.clock_s if math.isnan(received.own_s) else received.own_s
         state = targets.state(received.sentence, clock_s, f"{path.name}:{received.line}")
         if state is not None:
             states.append(state)
             lines.append(received.line)
-    return _in_order(states, lines, source, path.name, intake, tally)
+    ledger.beside[OF_OWN_SHIP] += targets.of_own_ship
+    return _in_order(states, lines, source, path.name, intake, tally, ledger)
 
 
 class TargetSentences:
@@ -99,6 +102,7 @@ class TargetSentences:
         fixed = bool(np.isfinite(site_deg).all())
         self._own = _OwnShip(float(site_deg[0]), float(site_deg[1]), heading_deg if fixed else math.nan)
         self._assumed_s, self._tally = assumed_s, tally
+        self.of_own_ship = 0  # sentences so far
 
     def state(self, sentence: bytes, clock_s: float, where: str) -> State | None:
         """The state that a sentence of TARGETS holds; None: it has none, or is of the own ship.
@@ -120,6 +124,7 @@ class TargetSentences:
             clock_s = self._assumed_s = _time_s(getattr(said, "time", None), self._assumed_s)
         if kind in OWN_SHIP:
             self._own.update(said, kind, clock_s)
+            self.of_own_ship += 1
             return None
         if math.isnan(clock_s):
             self._tally.add(TIME_MISSING, where, sentence)
@@ -209,14 +214,17 @@ def _time_s(of_day: Any, clock_s: float) -> float:
     return clock_s + (second - clock_s + 0.5 * DAY_S) % DAY_S - 0.5 * DAY_S
 
 
-def _in_order(states: list[State], lines: list[int], source: int, name: str, intake: AisIntake, tally: Tally) -> TrackReports:
+def _in_order(
+    states: list[State], lines: list[int], source: int, name: str, intake: AisIntake, tally: Tally, ledger: Ledger
+) -> TrackReports:
     table = np.array(states, np.float64).reshape(-1, 7)
     times = reception_times(table[:, 2], intake.lateness_s, intake.longest_silence_s)
     for kind, mask in times.faults.items():
-        tally.add_rows(kind, mask, lambda i: f"{name}:{lines[i]}", lambda i: "")
+        tally.add_rows(kind, mask, lambda i: f"{name}:{lines[i]}", lambda i: "", used=kind == LATE)
     table, received_s = table[times.accepted], times.received_s[times.accepted]
     span = (float(table[:, 1].min()), float(table[:, 1].max())) if len(table) else (math.nan, math.nan)
-    tally.add_file(FileContent(name, "track states", len(table), *span))
+    beside = tuple(ledger.beside.items())
+    tally.add_file(FileContent(name, "track states", len(table), *span, read=ledger.read, beside=beside))
     return TrackReports(
         sensor=np.full(len(table), source, np.int64),
         number=table[:, 0].astype(np.int64),

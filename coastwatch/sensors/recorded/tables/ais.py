@@ -123,14 +123,15 @@ def _one_file(settings: AisTable, path: Path, feed: int, tally: Tally) -> tuple[
         station=station,
     )
     if missing := wrapped_cog(values["cog"]):
-        tally.add_rows(f"{WRAPPED_COG}{missing:g} is missing", values["cog"] < 0.0, table.location, table.example)
+        tally.add_rows(f"{WRAPPED_COG}{missing:g} is missing", values["cog"] < 0.0, table.location, table.example, used=True)
     statics, static_rows = _statics(table, column, values, rows.mmsi, stamp)
     stream = Acceptance(settings.intake, tally, lambda row: table.location(int(np.searchsorted(table.row, row))), feed)
     reports, static = stream.block(rows, statics, static_rows)
     course = np.radians(reports.cog_deg)
     velocity = (reports.sog_kn * KNOT_M_S)[:, None] * np.stack([np.sin(course), np.cos(course)], axis=-1)
     said = doubts(reports.mmsi, reports.time_s, reports.position_deg, velocity, settings.speed_unit, "SOG")
-    tally.add_file(content_of(table, "AIS reports", column, reports.time_s, reports.position_deg, said))
+    names = len(static_rows), len(static)
+    tally.add_file(content_of(table, "AIS reports", column, reports.time_s, reports.position_deg, said, names))
     return reports, static
 
 

@@ -55,7 +55,7 @@ def classes(table: Table, column: str | None, tally: Tally) -> tuple[Bools, Ints
     for kind, pattern in STATIONS.items():
         station[cells.str.contains(pattern).to_numpy()] = kind
     unknown = (station == StationKind.UNKNOWN) & ~cells.str.contains(VESSEL).to_numpy() & (cells != "").to_numpy()
-    tally.add_rows(UNKNOWN_CLASS, unknown, lambda i: table.location(i, column), table.example)
+    tally.add_rows(UNKNOWN_CLASS, unknown, lambda i: table.location(i, column), table.example, used=True)
     return cells.str.contains(r"^(class )?b\b").to_numpy(), station
 
 
@@ -66,7 +66,8 @@ def nav_statuses(table: Table, column: str | None, tally: Tally) -> Ints:
     cells = _cells(table, column)
     texts, at = np.unique(cells.to_numpy().astype("U"), return_inverse=True)
     known = np.array([_nav_status(text) for text in texts.tolist()], np.int64)[at.reshape(-1)]
-    tally.add_rows(UNKNOWN_STATUS, (known < 0) & (cells != "").to_numpy(), lambda i: table.location(i, column), table.example)
+    unknown = (known < 0) & (cells != "").to_numpy()
+    tally.add_rows(UNKNOWN_STATUS, unknown, lambda i: table.location(i, column), table.example, used=True)
     return known
 
 
@@ -99,7 +100,7 @@ def covariances(values: dict[str, Floats], table: Table, tally: Tally) -> Floats
     ee, nn, en = np.where(np.isnan(ee), square, ee), np.where(np.isnan(nn), square, nn), np.where(np.isnan(en), 0.0, en)
     given = np.isfinite(ee) | np.isfinite(nn)
     good = (ee > 0.0) & (nn > 0.0) & (en**2 < ee * nn)
-    tally.add_rows(NO_COVARIANCE, given & ~good, table.location, table.example)
+    tally.add_rows(NO_COVARIANCE, given & ~good, table.location, table.example, used=True)
     out = np.stack([ee, en, en, nn], axis=-1).reshape(-1, 2, 2)
     out[~good] = np.nan
     return out

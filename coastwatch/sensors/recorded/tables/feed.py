@@ -264,7 +264,7 @@ def _plots(settings: Tables, path: Path, radars: Radars, tally: Tally) -> RadarR
     rows = kept[rows]
     range_sigma, azimuth_sigma = _plot_sigmas(values, range_m, azimuth_deg, polar)
     for name, sigma in (("range", range_sigma), ("azimuth", azimuth_sigma)):
-        tally.add_rows(f"{NO_SIGMA}{name}", good & (sigma <= 0.0), table.location, table.example)
+        tally.add_rows(f"{NO_SIGMA}{name}", good & (sigma <= 0.0), table.location, table.example, used=True)
     position = None if polar else np.stack([values["latitude"], values["longitude"]], axis=-1)[rows]
     tally.add_file(content_of(table, "radar plots", column, values["time"][rows], position))
     return RadarReports(
@@ -326,7 +326,8 @@ def _bearings(settings: Tables, path: Path, sonars: Sonars, tally: Tally) -> Bea
     kept = np.flatnonzero(good)
     rows, received = arrived(table.at(good), stamp, settings.intake, tally)
     rows = kept[rows]
-    tally.add_rows(f"{NO_SIGMA}bearing", good & (values["bearing_sigma"] <= 0.0), table.location, table.example)
+    no_sigma = good & (values["bearing_sigma"] <= 0.0)
+    tally.add_rows(f"{NO_SIGMA}bearing", no_sigma, table.location, table.example, used=True)
     tally.add_file(content_of(table, "bearings", column, values["time"][rows]))
     return BearingReports(
         sensor=sensor[rows],

@@ -55,6 +55,7 @@ class Table:
     frame: pl.DataFrame
     row: Ints  # line of a CSV file, row of a Parquet file, from 1
     separator: str = ","
+    read: int = 0  # lines or rows of the file, with those of the wrong shape and without the header
 
     def __len__(self) -> int:
         return len(self.row)
@@ -71,7 +72,7 @@ class Table:
     def at(self, rows: Array) -> Table:
         """The rows under a mask or at indices."""
         keep = np.flatnonzero(rows) if rows.dtype == np.bool_ else rows
-        return Table(self.name, self.frame[keep], self.row[keep], self.separator)
+        return Table(self.name, self.frame[keep], self.row[keep], self.separator, self.read)
 
     def find(self, wanted: str | None, known: tuple[str, ...]) -> str | None:
         """The name of a column: `wanted`, or the first that has one of the known names; None if there is none.
@@ -204,13 +205,13 @@ def read_table(path: Path, separator: str, tally: Tally) -> Table:
     try:
         if path.suffix == ".parquet":
             frame = pl.read_parquet(path)
-            table = Table(path.name, frame, np.arange(1, len(frame) + 1))
+            table = Table(path.name, frame, np.arange(1, len(frame) + 1), read=len(frame))
         else:
             table = _read_csv(path, separator, tally)
     except (pl.exceptions.PolarsError, zlib.error) as error:
         raise OSError(f"{path}: got {str(error).splitlines()[0]}, needed a CSV or Parquet table") from error
     if not len(table):
-        tally.add(NO_ROW, path.name)
+        tally.add(NO_ROW, path.name, used=True)
     return table
 
 
@@ -233,7 +234,7 @@ def _read_csv(path: Path, separator: str, tally: Tally) -> Table:
         good &= ~bad
     text = lines.filter(pl.Series(good)).str.join("\n")[0] + "\n"
     frame = pl.read_csv(io.BytesIO(text.encode()), separator=separator, infer_schema=False)
-    return Table(path.name, frame, row[good][1:], separator)
+    return Table(path.name, frame, row[good][1:], separator, len(lines) - 1)
 
 
 def _lines(content: bytes) -> pl.Series:
@@ -264,7 +265,7 @@ def _unpacked(path: Path, tally: Tally) -> bytes:
         inflate = zlib.decompressobj(wbits=31)
         out += inflate.decompress(content)
         if not inflate.eof:
-            tally.add(CUT_FILE, path.name)
+            tally.add(CUT_FILE, path.name, used=True)
         content = inflate.unused_data
     return as_utf8(out or content)
 

@@ -11,7 +11,7 @@ import numpy as np
 from coastwatch.batches import Array, FileContent, Floats, Ints
 from coastwatch.sensors.recorded.ais_validation import NON_FINITE, AisIntake
 from coastwatch.sensors.recorded.faults import Tally
-from coastwatch.sensors.recorded.reception_time import reception_times
+from coastwatch.sensors.recorded.reception_time import LATE, reception_times
 from coastwatch.sensors.recorded.tables.reader import Table
 from coastwatch.spelling import did_you_mean
 from coastwatch.stage import Settings
@@ -19,6 +19,7 @@ from coastwatch.stage import Settings
 EMPTY_CELL, BAD_CELL = "empty cell", "unparsable cell"
 OUTLIERS_PERCENT = 2.0
 SHOWN_NAMES = 5  # of unknown sensors
+NAMES = "names and sizes"
 NO_ZONE = "times have no zone: taken as UTC"
 TEXTS = ("radar", "sonar", "source", "track", "name", "call_sign", "ais_class", "nav_status", "accuracy", "raim")
 """Keys of columns that hold texts."""
@@ -193,19 +194,23 @@ def content_of(
     time_s: Floats,
     position_deg: Floats | None = None,
     doubts: tuple[str, ...] = (),
+    names: tuple[int, int] = (0, 0),
 ) -> FileContent:
     """What was taken from a table.
 
     Args: column: of the file, by our names; time_s: (M,) of the records taken; position_deg: (M, 2), None where they have none;
-    doubts: as of FileContent.
+    doubts: as of FileContent; names: how many of the rows also hold a new name or size of a vessel, and how many of these are taken.
     """
     read = tuple((key, name) for key, name in column.items() if name is not None)
     used = {name for _, name in read}
     first_s, last_s = (float(time_s.min()), float(time_s.max())) if len(time_s) else (math.nan, math.nan)
     ignored = tuple(name for name in table.frame.columns if name not in used)
+    beside = ((NAMES, names[1]),) if names[1] else ()
     notes = (NO_ZONE,) if table.without_zone(column["time"]) else ()
     box = None if position_deg is None or not len(time_s) else box_of(position_deg)
-    return FileContent(table.name, kind, len(time_s), first_s, last_s, read, ignored, notes, box, doubts)
+    return FileContent(
+        table.name, kind, len(time_s), first_s, last_s, read, ignored, notes, box, doubts, table.read + names[0], beside
+    )
 
 
 def box_of(position_deg: Floats) -> tuple[float, float, float, float]:
@@ -219,7 +224,8 @@ def arrived(table: Table, stamp: Floats, intake: AisIntake, tally: Tally) -> tup
     order = np.argsort(stamp, kind="stable") if intake.order == "time" else np.arange(len(stamp))
     arrived = reception_times(stamp[order], intake.lateness_s, intake.longest_silence_s)
     for kind, mask in arrived.faults.items():
-        tally.add_rows(kind, mask, lambda i: table.location(int(order[i])), lambda i: table.example(int(order[i])))
+        where, example = (lambda i: table.location(int(order[i]))), (lambda i: table.example(int(order[i])))
+        tally.add_rows(kind, mask, where, example, used=kind == LATE)
     return order[arrived.accepted], arrived.received_s[arrived.accepted]
 
 
