@@ -129,9 +129,7 @@ def main() -> None:
     parser.add_argument("--scenario", default="solent")
     parser.add_argument("--times", type=count, default=24, help="how often the recording is run")
     parser.add_argument("--pause", type=float, default=600.0, help="seconds between two repetitions")
-    parser.add_argument(
-        "--database", help="URL of a database that is kept; else a file that is deleted at the end"
-    )
+    parser.add_argument("--database", help="URL of a database that is kept; else a file that is deleted at the end")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", type=pair, help="a setting of the scenario")
     options = parser.parse_args()
     scenario, cycles = repeated(load_scenario(options.scenario, dict(options.set)), options.times, options.pause)

@@ -20,10 +20,12 @@ from coastwatch.operators import recorded
 from coastwatch.operators.cli import inputs, main
 from coastwatch.scenario import make_scenario
 from coastwatch.scenario.sites import TrackSource, sensors_of
+from coastwatch.sensors.recorded.accounts import UNUSED
 from coastwatch.sensors.recorded.ais_validation import AisIntake
 from coastwatch.sensors.recorded.faults import Tally
 from coastwatch.sensors.recorded.files import has_sentences
 from coastwatch.sensors.recorded.nmea.targets import target_reports
+from coastwatch.sensors.recorded.tables.feed import Tables
 
 SEED = 4
 SITE = np.array([-17.0, 179.98])  # the ships cross the antimeridian
@@ -362,3 +364,24 @@ def test_a_radar_that_moves_needs_no_place_of_its_own(files: Path, capsys: pytes
     assert json.loads(capsys.readouterr().out)["vessels"] == 2
     assert main(["fuse", "--plots", str(files / "plots.csv"), moves, *given]) == 2
     assert "radar 'ship': got no position, needed latitude_deg and longitude_deg, or the columns" in capsys.readouterr().err
+
+
+def test_what_became_of_every_record_is_said_and_a_lost_one_fails_the_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The run of a file whose end is taken too early, as one of 26,000 sentences was, is not done."""
+    path = tmp_path / "ais.csv"
+    rows = [f"{START_S + 10 * k:.0f},235070{762 + k % 3},50.7{k % 10},-1.1,5,90,A" for k in range(30)]
+    path.write_text("\n".join(["time,mmsi,latitude,longitude,sog,cog,name", *rows, "x,1,50,1,5,90,", "1"]))
+    arguments = ["fuse", "--ais", str(path), "--db", f"sqlite:///{tmp_path}/x.db"]
+    assert main(arguments) == 0
+    said = capsys.readouterr().out
+    assert "records: 35 read = 30 in reports + 3 names and sizes + 2 refused + 0 set aside" in said
+    whole = Tables.span
+    monkeypatch.setattr(Tables, "span", lambda tables: (whole(tables)[0], START_S + 200.0))
+    assert main([*arguments, "--restart", "--json"]) == 1
+    out, err = capsys.readouterr()
+    assert f"9 {UNUSED}" in err
+    made = json.loads(out)
+    assert [(fault["kind"], fault["count"]) for fault in made["faults"] if fault["kind"] == UNUSED] == [(UNUSED, 9)]
+    assert made["records"]["unaccounted"] == 0
