@@ -5,6 +5,9 @@ times the sum of their speeds. So pairs within that distance are candidates, who
 vessels are in a class of their own, so that they do not widen the search for all others. The time to look ahead is cut in spans,
 and each cycle searches one of them. Pairs that were found are followed in every cycle.
 
+Where vessels crowd the cost is bounded by counts. Each vessel is compared with the nearest in the middle of the span alone, and of its
+pairs the most urgent are followed. Elsewhere no pair is left out.
+
 Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001 (straight motion).
 """
 
@@ -25,6 +28,12 @@ SPANS = 2
 CLASSES_M_S = (12.0, 60.0)
 """Greatest speed of each class. What is faster is no vessel."""
 
+MOST_NEAR = 384
+"""Vessels that one is compared with. Where more are near, each is compared with the nearest alone."""
+
+MOST_FOLLOWED = 16
+"""Pairs of a vessel that are followed. A pair is left out if each of its vessels has so many that are more urgent."""
+
 SLACK_M = 100.0
 """How far the middle of a way may be from where it is taken to be, with the scale of its start."""
 
@@ -36,11 +45,12 @@ class Approaching:
     first_id: Ints  # (P,) vessels, the lower id of each pair
     second_id: Ints
     turn: int  # cycles so far: which span is searched next
+    left_out: int  # pairs that were not looked at, or are not followed, in this cycle, at most
 
     @classmethod
     def none(cls) -> Approaching:
         number = np.zeros(0, np.int64)
-        return cls(number, number, 0)
+        return cls(number, number, 0, 0)
 
 
 class Pairs(NamedTuple):
@@ -52,12 +62,16 @@ class Pairs(NamedTuple):
     tcpa_s: Floats  # negative: they have passed
     range_m: Floats
 
+    def take(self, some: Bools) -> Pairs:
+        """These pairs."""
+        return Pairs(*(values[some] for values in self))
+
 
 def close_pairs(settings: AlarmSettings, before: Approaching, picture: Picture, time_s: float) -> tuple[Approaching, Pairs]:
     """The pairs whose closest approach lies within the limits, each widened by `cpa_hold_factor`.
 
     A pair is found within the limits themselves, at the latest after `SPANS` cycles. One of the two whose newest report is older than
-    `cpa_oldest_s` may be elsewhere, so it has no pair.
+    `cpa_oldest_s` may be elsewhere, so it has no pair. Of a crowd only the nearest are compared, and the most urgent followed.
     Args: picture: vessels with a track, sorted.
     """
     speed_m_s = np.hypot(picture.velocity_m_s[:, 0], picture.velocity_m_s[:, 1])
@@ -66,7 +80,7 @@ def close_pairs(settings: AlarmSettings, before: Approaching, picture: Picture, 
     limit_m, within_s = settings.cpa_nm * NAUTICAL_MILE_M, settings.tcpa_min * 60.0
     half_s = 0.5 * within_s / SPANS
     middle_s = (2 * (before.turn % SPANS) + 1) * half_s
-    new = _candidates(picture, np.flatnonzero(counts), speed_m_s, limit_m, middle_s, half_s)
+    *new, left_out = _candidates(picture, np.flatnonzero(counts), speed_m_s, limit_m, middle_s, half_s)
     old = find(picture.vessel_id, before.first_id), find(picture.vessel_id, before.second_id)
     there = (old[0] >= 0) & (old[1] >= 0)
     first, second = (np.concatenate([row[there], found]) for row, found in zip(old, new, strict=True))
@@ -76,8 +90,25 @@ def close_pairs(settings: AlarmSettings, before: Approaching, picture: Picture, 
     hold = settings.cpa_hold_factor
     near = (pairs.cpa_m <= hold * limit_m) & (pairs.tcpa_s >= 0.0) & (pairs.tcpa_s <= hold * within_s)
     near &= relative_m_s >= settings.cpa_relative_kn * KNOT_M_S
-    pairs = Pairs(pairs.first[near], pairs.second[near], pairs.cpa_m[near], pairs.tcpa_s[near], pairs.range_m[near])
-    return Approaching(picture.vessel_id[pairs.first], picture.vessel_id[pairs.second], before.turn + 1), pairs
+    pairs = pairs.take(near)
+    urgent = _most_urgent(pairs, len(picture))
+    pairs, left_out = pairs.take(urgent), left_out + int((~urgent).sum())
+    return Approaching(picture.vessel_id[pairs.first], picture.vessel_id[pairs.second], before.turn + 1, left_out), pairs
+
+
+def _most_urgent(pairs: Pairs, vessels: int) -> Bools:
+    """Which pairs are among the `MOST_FOLLOWED` of one of their vessels that have the least time left. (P,)"""
+    count, out = len(pairs.first), np.ones(len(pairs.first), np.bool_)
+    of_vessel = np.bincount(pairs.first, minlength=vessels) + np.bincount(pairs.second, minlength=vessels)
+    if of_vessel.max(initial=0) <= MOST_FOLLOWED:
+        return out
+    soonest = np.argsort(pairs.tcpa_s, kind="stable")
+    ends = np.column_stack([pairs.first, pairs.second])[soonest].ravel()
+    start, end = kernels.tables.counting_sort.counting_sort(ends, vessels)
+    urgent = np.arange(2 * count) - np.repeat(start[:-1], np.diff(start)) < MOST_FOLLOWED
+    out[:] = False
+    out[soonest[end[urgent] // 2]] = True
+    return out
 
 
 def _counts(settings: AlarmSettings, picture: Picture, slow: Bools, time_s: float) -> Bools:
@@ -92,34 +123,42 @@ def _counts(settings: AlarmSettings, picture: Picture, slow: Bools, time_s: floa
 
 def _candidates(
     picture: Picture, rows: Ints, speed_m_s: Floats, limit_m: float, middle_s: float, half_s: float
-) -> tuple[Ints, Ints]:
-    """Pairs of these rows that may come within the limit in a span. Args: speed_m_s: (V,); middle_s: of the span; half_s: its half."""
+) -> tuple[Ints, Ints, int]:
+    """Pairs of these rows that may come within the limit in a span, and how many more were not looked at, at most.
+
+    Args: speed_m_s: (V,); middle_s: of the span; half_s: its half.
+    """
     north, east = scale_m_deg(picture.position_deg[rows, 0])
     ahead_deg = np.stack([picture.velocity_m_s[rows, 1] / north, picture.velocity_m_s[rows, 0] / east], 1) * middle_s
     middle_deg = picture.position_deg[rows] + ahead_deg
     of_speed = np.searchsorted(CLASSES_M_S, speed_m_s[rows])
     classes = [np.flatnonzero(of_speed == k) for k in range(len(CLASSES_M_S))]
     none = np.zeros(0, np.int64)
-    first, second = [none], [none]
+    first, second, left_out = [none], [none], 0
     for b, faster in enumerate(classes):
         for a, slower in enumerate(classes[: b + 1]):
             if len(faster) and len(slower):
                 reach_m = limit_m + SLACK_M + (CLASSES_M_S[a] + CLASSES_M_S[b]) * half_s
-                found = _pairs_within(middle_deg, slower, faster, reach_m, a == b)
+                *found, more = _pairs_within(middle_deg, slower, faster, reach_m, a == b)
                 first.append(rows[found[0]])
                 second.append(rows[found[1]])
-    return np.concatenate(first), np.concatenate(second)
+                left_out += more
+    return np.concatenate(first), np.concatenate(second), left_out
 
 
-def _pairs_within(position_deg: Floats, some: Ints, others: Ints, reach_m: float, same: bool) -> tuple[Ints, Ints]:
-    """Pairs of one of some rows and one of other rows, not farther apart than the reach. Args: same: both are the same rows."""
-    pairs = kernels.association.candidate_pairs
+def _pairs_within(position_deg: Floats, some: Ints, others: Ints, reach_m: float, same: bool) -> tuple[Ints, Ints, int]:
+    """Pairs of one of some rows and one of other rows, not farther apart than the reach, and how many are left out, at most.
+
+    Args: same: both are the same rows.
+    """
+    near = kernels.association
     rows = some if same else np.concatenate([some, others])
     group = np.arange(len(rows)) if same else np.repeat([0, 1], [len(some), len(others)])
-    place = pairs.sorted_places(position_deg[rows], group, np.zeros(len(rows), np.int64), reach_m)
+    place = near.places.sorted_places(position_deg[rows], group, np.zeros(len(rows), np.int64), reach_m)
+    crowds = near.crowds.find_crowds(place, rows[place["row"]], reach_m, MOST_NEAR)
     no_halo = np.zeros(len(rows) + 1, np.int64), np.zeros(0, np.int64)
-    found = pairs.candidate_pairs(0, len(rows), np.arange(len(rows)), place, no_halo, reach_m)
-    return rows[place["row"][found["first"]]], rows[place["row"][found["second"]]]
+    found = near.candidate_pairs.candidate_pairs(0, len(rows), np.arange(len(rows)), place, no_halo, crowds, reach_m)
+    return rows[place["row"][found["first"]]], rows[place["row"][found["second"]]], crowds.left_out
 
 
 def _once(first: Ints, second: Ints, count: int) -> tuple[Ints, Ints]:

@@ -54,7 +54,7 @@ class Counting(Method):
         """Associations of these tracks. Args: tracks: (N); spots: of the same rows. Returns: memory and Associations."""
         found = find_hits(self, tracks, spots, map_)
         after, first, second = memory.counted(tracks, found, self.hits, self.misses)
-        return after, chosen(tracks, first, second, None, found.tested)
+        return after, chosen(tracks, first, second, None, found)
 
 
 class TwoCountings(Method):
@@ -107,7 +107,7 @@ class TwoCountings(Method):
         tight, *some = memory[0].counted(tracks, near, self.hits_tight, self.misses_tight)
         loose, *more = memory[1].counted(tracks, found, self.hits_loose, self.misses_loose)
         first, second = united((some[0], some[1]), (more[0], more[1]), len(tracks))
-        return (tight, loose), chosen(tracks, first, second, None, found.tested)
+        return (tight, loose), chosen(tracks, first, second, None, found)
 
 
 class CountedTest(Method):
@@ -141,7 +141,7 @@ class CountedTest(Method):
         """Associations of these tracks. Args: tracks: (N); spots: of the same rows. Returns: memory and Associations."""
         found = find_hits(self, tracks, spots, map_)
         after, first, second = memory.counted(tracks, found, self.hits, self.misses)
-        return after, chosen(tracks, first, second, None, found.tested)
+        return after, chosen(tracks, first, second, None, found)
 
 
 class TestThenCounting(Method):
@@ -180,4 +180,4 @@ class TestThenCounting(Method):
         found = find_hits(self, tracks, spots, map_)
         close = found.squared <= gate(1.0 - self.significance, STATES)
         after, first, second = memory.counted(tracks, found, self.hits, self.misses, close)
-        return after, chosen(tracks, first, second, None, found.tested)
+        return after, chosen(tracks, first, second, None, found)

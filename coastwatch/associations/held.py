@@ -57,7 +57,7 @@ class HeldTracks:
         order = np.lexsort((second, first))
         first, second, statistic = first[order], second[order], statistic[order]
         vessel, kept = vessels(tracks, first, second, gain[order])
-        return Associations(first[kept], second[kept], statistic[kept], vessel, found.tested)
+        return Associations(first[kept], second[kept], statistic[kept], vessel, found.tested, found.left_out)
 
 
 def held_tracks(tracks: Tracks, kinds: Ints, gate_m: float) -> HeldTracks:
@@ -103,6 +103,6 @@ def counted_once(
     row = np.cumsum(counted) - 1
     kept = counted[associations.first] & counted[associations.second]
     pairs = row[associations.first[kept]], row[associations.second[kept]], associations.statistic[kept]
-    fused = Associations(*pairs, associations.vessel[counted], associations.tested)
+    fused = Associations(*pairs, associations.vessel[counted], associations.tested, associations.left_out)
     lost = bearings.vessel >= count
     return tracks.take(counted), fused, bearings.take(lost | ~np.append(is_held, False)[np.minimum(bearings.vessel, count)])

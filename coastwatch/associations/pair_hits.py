@@ -16,6 +16,7 @@ from coastwatch.associations.pairing import (
     gate_arrays,
     gated,
     joined_parts,
+    left_out,
     members_of_spots,
     one_to_one,
     vessels,
@@ -55,10 +56,11 @@ class Hits(NamedTuple):
     distance_m: Floats  # (A,)
     squared: Floats  # (A,) Mahalanobis distance of the states, squared; infinite where it was not measured
     tested: int  # pairs inside the gate
+    left_out: int  # more of them that were not looked at, at most
 
     def take(self, some: Bools) -> Hits:
         """These pairs."""
-        return Hits(self.first[some], self.second[some], self.distance_m[some], self.squared[some], self.tested)
+        return Hits(self.first[some], self.second[some], self.distance_m[some], self.squared[some], self.tested, self.left_out)
 
 
 def find_hits(check: Check, tracks: Tracks, spots: Spots, map_: Map) -> Hits:
@@ -67,7 +69,7 @@ def find_hits(check: Check, tracks: Tracks, spots: Spots, map_: Map) -> Hits:
     arrays |= {"position": tracks.position_deg, "velocity": tracks.velocity_m_s, "covariance": tracks.covariance}
     parts = map_(hits_in_spots, check, arrays, members_of_spots(spots))
     first, second, distances, tested = joined_parts(parts, len(tracks))
-    return Hits(first, second, distances[:, 0], distances[:, 1], tested)
+    return Hits(first, second, distances[:, 0], distances[:, 1], tested, left_out(arrays))
 
 
 def hits_in_spots(check: Check, arrays: Arrays, spots: Groups) -> tuple[Array, ...]:
@@ -153,10 +155,10 @@ def united(some: tuple[Ints, Ints], more: tuple[Ints, Ints], rows: int) -> tuple
     return key // max(rows, 1), key % max(rows, 1)
 
 
-def chosen(tracks: Tracks, first: Ints, second: Ints, statistic: Floats | None, tested: int) -> Associations:
+def chosen(tracks: Tracks, first: Ints, second: Ints, statistic: Floats | None, found: Hits) -> Associations:
     """One-to-one associations: the most pairs, then the least sum of distances.
 
-    Args: first, second: (A,) pairs, each once; statistic: (A,); none: the distance, m; tested: pairs inside the gate.
+    Args: first, second: (A,) pairs, each once; statistic: (A,); none: the distance, m; found: hits of this cycle.
     """
     distance = np.hypot(*difference_m(tracks.position_deg[second], tracks.position_deg[first]).T)
     gain = A_PAIR_M - np.minimum(distance, 0.5 * A_PAIR_M)
@@ -164,4 +166,4 @@ def chosen(tracks: Tracks, first: Ints, second: Ints, statistic: Floats | None, 
     first, second, gain = first[taken], second[taken], gain[taken]
     shown = (distance if statistic is None else statistic)[taken]
     vessel, kept = vessels(tracks, first, second, gain)
-    return Associations(first[kept], second[kept], shown[kept], vessel, tested)
+    return Associations(first[kept], second[kept], shown[kept], vessel, found.tested, found.left_out)

@@ -12,6 +12,8 @@ from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Arrays, Groups
 
 LEAST_TRACKS = 1024  # for a thread
+MOST_NEAR = 512
+"""Tracks that one is compared with. Where more are within the gate, each is compared with the nearest alone."""
 
 
 def members_of_spots(spots: Spots) -> Groups:
@@ -20,10 +22,17 @@ def members_of_spots(spots: Spots) -> Groups:
 
 
 def gate_arrays(tracks: Tracks, spots: Spots, gate_m: float) -> dict[str, Array]:
-    """The arrays that `gated` reads: tracks in the order of a grid, and the spots whose halo each track is in."""
+    """The arrays that `gated` reads: tracks in the order of a grid, the spots whose halo each is in, and what is crowded."""
     halo = Groups.by_key(spots.halo_row, len(tracks))
-    place = kernels.association.candidate_pairs.sorted_places(tracks.position_deg, tracks.source, spots.spot, gate_m)
-    return {"place": place, "halo_start": halo.start, "halo_spot": spots.halo_spot[halo.row]}
+    place = kernels.association.places.sorted_places(tracks.position_deg, tracks.source, spots.spot, gate_m)
+    crowds = kernels.association.crowds.find_crowds(place, tracks.track_id[place["row"]], gate_m, MOST_NEAR)
+    of_crowds = *crowds[:-2], np.array(crowds[-2:])
+    return {"place": place, "halo_start": halo.start, "halo_spot": spots.halo_spot[halo.row], "crowds": of_crowds}
+
+
+def left_out(arrays: Arrays) -> int:
+    """Pairs within the gate that are not compared, at most. Args: of `gate_arrays`."""
+    return int(arrays["crowds"][-1][1])
 
 
 def blocks_of_members(
@@ -44,7 +53,9 @@ def gated(low: int, high: int, member: Ints, arrays: Arrays, gate_m: float) -> A
     The second is a member of the same spot or in its halo. Returns: (A,) PAIR, rows of `place`.
     """
     halo = arrays["halo_start"], arrays["halo_spot"]
-    out: Array = kernels.association.candidate_pairs.candidate_pairs(low, high, member, arrays["place"], halo, gate_m)
+    *of_crowds, counts = arrays["crowds"]
+    crowds = kernels.association.crowds.Crowds(*of_crowds, int(counts[0]), int(counts[1]))
+    out: Array = kernels.association.candidate_pairs.candidate_pairs(low, high, member, arrays["place"], halo, crowds, gate_m)
     return out
 
 

@@ -72,7 +72,7 @@ class SingleScanTest(Method):
             mean = kernels.fusion.cross_covariance.geometric_mean(*_covariances(tracks, found))
             squared = _dependent(tracks, found, self.correlation * mean)
         passed = squared <= self.largest
-        return memory, chosen(tracks, found.first[passed], found.second[passed], squared[passed], found.tested)
+        return memory, chosen(tracks, found.first[passed], found.second[passed], squared[passed], found)
 
 
 def _covariances(tracks: Tracks, found: Hits) -> tuple[Floats, Floats]:

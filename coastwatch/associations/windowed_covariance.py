@@ -14,6 +14,7 @@ from coastwatch.associations.pairing import (
     gate_arrays,
     gated,
     joined_parts,
+    left_out,
     members_of_spots,
     one_to_one,
     vessels,
@@ -88,7 +89,7 @@ class WindowedCovariance(Method):
         chosen = one_to_one(tracks, first, second, gain)
         first, second, score, gain = first[chosen], second[chosen], score[chosen], gain[chosen]
         vessel, kept = vessels(tracks, first, second, gain)
-        return WindowMemory(history), Associations(first[kept], second[kept], score[kept], vessel, tested)
+        return WindowMemory(history), Associations(first[kept], second[kept], score[kept], vessel, tested, left_out(arrays))
 
     def _gains(self, arrays: Arrays, first: Ints, second: Ints, density: Floats) -> Floats:
         """What each accepted pair is worth in the assignment: its newest score where it shares a track, else 1. (A,)"""

@@ -14,6 +14,7 @@ from coastwatch.associations.pairing import (
     gate_arrays,
     gated,
     joined_parts,
+    left_out,
     members_of_spots,
     one_to_one,
     vessels,
@@ -84,7 +85,7 @@ class WindowedCovarianceLiteral(Method):
         chosen = one_to_one(tracks, first, second, gain) if self.one_to_one else _nearest(tracks, first, second, x)
         first, second, x, gain = first[chosen], second[chosen], x[chosen], gain[chosen]
         vessel, kept = vessels(tracks, first, second, gain)
-        return LiteralMemory(history), Associations(first[kept], second[kept], x[kept], vessel, tested)
+        return LiteralMemory(history), Associations(first[kept], second[kept], x[kept], vessel, tested, left_out(arrays))
 
 
 def accept_in_spots(settings: WindowedCovarianceLiteral, arrays: Arrays, spots: Groups) -> tuple[Array, ...]:

@@ -161,6 +161,7 @@ class Octants(Struct):
     bearing_row: Ints = column(np.int64, "A")
     vessel_row: Ints = column(np.int64, "A")
     octant: Ints = column(np.int64, "A")  # sensor * 8 + sector
+    left_out: int = 0  # more pairs, not listed: a track has so many vessels in its octant that the nearest in bearing are listed
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,6 +173,7 @@ class Associations(Struct):
     statistic: Floats = column(np.float64, "A")  # of the pair; the docstring of the method says which
     vessel: Ints = column(np.int64, "N")  # of each track row: 0..V-1, every vessel has at least one track
     tested: int = 0  # pairs inside the gate
+    left_out: int = 0  # more of them that were not tested, at most: where tracks crowd each is compared with the nearest alone
 
     @cached_property
     def by_vessel(self) -> tuple[Rows, Rows]:

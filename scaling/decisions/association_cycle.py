@@ -19,8 +19,8 @@ from coastwatch.associations import WindowedCovariance, pairing
 from coastwatch.associations.windowed_covariance import score_spots
 from coastwatch.batches import Array, Spots, Tracks
 from coastwatch.geodesy import earth_centred
-from coastwatch.kernels.association.candidate_pairs import sorted_places
 from coastwatch.kernels.association.pair_score import pair_scores
+from coastwatch.kernels.association.places import sorted_places
 from coastwatch.kernels.association.prune_pairs import hopeless_steps, possible_pairs, track_bounds
 from coastwatch.operators.cli.arguments import count
 from coastwatch.stage import Arrays, Groups, Work, serial

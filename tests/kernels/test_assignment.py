@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
-from coastwatch.kernels.association.assignment import assign
+from coastwatch.kernels.association.assignment import LARGEST, assign
 
 ROUNDING = 1e-9  # sums of a few gains of order 1
 
@@ -71,3 +71,43 @@ def test_two_small_gains_beat_one_large():
 def test_equal_gains_go_to_the_lowest_labels():
     first, second = np.array([5, 4, 5, 4]), np.array([8, 8, 9, 9])
     assert assign(first, second, np.ones(4)).tolist() == [False, True, True, False]
+
+
+@pytest.mark.parametrize(
+    "gain", [[np.inf, np.inf, 1.0, 1.0], [1e308, 1.0, 1.0, 1e308], [np.inf, 1.0, 1.0, np.inf], [np.inf, np.inf, np.inf, np.inf]]
+)
+def test_infinite_and_huge_gains_are_as_any_other_great_gain(gain):
+    taken = assign(np.array([0, 0, 1, 1]), np.array([0, 1, 0, 1]), np.array(gain))
+    assert taken.tolist() in ([True, False, False, True], [False, True, True, False])
+    wanted = assign(np.array([0, 0, 1, 1]), np.array([0, 1, 0, 1]), np.minimum(gain, 1e9))
+    assert taken.tolist() == wanted.tolist()
+
+
+def test_rows_of_infinite_gains_do_not_leave_the_arrays():
+    first, second = np.divmod(np.arange(900), 30)
+    gain = np.random.default_rng([5, 0]).uniform(1.0, 9.0, 900)
+    gain[first < 3] = np.inf
+    assert assign(first, second, gain).sum() == 30
+
+
+@given(st.integers(0, 10**6), st.booleans(), st.sampled_from([LARGEST - 1, LARGEST + 1, 2 * LARGEST]))
+@settings(max_examples=12)
+def test_the_largest_components_are_taken_greedily_and_others_exactly(seed, integer, n):
+    rng = np.random.default_rng([seed, 5])
+    first = np.concatenate([np.arange(n), np.arange(n)])  # a ring: one component
+    second = np.concatenate([np.arange(n), (np.arange(n) + 1) % n]) + 7
+    gain = rng.integers(1, 4, 2 * n).astype(float) if integer else rng.uniform(0.1, 1.0, 2 * n)
+    order = rng.permutation(2 * n)
+    first, second, gain = first[order], second[order], gain[order]
+    taken = assign(first, second, gain)
+    if n <= LARGEST:
+        best = max(gain[first + 7 == second].sum(), gain[first + 7 != second].sum())
+        assert gain[taken].sum() >= best - ROUNDING
+        return
+    rows, columns, wanted = set(), set(), np.zeros(2 * n, np.bool_)
+    for a in np.lexsort((second, first, -gain)):
+        if first[a] not in rows and second[a] not in columns:
+            rows.add(first[a])
+            columns.add(second[a])
+            wanted[a] = True
+    assert np.array_equal(taken, wanted)

@@ -8,7 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.geodesy import earth_centred
-from coastwatch.kernels.association.candidate_pairs import candidate_pairs, sorted_places
+from coastwatch.kernels.association.candidate_pairs import candidate_pairs
+from coastwatch.kernels.association.crowds import find_crowds, no_crowds
+from coastwatch.kernels.association.places import sorted_places
 
 
 def points(seed, n, reach_m):
@@ -30,7 +32,7 @@ def pairs_within(position, source, gate_m, spot=None, halo=None, member=None):
     start = np.cumsum([0, *map(len, halo)])
     halo = start, np.array([k for spots in halo for k in spots], np.int64)
     members = np.flatnonzero(np.isin(place["row"], np.arange(n) if member is None else member))
-    pair = candidate_pairs(0, len(members), members, place, halo, gate_m)
+    pair = candidate_pairs(0, len(members), members, place, halo, no_crowds(), gate_m)
     around = np.bincount(pair["first"], minlength=n)[pair["first"]]
     assert pair["density"] == pytest.approx(np.maximum(around - 1, 1) / (np.pi * gate_m**2))
     row = place["row"]

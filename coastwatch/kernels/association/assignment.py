@@ -1,4 +1,7 @@
-"""One-to-one assignment of a sparse list of pairs: connected components, each solved by scalar code compiled by numba."""
+"""One-to-one assignment of a sparse list of pairs: connected components, each solved by scalar code compiled by numba.
+
+A component of very many rows and columns is solved greedily, the greatest gain first: the best sum would cost their number cubed.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +16,12 @@ from coastwatch.kernels.threads import in_blocks
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+
+LARGEST = 512
+"""Rows and columns of the largest component that is solved exactly, or as much work: rows^2 columns, with no more rows than columns."""
+
+MOST_GAIN = 1e12
+"""Of a pair. Greater gains, also infinite ones, are all alike: sums of gains stay exact to 1e-4."""
 
 
 @jit
@@ -78,6 +87,18 @@ def _best(gain, pairs):  # type: ignore[no-untyped-def]
 
 
 @jit
+def _take_greedily(row, column, gain, pairs, place, selected):  # type: ignore[no-untyped-def]
+    """Select pairs, the greatest gain first, of equal ones the first. Args: as of `_solve_components`; place: 0 or more, -1 afterwards."""
+    row_place, column_place = place
+    best = np.argsort(-gain[pairs], kind="mergesort")
+    for k in best:
+        a = pairs[k]
+        if row_place[row[a]] >= 0 and column_place[column[a]] >= 0:
+            selected[a] = True
+            row_place[row[a]] = column_place[column[a]] = -1
+
+
+@jit
 def _solve_components(low, high, component, row, column, gain, place, selected):  # type: ignore[no-untyped-def]
     """Select pairs of components low to high.
 
@@ -99,8 +120,12 @@ def _solve_components(low, high, component, row, column, gain, place, selected):
             if column_place[column[a]] < 0:
                 column_place[column[a]] = columns
                 columns += 1
+        least = min(rows, columns)
+        if float(least) * least * max(rows, columns) > float(LARGEST) ** 3:
+            _take_greedily(row, column, gain, pairs, place, selected)
+            continue
         tall = rows > columns
-        cost = np.zeros((min(rows, columns), max(rows, columns)))
+        cost = np.zeros((least, max(rows, columns)))
         for a in pairs:
             i, j = row_place[row[a]], column_place[column[a]]
             if tall:
@@ -132,7 +157,8 @@ def assign_rows(row, column, gain, rows, columns):  # type: ignore[no-untyped-de
 def assign(first: Ints, second: Ints, gain: Floats) -> Bools:
     """Which pairs to take so that their gains sum to the most, each `first` and each `second` in one pair at most.
 
-    A pair without a positive gain is never taken. The answer does not depend on the order of the pairs; equal sums are decided by
+    A pair without a positive gain is never taken. Pairs that join more than some `LARGEST` rows and columns are taken in order of their
+    gains instead, and gains above `MOST_GAIN` count as that. The answer does not depend on the order of the pairs; equal sums are decided by
     the labels alone.
     Args: first, second: (A,) labels of the two sides, any integers, no pair twice; gain: (A,), NaN is no gain.
     Returns: (A,).
@@ -146,7 +172,7 @@ def assign(first: Ints, second: Ints, gain: Floats) -> Bools:
     firsts, row = np.unique(first[useful], return_inverse=True)
     seconds, column = np.unique(second[useful], return_inverse=True)
     order = np.lexsort((column, row))
-    row, column, gain = row[order], column[order], gain[useful[order]].astype(np.float64)
+    row, column, gain = row[order], column[order], np.minimum(gain[useful[order]].astype(np.float64), MOST_GAIN)
     chosen = np.zeros(len(useful), np.bool_)
     label = components(row, len(firsts) + column, len(firsts) + len(seconds))[row]
     count = int(label.max(initial=-1)) + 1

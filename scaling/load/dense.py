@@ -1,0 +1,113 @@
+"""Processor seconds of each stage where all vessels are in one small square, and the exponent of growth:
+
+python -m scaling.load.dense --vessels 1000,2000,4000,8000 --width-nm 1 [--cycles 24] [--scenario guanabara] [--json]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from statistics import median
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+from coastwatch import pipeline
+from coastwatch.operators.cli.arguments import count
+from coastwatch.scenario import load_scenario
+from coastwatch.server.machine import date_utc, machine
+from coastwatch.stage import serial
+from scaling.load.options import errors_as_one_line
+from scaling.load.progress import report_progress
+
+LAST = 4  # cycles whose median counts
+LEAST_S = 0.02  # in the largest run: of a stage that takes less no exponent is given
+
+
+def measure(vessels: int, width_nm: float, cycles: int, scenario: str) -> dict[str, Any]:
+    """Median seconds of each stage over the last cycles, and what the last cycle held.
+
+    Args: vessels: simulated, in a square of this width around the middle of the scenario's traffic.
+    """
+    size = {"input.count": str(vessels), "input.area_width_nm": str(width_nm), "input.area_height_nm": str(width_nm)}
+    s = load_scenario(scenario, size)
+    sensors, plan = s.sensors(), s.plan()
+    reports, memory, before_s = s.input.load(sensors, 1, plan).reports, pipeline.start(s, sensors), -np.inf
+    cycles_s: list[dict[str, float]] = []
+    with report_progress() as progress:
+        for k in range(cycles):
+            took: dict[str, float] = {}
+
+            @contextmanager
+            def timer(name: str, took: dict[str, float] = took) -> Iterator[None]:
+                begin_s = process_time()
+                yield
+                took[name] = took.get(name, 0.0) + process_time() - begin_s
+
+            now_s = plan.instant_s(k)
+            memory, cycle = pipeline.step(s, sensors, memory, reports.between(before_s, now_s), now_s, serial, timer)
+            before_s = now_s
+            cycles_s.append(took)
+            progress(k + 1, cycles, f"{vessels} vessels, {sum(took.values()):.2f} s")
+    last = cycles_s[-LAST:]
+    stages_s = {name: median(took[name] for took in last) for name in last[-1]}
+    return {
+        "vessels": vessels,
+        "tracks": len(cycle.tracks),
+        "bearing_tracks": len(cycle.bearing_tracks),
+        "in_picture": len(cycle.picture),
+        "pairs_tested": cycle.associations.tested,
+        "stages_s": stages_s | {"all": median(sum(took.values()) for took in last)},
+    }
+
+
+def exponents(runs: Sequence[dict[str, Any]]) -> dict[str, float]:
+    """The exponent of growth of each stage, by a line through logarithms of seconds and vessels; NaN for a quick stage."""
+    names = runs[-1]["stages_s"]
+    vessels = np.log([run["vessels"] for run in runs])
+    out = {}
+    for name in names:
+        seconds = np.array([run["stages_s"][name] for run in runs])
+        known = len(runs) > 1 and seconds[-1] >= LEAST_S and seconds.min() > 0.0
+        out[name] = float(np.polyfit(vessels, np.log(seconds), 1)[0]) if known else float("nan")
+    return out
+
+
+def table(runs: Sequence[dict[str, Any]]) -> str:
+    """Seconds of a cycle by stage and number of vessels, and the exponents, as text."""
+    growth = exponents(runs)
+    lines = [f"{'':<22}" + "".join(f"{run['vessels']:>10}" for run in runs) + "  exponent"]
+    for name in runs[-1]["stages_s"]:
+        row = "".join(f"{run['stages_s'][name]:10.3f}" for run in runs)
+        lines.append(f"{name:<22}{row}{growth[name]:10.2f}" if np.isfinite(growth[name]) else f"{name:<22}{row}{'-':>10}")
+    for name in ("tracks", "bearing_tracks", "in_picture", "pairs_tested"):
+        lines.append(f"{name:<22}" + "".join(f"{run[name]:10d}" for run in runs))
+    return "\n".join(lines)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--vessels", default="1000,2000,4000", help="numbers of vessels, separated by commas")
+    parser.add_argument("--width-nm", type=float, default=1.0, help="of the square")
+    parser.add_argument("--cycles", type=count, default=24, help="close approaches count from cycle 20 on")
+    parser.add_argument("--scenario", default="guanabara", help="whose sensors and settings are used")
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args(arguments)
+    with errors_as_one_line():
+        numbers = [count(number) for number in options.vessels.split(",")]
+        measure(50, options.width_nm, 2, options.scenario)  # compiles
+        runs = [measure(number, options.width_nm, options.cycles, options.scenario) for number in numbers]
+    if options.json:
+        print(json.dumps({"date": date_utc(), "machine": machine(), "width_nm": options.width_nm, "runs": runs}))
+        return
+    m = machine()
+    print(f"# {date_utc()}, {m['processors']} x {m['processor']}, load {m['load']}")
+    print(f"# {options.scenario}, square of {options.width_nm:g} NM, {options.cycles} cycles, median s of the last {LAST}, 1 thread")
+    print(table(runs))
+
+
+if __name__ == "__main__":
+    main()
