@@ -55,6 +55,14 @@ from coastwatch.tracks.standing import standing_echoes
 
 Timer = Callable[[str], AbstractContextManager[object]]
 
+LEFT_OUT = {
+    "associations": "pairs of tracks not compared: each track of a crowd is compared with the nearest alone",
+    "alarms": "pairs of vessels not watched for close approach: of each vessel of a crowd the nearest and most urgent are",
+    "octants": "pairs of a bearing and a vessel not compared: each bearing track is compared with the nearest in direction",
+    "bearing_tracks": "bearings not used: more than a cycle takes of one sensor or contact",
+}
+"""What `left_out` counts, by stage: at most so many pairs, or bearings."""
+
 
 @dataclass(frozen=True)
 class CentreMemory:
@@ -90,6 +98,7 @@ class Memory:
     ais_detection: AisDetection  # by the cover of the radars, for the next cycle
     radar_cover: RadarCover = field(default_factory=RadarCover.empty)  # for the next cycle
     beyond: dict[str, int] = field(default_factory=dict)  # reports, tracks and vessels that were dropped as none, by kind
+    left_out: dict[str, int] = field(default_factory=dict)  # as of Cycle, of all cycles
 
 
 @dataclass(frozen=True)
@@ -128,6 +137,7 @@ class Cycle:
     vessel_alarms: VesselAlarms = field(default_factory=VesselAlarms.empty)
     events: EventChanges = field(default_factory=EventChanges.empty)  # flags and alarms that begin or end
     unsound: int = 0  # vessels that were left out of the picture, because their state is none
+    left_out: dict[str, int] = field(default_factory=dict)  # by stage: pairs, or bearings, that a crowd has too many of
 
     def to_write(self) -> Cycle:
         """The cycle without arrays that the store does not read, so that their memory is free while the store writes."""
@@ -176,6 +186,7 @@ def dropped(memory: Memory, sensors: Sensors) -> tuple[Fault, ...]:
         (f"track state dropped: {stamp}, or a newer one is known", "received_tracks", int(m.received_tracks.dropped.sum()))
     ]
     counts += [(limits.BEYOND + kind, "pipeline", count) for kind, count in m.beyond.items()]
+    counts += [(LEFT_OUT[stage], stage, count) for stage, count in m.left_out.items()]
     return tuple(Fault(kind, count, where, "") for kind, where, count in counts if count)
 
 
@@ -282,6 +293,11 @@ def fuse(
     after = CentreMemory(*stages, next_bearings, alarms_memory, events_memory)
     found = spots, associations, fused, picture, members, octants, bearing_associations
     none = RadarCorrections.none(len(sensors.radars))
+    left_out = {
+        "associations": associations.left_out,
+        "alarms": alarms_memory.approaching.left_out,
+        "octants": octants.left_out,
+    }
     return after, Cycle(
         time_s,
         tracks,
@@ -292,6 +308,7 @@ def fuse(
         vessel_alarms=vessel_alarms,
         events=events,
         unsound=int((~good).sum()),
+        left_out=_summed(left_out),
     )
 
 
@@ -345,6 +362,7 @@ def step(
     received = Received(tracks, measurements, alarms, bearing_tracks, reports.statics, m.ais_detection, m.radar_cover)
     centre_memory, cycle = fuse(s, sensors, m.centre, received, time_s, map_, timer, zones)
     beyond = _summed(m.beyond, beyond, unsound, {"vessel of the picture": cycle.unsound})
+    left_out = _summed(cycle.left_out, {"bearing_tracks": bearing_memory.left_out - m.bearing_tracks.left_out})
     with timer("registration"):
         seen = plots, ais_tracks, alarms, measurements, cycle.picture, cycle.members, bearing_tracks, cycle.bearing_associations
         registration_memory, corrections = s.registration.step(m.registration, *seen, time_s, sensors, m.corrections)
@@ -357,8 +375,9 @@ def step(
     of_feeds, of_sources = ais_memory.clocks.summary(), s.received_tracks.summary(given_memory, sensors)
     standing = StandingEchoes.join([found for *_, found in regional])
     cycle = replace(cycle, corrections=corrections, ais_feeds=of_feeds, track_sources=of_sources, radar_cover=radar_cover)
-    cycle = replace(cycle, standing_echoes=standing)
-    return Memory(*first, registration_memory, corrections, cover_memory, ais_detection, radar_cover, beyond), cycle
+    cycle = replace(cycle, standing_echoes=standing, left_out=left_out)
+    last = registration_memory, corrections, cover_memory, ais_detection, radar_cover, beyond
+    return Memory(*first, *last, _summed(m.left_out, left_out)), cycle
 
 
 def _sound(
@@ -375,10 +394,10 @@ def _sound(
     return tracks.take(good), *kept, bearings.take(seen), counts
 
 
-def _summed(before: dict[str, int], *more: dict[str, int]) -> dict[str, int]:
-    """The sums of counts by kind."""
-    out = dict(before)
-    for counts in more:
+def _summed(*some: dict[str, int]) -> dict[str, int]:
+    """The sums of counts by kind, without zeros."""
+    out: dict[str, int] = {}
+    for counts in some:
         for kind, count in counts.items():
             if count:
                 out[kind] = out.get(kind, 0) + count

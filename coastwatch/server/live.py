@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, Self
 
-from coastwatch import store
+from coastwatch import pipeline, store
 from coastwatch.batches import Fault, Recording, Reports, Sensors
 from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario
@@ -118,6 +118,9 @@ RESTART_WAIT_S = (1.0, 2.0, 5.0, 10.0, 30.0)
 SHOWN_S = 600.0
 """For how long after it a restart is shown as a trouble."""
 
+CROWD_SHOWN_S = 60.0
+"""For how long after it a cycle that left pairs or bearings out is shown as a trouble."""
+
 REPAIRABLE = (ValueError, OSError, StoreError)
 """Errors of a run that the caller can repair: before its first cycle they end it."""
 
@@ -169,6 +172,7 @@ class LiveRun:
         self._writer: LiveWriter | None = None
         self._begun = False
         self._cycles_before = 0  # when this attempt began
+        self._left_out: dict[str, tuple[int, float]] = {}  # by stage: as of Cycle, and the time of the last cycle with any
         self._failures: list[tuple[float, str]] = []  # Unix time and text of each, the newest last
         self._catches_up = False  # the reports of the last cycle had come before it was asked for
         self._computed_s, self._spacing_s = math.inf, 0.0  # monotonic time of the last cycle, and how long after the one before
@@ -241,6 +245,11 @@ class LiveRun:
             )
             out.append(Trouble("clock", "", None, said, False))
         out += [
+            Trouble("crowd", stage, None, f"{pipeline.LEFT_OUT[stage]} ({count} in the last cycle with any)", False)
+            for stage, (count, when_s) in tuple(self._left_out.items())
+            if now_s - when_s < CROWD_SHOWN_S
+        ]
+        out += [
             Trouble("restart", "", when_s, f"the run was begun again after: {text}", False)
             for when_s, text in self._failures[-1:]
             if now_s - when_s < SHOWN_S
@@ -300,6 +309,7 @@ class LiveRun:
         if len(self._statics) > MOST_STATICS:
             self._statics = without_absent(self._statics, cycle.picture.mmsi)
         self.alarms.take(cycle.events)
+        self._left_out |= {stage: (count, clock.now_s()) for stage, count in cycle.left_out.items()}
         self.seconds, self._said = seconds, None
         self._on_picture(of_cycle(run_id, number, cycle, self._sensors, self._statics))
         self.late_s = clock.now_s() - self._source.due_s(cycle.time_s)

@@ -23,6 +23,14 @@ LINE_COLUMNS = ("sensor", "time_s", "bearing_rad", "weight")  # the data of a li
 GAIN = 100.0  # greater than any squared gate plus the logarithm of its width: every bearing in a gate has a positive gain
 SAME_SLOT = 0.75  # of the spacing: a clock that jitters by a quarter still fills one slot a report
 CONTACTS = 2**40  # contact numbers of one sensor
+MOST_OWN, MOST_NUMBERED = 2000, 300
+"""Bearings without a contact number of one sensor, and bearings of one numbered contact, that are used in a cycle, evenly chosen."""
+
+MOST_LOOKS = 100
+"""Looks of one sensor in a cycle. Where its bearings have more times, looks are by a grid of time."""
+
+WIDER = 1e-6  # than a gate, for rounding
+MOST_GATED = 64  # bearings of a look that one track is compared with: the nearest
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +55,7 @@ class BearingMemory:
     signatures: Ints  # (N, C) reports of each VesselClass
     counter: Ints  # (K,) tracks that each sensor has had
     dropped: int  # reports that are not finite or from the future
+    left_out: int  # reports beyond `MOST_OWN` and `MOST_NUMBERED`
 
     def check_rows(self) -> None:
         """Check the numbers of sensors, as after reading a checkpoint. Raises: ValueError that names the field."""
@@ -56,10 +65,10 @@ class BearingMemory:
     def empty(window: int) -> BearingMemory:
         n, x, slots = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, window))
         sites, signatures = np.zeros((0, window, 2)), np.zeros((0, CLASSES), np.int64)
-        return BearingMemory(n, n, n, x, x, x, n, n, n, n, slots, slots, slots, slots, sites, signatures, n, 0)
+        return BearingMemory(n, n, n, x, x, x, n, n, n, n, slots, slots, slots, slots, sites, signatures, n, 0, 0)
 
 
-ROWS = tuple(f.name for f in fields(BearingMemory) if f.name not in ("counter", "dropped"))
+ROWS = tuple(f.name for f in fields(BearingMemory) if f.name not in ("counter", "dropped", "left_out"))
 MEASURED = ("measured_weight", "measured_s", "measured_rad", "measured_site_deg")  # means over the bearings of this cycle
 EMPTY = {"time_s": np.nan, "bearing_rad": np.nan, "weight": 0.0, "precision": np.nan, "site_deg": np.nan, "begin_s": np.nan}
 
@@ -190,11 +199,11 @@ class Windows:
         if not rows.all():
             self.column = {name: values[rows] for name, values in self.column.items()}
 
-    def memory(self, dropped: int) -> BearingMemory:
-        """The columns, sorted by track_id. Args: dropped: reports that were dropped up to now."""
+    def memory(self, dropped: int, left_out: int) -> BearingMemory:
+        """The columns, sorted by track_id. Args: reports that were dropped, and left out, up to now."""
         order = np.argsort(self.column["track_id"], kind="stable")
         columns = {name: self.column[name][order] for name in ROWS}
-        return BearingMemory(**columns, counter=self.counter, dropped=dropped)
+        return BearingMemory(**columns, counter=self.counter, dropped=dropped, left_out=left_out)
 
     def measured(self) -> dict[str, Array]:
         """Mean of the bearings of this cycle and its weight, 0 where there was none; sorted by track_id."""
@@ -229,7 +238,8 @@ class BearingWindow(Method):
     that one bearing is enough. A report that is not newer than what its contact already has is left out.
     Own tracks: at each look of the sensor, bearings are assigned one to one to the tracks whose prediction is within
     `gate_sigmas`; what is left begins new tracks. A track is yielded once `start_hits` of its first `start_looks` looks had a
-    bearing, and ends after `end_misses` looks without. Every track ends when it is silent for longer than `drop_after_s`.
+    bearing, and ends after `end_misses` looks without. A look is the bearings of one time; of more than `MOST_LOOKS` times in a cycle
+    it is those of a cell of a grid of time, as wide as the cycle has it. Of very many bearings in a cycle an even choice is used. Every track ends when it is silent for longer than `drop_after_s`.
     Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven
     Approach, eq. 10 (bearing and angular velocity from successive bearings over a given time).
     """
@@ -268,13 +278,16 @@ class BearingWindow(Method):
         usable = np.isfinite(reports.bearing_deg) & np.isfinite(reports.time_s) & (reports.time_s <= time_s + self.ahead_s)
         dropped = memory.dropped + int((~usable).sum())
         reports = reports.take(order[usable[order]])
+        whose = np.where(reports.contact >= 0, reports.sensor * CONTACTS + reports.contact, -1 - reports.sensor)
+        few = _evenly(whose, np.where(whose >= 0, MOST_NUMBERED, MOST_OWN))
+        left_out, reports = memory.left_out + int((~few).sum()), reports.take(few)
         numbered, own = reports.take(reports.contact >= 0), reports.take(reports.contact < 0)
         for rows in _rounds(numbered.sensor * CONTACTS + numbered.contact):
             windows.update_contacts(numbered.take(rows), self.drop_after_s)
         for rows in _looks(own):
             self._look(windows, own.take(rows), sensors.sonars.bearing_sigma_rad)
         windows.keep(time_s - windows.column["updated_s"] <= self.drop_after_s)
-        after = windows.memory(dropped)
+        after = windows.memory(dropped, left_out)
         return after, self._tracks(after, windows.measured(), time_s, sensors)
 
     def _look(self, windows: Windows, reports: BearingReports, sigma_rad: Floats) -> None:
@@ -286,10 +299,13 @@ class BearingWindow(Method):
         count = np.searchsorted(reports.sensor, c["sensor"], side="right") - start
         seen = np.flatnonzero((c["contact"] < 0) & (count > 0))
         bearing, _, covariance = self._line({k: c[k][seen] for k in LINE_COLUMNS}, reports.time_s[start[seen]], sigma_rad)
-        pair = np.repeat(np.arange(len(seen)), count[seen])
-        report = np.arange(len(pair)) - np.repeat(np.cumsum(count[seen]) - count[seen] - start[seen], count[seen])
+        weight = relative_weight(reports, sigma_rad)
+        widest = np.zeros(len(sigma_rad))
+        np.maximum.at(widest, reports.sensor, sigma_rad[reports.sensor] ** 2 / weight)
+        half = self.gate_sigmas * np.sqrt(covariance[:, 0, 0] + widest[c["sensor"][seen]])
+        pair, report = _near_in_bearing(bearing, half, c["sensor"][seen], reports)
         off = wrap_rad(np.radians(reports.bearing_deg[report]) - bearing[pair])
-        noise = sigma_rad[c["sensor"][seen[pair]]] ** 2 / relative_weight(reports, sigma_rad)[report]
+        noise = sigma_rad[c["sensor"][seen[pair]]] ** 2 / weight[report]
         variance = covariance[pair, 0, 0] + noise
         # A wide gate costs gain, and confirmed tracks go first: otherwise a track with a wide gate takes every bearing.
         tier = GAIN * (1.0 + (c["hits"][seen[pair]] >= self.start_hits))
@@ -376,10 +392,55 @@ def _rounds(key: Ints) -> Iterator[Ints]:
         yield np.flatnonzero(rank == r)
 
 
+def _evenly(key: Ints, most: Ints) -> Bools:
+    """Which rows to use: of each key at most so many, evenly chosen in their order. Args: (M,), (M,) the same for all rows of a key."""
+    if np.unique(key, return_counts=True)[1].max(initial=0) <= most.min(initial=MOST_OWN):
+        return np.ones(len(key), np.bool_)
+    order = np.argsort(key, kind="stable")
+    first = np.searchsorted(key[order], key[order])
+    count = np.searchsorted(key[order], key[order], side="right") - first
+    rank, limit = np.arange(len(key)) - first, np.minimum(most[order], count)
+    out = np.empty(len(key), np.bool_)
+    out[order] = (rank + 1) * limit // count > rank * limit // count
+    return out
+
+
+def _near_in_bearing(bearing_rad: Floats, half_rad: Floats, sensor: Ints, reports: BearingReports) -> tuple[Ints, Ints]:
+    """Pairs of a track and a bearing of its sensor that is no farther off; of more than `MOST_GATED` the nearest. Sorted.
+
+    Args: bearing_rad, half_rad, sensor: (T,) of each track; reports: (M,). Returns: (A,), (A,).
+    """
+    count, turn = len(reports), 2.0 * np.pi
+    said = np.tile(wrap_rad(np.radians(reports.bearing_deg)), 3) + np.repeat([-turn, 0.0, turn], count)
+    base = 4.0 * turn  # between one sensor and the next: bearings are within three turns
+    key = np.tile(reports.sensor, 3) * base + said
+    order = np.argsort(key, kind="stable")
+    key, middle = key[order], sensor * base + wrap_rad(bearing_rad)
+    half = np.minimum(half_rad * (1.0 + WIDER) + WIDER, np.pi)
+    low, high = np.searchsorted(key, middle - half), np.searchsorted(key, middle + half)
+    many = np.flatnonzero(high - low > MOST_GATED)
+    nearest = kernels.bearings.candidates.first_of_nearest(middle[many], key, low[many], (high - low)[many], MOST_GATED)
+    low[many], high[many] = nearest, nearest + MOST_GATED
+    track = np.repeat(np.arange(len(low)), high - low)
+    report = order[kernels.bearings.candidates.ranges(low, high - low)] % max(count, 1)
+    track, report = np.divmod(np.unique(track * count + report), max(count, 1))
+    return track, report
+
+
 def _looks(reports: BearingReports) -> Iterator[Ints]:
-    """Rows of the first look of every sensor, then of the second, and so on. A look is the reports of one sensor at one time."""
+    """Rows of the first look of every sensor, then of the second, and so on.
+
+    A look is the reports of one sensor at one time. Of more than `MOST_LOOKS` times it is those in a cell of a grid of time.
+    """
     look, of = np.unique(np.column_stack([reports.sensor, reports.time_s]), axis=0, return_inverse=True)
-    sensor = look[:, 0]
-    rank = (np.arange(len(look)) - np.searchsorted(sensor, sensor))[of.reshape(-1)]
+    sensor, of = look[:, 0].astype(np.int64), of.reshape(-1)
+    first, after = np.searchsorted(sensor, sensor), np.searchsorted(sensor, sensor, side="right")
+    rank = np.arange(len(look)) - first
+    many = np.flatnonzero(after - first > MOST_LOOKS)
+    if len(many):
+        begin_s, end_s = look[first[many], 1], look[after[many] - 1, 1]
+        cell = np.floor((look[many, 1] - begin_s) / (end_s - begin_s) * MOST_LOOKS).astype(np.int64)
+        rank[many] = np.minimum(cell, MOST_LOOKS - 1)
+    rank = rank[of]
     for r in range(int(rank.max(initial=-1)) + 1):
         yield np.flatnonzero(rank == r)

@@ -1,6 +1,6 @@
 """Processor seconds of each stage where all vessels are in one small square, and the exponent of growth:
 
-python -m scaling.load.dense --vessels 1000,2000,4000,8000 --width-nm 1 [--cycles 24] [--scenario guanabara] [--json]
+python -m scaling.load.dense --vessels 1000 2000 4000 8000 --width-nm 1 [--cycles 24] [--scenario guanabara] [--json]
 """
 
 from __future__ import annotations
@@ -60,6 +60,7 @@ def measure(vessels: int, width_nm: float, cycles: int, scenario: str) -> dict[s
         "bearing_tracks": len(cycle.bearing_tracks),
         "in_picture": len(cycle.picture),
         "pairs_tested": cycle.associations.tested,
+        "left_out": sum(getattr(cycle, "left_out", {}).values()),
         "stages_s": stages_s | {"all": median(sum(took.values()) for took in last)},
     }
 
@@ -83,29 +84,30 @@ def table(runs: Sequence[dict[str, Any]]) -> str:
     for name in runs[-1]["stages_s"]:
         row = "".join(f"{run['stages_s'][name]:10.3f}" for run in runs)
         lines.append(f"{name:<22}{row}{growth[name]:10.2f}" if np.isfinite(growth[name]) else f"{name:<22}{row}{'-':>10}")
-    for name in ("tracks", "bearing_tracks", "in_picture", "pairs_tested"):
+    for name in ("tracks", "bearing_tracks", "in_picture", "pairs_tested", "left_out"):
         lines.append(f"{name:<22}" + "".join(f"{run[name]:10d}" for run in runs))
     return "\n".join(lines)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--vessels", default="1000,2000,4000", help="numbers of vessels, separated by commas")
+    parser.add_argument("--vessels", type=count, nargs="+", default=[1000, 2000, 4000], metavar="N", help="numbers of vessels")
     parser.add_argument("--width-nm", type=float, default=1.0, help="of the square")
     parser.add_argument("--cycles", type=count, default=24, help="close approaches count from cycle 20 on")
     parser.add_argument("--scenario", default="guanabara", help="whose sensors and settings are used")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args(arguments)
     with errors_as_one_line():
-        numbers = [count(number) for number in options.vessels.split(",")]
         measure(50, options.width_nm, 2, options.scenario)  # compiles
-        runs = [measure(number, options.width_nm, options.cycles, options.scenario) for number in numbers]
+        runs = [measure(number, options.width_nm, options.cycles, options.scenario) for number in options.vessels]
     if options.json:
         print(json.dumps({"date": date_utc(), "machine": machine(), "width_nm": options.width_nm, "runs": runs}))
         return
     m = machine()
     print(f"# {date_utc()}, {m['processors']} x {m['processor']}, load {m['load']}")
-    print(f"# {options.scenario}, square of {options.width_nm:g} NM, {options.cycles} cycles, median s of the last {LAST}, 1 thread")
+    print(
+        f"# {options.scenario}, square of {options.width_nm:g} NM, {options.cycles} cycles, median s of the last {LAST}, 1 thread"
+    )
     print(table(runs))
 
 

@@ -7,12 +7,24 @@ from dataclasses import replace
 import bearing_world as bw
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from coastwatch.batches import BearingReports, Floats, Sensors
-from coastwatch.geodesy import wrap_deg
+from coastwatch.geodesy import wrap_deg, wrap_rad
 from coastwatch.server.checkpoint import load, save
-from coastwatch.tracks.bearing import ID_STRIDE, BearingWindow
+from coastwatch.tracks.bearing import (
+    ID_STRIDE,
+    MOST_GATED,
+    MOST_LOOKS,
+    MOST_NUMBERED,
+    MOST_OWN,
+    BearingWindow,
+    _evenly,
+    _looks,
+    _near_in_bearing,
+)
 
 ROUNDING = 1e-9
 START = bw.START_S
@@ -278,3 +290,65 @@ def test_a_track_without_a_bearing_in_the_cycle_has_no_measurement() -> None:
     for column in (tracks.measured_s, tracks.measured_rad, tracks.measured_variance, tracks.measured_site_deg):
         assert np.isnan(column).all()
     assert len(tracks) == 1
+
+
+@given(st.integers(0, 10**6), st.integers(0, 30), st.integers(0, 100), st.sampled_from([0.01, 0.5, 4.0]))
+def test_pairs_near_in_bearing_are_those_of_brute_force_or_the_nearest_of_them(seed, tracks, count, wide):
+    rng = np.random.default_rng([seed, 31])
+    sensor, of = rng.integers(0, 3, tracks), np.sort(rng.integers(0, 3, count))
+    reports = say(of, 0.0, rng.integers(0, 360, count) if seed % 2 else rng.uniform(0.0, 360.0, count), -1)
+    middle, half = rng.uniform(-np.pi, np.pi, tracks), rng.uniform(0.0, wide, tracks)
+    track, report = _near_in_bearing(middle, half, sensor, reports)
+    assert (np.diff(track * count + report) > 0).all()
+    off = np.abs(wrap_rad(np.radians(reports.bearing_deg)[None] - middle[:, None]))
+    for k in range(tracks):
+        wanted = np.flatnonzero((off[k] <= half[k]) & (of == sensor[k]))
+        got = report[track == k]
+        assert (of[got] == sensor[k]).all()
+        if len(wanted) <= MOST_GATED:
+            assert set(wanted) <= set(got.tolist()) or len(got) == MOST_GATED
+            assert (off[k][got] <= half[k] + 1e-5).all()
+        else:
+            assert np.sort(off[k][got]) == pytest.approx(np.sort(off[k][wanted])[:MOST_GATED], abs=1e-9)
+
+
+def test_more_times_than_looks_in_a_cycle_are_looks_by_a_grid_and_tracks_are_kept() -> None:
+    sensors, method = bw.sensors_of(np.zeros((1, 2)), 7000.0, (0.0, 360.0)), BearingWindow()
+    cycles, rng = [], np.random.default_rng([32, 0])
+    for k in range(8):
+        turns = [3.0 * k + 0.3 * (j + 1) for j in range(10)]  # ten turns a cycle, each stamps its 60 boxes one by one
+        stamp = np.concatenate([turn - 0.29 * np.arange(60)[::-1] / 60 for turn in turns])
+        cycles.append(say(0, stamp, np.tile(6.0 * np.arange(60), 10) + rng.normal(0.0, 0.05, 600), -1))
+    assert len(np.unique(cycles[0].time_s)) > MOST_LOOKS
+    looks = list(_looks(cycles[0]))
+    assert len(looks) == MOST_LOOKS and np.sort(np.concatenate(looks)).tolist() == list(range(600))
+    _, tracks = play(method, cycles, sensors)
+    assert len(tracks) <= 60  # one of each time in the grid: no second track of a vessel
+    few = cycles[0].take(np.arange(MOST_LOOKS))
+    assert [rows.tolist() for rows in _looks(few)] == [[k] for k in range(MOST_LOOKS)]
+
+
+@pytest.mark.parametrize(("contact", "most"), [(-1, MOST_OWN), (3, MOST_NUMBERED)])
+def test_of_very_many_bearings_an_even_choice_is_used_and_the_rest_is_counted(contact: int, most: int) -> None:
+    sensors, method = two_sensors(), BearingWindow()
+    stamp = np.linspace(0.0, 2.9, 3 * most)
+    flood = say(0, stamp, np.full(len(stamp), 20.0), contact)
+    quiet = say(1, 1.0, 50.0, 3)
+    together = BearingReports.join([flood, quiet])
+    memory, tracks = method.step(method.init(), together, START + 3.0, sensors)
+    assert memory.left_out == 2 * most
+    assert (memory.contact == 3).sum() == 1 + (contact >= 0)
+    memory, _ = method.step(memory, say(0, 3.0 + stamp[::3], np.full(most, 20.0), contact), START + 6.0, sensors)
+    assert memory.left_out == 2 * most
+
+
+@given(st.integers(0, 10**6), st.integers(0, 60))
+def test_an_even_choice_takes_all_of_few_and_spreads_over_many(seed: int, count: int) -> None:
+    key = np.random.default_rng([seed, 33]).integers(-3, 2, count)
+    most = np.where(key < 0, 4, 7)
+    chosen = _evenly(key, most)
+    for k in np.unique(key):
+        rows, limit = np.flatnonzero(key == k), 4 if k < 0 else 7
+        got = np.flatnonzero(chosen[rows])
+        assert len(got) == min(len(rows), limit)
+        assert np.diff(got).max(initial=1) <= -(-len(rows) // limit)

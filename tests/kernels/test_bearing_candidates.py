@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from coastwatch.geodesy import wrap_deg
 from coastwatch.kernels.bearings.candidates import (
@@ -43,15 +45,34 @@ def test_vessels_of_octants_and_tracks_with_them() -> None:
     tolerance, sensor = rng.uniform(0.0, 60.0, 300), rng.integers(0, SENSORS, 300)
     tolerance[::3] = 0.0
     row = np.sort(rng.integers(0, VESSELS, 300))
-    start, vessel = vessels_by_octant(direction, tolerance, sensor, row, SENSORS)
+    start, vessel, from_middle = vessels_by_octant(direction, tolerance, sensor, row, SENSORS)
     off = np.abs(wrap_deg(direction[:, None] - 45.0 * (np.arange(SECTORS) + 0.5)))
     near = (off <= 22.5 + tolerance[:, None]) | (np.arange(SECTORS) == (np.floor(direction / 45.0) % SECTORS)[:, None])
     for k in range(SENSORS * SECTORS):
         np.testing.assert_array_equal(vessel[start[k] : start[k + 1]], row[near[:, k % SECTORS] & (sensor == k // SECTORS)])
     octant = rng.integers(0, SENSORS * SECTORS, 20)
-    track, of_track = pairs_of_tracks(octant, start, vessel)
+    track, of_track = pairs_of_tracks(octant, np.zeros(20), (start, vessel, from_middle), 300)
     np.testing.assert_array_equal(track, np.repeat(np.arange(20), np.diff(start)[octant]))
     np.testing.assert_array_equal(of_track, np.concatenate([vessel[start[o] : start[o + 1]] for o in octant]))
+
+
+@given(st.integers(0, 10**6), st.integers(0, 60), st.integers(0, 20), st.integers(1, 9))
+def test_in_an_octant_of_many_vessels_each_track_has_those_nearest_in_direction(seed, vessels, tracks, most):
+    rng = np.random.default_rng([seed, 9])
+    direction = rng.integers(-180, 180, vessels) + rng.choice([0.0, 0.37], vessels)  # equal ones, and none half-way
+    row, none = np.arange(vessels), np.zeros(vessels)
+    found = vessels_by_octant(direction, none, np.zeros(vessels, np.int64), row, 1)
+    octant, bearing = rng.integers(0, 3, tracks), rng.uniform(-22.5, 22.5, tracks)
+    track, vessel = pairs_of_tracks(octant, bearing, found, most)
+    assert (np.lexsort((vessel, track)) == np.arange(len(track))).all()
+    for k in range(tracks):
+        inside = np.flatnonzero(np.abs(wrap_deg(direction - 45.0 * octant[k] - 22.5)) <= 22.5)
+        off = np.abs(wrap_deg(direction[inside] - 45.0 * octant[k] - 22.5) - bearing[k])
+        got = vessel[track == k]
+        assert len(got) == min(len(inside), most) == len(np.unique(got))
+        assert np.isin(got, inside).all()
+        of_got = np.abs(wrap_deg(direction[got] - 45.0 * octant[k] - 22.5) - bearing[k])
+        np.testing.assert_allclose(np.sort(of_got), np.sort(off)[:most], atol=1e-9)
 
 
 def test_sectors_begin_at_their_border() -> None:

@@ -9,11 +9,12 @@ from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
+import numpy as np
 import pytest
 
 from coastwatch.store import open_store, runs
 from coastwatch.store.schema import database
-from scaling.load import cycle, queries, ramp, seeds, soak, stages
+from scaling.load import cycle, dense, queries, ramp, seeds, soak, stages
 from scaling.load.run import Load, run_cycles
 
 
@@ -146,3 +147,20 @@ def test_standard_output_is_json_alone(
         monkeypatch.setattr(sys, "argv", ["command", *words.split()])
         command.main()
         assert json.loads(capsys.readouterr().out)
+
+
+def test_dense_traffic_is_a_table_by_stage_with_exponents(capsys: pytest.CaptureFixture[str]) -> None:
+    dense.main(["--vessels", "60", "120", "--width-nm", "0.5", "--cycles", "3"])
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[2].split() == ["60", "120", "exponent"]
+    row = {line.split()[0]: line.split()[1:] for line in lines[3:]}
+    assert {"associations", "alarms", "bearing_associations", "all", "left_out"} <= row.keys()
+    assert int(row["in_picture"][1]) > int(row["in_picture"][0]) > 20
+    dense.main(["--vessels", "60", "--cycles", "2", "--json"])
+    assert [run["vessels"] for run in json.loads(capsys.readouterr().out)["runs"]] == [60]
+
+
+def test_the_exponent_of_growth_is_that_of_the_seconds() -> None:
+    runs = [{"vessels": n, "stages_s": {"quick": 1e-6 * n, "square": 1e-6 * n**2}} for n in (100, 200, 400)]
+    assert dense.exponents(runs)["square"] == pytest.approx(2.0)
+    assert np.isnan(dense.exponents(runs)["quick"])
