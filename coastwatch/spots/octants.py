@@ -11,7 +11,6 @@ from coastwatch import kernels
 from coastwatch.batches import BearingTracks, Floats, Ints, Octants, Picture, Sensors
 from coastwatch.stage import Method
 
-
 MOST_VESSELS = 200
 """Vessels that a bearing track is compared with. In an octant of more each track is compared with those nearest in direction."""
 

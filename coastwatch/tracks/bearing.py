@@ -238,8 +238,9 @@ class BearingWindow(Method):
     that one bearing is enough. A report that is not newer than what its contact already has is left out.
     Own tracks: at each look of the sensor, bearings are assigned one to one to the tracks whose prediction is within
     `gate_sigmas`; what is left begins new tracks. A track is yielded once `start_hits` of its first `start_looks` looks had a
-    bearing, and ends after `end_misses` looks without. A look is the bearings of one time; of more than `MOST_LOOKS` times in a cycle
-    it is those of a cell of a grid of time, as wide as the cycle has it. Of very many bearings in a cycle an even choice is used. Every track ends when it is silent for longer than `drop_after_s`.
+    bearing, and ends after `end_misses` looks without. Every track ends when it is silent for longer than `drop_after_s`.
+    A look is the bearings of one time. If a sensor has more than `MOST_LOOKS` times in a cycle, its looks are cells of a grid of time.
+    Of very many bearings in a cycle an even choice is used, and the others are counted.
     Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven
     Approach, eq. 10 (bearing and angular velocity from successive bearings over a given time).
     """

@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from coastwatch.alarms import AlarmRules, Zone, numbered
+from coastwatch.alarms import AlarmRules, Zone, close_approach, numbered
 from coastwatch.alarms.close_approach import SPANS, Approaching, close_pairs
 from coastwatch.alarms.zones import Shape
 from coastwatch.batches import (
@@ -273,6 +275,50 @@ def test_all_close_pairs_are_found_and_no_others() -> None:
     pairs = set(zip(found.first[within].tolist(), found.second[within].tolist(), strict=True))
     assert len(wanted) > 100
     assert len(pairs ^ wanted) <= 0.01 * len(wanted)  # the loop's plane is flat
+
+
+def fleet(count: int, width_m: float, seed: int) -> Picture:
+    rng = np.random.default_rng([seed, 6])
+    course, speeds = rng.uniform(0.0, 2 * np.pi, count), rng.choice([5.0, 8.0, 15.0, 45.0], count)
+    rows = [
+        {"id": k + 1, "at": tuple(rng.uniform(0.0, width_m, 2)), "kn": (s * np.sin(c), s * np.cos(c))}
+        for k, (s, c) in enumerate(zip(speeds, course, strict=True))
+    ]
+    return picture_of(100.0, rows)[0]
+
+
+def test_in_a_crowd_the_nearest_are_compared_and_the_most_urgent_followed(monkeypatch: pytest.MonkeyPatch) -> None:
+    picture = fleet(400, 2000.0, 1)
+    monkeypatch.setattr(close_approach, "MOST_NEAR", len(picture))
+    monkeypatch.setattr(close_approach, "MOST_FOLLOWED", len(picture))
+    every, all_pairs = close_pairs(RULES, Approaching.none(), picture, 100.0)
+    assert every.left_out == 0
+    monkeypatch.setattr(close_approach, "MOST_NEAR", 60)
+    monkeypatch.setattr(close_approach, "MOST_FOLLOWED", 5)
+    followed, found = close_pairs(RULES, Approaching.none(), picture, 100.0)
+    pairs, wanted = set(zip(found.first, found.second, strict=True)), set(zip(all_pairs.first, all_pairs.second, strict=True))
+    assert pairs < wanted
+    assert followed.left_out >= len(wanted) - len(pairs) > 1000
+    assert len(pairs) <= 5 * len(picture)
+    assert len(np.union1d(found.first, found.second)) > 0.9 * len(np.union1d(all_pairs.first, all_pairs.second))
+    _, same = close_pairs(RULES, followed, picture, 100.0)
+    assert len(same.first) <= 5 * len(picture)  # in the next cycle too, beside those that are followed
+
+
+@given(st.integers(0, 10**6), st.integers(0, 120))
+def test_the_most_urgent_pairs_of_each_vessel_are_followed(seed: int, count: int) -> None:
+    rng = np.random.default_rng([seed, 7])
+    code = np.unique(rng.integers(0, 12 * 12, count))
+    first, second = code[code // 12 < code % 12] // 12, code[code // 12 < code % 12] % 12
+    tcpa_s, none = rng.integers(0, 9, len(first)).astype(float), np.zeros(len(first))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(close_approach, "MOST_FOLLOWED", 3)
+        got = close_approach._most_urgent(close_approach.Pairs(first, second, none, tcpa_s, none), 12)
+    wanted = np.zeros(len(first), np.bool_)
+    for vessel in range(12):
+        own = [k for k in range(len(first)) if vessel in (first[k], second[k])]
+        wanted[sorted(own, key=lambda k: (tcpa_s[k], k))[:3]] = True
+    assert np.array_equal(got, wanted)
 
 
 def test_a_head_on_pair_alarms_once_until_it_has_passed_and_company_or_moored_vessels_do_not() -> None:

@@ -321,7 +321,8 @@ def test_more_times_than_looks_in_a_cycle_are_looks_by_a_grid_and_tracks_are_kep
         cycles.append(say(0, stamp, np.tile(6.0 * np.arange(60), 10) + rng.normal(0.0, 0.05, 600), -1))
     assert len(np.unique(cycles[0].time_s)) > MOST_LOOKS
     looks = list(_looks(cycles[0]))
-    assert len(looks) == MOST_LOOKS and np.sort(np.concatenate(looks)).tolist() == list(range(600))
+    assert len(looks) == MOST_LOOKS
+    assert np.sort(np.concatenate(looks)).tolist() == list(range(600))
     _, tracks = play(method, cycles, sensors)
     assert len(tracks) <= 60  # one of each time in the grid: no second track of a vessel
     few = cycles[0].take(np.arange(MOST_LOOKS))
@@ -335,7 +336,7 @@ def test_of_very_many_bearings_an_even_choice_is_used_and_the_rest_is_counted(co
     flood = say(0, stamp, np.full(len(stamp), 20.0), contact)
     quiet = say(1, 1.0, 50.0, 3)
     together = BearingReports.join([flood, quiet])
-    memory, tracks = method.step(method.init(), together, START + 3.0, sensors)
+    memory, _tracks = method.step(method.init(), together, START + 3.0, sensors)
     assert memory.left_out == 2 * most
     assert (memory.contact == 3).sum() == 1 + (contact >= 0)
     memory, _ = method.step(memory, say(0, 3.0 + stamp[::3], np.full(most, 20.0), contact), START + 6.0, sensors)

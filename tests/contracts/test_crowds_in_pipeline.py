@@ -40,7 +40,8 @@ def faults_of(scenario: Scenario, memory: Memory) -> dict[str, int]:
 def test_what_a_crowd_leaves_out_is_counted_and_told() -> None:
     scenario, memory, cycles = played(900, 0.7, 6)
     of_stage = {stage: sum(cycle.left_out.get(stage, 0) for cycle in cycles) for stage in pipeline.LEFT_OUT}
-    assert of_stage["associations"] > 10_000 and of_stage["alarms"] > 1000
+    assert of_stage["associations"] > 10_000
+    assert of_stage["alarms"] > 1000
     assert faults_of(scenario, memory) | {s: n for s, n in of_stage.items() if n} == faults_of(scenario, memory)
     last = cycles[-1]
     assert last.associations.tested < 512 * len(last.tracks)
@@ -50,7 +51,8 @@ def test_what_a_crowd_leaves_out_is_counted_and_told() -> None:
 def test_ordinary_traffic_leaves_nothing_out() -> None:
     scenario, memory, cycles = played(300, 17.0, 6)
     assert [cycle.left_out for cycle in cycles] == [{}] * 6
-    assert memory.left_out == {} and not pipeline.LEFT_OUT.keys() & faults_of(scenario, memory).keys()
+    assert memory.left_out == {}
+    assert not pipeline.LEFT_OUT.keys() & faults_of(scenario, memory).keys()
 
 
 def test_a_server_shows_a_crowd_as_a_trouble_for_a_while(monkeypatch: Any) -> None:
@@ -64,7 +66,8 @@ def test_a_server_shows_a_crowd_as_a_trouble_for_a_while(monkeypatch: Any) -> No
     assert [one for one in run.troubles() if one.kind == "crowd"] == []
     run.computed(1, 1, cycles[-1], no_reports, {})
     shown = {one.name: one for one in run.troubles() if one.kind == "crowd"}
-    assert shown.keys() == cycles[-1].left_out.keys() and "associations" in shown
+    assert shown.keys() == cycles[-1].left_out.keys()
+    assert "associations" in shown
     assert not any(one.is_serious for one in shown.values())
     assert str(cycles[-1].left_out["associations"]) in shown["associations"].text
     now_s += CROWD_SHOWN_S

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from coastwatch.geodesy import earth_centred
 from coastwatch.kernels.association.candidate_pairs import candidate_pairs
-from coastwatch.kernels.association.crowds import find_crowds, no_crowds
+from coastwatch.kernels.association.crowds import no_crowds
 from coastwatch.kernels.association.places import sorted_places
 
 

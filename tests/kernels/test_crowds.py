@@ -51,7 +51,8 @@ def test_in_a_crowd_all_within_the_greatest_distance_with_few_enough_around_are_
         assert (around[near_m < side_m] > most).all()
     left = set(brute_force(position, source, gate_m)) - set(pairs)
     assert {first for first, _ in left} <= set(np.flatnonzero(cut).tolist())
-    assert crowds.left_out >= len(left) / 2 and (crowds.left_out > 0) >= (len(left) > 0)
+    assert crowds.left_out >= len(left) / 2
+    assert (crowds.left_out > 0) >= (len(left) > 0)
 
 
 @given(st.integers(0, 10**6), st.integers(0, 90))
@@ -76,11 +77,13 @@ def test_the_pairs_of_a_crowd_grow_no_faster_than_the_crowd(spread_m):
         each.append(len(pairs) / n)
         assert np.bincount([first for first, _ in pairs], minlength=1).max() <= most
         assert crowds.left_out > n * n / 16
-    assert max(each) <= most and each[-1] <= 2.0 * each[0] + 1.0
+    assert max(each) <= most
+    assert each[-1] <= 2.0 * each[0] + 1.0
 
 
 def test_the_own_cell_comes_first_among_places_that_nothing_tells_apart():
     position = np.tile([[10.0, 20.0]], (100, 1))
     position[:50, 1] += 1e-5
     pairs, _, _ = found_pairs(position, np.arange(100) % 2, 1.0, 10)
-    assert all((a < 50) == (b < 50) for a, b in pairs) and pairs
+    assert all((a < 50) == (b < 50) for a, b in pairs)
+    assert pairs

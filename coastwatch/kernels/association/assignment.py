@@ -157,9 +157,9 @@ def assign_rows(row, column, gain, rows, columns):  # type: ignore[no-untyped-de
 def assign(first: Ints, second: Ints, gain: Floats) -> Bools:
     """Which pairs to take so that their gains sum to the most, each `first` and each `second` in one pair at most.
 
-    A pair without a positive gain is never taken. Pairs that join more than some `LARGEST` rows and columns are taken in order of their
-    gains instead, and gains above `MOST_GAIN` count as that. The answer does not depend on the order of the pairs; equal sums are decided by
-    the labels alone.
+    A pair without a positive gain is never taken. Pairs that join more than some `LARGEST` rows and columns are taken in order of
+    their gains instead. A gain above `MOST_GAIN` counts as that. The answer does not depend on the order of the pairs; equal sums are
+    decided by the labels alone.
     Args: first, second: (A,) labels of the two sides, any integers, no pair twice; gain: (A,), NaN is no gain.
     Returns: (A,).
     Source: R. Jonker, A. Volgenant, A shortest augmenting path algorithm for dense and sparse linear assignment problems,
