@@ -40,6 +40,7 @@ from coastwatch.batches import (
     RadarCorrections,
     RadarCover,
     Reports,
+    SensorHearing,
     Sensors,
     Spots,
     StandingEchoes,
@@ -97,6 +98,7 @@ class Memory:
     cover: Any
     ais_detection: AisDetection  # by the cover of the radars, for the next cycle
     radar_cover: RadarCover = field(default_factory=RadarCover.empty)  # for the next cycle
+    silence: Any = None  # which sensors were heard, and how often
     beyond: dict[str, int] = field(default_factory=dict)  # reports, tracks and vessels that were dropped as none, by kind
     left_out: dict[str, int] = field(default_factory=dict)  # as of Cycle, of all cycles
 
@@ -112,6 +114,7 @@ class Received:
     statics: AisStatics
     ais_detection: AisDetection | None = None  # none: a radar should see every vessel within its range
     radar_cover: RadarCover | None = None  # the same
+    hearing: SensorHearing | None = None  # which sensors are heard; none: all
 
 
 @dataclass(frozen=True)
@@ -166,6 +169,7 @@ def start(scenario: Scenario, sensors: Sensors) -> Memory:
         RadarCorrections.none(len(sensors.radars)),
         s.cover.init(),
         AisDetection.empty(),
+        silence=s.silence.init(),
     )
 
 
@@ -250,7 +254,7 @@ def fuse(
     s, m = scenario, memory
     measurements, alarms = received.measurements, received.alarms
     bearing_tracks, statics, detection = received.bearing_tracks, received.statics, received.ais_detection
-    cover = received.radar_cover
+    cover, hearing = received.radar_cover, received.hearing
     with timer("alignment"):
         tracks = s.alignment.step(received.tracks, time_s)
     del received  # frees the tracks at their own times, if the caller has dropped them too
@@ -267,7 +271,16 @@ def fuse(
         fused, by_bearings = held_vessels(bearings, fused, int(associations.vessel.max(initial=-1)) + 1)
     with timer("picture"):
         picture_memory, picture, members = s.picture.step(
-            m.picture, tracks, associations, fused, alarms, time_s, sensors, by_bearings, detection=detection
+            m.picture,
+            tracks,
+            associations,
+            fused,
+            alarms,
+            time_s,
+            sensors,
+            by_bearings,
+            detection=detection,
+            hearing=hearing,
         )
         good = limits.are_sound(picture.position_deg, picture.covariance)
         if not good.all():
@@ -275,7 +288,7 @@ def fuse(
             picture = picture.take(good)
     with timer("alarms"):
         known = numbered(s.zones) if zones is None else zones
-        alarms_memory, vessel_alarms = s.alarms.step(m.alarms, picture, members, time_s, sensors, known, cover)
+        alarms_memory, vessel_alarms = s.alarms.step(m.alarms, picture, members, time_s, sensors, known, cover, hearing=hearing)
     with timer("octants"):
         octants_memory, octants = s.octants.step(m.octants, bearing_tracks, picture, sensors)
     with timer("bearing_associations"):
@@ -287,7 +300,7 @@ def fuse(
         stations, radars = expected_sensors(sensors, s.picture.cover_margin, s.picture.dark_after_s, s.picture.unseen_after_s)
         seen_by = tracks, members, bearing_tracks, bearing_associations
         heard_s = picture_memory.flags.ais_heard_s
-        evidence = Evidence(*seen_by, sensors.source_names, stations, radars, heard_s)
+        evidence = Evidence(*seen_by, sensors.source_names, stations, radars, heard_s, hearing)
         events_memory, events = next_events(m.events, picture, vessel_alarms, time_s, s.store.event_gap_s, evidence)
     stages = spots_memory, associations_memory, fused_memory, picture_memory, octants_memory, bearings_memory
     after = CentreMemory(*stages, next_bearings, alarms_memory, events_memory)
@@ -359,7 +372,9 @@ def step(
     tracks = Tracks.join([*(yielded for _, yielded, *_ in regional), given_tracks, ais_tracks])
     measurements = Measurements.join([*(taken for _, _, taken, _ in regional), ais_taken])
     tracks, measurements, alarms, bearing_tracks, unsound = _sound(tracks, measurements, alarms, bearing_tracks)
-    received = Received(tracks, measurements, alarms, bearing_tracks, reports.statics, m.ais_detection, m.radar_cover)
+    with timer("silence"):
+        silence_memory, hearing = s.silence.step(m.silence, reports, ais_tracks, time_s, sensors)
+    received = Received(tracks, measurements, alarms, bearing_tracks, reports.statics, m.ais_detection, m.radar_cover, hearing)
     centre_memory, cycle = fuse(s, sensors, m.centre, received, time_s, map_, timer, zones)
     beyond = _summed(m.beyond, beyond, unsound, {"vessel of the picture": cycle.unsound})
     left_out = _summed(cycle.left_out, {"bearing_tracks": bearing_memory.left_out - m.bearing_tracks.left_out})
@@ -369,14 +384,15 @@ def step(
     with timer("cover"):
         alarmed = np.isin(cycle.tracks.track_id, alarms.track_id[alarms.twice | alarms.impossible_speed])
         shown = plots, cycle.tracks, cycle.associations, measurements, alarmed, m.corrections.jumped
-        cover_memory, radar_cover, ais_detection = s.cover.step(m.cover, *shown, sensors)
+        cover_memory, radar_cover, ais_detection = s.cover.step(m.cover, *shown, sensors, silent=hearing.radars.silent)
     radar_memory = tuple(new for new, *_ in regional)
     first = plots_memory, radar_memory, ais_memory, bearing_memory, given_memory, centre_memory
     of_feeds, of_sources = ais_memory.clocks.summary(), s.received_tracks.summary(given_memory, sensors)
     standing = StandingEchoes.join([found for *_, found in regional])
     cycle = replace(cycle, corrections=corrections, ais_feeds=of_feeds, track_sources=of_sources, radar_cover=radar_cover)
     cycle = replace(cycle, standing_echoes=standing, left_out=left_out)
-    last = registration_memory, corrections, cover_memory, ais_detection, radar_cover, beyond
+    next_cover = cover_memory, ais_detection, radar_cover
+    last = registration_memory, corrections, *next_cover, silence_memory, beyond
     return Memory(*first, *last, _summed(m.left_out, left_out)), cycle
 
 

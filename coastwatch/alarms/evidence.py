@@ -18,6 +18,7 @@ from coastwatch.batches import (
     Ints,
     Members,
     Picture,
+    SensorHearing,
     Sensors,
     Tracks,
     VesselAlarms,
@@ -78,6 +79,7 @@ class Evidence:
     stations: Expected
     radars: Expected
     ais_heard_s: Floats  # (V,) newest AIS report of each vessel; -inf: not known
+    hearing: SensorHearing | None = None  # which sensors are heard; none: all
 
     def members_of(self, vessel_id: Ints, picture: Picture) -> Ints:
         """(L, 3) vessel, source, track, sorted: the tracks of some vessels, those of bearings among them."""
@@ -101,7 +103,7 @@ def texts(
     """
     parts: list[list[str]] = [[] for _ in row]
     raised = np.flatnonzero(alarm >= 0)
-    for k, text in zip(raised.tolist(), _of_alarms(alarms.take(alarm[raised]), picture), strict=True):
+    for k, text in zip(raised.tolist(), _of_alarms(alarms.take(alarm[raised]), picture, evidence), strict=True):
         parts[k].append(text)
     for flag, silence in ((Flag.DARK, _ais_silence), (Flag.AIS_WITHOUT_RADAR, _radar_silence)):
         of = np.flatnonzero((kind == flag.value.bit_length() - 1) & (alarm < 0))
@@ -197,8 +199,8 @@ def _of_same_mmsi(row: int, picture: Picture) -> str:
     return "".join(f"; same MMSI as vessel {vessel}, {metres:.0f} m away" for vessel, metres in pairs)
 
 
-def _of_alarms(alarms: VesselAlarms, picture: Picture) -> list[str]:
-    """One text for each alarm: its zone, the other vessel, and its figures."""
+def _of_alarms(alarms: VesselAlarms, picture: Picture, evidence: Evidence) -> list[str]:
+    """One text for each alarm: its zone, the other vessel or the silent sensor, and its figures."""
     speed_kn = np.hypot(*alarms.velocity_m_s.T) / KNOT_M_S
     other = find(picture.vessel_id, alarms.subject)
     age_s = np.append(picture.time_s - picture.updated_s, np.nan)
@@ -226,7 +228,37 @@ def _of_alarms(alarms: VesselAlarms, picture: Picture) -> list[str]:
             said = f"{distance_m:.0f} m from where it lay for {interval_s / 60.0:.0f} min"
         elif kind == AlarmKind.LOST:
             said = f"no track for {interval_s:.0f} s, under way at {speed_kn[k]:.1f} kn before"
+        elif kind in (AlarmKind.AIS_SILENT, AlarmKind.RADAR_SILENT, AlarmKind.SOURCE_SILENT):
+            said = _of_silence(kind, int(alarms.subject[k]), name, interval_s, picture, evidence)
         else:
             said = f"zone {name}"
         out.append(said)
     return out
+
+
+def _of_silence(kind: AlarmKind, number: int, name: str, interval_s: float, picture: Picture, evidence: Evidence) -> str:
+    """Since when a sensor is silent, how much was heard of it before, and how many vessels nobody judges by it.
+
+    Args: number: of the sensor, from 1 on; 0: AIS as a whole.
+    """
+    expected = evidence.radars if kind == AlarmKind.RADAR_SILENT else evidence.stations
+    what, thing, known = {
+        AlarmKind.AIS_SILENT: (f"AIS station {name}" if name else "AIS", "AIS report", "stations" if number else "ais"),
+        AlarmKind.RADAR_SILENT: (f"radar {name}", "plot", "radars"),
+        AlarmKind.SOURCE_SILENT: (f"track source {name}", "track", "track_sources"),
+    }[kind]
+    said = f"{what} is silent: no {thing} for {interval_s:.0f} s"
+    if evidence.hearing is not None:
+        of, row = getattr(evidence.hearing, known), max(number - 1, 0)
+        amount = {"AIS report": "vessels on AIS", "plot": "plots a cycle", "track": "tracks a cycle"}[thing]
+        said += f", one every {of.usual_s[row]:.1f} s or oftener before; {of.amount[row]:.0f} {amount} then"
+    if kind != AlarmKind.SOURCE_SILENT:
+        rows = range(len(expected.names)) if number == 0 else [number - 1]
+        reached = np.zeros(len(picture), np.bool_)
+        for row in rows:
+            apart = difference_m(picture.position_deg, np.broadcast_to(expected.site_deg[row], picture.position_deg.shape))
+            reached |= np.hypot(apart[:, 0], apart[:, 1]) <= expected.range_m[row]
+        names = ", ".join(expected.names[row] for row in rows[:MOST_NAMED])
+        more = f" and {len(rows) - MOST_NAMED} more" if len(rows) > MOST_NAMED else ""
+        said += f"; vessels in range of {names}{more}: {int(reached.sum())}"
+    return f"{said}; no flag and no loss follows from its silence"

@@ -1,21 +1,32 @@
-"""The alarms of a cycle: zones and lines, close approaches, dragging anchors, lost vessels."""
+"""The alarms of a cycle: zones and lines, close approaches, dragging anchors, lost vessels, silent sensors."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from coastwatch import kernels
 from coastwatch.alarms.close_approach import Approaching, Pairs, close_pairs
 from coastwatch.alarms.lasting import KINDS, Holding, Lasting, extend
 from coastwatch.alarms.raised import Raised, together
 from coastwatch.alarms.settings import AlarmSettings
+from coastwatch.alarms.silent_sensors import sensor_alarms, standing
 from coastwatch.alarms.watched import AIS, RADAR, Seen, Watched, look
 from coastwatch.alarms.zone_alarms import ZoneMemory, zone_alarms
 from coastwatch.alarms.zones import Numbered, shapes
-from coastwatch.batches import AlarmKind, Bools, Floats, Members, Picture, RadarCover, Sensors, VesselAlarms, joint_keys
-from coastwatch.batches.sensor_cover import coverages
+from coastwatch.batches import (
+    AlarmKind,
+    Bools,
+    Floats,
+    Members,
+    Picture,
+    RadarCover,
+    SensorHearing,
+    Sensors,
+    VesselAlarms,
+    joint_keys,
+)
+from coastwatch.batches.sensor_cover import sensor_covers
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, offset_deg
 from coastwatch.kernels.tables.lookup import find
 
@@ -33,7 +44,7 @@ class AlarmMemory:
 
 
 class AlarmRules(AlarmSettings):
-    """Alarms beside the flags: zones, lines, close approaches, dragging anchors and lost vessels.
+    """Alarms beside the flags: zones, lines, close approaches, dragging anchors, lost vessels and silent sensors.
 
     An alarm begins when its condition has held for `open_s`, and ends when it has not held for `close_s`. While a vessel has no track,
     its alarms stay as they are. One that returns within `store.event_gap_s` goes on with the event before.
@@ -52,19 +63,26 @@ class AlarmRules(AlarmSettings):
         sensors: Sensors,
         zones: tuple[Numbered, ...] = (),
         cover: RadarCover | None = None,
+        *,
+        hearing: SensorHearing | None = None,
     ) -> tuple[AlarmMemory, VesselAlarms]:
         """The alarms that hold in this cycle.
 
-        Args: zones: with their numbers, each above 0 and once; cover: of each radar; none, or empty: it sees within its range.
+        Args: zones: with their numbers, each above 0 and once; cover: of each radar; none, or empty: it sees within its range;
+        hearing: which sensors are heard; none: all.
         """
         known = shapes(zones, self.zone_margin_m)
         seen = look(self, memory.watched, picture, members, memory.members, sensors, time_s)
         zone_memory, raised = zone_alarms(self, memory.zones, seen, known, time_s)
         followed, close, approaching = self._close(memory, seen, time_s)
         dragging, anchored = self._dragging(memory.dragging, seen, time_s)
-        raised = [*raised, approaching, anchored, self._lost(seen, sensors, cover, time_s)]
+        seen = self._standing(seen, sensors, hearing, time_s)
+        raised = [*raised, approaching, anchored, self._lost(seen, sensors, cover, hearing, time_s)]
         after = AlarmMemory(seen.watched, zone_memory, followed, close, dragging, members)
-        return after, together(raised, seen.watched, known)
+        found = together(raised, seen.watched, known)
+        if hearing is None:
+            return after, found
+        return after, VesselAlarms.join([sensor_alarms(hearing, sensors, picture, time_s), found])
 
     def _close(self, memory: AlarmMemory, seen: Seen, time_s: float) -> tuple[Approaching, Lasting, Raised]:
         """Close approaches. Within the limits they begin, within the wider ones they last."""
@@ -103,8 +121,23 @@ class AlarmRules(AlarmSettings):
         }
         return after, Raised.of(AlarmKind.ANCHOR_DRAG, opened, **of_row)
 
-    def _lost(self, seen: Seen, sensors: Sensors, cover: RadarCover | None, time_s: float) -> Raised:
-        """Vessels that were under way, have left the picture, and would still be within cover of what tracked them."""
+    def _standing(self, seen: Seen, sensors: Sensors, hearing: SensorHearing | None, time_s: float) -> Seen:
+        """The same, with the vessels that only silent sensors would see as they were when these were heard last."""
+        ais, radars = sensor_covers(sensors, self.cover_margin, hearing)
+        if not ais.silent and not radars.silent:
+            return seen
+        u = seen.watched
+        rows = np.flatnonzero(~u.tracked)
+        then_deg = offset_deg(u.position_deg[rows], u.velocity_m_s[rows] * self.lost_after_s)
+        return replace(seen, watched=standing(u, rows, (ais, radars), then_deg, time_s))
+
+    def _lost(
+        self, seen: Seen, sensors: Sensors, cover: RadarCover | None, hearing: SensorHearing | None, time_s: float
+    ) -> Raised:
+        """Vessels that were under way, have left the picture, and would still be within cover of what tracked them.
+
+        A silent sensor covers too: its vessels are as long away as when it was heard last.
+        """
         u = seen.watched
         silent_s = time_s - u.seen_s
         gone = ~u.here & (silent_s >= self.lost_after_s) & (silent_s <= self.lost_for_s)
@@ -112,24 +145,26 @@ class AlarmRules(AlarmSettings):
         rows = np.flatnonzero(gone & (self.lost_after_s > 0.0))
         then_deg = offset_deg(u.position_deg[rows], u.velocity_m_s[rows] * self.lost_after_s)
         covered = np.zeros(len(rows), np.bool_)
-        for bit, coverage in zip((AIS, RADAR), coverages(sensors, self.cover_margin), strict=True):
+        for bit, sensor_cover in zip((AIS, RADAR), sensor_covers(sensors, self.cover_margin, hearing), strict=True):
             of_kind = (u.sources[rows] & bit) != 0
             if bit == RADAR and cover is not None and len(cover):
-                covered[of_kind] |= self._seen_by_radar(then_deg[of_kind], sensors, cover)
+                known = np.ones(len(cover), np.bool_) if hearing is None else np.isfinite(hearing.radars.heard_s)
+                covered[of_kind] |= self._seen_by_radar(then_deg[of_kind], sensors, cover, known)
             else:
-                covered[of_kind] |= kernels.geometry.sensor_coverage.in_any_range(coverage, then_deg[of_kind])
+                covered |= sensor_cover.within(then_deg, of_kind)
+                covered |= np.isfinite(sensor_cover.stands_from_s(then_deg, of_kind))
         rows = rows[covered]
         return Raised.of(AlarmKind.LOST, u.vessel_id[rows], interval_s=silent_s[rows])
 
-    def _seen_by_radar(self, position_deg: Floats, sensors: Sensors, cover: RadarCover) -> Bools:
+    def _seen_by_radar(self, position_deg: Floats, sensors: Sensors, cover: RadarCover, known: Bools) -> Bools:
         """Whether some radar should see each position: by its learnt cover where it has looked often enough, else by its range.
 
-        Args: position_deg: (K, 2). Returns: (K,).
+        Args: position_deg: (K, 2); known: (R,) radars that were ever heard. Returns: (K,).
         """
-        known = np.isfinite(cover.site_deg[:, :1])
-        site_deg = np.where(known, cover.site_deg, sensors.radars.site_deg)
+        placed = np.isfinite(cover.site_deg[:, :1])
+        site_deg = np.where(placed, cover.site_deg, sensors.radars.site_deg)
         away = difference_m(position_deg[:, None], site_deg[None])
-        in_range = np.hypot(away[..., 0], away[..., 1]) <= self.cover_margin * cover.range_m
+        in_range = known & (np.hypot(away[..., 0], away[..., 1]) <= self.cover_margin * cover.range_m)
         detection, looks = cover.ais_at(away[..., 0], away[..., 1])
         sees = in_range & ((looks < self.cover_looks) | (detection >= self.should_see))
         return np.asarray(sees.any(axis=1))

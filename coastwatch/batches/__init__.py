@@ -14,6 +14,7 @@ simulated, -1 elsewhere. Scores read it. A method that reads it has a setting wi
 from coastwatch.batches.ais_codes import NavStatus, PositionAccuracy, nav_status_text
 from coastwatch.batches.classes import CLASS_OF_TYPE, CLASSES, VesselClass
 from coastwatch.batches.events import BegunEvents, EventChanges, EventSpans
+from coastwatch.batches.hearing import Hearing, SensorHearing
 from coastwatch.batches.reports import (
     AisReports,
     AisStatics,
@@ -111,6 +112,7 @@ __all__ = [
     "Flag",
     "Floats",
     "FusedTracks",
+    "Hearing",
     "HeldVessels",
     "Ints",
     "Measurements",
@@ -131,6 +133,7 @@ __all__ = [
     "ReportStream",
     "Reports",
     "Rows",
+    "SensorHearing",
     "Sensors",
     "Sonars",
     "SourceKind",

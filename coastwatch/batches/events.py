@@ -20,7 +20,7 @@ DISTRESS, SENSORS, DANGER, SUSPICION, NOTICE = range(5)
 
 _PRIORITIES = {
     DISTRESS: ("ais_sart", "man_overboard", "epirb"),
-    SENSORS: ("sensor_silent",),
+    SENSORS: ("ais_silent", "radar_silent", "source_silent"),
     DANGER: ("close_approach", "anchor_drag", "not_under_command", "aground", "lost"),
     NOTICE: ("odd_mmsi", "coasting", "stationary"),
 }
@@ -37,9 +37,9 @@ IS_ALARM = np.array([EVENT_KINDS.get(number, "") in ALARM_KINDS for number in ra
 class EventSpans(Batch):
     """Events by what tells them apart, with their ends. Sorted by vessel, kind and subject, each of them once."""
 
-    vessel_id: Ints = column(np.int64, "E")
+    vessel_id: Ints = column(np.int64, "E")  # 0: of a sensor
     kind: Ints = column(np.int64, "E")  # of EVENT_KINDS
-    subject: Ints = column(np.int64, "E")  # of an alarm: number of the zone or id of the other vessel; 0: none
+    subject: Ints = column(np.int64, "E")  # of an alarm: number of the zone or sensor, or id of the other vessel; 0: none
     start_s: Floats = column(np.float64, "E")  # time of the first cycle with the flag or alarm
     end_s: Floats = column(np.float64, "E")  # of the last one; NaN: it lasts
 

@@ -403,6 +403,9 @@ class AlarmKind(IntEnum):
     CLOSE_APPROACH = 37  # two vessels will pass too close, soon
     ANCHOR_DRAG = 38  # an anchored or moored vessel has moved out of its swing circle
     LOST = 39  # a vessel under way is no longer tracked although it should be within cover
+    AIS_SILENT = 40  # nothing has come from AIS, or from one of several stations, for much longer than usual: of no vessel
+    RADAR_SILENT = 41  # the same of a radar
+    SOURCE_SILENT = 42  # the same of a track source
 
 
 NO_ALARMS = ("coasting", "stationary")
@@ -416,11 +419,11 @@ ALARM_KINDS = tuple(str(kind.name).lower() for kind in (*Flag, *AlarmKind) if st
 class VesselAlarms(Batch):
     """The alarms that hold in a cycle, sorted by vessel, kind and subject; each of them once."""
 
-    vessel_id: Ints = column(np.int64, "A")
+    vessel_id: Ints = column(np.int64, "A")  # 0: of a sensor
     kind: Ints = column(np.int64, "A")  # AlarmKind
-    subject: Ints = column(np.int64, "A")  # number of the zone, or id of the other vessel; 0: none
-    name: Array = column("U64", "A")  # of the zone
-    position_deg: Floats = column(np.float64, "A", 2)  # of the vessel, last known
+    subject: Ints = column(np.int64, "A")  # number of the zone, id of the other vessel, or number of the sensor; 0: none
+    name: Array = column("U64", "A")  # of the zone or sensor
+    position_deg: Floats = column(np.float64, "A", 2)  # of the vessel, last known, or of the sensor
     velocity_m_s: Floats = column(np.float64, "A", 2)
     mmsi: Ints = column(np.int64, "A")
     distance_m: Floats = column(np.float64, "A")  # at the closest approach, or from the anchorage; NaN: none of them

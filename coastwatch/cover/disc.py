@@ -28,6 +28,8 @@ class DiscCover(Method):
         alarmed: Bools,
         jumped: Bools,
         sensors: Sensors,
+        *,
+        silent: Bools | None = None,
     ) -> tuple[NoMemory, RadarCover, AisDetection]:
         """Unchanged memory, no grid, and probability 1 for each AIS track. Args: as of `LearntCover.step`."""
         ids = tracks.track_id[tracks.source == sensors.ais_source]

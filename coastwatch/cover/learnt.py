@@ -140,11 +140,14 @@ class LearntCover(Method):
         alarmed: Bools,
         jumped: Bools,
         sensors: Sensors,
+        *,
+        silent: Bools | None = None,
     ) -> tuple[CoverMemory, RadarCover, AisDetection]:
         """The cover of each radar after this cycle.
 
         Args: plots: of this cycle; tracks: (N) of all sources, at one time; associations: of them; measurements: of this cycle, in the
-        tracks; alarmed: (N,) AIS tracks that are no witnesses; jumped: (R,) radars whose corrections jumped before this cycle.
+        tracks; alarmed: (N,) AIS tracks that are no witnesses; jumped: (R,) radars whose corrections jumped before this cycle;
+        silent: (R,) radars that are not heard: nothing is learnt of them, and they detect nobody.
         Returns: memory; one row a radar; for AIS tracks the probability that some radar detects them in a turn.
         """
         if not len(sensors.radars):
@@ -180,7 +183,7 @@ class LearntCover(Method):
         _add(ais_plots, visits.radar, visits.cell, weight * visits.plots)
         of_ais = is_ais[seen.row]
         asked = Seen(seen.radar[of_ais], seen.row[of_ais], seen.cell[of_ais])
-        detection = self._detection(asked, visits, looks, ais_plots, tracks)
+        detection = self._detection(asked, visits, looks, ais_plots, tracks, silent)
         return CoverMemory(visits, counts, memory.cycle + 1), self._cover(counts, looks, ais_plots, sensors), detection
 
     def _drawn(self, tracks: Tracks, candidates: Bools) -> Bools:
@@ -222,7 +225,9 @@ class LearntCover(Method):
         out: Floats = (plots + weight * of_radar) / (looks + weight)
         return out
 
-    def _detection(self, asked: Seen, visits: Visits, looks: Floats, plots: Floats, tracks: Tracks) -> AisDetection:
+    def _detection(
+        self, asked: Seen, visits: Visits, looks: Floats, plots: Floats, tracks: Tracks, silent: Bools | None
+    ) -> AisDetection:
         """The probability that some radar detects an AIS vessel in a turn, by what the other vessels show."""
         own, rows = np.zeros((2, len(asked.row))), np.unique(asked.row)
         row = rows[
@@ -236,6 +241,8 @@ class LearntCover(Method):
         prior = np.full(len(r), self.prior_probability)
         of_radar = self._share(plots.sum(axis=1)[r] - own[0], looks.sum(axis=1)[r] - own[1], prior)
         share = self._share(plots[r, cell] - own[0], looks[r, cell] - own[1], of_radar)
+        if silent is not None:
+            share[silent[r]] = 0.0
         best = np.zeros(len(rows))
         np.maximum.at(best, np.searchsorted(rows, asked.row), share)
         return AisDetection(tracks.track_id[rows], best)

@@ -8,29 +8,30 @@
 - STATIONARY: it has stayed within `stationary_m`, or within its noise, for longer than a vessel under way could.
 - MMSI_TWICE, IMPOSSIBLE_SPEED: alarms of the AIS tracks.
 
+The first three count time with sensors that are heard. Where only silent ones reach, their clocks stand at the last report, and go on
+when a sensor is heard again.
+
 The flags that follow from an MMSI and a navigational status alone are in `ais_states`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import AisAlarms, AisDetection, Bools, Flag, Floats, Ints, Picture, Sensors, Tracks
-from coastwatch.batches.sensor_cover import coverages
+from coastwatch.batches import AisAlarms, AisDetection, Bools, Flag, Floats, Ints, Picture, SensorHearing, Sensors, Tracks
+from coastwatch.batches.sensor_cover import SensorCover, sensor_covers
 from coastwatch.geodesy import KNOT_M_S, difference_m
 from coastwatch.picture.match import IdentityMatch
 from coastwatch.picture.order import VesselOrder
 from coastwatch.picture.settings import IdentitySettings
 
-if TYPE_CHECKING:
-    from coastwatch.kernels.geometry.sensor_coverage import Coverage  # numba takes half a second to load
-
-
 STATIONARY_SIGMAS = 3.0  # of the position that a displacement must exceed
+
+AIS_RETURNS_S = 180.0
+"""The longest interval of AIS reports, of a vessel at anchor (ITU-R M.1371): when AIS is heard again, nobody is dark before."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,12 +74,14 @@ def flag(
     detection: AisDetection | None,
     time_s: float,
     sensors: Sensors,
+    hearing: SensorHearing | None = None,
 ) -> tuple[FlagMemory, Ints]:
     """All flags of each row of the picture, COASTING included.
 
-    Args: row_of_track: (N,) of the picture; detection: of AIS tracks by radars; none: not known. Returns: memory, (R,).
+    Args: row_of_track: (N,) of the picture; detection: of AIS tracks by radars that are heard; none: not known; hearing: which
+    sensors are heard; none: all. Returns: memory, (R,).
     """
-    ais_coverage, radar_coverage = coverages(sensors, settings.cover_margin)
+    ais_cover, radar_cover = sensor_covers(sensors, settings.cover_margin, hearing)
     radars, ais = np.flatnonzero(tracks.source < sensors.ais_source), np.flatnonzero(tracks.source == sensors.ais_source)
     first_radar = np.full(len(picture), -1, np.int64)
     first_radar[row_of_track[radars[::-1]]] = radars[::-1]  # the last one written is the first of its vessel
@@ -90,16 +93,17 @@ def flag(
     ever_heard_s = heard_s.copy()
     ever_heard_s[known] = np.maximum(heard_s[known], memory.ais_heard_s[order.vessel_of_row[known]])
 
-    no_ais = _within(ais_coverage, picture, has_radar & ~has_ais)
-    no_radar = has_ais & ~has_radar
+    should_see = np.ones(len(picture), np.bool_)
     if detection is not None:
         should_see = _should_be_seen(settings, detection, tracks.track_id[ais], row_of_track[ais], len(picture))
-        no_radar &= should_see
-    no_radar = _within(radar_coverage, picture, no_radar)
-    no_ais_since_s = _since(no_ais, memory.no_ais_since_s, order.vessel_of_row, time_s)
-    no_radar_since_s = _since(no_radar, memory.no_radar_since_s, order.vessel_of_row, time_s)
+    before = order.vessel_of_row
+    no_ais, no_radar = has_radar & ~has_ais, has_ais & ~has_radar
+    no_ais_since_s = _since(ais_cover, picture, no_ais, no_ais, memory.no_ais_since_s, before, time_s, AIS_RETURNS_S)
+    no_radar_since_s = _since(
+        radar_cover, picture, no_radar & should_see, no_radar, memory.no_radar_since_s, before, time_s, 0.0
+    )
     pairs = _track_pairs(settings, memory.pairs, match, ais, first_radar[row_of_track[ais]], len(tracks), time_s)
-    pairs = _in_radar_cover(pairs, radar_coverage, picture, row_of_track, None if detection is None else should_see)
+    pairs = _in_cover(pairs, ais_cover, radar_cover, picture, row_of_track, should_see, time_s)
 
     flags = picture.flags.copy()
     anchor_deg, anchor_since_s, stationary = _stationary(settings, memory, order.vessel_of_row, picture, time_s)
@@ -116,13 +120,6 @@ def flag(
     return FlagMemory(no_ais_since_s, no_radar_since_s, pairs, anchor_deg, anchor_since_s, ever_heard_s), flags
 
 
-def _within(coverage: Coverage, picture: Picture, candidates: Bools) -> Bools:
-    """Which of the rows that are candidates are in cover. Args: candidates: (R,). Returns: (R,)."""
-    out, rows = np.zeros(len(candidates), np.bool_), np.flatnonzero(candidates)
-    out[rows] = kernels.geometry.sensor_coverage.in_any_range(coverage, picture.position_deg[rows])
-    return out
-
-
 def _should_be_seen(settings: IdentitySettings, detection: AisDetection, track_id: Ints, row: Ints, rows: int) -> Bools:
     """Which rows of the picture have an AIS track that some radar should see. (R,) Args: track_id, row: (B,) of AIS tracks."""
     out, at = np.zeros(rows, np.bool_), kernels.tables.match_ids.index_of(detection.track_id, track_id)
@@ -131,16 +128,33 @@ def _should_be_seen(settings: IdentitySettings, detection: AisDetection, track_i
     return out
 
 
-def _since(holds: Bools, before_s: Floats, vessel_of_row: Ints, time_s: float) -> Floats:
-    """Since when a condition holds: as at the last cycle, or now if it is new; inf where it does not hold. (R,)
+def _since(
+    cover: SensorCover,
+    picture: Picture,
+    holds: Bools,
+    may_hold: Bools,
+    before_s: Floats,
+    vessel_of_row: Ints,
+    time_s: float,
+    returns_s: float,
+) -> Floats:
+    """Since when a condition holds in cover: as at the last cycle, or now if it is new; inf where it does not hold. (R,)
 
-    Args: holds: (R,); before_s: (S,) of the shown vessels of the last cycle; vessel_of_row: (R,).
+    Where only silent sensors reach, the time that it has held stands. After they are heard again, none begins to hold before
+    `returns_s` are over: until then its time is below 0.
+    Args: holds: (R,) if a sensor is heard there; may_hold: (R,) if one is silent there; before_s: (S,) of the shown vessels of the
+    last cycle; vessel_of_row: (R,).
     """
-    out = np.full(len(holds), np.inf)
-    rows = np.flatnonzero(holds)
-    out[rows] = time_s
-    rows = rows[(vessel_of_row[rows] >= 0) & (vessel_of_row[rows] < len(before_s))]
-    out[rows] = np.minimum(before_s[vessel_of_row[rows]], time_s)
+    held_s = np.full(len(holds), np.inf)
+    known = (vessel_of_row >= 0) & (vessel_of_row < len(before_s))
+    held_s[known] = before_s[vessel_of_row[known]]
+    runs = cover.within(picture.position_deg, holds)
+    begins_s = max(time_s, cover.returned_s + returns_s)
+    out = np.where(runs, np.where(np.isfinite(held_s), held_s, begins_s), np.inf)
+    from_s = cover.stands_from_s(picture.position_deg, may_hold & ~runs)
+    stands = np.isfinite(from_s)
+    elapsed_s = from_s[stands] - held_s[stands]
+    out[stands] = np.where(elapsed_s > 0.0, time_s - elapsed_s, np.inf)
     return out
 
 
@@ -198,20 +212,36 @@ def _track_pairs(
     )
 
 
-def _in_radar_cover(
-    pairs: TrackPairs, radar_coverage: Coverage, picture: Picture, row_of_track: Ints, should_see: Bools | None
+def _in_cover(
+    pairs: TrackPairs,
+    ais_cover: SensorCover,
+    radar_cover: SensorCover,
+    picture: Picture,
+    row_of_track: Ints,
+    should_see: Bools,
+    time_s: float,
 ) -> TrackPairs:
     """The pairs without those that have split and whose AIS track is where radars do not see most vessels.
 
-    Args: should_see: (R,) rows of the picture that some radar should see; none: not known.
+    Where a radar or AIS is silent, the time since the split stands.
+    Args: should_see: (R,) rows of the picture that some radar should see.
     """
-    counts = np.ones(len(pairs.ais), np.bool_)
     split = np.flatnonzero(np.isfinite(pairs.split_since_s))
+    if not len(split):
+        return pairs
     row = row_of_track[pairs.ais[split]]
-    counts[split] = kernels.geometry.sensor_coverage.in_any_range(radar_coverage, picture.position_deg[row])
-    if should_see is not None:
-        counts[split] &= should_see[row]
-    return TrackPairs(pairs.ais[counts], pairs.radar[counts], pairs.paired_since_s[counts], pairs.split_since_s[counts])
+    position_deg, every = picture.position_deg[row], np.ones(len(row), np.bool_)
+    seen = radar_cover.within(position_deg, should_see[row])
+    no_radar_s = radar_cover.stands_from_s(position_deg, ~seen)
+    no_ais_s = ais_cover.stands_from_s(position_deg, ~ais_cover.within(position_deg, every))
+    from_s = np.minimum(no_radar_s, no_ais_s)
+    since_s = pairs.split_since_s.copy()
+    stands = np.isfinite(from_s)
+    since_s[split[stands]] = time_s - np.maximum(from_s[stands] - since_s[split[stands]], 0.0)
+    counts = np.ones(len(pairs.ais), np.bool_)
+    counts[split] = seen | np.isfinite(no_radar_s)
+    kept = replace(pairs, split_since_s=since_s)
+    return TrackPairs(*(getattr(kept, name)[counts] for name in vars(kept)))
 
 
 def _contradicted(settings: IdentitySettings, pairs: TrackPairs, tracks: Tracks, time_s: float) -> Ints:

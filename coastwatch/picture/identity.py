@@ -12,6 +12,7 @@ from coastwatch.batches import (
     HeldVessels,
     Members,
     Picture,
+    SensorHearing,
     Sensors,
     Tracks,
 )
@@ -69,11 +70,13 @@ class Identity(IdentitySettings):
         held: HeldVessels = NOT_HELD,
         *,
         detection: AisDetection | None = None,
+        hearing: SensorHearing | None = None,
     ) -> tuple[PictureMemory, Picture, Members]:
         """The picture of this cycle, sorted by vessel_id, and the tracks in it.
 
         Args: tracks: (N); associations: of its rows; fused: (V) one row for each vessel number; alarms: of AIS tracks; held: vessels
-        of the last picture; detection: of AIS tracks by radars; none: a radar should see every vessel within its range.
+        of the last picture; detection: of AIS tracks by radars; none: a radar should see every vessel within its range; hearing:
+        which sensors are heard; none: all.
         """
         known = memory.known.held_by(held)
         columns = known.columns()
@@ -86,7 +89,9 @@ class Identity(IdentitySettings):
         members = members_of(match, order, tracks)
         track_memory = tracks_of(match, order, tracks, associations.vessel)
         around = match, order, picture, tracks, track_memory.vessel, alarms
-        flag_memory, flags = flag(self, memory.flags, *around, detection=detection, time_s=time_s, sensors=sensors)
+        flag_memory, flags = flag(
+            self, memory.flags, *around, detection=detection, time_s=time_s, sensors=sensors, hearing=hearing
+        )
         status = nav_statuses(picture.nav_status, tracks, track_memory.vessel, alarms)
         existence = existence_of(tracks, track_memory.vessel, len(picture))
         picture = replace(picture, flags=flags | ais_flags(picture.mmsi, status), nav_status=status, existence=existence)

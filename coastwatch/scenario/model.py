@@ -17,7 +17,7 @@ from coastwatch.associations import (
     WindowedCovariance,
 )
 from coastwatch.batches import Sensors
-from coastwatch.cover import LearntCover, RadarCoverage
+from coastwatch.cover import LearntCover, RadarCoverage, UsualPauses
 from coastwatch.fused_tracks import CentralImm, Fuser
 from coastwatch.picture import Identity
 from coastwatch.plots import PlotConverter, PolarConversion
@@ -117,6 +117,7 @@ class Scenario(Settings):
     alarms: AlarmRules = AlarmRules()
     registration: Registrar = OnlineRegistration()
     cover: RadarCoverage = LearntCover()
+    silence: UsualPauses = UsualPauses()
     store: StoreSettings = StoreSettings()
     workers: WorkerSettings = WorkerSettings()
 

@@ -1,7 +1,8 @@
--- Alarms: flags of vessels, zones, close approaches, dragging anchors and lost vessels, also of vessels that have left
--- Latest first. Each alarm is from when until when it held; no end: until now. One that returned within `store.event_gap_s` is
--- one alarm, and `gaps` counts how often it returned. Position, speed and evidence are of the start. `subject` is the number of
--- the zone, or the id of the other vessel of a close approach; 0: none.
+-- Alarms: flags of vessels, zones, close approaches, dragging anchors, lost vessels and silent sensors
+-- Latest first, also of vessels that have left. Each is from when until when it held; no end: until now. One that returned
+-- within `store.event_gap_s` is one alarm, and `gaps` counts how often it returned. Position, speed and evidence are of the
+-- start. `subject` is the number of the zone or sensor, or the id of the other vessel of a close approach; 0: none. Vessel 0:
+-- the alarm is of a sensor.
 -- parameter: from_s = 0.0, alarms that lasted at this instant or later, seconds since 1970 UTC (option --from takes UTC)
 -- parameter: to_s = 253402300800.0, alarms that began at this instant or earlier (option --to takes UTC)
 -- parameter: kind = alarms, a kind such as dark or zone_enter (option --kind); alarms: every kind

@@ -1,0 +1,42 @@
+"""Which sensors are heard: what a sensor that is not heard would say of a vessel is not known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from coastwatch.batches.struct import Batch, Bools, Floats, column
+
+
+@dataclass(frozen=True, eq=False)
+class Hearing(Batch):
+    """One row for each sensor of a kind."""
+
+    heard_s: Floats = column(np.float64, "R")  # newest report; -inf: none since the start
+    usual_s: Floats = column(np.float64, "R")  # interval between reports before; NaN: not known
+    amount: Floats = column(np.float64, "R")  # vessels on AIS, or plots or tracks of a cycle, when it was heard
+    silent: Bools = column(np.bool_, "R")  # no report for much longer than usual
+    stands_from_s: Floats = column(np.float64, "R")  # from when clocks stand in this cycle; inf: it is not silent
+    returned_s: Floats = column(np.float64, "R")  # cycle in which it was heard again after it was silent; -inf: it never was
+
+    @property
+    def heard(self) -> Bools:
+        """(R,) that cover something: heard since the start, and not silent."""
+        return np.isfinite(self.heard_s) & ~self.silent
+
+    @classmethod
+    def always(cls, sensors: int) -> Hearing:
+        """All of them are heard."""
+        number = np.zeros(sensors)
+        return cls(number, number + np.nan, number, np.zeros(sensors, np.bool_), number + np.inf, number - np.inf)
+
+
+@dataclass(frozen=True, eq=False)
+class SensorHearing:
+    """Which sensors are heard in a cycle."""
+
+    radars: Hearing
+    stations: Hearing  # all silent where AIS is
+    track_sources: Hearing
+    ais: Hearing  # one row: all AIS reports together

@@ -1,0 +1,205 @@
+"""Which sensors are silent: by what they usually send, never by how few vessels there are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from coastwatch.batches import (
+    AisReports,
+    AisStatics,
+    BearingReports,
+    RadarReports,
+    Radars,
+    Reports,
+    SensorHearing,
+    Sensors,
+    Sonars,
+    Stations,
+    TrackReports,
+    Tracks,
+    TrackSources,
+)
+from coastwatch.cover import UsualPauses
+from coastwatch.geodesy import offset_deg
+from coastwatch.server.checkpoint import load, save
+
+PERIOD_S = 3.0
+SITES = offset_deg(np.tile([-33.9, 18.4], (3, 1)), np.array([[0.0, 0.0], [30e3, 0.0], [60e3, 0.0]]))
+RANGE_M = 20e3  # of each station: each two neighbours share 10 km
+
+
+def sensors(stations: int = 1) -> Sensors:
+    radar = np.array(["north", "south"]), np.array([0, 0]), SITES[:2], np.full(2, 20e3), np.array([3.0, 6.0])
+    source = np.array(["vts"]), np.full((1, 2), np.nan), np.zeros(1), np.full(1, 20.0), np.full(1, 1.0), np.full(1, 60.0)
+    names = np.array(["a", "b", "c"], "U32")[:stations]
+    return Sensors(
+        Radars(*radar, np.full(2, 10.0), np.full(2, 0.005)),
+        Stations(names, SITES[:stations], np.full(stations, RANGE_M)),
+        Sonars.empty(),
+        ("cape",),
+        SITES[:1],
+        TrackSources(*source),
+    )
+
+
+class Came(NamedTuple):
+    """What comes in a cycle."""
+
+    ais: Sequence[float] = ()  # metres east of the first station, of each report
+    plots: Sequence[int] = ()  # radar of each
+    tracks: int = 0  # of the track source
+
+
+def reports_of(came: Came, time_s: float, seed: int | None = None) -> Reports:
+    """Reports received at this time. Args: seed: of the order in which they stand, received during the cycle; none: as given."""
+    rng = np.random.default_rng(0 if seed is None else [seed, round(time_s)])
+
+    def times(count: int) -> np.ndarray:
+        return time_s - (0.0 if seed is None else PERIOD_S) * np.linspace(0.0, 1.0, count, endpoint=False)[::-1]
+
+    def mixed(batch):  # type: ignore[no-untyped-def]
+        return batch if seed is None else batch.take(rng.permutation(len(batch)))
+
+    n, m, k = len(came.ais), len(came.plots), came.tracks
+    east = np.array(came.ais, float)
+    at = offset_deg(np.broadcast_to(SITES[0], (n, 2)), np.stack([east, np.zeros(n)], 1))
+    ais = AisReports(times(n), times(n), np.arange(n), at, np.zeros(n), np.zeros(n), np.zeros(n, bool), np.arange(n))
+    site, zero = np.broadcast_to(SITES[0], (m, 2)).copy(), np.zeros(m)
+    radar = RadarReports(np.array(came.plots, np.int64), times(m), times(m), zero + 1e3, zero, site, np.zeros(m, np.int64))
+    place = np.broadcast_to(SITES[0], (k, 2)).copy()
+    given = np.zeros(k, np.int64), np.arange(k), times(k), times(k), place, np.zeros((k, 2)), np.zeros((k, 4, 4))
+    tracks = TrackReports(*given, np.zeros(k, np.int64))
+    return Reports(mixed(radar), mixed(ais), AisStatics.empty(), BearingReports.empty(), mixed(tracks))
+
+
+def ais_tracks(east_m: Sequence[float]) -> Tracks:
+    n, zero = len(east_m), np.zeros(len(east_m))
+    at = offset_deg(np.broadcast_to(SITES[0], (n, 2)), np.stack([np.array(east_m, float), zero], 1))
+    whole, two, four = np.arange(n), np.zeros((n, 2)), np.zeros((n, 4, 4))
+    return Tracks(whole, whole, zero, at, two, four, np.zeros((n, 2, 2)), zero, zero, whole, whole)
+
+
+def play(
+    scene: Callable[[int], Came], cycles: int, where: Sensors, alive: Sequence[float] = (), seed: int | None = None
+) -> list[SensorHearing]:
+    """Which sensors are heard in each cycle; now and then the memory goes through a checkpoint. Args: alive: AIS vessels, m east."""
+    method = UsualPauses()
+    memory, out = method.init(), []
+    for cycle in range(cycles):
+        time_s = 1000.0 + PERIOD_S * cycle
+        given = reports_of(scene(cycle), time_s, seed), ais_tracks(alive), time_s, where
+        if cycle % 7 == 5:
+            memory = load(save(memory))
+        memory, hearing = method.step(memory, *given)
+        out.append(hearing)
+    return out
+
+
+def silent(found: list[SensorHearing], kind: str, row: int = 0) -> list[int]:
+    """The cycles in which a sensor is silent."""
+    return [k for k, hearing in enumerate(found) if getattr(hearing, kind).silent[row]]
+
+
+FOUR = (0.0, 100.0, 200.0, 300.0)
+ALL = Came(FOUR, (0, 0, 0, 1, 1, 1), 4)
+
+
+def without(part: str, first: int, last: int, usual: Came = ALL) -> Callable[[int], Came]:
+    """A scene in which a part does not come from one cycle to another."""
+    return lambda cycle: usual._replace(**{part: Came._field_defaults[part]}) if first <= cycle < last else usual
+
+
+def test_ais_is_silent_after_thirty_seconds_until_it_is_heard_and_nothing_else_is() -> None:
+    found = play(without("ais", 20, 60), 80, sensors(), FOUR)
+    assert silent(found, "ais") == silent(found, "stations") == list(range(30, 60))
+    assert not any(silent(found, *of) for of in (("radars", 0), ("radars", 1), ("track_sources", 0)))
+
+
+def test_a_radar_is_silent_after_five_of_its_turns_and_a_source_after_thirty_seconds() -> None:
+    south = lambda cycle: ALL if cycle < 20 else ALL._replace(plots=(0, 0, 0))  # noqa: E731
+    found = play(south, 40, sensors(), FOUR)
+    assert (silent(found, "radars", 0), silent(found, "radars", 1)) == ([], list(range(30, 40)))
+    north = lambda cycle: ALL if cycle < 20 else ALL._replace(plots=(1, 1, 1))  # noqa: E731
+    assert silent(play(north, 40, sensors(), FOUR), "radars", 0) == list(range(25, 40))
+    assert silent(play(without("tracks", 20, 60), 60, sensors(), FOUR), "track_sources") == list(range(30, 60))
+
+
+def test_clocks_stand_from_the_last_report_and_then_from_each_cycle() -> None:
+    found = play(without("ais", 20, 60), 61, sensors(), FOUR)
+    assert found[30].ais.stands_from_s.tolist() == found[30].stations.stands_from_s.tolist() == [1000.0 + PERIOD_S * 19]
+    assert found[31].ais.stands_from_s.tolist() == [1000.0 + PERIOD_S * 30]
+    assert found[60].ais.stands_from_s.tolist() == [np.inf]
+    assert [found[k].stations.returned_s.tolist() for k in (59, 60)] == [[-np.inf], [1000.0 + PERIOD_S * 60]]
+
+
+def test_a_sensor_of_few_vessels_is_not_silent_for_they_may_have_left() -> None:
+    usual = Came((0.0, 100.0), (0, 1), 2)
+    found = play(lambda cycle: usual if cycle < 20 else Came(), 300, sensors(), (0.0, 100.0))
+    assert not any(silent(found, *of) for of in (("ais", 0), ("radars", 0), ("track_sources", 0)))
+    assert found[-1].radars.heard.all()
+
+
+def test_what_was_never_heard_covers_nothing_and_is_not_silent() -> None:
+    found = play(lambda cycle: Came(FOUR), 100, sensors(), FOUR)
+    for kind in ("radars", "track_sources"):
+        assert not any(getattr(hearing, kind).heard.any() or silent([hearing], kind) for hearing in found)
+    nothing = play(lambda cycle: Came(), 100, sensors())
+    assert not any(hearing.ais.heard.any() or hearing.ais.silent.any() for hearing in nothing)
+
+
+@pytest.mark.parametrize(("every", "after"), [(20, 600.0), (60, 1800.0)])
+def test_what_pauses_by_nature_may_pause_longer(every: int, after: float) -> None:
+    """Four moored vessels report together, once a minute or once in three: silent is what does not come for ten times that."""
+    last = 8 * every
+    found = play(lambda cycle: Came(FOUR if cycle <= last and cycle % every == 0 else ()), last + 13 * every, sensors(), FOUR)
+    assert silent(found, "ais")[0] == last + int(after / PERIOD_S) + 1
+
+
+def test_a_failure_is_no_habit() -> None:
+    """AIS fails for an hour. After five minutes it fails again, and that is seen as soon as the first time."""
+    usual = lambda cycle: Came(FOUR) if cycle < 20 or 1220 <= cycle < 1320 else Came()  # noqa: E731
+    found = silent(play(usual, 1400, sensors(), FOUR), "ais")
+    assert found == [*range(30, 1220), *range(1330, 1400)]
+
+
+def test_a_station_is_silent_by_what_only_it_reaches_and_all_are_with_ais() -> None:
+    """Vessels are near each station, and between each two neighbours. The second station fails; then all do; then the second returns."""
+    near = [[0.0, -1e3, -2e3, -3e3], [30e3, 31e3, 29e3, 30.5e3], [60e3, 61e3, 62e3, 63e3]]
+    between = [15e3, 16e3, 44e3, 45e3]
+
+    def scene(cycle: int) -> Came:
+        here = [0, 2] if 20 <= cycle < 40 or cycle >= 100 else [] if 40 <= cycle < 80 else [0, 1, 2]
+        return Came([east for k in here for east in near[k]] + (between if here else []))
+
+    found = play(scene, 120, sensors(3), [*near[0], *near[1], *near[2], *between])
+    assert silent(found, "ais") == list(range(50, 80))
+    second = silent(found, "stations", 1)
+    assert second[:50] == list(range(30, 80))
+    assert second[50:] == list(range(second[50], 120))
+    assert 110 <= second[50] <= 115, "the failure before was learnt a little"
+    assert silent(found, "stations", 0) == silent(found, "stations", 2) == list(range(50, 80))
+
+
+@pytest.mark.parametrize("stations", [1, 3])
+def test_the_order_of_reports_changes_nothing(stations: int) -> None:
+    scene = without("ais", 15, 40, ALL._replace(ais=(0.0, 14e3, 16e3, 31e3, 33e3)))
+    one, other = (play(scene, 50, sensors(stations), (0.0, 14e3, 16e3, 31e3, 33e3), seed) for seed in (1, 2))
+    for a, b in zip(one, other, strict=True):
+        assert save(a) == save(b)
+
+
+def test_a_long_cycle_counts_as_long_as_it_is() -> None:
+    """Ten periods without reports are merged in one cycle: radars and AIS are silent in it."""
+    method, where = UsualPauses(), sensors()
+    memory = method.init()
+    for cycle in range(20):
+        given = reports_of(ALL, PERIOD_S * cycle), ais_tracks(FOUR), PERIOD_S * cycle, where
+        memory, hearing = method.step(memory, *given)
+    memory, hearing = method.step(memory, Reports.empty(), ais_tracks(FOUR), PERIOD_S * 19 + 33.0, where)
+    assert hearing.ais.silent.all()
+    assert hearing.radars.silent.all()
+    assert hearing.radars.stands_from_s.tolist() == [PERIOD_S * 19] * 2
