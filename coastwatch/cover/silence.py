@@ -62,7 +62,7 @@ class UsualPauses(Method):
     """
 
     method: Literal["usual_pauses"] = "usual_pauses"
-    ais_pauses: Positive = 10.0  # usual pauses without a report, after which AIS or a station is silent
+    ais_pauses: Positive = 10.0  # number of usual pauses without a report, after which AIS or a station is silent
     ais_least_s: Positive = 30.0  # without a report, before AIS or a station is silent
     radar_pauses: Positive = 5.0  # usual pauses, or turns if these are longer, without a plot, after which a radar is silent
     radar_least_s: Positive = 15.0  # without a plot, before a radar is silent

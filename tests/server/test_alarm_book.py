@@ -61,7 +61,8 @@ def test_distress_comes_first_then_silent_sensors_danger_and_the_newest() -> Non
     book = AlarmBook()
     book.begin(1)
     book.take(begun((1, "dark", 5.0), (2, "odd_mmsi", 9.0), (3, "man_overboard", 1.0), (4, "dark", 6.0), (5, "lost", 2.0)))
-    assert [alarm.vessel_id for alarm in book.alarms()] == [3, 5, 4, 1, 2]
+    book.take(begun((0, "radar_silent", 3.0)))
+    assert [alarm.vessel_id for alarm in book.alarms()] == [3, 0, 5, 4, 1, 2]
     assert {PRIORITIES[kind] for kind in ("ais_sart", "man_overboard", "epirb")} == {DISTRESS}
     assert set(ALARM_KINDS) <= set(PRIORITIES)
 
