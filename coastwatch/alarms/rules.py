@@ -123,13 +123,13 @@ class AlarmRules(AlarmSettings):
 
     def _standing(self, seen: Seen, sensors: Sensors, hearing: SensorHearing | None, time_s: float) -> Seen:
         """The same, with the vessels that only silent sensors would see as they were when these were heard last."""
-        ais, radars = sensor_covers(sensors, self.cover_margin, hearing)
-        if not ais.silent and not radars.silent:
+        if hearing is None or not any(of.silent.any() for of in (hearing.stations, hearing.radars, hearing.track_sources)):
             return seen
+        covers = sensor_covers(sensors, self.cover_margin, hearing)
         u = seen.watched
         rows = np.flatnonzero(~u.tracked)
         then_deg = offset_deg(u.position_deg[rows], u.velocity_m_s[rows] * self.lost_after_s)
-        return replace(seen, watched=standing(u, rows, (ais, radars), then_deg, time_s))
+        return replace(seen, watched=standing(u, rows, covers, hearing.track_sources, then_deg, time_s))
 
     def _lost(
         self, seen: Seen, sensors: Sensors, cover: RadarCover | None, hearing: SensorHearing | None, time_s: float

@@ -14,17 +14,29 @@ NO_VESSEL = 0
 """Id of the vessel in alarms that are of a sensor: ids of vessels begin at 1."""
 
 
-def standing(watched: Watched, rows: Ints, covers: tuple[SensorCover, SensorCover], then_deg: Floats, time_s: float) -> Watched:
+def standing(
+    watched: Watched,
+    rows: Ints,
+    covers: tuple[SensorCover, SensorCover],
+    track_sources: Hearing,
+    then_deg: Floats,
+    time_s: float,
+) -> Watched:
     """The watched vessels, of which those that only silent sensors would see are as old as when these were heard last.
 
     A vessel that had a track then is not lost when its sensors are heard again, since it may return under another id.
-    Args: rows: (K,) vessels without a track; covers: of AIS stations and radars; then_deg: (K, 2) where each would be.
+    Args: rows: (K,) vessels without a track; covers: of AIS stations and radars; track_sources: what only a silent
+    one tracked stands wherever it is; then_deg: (K, 2) where each would be.
     """
     from_s, is_seen = np.full(len(rows), np.inf), np.zeros(len(rows), np.bool_)
     for bit, cover in zip((AIS, RADAR), covers, strict=True):
         of_kind = (watched.sources[rows] & bit) != 0
         is_seen |= cover.within(then_deg, of_kind)
         from_s = np.minimum(from_s, cover.stands_from_s(then_deg, of_kind))
+    source = watched.track_source[rows]
+    given_s = np.append(track_sources.stands_from_s, np.inf)[source]
+    by_source = np.isfinite(given_s)
+    from_s[by_source], is_seen[by_source] = given_s[by_source], False
     stands = np.isfinite(from_s) & ~is_seen
     if not stands.any():
         return watched

@@ -31,6 +31,7 @@ class Watched:
     velocity_m_s: Floats  # (U, 2)
     mmsi: Ints  # (U,)
     sources: Ints  # (U,) sum of AIS and RADAR
+    track_source: Ints  # (U,) number of the track source that alone tracked it; -1: another sensor did too
     here: Bools  # (U,) it is in the picture
     tracked: Bools  # (U,) it has a track
     came_s: Floats  # (U,) since when it has been watched without being forgotten
@@ -43,7 +44,7 @@ class Watched:
     def none(cls) -> Watched:
         number, time, place = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 2))
         of = number > 0
-        return cls(number, time, time, place, place, number, number, of, of, time, place, place, time, time)
+        return cls(number, time, time, place, place, number, number, number, of, of, time, place, place, time, time)
 
     def take(self, rows: Ints | Bools) -> Watched:
         """Some of them."""
@@ -122,6 +123,12 @@ def _rows_of(now: Picture, members: Members, sensors: Sensors, time_s: float) ->
     for kind, bit in ((SourceKind.AIS, AIS), (SourceKind.RADAR, RADAR)):
         of_kind = row[(kinds[members.source] == int(kind)) & (row >= 0)]
         sources[of_kind] |= bit
+    known, first_source = row >= 0, len(sensors.region_names)
+    track_source, others = np.full(n, -1, np.int64), np.zeros(n, np.bool_)
+    is_given = (members.source >= first_source) & (members.source < sensors.ais_source)
+    np.maximum.at(track_source, row[known & is_given], members.source[known & is_given] - first_source)
+    others[row[known & ~is_given]] = True
+    track_source[others] = -1
     time, unknown = np.full(n, float(time_s)), np.full(n, np.nan)
     place = now.position_deg
     first = (
@@ -132,6 +139,7 @@ def _rows_of(now: Picture, members: Members, sensors: Sensors, time_s: float) ->
         now.velocity_m_s,
         now.mmsi,
         sources,
+        track_source,
         np.ones(n, np.bool_),
         np.ones(n, np.bool_),
     )

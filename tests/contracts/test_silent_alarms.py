@@ -154,3 +154,25 @@ def test_one_alarm_of_what_is_silent_lasts_though_it_is_of_no_vessel(
     assert begun.mmsi.tolist() == [-1]
     assert [len(changes) for changes in seen[1:3]] == [0, 0], "one alarm, that lasts"
     assert seen[3].ended.kind.tolist() == [int(kind)]
+
+
+@pytest.mark.parametrize(("silent", "with_radar", "is_lost"), [(True, False, False), (True, True, True), (False, False, True)])
+def test_what_only_a_silent_track_source_tracked_is_not_lost(silent: bool, with_radar: bool, is_lost: bool) -> None:
+    """The vessel ends where a radar that is heard reaches. Its tracks were of the track source, number 1 of the sources."""
+    memory, lost = RULES.init(), False
+    for cycle in range(60):
+        time_s, away = PERIOD_S * cycle, cycle >= 20
+        rows = (
+            [] if away and cycle >= 22 else [{"id": 1, "at": (0.0, 0.0), "kn": (10.0, 0.0), "flags": int(Flag.COASTING) * away}]
+        )
+        picture, _ = picture_of(time_s, rows)
+        source = np.array([0, 1] if with_radar else [1])[: 2 * len(rows) * (not away)]
+        members = Members(np.ones(len(source), np.int64), source + 100, source)
+        of_source = failed(1)
+        if silent and cycle >= 25:
+            since = 19 if cycle == 25 else cycle - 1
+            of_source = replace(failed(1, 0), stands_from_s=np.full(1, PERIOD_S * since))
+        hearing = SensorHearing(failed(1), failed(2), of_source, failed(1))
+        memory, alarms = RULES.step(load(save(memory)), picture, members, time_s, ALL_KINDS, hearing=hearing)
+        lost |= bool((alarms.kind == AlarmKind.LOST).any())
+    assert lost == is_lost
