@@ -1,7 +1,7 @@
 -- What holds of a database that has whole cycles only; each query gives the runs of which it does not. `coastwatch db check` asks all.
 
--- cycles are numbered from 0 without a gap
-SELECT run_id FROM cycle GROUP BY run_id HAVING count(*) <> max(number) + 1;
+-- cycles are numbered without a gap, from 0 where none is deleted
+SELECT run_id FROM cycle GROUP BY run_id HAVING count(*) <> max(number) - min(number) + 1;
 
 -- a cycle has as many rows of history as it says
 SELECT c.run_id FROM cycle c LEFT JOIN (SELECT run_id, cycle, count(*) AS n FROM history GROUP BY run_id, cycle) h

@@ -44,8 +44,22 @@ MOST_CYCLES = 100_000_000
 """Ten years of cycles of 3 s."""
 
 
+LIVE_HOURS = {
+    "history_hours": 168.0,
+    "details_hours": 24.0,
+    "event_hours": 2160.0,
+    "picture_hours": 24.0,
+    "recording_hours": 168.0,
+    "audit_hours": 8760.0,
+}
+"""For how long a live run keeps what its settings say nothing of: a week of history, a day of details, 90 days of events."""
+
+
 class StoreSettings(Settings):
-    """What is stored of a run, and for how long."""
+    """What is stored of a run, and for how long. A live run (`coastwatch serve`) has a limit for each time that is not set.
+
+    These are 168 hours of history and recording, 24 of details and of pictures after the end, 2160 of events, 8760 of the audit.
+    """
 
     picture_large: Annotated[int, Field(ge=0)] = 100_000  # tracks; up to this many the current picture is written every cycle
     picture_every_s: Annotated[float, Field(ge=0.0)] = 12.0  # with more tracks
@@ -67,11 +81,18 @@ class StoreSettings(Settings):
     event_gap_s: Annotated[float, Field(ge=0.0)] = 60.0  # a flag that returns within this time goes on with its event
     picture_hours: Annotated[float, Field(ge=0.0)] = 0.0  # after the end of a run until its last picture is deleted; 0: never
     recording_hours: Annotated[float, Field(ge=0.0)] = 0.0  # of recording; 0: all
+    audit_hours: Annotated[float, Field(ge=0.0)] = (
+        0.0  # of who changed what, and of versions of zones before the newest; 0: all
+    )
     journal_minutes: Annotated[float, Field(ge=0.0)] = (
         30.0  # of a regional centre's tracks, for centres that fall behind; the newest cycle is always kept
     )
     overlap: bool = True  # write cycles while the next ones are computed, at most two behind; the rows are the same
     recording: bool = False  # store every picture with its members, bit for bit
+
+    def of_live_run(self) -> StoreSettings:
+        """The settings with a limit for each time that is not set. One that is set to 0 stays: that is kept for ever."""
+        return self.model_copy(update={name: hours for name, hours in LIVE_HOURS.items() if name not in self.model_fields_set})
 
 
 class WorkerSettings(Settings):

@@ -156,7 +156,8 @@ class LiveRun:
     ) -> None:
         """Args: resume: go on with the last run of this scenario, if it ended a short time ago; publisher: of a region's tracks."""
         self.stop = threading.Event()
-        self.scenario, self.alarms = scenario, AlarmBook()
+        self.scenario = scenario.model_copy(update={"store": scenario.store.of_live_run()})
+        self.alarms = AlarmBook()
         self.seconds: dict[str, float] = {}  # of the stages of the last cycle
         self.late_s = 0.0  # how long after it was due the last picture was ready
         self.cycles = self.cycles_late = self.cycles_merged = self.restarts = 0

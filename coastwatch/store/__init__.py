@@ -25,6 +25,7 @@ from coastwatch.store.read.questions import Parameter as Parameter
 from coastwatch.store.read.questions import Question as Question
 from coastwatch.store.read.questions import operator_queries as operator_queries
 from coastwatch.store.read.questions import operator_query as operator_query
+from coastwatch.store.read.picture_queries import newest_statics as newest_statics
 from coastwatch.store.read.rows import INSTANTS as INSTANTS
 from coastwatch.store.read.rows import Rows as Rows
 from coastwatch.store.read.rows import Table as Table
@@ -51,6 +52,7 @@ from coastwatch.store.runs import set_verdict as set_verdict
 from coastwatch.store.runs import timings as timings
 from coastwatch.store.schema.backup import backup as backup
 from coastwatch.store.schema.backup import restore as restore
+from coastwatch.store.schema.database import NoSuchRunError as NoSuchRunError
 from coastwatch.store.schema.database import QueryLimit as QueryLimit
 from coastwatch.store.schema.database import Store as Store
 from coastwatch.store.schema.database import StoreError as StoreError

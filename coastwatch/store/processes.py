@@ -4,28 +4,55 @@ from __future__ import annotations
 
 import os
 import platform
+from enum import Enum
 from pathlib import Path
 
-BOOT, NAMESPACE = Path("/proc/sys/kernel/random/boot_id"), Path("/proc/self/ns/pid")
+PROC = Path("/proc")
+BOOT, NAMESPACE = PROC / "sys/kernel/random/boot_id", PROC / "self/ns/pid"
 """Of Linux: since one boot, in one namespace, a number means one process at a time. Containers of a host have namespaces apart."""
+
+STARTED = "start="
+"""Before the time at which the process began, in clock ticks since the boot: a number that was given again has another one."""
+
+
+class Presence(Enum):
+    """Whether a process is still there."""
+
+    HERE = "here"
+    GONE = "gone"
+    UNKNOWN = "unknown"  # it is of another machine, or of a system that does not say
 
 
 def this_process() -> tuple[str, int]:
-    """The machine on which this process runs, and its number there."""
-    return _machine(), os.getpid()
+    """The machine on which this process runs, with when the process began, and its number there."""
+    began = _began(os.getpid())
+    return " ".join([_machine(), *([] if began is None else [STARTED + began])]), os.getpid()
 
 
-def is_gone(machine: str | None, process: int | None) -> bool:
-    """Whether a process of this machine has certainly ended. A process of another machine, or one whose number was given again, has not."""
-    if machine is None or process is None or os.name != "posix" or machine != _machine():
-        return False
+def presence(machine: str | None, process: int | None) -> Presence:
+    """Whether a process is still there. Args: machine, process: as of `this_process`."""
+    name, _, began = (machine or "").partition(" " + STARTED)
+    if machine is None or process is None or os.name != "posix" or name != _machine():
+        return Presence.UNKNOWN
     try:
         os.kill(process, 0)  # sends nothing
     except ProcessLookupError:
-        return True
+        return Presence.GONE
     except OSError:  # there, but another user's
-        return False
-    return False
+        pass
+    now = _began(process)
+    if not began or now is None:
+        return Presence.UNKNOWN  # the number may have been given again
+    return Presence.HERE if began == now else Presence.GONE
+
+
+def _began(process: int) -> str | None:
+    """When a process began, in clock ticks since the boot; None: the system does not say."""
+    try:
+        text = (PROC / str(process) / "stat").read_text("ascii", "replace")
+    except OSError:
+        return None
+    return text.rpartition(")")[2].split()[19]  # field 22; the second one may have blanks
 
 
 def _machine() -> str:

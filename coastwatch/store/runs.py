@@ -12,7 +12,7 @@ import numpy as np
 from sqlalchemy import Connection, Executable, delete, func, insert, select, true, update
 
 from coastwatch.batches import Fault, Sensors
-from coastwatch.store.processes import is_gone, this_process
+from coastwatch.store.processes import Presence, presence, this_process
 from coastwatch.store.read.rows import Rows, fetch_rows
 from coastwatch.store.schema.database import Store, StoreError, as_json, now_utc, reading, writing
 from coastwatch.store.schema.tables import (
@@ -42,7 +42,7 @@ MOST_NAMED = 10
 """Runs that a refusal names."""
 
 DEAD_S, DEAD_PERIODS = 60.0, 20.0
-"""A run of another machine that writes no cycle for so long is no longer there."""
+"""A run of a process that cannot be asked, of another machine, is no longer there when it has written no cycle for so long."""
 
 
 def begin_run(
@@ -148,10 +148,17 @@ def resume_point(
 def discard_runs(store: Store, scenario: str, seed: int | None = None) -> list[int]:
     """Delete all runs of a scenario (of one seed, where given) with everything they stored; returns their numbers.
 
-    Raises: StoreError.
+    A run that another process of this machine writes stays. Raises: StoreError.
     """
-    which = select(RUN.c.id).where(RUN.c.scenario == scenario)
-    return _delete(store, which if seed is None else which.where(RUN.c.seed == seed))
+    r = RUN.c
+    which = select(r.id, r.machine, r.process).where(r.scenario == scenario, true() if seed is None else r.seed == seed)
+    with reading(store) as connection:
+        found = connection.execute(which.where(r.status == "running")).all()
+    mine = this_process()
+    live = [
+        row.id for row in found if (row.machine, row.process) != mine and presence(row.machine, row.process) is Presence.HERE
+    ]
+    return _delete(store, which.with_only_columns(r.id).where(r.id.not_in(live)))
 
 
 def delete_run(store: Store, run_id: int) -> None:
@@ -225,13 +232,15 @@ def run_status(store: Store, run_id: int) -> str:
 def _with_death(connection: Connection, columns: Sequence[str], row: tuple[Any, ...]) -> tuple[Any, ...]:
     """A row of `run`, with status `died` where it is `running` and its process is gone.
 
-    A process of another machine is taken to be gone once it has written nothing for DEAD_S, or DEAD_PERIODS if longer.
+    A process of this machine is asked: a live run may wait for its feeds for hours. One of another machine is taken to be gone once
+    it has written nothing for DEAD_S, or DEAD_PERIODS if longer.
     """
     of = dict(zip(columns, row, strict=True))
     if of["status"] == "running":
+        there = presence(of["machine"], of["process"])
         silent = timedelta(seconds=max(DEAD_S, DEAD_PERIODS * of["period_s"]))
         is_silent = (of["written_utc"] or of["started_utc"]) < now_utc(connection, -silent)
-        if is_silent or is_gone(of["machine"], of["process"]):
+        if there is Presence.GONE or (there is Presence.UNKNOWN and is_silent):
             of["status"] = "died"
     return tuple(of.values())
 

@@ -269,6 +269,7 @@ def _legs(connection: Connection, store: Store, run_id: int, bbox: Box, from_s: 
         raise StoreError(f"{store.where}: run {run_id} holds nothing up to then")
     span = select(c.number, c.time_s, c.history_from).where(c.run_id == run_id, c.number.between(start, end))
     number, time_s, oldest = fetch_arrays(connection, span.order_by(c.number))
+    start = int(number[0])  # earlier cycles may have been deleted
     oldest = np.where(oldest < 0, number, oldest)
     valid_s = float((time_s - time_s[np.clip(oldest - start, 0, None)]).max(initial=0.0) + np.diff(time_s).max(initial=0.0))
     names = ("vessel_id", "cycle", *MOTION, "mmsi", "closing")

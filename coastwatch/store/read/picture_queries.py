@@ -27,6 +27,7 @@ from coastwatch.store.schema.tables import (
     IDENTITY,
     MEMBER_HISTORY,
     PRESENCE,
+    RUN,
     SOURCE,
     VESSEL,
     VESSEL_STATIC,
@@ -247,6 +248,14 @@ def _statics_of(connection: Connection, run_id: int, mmsi: Ints) -> Columns:
     }
 
 
+def newest_statics(store: Store, run_id: int, most: int) -> Table:
+    """The MMSI, name, call sign, type and size of vessels, those that were heard last. Args: most: vessels. Raises: StoreError."""
+    s, names = VESSEL_STATIC.c, ("mmsi", *STATIC)
+    query = select(*(s[name] for name in names)).where(s.run_id == run_id).order_by(s.updated_s.desc(), s.mmsi).limit(most)
+    with reading(store) as connection:
+        return Table(names, tuple(fetch_arrays(connection, query)))
+
+
 def _since_of(connection: Connection, run_id: int, cycle: int, vessel_id: Ints) -> Floats:
     """When the stay of each vessel began that had this cycle in it, by its own account. Args: (V,) sorted."""
     p = PRESENCE.c
@@ -298,9 +307,12 @@ def _events(run_id: int, vessel_id: int) -> Select[*tuple[Any, ...]]:
 def _members(run_id: int, vessel_id: int) -> Select[*tuple[Any, ...]]:
     m, first, last = MEMBER_HISTORY.c, CYCLE.alias("first"), CYCLE.alias("last")
     columns = (SOURCE.c.name.label("source"), SOURCE.c.kind, m.track_id, m.from_cycle, m.to_cycle)
-    query = select(*columns, first.c.time_s.label("from_s"), last.c.time_s.label("to_s")).select_from(MEMBER_HISTORY)
+    planned_s = RUN.c.start_s + RUN.c.period_s * (m.from_cycle + 1)  # where the row of the cycle is deleted
+    from_s = func.coalesce(first.c.time_s, planned_s).label("from_s")
+    query = select(*columns, from_s, last.c.time_s.label("to_s")).select_from(MEMBER_HISTORY)
+    query = query.join(RUN, RUN.c.id == m.run_id)
     query = query.join(SOURCE, and_(SOURCE.c.run_id == m.run_id, SOURCE.c.number == m.source))
-    query = query.join(first, and_(first.c.run_id == m.run_id, first.c.number == m.from_cycle))
+    query = query.outerjoin(first, and_(first.c.run_id == m.run_id, first.c.number == m.from_cycle))
     query = query.outerjoin(last, and_(last.c.run_id == m.run_id, last.c.number == m.to_cycle))
     return query.where(m.run_id == run_id, m.vessel_id == vessel_id).order_by(m.from_cycle, m.source, m.track_id)
 

@@ -60,6 +60,10 @@ class StoreError(Exception):
     """The database cannot do what was asked; the message says which database, why, and what to do."""
 
 
+class NoSuchRunError(StoreError):
+    """A run that was written is not there any more: somebody has deleted it."""
+
+
 @dataclass(frozen=True)
 class QueryLimit:
     """How long a read transaction may take."""

@@ -151,11 +151,15 @@ def discard_recording_before(store: Store, run_id: int, cycle: int) -> None:
         delete_recording(connection, run_id, cycle, None)
 
 
-def delete_recording(connection: Connection, run_id: int, first: int, most: int | None) -> None:
-    """As `discard_recording_before`, in the transaction of the connection. Args: most: cycles to delete at once, the oldest ones."""
+def delete_recording(connection: Connection, run_id: int, first: int, most: int | None) -> int:
+    """As `discard_recording_before`, in the transaction of the connection. Args: most: cycles to delete at once, the oldest ones.
+
+    Returns: cycles deleted.
+    """
     oldest = connection.scalar(select(func.min(RECORDING.c.cycle)).where(RECORDING.c.run_id == run_id))
     if oldest is not None and oldest < first:
         upto = first if most is None else min(first, oldest + most)
         gone = (CYCLE.c.run_id == run_id, CYCLE.c.number >= oldest, CYCLE.c.number < upto)
         connection.execute(update(CYCLE).where(*gone).values(recorded=False))
-        connection.execute(delete(RECORDING).where(RECORDING.c.run_id == run_id, RECORDING.c.cycle < upto))
+        return connection.execute(delete(RECORDING).where(RECORDING.c.run_id == run_id, RECORDING.c.cycle < upto)).rowcount
+    return 0

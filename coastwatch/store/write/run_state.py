@@ -11,7 +11,7 @@ from sqlalchemy import Connection, and_, delete, func, insert, select, update
 from coastwatch.batches import Ints, RegistrationState
 from coastwatch.store.read.history_queries import newest_points, of_newest
 from coastwatch.store.read.rows import fetch_arrays
-from coastwatch.store.schema.database import StoreError
+from coastwatch.store.schema.database import NoSuchRunError
 from coastwatch.store.schema.tables import (
     AIS_FEED,
     CHECKPOINT,
@@ -30,6 +30,7 @@ from coastwatch.store.schema.tables import (
 )
 from coastwatch.store.write.events import truncate_events
 from coastwatch.store.write.history_rule import Points, no_points, rate_deg_s
+from coastwatch.store.write.static_names import StoredNames
 from coastwatch.store.write.timeline import Timeline
 from coastwatch.store.write.to_rows import LastReport
 
@@ -59,7 +60,7 @@ class RunState:
     members: Ints  # (L, 3) vessel, source, track, sorted
     vessels: Ints  # (V, 1) sorted
     points: Points
-    static_mmsi: Ints  # of which names are stored, sorted
+    names: StoredNames
     last_report: LastReport
     radar_states: tuple[int, ...]  # as last written
     first_history: int  # first cycle whose history is kept
@@ -84,7 +85,7 @@ def read_run_state(connection: Connection, run_id: int, where: str) -> RunState:
     number, time_s = (-1, -np.inf) if found is None else (found.number, found.time_s)
     members = select(MEMBER.c.vessel_id, MEMBER.c.source, MEMBER.c.track_id).where(MEMBER.c.run_id == run_id)
     vessels = select(PRESENCE.c.vessel_id).where(PRESENCE.c.run_id == run_id, PRESENCE.c.to_cycle.is_(None))
-    mmsi = select(VESSEL_STATIC.c.mmsi).where(VESSEL_STATIC.c.run_id == run_id).order_by(VESSEL_STATIC.c.mmsi)
+    statics = select(VESSEL_STATIC.c.mmsi, VESSEL_STATIC.c.updated_s).where(VESSEL_STATIC.c.run_id == run_id)
     names = connection.execute(
         select(SOURCE.c.name, SOURCE.c.kind).where(SOURCE.c.run_id == run_id).order_by(SOURCE.c.number)
     ).all()
@@ -98,7 +99,7 @@ def read_run_state(connection: Connection, run_id: int, where: str) -> RunState:
         members=_table(connection, members.order_by(MEMBER.c.vessel_id, MEMBER.c.source, MEMBER.c.track_id)),
         vessels=_table(connection, vessels.order_by(PRESENCE.c.vessel_id)),
         points=_points(connection, run_id, number),
-        static_mmsi=_table(connection, mmsi)[:, 0],
+        names=StoredNames(*fetch_arrays(connection, statics.order_by(VESSEL_STATIC.c.mmsi))),
         last_report=last_report,
         radar_states=states,
         first_history=first_history,
@@ -133,9 +134,9 @@ def truncate_run(connection: Connection, run_id: int, number: int) -> None:
     connection.execute(delete(CYCLE).where(CYCLE.c.run_id == run_id, CYCLE.c.number >= number))
 
 
-def no_such_run(run_id: int, where: str) -> StoreError:
+def no_such_run(run_id: int, where: str) -> NoSuchRunError:
     """The error for a run that does not exist."""
-    return StoreError(f"{where}: there is no run {run_id}; another process may have restarted it")
+    return NoSuchRunError(f"{where}: there is no run {run_id}; another process may have restarted it")
 
 
 def _table(connection: Connection, query: Any) -> Ints:

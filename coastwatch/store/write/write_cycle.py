@@ -12,7 +12,6 @@ from sqlalchemy import Connection, Table, delete, select, update
 from sqlalchemy import insert as insert_one
 
 from coastwatch.batches import AisStatics, EventChanges, Floats, Ints, Picture, Reports
-from coastwatch.kernels.tables.lookup import find
 from coastwatch.store.schema import database
 from coastwatch.store.schema.database import Store, StoreError
 from coastwatch.store.schema.tables import (
@@ -33,13 +32,13 @@ from coastwatch.store.schema.tables import (
     STAGE_TIMING,
     STANDING_ECHO,
     VESSEL,
-    VESSEL_STATIC,
 )
-from coastwatch.store.write import events, history_rule, retention, to_rows
-from coastwatch.store.write.insert import Column, delete_rows, insert, take, update_rows
+from coastwatch.store.write import ended_runs, events, history_rule, retention, to_rows
+from coastwatch.store.write.insert import Column, delete_rows, insert, update_rows
 from coastwatch.store.write.journal import NOTHING_PASSED, ForCentres, compressed, write_for_centres
 from coastwatch.store.write.recording import record
 from coastwatch.store.write.run_state import RunState, no_such_run, read_run_state, truncate_run
+from coastwatch.store.write.static_names import delete_names, write_names
 
 if TYPE_CHECKING:  # to read a database needs no stage of the pipeline, which are slow to import
     from coastwatch.pipeline import Cycle
@@ -146,7 +145,7 @@ def write_cycle(
         rows += _write_stays(connection, run_id, number, before, members, picture)
         rows += events.write_events(connection, run_id, number, cycle.events, before.timeline)
         rows += _write_details(connection, run_id, number, cycle, members, keep)
-        static_mmsi = _merge_statics(connection, run_id, before.static_mmsi, reports.statics)
+        names = write_names(connection, run_id, before.names, reports.statics)
         last_report = to_rows.last_reports(before.last_report, reports)
         radar_states = tuple(cycle.corrections.state.tolist())
         if number % keep.registration_every and radar_states == before.radar_states and not cycle.corrections.jumped.any():
@@ -160,8 +159,12 @@ def write_cycle(
             _replace(connection, STANDING_ECHO, run_id, to_rows.standing_echo_rows(run_id, number, cycle.standing_echoes))
         first_kept = before.first_history, before.first_details
         period_s = before.timeline.period_s
-        if any((keep.history_hours, keep.details_hours, keep.event_hours, keep.recording_hours, keep.picture_hours)):
+        if retention.is_limited(keep):
             first_kept = retention.delete_old(connection, run_id, number, period_s, keep, first_kept, rows)
+            if number % ended_runs.EVERY == 0:
+                ended_runs.delete_ended(connection, run_id, keep)
+            if (kept_s := retention.longest_kept_s(keep)) is not None:
+                names = delete_names(connection, run_id, names, cycle.time_s - kept_s, picture.mmsi)
         if keep.recording:
             record(connection, run_id, number, picture, cycle.members)
         write_for_centres(connection, run_id, number, cycle.time_s, for_centres, _kept_messages(keep, period_s))
@@ -174,7 +177,7 @@ def write_cycle(
         members=members,
         vessels=picture.vessel_id[:, None],
         points=points,
-        static_mmsi=static_mmsi,
+        names=names,
         last_report=last_report,
         radar_states=radar_states,
         first_history=first_kept[0],
@@ -195,7 +198,7 @@ def _write_skipped(
     write_for_centres(connection, run_id, skipped.number, skipped.time_s, skipped.for_centres, kept)
     return replace(
         before,
-        static_mmsi=_merge_statics(connection, run_id, before.static_mmsi, skipped.statics),
+        names=write_names(connection, run_id, before.names, skipped.statics),
         last_report=to_rows.newest_reports(before.last_report, skipped.heard),
     )
 
@@ -313,18 +316,6 @@ def _write_details(connection: Connection, run_id: int, number: int, cycle: Cycl
         rows += insert(connection, ASSOCIATION, to_rows.association_rows(run_id, number, cycle, members))
         rows += insert(connection, BEARING_ASSOCIATION, to_rows.bearing_association_rows(run_id, number, cycle))
     return rows
-
-
-def _merge_statics(connection: Connection, run_id: int, known: Ints, reports: AisStatics) -> Ints:
-    """Write new names, types and sizes of vessels. Args: known: every MMSI that has a row, sorted. Returns: the same afterwards."""
-    if not len(reports):
-        return known
-    mmsi, columns = to_rows.static_rows(reports)
-    new = find(known, mmsi) < 0
-    insert(connection, VESSEL_STATIC, [run_id, mmsi[new], *(take(column, new) for column in columns.values())])
-    changed = {name: take(column, ~new) for name, column in columns.items()}
-    update_rows(connection, VESSEL_STATIC, {"mmsi": mmsi[~new]}, {"run_id": run_id}, changed)
-    return np.sort(np.concatenate([known, mmsi[new]]))
 
 
 def write_checkpoint(store: Store, run_id: int, number: int, memory: bytes) -> Written:

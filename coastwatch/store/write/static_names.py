@@ -1,0 +1,64 @@
+"""Names, types and sizes of vessels: one row an MMSI, the newest that came. Old ones go where the run has a retention."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from sqlalchemy import Connection
+
+from coastwatch.batches import AisStatics, Floats, Ints
+from coastwatch.kernels.tables.lookup import find
+from coastwatch.store.schema.tables import VESSEL_STATIC
+from coastwatch.store.write import to_rows
+from coastwatch.store.write.insert import delete_rows, insert, take, update_rows
+
+MOST_NAMES = 500_000
+"""Names that a run with a retention keeps. Of more, those that were heard longest ago go."""
+
+AT_ONCE = 2_000
+"""Names that are deleted in a cycle, on top of as many as it adds."""
+
+
+@dataclass(frozen=True, eq=False)
+class StoredNames:
+    """Of which MMSI names are stored."""
+
+    mmsi: Ints  # (S,) sorted
+    heard_s: Floats  # (S,) when the newest one came
+
+    def __len__(self) -> int:
+        return len(self.mmsi)
+
+
+def write_names(connection: Connection, run_id: int, known: StoredNames, reports: AisStatics) -> StoredNames:
+    """Write new names, types and sizes of vessels. Returns: what is stored afterwards."""
+    if not len(reports):
+        return known
+    mmsi, columns = to_rows.static_rows(reports)
+    row = find(known.mmsi, mmsi)
+    new = row < 0
+    insert(connection, VESSEL_STATIC, [run_id, mmsi[new], *(take(column, new) for column in columns.values())])
+    changed = {name: take(column, ~new) for name, column in columns.items()}
+    update_rows(connection, VESSEL_STATIC, {"mmsi": mmsi[~new]}, {"run_id": run_id}, changed)
+    heard_s, when = known.heard_s.copy(), np.asarray(columns["updated_s"])
+    heard_s[row[~new]] = when[~new]
+    at = np.searchsorted(known.mmsi, mmsi[new])
+    return StoredNames(np.insert(known.mmsi, at, mmsi[new]), np.insert(heard_s, at, when[new]))
+
+
+def delete_names(connection: Connection, run_id: int, known: StoredNames, before_s: float, present: Ints) -> StoredNames:
+    """Delete some names that were not heard since an instant, or that are too many. Returns: what is stored afterwards.
+
+    Args: present: MMSI of the vessels in the picture, whose names stay.
+    """
+    beyond = len(known) - MOST_NAMES
+    old = known.heard_s < before_s
+    if beyond <= 0 and not old.any():
+        return known
+    most = AT_ONCE + max(beyond, 0)
+    absent = np.flatnonzero(~np.isin(known.mmsi, present))
+    oldest = absent[np.argsort(known.heard_s[absent], kind="stable")]
+    gone = oldest[: min(most, max(int(old[absent].sum()), beyond))]
+    delete_rows(connection, VESSEL_STATIC, {"mmsi": known.mmsi[gone]}, {"run_id": run_id})
+    return StoredNames(np.delete(known.mmsi, gone), np.delete(known.heard_s, gone))
