@@ -13,6 +13,9 @@ from coastwatch.kernels.bearings.signatures import log_likelihood
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.stage import Groups
 
+MOST_TYPES = 200_000
+"""Vessels of which the class is kept, 24 bytes each."""
+
 FORGET = 0.95  # of counts of detections outside the coverage, each cycle: they are of the last minute
 
 
@@ -135,14 +138,18 @@ class OutsideDetections:
 
 @dataclass(frozen=True, eq=False)
 class ShipTypes:
-    """The class of each vessel that ever sent a ship type that implies one; the last one received stands."""
+    """The class of each vessel that sent a ship type that implies one; the last one received stands.
+
+    Of more than MOST_TYPES vessels those that were heard longest ago are forgotten.
+    """
 
     mmsi: Ints  # (S,) sorted
     vessel_class: Ints  # (S,) VesselClass
+    heard_s: Floats  # (S,) when the vessel sent a type last
 
     @staticmethod
     def empty() -> ShipTypes:
-        return ShipTypes(np.zeros(0, np.int64), np.zeros(0, np.int64))
+        return ShipTypes(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
 
     def updated(self, statics: AisStatics) -> ShipTypes:
         """What is known after these static reports."""
@@ -151,11 +158,25 @@ class ShipTypes:
         known = known[CLASS_OF_TYPE[code[known]] >= 0]
         if len(known) == 0:
             return self
-        known = known[np.lexsort((code[known], statics.received_s[known]))]
-        mmsi = np.concatenate([statics.mmsi[known][::-1], self.mmsi])  # newest first
-        every, first = np.unique(mmsi, return_index=True)
-        vessel_class = np.concatenate([CLASS_OF_TYPE[code[known]][::-1], self.vessel_class])[first]
-        return ShipTypes(every, vessel_class)
+        newest_first = known[np.lexsort((code[known], statics.received_s[known]))[::-1]]
+        mmsi, first = np.unique(statics.mmsi[newest_first], return_index=True)
+        newest = newest_first[first]
+        of_class, heard_s = CLASS_OF_TYPE[code[newest]], statics.received_s[newest]
+        row = find(self.mmsi, mmsi)
+        old, new = row >= 0, row < 0
+        kept = self.mmsi, self.vessel_class.copy(), self.heard_s.copy()
+        kept[1][row[old]], kept[2][row[old]] = of_class[old], heard_s[old]
+        at = np.searchsorted(self.mmsi, mmsi[new])
+        added = (np.insert(column, at, more[new]) for column, more in zip(kept, (mmsi, of_class, heard_s), strict=True))
+        return ShipTypes(*added).bounded()
+
+    def bounded(self) -> ShipTypes:
+        """These, or a tenth fewer than MOST_TYPES where there are more: those that were heard last."""
+        if len(self.mmsi) <= MOST_TYPES:
+            return self
+        newest = np.argsort(-self.heard_s, kind="stable")[: MOST_TYPES - MOST_TYPES // 10]
+        rows = np.sort(newest)
+        return ShipTypes(self.mmsi[rows], self.vessel_class[rows], self.heard_s[rows])
 
     def of(self, mmsi: Ints) -> Ints:
         """The class of each of these, -1 where it is not known. Args: (V,), -1 allowed."""

@@ -19,14 +19,14 @@ from coastwatch.scenario import Scenario
 from coastwatch.server import clock
 from coastwatch.server.alarm_book import MOST_ENDED, Alarm, AlarmBook, known_of
 from coastwatch.server.checkpoint import CheckpointError, Point
-from coastwatch.server.live_picture import LivePicture, Statics, merge_statics, of_cycle, of_store, without_absent
+from coastwatch.server.live_picture import LivePicture, Statics, merge_statics, of_cycle, stored_statics, without_absent
 from coastwatch.server.live_writer import LiveWriter, WriterState
 from coastwatch.server.regions.publisher import Publisher
 from coastwatch.server.run import run_scenario
 from coastwatch.server.timing import Stopwatch
 from coastwatch.server.troubles import Trouble, of_feeds
 from coastwatch.stage import Plan
-from coastwatch.store import CycleRecord, Intake, StoreError, Written
+from coastwatch.store import CycleRecord, Intake, NoSuchRunError, StoreError, Written
 
 LOG = logging.getLogger("coastwatch.serve")
 OnPicture = Callable[[LivePicture], None]
@@ -169,6 +169,7 @@ class LiveRun:
         self._resume, self._restart_wait_s = resume, tuple(restart_wait_s)
         self._given: dict[str, Any] = {"database": database, "workers": workers}
         self._said: str | None = "starting"
+        self._refused_zones: tuple[tuple[str, str], ...] = ()  # name, and why it is not watched
         self._sensors: Sensors | None = None
         self._writer: LiveWriter | None = None
         self._begun = False
@@ -245,6 +246,7 @@ class LiveRun:
                 f"the clock of this machine was set by {step_s:+.0f} s: the watch goes on by its own until it is started again"
             )
             out.append(Trouble("clock", "", None, said, False))
+        out += [Trouble("zone", name, None, said, False) for name, said in self._refused_zones]
         out += [
             Trouble("crowd", stage, None, f"{pipeline.LEFT_OUT[stage]} ({count} in the last cycle with any)", False)
             for stage, (count, when_s) in tuple(self._left_out.items())
@@ -280,8 +282,7 @@ class LiveRun:
         self._number, self._reached = point.cycle - 1, True
         if point.cycle:
             with store.open_store(self._given["database"], create=False) as opened:
-                newest = store.newest_picture(opened, run_id)
-                self._statics = {} if newest is None else of_store(opened, *newest).statics
+                self._statics = stored_statics(opened, run_id, MOST_STATICS)
                 known = known_of(store.alarms_before(opened, run_id, events.time_s, MOST_ENDED), events)
         self.alarms.begin(run_id, known)
 
@@ -321,6 +322,10 @@ class LiveRun:
         self.cycles_merged += self._merged
         self.cycles_late += self.late_s > self.scenario.period_s
         self._number = number
+
+    def refuse_zones(self, refused: Sequence[tuple[str, str]]) -> None:
+        """As `run.Live.refuse_zones`."""
+        self._refused_zones = tuple(refused)
 
     def for_centres(self, run_id: int, number: int, cycle: Cycle) -> store.ForCentres:
         """As `run.Live.for_centres`."""
@@ -364,7 +369,9 @@ class LiveRun:
             except Exception as error:  # of any part: the run is begun again, and the server goes on answering
                 if not self._goes_on(error):
                     return
-                if self.cycles > self._cycles_before:
+                if isinstance(error, NoSuchRunError):
+                    resume = False  # somebody has deleted the run: a new one begins
+                elif self.cycles > self._cycles_before:
                     resume = True
                 elif self._reached or isinstance(error, CheckpointError):
                     resume = False  # a checkpoint that fails in its first cycle, or cannot be read, is left

@@ -136,6 +136,13 @@ def of_store(opened: Store, run_id: int, cycle: int, time_s: float, at_s: float 
     return LivePicture(run_id, cycle, time_s, own, kind, codes, texts, of_mmsi)
 
 
+def stored_statics(opened: Store, run_id: int, most: int) -> Statics:
+    """The names that a run has stored, of so many vessels at most: those heard last. Raises: StoreError."""
+    found = store.newest_statics(opened, run_id, most)
+    values = zip(*(found.array(name).tolist() for name in STATIC), strict=True)
+    return dict(zip(found.array("mmsi").tolist(), values, strict=True))
+
+
 def merge_statics(known: Statics, reports: AisStatics) -> None:
     """Add names, types and sizes to those that are known. A field that was not sent keeps its value."""
     if not len(reports):

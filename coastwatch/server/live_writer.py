@@ -18,7 +18,7 @@ from typing import Any, Self
 from coastwatch.batches.struct import size_bytes
 from coastwatch.server.timing import Stopwatch
 from coastwatch.server.writer import STAGE
-from coastwatch.store import CycleRecord, ForCentres, SkippedCycle, StoreError, Written
+from coastwatch.store import CycleRecord, ForCentres, NoSuchRunError, SkippedCycle, StoreError, Written
 
 LOG = logging.getLogger("coastwatch.serve")
 
@@ -87,6 +87,7 @@ class LiveWriter:
         catches_up: whether the run computes cycles faster than time passes. It may wait then, so that none is skipped.
         """
         self.state = WriterState()
+        self.lost: NoSuchRunError | None = None  # the run was deleted: nothing can be written of it any more
         self._watch, self._write, self._announce, self._retry_s = watch, write, announce, tuple(retry_s)
         self._catches_up, self._writing_since_s = catches_up, time.monotonic()
         self._waiting: deque[_Waiting] = deque()
@@ -127,7 +128,9 @@ class LiveWriter:
         return self.state.error is None and time.monotonic() - self._writing_since_s < ROOM_S
 
     def put(self, record: CycleRecord) -> None:
-        """Have a record written."""
+        """Have a record written. Raises: NoSuchRunError: somebody has deleted the run."""
+        if self.lost is not None:
+            raise self.lost
         with self._changed:
             if record.checkpoint is not None:  # of older ones nobody has use
                 self._waiting = deque(replace(one, record=replace(one.record, checkpoint=None)) for one in self._waiting)
@@ -171,6 +174,8 @@ class LiveWriter:
                 with self._changed:
                     self.state.error = self.state.since_s = None
                     self._failed_in_a_row = 0
+            except NoSuchRunError as error:
+                self._lose(error)
             except StoreError as error:
                 self._failed(str(error))
                 if not self._wait_to_retry():
@@ -179,6 +184,16 @@ class LiveWriter:
                 LOG.exception("a cycle cannot be stored")
                 self._failed(f"{type(error).__name__}: {error}")
                 self._drop_first()
+
+    def _lose(self, error: NoSuchRunError) -> None:
+        """Leave all that waits, as there is no run of which it could be."""
+        with self._changed:
+            self.state.forgotten += sum(len(one.record.cycle.events) for one in self._waiting)
+            self.state.not_stored += len(self._waiting)
+            self.lost, self.state.waiting, self._carried = error, 0, ()
+            self._waiting.clear()
+            self._changed.notify_all()
+        self._failed(str(error))
 
     def _has_work(self) -> bool:
         """Wait for work. Returns: False: all is done, and the writer is to close."""
@@ -214,7 +229,9 @@ class LiveWriter:
         waiting = self._later[0]
         waiting.attempts += 1
         try:
-            waiting.done.set_result(waiting.job())
+            made = waiting.job()
+            if not waiting.done.cancelled():
+                waiting.done.set_result(made)
         except Exception as error:
             if isinstance(error, StoreError) and waiting.attempts < MOST_ATTEMPTS:
                 raise
@@ -224,11 +241,14 @@ class LiveWriter:
 
     def _give_up(self, waiting: _Later, error: Exception) -> None:
         self.state.forgotten += 1
-        waiting.done.set_exception(error)
+        if not waiting.done.cancelled():
+            waiting.done.set_exception(error)
 
     def _drop_first(self) -> None:
         """Leave the picture of the first record; if the rest of it fails too, all of it."""
         with self._changed:
+            if not self._waiting:  # a change by an operator failed
+                return
             record = self._waiting.popleft().record
             carried = (*self._carried, *record.merged, record.skipped())
             if self._failed_in_a_row > 1:

@@ -6,7 +6,7 @@ import importlib.metadata
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -68,6 +68,10 @@ class Live(Protocol):
 
     def computed(self, run_id: int, number: int, cycle: Cycle, reports: Reports, seconds: dict[str, float]) -> None:
         """Take a cycle. Args: reports: of the cycle; seconds: of its stages."""
+        ...
+
+    def refuse_zones(self, refused: Sequence[tuple[str, str]]) -> None:
+        """Take the names of the zones in the database that cannot be watched, each with the reason."""
         ...
 
     def for_centres(self, run_id: int, number: int, cycle: Cycle) -> store.ForCentres:
@@ -175,7 +179,7 @@ def run_scenario(
                             interrupted,
                             live,
                             Pace(scenario.store, scenario.period_s) if live is not None else Pace(scenario.store),
-                            None if live is None else WatchedZones(opened, scenario),
+                            None if live is None else WatchedZones(opened, scenario, live.refuse_zones),
                         )
                         point, vessels, most = _run_cycles(_Run(*parts), point, report, on_cycle)
                     memory = pipeline.gathered(point.memory, opened_workers.regions)

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import statistics
 import time
+from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-KEPT = 200_000
-"""Cycles of which times are kept: a run of a server lasts for months."""
+KEPT = 20_000
+"""Cycles of which times are kept, 8 bytes a stage each: a run of a server lasts for months. Totals are of all cycles."""
 
 
 @dataclass
 class Stopwatch:
-    """Seconds of each stage: a list per stage with one entry per cycle. `lap()` ends a cycle and returns its seconds."""
+    """Seconds of each stage in the newest cycles, one entry per cycle. `lap()` ends a cycle and returns its seconds."""
 
-    seconds: dict[str, list[float]] = field(default_factory=dict)
+    seconds: dict[str, array[float]] = field(default_factory=dict)
+    totals_s: dict[str, float] = field(default_factory=dict)  # of all cycles
     _late: dict[str, float] = field(default_factory=dict)
     _cycle: dict[str, float] = field(default_factory=dict)
 
@@ -31,7 +33,7 @@ class Stopwatch:
     def late(self, stage: str, seconds: float) -> None:
         """Record a stage of the cycle before, such as the store's: its seconds are stored in the row of this cycle."""
         self._late[stage] = seconds
-        self.seconds.setdefault(stage, []).append(seconds)
+        self._add(stage, seconds)
 
     def so_far(self) -> dict[str, float]:
         """The seconds of each stage of this cycle; of a late stage, those of the last."""
@@ -41,21 +43,26 @@ class Stopwatch:
         """The seconds of each stage since the last lap."""
         done, self._cycle = self._cycle, {}
         for stage, seconds in done.items():
-            self.seconds.setdefault(stage, []).append(seconds)
-        for every in self.seconds.values():
-            del every[:-KEPT]
+            self._add(stage, seconds)
         return done
 
+    def _add(self, stage: str, seconds: float) -> None:
+        every = self.seconds.setdefault(stage, array("d"))
+        every.append(seconds)
+        if len(every) > KEPT:
+            del every[: KEPT // 2]
+        self.totals_s[stage] = self.totals_s.get(stage, 0.0) + seconds
+
     def summary(self) -> dict[str, dict[str, float]]:
-        """For each stage median, p99 and total seconds, and its share of the total of all stages."""
-        everything = sum(sum(values) for values in self.seconds.values())
+        """For each stage median and p99 of the newest cycles, total seconds, and its share of the total of all stages."""
+        everything = sum(self.totals_s.values())
         out = {}
         for stage, values in self.seconds.items():
             ordered = sorted(values)
             out[stage] = {
                 "median": statistics.median(ordered),
                 "p99": ordered[min(int(0.99 * len(ordered)), len(ordered) - 1)],
-                "total": sum(ordered),
-                "share": sum(ordered) / everything if everything > 0.0 else 0.0,
+                "total": self.totals_s[stage],
+                "share": self.totals_s[stage] / everything if everything > 0.0 else 0.0,
             }
         return out

@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+
+from pydantic import ValidationError
 
 from coastwatch import store
 from coastwatch.alarms import Numbered, Zone, numbered
 from coastwatch.scenario import Scenario
-from coastwatch.store import Store, StoreError
+from coastwatch.store import Store, StoredZone, StoreError
+
+Refused = tuple[str, str]
+"""The name of a zone, and why this version does not take it."""
 
 
 class WatchedZones:
     """The zones of a scenario as they are now. They are read again when one was changed."""
 
-    def __init__(self, opened: Store, scenario: Scenario) -> None:
-        self._store, self._scenario = opened, scenario
+    def __init__(
+        self, opened: Store, scenario: Scenario, refuse: Callable[[Sequence[Refused]], None] = lambda refused: None
+    ) -> None:
+        """Args: refuse: told which zones of the database are not watched, whenever they are read."""
+        self._store, self._scenario, self._refuse = opened, scenario, refuse
         self._version, self._zones = -1, numbered(scenario.zones)
 
     def now(self) -> tuple[Numbered, ...]:
@@ -22,11 +31,23 @@ class WatchedZones:
         with suppress(StoreError):
             version = store.zone_version(self._store, self._scenario.name)
             if version != self._version:
-                self._zones, self._version = zones_of(self._store, self._scenario), version
+                drawn, refused = readable(store.zones(self._store, self._scenario.name))
+                self._zones = *numbered(self._scenario.zones), *((of.number, zone) for of, zone in drawn)
+                self._version = version
+                self._refuse(refused)
         return self._zones
 
 
-def zones_of(opened: Store, scenario: Scenario) -> tuple[Numbered, ...]:
-    """The zones of a scenario file, then those in the database. Raises: StoreError."""
-    stored = store.zones(opened, scenario.name)
-    return *numbered(scenario.zones), *((zone.number, Zone.model_validate(zone.definition)) for zone in stored)
+def readable(stored: Sequence[StoredZone]) -> tuple[list[tuple[StoredZone, Zone]], list[Refused]]:
+    """The stored zones, and those that this version refuses: another version may have stored them."""
+    drawn: list[tuple[StoredZone, Zone]] = []
+    refused: list[Refused] = []
+    for one in stored:
+        try:
+            drawn.append((one, Zone.model_validate(one.definition)))
+        except ValidationError as error:
+            what = error.errors()[0]
+            where = ".".join(str(part) for part in what["loc"])
+            said = f"zone {one.number} is not watched: {where + ': ' if where else ''}{what['msg']}"
+            refused.append((str(one.definition.get("name", one.number)), said))
+    return drawn, refused

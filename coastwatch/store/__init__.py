@@ -19,13 +19,13 @@ from coastwatch.store.read.history_queries import encounters as encounters
 from coastwatch.store.read.history_queries import history as history
 from coastwatch.store.read.history_queries import traffic as traffic
 from coastwatch.store.read.picture_queries import bearing_tracks as bearing_tracks
+from coastwatch.store.read.picture_queries import newest_statics as newest_statics
 from coastwatch.store.read.picture_queries import picture as picture
 from coastwatch.store.read.picture_queries import track as track
 from coastwatch.store.read.questions import Parameter as Parameter
 from coastwatch.store.read.questions import Question as Question
 from coastwatch.store.read.questions import operator_queries as operator_queries
 from coastwatch.store.read.questions import operator_query as operator_query
-from coastwatch.store.read.picture_queries import newest_statics as newest_statics
 from coastwatch.store.read.rows import INSTANTS as INSTANTS
 from coastwatch.store.read.rows import Rows as Rows
 from coastwatch.store.read.rows import Table as Table

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sqlite3
+import subprocess
+import sys
 import threading
 from pathlib import Path
 
@@ -15,6 +18,9 @@ from coastwatch.operators.api.service import Service
 from coastwatch.operators.cli.arguments import utc
 from coastwatch.scenario import load_scenario
 from coastwatch.server.live import LiveRun, Paced
+from coastwatch.server.live_picture import stored_statics
+from coastwatch.store.schema import database
+from coastwatch.store.schema.database import writing
 
 
 def test_a_simulation_runs_with_the_clock_and_ends_after_a_whole_cycle_with_what_was_served(tmp_path: Path) -> None:
@@ -80,6 +86,83 @@ def test_a_zone_that_is_drawn_raises_an_alarm_that_is_sent_acknowledged_and_note
         names = "vessel_id", "kind", "subject", "acknowledged_by", "note"
         said = [kept[rows.columns.index(name)] for name in names]
         assert said == [alarm["vessel_id"], "zone_speed", drawn, "Ana", "called on 16"]
+
+
+def test_a_log_that_a_reader_holds_is_said_and_a_run_that_is_deleted_begins_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(database, "LOG_BYTES", 20 * database.PAGE_BYTES)
+    path = tmp_path / "live.db"
+    scenario = load_scenario("context-driven-100", {"period_s": "0.5", "warmup_s": "0", "cycles": "1000", "input.count": "10"})
+    with store.open_store(str(path)) as opened:
+        service = Service(opened)
+        given = {"database": f"sqlite:///{path}", "workers": 1, "resume": False, "restart_wait_s": (0.05,)}
+        run = LiveRun(scenario, Paced(), service.receive, **given)
+        service.source = run
+        with listening(service, web=tmp_path) as address, run:
+            wait_for(lambda: run.cycles >= 2, 300.0)  # kernels may be compiled first
+            reader = sqlite3.connect(path, isolation_level=None)
+            reader.execute("BEGIN")
+            reader.execute("SELECT count(*) FROM cycle").fetchone()
+            wait_for(lambda: any(trouble.kind == "log" for trouble in run.troubles()), 120.0)
+            troubles = httpx.get(f"http://{address}/readyz").json()["troubles"]
+            assert ["another process reads in one transaction" in one["text"] for one in troubles if one["kind"] == "log"] == [
+                True
+            ]
+            metrics = httpx.get(f"http://{address}/metrics").text
+            found = next(line for line in metrics.splitlines() if line.startswith("coastwatch_log_bytes"))
+            assert float(found.split()[1]) > database.LOG_BYTES
+            assert 'coastwatch_trouble{kind="log",name="",serious="false"} 1.0' in metrics
+            reader.close()
+            wait_for(lambda: not any(trouble.kind == "log" for trouble in run.troubles()), 60.0)
+            first = service.run_id()
+            assert store.run(opened, first)["settings"]["store"]["history_hours"] == 168.0, "a live run keeps a week"
+            with pytest.raises(store.StoreError, match="is being written"):
+                store.delete_run(opened, first)
+            with writing(opened) as connection:  # as another machine would see it
+                connection.exec_driver_sql("UPDATE run SET status = 'finished'")
+            store.delete_run(opened, first)
+            wait_for(lambda: service.run_id() > first and run.restarts, 60.0)
+            assert any("there is no run" in trouble.text for trouble in run.troubles() if trouble.kind == "restart")
+        assert not run.failed
+        assert store.runs(opened).column("id") == [first + 1]
+
+
+def test_a_run_that_goes_on_has_the_names_of_vessels_that_are_not_in_the_picture(tmp_path: Path) -> None:
+    import store_world as world
+
+    with store.open_store(str(tmp_path / "sea.db")) as opened:
+        run_id = world.begin(opened)
+        for number in range(12):
+            world.write(opened, run_id, number)
+        found = stored_statics(opened, run_id, 100)
+        assert found[710_000_001] == ("SHIP 1", None, 70, 120.0, pytest.approx(float("nan"), nan_ok=True))
+        assert 710_000_000 in found, "no vessel of the picture has this MMSI"
+        assert sorted(stored_statics(opened, run_id, 2)) == [710_000_010, 710_000_011]
+
+
+FAILS = """
+import sys
+from coastwatch import pipeline
+from coastwatch.operators.cli import main
+from coastwatch.server import live
+
+def step(*given, **more):
+    raise ZeroDivisionError("a defect in each cycle")
+
+pipeline.step, live.MOST_RESTARTS = step, 1
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_a_server_whose_run_has_failed_for_good_ends_with_exit_code_1(tmp_path: Path) -> None:
+    """So `Restart=on-failure` of systemd begins it again."""
+    words = ["serve", "context-driven-100", "--db", str(tmp_path / "x.db"), "--port", "0", "--workers", "1"]
+    more = ["--set", "period_s=0.5", "--set", "input.count=5"]
+    done = subprocess.run([sys.executable, "-c", FAILS, *words, *more], capture_output=True, text=True, timeout=600)
+    assert done.returncode == 1, done.stderr
+    assert "the run is begun again after: a defect in each cycle" in done.stderr
+    assert done.stderr.rstrip().endswith("coastwatch: error: the run has failed: a defect in each cycle")
 
 
 def test_a_run_that_fails_says_why_and_the_server_goes_on(tmp_path: Path) -> None:

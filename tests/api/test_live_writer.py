@@ -159,6 +159,36 @@ def test_merged_cycles_have_rows_and_change_nothing_else(database: Database) -> 
         database.write(record(6, memory))
 
 
+def test_a_run_that_was_deleted_is_not_written_for_ever(database: Database) -> None:
+    """The thread of the cycles is told, so that a new run begins; what waits is left and counted."""
+    memory: dict[int, object] = {}
+    with writer_of(database) as writer:
+        writer.put(record(0, memory))
+        wait_for(lambda: writer.is_idle)
+        store.finish_run(database.store, database.run_id, "finished")
+        store.delete_run(database.store, database.run_id)
+        writer.put(record(1, memory, flagged=A))
+        wait_for(lambda: writer.lost is not None)
+        assert writer.later(lambda: 7).result(10.0) == 7, "other changes are written"
+        assert writer.state.forgotten == 1
+        with pytest.raises(store.NoSuchRunError, match="there is no run 1"):
+            writer.put(record(2, memory))
+
+
+def test_a_change_that_nobody_waits_for_any_more_ends_no_thread(database: Database) -> None:
+    memory: dict[int, object] = {}
+    go = threading.Event()
+    with writer_of(database) as writer:
+        writer.later(lambda: go.wait(20.0))
+        second, third = writer.later(lambda: 1), writer.later(lambda: 1 // 0)
+        assert second.cancel()
+        assert third.cancel()
+        go.set()
+        writer.put(record(0, memory))
+        wait_for(lambda: writer.is_idle)
+    assert database.rows("SELECT count(*) FROM cycle") == [(1,)]
+
+
 def test_a_defect_in_the_writing_of_a_cycle_costs_its_picture_alone(database: Database) -> None:
     memory: dict[int, object] = {}
     with writer_of(database) as writer:

@@ -9,6 +9,7 @@ import httpx
 import pytest
 from server_world import Served, listening
 
+from coastwatch import store
 from coastwatch.operators.api import tokens
 from coastwatch.operators.api.guard import Guard
 from coastwatch.scenario import load_scenario
@@ -66,6 +67,19 @@ def test_zones_are_added_changed_and_deleted_and_a_live_run_watches_them(changin
     changes = changing.get("/api/v1/zones/changes").json()["changes"]
     done = [(row["number"] - first, row["version"], row["definition"] is None, row["changed_by"]) for row in changes]
     assert done == [(0, 3, True, "loopback"), (0, 2, False, "loopback"), (1, 1, False, "loopback"), (0, 1, False, "loopback")]
+
+
+def test_a_stored_zone_that_this_version_refuses_is_left_out_and_said(changing: Served) -> None:
+    scenario = load_scenario("guanabara").model_copy(update={"name": "sea", "zones": ()})
+    said: list[tuple[str, str]] = []
+    watched = WatchedZones(changing.store, scenario, said.extend)
+    store.add_zone(changing.store, "sea", {**BAY, "shape": "of a later version"}, at_s=1.0, who="Ana")
+    store.add_zone(changing.store, "sea", RING, at_s=1.0, who="Ana")
+    assert [zone.name for _, zone in watched.now()] == ["ring"]
+    ((name, why),) = said
+    assert (name, "is not watched: circle.shape" in why or "shape" in why) == ("bay", True)
+    found = changing.get("/api/v1/zones")
+    assert [one["properties"]["name"] for one in found.json()["features"]] == ["ring"]
 
 
 def test_a_viewer_may_look_at_zones_and_not_change_them(served: Served, tmp_path: Path) -> None:

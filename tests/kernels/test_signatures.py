@@ -75,7 +75,21 @@ def test_the_last_type_that_tells_a_class_stands() -> None:
     assert later.of(np.array([5, 7, 9])).tolist() == [VesselClass.TANKER, VesselClass.PLEASURE, -1]
     assert types.of(np.array([7])).tolist() == [VesselClass.FISHING]
     assert ShipTypes.empty().of(np.array([7])).tolist() == [-1]
+
     assert types.updated(statics([9.0, 9.0], [1, 2], [100, -5])).mmsi.tolist() == [5, 7]
+
+
+def test_types_are_bounded_and_those_that_were_heard_last_stay(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("coastwatch.associations.bearing_sensors.MOST_TYPES", 100)
+    types = ShipTypes.empty()
+    for k in range(40):
+        mmsi = [1, *range(10 + 20 * k, 30 + 20 * k)]
+        types = types.updated(statics([float(k)] * 21, mmsi, [70] * 21))
+        assert len(types.mmsi) <= 100
+        assert (np.diff(types.mmsi) > 0).all()
+    of_cargo = types.of(np.array([1]))[0]
+    assert types.of(np.array([1, 10, 809])).tolist() == [of_cargo, -1, of_cargo]
+    assert types.updated(statics([50.0], [1], [30])).of(np.array([1, 809])).tolist() == [CLASS_OF_TYPE[30], of_cargo]
 
 
 def test_types_of_the_recommendation() -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import io
 from collections import deque
 
 import numpy as np
 import pytest
 
 from coastwatch.server.feeds.address import AddressError
+from coastwatch.server.regions import message
 from coastwatch.server.regions.client import parsed_region
 from coastwatch.server.regions.link import IN_FLIGHT, NOTHING, Incoming, LinkError, Outgoing, Position
 from coastwatch.server.regions.message import MessageError, RegionCycle, RegionTracks, decode, encode
@@ -85,6 +87,17 @@ def test_a_cycle_is_the_same_to_the_bit_after_its_way_and_damaged_ones_are_refus
         decode(encode(RegionCycle("7@x", 0, 1.0, tracks())))
     with pytest.raises(MessageError, match="NUMBER@TIME"):
         decode(encode(RegionCycle("x", 1, 1.0, tracks())))
+
+
+def test_a_small_message_with_arrays_of_any_size_is_refused_before_they_are_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(message, "LARGEST_MESSAGE", 1 << 20)
+    arrays = {name: getattr(tracks(), name) for name in ("track_id", "updated_s", "position_deg", "velocity_m_s")}
+    out = io.BytesIO()
+    np.savez_compressed(out, run=np.array("7@a"), seq=1, time_s=1.0, covariance=np.zeros((20_000, 4, 4)), **arrays)
+    assert len(out.getvalue()) < 1 << 17
+    monkeypatch.setattr(np, "load", lambda *_: pytest.fail("it was unpacked"))
+    with pytest.raises(MessageError, match="bytes of arrays, needed at most 1048576"):
+        decode(out.getvalue())
 
 
 @pytest.mark.parametrize(

@@ -109,5 +109,5 @@ def test_seconds_of_a_job_are_its_own_and_stand_in_the_next_row() -> None:
         assert row["store_wait"] > 0.0
         watch.lap()
         assert watch.so_far() == {"store": row["store"]}
-    assert watch.seconds["store"] == [row["store"]]
+    assert watch.seconds["store"].tolist() == [row["store"]]
     assert set(watch.summary()) == {"tracks", "store", "store_wait"}

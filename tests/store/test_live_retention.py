@@ -71,7 +71,7 @@ def passing(number: int, vessels: int = 30) -> Picture:
 
 
 def pass_by(store: Store, run_id: int, cycles: range, keep: StoreSettings = KEEP) -> None:
-    """Write cycles in which vessels come and go, each with an MMSI and a name of its own; every alarm but the lasting one is acknowledged."""
+    """Write cycles in which vessels come and go, each with an MMSI and a name. All alarms but the lasting one are acknowledged."""
     for number in cycles:
         picture = passing(number)
         cycle = world.cycle_of(number, 30, picture)
@@ -187,7 +187,7 @@ def test_runs_of_a_server_that_ended_long_ago_go_in_parts_and_those_of_others_st
                 connection.execute(text(f"UPDATE run SET status = 'running', machine = 'another' WHERE id = {old}"))
         now = world.begin(store, settings=SETTINGS)
         left = []
-        for number in range(0, 1000):
+        for number in range(1000):
             if number % ended_runs.EVERY == 0:
                 with writing(store) as connection:
                     ended_runs.delete_ended(connection, now, KEEP)

@@ -14,6 +14,7 @@ from coastwatch.geodesy import NAUTICAL_MILE_M, offset_deg
 from coastwatch.operators import export, stored
 from coastwatch.operators.api.answers import REFUSALS, In
 from coastwatch.operators.api.service import Service
+from coastwatch.server.watched_zones import readable
 from coastwatch.store.zones import FIRST_NUMBER
 
 MOST_ZONES = 500
@@ -32,7 +33,7 @@ def zones(service: In) -> dict[str, Any]:
     """The zones as GeoJSON. A circle is drawn as a polygon; longitudes go on beyond 180 degrees across the antimeridian."""
     about = service.of_run()
     fixed = [(number, 0, zone) for number, zone in _of_scenario(about)]
-    drawn = [(z.number, z.version, Zone.model_validate(z.definition)) for z in store.zones(service.store, about["scenario"])]
+    drawn = [(of.number, of.version, zone) for of, zone in readable(store.zones(service.store, about["scenario"]))[0]]
     return {"type": "FeatureCollection", "features": [_feature(*zone) for zone in [*fixed, *drawn]]}
 
 

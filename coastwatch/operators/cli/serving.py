@@ -56,6 +56,10 @@ BACKLOG = 2048
 """Connections that may wait to be taken."""
 
 
+class RunFailedError(RuntimeError):
+    """The run of a server has failed for good: the process ends with exit code 1, and whatever started it may start it again."""
+
+
 class Followed:
     """A database that another process writes, as the source of pictures."""
 
@@ -171,7 +175,7 @@ def _serve_run(options: argparse.Namespace, guard: Guard, outs: list[OutAddress]
         with run, logs.Watch(service):
             _listen_and_send(service, guard, options, outs, listener)
         if run.failed:
-            raise RuntimeError(run.error())
+            raise RunFailedError(run.error())
 
 
 def _listen_and_send(

@@ -16,6 +16,7 @@ from coastwatch.sensors.recorded.nmea.messages import Assembler, Messages, taken
 from coastwatch.sensors.recorded.nmea.payload import decoded
 from coastwatch.sensors.recorded.nmea.sentences import ais_sentences
 from coastwatch.sensors.recorded.reception_time import repeated
+from coastwatch.server.feeds import decoding
 from coastwatch.server.feeds.decoding import FAR_AHEAD_S, Counts, Newest, Stamps
 from coastwatch.server.feeds.new_vessels import BEYOND, NewVessels
 from coastwatch.server.feeds.transport import Item
@@ -25,6 +26,9 @@ ANY_LATENESS_S = 1e9
 
 MOST_SENDERS = 256
 """Senders of one feed whose clocks are kept; of more, the one that was heard longest ago goes."""
+
+MOST_AHEAD = 16
+"""Lines at the end of what came that may belong to the next sentence."""
 
 JUDGED_FOR_S = 60.0
 """The clock of a sender that was not heard for so long is not judged any more."""
@@ -49,7 +53,7 @@ class _Sender:
         """The messages that are whole, with their times. Args: lines_before: of the feed, for the numbers of lines."""
         items = [*self._clock, *self._ahead, *items]
         self._clock, self._ahead = [], []
-        while items and _is_ahead(items[-1][1]):
+        while items and len(self._ahead) < MOST_AHEAD and _is_ahead(items[-1][1]):
             self._ahead.insert(0, items.pop())
         self._clock = [item for item in items if item[1][3:6] in CLOCKS][-1:]
         found = ais_sentences([line for _, line, _ in items], self._name, self._tally)
@@ -108,11 +112,25 @@ class AisDecoder:
             self._rows.append(rows)
             self._of.append(np.full(len(rows), number, np.int64))
             self._statics.append((statics, static_rows))
+        self._bound()
         while len(self._senders) > MOST_SENDERS:
             self._senders.popitem(last=False)
         every = [sender.stamps for sender in self._senders.values()]
         heard_s = max((one.heard_s for one in every), default=0.0)
         self._newest = Newest.of([one for one in every if one.heard_s > heard_s - JUDGED_FOR_S], self._newest)
+
+    def _bound(self) -> None:
+        """Drop the oldest positions, and the oldest names and sizes, where too many wait. They are counted."""
+        if sum(map(len, self._rows)) > decoding.MOST_WAITING:
+            rows, of = AisRows.join(self._rows), np.concatenate(self._of)
+            stay = decoding.newest_rows(rows.stamp_s)
+            self.counts.dropped += len(rows) - len(stay)
+            self._rows, self._of = [rows.take(stay)], [of[stay]]
+        if sum(len(rows) for _, rows in self._statics) > decoding.MOST_WAITING:
+            statics, named = self._joined_statics()
+            stay = decoding.newest_rows(named.stamp_s)
+            self.counts.dropped += len(named) - len(stay)
+            self._statics = [_static_part(statics, named.take(stay))]
 
     def due(self, after_s: float, until_s: float) -> tuple[AisRows, Ints]:
         """The positions of a span, which then wait no longer, and the sender of each. Older ones are counted."""
@@ -130,14 +148,23 @@ class AisDecoder:
 
     def _named(self, until_s: float) -> tuple[AisStatics, StaticRows]:
         """Names and sizes up to an instant, also late ones, in order of time and content."""
+        statics, rows = self._joined_statics()
+        keep = rows.stamp_s > until_s
+        self._statics = [_static_part(statics, rows.take(keep))] if keep.any() else []
+        rows = rows.take(~keep)
+        return statics, rows.take(np.lexsort((rows.digest, statics.mmsi[rows.static], rows.stamp_s)))
+
+    def _joined_statics(self) -> tuple[AisStatics, StaticRows]:
         statics = AisStatics.join([found for found, _ in self._statics])
         start = np.cumsum([0, *(len(found) for found, _ in self._statics)])[:-1].tolist()
         shifted = [replace(of, static=of.static + begin) for (_, of), begin in zip(self._statics, start, strict=True)]
-        rows = StaticRows.join(shifted)
-        keep = rows.stamp_s > until_s
-        self._statics = [(statics, rows.take(keep))] if keep.any() else []
-        rows = rows.take(~keep)
-        return statics, rows.take(np.lexsort((rows.digest, statics.mmsi[rows.static], rows.stamp_s)))
+        return statics, StaticRows.join(shifted)
+
+
+def _static_part(statics: AisStatics, rows: StaticRows) -> tuple[AisStatics, StaticRows]:
+    """Some rows with what belongs to them alone."""
+    used, row = np.unique(rows.static, return_inverse=True)
+    return statics.take(used), replace(rows, static=row)
 
 
 class Receivers:

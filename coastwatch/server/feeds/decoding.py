@@ -9,13 +9,16 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from coastwatch.batches import Bools, Floats, Reports, limits
+from coastwatch.batches import Bools, Floats, Ints, Reports, limits
 from coastwatch.sensors.recorded.faults import Tally
 from coastwatch.server.feeds.transport import Item
 
 FAR_AHEAD_S = 60.0
 FAR_JUMP_S, CONFIRMED_BY = 600.0, 10
 """A stamp so far ahead of the one before is believed when so many records in a row have such."""
+
+MOST_WAITING = 500_000
+"""Reports of a feed, of one kind, that wait for their cycle: those of more than a minute of the densest coast. The oldest go first."""
 
 JUMP = "time far ahead of the reports before"
 AHEAD = "time ahead of the clock of this machine, that of arrival taken"
@@ -28,6 +31,7 @@ class Counts:
     records: int = 0  # used
     late: int = 0  # left out: they came after their cycle
     before_run: int = 0  # left out: of an instant before the first cycle of this run
+    dropped: int = 0  # left out: more waited for their cycle than there is room for
     _began_s: float | None = None
 
     def begin(self) -> None:
@@ -103,6 +107,11 @@ Cut = Callable[[float, float], Reports]
 counted and dropped: late, or of before the run."""
 
 
+def newest_rows(time_s: Floats) -> Ints:
+    """The rows that stay where more than MOST_WAITING wait: the newest, a tenth fewer than that. In their order."""
+    return np.sort(np.argsort(-time_s, kind="stable")[: MOST_WAITING - MOST_WAITING // 10])
+
+
 class Waiting:
     """Batches of reports that wait for their cycle, by their `received_s`."""
 
@@ -110,6 +119,7 @@ class Waiting:
         """Args: counts, tally: of the feed; kind: of batch; order: columns by which rows of one time are sorted."""
         self._counts, self._tally, self._kind, self._order = counts, tally, kind, order
         self._parts: list[Any] = []
+        self._rows = 0  # in the parts
 
     def add(self, batch: Any) -> None:
         """Keep the reports within bounds until they are asked for."""
@@ -118,12 +128,22 @@ class Waiting:
             self._tally.add(limits.BEYOND + kind, "live", count=int(mask.sum()))
         if len(kept):
             self._parts.append(kept)
+            self._rows += len(kept)
+        if self._rows > MOST_WAITING:
+            self._drop_oldest()
+
+    def _drop_oldest(self) -> None:
+        """Leave room for a tenth. What is dropped is counted."""
+        every = self._kind.join(self._parts)
+        stay = newest_rows(every.received_s)
+        self._counts.dropped += len(every) - len(stay)
+        self._parts, self._rows = [every.take(stay)], len(stay)
 
     def cut(self, after_s: float, until_s: float) -> Any:
         """The reports of a span, each once, sorted by time and content. Older ones are counted."""
         every = self._kind.join(self._parts)
         keep = every.received_s > until_s
-        self._parts = [every.take(keep)] if keep.any() else []
+        self._parts, self._rows = [every.take(keep)] if keep.any() else [], int(keep.sum())
         found = every.take(~keep & ~self._counts.outdated(every.received_s, after_s))
         keys = [getattr(found, name) for name in self._order]
         keys = [column for key in keys for column in (key.T if key.ndim > 1 else [key])]

@@ -122,7 +122,7 @@ class _Feed:
             "refused": sum(fault.count for fault in refused(faults)),
             "late": decoder.counts.late,
             "before_run": decoder.counts.before_run,
-            "dropped": inbox.dropped,
+            "dropped": inbox.dropped + decoder.counts.dropped,
             "heard_s": inbox.heard_s or None,
             "silent_s": round(self.silent_s, 1),
             "newest_s": newest_s if math.isfinite(newest_s) else None,
@@ -291,7 +291,7 @@ class LiveInput:
         found = [fault for feed in self._feeds for fault in feed.decoder.tally.faults()]
         for feed in self._feeds:
             counts = feed.decoder.counts
-            counted = (LATE, counts.late), (BEFORE_RUN, counts.before_run), (DROPPED, feed.inbox.dropped)
+            counted = (LATE, counts.late), (BEFORE_RUN, counts.before_run), (DROPPED, feed.inbox.dropped + counts.dropped)
             found += [Fault(kind, count, feed.inbox.address.name, "") for kind, count in counted if count]
         return (*found, *(fault for region in self._regions for fault in region.faults()))
 

@@ -7,6 +7,7 @@ counted, and the next picture begins with it: so each has its turn.
 from __future__ import annotations
 
 import ipaddress
+import logging
 import math
 import socket
 import threading
@@ -29,6 +30,7 @@ from coastwatch.server.clock import now_s
 from coastwatch.server.feeds.address import AddressError
 from coastwatch.server.live_picture import LivePicture
 
+LOG = logging.getLogger("coastwatch.serve")
 FORMATS, TRANSPORTS = ("cot", "ttm", "tll"), ("udp", "tcp")
 EXAMPLES = "cot+udp://239.2.3.1:6969, cot+tcp://tak.example:8087, ttm+udp://10.0.0.7:10110?site=50.795,-1.105"
 RATE = 500.0
@@ -203,7 +205,11 @@ class OutFeed:
                     self._send(connection)
             except OSError as error:
                 self.error = str(error.strerror or error)
-            self.connected = False
+            except Exception as error:  # of one picture: the next one may be sent
+                LOG.exception(f"out {self.address.text} is begun again")
+                self.error = f"{type(error).__name__}: {error}"
+            finally:
+                self.connected = False
             self._ended.wait(wait_s)
             wait_s = min(2.0 * wait_s, LAST_RETRY_S)
 

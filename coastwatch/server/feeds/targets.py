@@ -15,6 +15,9 @@ from coastwatch.server.feeds.address import Address, AddressError
 from coastwatch.server.feeds.decoding import Counts, Stamps, Waiting
 from coastwatch.server.feeds.transport import Item
 
+MOST_AHEAD = 16
+"""Lines at the end of what came that may belong to the next sentence."""
+
 AHEAD = b"$PGHP", b"\\"
 """Beginnings of lines that may belong to the next sentence."""
 
@@ -40,7 +43,12 @@ class TargetDecoder:
         """As of `Decoder`. A sentence without a time has that of its arrival."""
         items = [*self._before, *items]
         ahead = len(items)
-        while ahead and items[ahead - 1][1].strip().startswith(AHEAD) and b"*" not in items[ahead - 1][1].rpartition(b"\\")[2]:
+        while (
+            ahead
+            and len(items) - ahead < MOST_AHEAD
+            and items[ahead - 1][1].strip().startswith(AHEAD)
+            and b"*" not in items[ahead - 1][1].rpartition(b"\\")[2]
+        ):
             ahead -= 1
         items, waiting = items[:ahead], items[ahead:]
         self._before = [*[item for item in items if item[1][3:6] in (b"ZDA", b"RMC")][-1:], *waiting]

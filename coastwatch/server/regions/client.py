@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import re
 import ssl
 import threading
@@ -22,10 +23,10 @@ from websockets.typing import Subprotocol
 from coastwatch.server.clock import now_s
 from coastwatch.server.feeds.address import AddressError
 from coastwatch.server.regions.link import IN_FLIGHT, NOTHING, Incoming, Position
-from coastwatch.server.regions.message import PROTOCOL, MessageError, RegionCycle, decode
+from coastwatch.server.regions.message import LARGEST_MESSAGE, PROTOCOL, MessageError, RegionCycle, decode
 
+LOG = logging.getLogger("coastwatch.serve")
 PATH = "/api/v1/tracks/stream"
-LARGEST_MESSAGE = 1 << 27  # bytes: 700,000 tracks
 FIRST_RETRY_S, LAST_RETRY_S, CONNECT_S, CLOSE_S = 0.25, 5.0, 10.0, 2.0
 LONGEST_NAME = 32
 CLOSED = {4401: "it does not know the token", 4404: "it is no region: --role region", 4408: "this centre did not read"}
@@ -173,6 +174,9 @@ class Connection:
                 self.error = str(error)
             except (OSError, InvalidHandshake, InvalidURI, TimeoutError) as error:
                 self.error = str(error)
+            except Exception as error:  # a defect: the connection is made again
+                LOG.exception(f"region {self.address.name} is connected again")
+                self.error = f"{type(error).__name__}: {error}"
             finally:
                 self._socket, self.connected = None, False
             if self.size > size:  # it sent something: a connection that is closed at once is no sign of life

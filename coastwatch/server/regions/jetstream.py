@@ -7,6 +7,7 @@ The stream `coastwatch-NAME` has a subject for each cycle, `coastwatch.tracks.NA
 from __future__ import annotations
 
 import asyncio
+import logging
 import ssl
 import threading
 from collections.abc import AsyncIterator
@@ -38,7 +39,9 @@ from coastwatch.server.regions.client import (
 from coastwatch.server.regions.link import IN_FLIGHT, NOTHING, Position
 from coastwatch.server.regions.message import MessageError, decode
 from coastwatch.server.regions.publisher import Publisher
+from coastwatch.store import StoreError
 
+LOG = logging.getLogger("coastwatch.serve")
 PART = "Coastwatch-Part"
 """Header of a message: the number of its part from 1 on, and how many parts the cycle has, `2/3`."""
 
@@ -248,9 +251,13 @@ class Journal:
             made = self.connections
             try:
                 asyncio.run(self._publish())
-            except (Error, MessageError, OSError) as error:
+            except (Error, MessageError, OSError, StoreError) as error:
                 self.error = str(error) or type(error).__name__
-            self.connected = False
+            except Exception as error:  # a defect: it is tried again
+                LOG.exception(f"the journal {self.address.stream} is begun again")
+                self.error = f"{type(error).__name__}: {error}"
+            finally:
+                self.connected = False
             wait_s = FIRST_RETRY_S if self.connections > made else min(2.0 * wait_s, LAST_RETRY_S)
             self._ended.wait(wait_s)
 

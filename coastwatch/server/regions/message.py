@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import zipfile
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -13,6 +14,8 @@ from coastwatch.batches import Batch, Bools, Floats, Ints, TrackReports, Tracks,
 PROTOCOL = "coastwatch.tracks.v1"
 RUN_BITS, TRACK_BITS = 14, 48
 HEAD = "run", "seq", "time_s"
+LARGEST_MESSAGE = 1 << 27
+"""Bytes of a message, 700,000 tracks, and of its arrays together: one with compressed arrays could be any size in memory."""
 
 
 class MessageError(ValueError):
@@ -83,9 +86,14 @@ def encode(cycle: RegionCycle) -> bytes:
 
 def decode(data: bytes) -> RegionCycle:
     """The cycle that `encode` was given. Raises: MessageError."""
+    wanted = (*HEAD, "merged", *(f.name for f in fields(RegionTracks)))
     try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            size = sum(member.file_size for member in archive.infolist())
+        if size > LARGEST_MESSAGE:
+            raise MessageError(f"got {size} bytes of arrays, needed at most {LARGEST_MESSAGE}")
         with np.load(io.BytesIO(data)) as file:  # numpy refuses arrays of objects by default
-            found = {name: file[name] for name in file.files}
+            found = {name: file[name] for name in wanted if name in file.files}
         run, seq, time_s = str(found["run"][()]), int(found["seq"]), float(found["time_s"])
         merged = int(found.get("merged", 0))  # a region of an older version merges none
         tracks = RegionTracks(**{f.name: found[f.name] for f in fields(RegionTracks)})

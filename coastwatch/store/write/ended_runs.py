@@ -73,9 +73,7 @@ def _delete_history(connection: Connection, run_id: int) -> int:
     high, tables = low + CYCLES, METADATA.tables
     connection.execute(delete(CHECKPOINT).where(CHECKPOINT.c.run_id == run_id))
     mark_cycles(connection, run_id, low, high, {"history_from": None, "associations_kept": False})
-    keys = (
-        {name: ("cycle",) for name in OF_CYCLES} | {"history": ("cycle", "vessel_id")} | {name: ("to_cycle",) for name in STAYS}
-    )
+    keys = dict.fromkeys(OF_CYCLES, ("cycle",)) | {"history": ("cycle", "vessel_id")} | dict.fromkeys(STAYS, ("to_cycle",))
     rows = [delete_some(connection, tables[name], run_id, key, high, ROWS) for name, key in keys.items()]
     recorded = delete_recording(connection, run_id, high, RECORDED_CYCLES)
     if max(rows) < ROWS and not recorded:
