@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 from datetime import UTC, datetime
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from server_world import Served
 from test_feeds import NAMES, SEA, SENSORS, deliver, put, sentence
 
+from coastwatch.operators.api import metrics
+from coastwatch.operators.api.service import Service
 from coastwatch.sensors.recorded.faults import Tally
 from coastwatch.server.clock import CLOCK, ClockSet, SteadyClock
 from coastwatch.server.feeds.address import parsed
@@ -17,9 +22,16 @@ from coastwatch.server.feeds.decoding import CONFIRMED_BY, FAR_JUMP_S, Stamps
 from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.feeds.new_vessels import AGREES_M, BURST, BURST_OF_FEED, MOST_WAITING, PER_SECOND, NewVessels
 from coastwatch.server.feeds.sending import encoded
+from coastwatch.server.live import RunAbout
+from coastwatch.server.regions import intake
+from coastwatch.server.regions.client import Connection, parsed_region
+from coastwatch.server.regions.intake import RegionIntake
+from coastwatch.server.regions.link import Position
+from coastwatch.server.regions.message import RegionCycle, RegionTracks
 from coastwatch.server.troubles import of_feeds
+from scaling.page.fleet import Simulated
 
-HOUR_S = 3_600.0
+HOUR_S, NOW_S = 3_600.0, 1.79e9
 
 
 class Machine:
@@ -158,6 +170,68 @@ def test_a_feed_of_which_most_is_thrown_away_is_said() -> None:
         made._feeds[0].look()
         said = " ".join(trouble.text for trouble in of_feeds(made.feeds(), now_s))
         assert "50 of 50 reports of the last minute were thrown away" in said
+
+
+def test_readiness_and_age_do_not_follow_a_clock_that_is_set(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    machine = Machine()
+    clock, source, service = machine.clock(), Simulated(), Service(served.store)
+    monkeypatch.setattr(metrics, "time", SimpleNamespace(monotonic=lambda: machine.monotonic_s))
+    monkeypatch.setattr(source, "now_s", clock.now_s)
+    monkeypatch.setattr(source, "about", lambda: RunAbout("sea", "A sea", 3.0, None))
+    service.source = source
+    service.hub.picture = picture = replace(served.service.picture(), time_s=clock.now_s() - 1.0)
+    service.metrics.picture(picture, source.now_s())
+    for step_s, age_s in ((-HOUR_S, 6.0), (2.0 * HOUR_S, 11.0)):
+        machine.wall_s += step_s
+        machine.passes(5.0)
+        ready, body = service.ready()
+        assert (ready, body["age_s"]) == (True, age_s)
+        assert f"coastwatch_picture_age_seconds {age_s}" in service.metrics.text().decode()
+    machine.wall_s -= HOUR_S
+    machine.passes(60.0)
+    ready, body = service.ready()
+    assert (ready, body["status"]) == (False, "no picture has come for 70 s")
+    assert "coastwatch_ready 0.0" in service.metrics.text().decode()
+
+
+class Ahead(Connection):
+    """A region that sends a cycle each period, of a clock that is wrong."""
+
+    now_s, ahead_s = NOW_S, HOUR_S
+
+    def next(self) -> RegionCycle | None:
+        seq = self.incoming.position.seq + 1
+        time_s = NOW_S + 3.0 * seq
+        if time_s > self.now_s:
+            return None
+        self.incoming.received(Position("1@a", seq))
+        one = np.ones(1)
+        place = np.array([[50.0 + 1e-4 * seq, -1.0]])
+        tracks = RegionTracks(np.array([1]), one * (time_s + self.ahead_s), place, np.zeros((1, 2)), np.eye(4)[None])
+        return RegionCycle("1@a", seq, time_s + self.ahead_s, tracks)
+
+
+@pytest.mark.parametrize("ahead_s", [HOUR_S, 30 * 86_400.0])
+def test_the_cycles_of_a_region_of_a_clock_ahead_are_of_their_arrival_counted_and_said(
+    ahead_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    region = Ahead(parsed_region("ws://127.0.0.1:1?name=north"))
+    region.ahead_s = ahead_s
+    monkeypatch.setattr(intake, "now_s", lambda: region.now_s)
+    taken, used = RegionIntake(region, 0, True), 0
+    for number in range(1, 41):
+        region.now_s = now_s = NOW_S + 3.0 * number
+        taken.take(now_s)
+        found = taken.cut(now_s - 3.0, now_s)
+        used += len(found)
+        if len(found):
+            made = (found.position_deg[0, 0] - 50.0) / 1e-4
+            assert number - 1.5 < made < number + 0.5, "what the region saw an hour ago is not shown as of now"
+            assert now_s - 3.0 < found.time_s[0] <= now_s
+    assert used >= 39
+    assert {fault.kind: fault.count for fault in taken.faults()}[intake.AHEAD] >= 39
+    (trouble,) = of_feeds([{**taken.counters(), "silent_s": 0.0}], region.now_s)
+    assert (trouble.name, f"{ahead_s:.0f} s ahead" in trouble.text) == ("region north", True)
 
 
 def stamps(checked: bool = False) -> Stamps:

@@ -305,7 +305,7 @@ def test_an_empty_database_is_not_filled_by_looking_at_it(tmp_path: Path) -> Non
 
 
 SPOILED = {
-    "DELETE FROM cycle WHERE number = 1": "numbered from 0 without a gap",
+    "DELETE FROM cycle WHERE number = 1": "numbered without a gap",
     "DELETE FROM history WHERE cycle = 1 AND vessel_id = 1": "as many rows of history as it says",
     "DELETE FROM association WHERE cycle = 1": "as many associations as pairs",
     "DELETE FROM bearing_association WHERE cycle = 1": "as many bearing associations",
