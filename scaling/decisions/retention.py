@@ -4,7 +4,7 @@
 
 A run of 270 vessels has a point of each in every cycle, until there are so many. Its file is copied three times. Then the same
 cycles are written to each copy in turns: without limits; with limits so that each cycle deletes about what it adds; with limits so
-low that all cycles delete a backlog. Milliseconds of `write_cycle`.
+low that all cycles delete a backlog. Milliseconds until the cycle is in the database, and of the deletion after that.
 """
 
 from __future__ import annotations
@@ -15,7 +15,10 @@ import statistics
 import sys
 import tempfile
 import time
+from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "store"))
 
@@ -27,17 +30,34 @@ from coastwatch.scenario import StoreSettings
 from coastwatch.store import Store, write_cycle
 from coastwatch.store.schema.database import reading
 
+module = import_module("coastwatch.store.write.write_cycle")
 VESSELS = 270
 POINTS, CYCLES = 1_000_000, 400
 EVERY_POINT = {"history_max_s": 0.0}
 
 
-def write(store: Store, number: int, keep: StoreSettings) -> float:
-    """Write a cycle. Returns: milliseconds."""
+def write(store: Store, number: int, keep: StoreSettings) -> tuple[float, float]:
+    """Write a cycle. Returns: milliseconds until it is there, and of the deletion of old rows."""
     cycle, reports = world.cycle_of(number, VESSELS), world.reports_of(number, VESSELS)
     begun_s = time.perf_counter()
     write_cycle(store, 1, number, cycle, reports, world.SECONDS, keep)
-    return 1e3 * (time.perf_counter() - begun_s)
+    ended_s, deleted_s = time.perf_counter(), sum(DELETED_S)
+    DELETED_S.clear()
+    return 1e3 * (ended_s - begun_s - deleted_s), 1e3 * deleted_s
+
+
+DELETED_S: list[float] = []
+
+
+def timed(delete: Callable[..., None]) -> Callable[..., None]:
+    """The deletion of old rows, which notes how long it takes."""
+
+    def made(*given: Any) -> None:
+        begun_s = time.perf_counter()
+        delete(*given)
+        DELETED_S.append(time.perf_counter() - begun_s)
+
+    return made
 
 
 def rows(store: Store, table: str) -> int:
@@ -71,15 +91,17 @@ def main() -> None:
             shutil.copy(first, path)
             stores[name] = kept.open_store(str(path))
             print(f"{name}: {rows(stores[name], 'history')} points, {rows(stores[name], 'association')} associations")
-        took: dict[str, list[float]] = {name: [] for name in kinds}
+        vars(module)["_delete_old"] = timed(vars(module)["_delete_old"])
+        took: dict[str, list[tuple[float, float]]] = {name: [] for name in kinds}
         for number in range(filled, filled + cycles):
             for name, keep in kinds.items():
                 took[name].append(write(stores[name], number, keep))
         for name, values in took.items():
-            ordered = sorted(values[5:])
-            figures = statistics.median(ordered), ordered[int(0.95 * len(ordered))], ordered[-1]
-            left = rows(stores[name], "history"), rows(stores[name], "cycle")
-            print(f"{name}: median {figures[0]:.1f}, p95 {figures[1]:.1f}, longest {figures[2]:.1f} ms; left {left}")
+            for what, column in zip(("written", "deleted"), zip(*values[5:], strict=True), strict=True):
+                ordered = sorted(column)
+                figures = statistics.median(ordered), ordered[int(0.95 * len(ordered))], ordered[-1]
+                print(f"{name}, {what}: median {figures[0]:.1f}, p95 {figures[1]:.1f}, longest {figures[2]:.1f} ms")
+            print(f"{name}: {rows(stores[name], 'history')} points and {rows(stores[name], 'cycle')} cycles are left")
         for store in stores.values():
             store.close()
 

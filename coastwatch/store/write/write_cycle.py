@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -110,7 +111,7 @@ def write_cycle(
     for_centres: ForCentres = NOTHING_PASSED,
     skipped: Sequence[SkippedCycle] = (),
 ) -> Written:
-    """Write all results of one cycle in one transaction: after a SIGKILL the cycle is there whole or not at all.
+    """Write all results of one cycle in one transaction: after a SIGKILL the cycle is there whole or not at all. Old rows go in another.
 
     The cycle becomes the newest of its run: where the database already holds it or later ones (a run that goes on from an older
     checkpoint), those are replaced in the same transaction.
@@ -157,17 +158,9 @@ def write_cycle(
         if last or _is_due(before, cycle, keep.cover_every_s):
             _replace(connection, SENSOR_COVER, run_id, to_rows.cover_rows(run_id, number, cycle.radar_cover))
             _replace(connection, STANDING_ECHO, run_id, to_rows.standing_echo_rows(run_id, number, cycle.standing_echoes))
-        first_kept = before.first_history, before.first_details
-        period_s = before.timeline.period_s
-        if retention.is_limited(keep):
-            first_kept = retention.delete_old(connection, run_id, number, period_s, keep, first_kept, rows)
-            if number % ended_runs.EVERY == 0:
-                ended_runs.delete_ended(connection, run_id, keep)
-            if (kept_s := retention.longest_kept_s(keep)) is not None:
-                names = delete_names(connection, run_id, names, cycle.time_s - kept_s, picture.mmsi)
         if keep.recording:
             record(connection, run_id, number, picture, cycle.members)
-        write_for_centres(connection, run_id, number, cycle.time_s, for_centres, _kept_messages(keep, period_s))
+        write_for_centres(connection, run_id, number, cycle.time_s, for_centres, _kept_messages(keep, before.timeline.period_s))
         if checkpoint is not None:
             _write_checkpoint(connection, run_id, number, checkpoint)
     store.run_states[run_id] = replace(
@@ -180,10 +173,27 @@ def write_cycle(
         names=names,
         last_report=last_report,
         radar_states=radar_states,
-        first_history=first_kept[0],
-        first_details=first_kept[1],
     )
+    if retention.is_limited(keep):
+        with suppress(StoreError):  # the next cycle tries again
+            _delete_old(store, run_id, keep, rows, picture)
     return Written(rows, database.long_log_warning(store, len(picture)), database.log_size(store))
+
+
+def _delete_old(store: Store, run_id: int, keep: StoreSettings, rows: int, picture: Picture) -> None:
+    """Delete a little of what is too old, in a transaction of its own: the cycle is there before. Args: rows: that the cycle added.
+
+    Raises: StoreError.
+    """
+    state = store.run_states[run_id]
+    with database.writing(store) as connection:
+        kept, period_s, names = (state.first_history, state.first_details), state.timeline.period_s, state.names
+        kept = retention.delete_old(connection, run_id, state.cycle, period_s, keep, kept, rows)
+        if state.cycle % ended_runs.EVERY == 0:
+            ended_runs.delete_ended(connection, run_id, keep)
+        if (kept_s := retention.longest_kept_s(keep)) is not None:
+            names = delete_names(connection, run_id, names, state.time_s - kept_s, picture.mmsi)
+    store.run_states[run_id] = replace(state, names=names, first_history=kept[0], first_details=kept[1])
 
 
 def _write_skipped(
