@@ -13,7 +13,7 @@ TEXTS = {
     "version", "what", "who",
 }  # fmt: skip
 WHOLE = {
-    "cycle", "cycles", "cycles_stored", "gaps", "dropped", "http_status", "number", "run", "seed", "ship_type",
+    "cycle", "cycles", "cycles_stored", "gaps", "dropped", "http_status", "number", "priority", "run", "seed", "ship_type",
     "states", "subject", "tracks", "vessels", "vessels_of_it_alone",
     "voices", "workers",
 }  # fmt: skip

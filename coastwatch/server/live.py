@@ -6,6 +6,7 @@ import logging
 import math
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager
@@ -116,7 +117,10 @@ MOST_RESTARTS, RESTARTS_WITHIN_S = 5, 600.0
 
 RESTART_WAIT_S = (1.0, 2.0, 5.0, 10.0, 30.0)
 SHOWN_S = 600.0
-"""For how long after it a restart is shown as a trouble."""
+"""For how long after it a restart, or cycles that were merged, are shown as a trouble."""
+
+MOST_MERGES = 1000
+"""Cycles with others merged in them that are remembered for that: more than there are in that time."""
 
 CROWD_SHOWN_S = 60.0
 """For how long after it a cycle that left pairs or bearings out is shown as a trouble."""
@@ -179,6 +183,7 @@ class LiveRun:
         self._catches_up = False  # the reports of the last cycle had come before it was asked for
         self._computed_s, self._spacing_s = math.inf, 0.0  # monotonic time of the last cycle, and how long after the one before
         self._number, self._merged = -1, 0  # of the last cycle: its number, and the cycles that are merged in it
+        self._merges: deque[tuple[float, int]] = deque(maxlen=MOST_MERGES)  # Unix time and cycles of each
         self._reached = False  # whether this attempt has come to its first cycle
         self._thread = threading.Thread(target=self._run, name="cycles", daemon=True)
 
@@ -241,6 +246,10 @@ class LiveRun:
         if self.cycles and late_s > MERGED_AFTER * self.scenario.period_s:
             said = f"cycles take too long: the picture is {late_s:.0f} s late, {self.cycles_merged} cycles were merged"
             out.append(Trouble("behind", "", None, said, True))
+        elif lately := [(when_s, cycles) for when_s, cycles in list(self._merges) if now_s - when_s < SHOWN_S]:
+            merged = sum(cycles for _, cycles in lately)
+            said = f"{merged} cycles of the last {SHOWN_S / 60.0:.0f} minutes were merged with the next ones, as the run was behind"
+            out.append(Trouble("behind", "", lately[0][0], said, False))
         if step_s := clock.CLOCK.step_s:
             said = (
                 f"the clock of this machine was set by {step_s:+.0f} s: the watch goes on by its own until it is started again"
@@ -319,13 +328,19 @@ class LiveRun:
         self._computed_s, self._spacing_s = computed_s, max(computed_s - self._computed_s, 0.0)
         self.cycles += 1
         self._merged = number - self._number - 1
-        self.cycles_merged += self._merged
+        self.note_merged(self._merged)
         self.cycles_late += self.late_s > self.scenario.period_s
         self._number = number
 
     def refuse_zones(self, refused: Sequence[tuple[str, str]]) -> None:
         """As `run.Live.refuse_zones`."""
         self._refused_zones = tuple(refused)
+
+    def note_merged(self, cycles: int) -> None:
+        """Count cycles that were merged with the next one."""
+        self.cycles_merged += cycles
+        if cycles:
+            self._merges.append((clock.now_s(), cycles))
 
     def for_centres(self, run_id: int, number: int, cycle: Cycle) -> store.ForCentres:
         """As `run.Live.for_centres`."""

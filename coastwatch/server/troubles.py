@@ -13,20 +13,23 @@ class Trouble(NamedTuple):
     """Something that an operator should know."""
 
     kind: str  # store, log, behind, restart, feed, clock, crowd, tokens, picture, zone
-    name: str  # of the feed, file, stage or zone; empty: there is one of its kind
+    name: str  # of the feed, file, stage or zone; empty: of all of its kind, or there is one
     since_s: float | None  # Unix time; None: not known
     text: str
     is_serious: bool  # the picture is not of now, or nothing comes into it
 
 
 def of_feeds(feeds: Sequence[Mapping[str, Any]], now_s: float) -> list[Trouble]:
-    """Feeds that are silent, or that say what is wrong with them. Args: feeds: with their counters."""
+    """Feeds that are silent, or that say what is wrong with them. It is serious where all are silent. Args: feeds: with their counters."""
     dead = [feed for feed in feeds if _is_dead(feed)]
     out = []
+    if dead and len(dead) == len(feeds):
+        heard_s = min(float(feed["silent_s"]) for feed in dead)
+        out.append(Trouble("feed", "", now_s - heard_s, f"no feed has been heard for {heard_s:.0f} s", True))
     for feed in dead:
         silent_s, error = float(feed["silent_s"]), feed.get("error")
         said = f"nothing has come for {silent_s:.0f} s" + (f": {error}" if error else "")
-        out.append(Trouble("feed", str(feed["name"]), now_s - silent_s, said, len(dead) == len(feeds)))
+        out.append(Trouble("feed", str(feed["name"]), now_s - silent_s, said, False))
     for feed in feeds:
         out += [Trouble("feed", str(feed["name"]), None, str(said), False) for said in feed.get("troubles", ())]
     return out

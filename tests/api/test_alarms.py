@@ -15,6 +15,7 @@ import pytest
 from server_world import Served, listening, wait_for
 
 from coastwatch.batches import AlarmKind, Flag, VesselAlarms
+from coastwatch.batches.events import PRIORITIES
 from coastwatch.operators.api import alarm_stream
 
 
@@ -89,6 +90,25 @@ def test_an_alarm_is_seen_acknowledged_and_seen_as_such_by_others(changing: Serv
     unacknowledged = changing.get("/api/v1/alarms?state=unacknowledged").json()
     assert [row["vessel_id"] for row in unacknowledged["alarms"]] == [7]
     assert changing.get("/api/v1/alarms?state=lasting").json()["total"] == 1
+
+
+def test_an_id_of_another_process_is_answered_with_all_alarms_and_each_has_its_priority(changing: Served) -> None:
+    """A server that was started again counts from 1: the number of an event of the one before means nothing to it."""
+    raise_alarm(changing, 3, 4)
+    wait_for(lambda: len(changing.service.book.alarms()) == 1)
+    seen: list[tuple[str, int]] = []
+    last = ""
+    for _ in range(2):
+        with listening(changing.service) as address, ExitStack() as opened:
+            client = opened.enter_context(httpx.Client(timeout=20.0, headers={"Last-Event-ID": last}))
+            alarm = next(events(opened.enter_context(client.stream("GET", f"http://{address}/api/v1/alarms/stream"))))
+            seen.append((alarm["alarm_id"], alarm["priority"]))
+            last = alarm["id"]
+            status = httpx.get(f"http://{address}/api/v1/status").json()
+            assert last.startswith("{run}-{change}-".format(**status["alarms"]))
+    assert seen[0] == seen[1]
+    assert seen[0][1] == PRIORITIES["dark"]
+    assert changing.get("/api/v1/alarms").json()["alarms"][0]["priority"] == PRIORITIES["dark"]
 
 
 def test_alarms_are_acknowledged_together_by_kind_and_zone_with_one_row_of_audit(changing: Served) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import secrets
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterable
 from contextlib import asynccontextmanager, suppress
@@ -25,17 +26,18 @@ class AlarmStream:
     def __init__(self, service: Service, stopping: Callable[[], bool] = lambda: False) -> None:
         """Args: stopping: whether the server ends; events then end too, so that nobody waits for them."""
         self._service, self._stopping = service, stopping
+        self._process = secrets.token_hex(4)  # numbers begin anew with each process, also where the run goes on
 
     async def events(self, last: str, allowed: Callable[[], bool], recheck_s: float) -> AsyncIterator[bytes]:
         """The events for one listener: what it missed, or every alarm that is known; then changes as they come.
 
         A listener that is told of event `run` forgets the alarms that it has. Of many changes the most urgent come first. Only the last
         one of them has the number of all, so that a listener that loses its connection among them is told all of them again.
-        Args: last: the id of the last event that it has, "run-number"; empty: none; allowed: whether the listener may go on, asked each
-        recheck_s.
+        Args: last: the id of the last event that it has, "run-number-process"; empty: none; allowed: whether the listener may go on,
+        asked each recheck_s.
         """
         book = self._service.book
-        run, at = _position(last)
+        run, at = self._position(last)
         silent_since_s = looked_s = time.monotonic()
         async with _woken(self._service) as wait:
             while not self._stopping():
@@ -43,12 +45,12 @@ class AlarmStream:
                 if changes is None:
                     run, at, alarms = book.snapshot()
                     before = ""  # whoever has a part of them begins again
-                    yield _event("run", before if alarms else f"{run}-{at}", json.dumps({"run": run}))
+                    yield _event("run", before if alarms else self._id(run, at), json.dumps({"run": run}))
                 else:
                     alarms = list({change.alarm.alarm_id: change.alarm for change in changes}.values())
-                    before, at = f"{run}-{at}", changes[-1].number if changes else at
+                    before, at = self._id(run, at), changes[-1].number if changes else at
                 for k, data in enumerate(self._rows(alarms), 1):
-                    yield _event("alarm", f"{run}-{at}" if k == len(alarms) else before, data)
+                    yield _event("alarm", self._id(run, at) if k == len(alarms) else before, data)
                 now_s = time.monotonic()
                 if alarms:
                     silent_since_s = now_s
@@ -75,6 +77,17 @@ class AlarmStream:
                     yield found
                 await wait(STOP_S)
 
+    def _id(self, run: int, number: int) -> str:
+        return f"{run}-{number}-{self._process}"
+
+    def _position(self, last: str) -> tuple[int, int]:
+        """Run and number of the id of an event; -1 where it is none of this process."""
+        run, _, rest = last.partition("-")
+        number, _, process = rest.partition("-")
+        if process != self._process or not (run.isdecimal() and number.isdecimal() and len(last) < 40):
+            return -1, -1
+        return int(run), int(number)
+
     def _rows(self, alarms: Iterable[Alarm]) -> list[str]:
         """Alarms as JSON, the most urgent first."""
         ordered = sorted(alarms, key=lambda alarm: alarm.urgency)
@@ -100,12 +113,6 @@ async def _woken(service: Service) -> AsyncIterator[Callable[[float], Awaitable[
         yield wait
     finally:
         end()
-
-
-def _position(last: str) -> tuple[int, int]:
-    """Run and number of an event; -1 where there is none."""
-    run, _, number = last.partition("-")
-    return (int(run), int(number)) if run.isdecimal() and number.isdecimal() and len(last) < 36 else (-1, -1)
 
 
 def _event(name: str, number: str, data: str) -> bytes:

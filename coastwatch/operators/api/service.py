@@ -12,6 +12,7 @@ from functools import partial
 from typing import Any, Protocol, TypeVar
 
 from coastwatch import store
+from coastwatch.batches.events import PRIORITIES
 from coastwatch.operators import stored
 from coastwatch.operators.api.audit import Audit
 from coastwatch.operators.api.hub import Hub
@@ -35,7 +36,7 @@ READY_WITHIN_S, READY_WITHIN_PERIODS = 30.0, 10.0
 
 ALARM_COLUMNS = (
     "alarm_id", "vessel_id", "kind", "subject", "start_s", "end_s", "lasted_s", "gaps", "mmsi", "name", "latitude_deg",
-    "longitude_deg", "sog_kn", "evidence", "acknowledged_by", "acknowledged_s", "note",
+    "longitude_deg", "sog_kn", "evidence", "acknowledged_by", "acknowledged_s", "note", "priority",
 )  # fmt: skip
 T = TypeVar("T")
 ZONE_KINDS = ("zone_enter", "zone_leave", "zone_dwell", "zone_speed", "line_crossed")
@@ -202,7 +203,7 @@ class Service:
             if name is None and one.mmsi is not None and one.mmsi in statics:
                 name = statics[one.mmsi][0]
             lasted_s = max((now_s if one.end_s is None else one.end_s) - one.start_s, 0.0)
-            rows.append((one.alarm_id, *one[:5], lasted_s, *one[5:7], name, *one[8:]))
+            rows.append((one.alarm_id, *one[:5], lasted_s, *one[5:7], name, *one[8:], PRIORITIES[one.kind]))
         return stored.for_people(Rows(ALARM_COLUMNS, rows))
 
     def acknowledge(self, alarm_id: str, name: str, note: str, who: str) -> Rows | None:
@@ -280,6 +281,7 @@ class Service:
             "viewers": len(self.hub.viewers),
             "area": about.area,
             "error": self.source.error(),
+            "alarms": {"run": self.book.run_id, "change": self.book.number},  # of the newest event of the stream
             "troubles": [_shown(trouble) for trouble in self.troubles()],
             "late": sum(feed.get("late", 0) for feed in self.source.feeds()),
             **{name: round(value, 3) for name, value in self.source.counts().items()},
