@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
+from datetime import datetime
 from typing import Any
 
 import httpx
@@ -74,6 +75,7 @@ def test_an_alarm_is_seen_acknowledged_and_seen_as_such_by_others(changing: Serv
         assert httpx.post(f"{base}/api/v1/alarms/nothing/acknowledge", json={"name": "Ana"}).status_code == 404
         done = httpx.post(path, json={"name": "Ana", "note": "called on 16"}).json()
         assert (done["acknowledged_by"], done["note"]) == ("Ana", "called on 16")
+        assert abs(datetime.fromisoformat(done["acknowledged_utc"]).timestamp() - time.time()) < 60.0
         assert httpx.post(path, json={"name": "Bia"}).json()["acknowledged_by"] == "Ana"
         assert next(seen)["acknowledged_by"] == "Ana"
         raise_alarm(changing, 4, None)
