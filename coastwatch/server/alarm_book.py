@@ -131,6 +131,7 @@ class AlarmBook:
     def begin(self, run_id: int, known: Iterable[Alarm] = ()) -> None:
         """Forget all, and hold the alarms that are known of a run. They are no news, but readers take all alarms again."""
         with self._lock:
+            self._number += run_id == self.run_id  # who has all changes until now has not these alarms
             self.run_id, self._alarms = run_id, {alarm.alarm_id: alarm for alarm in known}
             self._changes.clear()
             self._first = self._number + 1

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import io
 import json
-import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +17,7 @@ import httpx
 import numpy as np
 import pytest
 import store_world
+from browser_world import ANY_TIME_S, NEEDS_PAGE, SIZE, Watch, chromium, grave_faults
 from PIL import Image
 from server_world import listening, wait_for
 
@@ -32,22 +32,13 @@ from coastwatch.pipeline import Cycle
 from coastwatch.store import Store, open_store
 from scaling.page.fleet import served_fleet
 
-sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-AXE = Path(__file__).parents[2] / "web" / "node_modules" / "axe-core" / "axe.min.js"
-pytestmark = [
-    pytest.mark.skipif(not (WEB / "index.html").is_file(), reason="the page is not built; `make web` builds it"),
-    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed"),
-]
+pytestmark = NEEDS_PAGE
 
 VESSELS = 60
 SHADE = 4  # of 255, between a colour of the theme and a pixel of it
-SIZE = {"width": 900, "height": 600}
 DARK, IN_DISTRESS = 4, 10  # vessel ids
-VIEW = "lat=-22.898&lon=-43.155&zoom=11"
 UNSENT_DEG = 11.0 / 111_120.0  # the server sends a vessel again when it is 10 m from where the page draws it; 1 m for rounding
-TOLD_S = 10.0  # the page looks for itself each 15 s; 1 s is asked, measured in scaling/results/page.md
-ANY_TIME_S = 30.0  # the machine may be busy
+TOLD_S = 10.0  # 1 s is asked, measured in scaling/results/page.md
 
 
 def cycle_of(number: int, dark: Sequence[int] = (DARK,)) -> Cycle:
@@ -97,41 +88,6 @@ class World:
         self._opened.close()
 
 
-class Watch:
-    """A page in the browser, and what went wrong in it."""
-
-    def __init__(self, page: Any, port: int) -> None:
-        self.page, self.port = page, port
-        self.requests: list[str] = []
-        self.errors: list[str] = []
-        page.on("request", lambda request: self.requests.append(request.url))
-        page.on("pageerror", lambda error: self.errors.append(str(error)))
-
-    def open(self, query: str = VIEW) -> None:
-        self.page.goto(f"http://127.0.0.1:{self.port}/?{query}")
-        self.until("window.coastwatch?.points?.uploaded")
-
-    def ask(self, script: str) -> Any:
-        return self.page.evaluate(script)
-
-    def ask_a_loading_page(self, script: str) -> Any:
-        """As `ask`; None while the page is replaced by another one."""
-        try:
-            return self.ask(script)
-        except sync_api.Error as error:
-            if "Execution context was destroyed" not in str(error):
-                raise
-            return None
-
-    def until(self, script: str, found: Callable[[Any], Any] = bool) -> Any:
-        """Ask until the answer is as wanted: the page's policy forbids Playwright's own waiting for a text."""
-        end = time.monotonic() + ANY_TIME_S
-        while (answer := self.ask_a_loading_page(script)) is None or not found(answer):
-            assert time.monotonic() < end, f"{script}: got {answer!r}; errors of the page: {self.errors}"
-            time.sleep(0.05)
-        return answer
-
-
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
     made = World(tmp_path_factory.mktemp("page"))
@@ -141,10 +97,8 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    with sync_api.sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=CHROMIUM)
+    with chromium() as started:
         yield started
-        started.close()
 
 
 @pytest.fixture(scope="module")
@@ -561,19 +515,13 @@ def test_an_alarm_that_another_page_acknowledged_goes_as_the_server_tells_it(wor
 
 
 def test_axe_finds_no_serious_fault_in_any_theme(watch: Watch) -> None:
-    if not AXE.is_file():
-        pytest.skip("axe-core is not installed; `make web` installs it")
     watch.ask(f"(coastwatch.select({DARK}), coastwatch.openDrawer('vessels'))")
     watch.until("document.querySelectorAll('#why table').length")
-    watch.ask(AXE.read_text("utf-8") + "; 0")
     for theme, drawer in (("day", "vessels"), ("dusk", "alarms"), ("night", "layers"), ("day", "zones")):
         watch.ask(f"(coastwatch.state.theme = '{theme}', coastwatch.themeChanged(), coastwatch.openDrawer('{drawer}'))")
-        found = watch.ask("axe.run(document, {resultTypes: ['violations']}).then(done => done.violations)")
-        grave = [(v["id"], v["nodes"][0]["html"][:200]) for v in found if v["impact"] in ("serious", "critical")]
-        assert grave == [], theme
+        assert grave_faults(watch) == [], theme
     watch.ask("document.getElementById('help').showModal()")
-    found = watch.ask("axe.run(document, {resultTypes: ['violations']}).then(done => done.violations)")
-    assert [v["id"] for v in found if v["impact"] in ("serious", "critical")] == []
+    assert grave_faults(watch) == []
     watch.ask("document.getElementById('help').close()")
 
 

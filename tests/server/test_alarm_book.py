@@ -57,6 +57,17 @@ def test_an_alarm_begins_ends_returns_and_is_acknowledged() -> None:
     assert book.since(7, 5) is None
 
 
+def test_a_run_that_is_begun_again_gives_all_its_alarms_anew_to_who_had_every_change() -> None:
+    book = AlarmBook()
+    book.begin(7)
+    book.take(begun((4, "dark", 100.0)))
+    assert book.since(7, 1) == []
+    book.begin(7)  # from its checkpoint, which does not know the alarm
+    assert book.since(7, 1) is None
+    run, at, alarms = book.snapshot()
+    assert (run, book.since(run, at), alarms) == (7, [], [])
+
+
 def test_distress_comes_first_then_silent_sensors_danger_and_the_newest() -> None:
     book = AlarmBook()
     book.begin(1)

@@ -3,6 +3,7 @@
 const BATCH = 200; // vessels in one request
 const PAGE = 10000;
 const STALE_MS = 120000;
+export const MOST_KEPT = 5000; // vessels whose details are kept, unless the picture has more
 const WAIT_MS = 100; // between requests: a server limits how fast one page may ask
 
 /** An answer other than 2xx: `status` and the sentence of the server. */
@@ -21,7 +22,7 @@ export async function ask(path, options = {}) {
   throw new ApiError(answer.status, typeof body.detail === 'string' ? body.detail : `${path}: the server answered ${answer.status}`);
 }
 
-export const getJson = async (path) => (await ask(path)).json();
+export const getJson = async (path, options) => (await ask(path, options)).json();
 export const getBytes = async (path) => (await ask(path)).arrayBuffer();
 
 export const sendJson = async (method, path, body) =>
@@ -36,25 +37,62 @@ export async function openSession(token) {
   if (!answer.ok) throw new ApiError(answer.status, 'The token was not accepted.');
 }
 
-/** Details of vessels by id, fetched when they are first needed. */
+/** Details of vessels by id, fetched when they are first needed. Those that were needed longest ago are forgotten. */
 export class Details extends Map {
   #asked = new Map(); // id to the time at which it was asked for
   #waiting = new Set();
   #timer = null;
 
-  /** @param {() => void} told called when details have come */
-  constructor(told) {
+  /**
+   * @param {() => void} told called when details have come
+   * @param {() => number} room for how many vessels there is room: all of the picture, where a filter or a sort asks for them
+   */
+  constructor(told, room = () => MOST_KEPT) {
     super();
-    this.told = told;
+    Object.assign(this, { told, room });
+  }
+
+  /** Keeps what is known of a vessel: values, not the lists of its panel. */
+  set(id, vessel) {
+    this.delete(id);
+    super.set(id, Object.fromEntries(Object.entries(vessel).filter(([, value]) => value === null || typeof value !== 'object')));
+    this.#forget();
+    return this;
   }
 
   /** Asks for those vessels of which nothing is known, or nothing fresh. Args: ids: iterable. */
   need(ids) {
     const now = performance.now();
     for (const id of ids) {
+      const known = this.get(id);
+      if (known) {
+        this.delete(id); // it is now the one that was needed last
+        super.set(id, known);
+      }
       if (now - (this.#asked.get(id) ?? -Infinity) > STALE_MS) this.#waiting.add(id);
     }
     if (this.#waiting.size) this.#timer ??= setTimeout(() => this.#fetch(), WAIT_MS);
+  }
+
+  /** How many vessels it remembers to have asked for. */
+  get asked() {
+    return this.#asked.size;
+  }
+
+  #noteAsked(id, at) {
+    this.#asked.delete(id);
+    this.#asked.set(id, at);
+  }
+
+  /** Forgets those that were needed longest ago where there is no more room. */
+  #forget() {
+    const room = this.room();
+    for (const map of [this, this.#asked]) {
+      for (const id of map.keys()) {
+        if (map.size <= room) break;
+        map.delete(id);
+      }
+    }
   }
 
   async #fetch() {
@@ -62,14 +100,15 @@ export class Details extends Map {
     const now = performance.now();
     ids.forEach((id) => {
       this.#waiting.delete(id);
-      this.#asked.set(id, now);
+      this.#noteAsked(id, now);
     });
+    this.#forget();
     try {
       const { vessels } = await getJson(`vessels?ids=${ids.join(',')}`);
       for (const vessel of vessels) this.set(vessel.vessel_id, vessel);
       this.told();
     } catch {
-      ids.forEach((id) => this.#asked.set(id, now - STALE_MS + 5000)); // again in five seconds
+      ids.forEach((id) => this.#noteAsked(id, now - STALE_MS + 5000)); // again in five seconds
     }
     this.#timer = this.#waiting.size ? setTimeout(() => this.#fetch(), WAIT_MS) : null;
   }

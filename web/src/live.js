@@ -12,20 +12,33 @@ const TOKEN_NEEDED = 4401;
  * @param {string} url of the WebSocket, without query
  * @param {import('./wire.js').Picture} picture written by each frame
  * @param {{frame: (changed: number, bytes: number, ms: number) => void, state: (name: 'waiting'|'open'|'lost'|'token') => void,
- *   refused?: (reason: string) => void, Socket?: typeof WebSocket}} told
- *   `changed`: rows, -1 for a heartbeat; `waiting`: connected, before a frame has come
+ *   refused?: (reason: string) => void, Socket?: typeof WebSocket, silence_ms?: number}} told
+ *   `changed`: rows, -1 for a heartbeat; `waiting`: connected, before a frame has come; `silence_ms`: then the network is gone
  * @returns {{stop: () => void, retry: () => void}}
  */
-export function follow(url, picture, { frame, state, refused = () => {}, Socket = globalThis.WebSocket }) {
+export function follow(url, picture, { frame, state, refused = () => {}, Socket = globalThis.WebSocket, silence_ms = SILENCE_MS }) {
   let wait = FIRST_WAIT_MS;
   let resume = false;
   let socket;
   let again;
   let silence;
 
+  const later = () => {
+    clearTimeout(silence);
+    state('lost');
+    again = setTimeout(open, wait * (0.5 + Math.random()));
+    wait = Math.min(wait * 2, LONGEST_WAIT_MS);
+  };
+  /** Goes on without a socket: where the network is gone, closing it takes as long as the browser waits for an answer. */
+  const abandon = () => {
+    const old = socket;
+    socket = null;
+    old.close();
+    later();
+  };
   const heard = () => {
     clearTimeout(silence);
-    silence = setTimeout(() => socket.close(), SILENCE_MS);
+    silence = setTimeout(abandon, silence_ms);
   };
   const open = () => {
     const query = resume ? `?run=${picture.run}&seq=${picture.seq}` : '';
@@ -48,19 +61,17 @@ export function follow(url, picture, { frame, state, refused = () => {}, Socket 
         if (!(error instanceof RefusedFrame)) throw error;
         resume = false;
         refused(error.message);
-        mine.close();
+        abandon();
       }
     };
     mine.onclose = ({ code }) => {
       if (mine !== socket) return;
-      clearTimeout(silence);
       if (code === TOKEN_NEEDED) {
+        clearTimeout(silence);
         state('token');
         return;
       }
-      state('lost');
-      again = setTimeout(open, wait * (0.5 + Math.random()));
-      wait = Math.min(wait * 2, LONGEST_WAIT_MS);
+      later();
     };
   };
   const stop = () => {

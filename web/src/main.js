@@ -2,12 +2,14 @@
 // Reading order of the folder: README.md.
 
 import { Alarms } from './alarms.js';
-import { Details, getJson, openSession } from './api.js';
+import { ofVessel, open as waits } from './alarm_book.js';
+import { Details, getJson, MOST_KEPT, openSession } from './api.js';
 import { drawEveryMs, drawsInSoftware, loadCoastline, loadLand, makeMap, paintChart, sizeAt } from './chart.js';
 import { listenToKeys, makeControls, paintPage, showControls, showFilterWords } from './controls.js';
 import { byId, element, fill } from './dom.js';
 import { markShown, needsDetails } from './filters.js';
-import { clock as clockText, duration, seconds } from './formats.js';
+import { clock as clockText, seconds } from './formats.js';
+import { badgeOf, sinceWords, troublesOf, troubleWords } from './health.js';
 import { VesselList, Search } from './list.js';
 import { follow as followLive } from './live.js';
 import { Marks } from './marks.js';
@@ -20,9 +22,10 @@ import { Picture, secondsOf } from './wire.js';
 import { Zones } from './zones.js';
 
 const STATUS_EVERY_MS = 3000;
-const SENSORS_EVERY_MS = 60000;
+const STATUS_WAIT_MS = 10000; // for an answer
+const SENSORS_EVERY_MS = 15000;
 const FLASH_MS = 600;
-const MISSED_CYCLES = 2; // then the picture counts as late
+const AHEAD_CYCLES = 3; // for so long vessels are moved on without a picture
 const SOFTWARE_PIXELS = 0.6; // of a CSS pixel: without a GPU every pixel costs processor time
 
 class App {
@@ -30,12 +33,17 @@ class App {
   live = new Picture();
   status = null;
   sensors = [];
+  troubles = []; // what is wrong, the serious first
   second = 0; // id of the vessel to which range and closest approach are shown
   measure = null; // {from, to} while measuring
   shown = new Uint8Array(0);
   stats = { frames: 0, bytes: 0, decode_ms: 0, refused: [] }; // read by tests and by the programs of scaling/
   #heardAt = 0; // performance.now() of the newest frame of the socket
   #socket = 'lost';
+  #statusAt = -Infinity; // performance.now() of the last status
+  #statusError = ''; // why there is no newer one
+  #serious = new Set(); // keys of the troubles that were said
+  #listed = ''; // the troubles in the list
   #redraw = null;
   #address = null;
 
@@ -53,7 +61,7 @@ class App {
     if (this.replaying) return this.replay.now();
     if (!this.live.at || this.status?.live === false) return this.live.at;
     const period = this.status?.period_s ?? 3;
-    return this.live.at + Math.min((performance.now() - this.#heardAt) / 1000, (MISSED_CYCLES + 1) * period);
+    return this.live.at + Math.min((performance.now() - this.#heardAt) / 1000, AHEAD_CYCLES * period);
   }
 
   /** Unix seconds to which ages count: it goes on where the picture does not. */
@@ -78,8 +86,8 @@ class App {
 
   async start() {
     paintPage(this.state.theme);
-    this.details = new Details(() => this.detailsChanged());
-    this.status = await getJson('status').catch((error) => this.#refusedBy(error));
+    this.details = new Details(() => this.detailsChanged(), () => Math.max(MOST_KEPT, 2 * this.live.vessels));
+    await this.#look();
     this.map = makeMap(byId('map'), this.#firstView());
     this.points = new PointsLayer(() => this.clock());
     this.marks = new Marks(byId('marks'), this);
@@ -99,7 +107,6 @@ class App {
       state: (name) => this.#socketIs(name),
       refused: (reason) => this.stats.refused.push(reason),
     });
-    this.alarms.load();
     this.#poll();
     this.#loadSensors();
     this.zones.load();
@@ -187,6 +194,7 @@ class App {
       byId(`open-${name}`).addEventListener('click', () => this.openDrawer(this.state.drawer === name ? '' : name));
     }
     byId('measure').addEventListener('click', () => this.toggleMeasure());
+    byId('open-troubles').addEventListener('click', () => this.openTroubles(byId('trouble-rows').hidden));
     byId('open-help').addEventListener('click', () => byId('help').showModal());
     byId('close-help').addEventListener('click', () => byId('help').close());
     byId('token-form').addEventListener('submit', async (event) => {
@@ -198,11 +206,6 @@ class App {
         byId('token-error').textContent = error.message;
       }
     });
-  }
-
-  #refusedBy(error) {
-    if (error.status === 401) byId('login').showModal();
-    return null;
   }
 
   /** One message of the socket was taken. */
@@ -445,15 +448,16 @@ class App {
   }
 
   nextAlarm() {
-    const open = this.alarms.rows.filter((alarm) => !alarm.acknowledged_by);
-    const at = open.findIndex((alarm) => alarm.vessel_id === this.state.selected);
-    const next = open[(at + 1) % open.length];
+    const found = this.alarms.rows.filter((alarm) => waits(alarm) && ofVessel(alarm));
+    const at = found.findIndex((alarm) => alarm.vessel_id === this.state.selected);
+    const next = found[(at + 1) % found.length];
     if (next) this.select(next.vessel_id, { show: true, place: next });
   }
 
   /** Closes one thing at a time. */
   escape() {
     if (this.zones.drawing) this.zones.clear();
+    else if (!byId('trouble-rows').hidden) this.openTroubles(false);
     else if (this.measure) this.toggleMeasure();
     else if (this.second) this.second = 0;
     else if (this.state.selected) this.select(0);
@@ -481,22 +485,54 @@ class App {
     this.quiet = setTimeout(() => { byId('message').textContent = ''; }, 8000);
   }
 
-  /** Live, late, lost, stored or replay: what the picture is, and how old. */
-  #badge() {
-    const badge = byId('badge');
-    const period = this.status?.period_s ?? 3;
+  /** Opens or closes the list of what is wrong. */
+  openTroubles(open) {
+    byId('trouble-rows').hidden = !open;
+    byId('open-troubles').setAttribute('aria-expanded', String(open));
+  }
+
+  /** What the page knows of the server and of its own connections. */
+  #known() {
+    const { status, sensors, replaying } = this;
     const waited = this.live.at ? (performance.now() - this.#heardAt) / 1000 : Infinity;
-    let [name, words] = ['live', `LIVE  lag ${duration(this.status?.age_s)}`];
-    if (this.replaying) [name, words] = ['replay', 'REPLAY'];
-    else if (this.#socket === 'waiting' && !this.live.at) [name, words] = ['late', 'NO PICTURE YET'];
-    else if (this.#socket !== 'open' && this.#socket !== 'waiting') [name, words] = ['late', this.live.at ? `NO CONNECTION  ${duration(waited)}` : 'NO CONNECTION'];
-    else if (this.status?.live === false) [name, words] = ['stored', 'STORED'];
-    else if (waited > MISSED_CYCLES * period + 1) [name, words] = ['late', `LATE  ${duration(waited)}`];
-    if (badge.dataset.is !== name) badge.dataset.is = name;
+    return {
+      status, statusError: this.#statusError, statusAge_s: (performance.now() - this.#statusAt) / 1000, socket: this.#socket,
+      waited_s: waited, replaying, sensors, alarmsError: this.alarms?.failed ?? '',
+    };
+  }
+
+  /** The badge: what the picture is, and how old; the line below it: what is wrong. */
+  #badge() {
+    const known = this.#known();
+    this.troubles = troublesOf(known);
+    const { is, words } = badgeOf(known, this.troubles);
+    const badge = byId('badge');
+    if (badge.dataset.is !== is) badge.dataset.is = is;
     if (badge.textContent !== words) badge.textContent = words;
-    byId('chart').classList.toggle('late', name === 'late');
+    byId('chart').classList.toggle('late', is === 'late');
+    this.#showTroubles();
     const at = this.clock();
     byId('clock').textContent = at ? `${clockText(at)} UTC` : '--:--:-- UTC';
+  }
+
+  #showTroubles() {
+    const { troubles } = this;
+    byId('troubles').hidden = !troubles.length;
+    if (!troubles.length) this.openTroubles(false);
+    byId('troubles').classList.toggle('serious', troubles.some(({ serious }) => serious));
+    byId('trouble-count').textContent = troubles.length === 1 ? '1 trouble' : `${troubles.length} troubles`;
+    const line = troubles.map(troubleWords).join(' · ');
+    if (byId('trouble-text').textContent !== line) byId('trouble-text').textContent = line;
+    const rows = troubles.map((trouble) => ({ ...trouble, since: sinceWords(trouble, Date.now() / 1000) }));
+    if (this.#listed !== JSON.stringify(rows)) {
+      this.#listed = JSON.stringify(rows);
+      fill(byId('trouble-rows'), rows.map(({ title, text, since, serious }) => element('li', { class: serious ? 'serious' : '' },
+        element('strong', {}, title || 'Trouble'), ` ${text} `, element('span', { class: 'soft' }, since))));
+    }
+    const serious = troubles.filter((trouble) => trouble.serious);
+    const fresh = serious.filter(({ key }) => !this.#serious.has(key));
+    this.#serious = new Set(serious.map(({ key }) => key));
+    if (fresh.length) byId('shout').textContent = `Trouble: ${troubleWords(fresh[0])}`;
   }
 
   /** What changes each second without a picture: clock, badge, position of the selected vessel. */
@@ -505,22 +541,35 @@ class App {
     this.panel.update();
   }
 
-  async #poll() {
+  /** Asks for the status. */
+  async #look() {
     try {
-      this.status = await getJson('status');
-      const kinds = this.status.by_kind ?? {};
-      const sum = (test) => Object.entries(kinds).filter(([kind]) => test(Number(kind))).reduce((total, [, n]) => total + n, 0);
-      fill(byId('counts'), `${this.status.vessels} vessels`, element('span', { class: 'soft' }, `: ${sum((kind) => (kind & 3) === 3)} fused, ${sum((kind) => (kind & 3) === 1)} AIS, `
-        + `${sum((kind) => (kind & 3) === 2)} radar, ${sum((kind) => kind === 4)} bearing`));
-      const { title, scenario } = this.status;
-      byId('title').title = title || scenario || 'Coastwatch';
-      fill(byId('title'), element('span', { class: 'long' }, byId('title').title), element('span', { class: 'short' }, scenario || 'Coastwatch'));
-      byId('role').textContent = this.status.role ?? '';
-      document.body.dataset.role = this.status.role ?? '';
+      this.status = await getJson('status', { signal: AbortSignal.timeout(STATUS_WAIT_MS) });
+      [this.#statusAt, this.#statusError] = [performance.now(), ''];
     } catch (error) {
-      this.#refusedBy(error);
+      this.#statusError = error.status ? error.message : 'the server does not answer';
+      if (error.status === 401 && !byId('login').open) byId('login').showModal();
     }
+  }
+
+  async #poll() {
+    await this.#look();
+    if (this.status && !this.#statusError) this.#showStatus();
+    this.#badge();
     setTimeout(() => this.#poll(), STATUS_EVERY_MS);
+  }
+
+  #showStatus() {
+    const kinds = this.status.by_kind ?? {};
+    const sum = (test) => Object.entries(kinds).filter(([kind]) => test(Number(kind))).reduce((total, [, n]) => total + n, 0);
+    fill(byId('counts'), `${this.status.vessels} vessels`, element('span', { class: 'soft' }, `: ${sum((kind) => (kind & 3) === 3)} fused, ${sum((kind) => (kind & 3) === 1)} AIS, `
+      + `${sum((kind) => (kind & 3) === 2)} radar, ${sum((kind) => kind === 4)} bearing`));
+    const { title, scenario } = this.status;
+    byId('title').title = title || scenario || 'Coastwatch';
+    fill(byId('title'), element('span', { class: 'long' }, byId('title').title), element('span', { class: 'short' }, scenario || 'Coastwatch'));
+    byId('role').textContent = this.status.role ?? '';
+    document.body.dataset.role = this.status.role ?? '';
+    this.alarms.compare(this.status.alarms);
   }
 
   async #loadSensors() {

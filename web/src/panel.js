@@ -68,6 +68,7 @@ export class Panel {
     const size = details.length_m ? `${Math.round(details.length_m)} × ${details.beam_m ? Math.round(details.beam_m) : '–'} m` : '–';
     fill(byId('facts'), pairs([
       ['MMSI', text(details.mmsi)],
+      lastAis(details) && ['Last AIS', lastAis(details)],
       ['Call sign', text(details.call_sign)],
       ['Type', shipClass(details.ship_type) || text(details.ship_type)],
       ['Length × beam', size],
@@ -159,6 +160,12 @@ export class Panel {
 
 const clockOf = (utc) => (utc ? clock(seconds(utc)) : '–');
 const number = (value) => (value === null || value === undefined ? '–' : Number(value.toPrecision(4)).toString());
+
+/** The ship as which a vessel sent AIS before, which it may not be any more: SALTY DOG (710000001), until 12:03:04; empty: none. */
+export function lastAis({ last_ais_name: name, last_ais_mmsi: mmsi, last_ais_until_utc: until }) {
+  const who = name && mmsi ? `${name} (${mmsi})` : name || mmsi;
+  return who ? `${who}${until ? `, until ${clock(seconds(until))}` : ''}` : '';
+}
 
 /** Whether something lasts at a time; an end after that time is not known yet. Args: until: Unix seconds. */
 export const lastsAt = (from, to, until) => !(seconds(from) > until) && (!to || seconds(to) > until);

@@ -48,18 +48,21 @@ export const THEMES = {
     ais: [12, 58, 168], radar: [0, 84, 48], fused: [7, 7, 7], bearing: [122, 52, 0], lost: [74, 74, 74],
     alarm: [176, 0, 32], flagged: [142, 0, 122], selected: [7, 7, 7], cover: [60, 90, 60],
     text: [20, 24, 26], soft: [70, 78, 82], panel: [246, 248, 248], edge: [150, 160, 164], row: [228, 236, 238], focus: [12, 58, 168],
+    warn: [156, 92, 0], grave: [176, 0, 32], ongrave: [255, 255, 255],
   },
   dusk: {
     sea: [7, 7, 7], land: [44, 41, 27], shore: [96, 104, 104],
     ais: [104, 150, 255], radar: [70, 176, 122], fused: [206, 210, 210], bearing: [222, 138, 60], lost: [150, 150, 150],
     alarm: [255, 92, 92], flagged: [232, 104, 224], selected: [222, 222, 222], cover: [60, 96, 70],
     text: [206, 210, 208], soft: [156, 162, 160], panel: [20, 21, 20], edge: [70, 76, 74], row: [38, 41, 40], focus: [104, 150, 255],
+    warn: [240, 176, 64], grave: [255, 92, 92], ongrave: [7, 7, 7],
   },
   night: {
     sea: [7, 7, 7], land: [13, 10, 8], shore: [37, 41, 41],
     ais: [28, 38, 110], radar: [10, 54, 24], fused: [43, 48, 48], bearing: [73, 38, 10], lost: [46, 47, 47],
     alarm: [98, 9, 7], flagged: [82, 16, 80], selected: [43, 48, 48], cover: [12, 31, 21],
     text: [138, 126, 112], soft: [136, 124, 110], panel: [7, 7, 7], edge: [40, 38, 36], row: [20, 19, 18], focus: [84, 80, 74],
+    warn: [126, 90, 20], grave: [50, 5, 4], ongrave: [138, 126, 112],
   },
 };
 /** Greatest relative luminance of the chart by night: UINFD, the brightest colour of the night table of S-52. */

@@ -66,3 +66,22 @@ test('where a token is needed it waits for one and does not knock again', async 
   assert.equal(opened.length, 2);
   link.stop();
 });
+
+test('where nothing comes any more it goes on with another socket at once, though the old one is not closed yet', async () => {
+  const { opened, Socket } = sockets();
+  class Deaf extends Socket { // its network is gone: nobody answers that it is closed
+    close() {
+      this.asked = true;
+    }
+  }
+  const states = [];
+  const link = follow('ws://here/stream', new Picture(), { frame: () => {}, state: (name) => states.push(name), Socket: Deaf, silence_ms: 20 });
+  opened[0].onopen();
+  await count(opened, 2);
+  assert.ok(opened[0].asked);
+  assert.deepEqual([opened.length, states], [2, ['waiting', 'lost']]);
+  opened[0].onmessage({ data: full({ run: 7, seq: 3 }, rows) }); // too late
+  opened[0].onclose({ code: 1006 });
+  assert.deepEqual(states, ['waiting', 'lost']);
+  link.stop();
+});

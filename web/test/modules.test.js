@@ -4,7 +4,7 @@ import { closestApproach, mercatorX, mercatorY, rangeBearing, wrapped } from '..
 import { clock, course, dateClock, duration, length, position, seconds, shipClass, speed } from '../src/formats.js';
 import { filterWords, listOrder, markShown, NO_FILTER } from '../src/filters.js';
 import { defaults, fromQuery, toQuery } from '../src/state.js';
-import { lastsAt, trackRank } from '../src/panel.js';
+import { lastAis, lastsAt, trackRank } from '../src/panel.js';
 import { restore, viewOf } from '../src/views.js';
 import { contrast, FLAG, flagWords, luminance, NIGHT_LUMINANCE, STROKE_PX, SYMBOL, SYMBOL_COLOURS, symbolOf, THEMES } from '../src/symbols.js';
 import { Picture } from '../src/wire.js';
@@ -64,6 +64,8 @@ test('by day and dusk each symbol has a contrast of 3 to 1 against sea and land,
         assert.ok(found >= 4.5, `${name}: ${text} on ${ground} has ${found.toFixed(2)}`);
       }
     }
+    assert.ok(contrast(theme.ongrave, theme.grave) >= 4.5, `${name}: text of distress has ${contrast(theme.ongrave, theme.grave).toFixed(2)}`);
+    assert.ok(contrast(theme.warn, theme.panel) >= 3, `${name}: the edge of a trouble has ${contrast(theme.warn, theme.panel).toFixed(2)}`);
   }
 });
 
@@ -147,4 +149,11 @@ test('the track that holds a vessel comes before ended ones and bearings, also i
   assert.deepEqual(at(Infinity), [3, 1, 0, 2]);
   assert.deepEqual(at(seconds('2026-11-23T12:20:00Z')).slice(2), [0, 0]); // its end was not known then
   assert.ok(!lastsAt('2026-11-23T12:50:00Z', null, seconds('2026-11-23T12:20:00Z')));
+});
+
+test('the ship as which a vessel sent AIS before, where the server says it', () => {
+  const of = { last_ais_name: 'SALTY DOG', last_ais_mmsi: '710000001', last_ais_until_utc: '2026-11-24T12:03:04.000Z' };
+  assert.equal(lastAis(of), 'SALTY DOG (710000001), until 12:03:04');
+  assert.equal(lastAis({ ...of, last_ais_name: null, last_ais_until_utc: null }), '710000001');
+  assert.equal(lastAis({ name: 'ALBA' }), '');
 });
