@@ -18,6 +18,8 @@ from server_world import Served, listening, wait_for
 from coastwatch.batches import AlarmKind, Flag, VesselAlarms
 from coastwatch.batches.events import PRIORITIES
 from coastwatch.operators.api import alarm_stream
+from coastwatch.server.alarm_book import Alarm
+from coastwatch.store import Rows
 
 
 def raise_alarm(served: Served, number: int, vessel_id: int | None) -> None:
@@ -111,6 +113,25 @@ def test_an_id_of_another_process_is_answered_with_all_alarms_and_each_has_its_p
     assert seen[0] == seen[1]
     assert seen[0][1] == PRIORITIES["dark"]
     assert changing.get("/api/v1/alarms").json()["alarms"][0]["priority"] == PRIORITIES["dark"]
+
+
+def test_of_hundreds_of_alarms_distress_is_told_first_and_only_the_last_has_the_number_of_all(changing: Served) -> None:
+    none = (None,) * 3
+    rows = [
+        Alarm(k, "man_overboard" if k == 200 else "dark", 0, 1000.0 + k, None, 0, *none, 0.0, 0.0, "why", *none)
+        for k in range(1, 251)
+    ]
+    path = f"http://{changing.address}/api/v1/alarms/stream"
+    with httpx.Client(timeout=20.0) as client, client.stream("GET", path) as opened:
+        seen = events(opened)
+        changing.service.book.compare(Rows(Alarm._fields, rows[:1]))
+        before = next(seen)["id"]
+        changing.service.book.compare(Rows(Alarm._fields, rows[1:]))
+        found = [next(seen) for _ in rows[1:]]
+    assert [alarm["vessel_id"] for alarm in found] == [200, *(k for k in range(250, 1, -1) if k != 200)]
+    ids = [alarm["id"] for alarm in found]
+    assert set(ids[:-1]) == {before}
+    assert ids[-1].split("-")[1] == "250"
 
 
 def test_alarms_are_acknowledged_together_by_kind_and_zone_with_one_row_of_audit(changing: Served) -> None:

@@ -6,7 +6,7 @@ import asyncio
 import json
 import secrets
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterable
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager, suppress
 
 from coastwatch.operators import export
@@ -15,6 +15,9 @@ from coastwatch.server.alarm_book import Alarm, Change
 
 SILENCE_S = 15.0
 """Without a change a comment is sent so often."""
+
+TOGETHER = 100
+"""Alarms that are made and sent together: the first ones do not wait for thousands of others."""
 
 STOP_S = 0.5
 """How long a stream may wait without looking whether the server ends."""
@@ -49,8 +52,11 @@ class AlarmStream:
                 else:
                     alarms = list({change.alarm.alarm_id: change.alarm for change in changes}.values())
                     before, at = self._id(run, at), changes[-1].number if changes else at
-                for k, data in enumerate(self._rows(alarms), 1):
-                    yield _event("alarm", self._id(run, at) if k == len(alarms) else before, data)
+                alarms.sort(key=lambda alarm: alarm.urgency)
+                for first in range(0, len(alarms), TOGETHER):
+                    *others, last_one = self._rows(alarms[first : first + TOGETHER])
+                    number = self._id(run, at) if first + TOGETHER >= len(alarms) else before
+                    yield b"".join([*(_event("alarm", before, data) for data in others), _event("alarm", number, last_one)])
                 now_s = time.monotonic()
                 if alarms:
                     silent_since_s = now_s
@@ -88,10 +94,9 @@ class AlarmStream:
             return -1, -1
         return int(run), int(number)
 
-    def _rows(self, alarms: Iterable[Alarm]) -> list[str]:
-        """Alarms as JSON, the most urgent first."""
-        ordered = sorted(alarms, key=lambda alarm: alarm.urgency)
-        return [json.dumps(row, allow_nan=False) for row in export.as_objects(self._service.rows_of(ordered))]
+    def _rows(self, alarms: Sequence[Alarm]) -> list[str]:
+        """Alarms as JSON."""
+        return [json.dumps(row, allow_nan=False) for row in export.as_objects(self._service.rows_of(alarms))]
 
 
 @asynccontextmanager
