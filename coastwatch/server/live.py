@@ -117,10 +117,7 @@ MOST_RESTARTS, RESTARTS_WITHIN_S = 5, 600.0
 
 RESTART_WAIT_S = (1.0, 2.0, 5.0, 10.0, 30.0)
 SHOWN_S = 600.0
-"""For how long after it a restart, or cycles that were merged, are shown as a trouble."""
-
-MOST_MERGES = 1000
-"""Cycles with others merged in them that are remembered for that: more than there are in that time."""
+"""For how long after it a restart is shown as a trouble."""
 
 CROWD_SHOWN_S = 60.0
 """For how long after it a cycle that left pairs or bearings out is shown as a trouble."""
@@ -133,6 +130,9 @@ MERGED_AFTER = 2.0
 
 CAUGHT_UP_S = 30.0
 """Cycles are merged where computing each of them would leave the picture behind for longer."""
+
+MOST_MERGES = 1000
+"""Cycles with others merged in them that are remembered, to say for SHOWN_S how many there were."""
 
 MOST_STATICS = 200_000
 """Vessels whose names are kept; those of vessels that are not in the picture go first."""

@@ -13,7 +13,7 @@ class Trouble(NamedTuple):
     """Something that an operator should know."""
 
     kind: str  # store, log, behind, restart, feed, clock, crowd, tokens, picture, zone
-    name: str  # of the feed, file, stage or zone; empty: of all of its kind, or there is one
+    name: str  # of the feed, file, stage or zone; empty: there is one of its kind
     since_s: float | None  # Unix time; None: not known
     text: str
     is_serious: bool  # the picture is not of now, or nothing comes into it

@@ -96,20 +96,23 @@ def test_an_alarm_is_seen_acknowledged_and_seen_as_such_by_others(changing: Serv
     assert changing.get("/api/v1/alarms?state=lasting").json()["total"] == 1
 
 
-def test_an_id_of_another_process_is_answered_with_all_alarms_and_each_has_its_priority(changing: Served) -> None:
+def test_an_id_of_another_process_is_answered_with_all_alarms_and_each_has_its_priority(
+    changing: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A server that was started again counts from 1: the number of an event of the one before means nothing to it."""
     raise_alarm(changing, 3, 4)
     wait_for(lambda: len(changing.service.book.alarms()) == 1)
     seen: list[tuple[str, int]] = []
     last = ""
-    for _ in range(2):
+    for process in ("one", "two"):
+        monkeypatch.setattr(alarm_stream, "PROCESS", process)
         with listening(changing.service) as address, ExitStack() as opened:
             client = opened.enter_context(httpx.Client(timeout=20.0, headers={"Last-Event-ID": last}))
             alarm = next(events(opened.enter_context(client.stream("GET", f"http://{address}/api/v1/alarms/stream"))))
             seen.append((alarm["alarm_id"], alarm["priority"]))
             last = alarm["id"]
             status = httpx.get(f"http://{address}/api/v1/status").json()
-            assert last.startswith("{run}-{change}-".format(**status["alarms"]))
+            assert last == "{run}-{change}-{0}".format(process, **status["alarms"])
     assert seen[0] == seen[1]
     assert seen[0][1] == PRIORITIES["dark"]
     assert changing.get("/api/v1/alarms").json()["alarms"][0]["priority"] == PRIORITIES["dark"]

@@ -51,7 +51,8 @@ export class Alarms {
 
   /**
    * Takes alarms as they come. The browser resumes a stream that breaks; one that was refused, or stands still, is opened anew.
-   * After the event `run` all alarms come anew: they take the place of the others once they are complete, which an id says.
+   * After the event `run` all alarms come anew: they take the place of the others once they are complete, which an id says;
+   * distress is shown at once.
    */
   listen() {
     clearTimeout(this.#again);
@@ -63,7 +64,13 @@ export class Alarms {
     stream.onopen = () => { if (complete) this.#says(''); };
     const take = (event) => {
       if (event.type === 'run') filling = new AlarmBook();
-      else (filling ?? this.book).take(JSON.parse(event.data));
+      else {
+        const alarm = (filling ?? this.book).take(JSON.parse(event.data));
+        if (filling && inDistress(alarm)) { // it does not wait for thousands of others
+          this.book.take(alarm);
+          this.#drawSoon();
+        }
+      }
       this.#wait = FIRST_WAIT_MS;
       if (!event.lastEventId) return;
       this.#id = event.lastEventId;
