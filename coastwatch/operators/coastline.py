@@ -5,27 +5,50 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.path import Path as Outline
-from matplotlib.transforms import Bbox
+import shapely
 
-from coastwatch.batches import Floats
+from coastwatch.batches import Array, Floats
 from coastwatch.operators.bad_input import BadInput
 
 NATURAL_EARTH = Path(__file__).with_name("natural_earth_land.npz")
 """Land of Natural Earth 1:10m, public domain; scaling/decisions/natural_earth.py wrote it."""
 
+SCALE_DEG, OFFSET_DEG = np.array([0.0016885772698826986, 0.0036000360003600037]), np.array([-85.22193775799991, -180.0])
+"""Degrees of latitude and longitude of a step, and of step 0."""
+
+TURN_STEPS = 99_999
+"""Steps of longitude around the globe."""
+
 
 @dataclass(frozen=True, eq=False)
 class Shore:
-    """An outline of land or of a lake, or a line along a shore."""
+    """An outline of land with the lakes in it, or a line along a shore."""
 
-    position_deg: Floats  # (P, 2) latitude, longitude
+    position_deg: Floats  # (P, 2) latitude, longitude; continuous across the antimeridian where it is drawn
     closed: bool
-    water: bool = False  # a lake inside the land before it
+    lakes_deg: tuple[Floats, ...] = ()
+
+
+@cache
+def polygons(level: str) -> Array:
+    """Valid polygons of shapely in steps of longitude and latitude, from 21 degrees before to 21 degrees after one turn.
+
+    Args: level: fine, or coarse, for tiles up to zoom 3.
+    """
+    with np.load(NATURAL_EARTH) as stored:
+        first, change, corners, rings = (stored[f"{level}_{name}"] for name in ("first", "change", "corners", "rings"))
+    begins = np.cumsum(corners) - corners
+    step = np.zeros((corners.sum(), 2))
+    step[np.delete(np.arange(len(step)), begins)] = change.T
+    step = np.cumsum(step, axis=0)
+    step += np.repeat(first - step[begins], corners, axis=0)
+    offsets = tuple(np.append(0, np.cumsum(count)) for count in (corners, rings))
+    return np.asarray(shapely.from_ragged_array(shapely.GeometryType.POLYGON, step, offsets))
 
 
 def natural_earth(south: float, west: float, north: float, east: float) -> tuple[Shore, ...]:
@@ -33,20 +56,31 @@ def natural_earth(south: float, west: float, north: float, east: float) -> tuple
 
     Args: degrees; west and east are continuous, so that 175 to 185 crosses the antimeridian.
     """
-    with np.load(NATURAL_EARTH) as stored:
-        position = stored["step"].T * stored["scale_deg"] + stored["offset_deg"]
-        ends, water = np.cumsum(stored["points"]), stored["water"]
-    starts = np.append(0, ends[:-1])
-    low, high = np.minimum.reduceat(position, starts), np.maximum.reduceat(position, starts)
-    found = []
-    for turn in (-360.0, 0.0, 360.0):
-        there = (low[:, 0] <= north) & (high[:, 0] >= south) & (low[:, 1] + turn <= east) & (high[:, 1] + turn >= west)
-        for k in np.flatnonzero(there):
-            ring = position[starts[k] : ends[k]] + np.array([0.0, turn])
-            cut = Outline(ring, closed=True).clip_to_bbox(Bbox([[south, west], [north, east]]))
-            parts = [np.asarray(part, float) for part in cut.to_polygons()]
-            found += [Shore(part, True, bool(water[k])) for part in parts if len(part) > 3]
-    return tuple(sorted(found, key=lambda shore: shore.water))
+    (low_y, low_x), (high_y, high_x) = (np.array([[south, west], [north, east]]) - OFFSET_DEG) / SCALE_DEG
+    land, found, seams = polygons("fine"), [], []
+    for turn in range(int(low_x // TURN_STEPS), int(high_x // TURN_STEPS) + 1):
+        start = turn * TURN_STEPS
+        frame = shapely.box(max(low_x - start, 0.0), low_y, min(high_x - start, float(TURN_STEPS)), high_y)
+        cut = shapely.intersection(land[shapely.intersects(land, frame)], frame)
+        west_x, _, east_x, _ = shapely.bounds(cut).T
+        seams.append(((west_x == 0.0) & (start > low_x)) | ((east_x == TURN_STEPS) & (start + TURN_STEPS < high_x)))
+        found.append(shapely.transform(cut, partial(np.add, [start, 0.0])))
+    every, at_seam = np.concatenate(found), np.concatenate(seams)
+    joined = np.concatenate([every[~at_seam], np.array([shapely.union_all(every[at_seam])], object)])
+    return tuple(
+        Shore(outline, True, tuple(lakes))
+        for outline, *lakes in ([_position_deg(ring) for ring in shapely.get_rings(part)] for part in areas(joined))
+    )
+
+
+def _position_deg(ring: Any) -> Floats:
+    return np.asarray(shapely.get_coordinates(ring)[:, ::-1] * SCALE_DEG + OFFSET_DEG)
+
+
+def areas(geometries: Array) -> Array:
+    """The polygons in geometries of shapely, without points and lines, as a cut along a shore leaves them."""
+    found = shapely.get_parts(shapely.get_parts(geometries))
+    return np.asarray(found[(shapely.get_type_id(found) == shapely.GeometryType.POLYGON) & ~shapely.is_empty(found)])
 
 
 def read(path: str | Path) -> tuple[tuple[Shore, ...], str]:

@@ -7,7 +7,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import LineCollection, PathCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -87,12 +87,15 @@ def _flat(scene: Scene, position_deg: Floats) -> Floats:
 
 
 def _land(axes: Axes, scene: Scene) -> None:
+    outlines = []
     for line in scene.land:
-        xy = _flat(scene, line.position_deg)
         if line.closed:
-            axes.fill(*xy.T, facecolor=WATER if line.water else LAND, edgecolor=SHORE, linewidth=0.9, zorder=1)
+            rings = [Outline(ring[:, ::-1], closed=True) for ring in (line.position_deg, *line.lakes_deg)]
+            outlines.append(Outline.make_compound_path(*rings))
         else:
-            axes.plot(*xy.T, color=SHORE, linewidth=1.2, zorder=1)
+            axes.plot(*line.position_deg.T[::-1], color=SHORE, linewidth=1.2, zorder=1)
+    land = PathCollection(outlines, facecolors=LAND, edgecolors=SHORE, linewidths=0.9, zorder=1)
+    axes.add_collection(land, autolim=False)
 
 
 def _ring(scene: Scene, site_deg: Floats, range_m: float, arc_deg: tuple[float, float]) -> Floats:

@@ -253,10 +253,20 @@ def _land(scenario: str, shore: str | None, scene: Scene) -> tuple[tuple[Shore, 
     if shore == NO_LAND:
         return (), ""
     if shore is not None or own.is_file():
-        land, note = coastline.read(own if shore is None else shore)
+        read, note = coastline.read(own if shore is None else shore)
+        land = tuple(replace(line, position_deg=_near(line.position_deg, scene.centre_deg[1])) for line in read)
         return land, f"land ({note.partition(':')[0]})" if note else "land"
     if scene.width_nm < NATURAL_EARTH_NM:
         return (), ""
     (latitude, longitude), (height, width) = scene.centre_deg, (0.5 * MARGIN * size for size in scene.size_deg)
     land = coastline.natural_earth(latitude - height, longitude - width, latitude + height, longitude + width)
     return land, "land (Natural Earth 1:10m, not for navigation)"
+
+
+def _near(line_deg: Floats, longitude_deg: float) -> Floats:
+    """A line without steps at the antimeridian, as a whole within half a turn of a longitude. Args: line_deg: (P, 2)."""
+    if not len(line_deg):
+        return line_deg
+    longitude = np.unwrap(line_deg[:, 1], period=360.0)
+    turns = np.round((longitude_deg - 0.5 * (longitude.min() + longitude.max())) / 360.0)
+    return np.stack([line_deg[:, 0], longitude + 360.0 * turns], 1)

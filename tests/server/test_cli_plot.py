@@ -1,19 +1,24 @@
 """The plot: it is a PNG of the right size, everything in the scene is in it, and the antimeridian changes nothing but labels."""
 
+import csv
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgb
 from matplotlib.path import Path as Outline
 
 from coastwatch.batches import Flag, Floats
-from coastwatch.geodesy import offset_deg
+from coastwatch.geodesy import offset_deg, wrap_deg
 from coastwatch.operators import coastline, plot, scene
 from coastwatch.operators.bad_input import BadInput
 
 SEED = 20
+NATURAL_EARTH_POINTS = Path(__file__).parents[1] / "api" / "natural_earth_points.csv"
 ROUND_EARTH = 0.02  # a degree of latitude and one of longitude differ by under 1 % at the equator
 PIXEL_SHARE = 0.004  # of pixels that may differ between two places: tick labels and their grid lines are drawn at other minutes
 
@@ -52,8 +57,6 @@ def a_scene(centre_deg: tuple[float, float], vessels: int = 30) -> scene.Scene:
 
 
 def pixels(made: scene.Scene) -> Floats:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
     canvas = FigureCanvasAgg(plot.draw(made))
     canvas.draw()
     return np.asarray(canvas.buffer_rgba(), float)
@@ -170,10 +173,83 @@ def test_selected_vessels_and_the_longest_ones_are_named_without_formulas() -> N
 )
 def test_land_of_natural_earth(place: str, latitude: float, longitude: float, is_land: bool) -> None:
     shores = coastline.natural_earth(latitude - 1.0, longitude - 1.0, latitude + 1.0, longitude + 1.0)
-    over = [s.water for s in shores if Outline(s.position_deg).contains_point((latitude, longitude))]
-    assert (over == [False]) is is_land
+    assert covers(shores, latitude, longitude) is is_land
     for shore in shores:  # cut at the edges
         assert (np.abs(shore.position_deg - [latitude, longitude]) <= 1.0 + 1e-9).all()
+
+
+def covers(shores: tuple[coastline.Shore, ...], latitude: float, longitude: float) -> bool:
+    """Whether a point is on land; it may be on one outline, and not in a lake of it."""
+    at = (latitude, longitude)
+    over = [shore for shore in shores if shore.closed and Outline(shore.position_deg).contains_point(at)]
+    dry = [shore for shore in over if not any(Outline(lake).contains_point(at) for lake in shore.lakes_deg)]
+    assert len(dry) <= 1
+    return bool(dry)
+
+
+FRAMES = (  # south, west, north, east
+    (66.0, 5.0, 79.0, 65.0),
+    (-20.0, 176.0, -15.0, 183.0),
+    (-20.0, -184.0, -15.0, -177.0),
+    (60.0, 165.0, 73.0, 195.0),
+    (-89.0, -180.0, -62.0, 180.0),
+    (-89.0, -198.0, 89.0, 198.0),
+    (-60.0, 10.0, 85.0, 370.0),
+)
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+def test_the_land_of_a_frame_is_that_of_natural_earth(frame: tuple[float, float, float, float]) -> None:
+    south, west, north, east = frame
+    shores = coastline.natural_earth(south, west, north, east)
+    seen = {False: 0, True: 0}
+    wrong = []
+    low, high = (np.array([end(shore.position_deg, axis=0) for shore in shores]) for end in (np.min, np.max))
+    for row in csv.DictReader(NATURAL_EARTH_POINTS.read_text(encoding="utf-8").splitlines()):
+        latitude, is_land = float(row["latitude_deg"]), row["is_land"] == "1"
+        longitude = west + (float(row["longitude_deg"]) - west) % 360.0
+        if south < latitude < north and longitude < east:
+            seen[is_land] += 1
+            near = np.flatnonzero(((low <= [latitude, longitude]) & (high >= [latitude, longitude])).all(1))
+            if covers(tuple(shores[k] for k in near), latitude, longitude) is not is_land:
+                wrong.append((latitude, longitude, is_land))
+    assert min(seen.values()) >= 30
+    assert wrong == []
+
+
+@pytest.mark.parametrize(
+    ("bbox", "land", "sea"),
+    [
+        ((66.0, 5.0, 79.0, 65.0), [(69.5, 25.0), (74.0, 56.5)], [(75.0, 40.0), (72.0, 25.0)]),
+        ((60.0, 165.0, 73.0, -165.0), [(66.5, -178.5), (67.0, 179.0), (71.2, -179.6)], [(72.5, 170.0), (61.0, 180.0)]),
+        ((36.0, 46.0, 48.0, 56.0), [(40.3, 47.4), (40.3, 55.3)], [(42.3, 51.3)]),  # the Caspian Sea
+        ((-80.0, -179.0, 80.0, 179.0), [(66.5, -178.5), (23.3, 6.3), (-77.3, 103.3)], [(-3.3, -26.3), (75.3, 43.3)]),
+    ],
+)
+def test_land_and_sea_are_drawn_in_their_colours(
+    bbox: tuple[float, float, float, float], land: list[tuple[float, float]], sea: list[tuple[float, float]]
+) -> None:
+    centre_deg, width_nm, height_nm = scene._frame({}, bbox)
+    bare = replace(a_scene(centre_deg, 0), centre_deg=centre_deg, width_nm=width_nm, height_nm=height_nm, coverages=())
+    made = replace(bare, land=scene._land("none of ours", None, bare)[0])
+    canvas = FigureCanvasAgg(plot.draw(made))
+    canvas.draw()
+    image = np.asarray(canvas.buffer_rgba(), float)[::-1]
+    axes = canvas.figure.axes[0]
+    for points, colour in ((land, plot.LAND), (sea, plot.WATER)):
+        for latitude, longitude in points:
+            x, y = axes.transData.transform((centre_deg[1] + wrap_deg(longitude - centre_deg[1]), latitude))
+            got = image[round(y) + np.arange(-1, 2)[:, None], round(x) + np.arange(-1, 2), :3]
+            assert np.abs(got - 255.0 * np.array(to_rgb(colour))).max(axis=-1).min() < 4.0, (latitude, longitude)
+
+
+def test_a_coastline_of_a_file_is_drawn_on_the_side_of_the_antimeridian_that_the_frame_is_on(tmp_path: Path) -> None:
+    ring = [[179.9, -17.0], [-179.9, -17.0], [-179.9, -16.9], [179.9, -16.9], [179.9, -17.0]]
+    path = tmp_path / "island.geojson"
+    path.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}), "utf-8")
+    for centre, west in ((179.95, 179.9), (-179.95, -180.1)):
+        (shore,), _ = scene._land("none of ours", str(path), a_scene((-17.0, centre)))
+        assert shore.position_deg[:, 1] == pytest.approx([west, west + 0.2, west + 0.2, west, west])
 
 
 def test_cells_of_the_learnt_cover_are_coloured_by_their_step():
