@@ -21,8 +21,6 @@ const copies = {
   'index.html': 'index.html',
   // MapLibre 6 starts its worker from a file of its own, which a bundler leaves out.
   'node_modules/maplibre-gl/dist/maplibre-gl-worker.mjs': 'maplibre-gl-worker.mjs',
-  'node_modules/world-atlas/land-10m.json': 'land-10m.json',
-  'node_modules/world-atlas/land-50m.json': 'land-50m.json',
 };
 for (const [from, to] of Object.entries(copies)) copyFileSync(join(here, from), join(out, to));
 const files = readdirSync(out);

@@ -1,11 +1,10 @@
-// The map: land of Natural Earth from the bundle, the scenario's own coastline, zones, and the layer of vessels.
+// The map: land of Natural Earth in tiles of the server, the scenario's own coastline, zones, and the layer of vessels.
 
 import { Map as LandMap, setWorkerUrl } from 'maplibre-gl';
-import { feature } from 'topojson-client';
 import { getJson } from './api.js';
 import { css, symbolSize, THEMES } from './symbols.js';
 
-const FINE_LAND_FROM_ZOOM = 5;
+const LAND_MOST_ZOOM = 8; // of tiles; the map enlarges them beyond it
 const AGAIN_MS = 5000;
 const SOFTWARE = /SwiftShader|llvmpipe|softpipe|Microsoft Basic Render/i;
 const NOTHING = { type: 'FeatureCollection', features: [] };
@@ -24,11 +23,11 @@ export function makeMap(container, { lat, lon, zoom }) {
     canvasContextAttributes: { antialias: false, preserveDrawingBuffer: false },
     style: {
       version: 8,
-      sources: { land: geojson(), coastline: geojson(), zones: geojson(), draft: geojson() },
+      sources: { land: tiles(), coastline: geojson(), zones: geojson(), draft: geojson() },
       layers: [
         { id: 'sea', type: 'background' },
-        { id: 'land', type: 'fill', source: 'land', paint: { 'fill-antialias': false } },
-        { id: 'shore', type: 'line', source: 'land' },
+        { id: 'land', type: 'fill', source: 'land', 'source-layer': 'land', paint: { 'fill-antialias': false } },
+        { id: 'shore', type: 'line', source: 'land', 'source-layer': 'land' },
         { id: 'own-sea', type: 'fill', source: 'coastline', minzoom: 7, filter: ['==', ['get', 'kind'], 'extent'] },
         { id: 'own-land', type: 'fill', source: 'coastline', minzoom: 7, filter: ['!=', ['get', 'kind'], 'extent'] },
         { id: 'own-shore', type: 'line', source: 'coastline', minzoom: 7, filter: ['!=', ['get', 'kind'], 'extent'] },
@@ -45,6 +44,9 @@ export function makeMap(container, { lat, lon, zoom }) {
   return map;
 }
 
+const tiles = () => ({
+  type: 'vector', tiles: [`${new URL('./land/', document.baseURI).href}{z}/{x}/{y}`], maxzoom: LAND_MOST_ZOOM,
+});
 const geojson = () => ({ type: 'geojson', data: NOTHING, tolerance: 0.375, buffer: 16, maxzoom: 10 });
 
 /** Whether the page draws without a GPU. */
@@ -54,25 +56,22 @@ export function drawsInSoftware(map) {
   return SOFTWARE.test(names ? gl.getParameter(names.UNMASKED_RENDERER_WEBGL) : '');
 }
 
-/** Loads the coarse land, and the fine one once the map is near enough. */
-export async function loadLand(map) {
-  const load = async (name) => {
-    try {
-      const topology = await (await fetch(`./${name}.json`)).json();
-      map.getSource('land').setData(feature(topology, topology.objects.land));
-    } catch {
-      setTimeout(() => load(name), AGAIN_MS); // the server is away
+/** Asks again for tiles of land that did not come: the server was away or had too many requests. */
+export function keepLand(map) {
+  let missing = [];
+  map.on('error', ({ sourceId, tile, error }) => {
+    if (sourceId !== 'land' || !tile) {
+      console.error(error); // as where nobody listens
+      return;
     }
+    if (!missing.length) setTimeout(askAgain, AGAIN_MS);
+    missing.push(tile.tileID.canonical);
+  });
+  const askAgain = () => {
+    const tiles = missing;
+    missing = [];
+    map.refreshTiles('land', tiles); // of all tiles it waits for ever for those that failed
   };
-  let fine = false;
-  const refine = () => {
-    if (fine || map.getZoom() < FINE_LAND_FROM_ZOOM) return;
-    fine = true;
-    load('land-10m');
-  };
-  if (map.getZoom() < FINE_LAND_FROM_ZOOM) await load('land-50m');
-  map.on('zoomend', refine);
-  refine();
 }
 
 /** Shows the coastline of the scenario over the land of the bundle. @returns {Promise<boolean>} false: it has none */

@@ -4,7 +4,7 @@
 import { Alarms } from './alarms.js';
 import { ofVessel, open as waits } from './alarm_book.js';
 import { Details, getJson, MOST_KEPT, openSession } from './api.js';
-import { drawEveryMs, drawsInSoftware, loadCoastline, loadLand, makeMap, paintChart, sizeAt } from './chart.js';
+import { drawEveryMs, drawsInSoftware, keepLand, loadCoastline, makeMap, paintChart, sizeAt } from './chart.js';
 import { listenToKeys, makeControls, paintPage, showControls, showFilterWords } from './controls.js';
 import { byId, element, fill } from './dom.js';
 import { markShown, needsDetails } from './filters.js';
@@ -172,7 +172,7 @@ class App {
     const approximate = () => { byId('approximate').hidden = map.getZoom() < 7; };
     map.on('zoom', approximate);
     approximate();
-    loadLand(map);
+    keepLand(map);
     loadCoastline(map);
     const animate = () => {
       if (!document.hidden && this.picture.vessels) map.triggerRepaint();

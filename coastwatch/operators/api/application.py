@@ -7,7 +7,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
-from fastapi import FastAPI, Header, Query, Request, Response, WebSocket
+from fastapi import FastAPI, Header, HTTPException, Query, Request, Response, WebSocket
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse, JSONResponse, StreamingResponse
 from pydantic import BaseModel, Field
@@ -64,6 +64,7 @@ def application(service: Service, guard: Guard, web: Path = WEB) -> FastAPI:
     _add_stream(app, service)
     _add_track_stream(app, service)
     _add_alarm_stream(app, alarms)
+    _add_land(app)
     _add_refusals(app)
     app.add_middleware(GZipMiddleware, minimum_size=2000, compresslevel=1)
     app.add_middleware(guard.middleware, metrics=service.metrics, audit=service.audit)
@@ -136,6 +137,18 @@ def _add_alarm_stream(app: FastAPI, alarms: AlarmStream) -> None:
         state = request.state
         events = alarms.events(last_event_id, state.allowed, state.recheck_s)
         return StreamingResponse(events, media_type="text/event-stream", headers=headers)
+
+
+def _add_land(app: FastAPI) -> None:
+    @app.get("/land/{zoom}/{x}/{y}", include_in_schema=False)
+    def land(zoom: int, x: int, y: int) -> Response:
+        """A tile of the land of the map. It needs no token: it is a part of the page."""
+        from coastwatch.operators import land_tiles  # shapely takes a while, and only the map needs it
+
+        if not (0 <= zoom <= land_tiles.MOST_ZOOM and 0 <= x < 2**zoom and 0 <= y < 2**zoom):
+            raise HTTPException(404, f"there is no tile {zoom}/{x}/{y}; zooms are 0 to {land_tiles.MOST_ZOOM}")
+        headers = {"Cache-Control": "max-age=86400"}
+        return Response(land_tiles.tile(zoom, x, y), media_type="application/vnd.mapbox-vector-tile", headers=headers)
 
 
 def _add_refusals(app: FastAPI) -> None:
