@@ -17,6 +17,7 @@ import csv
 import json
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import shapely
@@ -97,8 +98,8 @@ def samples(rings: list[np.ndarray], water: list[bool]) -> list[tuple[str, float
     dense = np.concatenate([_dense(ring * SCALE_DEG[::-1] + OFFSET_DEG[::-1]) for ring in rings])
     shores = cKDTree(_unit(dense))
     outlines = [Outline(ring * SCALE_DEG[::-1] + OFFSET_DEG[::-1]) for ring in rings]
-    low = np.array([outline.vertices.min(0) for outline in outlines])
-    high = np.array([outline.vertices.max(0) for outline in outlines])
+    corners = [np.asarray(outline.vertices, float) for outline in outlines]
+    low, high = np.array([c.min(0) for c in corners]), np.array([c.max(0) for c in corners])
     found = []
     for place, (south, north, west, east) in PLACES.items():
         turned = position.copy()
@@ -110,13 +111,17 @@ def samples(rings: list[np.ndarray], water: list[bool]) -> list[tuple[str, float
             x, y = near[random.integers(len(near))]
             y += away_km / 111.2 * np.cos(angle)
             x += away_km / 111.2 * np.sin(angle) / np.cos(np.radians(y))
-            clear_km = 6371.0 * float(shores.query(_unit(np.array([[x, y]])))[0][0])
+            clear_km = 6371.0 * float(np.ravel(shores.query(_unit(np.array([[x, y]])))[0])[0])
             if not (south <= y <= north and west <= x <= east and clear_km >= CLEAR_KM):
                 continue
             over = []
             for turn in (-360.0, 0.0, 360.0):
                 p = np.array([x + turn, y])
-                over += [water[k] for k in np.flatnonzero(((low <= p) & (high >= p)).all(1)) if outlines[k].contains_point(p)]
+                over += [
+                    water[k]
+                    for k in np.flatnonzero(((low <= p) & (high >= p)).all(1))
+                    if outlines[k].contains_point((p[0], p[1]))
+                ]
             is_land = int(bool(over) and (over.count(False) > over.count(True)))
             if taken[is_land] < SAMPLES // 2:
                 taken[is_land] += 1
@@ -137,7 +142,7 @@ def _dense(ring: np.ndarray, step_deg: float = 0.005) -> np.ndarray:
     count[(ring[:-1, 1] <= -89.0) | (ring[1:, 1] <= -89.0)] = 1
     share = np.concatenate([np.arange(n) / n for n in count])[:, None]
     start, change = (np.repeat(a, count, axis=0) for a in (ring[:-1], np.diff(ring, axis=0)))
-    return start + share * change
+    return np.asarray(start + share * change)
 
 
 def main() -> None:
@@ -154,7 +159,8 @@ def main() -> None:
         )
     fine = world(rings, water)
     coarse = areas(shapely.set_precision(shapely.simplify(fine, COARSE_STEPS), 1.0))
-    np.savez_compressed(NATURAL_EARTH, **arrays("fine", fine), **arrays("coarse", coarse))
+    stored: dict[str, Any] = arrays("fine", fine) | arrays("coarse", coarse)
+    np.savez_compressed(NATURAL_EARTH, **stored)
     count = [int(shapely.get_num_coordinates(level).sum()) for level in (fine, coarse)]
     print(f"{NATURAL_EARTH}: {len(fine)} polygons, {count[0]} corners, coarse {count[1]}, {NATURAL_EARTH.stat().st_size} bytes")
 
