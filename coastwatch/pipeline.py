@@ -392,8 +392,8 @@ def step(
     cycle = replace(cycle, corrections=corrections, ais_feeds=of_feeds, track_sources=of_sources, radar_cover=radar_cover)
     cycle = replace(cycle, standing_echoes=standing, left_out=left_out)
     next_cover = cover_memory, ais_detection, radar_cover
-    last = registration_memory, corrections, *next_cover, silence_memory, beyond
-    return Memory(*first, *last, _summed(m.left_out, left_out)), cycle
+    left_out = _summed(m.left_out, left_out)
+    return Memory(*first, registration_memory, corrections, *next_cover, silence_memory, beyond, left_out), cycle
 
 
 def _sound(

@@ -64,7 +64,7 @@ class Pairs(NamedTuple):
 
     def take(self, some: Bools) -> Pairs:
         """These pairs."""
-        return Pairs(*(values[some] for values in self))
+        return Pairs(self.first[some], self.second[some], self.cpa_m[some], self.tcpa_s[some], self.range_m[some])
 
 
 def close_pairs(settings: AlarmSettings, before: Approaching, picture: Picture, time_s: float) -> tuple[Approaching, Pairs]:

@@ -77,7 +77,7 @@ def main() -> None:
         when, none = np.full(vessels, time_s), np.full(vessels, -1)
         picture = Picture(ids, when, place, velocity, covariance, np.full(vessels, 1e9 - 3600.0), when, ids, flags, none)
         marks = [process_time()]
-        seen = look(rules, memory.watched, picture, members, sensors, time_s)
+        seen = look(rules, memory.watched, picture, members, memory.members, sensors, time_s)
         marks.append(process_time())
         zone_alarms(rules, memory.zones, seen, shapes(zones, rules.zone_margin_m), time_s)
         marks.append(process_time())

@@ -21,7 +21,7 @@ def sector_of(direction_deg: Floats) -> Ints:
 
 def from_middle_deg(direction_deg: Floats, sector: Ints) -> Floats:
     """Each direction from the middle of its sector, clockwise."""
-    return wrap_deg(direction_deg - (sector + 0.5) * SECTOR_DEG)
+    return np.asarray(wrap_deg(direction_deg - (sector + 0.5) * SECTOR_DEG))
 
 
 def vessels_by_octant(

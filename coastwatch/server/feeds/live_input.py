@@ -299,6 +299,10 @@ class LiveInput:
         """As `ReportStream.contents`: there are no files."""
         return ()
 
+    def rest(self, after_s: float) -> int:
+        """As `ReportStream.rest`: a live input has no end."""
+        return 0
+
     def feeds(self) -> list[dict[str, Any]]:
         """As `live.Input.feeds`."""
         return [*(feed.counters() for feed in self._feeds), *(region.counters() for region in self._regions)]
