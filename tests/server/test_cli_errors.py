@@ -12,6 +12,7 @@ import pytest
 
 from coastwatch.batches import Fault, FileContent
 from coastwatch.operators.cli import main, progress, summary
+from coastwatch.sensors.recorded.accounts import UNACCOUNTED
 
 TIMEOUT_S = 120
 
@@ -68,6 +69,7 @@ def stand_in(monkeypatch: pytest.MonkeyPatch, outcome: Any) -> dict[str, Any]:
 def outcome(**changed: Any) -> Any:
     counts = {"tp": 99, "fn": 1, "fp": 0, "tn": 3, "accuracy": 0.99, "precision": 1.0, "recall": 0.99, "f1": 0.995, "mcc": 0.9}
     fused = {"position_rmse_m": 1.5, "course_rmse_deg": np.float64(1.0), "speed_rmse_kn": np.nan, "bound_position_rmse_m": 1.25}
+    fused |= {"count": 50, "bound_count": 50}
     made = {
         "run_id": np.int64(7),
         "scenario": "x",
@@ -77,7 +79,8 @@ def outcome(**changed: Any) -> Any:
         "timings_s": {"tracks": {"median": 0.003, "p99": 0.004, "total": 0.1, "share": 0.6}},
         "database": "sqlite:///x.db",
         "faults": (Fault("checksum", 3, "a.nmea:17", "!AIVDM,1,1"),),
-        "contents": (FileContent("a.nmea", "AIS reports", 40, 1000.0, 1090.0),),
+        "contents": (FileContent("a.nmea", "AIS reports", 40, 1000.0, 1090.0, read=43),),
+        "faults_of_input": (Fault("checksum", 3, "a.nmea:17", "!AIVDM,1,1"),),
         "vessels": 12,
         "cycles": 40,
         "elapsed_s": 1.25,
@@ -117,6 +120,7 @@ def test_the_summary_is_for_people() -> None:
     for wanted in (
         "3 x checksum: a.nmea:17",
         "a.nmea: 40 AIS reports, 1970-01-01T00:16:40Z to ",
+        "records: 43 read = 40 in reports + 3 refused + 0 set aside",
         "sqlite:///x.db",
         "coastwatch plot",
     ):
@@ -134,7 +138,13 @@ def test_the_summary_counts_the_files_that_were_given() -> None:
 
 @pytest.mark.parametrize(
     ("result", "code"),
-    [(outcome(), 0), (outcome(interrupted=True), 130), (KeyboardInterrupt(), 130), (OSError(28, "No space left on device"), 1)],
+    [
+        (outcome(), 0),
+        (outcome(faults=(Fault(UNACCOUNTED, 2, "a.nmea", ""),)), 1),
+        (outcome(interrupted=True), 130),
+        (KeyboardInterrupt(), 130),
+        (OSError(28, "No space left on device"), 1),
+    ],
 )
 def test_exit_codes_of_a_run(
     result: Any, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
