@@ -138,8 +138,9 @@ def test_runs_are_listed_deleted_and_kept(tmp_path: Path, capsys: pytest.Capture
     ]  # fmt: skip
     assert "f1" in listed[0]["scores"]["associations"]
     with contextlib.closing(sqlite3.connect(tmp_path / "x.db")) as raw, raw:
-        raw.execute("UPDATE run SET status = 'running', written_utc = '2020-01-01T00:00:00Z', cycles = 9 WHERE id = 2")
-        raw.execute("UPDATE run SET status = 'running', process = ?, machine = ? WHERE id = 1", this_process()[::-1])
+        silent = "UPDATE run SET status = 'running', written_utc = '2020-01-01T00:00:00Z'"
+        raw.execute(f"{silent}, machine = 'another', cycles = 9 WHERE id = 2")
+        raw.execute(f"{silent}, process = ?, machine = ? WHERE id = 1", this_process()[::-1])  # it waits for its feeds
     head = answer(["picture", "--db", db, "--run", "2"], capsys).splitlines()[0]
     assert head.endswith("the run died after cycle 3 of 9")
     assert main(["picture", "--db", db, "--run", "2", "--json"]) == 0
