@@ -17,6 +17,7 @@ from coastwatch import store
 from coastwatch.batches import ALARM_KINDS, COVER_AZIMUTHS, COVER_RANGES, Flag, Ints
 from coastwatch.operators import export, stored
 from coastwatch.operators.api.service import ZONE_KINDS, Service
+from coastwatch.operators.api.validation import CheckedRoute
 from coastwatch.operators.api.wire import Encoder
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.cli.arguments import box, utc
@@ -62,8 +63,10 @@ REFUSALS: dict[int | str, dict[str, Any]] = {
         403: "the role does not suffice, or the host or origin is foreign",
         404: "there is none",
         413: "the body is too large",
+        414: "the path or query is too long",
         422: "a parameter is not of its type",
         429: "too many requests; Retry-After says when to ask again",
+        431: "the headers are too large",
         503: "there is no picture yet, the database is away, or the question takes too long",
     }.items()
 }
@@ -96,7 +99,7 @@ def form_of(request: Request, format: Form | None = None) -> str:  # noqa: A002 
 
 In = Annotated[Service, Depends(service_of)]
 As = Annotated[str, Depends(form_of)]
-router = APIRouter(prefix="/api/v1", responses=REFUSALS)
+router = APIRouter(prefix="/api/v1", responses=REFUSALS, route_class=CheckedRoute)
 
 
 def parsed(read: Callable[[str], T], name: str, text: str | None) -> T | None:

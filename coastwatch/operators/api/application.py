@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated
 
 from fastapi import FastAPI, Header, HTTPException, Query, Request, Response, WebSocket
 from fastapi.exceptions import RequestValidationError
@@ -14,7 +14,7 @@ from pydantic import BaseModel, Field
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.staticfiles import StaticFiles
 
-from coastwatch.operators.api import answers, webhooks, zones
+from coastwatch.operators.api import answers, validation, webhooks, zones
 from coastwatch.operators.api.alarm_stream import AlarmStream
 from coastwatch.operators.api.guard import COOKIE, SESSION, Guard, methods_of
 from coastwatch.operators.api.service import NoPictureYet, Service
@@ -22,7 +22,6 @@ from coastwatch.operators.api.track_stream import serve_tracks
 from coastwatch.operators.api.wire import PROTOCOL
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.safe_text import printable
-from coastwatch.scenario.refusing import in_brackets, models_of, sentence
 from coastwatch.server.regions.client import PATH
 from coastwatch.server.regions.link import Position
 from coastwatch.server.run import version
@@ -55,6 +54,7 @@ def application(service: Service, guard: Guard, web: Path = WEB) -> FastAPI:
     app = FastAPI(
         title="Coastwatch", version=version(), lifespan=life, docs_url=None, redoc_url=None, openapi_url="/api/v1/openapi.json"
     )
+    app.router.route_class = validation.CheckedRoute
     app.state.service = service
     app.state.stopping = lambda: False
     app.include_router(answers.router)
@@ -164,16 +164,7 @@ def _add_refusals(app: FastAPI) -> None:
     for kind, status in ((NoPictureYet, 503), (StoreError, 503), (BadInput, 400)):
         app.add_exception_handler(kind, says(status))
 
-    async def wrong(request: Request, error: Exception) -> Response:
-        assert isinstance(error, RequestValidationError)
-        found: list[dict[str, Any]] = [dict(one) for one in error.errors()]
-        hints = get_type_hints(request.scope["endpoint"], include_extras=True)
-        models = [model for hint in hints.values() for model in models_of(hint)[0]]
-        said = "; ".join(_refusal(one, models[0] if models else BaseModel) for one in found)
-        of_its_type = all(one["type"] == "value_error" for one in found)  # and wrong by its meaning
-        return JSONResponse({"detail": printable(said)}, 400 if of_its_type else 422)
-
-    app.add_exception_handler(RequestValidationError, wrong)
+    app.add_exception_handler(RequestValidationError, validation.refused)
 
     async def wrong_path(request: Request, error: Exception) -> Response:
         detail = getattr(error, "detail", "")
@@ -188,13 +179,3 @@ def _add_refusals(app: FastAPI) -> None:
         return JSONResponse({"detail": said}, 405, {"Allow": ", ".join(known)})
 
     app.add_exception_handler(405, wrong_method)
-
-
-def _refusal(error: dict[str, Any], model: type[BaseModel]) -> str:
-    """What an error of a request says: the path of the value in the body, or the name of the parameter, and what was needed."""
-    where, *path = error["loc"]
-    if error["type"] == "json_invalid":
-        return f"body: got no JSON from character {path[0]} on, needed JSON"
-    if not path and error["type"] != "value_error":
-        path = [where]  # the whole body
-    return sentence({**error, "loc": tuple(path)}, model, in_brackets, "key" if where == "body" else "parameter")

@@ -8,20 +8,24 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
+import resource
 from collections import Counter
-from collections.abc import Callable, Sequence
-from contextlib import suppress
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from functools import partial
 from http.cookies import CookieError, SimpleCookie
+from ipaddress import IPv4Address, ip_address
 from typing import Any
 
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Match, Mount
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from coastwatch.operators.api.audit import Audit
+from coastwatch.operators.api.bounds import LARGEST_BODY, too_large
 from coastwatch.operators.api.metrics import Metrics
 from coastwatch.operators.api.proxy import TrustedProxy
 from coastwatch.operators.api.tokens import Limits, Person, Tokens
@@ -38,7 +42,14 @@ PROTECTED = ("/api/", "/metrics", "/readyz")
 FOR_ADMINS = ("/api/v1/audit",)
 """Beginnings of the paths that a viewer or operator may not read."""
 
-LARGEST_BODY, MOST_SOCKETS = 1 << 20, 8
+MOST_SOCKETS = MOST_STREAMS = 8
+"""Of one token or user."""
+
+MOST_OPEN = 2000
+"""Sockets and streams of alarms in all, if this process may open twice as many files."""
+
+STREAM = "/api/v1/alarms/stream"
+RETRY_AFTER_S = 30
 BODY_S = 30.0
 """The body of a request has to be here after so long."""
 
@@ -46,7 +57,7 @@ BEARER = "bearer."
 """How a subprotocol with the token of a socket begins."""
 
 TOKEN_NEEDED, TOO_MANY_SOCKETS = 4401, 4429
-LOGGED = (401, 403, 413, 429, 500)
+LOGGED = (401, 403, 413, 414, 429, 431, 500)
 """Answers that are warned of in the log. 503 is not among them: `logs.Watch` says why."""
 
 RECHECK_S = 60.0
@@ -67,6 +78,15 @@ HEADERS = {
 }
 
 
+def room(files: int) -> int:
+    """How many sockets and streams may be open in all. Args: files: that this process may open."""
+    return min(MOST_OPEN, files // 2)
+
+
+def _files() -> int:
+    return resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+
+
 @dataclass(frozen=True)
 class Guard:
     """Without tokens and proxy only these hosts are answered, and everybody on this machine is an admin. Loopback is not private: any
@@ -79,6 +99,7 @@ class Guard:
     secure: bool = False  # the cookie is sent over TLS only
     recheck_s: float = RECHECK_S
     limits: Callable[[], Limits] = Limits
+    most_open: int = field(default_factory=lambda: room(_files()))  # sockets and streams of alarms in all
 
     @property
     def middleware(self) -> Any:
@@ -135,7 +156,8 @@ class _Middleware:
 
     def __init__(self, app: ASGIApp, guard: Guard, metrics: Metrics, audit: Audit) -> None:
         self._app, self._guard, self._metrics, self._audit = app, guard, metrics, audit
-        self._limits, self._sockets = guard.limits(), Counter[str]()
+        self._limits = guard.limits()
+        self._open: dict[str, Counter[str]] = {"sockets": Counter(), "streams of alarms": Counter()}  # of each name
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
@@ -150,25 +172,55 @@ class _Middleware:
         if refused is not None:
             await refused(scope, receive, send)
             return
-        receive = _limited(receive)
+        receive, send = _limited(receive, send)
         if scope["method"] not in SAFE and scope["path"].startswith("/api/"):
             receive, send = self._audit.noting(scope, receive, send)
-        await self._app(scope, receive, send)
+        if scope["path"] != STREAM:
+            await self._app(scope, receive, send)
+            return
+        answer = self._no_room("streams of alarms", scope["state"]["who"], MOST_STREAMS)
+        if answer is not None:
+            await answer(scope, receive, send)
+            return
+        with self._counted("streams of alarms", scope["state"]["who"]):
+            await self._app(scope, receive, send)
+
+    def _no_room(self, what: str, name: str, most: int) -> Response | None:
+        """The answer where there is no room for one more socket or stream. Args: most: of one name."""
+        retry = {"Retry-After": str(RETRY_AFTER_S)}
+        if not self._guard.is_open and self._open[what][name] >= most:
+            return JSONResponse({"detail": f"{what}: {name} has {most} open, needed at most {most}: close one"}, 429, retry)
+        if sum(of.total() for of in self._open.values()) >= self._guard.most_open:
+            said = f"{what}: the server has {self._guard.most_open} sockets and streams open, which is all it takes"
+            return JSONResponse({"detail": said}, 503, retry)
+        return None
+
+    @contextmanager
+    def _counted(self, what: str, name: str) -> Iterator[None]:
+        """Count a socket or stream while it is open."""
+        of = self._open[what]
+        of[name] += 1
+        try:
+            yield
+        finally:
+            of[name] -= 1
+            if not of[name]:
+                del of[name]
 
     def _refused(self, scope: Scope) -> Response | None:
         """The answer to a request that is refused; None: it goes on, with its role and name in `scope["state"]`."""
         headers, path, method = Headers(scope=scope), scope["path"], scope["method"]
+        large = too_large(scope)
+        if large is not None:
+            return JSONResponse({"detail": large.detail}, large.status)
         foreign = self._guard.refusal(method, headers, False)
         if foreign is not None:
             return JSONResponse({"detail": foreign}, 403)
-        length = headers.get("content-length", "0")
-        if not length.isdecimal() or int(length) > LARGEST_BODY:
-            return JSONResponse({"detail": f"got a body of {length[:20]} bytes, needed at most {LARGEST_BODY}"}, 413)
         client = _client(scope)
         person = self._guard.person(client, headers)
-        wait_s = 0.0 if self._guard.is_open else self._limits.wait_s(client if person is None else person.name)
-        if wait_s:
-            return JSONResponse({"detail": "too many requests"}, 429, {"Retry-After": str(math.ceil(wait_s))})
+        wait = self._too_many(client, person)
+        if wait is not None:
+            return wait
         needed = _needed(path, method)
         if person is None and needed is not None:
             return JSONResponse({"detail": self._unknown()}, 401, {"WWW-Authenticate": "Bearer"})
@@ -181,9 +233,19 @@ class _Middleware:
         )
         return None
 
+    def _too_many(self, client: str, person: Person | None) -> Response | None:
+        """The answer to one request too many: of whoever is known, or of an address that offers no token or a wrong one."""
+        who = ("address", _network(client)) if person is None else ("name", person.name)
+        wait_s = 0.0 if self._guard.is_open else self._limits.wait_s(*who)
+        return JSONResponse({"detail": "too many requests"}, 429, {"Retry-After": str(math.ceil(wait_s))}) if wait_s else None
+
     def _is_allowed(self, client: str, headers: Headers, needed: str | None) -> bool:
-        """Whether a request that was allowed would be so now."""
-        person = self._guard.person(client, headers)
+        """Whether a request that was allowed would be so now. Where that cannot be said it is not."""
+        try:
+            person = self._guard.person(client, headers)
+        except Exception:
+            LOG.exception("a token cannot be looked at again")
+            return False
         return needed is None or (person is not None and person.may(needed))
 
     def _unknown(self) -> str:
@@ -193,25 +255,37 @@ class _Middleware:
 
     async def _socket(self, scope: Scope, receive: Receive, send: Send) -> None:
         headers, client = Headers(scope=scope), _client(scope)
+        large = too_large(scope)
+        if large is not None:
+            await _denied(JSONResponse({"detail": large.detail}, large.status), scope, receive, send)
+            return
         if self._guard.refusal("GET", headers, True) is not None:
             await send({"type": "websocket.close", "code": 4403, "reason": ""})  # before accept: HTTP 403
             return
-        if self._guard.is_open:
-            await self._app(scope, receive, send)
-            return
         person = self._guard.person(client, headers)
-        code = TOKEN_NEEDED if person is None else TOO_MANY_SOCKETS if self._sockets[person.name] >= MOST_SOCKETS else 0
+        wait = self._too_many(client, person)
+        if wait is not None:
+            self._warn_of_socket(scope, 429)
+            await _denied(wait, scope, receive, send)
+            return
+        code = TOKEN_NEEDED if person is None else 0
+        if person is not None and self._no_room("sockets", person.name, MOST_SOCKETS) is not None:
+            code = TOO_MANY_SOCKETS
         if person is None or code:
             if not _is_before_sign_in(scope):
-                LOG.warning("socket refused", extra={"fields": {"path": scope["path"][:200], "code": code, "client": client}})
+                self._warn_of_socket(scope, code)
             await _closed(scope, receive, send, code)
             return
-        self._sockets[person.name] += 1
-        try:
+        with self._counted("sockets", person.name):
+            if self._guard.is_open:
+                await self._app(scope, receive, send)
+                return
             allowed = partial(self._is_allowed, client, headers, "viewer")
             await _while_allowed(self._app, (scope, receive, send), allowed, self._guard.recheck_s)
-        finally:
-            self._sockets[person.name] -= 1
+
+    def _warn_of_socket(self, scope: Scope, code: int) -> None:
+        about = {"path": scope["path"][:200], "code": code, "client": _client(scope)}
+        LOG.warning("socket refused", extra={"fields": about})
 
     def _with_headers(self, scope: Scope, send: Send) -> Send:
         async def sending(message: Message) -> None:
@@ -262,8 +336,9 @@ async def _while_allowed(app: ASGIApp, of: tuple[Scope, Receive, Send], allowed:
     refused = asyncio.Event()
 
     async def look() -> None:
-        while allowed():
-            await asyncio.sleep(every_s)
+        with suppress(Exception):  # whoever cannot be looked at is not allowed
+            while allowed():
+                await asyncio.sleep(every_s)
         refused.set()
         with suppress(Exception):  # it may be closed by now
             await send({"type": "websocket.close", "code": TOKEN_NEEDED, "reason": ""})
@@ -296,10 +371,26 @@ async def _closed(scope: Scope, receive: Receive, send: Send, code: int) -> None
     await send({"type": "websocket.close", "code": code, "reason": ""})
 
 
-def _limited(receive: Receive) -> Receive:
-    """Receives a body of at most LARGEST_BODY bytes, within BODY_S; after that the sender seems to have gone."""
-    taken, whole = 0, False
+async def _denied(answer: Response, scope: Scope, receive: Receive, send: Send) -> None:
+    """Refuse a socket with an answer of HTTP, before it is accepted."""
+    if "websocket.http.response" not in scope.get("extensions", {}):
+        await send({"type": "websocket.close", "code": TOO_MANY_SOCKETS, "reason": ""})
+        return
+    await answer(scope, receive, send)
+
+
+def _limited(receive: Receive, send: Send) -> tuple[Receive, Send]:
+    """Receives a body of at most LARGEST_BODY bytes, within BODY_S. Else it raises what answers 413 or 408.
+
+    Where the answer has begun the sender seems to have gone.
+    """
+    taken, whole, begun = 0, False, False
     until_s = asyncio.get_running_loop().time() + BODY_S
+
+    def refusal(status: int, said: str) -> Message:
+        if begun:
+            return {"type": "http.disconnect"}
+        raise HTTPException(status, said, {"Connection": "close"})
 
     async def receiving() -> Message:
         nonlocal taken, whole
@@ -307,17 +398,35 @@ def _limited(receive: Receive) -> Receive:
             async with asyncio.timeout_at(None if whole else until_s):
                 message = await receive()
         except TimeoutError:
-            return {"type": "http.disconnect"}
+            return refusal(408, f"the body did not come within {BODY_S:g} s")
         taken += len(message.get("body", b""))
         whole = whole or not message.get("more_body", False)
-        return message if taken <= LARGEST_BODY else {"type": "http.disconnect"}
+        if taken > LARGEST_BODY:
+            return refusal(413, f"got a body of more than {LARGEST_BODY} bytes, needed at most {LARGEST_BODY}")
+        return message
 
-    return receiving
+    async def sending(message: Message) -> None:
+        nonlocal begun
+        begun = True
+        await send(message)
+
+    return receiving, sending
 
 
 def _client(scope: Scope) -> str:
     """The address of the other end of a connection."""
     return str((scope.get("client") or ("unknown",))[0])
+
+
+def _network(client: str) -> str:
+    """The address of a client; of IPv6 its network of 64 bits, of which one client has every address."""
+    try:
+        address = ip_address(client)
+    except ValueError:  # a socket of the file system has no address
+        return client
+    if isinstance(address, IPv4Address):
+        return client
+    return str(address.ipv4_mapped or int(address) >> 64)
 
 
 def _cookie(headers: Headers) -> str:

@@ -1,6 +1,7 @@
-"""Connections that send no whole request: they are closed, since uvicorn waits for the rest of a request for ever.
+"""Connections that send no whole request, send without end, or do not read: they are closed, as uvicorn waits for them for ever.
 
-The protocol of uvicorn is wrapped, not changed: asyncio tells the wrapper what comes, and the application that a request is whole.
+The protocol of uvicorn is wrapped, not changed: asyncio tells the wrapper what comes, and the application that a request is whole. It is
+the one of h11, which bounds heads and trailers; that of httptools keeps all that comes. README.md has the limits in a table.
 """
 
 from __future__ import annotations
@@ -8,15 +9,29 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from typing import Any
+from weakref import WeakValueDictionary
 
 from starlette.types import ASGIApp, Receive, Scope, Send
-from uvicorn.protocols.http.auto import AutoHTTPProtocol
+from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+from websockets.frames import Frame
+
+from coastwatch.operators.api.bounds import LARGEST_EXTRA, MOST_FRAGMENTS
 
 HEAD_S = 10.0
 """A request line and its headers have to be here after so long."""
 
+UNREAD_S = 30.0
+"""A connection from which nothing was read for so long, while an answer waits, is closed."""
+
 MOST_WAITING = 512
 """Connections that may send the beginning of a request at a time. One more closes the one that has waited longest."""
+
+MOST_PONGS = 1000
+"""Answers to pings that may wait for a viewer that does not read."""
+
+SLOW, LARGE = "408", "413"
+"""Why a connection is closed, as a status of HTTP."""
 
 Client = tuple[str, int]
 
@@ -24,20 +39,23 @@ Client = tuple[str, int]
 class Patience:
     """An application that knows which connections wait for a request. Its `protocol` closes those that wait too long."""
 
-    def __init__(self, app: ASGIApp, closed: Callable[[], None], head_s: float = HEAD_S, most: int = MOST_WAITING) -> None:
-        """Args: closed: called for each connection that is closed."""
+    def __init__(self, app: ASGIApp, closed: Callable[[str], None], head_s: float = HEAD_S, most: int = MOST_WAITING) -> None:
+        """Args: closed: called for each connection that is closed, with SLOW or LARGE."""
         self._app, self._closed, self._head_s, self._most = app, closed, head_s, most
         self._waiting: dict[Client, tuple[asyncio.Transport, asyncio.TimerHandle]] = {}  # the longest waiting first
         self._answered: set[Client] = set()  # have a request that is being answered
+        self._connections: WeakValueDictionary[Client, _Watched] = WeakValueDictionary()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         client = tuple(scope.get("client") or ())
         self.forget(client)
         self._answered.add(client)
+        self._begin_count(client)
         try:
             await self._app(scope, receive, send)
         finally:
             self._answered.discard(client)
+            self._begin_count(client)
 
     @property
     def protocol(self) -> type[asyncio.Protocol]:
@@ -46,9 +64,13 @@ class Patience:
 
         class Watched(_Watched):
             def __init__(self, **given: Any) -> None:
-                super().__init__(AutoHTTPProtocol(**given), patience)
+                super().__init__(H11Protocol(**given), patience)
 
         return Watched
+
+    def opened(self, client: Any, connection: _Watched) -> None:
+        """There is a new connection."""
+        self._connections[client] = connection
 
     def wait_for(self, client: Any, transport: asyncio.Transport) -> None:
         """Bytes may come on a connection. If it has no request and does not wait yet, it has so long to send one."""
@@ -65,41 +87,116 @@ class Patience:
         if found is not None:
             found[1].cancel()
 
-    def _close(self, client: Client) -> None:
-        transport = self._waiting[client][0]
+    def end(self, client: Any, transport: asyncio.Transport, why: str) -> None:
+        """Close a connection. Args: why: SLOW or LARGE."""
         self.forget(client)
         if not transport.is_closing():
-            self._closed()
-            transport.abort()
+            self._closed(why)
+        transport.abort()  # also one that is closing, and waits until its last bytes are read
+
+    def _close(self, client: Client) -> None:
+        self.end(client, self._waiting[client][0], SLOW)
+
+    def _begin_count(self, client: Any) -> None:
+        found = self._connections.get(client)
+        if found is not None:
+            found.taken = 0
 
 
 class _Watched(asyncio.Protocol):
     """The protocol of a connection, which is told all that comes."""
 
     def __init__(self, inner: Any, patience: Patience) -> None:
+        self.taken = 0  # bytes since a request or an answer was whole
         self._inner, self._patience = inner, patience
         self._client: Any = ()
         self._transport: Any = None
+        self._unread: asyncio.TimerHandle | None = None
+        self._left = 0  # bytes that waited at the last look
 
     def connection_made(self, transport: Any) -> None:
         self._client, self._transport = tuple((transport.get_extra_info("peername") or ())[:2]), transport
+        self._patience.opened(self._client, self)
         self._patience.wait_for(self._client, transport)
         self._inner.connection_made(transport)
 
     def connection_lost(self, exc: Exception | None) -> None:
         self._patience.forget(self._client)
+        self._stop_looking()
         self._inner.connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
+        self.taken += len(data)
+        if self.taken > LARGEST_EXTRA + len(data):  # a request that came with them may be whole by now
+            self._patience.end(self._client, self._transport, LARGE)
+            return
         self._patience.wait_for(self._client, self._transport)
-        self._inner.data_received(data)
+        try:
+            self._inner.data_received(data)
+        except Exception:  # rubbish behind a request whose answer has begun
+            self._patience.end(self._client, self._transport, LARGE)
 
     def eof_received(self) -> bool | None:
         found: bool | None = self._inner.eof_received()
         return found
 
     def pause_writing(self) -> None:
+        self._look_soon()
         self._inner.pause_writing()
 
     def resume_writing(self) -> None:
+        self._stop_looking()
         self._inner.resume_writing()
+
+    def _look_soon(self) -> None:
+        self._left = self._transport.get_write_buffer_size()
+        self._unread = asyncio.get_running_loop().call_later(UNREAD_S, self._look)
+
+    def _look(self) -> None:
+        """Close the connection if nothing was read since the last look."""
+        if self._transport.get_write_buffer_size() >= self._left:
+            self._patience.end(self._client, self._transport, SLOW)
+        else:
+            self._look_soon()
+
+    def _stop_looking(self) -> None:
+        if self._unread is not None:
+            self._unread.cancel()
+
+
+class Frames(WebSocketsSansIOProtocol):
+    """The protocol of a socket of uvicorn. A message has so many frames, and so many pongs wait for whoever does not read.
+
+    A head that the library of sockets refuses is answered. uvicorn would leave its connection open, and fail when the server ends.
+    """
+
+    _pongs = 0
+
+    def data_received(self, data: bytes) -> None:
+        """Take what has come."""
+        super().data_received(data)
+        if self.conn.handshake_exc is not None and not self.handshake_initiated:
+            self.handshake_initiated = self.handshake_complete = self.close_sent = True
+            self.transport.write(b"".join(self.conn.data_to_send()))
+            self.transport.close()
+
+    async def send(self, message: Any) -> None:
+        """Send what the application answers."""
+        await super().send(message)
+        if message["type"] == "websocket.http.response.body" and self.close_sent:
+            self.handshake_complete = True  # else uvicorn logs an error for each socket that is refused
+
+    def handle_cont(self, event: Frame) -> None:
+        """Take a later frame of a message."""
+        if len(self.frames) >= MOST_FRAGMENTS:
+            self.transport.abort()
+            return
+        super().handle_cont(event)
+
+    def handle_ping(self) -> None:
+        """Answer a ping."""
+        self._pongs = 0 if self.writable.is_set() else self._pongs + 1
+        if self._pongs > MOST_PONGS:
+            self.transport.abort()
+            return
+        super().handle_ping()

@@ -133,9 +133,9 @@ class Limits:
 
     def __init__(self, a_second: float = A_SECOND, at_once: float = AT_ONCE) -> None:
         self._a_second, self._at_once = a_second, at_once
-        self._buckets: dict[str, _Bucket] = {}
+        self._buckets: dict[tuple[str, ...], _Bucket] = {}
 
-    def wait_s(self, who: str) -> float:
+    def wait_s(self, *who: str) -> float:
         """Take one request. Returns: seconds until the next one is allowed, 0: it is allowed now."""
         now_s = time.monotonic()
         bucket = self._buckets.setdefault(who, _Bucket(self._at_once, now_s))

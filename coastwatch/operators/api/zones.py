@@ -14,6 +14,7 @@ from coastwatch.geodesy import NAUTICAL_MILE_M, offset_deg
 from coastwatch.operators import export, stored
 from coastwatch.operators.api.answers import REFUSALS, In
 from coastwatch.operators.api.service import Service
+from coastwatch.operators.api.validation import CheckedRoute
 from coastwatch.server.watched_zones import readable
 from coastwatch.store.zones import FIRST_NUMBER
 
@@ -25,7 +26,7 @@ Number = Annotated[int, Path(ge=1, le=2**53)]
 CONFLICT: dict[int | str, dict[str, Any]] = {
     409: {"description": "another zone has the name, or the zone is of the scenario file"}
 }
-router = APIRouter(prefix="/api/v1", responses=REFUSALS)
+router = APIRouter(prefix="/api/v1", responses=REFUSALS, route_class=CheckedRoute)
 
 
 @router.get("/zones")

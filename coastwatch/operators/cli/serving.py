@@ -20,8 +20,9 @@ from fastapi import FastAPI
 from coastwatch.operators import stored
 from coastwatch.operators.api import logs
 from coastwatch.operators.api.application import application
+from coastwatch.operators.api.bounds import LARGEST_HEAD, LARGEST_MESSAGE
 from coastwatch.operators.api.guard import LOOPBACK, Guard
-from coastwatch.operators.api.patience import Patience
+from coastwatch.operators.api.patience import Frames, Patience
 from coastwatch.operators.api.proxy import trusted
 from coastwatch.operators.api.service import Counted, Service
 from coastwatch.operators.api.tokens import Tokens, add
@@ -44,9 +45,6 @@ from coastwatch.store import QueryLimit, Store, open_store
 
 QUERY = QueryLimit(5.0, time.monotonic)
 """Of each question of the API to the database."""
-
-LARGEST_MESSAGE = 65_536
-"""Bytes of a message from a viewer."""
 
 STOP_S = 3
 TRACKS = "tracks+"
@@ -306,12 +304,13 @@ def listen(service: Service, guard: Guard, options: argparse.Namespace, listener
 
 def server_of(app: FastAPI, **given: Any) -> uvicorn.Server:
     """The server of an application, which then knows when it ends. Args: given: more settings of uvicorn."""
-    patience = Patience(app, app.state.service.metrics.requests.labels("408").inc)
+    patience = Patience(app, lambda status: app.state.service.metrics.requests.labels(status).inc())
     config = uvicorn.Config(
         patience,
         http=patience.protocol,
         log_level="error",  # below that, whoever sends rubbish fills the log
-        ws="websockets-sansio",
+        h11_max_incomplete_event_size=LARGEST_HEAD,
+        ws=Frames,
         ws_per_message_deflate=False,  # it costs 85 ms a frame and viewer, and saves a third
         ws_max_size=LARGEST_MESSAGE,
         timeout_graceful_shutdown=STOP_S,
