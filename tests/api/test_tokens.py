@@ -143,6 +143,69 @@ def test_a_token_that_is_deleted_from_the_file_is_refused_at_once(tmp_path: Path
     assert (tokens.of(first), tokens.of(second).name) == (None, "second")  # type: ignore[union-attr]
 
 
+def test_a_typo_in_the_file_keeps_the_tokens_of_before_and_is_a_trouble_until_it_is_mended(
+    served: Served, tmp_path: Path
+) -> None:
+    path = tmp_path / "tokens.toml"
+    other = add(path, "other", "viewer", None)
+    kept = path.read_text("utf-8")
+    given = add(path, "watch", "viewer", None)
+    good = path.read_text("utf-8")
+    guard = Guard(tokens=Tokens(path), recheck_s=0.1)
+
+    def troubles(client: httpx.Client) -> list[dict[str, str]]:
+        both = [client.get(asked, headers=bearer(other)).json()["troubles"] for asked in ("/readyz", "/api/v1/status")]
+        assert both[0] == both[1]
+        return [one for one in both[0] if one["kind"] == "tokens"]
+
+    with (
+        listening(served.service, guard, tmp_path) as address,
+        httpx.Client(base_url=f"http://{address}") as client,
+        connect(f"ws://{address}/api/v1/stream", subprotocols=[f"bearer.{given}"], max_size=2**26) as socket,
+    ):
+        assert troubles(client) == []
+        for wrong in (good + "[[tokens]\n", good + "[[tokens]]\nname = 'x'\nrole = 'king'\ntoken = 's3cret'\n", "\0", None):
+            path.unlink() if wrong is None else path.write_text(wrong, "utf-8")
+            (trouble,) = troubles(client)
+            assert (trouble["name"], trouble["serious"]) == ("tokens.toml", False)
+            assert trouble["text"].startswith("the tokens of before hold: ")
+            assert "s3cret" not in trouble["text"]
+            assert client.get("/api/v1/status", headers=bearer(given)).status_code == 200
+            assert client.get("/api/v1/status", headers=bearer("x")).status_code == 401
+        path.write_text(kept, "utf-8")
+        with pytest.raises(ConnectionClosed) as closed:
+            while True:
+                socket.recv(timeout=10)
+        assert closed.value.rcvd is not None
+        assert closed.value.rcvd.code == 4401
+        assert client.get("/api/v1/status", headers=bearer(given)).status_code == 401
+        assert troubles(client) == []
+        path.write_text("", "utf-8")  # a right file without tokens: nobody
+        assert client.get("/api/v1/status", headers=bearer(other)).status_code == 401
+    assert guard.troubles()[0].text == "there is no token in it, so nobody may ask"
+
+
+def test_what_ends_the_recheck_of_a_socket_or_stream_ends_it_too(
+    served: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "tokens.toml"
+    given = add(path, "watch", "viewer", None)
+    guard = Guard(tokens=Tokens(path), recheck_s=0.1)
+    with (
+        listening(served.service, guard, tmp_path) as address,
+        connect(f"ws://{address}/api/v1/stream", subprotocols=[f"bearer.{given}"], max_size=2**26) as socket,
+        httpx.stream("GET", f"http://{address}/api/v1/alarms/stream", headers=bearer(given), timeout=20.0) as alarms,
+    ):
+        assert socket.recv(timeout=10)
+        monkeypatch.setattr(Tokens, "of", lambda *_: 1 / 0)
+        with pytest.raises(ConnectionClosed) as closed:
+            while True:
+                socket.recv(timeout=10)
+        assert closed.value.rcvd is not None
+        assert closed.value.rcvd.code == 4401
+        list(alarms.iter_lines())  # it ends in order
+
+
 KING = f"[[tokens]]\nname = 'a'\nrole = 'king'\nsha256 = '{'0' * 64}'"
 
 

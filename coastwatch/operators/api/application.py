@@ -48,8 +48,12 @@ def application(service: Service, guard: Guard, web: Path = WEB) -> FastAPI:
     @asynccontextmanager
     async def life(_: FastAPI) -> AsyncIterator[None]:
         service.hub.open()
-        async with webhooks.sending(service.webhooks, alarms, service):
-            yield
+        service.asked.append(guard.troubles)
+        try:
+            async with webhooks.sending(service.webhooks, alarms, service):
+                yield
+        finally:
+            service.asked.remove(guard.troubles)
 
     app = FastAPI(
         title="Coastwatch", version=version(), lifespan=life, docs_url=None, redoc_url=None, openapi_url="/api/v1/openapi.json"

@@ -30,6 +30,7 @@ from coastwatch.operators.api.metrics import Metrics
 from coastwatch.operators.api.proxy import TrustedProxy
 from coastwatch.operators.api.tokens import Limits, Person, Tokens
 from coastwatch.operators.api.wire import PROTOCOL
+from coastwatch.server.troubles import Trouble
 
 LOG = logging.getLogger("coastwatch.serve")
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
@@ -110,6 +111,10 @@ class Guard:
     def is_open(self) -> bool:
         """Whether this machine is answered without a token."""
         return self.tokens is None and self.proxy is None
+
+    def troubles(self) -> list[Trouble]:
+        """What is wrong with the file of tokens."""
+        return [] if self.tokens is None else self.tokens.troubles()
 
     def refusal(self, method: str, headers: Headers, socket: bool) -> str | None:
         """Why a request is refused by its host or origin; None: it is not."""

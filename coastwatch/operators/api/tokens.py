@@ -18,6 +18,7 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationErro
 
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.scenario.refusing import sentence
+from coastwatch.server.troubles import Trouble
 
 ROLES = ("viewer", "operator", "admin")
 """Each may do what those before it may."""
@@ -64,13 +65,13 @@ class _File(BaseModel):
 
 
 class Tokens:
-    """The tokens of a file. It is read again when it changes."""
+    """The tokens of a file. It is read again when it changes. While it cannot be read those of before hold."""
 
     def __init__(self, path: Path) -> None:
         """Raises: BadInput, OSError that name the file."""
-        self._path, self._read_at = path, -1.0
-        self._tokens: tuple[Token, ...] = ()
-        self._reload()
+        self._path, self._read_at = path, _stamp(path)
+        self._tokens = read(path)
+        self._wrong: tuple[float, str] | None = None  # since when, and what
         if not self._tokens:
             raise BadInput(f"{path}: got no token, needed at least one; `coastwatch token add NAME` makes one")
 
@@ -81,17 +82,42 @@ class Tokens:
         found = [token for token in self._tokens if hmac.compare_digest(token.sha256, digest)]
         return found[0] if found and found[0].is_valid() else None
 
+    def troubles(self) -> list[Trouble]:
+        """What is wrong with the file now."""
+        self._reload()
+        wrong = self._wrong
+        return [] if wrong is None else [Trouble("tokens", self._path.name, *wrong, False)]
+
     def _reload(self) -> None:
-        changed_at = self._path.stat().st_mtime
-        if changed_at != self._read_at:
-            self._tokens, self._read_at = read(self._path), changed_at
+        try:
+            stamp = _stamp(self._path)
+            if stamp == self._read_at:
+                return
+            self._tokens = read(self._path)
+        except (OSError, BadInput) as error:
+            stamp = None if isinstance(error, OSError) else stamp
+            said = error.strerror if isinstance(error, OSError) else str(error).removeprefix(f"{self._path}: ")
+            self._note(f"the tokens of before hold: {said}")
+        else:
+            self._note("" if self._tokens else "there is no token in it, so nobody may ask")
+        self._read_at = stamp
+
+    def _note(self, said: str) -> None:
+        since_s = time.time() if self._wrong is None else self._wrong[0]
+        self._wrong = (since_s, said) if said else None
+
+
+def _stamp(path: Path) -> tuple[int, ...] | None:
+    """What changes with a file. Raises: OSError."""
+    about = path.stat()
+    return about.st_mtime_ns, about.st_size, about.st_ino
 
 
 def read(path: Path) -> tuple[Token, ...]:
     """The tokens of a file. Raises: BadInput, OSError that name it."""
     try:
         return _File.model_validate(tomllib.loads(path.read_text("utf-8"))).tokens
-    except (tomllib.TOMLDecodeError, ValidationError, UnicodeDecodeError) as error:
+    except (tomllib.TOMLDecodeError, ValidationError, UnicodeDecodeError, RecursionError) as error:
         said = "; ".join(_refusals(error)) if isinstance(error, ValidationError) else error
         raise BadInput(
             f"{path}: {said}; needed [[tokens]] with name, role and sha256, as `coastwatch token add` writes it"
@@ -99,8 +125,8 @@ def read(path: Path) -> tuple[Token, ...]:
 
 
 def _refusals(error: ValidationError) -> list[str]:
-    """A sentence for each error. What stands for a hash is not repeated: it may be a token."""
-    found = [{**one, "input": "..."} if one["loc"][-1] == "sha256" else dict(one) for one in error.errors()]
+    """A sentence for each error. A value is not repeated: it may be a token."""
+    found = [dict(one) if one["loc"][-1] in ("role", "expires_utc") else {**one, "input": "..."} for one in error.errors()]
     return [sentence(one, _File) for one in found]
 
 
