@@ -1,8 +1,11 @@
-"""Suggestions for a misspelt name."""
+"""Texts that people type: suggestions for a misspelt name, and lines without control characters."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+
+ONE_LINE = r"^[^\x00-\x1f\x7f-\x9f]*$"
+"""A pattern of text without control characters: a database may refuse them, and they move the cursor of a terminal."""
 
 
 def did_you_mean(got: str, known: Iterable[str]) -> str:

@@ -17,6 +17,7 @@ from pydantic import Field, model_validator
 
 from coastwatch.batches import Bools, Floats, Ints
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, earth_centred, wrap_deg
+from coastwatch.spelling import ONE_LINE
 from coastwatch.stage import Settings
 
 EARTH_M = 6371008.8
@@ -33,6 +34,9 @@ LINE_REACH_M = 5000.0
 """How far from a line the ways are that are compared with it: longer than any way of a cycle."""
 
 WIDEST_DEG = 170.0
+SHORTEST_LINE_M, SMALLEST_AREA_M2 = 1.0, 1.0
+NORTHERNMOST_DEG = 85.0
+"""Charts and positions end here, and as far south."""
 
 
 class Zone(Settings):
@@ -42,7 +46,7 @@ class Zone(Settings):
     in `points_deg`. `crossing` is for lines, as seen along the line from its first point. All other rules are for areas.
     """
 
-    name: Annotated[str, Field(min_length=1, max_length=64)]  # unique among the zones
+    name: Annotated[str, Field(min_length=1, max_length=64, pattern=ONE_LINE)]  # unique among the zones
     kind: Literal["polygon", "circle", "line"]
     points_deg: Annotated[tuple[Position, ...], Field(max_length=MOST_POINTS)] = ()  # latitude, longitude of each
     centre_deg: Position | None = None  # latitude, longitude
@@ -79,10 +83,31 @@ class Zone(Settings):
         return self
 
     @model_validator(mode="after")
-    def _does_not_cross_itself(self) -> Zone:
-        if self.kind == "polygon" and not Shape(1, self, 0.0).polygon.is_valid:
-            raise ValueError("points_deg: got corners whose edges cross, needed them in order around the area")
+    def _has_a_size(self) -> Zone:
+        shape = Shape(1, self, 0.0)
+        if self.kind == "polygon":
+            if not shape.polygon.is_valid:
+                raise ValueError("points_deg: got corners whose edges cross, needed them in order around the area")
+            if shape.polygon.area < SMALLEST_AREA_M2:
+                raise ValueError(f"points_deg: got corners around less than {SMALLEST_AREA_M2:g} m2, needed a larger area")
+        elif self.kind == "line" and np.ptp(shape.chart_m(shape.points_deg), axis=0).max() < SHORTEST_LINE_M:
+            raise ValueError(
+                f"points_deg: got a line of points at one place, needed points at least {SHORTEST_LINE_M:g} m apart"
+            )
+        elif self.kind == "circle":
+            self._refuse_beyond_the_chart(shape)
         return self
+
+    def _refuse_beyond_the_chart(self, shape: Shape) -> None:
+        reach_deg = np.degrees((self.radius_nm or 0.0) * NAUTICAL_MILE_M / EARTH_M)
+        latitude = shape.points_deg[0, 0]
+        if latitude + reach_deg >= NORTHERNMOST_DEG:
+            said = f"{latitude + reach_deg:.2f}, needed less than {NORTHERNMOST_DEG:g}"
+        elif latitude - reach_deg <= -NORTHERNMOST_DEG:
+            said = f"{latitude - reach_deg:.2f}, needed more than -{NORTHERNMOST_DEG:g}"
+        else:
+            return
+        raise ValueError(f"radius_nm: got a circle that reaches latitude {said}")
 
 
 @dataclass(frozen=True)

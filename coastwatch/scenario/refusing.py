@@ -9,7 +9,7 @@ from typing import Annotated, Any, Union, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from coastwatch.spelling import did_you_mean
+from coastwatch.spelling import ONE_LINE, did_you_mean
 
 Loc = tuple[int | str, ...]
 
@@ -50,7 +50,9 @@ LIMITS: dict[str, Callable[[Mapping[str, Any]], str]] = {
     "string_too_long": lambda c: f"at most {c['max_length']} characters",
     "too_short": lambda c: f"at least {c['min_length']}",
     "too_long": lambda c: f"at most {c['max_length']}",
-    "string_pattern_mismatch": lambda c: f"text that matches {c['pattern']}",
+    "string_pattern_mismatch": lambda c: (
+        "text without control characters" if c["pattern"] == ONE_LINE else f"text that matches {c['pattern']}"
+    ),
     "literal_error": lambda c: str(c["expected"]),
     "union_tag_invalid": lambda c: f"one of {c['expected_tags']}",
 }

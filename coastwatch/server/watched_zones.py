@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from coastwatch import store
 from coastwatch.alarms import Numbered, Zone, numbered
 from coastwatch.scenario import Scenario
+from coastwatch.scenario.refusing import refusals
 from coastwatch.store import Store, StoredZone, StoreError
 
 Refused = tuple[str, str]
@@ -32,22 +33,20 @@ class WatchedZones:
             version = store.zone_version(self._store, self._scenario.name)
             if version != self._version:
                 drawn, refused = readable(store.zones(self._store, self._scenario.name))
-                self._zones = *numbered(self._scenario.zones), *((of.number, zone) for of, zone in drawn)
+                self._zones = *numbered(self._scenario.zones), *drawn
                 self._version = version
                 self._refuse(refused)
         return self._zones
 
 
-def readable(stored: Sequence[StoredZone]) -> tuple[list[tuple[StoredZone, Zone]], list[Refused]]:
-    """The stored zones, and those that this version refuses: another version may have stored them."""
-    drawn: list[tuple[StoredZone, Zone]] = []
+def readable(stored: Sequence[StoredZone]) -> tuple[list[Numbered], list[Refused]]:
+    """The stored zones with their numbers, and those that this version refuses: another version may have stored them."""
+    drawn: list[Numbered] = []
     refused: list[Refused] = []
     for one in stored:
         try:
-            drawn.append((one, Zone.model_validate(one.definition)))
+            drawn.append((one.number, Zone.model_validate(one.definition)))
         except ValidationError as error:
-            what = error.errors()[0]
-            where = ".".join(str(part) for part in what["loc"])
-            said = f"zone {one.number} is not watched: {where + ': ' if where else ''}{what['msg']}"
+            said = f"zone {one.number} is not watched: {'; '.join(refusals(error, Zone))}"
             refused.append((str(one.definition.get("name", one.number)), said))
     return drawn, refused

@@ -53,6 +53,7 @@ from coastwatch.store.runs import timings as timings
 from coastwatch.store.schema.backup import backup as backup
 from coastwatch.store.schema.backup import restore as restore
 from coastwatch.store.schema.database import NoSuchRunError as NoSuchRunError
+from coastwatch.store.schema.database import NotThere as NotThere
 from coastwatch.store.schema.database import QueryLimit as QueryLimit
 from coastwatch.store.schema.database import Store as Store
 from coastwatch.store.schema.database import StoreError as StoreError

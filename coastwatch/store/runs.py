@@ -14,7 +14,7 @@ from sqlalchemy import Connection, Executable, delete, func, insert, select, tru
 from coastwatch.batches import Fault, Sensors
 from coastwatch.store.processes import Presence, presence, this_process
 from coastwatch.store.read.rows import Rows, fetch_rows
-from coastwatch.store.schema.database import Store, StoreError, as_json, now_utc, reading, writing
+from coastwatch.store.schema.database import NotThere, Store, StoreError, as_json, now_utc, reading, writing
 from coastwatch.store.schema.tables import (
     AIS_FEED,
     CHECKPOINT,
@@ -315,7 +315,7 @@ def cycle_at(connection: Connection, store: Store, run_id: int, at_s: float | No
     if cycle is None and at_s is not None:
         first_s = connection.scalar(select(func.min(CYCLE.c.time_s)).where(CYCLE.c.run_id == run_id, kept))
         has = "it has no cycle yet" if first_s is None else f"its first kept cycle is at {_text_utc(first_s)}"
-        raise StoreError(f"{store.where}: run {run_id} holds nothing up to {_text_utc(at_s)}, {has}")
+        raise NotThere(f"{store.where}: run {run_id} holds nothing up to {_text_utc(at_s)}, {has}")
     return -1 if cycle is None else int(cycle)
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from coastwatch.operators.api.application import application
@@ -63,6 +64,15 @@ def wait_for(found: Any, seconds: float = 10.0) -> None:
             return
         done.wait(0.02)
     raise AssertionError("it did not happen in time")
+
+
+def code_of(viewer: ClientConnection) -> int:
+    """The code with which a socket is closed."""
+    try:
+        while True:
+            viewer.recv(timeout=10)
+    except ConnectionClosed as closed:
+        return -1 if closed.rcvd is None else closed.rcvd.code
 
 
 @contextmanager

@@ -73,6 +73,14 @@ def test_an_alarm_is_seen_acknowledged_and_seen_as_such_by_others(changing: Serv
         path = f"{base}/api/v1/alarms/{alarm['alarm_id']}/acknowledge"
         wrong = httpx.post(path, json={"name": " "}), httpx.post(path, json={"nam": "Ana"})
         assert [answer.status_code for answer in wrong] == [422, 422]
+        for said in ({"name": "A\0"}, {"name": "A\x1b[1m"}, {"name": "Ana", "note": "a\0b"}, {"name": "Ana", "note": "a\x85b"}):
+            refused = httpx.post(path, json=said)
+            assert (refused.status_code, refused.json()["detail"].endswith("needed text without control characters")) == (
+                422,
+                True,
+            )
+            together = {**said, "from": "2020-01-01T00:00:00Z", "to": "2020-01-02T00:00:00Z"}
+            assert httpx.post(f"{base}/api/v1/alarms/acknowledge", json=together).status_code == 422
         assert httpx.post(f"{base}/api/v1/alarms/4-dark-1/acknowledge", json={"name": "Ana"}).status_code == 404
         assert httpx.post(f"{base}/api/v1/alarms/nothing/acknowledge", json={"name": "Ana"}).status_code == 404
         done = httpx.post(path, json={"name": "Ana", "note": "called on 16"}).json()

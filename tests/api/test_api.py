@@ -86,7 +86,12 @@ def test_pages_follow_each_other_and_an_unchanged_picture_is_not_sent_again(serv
 def test_the_past_is_answered_from_the_store(served: Served) -> None:
     now, then = (served.get(f"/api/v1/picture{at}").json() for at in ("", "?at=2025-06-15T15:06:43Z"))
     assert now["vessels"][1]["latitude_deg"] == pytest.approx(then["vessels"][1]["latitude_deg"] + 2e-5)
-    assert served.get("/api/v1/picture?at=2020-01-01").status_code == 503
+    for path in ("picture", "frame"):
+        early = served.get(f"/api/v1/{path}?at=2020-01-01")
+        assert early.status_code == 404, "the database is there; it holds nothing of then"
+        assert early.json()["detail"].startswith(
+            "at: run 1 holds nothing up to 2020-01-01T00:00:00Z, its first kept cycle is at 20"
+        )
     page = Page()
     assert page.take(served.get("/api/v1/frame?at=2025-06-15T15:06:43Z&bbox=-23,-43.21,-22,-43.185").content) == FULL
     assert page.ids.tolist() == [1, 2]

@@ -15,9 +15,9 @@ from typing import Any
 import httpx
 import pytest
 from fastapi.routing import APIRoute
-from server_world import Served, listening
+from server_world import Served, code_of, listening
 from starlette.routing import BaseRoute
-from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.exceptions import InvalidStatus
 from websockets.frames import Frame, Opcode
 from websockets.sync.client import ClientConnection, connect
 
@@ -301,15 +301,6 @@ def flood(viewer: ClientConnection, piece: bytes) -> int:
     except OSError:
         pass
     return sent
-
-
-def code_of(viewer: ClientConnection) -> int:
-    """The code with which a socket is closed."""
-    try:
-        while True:
-            viewer.recv(timeout=10)
-    except ConnectionClosed as closed:
-        return -1 if closed.rcvd is None else closed.rcvd.code
 
 
 @pytest.fixture

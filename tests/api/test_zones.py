@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from itertools import pairwise
 from pathlib import Path
 
@@ -52,6 +53,34 @@ def test_zones_are_added_changed_and_deleted_and_a_live_run_watches_them(changin
         ({"kind": "ring"}, 422, "name: got nothing, needed a value; kind: got 'ring', needed 'polygon', 'circle' or 'line'"),
         ({**BAY, "name": "x", "speed": 3}, 422, "speed: got 3 for an unknown key, needed one of name, kind, points_deg"),
         ([BAY], 422, "body: got "),
+        (
+            {"name": "x", "kind": "line", "points_deg": [[1, 2], [1, 2], [1, 2]], "crossing": "both"},
+            400,
+            "points_deg: got a line of points at one place, needed points at least 1 m apart",
+        ),
+        (
+            {"name": "x", "kind": "line", "points_deg": [[1, 2], [1, 2.000001]]},
+            400,
+            "points_deg: got a line of points at one place",
+        ),
+        (
+            {"name": "x", "kind": "polygon", "points_deg": [[0, 0], [0, 1e-9], [1e-9, 0]]},
+            400,
+            "points_deg: got corners around less than 1 m2, needed a larger area",
+        ),
+        (
+            {"name": "x", "kind": "circle", "centre_deg": [84.99, 180], "radius_nm": 500},
+            400,
+            "radius_nm: got a circle that reaches latitude 93.32, needed less than 85",
+        ),
+        (
+            {"name": "x", "kind": "circle", "centre_deg": [-84.9, 0], "radius_nm": 10},
+            400,
+            "radius_nm: got a circle that reaches latitude -85.07, needed more than -85",
+        ),
+        ({**RING, "name": "a\0b"}, 422, r"name: got 'a\x00b', needed text without control characters"),
+        ({**RING, "name": "a\x1b[2J"}, 422, "name: got "),
+        ({**RING, "name": "a\nb"}, 422, "name: got "),
     ):
         answer = httpx.post(path, json=body)
         assert (answer.status_code, answer.json()["detail"].startswith(said)) == (status, True), answer.text
@@ -69,17 +98,27 @@ def test_zones_are_added_changed_and_deleted_and_a_live_run_watches_them(changin
     assert done == [(0, 3, True, "loopback"), (0, 2, False, "loopback"), (1, 1, False, "loopback"), (0, 1, False, "loopback")]
 
 
-def test_a_stored_zone_that_this_version_refuses_is_left_out_and_said(changing: Served) -> None:
-    scenario = load_scenario("guanabara").model_copy(update={"name": "sea", "zones": ()})
-    said: list[tuple[str, str]] = []
+def test_a_stored_zone_that_is_refused_today_is_shown_and_deleted_and_ends_no_run(changing: Served) -> None:
+    old = {"name": "old", "kind": "line", "points_deg": [[1.0, 2.0], [1.0, 2.0]], "crossing": "both"}
+    other = {"name": "other", "kind": "star", "corners": 5}
+    numbers = [store.add_zone(changing.store, "sea", made, at_s=1.0, who="ana").number for made in (old, other, BAY)]  # type: ignore[union-attr]
+    scenario, said = load_scenario("guanabara").model_copy(update={"name": "sea", "zones": ()}), list[tuple[str, str]]()
     watched = WatchedZones(changing.store, scenario, said.extend)
-    store.add_zone(changing.store, "sea", {**BAY, "shape": "of a later version"}, at_s=1.0, who="Ana")
-    store.add_zone(changing.store, "sea", RING, at_s=1.0, who="Ana")
-    assert [zone.name for _, zone in watched.now()] == ["ring"]
-    ((name, why),) = said
-    assert (name, "is not watched: circle.shape" in why or "shape" in why) == ("bay", True)
-    found = changing.get("/api/v1/zones")
-    assert [one["properties"]["name"] for one in found.json()["features"]] == ["ring"]
+    for _ in range(2):
+        assert [zone.name for _, zone in watched.now()] == ["bay"]
+    assert [name for name, _ in said] == ["old", "other"]
+    assert "is not watched: points_deg: got" in said[0][1]
+    assert "is not watched: kind: got 'star'" in said[1][1]
+    features = changing.get("/api/v1/zones").json()["features"]
+    assert [f["id"] for f in features] == numbers
+    refused = [f["properties"].get("refused") for f in features]
+    assert refused[0].startswith("points_deg: got a line of points at one place")
+    assert refused[1].startswith("kind: got 'star'")
+    assert refused[2] is None
+    assert (features[0]["geometry"]["type"], features[1]["geometry"]) == ("LineString", None)
+    for number, name in zip(numbers, ("old", "other", "bay"), strict=True):
+        answer = httpx.delete(f"http://{changing.address}/api/v1/zones/{number}")
+        assert (answer.status_code, answer.json()["properties"]["name"]) == (200, name)
 
 
 def test_a_viewer_may_look_at_zones_and_not_change_them(served: Served, tmp_path: Path) -> None:

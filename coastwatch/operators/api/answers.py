@@ -24,7 +24,8 @@ from coastwatch.operators.cli.arguments import box, utc
 from coastwatch.operators.selection import selected
 from coastwatch.server.live_picture import KIND_OF_SOURCE, LivePicture, of_store
 from coastwatch.shipped import scenarios_folder
-from coastwatch.store import Asked, Beginnings, Rows, StoreError
+from coastwatch.spelling import ONE_LINE
+from coastwatch.store import Asked, Beginnings, NotThere, Rows
 from coastwatch.store.read.bbox import inside
 
 T = TypeVar("T")
@@ -266,8 +267,8 @@ class Acknowledged(BaseModel):
 
     model_config = ConfigDict(extra="forbid", str_strip_whitespace=True)
 
-    name: Annotated[str, Field(min_length=1, max_length=64)]
-    note: Annotated[str, Field(max_length=500)] = ""
+    name: Annotated[str, Field(min_length=1, max_length=64, pattern=ONE_LINE)]
+    note: Annotated[str, Field(max_length=500, pattern=ONE_LINE)] = ""
 
 
 class AcknowledgedTogether(Acknowledged):
@@ -400,7 +401,10 @@ def _picture_at(service: Service, at_s: float | None) -> LivePicture:
         return service.picture()
     run_id = service.run_id()
     last_s = store.last_instant(service.store, run_id)
-    found = of_store(service.store, run_id, -1, at_s if last_s is None else min(at_s, last_s), at_s)
+    try:
+        found = of_store(service.store, run_id, -1, at_s if last_s is None else min(at_s, last_s), at_s)
+    except NotThere as error:
+        raise HTTPException(404, f"at: {str(error).removeprefix(f'{service.store.where}: ')}") from error
     return replace(found, time_s=float(found.array("time_s").max())) if len(found) else found
 
 
@@ -409,10 +413,8 @@ def _vessel(service: Service, vessel_id: int) -> tuple[dict[str, Any], stored.Ve
     of_run = service.of_run()
     try:
         return of_run, stored.vessel(service.store, of_run, vessel_id)
-    except StoreError as error:
-        if "never had a vessel" in str(error):
-            raise HTTPException(404, f"run {of_run['id']} never had a vessel {vessel_id}") from error
-        raise
+    except NotThere as error:
+        raise HTTPException(404, f"run {of_run['id']} never had a vessel {vessel_id}") from error
 
 
 def _has_source(of: LivePicture, text: str) -> Any:

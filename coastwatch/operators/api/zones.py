@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from typing import Annotated, Any
 
 import numpy as np
 from fastapi import APIRouter, HTTPException, Path, Request
+from pydantic import ValidationError
 
 from coastwatch import store
-from coastwatch.alarms import Zone, numbered
+from coastwatch.alarms import Zone
 from coastwatch.geodesy import NAUTICAL_MILE_M, offset_deg
 from coastwatch.operators import export, stored
 from coastwatch.operators.api.answers import REFUSALS, In
 from coastwatch.operators.api.service import Service
-from coastwatch.operators.api.validation import CheckedRoute
-from coastwatch.server.watched_zones import readable
+from coastwatch.operators.api.validation import MOST_ERRORS, CheckedRoute
+from coastwatch.scenario.refusing import refusals
 from coastwatch.store.zones import FIRST_NUMBER
 
 MOST_ZONES = 500
@@ -33,9 +35,9 @@ router = APIRouter(prefix="/api/v1", responses=REFUSALS, route_class=CheckedRout
 def zones(service: In) -> dict[str, Any]:
     """The zones as GeoJSON. A circle is drawn as a polygon; longitudes go on beyond 180 degrees across the antimeridian."""
     about = service.of_run()
-    fixed = [(number, 0, zone) for number, zone in _of_scenario(about)]
-    drawn = [(of.number, of.version, zone) for of, zone in readable(store.zones(service.store, about["scenario"]))[0]]
-    return {"type": "FeatureCollection", "features": [_feature(*zone) for zone in [*fixed, *drawn]]}
+    fixed = [_shown(number, 0, definition) for number, definition in _of_scenario(about)]
+    drawn = [_shown(zone.number, zone.version, zone.definition) for zone in store.zones(service.store, about["scenario"])]
+    return {"type": "FeatureCollection", "features": [*fixed, *drawn]}
 
 
 @router.get("/zones/changes")
@@ -80,7 +82,7 @@ def delete(number: Number, request: Request, service: In) -> dict[str, Any]:
     found = store.change_zone(service.store, about["scenario"], number, None, **given)
     if found is None or isinstance(found, str):
         raise HTTPException(404, f"there is no zone {number}")
-    return _feature(found.number, found.version, Zone.model_validate(found.definition))
+    return _shown(found.number, found.version, found.definition)
 
 
 def _changeable(service: Service, number: int) -> dict[str, Any]:
@@ -94,16 +96,33 @@ def _changeable(service: Service, number: int) -> dict[str, Any]:
 
 
 def _refuse_name_of_scenario(about: dict[str, Any], name: str) -> None:
-    if any(zone.name == name for _, zone in _of_scenario(about)):
+    if any(zone.get("name") == name for _, zone in _of_scenario(about)):
         raise HTTPException(409, f"name: got {name!r}, which a zone of the scenario file has, needed a new one")
 
 
-def _of_scenario(about: dict[str, Any]) -> tuple[tuple[int, Zone], ...]:
-    return numbered([Zone.model_validate(zone) for zone in about["settings"].get("zones", ())])
+def _of_scenario(about: dict[str, Any]) -> list[tuple[int, Mapping[str, Any]]]:
+    """Numbers and definitions of the zones of the scenario file."""
+    return list(enumerate(about["settings"].get("zones", ()), 1))
 
 
 def _definition(zone: Zone) -> dict[str, Any]:
     return zone.model_dump(mode="json", exclude_defaults=True)
+
+
+def _shown(number: int, version: int, definition: Mapping[str, Any]) -> dict[str, Any]:
+    """A zone of a run or database as a feature. One that is refused today says why, and has a geometry if it can be drawn."""
+    try:
+        return _feature(number, version, Zone.model_validate(definition))
+    except ValidationError as error:
+        said = {"refused": "; ".join(refusals(error, Zone)[:MOST_ERRORS])}
+    try:
+        known = {name: value for name, value in definition.items() if name in Zone.model_fields}
+        out = _feature(number, version, Zone.model_construct(**known))
+        out["properties"] |= said
+        return out
+    except Exception:  # of another version: its shape is not known
+        about = {"number": number, "version": version, "source": "stored" if version else "scenario"}
+        return {"type": "Feature", "id": number, "geometry": None, "properties": {**about, **definition, **said}}
 
 
 def _feature(number: int, version: int, zone: Zone) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from coastwatch.store.read.bbox import FASTEST_M_S, Box, inside, is_inside, wide
 from coastwatch.store.read.history_queries import ELLIPSE, MOTION, cycle_times, points_in_box, points_of
 from coastwatch.store.read.rows import Rows, Table, fetch_arrays, fetch_rows, is_one_of
 from coastwatch.store.runs import cycle_at, run_exists
-from coastwatch.store.schema.database import Store, StoreError, reading
+from coastwatch.store.schema.database import NotThere, Store, StoreError, reading
 from coastwatch.store.schema.tables import (
     ASSOCIATION,
     BEARING_ASSOCIATION,
@@ -104,7 +104,7 @@ def track(store: Store, run_id: int, vessel_id: int) -> dict[str, Any]:
         there = fetch_rows(connection, stays)
         if not there.rows:
             run_exists(connection, store, run_id)
-            raise StoreError(
+            raise NotThere(
                 f"{store.where}: run {run_id} never had a vessel {vessel_id}; {_known_as(connection, run_id, vessel_id)}"
             )
         return {

@@ -64,6 +64,10 @@ class NoSuchRunError(StoreError):
     """A run that was written is not there any more: somebody has deleted it."""
 
 
+class NotThere(StoreError):
+    """The database is there, and holds nothing of what was asked: no such vessel, or nothing of that time."""
+
+
 @dataclass(frozen=True)
 class QueryLimit:
     """How long a read transaction may take."""
