@@ -70,6 +70,7 @@ LAST = 2**62
 """The last cycle of a stay that lasts."""
 
 COURSES = ("cog_deg", "bearing_deg")  # never 360.00
+WORDS = ("flags", "nav_status")  # numbers that people read as words
 NAMED_SOURCES = ("source", "first_source", "second_source")
 
 Box = tuple[float, float, float, float]
@@ -382,9 +383,14 @@ def answer(found: Store, name: str, parameters: Mapping[str, str], at_s: float |
 def for_people(rows: Rows | Table) -> Rows:
     """The same rows in the units of an operator. Columns of instants are renamed from `_s` to `_utc`."""
     makers = [_maker(name) for name in rows.columns]
-    names = tuple(f"{name[:-2]}_utc" if name in store.INSTANTS else name for name in rows.columns)
+    names = tuple(map(name_for_people, rows.columns))
     made = [tuple(None if v is None else make(v) for v, make in zip(row, makers, strict=True)) for row in rows.rows]
     return Rows(names, made)
+
+
+def name_for_people(name: str) -> str:
+    """The name of a column in the units of an operator."""
+    return f"{name[:-2]}_utc" if name in store.INSTANTS else name
 
 
 def utc_text(time_s: float) -> str:

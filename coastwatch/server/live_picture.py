@@ -76,6 +76,17 @@ class LivePicture:
         found["sources"] = np.array([self.source_texts[code] or None for code in self.source_codes[at].tolist()], object)
         return Table(COLUMNS, tuple(found[name] for name in COLUMNS))
 
+    def column(self, name: str, at: Ints) -> Array:
+        """One column of `rows`. Args: at: (K,) row numbers."""
+        if name in OWN:
+            return self.own.array(name)[at]
+        if name == "sources":
+            return np.array([text or None for text in self.source_texts], object)[self.source_codes[at]]
+        k, absent = STATIC.index(name), ABSENT[name]
+        known = [self.statics.get(mmsi) for mmsi in self.own.array("mmsi")[at].tolist()]
+        kind = {"NoneType": object, "int": np.int64, "float": np.float64}[type(absent).__name__]
+        return np.array([absent if of is None else of[k] for of in known], kind)
+
     def search(self, text: str) -> Ints:
         """Rows whose name, call sign, MMSI or vessel id has this text: those that equal it first, then those that begin with it."""
         wanted, ranks = text.strip().upper(), []

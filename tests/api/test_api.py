@@ -6,15 +6,20 @@ import csv
 import io
 import json
 from socket import create_connection
+from typing import Any
 
 import httpx
+import numpy as np
 import polars
 import pytest
 from page import DELTA, FULL, Page
 from server_world import Served, listening
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from coastwatch.operators import stored
 from coastwatch.operators.api.application import WEB
+from coastwatch.operators.selection import selected
+from coastwatch.store import Table
 
 
 def test_the_picture_in_three_formats_has_the_same_vessels(served: Served) -> None:
@@ -81,6 +86,29 @@ def test_pages_follow_each_other_and_an_unchanged_picture_is_not_sent_again(serv
     again = served.get("/api/v1/picture", headers={"If-None-Match": tag})
     assert (again.status_code, again.content) == (304, b"")
     assert served.get("/api/v1/picture?format=csv", headers={"If-None-Match": tag}).status_code == 200
+
+
+def test_a_sorted_page_is_as_if_every_vessel_were_formatted_and_only_the_page_is(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    every = served.get("/api/v1/picture").json()["vessels"]
+    formatted, made = [], stored.for_people
+
+    def noting(rows: Any) -> Any:
+        formatted.append(len(rows) if isinstance(rows, Table) else len(rows.rows))
+        return made(rows)
+
+    picture = served.service.picture()
+    every_row = made(picture.rows(np.arange(len(picture))))
+    monkeypatch.setattr(stored, "for_people", noting)
+    keys = [*every[0], "nav_status,-sog_kn", "-flags,name", "sources,-mmsi,cog_deg"]
+    for key in [*keys, *(f"-{key}" for key in every[0])]:
+        expected = [row[0] for row in selected(every_row, key.split(","), None, ("vessel_id",)).rows]
+        answer = served.get(f"/api/v1/picture?sort={key}&offset=5&limit=7").json()
+        assert [row["vessel_id"] for row in answer["vessels"]] == expected[5:12], key
+    assert max(formatted) == 7
+    wrong = served.get("/api/v1/picture?sort=sog")
+    assert (wrong.status_code, wrong.json()["detail"].startswith("sort: got 'sog', needed some of vessel_id, ")) == (400, True)
 
 
 def test_the_past_is_answered_from_the_store(served: Served) -> None:

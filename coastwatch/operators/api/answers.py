@@ -21,12 +21,13 @@ from coastwatch.operators.api.validation import CheckedRoute
 from coastwatch.operators.api.wire import Encoder
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.cli.arguments import box, utc
-from coastwatch.operators.selection import selected
+from coastwatch.operators.selection import order, selected
 from coastwatch.server.live_picture import KIND_OF_SOURCE, LivePicture, of_store
 from coastwatch.shipped import scenarios_folder
 from coastwatch.spelling import ONE_LINE
 from coastwatch.store import Asked, Beginnings, NotThere, Rows
 from coastwatch.store.read.bbox import inside
+from coastwatch.store.read.picture_queries import COLUMNS
 
 T = TypeVar("T")
 MOST_ROWS, MOST_IDS, MOST_FOUND, NEWEST_POINTS = 10_000, 200, 50, 500
@@ -167,12 +168,10 @@ def picture(request: Request, service: In, form: As, chosen: Annotated[Chosen, Q
             return Response(status_code=304, headers={"ETag": tag})
     of = _picture_at(service, parsed(utc, "at", chosen.at))
     rows = chosen.rows(of)
-    columns, page = _names(chosen.columns), slice(chosen.offset, chosen.offset + chosen.limit)
-    if chosen.sort is None:
-        found = selected(stored.for_people(of.rows(rows[page])), (), None, columns)
-    else:
-        every = selected(stored.for_people(of.rows(rows)), _names(chosen.sort), None, columns)
-        found = Rows(every.columns, every.rows[page])
+    if chosen.sort is not None:
+        rows = rows[order(lambda name: of.column(name, rows), COLUMNS, _names(chosen.sort))]
+    page = rows[chosen.offset : chosen.offset + chosen.limit]
+    found = selected(stored.for_people(of.rows(page)), (), None, _names(chosen.columns))
     head = {"run": of.run_id, "cycle": of.cycle, "time_utc": stored.utc_text(of.time_s), "total": len(rows)}
     headers = _page(request, len(rows), chosen.offset, chosen.limit) | ({"ETag": tag} if tag else {})
     return _answer(found, form, "vessels", {**head, "offset": chosen.offset}, headers)
