@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from sqlalchemy import Connection, Select, and_, func, insert, select
+from sqlalchemy import Connection, Select, and_, func, insert, select, text
 
 from coastwatch.store.read.rows import Rows, fetch_rows
 from coastwatch.store.schema.database import Store, reading, writing
@@ -41,6 +41,7 @@ def zone_version(store: Store, scenario: str) -> int:
 def add_zone(store: Store, scenario: str, definition: Mapping[str, Any], *, at_s: float, who: str) -> StoredZone | None:
     """Store a new zone. Returns: it; None where another one has its name. Raises: StoreError."""
     with writing(store) as connection:
+        _wait_for_others(connection)
         if _named(connection, scenario, definition["name"]) is not None:
             return None
         newest = connection.scalar(select(func.max(Z.number)))
@@ -58,6 +59,7 @@ def change_zone(
     Raises: StoreError.
     """
     with writing(store) as connection:
+        _wait_for_others(connection)
         before = next((zone for zone in _zones(connection, scenario) if zone.number == number), None)
         if before is None:
             return None
@@ -74,6 +76,12 @@ def zone_changes(store: Store, scenario: str, number: int | None = None) -> Rows
         query = query.where(Z.number == number)
     with reading(store) as connection:
         return fetch_rows(connection, query.order_by(Z.changed_s.desc(), Z.version.desc(), Z.number))
+
+
+def _wait_for_others(connection: Connection) -> None:
+    """Let one transaction at a time change zones, so that numbers, versions and names are of one zone. SQLite does so by itself."""
+    if connection.dialect.name == "postgresql":
+        connection.execute(text("LOCK TABLE zone IN SHARE ROW EXCLUSIVE MODE"))
 
 
 def _newest(scenario: str) -> Select[Any]:

@@ -139,4 +139,9 @@ def _feature(number: int, version: int, zone: Zone) -> dict[str, Any]:
     line = {"type": "LineString", "coordinates": drawn}
     geometry = line if zone.kind == "line" else {"type": "Polygon", "coordinates": [[*drawn, drawn[0]]]}
     about = {"number": number, "version": version, "source": "stored" if version else "scenario"}
-    return {"type": "Feature", "id": number, "geometry": geometry, "properties": {**about, **zone.model_dump(mode="json", warnings=False)}}
+    return {
+        "type": "Feature",
+        "id": number,
+        "geometry": geometry,
+        "properties": {**about, **zone.model_dump(mode="json", warnings=False)},
+    }
