@@ -207,6 +207,8 @@ class AlarmBook:
         with self._lock:
             if run_id != self.run_id or not self.first - 1 <= number <= self._number:
                 return None
+            if number == self._number:
+                return []
             return list(islice(self._changes, len(self._changes) - (self._number - number), None))
 
     def listen(self, tell: Callable[[], None]) -> Callable[[], None]:

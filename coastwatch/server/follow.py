@@ -59,10 +59,10 @@ class Follower:
         found = store.newest_picture(self._store, self._run_id)
         if found is None:
             return
+        self._look_at_alarms(found[0])  # first: they wait for no picture, and a large one takes seconds
         if found[:2] != self._seen:
             self._on_picture(of_store(self._store, *found))
             self._seen = found[:2]
-        self._look_at_alarms(found[0])
 
     def _look_at_alarms(self, run_id: int) -> None:
         before = self._cursor if self.alarms.run_id == run_id else None

@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 import json
 import secrets
+import logging
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterable
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager, suppress
 
 from coastwatch.operators import export
@@ -16,6 +17,10 @@ from coastwatch.server.alarm_book import Alarm, Change
 SILENCE_S = 15.0
 """Without a change a comment is sent so often."""
 
+PORTION = 100
+"""Alarms that are sent at a time. Then others come first that are more urgent."""
+
+LOG = logging.getLogger("coastwatch.serve")
 STOP_S = 0.5
 """How long a stream may wait without looking whether the server ends."""
 
@@ -30,28 +35,37 @@ class AlarmStream:
     async def events(self, last: str, allowed: Callable[[], bool], recheck_s: float) -> AsyncIterator[bytes]:
         """The events for one listener: what it missed, or every alarm that is known; then changes as they come.
 
-        A listener that is told of event `run` forgets the alarms that it has. Of many changes the most urgent come first. Only the last
-        one of them has the number of all, so that a listener that loses its connection among them is told all of them again.
+        A listener that is told of event `run` forgets the alarms that it has. Of all that wait the most urgent come first, also of
+        those that come while a long list is sent. Only the last one of them has the number of all, so that a listener that loses its
+        connection among them is told all of them again.
         Args: last: the id of the last event that it has, "run-number"; empty: none; allowed: whether the listener may go on, asked each
         recheck_s.
         """
         book = self._service.book
         run, at = _position(last)
+        told, waiting, order = f"{run}-{at}", dict[str, Alarm](), list[str]()  # order: the most urgent last
         silent_since_s = looked_s = time.monotonic()
         async with _woken(self._service) as wait:
             while not self._stopping():
                 changes = book.since(run, at)
                 if changes is None:
                     run, at, alarms = book.snapshot()
-                    before = ""  # whoever has a part of them begins again
-                    yield _event("run", before if alarms else f"{run}-{at}", json.dumps({"run": run}))
-                else:
-                    alarms = list({change.alarm.alarm_id: change.alarm for change in changes}.values())
-                    before, at = f"{run}-{at}", changes[-1].number if changes else at
-                for k, data in enumerate(self._rows(alarms), 1):
-                    yield _event("alarm", f"{run}-{at}" if k == len(alarms) else before, data)
+                    waiting = {alarm.alarm_id: alarm for alarm in alarms}
+                    told = "" if waiting else f"{run}-{at}"  # whoever has a part of them begins again
+                    yield _event("run", told, json.dumps({"run": run}))
+                elif changes:
+                    waiting |= {change.alarm.alarm_id: change.alarm for change in changes}
+                    at = changes[-1].number
+                if changes is None or changes:
+                    order = sorted(waiting, key=lambda alarm_id: waiting[alarm_id].urgency, reverse=True)
+                portion = [waiting.pop(order.pop()) for _ in range(min(PORTION, len(order)))]
+                before, told = told, told if waiting else f"{run}-{at}"
+                texts = [text for text in as_json(self._service, portion) if text is not None]
+                if texts:
+                    marks = [before] * (len(texts) - 1) + [told]
+                    yield b"".join(_event("alarm", mark, text) for mark, text in zip(marks, texts, strict=True))
                 now_s = time.monotonic()
-                if alarms:
+                if portion:
                     silent_since_s = now_s
                 elif now_s - silent_since_s >= SILENCE_S:
                     yield b": nothing new\n\n"
@@ -60,7 +74,7 @@ class AlarmStream:
                     looked_s = now_s
                     if not allowed():
                         return
-                await wait(STOP_S)
+                await (asyncio.sleep(0.0) if waiting else wait(STOP_S))
 
     async def changes(self) -> AsyncIterator[list[Change]]:
         """The changes as they come, the first ones of this run among them. Alarms that are known when a run begins are no changes."""
@@ -76,10 +90,16 @@ class AlarmStream:
                     yield found
                 await wait(STOP_S)
 
-    def _rows(self, alarms: Iterable[Alarm]) -> list[str]:
-        """Alarms as JSON, the most urgent first."""
-        ordered = sorted(alarms, key=lambda alarm: alarm.urgency)
-        return [json.dumps(row, allow_nan=False) for row in export.as_objects(self._service.rows_of(ordered))]
+
+def as_json(service: Service, alarms: Sequence[Alarm]) -> list[str | None]:
+    """Each alarm as an object of JSON; None: it cannot be written, which the log has. One of them holds up no other."""
+    try:
+        return [json.dumps(row, allow_nan=False) for row in export.as_objects(service.rows_of(alarms))]
+    except Exception:
+        if len(alarms) > 1:
+            return [text for alarm in alarms for text in as_json(service, [alarm])]
+        LOG.exception("an alarm cannot be sent", extra={"fields": {"alarm": [alarm.alarm_id for alarm in alarms]}})
+        return [None] * len(alarms)
 
 
 @asynccontextmanager

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import heapq
-import json
 import logging
 import time
 from collections.abc import AsyncIterator, Sequence
@@ -13,8 +12,8 @@ from typing import NamedTuple
 
 import httpx
 
-from coastwatch.operators import export
-from coastwatch.operators.api.alarm_stream import AlarmStream
+from coastwatch.batches.events import DISTRESS
+from coastwatch.operators.api.alarm_stream import PORTION, AlarmStream, as_json
 from coastwatch.operators.api.service import Service
 from coastwatch.operators.api.webhook_settings import WebHook, signature
 from coastwatch.server.alarm_book import Change
@@ -22,6 +21,9 @@ from coastwatch.server.alarm_book import Change
 LOG = logging.getLogger("coastwatch.serve")
 WAITING, TIME_OUT_S = 50_000, 10.0
 RETRY_AFTER_S = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 60.0)
+MOST_DISTRESS = 50
+"""Messages of distress that are sent beside the others. More of them wait in their line, and are first there."""
+
 AGAIN = (408, 425, 429)
 """Refusals after which the same message may be taken later."""
 
@@ -45,14 +47,25 @@ class _Sender:
     def __init__(self, hook: WebHook, service: Service, retry_after_s: Sequence[float]) -> None:
         self.hook, self._retry_after_s = hook, retry_after_s
         self._waiting: list[_Message] = []  # a heap
+        self._distress: set[asyncio.Task[None]] = set()
         self._woken = asyncio.Event()
+        self._client = httpx.AsyncClient(timeout=TIME_OUT_S, follow_redirects=False)
         counts = ("sent", "retried", "failed", "dropped")
         self._count = {name: service.metrics.webhooks.labels(hook.name, name) for name in counts}
 
     def take(self, messages: Sequence[tuple[str, _Message]]) -> None:
-        """Let messages wait, if the hook wants their kinds. Args: messages: with the kind of the alarm."""
+        """Let messages wait, if the hook wants their kinds. Distress waits for no other message.
+
+        Args: messages: with the kind of the alarm.
+        """
         for kind, message in messages:
-            if not self.hook.kinds or kind in self.hook.kinds:
+            if self.hook.kinds and kind not in self.hook.kinds:
+                continue
+            if message.priority == DISTRESS and len(self._distress) < MOST_DISTRESS:
+                task = asyncio.get_running_loop().create_task(self._deliver(message))
+                self._distress.add(task)
+                task.add_done_callback(self._distress.discard)
+            else:
                 heapq.heappush(self._waiting, message)
         if len(self._waiting) > WAITING:
             kept = heapq.nsmallest(WAITING * 9 // 10, self._waiting)  # sorted, and so a heap
@@ -63,16 +76,36 @@ class _Sender:
 
     async def run(self) -> None:
         """Send for ever. A message that nobody takes is sent again, after more urgent ones that came since."""
-        async with httpx.AsyncClient(timeout=TIME_OUT_S, follow_redirects=False) as client:
+        try:
             while True:
                 while not self._waiting:
                     self._woken.clear()
                     await self._woken.wait()
                 message = heapq.heappop(self._waiting)
-                again_after_s = await self._send(client, message)
+                again_after_s = await self._try(message)
                 if again_after_s is not None:
                     heapq.heappush(self._waiting, message._replace(attempts=message.attempts + 1))
                     await asyncio.sleep(again_after_s)
+        finally:
+            for task in self._distress:
+                task.cancel()
+            await asyncio.gather(*self._distress, return_exceptions=True)
+            await self._client.aclose()
+
+    async def _deliver(self, message: _Message) -> None:
+        """Send one message until it is taken or refused for good."""
+        while (again_after_s := await self._try(message)) is not None:
+            message = message._replace(attempts=message.attempts + 1)
+            await asyncio.sleep(again_after_s)
+
+    async def _try(self, message: _Message) -> float | None:
+        """As `_send`. An error of one message ends no other."""
+        try:
+            return await self._send(self._client, message)
+        except Exception:
+            LOG.exception("a message cannot be sent to a web hook", extra={"fields": {"webhook": self.hook.name}})
+            self._count["failed"].inc()
+            return None
 
     async def _send(self, client: httpx.AsyncClient, message: _Message) -> float | None:
         """Send a message. Returns: seconds until it is to be sent again; None: it was taken, or refused for good."""
@@ -107,12 +140,12 @@ async def sending(
 
     async def follow() -> None:
         async for changes in alarms.changes():
-            try:
-                messages = _messages(service, [change for change in changes if change.what in WORDS])
+            told = sorted((change for change in changes if change.what in WORDS), key=lambda change: change.alarm.urgency)
+            for k in range(0, len(told), PORTION):
+                messages = _messages(service, told[k : k + PORTION])
                 for sender in senders:
                     sender.take(messages)
-            except Exception:  # of one batch of alarms: the next ones are sent
-                LOG.exception("alarms cannot be sent to web hooks")
+                await asyncio.sleep(0.0)
 
     tasks = [asyncio.create_task(job) for job in ([follow()] if senders else [])]
     tasks += [asyncio.create_task(sender.run()) for sender in senders]
@@ -128,10 +161,10 @@ async def sending(
 
 def _messages(service: Service, changes: Sequence[Change]) -> list[tuple[str, _Message]]:
     """A message for each change, with the kind of its alarm."""
-    rows = export.as_objects(service.rows_of([change.alarm for change in changes]))
     out = []
-    for change, row in zip(changes, rows, strict=True):
-        word, alarm = WORDS[change.what], change.alarm
-        body = json.dumps({"event": word, "alarm": row}).encode()
-        out.append((alarm.kind, _Message(alarm.urgency[0], change.number, f"{alarm.alarm_id}-{word}", body)))
+    for change, text in zip(changes, as_json(service, [change.alarm for change in changes]), strict=True):
+        if text is not None:
+            word, alarm = WORDS[change.what], change.alarm
+            body = f'{{"event": "{word}", "alarm": {text}}}'.encode()
+            out.append((alarm.kind, _Message(alarm.urgency[0], change.number, f"{alarm.alarm_id}-{word}", body)))
     return out

@@ -43,6 +43,7 @@ class Cursor(NamedTuple):
     cycle: int  # the newest one
     time_s: float  # of that cycle
     acknowledged_s: float  # of the newest acknowledgement
+    acknowledged: int  # how many are of that instant: 200,000 may be, of one change
 
 
 def alarms(store: Store, run_id: int, asked: Asked) -> tuple[Rows, int]:
@@ -62,7 +63,7 @@ def changed_alarms(store: Store, run_id: int, since: Cursor | None, most: int) -
     """
     with reading(store) as connection:
         now = _cursor(connection, run_id)
-        keys = union(*(_waiting(run_id) if since is None else _changed(run_id, since)))
+        keys = union(*(_waiting(run_id) if since is None else _changed(run_id, since, now)))
         found = _in_keys(_select(), keys).where(E.kind.in_(ALARM_KINDS))
         found = found.order_by(*_ORDER).limit(most) if since is None else found.order_by(E.start_s)
         return fetch_rows(connection, found), now
@@ -85,19 +86,22 @@ def _cursor(connection: Connection, run_id: int) -> Cursor:
     number, time_s = connection.execute(newest).first() or (-1, -1.0)
     process = connection.scalar(select(RUN.c.process).where(RUN.c.id == run_id))
     acknowledged_s = connection.scalar(select(func.max(A.acknowledged_s)).where(A.run_id == run_id))
-    return Cursor(process, number, time_s, acknowledged_s or 0.0)
+    newest_ones = select(func.count()).where(A.run_id == run_id, A.acknowledged_s == acknowledged_s)
+    return Cursor(process, number, time_s, acknowledged_s or 0.0, int(connection.scalar(newest_ones) or 0))
 
 
-def _changed(run_id: int, since: Cursor) -> list[Select[Any]]:
-    """The keys of what has changed since a cursor, each part by an index."""
+def _changed(run_id: int, since: Cursor, now: Cursor) -> list[Select[Any]]:
+    """The keys of what has changed between two cursors, each part by an index."""
     g = EVENT_GAP.c
-    # Acknowledgements of one instant may have been written after the last look: those of its newest instant come again.
-    return [
+    out = [
         _keys(E, E.run_id == run_id, E.start_s > since.time_s),
         _keys(E, E.run_id == run_id, E.to_cycle >= since.cycle),
         _keys(g, g.run_id == run_id, g.cycle > since.cycle),
-        _keys(A, A.run_id == run_id, A.acknowledged_s >= since.acknowledged_s),
     ]
+    # Acknowledgements of one instant may have been written after the last look: if there are new ones, those of its instant come again.
+    if (since.acknowledged_s, since.acknowledged) != (now.acknowledged_s, now.acknowledged):
+        out.append(_keys(A, A.run_id == run_id, A.acknowledged_s >= since.acknowledged_s))
+    return out
 
 
 def _waiting(run_id: int) -> list[Select[Any]]:
