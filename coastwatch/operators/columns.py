@@ -7,7 +7,7 @@ from typing import Literal
 Kind = Literal["text", "whole", "number", "yes_no", "instant", "flags"]
 
 TEXTS = {
-    "answers", "body", "call_sign", "client", "cycles_done", "evidence", "first_source", "health", "heard_by", "kind",
+    "answers", "body", "call_sign", "client", "cycles_done", "evidence", "first_source", "health", "heard_by", "kind", "last_ais_name",
     "members", "method", "name", "nav_status", "parameters", "path", "question", "region", "role", "says",
     "scenario", "second_source", "source", "sources", "specification", "stage", "state", "status", "title",
     "version", "what", "who",

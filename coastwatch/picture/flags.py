@@ -71,6 +71,7 @@ def flag(
     row_of_track: Ints,
     alarms: AisAlarms,
     *,
+    had_ais: Bools,
     detection: AisDetection | None,
     time_s: float,
     sensors: Sensors,
@@ -78,8 +79,8 @@ def flag(
 ) -> tuple[FlagMemory, Ints]:
     """All flags of each row of the picture, COASTING included.
 
-    Args: row_of_track: (N,) of the picture; detection: of AIS tracks by radars that are heard; none: not known; hearing: which
-    sensors are heard; none: all. Returns: memory, (R,).
+    Args: row_of_track: (N,) of the picture; had_ais: (R,) under whatever MMSI; detection: of AIS tracks by radars that are heard; none:
+    not known; hearing: which sensors are heard; none: all. Returns: memory, (R,).
     """
     ais_cover, radar_cover = sensor_covers(sensors, settings.cover_margin, hearing)
     radars, ais = np.flatnonzero(tracks.source < sensors.ais_source), np.flatnonzero(tracks.source == sensors.ais_source)
@@ -108,7 +109,7 @@ def flag(
     flags = picture.flags.copy()
     anchor_deg, anchor_since_s, stationary = _stationary(settings, memory, order.vessel_of_row, picture, time_s)
     flags[stationary] |= int(Flag.STATIONARY)
-    never_sent = stationary & (picture.mmsi < 0)
+    never_sent = stationary & (picture.mmsi < 0) & ~had_ais
     flags[(time_s - no_ais_since_s >= settings.dark_after_s) & ~never_sent] |= int(Flag.DARK)
     flags[heard_s - no_radar_since_s >= settings.unseen_after_s] |= int(Flag.AIS_WITHOUT_RADAR)
     contradicted = _contradicted(settings, pairs, tracks, time_s)

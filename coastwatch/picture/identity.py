@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from coastwatch.batches import (
     AisAlarms,
     AisDetection,
@@ -19,6 +21,7 @@ from coastwatch.batches import (
 from coastwatch.kernels.tables.row_numbers import require_rows
 from coastwatch.picture.ais_states import ais_flags, nav_statuses
 from coastwatch.picture.flags import FlagMemory, flag
+from coastwatch.picture.former_names import AisNow, AisPast, had_ais, name_flags, next_past, outdated
 from coastwatch.picture.match import KnownTracks, match_identities
 from coastwatch.picture.order import members_of, order_vessels, picture_of, tracks_of
 from coastwatch.picture.settings import IdentitySettings
@@ -35,6 +38,7 @@ class PictureMemory:
     tracks: KnownTracks
     next_id: int
     flags: FlagMemory
+    ais_past: AisPast
 
     def check_rows(self) -> None:
         """Check the row numbers, as after reading a checkpoint: kernels do not. Raises: ValueError that names the field."""
@@ -51,12 +55,13 @@ class Identity(IdentitySettings):
     A vessel keeps its id while any of its tracks exists. Every track votes for the vessel that it was in; an AIS track counts a
     little more than a radar track, an older vessel more than a younger one. The greatest sum of votes is assigned one-to-one.
     A group without votes may be a vessel without tracks that returns: by its MMSI within `return_s`, by position and velocity
-    within `hold_s`. A vessel without tracks is shown, predicted and flagged as coasting, for `coast_s`. While bearings hold it, it
+    within `hold_s`. A vessel that loses its AIS goes on under its MMSI until AIS of that MMSI is in another vessel. A vessel without
+    tracks is shown, predicted and flagged as coasting, for `coast_s`. While bearings hold it, it
     is shown where they say, flagged as coasting too.
     """
 
     def init(self) -> PictureMemory:
-        return PictureMemory(Known.none(), KnownTracks.none(), 1, FlagMemory.none())
+        return PictureMemory(Known.none(), KnownTracks.none(), 1, FlagMemory.none(), AisPast.none())
 
     def step(
         self,
@@ -88,12 +93,28 @@ class Identity(IdentitySettings):
         picture, known = picture_of(self, known, columns, match, order, tracks, fused, time_s)
         members = members_of(match, order, tracks)
         track_memory = tracks_of(match, order, tracks, associations.vessel)
+        now = AisNow.of(tracks, track_memory.vessel, sensors.ais_source, len(picture))
+        past = next_past(memory.ais_past, picture, known.hidden.vessel_id, now, time_s)
+        picture, known = _without_outdated(picture, known, past, now)
         around = match, order, picture, tracks, track_memory.vessel, alarms
+        had = had_ais(self, past, picture.vessel_id)
         flag_memory, flags = flag(
-            self, memory.flags, *around, detection=detection, time_s=time_s, sensors=sensors, hearing=hearing
+            self, memory.flags, *around, had_ais=had, detection=detection, time_s=time_s, sensors=sensors, hearing=hearing
         )
         status = nav_statuses(picture.nav_status, tracks, track_memory.vessel, alarms)
+        flags |= ais_flags(picture.mmsi, status) | name_flags(self, past, picture, now, time_s)
         existence = existence_of(tracks, track_memory.vessel, len(picture))
-        picture = replace(picture, flags=flags | ais_flags(picture.mmsi, status), nav_status=status, existence=existence)
+        picture = replace(picture, flags=flags, nav_status=status, existence=existence)
         next_id = memory.next_id + int((match.vessel_of_group < 0).sum())
-        return PictureMemory(replace(known, shown=picture), track_memory, next_id, flag_memory), picture, members
+        return PictureMemory(replace(known, shown=picture), track_memory, next_id, flag_memory, past), picture, members
+
+
+def _without_outdated(picture: Picture, known: Known, past: AisPast, now: AisNow) -> tuple[Picture, Known]:
+    """The picture, and the vessels of the next cycle, without the former MMSI and status of those that lose it."""
+    hidden, shown = known.hidden, len(picture)
+    mmsi, vessel_id = np.append(picture.mmsi, hidden.mmsi), np.append(picture.vessel_id, hidden.vessel_id)
+    lost = outdated(mmsi, vessel_id, np.append(now.has_ais, np.zeros(len(hidden), np.bool_)), past, now)
+    mmsi[lost] = -1
+    status = np.where(lost, -1, np.append(picture.nav_status, hidden.nav_status))
+    hidden = replace(hidden, mmsi=mmsi[shown:], nav_status=status[shown:])
+    return replace(picture, mmsi=mmsi[:shown], nav_status=status[:shown]), replace(known, hidden=hidden)

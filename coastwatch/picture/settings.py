@@ -28,6 +28,7 @@ class IdentitySettings(Method):
     contradicted_for_s: Annotated[float, Field(ge=0.0)] = 300.0  # how long after the split the flag may be set
     contradicted_after_s: Annotated[float, Field(ge=0.0)] = 9.0  # how long after the split the flag is set first
     contradicted_from_m: Annotated[float, Field(ge=0.0)] = 100.0  # least distance of the two tracks
+    taken_from_m: Annotated[float, Field(ge=0.0)] = 1000.0  # from a radar track to AIS that goes on under its vessel's MMSI
     stationary_m: Annotated[float, Field(ge=0.0)] = 25.0  # what has moved less, or less than its noise, may be stationary
     stationary_after_s: Annotated[float, Field(ge=0.0)] = 120.0  # how long it must have stayed there
     under_way_kn: Annotated[float, Field(gt=0.0)] = 1.0  # and so long that a vessel of this speed would have left

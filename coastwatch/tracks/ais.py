@@ -52,6 +52,8 @@ class AisFilter(Method):
 
     - A report up to `lateness_s` late gives the same tracks, bit for bit, as if it had arrived in order.
     - A report that implies an impossible speed opens a second, tentative track of its MMSI. The next report that fits confirms it.
+    - A report is flagged as of an impossible speed too if its vessel could not have come there by the speeds that it said before
+      and after a silence: another sender may have taken its MMSI. It stays in the track.
     - A silent vessel is predicted for `patience_s` + `patience_intervals` times its expected interval, the longer of the nominal
       and the learned one. A vessel that reports again within `return_s` keeps its track id.
     """
@@ -71,6 +73,8 @@ class AisFilter(Method):
     ahead_s: float = Field(5.0, ge=0.0)  # a report stamped up to this much after its receipt is held until then
     repeat_s: float = Field(1.5, ge=0.0)  # the same position again within this time is a repetition
     max_speed_kn: PositiveFloat = 60.0  # no ship goes faster from one report to the next
+    jump_kn: PositiveFloat = 5.0  # by which a vessel may have been faster than it says before and after a silence
+    jump_m: PositiveFloat = 1000.0  # a report nearer to the one before is no jump
     alarm_s: PositiveFloat = 60.0  # how long an impossible speed stays flagged
     patience_s: PositiveFloat = 20.0  # a silent vessel is predicted for this time
     patience_intervals: PositiveFloat = 3.0  # and for this many of its expected intervals more
@@ -151,6 +155,8 @@ class AisFilter(Method):
             "anchor_speed": self.anchor_kn * KNOT_M_S,
             "forget": self.return_s,
             "alarm": self.alarm_s,
+            "jump_speed": self.jump_kn * KNOT_M_S,
+            "jump_least": self.jump_m,
             "reach": REACH_M,
         }
         rules = np.zeros(1, kernels.filters.ais_tracker.RULES)

@@ -58,6 +58,7 @@ def flags_of(
     alarms: AisAlarms,
     time_s: float,
     sensors: Sensors,
+    had_ais: Bools,
 ) -> tuple[FlagMemory, Ints]:
     """The memory after this cycle and the flags of every vessel of the picture (sorted by vessel_id)."""
     kinds = sensors.source_kinds[tracks.source]
@@ -73,7 +74,7 @@ def flags_of(
     flags = picture.flags.copy()
     anchor_deg, anchor_since_s, stays = _anchored(settings, memory, picture, at, time_s)
     flags |= np.where(stays, int(Flag.STATIONARY), 0)
-    silent = (time_s - no_ais >= settings.dark_after_s) & ~(stays & (picture.mmsi == -1))
+    silent = (time_s - no_ais >= settings.dark_after_s) & ~(stays & (picture.mmsi == -1) & ~had_ais)
     flags |= np.where(silent, int(Flag.DARK), 0)
     is_ais = kinds == SourceKind.AIS
     newest_s = np.array([np.max(tracks.updated_s[is_ais & (row == k)], initial=-np.inf) for k in range(len(picture))])

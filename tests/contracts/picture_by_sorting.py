@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from flags_by_sorting import FlagMemory, find, flags_of
+from names_by_vessels import Names, Past
 from scipy.spatial import cKDTree
 
 from coastwatch.batches import (
@@ -39,12 +40,13 @@ class PictureMemory:
     track_home: Ints  # (L,) the first vessel it ever was in
     next_id: int
     flags: FlagMemory
+    past: dict[int, Past]
 
 
 def start() -> PictureMemory:
     """The memory before the first cycle."""
     none = np.zeros(0, np.int64)
-    return PictureMemory(Picture.empty(), none, none, none, 1, FlagMemory.empty())
+    return PictureMemory(Picture.empty(), none, none, none, 1, FlagMemory.empty(), {})
 
 
 def step(
@@ -73,10 +75,15 @@ def step(
     present = present.take(np.argsort(present.vessel_id, kind="stable"))
     of_track = vessel_id[associations.vessel]
     lost = coasted(settings, last, memory, present, tracks, of_track, time_s)
+    known = Picture.join([present, lost])
+    names = Names(memory.past, known, tracks, of_track, sensors, time_s)
+    unnamed = known.vessel_id[names.lose(known)]
+    present, lost = _without_names(present, unnamed), _without_names(lost, unnamed)
     shown = Picture.join([present, lost.take(time_s - lost.updated_s <= settings.coast_s)])
     shown = shown.take(np.argsort(shown.vessel_id, kind="stable"))
-    flag_memory, flags = flags_of(settings, memory.flags, shown, tracks, of_track, alarms, time_s, sensors)
-    shown = replace(shown, flags=flags)
+    had = np.array([k in names.past and names.past[k].was_paired(settings) for k in shown.vessel_id.tolist()], np.bool_)
+    flag_memory, flags = flags_of(settings, memory.flags, shown, tracks, of_track, alarms, time_s, sensors, had)
+    shown = replace(shown, flags=flags | names.flags(settings, shown, time_s))
     members = _members(tracks, of_track)
     kept = Picture.join([present, lost])
     order = np.argsort(tracks.track_id, kind="stable")
@@ -87,6 +94,7 @@ def step(
         np.where(home < 0, of_track, home)[order],
         memory.next_id + int(fresh.sum()),
         flag_memory,
+        names.past,
     )
     return after, shown, members
 
@@ -132,6 +140,12 @@ def _with_past(present: Picture, last: Picture) -> Picture:
         mmsi=np.where(known & (present.mmsi < 0), last.mmsi[at], present.mmsi),
         nav_status=np.where(known & (present.mmsi < 0), last.nav_status[at], present.nav_status),
     )
+
+
+def _without_names(vessels: Picture, unnamed: Ints) -> Picture:
+    """The vessels without the MMSI and status of some."""
+    lost = np.isin(vessels.vessel_id, unnamed)
+    return replace(vessels, mmsi=np.where(lost, -1, vessels.mmsi), nav_status=np.where(lost, -1, vessels.nav_status))
 
 
 def _members(tracks: Tracks, of_track: Ints) -> Members:

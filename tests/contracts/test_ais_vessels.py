@@ -60,7 +60,7 @@ def test_a_jump_is_not_two_places():
     _, tracks, alarms = run(AisFilter(), rows, 20)
     assert len(tracks) == 2
     assert not alarms.twice.any()
-    assert alarms.impossible_speed.tolist() == [True, False]
+    assert alarms.impossible_speed.tolist() == [True, True]
 
 
 def test_five_places_are_more_than_an_mmsi_may_have():

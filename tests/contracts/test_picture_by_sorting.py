@@ -23,6 +23,7 @@ SHORT = Identity(
     paired_s=2.0,
     contradicted_after_s=1.0,
     contradicted_from_m=10.0,
+    taken_from_m=2000.0,
 )
 PATIENT = SHORT.model_copy(
     update={

@@ -72,6 +72,8 @@ RULES = np.dtype(
         ("anchor_speed", "f8"),  # under which a status of at anchor, moored or aground is believed
         ("forget", "f8"),  # after which an MMSI is a new vessel
         ("alarm", "f8"),
+        ("jump_speed", "f8"),  # by which a vessel may have been faster than it said before and after a silence
+        ("jump_least", "f8"),  # distance under which a report is no jump
         ("reach", "f8"),  # from the anchor, before a new one is taken
     ]
 )
@@ -134,6 +136,8 @@ def _update_vessel(vessel, report, rules, models, z, noise, work, outcome):  # t
     outcome.delay = math.nan
     if best >= 0:
         outcome.delay, outcome.variance = _delay(vessel[best], report, rules)
+        if vessel[best].confirmed == 0 and _is_alone(vessel, best):
+            vessel[best].alarm = report.time + rules.alarm
         return _update_track(vessel[best], report, shift, rules, models, (z, noise, work))
     free, known = -1, False
     for t in range(len(vessel)):
@@ -256,6 +260,26 @@ def _is_doubtful(track, report, rules):  # type: ignore[no-untyped-def]
 
 
 @jit
+def _is_alone(vessel, own):  # type: ignore[no-untyped-def]
+    """Whether no other track of a vessel has had a report since one began: the vessel has jumped, or its sender is another."""
+    heard = 0
+    for t in range(len(vessel)):
+        if t != own and vessel[t].hits > 0 and vessel[t].updated > vessel[own].started:
+            heard += 1
+    return heard == 0
+
+
+@jit
+def _is_jump(track, report, rules):  # type: ignore[no-untyped-def]
+    """Whether a vessel could not have come to a report by the speeds that it said before its silence and says now, and a margin."""
+    dt = report.time - track.updated
+    before = math.sqrt(mean_of(track, EAST_RATE) ** 2 + mean_of(track, NORTH_RATE) ** 2)
+    speed = max(before, 0.0 if math.isnan(report.sog) else report.sog) + rules.jump_speed
+    east, north = enu_offset(report.lat, report.lon, track.lat, track.lon)
+    return math.sqrt(east * east + north * north) > max(speed * dt + _tolerance(report, track, rules), rules.jump_least)
+
+
+@jit
 def _update_track(track, report, shift, rules, models, work):  # type: ignore[no-untyped-def]
     """The verdict on a report that goes to this track. Args: shift: by which its stamp is wrong; work: z, noise, workspace of the IMM."""
     z, noise, workspace = work
@@ -263,7 +287,7 @@ def _update_track(track, report, shift, rules, models, work):  # type: ignore[no
     if 0.0 < dt <= rules.repeat and report.lat == track.lat and report.lon == track.lon:
         return REPEAT
     doubtful = _is_doubtful(track, report, rules)
-    if doubtful:
+    if doubtful or _is_jump(track, report, rules):
         track.alarm = report.time + rules.alarm
     if dt > track.patience:
         _initialise(track, report, rules, models, z, noise)

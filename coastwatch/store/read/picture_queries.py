@@ -93,8 +93,8 @@ def _known_as(connection: Connection, run_id: int, mmsi: int) -> str:
 
 
 def track(store: Store, run_id: int, vessel_id: int) -> dict[str, Any]:
-    """One vessel: `vessel` (its newest row as a dict), Table `history` (its points), and Rows `events`, `members`, `stays`,
-    `associations`, `bearing_associations`, oldest first.
+    """One vessel: `vessel` (its newest row as a dict, and its last AIS), Table `history` (its points), and Rows `events`, `members`,
+    `stays`, `associations`, `bearing_associations`, oldest first.
 
     Raises: StoreError where the run never had such a vessel.
     """
@@ -107,11 +107,13 @@ def track(store: Store, run_id: int, vessel_id: int) -> dict[str, Any]:
             raise NotThere(
                 f"{store.where}: run {run_id} never had a vessel {vessel_id}; {_known_as(connection, run_id, vessel_id)}"
             )
+        history, members = points_of(connection, run_id, vessel_id), fetch_rows(connection, _members(run_id, vessel_id))
+        newest = _newest_row(connection, run_id, vessel_id, there)
         return {
-            "vessel": _newest_row(connection, run_id, vessel_id, there),
-            "history": points_of(connection, run_id, vessel_id),
+            "vessel": newest | _last_ais(connection, run_id, history, members, is_here=newest["in_picture"]),
+            "history": history,
             "events": fetch_rows(connection, _events(run_id, vessel_id)),
-            "members": fetch_rows(connection, _members(run_id, vessel_id)),
+            "members": members,
             "stays": there,
             "associations": fetch_rows(connection, _rows_of_vessel(ASSOCIATION, run_id, vessel_id)),
             "bearing_associations": fetch_rows(connection, _rows_of_vessel(BEARING_ASSOCIATION, run_id, vessel_id)),
@@ -346,3 +348,25 @@ def _newest_row(connection: Connection, run_id: int, vessel_id: int, stays: Rows
     then = Rows((), []) if cycle is None else picture_of_cycle(connection, run_id, cycle, None, vessel_id=vessel_id)
     found = dict(zip(then.columns, then.rows[0], strict=True)) if then.rows else {"vessel_id": vessel_id, "since_s": since_s}
     return {**found, "in_picture": to_cycle is None}
+
+
+LAST_AIS = ("last_ais_mmsi", "last_ais_name", "last_ais_until_s")
+
+
+def _last_ais(connection: Connection, run_id: int, history: Table, members: Rows, *, is_here: bool) -> dict[str, Any]:
+    """MMSI, name and last instant of the AIS that a vessel without AIS had last; all None where it has AIS, or never had any.
+
+    Args: history: its points; members: as of `_members`.
+    """
+    none: dict[str, Any] = dict.fromkeys(LAST_AIS)
+    stays = [dict(zip(members.columns, row, strict=True)) for row in members.rows]
+    ends = [(np.inf if stay["to_cycle"] is None else stay["to_cycle"], stay["to_s"]) for stay in stays if stay["kind"] == "ais"]
+    last_cycle, until_s = max(ends, key=lambda end: end[0], default=(-np.inf, None))
+    if is_here and last_cycle == np.inf:
+        return none
+    point = history.array("cycle") <= last_cycle
+    mmsi = history.array("mmsi")[point]
+    if len(mmsi) == 0 or mmsi[-1] < 0:
+        return none
+    name = _statics_of(connection, run_id, mmsi[-1:])["name"][0]
+    return dict(zip(LAST_AIS, (int(mmsi[-1]), name, until_s), strict=True))

@@ -13,7 +13,7 @@ from coastwatch.batches import Array, Ints
 
 INSTANTS = (
     "time_s", "since_s", "updated_s", "start_s", "from_s", "to_s", "first_s", "last_s", "heard_s", "end_s", "changed_s",
-    "acknowledged_s",
+    "acknowledged_s", "last_ais_until_s",
 )  # fmt: skip
 """Columns that hold an instant, seconds since 1970 UTC; any other column in `_s` is a length of time."""
 

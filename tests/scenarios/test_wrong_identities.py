@@ -1,0 +1,17 @@
+"""No vessel carries the MMSI of another ship in dense traffic, by the truth of the simulation."""
+
+import pytest
+
+from coastwatch.scenario import load_scenario
+from scaling.decisions.wrong_identities import counts_of
+
+DENSE = {"input.count": "150", "input.area_width_nm": "1.2", "input.area_height_nm": "1.2", "cycles": "30"}
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("seed", [1, 2])
+def test_no_vessel_has_the_mmsi_of_another_ship(seed):
+    """In both seeds an AIS track moves from one radar track to another, whose vessel kept the MMSI: 1 wrong, 1 doubled."""
+    end = counts_of(load_scenario("guanabara", DENSE), seed, last=10)[-1]
+    assert (end.wrong, end.doubled) == (0, 0)
+    assert end.former > 0, "some go on under a former MMSI"
