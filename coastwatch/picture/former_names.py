@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -81,7 +82,7 @@ def next_past(before: AisPast, picture: Picture, hidden_id: Ints, now: AisNow, t
     is_live = find(now.mmsi, before.mmsi[old]) >= 0
     elsewhere_since_s = np.where(is_live, np.minimum(before.elsewhere_since_s[old], time_s), before.elsewhere_since_s[old])
     ended = before.ended[old] | (np.isinf(before.elsewhere_since_s[old]) & ~np.isin(before.track_id[old], now.track_id))
-    columns = (
+    columns: tuple[Any, ...] = (
         np.append(vessel_id, before.vessel_id[old]),
         np.append(mmsi, before.mmsi[old]),
         np.append(now.track_of_row[rows], before.track_id[old]),

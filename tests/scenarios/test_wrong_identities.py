@@ -8,8 +8,7 @@ from scaling.decisions.wrong_identities import counts_of
 DENSE = {"input.count": "150", "input.area_width_nm": "1.2", "input.area_height_nm": "1.2", "cycles": "30"}
 
 
-@pytest.mark.whole
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_no_vessel_has_the_mmsi_of_another_ship(seed):
     """In both seeds an AIS track moves from one radar track to another, whose vessel kept the MMSI: 1 wrong, 1 doubled."""
     end = counts_of(load_scenario("guanabara", DENSE), seed, last=10)[-1]
