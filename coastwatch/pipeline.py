@@ -372,6 +372,8 @@ def step(
     tracks = Tracks.join([*(yielded for _, yielded, *_ in regional), given_tracks, ais_tracks])
     measurements = Measurements.join([*(taken for _, _, taken, _ in regional), ais_taken])
     tracks, measurements, alarms, bearing_tracks, unsound = _sound(tracks, measurements, alarms, bearing_tracks)
+    if unsound:
+        ais_tracks = ais_tracks.take(limits.are_sound(ais_tracks.position_deg, ais_tracks.covariance))
     with timer("silence"):
         silence_memory, hearing = s.silence.step(m.silence, reports, ais_tracks, time_s, sensors)
     received = Received(tracks, measurements, alarms, bearing_tracks, reports.statics, m.ais_detection, m.radar_cover, hearing)

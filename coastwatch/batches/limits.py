@@ -104,8 +104,13 @@ def reports_within(reports: Reports) -> tuple[Reports, dict[str, int]]:
 
 
 def are_sound(position_deg: Floats, covariance: Floats) -> Bools:
-    """Whether states are on the earth, with finite covariances. Args: (N, 2), (N, 4, 4). Returns: (N,)."""
-    return np.asarray(_is_on_earth(position_deg) & np.isfinite(covariance.sum(axis=(1, 2))))
+    """Whether states are on the earth, with covariances that are finite or not given. Args: (N, 2), (N, 4, 4). Returns: (N,)."""
+    good = np.isfinite(covariance.sum(axis=(1, 2)))
+    some = np.flatnonzero(~good)
+    given, of_position = ~np.isnan(covariance[some]), covariance[some, :2, :2]
+    finite = ~np.isinf(covariance[some]).any(axis=(1, 2))
+    good[some] = finite & (~given.any(axis=(1, 2)) | np.isfinite(of_position).all(axis=(1, 2)))
+    return np.asarray(_is_on_earth(position_deg) & good)
 
 
 def _no_time(*times_s: Floats) -> Bools:

@@ -84,7 +84,7 @@ def test_what_begins_while_a_long_list_is_sent_comes_with_the_next_portion_and_n
         assert len(every) == 5001
         ids = [mark for _, _, mark in every]
         assert set(ids[:-1]) == {""}, "whoever loses the connection among them begins again"
-        assert ids[-1] == f"1-{service.book.number}"
+        assert ids[-1] == f"1-{service.book.number}-{alarm_stream.PROCESS}"
         assert max(len(part) for part in rest) <= alarm_stream.PORTION
 
         service.book.take(begun("dark", range(6001, 6251), 12.0))

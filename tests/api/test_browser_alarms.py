@@ -184,16 +184,16 @@ def test_3000_later_alarms_leave_a_lasting_one_on_the_page_and_filters_reach_it(
 def test_an_alarm_of_a_sensor_is_listed_with_its_text_and_leads_to_no_vessel(sea: Sea, watch: Watch) -> None:
     columns, none = Alarm._fields, (None,) * 3
     silent = Alarm(
-        0, "sensor_silent", 3, time.time(), None, 0, None, None, None, None, None, "AIS station hill is silent", *none
+        0, "radar_silent", 3, time.time(), None, 0, None, None, None, None, None, "AIS station hill is silent", *none
     )
     sea.source.alarms.compare(Rows(columns, [tuple(silent)]))
     row = f"{ROWS}[0]"
-    text = watch.until(f"{row}?.textContent ?? ''", lambda text: "sensor silent" in text)
+    text = watch.until(f"{row}?.textContent ?? ''", lambda text: "radar silent" in text)
     assert "AIS station hill is silent" in text
     assert "#0" not in text
     assert watch.ask(f"{row}.querySelector('.plain').tagName") == "DIV"
     strip = watch.ask("document.getElementById('strip-text').textContent")
-    assert strip.startswith("sensor silent: AIS station hill is silent")
+    assert strip.startswith("radar silent: AIS station hill is silent")
     assert watch.ask("document.getElementById('strip-show').hidden")
     assert watch.ask("coastwatch.alarms.flashing.size") == 0
     watch.ask("document.activeElement.blur()")

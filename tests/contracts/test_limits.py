@@ -127,3 +127,33 @@ def test_usual_sensors_are_far_within_all_bounds() -> None:
     wide = RadarReports.join([reports.radar])
     wide = replace(wide, range_sigma_m=np.full(len(wide), 500.0), azimuth_sigma_deg=np.full(len(wide), 5.0))
     assert not limits.within(wide, limits.radar_faults(wide))[1]
+
+
+def test_states_without_covariances_are_sound_and_infinite_or_half_given_ones_are_not() -> None:
+    none, position = np.full((4, 4), np.nan), np.full((4, 4), np.nan)
+    position[:2, :2] = np.eye(2)
+    infinite, half = np.diag([np.inf, 1.0, 1.0, 1.0]), np.eye(4)
+    half[0, 0] = np.nan
+    covariance = np.array([np.eye(4), none, position, infinite, half])
+    assert limits.are_sound(np.tile([50.0, -1.0], (5, 1)), covariance).tolist() == [True, True, True, False, False]
+
+
+def test_ais_tracks_without_covariances_are_associated_and_drop_nothing() -> None:
+    """The tracks of `dead_reckoning` have none: once all of them were dropped as unsound."""
+    scenario = load_scenario("guanabara", {"input.count": "40", "ais_tracks.method": "dead_reckoning"})
+    sensors, plan = scenario.sensors(), scenario.plan()
+    recording, memory, before_s = scenario.input.load(sensors, 1, plan), pipeline.start(scenario, sensors), -np.inf
+    for k in range(10):
+        reports = (
+            recording.of_first_cycle(plan.start_s, plan.instant_s(0))
+            if k == 0
+            else recording.reports.between(before_s, plan.instant_s(k))
+        )
+        before_s = plan.instant_s(k)
+        memory, cycle = pipeline.step(
+            scenario, sensors, memory, reports, before_s, serial, lambda _: nullcontext(), serial_regions
+        )
+    of_ais = cycle.tracks.source == sensors.ais_source
+    assert np.isnan(cycle.tracks.covariance[of_ais]).all()
+    assert of_ais.sum() > 5
+    assert memory.beyond == {}

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from coastwatch.scenario import load_scenario
 from coastwatch.server import clock
 from coastwatch.server.live import SHOWN_S, LiveRun, Paced
 from coastwatch.server.troubles import SILENT_S, Trouble, of_feeds
@@ -34,7 +35,7 @@ def test_when_every_feed_is_silent_it_is_said_for_how_long_none_was_heard(names:
 
 
 def test_merged_cycles_are_said_for_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
-    run = LiveRun(None, Paced(), lambda _: None, database="")  # type: ignore[arg-type]
+    run = LiveRun(load_scenario("guanabara"), Paced(), lambda _: None, database="")
     at_s = NOW_S
     monkeypatch.setattr(clock, "now_s", lambda: at_s)
     assert run.troubles() == []

@@ -128,7 +128,10 @@ export function listenToKeys(app) {
       (event.shiftKey ? keepView : showView)(app, Number(digit[1]));
       return;
     }
-    if (pan[event.key] && target === document.body) app.map.panBy(pan[event.key], {}, { byKeys: true });
+    if (pan[event.key] && target === document.body) {
+      app.follow(false); // as dragging does: the next picture would take the chart back
+      app.map.panBy(pan[event.key], {}, { byKeys: true });
+    }
     const act = keys[event.key] ?? keys[event.key.toLowerCase()];
     if (!act || (target === app.map.getCanvas() && '+=-'.includes(event.key))) return; // the map has its own keys for these
     event.preventDefault();

@@ -472,6 +472,7 @@ class App {
       byId(`drawer-${other}`).hidden = other !== name;
       byId(`open-${other}`).setAttribute('aria-expanded', String(other === name));
     }
+    if (document.activeElement?.closest('[hidden]')) document.activeElement.blur(); // else the next key still goes there
     this.map.resize();
     this.list.update(true);
     this.alarms.update();

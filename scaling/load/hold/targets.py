@@ -1,10 +1,10 @@
-"""Tracks of a radar as TTM sentences over TCP, from any machine: `python -m scaling.load.hold.targets HOST PORT`"""
+"""Tracks of a radar as TTM sentences over TCP, from any machine: `python -m scaling.load.hold.targets 127.0.0.1 10110`"""
 
 from __future__ import annotations
 
+import argparse
 import math
 import socket
-import sys
 import time
 from functools import reduce
 from operator import xor
@@ -28,10 +28,13 @@ def sentence(number: int, time_s: float) -> bytes:
 
 def main() -> None:
     """Send for ever; connect again where the connection is lost."""
-    host, port = sys.argv[1], int(sys.argv[2])
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("host")
+    parser.add_argument("port", type=int)
+    options = parser.parse_args()
     while True:
         try:
-            with socket.create_connection((host, port), timeout=5.0) as out:
+            with socket.create_connection((options.host, options.port), timeout=5.0) as out:
                 while True:
                     now_s = time.time()
                     out.sendall(b"".join(sentence(k, now_s) for k in range(1, TARGETS + 1)))
