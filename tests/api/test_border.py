@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from region_world import region_tracks
 from test_feeds import SEA, SENSORS, START_S, cycles, deliver, items, joined, put, put_datagrams, receiving
 
 from coastwatch.batches import limits
 from coastwatch.scenario import load_scenario
 from coastwatch.server.feeds.live_input import BROKEN
+from coastwatch.server.regions.client import Connection, parsed_region
+from coastwatch.server.regions.intake import RegionIntake
+from coastwatch.server.regions.link import Position
+from coastwatch.server.regions.message import RegionCycle
 from coastwatch.server.regions.scenario import with_track_sources
 from scaling.load import fuzz
 
@@ -87,6 +93,36 @@ def test_whatever_one_line_raises_the_others_are_used(name: str) -> None:
         assert faults(made)[BROKEN] == 1
     kind = {"ais": "ais", "json": "bearing", "asterix": "radar"}[name]
     assert len(joined(found, kind)) >= 0.5 * len(getattr(SEA, kind))
+
+
+class Sends(Connection):
+    """A region that has sent one cycle."""
+
+    cycle: RegionCycle | None = None
+
+    def next(self) -> RegionCycle | None:
+        one, self.cycle = self.cycle, None
+        if one is not None:
+            self.incoming.received(Position(one.run, one.seq))
+        return one
+
+
+@pytest.mark.parametrize(
+    ("odd", "value"),
+    [("position_deg", np.nan), ("position_deg", 95.0), ("velocity_m_s", 1e9), ("covariance", -1.0), ("covariance", np.nan)],
+)
+def test_an_odd_state_of_a_region_is_left_out_and_counted(odd: str, value: float) -> None:
+    good = region_tracks(0)
+    column = getattr(good, odd).copy()
+    column[3].flat[0] = value
+    end_s = float(good.updated_s[0])
+    connection = Sends(parsed_region("ws://127.0.0.1:1?name=north"))
+    connection.cycle = RegionCycle("1@a", 1, end_s, replace(good, **{odd: column}))
+    taken = RegionIntake(connection, 0, False)
+    taken.take(end_s)
+    found = taken.cut(end_s - 3.0, end_s)
+    assert len(found) == len(good.position_deg) - 1
+    assert {fault.kind: fault.count for fault in taken.faults() if fault.kind.startswith(limits.BEYOND)}
 
 
 def test_damaged_messages_of_every_format_raise_nothing_in_decoders_and_chain() -> None:

@@ -17,6 +17,7 @@ from coastwatch import store
 from coastwatch.operators.api.service import Service
 from coastwatch.operators.cli.arguments import utc
 from coastwatch.scenario import load_scenario
+from coastwatch.server import clock
 from coastwatch.server.live import LiveRun, Paced
 from coastwatch.server.live_picture import stored_statics
 from coastwatch.store.schema import database
@@ -197,3 +198,23 @@ def test_a_server_that_is_stopped_while_kernels_are_compiled_ends_at_once(
         wait_for(lambda: run.ended)
         assert store.runs(opened).rows == []
     assert not run.failed
+
+
+class Due:
+    """An input whose cycles can begin at their end."""
+
+    def due_s(self, until_s: float) -> float:
+        return until_s
+
+
+@pytest.mark.parametrize(
+    ("late_s", "cycle_s", "merged"),
+    [(5.0, 2.9, 0), (9.0, 0.1, 0), (60.0, 0.1, 0), (9.0, 2.9, 3), (9.0, 9.0, 3), (300.0, 2.0, 100)],
+)
+def test_cycles_are_merged_where_computing_each_leaves_the_picture_behind(
+    late_s: float, cycle_s: float, merged: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = LiveRun(load_scenario("guanabara"), Due(), lambda _: None, database="")  # type: ignore[arg-type]
+    vars(run)["_spacing_s"] = cycle_s
+    monkeypatch.setattr(clock, "now_s", lambda: 1e9 + late_s)
+    assert run.behind(1e9) == merged
