@@ -299,7 +299,7 @@ def fuse(
     with timer("alarms"):
         stations, radars = expected_sensors(sensors, s.picture.cover_margin, s.picture.dark_after_s, s.picture.unseen_after_s)
         seen_by = tracks, members, bearing_tracks, bearing_associations
-        heard_s = picture_memory.flags.ais_heard_s
+        heard_s = picture_memory.flags.ais_heard_s[good]
         evidence = Evidence(*seen_by, sensors.source_names, stations, radars, heard_s, hearing)
         events_memory, events = next_events(m.events, picture, vessel_alarms, time_s, s.store.event_gap_s, evidence)
     stages = spots_memory, associations_memory, fused_memory, picture_memory, octants_memory, bearings_memory

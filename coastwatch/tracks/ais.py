@@ -75,6 +75,7 @@ class AisFilter(Method):
     max_speed_kn: PositiveFloat = 60.0  # no ship goes faster from one report to the next
     jump_kn: PositiveFloat = 5.0  # by which a vessel may have been faster than it says before and after a silence
     jump_m: PositiveFloat = 1000.0  # a report nearer to the one before is no jump
+    jump_s: PositiveFloat = 300.0  # after a longer silence the margin `jump_kn` grows with its square
     alarm_s: PositiveFloat = 60.0  # how long an impossible speed stays flagged
     patience_s: PositiveFloat = 20.0  # a silent vessel is predicted for this time
     patience_intervals: PositiveFloat = 3.0  # and for this many of its expected intervals more
@@ -157,6 +158,7 @@ class AisFilter(Method):
             "alarm": self.alarm_s,
             "jump_speed": self.jump_kn * KNOT_M_S,
             "jump_least": self.jump_m,
+            "jump_time": self.jump_s,
             "reach": REACH_M,
         }
         rules = np.zeros(1, kernels.filters.ais_tracker.RULES)

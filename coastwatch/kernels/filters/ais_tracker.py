@@ -74,6 +74,7 @@ RULES = np.dtype(
         ("alarm", "f8"),
         ("jump_speed", "f8"),  # by which a vessel may have been faster than it said before and after a silence
         ("jump_least", "f8"),  # distance under which a report is no jump
+        ("jump_time", "f8"),  # silence after which a vessel may have gained speed and lost it again
         ("reach", "f8"),  # from the anchor, before a new one is taken
     ]
 )
@@ -271,10 +272,13 @@ def _is_alone(vessel, own):  # type: ignore[no-untyped-def]
 
 @jit
 def _is_jump(track, report, rules):  # type: ignore[no-untyped-def]
-    """Whether a vessel could not have come to a report by the speeds that it said before its silence and says now, and a margin."""
+    """Whether a vessel could not have come to a report by the speeds that it said before its silence and says now, and a margin.
+
+    The margin grows with the square of a long silence: a ferry that is heard at two berths has sailed in between.
+    """
     dt = report.time - track.updated
     before = math.sqrt(mean_of(track, EAST_RATE) ** 2 + mean_of(track, NORTH_RATE) ** 2)
-    speed = max(before, 0.0 if math.isnan(report.sog) else report.sog) + rules.jump_speed
+    speed = max(before, 0.0 if math.isnan(report.sog) else report.sog) + rules.jump_speed * max(dt / rules.jump_time, 1.0) ** 2
     east, north = enu_offset(report.lat, report.lon, track.lat, track.lon)
     return math.sqrt(east * east + north * north) > max(speed * dt + _tolerance(report, track, rules), rules.jump_least)
 
