@@ -125,6 +125,9 @@ CROWD_SHOWN_S = 60.0
 REPAIRABLE = (ValueError, OSError, StoreError)
 """Errors of a run that the caller can repair: before its first cycle they end it."""
 
+MOST_BEHIND = 20
+"""Cycles that may wait for a database that works before it is called slow."""
+
 MERGED_AFTER = 2.0
 """Periods that a cycle may be behind before it may be merged with the next ones."""
 
@@ -180,6 +183,7 @@ class LiveRun:
         self._cycles_before = 0  # when this attempt began
         self._left_out: dict[str, tuple[int, float]] = {}  # by stage: as of Cycle, and the time of the last cycle with any
         self._failures: list[tuple[float, str]] = []  # Unix time and text of each, the newest last
+        self._defects: list[float] = []  # when those were that count: neither a set clock nor a database that is away
         self._catches_up = False  # the reports of the last cycle had come before it was asked for
         self._computed_s, self._spacing_s = math.inf, 0.0  # monotonic time of the last cycle, and how long after the one before
         self._number, self._merged = -1, 0  # of the last cycle: its number, and the cycles that are merged in it
@@ -240,6 +244,9 @@ class LiveRun:
                 f"the database cannot be written: {state.error}; {state.waiting} cycles wait, {state.not_stored} were left out"
             )
             out.append(Trouble("store", "", since_s, said, False))
+        elif state.waiting > MOST_BEHIND:
+            said = f"the database is slow: {state.waiting} cycles wait, {state.not_stored} were left out so far"
+            out.append(Trouble("store", "", None, said, False))
         if state.warning is not None:
             out.append(Trouble("log", "", None, state.warning, False))
         late_s = self.late_s
@@ -399,7 +406,10 @@ class LiveRun:
         now_s, text = clock.now_s(), str(error) or type(error).__name__
         self._failures = [one for one in self._failures if now_s - one[0] < RESTARTS_WITHIN_S] + [(now_s, text)]
         never_began = not self.cycles and isinstance(error, REPAIRABLE) and not isinstance(error, CheckpointError)
-        if self.stop.is_set() or never_began or len(self._failures) > MOST_RESTARTS:
+        waits = self.cycles == self._cycles_before and isinstance(error, StoreError)  # for a database that is away
+        self._defects = [when_s for when_s in self._defects if now_s - when_s < RESTARTS_WITHIN_S]
+        self._defects += [] if waits or isinstance(error, clock.ClockSet) else [now_s]
+        if self.stop.is_set() or never_began or len(self._defects) > MOST_RESTARTS:
             self.failed, self._said = True, f"the run has failed: {text}"
             LOG.error(self._said, exc_info=None if never_began else error)
             self.on_failed()

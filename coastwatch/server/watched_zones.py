@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 
 from pydantic import ValidationError
@@ -13,6 +14,7 @@ from coastwatch.scenario import Scenario
 from coastwatch.scenario.refusing import refusals
 from coastwatch.store import Store, StoredZone, StoreError
 
+WAIT_S = 0.5
 Refused = tuple[str, str]
 """The name of a zone, and why this version does not take it."""
 
@@ -26,9 +28,22 @@ class WatchedZones:
         """Args: refuse: told which zones of the database are not watched, whenever they are read."""
         self._store, self._scenario, self._refuse = opened, scenario, refuse
         self._version, self._zones = -1, numbered(scenario.zones)
+        self._reader = ThreadPoolExecutor(1, thread_name_prefix="zones") if opened.shared else None
+        self._reading: Future[None] | None = None
 
     def now(self) -> tuple[Numbered, ...]:
-        """The zones with their numbers. While the database is away they stay as they were."""
+        """The zones with their numbers. While the database is away or slow they stay as they were: the cycle waits for `WAIT_S`."""
+        if self._reader is None:  # a database in memory is that of its thread
+            self._read()
+            return self._zones
+        if self._reading is None or self._reading.done():
+            self._reading = self._reader.submit(self._read)
+        with suppress(TimeoutError):
+            self._reading.result(WAIT_S)
+        return self._zones
+
+    def _read(self) -> None:
+        """Read the zones if one was changed."""
         with suppress(StoreError):
             version = store.zone_version(self._store, self._scenario.name)
             if version != self._version:
@@ -36,7 +51,6 @@ class WatchedZones:
                 self._zones = *numbered(self._scenario.zones), *drawn
                 self._version = version
                 self._refuse(refused)
-        return self._zones
 
 
 def readable(stored: Sequence[StoredZone]) -> tuple[list[Numbered], list[Refused]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from sqlalchemy import ColumnElement, Connection, and_, insert, literal, select, text, update
+from sqlalchemy import ColumnElement, Connection, and_, exists, insert, literal, select, text, update
 
 from coastwatch.store.schema.database import Store, writing
 from coastwatch.store.schema.tables import ACKNOWLEDGEMENT, EVENT
@@ -67,7 +67,9 @@ def _acknowledge(connection: Connection, of: Sequence[ColumnElement[bool]], by: 
     e = EVENT.c
     waits = and_(*of, text("event.unacknowledged"))
     said = [literal(value) for value in (by.at_s, by.name, by.note, by.who)]
-    found = select(e.run_id, e.vessel_id, e.kind, e.subject, e.from_cycle, *said).where(waits)
-    columns = "run_id", "vessel_id", "kind", "subject", "from_cycle", "acknowledged_s", "acknowledged_by", "note", "who"
+    keys = "run_id", "vessel_id", "kind", "subject", "from_cycle"
+    has_one = exists().where(*(ACKNOWLEDGEMENT.c[name] == EVENT.c[name] for name in keys))  # of an alarm that was found again
+    found = select(*(e[name] for name in keys), *said).where(waits, ~has_one)
+    columns = *keys, "acknowledged_s", "acknowledged_by", "note", "who"
     connection.execute(insert(ACKNOWLEDGEMENT).from_select(columns, found))
     return connection.execute(update(EVENT).where(waits).values(unacknowledged=False)).rowcount

@@ -68,6 +68,24 @@ async def told(chunks: AsyncIterator[bytes], count: int) -> list[list[tuple[str,
     return out
 
 
+def test_before_a_run_nothing_is_said_to_be_gone() -> None:
+    """A page keeps the alarms of before a restart until the run has begun: `run` would empty its list."""
+
+    async def main() -> None:
+        service: Any = FromBook()
+        service.book = AlarmBook()
+        chunks = AlarmStream(service).events("", lambda: True, 60.0)
+        first = asyncio.ensure_future(anext(chunks))
+        done, _ = await asyncio.wait([first], timeout=0.2)
+        assert not done
+        service.book.begin(1)
+        service.book.take(begun("man_overboard", [OVERBOARD], 11.0))
+        assert (await asyncio.wait_for(first, 20.0)).startswith(b"id: ")
+        await chunks.aclose()
+
+    asyncio.run(main())
+
+
 def test_what_begins_while_a_long_list_is_sent_comes_with_the_next_portion_and_nothing_is_lost() -> None:
     async def main() -> None:
         service: Any = FromBook()

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import threading
 from itertools import pairwise
 from pathlib import Path
 
 import httpx
 import pytest
-from server_world import Served, listening
+from server_world import Served, listening, wait_for
 
 from coastwatch import store
 from coastwatch.operators.api import tokens
 from coastwatch.operators.api.guard import Guard
 from coastwatch.scenario import load_scenario
+from coastwatch.server import watched_zones
 from coastwatch.server.watched_zones import WatchedZones
 
 BAY = {"name": "bay", "kind": "polygon", "points_deg": [[-22.9, -43.2], [-22.9, -43.1], [-22.8, -43.1]], "enter": True}
@@ -137,3 +139,16 @@ def test_a_viewer_may_look_at_zones_and_not_change_them(served: Served, tmp_path
 def test_the_zones_of_a_shipped_scenario_are_numbered_in_their_order(name: str, served: Served) -> None:
     zones = WatchedZones(served.store, load_scenario(name)).now()
     assert [(number, zone.name) for number, zone in zones] == [(1, "fort"), (2, "channel"), (3, "bar")]
+
+
+def test_a_database_that_does_not_answer_holds_up_no_cycle(changing: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = load_scenario("guanabara").model_copy(update={"name": "sea", "zones": ()})
+    watched, answers = WatchedZones(changing.store, scenario), threading.Event()
+    store.add_zone(changing.store, "sea", BAY, at_s=1.0, who="Ana")
+    true = store.zone_version
+    monkeypatch.setattr(watched_zones, "WAIT_S", 0.01)
+    monkeypatch.setattr(store, "zone_version", lambda *given: answers.wait(20.0) and true(*given))
+    assert watched.now() == ()
+    assert watched.now() == ()
+    answers.set()
+    wait_for(lambda: [zone.name for _, zone in watched.now()] == ["bay"])

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -19,6 +21,7 @@ from coastwatch.scenario import StoreSettings
 from coastwatch.store import Store
 from coastwatch.store.schema.database import reading
 from coastwatch.store.schema.migrate import check
+from coastwatch.store.write import write_cycle
 
 CYCLES = 40
 GAP_S = 12.0
@@ -248,3 +251,40 @@ def test_a_lost_vessel_that_has_left_the_picture_is_an_event_alone(url: str) -> 
         world.write(store, run, 1, cycle=cycle, keep=KEEP)
         said = stored(store, "SELECT vessel_id, evidence FROM event WHERE kind = 'lost'")
     assert said == [(10_000, "no track for 120 s, under way at 11.0 kn before")]
+
+
+def test_an_alarm_that_is_found_again_after_going_back_can_be_acknowledged_again(url: str) -> None:
+    dark = [replace(past_world.pictures(5, 1)[0], flags=np.full(len(past_world.pictures(5, 1)[0]), int(Flag.DARK)))] * 3
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        past_world.write(store, run, dark, keep=KEEP)
+        by, all_dark = kept.Acknowledgement(1.0, "Ana", "", "loopback"), kept.Beginnings(["dark"], None, 0.0, 1e12)
+        assert kept.acknowledge_all(store, run, all_dark, by) == len(dark[0])
+        store.run_states.clear()
+        past_world.write(store, run, dark, 0, KEEP)
+        assert kept.acknowledge_all(store, run, all_dark, by) == len(dark[0])
+        assert stored(store, "SELECT count(*) FROM acknowledgement") == [(len(dark[0]),)]
+        assert kept.acknowledge_all(store, run, all_dark, by) == 0
+
+
+def test_a_cycle_that_was_written_although_the_answer_was_lost_is_written_again(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = flagged(6, 4)
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        past_world.write(store, run, made[:2], keep=KEEP)
+        true = write_cycle.database.writing
+
+        @contextmanager
+        def lost(store: Store) -> Iterator[Any]:
+            with true(store) as connection:
+                yield connection
+            raise kept.StoreError("the connection was lost")
+
+        monkeypatch.setattr(write_cycle.database, "writing", lost)
+        with pytest.raises(kept.StoreError):
+            past_world.write(store, run, [made[2]], 2, KEEP)
+        monkeypatch.setattr(write_cycle.database, "writing", true)
+        past_world.write(store, run, made[2:], 2, KEEP)
+        assert (stored(store, ROWS), stored(store, GAPS)) == oracle(made, GAP_S)

@@ -65,6 +65,7 @@ export class Alarms {
     const take = (event) => {
       if (event.type === 'run') filling = new AlarmBook();
       else {
+        this.#behind = 0; // a long list has no number before its end
         const alarm = (filling ?? this.book).take(JSON.parse(event.data));
         if (filling && inDistress(alarm)) { // it does not wait for thousands of others
           this.book.take(alarm);

@@ -47,7 +47,7 @@ class AlarmStream:
         silent_since_s = looked_s = time.monotonic()
         async with _woken(self._service) as wait:
             while not self._stopping():
-                changes = book.since(run, at)
+                changes = [] if book.run_id < 0 else book.since(run, at)  # before a run there are no alarms, and none are gone
                 if changes is None:
                     run, at, alarms = book.snapshot()
                     waiting = {alarm.alarm_id: alarm for alarm in alarms}

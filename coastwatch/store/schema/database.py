@@ -28,6 +28,11 @@ URLS = "the path of an SQLite file, sqlite:///FILE or postgresql+psycopg://USER@
 """How a database is named, for messages."""
 
 WAIT_S = 10.0
+LINK_LIMITS = {
+    "connect_timeout": 5, "keepalives_idle": 15, "keepalives_interval": 5, "keepalives_count": 3, "tcp_user_timeout": 30_000,
+}  # fmt: skip
+"""Of a connection to PostgreSQL, in s, the last one in ms: a server whose machine is gone is noticed after half a minute."""
+
 PAGE_BYTES = 16_384
 """Page size of a new SQLite file: a cycle of 100,000 vessels changes a quarter as many pages as with SQLite's 4 kB."""
 
@@ -144,7 +149,7 @@ def connect(url: str, wait_s: float, *, may_create: bool, limit: QueryLimit | No
         engine = create_engine(
             address,
             json_serializer=as_json,
-            connect_args={"timeout": wait_s} if is_sqlite(address) else {},
+            connect_args={"timeout": wait_s} if is_sqlite(address) else _link_limits(address),
             pool_pre_ping=not is_sqlite(address),
         )
     except (ArgumentError, NoSuchModuleError) as error:
@@ -176,6 +181,11 @@ def _address(url: str) -> URL:
         hidden = address.render_as_string(hide_password=True)
         raise StoreError(f"database: got {hidden!r}, a database of {kind!r}, needed {URLS}{did_you_mean(kind, BACKENDS)}")
     return address
+
+
+def _link_limits(address: URL) -> dict[str, int]:
+    """The limits of a connection to PostgreSQL that its URL does not set."""
+    return {name: value for name, value in LINK_LIMITS.items() if name not in address.query}
 
 
 def _check_path(path: Path, may_create: bool) -> None:

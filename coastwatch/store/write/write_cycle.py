@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -123,7 +123,7 @@ def write_cycle(
     Raises: StoreError where the run is absent, a cycle is left out, the database is locked or the disk is full.
     """
     picture, members = _by_vessel(cycle.picture), to_rows.membership(cycle)
-    with database.writing(store) as connection:
+    with _forgotten_where_it_fails(store, run_id), database.writing(store) as connection:
         database.size_for(connection, len(picture))
         before, truncated = _state_before(connection, store, run_id, skipped[0].number if skipped else number)
         for one in skipped:
@@ -178,6 +178,16 @@ def write_cycle(
         with suppress(StoreError):  # the next cycle tries again
             _delete_old(store, run_id, keep, rows, picture)
     return Written(rows, database.long_log_warning(store, len(picture)), database.log_size(store))
+
+
+@contextmanager
+def _forgotten_where_it_fails(store: Store, run_id: int) -> Iterator[None]:
+    """Forget the state of a run where a transaction fails: the database may have it although its answer was lost."""
+    try:
+        yield
+    except BaseException:
+        store.run_states.pop(run_id, None)
+        raise
 
 
 def _delete_old(store: Store, run_id: int, keep: StoreSettings, rows: int, picture: Picture) -> None:
