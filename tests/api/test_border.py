@@ -125,6 +125,17 @@ def test_an_odd_state_of_a_region_is_left_out_and_counted(odd: str, value: float
     assert {fault.kind: fault.count for fault in taken.faults() if fault.kind.startswith(limits.BEYOND)}
 
 
+def test_cycles_that_a_killed_region_computes_again_in_a_merged_one_count_once() -> None:
+    connection = Sends(parsed_region("ws://127.0.0.1:1?name=north"))
+    taken, tracks, found = RegionIntake(connection, 0, False), region_tracks(0), []
+    for end_s, seq, merged in ((START_S, 515, 0), (START_S + 3.0, 516, 0), (START_S + 9.0, 518, 2)):
+        connection.cycle = RegionCycle("1@a", seq, end_s, tracks, merged)
+        taken.take(end_s)
+        taken.cut(end_s - 3.0, end_s)
+        found += [(one.first_seq, one.last_seq) for one in taken.intake()]
+    assert found == [(515, 515), (516, 516), (517, 518)]
+
+
 def test_damaged_messages_of_every_format_raise_nothing_in_decoders_and_chain() -> None:
     *_, (done, broken, taken) = fuzz.fuzzed(24_000, 11, 2_400)
     assert done >= 24_000

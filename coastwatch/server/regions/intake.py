@@ -10,6 +10,7 @@ from coastwatch.batches import Fault, TrackReports, limits
 from coastwatch.server.clock import now_s
 from coastwatch.server.feeds.decoding import FAR_AHEAD_S
 from coastwatch.server.regions.client import Connection
+from coastwatch.server.regions.link import Position
 from coastwatch.server.regions.message import RegionCycle
 from coastwatch.store import Intake
 
@@ -32,6 +33,7 @@ class RegionIntake:
         self._beyond: dict[str, int] = {}  # states of tracks that are none, by kind
         self._waiting: list[RegionCycle] = []
         self._intake: list[Intake] = []
+        self._last = connection.incoming.position  # the last cycle that was used
 
     @property
     def name(self) -> str:
@@ -66,12 +68,20 @@ class RegionIntake:
         used = [cycle for cycle in due if cycle.time_s > after_s]
         self.late, self.used = self.late + len(due) - len(used), self.used + len(used)
         self.without += not used
-        self._intake = [_intake(self.name, [c for c in due if c.run == run], after_s) for run in _runs(due)]
+        self._intake = [self._of_run([c for c in due if c.run == run], after_s) for run in _runs(due)]
         reports = TrackReports.join([cycle.reports(self._source) for cycle in used])
         kept, found = limits.within(reports, limits.track_faults(reports))
         for kind, mask in found.items():
             self._beyond[kind] = self._beyond.get(kind, 0) + int(mask.sum())
         return kept
+
+    def _of_run(self, cycles: list[RegionCycle], after_s: float) -> Intake:
+        """What these cycles of one run are. A region that was killed computes some cycles again, merged: used ones do not count again."""
+        run, first, last = cycles[0].run, cycles[0].seq - cycles[0].merged, cycles[-1].seq
+        if run == self._last.run:
+            first = max(first, self._last.seq + 1)
+        self._last = Position(run, last)
+        return Intake(self.name, run, first, last, sum(cycle.time_s <= after_s for cycle in cycles))
 
     def intake(self) -> list[Intake]:
         """What the newest `cut` used, by run of the region."""
@@ -109,8 +119,3 @@ class RegionIntake:
 def _runs(cycles: list[RegionCycle]) -> list[str]:
     """The runs of these cycles, in order."""
     return list(dict.fromkeys(cycle.run for cycle in cycles))
-
-
-def _intake(name: str, cycles: list[RegionCycle], after_s: float) -> Intake:
-    late = sum(cycle.time_s <= after_s for cycle in cycles)
-    return Intake(name, cycles[0].run, cycles[0].seq - cycles[0].merged, cycles[-1].seq, late)
