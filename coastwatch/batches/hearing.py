@@ -11,19 +11,28 @@ from coastwatch.batches.struct import Batch, Bools, Floats, column
 
 @dataclass(frozen=True, eq=False)
 class Hearing(Batch):
-    """One row for each sensor of a kind."""
+    """One row for each sensor of a kind.
+
+    Clocks stand while a sensor is silent. Those of a radar stand in the cycle in which it returns too: the detection that is known
+    in it is of the cycle before.
+    """
 
     heard_s: Floats = column(np.float64, "R")  # newest report; -inf: none since the start
     usual_s: Floats = column(np.float64, "R")  # interval between reports before; NaN: not known
     amount: Floats = column(np.float64, "R")  # vessels on AIS, or plots or tracks of a cycle, when it was heard
     silent: Bools = column(np.bool_, "R")  # no report for much longer than usual
-    stands_from_s: Floats = column(np.float64, "R")  # from when clocks stand in this cycle; inf: it is not silent
+    stands_from_s: Floats = column(np.float64, "R")  # from when clocks stand in this cycle; inf: they run
     returned_s: Floats = column(np.float64, "R")  # cycle in which it was heard again after it was silent; -inf: it never was
 
     @property
     def heard(self) -> Bools:
-        """(R,) that cover something: heard since the start, and not silent."""
+        """(R,) heard since the start, and not silent."""
         return np.isfinite(self.heard_s) & ~self.silent
+
+    @property
+    def stands(self) -> Bools:
+        """(R,) whose clocks stand."""
+        return np.isfinite(self.stands_from_s)
 
     @classmethod
     def always(cls, sensors: int) -> Hearing:

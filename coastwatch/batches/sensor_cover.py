@@ -22,8 +22,8 @@ class SensorCover:
     """Where the sensors of a kind cover in a cycle."""
 
     heard: Coverage  # of those that are heard
-    silent: tuple[tuple[float, Coverage], ...]  # of those that are silent, by the time from which clocks stand, ascending
-    returned_s: float = -np.inf  # when the last one of those that are heard was heard again after it was silent
+    silent: tuple[tuple[float, Coverage], ...]  # of those whose clocks stand, by the time from which they do, ascending
+    returned_s: Floats  # (H,) of `heard.site`: when each was heard again after it was silent; -inf: it never was
 
     def within(self, position_deg: Floats, candidates: Bools) -> Bools:
         """Which of the candidates a sensor covers that is heard. Args: position_deg: (V, 2); candidates: (V,). Returns: (V,)."""
@@ -36,22 +36,42 @@ class SensorCover:
             out[_within(coverage, position_deg, candidates)] = from_s
         return out
 
+    def begins_s(self, position_deg: Floats, candidates: Bools, time_s: float, returns_s: float) -> Floats:
+        """From when something may begin to hold at candidates that a sensor covers: this cycle, or later. (V,)
+
+        It is `returns_s` after the first one of the sensors there was heard again: what the others miss it would have heard.
+        """
+        out = np.full(len(candidates), float(time_s))
+        if returns_s <= 0.0 or not (self.returned_s + returns_s > time_s).any():
+            return out
+        rows, site = np.flatnonzero(candidates), self.heard.site
+        site_deg = np.stack([site["latitude"], site["longitude"]], axis=1)
+        row, sensor, _ = kernels.geometry.sensor_coverage.pairs_in_range(
+            site_deg, site["range"].copy(), position_deg[rows], np.zeros(len(rows))
+        )
+        first_s = np.full(len(rows), np.inf)
+        np.minimum.at(first_s, row, self.returned_s[sensor])
+        reached = np.isfinite(first_s)
+        out[rows[reached]] = np.maximum(time_s, first_s[reached] + returns_s)
+        return out
+
 
 def sensor_covers(sensors: Sensors, margin: float, hearing: SensorHearing | None = None) -> tuple[SensorCover, SensorCover]:
     """Where AIS stations and radars cover. Args: margin: share of a range that counts; hearing: none: all are heard."""
     if hearing is None:
-        ais, radars = (_all(sensors, margin, kind) for kind in ("stations", "radars"))
-        return SensorCover(ais, ()), SensorCover(radars, ())
-    return _cover(sensors, margin, "stations", hearing.stations), _cover(sensors, margin, "radars", hearing.radars)
+        radars, stations = Hearing.always(len(sensors.radars)), Hearing.always(len(sensors.stations))
+    else:
+        radars, stations = hearing.radars, hearing.stations
+    return _cover(sensors, margin, "stations", stations), _cover(sensors, margin, "radars", radars)
 
 
 def _cover(sensors: Sensors, margin: float, kind: str, hearing: Hearing) -> SensorCover:
-    heard = hearing.heard
-    returned_s = float(hearing.returned_s[heard].max(initial=-np.inf))
+    heard = hearing.heard & ~hearing.stands
+    returned_s = hearing.returned_s[heard]
     if heard.all():
         return SensorCover(_all(sensors, margin, kind), (), returned_s)
-    times = np.unique(hearing.stands_from_s[hearing.silent]).tolist()
-    silent = ((from_s, hearing.silent & (hearing.stands_from_s == from_s)) for from_s in times)
+    times = np.unique(hearing.stands_from_s[hearing.stands]).tolist()
+    silent = ((from_s, hearing.stands_from_s == from_s) for from_s in times)
     return SensorCover(
         _some(sensors, margin, kind, heard.tobytes()),
         tuple((from_s, _some(sensors, margin, kind, rows.tobytes())) for from_s, rows in silent),

@@ -26,6 +26,7 @@ class Habits(Batch):
     """What was heard of sensors: radars, track sources, AIS as a whole, then each AIS station. S rows."""
 
     heard_s: Floats = column(np.float64, "S")  # newest report; -inf: none
+    stood_s: Floats = column(np.float64, "S")  # time since then in which nothing was asked of it
     usual_s: Floats = column(np.float64, "S")  # mean pause between cycles with reports; NaN: not known
     pauses: Floats = column(np.float64, "S")  # behind it, up to less than LEARNT_OVER
     amount: Floats = column(np.float64, "S")  # as of `Hearing`
@@ -85,13 +86,13 @@ class UsualPauses(Method):
         turn_s = np.append(sensors.radars.period_s, np.zeros(sum(kinds[1:])))
         came = _heard(reports, ais_tracks, before, time_s, sensors)
         after = _learnt(before, came, self._allowed_s(before, turn_s, kinds), kinds[0] + kinds[1])
-        from_s = np.where(before.silent, memory.time_s, before.heard_s)  # since when each is silent, if it is
+        from_s = np.where(before.silent, memory.time_s, before.heard_s + before.stood_s)  # since when each is silent, if it is
         allowed_s = self._allowed_s(after, turn_s, kinds)
         may_be = (after.pauses >= LEAST_PAUSES) & (after.amount >= self.least_amount)
         all_silent = bool(may_be[whole] and time_s - after.heard_s[whole] > allowed_s[whole])
         if all_silent:  # nothing is asked of a station: its clock stands too
-            after.heard_s[whole + 1 :] += time_s - from_s[whole]
-        silent = may_be & (time_s - after.heard_s > allowed_s)
+            after.stood_s[whole + 1 :] += time_s - from_s[whole]
+        silent = may_be & (time_s - after.heard_s - after.stood_s > allowed_s)
         returned_s = np.where(before.silent & ~silent, time_s, before.returned_s)
         after = replace(after, silent=silent, returned_s=returned_s)
         shown, shown_from_s, shown_back_s = silent.copy(), from_s.copy(), returned_s.copy()
@@ -99,8 +100,9 @@ class UsualPauses(Method):
         if all_silent:
             shown[whole + 1 :] = np.isfinite(after.heard_s[whole + 1 :])
             shown_from_s[whole + 1 :] = np.where(silent & before.silent, from_s, from_s[whole])[whole + 1 :]
-        found = Hearing(after.heard_s, after.usual_s, after.amount, shown, np.where(shown, shown_from_s, np.inf), shown_back_s)
         row, ends = np.arange(sum(kinds)), (kinds[0], whole, whole + 1)
+        stands = shown | (before.silent & (row < kinds[0]))  # of a radar that returns too: see `Hearing`
+        found = Hearing(after.heard_s, after.usual_s, after.amount, shown, np.where(stands, shown_from_s, np.inf), shown_back_s)
         of_radars, of_sources, of_ais, of_stations = (found.take(rows) for rows in np.split(row, ends))
         return SilenceMemory(after, float(time_s)), SensorHearing(of_radars, of_stations, of_sources, of_ais)
 
@@ -114,11 +116,11 @@ class UsualPauses(Method):
 
 def _nothing_heard(rows: int) -> Habits:
     none, no = np.zeros(rows), np.zeros(rows, np.bool_)
-    return Habits(none - np.inf, none + np.nan, none, none, no, none - np.inf, no)
+    return Habits(none - np.inf, none, none + np.nan, none, none, no, none - np.inf, no)
 
 
 def _heard(reports: Reports, ais_tracks: Tracks, before: Habits, time_s: float, sensors: Sensors) -> Heard:
-    """What came of each sensor. Args: before: as of `_nothing_heard`."""
+    """What came of each sensor, of the reports with a time. Args: before: as of `_nothing_heard`."""
     radars, sources, stations = len(sensors.radars), len(sensors.track_sources), len(sensors.stations)
     whole = radars + sources
     count, newest_s = np.zeros(len(before)), np.full(len(before), -np.inf)
@@ -126,12 +128,14 @@ def _heard(reports: Reports, ais_tracks: Tracks, before: Habits, time_s: float, 
         (0, radars, reports.radar.sensor, reports.radar.received_s),
         (radars, sources, reports.tracks.sensor, reports.tracks.received_s),
     ):
-        known = (sensor >= 0) & (sensor < rows)
+        known = (sensor >= 0) & (sensor < rows) & np.isfinite(received_s)
         count[first : first + rows] = np.bincount(sensor[known], minlength=rows)
         np.maximum.at(newest_s, first + sensor[known], received_s[known])
     amount, has_own, ais = count.copy(), before.has_own.copy(), reports.ais
-    count[whole:] = len(ais) + len(reports.statics)
-    newest_s[whole:] = max(ais.received_s.max(initial=-np.inf), reports.statics.received_s.max(initial=-np.inf))
+    timed = np.isfinite(ais.received_s)
+    ais = ais if timed.all() else ais.take(timed)
+    received_s = np.append(ais.received_s, reports.statics.received_s[np.isfinite(reports.statics.received_s)])
+    count[whole:], newest_s[whole:] = len(received_s), received_s.max(initial=-np.inf)
     amount[whole:] = len(ais_tracks)
     if stations > 1:  # a single one hears all there is
         each = slice(whole + 1, None)
@@ -162,7 +166,7 @@ def _learnt(before: Habits, came: Heard, allowed_s: Floats, averaged: int) -> Ha
     pauses = before.pauses + again
     most_s = np.where(before.pauses >= LEAST_PAUSES, MOST_LEARNT * allowed_s, np.inf)
     weight = 1.0 / np.maximum(pauses, 1.0)
-    pause_s = np.clip(came.newest_s[again] - before.heard_s[again], 0.0, most_s[again])
+    pause_s = np.clip(came.newest_s[again] - before.heard_s[again] - before.stood_s[again], 0.0, most_s[again])
     usual_s = before.usual_s.copy()
     known_s = np.nan_to_num(usual_s[again])
     usual_s[again] = known_s + weight[again] * (pause_s - known_s)
@@ -170,6 +174,7 @@ def _learnt(before: Habits, came: Heard, allowed_s: Floats, averaged: int) -> Ha
     amount[:averaged] = before.amount[:averaged] + np.where(again, weight, now)[:averaged] * (amount - before.amount)[:averaged]
     return Habits(
         np.where(now, np.maximum(before.heard_s, came.newest_s), before.heard_s),
+        np.where(now, 0.0, before.stood_s),
         usual_s,
         np.minimum(pauses, LEARNT_OVER - 1.0),
         amount,

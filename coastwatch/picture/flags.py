@@ -141,7 +141,7 @@ def _since(
 ) -> Floats:
     """Since when a condition holds in cover: as at the last cycle, or now if it is new; inf where it does not hold. (R,)
 
-    Where only silent sensors reach, the time that it has held stands. After they are heard again, none begins to hold before
+    Where only silent sensors reach, the time that it has held stands. After they are heard again, none begins to hold there before
     `returns_s` are over: until then its time is below 0.
     Args: holds: (R,) if a sensor is heard there; may_hold: (R,) if one is silent there; before_s: (S,) of the shown vessels of the
     last cycle; vessel_of_row: (R,).
@@ -150,8 +150,9 @@ def _since(
     known = (vessel_of_row >= 0) & (vessel_of_row < len(before_s))
     held_s[known] = before_s[vessel_of_row[known]]
     runs = cover.within(picture.position_deg, holds)
-    begins_s = max(time_s, cover.returned_s + returns_s)
-    out = np.where(runs, np.where(np.isfinite(held_s), held_s, begins_s), np.inf)
+    begins = runs & ~np.isfinite(held_s)
+    begins_s = cover.begins_s(picture.position_deg, begins, time_s, returns_s)
+    out = np.where(runs, np.where(begins, begins_s, held_s), np.inf)
     from_s = cover.stands_from_s(picture.position_deg, may_hold & ~runs)
     stands = np.isfinite(from_s)
     elapsed_s = from_s[stands] - held_s[stands]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -203,3 +204,57 @@ def test_a_long_cycle_counts_as_long_as_it_is() -> None:
     assert hearing.ais.silent.all()
     assert hearing.radars.silent.all()
     assert hearing.radars.stands_from_s.tolist() == [PERIOD_S * 19] * 2
+
+
+def test_reports_without_a_time_say_nothing() -> None:
+    """In cycle 20 one report of each kind has no time of arrival; then nothing comes."""
+    for stations, bad_s in ((1, np.nan), (3, np.nan), (1, np.inf)):
+        method, where = UsualPauses(), sensors(stations)
+        memory = method.init()
+        for cycle in range(60):
+            time_s = 1000.0 + PERIOD_S * cycle
+            reports = reports_of(ALL if cycle <= 20 else Came(), time_s)
+            if cycle == 20:
+                none = np.full(1, bad_s)
+                parts = {kind: getattr(reports, kind).take(np.zeros(1, np.int64)) for kind in ("radar", "ais", "tracks")}
+                reports = replace(reports, **{kind: replace(part, received_s=none) for kind, part in parts.items()})
+            memory, hearing = method.step(memory, reports, ais_tracks(FOUR), time_s, where)
+            for of in vars(hearing).values():
+                assert not np.isnan(of.heard_s).any()
+                assert (of.heard_s[np.isfinite(of.heard_s)] == 1000.0 + PERIOD_S * min(cycle, 19)).all()
+        assert hearing.ais.silent.all()
+        assert hearing.radars.silent[0]
+        assert hearing.track_sources.silent.all()
+
+
+def test_a_message_of_statics_without_a_time_says_nothing() -> None:
+    """After cycle 19 two come alone, in cycle 25: one has no time of arrival."""
+    method, where = UsualPauses(), sensors()
+    memory = method.init()
+    for cycle in range(60):
+        time_s = 1000.0 + PERIOD_S * cycle
+        reports = reports_of(ALL if cycle < 20 else Came(), time_s)
+        if cycle == 25:
+            reports = replace(reports, statics=AisStatics.join([statics_of(np.nan), statics_of(time_s)]))
+        memory, hearing = method.step(memory, reports, ais_tracks(FOUR), time_s, where)
+    assert hearing.ais.heard_s.tolist() == [1000.0 + PERIOD_S * 25]
+    assert hearing.ais.silent.all()
+
+
+def statics_of(received_s: float) -> AisStatics:
+    """One message, of zeros."""
+    one = {name: np.zeros((1, *column.shape[1:]), column.dtype) for name, column in vars(AisStatics.empty()).items()}
+    return replace(AisStatics(**one), received_s=np.full(1, received_s))
+
+
+def test_a_station_is_heard_last_when_it_was_though_ais_was_silent_since() -> None:
+    """All fail in cycle 20. AIS is heard again from cycle 60 on, but for the second station: it was heard last in cycle 19."""
+    near = [[0.0, -1e3, -2e3, -3e3], [30e3, 31e3, 29e3, 30.5e3]]
+    scene = lambda cycle: Came([] if 20 <= cycle < 60 else near[0] if cycle >= 60 else [*near[0], *near[1]])  # noqa: E731
+    found = play(scene, 100, sensors(2), [*near[0], *near[1]])
+    assert silent(found, "ais") == list(range(30, 60))
+    second = silent(found, "stations", 1)
+    assert second == [*range(30, 60), *range(second[30], 100)]
+    assert second[30] == 70, "what it may pause begins when AIS is heard again"
+    assert {found[k].stations.heard_s[1] for k in range(19, 100)} == {1000.0 + PERIOD_S * 19}
+    assert found[70].stations.stands_from_s[1] >= 1000.0 + PERIOD_S * 59, "time that stood while AIS was silent"

@@ -8,9 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_picture import AIS, PERIOD_S, RADAR, alarms, cycle_of, flagged, sensors
+from test_picture import AIS, PERIOD_S, RADAR, SITE, alarms, cycle_of, flagged, sensors
+from test_silence import Came, ais_tracks, reports_of
 
-from coastwatch.batches import AisDetection, Flag, Hearing, SensorHearing
+from coastwatch.batches import AisDetection, Flag, Hearing, SensorHearing, Sensors, Stations
+from coastwatch.cover import UsualPauses
+from coastwatch.geodesy import offset_deg
 from coastwatch.picture import Identity
 from coastwatch.server.checkpoint import load, save
 
@@ -124,3 +127,86 @@ def test_a_sensor_that_was_never_heard_covers_nothing() -> None:
             memory, picture, _ = method.step(memory, *given, hearing=hearing)
             up.append(bool((picture.flags & flag).any()))
         assert not any(up)
+
+
+def play_lagging(script: Sequence[Any], first: int, last: int) -> list[Any]:
+    """As `play`: both radars send no plot from a cycle to another, and detection is that of the cycle before, as in the pipeline."""
+    method, pauses, out = Identity(), UsualPauses(), []
+    memory, habits, detection = method.init(), pauses.init(), AisDetection.empty()
+    for cycle, rows in enumerate(script):
+        time_s = PERIOD_S * cycle
+        came = Came(plots=() if first <= cycle < last else (0, 0, 0, 1, 1, 1))
+        habits, hearing = pauses.step(habits, reports_of(came, time_s), ais_tracks(()), time_s, sensors())
+        tracks, associations, fused = cycle_of(cycle, rows)
+        given = tracks, associations, fused, alarms(tracks), time_s, sensors()
+        memory, picture, members = method.step(load(save(memory)), *given, hearing=hearing, detection=detection)
+        detection = AisDetection(np.array([3]), np.array([0.0 if hearing.radars.silent.all() else 0.9]))
+        out.append((picture, members))
+    assert hearing.radars.returned_s.tolist() == [PERIOD_S * last] * 2
+    return out
+
+
+def test_a_vessel_without_radar_stays_so_when_the_radar_returns() -> None:
+    """The radars are silent from cycle 55 to 120; their detection of vessels is known again a cycle after they return."""
+    out = flagged(play_lagging([[RADAR, AIS]] * 5 + [[AIS]] * 155, 50, 120), Flag.AIS_WITHOUT_RADAR)
+    assert out.index(True) == 5 + 20
+    assert all(out[25:])
+
+
+def test_the_time_without_radar_goes_on_when_the_radar_returns() -> None:
+    """Unseen for 13 cycles of 20 by the last plot. The cycle in which the radars return counts no time."""
+    out = flagged(play_lagging([[RADAR, AIS]] * 37 + [[AIS]] * 103, 50, 120), Flag.AIS_WITHOUT_RADAR)
+    assert out.index(True) in (120 + 7, 120 + 8)
+
+
+def test_a_split_pair_stays_contradicted_when_the_radar_returns() -> None:
+    away = (3, 2, 1, 600.0, 235000001, 5)
+    out = flagged(play_lagging([[RADAR, AIS]] * 25 + [[RADAR, away]] * 70, 50, 80), Flag.AIS_CONTRADICTED)
+    assert out.index(True) < 50
+    assert all(out[out.index(True) :])
+
+
+def two_stations(east_m: float) -> Sensors:
+    """One station at the site, and one so far east of it; each reaches 50 km."""
+    sites = offset_deg(np.stack([SITE, SITE]), np.array([[0.0, 0.0], [east_m, 0.0]]))
+    return replace(sensors(), stations=Stations(np.array(["a", "b"]), sites, np.full(2, 50e3)))
+
+
+@pytest.mark.parametrize(
+    ("east_m", "returns", "first"),
+    [
+        (550e3, (1,), 5 + 20),  # it does not reach the vessel
+        (10e3, (1,), 5 + 20),  # another one reached the vessel meanwhile
+        (10e3, (0, 1), 4 + 80),  # both return in cycle 4
+        (550e3, (0,), 4 + 80),
+    ],
+)
+def test_only_where_no_other_station_was_heard_does_one_that_returns_put_off_dark(
+    east_m: float, returns: tuple[int, ...], first: int
+) -> None:
+    """The vessel sends until cycle 4, in which stations are heard again."""
+    method, up = Identity(), []
+    memory = method.init()
+    returned_s = np.where(np.isin([0, 1], returns), PERIOD_S * 4, -np.inf)
+    for cycle, rows in enumerate([[RADAR, AIS]] * 5 + [[RADAR]] * 100):
+        tracks, associations, fused = cycle_of(cycle, rows)
+        stations = replace(Hearing.always(2), returned_s=returned_s)
+        hearing = SensorHearing(Hearing.always(2), stations, Hearing.always(0), Hearing.always(1))
+        given = tracks, associations, fused, alarms(tracks), PERIOD_S * cycle, two_stations(east_m)
+        memory, picture, _ = method.step(memory, *given, hearing=hearing)
+        up.append(bool((picture.flags & Flag.DARK).any()))
+    assert up.index(True) == first
+
+
+def test_a_station_far_away_that_flaps_puts_off_nobody() -> None:
+    """It is heard again each fifth cycle."""
+    method, up = Identity(), []
+    memory = method.init()
+    for cycle, rows in enumerate([[RADAR, AIS]] * 5 + [[RADAR]] * 40):
+        tracks, associations, fused = cycle_of(cycle, rows)
+        stations = replace(Hearing.always(2), returned_s=np.array([-np.inf, PERIOD_S * (cycle - cycle % 5)]))
+        hearing = SensorHearing(Hearing.always(2), stations, Hearing.always(0), Hearing.always(1))
+        given = tracks, associations, fused, alarms(tracks), PERIOD_S * cycle, two_stations(550e3)
+        memory, picture, _ = method.step(memory, *given, hearing=hearing)
+        up.append(bool((picture.flags & Flag.DARK).any()))
+    assert up.index(True) == 25
