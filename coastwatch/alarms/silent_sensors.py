@@ -24,7 +24,8 @@ def standing(
 ) -> Watched:
     """The watched vessels, of which those that only silent sensors would see are as old as when these were heard last.
 
-    A vessel that had a track then is not lost when its sensors are heard again, since it may return under another id.
+    A vessel that had a track then is not lost when its sensors are heard again, since it may return under another id. When and
+    where it was seen last stay true: `placed_s` and `position_deg`.
     Args: rows: (K,) vessels without a track; covers: of AIS stations and radars; track_sources: what only a silent
     one tracked stands wherever it is; then_deg: (K, 2) where each would be.
     """

@@ -25,8 +25,9 @@ class Watched:
     """Vessels by id. U rows. While a vessel has no track, its row stays as it was when it had one last."""
 
     vessel_id: Ints  # (U,) ascending
-    seen_s: Floats  # (U,) last time with a track
-    since_s: Floats  # (U,) first one
+    seen_s: Floats  # (U,) last time with a track; later by the time for which its sensors were silent since
+    since_s: Floats  # (U,) first one; later by the same
+    placed_s: Floats  # (U,) last time with a track: when it was at `position_deg`
     position_deg: Floats  # (U, 2)
     velocity_m_s: Floats  # (U, 2)
     mmsi: Ints  # (U,)
@@ -44,7 +45,7 @@ class Watched:
     def none(cls) -> Watched:
         number, time, place = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 2))
         of = number > 0
-        return cls(number, time, time, place, place, number, number, number, of, of, time, place, place, time, time)
+        return cls(number, time, time, time, place, place, number, number, number, of, of, time, place, place, time, time)
 
     def take(self, rows: Ints | Bools) -> Watched:
         """Some of them."""
@@ -91,7 +92,7 @@ def look(
     for name in ("came_s", "way_from_deg", "anchorage_deg", "at_rest_s", "outside_s"):
         columns[name][known] = getattr(before, name)[at[known]]
     waited_s = np.zeros(len(now))
-    waited_s[known] = time_s - before.seen_s[at[known]]
+    waited_s[known] = time_s - before.placed_s[at[known]]
     columns["came_s"][waited_s > settings.forget_s] = time_s
     columns["way_from_deg"][waited_s > settings.forget_s] = now.position_deg[waited_s > settings.forget_s]
     before_deg = np.full((len(now), 2), np.nan)
@@ -111,7 +112,7 @@ def look(
     rows = find(watched.vessel_id, now.vessel_id)
     without = np.ones(len(watched.vessel_id), np.bool_)
     without[rows] = False
-    frozen = watched.vessel_id[without & (time_s - watched.seen_s <= settings.forget_s)]
+    frozen = watched.vessel_id[without & (time_s - watched.placed_s <= settings.forget_s)]
     return Seen(watched, rows, now, frozen, moved, way_from_deg, before_deg, dragging, lain_s, away_m)
 
 
@@ -135,6 +136,7 @@ def _rows_of(now: Picture, members: Members, sensors: Sensors, time_s: float) ->
         now.vessel_id,
         time,
         now.since_s,
+        time.copy(),
         place,
         now.velocity_m_s,
         now.mmsi,

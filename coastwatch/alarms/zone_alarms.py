@@ -86,8 +86,8 @@ def zone_alarms(
 def _has_entered(settings: AlarmSettings, stays: Lasting, seen: Seen) -> Bools:
     """Whether each stay is of a vessel that came from outside, or was first seen inside and tracked there for `first_seen_s`. (D,)"""
     at = find(seen.watched.vessel_id, stays.vessel_id)
-    came_s, seen_s = (np.append(column, -np.inf)[at] for column in (seen.watched.came_s, seen.watched.seen_s))
-    return stays.mark & ((came_s < stays.since_s) | (seen_s - stays.since_s >= settings.first_seen_s))
+    came_s, placed_s = (np.append(column, -np.inf)[at] for column in (seen.watched.came_s, seen.watched.placed_s))
+    return stays.mark & ((came_s < stays.since_s) | (placed_s - stays.since_s >= settings.first_seen_s))
 
 
 def _of_zones(by_number: dict[int, Shape], number: Ints) -> tuple[Bools, Floats]:

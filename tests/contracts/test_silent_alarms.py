@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_alarm_rules import PERIOD_S, RULES, SITE, picture_of, sensors, spans
+from test_alarm_rules import AREA, PERIOD_S, RULES, SITE, picture_of, sensors, spans
 
-from coastwatch.alarms import EventMemory, Evidence, expected_sensors, next_events
+from coastwatch.alarms import AlarmRules, EventMemory, Evidence, Zone, expected_sensors, next_events, numbered
 from coastwatch.batches import (
     AlarmKind,
     BearingAssociations,
@@ -24,7 +24,7 @@ from coastwatch.batches import (
     TrackSources,
     VesselAlarms,
 )
-from coastwatch.geodesy import KNOT_M_S
+from coastwatch.geodesy import KNOT_M_S, offset_deg
 from coastwatch.server.checkpoint import load, save
 
 WAIT = 5  # cycles from the last plot until the radar is silent
@@ -176,3 +176,57 @@ def test_what_only_a_silent_track_source_tracked_is_not_lost(silent: bool, with_
         memory, alarms = RULES.step(load(save(memory)), picture, members, time_s, ALL_KINDS, hearing=hearing)
         lost |= bool((alarms.kind == AlarmKind.LOST).any())
     assert lost == is_lost
+
+
+BACK = 80  # cycle in which the radar returns: it was away for less than `forget_s`
+LINE_DEG = tuple(map(tuple, offset_deg(np.stack([SITE, SITE]), np.array([[1500.0, -2e3], [1500.0, 2e3]])).tolist()))
+LINE = Zone(name="line", kind="line", points_deg=LINE_DEG, crossing="both")
+
+
+def watched_over(
+    kn: float, zone: Zone, gone_at: int, back_at: int, is_known: bool, rules: AlarmRules = RULES
+) -> list[VesselAlarms]:
+    """The vessel sails east without a track from one cycle to another; the radar fails in cycle 20. Args: is_known: that it does."""
+    memory, out, where = rules.init(), [], sensors()
+    for cycle in range(back_at + 20):
+        time_s, away = PERIOD_S * cycle, gone_at <= cycle < back_at
+        row = {"id": 1, "at": (kn * KNOT_M_S * time_s, 0.0), "kn": (kn, 0.0), "flags": int(Flag.COASTING) if away else 0}
+        hearing = hearing_of(cycle, 20, back_at) if is_known else None
+        given = *picture_of(time_s, [row]), time_s, where, numbered((zone,))
+        memory, alarms = rules.step(load(save(memory)), *given, hearing=hearing)
+        out.append(alarms)
+    return out
+
+
+@pytest.mark.parametrize("gone_at", [18, 20, 22])
+def test_a_line_that_is_crossed_while_the_radar_is_silent_is_an_alarm_on_return(gone_at: int) -> None:
+    """The line lies 1500 m east: 49 cycles at 20 kn."""
+    found, without = (spans(watched_over(20.0, LINE, gone_at, BACK, known), AlarmKind.LINE_CROSSED) for known in (True, False))
+    assert found == without
+    assert found[1, 1][0][0] == BACK
+
+
+@pytest.mark.parametrize("gone_at", [18, 22])
+def test_a_vessel_is_forgotten_by_zones_though_the_radar_is_silent(gone_at: int) -> None:
+    """It lies in the zone, and is away for longer than `forget_s`; its stay ends, as where nothing is known of the radar."""
+    rules = RULES.model_copy(update={"forget_s": 120.0})
+    port = AREA.model_copy(update={"dwell_s": 30.0})
+    found, without = (
+        spans(watched_over(0.0, port, gone_at, BACK, known, rules), AlarmKind.ZONE_DWELL)[1, 1] for known in (True, False)
+    )
+    assert found == without
+    assert len(found) == 2
+
+
+@pytest.mark.parametrize("is_known", [True, False])
+def test_who_was_first_seen_in_a_zone_has_not_entered_it_by_time_without_a_track(is_known: bool) -> None:
+    """It is tracked for 15 s in the zone, `first_seen_s` is 60 s, and the radar is silent for minutes."""
+    rules, memory, where = RULES.model_copy(update={"first_seen_s": 60.0, "start_up_s": 0.0}), RULES.init(), sensors()
+    for cycle in range(90):
+        time_s, away = PERIOD_S * cycle, cycle >= 18
+        rows = [{"id": 1, "at": (9e3, 0.0)}]
+        if cycle >= 13:
+            rows.append({"id": 2, "at": (0.0, 0.0), "flags": int(Flag.COASTING) if away else 0})
+        given = *picture_of(time_s, rows), time_s, where, numbered((AREA,))
+        memory, alarms = rules.step(memory, *given, hearing=hearing_of(cycle, 20, 200) if is_known else None)
+        assert AlarmKind.ZONE_ENTER not in alarms.kind
