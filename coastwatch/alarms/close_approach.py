@@ -5,8 +5,8 @@ times the sum of their speeds. So pairs within that distance are candidates, who
 vessels are in a class of their own, so that they do not widen the search for all others. The time to look ahead is cut in spans,
 and each cycle searches one of them. Pairs that were found are followed in every cycle.
 
-Where vessels crowd the cost is bounded by counts. Each vessel is compared with the nearest in the middle of the span alone, and of its
-pairs the most urgent are followed. Elsewhere no pair is left out.
+Where vessels crowd the cost is bounded by counts. A vessel with more than `MOST_NEAR` within that distance is compared with the nearest
+alone, and of the pairs of each vessel the most urgent are followed. Elsewhere no pair is left out.
 
 Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001 (straight motion).
 """
@@ -29,10 +29,13 @@ CLASSES_M_S = (12.0, 60.0)
 """Greatest speed of each class. What is faster is no vessel."""
 
 MOST_NEAR = 384
-"""Vessels that one is compared with. Where more are near, each is compared with the nearest alone."""
+"""Vessels within the reach of one that it is compared with, itself one of them. Of more it is compared with the nearest alone."""
 
 MOST_FOLLOWED = 16
-"""Pairs of a vessel that are followed. A pair is left out if each of its vessels has so many that are more urgent."""
+"""Pairs of a vessel that are followed: within the limits first, then by the time left. One is left out if both vessels have others."""
+
+MOST_OPEN = 32
+"""Pairs of a vessel whose alarm is open, that are followed beside these. Of more those with the least time left."""
 
 SLACK_M = 100.0
 """How far the middle of a way may be from where it is taken to be, with the scale of its start."""
@@ -67,12 +70,14 @@ class Pairs(NamedTuple):
         return Pairs(self.first[some], self.second[some], self.cpa_m[some], self.tcpa_s[some], self.range_m[some])
 
 
-def close_pairs(settings: AlarmSettings, before: Approaching, picture: Picture, time_s: float) -> tuple[Approaching, Pairs]:
+def close_pairs(
+    settings: AlarmSettings, before: Approaching, picture: Picture, time_s: float, opened: tuple[Ints, Ints] | None = None
+) -> tuple[Approaching, Pairs]:
     """The pairs whose closest approach lies within the limits, each widened by `cpa_hold_factor`.
 
     A pair is found within the limits themselves, at the latest after `SPANS` cycles. One of the two whose newest report is older than
     `cpa_oldest_s` may be elsewhere, so it has no pair. Of a crowd only the nearest are compared, and the most urgent followed.
-    Args: picture: vessels with a track, sorted.
+    Args: picture: vessels with a track, sorted; opened: ids of the vessels of pairs with an open alarm, the lower first; none: no pair.
     """
     speed_m_s = np.hypot(picture.velocity_m_s[:, 0], picture.velocity_m_s[:, 1])
     slow = speed_m_s < settings.cpa_under_way_kn * KNOT_M_S
@@ -91,24 +96,39 @@ def close_pairs(settings: AlarmSettings, before: Approaching, picture: Picture, 
     near = (pairs.cpa_m <= hold * limit_m) & (pairs.tcpa_s >= 0.0) & (pairs.tcpa_s <= hold * within_s)
     near &= relative_m_s >= settings.cpa_relative_kn * KNOT_M_S
     pairs = pairs.take(near)
-    urgent = _most_urgent(pairs, len(picture))
+    weak = (pairs.cpa_m > limit_m) | (pairs.tcpa_s > within_s)
+    urgent = _most_urgent(pairs, weak, MOST_FOLLOWED, len(picture))
+    if opened is not None and not urgent.all():
+        is_open = np.flatnonzero(_among(pairs, picture.vessel_id, *opened))
+        of_open = pairs.take(is_open)
+        urgent[is_open] |= _most_urgent(of_open, np.zeros(len(is_open), np.bool_), MOST_OPEN, len(picture))
     pairs, left_out = pairs.take(urgent), left_out + int((~urgent).sum())
     return Approaching(picture.vessel_id[pairs.first], picture.vessel_id[pairs.second], before.turn + 1, left_out), pairs
 
 
-def _most_urgent(pairs: Pairs, vessels: int) -> Bools:
-    """Which pairs are among the `MOST_FOLLOWED` of one of their vessels that have the least time left. (P,)"""
+def _most_urgent(pairs: Pairs, weak: Bools, most: int, vessels: int) -> Bools:
+    """Which pairs are among so many of one of their vessels: those that are not weak first, then by the time left. (P,)
+
+    Args: weak: (P,); vessels: V, rows of the picture.
+    """
     count, out = len(pairs.first), np.ones(len(pairs.first), np.bool_)
     of_vessel = np.bincount(pairs.first, minlength=vessels) + np.bincount(pairs.second, minlength=vessels)
-    if of_vessel.max(initial=0) <= MOST_FOLLOWED:
+    if of_vessel.max(initial=0) <= most:
         return out
-    soonest = np.argsort(pairs.tcpa_s, kind="stable")
+    soonest = np.lexsort((pairs.tcpa_s, weak))
     ends = np.column_stack([pairs.first, pairs.second])[soonest].ravel()
     start, end = kernels.tables.counting_sort.counting_sort(ends, vessels)
-    urgent = np.arange(2 * count) - np.repeat(start[:-1], np.diff(start)) < MOST_FOLLOWED
+    urgent = np.arange(2 * count) - np.repeat(start[:-1], np.diff(start)) < most
     out[:] = False
     out[soonest[end[urgent] // 2]] = True
     return out
+
+
+def _among(pairs: Pairs, vessel_id: Ints, first_id: Ints, second_id: Ints) -> Bools:
+    """Which pairs are those of these ids. (P,) Args: vessel_id: (V,) sorted; first_id, second_id: (B,), the lower first."""
+    first, second = find(vessel_id, first_id), find(vessel_id, second_id)
+    there, count = (first >= 0) & (second >= 0), len(vessel_id)
+    return np.isin(pairs.first * count + pairs.second, first[there] * count + second[there])
 
 
 def _counts(settings: AlarmSettings, picture: Picture, slow: Bools, time_s: float) -> Bools:

@@ -89,7 +89,8 @@ class AlarmRules(AlarmSettings):
         none = np.zeros(0, np.int64)
         if self.cpa_nm == 0.0:
             return Approaching.none(), Lasting.none(), Raised.of(AlarmKind.CLOSE_APPROACH, none)
-        followed, pairs = close_pairs(self, memory.approaching, seen.picture, time_s)
+        opened = memory.close.take(memory.close.open)
+        followed, pairs = close_pairs(self, memory.approaching, seen.picture, time_s, (opened.vessel_id, opened.subject))
         vessel_id = seen.picture.vessel_id
         key, subject = vessel_id[pairs.first] * KINDS + AlarmKind.CLOSE_APPROACH, vessel_id[pairs.second]
         strong = self._is_close(pairs)

@@ -311,14 +311,71 @@ def test_the_most_urgent_pairs_of_each_vessel_are_followed(seed: int, count: int
     code = np.unique(rng.integers(0, 12 * 12, count))
     first, second = code[code // 12 < code % 12] // 12, code[code // 12 < code % 12] % 12
     tcpa_s, none = rng.integers(0, 9, len(first)).astype(float), np.zeros(len(first))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(close_approach, "MOST_FOLLOWED", 3)
-        got = close_approach._most_urgent(close_approach.Pairs(first, second, none, tcpa_s, none), 12)
+    weak = rng.random(len(first)) < 0.5
+    got = close_approach._most_urgent(close_approach.Pairs(first, second, none, tcpa_s, none), weak, 3, 12)
     wanted = np.zeros(len(first), np.bool_)
     for vessel in range(12):
         own = [k for k in range(len(first)) if vessel in (first[k], second[k])]
-        wanted[sorted(own, key=lambda k: (tcpa_s[k], k))[:3]] = True
+        wanted[sorted(own, key=lambda k: (weak[k], tcpa_s[k], k))[:3]] = True
     assert np.array_equal(got, wanted)
+
+
+def among_passers(
+    time_s: float, passers: int, aside_m: float, from_s: float = 0.0, meet_s: float = 150.0
+) -> list[dict[str, Any]]:
+    """Vessels 1 and 2 collide; from a time on each meets so many others sooner, which pass at this distance."""
+    way, off, space = 10.0 * KNOT_M_S * time_s, 10.0 * KNOT_M_S * meet_s, 1200.0 / max(passers, 1)
+    out = [{"id": 1, "at": (way - off, 0.0), "kn": (10.0, 0.0)}, {"id": 2, "at": (off - way, 0.0), "kn": (-10.0, 0.0)}]
+    then = 20.0 * KNOT_M_S * from_s
+    for k in range(passers if time_s >= from_s else 0):
+        ahead = then + 200.0 + space * k
+        out.append({"id": 10 + k, "at": (ahead - off - way, aside_m), "kn": (-10.0, 0.0)})
+        out.append({"id": 100 + k, "at": (off - ahead + way, -aside_m), "kn": (10.0, 0.0)})
+    return sorted(out, key=lambda row: row["id"])
+
+
+@pytest.mark.parametrize("passers", [0, 1, 16, 40])
+def test_a_collision_is_followed_though_others_pass_sooner_beyond_the_limit(passers: int) -> None:
+    rules = RULES.model_copy(update={"cpa_nm": 0.05})
+    limit_m = 0.05 * NAUTICAL_MILE_M
+    aside_m = 1.19 * limit_m
+    assert limit_m < aside_m < rules.cpa_hold_factor * limit_m
+    picture, _ = picture_of(100.0, among_passers(0.0, passers, aside_m))
+    followed = Approaching.none()
+    for _ in range(SPANS):
+        followed, _ = close_pairs(rules, followed, picture, 100.0)
+    assert (1, 2) in set(zip(followed.first_id.tolist(), followed.second_id.tolist(), strict=True))
+    found = play(rules, lambda time_s: among_passers(time_s, passers, aside_m), 40)
+    assert (1, 2) in spans(found, AlarmKind.CLOSE_APPROACH)
+
+
+def test_an_open_alarm_goes_on_when_many_others_will_pass_sooner() -> None:
+    rules = RULES.model_copy(update={"cpa_nm": 0.05})
+    passers, from_s, meet_s = close_approach.MOST_FOLLOWED + 4, 30.0, 150.0
+    found = play(rules, lambda time_s: among_passers(time_s, passers, 30.0, from_s, meet_s), int(meet_s / PERIOD_S))
+    of_pairs = spans(found, AlarmKind.CLOSE_APPROACH)
+    assert of_pairs[1, 2] == [(of_pairs[1, 2][0][0], int(meet_s / PERIOD_S) - 1)]
+    assert of_pairs[1, 2][0][0] < from_s / PERIOD_S
+    assert {(1, 10), (2, 100)} <= of_pairs.keys()  # the most urgent are followed beside it
+
+
+def test_of_open_alarms_of_a_vessel_so_many_are_followed_beside_the_most_urgent(monkeypatch: pytest.MonkeyPatch) -> None:
+    picture = fleet(200, 1500.0, 2)
+    every, all_pairs = close_pairs(RULES, Approaching.none(), picture, 100.0)
+    monkeypatch.setattr(close_approach, "MOST_FOLLOWED", 3)
+    monkeypatch.setattr(close_approach, "MOST_OPEN", 5)
+    _, few = close_pairs(RULES, every, picture, 100.0)
+    _, with_open = close_pairs(RULES, every, picture, 100.0, (every.first_id, every.second_id))
+    pairs = [set(zip(p.first.tolist(), p.second.tolist(), strict=True)) for p in (few, with_open, all_pairs)]
+    assert pairs[0] < pairs[1] < pairs[2]
+    assert len(pairs[0]) <= 3 * len(picture)
+    assert len(pairs[1]) <= (3 + 5) * len(picture)
+    late = set(list(zip(every.first_id.tolist(), every.second_id.tolist(), strict=True))[:: len(every.first_id) // 40])
+    _, with_late = close_pairs(RULES, every, picture, 100.0, tuple(np.array(sorted(late)).T))
+    ids = picture.vessel_id
+    kept = set(zip(ids[with_late.first].tolist(), ids[with_late.second].tolist(), strict=True))
+    assert max(np.unique(np.array(sorted(late)), return_counts=True)[1]) <= 5
+    assert late <= kept  # no vessel has more
 
 
 def test_a_head_on_pair_alarms_once_until_it_has_passed_and_company_or_moored_vessels_do_not() -> None:
