@@ -13,7 +13,7 @@ from coastwatch.stage import Arrays, Groups
 
 LEAST_TRACKS = 1024  # for a thread
 MOST_NEAR = 512
-"""Tracks that one is compared with. Where more are within the gate, each is compared with the nearest alone."""
+"""Tracks within the gate of one that it is compared with, itself one of them. Of more it is compared with the nearest alone."""
 
 
 def members_of_spots(spots: Spots) -> Groups:
@@ -31,7 +31,7 @@ def gate_arrays(tracks: Tracks, spots: Spots, gate_m: float) -> dict[str, Array]
 
 
 def left_out(arrays: Arrays) -> int:
-    """Pairs within the gate that are not compared, at most. Args: of `gate_arrays`."""
+    """Pairs of different sources within the gate that are not compared, at most. Args: of `gate_arrays`."""
     return int(arrays["crowds"][-1][1])
 
 

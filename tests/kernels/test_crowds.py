@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from coastwatch.geodesy import earth_centred
 from coastwatch.kernels.association.candidate_pairs import candidate_pairs
-from coastwatch.kernels.association.crowds import HALVINGS, find_crowds
+from coastwatch.kernels.association.crowds import STEPS, WIDE, find_crowds
 from coastwatch.kernels.association.places import sorted_places
 from tests.kernels.test_candidate_pairs import brute_force, points
 
@@ -36,23 +36,47 @@ def in_cells_around(position, side_m):
     return (np.abs(cell[:, None] - cell[None]).max(axis=2) <= 1).sum(axis=1)
 
 
-@given(st.integers(0, 10**6), st.integers(0, 90), st.sampled_from([5.0, 400.0, 1000.0, 60_000.0]), st.sampled_from([0.1, 1.0]))
-def test_in_a_crowd_all_within_the_greatest_distance_with_few_enough_around_are_found(seed, n, gate_m, width):
+@given(
+    st.integers(0, 10**6),
+    st.integers(0, 90),
+    st.sampled_from([5.0, 400.0, 1000.0, 60_000.0]),
+    st.sampled_from([0.1, 0.4, 1.0]),
+    st.sampled_from([4, 12, 30]),
+)
+def test_in_a_crowd_all_within_the_greatest_distance_with_few_enough_within_are_found(seed, n, gate_m, width, most):
     position, source = points(seed, n, width * gate_m)
-    most = 12
     pairs, near_m, crowds = found_pairs(position, source, gate_m, most)
     gap = np.linalg.norm(earth_centred(position)[:, None] - earth_centred(position)[None], axis=2)
-    wanted = np.argwhere((gap <= near_m[:, None]) & (source[:, None] < source[None]))
-    assert pairs == [tuple(pair) for pair in wanted.tolist()]
-    cut = near_m < gate_m
-    for halving in range(HALVINGS):
-        side_m, around = gate_m * 0.5**halving, in_cells_around(position, gate_m * 0.5**halving)
-        assert (around[near_m == side_m] <= most).all() or halving == 0
-        assert (around[near_m < side_m] > most).all()
+    wanted = np.argwhere((gap <= near_m[:, None]) & (source[:, None] < source[None])).tolist()
+    alike = (gap <= near_m[:, None]).sum(axis=1) > most  # no distance tells them apart
+    assert (near_m[alike] == gate_m * 0.5 ** (0.5 * STEPS)).all()
+    assert [pair for pair in pairs if not alike[pair[0]]] == [tuple(pair) for pair in wanted if not alike[pair[0]]]
+    assert set(pairs) <= {tuple(pair) for pair in wanted}
+    for step in range(STEPS):
+        side_m = gate_m * 0.5 ** (0.5 * step)
+        within, around = (gap <= side_m).sum(axis=1), in_cells_around(position, side_m)
+        assert (within[near_m == side_m] <= most).all()
+        assert ((within > most) | (around > WIDE * most))[near_m < side_m].all()
     left = set(brute_force(position, source, gate_m)) - set(pairs)
-    assert {first for first, _ in left} <= set(np.flatnonzero(cut).tolist())
-    assert crowds.left_out >= len(left) / 2
-    assert (crowds.left_out > 0) >= (len(left) > 0)
+    assert {first for first, _ in left} <= set(np.flatnonzero(near_m < gate_m).tolist())
+    assert crowds.left_out >= len(left)
+    if n <= WIDE * most and not alike.any():
+        assert crowds.left_out == len(left)
+
+
+@pytest.mark.parametrize("most", [31, 32, 33, 60])
+def test_no_pair_is_left_out_where_no_more_than_most_are_within_the_gate(most):
+    rng = np.random.default_rng([41, 0])
+    position = np.array([50.0, -1.0]) + rng.uniform(0.0, 0.06, (1500, 2))
+    source, gap = np.arange(1500) % 2, earth_centred(position)
+    within = (np.linalg.norm(gap[:, None] - gap[None], axis=2) <= 400.0).sum(axis=1)
+    keep = np.flatnonzero(within <= most)
+    position, source = position[keep], source[keep]
+    assert in_cells_around(position, 400.0).max() > 1.5 * most
+    pairs, near_m, crowds = found_pairs(position, source, 400.0, most)
+    assert pairs == sorted(brute_force(position, source, 400.0))
+    assert (near_m == 400.0).all()
+    assert crowds.left_out == 0
 
 
 @given(st.integers(0, 10**6), st.integers(0, 90))

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from coastwatch.kernels.association.crowds import Crowds
+from coastwatch.kernels.association.crowds import WIDE, Crowds
 from coastwatch.kernels.association.places import TURN, find_runs, reach_of
 from coastwatch.kernels.jit import jit
 
@@ -30,18 +30,20 @@ def _in_halo(row, spot, halo):  # type: ignore[no-untyped-def]
 
 @jit
 def _pairs_of_crowded(m, place, halo, crowds, out, count):  # type: ignore[no-untyped-def]
-    """As `pairs_in_gate`, of place m, which is in a crowded cell: with the places of the cells around it alone, at most `most`."""
-    first, cell, before, looked = place[m], crowds.cell[m], count, 0
+    """As `pairs_in_gate`, of place m, which is in a crowded cell: with at most `most` places within its distance in the cells around."""
+    first, cell, before, looked, within = place[m], crowds.cell[m], count, 0, 0
     near2 = crowds.near_m[cell] * crowds.near_m[cell]
     for k in range(crowds.run.shape[1]):
         for i in range(crowds.run[cell, k, 0], crowds.run[cell, k, 1]):
-            if looked == crowds.most:
+            if looked == WIDE * crowds.most or within == crowds.most:
                 break
             looked += 1
             j = crowds.place[i]
             second = place[j]
             x, y, z = second.x_m - first.x_m, second.y_m - first.y_m, second.z_m - first.z_m
-            near = (second.source > first.source) & (x * x + y * y + z * z <= near2)
+            near = x * x + y * y + z * z <= near2
+            within += near
+            near &= second.source > first.source
             if second.spot != first.spot and near:
                 near = _in_halo(second.row, first.spot, halo)
             at = min(count, len(out) - 1)

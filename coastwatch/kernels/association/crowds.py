@@ -1,8 +1,9 @@
 """Crowds: places with so many others around them that each is compared with the nearest alone.
 
-Let a place be crowded if more than `most` places may be within the gate. It gets the greatest of gate, gate / 2, gate / 4, ... for
-which no more than `most` places are in the cell of that side around it and the 26 cells beside it. All places within that distance
-are in these cells. So the nearest are compared, and the work of a place is bounded. Cells are of Earth-centred positions.
+A place gets the greatest of gate, gate / 2^(1/2), gate / 2, ... within which no more than `most` places are, itself one of them. A place
+with at most `most` places within the gate is compared with all of them. Places are sought in the cell of that side around it and the
+26 cells beside it, which hold all within that distance. The work of a place is bounded: where more than `WIDE` * `most` places are
+in these cells they are not counted one by one, and the distance is taken as too great. Cells are of Earth-centred positions.
 
 Source: H. Samet, Foundations of Multidimensional and Metric Data Structures, 2006, section 1.4 (cells split by what they hold).
 """
@@ -21,8 +22,10 @@ Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
 Records = NDArray[np.void]
 
-HALVINGS = 10
-"""Of the gate, at most. Of more places in cells of the last side only the first `most` are compared, the own cell first."""
+STEPS = 20
+"""Distances below the gate, at most. Of more places within the last one only the first `most` are compared, the own cell first."""
+
+WIDE = 8  # places in the cells around one that are looked at, for each that it is compared with
 
 AXIS_BITS = 21  # of a cell along an axis; cells that far apart share a number, which costs time alone
 AROUND = 27  # cells: its own and those beside it
@@ -36,8 +39,8 @@ class Crowds(NamedTuple):
     near_m: Floats  # (C,) distance to which the places of the cell are compared
     run: Ints  # (C, 27, 2) start and end in `place` of what is in the cell, and in those beside it
     place: Ints  # (Q,) rows of places
-    most: int  # places that one is compared with
-    left_out: int  # pairs that are not compared, at most
+    most: int  # places that one is compared with, itself one of them
+    left_out: int  # pairs within the gate that are not compared, at most
 
 
 def no_crowds() -> Crowds:
@@ -106,6 +109,29 @@ def _runs_around(cell, start, run):  # type: ignore[no-untyped-def]
     return count
 
 
+@jit
+def _places_within(position_m, source, rows, of_row, run, reach_m, most, whole):  # type: ignore[no-untyped-def]
+    """How many places are within the reach of each of these rows, itself among them, and how many of these have a later source.
+
+    Args: position_m: (Q, 3) by cell; source: (Q,); rows: (R,); of_row: (Q,) cell of each; run: (C, 27, 2); whole: count on where more
+    than `most` are within. Returns: (R,), (R,).
+    """
+    within, later = np.zeros(len(rows), np.int64), np.zeros(len(rows), np.int64)
+    reach2 = reach_m * reach_m
+    for r in range(len(rows)):
+        q = rows[r]
+        cell, at = of_row[q], position_m[q]
+        for k in range(AROUND):
+            for i in range(run[cell, k, 0], run[cell, k, 1]):
+                x, y, z = position_m[i, 0] - at[0], position_m[i, 1] - at[1], position_m[i, 2] - at[2]
+                near = x * x + y * y + z * z <= reach2
+                within[r] += near
+                later[r] += near & (source[i] > source[q])
+            if within[r] > most and not whole:
+                break
+    return within, later
+
+
 def _cell_numbers(position_m: Floats, side_m: float) -> Ints:
     """The number of the cell of each position. Args: (N, 3) Earth-centred. Returns: (N,)."""
     x, y, z = (np.floor(position_m / side_m).astype(np.int64) & ((1 << AXIS_BITS) - 1)).T
@@ -125,13 +151,13 @@ def find_crowds(place: Records, rank: Ints, gate_m: float, most: int) -> Crowds:
     open_ = before > most  # places whose cell is not known yet
     if not open_.any():
         return no_crowds()
-    position_m = np.column_stack([place["x_m"], place["y_m"], place["z_m"]])
-    cell, kept = np.full(len(key), -1, np.int64), np.zeros(len(key), np.int64)
+    position_m, source = np.column_stack([place["x_m"], place["y_m"], place["z_m"]]), np.ascontiguousarray(place["source"])
+    cell, missed = np.full(len(key), -1, np.int64), before - 1  # missed: pairs of each, at most
     near_m, runs, places = [np.zeros(0)], [np.zeros((0, AROUND, 2), np.int64)], [np.zeros(0, np.int64)]
     cells = rows = 0
     row = np.flatnonzero(np.cumsum(around[:-1]) > 0)  # places near those of an unknown cell
-    for halving in range(HALVINGS + 1):
-        side_m = gate_m * 0.5**halving
+    for step in range(STEPS + 1):
+        side_m = gate_m * 0.5 ** (0.5 * step)
         number = _cell_numbers(position_m[row], side_m)
         order = np.lexsort((rank[row], number))
         row, number = row[order], number[order]
@@ -139,14 +165,18 @@ def find_crowds(place: Records, rank: Ints, gate_m: float, most: int) -> Crowds:
         start, of_row = np.append(first, len(row)), np.repeat(np.arange(len(first)), np.diff(np.append(first, len(row))))
         run = np.empty((len(first), AROUND, 2), np.int64)
         count = _runs_around(number[first], start, run)
-        has_open = np.bincount(of_row[open_[row]], minlength=len(first)) > 0
-        settled = (count <= most) | (halving == HALVINGS)
-        taken = np.flatnonzero(has_open & settled)
+        counted = np.flatnonzero(open_[row] & (count[of_row] <= WIDE * most))
+        within, later = _places_within(position_m[row], source[row], counted, of_row, run, side_m, most, step == 0)
+        if step == 0:
+            missed[row[counted]] = later
+        fits = within <= most
+        missed[row[counted[fits]]] -= later[fits]
+        done = open_[row] & (step == STEPS)
+        done[counted[fits]] = True
+        taken = np.flatnonzero(np.bincount(of_row[done], minlength=len(first)) > 0)
         name = np.full(len(first), -1, np.int64)
         name[taken] = cells + np.arange(len(taken))
-        done = open_[row] & settled[of_row]
         cell[row[done]] = name[of_row[done]]
-        kept[row[done]] = np.minimum(count[of_row[done]], most)
         near_m.append(np.full(len(taken), side_m))
         runs.append(run[taken] + rows)
         places.append(row)
@@ -154,8 +184,9 @@ def find_crowds(place: Records, rank: Ints, gate_m: float, most: int) -> Crowds:
         open_[row[done]] = False
         if not open_.any():
             break
-        row = row[_beside(run[has_open & ~settled], len(row))]
-    left_out = int(np.maximum(before - kept, 0)[cell >= 0].sum() // 2)
+        has_open = np.bincount(of_row[open_[row]], minlength=len(first)) > 0
+        row = row[_beside(run[has_open], len(row))]
+    left_out = int(missed[cell >= 0].sum())
     return Crowds(cell, np.concatenate(near_m), np.concatenate(runs), np.concatenate(places), most, left_out)
 
 
