@@ -24,10 +24,13 @@ GAIN = 100.0  # greater than any squared gate plus the logarithm of its width: e
 SAME_SLOT = 0.75  # of the spacing: a clock that jitters by a quarter still fills one slot a report
 CONTACTS = 2**40  # contact numbers of one sensor
 MOST_OWN, MOST_NUMBERED = 2000, 300
-"""Bearings without a contact number of one sensor, and bearings of one numbered contact, that are used in a cycle, evenly chosen."""
+"""Bearings without a contact number of one sensor, and bearings of one numbered contact, that are used in `SHARE_S` of a cycle."""
 
 MOST_LOOKS = 100
-"""Looks of one sensor in a cycle. Where its bearings have more times, looks are by a grid of time."""
+"""Looks of one sensor that are used in `SHARE_S` of a cycle. Of more an even choice of whole looks is used."""
+
+SHARE_S, MOST_SHARES = 3.0, 10.0
+"""Time that the counts are for. A cycle whose bearings span longer takes more in proportion, at most so many times as many."""
 
 WIDER = 1e-6  # than a gate, for rounding
 MOST_GATED = 64  # bearings of a look that one track is compared with: the nearest
@@ -55,7 +58,7 @@ class BearingMemory:
     signatures: Ints  # (N, C) reports of each VesselClass
     counter: Ints  # (K,) tracks that each sensor has had
     dropped: int  # reports that are not finite or from the future
-    left_out: int  # reports beyond `MOST_OWN` and `MOST_NUMBERED`
+    left_out: int  # reports beyond `MOST_OWN`, `MOST_NUMBERED` and `MOST_LOOKS`
 
     def check_rows(self) -> None:
         """Check the numbers of sensors, as after reading a checkpoint. Raises: ValueError that names the field."""
@@ -239,8 +242,8 @@ class BearingWindow(Method):
     Own tracks: at each look of the sensor, bearings are assigned one to one to the tracks whose prediction is within
     `gate_sigmas`; what is left begins new tracks. A track is yielded once `start_hits` of its first `start_looks` looks had a
     bearing, and ends after `end_misses` looks without. Every track ends when it is silent for longer than `drop_after_s`.
-    A look is the bearings of one time. If a sensor has more than `MOST_LOOKS` times in a cycle, its looks are cells of a grid of time.
-    Of very many bearings in a cycle an even choice is used, and the others are counted.
+    A look is the bearings of one time. Of very many bearings in a cycle an even choice is used, of own tracks by whole looks, and the
+    others are counted. A cycle with a longer time takes more, within bounds.
     Source: P. Rangel et al., Enhancing Performance and Reliability in Maritime Target Fusion Through a Context-Driven
     Approach, eq. 10 (bearing and angular velocity from successive bearings over a given time).
     """
@@ -279,8 +282,7 @@ class BearingWindow(Method):
         usable = np.isfinite(reports.bearing_deg) & np.isfinite(reports.time_s) & (reports.time_s <= time_s + self.ahead_s)
         dropped = memory.dropped + int((~usable).sum())
         reports = reports.take(order[usable[order]])
-        whose = np.where(reports.contact >= 0, reports.sensor * CONTACTS + reports.contact, -1 - reports.sensor)
-        few = _evenly(whose, np.where(whose >= 0, MOST_NUMBERED, MOST_OWN))
+        few = _few(reports)
         left_out, reports = memory.left_out + int((~few).sum()), reports.take(few)
         numbered, own = reports.take(reports.contact >= 0), reports.take(reports.contact < 0)
         for rows in _rounds(numbered.sensor * CONTACTS + numbered.contact):
@@ -393,9 +395,45 @@ def _rounds(key: Ints) -> Iterator[Ints]:
         yield np.flatnonzero(rank == r)
 
 
+def _few(reports: BearingReports) -> Bools:
+    """Which reports to use, evenly chosen. (M,) Args: reports: sorted by time.
+
+    Of a numbered contact at most `MOST_NUMBERED`. Of other bearings of a sensor at most `MOST_LOOKS` whole looks with about `MOST_OWN`
+    bearings in all. The counts are for `SHARE_S`.
+    """
+    whose = np.where(reports.contact >= 0, reports.sensor * CONTACTS + reports.contact, -1 - reports.sensor)
+    sender, of = np.unique(whose, return_inverse=True)
+    own, count = sender < 0, np.bincount(of, minlength=len(sender))
+    if not (count > np.where(own, min(MOST_OWN, MOST_LOOKS), MOST_NUMBERED)).any():
+        return np.ones(len(reports), np.bool_)
+    begin_s, end_s = np.full(len(sender), np.inf), np.full(len(sender), -np.inf)
+    np.minimum.at(begin_s, of, reports.time_s)
+    np.maximum.at(end_s, of, reports.time_s)
+    shares = np.clip((end_s - begin_s) / SHARE_S, 1.0, MOST_SHARES)
+    most = (np.where(own, MOST_OWN, MOST_NUMBERED) * shares).astype(np.int64)
+    rows = np.flatnonzero(own[of])
+    look, at = _distinct(of[rows], reports.time_s[rows])
+    looks = np.bincount(look, minlength=len(sender))
+    most_looks = np.minimum((MOST_LOOKS * shares).astype(np.int64), np.maximum(most * looks // count, 1))
+    out = np.ones(len(reports), np.bool_)
+    out[rows] = _evenly(look, most_looks[look])[at]
+    out[out] = _evenly(of[out], most[of[out]])  # where one look has too many, or looks differ
+    return out
+
+
+def _distinct(key: Ints, time_s: Floats) -> tuple[Ints, Ints]:
+    """The key of each distinct pair of key and time, by key, then time, and which of these each row is. (L,), (M,)"""
+    order = np.lexsort((time_s, key))
+    key, time_s = key[order], time_s[order]
+    new = np.append(True, (key[1:] != key[:-1]) | (time_s[1:] != time_s[:-1]))[: len(key)]
+    at = np.empty(len(key), np.int64)
+    at[order] = np.cumsum(new) - 1
+    return key[new], at
+
+
 def _evenly(key: Ints, most: Ints) -> Bools:
     """Which rows to use: of each key at most so many, evenly chosen in their order. Args: (M,), (M,) the same for all rows of a key."""
-    if np.unique(key, return_counts=True)[1].max(initial=0) <= most.min(initial=MOST_OWN):
+    if np.unique(key, return_counts=True)[1].max(initial=0) <= most.min(initial=len(key)):
         return np.ones(len(key), np.bool_)
     order = np.argsort(key, kind="stable")
     first = np.searchsorted(key[order], key[order])
@@ -429,19 +467,8 @@ def _near_in_bearing(bearing_rad: Floats, half_rad: Floats, sensor: Ints, report
 
 
 def _looks(reports: BearingReports) -> Iterator[Ints]:
-    """Rows of the first look of every sensor, then of the second, and so on.
-
-    A look is the reports of one sensor at one time. Of more than `MOST_LOOKS` times it is those in a cell of a grid of time.
-    """
-    look, of = np.unique(np.column_stack([reports.sensor, reports.time_s]), axis=0, return_inverse=True)
-    sensor, of = look[:, 0].astype(np.int64), of.reshape(-1)
-    first, after = np.searchsorted(sensor, sensor), np.searchsorted(sensor, sensor, side="right")
-    rank = np.arange(len(look)) - first
-    many = np.flatnonzero(after - first > MOST_LOOKS)
-    if len(many):
-        begin_s, end_s = look[first[many], 1], look[after[many] - 1, 1]
-        cell = np.floor((look[many, 1] - begin_s) / (end_s - begin_s) * MOST_LOOKS).astype(np.int64)
-        rank[many] = np.minimum(cell, MOST_LOOKS - 1)
-    rank = rank[of]
-    for r in range(int(rank.max(initial=-1)) + 1):
-        yield np.flatnonzero(rank == r)
+    """Rows of the first look of every sensor, then of the second, and so on. A look is the reports of one sensor at one time."""
+    sensor, of = _distinct(reports.sensor, reports.time_s)
+    rank = (np.arange(len(sensor)) - np.searchsorted(sensor, sensor))[of]
+    order = np.argsort(rank, kind="stable")
+    yield from np.split(order, np.flatnonzero(np.diff(rank[order])) + 1) if len(order) else ()

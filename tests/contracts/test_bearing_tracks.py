@@ -20,8 +20,11 @@ from coastwatch.tracks.bearing import (
     MOST_LOOKS,
     MOST_NUMBERED,
     MOST_OWN,
+    MOST_SHARES,
+    SHARE_S,
     BearingWindow,
     _evenly,
+    _few,
     _looks,
     _near_in_bearing,
 )
@@ -312,35 +315,81 @@ def test_pairs_near_in_bearing_are_those_of_brute_force_or_the_nearest_of_them(s
             assert np.sort(off[k][got]) == pytest.approx(np.sort(off[k][wanted])[:MOST_GATED], abs=1e-9)
 
 
-def test_more_times_than_looks_in_a_cycle_are_looks_by_a_grid_and_tracks_are_kept() -> None:
-    sensors, method = bw.sensors_of(np.zeros((1, 2)), 7000.0, (0.0, 360.0)), BearingWindow()
-    cycles, rng = [], np.random.default_rng([32, 0])
-    for k in range(8):
-        turns = [3.0 * k + 0.3 * (j + 1) for j in range(10)]  # ten turns a cycle, each stamps its 60 boxes one by one
-        stamp = np.concatenate([turn - 0.29 * np.arange(60)[::-1] / 60 for turn in turns])
-        cycles.append(say(0, stamp, np.tile(6.0 * np.arange(60), 10) + rng.normal(0.0, 0.05, 600), -1))
-    assert len(np.unique(cycles[0].time_s)) > MOST_LOOKS
-    looks = list(_looks(cycles[0]))
-    assert len(looks) == MOST_LOOKS
-    assert np.sort(np.concatenate(looks)).tolist() == list(range(600))
-    _, tracks = play(method, cycles, sensors)
-    assert len(tracks) <= 60  # one of each time in the grid: no second track of a vessel
-    few = cycles[0].take(np.arange(MOST_LOOKS))
-    assert [rows.tolist() for rows in _looks(few)] == [[k] for k in range(MOST_LOOKS)]
+@pytest.mark.parametrize(
+    ("rate_hz", "period_s", "used"), [(5.0, 60.0, 300), (30.0, 3.0, 90), (30.0, 30.0, 900), (50.0, 3.0, 100)]
+)
+def test_one_target_is_one_track_at_any_rate_and_length_of_cycle(rate_hz: float, period_s: float, used: int) -> None:
+    sensors, rng = bw.sensors_of(np.zeros((1, 2)), 7000.0, (0.0, 360.0)), np.random.default_rng([34, 0])
+    count, cycles = round(rate_hz * period_s), []
+    for k in range(4):
+        stamp = period_s * k + (np.arange(count) + 1) / rate_hz
+        cycles.append(say(0, stamp, 40.0 + 0.02 * stamp + rng.normal(0.0, 0.1, count), -1))
+    memory, tracks = play(BearingWindow(), cycles, sensors, period_s)
+    assert len(tracks) == 1
+    assert memory.hits.max() >= 0.98 * 4 * used
+    assert abs(memory.left_out - 4 * (count - used)) <= 0.01 * 4 * used
 
 
-@pytest.mark.parametrize(("contact", "most"), [(-1, MOST_OWN), (3, MOST_NUMBERED)])
-def test_of_very_many_bearings_an_even_choice_is_used_and_the_rest_is_counted(contact: int, most: int) -> None:
+def test_of_more_looks_than_are_used_whole_looks_are_chosen() -> None:
+    stamp = np.repeat(np.arange(300) / 101.0, 4)  # four bearings at each of 300 times in a second less than a share
+    flood = say(0, stamp, np.tile([10.0, 100.0, 190.0, 280.0], 300), -1)
+    quiet = say(1, np.repeat(np.arange(5) / 2.0, 3), np.tile([10.0, 100.0, 190.0], 5), -1)
+    reports = BearingReports.join([flood, quiet])
+    reports = reports.take(np.lexsort((reports.sensor, reports.time_s)))
+    few = reports.take(_few(reports))
+    _, of_time = np.unique(few.time_s[few.sensor == 0], return_counts=True)
+    assert of_time.tolist() == [4] * MOST_LOOKS
+    assert (few.sensor == 1).sum() == 15
+    sensors = two_sensors()
+    memory, tracks = BearingWindow().step(BearingWindow().init(), reports, START + 3.0, sensors)
+    assert memory.left_out == 4 * (300 - MOST_LOOKS)
+    assert np.bincount(tracks.source - sensors.sonar_source(0)).tolist() == [4, 3]
+
+
+@pytest.mark.parametrize(("times", "each", "contact", "most"), [(60, 100, -1, MOST_OWN), (900, 1, 3, MOST_NUMBERED)])
+def test_of_very_many_bearings_an_even_choice_is_used_and_the_rest_is_counted(times, each, contact, most) -> None:
     sensors, method = two_sensors(), BearingWindow()
-    stamp = np.linspace(0.0, 2.9, 3 * most)
-    flood = say(0, stamp, np.full(len(stamp), 20.0), contact)
+    stamp, bearing = np.repeat(np.linspace(0.0, 2.9, times), each), np.tile(np.linspace(0.0, 350.0, each), times)
+    flood = say(0, stamp, bearing, contact)
     quiet = say(1, 1.0, 50.0, 3)
     together = BearingReports.join([flood, quiet])
-    memory, _tracks = method.step(method.init(), together, START + 3.0, sensors)
+    memory, tracks = method.step(method.init(), together, START + 3.0, sensors)
+    assert len(stamp) == 3 * most
     assert memory.left_out == 2 * most
     assert (memory.contact == 3).sum() == 1 + (contact >= 0)
-    memory, _ = method.step(memory, say(0, 3.0 + stamp[::3], np.full(most, 20.0), contact), START + 6.0, sensors)
+    assert len(tracks) == each + 1
+    again = np.flatnonzero(np.unique(stamp, return_inverse=True)[1] % 3 == 0)
+    memory, _ = method.step(memory, say(0, 3.0 + stamp[again], bearing[again], contact), START + 6.0, sensors)
     assert memory.left_out == 2 * most
+
+
+@pytest.mark.parametrize("contact", [-1, 3])
+def test_a_longer_cycle_takes_more_bearings_within_bounds(contact: int) -> None:
+    most = MOST_LOOKS if contact < 0 else MOST_NUMBERED
+    for span_s, shares in ((SHARE_S, 1.0), (4.5 * SHARE_S, 4.5), (MOST_SHARES * SHARE_S, MOST_SHARES), (1e9, MOST_SHARES)):
+        stamp = np.linspace(0.0, span_s, int(1.5 * MOST_SHARES * most))
+        reports = say(0, stamp, np.full(len(stamp), 20.0), contact)
+        assert _few(reports).sum() == pytest.approx(shares * most, abs=1)
+
+
+def test_one_look_with_too_many_bearings_is_thinned() -> None:
+    reports = say(0, 1.0, np.linspace(0.0, 359.0, 2 * MOST_OWN), -1)
+    assert np.flatnonzero(_few(reports)).tolist() == list(range(1, 2 * MOST_OWN, 2))
+
+
+@given(st.integers(0, 10**6), st.integers(0, 40))
+def test_looks_are_the_times_of_each_sensor_in_turn(seed: int, count: int) -> None:
+    rng = np.random.default_rng([seed, 35])
+    sensor, time_s = rng.integers(0, 3, count), np.sort(rng.integers(0, 9, count) / 3.0)
+    reports = say(sensor, time_s, np.full(count, 20.0), -1)
+    assert _few(reports).all()
+    looks = [rows.tolist() for rows in _looks(reports)]
+    times = [np.unique(time_s[sensor == k]) for k in range(3)]
+    wanted = [
+        [i for i in range(count) if r < len(times[sensor[i]]) and time_s[i] == times[sensor[i]][r]]
+        for r in range(max(map(len, times), default=0))
+    ]
+    assert looks == wanted
 
 
 @given(st.integers(0, 10**6), st.integers(0, 60))
