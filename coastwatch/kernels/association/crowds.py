@@ -169,6 +169,8 @@ def find_crowds(place: Records, rank: Ints, gate_m: float, most: int) -> Crowds:
         within, later = _places_within(position_m[row], source[row], counted, of_row, run, side_m, most, step == 0)
         if step == 0:
             missed[row[counted]] = later
+            rest = np.setdiff1d(np.flatnonzero(open_), row[counted])
+            missed[rest] -= np.maximum(missed[rest] - (len(key) - len(rest)), 0) // 2  # pairs of two of the rest count at both
         fits = within <= most
         missed[row[counted[fits]]] -= later[fits]
         done = open_[row] & (step == STEPS)
