@@ -18,7 +18,7 @@ from coastwatch.batches import Fault, Recording, Reports, Sensors
 from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario
 from coastwatch.server import clock
-from coastwatch.server.alarm_book import MOST_ENDED, Alarm, AlarmBook, known_of
+from coastwatch.server.alarm_book import MOST_ENDED, Alarm, AlarmBook, Chosen, known_of
 from coastwatch.server.checkpoint import CheckpointError, Point
 from coastwatch.server.live_picture import LivePicture, Statics, merge_statics, of_cycle, stored_statics, without_absent
 from coastwatch.server.live_writer import LiveWriter, WriterState
@@ -137,6 +137,9 @@ CAUGHT_UP_S = 30.0
 MOST_MERGES = 1000
 """Cycles with others merged in them that are remembered, to say for SHOWN_S how many there were."""
 
+MOST_LEFT = 5
+"""Runs whose alarms without an acknowledgement are said, since the process began."""
+
 MOST_STATICS = 200_000
 """Vessels whose names are kept; those of vessels that are not in the picture go first."""
 
@@ -179,6 +182,9 @@ class LiveRun:
         self._refused_zones: tuple[tuple[str, str], ...] = ()  # name, and why it is not watched
         self._sensors: Sensors | None = None
         self._writer: LiveWriter | None = None
+        self._takes_no_changes = False  # the thread of the run ends
+        self._next_writer = threading.Lock()  # while one takes over from the one before
+        self._left: deque[Trouble] = deque(maxlen=MOST_LEFT)  # alarms of earlier runs that nobody acknowledged
         self._begun = False
         self._cycles_before = 0  # when this attempt began
         self._left_out: dict[str, tuple[int, float]] = {}  # by stage: as of Cycle, and the time of the last cycle with any
@@ -300,6 +306,7 @@ class LiveRun:
             with store.open_store(self._given["database"], create=False) as opened:
                 self._statics = stored_statics(opened, run_id, MOST_STATICS)
                 known = known_of(store.alarms_before(opened, run_id, events.time_s, MOST_ENDED), events)
+        self._note_left(run_id)
         self.alarms.begin(run_id, known)
 
     def behind(self, until_s: float) -> int:
@@ -365,17 +372,51 @@ class LiveRun:
             if self._publisher is not None and record.for_centres.message is not None:
                 self._publisher.written(run_id, record.number, record.for_centres.message)
 
-        with LiveWriter(watch, write, announce, catches_up=lambda: self._catches_up) as made:
+        with self._next_writer:
+            made = LiveWriter(watch, write, announce, catches_up=lambda: self._catches_up, before=self._writer)
             self._writer = made
+        with made:
             yield made
 
     def later(self, job: Callable[[], Any]) -> Future[Any]:
-        """Have a change by an operator written after the cycles until now. Raises: NotRunning: there is no run."""
-        if self._writer is None or self.ended:
-            raise NotRunning("there is no run that could write the change")
-        return self._writer.later(job)
+        """Have a change by an operator written after the cycles until now. While the run is begun again it waits for that.
+
+        Raises: NotRunning: there is no run.
+        """
+        with self._next_writer:
+            if self._writer is None or self._takes_no_changes or self.ended:
+                raise NotRunning("there is no run that could write the change")
+            return self._writer.later(job)
+
+    def left_alarms(self) -> list[Trouble]:
+        """Earlier runs of this process whose alarms are not shown any more, though nobody acknowledged them."""
+        return list(self._left)
+
+    def _note_left(self, run_id: int) -> None:
+        """Note the alarms of the run so far that nobody acknowledged. Args: run_id: of the run that takes its place."""
+        before, left = self.alarms.run_id, len(self.alarms.alarms(Chosen(unacknowledged=True)))
+        if before in (-1, run_id) or not left:
+            return
+        with store.open_store(self._given["database"], create=False) as opened:
+            try:
+                store.run(opened, before)
+                where = f"coastwatch query alarms --run {before}"
+            except StoreError:
+                where = "the run was deleted"
+        said = f"run {before} had {left} alarms that nobody acknowledged: {where}"
+        LOG.warning(said)
+        self._left.append(Trouble("alarms", str(before), clock.now_s(), said, False))
 
     def _run(self) -> None:
+        try:
+            self._attempts()
+        finally:
+            with self._next_writer:
+                self._takes_no_changes = True
+                if self._writer is not None:
+                    self._writer.end_changes(NotRunning("the run has ended before the change could be written"))
+
+    def _attempts(self) -> None:
         def progress(done: int, total: int, text: str) -> None:
             if not done and not self.cycles:
                 self._said = text

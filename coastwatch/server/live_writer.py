@@ -15,10 +15,13 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
+import numpy as np
+
+from coastwatch.batches import AisStatics, EventChanges
 from coastwatch.batches.struct import size_bytes
 from coastwatch.server.timing import Stopwatch
 from coastwatch.server.writer import STAGE
-from coastwatch.store import CycleRecord, ForCentres, NoSuchRunError, SkippedCycle, StoreError, Written
+from coastwatch.store import CycleRecord, ForCentres, Intake, NoSuchRunError, SkippedCycle, StoreError, Written
 
 LOG = logging.getLogger("coastwatch.serve")
 
@@ -28,8 +31,11 @@ MOST_WAITING, MOST_BYTES = 40, 256 << 20
 MOST_EVENTS, MOST_MESSAGES = 200_000, 200
 """Of skipped cycles: events, and messages for other centres, that wait. The oldest go first."""
 
+MOST_NAMED, MOST_COUNTED = 200_000, 20_000
+"""Of skipped cycles: messages with names that wait, and cycles with counts of their own. The oldest go first, or are counted together."""
+
 MOST_LATER, MOST_ATTEMPTS = 10_000, 5
-"""Changes by operators that wait for the database, and how often one is tried that the database refuses."""
+"""Changes by operators that wait for the database, and how often one is tried that is refused while cycles are written."""
 
 ROOM, ROOM_S = 20, 1.0
 """A run that catches up waits while more cycles than this wait, unless the one in writing takes longer than this."""
@@ -61,7 +67,11 @@ class _Waiting:
     size_bytes: int
 
 
-@dataclass
+class NotYetStored(StoreError):
+    """Raised by a change whose subject is not stored yet: it is tried again after the next cycle."""
+
+
+@dataclass(eq=False)
 class _Later:
     """A change by an operator, to be written once the cycles up to a number are."""
 
@@ -69,6 +79,15 @@ class _Later:
     job: Callable[[], Any]
     done: Future[Any]
     attempts: int = 0
+    written: int = -2  # the newest cycle that was written at the last attempt; -2: there was none
+
+
+@dataclass(frozen=True)
+class _Counted(SkippedCycle):
+    """Skipped cycles up to a number that are counted together. Nothing but their rows is left of them."""
+
+    first: int = 0  # number and instant of the first one
+    first_s: float = 0.0
 
 
 class LiveWriter:
@@ -81,18 +100,23 @@ class LiveWriter:
         announce: Callable[[CycleRecord], None],
         retry_s: Sequence[float] = RETRY_S,
         catches_up: Callable[[], bool] = lambda: False,
+        before: LiveWriter | None = None,
     ) -> None:
         """Args:
         write: may raise StoreError. announce: called once for each record, when it is written or the database is away.
         catches_up: whether the run computes cycles faster than time passes. It may wait then, so that none is skipped.
+        before: the writer of the attempt before. Its counts go on here. Changes that wait in it are written after the first record.
         """
-        self.state = WriterState()
+        was = WriterState() if before is None else before.state
+        self.state = WriterState(not_stored=was.not_stored, failures=was.failures, forgotten=was.forgotten)
         self.lost: NoSuchRunError | None = None  # the run was deleted: nothing can be written of it any more
         self._watch, self._write, self._announce, self._retry_s = watch, write, announce, tuple(retry_s)
         self._catches_up, self._writing_since_s = catches_up, time.monotonic()
         self._waiting: deque[_Waiting] = deque()
         self._carried: tuple[SkippedCycle, ...] = ()  # from before the records that wait
-        self._later: deque[_Later] = deque()
+        self._later: deque[_Later] = (
+            deque() if before is None else deque(replace(one, after=0, written=-2) for one in before._handed_over())
+        )
         self._newest = self._written = self._announced = -1  # numbers of cycles
         self._failed_in_a_row = 0
         self._changed = threading.Condition()
@@ -109,6 +133,9 @@ class LiveWriter:
             self._close_by_s = time.monotonic() + CLOSE_S
             self._changed.notify_all()
         self._thread.join()
+        self.state.forgotten += sum(len(part.events) for part in self._carried)
+        for one in self._waiting:
+            self.state.forgotten += sum(len(part.events) for part in (*one.record.merged, one.record.cycle))
         if self._waiting and kind is None:
             raise StoreError(f"{len(self._waiting)} cycles could not be stored at the end: {self.state.error}")
 
@@ -144,14 +171,35 @@ class LiveWriter:
             self._announce_waiting()
 
     def later(self, job: Callable[[], Any]) -> Future[Any]:
-        """Have a job run in the thread that writes, once all cycles until now are written."""
-        made = _Later(self._newest, job, Future())
+        """Have a job run in the thread that writes, once all cycles until now are written. A closed writer keeps it for the next one.
+
+        Args: job: may raise NotYetStored, to be run again after the next cycle.
+        """
         with self._changed:
+            made = _Later(self._newest, job, Future())
             self._later.append(made)
             if len(self._later) > MOST_LATER:
                 self._give_up(self._later.popleft(), StoreError(f"more than {MOST_LATER} changes wait for the database"))
             self._changed.notify_all()
         return made.done
+
+    def end_changes(self, error: StoreError) -> None:
+        """Try the changes that wait in a closed writer once more, until the database refuses one. Give up the rest. Args: error: for these."""
+        away = self.state.error is not None
+        for one in self._handed_over():
+            try:
+                if away or (self._waiting and one.after > self._written):
+                    raise error
+                _finish(one, one.job())
+            except Exception as refused:
+                away = away or refused.__cause__ is not None
+                self._give_up(one, refused)
+
+    def _handed_over(self) -> deque[_Later]:
+        """The changes that wait. They are not here any more."""
+        with self._changed:
+            taken, self._later = self._later, deque()
+        return taken
 
     def _skip(self) -> None:
         """Keep the picture of the newest record alone where too much waits. The first record may be in writing: it stays."""
@@ -167,8 +215,8 @@ class LiveWriter:
     def _run(self) -> None:
         while self._has_work():
             try:
-                if self._due():
-                    self._do_later()
+                if (due := self._due()) is not None:
+                    self._do_later(due)
                 else:
                     self._write_first()
                 with self._changed:
@@ -191,6 +239,7 @@ class LiveWriter:
             self.state.forgotten += sum(len(one.record.cycle.events) for one in self._waiting)
             self.state.not_stored += len(self._waiting)
             self.lost, self.state.waiting, self._carried = error, 0, ()
+            self._written = self._newest  # changes that wait for its cycles wait no longer
             self._waiting.clear()
             self._changed.notify_all()
         self._failed(str(error))
@@ -198,23 +247,23 @@ class LiveWriter:
     def _has_work(self) -> bool:
         """Wait for work. Returns: False: all is done, and the writer is to close."""
         with self._changed:
-            while not (self._waiting or self._due()):
+            while not self._waiting and self._due() is None:
                 if self._close_by_s is not None:
                     return False
                 self._changed.wait()
             return True
 
-    def _due(self) -> bool:
-        """Whether a job is to be done before the next record. After a failure records come first: they show that the database is back."""
-        if not self._later or (self._failed_in_a_row and self._waiting):
-            return False
-        return self._later[0].after <= self._written or not self._waiting
+    def _due(self) -> _Later | None:
+        """The job that is to be done before the next record. After a failure records come first: they show that the database is back."""
+        if self._failed_in_a_row and self._waiting:
+            return None
+        return next((one for one in self._later if one.after <= self._written), None)
 
     def _write_first(self) -> None:
         """Raises: StoreError."""
         record = self._waiting[0].record
         began_s, self._writing_since_s = time.perf_counter(), time.monotonic()
-        written = self._write(replace(record, merged=(*self._carried, *record.merged)))
+        written = self._write(replace(record, merged=_rows((*self._carried, *record.merged))))
         self._watch.late(STAGE, time.perf_counter() - began_s)
         with self._changed:
             self._waiting.popleft()
@@ -224,25 +273,33 @@ class LiveWriter:
             self._changed.notify_all()
         self._announce_one(record)
 
-    def _do_later(self) -> None:
+    def _do_later(self, one: _Later) -> None:
         """Raises: StoreError: the database may be away."""
-        waiting = self._later[0]
-        waiting.attempts += 1
         try:
-            made = waiting.job()
-            if not waiting.done.cancelled():
-                waiting.done.set_result(made)
+            _finish(one, one.job())
         except Exception as error:
-            if isinstance(error, StoreError) and waiting.attempts < MOST_ATTEMPTS:
+            if self._may_try_again(one, error):
+                if isinstance(error, NotYetStored):
+                    return
                 raise
-            self._give_up(waiting, error)
-        with self._changed:
-            self._later.popleft()
+            self._give_up(one, error)
+        with self._changed, suppress(ValueError):  # it was given up for want of room
+            self._later.remove(one)
 
-    def _give_up(self, waiting: _Later, error: Exception) -> None:
+    def _may_try_again(self, one: _Later, error: Exception) -> bool:
+        """Whether a job that failed is tried again. Errors of a driver count only where cycles were written between them."""
+        if not isinstance(error, StoreError) or isinstance(error, NoSuchRunError):
+            return False
+        if one.written != self._written or error.__cause__ is None:
+            one.attempts, one.written = one.attempts + 1, self._written
+        if isinstance(error, NotYetStored):
+            one.after = self._written + 1
+        return one.attempts < MOST_ATTEMPTS
+
+    def _give_up(self, one: _Later, error: Exception) -> None:
         self.state.forgotten += 1
-        if not waiting.done.cancelled():
-            waiting.done.set_exception(error)
+        if not one.done.done():
+            one.done.set_exception(error)
 
     def _drop_first(self) -> None:
         """Leave the picture of the first record; if the rest of it fails too, all of it."""
@@ -253,7 +310,13 @@ class LiveWriter:
             carried = (*self._carried, *record.merged, record.skipped())
             if self._failed_in_a_row > 1:
                 self.state.forgotten += sum(len(one.events) for one in carried)
-                carried = tuple(SkippedCycle(one.number, one.time_s, one.why, one.counts) for one in carried)
+                nothing = {
+                    "events": EventChanges.empty(),
+                    "statics": AisStatics.empty(),
+                    "heard": {},
+                    "for_centres": ForCentres(),
+                }
+                carried = tuple(replace(one, **nothing) for one in carried)  # type: ignore[arg-type]
             self._carried, self._written = carried, record.number
             self.state.not_stored += 1
             self.state.waiting = len(self._waiting)
@@ -294,16 +357,75 @@ class LiveWriter:
             self._announce(record)
 
 
+def _finish(one: _Later, made: Any) -> None:
+    if not one.done.done():
+        one.done.set_result(made)
+
+
 def _bounded(skipped: list[SkippedCycle], state: WriterState) -> list[SkippedCycle]:
-    """Skipped cycles without what has no room: the oldest events, and the oldest messages for other centres."""
-    events, out = 0, []
+    """Skipped cycles without what has no room: the oldest events, messages for other centres, names and counts.
+
+    Names are those of the newest cycle, one a vessel.
+    """
+    events, out = 0, list[SkippedCycle]()
     for age, one in enumerate(reversed(skipped)):
-        kept = one
+        kept = replace(one, statics=AisStatics.empty())
         events += len(one.events)
         if events > MOST_EVENTS and len(one.events):
             state.forgotten += len(one.events)
-            kept = replace(kept, events=type(one.events).empty())
+            kept = replace(kept, events=EventChanges.empty())
         if age >= MOST_MESSAGES and one.for_centres.message is not None:
             kept = replace(kept, for_centres=ForCentres(None, one.for_centres.intake))
-        out.append(kept)
+        if age >= MOST_COUNTED and out and _is_bare(kept) and _is_bare(out[-1]) and kept.why == out[-1].why:
+            out[-1] = _together(kept, out[-1])
+        else:
+            out.append(kept)
+    if out:
+        out[0] = replace(out[0], statics=_newest_names([one.statics for one in skipped], state))
     return out[::-1]
+
+
+def _newest_names(parts: list[AisStatics], state: WriterState) -> AisStatics:
+    """The newest message of each vessel and of each pattern of fields that it gives, at most MOST_NAMED of them.
+
+    A message that leaves fields out erases nothing: messages with other fields stay beside it.
+    """
+    every = AisStatics.join(parts)
+    numbers, texts = (every.ship_type >= 0, ~np.isnan(every.length_m), ~np.isnan(every.beam_m)), (every.name, every.call_sign)
+    given = np.array([*numbers, *(text != "" for text in texts)])
+    fields = (given.T * (1 << np.arange(len(given)))).sum(axis=1)
+    backwards = np.lexsort((-np.arange(len(every)), fields, every.mmsi))
+    first = np.append(True, (np.diff(every.mmsi[backwards]) != 0) | (np.diff(fields[backwards]) != 0))[: len(every)]
+    newest = np.sort(backwards[first])
+    state.forgotten += max(len(newest) - MOST_NAMED, 0)
+    return every.take(newest[-MOST_NAMED:])
+
+
+def _is_bare(one: SkippedCycle) -> bool:
+    """Whether a skipped cycle has nothing that is of it alone."""
+    return not len(one.events) and one.for_centres.message is None
+
+
+def _together(older: SkippedCycle, newer: SkippedCycle) -> _Counted:
+    """Two cycles, or rows of cycles, that follow each other, counted together."""
+    counts = {name: older.counts.get(name, 0) + count for name, count in newer.counts.items()}
+    first, first_s = (older.first, older.first_s) if isinstance(older, _Counted) else (older.number, older.time_s)
+    used: dict[tuple[str, str], Intake] = {}
+    for one in (*older.for_centres.intake, *newer.for_centres.intake):
+        before = used.pop((one.region, one.region_run), one._replace(late=0))
+        used[one.region, one.region_run] = one._replace(first_seq=before.first_seq, late=before.late + one.late)
+    kept = {"heard": older.heard | newer.heard, "for_centres": ForCentres(None, tuple(used.values()))}
+    return _Counted(newer.number, newer.time_s, newer.why, counts, **kept, first=first, first_s=first_s)  # type: ignore[arg-type]
+
+
+def _rows(skipped: Sequence[SkippedCycle]) -> tuple[SkippedCycle, ...]:
+    """Skipped cycles as they are written. Of those that are counted together the last one has the counts."""
+    return tuple(row for one in skipped for row in (_apart(one) if isinstance(one, _Counted) else (one,)))
+
+
+def _apart(of: _Counted) -> Sequence[SkippedCycle]:
+    times_s = np.linspace(of.first_s, of.time_s, of.number - of.first + 1)[:-1].tolist()
+    none = dict.fromkeys(of.counts, 0)
+    empty = EventChanges.empty(), AisStatics.empty(), dict[tuple[str, int], float](), ForCentres()
+    before = [SkippedCycle(of.first + k, time_s, of.why, none, *empty) for k, time_s in enumerate(times_s)]
+    return *before, SkippedCycle(of.number, of.time_s, of.why, of.counts, of.events, of.statics, of.heard, of.for_centres)

@@ -7,6 +7,8 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import httpx
 import pytest
@@ -18,6 +20,7 @@ from coastwatch.operators.api.service import Service
 from coastwatch.operators.cli.arguments import utc
 from coastwatch.scenario import load_scenario
 from coastwatch.server import clock
+from coastwatch.server.alarm_book import Alarm
 from coastwatch.server.live import LiveRun, Paced
 from coastwatch.server.live_picture import stored_statics
 from coastwatch.store.schema import database
@@ -218,3 +221,31 @@ def test_cycles_are_merged_where_computing_each_leaves_the_picture_behind(
     vars(run)["_spacing_s"] = cycle_s
     monkeypatch.setattr(clock, "now_s", lambda: 1e9 + late_s)
     assert run.behind(1e9) == merged
+
+
+def test_alarms_of_an_earlier_run_that_nobody_acknowledged_are_said_when_a_new_one_takes_its_place(tmp_path: Path) -> None:
+    import store_world as world
+
+    url = f"sqlite:///{tmp_path / 'sea.db'}"
+    with store.open_store(url) as opened:
+        first = world.begin(opened)
+    run = LiveRun(load_scenario("guanabara"), Paced(), lambda _: None, database=url)
+    point: Any = SimpleNamespace(cycle=0, memory=SimpleNamespace(centre=SimpleNamespace(events=None)))
+    none = (None,) * 2
+    alarms = [
+        Alarm(k, "dark", 0, 1.0, 2.0, 0, *none, 0.0, 0.0, None, "why", *((by, 3.0, "") if by else (None,) * 3))
+        for k, by in ((1, None), (2, None), (3, "Ana"))
+    ]
+    run.begun(first, point)
+    assert run.left_alarms() == []
+    run.alarms.begin(first, alarms)
+    run.begun(first, point)
+    assert run.left_alarms() == [], "the run goes on"
+    run.alarms.begin(first, alarms)
+    run.begun(first + 1, point)
+    (said,) = run.left_alarms()
+    assert (said.kind, said.is_serious) == ("alarms", False)
+    assert said.text == f"run {first} had 2 alarms that nobody acknowledged: coastwatch query alarms --run {first}"
+    run.alarms.begin(first + 1, alarms[:1])
+    run.begun(first + 2, point)
+    assert [one.text.split(": ")[1] for one in run.left_alarms()] == [said.text.split(": ")[1], "the run was deleted"]

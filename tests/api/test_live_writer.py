@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 import threading
 import time
 from collections.abc import Callable
@@ -14,10 +15,14 @@ import store_world as world
 from server_world import wait_for
 
 from coastwatch import store
-from coastwatch.batches import EventChanges, Flag
-from coastwatch.scenario import StoreSettings
+from coastwatch.batches import AisStatics, EventChanges, Flag
+from coastwatch.operators.api import service as api_service
+from coastwatch.operators.api.service import Service
+from coastwatch.scenario import StoreSettings, load_scenario
 from coastwatch.server import live_writer
-from coastwatch.server.live_writer import LiveWriter
+from coastwatch.server.alarm_book import AlarmBook
+from coastwatch.server.live import LiveRun, NotRunning, Paced
+from coastwatch.server.live_writer import LiveWriter, NotYetStored
 from coastwatch.server.timing import Stopwatch
 from coastwatch.store import CycleRecord, Store, StoreError, Written
 from coastwatch.store.schema.migrate import check
@@ -257,3 +262,168 @@ def test_the_end_waits_for_what_can_be_written_and_says_what_cannot(
 
 def test_no_events_is_what_empty_means() -> None:
     assert len(EventChanges.empty()) == 0
+
+
+def test_what_is_acknowledged_before_its_cycle_is_handed_over_is_written_after_it(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A cycle shows its alarms before its record is put: an operator may be faster."""
+    monkeypatch.setattr(api_service, "WAIT_FOR_STORE_S", 0.05)
+    memory: dict[int, object] = {}
+    service, book = Service(database.store), AlarmBook()
+    book.begin(database.run_id)
+    with writer_of(database) as writer:
+        service.source = type("Source", (), {"alarms": book, "later": staticmethod(writer.later)})()
+        writer.put(record(0, memory))
+        wait_for(lambda: writer.is_idle)
+        for number, vessel in ((1, A), (2, B)):
+            one = record(number, memory, flagged=vessel)
+            book.take(one.cycle.events)
+            (alarm,) = [alarm for alarm in book.alarms() if alarm.vessel_id == vessel]
+            if vessel == A:
+                assert service.acknowledge(alarm.alarm_id, "Ana", "", "loopback") is not None
+            else:
+                assert service.acknowledge_all(DARK, "Bia", "", "loopback") == 1
+            writer.put(one)
+            wait_for(lambda: writer.is_idle)
+        other = writer.later(lambda: 7)
+        assert other.result(10.0) == 7
+        assert writer.state.forgotten == 0
+    found = database.rows("SELECT vessel_id, acknowledged_by FROM acknowledgement ORDER BY vessel_id")
+    assert found == [(B, "Bia"), (A, "Ana")]
+
+
+def test_a_change_whose_subject_is_never_stored_is_given_up_and_holds_up_no_other(database: Database) -> None:
+    memory: dict[int, object] = {}
+    tries: list[int] = []
+
+    def never() -> None:
+        tries.append(1)
+        raise NotYetStored("no such alarm")
+
+    with writer_of(database) as writer:
+        said = writer.later(never)
+        assert writer.later(lambda: 7).result(10.0) == 7
+        for number in range(2 * live_writer.MOST_ATTEMPTS):
+            writer.put(record(number, memory))
+            wait_for(lambda: writer.is_idle)
+        with pytest.raises(NotYetStored):
+            said.result(10.0)
+        assert (len(tries), writer.state.forgotten) == (live_writer.MOST_ATTEMPTS, 1)
+
+
+def test_a_change_waits_for_a_database_that_is_away_however_often_it_refuses_at_once(database: Database) -> None:
+    tries: list[int] = []
+
+    def locked() -> int:
+        tries.append(1)
+        if len(tries) <= 3 * live_writer.MOST_ATTEMPTS:
+            raise StoreError("database is locked") from sqlite3.OperationalError("database is locked")
+        return 7
+
+    with writer_of(database) as writer:
+        assert writer.later(locked).result(20.0) == 7
+        assert writer.state.forgotten == 0
+
+
+def test_a_change_that_the_driver_refuses_while_cycles_are_written_is_given_up(database: Database) -> None:
+    memory: dict[int, object] = {}
+
+    def wrong() -> None:
+        with store.schema.database.writing(database.store) as connection:
+            connection.exec_driver_sql("SELECT * FROM nothing")
+
+    with writer_of(database) as writer:
+        said, number = writer.later(wrong), 0
+        while not said.done() and number < 100:
+            writer.put(record(number, memory))
+            wait_for(lambda: writer.is_idle)
+            time.sleep(0.05)
+            number += 1
+        with pytest.raises(StoreError, match="nothing"):
+            said.result(0.0)
+        assert writer.later(lambda: 7).result(10.0) == 7
+
+
+def test_a_change_between_two_attempts_of_a_run_is_written_by_the_next_and_what_is_lost_is_counted(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live_writer, "CLOSE_S", 0.05)
+    monkeypatch.setattr(LiveRun, "ended", False)
+    run = LiveRun(load_scenario("guanabara"), Paced(), lambda _: None, database="")
+    memory: dict[int, object] = {}
+    with pytest.raises(NotRunning):
+        run.later(lambda: 7)
+    with run.writer(1, Stopwatch(), database.write) as writer:
+        writer.put(record(0, memory))
+        wait_for(lambda: writer.is_idle)
+    said = run.later(lambda: 7)
+    with pytest.raises(StoreError, match="1 cycles"), run.writer(1, Stopwatch(), database.write) as writer:
+        database.away = StoreError("disk full")
+        writer.put(record(1, dict(memory), flagged=A))
+    assert run.counts()["store_forgotten"] == 1, "an event of a cycle that was not written"
+    assert not said.done()
+    database.away = None
+    with run.writer(1, Stopwatch(), database.write) as writer:
+        assert run.counts()["store_forgotten"] == 1
+        assert not said.done(), "of a run that goes on from a checkpoint, cycles are replaced first"
+        writer.put(record(1, memory))
+        assert said.result(10.0) == 7
+
+
+def test_changes_that_wait_when_a_run_ends_for_good_are_tried_once_more(database: Database) -> None:
+    with writer_of(database) as writer:
+        pass
+
+    def refused() -> None:
+        raise StoreError("database is locked") from sqlite3.OperationalError("database is locked")
+
+    done, locked, last = writer.later(lambda: 7), writer.later(refused), writer.later(lambda: 8)
+    writer.end_changes(NotRunning("the run has ended"))
+    assert done.result(0.0) == 7
+    with pytest.raises(StoreError, match="locked"):
+        locked.result(0.0)
+    with pytest.raises(NotRunning):
+        last.result(0.0)
+    assert writer.state.forgotten == 2
+
+
+def test_what_waits_of_skipped_cycles_is_bounded_and_no_cycle_is_without_its_row(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in (("MOST_WAITING", 5), ("MOST_COUNTED", 4), ("MOST_NAMED", 10)):
+        monkeypatch.setattr(live_writer, name, value)
+    memory: dict[int, object] = {}
+    with writer_of(database) as writer:
+        writer.put(record(0, memory))
+        wait_for(lambda: writer.is_idle)
+        database.away = StoreError("disk full")
+        for number in range(1, 61):
+            one = record(number, memory, flagged=A if number in (3, 4) else None)
+            used = store.Intake("north", "n1", number, number, 1)
+            writer.put(replace(one, for_centres=store.ForCentres(None, (used,))))
+        merged = vars(writer)["_waiting"][-1].record.merged
+        assert len(merged) <= 4 + 5 + 5, "bounds, two events with cycles between them, and cycles since the last merge"
+        assert sum(len(one.statics) for one in merged) <= 10
+        database.away = None
+        wait_for(lambda: writer.is_idle, 30.0)
+        skipped = writer.state.not_stored
+    rows = database.rows("SELECT number, skipped, reports, time_s FROM cycle ORDER BY number")
+    assert [row[0] for row in rows] == list(range(61))
+    assert [row[3] for row in rows] == pytest.approx([world.instant_s(number) for number in range(61)], abs=1e-6, rel=0.0)
+    assert sum(row[1] == "not_stored" for row in rows) == skipped
+    assert database.rows("SELECT vessel_id, from_cycle, to_cycle FROM event") == [(A, 3, 4)]
+    used = "SELECT min(first_seq), max(last_seq), sum(late) FROM region_intake"
+    assert database.rows(used) == [(1, 60, 60)]
+    assert check(str(database.store.engine.url)) == []
+
+
+def test_of_names_the_newest_of_each_field_are_kept() -> None:
+    def heard(at_s: float, mmsi: int, name: str, length_m: float) -> AisStatics:
+        texts = np.array([name], "U20"), np.array([""], "U7")
+        return AisStatics(np.array([at_s]), np.array([mmsi]), *texts, np.array([-1]), np.array([length_m]), np.array([np.nan]))
+
+    parts = [heard(1.0, 7, "OLD", 9.0), heard(2.0, 7, "NEW", 10.0), heard(3.0, 8, "B", np.nan), heard(4.0, 7, "", 11.0)]
+    skipped = [store.SkippedCycle(k, float(k), "not_stored", {}, statics=part) for k, part in enumerate(parts)]
+    kept = AisStatics.join([one.statics for one in live_writer._bounded(skipped, live_writer.WriterState())])
+    assert kept.received_s.tolist() == [2.0, 3.0, 4.0]

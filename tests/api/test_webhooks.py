@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import threading
 from collections.abc import Iterator
@@ -15,6 +16,8 @@ from server_world import listening, wait_for
 from test_alarms import raise_alarm
 
 from coastwatch.batches import AlarmKind
+from coastwatch.operators.api import webhooks
+from coastwatch.operators.api.metrics import Metrics
 from coastwatch.operators.api.webhook_settings import WebHook, checked, secret_of, signature
 from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.cli.serving import Followed
@@ -114,3 +117,44 @@ def test_a_secret_is_the_first_line_of_a_file(tmp_path: Path) -> None:
     file.write_text("\n")
     with pytest.raises(BadInput, match="needed the secret"):
         secret_of(str(file))
+
+
+@pytest.mark.parametrize(
+    ("head", "status"),
+    [(b"HTTP/1.1 200 OK\r\nX-Slow: ", 0), (b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n", 200)],
+)
+@pytest.mark.parametrize(("piece", "every_s"), [(b"1\r\na\r\n", 0.02), (b"4000\r\n" + b"a" * 0x4000 + b"\r\n", 0.0)])
+def test_a_receiver_whose_answer_does_not_end_holds_up_no_other_message(
+    head: bytes, status: int, piece: bytes, every_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A time for each read alone is never over where a byte comes now and then."""
+    monkeypatch.setattr(webhooks, "TIME_OUT_S", 0.5)
+    if not status:
+        piece = b"a"
+    service: Any = type("Service", (), {"metrics": Metrics()})()
+
+    async def answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await reader.readuntil(b"\r\n\r\n")
+        writer.write(head)
+        try:
+            while True:
+                writer.write(piece)
+                await writer.drain()
+                await asyncio.sleep(every_s)
+        except OSError:
+            pass
+        finally:
+            writer.close()
+
+    async def main() -> int:
+        server = await asyncio.start_server(answer, "127.0.0.1", 0)
+        hook = WebHook(f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}/")
+        sender = webhooks._Sender(hook, service, ())
+        client = vars(sender)["_client"]
+        try:
+            return await asyncio.wait_for(sender._post(client, webhooks._Message(0, 1, "a-opened", b"{}")), 5.0)
+        finally:
+            await client.aclose()
+            server.close()
+
+    assert asyncio.run(main()) == status

@@ -22,6 +22,7 @@ from coastwatch.server.alarm_book import Alarm, AlarmBook, Chosen, key_of
 from coastwatch.server.feeds.outgoing import OutFeed
 from coastwatch.server.live import RunAbout
 from coastwatch.server.live_picture import LivePicture
+from coastwatch.server.live_writer import NotYetStored
 from coastwatch.server.regions.publisher import Publisher
 from coastwatch.server.run import version
 from coastwatch.server.troubles import Trouble
@@ -214,9 +215,15 @@ class Service:
         key, by = key_of(alarm_id), Acknowledgement(time.time(), name, note, who)
         if key is None:
             return None
-        alarm, run_id = self.book.acknowledge(alarm_id, by), self.run_id()
+        alarm = self.book.acknowledge(alarm_id, by)
+        run_id = self.run_id() if alarm is None else self.book.run_id  # its first alarms are here before its first picture
+
+        def job() -> None:
+            if not store.acknowledge(self.store, run_id, key, by) and alarm is not None:
+                raise NotYetStored(f"alarm {alarm_id} is not stored")  # its cycle is about to be
+
         try:
-            self.write(partial(store.acknowledge, self.store, run_id, key, by))
+            self.write(job)
         except StoreError:
             if alarm is None:
                 raise
@@ -229,8 +236,18 @@ class Service:
         """Acknowledge every alarm of these beginnings that nobody has acknowledged. Returns: how many. Raises: StoreError."""
         by = Acknowledgement(time.time(), name, note, who)
         in_memory = self.book.acknowledge_all(chosen, by, SAME_START_S)
+        run_id = self.book.run_id if in_memory else self.run_id()
+        written = 0
+
+        def job() -> int:
+            nonlocal written
+            written += store.acknowledge_all(self.store, run_id, chosen, by)
+            if written < in_memory:
+                raise NotYetStored(f"{in_memory - written} alarms are not stored")  # their cycle is about to be
+            return written
+
         with suppress(WrittenLater):
-            return max(in_memory, self.write(partial(store.acknowledge_all, self.store, self.run_id(), chosen, by)))
+            return max(in_memory, self.write(job))
         return in_memory
 
     def troubles(self) -> list[Trouble]:

@@ -20,6 +20,11 @@ from coastwatch.server.alarm_book import Change
 
 LOG = logging.getLogger("coastwatch.serve")
 WAITING, TIME_OUT_S = 50_000, 10.0
+"""Messages that wait for one hook, and how long it may take to answer one."""
+
+MOST_ANSWER = 1 << 14
+"""Bytes of the text of an answer that are read. None of them is used."""
+
 RETRY_AFTER_S = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 60.0)
 MOST_DISTRESS = 50
 """Messages of distress that are sent beside the others. More of them wait in their line, and are first there."""
@@ -125,10 +130,18 @@ class _Sender:
         headers = {"Content-Type": "application/json", "X-Coastwatch-Delivery": message.name, "X-Coastwatch-Timestamp": stamp}
         if self.hook.secret:
             headers["X-Coastwatch-Signature"] = signature(self.hook.secret, stamp, message.body)
-        try:
-            return (await client.post(self.hook.url, content=message.body, headers=headers)).status_code
-        except (httpx.HTTPError, httpx.InvalidURL, OSError):
-            return 0
+        status = 0
+        with suppress(httpx.HTTPError, httpx.InvalidURL, OSError):  # a timeout is an OSError
+            async with (
+                asyncio.timeout(TIME_OUT_S),
+                client.stream("POST", self.hook.url, content=message.body, headers=headers) as answer,
+            ):
+                status, size = answer.status_code, 0
+                async for part in answer.aiter_raw():  # a short answer is read, so that the connection can be used again
+                    size += len(part)
+                    if size > MOST_ANSWER:
+                        break
+        return status
 
 
 @asynccontextmanager

@@ -168,6 +168,7 @@ def _serve_run(options: argparse.Namespace, guard: Guard, outs: list[OutAddress]
         given = {"database": options.db, "workers": options.workers, "resume": resume, "publisher": service.publisher}
         run = LiveRun(scenario, source, service.receive, **given)
         service.source, run.on_failed = run, lambda: service.end()
+        service.asked.append(run.left_alarms)
         if service.publisher is not None:
             service.journals = _journals(options, scenario, service.publisher, stack)
         with run, logs.Watch(service):
