@@ -107,16 +107,15 @@ class LiveWriter:
         catches_up: whether the run computes cycles faster than time passes. It may wait then, so that none is skipped.
         before: the writer of the attempt before. Its counts go on here. Changes that wait in it are written after the first record.
         """
-        was = WriterState() if before is None else before.state
-        self.state = WriterState(not_stored=was.not_stored, failures=was.failures, forgotten=was.forgotten)
+        was: WriterState = WriterState() if before is None else before.state
+        self.state: WriterState = WriterState(not_stored=was.not_stored, failures=was.failures, forgotten=was.forgotten)
         self.lost: NoSuchRunError | None = None  # the run was deleted: nothing can be written of it any more
         self._watch, self._write, self._announce, self._retry_s = watch, write, announce, tuple(retry_s)
         self._catches_up, self._writing_since_s = catches_up, time.monotonic()
         self._waiting: deque[_Waiting] = deque()
         self._carried: tuple[SkippedCycle, ...] = ()  # from before the records that wait
-        self._later: deque[_Later] = (
-            deque() if before is None else deque(replace(one, after=0, written=-2) for one in before._handed_over())
-        )
+        changes = () if before is None else before._handed_over()
+        self._later = deque(replace(one, after=0, written=-2) for one in changes)
         self._newest = self._written = self._announced = -1  # numbers of cycles
         self._failed_in_a_row = 0
         self._changed = threading.Condition()
@@ -133,9 +132,9 @@ class LiveWriter:
             self._close_by_s = time.monotonic() + CLOSE_S
             self._changed.notify_all()
         self._thread.join()
-        self.state.forgotten += sum(len(part.events) for part in self._carried)
-        for one in self._waiting:
-            self.state.forgotten += sum(len(part.events) for part in (*one.record.merged, one.record.cycle))
+        lost = [part.events for one in self._waiting for part in one.record.merged]
+        lost += [one.record.cycle.events for one in self._waiting] + [part.events for part in self._carried]
+        self.state.forgotten += sum(map(len, lost))
         if self._waiting and kind is None:
             raise StoreError(f"{len(self._waiting)} cycles could not be stored at the end: {self.state.error}")
 
@@ -184,7 +183,10 @@ class LiveWriter:
         return made.done
 
     def end_changes(self, error: StoreError) -> None:
-        """Try the changes that wait in a closed writer once more, until the database refuses one. Give up the rest. Args: error: for these."""
+        """Try the changes that wait in a closed writer once more, until the database refuses one. Give up the rest.
+
+        Args: error: for these.
+        """
         away = self.state.error is not None
         for one in self._handed_over():
             try:
