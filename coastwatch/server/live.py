@@ -397,12 +397,12 @@ class LiveRun:
         before, left = self.alarms.run_id, len(self.alarms.alarms(Chosen(unacknowledged=True)))
         if before in (-1, run_id) or not left:
             return
-        with store.open_store(self._given["database"], create=False) as opened:
-            try:
+        where = f"coastwatch query alarms --run {before}"
+        try:
+            with store.open_store(self._given["database"], create=False) as opened:
                 store.run(opened, before)
-                where = f"coastwatch query alarms --run {before}"
-            except StoreError:
-                where = "the run was deleted"
+        except StoreError as error:  # somebody has deleted it
+            where = str(error)
         said = f"run {before} had {left} alarms that nobody acknowledged: {where}"
         LOG.warning(said)
         self._left.append(Trouble("alarms", str(before), clock.now_s(), said, False))
@@ -413,8 +413,8 @@ class LiveRun:
         finally:
             with self._next_writer:
                 self._takes_no_changes = True
-                if self._writer is not None:
-                    self._writer.end_changes(NotRunning("the run has ended before the change could be written"))
+            if self._writer is not None:
+                self._writer.end_changes(NotRunning("the run has ended before the change could be written"))
 
     def _attempts(self) -> None:
         def progress(done: int, total: int, text: str) -> None:

@@ -257,9 +257,10 @@ class LiveWriter:
 
     def _due(self) -> _Later | None:
         """The job that is to be done before the next record. After a failure records come first: they show that the database is back."""
-        if self._failed_in_a_row and self._waiting:
-            return None
-        return next((one for one in self._later if one.after <= self._written), None)
+        with self._changed:  # nobody adds one meanwhile
+            if self._failed_in_a_row and self._waiting:
+                return None
+            return next((one for one in self._later if one.after <= self._written), None)
 
     def _write_first(self) -> None:
         """Raises: StoreError."""
@@ -378,7 +379,7 @@ def _bounded(skipped: list[SkippedCycle], state: WriterState) -> list[SkippedCyc
             kept = replace(kept, events=EventChanges.empty())
         if age >= MOST_MESSAGES and one.for_centres.message is not None:
             kept = replace(kept, for_centres=ForCentres(None, one.for_centres.intake))
-        if age >= MOST_COUNTED and out and _is_bare(kept) and _is_bare(out[-1]) and kept.why == out[-1].why:
+        if age >= MOST_COUNTED and out and _is_bare(kept) and _is_bare(out[-1]):
             out[-1] = _together(kept, out[-1])
         else:
             out.append(kept)
@@ -417,7 +418,8 @@ def _together(older: SkippedCycle, newer: SkippedCycle) -> _Counted:
         before = used.pop((one.region, one.region_run), one._replace(late=0))
         used[one.region, one.region_run] = one._replace(first_seq=before.first_seq, late=before.late + one.late)
     kept = {"heard": older.heard | newer.heard, "for_centres": ForCentres(None, tuple(used.values()))}
-    return _Counted(newer.number, newer.time_s, newer.why, counts, **kept, first=first, first_s=first_s)  # type: ignore[arg-type]
+    why = newer.why if newer.why == older.why else "not_stored"
+    return _Counted(newer.number, newer.time_s, why, counts, **kept, first=first, first_s=first_s)  # type: ignore[arg-type]
 
 
 def _rows(skipped: Sequence[SkippedCycle]) -> tuple[SkippedCycle, ...]:
