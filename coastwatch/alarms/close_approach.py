@@ -65,7 +65,7 @@ class Pairs(NamedTuple):
     tcpa_s: Floats  # negative: they have passed
     range_m: Floats
 
-    def take(self, some: Bools) -> Pairs:
+    def take(self, some: Bools | Ints) -> Pairs:
         """These pairs."""
         return Pairs(self.first[some], self.second[some], self.cpa_m[some], self.tcpa_s[some], self.range_m[some])
 
