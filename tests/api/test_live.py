@@ -64,8 +64,8 @@ def test_a_zone_that_is_drawn_raises_an_alarm_that_is_sent_acknowledged_and_note
         with listening(service, web=tmp_path) as address, run:
             base = f"http://{address}/api/v1"
             wait_for(
-                lambda: run.cycles and (service.picture().array("sog_kn") > 1.0).any(), 300.0
-            )  # kernels may be compiled first
+                lambda: service.hub.picture is not None and (service.picture().array("sog_kn") > 1.0).any(), 300.0
+            )  # kernels may be compiled first; a picture reaches the server after its cycle
             with httpx.stream("GET", f"{base}/alarms/stream", timeout=60.0) as stream:
                 seen = events(stream)
                 zone = {"name": "all", "kind": "circle", "centre_deg": centre_deg, "radius_nm": 100.0, "max_speed_kn": 0.5}
