@@ -9,6 +9,7 @@ import shutil
 import socket
 import subprocess
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import reduce
@@ -26,11 +27,13 @@ from server_world import wait_for
 
 from coastwatch.batches import AisReports, AisStatics, BearingReports, RadarReports, Reports
 from coastwatch.scenario import load_scenario
+from coastwatch.server.feeds import live_input
 from coastwatch.server.feeds.address import AddressError, parsed
+from coastwatch.server.feeds.ais import AisDecoder
 from coastwatch.server.feeds.decoding import JUMP
 from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.feeds.sending import encoded, of_scenario, send
-from coastwatch.server.feeds.transport import Inbox, kept_alive
+from coastwatch.server.feeds.transport import Inbox, Item, kept_alive
 from coastwatch.server.regions.scenario import with_track_sources
 from coastwatch.server.run import run_scenario
 from scaling.load import replayed
@@ -510,7 +513,7 @@ def test_an_inbox_is_bounded_in_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not inbox.is_full
     inbox.put([b"x" * 60_000], 60_000, 0)
     assert inbox.is_full
-    assert len(inbox.taken()) == 18
+    assert len(inbox.taken(100)) == 18
     assert not inbox.is_full
 
 
@@ -533,3 +536,31 @@ def test_a_recording_over_sockets_gives_the_pictures_of_its_files(tmp_path: Path
     replayed.live(scenario, sent, cycles, 60.0, urls[1])
     found = replayed.differences(*urls, cycles)
     assert (found["cycles"], found["equal_cycles"]) == (cycles, cycles), found
+
+
+def test_a_feed_that_is_flooded_holds_up_no_cycle_and_no_other_feed(monkeypatch: pytest.MonkeyPatch) -> None:
+    period_s, each_s, lines = 2.0, 0.02, items("ais+tcp://x:1")
+    take, parts = AisDecoder.take, [0, 0]
+
+    def slow(decoder: AisDecoder, found: list[Item], reference_s: float | None) -> None:
+        parts[decoder.name == "honest"] += 1
+        time.sleep(each_s)
+        take(decoder, found, reference_s)
+
+    monkeypatch.setattr(AisDecoder, "take", slow)
+    monkeypatch.setattr(live_input, "PART", 10)
+    flooded, honest = parsed("ais+listen://127.0.0.1:0?name=flooded"), parsed("ais+listen://127.0.0.1:0?name=honest")
+    scenario = load_scenario("guanabara", {"period_s": str(period_s)})
+    with LiveInput([flooded, honest], SENSORS) as made:
+        _, plan = made.begin(scenario, SENSORS, 0, threading.Event(), {})
+        put(made.ports[0], [b"!AIVDM,1,1,,A,damaged*00"] * 20_000)  # 40 s of decoding
+        put(made.ports[1], lines[:50])
+        for feed, count in enumerate((20_000, 50)):
+            deliver(made, count, feed)
+        begun_s = time.monotonic()
+        made.between(plan.start_s, plan.start_s + 1e-3)
+        took_s = time.monotonic() - begun_s
+    assert 2 <= parts[0] < 1_000
+    assert parts[1] == 5
+    assert took_s < 20.0  # at least half a period, at most as long as passed since the input was made
+    assert made.feeds()[1]["refused"] == 0

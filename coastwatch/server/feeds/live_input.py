@@ -58,6 +58,13 @@ ENDLESS = 100_000_000
 """Cycles of a live run: ten years of cycles of 3 s."""
 
 
+PART = 5_000
+"""Lines or datagrams of a feed that are decoded at a time."""
+
+HELD_UP = 0.5
+"""Periods for which decoding may hold up a cycle that is due, or as long as the cycle before took. What is left waits in its inbox."""
+
+
 class _Feed:
     """One feed: what it received, and its decoder."""
 
@@ -158,6 +165,7 @@ class LiveInput:
         self._sources = {str(name): number for number, name in enumerate(sensors.track_sources.name)}
         self._stack, self._of_regions = ExitStack(), ExitStack()
         self._has_begun = False
+        self._period_s, self._decoded_s = 0.0, now_s()  # of a cycle; when decoding ended last
         self._receiver = Receiver(addresses)
         self._feeds: list[_Feed] = []
         ais: list[AisDecoder] = []
@@ -222,7 +230,7 @@ class LiveInput:
             first_s = self._first_s() if not self._has_begun else self._newest_s()
             if scenario.start_utc is None and math.isfinite(first_s):
                 start_s = math.floor(first_s) - 1.0
-        self._has_begun = True
+        self._has_begun, self._period_s = True, scenario.period_s
         return Recording(self, feeds=self._names), Plan(start_s=start_s, period_s=scenario.period_s, cycles=ENDLESS)
 
     def _wait_for_first(self, stop: threading.Event) -> None:
@@ -231,7 +239,7 @@ class LiveInput:
         while not stop.is_set():
             for region in self._regions:
                 region.take(FIRST_S)
-            self._decode_feeds(math.inf)
+            self._decode_feeds(math.inf, math.inf)
             if math.isfinite(self._first_s()):
                 before_s = before_s or time.monotonic()
                 of_feeds = sum(feed.inbox.received for feed in self._feeds)
@@ -248,7 +256,7 @@ class LiveInput:
         for feed in self._feeds:
             feed.look()
         while not stop.is_set():
-            self._decode(until_s)
+            self._decode(until_s, self.due_s(until_s))
             self._adopt_clock()
             left_s = self.due_s(until_s) - now_s()
             if (self._clock == "wall" and left_s <= 0.0) or (self._clock == "feeds" and self._have_passed(until_s)):
@@ -271,7 +279,7 @@ class LiveInput:
 
     def between(self, after_s: float, until_s: float) -> Reports:
         """As `ReportStream.between`."""
-        self._decode(until_s)
+        self._decode(until_s, now_s() + max(HELD_UP * self._period_s, now_s() - self._decoded_s))
         reports = Reports.merged([Reports.empty(), *(cut(after_s, until_s) for cut in self._cuts)])
         if not self._regions:
             return reports
@@ -307,21 +315,34 @@ class LiveInput:
         """As `live.Input.feeds`."""
         return [*(feed.counters() for feed in self._feeds), *(region.counters() for region in self._regions)]
 
-    def _decode(self, until_s: float) -> None:
-        """Decode what has come since the last call. Args: until_s: of regions no cycles after the first that ends then or later."""
+    def _decode(self, until_s: float, stop_s: float) -> None:
+        """Decode what has come since the last call.
+
+        Args: until_s: of regions no cycles after the first that ends then or later; stop_s: as of `_decode_feeds`.
+        """
         for region in self._regions:
             region.take(until_s)
-        self._decode_feeds(until_s)
+        self._decode_feeds(until_s, stop_s)
 
-    def _decode_feeds(self, until_s: float) -> None:
+    def _decode_feeds(self, until_s: float, stop_s: float) -> None:
+        """Decode what waits, a part of each feed in turn: a feed that is flooded holds up no other one.
+
+        Args: stop_s: with the clock of the machine, what is left after this Unix time waits; a part of each feed is decoded.
+        """
         about_s = self._newest_s()
-        for feed in sorted(self._feeds, key=lambda feed: not feed.has_dates):
-            if self._clock == "feeds" and feed.decoder.stamps.newest_s > until_s + self._lateness_s + AHEAD_OF_CYCLE_S:
-                continue
-            feed.items += feed.inbox.taken()
-            if feed.items and not self._waits_for_a_date(feed, about_s):
-                feed.decode(about_s if self._clock == "feeds" and math.isfinite(about_s) else None)
-                about_s = max(about_s, feed.decoder.stamps.newest_s)
+        while True:
+            decoded = 0
+            for feed in sorted(self._feeds, key=lambda feed: not feed.has_dates):
+                if self._clock == "feeds" and feed.decoder.stamps.newest_s > until_s + self._lateness_s + AHEAD_OF_CYCLE_S:
+                    continue
+                feed.items = feed.items or feed.inbox.taken(PART)
+                if feed.items and not self._waits_for_a_date(feed, about_s):
+                    decoded += len(feed.items)
+                    feed.decode(about_s if self._clock == "feeds" and math.isfinite(about_s) else None)
+                    about_s = max(about_s, feed.decoder.stamps.newest_s)
+            if not decoded or (self._clock == "wall" and now_s() >= stop_s):
+                self._decoded_s = now_s()
+                return
 
     def _waits_for_a_date(self, feed: _Feed, about_s: float) -> bool:
         """Whether a feed with times of day alone is to wait for the first report of a feed with dates, for `SILENT_S` at most.

@@ -97,11 +97,11 @@ class Inbox:
         self._put_bytes += sum(map(len, lines))
         self._items.extend((at_s, line, sender) for line in lines)
 
-    def taken(self) -> list[Item]:
-        """All that waits, in order of arrival."""
-        out = []
+    def taken(self, most: int) -> list[Item]:
+        """The first of what waits, in order of arrival."""
+        out: list[Item] = []
         with suppress(IndexError):
-            while True:
+            while len(out) < most:
                 out.append(self._items.popleft())
         self._taken_bytes += sum(len(line) for _, line, _ in out)
         return out
