@@ -66,7 +66,8 @@ def attack(port: int, vessels: int, rate: int, seed: int, stop: threading.Event,
 
 def honest(rows: list[dict[str, Any]]) -> dict[int, dict[str, Any]]:
     """The vessels with the MMSI of an honest sender."""
-    return {row["mmsi"]: row for row in rows if row["mmsi"] is not None and not _is_spoofed(row["mmsi"])}
+    named = {int(row["mmsi"]): row for row in rows if row["mmsi"] is not None}
+    return {mmsi: row for mmsi, row in named.items() if not _is_spoofed(mmsi)}
 
 
 def _is_spoofed(mmsi: int) -> bool:

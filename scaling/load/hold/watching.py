@@ -82,7 +82,7 @@ class Watching:
             params={"columns": "vessel_id,mmsi", "limit": MOST_ROWS, "format": "json"}, headers=self.headers, timeout=20.0,
         )  # fmt: skip
         answer.raise_for_status()
-        rows = [(row["mmsi"], row["vessel_id"]) for row in answer.json()["vessels"] if row["mmsi"] is not None]
+        rows = [(int(row["mmsi"]), row["vessel_id"]) for row in answer.json()["vessels"] if row["mmsi"] is not None]
         count = Counter(mmsi for mmsi, _ in rows)
         return {mmsi: vessel for mmsi, vessel in rows if count[mmsi] == 1 and mmsi not in SPOOFED}
 
