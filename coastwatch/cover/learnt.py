@@ -123,7 +123,7 @@ class LearntCover(Method):
     visit_looks: Positive = 12.0  # turns that one visit of a vessel to a cell counts, at most
     prior_visits: Positive = 2.0  # that the share of the radar is worth in a cell
     prior_probability: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.9  # of detection, before anything is known of a radar
-    settle_s: Annotated[float, Field(ge=0.0)] = 60.0  # younger AIS tracks are not counted: association takes time
+    settle_s: Annotated[float, Field(ge=0.0)] = 60.0  # AIS tracks heard for less are not counted: association takes time
     most_tracks: Annotated[int, Field(ge=1)] = 512  # of AIS, and of plots, that are counted in a cycle: a fixed draw
     most_plots: Annotated[int, Field(ge=1)] = 4096  # of a cycle; with more, false plots are counted in one of 2, 4, ... cycles
 
@@ -159,11 +159,11 @@ class LearntCover(Method):
         counts = replace(counts.forgotten(keep), site_deg=turned.site_deg, newest_s=turned.newest_s)
         counts.turns[:] += turned.turns
 
-        at_time_s = float(tracks.time_s.max(initial=0.0))
         is_ais = tracks.source == sensors.ais_source
         has_plots = np.zeros(int(associations.vessel.max(initial=-1)) + 1, np.bool_)
         has_plots[associations.vessel[tracks.source < sensors.ais_source]] = True
-        witness = is_ais & ~alarmed & (at_time_s - tracks.started_s >= self.settle_s)
+        heard_for_s = np.where(is_ais, tracks.updated_s - tracks.started_s, 0.0)
+        witness = is_ais & ~alarmed & (heard_for_s >= self.settle_s)
         drawn = self._drawn(tracks, witness) | self._drawn(tracks, tracks.source < len(sensors.region_names))
         alone = is_ais & ~has_plots[associations.vessel]
         seen = _in_range(tracks, np.flatnonzero(drawn | alone), turned, sensors)

@@ -20,6 +20,7 @@ import tempfile
 import threading
 import time
 from contextlib import ExitStack, closing
+from datetime import datetime
 from functools import reduce
 from operator import xor
 from pathlib import Path
@@ -37,6 +38,7 @@ from scaling.load.kills import COASTWATCH
 
 WARM_UP_S, AFTER_S, JUMPING, MOST_MEMORY = 120.0, 30.0, 500, 1e9
 AREA_DEG = 0.3
+PERIOD_S = 3.0
 SAME_M, METRES_A_DEGREE = 1.0, 111_194.9
 
 
@@ -122,9 +124,11 @@ def run(vessels: int, rate: int, seed: int) -> dict[str, Any]:
             words = [COASTWATCH, "serve", SCENARIO, "--db", f"{folder}/{name}.db", "--port", str(page), "--new"]
             words += ["--feed", f"ais+listen://{HOST}:{own[0]}", "--feed", f"asterix+udp://{HOST}:{own[1]}"]
             words += ["--feed", f"ais+udp://{HOST}:{ports[4]}?name=second"] if name == "attacked" else []
-            servers.append(subprocess.Popen(words, stdout=subprocess.DEVNULL))
+            servers.append(_started(words, page))
+            while name == "attacked" and (_instant_s(page_b) - _instant_s(page_a)) % PERIOD_S != 0.0:
+                _end(servers.pop())  # its cycles end at other instants, at which vessels are elsewhere
+                servers.append(_started(words, page))
             stack.callback(_end, servers[-1])
-            wait_for_cycles(f"http://{HOST}:{page}", servers[-1])
         to = [f"{kind}://{HOST}:{own[k]}" for own in (feeds_a, feeds_b) for k, kind in enumerate(("ais+tcp", "asterix+udp"))]
         cycles = round(seconds * 1.2 / 3.0) + 60
         words = [COASTWATCH, "feed", SCENARIO, "--set", f"cycles={cycles}", "--set", f"seed={seed}"]
@@ -158,7 +162,28 @@ def run(vessels: int, rate: int, seed: int) -> dict[str, Any]:
         "honest alarms": len(known[0]),
         "honest alarms only alone": len(known[0] - known[1]),
         "honest alarms only attacked": len(known[1] - known[0]),
+        "which": ", ".join(f"{kind} {mmsi} {start_s:.0f}" for kind, mmsi, start_s in sorted(known[0] ^ known[1])) or "-",
+        "which flags": ", ".join(_other_flags(*pictures)) or "-",
     }
+
+
+def _other_flags(alone: dict[int, dict[str, Any]], attacked: dict[int, dict[str, Any]]) -> list[str]:
+    """MMSI, flags without the attack and flags with it, of honest vessels where they differ."""
+    both = sorted(alone.keys() & attacked.keys())
+    flags = [(mmsi, alone[mmsi]["flags"], attacked[mmsi]["flags"]) for mmsi in both]
+    return [f"{mmsi} {one} -> {other}" for mmsi, one, other in flags if one != other]
+
+
+def _started(words: list[str], page: int) -> subprocess.Popen[bytes]:
+    """A server that has made its first picture."""
+    process = subprocess.Popen(words, stdout=subprocess.DEVNULL)
+    wait_for_cycles(f"http://{HOST}:{page}", process)
+    return process
+
+
+def _instant_s(page: int) -> float:
+    """The time of the newest picture of a server, s."""
+    return datetime.fromisoformat(_picture(f"http://{HOST}:{page}")["time_utc"]).timestamp()
 
 
 def _time_s(folder: str, name: str) -> float:

@@ -43,7 +43,7 @@ AIS = SENSORS.ais_source
 SHADOW = (np.radians(90.0), np.radians(180.0))
 
 
-def tracks_of(source, position_m, first_id):
+def tracks_of(source, position_m, first_id, updated_s=0.0):
     n = len(position_m)
     return Tracks(
         track_id=first_id + np.arange(n),
@@ -53,7 +53,7 @@ def tracks_of(source, position_m, first_id):
         velocity_m_s=np.zeros((n, 2)),
         covariance=np.zeros((n, 4, 4)),
         report_covariance=np.zeros((n, 2, 2)),
-        updated_s=np.zeros(n),
+        updated_s=np.full(n, updated_s),
         started_s=np.full(n, -1000.0),
         mmsi=np.where(source == AIS, 1 + np.arange(n), -1),
         origin=np.full(n, -1),
@@ -71,10 +71,10 @@ def polar(azimuth_deg, range_m):
     return np.stack([range_m * np.sin(angle), range_m * np.cos(angle)], -1)
 
 
-def turn(method, memory, number, ais_m, seen, clutter_m, jumped=False):
+def turn(method, memory, number, ais_m, seen, clutter_m, jumped=False, updated_s=0.0):
     """One turn of the radar: vessels with AIS, of which it sees some, and plots of nobody."""
     time_s, with_plot = PERIOD_S * number, np.flatnonzero(seen)
-    ais, radar = tracks_of(AIS, ais_m, 1000), tracks_of(0, ais_m[with_plot], 1)
+    ais, radar = tracks_of(AIS, ais_m, 1000, updated_s), tracks_of(0, ais_m[with_plot], 1)
     tracks = Tracks.join([radar, ais])
     vessel = np.concatenate([with_plot, np.arange(len(ais))])
     none = np.zeros(0, np.int64)
@@ -94,11 +94,13 @@ def turn(method, memory, number, ais_m, seen, clutter_m, jumped=False):
     return method.step(memory, *given, SENSORS)
 
 
-def turns(method, count, ais_m, seen, clutter_m=None, jumped_at=None) -> tuple[CoverMemory, RadarCover, AisDetection]:
+def turns(
+    method, count, ais_m, seen, clutter_m=None, jumped_at=None, updated_s=0.0
+) -> tuple[CoverMemory, RadarCover, AisDetection]:
     clutter_m = polar(np.array([200.0]), np.array([7900.0])) if clutter_m is None else clutter_m
     memory, out = method.init(), None
     for number in range(count):
-        memory, *out = turn(method, memory, number, ais_m, seen, clutter_m, number == jumped_at)
+        memory, *out = turn(method, memory, number, ais_m, seen, clutter_m, number == jumped_at, updated_s)
     return memory, *out
 
 
@@ -120,6 +122,14 @@ def test_a_shadow_is_learnt_and_the_rest_stays_in_cover():
     ring = int(4100.0 / RANGE_M * 16)
     assert (cover.ais_detection[0, 18:36, ring] < 0.45).all()
     assert (cover.ais_detection[0, 40:, ring] > 0.6).all()
+
+
+def test_vessels_that_were_heard_once_are_no_witnesses():
+    """Somebody may have invented them: they would make a shadow of all the sea."""
+    _, position, seen = ring_of_vessels()
+    _, cover, detection = turns(LearntCover(), 40, position, seen, updated_s=-1000.0)
+    assert cover.ais_looks.sum() == 0.0
+    assert detection.probability == pytest.approx(LearntCover().prior_probability)
 
 
 def test_a_vessel_does_not_speak_for_itself():
