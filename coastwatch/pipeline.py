@@ -49,8 +49,9 @@ from coastwatch.batches import (
     VesselAlarms,
     limits,
 )
+from coastwatch.fused_tracks import FusionInput, FusionMemory
 from coastwatch.scenario import Scenario
-from coastwatch.stage import Groups, Map, RegionMap, serial_regions
+from coastwatch.stage import Groups, Map, RegionMap, Running, serial_regions
 from coastwatch.tracks.joint.messages import messages_of
 from coastwatch.tracks.standing import standing_echoes
 
@@ -71,7 +72,7 @@ class CentreMemory:
 
     spots: Any
     associations: Any
-    fused_tracks: Any
+    fused_tracks: FusionMemory
     picture: Any
     octants: Any
     bearing_associations: Any
@@ -265,9 +266,8 @@ def fuse(
     with timer("fused_tracks"):
         bearings = vessel_bearings(m.bearing_members, bearing_tracks, tracks, associations)
         counted, of_counted, bearings = held.counted_once(tracks, associations, bearings, sensors.source_kinds)
-        fused_memory, fused = s.fused_tracks.step(
-            m.fused_tracks, counted, measurements, of_counted, time_s, sensors.source_kinds, bearings
-        )
+        fusion = FusionInput(counted, measurements, of_counted, time_s, sensors.source_kinds, bearings)
+        fused_memory, fused = Running(s.fused_tracks, m.fused_tracks).next(fusion)
         fused, by_bearings = held_vessels(bearings, fused, int(associations.vessel.max(initial=-1)) + 1)
     with timer("picture"):
         picture_memory, picture, members = s.picture.step(

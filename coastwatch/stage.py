@@ -1,10 +1,10 @@
-"""The interface of a method (`Method`), and of the maps that spread its work over processors (`Map`, `RegionMap`)."""
+"""The interface of a method (`Method`, `Stage`), and of the maps that spread its work over processors (`Map`, `RegionMap`)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Generic, Never, Protocol, TypeVar, cast
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
@@ -21,13 +21,46 @@ class Settings(BaseModel):
 
 
 class Method(Settings):
-    """A method is its settings: a frozen struct with `init()` and a pure `step(memory, ...)`.
+    """A method is its settings: a frozen struct with `init()` and a pure `step(memory, given)`.
 
     `init()` returns the memory before the first cycle. `step` returns the memory after this cycle and what the stage yields. It
-    consumes the memory it is given: it may write into it, so use only what it returns. Memory is plain data (dataclasses,
-    tuples, dicts, arrays, numbers, texts). Saved as arrays with a schema (`coastwatch.server.checkpoint`) and read back, it
-    resumes bit for bit.
+    consumes the memory it is given: it may write into it, so use only what it returns. All methods of a stage take one input
+    struct, and each uses of it what it needs. Memory is plain data (dataclasses, tuples, dicts, arrays, numbers, texts), of the
+    type that `init` declares. Saved as arrays with a schema (`coastwatch.server.checkpoint`) and read back, it resumes bit for bit.
     """
+
+
+MemoryT = TypeVar("MemoryT", covariant=True)
+InputT = TypeVar("InputT", contravariant=True)
+OutputT = TypeVar("OutputT", covariant=True)
+
+
+class Stage(Protocol[MemoryT, InputT, OutputT]):
+    """Any method of a stage. Its memory is one of the types in MemoryT."""
+
+    def init(self) -> MemoryT:
+        """The memory before the first cycle."""
+        ...
+
+    def step(self, memory: Never, given: InputT, /) -> tuple[MemoryT, OutputT]:
+        """The memory after a cycle, and what the stage yields.
+
+        Args: memory: of this very method. No memory suits every method of a stage, so its type is Never: `Running` has the right one.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Running(Generic[MemoryT, InputT, OutputT]):
+    """A method with its memory."""
+
+    method: Stage[MemoryT, InputT, OutputT]
+    memory: MemoryT  # that the method made
+
+    def next(self, given: InputT) -> tuple[MemoryT, OutputT]:
+        """The memory after a cycle, and what the stage yields. It consumes the memory."""
+        step = cast("Callable[[MemoryT, InputT], tuple[MemoryT, OutputT]]", self.method.step)
+        return step(self.memory, given)
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,17 @@ from typing import Annotated
 
 from pydantic import Field
 
-from coastwatch.fused_tracks.central_imm import CentralImm
+from coastwatch.fused_tracks.central_imm import CentralImm, VesselFilters
 from coastwatch.fused_tracks.convex import Convex
 from coastwatch.fused_tracks.covariance_intersection import CovarianceIntersection
 from coastwatch.fused_tracks.dependent import Dependent
-from coastwatch.fused_tracks.imm_of_tracks import ImmOfTracks
-from coastwatch.fused_tracks.imm_of_tracks_literal import ImmOfTracksLiteral
-from coastwatch.fused_tracks.partial_feedback import PartialFeedback
+from coastwatch.fused_tracks.imm_of_tracks import ImmOfTracks, TrackFilters
+from coastwatch.fused_tracks.imm_of_tracks_literal import ImmOfTracksLiteral, LiteralFilters
+from coastwatch.fused_tracks.inputs import FusionInput
+from coastwatch.fused_tracks.partial_feedback import FeedbackFilters, PartialFeedback
 from coastwatch.fused_tracks.weighted_average import WeightedAverage
+from coastwatch.kernels.fusion.cross_covariance import CrossCovariances
+from coastwatch.stage import NoMemory
 
 Fuser = Annotated[
     CentralImm
@@ -24,6 +27,7 @@ Fuser = Annotated[
     | ImmOfTracksLiteral,
     Field(discriminator="method"),
 ]
+FusionMemory = NoMemory | VesselFilters | TrackFilters | LiteralFilters | FeedbackFilters | CrossCovariances
 
 __all__ = [
     "CentralImm",
@@ -31,6 +35,8 @@ __all__ = [
     "CovarianceIntersection",
     "Dependent",
     "Fuser",
+    "FusionInput",
+    "FusionMemory",
     "ImmOfTracks",
     "ImmOfTracksLiteral",
     "PartialFeedback",

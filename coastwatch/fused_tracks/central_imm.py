@@ -10,7 +10,6 @@ from pydantic import Field
 
 from coastwatch import kernels
 from coastwatch.batches import (
-    Associations,
     Bools,
     Floats,
     FusedTracks,
@@ -25,7 +24,8 @@ from coastwatch.batches import (
 )
 from coastwatch.fused_tracks.bearing_updates import bearing_positions
 from coastwatch.fused_tracks.covariance_intersection import intersect
-from coastwatch.fused_tracks.vessel_tracks import NO_BEARINGS, Estimates, VesselTracks
+from coastwatch.fused_tracks.inputs import FusionInput
+from coastwatch.fused_tracks.vessel_tracks import Estimates, VesselTracks
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Method
@@ -114,38 +114,27 @@ class CentralImm(Method):
         filters = np.zeros((0, 2)), state, covariance, np.zeros((0, MODELS)), no_time
         return VesselFilters(*filters, none, no_row, none, none, no_time)
 
-    def step(
-        self,
-        memory: VesselFilters,
-        tracks: Tracks,
-        measurements: Measurements,
-        associations: Associations,
-        time_s: float,
-        kinds: Ints,
-        bearings: VesselBearings = NO_BEARINGS,
-    ) -> tuple[VesselFilters, FusedTracks]:
-        """One estimate a vessel.
+    def step(self, memory: VesselFilters, given: FusionInput) -> tuple[VesselFilters, FusedTracks]:
+        """One estimate a vessel: memory, and one row for each vessel number.
 
-        Args: tracks: (N); measurements: that went into them since the last cycle; associations: of the tracks; kinds: SourceKind of
-        each source; bearings: (B).
-        Returns: memory and FusedTracks, one row for each vessel number: first those of the associations, then those that only
-        bearings name, with NaN where no filter is continued.
+        Those of the associations come first, then those that only bearings name, with NaN where no filter is continued.
         """
-        vessels = VesselTracks.of(associations)
+        tracks, associations, bearings, time_s = given.tracks, given.associations, given.bearings, given.time_s
+        vessels, kind = VesselTracks.of(associations), given.kinds[tracks.source]
         count = max(vessels.vessel_count, int(bearings.vessel.max(initial=-1)) + 1)
         if count == 0:
             return self.init(), FusedTracks.empty()
         certain = self.bearing_probability < 1.0
         bearings = bearings.take(np.flatnonzero((bearings.probability >= self.bearing_probability) & certain))
-        plan = plan_filters(memory, vessels, associations.vessel, tracks, measurements, bearings)
+        plan = plan_filters(memory, vessels, associations.vessel, tracks, given.measurements, bearings)
         plan = self._with_held(memory, plan, bearings, vessels.vessel_count, time_s)
-        has_ais = np.bincount(associations.vessel, kinds[tracks.source] == SourceKind.AIS, count) > 0
-        reported = np.bincount(associations.vessel, kinds[tracks.source] == SourceKind.RADAR, count) > 0
+        has_ais = np.bincount(associations.vessel, kind == SourceKind.AIS, count) > 0
+        reported = np.bincount(associations.vessel, kind == SourceKind.RADAR, count) > 0
         reported[: vessels.vessel_count] |= vessels.size > 1
         reported[vessels.vessel_count :] = True
         first = intersect(vessels.take(plan.new), tracks, self.unknown_velocity_sigma_m_s, SEARCH_STEPS)
         filters = self._filters(memory, plan, tracks, first, time_s)
-        self._update(filters, plan, measurements, has_ais[plan.continued], bearings)
+        self._update(filters, plan, given.measurements, has_ais[plan.continued], bearings)
         out = self._single_tracks(vessels, tracks, count)
         for estimate, of_tracks in zip(out, first, strict=True):
             estimate[plan.new] = of_tracks
@@ -213,8 +202,8 @@ class CentralImm(Method):
             order = np.lexsort((joined[1], joined[0]))
             filter_of, measured_s, z, noise = (column[order] for column in joined)
         begin = np.searchsorted(filter_of, np.arange(count + 1))
-        given = filters.arrays, measured_s, z, noise, begin, self._models()
-        in_blocks(kernels.filters.fused_filters.update, count, *given, least=FEW)
+        kernel = kernels.filters.fused_filters.update
+        in_blocks(kernel, count, filters.arrays, measured_s, z, noise, begin, self._models(), least=FEW)
 
     def _across_lines_of_sight(
         self, filters: VesselFilters, plan: FilterPlan, bearings: VesselBearings
@@ -257,8 +246,8 @@ class CentralImm(Method):
         """
         count = len(plan.continued)
         mean, covariance = np.empty((count, 5)), np.empty((count, 5, 5))
-        given = filters.arrays, float(time_s), self._models(), mean, covariance
-        in_blocks(kernels.filters.fused_filters.estimate, count, *given, least=FEW)
+        kernel = kernels.filters.fused_filters.estimate
+        in_blocks(kernel, count, filters.arrays, float(time_s), self._models(), mean, covariance, least=FEW)
         filters.anchor_deg[:count] = offset_deg(filters.anchor_deg[:count], mean[:, :2])
         filters.state[:count, :, :2] -= mean[:, None, :2]
         chosen = np.flatnonzero(reported[plan.continued])

@@ -7,8 +7,9 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import Associations, FusedTracks, Ints, Measurements, Tracks, VesselBearings
-from coastwatch.fused_tracks.vessel_tracks import NO_BEARINGS, Estimates, TrackArrays, VesselTracks
+from coastwatch.batches import FusedTracks
+from coastwatch.fused_tracks.inputs import FusionInput
+from coastwatch.fused_tracks.vessel_tracks import Estimates, TrackArrays, VesselTracks
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Method, NoMemory
 
@@ -29,25 +30,11 @@ class Convex(Method):
     def init(self) -> NoMemory:
         return NoMemory()
 
-    def step(
-        self,
-        memory: NoMemory,
-        tracks: Tracks,
-        measurements: Measurements,
-        associations: Associations,
-        time_s: float,
-        kinds: Ints,
-        bearings: VesselBearings = NO_BEARINGS,
-    ) -> tuple[NoMemory, FusedTracks]:
-        """One estimate a vessel.
-
-        Args: tracks: (N); measurements, bearings: unused; associations: of its rows; kinds: SourceKind of each source.
-        Returns: memory and FusedTracks, one row for each vessel number.
-        """
-        vessels = VesselTracks.of(associations)
+    def step(self, memory: NoMemory, given: FusionInput) -> tuple[NoMemory, FusedTracks]:
+        """One estimate a vessel: memory, and one row for each vessel number."""
+        vessels, tracks = VesselTracks.of(given.associations), TrackArrays.of(given.tracks)
         out = Estimates.empty(vessels.vessel_count)
-        settings = self.unknown_velocity_sigma_m_s, self.registration
-        in_blocks(
-            kernels.fusion.convex_combination.convex, vessels.vessel_count, *vessels, TrackArrays.of(tracks), *settings, out
-        )
-        return memory, out.at_time(time_s)
+        kernel = kernels.fusion.convex_combination.convex
+        sigma_m_s = self.unknown_velocity_sigma_m_s
+        in_blocks(kernel, vessels.vessel_count, vessels.start, vessels.row, tracks, sigma_m_s, self.registration, out)
+        return memory, out.at_time(given.time_s)

@@ -7,8 +7,9 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import Associations, FusedTracks, Ints, Measurements, Tracks, VesselBearings
-from coastwatch.fused_tracks.vessel_tracks import NO_BEARINGS, Estimates, TrackArrays, VesselTracks
+from coastwatch.batches import FusedTracks, Tracks
+from coastwatch.fused_tracks.inputs import FusionInput
+from coastwatch.fused_tracks.vessel_tracks import Estimates, TrackArrays, VesselTracks
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Method, NoMemory
 
@@ -26,23 +27,10 @@ class CovarianceIntersection(Method):
     def init(self) -> NoMemory:
         return NoMemory()
 
-    def step(
-        self,
-        memory: NoMemory,
-        tracks: Tracks,
-        measurements: Measurements,
-        associations: Associations,
-        time_s: float,
-        kinds: Ints,
-        bearings: VesselBearings = NO_BEARINGS,
-    ) -> tuple[NoMemory, FusedTracks]:
-        """One estimate a vessel.
-
-        Args: tracks: (N); measurements, bearings: unused; associations: of its rows; kinds: SourceKind of each source.
-        Returns: memory and FusedTracks, one row for each vessel number.
-        """
-        vessels = VesselTracks.of(associations)
-        return memory, intersect(vessels, tracks, self.unknown_velocity_sigma_m_s, self.steps).at_time(time_s)
+    def step(self, memory: NoMemory, given: FusionInput) -> tuple[NoMemory, FusedTracks]:
+        """One estimate a vessel: memory, and one row for each vessel number."""
+        vessels = VesselTracks.of(given.associations)
+        return memory, intersect(vessels, given.tracks, self.unknown_velocity_sigma_m_s, self.steps).at_time(given.time_s)
 
 
 def intersect(vessels: VesselTracks, tracks: Tracks, velocity_sigma_m_s: float, steps: int) -> Estimates:
@@ -51,7 +39,6 @@ def intersect(vessels: VesselTracks, tracks: Tracks, velocity_sigma_m_s: float, 
     Args: velocity_sigma_m_s: of tracks without covariance; steps: of the search of the weight.
     """
     out = Estimates.empty(vessels.vessel_count)
-    settings = velocity_sigma_m_s, steps
-    kernel = kernels.fusion.covariance_intersection.intersection
-    in_blocks(kernel, vessels.vessel_count, *vessels, TrackArrays.of(tracks), *settings, out)
+    kernel, arrays = kernels.fusion.covariance_intersection.intersection, TrackArrays.of(tracks)
+    in_blocks(kernel, vessels.vessel_count, vessels.start, vessels.row, arrays, velocity_sigma_m_s, steps, out)
     return out

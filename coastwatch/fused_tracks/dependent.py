@@ -8,8 +8,9 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import Associations, Bools, Floats, FusedTracks, Ints, Measurements, Tracks, VesselBearings
-from coastwatch.fused_tracks.vessel_tracks import NO_BEARINGS, Estimates, VesselTracks
+from coastwatch.batches import Bools, Floats, FusedTracks, Ints, Tracks
+from coastwatch.fused_tracks.inputs import FusionInput
+from coastwatch.fused_tracks.vessel_tracks import Estimates, VesselTracks
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.kernels.fusion.cross_covariance import CrossCovariances
 from coastwatch.stage import Method
@@ -33,36 +34,24 @@ class Dependent(Method):
     def init(self) -> CrossCovariances:
         return CrossCovariances.empty()
 
-    def step(
-        self,
-        memory: CrossCovariances,
-        tracks: Tracks,
-        measurements: Measurements,
-        associations: Associations,
-        time_s: float,
-        kinds: Ints,
-        bearings: VesselBearings = NO_BEARINGS,
-    ) -> tuple[CrossCovariances, FusedTracks]:
-        """One estimate a vessel.
-
-        Args: tracks: (N); measurements, bearings: unused; associations: of its rows; kinds: SourceKind of each source.
-        Returns: memory and FusedTracks, one row for each vessel number.
-        """
-        vessels = VesselTracks.of(associations)
+    def step(self, memory: CrossCovariances, given: FusionInput) -> tuple[CrossCovariances, FusedTracks]:
+        """One estimate a vessel: memory, and one row for each vessel number."""
+        vessels, tracks = VesselTracks.of(given.associations), given.tracks
         row = kernels.tables.counting_sort.preferred(*vessels, -tracks.source).astype(np.int64)
         covariance = tracks.known_covariance(self.unknown_velocity_sigma_m_s)
         sizes = [int(n) for n in np.unique(vessels.size)]
         groups = [row[vessels.start[:-1][vessels.size == n][:, None] + np.arange(n)] for n in sizes]
         pairs = [_pairs(group) for group in groups]
         joined = tuple(np.concatenate([np.zeros(0, np.int64), *(pair[k].ravel() for pair in pairs)]) for k in (0, 1))
-        given = tracks.track_id, covariance, tracks.updated_s, (joined[0], joined[1])
-        after = memory.advanced(*given, float(time_s), self.noise_m2_s3)
+        after = memory.advanced(
+            tracks.track_id, covariance, tracks.updated_s, (joined[0], joined[1]), float(given.time_s), self.noise_m2_s3
+        )
         out, begin = Estimates.empty(vessels.vessel_count), 0
         for n, group, (first, _) in zip(sizes, groups, pairs, strict=True):
             cross = after.cross[begin : begin + first.size].reshape(*first.shape, 4, 4)
             begin += first.size
             _combine(np.flatnonzero(vessels.size == n), group, tracks, covariance[group], cross, out)
-        return after, out.at_time(time_s)
+        return after, out.at_time(given.time_s)
 
 
 def _pairs(group: Ints) -> tuple[Ints, Ints]:

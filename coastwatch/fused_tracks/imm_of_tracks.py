@@ -10,8 +10,9 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, Struct, Tracks, VesselBearings, column
-from coastwatch.fused_tracks.vessel_tracks import NO_BEARINGS, Estimates, VesselTracks
+from coastwatch.batches import Floats, FusedTracks, Ints, Struct, Tracks, column
+from coastwatch.fused_tracks.inputs import FusionInput
+from coastwatch.fused_tracks.vessel_tracks import Estimates, VesselTracks
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.stage import Method
 
@@ -56,22 +57,9 @@ class ImmOfTracks(Method):
         state, covariance = np.zeros((0, MODELS, 5)), np.zeros((0, MODELS, 5, 5))
         return TrackFilters(np.zeros((0, 2)), state, covariance, np.zeros((0, MODELS)), none, none)
 
-    def step(
-        self,
-        memory: TrackFilters,
-        tracks: Tracks,
-        measurements: Measurements,
-        associations: Associations,
-        time_s: float,
-        kinds: Ints,
-        bearings: VesselBearings = NO_BEARINGS,
-    ) -> tuple[TrackFilters, FusedTracks]:
-        """One estimate a vessel.
-
-        Args: tracks: (N); measurements, bearings: unused; associations: of its rows; kinds: SourceKind of each source.
-        Returns: memory and FusedTracks, one row for each vessel number.
-        """
-        vessels = VesselTracks.of(associations)
+    def step(self, memory: TrackFilters, given: FusionInput) -> tuple[TrackFilters, FusedTracks]:
+        """One estimate a vessel: memory, and one row for each vessel number."""
+        vessels, tracks, time_s = VesselTracks.of(given.associations), given.tracks, given.time_s
         row = kernels.tables.counting_sort.preferred(*vessels, -tracks.source)
         covariance = tracks.known_covariance(self.unknown_velocity_sigma_m_s)
         first = row[vessels.start[:-1]]
@@ -90,7 +78,7 @@ class ImmOfTracks(Method):
         alone = vessels.size == 1
         out.position_deg[alone], out.velocity_m_s[alone] = tracks.position_deg[first[alone]], tracks.velocity_m_s[first[alone]]
         out.covariance[alone] = covariance[first[alone]]
-        return TrackFilters(*filters, tracks.track_id, associations.vessel, float(time_s)), out.at_time(time_s)
+        return TrackFilters(*filters, tracks.track_id, given.associations.vessel, float(time_s)), out.at_time(time_s)
 
     def _predict(
         self, memory: TrackFilters, vessels: VesselTracks, row: Ints, tracks: Tracks, covariance: Floats, time_s: float

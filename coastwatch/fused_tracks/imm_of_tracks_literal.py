@@ -8,9 +8,9 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, Tracks, VesselBearings
+from coastwatch.batches import Floats, FusedTracks, Ints, Tracks
 from coastwatch.fused_tracks.imm_of_tracks import ImmOfTracks, TrackFilters
-from coastwatch.fused_tracks.vessel_tracks import NO_BEARINGS
+from coastwatch.fused_tracks.inputs import FusionInput
 from coastwatch.geodesy import difference_m
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.stage import Method
@@ -98,24 +98,12 @@ class ImmOfTracksLiteral(Method):
     def init(self) -> LiteralFilters:
         return LiteralFilters(Window.empty(self.window), self._filter().init())
 
-    def step(
-        self,
-        memory: LiteralFilters,
-        tracks: Tracks,
-        measurements: Measurements,
-        associations: Associations,
-        time_s: float,
-        kinds: Ints,
-        bearings: VesselBearings = NO_BEARINGS,
-    ) -> tuple[LiteralFilters, FusedTracks]:
-        """One estimate a vessel.
-
-        Args: tracks: (N); measurements, bearings: unused; associations: of its rows; kinds: SourceKind of each source.
-        Returns: memory and FusedTracks, one row for each vessel number.
-        """
-        window = memory.window.extended(tracks, time_s)
-        measured = replace(tracks, covariance=self._measured(window, tracks, associations.vessel))
-        filters, fused = self._filter().step(memory.filters, measured, measurements, associations, time_s, kinds)
+    def step(self, memory: LiteralFilters, given: FusionInput) -> tuple[LiteralFilters, FusedTracks]:
+        """One estimate a vessel: memory, and one row for each vessel number."""
+        tracks = given.tracks
+        window = memory.window.extended(tracks, given.time_s)
+        measured = replace(tracks, covariance=self._measured(window, tracks, given.associations.vessel))
+        filters, fused = self._filter().step(memory.filters, given._replace(tracks=measured))
         return LiteralFilters(window, filters), fused
 
     def _measured(self, window: Window, tracks: Tracks, vessel: Ints) -> Floats:

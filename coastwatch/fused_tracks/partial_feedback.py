@@ -9,21 +9,10 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import (
-    Associations,
-    Bools,
-    Floats,
-    FusedTracks,
-    Ints,
-    Measurements,
-    SourceKind,
-    Struct,
-    Tracks,
-    VesselBearings,
-    column,
-)
+from coastwatch.batches import Bools, Floats, FusedTracks, Ints, Measurements, SourceKind, Struct, Tracks, column
 from coastwatch.fused_tracks.convex import Convex
-from coastwatch.fused_tracks.vessel_tracks import NO_BEARINGS, VesselTracks
+from coastwatch.fused_tracks.inputs import FusionInput
+from coastwatch.fused_tracks.vessel_tracks import VesselTracks
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.stage import Method, NoMemory
 
@@ -64,41 +53,37 @@ class PartialFeedback(Method):
         none, matrices = np.zeros(0, np.int64), np.zeros((0, 4, 4))
         return FeedbackFilters(none, none, np.zeros((0, 2)), np.zeros((0, 2)), matrices, matrices, np.zeros(0))
 
-    def step(
-        self,
-        memory: FeedbackFilters,
-        tracks: Tracks,
-        measurements: Measurements,
-        associations: Associations,
-        time_s: float,
-        kinds: Ints,
-        bearings: VesselBearings = NO_BEARINGS,
-    ) -> tuple[FeedbackFilters, FusedTracks]:
-        """One estimate a vessel.
-
-        Args: tracks: (N); measurements: the plots in radar tracks; bearings: unused; associations: of its rows; kinds: SourceKind
-        of each source. Returns: memory and FusedTracks, one row for each vessel number.
-        """
-        convex = Convex(unknown_velocity_sigma_m_s=self.unknown_velocity_sigma_m_s)
-        _, fused = convex.step(NoMemory(), tracks, measurements, associations, time_s, kinds)
-        vessel, radar, ais = _radar_and_ais(VesselTracks.of(associations), tracks, kinds)
+    def step(self, memory: FeedbackFilters, given: FusionInput) -> tuple[FeedbackFilters, FusedTracks]:
+        """One estimate a vessel: memory, and one row for each vessel number."""
+        tracks, time_s = given.tracks, float(given.time_s)
+        _, fused = Convex(unknown_velocity_sigma_m_s=self.unknown_velocity_sigma_m_s).step(NoMemory(), given)
+        vessel, radar, ais = _radar_and_ais(VesselTracks.of(given.associations), tracks, given.kinds)
         position, velocity = tracks.position_deg[radar].copy(), tracks.velocity_m_s[radar].copy()
         covariance, cross = tracks.covariance[radar].copy(), np.zeros((len(radar), 4, 4))
-        plot, track_of_plot = _plots(tracks, measurements)
+        plot, track_of_plot = _plots(tracks, given.measurements)
         goes_on, before = self._continued(memory, tracks, radar, ais, plot, track_of_plot)
-        dt = np.full(len(before), float(time_s) - memory.time_s)
-        filters = _updated(memory, before, plot, track_of_plot, radar[goes_on], float(time_s), self.noise_m2_s3)
-        position[goes_on], velocity[goes_on], covariance[goes_on], spread = filters
+        dt = np.full(len(before), time_s - memory.time_s)
+        position[goes_on], velocity[goes_on], covariance[goes_on], before_report = _updated(
+            memory, before, plot, track_of_plot, radar[goes_on], time_s, self.noise_m2_s3
+        )
         expected = kernels.fusion.cross_covariance.predicted(memory.ais_covariance[before], dt, self.noise_m2_s3)
         share = kernels.fusion.cross_covariance.remaining(expected, tracks.covariance[ais[goes_on]])
         share[tracks.updated_s[ais[goes_on]] == memory.ais_updated_s[before]] = np.eye(4)
-        cross[goes_on] = spread @ share.transpose(0, 2, 1)
+        cross[goes_on] = before_report @ share.transpose(0, 2, 1)
         mean, total = _fed_back(position, velocity, covariance, cross, tracks.take(ais))
         position = offset_deg(position, mean[:, :2])
         fused.position_deg[vessel], fused.velocity_m_s[vessel], fused.covariance[vessel] = position, mean[:, 2:], total
-        ids = tracks.track_id[radar], tracks.track_id[ais]
-        kept = tracks.covariance[ais], tracks.updated_s[ais]
-        return FeedbackFilters(*ids, position, mean[:, 2:].copy(), total, *kept, time_s=float(time_s)), fused
+        after = FeedbackFilters(
+            radar_id=tracks.track_id[radar],
+            ais_id=tracks.track_id[ais],
+            position_deg=position,
+            velocity_m_s=mean[:, 2:].copy(),
+            covariance=total,
+            ais_covariance=tracks.covariance[ais],
+            ais_updated_s=tracks.updated_s[ais],
+            time_s=time_s,
+        )
+        return after, fused
 
     def _continued(
         self, memory: FeedbackFilters, tracks: Tracks, radar: Ints, ais: Ints, plot: Measurements, track_of_plot: Ints

@@ -6,9 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Rows, Tracks, VesselBearings
-
-NO_BEARINGS = VesselBearings.empty()
+from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Rows, Tracks
 
 
 class VesselTracks(NamedTuple):

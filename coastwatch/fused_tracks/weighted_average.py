@@ -8,8 +8,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from coastwatch import kernels
-from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, SourceKind, Tracks, VesselBearings
-from coastwatch.fused_tracks.vessel_tracks import NO_BEARINGS, Estimates, TrackArrays, VesselTracks
+from coastwatch.batches import Floats, FusedTracks, Ints, SourceKind, Tracks
+from coastwatch.fused_tracks.inputs import FusionInput
+from coastwatch.fused_tracks.vessel_tracks import Estimates, TrackArrays, VesselTracks
 from coastwatch.kernels.threads import in_blocks
 from coastwatch.stage import Method, NoMemory
 
@@ -40,28 +41,14 @@ class WeightedAverage(Method):
     def init(self) -> NoMemory:
         return NoMemory()
 
-    def step(
-        self,
-        memory: NoMemory,
-        tracks: Tracks,
-        measurements: Measurements,
-        associations: Associations,
-        time_s: float,
-        kinds: Ints,
-        bearings: VesselBearings = NO_BEARINGS,
-    ) -> tuple[NoMemory, FusedTracks]:
-        """One estimate a vessel.
-
-        Args: tracks: (N); measurements, bearings: unused; associations: of its rows; kinds: SourceKind of each source.
-        Returns: memory and FusedTracks, one row for each vessel number.
-        """
-        vessels = VesselTracks.of(associations)
-        out = Estimates.empty(vessels.vessel_count)
-        settings = self.unknown_velocity_sigma_m_s, self._weight(tracks, associations.vessel, kinds)
-        in_blocks(
-            kernels.fusion.weighted_mean.weighted_mean, vessels.vessel_count, *vessels, TrackArrays.of(tracks), *settings, out
-        )
-        return memory, out.at_time(time_s)
+    def step(self, memory: NoMemory, given: FusionInput) -> tuple[NoMemory, FusedTracks]:
+        """One estimate a vessel: memory, and one row for each vessel number."""
+        vessels, tracks = VesselTracks.of(given.associations), TrackArrays.of(given.tracks)
+        out, sigma_m_s = Estimates.empty(vessels.vessel_count), self.unknown_velocity_sigma_m_s
+        weight = self._weight(given.tracks, given.associations.vessel, given.kinds)
+        kernel = kernels.fusion.weighted_mean.weighted_mean
+        in_blocks(kernel, vessels.vessel_count, vessels.start, vessels.row, tracks, sigma_m_s, weight, out)
+        return memory, out.at_time(given.time_s)
 
     def _weight(self, tracks: Tracks, vessel: Ints, kinds: Ints) -> Floats:
         """Weight of each track; the sum over the tracks of a vessel is 1. (N,)"""

@@ -21,7 +21,7 @@ import numpy as np
 
 from coastwatch import pipeline
 from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, Recording, Tracks, Trajectories
-from coastwatch.fused_tracks import CentralImm
+from coastwatch.fused_tracks import CentralImm, FusionInput
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.bound import bound
@@ -48,11 +48,11 @@ class Heard:
     def init(self) -> None:
         """Nothing."""
 
-    def step(self, memory: None, tracks: Tracks, m: Measurements, a: Associations, time_s: float, kinds: Ints) -> Any:
+    def step(self, memory: None, given: FusionInput) -> Any:
         """The first track of each vessel."""
-        self.steps.append((tracks, m, a, time_s))
-        lead = np.unique(a.vessel, return_index=True)[1]
-        t = tracks.take(lead)
+        self.steps.append((given.tracks, given.measurements, given.associations, given.time_s))
+        lead = np.unique(given.associations.vessel, return_index=True)[1]
+        t = given.tracks.take(lead)
         return None, FusedTracks(t.time_s, t.position_deg, t.velocity_m_s, t.covariance)
 
 
@@ -91,7 +91,7 @@ def after_silence(overrides: dict[str, str], seed: int) -> list[str]:
             radar = kinds[tracks.source] == 0
             tracks, measured = tracks.take(radar), measured.take(measured.sensor >= 0)
             joined = Associations(none, none, np.zeros(0), np.unique(joined.vessel[radar], return_inverse=True)[1])
-        memory, fused = method.step(memory, tracks, measured, joined, now, kinds)
+        memory, fused = method.step(memory, FusionInput(tracks, measured, joined, now, kinds))
         silent_s = PERIOD_S * (number - warmup + 1)
         if silent_s in (3.0, 30.0, 60.0, 120.0):
             row = np.flatnonzero(np.isin(tracks.track_id, had))
@@ -108,14 +108,14 @@ def _compared(steps: list[Any], recording: Recording, kinds: Ints, warmup: int) 
     assert truth is not None
     squares: dict[str, list[Floats]] = {"AIS alone": [], "forward": [], "in place": [], "bound": [], "causal bound": []}
     begin, _, joined, then = steps[FIRST]
-    first, _ = method.step(method.init(), begin, Measurements.empty(), joined, then, kinds)
+    first, _ = method.step(method.init(), FusionInput(begin, Measurements.empty(), joined, then, kinds))
     memory = first
     for number, (tracks, measured, associations, now) in enumerate(steps[FIRST + 1 :], start=FIRST + 1):
-        memory, forward = method.step(memory, tracks, measured, associations, now, kinds)
+        memory, forward = method.step(memory, FusionInput(tracks, measured, associations, now, kinds))
         if number < warmup or number % EVERY:
             continue
         everything = Measurements.join([m for _, m, _, _ in steps[FIRST + 1 : number + 1]])
-        _, in_place = method.step(first, tracks, everything, associations, now, kinds)
+        _, in_place = method.step(first, FusionInput(tracks, everything, associations, now, kinds))
         true = truth.at(now)
         counted = fusion_errors(true, tracks, associations, forward, kinds)
         place = true.position_deg[rows_of(true.vessel, counted.origin)]
@@ -145,7 +145,7 @@ def microseconds() -> float:
     for cycle in range(4):
         tracks, measured, associations, now = _sea(home, velocity, PERIOD_S * cycle, rng)
         start = time.process_time()
-        memory, _ = method.step(memory, tracks, measured, associations, now, kinds)
+        memory, _ = method.step(memory, FusionInput(tracks, measured, associations, now, kinds))
         spent.append(time.process_time() - start)
     return 1e6 * float(np.median(spent[1:])) / VESSELS  # the first compiles, and begins the filters
 

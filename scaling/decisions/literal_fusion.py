@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from coastwatch.batches import Associations, Measurements, Tracks
-from coastwatch.fused_tracks import CovarianceIntersection, ImmOfTracks, ImmOfTracksLiteral, WeightedAverage
+from coastwatch.fused_tracks import CovarianceIntersection, FusionInput, ImmOfTracks, ImmOfTracksLiteral, WeightedAverage
 from coastwatch.operators.cli.arguments import count, whole
 from coastwatch.scores.rmse import Errors, fusion_errors
 from scaling.decisions.literal_association import DEAD_RECKONING, Cycles, cycles_of
@@ -60,7 +60,7 @@ def errors_of(method: Fuser, runs: list[Cycles]) -> tuple[Errors, Errors, Errors
         memory: Any = method.init()
         for number, (tracks, _) in enumerate(run.made):
             associations, now = known(tracks), float(tracks.time_s[0])
-            memory, made = method.step(memory, tracks, Measurements.empty(), associations, now, run.kinds)
+            memory, made = method.step(memory, FusionInput(tracks, Measurements.empty(), associations, now, run.kinds))
             if number >= run.warm:
                 e = fusion_errors(run.truth.at(now), tracks, associations, made, run.kinds)
                 fused, radar, ais = fused + e.fused, radar + e.radar, ais + e.ais

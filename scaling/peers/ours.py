@@ -6,7 +6,7 @@ import numpy as np
 
 from coastwatch.associations import Counting, WindowedCovariance
 from coastwatch.batches import Associations, Measurements, Plots, SourceKind, Tracks
-from coastwatch.fused_tracks import Convex, ImmOfTracks
+from coastwatch.fused_tracks import Convex, FusionInput, ImmOfTracks
 from coastwatch.geodesy import to_plane
 from coastwatch.spots import KMeansSpots
 from coastwatch.tracks import FilterpyImm, SidedImm
@@ -102,7 +102,7 @@ def _fuse(history: TrackHistory, watch: Stopwatch, method: ImmOfTracks | Convex)
     for cycle in range(len(history.time_s)):
         tracks, timed = tracks_at(history, cycle), cycle >= history.first
         with (watch if timed else Stopwatch()).lap():
-            memory, fused = method.step(memory, tracks, none, known, float(history.time_s[cycle]), KINDS)  # type: ignore[arg-type]
+            memory, fused = method.step(memory, FusionInput(tracks, none, known, float(history.time_s[cycle]), KINDS))  # type: ignore[arg-type]
         if timed:
             position.append(to_plane(fused.position_deg, ORIGIN_DEG))
             velocity.append(fused.velocity_m_s)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from coastwatch.batches import Associations, Measurements, Tracks, VesselBearings
-from coastwatch.fused_tracks import CentralImm
+from coastwatch.fused_tracks import CentralImm, FusionInput
 from coastwatch.geodesy import difference_m, offset_deg, wrap_rad
 from coastwatch.scores.nees import band, nees
 
@@ -75,7 +75,7 @@ def samples(seed, with_plots, without, bias_rad=0.0):
             groups = Associations(none, none, zero[:0], none)
         variance = np.full(VESSELS, SIGMA_RAD**2)
         bearings = VesselBearings(number, number, number, certain, stamp, stamp, wrap_rad(said), variance, zero, site)
-        memory, fused = METHOD.step(memory, tracks, measured, groups, time_s, KINDS, bearings)
+        memory, fused = METHOD.step(memory, FusionInput(tracks, measured, groups, time_s, KINDS, bearings))
     off = difference_m(fused.position_deg, offset_deg(site, state[:, :2]))
     return nees(np.column_stack([off, fused.velocity_m_s - state[:, 2:]]), fused.covariance)
 

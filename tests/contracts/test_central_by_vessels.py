@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.batches import Associations, Measurements, Tracks
-from coastwatch.fused_tracks import CentralImm
+from coastwatch.fused_tracks import CentralImm, FusionInput
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.kernels.threads import threads
 from coastwatch.server.checkpoint import load, save
@@ -65,7 +65,7 @@ def test_arrays_are_one_vessel_after_the_other(vessels, seed, trouble):
         tracks, made, vessel = cycle_of(rng, vessels, now, trouble)
         joined = Associations(none, none, np.zeros(0), vessel)
         before = save(memory)
-        after, fused = method.step(memory, tracks, made, joined, now, KINDS)
+        after, fused = method.step(memory, FusionInput(tracks, made, joined, now, KINDS))
         assert save(memory) == before
         memory = load(save(after))
         wanted = oracle.step(tracks, made, vessel, now, KINDS)
@@ -85,6 +85,6 @@ def test_threads_change_no_bit():
             for cycle in range(3):
                 tracks, made, vessel = cycle_of(rng, 6000, 3.0 * cycle, 0.03)
                 joined = Associations(none, none, np.zeros(0), vessel)
-                memory, fused = method.step(memory, tracks, made, joined, 3.0 * cycle, KINDS)
+                memory, fused = method.step(memory, FusionInput(tracks, made, joined, 3.0 * cycle, KINDS))
         said.append(save((memory, fused)))
     assert said[0] == said[1]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from coastwatch.batches import Associations, Measurements, Tracks
-from coastwatch.fused_tracks import CentralImm, CovarianceIntersection
+from coastwatch.fused_tracks import CentralImm, CovarianceIntersection, FusionInput
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.server.checkpoint import load, save
 
@@ -85,7 +85,7 @@ def rmse(fused, time_s):
 def run(method, cycles):
     memory, fused, time_s = method.init(), None, 0.0
     for tracks, measurements, vessel, time_s in cycles:
-        memory, fused = method.step(memory, tracks, measurements, associated(vessel), time_s, KINDS)
+        memory, fused = method.step(memory, FusionInput(tracks, measurements, associated(vessel), time_s, KINDS))
     return memory, fused, time_s
 
 
@@ -102,15 +102,15 @@ def test_measurements_and_tracks_may_come_in_any_order_and_memory_is_plain_and_n
     memory, other = method.init(), method.init()
     for tracks, measurements, vessel, time_s in world(late_s=2.0):
         before = save(memory)
-        again, same = method.step(load(before), tracks, measurements, associated(vessel), time_s, KINDS)
-        after, fused = method.step(memory, tracks, measurements, associated(vessel), time_s, KINDS)
+        again, same = method.step(load(before), FusionInput(tracks, measurements, associated(vessel), time_s, KINDS))
+        after, fused = method.step(memory, FusionInput(tracks, measurements, associated(vessel), time_s, KINDS))
         assert save(memory) == before
         assert save(again) == save(after)
         np.testing.assert_array_equal(same.position_deg, fused.position_deg)
         rows, lines = rng.permutation(len(tracks)), rng.permutation(len(measurements))
         relabel = rng.permutation(VESSELS)
         shuffled = tracks.take(rows), measurements.take(lines), associated(relabel[vessel[rows]])
-        other, moved = method.step(other, *shuffled, time_s, KINDS)
+        other, moved = method.step(other, FusionInput(*shuffled, time_s, KINDS))
         back = moved.take(relabel)
         assert np.abs(difference_m(back.position_deg, fused.position_deg)).max() < ROUNDING_M
         np.testing.assert_allclose(back.covariance, fused.covariance, rtol=1e-9, atol=1e-12)
@@ -123,8 +123,8 @@ def test_a_vessel_that_was_joined_with_a_stranger_begins_again():
     crossed[[1, 3]] = [1, 0]  # the AIS of the first two vessels the wrong way round
     memory, _, _ = run(CentralImm(), [(t, m, crossed, s) for t, m, _, s in cycles[:-1]])
     t, m, vessel, s = cycles[-1]
-    _, fused = CentralImm().step(memory, t, m, associated(vessel), s, KINDS)
-    _, plain = CovarianceIntersection().step(None, t, m, associated(vessel), s, KINDS)
+    _, fused = CentralImm().step(memory, FusionInput(t, m, associated(vessel), s, KINDS))
+    _, plain = CovarianceIntersection().step(None, FusionInput(t, m, associated(vessel), s, KINDS))
     off = np.hypot(*difference_m(fused.position_deg, plain.position_deg).T)
     assert (off[:2] < ROUNDING_M).all()
     assert (off[2:] > 0.01).all()  # the others went on
@@ -137,7 +137,7 @@ def test_a_vessel_whose_pair_is_broken_is_its_tracks_again():
     t, m, vessel, s = cycles[-1]
     apart = vessel.copy()
     apart[1] = VESSELS  # the first AIS track on its own
-    _, fused = CentralImm().step(memory, t, m, associated(apart), s, KINDS)
+    _, fused = CentralImm().step(memory, FusionInput(t, m, associated(apart), s, KINDS))
     for row, track in ((0, 0), (VESSELS, 1)):
         assert np.abs(difference_m(fused.position_deg[row], t.position_deg[track])).max() < ROUNDING_M
         np.testing.assert_array_equal(fused.covariance[row], t.covariance[track])
@@ -150,7 +150,7 @@ def test_when_a_track_ends_the_filter_goes_on_and_is_shown_where_plots_feed_it(e
     t, m, _, s = cycles[-1]
     left = np.flatnonzero(t.source != ended)
     rest = t.take(left)
-    memory, fused = CentralImm().step(memory, rest, m, associated(np.arange(VESSELS)), s, KINDS)
+    memory, fused = CentralImm().step(memory, FusionInput(rest, m, associated(np.arange(VESSELS)), s, KINDS))
     is_track = np.abs(difference_m(fused.position_deg, rest.position_deg)).max(axis=1) < ROUNDING_M
     assert is_track.all() == (ended == 0)
     assert is_track.any() == (ended == 0)
@@ -160,7 +160,7 @@ def test_when_a_track_ends_the_filter_goes_on_and_is_shown_where_plots_feed_it(e
     both = Tracks.join([tracks_of(rest.origin, rest.source, s + PERIOD_S, s - 1.0), new])
     nothing, vessel = Measurements.empty(), np.tile(np.arange(VESSELS), 2)
     both.updated_s[:] = s - 3.0
-    _, fused = CentralImm().step(memory, both, nothing, associated(vessel), s + PERIOD_S, KINDS)
+    _, fused = CentralImm().step(memory, FusionInput(both, nothing, associated(vessel), s + PERIOD_S, KINDS))
     assert rmse(fused, s + PERIOD_S) < 4.0  # a new partner adds what it hears from now on: its 50 m error is not taken over
 
 

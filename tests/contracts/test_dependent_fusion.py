@@ -18,6 +18,8 @@ from coastwatch.operators.reproduction.two_filters import TwoFilters
 sys.path.insert(0, str(Path(__file__).parents[1] / "oracles"))
 from two_filters_textbook import Pair
 
+from coastwatch.fused_tracks import FusionInput
+
 NOISE, RADAR_M2, AIS_M2, EVERY = 0.09, 60.0, 9.0, 5
 ORIGIN = np.array([63.0, 10.0])
 ROUNDING = 1e-6  # of positions in degrees and back
@@ -67,7 +69,7 @@ def test_the_methods_are_the_textbooks_filters():
         t = batch((pair.radar[0], pair.ais[0]), (pair.radar[1], pair.ais[1]), float(k), updated)
         measured = Measurements.empty() if plot is None else plot_of(plot, float(k))
         for n, (method, (mean, covariance)) in enumerate(zip(methods, wanted, strict=True)):
-            memory[n], fused = method.step(memory[n], t, measured, associated(np.array([0, 0])), float(k), KINDS)
+            memory[n], fused = method.step(memory[n], FusionInput(t, measured, associated(np.array([0, 0])), float(k), KINDS))
             found = [*difference_m(fused.position_deg[0], ORIGIN), *fused.velocity_m_s[0]]
             np.testing.assert_allclose(found, mean, atol=1e-4, err_msg=f"{method.method}, second {k}")
             np.testing.assert_allclose(fused.covariance[0], covariance, rtol=ROUNDING, atol=ROUNDING)
@@ -78,9 +80,9 @@ def test_the_methods_are_the_textbooks_filters():
 def test_three_tracks_that_share_noise_fuse_as_generalised_least_squares():
     t = tracks(np.array([0, 0, 0]), np.array([0, 1, 2]))
     method = Dependent(noise_m2_s3=0.5)
-    memory, _ = method.step(method.init(), t, Measurements.empty(), associated(np.array([0, 0, 0])), 0.0, KINDS)
+    memory, _ = method.step(method.init(), FusionInput(t, Measurements.empty(), associated(np.array([0, 0, 0])), 0.0, KINDS))
     later = replace(t, covariance=cross_covariance.predicted(t.covariance, np.full(3, 2.0), 0.5))
-    _, fused = method.step(memory, later, Measurements.empty(), associated(np.array([0, 0, 0])), 2.0, KINDS)
+    _, fused = method.step(memory, FusionInput(later, Measurements.empty(), associated(np.array([0, 0, 0])), 2.0, KINDS))
     shared = cross_covariance.predicted(np.zeros((1, 4, 4)), np.array([2.0]), 0.5)[0]
     joint = np.tile(shared, (3, 3))
     for k in range(3):
@@ -92,9 +94,9 @@ def test_three_tracks_that_share_noise_fuse_as_generalised_least_squares():
 def test_a_cross_covariance_that_cannot_be_counts_as_none():
     t = tracks(np.array([0, 0]), np.array([0, 2]))
     method = Dependent()
-    memory, first = method.step(method.init(), t, Measurements.empty(), associated(np.array([0, 0])), 0.0, KINDS)
+    memory, first = method.step(method.init(), FusionInput(t, Measurements.empty(), associated(np.array([0, 0])), 0.0, KINDS))
     wrong = replace(memory, cross=1e6 * np.ones((1, 4, 4)))
-    _, fused = method.step(wrong, t, Measurements.empty(), associated(np.array([0, 0])), 0.0, KINDS)
+    _, fused = method.step(wrong, FusionInput(t, Measurements.empty(), associated(np.array([0, 0])), 0.0, KINDS))
     np.testing.assert_allclose(fused.covariance, first.covariance)
 
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.batches import Associations, Measurements, Tracks
-from coastwatch.fused_tracks import Convex, CovarianceIntersection, ImmOfTracks, WeightedAverage
+from coastwatch.fused_tracks import Convex, CovarianceIntersection, FusionInput, ImmOfTracks, WeightedAverage
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.kernels.threads import threads
 
@@ -48,7 +48,7 @@ def world(count, seed, alike=False, near=False):
 def stepped(method, tracks, vessel):
     none = np.zeros(0, np.int64)
     given_to = Associations(none, none, np.zeros(0), vessel)
-    return method.step(method.init(), tracks, Measurements.empty(), given_to, 0.0, KINDS)[1]
+    return method.step(method.init(), FusionInput(tracks, Measurements.empty(), given_to, 0.0, KINDS))[1]
 
 
 def same(fused, wanted):
@@ -119,7 +119,7 @@ def test_filters_of_tracks(count, seed):
         of = np.unique(np.where(others, rng.integers(0, count, len(rows)), vessel[rows]), return_inverse=True)[1]
         now, some = 3.0 * cycle, tracks.take(rows)
         given_to = Associations(none, none, np.zeros(0), of)
-        memory, fused = method.step(memory, some, Measurements.empty(), given_to, now, KINDS)
+        memory, fused = method.step(memory, FusionInput(some, Measurements.empty(), given_to, now, KINDS))
         wanted = oracle.step(some, some.known_covariance(SIGMA_M_S), of, now)
         assert np.abs(difference_m(fused.position_deg, wanted[0])).max() < ROUNDING_M
         np.testing.assert_allclose(fused.velocity_m_s, wanted[1], rtol=0.0, atol=ROUNDING_M)

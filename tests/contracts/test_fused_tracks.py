@@ -5,17 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
+from unions import methods_in
 
 from coastwatch.batches import Associations, Measurements, Tracks
 from coastwatch.fused_tracks import (
-    CentralImm,
     Convex,
     CovarianceIntersection,
-    Dependent,
     Fuser,
-    ImmOfTracks,
+    FusionInput,
     ImmOfTracksLiteral,
-    PartialFeedback,
     WeightedAverage,
 )
 from coastwatch.fused_tracks.imm_of_tracks_literal import Window
@@ -23,17 +21,10 @@ from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.server.checkpoint import load, save
 
 METHODS = [
-    Dependent(),
-    PartialFeedback(),
-    Convex(),
+    *methods_in(Fuser),
     Convex(registration=0.1),
-    CovarianceIntersection(),
-    WeightedAverage(),
     WeightedAverage(weights="fixed"),
-    ImmOfTracks(),
-    ImmOfTracksLiteral(),
     ImmOfTracksLiteral(window=6, scatter="values"),
-    CentralImm(),
 ]
 KINDS = np.array([0, 0, 1, 2], np.int64)
 ROUNDING_M = 1e-6
@@ -71,7 +62,7 @@ VESSEL, SOURCE = np.array([0, 1, 2, 2, 0, 3, 2]), np.array([0, 0, 0, 1, 2, 2, 2]
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: f"{m.method}-{getattr(m, 'weights', '')}")
 def test_one_row_a_vessel_and_a_lone_track_is_itself(method):
     t = tracks(VESSEL, SOURCE)
-    _, fused = method.step(method.init(), t, Measurements.empty(), associated(VESSEL), 0.0, KINDS)
+    _, fused = method.step(method.init(), FusionInput(t, Measurements.empty(), associated(VESSEL), 0.0, KINDS))
     assert len(fused) == 4
     lone = {1: 1, 3: 5}
     for vessel, row in lone.items():
@@ -88,13 +79,15 @@ def test_pure_and_resumable_and_indifferent_to_order(method):
     for cycle in range(8):
         t = tracks(VESSEL, SOURCE, seed=cycle, time_s=3.0 * cycle)
         before = save(memory)
-        again, fused = method.step(load(before), t, Measurements.empty(), associated(VESSEL), 3.0 * cycle, KINDS)
-        memory_1, fused_1 = method.step(memory, t, Measurements.empty(), associated(VESSEL), 3.0 * cycle, KINDS)
+        again, fused = method.step(load(before), FusionInput(t, Measurements.empty(), associated(VESSEL), 3.0 * cycle, KINDS))
+        memory_1, fused_1 = method.step(memory, FusionInput(t, Measurements.empty(), associated(VESSEL), 3.0 * cycle, KINDS))
         assert save(memory) == before
         assert save(again) == save(memory_1)
         np.testing.assert_array_equal(fused.position_deg, fused_1.position_deg)
         order = rng.permutation(len(VESSEL))
-        _, shuffled = method.step(memory, t.take(order), Measurements.empty(), associated(VESSEL[order]), 3.0 * cycle, KINDS)
+        _, shuffled = method.step(
+            memory, FusionInput(t.take(order), Measurements.empty(), associated(VESSEL[order]), 3.0 * cycle, KINDS)
+        )
         assert np.abs(difference_m(shuffled.position_deg, fused.position_deg)).max() < ROUNDING_M
         memory = memory_1
 
@@ -102,7 +95,7 @@ def test_pure_and_resumable_and_indifferent_to_order(method):
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: f"{m.method}-{getattr(m, 'weights', '')}")
 def test_no_track(method):
     none = np.zeros(0, np.int64)
-    _, fused = method.step(method.init(), Tracks.empty(), Measurements.empty(), associated(none), 0.0, KINDS)
+    _, fused = method.step(method.init(), FusionInput(Tracks.empty(), Measurements.empty(), associated(none), 0.0, KINDS))
     assert len(fused) == 0
 
 
@@ -110,7 +103,7 @@ def test_no_track(method):
 def test_a_source_without_covariance_counts_with_its_specification(method):
     t = tracks(np.array([0, 0]), np.array([0, 2]))
     t.covariance[0] = np.nan
-    _, fused = method.step(method.init(), t, Measurements.empty(), associated(np.array([0, 0])), 0.0, KINDS)
+    _, fused = method.step(method.init(), FusionInput(t, Measurements.empty(), associated(np.array([0, 0])), 0.0, KINDS))
     assert np.isfinite(fused.position_deg).all()
     assert np.isfinite(fused.covariance).all()
 
@@ -122,7 +115,9 @@ def test_round_trip_through_settings():
 
 def test_fixed_weights_are_the_papers():
     t = tracks(np.array([0, 0]), np.array([0, 2]))
-    _, fused = WeightedAverage(weights="fixed").step(None, t, Measurements.empty(), associated(np.array([0, 0])), 0.0, KINDS)
+    _, fused = WeightedAverage(weights="fixed").step(
+        None, FusionInput(t, Measurements.empty(), associated(np.array([0, 0])), 0.0, KINDS)
+    )
     between = difference_m(t.position_deg[1], t.position_deg[0])
     np.testing.assert_allclose(difference_m(fused.position_deg[0], t.position_deg[0]), 0.8 * between, atol=1e-4)
     np.testing.assert_allclose(fused.velocity_m_s[0], 0.2 * t.velocity_m_s[0] + 0.8 * t.velocity_m_s[1])
@@ -131,7 +126,7 @@ def test_fixed_weights_are_the_papers():
 def test_calibrated_weights_at_an_rmse_of_four_to_one():
     t = tracks(np.array([0, 0]), np.array([0, 2]))
     t.covariance[0], t.covariance[1] = 16.0 * np.eye(4), np.eye(4)
-    _, fused = WeightedAverage().step(None, t, Measurements.empty(), associated(np.array([0, 0])), 0.0, KINDS)
+    _, fused = WeightedAverage().step(None, FusionInput(t, Measurements.empty(), associated(np.array([0, 0])), 0.0, KINDS))
     share = difference_m(fused.position_deg[0], t.position_deg[0]) / difference_m(t.position_deg[1], t.position_deg[0])
     np.testing.assert_allclose(share, 16.0 / 17.0, atol=1e-4)
 
@@ -144,7 +139,7 @@ def test_two_weights_of_zero_are_refused():
 def test_intersection_has_the_smallest_determinant_and_stays_consistent():
     method, pairs = CovarianceIntersection(steps=30), np.repeat(np.arange(40), 2)
     t = tracks(pairs, np.tile([0, 2], 40))
-    _, fused = method.step(None, t, Measurements.empty(), associated(pairs), 0.0, KINDS)
+    _, fused = method.step(None, FusionInput(t, Measurements.empty(), associated(pairs), 0.0, KINDS))
     a, b = t.covariance[::2], t.covariance[1::2]
     grid = np.linspace(0.0, 1.0, 401)[:, None, None, None]
     best = -np.linalg.slogdet(grid * np.linalg.inv(a) + (1.0 - grid) * np.linalg.inv(b))[1].max(axis=0)
@@ -154,7 +149,9 @@ def test_intersection_has_the_smallest_determinant_and_stays_consistent():
 def test_tracks_that_are_known_alike_intersect_half_way():
     t = tracks(np.array([0, 0]), np.array([0, 2]))
     t.covariance[1] = t.covariance[0]
-    _, fused = CovarianceIntersection().step(None, t, Measurements.empty(), associated(np.array([0, 0])), 0.0, KINDS)
+    _, fused = CovarianceIntersection().step(
+        None, FusionInput(t, Measurements.empty(), associated(np.array([0, 0])), 0.0, KINDS)
+    )
     np.testing.assert_allclose(fused.covariance[0], t.covariance[0], rtol=1e-9)
     between = difference_m(t.position_deg[1], t.position_deg[0])
     np.testing.assert_allclose(difference_m(fused.position_deg[0], t.position_deg[0]), 0.5 * between, atol=1e-4)
@@ -196,7 +193,9 @@ def test_the_literal_imm_believes_the_smoother_track_however_wrong_it_is():
         t = tracks(np.array([0, 0]), np.array([0, 2]))
         where = offset_deg(np.array([-23.0, 179.9995]), np.array([[10.0, 0.0], rng.normal(0.0, 3.0, 2)]))
         t = replace(t, position_deg=where, velocity_m_s=0.01 * rng.normal(size=(2, 2)))
-        memory, fused = method.step(memory, t, Measurements.empty(), associated(np.array([0, 0])), 3.0 * cycle, KINDS)
+        memory, fused = method.step(
+            memory, FusionInput(t, Measurements.empty(), associated(np.array([0, 0])), 3.0 * cycle, KINDS)
+        )
         off.append(difference_m(fused.position_deg[0], np.array([-23.0, 179.9995]))[0])
     assert np.abs(np.array(off[:5])).max() < 8.0
     assert np.mean(off[20:]) > 9.0

@@ -20,7 +20,7 @@ from coastwatch.batches import (
     Tracks,
     VesselBearings,
 )
-from coastwatch.fused_tracks import CentralImm
+from coastwatch.fused_tracks import CentralImm, FusionInput
 from coastwatch.geodesy import difference_m, offset_deg, wrap_rad
 from coastwatch.picture import Identity
 from coastwatch.server.checkpoint import load, save
@@ -114,7 +114,7 @@ class Centre:
         if self.before is not None:
             given = vessel_bearings(self.before, bearings, tracks, groups)
         self.memory = load(save(self.memory))
-        self.memory, every = self.method.step(self.memory, tracks, measured, groups, time_s, KINDS, given)
+        self.memory, every = self.method.step(self.memory, FusionInput(tracks, measured, groups, time_s, KINDS, given))
         fused, held = held_vessels(given, every, len(tracks))
         self.picture_memory, picture, members = self.identity.step(
             self.picture_memory, tracks, groups, fused, AisAlarms.empty(), time_s, self.sensors, held
@@ -170,7 +170,7 @@ def test_a_bearing_far_from_its_vessel_is_not_used():
     for bias_deg, used in ((0.0, True), (40.0, False)):
         heard = bearing_tracks(centre.rng, [0], time_s, np.radians(bias_deg))
         given = vessel_bearings(centre.before, heard, tracks, groups)
-        after, _ = centre.method.step(load(save(centre.memory)), tracks, measured, groups, time_s, KINDS, given)
+        after, _ = centre.method.step(load(save(centre.memory)), FusionInput(tracks, measured, groups, time_s, KINDS, given))
         assert after.updated_s.tolist() == [time_s if used else time_s - PERIOD_S]
 
 

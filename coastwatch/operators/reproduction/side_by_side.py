@@ -11,7 +11,7 @@ import numpy as np
 
 from coastwatch.associations import Associator
 from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, RadarCorrections, Reports, Tracks, Truth
-from coastwatch.fused_tracks import Fuser
+from coastwatch.fused_tracks import Fuser, FusionInput
 from coastwatch.geodesy import difference_m
 from coastwatch.scenario import Scenario
 from coastwatch.scores.nees import nees
@@ -58,7 +58,7 @@ def measure(scenario: Scenario, seed: int, asked: SideBySide) -> dict[str, dict[
         vessel, of_truth, rows = _right_pairs(tracks, found, truth, kinds, asked.lost_m)
         measurements = Measurements.join([taken, reported])
         for name, fuser in fusers.items():
-            fused[name], estimate = fuser.step(fused[name], tracks, measurements, found, now_s, kinds)
+            fused[name], estimate = fuser.step(fused[name], FusionInput(tracks, measurements, found, now_s, kinds))
             errors[name].append(errors_of(estimate.take(vessel), truth.take(of_truth)))
         for side, name in enumerate(("radar", "ais")):
             alone = tracks.take(rows[:, side])
