@@ -15,7 +15,13 @@ from typing import Any
 import numpy as np
 
 from coastwatch.alarms import EventMemory, Evidence, Numbered, expected_sensors, next_events, numbered
-from coastwatch.associations import held
+from coastwatch.associations import (
+    AssociationInput,
+    AssociationMemory,
+    BearingAssociationInput,
+    BearingAssociationMemory,
+    held,
+)
 from coastwatch.associations.bearing_members import bearing_members, held_vessels, vessel_bearings
 from coastwatch.batches import (
     AisAlarms,
@@ -51,7 +57,8 @@ from coastwatch.batches import (
 )
 from coastwatch.fused_tracks import FusionInput, FusionMemory
 from coastwatch.scenario import Scenario
-from coastwatch.stage import Groups, Map, RegionMap, Running, serial_regions
+from coastwatch.spots import KMeansMemory, OctantInput
+from coastwatch.stage import Groups, Map, NoMemory, RegionMap, Running, serial_regions
 from coastwatch.tracks.joint.messages import messages_of
 from coastwatch.tracks.standing import standing_echoes
 
@@ -70,12 +77,12 @@ LEFT_OUT = {
 class CentreMemory:
     """The memory of the stages of the high-level centre."""
 
-    spots: Any
-    associations: Any
+    spots: KMeansMemory
+    associations: AssociationMemory
     fused_tracks: FusionMemory
     picture: Any
-    octants: Any
-    bearing_associations: Any
+    octants: NoMemory
+    bearing_associations: BearingAssociationMemory
     bearing_members: BearingMembers  # for the fused tracks of the next cycle
     alarms: Any
     events: EventMemory
@@ -262,7 +269,8 @@ def fuse(
     with timer("spots"):
         spots_memory, spots = s.spots.step(m.spots, tracks)
     with timer("associations"):
-        associations_memory, associations = _associate(s, m.associations, tracks, spots, sensors.source_kinds, map_)
+        comparing, every = Running(s.associations, m.associations), AssociationInput(tracks, spots, map_)
+        associations_memory, associations = held.associate(comparing, s.associations.gate_m, every, sensors.source_kinds)
     with timer("fused_tracks"):
         bearings = vessel_bearings(m.bearing_members, bearing_tracks, tracks, associations)
         counted, of_counted, bearings = held.counted_once(tracks, associations, bearings, sensors.source_kinds)
@@ -290,11 +298,10 @@ def fuse(
         known = numbered(s.zones) if zones is None else zones
         alarms_memory, vessel_alarms = s.alarms.step(m.alarms, picture, members, time_s, sensors, known, cover, hearing=hearing)
     with timer("octants"):
-        octants_memory, octants = s.octants.step(m.octants, bearing_tracks, picture, sensors)
+        octants_memory, octants = s.octants.step(m.octants, OctantInput(bearing_tracks, picture, sensors))
     with timer("bearing_associations"):
-        bearings_memory, bearing_associations = s.bearing_associations.step(
-            m.bearing_associations, bearing_tracks, picture, octants, time_s, sensors, map_, statics
-        )
+        compared = BearingAssociationInput(bearing_tracks, picture, octants, time_s, sensors, statics, map_)
+        bearings_memory, bearing_associations = Running(s.bearing_associations, m.bearing_associations).next(compared)
         next_bearings = bearing_members(bearing_associations, bearing_tracks, picture, members, sensors)
     with timer("alarms"):
         stations, radars = expected_sensors(sensors, s.picture.cover_margin, s.picture.dark_after_s, s.picture.unseen_after_s)
@@ -323,16 +330,6 @@ def fuse(
         unsound=int((~good).sum()),
         left_out=_summed(left_out),
     )
-
-
-def _associate(s: Scenario, memory: Any, tracks: Tracks, spots: Spots, kinds: Ints, map_: Map) -> tuple[Any, Associations]:
-    """Associations of all tracks. AIS tracks whose messages are in a radar track are not compared: they are of that track."""
-    known = held.held_tracks(tracks, kinds, s.associations.gate_m)
-    if not len(known.ais):
-        after, associations = s.associations.step(memory, tracks, spots, map_)
-        return after, associations
-    after, found = s.associations.step(memory, tracks.take(known.others), known.spots_of_others(spots), map_)
-    return after, known.joined_to(found, tracks, kinds, s.associations.statistic_is_distance)
 
 
 def step(

@@ -18,9 +18,9 @@ from coastwatch.associations.bearing_sensors import (
     class_log_odds,
     groups_by_octant,
 )
+from coastwatch.associations.inputs import BearingAssociationInput
 from coastwatch.batches import (
     CLASSES,
-    AisStatics,
     Array,
     BearingAssociations,
     BearingTracks,
@@ -34,7 +34,7 @@ from coastwatch.geodesy import KNOT_M_S
 from coastwatch.kernels.association.history import History
 from coastwatch.kernels.bearings.signatures import check_confusion, even_confusion
 from coastwatch.kernels.threads import in_blocks
-from coastwatch.stage import Arrays, Groups, Map, Method
+from coastwatch.stage import Arrays, Groups, Method
 
 Positive = Annotated[float, Field(gt=0.0)]
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
@@ -174,23 +174,9 @@ class BearingLikelihood(Method):
             PositionHistory.empty(), SensorBias.initial(0, 0.0), OutsideDetections.initial(0), ShipTypes.empty()
         )
 
-    def step(
-        self,
-        memory: LikelihoodMemory,
-        bearing_tracks: BearingTracks,
-        picture: Picture,
-        octants: Octants,
-        time_s: float,
-        sensors: Sensors,
-        map_: Map,
-        statics: AisStatics,
-    ) -> tuple[LikelihoodMemory, BearingAssociations]:
-        """Which bearing track is which vessel at this cycle.
-
-        Args: bearing_tracks: (N); picture: (V); octants: pairs of their rows; time_s: of the cycle, to which both are predicted;
-        statics: that arrived since the last cycle, for their ship types.
-        Returns: memory and BearingAssociations, sorted by bearing_row.
-        """
+    def step(self, memory: LikelihoodMemory, given: BearingAssociationInput) -> tuple[LikelihoodMemory, BearingAssociations]:
+        """Which bearing track is which vessel at this cycle, sorted by bearing_row."""
+        bearing_tracks, picture, octants, sensors = given.bearing_tracks, given.picture, given.octants, given.sensors
         if not len(sensors.sonars):
             none = np.zeros(0, np.int64)
             return memory, BearingAssociations(none, none, np.zeros(0), np.zeros(0))
@@ -201,9 +187,9 @@ class BearingLikelihood(Method):
                 outside=OutsideDetections.initial(len(sensors.sonars)),
             )
         audible = AudiblePairs.of(bearing_tracks, picture, octants, sensors)
-        positions = self._positions(memory.positions, picture, audible, time_s, sensors)
-        memory = replace(memory, positions=positions, types=memory.types.updated(statics))
-        row, log_odds, difference = self._scored(memory, bearing_tracks, picture, octants, sensors, audible, map_)
+        positions = self._positions(memory.positions, picture, audible, given.time_s, sensors)
+        memory = replace(memory, positions=positions, types=memory.types.updated(given.statics))
+        row, log_odds, difference = self._scored(memory, given, audible)
         bearing_row, sensor = octants.bearing_row[row], octants.octant[row] // kernels.bearings.candidates.SECTORS
         pair = audible.index(sensor, octants.vessel_row[row])
         chosen = kernels.association.assignment.assign(bearing_row, pair, log_odds - self.threshold)
@@ -238,14 +224,11 @@ class BearingLikelihood(Method):
     def _scored(
         self,
         memory: LikelihoodMemory,
-        tracks: BearingTracks,
-        picture: Picture,
-        octants: Octants,
-        sensors: Sensors,
+        given: BearingAssociationInput,
         audible: AudiblePairs,
-        map_: Map,
     ) -> tuple[Ints, Floats, Floats]:
         """Pairs above the threshold: index into the octants, log odds, mean difference of bearings; sorted by index."""
+        tracks, picture, octants, sensors = given.bearing_tracks, given.picture, given.octants, given.sensors
         sensor = tracks.source - sensors.sonar_source(0)
         arc_from, arc_width = arcs(sensors)
         column, history = memory.positions.columns(), memory.positions.history
@@ -271,7 +254,7 @@ class BearingLikelihood(Method):
             "variance": np.where(np.isnan(tracks.window_variance), variance[:, None], tracks.window_variance),
             **self._class_evidence(tracks, picture, octants, memory.types),
         }
-        parts = map_(score_octants, self, arrays, groups_by_octant(octants))
+        parts = given.map_(score_octants, self, arrays, groups_by_octant(octants))
         row = np.concatenate([np.zeros(0, np.int64), *(p[0] for p in parts)])
         order = np.argsort(row, kind="stable")
         log_odds, difference = (np.concatenate([np.zeros(0), *(p[k] for p in parts)])[order] for k in (1, 2))

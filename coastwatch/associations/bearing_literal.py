@@ -10,10 +10,11 @@ from pydantic import Field
 
 from coastwatch import kernels
 from coastwatch.associations.bearing_sensors import groups_by_octant
-from coastwatch.batches import AisStatics, Array, BearingAssociations, BearingTracks, Floats, Ints, Octants, Picture, Sensors
+from coastwatch.associations.inputs import BearingAssociationInput
+from coastwatch.batches import Array, BearingAssociations, BearingTracks, Floats, Ints
 from coastwatch.geodesy import axes, earth_centred, wrap_rad
 from coastwatch.kernels.association.history import History
-from coastwatch.stage import Arrays, Groups, Map, Method, by_group
+from coastwatch.stage import Arrays, Groups, Method, by_group
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,22 +48,10 @@ class BearingWindowedCovariance(Method):
         return float(-2.0 * np.log1p(-self.confidence))
 
     def step(
-        self,
-        memory: LiteralBearingMemory,
-        bearing_tracks: BearingTracks,
-        picture: Picture,
-        octants: Octants,
-        time_s: float,
-        sensors: Sensors,
-        map_: Map,
-        statics: AisStatics,
+        self, memory: LiteralBearingMemory, given: BearingAssociationInput
     ) -> tuple[LiteralBearingMemory, BearingAssociations]:
-        """Which bearing track is which vessel at this cycle.
-
-        Args: bearing_tracks: (N); picture: (V); octants: pairs of their rows; time_s: of the cycle, to which both are predicted;
-        statics: not looked at.
-        Returns: memory and BearingAssociations, sorted by bearing_row; the biases are 0: the paper knows none.
-        """
+        """Which bearing track is which vessel at this cycle, sorted by bearing_row. The biases are 0: the paper knows none."""
+        bearing_tracks, picture, octants = given.bearing_tracks, given.picture, given.octants
         reported = np.column_stack([*measured(bearing_tracks, self.window), bearing_tracks.site_deg])
         velocity = np.einsum("vij,vi->vj", axes(picture.position_deg)[:, :2], picture.velocity_m_s)
         state = np.column_stack([earth_centred(picture.position_deg), velocity])
@@ -78,13 +67,13 @@ class BearingWindowedCovariance(Method):
             "vessel_length": vessels.length,
             "columns": tracks.columns(np.arange(self.window)[::-1]),
         }
-        parts = map_(accept_in_octants, self, arrays, groups_by_octant(octants))
+        parts = given.map_(accept_in_octants, self, arrays, groups_by_octant(octants))
         row = np.concatenate([np.zeros(0, np.int64), *(part[0] for part in parts)])
         x = np.concatenate([np.zeros(0), *(part[1] for part in parts)])[np.argsort(row, kind="stable")]
         row = np.sort(row)
         bearing_row, vessel_row = octants.bearing_row[row], octants.vessel_row[row]
         chosen = self._chosen(bearing_row, vessel_row, octants.octant[row] // 8 * len(picture), x)
-        found = BearingAssociations(bearing_row[chosen], vessel_row[chosen], x[chosen], np.zeros(len(sensors.sonars)))
+        found = BearingAssociations(bearing_row[chosen], vessel_row[chosen], x[chosen], np.zeros(len(given.sensors.sonars)))
         return LiteralBearingMemory(tracks, vessels), found
 
     def _chosen(self, bearing_row: Ints, vessel_row: Ints, of_sonar: Ints, x: Floats) -> Array:

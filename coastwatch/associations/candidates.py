@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from coastwatch.associations.inputs import AssociationInput
 from coastwatch.associations.windowed_covariance import WindowedCovariance
 from coastwatch.associations.windowed_covariance_literal import WindowedCovarianceLiteral
-from coastwatch.batches import Array, Associations, Floats, Ints, Spots, Tracks
+from coastwatch.batches import Array, Associations, Floats, Ints
 from coastwatch.stage import Arrays, Groups, Work, serial
 
 
@@ -23,13 +24,13 @@ class Candidates:
 
 
 def step_with_candidates(
-    method: WindowedCovariance | WindowedCovarianceLiteral, memory: Any, tracks: Tracks, spots: Spots
+    method: WindowedCovariance | WindowedCovarianceLiteral, memory: Any, given: AssociationInput
 ) -> tuple[Any, Associations, Candidates]:
     """The result of `method.step`, and the score of every tested pair before threshold and assignment.
 
     The work of each spot is done a second time without a threshold, so memory and associations are those of an ordinary step.
     A pair without the history that the test needs (literal: p cycles) is not tested.
-    Args: memory: of the method; tracks: (N); spots: of the same rows.
+    Args: memory: of the method; given: its `map_` is not used.
     """
     literal = isinstance(method, WindowedCovarianceLiteral)
     opened = method.model_copy(update={"confidence": 1.0} if literal else {"threshold": -np.inf})
@@ -39,7 +40,7 @@ def step_with_candidates(
         scored.extend(serial(work, opened, arrays, spots))
         return serial(work, settings, arrays, spots)
 
-    memory, associations = method.step(memory, tracks, spots, twice)
+    memory, associations = method.step(memory, given._replace(map_=twice))
     first, second = (np.concatenate([np.zeros(0, np.int64), *(part[k] for part in scored)]) for k in range(2))
     statistic = np.concatenate([np.zeros(0), *(part[2] if literal else part[2][:, 0] for part in scored)])
     order = np.lexsort((second, first))

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from coastwatch.associations.pair_hits import MOST, PairCounts, chosen, find_hits, united
-from coastwatch.batches import Associations, Spots, Tracks
+from coastwatch.associations.inputs import AssociationInput
+from coastwatch.associations.pair_hits import MOST, Check, PairCounts, chosen, find_hits, united
+from coastwatch.batches import Associations
 from coastwatch.kernels.filters.gaussian import gate
-from coastwatch.stage import Map, Method
+from coastwatch.stage import Method
 
 Metres = Annotated[float, Field(gt=0.0, le=10_000.0)]
 Cycles = Annotated[int, Field(ge=1, lt=MOST)]
@@ -26,7 +26,6 @@ class Counting(Method):
     Source: A. Sagild, track-to-track fusion of radar and AIS, 2021, section 4.2.
     """
 
-    statistic_is_distance: ClassVar[bool] = True
     method: Literal["counting"] = "counting"
     threshold_m: Metres = 30.0
     hits: Cycles = 4  # cycles in a row
@@ -37,24 +36,14 @@ class Counting(Method):
         """Pairs farther apart are missed."""
         return self.threshold_m
 
-    @property
-    def limit(self) -> float:
-        """None."""
-        return math.inf
-
-    @property
-    def measures_states(self) -> bool:
-        """Positions alone."""
-        return False
-
     def init(self) -> PairCounts:
         return PairCounts.none()
 
-    def step(self, memory: PairCounts, tracks: Tracks, spots: Spots, map_: Map) -> tuple[PairCounts, Associations]:
-        """Associations of these tracks. Args: tracks: (N); spots: of the same rows. Returns: memory and Associations."""
-        found = find_hits(self, tracks, spots, map_)
-        after, first, second = memory.counted(tracks, found, self.hits, self.misses)
-        return after, chosen(tracks, first, second, None, found)
+    def step(self, memory: PairCounts, given: AssociationInput) -> tuple[PairCounts, Associations]:
+        """The memory after a cycle, and its associations."""
+        hits = find_hits(Check(self.threshold_m), given)
+        after, first, second = memory.counted(given.tracks, hits, self.hits, self.misses)
+        return after, chosen(given.tracks, first, second, None, hits)
 
 
 class TwoCountings(Method):
@@ -65,7 +54,6 @@ class TwoCountings(Method):
     Source: A. Sagild, track-to-track fusion of radar and AIS, 2021, section 8.
     """
 
-    statistic_is_distance: ClassVar[bool] = True
     method: Literal["two_countings"] = "two_countings"
     tight_m: Metres = 10.0
     hits_tight: Cycles = 2  # cycles in a row
@@ -85,29 +73,19 @@ class TwoCountings(Method):
         """Pairs farther apart are missed by both."""
         return self.loose_m
 
-    @property
-    def limit(self) -> float:
-        """None."""
-        return math.inf
-
-    @property
-    def measures_states(self) -> bool:
-        """Positions alone."""
-        return False
-
     def init(self) -> tuple[PairCounts, PairCounts]:
         return PairCounts.none(), PairCounts.none()
 
     def step(
-        self, memory: tuple[PairCounts, PairCounts], tracks: Tracks, spots: Spots, map_: Map
+        self, memory: tuple[PairCounts, PairCounts], given: AssociationInput
     ) -> tuple[tuple[PairCounts, PairCounts], Associations]:
-        """Associations of these tracks. Args: tracks: (N); spots: of the same rows. Returns: memory and Associations."""
-        found = find_hits(self, tracks, spots, map_)
-        near = found.take(found.distance_m <= self.tight_m)
+        """The memory after a cycle, and its associations."""
+        tracks, hits = given.tracks, find_hits(Check(self.loose_m), given)
+        near = hits.take(hits.score[:, 0] <= self.tight_m)
         tight, *some = memory[0].counted(tracks, near, self.hits_tight, self.misses_tight)
-        loose, *more = memory[1].counted(tracks, found, self.hits_loose, self.misses_loose)
+        loose, *more = memory[1].counted(tracks, hits, self.hits_loose, self.misses_loose)
         first, second = united((some[0], some[1]), (more[0], more[1]), len(tracks))
-        return (tight, loose), chosen(tracks, first, second, None, found)
+        return (tight, loose), chosen(given.tracks, first, second, None, hits)
 
 
 class CountedTest(Method):
@@ -117,31 +95,20 @@ class CountedTest(Method):
     Statistic: distance of the positions, m.
     """
 
-    statistic_is_distance: ClassVar[bool] = True
     method: Literal["counted_test"] = "counted_test"
     significance: Share = 0.001  # alpha: share of right pairs that a single test refuses, if errors are independent
     hits: Cycles = 4  # cycles in a row
     misses: Cycles = 1  # cycles in a row
     gate_m: Metres = 1000.0  # pairs farther apart are not tested
 
-    @property
-    def limit(self) -> float:
-        """Of the squared Mahalanobis distance of position and velocity."""
-        return gate(1.0 - self.significance, STATES)
-
-    @property
-    def measures_states(self) -> bool:
-        """Position and velocity."""
-        return True
-
     def init(self) -> PairCounts:
         return PairCounts.none()
 
-    def step(self, memory: PairCounts, tracks: Tracks, spots: Spots, map_: Map) -> tuple[PairCounts, Associations]:
-        """Associations of these tracks. Args: tracks: (N); spots: of the same rows. Returns: memory and Associations."""
-        found = find_hits(self, tracks, spots, map_)
-        after, first, second = memory.counted(tracks, found, self.hits, self.misses)
-        return after, chosen(tracks, first, second, None, found)
+    def step(self, memory: PairCounts, given: AssociationInput) -> tuple[PairCounts, Associations]:
+        """The memory after a cycle, and its associations."""
+        hits = find_hits(Check(self.gate_m, gate(1.0 - self.significance, STATES), measures_states=True), given)
+        after, first, second = memory.counted(given.tracks, hits, self.hits, self.misses)
+        return after, chosen(given.tracks, first, second, None, hits)
 
 
 class TestThenCounting(Method):
@@ -150,7 +117,6 @@ class TestThenCounting(Method):
     A pair without covariance is associated by counting alone. Statistic: distance of the positions, m.
     """
 
-    statistic_is_distance: ClassVar[bool] = True
     method: Literal["test_then_counting"] = "test_then_counting"
     significance: Share = 0.9  # alpha of the test that begins: near 1 the states must nearly agree
     threshold_m: Metres = 30.0
@@ -162,22 +128,12 @@ class TestThenCounting(Method):
         """Pairs farther apart are missed."""
         return self.threshold_m
 
-    @property
-    def limit(self) -> float:
-        """None: the test begins, it does not refuse."""
-        return math.inf
-
-    @property
-    def measures_states(self) -> bool:
-        """Position and velocity."""
-        return True
-
     def init(self) -> PairCounts:
         return PairCounts.none()
 
-    def step(self, memory: PairCounts, tracks: Tracks, spots: Spots, map_: Map) -> tuple[PairCounts, Associations]:
-        """Associations of these tracks. Args: tracks: (N); spots: of the same rows. Returns: memory and Associations."""
-        found = find_hits(self, tracks, spots, map_)
-        close = found.squared <= gate(1.0 - self.significance, STATES)
-        after, first, second = memory.counted(tracks, found, self.hits, self.misses, close)
-        return after, chosen(tracks, first, second, None, found)
+    def step(self, memory: PairCounts, given: AssociationInput) -> tuple[PairCounts, Associations]:
+        """The memory after a cycle, and its associations."""
+        hits = find_hits(Check(self.threshold_m, measures_states=True), given)
+        close = hits.score[:, 1] <= gate(1.0 - self.significance, STATES)
+        after, first, second = memory.counted(given.tracks, hits, self.hits, self.misses, close)
+        return after, chosen(given.tracks, first, second, None, hits)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.associations.pairing import vessels
+from coastwatch.associations.inputs import AssociationInput
+from coastwatch.associations.pairing import associations_of
 from coastwatch.batches import Associations, Bools, Ints, SourceKind, Spots, Tracks, VesselBearings
 from coastwatch.geodesy import difference_m
+from coastwatch.stage import MemoryT, Running
 
 LEAST_LOG_ODDS = math.log(0.98 / 0.02)  # that an id is that of the track which holds it
 
@@ -37,12 +39,13 @@ class HeldTracks:
         halo = row[spots.halo_row]
         return Spots(spots.centre_m, spots.spot[others], spots.halo_spot[halo >= 0], halo[halo >= 0])
 
-    def joined_to(self, found: Associations, tracks: Tracks, kinds: Ints, statistic_is_distance: bool) -> Associations:
+    def joined_to(self, found: Associations, tracks: Tracks, kinds: Ints) -> Associations:
         """Associations of all tracks. A holder has no other AIS track.
 
-        Args: found: those of `others`; kinds: as of `held_tracks`; statistic_is_distance: whether a pair is better the smaller its
-        statistic is. Then the statistic of an AIS track and its holder is 0, else `LEAST_LOG_ODDS`.
+        The statistic of an AIS track and its holder is 0 where it is a distance, else `LEAST_LOG_ODDS`.
+        Args: found: those of `others`; kinds: as of `held_tracks`.
         """
+        is_distance = found.statistic_is_distance
         others, is_holder = self.others, np.zeros(self.count, np.bool_)
         is_holder[self.holder] = True
         is_ais = kinds[tracks.source] == SourceKind.AIS
@@ -50,14 +53,28 @@ class HeldTracks:
         free = ~(is_holder[one] & is_ais[other] | is_holder[other] & is_ais[one])
         first = np.concatenate([one[free], np.minimum(self.ais, self.holder)])
         second = np.concatenate([other[free], np.maximum(self.ais, self.holder)])
-        certain = np.full(len(self.ais), 0.0 if statistic_is_distance else LEAST_LOG_ODDS)
+        certain = np.full(len(self.ais), 0.0 if is_distance else LEAST_LOG_ODDS)
         statistic = np.concatenate([found.statistic[free], certain])
-        better = -found.statistic[free] if statistic_is_distance else found.statistic[free]
+        better = -found.statistic[free] if is_distance else found.statistic[free]
         gain = np.concatenate([better, np.full(len(self.ais), np.inf)])
         order = np.lexsort((second, first))
-        first, second, statistic = first[order], second[order], statistic[order]
-        vessel, kept = vessels(tracks, first, second, gain[order])
-        return Associations(first[kept], second[kept], statistic[kept], vessel, found.tested, found.left_out)
+        first, second, statistic, gain = first[order], second[order], statistic[order], gain[order]
+        return associations_of(tracks, first, second, statistic, gain, is_distance=is_distance, of=found)
+
+
+def associate(
+    method: Running[MemoryT, AssociationInput, Associations], gate_m: float, every: AssociationInput, kinds: Ints
+) -> tuple[MemoryT, Associations]:
+    """The memory after a cycle, and associations of all tracks. The method does not compare AIS tracks that are held.
+
+    Args: gate_m: of the method; kinds: SourceKind of each source.
+    """
+    merged = held_tracks(every.tracks, kinds, gate_m)
+    if not len(merged.ais):
+        return method.next(every)
+    others = AssociationInput(every.tracks.take(merged.others), merged.spots_of_others(every.spots), every.map_)
+    after, found = method.next(others)
+    return after, merged.joined_to(found, every.tracks, kinds)
 
 
 def held_tracks(tracks: Tracks, kinds: Ints, gate_m: float) -> HeldTracks:
@@ -102,7 +119,12 @@ def counted_once(
     counted[holder[best]] = True
     row = np.cumsum(counted) - 1
     kept = counted[associations.first] & counted[associations.second]
-    pairs = row[associations.first[kept]], row[associations.second[kept]], associations.statistic[kept]
-    fused = Associations(*pairs, associations.vessel[counted], associations.tested, associations.left_out)
+    fused = replace(
+        associations,
+        first=row[associations.first[kept]],
+        second=row[associations.second[kept]],
+        statistic=associations.statistic[kept],
+        vessel=associations.vessel[counted],
+    )
     lost = bearings.vessel >= count
     return tracks.take(counted), fused, bearings.take(lost | ~np.append(is_held, False)[np.minimum(bearings.vessel, count)])

@@ -5,88 +5,59 @@ What is kept of a pair is two counters and one bit. Only pairs with a hit, or th
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from coastwatch import kernels
+from coastwatch.associations.inputs import AssociationInput
 from coastwatch.associations.pairing import (
-    blocks_of_members,
+    PassedPairs,
+    associations_of,
     gate_arrays,
     gated,
-    joined_parts,
-    left_out,
-    members_of_spots,
     one_to_one,
-    vessels,
+    over_members,
+    passed_pairs,
 )
-from coastwatch.batches import Array, Associations, Bools, Floats, Ints, Spots, Struct, Tracks, column
+from coastwatch.batches import Array, Associations, Bools, Floats, Ints, Struct, Tracks, column
 from coastwatch.geodesy import difference_m
-from coastwatch.stage import Arrays, Groups, Map
+from coastwatch.stage import Arrays, Groups
 
 MOST = 10_000  # where a counter stops; settings stay below
 A_PAIR_M = 1e6  # what a pair is worth in metres of distance: the most pairs come first, then the least distance
 
 
-class Check(Protocol):
-    """What a method checks of a pair in a cycle."""
+class Check(NamedTuple):
+    """What a pair must pass in a cycle."""
 
-    @property
-    def gate_m(self) -> float:
-        """Greatest distance of the positions."""
-        ...
-
-    @property
-    def limit(self) -> float:
-        """Greatest squared Mahalanobis distance of the states; infinite: the distance of the positions alone."""
-        ...
-
-    @property
-    def measures_states(self) -> bool:
-        """Whether the squared Mahalanobis distance is computed."""
-        ...
+    gate_m: float  # greatest distance of the positions
+    limit: float = math.inf  # greatest squared Mahalanobis distance of position and velocity
+    measures_states: bool = False  # whether that distance is computed
 
 
-class Hits(NamedTuple):
-    """Pairs that passed the check of a cycle, by first, then second."""
-
-    first: Ints  # (A,) row of a track
-    second: Ints  # (A,) row of a track of a later source
-    distance_m: Floats  # (A,)
-    squared: Floats  # (A,) Mahalanobis distance of the states, squared; infinite where it was not measured
-    tested: int  # pairs inside the gate
-    left_out: int  # more of them that were not looked at, at most
-
-    def take(self, some: Bools) -> Hits:
-        """These pairs."""
-        return Hits(self.first[some], self.second[some], self.distance_m[some], self.squared[some], self.tested, self.left_out)
-
-
-def find_hits(check: Check, tracks: Tracks, spots: Spots, map_: Map) -> Hits:
-    """The pairs that pass the check in this cycle."""
-    arrays = gate_arrays(tracks, spots, check.gate_m)
+def find_hits(check: Check, given: AssociationInput) -> PassedPairs:
+    """The pairs that pass the check in this cycle, with distance, m, and squared Mahalanobis distance: infinite if not measured."""
+    tracks = given.tracks
+    arrays = gate_arrays(tracks, given.spots, check.gate_m)
     arrays |= {"position": tracks.position_deg, "velocity": tracks.velocity_m_s, "covariance": tracks.covariance}
-    parts = map_(hits_in_spots, check, arrays, members_of_spots(spots))
-    first, second, distances, tested = joined_parts(parts, len(tracks))
-    return Hits(first, second, distances[:, 0], distances[:, 1], tested, left_out(arrays))
+    return passed_pairs(hits_in_spots, check, arrays, given)
 
 
 def hits_in_spots(check: Check, arrays: Arrays, spots: Groups) -> tuple[Array, ...]:
     """Pairs that these spots own and that pass: rows of the first and second track, distances (A, 2); and how many are in the gate."""
-    parts = blocks_of_members(_hits_of_members, arrays, spots, check.gate_m, check.limit, check.measures_states)
-    return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
+    return over_members(_hits_of_members, arrays, spots, check)
 
 
-def _hits_of_members(
-    low: int, high: int, member: Ints, arrays: Arrays, gate_m: float, limit: float, measures_states: bool
-) -> tuple[Array, ...]:
+def _hits_of_members(low: int, high: int, member: Ints, arrays: Arrays, check: Check) -> tuple[Array, ...]:
     """What `hits_in_spots` gives for the members low to high."""
-    pair, row = gated(low, high, member, arrays, gate_m), arrays["place"]["row"]
+    pair, row = gated(low, high, member, arrays, check.gate_m), arrays["place"]["row"]
     distances = np.empty((len(pair), 2))
     tracks = arrays["position"], arrays["velocity"], arrays["covariance"]
-    kernels.association.pair_distance.pair_distances(pair, row, tracks, measures_states, distances)
-    passed = (distances[:, 0] <= gate_m) & (distances[:, 1] <= limit)
+    kernels.association.pair_distance.pair_distances(pair, row, tracks, check.measures_states, distances)
+    passed = (distances[:, 0] <= check.gate_m) & (distances[:, 1] <= check.limit)
     first, second = (row[pair[name][passed]].astype(np.int64) for name in ("first", "second"))
     return first, second, distances[passed], np.array([len(pair)])
 
@@ -108,7 +79,7 @@ class PairCounts(Struct):
         return PairCounts(zero, zero, zero, zero, np.zeros(0, np.bool_))
 
     def counted(
-        self, tracks: Tracks, hits: Hits, begin: int, end: int, at_once: Bools | None = None
+        self, tracks: Tracks, hits: PassedPairs, begin: int, end: int, at_once: Bools | None = None
     ) -> tuple[PairCounts, Ints, Ints]:
         """The counts after this cycle, and the associated pairs.
 
@@ -155,15 +126,13 @@ def united(some: tuple[Ints, Ints], more: tuple[Ints, Ints], rows: int) -> tuple
     return key // max(rows, 1), key % max(rows, 1)
 
 
-def chosen(tracks: Tracks, first: Ints, second: Ints, statistic: Floats | None, found: Hits) -> Associations:
+def chosen(tracks: Tracks, first: Ints, second: Ints, statistic: Floats | None, hits: PassedPairs) -> Associations:
     """One-to-one associations: the most pairs, then the least sum of distances.
 
-    Args: first, second: (A,) pairs, each once; statistic: (A,); none: the distance, m; found: hits of this cycle.
+    Args: first, second: (A,) pairs, each once; statistic: (A,); none: the distance, m; hits: of this cycle.
     """
     distance = np.hypot(*difference_m(tracks.position_deg[second], tracks.position_deg[first]).T)
     gain = A_PAIR_M - np.minimum(distance, 0.5 * A_PAIR_M)
     taken = one_to_one(tracks, first, second, gain)
-    first, second, gain = first[taken], second[taken], gain[taken]
     shown = (distance if statistic is None else statistic)[taken]
-    vessel, kept = vessels(tracks, first, second, gain)
-    return Associations(first[kept], second[kept], shown[kept], vessel, found.tested, found.left_out)
+    return associations_of(tracks, first[taken], second[taken], shown, gain[taken], is_distance=True, of=hits)

@@ -3,22 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import Array, Bools, Floats, Ints, Spots, Tracks
+from coastwatch.associations.inputs import AssociationInput
+from coastwatch.batches import Array, Associations, Bools, Floats, Ints, Spots, Tracks
 from coastwatch.kernels.threads import in_blocks
-from coastwatch.stage import Arrays, Groups
+from coastwatch.stage import Arrays, Groups, Work
 
 LEAST_TRACKS = 1024  # for a thread
 MOST_NEAR = 512
 """Tracks within the gate of one that it is compared with, itself one of them. Of more it is compared with the nearest alone."""
 
 
-def members_of_spots(spots: Spots) -> Groups:
-    """A group a spot: the rows of its members."""
-    return Groups.by_key(spots.spot, len(spots.centre_m))
+class PassedPairs(NamedTuple):
+    """Pairs that passed the check of a cycle, by first, then second."""
+
+    first: Ints  # (A,) row of a track
+    second: Ints  # (A,) row of a track of a later source
+    score: Floats  # (A, d) what the check measured
+    tested: int  # pairs inside the gate
+    left_out: int  # more of them that were not looked at, at most
+
+    def take(self, some: Bools) -> PassedPairs:
+        """These pairs."""
+        return self._replace(first=self.first[some], second=self.second[some], score=self.score[some])
 
 
 def gate_arrays(tracks: Tracks, spots: Spots, gate_m: float) -> dict[str, Array]:
@@ -30,21 +41,29 @@ def gate_arrays(tracks: Tracks, spots: Spots, gate_m: float) -> dict[str, Array]
     return {"place": place, "halo_start": halo.start, "halo_spot": spots.halo_spot[halo.row], "crowds": of_crowds}
 
 
-def left_out(arrays: Arrays) -> int:
-    """Pairs of different sources within the gate that are not compared, at most. Args: of `gate_arrays`."""
-    return int(arrays["crowds"][-1][1])
+def passed_pairs(work: Work, settings: Any, arrays: Arrays, given: AssociationInput) -> PassedPairs:
+    """The pairs that `work` lets pass, each once.
+
+    Args: work: gives rows of the first and second track, what it measured, and (1,) how many it tested; arrays: of `gate_arrays`.
+    """
+    members = Groups.by_key(given.spots.spot, len(given.spots.centre_m))
+    parts = given.map_(work, settings, arrays, members)
+    first, second, score, tested = (np.concatenate(column) for column in zip(*parts, strict=True))
+    order = np.argsort(first * len(given.tracks) + second)
+    left_out = int(arrays["crowds"][-1][1])
+    return PassedPairs(first[order], second[order], score[order], int(tested.sum()), left_out)
 
 
-def blocks_of_members(
+def over_members(
     work: Callable[..., tuple[Array, ...]], arrays: Arrays, spots: Groups, *arguments: object
-) -> list[tuple[Array, ...]]:
+) -> tuple[Array, ...]:
     """What `work` gives for the members of these spots, over threads. Args: arrays: of `gate_arrays`."""
     place = arrays["place"]
     chosen = np.zeros(len(place), np.bool_)
     chosen[spots.row] = True
     member = np.flatnonzero(chosen[place["row"]] & (place["source"] < place["source"].max(initial=0)))
-    found: list[tuple[Array, ...]] = in_blocks(work, len(member), member, arrays, *arguments, least=LEAST_TRACKS)
-    return found
+    parts = in_blocks(work, len(member), member, arrays, *arguments, least=LEAST_TRACKS)
+    return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
 
 
 def gated(low: int, high: int, member: Ints, arrays: Arrays, gate_m: float) -> Array:
@@ -57,16 +76,6 @@ def gated(low: int, high: int, member: Ints, arrays: Arrays, gate_m: float) -> A
     crowds = kernels.association.crowds.Crowds(*of_crowds, int(counts[0]), int(counts[1]))
     out: Array = kernels.association.candidate_pairs.candidate_pairs(low, high, member, arrays["place"], halo, crowds, gate_m)
     return out
-
-
-def joined_parts(parts: list[tuple[Array, ...]], rows: int) -> tuple[Ints, Ints, Floats, int]:
-    """Pairs of all chunks of spots by first, then second: rows of both, statistic; and how many were tested.
-
-    Args: parts: rows of the first and second track, statistic, (1,) number tested; rows: N, of tracks.
-    """
-    first, second, statistic, tested = (np.concatenate(column) for column in zip(*parts, strict=True))
-    order = np.argsort(first * rows + second)  # each pair is there once
-    return first[order], second[order], statistic[order], int(tested.sum())
 
 
 def one_to_one(tracks: Tracks, first: Ints, second: Ints, gain: Floats) -> Ints:
@@ -88,6 +97,24 @@ def one_to_one(tracks: Tracks, first: Ints, second: Ints, gain: Floats) -> Ints:
 def _repeated(row: Ints, useful: Bools, rows: int) -> Bools:
     """Whether the row of each pair is in more than one useful pair."""
     return np.asarray(np.bincount(row[useful], minlength=rows)[row] > 1)
+
+
+def associations_of(
+    tracks: Tracks,
+    first: Ints,
+    second: Ints,
+    statistic: Floats,
+    gain: Floats,
+    *,
+    is_distance: bool,
+    of: PassedPairs | Associations,
+) -> Associations:
+    """The vessels that these pairs make, and the pairs that are kept.
+
+    Args: first, second, statistic, gain: (A,); is_distance: as `Associations.statistic_is_distance`; of: what has the counts of pairs.
+    """
+    vessel, kept = vessels(tracks, first, second, gain)
+    return Associations(first[kept], second[kept], statistic[kept], vessel, of.tested, of.left_out, is_distance)
 
 
 def vessels(tracks: Tracks, first: Ints, second: Ints, gain: Floats) -> tuple[Ints, Ints]:

@@ -3,30 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.associations.pairing import (
-    blocks_of_members,
-    gate_arrays,
-    gated,
-    joined_parts,
-    left_out,
-    members_of_spots,
-    one_to_one,
-    vessels,
-)
-from coastwatch.batches import Array, Associations, Floats, Ints, Spots, Tracks
+from coastwatch.associations.inputs import AssociationInput
+from coastwatch.associations.pairing import associations_of, gate_arrays, gated, one_to_one, over_members, passed_pairs
+from coastwatch.batches import Array, Associations, Floats, Ints, Tracks
 from coastwatch.kernels.association.candidate_pairs import PAIR
 from coastwatch.kernels.association.history import History
 from coastwatch.kernels.association.pair_features import ENTRY, TRACK
 from coastwatch.kernels.association.pair_score import Rule
 from coastwatch.kernels.association.prune_pairs import BOUND
 from coastwatch.kernels.threads import in_blocks
-from coastwatch.stage import Arrays, Groups, Map, Method
+from coastwatch.stage import Arrays, Groups, Method
 
 LEAST_GAIN = 1e-3  # of an accepted pair in the assignment, so that a pair without a rival is taken
 
@@ -60,7 +52,6 @@ class WindowedCovariance(Method):
     dependent errors, 2006, for the likelihood ratio against an extraneous track.
     """
 
-    statistic_is_distance: ClassVar[bool] = False
     method: Literal["windowed_covariance"] = "windowed_covariance"
     window: Annotated[int, Field(ge=1, le=200)] = 20  # cycles
     gate_m: Annotated[float, Field(gt=0.0)] = 1000.0
@@ -79,17 +70,18 @@ class WindowedCovariance(Method):
     def init(self) -> WindowMemory:
         return WindowMemory(History.empty(self.window, ENTRY))
 
-    def step(self, memory: WindowMemory, tracks: Tracks, spots: Spots, map_: Map) -> tuple[WindowMemory, Associations]:
-        """Associations of these tracks. Args: tracks: (N); spots: of the same rows. Returns: memory and Associations."""
-        arrays = gate_arrays(tracks, spots, self.gate_m)
+    def step(self, memory: WindowMemory, given: AssociationInput) -> tuple[WindowMemory, Associations]:
+        """The memory after a cycle, and its associations."""
+        tracks = given.tracks
+        arrays = gate_arrays(tracks, given.spots, self.gate_m)
         history, arrays["track"], arrays["bound"] = self._features(memory.history, tracks, arrays["place"]["row"])
         arrays["values"], arrays["newest"] = history.values, np.array(history.column)
-        first, second, scores, tested = joined_parts(map_(score_spots, self, arrays, members_of_spots(spots)), len(tracks))
-        score, gain = scores[:, 0], self._gains(arrays, first, second, scores[:, 1])
-        chosen = one_to_one(tracks, first, second, gain)
-        first, second, score, gain = first[chosen], second[chosen], score[chosen], gain[chosen]
-        vessel, kept = vessels(tracks, first, second, gain)
-        return WindowMemory(history), Associations(first[kept], second[kept], score[kept], vessel, tested, left_out(arrays))
+        pairs = passed_pairs(score_spots, self, arrays, given)
+        gain = self._gains(arrays, pairs.first, pairs.second, pairs.score[:, 1])
+        chosen = one_to_one(tracks, pairs.first, pairs.second, gain)
+        first, second, score = pairs.first[chosen], pairs.second[chosen], pairs.score[chosen, 0]
+        found = associations_of(tracks, first, second, score, gain[chosen], is_distance=False, of=pairs)
+        return WindowMemory(history), found
 
     def _gains(self, arrays: Arrays, first: Ints, second: Ints, density: Floats) -> Floats:
         """What each accepted pair is worth in the assignment: its newest score where it shares a track, else 1. (A,)"""
@@ -108,28 +100,35 @@ class WindowedCovariance(Method):
 
     def rule(self) -> Rule:
         """The settings as the kernels read them."""
-        window = self.prior, self.floor, self.cap, self.forgetting, self.step_limit
-        return Rule(self.gate_m, *window, self.misled_share, self.unrelated_speed_m_s, self.threshold)
+        return Rule(
+            self.gate_m,
+            self.prior,
+            self.floor,
+            self.cap,
+            self.forgetting,
+            self.step_limit,
+            self.misled_share,
+            self.unrelated_speed_m_s,
+            self.threshold,
+        )
 
     def _features(self, before: History, tracks: Tracks, row: Ints) -> tuple[History, Array, Array]:
         """The history with this cycle, and what kernels read of each track: TRACK and BOUND. Args: row: (N,) in the order of the grid."""
         history, slot = before.advanced(tracks.track_id, row)
         count, column = len(tracks), history.column
         track, bound = np.empty(count, TRACK), np.empty(count, BOUND)
-        given = tracks.covariance, tracks.report_covariance, tracks.mmsi
-        unknown = self.registration, self.unknown_velocity_sigma_m_s**2
+        reported = tracks.covariance, tracks.report_covariance, tracks.mmsi
+        unknown_m2_s2 = self.unknown_velocity_sigma_m_s**2
         features = kernels.association.pair_features
-        in_blocks(features.track_records, count, row, (slot, history.length), given, *unknown, track)
-        moving = tracks.position_deg, tracks.velocity_m_s
-        in_blocks(features.record_entries, count, row, *moving, track, column, history.values)
+        in_blocks(features.track_records, count, row, (slot, history.length), reported, self.registration, unknown_m2_s2, track)
+        in_blocks(features.record_entries, count, row, tracks.position_deg, tracks.velocity_m_s, track, column, history.values)
         in_blocks(kernels.association.prune_pairs.track_bounds, count, track, history.values, column, self.rule(), bound)
         return history, track, bound
 
 
 def score_spots(settings: WindowedCovariance, arrays: Arrays, spots: Groups) -> tuple[Array, ...]:
     """Pairs that these spots own and that pass: rows of the first and second track; score and density (A, 2); number tested."""
-    parts = blocks_of_members(_score_members, arrays, spots, settings)
-    return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
+    return over_members(_score_members, arrays, spots, settings)
 
 
 def _score_members(low: int, high: int, member: Ints, arrays: Arrays, settings: WindowedCovariance) -> tuple[Array, ...]:

@@ -3,26 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.associations.pairing import (
-    blocks_of_members,
-    gate_arrays,
-    gated,
-    joined_parts,
-    left_out,
-    members_of_spots,
-    one_to_one,
-    vessels,
-)
-from coastwatch.batches import Array, Associations, Ints, Spots, Tracks
+from coastwatch.associations.inputs import AssociationInput
+from coastwatch.associations.pairing import associations_of, gate_arrays, gated, one_to_one, over_members, passed_pairs
+from coastwatch.batches import Array, Associations, Ints, Tracks
 from coastwatch.kernels.association.history import History
 from coastwatch.kernels.association.pair_features import ENTRY
-from coastwatch.stage import Arrays, Groups, Map, Method
+from coastwatch.stage import Arrays, Groups, Method
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +39,6 @@ class WindowedCovarianceLiteral(Method):
     eq. 7-9 and section III-E.
     """
 
-    statistic_is_distance: ClassVar[bool] = True
     method: Literal["windowed_covariance_literal"] = "windowed_covariance_literal"
     window: Annotated[int, Field(ge=5, le=200)] = 10  # p, cycles
     confidence: Annotated[float, Field(gt=0.0, lt=1.0)] = (
@@ -69,29 +60,27 @@ class WindowedCovarianceLiteral(Method):
         p = self.window
         return float(4.0 * (p - 1) / (p - 4) * stats.f.ppf(self.confidence, 4, p - 4))
 
-    def step(self, memory: LiteralMemory, tracks: Tracks, spots: Spots, map_: Map) -> tuple[LiteralMemory, Associations]:
-        """Associations of these tracks. Args: tracks: (N); spots: of the same rows. Returns: memory and Associations."""
-        arrays = gate_arrays(tracks, spots, self.gate_m)
+    def step(self, memory: LiteralMemory, given: AssociationInput) -> tuple[LiteralMemory, Associations]:
+        """The memory after a cycle, and its associations."""
+        tracks = given.tracks
+        arrays = gate_arrays(tracks, given.spots, self.gate_m)
         history, slot = memory.history.advanced(tracks.track_id, arrays["place"]["row"])
         entry = np.zeros(len(tracks), ENTRY)
         entry["latitude_deg"], entry["longitude_deg"] = tracks.position_deg.T
         entry["east_m_s"], entry["north_m_s"] = tracks.velocity_m_s.T
         history.values[slot, history.column] = entry
         windows = {"slot": slot, "length": history.length, "values": history.values, "newest": np.array(history.column)}
-        first, second, x, tested = joined_parts(
-            map_(accept_in_spots, self, {**arrays, **windows}, members_of_spots(spots)), len(tracks)
-        )
+        pairs = passed_pairs(accept_in_spots, self, {**arrays, **windows}, given)
+        first, second, x = pairs.first, pairs.second, pairs.score
         gain = 2.0 * self.limit() - x
         chosen = one_to_one(tracks, first, second, gain) if self.one_to_one else _nearest(tracks, first, second, x)
-        first, second, x, gain = first[chosen], second[chosen], x[chosen], gain[chosen]
-        vessel, kept = vessels(tracks, first, second, gain)
-        return LiteralMemory(history), Associations(first[kept], second[kept], x[kept], vessel, tested, left_out(arrays))
+        first, second, x = first[chosen], second[chosen], x[chosen]
+        return LiteralMemory(history), associations_of(tracks, first, second, x, gain[chosen], is_distance=True, of=pairs)
 
 
 def accept_in_spots(settings: WindowedCovarianceLiteral, arrays: Arrays, spots: Groups) -> tuple[Array, ...]:
     """Pairs that these spots own and that pass: rows of the first and second track, statistic; and how many were tested."""
-    parts = blocks_of_members(_accept_members, arrays, spots, settings)
-    return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
+    return over_members(_accept_members, arrays, spots, settings)
 
 
 def _accept_members(
@@ -100,8 +89,9 @@ def _accept_members(
     """What `accept_in_spots` gives for the members low to high."""
     pair, row = gated(low, high, member, arrays, settings.gate_m), arrays["place"]["row"]
     first, second = (row[pair[name]].astype(np.int64) for name in ("first", "second"))
-    windows = arrays["slot"], arrays["length"], arrays["values"], int(arrays["newest"])
-    x = kernels.association.pair_score.sample_statistics(first, second, *windows)
+    x = kernels.association.pair_score.sample_statistics(
+        first, second, arrays["slot"], arrays["length"], arrays["values"], int(arrays["newest"])
+    )
     kept = x < settings.limit()
     return first[kept], second[kept], x[kept], np.array([len(pair)])
 

@@ -176,6 +176,7 @@ class Associations(Struct):
     vessel: Ints = column(np.int64, "N")  # of each track row: 0..V-1, every vessel has at least one track
     tested: int = 0  # pairs inside the gate
     left_out: int = 0  # more of them that were not tested, at most: where tracks crowd each is compared with the nearest alone
+    statistic_is_distance: bool = False  # the smaller the statistic, the likelier is the pair; else the greater
 
     @cached_property
     def by_vessel(self) -> tuple[Rows, Rows]:

@@ -9,7 +9,8 @@ from pydantic import Field
 
 from coastwatch import kernels
 from coastwatch.batches import BearingTracks, Floats, Ints, Octants, Picture, Sensors
-from coastwatch.stage import Method
+from coastwatch.spots.inputs import OctantInput
+from coastwatch.stage import Method, NoMemory
 
 MOST_VESSELS = 200
 """Vessels that a bearing track is compared with. In an octant of more each track is compared with those nearest in direction."""
@@ -32,19 +33,18 @@ class OctantSpots(Method):
     position_sigmas: Annotated[float, Field(ge=0.0)] = 3.0
     range_margin: Annotated[float, Field(ge=1.0)] = 1.05
 
-    def init(self) -> tuple[()]:
-        return ()
+    def init(self) -> NoMemory:
+        return NoMemory()
 
-    def step(
-        self, memory: tuple[()], bearing_tracks: BearingTracks, picture: Picture, sensors: Sensors
-    ) -> tuple[tuple[()], Octants]:
-        """Pairs of rows to compare. Args: bearing_tracks: (N); picture: (V). Returns: memory and Octants sorted by row."""
+    def step(self, memory: NoMemory, given: OctantInput) -> tuple[NoMemory, Octants]:
+        """Pairs of rows to compare, sorted by row."""
+        bearing_tracks, sensors = given.bearing_tracks, given.sensors
         if not len(bearing_tracks):
             none = np.zeros(0, np.int64)
             return memory, Octants(none, none, none)
         candidates = kernels.bearings.candidates
         sensor = bearing_tracks.source - sensors.sonar_source(0)
-        vessels = self._vessels_by_octant(sensor, bearing_tracks, picture, sensors)
+        vessels = self._vessels_by_octant(sensor, bearing_tracks, given.picture, sensors)
         bearing_deg = np.degrees(bearing_tracks.bearing_rad)
         sector = candidates.sector_of(bearing_deg)
         octant, from_middle_deg = sensor * candidates.SECTORS + sector, candidates.from_middle_deg(bearing_deg, sector)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from coastwatch.associations import WindowedCovariance, pairing
+from coastwatch.associations import AssociationInput, WindowedCovariance, pairing
 from coastwatch.associations.windowed_covariance import score_spots
 from coastwatch.batches import Array, Spots, Tracks
 from coastwatch.geodesy import earth_centred
@@ -48,7 +48,7 @@ def last_cycle(tracks_asked: int, cycles: int) -> Cycle:
         state, received = national.next_cycle(world, state, sensors)
         tracks = scenario.alignment.step(received.tracks, world.time_s(cycle))
         spots_memory, spots = scenario.spots.step(spots_memory, tracks)
-        memory, _ = method.step(memory, tracks, spots, noted)
+        memory, _ = method.step(memory, AssociationInput(tracks, spots, noted))
     arrays, groups = given[0]
     return arrays, groups, tracks, spots, method
 

@@ -21,12 +21,13 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "contracts"))
 
 import bearing_world as bw
 
+from coastwatch.associations import BearingAssociationInput
 from coastwatch.associations.bearing_likelihood import BearingLikelihood
 from coastwatch.associations.bearing_literal import BearingWindowedCovariance
 from coastwatch.batches import AisStatics, Floats, Sensors
 from coastwatch.operators.cli.arguments import count, whole
+from coastwatch.spots import OctantInput
 from coastwatch.spots.octants import OctantSpots
-from coastwatch.stage import serial
 from coastwatch.tracks.bearing import BearingWindow
 
 HISTORIES = (30, 60, 120, 180, 300)
@@ -58,8 +59,10 @@ def run(
     for t in range(3, last + 1, 3):
         tm, tracks = tracker.step(tm, bw.hear(world, sensors, t, seed, bias_deg, misses, phase_s), bw.START_S + t, sensors)
         picture = world.picture(t)
-        sm, octants = spots.step(sm, tracks, picture, sensors)
-        am, found = associate.step(am, tracks, picture, octants, bw.START_S + t, sensors, serial, AisStatics.empty())
+        sm, octants = spots.step(sm, OctantInput(tracks, picture, sensors))
+        am, found = associate.step(
+            am, BearingAssociationInput(tracks, picture, octants, bw.START_S + t, sensors, AisStatics.empty())
+        )
         c = bw.count(found.bearing_row, found.vessel_row, tracks.origin, picture.origin)
         for h, history in enumerate(histories):
             if history <= t < history + DECISIONS_S:

@@ -19,13 +19,14 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "contracts"))
 
 import bearing_world as bw
 
+from coastwatch.associations import BearingAssociationInput
 from coastwatch.associations.bearing_likelihood import BearingLikelihood
 from coastwatch.associations.bearing_literal import BearingWindowedCovariance
 from coastwatch.batches import AisStatics, BearingReports, Floats, Ints, Picture, Sensors
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.operators.cli.arguments import count
+from coastwatch.spots import OctantInput
 from coastwatch.spots.octants import OctantSpots
-from coastwatch.stage import serial
 from coastwatch.tracks.bearing import BearingWindow
 
 SONARS, HEARD, RANGE_M, APART_M = 100, 100, 10_000.0, 20_000.0
@@ -78,10 +79,11 @@ def main() -> None:
         marks = [time.perf_counter()]
         tm, tracks = tracker.step(tm, reports, bw.START_S + now, sensors)
         marks.append(time.perf_counter())
-        sm, octants = spots.step(sm, tracks, picture, sensors)
+        sm, octants = spots.step(sm, OctantInput(tracks, picture, sensors))
         marks.append(time.perf_counter())
         for k, method in enumerate(methods):
-            am[k], found = method.step(am[k], tracks, picture, octants, bw.START_S + now, sensors, serial, AisStatics.empty())
+            given = BearingAssociationInput(tracks, picture, octants, bw.START_S + now, sensors, AisStatics.empty())
+            am[k], found = method.step(am[k], given)
             marks.append(time.perf_counter())
             if k == 0:
                 score = bw.f1(bw.count(found.bearing_row, found.vessel_row, tracks.origin, picture.origin))

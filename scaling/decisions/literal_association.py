@@ -15,7 +15,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from pydantic import ValidationError
 
-from coastwatch.associations import WindowedCovariance, WindowedCovarianceLiteral
+from coastwatch.associations import AssociationInput, WindowedCovariance, WindowedCovarianceLiteral
 from coastwatch.batches import Ints, RadarCorrections, Spots, Tracks, Trajectories
 from coastwatch.geodesy import NAUTICAL_MILE_M, scale_m_deg
 from coastwatch.operators.cli.arguments import count, whole
@@ -98,7 +98,7 @@ def decided(method: WindowedCovariance | WindowedCovarianceLiteral, runs: list[C
         for number, (tracks, spots) in enumerate(run.made):
             if number < run.warm - method.window:
                 continue
-            memory, found = method.step(memory, tracks, spots, serial)
+            memory, found = method.step(memory, AssociationInput(tracks, spots, serial))
             if number >= run.warm:
                 total += association(tracks, found, run.kinds)
     return total

@@ -19,11 +19,13 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "contracts"))
 
 import bearing_world as bw
 
+from coastwatch.associations import BearingAssociationInput
 from coastwatch.associations.bearing_literal import BearingWindowedCovariance
 from coastwatch.batches import AisStatics, Floats, Sensors
 from coastwatch.operators.cli.arguments import count, whole
+from coastwatch.spots import OctantInput
 from coastwatch.spots.octants import OctantSpots
-from coastwatch.stage import serial
+from coastwatch.stage import NoMemory
 from coastwatch.tracks.bearing import BearingWindow
 
 PUBLISHED_OCTANTS = OctantSpots(overlap_deg=0, position_sigmas=0, range_margin=1)
@@ -41,8 +43,10 @@ def counted(method: BearingWindowedCovariance, sensors: Sensors, seed: int, spot
         reports = bw.hear(world, sensors, t, seed)
         tracks_memory, tracks = tracker.step(tracks_memory, reports, bw.START_S + t, sensors)
         picture = world.picture(t)
-        _, octants = spots.step((), tracks, picture, sensors)
-        memory, found = method.step(memory, tracks, picture, octants, bw.START_S + t, sensors, serial, AisStatics.empty())
+        _, octants = spots.step(NoMemory(), OctantInput(tracks, picture, sensors))
+        memory, found = method.step(
+            memory, BearingAssociationInput(tracks, picture, octants, bw.START_S + t, sensors, AisStatics.empty())
+        )
         if t >= HISTORY_S:
             partner = np.full(len(tracks), -1)
             partner[found.bearing_row] = picture.origin[found.vessel_row]

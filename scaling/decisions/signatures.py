@@ -19,13 +19,15 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "contracts"))
 
 import bearing_world as bw
 
+from coastwatch.associations import BearingAssociationInput
 from coastwatch.associations.bearing_likelihood import BearingLikelihood
 from coastwatch.batches import CLASS_OF_TYPE, AisStatics, Floats
 from coastwatch.operators.cli.arguments import count, whole
 from coastwatch.sensors.simulated.sonar import SonarTruth, reported_class
 from coastwatch.sensors.simulated.static_data import TYPES
+from coastwatch.spots import OctantInput
 from coastwatch.spots.octants import OctantSpots
-from coastwatch.stage import serial
+from coastwatch.stage import NoMemory
 from coastwatch.tracks.bearing import BearingWindow
 
 VESSELS = 500
@@ -76,8 +78,8 @@ def run(truth: SonarTruth, associate: BearingLikelihood, seed: int) -> Floats:
         tm, tracks = tracker.step(tm, reports, bw.START_S + t, sensors)
         picture = world.picture(t)
         picture = replace(picture, mmsi=np.where(np.isin(picture.origin, has_ais), picture.origin, -1))
-        _, octants = spots.step((), tracks, picture, sensors)
-        am, found = associate.step(am, tracks, picture, octants, bw.START_S + t, sensors, serial, statics)
+        _, octants = spots.step(NoMemory(), OctantInput(tracks, picture, sensors))
+        am, found = associate.step(am, BearingAssociationInput(tracks, picture, octants, bw.START_S + t, sensors, statics))
         c = bw.count(found.bearing_row, found.vessel_row, tracks.origin, picture.origin)
         for h, history in enumerate(HISTORIES):
             if history <= t < history + DECISIONS_S:

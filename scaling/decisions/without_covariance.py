@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter
 
-from coastwatch.associations import Associator
+from coastwatch.associations import AssociationInput, Associator
 from coastwatch.batches import RadarCorrections, Tracks
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.scores.track_pairs import PairScores, TruePairs
@@ -52,7 +52,7 @@ def run(scenario: Scenario, seed: int, methods: dict[str, Any]) -> dict[str, Pai
         of_spots, spots = scenario.spots.step(of_spots, tracks)
         pairs = TruePairs.of(tracks, recording.truth.at(now_s), sensors.source_kinds, LOST_M)
         for name, method in methods.items():
-            memories[name], found = method.step(memories[name], tracks, spots, serial)
+            memories[name], found = method.step(memories[name], AssociationInput(tracks, spots, serial))
             scores[name] = scores[name].seen(pairs, found)
     return scores
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from coastwatch.associations import Counting, WindowedCovariance
+from coastwatch.associations import AssociationInput, Counting, WindowedCovariance
 from coastwatch.batches import Associations, Measurements, Plots, SourceKind, Tracks
 from coastwatch.fused_tracks import Convex, FusionInput, ImmOfTracks
 from coastwatch.geodesy import to_plane
@@ -58,7 +58,7 @@ def association(history: TrackHistory, watch: Stopwatch) -> TaskResult:
             tracks, timed = tracks_at(history, cycle), cycle >= history.first
             with (watch if timed else Stopwatch()).lap():
                 spots_memory, spots = grouper.step(spots_memory, tracks)
-                memory, found = associator.step(memory, tracks, spots, workers.spots)
+                memory, found = associator.step(memory, AssociationInput(tracks, spots, workers.spots))
             if timed:
                 pairs.append(np.stack([np.full(len(found.first), cycle), found.first, found.second], axis=1))
     return watch.result(("coastwatch",), unit="track", units=len(history.track_id), pairs=np.concatenate(pairs))
@@ -74,7 +74,7 @@ def counting(history: TrackHistory, watch: Stopwatch) -> TaskResult:
             tracks, timed = tracks_at(history, cycle), cycle >= history.first
             spots_memory, spots = grouper.step(spots_memory, tracks)
             with (watch if timed else Stopwatch()).lap():
-                memory, found = associator.step(memory, tracks, spots, workers.spots)
+                memory, found = associator.step(memory, AssociationInput(tracks, spots, workers.spots))
             if timed:
                 pairs.append(np.stack([np.full(len(found.first), cycle), found.first, found.second], axis=1))
     return watch.result(("coastwatch",), unit="track", units=len(history.track_id), pairs=np.concatenate(pairs))

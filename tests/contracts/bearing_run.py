@@ -8,9 +8,11 @@ from typing import Any
 import bearing_world as bw
 import numpy as np
 
+from coastwatch.associations import BearingAssociationInput
 from coastwatch.batches import AisStatics, BearingTracks, Picture, Sensors
+from coastwatch.spots import OctantInput
 from coastwatch.spots.octants import OctantSpots
-from coastwatch.stage import Groups, serial
+from coastwatch.stage import Groups, NoMemory, serial
 from coastwatch.tracks.bearing import BearingWindow
 
 SEED = 40  # not one of those that settings were chosen on (1000 to 1009, 2000 to 2015)
@@ -48,8 +50,9 @@ class Run:
         return tracks, self.world.picture(t)
 
     def associate(self, memory: Any, tracks: BearingTracks, picture: Picture, t: int, spread: Any = serial) -> Any:
-        _, octants = OctantSpots().step((), tracks, picture, self.sensors)
-        return self.method.step(memory, tracks, picture, octants, bw.START_S + t, self.sensors, spread, self.statics)
+        _, octants = OctantSpots().step(NoMemory(), OctantInput(tracks, picture, self.sensors))
+        given = BearingAssociationInput(tracks, picture, octants, bw.START_S + t, self.sensors, self.statics, spread)
+        return self.method.step(memory, given)
 
     def counts(self, after: int) -> Any:
         total = np.zeros(4)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from radar_world import ORIGIN_DEG, PERIOD_S, cut, plots_of, two_radars, world
 
-from coastwatch.associations import Counting, WindowedCovariance
 from coastwatch.associations.held import counted_once, held_tracks
 from coastwatch.batches import Associations, Messages, Plots, SourceKind, Spots, Tracks, VesselBearings
 from coastwatch.geodesy import to_plane
@@ -188,7 +187,7 @@ def test_an_ais_track_whose_messages_are_in_a_radar_track_is_of_it_and_not_fused
     assert (len(spots.spot), spots.halo_row.tolist()) == (4, [3])
     # the method, which does not see AIS 7, pairs AIS 8 with the first and AIS 9 with the second
     found = Associations(np.array([0, 1]), np.array([2, 3]), np.array([5.0, 5.0]), np.array([0, 1, 0, 1]), 2)
-    joined = held.joined_to(found, tracks, kinds, WindowedCovariance().statistic_is_distance)
+    joined = held.joined_to(found, tracks, kinds)
     assert joined.vessel.tolist() == [0, 1, 0, 2, 1]
     assert list(zip(joined.first.tolist(), joined.second.tolist(), strict=True)) == [(0, 2), (1, 4)]
     counted, fused, _ = counted_once(tracks, joined, VesselBearings.empty(), kinds)
@@ -197,8 +196,8 @@ def test_an_ais_track_whose_messages_are_in_a_radar_track_is_of_it_and_not_fused
     assert list(zip(fused.first.tolist(), fused.second.tolist(), strict=True)) == [(1, 3)]
 
 
-@pytest.mark.parametrize(("method", "statistic"), [(Counting(), (5.0, 40.0)), (WindowedCovariance(), (40.0, 5.0))])
-def test_the_better_pair_of_the_vessel_of_a_held_track_stands(method, statistic):
+@pytest.mark.parametrize(("is_distance", "statistic"), [(True, (5.0, 40.0)), (False, (40.0, 5.0))])
+def test_the_better_pair_of_the_vessel_of_a_held_track_stands(is_distance, statistic):
     """Rows: radar 0 that holds AIS 7, radar 1 near it, AIS 7, AIS 8. Radar 1 is paired with radar 0 and, less well, with AIS 8."""
     place = ORIGIN_DEG + np.array([[0.0, 0.0], [0.0, 4e-5], [0.0, 1e-5], [0.0, 4.4e-4]])
     spread, zero = np.tile(np.eye(4), (4, 1, 1)), np.zeros(4)
@@ -207,7 +206,8 @@ def test_the_better_pair_of_the_vessel_of_a_held_track_stands(method, statistic)
     kinds = np.array([SourceKind.RADAR, SourceKind.RADAR, SourceKind.AIS])
     held = held_tracks(tracks, kinds, 1000.0)
     found = Associations(np.array([0, 1]), np.array([1, 2]), np.array(statistic), np.zeros(3, np.int64), 2)
-    joined = held.joined_to(found, tracks, kinds, method.statistic_is_distance)
+    found = replace(found, statistic_is_distance=is_distance)
+    joined = held.joined_to(found, tracks, kinds)
     assert list(zip(joined.first.tolist(), joined.second.tolist(), strict=True)) == [(0, 1), (0, 2)]
     assert joined.vessel.tolist() == [0, 0, 0, 1]
 

@@ -8,7 +8,7 @@ from association_by_pairs import Rules, earth_centred, step
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coastwatch.associations import WindowedCovariance, pairing, step_with_candidates
+from coastwatch.associations import AssociationInput, WindowedCovariance, pairing, step_with_candidates
 from coastwatch.associations.pairing import gated
 from coastwatch.associations.windowed_covariance import score_spots
 from coastwatch.batches import Spots, Tracks
@@ -105,7 +105,7 @@ def assert_equal(found, wanted):
 
 def assert_scores_equal(method, memory, tracks, spots, wanted):
     """Of all pairs that are within the gate, taken or not."""
-    *_, every = step_with_candidates(method, copy.deepcopy(memory), tracks, spots)
+    *_, every = step_with_candidates(method, copy.deepcopy(memory), AssociationInput(tracks, spots))
     scores = {pair: value for pair, value in wanted.scores.items() if value > -np.inf}
     pairs = zip(every.first.tolist(), every.second.tolist(), strict=True)
     assert dict(zip(pairs, every.score.tolist(), strict=True)) == pytest.approx(scores, rel=0.0, abs=ROUNDING)
@@ -137,7 +137,7 @@ def test_any_settings_and_spots(seed, rules, count, halo):
         spots = spots_of(tracks, count, halo * rules.gate_m, seed)
         windows, wanted = step(windows, tracks, spots, rules)
         assert_scores_equal(method, memory, tracks, spots, wanted)
-        memory, found = method.step(memory, tracks, spots, serial)
+        memory, found = method.step(memory, AssociationInput(tracks, spots, serial))
         assert_equal(found, wanted)
 
 
@@ -156,7 +156,7 @@ def test_full_windows_and_what_is_screened():
         tracks = port.tracks(cycle)
         before = copy.deepcopy(memory)
         windows, wanted = step(windows, tracks, one_spot(tracks), rules)
-        memory, found = method.step(memory, tracks, one_spot(tracks), counted)
+        memory, found = method.step(memory, AssociationInput(tracks, one_spot(tracks), counted))
         assert wanted.unique
         assert_equal(found, wanted)
         assert_scores_equal(method, before, tracks, one_spot(tracks), wanted)
@@ -180,7 +180,9 @@ def test_threads_and_processes_change_no_bit(how, monkeypatch):
         with open_workers(how if many else "threads", 3 if many else 1) as workers:
             for cycle in range(5):
                 tracks = port.tracks(cycle)
-                memory, found = method.step(memory, tracks, spots_of(tracks, 5, method.gate_m, 1), workers.spots)
+                memory, found = method.step(
+                    memory, AssociationInput(tracks, spots_of(tracks, 5, method.gate_m, 1), workers.spots)
+                )
                 answers.append((many, save((found.first, found.second, found.statistic, found.vessel, found.tested))))
             answers.append((many, save(memory)))
     one, other = ([answer for many, answer in answers if many is which] for which in (False, True))
@@ -199,7 +201,7 @@ def test_blocks_of_threads_meet_at_any_row():
             seen.append((settings, arrays, spots))
             return serial(work, settings, arrays, spots)
 
-        memory, _ = method.step(memory, tracks, spots_of(tracks, 3, method.gate_m, 2), kept)
+        memory, _ = method.step(memory, AssociationInput(tracks, spots_of(tracks, 3, method.gate_m, 2), kept))
         whole = score_spots(*seen[0])
         with pytest.MonkeyPatch.context() as patch, threads(2):
             least_one = pairing.LEAST_TRACKS
@@ -237,5 +239,5 @@ def test_poles_and_the_antimeridian_are_places_like_others(position):
     )
     gap = np.linalg.norm(earth_centred(where)[:, None] - earth_centred(where)[None], axis=2)
     near = (gap <= method.gate_m) & (source[:, None] < source[None])
-    _, found = method.step(method.init(), tracks, one_spot(tracks), serial)
+    _, found = method.step(method.init(), AssociationInput(tracks, one_spot(tracks), serial))
     assert found.tested == near.sum() > 100

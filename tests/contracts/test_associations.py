@@ -1,42 +1,32 @@
 """Every method of the associations stage, and the cases in which a windowed covariance is known to fail."""
 
 from dataclasses import replace
-from typing import get_args
 
 import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
+from unions import methods_in
 
 from coastwatch.associations import (
+    AssociationInput,
     Associator,
-    CountedTest,
-    Counting,
     SingleScanTest,
-    TwoCountings,
     WindowedCovariance,
     WindowedCovarianceLiteral,
 )
-from coastwatch.associations import TestThenCounting as BegunByTest  # pytest takes a name with Test for a test
 from coastwatch.batches import Tracks
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.server.checkpoint import load, save
 from coastwatch.spots import KMeansSpots
 from coastwatch.stage import serial
 
-METHODS = [
-    WindowedCovariance(),
-    WindowedCovarianceLiteral(),
-    WindowedCovarianceLiteral(one_to_one=True, threshold="hotelling"),
-    SingleScanTest(),
-    SingleScanTest(dependence="recursive"),
-    SingleScanTest(dependence="geometric_mean"),
-    Counting(),
-    TwoCountings(),
-    CountedTest(),
-    BegunByTest(),
-]
-IDS = ["windowed_covariance", "literal", "literal one-to-one", "test", "test recursive", "test geometric mean"]
-IDS += ["counting", "two countings", "counted test", "test then counting"]
+VARIANTS = {
+    "literal one-to-one": WindowedCovarianceLiteral(one_to_one=True, threshold="hotelling"),
+    "test recursive": SingleScanTest(dependence="recursive"),
+    "test geometric mean": SingleScanTest(dependence="geometric_mean"),
+}
+METHODS = [*methods_in(Associator), *VARIANTS.values()]
+IDS = [*(method.method for method in methods_in(Associator)), *VARIANTS]
 ORIGIN = np.array([-23.0, 179.99])
 RADAR_SIGMA_M, AIS_SIGMA_M = 8.0, 1.5
 PERIOD_S = 3.0
@@ -103,7 +93,7 @@ def run(method, water, cycles, bias_m=(0.0, 0.0), spots=None, look=None):
         if look is not None:
             tracks = look(tracks, cycle)
         spot_memory, s = spots.step(spot_memory, tracks)
-        memory, found = method.step(memory, tracks, s, serial)
+        memory, found = method.step(memory, AssociationInput(tracks, s, serial))
         out.append((tracks, found))
     return out
 
@@ -115,12 +105,11 @@ def f1(tracks, found):
     return 2.0 * right / (len(found.first) + exist)
 
 
-def test_every_method_of_the_union_is_tried_and_has_what_the_pipeline_reads():
-    union, _ = get_args(Associator)
-    assert {type(method) for method in METHODS} == set(get_args(union))
-    for method in METHODS:
-        assert isinstance(method.statistic_is_distance, bool)
-        assert method.gate_m > 0.0
+@pytest.mark.parametrize("method", METHODS, ids=IDS)
+def test_it_says_whether_its_statistic_is_a_distance_and_how_far_apart_pairs_may_be(method):
+    found = run(method, crowd(1, n=60), 1)[0][1]
+    assert found.statistic_is_distance == (method.method != "windowed_covariance")  # a likelihood ratio: greater is likelier
+    assert method.gate_m > 0.0
 
 
 @pytest.mark.parametrize("method", METHODS, ids=IDS)
@@ -132,12 +121,12 @@ def test_resumable_and_indifferent_to_order(method):
         tracks = water.tracks(cycle)
         frozen = save(memory)
         spot_memory, s = spots.step(spot_memory, tracks)
-        resumed, found = method.step(load(frozen), tracks, s, serial)
-        memory, found_1 = method.step(memory, tracks, s, serial)
+        resumed, found = method.step(load(frozen), AssociationInput(tracks, s, serial))
+        memory, found_1 = method.step(memory, AssociationInput(tracks, s, serial))
         assert save(resumed) == save(memory)
         order = rng.permutation(len(tracks))
         shuffled = replace(s, spot=s.spot[order], **halo_of(s, order))
-        _, other = method.step(load(frozen), tracks.take(order), shuffled, serial)
+        _, other = method.step(load(frozen), AssociationInput(tracks.take(order), shuffled, serial))
         pairs = {(a, b) for a, b in zip(tracks.track_id[found.first], tracks.track_id[found.second], strict=True)}
         mixed = tracks.take(order)
         assert pairs == {(a, b) for a, b in zip(mixed.track_id[other.first], mixed.track_id[other.second], strict=True)}
@@ -166,7 +155,7 @@ def test_no_track_and_one_track(method, rows):
     spots = KMeansSpots()
     tracks = crowd(1, n=60).tracks(0).take(np.arange(rows))
     _, s = spots.step(spots.init(), tracks)
-    _, found = method.step(method.init(), tracks, s, serial)
+    _, found = method.step(method.init(), AssociationInput(tracks, s, serial))
     assert len(found.first) == 0
     assert found.vessel.tolist() == list(range(rows))
 
@@ -177,8 +166,8 @@ def test_an_empty_spot_is_harmless():
     _, s = spots.step(spots.init(), tracks)
     wider = replace(s, centre_m=np.vstack([s.centre_m, s.centre_m[:1] + 1e5]))
     method = WindowedCovariance()
-    _, a = method.step(method.init(), tracks, s, serial)
-    _, b = method.step(method.init(), tracks, wider, serial)
+    _, a = method.step(method.init(), AssociationInput(tracks, s, serial))
+    _, b = method.step(method.init(), AssociationInput(tracks, wider, serial))
     np.testing.assert_array_equal(a.vessel, b.vessel)
 
 

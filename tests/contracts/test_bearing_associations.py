@@ -10,17 +10,20 @@ import numpy as np
 import pytest
 from bearing_run import SEED, Run, assert_same, by_id, piecewise
 from pydantic import ValidationError
+from unions import methods_in
 
+from coastwatch.associations import BearingAssociationInput, BearingAssociator
 from coastwatch.associations.bearing_likelihood import BearingLikelihood, pair_probability, score_octants
 from coastwatch.associations.bearing_literal import BearingWindowedCovariance, sample_statistic
 from coastwatch.batches import CLASSES, AisStatics, BearingTracks, Picture
 from coastwatch.sensors.simulated.sonar import SonarTruth, reported_class
 from coastwatch.server.checkpoint import load, save
+from coastwatch.spots import OctantInput
 from coastwatch.spots.octants import OctantSpots
-from coastwatch.stage import Groups, serial
+from coastwatch.stage import Groups, NoMemory, serial
 from coastwatch.workers import open_workers
 
-METHODS = (BearingLikelihood(), BearingWindowedCovariance())
+METHODS = methods_in(BearingAssociator)
 
 
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.method)
@@ -72,8 +75,10 @@ def test_empty_and_single(method: Any) -> None:
         memory, found = run.associate(method.init(), b, v, 3)
         assert len(found.bearing_row) == 0
         assert len(run.associate(memory, tracks, picture, 6)[1].bearing_row) >= 0
-    _, octants = OctantSpots().step((), tracks.take([]), picture, nowhere)
-    _, found = method.step(method.init(), tracks.take([]), picture, octants, bw.START_S, nowhere, serial, AisStatics.empty())
+    _, octants = OctantSpots().step(NoMemory(), OctantInput(tracks.take([]), picture, nowhere))
+    _, found = method.step(
+        method.init(), BearingAssociationInput(tracks.take([]), picture, octants, bw.START_S, nowhere, AisStatics.empty())
+    )
     assert len(found.sensor_bias_rad) == 0
     memory = method.init()
     for t in range(6, 31, 3):

@@ -8,7 +8,9 @@ import numpy as np
 from coastwatch.batches import CLASSES, BearingTracks, Floats, Octants, Picture, Sensors
 from coastwatch.geodesy import from_plane, to_plane, wrap_deg
 from coastwatch.kernels.bearings.candidates import sector_of
+from coastwatch.spots import OctantInput
 from coastwatch.spots.octants import OctantSpots
+from coastwatch.stage import NoMemory
 
 LITERAL = OctantSpots(overlap_deg=0.0, position_sigmas=0.0, range_margin=1.0)
 
@@ -61,7 +63,7 @@ def test_the_published_octants_are_sectors_within_range() -> None:
     sensors = bw.sensors_of(np.array([[0.0, 0.0], [3000.0, 2000.0]]), 6000.0, (0.0, 360.0))
     where = from_plane(rng.uniform(-9000.0, 9000.0, (300, 2)), bw.ORIGIN_DEG)
     tracks = tracks_at(sensors, np.arange(30) % 2, rng.uniform(0.0, 360.0, 30))
-    _, octants = LITERAL.step((), tracks, vessels_at(where, 10.0), sensors)
+    _, octants = LITERAL.step(NoMemory(), OctantInput(tracks, vessels_at(where, 10.0), sensors))
     expected = set()
     for b in range(30):
         off = to_plane(where, sensors.sonars.site_deg[b % 2])
@@ -86,11 +88,13 @@ def test_overlap_keeps_every_pair_no_farther_apart_than_it() -> None:
     where = around(sensors, 0, direction, 4000.0)
     said = direction + rng.uniform(-6.0, 6.0, 400)
     tracks = tracks_at(sensors, np.zeros(400), said)
-    _, octants = OctantSpots().step((), tracks, vessels_at(where, 0.0), sensors)
+    _, octants = OctantSpots().step(NoMemory(), OctantInput(tracks, vessels_at(where, 0.0), sensors))
     found = pairs(octants)
     assert {(k, k) for k in range(400)} <= found
     assert len(found) == len(octants.bearing_row)  # each once, though vessels stand in two octants
-    lost = {(k, k) for k in range(400)} - pairs(LITERAL.step((), tracks, vessels_at(where, 0.0), sensors)[1])
+    lost = {(k, k) for k in range(400)} - pairs(
+        LITERAL.step(NoMemory(), OctantInput(tracks, vessels_at(where, 0.0), sensors))[1]
+    )
     assert len(lost) > 10
 
 
@@ -99,10 +103,12 @@ def test_position_uncertainty_widens_octants_and_range() -> None:
     tracks = tracks_at(sensors, [0], [10.0])
     near_border = around(sensors, 0, np.array([60.0]), 300.0)  # 15 deg outside: 80 m
     for sigma, count in ((1.0, 0), (30.0, 1)):
-        assert len(OctantSpots().step((), tracks, vessels_at(near_border, sigma), sensors)[1].octant) == count
+        assert (
+            len(OctantSpots().step(NoMemory(), OctantInput(tracks, vessels_at(near_border, sigma), sensors))[1].octant) == count
+        )
     beyond = around(sensors, 0, np.array([10.0]), 5400.0)
     for sigma, count in ((1.0, 0), (60.0, 1)):
-        assert len(OctantSpots().step((), tracks, vessels_at(beyond, sigma), sensors)[1].octant) == count
+        assert len(OctantSpots().step(NoMemory(), OctantInput(tracks, vessels_at(beyond, sigma), sensors))[1].octant) == count
 
 
 def test_a_moving_sensor_looks_from_where_it_is() -> None:
@@ -110,7 +116,7 @@ def test_a_moving_sensor_looks_from_where_it_is() -> None:
     there = bw.sensors_of(np.array([[30_000.0, 0.0]]), 3000.0, (0.0, 360.0))
     tracks = tracks_at(there, [0], [100.0])
     where = around(there, 0, np.array([100.0]), 2000.0)
-    assert len(OctantSpots().step((), tracks, vessels_at(where, 5.0), sensors)[1].octant) == 1
+    assert len(OctantSpots().step(NoMemory(), OctantInput(tracks, vessels_at(where, 5.0), sensors))[1].octant) == 1
 
 
 def test_empties() -> None:
@@ -119,9 +125,9 @@ def test_empties() -> None:
     some = around(sensors, 0, np.array([10.0]), 1000.0)
     for sonar, where in (([], none), ([], some), ([0], none)):
         memory, octants = OctantSpots().step(
-            (), tracks_at(sensors, sonar, [10.0] * len(sonar)), vessels_at(where, 5.0), sensors
+            NoMemory(), OctantInput(tracks_at(sensors, sonar, [10.0] * len(sonar)), vessels_at(where, 5.0), sensors)
         )
-        assert memory == ()
+        assert memory == NoMemory()
         assert len(octants.octant) == 0
     unknown = vessels_at(some, np.nan)
-    assert len(OctantSpots().step((), tracks_at(sensors, [0], [10.0]), unknown, sensors)[1].octant) == 1
+    assert len(OctantSpots().step(NoMemory(), OctantInput(tracks_at(sensors, [0], [10.0]), unknown, sensors))[1].octant) == 1

@@ -23,6 +23,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "oracles"))
 from counting_textbook import count, one_to_one
 from two_filters_textbook import motion, update
 
+from coastwatch.associations import AssociationInput
+
 CYCLES, VESSELS = 25, 5
 ORIGIN = np.array([59.0, 179.9999])
 PASSED = {0.01: 13.2767, 0.001: 18.4668, 0.9: 1.0636}  # chi-square, 4 degrees of freedom, from any table
@@ -109,7 +111,7 @@ def test_pairs_are_those_of_one_pair_at_a_time(method):
     on = {pair: associated(method, cycles, pair) for pair in pairs}
     memory, made_pairs = method.init(), 0
     for k, t in enumerate(batches):
-        memory, found = method.step(memory, t, all_in_one_spot(len(t)), serial)
+        memory, found = method.step(memory, AssociationInput(t, all_in_one_spot(len(t)), serial))
         wanted = one_to_one({p: cycles[k][p][0] for p in pairs if on[p][k] and p in cycles[k]})
         got = {(int(t.track_id[a]), int(t.track_id[b])) for a, b in zip(found.first, found.second, strict=True)}
         assert got == wanted, f"cycle {k}"
@@ -124,7 +126,7 @@ def test_an_association_begins_at_the_last_hit_and_ends_at_the_last_miss():
     for k, hit in enumerate(near):
         state = np.array([[0.0, 0.0, 0.0, 0.0], [5.0 if hit else 50.0, 0.0, 0.0, 0.0]])
         t = made(state, np.full((2, 4, 4), np.nan), np.array([0, 1]), np.array([3, 9]), float(k))
-        memory, found = method.step(memory, t, all_in_one_spot(2), serial)
+        memory, found = method.step(memory, AssociationInput(t, all_in_one_spot(2), serial))
         on.append(len(found.first))
     assert on == [0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 0, 0, 0]
 
@@ -192,7 +194,7 @@ def test_the_share_of_right_pairs_that_a_test_refuses(filtered, dependence, low,
     for k, t in enumerate(filtered[start:], start):
         if dependence != "recursive" and k % 2:
             continue
-        memory, found = method.step(memory, t, all_in_one_spot(len(t)), serial)
+        memory, found = method.step(memory, AssociationInput(t, all_in_one_spot(len(t)), serial))
         if k >= 12 and k % 2 == 0:
             missed, pairs = missed + len(t) // 2 - len(found.first), pairs + len(t) // 2
     assert pairs == 36_000

@@ -9,7 +9,13 @@ from pydantic import ValidationError
 from scipy import stats
 from test_associations import Water, crowd, f1, pair_of, quiet, run
 
-from coastwatch.associations import Candidates, WindowedCovariance, WindowedCovarianceLiteral, step_with_candidates
+from coastwatch.associations import (
+    AssociationInput,
+    Candidates,
+    WindowedCovariance,
+    WindowedCovarianceLiteral,
+    step_with_candidates,
+)
 from coastwatch.geodesy import difference_m
 from coastwatch.server.checkpoint import save
 from coastwatch.spots import KMeansSpots
@@ -130,8 +136,8 @@ def test_candidates_are_all_pairs_and_the_step_is_the_same(method):
     for cycle in range(14):
         tracks = water.tracks(cycle)
         spot_memory, s = spots.step(spot_memory, tracks)
-        plain_memory, plain = method.step(copy.deepcopy(memory), tracks, s, serial)
-        memory, found, candidates = step_with_candidates(method, memory, tracks, s)
+        plain_memory, plain = method.step(copy.deepcopy(memory), AssociationInput(tracks, s, serial))
+        memory, found, candidates = step_with_candidates(method, memory, AssociationInput(tracks, s))
         assert save(memory) == save(plain_memory)
         for name in ("first", "second", "statistic", "vessel"):
             np.testing.assert_array_equal(getattr(found, name), getattr(plain, name))

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from coastwatch.associations import WindowedCovariance
+from coastwatch.associations import AssociationInput, WindowedCovariance
 from coastwatch.batches import Associations, Ints, RadarCorrections, Tracks
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.confusion import Confusion, association
@@ -47,7 +47,7 @@ def associated(tracks: tuple[Tracks, ...], spots: KMeansSpots) -> list[Associati
     memory, grouped, out = method.init(), spots.init(), []
     for now in tracks:
         grouped, found = spots.step(grouped, now)
-        memory, pairs = method.step(memory, now, found, serial)
+        memory, pairs = method.step(memory, AssociationInput(now, found, serial))
         out.append(pairs)
     return out
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from coastwatch.associations import step_with_candidates
+from coastwatch.associations import AssociationInput, step_with_candidates
 from coastwatch.batches import Floats, Sensors, SourceKind
 from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario
@@ -56,7 +56,7 @@ class Pairs:
 
     def add(self, cycle: Cycle) -> None:
         """The scores of one cycle's candidates."""
-        self._memory, _, found = step_with_candidates(self._method, self._memory, cycle.tracks, cycle.spots)
+        self._memory, _, found = step_with_candidates(self._method, self._memory, AssociationInput(cycle.tracks, cycle.spots))
         number, self._cycle = self._cycle - self._from, self._cycle + 1
         if number < 0 or number % EVERY:
             return

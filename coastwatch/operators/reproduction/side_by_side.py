@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from coastwatch.associations import Associator
+from coastwatch.associations import AssociationInput, Associator
 from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, RadarCorrections, Reports, Tracks, Truth
 from coastwatch.fused_tracks import Fuser, FusionInput
 from coastwatch.geodesy import difference_m
@@ -52,7 +52,7 @@ def measure(scenario: Scenario, seed: int, asked: SideBySide) -> dict[str, dict[
         truth, kinds = recording.truth.at(now_s), sensors.source_kinds
         pairs = TruePairs.of(tracks, truth, kinds, asked.lost_m)
         for name, method in methods.items():
-            memories[name], found = method.step(memories[name], tracks, spots, serial)
+            memories[name], found = method.step(memories[name], AssociationInput(tracks, spots, serial))
             if name:
                 scores[name] = scores[name].seen(pairs, found)
         vessel, of_truth, rows = _right_pairs(tracks, found, truth, kinds, asked.lost_m)
