@@ -1,6 +1,6 @@
 """The whole flow on one page. It consumes the memory: (memory, reports) -> (memory, what the stages yielded).
 
-Two kinds of centre run it. A regional centre makes tracks of the plots of its radars (`track_region`). The high-level centre makes
+Two kinds of centre run it. A regional centre makes tracks of the reports of its radars (`regional`). The high-level centre makes
 the picture of the tracks that it receives (`fuse`, which also takes tracks made elsewhere). `step` is both in one.
 """
 
@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -32,11 +31,9 @@ from coastwatch.batches import (
     BearingAssociations,
     BearingMembers,
     BearingTracks,
-    Bools,
     EventChanges,
     Fault,
     FusedTracks,
-    Ints,
     Measurements,
     Members,
     Messages,
@@ -56,11 +53,11 @@ from coastwatch.batches import (
     limits,
 )
 from coastwatch.fused_tracks import FusionInput, FusionMemory
+from coastwatch.regional import RegionMemory, reports_of_regions, start_region, step_of_regions
 from coastwatch.scenario import Scenario
 from coastwatch.spots import KMeansMemory, OctantInput
-from coastwatch.stage import Groups, Map, NoMemory, RegionMap, Running, serial_regions
-from coastwatch.tracks.joint.messages import messages_of
-from coastwatch.tracks.standing import standing_echoes
+from coastwatch.stage import Map, NoMemory, RegionMap, Running, serial_regions
+from coastwatch.tracks import TrackerWithAis, messages_of
 
 Timer = Callable[[str], AbstractContextManager[object]]
 
@@ -95,8 +92,7 @@ class Memory:
     While a worker keeps the memory of a region, something else stands in its place. `gathered` gives the plain data.
     """
 
-    plots: Any
-    tracks: tuple[Any, ...]  # of each region, or what stands for it while a worker keeps it
+    regions: tuple[RegionMemory, ...]  # or what stands for it while a worker keeps it
     ais_tracks: Any
     bearing_tracks: Any
     received_tracks: Any
@@ -109,6 +105,7 @@ class Memory:
     silence: Any = None  # which sensors were heard, and how often
     beyond: dict[str, int] = field(default_factory=dict)  # reports, tracks and vessels that were dropped as none, by kind
     left_out: dict[str, int] = field(default_factory=dict)  # as of Cycle, of all cycles
+    unknown_radar: int = 0  # reports of a radar that the scenario does not have
 
 
 @dataclass(frozen=True)
@@ -167,8 +164,7 @@ def start(scenario: Scenario, sensors: Sensors) -> Memory:
     """The memory before the first cycle."""
     s = scenario
     return Memory(
-        s.plots.init(),
-        tuple(s.tracks.init() for _ in sensors.region_names),
+        tuple(start_region(s) for _ in sensors.region_names),
         s.ais_tracks.init(),
         s.bearing_tracks.init(),
         s.received_tracks.init(),
@@ -183,14 +179,15 @@ def start(scenario: Scenario, sensors: Sensors) -> Memory:
 
 def gathered(memory: Memory, regions: RegionMap) -> Memory:
     """The memory with that of every region in this process, for a checkpoint."""
-    return replace(memory, tracks=tuple(regions.gather(memory.tracks)))
+    return replace(memory, regions=tuple(regions.gather(memory.regions)))
 
 
 def dropped(memory: Memory, sensors: Sensors) -> tuple[Fault, ...]:
     """How many records the stages dropped since the start, by stage and reason. Args: memory: as of `gathered`."""
     m, stamp = memory, "its time is not a number or too far from that of its cycle"
-    counts = [("radar report dropped: not finite, of negative range or of an unknown radar", "plots", m.plots.dropped)]
-    regions = zip(sensors.region_names, m.tracks, strict=True)
+    unusable = m.unknown_radar + sum(region.plots.dropped for region in m.regions)
+    counts = [("radar report dropped: not finite, of negative range or of an unknown radar", "plots", unusable)]
+    regions = zip(sensors.region_names, m.regions, strict=True)
     counts += [(f"plot dropped: {stamp}", f"tracks of {name}", region.dropped) for name, region in regions]
     counts += [(f"AIS report dropped: {reason}", "ais_tracks", count) for reason, count in m.ais_tracks.refused.items()]
     counts += [(f"bearing dropped: {stamp}", "bearing_tracks", m.bearing_tracks.dropped)]
@@ -200,52 +197,6 @@ def dropped(memory: Memory, sensors: Sensors) -> tuple[Fault, ...]:
     counts += [(limits.BEYOND + kind, "pipeline", count) for kind, count in m.beyond.items()]
     counts += [(LEFT_OUT[stage], stage, count) for stage, count in m.left_out.items()]
     return tuple(Fault(kind, count, where, "") for kind, where, count in counts if count)
-
-
-def track_region(
-    tracker: Any,
-    memory: Any,
-    plots: Plots,
-    radars: Ints,
-    jumped: Bools,
-    time_s: float,
-    sensors: Sensors,
-    region: int,
-    *messages: Messages,
-) -> tuple[Any, Tracks, Measurements, StandingEchoes]:
-    """One cycle of a regional centre: the plots of its radars to tracks, the plots that are in them, and standing echoes.
-
-    The centre knows its own radars only, so its cost and memory do not depend on the other regions.
-    Args: tracker: the method of `tracks`; plots: of this region; radars: (R',) their numbers among all, in order; jumped: (R',) whether
-    their corrections have jumped since the last cycle. The plots of such a radar lie elsewhere now, so tracks that hold earlier ones
-    are dropped. sensors: with these radars; messages: AIS, of a tracker that takes them.
-    """
-    own = replace(plots, sensor=np.searchsorted(radars, plots.sensor))
-    new, tracks, measurements = tracker.step(memory.without_radars(jumped), own, time_s, sensors, region, *messages)
-    standing = standing_echoes(tracker.clutter, new.clutter, sensors.radars, sensors.region_origin_deg[region])
-    return (
-        new,
-        tracks,
-        replace(measurements, sensor=radars[measurements.sensor]),
-        replace(standing, radar=radars[standing.radar]),
-    )
-
-
-def for_regions(plots: Plots, corrections: RadarCorrections, time_s: float, sensors: Sensors) -> list[tuple[Any, ...]]:
-    """The arguments of `track_region` from `plots` on, for each region."""
-    count = len(sensors.region_names)
-    plot_rows, radars = Groups.by_key(plots.region, count), Groups.by_key(sensors.radars.region, count)
-    return [
-        (
-            plots.take(plot_rows.of(k)),
-            own,
-            corrections.jumped[own],
-            time_s,
-            replace(sensors, radars=sensors.radars.take(own)),
-            k,
-        )
-        for k, own in ((k, radars.of(k)) for k in range(count))
-    ]
 
 
 def fuse(
@@ -353,21 +304,22 @@ def step(
     """
     s, m = scenario, memory
     reports, beyond = limits.reports_within(reports)
-    with timer("plots"):
-        plots_memory, plots = s.plots.step(m.plots, reports.radar, sensors, m.corrections)
     with timer("ais_tracks"):
         ais_memory, ais_tracks, alarms, ais_taken = s.ais_tracks.step(m.ais_tracks, reports.ais, time_s, sensors)
     with timer("tracks"):
-        given = for_regions(plots, m.corrections, time_s, sensors)
-        if getattr(s.tracks, "takes_messages", False):
-            given = [(*one, messages_of(ais_taken, ais_tracks, sensors, k)) for k, one in enumerate(given)]
-        regional = regions(partial(track_region, s.tracks), m.tracks, given)
+        messages = [Messages.empty()] * len(sensors.region_names)
+        if isinstance(s.tracks, TrackerWithAis):
+            messages = [messages_of(ais_taken, ais_tracks, sensors, k) for k in range(len(sensors.region_names))]
+        given, unknown = reports_of_regions(reports.radar, messages, m.corrections, time_s, sensors)
+        found = regions(step_of_regions(s), m.regions, given)
+        regional_memory, regional = tuple(after for after, _ in found), [cycle for _, cycle in found]
     with timer("bearing_tracks"):
         bearing_memory, bearing_tracks = s.bearing_tracks.step(m.bearing_tracks, reports.bearing, time_s, sensors)
     with timer("received_tracks"):
         given_memory, given_tracks = s.received_tracks.step(m.received_tracks, reports.tracks, time_s, sensors, ais_tracks)
-    tracks = Tracks.join([*(yielded for _, yielded, *_ in regional), given_tracks, ais_tracks])
-    measurements = Measurements.join([*(taken for _, _, taken, _ in regional), ais_taken])
+    plots = Plots.join([region.plots for region in regional])
+    tracks = Tracks.join([*(region.tracks for region in regional), given_tracks, ais_tracks])
+    measurements = Measurements.join([*(region.measurements for region in regional), ais_taken])
     tracks, measurements, alarms, bearing_tracks, unsound = _sound(tracks, measurements, alarms, bearing_tracks)
     if unsound:
         ais_tracks = ais_tracks.take(limits.are_sound(ais_tracks.position_deg, ais_tracks.covariance))
@@ -384,15 +336,14 @@ def step(
         alarmed = np.isin(cycle.tracks.track_id, alarms.track_id[alarms.twice | alarms.impossible_speed])
         shown = plots, cycle.tracks, cycle.associations, measurements, alarmed, m.corrections.jumped
         cover_memory, radar_cover, ais_detection = s.cover.step(m.cover, *shown, sensors, silent=hearing.radars.silent)
-    radar_memory = tuple(new for new, *_ in regional)
-    first = plots_memory, radar_memory, ais_memory, bearing_memory, given_memory, centre_memory
+    first = regional_memory, ais_memory, bearing_memory, given_memory, centre_memory
     of_feeds, of_sources = ais_memory.clocks.summary(), s.received_tracks.summary(given_memory, sensors)
-    standing = StandingEchoes.join([found for *_, found in regional])
+    standing = StandingEchoes.join([region.standing_echoes for region in regional])
     cycle = replace(cycle, corrections=corrections, ais_feeds=of_feeds, track_sources=of_sources, radar_cover=radar_cover)
     cycle = replace(cycle, standing_echoes=standing, left_out=left_out)
     next_cover = cover_memory, ais_detection, radar_cover
-    left_out = _summed(m.left_out, left_out)
-    return Memory(*first, registration_memory, corrections, *next_cover, silence_memory, beyond, left_out), cycle
+    counts = beyond, _summed(m.left_out, left_out), m.unknown_radar + unknown
+    return Memory(*first, registration_memory, corrections, *next_cover, silence_memory, *counts), cycle
 
 
 def _sound(

@@ -128,8 +128,10 @@ def serial(work: Work, settings: Any, arrays: Arrays, spots: Groups) -> list[tup
     return [work(settings, arrays, spots)]
 
 
-RegionStep = Callable[..., tuple[Any, ...]]
-"""step(memory, *given) -> (memory, ...): a cycle of one regional centre. It consumes the memory."""
+Mem, In, Out = TypeVar("Mem"), TypeVar("In"), TypeVar("Out")  # memory, input and output of a regional centre
+
+RegionStep = Callable[[Mem, In], tuple[Mem, Out]]
+"""step(memory, given) -> (memory, output): a cycle of one regional centre. It consumes the memory."""
 
 
 class RegionMap(Protocol):
@@ -139,11 +141,11 @@ class RegionMap(Protocol):
     call. Pairs, ids and flags are the same for all kinds.
     """
 
-    def __call__(self, step: RegionStep, memories: Sequence[Any], given: Sequence[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
-        """What step(memory, *given) returns for each region."""
+    def __call__(self, step: RegionStep[Mem, In, Out], memories: Sequence[Mem], given: Sequence[In]) -> list[tuple[Mem, Out]]:
+        """What step(memory, given) returns for each region."""
         ...
 
-    def gather(self, memories: Sequence[Any]) -> list[Any]:
+    def gather(self, memories: Sequence[Mem]) -> list[Mem]:
         """The memory of each region after the last call, as plain data to be saved."""
         ...
 
@@ -151,11 +153,11 @@ class RegionMap(Protocol):
 class SerialRegions:
     """The RegionMap without workers: one region after the other, in this process."""
 
-    def __call__(self, step: RegionStep, memories: Sequence[Any], given: Sequence[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
-        """What step(memory, *given) returns for each region."""
-        return [step(memory, *more) for memory, more in zip(memories, given, strict=True)]
+    def __call__(self, step: RegionStep[Mem, In, Out], memories: Sequence[Mem], given: Sequence[In]) -> list[tuple[Mem, Out]]:
+        """What step(memory, given) returns for each region."""
+        return [step(memory, more) for memory, more in zip(memories, given, strict=True)]
 
-    def gather(self, memories: Sequence[Any]) -> list[Any]:
+    def gather(self, memories: Sequence[Mem]) -> list[Mem]:
         """The memories as they are."""
         return list(memories)
 

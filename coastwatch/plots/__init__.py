@@ -4,8 +4,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from coastwatch.plots.polar import PolarConversion
+from coastwatch.plots.polar import PolarConversion, PolarMemory
 
 PlotConverter = Annotated[PolarConversion, Field()]
 
-__all__ = ["PlotConverter", "PolarConversion"]
+__all__ = ["PlotConverter", "PolarConversion", "PolarMemory"]

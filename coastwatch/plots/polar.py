@@ -42,14 +42,13 @@ class PolarConversion(Method):
 
         Args: reports: what arrived; sensors: the radars by their specification; corrections: on top of the settings.
         Returns: the memory with the dropped reports counted; plots in the plane of the region of each radar.
-        Raises: ValueError where a correction names a radar that the scenario does not have.
         """
         radars = sensors.radars
         good = _usable(reports, len(radars))
         kept = reports if good.all() else reports.take(good)
         radar = kept.sensor
         lag_s, bias_m, bias_deg = (
-            _per_radar(name, getattr(self, name), sensors) for name in ("time_lag_s", "range_bias_m", "azimuth_bias_deg")
+            _per_radar(by_name, sensors) for by_name in (self.time_lag_s, self.range_bias_m, self.azimuth_bias_deg)
         )
         distance = np.maximum(kept.range_m - (bias_m + corrections.range_bias_m)[radar], 0.0)
         azimuth = np.radians(kept.azimuth_deg) - (np.radians(bias_deg) + corrections.azimuth_bias_rad)[radar]
@@ -89,10 +88,6 @@ def _usable(reports: RadarReports, radars: int) -> Bools:
     return good
 
 
-def _per_radar(setting: str, by_name: dict[str, float], sensors: Sensors) -> Floats:
+def _per_radar(by_name: dict[str, float], sensors: Sensors) -> Floats:
     """The correction of each radar, 0 where none is named. (R,)"""
-    names = sensors.radars.name.tolist()
-    for name in by_name:
-        if name not in names:
-            raise ValueError(f"plots.{setting}: got radar {name!r}, needed one of {names}")
-    return np.array([by_name.get(name, 0.0) for name in names], float)
+    return np.array([by_name.get(name, 0.0) for name in sensors.radars.name.tolist()], float)

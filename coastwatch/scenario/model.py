@@ -164,6 +164,17 @@ class Scenario(Settings):
         return self
 
     @model_validator(mode="after")
+    def _settings_of_radars_name_radars(self) -> Scenario:
+        names = [radar.name for radar in self.radars]
+        by_radar = {f"plots.{key}": given for key, given in self.plots if isinstance(given, dict)}
+        by_radar |= {f"tracks.upkeep.{key}": given for key, given in self.tracks.upkeep if isinstance(given, dict)}
+        for path, given in by_radar.items():
+            for name in given:
+                if name not in names:
+                    raise ValueError(f"{path}: got radar {name!r}, needed one of {names}")
+        return self
+
+    @model_validator(mode="after")
     def _has_few_enough_cycles(self) -> Scenario:
         if self.warmup_s / self.period_s + self.cycles > MOST_CYCLES:
             raise ValueError(

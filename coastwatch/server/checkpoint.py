@@ -31,6 +31,7 @@ MODULES_WITH_CLASSES = (
     "coastwatch.scores",
     "coastwatch.stage",
     "coastwatch.pipeline",
+    "coastwatch.regional",
     "coastwatch.server.checkpoint",
 )
 """Modules, and packages with their modules, whose dataclasses and named tuples a checkpoint may hold. No other class is made."""

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import Literal
 
-from coastwatch.batches import Measurements, Plots, Sensors, Tracks
 from coastwatch.stage import Method
 from coastwatch.tracks.clutter import ClutterSettings
 from coastwatch.tracks.filter_bank import CompiledBank
 from coastwatch.tracks.motion import Manoeuvres, Motion
 from coastwatch.tracks.plot_association import NearestNeighbour
-from coastwatch.tracks.region import track_region
+from coastwatch.tracks.region import RegionInput, RegionOutput, update_region
 from coastwatch.tracks.table import RadarMemory
 from coastwatch.tracks.track_management import PlotOrigin, TrackManagement
 
@@ -32,17 +31,13 @@ class Imm(Method):
         """No track."""
         return RadarMemory.empty(models=3)
 
-    def step(
-        self, memory: RadarMemory, plots: Plots, time_s: float, sensors: Sensors, region: int
-    ) -> tuple[RadarMemory, Tracks, Measurements]:
+    def step(self, memory: RadarMemory, given: RegionInput) -> tuple[RadarMemory, RegionOutput]:
         """The confirmed tracks of one region at time_s.
 
-        Args: plots: of this region, that arrived in this cycle; region: its number.
-        Returns: memory; tracks predicted to time_s, sorted by track_id, which is never reused; the plots that they took.
         Raises: ValueError where the memory is of a scenario with other radars.
         """
-        tracker = NearestNeighbour(CompiledBank(self.motion), self.upkeep, self.plot_origin, self.clutter, sensors)
-        return track_region(tracker, memory, plots, time_s, sensors, region, by_radar=self.plot_origin != "known")
+        tracker = NearestNeighbour(CompiledBank(self.motion), self.upkeep, self.plot_origin, self.clutter, given.sensors)
+        return update_region(tracker, memory, given, by_radar=self.plot_origin != "known")
 
 
 class SidedImm(Method):
@@ -62,12 +57,10 @@ class SidedImm(Method):
         """No track."""
         return RadarMemory.empty(models=len(self.motion.models))
 
-    def step(
-        self, memory: RadarMemory, plots: Plots, time_s: float, sensors: Sensors, region: int
-    ) -> tuple[RadarMemory, Tracks, Measurements]:
+    def step(self, memory: RadarMemory, given: RegionInput) -> tuple[RadarMemory, RegionOutput]:
         """The confirmed tracks of one region at time_s; see `Imm.step`."""
-        tracker = NearestNeighbour(CompiledBank(self.motion), self.upkeep, self.plot_origin, self.clutter, sensors)
-        return track_region(tracker, memory, plots, time_s, sensors, region, by_radar=self.plot_origin != "known")
+        tracker = NearestNeighbour(CompiledBank(self.motion), self.upkeep, self.plot_origin, self.clutter, given.sensors)
+        return update_region(tracker, memory, given, by_radar=self.plot_origin != "known")
 
 
 class FilterpyImm(Method):
@@ -83,11 +76,9 @@ class FilterpyImm(Method):
         """No track."""
         return RadarMemory.empty(models=3)
 
-    def step(
-        self, memory: RadarMemory, plots: Plots, time_s: float, sensors: Sensors, region: int
-    ) -> tuple[RadarMemory, Tracks, Measurements]:
+    def step(self, memory: RadarMemory, given: RegionInput) -> tuple[RadarMemory, RegionOutput]:
         """The confirmed tracks of one region at time_s; see `Imm.step`."""
         from coastwatch.tracks.filterpy_bank import FilterpyBank  # filterpy is slow to import, and few runs use it
 
-        tracker = NearestNeighbour(FilterpyBank(self.motion), self.upkeep, self.plot_origin, self.clutter, sensors)
-        return track_region(tracker, memory, plots, time_s, sensors, region, by_radar=self.plot_origin != "known")
+        tracker = NearestNeighbour(FilterpyBank(self.motion), self.upkeep, self.plot_origin, self.clutter, given.sensors)
+        return update_region(tracker, memory, given, by_radar=self.plot_origin != "known")

@@ -1,14 +1,14 @@
-"""One cycle of a region: its plots update its tracks; the confirmed tracks are yielded in latitude and longitude."""
+"""One cycle of the tracks of a region: its plots update its tracks; the confirmed ones are yielded in latitude and longitude."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from coastwatch.batches import Floats, Ints, Measurements, Plots, Sensors, Tracks
+from coastwatch.batches import Bools, Floats, Ints, Measurements, Messages, Plots, Sensors, StandingEchoes, Tracks
 from coastwatch.geodesy import to_plane
 from coastwatch.kernels.tracks.columns import PlotColumns, RadarColumns
 from coastwatch.tracks.clutter import ClutterSettings
@@ -16,8 +16,34 @@ from coastwatch.tracks.filter_bank import FilterBank
 from coastwatch.tracks.joint.existence import ExistenceManagement
 from coastwatch.tracks.plot_batches import cut
 from coastwatch.tracks.report import report, report_measurements
+from coastwatch.tracks.standing import standing_echoes
 from coastwatch.tracks.table import RadarMemory, Table
 from coastwatch.tracks.track_management import TrackManagement, is_usable
+
+
+class RegionInput(NamedTuple):
+    """What a radar tracker is given in a cycle. It uses a field or leaves it."""
+
+    plots: Plots  # of this region, that arrived in this cycle, in any order
+    messages: Messages  # AIS, of this cycle, in the plane of the region
+    jumped: Bools  # (R,) radars whose corrections have jumped: their earlier plots lie elsewhere now
+    time_s: float  # end of the cycle
+    sensors: Sensors  # with the radars of the region
+    region: int  # its number
+
+    @classmethod
+    def of_plots(cls, plots: Plots, time_s: float, sensors: Sensors, region: int = 0) -> RegionInput:
+        """Plots alone."""
+        return cls(plots, Messages.empty(), np.zeros(len(sensors.radars), np.bool_), time_s, sensors, region)
+
+
+class RegionOutput(NamedTuple):
+    """What a radar tracker yields in a cycle."""
+
+    tracks: Tracks  # the confirmed ones, predicted to the end of the cycle, sorted by track_id, which is never reused
+    measurements: Measurements  # the plots of this cycle in them
+    standing_echoes: StandingEchoes  # none where no clutter map is learnt
+    dropped: int  # plots that are not finite, or from the future
 
 
 class RegionTracker(Protocol):
@@ -63,27 +89,25 @@ TakeMessages = Callable[[RadarMemory, float], RadarMemory]
 """The memory after the AIS messages up to a time, in s, that were not taken before."""
 
 
-def track_region(
+def update_region(
     tracker: RegionTracker,
     memory: RadarMemory,
-    plots: Plots,
-    time_s: float,
-    sensors: Sensors,
-    region: int,
+    given: RegionInput,
     by_radar: bool = True,
     take_messages: TakeMessages | None = None,
-) -> tuple[RadarMemory, Tracks, Measurements]:
-    """Track the plots of one cycle. Returns: memory, the tracks to report at time_s, and the plots of this cycle in them.
+) -> tuple[RadarMemory, RegionOutput]:
+    """Track the plots of one cycle.
 
-    Args: memory: consumed; plots: of this region, in any order; time_s: end of the cycle; region: its number; by_radar: a batch has
-    plots of one radar; take_messages: called before each batch with the time of its first plot, and at the end with time_s.
+    Args: memory: consumed; by_radar: a batch has plots of one radar; take_messages: called before each batch with the time of its
+    first plot, and at the end with that of the cycle.
     """
+    plots, _, jumped, time_s, sensors, region = given
     management = tracker.management
-    memory = memory.fitting(len(tracker.bank.models), len(sensors.radars))
+    memory = memory.without_radars(jumped).fitting(len(tracker.bank.models), len(sensors.radars))
     memory = memory.with_clutter_map(tracker.clutter, sensors.radars)
     good = is_usable(plots, time_s, management.ahead_s)
     if not good.all():
-        memory, plots = replace(memory, dropped=memory.dropped + int((~good).sum())), plots.take(good)
+        plots = plots.take(good)
     if management.echo_sigma_m > 0.0:
         plots = replace(plots, covariance=plots.covariance + management.echo_sigma_m**2 * np.eye(2))
     ours = np.flatnonzero(sensors.radars.region == region)
@@ -108,7 +132,9 @@ def track_region(
     rows = tracker.shown(memory.table, time_s)
     tracks = report(tracker.bank, memory.table, rows, radars, time_s, sensors, region)
     tracks = replace(tracks, existence=tracker.existence(memory.table, rows, time_s))
-    return memory, tracks, report_measurements(tracks, taken, batches.plots, sensors, region)
+    standing = standing_echoes(tracker.clutter, memory.clutter, sensors.radars, sensors.region_origin_deg[region])
+    taken_plots = report_measurements(tracks, taken, batches.plots, sensors, region)
+    return memory, RegionOutput(tracks, taken_plots, standing, int((~good).sum()))
 
 
 def _note_newest(memory: RadarMemory, batch: PlotColumns, site_m: Floats) -> None:

@@ -157,7 +157,6 @@ class RadarMemory(Struct):
     table: Table
     duplicates: Duplicates
     next_id: int  # within the region
-    dropped: int  # plots that are not finite or from the future
     site_m: Floats = column(np.float64, "R", 2)  # where each radar was last, NaN where it has sent nothing
     newest_plot_s: Floats = column(np.float64, "R")  # newest plot of each radar, -inf where it has sent nothing
     clutter: ClutterMap = field(default_factory=ClutterMap.none)
@@ -165,7 +164,7 @@ class RadarMemory(Struct):
     @classmethod
     def empty(cls, models: int, particles: int = 0) -> RadarMemory:
         """No track yet. Args: models: J, of each filter; particles: P, of each track."""
-        return cls(Table.empty(models, 0, particles), Duplicates.empty(), 1, 0, np.zeros((0, 2)), np.zeros(0))
+        return cls(Table.empty(models, 0, particles), Duplicates.empty(), 1, np.zeros((0, 2)), np.zeros(0))
 
     def check_rows(self) -> None:
         """Check the number of radars, as after reading a checkpoint. Raises: ValueError."""

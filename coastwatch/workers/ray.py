@@ -37,7 +37,7 @@ class RegionActor:
 
         return str(ray.get_runtime_context().get_node_id()), version()
 
-    def step(self, region: int, step: RegionStep, memory: Any, given: Sequence[tuple[Any, ...]]) -> Any:
+    def step(self, region: int, step: RegionStep[Any, Any, Any], memory: Any, given: Sequence[Any]) -> Any:
         """As `RegionHost.step`. Arrays from Ray are read-only, and a step writes into its memory."""
         return self._host.step(region, step, copy.deepcopy(memory), given)
 

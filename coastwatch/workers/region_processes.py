@@ -74,9 +74,9 @@ _given: dict[int, Reader] = defaultdict(Reader)
 _found: dict[int, Publisher] = defaultdict(Publisher)
 
 
-def _step(region: int, step: RegionStep, memory: Any, cycles: Sent) -> Sent:
+def _step(region: int, step: RegionStep[Any, Any, Any], memory: Any, cycles: Sent) -> Sent:
     """The result of `step` of this process's `RegionHost`."""
-    given: Sequence[tuple[Any, ...]] = receive(cycles, _given[region])
+    given: Sequence[Any] = receive(cycles, _given[region])
     return send(_host.step(region, step, memory, given), _found[region])
 
 

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from coastwatch.stage import RegionStep, serial_regions
+from coastwatch.stage import Out, RegionStep, serial_regions
 from coastwatch.workers.costs import deal
 
 REPLAY_S = 1.0  # of processor time that may have to be computed again for the regions of a host
@@ -64,21 +64,18 @@ class RegionHost:
     def __init__(self) -> None:
         self._memory: dict[int, Any] = {}
 
-    def step(
-        self, region: int, step: RegionStep, memory: Any, given: Sequence[tuple[Any, ...]]
-    ) -> tuple[float, tuple[Any, ...]]:
+    def step(self, region: int, step: RegionStep[Any, Any, Any], memory: Any, given: Sequence[Any]) -> tuple[float, Any]:
         """Cycles of a region. Returns: processor seconds, and what the last one yields.
 
         Args: memory: None: after the region's last cycle here; else it may be written into; given: for each cycle.
         """
         begun = time.process_time()
-        found: tuple[Any, ...] = ()
+        output: Any = None
         memory = self._memory.pop(region) if memory is None else memory
         for more in given:
-            memory, *rest = step(memory, *more)
-            found = tuple(rest)
+            memory, output = step(memory, more)
         self._memory[region] = memory
-        return time.process_time() - begun, found
+        return time.process_time() - begun, output
 
     def memory(self, region: int) -> Any:
         """The memory of a region after its last cycle here."""
@@ -94,7 +91,7 @@ class _Region:
     """A region as the coordinator knows it."""
 
     base: Any  # a memory that is here, which no step writes into
-    since: list[tuple[Any, ...]] = field(default_factory=list)  # what the region was given after it, for each cycle
+    since: list[Any] = field(default_factory=list)  # what the region was given after it, for each cycle
     seconds: float = 0.0  # processor time of these cycles
     cost: float = 1.0  # of the last cycle
     host: Any = None
@@ -112,13 +109,13 @@ class RemoteRegions:
     def __init__(self, hosts: Hosts) -> None:
         self._hosts = hosts
         self._regions: list[_Region] = []
-        self._step: RegionStep | None = None
+        self._step: RegionStep[Any, Any, Any] | None = None
         self._cycle = -1
         self._ready: list[Any] = []
         self.lost = 0  # hosts so far
 
-    def __call__(self, step: RegionStep, memories: Sequence[Any], given: Sequence[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
-        """What step(memory, *given) returns for each region, but for the memory, in whose place is a `Kept`.
+    def __call__(self, step: RegionStep[Any, Any, Out], memories: Sequence[Any], given: Sequence[Any]) -> list[tuple[Any, Out]]:
+        """What step(memory, given) returns for each region, but for the memory, in whose place is a `Kept`.
 
         Raises: ValueError: a `Kept` that is not of the last call; the error of a step.
         """
@@ -148,7 +145,7 @@ class RemoteRegions:
         self._fetch([k for k in kept if self._regions[k].since])
         return [self._regions[k].base if isinstance(memory, Kept) else memory for k, memory in enumerate(memories)]
 
-    def _to_send(self, region: _Region) -> tuple[Any, list[tuple[Any, ...]]]:
+    def _to_send(self, region: _Region) -> tuple[Any, list[Any]]:
         """The memory for a region's host, None if it has it, and what the region is given after it."""
         return (None, region.since[-1:]) if region.current else (region.base, region.since)
 
@@ -182,25 +179,25 @@ class RemoteRegions:
         self._ready.remove(host)
         self._hosts.replace(host)
 
-    def _stepped(self, k: int, begun: Any) -> tuple[Any, ...]:
+    def _stepped(self, k: int, begun: Any) -> tuple[Kept, Any]:
         """A region's `Kept` and what it yields, from its host, or computed here if that is lost."""
         region, answer = self._regions[k], self._answer(k, begun)
         region.kept = Kept(k, self._cycle)
         if answer is None:
-            return region.kept, *self._replay(region)
-        seconds, found = answer
+            return region.kept, self._replay(region)
+        seconds, output = answer
         region.cost = seconds / (1 if region.current else len(region.since))
         region.seconds += seconds
         region.current = True
-        return region.kept, *found
+        return region.kept, output
 
-    def _replay(self, region: _Region) -> tuple[Any, ...]:
+    def _replay(self, region: _Region) -> Any:
         """What a region yields in its last cycle, computed here, with all cycles since the base."""
         assert self._step is not None
         alone = RegionHost()
-        _, found = alone.step(0, self._step, copy.deepcopy(region.base), region.since)
+        _, output = alone.step(0, self._step, copy.deepcopy(region.base), region.since)
         region.rebase(alone.memory(0))
-        return found
+        return output
 
     def _fetch(self, which: Sequence[int], name: str = "memory") -> None:
         """Make the memories of these regions their bases. Args: name: of the method that hosts call."""

@@ -15,7 +15,7 @@ from coastwatch.stage import Arrays
 
 MARGIN = 1.25  # size of a new block over the needed size, for tracks to come
 ALIGNMENT = 64
-BATCHES = ("coastwatch.batches",)  # whose classes are sent
+BATCHES = "coastwatch.batches", "coastwatch.regional"  # whose classes are sent
 
 
 class Location(NamedTuple):

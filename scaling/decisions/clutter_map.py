@@ -16,6 +16,7 @@ from coastwatch.batches import RadarCorrections
 from coastwatch.geodesy import to_plane
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.rmse import rows_of
+from coastwatch.tracks import RegionInput
 from coastwatch.tracks.clutter import ClutterSettings
 from scaling.decisions.region_tracker import LAST, NEAR_M, settings
 
@@ -49,7 +50,7 @@ def main() -> None:
         seen = (np.linalg.norm(place[:, None] - site, axis=2) < sensors.radars.range_m - 300.0).any(axis=1)
         for learnt, method in methods.items():
             begin = process_time()
-            memory[learnt], tracks, _ = method.step(memory[learnt], plots, now_s, sensors, 0)
+            memory[learnt], (tracks, *_) = method.step(memory[learnt], RegionInput.of_plots(plots, now_s, sensors))
             cost_ms[learnt].append(1e3 * (process_time() - begin))
             own = tracks.take(tracks.origin >= 0)
             at = rows_of(truth.vessel, own.origin)

@@ -16,6 +16,7 @@ import numpy as np
 from coastwatch import kernels
 from coastwatch.batches import Floats, Plots, Radars, Sensors, Sonars, Stations
 from coastwatch.geodesy import NAUTICAL_MILE_M
+from coastwatch.tracks import RegionInput
 from coastwatch.tracks.joint.existence import Detection, ExistenceManagement
 from coastwatch.tracks.joint.vimmjipda import Vimmjipda
 
@@ -60,7 +61,7 @@ def scans(start_m: Floats, velocity_m_s: Floats, count: int, seed: int) -> list[
         place_m = start_m + time_s * velocity_m_s
         plots = plots_of(place_m, time_s - 0.5, reach_m, rng)
         begin = process_time()
-        memory, tracks, _ = method.step(memory, plots, time_s, sensors, 0)
+        memory, (tracks, *_) = method.step(memory, RegionInput.of_plots(plots, time_s, sensors))
         found.append((1e3 * (process_time() - begin), len(tracks), float(place_m.std(axis=0).max())))
     return found
 

@@ -20,6 +20,7 @@ from coastwatch.geodesy import to_plane
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.purity import Identities
 from coastwatch.scores.rmse import rows_of
+from coastwatch.tracks import RegionInput
 
 LAST = 8  # cycles that are scored and timed
 NEAR_M = 1000.0  # a track farther from its vessel is no track of it
@@ -58,7 +59,7 @@ def main() -> None:
         since_s = plan.instant_s(cycle - 1) if cycle else -math.inf
         converted, plots = scenario.plots.step(converted, recording.reports.between(since_s, now_s).radar, sensors, none)
         begin = process_time()
-        memory, tracks, _ = scenario.tracks.step(memory, plots, now_s, sensors, 0)
+        memory, (tracks, *_) = scenario.tracks.step(memory, RegionInput.of_plots(plots, now_s, sensors))
         cost_ms.append(1e3 * (process_time() - begin))
         if cycle < plan.cycles - LAST:
             continue

@@ -3,7 +3,7 @@
     python -m scaling.decisions.regions [VESSELS [CYCLES [WAYS [WORKERS]]]]
 
 VESSELS are in each of 1, 2 and 4 regions of two radars that do not see each other. They run in turns with one region, cycle by
-cycle. Times are of `tracks`: plots of all regions in, tracks and their plots out. WAYS are some of one (one thread), threads,
+cycle. Times are of `tracks`: radar reports of all regions in, tracks and their plots out. WAYS are some of one (one thread), threads,
 processes, ray. Way "ray-again" also brings the memories of the regions home every cycle.
 """
 
@@ -12,15 +12,13 @@ from __future__ import annotations
 import argparse
 import time
 from contextlib import nullcontext
-from functools import partial
-from typing import Any
 
 import numpy as np
 
-from coastwatch import pipeline
-from coastwatch.batches import Plots, RadarCorrections
+from coastwatch.batches import Messages, RadarCorrections, RadarReports
 from coastwatch.kernels.threads import threads
 from coastwatch.operators.cli.arguments import count, names
+from coastwatch.regional import reports_of_regions, start_region, step_of_regions
 from coastwatch.stage import RegionMap, serial, serial_regions
 from coastwatch.workers import Workers, open_workers
 from scaling.load.chain.reports import initial_state, next_cycle
@@ -31,14 +29,12 @@ REGIONS = 1, 2, 4
 SETTLING = 5  # cycles
 
 
-def plots_of(world: World) -> list[Plots]:
-    """The plots of each cycle."""
-    scenario, sensors, state, out = world.scenario, world.sensors, initial_state(world), []
-    memory, none = scenario.plots.init(), RadarCorrections.none(len(sensors.radars))
+def reports_of(world: World) -> list[RadarReports]:
+    """The radar reports of each cycle."""
+    state, out = initial_state(world), []
     for _ in range(world.plan.cycles):
         state, reports = next_cycle(world, state)
-        memory, plots = scenario.plots.step(memory, reports.radar, sensors, none)
-        out.append(plots)
+        out.append(reports.radar)
     return out
 
 
@@ -47,25 +43,25 @@ class Run:
 
     def __init__(self, world: World, number: int, regions: RegionMap, gather: bool) -> None:
         self.world, self.regions, self.gather = world, regions, gather
-        self.memories: list[Any] = [world.scenario.tracks.init() for _ in range(number)]
+        self.memories = [start_region(world.scenario) for _ in range(number)]
         self.wall_s: list[float] = []
         self.processor_s: list[float] = []
         self.tracks: list[int] = []
 
-    def cycle(self, number: int, plots: Plots) -> None:
+    def cycle(self, number: int, reports: RadarReports) -> None:
         """One cycle of all regions."""
         scenario, sensors = self.world.scenario, self.world.sensors
         wall_s, begun = time.perf_counter(), processor_s()
         none, now_s = RadarCorrections.none(len(sensors.radars)), self.world.plan.instant_s(number)
-        given = pipeline.for_regions(plots.take(plots.region < len(self.memories)), none, now_s, sensors)
-        given = given[: len(self.memories)]
-        found = self.regions(partial(pipeline.track_region, scenario.tracks), self.memories, given)
-        self.memories = [memory for memory, *_ in found]
+        messages = [Messages.empty()] * len(sensors.region_names)
+        given, _ = reports_of_regions(reports, messages, none, now_s, sensors)
+        found = self.regions(step_of_regions(scenario), self.memories, given[: len(self.memories)])
+        self.memories = [memory for memory, _ in found]
         if self.gather:
             self.regions.gather(self.memories)
         self.wall_s.append(time.perf_counter() - wall_s)
         self.processor_s.append(processor_s() - begun)
-        self.tracks = [len(tracks) for _, tracks, *_ in found]
+        self.tracks = [len(region.tracks) for _, region in found]
 
 
 def main() -> None:
@@ -79,17 +75,17 @@ def main() -> None:
     vessels, cycles, workers = asked.vessels, asked.cycles, asked.workers
     size = Size(max(REGIONS) * vessels, SETTLING + cycles, region_vessels=vessels, apart=True)
     world = build_world(size, {}, 1)
-    plots = plots_of(world)
+    reports = reports_of(world)
     print(
         f"{vessels} vessels a region, {workers} workers; times of a cycle in ms; of one: of one region in one thread, in turns"
     )
     print(f"{'way':18s}{'regions':>8s}{'tracks':>8s}{'processor':>11s}{'of one':>8s}{'wall':>8s}{'of one':>8s}")
     for way in asked.ways:
         for regions in REGIONS:
-            line(world, plots, way, regions, workers)
+            line(world, reports, way, regions, workers)
 
 
-def line(world: World, plots: list[Plots], way: str, regions: int, workers: int) -> None:
+def line(world: World, reports: list[RadarReports], way: str, regions: int, workers: int) -> None:
     """Measure and print one way for some regions."""
     name, _, again = way.partition("-")
     opened = nullcontext(Workers(serial, serial_regions)) if name == "one" else open_workers(name, workers)
@@ -97,8 +93,8 @@ def line(world: World, plots: list[Plots], way: str, regions: int, workers: int)
         one, run = Run(world, 1, serial_regions, False), Run(world, regions, maps.regions, bool(again))
         for number in range(world.plan.cycles):
             with threads(1):
-                one.cycle(number, plots[number])
-            run.cycle(number, plots[number])
+                one.cycle(number, reports[number])
+            run.cycle(number, reports[number])
     assert run.tracks[:1] == one.tracks
     mine, alone = (float(np.mean(each.processor_s[SETTLING:])) for each in (run, one))
     clock, clock_alone = (float(np.median(each.wall_s[SETTLING:])) for each in (run, one))

@@ -24,7 +24,7 @@ from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.scores.bound import bound
 from coastwatch.scores.nees import nees
 from coastwatch.scores.rmse import Errors, errors, rows_of
-from coastwatch.tracks import Imm, RadarTracker, SidedImm
+from coastwatch.tracks import Imm, RadarTracker, RegionInput, SidedImm
 from coastwatch.tracks.motion import AGILE, CHANGING, RESTLESS, SHARP, STEADY, TURNS, Manoeuvres, Model, Turning
 from scaling.load.seeds import seed_range
 
@@ -96,7 +96,7 @@ def cycles(scenario: Scenario, recording: Recording, sensors: Sensors, method: R
         since = plan.instant_s(number - 1) if number else -np.inf
         reports = recording.reports.between(since, plan.instant_s(number)).radar
         converted, plots = scenario.plots.step(converted, reports, sensors, exact)
-        memory, tracks, _ = method.step(memory, plots, plan.instant_s(number), sensors, 0)
+        memory, (tracks, *_) = method.step(memory, RegionInput.of_plots(plots, plan.instant_s(number), sensors))
         if number >= scenario.warmup_cycles:
             yield plan.instant_s(number), tracks
 

@@ -9,7 +9,7 @@ from coastwatch.batches import Associations, Measurements, Plots, SourceKind, Tr
 from coastwatch.fused_tracks import Convex, FusionInput, ImmOfTracks
 from coastwatch.geodesy import to_plane
 from coastwatch.spots import KMeansSpots
-from coastwatch.tracks import FilterpyImm, SidedImm
+from coastwatch.tracks import FilterpyImm, RegionInput, SidedImm
 from coastwatch.workers import open_workers
 from scaling.peers.exchange import (
     AIS,
@@ -134,7 +134,7 @@ def track(history: PlotHistory, watch: Stopwatch, method: SidedImm | FilterpyImm
     for cycle, now_s in enumerate(history.time_s.tolist()):
         plots, timed = _plots(history, cycle), cycle >= history.first
         with (watch if timed else Stopwatch()).lap():
-            memory, tracks, _ = method.step(memory, plots, now_s, sensors, 0)
+            memory, (tracks, *_) = method.step(memory, RegionInput.of_plots(plots, now_s, sensors))
         if timed:
             number = np.column_stack([np.full(len(tracks), cycle), tracks.track_id])
             found.append(np.column_stack([number, to_plane(tracks.position_deg, ORIGIN_DEG), tracks.velocity_m_s]))

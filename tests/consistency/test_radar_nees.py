@@ -17,6 +17,7 @@ from coastwatch.geodesy import KNOT_M_S, difference_m
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.nees import band, nees
 from coastwatch.scores.rmse import rows_of
+from coastwatch.tracks import RegionInput
 from coastwatch.tracks.motion import STEADY
 
 SEEDS = (2001, 2002)
@@ -69,7 +70,7 @@ def _of_one(settings: dict[str, str], seed: int) -> Floats:
         since = plan.instant_s(number - 1) if number else -np.inf
         reports = recording.reports.between(since, plan.instant_s(number)).radar
         converted, plots = scenario.plots.step(converted, reports, sensors, RadarCorrections.none(len(sensors.radars)))
-        memory, tracks, _ = scenario.tracks.step(memory, plots, plan.instant_s(number), sensors, 0)
+        memory, (tracks, *_) = scenario.tracks.step(memory, RegionInput.of_plots(plots, plan.instant_s(number), sensors))
     truth = recording.truth.at(plan.instant_s(plan.cycles - 1))
     at = rows_of(truth.vessel, tracks.origin)
     off = difference_m(tracks.position_deg, truth.position_deg[at])

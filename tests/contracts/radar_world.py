@@ -8,7 +8,7 @@ import numpy as np
 
 from coastwatch.batches import Floats, Ints, Plots, Radars, Sensors, Sonars, Stations, Tracks
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, from_plane, to_plane
-from coastwatch.tracks import RadarTracker
+from coastwatch.tracks import RadarTracker, RegionInput
 from coastwatch.tracks.table import RadarMemory
 
 PERIOD_S = 3.0
@@ -161,6 +161,8 @@ def run(
     memory = method.init() if memory is None else memory
     out = []
     for cycle in range(first, first + cycles):
-        memory, tracks, _ = method.step(memory, cut(plots, cycle), PERIOD_S * (cycle + 1), sensors, region)
+        memory, (tracks, *_) = method.step(
+            memory, RegionInput.of_plots(cut(plots, cycle), PERIOD_S * (cycle + 1), sensors, region)
+        )
         out.append(tracks)
     return memory, out

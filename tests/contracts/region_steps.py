@@ -7,7 +7,7 @@ def add(memory, given):
     """A step that writes into its memory, and yields the sum and the process."""
     total, cycles = memory
     total += given
-    return (total, cycles + 1), float(total.sum()), os.getpid()
+    return (total, cycles + 1), (float(total.sum()), os.getpid())
 
 
 def refuse(memory, given):

@@ -32,14 +32,14 @@ class Centre:
 
     def step(self, regions, gather=True):
         """One cycle of both, and the other processes that took part. Args: gather: bring the memories here and compare them."""
-        given = [(self.rng.normal(0.0, 1.0, 7),) for _ in self.here]
+        given = [self.rng.normal(0.0, 1.0, 7) for _ in self.here]
         self.cycle += 1
-        self.here, sums, _ = map(list, zip(*(add(m, *g) for m, g in zip(self.here, given, strict=True)), strict=True))
-        self.there, found, who = map(list, zip(*regions(add, self.there, given), strict=True))
-        assert found == sums
+        self.here, here = map(list, zip(*(add(m, g) for m, g in zip(self.here, given, strict=True)), strict=True))
+        self.there, there = map(list, zip(*regions(add, self.there, given), strict=True))
+        assert [total for total, _ in there] == [total for total, _ in here]
         if gather:
             assert save(regions.gather(self.there)) == save(self.here)
-        return {process for process in who if process != os.getpid()}
+        return {process for _, process in there if process != os.getpid()}
 
 
 class FailingHosts:
@@ -114,4 +114,4 @@ def run_regions(scenario, regions, spots=serial, at_cycle=lambda cycle: None):
         made.append(save((out.tracks, out.picture, out.associations, out.corrections)))
     assert len(sensors.region_names) == 3
     assert all((out.tracks.source == k).sum() > 5 for k in range(4))
-    return made, save(pipeline.gathered(memory, regions).tracks)
+    return made, save(pipeline.gathered(memory, regions).regions)

@@ -12,7 +12,7 @@ from coastwatch.associations.held import counted_once, held_tracks
 from coastwatch.batches import Associations, Messages, Plots, SourceKind, Spots, Tracks, VesselBearings
 from coastwatch.geodesy import to_plane
 from coastwatch.server.checkpoint import load, save
-from coastwatch.tracks import Vimmjipda, VimmjipdaNoisyBatch, VimmjipdaPreciseBatch, VimmjipdaSequential
+from coastwatch.tracks import RegionInput, Vimmjipda, VimmjipdaNoisyBatch, VimmjipdaPreciseBatch, VimmjipdaSequential
 
 METHODS = [VimmjipdaSequential(), VimmjipdaPreciseBatch(), VimmjipdaNoisyBatch()]
 SIGMA_M = 3.0
@@ -39,7 +39,8 @@ def run(method, plots, messages, memory=None, cycles=range(CYCLES)):
     memory, out = method.init() if memory is None else memory, []
     for cycle in cycles:
         now = messages.take((messages.time_s > PERIOD_S * cycle) & (messages.time_s <= PERIOD_S * (cycle + 1)))
-        memory, tracks, _ = method.step(memory, cut(plots, cycle), PERIOD_S * (cycle + 1), two_radars(), 0, now)
+        given = RegionInput.of_plots(cut(plots, cycle), PERIOD_S * (cycle + 1), two_radars())
+        memory, (tracks, *_) = method.step(memory, given._replace(messages=now))
         out.append(tracks)
     return memory, out
 
@@ -86,7 +87,9 @@ def run_alone(plots):
     """The last tracks with radar alone."""
     memory = Vimmjipda().init()
     for cycle in range(CYCLES):
-        memory, tracks, _ = Vimmjipda().step(memory, cut(plots, cycle), PERIOD_S * (cycle + 1), two_radars(), 0)
+        memory, (tracks, *_) = Vimmjipda().step(
+            memory, RegionInput.of_plots(cut(plots, cycle), PERIOD_S * (cycle + 1), two_radars())
+        )
     return tracks
 
 

@@ -13,8 +13,9 @@ from radar_world import ORIGIN_DEG, PERIOD_S, cut, plots_of, run, two_radars, wo
 
 from coastwatch.batches import Plots
 from coastwatch.geodesy import to_plane
+from coastwatch.scenario import ScenarioError, load_scenario
 from coastwatch.server.checkpoint import load, save
-from coastwatch.tracks import SidedImm, SidedVimmjipda, Vimmjipda
+from coastwatch.tracks import RegionInput, SidedImm, SidedVimmjipda, Vimmjipda
 from coastwatch.tracks.joint.existence import Detection, ExistenceManagement
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "oracles"))
@@ -71,14 +72,14 @@ def test_existence_of_a_lone_vessel_is_the_chain_by_hand():
     kept = plots.take(np.array([0, 2]))
     every = Plots.join([kept, *(replace(beacon, time_s=plots.time_s[k : k + 1]) for k in range(3))])
     for cycle in range(3):
-        memory, *_ = method.step(memory, cut(every, cycle), PERIOD_S * (cycle + 1), sensors, 0)
+        memory, *_ = method.step(memory, RegionInput.of_plots(cut(every, cycle), PERIOD_S * (cycle + 1), sensors))
         if cycle == 0:
             found = memory.table.live[memory.table.origins[memory.table.live, 0] == plots.origin[0]]
             slot = int(found[np.argmin(np.abs(memory.table.combined_mean[found, 0] - kept.position_m[0, 0]))])
             assert memory.table.existence[slot] == pytest.approx(by_hand.existence)
         if cycle == 1:
             memory = load(save(memory))
-            predicted = method.step(load(save(memory)), kept.take(slice(1, 2)), 9.0, sensors, 0)[0]
+            predicted = method.step(load(save(memory)), RegionInput.of_plots(kept.take(slice(1, 2)), 9.0, sensors))[0]
     assert memory.table.existence[slot] == predicted.table.existence[slot]
     # the radar's second turn gave no plot; its third a plot, with the likelihood of the combined estimate at birth
     wait_s = float(kept.time_s[1] - kept.time_s[0])
@@ -122,9 +123,9 @@ def test_each_radar_has_its_own_detection_and_clutter():
 
 
 def test_a_radar_of_another_name_is_refused():
-    upkeep = ExistenceManagement(by_radar={"west": Detection()})
-    with pytest.raises(ValueError, match=r"by_radar: got radar 'west', needed one of \['north', 'south'\]"):
-        run(Vimmjipda(upkeep=upkeep), plots_of(world(5, 1), two_radars(), 6.0, 1), 1)
+    settings = {"tracks.method": "vimmjipda", "tracks.upkeep.by_radar.nowhere.detection_probability": "0.8"}
+    with pytest.raises(ScenarioError, match=r"tracks\.upkeep\.by_radar: got radar 'nowhere', needed one of \['.*'\]"):
+        load_scenario("context-driven-100", settings)
     with pytest.raises(ValidationError, match="detection_probability"):
         Detection(detection_probability=1.0)
 
@@ -152,13 +153,15 @@ def test_order_of_plots_is_of_no_matter_and_late_ones_count(method):
     memory, _ = run(method, plots, 10)
     again, now = load(save(memory)), cut(plots, 10)
     shuffled = now.take(np.random.default_rng([15, 1]).permutation(len(now)))
-    one, other = (method.step(m, p, 33.0, sensors, 0)[1] for m, p in ((memory, now), (again, shuffled)))
+    one, other = (
+        method.step(m, RegionInput.of_plots(p, 33.0, sensors))[1].tracks for m, p in ((memory, now), (again, shuffled))
+    )
     assert same_tracks(one, other)
     received = plots.time_s + np.where(plots.sensor == 0, 2.0, 0.0)
     late = method.init()
     for cycle in range(20):
         there = (received > PERIOD_S * cycle) & (received <= PERIOD_S * (cycle + 1))
-        late, tracks, _ = method.step(late, plots.take(there), PERIOD_S * (cycle + 1), sensors, 0)
+        late, (tracks, *_) = method.step(late, RegionInput.of_plots(plots.take(there), PERIOD_S * (cycle + 1), sensors))
     _, prompt = run(method, plots, 20)
     vessels, count = np.unique(tracks.origin, return_counts=True)
     assert (count == 1).all()
@@ -179,7 +182,7 @@ def test_old_and_repeated_plots_do_no_harm():
     memory, out = run(Vimmjipda(), plots, 8)
     now = cut(plots, 8)
     old = replace(now, time_s=now.time_s - 60.0)
-    _, tracks, _ = Vimmjipda().step(memory, Plots.join([now, now, old]), 27.0, two_radars(), 0)
+    _, (tracks, *_) = Vimmjipda().step(memory, RegionInput.of_plots(Plots.join([now, now, old]), 27.0, two_radars()))
     assert np.isfinite(tracks.position_deg).all()
     assert np.isin(out[-1].track_id, tracks.track_id).mean() > 0.9
 

@@ -6,7 +6,7 @@ import pytest
 from coastwatch.batches import AisReports
 from coastwatch.geodesy import offset_deg, to_plane
 from coastwatch.kernels.filters.ais_tracker import TRACK, measure
-from coastwatch.tracks import AisFilter, Imm, Vimmjipda
+from coastwatch.tracks import AisFilter, Imm, RegionInput, Vimmjipda
 from coastwatch.tracks.joint.existence import ExistenceManagement
 from coastwatch.tracks.out_of_sequence import records
 from coastwatch.tracks.track_management import TrackManagement
@@ -68,7 +68,7 @@ def test_plots_are_of_the_tracks_that_took_them(origin):
     plots = plots_of(world(40, 5), sensors, 30.0, 5, detection=0.9, clutter_per_m2=1e-7)
     method = Imm(plot_origin=origin)
     memory, _ = run_radar(method, plots, 8)
-    _, tracks, taken = method.step(memory, cut(plots, 8), 9 * PERIOD_S, sensors, 0)
+    _, (tracks, taken, *_) = method.step(memory, RegionInput.of_plots(cut(plots, 8), 9 * PERIOD_S, sensors))
     row = np.searchsorted(tracks.track_id, taken.track_id)
     assert (tracks.track_id[row] == taken.track_id).all()
     assert (np.lexsort((taken.time_s, taken.track_id)) == np.arange(len(taken))).all()
@@ -96,7 +96,7 @@ def test_plots_in_tracks_have_the_noise_of_the_echo_too(method):
     plots = plots_of(world(5, 5), two_radars(), 9.0, 5)
     memory, _ = run_radar(method, plots, 2)
     now = cut(plots, 2)
-    _, _, taken = method.step(memory, now, 3 * PERIOD_S, two_radars(), 0)
+    _, (_, taken, *_) = method.step(memory, RegionInput.of_plots(now, 3 * PERIOD_S, two_radars()))
     which = np.abs(now.time_s[None] - taken.time_s[:, None]).argmin(axis=1)
     spread, of_radar = (np.trace(c[:, :2, :2], axis1=1, axis2=2) for c in (taken.covariance, now.covariance[which]))
     assert len(taken) >= 3

@@ -12,6 +12,7 @@ from radar_world import two_radars
 from coastwatch.batches import RadarCorrections, RadarReports
 from coastwatch.geodesy import difference_m, from_plane, offset_deg, to_plane
 from coastwatch.plots import PolarConversion
+from coastwatch.scenario import ScenarioError, load_scenario
 from coastwatch.server.checkpoint import load, save
 
 ELLIPSOID_M = 0.3  # a range along the tangent plane at the antenna against one along the ground, at 18 NM
@@ -93,8 +94,8 @@ def test_known_errors_are_taken_out():
 
 
 def test_a_correction_of_no_radar_is_refused():
-    with pytest.raises(ValueError, match=r"azimuth_bias_deg.*'est'.*north"):
-        converted(reports(), azimuth_bias_deg={"est": 1.0})
+    with pytest.raises(ScenarioError, match=r"plots\.azimuth_bias_deg: got radar 'est', needed one of .*'radar-1'"):
+        load_scenario("context-driven-100", {"plots.azimuth_bias_deg.est": "1.0"})
     with pytest.raises(ValidationError, match="range_bias"):
         PolarConversion(range_bias={"north": 1.0})
 

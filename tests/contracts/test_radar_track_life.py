@@ -9,7 +9,7 @@ from radar_world import ORIGIN_DEG, PERIOD_S, cut, plots_of, run, two_radars, wo
 
 from coastwatch.batches import Plots
 from coastwatch.geodesy import to_plane
-from coastwatch.tracks import SidedImm
+from coastwatch.tracks import RegionInput, SidedImm
 
 OWN_M = 150.0  # four standard deviations of the widest plots: a track farther from its vessel is another's
 
@@ -94,7 +94,7 @@ def test_a_young_track_is_given_fewer_misses():
         memory = SidedImm().init()
         there = Plots.join([beacon, rest.take(rest.time_s < PERIOD_S * hits)])
         for cycle in range(hits + turns):
-            memory, tracks, _ = SidedImm().step(memory, cut(there, cycle), PERIOD_S * (cycle + 1), one, 0)
+            memory, (tracks, *_) = SidedImm().step(memory, RegionInput.of_plots(cut(there, cycle), PERIOD_S * (cycle + 1), one))
         return len(tracks) - 1
 
     assert alive(5, 1) > 10

@@ -12,7 +12,16 @@ from radar_world import ORIGIN_DEG, PERIOD_S, cut, plots_of, run, two_radars, wo
 from coastwatch.batches import Plots
 from coastwatch.geodesy import to_plane
 from coastwatch.server.checkpoint import load, save
-from coastwatch.tracks import FilterpyImm, Imm, RadarTracker, SidedImm, SidedVimmjipda, Vimmjipda, VimmjipdaSequential
+from coastwatch.tracks import (
+    FilterpyImm,
+    Imm,
+    RadarTracker,
+    RegionInput,
+    SidedImm,
+    SidedVimmjipda,
+    Vimmjipda,
+    VimmjipdaSequential,
+)
 from coastwatch.tracks.clutter import ClutterSettings
 
 METHODS = [SidedImm(), Imm(), FilterpyImm(), Vimmjipda(), SidedVimmjipda(), VimmjipdaSequential()]
@@ -41,11 +50,11 @@ def test_step_is_deterministic_and_does_not_write_into_plots(method, busy):
     memory, _ = run(method, busy, 4)
     again, plots = load(save(memory)), cut(busy, 4)
     kept_plots = load(save(plots))
-    first = method.step(memory, plots, 5 * PERIOD_S, two_radars(), 0)
-    second = method.step(again, plots, 5 * PERIOD_S, two_radars(), 0)
+    first = method.step(memory, RegionInput.of_plots(plots, 5 * PERIOD_S, two_radars()))
+    second = method.step(again, RegionInput.of_plots(plots, 5 * PERIOD_S, two_radars()))
     assert same(plots, kept_plots)
     assert same(first[0], second[0])
-    assert same(first[1], second[1])
+    assert same(first[1].tracks, second[1].tracks)
 
 
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.method)
@@ -94,7 +103,7 @@ def test_a_late_plot_does_not_move_the_site_back(busy):
     before = memory.site_m.copy()
     late = cut(busy, 4).take(slice(0, 1))
     late = replace(late, time_s=late.time_s - 2.0, site_m=late.site_m + 5000.0)
-    memory, *_ = SidedImm().step(memory, late, 6 * PERIOD_S, two_radars(), 0)
+    memory, _ = SidedImm().step(memory, RegionInput.of_plots(late, 6 * PERIOD_S, two_radars()))
     assert np.array_equal(memory.site_m, before)
 
 
@@ -139,9 +148,9 @@ def test_order_of_plots_within_a_cycle_is_of_no_matter(busy):
     plots = cut(busy, 5)
     shuffled = plots.take(np.random.default_rng([14, 1]).permutation(len(plots)))
     again = load(save(memory))
-    one = method.step(memory, plots, 6 * PERIOD_S, two_radars(), 0)
-    other = method.step(again, shuffled, 6 * PERIOD_S, two_radars(), 0)
-    assert same(one[1], other[1])
+    _, one = method.step(memory, RegionInput.of_plots(plots, 6 * PERIOD_S, two_radars()))
+    _, other = method.step(again, RegionInput.of_plots(shuffled, 6 * PERIOD_S, two_radars()))
+    assert same(one.tracks, other.tracks)
 
 
 def test_plots_of_one_time_are_tracked_alike_in_any_order(busy):
@@ -153,11 +162,14 @@ def test_plots_of_one_time_are_tracked_alike_in_any_order(busy):
         plots = cut(busy, cycle)
         plots = replace(plots, time_s=now_s - 0.5 * plots.sensor)
         orders = np.arange(len(plots)), rng.permutation(len(plots))
-        found = [method.step(m, plots.take(o), now_s, two_radars(), 0) for m, o in zip(memories, orders, strict=True)]
+        found = [
+            method.step(m, RegionInput.of_plots(plots.take(o), now_s, two_radars()))
+            for m, o in zip(memories, orders, strict=True)
+        ]
         memories = [memory for memory, *_ in found]
     assert same(memories[0], memories[1])
-    assert same(found[0][1], found[1][1])
-    assert len(found[0][1]) > 10
+    assert same(found[0][1].tracks, found[1][1].tracks)
+    assert len(found[0][1].tracks) > 10
 
 
 def test_plots_that_come_a_cycle_late_still_count():
@@ -168,7 +180,7 @@ def test_plots_that_come_a_cycle_late_still_count():
     method, memory = SidedImm(), SidedImm().init()
     for cycle in range(30):
         there = (received > PERIOD_S * cycle) & (received <= PERIOD_S * (cycle + 1))
-        memory, tracks, _ = method.step(memory, plots.take(there), PERIOD_S * (cycle + 1), sensors, 0)
+        memory, (tracks, *_) = method.step(memory, RegionInput.of_plots(plots.take(there), PERIOD_S * (cycle + 1), sensors))
     _, prompt = run(method, plots, 30)
     assert len(tracks) >= 0.97 * len(prompt[-1])
     _, count = np.unique(tracks.origin, return_counts=True)
@@ -180,10 +192,10 @@ def test_plots_that_come_a_cycle_late_still_count():
 @pytest.mark.parametrize("method", METHODS, ids=lambda m: m.method)
 def test_no_plot_and_one_plot(method):
     sensors = two_radars()
-    memory, tracks, _ = method.step(method.init(), Plots.empty(), 3.0, sensors, 0)
+    memory, (tracks, *_) = method.step(method.init(), RegionInput.of_plots(Plots.empty(), 3.0, sensors))
     assert len(tracks) == 0
     plots = plots_of(world(20, 16), sensors, 6.0, 16)
-    memory, tracks, _ = method.step(memory, cut(plots, 0).take(slice(0, 1)), 3.0, sensors, 0)
+    memory, (tracks, *_) = method.step(memory, RegionInput.of_plots(cut(plots, 0).take(slice(0, 1)), 3.0, sensors))
     assert len(tracks) == 0
     assert len(memory.table) == 1
 
@@ -198,10 +210,10 @@ def test_a_plot_that_is_no_number_or_of_the_future_is_dropped(busy, column, valu
     bad = getattr(plots, column).copy()
     bad[0] = value
     again = load(save(memory))
-    after, tracks, _ = method.step(memory, replace(plots, **{column: bad}), 6 * PERIOD_S, two_radars(), 0)
-    want, clean, _ = method.step(again, plots.take(slice(1, None)), 6 * PERIOD_S, two_radars(), 0)
-    assert after.dropped == want.dropped + 1
-    assert same(tracks, clean)
+    _, got = method.step(memory, RegionInput.of_plots(replace(plots, **{column: bad}), 6 * PERIOD_S, two_radars()))
+    _, clean = method.step(again, RegionInput.of_plots(plots.take(slice(1, None)), 6 * PERIOD_S, two_radars()))
+    assert got.dropped == clean.dropped + 1 == 1
+    assert same(got.tracks, clean.tracks)
 
 
 def test_old_and_repeated_plots_do_no_harm(busy):
@@ -210,7 +222,9 @@ def test_old_and_repeated_plots_do_no_harm(busy):
     memory, out = run(method, busy, 8)
     plots = cut(busy, 8)
     old = replace(plots, time_s=plots.time_s - 60.0)
-    memory, tracks, _ = method.step(memory, Plots.join([plots, plots, old]), 9 * PERIOD_S, two_radars(), 0)
+    memory, (tracks, *_) = method.step(
+        memory, RegionInput.of_plots(Plots.join([plots, plots, old]), 9 * PERIOD_S, two_radars())
+    )
     assert len(tracks) >= len(out[-1]) - 2
     assert np.isfinite(tracks.position_deg).all()
     assert np.isin(out[-1].track_id, tracks.track_id).mean() > 0.9
@@ -232,9 +246,9 @@ def test_a_memory_of_other_radars_is_refused(busy):
     sensors = two_radars()
     one = replace(sensors, radars=sensors.radars.take(slice(0, 1)))
     with pytest.raises(ValueError, match="got 2 radars, needed 1"):
-        SidedImm().step(memory, Plots.empty(), 6.0, one, 0)
+        SidedImm().step(memory, RegionInput.of_plots(Plots.empty(), 6.0, one))
     with pytest.raises(ValueError, match="got 9 models, needed 3"):
-        Imm().step(memory, Plots.empty(), 6.0, sensors, 0)
+        Imm().step(memory, RegionInput.of_plots(Plots.empty(), 6.0, sensors))
 
 
 LEARNT = [type(m)(clutter=ClutterSettings(learnt=True)) for m in METHODS]

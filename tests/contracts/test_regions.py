@@ -71,7 +71,7 @@ def test_no_more_is_computed_again_than_the_limit_allows(monkeypatch, seconds, c
         before = steps
         if number % 7 == 0:
             hosts.fail_at = {hosts.number + 1}
-        memories = [found[0] for found in regions(counted, memories, [(np.ones(7),)] * REGIONS)]
+        memories = [found[0] for found in regions(counted, memories, [np.ones(7)] * REGIONS)]
         assert steps - before <= REGIONS + min(cycles, 3)
     assert hosts.lost == 4
     assert all(total.tolist() == [30.0] * 7 for total, _ in regions.gather(memories))
@@ -90,7 +90,7 @@ def test_regions_move_when_one_host_has_most_of_the_work(monkeypatch):
     regions, memories = RemoteRegions(hosts), [(0.0, 0)] * 4
     cost = [0.1, 0.01, 0.09, 0.01]  # dealt blindly, the first and the third share a host
     for _ in range(2 * remote_regions.BALANCE_EVERY + 1):
-        memories = [found[0] for found in regions(timed, memories, [(each,) for each in cost])]
+        memories = [found[0] for found in regions(timed, memories, cost)]
     moved = [k for name, k in hosts.called if name == "release"]
     assert 1 <= len(moved) <= 3
     assert sorted(k for host in hosts.hosts for k in host._memory) == [0, 1, 2, 3]
@@ -101,7 +101,7 @@ def test_regions_move_when_one_host_has_most_of_the_work(monkeypatch):
 
 
 def test_a_memory_is_consumed_and_an_error_of_a_step_is_raised():
-    regions, given = RemoteRegions(FailingHosts(2, [])), [(np.ones(7),)] * REGIONS
+    regions, given = RemoteRegions(FailingHosts(2, [])), [np.ones(7)] * REGIONS
     old = [found[0] for found in regions(add, starts(), given)]
     regions(add, old, given)
     with pytest.raises(ValueError, match=r"memory of a region: got Kept\(region=0, cycle=0\), needed .*cycle=1"):
@@ -118,7 +118,7 @@ def test_threads_take_regions_and_raise_their_errors():
         for _ in range(5):
             centre.step(regions)
         with pytest.raises(KeyError, match="nothing"):
-            regions(refuse, centre.there, [(1,)] * REGIONS)
+            regions(refuse, centre.there, [1] * REGIONS)
         assert regions(add, [], []) == []
 
 
@@ -138,7 +138,7 @@ def test_a_killed_process_costs_a_cycle_and_changes_nothing():
             os.kill(process, signal.SIGKILL)
         assert centre.step(regions) & now == set()
         with pytest.raises(KeyError, match="nothing"):
-            regions(refuse, centre.there, [(1,)] * REGIONS)
+            regions(refuse, centre.there, [1] * REGIONS)
         alone = Centre(1)
         assert alone.step(RemoteRegions(hosts)) == set()
 

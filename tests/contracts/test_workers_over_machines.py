@@ -60,7 +60,7 @@ def test_a_machine_that_is_killed_costs_a_cycle_and_changes_nothing(two_machines
             seen.append(len(centre.step(regions)))
             assert time.monotonic() < deadline
         with pytest.raises(KeyError, match="nothing"):
-            regions(refuse, centre.there, [(1,)] * REGIONS)
+            regions(refuse, centre.there, [1] * REGIONS)
 
 
 @pytest.mark.slow

@@ -261,7 +261,7 @@ def test_the_command_prints_its_figures(
     command.main()
     figures = json.loads(capsys.readouterr().out)
     assert figures["load"]["regions"] == 2
-    assert {"plots", "tracks", "ais_tracks", "associations", "registration", "store"} <= set(figures["stages_s"])
+    assert {"tracks", "ais_tracks", "associations", "registration", "store"} <= set(figures["stages_s"])
     compute = figures["compute_s"]
     assert figures["cycle_s"]["median"] >= compute["median"] > 0.0
     shares = [t["share"] for t in figures["stages_s"].values() if t["share"] is not None]

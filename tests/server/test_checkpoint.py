@@ -171,8 +171,8 @@ ROW_NUMBERS: dict[str, Callable[[Any], np.ndarray]] = {
     "KnownTracks.first_vessel": lambda m: m.centre.picture.tracks.first_vessel,
     "TrackPairs.ais": lambda m: m.centre.picture.flags.pairs.ais,
     "TrackPairs.radar": lambda m: m.centre.picture.flags.pairs.radar,
-    "Table.live": lambda m: m.tracks[0].table.live,
-    "Table.free": lambda m: m.tracks[0].table.free,
+    "Table.live": lambda m: m.regions[0].tracks.table.live,
+    "Table.free": lambda m: m.regions[0].tracks.table.free,
     "BearingMemory.sensor": lambda m: m.bearing_tracks.sensor,
     "Information.radar": lambda m: m.registration.information.radar,
 }

@@ -26,7 +26,7 @@ def test_it_runs_on_the_sensors_of_a_scenario_and_names_each_stage(name: str) ->
     scenario = load_scenario(name, SCENARIOS[name])
     said: list[str] = []
     warm_up(scenario, scenario.sensors(), said.append)
-    for stage in ("plots", "tracks", "ais_tracks", "associations", "picture", "registration"):
+    for stage in ("tracks", "ais_tracks", "associations", "picture", "registration"):
         assert sum(f": {stage}, stage" in text for text in said) == 1, said
     assert all("compiled once" in text for text in said)
 

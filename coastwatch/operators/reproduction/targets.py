@@ -13,6 +13,7 @@ from coastwatch.operators.reproduction.published import Targets
 from coastwatch.scenario import Scenario
 from coastwatch.scores.targets import TargetScores
 from coastwatch.stage import Method
+from coastwatch.tracks import RegionInput, TrackerWithAis
 from coastwatch.tracks.imm import Imm, SidedImm
 from coastwatch.tracks.joint.messages import messages_of
 from coastwatch.tracks.motion import Motion
@@ -45,22 +46,21 @@ def _run(scenario: Scenario, method: Any, seed: int, asked: Targets) -> dict[str
     assert isinstance(recording.reports, Reports)
     scores = TargetScores(asked.cutoff_m, asked.near_m)
     memory, converted, ais_memory = method.init(), scenario.plots.init(), scenario.ais_tracks.init()
+    takes_messages = isinstance(scenario.tracks, TrackerWithAis)
     known = getattr(method, "plot_origin", "estimated") == "known"
-    takes_messages = getattr(scenario.tracks, "takes_messages", False)
     echo_m = getattr(scenario.tracks.upkeep, "echo_sigma_m", 0.0)
     mmsi = mmsi_of_vessels(recording.reports.ais)
     for cycle in range(plan.cycles):
         now_s = plan.instant_s(cycle)
         reports = recording.reports.between(plan.instant_s(cycle - 1) if cycle else -np.inf, now_s)
         converted, plots = scenario.plots.step(converted, reports.radar, sensors, none)
-        given: tuple[Messages, ...] = ()
-        if takes_messages:
-            ais_memory, ais, _, taken = scenario.ais_tracks.step(ais_memory, reports.ais, now_s, sensors)
-            given = (messages_of(taken, ais, sensors, 0),)
+        ais_memory, ais, _, taken = scenario.ais_tracks.step(ais_memory, reports.ais, now_s, sensors)
+        messages = messages_of(taken, ais, sensors, 0) if takes_messages else Messages.empty()
         if known:  # the bound knows all noise, and of whom each message is
             plots = replace(plots, covariance=plots.covariance + echo_m**2 * np.eye(2))
-            plots, given = Plots.join([plots, *(_as_plots(one, sensors) for one in given)]), ()
-        memory, tracks, _ = method.step(memory, plots, now_s, sensors, 0, *given)
+            plots = Plots.join([plots, _as_plots(messages, sensors)])
+        given = RegionInput.of_plots(plots, now_s, sensors)
+        memory, (tracks, *_) = method.step(memory, given._replace(messages=messages))
         truth = recording.truth.at(now_s)
         scores = scores.seen(truth, _counted(tracks, truth, sensors, asked.within_m, known), mmsi)
     return {**scores.as_dict(), "every_ospa_m": list(scores.every_ospa_m)}

@@ -68,15 +68,8 @@ class ExistenceManagement(Settings):
         return ExistenceChain(self.end_per_s, 1.0 / self.visible_s, 1.0 / self.hidden_s)
 
     def by_number(self, radars: Radars) -> tuple[Floats, Floats]:
-        """Detection probability and false plots in a square metre of each radar. (R,), (R,)
-
-        Raises: ValueError where a setting names a radar that the scenario does not have.
-        """
-        names = radars.name.tolist()
-        for name in self.by_radar:
-            if name not in names:
-                raise ValueError(f"tracks.upkeep.by_radar: got radar {name!r}, needed one of {names}")
-        each = [self.by_radar.get(name, self.detection) for name in names]
+        """Detection probability and false plots in a square metre of each radar. (R,), (R,)"""
+        each = [self.by_radar.get(name, self.detection) for name in radars.name.tolist()]
         return np.array([d.detection_probability for d in each]), np.array([d.false_plots_per_m2 for d in each])
 
 

@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import Floats, Ints, Measurements, Messages, Plots, Sensors, Tracks
+from coastwatch.batches import Floats, Ints
 from coastwatch.kernels.tracks.columns import Candidates, PlotColumns
 from coastwatch.kernels.tracks.joint_update import LEAST, Hypotheses
 from coastwatch.stage import Method
@@ -28,7 +28,7 @@ from coastwatch.tracks.joint.association import by_track
 from coastwatch.tracks.joint.existence import ExistenceManagement
 from coastwatch.tracks.joint.messages import MessageAssociation, MessagesInTurn, NoisyMessages, in_order, positions_alone
 from coastwatch.tracks.motion import Manoeuvres, Straight
-from coastwatch.tracks.region import track_region
+from coastwatch.tracks.region import RegionInput, RegionOutput, update_region
 from coastwatch.tracks.table import RadarMemory, Table
 
 PREDICT, RESAMPLE, BEGIN = 91, 92, 93  # streams of random numbers
@@ -127,7 +127,6 @@ class BpParticles(Method):
     Source: see `coastwatch/tracks/joint/particles.py`.
     """
 
-    takes_messages: ClassVar[bool] = True
     method: Literal["bp_particles"] = "bp_particles"
     particles: Annotated[int, Field(ge=10, le=100_000)] = 3000  # of each track
     seed: Annotated[int, Field(ge=0)] = 0  # whole number that all randomness starts from
@@ -140,16 +139,8 @@ class BpParticles(Method):
         """No track."""
         return RadarMemory.empty(models=1, particles=self.particles)
 
-    def step(
-        self,
-        memory: RadarMemory,
-        plots: Plots,
-        time_s: float,
-        sensors: Sensors,
-        region: int,
-        messages: Messages | None = None,
-    ) -> tuple[RadarMemory, Tracks, Measurements]:
-        """The confirmed tracks of one region that probably exist at time_s; see `Imm.step`. Args: messages: AIS, of this cycle.
+    def step(self, memory: RadarMemory, given: RegionInput) -> tuple[RadarMemory, RegionOutput]:
+        """The confirmed tracks of one region that probably exist at time_s; see `Imm.step`.
 
         Raises: ValueError where `motion` has more than one model.
         """
@@ -157,8 +148,8 @@ class BpParticles(Method):
             raise ValueError(
                 f"tracks.motion.models: got {len(self.motion.models)}, needed 1 where tracks.method is bp_particles"
             )
-        given = self.upkeep, self.clutter, sensors, self.messages, self.seed, self.particles
-        tracker = ParticleAssociation(CompiledBank(self.motion), *given)
-        heard = Messages.empty() if messages is None else positions_alone(messages)
+        parts = self.upkeep, self.clutter, given.sensors, self.messages, self.seed, self.particles
+        tracker = ParticleAssociation(CompiledBank(self.motion), *parts)
+        heard = positions_alone(given.messages)
         take = MessagesInTurn(tracker.take_newest, in_order(heard, memory, self.upkeep.late_s))
-        return track_region(tracker, memory, plots, time_s, sensors, region, take_messages=take)
+        return update_region(tracker, memory, given, take_messages=take)

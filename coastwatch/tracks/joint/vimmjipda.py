@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Literal
 
-from coastwatch.batches import Measurements, Messages, Plots, Sensors, Tracks
 from coastwatch.stage import Method
 from coastwatch.tracks.clutter import ClutterSettings
 from coastwatch.tracks.filter_bank import CompiledBank
@@ -19,7 +18,7 @@ from coastwatch.tracks.joint.messages import (
     positions_alone,
 )
 from coastwatch.tracks.motion import Manoeuvres, Motion
-from coastwatch.tracks.region import track_region
+from coastwatch.tracks.region import RegionInput, RegionOutput, update_region
 from coastwatch.tracks.table import RadarMemory
 
 
@@ -39,12 +38,10 @@ class Vimmjipda(Method):
         """No track."""
         return RadarMemory.empty(models=3)
 
-    def step(
-        self, memory: RadarMemory, plots: Plots, time_s: float, sensors: Sensors, region: int
-    ) -> tuple[RadarMemory, Tracks, Measurements]:
+    def step(self, memory: RadarMemory, given: RegionInput) -> tuple[RadarMemory, RegionOutput]:
         """The confirmed tracks of one region that probably exist at time_s; see `Imm.step`."""
-        tracker = JointAssociation(CompiledBank(self.motion), self.upkeep, self.clutter, sensors)
-        return track_region(tracker, memory, plots, time_s, sensors, region)
+        tracker = JointAssociation(CompiledBank(self.motion), self.upkeep, self.clutter, given.sensors)
+        return update_region(tracker, memory, given)
 
 
 class VimmjipdaLiteral(Method):
@@ -59,12 +56,10 @@ class VimmjipdaLiteral(Method):
         """No track."""
         return RadarMemory.empty(models=3)
 
-    def step(
-        self, memory: RadarMemory, plots: Plots, time_s: float, sensors: Sensors, region: int
-    ) -> tuple[RadarMemory, Tracks, Measurements]:
+    def step(self, memory: RadarMemory, given: RegionInput) -> tuple[RadarMemory, RegionOutput]:
         """The confirmed tracks of one region that probably exist at time_s; see `Imm.step`."""
-        tracker = LiteralAssociation(CompiledBank(self.motion), self.upkeep, self.clutter, sensors)
-        return track_region(tracker, memory, plots, time_s, sensors, region)
+        tracker = LiteralAssociation(CompiledBank(self.motion), self.upkeep, self.clutter, given.sensors)
+        return update_region(tracker, memory, given)
 
 
 class SidedVimmjipda(Method):
@@ -79,15 +74,10 @@ class SidedVimmjipda(Method):
         """No track."""
         return RadarMemory.empty(models=len(self.motion.models))
 
-    def step(
-        self, memory: RadarMemory, plots: Plots, time_s: float, sensors: Sensors, region: int
-    ) -> tuple[RadarMemory, Tracks, Measurements]:
+    def step(self, memory: RadarMemory, given: RegionInput) -> tuple[RadarMemory, RegionOutput]:
         """The confirmed tracks of one region that probably exist at time_s; see `Imm.step`."""
-        tracker = JointAssociation(CompiledBank(self.motion), self.upkeep, self.clutter, sensors)
-        return track_region(tracker, memory, plots, time_s, sensors, region)
-
-
-NO_MESSAGES = Messages.empty()
+        tracker = JointAssociation(CompiledBank(self.motion), self.upkeep, self.clutter, given.sensors)
+        return update_region(tracker, memory, given)
 
 
 class VimmjipdaSequential(Method):
@@ -96,7 +86,6 @@ class VimmjipdaSequential(Method):
     A track says whose messages are in it (`Tracks.held_mmsi`), so that its AIS track is not fused with it again.
     """
 
-    takes_messages: ClassVar[bool] = True
     method: Literal["vimmjipda_sequential"] = "vimmjipda_sequential"
     motion: Motion = Motion()
     upkeep: ExistenceManagement = ExistenceManagement()
@@ -108,26 +97,17 @@ class VimmjipdaSequential(Method):
         """No track."""
         return RadarMemory.empty(models=3)
 
-    def step(
-        self,
-        memory: RadarMemory,
-        plots: Plots,
-        time_s: float,
-        sensors: Sensors,
-        region: int,
-        messages: Messages = NO_MESSAGES,
-    ) -> tuple[RadarMemory, Tracks, Measurements]:
-        """The confirmed tracks of one region that probably exist at time_s; see `Imm.step`. Args: messages: of this cycle."""
-        tracker = MessageAssociation(CompiledBank(self.motion), self.upkeep, self.clutter, sensors, self.messages)
-        used = messages if self.message_velocities else positions_alone(messages)
+    def step(self, memory: RadarMemory, given: RegionInput) -> tuple[RadarMemory, RegionOutput]:
+        """The confirmed tracks of one region that probably exist at time_s; see `Imm.step`."""
+        tracker = MessageAssociation(CompiledBank(self.motion), self.upkeep, self.clutter, given.sensors, self.messages)
+        used = given.messages if self.message_velocities else positions_alone(given.messages)
         take = MessagesInTurn(tracker.take_one_by_one, in_order(used, memory, self.upkeep.late_s))
-        return track_region(tracker, memory, plots, time_s, sensors, region, take_messages=take)
+        return update_region(tracker, memory, given, take_messages=take)
 
 
 class VimmjipdaPreciseBatch(Method):
     """As `vimmjipda_sequential`, with the messages of one id since the last plots as one measurement: method B."""
 
-    takes_messages: ClassVar[bool] = True
     method: Literal["vimmjipda_precise_batch"] = "vimmjipda_precise_batch"
     motion: Motion = Motion()
     upkeep: ExistenceManagement = ExistenceManagement()
@@ -139,26 +119,17 @@ class VimmjipdaPreciseBatch(Method):
         """No track."""
         return RadarMemory.empty(models=3)
 
-    def step(
-        self,
-        memory: RadarMemory,
-        plots: Plots,
-        time_s: float,
-        sensors: Sensors,
-        region: int,
-        messages: Messages = NO_MESSAGES,
-    ) -> tuple[RadarMemory, Tracks, Measurements]:
+    def step(self, memory: RadarMemory, given: RegionInput) -> tuple[RadarMemory, RegionOutput]:
         """As of `VimmjipdaSequential`."""
-        tracker = MessageAssociation(CompiledBank(self.motion), self.upkeep, self.clutter, sensors, self.messages)
-        used = messages if self.message_velocities else positions_alone(messages)
+        tracker = MessageAssociation(CompiledBank(self.motion), self.upkeep, self.clutter, given.sensors, self.messages)
+        used = given.messages if self.message_velocities else positions_alone(given.messages)
         take = MessagesInTurn(tracker.take_clusters, in_order(used, memory, self.upkeep.late_s))
-        return track_region(tracker, memory, plots, time_s, sensors, region, take_messages=take)
+        return update_region(tracker, memory, given, take_messages=take)
 
 
 class VimmjipdaNoisyBatch(Method):
     """As `vimmjipda_sequential`, with the newest message of each id as if it came with the next plots: method C."""
 
-    takes_messages: ClassVar[bool] = True
     method: Literal["vimmjipda_noisy_batch"] = "vimmjipda_noisy_batch"
     motion: Motion = Motion()
     upkeep: ExistenceManagement = ExistenceManagement()
@@ -170,17 +141,9 @@ class VimmjipdaNoisyBatch(Method):
         """No track."""
         return RadarMemory.empty(models=3)
 
-    def step(
-        self,
-        memory: RadarMemory,
-        plots: Plots,
-        time_s: float,
-        sensors: Sensors,
-        region: int,
-        messages: Messages = NO_MESSAGES,
-    ) -> tuple[RadarMemory, Tracks, Measurements]:
+    def step(self, memory: RadarMemory, given: RegionInput) -> tuple[RadarMemory, RegionOutput]:
         """As of `VimmjipdaSequential`."""
-        tracker = MessageAssociation(CompiledBank(self.motion), self.upkeep, self.clutter, sensors, self.messages)
-        used = messages if self.message_velocities else positions_alone(messages)
+        tracker = MessageAssociation(CompiledBank(self.motion), self.upkeep, self.clutter, given.sensors, self.messages)
+        used = given.messages if self.message_velocities else positions_alone(given.messages)
         take = MessagesInTurn(tracker.take_newest, in_order(used, memory, self.upkeep.late_s))
-        return track_region(tracker, memory, plots, time_s, sensors, region, take_messages=take)
+        return update_region(tracker, memory, given, take_messages=take)

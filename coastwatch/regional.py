@@ -1,0 +1,121 @@
+"""The flow of a regional centre: the reports of its radars become plots, and the plots become tracks.
+
+A regional centre knows its own radars only, so its cost and memory do not depend on the other regions. It may run in another process
+or on another machine (`coastwatch.workers`). What goes there and back are `RegionReports` and `RegionCycle`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from coastwatch.batches import (
+    Ints,
+    Measurements,
+    Messages,
+    Plots,
+    RadarCorrections,
+    RadarReports,
+    Sensors,
+    StandingEchoes,
+    Tracks,
+)
+from coastwatch.plots import PlotConverter, PolarMemory
+from coastwatch.scenario import Scenario
+from coastwatch.stage import Groups
+from coastwatch.tracks import RadarMemory, RadarTracker, RegionInput
+
+
+@dataclass(frozen=True)
+class RegionMemory:
+    """The memory of a regional centre between two cycles: plain data."""
+
+    plots: PolarMemory
+    tracks: RadarMemory
+    dropped: int  # plots that are not finite or from the future, since the start
+
+
+@dataclass(frozen=True, eq=False)
+class RegionReports:
+    """What a regional centre is given in a cycle. Radars have their numbers within the region."""
+
+    reports: RadarReports
+    messages: Messages  # AIS, if its tracker takes them
+    corrections: RadarCorrections
+    time_s: float
+    sensors: Sensors  # with these radars
+    radars: Ints  # (R,) their numbers among all, in order
+    region: int
+
+
+@dataclass(frozen=True, eq=False)
+class RegionCycle:
+    """What a regional centre yields in a cycle. Radars have their numbers among all."""
+
+    tracks: Tracks
+    measurements: Measurements  # the plots and messages of this cycle in these tracks
+    standing_echoes: StandingEchoes
+    plots: Plots  # for registration and cover
+
+
+def start_region(scenario: Scenario) -> RegionMemory:
+    """The memory of a regional centre before the first cycle."""
+    return RegionMemory(scenario.plots.init(), scenario.tracks.init(), 0)
+
+
+def step_of_regions(scenario: Scenario) -> Callable[[RegionMemory, RegionReports], tuple[RegionMemory, RegionCycle]]:
+    """One cycle of a regional centre, as a `coastwatch.stage.RegionMap` takes it."""
+    return partial(run_regional_centre, scenario.plots, scenario.tracks)
+
+
+def run_regional_centre(
+    converter: PlotConverter, tracker: RadarTracker, memory: RegionMemory, given: RegionReports
+) -> tuple[RegionMemory, RegionCycle]:
+    """One cycle of a regional centre. Tracks that hold plots of a radar whose corrections have jumped are dropped."""
+    sensors, radars = given.sensors, given.radars
+    plots_memory, plots = converter.step(memory.plots, given.reports, sensors, given.corrections)
+    jumped = given.corrections.jumped
+    tracks_memory, found = tracker.step(
+        memory.tracks, RegionInput(plots, given.messages, jumped, given.time_s, sensors, given.region)
+    )
+    measurements, standing = found.measurements, found.standing_echoes
+    after = RegionMemory(plots_memory, tracks_memory, memory.dropped + found.dropped)
+    return after, RegionCycle(
+        found.tracks,
+        replace(measurements, sensor=radars[measurements.sensor]),
+        replace(standing, radar=radars[standing.radar]),
+        replace(plots, sensor=radars[plots.sensor]),
+    )
+
+
+def reports_of_regions(
+    reports: RadarReports, messages: list[Messages], corrections: RadarCorrections, time_s: float, sensors: Sensors
+) -> tuple[list[RegionReports], int]:
+    """What each regional centre is given, and how many reports are of an unknown radar.
+
+    Args: reports, corrections: of all radars; messages: for each region.
+    """
+    radars = sensors.radars
+    known = (reports.sensor >= 0) & (reports.sensor < len(radars))
+    if not known.all():
+        reports = reports.take(known)
+    count = len(sensors.region_names)
+    rows, ours = Groups.by_key(radars.region[reports.sensor], count), Groups.by_key(radars.region, count)
+    given = []
+    for k in range(count):
+        own, mine = ours.of(k), reports.take(rows.of(k))
+        given.append(
+            RegionReports(
+                replace(mine, sensor=np.searchsorted(own, mine.sensor)),
+                messages[k],
+                corrections.take(own),
+                time_s,
+                replace(sensors, radars=radars.take(own)),
+                own,
+                k,
+            )
+        )
+    return given, int((~known).sum())
