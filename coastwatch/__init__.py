@@ -18,6 +18,6 @@ The map, in the order in which data flows (each stage is a folder with a README)
 
 Around them: `batches` defines the data that flows, `scenario` reads the settings of a run from a TOML file. `regional` is the flow
 of a regional centre, from reports to tracks, and `pipeline` that of all centres, a page each. `workers` spreads it over processors,
-`store` writes it to a database. `server` reads the clock and starts processes. `operators` is the command line. `kernels` computes
-on bare arrays.
+`store` writes it to a database. `server` reads the clock and starts processes. `operators` is the command line. `reproduction` runs
+the scenarios of a paper and reports its figures. `kernels` computes on bare arrays.
 """

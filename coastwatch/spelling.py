@@ -1,8 +1,10 @@
-"""Texts that people type: suggestions for a misspelt name, and lines without control characters."""
+"""Texts that people type or read: suggestions for a misspelt name, lines without control characters, values for JSON."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 ONE_LINE = r"^[^\x00-\x1f\x7f-\x9f]*$"
 """A pattern of text without control characters: a database may refuse them, and they move the cursor of a terminal."""
@@ -15,3 +17,28 @@ def did_you_mean(got: str, known: Iterable[str]) -> str:
     listed = {name.lower(): name for name in known}
     found = difflib.get_close_matches(got.lower(), listed, n=1, cutoff=0.6)
     return f"; did you mean {listed[found[0]]!r}?" if found else ""
+
+
+def printable(text: str) -> str:
+    r"""The text with every character that is not printable, such as control and direction marks, as its escape: \x1b, \u202e."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def printable_lines(text: str) -> str:
+    """The same for a text of several lines, which stay lines."""
+    return "\n".join(map(printable, text.split("\n")))
+
+
+def json_value(value: Any) -> Any:
+    """The value with numpy numbers and tuples converted to JSON types, and null for a number that is not finite."""
+    if isinstance(value, Mapping):
+        return {str(key): json_value(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_value(item) for item in value]
+    if hasattr(value, "tolist"):
+        return json_value(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

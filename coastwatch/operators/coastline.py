@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 
 from coastwatch.batches import Array, Floats
-from coastwatch.operators.bad_input import BadInput
+from coastwatch.errors import InputError
 
 NATURAL_EARTH = Path(__file__).with_name("natural_earth_land.npz")
 """Land of Natural Earth 1:10m, public domain; scaling/decisions/natural_earth.py wrote it."""
@@ -86,18 +86,18 @@ def areas(geometries: Array) -> Array:
 def read(path: str | Path) -> tuple[tuple[Shore, ...], str]:
     """The shores in a GeoJSON file and its note, e.g. "approximate, not for navigation".
 
-    Raises: BadInput that names the file if it is not GeoJSON of lines and polygons.
+    Raises: InputError that names the file if it is not GeoJSON of lines and polygons.
     """
     try:
         text = Path(path).read_text("utf-8")
         if not text.strip():
-            raise BadInput(f"{path}: got an empty file, needed GeoJSON of lines and polygons")
+            raise InputError(f"{path}: got an empty file, needed GeoJSON of lines and polygons")
         document = json.loads(text)
         shores = tuple(s for g in _geometries(document) for s in _shores(g))
         note = str(document.get("note", ""))
     except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
         got = str(error) if isinstance(error, ValueError) else "a document without type, coordinates or features"
-        raise BadInput(f"{path}: needed GeoJSON of lines and polygons, got {got}") from error
+        raise InputError(f"{path}: needed GeoJSON of lines and polygons, got {got}") from error
     return shores, note
 
 

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple, Protocol
 
 import lazy_loader
 
-from coastwatch.operators.bad_input import BadInput
+from coastwatch.errors import InputError
 from coastwatch.operators.columns import digits_of, kind_of, rounded
-from coastwatch.operators.safe_text import csv_cell, printable
+from coastwatch.spelling import printable
 
 gpxpy = lazy_loader.load("gpxpy")  # only GPX needs it
 polars = lazy_loader.load("polars")  # only Parquet needs it
@@ -31,6 +31,8 @@ KEYS = ("vessel_id", "track_id", "run")
 """Columns that identify a row, if they are different in all."""
 
 INSTANT = "%Y-%m-%dT%H:%M:%S%.fZ"
+FORMULA = ("=", "+", "-", "@")
+"""A spreadsheet computes a cell that begins so."""
 
 
 class Rows(Protocol):
@@ -54,7 +56,7 @@ def write(rows: Rows, form: str, output: str | None, heading: str = "") -> None:
     """Writes rows to a file, or to the terminal if `output` is None.
 
     Args: form: table, csv, json, geojson, gpx or parquet; output: path of the file; heading: a line above a table.
-    Raises: BadInput if the format needs a file, or a position that the rows do not have.
+    Raises: InputError if the format needs a file, or a position that the rows do not have.
     """
     if form == "parquet":
         write_parquet(as_frame(rows), output)
@@ -67,6 +69,12 @@ def write(rows: Rows, form: str, output: str | None, heading: str = "") -> None:
     write_text(text, output)
 
 
+def csv_cell(text: str) -> str:
+    """The text as a cell of CSV: printable, and behind an apostrophe where a spreadsheet would take it for a formula."""
+    text = printable(text)
+    return f"'{text}" if text.startswith(FORMULA) else text
+
+
 def write_text(text: str, output: str | None) -> None:
     """Writes a text to a file, or to the terminal if `output` is None."""
     if output is None:
@@ -76,9 +84,9 @@ def write_text(text: str, output: str | None) -> None:
 
 
 def write_parquet(frame: Any, output: str | None) -> None:
-    """Writes a polars DataFrame. Raises: BadInput if there is no path."""
+    """Writes a polars DataFrame. Raises: InputError if there is no path."""
     if output is None:
-        raise BadInput("Parquet is not text: got no --output, needed --output FILE")
+        raise InputError("Parquet is not text: got no --output, needed --output FILE")
     with open(output, "wb") as file:
         frame.write_parquet(file)
 
@@ -217,7 +225,7 @@ def as_parquet(rows: Rows) -> bytes:
 def _needs_position(rows: Rows, form: str) -> None:
     missing = [name for name in (LATITUDE, LONGITUDE) if name not in rows.columns]
     if missing:
-        raise BadInput(f"{form} needs a position: columns {', '.join(rows.columns)} have no {' and no '.join(missing)}")
+        raise InputError(f"{form} needs a position: columns {', '.join(rows.columns)} have no {' and no '.join(missing)}")
 
 
 def _ids(rows: Rows) -> list[Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from typing import Any
 
 import matplotlib
@@ -17,8 +18,9 @@ from matplotlib.transforms import ScaledTranslation
 
 from coastwatch.batches import Array, Bools, Flag, Floats
 from coastwatch.geodesy import NAUTICAL_MILE_M, offset_deg, wrap_deg
-from coastwatch.operators.safe_text import printable
-from coastwatch.operators.scene import AIS_ONLY, BEARING, COASTING, FUSED, RADAR, RADAR_ONLY, SONAR_ONLY, STATION, Scene
+from coastwatch.operators import stored
+from coastwatch.operators.scene import AIS_ONLY, BEARING, COASTING, FUSED, RADAR, RADAR_ONLY, SONAR_ONLY, STATION, Scene, load
+from coastwatch.spelling import printable
 
 matplotlib.use("Agg")
 
@@ -56,6 +58,16 @@ def write(scene: Scene, output: str) -> None:
     """Draws the scene to a PNG file."""
     figure = draw(scene)
     figure.savefig(output, format="png", dpi=150, bbox_inches="tight", pad_inches=0.25, metadata={"Title": scene.title})
+
+
+def draw_run(database: str, run_id: int, shore: str) -> tuple[dict[str, int], bytes]:
+    """The last picture of a run: number of vessels of each kind and of bearings, and the PNG. Args: shore: GeoJSON file of land."""
+    with stored.opened(database) as found:
+        scene = load(found, stored.run(found, run_id), None, None, shore)
+    png = io.BytesIO()
+    draw(scene).savefig(png, format="png", dpi=90, bbox_inches="tight", pad_inches=0.2)
+    kinds = {kind.replace(" ", "_"): int((scene.kind == kind).sum()) for kind in (AIS_ONLY, RADAR_ONLY, FUSED)}
+    return {**kinds, "bearings": len(scene.bearing_from_deg)}, png.getvalue()
 
 
 def draw(scene: Scene) -> Figure:

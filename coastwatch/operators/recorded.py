@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
+from coastwatch.errors import InputError
 from coastwatch.geodesy import NAUTICAL_MILE_M, scale_m_deg, wrap_deg
-from coastwatch.operators.bad_input import BadInput
 from coastwatch.scenario import Area, Scenario
 from coastwatch.scenario.refusing import refusals
 from coastwatch.scenario.sites import Radar, Sonar, Station
@@ -55,7 +55,7 @@ class Files:
 
 
 def document(files: Files, sensors: Mapping[str, list[dict[str, Any]]], period_s: float) -> dict[str, Any]:
-    """The scenario as a document, as parsed from TOML. Raises: BadInput, OSError."""
+    """The scenario as a document, as parsed from TOML. Raises: InputError, OSError."""
     ais, tracks = (
         {name: has_sentences(Path(name), option) for name in names}
         for option, names in (("ais", files.ais), ("tracks", files.tracks))
@@ -98,7 +98,7 @@ def track_sources(files: tuple[str, ...], site: tuple[float, float] | None) -> l
 
 
 def check_sensors(radars: list[dict[str, Any]], stations: list[dict[str, Any]], sonars: list[dict[str, Any]]) -> None:
-    """Refuses wrong values of --radar, --station and --sonar. Raises: BadInput that names the option."""
+    """Refuses wrong values of --radar, --station and --sonar. Raises: InputError that names the option."""
     kinds: tuple[tuple[str, type[BaseModel], list[dict[str, Any]]], ...] = (
         ("--radar", Radar, radars),
         ("--station", Station, stations),
@@ -108,11 +108,13 @@ def check_sensors(radars: list[dict[str, Any]], stations: list[dict[str, Any]], 
         names = [sensor["name"] for sensor in given]
         for sensor in given:
             if names.count(sensor["name"]) > 1:
-                raise BadInput(f"{option}: got the name {sensor['name']!r} {names.count(sensor['name'])} times, needed it once")
+                raise InputError(
+                    f"{option}: got the name {sensor['name']!r} {names.count(sensor['name'])} times, needed it once"
+                )
             try:
                 model.model_validate(sensor)
             except ValidationError as error:
-                raise BadInput(f"{option} {sensor['name']}: {'; '.join(refusals(error, model))}") from error
+                raise InputError(f"{option} {sensor['name']}: {'; '.join(refusals(error, model))}") from error
 
 
 def _columns(wanted: Mapping[str, str], parts: list[str]) -> dict[str, dict[str, str]]:
@@ -124,7 +126,7 @@ def _columns(wanted: Mapping[str, str], parts: list[str]) -> dict[str, dict[str,
         if not takers:
             known = "; ".join(f"{p}: {', '.join(COLUMNS[p].model_fields)}" for p in parts) or "none, NMEA has no columns"
             names = [name for p in parts for field in COLUMNS[p].model_fields for name in (field, f"{p}.{field}")]
-            raise BadInput(f"--columns: got {ours!r}, needed one of {known}{did_you_mean(ours, names)}")
+            raise InputError(f"--columns: got {ours!r}, needed one of {known}{did_you_mean(ours, names)}")
         for p in takers:
             out.setdefault(SETTING[p], {})[key] = yours
     return out

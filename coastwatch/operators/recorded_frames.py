@@ -13,9 +13,8 @@ import numpy as np
 
 from coastwatch import store
 from coastwatch.batches import Array, Floats, Ints, Members, Picture, nav_status_text
-from coastwatch.operators.bad_input import BadInput
-from coastwatch.operators.export import write_parquet
-from coastwatch.operators.safe_text import csv_cell
+from coastwatch.errors import InputError
+from coastwatch.operators.export import csv_cell, write_parquet
 from coastwatch.operators.stored import flag_words
 from coastwatch.store import Recorded, Store, StoreError
 from coastwatch.store.write.to_rows import motion
@@ -32,12 +31,12 @@ def write(
 ) -> None:
     """Writes the recorded cycles between two instants to a file, or to the terminal if `output` is None.
 
-    Args: form: csv, written cycle by cycle, or parquet. Raises: BadInput; StoreError if no cycle is recorded.
+    Args: form: csv, written cycle by cycle, or parquet. Raises: InputError; StoreError if no cycle is recorded.
     """
     if form == "parquet" and output is None:
-        raise BadInput("Parquet is not text: got no --output, needed --output FILE")
+        raise InputError("Parquet is not text: got no --output, needed --output FILE")
     if from_s is not None and to_s is not None and from_s > to_s:
-        raise BadInput("--from: got an instant after --to, needed one before it")
+        raise InputError("--from: got an instant after --to, needed one before it")
     names = {number: csv_cell(name) for number, name, _ in store.sources(found, run_id).rows}
     frames = (_frame(cycle, names) for cycle in store.replay(found, run_id, from_s, to_s, bbox))
     first = next(frames, None)

@@ -10,13 +10,13 @@ import numpy as np
 
 from coastwatch import store
 from coastwatch.batches import COVER_AZIMUTHS, COVER_RANGES, Array, Bools, Floats, Ints
+from coastwatch.errors import InputError
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, offset_deg, scale_m_deg, wrap_deg
 from coastwatch.operators import coastline
-from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.coastline import Shore
-from coastwatch.operators.safe_text import printable
 from coastwatch.operators.stored import ending, utc_text
 from coastwatch.shipped import scenarios_folder
+from coastwatch.spelling import printable
 from coastwatch.store import Rows, Store
 
 RADAR, STATION, BEARING = "radar", "station", "bearing"
@@ -102,7 +102,7 @@ def load(
     Args: run: as `store.run` returns it. bbox: south, west, north, east in degrees, instead of the scenario's area. shore: GeoJSON
     file instead of the scenario's coastline or Natural Earth; NO_LAND: none. names: how many of the longest vessels are named.
     vessels: ids of selected vessels, which are named and marked. cover: "detection" or "clutter": cells of radars to be coloured.
-    Raises: StoreError, BadInput.
+    Raises: StoreError, InputError.
     """
     rows = store.picture(found, run["id"], at_s, bbox)
     table = {name: rows.column(name) for name in rows.columns}
@@ -138,7 +138,7 @@ def load(
 def _rows_of(vessels: Sequence[int], known: list[int]) -> tuple[int, ...]:
     absent = [str(vessel) for vessel in vessels if vessel not in known]
     if absent:
-        raise BadInput(
+        raise InputError(
             f"--vessel: got {', '.join(absent)}, needed ids of vessels in this picture; `coastwatch picture` lists them"
         )
     return tuple(known.index(vessel) for vessel in vessels)
@@ -186,10 +186,10 @@ def _coverages(rows: Rows) -> tuple[Coverage, ...]:
 
 
 def _cover_cells(found: Store, run_id: int, clutter: bool) -> CoverCells:
-    """The cells of all radars in which something was learnt. Raises: BadInput: no cover is stored."""
+    """The cells of all radars in which something was learnt. Raises: InputError: no cover is stored."""
     names, cover = store.radar_covers(found, run_id)
     if not names:
-        raise BadInput(f"--cover: run {run_id} has no learnt cover of a radar; it is stored with `cover.method` learnt")
+        raise InputError(f"--cover: run {run_id} has no learnt cover of a radar; it is stored with `cover.method` learnt")
     value = 1e6 * cover.false_plots_per_m2 if clutter else cover.ais_detection
     known: Bools = np.greater(value if clutter else cover.ais_looks, 0.0) & np.isfinite(cover.site_deg[:, :1, None])
     radar, sector, ring = np.nonzero(known)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from coastwatch.batches import Array, Ints
+from coastwatch.errors import InputError
 from coastwatch.operators import stored
-from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.columns import digits_of
 from coastwatch.operators.export import Rows
 from coastwatch.spelling import did_you_mean
@@ -21,7 +21,7 @@ def selected(rows: Rows, sort: Sequence[str], limit: int | None, columns: Sequen
     """The rows sorted by some columns, the first of them, with these columns.
 
     Args: sort: names of columns, -NAME for descending; absent values come last. columns: none: all.
-    Raises: BadInput that names an unknown column.
+    Raises: InputError that names an unknown column.
     """
     names, made = list(rows.columns), list(rows.rows)
     for key in reversed(sort):
@@ -36,7 +36,7 @@ def order(column: Callable[[str], Array], columns: Sequence[str], sort: Sequence
     """Row numbers in the order in which `selected` sorts the same rows for people: only the columns are read, and no row is formatted.
 
     Args: column: gives a column as the store has it; columns: their names; sort: names for people, -NAME for descending.
-    Raises: BadInput that names an unknown column.
+    Raises: InputError that names an unknown column.
     """
     names = [stored.name_for_people(name) for name in columns]
     keys = [(columns[_at(names, key.removeprefix("-"), "--sort")], key.startswith("-")) for key in sort]
@@ -68,7 +68,7 @@ def _ranked(name: str, values: Array) -> tuple[Array, Array]:
 
 def _at(names: Sequence[str], name: str, option: str) -> int:
     if name not in names:
-        raise BadInput(f"{option}: got {name!r}, needed some of {', '.join(names)}{did_you_mean(name, names)}")
+        raise InputError(f"{option}: got {name!r}, needed some of {', '.join(names)}{did_you_mean(name, names)}")
     return names.index(name)
 
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from coastwatch import store
 from coastwatch.batches import COVER_AZIMUTHS, COVER_RANGES, Flag, Floats, nav_status_text
+from coastwatch.errors import InputError
 from coastwatch.geodesy import NAUTICAL_MILE_M
-from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.columns import digits_of, rounded
 from coastwatch.spelling import did_you_mean
 from coastwatch.store import QueryLimit, Rows, Store, Table
@@ -169,21 +169,21 @@ def picture(found: Store, run_id: int, at_s: float | None, bbox: Box | None) -> 
 
 
 def traffic(found: Store, run_id: int, bbox: Box, span_s: tuple[float, float]) -> Rows:
-    """The vessels in a box between two instants. Raises: BadInput, StoreError."""
+    """The vessels in a box between two instants. Raises: InputError, StoreError."""
     return for_people(store.traffic(found, run_id, bbox, *_span(span_s)))
 
 
 def encounters(found: Store, run_id: int, bbox: Box, span_s: tuple[float, float], limits: Mapping[str, Any]) -> Rows:
-    """Pairs of vessels that came close to each other. Args: limits: as of `store.encounters`. Raises: BadInput, StoreError."""
+    """Pairs of vessels that came close to each other. Args: limits: as of `store.encounters`. Raises: InputError, StoreError."""
     for name, value in limits.items():
         if not 0.0 <= value < float("inf"):
-            raise BadInput(f"{name}: got {value:g}, needed 0 or more")
+            raise InputError(f"{name}: got {value:g}, needed 0 or more")
     return for_people(store.encounters(found, run_id, bbox, *_span(span_s), **limits))
 
 
 def _span(span_s: tuple[float, float]) -> tuple[float, float]:
     if span_s[0] > span_s[1]:
-        raise BadInput(f"--from: got {utc_text(span_s[0])}, needed an instant before --to, {utc_text(span_s[1])}")
+        raise InputError(f"--from: got {utc_text(span_s[0])}, needed an instant before --to, {utc_text(span_s[1])}")
     return span_s
 
 
@@ -253,11 +253,11 @@ def radar_cover(found: Store, run_id: int, clutter: bool, sectors: int, rings: i
     Sectors of several cells have the mean: of a detection probability by looks, of a density by area. Cells without a look, or
     without a false plot, are left out.
     Args: sectors, rings: divisors of the cells of `RadarCover`.
-    Raises: BadInput: no cover is stored.
+    Raises: InputError: no cover is stored.
     """
     names, cover = store.radar_covers(found, run_id)
     if not names:
-        raise BadInput(f"run {run_id}: no cover of a radar is stored; it is learnt from radars with `cover.method` learnt")
+        raise InputError(f"run {run_id}: no cover of a radar is stored; it is learnt from radars with `cover.method` learnt")
     edges_nm = np.linspace(0.0, 1.0, COVER_RANGES + 1) * cover.range_m[:, None] / NAUTICAL_MILE_M
     area = np.broadcast_to(np.diff(edges_nm**2, axis=1)[:, None, :], cover.ais_looks.shape)
 
@@ -288,10 +288,10 @@ def radar_cover(found: Store, run_id: int, clutter: bool, sectors: int, rings: i
 def standing_echoes(found: Store, of_run: Mapping[str, Any]) -> Rows:
     """The echoes that the clutter maps of radars hide, one row each, by radar. Args: of_run: as of `run`.
 
-    Raises: BadInput: no clutter map is learnt.
+    Raises: InputError: no clutter map is learnt.
     """
     if not (of_run["settings"].get("tracks", {}).get("clutter") or {}).get("learnt"):
-        raise BadInput(
+        raise InputError(
             f"run {of_run['id']}: no clutter map is learnt (`tracks.clutter.learnt`), so echoes that stand are in the picture: "
             "`coastwatch query stationary`"
         )
@@ -363,21 +363,21 @@ def questions() -> Rows:
 
 
 def answer(found: Store, name: str, parameters: Mapping[str, str], at_s: float | None = None) -> Rows:
-    """The answer to a question, now or at an instant. Raises: BadInput, StoreError."""
+    """The answer to a question, now or at an instant. Raises: InputError, StoreError."""
     known = store.operator_queries()
     if name not in known:
-        raise BadInput(f"query: got {name!r}, needed one of {', '.join(known)}{did_you_mean(name, known)}")
+        raise InputError(f"query: got {name!r}, needed one of {', '.join(known)}{did_you_mean(name, known)}")
     takes = known[name].parameters
     unknown = [key for key in parameters if key not in (*takes, "run")]
     missing = [key for key, p in takes.items() if p.default is None and key not in parameters]
     if unknown or missing:
         got = f"got {', '.join(unknown)}" if unknown else f"got no {', '.join(missing)}"
         hint = did_you_mean(unknown[0], takes) if unknown else ""
-        raise BadInput(f"query {name}: {got}, needed --set with {', '.join((*takes, 'run'))}{hint}")
+        raise InputError(f"query {name}: {got}, needed --set with {', '.join((*takes, 'run'))}{hint}")
     try:
         return for_people(store.operator_query(found, name, parameters, at_s))
     except ParameterError as error:
-        raise BadInput(str(error)) from error
+        raise InputError(str(error)) from error
 
 
 def for_people(rows: Rows | Table) -> Rows:

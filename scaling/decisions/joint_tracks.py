@@ -13,8 +13,8 @@ import math
 import numpy as np
 
 from coastwatch.operators.cli.arguments import count, pair, whole
-from coastwatch.operators.reproduction.published import Targets
-from coastwatch.operators.reproduction.targets import measure
+from coastwatch.reproduction.published import Targets
+from coastwatch.reproduction.targets import measure
 from coastwatch.scenario import load_scenario
 
 KEYS = (

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from coastwatch.operators.reproduction.side_by_side import SideBySide, measure
+from coastwatch.reproduction.side_by_side import SideBySide, measure
 from coastwatch.scenario import load_scenario
 from scaling.load.seeds import seed_range
 

@@ -18,10 +18,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coastwatch.batches import Floats
-from coastwatch.operators.reproduction.figures import Made, orders
-from coastwatch.operators.reproduction.planning import Wanted
-from coastwatch.operators.reproduction.published import Published, papers
-from coastwatch.operators.reproduction.side_by_side import SideBySide, measure
+from coastwatch.reproduction.figures import Made, orders
+from coastwatch.reproduction.planning import Wanted
+from coastwatch.reproduction.published import Published, papers
+from coastwatch.reproduction.side_by_side import SideBySide, measure
 from coastwatch.scenario import load_scenario
 from coastwatch.server.many import over_processes
 from scaling.load.seeds import seed_range

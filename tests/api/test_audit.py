@@ -11,10 +11,10 @@ from server_world import Served, listening, wait_for
 from starlette.datastructures import Headers
 from test_alarms import raise_alarm
 
+from coastwatch.errors import InputError
 from coastwatch.operators.api.guard import Guard
 from coastwatch.operators.api.proxy import trusted
 from coastwatch.operators.api.tokens import Tokens, add
-from coastwatch.operators.bad_input import BadInput
 
 
 def test_a_change_is_noted_with_who_made_it_and_a_refused_one_is_not(changing: Served, tmp_path: Path) -> None:
@@ -70,7 +70,7 @@ def test_a_header_that_comes_twice_is_not_believed() -> None:
 
 def test_a_proxy_that_is_everybody_is_refused() -> None:
     for wrong in ("0.0.0.0/0", "10.0.0.300", "10.0.0.1/8"):
-        with pytest.raises(BadInput, match="--trusted-proxy"):
+        with pytest.raises(InputError, match="--trusted-proxy"):
             trusted([wrong])
 
 

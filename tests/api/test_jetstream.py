@@ -19,7 +19,7 @@ import pytest
 from region_world import PERIOD_S, START_S, VESSELS, Region, centre_scenario
 from server_world import listening, wait_for
 
-from coastwatch.operators.bad_input import BadInput
+from coastwatch.errors import InputError
 from coastwatch.operators.cli import make_parser
 from coastwatch.operators.cli.serving import serve
 from coastwatch.server.feeds.address import AddressError
@@ -179,7 +179,7 @@ def test_a_stream_has_a_name_and_secrets_in_files(monkeypatch: pytest.MonkeyPatc
     ],
 )
 def test_only_a_region_publishes_and_only_to_a_stream(words: list[str], said: str) -> None:
-    with pytest.raises(BadInput, match=said):
+    with pytest.raises(InputError, match=said):
         serve(make_parser().parse_args(["serve", "guanabara", *words]))
 
 

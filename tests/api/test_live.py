@@ -17,7 +17,7 @@ from test_alarms import events
 
 from coastwatch import store
 from coastwatch.operators.api.service import Service
-from coastwatch.operators.cli.arguments import utc
+from coastwatch.operators.typed import utc
 from coastwatch.scenario import load_scenario
 from coastwatch.server import clock
 from coastwatch.server.alarm_book import Alarm

@@ -15,10 +15,10 @@ from server_world import Served, code_of, listening
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
+from coastwatch.errors import InputError
 from coastwatch.operators.api.answers import router
 from coastwatch.operators.api.guard import Guard
 from coastwatch.operators.api.tokens import Limits, Tokens, add, read
-from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.cli import main, make_parser
 from coastwatch.operators.cli.serving import serve
 
@@ -205,7 +205,7 @@ KING = f"[[tokens]]\nname = 'a'\nrole = 'king'\nsha256 = '{'0' * 64}'"
 def test_a_wrong_file_of_tokens_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "tokens.toml"
     path.write_text(text, "utf-8")
-    with pytest.raises(BadInput, match=r"tokens\.toml"):
+    with pytest.raises(InputError, match=r"tokens\.toml"):
         read(path)
 
 
@@ -222,5 +222,5 @@ def test_a_used_port_is_refused_before_anything_starts(tmp_path: Path, capsys: p
 
 def test_another_address_than_loopback_is_not_opened_without_tokens() -> None:
     options = make_parser().parse_args(["serve", "--host", "0.0.0.0"])
-    with pytest.raises(BadInput, match="without --tokens"):
+    with pytest.raises(InputError, match="without --tokens"):
         serve(options)

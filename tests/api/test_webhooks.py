@@ -16,10 +16,10 @@ from server_world import listening, wait_for
 from test_alarms import raise_alarm
 
 from coastwatch.batches import AlarmKind
+from coastwatch.errors import InputError
 from coastwatch.operators.api import webhooks
 from coastwatch.operators.api.metrics import Metrics
 from coastwatch.operators.api.webhook_settings import WebHook, checked, secret_of, signature
-from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.cli.serving import Followed
 from coastwatch.store import open_store
 
@@ -88,7 +88,7 @@ def test_every_kind_of_alarm_may_be_chosen() -> None:
     kinds = (*(kind.name.lower() for kind in AlarmKind), "dark", "epirb")
     assert checked(WebHook("https://a/b", kinds)).kinds == kinds
     for flag in ("coasting", "stationary"):
-        with pytest.raises(BadInput, match=flag):
+        with pytest.raises(InputError, match=flag):
             checked(WebHook("https://a/b", (flag,)))
 
 
@@ -105,7 +105,7 @@ def test_the_signature_is_that_of_openssl() -> None:
     ],
 )
 def test_wrong_hooks_are_refused(hook: WebHook, said: str) -> None:
-    with pytest.raises(BadInput, match=said) as found:
+    with pytest.raises(InputError, match=said) as found:
         checked(hook)
     assert "hidden" not in str(found.value)
 
@@ -115,7 +115,7 @@ def test_a_secret_is_the_first_line_of_a_file(tmp_path: Path) -> None:
     file.write_text("s3cret\nmore\n")
     assert secret_of(str(file)) == "s3cret"
     file.write_text("\n")
-    with pytest.raises(BadInput, match="needed the secret"):
+    with pytest.raises(InputError, match="needed the secret"):
         secret_of(str(file))
 
 

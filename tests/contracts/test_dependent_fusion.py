@@ -12,8 +12,8 @@ from coastwatch.batches import Measurements
 from coastwatch.fused_tracks import Convex, Dependent, PartialFeedback
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.kernels.fusion import cross_covariance
-from coastwatch.operators.reproduction import two_filters
-from coastwatch.operators.reproduction.two_filters import TwoFilters
+from coastwatch.reproduction import two_filters
+from coastwatch.reproduction.two_filters import TwoFilters
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "oracles"))
 from two_filters_textbook import Pair

@@ -12,10 +12,10 @@ from typing import Any, NoReturn
 
 import pytest
 
+from coastwatch.errors import InputError
 from coastwatch.operators import stored
-from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.cli import make_parser
-from coastwatch.operators.reproduction.published import chosen
+from coastwatch.reproduction.published import chosen
 from coastwatch.scenario import ScenarioError, load_scenario
 
 HOUSE = Path(__file__).parents[2]
@@ -46,7 +46,7 @@ def test_the_parser_takes_every_example() -> None:
         words = [STAND_INS.get(word, word) for word in shlex.split(line)]
         try:
             make_parser().parse_args(words[1:])
-        except BadInput as error:
+        except InputError as error:
             refused.append(f"{page}: {line}: {error}")
     assert len(shown()) >= 20
     assert refused == []
@@ -69,7 +69,7 @@ def test_every_example_names_scenarios_settings_and_questions_that_there_are() -
             else:
                 continue
             taken += 1
-        except (AssertionError, BadInput, ScenarioError) as error:
+        except (AssertionError, InputError, ScenarioError) as error:
             wrong.append(f"{page}: {line}: {error}")
     assert taken >= 40
     assert wrong == []

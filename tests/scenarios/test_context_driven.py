@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from coastwatch.operators.cli import make_parser
-from coastwatch.operators.reproduction import published
+from coastwatch.reproduction import published
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.confusion import Confusion
 from coastwatch.server.run import run_scenario

@@ -12,12 +12,12 @@ import pytest
 import termcolor
 
 from coastwatch import store
+from coastwatch.errors import InputError
 from coastwatch.operators import columns, export, stored
-from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.cli import arguments
-from coastwatch.operators.reproduction import html_report
-from coastwatch.operators.safe_text import printable
 from coastwatch.operators.selection import selected
+from coastwatch.reproduction import html_report
+from coastwatch.spelling import printable
 from coastwatch.store.schema.database import writing
 
 Rows = namedtuple("Rows", ["columns", "rows"])
@@ -48,7 +48,7 @@ def test_geojson_puts_longitude_first_and_nothing_where_there_is_no_position() -
     assert features[0]["properties"] == {"vessel_id": 1, "mmsi": "002320001", "name": 'A "B", C'}
     assert [feature["id"] for feature in features] == [1, 23, 4]
     assert features[2]["geometry"] is None
-    with pytest.raises(BadInput, match="latitude_deg"):
+    with pytest.raises(InputError, match="latitude_deg"):
         export.as_geojson(Rows(("stage", "median_ms"), [("tracks", 1.0)]))
 
 
@@ -59,7 +59,7 @@ def test_parquet_keeps_types_and_needs_a_file(tmp_path: Path) -> None:
     assert back["vessel_id"].to_list() == [1, 23, 4]
     assert back.schema["latitude_deg"] == polars.Float64
     assert back["mmsi"].to_list() == ["002320001", None, None]
-    with pytest.raises(BadInput, match="--output"):
+    with pytest.raises(InputError, match="--output"):
         export.write(SHIPS, "parquet", None)
 
 
@@ -163,7 +163,7 @@ def test_rows_are_sorted_limited_and_cut_to_columns() -> None:
     assert [row[0] for row in selected(SHIPS, ["name"], None, []).rows] == [1, 4, 23]  # what is absent comes last
     assert [row[0] for row in selected(SHIPS, ["-name"], None, []).rows] == [4, 1, 23]
     assert selected(SHIPS, [], 1, ["mmsi", "vessel_id"]) == store.Rows(("mmsi", "vessel_id"), [("002320001", 1)])
-    with pytest.raises(BadInput, match=r"--sort: got 'vesel_id', needed some of .*; did you mean 'vessel_id'\?"):
+    with pytest.raises(InputError, match=r"--sort: got 'vesel_id', needed some of .*; did you mean 'vessel_id'\?"):
         selected(SHIPS, ["vesel_id"], None, [])
 
 

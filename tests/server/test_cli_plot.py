@@ -13,9 +13,9 @@ from matplotlib.colors import to_rgb
 from matplotlib.path import Path as Outline
 
 from coastwatch.batches import Flag, Floats
+from coastwatch.errors import InputError
 from coastwatch.geodesy import offset_deg, wrap_deg
 from coastwatch.operators import coastline, plot, scene
-from coastwatch.operators.bad_input import BadInput
 
 SEED = 20
 NATURAL_EARTH_POINTS = Path(__file__).parents[1] / "api" / "natural_earth_points.csv"
@@ -131,7 +131,7 @@ def test_a_coastline_is_read_and_a_wrong_one_is_named(tmp_path: Path) -> None:
     wrong = tmp_path / "wrong.geojson"
     for text in ("{", '{"type": "Feature"}', "[]", '{"type": "LineString", "coordinates": [["a", 1]]}'):
         wrong.write_text(text)
-        with pytest.raises(BadInput, match=r"wrong\.geojson"):
+        with pytest.raises(InputError, match=r"wrong\.geojson"):
             coastline.read(wrong)
 
 

@@ -15,11 +15,12 @@ import pytest
 from run_world import Start
 
 from coastwatch.operators.cli import main
-from coastwatch.operators.reproduction import finished_runs, planning, published, report, running, systems
-from coastwatch.operators.reproduction.figures import Made, Row, Spread, at_path, orders
-from coastwatch.operators.reproduction.finished_runs import FinishedRuns
-from coastwatch.operators.reproduction.html_report import better_than_published
-from coastwatch.operators.reproduction.report_plots import roc_curve
+from coastwatch.operators.plot import draw_run
+from coastwatch.reproduction import finished_runs, measuring, planning, published, report, running, systems
+from coastwatch.reproduction.figures import Made, Row, Spread, at_path, orders
+from coastwatch.reproduction.finished_runs import FinishedRuns
+from coastwatch.reproduction.html_report import better_than_published
+from coastwatch.reproduction.report_plots import roc_curve
 from coastwatch.server.many import over_processes
 
 FOLDERS = published.chosen("rangel", ())
@@ -42,7 +43,7 @@ def reproduced(folder: Path, names: tuple[str, ...], further: tuple[str, ...] = 
     """Some folders, short, one run of each variant."""
     folders = {name: at_first_point(FOLDERS[name]) for name in names}
     plan, kept = planning.plan(folders, 1, "test", further), FinishedRuns(str(folder))
-    running.carry_out(kept, planning.unlike(plan), 1, quiet)
+    running.carry_out(kept, planning.unlike(plan), 1, quiet, draw_run)
     return report.made("rangel", folders, plan, kept, "coastwatch reproduce rangel")
 
 
@@ -63,7 +64,7 @@ def test_the_tracks_of_few_targets_are_scored_beside_the_bound(tmp_path: Path) -
     figures = tuple(f for f in of.figure if f.at == {key: 0.5} and f.default in ("radar", "sequential"))
     folders = {"hem-figure-2": of.model_copy(update={**few, "figure": figures})}
     plan, kept = planning.plan(folders, 3, "test", ("cycles=24",)), FinishedRuns(str(tmp_path))
-    running.carry_out(kept, planning.unlike(plan), 1, quiet)
+    running.carry_out(kept, planning.unlike(plan), 1, quiet, draw_run)
     made = report.made("hem", folders, plan, kept, "coastwatch reproduce hem")
     rows = {row.figure.name: row for row in made.folders[0].rows}
     assert 0.0 < rows["OSPA, A, P_D 0.5"].bound.mean < rows["OSPA, A, P_D 0.5"].default.mean
@@ -84,7 +85,7 @@ def test_methods_side_by_side_and_two_filters_are_reported(tmp_path: Path) -> No
     for name, short in few.items():
         folders = published.chosen("sagild", (name,))
         plan, kept = planning.plan(folders, 2 if name != "normal" else 1, "test", short), FinishedRuns(str(tmp_path))
-        running.carry_out(kept, planning.unlike(plan), 1, quiet)
+        running.carry_out(kept, planning.unlike(plan), 1, quiet, draw_run)
         made = report.made("sagild", folders, plan, kept, "coastwatch reproduce sagild")
         page = report.written_page(kept, made).read_text("utf-8")
         assert "data:image/svg+xml;base64," in page
@@ -105,7 +106,7 @@ def test_complete_systems_are_scored_against_the_true_vessels(tmp_path: Path) ->
     figures = tuple(f for f in of.figure if f.default in ("track_01", "measurement_01"))
     folders = {"sagild-complete": of.model_copy(update={**few, "figure": figures})}
     plan, kept = planning.plan(folders, 1, "test", ("cycles=40",)), FinishedRuns(str(tmp_path))
-    running.carry_out(kept, planning.unlike(plan), 1, quiet)
+    running.carry_out(kept, planning.unlike(plan), 1, quiet, draw_run)
     made = report.made("sagild", folders, plan, kept, "coastwatch reproduce sagild")
     fused, taken = (one.records[0]["scores"]["system"] for one in made.folders[0].made)
     for found in (fused, taken):
@@ -211,7 +212,7 @@ def test_an_interrupted_reproduction_goes_on(tmp_path: Path, monkeypatch: pytest
     jobs = planning.unlike(planning.plan(published.chosen("rangel", ("tables-3-4",)), 2, finished_runs.code()))
     seen: list[str] = []
 
-    def measured(job: planning.Job) -> dict[str, Any] | None:
+    def measured(job: planning.Job, draw: measuring.Draw) -> dict[str, Any] | None:
         seen.append(job.key)
         return None if len(seen) == 6 else {"seed": job.seed, "scores": {}, "timings_s": {}, "history": {}, "elapsed_s": 1.0}
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from coastwatch.operators.bad_input import BadInput
+from coastwatch.errors import InputError
 from coastwatch.operators.cli import main
-from coastwatch.operators.reproduction import published
+from coastwatch.reproduction import published
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,7 @@ VARIANT = '[[variant]]\nname = "default"\ntitle = "t"\n'
 def test_a_wrong_file_is_named_with_its_key(text: str, wanted: str, tmp_path: Path) -> None:
     path = tmp_path / "published.toml"
     path.write_text(text, "utf-8")
-    with pytest.raises(BadInput) as caught:
+    with pytest.raises(InputError) as caught:
         published.read(path)
     assert str(caught.value).startswith(f"{path}: ")
     assert wanted in str(caught.value)

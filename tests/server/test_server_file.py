@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from coastwatch.alarms import numbered
-from coastwatch.operators.bad_input import BadInput
+from coastwatch.errors import InputError
 from coastwatch.operators.cli.parser import make_parser
 from coastwatch.operators.cli.server_file import with_file, with_zones
 from coastwatch.scenario import load_scenario
@@ -86,7 +86,7 @@ def test_zones_of_a_file_follow_those_of_its_scenario(tmp_path: Path) -> None:
     ]
     assert (made.zones[3].enter, made.zones[3].radius_nm) == (True, 1.0)
     assert with_zones(scenario, options(tmp_path / "watch.toml", WHOLE).zones).zones == scenario.zones
-    with pytest.raises(BadInput, match="zones: got the name 'fort' 2 times"):
+    with pytest.raises(InputError, match="zones: got the name 'fort' 2 times"):
         with_zones(scenario, options(tmp_path / "watch.toml", WHOLE + BAY.replace("NAME", "fort")).zones)
 
 
@@ -121,6 +121,6 @@ def test_a_scenario_is_no_server_file(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_wrong_is_named_by_file_and_key(tmp_path: Path, text: str, said: str) -> None:
-    with pytest.raises(BadInput) as error:
+    with pytest.raises(InputError) as error:
         options(tmp_path / "watch.toml", text)
     assert str(error.value).startswith(f"{tmp_path / 'watch.toml'}: {said}")

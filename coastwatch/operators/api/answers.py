@@ -15,13 +15,13 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from coastwatch import store
 from coastwatch.batches import ALARM_KINDS, COVER_AZIMUTHS, COVER_RANGES, Flag, Ints
+from coastwatch.errors import InputError
 from coastwatch.operators import export, stored
 from coastwatch.operators.api.service import ZONE_KINDS, Service
 from coastwatch.operators.api.validation import CheckedRoute
 from coastwatch.operators.api.wire import Encoder
-from coastwatch.operators.bad_input import BadInput
-from coastwatch.operators.cli.arguments import box, utc
 from coastwatch.operators.selection import order, selected
+from coastwatch.operators.typed import box, utc
 from coastwatch.server.live_picture import KIND_OF_SOURCE, LivePicture, of_store
 from coastwatch.shipped import scenarios_folder
 from coastwatch.spelling import ONE_LINE
@@ -326,7 +326,7 @@ def sensor_cover(
             found = stored.standing_echoes(service.store, service.of_run())
         else:
             found = stored.radar_cover(service.store, run_id, grid == "clutter", COVER_AZIMUTHS, COVER_RANGES)
-    except BadInput as error:
+    except InputError as error:
         raise HTTPException(404, str(error)) from error
     of_radar = Rows(found.columns, [row for row in found.rows if row[0] == names[number]])
     listed = "echoes" if grid == "standing" else "cells"

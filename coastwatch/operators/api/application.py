@@ -14,17 +14,17 @@ from pydantic import BaseModel, Field
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.staticfiles import StaticFiles
 
+from coastwatch.errors import InputError
 from coastwatch.operators.api import answers, validation, webhooks, zones
 from coastwatch.operators.api.alarm_stream import AlarmStream
 from coastwatch.operators.api.guard import COOKIE, SESSION, Guard, methods_of
 from coastwatch.operators.api.service import NoPictureYet, Service
 from coastwatch.operators.api.track_stream import serve_tracks
 from coastwatch.operators.api.wire import PROTOCOL
-from coastwatch.operators.bad_input import BadInput
-from coastwatch.operators.safe_text import printable
 from coastwatch.server.regions.client import PATH
 from coastwatch.server.regions.link import Position
 from coastwatch.server.run import version
+from coastwatch.spelling import printable
 from coastwatch.store import StoreError
 
 WEB = Path(__file__).resolve().parent.parent / "web"
@@ -165,7 +165,7 @@ def _add_refusals(app: FastAPI) -> None:
 
         return answer
 
-    for kind, status in ((NoPictureYet, 503), (StoreError, 503), (BadInput, 400)):
+    for kind, status in ((NoPictureYet, 503), (StoreError, 503), (InputError, 400)):
         app.add_exception_handler(kind, says(status))
 
     app.add_exception_handler(RequestValidationError, validation.refused)

@@ -8,8 +8,8 @@ from ipaddress import IPv4Network, IPv6Network, ip_address, ip_network
 
 from starlette.datastructures import Headers
 
+from coastwatch.errors import InputError
 from coastwatch.operators.api.tokens import ROLES, Person
-from coastwatch.operators.bad_input import BadInput
 
 USER, GROUPS = "x-forwarded-user", "x-forwarded-groups"
 GROUP = "coastwatch-"
@@ -50,12 +50,12 @@ class TrustedProxy:
 
 
 def trusted(texts: Sequence[str]) -> TrustedProxy:
-    """The proxy with these addresses or networks, such as 10.0.0.5 or 10.0.0.0/28. Raises: BadInput."""
+    """The proxy with these addresses or networks, such as 10.0.0.5 or 10.0.0.0/28. Raises: InputError."""
     try:
         networks = tuple(ip_network(text) for text in texts)
     except ValueError as error:
-        raise BadInput(f"--trusted-proxy: {error}; needed an address or network such as 10.0.0.5 or 10.0.0.0/28") from error
+        raise InputError(f"--trusted-proxy: {error}; needed an address or network such as 10.0.0.5 or 10.0.0.0/28") from error
     wide = next((network for network in networks if network.prefixlen == 0), None)
     if wide is not None:
-        raise BadInput(f"--trusted-proxy: got {wide}, which is everybody, needed the addresses of the proxy")
+        raise InputError(f"--trusted-proxy: got {wide}, which is everybody, needed the addresses of the proxy")
     return TrustedProxy(networks)

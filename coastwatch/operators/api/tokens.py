@@ -16,7 +16,7 @@ from typing import Annotated, Literal
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
-from coastwatch.operators.bad_input import BadInput
+from coastwatch.errors import InputError
 from coastwatch.scenario.refusing import sentence
 from coastwatch.server.troubles import Trouble
 
@@ -68,12 +68,12 @@ class Tokens:
     """The tokens of a file. It is read again when it changes. While it cannot be read those of before hold."""
 
     def __init__(self, path: Path) -> None:
-        """Raises: BadInput, OSError that name the file."""
+        """Raises: InputError, OSError that name the file."""
         self._path, self._read_at = path, _stamp(path)
         self._tokens = read(path)
         self._wrong: tuple[float, str] | None = None  # since when, and what
         if not self._tokens:
-            raise BadInput(f"{path}: got no token, needed at least one; `coastwatch token add NAME` makes one")
+            raise InputError(f"{path}: got no token, needed at least one; `coastwatch token add NAME` makes one")
 
     def of(self, given: str) -> Token | None:
         """The valid token with this text."""
@@ -94,7 +94,7 @@ class Tokens:
             if stamp == self._read_at:
                 return
             self._tokens = read(self._path)
-        except (OSError, BadInput) as error:
+        except (OSError, InputError) as error:
             stamp = None if isinstance(error, OSError) else stamp
             said = error.strerror if isinstance(error, OSError) else str(error).removeprefix(f"{self._path}: ")
             self._note(f"the tokens of before hold: {said}")
@@ -114,12 +114,12 @@ def _stamp(path: Path) -> tuple[int, ...] | None:
 
 
 def read(path: Path) -> tuple[Token, ...]:
-    """The tokens of a file. Raises: BadInput, OSError that name it."""
+    """The tokens of a file. Raises: InputError, OSError that name it."""
     try:
         return _File.model_validate(tomllib.loads(path.read_text("utf-8"))).tokens
     except (tomllib.TOMLDecodeError, ValidationError, UnicodeDecodeError, RecursionError) as error:
         said = "; ".join(_refusals(error)) if isinstance(error, ValidationError) else error
-        raise BadInput(
+        raise InputError(
             f"{path}: {said}; needed [[tokens]] with name, role and sha256, as `coastwatch token add` writes it"
         ) from error
 
@@ -131,10 +131,10 @@ def _refusals(error: ValidationError) -> list[str]:
 
 
 def add(path: Path, name: str, role: str, expires_s: float | None) -> str:
-    """Add a token to a file that only its owner may read. Returns: the token, which is not kept. Raises: BadInput, OSError."""
+    """Add a token to a file that only its owner may read. Returns: the token, which is not kept. Raises: InputError, OSError."""
     known = read(path) if path.exists() else ()
     if any(token.name == name for token in known):
-        raise BadInput(f"{path}: got the name {name!r} again, needed a new one; delete its [[tokens]] to replace it")
+        raise InputError(f"{path}: got the name {name!r} again, needed a new one; delete its [[tokens]] to replace it")
     given = secrets.token_urlsafe(TOKEN_BYTES)
     rows = ["", "[[tokens]]", f"name = {json.dumps(name)}", f'role = "{role}"', f'sha256 = "{_digest(given)}"']
     if expires_s is not None:

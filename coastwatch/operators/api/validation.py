@@ -15,8 +15,8 @@ from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
 
 from coastwatch.operators.api.bounds import MOST_VALUES, has_too_many_values
-from coastwatch.operators.safe_text import printable
 from coastwatch.scenario.refusing import in_brackets, models_of, sentence
+from coastwatch.spelling import printable
 
 MOST_ERRORS = 10
 """Errors that an answer names. It says how many more there are."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from coastwatch.batches import ALARM_KINDS
-from coastwatch.operators.bad_input import BadInput
+from coastwatch.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -27,12 +27,12 @@ class WebHook:
 
 
 def checked(hook: WebHook) -> WebHook:
-    """The hook, if it can work. Raises: BadInput."""
+    """The hook, if it can work. Raises: InputError."""
     if urlsplit(hook.url).scheme not in ("http", "https") or not hook.name:
-        raise BadInput(f"webhook: got {hook.name or hook.url[:40]!r}, needed an address such as https://host/path")
+        raise InputError(f"webhook: got {hook.name or hook.url[:40]!r}, needed an address such as https://host/path")
     unknown = [kind for kind in hook.kinds if kind not in ALARM_KINDS]
     if unknown:
-        raise BadInput(f"webhook {hook.name}: kinds: got {unknown[0]!r}, needed some of {', '.join(ALARM_KINDS)}")
+        raise InputError(f"webhook {hook.name}: kinds: got {unknown[0]!r}, needed some of {', '.join(ALARM_KINDS)}")
     return hook
 
 
@@ -42,13 +42,13 @@ def signature(secret: str, timestamp: str, body: bytes) -> str:
 
 
 def secret_of(path: str | None) -> str:
-    """The secret in the first line of a file; empty: no file. Raises: BadInput that names the file."""
+    """The secret in the first line of a file; empty: no file. Raises: InputError that names the file."""
     if path is None:
         return ""
     try:
         found = Path(path).read_text("utf-8").partition("\n")[0].strip()
     except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"{path}: cannot be read: {error}") from error
+        raise InputError(f"{path}: cannot be read: {error}") from error
     if not found:
-        raise BadInput(f"{path}: got an empty first line, needed the secret that signs messages to web hooks")
+        raise InputError(f"{path}: got an empty first line, needed the secret that signs messages to web hooks")
     return found

@@ -13,11 +13,10 @@ import sys
 import traceback
 from collections.abc import Sequence
 
-from coastwatch.operators.bad_input import BadInput
+from coastwatch.errors import InputError
 from coastwatch.operators.cli.arguments import FORMATS
 from coastwatch.operators.cli.parser import make_parser
-from coastwatch.operators.safe_text import printable
-from coastwatch.spelling import did_you_mean
+from coastwatch.spelling import did_you_mean, printable
 
 VALUES = {"--bbox": r"-[\d.]", "--tracks-origin": r"-[\d.]", "--track-site": r"-[\d.]", "--sort": r"-[a-z]"}
 """How the value of an option begins that argparse would take for an option."""
@@ -47,12 +46,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def parsed(words: Sequence[str]) -> argparse.Namespace:
-    """The options of a command line. Raises: BadInput."""
+    """The options of a command line. Raises: InputError."""
     options, unknown = make_parser().parse_known_args(_joined(words))
     if unknown:
         known = ["--" + name.removesuffix("_s").replace("_", "-") for name in vars(options)]
         hint = _meant(unknown[0], options) or did_you_mean(unknown[0].partition("=")[0], known)
-        raise BadInput(
+        raise InputError(
             f"{options.command}: got {' '.join(unknown)!r}, which it does not take{hint} (see {options.command} --help)"
         )
     return options
@@ -88,7 +87,7 @@ def _forget_stdout() -> None:
 
 
 def _is_bad_input(error: Exception) -> bool:
-    if isinstance(error, BadInput | FileNotFoundError | FileExistsError):
+    if isinstance(error, InputError | FileNotFoundError | FileExistsError):
         return True
     if isinstance(error, IsADirectoryError | NotADirectoryError | PermissionError):
         return True

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
-from datetime import UTC, datetime
 from typing import Any
+
+from coastwatch.operators.typed import box, utc
 
 MOST_WORKERS = 4096
 DEFAULT_DB = "sqlite:///coastwatch.db"
@@ -19,8 +20,6 @@ SCENARIOS, QUESTIONS = "_coastwatch_scenarios", "_coastwatch_questions"
 """Functions of a shell that complete a name; `completion` defines them."""
 
 FILES = {"bash": "_shtab_compgen_files", "zsh": "_files", "tcsh": "f"}
-
-Box = tuple[float, float, float, float]
 
 
 def completed_by(action: argparse.Action, function: str | None = None) -> None:
@@ -113,26 +112,6 @@ def names(text: str) -> tuple[str, ...]:
 def column_names(text: str) -> dict[str, str]:
     """Our names of columns to those in a file, of OURS=YOURS,OURS=YOURS."""
     return dict(pair(part) for part in text.split(","))
-
-
-def utc(text: str) -> float:
-    """Seconds since the Unix epoch of an ISO 8601 instant; without a time zone it is UTC."""
-    try:
-        moment = datetime.fromisoformat(text.strip())
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"got {text!r}, needed an instant such as 2026-07-01T12:00:00Z") from None
-    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
-
-
-def box(text: str) -> Box:
-    """South, west, north, east in degrees."""
-    try:
-        south, west, north, east = (float(part) for part in text.split(","))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"got {text!r}, needed four numbers S,W,N,E") from None
-    if not (-90.0 <= south < north <= 90.0 and -180.0 <= west <= 180.0 and -180.0 <= east <= 180.0):
-        raise argparse.ArgumentTypeError(f"got {text!r}, needed -90 <= S < N <= 90 and W, E within -180..180")
-    return south, west, north, east
 
 
 def whole(text: str) -> int:

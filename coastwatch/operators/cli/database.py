@@ -9,8 +9,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from coastwatch import store
+from coastwatch.errors import InputError
 from coastwatch.operators import stored
-from coastwatch.operators.bad_input import BadInput
 from coastwatch.store.schema import migrate
 
 STAMP = "%Y%m%dT%H%M%SZ"
@@ -41,7 +41,7 @@ def check(options: argparse.Namespace) -> int:
 def backup(options: argparse.Namespace) -> int:
     target = Path(options.target)
     if options.keep is not None and not target.is_dir():
-        raise BadInput(f"--keep: got {target}, which is no folder, needed a folder of copies")
+        raise InputError(f"--keep: got {target}, which is no folder, needed a folder of copies")
     with stored.opened(options.db) as opened:
         stem = re.sub(r"[^\w.-]", "_", Path(opened.where).stem)
         path = target / f"{stem}-{datetime.now(UTC).strftime(STAMP)}.db" if target.is_dir() else target

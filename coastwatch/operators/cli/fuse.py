@@ -7,19 +7,19 @@ import errno
 import os
 from pathlib import Path
 
+from coastwatch.errors import InputError
 from coastwatch.operators import recorded
-from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.cli.runs import carry_out
 from coastwatch.scenario import make_scenario
 
 
 def fuse(options: argparse.Namespace) -> int:
     if not (options.ais or options.plots or options.bearings or options.tracks):
-        raise BadInput("fuse: got no file, needed --ais, --plots, --bearings or --tracks")
+        raise InputError("fuse: got no file, needed --ais, --plots, --bearings or --tracks")
     if options.plots and not options.radar:
-        raise BadInput("fuse --plots: got no radar, needed --radar for each radar in the file")
+        raise InputError("fuse --plots: got no radar, needed --radar for each radar in the file")
     if options.bearings and not options.sonar:
-        raise BadInput("fuse --bearings: got no sensor, needed --sonar for each sensor in the file")
+        raise InputError("fuse --bearings: got no sensor, needed --sonar for each sensor in the file")
     recorded.check_sensors(options.radar, options.station, options.sonar)
     sensors = {"radars": options.radar, "stations": options.station, "sonars": options.sonar}
     for name in (*options.ais, options.plots, options.bearings, *options.tracks):

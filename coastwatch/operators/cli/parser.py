@@ -6,7 +6,7 @@ import argparse
 import re
 from typing import Any
 
-from coastwatch.operators.bad_input import BadInput
+from coastwatch.errors import InputError
 from coastwatch.operators.cli.arguments import (
     QUESTIONS,
     RADAR,
@@ -31,11 +31,11 @@ from coastwatch.operators.cli.arguments import (
     seed,
     sensor,
     speed,
-    utc,
     whole,
     workers,
     written_as,
 )
+from coastwatch.operators.typed import utc
 from coastwatch.operators.verdict import requirement
 from coastwatch.spelling import did_you_mean
 
@@ -61,13 +61,13 @@ class _Version(argparse.Action):
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that raises BadInput instead of printing its usage, so that every error is printed in the same way."""
+    """A parser that raises InputError instead of printing its usage, so that every error is printed in the same way."""
 
     def error(self, message: str) -> Any:
         if found := INVALID_CHOICE.fullmatch(message):
             known = [word.strip("' ") for word in found[3].split(",")]
             message = f"{found[1]}: got {found[2]!r}, needed one of {', '.join(known)}{did_you_mean(found[2], known)}"
-        raise BadInput(f"{message.removeprefix('argument ')} (see {self.prog} --help)")
+        raise InputError(f"{message.removeprefix('argument ')} (see {self.prog} --help)")
 
 
 def make_parser() -> argparse.ArgumentParser:

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import lazy_loader
 
-from coastwatch.operators.safe_text import printable
+from coastwatch.spelling import printable
 
 tqdm = lazy_loader.load("tqdm")  # only a terminal has a bar
 

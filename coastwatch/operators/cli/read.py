@@ -9,10 +9,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from coastwatch.batches import COVER_AZIMUTHS, COVER_RANGES
+from coastwatch.errors import InputError
 from coastwatch.operators import export, recorded_frames, stored
-from coastwatch.operators.bad_input import BadInput
-from coastwatch.operators.safe_text import printable
 from coastwatch.operators.selection import selected
+from coastwatch.spelling import printable
 from coastwatch.store import Rows, Store, delete_run, keep_runs
 
 
@@ -43,7 +43,7 @@ def _write(rows: Rows, options: argparse.Namespace, heading: str = "", columns: 
 
 def runs(options: argparse.Namespace) -> int:
     if (options.action is None) != (options.number is None):
-        raise BadInput(f"runs: got {options.action}, needed a number too: `runs delete ID`, `runs keep N`")
+        raise InputError(f"runs: got {options.action}, needed a number too: `runs delete ID`, `runs keep N`")
     with stored.opened(options.db) as store:
         if options.action == "delete":
             delete_run(store, options.number)
@@ -131,11 +131,11 @@ def query(options: argparse.Namespace) -> int:
         return 0
     parameters = dict(options.settings)
     if options.run is not None and parameters.setdefault("run", str(options.run)) != str(options.run):
-        raise BadInput(f"query: got --run {options.run} and --set run={parameters['run']}, needed one of them")
+        raise InputError(f"query: got --run {options.run} and --set run={parameters['run']}, needed one of them")
     asked = {"from_s": ("--from", options.from_s), "to_s": ("--to", options.to_s), "kind": ("--kind", options.kind)}
     for key, (option, value) in asked.items():
         if value is not None and parameters.setdefault(key, str(value)) != str(value):
-            raise BadInput(f"query: got {option} {value} and --set {key}={parameters[key]}, needed one of them")
+            raise InputError(f"query: got {option} {value} and --set {key}={parameters[key]}, needed one of them")
     with stored.opened(options.db) as store:
         rows = stored.answer(store, options.name, parameters, options.at)
         if options.at is not None:

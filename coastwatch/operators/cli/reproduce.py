@@ -6,7 +6,8 @@ import argparse
 import sys
 
 from coastwatch.operators.cli import progress
-from coastwatch.operators.reproduction import finished_runs, planning, published, report, running
+from coastwatch.operators.plot import draw_run
+from coastwatch.reproduction import finished_runs, planning, published, report, running
 
 INTERRUPTED = 130
 
@@ -24,7 +25,7 @@ def reproduce(options: argparse.Namespace) -> int:
     )
     try:
         with progress.report_progress("run") as show:
-            running.carry_out(kept, jobs, options.workers, show)
+            running.carry_out(kept, jobs, options.workers, show, draw_run)
     except KeyboardInterrupt:
         left = len(running.missing(kept, jobs))
         print(f"coastwatch: interrupted with {left} of {len(jobs)} runs to do; the same command continues", file=sys.stderr)

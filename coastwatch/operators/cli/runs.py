@@ -10,10 +10,10 @@ from typing import Any
 from coastwatch import store
 from coastwatch.operators import tracks_csv, verdict
 from coastwatch.operators.cli import inputs, progress, summary
-from coastwatch.operators.safe_text import printable, printable_lines
 from coastwatch.scenario import load_scenario, scenario_names
 from coastwatch.sensors.recorded.accounts import LOSSES
 from coastwatch.server.run import run_scenario
+from coastwatch.spelling import json_value, printable, printable_lines
 
 LOST_RECORDS, FELL, INTERRUPTED = 1, 4, 130
 
@@ -69,7 +69,7 @@ def fell(result: Any, options: argparse.Namespace) -> bool:
     required, compare = getattr(options, "require", []), getattr(options, "compare", None)
     if not required and compare is None:
         return False
-    scores = summary.as_plain(result.scores)
+    scores = json_value(result.scores)
     said = verdict.below_required(scores, required)
     with store.open_store(result.database) as opened:
         if compare is not None:

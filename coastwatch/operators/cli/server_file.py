@@ -11,8 +11,8 @@ from urllib.parse import parse_qsl, urlencode, urlsplit, urlunsplit
 from pydantic import Field, ValidationError, model_validator
 
 from coastwatch.alarms import Zone
+from coastwatch.errors import InputError
 from coastwatch.operators.api.webhook_settings import WebHook, checked, secret_of
-from coastwatch.operators.bad_input import BadInput
 from coastwatch.scenario import Scenario
 from coastwatch.scenario.refusing import refusals
 from coastwatch.stage import Settings
@@ -99,7 +99,7 @@ class ServerFile(Settings):
 def with_file(options: argparse.Namespace) -> argparse.Namespace:
     """The options, with those of the server file that its first argument names, if it names one; the command line goes first.
 
-    Raises: BadInput that names the file and the key.
+    Raises: InputError that names the file and the key.
     """
     found = _read(options.scenario)
     given = {} if found is None else _options(found, Path(options.scenario))
@@ -117,11 +117,11 @@ def with_file(options: argparse.Namespace) -> argparse.Namespace:
 
 
 def with_zones(scenario: Scenario, zones: tuple[Zone, ...]) -> Scenario:
-    """The scenario with more zones; their numbers follow those of its own. Raises: BadInput where a name is there twice."""
+    """The scenario with more zones; their numbers follow those of its own. Raises: InputError where a name is there twice."""
     names = [zone.name for zone in (*scenario.zones, *zones)]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
-        raise BadInput(
+        raise InputError(
             f"zones: got the name {twice!r} {names.count(twice)} times in the scenario and the server file, needed each once"
         )
     return scenario.model_copy(update={"zones": (*scenario.zones, *zones)})
@@ -137,13 +137,13 @@ def _read(name: str | None) -> ServerFile | None:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError):
         return None  # the reader of scenarios says what is wrong
     except OSError as error:
-        raise BadInput(f"{path}: cannot be read: {error.strerror}") from error
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
     if not any(table in data for table in TABLES):
         return None
     try:
         return ServerFile.model_validate(data)
     except ValidationError as error:
-        raise BadInput("\n".join(f"{path}: {said}" for said in refusals(error, ServerFile))) from error
+        raise InputError("\n".join(f"{path}: {said}" for said in refusals(error, ServerFile))) from error
 
 
 def _options(file: ServerFile, path: Path) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from typing import Any
 import uvicorn
 from fastapi import FastAPI
 
+from coastwatch.errors import InputError
 from coastwatch.operators import stored
 from coastwatch.operators.api import logs
 from coastwatch.operators.api.application import application
@@ -27,7 +28,6 @@ from coastwatch.operators.api.proxy import trusted
 from coastwatch.operators.api.service import Counted, Service
 from coastwatch.operators.api.tokens import Tokens, add
 from coastwatch.operators.api.webhook_settings import WebHook, checked, secret_of
-from coastwatch.operators.bad_input import BadInput
 from coastwatch.operators.cli.server_file import with_file, with_zones
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.server.alarm_book import AlarmBook
@@ -143,9 +143,9 @@ def _serve_run(options: argparse.Namespace, guard: Guard, outs: list[OutAddress]
         check_files(region)
     live = bool(options.feed or regions)
     if options.run is not None:
-        raise BadInput("--run: got it with a scenario, needed one of them: a run of a scenario has a number of its own")
+        raise InputError("--run: got it with a scenario, needed one of them: a run of a scenario has a number of its own")
     if live and options.speed != 1.0:
-        raise BadInput("--speed: got it with --feed, needed one of them: feeds have their own speed")
+        raise InputError("--speed: got it with --feed, needed one of them: feeds have their own speed")
     scenario = load_scenario(options.scenario, dict(options.settings))
     scenario = with_zones(scenario, options.zones)
     feeds = [parsed(text) for text in options.feed]
@@ -153,7 +153,7 @@ def _serve_run(options: argparse.Namespace, guard: Guard, outs: list[OutAddress]
     if options.role == "centre":
         scenario = of_centre(scenario, [region.name for region in regions])
     elif options.role == "region" and not scenario.radars:
-        raise BadInput(f"--role region: got {options.scenario!r} without radars, needed a scenario with at least one")
+        raise InputError(f"--role region: got {options.scenario!r} without radars, needed a scenario with at least one")
     with open_store(options.db, limit=QUERY) as opened, ExitStack() as stack:
         service = Service(opened, publisher=Publisher(opened) if options.role == "region" else None)
         source: Input = Paced(options.speed)
@@ -188,12 +188,12 @@ def _listen_and_send(
 
 
 def _journal_addresses(options: argparse.Namespace) -> list[RegionAddress]:
-    """Where the tracks of this region are published. Raises: AddressError, BadInput."""
+    """Where the tracks of this region are published. Raises: AddressError, InputError."""
     found = [parsed_region(text.removeprefix(TRACKS)) for text in options.out if text.startswith(TRACKS)]
     if any(not address.stream for address in found):
-        raise BadInput("--out: got tracks+ of no stream, needed tracks+nats://HOST:PORT/NAME or tracks+tls://HOST:PORT/NAME")
+        raise InputError("--out: got tracks+ of no stream, needed tracks+nats://HOST:PORT/NAME or tracks+tls://HOST:PORT/NAME")
     if found and options.role != "region":
-        raise BadInput(f"--out tracks+...: got it with --role {options.role}, needed --role region: it has tracks to publish")
+        raise InputError(f"--out tracks+...: got it with --role {options.role}, needed --role region: it has tracks to publish")
     return found
 
 
@@ -209,20 +209,22 @@ def _journals(options: argparse.Namespace, scenario: Scenario, publisher: Publis
 
 
 def _webhooks(options: argparse.Namespace) -> list[WebHook]:
-    """The web hooks of the server file, or of the command line. Raises: BadInput."""
+    """The web hooks of the server file, or of the command line. Raises: InputError."""
     given = [hook for hook in options.webhook if isinstance(hook, str)]
     secret = secret_of(options.webhook_secret_file) if given else ""
     return [hook if isinstance(hook, WebHook) else checked(WebHook(hook, (), secret)) for hook in options.webhook]
 
 
 def _check_role(options: argparse.Namespace) -> None:
-    """Raises: BadInput where the regions or the scenario do not fit the role."""
+    """Raises: InputError where the regions or the scenario do not fit the role."""
     if options.role == "centre" and not options.region:
-        raise BadInput("--role centre: got no --region, needed at least one, e.g. --region wss://north.example:8100?name=north")
+        raise InputError(
+            "--role centre: got no --region, needed at least one, e.g. --region wss://north.example:8100?name=north"
+        )
     if options.region and options.role != "centre":
-        raise BadInput(f"--region: got it with --role {options.role}, needed --role centre")
+        raise InputError(f"--region: got it with --role {options.role}, needed --role centre")
     if options.role != "all" and options.scenario is None:
-        raise BadInput(f"--role {options.role}: got no scenario, needed one: it names the sensors and the settings")
+        raise InputError(f"--role {options.role}: got no scenario, needed one: it names the sensors and the settings")
 
 
 def feed(options: argparse.Namespace) -> int:
@@ -261,9 +263,9 @@ def _signals_end_the_server() -> Iterator[None]:
 
 
 def _guard(options: argparse.Namespace) -> Guard:
-    """Who is answered. Raises: BadInput where others than this machine could ask without a token."""
+    """Who is answered. Raises: InputError where others than this machine could ask without a token."""
     if bool(options.tls_cert) != bool(options.tls_key):
-        raise BadInput("--tls-cert, --tls-key: got one, needed both or none")
+        raise InputError("--tls-cert, --tls-key: got one, needed both or none")
     if options.tokens is not None or options.trusted_proxy:
         return Guard(
             tokens=Tokens(Path(options.tokens)) if options.tokens is not None else None,
@@ -271,7 +273,7 @@ def _guard(options: argparse.Namespace) -> Guard:
             secure=options.tls_cert is not None or bool(options.trusted_proxy),
         )
     if options.host not in LOOPBACK:
-        raise BadInput(
+        raise InputError(
             f"--host: got {options.host!r} without --tokens, needed a file of tokens, because others than this machine can ask: "
             "`coastwatch token add NAME --tokens FILE` makes one; or --trusted-proxy, where a proxy asks people who they are"
         )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -13,6 +12,7 @@ from coastwatch.operators.cli.inputs import (
     contents_as_objects,
     warnings,
 )
+from coastwatch.spelling import json_value
 
 PERCENT = ("f1", "precision", "recall", "accuracy", "specificity")
 INPUTS = (
@@ -29,7 +29,7 @@ COUNTS = ("tp", "fn", "fp", "tn")
 
 def as_object(scenario: Any, result: Any) -> dict[str, Any]:
     """The result as plain values for JSON. A number that is not finite becomes null."""
-    plain: dict[str, Any] = as_plain(
+    plain: dict[str, Any] = json_value(
         {
             "scenario": result.scenario,
             "run_id": result.run_id,
@@ -52,19 +52,6 @@ def as_object(scenario: Any, result: Any) -> dict[str, Any]:
     return plain
 
 
-def as_plain(value: Any) -> Any:
-    """The value with numpy numbers, tuples and NaN converted to JSON types."""
-    if isinstance(value, Mapping):
-        return {str(key): as_plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [as_plain(item) for item in value]
-    if hasattr(value, "tolist"):
-        return as_plain(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
-
-
 def as_text(scenario: Any, result: Any) -> str:
     """The summary of a run in lines."""
     lines = [
@@ -74,8 +61,8 @@ def as_text(scenario: Any, result: Any) -> str:
         f"sources: {_sources(scenario)}",
         *contents_as_lines(result.contents),
         *accounts_as_lines(result),
-        *_scores(as_plain(result.scores), _why_unbound(scenario)),
-        *_timings(as_plain(result.timings_s), scenario.period_s),
+        *_scores(json_value(result.scores), _why_unbound(scenario)),
+        *_timings(json_value(result.timings_s), scenario.period_s),
         *_faults(result.faults),
         f"database: {result.database}",
         *_next(result),

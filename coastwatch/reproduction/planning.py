@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 from pydantic import ValidationError
 
-from coastwatch.operators.bad_input import BadInput
-from coastwatch.operators.reproduction.published import Point, Published, Roc, Targets, Variant, settings_of
-from coastwatch.operators.reproduction.side_by_side import SideBySide
-from coastwatch.operators.reproduction.systems import Systems
-from coastwatch.operators.reproduction.two_filters import TwoFilters
+from coastwatch.errors import InputError
+from coastwatch.reproduction.published import Point, Published, Roc, Targets, Variant, settings_of
+from coastwatch.reproduction.side_by_side import SideBySide
+from coastwatch.reproduction.systems import Systems
+from coastwatch.reproduction.two_filters import TwoFilters
 from coastwatch.scenario import Scenario, ScenarioError, load_scenario
 from coastwatch.scenario.refusing import refusals
 
@@ -66,7 +66,7 @@ def plan(
 ) -> dict[str, list[Wanted]]:
     """The runs of each folder. Args: runs: instead of the folders' own number; code: digest of the code; further: settings of all runs."""
     if runs is not None and runs < 1:
-        raise BadInput(f"--runs: got {runs}, needed 1 or more")
+        raise InputError(f"--runs: got {runs}, needed 1 or more")
     return {
         name: [
             _wanted(name, of, variant, point, min(runs or of.runs, variant.most_runs or sys.maxsize), code, further)
@@ -95,7 +95,7 @@ def _scenario(name: str, variant: Variant, settings: tuple[str, ...]) -> Scenari
     try:
         return load_scenario(name, dict(pair.split("=", 1) for pair in settings))
     except ScenarioError as error:
-        raise BadInput(f"published.toml, variant {variant.name!r}: {error}") from error
+        raise InputError(f"published.toml, variant {variant.name!r}: {error}") from error
 
 
 def _two_filters(base: TwoFilters, variant: Variant, settings: tuple[str, ...]) -> TwoFilters:
@@ -103,7 +103,7 @@ def _two_filters(base: TwoFilters, variant: Variant, settings: tuple[str, ...]) 
     try:
         return TwoFilters.model_validate({**base.model_dump(), **changed})
     except ValidationError as error:
-        raise BadInput(
+        raise InputError(
             f"published.toml, variant {variant.name!r}: two_filters: {'; '.join(refusals(error, TwoFilters))}"
         ) from error
 

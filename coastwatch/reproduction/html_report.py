@@ -6,10 +6,10 @@ import html
 import math
 from collections.abc import Iterator, Sequence
 
-from coastwatch.operators.reproduction.figures import Made, Order, Row, Spread, values
-from coastwatch.operators.reproduction.json_report import Folder, Reproduction, seeds
-from coastwatch.operators.reproduction.report_plots import drawn
-from coastwatch.operators.safe_text import printable_lines
+from coastwatch.reproduction.figures import Made, Order, Row, Spread, values
+from coastwatch.reproduction.json_report import Folder, Reproduction, seeds
+from coastwatch.reproduction.report_plots import drawn
+from coastwatch.spelling import printable_lines
 
 CSS = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #1d2733; background: #fff; max-width: 70rem;

@@ -17,7 +17,7 @@ from pydantic import Field
 from coastwatch import pipeline
 from coastwatch.batches import Floats, FusedTracks, Ints, Reports, SourceKind
 from coastwatch.geodesy import to_plane
-from coastwatch.operators.reproduction.side_by_side import errors_of, figures_of
+from coastwatch.reproduction.side_by_side import errors_of, figures_of
 from coastwatch.scenario import Scenario
 from coastwatch.scores.gospa import Gospa, gospa
 from coastwatch.scores.ospa import ospa2

@@ -12,8 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from coastwatch.batches import Floats
-from coastwatch.operators.reproduction.figures import Made, Record, Spread, at, values
-from coastwatch.operators.reproduction.published import Published
+from coastwatch.reproduction.figures import Made, Record, Spread, at, values
+from coastwatch.reproduction.published import Published
 
 matplotlib.use("Agg")
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
-from coastwatch.operators.reproduction.finished_runs import FinishedRuns
-from coastwatch.operators.reproduction.measuring import measure
-from coastwatch.operators.reproduction.planning import Job
-from coastwatch.operators.reproduction.two_filters import TwoFilters
+from coastwatch.reproduction.finished_runs import FinishedRuns
+from coastwatch.reproduction.measuring import Draw, measure
+from coastwatch.reproduction.planning import Job
+from coastwatch.reproduction.two_filters import TwoFilters
 from coastwatch.server.many import over_processes
 
 Progress = Callable[[int, int, str], None]
@@ -28,8 +29,8 @@ def estimate_s(jobs: Sequence[Job], workers: int) -> float:
     return together / workers + alone
 
 
-def carry_out(kept: FinishedRuns, jobs: Sequence[Job], workers: int, progress: Progress) -> None:
-    """Runs every missing job and stores its record immediately.
+def carry_out(kept: FinishedRuns, jobs: Sequence[Job], workers: int, progress: Progress, draw: Draw) -> None:
+    """Runs every missing job and stores its record immediately. Args: draw: for folders that show the picture.
 
     Raises: KeyboardInterrupt on Ctrl-C; the records of finished runs are kept.
     """
@@ -37,7 +38,7 @@ def carry_out(kept: FinishedRuns, jobs: Sequence[Job], workers: int, progress: P
     done = len(jobs) - len(todo)
     progress(done, len(jobs), "runs kept from before" if done else "starting")
     for serial, count in ((False, workers), (True, 1)):
-        for job, record in over_processes(measure, [job for job in todo if job.serial is serial], count):
+        for job, record in over_processes(partial(measure, draw=draw), [job for job in todo if job.serial is serial], count):
             if record is None:
                 raise KeyboardInterrupt
             kept.keep(job.key, record)

@@ -9,7 +9,7 @@ import numpy as np
 
 from coastwatch.batches import AisReports, Messages, Plots, RadarCorrections, Reports, Sensors, Tracks, Truth
 from coastwatch.geodesy import difference_m, to_plane
-from coastwatch.operators.reproduction.published import Targets
+from coastwatch.reproduction.published import Targets
 from coastwatch.scenario import Scenario
 from coastwatch.scores.targets import TargetScores
 from coastwatch.stage import Method

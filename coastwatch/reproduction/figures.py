@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from coastwatch.operators.reproduction.planning import Wanted
-from coastwatch.operators.reproduction.published import Figure, Ordering, Point, Published, Value
+from coastwatch.reproduction.planning import Wanted
+from coastwatch.reproduction.published import Figure, Ordering, Point, Published, Value
 
 Record = Mapping[str, Any]
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from coastwatch.operators.bad_input import BadInput
+from coastwatch.errors import InputError
 from coastwatch.server.run import version
 from coastwatch.shipped import PACKAGE
 
@@ -26,7 +26,7 @@ MEASURING = (
 def code() -> str:
     """The version, and a digest of every module that can change a record."""
     here = Path(__file__).parent
-    below = (p for p in PACKAGE.rglob("*.py") if p.relative_to(PACKAGE).parts[0] != "operators")
+    below = (p for p in PACKAGE.rglob("*.py") if p.relative_to(PACKAGE).parts[0] not in ("operators", "reproduction"))
     digest = hashlib.sha256()
     for path in sorted([*below, *(here / name for name in MEASURING)]):
         digest.update(path.relative_to(PACKAGE).as_posix().encode() + b"\0" + path.read_bytes())
@@ -37,7 +37,7 @@ class FinishedRuns:
     """The runs in an output folder."""
 
     def __init__(self, output: str) -> None:
-        """Makes the folder. Raises: BadInput if it cannot be written."""
+        """Makes the folder. Raises: InputError if it cannot be written."""
         self.folder = Path(output)
         self._runs = self.folder / "runs"
         try:
@@ -46,7 +46,7 @@ class FinishedRuns:
             probe.touch()
             probe.unlink()
         except OSError as error:
-            raise BadInput(f"--output: got {output!r}, needed a folder that can be written: {error.strerror}") from error
+            raise InputError(f"--output: got {output!r}, needed a folder that can be written: {error.strerror}") from error
 
     def record(self, key: str) -> dict[str, Any] | None:
         """The record of a run; None if it is absent or incomplete."""

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from coastwatch.operators.reproduction.figures import Made, Order, Record, Row, Spread
-from coastwatch.operators.reproduction.published import Published
+from coastwatch.reproduction.figures import Made, Order, Record, Row, Spread
+from coastwatch.reproduction.published import Published
 
 SCHEMA = 1  # of this object; incremented if a key is removed or changes its meaning
 LARGE = ("picture", "roc")  # in the report as plots

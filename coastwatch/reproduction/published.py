@@ -10,10 +10,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from coastwatch.operators.bad_input import BadInput
-from coastwatch.operators.reproduction.side_by_side import SideBySide
-from coastwatch.operators.reproduction.systems import Systems
-from coastwatch.operators.reproduction.two_filters import TwoFilters
+from coastwatch.errors import InputError
+from coastwatch.reproduction.side_by_side import SideBySide
+from coastwatch.reproduction.systems import Systems
+from coastwatch.reproduction.two_filters import TwoFilters
 from coastwatch.scenario.refusing import refusals
 from coastwatch.shipped import scenarios_folder
 from coastwatch.spelling import did_you_mean
@@ -160,7 +160,7 @@ def _written(value: Value) -> str:
 
 
 def papers() -> dict[str, dict[str, Published]]:
-    """Paper, then scenario, to its published.toml, in the order of the report. Raises: BadInput for a wrong file."""
+    """Paper, then scenario, to its published.toml, in the order of the report. Raises: InputError for a wrong file."""
     found: dict[str, dict[str, Published]] = {}
     for path in scenarios_folder().glob("*/published.toml"):
         made = read(path)
@@ -170,11 +170,11 @@ def papers() -> dict[str, dict[str, Published]]:
 
 
 def read(path: Path) -> Published | None:
-    """The content of a file; None if it belongs to no paper. Raises: BadInput that names file and key."""
+    """The content of a file; None if it belongs to no paper. Raises: InputError that names file and key."""
     try:
         data: dict[str, Any] = tomllib.loads(path.read_text("utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise BadInput(f"{path}: cannot be read: {error}") from error
+        raise InputError(f"{path}: cannot be read: {error}") from error
     if "paper" not in data:
         return None
     other = data.pop("variants_of", None)
@@ -183,7 +183,7 @@ def read(path: Path) -> Published | None:
     try:
         return Published.model_validate(data)
     except ValidationError as error:
-        raise BadInput(f"{path}: {'; '.join(refusals(error, Published))}") from error
+        raise InputError(f"{path}: {'; '.join(refusals(error, Published))}") from error
 
 
 def _variants(path: Path, folder: object) -> list[Any]:
@@ -191,20 +191,20 @@ def _variants(path: Path, folder: object) -> list[Any]:
     there = scenarios_folder() / str(folder) / "published.toml"
     found = tomllib.loads(there.read_text("utf-8")).get("variant", []) if there.is_file() else []
     if not found:
-        raise BadInput(f"{path}: variants_of: got {folder!r}, needed a scenario with [[variant]] in its published.toml")
+        raise InputError(f"{path}: variants_of: got {folder!r}, needed a scenario with [[variant]] in its published.toml")
     return list(found)
 
 
 def chosen(paper: str, only: tuple[str, ...]) -> dict[str, Published]:
-    """The folders of a paper, or some of them; the name of the paper may be left out. Raises: BadInput."""
+    """The folders of a paper, or some of them; the name of the paper may be left out. Raises: InputError."""
     known = papers()
     if paper not in known:
-        raise BadInput(f"reproduce: got {paper!r}, needed one of {', '.join(known)}{did_you_mean(paper, known)}")
+        raise InputError(f"reproduce: got {paper!r}, needed one of {', '.join(known)}{did_you_mean(paper, known)}")
     folders = known[paper]
     wanted = [name if name in folders else f"{paper}-{name}" for name in only]
     unknown = [name for name, whole in zip(only, wanted, strict=True) if whole not in folders]
     if unknown:
-        raise BadInput(
+        raise InputError(
             f"--only: got {', '.join(unknown)}, needed some of {', '.join(folders)}{did_you_mean(unknown[0], folders)}"
         )
     return {name: of for name, of in folders.items() if not only or name in wanted}

@@ -3,26 +3,28 @@
 from __future__ import annotations
 
 import base64
-import io
 import math
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from coastwatch.operators import plot, scene, stored
-from coastwatch.operators.cli.summary import as_plain
-from coastwatch.operators.reproduction import side_by_side, systems, targets, two_filters
-from coastwatch.operators.reproduction.cycle_statistics import Decisions, Pairs
-from coastwatch.operators.reproduction.planning import Job
 from coastwatch.pipeline import Cycle
+from coastwatch.reproduction import side_by_side, systems, targets, two_filters
+from coastwatch.reproduction.cycle_statistics import Decisions, Pairs
+from coastwatch.reproduction.planning import Job
 from coastwatch.server.run import RunResult, run_scenario
 from coastwatch.shipped import scenarios_folder
+from coastwatch.spelling import json_value
 
 NOWHERE = "sqlite://"  # in memory, deleted after the run
+Draw = Callable[[str, int, str], tuple[dict[str, int], bytes]]
+"""Database, run and file of land to the counts of vessels and the PNG of its last picture. A module-level function."""
+
 AROUND = 1  # cycles before and after an instant that are counted with it
 
 
-def measure(job: Job) -> dict[str, Any] | None:
+def measure(job: Job, draw: Draw) -> dict[str, Any] | None:
     """The record of a run; None if it was interrupted.
 
     Returns: seed, elapsed_s, scores (with the counts of decisions of the scored cycles), timings_s, and on request `history`
@@ -50,8 +52,8 @@ def measure(job: Job) -> dict[str, Any] | None:
         result = run_scenario(scenario, seed=job.seed, workers=1, database=database, on_cycle=on_cycle)
         if result.interrupted:
             return None
-        shown = _picture(result, database) if job.picture else None
-    plain: dict[str, Any] = as_plain(
+        shown = _picture(result, database, draw) if job.picture else None
+    plain: dict[str, Any] = json_value(
         {
             "seed": job.seed,
             "elapsed_s": result.elapsed_s,
@@ -84,12 +86,7 @@ def _at(job: Job, decisions: Decisions, at_s: float) -> dict[str, dict[str, floa
     return {stage: decisions.between(stage, cycle - AROUND, cycle + AROUND + 1) for stage in decisions.rows}
 
 
-def _picture(result: RunResult, database: str) -> dict[str, Any]:
+def _picture(result: RunResult, database: str, draw: Draw) -> dict[str, Any]:
     """Number of vessels of each kind in the last picture, and the picture as a PNG."""
-    land = scenarios_folder() / "guanabara" / "coastline.geojson"
-    with stored.opened(database) as found:
-        what = scene.load(found, stored.run(found, result.run_id), None, None, str(land))
-    drawn = io.BytesIO()
-    plot.draw(what).savefig(drawn, format="png", dpi=90, bbox_inches="tight", pad_inches=0.2)
-    kinds = {kind.replace(" ", "_"): int((what.kind == kind).sum()) for kind in (scene.AIS_ONLY, scene.RADAR_ONLY, scene.FUSED)}
-    return {**kinds, "bearings": len(what.bearing_from_deg), "png": base64.b64encode(drawn.getvalue()).decode()}
+    counts, png = draw(database, result.run_id, str(scenarios_folder() / "guanabara" / "coastline.geojson"))
+    return {**counts, "png": base64.b64encode(png).decode()}

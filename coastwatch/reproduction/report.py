@@ -7,13 +7,13 @@ import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from coastwatch.operators.reproduction import html_report
-from coastwatch.operators.reproduction.figures import Made, Row, Spread, orders, rows
-from coastwatch.operators.reproduction.finished_runs import FinishedRuns, code
-from coastwatch.operators.reproduction.json_report import Folder, Reproduction, as_object
-from coastwatch.operators.reproduction.planning import Wanted
-from coastwatch.operators.reproduction.published import Published
-from coastwatch.operators.reproduction.running import records
+from coastwatch.reproduction import html_report
+from coastwatch.reproduction.figures import Made, Row, Spread, orders, rows
+from coastwatch.reproduction.finished_runs import FinishedRuns, code
+from coastwatch.reproduction.json_report import Folder, Reproduction, as_object
+from coastwatch.reproduction.planning import Wanted
+from coastwatch.reproduction.published import Published
+from coastwatch.reproduction.running import records
 from coastwatch.server.machine import date_utc, machine
 
 PAGE, NUMBERS = "report.html", "report.json"
