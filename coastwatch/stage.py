@@ -128,7 +128,10 @@ def serial(work: Work, settings: Any, arrays: Arrays, spots: Groups) -> list[tup
     return [work(settings, arrays, spots)]
 
 
-Mem, In, Out = TypeVar("Mem"), TypeVar("In"), TypeVar("Out")  # memory, input and output of a regional centre
+# memory, input and output of a regional centre
+Mem = TypeVar("Mem")
+In = TypeVar("In")
+Out = TypeVar("Out")
 
 RegionStep = Callable[[Mem, In], tuple[Mem, Out]]
 """step(memory, given) -> (memory, output): a cycle of one regional centre. It consumes the memory."""
