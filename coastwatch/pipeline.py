@@ -36,7 +36,6 @@ from coastwatch.batches import (
     FusedTracks,
     Measurements,
     Members,
-    Messages,
     Octants,
     Picture,
     Plots,
@@ -57,7 +56,6 @@ from coastwatch.regional import RegionMemory, reports_of_regions, start_region, 
 from coastwatch.scenario import Scenario
 from coastwatch.spots import KMeansMemory, OctantInput
 from coastwatch.stage import Map, NoMemory, RegionMap, Running, serial_regions
-from coastwatch.tracks import TrackerWithAis, messages_of
 
 Timer = Callable[[str], AbstractContextManager[object]]
 
@@ -307,9 +305,7 @@ def step(
     with timer("ais_tracks"):
         ais_memory, ais_tracks, alarms, ais_taken = s.ais_tracks.step(m.ais_tracks, reports.ais, time_s, sensors)
     with timer("tracks"):
-        messages = [Messages.empty()] * len(sensors.region_names)
-        if isinstance(s.tracks, TrackerWithAis):
-            messages = [messages_of(ais_taken, ais_tracks, sensors, k) for k in range(len(sensors.region_names))]
+        messages = [s.tracks.messages_of(ais_taken, ais_tracks, sensors, k) for k in range(len(sensors.region_names))]
         given, unknown = reports_of_regions(reports.radar, messages, m.corrections, time_s, sensors)
         found = regions(step_of_regions(s), m.regions, given)
         regional_memory, regional = tuple(after for after, _ in found), [cycle for _, cycle in found]

@@ -128,10 +128,9 @@ def serial(work: Work, settings: Any, arrays: Arrays, spots: Groups) -> list[tup
     return [work(settings, arrays, spots)]
 
 
-# memory, input and output of a regional centre
-Mem = TypeVar("Mem")
-In = TypeVar("In")
-Out = TypeVar("Out")
+Mem = TypeVar("Mem")  # memory of a regional centre
+In = TypeVar("In")  # its input
+Out = TypeVar("Out")  # its output
 
 RegionStep = Callable[[Mem, In], tuple[Mem, Out]]
 """step(memory, given) -> (memory, output): a cycle of one regional centre. It consumes the memory."""

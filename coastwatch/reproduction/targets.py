@@ -12,12 +12,9 @@ from coastwatch.geodesy import difference_m, to_plane
 from coastwatch.reproduction.published import Targets
 from coastwatch.scenario import Scenario
 from coastwatch.scores.targets import TargetScores
-from coastwatch.stage import Method
-from coastwatch.tracks import RegionInput, TrackerWithAis
-from coastwatch.tracks.imm import Imm, SidedImm
-from coastwatch.tracks.joint.messages import messages_of
-from coastwatch.tracks.motion import Motion
-from coastwatch.tracks.track_management import TrackManagement
+from coastwatch.tracks import RegionInput, TableTracker
+from coastwatch.tracks.radar.association import KnownOrigin
+from coastwatch.tracks.radar.life import TrackManagement
 
 NEVER = 10**6  # turns or seconds that no run has: tracks of known origin end with their targets
 
@@ -30,32 +27,27 @@ def measure(scenario: Scenario, seed: int, asked: Targets) -> dict[str, Any]:
     }
 
 
-def of_known_origin(scenario: Scenario) -> Method:
+def of_known_origin(scenario: Scenario) -> TableTracker:
     """The filters of a scenario's tracker, given every plot of a target and no other."""
     upkeep = TrackManagement(delete_misses=NEVER, misses_per_hit=NEVER, coast_s=NEVER)
-    motion = scenario.tracks.motion
-    if isinstance(motion, Motion):
-        return Imm(plot_origin="known", motion=motion, upkeep=upkeep)
-    return SidedImm(plot_origin="known", motion=motion, upkeep=upkeep)
+    return TableTracker(association=KnownOrigin(), motion=scenario.tracks.motion, upkeep=upkeep)
 
 
-def _run(scenario: Scenario, method: Any, seed: int, asked: Targets) -> dict[str, Any]:
+def _run(scenario: Scenario, method: TableTracker, seed: int, asked: Targets) -> dict[str, Any]:
     sensors, plan = scenario.sensors(), scenario.plan()
     recording, none = scenario.input.load(sensors, seed, plan), RadarCorrections.none(len(sensors.radars))
     assert recording.truth is not None
     assert isinstance(recording.reports, Reports)
     scores = TargetScores(asked.cutoff_m, asked.near_m)
     memory, converted, ais_memory = method.init(), scenario.plots.init(), scenario.ais_tracks.init()
-    takes_messages = isinstance(scenario.tracks, TrackerWithAis)
-    known = getattr(method, "plot_origin", "estimated") == "known"
-    echo_m = getattr(scenario.tracks.upkeep, "echo_sigma_m", 0.0)
+    known, echo_m = isinstance(method.association, KnownOrigin), scenario.tracks.upkeep.echo_sigma_m
     mmsi = mmsi_of_vessels(recording.reports.ais)
     for cycle in range(plan.cycles):
         now_s = plan.instant_s(cycle)
         reports = recording.reports.between(plan.instant_s(cycle - 1) if cycle else -np.inf, now_s)
         converted, plots = scenario.plots.step(converted, reports.radar, sensors, none)
         ais_memory, ais, _, taken = scenario.ais_tracks.step(ais_memory, reports.ais, now_s, sensors)
-        messages = messages_of(taken, ais, sensors, 0) if takes_messages else Messages.empty()
+        messages = scenario.tracks.messages_of(taken, ais, sensors, 0)
         if known:  # the bound knows all noise, and of whom each message is
             plots = replace(plots, covariance=plots.covariance + echo_m**2 * np.eye(2))
             plots = Plots.join([plots, _as_plots(messages, sensors)])

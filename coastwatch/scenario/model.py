@@ -35,7 +35,7 @@ from coastwatch.tracks import (
     ConstantVelocity,
     RadarTracker,
     ReceivedTracks,
-    SidedImm,
+    TableTracker,
     TrackAligner,
     TrackReceiver,
 )
@@ -124,7 +124,7 @@ class Scenario(Settings):
     zones: tuple[Zone, ...] = ()
     input: Feed
     plots: PlotConverter = PolarConversion()
-    tracks: RadarTracker = SidedImm()
+    tracks: RadarTracker = TableTracker(method="sided_imm")
     ais_tracks: AisTracker = AisFilter()
     bearing_tracks: BearingTracker = BearingWindow()
     received_tracks: TrackReceiver = ReceivedTracks()

@@ -7,13 +7,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from coastwatch.scenario.extending import ScenarioError, extended
 from coastwatch.scenario.model import Scenario
 from coastwatch.scenario.refusing import methods_of, models_of, refusals
 from coastwatch.shipped import scenarios_folder
 from coastwatch.spelling import did_you_mean
+from coastwatch.tracks import TableTracker
 
 
 def scenario_names() -> list[tuple[str, str]]:
@@ -56,11 +57,16 @@ def _leave_out_unknown(data: dict[str, Any], stage: str, method: str) -> None:
     if field is None or not isinstance(table, dict):
         return
     models = {name: model for model in models_of(field.annotation)[0] for name in methods_of(model)}
-    before = models.get(table.get("method", getattr(field.default, "method", "")))
-    after = models.get(method)
+    former = table.get("method", getattr(field.default, "method", ""))
+    before, after = models.get(former), models.get(method)
     if before and after:
-        for key in set(before.model_fields) - set(after.model_fields):
+        for key in _settings_of(before, former) - _settings_of(after, method):
             table.pop(key, None)
+
+
+def _settings_of(model: type[BaseModel], method: str) -> set[str]:
+    """The settings that a method takes."""
+    return model.settings_of(method) if issubclass(model, TableTracker) else set(model.model_fields)
 
 
 def _given_by(said: str, where: str, overrides: Mapping[str, str]) -> str:

@@ -104,14 +104,25 @@ def sentence(
         hint = f"; its name is now {RENAMED[last]}" if last in RENAMED else did_you_mean(last, known)
         return f"{path or repr('')}: got {_short(given)} for an unknown {unknown}, needed one of {', '.join(known)}{hint}"
     if kind == "union_tag_not_found":
-        return f"{path}.method: got nothing, needed the name of a method"
+        return f"{path}.{_tag(context)}: got nothing, needed the name of a {_tag(context)}"
     if kind == "union_tag_invalid":
-        tag = str(context["tag"])
         known = [name.strip("' ") for name in str(context["expected_tags"]).split(",")]
-        hint = f"; its name is now {RENAMED[tag]}" if tag in RENAMED else did_you_mean(tag, known)
-        return f"{path}.method: got {tag!r}, needed one of {', '.join(known)}{hint}"
+        return f"{path}.{_tag(context)}: {_no_method(str(context['tag']), known)}"
+    if kind == "literal_error" and last == "method" and isinstance(given, str):
+        return f"{path}: {_no_method(given, list(methods_of(holder)) if holder else [])}"
     needed = LIMITS[kind](context) if kind in LIMITS else WANTED.get(kind, error["msg"])
     return f"{path}: got {f'{noun} ' if noun else ''}{_short(given)}, needed {needed}"
+
+
+def _tag(context: Mapping[str, Any]) -> str:
+    """The setting by which a table says what it is: method, or kind."""
+    return str(context["discriminator"]).strip("'")
+
+
+def _no_method(given: str, known: list[str]) -> str:
+    """What is said of a method that does not exist."""
+    hint = f"; its name is now {RENAMED[given]}" if given in RENAMED else did_you_mean(given, known)
+    return f"got {given!r}, needed one of {', '.join(known)}{hint}"
 
 
 def _noun(loc: Loc, model: type[BaseModel]) -> str:
@@ -151,8 +162,8 @@ def _place(loc: Loc, model: type[BaseModel]) -> tuple[list[str], type[BaseModel]
 
 
 def methods_of(model: type[BaseModel]) -> Iterator[str]:
-    """The names of the method that a model is, if it is one."""
-    field = model.model_fields.get("method")
+    """The names of the method, or of the kind, that a model is, if it is one."""
+    field = model.model_fields.get("method") or model.model_fields.get("kind")
     yield from (get_args(field.annotation) if field else ())
 
 

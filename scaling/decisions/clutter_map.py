@@ -17,7 +17,7 @@ from coastwatch.geodesy import to_plane
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.rmse import rows_of
 from coastwatch.tracks import RegionInput
-from coastwatch.tracks.clutter import ClutterSettings
+from coastwatch.tracks.radar.clutter import ClutterSettings
 from scaling.decisions.region_tracker import LAST, NEAR_M, settings
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from tqdm import tqdm
 
 from coastwatch.scenario import load_scenario
-from coastwatch.tracks.joint.vimmjipda import Vimmjipda
+from coastwatch.tracks import TableTracker
 from scaling.decisions.bearings_in_picture import COLUMNS, RECORDINGS, scores
 
 FIXED = {"clutter.learnt": True, "upkeep.look_slack": -0.2, "upkeep.max_speed_kn": 40.0}
@@ -47,13 +47,13 @@ def drawn(count: int) -> list[dict[str, float]]:
     return [dict(DEFAULTS), *others]
 
 
-def tracker(settings: Mapping[str, float]) -> Vimmjipda:
+def tracker(settings: Mapping[str, float]) -> TableTracker:
     """The method with these settings. Args: settings: by their path, such as `upkeep.visible_s`."""
     tree: dict[str, Any] = {}
     for path, value in {**FIXED, **settings}.items():
         *groups, name = path.split(".")
         reduce(lambda level, group: level.setdefault(group, {}), groups, tree)[name] = value
-    return Vimmjipda.model_validate(tree)
+    return TableTracker.model_validate({"method": "vimmjipda", **tree})
 
 
 def main() -> None:

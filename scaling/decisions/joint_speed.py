@@ -16,9 +16,8 @@ import numpy as np
 from coastwatch import kernels
 from coastwatch.batches import Floats, Plots, Radars, Sensors, Sonars, Stations
 from coastwatch.geodesy import NAUTICAL_MILE_M
-from coastwatch.tracks import RegionInput
-from coastwatch.tracks.joint.existence import Detection, ExistenceManagement
-from coastwatch.tracks.joint.vimmjipda import Vimmjipda
+from coastwatch.tracks import RegionInput, TableTracker
+from coastwatch.tracks.radar.life import Detection, ExistenceManagement
 
 PERIOD_S = 3.0
 DENSITY_M2 = 10.0 / NAUTICAL_MILE_M**2  # of vessels
@@ -54,7 +53,7 @@ def plots_of(place_m: Floats, time_s: float, reach_m: float, rng: np.random.Gene
 def scans(start_m: Floats, velocity_m_s: Floats, count: int, seed: int) -> list[tuple[float, int, float]]:
     """Processor time in ms, number of reported tracks, and spread of the vessels in m, of each scan of a run."""
     rng, reach_m = np.random.default_rng([seed, 1]), float(np.abs(start_m).max()) + 500.0
-    method = Vimmjipda(upkeep=ExistenceManagement(detection=Detection(false_plots_per_m2=CLUTTER_M2)))
+    method = TableTracker(method="vimmjipda", upkeep=ExistenceManagement(detection=Detection(false_plots_per_m2=CLUTTER_M2)))
     sensors, memory, found = sensors_of(2.0 * reach_m), method.init(), []
     for k in range(count):
         time_s = PERIOD_S * (k + 1)

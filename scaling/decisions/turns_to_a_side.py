@@ -24,8 +24,9 @@ from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.scores.bound import bound
 from coastwatch.scores.nees import nees
 from coastwatch.scores.rmse import Errors, errors, rows_of
-from coastwatch.tracks import Imm, RadarTracker, RegionInput, SidedImm
-from coastwatch.tracks.motion import AGILE, CHANGING, RESTLESS, SHARP, STEADY, TURNS, Manoeuvres, Model, Turning
+from coastwatch.tracks import RadarTracker, RegionInput, TableTracker
+from coastwatch.tracks.radar.association import KnownOrigin
+from coastwatch.tracks.radar.motion import AGILE, CHANGING, RESTLESS, SHARP, STEADY, TURNS, Manoeuvres, Model, Turning
 from scaling.load.seeds import seed_range
 
 CIRCLES = {"input.motion.linear_weight": "0", "input.motion.circular_weight": "1"}
@@ -44,14 +45,14 @@ KINDS = {
 EVERY = (STEADY, RESTLESS, AGILE, *TURNS, SHARP, CHANGING)
 
 
-def sided(*models: Model, renewal_s: float = Manoeuvres().renewal_s) -> SidedImm:
+def sided(*models: Model, renewal_s: float = Manoeuvres().renewal_s) -> TableTracker:
     """The method with these models, their shares scaled to one."""
     total = sum(m.share for m in models)
     scaled = tuple(m.model_copy(update={"share": m.share / total}) for m in models)
-    return SidedImm(plot_origin="known", motion=Manoeuvres(renewal_s=renewal_s, models=scaled))
+    return TableTracker(method="sided_imm", association=KnownOrigin(), motion=Manoeuvres(renewal_s=renewal_s, models=scaled))
 
 
-def _without(left_out: Model) -> SidedImm:
+def _without(left_out: Model) -> TableTracker:
     return sided(*(m for m in EVERY if m is not left_out))
 
 
@@ -69,12 +70,12 @@ def _turn(rate_deg_s: float, sigma_deg_s: float, share: float) -> Turning:
     return TURNS[0].model_copy(update={"rate_deg_s": rate_deg_s, "rate_sigma_deg_s": sigma_deg_s, "share": share})
 
 
-def _with_turns(*turns: Turning) -> SidedImm:
+def _with_turns(*turns: Turning) -> TableTracker:
     return sided(STEADY, RESTLESS, AGILE, *turns, SHARP, CHANGING)
 
 
 METHODS: dict[str, RadarTracker] = {
-    "imm": Imm(plot_origin="known"),
+    "imm": TableTracker(method="imm", association=KnownOrigin()),
     "sided_imm": sided(*EVERY),
     "one turn": _with_turns(_turn(0.0, 0.54, 0.3)),
     "one turn a side": _with_turns(_turn(0.5, 0.2, 0.15), _turn(-0.5, 0.2, 0.15)),

@@ -7,10 +7,10 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from coastwatch.kernels.tracks.columns import PlotColumns
-from coastwatch.tracks.filter_bank import CompiledBank
-from coastwatch.tracks.filterpy_bank import FilterpyBank
-from coastwatch.tracks.motion import Manoeuvres, Motion
-from coastwatch.tracks.table import Table
+from coastwatch.tracks.radar.bank.compiled import CompiledBank
+from coastwatch.tracks.radar.bank.filterpy import FilterpyBank
+from coastwatch.tracks.radar.motion import Manoeuvres, Motion
+from coastwatch.tracks.radar.table import Table
 
 TRACKS, FEW = 4_000, 100
 
@@ -24,7 +24,7 @@ def problem(bank: CompiledBank | FilterpyBank, tracks: int) -> Callable[[], None
     none = np.zeros(tracks, np.int64)
     first, second, third = (PlotColumns(np.full(tracks, 3.0 * k), at, noise, none, none) for k, at in enumerate((place, *near)))
     table, rows = Table.empty(len(bank.prior.table()), 1).with_slots(rows)
-    bank.initialise(table.filters, table.estimates, rows, rows, first)
+    bank.begin(table, rows, rows, first)
     bank.update(table.filters, table.estimates, rows, rows, second)
 
     def update() -> None:

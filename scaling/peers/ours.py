@@ -9,7 +9,7 @@ from coastwatch.batches import Associations, Measurements, Plots, SourceKind, Tr
 from coastwatch.fused_tracks import Convex, FusionInput, ImmOfTracks
 from coastwatch.geodesy import to_plane
 from coastwatch.spots import KMeansSpots
-from coastwatch.tracks import FilterpyImm, RegionInput, SidedImm
+from coastwatch.tracks import RegionInput, TableTracker
 from coastwatch.workers import open_workers
 from scaling.peers.exchange import (
     AIS,
@@ -124,11 +124,11 @@ def spots(history: TrackHistory, watch: Stopwatch) -> TaskResult:
 
 
 def tracking(history: PlotHistory, watch: Stopwatch) -> TaskResult:
-    """Radar tracks by `SidedImm` with default settings."""
-    return track(history, watch, SidedImm())
+    """Radar tracks by `sided_imm` with default settings."""
+    return track(history, watch, TableTracker(method="sided_imm"))
 
 
-def track(history: PlotHistory, watch: Stopwatch, method: SidedImm | FilterpyImm) -> TaskResult:
+def track(history: PlotHistory, watch: Stopwatch, method: TableTracker) -> TaskResult:
     """Confirmed radar tracks at the end of each measured cycle."""
     sensors, memory, found = plot_radars(history.settings), method.init(), [np.zeros((0, 6))]
     for cycle, now_s in enumerate(history.time_s.tolist()):
@@ -139,7 +139,7 @@ def track(history: PlotHistory, watch: Stopwatch, method: SidedImm | FilterpyImm
             number = np.column_stack([np.full(len(tracks), cycle), tracks.track_id])
             found.append(np.column_stack([number, to_plane(tracks.position_deg, ORIGIN_DEG), tracks.velocity_m_s]))
     plots_each = round((history.cycle >= history.first).sum() / history.measured)
-    packages = ("coastwatch", "filterpy") if isinstance(method, FilterpyImm) else ("coastwatch",)
+    packages = ("coastwatch", "filterpy") if method.bank.method == "filterpy" else ("coastwatch",)
     return watch.result(packages, unit="plot", units=plots_each, tracks=np.concatenate(found))
 
 

@@ -18,7 +18,7 @@ from coastwatch.scenario import load_scenario
 from coastwatch.scores.nees import band, nees
 from coastwatch.scores.rmse import rows_of
 from coastwatch.tracks import RegionInput
-from coastwatch.tracks.motion import STEADY
+from coastwatch.tracks.radar.motion import STEADY
 
 SEEDS = (2001, 2002)
 CHANCE = 1e-6

@@ -5,14 +5,40 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from pydantic import ValidationError
 
 from coastwatch.batches import Floats, Ints, Plots, Radars, Sensors, Sonars, Stations, Tracks
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, from_plane, to_plane
-from coastwatch.tracks import RadarTracker, RegionInput
-from coastwatch.tracks.table import RadarMemory
+from coastwatch.scenario.refusing import methods_of, models_of
+from coastwatch.stage import Settings
+from coastwatch.tracks import RadarTracker, RegionInput, TableTracker
+from coastwatch.tracks.radar.bank import Particles
+from coastwatch.tracks.radar.table import RadarMemory
 
 PERIOD_S = 3.0
 ORIGIN_DEG = np.array([-22.95, -43.1])
+
+
+def every_tracker() -> list[RadarTracker]:
+    """A tracker for each name of each method of the stage, and for each part that none of these has. Particles are few, for speed."""
+    names = [(model, name) for model in models_of(RadarTracker)[0] for name in methods_of(model)]
+    made = [model(method=name) for model, name in names]
+    for key, field in TableTracker.model_fields.items():
+        for part in models_of(field.annotation)[0]:
+            if not any(isinstance(getattr(tracker, key), part) for tracker in made):
+                made.append(_with_part(key, part()))
+    few = {"bank": Particles(particles=50)}
+    return [m.model_copy(update=few) if isinstance(m.bank, Particles) else m for m in made]
+
+
+def _with_part(key: str, part: Settings) -> TableTracker:
+    """The tracker of the first name that this part fits."""
+    for name in methods_of(TableTracker):
+        try:
+            return TableTracker(method=name, **{key: part})
+        except ValidationError:
+            continue
+    raise AssertionError(f"{key}: no tracker has {part}")
 
 
 def two_radars(region: int = 0, range_nm: float = 6.0, azimuth_sigma_deg: float = 0.3) -> Sensors:

@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from radar_world import ORIGIN_DEG, PERIOD_S, cut, plots_of, two_radars, world
+from radar_world import ORIGIN_DEG, PERIOD_S, cut, every_tracker, plots_of, two_radars, world
 
 from coastwatch.associations.held import counted_once, held_tracks
 from coastwatch.batches import Associations, Messages, Plots, SourceKind, Spots, Tracks, VesselBearings
 from coastwatch.geodesy import to_plane
 from coastwatch.server.checkpoint import load, save
-from coastwatch.tracks import RegionInput, Vimmjipda, VimmjipdaNoisyBatch, VimmjipdaPreciseBatch, VimmjipdaSequential
+from coastwatch.tracks import RegionInput, TableTracker
 
-METHODS = [VimmjipdaSequential(), VimmjipdaPreciseBatch(), VimmjipdaNoisyBatch()]
+METHODS = [m for m in every_tracker() if m.messages.method != "none" and m.bank.method == "compiled"]
 SIGMA_M = 3.0
 VELOCITY_SIGMA_M_S = 0.1
 CYCLES = 12
@@ -85,9 +85,9 @@ def test_every_vessel_is_one_track_with_its_id(method, scene):
 
 def run_alone(plots):
     """The last tracks with radar alone."""
-    memory = Vimmjipda().init()
+    memory = TableTracker(method="vimmjipda").init()
     for cycle in range(CYCLES):
-        memory, (tracks, *_) = Vimmjipda().step(
+        memory, (tracks, *_) = TableTracker(method="vimmjipda").step(
             memory, RegionInput.of_plots(cut(plots, cycle), PERIOD_S * (cycle + 1), two_radars())
         )
     return tracks
@@ -139,7 +139,8 @@ def test_a_batch_of_single_messages_equals_the_sequence(scene):
     _, plots, messages = scene
     slow = replace(messages, time_s=np.ceil(messages.time_s))
     slow = slow.take(np.unique(np.column_stack([slow.mmsi, slow.time_s]), axis=0, return_index=True)[1])
-    one, other = (run(m, plots, slow)[1][-1] for m in METHODS[:2])
+    both = (TableTracker(method=name) for name in ("vimmjipda_sequential", "vimmjipda_precise_batch"))
+    one, other = (run(m, plots, slow)[1][-1] for m in both)
     assert len(one) > 8
     np.testing.assert_allclose(to_plane(one.position_deg, ORIGIN_DEG), to_plane(other.position_deg, ORIGIN_DEG), atol=0.5)
 
@@ -218,6 +219,6 @@ def test_the_better_pair_of_the_vessel_of_a_held_track_stands(is_distance, stati
 def test_messages_without_a_radar_turn_keep_a_track():
     truth = world(1, 33, kick_m_s=0.0, side_nm=1.0)
     messages = messages_of(truth, [0], 33, every_s=3.0)
-    _, out = run(VimmjipdaSequential(), Plots.empty(), messages)
+    _, out = run(TableTracker(method="vimmjipda_sequential"), Plots.empty(), messages)
     assert [len(tracks) for tracks in out[1:]] == [1] * (CYCLES - 1)
     assert out[-1].updated_s[0] == messages.time_s[-1]

@@ -9,19 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pydantic import ValidationError
-from radar_world import ORIGIN_DEG, PERIOD_S, cut, plots_of, run, two_radars, world
+from radar_world import ORIGIN_DEG, PERIOD_S, cut, every_tracker, plots_of, run, two_radars, world
 
 from coastwatch.batches import Plots
 from coastwatch.geodesy import to_plane
 from coastwatch.scenario import ScenarioError, load_scenario
 from coastwatch.server.checkpoint import load, save
-from coastwatch.tracks import RegionInput, SidedImm, SidedVimmjipda, Vimmjipda
-from coastwatch.tracks.joint.existence import Detection, ExistenceManagement
+from coastwatch.tracks import RegionInput, TableTracker
+from coastwatch.tracks.radar.life import Detection, ExistenceManagement
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "oracles"))
 from joint_update_textbook import ThreeStates
 
-METHODS = [Vimmjipda(), SidedVimmjipda()]
+METHODS = [m for m in every_tracker() if m.association.method == "jipda" and m.messages.method == "none"]
 OWN_M = 150.0  # a track farther from its vessel is another's
 ALWAYS_VISIBLE = ExistenceManagement(hides=False)
 
@@ -65,7 +65,7 @@ def test_existence_of_a_lone_vessel_is_the_chain_by_hand():
     sensors, plots = alone()
     beacon = replace(plots.take(slice(0, 1)), position_m=plots.position_m[:1] + 3000.0)  # keeps the radar turning
     rules = ExistenceManagement(begin_existence=1e-4, delete_existence=1e-9)
-    method, memory = Vimmjipda(upkeep=rules), Vimmjipda().init()
+    method, memory = TableTracker(method="vimmjipda", upkeep=rules), TableTracker(method="vimmjipda").init()
     detection, density = rules.detection.detection_probability, rules.detection.false_plots_per_m2
     unborn = rules.new_vessels_per_m2 * rules.new_visibility * detection
     by_hand = ThreeStates(unborn / (density + unborn), 1.0, *rules.chain)
@@ -86,7 +86,7 @@ def test_existence_of_a_lone_vessel_is_the_chain_by_hand():
     by_hand.wait(PERIOD_S)
     by_hand.miss(detection)
     by_hand.wait(wait_s - PERIOD_S)
-    speed = (Vimmjipda().motion.start_speed_kn * 1852.0 / 3600.0) ** 2
+    speed = (TableTracker(method="vimmjipda").motion.start_speed_kn * 1852.0 / 3600.0) ** 2
     spread = kept.covariance[0] + kept.covariance[1] + speed * wait_s**2 * np.eye(2)
     off = kept.position_m[1] - kept.position_m[0]
     likelihood = np.exp(-0.5 * off @ np.linalg.solve(spread, off)) / (2.0 * np.pi * np.sqrt(np.linalg.det(spread)))
@@ -102,7 +102,7 @@ def test_a_hidden_vessel_is_kept_longer_where_visibility_is_modelled():
     silent = silent.take(np.argsort(silent.time_s, kind="stable"))
     shown = []
     for upkeep in (ExistenceManagement(delete_misses=50), ALWAYS_VISIBLE.model_copy(update={"delete_misses": 50})):
-        _, out = run(Vimmjipda(upkeep=upkeep), silent, 40, sensors)
+        _, out = run(TableTracker(method="vimmjipda", upkeep=upkeep), silent, 40, sensors)
         shown.append(sum(len(tracks) == 2 for tracks in out[20:]))
     assert shown[0] > shown[1] >= 1
 
@@ -117,7 +117,7 @@ def test_each_radar_has_its_own_detection_and_clutter():
     for probability in (0.5, 0.99):
         one = Detection(detection_probability=probability, false_plots_per_m2=1e-6)
         upkeep = ExistenceManagement(by_radar={"south": one}, hides=False, delete_misses=50)
-        _, out = run(Vimmjipda(upkeep=upkeep), silent, 40, sensors)
+        _, out = run(TableTracker(method="vimmjipda", upkeep=upkeep), silent, 40, sensors)
         shown.append(sum(len(tracks) == 2 for tracks in out[20:]))
     assert shown[0] > shown[1]
 
@@ -142,7 +142,7 @@ def test_ships_abreast_stay_two():
         kick_s=np.repeat(one.kick_s, 2, axis=0),
         kick_m_s=np.zeros((2, one.kick_m_s.shape[1], 2)),
     )
-    _, out = run(SidedVimmjipda(), plots_of(pair, two_radars(), 120.0, 18), 40)
+    _, out = run(TableTracker(method="sided_vimmjipda"), plots_of(pair, two_radars(), 120.0, 18), 40)
     assert [len(tracks) for tracks in out[12:]] == [2] * 28
 
 
@@ -171,7 +171,7 @@ def test_order_of_plots_is_of_no_matter_and_late_ones_count(method):
 def test_a_lost_track_ends_and_its_id_is_not_used_again():
     plots = plots_of(world(30, 12), two_radars(), 120.0, 12)
     silent = plots.take((plots.time_s < 30.0) | (plots.time_s > 75.0))
-    _, out = run(Vimmjipda(), silent, 40)
+    _, out = run(TableTracker(method="vimmjipda"), silent, 40)
     assert len(out[9]) > 10
     assert len(out[22]) == 0  # 39 s without a plot; a radar that is silent has not looked
     assert out[35].track_id.min() > out[9].track_id.max()
@@ -179,10 +179,12 @@ def test_a_lost_track_ends_and_its_id_is_not_used_again():
 
 def test_old_and_repeated_plots_do_no_harm():
     plots = plots_of(world(40, 5), two_radars(), 30.0, 5)
-    memory, out = run(Vimmjipda(), plots, 8)
+    memory, out = run(TableTracker(method="vimmjipda"), plots, 8)
     now = cut(plots, 8)
     old = replace(now, time_s=now.time_s - 60.0)
-    _, (tracks, *_) = Vimmjipda().step(memory, RegionInput.of_plots(Plots.join([now, now, old]), 27.0, two_radars()))
+    _, (tracks, *_) = TableTracker(method="vimmjipda").step(
+        memory, RegionInput.of_plots(Plots.join([now, now, old]), 27.0, two_radars())
+    )
     assert np.isfinite(tracks.position_deg).all()
     assert np.isin(out[-1].track_id, tracks.track_id).mean() > 0.9
 
@@ -191,10 +193,12 @@ def test_tracks_say_with_what_probability_they_exist():
     """Of a track that lost its vessel the probability falls; other trackers say nothing."""
     plots = plots_of(world(30, 12), two_radars(), 40.0, 12)
     hidden = plots.take(plots.time_s < 30.0)
-    _, out = run(Vimmjipda(), Plots.join([hidden, plots.take((plots.time_s > 30.0) & (plots.origin < 15))]), 13)
+    _, out = run(
+        TableTracker(method="vimmjipda"), Plots.join([hidden, plots.take((plots.time_s > 30.0) & (plots.origin < 15))]), 13
+    )
     lost = out[-1].origin >= 15
     assert (out[-1].existence[~lost] > 0.99).all()
     assert (out[-1].existence[lost] < out[9].existence.min()).all()
     assert lost.any()
-    _, others = run(SidedImm(), plots, 5)
+    _, others = run(TableTracker(method="sided_imm"), plots, 5)
     assert np.isnan(others[-1].existence).all()

@@ -6,10 +6,9 @@ import pytest
 from coastwatch.batches import AisReports
 from coastwatch.geodesy import offset_deg, to_plane
 from coastwatch.kernels.filters.ais_tracker import TRACK, measure
-from coastwatch.tracks import AisFilter, Imm, RegionInput, Vimmjipda
-from coastwatch.tracks.joint.existence import ExistenceManagement
+from coastwatch.tracks import AisFilter, RegionInput, TableTracker
 from coastwatch.tracks.out_of_sequence import records
-from coastwatch.tracks.track_management import TrackManagement
+from coastwatch.tracks.radar.life import ExistenceManagement, TrackManagement
 from tests.contracts.ais_world import HOME, PERIOD_S, SENSORS, START_S, reports, sail
 from tests.contracts.radar_world import cut, plots_of, two_radars, world
 from tests.contracts.radar_world import run as run_radar
@@ -66,7 +65,7 @@ def test_every_report_is_of_its_track_and_a_lie_or_a_repeat_of_none():
 def test_plots_are_of_the_tracks_that_took_them(origin):
     sensors = two_radars()
     plots = plots_of(world(40, 5), sensors, 30.0, 5, detection=0.9, clutter_per_m2=1e-7)
-    method = Imm(plot_origin=origin)
+    method = TableTracker(method="imm", plot_origin=origin)
     memory, _ = run_radar(method, plots, 8)
     _, (tracks, taken, *_) = method.step(memory, RegionInput.of_plots(cut(plots, 8), 9 * PERIOD_S, sensors))
     row = np.searchsorted(tracks.track_id, taken.track_id)
@@ -85,8 +84,8 @@ def test_plots_are_of_the_tracks_that_took_them(origin):
 
 ECHO_M = 6.0
 WITH_ECHO = (
-    Imm(upkeep=TrackManagement(echo_sigma_m=ECHO_M, confirm_hits=2)),
-    Vimmjipda(upkeep=ExistenceManagement(echo_sigma_m=ECHO_M, confirm_existence=0.5)),
+    TableTracker(method="imm", upkeep=TrackManagement(echo_sigma_m=ECHO_M, confirm_hits=2)),
+    TableTracker(method="vimmjipda", upkeep=ExistenceManagement(echo_sigma_m=ECHO_M, confirm_existence=0.5)),
 )
 
 

@@ -9,14 +9,15 @@ from test_ais_in_radar_tracks import CYCLES, PERIOD_S, ids, messages_of, run
 
 from coastwatch.geodesy import to_plane
 from coastwatch.server.checkpoint import load, save
-from coastwatch.tracks.joint.particles import BpParticles
-from coastwatch.tracks.motion import Manoeuvres
+from coastwatch.tracks import TableTracker
+from coastwatch.tracks.radar.bank import Particles
+from coastwatch.tracks.radar.motion import Manoeuvres
 
 
 def test_particles_hold_vessels_with_their_ids_and_resume():
     truth = world(4, 41, side_nm=4.0)
     plots, messages = plots_of(truth, two_radars(), PERIOD_S * CYCLES, 41, detection=0.9), messages_of(truth, range(2), 41)
-    method = BpParticles(particles=1000)
+    method = TableTracker(method="bp_particles", bank=Particles(particles=1000))
     _, out = run(method, plots, messages)
     assert sorted(out[-1].origin.tolist()) == [0, 1, 2, 3]
     assert [ids(out[-1])[k] for k in range(4)] == [1000, 1001, -1, -1]
@@ -25,10 +26,10 @@ def test_particles_hold_vessels_with_their_ids_and_resume():
     half, _ = run(method, plots, messages, cycles=range(6))
     _, rest = run(method, plots, messages, load(save(half)), range(6, CYCLES))
     assert np.array_equal(rest[-1].covariance, out[-1].covariance)
-    _, other = run(method.model_copy(update={"seed": 1}), plots, messages)
+    _, other = run(method.model_copy(update={"bank": Particles(particles=1000, seed=1)}), plots, messages)
     assert not np.array_equal(other[-1].covariance, out[-1].covariance)
 
 
 def test_more_than_one_model_is_refused():
     with pytest.raises(ValueError, match=r"motion\.models: got 9, needed 1"):
-        run(BpParticles(motion=Manoeuvres()), plots_of(world(1, 1), two_radars(), 3.0, 1), messages_of(world(1, 1), [0], 1))
+        TableTracker(method="bp_particles", motion=Manoeuvres())

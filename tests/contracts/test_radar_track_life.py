@@ -9,7 +9,7 @@ from radar_world import ORIGIN_DEG, PERIOD_S, cut, plots_of, run, two_radars, wo
 
 from coastwatch.batches import Plots
 from coastwatch.geodesy import to_plane
-from coastwatch.tracks import RegionInput, SidedImm
+from coastwatch.tracks import RegionInput, TableTracker
 
 OWN_M = 150.0  # four standard deviations of the widest plots: a track farther from its vessel is another's
 
@@ -18,7 +18,7 @@ def test_one_vessel_seen_by_two_radars_is_one_track():
     """All cycles, all vessels: never a second confirmed track near a vessel, and every vessel in cover has one."""
     truth, sensors = world(150, 6), two_radars()
     plots = plots_of(truth, sensors, 90.0, 6)
-    _, out = run(SidedImm(), plots, 30)
+    _, out = run(TableTracker(method="sided_imm"), plots, 30)
     for cycle, tracks in enumerate(out):
         vessels, count = np.unique(tracks.origin, return_counts=True)
         assert (count == 1).all()
@@ -34,7 +34,7 @@ def test_clutter_and_misses():
     """Pd 0.9 and 5e-7 false plots a square metre and turn: few false tracks, tracks stay with their vessel."""
     truth, sensors = world(200, 8), two_radars()
     plots = plots_of(truth, sensors, 120.0, 8, detection=0.9, clutter_per_m2=5e-7)
-    _, out = run(SidedImm(), plots, 40)
+    _, out = run(TableTracker(method="sided_imm"), plots, 40)
     false, true, changed, owner = 0, 0, 0, {}
     for cycle, tracks in enumerate(out[10:], 10):
         where, _ = truth.at(np.maximum(tracks.origin, 0), np.full(len(tracks), PERIOD_S * (cycle + 1)))
@@ -51,7 +51,7 @@ def test_clutter_and_misses():
 def test_two_tracks_of_one_vessel_become_one():
     """Every track doubled, as after two radars began one each: within some turns the younger ones are gone."""
     plots = plots_of(world(40, 17), two_radars(), 60.0, 17)
-    memory, out = run(SidedImm(), plots, 8)
+    memory, out = run(TableTracker(method="sided_imm"), plots, 8)
     old, first_id = memory.table.live, memory.next_id
     table, slots = memory.table.with_slots(first_id + np.arange(len(old)))
     for f in fields(table):
@@ -59,7 +59,7 @@ def test_two_tracks_of_one_vessel_become_one():
             getattr(table, f.name)[slots] = getattr(table, f.name)[old]
     table.radar_s[slots] = -np.inf
     doubled = replace(memory, table=table, next_id=first_id + len(old))
-    _, after = run(SidedImm(), plots, 12, memory=doubled, first=8)
+    _, after = run(TableTracker(method="sided_imm"), plots, 12, memory=doubled, first=8)
     assert len(np.unique(after[0].origin)) < len(after[0])
     assert np.isin(out[-1].track_id, after[-1].track_id).mean() > 0.9
     _, count = np.unique(after[-1].origin, return_counts=True)
@@ -79,7 +79,7 @@ def test_ships_abreast_stay_two():
         kick_m_s=np.zeros((2, one.kick_m_s.shape[1], 2)),
     )
     plots = plots_of(pair, two_radars(), 120.0, 18)
-    _, out = run(SidedImm(), plots, 40)
+    _, out = run(TableTracker(method="sided_imm"), plots, 40)
     assert [len(tracks) for tracks in out[12:]] == [2] * 28
 
 
@@ -91,10 +91,12 @@ def test_a_young_track_is_given_fewer_misses():
     beacon, rest = plots.take(plots.origin == plots.origin[0]), plots.take(plots.origin != plots.origin[0])
 
     def alive(hits, turns):
-        memory = SidedImm().init()
+        memory = TableTracker(method="sided_imm").init()
         there = Plots.join([beacon, rest.take(rest.time_s < PERIOD_S * hits)])
         for cycle in range(hits + turns):
-            memory, (tracks, *_) = SidedImm().step(memory, RegionInput.of_plots(cut(there, cycle), PERIOD_S * (cycle + 1), one))
+            memory, (tracks, *_) = TableTracker(method="sided_imm").step(
+                memory, RegionInput.of_plots(cut(there, cycle), PERIOD_S * (cycle + 1), one)
+            )
         return len(tracks) - 1
 
     assert alive(5, 1) > 10
@@ -107,7 +109,7 @@ def test_a_lost_track_coasts_then_ends_and_its_id_is_not_used_again():
     truth, sensors = world(30, 12), two_radars()
     plots = plots_of(truth, sensors, 120.0, 12)
     silent = plots.take((plots.time_s < 30.0) | (plots.time_s > 75.0))
-    method = SidedImm()
+    method = TableTracker(method="sided_imm")
     _, out = run(method, silent, 40)
     before, coasting, gone, after = out[9], out[15], out[22], out[35]
     assert len(coasting) == len(before) > 10

@@ -7,24 +7,16 @@ from dataclasses import fields, is_dataclass, replace
 import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
-from radar_world import ORIGIN_DEG, PERIOD_S, cut, plots_of, run, two_radars, world
+from radar_world import ORIGIN_DEG, PERIOD_S, cut, every_tracker, plots_of, run, two_radars, world
 
 from coastwatch.batches import Plots
 from coastwatch.geodesy import to_plane
 from coastwatch.server.checkpoint import load, save
-from coastwatch.tracks import (
-    FilterpyImm,
-    Imm,
-    RadarTracker,
-    RegionInput,
-    SidedImm,
-    SidedVimmjipda,
-    Vimmjipda,
-    VimmjipdaSequential,
-)
-from coastwatch.tracks.clutter import ClutterSettings
+from coastwatch.tracks import RadarTracker, RegionInput, TableTracker
+from coastwatch.tracks.radar.bank import Filterpy
+from coastwatch.tracks.radar.clutter import ClutterSettings
 
-METHODS = [SidedImm(), Imm(), FilterpyImm(), Vimmjipda(), SidedVimmjipda(), VimmjipdaSequential()]
+METHODS = every_tracker()
 ROUNDING = 1e-9  # relative; the two gains differ by rounding times the condition of the innovation
 
 
@@ -68,7 +60,7 @@ def test_saved_in_mid_run_it_resumes_to_the_bit(method, busy):
 
 @pytest.mark.parametrize("origin", ["estimated", "known"])
 def test_filterpy_is_equal_to_rounding(busy, origin):
-    fast, slow = Imm(plot_origin=origin), FilterpyImm(plot_origin=origin)
+    fast, slow = TableTracker(method="imm", plot_origin=origin), TableTracker(method="filterpy_imm", plot_origin=origin)
     one, ours = run(fast, busy, 10)
     other, theirs = run(slow, busy, 10)
     assert len(ours[-1]) > 15
@@ -84,7 +76,7 @@ def test_filterpy_is_equal_to_rounding(busy, origin):
 def test_known_origin_drops_clutter_and_starts_at_two_plots():
     truth, sensors = world(60, 9), two_radars()
     plots = plots_of(truth, sensors, 30.0, 9, clutter_per_m2=5e-7)
-    _, out = run(SidedImm(plot_origin="known"), plots, 10)
+    _, out = run(TableTracker(method="sided_imm", plot_origin="known"), plots, 10)
     until = plots.take((plots.time_s <= 30.0) & (plots.origin >= 0))
     vessels, count = np.unique(until.origin, return_counts=True)
     assert np.array_equal(np.sort(out[-1].origin), vessels[count >= 2])
@@ -93,24 +85,24 @@ def test_known_origin_drops_clutter_and_starts_at_two_plots():
 def test_known_origin_with_clutter_alone_has_no_tracks():
     """A file without the true vessels has only such plots."""
     plots = plots_of(world(20, 9), two_radars(), 9.0, 9)
-    memory, out = run(SidedImm(plot_origin="known"), replace(plots, origin=np.full(len(plots), -1)), 3)
+    memory, out = run(TableTracker(method="sided_imm", plot_origin="known"), replace(plots, origin=np.full(len(plots), -1)), 3)
     assert [len(tracks) for tracks in out] == [0, 0, 0]
     assert len(memory.table) == 0
 
 
 def test_a_late_plot_does_not_move_the_site_back(busy):
-    memory, _ = run(SidedImm(), busy, 5)
+    memory, _ = run(TableTracker(method="sided_imm"), busy, 5)
     before = memory.site_m.copy()
     late = cut(busy, 4).take(slice(0, 1))
     late = replace(late, time_s=late.time_s - 2.0, site_m=late.site_m + 5000.0)
-    memory, _ = SidedImm().step(memory, RegionInput.of_plots(late, 6 * PERIOD_S, two_radars()))
+    memory, _ = TableTracker(method="sided_imm").step(memory, RegionInput.of_plots(late, 6 * PERIOD_S, two_radars()))
     assert np.array_equal(memory.site_m, before)
 
 
 def test_errors_are_as_large_as_the_covariance_says():
     truth, sensors = world(150, 10), two_radars()
     plots = plots_of(truth, sensors, 120.0, 10)
-    _, out = run(SidedImm(plot_origin="known"), plots, 40)
+    _, out = run(TableTracker(method="sided_imm", plot_origin="known"), plots, 40)
     tracks = out[-1]
     where, velocity = truth.at(tracks.origin, np.full(len(tracks), 120.0))
     error = np.hstack([to_plane(tracks.position_deg, ORIGIN_DEG) - where, tracks.velocity_m_s - velocity])
@@ -123,7 +115,7 @@ def test_errors_are_as_large_as_the_covariance_says():
 def test_what_a_plot_is_worth_at_the_track():
     truth, sensors = world(60, 11), two_radars()
     plots = plots_of(truth, sensors, 60.0, 11)
-    _, out = run(SidedImm(), plots, 20)
+    _, out = run(TableTracker(method="sided_imm"), plots, 20)
     tracks = out[-1]
     sites = to_plane(sensors.radars.site_deg, ORIGIN_DEG)
     place = to_plane(tracks.position_deg, ORIGIN_DEG)
@@ -136,14 +128,14 @@ def test_what_a_plot_is_worth_at_the_track():
 def test_ids_are_of_the_region():
     sensors = two_radars(region=1)
     plots = plots_of(world(20, 13), sensors, 30.0, 13)
-    _, out = run(SidedImm(), plots, 10, sensors, region=1)
+    _, out = run(TableTracker(method="sided_imm"), plots, 10, sensors, region=1)
     assert len(out[-1]) > 0
     assert (out[-1].track_id // 2**40 == 1).all()
     assert (out[-1].source == 1).all()
 
 
 def test_order_of_plots_within_a_cycle_is_of_no_matter(busy):
-    method = SidedImm()
+    method = TableTracker(method="sided_imm")
     memory, _ = run(method, busy, 5)
     plots = cut(busy, 5)
     shuffled = plots.take(np.random.default_rng([14, 1]).permutation(len(plots)))
@@ -155,7 +147,7 @@ def test_order_of_plots_within_a_cycle_is_of_no_matter(busy):
 
 def test_plots_of_one_time_are_tracked_alike_in_any_order(busy):
     """All plots of a radar in a cycle have one time stamp, as in recordings of whole seconds."""
-    method = SidedImm()
+    method = TableTracker(method="sided_imm")
     memories, rng = [method.init(), method.init()], np.random.default_rng([14, 2])
     for cycle in range(6):
         now_s = (cycle + 1) * PERIOD_S
@@ -177,7 +169,7 @@ def test_plots_that_come_a_cycle_late_still_count():
     truth, sensors = world(100, 15), two_radars()
     plots = plots_of(truth, sensors, 90.0, 15)
     received = plots.time_s + np.where(plots.sensor == 0, 2.0, 0.0)
-    method, memory = SidedImm(), SidedImm().init()
+    method, memory = TableTracker(method="sided_imm"), TableTracker(method="sided_imm").init()
     for cycle in range(30):
         there = (received > PERIOD_S * cycle) & (received <= PERIOD_S * (cycle + 1))
         memory, (tracks, *_) = method.step(memory, RegionInput.of_plots(plots.take(there), PERIOD_S * (cycle + 1), sensors))
@@ -204,7 +196,7 @@ def test_no_plot_and_one_plot(method):
     ("column", "value"), [("position_m", np.nan), ("time_s", np.inf), ("time_s", np.nan), ("time_s", 1e6), ("time_s", -1e300)]
 )
 def test_a_plot_that_is_no_number_or_of_the_future_is_dropped(busy, column, value):
-    method = SidedImm()
+    method = TableTracker(method="sided_imm")
     memory, _ = run(method, busy, 5)
     plots = cut(busy, 5)
     bad = getattr(plots, column).copy()
@@ -218,7 +210,7 @@ def test_a_plot_that_is_no_number_or_of_the_future_is_dropped(busy, column, valu
 
 def test_old_and_repeated_plots_do_no_harm(busy):
     """Time that goes backwards by a minute, and every plot twice: the tracks stay, nothing is divided by zero."""
-    method = SidedImm()
+    method = TableTracker(method="sided_imm")
     memory, out = run(method, busy, 8)
     plots = cut(busy, 8)
     old = replace(plots, time_s=plots.time_s - 60.0)
@@ -233,7 +225,7 @@ def test_old_and_repeated_plots_do_no_harm(busy):
 def test_settings_from_text_and_back():
     reader = TypeAdapter(RadarTracker)
     made = reader.validate_python({"method": "filterpy_imm", "upkeep": {"delete_misses": 4}})
-    assert isinstance(made, FilterpyImm)
+    assert isinstance(made.bank, Filterpy)
     assert reader.validate_python(made.model_dump()) == made
     with pytest.raises(ValidationError, match=r"upkeep\.gate"):
         reader.validate_python({"method": "imm", "upkeep": {"gate": 0.9}})
@@ -242,16 +234,16 @@ def test_settings_from_text_and_back():
 
 
 def test_a_memory_of_other_radars_is_refused(busy):
-    memory, _ = run(SidedImm(), busy, 1)
+    memory, _ = run(TableTracker(method="sided_imm"), busy, 1)
     sensors = two_radars()
     one = replace(sensors, radars=sensors.radars.take(slice(0, 1)))
     with pytest.raises(ValueError, match="got 2 radars, needed 1"):
-        SidedImm().step(memory, RegionInput.of_plots(Plots.empty(), 6.0, one))
+        TableTracker(method="sided_imm").step(memory, RegionInput.of_plots(Plots.empty(), 6.0, one))
     with pytest.raises(ValueError, match="got 9 models, needed 3"):
-        Imm().step(memory, RegionInput.of_plots(Plots.empty(), 6.0, sensors))
+        TableTracker(method="imm").step(memory, RegionInput.of_plots(Plots.empty(), 6.0, sensors))
 
 
-LEARNT = [type(m)(clutter=ClutterSettings(learnt=True)) for m in METHODS]
+LEARNT = [method.model_copy(update={"clutter": ClutterSettings(learnt=True)}) for method in METHODS]
 
 
 @pytest.mark.parametrize("method", LEARNT, ids=lambda m: m.method)
@@ -286,8 +278,8 @@ def test_a_clutter_map_makes_standing_echoes_begin_no_tracks():
         origin=np.full(len(turn), -1),
     )
     plots = Plots.join([vessels, echoes])
-    _, constant = run(SidedImm(), plots, 30, near)
-    _, learnt = run(SidedImm(clutter=ClutterSettings(learnt=True, cell_m=8.0)), plots, 30, near)
+    _, constant = run(TableTracker(method="sided_imm"), plots, 30, near)
+    _, learnt = run(TableTracker(method="sided_imm", clutter=ClutterSettings(learnt=True, cell_m=8.0)), plots, 30, near)
     standing = [(tracks[-1].origin < 0).sum() for tracks in (constant, learnt)]
     under_way = [len(np.unique(tracks[-1].origin[tracks[-1].origin >= 0])) for tracks in (constant, learnt)]
     assert standing[1] < 0.6 * standing[0]

@@ -18,9 +18,10 @@ from coastwatch.kernels.tracks.columns import PlotColumns
 from coastwatch.registration import NoRegistration, OnlineRegistration, Registrar
 from coastwatch.registration.polar import polar_measurements
 from coastwatch.server.checkpoint import load, save
-from coastwatch.tracks.filter_bank import CompiledBank
-from coastwatch.tracks.motion import Motion
-from coastwatch.tracks.table import RadarMemory, begin_tracks
+from coastwatch.tracks.radar.bank.compiled import CompiledBank
+from coastwatch.tracks.radar.motion import Motion
+from coastwatch.tracks.radar.parts import begin_tracks
+from coastwatch.tracks.radar.table import RadarMemory
 
 METHODS = [NoRegistration(), OnlineRegistration()]
 SIGMAS = 4.5  # of a normal error: three figures a radar, a dozen tests

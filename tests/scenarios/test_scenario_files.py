@@ -213,6 +213,51 @@ def test_another_method_keeps_the_settings_that_it_has_and_leaves_out_the_others
     """The file of context-driven-100 sets plot_origin, which a tracker by existence does not have."""
     joint = load_scenario("context-driven-100", {"tracks.method": "vimmjipda"}).tracks
     assert joint.method == "vimmjipda"
-    assert load_scenario("context-driven-100", {"tracks.method": "imm"}).tracks.plot_origin == "known"
+    assert load_scenario("context-driven-100", {"tracks.method": "imm"}).tracks.association.method == "known_origin"
     with pytest.raises(ScenarioError, match="plot_origin"):
         load_scenario("context-driven-100", {"tracks.method": "vimmjipda", "tracks.plot_origin": "known"})
+
+
+PARTS_OF_TRACKERS = {
+    "a part of a table": (
+        {"tracks.method": "table", "tracks.association.method": "jipda", "tracks.messages.method": "sequential"},
+        ("jipda", "manoeuvres", "sequential", "compiled", "existence"),
+    ),
+    "a part in place of that of the name": (
+        {"tracks.method": "vimmjipda", "tracks.motion.kind": "manoeuvres"},
+        ("jipda", "manoeuvres", "none", "compiled", "existence"),
+    ),
+    "the short settings of a name": (
+        {"tracks.method": "vimmjipda_noisy_batch", "tracks.message_velocities": "false", "tracks.messages.sigma_m": "9"},
+        ("jipda", "imm", "noisy_batch", "compiled", "existence"),
+    ),
+}
+
+
+@pytest.mark.parametrize(("settings", "parts"), PARTS_OF_TRACKERS.values(), ids=PARTS_OF_TRACKERS)
+def test_a_tracker_has_the_parts_of_its_name_and_those_that_are_given(settings: dict[str, str], parts: tuple[str, ...]) -> None:
+    t = load_scenario("context-driven-100", settings).tracks
+    assert (t.association.method, t.motion.kind, t.messages.method, t.bank.method, t.upkeep.method) == parts
+    assert Scenario.model_validate(load_scenario("context-driven-100", settings).model_dump(mode="json")).tracks == t
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"tracks.method": "imn"}, "tracks.method: got 'imn', needed one of sided_imm, imm, "),
+        ({"tracks.method": "imn"}, "table; did you mean 'imm'?"),
+        ({"tracks.motion.kind": "imn"}, "tracks.motion.kind: got 'imn', needed one of manoeuvres, imm"),
+        ({"tracks.association.method": "jpda"}, "tracks.association.method: got 'jpda', needed one of "),
+        ({"tracks.plot_origin": "sure"}, "plot_origin: got 'sure', needed 'estimated' or 'known'"),
+        (
+            {"tracks.messages.method": "sequential"},
+            "messages.method: got 'sequential', needed 'none' with association.method = ",
+        ),
+        ({"tracks.bank.method": "particles"}, "bank.method: got 'particles', needed 'compiled' with association.method = "),
+        ({"tracks.upkeep.method": "existence"}, "upkeep.method: got 'existence', needed 'hits' with association.method = "),
+    ],
+)
+def test_a_wrong_part_of_a_tracker_is_named(settings: dict[str, str], said: str) -> None:
+    with pytest.raises(ScenarioError) as refused:
+        load_scenario("context-driven-1000", settings)
+    assert said in str(refused.value)

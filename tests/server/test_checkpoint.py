@@ -23,7 +23,7 @@ from coastwatch.scenario import load_scenario
 from coastwatch.scenario.model import StoreSettings
 from coastwatch.server.checkpoint import CheckpointError, Pace, load, save
 from coastwatch.stage import NoMemory, serial
-from coastwatch.tracks.motion import Filters
+from coastwatch.tracks.radar.motion import Filters
 
 RAN: list[str] = []
 
@@ -63,8 +63,8 @@ HOSTILE = {
     "a function of ours": (of_class("coastwatch.server.run.run_scenario", scenario=None), NAMES),
     "a class outside of the stages": (of_class("coastwatch.server.run.RunResult", run_id=1), NAMES),
     "a class that a stage imports": (of_class("coastwatch.stage.BaseModel"), NAMES),
-    "a class that is no dataclass": (of_class("coastwatch.tracks.imm.Imm", method="imm"), NAMES),
-    "an unknown class of a stage": (of_class("coastwatch.tracks.table.Backdoor"), NAMES),
+    "a class that is no dataclass": (of_class("coastwatch.tracks.radar.tracker.TableTracker", method="imm"), NAMES),
+    "an unknown class of a stage": (of_class("coastwatch.tracks.radar.table.Backdoor"), NAMES),
     "an unknown field": (of_class("coastwatch.stage.NoMemory", command="true"), "got the fields command, needed"),
     "a missing field": (of_class("coastwatch.server.checkpoint.Point", cycle=1), "needed cycle, memory, tally"),
     "a field of another type": (npz('{"class":"coastwatch.stage.Groups","fields":{"row":1,"start":2}}'), "Groups.row"),
@@ -191,8 +191,8 @@ def test_a_row_number_out_of_range_is_refused_with_its_field(field: str, number:
 
 def test_a_column_of_another_length_is_refused(memory: bytes) -> None:
     kept = load(memory)
-    table = kept.tracks[0].table
-    narrow = replace(kept.tracks[0], table=replace(table, radar_s=table.radar_s[:, :1], looked_s=table.looked_s[:, :1]))
+    table = kept.regions[0].tracks.table
+    narrow = replace(kept.regions[0].tracks, table=replace(table, radar_s=table.radar_s[:, :1], looked_s=table.looked_s[:, :1]))
     with pytest.raises(CheckpointError, match=r"it is damaged: Table\.radar_s: got 1 radars, needed 2"):
         load(save(narrow))
     history = kept.centre.associations.history

@@ -17,7 +17,7 @@ EXPERIENCE = 3.0  # looks, for each of which a radar that missed them counts les
 
 
 class LifeRules(NamedTuple):
-    """When a track is confirmed, and when it ends; the fields are settings of `coastwatch.tracks.track_management`."""
+    """When a track is confirmed, and when it ends; the fields are settings of `coastwatch.tracks.radar.life`."""
 
     confirm_hits: int
     confirm_looks: int

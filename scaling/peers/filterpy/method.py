@@ -5,14 +5,14 @@ It runs in the environment of the project: gates, assignment and upkeep are thos
 
 from __future__ import annotations
 
-from coastwatch.tracks import FilterpyImm
+from coastwatch.tracks import TableTracker
 from scaling.peers.exchange import PlotHistory, Stopwatch, Task, TaskResult, run_adapter
 from scaling.peers.ours import track
 
 
 def tracking(history: PlotHistory, watch: Stopwatch) -> TaskResult:
-    """Radar tracks by `FilterpyImm` with default settings."""
-    return track(history, watch, FilterpyImm())
+    """Radar tracks by `filterpy_imm` with default settings."""
+    return track(history, watch, TableTracker(method="filterpy_imm"))
 
 
 TASKS: dict[str, Task] = {"tracking": tracking}

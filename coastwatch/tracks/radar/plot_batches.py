@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coastwatch.batches import Ints, Plots
+from coastwatch.batches import Bools, Ints, Plots
 from coastwatch.kernels.tracks.columns import PlotColumns
+
+DAY_S = 86400.0  # older plots are from a clock that is not set
 
 
 @dataclass(frozen=True)
@@ -54,3 +56,11 @@ def cut(plots: Plots, slice_s: float, by_radar: bool) -> PlotBatches:
         key, number, order = key[by_key], number[by_key], order[by_key]
     start = np.flatnonzero(np.diff(key, prepend=-1))
     return PlotBatches(plots.take(order), [*start.tolist(), len(plots)], number[start].tolist())
+
+
+def is_usable(plots: Plots, time_s: float, ahead_s: float) -> Bools:
+    """Which plots can be believed: finite, not from after the cycle, and not older than a day. (M,)"""
+    numbers = np.column_stack([plots.time_s, plots.position_m, plots.covariance.reshape(-1, 4)])
+    lived = (plots.time_s <= time_s + ahead_s) & (plots.time_s > time_s - DAY_S)
+    good: Bools = np.logical_and(np.isfinite(numbers).all(axis=1), lived)
+    return good

@@ -2,30 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from coastwatch import kernels
-from coastwatch.batches import Bools, Floats, Ints, Plots
+from coastwatch.batches import Bools, Floats, Ints, Radars
 from coastwatch.kernels.filters.gaussian import gate
+from coastwatch.kernels.tracks.columns import RadarColumns
 from coastwatch.kernels.tracks.track_life import LifeRules
 from coastwatch.stage import Settings
-from coastwatch.tracks.table import Duplicates, Status, Table
-
-DAY_S = 86400.0  # older plots are from a clock that is not set
+from coastwatch.tracks.radar.table import Duplicates, RadarMemory, Status, Table
 
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
 Probability = Annotated[float, Field(gt=0.0, lt=1.0)]
 Count = Annotated[int, Field(ge=1)]
-PlotOrigin = Literal["estimated", "known"]
 
 
 class TrackManagement(Settings):
-    """Gates, initiation, deletion. A look is one turn of a radar that covers the track."""
+    """Gates, initiation, deletion by hits and misses. A look is one turn of a radar that covers the track."""
 
+    method: Literal["hits"] = "hits"
     echo_sigma_m: NotNegative = 0.0  # of the echo's place on a vessel, per axis, on top of the noise of the radar
     slice_s: Positive = 1.0  # plots are processed in slices of this length, at most half a turn of the fastest radar
     gate_probability: Probability = 0.999  # that a vessel's own plot is inside the gate
@@ -57,6 +57,25 @@ class TrackManagement(Settings):
         """The settings of confirmation and deletion as the kernel takes them."""
         first = self.confirm_hits, self.confirm_looks, self.delete_misses
         return LifeRules(*first, self.misses_per_hit, self.look_slack, self.coast_s, self.own_looks)
+
+    def end_slice(self, memory: RadarMemory, radars: RadarColumns, ours: Ints, every: Radars, time_s: float) -> RadarMemory:
+        """Confirm tracks with enough hits, and delete those with too many misses.
+
+        Args: radars: of the region, as they are now; ours: (R,) their rows of `every`; time_s: of the newest plot, or now.
+        """
+        table = memory.table
+        given = table.life, table.estimates, table.live, radars, ours, self.rules, time_s
+        lost = kernels.tracks.track_life.confirm_and_find_lost(*given)
+        return replace(memory, table=table.without(lost)) if lost.any() else memory
+
+    def shown(self, table: Table, time_s: float) -> Ints:
+        """Slots of the tracks to report: the confirmed ones."""
+        slots: Ints = table.live[table.status[table.live] == Status.CONFIRMED]
+        return slots
+
+    def existence(self, table: Table, slots: Ints, time_s: float) -> Floats:
+        """Not estimated."""
+        return np.full(len(slots), np.nan)
 
 
 def remove_duplicates(
@@ -104,11 +123,3 @@ def _since(duplicates: Duplicates, first: Ints, second: Ints, now_s: float) -> F
     since: Floats = np.full(len(first), now_s)
     since[new] = duplicates.since_s[old]
     return since
-
-
-def is_usable(plots: Plots, time_s: float, ahead_s: float) -> Bools:
-    """Which plots can be believed: finite, not from after the cycle, and not older than a day. (M,)"""
-    numbers = np.column_stack([plots.time_s, plots.position_m, plots.covariance.reshape(-1, 4)])
-    lived = (plots.time_s <= time_s + ahead_s) & (plots.time_s > time_s - DAY_S)
-    good: Bools = np.logical_and(np.isfinite(numbers).all(axis=1), lived)
-    return good

@@ -12,9 +12,8 @@ from coastwatch.batches import Batch, Bools, Floats, Ints, Radars
 from coastwatch.batches.struct import Struct, column
 from coastwatch.kernels.tracks import columns
 from coastwatch.kernels.tracks.columns import NAMES, Estimates, ExistenceColumns, PlotColumns, TrackLife, VesselIds
-from coastwatch.tracks.clutter import ClutterMap, ClutterSettings, empty_map, false_plots_per_m2, has_moved, learn
-from coastwatch.tracks.filter_bank import FilterBank
-from coastwatch.tracks.motion import Filters
+from coastwatch.tracks.radar.clutter import ClutterMap, ClutterSettings, empty_map, false_plots_per_m2, has_moved, learn
+from coastwatch.tracks.radar.motion import Filters
 
 NEWEST = 5  # plots whose origin is kept, for the scores
 SPARE = 4  # one spare slot for so many used ones, so that few cycles have to enlarge the table
@@ -213,27 +212,3 @@ class RadarMemory(Struct):
             return self
         given = int(batch.sensor[0]), batch.time, batch.position, false, period_s
         return replace(self, clutter=learn(settings, self.clutter, *given))
-
-
-def begin_tracks(bank: FilterBank, memory: RadarMemory, plots: Ints, batch: PlotColumns) -> RadarMemory:
-    """This memory with a new track for each of these rows of a batch of plots or messages."""
-    table, slots = memory.table.with_slots(memory.next_id + np.arange(len(plots)))
-    bank.initialise(table.filters, table.estimates, slots, plots, batch)
-    table.status[slots] = Status.SINGLE
-    table.hits[slots] = 1
-    table.started_s[slots] = batch.time[plots]
-    table.radar_s[slots] = -np.inf
-    by_radar = batch.sensor[plots] >= 0
-    table.radar_s[slots[by_radar], batch.sensor[plots[by_radar]]] = batch.time[plots[by_radar]]
-    table.message_s[slots] = np.where(by_radar, -np.inf, batch.time[plots])
-    table.ids[slots], table.id_probability[slots] = -1, 0.0
-    table.began_m[slots] = batch.position[plots]
-    table.began_m2[slots] = np.trace(batch.covariance[plots], axis1=1, axis2=2)
-    table.moved[slots] = False
-    table.existence[slots] = table.visibility[slots] = 1.0
-    table.existence_s[slots] = batch.time[plots]
-    table.looked_s[slots] = batch.time[plots][:, None]
-    table.misses[slots] = 0
-    table.origins[slots] = -1
-    table.origins[slots, 0] = batch.origin[plots]
-    return replace(memory, table=table, next_id=memory.next_id + len(plots))

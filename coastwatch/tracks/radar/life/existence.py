@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from dataclasses import replace
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -11,10 +12,11 @@ from coastwatch import kernels
 from coastwatch.batches import Bools, Floats, Ints, Radars
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.kernels.filters.gaussian import gate
+from coastwatch.kernels.tracks.columns import RadarColumns
 from coastwatch.kernels.tracks.existence import ExistenceChain
 from coastwatch.stage import Settings
-from coastwatch.tracks.table import Status, Table
-from coastwatch.tracks.track_management import Count, NotNegative, Positive, Probability, seen_together
+from coastwatch.tracks.radar.life.hits import Count, NotNegative, Positive, Probability, seen_together
+from coastwatch.tracks.radar.table import RadarMemory, Status, Table
 
 KNOWN = 0.5  # probability of an id by which two tracks are told apart
 
@@ -32,6 +34,7 @@ class ExistenceManagement(Settings):
     A visible vessel becomes invisible after `visible_s` on average, and visible again after `hidden_s`. Only a visible one gives plots.
     """
 
+    method: Literal["existence"] = "existence"
     detection: Detection = Detection()  # of radars without settings of their own
     by_radar: dict[str, Detection] = Field(default_factory=dict)  # by name of the radar
     new_vessels_per_m2: Positive = 5e-8  # vessels without a track, in one look
@@ -72,23 +75,35 @@ class ExistenceManagement(Settings):
         each = [self.by_radar.get(name, self.detection) for name in radars.name.tolist()]
         return np.array([d.detection_probability for d in each]), np.array([d.false_plots_per_m2 for d in each])
 
+    def end_slice(self, memory: RadarMemory, radars: RadarColumns, ours: Ints, every: Radars, time_s: float) -> RadarMemory:
+        """Count the looks that gave no plot, confirm and delete tracks. Args: as of `TrackManagement.end_slice`."""
+        table = memory.table
+        detection, _ = self.by_number(every)
+        looked = radars, ours, detection[ours], self.look_slack, self.chain
+        kernels.tracks.existence.count_missed_looks(table.existing, table.estimates, table.live, *looked)
+        return replace(memory, table=table.without(self._confirm_and_find_lost(table, time_s)))
 
-def existence_at(management: ExistenceManagement, table: Table, slots: Ints, time_s: float) -> Floats:
-    """The probability of existence of each of these tracks at a time not before its newest look. (N,)"""
-    since = np.maximum(time_s - table.existence_s[slots], 0.0)
-    now: Floats = table.existence[slots] * np.exp(-management.end_per_s * since)
-    return now
+    def shown(self, table: Table, time_s: float) -> Ints:
+        """Slots of the tracks to report: the confirmed ones that probably still exist."""
+        there = self.existence(table, table.live, time_s) >= self.show_existence
+        slots: Ints = table.live[there & (table.status[table.live] == Status.CONFIRMED)]
+        return slots
 
+    def existence(self, table: Table, slots: Ints, time_s: float) -> Floats:
+        """The probability of existence of each of these tracks at a time not before its newest look. (N,)"""
+        since = np.maximum(time_s - table.existence_s[slots], 0.0)
+        now: Floats = table.existence[slots] * np.exp(-self.end_per_s * since)
+        return now
 
-def confirm_and_find_lost(management: ExistenceManagement, table: Table, time_s: float) -> Bools:
-    """Confirm the tracks that exist, in place, and find those to delete. (N,) of the live ones."""
-    live, now = table.live, existence_at(management, table, table.live, time_s)
-    table.status[live[now >= management.confirm_existence]] = Status.CONFIRMED
-    speed2 = (table.combined_mean[live, 2:] ** 2).sum(axis=1)
-    lost: Bools = (now < management.delete_existence) | (table.misses[live] >= management.delete_misses)
-    lost |= time_s - table.updated_s[live] > management.coast_s
-    lost |= (speed2 > (management.max_speed_kn * KNOT_M_S) ** 2) & (table.status[live] != Status.SINGLE)
-    return lost
+    def _confirm_and_find_lost(self, table: Table, time_s: float) -> Bools:
+        """Confirm the tracks that exist, in place, and find those to delete. (N,) of the live ones."""
+        live, now = table.live, self.existence(table, table.live, time_s)
+        table.status[live[now >= self.confirm_existence]] = Status.CONFIRMED
+        speed2 = (table.combined_mean[live, 2:] ** 2).sum(axis=1)
+        lost: Bools = (now < self.delete_existence) | (table.misses[live] >= self.delete_misses)
+        lost |= time_s - table.updated_s[live] > self.coast_s
+        lost |= (speed2 > (self.max_speed_kn * KNOT_M_S) ** 2) & (table.status[live] != Status.SINGLE)
+        return lost
 
 
 def merge_duplicates(management: ExistenceManagement, table: Table, period_s: Floats, time_s: float) -> Table:
@@ -107,10 +122,3 @@ def merge_duplicates(management: ExistenceManagement, table: Table, period_s: Fl
     lost = np.zeros(len(table), np.bool_)
     lost[second[alone]] = True
     return table.without(lost)
-
-
-def shown(management: ExistenceManagement, table: Table, time_s: float) -> Ints:
-    """Slots of the confirmed tracks that probably still exist."""
-    there = existence_at(management, table, table.live, time_s) >= management.show_existence
-    slots: Ints = table.live[there & (table.status[table.live] == Status.CONFIRMED)]
-    return slots

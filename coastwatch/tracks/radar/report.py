@@ -1,43 +1,52 @@
-"""What leaves a region: its confirmed tracks, and the plots in them, in latitude and longitude."""
+"""What leaves a region: its tracks, and the plots in them, in latitude and longitude."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import Ints, Measurements, Plots, Sensors, Tracks
-from coastwatch.kernels.tracks.columns import RadarColumns
-from coastwatch.tracks.filter_bank import FilterBank
-from coastwatch.tracks.table import Table
+from coastwatch.batches import Floats, Ints, Measurements, Plots, Sensors, Tracks
+from coastwatch.kernels.tracks.columns import Estimates, RadarColumns
 
 ID_STRIDE = 2**40  # track ids of one region
-HELD = 0.98  # an id of this probability is reported as that of the vessel; the first message gives `correct_id`, 0.99
 
 
-def report(
-    bank: FilterBank, table: Table, rows: Ints, radars: RadarColumns, time_s: float, sensors: Sensors, region: int
-) -> Tracks:
-    """The tracks in these slots, predicted to time_s, in the tangent plane at each track. Args: radars: those of the region."""
-    now = bank.predict(table.filters, table.estimates, rows, time_s)
+class Reported(NamedTuple):
+    """What a region says of its tracks beside their estimates. Columns: (N,)"""
+
+    number: Ints  # within the region, increasing
+    updated_s: Floats  # newest plot or message
+    started_s: Floats
+    origin: Ints
+    held_mmsi: Ints  # -1: none
+    existence: Floats  # NaN: not estimated
+
+
+def report(now: Estimates, reported: Reported, radars: RadarColumns, time_s: float, sensors: Sensors, region: int) -> Tracks:
+    """The tracks of a region in the tangent plane at each track. Args: now: (N) predicted to time_s; radars: those of the region."""
     latitude, longitude = sensors.region_origin_deg[region].tolist()
     position, velocity, turned = kernels.tracks.report.geodetic_tracks(now.mean, now.covariance, latitude, longitude)
     ours = np.flatnonzero(sensors.radars.region == region)
     sigmas = sensors.radars.range_sigma_m[ours], sensors.radars.azimuth_sigma_rad[ours]
     one = kernels.tracks.report.plot_covariances(now.mean, radars, *sigmas)
     _, one = kernels.tracks.report.geodetic_points(now.mean, one, latitude, longitude)
+    count = len(reported.number)
     return Tracks(
-        track_id=region * ID_STRIDE + table.track_id[rows],
-        source=np.full(len(rows), region, np.int64),
-        time_s=np.full(len(rows), float(time_s)),
+        track_id=region * ID_STRIDE + reported.number,
+        source=np.full(count, region, np.int64),
+        time_s=np.full(count, float(time_s)),
         position_deg=position,
         velocity_m_s=velocity,
         covariance=turned,
         report_covariance=one,
-        updated_s=np.maximum(table.radar_s[rows].max(axis=1, initial=-np.inf), table.message_s[rows]),
-        started_s=table.started_s[rows],
-        mmsi=np.full(len(rows), -1, np.int64),
-        origin=kernels.tracks.report.most_frequent_origins(table.origins, table.hits, rows),
-        held_mmsi=table.probable_ids(rows, HELD),
+        updated_s=reported.updated_s,
+        started_s=reported.started_s,
+        mmsi=np.full(count, -1, np.int64),
+        origin=reported.origin,
+        held_mmsi=reported.held_mmsi,
+        existence=reported.existence,
     )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from coastwatch.batches import Floats, Ints, Radars, Rows, StandingEchoes
 from coastwatch.geodesy import from_plane
 from coastwatch.kernels.tracks.clutter import TILES
-from coastwatch.tracks.clutter import LEAST_PLOTS, ClutterMap, ClutterSettings
+from coastwatch.tracks.radar.clutter import LEAST_PLOTS, ClutterMap, ClutterSettings
 
 TIMES_THE_MEAN = 5.0  # the plots of a cell with a standing echo, over those of all cells in range
 NEIGHBOURS = np.ones((3, 3), np.int64)  # cells that touch, also at a corner, are one echo

@@ -45,11 +45,12 @@ class Prior(Protocol):
 
 
 class Motion(Settings):
-    """Models in the order constant velocity with low noise, with high noise, coordinated turn.
+    """Three models: constant velocity with low noise, with high noise, coordinated turn.
 
     Noises are densities of white noise: of the acceleration in m2/s3, of the turn rate's drift in rad2/s3.
     """
 
+    kind: Literal["imm"] = "imm"  # of motion models
     quiet_noise_m2_s3: NotNegative = 1e-4  # acceleration of a vessel that keeps course and speed
     agile_noise_m2_s3: NotNegative = 0.25  # acceleration of one that manoeuvres
     turn_noise_m2_s3: NotNegative = 0.001  # acceleration on top of a turn
@@ -154,8 +155,13 @@ CHANGING = Speeding(noise_m2_s3=4e-4, acceleration_sigma_m_s2=0.06, share=0.1)
 
 
 class Manoeuvres(Settings):
-    """Models of motion. At the rate 1 / renewal_s a vessel draws a new one by the shares."""
+    """Models of motion. At the rate 1 / renewal_s a vessel draws a new one by the shares.
 
+    A turn is linearised about its rate, so one model for both sides believes too soon in the rate it began with.
+    Source: see coastwatch/kernels/filters/imm.py.
+    """
+
+    kind: Literal["manoeuvres"] = "manoeuvres"  # of motion models
     renewal_s: Positive = 1000.0
     start_speed_kn: Positive = 8.0  # standard deviation of each velocity component before anything is known
     models: tuple[Model, ...] = Field((STEADY, RESTLESS, AGILE, *TURNS, SHARP, CHANGING), min_length=1)
@@ -172,3 +178,6 @@ class Manoeuvres(Settings):
         rows = [model.columns() for model in self.models]
         names = sorted(set().union(*rows))
         return kernels.filters.motion_models.table(**{name: [row.get(name, 0.0) for row in rows] for name in names})
+
+
+MotionModels = Annotated[Manoeuvres | Motion, Field(discriminator="kind")]

@@ -12,8 +12,9 @@ from filterpy.kalman import IMMEstimator, KalmanFilter
 from coastwatch import kernels
 from coastwatch.batches import Floats, Ints
 from coastwatch.kernels.tracks.columns import Estimates, PlotColumns
-from coastwatch.tracks.filter_bank import CompiledBank
-from coastwatch.tracks.motion import Filters, Motion
+from coastwatch.tracks.radar.bank.compiled import CompiledBank
+from coastwatch.tracks.radar.motion import Filters, Prior
+from coastwatch.tracks.radar.table import Table
 
 
 class ModelFilter(KalmanFilter):  # type: ignore[misc]
@@ -38,12 +39,18 @@ class ModelFilter(KalmanFilter):  # type: ignore[misc]
 
 @dataclass(frozen=True)
 class FilterpyBank:
-    """Filters by filterpy, one object after the other. The steps of `coastwatch.tracks.filter_bank.FilterBank`."""
+    """Filters by filterpy, one object after the other. A track takes one plot. See `coastwatch.tracks.radar.parts`."""
 
-    prior: Motion
+    prior: Prior
+    particles: int = 0
 
-    def initialise(self, filters: Filters, estimates: Estimates, rows: Ints, plots: Ints, columns: PlotColumns) -> None:
-        CompiledBank(self.prior).initialise(filters, estimates, rows, plots, columns)
+    @cached_property
+    def models(self) -> Any:
+        """The models of each filter. (J,) MODEL"""
+        return self.prior.table()
+
+    def begin(self, table: Table, slots: Ints, plots: Ints, batch: PlotColumns) -> None:
+        CompiledBank(self.prior).begin(table, slots, plots, batch)
 
     def update(self, filters: Filters, estimates: Estimates, rows: Ints, plots: Ints, columns: PlotColumns) -> None:
         for n, m in zip(rows.tolist(), plots.tolist(), strict=True):
@@ -67,11 +74,6 @@ class FilterpyBank:
             out.mean[k], out.covariance[k], out.time[k] = imm.x[:4], imm.P[:4, :4], estimates.time[n] + dt
             out.noise[k] = mode @ self.models["noise"]
         return out
-
-    @cached_property
-    def models(self) -> Any:
-        """The models of each filter. (J,) MODEL"""
-        return self.prior.table()
 
     def _estimator(self, state: Floats, covariance: Floats, mode_probability: Floats, transition: Floats) -> IMMEstimator:
         models = [ModelFilter(*one) for one in zip(self.models, state, covariance, strict=True)]

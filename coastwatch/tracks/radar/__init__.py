@@ -1,0 +1,1 @@
+"""Plots of a region into tracks: `tracker` has the settings and the step; `region` the cycle."""

@@ -1,0 +1,142 @@
+"""Joint integrated probabilistic data association: every track weighs the plots in its gate, and every plot may be a new vessel.
+
+Source: A. G. Hem, E. F. Brekke, Variations of joint integrated data association with radar and target-provided measurements,
+Journal of Advances in Information Fusion 17(2), 2022, sections III to V.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from coastwatch import kernels
+from coastwatch.batches import Floats, Ints
+from coastwatch.kernels.filters.gaussian import gate
+from coastwatch.kernels.tracks.columns import Candidates, PlotColumns
+from coastwatch.kernels.tracks.existence import SURELY
+from coastwatch.stage import Settings
+from coastwatch.tracks.radar.life.existence import merge_duplicates
+from coastwatch.tracks.radar.parts import Parts, begin_tracks
+from coastwatch.tracks.radar.table import RadarMemory, Status, Table
+
+LIKELY = 0.5  # a plot is reported as taken by the track that it belongs to with more than this probability
+
+Free = Callable[[Ints, Floats, int], Floats]
+"""(M,) The probability that each plot is of no track, of the plot and probability of each pair (A,), and the count of plots."""
+
+
+class Jipda(Settings):
+    """Each track weighs all plots in its gate, and each plot may be of a vessel without a track."""
+
+    upkeep: ClassVar[str] = "existence"
+    by_radar: ClassVar[bool] = True
+    method: Literal["jipda"] = "jipda"
+
+    def track_batch(self, parts: Parts, memory: RadarMemory, batch: PlotColumns) -> tuple[RadarMemory, Ints]:
+        """Weigh the plots of a batch of one radar. Returns: memory, the slot of the track that most likely took each plot, or -1."""
+        return _weigh(parts, memory, batch, 1.0, _free_probability)
+
+    def end_cycle(self, parts: Parts, memory: RadarMemory, time_s: float) -> RadarMemory:
+        """Merge tracks of one vessel."""
+        return merged(parts, memory, time_s)
+
+
+class JipdaLiteral(Settings):
+    """As `jipda`, as printed: a plot of no track is clutter, equation (69), and only a plot in no gate begins a track."""
+
+    upkeep: ClassVar[str] = "existence"
+    by_radar: ClassVar[bool] = True
+    method: Literal["jipda_literal"] = "jipda_literal"
+
+    def track_batch(self, parts: Parts, memory: RadarMemory, batch: PlotColumns) -> tuple[RadarMemory, Ints]:
+        """As of `Jipda`."""
+        return _weigh(parts, memory, batch, 0.0, _free_of_gates)
+
+    def end_cycle(self, parts: Parts, memory: RadarMemory, time_s: float) -> RadarMemory:
+        """Merge tracks of one vessel."""
+        return merged(parts, memory, time_s)
+
+
+def merged(parts: Parts, memory: RadarMemory, time_s: float) -> RadarMemory:
+    """This memory with one of several tracks of a vessel."""
+    table = merge_duplicates(parts.existence, memory.table, parts.sensors.radars.period_s, time_s)
+    return replace(memory, table=table)
+
+
+def gated(parts: Parts, table: Table, batch: PlotColumns, widened: float = 1.0) -> Candidates:
+    """The plots or messages in the gates of the tracks.
+
+    A gate is as wide as by the liveliest model: the average of the models would lose vessels that manoeuvre while they are missed.
+    """
+    rules, estimates = parts.existence, table.estimates
+    limit = widened * gate(rules.gate_probability, 2)
+    lively = estimates._replace(noise=np.full(len(estimates.noise), parts.bank.models["noise"].max()))
+    pairs: Candidates = kernels.tracks.gate.candidates(lively, table.live, batch, limit, rules.late_s)
+    return pairs
+
+
+def _weigh(parts: Parts, memory: RadarMemory, batch: PlotColumns, unborn: float, free_of: Free) -> tuple[RadarMemory, Ints]:
+    """As `Jipda.track_batch`. Args: unborn: weight of new vessels among the plots of no track; free_of: see `Free`."""
+    table, rules, clutter, radar = memory.table, parts.existence, parts.clutter, int(batch.sensor[0])
+    every_detection, every_density = rules.by_number(parts.sensors.radars)
+    detection, period_s = float(every_detection[radar]), float(parts.sensors.radars.period_s[radar])
+    false_per_m2 = memory.false_plots_per_m2(clutter, batch, float(every_density[radar]))
+    unborn_per_m2 = rules.new_vessels_per_m2 * rules.new_visibility * detection
+    hypotheses = parts.joint.predict_to_plots(table, _due(gated(parts, table, batch), table, batch, period_s), batch)
+    slot, plot = hypotheses.slot, hypotheses.plot
+    of = np.repeat(np.arange(len(slot)), np.diff(hypotheses.start))  # track of each pair
+    kernels.tracks.existence.predict_existence(
+        table.existing, slot, table.updated_s[slot], radar, period_s, detection, rules.chain
+    )
+    r, eta = table.existence[slot], table.visibility[slot]
+    missed = 1.0 - r * eta * detection
+    nobodys_per_m2 = false_per_m2 + unborn * unborn_per_m2
+    weight = (detection * eta * r / missed)[of] * parts.joint.likelihood(table, hypotheses) / nobodys_per_m2[plot]
+    find = kernels.association.marginals.marginals
+    probability = find(plot, of, weight, len(batch.time), len(slot), rules.exact_up_to)
+    taken = np.minimum(np.bincount(of, probability, len(slot)), 1.0)
+    survived = (1.0 - taken) * r * (1.0 - eta * detection) / missed
+    exists = survived + taken
+    parts.joint.update_by_shares(table, hypotheses, probability / exists[of], batch, rules.least_model_probability)
+    table.existence[slot] = np.minimum(exists, SURELY)
+    table.visibility[slot] = (survived * (1.0 - detection) * eta / (1.0 - detection * eta) + taken) / exists
+    table.looked_s[slot, radar] = table.updated_s[slot]
+    table.misses[slot] = 0
+    likely = np.flatnonzero(probability > LIKELY)
+    kernels.tracks.track_life.record(table.life, slot[of[likely]], plot[likely], batch)
+    table.note_moved(clutter, slot)
+    moving = table.moved[slot] & (table.status[slot] == Status.CONFIRMED)
+    false = np.clip(1.0 - np.bincount(plot, probability * moving[of], len(batch.time)), 0.0, 1.0)
+    memory = memory.with_clutter(clutter, batch, false, period_s)
+    best = np.full(len(batch.time), -1)
+    best[plot[likely]] = slot[of[likely]]
+    free = free_of(plot, probability, len(batch.time))
+    return _begin(parts, memory, batch, free * unborn_per_m2 / (false_per_m2 + unborn_per_m2)), best
+
+
+def _due(pairs: Candidates, table: Table, batch: PlotColumns, period_s: float) -> Candidates:
+    """These pairs without tracks that took a plot of this radar in this look."""
+    due = batch.time[pairs.plot] - table.radar_s[pairs.track, batch.sensor[0]] > 0.5 * period_s
+    return pairs if due.all() else Candidates(*(column[due] for column in pairs))
+
+
+def _free_probability(plot: Ints, probability: Floats, count: int) -> Floats:
+    free: Floats = np.maximum(1.0 - np.bincount(plot, probability, count), 0.0)
+    return free
+
+
+def _free_of_gates(plot: Ints, probability: Floats, count: int) -> Floats:
+    return np.where(np.bincount(plot, minlength=count) == 0, 1.0, 0.0)
+
+
+def _begin(parts: Parts, memory: RadarMemory, batch: PlotColumns, existence: Floats) -> RadarMemory:
+    """Begin a track at each plot that is probable enough to be a new vessel. Args: existence: (M,)."""
+    plots = np.flatnonzero(existence >= parts.existence.begin_existence)
+    if not len(plots):
+        return memory
+    memory = begin_tracks(parts.bank, memory, plots, batch)
+    memory.table.existence[memory.table.live[-len(plots) :]] = existence[plots]
+    return memory

@@ -1,0 +1,12 @@
+"""How radar tracks begin to count and end: settings of `[tracks.upkeep]`, one union."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from coastwatch.tracks.radar.life.existence import Detection, ExistenceManagement
+from coastwatch.tracks.radar.life.hits import TrackManagement
+
+Upkeep = Annotated[TrackManagement | ExistenceManagement, Field(discriminator="method")]
+
+__all__ = ["Detection", "ExistenceManagement", "TrackManagement", "Upkeep"]

@@ -1,0 +1,54 @@
+"""Method A of Hem and Brekke: each AIS message at its own time."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+
+from coastwatch import kernels
+from coastwatch.batches import Ints, Messages
+from coastwatch.geodesy import KNOT_M_S
+from coastwatch.kernels.tracks.columns import PlotColumns
+from coastwatch.tracks.radar.messages.settings import MessageSettings
+from coastwatch.tracks.radar.messages.weighing import columns_of, near, take_at_once
+from coastwatch.tracks.radar.parts import Parts
+from coastwatch.tracks.radar.table import RadarMemory, Table
+
+
+class Sequential(MessageSettings):
+    """AIS messages as measurements, each at its own time: method A of Hem and Brekke.
+
+    A track says whose messages are in it (`Tracks.held_mmsi`), so that its AIS track is not fused with it again.
+    """
+
+    method: Literal["sequential"] = "sequential"
+
+    def take(self, parts: Parts, memory: RadarMemory, messages: Messages, until_s: float) -> RadarMemory:
+        """The memory after these messages. Messages whose gates have no track in common are taken together."""
+        order = _rounds(parts, self, memory.table, columns_of(messages), messages.mmsi)
+        for number in range(int(order.max(initial=-1)) + 1):
+            rows = np.flatnonzero(order == number)
+            memory = take_at_once(parts, self, memory, messages.take(rows))
+        return memory
+
+
+def _rounds(parts: Parts, rules: MessageSettings, table: Table, batch: PlotColumns, mmsi: Ints) -> Ints:
+    """The round in which each message is taken: later than those before it that share a track or an id with it. (M,)"""
+    pairs, count = near(parts, table, batch), len(mmsi)
+    _, name = np.unique(mmsi, return_inverse=True)
+    reach_m = parts.existence.max_speed_kn * KNOT_M_S * float(np.ptp(batch.time))
+    reach_m += math.sqrt(2.0 * rules.limit * float(batch.covariance.max()))
+    from scipy.spatial import cKDTree  # slow to import, and few runs use it
+
+    close = cKDTree(batch.position).query_pairs(reach_m, output_type="ndarray")  # one may begin a track that the other is of
+    first = np.concatenate([pairs.plot, np.arange(count), close[:, 0]])
+    second = np.concatenate([count + pairs.track, count + len(table.track_id) + name, close[:, 1]])
+    group = kernels.association.connected_components.components(first, second, count + len(table.track_id) + count)[:count]
+    order = np.argsort(group, kind="stable")  # the messages are in order of time
+    begin = np.flatnonzero(np.diff(group[order], prepend=-1))
+    place = np.arange(count) - np.repeat(begin, np.diff(np.append(begin, count)))
+    out = np.empty(count, np.int64)
+    out[order] = place
+    return out

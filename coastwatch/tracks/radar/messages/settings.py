@@ -1,0 +1,71 @@
+"""Settings of the ways in which radar tracks take AIS messages, and the messages of a region."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from coastwatch import kernels
+from coastwatch.batches import Measurements, Messages, Sensors, Tracks
+from coastwatch.geodesy import to_plane, turn, within_any
+from coastwatch.stage import Settings
+from coastwatch.tracks.radar.life.hits import Probability
+from coastwatch.tracks.radar.parts import Parts
+from coastwatch.tracks.radar.table import RadarMemory
+
+
+class MessageSettings(Settings):
+    """AIS messages as measurements of radar tracks."""
+
+    correct_id: Probability = 0.99  # probability that a message carries the id of its vessel
+    silent_share: Probability = 0.5  # of the vessels without a track, that send no messages
+    gate_sigmas: Annotated[float, Field(gt=0.0)] = 6.0  # a message farther from a track, by all of its models, is not of it
+    begin_existence: Probability = 0.05  # a message begins a track that exists with this probability or more
+    velocities: bool = True  # speed and course of messages are used; false: positions alone, as in the paper
+
+    @property
+    def limit(self) -> float:
+        """Squared Mahalanobis distance of the gate of messages.
+
+        It is wider than that of plots: no message is clutter, and one outside the gate would begin a second track of its vessel.
+        """
+        return self.gate_sigmas**2
+
+
+def messages_of(reports: Measurements, ais: Tracks, sensors: Sensors, region: int) -> Messages:
+    """The AIS reports of a cycle inside the range of a radar of a region, in its plane.
+
+    Args: reports: that went into these AIS tracks.
+    """
+    ours = sensors.radars.take(sensors.radars.region == region)
+    reports = reports.take(within_any(reports.position_deg, ours.site_deg, ours.range_m))
+    at = kernels.tables.match_ids.index_of(ais.track_id, reports.track_id)
+    origin_deg = sensors.region_origin_deg[region]
+    axes = turn(reports.position_deg, origin_deg)
+    back = np.swapaxes(axes, 1, 2)
+    return Messages(
+        time_s=reports.time_s,
+        position_m=to_plane(reports.position_deg, origin_deg),
+        covariance=axes @ reports.covariance[:, :2, :2] @ back,
+        mmsi=ais.mmsi[at],
+        origin=ais.origin[at],
+        velocity_m_s=(axes @ reports.velocity_m_s[:, :, None])[:, :, 0],
+        velocity_covariance=axes @ reports.covariance[:, 2:, 2:] @ back,
+    )
+
+
+def in_order(rules: MessageSettings, parts: Parts, messages: Messages, memory: RadarMemory) -> Messages:
+    """The messages sorted by time, without those so much older than a track that no gate would hold them. Particles take no velocities."""
+    newest_s = float(memory.table.updated_s[memory.table.live].max(initial=-np.inf))
+    order = np.lexsort((messages.position_m[:, 1], messages.position_m[:, 0], messages.mmsi, messages.time_s))
+    messages = messages.take(order[messages.time_s[order] >= newest_s - parts.upkeep.late_s])
+    return messages if rules.velocities and not parts.bank.particles else _positions_alone(messages)
+
+
+def _positions_alone(messages: Messages) -> Messages:
+    """These messages without their velocities."""
+    unknown = np.full((len(messages), 2), np.nan)
+    return replace(messages, velocity_m_s=unknown, velocity_covariance=np.tile(unknown[:, :, None], (1, 1, 2)))

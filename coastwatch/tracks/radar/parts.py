@@ -1,0 +1,133 @@
+"""What the parts of a tracker share while they process a cycle of a region: filters, upkeep, clutter and sensors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from coastwatch.batches import Floats, Ints, Sensors
+from coastwatch.kernels.tracks.columns import Candidates, Estimates, PlotColumns
+from coastwatch.kernels.tracks.joint_update import Hypotheses
+from coastwatch.tracks.radar.clutter import ClutterSettings
+from coastwatch.tracks.radar.life import ExistenceManagement, TrackManagement
+from coastwatch.tracks.radar.motion import Filters, Prior
+from coastwatch.tracks.radar.table import RadarMemory, Status, Table
+
+
+class FilterBank(Protocol):
+    """Filters of many tracks, one a track. Its functions write into the table that they are given."""
+
+    @property
+    def prior(self) -> Prior:
+        """The models of motion and their prior."""
+        ...
+
+    @property
+    def models(self) -> Any:
+        """The models of each filter. (J,) MODEL"""
+        ...
+
+    @property
+    def particles(self) -> int:
+        """Particles of each filter; 0: it has none."""
+        ...
+
+    def begin(self, table: Table, slots: Ints, plots: Ints, batch: PlotColumns) -> None:
+        """Begin the filters in these slots: they know one plot and no velocity. Args: plots: (N,) rows of the batch."""
+        ...
+
+    def predict(self, filters: Filters, estimates: Estimates, rows: Ints, time_s: float) -> Estimates:
+        """The combined estimates of these slots (N), predicted to a time by all models; one that is newer is not taken back."""
+        ...
+
+
+@runtime_checkable
+class SingleUpdates(Protocol):
+    """What a bank needs where a track takes one plot."""
+
+    def update(self, filters: Filters, estimates: Estimates, rows: Ints, plots: Ints, columns: PlotColumns) -> None:
+        """Predict each filter to the time of its plot and update it. A slot may come again: its plots are taken in this order.
+
+        A plot older than its filter is moved to the filter's time by the velocity; its covariance grows accordingly.
+        """
+        ...
+
+
+@runtime_checkable
+class JointUpdates(Protocol):
+    """What a bank needs where a track weighs all plots in its gate."""
+
+    def predict_to_plots(self, table: Table, pairs: Candidates, batch: PlotColumns) -> Hypotheses:
+        """Predict each track to the newest of its plots, in place. Returns: the pairs by track, with their likelihoods by model."""
+        ...
+
+    def likelihood(self, table: Table, pairs: Hypotheses) -> Floats:
+        """The likelihood of each plot, given its track. (A,)"""
+        ...
+
+    def update_by_shares(self, table: Table, pairs: Hypotheses, share: Floats, batch: PlotColumns, least: float) -> None:
+        """Update each track by all of its plots, in place.
+
+        Args: share: (A,) probability of each, given that the track exists; least: probability of a model afterwards.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Filters and settings of the tracker of a region, and its radars. The tracker has checked that they fit together."""
+
+    bank: FilterBank
+    upkeep: TrackManagement | ExistenceManagement
+    clutter: ClutterSettings
+    sensors: Sensors
+
+    @property
+    def single(self) -> SingleUpdates:
+        """The filters, where a track takes one plot."""
+        assert isinstance(self.bank, SingleUpdates)
+        return self.bank
+
+    @property
+    def joint(self) -> JointUpdates:
+        """The filters, where a track weighs all plots in its gate."""
+        assert isinstance(self.bank, JointUpdates)
+        return self.bank
+
+    @property
+    def hits(self) -> TrackManagement:
+        """The upkeep of tracks that live by hits."""
+        assert isinstance(self.upkeep, TrackManagement)
+        return self.upkeep
+
+    @property
+    def existence(self) -> ExistenceManagement:
+        """The upkeep of tracks that live by their probability of existence."""
+        assert isinstance(self.upkeep, ExistenceManagement)
+        return self.upkeep
+
+
+def begin_tracks(bank: FilterBank, memory: RadarMemory, plots: Ints, batch: PlotColumns) -> RadarMemory:
+    """This memory with a new track for each of these rows of a batch of plots or messages."""
+    table, slots = memory.table.with_slots(memory.next_id + np.arange(len(plots)))
+    bank.begin(table, slots, plots, batch)
+    table.status[slots] = Status.SINGLE
+    table.hits[slots] = 1
+    table.started_s[slots] = batch.time[plots]
+    table.radar_s[slots] = -np.inf
+    by_radar = batch.sensor[plots] >= 0
+    table.radar_s[slots[by_radar], batch.sensor[plots[by_radar]]] = batch.time[plots[by_radar]]
+    table.message_s[slots] = np.where(by_radar, -np.inf, batch.time[plots])
+    table.ids[slots], table.id_probability[slots] = -1, 0.0
+    table.began_m[slots] = batch.position[plots]
+    table.began_m2[slots] = np.trace(batch.covariance[plots], axis1=1, axis2=2)
+    table.moved[slots] = False
+    table.existence[slots] = table.visibility[slots] = 1.0
+    table.existence_s[slots] = batch.time[plots]
+    table.looked_s[slots] = batch.time[plots][:, None]
+    table.misses[slots] = 0
+    table.origins[slots] = -1
+    table.origins[slots, 0] = batch.origin[plots]
+    return replace(memory, table=table, next_id=memory.next_id + len(plots))

@@ -1,0 +1,120 @@
+"""Trackers by name: each is a choice of parts. A scenario may name one, and give settings of its parts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+Part = Mapping[str, Any]
+
+TAGS = {"association": "method", "motion": "kind", "messages": "method", "bank": "method"}
+"""The setting of each part that says which one it is."""
+
+DEFAULT: Mapping[str, str] = {
+    "association": "nearest_neighbour",
+    "motion": "manoeuvres",
+    "messages": "none",
+    "bank": "compiled",
+}
+
+Name = Literal[
+    "sided_imm",
+    "imm",
+    "filterpy_imm",
+    "vimmjipda",
+    "sided_vimmjipda",
+    "vimmjipda_literal",
+    "vimmjipda_sequential",
+    "vimmjipda_precise_batch",
+    "vimmjipda_noisy_batch",
+    "bp_particles",
+    "table",
+]
+
+_IMM: Part = {"kind": "imm"}
+_JIPDA: Part = {"method": "jipda"}
+_STRAIGHT: Part = {"kind": "straight", "noise_m2_s3": 0.49, "share": 1.0}
+
+PRESETS: Mapping[str, Mapping[str, Part]] = {
+    "sided_imm": {},
+    "imm": {"motion": _IMM},
+    "filterpy_imm": {"motion": _IMM, "bank": {"method": "filterpy"}},
+    "vimmjipda": {"association": _JIPDA, "motion": _IMM},
+    "sided_vimmjipda": {"association": _JIPDA},
+    "vimmjipda_literal": {
+        "association": {"method": "jipda_literal"},
+        "motion": _IMM,
+        "upkeep": {"confirm_existence": 0.999},
+    },
+    "vimmjipda_sequential": {"association": _JIPDA, "motion": _IMM, "messages": {"method": "sequential"}},
+    "vimmjipda_precise_batch": {"association": _JIPDA, "motion": _IMM, "messages": {"method": "precise_batch"}},
+    "vimmjipda_noisy_batch": {"association": _JIPDA, "motion": _IMM, "messages": {"method": "noisy_batch"}},
+    "bp_particles": {
+        "association": _JIPDA,
+        "motion": {"kind": "manoeuvres", "models": [_STRAIGHT]},
+        "upkeep": {"hides": False, "exact_up_to": 1},
+        "messages": {"method": "noisy_batch"},
+        "bank": {"method": "particles"},
+    },
+    "table": {},
+}
+"""The parts of each tracker that are not `DEFAULT`. Settings of a part hold where the scenario has no table for this part."""
+
+SHORT: Mapping[str, tuple[str, ...]] = {
+    **dict.fromkeys(("sided_imm", "imm", "filterpy_imm"), ("plot_origin",)),
+    **dict.fromkeys(("vimmjipda_sequential", "vimmjipda_precise_batch", "vimmjipda_noisy_batch"), ("message_velocities",)),
+    "bp_particles": ("particles", "seed"),
+}
+"""Settings of some presets that stand in `[tracks]` itself. A setting of a part, if it is given, holds before them."""
+
+ORIGINS = {"estimated": "nearest_neighbour", "known": "known_origin"}
+"""The association, by `plot_origin`."""
+
+
+def expanded(data: Mapping[str, Any], upkeep_of: Mapping[str, str]) -> dict[str, Any]:
+    """A table `[tracks]` with all parts of its method. Args: upkeep_of: the method of `upkeep` that each association needs.
+
+    Raises: ValueError: `plot_origin` has another value than it may have.
+    """
+    out: dict[str, Any] = dict(data)
+    name = out.setdefault("method", "table")
+    if not isinstance(name, str) or name not in PRESETS:
+        return {"method": name}  # it is refused, whatever its settings
+    preset = PRESETS[name]
+    for key in SHORT.get(name, ()):
+        if key in out:
+            part, settings = _in_part(key, out.pop(key))
+            if isinstance(out.get(part, {}), Mapping):
+                out[part] = {**settings, **out.get(part, {})}
+    for part, tag in TAGS.items():
+        named = {tag: DEFAULT[part], **preset.get(part, {})}
+        out[part] = _with_tag(out.get(part), tag, named)
+    association = out["association"]
+    of = association.get("method") if isinstance(association, Mapping) else association.method
+    if isinstance(of, str) and of in upkeep_of:
+        out["upkeep"] = _with_tag(out.get("upkeep"), "method", {"method": upkeep_of[of], **preset.get("upkeep", {})})
+    return out
+
+
+def settings_of(name: str, every: set[str]) -> set[str]:
+    """The settings that a preset is usually given: of another one they are left out if the method is overridden."""
+    if name == "table":
+        return every
+    messages = {"messages"} if "messages" in PRESETS[name] else set()
+    return {"method", "motion", "upkeep", "clutter", *messages, *SHORT.get(name, ())}
+
+
+def _with_tag(given: Any, tag: str, named: Part) -> Any:
+    """What a scenario gives for a part: as it is, or with the tag, or all that the preset names if nothing is given."""
+    if given is None:
+        return dict(named)
+    return {tag: named[tag], **given} if isinstance(given, Mapping) and tag not in given else given
+
+
+def _in_part(key: str, value: Any) -> tuple[str, Part]:
+    """The part and its setting that a short setting stands for."""
+    if key == "plot_origin":
+        if value not in ORIGINS:
+            raise ValueError(f"plot_origin: got {value!r}, needed {' or '.join(map(repr, ORIGINS))}")
+        return "association", {"method": ORIGINS[value]}
+    return ("messages", {"velocities": value}) if key == "message_velocities" else ("bank", {key: value})

@@ -1,0 +1,142 @@
+"""One cycle of the tracks of a region: plots and AIS messages update them; the confirmed ones are reported."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from coastwatch import kernels
+from coastwatch.batches import Bools, Floats, Ints, Measurements, Messages, Plots, Sensors, StandingEchoes, Tracks
+from coastwatch.geodesy import to_plane
+from coastwatch.kernels.tracks.columns import PlotColumns, RadarColumns
+from coastwatch.tracks.radar.association import Jipda, JipdaLiteral, KnownOrigin, NearestNeighbour
+from coastwatch.tracks.radar.messages import NoMessages, WithMessages, begin_unnamed, in_order
+from coastwatch.tracks.radar.parts import Parts
+from coastwatch.tracks.radar.plot_batches import cut, is_usable
+from coastwatch.tracks.radar.report import Reported, report, report_measurements
+from coastwatch.tracks.radar.standing import standing_echoes
+from coastwatch.tracks.radar.table import RadarMemory, Table
+
+HELD = 0.98  # an id of this probability is reported as that of the vessel; the first message gives `correct_id`, 0.99
+
+
+class RegionInput(NamedTuple):
+    """What a radar tracker is given in a cycle. It uses a field or leaves it."""
+
+    plots: Plots  # of this region, that arrived in this cycle, in any order
+    messages: Messages  # AIS, of this cycle, in the plane of the region
+    jumped: Bools  # (R,) radars whose corrections have jumped: their earlier plots lie elsewhere now
+    time_s: float  # end of the cycle
+    sensors: Sensors  # with the radars of the region
+    region: int  # its number
+
+    @classmethod
+    def of_plots(cls, plots: Plots, time_s: float, sensors: Sensors, region: int = 0) -> RegionInput:
+        """Plots alone."""
+        return cls(plots, Messages.empty(), np.zeros(len(sensors.radars), np.bool_), time_s, sensors, region)
+
+
+class RegionOutput(NamedTuple):
+    """What a radar tracker yields in a cycle."""
+
+    tracks: Tracks  # the confirmed ones, predicted to the end of the cycle, sorted by track_id, which is never reused
+    measurements: Measurements  # the plots of this cycle in them
+    standing_echoes: StandingEchoes  # none where no clutter map is learnt
+    dropped: int  # plots that are not finite, or from the future
+
+
+@dataclass
+class _MessagesInTurn:
+    """The messages of a cycle, taken as the time of the plots goes on."""
+
+    rules: WithMessages
+    messages: Messages  # sorted by time
+    done: int = 0
+
+    def take(self, parts: Parts, memory: RadarMemory, until_s: float) -> RadarMemory:
+        """The memory after the messages up to a time that were not taken before."""
+        end = int(np.searchsorted(self.messages.time_s, until_s, side="right"))
+        if end <= self.done:
+            return memory
+        part = self.messages.take(np.arange(self.done, end))
+        self.done = end
+        return self.rules.take(parts, memory, part, until_s)
+
+
+def update_region(
+    association: NearestNeighbour | KnownOrigin | Jipda | JipdaLiteral,
+    messages: NoMessages | WithMessages,
+    parts: Parts,
+    memory: RadarMemory,
+    given: RegionInput,
+) -> tuple[RadarMemory, RegionOutput]:
+    """The memory and the tracks after the plots and messages of a cycle. It consumes the memory."""
+    plots, heard, jumped, time_s, sensors, region = given
+    upkeep, bank, origin_deg = parts.upkeep, parts.bank, sensors.region_origin_deg[region]
+    memory = memory.without_radars(jumped).fitting(len(bank.models), len(sensors.radars))
+    queue = None if isinstance(messages, NoMessages) else _MessagesInTurn(messages, in_order(messages, parts, heard, memory))
+    memory = memory.with_clutter_map(parts.clutter, sensors.radars)
+    good = is_usable(plots, time_s, upkeep.ahead_s)
+    if not good.all():
+        plots = plots.take(good)
+    if upkeep.echo_sigma_m > 0.0:
+        plots = replace(plots, covariance=plots.covariance + upkeep.echo_sigma_m**2 * np.eye(2))
+    ours = np.flatnonzero(sensors.radars.region == region)
+    slice_s = min(upkeep.slice_s, 0.5 * float(sensors.radars.period_s[ours].min(initial=np.inf)))
+    batches = cut(plots, slice_s, association.by_radar)
+    specified = to_plane(sensors.radars.site_deg[ours], origin_deg)
+    taken = np.full(len(plots), -1)
+    for batch in batches:
+        _note_newest(memory, batch.columns, batches.plots.site_m[batch.first :])
+        if queue:
+            memory = queue.take(parts, memory, float(batch.columns.time[0]))
+        before = len(memory.table)
+        memory, slot = association.track_batch(parts, memory, batch.columns)
+        if queue:
+            begin_unnamed(queue.rules, memory.table, memory.table.live[before:])
+        got = np.flatnonzero(slot >= 0)
+        taken[batch.first + got] = memory.table.track_id[slot[got]]
+        if batch.ends_slice:
+            newest = float(batch.columns.time[-1])
+            radars = _radars(memory, ours, specified, sensors)
+            memory = upkeep.end_slice(memory, radars, ours, sensors.radars, newest)
+    if queue:
+        memory = queue.take(parts, memory, time_s)
+    radars = _radars(memory, ours, specified, sensors)
+    memory = upkeep.end_slice(memory, radars, ours, sensors.radars, time_s)
+    memory = association.end_cycle(parts, memory, time_s)
+    table = memory.table
+    rows = upkeep.shown(table, time_s)
+    now = bank.predict(table.filters, table.estimates, rows, time_s)
+    tracks = report(now, _reported(table, rows, upkeep.existence(table, rows, time_s)), radars, time_s, sensors, region)
+    standing = standing_echoes(parts.clutter, memory.clutter, sensors.radars, origin_deg)
+    measurements = report_measurements(tracks, taken, batches.plots, sensors, region)
+    return memory, RegionOutput(tracks, measurements, standing, int((~good).sum()))
+
+
+def _reported(table: Table, rows: Ints, existence: Floats) -> Reported:
+    """What is said of the tracks in these slots."""
+    return Reported(
+        number=table.track_id[rows],
+        updated_s=np.maximum(table.radar_s[rows].max(axis=1, initial=-np.inf), table.message_s[rows]),
+        started_s=table.started_s[rows],
+        origin=kernels.tracks.report.most_frequent_origins(table.origins, table.hits, rows),
+        held_mmsi=table.probable_ids(rows, HELD),
+        existence=existence,
+    )
+
+
+def _note_newest(memory: RadarMemory, batch: PlotColumns, site_m: Floats) -> None:
+    """Write the newest site and time of each radar of a batch into the memory. Args: site_m: (M,) or more, of each plot."""
+    newest = batch.time >= memory.newest_plot_s[batch.sensor]  # a late plot does not move the site back
+    memory.site_m[batch.sensor[newest]] = site_m[: len(batch.sensor)][newest]
+    np.maximum.at(memory.newest_plot_s, batch.sensor, batch.time)
+
+
+def _radars(memory: RadarMemory, ours: Ints, specified_m: Floats, sensors: Sensors) -> RadarColumns:
+    """The radars of the region, at the site of their newest plot, or before any plot at their specified site."""
+    site = memory.site_m[ours]
+    site = np.where(np.isfinite(site), site, specified_m)
+    return RadarColumns(site, sensors.radars.range_m[ours], sensors.radars.period_s[ours], memory.newest_plot_s[ours])

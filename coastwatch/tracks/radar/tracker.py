@@ -1,0 +1,84 @@
+"""The tracker of radar plots that keeps tracks in a table: composed of an association, a motion, messages, filters and an upkeep."""
+
+from __future__ import annotations
+
+from typing import Any, Self, get_args
+
+from pydantic import model_validator
+
+from coastwatch.batches import Measurements, Messages, Sensors, Tracks
+from coastwatch.stage import Method
+from coastwatch.tracks.radar.association import Association, NearestNeighbour
+from coastwatch.tracks.radar.bank import Bank, Compiled, Particles
+from coastwatch.tracks.radar.clutter import ClutterSettings
+from coastwatch.tracks.radar.life import TrackManagement, Upkeep
+from coastwatch.tracks.radar.messages import NoMessages, TakingOfMessages, messages_of
+from coastwatch.tracks.radar.motion import Manoeuvres, MotionModels
+from coastwatch.tracks.radar.parts import Parts
+from coastwatch.tracks.radar.presets import Name, expanded, settings_of
+from coastwatch.tracks.radar.region import RegionInput, RegionOutput, update_region
+from coastwatch.tracks.radar.table import RadarMemory
+
+UPKEEP_OF = {part.model_fields["method"].default: part.upkeep for part in get_args(get_args(Association)[0])}
+
+
+class TableTracker(Method):
+    """Tracks of the plots of a region, each in a slot of a table: an association, models of motion, messages and filters.
+
+    A `method` other than `table` is the name of a choice of parts: `sided_imm`, `imm`, `filterpy_imm`, `vimmjipda`, `sided_vimmjipda`,
+    `vimmjipda_literal`, `vimmjipda_sequential`, `vimmjipda_precise_batch`, `vimmjipda_noisy_batch`, `bp_particles`. A part that is given
+    replaces the one of this choice. Short settings: `plot_origin` ("known": the association `known_origin`) of the first three,
+    `message_velocities` (`messages.velocities`) of the methods with messages, `particles` and `seed` (of `bank`) of the last.
+
+    Source of IMM filters: H. A. P. Blom, Y. Bar-Shalom, The interacting multiple model algorithm for systems with Markovian switching
+    coefficients, IEEE Trans. AC 33(8), 1988.
+    """
+
+    method: Name = "table"
+    association: Association = NearestNeighbour()
+    motion: MotionModels = Manoeuvres()
+    messages: TakingOfMessages = NoMessages()
+    bank: Bank = Compiled()
+    upkeep: Upkeep = TrackManagement()
+    clutter: ClutterSettings = ClutterSettings()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _has_the_parts_of_its_method(cls, data: Any) -> Any:
+        return expanded(data, UPKEEP_OF) if isinstance(data, dict) else data
+
+    @model_validator(mode="after")
+    def _parts_fit_together(self) -> Self:
+        needed, association = self.association.upkeep, f"with association.method = {self.association.method!r}"
+        if self.upkeep.method != needed:
+            raise ValueError(f"upkeep.method: got {self.upkeep.method!r}, needed {needed!r} {association}")
+        if needed not in self.bank.upkeep:
+            raise ValueError(f"bank.method: got {self.bank.method!r}, needed 'compiled' {association}")
+        if needed != "existence" and not isinstance(self.messages, NoMessages):
+            raise ValueError(f"messages.method: got {self.messages.method!r}, needed 'none' {association}")
+        models = len(self.motion.table())
+        if isinstance(self.bank, Particles) and models != 1:
+            raise ValueError(f"motion.models: got {models}, needed 1 with bank.method = 'particles'")
+        return self
+
+    @classmethod
+    def settings_of(cls, method: str) -> set[str]:
+        """The settings that this method, one of the names, is usually given."""
+        return settings_of(method, set(cls.model_fields))
+
+    def messages_of(self, reports: Measurements, ais: Tracks, sensors: Sensors, region: int) -> Messages:
+        """The AIS messages of a cycle that a region is given. Args: reports: that went into these AIS tracks."""
+        return Messages.empty() if isinstance(self.messages, NoMessages) else messages_of(reports, ais, sensors, region)
+
+    def init(self) -> RadarMemory:
+        """No track."""
+        bank = self.bank.of(self.motion)
+        return RadarMemory.empty(len(bank.models), bank.particles)
+
+    def step(self, memory: RadarMemory, given: RegionInput) -> tuple[RadarMemory, RegionOutput]:
+        """The confirmed tracks of one region at the end of a cycle.
+
+        Raises: ValueError where the memory is of a scenario with other radars.
+        """
+        parts = Parts(self.bank.of(self.motion), self.upkeep, self.clutter, given.sensors)
+        return update_region(self.association, self.messages, parts, memory, given)
