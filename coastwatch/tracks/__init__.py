@@ -8,8 +8,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from coastwatch.tracks.ais import AisFilter
-from coastwatch.tracks.ais_dead_reckoning import AisDeadReckoning
+from coastwatch.tracks.ais.ais_filter import AisFilter
+from coastwatch.tracks.ais.dead_reckoning import AisDeadReckoning
 from coastwatch.tracks.alignment import ConstantVelocity
 from coastwatch.tracks.bearing import BearingWindow
 from coastwatch.tracks.radar.region import RegionInput, RegionOutput

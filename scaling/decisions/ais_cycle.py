@@ -18,7 +18,7 @@ import numpy as np
 
 from coastwatch.batches import AisReports, Radars, Sensors, Sonars, Stations
 from coastwatch.geodesy import KNOT_M_S, offset_deg
-from coastwatch.tracks.ais import AisFilter
+from coastwatch.tracks.ais.ais_filter import AisFilter
 from scaling.load.baseline import compare, table
 
 PERIOD_S, START_S = 3.0, 1.7e9

@@ -6,7 +6,7 @@ from ais_world import HOME, PERIOD_S, SENSORS, START_S, fleet, reports, run, sai
 
 from coastwatch.geodesy import KNOT_M_S, difference_m, offset_deg
 from coastwatch.tracks import AisDeadReckoning, AisFilter
-from coastwatch.tracks.ais import refused
+from coastwatch.tracks.ais.ais_filter import refused
 
 ROUNDING_M = 1e-6
 

@@ -8,7 +8,7 @@ from ais_world import HOME, PERIOD_S, SENSORS, START_S, reports, run, sail
 
 from coastwatch.batches import PositionAccuracy
 from coastwatch.geodesy import KNOT_M_S, difference_m, offset_deg
-from coastwatch.tracks.ais import AisFilter, refused
+from coastwatch.tracks.ais.ais_filter import AisFilter, refused
 
 FERRY = 235000001
 

@@ -11,7 +11,7 @@ from coastwatch.batches import AisReports
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks import AisDeadReckoning, AisFilter, AisTracker
-from coastwatch.tracks.ais import refused
+from coastwatch.tracks.ais.ais_filter import refused
 
 METHODS = [AisFilter(), AisDeadReckoning(), AisDeadReckoning(aligned=False)]
 every_method = pytest.mark.parametrize("method", METHODS, ids=["ais_filter", "dead_reckoning", "not aligned"])

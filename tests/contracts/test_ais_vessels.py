@@ -5,7 +5,7 @@ import pytest
 from ais_world import HOME, PERIOD_S, START_S, run, sail, same
 
 from coastwatch.geodesy import KNOT_M_S, difference_m, offset_deg
-from coastwatch.tracks.ais import AisFilter, refused
+from coastwatch.tracks.ais.ais_filter import AisFilter, refused
 
 
 def test_a_first_report_is_a_track_at_once():

@@ -11,7 +11,7 @@ from coastwatch.batches import AisAlarms, Flag, NavStatus
 from coastwatch.geodesy import offset_deg
 from coastwatch.picture import Identity
 from coastwatch.server.checkpoint import load, save
-from coastwatch.tracks.ais import AisFilter
+from coastwatch.tracks.ais.ais_filter import AisFilter
 
 MMSI = 235000001
 BESIDE_M = 2500.0

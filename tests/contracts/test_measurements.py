@@ -7,7 +7,7 @@ from coastwatch.batches import AisReports
 from coastwatch.geodesy import offset_deg, to_plane
 from coastwatch.kernels.filters.ais_tracker import TRACK, measure
 from coastwatch.tracks import AisFilter, RegionInput, TableTracker
-from coastwatch.tracks.out_of_sequence import records
+from coastwatch.tracks.ais.out_of_sequence import records
 from coastwatch.tracks.radar.life import ExistenceManagement, TrackManagement
 from tests.contracts.ais_world import HOME, PERIOD_S, SENSORS, START_S, reports, sail
 from tests.contracts.radar_world import cut, plots_of, two_radars, world

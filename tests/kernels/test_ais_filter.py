@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from coastwatch.batches import AisReports, Radars, Sensors, Sonars, Stations
 from coastwatch.geodesy import KNOT_M_S, difference_m, from_plane, to_plane
-from coastwatch.tracks.ais import AisFilter, Motion, refused
+from coastwatch.tracks.ais.ais_filter import AisFilter, Motion, refused
 
 SENSORS = Sensors(Radars.empty(), Stations.empty(), Sonars.empty(), (), np.zeros((0, 2)))
 HOME = np.array([-22.9, -43.1])

@@ -5,7 +5,7 @@ import numpy as np
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.kernels.filters.ais_tracker import REPORT, measured, nearest_tracks
 from coastwatch.tracks import AisFilter
-from coastwatch.tracks.out_of_sequence import SLOTS
+from coastwatch.tracks.ais.out_of_sequence import SLOTS
 
 NOW_S = 1e9
 ROUNDING = 1e-12  # of a covariance: cos c^2 against 1 - sin c^2

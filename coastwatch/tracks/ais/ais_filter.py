@@ -11,7 +11,7 @@ from coastwatch import kernels
 from coastwatch.batches import AisAlarms, AisReports, Bools, Floats, Ints, Measurements, Sensors, Tracks
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.stage import Method, Settings
-from coastwatch.tracks.out_of_sequence import (
+from coastwatch.tracks.ais.out_of_sequence import (
     KernelSettings,
     Memory,
     Rows,

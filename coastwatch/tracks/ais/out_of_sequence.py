@@ -18,7 +18,7 @@ from coastwatch import kernels
 from coastwatch.batches import AisReports, Bools, Floats, Ints
 from coastwatch.batches.ais_codes import LARGEST_MMSI
 from coastwatch.geodesy import KNOT_M_S
-from coastwatch.tracks.feed_clocks import FeedClocks
+from coastwatch.tracks.ais.feed_clocks import FeedClocks
 
 Rows = NDArray[np.void]  # structured: coastwatch.kernels.filters.ais_tracker.REPORT or TRACK
 NOT_COMPARED = ("jitter", "nn", "en", "ee", "feed", "status")  # of two reports: they order reports that are the same otherwise

@@ -10,8 +10,8 @@ from pydantic import Field, PositiveFloat
 from coastwatch.batches import AisAlarms, AisReports, Floats, Ints, Measurements, Sensors, Tracks
 from coastwatch.geodesy import offset_deg
 from coastwatch.stage import Method
-from coastwatch.tracks.ais import STEADY, AisFilter, measurements_of, report
-from coastwatch.tracks.out_of_sequence import Memory, Rows, initial_memory
+from coastwatch.tracks.ais.ais_filter import STEADY, AisFilter, measurements_of, report
+from coastwatch.tracks.ais.out_of_sequence import Memory, Rows, initial_memory
 
 
 class AisDeadReckoning(Method):
