@@ -4,14 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, Never, Protocol, TypeVar, cast
+from typing import Annotated, Any, Generic, Never, Protocol, TypeVar, cast
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from coastwatch import kernels
 from coastwatch.batches import Array, Ints, Struct
 from coastwatch.batches.struct import column
+
+Positive = Annotated[float, Field(gt=0.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
+Probability = Annotated[float, Field(gt=0.0, lt=1.0)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+PositiveShare = Annotated[float, Field(gt=0.0, le=1.0)]
+Count = Annotated[int, Field(ge=1)]
+CountOrZero = Annotated[int, Field(ge=0)]
+Latitude = Annotated[float, Field(gt=-85.0, lt=85.0)]  # degrees
+Longitude = Annotated[float, Field(ge=-180.0, le=180.0)]  # degrees
 
 
 class Settings(BaseModel):

@@ -18,7 +18,7 @@ from pydantic import Field, model_validator
 from coastwatch.batches import Bools, Floats, Ints
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, earth_centred, wrap_deg
 from coastwatch.spelling import ONE_LINE
-from coastwatch.stage import Settings
+from coastwatch.stage import Positive, Settings
 
 EARTH_M = 6371008.8
 """Mean radius (IUGG 1980)."""
@@ -53,7 +53,7 @@ class Zone(Settings):
     radius_nm: Annotated[float, Field(gt=0.0, le=500.0)] | None = None
     enter: bool = False  # alarm when a vessel enters; it lasts while the vessel is inside
     leave: bool = False  # alarm when a vessel leaves
-    dwell_s: Annotated[float, Field(gt=0.0)] | None = None  # alarm for a vessel that stays longer; none: no limit
+    dwell_s: Positive | None = None  # alarm for a vessel that stays longer; none: no limit
     min_speed_kn: Limit | None = None  # alarm for a slower vessel; none: no limit
     max_speed_kn: Limit | None = None  # alarm for a faster one; none: no limit
     crossing: Literal["none", "both", "to_left", "to_right"] = "none"  # alarm for vessels that cross the line

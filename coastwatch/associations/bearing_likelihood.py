@@ -34,10 +34,7 @@ from coastwatch.geodesy import KNOT_M_S
 from coastwatch.kernels.association.history import History
 from coastwatch.kernels.bearings.signatures import check_confusion, even_confusion
 from coastwatch.kernels.threads import in_blocks
-from coastwatch.stage import Arrays, Groups, Method
-
-Positive = Annotated[float, Field(gt=0.0)]
-Share = Annotated[float, Field(gt=0.0, lt=1.0)]
+from coastwatch.stage import Arrays, Count, Groups, Method, NotNegative, Positive, Probability, Share
 
 SOON = 1.2  # ranges of a sensor: positions of nearer vessels are kept, for they may soon be heard
 RANGE_SHARES = np.array([1.0, 0.5, 0.25, 0.1])
@@ -141,27 +138,25 @@ class BearingLikelihood(Method):
     threshold: float = 0.0  # the log odds of a pair must exceed it: positive speaks for one vessel
     window_s: Positive = 300.0  # older bearings and positions are not used
     spacing_s: Positive = 1.0  # least time between two stored positions of a vessel
-    detection_probability: Share = 0.95  # probability that a sensor has a track of a vessel inside its coverage
-    unknown: Share = 0.05  # least share of a sensor's tracks that are of vessels not in the picture
+    detection_probability: Probability = 0.95  # probability that a sensor has a track of a vessel inside its coverage
+    unknown: Probability = 0.05  # least share of a sensor's tracks that are of vessels not in the picture
     unknown_speed_kn: Positive = 7.0  # standard deviation per axis, of such a vessel
     unknown_manoeuvre_m_s2: Positive = 0.1  # its manoeuvres: change of velocity in a second, standard deviation per axis
-    position_floor_m: Annotated[float, Field(ge=0.0)] = 3.0  # position error beside the covariance (hull, antenna), per axis
+    position_floor_m: NotNegative = 3.0  # position error beside the covariance (hull, antenna), per axis
     position_unknown_m: Positive = 15.0  # standard deviation per axis where a vessel has no covariance
     position_memory_s: Positive = 20.0  # correlation time of position errors
-    settle_s: Annotated[float, Field(ge=0.0)] = (
-        20.0  # a vessel known for less, and worse than the next setting, is not compared
-    )
+    settle_s: NotNegative = 20.0  # a vessel known for less, and worse than the next setting, is not compared
     settled_m: Positive = 15.0  # standard deviation per axis: new tracks err by more than their covariance
-    bias_sigma_deg: Annotated[float, Field(ge=0.0)] = 0.5  # of an uncalibrated sensor; 0: sensors have none
-    bias_floor_deg: Annotated[float, Field(ge=0.0)] = 0.03  # least standard deviation of an estimated bias
-    bias_gain: Annotated[float, Field(ge=0.0, le=1.0)] = (
-        0.2  # share of the median residual taken over in a cycle; 0: no calibration
-    )
-    bias_pairs: Annotated[int, Field(ge=1)] = 5  # with fewer pairs the bias is not updated
-    signature_accuracy: Share = 0.7  # assumed share of right classes; wrong ones are equally likely
-    signature_confusion: tuple[tuple[Share, ...], ...] = ()  # instead: for each true class, the share of each reported class
+    bias_sigma_deg: NotNegative = 0.5  # of an uncalibrated sensor; 0: sensors have none
+    bias_floor_deg: NotNegative = 0.03  # least standard deviation of an estimated bias
+    bias_gain: Share = 0.2  # share of the median residual taken over in a cycle; 0: no calibration
+    bias_pairs: Count = 5  # with fewer pairs the bias is not updated
+    signature_accuracy: Probability = 0.7  # assumed share of right classes; wrong ones are equally likely
+    signature_confusion: tuple[
+        tuple[Probability, ...], ...
+    ] = ()  # instead: for each true class, the share of each reported class
     signature_habit: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.8  # share of looks that only repeat the sensor's usual answer
-    type_doubt: Share = 0.05  # probability that a ship is not of the class in its AIS
+    type_doubt: Probability = 0.05  # probability that a ship is not of the class in its AIS
     rejection_log_odds: Annotated[float, Field(lt=0.0)] = -25.0  # log odds below which a pair is not computed further
 
     @model_validator(mode="after")

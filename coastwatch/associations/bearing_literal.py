@@ -14,7 +14,7 @@ from coastwatch.associations.inputs import BearingAssociationInput
 from coastwatch.batches import Array, BearingAssociations, BearingTracks, Floats, Ints
 from coastwatch.geodesy import axes, earth_centred, wrap_rad
 from coastwatch.kernels.association.history import History
-from coastwatch.stage import Arrays, Groups, Method, by_group
+from coastwatch.stage import Arrays, Groups, Method, Probability, by_group
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,9 +35,7 @@ class BearingWindowedCovariance(Method):
 
     method: Literal["bearing_windowed_covariance"] = "bearing_windowed_covariance"
     window: Annotated[int, Field(ge=3, le=200)] = 5  # p, cycles
-    confidence: Annotated[float, Field(gt=0.0, lt=1.0)] = (
-        0.95  # that a true pair passes, if its errors were as the test assumes
-    )
+    confidence: Probability = 0.95  # that a true pair passes, if its errors were as the test assumes
     one_to_one: bool = False
 
     def init(self) -> LiteralBearingMemory:

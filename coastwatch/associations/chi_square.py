@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.associations.counting import STATES, Metres, Share
+from coastwatch.associations.counting import STATES, Metres
 from coastwatch.associations.inputs import AssociationInput
 from coastwatch.associations.pair_hits import Check, chosen, find_hits
 from coastwatch.associations.pairing import PassedPairs
@@ -16,7 +16,7 @@ from coastwatch.batches import Associations, Floats, Tracks
 from coastwatch.geodesy import difference_m
 from coastwatch.kernels.filters.gaussian import gate, squared_distance
 from coastwatch.kernels.fusion.cross_covariance import CrossCovariances, positive
-from coastwatch.stage import Method
+from coastwatch.stage import Method, Positive, Probability
 
 KEPT = 4.0  # a refused pair keeps its cross-covariance up to so many times the limit: a difference stays large for some scans
 
@@ -36,10 +36,10 @@ class SingleScanTest(Method):
     """
 
     method: Literal["single_scan_test"] = "single_scan_test"
-    significance: Share = 0.01  # alpha: share of right pairs that the test refuses, if T is right
+    significance: Probability = 0.01  # alpha: share of right pairs that the test refuses, if T is right
     dependence: Literal["independent", "recursive", "geometric_mean"] = "independent"
     correlation: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.4  # of `geometric_mean`
-    noise_m2_s3: Annotated[float, Field(gt=0.0)] = 0.09  # density of the white acceleration of vessels, of `recursive`
+    noise_m2_s3: Positive = 0.09  # density of the white acceleration of vessels, of `recursive`
     gate_m: Metres = 1000.0  # pairs farther apart are not tested
 
     def init(self) -> CrossCovariances:

@@ -10,11 +10,10 @@ from coastwatch.associations.inputs import AssociationInput
 from coastwatch.associations.pair_hits import MOST, Check, PairCounts, chosen, find_hits, united
 from coastwatch.batches import Associations
 from coastwatch.kernels.filters.gaussian import gate
-from coastwatch.stage import Method
+from coastwatch.stage import Method, Probability
 
 Metres = Annotated[float, Field(gt=0.0, le=10_000.0)]
 Cycles = Annotated[int, Field(ge=1, lt=MOST)]
-Share = Annotated[float, Field(gt=0.0, lt=1.0)]
 STATES = 4  # dimensions of the difference: position and velocity
 
 
@@ -96,7 +95,7 @@ class CountedTest(Method):
     """
 
     method: Literal["counted_test"] = "counted_test"
-    significance: Share = 0.001  # alpha: share of right pairs that a single test refuses, if errors are independent
+    significance: Probability = 0.001  # alpha: share of right pairs that a single test refuses, if errors are independent
     hits: Cycles = 4  # cycles in a row
     misses: Cycles = 1  # cycles in a row
     gate_m: Metres = 1000.0  # pairs farther apart are not tested
@@ -118,7 +117,7 @@ class TestThenCounting(Method):
     """
 
     method: Literal["test_then_counting"] = "test_then_counting"
-    significance: Share = 0.9  # alpha of the test that begins: near 1 the states must nearly agree
+    significance: Probability = 0.9  # alpha of the test that begins: near 1 the states must nearly agree
     threshold_m: Metres = 30.0
     hits: Cycles = 6  # cycles in a row
     misses: Cycles = 5  # cycles in a row

@@ -18,7 +18,7 @@ from coastwatch.kernels.association.pair_features import ENTRY, TRACK
 from coastwatch.kernels.association.pair_score import Rule
 from coastwatch.kernels.association.prune_pairs import BOUND
 from coastwatch.kernels.threads import in_blocks
-from coastwatch.stage import Arrays, Groups, Method
+from coastwatch.stage import Arrays, Groups, Method, NotNegative, Positive, PositiveShare, Probability, Share
 
 LEAST_GAIN = 1e-3  # of an accepted pair in the assignment, so that a pair without a rival is taken
 
@@ -54,18 +54,18 @@ class WindowedCovariance(Method):
 
     method: Literal["windowed_covariance"] = "windowed_covariance"
     window: Annotated[int, Field(ge=1, le=200)] = 20  # cycles
-    gate_m: Annotated[float, Field(gt=0.0)] = 1000.0
-    prior: Annotated[float, Field(ge=0.0)] = 10.0  # weight of the tracks' own covariance, in entries of the window
-    floor: Annotated[float, Field(gt=0.0, le=1.0)] = 0.5  # least factor on the covariance of a difference
+    gate_m: Positive = 1000.0
+    prior: NotNegative = 10.0  # weight of the tracks' own covariance, in entries of the window
+    floor: PositiveShare = 0.5  # least factor on the covariance of a difference
     cap: Annotated[float, Field(ge=1.0)] = 2.0  # largest factor on the covariance of a difference
-    forgetting: Annotated[float, Field(ge=0.0, le=1.0)] = 0.9  # factor on the former sum in each cycle
-    rival_forgetting: Annotated[float, Field(ge=0.0, le=1.0)] = 0.5  # the same, of the sums that decide among accepted pairs
-    registration: Annotated[float, Field(ge=0.0)] = 0.5  # share of a plot's covariance that is added
-    step_limit: Annotated[float, Field(gt=0.0)] = 20.0  # largest log-likelihood ratio of a cycle, of either sign
-    misled_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.01  # of tracks whose velocity is wrong, by plots of other vessels
+    forgetting: Share = 0.9  # factor on the former sum in each cycle
+    rival_forgetting: Share = 0.5  # the same, of the sums that decide among accepted pairs
+    registration: NotNegative = 0.5  # share of a plot's covariance that is added
+    step_limit: Positive = 20.0  # largest log-likelihood ratio of a cycle, of either sign
+    misled_share: Probability = 0.01  # of tracks whose velocity is wrong, by plots of other vessels
     threshold: float = 0.0  # the statistic of a pair, a log-likelihood ratio, must exceed it: positive speaks for one vessel
-    unrelated_speed_m_s: Annotated[float, Field(gt=0.0)] = 4.0
-    unknown_velocity_sigma_m_s: Annotated[float, Field(gt=0.0)] = 0.5  # of a source that gives no covariance
+    unrelated_speed_m_s: Positive = 4.0
+    unknown_velocity_sigma_m_s: Positive = 0.5  # of a source that gives no covariance
 
     def init(self) -> WindowMemory:
         return WindowMemory(History.empty(self.window, ENTRY))

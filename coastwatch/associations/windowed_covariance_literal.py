@@ -14,7 +14,7 @@ from coastwatch.associations.pairing import associations_of, gate_arrays, gated,
 from coastwatch.batches import Array, Associations, Ints, Tracks
 from coastwatch.kernels.association.history import History
 from coastwatch.kernels.association.pair_features import ENTRY
-from coastwatch.stage import Arrays, Groups, Method
+from coastwatch.stage import Arrays, Groups, Method, Positive, Probability
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,12 +41,10 @@ class WindowedCovarianceLiteral(Method):
 
     method: Literal["windowed_covariance_literal"] = "windowed_covariance_literal"
     window: Annotated[int, Field(ge=5, le=200)] = 10  # p, cycles
-    confidence: Annotated[float, Field(gt=0.0, lt=1.0)] = (
-        0.95  # that a true pair passes, if its errors were as the test assumes
-    )
+    confidence: Probability = 0.95  # that a true pair passes, if its errors were as the test assumes
     threshold: Literal["chi_square", "hotelling"] = "chi_square"
     one_to_one: bool = False
-    gate_m: Annotated[float, Field(gt=0.0)] = 1000.0
+    gate_m: Positive = 1000.0
 
     def init(self) -> LiteralMemory:
         return LiteralMemory(History.empty(self.window, ENTRY))

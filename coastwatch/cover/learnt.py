@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Annotated, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field
 
 from coastwatch import kernels
 from coastwatch.batches import (
@@ -28,9 +27,7 @@ from coastwatch.batches import (
 )
 from coastwatch.geodesy import difference_m, from_plane
 from coastwatch.kernels.tables.lookup import find
-from coastwatch.stage import Method
-
-Positive = Annotated[float, Field(gt=0.0)]
+from coastwatch.stage import Count, Method, NotNegative, Positive, Probability
 
 CELLS = COVER_AZIMUTHS * COVER_RANGES
 PAUSE_TURNS = 3.0  # a radar that was silent for longer has not turned
@@ -122,10 +119,10 @@ class LearntCover(Method):
     memory_s: Positive = 7200.0  # time constant with which counts are forgotten while the radar turns
     visit_looks: Positive = 12.0  # turns that one visit of a vessel to a cell counts, at most
     prior_visits: Positive = 2.0  # that the share of the radar is worth in a cell
-    prior_probability: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.9  # of detection, before anything is known of a radar
-    settle_s: Annotated[float, Field(ge=0.0)] = 60.0  # AIS tracks heard for less are not counted: association takes time
-    most_tracks: Annotated[int, Field(ge=1)] = 512  # of AIS, and of plots, that are counted in a cycle: a fixed draw
-    most_plots: Annotated[int, Field(ge=1)] = 4096  # of a cycle; with more, false plots are counted in one of 2, 4, ... cycles
+    prior_probability: Probability = 0.9  # of detection, before anything is known of a radar
+    settle_s: NotNegative = 60.0  # AIS tracks heard for less are not counted: association takes time
+    most_tracks: Count = 512  # of AIS, and of plots, that are counted in a cycle: a fixed draw
+    most_plots: Count = 4096  # of a cycle; with more, false plots are counted in one of 2, 4, ... cycles
 
     def init(self) -> CoverMemory:
         return CoverMemory(Visits.empty(), CellCounts.none(0), 0)

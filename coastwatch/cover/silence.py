@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field
 
 from coastwatch import kernels
 from coastwatch.batches import Bools, Floats, Ints, Reports, Sensors, Tracks
 from coastwatch.batches.hearing import Hearing, SensorHearing
 from coastwatch.batches.struct import Batch, column
-from coastwatch.stage import Method
-
-Positive = Annotated[float, Field(gt=0.0)]
+from coastwatch.stage import Method, NotNegative, Positive
 
 LEARNT_OVER = 20.0  # pauses whose mean is the usual one
 LEAST_PAUSES = 4.0  # without so many of them nothing is known of a sensor
@@ -69,7 +66,7 @@ class UsualPauses(Method):
     radar_least_s: Positive = 15.0  # without a plot, before a radar is silent
     source_pauses: Positive = 5.0  # usual pauses without a track, after which a track source is silent
     source_least_s: Positive = 30.0  # without a track, before a track source is silent
-    least_amount: Annotated[float, Field(ge=0.0)] = (
+    least_amount: NotNegative = (
         3.0  # vessels on AIS, or plots or tracks of a cycle; of a sensor that had fewer silence proves nothing
     )
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field
 
 from coastwatch import kernels
 from coastwatch.batches import (
@@ -28,10 +27,8 @@ from coastwatch.fused_tracks.inputs import FusionInput
 from coastwatch.fused_tracks.vessel_tracks import Estimates, VesselTracks
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.kernels.threads import in_blocks
-from coastwatch.stage import Method
+from coastwatch.stage import Method, NotNegative, Positive, PositiveShare
 
-Positive = Annotated[float, Field(gt=0.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
 Four = tuple[Positive, Positive, Positive, Positive]
 
 MODELS = 4  # steady, changing speed, agile: constant velocity; turning: coordinated turn
@@ -101,7 +98,7 @@ class CentralImm(Method):
     range_registration: NotNegative = 0.5  # share of a plot's variance along the beam that is added where AIS is in the vessel
     azimuth_registration: NotNegative = 1.5  # share of the variance across the beam, the same
     unknown_velocity_sigma_m_s: Positive = 0.5  # of tracks that come without covariance
-    bearing_probability: Annotated[float, Field(gt=0.0, le=1.0)] = 0.99  # least, of bearings that are used; 1: none
+    bearing_probability: PositiveShare = 0.99  # least, of bearings that are used; 1: none
     bearing_gate_sigmas: Positive = 4.0  # bearings farther from the filter are not used
     bearing_floor_m: NotNegative = 5.0  # standard deviation across the line of sight beside that of the bearing: the hull
     bearing_registration: NotNegative = 20.0  # times the variance of the sensor's bias is added: all bearings share it

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
-
-from pydantic import Field
+from typing import Literal
 
 from coastwatch import kernels
 from coastwatch.batches import FusedTracks
 from coastwatch.fused_tracks.inputs import FusionInput
 from coastwatch.fused_tracks.vessel_tracks import Estimates, TrackArrays, VesselTracks
 from coastwatch.kernels.threads import in_blocks
-from coastwatch.stage import Method, NoMemory
+from coastwatch.stage import Method, NoMemory, NotNegative, Positive
 
 
 class Convex(Method):
@@ -24,8 +22,8 @@ class Convex(Method):
     """
 
     method: Literal["convex"] = "convex"
-    registration: Annotated[float, Field(ge=0.0)] = 0.0  # share of a radar report's covariance that is added
-    unknown_velocity_sigma_m_s: Annotated[float, Field(gt=0.0)] = 0.5
+    registration: NotNegative = 0.0  # share of a radar report's covariance that is added
+    unknown_velocity_sigma_m_s: Positive = 0.5
 
     def init(self) -> NoMemory:
         return NoMemory()

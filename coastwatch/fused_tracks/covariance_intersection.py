@@ -11,7 +11,7 @@ from coastwatch.batches import FusedTracks, Tracks
 from coastwatch.fused_tracks.inputs import FusionInput
 from coastwatch.fused_tracks.vessel_tracks import Estimates, TrackArrays, VesselTracks
 from coastwatch.kernels.threads import in_blocks
-from coastwatch.stage import Method, NoMemory
+from coastwatch.stage import Method, NoMemory, Positive
 
 
 class CovarianceIntersection(Method):
@@ -21,7 +21,7 @@ class CovarianceIntersection(Method):
     """
 
     method: Literal["covariance_intersection"] = "covariance_intersection"
-    unknown_velocity_sigma_m_s: Annotated[float, Field(gt=0.0)] = 0.5
+    unknown_velocity_sigma_m_s: Positive = 0.5
     steps: Annotated[int, Field(ge=4, le=60)] = 16  # steps of the golden-section search of the weight
 
     def init(self) -> NoMemory:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
 from coastwatch import kernels
 from coastwatch.batches import Bools, Floats, FusedTracks, Ints, Tracks
@@ -13,7 +12,7 @@ from coastwatch.fused_tracks.inputs import FusionInput
 from coastwatch.fused_tracks.vessel_tracks import Estimates, VesselTracks
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.kernels.fusion.cross_covariance import CrossCovariances
-from coastwatch.stage import Method
+from coastwatch.stage import Method, Positive
 
 
 class Dependent(Method):
@@ -28,8 +27,8 @@ class Dependent(Method):
     """
 
     method: Literal["dependent"] = "dependent"
-    noise_m2_s3: Annotated[float, Field(gt=0.0)] = 0.09  # density of the white acceleration of vessels
-    unknown_velocity_sigma_m_s: Annotated[float, Field(gt=0.0)] = 0.5  # of a source that gives no covariance
+    noise_m2_s3: Positive = 0.09  # density of the white acceleration of vessels
+    unknown_velocity_sigma_m_s: Positive = 0.5  # of a source that gives no covariance
 
     def init(self) -> CrossCovariances:
         return CrossCovariances.empty()

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
-from pydantic import Field
 
 from coastwatch import kernels
 from coastwatch.batches import Floats, FusedTracks, Ints, Struct, Tracks, column
 from coastwatch.fused_tracks.inputs import FusionInput
 from coastwatch.fused_tracks.vessel_tracks import Estimates, VesselTracks
 from coastwatch.geodesy import difference_m, offset_deg
-from coastwatch.stage import Method
+from coastwatch.stage import Method, Positive
 
 MODELS = 3  # constant velocity with low and with high noise, coordinated turn
 
@@ -43,14 +42,14 @@ class ImmOfTracks(Method):
     """
 
     method: Literal["imm_of_tracks"] = "imm_of_tracks"
-    inflation: Annotated[float, Field(gt=0.0)] = 4.0
+    inflation: Positive = 4.0
     """Factor on the covariance (a variance, no unit) of each track: above 1 it trusts tracks less, e.g. 4 doubles their standard
     deviations."""
     noise_m2_s3: tuple[float, float, float] = (0.01, 0.1, 0.02)  # density of white acceleration of the three models
-    turn_noise_rad2_s3: Annotated[float, Field(gt=0.0)] = 2.5e-7  # density of the drift of the turn rate
-    turn_sigma_rad_s: Annotated[float, Field(gt=0.0)] = 0.02
+    turn_noise_rad2_s3: Positive = 2.5e-7  # density of the drift of the turn rate
+    turn_sigma_rad_s: Positive = 0.02
     sojourn_s: tuple[float, float, float] = (60.0, 15.0, 60.0)  # mean time in each of the three models
-    unknown_velocity_sigma_m_s: Annotated[float, Field(gt=0.0)] = 0.5
+    unknown_velocity_sigma_m_s: Positive = 0.5
 
     def init(self) -> TrackFilters:
         none = np.zeros(0, np.int64)

@@ -13,9 +13,7 @@ from coastwatch.fused_tracks.imm_of_tracks import ImmOfTracks, TrackFilters
 from coastwatch.fused_tracks.inputs import FusionInput
 from coastwatch.geodesy import difference_m
 from coastwatch.kernels.tables.lookup import find
-from coastwatch.stage import Method
-
-Share = Annotated[float, Field(gt=0.0, le=1.0)]
+from coastwatch.stage import Method, Positive, PositiveShare
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,9 +89,9 @@ class ImmOfTracksLiteral(Method):
         10  # p, cycles; a line takes two degrees of freedom, and fewer than 4 are singular
     )
     scatter: Literal["about_line", "values"] = "about_line"  # sample covariance of residuals about a line, or of the states
-    measurement_share: Share = 0.5  # factor of the sample covariance
-    process_share: Share = 0.5  # factor of the process noise of plot fusion
-    unknown_velocity_sigma_m_s: Annotated[float, Field(gt=0.0)] = 0.5  # of a source that gives no covariance, before p cycles
+    measurement_share: PositiveShare = 0.5  # factor of the sample covariance
+    process_share: PositiveShare = 0.5  # factor of the process noise of plot fusion
+    unknown_velocity_sigma_m_s: Positive = 0.5  # of a source that gives no covariance, before p cycles
 
     def init(self) -> LiteralFilters:
         return LiteralFilters(Window.empty(self.window), self._filter().init())

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
 from coastwatch import kernels
 from coastwatch.batches import Bools, Floats, FusedTracks, Ints, Measurements, SourceKind, Struct, Tracks, column
@@ -14,7 +13,7 @@ from coastwatch.fused_tracks.convex import Convex
 from coastwatch.fused_tracks.inputs import FusionInput
 from coastwatch.fused_tracks.vessel_tracks import VesselTracks
 from coastwatch.geodesy import difference_m, offset_deg
-from coastwatch.stage import Method, NoMemory
+from coastwatch.stage import Method, NoMemory, Positive
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +45,8 @@ class PartialFeedback(Method):
     """
 
     method: Literal["partial_feedback"] = "partial_feedback"
-    noise_m2_s3: Annotated[float, Field(gt=0.0)] = 0.09  # density of the white acceleration of vessels
-    unknown_velocity_sigma_m_s: Annotated[float, Field(gt=0.0)] = 0.5  # of a source that gives no covariance
+    noise_m2_s3: Positive = 0.09  # density of the white acceleration of vessels
+    unknown_velocity_sigma_m_s: Positive = 0.5  # of a source that gives no covariance
 
     def init(self) -> FeedbackFilters:
         none, matrices = np.zeros(0, np.int64), np.zeros((0, 4, 4))

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from coastwatch import kernels
 from coastwatch.batches import Floats, FusedTracks, Ints, SourceKind, Tracks
 from coastwatch.fused_tracks.inputs import FusionInput
 from coastwatch.fused_tracks.vessel_tracks import Estimates, TrackArrays, VesselTracks
 from coastwatch.kernels.threads import in_blocks
-from coastwatch.stage import Method, NoMemory
+from coastwatch.stage import Method, NoMemory, NotNegative, Positive
 
 
 class WeightedAverage(Method):
@@ -28,9 +28,9 @@ class WeightedAverage(Method):
 
     method: Literal["weighted_average"] = "weighted_average"
     weights: Literal["calibrated", "fixed"] = "calibrated"
-    radar_weight: Annotated[float, Field(ge=0.0)] = 0.2
-    ais_weight: Annotated[float, Field(ge=0.0)] = 0.8
-    unknown_velocity_sigma_m_s: Annotated[float, Field(gt=0.0)] = 0.5
+    radar_weight: NotNegative = 0.2
+    ais_weight: NotNegative = 0.8
+    unknown_velocity_sigma_m_s: Positive = 0.5
 
     @model_validator(mode="after")
     def _some_weight(self) -> WeightedAverage:

@@ -42,10 +42,7 @@ from coastwatch.registration.polar import (
 from coastwatch.registration.references import References, draw_references, id_hash
 from coastwatch.registration.residuals import GATE_M, GATE_SIGMAS, EchoShares, forgotten, plot_equations
 from coastwatch.registration.voters import AROUND, AT_REST_M_S, Grid, Seen, Voters, look, squares
-from coastwatch.stage import Method
-
-Positive = Annotated[float, Field(gt=0.0)]
-Count = Annotated[int, Field(ge=1)]
+from coastwatch.stage import Count, Method, NotNegative, Positive, Probability
 
 JUMP_SIGMAS = 2.0  # of a plot: a correction that changes by more leaves tracks in the wrong place
 CANDIDATE_SIGMAS = 0.5  # of the azimuth noise: by which the vote may be off
@@ -97,7 +94,7 @@ class OnlineRegistration(Method):
     bin_deg: Positive = 0.75  # width in azimuth of the bins in which differences are counted
     decision_s: Positive = 15.0  # between two decisions on a radar
     vote_memory_s: Positive = 1800.0  # time constant of the evidence until a bias is found; then 30 to 120 s, for steps
-    false_alarm: Annotated[float, Field(gt=0.0, lt=1.0)] = 1e-5  # of one decision: a bias needs odds of 1 / this
+    false_alarm: Probability = 1e-5  # of one decision: a bias needs odds of 1 / this
     least_vessels: Count = 4  # vessels in cover of a radar; fewer begin no registration
     least_voices: Count = 3  # vessels under way, or squares with vessels at rest, that speak for a bias
     memory_s: Positive = 300.0  # time constant of the least squares; a drift is followed with this delay
@@ -109,7 +106,7 @@ class OnlineRegistration(Method):
     lag_known_s: Positive = 0.25  # a lag is applied when its standard deviation is under this
     settled_share: Positive = 0.25  # settled: the azimuth bias is known to this share of the radar's azimuth noise
     use_bearings: bool = True  # of cameras and sonars, to estimate the lag
-    drift_deg_h: Annotated[float, Field(ge=0.0)] = 0.5  # growth of the azimuth uncertainty while nothing is compared
+    drift_deg_h: NotNegative = 0.5  # growth of the azimuth uncertainty while nothing is compared
 
     def init(self) -> OnlineMemory:
         none = np.zeros((0, 3))

@@ -6,7 +6,7 @@ import itertools
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -17,7 +17,7 @@ from coastwatch.reproduction.two_filters import TwoFilters
 from coastwatch.scenario.refusing import refusals
 from coastwatch.shipped import scenarios_folder
 from coastwatch.spelling import did_you_mean
-from coastwatch.stage import Settings
+from coastwatch.stage import Count, Settings
 
 Value = float | int | str
 Point = tuple[tuple[str, Value], ...]
@@ -45,7 +45,7 @@ class Variant(Settings):
     title: str
     settings: tuple[str, ...] = ()  # KEY=VALUE
     sweep: dict[str, tuple[Value, ...]] = Field(default_factory=dict)  # key to values, beyond those of the folder
-    most_runs: Annotated[int, Field(ge=1)] | None = None  # of each point: fewer than the folder's, if a sweep needs fewer
+    most_runs: Count | None = None  # of each point: fewer than the folder's, if a sweep needs fewer
     roc: Roc | None = None
 
 
@@ -102,7 +102,7 @@ class Published(Settings):
     paper: str
     order: int  # in the report
     title: str
-    runs: Annotated[int, Field(ge=1)] = 10  # unless --runs is given
+    runs: Count = 10  # unless --runs is given
     serial: bool = False  # its runs are timed: one at a time
     why: str = ""  # the differences and their causes, for the report
     history_s: tuple[float, ...] = ()  # times after a cold start at which decisions are counted separately

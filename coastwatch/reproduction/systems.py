@@ -22,18 +22,16 @@ from coastwatch.scenario import Scenario
 from coastwatch.scores.gospa import Gospa, gospa
 from coastwatch.scores.ospa import ospa2
 from coastwatch.server.timing import Stopwatch
-from coastwatch.stage import Settings, serial
-
-Metres = Annotated[float, Field(gt=0.0)]
+from coastwatch.stage import Count, Positive, Settings, serial
 
 
 class Systems(Settings):
     """Asks for the scores of complete systems, in place of those of a whole run."""
 
-    near_m: Metres = 100.0  # an estimate farther from every vessel has no vessel
-    gospa_cutoff_m: Metres = 200.0
-    ospa2_cutoff_m: Metres = 100.0
-    ospa2_window: Annotated[int, Field(ge=1)] = 10  # instants
+    near_m: Positive = 100.0  # an estimate farther from every vessel has no vessel
+    gospa_cutoff_m: Positive = 200.0
+    ospa2_cutoff_m: Positive = 100.0
+    ospa2_window: Count = 10  # instants
     order: Annotated[float, Field(ge=1.0)] = 2.0  # of GOSPA and OSPA(2)
 
 

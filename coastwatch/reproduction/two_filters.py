@@ -9,23 +9,19 @@ Source: A. Sagild, track-to-track fusion of radar and AIS, 2021, chapter 11.
 from __future__ import annotations
 
 from functools import cache, lru_cache
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from pydantic import Field
 
 from coastwatch import kernels
 from coastwatch.batches import Floats
-from coastwatch.stage import Settings
+from coastwatch.stage import Count, CountOrZero, Positive, Settings
 
 STREAM = 65  # of random numbers
 PRIOR_ERROR = np.array([-1.0, 1.0, -0.1, 0.1])  # truth less prior mean: east, north, east rate, north rate
 METHODS = ("independent", "dependent", "kalman")  # and as the second `partial_feedback` where there is feedback
 RADAR, AIS, KALMAN, FED = range(4)  # filters: FED is the radar filter that may get feedback
 NOTHING = np.zeros((1, 4, 4))
-
-Positive = Annotated[float, Field(gt=0.0)]
-Steps = Annotated[int, Field(ge=1)]
 
 
 class TwoFilters(Settings):
@@ -37,10 +33,10 @@ class TwoFilters(Settings):
     process_noise_m2_s3: Positive = 0.5
     radar_variance_m2: Positive = 5.0  # per axis
     ais_variance_m2: Positive | None = None  # per axis; none: as the radar
-    radar_every: Steps = 1  # steps
-    ais_every: Steps = 1
-    ais_messages: Steps = 200  # until the end
-    scored_from: Annotated[int, Field(ge=0)] = 50  # step
+    radar_every: Count = 1  # steps
+    ais_every: Count = 1
+    ais_messages: Count = 200  # until the end
+    scored_from: CountOrZero = 50  # step
     feedback: bool = False
     propagated: bool = True  # whether two predictions propagate the cross-covariance; false: as the thesis writes
 

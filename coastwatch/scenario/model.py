@@ -22,10 +22,10 @@ from coastwatch.fused_tracks import CentralImm, Fuser
 from coastwatch.picture import Identity
 from coastwatch.plots import PlotConverter, PolarConversion
 from coastwatch.registration import OnlineRegistration, Registrar
-from coastwatch.scenario.sites import Area, Name, Positive, Radar, Sonar, Station, TrackSource, sensors_of
+from coastwatch.scenario.sites import Area, Name, Radar, Sonar, Station, TrackSource, sensors_of
 from coastwatch.sensors import Feed, Tables
 from coastwatch.spots import KMeansSpots, OctantGrouper, OctantSpots, SpotGrouper
-from coastwatch.stage import Method, Plan, Settings
+from coastwatch.stage import Count, CountOrZero, Method, NotNegative, Plan, Positive, Settings
 from coastwatch.tracks import (
     AisDeadReckoning,
     AisFilter,
@@ -61,30 +61,26 @@ class StoreSettings(Settings):
     These are 168 hours of history and recording, 24 of details and of pictures after the end, 2160 of events, 8760 of the audit.
     """
 
-    picture_large: Annotated[int, Field(ge=0)] = 100_000  # tracks; up to this many the current picture is written every cycle
-    picture_every_s: Annotated[float, Field(ge=0.0)] = 12.0  # with more tracks
+    picture_large: CountOrZero = 100_000  # tracks; up to this many the current picture is written every cycle
+    picture_every_s: NotNegative = 12.0  # with more tracks
     history_error_m: Positive = 10.0  # largest position error of a vessel's history, dead-reckoned from its stored points
-    history_max_s: Annotated[float, Field(ge=0.0)] = 60.0  # between two stored points of a vessel; 0: a point every cycle
-    spots_every: Annotated[int, Field(ge=1)] = 1  # cycles
-    associations_every: Annotated[int, Field(ge=1)] = 1  # cycles
-    registration_every: Annotated[int, Field(ge=1)] = 1  # cycles
-    cover_every_s: Annotated[float, Field(ge=0.0)] = (
-        60.0  # between two writings of the learnt cover of radars; the newest is kept
-    )
-    checkpoint_every: Annotated[int, Field(ge=1)] = 10  # cycles
-    checkpoint_mb_s: Annotated[float, Field(gt=0.0)] = (
+    history_max_s: NotNegative = 60.0  # between two stored points of a vessel; 0: a point every cycle
+    spots_every: Count = 1  # cycles
+    associations_every: Count = 1  # cycles
+    registration_every: Count = 1  # cycles
+    cover_every_s: NotNegative = 60.0  # between two writings of the learnt cover of radars; the newest is kept
+    checkpoint_every: Count = 10  # cycles
+    checkpoint_mb_s: Positive = (
         32.0  # megabytes a second before compression that checkpoints of a live run may take, to save more often than that
     )
-    history_hours: Annotated[float, Field(ge=0.0)] = 0.0  # of history; 0: all
-    details_hours: Annotated[float, Field(ge=0.0)] = 0.0  # of associations, spots, timings and registrations; 0: all
-    event_hours: Annotated[float, Field(ge=0.0)] = 0.0  # of events, by their end; 0: all
-    event_gap_s: Annotated[float, Field(ge=0.0)] = 60.0  # a flag that returns within this time goes on with its event
-    picture_hours: Annotated[float, Field(ge=0.0)] = 0.0  # after the end of a run until its last picture is deleted; 0: never
-    recording_hours: Annotated[float, Field(ge=0.0)] = 0.0  # of recording; 0: all
-    audit_hours: Annotated[float, Field(ge=0.0)] = (
-        0.0  # of who changed what, and of versions of zones before the newest; 0: all
-    )
-    journal_minutes: Annotated[float, Field(ge=0.0)] = (
+    history_hours: NotNegative = 0.0  # of history; 0: all
+    details_hours: NotNegative = 0.0  # of associations, spots, timings and registrations; 0: all
+    event_hours: NotNegative = 0.0  # of events, by their end; 0: all
+    event_gap_s: NotNegative = 60.0  # a flag that returns within this time goes on with its event
+    picture_hours: NotNegative = 0.0  # after the end of a run until its last picture is deleted; 0: never
+    recording_hours: NotNegative = 0.0  # of recording; 0: all
+    audit_hours: NotNegative = 0.0  # of who changed what, and of versions of zones before the newest; 0: all
+    journal_minutes: NotNegative = (
         30.0  # of a regional centre's tracks, for centres that fall behind; the newest cycle is always kept
     )
     overlap: bool = True  # write cycles while the next ones are computed, at most two behind; the rows are the same
@@ -115,7 +111,7 @@ class Scenario(Settings):
     start_utc: AwareDatetime | None = None  # none: the start of the recording
     period_s: Annotated[float, Field(ge=0.01, le=3600.0)] = 3.0  # of a cycle
     cycles: Annotated[int, Field(ge=0, le=MOST_CYCLES)] = 40  # scored cycles; 0: to the end of the recording
-    warmup_s: Annotated[float, Field(ge=0.0)] = 60.0  # before the first scored cycle
+    warmup_s: NotNegative = 60.0  # before the first scored cycle
     area: Area
     radars: tuple[Radar, ...] = ()
     stations: tuple[Station, ...] = ()

@@ -10,11 +10,8 @@ from pydantic import Field, model_validator
 
 from coastwatch.batches import Array, Floats, Radars, Sensors, Sonars, Stations, TrackSources
 from coastwatch.geodesy import NAUTICAL_MILE_M
-from coastwatch.stage import Settings
+from coastwatch.stage import Latitude, Longitude, Positive, Settings
 
-Latitude = Annotated[float, Field(gt=-85.0, lt=85.0)]
-Longitude = Annotated[float, Field(ge=-180.0, le=180.0)]
-Positive = Annotated[float, Field(gt=0.0)]
 Name = Annotated[str, Field(min_length=1, max_length=32)]
 
 

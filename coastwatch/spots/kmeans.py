@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
 from coastwatch import kernels
 from coastwatch.batches import Floats, Ints, Spots, Struct, Tracks, column
 from coastwatch.kernels.threads import in_blocks
-from coastwatch.stage import Method
+from coastwatch.stage import Count, CountOrZero, Method, NotNegative
 
 SAMPLE_PER_SPOT = 20  # tracks that centroids are fitted to
 NEIGHBOURS = 32  # nearest centroids of each centroid that are compared first
@@ -39,11 +38,11 @@ class KMeansSpots(Method):
     """
 
     method: Literal["kmeans"] = "kmeans"
-    count: Annotated[int, Field(ge=0)] = 0  # spots; 0: about one for every `tracks_per_spot` tracks
-    tracks_per_spot: Annotated[int, Field(ge=1)] = 400  # tracks
-    halo_m: Annotated[float, Field(ge=0.0)] = 1500.0  # at least the gate of the association; 0: no halo, as in the paper
-    fit_every: Annotated[int, Field(ge=1)] = 20  # cycles
-    seed: Annotated[int, Field(ge=0)] = 0  # whole number that k-means++ starts from
+    count: CountOrZero = 0  # spots; 0: about one for every `tracks_per_spot` tracks
+    tracks_per_spot: Count = 400  # tracks
+    halo_m: NotNegative = 1500.0  # at least the gate of the association; 0: no halo, as in the paper
+    fit_every: Count = 20  # cycles
+    seed: CountOrZero = 0  # whole number that k-means++ starts from
 
     def init(self) -> KMeansMemory:
         none = np.zeros(0, np.int64)

@@ -10,7 +10,7 @@ from pydantic import Field
 from coastwatch import kernels
 from coastwatch.batches import BearingTracks, Floats, Ints, Octants, Picture, Sensors
 from coastwatch.spots.inputs import OctantInput
-from coastwatch.stage import Method, NoMemory
+from coastwatch.stage import Method, NoMemory, NotNegative
 
 MOST_VESSELS = 200
 """Vessels that a bearing track is compared with. In an octant of more each track is compared with those nearest in direction."""
@@ -30,7 +30,7 @@ class OctantSpots(Method):
 
     method: Literal["octants"] = "octants"
     overlap_deg: Annotated[float, Field(ge=0.0, le=22.5)] = 6.0
-    position_sigmas: Annotated[float, Field(ge=0.0)] = 3.0
+    position_sigmas: NotNegative = 3.0
     range_margin: Annotated[float, Field(ge=1.0)] = 1.05
 
     def init(self) -> NoMemory:

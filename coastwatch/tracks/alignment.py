@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
 from coastwatch import kernels
 from coastwatch.batches import Tracks
 from coastwatch.kernels.threads import in_blocks
-from coastwatch.stage import Settings
+from coastwatch.stage import NotNegative, Settings
 
 
 class ConstantVelocity(Settings):
@@ -22,7 +21,7 @@ class ConstantVelocity(Settings):
     """
 
     method: Literal["constant_velocity"] = "constant_velocity"
-    noise_m2_s3: Annotated[float, Field(ge=0.0)] = 0.01  # density of the white acceleration
+    noise_m2_s3: NotNegative = 0.01  # density of the white acceleration
 
     def step(self, tracks: Tracks, time_s: float) -> Tracks:
         """The same tracks at `time_s`. Args: tracks: (N) each at its own time_s; a covariance of NaN stays NaN."""

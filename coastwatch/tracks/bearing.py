@@ -13,10 +13,7 @@ from coastwatch import kernels
 from coastwatch.batches import CLASSES, Array, BearingReports, BearingTracks, Bools, Floats, Ints, Sensors
 from coastwatch.geodesy import wrap_deg, wrap_rad
 from coastwatch.kernels.tables.row_numbers import require_rows
-from coastwatch.stage import Method
-
-Positive = Annotated[float, Field(gt=0.0)]
-Count = Annotated[int, Field(ge=1)]
+from coastwatch.stage import Count, Method, Positive
 
 ID_STRIDE = 2**40  # track ids of one source
 LINE_COLUMNS = ("sensor", "time_s", "bearing_rad", "weight")  # the data of a line fit

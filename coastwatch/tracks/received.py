@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from pydantic import Field, PositiveFloat
+from pydantic import Field
 
 from coastwatch.batches import (
     Batch,
@@ -21,7 +21,7 @@ from coastwatch.batches import (
     column,
 )
 from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred, offset_deg
-from coastwatch.stage import Method
+from coastwatch.stage import Method, Positive
 
 ID_STRIDE = 2**40  # track ids of one source
 INTERVALS = 2.5  # of a track's own, until it is dropped
@@ -81,11 +81,11 @@ class ReceivedTracks(Method):
     """
 
     method: Literal["received"] = "received"
-    max_speed_kn: PositiveFloat = 80.0  # no vessel jumps faster; beyond, a number is of another track
-    partner_m: PositiveFloat = 500.0  # largest distance of an AIS partner
-    partner_m_s: PositiveFloat = 3.0  # largest difference of its velocity
+    max_speed_kn: Positive = 80.0  # no vessel jumps faster; beyond, a number is of another track
+    partner_m: Positive = 500.0  # largest distance of an AIS partner
+    partner_m_s: Positive = 3.0  # largest difference of its velocity
     partners: int = Field(20, ge=2)  # differences that an estimate needs
-    ahead_s: PositiveFloat = 5.0  # a state stamped more than this after the cycle is dropped
+    ahead_s: Positive = 5.0  # a state stamped more than this after the cycle is dropped
 
     def init(self) -> ReceivedMemory:
         """No track."""

@@ -16,14 +16,13 @@ from coastwatch.batches.ais_codes import LARGEST_MMSI, is_aid_to_navigation, is_
 from coastwatch.batches.struct import optional_column
 from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
 from coastwatch.sensors.recorded.reception_time import BACKWARDS, FAR, LATE, ReceptionTimes, reception_times, repeated
-from coastwatch.stage import Settings
+from coastwatch.stage import NotNegative, Settings
 
 Location = Callable[[int], str]
 """Location of a row, from its number: "file:line"."""
 
 Timed = TypeVar("Timed", AisReports, AisStatics)
 
-Seconds = Annotated[float, Field(ge=0.0)]
 
 NOT_AVAILABLE_LATITUDE, NOT_AVAILABLE_LONGITUDE = 91.0, 181.0  # ITU-R M.1371
 HIGHEST_LATITUDE = 85.0  # limit of coastwatch.geodesy
@@ -52,10 +51,10 @@ class AisIntake(Settings):
     """Which AIS records are accepted."""
 
     order: Literal["arrival", "time"] = "arrival"  # order of the rows of a file; "time" sorts them first
-    lateness_s: Seconds = 60.0  # a record may be this much older than the newest before it
-    longest_silence_s: Seconds = 86400.0  # of a stream; records beyond it have a wrong clock
-    duplicate_within_s: Seconds = 30.0  # the same message, from another station
-    repeat_within_s: Seconds = 1.5  # the same position again (tables, which do not have the message)
+    lateness_s: NotNegative = 60.0  # a record may be this much older than the newest before it
+    longest_silence_s: NotNegative = 86400.0  # of a stream; records beyond it have a wrong clock
+    duplicate_within_s: NotNegative = 30.0  # the same message, from another station
+    repeat_within_s: NotNegative = 1.5  # the same position again (tables, which do not have the message)
     message_second: bool = True  # take the time of the fix from the UTC second in the message
     message_second_within_s: Annotated[float, Field(ge=0.0, lt=58.0)] = 10.0  # if it is at most this old
 

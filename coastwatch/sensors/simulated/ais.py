@@ -11,8 +11,8 @@ from pydantic import Field, model_validator
 
 from coastwatch.batches import AisReports, Bools, Floats, Ints, Stations
 from coastwatch.geodesy import KNOT_M_S, offset_deg, to_plane
-from coastwatch.sensors.simulated.trajectories import Share, chosen
-from coastwatch.stage import Settings
+from coastwatch.sensors.simulated.trajectories import chosen
+from coastwatch.stage import CountOrZero, NotNegative, Positive, Settings, Share
 
 # Streams of random numbers: a change of one does not change the others.
 TRANSPONDERS, PHASE, NOISE, LOSS, LATENCY, SILENCE, SPOOFING, CLONES, GAPS = 21, 22, 23, 24, 25, 26, 27, 28, 29
@@ -32,9 +32,7 @@ class AisTruth(Settings):
     """Which vessels carry AIS, what they send and which reports are received."""
 
     share: Share = 0.5  # of the vessels carry AIS: this exact share, drawn at random
-    carried_by: tuple[
-        Annotated[int, Field(ge=0)], ...
-    ] = ()  # numbers, from 0, of the vessels that carry AIS, instead of a share
+    carried_by: tuple[CountOrZero, ...] = ()  # numbers, from 0, of the vessels that carry AIS, instead of a share
     class_b_share: Share = 0.0  # of these carry class B
     intervals: Literal["fixed", "itu"] = "fixed"  # one interval for all, or those of ITU-R M.1371 for class A and class B
     interval_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 3.0  # if fixed; each vessel has a random phase
@@ -47,24 +45,24 @@ class AisTruth(Settings):
     whole_seconds: bool = False  # round the time of the fix down to a whole second, as a message does
     velocity_missing_share: Share = 0.0  # of reports without SOG and COG
     loss: Share = 0.0  # share of reports that are not received
-    gap_s: Annotated[float, Field(ge=0.0)] = 0.0  # duration of repeated gaps in the reception of each vessel
-    gap_every_s: Annotated[float, Field(gt=0.0)] = 120.0  # period of the gaps; the first is at a random time
+    gap_s: NotNegative = 0.0  # duration of repeated gaps in the reception of each vessel
+    gap_every_s: Positive = 120.0  # period of the gaps; the first is at a random time
     latency_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 0.0  # from the fix to the arrival, at least
     latency_spread_s: Annotated[float, Field(ge=0.0, le=3600.0)] = (
         0.0  # mean of an additional exponential part, which puts reports out of order
     )
     silent_share: Share = 0.0  # of the transponders are switched off for a time
-    silent_from_s: Annotated[float, Field(ge=0.0)] = 0.0  # after the start of the run
+    silent_from_s: NotNegative = 0.0  # after the start of the run
     silent_to_s: float | None = Field(default=None, ge=0.0, description="after the start of the run; none: to the end")
     spoofing_share: Share = 0.0  # of the transponders report positions that drift away from the truth
-    spoofing_from_s: Annotated[float, Field(ge=0.0)] = 0.0  # after the start of the run
+    spoofing_from_s: NotNegative = 0.0  # after the start of the run
     spoofing_drift_m_s: Annotated[float, Field(ge=0.0, le=1000.0)] = (
         5.0  # growth of the offset, in a direction of each vessel's own
     )
     cloned_share: Share = 0.0  # of the vessels without AIS send under the MMSI of another vessel
-    cloned_from_s: Annotated[float, Field(ge=0.0)] = 0.0  # after the start of the run
-    static_interval_s: Annotated[float, Field(gt=0.0)] = 360.0  # between messages with name and type
-    static_within_s: Annotated[float, Field(ge=0.0)] = 30.0  # the first of these is sent within this time of the start
+    cloned_from_s: NotNegative = 0.0  # after the start of the run
+    static_interval_s: Positive = 360.0  # between messages with name and type
+    static_within_s: NotNegative = 30.0  # the first of these is sent within this time of the start
     type_missing_share: Share = 0.0  # of the transponders have no ship type set
     type_wrong_share: Share = 0.0  # of the transponders have a random ship type set
 

@@ -14,7 +14,7 @@ from pydantic import Field
 from coastwatch.batches import AisReports, Bools, Floats, RadarReports, Recording, Reports, Sensors, Trajectories
 from coastwatch.batches.reports import AisStatics, BearingReports
 from coastwatch.geodesy import KNOT_M_S, from_plane
-from coastwatch.stage import Method, Plan
+from coastwatch.stage import Count, Method, NotNegative, Plan, Positive, Share
 
 MOTION, DETECTION, CLUTTER, AIS = 61, 62, 63, 64  # streams of random numbers
 STEP_S = 0.5  # of the true motion
@@ -24,10 +24,6 @@ SLACK_M = 1e-6  # so that a vessel on the edge is inside
 FAST_KN, FASTER_KN = 14.0, 23.0  # ITU-R M.1371: speeds from which AIS reports more often
 FIRST_MMSI = 257_000_000
 LATE_S = 10.0  # where `births_within_s` is not given: when the last two fifths of the vessels start
-
-Probability = Annotated[float, Field(ge=0.0, le=1.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
-Interval = Annotated[float, Field(gt=0.0)]
 
 
 class Crossing(Method):
@@ -45,18 +41,18 @@ class Crossing(Method):
     returns: bool = True  # vessels turn back towards the centre until they were near; false: they go where noise takes them
     noise_m2_s3: NotNegative = 0.01  # density of the white acceleration
     turns_per_s: NotNegative = 1.0 / 30.0  # rate at which a vessel begins a turn of 0.02 to 0.12 rad/s and 5 to 15 s
-    looks_every: Annotated[int, Field(ge=1)] = 1  # cycles between two turns of the radar
+    looks_every: Count = 1  # cycles between two turns of the radar
     range_sigma_m: NotNegative | None = None  # true noise of the radar's range; none: as the radar states
-    detection_probability: Probability = 0.9  # of a visible vessel, in one turn of the radar
+    detection_probability: Share = 0.9  # of a visible vessel, in one turn of the radar
     clutter_per_m2: NotNegative = 5e-7  # false plots in one turn
     echo_sigma_m: NotNegative = 6.6  # of the echo's place on a vessel, per axis, on top of the radar's noise
-    hide_share: Probability = 0.0  # of the visible vessels that become invisible in a turn
-    show_share: Probability = 0.52  # of the invisible vessels that become visible in a turn
-    ais_share: Probability = 0.5  # of the vessels
-    ais_interval_s: Annotated[float, Field(gt=0.0)] = 6.0  # give or take a tenth
-    ais_fast_intervals_s: tuple[Interval, Interval] | None = None  # of vessels of 14 to 23 kn, and above; none: as all others
+    hide_share: Share = 0.0  # of the visible vessels that become invisible in a turn
+    show_share: Share = 0.52  # of the invisible vessels that become visible in a turn
+    ais_share: Share = 0.5  # of the vessels
+    ais_interval_s: Positive = 6.0  # give or take a tenth
+    ais_fast_intervals_s: tuple[Positive, Positive] | None = None  # of vessels of 14 to 23 kn, and above; none: as all others
     ais_sigma_m: NotNegative = 3.0  # per axis
-    wrong_id_share: Probability = 0.01  # of the messages
+    wrong_id_share: Share = 0.01  # of the messages
 
     def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
         """The reports of a run; the vessels start with the first turn, at the end of the first cycle.

@@ -10,8 +10,8 @@ from pydantic import Field, model_validator
 
 from coastwatch.batches import Floats, Ints
 from coastwatch.geodesy import difference_m, offset_deg
-from coastwatch.sensors.simulated.trajectories import PiecewiseMotion, Share
-from coastwatch.stage import Settings
+from coastwatch.sensors.simulated.trajectories import PiecewiseMotion
+from coastwatch.stage import Settings, Share
 
 CONVOYS, PASSINGS = 61, 62  # streams of random numbers: a change of one does not change the others
 SHIFTS = 3  # iterations; two tangent planes differ a little, so 0.5 m remain after the first and under 1 mm after the third

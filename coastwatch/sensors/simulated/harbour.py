@@ -11,8 +11,8 @@ from pydantic import Field, model_validator
 
 from coastwatch.batches import Floats, Ints
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, offset_deg, scale_m_deg, wrap_deg
-from coastwatch.sensors.simulated.trajectories import PiecewiseMotion, Share, VesselMotion
-from coastwatch.stage import Settings
+from coastwatch.sensors.simulated.trajectories import PiecewiseMotion, VesselMotion
+from coastwatch.stage import Latitude, Longitude, Settings, Share
 
 HARBOUR, STANDING = 63, 64  # streams of random numbers: a change of one does not change the others
 SWAYS = 12  # of a vessel to the sides, on one way along its lane
@@ -24,8 +24,8 @@ CLUSTER_ECHOES, CLUSTER_M = 5, 120.0  # standing echoes of a cluster and their s
 class Row(Settings):
     """Things in a strip: vessels that are moored, or standing echoes. They are spread evenly over it."""
 
-    latitude_deg: Annotated[float, Field(gt=-85.0, lt=85.0)]  # of the middle
-    longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0)]  # of the middle
+    latitude_deg: Latitude  # of the middle
+    longitude_deg: Longitude  # of the middle
     count: Annotated[int, Field(ge=1, le=10_000)]  # number of things
     bearing_deg: Annotated[float, Field(ge=0.0, lt=360.0)] = 0.0  # of the strip's length, clockwise from north
     length_m: Annotated[float, Field(ge=0.0, le=50_000.0)] = 300.0  # of the strip

@@ -15,8 +15,8 @@ from pydantic import Field, model_validator
 
 from coastwatch.batches import Bools, Floats, Ints, RadarReports, Radars, Trajectories
 from coastwatch.geodesy import KNOT_M_S, from_plane, to_plane, wrap_deg, wrap_rad
-from coastwatch.sensors.simulated.trajectories import Share, chosen
-from coastwatch.stage import Settings
+from coastwatch.sensors.simulated.trajectories import chosen
+from coastwatch.stage import CountOrZero, NotNegative, Positive, PositiveShare, Settings, Share
 
 PositionAt = Callable[[Ints, Floats], Floats]
 
@@ -31,13 +31,13 @@ class RadarTruth(Settings):
     """What a simulated radar does beyond its specification."""
 
     name: str = ""  # of the radar in [[radars]]; empty in [input.radar], which is for all radars without an entry of their own
-    detection_probability: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0  # of a vessel in range, per turn
+    detection_probability: Share = 1.0  # of a vessel in range, per turn
     unseen_share: Share = 0.0  # of the vessels are never detected, the same ones by all radars with this share
-    unseen: tuple[Annotated[int, Field(ge=0)], ...] = ()  # numbers, from 0, of more vessels that are never detected
-    visible_share: Annotated[float, Field(gt=0.0, le=1.0)] = (
+    unseen: tuple[CountOrZero, ...] = ()  # numbers, from 0, of more vessels that are never detected
+    visible_share: PositiveShare = (
         1.0  # of the time that the others are visible; each has a share of its own, 0.3 to 1.7 times this, at most 1
     )
-    visible_s: Annotated[float, Field(gt=0.0)] = 60.0  # time constant with which a vessel comes into view and is lost again
+    visible_s: Positive = 60.0  # time constant with which a vessel comes into view and is lost again
     clutter_per_m2: Annotated[float, Field(ge=0.0, le=1e-4)] = 0.0  # false plots per turn, uniform over the disc of its range
     noise_factor: Annotated[float, Field(ge=0.0, le=100.0)] = 1.0  # true noise divided by the specified noise
     range_bias_m: Annotated[float, Field(ge=-1000.0, le=1000.0)] = 0.0  # added to each range: positive is too long, e.g. 40
@@ -50,15 +50,15 @@ class RadarTruth(Settings):
     azimuth_step_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = (
         0.0  # by which the azimuth bias jumps once, as when a gyro is set: positive is clockwise, e.g. 4
     )
-    azimuth_step_s: Annotated[float, Field(ge=0.0)] = 0.0  # when it jumps, after the start of the run
+    azimuth_step_s: NotNegative = 0.0  # when it jumps, after the start of the run
     time_bias_s: Annotated[float, Field(ge=-60.0, le=60.0)] = (
         0.0  # added to the true time of the beam: positive is late, e.g. 1.5
     )
     latency_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0  # from the beam to the arrival of the report
-    start_s: Annotated[float, Field(ge=0.0)] = 0.0  # switched on, after the start of the run
+    start_s: NotNegative = 0.0  # switched on, after the start of the run
     stop_s: float | None = Field(default=None, ge=0.0, description="switched off, after the start of the run; none: never")
-    outage_s: Annotated[float, Field(ge=0.0)] = 0.0  # duration of repeated outages
-    outage_every_s: Annotated[float, Field(gt=0.0)] = 60.0  # period of the outages; the first is at a random time
+    outage_s: NotNegative = 0.0  # duration of repeated outages
+    outage_every_s: Positive = 60.0  # period of the outages; the first is at a random time
     blind_from_deg: Annotated[float, Field(ge=0.0, le=360.0)] = 0.0  # start of a sector without plots, clockwise
     blind_to_deg: Annotated[float, Field(ge=0.0, le=360.0)] = 0.0  # end of the sector; equal to its start: no such sector
     course_deg: Annotated[float, Field(ge=0.0, le=360.0)] = 0.0  # of a moving platform

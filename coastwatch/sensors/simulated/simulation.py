@@ -29,7 +29,7 @@ from coastwatch.sensors.simulated.radar import RadarTruth, observe
 from coastwatch.sensors.simulated.sonar import SonarTruth, listen
 from coastwatch.sensors.simulated.static_data import transmit_static_data, true_types
 from coastwatch.sensors.simulated.trajectories import PiecewiseMotion, VesselMotion, draw_motion
-from coastwatch.stage import Method, Plan
+from coastwatch.stage import Latitude, Longitude, Method, Plan
 
 POSITIONS = 51  # stream of random numbers
 TRIES = 100  # draws of `count` positions before the water is refused as too small
@@ -49,8 +49,8 @@ class Simulated(Method):
     """
 
     method: Literal["simulated"] = "simulated"
-    area_latitude_deg: Annotated[float, Field(gt=-85.0, lt=85.0)]  # of the middle of the rectangle
-    area_longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0)]  # of the middle of the rectangle
+    area_latitude_deg: Latitude  # of the middle of the rectangle
+    area_longitude_deg: Longitude  # of the middle of the rectangle
     area_width_nm: Annotated[float, Field(gt=0.0, le=5000.0)] = 10.0  # east to west
     area_height_nm: Annotated[float, Field(gt=0.0, le=5000.0)] = 10.0  # north to south
     water_deg: tuple[

@@ -12,8 +12,7 @@ from coastwatch.batches import CLASSES, BearingReports, Floats, Ints, Sonars
 from coastwatch.geodesy import to_plane
 from coastwatch.kernels.bearings.signatures import check_confusion, even_confusion
 from coastwatch.sensors.simulated.radar import PositionAt
-from coastwatch.sensors.simulated.trajectories import Share
-from coastwatch.stage import Settings
+from coastwatch.stage import Settings, Share
 
 PHASE, NOISE, DETECTION, CONTACTS, SIGNATURES = (
     41,
@@ -33,7 +32,7 @@ class SonarTruth(Settings):
     name: str = (
         ""  # of the sensor in [[sonars]]; empty in [input.sonar], which is for all sensors without an entry of their own
     )
-    miss_probability: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0  # of a vessel in range and arc, per bearing
+    miss_probability: Share = 0.0  # of a vessel in range and arc, per bearing
     noise_factor: Annotated[float, Field(ge=0.0, le=100.0)] = 1.0  # true noise divided by the specified noise
     bias_deg: Annotated[float, Field(ge=-180.0, le=180.0)] = (
         0.0  # added to every bearing: positive is clockwise, e.g. 2 measures 90 as 92

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from coastwatch.batches import Bools, Floats, Ints, Struct, Trajectories, column
 from coastwatch.geodesy import KNOT_M_S, from_plane, turn
-from coastwatch.stage import Settings
+from coastwatch.stage import NotNegative, Positive, Settings, Share
 
 MOTION, KICKS, PRESENCE = 1, 2, 3  # streams of random numbers: a change of one does not change the others
 KICK_INTERVAL_S = {"rw60": 60.0, "rw1": 1.0, "ou": 10.0}
@@ -19,33 +19,30 @@ KICK_INTERVAL_S = {"rw60": 60.0, "rw1": 1.0, "ou": 10.0}
 KICK_SHARE = {"rw60": 0.2, "rw1": 0.5, "ou": 0.5}
 MANOEUVRE_SHARE = 0.15  # of that, for vessels that turn or accelerate: the paper scales their noise by the smaller acceleration
 
-Share = Annotated[float, Field(ge=0.0, le=1.0)]
-Weight = Annotated[float, Field(ge=0.0)]
-
 
 class VesselMotion(Settings):
     """How the vessels move."""
 
     speed_from_kn: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0  # speeds are uniform from this
     speed_to_kn: Annotated[float, Field(gt=0.0, le=60.0)] = 15.0  # to this, which also scales the process noise
-    linear_weight: Weight = 1.0  # relative number of vessels on a straight course
-    circular_weight: Weight = 0.0  # of vessels with a constant turn rate, half to each side
-    accelerated_weight: Weight = 0.0  # of vessels with a constant acceleration along the course
+    linear_weight: NotNegative = 1.0  # relative number of vessels on a straight course
+    circular_weight: NotNegative = 0.0  # of vessels with a constant turn rate, half to each side
+    accelerated_weight: NotNegative = 0.0  # of vessels with a constant acceleration along the course
     turn_rate_from_deg_s: Annotated[float, Field(ge=0.0, le=10.0)] = 0.2  # of circular motion, uniform from this
     turn_rate_to_deg_s: Annotated[float, Field(ge=0.0, le=10.0)] = 0.8  # to this
-    acceleration_from_m_s2: Annotated[float, Field(ge=0.0, le=1.0)] = 0.005  # of accelerated motion, uniform from this
-    acceleration_to_m_s2: Annotated[float, Field(ge=0.0, le=1.0)] = 0.03  # to this; less if the speed would leave its range
+    acceleration_from_m_s2: Share = 0.005  # of accelerated motion, uniform from this
+    acceleration_to_m_s2: Share = 0.03  # to this; less if the speed would leave its range
     process_noise: Literal["rw60", "rw1", "ou", "none"] = "rw60"  # a kick each minute, each second, or a bounded deviation
-    process_noise_fraction: Annotated[float, Field(ge=0.0, le=1.0)] = 0.1  # f: of the highest speed
+    process_noise_fraction: Share = 0.1  # f: of the highest speed
     velocity_jump_share: float | None = Field(
         default=None,
         ge=0.0,
         le=10.0,
         description="velocity jump per axis over f * highest speed; none: rw60 0.2, rw1 0.5, ou 0.5",
     )
-    ou_time_s: Annotated[float, Field(gt=0.0)] = 300.0  # time constant of the bounded deviation
+    ou_time_s: Positive = 300.0  # time constant of the bounded deviation
     stopping_share: Share = 0.0  # vessels that stop during the run
-    stopping_s: Annotated[float, Field(gt=0.0)] = 60.0  # duration of braking
+    stopping_s: Positive = 60.0  # duration of braking
     entering_share: Share = 0.0  # vessels that appear only during the run
     leaving_share: Share = 0.0  # vessels that disappear during the run
 

@@ -15,6 +15,7 @@ from coastwatch.sensors.recorded.faults import Tally
 from coastwatch.server.feeds.address import Address
 from coastwatch.server.feeds.decoding import Counts, Stamps, Waiting
 from coastwatch.server.feeds.transport import Item
+from coastwatch.stage import Latitude, Longitude, NotNegative, Positive
 
 NOT_READ = "not an object of the format"
 NO_SENSOR = "of no sensor of the scenario"
@@ -35,10 +36,10 @@ class Plot(_Line):
 
     type: Literal["plot"]
     radar: str
-    range_m: Annotated[float, Field(ge=0.0)]
+    range_m: NotNegative
     azimuth_deg: Annotated[float, Field(ge=0.0, le=360.0)]  # true
-    range_sigma_m: Annotated[float, Field(gt=0.0)] | None = None
-    azimuth_sigma_deg: Annotated[float, Field(gt=0.0)] | None = None
+    range_sigma_m: Positive | None = None
+    azimuth_sigma_deg: Positive | None = None
 
 
 class Bearing(_Line):
@@ -48,7 +49,7 @@ class Bearing(_Line):
     sonar: str
     bearing_deg: Annotated[float, Field(ge=0.0, le=360.0)]  # true
     contact: Annotated[int, Field(ge=0, lt=2**31)] = -1
-    bearing_sigma_deg: Annotated[float, Field(gt=0.0)] | None = None
+    bearing_sigma_deg: Positive | None = None
 
 
 class Track(_Line):
@@ -57,9 +58,9 @@ class Track(_Line):
     type: Literal["track"]
     source: str
     number: Annotated[int, Field(ge=0, lt=2**62)]
-    latitude_deg: Annotated[float, Field(gt=-85.0, lt=85.0)]
-    longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0)]
-    sog_kn: Annotated[float, Field(ge=0.0)] | None = None
+    latitude_deg: Latitude
+    longitude_deg: Longitude
+    sog_kn: NotNegative | None = None
     cog_deg: Annotated[float, Field(ge=0.0, le=360.0)] | None = None
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, PositiveFloat, model_validator
+from pydantic import Field, model_validator
 
 from coastwatch import kernels
 from coastwatch.batches import AisAlarms, AisReports, Bools, Floats, Ints, Measurements, Sensors, Tracks
 from coastwatch.geodesy import KNOT_M_S
-from coastwatch.stage import Method, Settings
+from coastwatch.stage import Method, NotNegative, Positive, Settings
 from coastwatch.tracks.ais.out_of_sequence import (
     KernelSettings,
     Memory,
@@ -35,11 +35,11 @@ class Motion(Settings):
     """One model of an IMM."""
 
     kind: Literal["straight", "turning"]  # constant velocity, or coordinated turn
-    noise_m2_s3: float = Field(ge=0.0)  # density of white acceleration
-    turn_noise_rad2_s3: float = Field(0.0, ge=0.0)  # density of the drift of the turn rate
-    turn_sigma_rad_s: float = Field(0.01, gt=0.0)  # standard deviation of the turn rate before anything is known
-    sojourn_s: PositiveFloat  # mean time in this model
-    share: PositiveFloat  # of the time, at the start
+    noise_m2_s3: NotNegative  # density of white acceleration
+    turn_noise_rad2_s3: NotNegative = 0.0  # density of the drift of the turn rate
+    turn_sigma_rad_s: Positive = 0.01  # standard deviation of the turn rate before anything is known
+    sojourn_s: Positive  # mean time in this model
+    share: Positive  # of the time, at the start
 
 
 STEADY = Motion(kind="straight", noise_m2_s3=1e-4, sojourn_s=60.0, share=0.8)
@@ -59,33 +59,33 @@ class AisFilter(Method):
     """
 
     method: Literal["ais_filter"] = "ais_filter"
-    position_sigma_m: PositiveFloat = 3.33  # of one report, per axis: of high accuracy (10 m is three), or if it states none
-    unaided_sigma_m: PositiveFloat = 5.0  # of a message with low accuracy whose receiver does not monitor its errors (no RAIM)
-    low_accuracy_sigma_m: PositiveFloat = 10.0  # of a message with low accuracy whose receiver expects more than 10 m (RAIM)
-    sog_sigma_kn: PositiveFloat = 0.2  # of a reported speed
-    cog_sigma_deg: PositiveFloat = 2.0  # of a reported course at speed; near rest it widens to what the speed's noise allows
-    time_jitter_s: float | None = Field(None, ge=0.0)  # of the time of a fix; none: estimated of each feed, 0.5 s or more
-    stamp_error_s: float = Field(15.0, ge=0.0)  # a report off by up to this along the way of its vessel has a wrong stamp
-    max_acceleration_m_s2: PositiveFloat = 3.0  # a velocity that needs more is not believed until positions show it
-    start_speed_sigma_kn: PositiveFloat = 10.0  # of a first report without a speed
+    position_sigma_m: Positive = 3.33  # of one report, per axis: of high accuracy (10 m is three), or if it states none
+    unaided_sigma_m: Positive = 5.0  # of a message with low accuracy whose receiver does not monitor its errors (no RAIM)
+    low_accuracy_sigma_m: Positive = 10.0  # of a message with low accuracy whose receiver expects more than 10 m (RAIM)
+    sog_sigma_kn: Positive = 0.2  # of a reported speed
+    cog_sigma_deg: Positive = 2.0  # of a reported course at speed; near rest it widens to what the speed's noise allows
+    time_jitter_s: NotNegative | None = None  # of the time of a fix; none: estimated of each feed, 0.5 s or more
+    stamp_error_s: NotNegative = 15.0  # a report off by up to this along the way of its vessel has a wrong stamp
+    max_acceleration_m_s2: Positive = 3.0  # a velocity that needs more is not believed until positions show it
+    start_speed_sigma_kn: Positive = 10.0  # of a first report without a speed
     models: tuple[Motion, ...] = Field((STEADY, KICKED, TURNING), min_length=1, max_length=3)  # of the IMM
-    lateness_s: float = Field(10.0, ge=0.0)  # longest delay from fix to receipt of a report that is used
-    ahead_s: float = Field(5.0, ge=0.0)  # a report stamped up to this much after its receipt is held until then
-    repeat_s: float = Field(1.5, ge=0.0)  # the same position again within this time is a repetition
-    max_speed_kn: PositiveFloat = 60.0  # no ship goes faster from one report to the next
-    jump_kn: PositiveFloat = 5.0  # by which a vessel may have been faster than it says before and after a silence
-    jump_m: PositiveFloat = 1000.0  # a report nearer to the one before is no jump
-    jump_s: PositiveFloat = 300.0  # after a longer silence the margin `jump_kn` grows with its square
-    alarm_s: PositiveFloat = 60.0  # how long an impossible speed stays flagged
-    patience_s: PositiveFloat = 20.0  # a silent vessel is predicted for this time
-    patience_intervals: PositiveFloat = 3.0  # and for this many of its expected intervals more
-    interval_moving_s: PositiveFloat = 10.0  # class A under way: the slowest that ITU-R M.1371 has
-    interval_moving_b_s: PositiveFloat = 30.0  # class B under way
-    interval_slow_s: PositiveFloat = 180.0  # at anchor, moored, or class B slower than 2 kn; distress devices
-    interval_first_s: PositiveFloat = 30.0  # of a vessel with one report, at least
-    slow_kn: PositiveFloat = 1.0  # below this speed `interval_slow_s` is expected
-    anchor_kn: PositiveFloat = 3.0  # below this speed it is expected of a vessel with status at anchor, moored or aground
-    return_s: PositiveFloat = 3600.0  # a lost vessel keeps its track id for this time
+    lateness_s: NotNegative = 10.0  # longest delay from fix to receipt of a report that is used
+    ahead_s: NotNegative = 5.0  # a report stamped up to this much after its receipt is held until then
+    repeat_s: NotNegative = 1.5  # the same position again within this time is a repetition
+    max_speed_kn: Positive = 60.0  # no ship goes faster from one report to the next
+    jump_kn: Positive = 5.0  # by which a vessel may have been faster than it says before and after a silence
+    jump_m: Positive = 1000.0  # a report nearer to the one before is no jump
+    jump_s: Positive = 300.0  # after a longer silence the margin `jump_kn` grows with its square
+    alarm_s: Positive = 60.0  # how long an impossible speed stays flagged
+    patience_s: Positive = 20.0  # a silent vessel is predicted for this time
+    patience_intervals: Positive = 3.0  # and for this many of its expected intervals more
+    interval_moving_s: Positive = 10.0  # class A under way: the slowest that ITU-R M.1371 has
+    interval_moving_b_s: Positive = 30.0  # class B under way
+    interval_slow_s: Positive = 180.0  # at anchor, moored, or class B slower than 2 kn; distress devices
+    interval_first_s: Positive = 30.0  # of a vessel with one report, at least
+    slow_kn: Positive = 1.0  # below this speed `interval_slow_s` is expected
+    anchor_kn: Positive = 3.0  # below this speed it is expected of a vessel with status at anchor, moored or aground
+    return_s: Positive = 3600.0  # a lost vessel keeps its track id for this time
 
     @model_validator(mode="after")
     def _memory_outlasts_lateness(self) -> Self:

@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from pydantic import Field, PositiveFloat
 
 from coastwatch.batches import AisAlarms, AisReports, Floats, Ints, Measurements, Sensors, Tracks
 from coastwatch.geodesy import offset_deg
-from coastwatch.stage import Method
+from coastwatch.stage import Method, NotNegative, Positive
 from coastwatch.tracks.ais.ais_filter import STEADY, AisFilter, measurements_of, report
 from coastwatch.tracks.ais.out_of_sequence import Memory, Rows, initial_memory
 
@@ -27,11 +26,11 @@ class AisDeadReckoning(Method):
     """
 
     method: Literal["dead_reckoning"] = "dead_reckoning"
-    position_sigma_m: PositiveFloat = 3.33  # of one report, per axis, by its specification
+    position_sigma_m: Positive = 3.33  # of one report, per axis, by its specification
     aligned: bool = True  # extrapolated to the time of the cycle
-    lateness_s: float = Field(10.0, ge=0.0)  # longest delay from fix to receipt of a report that is used
-    patience_s: PositiveFloat = 20.0  # a silent vessel is extrapolated for this time
-    patience_intervals: PositiveFloat = 3.0  # and for this many of its expected intervals more
+    lateness_s: NotNegative = 10.0  # longest delay from fix to receipt of a report that is used
+    patience_s: Positive = 20.0  # a silent vessel is extrapolated for this time
+    patience_intervals: Positive = 3.0  # and for this many of its expected intervals more
 
     def init(self) -> Memory:
         return initial_memory()

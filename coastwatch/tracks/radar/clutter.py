@@ -9,17 +9,13 @@ A fixed echo (a quay, a moored boat) becomes clutter within some `prior_turns`. 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from coastwatch import kernels
 from coastwatch.batches import Bools, Floats, Ints, Radars, Rows
 from coastwatch.batches.struct import Struct, column
-from coastwatch.stage import Settings
-
-Positive = Annotated[float, Field(gt=0.0)]
+from coastwatch.stage import NotNegative, Positive, Settings
 
 LEAST_PLOTS = 0.1  # false plots in a turn, of a cell with a standing echo
 MOST_CELLS = 640  # along a side of the window of a radar: 6 MB
@@ -34,7 +30,7 @@ class ClutterSettings(Settings):
     cell_m: Positive | None = None  # side of a cell; none: one standard deviation of azimuth at full range, or two of range
     prior_turns: Positive = 10.0  # that `false_plots_per_m2` is worth
     memory_turns: Positive = 2000.0  # after which a plot counts 1 / e
-    moved_m: Annotated[float, Field(ge=0.0)] = 25.0  # plots of a track that has moved less may be clutter
+    moved_m: NotNegative = 25.0  # plots of a track that has moved less may be clutter
 
 
 @dataclass(frozen=True, eq=False)

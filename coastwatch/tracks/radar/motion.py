@@ -10,10 +10,7 @@ from pydantic import Field, model_validator
 
 from coastwatch import kernels
 from coastwatch.batches import Floats
-from coastwatch.stage import Settings
-
-Positive = Annotated[float, Field(gt=0.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
+from coastwatch.stage import NotNegative, Positive, Settings
 
 SUM_TOLERANCE = 1e-9  # of shares: decimal fractions are not exact
 

@@ -30,7 +30,7 @@ from coastwatch.geodesy import from_plane
 from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
 from coastwatch.sensors.recorded.files import Fingerprint, data_folder, fingerprint
 from coastwatch.sensors.recorded.merging import recording, span_of
-from coastwatch.stage import Method, Plan
+from coastwatch.stage import Count, Method, Plan
 
 PIREN_DEG = np.array([63.4389029083, 10.39908278])
 LIDAR, RADAR, INFRARED, VISIBLE = 1, 2, 3, 4
@@ -54,7 +54,7 @@ class Autoferry(Method):
     """
 
     method: Literal["autoferry"] = "autoferry"
-    scenario: Annotated[int, Field(ge=1)]  # number of the scenario: 2, 3, 6, 13 or 17
+    scenario: Count  # number of the scenario: 2, 3, 6, 13 or 17
     root: Path | None = None  # the folder of the dataset; none: shared/data/autoferry next to the checkout
     radar_time_lag_s: Seconds = 0.0  # delay of the time stamps of the radar
     lidar_time_lag_s: Seconds = 0.0  # delay of the time stamps of the lidar

@@ -9,10 +9,9 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field
 
 from coastwatch.batches import AisReports, Bools, Fault, FileContent, Floats, Ints, Radars, Recording, Sensors, Trajectories
 from coastwatch.geodesy import KNOT_M_S, difference_m, from_plane, to_plane, turn
@@ -24,7 +23,7 @@ from coastwatch.sensors.recorded.merging import recording, span_of
 from coastwatch.sensors.recorded.tables.ais import AisTable
 from coastwatch.sensors.simulated.radar import RadarTruth, interpolated, observe
 from coastwatch.sensors.simulated.simulation import truths_of
-from coastwatch.stage import Method, Plan
+from coastwatch.stage import Method, NotNegative, Plan, Positive, Share
 
 FILE = "SolentAIS_20160112_130211.csv.gz"
 PLANE_DEG = np.array([50.78, -1.11])
@@ -54,11 +53,11 @@ class Solent(Method):
 
     method: Literal["solent"] = "solent"
     root: Path | None = None  # the folder of the dataset; none: shared/data/solent_ais next to the checkout
-    gap_s: Annotated[float, Field(gt=0.0)] = 60.0  # a silence longer than this ends a path
-    berthed_gap_s: Annotated[float, Field(ge=0.0)] = 0.0  # bridged if the vessel is at rest before and after; 0: never
+    gap_s: Positive = 60.0  # a silence longer than this ends a path
+    berthed_gap_s: NotNegative = 0.0  # bridged if the vessel is at rest before and after; 0: never
     silence_mmsi: tuple[int, ...] = ()  # vessels whose AIS is switched off
-    silence_share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0  # of the other moving vessels in radar cover, drawn at random
-    silence_from_s: Annotated[float, Field(ge=0.0)] = 0.0  # after the start of the run
+    silence_share: Share = 0.0  # of the other moving vessels in radar cover, drawn at random
+    silence_from_s: NotNegative = 0.0  # after the start of the run
     radar: RadarTruth = RadarTruth()  # how every radar departs from its specification
     radars: tuple[RadarTruth, ...] = ()  # the same of single radars, by name
 

@@ -26,7 +26,7 @@ from coastwatch.sensors.recorded.nmea.messages import Assembler, Messages
 from coastwatch.sensors.recorded.nmea.payload import decoded
 from coastwatch.sensors.recorded.nmea.sentences import ais_sentences
 from coastwatch.sensors.recorded.reception_time import reception_times
-from coastwatch.stage import Method, Plan
+from coastwatch.stage import Method, NotNegative, Plan
 
 TIME_OF_NEIGHBOUR = SET_ASIDE + "time missing, that of its neighbour taken"
 OWN_SHIP = SET_ASIDE + "own ship"
@@ -44,7 +44,7 @@ class Nmea(Method):
     method: Literal["nmea"] = "nmea"
     files: Annotated[tuple[Path, ...], Field(min_length=1)]  # each in order of arrival; compressed (gzip) or not
     assume_start_utc: AwareDatetime | None = None  # time of the first sentence, if no line has a time
-    assume_interval_s: Annotated[float, Field(ge=0.0)] = 0.1  # between messages, if no line has a time
+    assume_interval_s: NotNegative = 0.1  # between messages, if no line has a time
     drop_own_ship: bool = False  # leave out VDO, and VDM of the same MMSI
     intake: AisIntake = AisIntake()  # which records are accepted
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Literal, Self
 
 import numpy as np
-from pydantic import AwareDatetime, Field, model_validator
+from pydantic import AwareDatetime, model_validator
 
 from coastwatch.batches import (
     CLASSES,
@@ -46,7 +46,7 @@ from coastwatch.sensors.recorded.tables.rows import (
     sensor_numbers,
 )
 from coastwatch.sensors.recorded.tables.tracks import TrackColumns, track_reports
-from coastwatch.stage import Method, Plan, Settings
+from coastwatch.stage import Method, NotNegative, Plan, Settings
 
 UNKNOWN_RADAR, UNKNOWN_SONAR = "unknown radar", "unknown sonar"
 RANGE = "range out of range"
@@ -112,7 +112,7 @@ class Tables(Method):
     separator: Separator = "auto"  # one character between the cells of a CSV file, e.g. ";"; "auto": by the header
     speed_unit: Literal["kn", "m/s", "km/h"] = "kn"  # of the column of SOG, e.g. "m/s" for 5.14 where a ship makes 10 kn
     assume_start_utc: AwareDatetime | None = None  # time of the first sentence of NMEA files without any time
-    assume_interval_s: Annotated[float, Field(ge=0.0)] = 0.1  # between their messages
+    assume_interval_s: NotNegative = 0.1  # between their messages
     drop_own_ship: bool = False  # of NMEA files: leave out VDO, and VDM of the same MMSI
     intake: AisIntake = AisIntake()  # which records are accepted
 

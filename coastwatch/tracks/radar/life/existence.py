@@ -14,8 +14,8 @@ from coastwatch.geodesy import KNOT_M_S
 from coastwatch.kernels.filters.gaussian import gate
 from coastwatch.kernels.tracks.columns import RadarColumns
 from coastwatch.kernels.tracks.existence import ExistenceChain
-from coastwatch.stage import Settings
-from coastwatch.tracks.radar.life.hits import Count, NotNegative, Positive, Probability, seen_together
+from coastwatch.stage import Count, NotNegative, Positive, Probability, Settings
+from coastwatch.tracks.radar.life.hits import seen_together
 from coastwatch.tracks.radar.table import RadarMemory, Status, Table
 
 KNOWN = 0.5  # probability of an id by which two tracks are told apart

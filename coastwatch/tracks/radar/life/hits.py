@@ -13,13 +13,8 @@ from coastwatch.batches import Bools, Floats, Ints, Radars
 from coastwatch.kernels.filters.gaussian import gate
 from coastwatch.kernels.tracks.columns import RadarColumns
 from coastwatch.kernels.tracks.track_life import LifeRules
-from coastwatch.stage import Settings
+from coastwatch.stage import Count, NotNegative, Positive, Probability, Settings
 from coastwatch.tracks.radar.table import Duplicates, RadarMemory, Status, Table
-
-Positive = Annotated[float, Field(gt=0.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
-Probability = Annotated[float, Field(gt=0.0, lt=1.0)]
-Count = Annotated[int, Field(ge=1)]
 
 
 class TrackManagement(Settings):
