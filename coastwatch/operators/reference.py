@@ -6,9 +6,8 @@ It also generates the schemas in db/schema.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from coastwatch.operators import settings, stored
 from coastwatch.operators.cli.parser import EPILOG, make_parser
@@ -33,7 +32,7 @@ def _cell(value: object) -> str:
     return str(value).replace("|", "\\|").replace("\n", " ")
 
 
-def _rows(head: tuple[str, ...], rows: list[tuple[object, ...]]) -> Iterator[str]:
+def _rows(head: tuple[str, ...], rows: Sequence[tuple[object, ...]]) -> Iterator[str]:
     yield "| " + " | ".join(head) + " |"
     yield "|" + "---|" * len(head)
     for row in rows:
@@ -86,18 +85,42 @@ def _settings() -> Iterator[str]:
         "the setting with dots between (`tracks.method=imm`); a number names an item of a list (`radars.0.rpm=20`).\n"
         '`extends = "NAME"` at the top of the file inherits another scenario: see coastwatch/scenario/README.md.\n'
     )
-    for table in settings.tables(Scenario):
-        yield from _table(table)
+    tables = list(settings.tables(Scenario))
+    uses: dict[type, list[str]] = {}
+    for table in tables:
+        uses.setdefault(table.model, []).append(_header(table))
+    shared = {model: where for model, where in uses.items() if len(where) > 1}
+    folders = [""]
+    for table in tables:
+        if table.model not in shared:
+            yield from _table(
+                table, f"{_header(table)}{' (default)' if table.method and table.chosen else ''}", shared, folders
+            )
+    yield "## Settings that several tables share\n\nA table above names one of these, where it has a table of that kind.\n"
+    for model, where in shared.items():
+        table = next(table for table in tables if table.model is model)
+        places = " Of " + ", ".join(f"`{header}`" for header in dict.fromkeys(where)) + "."
+        yield from _table(table, model.__name__, shared, folders, places)
 
 
-def _table(table: settings.Table) -> Iterator[str]:
+def _header(table: settings.Table) -> str:
     header = table.header if table.header.startswith("[") else f"[{table.header}]" if table.header else "top of the file"
-    choice = f' `method = "{table.method}"`' if table.method else ""
-    default = " (default)" if table.method and table.chosen else ""
+    return header + (f' `method = "{table.method}"`' if table.method else "")
+
+
+def _table(
+    table: settings.Table, heading: str, shared: Mapping[type, object], folders: list[str], places: str = ""
+) -> Iterator[str]:
+    """One table. Args: shared: models that have a section of their own; folders: those whose README has been linked, one more is added."""
     folder = "/".join(table.model.__module__.split(".")[1:-1])
-    more = f"\n\nMore: [coastwatch/{folder}/README.md](../{folder}/README.md)" if folder else ""
-    yield f"### {header}{choice}{default}\n\n{table.meaning}{more}\n"
-    rows: list[tuple[Any, ...]] = [(f"`{s.key}`", s.kind, s.unit, f"`{s.default}`", s.meaning) for s in table.settings]
+    yield f"### {heading}\n\n{table.meaning}{places}\n"
+    if folder not in folders:
+        folders.append(folder)
+        yield f"More: [coastwatch/{folder}/README.md](../{folder}/README.md)\n"
+    rows: list[tuple[object, ...]] = [(f"`{s.key}`", s.kind, s.unit, f"`{s.default}`", s.meaning) for s in table.settings]
+    for key, models in table.below:
+        named = [f"[{m.__name__}](#{m.__name__.lower()})" for m in models if m in shared]
+        rows += [(f"`{key}`", "table", "", "", " or ".join(named))] if named else []
     if rows:
         yield from _rows(("setting", "kind", "unit", "default", "meaning"), rows)
 

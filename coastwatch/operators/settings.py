@@ -10,7 +10,7 @@ import textwrap
 import tokenize
 import types
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
@@ -79,6 +79,7 @@ class Table:
     chosen: bool  # the default
     model: type[BaseModel]
     settings: tuple[Setting, ...]
+    below: tuple[tuple[str, tuple[type[BaseModel], ...]], ...] = ()  # keys of the tables below, with what they may be
 
     @property
     def meaning(self) -> str:
@@ -96,19 +97,21 @@ def tables(model: type[BaseModel], header: str = "") -> Iterator[Table]:
             for table in tables(choice, path):
                 head = f"[[{path}]]" if many and table.header == path else table.header
                 chosen = table.chosen and (len(below) == 1 or isinstance(field.default, choice))
-                yield Table(head, table.method, chosen, table.model, table.settings)
+                yield replace(table, header=head, chosen=chosen)
 
 
 def _table(model: type[BaseModel], header: str, *, chosen: bool) -> Table:
     meanings = _comments(model)
-    settings, method = [], ""
+    settings, below, method = [], [], ""
     for key, field in model.model_fields.items():
         if key == "method":
             method = str(get_args(field.annotation)[0])
-        elif not models_of(field.annotation)[0]:
-            meaning = field.description or meanings.get(key, "")
+        elif models := models_of(field.annotation)[0]:
+            below.append((key, tuple(models)))
+        else:
+            meaning = " ".join((field.description or meanings.get(key, "")).split())
             settings.append(Setting(key, kind_of(field.annotation, field.metadata), unit_of(key), _default(field), meaning))
-    return Table(header, method, chosen, model, tuple(settings))
+    return Table(header, method, chosen, model, tuple(settings), tuple(below))
 
 
 def unit_of(key: str) -> str:
@@ -153,25 +156,20 @@ def _default(field: FieldInfo) -> str:
 
 
 def _comments(model: type[BaseModel]) -> dict[str, str]:
-    """By field: the comment on the line of its declaration, or the text below it."""
+    """By field: the comment on the lines of its declaration, or the text below it.
+
+    `use_attribute_docstrings` of pydantic reads the source when a class is made: a start takes 0.6 s more and loads polars.
+    """
     found: dict[str, str] = {}
-    for cls in reversed(model.__mro__):
-        if cls in (BaseModel, object) or not issubclass(cls, BaseModel):
-            continue
+    for cls in reversed([cls for cls in model.__mro__ if issubclass(cls, BaseModel) and cls is not BaseModel]):
         source = textwrap.dedent(inspect.getsource(cls))
         tokens = tokenize.generate_tokens(io.StringIO(source).readline)
         by_line = {t.start[0]: t.string.lstrip("# ").strip() for t in tokens if t.type == tokenize.COMMENT}
-        body = ast.parse(source).body[0]
-        assert isinstance(body, ast.ClassDef)
-        for here, below in zip(body.body, [*body.body[1:], ast.Pass()], strict=True):
-            if isinstance(here, ast.AnnAssign) and isinstance(here.target, ast.Name):
-                lines = range(here.lineno, (here.end_lineno or here.lineno) + 1)
-                text = " ".join(by_line[k] for k in lines if k in by_line) or _text_of(below)
-                found[here.target.id] = " ".join(text.split())
+        body = ast.parse(source).body[0].body  # type: ignore[attr-defined]
+        for field, below in zip(body, [*body[1:], ast.Pass()], strict=True):
+            if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
+                lines = range(field.lineno, (field.end_lineno or field.lineno) + 1)
+                comment = " ".join(by_line[k] for k in lines if k in by_line)
+                is_text = isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant)
+                found[field.target.id] = comment or (str(below.value.value) if is_text else "")
     return found
-
-
-def _text_of(statement: ast.stmt) -> str:
-    if isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant) and isinstance(statement.value.value, str):
-        return statement.value.value
-    return ""
