@@ -18,7 +18,7 @@ from matplotlib.transforms import ScaledTranslation
 
 from coastwatch.batches import Array, Bools, Flag, Floats
 from coastwatch.geodesy import NAUTICAL_MILE_M, offset_deg, wrap_deg
-from coastwatch.operators import stored
+from coastwatch.operators import presentation
 from coastwatch.operators.scene import AIS_ONLY, BEARING, COASTING, FUSED, RADAR, RADAR_ONLY, SONAR_ONLY, STATION, Scene, load
 from coastwatch.spelling import printable
 
@@ -62,8 +62,8 @@ def write(scene: Scene, output: str) -> None:
 
 def draw_run(database: str, run_id: int, shore: str) -> tuple[dict[str, int], bytes]:
     """The last picture of a run: number of vessels of each kind and of bearings, and the PNG. Args: shore: GeoJSON file of land."""
-    with stored.opened(database) as found:
-        scene = load(found, stored.run(found, run_id), None, None, shore)
+    with presentation.opened(database) as found:
+        scene = load(found, presentation.run(found, run_id), None, None, shore)
     png = io.BytesIO()
     draw(scene).savefig(png, format="png", dpi=90, bbox_inches="tight", pad_inches=0.2)
     kinds = {kind.replace(" ", "_"): int((scene.kind == kind).sum()) for kind in (AIS_ONLY, RADAR_ONLY, FUSED)}

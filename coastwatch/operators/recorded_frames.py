@@ -15,7 +15,7 @@ from coastwatch import store
 from coastwatch.batches import Array, Floats, Ints, Members, Picture, nav_status_text
 from coastwatch.errors import InputError
 from coastwatch.operators.export import csv_cell, write_parquet
-from coastwatch.operators.stored import flag_words
+from coastwatch.operators.presentation import flag_words
 from coastwatch.store import Recorded, Store, StoreError
 from coastwatch.store.write.to_rows import motion
 

@@ -9,7 +9,7 @@ import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from coastwatch.operators import settings, stored
+from coastwatch.operators import presentation, settings
 from coastwatch.operators.cli.parser import EPILOG, make_parser
 from coastwatch.scenario import Scenario, scenario_names
 from coastwatch.store.schema.migrate import write_schemas
@@ -69,7 +69,7 @@ def _commands() -> Iterator[str]:
 
 
 def _questions() -> Iterator[str]:
-    rows = stored.questions()
+    rows = presentation.questions()
     yield "## Questions of `coastwatch query`\n"
     yield from _rows(tuple(rows.columns), [(f"`{row[0]}`", *row[1:]) for row in rows.rows])
 

@@ -14,7 +14,7 @@ from coastwatch.errors import InputError
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, offset_deg, scale_m_deg, wrap_deg
 from coastwatch.operators import coastline
 from coastwatch.operators.coastline import Shore
-from coastwatch.operators.stored import ending, utc_text
+from coastwatch.operators.presentation import ending, utc_text
 from coastwatch.shipped import scenarios_folder
 from coastwatch.spelling import printable
 from coastwatch.store import Rows, Store

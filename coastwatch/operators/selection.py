@@ -9,7 +9,7 @@ import numpy as np
 
 from coastwatch.batches import Array, Ints
 from coastwatch.errors import InputError
-from coastwatch.operators import stored
+from coastwatch.operators import presentation
 from coastwatch.operators.columns import digits_of
 from coastwatch.operators.export import Rows
 from coastwatch.spelling import did_you_mean
@@ -38,7 +38,7 @@ def order(column: Callable[[str], Array], columns: Sequence[str], sort: Sequence
     Args: column: gives a column as the store has it; columns: their names; sort: names for people, -NAME for descending.
     Raises: InputError that names an unknown column.
     """
-    names = [stored.name_for_people(name) for name in columns]
+    names = [presentation.name_in_operator_units(name) for name in columns]
     keys = [(columns[_at(names, key.removeprefix("-"), "--sort")], key.startswith("-")) for key in sort]
     out: Ints = np.arange(len(column(columns[0])))
     for name, down in reversed(keys):
@@ -54,12 +54,12 @@ def _ranked(name: str, values: Array) -> tuple[Array, Array]:
         if name in INSTANTS:
             return np.floor(np.where(absent, 0.0, values) * 1e3), absent
         digits = np.round(np.where(absent, 0.0, values), digits_of(name))
-        return digits % 360.0 if name in stored.COURSES else digits, absent
-    if values.dtype.kind in "iu" and name not in stored.WORDS:
+        return digits % 360.0 if name in presentation.COURSES else digits, absent
+    if values.dtype.kind in "iu" and name not in presentation.WORDS:
         return values, values == -1
     if values.dtype.kind in "iu":  # few different ones
         known, which = np.unique(values, return_inverse=True)
-        words = [row[0] or "" for row in stored.for_people(Table((name,), (known,))).rows]
+        words = [row[0] or "" for row in presentation.in_operator_units(Table((name,), (known,))).rows]
         texts = np.array(words, "U")[which]
     else:
         texts = np.where(values == np.array(None), "", values).astype("U")

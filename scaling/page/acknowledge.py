@@ -13,7 +13,7 @@ import statistics
 import sys
 import time
 
-from coastwatch.operators import stored
+from coastwatch.operators import presentation
 from coastwatch.operators.api.application import WEB
 from coastwatch.operators.cli.serving import Followed
 from scaling.page.browser import chromium, draws
@@ -44,7 +44,7 @@ def main() -> None:
     options = parser.parse_args()
     taken_s = []
     with (
-        stored.opened(options.db) as opened,
+        presentation.opened(options.db) as opened,
         Followed(opened, None) as followed,
         listening(followed.service, WEB) as address,
         chromium() as browser,

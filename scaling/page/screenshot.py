@@ -12,7 +12,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from coastwatch.operators import stored
+from coastwatch.operators import presentation
 from coastwatch.operators.api.application import WEB
 from coastwatch.operators.cli.serving import Followed
 from scaling.page.browser import chromium, draws
@@ -32,7 +32,7 @@ def main() -> None:
     options = parser.parse_args()
     width, height = map(int, options.size.split("x"))
     with (
-        stored.opened(options.db) as opened,
+        presentation.opened(options.db) as opened,
         Followed(opened, None) as followed,
         listening(followed.service, WEB) as address,
         chromium() as browser,

@@ -16,7 +16,7 @@ from page import DELTA, FULL, Page
 from server_world import Served, listening
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from coastwatch.operators import stored
+from coastwatch.operators import presentation
 from coastwatch.operators.api.application import WEB
 from coastwatch.operators.selection import selected
 from coastwatch.store import Table
@@ -92,7 +92,7 @@ def test_a_sorted_page_is_as_if_every_vessel_were_formatted_and_only_the_page_is
     served: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     every = served.get("/api/v1/picture").json()["vessels"]
-    formatted, made = [], stored.for_people
+    formatted, made = [], presentation.in_operator_units
 
     def noting(rows: Any) -> Any:
         formatted.append(len(rows) if isinstance(rows, Table) else len(rows.rows))
@@ -100,7 +100,7 @@ def test_a_sorted_page_is_as_if_every_vessel_were_formatted_and_only_the_page_is
 
     picture = served.service.picture()
     every_row = made(picture.rows(np.arange(len(picture))))
-    monkeypatch.setattr(stored, "for_people", noting)
+    monkeypatch.setattr(presentation, "in_operator_units", noting)
     keys = [*every[0], "nav_status,-sog_kn", "-flags,name", "sources,-mmsi,cog_deg"]
     for key in [*keys, *(f"-{key}" for key in every[0])]:
         expected = [row[0] for row in selected(every_row, key.split(","), None, ("vessel_id",)).rows]

@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 import pytest
 
 from coastwatch.errors import InputError
-from coastwatch.operators import stored
+from coastwatch.operators import presentation
 from coastwatch.operators.cli import make_parser
 from coastwatch.reproduction.published import chosen
 from coastwatch.scenario import ScenarioError, load_scenario
@@ -54,7 +54,7 @@ def test_the_parser_takes_every_example() -> None:
 
 def test_every_example_names_scenarios_settings_and_questions_that_there_are() -> None:
     taken, wrong = 0, []
-    questions = {row[0] for row in stored.questions().rows}
+    questions = {row[0] for row in presentation.questions().rows}
     for page, line in shown():
         if {"SCENARIO", "NAME", "PAPER"} & set(line.split()):
             continue

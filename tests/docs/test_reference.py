@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from coastwatch.operators import reference, settings, stored
+from coastwatch.operators import presentation, reference, settings
 from coastwatch.operators.cli import make_parser
 from coastwatch.scenario import Scenario, scenario_names
 
@@ -65,7 +65,7 @@ def test_every_stage_is_reached() -> None:
 
 
 def test_every_question_is_documented() -> None:
-    names = {row[0] for row in stored.questions().rows}
+    names = {row[0] for row in presentation.questions().rows}
     assert names == {p.stem for p in (HOUSE / "db" / "operator").glob("*.sql")}
     assert len(names) >= 8
     assert all(f"`{name}`" in WRITTEN for name in names)

@@ -16,7 +16,7 @@ from run_world import FinishedRun, Start
 
 from coastwatch import store
 from coastwatch.batches import Flag
-from coastwatch.operators import stored, verdict
+from coastwatch.operators import presentation, verdict
 from coastwatch.operators.cli import main
 from coastwatch.server.feeds import live_input
 from coastwatch.store.processes import this_process
@@ -34,7 +34,7 @@ def answer(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
 
 
 def test_a_run_on_live_feeds_is_shown_without_a_total() -> None:
-    assert stored.ENDLESS == live_input.ENDLESS, "`runs` knows a run without an end by its planned cycles"
+    assert presentation.ENDLESS == live_input.ENDLESS, "`runs` knows a run without an end by its planned cycles"
 
 
 def test_the_json_of_a_run(finished_run: FinishedRun) -> None:
@@ -70,7 +70,7 @@ def test_the_picture_is_the_same_in_every_format(
     table = answer(["picture", "--db", url], capsys).splitlines()
     assert len(table) == len(rows) + 3
     assert table[0] == f"run 1 of guanabara, seed 3: {len(rows)} vessels at {rows[0]['time_utc']}"
-    assert table[1].split() == list(stored.MAIN_COLUMNS)
+    assert table[1].split() == list(presentation.MAIN_COLUMNS)
 
 
 def test_the_picture_of_the_past_and_of_a_box(finished_run: FinishedRun, capsys: pytest.CaptureFixture[str]) -> None:
@@ -347,9 +347,9 @@ def test_tracks_as_csv_are_metres_from_the_centre(finished_run: FinishedRun) -> 
 
 
 def test_flags_are_words() -> None:
-    assert stored.flag_words(0) == ""
-    assert stored.flag_words(int(Flag.DARK | Flag.COASTING)) == "dark coasting"
-    made = stored.for_people(
+    assert presentation.flag_words(0) == ""
+    assert presentation.flag_words(int(Flag.DARK | Flag.COASTING)) == "dark coasting"
+    made = presentation.in_operator_units(
         store.Rows(("mmsi", "flags", "time_s", "silent_s"), [(2320001, 4, 0.0, 12.34567), (None, 0, 1.5, None)])
     )
     assert made.columns == ("mmsi", "flags", "time_utc", "silent_s")
@@ -358,7 +358,9 @@ def test_flags_are_words() -> None:
 
 
 def test_a_course_is_never_360() -> None:
-    made = stored.for_people(store.Rows(("cog_deg", "latitude_deg"), [(359.9999, 3.0), (359.99, 3.0), (None, 3.0)]))
+    made = presentation.in_operator_units(
+        store.Rows(("cog_deg", "latitude_deg"), [(359.9999, 3.0), (359.99, 3.0), (None, 3.0)])
+    )
     assert [row[0] for row in made.rows] == [0.0, 359.99, None]
 
 
@@ -382,7 +384,7 @@ def test_ctrl_c_ends_a_run_after_a_whole_cycle(start: Start, tmp_path: Path, cap
 def cycles_in(url: str) -> int:
     """Cycles stored of the newest run; 0 while there is no database."""
     try:
-        with stored.opened(url) as found:
+        with presentation.opened(url) as found:
             return int(store.runs(found).column("cycles_stored")[0])
     except (store.StoreError, IndexError):
         return 0

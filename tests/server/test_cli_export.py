@@ -13,7 +13,7 @@ import termcolor
 
 from coastwatch import store
 from coastwatch.errors import InputError
-from coastwatch.operators import columns, export, stored
+from coastwatch.operators import columns, export, presentation
 from coastwatch.operators.cli import arguments
 from coastwatch.operators.selection import selected
 from coastwatch.reproduction import html_report
@@ -116,7 +116,7 @@ def test_a_text_is_no_formula_of_a_spreadsheet(text: str) -> None:
 
 def test_columns_of_degrees_line_up_and_no_zero_is_negative() -> None:
     rows = store.Rows(("cog_deg", "latitude_deg", "flags"), [(-1e-9, -22.9, 0), (270.126, 5.0, 1)])
-    first, second = export.as_table(stored.for_people(rows)).splitlines()[2:]
+    first, second = export.as_table(presentation.in_operator_units(rows)).splitlines()[2:]
     assert (first.split(), second.split()) == (["0.00", "-22.900000", "-"], ["270.13", "5.000000", "dark"])
     assert first.index(".9") == second.index(".0", 12)
 
@@ -144,8 +144,8 @@ def test_every_column_of_every_question_has_a_type(tmp_path: Path) -> None:
     with store.open_store(str(tmp_path / "x.db")) as opened:
         for name, question in store.operator_queries().items():
             asked = {key: given[key] for key, parameter in question.parameters.items() if parameter.default is None}
-            assert [c for c in stored.answer(opened, name, asked).columns if columns.kind_of(c) is None] == [], name
-        assert [c for c in stored.picture(opened, 1, None, None).columns if columns.kind_of(c) is None] == []
+            assert [c for c in presentation.answer(opened, name, asked).columns if columns.kind_of(c) is None] == [], name
+        assert [c for c in presentation.picture(opened, 1, None, None).columns if columns.kind_of(c) is None] == []
 
 
 def test_gpx_has_a_waypoint_for_each_position_and_a_track_for_a_history() -> None:

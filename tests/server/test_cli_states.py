@@ -15,7 +15,7 @@ import states_world as world
 
 from coastwatch import store
 from coastwatch.batches import Flag
-from coastwatch.operators import plot, scene, stored
+from coastwatch.operators import plot, presentation, scene
 from coastwatch.operators.cli import main, make_parser
 
 SPAN = ["--bbox=-24,-44,-22,-42", "--from", "2025-06-01T12:00:00Z", "--to", "2025-06-01T12:01:00Z"]
@@ -121,7 +121,7 @@ def test_the_picture_has_every_state(at: list[str], url: str, capsys: pytest.Cap
     for state in world.STATES:
         if state.name in expected:
             row = rows[world.ID_OF[state.name]]
-            assert row["flags"] == stored.flag_words(state.flags), state
+            assert row["flags"] == presentation.flag_words(state.flags), state
             assert row["sources"] == ",".join(name_of[k] for k in sorted(set(state.sources))), state
             assert row["mmsi"] == (str(world.mmsi_of(state.name)) if state.mmsi else ""), state
             assert (row["sog_kn"] == "") == (not state.velocity), state
@@ -130,8 +130,8 @@ def test_the_picture_has_every_state(at: list[str], url: str, capsys: pytest.Cap
 
 @pytest.mark.parametrize("at_s", [None, 1748779210.0])
 def test_the_plot_counts_each_vessel_as_what_it_is(at_s: float | None, url: str) -> None:
-    with stored.opened(url) as opened:
-        made = scene.load(opened, stored.run(opened, None), at_s, None, None)
+    with presentation.opened(url) as opened:
+        made = scene.load(opened, presentation.run(opened, None), at_s, None, None)
         vessels = opened_ids(opened, at_s)
     kinds = dict(zip(vessels, made.kind.tolist(), strict=True))
     for state in world.STATES:

@@ -12,7 +12,7 @@ from run_world import SEED, column, rows, run, small, stored, url
 from sqlalchemy import event
 
 from coastwatch import store
-from coastwatch.operators import stored as operators_stored
+from coastwatch.operators import presentation
 from coastwatch.operators.cli import main
 from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario, load_scenario
@@ -75,7 +75,7 @@ def test_records_that_a_stage_drops_are_counted_and_listed(tmp_path: Path) -> No
 def stored_runs(path: Path) -> Rows:
     """The table of `coastwatch runs`."""
     with store.open_store(url(path)) as opened:
-        return operators_stored.runs_table(operators_stored.runs(opened))
+        return presentation.runs_table(presentation.runs(opened))
 
 
 def test_a_cycle_written_beside_the_next_leaves_the_rows_of_one_written_in_turn(alone: Path, tmp_path: Path) -> None:

@@ -6,14 +6,14 @@ import pytest
 import store_world as world
 
 from coastwatch import store as kept
-from coastwatch.operators import stored
+from coastwatch.operators import presentation
 
 VESSEL, MMSI, NAME = 2, 710_000_001, "SHIP 1"
 NONE = dict.fromkeys(("last_ais_mmsi", "last_ais_name", "last_ais_until_utc"))
 
 
 def last_ais(store, run, vessel):
-    details = stored.vessel(store, stored.run(store, run), vessel).details
+    details = presentation.vessel(store, presentation.run(store, run), vessel).details
     return {name: details[name] for name in NONE}
 
 
@@ -31,8 +31,10 @@ def test_the_last_ais_of_a_vessel_is_known_once_it_has_none(url, keeps_mmsi):
             mmsi[picture.vessel_id == VESSEL] = -1
             cycle = world.cycle_of(number, 30, replace(picture, mmsi=mmsi))
             world.write(store, run, number, cycle=replace(cycle, picture=picture) if keeps_mmsi else cycle)
-        until = stored.utc_text(world.instant_s(3))
+        until = presentation.utc_text(world.instant_s(3))
         assert last_ais(store, run, VESSEL) == dict(zip(NONE, (str(MMSI), NAME, until), strict=True))
-        assert stored.vessel(store, stored.run(store, run), VESSEL).details["mmsi"] == (str(MMSI) if keeps_mmsi else None)
+        assert presentation.vessel(store, presentation.run(store, run), VESSEL).details["mmsi"] == (
+            str(MMSI) if keeps_mmsi else None
+        )
         assert last_ais(store, run, 1) == NONE, "it never had AIS"
         assert last_ais(store, run, 4) == NONE, "it has AIS"

@@ -11,7 +11,7 @@ from sqlalchemy import text
 
 from coastwatch import store as kept
 from coastwatch.batches import RadarReports
-from coastwatch.operators import stored
+from coastwatch.operators import presentation
 from coastwatch.scenario import StoreSettings
 from coastwatch.store import StoreError
 from coastwatch.store.schema.database import reading
@@ -78,9 +78,9 @@ def test_cover_for_people(url: str) -> None:
     with kept.open_store(url) as store:
         run = world.begin(store)
         world.write(store, run, 0)
-        seen, clutter = (stored.radar_cover(store, run, what, 72, 16) for what in (False, True))
-        coarse = stored.radar_cover(store, run, False, 12, 4)
-    assert seen.columns == ("name", "from_deg", "to_deg", "from_nm", "to_nm", *stored.COVER_COLUMNS)
+        seen, clutter = (presentation.radar_cover(store, run, what, 72, 16) for what in (False, True))
+        coarse = presentation.radar_cover(store, run, False, 12, 4)
+    assert seen.columns == ("name", "from_deg", "to_deg", "from_nm", "to_nm", *presentation.COVER_COLUMNS)
     assert seen.rows == [("fort", 35.0, 40.0, 1.875, 2.5, 0.5, 10.0, None, 0.0)]
     assert clutter.rows == [("island", 350.0, 355.0, 11.25, 12.0, 2.0, 0.0)]
     assert coarse.rows == [("fort", 30.0, 60.0, 0.0, 2.5, 0.5, 10.0, None, 0.0)]

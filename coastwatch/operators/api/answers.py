@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from coastwatch import store
 from coastwatch.batches import ALARM_KINDS, COVER_AZIMUTHS, COVER_RANGES, Flag, Ints
 from coastwatch.errors import InputError
-from coastwatch.operators import export, stored
+from coastwatch.operators import export, presentation
 from coastwatch.operators.api.service import ZONE_KINDS, Service
 from coastwatch.operators.api.validation import CheckedRoute
 from coastwatch.operators.api.wire import Encoder
@@ -171,8 +171,8 @@ def picture(request: Request, service: In, form: As, chosen: Annotated[Chosen, Q
     if chosen.sort is not None:
         rows = rows[order(lambda name: of.column(name, rows), COLUMNS, _names(chosen.sort))]
     page = rows[chosen.offset : chosen.offset + chosen.limit]
-    found = selected(stored.for_people(of.rows(page)), (), None, _names(chosen.columns))
-    head = {"run": of.run_id, "cycle": of.cycle, "time_utc": stored.utc_text(of.time_s), "total": len(rows)}
+    found = selected(presentation.in_operator_units(of.rows(page)), (), None, _names(chosen.columns))
+    head = {"run": of.run_id, "cycle": of.cycle, "time_utc": presentation.utc_text(of.time_s), "total": len(rows)}
     headers = _page(request, len(rows), chosen.offset, chosen.limit) | ({"ETag": tag} if tag else {})
     return _answer(found, form, "vessels", {**head, "offset": chosen.offset}, headers)
 
@@ -195,7 +195,7 @@ def vessels(
     if (ids is None) == (q is None):
         raise HTTPException(400, "got both or none of ids and q, needed one of them")
     rows = of.at(_ids(ids or "")) if q is None else of.search(q)[:MOST_FOUND]
-    body = json.dumps({"vessels": export.as_objects(stored.for_people(of.rows(rows)))}, allow_nan=False)
+    body = json.dumps({"vessels": export.as_objects(presentation.in_operator_units(of.rows(rows)))}, allow_nan=False)
     tag = f'"{hashlib.sha256(body.encode()).hexdigest()[:32]}"'
     if request.headers.get("if-none-match") == tag:
         return Response(status_code=304, headers={"ETag": tag})
@@ -205,14 +205,14 @@ def vessels(
 @router.get("/vessels/{vessel_id}")
 def vessel(vessel_id: VesselId, service: In) -> dict[str, Any]:
     """One vessel with its tracks, events, associations and the newest points of its path."""
-    of_run, found = _vessel(service, vessel_id)
+    run_row, found = _vessel(service, vessel_id)
     lists = {
         key.replace(" ", "_"): export.as_objects(Rows(rows.columns, _lasting_last(rows)[-NEWEST_POINTS:]))
         for key, rows in found.tables.items()
     }
     (details,) = export.as_objects(Rows(tuple(found.details), [tuple(found.details.values())]))
     meanings = {key.replace(" ", "_"): meaning for key, meaning in found.meanings.items()}
-    methods = {key: of_run["settings"].get(key) for key in ("associations", "bearing_associations")}
+    methods = {key: run_row["settings"].get(key) for key in ("associations", "bearing_associations")}
     return {**details, **lists, "statistics": meanings, "method": methods}
 
 
@@ -305,7 +305,7 @@ def acknowledge(
 @router.get("/sensors", responses=ROWS)
 def sensors(service: In, form: As) -> Response:
     """The sensors with their health, their registration and when they were heard last."""
-    return _answer(stored.sensors(service.store, service.run_id(), None), form, "sensors", {})
+    return _answer(presentation.sensors(service.store, service.run_id(), None), form, "sensors", {})
 
 
 @router.get("/sensors/{number}/cover", responses=ROWS)
@@ -323,9 +323,9 @@ def sensor_cover(
         raise HTTPException(404, f"sensors: got radar {number}, needed one of {', '.join(map(str, names)) or 'none'}")
     try:
         if grid == "standing":
-            found = stored.standing_echoes(service.store, service.of_run())
+            found = presentation.standing_echoes(service.store, service.run_row())
         else:
-            found = stored.radar_cover(service.store, run_id, grid == "clutter", COVER_AZIMUTHS, COVER_RANGES)
+            found = presentation.radar_cover(service.store, run_id, grid == "clutter", COVER_AZIMUTHS, COVER_RANGES)
     except InputError as error:
         raise HTTPException(404, str(error)) from error
     of_radar = Rows(found.columns, [row for row in found.rows if row[0] == names[number]])
@@ -342,7 +342,7 @@ def feeds(service: In) -> dict[str, Any]:
 @router.get("/runs", responses=ROWS)
 def runs(service: In, form: As) -> Response:
     """The runs of the database, newest first."""
-    return _answer(stored.runs(service.store), form, "runs", {})
+    return _answer(presentation.runs(service.store), form, "runs", {})
 
 
 @router.get("/audit", responses=ROWS)
@@ -355,23 +355,23 @@ def audit(request: Request, service: In, form: As, limit: Limit = 1000, offset: 
 @router.get("/cycles")
 def cycles(service: In) -> dict[str, Any]:
     """The span of time of which pictures can be asked for."""
-    of_run = service.of_run()
-    newest = store.newest_picture(service.store, of_run["id"])
-    first_s = of_run["start_s"] + of_run["period_s"]
-    span = (None, None) if newest is None else (stored.utc_text(first_s), stored.utc_text(newest[2]))
+    run_row = service.run_row()
+    newest = store.newest_picture(service.store, run_row["id"])
+    first_s = run_row["start_s"] + run_row["period_s"]
+    span = (None, None) if newest is None else (presentation.utc_text(first_s), presentation.utc_text(newest[2]))
     return {
         "first_utc": span[0],
         "last_utc": span[1],
-        "period_s": of_run["period_s"],
-        "cycles": of_run["cycles_stored"],
-        "recorded": bool(of_run["settings"].get("store", {}).get("recording")),
+        "period_s": run_row["period_s"],
+        "cycles": run_row["cycles_stored"],
+        "recorded": bool(run_row["settings"].get("store", {}).get("recording")),
     }
 
 
 @router.get("/coastline")
 def coastline(service: In) -> Response:
     """The coastline that comes with the scenario, as GeoJSON."""
-    path = scenarios_folder() / str(service.of_run()["scenario"]) / "coastline.geojson"
+    path = scenarios_folder() / str(service.run_row()["scenario"]) / "coastline.geojson"
     if path.parent.parent != scenarios_folder() or not path.is_file():
         raise HTTPException(404, "the scenario has no coastline of its own")
     return Response(path.read_bytes(), media_type="application/geo+json", headers={"Cache-Control": "max-age=3600"})
@@ -407,13 +407,13 @@ def _picture_at(service: Service, at_s: float | None) -> LivePicture:
     return replace(found, time_s=float(found.array("time_s").max())) if len(found) else found
 
 
-def _vessel(service: Service, vessel_id: int) -> tuple[dict[str, Any], stored.Vessel]:
+def _vessel(service: Service, vessel_id: int) -> tuple[dict[str, Any], presentation.Vessel]:
     """The run and one of its vessels. Raises: HTTPException where the run never had it."""
-    of_run = service.of_run()
+    run_row = service.run_row()
     try:
-        return of_run, stored.vessel(service.store, of_run, vessel_id)
+        return run_row, presentation.vessel(service.store, run_row, vessel_id)
     except NotThere as error:
-        raise HTTPException(404, f"run {of_run['id']} never had a vessel {vessel_id}") from error
+        raise HTTPException(404, f"run {run_row['id']} never had a vessel {vessel_id}") from error
 
 
 def _has_source(of: LivePicture, text: str) -> Any:

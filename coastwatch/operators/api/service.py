@@ -13,7 +13,7 @@ from typing import Any, Protocol, TypeVar
 
 from coastwatch import store
 from coastwatch.batches.events import PRIORITIES
-from coastwatch.operators import stored
+from coastwatch.operators import presentation
 from coastwatch.operators.api.audit import Audit
 from coastwatch.operators.api.hub import Hub
 from coastwatch.operators.api.metrics import Metrics
@@ -151,15 +151,15 @@ class Service:
     def changes(self, limit: int, offset: int) -> tuple[Rows, int]:
         """Who changed what, the newest first, and how many changes there are. Raises: StoreError."""
         found, total = store.changes(self.store, limit, offset)
-        return stored.for_people(found), total
+        return presentation.in_operator_units(found), total
 
     def run_id(self) -> int:
         """The run of the newest picture. Raises: NoPictureYet."""
         return self.picture().run_id
 
-    def of_run(self) -> dict[str, Any]:
+    def run_row(self) -> dict[str, Any]:
         """The row of the run, as it is now. Raises: NoPictureYet, StoreError."""
-        return stored.run(self.store, self.run_id())
+        return presentation.run(self.store, self.run_id())
 
     def feeds(self) -> list[dict[str, Any]]:
         """The feeds with their counters."""
@@ -205,7 +205,7 @@ class Service:
                 name = statics[one.mmsi][0]
             lasted_s = max((now_s if one.end_s is None else one.end_s) - one.start_s, 0.0)
             rows.append((one.alarm_id, *one[:5], lasted_s, *one[5:7], name, *one[8:], PRIORITIES[one.kind]))
-        return stored.for_people(Rows(ALARM_COLUMNS, rows))
+        return presentation.in_operator_units(Rows(ALARM_COLUMNS, rows))
 
     def acknowledge(self, alarm_id: str, name: str, note: str, who: str) -> Rows | None:
         """Acknowledge an alarm. Returns: its row; None where there is no such alarm. Args: name: of the person; who: of the token.
@@ -288,8 +288,8 @@ class Service:
             "run_id": self.hub.run,
             "seq": self.hub.newest_seq,
             "cycle": of.cycle,
-            "time_utc": stored.utc_text(of.time_s),
-            "server_utc": stored.utc_text(time.time()),
+            "time_utc": presentation.utc_text(of.time_s),
+            "server_utc": presentation.utc_text(time.time()),
             "age_s": round(self.metrics.age_s, 3),
             "period_s": about.period_s,
             "cycle_ms": None if taken is None else round(taken * 1e3, 1),
@@ -315,11 +315,11 @@ class Service:
         if known is not None:
             return known
         if self._about is None or self._about[0] != run_id:
-            row = stored.run(self.store, run_id)
+            row = presentation.run(self.store, run_id)
             self._about = run_id, RunAbout(row["scenario"], row["title"], row["period_s"], row["settings"].get("area"))
         return self._about[1]
 
 
 def _shown(trouble: Trouble) -> dict[str, Any]:
-    since = None if trouble.since_s is None else stored.utc_text(trouble.since_s)
+    since = None if trouble.since_s is None else presentation.utc_text(trouble.since_s)
     return {"kind": trouble.kind, "name": trouble.name, "since_utc": since, "text": trouble.text, "serious": trouble.is_serious}

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from coastwatch import store
 from coastwatch.alarms import Zone
 from coastwatch.geodesy import NAUTICAL_MILE_M, offset_deg
-from coastwatch.operators import export, stored
+from coastwatch.operators import export, presentation
 from coastwatch.operators.api.answers import REFUSALS, In
 from coastwatch.operators.api.service import Service
 from coastwatch.operators.api.validation import MOST_ERRORS, CheckedRoute
@@ -34,7 +34,7 @@ router = APIRouter(prefix="/api/v1", responses=REFUSALS, route_class=CheckedRout
 @router.get("/zones")
 def zones(service: In) -> dict[str, Any]:
     """The zones as GeoJSON. A circle is drawn as a polygon; longitudes go on beyond 180 degrees across the antimeridian."""
-    about = service.of_run()
+    about = service.run_row()
     fixed = [_shown(number, 0, definition) for number, definition in _of_scenario(about)]
     drawn = [_shown(zone.number, zone.version, zone.definition) for zone in store.zones(service.store, about["scenario"])]
     return {"type": "FeatureCollection", "features": [*fixed, *drawn]}
@@ -43,14 +43,14 @@ def zones(service: In) -> dict[str, Any]:
 @router.get("/zones/changes")
 def changes(service: In) -> dict[str, Any]:
     """Who changed which zone when, newest first; a change without a definition deleted the zone."""
-    found = store.zone_changes(service.store, service.of_run()["scenario"])
-    return {"changes": export.as_objects(stored.for_people(found))}
+    found = store.zone_changes(service.store, service.run_row()["scenario"])
+    return {"changes": export.as_objects(presentation.in_operator_units(found))}
 
 
 @router.post("/zones", status_code=201, responses=CONFLICT)
 def add(zone: Zone, request: Request, service: In) -> dict[str, Any]:
     """Add a zone. A live run of the scenario watches it from its next cycle on. Returns: its feature, with its number."""
-    about = service.of_run()
+    about = service.run_row()
     if len(store.zones(service.store, about["scenario"])) >= MOST_ZONES:
         raise HTTPException(409, f"zones: there are {MOST_ZONES}, needed fewer: delete one first")
     _refuse_name_of_scenario(about, zone.name)
@@ -87,7 +87,7 @@ def delete(number: Number, request: Request, service: In) -> dict[str, Any]:
 
 def _changeable(service: Service, number: int) -> dict[str, Any]:
     """The run, if a zone with this number may be changed. Raises: HTTPException."""
-    about = service.of_run()
+    about = service.run_row()
     if number < FIRST_NUMBER:
         if any(number == known for known, _ in _of_scenario(about)):
             raise HTTPException(409, f"zone {number} is of the scenario file, needed one that was drawn or sent")

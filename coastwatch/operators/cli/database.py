@@ -10,7 +10,7 @@ from pathlib import Path
 
 from coastwatch import store
 from coastwatch.errors import InputError
-from coastwatch.operators import stored
+from coastwatch.operators import presentation
 from coastwatch.store.schema import migrate
 
 STAMP = "%Y%m%dT%H%M%SZ"
@@ -42,7 +42,7 @@ def backup(options: argparse.Namespace) -> int:
     target = Path(options.target)
     if options.keep is not None and not target.is_dir():
         raise InputError(f"--keep: got {target}, which is no folder, needed a folder of copies")
-    with stored.opened(options.db) as opened:
+    with presentation.opened(options.db) as opened:
         stem = re.sub(r"[^\w.-]", "_", Path(opened.where).stem)
         path = target / f"{stem}-{datetime.now(UTC).strftime(STAMP)}.db" if target.is_dir() else target
         size = store.backup(opened, path)
@@ -62,7 +62,7 @@ def restore(options: argparse.Namespace) -> int:
 
 
 def prune(options: argparse.Namespace) -> int:
-    with stored.opened(options.db) as opened:
+    with presentation.opened(options.db) as opened:
         done = store.prune(opened, options.older_than, options.only)
     if not options.only:
         print(f"runs: {len(done.runs)} deleted")

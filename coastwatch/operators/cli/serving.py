@@ -18,7 +18,7 @@ import uvicorn
 from fastapi import FastAPI
 
 from coastwatch.errors import InputError
-from coastwatch.operators import stored
+from coastwatch.operators import presentation
 from coastwatch.operators.api import logs
 from coastwatch.operators.api.application import application
 from coastwatch.operators.api.bounds import LARGEST_HEAD, LARGEST_MESSAGE
@@ -125,8 +125,8 @@ def serve(options: argparse.Namespace) -> int:
     ):  # a used port is refused before anything starts
         if options.scenario is None:
             with (
-                stored.opened(options.db) as opened,
-                stored.opened(options.db, limit=QUERY) as asked,
+                presentation.opened(options.db) as opened,
+                presentation.opened(options.db, limit=QUERY) as asked,
                 Followed(opened, options.run, asked=asked) as followed,
                 logs.Watch(followed.service),
             ):

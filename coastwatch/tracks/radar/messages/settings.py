@@ -11,8 +11,7 @@ from pydantic import Field
 from coastwatch import kernels
 from coastwatch.batches import Measurements, Messages, Sensors, Tracks
 from coastwatch.geodesy import to_plane, turn, within_any
-from coastwatch.stage import Settings
-from coastwatch.stage import Probability
+from coastwatch.stage import Probability, Settings
 from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.table import RadarMemory
 

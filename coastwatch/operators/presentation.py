@@ -114,7 +114,7 @@ def runs(found: Store) -> Rows:
     """Every run, newest first, with its scores; `scores` is a dict."""
     listed = store.runs(found)
     names = ("run", *listed.columns[1:])
-    return for_people(Rows(names, listed.rows))
+    return in_operator_units(Rows(names, listed.rows))
 
 
 def runs_table(rows: Rows) -> Rows:
@@ -137,40 +137,40 @@ def _verdict(sentences: list[str] | None) -> str | None:
     return None if sentences is None else f"{len(sentences)} fell" if sentences else "good"
 
 
-def heading(of_run: Mapping[str, Any], rows: Rows) -> str:
-    """Which run a picture is of, its instant, and how the run ended. Args: of_run: as of `run`; rows: as of `picture`."""
-    newest = max(rows.column("time_utc"), default=utc_text(of_run["start_s"] + of_run["cycles_stored"] * of_run["period_s"]))
-    said = f"run {of_run['id']} of {of_run['scenario']}, seed {of_run['seed']}: {len(rows.rows)} vessels at {newest}"
-    return f"{said}; {ending(of_run)}" if ending(of_run) else said
+def heading(run_row: Mapping[str, Any], rows: Rows) -> str:
+    """Which run a picture is of, its instant, and how the run ended. Args: run_row: as of `run`; rows: as of `picture`."""
+    newest = max(rows.column("time_utc"), default=utc_text(run_row["start_s"] + run_row["cycles_stored"] * run_row["period_s"]))
+    said = f"run {run_row['id']} of {run_row['scenario']}, seed {run_row['seed']}: {len(rows.rows)} vessels at {newest}"
+    return f"{said}; {ending(run_row)}" if ending(run_row) else said
 
 
-def ending(of_run: Mapping[str, Any]) -> str:
+def ending(run_row: Mapping[str, Any]) -> str:
     """How a run that has not finished ended, such as "the run died after cycle 3 of 9"; empty if it finished."""
-    ends = ENDS.get(of_run["status"])
-    return f"{ends} after cycle {_cycles(of_run)}" if ends else ""
+    ends = ENDS.get(run_row["status"])
+    return f"{ends} after cycle {_cycles(run_row)}" if ends else ""
 
 
-def beyond_end(found: Store, of_run: Mapping[str, Any], at_s: float | None) -> str:
-    """A sentence if an instant is more than a period after the last cycle of a run; empty if not. Args: of_run: as of `run`."""
-    last_s = None if at_s is None else store.last_instant(found, of_run["id"])
-    if at_s is None or last_s is None or at_s <= last_s + of_run["period_s"]:
+def beyond_end(found: Store, run_row: Mapping[str, Any], at_s: float | None) -> str:
+    """A sentence if an instant is more than a period after the last cycle of a run; empty if not. Args: run_row: as of `run`."""
+    last_s = None if at_s is None else store.last_instant(found, run_row["id"])
+    if at_s is None or last_s is None or at_s <= last_s + run_row["period_s"]:
         return ""
-    return f"run {of_run['id']} holds nothing at {utc_text(at_s)}: its last cycle is at {utc_text(last_s)}, and this answer is of then"
+    return f"run {run_row['id']} holds nothing at {utc_text(at_s)}: its last cycle is at {utc_text(last_s)}, and this answer is of then"
 
 
-def _cycles(of_run: Mapping[str, Any]) -> str:
+def _cycles(run_row: Mapping[str, Any]) -> str:
     """Cycles stored, and of how many; a live run has no end."""
-    return str(of_run["cycles_stored"]) + ("" if of_run["cycles"] >= ENDLESS else f" of {of_run['cycles']}")
+    return str(run_row["cycles_stored"]) + ("" if run_row["cycles"] >= ENDLESS else f" of {run_row['cycles']}")
 
 
 def picture(found: Store, run_id: int, at_s: float | None, bbox: Box | None) -> Rows:
     """The picture, one row per vessel, in the units of an operator."""
-    return for_people(store.picture(found, run_id, at_s, bbox))
+    return in_operator_units(store.picture(found, run_id, at_s, bbox))
 
 
 def traffic(found: Store, run_id: int, bbox: Box, span_s: tuple[float, float]) -> Rows:
     """The vessels in a box between two instants. Raises: InputError, StoreError."""
-    return for_people(store.traffic(found, run_id, bbox, *_span(span_s)))
+    return in_operator_units(store.traffic(found, run_id, bbox, *_span(span_s)))
 
 
 def encounters(found: Store, run_id: int, bbox: Box, span_s: tuple[float, float], limits: Mapping[str, Any]) -> Rows:
@@ -178,7 +178,7 @@ def encounters(found: Store, run_id: int, bbox: Box, span_s: tuple[float, float]
     for name, value in limits.items():
         if not 0.0 <= value < float("inf"):
             raise InputError(f"{name}: got {value:g}, needed 0 or more")
-    return for_people(store.encounters(found, run_id, bbox, *_span(span_s), **limits))
+    return in_operator_units(store.encounters(found, run_id, bbox, *_span(span_s), **limits))
 
 
 def _span(span_s: tuple[float, float]) -> tuple[float, float]:
@@ -193,16 +193,16 @@ def main_columns(rows: Rows) -> Rows:
     return Rows(tuple(rows.columns[k] for k in keep), [tuple(row[k] for k in keep) for row in rows.rows])
 
 
-def vessel(found: Store, of_run: Mapping[str, Any], vessel_id: int) -> Vessel:
-    """Details and tables of one vessel. Args: of_run: as of `run`. Raises: StoreError if the run never had it."""
-    track = store.track(found, of_run["id"], vessel_id)
+def vessel(found: Store, run_row: Mapping[str, Any], vessel_id: int) -> Vessel:
+    """Details and tables of one vessel. Args: run_row: as of `run`. Raises: StoreError if the run never had it."""
+    track = store.track(found, run_row["id"], vessel_id)
     details, stays = track.pop("vessel"), track.pop("stays")
-    row = for_people(Rows(tuple(details), [tuple(details.values())]))
-    names = {number: name for number, name, _ in store.sources(found, of_run["id"]).rows}
-    tables = {key.replace("_", " "): for_people(_with_names(rows, names)) for key, rows in track.items()}
-    methods = {key: of_run["settings"].get(key, {}).get("method") for key in ("associations", "bearing_associations")}
+    row = in_operator_units(Rows(tuple(details), [tuple(details.values())]))
+    names = {number: name for number, name, _ in store.sources(found, run_row["id"]).rows}
+    tables = {key.replace("_", " "): in_operator_units(_with_names(rows, names)) for key, rows in track.items()}
+    methods = {key: run_row["settings"].get(key, {}).get("method") for key in ("associations", "bearing_associations")}
     return Vessel(
-        {"run": of_run["id"], **dict(zip(row.columns, row.rows[0], strict=True))},
+        {"run": run_row["id"], **dict(zip(row.columns, row.rows[0], strict=True))},
         tables,
         {key.replace("_", " "): STATISTICS[method] for key, method in methods.items() if method in STATISTICS},
         tuple((first, LAST if last is None else last) for first, last, _ in stays.rows),
@@ -224,7 +224,7 @@ def sensors(found: Store, run_id: int, at_s: float | None) -> Rows:
     states = store.sensor_states(found, run_id, at_s)
     health = [_health(dict(zip(states.columns, row, strict=True))) for row in states.rows]
     with_health = [(*row, word) for row, word in zip(states.rows, health, strict=True)]
-    return for_people(Rows((*states.columns, "health"), with_health))
+    return in_operator_units(Rows((*states.columns, "health"), with_health))
 
 
 SILENT_TURNS, SILENT_LEAST_S, SILENT_AIS_S = 3.0, 10.0, 60.0
@@ -282,20 +282,20 @@ def radar_cover(found: Store, run_id: int, clutter: bool, sectors: int, rings: i
     borders = sector * width, (sector + 1) * width, edges_nm[radar, ring * step], edges_nm[radar, (ring + 1) * step]
     numbers = np.stack([*borders, *(value[shown] for value in values)], 1)
     made = [(names[r], *(None if np.isnan(v) else v for v in row)) for r, row in zip(radar, numbers.tolist(), strict=True)]
-    return for_people(Rows(("name", "from_deg", "to_deg", "from_nm", "to_nm", *columns), made))
+    return in_operator_units(Rows(("name", "from_deg", "to_deg", "from_nm", "to_nm", *columns), made))
 
 
-def standing_echoes(found: Store, of_run: Mapping[str, Any]) -> Rows:
-    """The echoes that the clutter maps of radars hide, one row each, by radar. Args: of_run: as of `run`.
+def standing_echoes(found: Store, run_row: Mapping[str, Any]) -> Rows:
+    """The echoes that the clutter maps of radars hide, one row each, by radar. Args: run_row: as of `run`.
 
     Raises: InputError: no clutter map is learnt.
     """
-    if not (of_run["settings"].get("tracks", {}).get("clutter") or {}).get("learnt"):
+    if not (run_row["settings"].get("tracks", {}).get("clutter") or {}).get("learnt"):
         raise InputError(
-            f"run {of_run['id']}: no clutter map is learnt (`tracks.clutter.learnt`), so echoes that stand are in the picture: "
+            f"run {run_row['id']}: no clutter map is learnt (`tracks.clutter.learnt`), so echoes that stand are in the picture: "
             "`coastwatch query stationary`"
         )
-    return for_people(store.standing_echoes(found, of_run["id"]))
+    return in_operator_units(store.standing_echoes(found, run_row["id"]))
 
 
 def registration(rows: Rows, settings: Mapping[str, Any]) -> Rows:
@@ -375,20 +375,20 @@ def answer(found: Store, name: str, parameters: Mapping[str, str], at_s: float |
         hint = did_you_mean(unknown[0], takes) if unknown else ""
         raise InputError(f"query {name}: {got}, needed --set with {', '.join((*takes, 'run'))}{hint}")
     try:
-        return for_people(store.operator_query(found, name, parameters, at_s))
+        return in_operator_units(store.operator_query(found, name, parameters, at_s))
     except ParameterError as error:
         raise InputError(str(error)) from error
 
 
-def for_people(rows: Rows | Table) -> Rows:
+def in_operator_units(rows: Rows | Table) -> Rows:
     """The same rows in the units of an operator. Columns of instants are renamed from `_s` to `_utc`."""
     makers = [_maker(name) for name in rows.columns]
-    names = tuple(map(name_for_people, rows.columns))
+    names = tuple(map(name_in_operator_units, rows.columns))
     made = [tuple(None if v is None else make(v) for v, make in zip(row, makers, strict=True)) for row in rows.rows]
     return Rows(names, made)
 
 
-def name_for_people(name: str) -> str:
+def name_in_operator_units(name: str) -> str:
     """The name of a column in the units of an operator."""
     return f"{name[:-2]}_utc" if name in store.INSTANTS else name
 
