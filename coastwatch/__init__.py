@@ -4,6 +4,7 @@ The map, in the order in which data flows (each stage is a folder with a README)
 
 | stage          | takes                          | yields                                            |
 |----------------|--------------------------------|---------------------------------------------------|
+| formats        | bytes of a wire                | Reports, and back                                 |
 | sensors        | recordings, simulation         | Reports of a sensor, in its own coordinates       |
 | plots          | radar reports                  | Plots in a region's plane, with covariance        |
 | tracks         | plots, AIS reports, bearings   | Tracks and BearingTracks                          |

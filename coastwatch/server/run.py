@@ -14,10 +14,10 @@ from typing import Any, Protocol
 
 from coastwatch import pipeline, store
 from coastwatch.batches import Fault, FileContent, Recording, Reports, Sensors
+from coastwatch.formats.intake.accounts import losses
 from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario
 from coastwatch.scores import add, result, start
-from coastwatch.sensors.recorded.accounts import losses
 from coastwatch.server import checkpoint
 from coastwatch.server.checkpoint import CheckpointError, Pace, Point
 from coastwatch.server.timing import Stopwatch

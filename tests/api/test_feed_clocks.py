@@ -13,9 +13,9 @@ import pytest
 from server_world import Served
 from test_feeds import NAMES, SEA, SENSORS, deliver, put, sentence
 
+from coastwatch.formats.intake.faults import Tally
 from coastwatch.operators.api import metrics
 from coastwatch.operators.api.service import Service
-from coastwatch.sensors.recorded.faults import Tally
 from coastwatch.server.clock import CLOCK, ClockSet, SteadyClock
 from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.decoding import CONFIRMED_BY, FAR_JUMP_S, Stamps

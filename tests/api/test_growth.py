@@ -14,9 +14,9 @@ from server_world import Served, wait_for
 from test_feeds import SENSORS
 
 from coastwatch.batches import AisStatics, RadarReports, TrackSources
+from coastwatch.formats.intake.faults import Tally
 from coastwatch.operators.api import logs
 from coastwatch.operators.api.logs import Watch
-from coastwatch.sensors.recorded.faults import Tally
 from coastwatch.server import live, timing
 from coastwatch.server.feeds import ais, decoding, outgoing
 from coastwatch.server.feeds.address import parsed

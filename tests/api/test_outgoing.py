@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from server_world import Served, wait_for
 
-from coastwatch.sensors.recorded.faults import Tally
+from coastwatch.formats.intake.faults import Tally
 from coastwatch.sensors.recorded.nmea.targets import TargetSentences
 from coastwatch.server.feeds.address import AddressError
 from coastwatch.server.feeds.outgoing import OutFeed, parsed_out

@@ -14,12 +14,12 @@ from pyais.constants import ShipType
 from pyais.messages import AISSentence
 
 from coastwatch.batches import AisStatics, PositionAccuracy
-from coastwatch.sensors.recorded.ais_validation import AisRows, StaticRows
-from coastwatch.sensors.recorded.faults import Tally
-from coastwatch.sensors.recorded.nmea.messages import Assembler, checksums_are_right
-from coastwatch.sensors.recorded.nmea.payload import NEEDED_BITS, STATIC_BITS_19, decoded
-from coastwatch.sensors.recorded.nmea.sentences import ReceivedSentence
-from coastwatch.sensors.recorded.timestamps import checksum
+from coastwatch.formats.intake.ais_validation import AisRows, StaticRows
+from coastwatch.formats.intake.faults import Tally
+from coastwatch.formats.intake.timestamps import checksum
+from coastwatch.formats.nmea.messages import Assembler, checksums_are_right
+from coastwatch.formats.nmea.payload import NEEDED_BITS, STATIC_BITS_19, decoded
+from coastwatch.formats.nmea.sentences import ReceivedSentence
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
 ARMOUR = "".join(chr(c) for c in range(48, 120) if not 88 <= c < 96)

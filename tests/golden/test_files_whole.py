@@ -18,11 +18,11 @@ from hypothesis import strategies as st
 from nmea_sentences import T0, checked, sentence, tagged, wire
 
 from coastwatch.batches import Radars, Recording, Sensors, Sonars, Stations, TrackSources
+from coastwatch.formats.intake.accounts import UNACCOUNTED, UNUSED, accounts, losses
+from coastwatch.formats.intake.faults import Tally
 from coastwatch.sensors.recorded import files
-from coastwatch.sensors.recorded.accounts import UNACCOUNTED, UNUSED, accounts, losses
 from coastwatch.sensors.recorded.datasets.autoferry import Autoferry
 from coastwatch.sensors.recorded.datasets.solent import FILE, Solent
-from coastwatch.sensors.recorded.faults import Tally
 from coastwatch.sensors.recorded.nmea import feed as nmea
 from coastwatch.sensors.recorded.nmea.feed import Nmea
 from coastwatch.sensors.recorded.tables import rows as table_rows

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from nmea_sentences import T0, sentence, tagged, wire
 
 from coastwatch.batches import FileContent
-from coastwatch.sensors.recorded.faults import Tally
+from coastwatch.formats.intake.faults import Tally
+from coastwatch.formats.nmea.messages import LONE_PART, MOST_SLOTS, PART_LINES, Assembler
+from coastwatch.formats.nmea.sentences import ais_sentences
 from coastwatch.sensors.recorded.nmea import feed as nmea
 from coastwatch.sensors.recorded.nmea.feed import Nmea
-from coastwatch.sensors.recorded.nmea.messages import LONE_PART, MOST_SLOTS, PART_LINES, Assembler
-from coastwatch.sensors.recorded.nmea.sentences import ais_sentences
 
 BLOCK = 20
 SAID = [sentence(mmsi=257000001 + k, lat=10 + k / 100)[0] for k in range(120)]

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coastwatch.sensors.recorded.reception_time import BACKWARDS, FAR, LATE, reception_times, repeated
+from coastwatch.formats.intake.reception_time import BACKWARDS, FAR, LATE, reception_times, repeated
 
 STAMPS = st.lists(st.floats(0.0, 500.0).map(lambda t: round(t, 1)), max_size=40)
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from coastwatch.batches import Fault, FileContent
+from coastwatch.formats.intake.accounts import UNACCOUNTED
 from coastwatch.operators.cli import main, progress, summary
-from coastwatch.sensors.recorded.accounts import UNACCOUNTED
 
 TIMEOUT_S = 120
 

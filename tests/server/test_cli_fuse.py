@@ -15,14 +15,14 @@ import numpy as np
 import pytest
 
 from coastwatch.batches import Fault, FileContent
+from coastwatch.formats.intake.accounts import UNUSED
+from coastwatch.formats.intake.ais_validation import AisIntake
+from coastwatch.formats.intake.faults import Tally
 from coastwatch.geodesy import KNOT_M_S, offset_deg, to_plane
 from coastwatch.operators import recorded
 from coastwatch.operators.cli import inputs, main
 from coastwatch.scenario import make_scenario
 from coastwatch.scenario.sites import TrackSource, sensors_of
-from coastwatch.sensors.recorded.accounts import UNUSED
-from coastwatch.sensors.recorded.ais_validation import AisIntake
-from coastwatch.sensors.recorded.faults import Tally
 from coastwatch.sensors.recorded.files import has_sentences
 from coastwatch.sensors.recorded.nmea.targets import target_reports
 from coastwatch.sensors.recorded.tables.feed import Tables

@@ -44,14 +44,14 @@ def accounts_as_object(result: Any) -> dict[str, Any] | None:
 
 
 def _accounts(result: Any) -> Any:
-    from coastwatch.sensors.recorded.accounts import accounts  # commands that read a database do not load the feeds
+    from coastwatch.formats.intake.accounts import accounts  # commands that read a database do not load the feeds
 
     return accounts(result.contents, result.faults_of_input)
 
 
 def _lost_records(result: Any) -> Iterator[str]:
     """Each loss of records, which is an error of the program or of a clock in the file."""
-    from coastwatch.sensors.recorded.accounts import LOSSES
+    from coastwatch.formats.intake.accounts import LOSSES
 
     for fault in result.faults:
         if fault.kind in LOSSES:
@@ -188,7 +188,7 @@ def _empty_picture(result: Any) -> Iterator[str]:
 
 def _why_empty(result: Any, taken: Sequence[Any]) -> str:
     if not taken:
-        from coastwatch.sensors.recorded.faults import refused  # commands that read a database do not load the feeds
+        from coastwatch.formats.intake.faults import refused  # commands that read a database do not load the feeds
 
         refusals = ", ".join(f"{f.count:,} {f.kind} (first at {f.where})" for f in refused(result.faults))
         return f"every record was refused: {refusals}" if refusals else "the files hold none"

@@ -8,10 +8,10 @@ import sys
 from typing import Any
 
 from coastwatch import store
+from coastwatch.formats.intake.accounts import LOSSES
 from coastwatch.operators import tracks_csv, verdict
 from coastwatch.operators.cli import inputs, progress, summary
 from coastwatch.scenario import load_scenario, scenario_names
-from coastwatch.sensors.recorded.accounts import LOSSES
 from coastwatch.server.run import run_scenario
 from coastwatch.spelling import json_value, printable, printable_lines
 

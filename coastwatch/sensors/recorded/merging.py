@@ -21,8 +21,8 @@ from coastwatch.batches import (
     TrackReports,
     Trajectories,
 )
-from coastwatch.sensors.recorded.ais_validation import LATITUDE
-from coastwatch.sensors.recorded.faults import refused
+from coastwatch.formats.intake.ais_validation import LATITUDE
+from coastwatch.formats.intake.faults import refused
 
 TIME_MISSING = "time missing"
 REMEDY = "--set input.assume_start_utc=2026-07-01T12:00:00Z sets the time of the first sentence"

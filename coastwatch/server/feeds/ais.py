@@ -10,12 +10,12 @@ from dataclasses import replace
 import numpy as np
 
 from coastwatch.batches import AisStatics, Bools, Floats, Ints, Reports
-from coastwatch.sensors.recorded.ais_validation import DUPLICATE, Acceptance, AisIntake, AisRows, StaticRows
-from coastwatch.sensors.recorded.faults import Tally
-from coastwatch.sensors.recorded.nmea.messages import Assembler, Messages, taken
-from coastwatch.sensors.recorded.nmea.payload import decoded
-from coastwatch.sensors.recorded.nmea.sentences import ais_sentences
-from coastwatch.sensors.recorded.reception_time import repeated
+from coastwatch.formats.intake.ais_validation import DUPLICATE, Acceptance, AisIntake, AisRows, StaticRows
+from coastwatch.formats.intake.faults import Tally
+from coastwatch.formats.intake.reception_time import repeated
+from coastwatch.formats.nmea.messages import Assembler, Messages, taken
+from coastwatch.formats.nmea.payload import decoded
+from coastwatch.formats.nmea.sentences import ais_sentences
 from coastwatch.server.feeds import decoding
 from coastwatch.server.feeds.decoding import FAR_AHEAD_S, Counts, Newest, Stamps
 from coastwatch.server.feeds.new_vessels import BEYOND, NewVessels

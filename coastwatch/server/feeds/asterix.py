@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coastwatch.batches import Floats, RadarReports, Radars, Reports, Sensors, TrackReports
+from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.geodesy import NAUTICAL_MILE_M
-from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
 from coastwatch.server.feeds.address import Address, AddressError
 from coastwatch.server.feeds.asterix_tracks import Track, quantity_of, reports_of, track_of, uint_of
 from coastwatch.server.feeds.decoding import Counts, Stamps, Waiting

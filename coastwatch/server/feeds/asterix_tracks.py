@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coastwatch.batches import Floats, TrackReports
+from coastwatch.formats.intake.faults import SET_ASIDE
 from coastwatch.geodesy import NAUTICAL_MILE_M, offset_deg
-from coastwatch.sensors.recorded.faults import SET_ASIDE
 from coastwatch.server.feeds.targets import track_reports
 
 NO_NUMBER = "track without number or position"

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from coastwatch.batches import Bools, Floats, Ints, Reports, limits
-from coastwatch.sensors.recorded.faults import Tally
+from coastwatch.formats.intake.faults import Tally
 from coastwatch.server.feeds.transport import Item
 
 FAR_AHEAD_S = 60.0

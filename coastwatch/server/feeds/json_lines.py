@@ -10,8 +10,8 @@ import numpy as np
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from coastwatch.batches import BearingReports, RadarReports, Reports, Sensors, TrackReports
+from coastwatch.formats.intake.faults import Tally
 from coastwatch.geodesy import KNOT_M_S
-from coastwatch.sensors.recorded.faults import Tally
 from coastwatch.server.feeds.address import Address
 from coastwatch.server.feeds.decoding import Counts, Stamps, Waiting
 from coastwatch.server.feeds.transport import Item

@@ -17,8 +17,8 @@ from dataclasses import replace
 from typing import Any, Literal, Self
 
 from coastwatch.batches import Fault, FileContent, Recording, Reports, Sensors, TrackReports
+from coastwatch.formats.intake.faults import refused
 from coastwatch.scenario import Scenario
-from coastwatch.sensors.recorded.faults import refused
 from coastwatch.server.clock import CLOCK, ClockSet, now_s
 from coastwatch.server.feeds.address import Address, AddressError
 from coastwatch.server.feeds.ais import AisDecoder, Receivers

@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from coastwatch.batches import AisReports, AisStatics, RadarReports, Reports, Sensors
+from coastwatch.formats.intake.faults import Tally
+from coastwatch.formats.nmea.sentences import ais_sentences
 from coastwatch.scenario import Scenario
-from coastwatch.sensors.recorded.faults import Tally
 from coastwatch.sensors.recorded.nmea.feed import lines_of
-from coastwatch.sensors.recorded.nmea.sentences import ais_sentences
 from coastwatch.server.feeds.address import MQTT_PORTS, Address, AddressError
 from coastwatch.server.feeds.asterix import datagrams
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from coastwatch.batches import Floats, Reports, TrackReports, TrackSources
-from coastwatch.sensors.recorded.faults import Tally
-from coastwatch.sensors.recorded.nmea.sentences import wanted_sentences
+from coastwatch.formats.intake.faults import Tally
+from coastwatch.formats.nmea.sentences import wanted_sentences
 from coastwatch.sensors.recorded.nmea.targets import OWN_SHIP, TARGETS, State, TargetSentences
 from coastwatch.server.feeds.address import Address, AddressError
 from coastwatch.server.feeds.decoding import Counts, Stamps, Waiting

@@ -26,8 +26,8 @@ from coastwatch.batches import (
     Sensors,
     Trajectories,
 )
+from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.geodesy import from_plane
-from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
 from coastwatch.sensors.recorded.files import Fingerprint, data_folder, fingerprint
 from coastwatch.sensors.recorded.merging import recording, span_of
 from coastwatch.stage import Count, Method, Plan

@@ -14,10 +14,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from coastwatch.batches import AisReports, Bools, Fault, FileContent, Floats, Ints, Radars, Recording, Sensors, Trajectories
+from coastwatch.formats.intake.ais_validation import utc
+from coastwatch.formats.intake.faults import Tally
 from coastwatch.geodesy import KNOT_M_S, difference_m, from_plane, to_plane, turn
-from coastwatch.sensors.recorded.ais_validation import utc
 from coastwatch.sensors.recorded.datasets.smoothing import between, smooth
-from coastwatch.sensors.recorded.faults import Tally
 from coastwatch.sensors.recorded.files import Fingerprint, data_folder, fingerprint
 from coastwatch.sensors.recorded.merging import recording, span_of
 from coastwatch.sensors.recorded.tables.ais import AisTable

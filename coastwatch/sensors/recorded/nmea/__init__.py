@@ -1,1 +1,1 @@
-"""Files of NMEA 0183 sentences: AIS messages and tracked targets."""
+"""The feed of files of NMEA 0183 sentences, and their tracked targets."""

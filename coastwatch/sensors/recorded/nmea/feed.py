@@ -18,14 +18,14 @@ import numpy as np
 from pydantic import AwareDatetime, Field
 
 from coastwatch.batches import AisReports, AisStatics, Fault, FileContent, Floats, Ints, Recording, Reports, Sensors
-from coastwatch.sensors.recorded.ais_validation import Acceptance, AisIntake, AisRows, StaticRows, Timed
-from coastwatch.sensors.recorded.faults import SET_ASIDE, Ledger, Tally
+from coastwatch.formats.intake.ais_validation import Acceptance, AisIntake, AisRows, StaticRows, Timed
+from coastwatch.formats.intake.faults import SET_ASIDE, Ledger, Tally
+from coastwatch.formats.intake.reception_time import reception_times
+from coastwatch.formats.nmea.messages import Assembler, Messages
+from coastwatch.formats.nmea.payload import decoded
+from coastwatch.formats.nmea.sentences import ais_sentences
 from coastwatch.sensors.recorded.files import GZIP_MAGIC, Fingerprint, fingerprint, has_sentences
 from coastwatch.sensors.recorded.merging import TIME_MISSING, span_of
-from coastwatch.sensors.recorded.nmea.messages import Assembler, Messages
-from coastwatch.sensors.recorded.nmea.payload import decoded
-from coastwatch.sensors.recorded.nmea.sentences import ais_sentences
-from coastwatch.sensors.recorded.reception_time import reception_times
 from coastwatch.stage import Method, NotNegative, Plan
 
 TIME_OF_NEIGHBOUR = SET_ASIDE + "time missing, that of its neighbour taken"

@@ -12,14 +12,14 @@ import numpy as np
 from pynmeagps import NMEAParseError, NMEAReader
 
 from coastwatch.batches import FileContent, Floats, TrackReports, TrackSources
+from coastwatch.formats.intake.ais_validation import HIGHEST_LATITUDE, LATITUDE, LONGITUDE, AisIntake
+from coastwatch.formats.intake.faults import SET_ASIDE, Ledger, Tally
+from coastwatch.formats.intake.reception_time import LATE, reception_times
+from coastwatch.formats.nmea.messages import UNDECODABLE
+from coastwatch.formats.nmea.sentences import CHECKSUM, wanted_sentences
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, offset_deg
-from coastwatch.sensors.recorded.ais_validation import HIGHEST_LATITUDE, LATITUDE, LONGITUDE, AisIntake
-from coastwatch.sensors.recorded.faults import SET_ASIDE, Ledger, Tally
 from coastwatch.sensors.recorded.merging import TIME_MISSING
 from coastwatch.sensors.recorded.nmea.feed import lines_of
-from coastwatch.sensors.recorded.nmea.messages import UNDECODABLE
-from coastwatch.sensors.recorded.nmea.sentences import CHECKSUM, wanted_sentences
-from coastwatch.sensors.recorded.reception_time import LATE, reception_times
 
 TARGETS = (b"TTM", b"TLL")
 OWN_SHIP = (b"RMC", b"GGA", b"GLL", b"VTG", b"HDT", b"THS", b"OSD")

@@ -11,9 +11,9 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch.batches import AisReports, AisStatics, Fault, FileContent, Floats, Ints, Recording, Sensors
+from coastwatch.formats.intake.ais_validation import Acceptance, AisIntake, AisRows, StaticRows
+from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.geodesy import KNOT_M_S
-from coastwatch.sensors.recorded.ais_validation import Acceptance, AisIntake, AisRows, StaticRows
-from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
 from coastwatch.sensors.recorded.files import Fingerprint, fingerprint
 from coastwatch.sensors.recorded.merging import ais_recording, by_arrival, span_of
 from coastwatch.sensors.recorded.tables.ais_cells import accuracies, classes, covariances, nav_statuses

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from coastwatch.batches import Bools, Floats, Ints, NavStatus, PositionAccuracy, nav_status_text
-from coastwatch.sensors.recorded.ais_validation import StationKind
-from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
+from coastwatch.formats.intake.ais_validation import StationKind
+from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.sensors.recorded.tables.reader import Table
 from coastwatch.sensors.recorded.tables.rows import POSITION_ENTRIES
 

@@ -26,9 +26,9 @@ from coastwatch.batches import (
     TrackReports,
     TrackSources,
 )
+from coastwatch.formats.intake.ais_validation import HIGHEST_LATITUDE, LATITUDE, LONGITUDE, AisIntake
+from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.geodesy import NAUTICAL_MILE_M, to_plane
-from coastwatch.sensors.recorded.ais_validation import HIGHEST_LATITUDE, LATITUDE, LONGITUDE, AisIntake
-from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
 from coastwatch.sensors.recorded.files import fingerprint
 from coastwatch.sensors.recorded.merging import MergedStream, by_arrival, recording, span_of
 from coastwatch.sensors.recorded.nmea.feed import Nmea, first_and_last

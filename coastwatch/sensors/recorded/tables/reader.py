@@ -14,9 +14,9 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch.batches import Array, Bools, Floats, Ints
-from coastwatch.sensors.recorded.faults import Tally
+from coastwatch.formats.intake.faults import Tally
+from coastwatch.formats.intake.timestamps import MICROSECONDS_FROM, MILLISECONDS_FROM, NANOSECONDS_FROM
 from coastwatch.sensors.recorded.files import GZIP_MAGIC, as_utf8, check_table
-from coastwatch.sensors.recorded.timestamps import MICROSECONDS_FROM, MILLISECONDS_FROM, NANOSECONDS_FROM
 
 if TYPE_CHECKING:
     import polars as pl

@@ -9,9 +9,9 @@ from functools import partial
 import numpy as np
 
 from coastwatch.batches import Array, FileContent, Floats, Ints
-from coastwatch.sensors.recorded.ais_validation import NON_FINITE, AisIntake
-from coastwatch.sensors.recorded.faults import Tally
-from coastwatch.sensors.recorded.reception_time import LATE, reception_times
+from coastwatch.formats.intake.ais_validation import NON_FINITE, AisIntake
+from coastwatch.formats.intake.faults import Tally
+from coastwatch.formats.intake.reception_time import LATE, reception_times
 from coastwatch.sensors.recorded.tables.reader import Table
 from coastwatch.spelling import did_you_mean
 from coastwatch.stage import Settings

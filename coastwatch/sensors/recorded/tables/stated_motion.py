@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from coastwatch.batches import Floats, Ints
+from coastwatch.formats.intake.ais_validation import HIGHEST_LATITUDE
 from coastwatch.geodesy import KNOT_M_S, difference_m
-from coastwatch.sensors.recorded.ais_validation import HIGHEST_LATITUDE
 
 SPEED_KN = {"kn": 1.0, "m/s": 1.0 / KNOT_M_S, "km/h": 1.0 / 1.852}
 """Knots of each unit of speed."""

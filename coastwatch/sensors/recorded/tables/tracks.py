@@ -8,9 +8,9 @@ from typing import Literal
 import numpy as np
 
 from coastwatch.batches import Floats, Ints, TrackReports, TrackSources
+from coastwatch.formats.intake.ais_validation import HIGHEST_LATITUDE, LATITUDE, LONGITUDE, AisIntake
+from coastwatch.formats.intake.faults import Tally
 from coastwatch.geodesy import KNOT_M_S
-from coastwatch.sensors.recorded.ais_validation import HIGHEST_LATITUDE, LATITUDE, LONGITUDE, AisIntake
-from coastwatch.sensors.recorded.faults import Tally
 from coastwatch.sensors.recorded.tables.reader import Table, read_table
 from coastwatch.sensors.recorded.tables.rows import (
     AXES,

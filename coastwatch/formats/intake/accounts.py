@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from coastwatch.batches import Fault, FileContent
-from coastwatch.sensors.recorded.faults import SET_ASIDE
+from coastwatch.formats.intake.faults import SET_ASIDE
 
 UNACCOUNTED = "records unaccounted for: the reader has lost or doubled them"
 UNUSED = "reports after the end of the run, which should have been of the whole files"

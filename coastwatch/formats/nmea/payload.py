@@ -11,9 +11,9 @@ import zlib
 import numpy as np
 
 from coastwatch.batches import AisStatics, Array, Bools, Floats, Ints, PositionAccuracy
-from coastwatch.sensors.recorded.ais_validation import AisRows, StaticRows
-from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
-from coastwatch.sensors.recorded.nmea.messages import UNDECODABLE, Messages
+from coastwatch.formats.intake.ais_validation import AisRows, StaticRows
+from coastwatch.formats.intake.faults import SET_ASIDE, Tally
+from coastwatch.formats.nmea.messages import UNDECODABLE, Messages
 
 CUT_PAYLOAD = "payload too short"
 OTHER_MESSAGE = SET_ASIDE + "other message"

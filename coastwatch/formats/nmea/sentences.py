@@ -7,8 +7,8 @@ import re
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from coastwatch.sensors.recorded.faults import SET_ASIDE, Ledger, Tally
-from coastwatch.sensors.recorded.timestamps import (
+from coastwatch.formats.intake.faults import SET_ASIDE, Ledger, Tally
+from coastwatch.formats.intake.timestamps import (
     checksum_is_right,
     clock_s,
     leading_time_s,

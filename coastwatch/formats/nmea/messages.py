@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from coastwatch.batches import Bools, Floats, Ints
-from coastwatch.sensors.recorded.faults import Tally
-from coastwatch.sensors.recorded.nmea.sentences import CHECKSUM, HALF_A_LINE, ReceivedSentence
+from coastwatch.formats.intake.faults import Tally
+from coastwatch.formats.nmea.sentences import CHECKSUM, HALF_A_LINE, ReceivedSentence
 
 EMPTY = "empty payload"
 LONE_PART = "lone part of a message"

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from coastwatch.batches import Array, Bools, Floats
-from coastwatch.sensors.recorded.faults import SET_ASIDE
+from coastwatch.formats.intake.faults import SET_ASIDE
 
 LATE = SET_ASIDE + "late, taken in order of arrival"
 BACKWARDS = "time going backwards"

@@ -14,8 +14,8 @@ from pydantic import Field
 from coastwatch.batches import AisReports, AisStatics, Batch, Bools, Floats, Ints, column
 from coastwatch.batches.ais_codes import LARGEST_MMSI, is_aid_to_navigation, is_coast_station, is_rescue_aircraft
 from coastwatch.batches.struct import optional_column
-from coastwatch.sensors.recorded.faults import SET_ASIDE, Tally
-from coastwatch.sensors.recorded.reception_time import BACKWARDS, FAR, LATE, ReceptionTimes, reception_times, repeated
+from coastwatch.formats.intake.faults import SET_ASIDE, Tally
+from coastwatch.formats.intake.reception_time import BACKWARDS, FAR, LATE, ReceptionTimes, reception_times, repeated
 from coastwatch.stage import NotNegative, Settings
 
 Location = Callable[[int], str]
