@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from coastwatch.alarms import EventMemory, Evidence, Numbered, expected_sensors, next_events, numbered
+from coastwatch.alarms import AlarmInput, EventMemory, Evidence, Numbered, expected_sensors, next_events, numbered
 from coastwatch.associations import (
     AssociationInput,
     AssociationMemory,
@@ -51,11 +51,15 @@ from coastwatch.batches import (
     VesselAlarms,
     limits,
 )
+from coastwatch.cover import CoverInput, RadarCoverageMemory, SilenceInput
 from coastwatch.fused_tracks import FusionInput, FusionMemory
+from coastwatch.picture import PictureInput, PictureMemory
 from coastwatch.regional import RegionMemory, reports_of_regions, start_region, step_of_regions
+from coastwatch.registration import RegistrationInput, RegistrationMemory
 from coastwatch.scenario import Scenario
 from coastwatch.spots import KMeansMemory, OctantInput
 from coastwatch.stage import Map, NoMemory, RegionMap, Running, serial_regions
+from coastwatch.tracks import AisInput, BearingInput, ReceivedInput
 
 Timer = Callable[[str], AbstractContextManager[object]]
 
@@ -75,7 +79,7 @@ class CentreMemory:
     spots: KMeansMemory
     associations: AssociationMemory
     fused_tracks: FusionMemory
-    picture: Any
+    picture: PictureMemory
     octants: NoMemory
     bearing_associations: BearingAssociationMemory
     bearing_members: BearingMembers  # for the fused tracks of the next cycle
@@ -95,9 +99,9 @@ class Memory:
     bearing_tracks: Any
     received_tracks: Any
     centre: CentreMemory
-    registration: Any
+    registration: RegistrationMemory
     corrections: RadarCorrections  # of the radars, for the next cycle
-    cover: Any
+    cover: RadarCoverageMemory
     ais_detection: AisDetection  # by the cover of the radars, for the next cycle
     radar_cover: RadarCover = field(default_factory=RadarCover.empty)  # for the next cycle
     silence: Any = None  # which sensors were heard, and how often
@@ -227,25 +231,16 @@ def fuse(
         fused_memory, fused = Running(s.fused_tracks, m.fused_tracks).next(fusion)
         fused, by_bearings = held_vessels(bearings, fused, int(associations.vessel.max(initial=-1)) + 1)
     with timer("picture"):
-        picture_memory, picture, members = s.picture.step(
-            m.picture,
-            tracks,
-            associations,
-            fused,
-            alarms,
-            time_s,
-            sensors,
-            by_bearings,
-            detection=detection,
-            hearing=hearing,
-        )
+        shown = PictureInput(tracks, associations, fused, alarms, time_s, sensors, by_bearings, detection, hearing)
+        picture_memory, (picture, members) = s.picture.step(m.picture, shown)
         good = limits.are_sound(picture.position_deg, picture.covariance)
         if not good.all():
             members = members.take(~np.isin(members.vessel_id, picture.vessel_id[~good]))
             picture = picture.take(good)
     with timer("alarms"):
         known = numbered(s.zones) if zones is None else zones
-        alarms_memory, vessel_alarms = s.alarms.step(m.alarms, picture, members, time_s, sensors, known, cover, hearing=hearing)
+        watched = AlarmInput(picture, members, time_s, sensors, known, cover, hearing)
+        alarms_memory, vessel_alarms = s.alarms.step(m.alarms, watched)
     with timer("octants"):
         octants_memory, octants = s.octants.step(m.octants, OctantInput(bearing_tracks, picture, sensors))
     with timer("bearing_associations"):
@@ -303,16 +298,18 @@ def step(
     s, m = scenario, memory
     reports, beyond = limits.reports_within(reports)
     with timer("ais_tracks"):
-        ais_memory, ais_tracks, alarms, ais_taken = s.ais_tracks.step(m.ais_tracks, reports.ais, time_s, sensors)
+        heard = AisInput(reports.ais, time_s, sensors)
+        ais_memory, (ais_tracks, alarms, ais_taken) = s.ais_tracks.step(m.ais_tracks, heard)
     with timer("tracks"):
         messages = [s.tracks.messages_of(ais_taken, ais_tracks, sensors, k) for k in range(len(sensors.region_names))]
         given, unknown = reports_of_regions(reports.radar, messages, m.corrections, time_s, sensors)
         found = regions(step_of_regions(s), m.regions, given)
         regional_memory, regional = tuple(after for after, _ in found), [cycle for _, cycle in found]
     with timer("bearing_tracks"):
-        bearing_memory, bearing_tracks = s.bearing_tracks.step(m.bearing_tracks, reports.bearing, time_s, sensors)
+        bearing_memory, bearing_tracks = s.bearing_tracks.step(m.bearing_tracks, BearingInput(reports.bearing, time_s, sensors))
     with timer("received_tracks"):
-        given_memory, given_tracks = s.received_tracks.step(m.received_tracks, reports.tracks, time_s, sensors, ais_tracks)
+        states = ReceivedInput(reports.tracks, time_s, sensors, ais_tracks)
+        given_memory, given_tracks = s.received_tracks.step(m.received_tracks, states)
     plots = Plots.join([region.plots for region in regional])
     tracks = Tracks.join([*(region.tracks for region in regional), given_tracks, ais_tracks])
     measurements = Measurements.join([*(region.measurements for region in regional), ais_taken])
@@ -320,18 +317,39 @@ def step(
     if unsound:
         ais_tracks = ais_tracks.take(limits.are_sound(ais_tracks.position_deg, ais_tracks.covariance))
     with timer("silence"):
-        silence_memory, hearing = s.silence.step(m.silence, reports, ais_tracks, time_s, sensors)
+        silence_memory, hearing = s.silence.step(m.silence, SilenceInput(reports, ais_tracks, time_s, sensors))
     received = Received(tracks, measurements, alarms, bearing_tracks, reports.statics, m.ais_detection, m.radar_cover, hearing)
     centre_memory, cycle = fuse(s, sensors, m.centre, received, time_s, map_, timer, zones)
     beyond = _summed(m.beyond, beyond, unsound, {"vessel of the picture": cycle.unsound})
     left_out = _summed(cycle.left_out, {"bearing_tracks": bearing_memory.left_out - m.bearing_tracks.left_out})
     with timer("registration"):
-        seen = plots, ais_tracks, alarms, measurements, cycle.picture, cycle.members, bearing_tracks, cycle.bearing_associations
-        registration_memory, corrections = s.registration.step(m.registration, *seen, time_s, sensors, m.corrections)
+        seen = RegistrationInput(
+            plots,
+            ais_tracks,
+            alarms,
+            measurements,
+            cycle.picture,
+            cycle.members,
+            bearing_tracks,
+            cycle.bearing_associations,
+            time_s,
+            sensors,
+            m.corrections,
+        )
+        registration_memory, corrections = Running(s.registration, m.registration).next(seen)
     with timer("cover"):
         alarmed = np.isin(cycle.tracks.track_id, alarms.track_id[alarms.twice | alarms.impossible_speed])
-        shown = plots, cycle.tracks, cycle.associations, measurements, alarmed, m.corrections.jumped
-        cover_memory, radar_cover, ais_detection = s.cover.step(m.cover, *shown, sensors, silent=hearing.radars.silent)
+        shown = CoverInput(
+            plots,
+            cycle.tracks,
+            cycle.associations,
+            measurements,
+            alarmed,
+            m.corrections.jumped,
+            sensors,
+            hearing.radars.silent,
+        )
+        cover_memory, (radar_cover, ais_detection) = Running(s.cover, m.cover).next(shown)
     first = regional_memory, ais_memory, bearing_memory, given_memory, centre_memory
     of_feeds, of_sources = ais_memory.clocks.summary(), s.received_tracks.summary(given_memory, sensors)
     standing = StandingEchoes.join([region.standing_echoes for region in regional])

@@ -2,7 +2,19 @@
 
 from coastwatch.alarms.events import EventMemory, next_events
 from coastwatch.alarms.evidence import Evidence, expected_sensors
-from coastwatch.alarms.rules import AlarmRules
+from coastwatch.alarms.inputs import AlarmInput
+from coastwatch.alarms.rules import AlarmMemory, AlarmRules
 from coastwatch.alarms.zones import Numbered, Zone, numbered
 
-__all__ = ["AlarmRules", "EventMemory", "Evidence", "Numbered", "Zone", "expected_sensors", "next_events", "numbered"]
+__all__ = [
+    "AlarmInput",
+    "AlarmMemory",
+    "AlarmRules",
+    "EventMemory",
+    "Evidence",
+    "Numbered",
+    "Zone",
+    "expected_sensors",
+    "next_events",
+    "numbered",
+]

@@ -7,19 +7,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from coastwatch.alarms.close_approach import Approaching, Pairs, close_pairs
+from coastwatch.alarms.inputs import AlarmInput
 from coastwatch.alarms.lasting import KINDS, Holding, Lasting, extend
 from coastwatch.alarms.raised import Raised, together
 from coastwatch.alarms.settings import AlarmSettings
 from coastwatch.alarms.silent_sensors import sensor_alarms, standing
 from coastwatch.alarms.watched import AIS, RADAR, Seen, Watched, look
 from coastwatch.alarms.zone_alarms import ZoneMemory, zone_alarms
-from coastwatch.alarms.zones import Numbered, shapes
+from coastwatch.alarms.zones import shapes
 from coastwatch.batches import (
     AlarmKind,
     Bools,
     Floats,
     Members,
-    Picture,
     RadarCover,
     SensorHearing,
     Sensors,
@@ -54,23 +54,9 @@ class AlarmRules(AlarmSettings):
         lasting = Lasting.none(), Lasting.none()
         return AlarmMemory(Watched.none(), ZoneMemory.none(), Approaching.none(), *lasting, Members.empty())
 
-    def step(
-        self,
-        memory: AlarmMemory,
-        picture: Picture,
-        members: Members,
-        time_s: float,
-        sensors: Sensors,
-        zones: tuple[Numbered, ...] = (),
-        cover: RadarCover | None = None,
-        *,
-        hearing: SensorHearing | None = None,
-    ) -> tuple[AlarmMemory, VesselAlarms]:
-        """The alarms that hold in this cycle.
-
-        Args: zones: with their numbers, each above 0 and once; cover: of each radar; none, or empty: it sees within its range;
-        hearing: which sensors are heard; none: all.
-        """
+    def step(self, memory: AlarmMemory, given: AlarmInput) -> tuple[AlarmMemory, VesselAlarms]:
+        """The alarms that hold in this cycle."""
+        picture, members, time_s, sensors, zones, cover, hearing = given
         known = shapes(zones, self.zone_margin_m)
         seen = look(self, memory.watched, picture, members, memory.members, sensors, time_s)
         zone_memory, raised = zone_alarms(self, memory.zones, seen, known, time_s)

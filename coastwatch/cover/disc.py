@@ -6,7 +6,8 @@ from typing import Literal
 
 import numpy as np
 
-from coastwatch.batches import AisDetection, Associations, Bools, Measurements, Plots, RadarCover, Sensors, Tracks
+from coastwatch.batches import AisDetection, RadarCover
+from coastwatch.cover.inputs import CoverInput, CoverOutput
 from coastwatch.stage import Method, NoMemory
 
 
@@ -18,19 +19,7 @@ class DiscCover(Method):
     def init(self) -> NoMemory:
         return NoMemory()
 
-    def step(
-        self,
-        memory: NoMemory,
-        plots: Plots,
-        tracks: Tracks,
-        associations: Associations,
-        measurements: Measurements,
-        alarmed: Bools,
-        jumped: Bools,
-        sensors: Sensors,
-        *,
-        silent: Bools | None = None,
-    ) -> tuple[NoMemory, RadarCover, AisDetection]:
-        """Unchanged memory, no grid, and probability 1 for each AIS track. Args: as of `LearntCover.step`."""
-        ids = tracks.track_id[tracks.source == sensors.ais_source]
-        return memory, RadarCover.empty(), AisDetection(ids, np.ones(len(ids)))
+    def step(self, memory: NoMemory, given: CoverInput) -> tuple[NoMemory, CoverOutput]:
+        """Unchanged memory, no grid, and probability 1 for each AIS track."""
+        ids = given.tracks.track_id[given.tracks.source == given.sensors.ais_source]
+        return memory, CoverOutput(RadarCover.empty(), AisDetection(ids, np.ones(len(ids))))

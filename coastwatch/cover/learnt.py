@@ -12,7 +12,6 @@ from coastwatch.batches import (
     COVER_AZIMUTHS,
     COVER_RANGES,
     AisDetection,
-    Associations,
     Batch,
     Bools,
     Floats,
@@ -25,6 +24,7 @@ from coastwatch.batches import (
     column,
     cover_cell,
 )
+from coastwatch.cover.inputs import CoverInput, CoverOutput
 from coastwatch.geodesy import difference_m, from_plane
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.stage import Count, Method, NotNegative, Positive, Probability
@@ -127,28 +127,17 @@ class LearntCover(Method):
     def init(self) -> CoverMemory:
         return CoverMemory(Visits.empty(), CellCounts.none(0), 0)
 
-    def step(
-        self,
-        memory: CoverMemory,
-        plots: Plots,
-        tracks: Tracks,
-        associations: Associations,
-        measurements: Measurements,
-        alarmed: Bools,
-        jumped: Bools,
-        sensors: Sensors,
-        *,
-        silent: Bools | None = None,
-    ) -> tuple[CoverMemory, RadarCover, AisDetection]:
-        """The cover of each radar after this cycle.
-
-        Args: plots: of this cycle; tracks: (N) of all sources, at one time; associations: of them; measurements: of this cycle, in the
-        tracks; alarmed: (N,) AIS tracks that are no witnesses; jumped: (R,) radars whose corrections jumped before this cycle;
-        silent: (R,) radars that are not heard: nothing is learnt of them, and they detect nobody.
-        Returns: memory; one row a radar; for AIS tracks the probability that some radar detects them in a turn.
-        """
+    def step(self, memory: CoverMemory, given: CoverInput) -> tuple[CoverMemory, CoverOutput]:
+        """The cover of each radar after this cycle. Nothing is learnt of a silent radar, and it detects nobody."""
+        plots, tracks, associations, sensors, jumped = (
+            given.plots,
+            given.tracks,
+            given.associations,
+            given.sensors,
+            given.jumped,
+        )
         if not len(sensors.radars):
-            return memory, RadarCover.empty(), AisDetection.empty()
+            return memory, CoverOutput(RadarCover.empty(), AisDetection.empty())
         counts = memory.counts if len(memory.counts) else CellCounts.none(len(sensors.radars))
         turned = _turned(counts, plots, sensors)
         before = memory.visits.take(~jumped[memory.visits.radar])
@@ -160,19 +149,19 @@ class LearntCover(Method):
         has_plots = np.zeros(int(associations.vessel.max(initial=-1)) + 1, np.bool_)
         has_plots[associations.vessel[tracks.source < sensors.ais_source]] = True
         heard_for_s = np.where(is_ais, tracks.updated_s - tracks.started_s, 0.0)
-        witness = is_ais & ~alarmed & (heard_for_s >= self.settle_s)
+        witness = is_ais & ~given.alarmed & (heard_for_s >= self.settle_s)
         drawn = self._drawn(tracks, witness) | self._drawn(tracks, tracks.source < len(sensors.region_names))
         alone = is_ais & ~has_plots[associations.vessel]
         seen = _in_range(tracks, np.flatnonzero(drawn | alone), turned, sensors)
         counted = drawn[seen.row] & (turned.turns[seen.radar] > 0.0)
-        hits = _plots_of(seen, counted, tracks, associations, measurements, is_ais, len(sensors.radars))
+        hits = _plots_of(seen, counted, given, is_ais)
 
         of_plots = counted & ~is_ais[seen.row]
         _add(counts.track_looks, seen.radar[of_plots], seen.cell[of_plots], turned.turns[seen.radar[of_plots]])
         _add(counts.track_plots, seen.radar[of_plots], seen.cell[of_plots], hits[of_plots])
         due = (memory.cycle + np.arange(len(counts))) % _step(len(plots), self.most_plots) == 0
         counts.false_turns[:] += np.where(due, turned.turns, 0.0)
-        _count_false(counts.false_plots, plots, measurements, due & (turned.turns > 0.0), sensors)
+        _count_false(counts.false_plots, plots, given.measurements, due & (turned.turns > 0.0), sensors)
         visits = self._visited(before, counts, tracks, seen, drawn[seen.row] & is_ais[seen.row], hits, turned)
         looks, ais_plots = counts.ais_looks.copy(), counts.ais_plots.copy()
         weight = self._weight(visits)
@@ -180,8 +169,9 @@ class LearntCover(Method):
         _add(ais_plots, visits.radar, visits.cell, weight * visits.plots)
         of_ais = is_ais[seen.row]
         asked = Seen(seen.radar[of_ais], seen.row[of_ais], seen.cell[of_ais])
-        detection = self._detection(asked, visits, looks, ais_plots, tracks, silent)
-        return CoverMemory(visits, counts, memory.cycle + 1), self._cover(counts, looks, ais_plots, sensors), detection
+        detection = self._detection(asked, visits, looks, ais_plots, tracks, given.silent)
+        cover = self._cover(counts, looks, ais_plots, sensors)
+        return CoverMemory(visits, counts, memory.cycle + 1), CoverOutput(cover, detection)
 
     def _drawn(self, tracks: Tracks, candidates: Bools) -> Bools:
         """A draw of at most about `most_tracks` of the candidates, by their ids: the same ones while their number is about the same."""
@@ -321,16 +311,9 @@ def _add(sums: Floats, radar: Ints, cell: Ints, values: Floats) -> None:
     sums += np.bincount(radar * CELLS + cell, values, sums.size).reshape(sums.shape)
 
 
-def _plots_of(
-    seen: Seen,
-    counted: Bools,
-    tracks: Tracks,
-    associations: Associations,
-    measurements: Measurements,
-    is_ais: Bools,
-    radars: int,
-) -> Floats:
+def _plots_of(seen: Seen, counted: Bools, given: CoverInput, is_ais: Bools) -> Floats:
     """How many plots of the radar each pair has in this cycle: of the track, or for AIS of the vessel. 0 if it is not counted. (P,)"""
+    tracks, associations, measurements, radars = given.tracks, given.associations, given.measurements, len(given.sensors.radars)
     asked = np.zeros(int(associations.vessel.max(initial=-1)) + 1, np.bool_)
     asked[associations.vessel[seen.row[counted]]] = True
     plots = np.flatnonzero(measurements.sensor >= 0)

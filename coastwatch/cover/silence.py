@@ -11,6 +11,7 @@ from coastwatch import kernels
 from coastwatch.batches import Bools, Floats, Ints, Reports, Sensors, Tracks
 from coastwatch.batches.hearing import Hearing, SensorHearing
 from coastwatch.batches.struct import Batch, column
+from coastwatch.cover.inputs import SilenceInput
 from coastwatch.stage import Method, NotNegative, Positive
 
 LEARNT_OVER = 20.0  # pauses whose mean is the usual one
@@ -73,10 +74,9 @@ class UsualPauses(Method):
     def init(self) -> SilenceMemory:
         return SilenceMemory(Habits.empty(), -np.inf)
 
-    def step(
-        self, memory: SilenceMemory, reports: Reports, ais_tracks: Tracks, time_s: float, sensors: Sensors
-    ) -> tuple[SilenceMemory, SensorHearing]:
-        """Which sensors are heard in this cycle. Args: ais_tracks: at the end of the cycle."""
+    def step(self, memory: SilenceMemory, given: SilenceInput) -> tuple[SilenceMemory, SensorHearing]:
+        """Which sensors are heard in this cycle."""
+        reports, ais_tracks, time_s, sensors = given
         kinds = len(sensors.radars), len(sensors.track_sources), 1 + len(sensors.stations)
         whole = kinds[0] + kinds[1]
         before = memory.habits if len(memory.habits) else _nothing_heard(sum(kinds))

@@ -21,9 +21,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import AisAlarms, AisDetection, Bools, Flag, Floats, Ints, Picture, SensorHearing, Sensors, Tracks
+from coastwatch.batches import AisDetection, Bools, Flag, Floats, Ints, Picture, Tracks
 from coastwatch.batches.sensor_cover import SensorCover, sensor_covers
 from coastwatch.geodesy import KNOT_M_S, difference_m
+from coastwatch.picture.inputs import PictureInput
 from coastwatch.picture.match import IdentityMatch
 from coastwatch.picture.order import VesselOrder
 from coastwatch.picture.settings import IdentitySettings
@@ -67,22 +68,16 @@ def flag(
     match: IdentityMatch,
     order: VesselOrder,
     picture: Picture,
-    tracks: Tracks,
     row_of_track: Ints,
-    alarms: AisAlarms,
-    *,
     had_ais: Bools,
-    detection: AisDetection | None,
-    time_s: float,
-    sensors: Sensors,
-    hearing: SensorHearing | None = None,
+    given: PictureInput,
 ) -> tuple[FlagMemory, Ints]:
     """All flags of each row of the picture, COASTING included.
 
-    Args: row_of_track: (N,) of the picture; had_ais: (R,) under whatever MMSI; detection: of AIS tracks by radars that are heard; none:
-    not known; hearing: which sensors are heard; none: all. Returns: memory, (R,).
+    Args: row_of_track: (N,) of the picture; had_ais: (R,) under whatever MMSI. Returns: memory, (R,).
     """
-    ais_cover, radar_cover = sensor_covers(sensors, settings.cover_margin, hearing)
+    tracks, alarms, time_s, sensors = given.tracks, given.alarms, given.time_s, given.sensors
+    ais_cover, radar_cover = sensor_covers(sensors, settings.cover_margin, given.hearing)
     radars, ais = np.flatnonzero(tracks.source < sensors.ais_source), np.flatnonzero(tracks.source == sensors.ais_source)
     first_radar = np.full(len(picture), -1, np.int64)
     first_radar[row_of_track[radars[::-1]]] = radars[::-1]  # the last one written is the first of its vessel
@@ -95,8 +90,8 @@ def flag(
     ever_heard_s[known] = np.maximum(heard_s[known], memory.ais_heard_s[order.vessel_of_row[known]])
 
     should_see = np.ones(len(picture), np.bool_)
-    if detection is not None:
-        should_see = _should_be_seen(settings, detection, tracks.track_id[ais], row_of_track[ais], len(picture))
+    if given.detection is not None:
+        should_see = _should_be_seen(settings, given.detection, tracks.track_id[ais], row_of_track[ais], len(picture))
     before = order.vessel_of_row
     no_ais, no_radar = has_radar & ~has_ais, has_ais & ~has_radar
     no_ais_since_s = _since(ais_cover, picture, no_ais, no_ais, memory.no_ais_since_s, before, time_s, AIS_RETURNS_S)

@@ -6,28 +6,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from coastwatch.batches import (
-    AisAlarms,
-    AisDetection,
-    Associations,
-    FusedTracks,
-    HeldVessels,
-    Members,
-    Picture,
-    SensorHearing,
-    Sensors,
-    Tracks,
-)
+from coastwatch.batches import Picture
 from coastwatch.kernels.tables.row_numbers import require_rows
 from coastwatch.picture.ais_states import ais_flags, nav_statuses
 from coastwatch.picture.flags import FlagMemory, flag
 from coastwatch.picture.former_names import AisNow, AisPast, had_ais, name_flags, next_past, outdated
+from coastwatch.picture.inputs import PictureInput, PictureOutput
 from coastwatch.picture.match import KnownTracks, match_identities
 from coastwatch.picture.order import members_of, order_vessels, picture_of, tracks_of
 from coastwatch.picture.settings import IdentitySettings
 from coastwatch.picture.vessels import Known, existence_of
-
-NOT_HELD = HeldVessels.empty()
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,50 +51,29 @@ class Identity(IdentitySettings):
     def init(self) -> PictureMemory:
         return PictureMemory(Known.none(), KnownTracks.none(), 1, FlagMemory.none(), AisPast.none())
 
-    def step(
-        self,
-        memory: PictureMemory,
-        tracks: Tracks,
-        associations: Associations,
-        fused: FusedTracks,
-        alarms: AisAlarms,
-        time_s: float,
-        sensors: Sensors,
-        held: HeldVessels = NOT_HELD,
-        *,
-        detection: AisDetection | None = None,
-        hearing: SensorHearing | None = None,
-    ) -> tuple[PictureMemory, Picture, Members]:
-        """The picture of this cycle, sorted by vessel_id, and the tracks in it.
-
-        Args: tracks: (N); associations: of its rows; fused: (V) one row for each vessel number; alarms: of AIS tracks; held: vessels
-        of the last picture; detection: of AIS tracks by radars; none: a radar should see every vessel within its range; hearing:
-        which sensors are heard; none: all.
-        """
+    def step(self, memory: PictureMemory, given: PictureInput) -> tuple[PictureMemory, PictureOutput]:
+        """The picture of this cycle, and the tracks in it."""
+        tracks, time_s, held = given.tracks, given.time_s, given.held
         known = memory.known.held_by(held)
         columns = known.columns()
         columns.updated_s[known.rows_of(held.vessel_id)] = time_s
-        match = match_identities(
-            self, known, columns, memory.tracks, tracks, associations, fused, time_s=time_s, sensors=sensors
-        )
+        match = match_identities(self, known, columns, memory.tracks, given)
         order = order_vessels(self, columns, match, time_s, memory.next_id)
-        picture, known = picture_of(self, known, columns, match, order, tracks, fused, time_s)
+        picture, known = picture_of(self, known, columns, match, order, tracks, given.fused, time_s)
         members = members_of(match, order, tracks)
-        track_memory = tracks_of(match, order, tracks, associations.vessel)
-        now = AisNow.of(tracks, track_memory.vessel, sensors.ais_source, len(picture))
+        track_memory = tracks_of(match, order, tracks, given.associations.vessel)
+        now = AisNow.of(tracks, track_memory.vessel, given.sensors.ais_source, len(picture))
         past = next_past(memory.ais_past, picture, known.hidden.vessel_id, now, time_s)
         picture, known = _without_outdated(picture, known, past, now)
-        around = match, order, picture, tracks, track_memory.vessel, alarms
         had = had_ais(self, past, picture.vessel_id)
-        flag_memory, flags = flag(
-            self, memory.flags, *around, had_ais=had, detection=detection, time_s=time_s, sensors=sensors, hearing=hearing
-        )
-        status = nav_statuses(picture.nav_status, tracks, track_memory.vessel, alarms)
+        flag_memory, flags = flag(self, memory.flags, match, order, picture, track_memory.vessel, had, given)
+        status = nav_statuses(picture.nav_status, tracks, track_memory.vessel, given.alarms)
         flags |= ais_flags(picture.mmsi, status) | name_flags(self, past, picture, now, time_s)
         existence = existence_of(tracks, track_memory.vessel, len(picture))
         picture = replace(picture, flags=flags, nav_status=status, existence=existence)
         next_id = memory.next_id + int((match.vessel_of_group < 0).sum())
-        return PictureMemory(replace(known, shown=picture), track_memory, next_id, flag_memory, past), picture, members
+        after = PictureMemory(replace(known, shown=picture), track_memory, next_id, flag_memory, past)
+        return after, PictureOutput(picture, members)
 
 
 def _without_outdated(picture: Picture, known: Known, past: AisPast, now: AisNow) -> tuple[Picture, Known]:

@@ -10,23 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import (
-    Array,
-    Associations,
-    Floats,
-    FusedTracks,
-    Ints,
-    Picture,
-    Rows,
-    Sensors,
-    SourceKind,
-    Struct,
-    Tracks,
-    column,
-)
+from coastwatch.batches import Array, Floats, Ints, Picture, Rows, SourceKind, Struct, column
 from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred
 from coastwatch.kernels.filters.gaussian import squared_distance
 from coastwatch.kernels.threads import in_blocks
+from coastwatch.picture.inputs import PictureInput
 from coastwatch.picture.settings import IdentitySettings
 from coastwatch.picture.vessels import Groups, Known, KnownColumns, predict, rows_of_groups
 
@@ -67,31 +55,26 @@ def match_identities(
     known: Known,
     columns: KnownColumns,
     before: KnownTracks,
-    tracks: Tracks,
-    associations: Associations,
-    fused: FusedTracks,
-    *,
-    time_s: float,
-    sensors: Sensors,
+    given: PictureInput,
 ) -> IdentityMatch:
     """Match the groups of this cycle one-to-one with the vessels of the last cycle.
 
     A track votes for the vessel it was in, and with a share of its vote for the first it ever was in. A group without votes may be
     a vessel that has lost all its tracks.
     """
-    groups = associations.by_vessel
+    tracks, time_s, groups = given.tracks, given.time_s, given.associations.by_vessel
     row_before, track_now = kernels.tables.match_ids.match_ids(before.track_id, tracks.track_id)
     previous, first_vessel, remembered = kernels.identity.match.recall(
         row_before, before.vessel, before.first_vessel, len(columns.vessel_id)
     )
-    weight = np.where(sensors.source_kinds == SourceKind.AIS, AIS_WEIGHT, 1.0)[tracks.source]
+    weight = np.where(given.sensors.source_kinds == SourceKind.AIS, AIS_WEIGHT, 1.0)[tracks.source]
     vessel_of_group = _settle_votes(groups, previous, first_vessel, weight, columns, time_s)
 
     is_free = remembered[: len(known.shown) + len(known.hidden)] != kernels.identity.match.AS_PREVIOUS
     is_free[vessel_of_group[(vessel_of_group >= 0) & (vessel_of_group < len(is_free))]] = False
     free, new = np.flatnonzero(is_free), np.flatnonzero(vessel_of_group < 0)
     if len(free) > 0 and len(new) > 0:
-        new_rows = rows_of_groups(new, np.full(len(new), -1), groups, tracks, fused, columns)
+        new_rows = rows_of_groups(new, np.full(len(new), -1), groups, tracks, given.fused, columns)
         rows, vessels = _match_returns(settings, known, columns, free, new_rows, time_s)
         vessel_of_group[new[rows]] = vessels
 

@@ -28,6 +28,7 @@ class Rules(NamedTuple):
     false_alarm: float  # probability of one decision
     least_vessels: int  # compared
     least_voices: int  # that speak for it
+    grid: Grid  # biases that are searched
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +64,6 @@ def decide_all(
     compared: Ints,
     time_s: float,
     rules: Rules,
-    grid: Grid,
     sensors: Sensors,
 ) -> tuple[Acquisition, tuple[Voters, ...]]:
     """The decisions on all radars that are due, and the voters after them.
@@ -78,13 +78,14 @@ def decide_all(
         if elapsed_s < rules.decision_s or not mine.new_looks.any():
             continue
         memory_s = former.watch_s[r] if former.found[r] else rules.vote_memory_s
-        after[r] = counted(mine, float(np.exp(-elapsed_s / memory_s)) if np.isfinite(elapsed_s) else 1.0, grid)
+        after[r] = counted(mine, float(np.exp(-elapsed_s / memory_s)) if np.isfinite(elapsed_s) else 1.0, rules.grid)
         # The first interval differs from radar to radar, so that later decisions are spread over cycles.
         new.decided_s[r] = time_s if np.isfinite(elapsed_s) else time_s - rules.decision_s * r / len(voters)
         new.begun_s[r] = min(former.begun_s[r], time_s)
         if len(after[r].counts):
-            enough = compared[r] >= rules.least_vessels
-            _decide(new, r, after[r], float(estimate[r, 0]), enough, time_s, rules, grid, sensors)
+            enough = bool(compared[r] >= rules.least_vessels)
+            sigma = float(sensors.radars.azimuth_sigma_rad[r])
+            _decide(new, r, after[r], float(estimate[r, 0]), sigma, enough, time_s, rules)
     return new, tuple(after)
 
 
@@ -93,20 +94,18 @@ def _decide(
     r: int,
     voters: Voters,
     applied_rad: float,
+    sigma: float,
     enough: bool,
     time_s: float,
     rules: Rules,
-    grid: Grid,
-    sensors: Sensors,
 ) -> None:
-    """Write the decision on radar r."""
-    sigma = float(sensors.radars.azimuth_sigma_rad[r])
-    field = evidence(voters, sigma, grid)
+    """Write the decision on radar r. Args: sigma: of its azimuth, rad; enough: whether it was compared with enough vessels."""
+    field = evidence(voters, sigma, rules.grid)
     best = decide(field, sigma)
     new.azimuth_rad[r], new.range_m[r], new.voices[r] = best.azimuth_rad, best.range_m, best.voices
     new.odds[r], new.rival_share[r] = np.exp(min(best.log_odds, MOST_LOG)), best.rival_share
     significant = enough and _significant(best, rules)
-    apart = is_apart(best.azimuth_rad, applied_rad, sigma, grid.step_rad)
+    apart = is_apart(best.azimuth_rad, applied_rad, sigma, rules.grid.step_rad)
     beaten = best.log_evidence - log_evidence_at(field, applied_rad) > -np.log(rules.false_alarm)
     new.doubtful[r] = bool(new.found[r]) and significant and apart and not beaten
     if significant and (not new.found[r] or (apart and beaten)):

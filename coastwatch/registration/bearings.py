@@ -18,16 +18,15 @@ from coastwatch.batches import (
     Bools,
     Floats,
     Ints,
-    Measurements,
     Members,
     Picture,
-    RadarCorrections,
     Sensors,
     column,
 )
 from coastwatch.geodesy import to_plane, wrap_rad
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.registration.information import Equations
+from coastwatch.registration.inputs import RegistrationInput
 
 BEARINGS = 4  # around a plot, through which a parabola is fitted
 LONGEST_WINDOW_S = 20.0  # from the first to the last of them
@@ -47,43 +46,29 @@ class WaitingPlots(Batch):
     position_deg: Floats = column(np.float64, "M", 2)
 
 
-def waiting_plots(
-    waiting: WaitingPlots,
-    measurements: Measurements,
-    picture: Picture,
-    members: Members,
-    found: BearingAssociations,
-    given: RadarCorrections,
-    unsure: Bools,
-    time_s: float,
-) -> WaitingPlots:
+def waiting_plots(waiting: WaitingPlots, given: RegistrationInput, unsure: Bools) -> WaitingPlots:
     """The plots of this cycle whose vessel has a bearing, after those that still wait.
 
     Args: unsure: (R,) radars whose lag is not known well; plots of others are left out.
     """
+    measurements, picture, members = given.measurements, given.picture, given.members
     row = np.flatnonzero(measurements.sensor >= 0)
     row = row[unsure[measurements.sensor[row]]]
     if len(row):
-        associated = members.track_id[np.isin(members.vessel_id, picture.vessel_id[found.vessel_row])]
+        associated = members.track_id[np.isin(members.vessel_id, picture.vessel_id[given.bearing_associations.vessel_row])]
         row = row[kernels.tables.match_ids.index_of(associated, measurements.track_id[row]) >= 0]
     plots = measurements.take(row)
-    lag_s = given.time_lag_s[plots.sensor]
+    lag_s = given.corrections.time_lag_s[plots.sensor]
     fresh = WaitingPlots(plots.track_id, plots.sensor, plots.time_s, lag_s, plots.position_deg)
-    return WaitingPlots.join([waiting.take(waiting.time_s >= time_s - LONGEST_WAIT_S), fresh])
+    return WaitingPlots.join([waiting.take(waiting.time_s >= given.time_s - LONGEST_WAIT_S), fresh])
 
 
-def bearing_equations(
-    waiting: WaitingPlots,
-    picture: Picture,
-    members: Members,
-    bearing_tracks: BearingTracks,
-    found: BearingAssociations,
-    sensors: Sensors,
-) -> tuple[WaitingPlots, Equations]:
+def bearing_equations(waiting: WaitingPlots, given: RegistrationInput) -> tuple[WaitingPlots, Equations]:
     """The plots that still wait, and equations for those that have bearings of their vessel before and after them."""
+    bearing_tracks, sensors = given.bearing_tracks, given.sensors
     if not len(waiting):
         return waiting, Equations.empty()
-    plot, bearing = _pair_with_bearings(waiting, picture, members, found)
+    plot, bearing = _pair_with_bearings(waiting, given.picture, given.members, given.bearing_associations)
     apart = _unambiguous(bearing_tracks, sensors)[bearing]
     plot, bearing = plot[apart], bearing[apart]
     first, ready = _bearings_around(bearing_tracks, bearing, waiting.time_s[plot])

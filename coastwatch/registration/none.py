@@ -4,18 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
-from coastwatch.batches import (
-    AisAlarms,
-    BearingAssociations,
-    BearingTracks,
-    Measurements,
-    Members,
-    Picture,
-    Plots,
-    RadarCorrections,
-    Sensors,
-    Tracks,
-)
+from coastwatch.batches import RadarCorrections
+from coastwatch.registration.inputs import RegistrationInput
 from coastwatch.stage import Method, NoMemory
 
 
@@ -27,20 +17,6 @@ class NoRegistration(Method):
     def init(self) -> NoMemory:
         return NoMemory()
 
-    def step(
-        self,
-        memory: NoMemory,
-        plots: Plots,
-        ais_tracks: Tracks,
-        alarms: AisAlarms,
-        measurements: Measurements,
-        picture: Picture,
-        members: Members,
-        bearing_tracks: BearingTracks,
-        bearing_associations: BearingAssociations,
-        time_s: float,
-        sensors: Sensors,
-        given: RadarCorrections,
-    ) -> tuple[NoMemory, RadarCorrections]:
+    def step(self, memory: NoMemory, given: RegistrationInput) -> tuple[NoMemory, RadarCorrections]:
         """Unchanged memory; every correction is zero."""
-        return memory, RadarCorrections.none(len(sensors.radars))
+        return memory, RadarCorrections.none(len(given.sensors.radars))

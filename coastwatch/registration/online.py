@@ -8,29 +8,16 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import (
-    AisAlarms,
-    BearingAssociations,
-    BearingTracks,
-    Bools,
-    Floats,
-    Ints,
-    Measurements,
-    Members,
-    Picture,
-    Plots,
-    RadarCorrections,
-    RegistrationState,
-    Sensors,
-    Tracks,
-)
+from coastwatch.batches import Bools, Floats, Ints, RadarCorrections, RegistrationState, Sensors
 from coastwatch.geodesy import to_plane
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.kernels.tables.row_numbers import require_rows
 from coastwatch.registration.acquisition import PROBABLE_ODDS, Acquisition, Rules, decide_all
 from coastwatch.registration.bearings import WaitingPlots, bearing_equations, waiting_plots
 from coastwatch.registration.information import DRIFT_SIGMAS, Equations, Estimate, Information, add_equations, drift, solve
+from coastwatch.registration.inputs import RegistrationInput
 from coastwatch.registration.polar import (
+    ComparedVessels,
     Pairs,
     PolarMeasurements,
     Search,
@@ -122,57 +109,37 @@ class OnlineRegistration(Method):
             quiet_s=np.zeros(0),
         )
 
-    def step(
-        self,
-        memory: OnlineMemory,
-        plots: Plots,
-        ais_tracks: Tracks,
-        alarms: AisAlarms,
-        measurements: Measurements,
-        picture: Picture,
-        members: Members,
-        bearing_tracks: BearingTracks,
-        bearing_associations: BearingAssociations,
-        time_s: float,
-        sensors: Sensors,
-        given: RadarCorrections,
-    ) -> tuple[OnlineMemory, RadarCorrections]:
-        """The corrections of each radar for the reports of the next cycle.
-
-        Args: plots: of this cycle, in any order, with the corrections `given` applied; ais_tracks, alarms: row by row; time_s: its end.
-        Returns: memory; one row a radar.
-        """
+    def step(self, memory: OnlineMemory, given: RegistrationInput) -> tuple[OnlineMemory, RadarCorrections]:
+        """The corrections of each radar for the reports of the next cycle."""
+        sensors, corrections, time_s = given.sensors, given.corrections, given.time_s
         if not len(sensors.radars):
-            return memory, given
+            return memory, corrections
         memory = self._sized(memory, time_s, sensors)
         dt = time_s - memory.time_s if np.isfinite(memory.time_s) else 0.0
-        measured = polar_measurements(plots, given, time_s)
-        swept, alarmed = sweeps(measured, sensors), alarms.impossible_speed | alarms.twice
-        drawn = draw_references(memory.references, ais_tracks, alarmed, swept.site_deg, sensors, self.reference_vessels)
-        references, compared = drawn
-        vessels, grid = ais_tracks.take(compared.row), self._grid()
-        votes = self._votes(vessels, compared.radar, memory.acquisition.found)
-        search = self._search(vessels, compared.radar, votes, memory.estimate, given, sensors)
-        pairs = pair_with_vessels(measured, swept, vessels, compared.radar, given, search, sensors)
-        voice, voters = self._look(memory.voters, vessels, compared.radar, votes, pairs, measured, swept, dt, sensors)
-        seen = np.bincount(compared.radar, minlength=len(sensors.radars))
-        rules = Rules(self.decision_s, self.vote_memory_s, self.false_alarm, self.least_vessels, self.least_voices)
-        decided = decide_all(memory.acquisition, voters, memory.estimate.mean, seen, time_s, rules, grid, sensors)
-        acquisition, voters = decided
+        measured = polar_measurements(given.plots, corrections, time_s)
+        swept, alarmed = sweeps(measured, sensors), given.alarms.impossible_speed | given.alarms.twice
+        references, rows = draw_references(
+            memory.references, given.ais_tracks, alarmed, swept.site_deg, sensors, self.reference_vessels
+        )
+        vessels = ComparedVessels(given.ais_tracks.take(rows.row), rows.radar)
+        votes = self._votes(vessels, memory.acquisition.found)
+        search = self._search(vessels, votes, memory.estimate, corrections, sensors)
+        pairs = pair_with_vessels(measured, swept, vessels, corrections, search, sensors)
+        voice, voters = self._look(memory.voters, vessels, votes, pairs, measured, swept, dt, sensors)
+        seen = np.bincount(vessels.radar, minlength=len(sensors.radars))
+        acquisition, voters = decide_all(memory.acquisition, voters, memory.estimate.mean, seen, time_s, self._rules(), sensors)
         acquired, found = acquisition.acquired, acquisition.found & ~acquisition.acquired
         information = memory.information.take(~acquired[memory.information.radar])
-        memory_s = np.where(
-            self._drifts(information, acquisition, memory.estimate, sensors), self.drift_memory_s, self.memory_s
-        )
+        memory_s = np.where(self._drifts(information, acquisition, memory.estimate), self.drift_memory_s, self.memory_s)
         shares = forgotten(memory.shares.take(~acquired[memory.shares.radar]), np.exp(-dt / memory_s))
-        about = given, memory.estimate, found, self.reference_sigma_m, sensors
-        shares, equations = plot_equations(measured, pairs, vessels, voice, shares, *about)
+        pairs = pairs.take(found[pairs.radar])
+        shares, equations = plot_equations(
+            given, measured, pairs, vessels.tracks, voice, shares, memory.estimate, self.reference_sigma_m
+        )
         waiting = memory.waiting
         if self.use_bearings:
             unsure = memory.estimate.sigma[:, LAG] > self.lag_known_s  # AIS tells more, where there is enough of it
-            around = picture, members, bearing_associations
-            waiting = waiting_plots(memory.waiting, measurements, *around, given, unsure, time_s)
-            waiting, with_bearings = bearing_equations(waiting, picture, members, bearing_tracks, bearing_associations, sensors)
+            waiting, with_bearings = bearing_equations(waiting_plots(memory.waiting, given, unsure), given)
             equations = Equations.join([equations, with_bearings])
         has_equations = np.bincount(equations.radar, minlength=len(found)) > 0
         keep = np.where(has_equations, np.exp(-dt / memory_s), 1.0)
@@ -181,7 +148,7 @@ class OnlineRegistration(Method):
         quiet_s = np.where(has_equations | acquired, 0.0, memory.quiet_s + dt)
         estimate = self._solved(information, acquisition.centre, sensors)
         after = OnlineMemory(time_s, references, voters, acquisition, shares, information, estimate, waiting, quiet_s)
-        return after, self._corrections(after, seen, swept, given, dt, sensors)
+        return after, self._corrections(after, seen, swept, corrections, dt, sensors)
 
     def _sized(self, memory: OnlineMemory, time_s: float, sensors: Sensors) -> OnlineMemory:
         """This memory with one row for each radar of the scenario."""
@@ -210,29 +177,32 @@ class OnlineRegistration(Method):
         radars = sensors.radars
         return np.column_stack([radars.azimuth_sigma_rad, radars.range_sigma_m, np.ones(len(radars))])
 
-    def _votes(self, vessels: Tracks, radar_of_vessel: Ints, found: Bools) -> Bools:
-        """Which vessels vote: all of a radar whose bias is not found, else a fixed draw. (V,) Args: vessels: sorted by radar."""
-        order = np.lexsort((id_hash(vessels.track_id), radar_of_vessel))
+    def _rules(self) -> Rules:
+        """When a bias is taken."""
+        return Rules(self.decision_s, self.vote_memory_s, self.false_alarm, self.least_vessels, self.least_voices, self._grid())
+
+    def _votes(self, vessels: ComparedVessels, found: Bools) -> Bools:
+        """Which vessels vote: all of a radar whose bias is not found, else a fixed draw. (V,)"""
+        order = np.lexsort((id_hash(vessels.tracks.track_id), vessels.radar))
         place = np.empty(len(order), np.int64)
-        place[order] = np.arange(len(order)) - np.searchsorted(radar_of_vessel, radar_of_vessel)
-        votes: Bools = ~found[radar_of_vessel] | (place < self.watch_vessels)
+        place[order] = np.arange(len(order)) - np.searchsorted(vessels.radar, vessels.radar)
+        votes: Bools = ~found[vessels.radar] | (place < self.watch_vessels)
         return votes
 
     def _search(
         self,
-        vessels: Tracks,
-        radar_of_vessel: Ints,
+        vessels: ComparedVessels,
         votes: Bools,
         estimate: Estimate,
-        given: RadarCorrections,
+        corrections: RadarCorrections,
         sensors: Sensors,
     ) -> Search:
         """What is looked for: every bias with vessels that vote, what is in the gate of the residuals with the others."""
-        r, grid, units = radar_of_vessel, self._grid(), self._units(sensors)
+        r, grid, units = vessels.radar, self._grid(), self._units(sensors)
         wide = np.array([grid.search_m, grid.search_rad + AROUND])
         # Residuals move by the change of the lag; those in azimuth count below one deviation of the noise in a second.
-        lag_s = np.abs(estimate.mean[r, LAG] - given.time_lag_s[r])
-        speed = np.hypot(vessels.velocity_m_s[:, 0], vessels.velocity_m_s[:, 1])
+        lag_s = np.abs(estimate.mean[r, LAG] - corrections.time_lag_s[r])
+        speed = np.hypot(vessels.tracks.velocity_m_s[:, 0], vessels.tracks.velocity_m_s[:, 1])
         gate = np.column_stack([GATE_M + speed * lag_s, (GATE_SIGMAS + lag_s) * units[r, 0]])
         centre = np.where(votes[:, None], 0.0, estimate.mean[r][:, [1, 0]])
         return Search(centre, np.where(votes[:, None], wide, gate))
@@ -240,8 +210,7 @@ class OnlineRegistration(Method):
     def _look(
         self,
         voters: tuple[Voters, ...],
-        vessels: Tracks,
-        radar_of_vessel: Ints,
+        compared: ComparedVessels,
         votes: Bools,
         pairs: Pairs,
         measured: PolarMeasurements,
@@ -250,7 +219,7 @@ class OnlineRegistration(Method):
         sensors: Sensors,
     ) -> tuple[Ints, tuple[Voters, ...]]:
         """The voice of each vessel (V,), and the voters of each radar after this cycle."""
-        radars, r = sensors.radars, radar_of_vessel
+        radars, vessels, r = sensors.radars, compared.tracks, compared.radar
         at_m = to_plane(vessels.position_deg, swept.site_deg[r])
         square = squares(to_plane(vessels.position_deg, sensors.region_origin_deg[radars.region[r]]))
         at_rest = np.hypot(vessels.velocity_m_s[:, 0], vessels.velocity_m_s[:, 1]) < AT_REST_M_S
@@ -268,7 +237,7 @@ class OnlineRegistration(Method):
             after.append(look(mine, seen, of_radar, measured.time_s[of_radar.plot], turns, period_s, self._grid()))
         return np.where(at_rest, square, vessels.track_id), tuple(after)
 
-    def _drifts(self, information: Information, acquisition: Acquisition, estimate: Estimate, sensors: Sensors) -> Bools:
+    def _drifts(self, information: Information, acquisition: Acquisition, estimate: Estimate) -> Bools:
         """Which radars drift: the newest residuals contradict the estimate, and the votes do not contradict them. (R,)"""
         found = drift(information, len(acquisition))
         to_candidate = acquisition.azimuth_rad - estimate.mean[:, 0]
@@ -285,12 +254,12 @@ class OnlineRegistration(Method):
         return found._replace(mean=found.mean * units, sigma=found.sigma * units)
 
     def _corrections(
-        self, memory: OnlineMemory, seen: Ints, swept: Sweeps, given: RadarCorrections, dt: float, sensors: Sensors
+        self, memory: OnlineMemory, seen: Ints, swept: Sweeps, before: RadarCorrections, dt: float, sensors: Sensors
     ) -> RadarCorrections:
         """The next corrections: at once where a bias was acquired, else a step towards the estimate."""
         units, estimate, known = self._units(sensors), memory.estimate, memory.acquisition
         locked, acquired = known.found[:, None], known.acquired[:, None]
-        old = np.column_stack([given.azimuth_bias_rad, given.range_bias_m, given.time_lag_s])
+        old = np.column_stack([before.azimuth_bias_rad, before.range_bias_m, before.time_lag_s])
         # What is no larger than its deviation is more likely noise than error: shrunk by the positive-part James-Stein rule.
         shrunk = estimate.mean * np.maximum(1.0 - estimate.sigma**2 / np.maximum(estimate.mean**2, TINY), 0.0)
         target = np.where(locked | [False, False, True], shrunk, old)

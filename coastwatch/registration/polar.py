@@ -49,6 +49,13 @@ class Sweeps(NamedTuple):
     shift_m: Floats  # (R,) by which it moves from there, at most
 
 
+class ComparedVessels(NamedTuple):
+    """The AIS vessels that radars are compared with, sorted by radar. A vessel of two radars is there twice."""
+
+    tracks: Tracks  # (V)
+    radar: Ints  # (V,) that has sent plots
+
+
 @dataclass(frozen=True, eq=False)
 class Search(Struct):
     """Which differences between a plot and its vessel are looked for, of each vessel: m in range, rad in azimuth."""
@@ -73,16 +80,16 @@ class Pairs(Batch):
     across_variance_m2: Floats = column(np.float64, "A")
 
 
-def polar_measurements(plots: Plots, given: RadarCorrections, time_s: float) -> PolarMeasurements:
+def polar_measurements(plots: Plots, corrections: RadarCorrections, time_s: float) -> PolarMeasurements:
     """The plots of about now, without the corrections. A clock that is not set may be days ahead or behind."""
     recent = np.abs(plots.time_s - time_s) <= OLDEST_S
     plots = plots if recent.all() else plots.take(recent)
     radar = plots.sensor
     return PolarMeasurements(
         radar=radar,
-        time_s=plots.time_s + given.time_lag_s[radar],
-        range_m=plots.range_m + given.range_bias_m[radar],
-        azimuth_rad=plots.azimuth_rad + given.azimuth_bias_rad[radar],
+        time_s=plots.time_s + corrections.time_lag_s[radar],
+        range_m=plots.range_m + corrections.range_bias_m[radar],
+        azimuth_rad=plots.azimuth_rad + corrections.azimuth_bias_rad[radar],
         site_m=plots.site_m,
     )
 
@@ -90,8 +97,9 @@ def polar_measurements(plots: Plots, given: RadarCorrections, time_s: float) -> 
 def sweeps(measured: PolarMeasurements, sensors: Sensors) -> Sweeps:
     """When and where each radar looked."""
     radars = sensors.radars
-    found = kernels.association.polar_pairs.sweeps(measured.radar, measured.time_s, measured.site_m, len(radars))
-    oldest, newest, shift_m = found
+    oldest, newest, shift_m = kernels.association.polar_pairs.sweeps(
+        measured.radar, measured.time_s, measured.site_m, len(radars)
+    )
     site_deg, silent = np.full((len(radars), 2), np.nan), oldest < 0
     site_deg[~silent] = from_plane(measured.site_m[oldest[~silent]], sensors.region_origin_deg[radars.region[~silent]])
     from_s, to_s = (np.append(measured.time_s, np.nan)[row] for row in (oldest, newest))
@@ -101,33 +109,30 @@ def sweeps(measured: PolarMeasurements, sensors: Sensors) -> Sweeps:
 def pair_with_vessels(
     measured: PolarMeasurements,
     swept: Sweeps,
-    vessels: Tracks,
-    radar_of_vessel: Ints,
-    given: RadarCorrections,
+    compared: ComparedVessels,
+    corrections: RadarCorrections,
     search: Search,
     sensors: Sensors,
 ) -> Pairs:
     """All pairs of a plot and a vessel of its radar whose ranges and azimuths differ by what the search of the vessel allows.
 
-    Args: vessels: (N); radar_of_vessel: (N,) that has sent plots; search: (N).
-    Rates and positions are those at the stamp less the lag in `given`. Returns: sorted by vessel.
+    Rates and positions are those at the stamp less the lag in `corrections`. Returns: sorted by vessel.
     """
-    r, kernel = radar_of_vessel, kernels.association.polar_pairs
-    at, lag_s = to_plane(vessels.position_deg, swept.site_deg[r]), given.time_lag_s
+    (vessels, r), kernel = compared, kernels.association.polar_pairs
+    at, lag_s = to_plane(vessels.position_deg, swept.site_deg[r]), corrections.time_lag_s
     distance, azimuth = np.hypot(at[:, 0], at[:, 1]), np.arctan2(at[:, 0], at[:, 1])
     # Candidates by the position of the vessel now: by the time of the plot it moves no farther than this.
     longest_s = np.maximum(*(np.abs(time_s[r] - lag_s[r] - vessels.time_s) for time_s in (swept.from_s, swept.to_s)))
     slack = np.hypot(vessels.velocity_m_s[:, 0], vessels.velocity_m_s[:, 1]) * longest_s + SCALE * swept.shift_m[r]
     reach = search.reach + np.column_stack([slack, 0.5 * np.pi * slack / np.maximum(distance, 1.0)])
-    polar = measured.range_m, measured.azimuth_rad
     expected = np.column_stack([distance, azimuth]) + search.centre
-    plot, vessel = kernel.near_pairs(measured.radar, *polar, r, expected, reach)
+    plot, vessel = kernel.near_pairs(measured.radar, measured.range_m, measured.azimuth_rad, r, expected, reach)
 
     radar = r[vessel]
     site_deg, moving = swept.site_deg[radar], np.flatnonzero(swept.shift_m[radar] > 0.0)
     origin_deg = sensors.region_origin_deg[sensors.radars.region[radar[moving]]]
     site_deg[moving] = from_plane(measured.site_m[plot[moving]], origin_deg)
-    of_plots = measured.time_s[plot] - lag_s[radar], *(values[plot] for values in polar), site_deg
+    of_plots = measured.time_s[plot] - lag_s[radar], measured.range_m[plot], measured.azimuth_rad[plot], site_deg
     of_vessels = vessels.time_s, vessels.position_deg, vessels.velocity_m_s, vessels.known_covariance(1.0)
     found = Pairs(plot, vessel, radar, *np.ascontiguousarray(kernel.differences(vessel, of_plots, of_vessels).T))
     centre, reach = search.centre[vessel], search.reach[vessel]

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import Batch, Bools, Floats, Ints, RadarCorrections, Sensors, Tracks, column
+from coastwatch.batches import Batch, Floats, Ints, Tracks, column
 from coastwatch.registration.information import Equations, Estimate
+from coastwatch.registration.inputs import RegistrationInput
 from coastwatch.registration.polar import Pairs, PolarMeasurements
 
 GATE_SIGMAS, GATE_M = 4.0, 100.0  # half widths of the gate about the estimate: of the azimuth noise, and in range
@@ -31,28 +32,25 @@ class EchoShares(Batch):
 
 
 def plot_equations(
+    given: RegistrationInput,
     measured: PolarMeasurements,
     pairs: Pairs,
     vessels: Tracks,
     reference: Ints,
     shares: EchoShares,
-    given: RadarCorrections,
     estimate: Estimate,
-    found: Bools,
     offset_sigma_m: float,
-    sensors: Sensors,
 ) -> tuple[EchoShares, Equations]:
-    """The shares with the pairs of this cycle, and two equations for each pair in the gate of a radar whose bias is known.
+    """The shares with the pairs of this cycle, and two equations for each pair in the gate of its radar.
 
     The probability that a plot is the vessel's echo is that of a Gaussian about the estimate against an even density over the gate.
-    Args: vessels: (V); reference: (V,) whose equations share an offset; estimate: rad, m, s; found: (R,).
+    Args: pairs: of radars whose bias is known; vessels: (V); reference: (V,) whose equations share an offset; estimate: rad, m, s.
     Source: A. P. Dempster, N. M. Laird, D. B. Rubin, Maximum likelihood from incomplete data via the EM algorithm, 1977 (mixtures).
     """
-    pairs = pairs.take(found[pairs.radar])
     pairs = pairs.take(np.lexsort((measured.azimuth_rad[pairs.plot], measured.time_s[pairs.plot], pairs.vessel)))
-    radars, r = sensors.radars, pairs.radar
+    radars, r, lag_s = given.sensors.radars, pairs.radar, given.corrections.time_lag_s
     range_noise, azimuth_noise = radars.range_sigma_m[r], radars.azimuth_sigma_rad[r]
-    lag_change = estimate.mean[r, 2] - given.time_lag_s[r]
+    lag_change = estimate.mean[r, 2] - lag_s[r]
     lag_sigma = estimate.sigma[r, 2]
     range_residual = pairs.range_m - estimate.mean[r, 1] + pairs.range_rate_m_s * lag_change
     azimuth_residual = pairs.azimuth_rad - estimate.mean[r, 0] + pairs.azimuth_rate_rad_s * lag_change
@@ -76,7 +74,7 @@ def plot_equations(
     share = _share(shares, r, track_id)
     probability = share * gaussian / (share * gaussian + (1.0 - share) * even)
 
-    n, zero, lag = len(p), np.zeros(len(p)), given.time_lag_s[r]
+    n, zero, lag = len(p), np.zeros(len(p)), lag_s[r]
     range_sigma, azimuth_sigma = np.sqrt(range_variance), np.sqrt(azimuth_variance)
     along = np.column_stack([zero, range_noise[inside], -p.range_rate_m_s]) / range_sigma[:, None]
     across = np.column_stack([azimuth_noise[inside], zero, -p.azimuth_rate_rad_s]) / azimuth_sigma[:, None]

@@ -17,7 +17,7 @@ from coastwatch.scenario import Scenario
 from coastwatch.scores.nees import nees
 from coastwatch.scores.track_pairs import PairScores, TruePairs, true_vessels
 from coastwatch.stage import Settings, serial
-from coastwatch.tracks import RegionInput
+from coastwatch.tracks import AisInput, RegionInput
 
 
 class SideBySide(Settings):
@@ -47,7 +47,7 @@ def measure(scenario: Scenario, seed: int, asked: SideBySide) -> dict[str, dict[
         reports = recording.reports.between(plan.instant_s(cycle - 1) if cycle else -np.inf, now_s)
         converted, plots = scenario.plots.step(converted, reports.radar, sensors, none)
         radar, (radar_tracks, taken, *_) = scenario.tracks.step(radar, RegionInput.of_plots(plots, now_s, sensors))
-        ais, ais_tracks, _, reported = scenario.ais_tracks.step(ais, reports.ais, now_s, sensors)
+        ais, (ais_tracks, _, reported) = scenario.ais_tracks.step(ais, AisInput(reports.ais, now_s, sensors))
         tracks = scenario.alignment.step(Tracks.join([radar_tracks, ais_tracks]), now_s)
         spots_memory, spots = scenario.spots.step(spots_memory, tracks)
         truth, kinds = recording.truth.at(now_s), sensors.source_kinds

@@ -12,7 +12,7 @@ from coastwatch.geodesy import difference_m, to_plane
 from coastwatch.reproduction.published import Targets
 from coastwatch.scenario import Scenario
 from coastwatch.scores.targets import TargetScores
-from coastwatch.tracks import RegionInput, TableTracker
+from coastwatch.tracks import AisInput, RegionInput, TableTracker
 from coastwatch.tracks.radar.association import KnownOrigin
 from coastwatch.tracks.radar.life import TrackManagement
 
@@ -46,7 +46,7 @@ def _run(scenario: Scenario, method: TableTracker, seed: int, asked: Targets) ->
         now_s = plan.instant_s(cycle)
         reports = recording.reports.between(plan.instant_s(cycle - 1) if cycle else -np.inf, now_s)
         converted, plots = scenario.plots.step(converted, reports.radar, sensors, none)
-        ais_memory, ais, _, taken = scenario.ais_tracks.step(ais_memory, reports.ais, now_s, sensors)
+        ais_memory, (ais, _, taken) = scenario.ais_tracks.step(ais_memory, AisInput(reports.ais, now_s, sensors))
         messages = scenario.tracks.messages_of(taken, ais, sensors, 0)
         if known:  # the bound knows all noise, and of whom each message is
             plots = replace(plots, covariance=plots.covariance + echo_m**2 * np.eye(2))

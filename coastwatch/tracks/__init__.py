@@ -12,6 +12,7 @@ from coastwatch.tracks.ais.ais_filter import AisFilter
 from coastwatch.tracks.ais.dead_reckoning import AisDeadReckoning
 from coastwatch.tracks.alignment import ConstantVelocity
 from coastwatch.tracks.bearing import BearingWindow
+from coastwatch.tracks.inputs import AisInput, AisOutput, BearingInput, ReceivedInput
 from coastwatch.tracks.radar.region import RegionInput, RegionOutput
 from coastwatch.tracks.radar.table import RadarMemory
 from coastwatch.tracks.radar.tracker import TableTracker
@@ -26,12 +27,16 @@ TrackReceiver = Annotated[ReceivedTracks, Field()]
 __all__ = [
     "AisDeadReckoning",
     "AisFilter",
+    "AisInput",
+    "AisOutput",
     "AisTracker",
+    "BearingInput",
     "BearingTracker",
     "BearingWindow",
     "ConstantVelocity",
     "RadarMemory",
     "RadarTracker",
+    "ReceivedInput",
     "ReceivedTracks",
     "RegionInput",
     "RegionOutput",

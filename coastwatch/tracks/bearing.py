@@ -14,6 +14,7 @@ from coastwatch.batches import CLASSES, Array, BearingReports, BearingTracks, Bo
 from coastwatch.geodesy import wrap_deg, wrap_rad
 from coastwatch.kernels.tables.row_numbers import require_rows
 from coastwatch.stage import Count, Method, Positive
+from coastwatch.tracks.inputs import BearingInput
 
 ID_STRIDE = 2**40  # track ids of one source
 LINE_COLUMNS = ("sensor", "time_s", "bearing_rad", "weight")  # the data of a line fit
@@ -260,15 +261,13 @@ class BearingWindow(Method):
     def init(self) -> BearingMemory:
         return BearingMemory.empty(self.length)
 
-    def step(
-        self, memory: BearingMemory, reports: BearingReports, time_s: float, sensors: Sensors
-    ) -> tuple[BearingMemory, BearingTracks]:
-        """Tracks after the reports of this cycle, predicted to time_s.
+    def step(self, memory: BearingMemory, given: BearingInput) -> tuple[BearingMemory, BearingTracks]:
+        """Tracks after the reports of this cycle, predicted to its time. A report that is not finite or from the future is dropped.
 
-        Args: reports: in any order within the cycle; one that is not finite or from the future is dropped.
         Returns: memory, with the dropped reports counted, and BearingTracks, sorted by track_id, W = `length`.
         Raises: ValueError for a contact number of 2^40 or more, or a sensor that the scenario has not.
         """
+        reports, time_s, sensors = given
         _check(reports, len(sensors.sonars))
         if not len(sensors.sonars):
             return memory, BearingTracks.empty(W=self.length)

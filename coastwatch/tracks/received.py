@@ -22,6 +22,7 @@ from coastwatch.batches import (
 )
 from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred, offset_deg
 from coastwatch.stage import Method, Positive
+from coastwatch.tracks.inputs import ReceivedInput
 
 ID_STRIDE = 2**40  # track ids of one source
 INTERVALS = 2.5  # of a track's own, until it is dropped
@@ -94,15 +95,13 @@ class ReceivedTracks(Method):
             ReceivedTable.empty(), Differences(np.zeros((0, KEPT)), np.zeros((0, KEPT))), 1, none, none.copy()
         )
 
-    def step(
-        self, memory: ReceivedMemory, reports: TrackReports, time_s: float, sensors: Sensors, ais: Tracks
-    ) -> tuple[ReceivedMemory, Tracks]:
+    def step(self, memory: ReceivedMemory, given: ReceivedInput) -> tuple[ReceivedMemory, Tracks]:
         """The tracks that are alive, each at the time of its newest state.
 
-        Args: memory: of the cycle before; reports: that arrived since, in any order; time_s: now; ais: the AIS tracks, at `time_s`.
         Returns: memory, with the dropped states counted; Tracks sorted by source, then number. A velocity that nobody knows is 0,
         with a standard deviation of `max_speed_kn` / 4.
         """
+        reports, time_s, sensors, ais_tracks = given
         sources = sensors.track_sources
         if not len(sources):
             return memory, Tracks.empty()
@@ -119,7 +118,7 @@ class ReceivedTracks(Method):
         table, fresh, next_track = self._updated(memory.table, newest, sources.position_sigma_m, memory.next_track)
         alive = time_s - table.time_s <= np.maximum(sources.patience_s[table.sensor], INTERVALS * table.interval_s)
         table, fresh = table.take(alive), fresh[alive]
-        differences = self._compared(before, table.take(fresh), time_s, ais)
+        differences = self._compared(before, table.take(fresh), time_s, ais_tracks)
         memory = ReceivedMemory(table, differences, next_track, states, dropped)
         position_m2, velocity_m2_s2 = self._variances(differences, sources)
         return memory, self._tracks(table, position_m2[table.sensor], velocity_m2_s2[table.sensor], sensors)

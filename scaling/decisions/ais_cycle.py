@@ -18,6 +18,7 @@ import numpy as np
 
 from coastwatch.batches import AisReports, Radars, Sensors, Sonars, Stations
 from coastwatch.geodesy import KNOT_M_S, offset_deg
+from coastwatch.tracks import AisInput
 from coastwatch.tracks.ais.ais_filter import AisFilter
 from scaling.load.baseline import compare, table
 
@@ -49,7 +50,7 @@ def figures(vessels: int, cycles: int) -> dict[str, Any]:
         cog = np.degrees(course[who] + rng.normal(0.0, np.radians(COG_SIGMA_DEG), n)) % 360.0
         reports = AisReports(fix, fix, 201_000_000 + who, place, sog, cog, np.zeros(n, np.bool_), who)
         begun = time.perf_counter(), time.process_time()
-        memory, *_ = method.step(memory, reports, end, sensors)
+        memory, *_ = method.step(memory, AisInput(reports, end, sensors))
         wall.append(time.perf_counter() - begun[0])
         cpu.append(time.process_time() - begun[1])
     median_s = {"wall": float(np.median(wall[WARMUP:])), "cpu": float(np.median(cpu[WARMUP:]))}

@@ -15,7 +15,7 @@ from time import process_time
 
 import numpy as np
 
-from coastwatch.alarms import AlarmRules, Zone, numbered
+from coastwatch.alarms import AlarmInput, AlarmRules, Zone, numbered
 from coastwatch.alarms.close_approach import close_pairs
 from coastwatch.alarms.watched import look
 from coastwatch.alarms.zone_alarms import zone_alarms
@@ -83,7 +83,7 @@ def main() -> None:
         marks.append(process_time())
         _, pairs = close_pairs(rules, memory.approaching, seen.picture, time_s)
         marks.append(process_time())
-        memory, alarms = rules.step(memory, picture, members, time_s, sensors, zones)
+        memory, alarms = rules.step(memory, AlarmInput(picture, members, time_s, sensors, zones))
         marks.append(process_time())
         ms.append(1e3 * np.diff(marks))
         last = {"close pairs": len(pairs.first), "alarms": len(alarms)}

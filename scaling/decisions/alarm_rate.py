@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from coastwatch import pipeline
-from coastwatch.alarms import AlarmRules, EventMemory, Evidence, expected_sensors, next_events, numbered
+from coastwatch.alarms import AlarmInput, AlarmRules, EventMemory, Evidence, expected_sensors, next_events, numbered
 from coastwatch.alarms.events import KINDS
 from coastwatch.batches import (
     AisReports,
@@ -89,7 +89,7 @@ def rate(scenario: Scenario, rules: AlarmRules, sensors: Sensors, made: list[Mad
     count, most, spent_s, zones = dict.fromkeys(EVENT_KINDS.values(), 0), 0, [], numbered(scenario.zones)
     for now_s, picture, members, cover in made:
         begun = time.process_time()
-        memory, alarms = rules.step(memory, picture, members, now_s, sensors, zones, cover)
+        memory, alarms = rules.step(memory, AlarmInput(picture, members, now_s, sensors, zones, cover))
         spent_s.append(time.process_time() - begun)
         events, changes = events_after(scenario, sensors, events, picture, alarms, now_s)
         for kind in changes.begun.kind[IS_ALARM[changes.begun.kind]].tolist():

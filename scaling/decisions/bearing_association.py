@@ -28,6 +28,7 @@ from coastwatch.batches import AisStatics, Floats, Sensors
 from coastwatch.operators.cli.arguments import count, whole
 from coastwatch.spots import OctantInput
 from coastwatch.spots.octants import OctantSpots
+from coastwatch.tracks import BearingInput
 from coastwatch.tracks.bearing import BearingWindow
 
 HISTORIES = (30, 60, 120, 180, 300)
@@ -57,7 +58,9 @@ def run(
     am: Any = associate.init()
     counts = np.zeros((len(histories), 4))
     for t in range(3, last + 1, 3):
-        tm, tracks = tracker.step(tm, bw.hear(world, sensors, t, seed, bias_deg, misses, phase_s), bw.START_S + t, sensors)
+        tm, tracks = tracker.step(
+            tm, BearingInput(bw.hear(world, sensors, t, seed, bias_deg, misses, phase_s), bw.START_S + t, sensors)
+        )
         picture = world.picture(t)
         sm, octants = spots.step(sm, OctantInput(tracks, picture, sensors))
         am, found = associate.step(

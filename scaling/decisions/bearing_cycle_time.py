@@ -27,6 +27,7 @@ from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.operators.cli.arguments import count
 from coastwatch.spots import OctantInput
 from coastwatch.spots.octants import OctantSpots
+from coastwatch.tracks import BearingInput
 from coastwatch.tracks.bearing import BearingWindow
 
 SONARS, HEARD, RANGE_M, APART_M = 100, 100, 10_000.0, 20_000.0
@@ -77,7 +78,7 @@ def main() -> None:
         picture = picture_at(now, start, velocity, known)
         reports = reports_at(now, start, velocity, home, sensors, rng)
         marks = [time.perf_counter()]
-        tm, tracks = tracker.step(tm, reports, bw.START_S + now, sensors)
+        tm, tracks = tracker.step(tm, BearingInput(reports, bw.START_S + now, sensors))
         marks.append(time.perf_counter())
         sm, octants = spots.step(sm, OctantInput(tracks, picture, sensors))
         marks.append(time.perf_counter())

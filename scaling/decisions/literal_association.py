@@ -23,7 +23,7 @@ from coastwatch.scenario import load_scenario
 from coastwatch.scores.confusion import Confusion, association
 from coastwatch.sensors import Simulated
 from coastwatch.stage import serial
-from coastwatch.tracks import RegionInput
+from coastwatch.tracks import AisInput, RegionInput
 
 Threshold = Literal["chi_square", "hotelling"]
 WINDOWS = (3, 5, 8, 10, 15, 20, 30, 40)
@@ -82,7 +82,7 @@ def cycles_of(overrides: dict[str, str], seed: int, hidden_share: float = 0.0) -
         part = reports.between(plan.instant_s(cycle - 1) if cycle else -np.inf, now)
         plots_memory, plots = scenario.plots.step(plots_memory, part.radar, sensors, exact)
         radar, (seen, *_) = scenario.tracks.step(radar, RegionInput.of_plots(plots, now, sensors))
-        ais, said, *_ = scenario.ais_tracks.step(ais, part.ais, now, sensors)
+        ais, (said, *_) = scenario.ais_tracks.step(ais, AisInput(part.ais, now, sensors))
         seen = seen.take(~(np.isin(seen.origin, hidden) & np.isin(seen.origin, said.origin)))
         tracks = type(seen).join([seen, said])
         spots_memory, spots = scenario.spots.step(spots_memory, tracks)

@@ -26,6 +26,7 @@ from coastwatch.operators.cli.arguments import count, whole
 from coastwatch.spots import OctantInput
 from coastwatch.spots.octants import OctantSpots
 from coastwatch.stage import NoMemory
+from coastwatch.tracks import BearingInput
 from coastwatch.tracks.bearing import BearingWindow
 
 PUBLISHED_OCTANTS = OctantSpots(overlap_deg=0, position_sigmas=0, range_margin=1)
@@ -41,7 +42,7 @@ def counted(method: BearingWindowedCovariance, sensors: Sensors, seed: int, spot
     tracks_memory, memory = tracker.init(), method.init()
     for t in range(3, HISTORY_S + DECISIONS_S, 3):
         reports = bw.hear(world, sensors, t, seed)
-        tracks_memory, tracks = tracker.step(tracks_memory, reports, bw.START_S + t, sensors)
+        tracks_memory, tracks = tracker.step(tracks_memory, BearingInput(reports, bw.START_S + t, sensors))
         picture = world.picture(t)
         _, octants = spots.step(NoMemory(), OctantInput(tracks, picture, sensors))
         memory, found = method.step(

@@ -20,7 +20,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coastwatch.batches import Associations, FusedTracks, Tracks
+from coastwatch.fused_tracks import FusionInput
 from coastwatch.kernels.threads import threads
+from coastwatch.picture import PictureInput
 from coastwatch.pipeline import Received
 from coastwatch.scenario import Scenario
 from scaling.load import national
@@ -106,9 +108,10 @@ def measure(tracks: int, count: int, method: str, cycle_count: int, with_numpy: 
     with threads(count):
         for given in cycles(scenario, world, WARMUP + cycle_count):
             t, m = given.tracks, given.received.measurements
-            memory, fused = clock.run(PARTS[0], fuser.step, memory, t, m, given.associations, given.time_s, kinds)
-            given_to = given.associations, fused, given.received.alarms, given.time_s, sensors
-            past, *_ = clock.run(PARTS[1], picture.step, past, t, *given_to)
+            fusion = FusionInput(t, m, given.associations, given.time_s, kinds)
+            memory, fused = clock.run(PARTS[0], fuser.step, memory, fusion)
+            shown = PictureInput(t, given.associations, fused, given.received.alarms, given.time_s, sensors)
+            past, _ = clock.run(PARTS[1], picture.step, past, shown)
             if with_numpy:
                 clock.run("numpy", sorting.step, given)
     each = "".join(f"{clock.median_ms(clock.wall, (name,)):9.1f}" for name in PARTS)

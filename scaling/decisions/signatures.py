@@ -28,6 +28,7 @@ from coastwatch.sensors.simulated.static_data import TYPES
 from coastwatch.spots import OctantInput
 from coastwatch.spots.octants import OctantSpots
 from coastwatch.stage import NoMemory
+from coastwatch.tracks import BearingInput
 from coastwatch.tracks.bearing import BearingWindow
 
 VESSELS = 500
@@ -75,7 +76,7 @@ def run(truth: SonarTruth, associate: BearingLikelihood, seed: int) -> Floats:
     for t in range(3, last + 1, 3):
         reports = bw.hear(world, sensors, t, seed)
         reports = replace(reports, signature=said[t // 3][reports.origin])
-        tm, tracks = tracker.step(tm, reports, bw.START_S + t, sensors)
+        tm, tracks = tracker.step(tm, BearingInput(reports, bw.START_S + t, sensors))
         picture = world.picture(t)
         picture = replace(picture, mmsi=np.where(np.isin(picture.origin, has_ais), picture.origin, -1))
         _, octants = spots.step(NoMemory(), OctantInput(tracks, picture, sensors))

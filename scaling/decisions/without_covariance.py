@@ -19,7 +19,7 @@ from coastwatch.batches import RadarCorrections, Tracks
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.scores.track_pairs import PairScores, TruePairs
 from coastwatch.stage import serial
-from coastwatch.tracks import RegionInput
+from coastwatch.tracks import AisInput, RegionInput
 from scaling.load.seeds import seed_range
 
 LOST_M = 100.0  # a radar track farther than this from its vessel is lost
@@ -47,7 +47,7 @@ def run(scenario: Scenario, seed: int, methods: dict[str, Any]) -> dict[str, Pai
         reports = recording.reports.between(plan.instant_s(cycle - 1) if cycle else -np.inf, now_s)
         converted, plots = scenario.plots.step(converted, reports.radar, sensors, none)
         radar, (radar_tracks, *_) = scenario.tracks.step(radar, RegionInput.of_plots(plots, now_s, sensors))
-        ais, ais_tracks, _, _ = scenario.ais_tracks.step(ais, reports.ais, now_s, sensors)
+        ais, (ais_tracks, _, _) = scenario.ais_tracks.step(ais, AisInput(reports.ais, now_s, sensors))
         unknown = replace(ais_tracks, covariance=np.full_like(ais_tracks.covariance, np.nan))
         tracks = scenario.alignment.step(Tracks.join([radar_tracks, unknown]), now_s)
         of_spots, spots = scenario.spots.step(of_spots, tracks)

@@ -29,11 +29,12 @@ from coastwatch.batches import (
     RegistrationState,
 )
 from coastwatch.geodesy import from_plane
-from coastwatch.registration import OnlineRegistration
+from coastwatch.registration import OnlineRegistration, RegistrationInput
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.sensors import Simulated
 from coastwatch.sensors.simulated.harbour import Row
 from coastwatch.sensors.simulated.radar import RadarTruth
+from coastwatch.tracks import AisInput
 from scaling.load.options import errors_as_one_line
 from scaling.load.seeds import seed_range
 
@@ -178,8 +179,8 @@ def run(case: Case, seed: int, minutes: float | None = None, method: OnlineRegis
         arrived = reports.between(before, now)
         before = now
         plots_memory, plots = scenario.plots.step(plots_memory, arrived.radar, sensors, given)
-        ais_memory, tracks, alarms, _ = scenario.ais_tracks.step(ais_memory, arrived.ais, now, sensors)
-        memory, given = chosen.step(memory, plots, tracks, alarms, *rest, now, sensors, given)
+        ais_memory, (tracks, alarms, _) = scenario.ais_tracks.step(ais_memory, AisInput(arrived.ais, now, sensors))
+        memory, given = chosen.step(memory, RegistrationInput(plots, tracks, alarms, *rest, now, sensors, given))
         for course, errors in zip(courses, case.errors, strict=True):
             _note(course, case, errors, given, now - plan.start_s, plan.period_s)
             course.voters = max(course.voters, len(memory.voters[course.radar]))

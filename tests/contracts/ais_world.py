@@ -6,6 +6,7 @@ import numpy as np
 
 from coastwatch.batches import AisReports, Radars, Sensors, Sonars, Stations
 from coastwatch.geodesy import KNOT_M_S, offset_deg
+from coastwatch.tracks import AisInput
 
 PERIOD_S = 3.0
 START_S = 1.7e9
@@ -46,7 +47,7 @@ def run(method, rows, cycles, memory=None, first=0, outputs=None):
     for k in range(first, first + cycles):
         lo, hi = START_S + k * PERIOD_S, START_S + (k + 1) * PERIOD_S
         part = every.take((every.received_s > lo) & (every.received_s <= hi))
-        memory, tracks, alarms, _ = method.step(memory, part, hi, SENSORS)
+        memory, (tracks, alarms, _) = method.step(memory, AisInput(part, hi, SENSORS))
         if outputs is not None:
             outputs.append((tracks, alarms))
     return memory, tracks, alarms

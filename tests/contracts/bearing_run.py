@@ -13,6 +13,7 @@ from coastwatch.batches import AisStatics, BearingTracks, Picture, Sensors
 from coastwatch.spots import OctantInput
 from coastwatch.spots.octants import OctantSpots
 from coastwatch.stage import Groups, NoMemory, serial
+from coastwatch.tracks import BearingInput
 from coastwatch.tracks.bearing import BearingWindow
 
 SEED = 40  # not one of those that settings were chosen on (1000 to 1009, 2000 to 2015)
@@ -46,7 +47,7 @@ class Run:
 
     def inputs(self, t: int) -> tuple[BearingTracks, Picture]:
         reports = bw.hear(self.world, self.hears, t, self.seed, **self.hear)
-        self.tracks_memory, tracks = self.tracker.step(self.tracks_memory, reports, bw.START_S + t, self.sensors)
+        self.tracks_memory, tracks = self.tracker.step(self.tracks_memory, BearingInput(reports, bw.START_S + t, self.sensors))
         return tracks, self.world.picture(t)
 
     def associate(self, memory: Any, tracks: BearingTracks, picture: Picture, t: int, spread: Any = serial) -> Any:

@@ -26,6 +26,7 @@ from coastwatch.batches import (
 )
 from coastwatch.geodesy import from_plane, to_plane
 from coastwatch.kernels.geometry.polar import polar_to_plane
+from coastwatch.registration import RegistrationInput
 
 CENTRE = np.array([-23.0, -43.2])
 START_S = 1_750_000_000.0
@@ -142,7 +143,7 @@ def run(method: Any, sea: Sea, cycles: int, first: int = 0, memory: Any = None, 
         if "order" in more:
             plots = plots.take(np.random.default_rng(cycle).permutation(len(plots)))
         time_s = START_S + PERIOD_S * (cycle + 1)
-        memory, given = method.step(memory, plots, tracks, quiet(tracks), *others(), time_s, where, given)
+        memory, given = method.step(memory, RegistrationInput(plots, tracks, quiet(tracks), *others(), time_s, where, given))
         course.append(given)
     return memory, given, course
 

@@ -5,7 +5,7 @@ import pytest
 from ais_world import HOME, PERIOD_S, SENSORS, START_S, fleet, reports, run, sail, same
 
 from coastwatch.geodesy import KNOT_M_S, difference_m, offset_deg
-from coastwatch.tracks import AisDeadReckoning, AisFilter
+from coastwatch.tracks import AisDeadReckoning, AisFilter, AisInput
 from coastwatch.tracks.ais.ais_filter import refused
 
 ROUNDING_M = 1e-6
@@ -14,7 +14,7 @@ ROUNDING_M = 1e-6
 def test_position_is_the_newest_report_moved_by_its_speed_and_course():
     every = reports(fleet())
     method = AisDeadReckoning()
-    _, tracks, alarms, _ = method.step(method.init(), every, START_S + 60.0, SENSORS)
+    _, (tracks, alarms, _) = method.step(method.init(), AisInput(every, START_S + 60.0, SENSORS))
     for k, mmsi in enumerate(tracks.mmsi):
         own = every.take(every.mmsi == mmsi)
         newest = own.take([int(np.argmax(own.time_s))])

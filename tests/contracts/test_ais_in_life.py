@@ -8,6 +8,7 @@ from ais_world import HOME, PERIOD_S, SENSORS, START_S, reports, run, sail
 
 from coastwatch.batches import PositionAccuracy
 from coastwatch.geodesy import KNOT_M_S, difference_m, offset_deg
+from coastwatch.tracks import AisInput
 from coastwatch.tracks.ais.ais_filter import AisFilter, refused
 
 FERRY = 235000001
@@ -19,7 +20,7 @@ def step_all(method, every, cycles):
     for k in range(cycles):
         lo, hi = START_S + k * PERIOD_S, START_S + (k + 1) * PERIOD_S
         part = every.take((every.received_s > lo) & (every.received_s <= hi))
-        memory, tracks, alarms, _ = method.step(memory, part, hi, SENSORS)
+        memory, (tracks, alarms, _) = method.step(memory, AisInput(part, hi, SENSORS))
         outputs.append((tracks, alarms))
     return memory, outputs
 

@@ -10,7 +10,7 @@ from pydantic import TypeAdapter
 from coastwatch.batches import AisReports
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.server.checkpoint import load, save
-from coastwatch.tracks import AisDeadReckoning, AisFilter, AisTracker
+from coastwatch.tracks import AisDeadReckoning, AisFilter, AisInput, AisTracker
 from coastwatch.tracks.ais.ais_filter import refused
 
 METHODS = [AisFilter(), AisDeadReckoning(), AisDeadReckoning(aligned=False)]
@@ -40,8 +40,8 @@ def test_saved_in_mid_run_it_resumes_bit_for_bit(method):
 def test_order_of_arrival_within_a_cycle_does_not_matter(method):
     every = reports(fleet())
     order = np.random.default_rng([1, 2]).permutation(len(every))
-    _, one, *_ = method.step(method.init(), every, START_S + 60.0, SENSORS)
-    _, two, *_ = method.step(method.init(), every.take(order), START_S + 60.0, SENSORS)
+    _, (one, *_) = method.step(method.init(), AisInput(every, START_S + 60.0, SENSORS))
+    _, (two, *_) = method.step(method.init(), AisInput(every.take(order), START_S + 60.0, SENSORS))
     assert len(one) == 12
     assert same(one, two)
 
@@ -179,7 +179,7 @@ def test_no_course_at_rest_is_a_vessel_at_rest():
 def test_time_must_go_on(method):
     memory, _, _ = run(method, [], 2)
     with pytest.raises(ValueError, match="time_s"):
-        method.step(memory, AisReports.empty(), START_S, SENSORS)
+        method.step(memory, AisInput(AisReports.empty(), START_S, SENSORS))
 
 
 def test_lateness_must_be_remembered():

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from coastwatch.alarms import AlarmRules, Zone, close_approach, numbered
+from coastwatch.alarms import AlarmInput, AlarmRules, Zone, close_approach, numbered
 from coastwatch.alarms.close_approach import SPANS, Approaching, close_pairs
 from coastwatch.alarms.zones import Shape
 from coastwatch.batches import (
@@ -79,10 +79,10 @@ def play(
         time_s = PERIOD_S * cycle
         given = *picture_of(time_s, scene(time_s)), time_s, where, numbered(zones)
         saved = save(memory) if cycle % 20 == 13 else b""
-        after, alarms = rules.step(memory, *given)
+        after, alarms = rules.step(memory, AlarmInput(*given))
         if saved:
             assert save(memory) == saved
-            again, same = rules.step(load(saved), *given)
+            again, same = rules.step(load(saved), AlarmInput(*given))
             assert save(again) == save(after)
             assert same.vessel_id.tolist() == alarms.vessel_id.tolist()
         memory = after
@@ -169,7 +169,7 @@ def test_a_vessel_first_seen_inside_has_entered_but_not_at_the_start_nor_where_a
     memory, found = rules.init(), []
     for cycle in range(130):
         time_s, zones = PERIOD_S * cycle, numbered((AREA,) if cycle >= 65 else ())
-        memory, alarms = rules.step(memory, *picture_of(time_s, scene(time_s)), time_s, sensors(), zones)
+        memory, alarms = rules.step(memory, AlarmInput(*picture_of(time_s, scene(time_s)), time_s, sensors(), zones))
         found.append(alarms)
     assert set(spans(found, AlarmKind.ZONE_ENTER)) == {(4, 1)}  # the zone is new in cycle 65: vessels 1 and 2 were there
 
@@ -460,7 +460,7 @@ def test_a_vessel_is_lost_only_where_radars_have_learnt_to_see_it(detection: flo
 
     memory, found = RULES.init(), []
     for time_s in np.arange(0.0, 120.0, PERIOD_S).tolist():
-        memory, alarms = RULES.step(memory, *picture_of(time_s, scene(time_s)), time_s, sensors(), (), cover)
+        memory, alarms = RULES.step(memory, AlarmInput(*picture_of(time_s, scene(time_s)), time_s, sensors(), (), cover))
         found.append(alarms)
     assert set(spans(found, AlarmKind.LOST)) == ({(1, 0), (2, 0)} if is_lost else {(2, 0)})
 

@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from coastwatch.batches import BearingReports, Floats, Sensors
 from coastwatch.geodesy import wrap_deg, wrap_rad
 from coastwatch.server.checkpoint import load, save
+from coastwatch.tracks import BearingInput
 from coastwatch.tracks.bearing import (
     ID_STRIDE,
     MOST_GATED,
@@ -57,7 +58,7 @@ def two_sensors() -> Sensors:
 def play(method: BearingWindow, cycles: list[BearingReports], sensors: Sensors, period_s: float = 3.0):
     memory, tracks = method.init(), None
     for k, reports in enumerate(cycles):
-        memory, tracks = method.step(memory, reports, START + period_s * (k + 1), sensors)
+        memory, tracks = method.step(memory, BearingInput(reports, START + period_s * (k + 1), sensors))
     return memory, tracks
 
 
@@ -108,10 +109,10 @@ def test_memory_is_not_written_and_resumes_bit_for_bit() -> None:
             rng.integers(0, 2, n), 3.0 * k + rng.uniform(0.1, 3.0, n), rng.uniform(0.0, 360.0, n), np.maximum(contact, -1)
         )
         before = save(memory)
-        answer = method.step(memory, reports, START + 3.0 * (k + 1), sensors)
+        answer = method.step(memory, BearingInput(reports, START + 3.0 * (k + 1), sensors))
         assert save(memory) == before
         shuffled = reports.take(rng.permutation(n))
-        again = method.step(load(before), shuffled, START + 3.0 * (k + 1), sensors)
+        again = method.step(load(before), BearingInput(shuffled, START + 3.0 * (k + 1), sensors))
         for a, b in zip(answer, again, strict=True):
             for name in vars(a):
                 np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
@@ -120,22 +121,22 @@ def test_memory_is_not_written_and_resumes_bit_for_bit() -> None:
 
 def test_silence_ends_a_contact_and_its_number_begins_anew() -> None:
     sensors, method = two_sensors(), BearingWindow(drop_after_s=30.0)
-    memory, first = method.step(method.init(), say(0, 1.0, 10.0, 3), START + 3.0, sensors)
-    memory, tracks = method.step(memory, say(0, [], [], []), START + 32.0, sensors)
+    memory, first = method.step(method.init(), BearingInput(say(0, 1.0, 10.0, 3), START + 3.0, sensors))
+    memory, tracks = method.step(memory, BearingInput(say(0, [], [], []), START + 32.0, sensors))
     assert len(tracks) == 0
-    _, second = method.step(memory, say(0, 33.0, 10.0, 3), START + 35.0, sensors)
+    _, second = method.step(memory, BearingInput(say(0, 33.0, 10.0, 3), START + 35.0, sensors))
     assert second.track_id[0] == first.track_id[0] + 1
     long_cycle = say(0, [1.0, 40.0, 42.0], [10.0, 10.0, 10.0], 3)  # both within one cycle of a minute
-    _, tracks = method.step(method.init(), long_cycle, START + 60.0, sensors)
+    _, tracks = method.step(method.init(), BearingInput(long_cycle, START + 60.0, sensors))
     assert tracks.track_id.tolist() == second.track_id.tolist()
     assert tracks.started_s.tolist() == [START + 40.0]
 
 
 def test_late_double_and_broken_reports_change_nothing() -> None:
     sensors, method = two_sensors(), BearingWindow()
-    memory, tracks = method.step(method.init(), say(0, [1.0, 2.9], [10.0, 12.0], 3), START + 3.0, sensors)
+    memory, tracks = method.step(method.init(), BearingInput(say(0, [1.0, 2.9], [10.0, 12.0], 3), START + 3.0, sensors))
     bad = say(0, [2.0, 2.9, 4.0, np.nan], [50.0, 60.0, np.nan, 70.0], 3)
-    memory, after = method.step(memory, bad, START + 3.0, sensors)
+    memory, after = method.step(memory, BearingInput(bad, START + 3.0, sensors))
     assert np.isnan(after.measured_s).all()
     for name in vars(tracks):
         if not name.startswith("measured"):
@@ -202,7 +203,7 @@ def test_own_tracks_keep_two_ships_apart_through_clutter_and_gaps() -> None:
         cycles.append(BearingReports.join(parts))
     memory, ids = method.init(), []
     for second, reports in enumerate(cycles):
-        memory, tracks = method.step(memory, reports, START + second + 1.0, sensors)
+        memory, tracks = method.step(memory, BearingInput(reports, START + second + 1.0, sensors))
         if second >= 2:
             truth = np.array([178.0 + 0.3 * (second + 1), 20.0 - 0.5 * (second + 1)])
             off = np.abs(wrap_deg(np.degrees(tracks.bearing_rad)[:, None] - truth))
@@ -341,7 +342,7 @@ def test_of_more_looks_than_are_used_whole_looks_are_chosen() -> None:
     assert of_time.tolist() == [4] * MOST_LOOKS
     assert (few.sensor == 1).sum() == 15
     sensors = two_sensors()
-    memory, tracks = BearingWindow().step(BearingWindow().init(), reports, START + 3.0, sensors)
+    memory, tracks = BearingWindow().step(BearingWindow().init(), BearingInput(reports, START + 3.0, sensors))
     assert memory.left_out == 4 * (300 - MOST_LOOKS)
     assert np.bincount(tracks.source - sensors.sonar_source(0)).tolist() == [4, 3]
 
@@ -353,13 +354,13 @@ def test_of_very_many_bearings_an_even_choice_is_used_and_the_rest_is_counted(ti
     flood = say(0, stamp, bearing, contact)
     quiet = say(1, 1.0, 50.0, 3)
     together = BearingReports.join([flood, quiet])
-    memory, tracks = method.step(method.init(), together, START + 3.0, sensors)
+    memory, tracks = method.step(method.init(), BearingInput(together, START + 3.0, sensors))
     assert len(stamp) == 3 * most
     assert memory.left_out == 2 * most
     assert (memory.contact == 3).sum() == 1 + (contact >= 0)
     assert len(tracks) == each + 1
     again = np.flatnonzero(np.unique(stamp, return_inverse=True)[1] % 3 == 0)
-    memory, _ = method.step(memory, say(0, 3.0 + stamp[again], bearing[again], contact), START + 6.0, sensors)
+    memory, _ = method.step(memory, BearingInput(say(0, 3.0 + stamp[again], bearing[again], contact), START + 6.0, sensors))
     assert memory.left_out == 2 * most
 
 

@@ -17,7 +17,7 @@ from coastwatch.batches import (
     Stations,
     Tracks,
 )
-from coastwatch.cover import DiscCover, LearntCover
+from coastwatch.cover import CoverInput, DiscCover, LearntCover
 from coastwatch.cover.learnt import CoverMemory
 from coastwatch.geodesy import from_plane
 from coastwatch.server import checkpoint
@@ -90,8 +90,9 @@ def turn(method, memory, number, ais_m, seen, clutter_m, jumped=False, updated_s
     )
     plots = plots_at(np.concatenate([ais_m[with_plot], clutter_m]), time_s)
     alarmed = np.zeros(len(tracks), np.bool_)
-    given = plots, tracks, Associations(none, none, np.zeros(0), vessel), taken, alarmed, np.array([jumped])
-    return method.step(memory, *given, SENSORS)
+    together = Associations(none, none, np.zeros(0), vessel)
+    memory, output = method.step(memory, CoverInput(plots, tracks, together, taken, alarmed, np.array([jumped]), SENSORS))
+    return memory, *output
 
 
 def turns(

@@ -9,7 +9,7 @@ from test_picture_by_sorting import sensors as sensors_of
 
 from coastwatch.batches import AisAlarms, Flag, NavStatus
 from coastwatch.geodesy import offset_deg
-from coastwatch.picture import Identity
+from coastwatch.picture import Identity, PictureInput
 from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks.ais.ais_filter import AisFilter
 
@@ -65,7 +65,7 @@ def test_navigational_status_goes_with_the_mmsi():
         ais = tracks.take(tracks.mmsi >= 0)
         no = np.zeros(len(ais), bool)
         said = AisAlarms(ais.track_id, ais.mmsi, no, no, np.full(len(ais), int(NavStatus.NOT_UNDER_COMMAND)))
-        memory, picture, _ = method.step(memory, tracks, associations, fused, said, PERIOD_S * cycle, sensors())
+        memory, (picture, _) = method.step(memory, PictureInput(tracks, associations, fused, said, PERIOD_S * cycle, sensors()))
         seen.append((picture.nav_status.tolist(), (picture.flags & Flag.NOT_UNDER_COMMAND > 0).tolist()))
     assert seen[4] == ([2, -1], [True, False])
     assert seen[5] == ([-1, 2], [False, True])
@@ -78,8 +78,8 @@ def test_no_mmsi_is_on_two_vessels_but_of_two_live_ais_tracks(seed, method):
     sea, where, memory, doubled = Sea(30, seed, 0.15), sensors_of(seed), method.init(), 0
     for cycle in range(30):
         given = sea.cycle(1.0 * cycle)
-        again = method.step(load(save(memory)), *given, 1.0 * cycle, where)
-        memory, picture, members = method.step(memory, *given, 1.0 * cycle, where)
+        again = method.step(load(save(memory)), PictureInput(*given, 1.0 * cycle, where))
+        memory, (picture, members) = method.step(memory, PictureInput(*given, 1.0 * cycle, where))
         assert save(again[0]) == save(memory)
         has_ais = np.isin(picture.vessel_id, members.vessel_id[members.source == where.ais_source])
         mmsi, count = np.unique(picture.mmsi[picture.mmsi >= 0], return_counts=True)

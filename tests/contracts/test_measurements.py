@@ -6,7 +6,7 @@ import pytest
 from coastwatch.batches import AisReports
 from coastwatch.geodesy import offset_deg, to_plane
 from coastwatch.kernels.filters.ais_tracker import TRACK, measure
-from coastwatch.tracks import AisFilter, RegionInput, TableTracker
+from coastwatch.tracks import AisFilter, AisInput, RegionInput, TableTracker
 from coastwatch.tracks.ais.out_of_sequence import records
 from coastwatch.tracks.radar.life import ExistenceManagement, TrackManagement
 from tests.contracts.ais_world import HOME, PERIOD_S, SENSORS, START_S, reports, sail
@@ -20,7 +20,9 @@ MMSI = 235000001
 def step(method, memory, rows, cycle):
     every = reports(rows)
     lo, hi = START_S + cycle * PERIOD_S, START_S + (cycle + 1) * PERIOD_S
-    return method.step(memory, every.take((every.received_s > lo) & (every.received_s <= hi)), hi, SENSORS)
+    part = every.take((every.received_s > lo) & (every.received_s <= hi))
+    memory, output = method.step(memory, AisInput(part, hi, SENSORS))
+    return memory, *output
 
 
 @pytest.mark.parametrize(("sog", "cog"), [(12.0, 40.0), (0.2, 90.0), (0.1, np.nan), (4.0, np.nan), (np.nan, 10.0)])
@@ -57,8 +59,8 @@ def test_every_report_is_of_its_track_and_a_lie_or_a_repeat_of_none():
         row = np.searchsorted(tracks.track_id, taken.track_id)
         ours = {(tracks.mmsi[r], float(s)) for r, s in zip(row, taken.time_s, strict=True)}
         assert ours == {(r[2], r[0]) for r in expected}
-    _, _, _, nothing = method.step(memory, AisReports.empty(), START_S + 15.0, SENSORS)
-    assert len(nothing) == 0
+    _, nothing = method.step(memory, AisInput(AisReports.empty(), START_S + 15.0, SENSORS))
+    assert len(nothing.measurements) == 0
 
 
 @pytest.mark.parametrize("origin", ["known", "estimated"])

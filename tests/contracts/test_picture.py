@@ -18,7 +18,7 @@ from coastwatch.batches import (
     Tracks,
 )
 from coastwatch.geodesy import offset_deg
-from coastwatch.picture import Identity
+from coastwatch.picture import Identity, PictureInput
 from coastwatch.server.checkpoint import load, save
 
 SITE = np.array([50.0, -1.0])
@@ -84,12 +84,14 @@ def play(script, method=None, where=None, detection=None, **alarm):
     for cycle, rows in enumerate(script):
         tracks, associations, fused = cycle_of(cycle, rows)
         frozen = save(memory)
-        memory_1, picture, members = method.step(
-            memory, tracks, associations, fused, alarms(tracks, **alarm), PERIOD_S * cycle, where, detection=detection
+        memory_1, (picture, members) = method.step(
+            memory,
+            PictureInput(tracks, associations, fused, alarms(tracks, **alarm), PERIOD_S * cycle, where, detection=detection),
         )
         assert save(memory) == frozen, "a step must not write to its memory"
-        resumed, again, _ = method.step(
-            load(frozen), tracks, associations, fused, alarms(tracks, **alarm), PERIOD_S * cycle, where, detection=detection
+        resumed, (again, _) = method.step(
+            load(frozen),
+            PictureInput(tracks, associations, fused, alarms(tracks, **alarm), PERIOD_S * cycle, where, detection=detection),
         )
         assert save(resumed) == save(memory_1)
         np.testing.assert_array_equal(again.vessel_id, picture.vessel_id)
@@ -176,7 +178,9 @@ def test_the_last_ais_report_of_a_vessel_is_known_while_it_is_shown():
     memory = method.init()
     for cycle, rows in enumerate([[RADAR]] * 2 + [[RADAR, AIS]] * 3 + [[RADAR]] * 3 + [[]] * 2):
         tracks, associations, fused = cycle_of(cycle, rows)
-        memory, picture, _ = method.step(memory, tracks, associations, fused, alarms(tracks), PERIOD_S * cycle, sensors())
+        memory, (picture, _) = method.step(
+            memory, PictureInput(tracks, associations, fused, alarms(tracks), PERIOD_S * cycle, sensors())
+        )
         assert memory.flags.ais_heard_s.shape == (len(picture),)
         heard_s += memory.flags.ais_heard_s.tolist()
     assert heard_s == [-np.inf, -np.inf, 6.0, 9.0, *[12.0] * 6]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from coastwatch.batches import AisAlarms, Associations, Flag, FusedTracks, Radars, Sensors, Sonars, Stations, Tracks
 from coastwatch.geodesy import offset_deg
 from coastwatch.kernels.threads import threads
-from coastwatch.picture import Identity
+from coastwatch.picture import Identity, PictureInput
 from coastwatch.server.checkpoint import load, save
 
 EXACT = ("vessel_id", "time_s", "since_s", "updated_s", "mmsi", "flags", "origin", "nav_status")
@@ -126,7 +126,7 @@ def test_it_is_what_sorting_says(vessels, seed, trouble, method):
     for cycle in range(14):
         given_to = sea.cycle(1.0 * cycle)
         before = save(memory)
-        after, picture, members = method.step(memory, *given_to, 1.0 * cycle, where)
+        after, (picture, members) = method.step(memory, PictureInput(*given_to, 1.0 * cycle, where))
         assert save(memory) == before
         memory = load(save(after))
         oracle, wanted, of = picture_by_sorting.step(method, oracle, *given_to, 1.0 * cycle, where)
@@ -141,7 +141,7 @@ def test_the_troubles_of_the_test_are_met():
     sea, where, memory = Sea(40, 3, 0.1), sensors(3), SHORT.init()
     flags, came_back, hidden, gone, seen, shown = 0, 0, 0, 0, set(), set()
     for cycle in range(40):
-        memory, picture, _ = SHORT.step(memory, *sea.cycle(1.0 * cycle), 1.0 * cycle, where)
+        memory, (picture, _) = SHORT.step(memory, PictureInput(*sea.cycle(1.0 * cycle), 1.0 * cycle, where))
         flags |= int(np.bitwise_or.reduce(picture.flags))
         now = set(picture.vessel_id.tolist())
         came_back += len((now - shown) & seen)
@@ -161,6 +161,6 @@ def test_threads_change_no_bit(count):
         memory, where = SHORT.init(), sensors(8)
         with threads(number):
             for cycle in range(4):
-                memory, picture, members = SHORT.step(memory, *sea.cycle(1.0 * cycle), 1.0 * cycle, where)
+                memory, (picture, members) = SHORT.step(memory, PictureInput(*sea.cycle(1.0 * cycle), 1.0 * cycle, where))
         said.append(save((memory, picture, members)))
     assert said[0] == said[1]

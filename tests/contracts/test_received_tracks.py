@@ -11,7 +11,7 @@ from coastwatch.batches import Sensors, TrackReports, Tracks, TrackSources
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.scenario.sites import TrackSource, sensors_of
 from coastwatch.server import checkpoint
-from coastwatch.tracks import ReceivedTracks
+from coastwatch.tracks import ReceivedInput, ReceivedTracks
 
 HOME = np.array([50.0, -1.0])
 SIGMA_M, SIGMA_M_S = 30.0, 0.4
@@ -49,7 +49,7 @@ def test_a_number_keeps_its_track_among_those_of_all_sources_in_any_order(seed: 
         n = int(g.integers(0, 40))
         number = g.choice(np.array([0, 1, 5, 2**40, 2**61, *range(100, 160)]), n, replace=False)
         sent = replace(states(10.0 * cycle, number.tolist(), np.zeros((n, 2))), sensor=g.integers(0, 2, n))
-        memory, _ = method.step(memory, sent, 10.0 * cycle, two, Tracks.empty())
+        memory, _ = method.step(memory, ReceivedInput(sent, 10.0 * cycle, two, Tracks.empty()))
         found = memory.table
         now = dict(zip(zip(found.sensor.tolist(), found.number.tolist(), strict=True), found.track.tolist(), strict=True))
         assert len(now) == len(found)
@@ -63,25 +63,31 @@ def test_a_track_comes_out_as_it_came_in() -> None:
     covariance, velocity = root @ root.swapaxes(1, 2) + np.eye(4), np.array([[5.0, 1.0], [-3.0, 2.0]])
     sent = states(99.0, [7, 3], np.array([[0.0, 0.0], [4000.0, 0.0]]), velocity, covariance)
     method = ReceivedTracks()
-    memory, tracks = method.step(method.init(), sent, 100.0, sensors(), Tracks.empty())
+    memory, tracks = method.step(method.init(), ReceivedInput(sent, 100.0, sensors(), Tracks.empty()))
     order = [1, 0]  # by number
     np.testing.assert_array_equal(tracks.position_deg, sent.position_deg[order])
     np.testing.assert_array_equal(tracks.velocity_m_s, velocity[order])
     np.testing.assert_array_equal(tracks.covariance, covariance[order])
     assert (tracks.time_s == 99.0).all()
     assert (tracks.mmsi == -1).all()
-    again = method.step(memory, TrackReports.empty(), 110.0, sensors(), Tracks.empty())[1]
+    again = method.step(memory, ReceivedInput(TrackReports.empty(), 110.0, sensors(), Tracks.empty()))[1]
     assert again.track_id.tolist() == tracks.track_id.tolist()
     assert (again.updated_s == 99.0).all()
 
 
 def test_a_number_is_another_track_after_a_jump_and_after_its_patience() -> None:
     method, here = ReceivedTracks(), np.zeros((1, 2))
-    memory, first = method.step(method.init(), states(1.0, [5], here), 1.0, sensors(), Tracks.empty())
-    memory, same = method.step(memory, states(4.0, [5], here + np.array([30.0, 0.0])), 4.0, sensors(), Tracks.empty())
-    memory, jumped = method.step(memory, states(7.0, [5], here + np.array([9000.0, 0.0])), 7.0, sensors(), Tracks.empty())
-    memory, silent = method.step(memory, TrackReports.empty(), 60.0, sensors(), Tracks.empty())
-    _, back = method.step(memory, states(61.0, [5], here + np.array([9000.0, 0.0])), 61.0, sensors(), Tracks.empty())
+    memory, first = method.step(method.init(), ReceivedInput(states(1.0, [5], here), 1.0, sensors(), Tracks.empty()))
+    memory, same = method.step(
+        memory, ReceivedInput(states(4.0, [5], here + np.array([30.0, 0.0])), 4.0, sensors(), Tracks.empty())
+    )
+    memory, jumped = method.step(
+        memory, ReceivedInput(states(7.0, [5], here + np.array([9000.0, 0.0])), 7.0, sensors(), Tracks.empty())
+    )
+    memory, silent = method.step(memory, ReceivedInput(TrackReports.empty(), 60.0, sensors(), Tracks.empty()))
+    _, back = method.step(
+        memory, ReceivedInput(states(61.0, [5], here + np.array([9000.0, 0.0])), 61.0, sensors(), Tracks.empty())
+    )
     assert same.track_id == first.track_id
     assert len(silent) == 0
     assert len({int(t.track_id[0]) for t in (first, jumped, back)}) == 3
@@ -90,8 +96,12 @@ def test_a_number_is_another_track_after_a_jump_and_after_its_patience() -> None
 def test_a_track_that_is_sent_slowly_is_kept_for_its_own_intervals() -> None:
     method, memory = ReceivedTracks(), ReceivedTracks().init()
     for time_s in (0.0, 28.0, 56.0):
-        memory, _ = method.step(memory, states(time_s, [5], np.zeros((1, 2))), time_s + 0.1, sensors(), Tracks.empty())
-    alive = [len(method.step(memory, TrackReports.empty(), t, sensors(), Tracks.empty())[1]) for t in (120.0, 130.0)]
+        memory, _ = method.step(
+            memory, ReceivedInput(states(time_s, [5], np.zeros((1, 2))), time_s + 0.1, sensors(), Tracks.empty())
+        )
+    alive = [
+        len(method.step(memory, ReceivedInput(TrackReports.empty(), t, sensors(), Tracks.empty()))[1]) for t in (120.0, 130.0)
+    ]
     assert alive == [1, 0]
 
 
@@ -99,19 +109,25 @@ def test_an_older_state_changes_nothing_and_order_does_not_matter() -> None:
     method, metres = ReceivedTracks(), np.array([[0.0, 0.0], [50.0, 0.0], [1000.0, 0.0]])
     one, two = states(1.0, [1, 2, 3], metres), states(4.0, [1, 2, 3], metres + 10.0)
     both = TrackReports.join([one, two])
-    _, tracks = method.step(method.init(), both, 5.0, sensors(), Tracks.empty())
-    memory, mixed = method.step(method.init(), both.take(np.array([5, 0, 3, 1, 4, 2])), 5.0, sensors(), Tracks.empty())
+    _, tracks = method.step(method.init(), ReceivedInput(both, 5.0, sensors(), Tracks.empty()))
+    memory, mixed = method.step(
+        method.init(), ReceivedInput(both.take(np.array([5, 0, 3, 1, 4, 2])), 5.0, sensors(), Tracks.empty())
+    )
     np.testing.assert_array_equal(tracks.position_deg, mixed.position_deg)
-    _, late = method.step(memory, one, 6.0, sensors(), Tracks.empty())
+    _, late = method.step(memory, ReceivedInput(one, 6.0, sensors(), Tracks.empty()))
     np.testing.assert_array_equal(late.position_deg, two.position_deg)
 
 
 def test_a_velocity_that_is_not_sent_is_that_between_two_positions() -> None:
     method = ReceivedTracks()
-    memory, first = method.step(method.init(), states(0.0, [1], np.zeros((1, 2))), 0.0, sensors(), Tracks.empty())
+    memory, first = method.step(
+        method.init(), ReceivedInput(states(0.0, [1], np.zeros((1, 2))), 0.0, sensors(), Tracks.empty())
+    )
     assert first.velocity_m_s.tolist() == [[0.0, 0.0]]
     assert first.covariance[0, 2, 2] > 9.0**2
-    _, second = method.step(memory, states(10.0, [1], np.array([[60.0, -20.0]])), 10.0, sensors(), Tracks.empty())
+    _, second = method.step(
+        memory, ReceivedInput(states(10.0, [1], np.array([[60.0, -20.0]])), 10.0, sensors(), Tracks.empty())
+    )
     np.testing.assert_allclose(second.velocity_m_s, [[6.0, -2.0]], atol=1e-3)
 
 
@@ -119,7 +135,7 @@ def test_a_velocity_is_kept_while_steps_are_too_short_to_measure_it() -> None:
     method, memory, seen = ReceivedTracks(), ReceivedTracks().init(), []
     for time_s in (0.0, 1.01, 2.0, 3.02, 4.0, 4.99, 6.01):  # 1 Hz with jitter: three steps are shorter than 1 s
         sent = states(time_s, [1], np.array([[10.0 * time_s, -4.0 * time_s]]))
-        memory, tracks = method.step(memory, sent, time_s, sensors(), Tracks.empty())
+        memory, tracks = method.step(memory, ReceivedInput(sent, time_s, sensors(), Tracks.empty()))
         seen.append(tracks.velocity_m_s[0])
         assert tracks.time_s == time_s
         np.testing.assert_array_equal(tracks.position_deg, sent.position_deg)
@@ -131,7 +147,7 @@ def test_a_fast_source_is_measured_over_a_second_and_follows_a_turn() -> None:
     method, memory, east = ReceivedTracks(), ReceivedTracks().init(), []
     for k in range(21):  # 10 m/s east for 1 s, then 10 m/s north; 10 Hz in binary fractions, so that 8 steps are 1 s
         metres = 10.0 * np.array([[min(k, 8), max(k - 8, 0)]]) / 8.0
-        memory, tracks = method.step(memory, states(k / 8.0, [1], metres), k / 8.0, sensors(), Tracks.empty())
+        memory, tracks = method.step(memory, ReceivedInput(states(k / 8.0, [1], metres), k / 8.0, sensors(), Tracks.empty()))
         east.append(tracks.velocity_m_s[0].round(2).tolist())
     assert east == [[0.0, 0.0]] * 8 + [[10.0, 0.0]] * 8 + [[0.0, 10.0]] * 5
 
@@ -140,7 +156,7 @@ def test_a_jump_takes_no_velocity_from_the_track_before() -> None:
     method, memory = ReceivedTracks(), ReceivedTracks().init()
     for time_s, east_m in ((0.0, 0.0), (2.0, 20.0), (2.5, 9000.0), (3.0, 9005.0), (3.5, 9010.0)):
         sent = states(time_s, [1], np.array([[east_m, 0.0]]))
-        memory, tracks = method.step(memory, sent, time_s, sensors(), Tracks.empty())
+        memory, tracks = method.step(memory, ReceivedInput(sent, time_s, sensors(), Tracks.empty()))
         if 2.0 < time_s < 3.5:
             assert tracks.velocity_m_s.tolist() == [[0.0, 0.0]]
             assert tracks.covariance[0, 2, 2] > 9.0**2
@@ -150,23 +166,23 @@ def test_a_jump_takes_no_velocity_from_the_track_before() -> None:
 @pytest.mark.parametrize("stamp_s", [86_403.0, 8.5, np.inf, np.nan])
 def test_a_state_from_the_future_is_dropped_and_counted(stamp_s: float) -> None:
     method, here = ReceivedTracks(ahead_s=5.0), np.zeros((1, 2))
-    memory, first = method.step(method.init(), states(0.0, [1], here), 0.0, sensors(), Tracks.empty())
+    memory, first = method.step(method.init(), ReceivedInput(states(0.0, [1], here), 0.0, sensors(), Tracks.empty()))
     right, wrong = states(3.0, [1], here + 10.0), states(stamp_s, [1, 2], np.array([[90.0, 0.0], [500.0, 0.0]]))
-    memory, second = method.step(memory, TrackReports.join([right, wrong]), 3.0, sensors(), Tracks.empty())
+    memory, second = method.step(memory, ReceivedInput(TrackReports.join([right, wrong]), 3.0, sensors(), Tracks.empty()))
     assert memory.dropped.tolist() == [2, 0]
     assert second.track_id.tolist() == first.track_id.tolist()
     np.testing.assert_array_equal(second.position_deg, right.position_deg)
-    memory, third = method.step(memory, states(6.0, [1], here + 20.0), 6.0, sensors(), Tracks.empty())
+    memory, third = method.step(memory, ReceivedInput(states(6.0, [1], here + 20.0), 6.0, sensors(), Tracks.empty()))
     assert third.time_s.tolist() == [6.0]
     assert memory.dropped.tolist() == [2, 0]
-    memory, ahead = method.step(memory, states(14.0, [1], here + 30.0), 9.0, sensors(), Tracks.empty())
+    memory, ahead = method.step(memory, ReceivedInput(states(14.0, [1], here + 30.0), 9.0, sensors(), Tracks.empty()))
     assert ahead.time_s.tolist() == [14.0]  # by ahead_s exactly
     assert memory.dropped.tolist() == [2, 0]
     assert checkpoint.load(checkpoint.save(memory)).dropped.tolist() == [2, 0]
-    memory, same = method.step(memory, states(13.0, [1], here + 90.0), 15.0, sensors(), Tracks.empty())
+    memory, same = method.step(memory, ReceivedInput(states(13.0, [1], here + 90.0), 15.0, sensors(), Tracks.empty()))
     assert same.time_s.tolist() == [14.0]
     assert memory.dropped.tolist() == [3, 0]  # it is older than the one that is kept
-    memory, _ = method.step(memory, states(14.0, [1], here + 30.0), 18.0, sensors(), Tracks.empty())
+    memory, _ = method.step(memory, ReceivedInput(states(14.0, [1], here + 30.0), 18.0, sensors(), Tracks.empty()))
     assert memory.dropped.tolist() == [3, 0]  # the same again
 
 
@@ -194,7 +210,7 @@ def world(cycles: int, seed: int, share: float = 0.5) -> tuple[np.ndarray, Track
             origin=np.full(heard, -1),
         )
         noisy = true + rng.normal(0.0, SIGMA_M, true.shape), velocity + rng.normal(0.0, SIGMA_M_S, true.shape)
-        memory, tracks = method.step(memory, states(now, list(range(20)), *noisy), now, sensors(), ais)
+        memory, tracks = method.step(memory, ReceivedInput(states(now, list(range(20)), *noisy), now, sensors(), ais))
     return np.sqrt(np.diagonal(tracks.covariance[0])), tracks
 
 
@@ -211,8 +227,8 @@ def test_a_run_that_is_resumed_gives_the_same_tracks() -> None:
     for cycle in range(6):
         sent = states(3.0 * cycle, [1, 2, 9], rng.uniform(0.0, 20.0, (3, 2)))
         copy = checkpoint.load(checkpoint.save(memory))
-        memory, tracks = method.step(memory, sent, 3.0 * cycle, sensors(), Tracks.empty())
-        _, resumed = method.step(copy, sent, 3.0 * cycle, sensors(), Tracks.empty())
+        memory, tracks = method.step(memory, ReceivedInput(sent, 3.0 * cycle, sensors(), Tracks.empty()))
+        _, resumed = method.step(copy, ReceivedInput(sent, 3.0 * cycle, sensors(), Tracks.empty()))
         assert resumed.track_id.tobytes() == tracks.track_id.tobytes()
         assert resumed.covariance.tobytes() == tracks.covariance.tobytes()
     assert np.abs(difference_m(tracks.position_deg, sent.position_deg)).max() == 0.0

@@ -25,7 +25,7 @@ from coastwatch.batches import (
     Tracks,
 )
 from coastwatch.geodesy import from_plane
-from coastwatch.registration import OnlineRegistration
+from coastwatch.registration import OnlineRegistration, RegistrationInput
 from coastwatch.registration.bearings import WaitingPlots, bearing_equations
 
 VESSELS, LAG_S, CAMERA_BIAS = 5, 1.6, np.radians(4.0)
@@ -98,7 +98,7 @@ def run(seed: int, lag_s: float, cycles: int = 60) -> RadarCorrections:
     for cycle in range(cycles):
         said, now = seen(seed, cycle, lag_s, given)
         nobody = (Plots.empty(), Tracks.empty(), AisAlarms.empty())
-        memory, given = method.step(memory, *nobody, *said, now, where, given)
+        memory, given = method.step(memory, RegistrationInput(*nobody, *said, now, where, given))
     return given
 
 
@@ -117,7 +117,10 @@ def test_bearings_that_could_be_confused_are_left_out() -> None:
     plots, picture, members, bearings, both = said
     number = plots.sensor
     waiting = WaitingPlots(plots.track_id, number, plots.time_s - 10.0, np.zeros(VESSELS), plots.position_deg)
-    left, rows = bearing_equations(waiting, picture, members, bearings, both, sensors())
+    nobody = Plots.empty(), Tracks.empty(), AisAlarms.empty(), Measurements.empty()
+    corrections = RadarCorrections.none(1)
+    given = RegistrationInput(*nobody, picture, members, bearings, both, 0.0, sensors(), corrections)
+    left, rows = bearing_equations(waiting, given)
     near = np.abs(np.subtract.outer(bearings.bearing_rad, bearings.bearing_rad)) + 10.0 * np.eye(VESSELS)
     clear = near.min(axis=1) > 3.0 * CAMERA_SIGMA
     assert len(rows) == clear.sum() > 0

@@ -24,7 +24,7 @@ from coastwatch.batches import (
     Tracks,
     TrackSources,
 )
-from coastwatch.cover import UsualPauses
+from coastwatch.cover import SilenceInput, UsualPauses
 from coastwatch.geodesy import offset_deg
 from coastwatch.server.checkpoint import load, save
 
@@ -95,7 +95,7 @@ def play(
         given = reports_of(scene(cycle), time_s, seed), ais_tracks(alive), time_s, where
         if cycle % 7 == 5:
             memory = load(save(memory))
-        memory, hearing = method.step(memory, *given)
+        memory, hearing = method.step(memory, SilenceInput(*given))
         out.append(hearing)
     return out
 
@@ -199,8 +199,8 @@ def test_a_long_cycle_counts_as_long_as_it_is() -> None:
     memory = method.init()
     for cycle in range(20):
         given = reports_of(ALL, PERIOD_S * cycle), ais_tracks(FOUR), PERIOD_S * cycle, where
-        memory, hearing = method.step(memory, *given)
-    memory, hearing = method.step(memory, Reports.empty(), ais_tracks(FOUR), PERIOD_S * 19 + 33.0, where)
+        memory, hearing = method.step(memory, SilenceInput(*given))
+    memory, hearing = method.step(memory, SilenceInput(Reports.empty(), ais_tracks(FOUR), PERIOD_S * 19 + 33.0, where))
     assert hearing.ais.silent.all()
     assert hearing.radars.silent.all()
     assert hearing.radars.stands_from_s.tolist() == [PERIOD_S * 19] * 2
@@ -218,7 +218,7 @@ def test_reports_without_a_time_say_nothing() -> None:
                 none = np.full(1, bad_s)
                 parts = {kind: getattr(reports, kind).take(np.zeros(1, np.int64)) for kind in ("radar", "ais", "tracks")}
                 reports = replace(reports, **{kind: replace(part, received_s=none) for kind, part in parts.items()})
-            memory, hearing = method.step(memory, reports, ais_tracks(FOUR), time_s, where)
+            memory, hearing = method.step(memory, SilenceInput(reports, ais_tracks(FOUR), time_s, where))
             for of in vars(hearing).values():
                 assert not np.isnan(of.heard_s).any()
                 assert (of.heard_s[np.isfinite(of.heard_s)] == 1000.0 + PERIOD_S * min(cycle, 19)).all()
@@ -236,7 +236,7 @@ def test_a_message_of_statics_without_a_time_says_nothing() -> None:
         reports = reports_of(ALL if cycle < 20 else Came(), time_s)
         if cycle == 25:
             reports = replace(reports, statics=AisStatics.join([statics_of(np.nan), statics_of(time_s)]))
-        memory, hearing = method.step(memory, reports, ais_tracks(FOUR), time_s, where)
+        memory, hearing = method.step(memory, SilenceInput(reports, ais_tracks(FOUR), time_s, where))
     assert hearing.ais.heard_s.tolist() == [1000.0 + PERIOD_S * 25]
     assert hearing.ais.silent.all()
 

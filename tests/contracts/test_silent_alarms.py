@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_alarm_rules import AREA, PERIOD_S, RULES, SITE, picture_of, sensors, spans
 
-from coastwatch.alarms import AlarmRules, EventMemory, Evidence, Zone, expected_sensors, next_events, numbered
+from coastwatch.alarms import AlarmInput, AlarmRules, EventMemory, Evidence, Zone, expected_sensors, next_events, numbered
 from coastwatch.batches import (
     AlarmKind,
     BearingAssociations,
@@ -51,7 +51,7 @@ def play(gone_at: int, first: int, last: int, cycles: int, back_at: int = 10_000
         row = {"id": 1, "at": (10.0 * KNOT_M_S * time_s, 0.0), "kn": (10.0, 0.0), "flags": int(Flag.COASTING) if away else 0}
         rows: list[dict[str, Any]] = [] if away and cycle >= gone_at + 5 else [row]
         given = *picture_of(time_s, rows), time_s, where, ()
-        memory, alarms = RULES.step(load(save(memory)), *given, hearing=hearing_of(cycle, first, last))
+        memory, alarms = RULES.step(load(save(memory)), AlarmInput(*given, hearing=hearing_of(cycle, first, last)))
         out.append(alarms)
     return out
 
@@ -82,10 +82,9 @@ def test_one_that_returns_and_vanishes_again_is_lost() -> None:
         time_s = PERIOD_S * cycle
         away = 22 <= cycle < 155 or cycle >= 170
         row = {"id": 1, "at": (0.0, 0.0), "kn": (10.0, 0.0)}
-        memory, alarms = RULES.step(
-            memory, *picture_of(time_s, [] if away and not 170 <= cycle < 172 else [{**row, "flags": int(Flag.COASTING) * away}]),
-            time_s, where, hearing=hearing_of(cycle, 20, 150),
-        )  # fmt: skip
+        rows = [] if away and not 170 <= cycle < 172 else [{**row, "flags": int(Flag.COASTING) * away}]
+        heard = hearing_of(cycle, 20, 150)
+        memory, alarms = RULES.step(memory, AlarmInput(*picture_of(time_s, rows), time_s, where, hearing=heard))
         if AlarmKind.LOST in alarms.kind:
             break
     assert cycle == 169 + 10
@@ -140,7 +139,7 @@ def test_one_alarm_of_what_is_silent_lasts_though_it_is_of_no_vessel(
         time_s = 1000.0 + PERIOD_S * cycle
         picture, members = picture_of(time_s, rows)
         now = hearing if cycle < 3 else replace(hearing, **{k: failed(len(v)) for k, v in vars(hearing).items()})
-        memory, alarms = RULES.step(memory, picture, members, time_s, ALL_KINDS, hearing=now)
+        memory, alarms = RULES.step(memory, AlarmInput(picture, members, time_s, ALL_KINDS, hearing=now))
         expected = expected_sensors(ALL_KINDS, 1.0, 60.0, 60.0)
         none = np.zeros(0, np.int64)
         of = Tracks.empty(), Members.empty(), BearingTracks.empty(), BearingAssociations(none, none, np.zeros(0), np.zeros(0))
@@ -173,7 +172,7 @@ def test_what_only_a_silent_track_source_tracked_is_not_lost(silent: bool, with_
             since = 19 if cycle == 25 else cycle - 1
             of_source = replace(failed(1, 0), stands_from_s=np.full(1, PERIOD_S * since))
         hearing = SensorHearing(failed(1), failed(2), of_source, failed(1))
-        memory, alarms = RULES.step(load(save(memory)), picture, members, time_s, ALL_KINDS, hearing=hearing)
+        memory, alarms = RULES.step(load(save(memory)), AlarmInput(picture, members, time_s, ALL_KINDS, hearing=hearing))
         lost |= bool((alarms.kind == AlarmKind.LOST).any())
     assert lost == is_lost
 
@@ -193,7 +192,7 @@ def watched_over(
         row = {"id": 1, "at": (kn * KNOT_M_S * time_s, 0.0), "kn": (kn, 0.0), "flags": int(Flag.COASTING) if away else 0}
         hearing = hearing_of(cycle, 20, back_at) if is_known else None
         given = *picture_of(time_s, [row]), time_s, where, numbered((zone,))
-        memory, alarms = rules.step(load(save(memory)), *given, hearing=hearing)
+        memory, alarms = rules.step(load(save(memory)), AlarmInput(*given, hearing=hearing))
         out.append(alarms)
     return out
 
@@ -228,5 +227,5 @@ def test_who_was_first_seen_in_a_zone_has_not_entered_it_by_time_without_a_track
         if cycle >= 13:
             rows.append({"id": 2, "at": (0.0, 0.0), "flags": int(Flag.COASTING) if away else 0})
         given = *picture_of(time_s, rows), time_s, where, numbered((AREA,))
-        memory, alarms = rules.step(memory, *given, hearing=hearing_of(cycle, 20, 200) if is_known else None)
+        memory, alarms = rules.step(memory, AlarmInput(*given, hearing=hearing_of(cycle, 20, 200) if is_known else None))
         assert AlarmKind.ZONE_ENTER not in alarms.kind

@@ -12,9 +12,9 @@ from test_picture import AIS, PERIOD_S, RADAR, SITE, alarms, cycle_of, flagged, 
 from test_silence import Came, ais_tracks, reports_of
 
 from coastwatch.batches import AisDetection, Flag, Hearing, SensorHearing, Sensors, Stations
-from coastwatch.cover import UsualPauses
+from coastwatch.cover import SilenceInput, UsualPauses
 from coastwatch.geodesy import offset_deg
-from coastwatch.picture import Identity
+from coastwatch.picture import Identity, PictureInput
 from coastwatch.server.checkpoint import load, save
 
 
@@ -41,7 +41,7 @@ def play(script: Sequence[Any], kind: str, first: int, last: int, **more: Any) -
         tracks, associations, fused = cycle_of(cycle, rows)
         given = tracks, associations, fused, alarms(tracks), PERIOD_S * cycle, sensors()
         hearing = hearing_of(cycle, kind, first, last)
-        memory, picture, members = method.step(load(save(memory)), *given, hearing=hearing, **more)
+        memory, (picture, members) = method.step(load(save(memory)), PictureInput(*given, hearing=hearing, **more))
         out.append((picture, members))
     return out
 
@@ -84,7 +84,7 @@ def test_the_time_without_radar_goes_on_though_nothing_is_known_of_detection() -
         hearing = hearing_of(cycle, "radar", 10, 120)
         detection = AisDetection.empty() if hearing.radars.silent.any() else before
         given = tracks, associations, fused, alarms(tracks), PERIOD_S * cycle, sensors()
-        memory, picture, _ = method.step(memory, *given, hearing=hearing, detection=detection)
+        memory, (picture, _) = method.step(memory, PictureInput(*given, hearing=hearing, detection=detection))
         out.append(bool((picture.flags & Flag.AIS_WITHOUT_RADAR).any()))
     assert out.index(True) - 119 in (10, 11, 12)
     assert not any(out[:120])
@@ -108,7 +108,7 @@ def test_only_where_no_other_sensor_is_heard() -> None:
         hearing = hearing_of(cycle, "radar", 5, 100)
         one = Hearing.join([hearing.radars.take(np.array([0])), Hearing.always(1)])
         given = tracks, associations, fused, alarms(tracks), PERIOD_S * cycle, sensors()
-        memory, picture, _ = method.step(memory, *given, hearing=replace(hearing, radars=one))
+        memory, (picture, _) = method.step(memory, PictureInput(*given, hearing=replace(hearing, radars=one)))
         up.append(bool((picture.flags & Flag.AIS_WITHOUT_RADAR).any()))
     assert up.index(True) == 25
 
@@ -124,7 +124,7 @@ def test_a_sensor_that_was_never_heard_covers_nothing() -> None:
         for cycle in range(60):
             tracks, associations, fused = cycle_of(cycle, rows)
             given = tracks, associations, fused, alarms(tracks), PERIOD_S * cycle, sensors()
-            memory, picture, _ = method.step(memory, *given, hearing=hearing)
+            memory, (picture, _) = method.step(memory, PictureInput(*given, hearing=hearing))
             up.append(bool((picture.flags & flag).any()))
         assert not any(up)
 
@@ -136,10 +136,10 @@ def play_lagging(script: Sequence[Any], first: int, last: int) -> list[Any]:
     for cycle, rows in enumerate(script):
         time_s = PERIOD_S * cycle
         came = Came(plots=() if first <= cycle < last else (0, 0, 0, 1, 1, 1))
-        habits, hearing = pauses.step(habits, reports_of(came, time_s), ais_tracks(()), time_s, sensors())
+        habits, hearing = pauses.step(habits, SilenceInput(reports_of(came, time_s), ais_tracks(()), time_s, sensors()))
         tracks, associations, fused = cycle_of(cycle, rows)
         given = tracks, associations, fused, alarms(tracks), time_s, sensors()
-        memory, picture, members = method.step(load(save(memory)), *given, hearing=hearing, detection=detection)
+        memory, (picture, members) = method.step(load(save(memory)), PictureInput(*given, hearing=hearing, detection=detection))
         detection = AisDetection(np.array([3]), np.array([0.0 if hearing.radars.silent.all() else 0.9]))
         out.append((picture, members))
     assert hearing.radars.returned_s.tolist() == [PERIOD_S * last] * 2
@@ -193,7 +193,7 @@ def test_only_where_no_other_station_was_heard_does_one_that_returns_put_off_dar
         stations = replace(Hearing.always(2), returned_s=returned_s)
         hearing = SensorHearing(Hearing.always(2), stations, Hearing.always(0), Hearing.always(1))
         given = tracks, associations, fused, alarms(tracks), PERIOD_S * cycle, two_stations(east_m)
-        memory, picture, _ = method.step(memory, *given, hearing=hearing)
+        memory, (picture, _) = method.step(memory, PictureInput(*given, hearing=hearing))
         up.append(bool((picture.flags & Flag.DARK).any()))
     assert up.index(True) == first
 
@@ -207,6 +207,6 @@ def test_a_station_far_away_that_flaps_puts_off_nobody() -> None:
         stations = replace(Hearing.always(2), returned_s=np.array([-np.inf, PERIOD_S * (cycle - cycle % 5)]))
         hearing = SensorHearing(Hearing.always(2), stations, Hearing.always(0), Hearing.always(1))
         given = tracks, associations, fused, alarms(tracks), PERIOD_S * cycle, two_stations(550e3)
-        memory, picture, _ = method.step(memory, *given, hearing=hearing)
+        memory, (picture, _) = method.step(memory, PictureInput(*given, hearing=hearing))
         up.append(bool((picture.flags & Flag.DARK).any()))
     assert up.index(True) == 25

@@ -22,7 +22,7 @@ from coastwatch.batches import (
 )
 from coastwatch.fused_tracks import CentralImm, FusionInput
 from coastwatch.geodesy import difference_m, offset_deg, wrap_rad
-from coastwatch.picture import Identity
+from coastwatch.picture import Identity, PictureInput
 from coastwatch.server.checkpoint import load, save
 
 HOME = np.array([-23.0, -43.1])
@@ -116,8 +116,8 @@ class Centre:
         self.memory = load(save(self.memory))
         self.memory, every = self.method.step(self.memory, FusionInput(tracks, measured, groups, time_s, KINDS, given))
         fused, held = held_vessels(given, every, len(tracks))
-        self.picture_memory, picture, members = self.identity.step(
-            self.picture_memory, tracks, groups, fused, AisAlarms.empty(), time_s, self.sensors, held
+        self.picture_memory, (picture, members) = self.identity.step(
+            self.picture_memory, PictureInput(tracks, groups, fused, AisAlarms.empty(), time_s, self.sensors, held)
         )
         pair = [(b, v) for b, who in enumerate(bearings.origin) for v in np.flatnonzero(picture.origin == who)[:1]]
         b, v = (np.array(part, np.int64) for part in (zip(*pair, strict=True) if pair else ((), ())))

@@ -11,6 +11,7 @@ from scipy.stats import chi2
 
 from coastwatch.batches import AisReports, Radars, Sensors, Sonars, Stations
 from coastwatch.geodesy import KNOT_M_S, difference_m, from_plane, to_plane
+from coastwatch.tracks import AisInput
 from coastwatch.tracks.ais.ais_filter import AisFilter, Motion, refused
 
 SENSORS = Sensors(Radars.empty(), Stations.empty(), Sonars.empty(), (), np.zeros((0, 2)))
@@ -47,7 +48,9 @@ def follow(method, position_m, velocity, step_s, seed, said_speed=True):
         cog = np.round(np.degrees(np.arctan2(v[:, 0], v[:, 1])) + rng.normal(0.0, 2.0, len(p)), 1) % 360.0
         if not said_speed:
             sog, cog = np.full(len(p), np.nan), np.full(len(p), np.nan)
-        memory, tracks, *_ = method.step(memory, ais(1e9 + k * step_s, mmsi, place, sog, cog), 1e9 + k * step_s, SENSORS)
+        memory, (tracks, *_) = method.step(
+            memory, AisInput(ais(1e9 + k * step_s, mmsi, place, sog, cog), 1e9 + k * step_s, SENSORS)
+        )
         errors.append(np.hstack([to_plane(tracks.position_deg, HOME) - p, tracks.velocity_m_s - v]))
         covariances.append(tracks.covariance)
     return np.array(errors), np.array(covariances)
@@ -146,8 +149,8 @@ def test_real_reports_with_a_real_outlier():
     memory, start, seen = method.init(), reports.time_s[0] - 1.0, []
     for k in range(1, 200):
         lo, hi = start + 6.0 * (k - 1), start + 6.0 * k
-        memory, tracks, alarms, _ = method.step(
-            memory, reports.take((reports.time_s > lo) & (reports.time_s <= hi)), hi, SENSORS
+        memory, (tracks, alarms, _) = method.step(
+            memory, AisInput(reports.take((reports.time_s > lo) & (reports.time_s <= hi)), hi, SENSORS)
         )
         assert not alarms.twice.any()
         assert (alarms.mmsi[alarms.impossible_speed] == 245188000).all()

@@ -13,7 +13,7 @@ from coastwatch.scenario import load_scenario
 from coastwatch.scores.confusion import Confusion, association
 from coastwatch.spots import KMeansSpots
 from coastwatch.stage import serial
-from coastwatch.tracks import RegionInput
+from coastwatch.tracks import AisInput, RegionInput
 
 SEED = 2003  # no setting was chosen on it
 HEARD_S = 9.0  # after the start of a run
@@ -36,7 +36,7 @@ def tracks_of(cycles: int, *settings: str) -> tuple[tuple[Tracks, ...], Ints]:
         part = reports.between(before_s, now_s)
         plots, echoes = s.plots.step(plots, part.radar, sensors, RadarCorrections.none(len(sensors.radars)))
         tracker, (radar, *_) = s.tracks.step(tracker, RegionInput.of_plots(echoes, now_s, sensors))
-        ais, named, *_ = s.ais_tracks.step(ais, part.ais, now_s, sensors)
+        ais, (named, *_) = s.ais_tracks.step(ais, AisInput(part.ais, now_s, sensors))
         out.append(Tracks.join([radar, named]))
         before_s = now_s
     return tuple(out), sensors.source_kinds

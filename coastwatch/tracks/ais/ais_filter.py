@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from coastwatch import kernels
-from coastwatch.batches import AisAlarms, AisReports, Bools, Floats, Ints, Measurements, Sensors, Tracks
+from coastwatch.batches import AisAlarms, AisReports, Bools, Floats, Ints, Measurements, Tracks
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.stage import Method, NotNegative, Positive, Settings
 from coastwatch.tracks.ais.out_of_sequence import (
@@ -20,6 +20,7 @@ from coastwatch.tracks.ais.out_of_sequence import (
     initial_memory,
     update_tracks,
 )
+from coastwatch.tracks.inputs import AisInput, AisOutput
 
 ID_STEP = 2**40  # track id = source * ID_STEP + a number that is never reused
 WIRE_POSITION_M = 0.185  # ITU-R M.1371: latitude and longitude in 1/10,000 minute
@@ -96,21 +97,15 @@ class AisFilter(Method):
     def init(self) -> Memory:
         return initial_memory()
 
-    def step(
-        self, memory: Memory, reports: AisReports, time_s: float, sensors: Sensors
-    ) -> tuple[Memory, Tracks, AisAlarms, Measurements]:
-        """Tracks of all vessels that report, predicted to `time_s`, and the alarms of each, row by row.
-
-        Args: memory: of the cycle before; reports: those that arrived since, in any order; time_s: now; sensors: the scenario's.
-        Returns: memory; Tracks sorted by MMSI; AisAlarms in the same order; the reports that went into these tracks.
-        Raises: ValueError: time_s is not after that of the cycle before.
-        """
+    def step(self, memory: Memory, given: AisInput) -> tuple[Memory, AisOutput]:
+        """The memory after a cycle, and tracks with alarms. Raises: ValueError: the time is not after that of the cycle before."""
+        time_s = given.time_s
         settings = self.kernel_settings()
-        memory, live, fresh = self.update(memory, reports, time_s, settings)
+        memory, live, fresh = self.update(memory, given.reports, time_s, settings)
         known = memory.now.tracks
         estimate = kernels.filters.ais_tracker.estimates(known, live, time_s, settings.rules, settings.models)
-        tracks, alarms = report(known, live, time_s, sensors.ais_source, *estimate)
-        return memory, tracks, alarms, measurements_of(fresh, tracks, settings.rules)
+        tracks, alarms = report(known, live, time_s, given.sensors.ais_source, *estimate)
+        return memory, AisOutput(tracks, alarms, measurements_of(fresh, tracks, settings.rules))
 
     def update(self, memory: Memory, reports: AisReports, time_s: float, settings: KernelSettings) -> tuple[Memory, Ints, Rows]:
         """The memory after these reports, the rows of `memory.now.tracks` that are not lost at `time_s`, the admitted reports."""

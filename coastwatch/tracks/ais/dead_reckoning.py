@@ -6,11 +6,12 @@ from typing import Literal
 
 import numpy as np
 
-from coastwatch.batches import AisAlarms, AisReports, Floats, Ints, Measurements, Sensors, Tracks
+from coastwatch.batches import Floats, Ints
 from coastwatch.geodesy import offset_deg
 from coastwatch.stage import Method, NotNegative, Positive
 from coastwatch.tracks.ais.ais_filter import STEADY, AisFilter, measurements_of, report
 from coastwatch.tracks.ais.out_of_sequence import Memory, Rows, initial_memory
+from coastwatch.tracks.inputs import AisInput, AisOutput
 
 
 class AisDeadReckoning(Method):
@@ -35,23 +36,17 @@ class AisDeadReckoning(Method):
     def init(self) -> Memory:
         return initial_memory()
 
-    def step(
-        self, memory: Memory, reports: AisReports, time_s: float, sensors: Sensors
-    ) -> tuple[Memory, Tracks, AisAlarms, Measurements]:
-        """Tracks of all vessels that report, at `time_s`, and the alarms of each, row by row.
-
-        Args: memory: of the cycle before; reports: those that arrived since, in any order; time_s: now; sensors: the scenario's.
-        Returns: memory; Tracks sorted by MMSI; AisAlarms in the same order; the reports that went into these tracks.
-        Raises: ValueError: time_s is not after that of the cycle before.
-        """
+    def step(self, memory: Memory, given: AisInput) -> tuple[Memory, AisOutput]:
+        """The memory after a cycle, and tracks with alarms. Raises: ValueError: the time is not after that of the cycle before."""
+        time_s = given.time_s
         tracker = self._tracker()
         settings = tracker.kernel_settings()
-        memory, live, fresh = tracker.update(memory, reports, time_s, settings)
+        memory, live, fresh = tracker.update(memory, given.reports, time_s, settings)
         tracks = memory.now.tracks
         position, velocity = extrapolated(tracks, live, time_s if self.aligned else tracks["updated"][live])
         estimates = position, velocity, np.full((len(live), 4, 4), np.nan)
-        out, alarms = report(tracks, live, time_s, sensors.ais_source, *estimates)
-        return memory, out, alarms, measurements_of(fresh, out, settings.rules)
+        out, alarms = report(tracks, live, time_s, given.sensors.ais_source, *estimates)
+        return memory, AisOutput(out, alarms, measurements_of(fresh, out, settings.rules))
 
     def _tracker(self) -> AisFilter:
         """The filter that decides which vessel sent a report."""

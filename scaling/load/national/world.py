@@ -13,7 +13,7 @@ from coastwatch.batches import AisAlarms, AisStatics, Bools, Floats, Ints, Measu
 from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.pipeline import Received
 from coastwatch.scenario import Scenario, make_scenario
-from coastwatch.tracks import BearingWindow
+from coastwatch.tracks import BearingInput, BearingWindow
 from scaling.load.national.coasts import Coasts, build_coasts, radar_sites, to_geodetic
 from scaling.load.national.sonars import Sonars, bearing_reports, place_sonars
 from scaling.load.national.tracks import (
@@ -88,7 +88,7 @@ def next_cycle(world: World, state: State, sensors: Sensors) -> tuple[State, Rec
     of_tracks, of_bearings = (np.random.Generator(np.random.SFC64([world.seed, stream, state.cycle])) for stream in (1, 2))
     channels, tracks = next_tracks(world.slots, world.channels, world.coasts, state.channels, elapsed_s, START_S, of_tracks)
     reports = bearing_reports(world.sonars, world.slots, world.coasts, elapsed_s, START_S, of_bearings)
-    bearings, bearing_tracks = BearingWindow().step(state.bearings, reports, START_S + elapsed_s, sensors)
+    bearings, bearing_tracks = BearingWindow().step(state.bearings, BearingInput(reports, START_S + elapsed_s, sensors))
     received = Received(tracks, Measurements.empty(), _no_alarms(tracks), bearing_tracks, AisStatics.empty())
     return State(state.cycle + 1, channels, bearings), received
 
