@@ -24,14 +24,12 @@ from typing import Any
 
 from coastwatch import pipeline
 from coastwatch.batches import Reports
+from coastwatch.formats.nmea.ais import Receivers
+from coastwatch.formats.registry import FORMATS
 from coastwatch.operators.cli.arguments import count, whole
 from coastwatch.scenario import load_scenario
 from coastwatch.server.feeds.address import parsed
-from coastwatch.server.feeds.ais import AisDecoder, Receivers
-from coastwatch.server.feeds.asterix import AsterixDecoder
-from coastwatch.server.feeds.json_lines import JsonDecoder
 from coastwatch.server.feeds.sending import encoded
-from coastwatch.server.feeds.targets import TargetDecoder
 from coastwatch.server.regions.scenario import with_track_sources
 from coastwatch.stage import serial, serial_regions
 from scaling.load.options import errors_as_one_line
@@ -169,10 +167,9 @@ def decoders(messages: Messages) -> dict[str, Any]:
     """A decoder of each format, as a live server makes them."""
     sensors = messages.scenario.sensors()
     return {
-        "ais": AisDecoder("ais", 0, True),
-        "asterix": AsterixDecoder(parsed(ADDRESSES["asterix"]), sensors),
-        "json": JsonDecoder(parsed(ADDRESSES["json"]), sensors),
-        "ttm": TargetDecoder(parsed(ADDRESSES["ttm"]), sensors.track_sources),
+        name: decode(parsed(ADDRESSES[name]).settings(0, True), sensors)
+        for name in ("ais", "asterix", "json", "ttm")
+        if (decode := FORMATS[name].decoder) is not None
     }
 
 

@@ -29,8 +29,8 @@ from typing import Any
 
 import httpx
 
+from coastwatch.formats.asterix.decoder import datagrams
 from coastwatch.scenario import load_scenario
-from coastwatch.server.feeds.asterix import datagrams
 from scaling.load.processes import KIB
 
 HOST, SCENARIO = "127.0.0.1", "guanabara"

@@ -26,12 +26,12 @@ import polars as pl
 
 from coastwatch import store
 from coastwatch.batches import Picture, RadarReports, Reports
+from coastwatch.formats.asterix.decoder import AsterixDecoder
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.operators.cli.arguments import count
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.sensors import Tables
 from coastwatch.server.feeds.address import Address, parsed
-from coastwatch.server.feeds.asterix import AsterixDecoder
 from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.feeds.sending import Batch, encoded, send
 from coastwatch.server.live import LiveRun
@@ -69,7 +69,7 @@ def batches(scenario: Scenario, reports: Reports) -> list[tuple[float, list[byte
 def files(scenario: Scenario, sent: list[tuple[float, list[bytes], list[bytes]]], folder: Path) -> Scenario:
     """The scenario on files of the same lines and plots."""
     (folder / "ais.nmea").write_bytes(b"".join(line + b"\r\n" for _, lines, _ in sent for line in lines))
-    decoder = AsterixDecoder(parsed(RADAR), scenario.sensors())
+    decoder = AsterixDecoder("radar", scenario.sensors(), origins={})
     for until_s, _, datagrams in sent:
         decoder.take([(until_s, datagram, 0) for datagram in datagrams], until_s)
     plots: RadarReports = decoder.cut(-math.inf, math.inf).radar

@@ -13,14 +13,14 @@ import pytest
 from server_world import Served
 from test_feeds import NAMES, SEA, SENSORS, deliver, put, sentence
 
+from coastwatch.formats.decoding import CONFIRMED_BY, FAR_JUMP_S, Stamps
 from coastwatch.formats.intake.faults import Tally
+from coastwatch.formats.nmea.new_vessels import AGREES_M, BURST, BURST_OF_FEED, MOST_WAITING, PER_SECOND, NewVessels
 from coastwatch.operators.api import metrics
 from coastwatch.operators.api.service import Service
 from coastwatch.server.clock import CLOCK, ClockSet, SteadyClock
 from coastwatch.server.feeds.address import parsed
-from coastwatch.server.feeds.decoding import CONFIRMED_BY, FAR_JUMP_S, Stamps
 from coastwatch.server.feeds.live_input import LiveInput
-from coastwatch.server.feeds.new_vessels import AGREES_M, BURST, BURST_OF_FEED, MOST_WAITING, PER_SECOND, NewVessels
 from coastwatch.server.feeds.sending import encoded
 from coastwatch.server.live import RunAbout
 from coastwatch.server.regions import intake

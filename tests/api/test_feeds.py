@@ -26,11 +26,11 @@ from asterix import generated
 from server_world import wait_for
 
 from coastwatch.batches import AisReports, AisStatics, BearingReports, RadarReports, Reports
+from coastwatch.formats.decoding import JUMP
+from coastwatch.formats.nmea.ais import AisDecoder
 from coastwatch.scenario import load_scenario
 from coastwatch.server.feeds import live_input
 from coastwatch.server.feeds.address import AddressError, parsed
-from coastwatch.server.feeds.ais import AisDecoder
-from coastwatch.server.feeds.decoding import JUMP
 from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.feeds.sending import encoded, of_scenario, send
 from coastwatch.server.feeds.transport import Inbox, Item, kept_alive

@@ -14,17 +14,19 @@ from server_world import Served, wait_for
 from test_feeds import SENSORS
 
 from coastwatch.batches import AisStatics, RadarReports, TrackSources
+from coastwatch.formats import decoding
+from coastwatch.formats.decoding import Counts, Waiting
 from coastwatch.formats.intake.faults import Tally
+from coastwatch.formats.nmea import ais
+from coastwatch.formats.nmea.ais import AisDecoder
+from coastwatch.formats.nmea.targets import TargetDecoder
 from coastwatch.operators.api import logs
 from coastwatch.operators.api.logs import Watch
 from coastwatch.server import live, timing
-from coastwatch.server.feeds import ais, decoding, outgoing
+from coastwatch.server.feeds import outgoing
 from coastwatch.server.feeds.address import parsed
-from coastwatch.server.feeds.ais import AisDecoder
-from coastwatch.server.feeds.decoding import Counts, Waiting
 from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.feeds.outgoing import OutFeed, parsed_out
-from coastwatch.server.feeds.targets import TargetDecoder
 from coastwatch.server.follow import Follower
 from coastwatch.server.live_picture import Statics, merge_statics, without_absent
 from coastwatch.server.regions.client import Connection, parsed_region
@@ -90,7 +92,7 @@ def test_lines_that_belong_to_no_sentence_are_not_kept() -> None:
     decoder = AisDecoder("x", 0, True)
     one = np.full(1, 10.0)
     source = TrackSources(np.array(["other"]), np.full((1, 2), np.nan), np.zeros(1), one, one, one)
-    targets = TargetDecoder(parsed("ttm+udp://x:1?source=other&site=50,-1"), source, True)
+    targets = TargetDecoder("x", source, 0, site_deg=np.array([50.0, -1.0]))
     for k in range(20):
         for made in (decoder, targets):
             made.take([(NOW_S + k, b"$PGHP,1,2026,1,1,0,0,0,0,,,1", 0)] * 200, None)

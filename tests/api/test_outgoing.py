@@ -16,7 +16,7 @@ import pytest
 from server_world import Served, wait_for
 
 from coastwatch.formats.intake.faults import Tally
-from coastwatch.sensors.recorded.nmea.targets import TargetSentences
+from coastwatch.formats.nmea.targets import TargetSentences
 from coastwatch.server.feeds.address import AddressError
 from coastwatch.server.feeds.outgoing import OutFeed, parsed_out
 

@@ -14,6 +14,7 @@ from coastwatch.formats.intake.faults import SET_ASIDE
 LATE = SET_ASIDE + "late, taken in order of arrival"
 BACKWARDS = "time going backwards"
 FAR = "time far from the rest"
+TIME_MISSING = "time missing"
 
 
 class ReceptionTimes(NamedTuple):

@@ -23,8 +23,8 @@ from coastwatch.batches import (
 )
 from coastwatch.formats.intake.ais_validation import LATITUDE
 from coastwatch.formats.intake.faults import refused
+from coastwatch.formats.intake.reception_time import TIME_MISSING
 
-TIME_MISSING = "time missing"
 REMEDY = "--set input.assume_start_utc=2026-07-01T12:00:00Z sets the time of the first sentence"
 SWAPPED = "positions are decimal degrees; --columns latitude=THEIR-LONGITUDE,longitude=THEIR-LATITUDE mends swapped ones"
 

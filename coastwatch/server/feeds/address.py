@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from urllib.parse import parse_qsl, unquote, urlsplit
 
-FORMATS = ("ais", "asterix", "ttm", "json")
+from coastwatch.formats.decoding import FeedSettings
+from coastwatch.formats.registry import DECODED, FORMATS
+
 TRANSPORTS = ("tcp", "listen", "udp", "file", "mqtt", "mqtts")
 MQTT_PORTS = {"mqtt": 1883, "mqtts": 8883}
 LONGEST_NAME = 32  # of a source
@@ -21,7 +23,7 @@ class Address:
     """One feed. `text` is how it was given."""
 
     text: str
-    format: str  # of FORMATS
+    format: str  # of DECODED
     transport: str  # of TRANSPORTS
     host: str = ""
     port: int = 0
@@ -40,20 +42,24 @@ class Address:
         """The track source that its tracks are of."""
         return self.options.get("source", self.name)[:LONGEST_NAME]
 
+    def settings(self, number: int, checked: bool) -> FeedSettings:
+        """What its format is told of it. Args: as of `FeedSettings`."""
+        return FeedSettings(self.name, self.text, self.options, self.source, number, checked)
+
 
 def parsed(text: str) -> Address:
     """The feed of an address such as ais+tcp://127.0.0.1:10110?name=north. Raises: AddressError."""
     parts = urlsplit(text)
     format_, _, transport = parts.scheme.partition("+")
-    if format_ not in FORMATS or transport not in TRANSPORTS:
+    if format_ not in DECODED or transport not in TRANSPORTS:
         raise AddressError(
-            f"feed: got {text!r}, needed FORMAT+TRANSPORT://ADDRESS with FORMAT one of {', '.join(FORMATS)} and TRANSPORT one of "
+            f"feed: got {text!r}, needed FORMAT+TRANSPORT://ADDRESS with FORMAT one of {', '.join(DECODED)} and TRANSPORT one of "
             f"{', '.join(TRANSPORTS)}, e.g. {EXAMPLES}"
         )
     options = dict(parse_qsl(parts.query))
     if transport == "file":
         path = unquote(parts.netloc + parts.path)
-        if not path or format_ == "asterix":
+        if not path or FORMATS[format_].in_datagrams:
             raise AddressError(f"feed: got {text!r}, needed the path of a file of lines, e.g. ais+file:///var/log/ais.nmea")
         return Address(text, format_, transport, path=path, options=options)
     try:
@@ -64,7 +70,7 @@ def parsed(text: str) -> Address:
         raise AddressError(f"feed: got {text!r}, needed host and topic, e.g. ais+mqtt://broker:1883/coast/ais")
     if port is None or (not parts.hostname and transport == "tcp"):
         raise AddressError(f"feed: got {text!r}, needed host and port, e.g. {EXAMPLES}")
-    if format_ == "asterix" and transport != "udp":
-        raise AddressError(f"feed: got {text!r}, needed asterix+udp: ASTERIX comes in datagrams")
+    if FORMATS[format_].in_datagrams and transport != "udp":
+        raise AddressError(f"feed: got {text!r}, needed {format_}+udp: {format_.upper()} comes in datagrams")
     path = unquote(parts.path).strip("/") if transport in MQTT_PORTS else ""
     return Address(text, format_, transport, parts.hostname or "127.0.0.1", port, path, options)

@@ -17,16 +17,14 @@ from dataclasses import replace
 from typing import Any, Literal, Self
 
 from coastwatch.batches import Fault, FileContent, Recording, Reports, Sensors, TrackReports
+from coastwatch.formats.decoding import FAR_AHEAD_S, Cut, Decoder, Item, OptionError
 from coastwatch.formats.intake.faults import refused
+from coastwatch.formats.nmea.ais import AIS
+from coastwatch.formats.registry import DECODED, FORMATS
 from coastwatch.scenario import Scenario
 from coastwatch.server.clock import CLOCK, ClockSet, now_s
 from coastwatch.server.feeds.address import Address, AddressError
-from coastwatch.server.feeds.ais import AisDecoder, Receivers
-from coastwatch.server.feeds.asterix import AsterixDecoder
-from coastwatch.server.feeds.decoding import FAR_AHEAD_S, Cut, Decoder
-from coastwatch.server.feeds.json_lines import JsonDecoder
-from coastwatch.server.feeds.targets import TargetDecoder
-from coastwatch.server.feeds.transport import Inbox, Item, Receiver
+from coastwatch.server.feeds.transport import Inbox, Receiver
 from coastwatch.server.regions.client import RegionAddress, resumed
 from coastwatch.server.regions.intake import RegionIntake
 from coastwatch.stage import Plan
@@ -71,7 +69,6 @@ class _Feed:
     def __init__(self, inbox: Inbox, decoder: Decoder) -> None:
         self.inbox, self.decoder = inbox, decoder
         self.began_s = now_s()
-        self.has_dates = not isinstance(decoder, AsterixDecoder) or decoder.has_date
         self.items: list[Item] = []  # received and not yet decoded
         self._looks: deque[tuple[float, int, int]] = deque()  # of the last minute: when, records used, and thrown away
 
@@ -138,13 +135,23 @@ class _Feed:
         }
 
 
-def _other_decoder(address: Address, sensors: Sensors, checked: bool) -> AsterixDecoder | JsonDecoder | TargetDecoder:
-    """The decoder of a feed that is not of AIS. Raises: AddressError."""
-    if address.format == "asterix":
-        return AsterixDecoder(address, sensors, checked)
-    if address.format == "ttm":
-        return TargetDecoder(address, sensors.track_sources, checked)
-    return JsonDecoder(address, sensors, checked)
+def _decoders(addresses: Sequence[Address], sensors: Sensors, checked: bool) -> tuple[list[Decoder], list[Cut]]:
+    """A decoder of each feed, and the cuts of all of them, in order of the feeds. Raises: AddressError."""
+    made: list[Decoder] = []
+    rows: dict[str, list[int]] = {}
+    for row, address in enumerate(addresses):
+        format_, of_format = FORMATS[address.format], rows.setdefault(address.format, [])
+        if format_.decoder is None:
+            raise AddressError(f"feed: got {address.text!r}, needed a format of {', '.join(DECODED)}")
+        try:
+            made.append(format_.decoder(address.settings(len(of_format), checked), sensors))
+        except OptionError as error:
+            raise AddressError(str(error)) from error
+        of_format.append(row)
+    cuts: list[tuple[int, Cut]] = []
+    for name, own in rows.items():
+        cuts += zip(own, FORMATS[name].cuts([made[row] for row in own]), strict=False)  # AIS has one cut of all its feeds
+    return made, [cut for _, cut in sorted(cuts, key=lambda pair: pair[0])]
 
 
 class LiveInput:
@@ -167,28 +174,14 @@ class LiveInput:
         self._has_begun = False
         self._period_s, self._decoded_s = 0.0, now_s()  # of a cycle; when decoding ended last
         self._receiver = Receiver(addresses)
-        self._feeds: list[_Feed] = []
-        ais: list[AisDecoder] = []
-        others: list[AsterixDecoder | JsonDecoder | TargetDecoder] = []
-        for inbox in self._receiver.inboxes:
-            address = inbox.address
-            made: AisDecoder | AsterixDecoder | JsonDecoder | TargetDecoder
-            if address.format == "ais":
-                made = AisDecoder(address.name, len(ais), checked=clock == "wall")
-                ais.append(made)
-            else:
-                made = _other_decoder(address, sensors, clock == "wall")
-                others.append(made)
-            self._feeds.append(_Feed(inbox, made))
-            if clock == "wall" and "date" in address.options and address.format == "asterix":
-                raise AddressError(f"feed: got date= in {address.text!r}, needed --clock feeds with it: it is for replays")
-        self._names = tuple(decoder.name for decoder in ais)
-        self._cuts: list[Cut] = [Receivers(ais).cut, *(decoder.cut for decoder in others)]
+        made, self._cuts = _decoders(addresses, sensors, clock == "wall")
+        self._feeds = [_Feed(inbox, decoder) for inbox, decoder in zip(self._receiver.inboxes, made, strict=True)]
+        self._names = tuple(address.name for address in addresses if address.format == AIS.name)
 
     @property
     def dateless(self) -> list[str]:
         """The feeds whose times of day take the date of this machine, as nothing else has one: with the clock of the feeds."""
-        if self._clock == "wall" or self._addresses or any(feed.has_dates for feed in self._feeds):
+        if self._clock == "wall" or self._addresses or any(feed.decoder.has_dates for feed in self._feeds):
             return []
         return [feed.inbox.address.text for feed in self._feeds]
 
@@ -332,7 +325,7 @@ class LiveInput:
         about_s = self._newest_s()
         while True:
             decoded = 0
-            for feed in sorted(self._feeds, key=lambda feed: not feed.has_dates):
+            for feed in sorted(self._feeds, key=lambda feed: not feed.decoder.has_dates):
                 if self._clock == "feeds" and feed.decoder.stamps.newest_s > until_s + self._lateness_s + AHEAD_OF_CYCLE_S:
                     continue
                 feed.items = feed.items or feed.inbox.taken(PART)
@@ -349,9 +342,9 @@ class LiveInput:
 
         Args: about_s: time of the newest report of all feeds, -inf before the first.
         """
-        if self._clock == "wall" or math.isfinite(about_s) or feed.has_dates:
+        if self._clock == "wall" or math.isfinite(about_s) or feed.decoder.has_dates:
             return False
-        return any(other.has_dates for other in self._feeds) and now_s() - feed.items[0][0] <= SILENT_S
+        return any(other.decoder.has_dates for other in self._feeds) and now_s() - feed.items[0][0] <= SILENT_S
 
     def _first_s(self) -> float:
         of_feeds = (feed.decoder.stamps.first_s for feed in self._feeds)

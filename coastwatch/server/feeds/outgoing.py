@@ -1,4 +1,4 @@
-"""The fused picture to other systems: Cursor on Target, or NMEA TTM and TLL, over UDP or TCP.
+"""The fused picture to other systems: Cursor on Target, NMEA TTM and TLL, or ASTERIX, over UDP or TCP.
 
 A feed keeps the newest picture only and sends at most `rate` messages a second. A vessel that has no turn before the next picture is
 counted, and the next picture begins with it: so each has its turn.
@@ -15,31 +15,24 @@ import time
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from datetime import UTC, datetime
-from functools import reduce
-from operator import xor
-from typing import Any, Protocol, Self
+from typing import Any, Self
 from urllib.parse import parse_qsl, urlsplit
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from coastwatch.batches import Floats
-from coastwatch.geodesy import NAUTICAL_MILE_M, difference_m
+from coastwatch.formats.format import OutSettings, Vessels
+from coastwatch.formats.registry import FORMATS, PICTURES
 from coastwatch.server.clock import now_s
 from coastwatch.server.feeds.address import AddressError
 from coastwatch.server.live_picture import LivePicture
 
 LOG = logging.getLogger("coastwatch.serve")
-FORMATS, TRANSPORTS = ("cot", "ttm", "tll"), ("udp", "tcp")
+TRANSPORTS = ("udp", "tcp")
 EXAMPLES = "cot+udp://239.2.3.1:6969, cot+tcp://tak.example:8087, ttm+udp://10.0.0.7:10110?site=50.795,-1.105"
 RATE = 500.0
 TOGETHER_S = 0.1  # messages of so much time are sent together
-STALE_CYCLES, FIRST_PERIOD_S = 3, 10.0
+FIRST_PERIOD_S = 10.0
 FIRST_RETRY_S, LAST_RETRY_S, CONNECT_S = 0.5, 15.0, 5.0
-NUMBERS = 1000  # of targets in TTM and TLL
-CE90 = 2.146  # radius of 90 % over the standard deviation per axis
-UNKNOWN = 9_999_999.0  # of Cursor on Target
 
 
 @dataclass(frozen=True)
@@ -47,7 +40,7 @@ class OutAddress:
     """Where a feed is sent."""
 
     text: str
-    format: str  # of FORMATS
+    format: str  # of PICTURES
     transport: str  # of TRANSPORTS
     host: str
     port: int
@@ -66,84 +59,17 @@ def parsed_out(text: str) -> OutAddress:
         site = tuple(float(part) for part in options["site"].split(",")) if "site" in options else None
     except ValueError:
         port, rate, site = 0, 0.0, None
-    known = format_ in FORMATS and transport in TRANSPORTS and set(options) <= {"rate", "site"}
+    known = format_ in PICTURES and transport in TRANSPORTS and set(options) <= {"rate", "site"}
     if not known or not parts.hostname or not port or not 0.1 <= rate <= 1e5:
         raise AddressError(
-            f"out: got {text!r}, needed FORMAT+TRANSPORT://HOST:PORT with FORMAT one of {', '.join(FORMATS)}, TRANSPORT udp or tcp, and "
+            f"out: got {text!r}, needed FORMAT+TRANSPORT://HOST:PORT with FORMAT one of {', '.join(PICTURES)}, TRANSPORT udp or tcp, and "
             f"rate=N behind '?' from 0.1 to 100000 messages a second, e.g. {EXAMPLES}"
         )
-    if (format_ == "ttm") != (site is not None) or (site is not None and not _is_place(site)):
+    if FORMATS[format_].in_datagrams and transport != "udp":
+        raise AddressError(f"out: got {text!r}, needed {format_}+udp: {format_.upper()} is sent in datagrams")
+    if FORMATS[format_].needs_site != (site is not None) or (site is not None and not _is_place(site)):
         raise AddressError(f"out: got {text!r}, needed site=LAT,LON with ttm alone: range and bearing are from there")
     return OutAddress(text, format_, transport, parts.hostname, port, rate, None if site is None else (site[0], site[1]))
-
-
-class Encoder(Protocol):
-    """A picture to messages, one a vessel."""
-
-    def messages(self, picture: LivePicture, rows: list[int], period_s: float) -> Iterator[bytes]:
-        """The messages of these rows of a picture. Args: period_s: between pictures."""
-        ...
-
-
-class CursorOnTarget:
-    """Events of Cursor on Target 2.0. A vessel is stale after three cycles. Source: MITRE, Cursor on Target, event schema 2.0."""
-
-    def messages(self, picture: LivePicture, rows: list[int], period_s: float) -> Iterator[bytes]:
-        """As of `Encoder`."""
-        table = picture.rows(np.array(rows, np.int64))
-        names = ("vessel_id", "latitude_deg", "longitude_deg", "sog_kn", "cog_deg", "major_m", "mmsi", "name")
-        now, stale = _iso(picture.time_s), _iso(picture.time_s + STALE_CYCLES * period_s)
-        for vessel, latitude, longitude, sog, cog, major, mmsi, name in zip(
-            *(table.array(n).tolist() for n in names), strict=True
-        ):
-            ce = CE90 * major if math.isfinite(major) else UNKNOWN
-            call = name or (f"{mmsi:09d}" if mmsi >= 0 else f"vessel {vessel}")
-            moving = ""
-            if math.isfinite(sog) and math.isfinite(cog):
-                moving = f'<track course="{cog:.1f}" speed="{sog * NAUTICAL_MILE_M / 3600.0:.2f}"/>'
-            yield (
-                f'<event version="2.0" uid="coastwatch-{picture.run_id}-{vessel}" type="a-u-S-X" how="m-f" time="{now}" '
-                f'start="{now}" stale="{stale}"><point lat="{latitude:.7f}" lon="{longitude:.7f}" hae="{UNKNOWN}" ce="{ce:.1f}" '
-                f'le="{UNKNOWN}"/><detail><contact callsign={quoteattr(call)}/>{moving}</detail></event>\n'
-            ).encode()
-
-
-class Targets:
-    """TTM or TLL sentences. A vessel keeps its target number, 0 to 999, while it is in the picture."""
-
-    def __init__(self, site_deg: tuple[float, float] | None) -> None:
-        """Args: site_deg: of TTM; None: TLL."""
-        self._site = site_deg
-        self._numbers: dict[int, int] = {}
-
-    def messages(self, picture: LivePicture, rows: list[int], period_s: float) -> Iterator[bytes]:
-        """As of `Encoder`. Vessels beyond the last number are left out."""
-        every = picture.array("vessel_id").tolist()
-        self._numbers = {vessel: self._numbers[vessel] for vessel in every if vessel in self._numbers}
-        free = iter(sorted(set(range(NUMBERS)) - set(self._numbers.values())))
-        for vessel in every:
-            if vessel not in self._numbers and (number := next(free, None)) is not None:
-                self._numbers[vessel] = number
-        table = picture.rows(np.array(rows, np.int64))
-        names = ("vessel_id", "sog_kn", "cog_deg", "name")
-        of = zip(picture.positions_deg()[rows], zip(*(table.array(n).tolist() for n in names), strict=True), strict=True)
-        clock = datetime.fromtimestamp(picture.time_s, UTC).strftime("%H%M%S.%f")[:9]
-        for place, (vessel, sog, cog, name) in of:
-            number = self._numbers.get(vessel)
-            if number is not None:
-                yield self._sentence(
-                    number, place, (sog, cog), "".join(c for c in name or "" if c.isalnum() or c == " "), clock
-                )
-
-    def _sentence(self, number: int, place: Floats, motion: tuple[float, float], name: str, clock: str) -> bytes:
-        if self._site is None:
-            return _sentence(
-                f"CWTLL,{number:02d},{_angle(place[0], 'N', 'S', 2)},{_angle(place[1], 'E', 'W', 3)},{name},{clock},T,"
-            )
-        east, north = difference_m(place, np.array(self._site)).tolist()
-        miles, bearing = math.hypot(east, north) / NAUTICAL_MILE_M, math.degrees(math.atan2(east, north)) % 360.0
-        said = f"{motion[0]:.1f},{motion[1]:.1f},T" if math.isfinite(motion[0] + motion[1]) else ",,"
-        return _sentence(f"CWTTM,{number:02d},{miles:.3f},{bearing:.2f},T,{said},,,N,{name},T,,{clock},A")
 
 
 class OutFeed:
@@ -153,7 +79,10 @@ class OutFeed:
         self.address = address
         self.sent = self.size = self.skipped = self.connections = 0
         self.connected, self.error = False, None if address.transport == "udp" else "not connected yet"
-        self._encoder: Encoder = CursorOnTarget() if address.format == "cot" else Targets(address.site_deg)
+        pictures = FORMATS[address.format].pictures
+        if pictures is None:
+            raise AddressError(f"out: got {address.text!r}, needed a format of {', '.join(PICTURES)}")
+        self._encoder = pictures(OutSettings(address.site_deg))
         self._newest: tuple[LivePicture, float] | None = None  # and the time between pictures
         self._before_s, self._next, self._heard_s = math.nan, 0, 0.0
         self._began_s = now_s()
@@ -225,7 +154,7 @@ class OutFeed:
             left = self._in_turn(picture)
             while left and not self._wake.is_set():
                 begun, rows, left = time.monotonic(), left[:together], left[together:]
-                self._send_some(connection, self._encoder.messages(picture, rows, period_s))
+                self._send_some(connection, self._encoder.messages(_vessels(picture, rows, period_s)))
                 self._next = int(picture.array("vessel_id")[rows[-1]]) + 1
                 self._ended.wait(max(begun + len(rows) / self.address.rate - time.monotonic(), 0.0))
             self.skipped += len(left)
@@ -248,6 +177,26 @@ class OutFeed:
         self._heard_s = now_s()
 
 
+def _vessels(picture: LivePicture, rows: list[int], period_s: float) -> Vessels:
+    """These rows of a picture, as formats take them. Args: period_s: between pictures."""
+    table = picture.rows(np.array(rows, np.int64))
+    return Vessels(
+        picture.run_id,
+        picture.time_s,
+        period_s,
+        every_id=picture.array("vessel_id"),
+        vessel_id=table.array("vessel_id"),
+        position_deg=picture.positions_deg()[rows],
+        sog_kn=table.array("sog_kn"),
+        cog_deg=table.array("cog_deg"),
+        major_m=table.array("major_m"),
+        minor_m=table.array("minor_m"),
+        orientation_deg=table.array("orientation_deg"),
+        mmsi=table.array("mmsi"),
+        name=table.array("name").tolist(),
+    )
+
+
 def _connection(address: OutAddress) -> socket.socket:
     """A socket that sends to an address. Raises: OSError."""
     if address.transport == "tcp":
@@ -262,21 +211,6 @@ def _connection(address: OutAddress) -> socket.socket:
         made.close()
         raise
     return made
-
-
-def _sentence(body: str) -> bytes:
-    return f"${body}*{reduce(xor, body.encode()):02X}\r\n".encode()
-
-
-def _angle(degrees: float, positive: str, negative: str, width: int) -> str:
-    """Degrees and minutes as NMEA has them: 5047.7000,N."""
-    minutes = round(abs(float(degrees)) * 60.0, 4)
-    whole = int(minutes // 60)
-    return f"{whole:0{width}d}{minutes - 60 * whole:07.4f},{positive if degrees >= 0 else negative}"
-
-
-def _iso(time_s: float) -> str:
-    return datetime.fromtimestamp(time_s, UTC).strftime("%Y-%m-%dT%H:%M:%S.%f")[:-3] + "Z"
 
 
 def _is_place(site: tuple[float, ...]) -> bool:

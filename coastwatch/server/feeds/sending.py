@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import socket
 import threading
@@ -10,18 +9,18 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import replace
-from functools import partial, reduce
-from operator import xor
+from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
-from coastwatch.batches import AisReports, AisStatics, RadarReports, Reports, Sensors
+from coastwatch.batches import RadarReports, Reports, Sensors
+from coastwatch.formats.format import SensorNames
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.formats.nmea.sentences import ais_sentences
+from coastwatch.formats.registry import FORMATS
 from coastwatch.scenario import Scenario
 from coastwatch.sensors.recorded.nmea.feed import lines_of
 from coastwatch.server.feeds.address import MQTT_PORTS, Address, AddressError
-from coastwatch.server.feeds.asterix import datagrams
 
 STEP_S = 0.2
 """Reports of so much time are sent together."""
@@ -29,7 +28,6 @@ STEP_S = 0.2
 LINES_A_DATAGRAM = 10
 CONNECT_S = 20.0
 RECONNECT_S, AGAIN_S = 0.1, 0.5  # how long it is tried to connect again, and how often
-NO_COURSE, NO_SPEED, NO_STATUS = 360.0, 102.3, 15
 Batch = tuple[float, Callable[[Address], list[bytes]]]
 """An instant, and what is sent up to it over an address."""
 
@@ -88,7 +86,7 @@ def of_scenario(scenario: Scenario, sensors: Sensors, *, now: bool, plots_as_jso
         before_s = until_s
 
 
-def _of_formats(special: dict[str, Reports], usual: Reports, names: dict[str, Any], address: Address) -> list[bytes]:
+def _of_formats(special: dict[str, Reports], usual: Reports, names: SensorNames, address: Address) -> list[bytes]:
     return encoded(special.get(address.format, usual), address, names)
 
 
@@ -111,81 +109,15 @@ def _constant(lines: list[bytes]) -> Callable[[Address], list[bytes]]:
     return lambda address: lines if address.format == "ais" else []
 
 
-def encoded(reports: Reports, address: Address, names: dict[str, Any]) -> list[bytes]:
+def encoded(reports: Reports, address: Address, names: SensorNames) -> list[bytes]:
     """The reports that a feed of this format carries: AIS sentences, ASTERIX datagrams, or JSON lines of plots and bearings."""
-    if address.format == "asterix":
-        return list(datagrams(reports.radar))
-    if address.format == "ais":
-        return [*_position_lines(reports.ais), *_static_lines(reports.statics)]
-    return list(_json_lines(reports, names))
-
-
-def _position_lines(reports: AisReports) -> Iterator[bytes]:
-    columns = (reports.received_s, reports.time_s, reports.mmsi, *reports.position_deg.T, reports.sog_kn, reports.cog_deg)
-    of_class, status = reports.class_b.tolist(), reports.nav_status.tolist()
-    for k, (received_s, time_s, mmsi, latitude, longitude, sog, cog) in enumerate(
-        zip(*(c.tolist() for c in columns), strict=True)
-    ):
-        said = {
-            "msg_type": 18 if of_class[k] else 1,
-            "mmsi": mmsi,
-            "lat": latitude,
-            "lon": longitude,
-            "speed": NO_SPEED if math.isnan(sog) else min(sog, 102.2),
-            "course": NO_COURSE if math.isnan(cog) else cog % 360.0,
-            "second": int(time_s) % 60,
-        }
-        if not of_class[k]:
-            said["status"] = NO_STATUS if status[k] < 0 else status[k]
-        yield from _sentences(said, received_s)
-
-
-def _static_lines(statics: AisStatics) -> Iterator[bytes]:
-    for k in range(len(statics)):
-        length, beam = (0.0 if math.isnan(x) else float(x) for x in (statics.length_m[k], statics.beam_m[k]))
-        said = {
-            "msg_type": 5,
-            "mmsi": int(statics.mmsi[k]),
-            "shipname": str(statics.name[k]),
-            "callsign": str(statics.call_sign[k]),
-            "ship_type": max(int(statics.ship_type[k]), 0),
-            "to_bow": int(length) - int(length) // 2,
-            "to_stern": int(length) // 2,
-            "to_port": int(beam) - int(beam) // 2,
-            "to_starboard": int(beam) // 2,
-        }
-        yield from _sentences(said, float(statics.received_s[k]))
-
-
-def _sentences(said: dict[str, Any], received_s: float) -> Iterator[bytes]:
-    """The sentences of a message, each after a tag block with its time in milliseconds; those of one message are a group."""
-    from pyais import encode_dict
-
-    found = encode_dict(said, talker_id="AI", sentence_type="VDM", seq_id=said["mmsi"] % 10)
-    for number, sentence in enumerate(found, 1):
-        group = f"g:{number}-{len(found)}-{said['mmsi'] % 10_000}," if len(found) > 1 else ""
-        tag = f"{group}s:sim,c:{round(received_s * 1000)}"
-        yield f"\\{tag}*{reduce(xor, tag.encode()):02X}\\{sentence}".encode()
-
-
-def _json_lines(reports: Reports, names: dict[str, Any]) -> Iterator[bytes]:
-    radar, bearing = reports.radar, reports.bearing
-    for k in range(len(radar)):
-        said = {"type": "plot", "radar": str(names["plot"][radar.sensor[k]]), "time": float(radar.time_s[k])}
-        yield json.dumps(
-            {**said, "range_m": float(radar.range_m[k]), "azimuth_deg": float(radar.azimuth_deg[k]) % 360.0}
-        ).encode()
-    for k in range(len(bearing)):
-        said = {"type": "bearing", "sonar": str(names["bearing"][bearing.sensor[k]]), "time": float(bearing.time_s[k])}
-        said |= {"bearing_deg": float(bearing.bearing_deg[k]) % 360.0}
-        if bearing.contact[k] >= 0:
-            said["contact"] = int(bearing.contact[k])
-        yield json.dumps(said).encode()
+    encode = FORMATS[address.format].encode
+    return [] if encode is None else encode(reports, names)
 
 
 class _Datagrams:
     def __init__(self, address: Address, stack: ExitStack) -> None:
-        self._whole, self._to = address.format == "asterix", (address.host, address.port)
+        self._whole, self._to = FORMATS[address.format].in_datagrams, (address.host, address.port)
         self._socket = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
 
     def send(self, items: list[bytes]) -> None:
@@ -233,7 +165,7 @@ class _File:
 
 
 def _opened(address: Address, stack: ExitStack) -> Sender:
-    if address.transport in MQTT_PORTS or address.format == "ttm":
+    if address.transport in MQTT_PORTS or FORMATS[address.format].encode is None:
         raise AddressError(f"feed: got {address.text!r}, needed a feed of ais, asterix or json that is not MQTT, to send to it")
     if address.transport == "udp":
         return _Datagrams(address, stack)

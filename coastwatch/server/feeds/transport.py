@@ -20,6 +20,8 @@ from itertools import count
 from pathlib import Path
 from typing import Any, Self
 
+from coastwatch.formats.decoding import Item
+from coastwatch.formats.registry import FORMATS
 from coastwatch.server.clock import now_s
 from coastwatch.server.feeds.address import MQTT_PORTS, Address, AddressError
 from coastwatch.server.feeds.growing_file import GrowingFile
@@ -45,9 +47,6 @@ FIRST_RETRY_S, LAST_RETRY_S = 0.5, 15.0
 FULL_WAIT_S, TAIL_WAIT_S = 0.02, 0.2
 FORMER_S = 5.0  # how long a file that was renamed must not have grown before it is closed
 DATAGRAM_BUFFER = 4 << 20  # bytes that the system may hold while Python computes
-
-Item = tuple[float, bytes, int]
-"""When a line or datagram came, Unix time, its bytes, and the number of its sender: of a connection, or of an address."""
 
 LOG = logging.getLogger("coastwatch.serve")
 
@@ -213,7 +212,7 @@ class _Datagrams(asyncio.DatagramProtocol):
     """Datagrams of one feed, of lines or of ASTERIX."""
 
     def __init__(self, inbox: Inbox) -> None:
-        self._inbox, self._whole = inbox, inbox.address.format == "asterix"
+        self._inbox, self._whole = inbox, FORMATS[inbox.address.format].in_datagrams
 
     def datagram_received(self, data: bytes, addr: Any) -> None:
         if self._inbox.is_full:

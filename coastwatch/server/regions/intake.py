@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 from coastwatch.batches import Fault, TrackReports, limits
+from coastwatch.formats.decoding import FAR_AHEAD_S
 from coastwatch.server.clock import now_s
-from coastwatch.server.feeds.decoding import FAR_AHEAD_S
 from coastwatch.server.regions.client import Connection
 from coastwatch.server.regions.link import Position
 from coastwatch.server.regions.message import RegionCycle

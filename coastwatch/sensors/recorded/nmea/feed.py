@@ -20,12 +20,12 @@ from pydantic import AwareDatetime, Field
 from coastwatch.batches import AisReports, AisStatics, Fault, FileContent, Floats, Ints, Recording, Reports, Sensors
 from coastwatch.formats.intake.ais_validation import Acceptance, AisIntake, AisRows, StaticRows, Timed
 from coastwatch.formats.intake.faults import SET_ASIDE, Ledger, Tally
-from coastwatch.formats.intake.reception_time import reception_times
+from coastwatch.formats.intake.reception_time import TIME_MISSING, reception_times
 from coastwatch.formats.nmea.messages import Assembler, Messages
 from coastwatch.formats.nmea.payload import decoded
 from coastwatch.formats.nmea.sentences import ais_sentences
 from coastwatch.sensors.recorded.files import GZIP_MAGIC, Fingerprint, fingerprint, has_sentences
-from coastwatch.sensors.recorded.merging import TIME_MISSING, span_of
+from coastwatch.sensors.recorded.merging import span_of
 from coastwatch.stage import Method, NotNegative, Plan
 
 TIME_OF_NEIGHBOUR = SET_ASIDE + "time missing, that of its neighbour taken"

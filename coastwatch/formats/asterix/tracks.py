@@ -12,8 +12,8 @@ import numpy as np
 
 from coastwatch.batches import Floats, TrackReports
 from coastwatch.formats.intake.faults import SET_ASIDE
+from coastwatch.formats.nmea.targets import track_reports
 from coastwatch.geodesy import NAUTICAL_MILE_M, offset_deg
-from coastwatch.server.feeds.targets import track_reports
 
 NO_NUMBER = "track without number or position"
 ENDED = SET_ASIDE + "last report of a track"

@@ -7,7 +7,7 @@ Part 7 (CAT 010, edition 1.1) and Part 9 (CAT 062, edition 1.20).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from datetime import UTC, date, datetime
 from functools import cache
@@ -18,12 +18,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coastwatch.batches import Floats, RadarReports, Radars, Reports, Sensors, TrackReports
+from coastwatch.formats.asterix.tracks import Track, quantity_of, reports_of, track_of, uint_of
+from coastwatch.formats.decoding import Counts, FeedSettings, Item, OptionError, Stamps, Waiting
+from coastwatch.formats.format import Format, SensorNames
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.geodesy import NAUTICAL_MILE_M
-from coastwatch.server.feeds.address import Address, AddressError
-from coastwatch.server.feeds.asterix_tracks import Track, quantity_of, reports_of, track_of, uint_of
-from coastwatch.server.feeds.decoding import Counts, Stamps, Waiting
-from coastwatch.server.feeds.transport import Item
 
 DAMAGED = "damaged datagram"
 OTHER_CATEGORY = SET_ASIDE + "other category"
@@ -64,34 +63,32 @@ class Origin(NamedTuple):
     number: int  # of the radar or track source
 
 
-def origins_of(address: Address, sensors: Sensors) -> dict[tuple[int, int], Origin]:
-    """What each SAC and SIC that an address names stands for, as in asterix+udp://:8600?25/1=north. Raises: AddressError."""
+def origins_of(feed: FeedSettings, sensors: Sensors) -> dict[tuple[int, int], Origin]:
+    """What each SAC and SIC that an address names stands for, as in asterix+udp://:8600?25/1=north. Raises: OptionError."""
     radars, sources = [str(name) for name in sensors.radars.name], [str(name) for name in sensors.track_sources.name]
     out = {}
-    for key, value in address.options.items():
+    for key, value in feed.options.items():
         if key in ("name", "date"):
             continue
         sac, _, sic = key.partition("/")
         if not (sac.isdecimal() and sic.isdecimal()) or value not in (*radars, *sources):
             known = ", ".join([*radars, *sources]) or "none"
-            raise AddressError(
-                f"feed: got {key}={value} in {address.text!r}, needed SAC/SIC=NAME with a radar or track source of {known}"
+            raise OptionError(
+                f"feed: got {key}={value} in {feed.text!r}, needed SAC/SIC=NAME with a radar or track source of {known}"
             )
         out[int(sac), int(sic)] = Origin(False, radars.index(value)) if value in radars else Origin(True, sources.index(value))
     return out
 
 
-def date_of(address: Address) -> float | None:
-    """The beginning of the day in `?date=YYYY-MM-DD`, Unix time; None: there is none. Raises: AddressError."""
-    text = address.options.get("date")
+def date_of(feed: FeedSettings) -> float | None:
+    """The beginning of the day in `?date=YYYY-MM-DD`, Unix time; None: there is none. Raises: OptionError."""
+    text = feed.options.get("date")
     if text is None:
         return None
     try:
         return datetime.combine(date.fromisoformat(text), datetime.min.time(), UTC).timestamp()
     except ValueError:
-        raise AddressError(
-            f"feed: got date={text} in {address.text!r}, needed the day of its first report, YYYY-MM-DD"
-        ) from None
+        raise OptionError(f"feed: got date={text} in {feed.text!r}, needed the day of its first report, YYYY-MM-DD") from None
 
 
 class AsterixDecoder:
@@ -100,19 +97,27 @@ class AsterixDecoder:
     Where its address names nothing, SIC 1 is the first radar of the scenario, 2 the second, and CAT 062 is of the only track source.
     """
 
-    def __init__(self, address: Address, sensors: Sensors, checked: bool = True) -> None:
-        """Args: checked: stamps are judged by the clock of the machine. Raises: AddressError."""
+    def __init__(
+        self,
+        name: str,
+        sensors: Sensors,
+        *,
+        origins: Mapping[tuple[int, int], Origin],
+        date_s: float | None = None,
+        checked: bool = True,
+    ) -> None:
+        """Args: name: of the feed; origins: by SAC and SIC; date_s: of its first report; checked: by the clock of the machine."""
         self.tally, self.counts = Tally(), Counts()
         self.checked = checked
-        self.stamps = Stamps(address.name, checked, self.tally)
-        self._name, self._sensors = address.name, sensors
-        self._origins, self._date_s = origins_of(address, sensors), date_of(address)
+        self.stamps = Stamps(name, checked, self.tally)
+        self._name, self._sensors = name, sensors
+        self._origins, self._date_s = origins, date_s
         self._plots = Waiting(self.counts, self.tally, RadarReports, ("sensor", "range_m", "azimuth_deg"))
         self._tracks = Waiting(self.counts, self.tally, TrackReports, ("sensor", "number", "position_deg"))
 
     @property
-    def has_date(self) -> bool:
-        """Whether its address has the date of its times of day."""
+    def has_dates(self) -> bool:
+        """As of `Decoder`: whether the date of its first time of day is known."""
         return self._date_s is not None
 
     def take(self, items: list[Item], reference_s: float | None) -> None:
@@ -252,3 +257,19 @@ def _record(kind: Any, reports: RadarReports, row: int) -> Any:
             "040": (("RHO", (range_nm, "NM")), ("THETA", (azimuth, "°"))),
         }
     )
+
+
+def _decoder(feed: FeedSettings, sensors: Sensors) -> AsterixDecoder:
+    """Raises: OptionError."""
+    origins, date_s = origins_of(feed, sensors), date_of(feed)
+    if date_s is not None and feed.checked:
+        raise OptionError(f"feed: got date= in {feed.text!r}, needed --clock feeds with it: it is for replays")
+    return AsterixDecoder(feed.name, sensors, origins=origins, date_s=date_s, checked=feed.checked)
+
+
+def encode(reports: Reports, names: SensorNames) -> list[bytes]:
+    """CAT 048 datagrams of plots."""
+    return list(datagrams(reports.radar))
+
+
+ASTERIX = Format("asterix", decoder=_decoder, encode=encode, in_datagrams=True)

@@ -1,25 +1,28 @@
-"""AIS sentences of live feeds to reports. Several receivers of one coast: a message that two of them heard is used once."""
+"""AIS sentences to reports, and back. Several receivers of one coast: a message that two of them heard is used once."""
 
 from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import reduce
+from operator import xor
+from typing import Any
 
 import numpy as np
 
-from coastwatch.batches import AisStatics, Bools, Floats, Ints, Reports
+from coastwatch.batches import AisReports, AisStatics, Bools, Floats, Ints, Reports, Sensors
+from coastwatch.formats import decoding
+from coastwatch.formats.decoding import FAR_AHEAD_S, Counts, Cut, Decoder, FeedSettings, Item, Newest, Stamps
+from coastwatch.formats.format import Format, SensorNames
 from coastwatch.formats.intake.ais_validation import DUPLICATE, Acceptance, AisIntake, AisRows, StaticRows
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.formats.intake.reception_time import repeated
 from coastwatch.formats.nmea.messages import Assembler, Messages, taken
+from coastwatch.formats.nmea.new_vessels import BEYOND, NewVessels
 from coastwatch.formats.nmea.payload import decoded
 from coastwatch.formats.nmea.sentences import ais_sentences
-from coastwatch.server.feeds import decoding
-from coastwatch.server.feeds.decoding import FAR_AHEAD_S, Counts, Newest, Stamps
-from coastwatch.server.feeds.new_vessels import BEYOND, NewVessels
-from coastwatch.server.feeds.transport import Item
 
 ANY_LATENESS_S = 1e9
 """Stamps are judged when rows come, not in the order of a file."""
@@ -37,6 +40,7 @@ CLOCKS = b"ZDA", b"RMC"
 FAR_CLOCK = "clock sentence far from the clock of this machine, time of arrival taken"
 
 TWICE_WITHIN_S = AisIntake().duplicate_within_s
+NO_COURSE, NO_SPEED, NO_STATUS = 360.0, 102.3, 15
 
 
 class _Sender:
@@ -90,6 +94,12 @@ class AisDecoder:
         self._rows: list[AisRows] = []
         self._of: list[Ints] = []  # the sender of each row
         self._statics: list[tuple[AisStatics, StaticRows]] = []
+        self._alone: Receivers | None = None  # where no other receiver is asked with it
+
+    @property
+    def has_dates(self) -> bool:
+        """As of `Decoder`."""
+        return True
 
     @property
     def stamps(self) -> Newest:
@@ -139,6 +149,11 @@ class AisDecoder:
         self._rows, self._of = ([rows.take(keep)], [of[keep]]) if keep.any() else ([], [])
         due = ~keep & ~outdated
         return rows.take(due), of[due]
+
+    def cut(self, after_s: float, until_s: float) -> Reports:
+        """As `Cut`, of this receiver alone."""
+        self._alone = self._alone or Receivers([self])
+        return self._alone.cut(after_s, until_s)
 
     def accepted(self, rows: AisRows, until_s: float) -> Reports:
         """The reports of these positions, and names and sizes up to an instant."""
@@ -205,3 +220,67 @@ def _is_ahead(line: bytes) -> bool:
     """Whether a line is a tag block or time alone, which belongs to the next line."""
     line = line.strip()
     return line.startswith(b"$PGHP") or (line.startswith(b"\\") and b"!" not in line and b"$" not in line)
+
+
+def encode(reports: Reports, names: SensorNames) -> list[bytes]:
+    """The sentences of positions, then those of names and sizes, each after a tag block with its time of reception."""
+    return [*_position_lines(reports.ais), *_static_lines(reports.statics)]
+
+
+def _position_lines(reports: AisReports) -> Iterator[bytes]:
+    columns = (reports.received_s, reports.time_s, reports.mmsi, *reports.position_deg.T, reports.sog_kn, reports.cog_deg)
+    of_class, status = reports.class_b.tolist(), reports.nav_status.tolist()
+    for k, (received_s, time_s, mmsi, latitude, longitude, sog, cog) in enumerate(
+        zip(*(c.tolist() for c in columns), strict=True)
+    ):
+        said = {
+            "msg_type": 18 if of_class[k] else 1,
+            "mmsi": mmsi,
+            "lat": latitude,
+            "lon": longitude,
+            "speed": NO_SPEED if math.isnan(sog) else min(sog, 102.2),
+            "course": NO_COURSE if math.isnan(cog) else cog % 360.0,
+            "second": int(time_s) % 60,
+        }
+        if not of_class[k]:
+            said["status"] = NO_STATUS if status[k] < 0 else status[k]
+        yield from _sentences(said, received_s)
+
+
+def _static_lines(statics: AisStatics) -> Iterator[bytes]:
+    for k in range(len(statics)):
+        length, beam = (0.0 if math.isnan(x) else float(x) for x in (statics.length_m[k], statics.beam_m[k]))
+        said = {
+            "msg_type": 5,
+            "mmsi": int(statics.mmsi[k]),
+            "shipname": str(statics.name[k]),
+            "callsign": str(statics.call_sign[k]),
+            "ship_type": max(int(statics.ship_type[k]), 0),
+            "to_bow": int(length) - int(length) // 2,
+            "to_stern": int(length) // 2,
+            "to_port": int(beam) - int(beam) // 2,
+            "to_starboard": int(beam) // 2,
+        }
+        yield from _sentences(said, float(statics.received_s[k]))
+
+
+def _sentences(said: dict[str, Any], received_s: float) -> Iterator[bytes]:
+    """The sentences of a message, each after a tag block with its time in milliseconds; those of one message are a group."""
+    from pyais import encode_dict
+
+    found = encode_dict(said, talker_id="AI", sentence_type="VDM", seq_id=said["mmsi"] % 10)
+    for number, sentence in enumerate(found, 1):
+        group = f"g:{number}-{len(found)}-{said['mmsi'] % 10_000}," if len(found) > 1 else ""
+        tag = f"{group}s:sim,c:{round(received_s * 1000)}"
+        yield f"\\{tag}*{reduce(xor, tag.encode()):02X}\\{sentence}".encode()
+
+
+def _decoder(feed: FeedSettings, sensors: Sensors) -> AisDecoder:
+    return AisDecoder(feed.name, feed.number, feed.checked)
+
+
+def _cuts(decoders: Sequence[Decoder]) -> list[Cut]:
+    return [Receivers([one for one in decoders if isinstance(one, AisDecoder)]).cut]
+
+
+AIS = Format("ais", decoder=_decoder, cuts=_cuts, encode=encode)

@@ -1,17 +1,19 @@
-"""What every decoder of a live feed offers, and rows that wait for their cycle."""
+"""What every decoder offers, what it is told of its feed, and rows that wait for their cycle."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
 
 from coastwatch.batches import Bools, Floats, Ints, Reports, limits
 from coastwatch.formats.intake.faults import Tally
-from coastwatch.server.feeds.transport import Item
+
+Item = tuple[float, bytes, int]
+"""When a line or datagram came, Unix time, its bytes, and the number of its sender: of a connection, or of an address."""
 
 FAR_AHEAD_S = 60.0
 FAR_JUMP_S, CONFIRMED_BY = 600.0, 10
@@ -22,6 +24,22 @@ MOST_WAITING = 500_000
 
 JUMP = "time far ahead of the reports before"
 AHEAD = "time ahead of the clock of this machine, that of arrival taken"
+
+
+class OptionError(ValueError):
+    """An option of a feed that its format cannot use; the message says what is wrong."""
+
+
+@dataclass(frozen=True)
+class FeedSettings:
+    """What a format is told of a feed."""
+
+    name: str  # in lists and faults
+    text: str  # as it was given
+    options: Mapping[str, str] = field(default_factory=dict)
+    source: str = ""  # the track source that its tracks are of
+    number: int = 0  # among the feeds of its format
+    checked: bool = True  # stamps are judged by the clock of this machine
 
 
 @dataclass
@@ -99,6 +117,15 @@ class Decoder(Protocol):
 
     def take(self, items: list[Item], reference_s: float | None) -> None:
         """Decode what has come. Args: reference_s: about now, for times of day; None: as each item came."""
+        ...
+
+    @property
+    def has_dates(self) -> bool:
+        """Whether its times need no date of another feed."""
+        ...
+
+    def cut(self, after_s: float, until_s: float) -> Reports:
+        """As `Cut`."""
         ...
 
 

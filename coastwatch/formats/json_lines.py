@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
@@ -10,11 +12,10 @@ import numpy as np
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from coastwatch.batches import BearingReports, RadarReports, Reports, Sensors, TrackReports
+from coastwatch.formats.decoding import Counts, FeedSettings, Item, Stamps, Waiting
+from coastwatch.formats.format import Format, SensorNames
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.geodesy import KNOT_M_S
-from coastwatch.server.feeds.address import Address
-from coastwatch.server.feeds.decoding import Counts, Stamps, Waiting
-from coastwatch.server.feeds.transport import Item
 from coastwatch.stage import Latitude, Longitude, NotNegative, Positive
 
 NOT_READ = "not an object of the format"
@@ -70,12 +71,12 @@ LINE: TypeAdapter[Plot | Bearing | Track] = TypeAdapter(Annotated[Plot | Bearing
 class JsonDecoder:
     """The lines of one feed."""
 
-    def __init__(self, address: Address, sensors: Sensors, checked: bool = True) -> None:
-        """Args: checked: stamps are judged by the clock of the machine."""
+    def __init__(self, name: str, sensors: Sensors, checked: bool = True) -> None:
+        """Args: name: of the feed; checked: stamps are judged by the clock of the machine."""
         self.tally, self.counts = Tally(), Counts()
         self.checked = checked
-        self.stamps = Stamps(address.name, checked, self.tally)
-        self._name, self._sensors = address.name, sensors
+        self.stamps = Stamps(name, checked, self.tally)
+        self._name, self._sensors = name, sensors
         names = {"plot": sensors.radars.name, "bearing": sensors.sonars.name, "track": sensors.track_sources.name}
         self._numbers = {kind: {str(name): k for k, name in enumerate(of)} for kind, of in names.items()}
         self._waiting = {
@@ -83,6 +84,11 @@ class JsonDecoder:
             "bearing": Waiting(self.counts, self.tally, BearingReports, ("sensor", "contact", "bearing_deg")),
             "track": Waiting(self.counts, self.tally, TrackReports, ("sensor", "number", "position_deg")),
         }
+
+    @property
+    def has_dates(self) -> bool:
+        """As of `Decoder`."""
+        return True
 
     def take(self, items: list[Item], reference_s: float | None) -> None:
         """As of `Decoder`."""
@@ -157,3 +163,30 @@ class JsonDecoder:
 
 def _numbers(lines: Any, name: str) -> Any:
     return np.array([math.nan if (value := getattr(line, name)) is None else value for line in lines], np.float64)
+
+
+def encode(reports: Reports, names: SensorNames) -> list[bytes]:
+    """Lines of plots and bearings."""
+    return list(_json_lines(reports, names))
+
+
+def _json_lines(reports: Reports, names: SensorNames) -> Iterator[bytes]:
+    radar, bearing = reports.radar, reports.bearing
+    for k in range(len(radar)):
+        said = {"type": "plot", "radar": str(names["plot"][radar.sensor[k]]), "time": float(radar.time_s[k])}
+        yield json.dumps(
+            {**said, "range_m": float(radar.range_m[k]), "azimuth_deg": float(radar.azimuth_deg[k]) % 360.0}
+        ).encode()
+    for k in range(len(bearing)):
+        said = {"type": "bearing", "sonar": str(names["bearing"][bearing.sensor[k]]), "time": float(bearing.time_s[k])}
+        said |= {"bearing_deg": float(bearing.bearing_deg[k]) % 360.0}
+        if bearing.contact[k] >= 0:
+            said["contact"] = int(bearing.contact[k])
+        yield json.dumps(said).encode()
+
+
+def _decoder(feed: FeedSettings, sensors: Sensors) -> JsonDecoder:
+    return JsonDecoder(feed.name, sensors, feed.checked)
+
+
+JSON = Format("json", decoder=_decoder, encode=encode)

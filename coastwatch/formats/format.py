@@ -1,0 +1,65 @@
+"""What a wire format offers: a decoder, an encoder of reports, an encoder of pictures, or some of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from coastwatch.batches import Array, Floats, Ints, Reports, Sensors
+from coastwatch.formats.decoding import Cut, Decoder, FeedSettings
+
+SensorNames = Mapping[str, Array]
+"""The names of radars under "plot", and of sonars under "bearing"."""
+
+
+@dataclass(frozen=True, eq=False)
+class Vessels:
+    """Some vessels of a picture, for other systems. V rows; NaN: not known."""
+
+    run_id: int
+    time_s: float
+    period_s: float  # between pictures
+    every_id: Ints  # of all vessels of the picture
+    vessel_id: Ints  # (V,)
+    position_deg: Floats  # (V, 2)
+    sog_kn: Floats
+    cog_deg: Floats
+    major_m: Floats  # standard deviation of the position along the longer axis of its ellipse
+    minor_m: Floats
+    orientation_deg: Floats  # of the longer axis, clockwise from north
+    mmsi: Ints  # -1: none
+    name: Sequence[str | None]
+
+
+class Encoder(Protocol):
+    """Vessels to messages, one a vessel."""
+
+    def messages(self, vessels: Vessels) -> Iterator[bytes]:
+        """The messages of these vessels. One that cannot be said in the format has none."""
+        ...
+
+
+@dataclass(frozen=True)
+class OutSettings:
+    """What a format is told of an address to which it sends."""
+
+    site_deg: tuple[float, float] | None = None  # from which range and bearing are
+
+
+def _cuts(decoders: Sequence[Decoder]) -> list[Cut]:
+    """Each feed by itself."""
+    return [decoder.cut for decoder in decoders]
+
+
+@dataclass(frozen=True)
+class Format:
+    """A wire format. What it does not offer is None."""
+
+    name: str  # as it stands in addresses
+    decoder: Callable[[FeedSettings, Sensors], Decoder] | None = None  # raises OptionError
+    cuts: Callable[[Sequence[Decoder]], list[Cut]] = _cuts  # of all feeds of this format together
+    encode: Callable[[Reports, SensorNames], list[bytes]] | None = None  # lines or datagrams of reports
+    pictures: Callable[[OutSettings], Encoder] | None = None
+    in_datagrams: bool = False  # a message is a datagram; else it is a line
+    needs_site: bool = False  # its pictures are of ranges and bearings

@@ -1,0 +1,357 @@
+"""Sentences of tracked targets, TTM and TLL, to track reports, with the position and heading of the radar's own ship."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from functools import reduce
+from operator import xor
+from typing import Any
+
+import numpy as np
+from pynmeagps import NMEAParseError, NMEAReader
+
+from coastwatch.batches import Floats, Reports, Sensors, TrackReports, TrackSources
+from coastwatch.formats.decoding import Counts, FeedSettings, Item, OptionError, Stamps, Waiting
+from coastwatch.formats.format import Format, OutSettings, Vessels
+from coastwatch.formats.intake.ais_validation import HIGHEST_LATITUDE, LATITUDE, LONGITUDE
+from coastwatch.formats.intake.faults import SET_ASIDE, Tally
+from coastwatch.formats.intake.reception_time import TIME_MISSING
+from coastwatch.formats.nmea.messages import UNDECODABLE
+from coastwatch.formats.nmea.sentences import CHECKSUM, wanted_sentences
+from coastwatch.formats.target_numbers import TargetNumbers
+from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, offset_deg
+
+TARGETS = (b"TTM", b"TLL")
+OWN_SHIP = (b"RMC", b"GGA", b"GLL", b"VTG", b"HDT", b"THS", b"OSD")
+NO_OWN_SHIP = "no position or heading of own ship"
+LOST = SET_ASIDE + "target lost"
+ACQUIRED = SET_ASIDE + "target in acquisition"
+NO_TARGET = "target without position"
+
+METRES = {"N": NAUTICAL_MILE_M, "K": 1000.0, "S": 1609.344}
+METRES_PER_SECOND = {"N": KNOT_M_S, "K": 1.0 / 3.6, "S": 1609.344 / 3600.0}
+NUMBERS = 1000  # of targets that are sent
+OLDEST_S = 30.0  # position or heading of own ship
+DAY_S = 86_400.0
+
+MOST_AHEAD = 16
+"""Lines at the end of what came that may belong to the next sentence."""
+
+AHEAD = b"$PGHP", b"\\"
+"""Beginnings of lines that may belong to the next sentence."""
+
+State = tuple[int, float, float, float, float, float, float]
+"""Number, time of the state, of reception, latitude, longitude, velocity to the east and to the north."""
+
+
+@dataclass
+class _OwnShip:
+    """The newest position, motion and heading of the radar, NaN where unknown; a fixed radar has them for all time."""
+
+    latitude: float
+    longitude: float
+    heading_deg: float
+    east_m_s: float = 0.0
+    north_m_s: float = 0.0
+    position_s: float = math.inf
+    heading_s: float = math.inf
+
+    def update(self, said: Any, kind: bytes, time_s: float) -> None:
+        """Take what a sentence says of the own ship."""
+        if kind in (b"RMC", b"GGA", b"GLL") and _known(said, "lat", "lon") and getattr(said, "status", "A") != "V":
+            self.latitude, self.longitude, self.position_s = said.lat, said.lon, time_s
+        if kind == b"RMC" and _known(said, "spd", "cog"):
+            self._move(said.spd * KNOT_M_S, said.cog)
+        if kind == b"VTG" and _known(said, "sogn", "cogt"):
+            self._move(said.sogn * KNOT_M_S, said.cogt)
+        name = {b"HDT": "headingT", b"THS": "headt", b"OSD": "hdg"}.get(kind, "")
+        if name and _known(said, name):
+            self.heading_deg, self.heading_s = getattr(said, name), time_s
+
+    def _move(self, speed_m_s: float, course_deg: float) -> None:
+        self.east_m_s, self.north_m_s = _vector(speed_m_s, course_deg)
+
+    def at(self, time_s: float) -> tuple[float, float, float]:
+        """Latitude, longitude and heading at a time, NaN where they are unknown or older than OLDEST_S."""
+        place = (self.latitude, self.longitude) if time_s - self.position_s <= OLDEST_S else (math.nan, math.nan)
+        return *place, self.heading_deg if time_s - self.heading_s <= OLDEST_S else math.nan
+
+
+class TargetSentences:
+    """Sentences of one radar, one after the other, to states of its targets; what cannot be used is counted."""
+
+    def __init__(self, site_deg: Floats, heading_deg: float, assumed_s: float, tally: Tally) -> None:
+        """Args: site_deg: (2,) of a radar that does not move, NaN: unknown; heading_deg: its; assumed_s: as of `target_reports`."""
+        fixed = bool(np.isfinite(site_deg).all())
+        self._own = _OwnShip(float(site_deg[0]), float(site_deg[1]), heading_deg if fixed else math.nan)
+        self._assumed_s, self._tally = assumed_s, tally
+        self.of_own_ship = 0  # sentences so far
+
+    def state(self, sentence: bytes, clock_s: float, where: str) -> State | None:
+        """The state that a sentence of TARGETS holds; None: it has none, or is of the own ship.
+
+        Args: clock_s: time of the sentence; NaN: unknown; where: of the sentence, for the tally.
+        """
+        try:
+            return self._state(sentence, clock_s, where)
+        except Exception:  # whatever an odd field leads to: a sentence must not stop the feed
+            self._tally.add(UNDECODABLE, where, sentence)
+            return None
+
+    def _state(self, sentence: bytes, clock_s: float, where: str) -> State | None:
+        kind = sentence[3:6].upper()
+        said = self._parsed(sentence, where)
+        if said is None:
+            return None
+        if math.isnan(clock_s) and not math.isnan(self._assumed_s):
+            clock_s = self._assumed_s = time_of_day_s(getattr(said, "time", None), self._assumed_s)
+        if kind in OWN_SHIP:
+            self._own.update(said, kind, clock_s)
+            self.of_own_ship += 1
+            return None
+        if math.isnan(clock_s):
+            self._tally.add(TIME_MISSING, where, sentence)
+            return None
+        state, refused = _state(said, kind, clock_s, self._own)
+        if state is None:
+            self._tally.add(refused, where, sentence)
+        return state
+
+    def _parsed(self, sentence: bytes, where: str) -> Any:
+        """What pynmeagps makes of a sentence; None: nothing."""
+        said: Any = None
+        fault = UNDECODABLE
+        try:
+            said = NMEAReader.parse(sentence)
+        except NMEAParseError as error:
+            fault = CHECKSUM if "checksum" in str(error) else UNDECODABLE
+        except Exception:  # a sentence that pynmeagps cannot parse must not stop the feed
+            said = None
+        if said is None:
+            self._tally.add(fault, where, sentence)
+        return said
+
+
+def _state(said: Any, kind: bytes, clock_s: float, own: _OwnShip) -> tuple[State | None, str]:
+    """The state of a target, or None and the kind of fault."""
+    status = getattr(said, "targetstatus", None) if kind == b"TTM" else getattr(said, "status", None)
+    if status in ("L", "Q"):
+        return None, LOST if status == "L" else ACQUIRED
+    needed = ("targetnum", "targetdist", "targetbearing") if kind == b"TTM" else ("targetnum", "targetlat", "targetlon")
+    if not _known(said, *needed):
+        return None, NO_TARGET
+    time_s = time_of_day_s(getattr(said, "time", None), clock_s)
+    velocity = (math.nan, math.nan)
+    if kind == b"TLL":
+        latitude = _signed(said.targetlat, getattr(said, "targetlatNS", "N"), "S")  # pynmeagps gives both without a sign
+        longitude = _signed(said.targetlon, getattr(said, "targetlonEW", "E"), "W")
+    else:
+        own_latitude, own_longitude, heading = own.at(clock_s)
+        relative = getattr(said, "targetbearingu", "T") == "R"
+        bearing = said.targetbearing + (heading if relative else 0.0)
+        if math.isnan(own_latitude) or math.isnan(bearing):
+            return None, NO_OWN_SHIP
+        distance = said.targetdist * METRES.get(getattr(said, "speedu", "N"), NAUTICAL_MILE_M)
+        place = offset_deg(np.array([own_latitude, own_longitude]), np.array(_vector(distance, bearing)))
+        latitude, longitude = float(place[0]), float(place[1])
+        velocity = _velocity(said, heading, own)
+    if not abs(latitude) <= HIGHEST_LATITUDE:
+        return None, LATITUDE
+    if not abs(longitude) <= 180.0:
+        return None, LONGITUDE
+    return (int(said.targetnum), min(time_s, clock_s), clock_s, latitude, longitude, *velocity), ""
+
+
+def _signed(degrees: float, side: str, negative: str) -> float:
+    """Degrees with their sign. Args: negative: the side on which they are negative."""
+    return -abs(degrees) if side == negative else degrees
+
+
+def _velocity(said: Any, heading: float, own: _OwnShip) -> tuple[float, float]:
+    """East and north of a TTM target. A relative one is against the own ship, and its course is from the bow."""
+    if not _known(said, "targetspeed", "targetcourse"):
+        return math.nan, math.nan
+    speed = said.targetspeed * METRES_PER_SECOND.get(getattr(said, "speedu", "N"), KNOT_M_S)
+    if getattr(said, "targetcourseu", "T") != "R":
+        return _vector(speed, said.targetcourse)
+    east, north = _vector(speed, said.targetcourse + heading)
+    return east + own.east_m_s, north + own.north_m_s
+
+
+def _vector(length: float, bearing_deg: float) -> tuple[float, float]:
+    """East and north."""
+    return length * math.sin(math.radians(bearing_deg)), length * math.cos(math.radians(bearing_deg))
+
+
+def _known(said: Any, *names: str) -> bool:
+    """Whether fields are there and finite numbers."""
+    found = (getattr(said, name, None) for name in names)
+    return all(isinstance(value, int | float) and math.isfinite(value) for value in found)
+
+
+def time_of_day_s(of_day: Any, clock_s: float) -> float:
+    """The instant nearest to the clock that has this time of day; the clock without a time of day."""
+    if not hasattr(of_day, "hour"):
+        return clock_s
+    second: float = 3600 * of_day.hour + 60 * of_day.minute + of_day.second + 1e-6 * of_day.microsecond
+    return clock_s + (second - clock_s + 0.5 * DAY_S) % DAY_S - 0.5 * DAY_S
+
+
+class TargetDecoder:
+    """The sentences of one radar. Its position is that of the own ship's sentences, of `?site=LAT,LON` or of the track source."""
+
+    def __init__(
+        self, name: str, sources: TrackSources, source: int, *, site_deg: Floats | None = None, checked: bool = True
+    ) -> None:
+        """Args: name: of the feed; source: number of its track source; site_deg: (2,); checked: by the clock of the machine."""
+        self.tally, self.counts = Tally(), Counts()
+        self.checked = checked
+        self.stamps = Stamps(name, checked, self.tally)
+        self._name = name
+        self._source = source
+        site_deg = sources.site_deg[source] if site_deg is None else site_deg
+        self._targets = TargetSentences(site_deg, float(sources.heading_deg[source]), math.nan, self.tally)
+        self._waiting = Waiting(self.counts, self.tally, TrackReports, ("sensor", "number", "position_deg"))
+        self._before: list[Item] = []  # the last clock sentence, and lines that belong to the next sentence
+
+    @property
+    def has_dates(self) -> bool:
+        """As of `Decoder`."""
+        return True
+
+    def take(self, items: list[Item], reference_s: float | None) -> None:
+        """As of `Decoder`. A sentence without a time has that of its arrival."""
+        items = [*self._before, *items]
+        ahead = len(items)
+        while (
+            ahead
+            and len(items) - ahead < MOST_AHEAD
+            and items[ahead - 1][1].strip().startswith(AHEAD)
+            and b"*" not in items[ahead - 1][1].rpartition(b"\\")[2]
+        ):
+            ahead -= 1
+        items, waiting = items[:ahead], items[ahead:]
+        self._before = [*[item for item in items if item[1][3:6] in (b"ZDA", b"RMC")][-1:], *waiting]
+        lines = [line for _, line, _ in items]
+        states: list[State] = []
+        arrived: list[float] = []
+        for found in wanted_sentences(lines, self._name, self.tally, TARGETS + OWN_SHIP):
+            when = items[found.line - 1][0]
+            stamps = (s for s in (found.own_s, found.clock_s, when) if not math.isnan(s))
+            state = self._targets.state(found.sentence, next(stamps), self._name)
+            if state is not None:
+                states.append(state)
+                arrived.append(when)
+        if states:
+            self._add(np.array(states, np.float64), np.array(arrived))
+
+    def _add(self, table: Floats, arrived_s: Floats) -> None:
+        """Keep states until their cycle. Args: table: (M, 7) of `State`."""
+        time_s = self.stamps.times_s(table[:, 1], arrived_s)
+        usable = np.isfinite(time_s)
+        time_s, table = time_s[usable], table[usable]
+        self._waiting.add(track_reports(self._source, table[:, 0].astype(np.int64), time_s, table[:, 3:5], table[:, 5:7]))
+
+    def cut(self, after_s: float, until_s: float) -> Reports:
+        """As `Cut`."""
+        return replace(Reports.empty(), tracks=self._waiting.cut(after_s, until_s))
+
+
+def source_of(feed: FeedSettings, sources: TrackSources) -> int:
+    """The number of the track source of a feed. Raises: OptionError."""
+    names = [str(name) for name in sources.name]
+    if feed.source not in names:
+        raise OptionError(f"feed: got {feed.text!r}, needed ?source=NAME with a track source of {', '.join(names) or 'none'}")
+    return names.index(feed.source)
+
+
+def site_of(feed: FeedSettings) -> Floats | None:
+    """The position in `?site=LAT,LON`; None: there is none. Raises: OptionError."""
+    text = feed.options.get("site")
+    if text is None:
+        return None
+    try:
+        latitude, longitude = (float(part) for part in text.split(","))
+    except ValueError:
+        latitude = longitude = math.nan
+    if not (abs(latitude) < 85.0 and abs(longitude) <= 180.0):
+        raise OptionError(f"feed: got site={text} in {feed.text!r}, needed LAT,LON in degrees, e.g. site=50.795,-1.105")
+    return np.array([latitude, longitude])
+
+
+def track_reports(
+    source: int, number: object, time_s: Floats, position_deg: Floats, velocity_m_s: Floats, covariance: Floats | None = None
+) -> TrackReports:
+    """States of tracks of one source. Args: number: (M,) int64; covariance: (M, 4, 4); none: not given."""
+    n = len(time_s)
+    return TrackReports(
+        sensor=np.full(n, source, np.int64),
+        number=np.asarray(number, np.int64),
+        time_s=time_s,
+        received_s=time_s,
+        position_deg=position_deg.copy(),
+        velocity_m_s=velocity_m_s.copy(),
+        covariance=np.full((n, 4, 4), np.nan) if covariance is None else covariance,
+        origin=np.full(n, -1, np.int64),
+    )
+
+
+class TargetEncoder:
+    """TTM or TLL sentences. A vessel keeps its target number, 0 to 999, while it is in the picture."""
+
+    def __init__(self, site_deg: tuple[float, float] | None) -> None:
+        """Args: site_deg: of TTM; None: TLL."""
+        self._site = site_deg
+        self._numbers = TargetNumbers(range(NUMBERS))
+
+    def messages(self, vessels: Vessels) -> Iterator[bytes]:
+        """As of `Encoder`. Vessels beyond the last number are left out."""
+        self._numbers.keep(vessels.every_id.tolist())
+        columns = vessels.vessel_id, vessels.sog_kn, vessels.cog_deg
+        clock = datetime.fromtimestamp(vessels.time_s, UTC).strftime("%H%M%S.%f")[:9]
+        for place, vessel, sog, cog, name in zip(
+            vessels.position_deg, *(column.tolist() for column in columns), vessels.name, strict=True
+        ):
+            number = self._numbers.get(vessel)
+            if number is not None:
+                yield self._sentence(
+                    number, place, (sog, cog), "".join(c for c in name or "" if c.isalnum() or c == " "), clock
+                )
+
+    def _sentence(self, number: int, place: Floats, motion: tuple[float, float], name: str, clock: str) -> bytes:
+        if self._site is None:
+            return _sentence(
+                f"CWTLL,{number:02d},{_angle(place[0], 'N', 'S', 2)},{_angle(place[1], 'E', 'W', 3)},{name},{clock},T,"
+            )
+        east, north = difference_m(place, np.array(self._site)).tolist()
+        miles, bearing = math.hypot(east, north) / NAUTICAL_MILE_M, math.degrees(math.atan2(east, north)) % 360.0
+        said = f"{motion[0]:.1f},{motion[1]:.1f},T" if math.isfinite(motion[0] + motion[1]) else ",,"
+        return _sentence(f"CWTTM,{number:02d},{miles:.3f},{bearing:.2f},T,{said},,,N,{name},T,,{clock},A")
+
+
+def _sentence(body: str) -> bytes:
+    return f"${body}*{reduce(xor, body.encode()):02X}\r\n".encode()
+
+
+def _angle(degrees: float, positive: str, negative: str, width: int) -> str:
+    """Degrees and minutes as NMEA has them: 5047.7000,N."""
+    minutes = round(abs(float(degrees)) * 60.0, 4)
+    whole = int(minutes // 60)
+    return f"{whole:0{width}d}{minutes - 60 * whole:07.4f},{positive if degrees >= 0 else negative}"
+
+
+def _decoder(feed: FeedSettings, sensors: Sensors) -> TargetDecoder:
+    """Raises: OptionError."""
+    sources = sensors.track_sources
+    return TargetDecoder(feed.name, sources, source_of(feed, sources), site_deg=site_of(feed), checked=feed.checked)
+
+
+def _pictures(to: OutSettings) -> TargetEncoder:
+    return TargetEncoder(to.site_deg)
+
+
+TTM = Format("ttm", decoder=_decoder, pictures=_pictures, needs_site=True)
+TLL = Format("tll", pictures=_pictures)
