@@ -154,7 +154,8 @@ def test_speed_and_course_of_messages_make_tracks_more_exact_unless_switched_off
     half = messages.origin % 2 == 0  # of the vessels send speed and course
     full = replace(messages, velocity_m_s=np.where(half[:, None], velocity, np.nan), velocity_covariance=noise)
     _, without = run(method, plots, messages)
-    _, off = run(method.model_copy(update={"message_velocities": False}), plots, full)
+    positions = method.messages.model_copy(update={"velocities": False})
+    _, off = run(method.model_copy(update={"messages": positions}), plots, full)
     assert np.array_equal(off[-1].covariance, without[-1].covariance)
     _, out = run(method, plots, full)
     assert {k: v for k, v in ids(out[-1]).items() if v >= 0} == {k: v for k, v in ids(without[-1]).items() if v >= 0}
