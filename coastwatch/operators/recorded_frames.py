@@ -17,7 +17,7 @@ from coastwatch.errors import InputError
 from coastwatch.operators.export import csv_cell, write_parquet
 from coastwatch.operators.presentation import flag_words
 from coastwatch.store import Recorded, Store, StoreError
-from coastwatch.store.write.to_rows import motion
+from coastwatch.store.rows import motion
 
 polars = lazy_loader.load("polars")  # every command that reads imports this module, only `replay` needs polars
 

@@ -16,8 +16,8 @@ from coastwatch.kernels.tables.lookup import find
 from coastwatch.pipeline import Cycle
 from coastwatch.store import Store, Table
 from coastwatch.store.read.picture_queries import COLUMNS, STATIC
-from coastwatch.store.write.insert import NullableId
-from coastwatch.store.write.to_rows import membership, motion, source_texts, static_rows
+from coastwatch.store.rows import NullableId, motion, source_texts
+from coastwatch.store.write.to_rows import membership, static_rows
 
 polars = lazy_loader.load("polars")  # only a search needs it
 SEARCHED = ("vessel_id", "mmsi", "name", "call_sign")

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 
 from sqlalchemy import func, insert, select
 
-from coastwatch.store.read.rows import Rows, fetch_rows
+from coastwatch.store.rows import Rows, fetch_rows
 from coastwatch.store.schema.database import Store, reading, writing
 from coastwatch.store.schema.tables import AUDIT
 

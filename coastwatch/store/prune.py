@@ -8,10 +8,10 @@ from datetime import datetime, timedelta
 
 from sqlalchemy import Connection, delete, exists, func, select
 
+from coastwatch.store.recording import delete_recording
 from coastwatch.store.runs import delete_run, runs
 from coastwatch.store.schema.database import Store, now_utc, reading, writing
 from coastwatch.store.schema.tables import ACKNOWLEDGEMENT, AUDIT, CYCLE, EVENT, RECORDING
-from coastwatch.store.write.recording import delete_recording
 from coastwatch.store.write.retention import delete_before
 
 OF_RUNS = ("history", "details", "events", "recording")

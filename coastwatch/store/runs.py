@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from sqlalchemy import Connection, Executable, delete, func, insert, select, true, update
 
-from coastwatch.batches import Fault, Sensors
+from coastwatch.batches import Fault, Radars, Sensors, Sonars, SourceKind, Stations, TrackSources
+from coastwatch.store.journal import decompressed
 from coastwatch.store.processes import Presence, presence, this_process
-from coastwatch.store.read.rows import Rows, fetch_rows
+from coastwatch.store.rows import Rows, fetch_rows
 from coastwatch.store.schema.database import NotThere, Store, StoreError, as_json, now_utc, reading, writing
 from coastwatch.store.schema.tables import (
     AIS_FEED,
@@ -27,8 +28,6 @@ from coastwatch.store.schema.tables import (
     STAGE_TIMING,
     TRACK_SOURCE,
 )
-from coastwatch.store.write.journal import decompressed
-from coastwatch.store.write.sensor_rows import sensor_rows, source_rows, track_source_rows
 
 if TYPE_CHECKING:  # to read a database needs no pydantic, which is slow to import
     from coastwatch.stage import Plan
@@ -339,3 +338,73 @@ def no_run(connection: Connection, store: Store, run_id: int) -> StoreError:
 def _fetch(store: Store, query: Executable) -> Rows:
     with reading(store) as connection:
         return fetch_rows(connection, query)
+
+
+def sensor_rows(run_id: int, sensors: Sensors) -> list[dict[str, Any]]:
+    """One row a radar, AIS receiver and sonar. `number` is the index that its reports carry."""
+    return [
+        {"run_id": run_id, "kind": kind, "number": k, **row}
+        for kind, rows in (
+            ("radar", _radars(sensors.radars, sensors.region_names)),
+            ("ais", [_common(sensors.stations, k) for k in range(len(sensors.stations))]),
+            ("bearing", _sonars(sensors.sonars)),
+        )
+        for k, row in enumerate(rows)
+    ]
+
+
+def track_source_rows(run_id: int, sources: TrackSources) -> list[dict[str, Any]]:
+    """One row a track source. `number` is the index that its reports carry."""
+    sites = [[value if np.isfinite(value) else None for value in site] for site in sources.site_deg.tolist()]
+    return [
+        {"run_id": run_id, "number": k, "name": str(name), "latitude_deg": latitude, "longitude_deg": longitude}
+        for k, (name, (latitude, longitude)) in enumerate(zip(sources.name, sites, strict=True))
+    ]
+
+
+def source_rows(run_id: int, sensors: Sensors) -> list[dict[str, Any]]:
+    """One row for each source of tracks. `number` is the source that tracks carry."""
+    kinds = [SourceKind(kind).name.lower() for kind in sensors.source_kinds.tolist()]
+    named = enumerate(zip(sensors.source_names, kinds, strict=True))
+    return [{"run_id": run_id, "number": k, "name": name, "kind": kind} for k, (name, kind) in named]
+
+
+def _common(of: Radars | Stations | Sonars, k: int) -> dict[str, Any]:
+    return {
+        "name": str(of.name[k]),
+        "latitude_deg": float(of.site_deg[k, 0]),
+        "longitude_deg": float(of.site_deg[k, 1]),
+        "range_m": float(of.range_m[k]),
+        "region": None,
+        "spec": {},
+    }
+
+
+def _radars(radars: Radars, regions: tuple[str, ...]) -> list[dict[str, Any]]:
+    return [
+        {
+            **_common(radars, k),
+            "region": regions[radars.region[k]],
+            "spec": {
+                "period_s": float(radars.period_s[k]),
+                "range_sigma_m": float(radars.range_sigma_m[k]),
+                "azimuth_sigma_deg": float(np.degrees(radars.azimuth_sigma_rad[k])),
+            },
+        }
+        for k in range(len(radars))
+    ]
+
+
+def _sonars(sonars: Sonars) -> list[dict[str, Any]]:
+    return [
+        {
+            **_common(sonars, k),
+            "spec": {
+                "bearing_sigma_deg": float(np.degrees(sonars.bearing_sigma_rad[k])),
+                "interval_s": float(sonars.interval_s[k]),
+                "arc_from_deg": float(sonars.arc_from_deg[k]),
+                "arc_to_deg": float(sonars.arc_to_deg[k]),
+            },
+        }
+        for k in range(len(sonars))
+    ]

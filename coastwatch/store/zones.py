@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import Connection, Select, and_, func, insert, select, text
 
-from coastwatch.store.read.rows import Rows, fetch_rows
+from coastwatch.store.rows import Rows, fetch_rows
 from coastwatch.store.schema.database import Store, reading, writing
 from coastwatch.store.schema.tables import ZONE
 

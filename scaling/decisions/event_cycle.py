@@ -31,8 +31,7 @@ from coastwatch.batches import (
 from coastwatch.operators.cli.arguments import count
 from coastwatch.scenario import load_scenario
 from coastwatch.store.schema.database import writing
-from coastwatch.store.write.events import write_events
-from coastwatch.store.write.timeline import Timeline
+from coastwatch.store.write.events import Timeline, write_events
 
 WARM = 2  # cycles: in the first all flags begin
 FLAGGED, CHANGING = 0.05, 0.001

@@ -22,8 +22,8 @@ from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.server.run import run_scenario
 from coastwatch.server.timing import Stopwatch
 from coastwatch.stage import Plan
-from coastwatch.store.write import history_rule
-from coastwatch.store.write.history_rule import Bound
+from coastwatch.store import history_rule
+from coastwatch.store.history_rule import Bound
 from coastwatch.workers import open_workers
 from scaling.load import national
 from scaling.load.run import RunDatabase, statics_alone

@@ -20,9 +20,9 @@ from coastwatch.batches import Floats, Members, Picture
 from coastwatch.operators.cli.arguments import count
 from coastwatch.scenario import load_scenario
 from coastwatch.server.run import run_scenario
+from coastwatch.store.recording import record
 from coastwatch.store.schema.database import reading, writing
 from coastwatch.store.schema.tables import CYCLE, RECORDING
-from coastwatch.store.write.recording import record
 
 CYCLES = 6
 

@@ -17,10 +17,10 @@ from coastwatch import store
 from coastwatch.batches import Array, Floats, Ints, Picture
 from coastwatch.geodesy import scale_m_deg, wrap_deg
 from coastwatch.stage import Plan
+from coastwatch.store import history_rule
+from coastwatch.store.rows import Categorical, NullableId, insert
 from coastwatch.store.schema.database import writing
 from coastwatch.store.schema.tables import CYCLE, MEMBER, MEMBER_HISTORY, PRESENCE, VESSEL, VESSEL_STATIC
-from coastwatch.store.write import history_rule
-from coastwatch.store.write.insert import Categorical, NullableId, insert
 from coastwatch.store.write.to_rows import vessel_rows
 from coastwatch.store.write.write_cycle import write_history
 from scaling.load.national import World, build_world, scenario_of

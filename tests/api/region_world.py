@@ -18,8 +18,8 @@ from coastwatch.server.regions.message import RegionCycle, RegionTracks, encode
 from coastwatch.server.regions.publisher import Publisher
 from coastwatch.server.regions.scenario import of_centre
 from coastwatch.store import ForCentres, Store
+from coastwatch.store.journal import write_for_centres
 from coastwatch.store.schema.database import writing
-from coastwatch.store.write.journal import write_for_centres
 from scaling.page.fleet import Simulated
 
 START_S, PERIOD_S, VESSELS = 1_750_000_000.0, 3.0, 8

@@ -16,8 +16,7 @@ from coastwatch.batches.events import EVENT_KINDS, IS_ALARM
 from coastwatch.store import Acknowledgement, AlarmKey, Asked, Beginnings, Store
 from coastwatch.store.read import alarms as queries
 from coastwatch.store.schema.database import reading, writing
-from coastwatch.store.write.events import write_events
-from coastwatch.store.write.timeline import Timeline
+from coastwatch.store.write.events import Timeline, write_events
 
 NUMBER = {name: number for number, name in EVENT_KINDS.items()}
 TIMELINE = Timeline(world.START_S, world.PERIOD_S)

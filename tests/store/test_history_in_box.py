@@ -15,12 +15,12 @@ from sqlalchemy import text
 from coastwatch import store as kept
 from coastwatch.geodesy import difference_m
 from coastwatch.store import Store
+from coastwatch.store.bbox import inside, widened
+from coastwatch.store.history_rule import dead_reckon
 from coastwatch.store.read import picture_queries
-from coastwatch.store.read.bbox import inside, widened
 from coastwatch.store.read.history_queries import points_in_box
 from coastwatch.store.schema.database import reading
 from coastwatch.store.schema.migrate import check
-from coastwatch.store.write.history_rule import dead_reckon
 
 CYCLES = 40
 EDGE_M = 0.01

@@ -15,10 +15,10 @@ from coastwatch import store as kept
 from coastwatch.batches import Picture
 from coastwatch.geodesy import KNOT_M_S, difference_m, offset_deg
 from coastwatch.scenario import StoreSettings
+from coastwatch.store import history_rule
+from coastwatch.store.rows import to_python
 from coastwatch.store.schema.database import reading
 from coastwatch.store.schema.migrate import check
-from coastwatch.store.write import history_rule
-from coastwatch.store.write.insert import to_python
 
 NAMES = (
     "vessel_id", "latitude_deg", "longitude_deg", "sog_kn", "cog_deg", "major_m", "minor_m", "orientation_deg", "updated_s",

@@ -14,11 +14,11 @@ from sqlalchemy import BigInteger, Boolean, Column, Float, LargeBinary, MetaData
 
 from coastwatch import store as kept
 from coastwatch.store import StoreError
+from coastwatch.store import rows as rows_in
+from coastwatch.store.rows import Categorical, NullableId, delete_rows, insert, update_rows
+from coastwatch.store.rows import Column as Cells
 from coastwatch.store.schema.database import connect, reading, writing
 from coastwatch.store.schema.tables import MEMBER
-from coastwatch.store.write import insert as rows_in
-from coastwatch.store.write.insert import Categorical, NullableId, delete_rows, insert, update_rows
-from coastwatch.store.write.insert import Column as Cells
 
 TEXTS = ("", "ais", "São Sebastião, 港", "x" * 300)
 

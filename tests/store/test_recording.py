@@ -14,10 +14,9 @@ from sqlalchemy import insert, text
 from coastwatch import store as kept
 from coastwatch.batches import Members, Picture
 from coastwatch.scenario import StoreSettings
-from coastwatch.store import Store, StoreError
+from coastwatch.store import Store, StoreError, recording
 from coastwatch.store.schema.database import reading, writing
 from coastwatch.store.schema.tables import CYCLE
-from coastwatch.store.write import recording
 
 CYCLES = 45
 

@@ -16,11 +16,11 @@ from sqlalchemy import text
 from coastwatch import store as kept
 from coastwatch.batches import AisStatics, Picture, Reports
 from coastwatch.store import Rows, StoreError
+from coastwatch.store.rows import source_texts, to_python
 from coastwatch.store.schema.database import reading
 from coastwatch.store.schema.migrate import check
 from coastwatch.store.schema.tables import METADATA
-from coastwatch.store.write.insert import to_python
-from coastwatch.store.write.to_rows import changed_rows, source_texts
+from coastwatch.store.write.to_rows import changed_rows
 
 
 def test_the_picture_is_found_as_it_was(url: str) -> None:

@@ -22,7 +22,7 @@ from test_recording import same
 from coastwatch import store as kept
 from coastwatch.shipped import migrations_folder, schema_folder
 from coastwatch.store import StoreError
-from coastwatch.store.read.bbox import inside
+from coastwatch.store.bbox import inside
 from coastwatch.store.schema import migrate
 from coastwatch.store.schema.database import connect, reading, revision, writing
 from coastwatch.store.schema.tables import HISTORY, METADATA, REVISION, REVISION_TABLE

@@ -26,7 +26,7 @@ from coastwatch.server.live_picture import KIND_OF_SOURCE, LivePicture, of_store
 from coastwatch.shipped import scenarios_folder
 from coastwatch.spelling import ONE_LINE
 from coastwatch.store import Asked, Beginnings, NotThere, Rows
-from coastwatch.store.read.bbox import inside
+from coastwatch.store.bbox import inside
 from coastwatch.store.read.picture_queries import COLUMNS
 
 T = TypeVar("T")

@@ -19,7 +19,7 @@ from coastwatch.batches import Array
 from coastwatch.operators.api.metrics import Metrics
 from coastwatch.operators.api.wire import PROTOCOL, RING, UNKNOWN_SOG, Encoder, Frame, since
 from coastwatch.server.live_picture import LivePicture
-from coastwatch.store.read.bbox import inside
+from coastwatch.store.bbox import inside
 
 NOT_READ_S = 30.0
 """A viewer that has not taken a message after this time is closed."""

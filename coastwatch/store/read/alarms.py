@@ -11,7 +11,7 @@ from sqlalchemy import CompoundSelect, Connection, Select, and_, case, func, lit
 from coastwatch.batches import ALARM_KINDS
 from coastwatch.batches.events import PRIORITIES, SUSPICION
 from coastwatch.store.acknowledgements import SAME_START_S, AlarmKey
-from coastwatch.store.read.rows import Rows, fetch_rows
+from coastwatch.store.rows import Rows, fetch_rows
 from coastwatch.store.schema.database import Store, reading
 from coastwatch.store.schema.tables import ACKNOWLEDGEMENT, CYCLE, EVENT, EVENT_GAP, RUN, VESSEL_STATIC
 

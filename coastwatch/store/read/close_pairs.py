@@ -14,7 +14,7 @@ from sqlalchemy import Connection, select
 
 from coastwatch.batches import Array, Bools, Floats, Ints
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M
-from coastwatch.store.read.rows import Rows, Table, fetch_arrays
+from coastwatch.store.rows import Rows, Table, fetch_arrays
 from coastwatch.store.schema.tables import VESSEL
 
 scipy = lazy_loader.load("scipy")  # few questions need it

@@ -14,16 +14,16 @@ from typing import Any, NamedTuple
 
 import lazy_loader
 import numpy as np
-from sqlalchemy import Connection, Subquery, and_, false, func, or_, select, text
+from sqlalchemy import Connection, false, func, or_, select, text
 
 from coastwatch.batches import Array, Bools, Floats, Ints
 from coastwatch.geodesy import scale_m_deg, wrap_deg
-from coastwatch.store.read.bbox import FASTEST_M_S, Box, widened
-from coastwatch.store.read.rows import Rows, Table, fetch_arrays, is_one_of
+from coastwatch.store.bbox import FASTEST_M_S, Box, widened
+from coastwatch.store.history_rule import rate_deg_s
+from coastwatch.store.rows import Rows, Table, fetch_arrays, is_one_of
 from coastwatch.store.runs import run_exists
 from coastwatch.store.schema.database import Store, StoreError, reading
 from coastwatch.store.schema.tables import CYCLE, HISTORY, IDENTITY, PRESENCE
-from coastwatch.store.write.history_rule import rate_deg_s
 
 scipy = lazy_loader.load("scipy")  # few questions need it
 
@@ -107,20 +107,6 @@ def points_in_box(
     query = text(sql).columns(*(HISTORY.c[name] for name in names))
     query = query.bindparams(**span, south=south, west=west, north=north, east=east)
     return dict(zip(names, fetch_arrays(connection, query), strict=True))
-
-
-def newest_points(run_id: int, first: int, cycle: int) -> Subquery:
-    """Vessel and cycle of the newest point of each vessel in a range of cycles, closing ones included."""
-    here = select(HISTORY.c.vessel_id, func.max(HISTORY.c.cycle).label("cycle"))
-    return (
-        here.where(HISTORY.c.run_id == run_id, HISTORY.c.cycle.between(first, cycle)).group_by(HISTORY.c.vessel_id).subquery()
-    )
-
-
-def of_newest(run_id: int, newest: Subquery) -> Any:
-    """Joins the rows of `history` to `newest_points`: of vessels that have not left."""
-    same = and_(HISTORY.c.cycle == newest.c.cycle, HISTORY.c.vessel_id == newest.c.vessel_id)
-    return and_(HISTORY.c.run_id == run_id, same, HISTORY.c.closing == false())
 
 
 def history_of_mmsi(connection: Connection, values: Mapping[str, Any]) -> Rows:

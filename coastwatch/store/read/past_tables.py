@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from sqlalchemy import Connection, Table, or_, text
 
 from coastwatch.store.read.picture_queries import picture_of_cycle
+from coastwatch.store.rows import Column, NullableId, insert
 from coastwatch.store.runs import cycle_at
 from coastwatch.store.schema.database import Store, refusals
 from coastwatch.store.schema.tables import (
@@ -27,7 +28,6 @@ from coastwatch.store.schema.tables import (
     STAGE_TIMING,
     VESSEL,
 )
-from coastwatch.store.write.insert import Column, NullableId, insert
 
 OF_CYCLE = (STAGE_TIMING, HISTORY, ASSOCIATION, BEARING_ASSOCIATION, SPOT, SENSOR_REGISTRATION, EVENT_GAP)
 """Tables whose rows belong to the cycle in their column `cycle`."""

@@ -11,9 +11,11 @@ from sqlalchemy import Table as SqlTable
 
 from coastwatch.batches import Array, Floats, Ints
 from coastwatch.kernels.tables.lookup import find
-from coastwatch.store.read.bbox import FASTEST_M_S, Box, inside, is_inside, widened
+from coastwatch.store.bbox import FASTEST_M_S, Box, inside, is_inside, widened
+from coastwatch.store.history_rule import dead_reckon, newest_rows
 from coastwatch.store.read.history_queries import ELLIPSE, MOTION, cycle_times, points_in_box, points_of
-from coastwatch.store.read.rows import Rows, Table, fetch_arrays, fetch_rows, is_one_of
+from coastwatch.store.recording import read_recorded
+from coastwatch.store.rows import Rows, Table, fetch_arrays, fetch_rows, is_one_of, motion, source_texts
 from coastwatch.store.runs import cycle_at, run_exists
 from coastwatch.store.schema.database import NotThere, Store, StoreError, reading
 from coastwatch.store.schema.tables import (
@@ -32,9 +34,6 @@ from coastwatch.store.schema.tables import (
     VESSEL,
     VESSEL_STATIC,
 )
-from coastwatch.store.write.history_rule import dead_reckon, newest_rows
-from coastwatch.store.write.recording import read_recorded
-from coastwatch.store.write.to_rows import motion, source_texts
 
 STATIC = ("name", "call_sign", "ship_type", "length_m", "beam_m")
 COLUMNS = (

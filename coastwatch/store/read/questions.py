@@ -22,7 +22,7 @@ from coastwatch.spelling import did_you_mean
 from coastwatch.store.read.close_pairs import closest_approach, closest_pairs
 from coastwatch.store.read.history_queries import history_of_mmsi
 from coastwatch.store.read.past_tables import as_of
-from coastwatch.store.read.rows import Rows, fetch_rows
+from coastwatch.store.rows import Rows, fetch_rows
 from coastwatch.store.runs import latest_run, run_exists
 from coastwatch.store.schema.database import Store, StoreError, reading
 

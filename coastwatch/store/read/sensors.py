@@ -6,7 +6,7 @@ import numpy as np
 from sqlalchemy import and_, func, literal, null, select
 
 from coastwatch.batches import COVER_AZIMUTHS, COVER_RANGES, RadarCover
-from coastwatch.store.read.rows import Rows, fetch_rows
+from coastwatch.store.rows import Rows, fetch_rows
 from coastwatch.store.runs import cycle_at
 from coastwatch.store.schema.database import Store, reading
 from coastwatch.store.schema.tables import (

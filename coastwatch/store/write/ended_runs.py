@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 from sqlalchemy import Connection, Table, delete, exists, func, select, text, tuple_
 
 from coastwatch.store.processes import Presence, presence
+from coastwatch.store.recording import delete_recording
 from coastwatch.store.schema.database import now_utc
 from coastwatch.store.schema.tables import CHECKPOINT, CYCLE, EVENT, METADATA, OF_NO_RUN, RUN
-from coastwatch.store.write.recording import delete_recording
 from coastwatch.store.write.retention import (
     CYCLES,
     DETAILS,

@@ -6,17 +6,30 @@ A gap within an event is a row of `event_gap`: from it a run that goes on from a
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from sqlalchemy import Connection, delete, func, select, update
 
-from coastwatch.batches import BegunEvents, EventChanges, EventSpans
+from coastwatch.batches import BegunEvents, EventChanges, EventSpans, Floats, Ints
 from coastwatch.batches.events import EVENT_KINDS, IS_ALARM
+from coastwatch.store.rows import Categorical, Column, NullableId, clear_columns, insert, update_rows
 from coastwatch.store.schema.tables import EVENT, EVENT_GAP
-from coastwatch.store.write.insert import Categorical, Column, NullableId, clear_columns, insert, update_rows
-from coastwatch.store.write.timeline import Timeline
 
 NAMES = [EVENT_KINDS.get(number, "") for number in range(max(EVENT_KINDS) + 1)]
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """Cycle c ends at start_s + period_s * (c + 1)."""
+
+    start_s: float
+    period_s: float
+
+    def cycle_at(self, time_s: Floats) -> Ints:
+        """The cycle that ends at each instant. Args: (E,), each the end of a cycle. Returns: (E,)."""
+        return np.rint((time_s - self.start_s) / self.period_s).astype(np.int64) - 1
 
 
 def write_events(connection: Connection, run_id: int, number: int, changes: EventChanges, timeline: Timeline) -> int:

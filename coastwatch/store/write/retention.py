@@ -21,6 +21,8 @@ from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import Connection, Table, delete, func, select, update
 
+from coastwatch.store.recording import delete_recording
+from coastwatch.store.rows import delete_rows
 from coastwatch.store.schema.database import now_utc
 from coastwatch.store.schema.tables import (
     ACKNOWLEDGEMENT,
@@ -35,8 +37,6 @@ from coastwatch.store.schema.tables import (
     VESSEL,
     ZONE,
 )
-from coastwatch.store.write.insert import delete_rows
-from coastwatch.store.write.recording import delete_recording
 
 if TYPE_CHECKING:
     from coastwatch.scenario import StoreSettings

@@ -9,8 +9,8 @@ import numpy as np
 from sqlalchemy import Connection, and_, delete, func, insert, select, update
 
 from coastwatch.batches import Ints, RegistrationState
-from coastwatch.store.read.history_queries import newest_points, of_newest
-from coastwatch.store.read.rows import fetch_arrays
+from coastwatch.store.history_rule import Points, newest_points, no_points, of_newest, rate_deg_s
+from coastwatch.store.rows import fetch_arrays
 from coastwatch.store.schema.database import NoSuchRunError
 from coastwatch.store.schema.tables import (
     AIS_FEED,
@@ -28,10 +28,8 @@ from coastwatch.store.schema.tables import (
     STAGE_TIMING,
     VESSEL_STATIC,
 )
-from coastwatch.store.write.events import truncate_events
-from coastwatch.store.write.history_rule import Points, no_points, rate_deg_s
+from coastwatch.store.write.events import Timeline, truncate_events
 from coastwatch.store.write.static_names import StoredNames
-from coastwatch.store.write.timeline import Timeline
 from coastwatch.store.write.to_rows import LastReport
 
 OF_CYCLE = (

@@ -9,9 +9,9 @@ from sqlalchemy import Connection
 
 from coastwatch.batches import AisStatics, Floats, Ints
 from coastwatch.kernels.tables.lookup import find
+from coastwatch.store.rows import delete_rows, insert, take, update_rows
 from coastwatch.store.schema.tables import VESSEL_STATIC
 from coastwatch.store.write import to_rows
-from coastwatch.store.write.insert import delete_rows, insert, take, update_rows
 
 MOST_NAMES = 500_000
 """Names that a run with a retention keeps. Of more, those that were heard longest ago go."""

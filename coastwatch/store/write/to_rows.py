@@ -24,9 +24,9 @@ from coastwatch.batches import (
     Spots,
     StandingEchoes,
 )
-from coastwatch.geodesy import ECCENTRICITY2, KNOT_M_S
+from coastwatch.geodesy import ECCENTRICITY2
 from coastwatch.kernels.tables.lookup import find
-from coastwatch.store.write.insert import Categorical, Column, NullableId
+from coastwatch.store.rows import Categorical, Column, NullableId, motion
 
 if TYPE_CHECKING:  # to read a database needs no stage of the pipeline, which are slow to import
     from coastwatch.pipeline import Cycle
@@ -36,25 +36,6 @@ SENSOR_KINDS = ("ais", "bearing", "feed", "radar", "tracks")  # in the order of 
 
 LastReport = dict[tuple[str, int], float]
 """Kind and number of a sensor -> arrival of its newest report, s."""
-
-
-def motion(velocity_m_s: Floats, covariance: Floats) -> Floats:
-    """Speed, course and 1-sigma ellipse of vessels.
-
-    Args: velocity_m_s: (V, 2) east, north; covariance: (V, 4, 4).
-    Returns: (V, 5) knots; degrees true in [0, 360), NaN at rest; half axes, m; direction of the longer one from north, deg, [0, 180).
-    Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, 1.4.9: eigenvalues of P.
-    """
-    east, north = velocity_m_s.T
-    speed = np.hypot(east, north)
-    course = np.degrees(np.arctan2(east, north)) % 360.0
-    course = np.where(speed > 0.0, np.where(course >= 360.0, 0.0, course), np.nan)
-    xx, xy, yy = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
-    mean, half = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
-    orientation = np.degrees(0.5 * np.arctan2(2.0 * xy, yy - xx)) % 180.0
-    orientation = np.where(orientation >= 180.0, 0.0, orientation)
-    axes = (np.sqrt(np.maximum(mean + half, 0.0)), np.sqrt(np.maximum(mean - half, 0.0)))
-    return np.stack([speed / KNOT_M_S, course, *axes, orientation], 1)
 
 
 def vessel_rows(run_id: int, picture: Picture, sources: Categorical, interval_s: Floats) -> list[Column]:
@@ -127,25 +108,6 @@ def changed_rows(before: Ints, now: Ints) -> tuple[Ints, Ints]:
     alone = np.ones(len(both), np.bool_)
     alone[order[twins]] = alone[order[twins + 1]] = False
     return gone[alone[: len(gone)]], come[alone[len(gone) :]]
-
-
-def source_texts(vessel_id: Ints, members: Ints, names: Sequence[str]) -> Categorical:
-    """Names of the sources of each vessel, "guanabara,ais", each once, in the order of their numbers.
-
-    Args: vessel_id: (V,) sorted; members: (L, 3) vessel, source, track, sorted.
-    """
-    code, texts, width = np.zeros(len(vessel_id), np.int64), [""], len(names)
-    fresh = np.append(True, (members[1:, :2] != members[:-1, :2]).any(1))[: len(members)]
-    vessel, source = members[fresh, :2].T
-    row = find(vessel_id, vessel)
-    vessel, source, row = vessel[row >= 0], source[row >= 0], row[row >= 0]
-    rank = np.arange(len(vessel)) - np.searchsorted(vessel, vessel)
-    for k in range(int(rank.max(initial=-1)) + 1):
-        here = np.flatnonzero(rank == k)
-        sets, index = np.unique(code[row[here]] * width + source[here], return_inverse=True)
-        code[row[here]] = len(texts) + index
-        texts += [",".join(filter(None, (texts[of // width], names[of % width]))) for of in sets.tolist()]
-    return Categorical(code, texts)
 
 
 def association_rows(run_id: int, number: int, cycle: Cycle, members: Ints) -> list[Column]:

@@ -13,6 +13,10 @@ from sqlalchemy import Connection, Table, delete, select, update
 from sqlalchemy import insert as insert_one
 
 from coastwatch.batches import AisStatics, EventChanges, Floats, Ints, Picture, Reports
+from coastwatch.store import history_rule
+from coastwatch.store.journal import NOTHING_PASSED, ForCentres, compressed, write_for_centres
+from coastwatch.store.recording import record
+from coastwatch.store.rows import Column, delete_rows, insert, source_texts, update_rows
 from coastwatch.store.schema import database
 from coastwatch.store.schema.database import Store, StoreError
 from coastwatch.store.schema.tables import (
@@ -34,10 +38,7 @@ from coastwatch.store.schema.tables import (
     STANDING_ECHO,
     VESSEL,
 )
-from coastwatch.store.write import ended_runs, events, history_rule, retention, to_rows
-from coastwatch.store.write.insert import Column, delete_rows, insert, update_rows
-from coastwatch.store.write.journal import NOTHING_PASSED, ForCentres, compressed, write_for_centres
-from coastwatch.store.write.recording import record
+from coastwatch.store.write import ended_runs, events, retention, to_rows
 from coastwatch.store.write.run_state import RunState, no_such_run, read_run_state, truncate_run
 from coastwatch.store.write.static_names import delete_names, write_names
 
@@ -139,7 +140,7 @@ def write_cycle(
         rows = write_history(connection, run_id, before.cycle, number, added)
         if picture_due:
             intervals = to_rows.ais_intervals(picture, cycle.members, cycle.alarms)
-            sources = to_rows.source_texts(picture.vessel_id, members, before.source_names)
+            sources = source_texts(picture.vessel_id, members, before.source_names)
             rows += _replace(connection, VESSEL, run_id, to_rows.vessel_rows(run_id, picture, sources, intervals))
             bearings = cycle.bearing_tracks, cycle.bearing_associations, cycle.picture
             rows += _replace(connection, BEARING_TRACK, run_id, to_rows.bearing_track_rows(run_id, *bearings))

@@ -18,7 +18,7 @@ from zstandard import ZstdCompressor, ZstdDecompressor
 
 from coastwatch.batches import Array, Members, Picture
 from coastwatch.kernels.tables.lookup import find
-from coastwatch.store.read.bbox import Box, inside
+from coastwatch.store.bbox import Box, inside
 from coastwatch.store.runs import run_exists
 from coastwatch.store.schema.database import Store, StoreError, reading, writing
 from coastwatch.store.schema.tables import CYCLE, RECORDING

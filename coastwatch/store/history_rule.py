@@ -13,15 +13,16 @@ So the history has exactly the vessels of every cycle, and no position is furthe
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from sqlalchemy import Subquery, and_, false, func, select
 
 from coastwatch.batches import Bools, Floats, Ints, Picture
 from coastwatch.geodesy import KNOT_M_S, difference_m, scale_m_deg, wrap_deg
 from coastwatch.kernels.tables.lookup import find
-from coastwatch.store.write.insert import Column, NullableId, take
-from coastwatch.store.write.to_rows import motion
+from coastwatch.store.rows import Column, NullableId, motion, take
+from coastwatch.store.schema.tables import HISTORY
 
 ROUNDING_M = 1e-6
 """Subtracted from the bound, for the rounding of speed, course, sine and cosine."""
@@ -171,3 +172,17 @@ def newest_rows(vessel_id: Ints, cycle: Ints, closing: Bools) -> Ints:
     last = np.append(np.diff(vessel_id[order]) != 0, True)[: len(order)]
     rows: Ints = order[last]
     return rows[~closing[rows]]
+
+
+def newest_points(run_id: int, first: int, cycle: int) -> Subquery:
+    """Vessel and cycle of the newest point of each vessel in a range of cycles, closing ones included."""
+    here = select(HISTORY.c.vessel_id, func.max(HISTORY.c.cycle).label("cycle"))
+    return (
+        here.where(HISTORY.c.run_id == run_id, HISTORY.c.cycle.between(first, cycle)).group_by(HISTORY.c.vessel_id).subquery()
+    )
+
+
+def of_newest(run_id: int, newest: Subquery) -> Any:
+    """Joins the rows of `history` to `newest_points`: of vessels that have not left."""
+    same = and_(HISTORY.c.cycle == newest.c.cycle, HISTORY.c.vessel_id == newest.c.vessel_id)
+    return and_(HISTORY.c.run_id == run_id, same, HISTORY.c.closing == false())
