@@ -334,6 +334,15 @@ def test_tokens_are_guessed_over_sockets_as_seldom_as_over_requests(guarded: Cal
     assert right.status_code == 200, "a token has a limit of its own"
 
 
+def test_files_of_the_page_take_nothing_from_the_limit_of_other_requests(guarded: Callable[..., Any]) -> None:
+    address, token = guarded(limits=lambda: Limits(0.001, 4.0), file_limits=lambda: Limits(0.001, 12.0))
+    with httpx.Client(base_url=f"http://{address}", headers={"Authorization": f"Bearer {token}"}) as client:
+        assert [client.get("/land/0/0/0").status_code for _ in range(9)] == [200] * 9
+        assert [client.get("/api/v1/status").status_code for _ in range(5)] == [*[200] * 4, 429]
+        assert client.post("/session", json={"token": token}).status_code == 429, "a sign-in is no file"
+        assert [client.get("/land/0/0/0").status_code for _ in range(4)] == [*[200] * 3, 429]
+
+
 def test_streams_of_alarms_are_limited_for_each_token_and_in_all(
     guarded: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -28,7 +28,7 @@ from coastwatch.operators.api.audit import Audit
 from coastwatch.operators.api.bounds import LARGEST_BODY, too_large
 from coastwatch.operators.api.metrics import Metrics
 from coastwatch.operators.api.proxy import TrustedProxy
-from coastwatch.operators.api.tokens import Limits, Person, Tokens
+from coastwatch.operators.api.tokens import FILES_A_SECOND, FILES_AT_ONCE, Limits, Person, Tokens
 from coastwatch.operators.api.wire import PROTOCOL
 from coastwatch.server.troubles import Trouble
 
@@ -100,6 +100,7 @@ class Guard:
     secure: bool = False  # the cookie is sent over TLS only
     recheck_s: float = RECHECK_S
     limits: Callable[[], Limits] = Limits
+    file_limits: Callable[[], Limits] = partial(Limits, FILES_A_SECOND, FILES_AT_ONCE)
     most_open: int = field(default_factory=lambda: room(_files()))  # sockets and streams of alarms in all
 
     @property
@@ -161,7 +162,7 @@ class _Middleware:
 
     def __init__(self, app: ASGIApp, guard: Guard, metrics: Metrics, audit: Audit) -> None:
         self._app, self._guard, self._metrics, self._audit = app, guard, metrics, audit
-        self._limits = guard.limits()
+        self._limits, self._file_limits = guard.limits(), guard.file_limits()
         self._open: dict[str, Counter[str]] = {"sockets": Counter(), "streams of alarms": Counter()}  # of each name
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -223,10 +224,11 @@ class _Middleware:
             return JSONResponse({"detail": foreign}, 403)
         client = _client(scope)
         person = self._guard.person(client, headers)
-        wait = self._too_many(client, person)
+        needed = _needed(path, method)
+        is_file = needed is None and method in SAFE and path != SESSION
+        wait = self._too_many(client, person, self._file_limits if is_file else self._limits)
         if wait is not None:
             return wait
-        needed = _needed(path, method)
         if person is None and needed is not None:
             return JSONResponse({"detail": self._unknown()}, 401, {"WWW-Authenticate": "Bearer"})
         if person is not None and needed is not None and not person.may(needed) and not _is_undeclared(scope):
@@ -238,10 +240,10 @@ class _Middleware:
         )
         return None
 
-    def _too_many(self, client: str, person: Person | None) -> Response | None:
+    def _too_many(self, client: str, person: Person | None, limits: Limits) -> Response | None:
         """The answer to one request too many: of whoever is known, or of an address that offers no token or a wrong one."""
         who = ("address", _network(client)) if person is None else ("name", person.name)
-        wait_s = 0.0 if self._guard.is_open else self._limits.wait_s(*who)
+        wait_s = 0.0 if self._guard.is_open else limits.wait_s(*who)
         return JSONResponse({"detail": "too many requests"}, 429, {"Retry-After": str(math.ceil(wait_s))}) if wait_s else None
 
     def _is_allowed(self, client: str, headers: Headers, needed: str | None) -> bool:
@@ -268,7 +270,7 @@ class _Middleware:
             await send({"type": "websocket.close", "code": 4403, "reason": ""})  # before accept: HTTP 403
             return
         person = self._guard.person(client, headers)
-        wait = self._too_many(client, person)
+        wait = self._too_many(client, person, self._limits)
         if wait is not None:
             self._warn_of_socket(scope, 429)
             await _denied(wait, scope, receive, send)

@@ -28,6 +28,9 @@ TOKEN_BYTES = 32
 A_SECOND, AT_ONCE = 20.0, 60.0
 """Requests of one token or address: on average, and in a burst."""
 
+FILES_A_SECOND, FILES_AT_ONCE = 200.0, 600.0
+"""The same of files of the page and tiles of the land: a map that is moved asks for many at once."""
+
 MOST_BUCKETS = 10_000
 
 
