@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import store_world as world
-from sqlalchemy import text, union
+from sqlalchemy import text, union, update
 
 from coastwatch import store as kept
 from coastwatch.batches import BegunEvents
@@ -16,6 +16,7 @@ from coastwatch.batches.events import EVENT_KINDS, IS_ALARM
 from coastwatch.store import Acknowledgement, AlarmKey, Asked, Beginnings, Store
 from coastwatch.store.read import alarms as queries
 from coastwatch.store.schema.database import reading, writing
+from coastwatch.store.schema.tables import EVENT
 from coastwatch.store.write.events import Timeline, write_events
 
 NUMBER = {name: number for number, name in EVENT_KINDS.items()}
@@ -62,6 +63,23 @@ def test_the_most_urgent_come_first_and_the_state_is_chosen_before_the_limit(url
         assert kept.acknowledge(store, run, AlarmKey(1, "odd_mmsi", 0, world.instant_s(4) + 0.0004), BY)
         assert not kept.acknowledge(store, run, AlarmKey(1, "odd_mmsi", 0, world.instant_s(4) + 0.002), BY)
         assert vessels(kept.alarms(store, run, Asked("unacknowledged"))) == [5000, 3, 2]
+
+
+def test_alarms_that_last_are_whole_and_only_ended_ones_are_limited(url: str) -> None:
+    with kept.open_store(url) as store:
+        run = world.begin(store)
+        world.write(store, run, 0)
+        raise_alarms(store, run, 0, ["dark"] * 7)
+        world.write(store, run, 1)
+        with writing(store) as connection:  # of 1 to 4 until now
+            ended = update(EVENT).where(EVENT.c.run_id == run, EVENT.c.vessel_id <= 4)
+            connection.execute(ended.values(to_cycle=0, end_s=world.instant_s(0)))
+        rows, _ = kept.changed_alarms(store, run, None, 2)
+        assert sorted(row[0] for row in rows.rows) == [1, 2, 5, 6, 7]
+        later = kept.alarms_before(store, run, world.instant_s(1), 2)
+        assert sorted(row[0] for row in later.rows) == [1, 2, 5, 6, 7]
+        then = kept.alarms_before(store, run, world.instant_s(0), 2)  # a run that goes on from there: they lasted
+        assert sorted(row[0] for row in then.rows) == [1, 2, 3, 4, 5, 6, 7]
 
 
 def test_a_cursor_finds_what_has_begun_ended_returned_and_been_acknowledged(url: str) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
-from sqlalchemy import CompoundSelect, Connection, Select, and_, case, func, literal_column, or_, select, text, union
+from sqlalchemy import CompoundSelect, Connection, Select, and_, case, func, literal_column, or_, select, text, true, union
 
 from coastwatch.batches import ALARM_KINDS
 from coastwatch.batches.events import PRIORITIES, SUSPICION
@@ -58,26 +58,43 @@ def alarms(store: Store, run_id: int, asked: Asked) -> tuple[Rows, int]:
 def changed_alarms(store: Store, run_id: int, since: Cursor | None, most: int) -> tuple[Rows, Cursor]:
     """The alarms that have begun, ended, returned or been acknowledged since the last look, and up to where that is.
 
-    Args: since: none: those that last or wait for acknowledgement; most: of those, the most urgent.
+    Args: since: none: those that last, all of them, and those that wait for acknowledgement; most: of these, the most urgent.
     Raises: StoreError.
     """
     with reading(store) as connection:
         now = _cursor(connection, run_id)
-        keys = union(*(_waiting(run_id) if since is None else _changed(run_id, since, now)))
-        found = _in_keys(_select(), keys).where(E.kind.in_(ALARM_KINDS))
-        found = found.order_by(*_ORDER).limit(most) if since is None else found.order_by(E.start_s)
-        return fetch_rows(connection, found), now
+        if since is None:
+            return _lasting_and_waiting(connection, run_id, [_lasting(run_id)], E.to_cycle.is_not(None), most), now
+        changed = _in_keys(_select(), union(*_changed(run_id, since, now))).where(E.kind.in_(ALARM_KINDS))
+        return fetch_rows(connection, changed.order_by(E.start_s)), now
 
 
 def alarms_before(store: Store, run_id: int, time_s: float, most: int) -> Rows:
-    """The alarms that began up to an instant, and lasted then, ended later or wait for acknowledgement. The most urgent ones.
+    """The alarms that began up to an instant, and lasted then, all of them, or had ended and wait for acknowledgement.
 
-    Raises: StoreError.
+    Args: most: of those that had ended, the most urgent. Raises: StoreError.
     """
-    keys = union(*_waiting(run_id), _keys(E, E.run_id == run_id, E.end_s >= time_s, E.to_cycle.is_not(None)))
-    found = _in_keys(_select(), keys).where(E.start_s <= time_s, E.kind.in_(ALARM_KINDS))
+    lasted = [_lasting(run_id), _keys(E, E.run_id == run_id, E.end_s >= time_s, E.to_cycle.is_not(None))]
     with reading(store) as connection:
-        return fetch_rows(connection, found.order_by(*_ORDER).limit(most))
+        return _lasting_and_waiting(connection, run_id, lasted, E.end_s < time_s, most, E.start_s <= time_s)
+
+
+def _lasting_and_waiting(
+    connection: Connection,
+    run_id: int,
+    lasting: Sequence[Select[Any]],
+    ended: Any,
+    most: int,
+    began: Any = true(),  # noqa: B008
+) -> Rows:
+    """All alarms that last, then the most urgent of those that have ended and wait for acknowledgement.
+
+    Args: lasting: keys of those that last; ended, began: conditions on the others, and on both.
+    """
+    alarm = E.kind.in_(ALARM_KINDS), began
+    columns, rows = fetch_rows(connection, _in_keys(_select(), union(*lasting)).where(*alarm).order_by(*_ORDER))
+    waiting = _in_keys(_select(), union(_unacknowledged(run_id))).where(*alarm, ended).order_by(*_ORDER).limit(most)
+    return Rows(columns, rows + fetch_rows(connection, waiting).rows)
 
 
 def _cursor(connection: Connection, run_id: int) -> Cursor:
@@ -106,7 +123,15 @@ def _changed(run_id: int, since: Cursor, now: Cursor) -> list[Select[Any]]:
 
 def _waiting(run_id: int) -> list[Select[Any]]:
     """The keys of what lasts or nobody has acknowledged, each part by an index."""
-    return [_keys(E, E.run_id == run_id, E.to_cycle.is_(None)), _keys(E, E.run_id == run_id, UNACKNOWLEDGED)]
+    return [_lasting(run_id), _unacknowledged(run_id)]
+
+
+def _lasting(run_id: int) -> Select[Any]:
+    return _keys(E, E.run_id == run_id, E.to_cycle.is_(None))
+
+
+def _unacknowledged(run_id: int) -> Select[Any]:
+    return _keys(E, E.run_id == run_id, UNACKNOWLEDGED)
 
 
 def _keys(of: Any, *where: Any) -> Select[Any]:
