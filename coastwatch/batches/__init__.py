@@ -31,6 +31,7 @@ from coastwatch.batches.reports import (
     Truth,
 )
 from coastwatch.batches.sensors import (
+    ID_STRIDE,
     Radars,
     Sensors,
     Sonars,
@@ -89,6 +90,7 @@ __all__ = [
     "CLASS_OF_TYPE",
     "COVER_AZIMUTHS",
     "COVER_RANGES",
+    "ID_STRIDE",
     "NO_ALARMS",
     "AisAlarms",
     "AisDetection",

@@ -9,6 +9,9 @@ import numpy as np
 
 from coastwatch.batches.struct import Array, Batch, Floats, Ints, column
 
+ID_STRIDE = 2**40
+"""A track id is the number of its source times this, plus a number of its own that is never reused."""
+
 
 @dataclass(frozen=True, eq=False)
 class Radars(Batch):

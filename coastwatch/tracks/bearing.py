@@ -10,13 +10,12 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import CLASSES, Array, BearingReports, BearingTracks, Bools, Floats, Ints, Sensors
+from coastwatch.batches import CLASSES, ID_STRIDE, Array, BearingReports, BearingTracks, Bools, Floats, Ints, Sensors
 from coastwatch.geodesy import wrap_deg, wrap_rad
 from coastwatch.kernels.tables.row_numbers import require_rows
 from coastwatch.stage import Count, Method, Positive
 from coastwatch.tracks.inputs import BearingInput
 
-ID_STRIDE = 2**40  # track ids of one source
 LINE_COLUMNS = ("sensor", "time_s", "bearing_rad", "weight")  # the data of a line fit
 GAIN = 100.0  # greater than any squared gate plus the logarithm of its width: every bearing in a gate has a positive gain
 SAME_SLOT = 0.75  # of the spacing: a clock that jitters by a quarter still fills one slot a report

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch.batches import (
+    ID_STRIDE,
     Batch,
     Bools,
     Floats,
@@ -24,7 +25,6 @@ from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred, offset_deg
 from coastwatch.stage import Method, Positive
 from coastwatch.tracks.inputs import ReceivedInput
 
-ID_STRIDE = 2**40  # track ids of one source
 INTERVALS = 2.5  # of a track's own, until it is dropped
 SHORTEST_STEP_S = 1.0  # between two positions that give a velocity
 KEPT = 256  # newest differences to AIS partners of a source

@@ -11,12 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from coastwatch.batches import BearingReports, Floats, Sensors
+from coastwatch.batches import ID_STRIDE, BearingReports, Floats, Sensors
 from coastwatch.geodesy import wrap_deg, wrap_rad
 from coastwatch.server.checkpoint import load, save
 from coastwatch.tracks import BearingInput
 from coastwatch.tracks.bearing import (
-    ID_STRIDE,
     MOST_GATED,
     MOST_LOOKS,
     MOST_NUMBERED,

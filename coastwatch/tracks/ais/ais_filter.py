@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from coastwatch import kernels
-from coastwatch.batches import AisAlarms, AisReports, Bools, Floats, Ints, Measurements, Tracks
+from coastwatch.batches import ID_STRIDE, AisAlarms, AisReports, Bools, Floats, Ints, Measurements, Tracks
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.stage import Method, NotNegative, Positive, Settings
 from coastwatch.tracks.ais.out_of_sequence import (
@@ -22,7 +22,6 @@ from coastwatch.tracks.ais.out_of_sequence import (
 )
 from coastwatch.tracks.inputs import AisInput, AisOutput
 
-ID_STEP = 2**40  # track id = source * ID_STEP + a number that is never reused
 WIRE_POSITION_M = 0.185  # ITU-R M.1371: latitude and longitude in 1/10,000 minute
 WIRE_SOG_KN = 0.1
 WIRE_COG_DEG = 0.1
@@ -190,7 +189,7 @@ def report(
     names = ("mmsi", "number", "origin", "updated", "started", "alarm", "status", "expected", "ee", "en", "nn")
     known = {name: tracks[name][live] for name in names}
     out = Tracks(
-        track_id=source * ID_STEP + known["number"],
+        track_id=source * ID_STRIDE + known["number"],
         source=np.full(len(live), source, np.int64),
         time_s=np.full(len(live), float(time_s)),
         position_deg=position,

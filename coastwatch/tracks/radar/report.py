@@ -7,10 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import Floats, Ints, Measurements, Plots, Sensors, Tracks
+from coastwatch.batches import ID_STRIDE, Floats, Ints, Measurements, Plots, Sensors, Tracks
 from coastwatch.kernels.tracks.columns import Estimates, RadarColumns
-
-ID_STRIDE = 2**40  # track ids of one region
 
 
 class Reported(NamedTuple):

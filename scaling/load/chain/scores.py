@@ -10,7 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from coastwatch.batches import AisReports, Bools, Floats, Ints, Noise, RadarReports, Reports, SourceKind, Tracks, Truth
+from coastwatch.batches import (
+    ID_STRIDE,
+    AisReports,
+    Bools,
+    Floats,
+    Ints,
+    Noise,
+    RadarReports,
+    Reports,
+    SourceKind,
+    Tracks,
+    Truth,
+)
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, earth_centred, to_plane
 from coastwatch.pipeline import Cycle
 from coastwatch.scores.bound import bound
@@ -158,7 +170,7 @@ def _quality(truth: Truth, covered: Bools, tracks: Tracks) -> TrackQuality:
 def _small(radar: Tracks, world: World) -> Ints:
     """Track ids below 2**31, as `Identities` needs them: ids of a region begin at its number times a large stride."""
     regions = len(world.sensors.region_names)
-    return np.asarray((radar.track_id & ((1 << 40) - 1)) * regions + radar.source)
+    return np.asarray((radar.track_id % ID_STRIDE) * regions + radar.source)
 
 
 def _of_sample(time_s: float, origin: Ints, position_deg: Floats, truth: Truth, sample: Ints) -> tuple[float, Ints, Floats]:

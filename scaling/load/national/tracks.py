@@ -13,7 +13,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from coastwatch.batches import Array, Batch, Bools, Floats, Ints, Struct, Tracks, column
+from coastwatch.batches import ID_STRIDE, Array, Batch, Bools, Floats, Ints, Struct, Tracks, column
 from coastwatch.geodesy import difference_m, scale_m_deg, wrap_deg
 from scaling.load.national.coasts import (
     MAX_COAST_M,
@@ -48,7 +48,6 @@ MMSI_CHANGE_SHARE, MMSI_CHANGE_S = 0.03, 900.0  # share of AIS channels whose ve
 NO_COVARIANCE_SHARE = 0.2  # of AIS channels
 AIS_SIGMA_M = (5.0, 10.0)  # of positions, per axis
 CORRELATION_S = (10.0, 20.0)  # time constant of the errors of a track
-ID_STEP = 2**40  # a track id is the number of its source times this, plus a number of its own
 FIRST_MMSI, MMSIS = 201_000_000, 570_000_000
 BLOCK_ROWS = 1 << 16  # rows per block, so that intermediate arrays stay in the processor's cache
 RANGE_SIGMA_M, AZIMUTH_SIGMA_RAD = 15.0, np.radians(0.1)  # of one radar report
@@ -217,7 +216,7 @@ def _write_block(
     time_s = (np.floor(elapsed_s / channels.interval_s + channels.phase) - channels.phase) * channels.interval_s
     true = true_motion(slots, coasts, channels.slot, time_s)
     source, number, mmsi = _identities(slots, channels, coasts, true, time_s)
-    track_id = np.where(source >= 0, source * ID_STEP + number, -1)
+    track_id = np.where(source >= 0, source * ID_STRIDE + number, -1)
     is_new = track_id != before.track_id[block]
     after.track_id[block], after.updated_s[block] = track_id, np.where(source >= 0, time_s, -np.inf)
     after.started_s[block] = np.where(is_new, time_s, before.started_s[block])
