@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coastwatch.batches import Floats, RadarReports, Radars, Reports, Sensors, TrackReports
+from coastwatch.formats.asterix.system_tracks import SystemTracks
 from coastwatch.formats.asterix.tracks import Track, quantity_of, reports_of, track_of, uint_of
 from coastwatch.formats.decoding import Counts, FeedSettings, Item, OptionError, Stamps, Waiting
 from coastwatch.formats.format import Format, SensorNames
@@ -272,4 +273,4 @@ def encode(reports: Reports, names: SensorNames) -> list[bytes]:
     return list(datagrams(reports.radar))
 
 
-ASTERIX = Format("asterix", decoder=_decoder, encode=encode, in_datagrams=True)
+ASTERIX = Format("asterix", decoder=_decoder, encode=encode, pictures=SystemTracks, in_datagrams=True)
