@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
-from coastwatch.alarms import AlarmInput, EventMemory, Evidence, Numbered, expected_sensors, next_events, numbered
+from coastwatch.alarms import AlarmInput, AlarmMemory, EventMemory, Evidence, Numbered, expected_sensors, next_events, numbered
 from coastwatch.associations import (
     AssociationInput,
     AssociationMemory,
@@ -51,7 +50,7 @@ from coastwatch.batches import (
     VesselAlarms,
     limits,
 )
-from coastwatch.cover import CoverInput, RadarCoverageMemory, SilenceInput
+from coastwatch.cover import CoverInput, RadarCoverageMemory, SilenceInput, SilenceMemory
 from coastwatch.fused_tracks import FusionInput, FusionMemory
 from coastwatch.picture import PictureInput, PictureMemory
 from coastwatch.regional import RegionMemory, reports_of_regions, start_region, step_of_regions
@@ -59,7 +58,7 @@ from coastwatch.registration import RegistrationInput, RegistrationMemory
 from coastwatch.scenario import Scenario
 from coastwatch.spots import KMeansMemory, OctantInput
 from coastwatch.stage import Map, NoMemory, RegionMap, Running, serial_regions
-from coastwatch.tracks import AisInput, BearingInput, ReceivedInput
+from coastwatch.tracks import AisInput, AisMemory, BearingInput, BearingMemory, ReceivedInput, ReceivedMemory
 
 Timer = Callable[[str], AbstractContextManager[object]]
 
@@ -83,7 +82,7 @@ class CentreMemory:
     octants: NoMemory
     bearing_associations: BearingAssociationMemory
     bearing_members: BearingMembers  # for the fused tracks of the next cycle
-    alarms: Any
+    alarms: AlarmMemory
     events: EventMemory
 
 
@@ -95,16 +94,16 @@ class Memory:
     """
 
     regions: tuple[RegionMemory, ...]  # or what stands for it while a worker keeps it
-    ais_tracks: Any
-    bearing_tracks: Any
-    received_tracks: Any
+    ais_tracks: AisMemory
+    bearing_tracks: BearingMemory
+    received_tracks: ReceivedMemory
     centre: CentreMemory
     registration: RegistrationMemory
     corrections: RadarCorrections  # of the radars, for the next cycle
     cover: RadarCoverageMemory
     ais_detection: AisDetection  # by the cover of the radars, for the next cycle
+    silence: SilenceMemory  # which sensors were heard, and how often
     radar_cover: RadarCover = field(default_factory=RadarCover.empty)  # for the next cycle
-    silence: Any = None  # which sensors were heard, and how often
     beyond: dict[str, int] = field(default_factory=dict)  # reports, tracks and vessels that were dropped as none, by kind
     left_out: dict[str, int] = field(default_factory=dict)  # as of Cycle, of all cycles
     unknown_radar: int = 0  # reports of a radar that the scenario does not have
@@ -157,9 +156,17 @@ class Cycle:
 def start_centre(scenario: Scenario) -> CentreMemory:
     """The memory of the high-level centre before the first cycle."""
     s = scenario
-    first = s.spots.init(), s.associations.init(), s.fused_tracks.init(), s.picture.init()
-    bearings = s.octants.init(), s.bearing_associations.init(), BearingMembers.empty()
-    return CentreMemory(*first, *bearings, s.alarms.init(), EventMemory.none())
+    return CentreMemory(
+        s.spots.init(),
+        s.associations.init(),
+        s.fused_tracks.init(),
+        s.picture.init(),
+        s.octants.init(),
+        s.bearing_associations.init(),
+        BearingMembers.empty(),
+        s.alarms.init(),
+        EventMemory.none(),
+    )
 
 
 def start(scenario: Scenario, sensors: Sensors) -> Memory:
@@ -175,7 +182,7 @@ def start(scenario: Scenario, sensors: Sensors) -> Memory:
         RadarCorrections.none(len(sensors.radars)),
         s.cover.init(),
         AisDetection.empty(),
-        silence=s.silence.init(),
+        s.silence.init(),
     )
 
 
@@ -253,10 +260,17 @@ def fuse(
         heard_s = picture_memory.flags.ais_heard_s[good]
         evidence = Evidence(*seen_by, sensors.source_names, stations, radars, heard_s, hearing)
         events_memory, events = next_events(m.events, picture, vessel_alarms, time_s, s.store.event_gap_s, evidence)
-    stages = spots_memory, associations_memory, fused_memory, picture_memory, octants_memory, bearings_memory
-    after = CentreMemory(*stages, next_bearings, alarms_memory, events_memory)
-    found = spots, associations, fused, picture, members, octants, bearing_associations
-    none = RadarCorrections.none(len(sensors.radars))
+    after = CentreMemory(
+        spots=spots_memory,
+        associations=associations_memory,
+        fused_tracks=fused_memory,
+        picture=picture_memory,
+        octants=octants_memory,
+        bearing_associations=bearings_memory,
+        bearing_members=next_bearings,
+        alarms=alarms_memory,
+        events=events_memory,
+    )
     left_out = {
         "associations": associations.left_out,
         "alarms": alarms_memory.approaching.left_out,
@@ -267,8 +281,14 @@ def fuse(
         tracks,
         alarms,
         bearing_tracks,
-        *found,
-        none,
+        spots,
+        associations,
+        fused,
+        picture,
+        members,
+        octants,
+        bearing_associations,
+        RadarCorrections.none(len(sensors.radars)),
         vessel_alarms=vessel_alarms,
         events=events,
         unsound=int((~good).sum()),
@@ -309,9 +329,9 @@ def step(
         bearing_memory, bearing_tracks = s.bearing_tracks.step(m.bearing_tracks, BearingInput(reports.bearing, time_s, sensors))
     with timer("received_tracks"):
         states = ReceivedInput(reports.tracks, time_s, sensors, ais_tracks)
-        given_memory, given_tracks = s.received_tracks.step(m.received_tracks, states)
+        received_memory, received_tracks = s.received_tracks.step(m.received_tracks, states)
     plots = Plots.join([region.plots for region in regional])
-    tracks = Tracks.join([*(region.tracks for region in regional), given_tracks, ais_tracks])
+    tracks = Tracks.join([*(region.tracks for region in regional), received_tracks, ais_tracks])
     measurements = Measurements.join([*(region.measurements for region in regional), ais_taken])
     tracks, measurements, alarms, bearing_tracks, unsound = _sound(tracks, measurements, alarms, bearing_tracks)
     if unsound:
@@ -350,14 +370,32 @@ def step(
             hearing.radars.silent,
         )
         cover_memory, (radar_cover, ais_detection) = Running(s.cover, m.cover).next(shown)
-    first = regional_memory, ais_memory, bearing_memory, given_memory, centre_memory
-    of_feeds, of_sources = ais_memory.clocks.summary(), s.received_tracks.summary(given_memory, sensors)
-    standing = StandingEchoes.join([region.standing_echoes for region in regional])
-    cycle = replace(cycle, corrections=corrections, ais_feeds=of_feeds, track_sources=of_sources, radar_cover=radar_cover)
-    cycle = replace(cycle, standing_echoes=standing, left_out=left_out)
-    next_cover = cover_memory, ais_detection, radar_cover
-    counts = beyond, _summed(m.left_out, left_out), m.unknown_radar + unknown
-    return Memory(*first, registration_memory, corrections, *next_cover, silence_memory, *counts), cycle
+    cycle = replace(
+        cycle,
+        corrections=corrections,
+        ais_feeds=ais_memory.clocks.summary(),
+        track_sources=s.received_tracks.summary(received_memory, sensors),
+        radar_cover=radar_cover,
+        standing_echoes=StandingEchoes.join([region.standing_echoes for region in regional]),
+        left_out=left_out,
+    )
+    after = Memory(
+        regions=regional_memory,
+        ais_tracks=ais_memory,
+        bearing_tracks=bearing_memory,
+        received_tracks=received_memory,
+        centre=centre_memory,
+        registration=registration_memory,
+        corrections=corrections,
+        cover=cover_memory,
+        ais_detection=ais_detection,
+        silence=silence_memory,
+        radar_cover=radar_cover,
+        beyond=beyond,
+        left_out=_summed(m.left_out, left_out),
+        unknown_radar=m.unknown_radar + unknown,
+    )
+    return after, cycle
 
 
 def _sound(

@@ -6,35 +6,15 @@ import io
 import json
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
 
-from coastwatch.batches.plain_data import TreeError, from_tree, to_tree
+from coastwatch.batches.plain_data import Classes, TreeError, classes_in, from_tree, to_tree
 from coastwatch.pipeline import Memory
 from coastwatch.scenario.model import StoreSettings
 from coastwatch.scores import Tally
-
-MODULES_WITH_CLASSES = (
-    "coastwatch.batches",
-    "coastwatch.plots",
-    "coastwatch.tracks",
-    "coastwatch.spots",
-    "coastwatch.associations",
-    "coastwatch.kernels.association.history",
-    "coastwatch.kernels.fusion.cross_covariance",
-    "coastwatch.fused_tracks",
-    "coastwatch.picture",
-    "coastwatch.alarms",
-    "coastwatch.registration",
-    "coastwatch.cover",
-    "coastwatch.scores",
-    "coastwatch.stage",
-    "coastwatch.pipeline",
-    "coastwatch.regional",
-    "coastwatch.server.checkpoint",
-)
-"""Modules, and packages with their modules, whose dataclasses and named tuples a checkpoint may hold. No other class is made."""
 
 MOST_OF_PERIOD = 0.1
 """Share of the time of a live run for which cycles wait, that checkpoints may take."""
@@ -53,6 +33,12 @@ class Point:
     cycle: int  # the next one
     memory: Memory
     tally: Tally
+
+
+@cache
+def classes() -> Classes:
+    """The classes that a checkpoint may hold: those that the types of `Point` declare. No other class is made."""
+    return classes_in(Point)
 
 
 class Pace:
@@ -81,11 +67,11 @@ class Pace:
 def save(value: Any) -> bytes:
     """Bytes from which `load` makes an equal value.
 
-    Args: value: plain data (`coastwatch.batches.plain_data`) with classes of MODULES_WITH_CLASSES. An array keeps its dtype, shape and
+    Args: value: plain data (`coastwatch.batches.plain_data`) of what `Point` declares. An array keeps its dtype, shape and
     order (C or Fortran), not what it shares.
     Raises: TypeError: anything else.
     """
-    tree, arrays = to_tree(value, MODULES_WITH_CLASSES)
+    tree, arrays = to_tree(value, classes())
     text = json.dumps(tree, separators=(",", ":")).encode()
     members: dict[str, Any] = {TREE: np.frombuffer(text, np.uint8)}
     members |= {str(number): array for number, array in enumerate(arrays)}
@@ -95,7 +81,7 @@ def save(value: Any) -> bytes:
 
 
 def load(saved: bytes) -> Any:
-    """The value that `save` was given, with arrays of its own. Only classes of MODULES_WITH_CLASSES are called.
+    """The value that `save` was given, with arrays of its own. Only what `Point` declares is made.
 
     Raises: CheckpointError: the bytes are not of `save`, are damaged, name a class or a field that does not exist, or hold a row
     number that is out of range.
@@ -106,7 +92,7 @@ def load(saved: bytes) -> Any:
         with np.load(io.BytesIO(saved)) as file:  # numpy refuses arrays of objects by default
             members = {name: file[name] for name in file.files}
         tree = json.loads(members.pop(TREE).tobytes())
-        return from_tree(tree, [members[str(number)] for number in range(len(members))], MODULES_WITH_CLASSES)
+        return from_tree(tree, [members[str(number)] for number in range(len(members))], classes())
     except TreeError as error:
         raise CheckpointError(str(error)) from error
     except Exception as error:  # any error of zipfile, numpy or json on damaged bytes

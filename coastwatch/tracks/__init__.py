@@ -10,13 +10,14 @@ from pydantic import Field
 
 from coastwatch.tracks.ais.ais_filter import AisFilter
 from coastwatch.tracks.ais.dead_reckoning import AisDeadReckoning
+from coastwatch.tracks.ais.out_of_sequence import Memory as AisMemory
 from coastwatch.tracks.alignment import ConstantVelocity
-from coastwatch.tracks.bearing import BearingWindow
+from coastwatch.tracks.bearing import BearingMemory, BearingWindow
 from coastwatch.tracks.inputs import AisInput, AisOutput, BearingInput, ReceivedInput
 from coastwatch.tracks.radar.region import RegionInput, RegionOutput
 from coastwatch.tracks.radar.table import RadarMemory
 from coastwatch.tracks.radar.tracker import TableTracker
-from coastwatch.tracks.received import ReceivedTracks
+from coastwatch.tracks.received import ReceivedMemory, ReceivedTracks
 
 RadarTracker = Annotated[TableTracker, Field()]
 AisTracker = Annotated[AisFilter | AisDeadReckoning, Field(discriminator="method")]
@@ -28,15 +29,18 @@ __all__ = [
     "AisDeadReckoning",
     "AisFilter",
     "AisInput",
+    "AisMemory",
     "AisOutput",
     "AisTracker",
     "BearingInput",
+    "BearingMemory",
     "BearingTracker",
     "BearingWindow",
     "ConstantVelocity",
     "RadarMemory",
     "RadarTracker",
     "ReceivedInput",
+    "ReceivedMemory",
     "ReceivedTracks",
     "RegionInput",
     "RegionOutput",

@@ -9,13 +9,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from coastwatch import batches
 from coastwatch.batches import Array
-from coastwatch.batches.plain_data import from_tree, to_tree
+from coastwatch.batches.plain_data import classes_in, from_tree, to_tree
+from coastwatch.regional import RegionCycle, RegionReports
 from coastwatch.stage import Arrays
 
 MARGIN = 1.25  # size of a new block over the needed size, for tracks to come
 ALIGNMENT = 64
-BATCHES = "coastwatch.batches", "coastwatch.regional"  # whose classes are sent
+BATCHES = classes_in(
+    *(kind for kind in vars(batches).values() if isinstance(kind, type)), RegionReports, RegionCycle
+)  # are sent
 
 
 class Location(NamedTuple):

@@ -6,6 +6,7 @@ import os
 from contextlib import nullcontext
 
 import numpy as np
+from as_bytes import as_bytes
 from region_steps import add
 
 from coastwatch import pipeline
@@ -111,7 +112,7 @@ def run_regions(scenario, regions, spots=serial, at_cycle=lambda cycle: None):
         now = plan.instant_s(cycle)
         reports = recording.reports.between(plan.instant_s(cycle - 1), now)
         memory, out = pipeline.step(scenario, sensors, memory, reports, now, spots, lambda _: nullcontext(), regions)
-        made.append(save((out.tracks, out.picture, out.associations, out.corrections)))
+        made.append(as_bytes((out.tracks, out.picture, out.associations, out.corrections)))
     assert len(sensors.region_names) == 3
     assert all((out.tracks.source == k).sum() > 5 for k in range(4))
     return made, save(pipeline.gathered(memory, regions).regions)

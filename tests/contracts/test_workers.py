@@ -13,8 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coastwatch.batches import TrackReports
-from coastwatch.batches.plain_data import TreeError, from_tree, to_tree
+from coastwatch.batches import TrackReports, Tracks
+from coastwatch.batches.plain_data import TreeError, classes_in, from_tree, to_tree
 from coastwatch.kernels.threads import blocks
 from coastwatch.stage import Groups, serial
 from coastwatch.workers import open_workers, processors
@@ -147,11 +147,11 @@ def test_plain_data_goes_through_shared_memory_and_is_not_shared_afterwards():
         assert rest[0].tolist() == [0, 1, 2]
         assert rest[1:] == list(value[2:])
         got.time_s[:] = 0.0
-    with pytest.raises(TypeError, match=r"got a types.SimpleNamespace, needed .* a dataclass of coastwatch.batches"):
+    with pytest.raises(TypeError, match=r"got a types.SimpleNamespace, needed .* or a declared dataclass"):
         send(SimpleNamespace(), publisher)
-    tree, arrays = to_tree(batch, ("coastwatch.batches",))
+    tree, arrays = to_tree(batch, classes_in(TrackReports))
     with pytest.raises(TreeError, match=r"names the class coastwatch.batches.reports.TrackReports"):
-        from_tree(tree, arrays, ("coastwatch.stage",))
+        from_tree(tree, arrays, classes_in(Tracks))
     publisher.close()
 
 

@@ -17,13 +17,13 @@ import pytest
 from run_world import run, small, url
 
 from coastwatch import pipeline
-from coastwatch.batches import Tracks
+from coastwatch.batches import Members
 from coastwatch.operators.cli import main
+from coastwatch.registration.information import Estimate
 from coastwatch.scenario import load_scenario
 from coastwatch.scenario.model import StoreSettings
 from coastwatch.server.checkpoint import CheckpointError, Pace, load, save
 from coastwatch.stage import NoMemory, serial
-from coastwatch.tracks.radar.motion import Filters
 
 RAN: list[str] = []
 
@@ -49,8 +49,7 @@ def objects() -> np.ndarray:
     return np.array([Payload()])
 
 
-TRACKS = "coastwatch.batches.yields.Tracks"
-GOOD = save((Tracks.empty(), NoMemory(), {"late": 3}, np.arange(1000.0)))
+GOOD = save((Members.empty(), NoMemory(), {"late": 3}, np.arange(1000.0)))
 FORMAT, DAMAGED, NAMES = "it is not in the format of this version", "it is damaged", "it names the class "
 HOSTILE = {
     "a pickle": (pickle.dumps(Payload()), FORMAT),
@@ -65,9 +64,13 @@ HOSTILE = {
     "a class that a stage imports": (of_class("coastwatch.stage.BaseModel"), NAMES),
     "a class that is no dataclass": (of_class("coastwatch.tracks.radar.tracker.TableTracker", method="imm"), NAMES),
     "an unknown class of a stage": (of_class("coastwatch.tracks.radar.table.Backdoor"), NAMES),
+    "a batch that no memory holds": (of_class("coastwatch.batches.yields.Tracks"), NAMES),
     "an unknown field": (of_class("coastwatch.stage.NoMemory", command="true"), "got the fields command, needed"),
     "a missing field": (of_class("coastwatch.server.checkpoint.Point", cycle=1), "needed cycle, memory, tally"),
-    "a field of another type": (npz('{"class":"coastwatch.stage.Groups","fields":{"row":1,"start":2}}'), "Groups.row"),
+    "a field of another type": (
+        npz('{"class":"coastwatch.registration.references.References","fields":{"radar":1,"track_id":2}}'),
+        "References.radar",
+    ),
     "an unknown kind of part": (npz('{"call":"os.system"}'), "it has a part of unknown kind: call"),
     "an array that is missing": (npz('{"array":7}'), DAMAGED),
     "no tree": (GOOD.replace(b"tree.npy", b"trap.npy"), DAMAGED),
@@ -127,8 +130,8 @@ VALUES = [
     np.broadcast_to(np.nan, (5, 2)),
     RECORDS,
     NoMemory(),
-    Tracks.empty(),
-    Filters(np.zeros((1, 3, 5)), np.ones((1, 3, 5, 5)), np.full((1, 3), 0.1)),
+    Members.empty(),
+    Estimate(np.zeros((1, 3)), np.ones((1, 3)), np.ones(1, np.int64), np.full(1, 0.1)),
 ]
 
 
@@ -141,7 +144,7 @@ def test_a_value_comes_back_to_the_bit(value: object) -> None:
         assert (again.dtype, again.shape, again.tobytes()) == (value.dtype, value.shape, value.tobytes())
         assert again.flags.writeable
         assert not value.flags.f_contiguous or again.flags.f_contiguous
-    elif not hasattr(value, "__dataclass_fields__") and not isinstance(value, Filters):
+    elif not hasattr(value, "__dataclass_fields__") and not isinstance(value, Estimate):
         assert again == value
 
 
