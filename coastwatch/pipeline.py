@@ -12,7 +12,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from coastwatch.alarms import AlarmInput, AlarmMemory, EventMemory, Evidence, Numbered, expected_sensors, next_events, numbered
+from coastwatch.alarms import (
+    AlarmInput,
+    AlarmMemory,
+    EventMemory,
+    EvidenceContext,
+    Numbered,
+    expected_sensors,
+    next_events,
+    numbered,
+)
 from coastwatch.associations import (
     AssociationInput,
     AssociationMemory,
@@ -256,9 +265,17 @@ def fuse(
         next_bearings = bearing_members(bearing_associations, bearing_tracks, picture, members, sensors)
     with timer("alarms"):
         stations, radars = expected_sensors(sensors, s.picture.cover_margin, s.picture.dark_after_s, s.picture.unseen_after_s)
-        seen_by = tracks, members, bearing_tracks, bearing_associations
-        heard_s = picture_memory.flags.ais_heard_s[good]
-        evidence = Evidence(*seen_by, sensors.source_names, stations, radars, heard_s, hearing)
+        evidence = EvidenceContext(
+            tracks=tracks,
+            members=members,
+            bearing_tracks=bearing_tracks,
+            bearing_associations=bearing_associations,
+            names=sensors.source_names,
+            stations=stations,
+            radars=radars,
+            ais_heard_s=picture_memory.flags.ais_heard_s[good],
+            hearing=hearing,
+        )
         events_memory, events = next_events(m.events, picture, vessel_alarms, time_s, s.store.event_gap_s, evidence)
     after = CentreMemory(
         spots=spots_memory,

@@ -67,8 +67,8 @@ WHERE c.recorded AND coalesce(r.vessels, -1) <> c.vessels;
 
 -- a flag that lasts is of a vessel that is in the picture
 SELECT e.run_id FROM event e
-WHERE e.to_cycle IS NULL AND e.vessel_id <> 0 AND e.kind NOT IN ('zone_enter', 'zone_leave', 'zone_dwell', 'zone_speed', 'line_crossed',
-    'close_approach', 'anchor_drag', 'lost') AND NOT EXISTS (SELECT 1 FROM presence p
+WHERE e.to_cycle IS NULL AND e.kind IN ('dark', 'ais_without_radar', 'ais_contradicted', 'mmsi_twice', 'impossible_speed', 'coasting',
+    'odd_mmsi', 'ais_sart', 'man_overboard', 'epirb', 'not_under_command', 'aground', 'stationary') AND NOT EXISTS (SELECT 1 FROM presence p
     WHERE p.run_id = e.run_id AND p.vessel_id = e.vessel_id AND p.to_cycle IS NULL);
 
 -- a gap of an event is between cycles of the event

@@ -1,17 +1,16 @@
 """Alarms beside the flags of the picture, and from when until when each flag and alarm holds, with its evidence."""
 
-from coastwatch.alarms.events import EventMemory, next_events
-from coastwatch.alarms.evidence import Evidence, expected_sensors
+from coastwatch.alarms.events import EventMemory, EvidenceContext, expected_sensors, next_events
 from coastwatch.alarms.inputs import AlarmInput
 from coastwatch.alarms.rules import AlarmMemory, AlarmRules
-from coastwatch.alarms.zones import Numbered, Zone, numbered
+from coastwatch.alarms.zone_alarms import Numbered, Zone, numbered
 
 __all__ = [
     "AlarmInput",
     "AlarmMemory",
     "AlarmRules",
     "EventMemory",
-    "Evidence",
+    "EvidenceContext",
     "Numbered",
     "Zone",
     "expected_sensors",

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.alarms.settings import AlarmSettings
+from coastwatch.alarms.lasting import AlarmSettings
 from coastwatch.batches import Bools, Flag, Floats, Ints, NavStatus, Picture
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, scale_m_deg
 from coastwatch.kernels.tables.lookup import find

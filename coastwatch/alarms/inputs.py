@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from coastwatch.alarms.zones import Numbered
+from coastwatch.alarms.zone_alarms import Numbered
 from coastwatch.batches import Members, Picture, RadarCover, SensorHearing, Sensors
 
 

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from coastwatch.alarms.close_approach import Approaching, Pairs, close_pairs
 from coastwatch.alarms.inputs import AlarmInput
-from coastwatch.alarms.lasting import KINDS, Holding, Lasting, extend
-from coastwatch.alarms.raised import Raised, together
-from coastwatch.alarms.settings import AlarmSettings
+from coastwatch.alarms.lasting import KEYS, AlarmSettings, Holding, Lasting, Raised, extend
 from coastwatch.alarms.silent_sensors import sensor_alarms, standing
 from coastwatch.alarms.watched import AIS, RADAR, Seen, Watched, look
-from coastwatch.alarms.zone_alarms import ZoneMemory, zone_alarms
-from coastwatch.alarms.zones import shapes
+from coastwatch.alarms.zone_alarms import Shape, ZoneMemory, shapes, zone_alarms
 from coastwatch.batches import (
     AlarmKind,
     Bools,
@@ -26,6 +24,7 @@ from coastwatch.batches import (
     VesselAlarms,
     joint_keys,
 )
+from coastwatch.batches.kinds import KINDS, Subject
 from coastwatch.batches.sensor_cover import sensor_covers
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, offset_deg
 from coastwatch.kernels.tables.lookup import find
@@ -65,7 +64,7 @@ class AlarmRules(AlarmSettings):
         seen = self._standing(seen, sensors, hearing, time_s)
         raised = [*raised, approaching, anchored, self._lost(seen, sensors, cover, hearing, time_s)]
         after = AlarmMemory(seen.watched, zone_memory, followed, close, dragging, members)
-        found = together(raised, seen.watched, known)
+        found = _together(raised, seen.watched, known)
         if hearing is None:
             return after, found
         return after, VesselAlarms.join([sensor_alarms(hearing, sensors, picture, time_s), found])
@@ -78,7 +77,7 @@ class AlarmRules(AlarmSettings):
         opened = memory.close.take(memory.close.open)
         followed, pairs = close_pairs(self, memory.approaching, seen.picture, time_s, (opened.vessel_id, opened.subject))
         vessel_id = seen.picture.vessel_id
-        key, subject = vessel_id[pairs.first] * KINDS + AlarmKind.CLOSE_APPROACH, vessel_id[pairs.second]
+        key, subject = vessel_id[pairs.first] * KEYS + AlarmKind.CLOSE_APPROACH, vessel_id[pairs.second]
         strong = self._is_close(pairs)
         now = Holding(key, subject, strong, np.zeros(len(key), np.bool_))
         after, _ = extend(memory.close, now, none, self.cpa_open_s, self.close_s, time_s)
@@ -98,7 +97,7 @@ class AlarmRules(AlarmSettings):
 
     def _dragging(self, before: Lasting, seen: Seen, time_s: float) -> tuple[Lasting, Raised]:
         rows = np.flatnonzero(seen.dragging)
-        key, zero = seen.picture.vessel_id[rows] * KINDS + AlarmKind.ANCHOR_DRAG, np.zeros(len(rows), np.int64)
+        key, zero = seen.picture.vessel_id[rows] * KEYS + AlarmKind.ANCHOR_DRAG, np.zeros(len(rows), np.int64)
         now = Holding(key, zero, np.ones(len(rows), np.bool_), np.zeros(len(rows), np.bool_))
         after, _ = extend(before, now, seen.frozen, self.open_s, self.close_s, time_s)
         opened = after.vessel_id[after.open]
@@ -155,3 +154,26 @@ class AlarmRules(AlarmSettings):
         detection, looks = cover.ais_at(away[..., 0], away[..., 1])
         sees = in_range & ((looks < self.cover_looks) | (detection >= self.should_see))
         return np.asarray(sees.any(axis=1))
+
+
+def _together(parts: Sequence[Raised], watched: Watched, zones: Sequence[Shape]) -> VesselAlarms:
+    """All alarms of a cycle, with where their vessels are. Those of vessels that are no longer watched are left out."""
+    if not any(len(part.vessel_id) for part in parts):
+        return VesselAlarms.empty()
+    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0]) if name != "kind"}
+    kind = np.concatenate([np.full(len(part.vessel_id), int(part.kind)) for part in parts])
+    row = find(watched.vessel_id, columns["vessel_id"])
+    order = np.lexsort((columns["subject"], kind, columns["vessel_id"]))
+    order = order[row[order] >= 0]
+    row = row[order]
+    names = {shape.number: shape.zone.name for shape in zones}
+    of_zone = (KINDS[number].subject == Subject.ZONE for number in kind.tolist())
+    name = [names.get(number, "") if zoned else "" for number, zoned in zip(columns["subject"].tolist(), of_zone, strict=True)]
+    return VesselAlarms(
+        kind=kind[order],
+        name=np.array(name, "U64")[order],
+        position_deg=watched.position_deg[row],
+        velocity_m_s=watched.velocity_m_s[row],
+        mmsi=watched.mmsi[row],
+        **{key: value[order] for key, value in columns.items()},
+    )

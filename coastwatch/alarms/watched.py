@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from coastwatch.alarms.settings import AlarmSettings
+from coastwatch.alarms.lasting import AlarmSettings
 from coastwatch.batches import Bools, Flag, Floats, Ints, Members, NavStatus, Picture, Sensors, SourceKind
 from coastwatch.geodesy import KNOT_M_S, difference_m, offset_deg
 from coastwatch.kernels.tables.lookup import find

@@ -15,6 +15,7 @@ from coastwatch.batches.ais_codes import NavStatus, PositionAccuracy, nav_status
 from coastwatch.batches.classes import CLASS_OF_TYPE, CLASSES, VesselClass
 from coastwatch.batches.events import BegunEvents, EventChanges, EventSpans
 from coastwatch.batches.hearing import Hearing, SensorHearing
+from coastwatch.batches.kinds import ALARM_KINDS, AlarmKind, Flag
 from coastwatch.batches.reports import (
     AisReports,
     AisStatics,
@@ -50,19 +51,15 @@ from coastwatch.batches.struct import (
     column,
 )
 from coastwatch.batches.yields import (
-    ALARM_KINDS,
     COVER_AZIMUTHS,
     COVER_RANGES,
-    NO_ALARMS,
     AisAlarms,
     AisDetection,
     AisFeeds,
-    AlarmKind,
     Associations,
     BearingAssociations,
     BearingMembers,
     BearingTracks,
-    Flag,
     FusedTracks,
     HeldVessels,
     Measurements,
@@ -91,7 +88,6 @@ __all__ = [
     "COVER_AZIMUTHS",
     "COVER_RANGES",
     "ID_STRIDE",
-    "NO_ALARMS",
     "AisAlarms",
     "AisDetection",
     "AisFeeds",

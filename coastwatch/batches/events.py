@@ -1,4 +1,4 @@
-"""Events: from when until when a vessel had a flag or an alarm, and the kinds of events."""
+"""Events: from when until when a vessel had a flag or an alarm."""
 
 from __future__ import annotations
 
@@ -7,30 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from coastwatch.batches.struct import Array, Batch, Floats, Ints, column
-from coastwatch.batches.yields import ALARM_KINDS, AlarmKind, Flag
-
-FLAG_KINDS = {flag.value.bit_length() - 1: str(flag.name).lower() for flag in Flag}
-"""Number of a flag, that of its bit -> kind of its events."""
-
-EVENT_KINDS = FLAG_KINDS | {int(kind): kind.name.lower() for kind in AlarmKind}
-"""Number of a flag, or of a kind of alarm -> kind of its events."""
-
-DISTRESS, SENSORS, DANGER, SUSPICION, NOTICE = range(5)
-"""Priorities of alarms, the most urgent first. Lists, streams and web hooks go by priority, then by time."""
-
-_PRIORITIES = {
-    DISTRESS: ("ais_sart", "man_overboard", "epirb"),
-    SENSORS: ("ais_silent", "radar_silent", "source_silent"),
-    DANGER: ("close_approach", "anchor_drag", "not_under_command", "aground", "lost"),
-    NOTICE: ("odd_mmsi", "coasting", "stationary"),
-}
-PRIORITIES = dict.fromkeys(EVENT_KINDS.values(), SUSPICION) | {
-    kind: priority for priority, kinds in _PRIORITIES.items() for kind in kinds
-}
-"""Kind of event -> its priority."""
-
-IS_ALARM = np.array([EVENT_KINDS.get(number, "") in ALARM_KINDS for number in range(max(EVENT_KINDS) + 1)])
-"""Whether each number of a kind is of an alarm."""
 
 
 @dataclass(frozen=True, eq=False)

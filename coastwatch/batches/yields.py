@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import IntEnum, IntFlag
+from enum import IntEnum
 from functools import cached_property
 from typing import Any
 
@@ -373,47 +373,6 @@ class AisDetection(Batch):
 
     track_id: Ints = column(np.int64, "N")  # of AIS
     probability: Floats = column(np.float64, "N")  # of the radar with the best chance, in one turn, by what other vessels show
-
-
-class Flag(IntFlag):
-    """What an operator should look at."""
-
-    DARK = 1  # radar sees it inside AIS coverage, no AIS
-    AIS_WITHOUT_RADAR = 2  # AIS says it is there, a radar that should see it does not
-    AIS_CONTRADICTED = 4  # AIS and radar of one vessel have come apart
-    MMSI_TWICE = 8  # its MMSI is received from two places
-    IMPOSSIBLE_SPEED = 16  # AIS reports state or need a speed no ship has
-    COASTING = 32  # it has no track with a position now: it is predicted, along the line of sight if bearings hold it
-    ODD_MMSI = 64  # its MMSI is not one that a vessel has
-    AIS_SART = 128  # a distress transmitter: its MMSI begins with 970, or its status is "AIS-SART active"
-    MAN_OVERBOARD = 256  # its MMSI begins with 972
-    EPIRB = 512  # an emergency beacon: its MMSI begins with 974
-    NOT_UNDER_COMMAND = 1024  # by its navigational status
-    AGROUND = 2048  # the same
-    STATIONARY = 4096  # it has stayed in one place: a moored or anchored vessel, a quay, a buoy
-
-
-class AlarmKind(IntEnum):
-    """What an alarm is raised for that no flag says. Events have kinds of both, so these numbers are above every bit of `Flag`."""
-
-    ZONE_ENTER = 32  # a vessel has come into a zone
-    ZONE_LEAVE = 33  # it has left it
-    ZONE_DWELL = 34  # it has been inside for longer than allowed
-    ZONE_SPEED = 35  # it is too fast or too slow inside
-    LINE_CROSSED = 36  # it has crossed a line in a direction that counts
-    CLOSE_APPROACH = 37  # two vessels will pass too close, soon
-    ANCHOR_DRAG = 38  # an anchored or moored vessel has moved out of its swing circle
-    LOST = 39  # a vessel under way is no longer tracked although it should be within cover
-    AIS_SILENT = 40  # nothing has come from AIS, or from one of several stations, for much longer than usual: of no vessel
-    RADAR_SILENT = 41  # the same of a radar
-    SOURCE_SILENT = 42  # the same of a track source
-
-
-NO_ALARMS = ("coasting", "stationary")
-"""Flags whose events are no alarms."""
-
-ALARM_KINDS = tuple(str(kind.name).lower() for kind in (*Flag, *AlarmKind) if str(kind.name).lower() not in NO_ALARMS)
-"""What an alarm may be: most flags, and what no flag says."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,9 +16,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from coastwatch.alarms import EventMemory
-from coastwatch.alarms.events import KINDS
+from coastwatch.alarms.events import KEYS
 from coastwatch.batches import ALARM_KINDS, BegunEvents, EventChanges, EventSpans
-from coastwatch.batches.events import EVENT_KINDS, IS_ALARM, PRIORITIES
+from coastwatch.batches.kinds import EVENT_KINDS, IS_ALARM, PRIORITIES
 from coastwatch.store import Acknowledgement, AlarmKey, Beginnings, Rows
 
 MOST_ENDED = 20_000
@@ -254,7 +254,7 @@ def known_of(rows: Rows, memory: EventMemory) -> list[Alarm]:
 
     Args: rows: of the database, that began before the checkpoint; memory: of the events, at the checkpoint.
     """
-    vessel_id, kind = np.divmod(memory.key, KINDS)
+    vessel_id, kind = np.divmod(memory.key, KEYS)
     spans = EventSpans(vessel_id, kind, memory.subject, memory.start_s, memory.end_s)
     end_s = {alarm_id: None if np.isnan(end) else end for alarm_id, end in _alarm_ends(spans)}
     found = [Alarm(*row) for row in rows.rows]

@@ -18,8 +18,7 @@ import numpy as np
 from coastwatch.alarms import AlarmInput, AlarmRules, Zone, numbered
 from coastwatch.alarms.close_approach import close_pairs
 from coastwatch.alarms.watched import look
-from coastwatch.alarms.zone_alarms import zone_alarms
-from coastwatch.alarms.zones import shapes
+from coastwatch.alarms.zone_alarms import shapes, zone_alarms
 from coastwatch.batches import Flag, Members, Picture, Radars, Sensors, Sonars, Stations
 from coastwatch.geodesy import KNOT_M_S, offset_deg
 from coastwatch.operators.cli.arguments import count

@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from coastwatch import pipeline
-from coastwatch.alarms import AlarmInput, AlarmRules, EventMemory, Evidence, expected_sensors, next_events, numbered
-from coastwatch.alarms.events import KINDS
+from coastwatch.alarms import AlarmInput, AlarmRules, EventMemory, EvidenceContext, expected_sensors, next_events, numbered
+from coastwatch.alarms.events import KEYS
 from coastwatch.batches import (
     AisReports,
     BearingAssociations,
@@ -34,7 +34,7 @@ from coastwatch.batches import (
     Tracks,
     VesselAlarms,
 )
-from coastwatch.batches.events import EVENT_KINDS, IS_ALARM
+from coastwatch.batches.kinds import EVENT_KINDS, IS_ALARM
 from coastwatch.operators.cli.arguments import names, pair
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.scores.dark import SILENT_FOR_S
@@ -79,7 +79,7 @@ def events_after(
     expected = expected_sensors(
         sensors, scenario.picture.cover_margin, scenario.picture.dark_after_s, scenario.picture.unseen_after_s
     )
-    evidence = Evidence(*none, sensors.source_names, *expected, np.full(len(picture), -np.inf))
+    evidence = EvidenceContext(*none, sensors.source_names, *expected, np.full(len(picture), -np.inf))
     return next_events(memory, picture, alarms, time_s, scenario.store.event_gap_s, evidence)
 
 
@@ -94,7 +94,7 @@ def rate(scenario: Scenario, rules: AlarmRules, sensors: Sensors, made: list[Mad
         events, changes = events_after(scenario, sensors, events, picture, alarms, now_s)
         for kind in changes.begun.kind[IS_ALARM[changes.begun.kind]].tolist():
             count[EVENT_KINDS[kind]] += 1
-        last = int((np.isnan(events.end_s) & IS_ALARM[events.key % KINDS]).sum())
+        last = int((np.isnan(events.end_s) & IS_ALARM[events.key % KEYS]).sum())
         most = max(most, last)
     hours = (made[-1].time_s - made[0].time_s) / 3600.0
     rates = {kind: found / hours for kind, found in count.items() if found}

@@ -17,7 +17,7 @@ from time import process_time
 import numpy as np
 
 from coastwatch import store
-from coastwatch.alarms import EventMemory, Evidence, expected_sensors, next_events
+from coastwatch.alarms import EventMemory, EvidenceContext, expected_sensors, next_events
 from coastwatch.batches import (
     BearingAssociations,
     BearingTracks,
@@ -84,7 +84,7 @@ def main() -> None:
             time_s = plan.instant_s(number)
             picture = picture_of(flags, time_s)
             tracks = tracks_of(picture)
-            evidence = Evidence(tracks, members, *no_bearings, names, *expected, heard_s)
+            evidence = EvidenceContext(tracks, members, *no_bearings, names, *expected, heard_s)
             begun = process_time()
             memory, changes = next_events(memory, picture, VesselAlarms.empty(), time_s, GAP_S, evidence)
             extended = process_time()

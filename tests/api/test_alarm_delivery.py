@@ -20,7 +20,7 @@ from sqlalchemy import text
 from test_alarms import events
 
 from coastwatch.batches import AlarmKind, BegunEvents, EventChanges, Flag, VesselAlarms
-from coastwatch.batches.events import EVENT_KINDS
+from coastwatch.batches.kinds import EVENT_KINDS
 from coastwatch.operators.api import alarm_stream, webhooks
 from coastwatch.operators.api.alarm_stream import AlarmStream
 from coastwatch.operators.api.service import Service

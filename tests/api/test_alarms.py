@@ -16,7 +16,7 @@ import pytest
 from server_world import Served, listening, wait_for
 
 from coastwatch.batches import AlarmKind, Flag, VesselAlarms
-from coastwatch.batches.events import PRIORITIES
+from coastwatch.batches.kinds import PRIORITIES
 from coastwatch.operators.api import alarm_stream
 from coastwatch.server.alarm_book import Alarm
 from coastwatch.store import Rows

@@ -16,7 +16,7 @@ from browser_world import NEEDS_PAGE, SIZE, Watch, chromium, grave_faults
 from server_world import listening
 
 from coastwatch.batches import BegunEvents, EventChanges, Flag
-from coastwatch.batches.events import EVENT_KINDS
+from coastwatch.batches.kinds import EVENT_KINDS
 from coastwatch.operators.api.application import WEB
 from coastwatch.operators.api.service import Service
 from coastwatch.server.alarm_book import Alarm

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from coastwatch.alarms import AlarmInput, AlarmRules, Zone, close_approach, numbered
 from coastwatch.alarms.close_approach import SPANS, Approaching, close_pairs
-from coastwatch.alarms.zones import Shape
+from coastwatch.alarms.zone_alarms import Shape
 from coastwatch.batches import (
     COVER_AZIMUTHS,
     COVER_RANGES,

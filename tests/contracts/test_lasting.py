@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coastwatch.alarms.lasting import KINDS, Holding, Lasting, extend
+from coastwatch.alarms.lasting import KEYS, Holding, Lasting, extend
 
-KEY = np.array([5 * KINDS + 3])
+KEY = np.array([5 * KEYS + 3])
 NONE = np.zeros(0, np.int64)
 
 

@@ -9,7 +9,16 @@ import numpy as np
 import pytest
 from test_alarm_rules import AREA, PERIOD_S, RULES, SITE, picture_of, sensors, spans
 
-from coastwatch.alarms import AlarmInput, AlarmRules, EventMemory, Evidence, Zone, expected_sensors, next_events, numbered
+from coastwatch.alarms import (
+    AlarmInput,
+    AlarmRules,
+    EventMemory,
+    EvidenceContext,
+    Zone,
+    expected_sensors,
+    next_events,
+    numbered,
+)
 from coastwatch.batches import (
     AlarmKind,
     BearingAssociations,
@@ -143,7 +152,7 @@ def test_one_alarm_of_what_is_silent_lasts_though_it_is_of_no_vessel(
         expected = expected_sensors(ALL_KINDS, 1.0, 60.0, 60.0)
         none = np.zeros(0, np.int64)
         of = Tracks.empty(), Members.empty(), BearingTracks.empty(), BearingAssociations(none, none, np.zeros(0), np.zeros(0))
-        evidence = Evidence(*of, ("west", "vts", "ais"), *expected, np.zeros(0), now)
+        evidence = EvidenceContext(*of, ("west", "vts", "ais"), *expected, np.zeros(0), now)
         events, changes = next_events(events, picture, alarms, time_s, 60.0, evidence)
         seen.append(changes)
     begun = seen[0].begun

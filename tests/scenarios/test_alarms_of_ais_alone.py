@@ -11,7 +11,7 @@ import pytest
 
 from coastwatch import pipeline
 from coastwatch.batches import BegunEvents, Floats
-from coastwatch.batches.events import EVENT_KINDS
+from coastwatch.batches.kinds import EVENT_KINDS
 from coastwatch.geodesy import KNOT_M_S, offset_deg
 from coastwatch.operators import recorded
 from coastwatch.scenario import Scenario, make_scenario

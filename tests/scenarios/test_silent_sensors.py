@@ -12,7 +12,7 @@ import pytest
 
 from coastwatch import pipeline
 from coastwatch.batches import Flag, Reports
-from coastwatch.batches.events import EVENT_KINDS
+from coastwatch.batches.kinds import EVENT_KINDS
 from coastwatch.scenario import load_scenario
 from coastwatch.server.checkpoint import load, save
 from coastwatch.stage import serial, serial_regions

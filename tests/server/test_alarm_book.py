@@ -9,7 +9,7 @@ import pytest
 
 from coastwatch.alarms import EventMemory
 from coastwatch.batches import ALARM_KINDS, BegunEvents, EventChanges, EventSpans
-from coastwatch.batches.events import DISTRESS, EVENT_KINDS, PRIORITIES
+from coastwatch.batches.kinds import DISTRESS, EVENT_KINDS, PRIORITIES
 from coastwatch.server import alarm_book
 from coastwatch.server.alarm_book import Alarm, AlarmBook, Chosen, id_of, key_of, known_of
 from coastwatch.store import Acknowledgement, AlarmKey, Beginnings, Rows

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from coastwatch.alarms import EventMemory, Evidence, expected_sensors, next_events
+from coastwatch.alarms import EventMemory, EvidenceContext, expected_sensors, next_events
 from coastwatch.batches import (
     CLASSES,
     COVER_AZIMUTHS,
@@ -214,7 +214,7 @@ def events_of(
     never = np.full(len(cycle.picture), -np.inf) if heard_s is None else heard_s
     of_cycle = cycle.tracks, cycle.members, cycle.bearing_tracks, cycle.bearing_associations
     names = (*REGIONS, "ais", "mouth")
-    evidence = Evidence(*of_cycle, names, *expected_sensors(sensors(), margin, 60.0, 45.0), never)
+    evidence = EvidenceContext(*of_cycle, names, *expected_sensors(sensors(), margin, 60.0, 45.0), never)
     return next_events(memory, cycle.picture, cycle.vessel_alarms, cycle.time_s, gap_s, evidence)
 
 

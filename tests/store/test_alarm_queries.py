@@ -12,7 +12,7 @@ from sqlalchemy import text, union, update
 
 from coastwatch import store as kept
 from coastwatch.batches import BegunEvents
-from coastwatch.batches.events import EVENT_KINDS, IS_ALARM
+from coastwatch.batches.kinds import EVENT_KINDS, IS_ALARM
 from coastwatch.store import Acknowledgement, AlarmKey, Asked, Beginnings, Store
 from coastwatch.store.read import alarms as queries
 from coastwatch.store.schema.database import reading, writing

@@ -15,9 +15,10 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from coastwatch import store
 from coastwatch.batches import ALARM_KINDS, COVER_AZIMUTHS, COVER_RANGES, Flag, Ints
+from coastwatch.batches.kinds import ZONE_KINDS
 from coastwatch.errors import InputError
 from coastwatch.operators import export, presentation
-from coastwatch.operators.api.service import ZONE_KINDS, Service
+from coastwatch.operators.api.service import Service
 from coastwatch.operators.api.validation import CheckedRoute
 from coastwatch.operators.api.wire import Encoder
 from coastwatch.operators.selection import order, selected

@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any, Protocol, TypeVar
 
 from coastwatch import store
-from coastwatch.batches.events import PRIORITIES
+from coastwatch.batches.kinds import PRIORITIES
 from coastwatch.operators import presentation
 from coastwatch.operators.api.audit import Audit
 from coastwatch.operators.api.hub import Hub
@@ -40,8 +40,6 @@ ALARM_COLUMNS = (
     "longitude_deg", "sog_kn", "evidence", "acknowledged_by", "acknowledged_s", "note", "priority",
 )  # fmt: skip
 T = TypeVar("T")
-ZONE_KINDS = ("zone_enter", "zone_leave", "zone_dwell", "zone_speed", "line_crossed")
-"""Kinds of alarms whose subject is a zone."""
 
 
 class WrittenLater(StoreError):

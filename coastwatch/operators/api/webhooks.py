@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import httpx
 
-from coastwatch.batches.events import DISTRESS
+from coastwatch.batches.kinds import DISTRESS
 from coastwatch.operators.api.alarm_stream import PORTION, AlarmStream, as_json
 from coastwatch.operators.api.service import Service
 from coastwatch.operators.api.webhook_settings import WebHook, signature

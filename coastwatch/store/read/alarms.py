@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple
 from sqlalchemy import CompoundSelect, Connection, Select, and_, case, func, literal_column, or_, select, text, true, union
 
 from coastwatch.batches import ALARM_KINDS
-from coastwatch.batches.events import PRIORITIES, SUSPICION
+from coastwatch.batches.kinds import PRIORITIES, SUSPICION
 from coastwatch.store.acknowledgements import SAME_START_S, AlarmKey
 from coastwatch.store.rows import Rows, fetch_rows
 from coastwatch.store.schema.database import Store, reading

@@ -13,7 +13,7 @@ import numpy as np
 from sqlalchemy import Connection, delete, func, select, update
 
 from coastwatch.batches import BegunEvents, EventChanges, EventSpans, Floats, Ints
-from coastwatch.batches.events import EVENT_KINDS, IS_ALARM
+from coastwatch.batches.kinds import EVENT_KINDS, IS_ALARM
 from coastwatch.store.rows import Categorical, Column, NullableId, clear_columns, insert, update_rows
 from coastwatch.store.schema.tables import EVENT, EVENT_GAP
 
