@@ -1,5 +1,21 @@
-"""Errors whose class says what they mean for the caller, wherever they are raised."""
+"""Errors whose message is a whole answer for an operator. The command line chooses its exit code by their type."""
 
 
-class InputError(Exception):
-    """A wrong command, option or input file: exit code 2. The message says what it got and what it needed."""
+class ExplainedError(Exception):
+    """The message says what failed, why, and what to do: exit code 1."""
+
+
+class InputError(ExplainedError, ValueError):
+    """A command, option, address, setting or file that the caller can repair, with what it got and what it needed: exit code 2."""
+
+
+class AddressError(InputError):
+    """An address that names no feed and no region; the message says what is wrong."""
+
+
+class StoreError(ExplainedError):
+    """The database cannot do what was asked; the message says which database, why, and what to do."""
+
+
+class RunFailedError(ExplainedError):
+    """The run of a server has failed for good: the process ends with exit code 1, and whatever started it may start it again."""

@@ -95,6 +95,8 @@ def read(path: str | Path) -> tuple[tuple[Shore, ...], str]:
         document = json.loads(text)
         shores = tuple(s for g in _geometries(document) for s in _shores(g))
         note = str(document.get("note", ""))
+    except InputError:
+        raise
     except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
         got = str(error) if isinstance(error, ValueError) else "a document without type, coordinates or features"
         raise InputError(f"{path}: needed GeoJSON of lines and polygons, got {got}") from error

@@ -6,12 +6,13 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from coastwatch.errors import InputError
 from coastwatch.shipped import scenarios_folder
 
 OWN = ("name", "extends")  # never inherited: a run is stored under the name of its own scenario
 
 
-class ScenarioError(ValueError):
+class ScenarioError(InputError):
     """A scenario cannot be read; the message names the file, the key, what it got and what it needed."""
 
 

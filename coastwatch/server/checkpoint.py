@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from coastwatch.batches.plain_data import Classes, TreeError, classes_in, from_tree, to_tree
+from coastwatch.errors import ExplainedError
 from coastwatch.pipeline import Memory
 from coastwatch.scenario.model import StoreSettings
 from coastwatch.scores import Tally
@@ -22,7 +23,7 @@ MOST_OF_PERIOD = 0.1
 TREE = "tree"  # the member of the npz file that holds the JSON text
 
 
-class CheckpointError(ValueError):
+class CheckpointError(ExplainedError, ValueError):
     """A checkpoint that cannot be read, with the reason."""
 
 

@@ -28,12 +28,14 @@ from server_world import wait_for
 from coastwatch.batches import AisReports, AisStatics, BearingReports, RadarReports, Reports
 from coastwatch.formats.decoding import JUMP
 from coastwatch.formats.nmea.ais import AisDecoder
+from coastwatch.operators.cli.serving import bound
 from coastwatch.scenario import load_scenario
 from coastwatch.server.feeds import live_input
 from coastwatch.server.feeds.address import AddressError, parsed
 from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.feeds.sending import encoded, of_scenario, send
-from coastwatch.server.feeds.transport import Inbox, Item, kept_alive
+from coastwatch.server.feeds.transport import Inbox, Item
+from coastwatch.server.link import notice_loss
 from coastwatch.server.regions.scenario import with_track_sources
 from coastwatch.server.run import run_scenario
 from scaling.load import replayed
@@ -519,9 +521,18 @@ def test_an_inbox_is_bounded_in_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_sender_whose_machine_is_gone_is_noticed() -> None:
     with socket.socket() as found:
-        kept_alive(found)
+        notice_loss(found)
         assert found.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE) == 1
         assert found.getsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE) <= 30
+
+
+def test_a_viewer_whose_network_is_lost_is_noticed_by_the_socket_that_the_server_accepts() -> None:
+    with bound("127.0.0.1", 0) as listener, socket.create_connection(listener.getsockname()):
+        accepted, _ = listener.accept()
+        with accepted:
+            assert accepted.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE) == 1
+            assert accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE) <= 30
+            assert accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == 30_000  # ms, on Linux
 
 
 @pytest.mark.slow

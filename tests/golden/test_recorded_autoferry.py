@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from coastwatch.batches import Radars, Sensors, Sonars, Stations
+from coastwatch.errors import InputError
 from coastwatch.geodesy import to_plane
 from coastwatch.sensors.recorded.datasets.autoferry import PIREN_DEG, Autoferry
 from coastwatch.stage import Plan
@@ -120,7 +121,7 @@ def test_a_missing_folder_is_named(tmp_path: Path) -> None:
 def test_a_file_that_is_no_json_is_named(tmp_path: Path) -> None:
     root = folder(tmp_path, [])
     (root / "scenario1" / "scenario1_detections.json.gz").write_bytes(b"{half a li")
-    with pytest.raises(OSError, match=r"scenario1_detections\.json\.gz"):
+    with pytest.raises(InputError, match=r"scenario1_detections\.json\.gz"):
         Autoferry(scenario=1, root=root).span()
 
 

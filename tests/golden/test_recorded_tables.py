@@ -12,6 +12,7 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from coastwatch.batches import Fault, Radars, Sensors, Sonars, Stations, TrackSources
+from coastwatch.errors import InputError
 from coastwatch.geodesy import KNOT_M_S, from_plane
 from coastwatch.sensors import Feed
 from coastwatch.sensors.recorded.tables.ais import AisTable, wrapped_cog
@@ -228,7 +229,7 @@ def test_parquet_and_packed_csv_say_the_same_as_csv(tmp_path: Path) -> None:
 )
 def test_an_unreadable_file_is_named(tmp_path: Path, name: str, content: bytes) -> None:
     (tmp_path / name).write_bytes(content)
-    with pytest.raises(OSError, match=name):
+    with pytest.raises(InputError, match=name):
         AisTable(files=(tmp_path / name,)).read()
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from argparse import Namespace
 from pathlib import Path
 
 import pytest
@@ -10,8 +9,8 @@ import pytest
 from coastwatch.alarms import numbered
 from coastwatch.errors import InputError
 from coastwatch.operators.cli.parser import make_parser
-from coastwatch.operators.cli.server_file import with_file, with_zones
 from coastwatch.scenario import load_scenario
+from coastwatch.server.deployment import DEFAULT_DB, Deployment, deployment, with_zones
 from coastwatch.server.feeds.address import AddressError
 from coastwatch.server.regions.client import check_files, parsed_region
 
@@ -35,9 +34,13 @@ url = "wss://n:3?token-file=t"
 """
 
 
-def options(path: Path, text: str, *words: str) -> Namespace:
+def of_words(*words: str) -> Deployment:
+    return deployment(vars(make_parser("serve").parse_args(["serve", *words])))
+
+
+def options(path: Path, text: str, *words: str) -> Deployment:
     path.write_text(text, "utf-8")
-    return with_file(make_parser().parse_args(["serve", str(path), *words]))
+    return of_words(str(path), *words)
 
 
 def test_a_file_takes_the_place_of_options(tmp_path: Path) -> None:
@@ -45,8 +48,8 @@ def test_a_file_takes_the_place_of_options(tmp_path: Path) -> None:
     assert (found.scenario, found.db, found.role) == ("guanabara", str(tmp_path / "watch.db"), "centre")
     assert (found.host, found.port, found.clock, found.lateness, found.speed) == ("127.0.0.1", 8123, "feeds", 5.0, 1.0)
     assert found.tokens == str(tmp_path / "tokens.toml")
-    assert found.feed == ["ais+tcp://a:1?name=harbour", "json+listen://b:2?source=x"]
-    assert found.region == [f"wss://n:3?token-file={tmp_path}/t&name=north"]
+    assert found.feed == ("ais+tcp://a:1?name=harbour", "json+listen://b:2?source=x")
+    assert found.region == (f"wss://n:3?token-file={tmp_path}/t&name=north",)
     assert dict(found.settings) == {"period_s": "2.5", "tracks.method": "imm", "store.overlap": "false"}
 
 
@@ -54,14 +57,15 @@ def test_the_command_line_goes_before_the_file(tmp_path: Path) -> None:
     words = ["--port", "9", "--role", "region", "--db", "other.db", "--feed", "ais+udp://c:4", "--set", "period_s=7"]
     found = options(tmp_path / "watch.toml", WHOLE, *words)
     assert (found.port, found.role, found.lateness, found.db) == (9, "region", 2.0, "other.db")
-    assert found.feed == ["ais+udp://c:4"]
+    assert found.feed == ("ais+udp://c:4",)
     assert dict(found.settings)["period_s"] == "7"
 
 
 def test_without_a_file_options_have_their_defaults() -> None:
-    found = with_file(make_parser().parse_args(["serve", "guanabara"]))
-    assert (found.scenario, found.host, found.port, found.role, found.feed) == ("guanabara", "127.0.0.1", 8100, "all", [])
-    assert (found.clock, found.lateness, found.settings) == ("wall", 2.0, [])
+    found = of_words("guanabara")
+    assert found.db == DEFAULT_DB == make_parser().parse_args(["picture"]).db
+    assert (found.scenario, found.host, found.port, found.role, found.feed) == ("guanabara", "127.0.0.1", 8100, "all", ())
+    assert (found.clock, found.lateness, found.settings) == ("wall", 2.0, {})
 
 
 BAY = """
@@ -124,3 +128,27 @@ def test_what_is_wrong_is_named_by_file_and_key(tmp_path: Path, text: str, said:
     with pytest.raises(InputError) as error:
         options(tmp_path / "watch.toml", text)
     assert str(error.value).startswith(f"{tmp_path / 'watch.toml'}: {said}")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--port", "70000"], "--port: got 70000, needed 65535 or less"),
+        (["--lateness", "-1"], "--lateness: got -1.0, needed 0 or more"),
+        (["--workers", "0"], "--workers: got '0', needed 1 or more"),
+        (["--speed", "1000"], "--speed: got '1000', needed 0.1 to 100"),
+    ],
+)
+def test_what_is_wrong_on_the_command_line_is_named_by_its_option(words: list[str], said: str) -> None:
+    with pytest.raises(InputError) as error:
+        of_words("guanabara", *words)
+    assert str(error.value).startswith(said)
+
+
+def test_web_hooks_of_the_command_line_go_before_those_of_the_file(tmp_path: Path) -> None:
+    text = '[server]\n[[webhooks]]\nurl = "https://a/x"\nkinds = ["dark"]\nsecret_file = "s"'
+    (of_file,) = options(tmp_path / "watch.toml", text).webhooks
+    assert (of_file.url, of_file.kinds, of_file.secret_file) == ("https://a/x", ("dark",), str(tmp_path / "s"))
+    words = ["--webhook", "https://b/y", "--webhook-secret-file", "t"]
+    (given,) = options(tmp_path / "watch.toml", text, *words).webhooks
+    assert (given.url, given.kinds, given.secret_file) == ("https://b/y", (), "t")

@@ -13,13 +13,16 @@ import sys
 import traceback
 from collections.abc import Sequence
 
-from coastwatch.errors import InputError
+from coastwatch.errors import ExplainedError, InputError
 from coastwatch.operators.cli.arguments import FORMATS
 from coastwatch.operators.cli.parser import make_parser
 from coastwatch.spelling import did_you_mean, printable
 
 VALUES = {"--bbox": r"-[\d.]", "--tracks-origin": r"-[\d.]", "--track-site": r"-[\d.]", "--sort": r"-[a-z]"}
 """How the value of an option begins that argparse would take for an option."""
+
+REPAIRABLE = InputError, FileNotFoundError, FileExistsError, IsADirectoryError, NotADirectoryError, PermissionError
+"""What the caller can repair: the errors of Coastwatch that say so, and the names of files."""
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED, PIPE_CLOSED = 0, 1, 2, 130, 141
 
@@ -41,13 +44,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if os.environ.get("COASTWATCH_TRACEBACK") == "1":
             traceback.print_exc()
         print(f"coastwatch: error: {_one_line(error)}", file=sys.stderr)
-        return BAD_INPUT if _is_bad_input(error) else FAILED
+        return BAD_INPUT if isinstance(error, REPAIRABLE) else FAILED
     return code
 
 
 def parsed(words: Sequence[str]) -> argparse.Namespace:
     """The options of a command line. Raises: InputError."""
-    options, unknown = make_parser().parse_known_args(_joined(words))
+    options, unknown = make_parser(words[0] if words else "").parse_known_args(_joined(words))
     if unknown:
         known = ["--" + name.removesuffix("_s").replace("_", "-") for name in vars(options)]
         hint = _meant(unknown[0], options) or did_you_mean(unknown[0].partition("=")[0], known)
@@ -86,30 +89,14 @@ def _forget_stdout() -> None:
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (lives until the process ends)
 
 
-def _is_bad_input(error: Exception) -> bool:
-    if isinstance(error, InputError | FileNotFoundError | FileExistsError):
-        return True
-    if isinstance(error, IsADirectoryError | NotADirectoryError | PermissionError):
-        return True
-    where = _raised_in(error)
-    if isinstance(error, ValueError) and where.startswith(("coastwatch.server.feeds.", "coastwatch.server.regions.")):
-        return True  # an address of a feed or a region
-    return isinstance(error, OSError | ValueError) and where.startswith(("coastwatch.sensors.", "coastwatch.scenario"))
-
-
-def _raised_in(error: Exception) -> str:
-    """The innermost module of Coastwatch in the traceback. What reads input refuses it with OSError and ValueError."""
-    frames = [str(frame.f_globals.get("__name__", "")) for frame, _ in traceback.walk_tb(error.__traceback__)]
-    return next((name for name in reversed(frames) if name.startswith("coastwatch.")), "")
-
-
 def _one_line(error: Exception) -> str:
     if isinstance(error, MemoryError):
         return f"out of memory ({error or 'no size is known'}): needed a smaller scenario or a larger machine"
     text = _of_file(error) if isinstance(error, OSError) and error.strerror else str(error)
     text = "; ".join(printable(line.strip()) for line in text.split("\n") if line.strip())
-    known = _is_bad_input(error) or isinstance(error, OSError) or type(error).__module__.startswith("coastwatch.")
-    return text if known and text else f"{type(error).__name__}: {text or 'no message'} (COASTWATCH_TRACEBACK=1 shows where)"
+    if text and isinstance(error, ExplainedError | OSError):
+        return text
+    return f"{type(error).__name__}: {text or 'no message'} (COASTWATCH_TRACEBACK=1 shows where)"
 
 
 def _of_file(error: OSError) -> str:

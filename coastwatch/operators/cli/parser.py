@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import re
-from typing import Any
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Literal, get_args, get_origin
 
 from coastwatch.errors import InputError
 from coastwatch.operators.cli.arguments import (
@@ -27,6 +29,7 @@ from coastwatch.operators.cli.arguments import (
     column_names,
     completed_by,
     count,
+    pair,
     position,
     seed,
     sensor,
@@ -70,8 +73,11 @@ class _Parser(argparse.ArgumentParser):
         raise InputError(f"{message.removeprefix('argument ')} (see {self.prog} --help)")
 
 
-def make_parser() -> argparse.ArgumentParser:
-    """The parser of all commands. The parsed arguments have `act`, "module:function" in this package."""
+def make_parser(command: str | None = None) -> argparse.ArgumentParser:
+    """The parser of all commands. The parsed arguments have `act`, "module:function" in this package.
+
+    Args: command: the only one that is to be parsed: the options of `serve` are read from models, which take a second to import.
+    """
     parser = _Parser(
         prog="coastwatch",
         description="One picture of a coast from radars, AIS and passive sonars.",
@@ -84,7 +90,7 @@ def make_parser() -> argparse.ArgumentParser:
         _run,
         _scenarios,
         _fuse,
-        _serve,
+        partial(_serve, with_options=command in (None, "serve")),
         _feed,
         _token,
         _reproduce,
@@ -176,66 +182,45 @@ def _fuse(commands: Any) -> None:
     add_running(fuse)
 
 
-def _serve(commands: Any) -> None:
+def _serve(commands: Any, with_options: bool) -> None:
     text = (
         "Serve the picture to browsers and programs: map, API and live stream. With a scenario, run it as time passes and serve each "
         "picture: a simulation begins now. Without one, follow the run that another process writes to the database. The file of a "
         "server has these options in its tables [server], [[feeds]] and [[regions]]. Ctrl-C stops it after a whole cycle."
     )
     serve = _command(commands, "serve", "serving:serve", "run live and serve the picture over HTTP and WebSocket", text)
-    text = "name, folder or .toml file of a scenario, or the .toml file of a server (default: follow the database)"
-    completed_by(serve.add_argument("scenario", metavar="SCENARIO|FILE", nargs="?", help=text), SCENARIOS)
-    add_db(serve)
-    serve.set_defaults(default_db=serve.get_default("db"))
-    add_run(serve)
-    add_set(serve, "override a setting of the scenario; repeatable")
-    text = "processors that share the work (default: the scenario's, in its [workers])"
-    serve.add_argument("--workers", metavar="N", type=workers, help=text)
-    text = (
-        "a live feed in place of the scenario's input, FORMAT+TRANSPORT://ADDRESS; formats ais, ttm, asterix, json; transports tcp "
-        "(connect), listen, udp, file, mqtt: ais+tcp://host:10110, ais+listen://0.0.0.0:10110, asterix+udp://0.0.0.0:8600?25/1=north, "
-        "ais+file:///var/log/ais.nmea; repeatable. The run goes on with the last one, if that ended less than 10 minutes ago"
-    )
-    serve.add_argument("--feed", metavar="URL", action="append", help=text)
-    text = (
-        "region: also send the tracks of its radars to centres; centre: take the tracks of regions in place of radars; all: both in one "
-        "process (default: all)"
-    )
-    serve.add_argument("--role", choices=("all", "region", "centre"), help=text)
-    text = (
-        "a region of this centre: wss://HOST:PORT?name=NAME&token-file=FILE&ca-file=FILE; its tracks are the track source NAME; "
-        "or nats://HOST:PORT/NAME, the stream of NATS JetStream that has them; repeatable"
-    )
-    serve.add_argument("--region", metavar="URL", action="append", help=text)
-    text = (
-        "send the picture of each cycle: cot+udp://239.2.3.1:6969, cot+tcp://HOST:PORT (Cursor on Target), "
-        "ttm+udp://HOST:PORT?site=LAT,LON, tll+udp://HOST:PORT (NMEA targets); ?rate=N messages a second (500). "
-        "Of a region: tracks+nats://HOST:PORT/NAME, its tracks to a stream; repeatable"
-    )
-    serve.add_argument("--out", metavar="URL", action="append", help=text)
-    text = "POST each alarm that begins or ends as JSON to this address, again for minutes while nobody takes it; repeatable"
-    serve.add_argument("--webhook", metavar="URL", action="append", help=text)
-    text = "file whose first line signs these messages (HMAC-SHA256 in X-Coastwatch-Signature)"
-    completed_by(serve.add_argument("--webhook-secret-file", metavar="FILE", help=text))
-    text = "seconds that a cycle waits for late reports; later ones are counted and left out (default: 2; of a centre 5)"
-    serve.add_argument("--lateness", metavar="S", type=float, help=text)
-    text = "what time is: the clock of this machine, or the time stamps of the feeds, for replays (default: wall)"
-    serve.add_argument("--clock", choices=("wall", "feeds"), help=text)
-    serve.add_argument("--new", action="store_true", help="begin a new run")
-    serve.add_argument("--speed", metavar="N", type=speed, help="times as fast as the clock, 0.1 to 100 (default: 1)")
-    serve.add_argument("--host", metavar="ADDRESS", help="address to listen on (default: 127.0.0.1)")
-    serve.add_argument("--port", metavar="N", type=whole, help="port (default: 8100; 0: any free one)")
-    text = "file of tokens, made by `coastwatch token add NAME`: then each request needs one; other addresses than loopback need it"
-    completed_by(serve.add_argument("--tokens", metavar="FILE", help=text))
-    text = (
-        "address or network of a proxy that asks people who they are, such as oauth2-proxy: its X-Forwarded-User and "
-        "X-Forwarded-Groups are believed (groups coastwatch-viewer, coastwatch-operator, coastwatch-admin); repeatable"
-    )
-    serve.add_argument("--trusted-proxy", metavar="CIDR", action="append", default=[], help=text)
-    text = "what is printed while it runs: text, or one JSON object a line, for collectors of logs (default: text)"
-    serve.add_argument("--log-format", choices=("text", "json"), default="text", help=text)
-    completed_by(serve.add_argument("--tls-cert", metavar="FILE", help="certificate chain, PEM, for https"))
-    completed_by(serve.add_argument("--tls-key", metavar="FILE", help="its private key, PEM"))
+    if with_options:
+        _add_fields(serve)
+
+
+TYPES: dict[str, Callable[[str], Any]] = {"workers": workers, "speed": speed}
+"""Of fields of `Deployment` whose range the command line refuses in one sentence."""
+
+
+def _add_fields(parser: argparse.ArgumentParser) -> None:
+    """Adds an option for each field of `Deployment`. None stands for an option that is not given."""
+    from coastwatch.server.deployment import FROM_FILE_ALONE, Deployment, Option, flag  # other commands do not wait for it
+
+    for name, field in Deployment.model_fields.items():
+        if name in FROM_FILE_ALONE:
+            continue
+        option = next((found for found in field.metadata if isinstance(found, Option)), Option())
+        text, metavar, origin = field.description, option.metavar, get_origin(field.annotation)
+        if name == "scenario":
+            completed_by(parser.add_argument(name, metavar=metavar, nargs="?", help=text), SCENARIOS)
+        elif field.annotation is bool:
+            parser.add_argument(flag(name), dest=name, action="store_true", default=None, help=text)
+        elif origin is Literal:
+            parser.add_argument(flag(name), dest=name, choices=get_args(field.annotation), help=text)
+        elif origin in (tuple, dict):
+            read: Callable[[str], Any] = pair if origin is dict else str
+            parser.add_argument(flag(name), dest=name, metavar=metavar, action="append", type=read, help=text)
+        else:
+            of = {field.annotation, *get_args(field.annotation)}
+            read = TYPES.get(name, whole if int in of else float if float in of else str)
+            added = parser.add_argument(flag(name), dest=name, metavar=metavar, type=read, help=text)
+            if option.is_file:
+                completed_by(added)
 
 
 def _token(commands: Any) -> None:

@@ -17,7 +17,7 @@ from typing import Any
 import uvicorn
 from fastapi import FastAPI
 
-from coastwatch.errors import InputError
+from coastwatch.errors import InputError, RunFailedError
 from coastwatch.operators import presentation
 from coastwatch.operators.api import logs
 from coastwatch.operators.api.application import application
@@ -28,14 +28,15 @@ from coastwatch.operators.api.proxy import trusted
 from coastwatch.operators.api.service import Counted, Service
 from coastwatch.operators.api.tokens import Tokens, add
 from coastwatch.operators.api.webhook_settings import WebHook, checked, secret_of
-from coastwatch.operators.cli.server_file import with_file, with_zones
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.server.alarm_book import AlarmBook
+from coastwatch.server.deployment import Deployment, deployment, with_zones
 from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.feeds.outgoing import OutAddress, OutFeed, parsed_out
 from coastwatch.server.feeds.sending import of_file, of_scenario, send
 from coastwatch.server.follow import POLL_S, Follower
+from coastwatch.server.link import notice_loss
 from coastwatch.server.live import Input, LiveRun, Paced
 from coastwatch.server.regions.client import RegionAddress, check_files, parsed_region
 from coastwatch.server.regions.publisher import Publisher
@@ -52,10 +53,6 @@ TRACKS = "tracks+"
 
 BACKLOG = 2048
 """Connections that may wait to be taken."""
-
-
-class RunFailedError(RuntimeError):
-    """The run of a server has failed for good: the process ends with exit code 1, and whatever started it may start it again."""
 
 
 class Followed:
@@ -112,7 +109,11 @@ class Followed:
 
 def serve(options: argparse.Namespace) -> int:
     """Serve until Ctrl-C or SIGTERM."""
-    options = with_file(options)
+    return serve_deployment(deployment(vars(options)))
+
+
+def serve_deployment(options: Deployment) -> int:
+    """Serve until Ctrl-C or SIGTERM."""
     guard = _guard(options)
     _check_role(options)
     outs = [parsed_out(text) for text in options.out if not text.startswith(TRACKS)]
@@ -132,11 +133,11 @@ def serve(options: argparse.Namespace) -> int:
             ):
                 _listen_and_send(followed.service, guard, options, outs, listener)
         else:
-            _serve_run(options, guard, outs, listener)
+            _serve_run(options, options.scenario, guard, outs, listener)
     return 0
 
 
-def _serve_run(options: argparse.Namespace, guard: Guard, outs: list[OutAddress], listener: socket.socket) -> None:
+def _serve_run(options: Deployment, name: str, guard: Guard, outs: list[OutAddress], listener: socket.socket) -> None:
     """Run a scenario, on live feeds or on its own input, and serve its pictures."""
     regions = [parsed_region(text) for text in options.region]
     for region in regions:
@@ -146,27 +147,34 @@ def _serve_run(options: argparse.Namespace, guard: Guard, outs: list[OutAddress]
         raise InputError("--run: got it with a scenario, needed one of them: a run of a scenario has a number of its own")
     if live and options.speed != 1.0:
         raise InputError("--speed: got it with --feed, needed one of them: feeds have their own speed")
-    scenario = load_scenario(options.scenario, dict(options.settings))
+    scenario = load_scenario(name, options.settings)
     scenario = with_zones(scenario, options.zones)
     feeds = [parsed(text) for text in options.feed]
     scenario = with_track_sources(scenario, [address.source for address in feeds if address.format == "ttm"])
     if options.role == "centre":
         scenario = of_centre(scenario, [region.name for region in regions])
     elif options.role == "region" and not scenario.radars:
-        raise InputError(f"--role region: got {options.scenario!r} without radars, needed a scenario with at least one")
+        raise InputError(f"--role region: got {name!r} without radars, needed a scenario with at least one")
     with open_store(options.db, limit=QUERY) as opened, ExitStack() as stack:
         service = Service(opened, publisher=Publisher(opened) if options.role == "region" else None)
         source: Input = Paced(options.speed)
         if live:
-            timing = {"clock": options.clock, "lateness_s": options.lateness}
-            source = received = stack.enter_context(LiveInput(feeds, scenario.sensors(), regions=regions, **timing))
+            made = LiveInput(feeds, scenario.sensors(), regions=regions, clock=options.clock, lateness_s=options.lateness)
+            source = received = stack.enter_context(made)
             for text in received.dateless:
                 logs.LOG.warning(
                     f"{text}: its times of day are of today's date, as no feed has one; ?date=YYYY-MM-DD says another"
                 )
         resume = live and not options.new
-        given = {"database": options.db, "workers": options.workers, "resume": resume, "publisher": service.publisher}
-        run = LiveRun(scenario, source, service.receive, **given)
+        run = LiveRun(
+            scenario,
+            source,
+            service.receive,
+            database=options.db,
+            workers=options.workers,
+            resume=resume,
+            publisher=service.publisher,
+        )
         service.source, run.on_failed = run, lambda: service.end()
         service.asked.append(run.left_alarms)
         if service.publisher is not None:
@@ -178,7 +186,7 @@ def _serve_run(options: argparse.Namespace, guard: Guard, outs: list[OutAddress]
 
 
 def _listen_and_send(
-    service: Service, guard: Guard, options: argparse.Namespace, outs: list[OutAddress], listener: socket.socket
+    service: Service, guard: Guard, options: Deployment, outs: list[OutAddress], listener: socket.socket
 ) -> None:
     """As `listen`, and send each picture to these addresses."""
     with ExitStack() as stack:
@@ -187,7 +195,7 @@ def _listen_and_send(
         listen(service, guard, options, listener)
 
 
-def _journal_addresses(options: argparse.Namespace) -> list[RegionAddress]:
+def _journal_addresses(options: Deployment) -> list[RegionAddress]:
     """Where the tracks of this region are published. Raises: AddressError, InputError."""
     found = [parsed_region(text.removeprefix(TRACKS)) for text in options.out if text.startswith(TRACKS)]
     if any(not address.stream for address in found):
@@ -197,7 +205,7 @@ def _journal_addresses(options: argparse.Namespace) -> list[RegionAddress]:
     return found
 
 
-def _journals(options: argparse.Namespace, scenario: Scenario, publisher: Publisher, stack: ExitStack) -> list[Counted]:
+def _journals(options: Deployment, scenario: Scenario, publisher: Publisher, stack: ExitStack) -> list[Counted]:
     """The streams to which a region publishes its tracks, begun."""
     addresses = _journal_addresses(options)
     if not addresses:
@@ -208,14 +216,12 @@ def _journals(options: argparse.Namespace, scenario: Scenario, publisher: Publis
     return [stack.enter_context(Journal(address, publisher, keep_s)) for address in addresses]
 
 
-def _webhooks(options: argparse.Namespace) -> list[WebHook]:
+def _webhooks(options: Deployment) -> list[WebHook]:
     """The web hooks of the server file, or of the command line. Raises: InputError."""
-    given = [hook for hook in options.webhook if isinstance(hook, str)]
-    secret = secret_of(options.webhook_secret_file) if given else ""
-    return [hook if isinstance(hook, WebHook) else checked(WebHook(hook, (), secret)) for hook in options.webhook]
+    return [checked(WebHook(hook.url, hook.kinds, hook.secret or secret_of(hook.secret_file))) for hook in options.webhooks]
 
 
-def _check_role(options: argparse.Namespace) -> None:
+def _check_role(options: Deployment) -> None:
     """Raises: InputError where the regions or the scenario do not fit the role."""
     if options.role == "centre" and not options.region:
         raise InputError(
@@ -262,7 +268,7 @@ def _signals_end_the_server() -> Iterator[None]:
             signal.signal(s, handler)
 
 
-def _guard(options: argparse.Namespace) -> Guard:
+def _guard(options: Deployment) -> Guard:
     """Who is answered. Raises: InputError where others than this machine could ask without a token."""
     if bool(options.tls_cert) != bool(options.tls_key):
         raise InputError("--tls-cert, --tls-key: got one, needed both or none")
@@ -288,7 +294,7 @@ def add_token(options: argparse.Namespace) -> int:
     return 0
 
 
-def listen(service: Service, guard: Guard, options: argparse.Namespace, listener: socket.socket) -> None:
+def listen(service: Service, guard: Guard, options: Deployment, listener: socket.socket) -> None:
     """Answer requests until Ctrl-C or SIGTERM. Args: listener: as of `bound`."""
     tls = {"ssl_certfile": options.tls_cert, "ssl_keyfile": options.tls_key}
     found = listener.getsockname()
@@ -333,6 +339,7 @@ def bound(host: str, port: int) -> socket.socket:
     made = socket.socket(family, kind, proto)
     try:
         made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        notice_loss(made)  # else a stream of a lost network keeps its slot for a quarter of an hour
         made.bind(address)
         made.listen(BACKLOG)
     except OSError as error:

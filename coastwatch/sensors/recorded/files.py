@@ -8,6 +8,7 @@ from collections import Counter
 from pathlib import Path
 
 import coastwatch
+from coastwatch.errors import InputError
 
 Fingerprint = tuple[tuple[Path, int, int], ...]
 
@@ -78,7 +79,7 @@ def fingerprint(paths: tuple[Path, ...]) -> Fingerprint:
 def head(path: Path, size: int | None = None) -> bytes:
     """The first bytes of a file, LOOK_BYTES unless told otherwise, decompressed if needed.
 
-    Raises: OSError that names the file: it is not there, is compressed in another way, or is gzip that cannot be decompressed.
+    Raises: InputError that names the file: it is not there, is compressed in another way, or is gzip that cannot be decompressed.
     """
     size = LOOK_BYTES if size is None else size
     with path.open("rb") as file:
@@ -87,13 +88,13 @@ def head(path: Path, size: int | None = None) -> bytes:
         if content.startswith(magic):
             workbook = path.suffix.lower() in (".xlsx", ".ods")
             got, mend = ("a workbook", "save it as CSV") if workbook else (kind, "unpack it first")
-            raise OSError(f"{path}: got {got}, needed text, gzip or Parquet: {mend}")
+            raise InputError(f"{path}: got {got}, needed text, gzip or Parquet: {mend}")
     if not content.startswith(GZIP_MAGIC):
         return content
     try:
         return zlib.decompressobj(wbits=31).decompress(content, size)
     except zlib.error as error:
-        raise OSError(f"{path}: got gzip that cannot be decompressed ({error}), needed text, gzip or Parquet") from error
+        raise InputError(f"{path}: got gzip that cannot be decompressed ({error}), needed text, gzip or Parquet") from error
 
 
 def as_utf8(content: bytes) -> bytes:
@@ -105,7 +106,7 @@ def as_utf8(content: bytes) -> bytes:
 def check_table(path: Path) -> None:
     """Refuses a file that cannot be a table. The reader of tables refuses what is wrong inside one.
 
-    Raises: OSError or ValueError that names the file, what it holds and what to do.
+    Raises: InputError that names the file, what it holds and what to do.
     """
     content = as_utf8(head(path))
     begin = content.lstrip()
@@ -118,26 +119,26 @@ def check_table(path: Path) -> None:
     else:
         got = "bytes that are not text" if len(NEVER_TEXT.findall(content)) > BINARY_SHARE * len(content) else ""
     if got:
-        raise OSError(f"{path}: got {got}, needed a table in CSV or Parquet; AIS and tracks may be NMEA 0183")
+        raise InputError(f"{path}: got {got}, needed a table in CSV or Parquet; AIS and tracks may be NMEA 0183")
     if found := sentences_in(path):
         part = next((part for part, kinds in SENTENCES.items() if any(found[kind] for kind in kinds)), None)
         mend = (
             f"use --{part} (in a scenario: input.{SETTING_OF_SENTENCES[part]})" if part else "needed a table in CSV or Parquet"
         )
-        raise ValueError(f"{path}: it holds {_counts(found)} sentences of NMEA 0183 and no table: {mend}")
+        raise InputError(f"{path}: it holds {_counts(found)} sentences of NMEA 0183 and no table: {mend}")
 
 
 def has_sentences(path: Path, part: str) -> bool:
     """Whether a file holds the sentences of a part, "ais" or "tracks"; False if it is no file of NMEA 0183.
 
-    Raises: OSError; ValueError that names the file and its sentences if they are others.
+    Raises: InputError that names the file, and its sentences if they are others.
     """
     begin = head(path)
     found = Counter(m[1].decode() for m in SENTENCE.finditer(begin))
     if any(found[kind] for kind in SENTENCES[part]):
         return True
     if begin[:2] in UTF_16_MARKS and SENTENCE.search(as_utf8(begin)):
-        raise ValueError(f"{path}: got NMEA 0183 in UTF-16, needed ASCII or UTF-8: save it again as UTF-8")
+        raise InputError(f"{path}: got NMEA 0183 in UTF-16, needed ASCII or UTF-8: save it again as UTF-8")
     found = sentences_in(path)
     if any(found[kind] for kind in SENTENCES[part]):
         return True
@@ -147,7 +148,7 @@ def has_sentences(path: Path, part: str) -> bool:
     other = next((o for o, kinds in SENTENCES.items() if any(found[kind] for kind in kinds)), None)
     shown = found if other is None else Counter({kind: found[kind] for kind in SENTENCES[other] if found[kind]})
     mend = f"use --{other} (in a scenario: input.{SETTING_OF_SENTENCES[other]})" if other else f"needed {wanted}"
-    raise ValueError(f"{path}: it holds {_counts(shown)} sentences and no {wanted}: {mend}")
+    raise InputError(f"{path}: it holds {_counts(shown)} sentences and no {wanted}: {mend}")
 
 
 def sentences_in(path: Path) -> Counter[str]:

@@ -21,6 +21,7 @@ from coastwatch.batches import (
     TrackReports,
     Trajectories,
 )
+from coastwatch.errors import InputError
 from coastwatch.formats.intake.ais_validation import LATITUDE
 from coastwatch.formats.intake.faults import refused
 from coastwatch.formats.intake.reception_time import TIME_MISSING
@@ -43,14 +44,14 @@ def by_arrival(parts: list[AnyReports]) -> AnyReports:
 def span_of(*received_s: Floats, faults: tuple[Fault, ...] = ()) -> tuple[float, float]:
     """The whole seconds before the first and at or after the last arrival.
 
-    Raises: ValueError if nothing arrived; the message lists the refused records.
+    Raises: InputError if nothing arrived; the message lists the refused records.
     """
     got = [r for r in received_s if len(r)]
     if not got:
         refusals = "; ".join(f"{f.count} {f.kind} (first at {f.where})" for f in refused(faults)) or "nothing was refused"
         remedy = f"; if no line has a time, {REMEDY}" if any(f.kind == TIME_MISSING for f in faults) else ""
         remedy += f"; {SWAPPED}" if any(f.kind == LATITUDE for f in faults) else ""
-        raise ValueError(f"recorded input: got no usable record, needed at least one: {refusals}{remedy}")
+        raise InputError(f"recorded input: got no usable record, needed at least one: {refusals}{remedy}")
     first, last = min(float(r[0]) for r in got), max(float(r[-1]) for r in got)
     return float(np.ceil(first) - 1.0), float(np.ceil(last))
 

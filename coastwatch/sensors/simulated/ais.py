@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from coastwatch.batches import AisReports, Bools, Floats, Ints, Stations
+from coastwatch.errors import InputError
 from coastwatch.geodesy import KNOT_M_S, offset_deg, to_plane
 from coastwatch.sensors.simulated.trajectories import chosen
 from coastwatch.stage import CountOrZero, NotNegative, Positive, Settings, Share
@@ -69,7 +70,7 @@ class AisTruth(Settings):
     @model_validator(mode="after")
     def _it_is_heard_between_gaps(self) -> Self:
         if self.gap_s >= self.gap_every_s:
-            raise ValueError(f"gap_s: got {self.gap_s}, needed less than gap_every_s = {self.gap_every_s}")
+            raise InputError(f"gap_s: got {self.gap_s}, needed less than gap_every_s = {self.gap_every_s}")
         return self
 
 
@@ -92,7 +93,7 @@ def transponders(truth: AisTruth, count: int, seed: int) -> Transponders:
     if truth.carried_by:
         row = np.unique(np.array(truth.carried_by, np.int64))
         if row[-1] >= count:
-            raise ValueError(f"input.ais.carried_by: got vessel {row[-1]}, needed numbers below input.count = {count}")
+            raise InputError(f"input.ais.carried_by: got vessel {row[-1]}, needed numbers below input.count = {count}")
     number = rng.permutation(1_000_000)[:count] if count <= 1_000_000 else np.arange(count) % 1_000_000
     mmsi = (COUNTRIES[rng.integers(0, len(COUNTRIES), count)] * 1_000_000 + number)[row]
     class_b, silent, spoofing = (np.zeros(len(row), np.bool_) for _ in range(3))

@@ -13,6 +13,7 @@ from pydantic import Field
 
 from coastwatch.batches import AisReports, Bools, Floats, RadarReports, Recording, Reports, Sensors, Trajectories
 from coastwatch.batches.reports import AisStatics, BearingReports
+from coastwatch.errors import InputError
 from coastwatch.geodesy import KNOT_M_S, from_plane
 from coastwatch.stage import Count, Method, NotNegative, Plan, Positive, Share
 
@@ -57,10 +58,10 @@ class Crossing(Method):
     def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
         """The reports of a run; the vessels start with the first turn, at the end of the first cycle.
 
-        Raises: ValueError if the scenario has no radar.
+        Raises: InputError if the scenario has no radar.
         """
         if not len(sensors.radars):
-            raise ValueError("radars: got none, needed one where input.method is crossing")
+            raise InputError("radars: got none, needed one where input.method is crossing")
         first_s, span_s = plan.instant_s(0), plan.instant_s(plan.cycles - 1) - plan.instant_s(0)
         time_s = np.arange(0.0, span_s + STEP_S, STEP_S)
         state = self._motion(np.random.default_rng([seed, MOTION]), len(time_s))
@@ -83,8 +84,8 @@ class Crossing(Method):
         return Recording(reports=reports, truth=truth)
 
     def span(self) -> tuple[float, float]:
-        """Never returns: a simulation has no start of its own. Raises: ValueError."""
-        raise ValueError("start_utc, cycles: got none or 0, needed both where input.method is crossing")
+        """Never returns: a simulation has no start of its own. Raises: InputError."""
+        raise InputError("start_utc, cycles: got none or 0, needed both where input.method is crossing")
 
     def _motion(self, rng: np.random.Generator, steps: int) -> Floats:
         """East, north and their rates of each vessel at each step, NaN where it is absent. (V, T, 4)"""

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from coastwatch.batches import Floats, Ints
+from coastwatch.errors import InputError
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.sensors.simulated.trajectories import PiecewiseMotion
 from coastwatch.stage import Settings, Share
@@ -31,7 +32,7 @@ class Convoys(Settings):
     @model_validator(mode="after")
     def _spacing_has_an_order(self) -> Self:
         if self.spacing_from_m > self.spacing_to_m:
-            raise ValueError(f"spacing_from_m: got {self.spacing_from_m}, needed at most spacing_to_m = {self.spacing_to_m}")
+            raise InputError(f"spacing_from_m: got {self.spacing_from_m}, needed at most spacing_to_m = {self.spacing_to_m}")
         return self
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from coastwatch.batches import Floats, Ints
+from coastwatch.errors import InputError
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, offset_deg, scale_m_deg, wrap_deg
 from coastwatch.sensors.simulated.trajectories import PiecewiseMotion, VesselMotion
 from coastwatch.stage import Latitude, Longitude, Settings, Share
@@ -66,7 +67,7 @@ class StandingEchoes(Settings):
     @model_validator(mode="after")
     def _detection_has_an_order(self) -> Self:
         if self.detection_from > self.detection_to:
-            raise ValueError(f"detection_from: got {self.detection_from}, needed at most detection_to = {self.detection_to}")
+            raise InputError(f"detection_from: got {self.detection_from}, needed at most detection_to = {self.detection_to}")
         return self
 
 
@@ -122,13 +123,13 @@ def in_harbour(
     """The motion of a run with its lanes, anchorages and moored rows. Other vessels keep their motion.
 
     Args: moored: the first vessels are theirs, row by row; motion: has the speeds in lanes; span_s: length of the run.
-    Raises: ValueError if there are fewer vessels than moored ones.
+    Raises: InputError if there are fewer vessels than moored ones.
     """
     count, fixed = len(vessels.anchor_deg), sum(row.count for row in moored)
     if fixed > count:
-        raise ValueError(f"input.moored: got {fixed} vessels, needed at most input.count = {count}")
+        raise InputError(f"input.moored: got {fixed} vessels, needed at most input.count = {count}")
     if lanes.share + anchorages.share > 1.0:
-        raise ValueError(f"lanes.share + anchorages.share: got {lanes.share} + {anchorages.share}, needed at most 1 in all")
+        raise InputError(f"lanes.share + anchorages.share: got {lanes.share} + {anchorages.share}, needed at most 1 in all")
     rng = np.random.default_rng([seed, HARBOUR])
     free = fixed + rng.permutation(count - fixed)
     under_way, rest = np.split(free, [round(lanes.share * len(free))])

@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from coastwatch.batches import Bools, Floats, Ints, RadarReports, Radars, Trajectories
+from coastwatch.errors import InputError
 from coastwatch.geodesy import KNOT_M_S, from_plane, to_plane, wrap_deg, wrap_rad
 from coastwatch.sensors.simulated.trajectories import chosen
 from coastwatch.stage import CountOrZero, NotNegative, Positive, PositiveShare, Settings, Share
@@ -67,7 +68,7 @@ class RadarTruth(Settings):
     @model_validator(mode="after")
     def _it_works_between_outages(self) -> Self:
         if self.outage_s >= self.outage_every_s:
-            raise ValueError(f"outage_s: got {self.outage_s}, needed less than outage_every_s = {self.outage_every_s}")
+            raise InputError(f"outage_s: got {self.outage_s}, needed less than outage_every_s = {self.outage_every_s}")
         return self
 
     def looks_at(self, azimuth_deg: Floats) -> Bools:
@@ -164,7 +165,7 @@ class Antenna:
         hidden = np.zeros(len(vessel), np.bool_)
         hidden[chosen(len(vessel), truth.unseen_share, np.random.default_rng([self.seed, UNSEEN]))] = True
         if max(truth.unseen, default=-1) >= len(vessel):
-            raise ValueError(
+            raise InputError(
                 f"input.radar.unseen: got vessel {max(truth.unseen)}, needed numbers below input.count = {len(vessel)}"
             )
         hidden[list(truth.unseen)] = True

@@ -21,6 +21,7 @@ from coastwatch.batches import (
     Sensors,
     Trajectories,
 )
+from coastwatch.errors import InputError
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M
 from coastwatch.sensors.simulated.ais import POSITION_STEP_DEG, SOG_STEP_KN, AisTruth, transmit, transponders
 from coastwatch.sensors.simulated.formations import Convoys, Passings, in_formation
@@ -76,7 +77,7 @@ class Simulated(Method):
     @model_validator(mode="after")
     def _formations_have_vessels(self) -> Self:
         if self.convoys.share + self.passings.share > 1.0:
-            raise ValueError(
+            raise InputError(
                 f"convoys.share + passings.share: got {self.convoys.share} + {self.passings.share}, needed at most 1 in all"
             )
         return self
@@ -84,7 +85,7 @@ class Simulated(Method):
     def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
         """The reports of a run, with the truth at its instants.
 
-        Raises: ValueError if [[input.radars]] or [[input.sonars]] name a sensor that the scenario does not have.
+        Raises: InputError if [[input.radars]] or [[input.sonars]] name a sensor that the scenario does not have.
         """
         radar_truths = truths_of("radars", sensors.radars.name, self.radar, self.radars)
         sonar_truths = truths_of("sonars", sensors.sonars.name, self.sonar, self.sonars)
@@ -113,14 +114,14 @@ class Simulated(Method):
     def span(self) -> tuple[float, float]:
         """Never returns: a simulation has no start of its own.
 
-        Raises: ValueError that names the settings that a scenario with this input needs.
+        Raises: InputError that names the settings that a scenario with this input needs.
         """
-        raise ValueError("start_utc, cycles: got none or 0, needed both where input.method is simulated")
+        raise InputError("start_utc, cycles: got none or 0, needed both where input.method is simulated")
 
     def _start_positions(self, seed: int) -> Floats:
         """Positions of the vessels at the start: as set; the others evenly over the area or its water. (V, 2)"""
         if len(self.places_deg) > self.count:
-            raise ValueError(f"input.places_deg: got {len(self.places_deg)} places, needed at most input.count = {self.count}")
+            raise InputError(f"input.places_deg: got {len(self.places_deg)} places, needed at most input.count = {self.count}")
         drawn = self._drawn(np.random.default_rng([seed, POSITIONS]))
         return np.concatenate([np.array(self.places_deg, np.float64).reshape(-1, 2), drawn[len(self.places_deg) :]])
 
@@ -133,7 +134,7 @@ class Simulated(Method):
             found = np.concatenate([found, more[inside(more, corners)]])
             if len(found) >= self.count:
                 return found[: self.count]
-        raise ValueError(
+        raise InputError(
             f"input.water_deg: got under 1 % of the area around {self.area_latitude_deg}, {self.area_longitude_deg}"
         )
 
@@ -161,12 +162,12 @@ class Simulated(Method):
 def truths_of(kind: str, names: Array, every: AnyTruth, named: Sequence[AnyTruth]) -> tuple[AnyTruth, ...]:
     """The settings of each sensor: those under its name, or else those of all.
 
-    Raises: ValueError if a name is not of a sensor, or occurs twice.
+    Raises: InputError if a name is not of a sensor, or occurs twice.
     """
     by_name = {t.name: t for t in named}
     known = [str(n) for n in names]
     if set(by_name) - set(known) or len(by_name) < len(named):
-        raise ValueError(f"input.{kind}: got the names {[t.name for t in named]}, needed each once and one of {known}")
+        raise InputError(f"input.{kind}: got the names {[t.name for t in named]}, needed each once and one of {known}")
     return tuple(by_name.get(name, every) for name in known)
 
 

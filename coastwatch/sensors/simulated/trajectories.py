@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from coastwatch.batches import Bools, Floats, Ints, Struct, Trajectories, column
+from coastwatch.errors import InputError
 from coastwatch.geodesy import KNOT_M_S, from_plane, turn
 from coastwatch.stage import NotNegative, Positive, Settings, Share
 
@@ -51,9 +52,9 @@ class VesselMotion(Settings):
         for name, unit in (("speed", "kn"), ("turn_rate", "deg_s"), ("acceleration", "m_s2")):
             low, high = getattr(self, f"{name}_from_{unit}"), getattr(self, f"{name}_to_{unit}")
             if low > high:
-                raise ValueError(f"{name}_from_{unit}: got {low}, needed at most {name}_to_{unit} = {high}")
+                raise InputError(f"{name}_from_{unit}: got {low}, needed at most {name}_to_{unit} = {high}")
         if self.linear_weight + self.circular_weight + self.accelerated_weight <= 0.0:
-            raise ValueError("linear_weight, circular_weight, accelerated_weight: got 0, needed one above 0")
+            raise InputError("linear_weight, circular_weight, accelerated_weight: got 0, needed one above 0")
         return self
 
     @property

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from urllib.parse import parse_qsl, unquote, urlsplit
 
+from coastwatch.errors import AddressError as AddressError
 from coastwatch.formats.decoding import FeedSettings
 from coastwatch.formats.registry import DECODED, FORMATS
 
@@ -12,10 +13,6 @@ TRANSPORTS = ("tcp", "listen", "udp", "file", "mqtt", "mqtts")
 MQTT_PORTS = {"mqtt": 1883, "mqtts": 8883}
 LONGEST_NAME = 32  # of a source
 EXAMPLES = "ais+tcp://host:10110, ais+listen://127.0.0.1:10110, asterix+udp://127.0.0.1:8600, ais+file:///var/log/ais.nmea"
-
-
-class AddressError(ValueError):
-    """An address that names no feed; the message says what is wrong."""
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,8 @@ from coastwatch.scenario import Scenario
 from coastwatch.server.clock import CLOCK, ClockSet, now_s
 from coastwatch.server.feeds.address import Address, AddressError
 from coastwatch.server.feeds.transport import Inbox, Receiver
-from coastwatch.server.regions.client import RegionAddress, resumed
-from coastwatch.server.regions.intake import RegionIntake
+from coastwatch.server.regions.client import RegionAddress
+from coastwatch.server.regions.intake import RegionIntake, resumed
 from coastwatch.stage import Plan
 from coastwatch.store import Intake
 
@@ -115,24 +115,18 @@ class _Feed:
         inbox, decoder = self.inbox, self.decoder
         newest_s = decoder.stamps.newest_s
         faults = decoder.tally.faults()
-        return {
-            "name": inbox.address.name,
-            "connected": bool(inbox.connected),
-            "connections": inbox.connections,
-            "error": inbox.error,
-            "bytes": inbox.size,
-            "received": inbox.received,
-            "records": decoder.counts.records,
-            "refused": sum(fault.count for fault in refused(faults)),
-            "late": decoder.counts.late,
-            "before_run": decoder.counts.before_run,
-            "dropped": inbox.dropped + decoder.counts.dropped,
-            "heard_s": inbox.heard_s or None,
-            "silent_s": round(self.silent_s, 1),
-            "newest_s": newest_s if math.isfinite(newest_s) else None,
-            "faults": {fault.kind: fault.count for fault in faults},
-            "troubles": self.troubles(),
-        }
+        return inbox.counters(
+            inbox.address.name,
+            received=inbox.received,
+            records=decoder.counts.records,
+            refused=sum(fault.count for fault in refused(faults)),
+            late=decoder.counts.late,
+            before_run=decoder.counts.before_run,
+            dropped=inbox.dropped + decoder.counts.dropped,
+            newest_s=newest_s if math.isfinite(newest_s) else None,
+            faults={fault.kind: fault.count for fault in faults},
+            troubles=self.troubles(),
+        )
 
 
 def _decoders(addresses: Sequence[Address], sensors: Sensors, checked: bool) -> tuple[list[Decoder], list[Cut]]:

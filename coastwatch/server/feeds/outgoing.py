@@ -7,7 +7,6 @@ counted, and the next picture begins with it: so each has its turn.
 from __future__ import annotations
 
 import ipaddress
-import logging
 import math
 import socket
 import threading
@@ -22,11 +21,10 @@ import numpy as np
 
 from coastwatch.formats.format import OutSettings, Vessels
 from coastwatch.formats.registry import FORMATS, PICTURES
-from coastwatch.server.clock import now_s
 from coastwatch.server.feeds.address import AddressError
+from coastwatch.server.link import Link, Reconnecting
 from coastwatch.server.live_picture import LivePicture
 
-LOG = logging.getLogger("coastwatch.serve")
 TRANSPORTS = ("udp", "tcp")
 EXAMPLES = "cot+udp://239.2.3.1:6969, cot+tcp://tak.example:8087, ttm+udp://10.0.0.7:10110?site=50.795,-1.105"
 RATE = 500.0
@@ -72,20 +70,19 @@ def parsed_out(text: str) -> OutAddress:
     return OutAddress(text, format_, transport, parts.hostname, port, rate, None if site is None else (site[0], site[1]))
 
 
-class OutFeed:
+class OutFeed(Link):
     """Sends pictures to one address in a thread. Use it in a `with` block."""
 
     def __init__(self, address: OutAddress) -> None:
+        super().__init__(error=None if address.transport == "udp" else "not connected yet")
         self.address = address
-        self.sent = self.size = self.skipped = self.connections = 0
-        self.connected, self.error = False, None if address.transport == "udp" else "not connected yet"
+        self.sent = self.skipped = 0
         pictures = FORMATS[address.format].pictures
         if pictures is None:
             raise AddressError(f"out: got {address.text!r}, needed a format of {', '.join(PICTURES)}")
         self._encoder = pictures(OutSettings(address.site_deg))
         self._newest: tuple[LivePicture, float] | None = None  # and the time between pictures
-        self._before_s, self._next, self._heard_s = math.nan, 0, 0.0
-        self._began_s = now_s()
+        self._before_s, self._next = math.nan, 0
         self._wake, self._ended = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"out {address.format}", daemon=True)
 
@@ -107,40 +104,17 @@ class OutFeed:
 
     def counters(self) -> dict[str, Any]:
         """Its state for operators, as of a feed that is received."""
-        return {
-            "name": f"out {self.address.text}",
-            "connected": self.connected,
-            "connections": self.connections,
-            "error": self.error,
-            "bytes": self.size,
-            "received": 0,
-            "records": self.sent,
-            "refused": 0,
-            "late": 0,
-            "dropped": self.skipped,
-            "heard_s": self._heard_s or None,
-            "silent_s": round(now_s() - max(self._heard_s, self._began_s), 1),
-            "newest_s": None,
-            "faults": {},
-        }
+        return super().counters(f"out {self.address.text}", records=self.sent, dropped=self.skipped)
 
     def _run(self) -> None:
-        wait_s = FIRST_RETRY_S
-        while not self._ended.is_set():
-            try:
-                with _connection(self.address) as connection:
-                    self.connected, self.error, wait_s = True, None, FIRST_RETRY_S
-                    self.connections += 1
-                    self._send(connection)
-            except OSError as error:
-                self.error = str(error.strerror or error)
-            except Exception as error:  # of one picture: the next one may be sent
-                LOG.exception(f"out {self.address.text} is begun again")
-                self.error = f"{type(error).__name__}: {error}"
-            finally:
-                self.connected = False
-            self._ended.wait(wait_s)
-            wait_s = min(2.0 * wait_s, LAST_RETRY_S)
+        name = f"out {self.address.text}"
+        again = Reconnecting(self, name, _reason, FIRST_RETRY_S, LAST_RETRY_S, lambda: self.connections)
+        again.run(self._session, self._ended)
+
+    def _session(self) -> None:
+        with _connection(self.address) as connection:
+            self.opened()
+            self._send(connection)
 
     def _send(self, connection: socket.socket) -> None:
         """Send pictures until the feed ends. Raises: OSError: the connection is gone."""
@@ -173,8 +147,12 @@ class OutFeed:
                 with suppress(ConnectionRefusedError):  # nobody listens yet
                     connection.send(message)
         self.sent += len(some)
-        self.size += sum(map(len, some))
-        self._heard_s = now_s()
+        self.moved(sum(map(len, some)))
+
+
+def _reason(error: Exception) -> str | None:
+    """Why a feed is not sent; None: a defect, of one picture: the next one may be sent."""
+    return str(error.strerror or error) if isinstance(error, OSError) else None
 
 
 def _vessels(picture: LivePicture, rows: list[int], period_s: float) -> Vessels:

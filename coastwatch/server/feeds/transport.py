@@ -6,7 +6,6 @@ A full inbox stops the reading of a stream, so that its sender waits. Datagrams 
 from __future__ import annotations
 
 import asyncio
-import errno
 import logging
 import os
 import socket
@@ -25,6 +24,7 @@ from coastwatch.formats.registry import FORMATS
 from coastwatch.server.clock import now_s
 from coastwatch.server.feeds.address import MQTT_PORTS, Address, AddressError
 from coastwatch.server.feeds.growing_file import GrowingFile
+from coastwatch.server.link import Link, Reconnecting, notice_loss, reason_of
 
 MOST_ITEMS = 200_000
 """Lines or datagrams that may wait in an inbox."""
@@ -34,9 +34,6 @@ MOST_SENDERS = 200
 
 MOST_BYTES = 64 << 20
 """Their bytes together."""
-
-KEEPALIVE = {"TCP_KEEPIDLE": 15, "TCP_KEEPINTVL": 5, "TCP_KEEPCNT": 3}
-"""A sender whose machine is gone is noticed after half a minute: seconds of silence, seconds between probes, and probes."""
 
 MOST_ADDRESSES = 4_096
 """Senders of datagrams to one feed that are told apart."""
@@ -52,17 +49,12 @@ LOG = logging.getLogger("coastwatch.serve")
 
 
 @dataclass
-class Inbox:
+class Inbox(Link):
     """What a feed has received and nobody has taken yet, and its counters."""
 
     address: Address
-    size: int = 0  # bytes
     received: int = 0  # lines or datagrams
     dropped: int = 0  # lines too long, datagrams without room
-    connections: int = 0  # made so far
-    connected: int = 0  # now
-    error: str | None = None  # of the last attempt
-    heard_s: float = 0.0  # when something came last
     port: int = 0  # on which it listens
     _items: deque[Item] = field(default_factory=deque)
     _put_bytes: int = 0  # written by the thread that receives
@@ -142,7 +134,7 @@ class Receiver:
                 if inbox.address.transport in ("listen", "udp"):
                     closers.append(await _opened(inbox))
                 else:
-                    tasks.append(asyncio.create_task(_again(READERS[inbox.address.transport], inbox)))
+                    tasks.append(asyncio.create_task(_reconnecting(inbox)))
         except OSError as error:
             self._failed = error
         except Exception as error:  # else the start would wait for ever
@@ -159,32 +151,25 @@ class Receiver:
             await asyncio.gather(*tasks, return_exceptions=True)
 
 
-async def _again(read: Reader, inbox: Inbox) -> None:
-    """Read a feed for ever, whatever is raised."""
-    while True:
-        try:
-            await read(inbox)
-        except Exception as error:
-            LOG.exception(f"feed {inbox.address.name} is begun again")
-            inbox.connected, inbox.error = 0, f"{type(error).__name__}: {error}"
-        await asyncio.sleep(LAST_RETRY_S)
+async def _reconnecting(inbox: Inbox) -> None:
+    """Read a feed that does not listen for ever, whatever is raised."""
+    read = READERS[inbox.address.transport]
+    again = Reconnecting(
+        inbox,
+        f"feed {inbox.address.name}",
+        lambda error: _reason(inbox, error),
+        FIRST_RETRY_S,
+        LAST_RETRY_S,
+        lambda: inbox.connections,
+    )
+    await again.run_async(lambda: read(inbox))
 
 
-def kept_alive(found: Any) -> None:
-    """Have the system ask now and then whether the other side of a connection is still there. Args: found: its socket."""
-    with suppress(OSError):
-        found.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        for name, value in KEEPALIVE.items():
-            if hasattr(socket, name):  # not all systems have each
-                found.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
-
-
-def reason_of(error: OSError) -> str:
-    """What is wrong with an address, in the words of the system: asyncio adds the address as a tuple."""
-    if isinstance(error, socket.gaierror) or error.errno is None:
-        return str(error.strerror or error)
-    said = os.strerror(error.errno)
-    return f"{said}: is another program listening there?" if error.errno == errno.EADDRINUSE else said
+def _reason(inbox: Inbox, error: Exception) -> str | None:
+    """Why a feed is not connected; None: a defect."""
+    if isinstance(error, UnicodeError):
+        return f"{inbox.address.host!r} is no name of a machine: {error}"
+    return reason_of(error) if isinstance(error, OSError) else None
 
 
 async def _opened(inbox: Inbox) -> Any:
@@ -239,7 +224,7 @@ class _Room:
             inbox.error = f"more than {MOST_SENDERS} senders: the one that was silent longest was closed"
         self._silent[sender] = writer
         inbox.connections, inbox.connected = inbox.connections + 1, len(self._silent)
-        kept_alive(writer.get_extra_info("socket"))
+        notice_loss(writer.get_extra_info("socket"))
         try:
             await _read(inbox, reader, sender, lambda: self._heard(sender))
         except Exception as error:
@@ -257,25 +242,15 @@ class _Room:
 
 
 async def _connected(inbox: Inbox) -> None:
-    """Connect to a sender, read it, and connect again when it is gone."""
-    address, wait_s = inbox.address, FIRST_RETRY_S
-    while True:
-        try:
-            reader, writer = await asyncio.open_connection(address.host, address.port, limit=READ_BYTES)
-            inbox.connections, inbox.connected, inbox.error, wait_s = inbox.connections + 1, 1, None, FIRST_RETRY_S
-            kept_alive(writer.get_extra_info("socket"))
-            try:
-                await _read(inbox, reader, inbox.new_sender())
-                inbox.error = "the sender closed the connection"
-            finally:
-                inbox.connected = 0
-                writer.close()
-        except OSError as error:
-            inbox.error = reason_of(error)
-        except UnicodeError as error:
-            inbox.error = f"{address.host!r} is no name of a machine: {error}"
-        await asyncio.sleep(wait_s)
-        wait_s = min(2.0 * wait_s, LAST_RETRY_S)
+    """Connect to a sender and read it until it is gone. Raises: OSError, UnicodeError."""
+    reader, writer = await asyncio.open_connection(inbox.address.host, inbox.address.port, limit=READ_BYTES)
+    inbox.opened()
+    notice_loss(writer.get_extra_info("socket"))
+    try:
+        await _read(inbox, reader, inbox.new_sender())
+        inbox.error = "the sender closed the connection"
+    finally:
+        writer.close()
 
 
 async def _read(inbox: Inbox, reader: asyncio.StreamReader, sender: int, heard: Callable[[], None] = lambda: None) -> None:
@@ -355,29 +330,24 @@ def _put_rest(file: GrowingFile, inbox: Inbox) -> None:
 
 
 async def _subscribed(inbox: Inbox) -> None:
-    """Take the messages of an MQTT topic, whole lines each, and subscribe again when the broker is gone."""
+    """Take the messages of an MQTT topic, whole lines each, until the broker is gone. Raises: OSError."""
     from aiomqtt import Client, MqttError, TLSParameters  # of the extra `mqtt`
 
-    address, wait_s = inbox.address, FIRST_RETRY_S
+    address = inbox.address
     tls = TLSParameters(ca_certs=address.options.get("ca-file")) if address.transport == "mqtts" else None
-    while True:
-        try:
-            login = address.options.get("user"), _password(address)
-            async with Client(address.host, address.port, username=login[0], password=login[1], tls_params=tls) as client:
-                await client.subscribe(address.path, qos=1)
-                inbox.connections, inbox.connected, inbox.error, wait_s = inbox.connections + 1, 1, None, FIRST_RETRY_S
-                sender = inbox.new_sender()
-                async for message in client.messages:
-                    data = message.payload if isinstance(message.payload, bytes) else str(message.payload).encode()
-                    _put_lines(inbox, data.rstrip(b"\r\n") + b"\n", len(data), sender)
-                    while inbox.is_full:
-                        await asyncio.sleep(FULL_WAIT_S)
-        except (MqttError, OSError) as error:
-            inbox.error = str(error)
-        finally:
-            inbox.connected = 0
-        await asyncio.sleep(wait_s)
-        wait_s = min(2.0 * wait_s, LAST_RETRY_S)
+    try:
+        login = address.options.get("user"), _password(address)
+        async with Client(address.host, address.port, username=login[0], password=login[1], tls_params=tls) as client:
+            await client.subscribe(address.path, qos=1)
+            inbox.opened()
+            sender = inbox.new_sender()
+            async for message in client.messages:
+                data = message.payload if isinstance(message.payload, bytes) else str(message.payload).encode()
+                _put_lines(inbox, data.rstrip(b"\r\n") + b"\n", len(data), sender)
+                while inbox.is_full:
+                    await asyncio.sleep(FULL_WAIT_S)
+    except (MqttError, OSError) as error:
+        raise OSError(str(error)) from error
 
 
 def _password(address: Address) -> str | None:

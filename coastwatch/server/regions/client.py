@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-import logging
 import re
 import ssl
 import threading
 from collections import deque
-from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.util import find_spec
@@ -20,12 +18,11 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidURI
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
-from coastwatch.server.clock import now_s
-from coastwatch.server.feeds.address import AddressError
-from coastwatch.server.regions.link import IN_FLIGHT, NOTHING, Incoming, Position
+from coastwatch.errors import AddressError
+from coastwatch.server.link import Link, Reconnecting
+from coastwatch.server.regions.link import IN_FLIGHT, Incoming, Position
 from coastwatch.server.regions.message import LARGEST_MESSAGE, PROTOCOL, MessageError, RegionCycle, decode
 
-LOG = logging.getLogger("coastwatch.serve")
 PATH = "/api/v1/tracks/stream"
 FIRST_RETRY_S, LAST_RETRY_S, CONNECT_S, CLOSE_S = 0.25, 5.0, 10.0, 2.0
 LONGEST_NAME = 32
@@ -110,17 +107,12 @@ def first_line(path: str) -> str:
 
 
 @dataclass
-class Connection:
+class Connection(Link):
     """A region as a centre sees it: what has come and nobody has taken, and counters. Use it in a `with` block."""
 
     address: RegionAddress
     from_s: float = 0.0  # where nothing is known of the region, cycles that end before are not wanted
     incoming: Incoming = field(default_factory=Incoming)
-    connected: bool = False
-    connections: int = 0
-    error: str | None = None
-    size: int = 0  # bytes
-    heard_s: float = 0.0
     refused: int = 0  # messages that are no cycle
     _waiting: deque[RegionCycle] = field(default_factory=deque)
     _ended: threading.Event = field(default_factory=threading.Event)
@@ -156,39 +148,27 @@ class Connection:
                 socket.send(json.dumps({"run": position.run, "seq": position.seq}))
 
     def _run(self) -> None:
-        wait_s = FIRST_RETRY_S
-        while not self._ended.is_set():
-            if len(self._waiting) >= IN_FLIGHT:  # the region may send as many again
-                self._ended.wait(FIRST_RETRY_S)
-                continue
-            size = self.size
-            try:
-                self._session()
-            except ConnectionClosed as closed:
-                code = closed.rcvd.code if closed.rcvd else 1006
-                self.error = (
-                    f"the region closed the connection: {CLOSED.get(code) or (closed.rcvd and closed.rcvd.reason) or code}"
-                )
-            except MessageError as error:
-                self.refused += 1
-                self.error = str(error)
-            except (OSError, InvalidHandshake, InvalidURI, TimeoutError) as error:
-                self.error = str(error)
-            except Exception as error:  # a defect: the connection is made again
-                LOG.exception(f"region {self.address.name} is connected again")
-                self.error = f"{type(error).__name__}: {error}"
-            finally:
-                self._socket, self.connected = None, False
-            if self.size > size:  # it sent something: a connection that is closed at once is no sign of life
-                wait_s = FIRST_RETRY_S
-            self._ended.wait(wait_s)
-            wait_s = min(2.0 * wait_s, LAST_RETRY_S)
+        # only a region that sent something has shown a sign of life: it may close a connection at once
+        name = f"region {self.address.name}"
+        Reconnecting(self, name, _reason, FIRST_RETRY_S, LAST_RETRY_S, lambda: self.size).run(self._next_session, self._ended)
+
+    def _next_session(self) -> None:
+        while len(self._waiting) >= IN_FLIGHT:  # the region may send as many again
+            if self._ended.wait(FIRST_RETRY_S):
+                return
+        try:
+            self._session()
+        except MessageError:
+            self.refused += 1
+            raise
+        finally:
+            self._socket = None
 
     def _session(self) -> None:
-        """Connect and take messages until the connection ends. Raises: what `_run` counts."""
+        """Connect and take messages until the connection ends. Raises: what `_reason` names."""
         with self._opened() as socket:
-            self._socket, self.connected, self.error = socket, True, None
-            self.connections += 1
+            self._socket = socket
+            self.opened()
             self._receive(socket)
 
     def _opened(self) -> ClientConnection:
@@ -215,18 +195,17 @@ class Connection:
             if isinstance(message, str):
                 raise MessageError(f"got the text {message[:40]!r}, needed a cycle of tracks")
             cycle = decode(message)
-            self.size, self.heard_s = self.size + len(message), now_s()
+            self.moved(len(message))
             if self.incoming.received(Position(cycle.run, cycle.seq), cycle.merged):
                 self._waiting.append(cycle)
             else:
                 self._acknowledge(Position(cycle.run, cycle.seq))
 
 
-def resumed(address: RegionAddress, positions: Mapping[str, tuple[str, int]], from_s: float) -> Connection:
-    """The connection to a region, which goes on after what is known of it."""
-    incoming = Incoming(Position(*positions.get(address.name, NOTHING)))
-    if not address.stream:
-        return Connection(address, from_s, incoming)
-    from coastwatch.server.regions.jetstream import Subscription  # of the extra `nats`
-
-    return Subscription(address, from_s, incoming)
+def _reason(error: Exception) -> str | None:
+    """Why a region is not connected; None: a defect."""
+    if isinstance(error, ConnectionClosed):
+        code = error.rcvd.code if error.rcvd else 1006
+        return f"the region closed the connection: {CLOSED.get(code) or (error.rcvd and error.rcvd.reason) or code}"
+    known = isinstance(error, MessageError | OSError | InvalidHandshake | InvalidURI | TimeoutError)
+    return str(error) if known else None

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 from coastwatch.batches import Fault, TrackReports, limits
 from coastwatch.formats.decoding import FAR_AHEAD_S
 from coastwatch.server.clock import now_s
-from coastwatch.server.regions.client import Connection
-from coastwatch.server.regions.link import Position
+from coastwatch.server.regions.client import Connection, RegionAddress
+from coastwatch.server.regions.link import NOTHING, Incoming, Position
 from coastwatch.server.regions.message import RegionCycle
 from coastwatch.store import Intake
 
@@ -27,7 +28,6 @@ class RegionIntake:
         """Args: source: number of its track source; checked: its times are judged by the clock of this machine."""
         self.connection, self._source, self._checked = connection, source, checked
         self.ahead, self._ahead_s = 0, 0.0  # cycles of a time far ahead, and how far the newest cycle was
-        self._began_s = now_s()
         self.newest_s, self.first_s = -math.inf, math.inf
         self.late = self.used = self.without = 0
         self._beyond: dict[str, int] = {}  # states of tracks that are none, by kind
@@ -97,25 +97,29 @@ class RegionIntake:
     def counters(self) -> dict[str, Any]:
         """Its state for operators, as of a feed."""
         link = self.connection
-        return {
-            "name": f"region {self.name}",
-            "connected": link.connected,
-            "connections": link.connections,
-            "error": link.error,
-            "bytes": link.size,
-            "received": link.incoming.position.seq,
-            "records": self.used,
-            "refused": link.refused,
-            "late": self.late,
-            "dropped": link.incoming.missing,
-            "heard_s": link.heard_s or None,
-            "silent_s": round(now_s() - max(link.heard_s, self._began_s), 1),
-            "newest_s": self.newest_s if math.isfinite(self.newest_s) else None,
-            "faults": {fault.kind: fault.count for fault in self.faults()},
-            "troubles": [f"its clock is {self._ahead_s:.0f} s ahead: the time of arrival is taken"] if self._is_ahead else [],
-        }
+        return link.counters(
+            f"region {self.name}",
+            received=link.incoming.position.seq,
+            records=self.used,
+            refused=link.refused,
+            late=self.late,
+            dropped=link.incoming.missing,
+            newest_s=self.newest_s if math.isfinite(self.newest_s) else None,
+            faults={fault.kind: fault.count for fault in self.faults()},
+            troubles=[f"its clock is {self._ahead_s:.0f} s ahead: the time of arrival is taken"] if self._is_ahead else [],
+        )
 
 
 def _runs(cycles: list[RegionCycle]) -> list[str]:
     """The runs of these cycles, in order."""
     return list(dict.fromkeys(cycle.run for cycle in cycles))
+
+
+def resumed(address: RegionAddress, positions: Mapping[str, tuple[str, int]], from_s: float) -> Connection:
+    """The connection to a region, which goes on after what is known of it."""
+    incoming = Incoming(Position(*positions.get(address.name, NOTHING)))
+    if not address.stream:
+        return Connection(address, from_s, incoming)
+    from coastwatch.server.regions.jetstream import Subscription  # of the extra `nats`
+
+    return Subscription(address, from_s, incoming)

@@ -7,7 +7,6 @@ The stream `coastwatch-NAME` has a subject for each cycle, `coastwatch.tracks.NA
 from __future__ import annotations
 
 import asyncio
-import logging
 import ssl
 import threading
 from collections.abc import AsyncIterator
@@ -24,8 +23,7 @@ from nats.js import JetStreamContext
 from nats.js.api import AckPolicy, ConsumerConfig, DeliverPolicy, StreamConfig
 from nats.js.errors import NotFoundError
 
-from coastwatch.server.clock import now_s
-from coastwatch.server.feeds.transport import reason_of
+from coastwatch.server.link import Link, Reconnecting, reason_of
 from coastwatch.server.regions.client import (
     CLOSE_S,
     CONNECT_S,
@@ -41,7 +39,6 @@ from coastwatch.server.regions.message import MessageError, decode
 from coastwatch.server.regions.publisher import Publisher
 from coastwatch.store import StoreError
 
-LOG = logging.getLogger("coastwatch.serve")
 PART = "Coastwatch-Part"
 """Header of a message: the number of its part from 1 on, and how many parts the cycle has, `2/3`."""
 
@@ -143,7 +140,7 @@ class Subscription(Connection):
                 messages = await stream.pull_subscribe(asked, stream=stream_of(name), config=wanted)
             except NotFoundError as error:
                 raise OSError(f"the server has no stream {stream_of(name)}: the region makes it") from error
-            self.connected, self.error, self.connections = True, None, self.connections + 1
+            self.opened()
             begun = begin is not None
             while not self._ended.is_set():
                 if len(self._waiting) >= IN_FLIGHT:
@@ -192,27 +189,22 @@ class Subscription(Connection):
             return begun
         if not (begun or known or cycle.time_s > self.from_s):
             return False
-        self.size, self.heard_s = self.size + len(message.data) * count, now_s()
+        self.moved(len(message.data) * count)
         if self.incoming.received(position, cycle.merged):
             self._waiting.append(cycle)
         return True
 
 
 @dataclass
-class Journal:
+class Journal(Link):
     """Publishes the cycles of a region to its stream, in a thread. Use it in a `with` block."""
 
     address: RegionAddress
     publisher: Publisher
     keep_s: float  # for which a stream that is made here keeps its cycles
-    connected: bool = False
-    connections: int = 0
-    error: str | None = "not connected yet"
+    error: str | None = field(default="not connected yet", kw_only=True)
     published: int = 0  # cycles
     missing: int = 0  # cycles that the journal of the region did not have any more
-    size: int = 0  # bytes
-    _heard_s: float = 0.0
-    _began_s: float = field(default_factory=now_s)
     _ended: threading.Event = field(default_factory=threading.Event)
     _thread: threading.Thread | None = None
 
@@ -228,38 +220,14 @@ class Journal:
 
     def counters(self) -> dict[str, Any]:
         """Its state for operators, as of a feed."""
-        return {
-            "name": f"out tracks+{self.address.url}/{self.address.stream}",
-            "connected": self.connected,
-            "connections": self.connections,
-            "error": self.error,
-            "bytes": self.size,
-            "received": 0,
-            "records": self.published,
-            "refused": 0,
-            "late": 0,
-            "dropped": self.missing,
-            "heard_s": self._heard_s or None,
-            "silent_s": round(now_s() - max(self._heard_s, self._began_s), 1),
-            "newest_s": None,
-            "faults": {},
-        }
+        return super().counters(
+            f"out tracks+{self.address.url}/{self.address.stream}", records=self.published, dropped=self.missing
+        )
 
     def _run(self) -> None:
-        wait_s = FIRST_RETRY_S
-        while not self._ended.is_set():
-            made = self.connections
-            try:
-                asyncio.run(self._publish())
-            except (Error, MessageError, OSError, StoreError) as error:
-                self.error = str(error) or type(error).__name__
-            except Exception as error:  # a defect: it is tried again
-                LOG.exception(f"the journal {self.address.stream} is begun again")
-                self.error = f"{type(error).__name__}: {error}"
-            finally:
-                self.connected = False
-            wait_s = FIRST_RETRY_S if self.connections > made else min(2.0 * wait_s, LAST_RETRY_S)
-            self._ended.wait(wait_s)
+        name = f"the journal {self.address.stream}"
+        again = Reconnecting(self, name, _reason, FIRST_RETRY_S, LAST_RETRY_S, lambda: self.connections)
+        again.run(lambda: asyncio.run(self._publish()), self._ended)
 
     async def _publish(self) -> None:
         loop, wake = asyncio.get_running_loop(), asyncio.Event()
@@ -273,7 +241,7 @@ class Journal:
             async with _opened(self.address) as client:
                 stream = client.jetstream()
                 position = await self._last(stream)
-                self.connected, self.error, self.connections = True, None, self.connections + 1
+                self.opened()
                 while not self._ended.is_set():
                     wake.clear()
                     found = await asyncio.to_thread(self.publisher.after, position, IN_FLIGHT, 0.0)
@@ -311,4 +279,11 @@ class Journal:
             headers = {PART: f"{number}/{len(parts)}", "Nats-Msg-Id": f"{cycle.run}/{cycle.seq}/{number}"}
             name = self.address.stream
             await stream.publish(subject_of(name, cycle), part, stream=stream_of(name), headers=headers)
-        self.published, self.size, self._heard_s = self.published + 1, self.size + len(message), now_s()
+        self.published += 1
+        self.moved(len(message))
+
+
+def _reason(error: Exception) -> str | None:
+    """Why a journal is not connected; None: a defect."""
+    known = isinstance(error, Error | MessageError | OSError | StoreError)
+    return (str(error) or type(error).__name__) if known else None

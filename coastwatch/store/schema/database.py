@@ -20,6 +20,7 @@ from typing import Any, Self
 from sqlalchemy import URL, Connection, Engine, create_engine, event, func, inspect, make_url, select, text
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
 
+from coastwatch.errors import StoreError as StoreError
 from coastwatch.spelling import did_you_mean
 from coastwatch.store.schema.tables import METADATA, REVISION, REVISION_TABLE
 
@@ -59,10 +60,6 @@ WRITE_FAILED = "disk i/o error"
 
 LEAST_FREE_BYTES = 1_000_000
 """With less free space, a failure to write is reported as a full disk."""
-
-
-class StoreError(Exception):
-    """The database cannot do what was asked; the message says which database, why, and what to do."""
 
 
 class NoSuchRunError(StoreError):

@@ -26,6 +26,7 @@ from coastwatch.batches import (
     Sensors,
     Trajectories,
 )
+from coastwatch.errors import InputError
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.geodesy import from_plane
 from coastwatch.sensors.recorded.files import Fingerprint, data_folder, fingerprint
@@ -64,7 +65,7 @@ class Autoferry(Method):
     def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
         """The recording, in order of arrival, with the truth at the instants of the plan.
 
-        Raises: FileNotFoundError that names the folder; OSError for a file that is not JSON.
+        Raises: FileNotFoundError that names the folder; InputError for a file that is not JSON.
         """
         frames, truth, faults = self._read()
         tally = Tally()
@@ -118,9 +119,9 @@ def _objects(path: Path) -> list[Any]:
         content = path.read_bytes()
         found = json.loads(gzip.decompress(content) if content[:2] == b"\x1f\x8b" else content)
     except (ValueError, EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise OSError(f"{path}: got {error}, needed JSON, compressed or not") from error
+        raise InputError(f"{path}: got {error}, needed JSON, compressed or not") from error
     if not isinstance(found, list):
-        raise OSError(f"{path}: got {type(found).__name__}, needed a list")
+        raise InputError(f"{path}: got {type(found).__name__}, needed a list")
     return found
 
 

@@ -14,6 +14,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from coastwatch.batches import AisReports, Bools, Fault, FileContent, Floats, Ints, Radars, Recording, Sensors, Trajectories
+from coastwatch.errors import InputError
 from coastwatch.formats.intake.ais_validation import utc
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.geodesy import KNOT_M_S, difference_m, from_plane, to_plane, turn
@@ -64,7 +65,7 @@ class Solent(Method):
     def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
         """The even fixes as AIS, radar reports along the smoothed odd fixes, that truth, and the silenced vessels.
 
-        Raises: FileNotFoundError that names the folder; ValueError for an unknown radar name or an MMSI that is not recorded.
+        Raises: FileNotFoundError that names the folder; InputError for an unknown radar name or an MMSI that is not recorded.
         """
         fixes, paths, faults = self._read()
         stop_s = plan.instant_s(plan.cycles - 1)
@@ -92,7 +93,7 @@ class Solent(Method):
         """The numbers of the vessels whose AIS is switched off, in order."""
         unknown = set(self.silence_mmsi) - set(fixes.mmsi.tolist())
         if unknown:
-            raise ValueError(f"input.silence_mmsi: got {sorted(unknown)}, needed numbers of the recording")
+            raise InputError(f"input.silence_mmsi: got {sorted(unknown)}, needed numbers of the recording")
         named = np.flatnonzero(np.isin(fixes.mmsi, self.silence_mmsi))
         free = np.setdiff1d(truth.vessel[_moves_in_cover(truth, radars)], named)
         drawn = np.random.default_rng([seed, SILENCE]).permutation(free)[: round(self.silence_share * len(free))]

@@ -18,6 +18,7 @@ import numpy as np
 from pydantic import AwareDatetime, Field
 
 from coastwatch.batches import AisReports, AisStatics, Fault, FileContent, Floats, Ints, Recording, Reports, Sensors
+from coastwatch.errors import InputError
 from coastwatch.formats.intake.ais_validation import Acceptance, AisIntake, AisRows, StaticRows, Timed
 from coastwatch.formats.intake.faults import SET_ASIDE, Ledger, Tally
 from coastwatch.formats.intake.reception_time import TIME_MISSING, reception_times
@@ -51,14 +52,14 @@ class Nmea(Method):
     def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
         """AIS reports and static data of all files as a stream in order of arrival.
 
-        Raises: FileNotFoundError or OSError that names the file.
+        Raises: FileNotFoundError or InputError that names the file.
         """
         return Recording(self.stream(), feeds=tuple(path.name for path in self.files))
 
     def span(self) -> tuple[float, float]:
         """Whole seconds before the first and after the last time of reception. A long file is read at its start and end only.
 
-        Raises: ValueError if no record is usable.
+        Raises: InputError if no record is usable.
         """
         ends = first_and_last(self, fingerprint(self.files))
         return span_of(ends.received_s, faults=ends.faults)
@@ -290,7 +291,7 @@ def first_and_last(settings: Nmea, files: Fingerprint) -> Ends:
     positions = [np.zeros((0, 2))]
     for path, _, _ in files:
         if not has_sentences(path, "ais"):
-            raise ValueError(
+            raise InputError(
                 f"{path}: got no sentence of NMEA 0183, needed VDM or VDO; a table of AIS goes to --ais or input.ais"
             )
         file = _FileStream(settings, path, tally)
@@ -357,5 +358,5 @@ def lines_of(path: Path, tally: Tally) -> Iterator[bytes]:
                 yield line
         except (EOFError, zlib.error, gzip.BadGzipFile) as error:
             if not read:
-                raise OSError(f"{path}: got {error}, needed text or gzip") from error
+                raise InputError(f"{path}: got {error}, needed text or gzip") from error
             tally.add(CUT_FILE, f"{path.name}:{read}", str(error), used=True)

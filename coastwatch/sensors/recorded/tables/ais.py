@@ -67,7 +67,7 @@ class AisTable(Method):
     def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
         """AIS reports and static data of all files in order of arrival, and the faults.
 
-        Raises: FileNotFoundError, OSError or ValueError that names the file.
+        Raises: FileNotFoundError, InputError that names the file.
         """
         made = ais_recording(*self.read())
         return replace(made, contents=self.contents(), feeds=tuple(path.name for path in self.files))
@@ -75,7 +75,7 @@ class AisTable(Method):
     def span(self) -> tuple[float, float]:
         """Whole seconds before the first and after the last time of reception.
 
-        Raises: ValueError if no record is usable.
+        Raises: InputError if no record is usable.
         """
         reports, statics, faults = self.read()
         return span_of(reports.received_s, statics.received_s, faults=faults)

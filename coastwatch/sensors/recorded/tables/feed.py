@@ -26,6 +26,7 @@ from coastwatch.batches import (
     TrackReports,
     TrackSources,
 )
+from coastwatch.errors import InputError
 from coastwatch.formats.intake.ais_validation import HIGHEST_LATITUDE, LATITUDE, LONGITUDE, AisIntake
 from coastwatch.formats.intake.faults import SET_ASIDE, Tally
 from coastwatch.geodesy import NAUTICAL_MILE_M, to_plane
@@ -119,13 +120,13 @@ class Tables(Method):
     @model_validator(mode="after")
     def _has_files(self) -> Self:
         if not any(getattr(self, part) for part in PARTS):
-            raise ValueError(f"{', '.join(PARTS)}: got no file, needed at least one")
+            raise InputError(f"{', '.join(PARTS)}: got no file, needed at least one")
         return self
 
     def load(self, sensors: Sensors, seed: int, plan: Plan) -> Recording:
         """The reports of all files, each kind in order of arrival, and the faults.
 
-        Raises: FileNotFoundError, OSError or ValueError that names the file.
+        Raises: FileNotFoundError, InputError that names the file.
         """
         tally = Tally()
         radar = by_arrival(
@@ -149,7 +150,7 @@ class Tables(Method):
     def span(self) -> tuple[float, float]:
         """Whole seconds before the first and after the last time of reception.
 
-        Raises: ValueError if no record is usable.
+        Raises: InputError if no record is usable.
         """
         tally = Tally()
         received: list[Floats] = []
@@ -202,7 +203,7 @@ class Tables(Method):
             only = 0 if len(sources) == 1 else number if len(sources) == len(files) else None
             if number >= len(self.tracks):
                 if only is None:
-                    raise ValueError(f"{path.name}: got {len(sources)} track_sources for {len(files)} files, needed as many")
+                    raise InputError(f"{path.name}: got {len(sources)} track_sources for {len(files)} files, needed as many")
                 parts.append(target_reports(path, only, sources, self._assumed_s(), self.intake, tally))
             else:
                 form = self.time_format, self.separator, self.speed_unit

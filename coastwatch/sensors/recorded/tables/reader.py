@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch.batches import Array, Bools, Floats, Ints
+from coastwatch.errors import InputError
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.formats.intake.timestamps import MICROSECONDS_FROM, MILLISECONDS_FROM, NANOSECONDS_FROM
 from coastwatch.sensors.recorded.files import GZIP_MAGIC, as_utf8, check_table
@@ -77,14 +78,14 @@ class Table:
     def find(self, wanted: str | None, known: tuple[str, ...]) -> str | None:
         """The name of a column: `wanted`, or the first that has one of the known names; None if there is none.
 
-        Raises: ValueError if `wanted` is not a column, or the column is there twice.
+        Raises: InputError if `wanted` is not a column, or the column is there twice.
         """
         if wanted is not None and wanted not in self.frame.columns:
             raise self.lacks(repr(wanted))
         plain = {plain_name(c): c for c in reversed(self.frame.columns)}
         name = next((plain[k] for k in known if k in plain), None) if wanted is None else wanted
         if f"{name}{REPEATED}0" in self.frame.columns:
-            raise ValueError(f"{self.name}: got two columns {name!r}, needed one: rename or delete the other")
+            raise InputError(f"{self.name}: got two columns {name!r}, needed one: rename or delete the other")
         return name
 
     def lacks(self, needed: str) -> ValueError:
@@ -112,7 +113,7 @@ class Table:
         """The times of a column in seconds since the epoch, and which cells are no time.
 
         Args: pattern: "auto": Unix time in any unit or a written date; else as for strptime, UTC if it has no zone.
-        Raises: ValueError: no cell is a time, or the dates may be day first or month first.
+        Raises: InputError: no cell is a time, or the dates may be day first or month first.
         """
         if column is None:
             return np.full(len(self), np.nan), np.zeros(len(self), np.bool_)
@@ -127,7 +128,7 @@ class Table:
         if bad.any() and not made.is_not_null().any():
             first = int(bad.argmax())
             needed = f"{KNOWN_TIMES}: {PATTERN}" if pattern == "auto" else f"times as input.time_format says, {pattern!r}"
-            raise ValueError(f"{self.location(first, column)}: got {cells[first]!r}, which is no time: needed {needed}")
+            raise InputError(f"{self.location(first, column)}: got {cells[first]!r}, which is no time: needed {needed}")
         return made.fill_null(float("nan")).to_numpy(), bad
 
     def without_zone(self, column: str | None) -> bool:
@@ -169,14 +170,14 @@ class Table:
     def _slashed(self, column: str, cells: pl.Series) -> list[str]:
         """How dates such as 31/12/2026 are written: day first or month first, as the whole column shows.
 
-        Raises: ValueError if it may be both.
+        Raises: InputError if it may be both.
         """
         parts = [cells.str.extract(r"^(\d{1,2})/(\d{1,2})/\d{4}", k).cast(pl.Int64) for k in (1, 2)]
         first, second = (part.fill_null(0).to_numpy().max(initial=0) for part in parts)
         danish = column.strip(" \ufeff").lower() == DANISH_TIME
         if first and first <= 12 and second <= 12 and not danish:
             got = cells.filter(parts[0].is_not_null())[0]
-            raise ValueError(
+            raise InputError(
                 f"{self.name}, column {column}: got {got!r}, which may be day first or month first in every row: needed to know which: "
                 f"{PATTERN} or with %m/%d/%Y"
             )
@@ -199,7 +200,7 @@ def read_table(path: Path, separator: str, tally: Tally) -> Table:
     """The table in a file. Lines of the wrong shape are counted and left out.
 
     Args: separator: one character, or "auto".
-    Raises: OSError or ValueError that names the file if it is not a table.
+    Raises: InputError that names the file if it is not a table.
     """
     check_table(path)
     try:
@@ -209,7 +210,7 @@ def read_table(path: Path, separator: str, tally: Tally) -> Table:
         else:
             table = _read_csv(path, separator, tally)
     except (pl.exceptions.PolarsError, zlib.error) as error:
-        raise OSError(f"{path}: got {str(error).splitlines()[0]}, needed a CSV or Parquet table") from error
+        raise InputError(f"{path}: got {str(error).splitlines()[0]}, needed a CSV or Parquet table") from error
     if not len(table):
         tally.add(NO_ROW, path.name, used=True)
     return table
@@ -219,7 +220,7 @@ def _read_csv(path: Path, separator: str, tally: Tally) -> Table:
     lines = _lines(_unpacked(path, tally))
     row = np.flatnonzero((lines.str.strip_chars() != "").to_numpy()) + 1
     if not len(row):
-        raise OSError(f"{path}: got no line, needed a table with a header")
+        raise InputError(f"{path}: got no line, needed a table with a header")
     lines = lines[row - 1]
     separator = _separator_of(lines[0]) if separator == "auto" else separator
     bare = lines.str.replace_all('"[^"]*"', "")

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from coastwatch.batches import Array, FileContent, Floats, Ints
+from coastwatch.errors import InputError
 from coastwatch.formats.intake.ais_validation import NON_FINITE, AisIntake
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.formats.intake.reception_time import LATE, reception_times
@@ -115,14 +116,14 @@ def find_columns(table: Table, part: str, named: Settings) -> dict[str, str | No
     """The column of each of our names, None where the table has none.
 
     Args: part: a key of COLUMNS, what the table was given as; named: the settings of its columns.
-    Raises: ValueError: a named column is not there, or the columns are those of another kind of table.
+    Raises: InputError: a named column is not there, or the columns are those of another kind of table.
     """
     column = {key: table.find(getattr(named, key, None), known) for key, known in COLUMNS[part].items()}
     if not named.model_fields_set - {"time", "received"}:
         parts = _parts(table)
         if parts and part not in parts:
             other, names = next(iter(parts.items()))
-            raise ValueError(
+            raise InputError(
                 f"{table.name}: given as {TABLE_OF[part]}, it is a table of {TABLE_OF[other]} (columns {', '.join(names)}): "
                 f"use --{other} (in a scenario: input.{other})"
             )
@@ -130,7 +131,7 @@ def find_columns(table: Table, part: str, named: Settings) -> dict[str, str | No
 
 
 def need_columns(table: Table, part: str, column: dict[str, str | None], keys: Sequence[str]) -> None:
-    """Refuses a table without these columns. Raises: ValueError that names its columns, what was looked for, and the option."""
+    """Refuses a table without these columns. Raises: InputError that names its columns, what was looked for, and the option."""
     free = [name for name in table.frame.columns if name not in column.values()]
     yours = free[0] if len(free) == 1 else "NAME"
     for key in keys:
@@ -232,7 +233,7 @@ def arrived(table: Table, stamp: Floats, intake: AisIntake, tally: Tally) -> tup
 def sensor_numbers(table: Table, column: str | None, names: Array, kind: str, tally: Tally) -> Ints:
     """The number of the sensor of each row, -1 for an unknown name. A single sensor needs no name.
 
-    Args: kind: of the fault of an unknown name. Raises: ValueError: no row has a known name.
+    Args: kind: of the fault of an unknown name. Raises: InputError: no row has a known name.
     """
     if column is None and len(names) == 1:
         return np.zeros(len(table), np.int64)
@@ -244,7 +245,7 @@ def sensor_numbers(table: Table, column: str | None, names: Array, kind: str, ta
     of_name = np.array([known.get(str(n), -1) for n in names_found], np.int64)
     if len(table) and (of_name < 0).all():
         got = ", ".join(repr(str(n)) for n in names_found[:SHOWN_NAMES]) + (", ..." if len(names_found) > SHOWN_NAMES else "")
-        raise ValueError(
+        raise InputError(
             f"{table.location(0, column)}: got {kind} in every row, {got}, needed one of {', '.join(known)}"
             f"{did_you_mean(str(names_found[0]), list(known))}"
         )

@@ -61,7 +61,7 @@ def track_reports(
     """The states in a table, in order of arrival. Other rows are counted in the tally.
 
     Args: only: the source of a table without a column of sources; speed_unit: of SOG.
-    Raises: OSError or ValueError that names the file.
+    Raises: InputError that names the file.
     """
     table = read_table(path, separator, tally)
     column = find_columns(table, "tracks", columns)

@@ -1,0 +1,129 @@
+"""A connection that is made again when it breaks: its state and counters, its waits, and how it notices a lost network."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import logging
+import os
+import socket
+import threading
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from typing import Any
+
+from coastwatch.server.clock import now_s
+
+LOG = logging.getLogger("coastwatch.serve")
+
+LOST_S = 30
+"""A connection whose other side is gone is noticed after so long."""
+
+KEEPALIVE = {"TCP_KEEPIDLE": 15, "TCP_KEEPINTVL": 5, "TCP_KEEPCNT": 3, "TCP_USER_TIMEOUT": 1000 * LOST_S}
+"""Seconds of silence, seconds between probes, and probes; milliseconds for which sent bytes may wait for an acknowledgement."""
+
+Reason = Callable[[Exception], str | None]
+"""What an operator reads about an error of a connection; None: the error is a defect of the program."""
+
+
+@dataclass(kw_only=True)
+class Link:
+    """The state and counters of a connection that is made again and again."""
+
+    connected: int = 0  # connections that are open now
+    connections: int = 0  # made so far
+    error: str | None = None  # of the last attempt
+    size: int = 0  # bytes
+    heard_s: float = 0.0  # when something came or was taken last
+    began_s: float = field(default_factory=now_s)
+
+    def opened(self) -> None:
+        """A connection has been made."""
+        self.connected, self.error, self.connections = 1, None, self.connections + 1
+
+    def moved(self, size: int) -> None:
+        """Bytes have come, or were taken by the other side."""
+        self.size, self.heard_s = self.size + size, now_s()
+
+    @property
+    def silent_s(self) -> float:
+        """For how long nothing has come or gone."""
+        return now_s() - max(self.heard_s, self.began_s)
+
+    def counters(self, name: str, **more: Any) -> dict[str, Any]:
+        """Its state for operators, as of every feed. Args: more: what this kind of feed counts."""
+        return {
+            "name": name,
+            "connected": bool(self.connected),
+            "connections": self.connections,
+            "error": self.error,
+            "bytes": self.size,
+            **dict.fromkeys(("received", "records", "refused", "late", "dropped"), 0),
+            "heard_s": self.heard_s or None,
+            "silent_s": round(self.silent_s, 1),
+            "newest_s": None,
+            "faults": {},
+            **more,
+        }
+
+
+@dataclass
+class Reconnecting:
+    """A connection that is made again and again. It waits twice as long each time, but briefly after a session that got somewhere."""
+
+    link: Link
+    name: str  # in the log
+    reason: Reason
+    first_s: float
+    last_s: float
+    progress: Callable[[], int]  # a session that makes it greater has got somewhere
+    _wait_s: float = 0.0
+
+    def run(self, session: Callable[[], object], ended: threading.Event) -> None:
+        """Run sessions in this thread until the event is set, which also ends a wait."""
+        while not ended.is_set():
+            with self._attempt():
+                session()
+            ended.wait(self._wait_s)
+
+    async def run_async(self, session: Callable[[], Awaitable[object]]) -> None:
+        """Run sessions until the task is cancelled."""
+        while True:
+            with self._attempt():
+                await session()
+            await asyncio.sleep(self._wait_s)
+
+    @contextmanager
+    def _attempt(self) -> Iterator[None]:
+        """Whatever ends the block is the `error` of the link, which is not connected afterwards."""
+        before, is_defect = self.progress(), False
+        try:
+            yield
+        except Exception as error:
+            said = self.reason(error)
+            is_defect = said is None
+            if is_defect:
+                LOG.exception(f"{self.name} is begun again")
+            self.link.error = f"{type(error).__name__}: {error}" if is_defect else said
+        finally:
+            self.link.connected = 0
+        got_somewhere = self.progress() > before and not is_defect
+        self._wait_s = self.first_s if got_somewhere else min(2.0 * self._wait_s, self.last_s) or self.first_s
+
+
+def notice_loss(found: socket.socket) -> None:
+    """Have the system notice that the other side of a connection is gone; a listening socket passes this on to what it accepts."""
+    with suppress(OSError):
+        found.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        for name, value in KEEPALIVE.items():
+            if hasattr(socket, name):  # not all systems have each
+                found.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
+
+
+def reason_of(error: OSError) -> str:
+    """What is wrong with an address, in the words of the system: asyncio adds the address as a tuple."""
+    if isinstance(error, socket.gaierror) or error.errno is None:
+        return str(error.strerror or error)
+    said = os.strerror(error.errno)
+    return f"{said}: is another program listening there?" if error.errno == errno.EADDRINUSE else said
