@@ -51,7 +51,7 @@ class Link:
         """For how long nothing has come or gone."""
         return now_s() - max(self.heard_s, self.began_s)
 
-    def counters(self, name: str, **more: Any) -> dict[str, Any]:
+    def as_feed(self, name: str, **more: Any) -> dict[str, Any]:
         """Its state for operators, as of every feed. Args: more: what this kind of feed counts."""
         return {
             "name": name,

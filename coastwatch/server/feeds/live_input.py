@@ -115,7 +115,7 @@ class _Feed:
         inbox, decoder = self.inbox, self.decoder
         newest_s = decoder.stamps.newest_s
         faults = decoder.tally.faults()
-        return inbox.counters(
+        return inbox.as_feed(
             inbox.address.name,
             received=inbox.received,
             records=decoder.counts.records,

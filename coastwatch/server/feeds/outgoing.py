@@ -104,7 +104,7 @@ class OutFeed(Link):
 
     def counters(self) -> dict[str, Any]:
         """Its state for operators, as of a feed that is received."""
-        return super().counters(f"out {self.address.text}", records=self.sent, dropped=self.skipped)
+        return self.as_feed(f"out {self.address.text}", records=self.sent, dropped=self.skipped)
 
     def _run(self) -> None:
         name = f"out {self.address.text}"

@@ -97,7 +97,7 @@ class RegionIntake:
     def counters(self) -> dict[str, Any]:
         """Its state for operators, as of a feed."""
         link = self.connection
-        return link.counters(
+        return link.as_feed(
             f"region {self.name}",
             received=link.incoming.position.seq,
             records=self.used,

@@ -220,7 +220,7 @@ class Journal(Link):
 
     def counters(self) -> dict[str, Any]:
         """Its state for operators, as of a feed."""
-        return super().counters(
+        return self.as_feed(
             f"out tracks+{self.address.url}/{self.address.stream}", records=self.published, dropped=self.missing
         )
 
