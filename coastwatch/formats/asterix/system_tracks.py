@@ -35,7 +35,8 @@ class SystemTracks:
         for row, vessel in enumerate(vessels.vessel_id.tolist()):
             number = self._numbers.get(vessel)
             if number is not None:
-                record = generated.Cat_062_1_20.cv_record.create(_items(vessels, row, number))
+                items: Any = _items(vessels, row, number)  # the library types each item by its edition
+                record = generated.Cat_062_1_20.cv_record.create(items)
                 yield generated.Cat_062_1_20.create([record]).unparse().to_bytes()
 
 
