@@ -74,6 +74,7 @@ def sensor_alarms(hearing: SensorHearing, sensors: Sensors, picture: Picture, ti
 def _alarms(kind: AlarmKind, of: Hearing, name: Array, site_deg: Floats, first: int, time_s: float) -> VesselAlarms:
     """The alarms of one kind. Args: name, site_deg: of each sensor; first: number of the first, less one."""
     rows = np.flatnonzero(of.silent)
+    since_s = np.where(np.isfinite(of.heard_s), of.heard_s, of.stands_from_s)  # never heard: the start of the run
     number, nan = np.zeros(len(rows), np.int64), np.full(len(rows), np.nan)
     return VesselAlarms(
         number + NO_VESSEL,
@@ -85,7 +86,7 @@ def _alarms(kind: AlarmKind, of: Hearing, name: Array, site_deg: Floats, first: 
         number - 1,
         nan,
         nan,
-        time_s - of.heard_s[rows],
+        time_s - since_s[rows],
         nan,
     )
 

@@ -16,6 +16,9 @@ from coastwatch.stage import Method, NotNegative, Positive
 
 LEARNT_OVER = 20.0  # pauses whose mean is the usual one
 LEAST_PAUSES = 4.0  # without so many of them nothing is known of a sensor
+NEVER_HEARD_S = (
+    180.0  # since the start, before AIS that was never heard is silent: the longest interval of AIS (ITU-R M.1371-5)
+)
 MOST_LEARNT = 2.0  # a pause is learnt as at most so many times what makes a sensor silent: a failure is no habit
 
 
@@ -39,6 +42,7 @@ class SilenceMemory:
 
     habits: Habits
     time_s: float  # of the newest cycle
+    began_s: float = np.nan  # first cycle of the run; NaN: not known
 
 
 class Heard(NamedTuple):
@@ -56,6 +60,7 @@ class UsualPauses(Method):
     - The usual pause is the mean of the last pauses between cycles with reports; of a radar at least one turn.
     - A sensor of which few vessels or plots were heard is never silent: they may have left. One vessel that stops sending is dark.
     - A sensor that was not heard since the start is not silent either. It covers nothing: nothing shows that it works.
+      AIS as a whole is silent then too, 180 s after the start, where there are stations: only its alarm follows from that.
     - A station is heard by reports from where no other station reaches, if there were any.
     - While AIS as a whole is silent, nothing is asked of a station.
     """
@@ -97,11 +102,14 @@ class UsualPauses(Method):
         if all_silent:
             shown[whole + 1 :] = np.isfinite(after.heard_s[whole + 1 :])
             shown_from_s[whole + 1 :] = np.where(silent & before.silent, from_s, from_s[whole])[whole + 1 :]
+        began_s = float(time_s) if np.isnan(memory.began_s) else memory.began_s
+        if len(sensors.stations) and after.heard_s[whole] == -np.inf:
+            shown[whole], shown_from_s[whole] = time_s - began_s > max(self.ais_least_s, NEVER_HEARD_S), began_s
         row, ends = np.arange(sum(kinds)), (kinds[0], whole, whole + 1)
         stands = shown | (before.silent & (row < kinds[0]))  # of a radar that returns too: see `Hearing`
         found = Hearing(after.heard_s, after.usual_s, after.amount, shown, np.where(stands, shown_from_s, np.inf), shown_back_s)
         of_radars, of_sources, of_ais, of_stations = (found.take(rows) for rows in np.split(row, ends))
-        return SilenceMemory(after, float(time_s)), SensorHearing(of_radars, of_stations, of_sources, of_ais)
+        return SilenceMemory(after, float(time_s), began_s), SensorHearing(of_radars, of_stations, of_sources, of_ais)
 
     def _allowed_s(self, habits: Habits, turn_s: Floats, kinds: tuple[int, int, int]) -> Floats:
         """How long each sensor may pause. (S,) Args: turn_s: (S,) of radars; kinds: how many sensors are of each."""

@@ -150,7 +150,9 @@ def test_what_was_never_heard_covers_nothing_and_is_not_silent() -> None:
     for kind in ("radars", "track_sources"):
         assert not any(getattr(hearing, kind).heard.any() or silent([hearing], kind) for hearing in found)
     nothing = play(lambda cycle: Came(), 100, sensors())
-    assert not any(hearing.ais.heard.any() or hearing.ais.silent.any() for hearing in nothing)
+    assert not any(
+        hearing.ais.heard.any() or hearing.stations.heard.any() or silent([hearing], "stations") for hearing in nothing
+    )
 
 
 @pytest.mark.parametrize(("every", "after"), [(20, 600.0), (60, 1800.0)])
@@ -159,6 +161,16 @@ def test_what_pauses_by_nature_may_pause_longer(every: int, after: float) -> Non
     last = 8 * every
     found = play(lambda cycle: Came(FOUR if cycle <= last and cycle % every == 0 else ()), last + 13 * every, sensors(), FOUR)
     assert silent(found, "ais")[0] == last + int(after / PERIOD_S) + 1
+
+
+def test_ais_that_was_never_heard_is_silent_after_three_minutes_until_it_is_heard() -> None:
+    found = play(without("ais", 0, 80), 120, sensors(2))
+    assert silent(found, "ais") == list(range(61, 80)), "of 3 s each: more than 180 s after the first one"
+    assert not any(silent(found, "stations", row) for row in range(2))
+    assert {hearing.ais.stands_from_s[0] for hearing in found[61:80]} == {1000.0}, "its alarm counts from the start"
+    assert not any(hearing.stations.stands.any() for hearing in found)
+    nowhere = play(without("ais", 0, 120), 120, sensors(0))
+    assert silent(nowhere, "ais") == [], "nobody expects AIS without a station"
 
 
 def test_a_failure_is_no_habit() -> None:

@@ -115,9 +115,17 @@ def failed(count: int, *rows: int) -> Hearing:
     return Hearing(*usual, silent, np.where(silent, 970.0, np.inf), np.full(count, -np.inf))
 
 
+NEVER = replace(failed(1, 0), heard_s=np.full(1, -np.inf), usual_s=np.full(1, np.nan), amount=np.zeros(1))
+"""AIS that was never heard in a run that began at 970 s."""
+
+
 @pytest.mark.parametrize(
     ("hearing", "kind", "subject", "said"),
     [
+        (
+            SensorHearing(failed(1), failed(2), failed(1), NEVER), AlarmKind.AIS_SILENT, 0,
+            "AIS is silent: no AIS report for 30 s, and none since the start of the run; vessels in range of a, b: 2; no flag",
+        ),
         (
             SensorHearing(failed(1), failed(2, 0, 1), failed(1), failed(1, 0)), AlarmKind.AIS_SILENT, 0,
             "AIS is silent: no AIS report for 30 s, one every 3.0 s or oftener before; 40 vessels on AIS then; vessels in "
