@@ -188,9 +188,10 @@ def deployment(given: Mapping[str, Any]) -> Deployment:
     typed = {name: value for name, value in given.items() if value is not None and name in Deployment.model_fields}
     path = Path(str(typed.get("scenario", "")))
     file = _read(path)
+    typed["settings"] = dict(typed.get("settings", {}))  # pairs, of the command line
     if file is not None:
         said = _options(file, path.parent)
-        typed["settings"] = {**said.get("settings", {}), **dict(typed.get("settings", {}))}
+        typed["settings"] = {**said.get("settings", {}), **typed["settings"]}
         typed = {**said, **typed, "scenario": said.get("scenario")}
     try:
         return Deployment.model_validate(typed)

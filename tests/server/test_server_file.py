@@ -152,3 +152,9 @@ def test_web_hooks_of_the_command_line_go_before_those_of_the_file(tmp_path: Pat
     words = ["--webhook", "https://b/y", "--webhook-secret-file", "t"]
     (given,) = options(tmp_path / "watch.toml", text, *words).webhooks
     assert (given.url, given.kinds, given.secret_file) == ("https://b/y", (), "t")
+
+
+def test_settings_of_the_command_line_need_no_file() -> None:
+    made = of_words("guanabara", "--set", "period_s=1.0", "--set", "seed=7")
+    assert made.settings == {"period_s": "1.0", "seed": "7"}
+    assert load_scenario("guanabara", made.settings).period_s == 1.0
