@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -150,6 +153,37 @@ def test_a_reader_that_holds_a_transaction_open_is_found(tmp_path: Path, monkeyp
         assert world.write_and_say(store, run, 12, 600).warning is None
         assert Path(f"{path}-wal").stat().st_size < 3 * 60 * database.PAGE_BYTES
         reader.close()
+    assert check(str(path)) == []
+
+
+def _write_all(store: Store, run: int, numbers: Iterator[int]) -> None:
+    for number in numbers:
+        world.write(store, run, number, 600)
+
+
+def test_a_log_that_a_reader_holds_never_takes_the_room_that_it_needs_to_be_copied(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(database, "LOG_BYTES", 60 * database.PAGE_BYTES)
+    path, free = tmp_path / "x.db", 300 * database.PAGE_BYTES
+    monkeypatch.setattr(database.shutil, "disk_usage", lambda _: SimpleNamespace(free=free))
+    with kept.open_store(str(path)) as store:
+        run = world.begin(store)
+        world.write(store, run, 0, 600)
+        with closing(sqlite3.connect(path, isolation_level=None)) as reader:
+            reader.execute("BEGIN")
+            reader.execute("SELECT count(*) FROM vessel").fetchone()
+            numbers = iter(range(1, 60))
+            with pytest.raises(StoreError, match="nothing is written until it ends"):
+                _write_all(store, run, numbers)
+            number = 60 - len(list(numbers)) - 1
+            size = Path(f"{path}-wal").stat().st_size
+            assert free < size < 2 * free
+            with pytest.raises(StoreError, match="another process reads in one transaction"):
+                world.write(store, run, number, 600)
+            assert Path(f"{path}-wal").stat().st_size == size
+        world.write(store, run, number, 600)  # the reader has ended
+        assert Path(f"{path}-wal").stat().st_size < size
     assert check(str(path)) == []
 
 

@@ -361,6 +361,21 @@ def long_log_warning(store: Store, vessels: int) -> str | None:
     return f"{path} has grown to {size_mb:.0f} MB: another process reads in one transaction and does not end it"
 
 
+def require_room_for_log(store: Store, vessels: int) -> None:
+    """Refuse to write where a reader holds a log that is longer than the disk has room: it could never be copied into the database.
+
+    Raises: StoreError: nothing is written until the reader ends.
+    """
+    size = log_size(store)
+    if size < TOO_LONG * log_bytes(vessels):
+        return
+    free = shutil.disk_usage(Path(f"{store.engine.url.database}-wal").parent).free
+    if free < size and (warning := long_log_warning(store, vessels)) is not None:
+        raise StoreError(
+            f"{warning}; {free / 1e6:.0f} MB are free, needed as much as the log: nothing is written until it ends"
+        )
+
+
 def now_utc(connection: Connection, later: timedelta = timedelta()) -> str:
     """The database's clock, or so much later: 2026-01-31T12:00:00Z, which sorts as time does. No other clock is read in the store."""
     now: datetime = connection.execute(select(func.current_timestamp())).scalar_one()

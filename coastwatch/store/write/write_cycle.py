@@ -124,6 +124,7 @@ def write_cycle(
     Raises: StoreError where the run is absent, a cycle is left out, the database is locked or the disk is full.
     """
     picture, members = _by_vessel(cycle.picture), to_rows.membership(cycle)
+    database.require_room_for_log(store, len(picture))
     with _forgotten_where_it_fails(store, run_id), database.writing(store) as connection:
         database.size_for(connection, len(picture))
         before, truncated = _state_before(connection, store, run_id, skipped[0].number if skipped else number)
