@@ -18,6 +18,7 @@ from coastwatch.associations import (
 )
 from coastwatch.batches import Sensors
 from coastwatch.cover import LearntCover, RadarCoverage, UsualPauses
+from coastwatch.errors import InputError
 from coastwatch.fused_tracks import CentralImm, Fuser
 from coastwatch.picture import Identity
 from coastwatch.plots import PlotConverter, PolarConversion
@@ -156,7 +157,7 @@ class Scenario(Settings):
             names = [s.name for s in getattr(self, kind)]
             if len(set(names)) < len(names):
                 twice = next(name for name in names if names.count(name) > 1)
-                raise ValueError(f"{kind}: got the name {twice!r} {names.count(twice)} times, needed each once")
+                raise InputError(f"{kind}: got the name {twice!r} {names.count(twice)} times, needed each once")
         return self
 
     @model_validator(mode="after")
@@ -167,13 +168,13 @@ class Scenario(Settings):
         for path, given in by_radar.items():
             for name in given:
                 if name not in names:
-                    raise ValueError(f"{path}: got radar {name!r}, needed one of {names}")
+                    raise InputError(f"{path}: got radar {name!r}, needed one of {names}")
         return self
 
     @model_validator(mode="after")
     def _has_few_enough_cycles(self) -> Scenario:
         if self.warmup_s / self.period_s + self.cycles > MOST_CYCLES:
-            raise ValueError(
+            raise InputError(
                 f"warmup_s: got {self.warmup_s:g} with period_s = {self.period_s:g} and cycles = {self.cycles}, needed at most "
                 f"{MOST_CYCLES} cycles in all"
             )
@@ -182,7 +183,7 @@ class Scenario(Settings):
     @model_validator(mode="after")
     def _halo_covers_the_gate(self) -> Scenario:
         if 0.0 < self.spots.halo_m < self.associations.gate_m:
-            raise ValueError(
+            raise InputError(
                 f"spots.halo_m: got {self.spots.halo_m}, needed at least associations.gate_m = {self.associations.gate_m}, "
                 "else pairs across the border of two spots are lost (0: no halo, as in the paper, which loses them)"
             )
@@ -191,7 +192,7 @@ class Scenario(Settings):
     @model_validator(mode="after")
     def _tests_have_covariances(self) -> Scenario:
         if isinstance(self.associations, SingleScanTest | CountedTest) and isinstance(self.ais_tracks, AisDeadReckoning):
-            raise ValueError(
+            raise InputError(
                 f"associations.method: got {self.associations.method!r}, which needs covariances, with ais_tracks.method = "
                 f"{self.ais_tracks.method!r}, which gives none; needed 'counting'"
             )
@@ -209,7 +210,7 @@ class Scenario(Settings):
         places = self.input.first_sites() if isinstance(self.input, Tables) else {}
         lost = [name for name in moving if not places or (name not in places and len(self.radars) > 1)]
         if lost:
-            raise ValueError(
+            raise InputError(
                 f"radar {lost[0]!r}: got no position, needed latitude_deg and longitude_deg, or the columns site_latitude and "
                 "site_longitude in its plots"
             )

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from coastwatch.batches import Array, Floats, Radars, Sensors, Sonars, Stations, TrackSources
+from coastwatch.errors import InputError
 from coastwatch.geodesy import NAUTICAL_MILE_M
 from coastwatch.stage import Latitude, Longitude, Positive, Settings
 
@@ -39,7 +40,7 @@ class Radar(Settings):
     @model_validator(mode="after")
     def _has_both_or_none(self) -> Self:
         if (self.latitude_deg is None) != (self.longitude_deg is None):
-            raise ValueError(
+            raise InputError(
                 f"got latitude_deg {self.latitude_deg} and longitude_deg {self.longitude_deg}, needed both or none"
             )
         return self

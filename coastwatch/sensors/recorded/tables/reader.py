@@ -88,15 +88,15 @@ class Table:
             raise InputError(f"{self.name}: got two columns {name!r}, needed one: rename or delete the other")
         return name
 
-    def lacks(self, needed: str) -> ValueError:
+    def lacks(self, needed: str) -> InputError:
         """The error of a missing column: the columns that are there, or that values stand where a header should be."""
         names = self.frame.columns
         if 2 * sum(VALUE.fullmatch(name.strip()) is not None for name in names) > len(names):
             first = self.separator.join(names[:3])
-            return ValueError(
+            return InputError(
                 f"{self.name}: got no header, its first line begins with {first!r}: needed a first line with the names of its columns"
             )
-        return ValueError(f"{self.name}: got columns {', '.join(names)}, needed {needed}")
+        return InputError(f"{self.name}: got columns {', '.join(names)}, needed {needed}")
 
     def numbers(self, column: str | None) -> tuple[Floats, Bools]:
         """The numbers of a column, NaN for an empty cell or a missing column, and which cells are no number."""
