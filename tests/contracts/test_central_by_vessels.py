@@ -1,6 +1,7 @@
 """`CentralImm` in arrays against one vessel after the other, whatever joins, parts, ends and is not measured."""
 
 import numpy as np
+from as_bytes import as_bytes
 from central_by_vessels import ByVessels
 from hypothesis import given
 from hypothesis import strategies as st
@@ -86,5 +87,5 @@ def test_threads_change_no_bit():
                 tracks, made, vessel = cycle_of(rng, 6000, 3.0 * cycle, 0.03)
                 joined = Associations(none, none, np.zeros(0), vessel)
                 memory, fused = method.step(memory, FusionInput(tracks, made, joined, 3.0 * cycle, KINDS))
-        said.append(save((memory, fused)))
+        said.append(as_bytes((memory, fused)))
     assert said[0] == said[1]

@@ -108,7 +108,7 @@ def test_a_memory_is_consumed_and_an_error_of_a_step_is_raised():
         regions(add, old, given)
     with pytest.raises(KeyError, match="nothing"):
         regions(refuse, starts(), given)
-    with pytest.raises(TypeError, match="needed an array, a number, a text or a dataclass of coastwatch"):
+    with pytest.raises(TypeError, match="needed an array, a number, a text or a declared dataclass"):
         save(old)  # what stands for a memory is not saved in its place
 
 
