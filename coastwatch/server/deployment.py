@@ -1,4 +1,4 @@
-"""How a server runs: one struct that the server file, the environment and the command line fill.
+"""How a server runs: one struct that the server file and the command line fill.
 
 A field of `Server` or `Deployment` with its docstring is the whole of an option: its name, type, default and help.
 """
