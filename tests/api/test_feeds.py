@@ -26,12 +26,13 @@ from asterix import generated
 from server_world import wait_for
 
 from coastwatch.batches import AisReports, AisStatics, BearingReports, RadarReports, Reports
+from coastwatch.errors import AddressError
 from coastwatch.formats.decoding import JUMP
 from coastwatch.formats.nmea.ais import AisDecoder
 from coastwatch.operators.cli.serving import bound
 from coastwatch.scenario import load_scenario
 from coastwatch.server.feeds import live_input
-from coastwatch.server.feeds.address import AddressError, parsed
+from coastwatch.server.feeds.address import parsed
 from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.feeds.sending import encoded, of_scenario, send
 from coastwatch.server.feeds.transport import Inbox, Item

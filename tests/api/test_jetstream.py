@@ -19,10 +19,9 @@ import pytest
 from region_world import PERIOD_S, START_S, VESSELS, Region, centre_scenario
 from server_world import listening, wait_for
 
-from coastwatch.errors import InputError
+from coastwatch.errors import AddressError, InputError
 from coastwatch.operators.cli import make_parser
 from coastwatch.operators.cli.serving import serve
-from coastwatch.server.feeds.address import AddressError
 from coastwatch.server.feeds.live_input import LiveInput
 from coastwatch.server.regions.client import parsed_region
 from coastwatch.store import open_store

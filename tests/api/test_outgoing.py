@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from server_world import Served, wait_for
 
+from coastwatch.errors import AddressError
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.formats.nmea.targets import TargetSentences
-from coastwatch.server.feeds.address import AddressError
 from coastwatch.server.feeds.outgoing import OutFeed, parsed_out
 
 SITE = "-22.9,-43.2"

@@ -8,7 +8,7 @@ from collections import deque
 import numpy as np
 import pytest
 
-from coastwatch.server.feeds.address import AddressError
+from coastwatch.errors import AddressError
 from coastwatch.server.regions import message
 from coastwatch.server.regions.client import parsed_region
 from coastwatch.server.regions.link import IN_FLIGHT, NOTHING, Incoming, LinkError, Outgoing, Position

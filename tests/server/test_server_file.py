@@ -7,11 +7,10 @@ from pathlib import Path
 import pytest
 
 from coastwatch.alarms import numbered
-from coastwatch.errors import InputError
+from coastwatch.errors import AddressError, InputError
 from coastwatch.operators.cli.parser import make_parser
 from coastwatch.scenario import load_scenario
 from coastwatch.server.deployment import DEFAULT_DB, Deployment, deployment, with_zones
-from coastwatch.server.feeds.address import AddressError
 from coastwatch.server.regions.client import check_files, parsed_region
 
 WHOLE = """

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from urllib.parse import parse_qsl, unquote, urlsplit
 
-from coastwatch.errors import AddressError as AddressError
+from coastwatch.errors import AddressError
 from coastwatch.formats.decoding import FeedSettings
 from coastwatch.formats.registry import DECODED, FORMATS
 

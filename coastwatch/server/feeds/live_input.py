@@ -17,13 +17,14 @@ from dataclasses import replace
 from typing import Any, Literal, Self
 
 from coastwatch.batches import Fault, FileContent, Recording, Reports, Sensors, TrackReports
+from coastwatch.errors import AddressError
 from coastwatch.formats.decoding import FAR_AHEAD_S, Cut, Decoder, Item, OptionError
 from coastwatch.formats.intake.faults import refused
 from coastwatch.formats.nmea.ais import AIS
 from coastwatch.formats.registry import DECODED, FORMATS
 from coastwatch.scenario import Scenario
 from coastwatch.server.clock import CLOCK, ClockSet, now_s
-from coastwatch.server.feeds.address import Address, AddressError
+from coastwatch.server.feeds.address import Address
 from coastwatch.server.feeds.transport import Inbox, Receiver
 from coastwatch.server.regions.client import RegionAddress
 from coastwatch.server.regions.intake import RegionIntake, resumed

@@ -19,9 +19,9 @@ from urllib.parse import parse_qsl, urlsplit
 
 import numpy as np
 
+from coastwatch.errors import AddressError
 from coastwatch.formats.format import OutSettings, Vessels
 from coastwatch.formats.registry import FORMATS, PICTURES
-from coastwatch.server.feeds.address import AddressError
 from coastwatch.server.link import Link, Reconnecting
 from coastwatch.server.live_picture import LivePicture
 

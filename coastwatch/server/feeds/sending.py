@@ -14,13 +14,14 @@ from pathlib import Path
 from typing import Protocol
 
 from coastwatch.batches import RadarReports, Reports, Sensors
+from coastwatch.errors import AddressError
 from coastwatch.formats.format import SensorNames
 from coastwatch.formats.intake.faults import Tally
 from coastwatch.formats.nmea.sentences import ais_sentences
 from coastwatch.formats.registry import FORMATS
 from coastwatch.scenario import Scenario
 from coastwatch.sensors.recorded.nmea.feed import lines_of
-from coastwatch.server.feeds.address import MQTT_PORTS, Address, AddressError
+from coastwatch.server.feeds.address import MQTT_PORTS, Address
 
 STEP_S = 0.2
 """Reports of so much time are sent together."""

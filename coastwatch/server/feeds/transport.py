@@ -19,10 +19,11 @@ from itertools import count
 from pathlib import Path
 from typing import Any, Self
 
+from coastwatch.errors import AddressError
 from coastwatch.formats.decoding import Item
 from coastwatch.formats.registry import FORMATS
 from coastwatch.server.clock import now_s
-from coastwatch.server.feeds.address import MQTT_PORTS, Address, AddressError
+from coastwatch.server.feeds.address import MQTT_PORTS, Address
 from coastwatch.server.feeds.growing_file import GrowingFile
 from coastwatch.server.link import Link, Reconnecting, notice_loss, reason_of
 

@@ -12,7 +12,7 @@ from coastwatch.tracks.radar.association import Association, NearestNeighbour
 from coastwatch.tracks.radar.bank import Bank, Compiled, Particles
 from coastwatch.tracks.radar.clutter import ClutterSettings
 from coastwatch.tracks.radar.life import TrackManagement, Upkeep
-from coastwatch.tracks.radar.messages import NoMessages, TakingOfMessages, messages_of
+from coastwatch.tracks.radar.messages import MessageUpdate, NoMessages, messages_of
 from coastwatch.tracks.radar.motion import Manoeuvres, MotionModels
 from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.presets import Name, expanded, settings_of
@@ -37,7 +37,7 @@ class TableTracker(Method):
     method: Name = "table"
     association: Association = NearestNeighbour()
     motion: MotionModels = Manoeuvres()
-    messages: TakingOfMessages = NoMessages()
+    messages: MessageUpdate = NoMessages()
     bank: Bank = Compiled()
     upkeep: Upkeep = TrackManagement()
     clutter: ClutterSettings = ClutterSettings()

@@ -22,14 +22,14 @@ class NoMessages(Settings):
 
 
 WithMessages = Sequential | PreciseBatch | NoisyBatch
-TakingOfMessages = Annotated[NoMessages | WithMessages, Field(discriminator="method")]
+MessageUpdate = Annotated[NoMessages | WithMessages, Field(discriminator="method")]
 
 __all__ = [
+    "MessageUpdate",
     "NoMessages",
     "NoisyBatch",
     "PreciseBatch",
     "Sequential",
-    "TakingOfMessages",
     "WithMessages",
     "begin_unnamed",
     "in_order",
