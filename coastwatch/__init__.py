@@ -18,8 +18,8 @@ The map, in the order in which data flows (each stage is a folder with a README)
 | scores         | truth and any of the above     | numbers                                           |
 
 Around them: `batches` defines the data that flows, `formats` the bytes of a wire, and `errors` the errors that an operator reads.
-`scenario` reads the settings of a run from a TOML file. `regional` is the flow of a regional centre, from reports to tracks, and
-`pipeline` that of all centres, a page each. `workers` spreads it over processors, `store` writes it to a database. `server` reads
-the clock and starts processes. `operators` is the command line. `reproduction` runs the scenarios of a paper and reports its
-figures. `kernels` computes on bare arrays.
+`scenario` reads the settings of a run from a TOML file. `regional` is the flow of a regional centre, from reports to tracks, `centre`
+that of the high-level centre, from tracks to the picture, and `cycle` runs both: a page each. `workers` spreads it over processors,
+`store` writes it to a database. `server` reads the clock and starts processes. `operators` is the command line. `reproduction` runs
+the scenarios of a paper and reports its figures. `kernels` computes on bare arrays.
 """

@@ -12,7 +12,7 @@ import numpy as np
 from coastwatch.geodesy import to_plane, turn
 
 if TYPE_CHECKING:
-    from coastwatch.pipeline import Cycle
+    from coastwatch.centre import Cycle
 
 COLUMNS = ("time", "track_id", "north", "east", "vn", "ve", "latitude_deg", "longitude_deg")
 

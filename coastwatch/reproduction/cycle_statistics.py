@@ -8,7 +8,7 @@ import numpy as np
 
 from coastwatch.associations import AssociationInput, step_with_candidates
 from coastwatch.batches import Floats, Sensors, SourceKind
-from coastwatch.pipeline import Cycle
+from coastwatch.centre import Cycle
 from coastwatch.scenario import Scenario
 from coastwatch.scores.confusion import Confusion, association, bearing_association
 

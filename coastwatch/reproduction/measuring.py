@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from coastwatch.pipeline import Cycle
+from coastwatch.centre import Cycle
 from coastwatch.reproduction import side_by_side, systems, targets, two_filters
 from coastwatch.reproduction.cycle_statistics import Decisions, Pairs
 from coastwatch.reproduction.planning import Job

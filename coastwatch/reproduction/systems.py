@@ -14,8 +14,9 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from coastwatch import pipeline
 from coastwatch.batches import Floats, FusedTracks, Ints, Reports, SourceKind
+from coastwatch.centre import Cycle
+from coastwatch.cycle import run_cycle, start_run
 from coastwatch.geodesy import to_plane
 from coastwatch.reproduction.side_by_side import errors_of, figures_of
 from coastwatch.scenario import Scenario
@@ -45,7 +46,7 @@ def measure(scenario: Scenario, seed: int, asked: Systems) -> dict[str, float | 
     recording = scenario.input.load(sensors, seed, plan)
     assert recording.truth is not None
     assert isinstance(recording.reports, Reports)
-    memory, before_s = pipeline.start(scenario, sensors), -np.inf
+    memory, before_s = start_run(scenario, sensors), -np.inf
     errors: list[Floats] = []
     gospas: list[Gospa] = []
     born: dict[int, float] = {}
@@ -56,7 +57,7 @@ def measure(scenario: Scenario, seed: int, asked: Systems) -> dict[str, float | 
     for number in range(plan.cycles):
         now_s = plan.instant_s(number)
         reports = recording.reports.between(before_s, now_s)
-        memory, cycle = pipeline.step(scenario, sensors, memory, reports, now_s, serial, Stopwatch())
+        memory, cycle = run_cycle(scenario, sensors, memory, reports, now_s, serial, Stopwatch())
         before_s, truth = now_s, recording.truth.at(now_s)
         name, estimate = _with_radar(cycle, sensors.source_kinds)
         place_m, true_m = (to_plane(p, sensors.region_origin_deg[0]) for p in (estimate.position_deg, truth.position_deg))
@@ -91,7 +92,7 @@ def matches(estimate_m: Floats, true_m: Floats, near_m: float) -> tuple[Ints, In
     return row[near], column[near]
 
 
-def _with_radar(cycle: pipeline.Cycle, kinds: Ints) -> tuple[Ints, FusedTracks]:
+def _with_radar(cycle: Cycle, kinds: Ints) -> tuple[Ints, FusedTracks]:
     """The vessels with a radar track: the oldest of its radar tracks (B,), and the estimate (B)."""
     tracks, vessel = cycle.tracks, cycle.associations.vessel
     radar = np.flatnonzero(kinds[tracks.source] == SourceKind.RADAR)

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from coastwatch.batches.plain_data import Classes, TreeError, classes_in, from_tree, to_tree
+from coastwatch.cycle import Memory
 from coastwatch.errors import ExplainedError
-from coastwatch.pipeline import Memory
 from coastwatch.scenario.model import StoreSettings
 from coastwatch.scores import Tally
 

@@ -13,9 +13,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, Self
 
-from coastwatch import pipeline, store
+from coastwatch import store
 from coastwatch.batches import Fault, Recording, Reports, Sensors
-from coastwatch.pipeline import Cycle
+from coastwatch.centre import Cycle
+from coastwatch.cycle import LEFT_OUT
 from coastwatch.scenario import Scenario
 from coastwatch.server import clock
 from coastwatch.server.alarm_book import MOST_ENDED, Alarm, AlarmBook, Chosen, known_of
@@ -270,7 +271,7 @@ class LiveRun:
             out.append(Trouble("clock", "", None, said, False))
         out += [Trouble("zone", name, None, said, False) for name, said in self._refused_zones]
         out += [
-            Trouble("crowd", stage, None, f"{pipeline.LEFT_OUT[stage]} ({count} in the last cycle with any)", False)
+            Trouble("crowd", stage, None, f"{LEFT_OUT[stage]} ({count} in the last cycle with any)", False)
             for stage, (count, when_s) in tuple(self._left_out.items())
             if now_s - when_s < CROWD_SHOWN_S
         ]

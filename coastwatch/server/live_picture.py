@@ -12,8 +12,8 @@ import numpy as np
 
 from coastwatch import store
 from coastwatch.batches import AisStatics, Array, Floats, Ints, Sensors, SourceKind
+from coastwatch.centre import Cycle
 from coastwatch.kernels.tables.lookup import find
-from coastwatch.pipeline import Cycle
 from coastwatch.store import Store, Table
 from coastwatch.store.read.picture_queries import COLUMNS, STATIC
 from coastwatch.store.rows import NullableId, motion, source_texts

@@ -12,10 +12,11 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Protocol
 
-from coastwatch import pipeline, store
+from coastwatch import store
 from coastwatch.batches import Fault, FileContent, Recording, Reports, Sensors
+from coastwatch.centre import Cycle
+from coastwatch.cycle import dropped, gathered, run_cycle, start_run
 from coastwatch.formats.intake.accounts import losses
-from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario
 from coastwatch.scores import add, result, start
 from coastwatch.server import checkpoint
@@ -182,7 +183,7 @@ def run_scenario(
                             None if live is None else WatchedZones(opened, scenario, live.refuse_zones),
                         )
                         point, vessels, most = _run_cycles(_Run(*parts), point, report, on_cycle)
-                    memory = pipeline.gathered(point.memory, opened_workers.regions)
+                    memory = gathered(point.memory, opened_workers.regions)
                     scores = result(point.tally, recording, sensors)
                 except BaseException:
                     faults = *recording.all_faults(), *_losses(scenario, opened_workers)
@@ -193,7 +194,7 @@ def run_scenario(
         faults = of_input = recording.all_faults()
         if live is None:
             faults += losses(recording.all_contents(), faults, unused)
-        faults = *faults, *pipeline.dropped(memory, sensors), *_losses(scenario, opened_workers)
+        faults = *faults, *dropped(memory, sensors), *_losses(scenario, opened_workers)
         store.finish_run(opened, run_id, status, scores, faults)
     return RunResult(
         run_id,
@@ -301,7 +302,7 @@ def _begin(
         workers=workers,
         feeds=recording.feeds,
     )
-    return run_id, Point(0, pipeline.start(scenario, sensors), start(sensors))
+    return run_id, Point(0, start_run(scenario, sensors), start(sensors))
 
 
 def _loaded_point(saved: bytes, run_id: int) -> Point:
@@ -356,7 +357,7 @@ def _run_cycle(run: _Run, point: Point, number: int) -> tuple[Point, Cycle, str 
         reports = run.recording.reports.between(plan.instant_s(point.cycle - 1), plan.instant_s(number))
     spots, regions = run.workers.spots, run.workers.regions
     given = scenario, run.sensors, point.memory, reports, plan.instant_s(number), spots, run.watch, regions
-    memory, cycle = pipeline.step(*given, zones=None if run.zones is None else run.zones.now())
+    memory, cycle = run_cycle(*given, zones=None if run.zones is None else run.zones.now())
     if run.live is not None:
         run.live.computed(run.run_id, number, cycle, reports, run.watch.so_far())
     tally = point.tally
@@ -369,7 +370,7 @@ def _run_cycle(run: _Run, point: Point, number: int) -> tuple[Point, Cycle, str 
     with run.watch("checkpoint"):
         if stopped or run.pace.is_due(number, run.writer.is_idle):
             begun_s = time.perf_counter()
-            blob = checkpoint.save(replace(after, memory=pipeline.gathered(memory, regions)))
+            blob = checkpoint.save(replace(after, memory=gathered(memory, regions)))
             run.pace.note(number, len(blob), time.perf_counter() - begun_s)
     for_centres = store.ForCentres() if run.live is None else run.live.for_centres(run.run_id, number, cycle)
     warning = run.writer.wait_for_room()
@@ -399,7 +400,7 @@ def _merged(plan: Plan, first: int, number: int, cycle: Cycle, reports: Reports)
 def _save(run: _Run, point: Point) -> None:
     """Write a checkpoint of a run that ends while it waits for the reports of its next cycle, unless its last cycle has one."""
     if point.cycle and run.pace.newest != point.cycle - 1:
-        blob = checkpoint.save(replace(point, memory=pipeline.gathered(point.memory, run.workers.regions)))
+        blob = checkpoint.save(replace(point, memory=gathered(point.memory, run.workers.regions)))
         run.writer.later(partial(store.write_checkpoint, run.store, run.run_id, point.cycle - 1, blob))
 
 

@@ -10,8 +10,8 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from coastwatch import pipeline
 from coastwatch.batches import Floats, Sensors
+from coastwatch.cycle import run_cycle, start_run
 from coastwatch.geodesy import offset_deg
 from coastwatch.scenario import Scenario
 from coastwatch.sensors.simulated.ais import AisTruth
@@ -45,7 +45,7 @@ def warm_up(scenario: Scenario, sensors: Sensors, report: Callable[[str], None],
     )
     scenario = _with_spots(scenario, several=workers.spots is not serial)
     plan = Plan(start_s=START_S, period_s=scenario.period_s, cycles=CYCLES)
-    reports, memory, before_s = sea.load(sensors, 0, plan).reports, pipeline.start(scenario, sensors), -np.inf
+    reports, memory, before_s = sea.load(sensors, 0, plan).reports, start_run(scenario, sensors), -np.inf
     begun: list[str] = []
 
     @contextmanager
@@ -58,7 +58,7 @@ def warm_up(scenario: Scenario, sensors: Sensors, report: Callable[[str], None],
     for number in range(CYCLES):
         now_s = plan.instant_s(number)
         arrived = reports.between(before_s, now_s)
-        memory, _ = pipeline.step(scenario, sensors, memory, arrived, now_s, workers.spots, announced, workers.regions)
+        memory, _ = run_cycle(scenario, sensors, memory, arrived, now_s, workers.spots, announced, workers.regions)
         before_s = now_s
 
 

@@ -17,7 +17,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coastwatch import pipeline
 from coastwatch.alarms import AlarmInput, AlarmRules, EventMemory, EvidenceContext, expected_sensors, next_events, numbered
 from coastwatch.alarms.events import KEYS
 from coastwatch.batches import (
@@ -35,6 +34,7 @@ from coastwatch.batches import (
     VesselAlarms,
 )
 from coastwatch.batches.kinds import EVENT_KINDS, IS_ALARM
+from coastwatch.cycle import run_cycle, start_run
 from coastwatch.operators.cli.arguments import names, pair
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.scores.dark import SILENT_FOR_S
@@ -59,13 +59,13 @@ class Made(NamedTuple):
 def pictures_of(scenario: Scenario, sensors: Sensors, reports: Reports) -> list[Made]:
     """Every cycle. The cover is of the newest of every COVER_CYCLES cycles: each has its own arrays."""
     plan = scenario.plan()
-    memory, before_s, out = pipeline.start(scenario, sensors), -np.inf, []
+    memory, before_s, out = start_run(scenario, sensors), -np.inf, []
     cover = memory.radar_cover
     for number in range(plan.cycles):
         now_s = plan.instant_s(number)
         part = reports.between(before_s, now_s)
         cover = memory.radar_cover if number % COVER_CYCLES == 0 else cover
-        memory, cycle = pipeline.step(scenario, sensors, memory, part, now_s, serial, lambda _: nullcontext(), zones=())
+        memory, cycle = run_cycle(scenario, sensors, memory, part, now_s, serial, lambda _: nullcontext(), zones=())
         out.append(Made(now_s, cycle.picture, cycle.members, cover))
         before_s = now_s
     return out

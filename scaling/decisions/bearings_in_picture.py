@@ -21,11 +21,11 @@ from pathlib import Path
 
 import numpy as np
 
-from coastwatch import pipeline
 from coastwatch.batches import Recording, Sensors
+from coastwatch.centre import Cycle
+from coastwatch.cycle import run_cycle, start_run
 from coastwatch.geodesy import difference_m, to_plane, turn
 from coastwatch.operators.cli.arguments import pair
-from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.sensors.recorded.datasets.autoferry import PIREN_DEG
 from coastwatch.stage import serial
@@ -50,13 +50,13 @@ MATCHED_M = 300.0
 
 def cycles(scenario: Scenario, recording: Recording, sensors: Sensors) -> Iterator[Cycle]:
     """Every cycle of a run on one thread, without a store."""
-    plan, memory = scenario.plan(), pipeline.start(scenario, sensors)
+    plan, memory = scenario.plan(), start_run(scenario, sensors)
     reports = recording.whole()
     for cycle in range(plan.cycles):
         after_s = plan.instant_s(cycle - 1) if cycle else -np.inf
         part = reports.between(after_s, plan.instant_s(cycle))
         given = serial, lambda name: nullcontext()
-        memory, made = pipeline.step(scenario, sensors, memory, part, plan.instant_s(cycle), *given)
+        memory, made = run_cycle(scenario, sensors, memory, part, plan.instant_s(cycle), *given)
         yield made
 
 

@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from coastwatch import pipeline
 from coastwatch.batches import Associations, Floats, FusedTracks, Ints, Measurements, Recording, Tracks, Trajectories
+from coastwatch.cycle import run_cycle, start_run
 from coastwatch.fused_tracks import CentralImm, FusionInput
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.scenario import load_scenario
@@ -62,11 +62,11 @@ def heard_in(overrides: dict[str, str], seed: int) -> tuple[Heard, Recording, In
     sensors, plan, heard = scenario.sensors(), scenario.plan(), Heard()
     recording = scenario.input.load(sensors, seed, plan)
     spied = scenario.model_copy(update={"fused_tracks": heard})
-    memory, before = pipeline.start(spied, sensors), -np.inf
+    memory, before = start_run(spied, sensors), -np.inf
     for cycle in range(plan.cycles):
         now = plan.instant_s(cycle)
         reports = recording.reports.between(before, now)
-        memory, _ = pipeline.step(spied, sensors, memory, reports, now, serial, lambda name: nullcontext())
+        memory, _ = run_cycle(spied, sensors, memory, reports, now, serial, lambda name: nullcontext())
         before = now
     return heard, recording, sensors.source_kinds, scenario.warmup_cycles
 

@@ -13,8 +13,8 @@ import argparse
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from coastwatch import pipeline
 from coastwatch.batches import Floats, Ints, RadarReports, Sensors, SourceKind, Trajectories
+from coastwatch.cycle import run_cycle, start_run
 from coastwatch.geodesy import to_plane, wrap_rad
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.confusion import Confusion, association, count_decisions
@@ -66,11 +66,11 @@ def main() -> None:
         recording = scenario.input.load(sensors, seed, plan)
         truth, reports = recording.truth, recording.whole()
         assert truth is not None
-        memory, before_s = pipeline.start(scenario, sensors), float("-inf")
+        memory, before_s = start_run(scenario, sensors), float("-inf")
         for cycle in range(plan.cycles):
             now_s = plan.instant_s(cycle)
             part = reports.between(before_s, now_s)
-            memory, made_now = pipeline.step(scenario, sensors, memory, part, now_s, serial, Stopwatch())
+            memory, made_now = run_cycle(scenario, sensors, memory, part, now_s, serial, Stopwatch())
             before_s = now_s
             since_s = now_s - plan.start_s
             if since_s not in best:

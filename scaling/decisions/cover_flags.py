@@ -15,8 +15,8 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from coastwatch import pipeline
 from coastwatch.batches import Flag, Picture, Recording
+from coastwatch.cycle import run_cycle, start_run
 from coastwatch.geodesy import difference_m
 from coastwatch.kernels.tables.match_ids import index_of
 from coastwatch.operators.cli.arguments import pair
@@ -32,7 +32,7 @@ def measure(scenario: Scenario, seed: int) -> str:
     sensors, plan = scenario.sensors(), scenario.plan()
     recording = scenario.input.load(sensors, seed, plan)
     reports = recording.reports
-    memory, before_s, spent_s = pipeline.start(scenario, sensors), -np.inf, []
+    memory, before_s, spent_s = start_run(scenario, sensors), -np.inf, []
 
     @contextmanager
     def timer(stage: str) -> Iterator[None]:
@@ -45,7 +45,7 @@ def measure(scenario: Scenario, seed: int) -> str:
     for number in range(plan.cycles):
         now_s = plan.instant_s(number)
         part = reports.between(before_s, now_s)
-        memory, cycle = pipeline.step(scenario, sensors, memory, part, now_s, serial, timer)
+        memory, cycle = run_cycle(scenario, sensors, memory, part, now_s, serial, timer)
         before_s = now_s
         with_ais = np.isin(cycle.picture.vessel_id, cycle.members.vessel_id[cycle.members.source == sensors.ais_source])
         lone = cycle.picture.flags & int(Flag.AIS_WITHOUT_RADAR) > 0

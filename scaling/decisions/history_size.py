@@ -15,9 +15,8 @@ import sqlite3
 import tempfile
 from itertools import product
 
-from coastwatch import pipeline
+from coastwatch.centre import Cycle, run_centre, start_centre
 from coastwatch.operators.cli.arguments import count, pair
-from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.server.run import run_scenario
 from coastwatch.server.timing import Stopwatch
@@ -84,12 +83,12 @@ def of_load(tracks: int, cycles: int, settings: dict[str, str]) -> None:
     scenario = national.scenario_of(world, settings)
     sensors, asked, hours, watch = scenario.sensors(), bounds(), 0.0, Stopwatch()
     plan = Plan(start_s=world.time_s(-1), period_s=world.period_s, cycles=WARM + cycles)
-    state, memory = national.initial_state(world), pipeline.start_centre(scenario)
+    state, memory = national.initial_state(world), start_centre(scenario)
     with tempfile.TemporaryDirectory() as folder, open_workers("threads", 1) as workers:
         with RunDatabase(f"sqlite:///{folder}/x.db", scenario, sensors, plan, 1) as keeper:
             for number in range(WARM + cycles):
                 state, received = national.next_cycle(world, state, sensors)
-                memory, cycle = pipeline.fuse(scenario, sensors, memory, received, world.time_s(number), workers.spots, watch)
+                memory, cycle = run_centre(scenario, sensors, memory, received, world.time_s(number), workers.spots, watch)
                 keeper.write(number, cycle, statics_alone(received.statics), watch.lap())
                 for one in asked:
                     one(cycle)

@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from coastwatch import pipeline
 from coastwatch.batches import Floats, Ints, SourceKind, Truth
+from coastwatch.centre import Cycle
+from coastwatch.cycle import run_cycle, start_run
 from coastwatch.geodesy import difference_m
 from coastwatch.kernels.tables.match_ids import index_of
 from coastwatch.scenario import load_scenario
@@ -51,7 +52,7 @@ class Scores:
     held: Ints = field(default_factory=lambda: np.zeros(0, np.int64))  # vessels with a radar track in the last cycle
     vessel_of: dict[int, int] = field(default_factory=dict)  # of each radar track
 
-    def add(self, cycle: pipeline.Cycle, truth: Truth, kinds: Ints) -> None:
+    def add(self, cycle: Cycle, truth: Truth, kinds: Ints) -> None:
         """Count one cycle."""
         tracks, found = cycle.tracks, cycle.associations
         self.decisions += association(tracks, found, kinds)
@@ -86,11 +87,11 @@ def run(settings: dict[str, str], seed: int) -> Scores:
     sensors, plan = scenario.sensors(), scenario.plan()
     recording = scenario.input.load(sensors, seed, plan)
     assert recording.truth is not None
-    memory, before_s, scores = pipeline.start(scenario, sensors), float("-inf"), Scores()
+    memory, before_s, scores = start_run(scenario, sensors), float("-inf"), Scores()
     for number in range(plan.cycles):
         now_s = plan.instant_s(number)
         reports = recording.reports.between(before_s, now_s)
-        memory, cycle = pipeline.step(scenario, sensors, memory, reports, now_s, serial, Stopwatch())
+        memory, cycle = run_cycle(scenario, sensors, memory, reports, now_s, serial, Stopwatch())
         before_s = now_s
         if number >= scenario.warmup_cycles:
             scores.add(cycle, recording.truth.at(now_s), sensors.source_kinds)

@@ -20,10 +20,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from coastwatch.batches import Associations, FusedTracks, Tracks
+from coastwatch.centre import Received
 from coastwatch.fused_tracks import FusionInput
 from coastwatch.kernels.threads import threads
 from coastwatch.picture import PictureInput
-from coastwatch.pipeline import Received
 from coastwatch.scenario import Scenario
 from scaling.load import national
 

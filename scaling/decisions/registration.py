@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from coastwatch.batches import RadarCorrections, RegistrationState
+from coastwatch.centre import Cycle
 from coastwatch.operators.cli.arguments import pair
-from coastwatch.pipeline import Cycle
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.confusion import Confusion, association
 from coastwatch.sensors import Simulated

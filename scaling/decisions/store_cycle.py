@@ -39,9 +39,9 @@ from coastwatch.batches import (
     Reports,
     Tracks,
 )
+from coastwatch.centre import Cycle
 from coastwatch.geodesy import KNOT_M_S, offset_deg
 from coastwatch.operators.cli.arguments import count
-from coastwatch.pipeline import Cycle
 from coastwatch.scenario import StoreSettings
 from coastwatch.store.schema.database import reading
 

@@ -19,8 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from coastwatch import pipeline
 from coastwatch.batches import AisReports, Flag, Ints, Members, Picture, Reports
+from coastwatch.cycle import run_cycle, start_run
 from coastwatch.operators.cli.arguments import names, pair
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.stage import serial
@@ -63,11 +63,11 @@ def counts_of(scenario: Scenario, seed: int, last: int = LAST) -> list[Count]:
     reports = scenario.input.load(sensors, seed, plan).reports
     if not isinstance(reports, Reports):
         raise TypeError(f"reports: got a {type(reports).__name__}, needed those of a simulation")
-    memory, before_s, out = pipeline.start(scenario, sensors), -np.inf, []
+    memory, before_s, out = start_run(scenario, sensors), -np.inf, []
     for number in range(plan.cycles):
         now_s = plan.instant_s(number)
         part = reports.between(before_s, now_s)
-        memory, cycle = pipeline.step(scenario, sensors, memory, part, now_s, serial, lambda _: nullcontext(), zones=())
+        memory, cycle = run_cycle(scenario, sensors, memory, part, now_s, serial, lambda _: nullcontext(), zones=())
         if number >= plan.cycles - last:
             out.append(count(cycle.picture, cycle.members, sensors.ais_source, reports.ais))
         before_s = now_s

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from coastwatch import pipeline
+from coastwatch.cycle import run_cycle, start_run
 from coastwatch.operators.cli.arguments import count
 from coastwatch.scenario import load_scenario
 from coastwatch.server.machine import date_utc, machine
@@ -35,7 +35,7 @@ def measure(vessels: int, width_nm: float, cycles: int, scenario: str) -> dict[s
     size = {"input.count": str(vessels), "input.area_width_nm": str(width_nm), "input.area_height_nm": str(width_nm)}
     s = load_scenario(scenario, size)
     sensors, plan = s.sensors(), s.plan()
-    reports, memory, before_s = s.input.load(sensors, 1, plan).reports, pipeline.start(s, sensors), -np.inf
+    reports, memory, before_s = s.input.load(sensors, 1, plan).reports, start_run(s, sensors), -np.inf
     cycles_s: list[dict[str, float]] = []
     with report_progress() as progress:
         for k in range(cycles):
@@ -48,7 +48,7 @@ def measure(vessels: int, width_nm: float, cycles: int, scenario: str) -> dict[s
                 took[name] = took.get(name, 0.0) + process_time() - begin_s
 
             now_s = plan.instant_s(k)
-            memory, cycle = pipeline.step(s, sensors, memory, reports.between(before_s, now_s), now_s, serial, timer)
+            memory, cycle = run_cycle(s, sensors, memory, reports.between(before_s, now_s), now_s, serial, timer)
             before_s = now_s
             cycles_s.append(took)
             progress(k + 1, cycles, f"{vessels} vessels, {sum(took.values()):.2f} s")

@@ -22,8 +22,8 @@ from operator import xor
 from random import Random
 from typing import Any
 
-from coastwatch import pipeline
 from coastwatch.batches import Reports
+from coastwatch.cycle import run_cycle, start_run
 from coastwatch.formats.nmea.ais import Receivers
 from coastwatch.formats.registry import FORMATS
 from coastwatch.operators.cli.arguments import count, whole
@@ -180,7 +180,7 @@ def fuzzed(number: int, seed: int, chain: int) -> Iterator[tuple[int, Counter[st
     found, broken, taken = decoders(messages), Counter[str](), Counter[str]()
     receivers = Receivers([found["ais"]])
     period_s, start_s = scenario.plan().period_s, scenario.plan().start_s
-    memory = pipeline.start(scenario, sensors)
+    memory = start_run(scenario, sensors)
     done, cycle, told = 0, 0, 0
     while done < number:
         cycle += 1
@@ -201,12 +201,12 @@ def fuzzed(number: int, seed: int, chain: int) -> Iterator[tuple[int, Counter[st
             reports = Reports.merged([replace(part, tracks=Reports.empty().tracks) for part in parts])
             reports = replace(reports, tracks=type(reports.tracks).join([part.tracks for part in parts]))
             try:
-                memory, _ = pipeline.step(
+                memory, _ = run_cycle(
                     scenario, sensors, memory, reports, now_s, serial, lambda _: nullcontext(), serial_regions
                 )
             except Exception as error:
                 broken[f"chain: {_where(error)}"] += 1
-                memory = pipeline.start(scenario, sensors)
+                memory = start_run(scenario, sensors)
         if done * 100 // number > told or done >= number:
             told = done * 100 // number
             yield done, broken, taken

@@ -21,8 +21,8 @@ import numpy as np
 from sqlalchemy import make_url
 
 from coastwatch.batches import Fault, FileContent, Recording, Reports, Sensors
+from coastwatch.centre import Cycle
 from coastwatch.operators.cli.arguments import count, pair
-from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.server.run import run_scenario
 from coastwatch.stage import Plan

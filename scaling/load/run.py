@@ -12,7 +12,7 @@ from typing import Any, Self
 import numpy as np
 from scipy.spatial import cKDTree
 
-from coastwatch import pipeline, store
+from coastwatch import store
 from coastwatch.batches import (
     AisReports,
     AisStatics,
@@ -25,8 +25,8 @@ from coastwatch.batches import (
     SourceKind,
     Tracks,
 )
+from coastwatch.centre import Cycle, run_centre, start_centre
 from coastwatch.geodesy import earth_centred
-from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario
 from coastwatch.scores.confusion import Confusion, bearing_association, decisions
 from coastwatch.server.run import version
@@ -148,7 +148,7 @@ def run_cycles(load: Load) -> Iterator[CycleResult]:
     world = national.build_world(load.tracks, load.seed)
     scenario = national.scenario_of(world, load.settings)
     sensors, count = scenario.sensors(), load.warmup + load.cycles
-    state, memory, watch = national.initial_state(world), pipeline.start_centre(scenario), Stopwatch()
+    state, memory, watch = national.initial_state(world), start_centre(scenario), Stopwatch()
     with ExitStack() as stack:
         workers = stack.enter_context(open_workers(scenario.workers.method, load.workers))
         database = stack.enter_context(_open_database(load, world, scenario, sensors))
@@ -163,7 +163,7 @@ def run_cycles(load: Load) -> Iterator[CycleResult]:
             generator_s, cpu_s, begun = time.perf_counter() - begun, processor_s(), time.perf_counter()
             if job is not None:
                 writer.start(job)
-            memory, cycle = pipeline.fuse(scenario, sensors, memory, given.pop(), world.time_s(number), workers.spots, watch)
+            memory, cycle = run_centre(scenario, sensors, memory, given.pop(), world.time_s(number), workers.spots, watch)
             cpu_s = processor_s() - cpu_s
             written, store_cpu_s = writer.wait() or (store.Written(0, None), 0.0)
             stages_s = {**watch.so_far(), **watch.lap()}

@@ -22,13 +22,13 @@ from PIL import Image
 from server_world import listening, wait_for
 
 from coastwatch.batches import Flag
+from coastwatch.centre import Cycle
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.operators.api import tokens
 from coastwatch.operators.api.application import WEB
 from coastwatch.operators.api.guard import Guard
 from coastwatch.operators.cli import main
 from coastwatch.operators.cli.serving import Followed, bound
-from coastwatch.pipeline import Cycle
 from coastwatch.store import Store, open_store
 from scaling.page.fleet import served_fleet
 

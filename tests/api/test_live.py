@@ -147,14 +147,13 @@ def test_a_run_that_goes_on_has_the_names_of_vessels_that_are_not_in_the_picture
 
 FAILS = """
 import sys
-from coastwatch import pipeline
 from coastwatch.operators.cli import main
-from coastwatch.server import live
+from coastwatch.server import live, run
 
 def step(*given, **more):
     raise ZeroDivisionError("a defect in each cycle")
 
-pipeline.step, live.MOST_RESTARTS = step, 1
+run.run_cycle, live.MOST_RESTARTS = step, 1
 sys.exit(main(sys.argv[1:]))
 """
 

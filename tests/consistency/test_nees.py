@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from coastwatch.batches import Floats, FusedTracks, Ints, SourceKind, Tracks, Truth
+from coastwatch.centre import Cycle
 from coastwatch.geodesy import difference_m
-from coastwatch.pipeline import Cycle
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.nees import band, nees
 from coastwatch.scores.rmse import rows_of, whole_vessels

@@ -9,7 +9,7 @@ import numpy as np
 from as_bytes import as_bytes
 from region_steps import add
 
-from coastwatch import pipeline
+from coastwatch.cycle import gathered, run_cycle, start_run
 from coastwatch.scenario import load_scenario
 from coastwatch.server.checkpoint import save
 from coastwatch.stage import serial
@@ -106,13 +106,13 @@ def run_regions(scenario, regions, spots=serial, at_cycle=lambda cycle: None):
     """What each cycle yields, and the memory of the regions at the end, as bytes."""
     sensors, plan = scenario.sensors(), scenario.plan()
     recording = scenario.input.load(sensors, 1, plan)
-    memory, made = pipeline.start(scenario, sensors), []
+    memory, made = start_run(scenario, sensors), []
     for cycle in range(plan.cycles):
         at_cycle(cycle)
         now = plan.instant_s(cycle)
         reports = recording.reports.between(plan.instant_s(cycle - 1), now)
-        memory, out = pipeline.step(scenario, sensors, memory, reports, now, spots, lambda _: nullcontext(), regions)
+        memory, out = run_cycle(scenario, sensors, memory, reports, now, spots, lambda _: nullcontext(), regions)
         made.append(as_bytes((out.tracks, out.picture, out.associations, out.corrections)))
     assert len(sensors.region_names) == 3
     assert all((out.tracks.source == k).sum() > 5 for k in range(4))
-    return made, save(pipeline.gathered(memory, regions).regions)
+    return made, save(gathered(memory, regions).regions)

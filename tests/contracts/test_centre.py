@@ -5,8 +5,8 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
-from coastwatch import pipeline
 from coastwatch.batches import AisAlarms, AisStatics, BearingTracks, Measurements, Tracks
+from coastwatch.centre import Received, run_centre, start_centre
 from coastwatch.geodesy import difference_m, offset_deg
 from coastwatch.kernels.threads import blocks, in_blocks, threads
 from coastwatch.scenario import load_scenario
@@ -74,7 +74,7 @@ def test_threads_change_no_bit() -> None:
 def test_the_centre_makes_one_vessel_of_a_radar_and_an_ais_track() -> None:
     scenario = load_scenario("context-driven-100", {"fused_tracks.method": "convex"})
     sensors = scenario.sensors()
-    memory = pipeline.start_centre(scenario)
+    memory = start_centre(scenario)
     ais = sensors.ais_source
     for cycle in range(8):
         now = 3.0 * (cycle + 1)
@@ -92,8 +92,8 @@ def test_the_centre_makes_one_vessel_of_a_radar_and_an_ais_track() -> None:
             np.array([-1, 244123456]),
             np.zeros(2, np.int64),
         )
-        received = pipeline.Received(tracks, Measurements.empty(), AisAlarms.empty(), BearingTracks.empty(), AisStatics.empty())
-        memory, made = pipeline.fuse(scenario, sensors, memory, received, now, serial, lambda name: nullcontext())
+        received = Received(tracks, Measurements.empty(), AisAlarms.empty(), BearingTracks.empty(), AisStatics.empty())
+        memory, made = run_centre(scenario, sensors, memory, received, now, serial, lambda name: nullcontext())
     assert (made.tracks.time_s == now).all()
     assert len(made.picture) == 1
     assert made.picture.mmsi.tolist() == [244123456]

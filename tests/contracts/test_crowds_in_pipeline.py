@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from coastwatch import pipeline
-from coastwatch.pipeline import Cycle, Memory
+from coastwatch.centre import Cycle
+from coastwatch.cycle import LEFT_OUT, Memory, dropped, run_cycle, start_run
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.server import clock
 from coastwatch.server.live import CROWD_SHOWN_S, LiveRun, Paced
@@ -23,23 +23,23 @@ def played(count: int, width_nm: float, cycles: int) -> tuple[Scenario, Memory, 
     size = {"input.count": str(count), "input.area_width_nm": str(width_nm), "input.area_height_nm": str(width_nm)}
     scenario = load_scenario("guanabara", size | {"alarms.cpa_known_s": "0"})
     sensors, plan, out = scenario.sensors(), scenario.plan(), list[Cycle]()
-    reports, memory, before_s = scenario.input.load(sensors, 1, plan).reports, pipeline.start(scenario, sensors), -np.inf
+    reports, memory, before_s = scenario.input.load(sensors, 1, plan).reports, start_run(scenario, sensors), -np.inf
     for k in range(cycles):
         now_s = plan.instant_s(k)
         given = reports.between(before_s, now_s)
-        memory, cycle = pipeline.step(scenario, sensors, memory, given, now_s, serial, lambda name: nullcontext())
+        memory, cycle = run_cycle(scenario, sensors, memory, given, now_s, serial, lambda name: nullcontext())
         before_s = now_s
         out.append(cycle)
     return scenario, memory, out
 
 
 def faults_of(scenario: Scenario, memory: Memory) -> dict[str, int]:
-    return {fault.where: fault.count for fault in pipeline.dropped(memory, scenario.sensors())}
+    return {fault.where: fault.count for fault in dropped(memory, scenario.sensors())}
 
 
 def test_what_a_crowd_leaves_out_is_counted_and_told() -> None:
     scenario, memory, cycles = played(900, 0.7, 6)
-    of_stage = {stage: sum(cycle.left_out.get(stage, 0) for cycle in cycles) for stage in pipeline.LEFT_OUT}
+    of_stage = {stage: sum(cycle.left_out.get(stage, 0) for cycle in cycles) for stage in LEFT_OUT}
     assert of_stage["associations"] > 10_000
     assert of_stage["alarms"] > 1000
     assert faults_of(scenario, memory) | {s: n for s, n in of_stage.items() if n} == faults_of(scenario, memory)
@@ -52,7 +52,7 @@ def test_ordinary_traffic_leaves_nothing_out() -> None:
     scenario, memory, cycles = played(300, 17.0, 6)
     assert [cycle.left_out for cycle in cycles] == [{}] * 6
     assert memory.left_out == {}
-    assert not pipeline.LEFT_OUT.keys() & faults_of(scenario, memory).keys()
+    assert not LEFT_OUT.keys() & faults_of(scenario, memory).keys()
 
 
 def test_a_server_shows_a_crowd_as_a_trouble_for_a_while(monkeypatch: Any) -> None:

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from coastwatch import pipeline
 from coastwatch.batches import RadarReports, Reports, TrackReports, limits
+from coastwatch.cycle import dropped, run_cycle, start_run
 from coastwatch.scenario import load_scenario
 from coastwatch.stage import serial, serial_regions
 
@@ -23,14 +23,12 @@ SENSORS, PLAN = SCENARIO.sensors(), SCENARIO.plan()
 def run(cycles: int, more: Any = None) -> tuple[Any, Any]:
     """Memory and cycle after so many cycles. Args: more: reports -> reports."""
     recording = SCENARIO.input.load(SENSORS, 1, PLAN)
-    memory, before_s = pipeline.start(SCENARIO, SENSORS), -np.inf
+    memory, before_s = start_run(SCENARIO, SENSORS), -np.inf
     for k in range(cycles):
         now_s = PLAN.instant_s(k)
         reports = recording.reports.between(before_s, now_s)
         reports = reports if more is None else more(reports, now_s)
-        memory, cycle = pipeline.step(
-            SCENARIO, SENSORS, memory, reports, now_s, serial, lambda _: nullcontext(), serial_regions
-        )
+        memory, cycle = run_cycle(SCENARIO, SENSORS, memory, reports, now_s, serial, lambda _: nullcontext(), serial_regions)
         before_s = now_s
     return memory, cycle
 
@@ -68,7 +66,7 @@ def test_one_odd_report_a_cycle_changes_nothing_but_its_count(name: str) -> None
     kind, fields = ODD[name]
     memory, cycle = run(8, with_odd(kind, **fields))
     _, without = run(8)
-    counts = {fault.kind: fault.count for fault in pipeline.dropped(memory, SENSORS)}
+    counts = {fault.kind: fault.count for fault in dropped(memory, SENSORS)}
     assert sum(count for text, count in counts.items() if text.startswith(limits.BEYOND)) > 0
     assert np.array_equal(cycle.picture.vessel_id, without.picture.vessel_id)
     assert np.array_equal(cycle.picture.position_deg, without.picture.position_deg)
@@ -142,7 +140,7 @@ def test_ais_tracks_without_covariances_are_associated_and_drop_nothing() -> Non
     """The tracks of `dead_reckoning` have none: once all of them were dropped as unsound."""
     scenario = load_scenario("guanabara", {"input.count": "40", "ais_tracks.method": "dead_reckoning"})
     sensors, plan = scenario.sensors(), scenario.plan()
-    recording, memory, before_s = scenario.input.load(sensors, 1, plan), pipeline.start(scenario, sensors), -np.inf
+    recording, memory, before_s = scenario.input.load(sensors, 1, plan), start_run(scenario, sensors), -np.inf
     for k in range(10):
         reports = (
             recording.of_first_cycle(plan.start_s, plan.instant_s(0))
@@ -150,9 +148,7 @@ def test_ais_tracks_without_covariances_are_associated_and_drop_nothing() -> Non
             else recording.reports.between(before_s, plan.instant_s(k))
         )
         before_s = plan.instant_s(k)
-        memory, cycle = pipeline.step(
-            scenario, sensors, memory, reports, before_s, serial, lambda _: nullcontext(), serial_regions
-        )
+        memory, cycle = run_cycle(scenario, sensors, memory, reports, before_s, serial, lambda _: nullcontext(), serial_regions)
     of_ais = cycle.tracks.source == sensors.ais_source
     assert np.isnan(cycle.tracks.covariance[of_ais]).all()
     assert of_ais.sum() > 5

@@ -26,7 +26,7 @@ NOT_TO_READ = {
     "sqlalchemy.dialects.postgresql",
 }
 HEAVY = NOT_TO_READ | {"numpy", "sqlalchemy"}
-MODELS = {f"coastwatch.{name}" for name in ("scenario", "sensors", "tracks", "picture", "pipeline", "server", "workers")}
+MODELS = {f"coastwatch.{name}" for name in ("scenario", "sensors", "tracks", "picture", "cycle", "server", "workers")}
 CODE = """
 import sys
 from coastwatch.operators.cli import main
@@ -70,7 +70,7 @@ def test_a_command_that_reads_imports_no_compiled_kernel_and_no_model(command: l
 def test_a_run_loads_what_reads_tables_and_what_scores_only_to_do_so() -> None:
     """Polars, scipy and pyais take 100 MB of every process and two seconds of its start."""
     code = """
-import sys, coastwatch.pipeline, coastwatch.scenario, coastwatch.scores
+import sys, coastwatch.cycle, coastwatch.scenario, coastwatch.scores
 print(*[name for name in ("polars.dataframe", "scipy.optimize", "scipy.spatial", "scipy.special", "pyais") if name in sys.modules])
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)

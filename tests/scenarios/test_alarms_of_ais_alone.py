@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coastwatch import pipeline
 from coastwatch.batches import BegunEvents, Floats
 from coastwatch.batches.kinds import EVENT_KINDS
+from coastwatch.cycle import run_cycle, start_run
 from coastwatch.geodesy import KNOT_M_S, offset_deg
 from coastwatch.operators import recorded
 from coastwatch.scenario import Scenario, make_scenario
@@ -60,11 +60,11 @@ def begun(scenario: Scenario, merged: int = 1) -> Iterator[BegunEvents]:
     """The events that begin in each cycle. Args: merged: cycles that are computed as one, as by a server that is behind."""
     sensors, plan = scenario.sensors(), scenario.plan()
     reports = scenario.input.load(sensors, 0, plan).reports
-    memory, before_s = pipeline.start(scenario, sensors), -np.inf
+    memory, before_s = start_run(scenario, sensors), -np.inf
     for number in range(0, plan.cycles, merged):
         now_s = plan.instant_s(number)
         part = reports.between(before_s, now_s)
-        memory, cycle = pipeline.step(scenario, sensors, memory, part, now_s, serial, lambda _: nullcontext())
+        memory, cycle = run_cycle(scenario, sensors, memory, part, now_s, serial, lambda _: nullcontext())
         yield cycle.events.begun
         before_s = now_s
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from coastwatch.batches import RadarReports, Reports, Tracks
+from coastwatch.centre import Cycle
 from coastwatch.geodesy import KNOT_M_S, difference_m, offset_deg, to_plane, wrap_rad
-from coastwatch.pipeline import Cycle
 from coastwatch.scenario import ScenarioError, load_scenario
 from coastwatch.sensors.simulated.ais import CLASS_A, CLASS_B
 from scaling.load import baseline

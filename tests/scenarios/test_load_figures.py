@@ -12,10 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from coastwatch import pipeline
 from coastwatch.batches import Ints, SourceKind
+from coastwatch.centre import Cycle, run_centre, start_centre
 from coastwatch.geodesy import difference_m
-from coastwatch.pipeline import Cycle
 from coastwatch.scores.confusion import Confusion
 from coastwatch.stage import serial
 from scaling.load import baseline, national, queries, ramp, soak
@@ -33,11 +32,11 @@ def last_cycle() -> tuple[national.World, Cycle, Ints]:
     world = national.build_world(TRACKS, 5)
     scenario = national.scenario_of(world, {})
     sensors = scenario.sensors()
-    state, memory = national.initial_state(world), pipeline.start_centre(scenario)
+    state, memory = national.initial_state(world), start_centre(scenario)
     for number in range(CYCLES):
         state, received = national.next_cycle(world, state, sensors)
         now = world.time_s(number)
-        memory, cycle = pipeline.fuse(scenario, sensors, memory, received, now, serial, lambda stage: nullcontext())
+        memory, cycle = run_centre(scenario, sensors, memory, received, now, serial, lambda stage: nullcontext())
     rng = np.random.default_rng([5, 1])
     vessel = cycle.associations.vessel.copy()
     some = rng.permutation(len(vessel))[: 2 * WRONG]

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from coastwatch.batches import RadarCorrections, RegistrationState
-from coastwatch.pipeline import Cycle, start, step
+from coastwatch.centre import Cycle
+from coastwatch.cycle import run_cycle, start_run
 from coastwatch.scenario import load_scenario
 from coastwatch.scores.confusion import Confusion, association
 from coastwatch.server.run import run_scenario
@@ -64,12 +65,12 @@ def test_tracks_begun_in_the_wrong_place_end_where_a_bias_is_acquired_late() -> 
     off = load_scenario("misregistered-radars", SMALL | {"registration.method": "none"})
     sensors, plan = scenario.sensors(), scenario.plan()
     reports = scenario.input.load(sensors, SEED, plan).reports
-    memory, doubled, before = start(off, sensors), [], -np.inf
+    memory, doubled, before = start_run(off, sensors), [], -np.inf
     for number in range(50):
         now = plan.instant_s(number)
         memory = memory if number != 30 else replace(memory, registration=scenario.registration.init())
         chosen = off if number < 30 else scenario
-        memory, cycle = step(chosen, sensors, memory, reports.between(before, now), now, serial, lambda _: nullcontext())
+        memory, cycle = run_cycle(chosen, sensors, memory, reports.between(before, now), now, serial, lambda _: nullcontext())
         before = now
         vessels = cycle.picture.origin[cycle.picture.origin >= 0]
         doubled.append(int((np.unique(vessels, return_counts=True)[1] > 1).sum()))

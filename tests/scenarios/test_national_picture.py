@@ -11,8 +11,8 @@ import pytest
 from scipy.spatial import cKDTree
 
 from coastwatch.batches import Batch, Ints, Sensors
+from coastwatch.centre import Received
 from coastwatch.geodesy import difference_m, earth_centred
-from coastwatch.pipeline import Received
 from scaling.load import national
 from scaling.load.national.tracks import ChannelKind
 from scaling.load.national.traffic import SHARES, Traffic

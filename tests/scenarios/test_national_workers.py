@@ -9,10 +9,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from coastwatch import pipeline
 from coastwatch.batches import Batch, Sensors
+from coastwatch.centre import Cycle, Received, run_centre, start_centre
 from coastwatch.kernels import threads
-from coastwatch.pipeline import Cycle, Received
 from coastwatch.server.timing import Stopwatch
 from coastwatch.workers import open_workers
 from scaling.load import national
@@ -52,12 +51,10 @@ def load() -> tuple[national.World, Sensors, list[Received]]:
 def cycles(method: str, count: int, spots: int) -> Iterator[Cycle]:
     world, sensors, received = load()
     scenario = national.scenario_of(world, {"spots.count": str(spots)})
-    memory, watch = pipeline.start_centre(scenario), Stopwatch()
+    memory, watch = start_centre(scenario), Stopwatch()
     with open_workers(method, count) as workers:
         for number in range(CYCLES):
-            memory, cycle = pipeline.fuse(
-                scenario, sensors, memory, received[number], world.time_s(number), workers.spots, watch
-            )
+            memory, cycle = run_centre(scenario, sensors, memory, received[number], world.time_s(number), workers.spots, watch)
             yield cycle
 
 

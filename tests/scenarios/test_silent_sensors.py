@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from coastwatch import pipeline
 from coastwatch.batches import Flag, Reports
 from coastwatch.batches.kinds import EVENT_KINDS
+from coastwatch.cycle import run_cycle, start_run
 from coastwatch.scenario import load_scenario
 from coastwatch.server.checkpoint import load, save
 from coastwatch.stage import serial, serial_regions
@@ -42,7 +42,7 @@ class World:
         self.scenario = load_scenario("guanabara", {"cycles": str(ENDS - 20)})
         self.sensors, self.plan = self.scenario.sensors(), self.scenario.plan()
         self.reports = self.scenario.input.load(self.sensors, 1, self.plan).reports
-        self.before = self.play(save(pipeline.start(self.scenario, self.sensors)), range(FAILS))
+        self.before = self.play(save(start_run(self.scenario, self.sensors)), range(FAILS))
 
     def play(self, memory: bytes, numbers: Any, without: str = "", spots: Any = serial, resumed_at: int = -1) -> Seen:
         """Cycles of these numbers, each since the one before. Args: without: what fails; resumed_at: from a checkpoint there."""
@@ -56,7 +56,7 @@ class World:
             if number == resumed_at:
                 state = load(save(state))
             given = self.scenario, self.sensors, state, reports, now_s, spots, lambda name: nullcontext(), serial_regions
-            state, cycle = pipeline.step(*given)
+            state, cycle = run_cycle(*given)
             seen.dark.append(int(((cycle.picture.flags & Flag.DARK) != 0).sum()))
             begun, ended = cycle.events.begun, cycle.events.ended
             seen.begun.update(EVENT_KINDS[kind] for kind in begun.kind.tolist())

@@ -28,8 +28,8 @@ from coastwatch.batches import (
     Spots,
     Tracks,
 )
+from coastwatch.centre import Cycle
 from coastwatch.geodesy import earth_centred
-from coastwatch.pipeline import Cycle
 from coastwatch.scenario import load_scenario
 from coastwatch.server.run import version
 

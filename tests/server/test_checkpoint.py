@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 from run_world import run, small, url
 
-from coastwatch import pipeline
 from coastwatch.batches import Members
+from coastwatch.cycle import run_cycle, start_run
 from coastwatch.operators.cli import main
 from coastwatch.registration.information import Estimate
 from coastwatch.scenario import load_scenario
@@ -157,10 +157,10 @@ def memory() -> bytes:
     """The memory of a run of some cycles."""
     scenario = load_scenario("context-driven-100", {"cycles": "6", "warmup_s": "0.0", "tracks.plot_origin": "estimated"})
     sensors, plan = scenario.sensors(), scenario.plan()
-    recording, kept = scenario.input.load(sensors, 1, plan), pipeline.start(scenario, sensors)
+    recording, kept = scenario.input.load(sensors, 1, plan), start_run(scenario, sensors)
     for cycle in range(plan.cycles):
         reports = recording.reports.between(plan.instant_s(cycle - 1), plan.instant_s(cycle))
-        kept, _ = pipeline.step(scenario, sensors, kept, reports, plan.instant_s(cycle), serial, lambda _: nullcontext())
+        kept, _ = run_cycle(scenario, sensors, kept, reports, plan.instant_s(cycle), serial, lambda _: nullcontext())
     return save(kept)
 
 

@@ -12,9 +12,9 @@ from run_world import SEED, column, rows, run, small, stored, url
 from sqlalchemy import event
 
 from coastwatch import store
+from coastwatch.centre import Cycle
 from coastwatch.operators import presentation
 from coastwatch.operators.cli import main
-from coastwatch.pipeline import Cycle
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.server.run import run_scenario
 from coastwatch.store import Rows, Store, StoreError

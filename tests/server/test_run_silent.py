@@ -7,7 +7,7 @@ from pathlib import Path
 from run_world import SEED, url
 
 from coastwatch import store
-from coastwatch.pipeline import Cycle
+from coastwatch.centre import Cycle
 from coastwatch.scenario import load_scenario
 from coastwatch.server.alarm_book import AlarmBook, key_of
 from coastwatch.server.run import run_scenario

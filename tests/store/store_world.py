@@ -36,8 +36,8 @@ from coastwatch.batches import (
     Stations,
     Tracks,
 )
+from coastwatch.centre import Cycle
 from coastwatch.geodesy import KNOT_M_S, earth_centred
-from coastwatch.pipeline import Cycle
 from coastwatch.scenario import StoreSettings
 from coastwatch.stage import Plan
 from coastwatch.store import ForCentres, Intake, Store, Written, begin_run, write_cycle

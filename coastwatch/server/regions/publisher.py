@@ -10,7 +10,7 @@ import numpy as np
 
 from coastwatch import store
 from coastwatch.batches import Sensors
-from coastwatch.pipeline import Cycle
+from coastwatch.centre import Cycle
 from coastwatch.server.regions.link import IN_FLIGHT, NOTHING, Position
 from coastwatch.server.regions.message import RegionCycle, encode, radar_tracks
 from coastwatch.store import Store

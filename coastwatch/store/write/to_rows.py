@@ -29,7 +29,7 @@ from coastwatch.kernels.tables.lookup import find
 from coastwatch.store.rows import Categorical, Column, NullableId, motion
 
 if TYPE_CHECKING:  # to read a database needs no stage of the pipeline, which are slow to import
-    from coastwatch.pipeline import Cycle
+    from coastwatch.centre import Cycle
 
 UPPER = np.triu_indices(4)
 SENSOR_KINDS = ("ais", "bearing", "feed", "radar", "tracks")  # in the order of the key

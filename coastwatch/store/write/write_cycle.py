@@ -43,7 +43,7 @@ from coastwatch.store.write.run_state import RunState, no_such_run, read_run_sta
 from coastwatch.store.write.static_names import delete_names, write_names
 
 if TYPE_CHECKING:  # to read a database needs no stage of the pipeline, which are slow to import
-    from coastwatch.pipeline import Cycle
+    from coastwatch.centre import Cycle
     from coastwatch.scenario import StoreSettings
 
 PIECE_BYTES = 1 << 26

@@ -1,4 +1,4 @@
-"""A run of the whole chain: `pipeline.step` as the server runs it, with times, memory and scores of each cycle."""
+"""A run of the whole chain: `cycle.run_cycle` as the server runs it, with times, memory and scores of each cycle."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-from coastwatch import pipeline, scores, store
+from coastwatch import scores, store
+from coastwatch.centre import Cycle
+from coastwatch.cycle import gathered, run_cycle, start_run
 from coastwatch.server import checkpoint
 from coastwatch.server.checkpoint import Point
 from coastwatch.server.timing import Stopwatch
@@ -76,7 +78,7 @@ class StageTimer:
         return done
 
 
-def run_cycles(load: Load, world: World, on_cycle: Callable[[pipeline.Cycle], None] | None = None) -> Iterator[CycleResult]:
+def run_cycles(load: Load, world: World, on_cycle: Callable[[Cycle], None] | None = None) -> Iterator[CycleResult]:
     """Each cycle of a run as it ends, warm-up included.
 
     A cycle is written while the next one is computed, as in the server, with its checkpoints. The times of a cycle include neither
@@ -84,7 +86,7 @@ def run_cycles(load: Load, world: World, on_cycle: Callable[[pipeline.Cycle], No
     Args: on_cycle: called with each cycle.
     """
     scenario, sensors, plan, watch = world.scenario, world.sensors, world.plan, Stopwatch()
-    state, memory = initial_state(world), pipeline.start(scenario, sensors)
+    state, memory = initial_state(world), start_run(scenario, sensors)
     timer = StageTimer(watch)
     tally, sample, no_scores = quality.Tally(), quality.sample_of(world), scores.start(sensors)
     with ExitStack() as stack:
@@ -101,14 +103,12 @@ def run_cycles(load: Load, world: World, on_cycle: Callable[[pipeline.Cycle], No
             if job is not None:
                 writer.start(job)
             now_s = plan.instant_s(number)
-            memory, cycle = pipeline.step(
-                scenario, sensors, memory, reports, now_s, workers.spots, timer, regions=workers.regions
-            )
+            memory, cycle = run_cycle(scenario, sensors, memory, reports, now_s, workers.spots, timer, regions=workers.regions)
             cpu_s = processor_s() - cpu_s
             blob = None
             if database is not None and (number == 0 or (number + 1) % scenario.store.checkpoint_every == 0):
                 with watch("checkpoint"):
-                    saved = pipeline.gathered(memory, workers.regions)
+                    saved = gathered(memory, workers.regions)
                     blob = checkpoint.save(Point(number + 1, saved, no_scores))
             written, store_cpu_s = writer.wait() or (store.Written(0, None), 0.0)
             stages_s = {**watch.so_far(), **watch.lap()}

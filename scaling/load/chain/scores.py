@@ -23,8 +23,8 @@ from coastwatch.batches import (
     Tracks,
     Truth,
 )
+from coastwatch.centre import Cycle
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, earth_centred, to_plane
-from coastwatch.pipeline import Cycle
 from coastwatch.scores.bound import bound
 from coastwatch.scores.confusion import Confusion, association, bearing_association
 from coastwatch.scores.gospa import gospa

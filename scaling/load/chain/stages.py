@@ -15,7 +15,7 @@ from pathlib import Path
 from statistics import median
 from time import process_time
 
-from coastwatch import pipeline
+from coastwatch.cycle import run_cycle, start_run
 from coastwatch.operators.cli.arguments import count
 from coastwatch.server.machine import date_utc, machine
 from coastwatch.stage import serial
@@ -61,10 +61,10 @@ def main() -> None:
             else:
                 mib[stage].append((_resident_kib("VmHWM") - before) / 1024)
 
-    state, memory = initial_state(world), pipeline.start(scenario, sensors)
+    state, memory = initial_state(world), start_run(scenario, sensors)
     for number in range(plan.cycles):
         state, reports = next_cycle(world, state)
-        memory, _ = pipeline.step(scenario, sensors, memory, reports, plan.instant_s(number), serial, measured)
+        memory, _ = run_cycle(scenario, sensors, memory, reports, plan.instant_s(number), serial, measured)
     m = machine()
     print(f"# {m['processor']}, {m['processors']} processors, load {m['load']}, {date_utc()}; {conditions(size, {})}")
     print(f"# {vessels} vessels, {size.regions} regions, {len(reports.radar)} plots in the last cycle; one thread")

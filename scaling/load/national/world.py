@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from coastwatch.batches import AisAlarms, AisStatics, Bools, Floats, Ints, Measurements, Sensors, Tracks, Truth
+from coastwatch.centre import Received
 from coastwatch.geodesy import NAUTICAL_MILE_M
-from coastwatch.pipeline import Received
 from coastwatch.scenario import Scenario, make_scenario
 from coastwatch.tracks import BearingInput, BearingWindow
 from scaling.load.national.coasts import Coasts, build_coasts, radar_sites, to_geodetic
