@@ -1,7 +1,7 @@
 """Plots, AIS reports and bearings into tracks: the methods of the stage, one union for each kind of source.
 
 To add a method: write a module with a `Method` that has `init` and the `step` of its siblings, and add it to a union below. To add a part
-of the radar tracker: write its module and add it to the union of its folder. `tests/contracts` then tests it without further code.
+of the radar tracker: write its module and add it to the union of its folder. `tests/tracks` then tests it without further code.
 """
 
 from typing import Annotated

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "contracts"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "worlds"))
 
 import bearing_world as bw
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "contracts"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "worlds"))
 
 import bearing_world as bw
 

@@ -27,7 +27,7 @@ from scipy.spatial import cKDTree
 from coastwatch.batches import Array
 from coastwatch.operators.coastline import NATURAL_EARTH, OFFSET_DEG, SCALE_DEG, TURN_STEPS, areas
 
-POINTS = Path(__file__).parents[2] / "tests" / "api" / "natural_earth_points.csv"
+POINTS = Path(__file__).parents[2] / "tests" / "worlds" / "natural_earth_points.csv"
 BEYOND_STEPS = 6000  # 21.6 degrees
 LONGEST_STEPS = 30_000  # so that a change fits 16 bits
 COARSE_STEPS = 8.0  # largest error of the coarse land: a third of a pixel of a tile of zoom 3

@@ -4,7 +4,7 @@
 
 Tracks are those of the national picture (scaling/load). Tracks of one true vessel are associated, but for three in a thousand.
 Columns, in ms: median wall time of each stage and of both, the least of both, processor time of all threads. The last is how many times
-as much processor time the oracles in tests/contracts take in the same run (fused_by_arrays, picture_by_sorting).
+as much processor time the oracles in tests/oracles take in the same run (fused_by_arrays, picture_by_sorting).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from coastwatch.picture import PictureInput
 from coastwatch.scenario import Scenario
 from scaling.load import national
 
-ORACLES = Path(__file__).parents[2] / "tests" / "contracts"
+ORACLES = Path(__file__).parents[2] / "tests" / "oracles"
 APART = 0.003  # share of the tracks that are taken for a vessel of their own, in each cycle others
 WARMUP = 4  # cycles that do not count
 PARTS = ("fused_tracks", "picture")

@@ -20,7 +20,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "store"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "worlds"))
 
 import store_world as world
 

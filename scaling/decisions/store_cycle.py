@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "store"))
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "worlds"))
 
 import store_world as world
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from test_candidate_pairs import brute_force, points
 
 from coastwatch.geodesy import earth_centred
 from coastwatch.kernels.association.candidate_pairs import candidate_pairs
 from coastwatch.kernels.association.crowds import STEPS, WIDE, find_crowds
 from coastwatch.kernels.association.places import sorted_places
-from tests.kernels.test_candidate_pairs import brute_force, points
 
 
 def found_pairs(position, source, gate_m, most, rank=None):

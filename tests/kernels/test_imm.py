@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
+import imm_textbook as textbook
 import numpy as np
 import pytest
 from filterpy.kalman import IMMEstimator, KalmanFilter
@@ -13,9 +11,6 @@ from hypothesis import strategies as st
 
 from coastwatch.kernels.filters import motion_models
 from coastwatch.kernels.filters.imm import FLOOR, estimate_filters, predict_filters, update_filters
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "oracles"))
-import imm_textbook as textbook
 
 ROUNDING = 1e-9  # relative to the largest element of its kind: condition numbers here are below 1e6
 NUMERIC_JACOBIAN = 2e-6  # relative: the oracle takes derivatives by differences

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
+import imm_textbook as textbook
 import numpy as np
+import renewal_textbook as renewed
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -21,10 +20,6 @@ from coastwatch.kernels.filters.imm import (
 )
 from coastwatch.kernels.filters.motion_models import SPEEDING, STRAIGHT, TURNING
 from coastwatch.kernels.tracks.columns import Estimates, PlotColumns
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "oracles"))
-import imm_textbook as textbook
-import renewal_textbook as renewed
 
 ROUNDING = 1e-9  # relative to the largest element of its kind
 KIND, NOISE, MEAN, SIGMA, DRIFT, PRIOR = range(6)  # columns of a model of the oracle

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
+import joint_update_textbook as textbook
 import numpy as np
 import pytest
 from hypothesis import given
@@ -15,9 +13,6 @@ from coastwatch.kernels.filters.imm import combine_filters
 from coastwatch.kernels.tracks.columns import Estimates, ExistenceColumns, PlotColumns, RadarColumns
 from coastwatch.kernels.tracks.existence import ExistenceChain, after, count_missed_looks, missed, predict_existence
 from coastwatch.kernels.tracks.joint_update import Hypotheses, predict_to_plots, update_by_shares
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "oracles"))
-import joint_update_textbook as textbook
 
 ROUNDING = 1e-10
 TIME = 7.0

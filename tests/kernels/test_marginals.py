@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from marginals_textbook import by_enumeration, by_sum_product
 
 from coastwatch.kernels.association.marginals import marginals, sum_product
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "oracles"))
-from marginals_textbook import by_enumeration, by_sum_product
 
 EXACT = 10
 ROUNDING = 1e-12

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
+import imm_textbook
 import numpy as np
+import velocity_jumps_textbook as jumps_textbook
 from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.kernels.filters import motion_models
 from coastwatch.kernels.filters.fused_filters import estimate, update
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "oracles"))
-import imm_textbook
-import velocity_jumps_textbook as jumps_textbook
 
 SIMILAR = 1e-5  # of the largest of its kind: the oracle takes derivatives by differences, which errs by 2e-6 a step
 ROUNDING = 1e-9

@@ -25,7 +25,7 @@ def test_a_polling_reader_does_not_hold_up_the_writer(tmp_path: Path) -> None:
     with kept.open_store(str(path), wait_s=IMPATIENT_S) as store:
         run = world.begin(store)
         past_world.write(store, run, made[:1])
-        command = [sys.executable, str(Path(__file__).with_name("polling_reader.py")), str(path)]
+        command = [sys.executable, str(Path(__file__).parents[1] / "worlds" / "polling_reader.py"), str(path)]
         with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as reader:
             assert reader.stdout is not None
             assert reader.stdout.readline() == "ready\n"

@@ -1,7 +1,7 @@
 """The nearest of many centroids to each of many points, and which other centroids are nearly as near.
 
 A tree of the centroids finds the same in 60 ms of processor time at 100,000 points, this in 6, of a cycle of about 200
-(tests/contracts/test_spots.py has the plain form).
+(tests/spots/test_spots.py has the plain form).
 """
 
 import math

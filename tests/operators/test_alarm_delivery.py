@@ -1,0 +1,284 @@
+"""A man overboard is told at once: among thousands of alarms, beside old ones, to listeners and hooks that are slow or refuse others."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+from server_world import Served, events, listening, wait_for
+from sqlalchemy import text
+
+from coastwatch.batches import AlarmKind, BegunEvents, EventChanges, Flag, VesselAlarms
+from coastwatch.batches.kinds import EVENT_KINDS
+from coastwatch.operators.api import alarm_stream, webhooks
+from coastwatch.operators.api.alarm_stream import AlarmStream
+from coastwatch.operators.api.service import Service
+from coastwatch.operators.api.webhook_settings import WebHook
+from coastwatch.operators.cli.serving import Followed
+from coastwatch.server.alarm_book import AlarmBook, Chosen
+from coastwatch.store import open_store
+
+NUMBER = {name: number for number, name in EVENT_KINDS.items()}
+OVERBOARD = 970_001
+
+
+def begun(kind: str, vessels: Sequence[int], start_s: float) -> EventChanges:
+    """Alarms that begin, one of each vessel."""
+    n, vessel = len(vessels), np.array(vessels)
+    made = BegunEvents(
+        vessel, np.full(n, NUMBER[kind]), np.zeros(n, np.int64), np.full(n, start_s), np.zeros((n, 2)), np.ones(n),
+        np.full(n, -1), np.full(n, "seen", object),
+    )  # fmt: skip
+    return replace(EventChanges.empty(), begun=made)
+
+
+class FromBook:
+    """What a stream reads, without a server."""
+
+    def __init__(self) -> None:
+        self.book = AlarmBook()
+        self.book.begin(1)
+        self.hub = type("Hub", (), {"picture": None})()
+
+    rows_of = Service.rows_of
+
+
+async def told(chunks: AsyncIterator[bytes], count: int) -> list[list[tuple[str, int, str]]]:
+    """Kind of event, vessel (or run) and id of what comes, a list a chunk, until there are so many alarms."""
+    out: list[list[tuple[str, int, str]]] = []
+    while sum(kind == "alarm" for part in out for kind, _, _ in part) < count:
+        part = []
+        for event in (await asyncio.wait_for(anext(chunks), 20.0)).decode().split("\n\n"):
+            fields = dict(line.split(":", 1) for line in event.splitlines())
+            if "data" in fields:
+                data = json.loads(fields["data"])
+                part.append((fields["event"].strip(), data.get("vessel_id", -1), fields["id"].strip()))
+        out.append(part)
+    return out
+
+
+def test_before_a_run_nothing_is_said_to_be_gone() -> None:
+    """A page keeps the alarms of before a restart until the run has begun: `run` would empty its list."""
+
+    async def main() -> None:
+        service: Any = FromBook()
+        service.book = AlarmBook()
+        chunks = AlarmStream(service).events("", lambda: True, 60.0)
+        first = asyncio.ensure_future(anext(chunks))
+        done, _ = await asyncio.wait([first], timeout=0.2)
+        assert not done
+        service.book.begin(1)
+        service.book.take(begun("man_overboard", [OVERBOARD], 11.0))
+        assert (await asyncio.wait_for(first, 20.0)).startswith(b"id: ")
+        await chunks.aclose()
+
+    asyncio.run(main())
+
+
+def test_what_begins_while_a_long_list_is_sent_comes_with_the_next_portion_and_nothing_is_lost() -> None:
+    async def main() -> None:
+        service: Any = FromBook()
+        service.book.take(begun("dark", range(1, 5001), 10.0))
+        chunks = AlarmStream(service).events("", lambda: True, 60.0)
+        first = await told(chunks, 1)
+        assert [kind for part in first for kind, _, _ in part][:2] == ["run", "alarm"]
+        service.book.take(begun("man_overboard", [OVERBOARD], 11.0))
+        next_ones = await told(chunks, 1)
+        assert next_ones[0][0][1] == OVERBOARD, "before the others that wait"
+        rest = await told(chunks, 5001 - sum(len(part) for part in (*first, *next_ones)) + 1)
+        every = [one for part in (*first, *next_ones, *rest) for one in part if one[0] == "alarm"]
+        assert {vessel for _, vessel, _ in every} == {*range(1, 5001), OVERBOARD}
+        assert len(every) == 5001
+        ids = [mark for _, _, mark in every]
+        assert set(ids[:-1]) == {""}, "whoever loses the connection among them begins again"
+        assert ids[-1] == f"1-{service.book.number}-{alarm_stream.PROCESS}"
+        assert max(len(part) for part in rest) <= alarm_stream.PORTION
+
+        service.book.take(begun("dark", range(6001, 6251), 12.0))
+        more = (await told(chunks, 1))[0]
+        assert len(more) == alarm_stream.PORTION
+        again = await told(AlarmStream(service).events(more[-1][2], lambda: True, 60.0), 250)
+        assert {vessel for part in again for _, vessel, _ in part} == set(range(6001, 6251)), "a part was told: all come again"
+
+    asyncio.run(main())
+
+
+def test_one_alarm_that_cannot_be_written_holds_up_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    service: Any = FromBook()
+    rows_of = service.rows_of
+
+    def broken(alarms: Any) -> Any:
+        if any(alarm.vessel_id == 13 for alarm in alarms):
+            raise ValueError("no such text")
+        return rows_of(alarms)
+
+    service.rows_of = broken
+    service.book.take(begun("dark", range(1, 20), 10.0))
+    service.book.take(begun("man_overboard", [OVERBOARD], 10.0))
+
+    async def main() -> set[int]:
+        found = await told(AlarmStream(service).events("", lambda: True, 60.0), 19)
+        return {vessel for part in found for kind, vessel, _ in part if kind == "alarm"}
+
+    assert asyncio.run(main()) == {*range(1, 20), OVERBOARD} - {13}
+    made = webhooks._messages(service, service.book.since(1, 0))
+    assert len(made) == 19
+
+
+@contextmanager
+def hooked(answer: Callable[[dict[str, Any]], int]) -> Iterator[tuple[str, list[dict[str, Any]]]]:
+    """A receiver of a web hook. Args: answer: status to a message. Yields: its address, and the messages as they come."""
+    taken: list[dict[str, Any]] = []
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_POST(self) -> None:
+            said = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+            taken.append(said)
+            self.send_response(answer(said))
+            self.end_headers()
+
+        def log_message(self, *unused: Any) -> None:
+            pass
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    server.daemon_threads = True
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+    try:
+        yield f"http://127.0.0.1:{server.server_address[1]}/", taken
+    finally:
+        server.shutdown()
+        server.server_close()
+        thread.join()
+
+
+@pytest.mark.parametrize("trouble", ["refused", "held", "broken"])
+def test_a_hook_that_takes_no_other_message_is_told_of_a_man_overboard(trouble: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A message that is refused comes again after 1,000 s; one that is held is not answered; one that is broken raises."""
+    go_on = threading.Event()
+
+    def answer(said: dict[str, Any]) -> int:
+        if said["alarm"]["kind"] == "man_overboard":
+            return 204
+        if trouble == "held":
+            go_on.wait(60.0)
+        return 503
+
+    post = webhooks._Sender._post
+
+    async def posting(self: Any, client: Any, message: Any) -> int:
+        status = await post(self, client, message)
+        if trouble == "broken" and message.priority:
+            raise ValueError("no such text")
+        return status
+
+    monkeypatch.setattr(webhooks._Sender, "_post", posting)
+    from prometheus_client import Counter
+
+    monkeypatch.setattr(webhooks, "TIME_OUT_S", 300.0)
+
+    async def main(address: str, taken: list[dict[str, Any]]) -> None:
+        service: Any = FromBook()
+        service.metrics = type("Metrics", (), {"webhooks": Counter("told", "messages", ["webhook", "count"], registry=None)})()
+        async with webhooks.sending([WebHook(address)], AlarmStream(service), service, (1000.0,)):
+            service.book.take(begun("dark", range(1, 4), 10.0))
+            while not taken:
+                await asyncio.sleep(0.01)
+            await asyncio.sleep(0.1)
+            service.book.take(begun("man_overboard", [OVERBOARD], 11.0))
+            async with asyncio.timeout(20.0):
+                while all(said["alarm"]["kind"] != "man_overboard" for said in taken):
+                    await asyncio.sleep(0.01)
+            go_on.set()
+
+    with hooked(answer) as (address, taken):
+        asyncio.run(main(address, taken))
+    assert len(taken) == (4 if trouble == "broken" else 2), "an error of one message ends no other"
+
+
+def test_among_2000_alarms_and_200000_acknowledged_ones_a_man_overboard_comes_first_to_streams_and_hooks(
+    tmp_path: Path,
+) -> None:
+    import store_world
+
+    with open_store(str(tmp_path / "sea.db")) as opened, hooked(lambda _: 204) as (address, taken):
+        store_world.begin(opened)
+        for number in range(2):
+            store_world.write(opened, 1, number)
+        _acknowledged_ones(opened, 200_000)
+        with Followed(opened, None, poll_s=0.05) as followed:
+            followed.service.webhooks = [WebHook(address)]
+            wait_for(lambda: followed.alarms.run_id > 0)
+            assert followed.alarms.alarms() == [], "what is acknowledged and has ended is read by nobody"
+            with listening(followed.service) as served, httpx.Client(timeout=30.0) as client:
+                with client.stream("GET", f"http://{served}/api/v1/alarms/stream") as answer:
+                    seen = events(answer)
+                    store_world.write(opened, 1, 2, cycle=_flooded_cycle(2, 2000))
+                    first = next(seen)
+                    assert (first["kind"], first["vessel_id"]) == ("man_overboard", 7)
+                    kinds = [next(seen)["kind"] for _ in range(2000)]
+                    assert set(kinds) == {"zone_enter"}
+                wait_for(lambda: len(taken) > 20, 30.0)
+                assert "man_overboard" in [said["alarm"]["kind"] for said in taken[:3]]
+                waiting = client.get(f"http://{served}/api/v1/alarms?state=unacknowledged&limit=5").json()
+                assert (waiting["total"], waiting["alarms"][0]["kind"]) == (2001, "man_overboard")
+                done = client.post(
+                    f"http://{served}/api/v1/alarms/{first['alarm_id']}/acknowledge", json={"name": "Ana"}
+                ).json()
+                assert done["acknowledged_by"] == "Ana"
+                assert len(followed.alarms.alarms(Chosen(unacknowledged=True))) == 2000
+
+
+def _acknowledged_ones(opened: Any, count: int) -> None:
+    """Put so many alarms into run 1 that have ended and were acknowledged."""
+    numbers = f"WITH RECURSIVE n(k) AS (SELECT 1000 UNION ALL SELECT k + 1 FROM n WHERE k < {999 + count}) SELECT"
+    with opened.engine.begin() as connection:
+        connection.execute(
+            text(
+                "INSERT INTO event (run_id, vessel_id, kind, subject, from_cycle, to_cycle, start_s, end_s, latitude_deg, "
+                f"longitude_deg, evidence, unacknowledged) {numbers} 1, k, 'dark', 0, 0, 0, 1.6e9 + k, 1.6e9 + k + 60, 0, 0, '', 0 "
+                "FROM n"
+            )
+        )
+        connection.execute(
+            text(
+                "INSERT INTO acknowledgement (run_id, vessel_id, kind, subject, from_cycle, acknowledged_s, acknowledged_by, "
+                f"note, who) {numbers} 1, k, 'dark', 0, 0, 1.6e9, 'Ana', '', 'ana' FROM n"
+            )
+        )
+
+
+def _flooded_cycle(number: int, count: int) -> Any:
+    """A cycle in which one vessel enters so many zones and another one loses a man."""
+    import store_world
+
+    none = np.full(count, np.nan)
+    raised = VesselAlarms(
+        np.full(count, 4), np.full(count, int(AlarmKind.ZONE_ENTER)), np.arange(1, count + 1), np.full(count, "bay", "U64"),
+        np.zeros((count, 2)), np.zeros((count, 2)), np.full(count, -1), none, none, none, none,
+    )  # fmt: skip
+    picture = store_world.picture_of(number, 30)
+    flags = np.where(picture.vessel_id == 7, int(Flag.MAN_OVERBOARD), 0)
+    return replace(store_world.cycle_of(number, 30, replace(picture, flags=flags)), vessel_alarms=raised)
+
+
+def test_a_listener_of_a_real_stream_is_told_while_its_first_list_is_sent(changing: Served) -> None:
+    wait_for(lambda: changing.service.book.run_id > 0)
+    changing.service.book.take(begun("dark", range(1, 10_001), 10.0))
+    with httpx.stream("GET", f"http://{changing.address}/api/v1/alarms/stream", timeout=30.0) as answer:
+        seen = events(answer)
+        next(seen)
+        changing.service.book.take(begun("man_overboard", [OVERBOARD], 11.0))
+        found = {next(seen)["vessel_id"] for _ in range(10_000)}
+    assert OVERBOARD in found
+    assert len(found) == 10_000
