@@ -13,10 +13,10 @@ import numpy as np
 
 from coastwatch import store
 from coastwatch.batches import Array, Floats, Ints, Members, Picture, nav_status_text
-from coastwatch.errors import InputError
+from coastwatch.errors import InputError, StoreError
 from coastwatch.operators.export import csv_cell, write_parquet
 from coastwatch.operators.presentation import flag_words
-from coastwatch.store import Recorded, Store, StoreError
+from coastwatch.store import Recorded, Store
 from coastwatch.store.rows import motion
 
 polars = lazy_loader.load("polars")  # every command that reads imports this module, only `replay` needs polars

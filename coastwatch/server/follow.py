@@ -7,9 +7,10 @@ import threading
 from collections.abc import Callable
 
 from coastwatch import store
+from coastwatch.errors import StoreError
 from coastwatch.server.alarm_book import MOST_ENDED, Alarm, AlarmBook
 from coastwatch.server.live_picture import LivePicture, of_store
-from coastwatch.store import Cursor, Store, StoreError
+from coastwatch.store import Cursor, Store
 
 LOG = logging.getLogger("coastwatch.serve")
 POLL_S = 1.0

@@ -17,6 +17,7 @@ from coastwatch import store
 from coastwatch.batches import Fault, Recording, Reports, Sensors
 from coastwatch.centre import Cycle
 from coastwatch.cycle import LEFT_OUT
+from coastwatch.errors import StoreError
 from coastwatch.scenario import Scenario
 from coastwatch.server import clock
 from coastwatch.server.alarm_book import MOST_ENDED, Alarm, AlarmBook, Chosen, known_of
@@ -28,7 +29,7 @@ from coastwatch.server.run import run_scenario
 from coastwatch.server.timing import Stopwatch
 from coastwatch.server.troubles import Trouble, of_feeds
 from coastwatch.stage import Plan
-from coastwatch.store import CycleRecord, Intake, NoSuchRunError, StoreError, Written
+from coastwatch.store import CycleRecord, Intake, NoSuchRunError, Written
 
 LOG = logging.getLogger("coastwatch.serve")
 OnPicture = Callable[[LivePicture], None]

@@ -19,9 +19,10 @@ import numpy as np
 
 from coastwatch.batches import AisStatics, EventChanges
 from coastwatch.batches.struct import size_bytes
+from coastwatch.errors import StoreError
 from coastwatch.server.timing import Stopwatch
 from coastwatch.server.writer import STAGE
-from coastwatch.store import CycleRecord, ForCentres, Intake, NoSuchRunError, SkippedCycle, StoreError, Written
+from coastwatch.store import CycleRecord, ForCentres, Intake, NoSuchRunError, SkippedCycle, Written
 
 LOG = logging.getLogger("coastwatch.serve")
 

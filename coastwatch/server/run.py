@@ -409,7 +409,7 @@ def _cycle_writer(live: Live | None, opened: Any, scenario: Scenario, run_id: in
     """What takes the cycles of a run to be stored."""
 
     def write(record: CycleRecord) -> Written:
-        return record.write(opened, run_id, scenario.store)
+        return store.write_cycle(opened, run_id, record, scenario.store)
 
     if live is not None:
         with live.writer(run_id, watch, write) as writer:

@@ -10,9 +10,10 @@ from pydantic import ValidationError
 
 from coastwatch import store
 from coastwatch.alarms import Numbered, Zone, numbered
+from coastwatch.errors import StoreError
 from coastwatch.scenario import Scenario
 from coastwatch.scenario.refusing import refusals
-from coastwatch.store import Store, StoredZone, StoreError
+from coastwatch.store import Store, StoredZone
 
 WAIT_S = 0.5
 Refused = tuple[str, str]

@@ -8,7 +8,8 @@ from typing import NamedTuple
 from sqlalchemy import Connection, delete, func, insert, select
 from zstandard import ZstdCompressor, ZstdDecompressor, ZstdError
 
-from coastwatch.store.schema.database import Store, StoreError, reading
+from coastwatch.errors import StoreError
+from coastwatch.store.schema.database import Store, reading
 from coastwatch.store.schema.tables import REGION_INTAKE, RUN, TRACK_JOURNAL
 
 LEVEL = 1

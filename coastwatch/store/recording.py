@@ -10,17 +10,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import fields
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from sqlalchemy import Connection, delete, func, insert, select, update
 from zstandard import ZstdCompressor, ZstdDecompressor
 
 from coastwatch.batches import Array, Members, Picture
+from coastwatch.errors import StoreError
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.store.bbox import Box, inside
-from coastwatch.store.runs import run_exists
-from coastwatch.store.schema.database import Store, StoreError, reading, writing
+from coastwatch.store.runs import between, newest_cycle, run_exists
+from coastwatch.store.schema.database import Store, reading
 from coastwatch.store.schema.tables import CYCLE, RECORDING
 
 LEVEL = 1
@@ -56,7 +57,7 @@ def record(connection: Connection, run_id: int, number: int, picture: Picture, m
     columns = {field.name: getattr(picture, field.name) for field in fields(picture)}
     columns |= {f"member_{field.name}": getattr(members, field.name) for field in fields(members)}
     compressor = ZstdCompressor(level=LEVEL, write_checksum=True)
-    row: dict[str, Any] = {name: encode(name, values, compressor) for name, values in columns.items()}
+    row: dict[str, object] = {name: encode(name, values, compressor) for name, values in columns.items()}
     row |= {"run_id": run_id, "cycle": number, "vessels": len(picture), "members": len(members)}
     connection.execute(insert(RECORDING), [row])
 
@@ -100,9 +101,7 @@ def replay(
     """
     with reading(store) as connection:
         run_exists(connection, store, run_id)
-    where = [CYCLE.c.run_id == run_id, CYCLE.c.recorded.is_(True)]
-    where += [] if from_s is None else [CYCLE.c.time_s >= from_s]
-    where += [] if to_s is None else [CYCLE.c.time_s <= to_s]
+    where = CYCLE.c.run_id == run_id, CYCLE.c.recorded.is_(True), *between(from_s, to_s)
     following = select(CYCLE.c.number, CYCLE.c.time_s).where(*where).order_by(CYCLE.c.number).limit(1)
     last = -1
     while True:
@@ -122,19 +121,16 @@ def recorded_at(store: Store, run_id: int, at_s: float, bbox: Box | None = None)
     """
     with reading(store) as connection:
         run_exists(connection, store, run_id)
-        newest = select(CYCLE.c.number, CYCLE.c.time_s).where(
-            CYCLE.c.run_id == run_id, CYCLE.c.recorded, CYCLE.c.time_s <= at_s
-        )
-        found = connection.execute(newest.order_by(CYCLE.c.number.desc()).limit(1)).first()
+        found = newest_cycle(connection, run_id, CYCLE.c.recorded, CYCLE.c.time_s <= at_s)
         if found is None:
             raise StoreError(f"{store.where}: run {run_id}: nothing is recorded up to then; `store.recording` records")
-        return Recorded(found.number, found.time_s, *read_recorded(connection, run_id, found.number, bbox))
+        return Recorded(*found, *read_recorded(connection, run_id, found[0], bbox))
 
 
 def read_recorded(connection: Connection, run_id: int, cycle: int, bbox: Box | None) -> tuple[Picture, Members]:
     """Picture and members of a recorded cycle. Args: bbox: as of `replay`."""
-    here = RECORDING.c.run_id == run_id, RECORDING.c.cycle == cycle
-    row = connection.execute(select(RECORDING).where(*here)).mappings().one()
+    query = select(RECORDING).where(RECORDING.c.run_id == run_id, RECORDING.c.cycle == cycle)
+    row = connection.execute(query).mappings().one()
     kept = [field.name for field in fields(Picture) if row[field.name] is not None]
     picture = Picture(**{name: decode(name, row[name], row["vessels"]) for name in kept})
     names = [f"member_{field.name}" for field in fields(Members)]
@@ -145,21 +141,15 @@ def read_recorded(connection: Connection, run_id: int, cycle: int, bbox: Box | N
     return picture, members.take(np.flatnonzero(find(picture.vessel_id, members.vessel_id) >= 0))
 
 
-def discard_recording_before(store: Store, run_id: int, cycle: int) -> None:
-    """Delete the recording of the cycles before one. Raises: StoreError."""
-    with writing(store) as connection:
-        delete_recording(connection, run_id, cycle, None)
-
-
 def delete_recording(connection: Connection, run_id: int, first: int, most: int | None) -> int:
-    """As `discard_recording_before`, in the transaction of the connection. Args: most: cycles to delete at once, the oldest ones.
+    """Delete the recording of the cycles before one, in the transaction of the connection. Args: most: cycles at once, the oldest ones.
 
     Returns: cycles deleted.
     """
     oldest = connection.scalar(select(func.min(RECORDING.c.cycle)).where(RECORDING.c.run_id == run_id))
     if oldest is not None and oldest < first:
         upto = first if most is None else min(first, oldest + most)
-        gone = (CYCLE.c.run_id == run_id, CYCLE.c.number >= oldest, CYCLE.c.number < upto)
-        connection.execute(update(CYCLE).where(*gone).values(recorded=False))
+        gone = update(CYCLE).where(CYCLE.c.run_id == run_id, CYCLE.c.number >= oldest, CYCLE.c.number < upto)
+        connection.execute(gone.values(recorded=False))
         return connection.execute(delete(RECORDING).where(RECORDING.c.run_id == run_id, RECORDING.c.cycle < upto)).rowcount
     return 0

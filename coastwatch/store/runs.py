@@ -1,4 +1,4 @@
-"""Begin, finish, resume, delete and list runs; the times of their stages."""
+"""Begin, finish, resume, delete and list runs; their cycles by time."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from sqlalchemy import Connection, Executable, delete, func, insert, select, true, update
+from sqlalchemy import ColumnElement, Connection, Executable, RowMapping, Table, delete, func, insert, select, true, update
 
-from coastwatch.batches import Fault, Radars, Sensors, Sonars, SourceKind, Stations, TrackSources
+from coastwatch.batches import Fault, Floats, Radars, Sensors, Sonars, SourceKind, Stations
+from coastwatch.errors import StoreError
 from coastwatch.store.journal import decompressed
 from coastwatch.store.processes import Presence, presence, this_process
 from coastwatch.store.rows import Rows, fetch_rows
-from coastwatch.store.schema.database import NotThere, Store, StoreError, as_json, now_utc, reading, writing
+from coastwatch.store.schema.database import NotThere, Store, as_json, now_utc, reading, writing
 from coastwatch.store.schema.tables import (
     AIS_FEED,
     CHECKPOINT,
@@ -25,14 +26,11 @@ from coastwatch.store.schema.tables import (
     RUN,
     SENSOR,
     SOURCE,
-    STAGE_TIMING,
     TRACK_SOURCE,
 )
 
 if TYPE_CHECKING:  # to read a database needs no pydantic, which is slow to import
     from coastwatch.stage import Plan
-
-_OF_PROCESS = (RUN.c.machine, RUN.c.process)
 
 STATUSES = ("running", "finished", "interrupted", "failed")
 LARGEST = 2**63
@@ -51,7 +49,7 @@ def begin_run(
     title: str,
     seed: int,
     version: str,
-    settings: Mapping[str, Any],
+    settings: Mapping[str, object],
     sensors: Sensors,
     plan: Plan,
     warmup_cycles: int = 0,
@@ -67,6 +65,7 @@ def begin_run(
     """
     if not 0 <= seed < LARGEST:
         raise StoreError(f"{store.where}: seed: got {seed}, needed 0 to {LARGEST - 1}, the largest number a database can hold")
+    machine, process = this_process()
     row = {
         "scenario": scenario,
         "title": title,
@@ -81,16 +80,16 @@ def begin_run(
         "start_s": plan.start_s,
         "workers": workers,
         "faults": [asdict(fault) for fault in faults],
+        "machine": machine,
+        "process": process,
     }
-    row["machine"], row["process"] = this_process()
     with writing(store) as connection:
         row["started_utc"] = row["written_utc"] = now_utc(connection)
         run_id = int(connection.execute(insert(RUN).values(row).returning(RUN.c.id)).scalar_one())
-        of_feeds = [{"run_id": run_id, "number": number, "name": name} for number, name in enumerate(feeds)]
-        made = (SENSOR, sensor_rows(run_id, sensors)), (SOURCE, source_rows(run_id, sensors)), (AIS_FEED, of_feeds)
-        for table, rows in (*made, (TRACK_SOURCE, track_source_rows(run_id, sensors.track_sources))):
+        names = [{"number": number, "name": name} for number, name in enumerate(feeds)]
+        for table, rows in ((AIS_FEED, names), *_sensor_rows(sensors)):
             if rows:
-                connection.execute(insert(table), rows)
+                connection.execute(insert(table).values(run_id=run_id), rows)
     return run_id
 
 
@@ -103,7 +102,7 @@ def resume_run(store: Store, run_id: int) -> None:
 
 
 def finish_run(
-    store: Store, run_id: int, status: str, scores: Mapping[str, Any] | None = None, faults: Sequence[Fault] = ()
+    store: Store, run_id: int, status: str, scores: Mapping[str, object] | None = None, faults: Sequence[Fault] = ()
 ) -> None:
     """Note how a run ended: finished, interrupted or failed. The cycles it stored stay.
 
@@ -111,33 +110,24 @@ def finish_run(
     """
     if status not in STATUSES:
         raise ValueError(f"status: got {status!r}, needed one of {', '.join(STATUSES)}")
+    ended: dict[str, object] = {"scores": dict(scores) if scores else None, "faults": [asdict(fault) for fault in faults]}
     with writing(store) as connection:
-        connection.execute(
-            update(RUN)
-            .where(RUN.c.id == run_id)
-            .values(
-                status=status,
-                finished_utc=now_utc(connection),
-                scores=dict(scores) if scores else None,
-                faults=[asdict(fault) for fault in faults],
-            )
-        )
+        ended |= {"status": status, "finished_utc": now_utc(connection)}
+        connection.execute(update(RUN).where(RUN.c.id == run_id).values(ended))
 
 
 def resume_point(
-    store: Store, scenario: str, seed: int, version: str, settings: Mapping[str, Any] | None = None
+    store: Store, scenario: str, seed: int, version: str, settings: Mapping[str, object] | None = None
 ) -> tuple[int, int, bytes] | None:
     """Run, cycle and memory of the newest checkpoint of an unfinished run of this scenario, seed and version; None without one.
 
     Args: settings: where given, a run under other settings does not count.
     Raises: StoreError.
     """
-    of_run = (RUN.c.scenario == scenario, RUN.c.seed == seed, RUN.c.version == version, RUN.c.status != "finished")
     query = select(RUN.c.id, RUN.c.settings, CHECKPOINT.c.cycle).join(CHECKPOINT, CHECKPOINT.c.run_id == RUN.c.id)
+    query = query.where(RUN.c.scenario == scenario, RUN.c.seed == seed, RUN.c.version == version, RUN.c.status != "finished")
     with reading(store) as connection:
-        for run_id, stored, cycle in connection.execute(
-            query.where(*of_run, CHECKPOINT.c.piece == 0).order_by(RUN.c.id.desc())
-        ):
+        for run_id, stored, cycle in connection.execute(query.where(CHECKPOINT.c.piece == 0).order_by(RUN.c.id.desc())):
             if settings is None or stored == json.loads(as_json(settings)):
                 pieces = select(CHECKPOINT.c.memory).where(CHECKPOINT.c.run_id == run_id).order_by(CHECKPOINT.c.piece)
                 return run_id, cycle, decompressed(b"".join(connection.scalars(pieces)))
@@ -198,50 +188,47 @@ def runs(store: Store) -> Rows:
     """Every run, newest first, without its settings. Status `died`: it was not ended, and its process is no longer there."""
     stored = select(CYCLE.c.run_id, func.count().label("done")).group_by(CYCLE.c.run_id).subquery()
     r, done = RUN.c, func.coalesce(stored.c.done, 0).label("cycles_stored")
-    about = (r.id, r.scenario, r.title, r.seed, r.version, r.status, r.started_utc, r.finished_utc, r.workers)
-    plan = r.cycles, r.period_s, r.start_s, r.written_utc
-    query = select(*about, done, *plan, r.scores, r.faults, r.verdict, *_OF_PROCESS)
+    shown = [r.id, r.scenario, r.title, r.seed, r.version, r.status, r.started_utc, r.finished_utc, r.workers, done, r.cycles]
+    shown += [r.period_s, r.start_s, r.written_utc, r.scores, r.faults, r.verdict]
+    names = tuple(column.name for column in shown)
+    query = select(*shown, r.machine, r.process).outerjoin(stored, stored.c.run_id == r.id).order_by(r.id.desc())
     with reading(store) as connection:
-        found = fetch_rows(connection, query.outerjoin(stored, stored.c.run_id == r.id).order_by(r.id.desc()))
-        shown = slice(-len(_OF_PROCESS))
-        return Rows(found.columns[shown], [_with_death(connection, found.columns, row)[shown] for row in found.rows])
+        found = [dict(row) | {"status": _status(connection, row)} for row in connection.execute(query).mappings()]
+    return Rows(names, [tuple(row[name] for name in names) for row in found])
 
 
 def run(store: Store, run_id: int) -> dict[str, Any]:
     """One run with settings, scores and faults. Raises: StoreError where there is none."""
     stored = select(func.count()).where(CYCLE.c.run_id == run_id).scalar_subquery().label("cycles_stored")
     with reading(store) as connection:
-        found = fetch_rows(connection, select(*RUN.c, stored).where(RUN.c.id == run_id))
-        if not found.rows:
+        row = connection.execute(select(*RUN.c, stored).where(RUN.c.id == run_id)).mappings().first()
+        if row is None:
             raise no_run(connection, store, run_id)
-        return dict(zip(found.columns, _with_death(connection, found.columns, found.rows[0]), strict=True))
+        return dict(row) | {"status": _status(connection, row)}
 
 
 def run_status(store: Store, run_id: int) -> str:
     """The status of a run, as in `runs`. Raises: StoreError where there is none."""
-    r = RUN.c
-    query = select(r.status, r.period_s, r.started_utc, r.written_utc, *_OF_PROCESS).where(r.id == run_id)
     with reading(store) as connection:
-        found = fetch_rows(connection, query)
-        if not found.rows:
+        row = connection.execute(select(RUN).where(RUN.c.id == run_id)).mappings().first()
+        if row is None:
             raise no_run(connection, store, run_id)
-        return str(_with_death(connection, found.columns, found.rows[0])[0])
+        return _status(connection, row)
 
 
-def _with_death(connection: Connection, columns: Sequence[str], row: tuple[Any, ...]) -> tuple[Any, ...]:
-    """A row of `run`, with status `died` where it is `running` and its process is gone.
+def _status(connection: Connection, row: RowMapping) -> str:
+    """The status of a row of `run`; `died` where it is `running` and its process is gone.
 
     A process of this machine is asked: a live run may wait for its feeds for hours. One of another machine is taken to be gone once
     it has written nothing for DEAD_S, or DEAD_PERIODS if longer.
     """
-    of = dict(zip(columns, row, strict=True))
-    if of["status"] == "running":
-        there = presence(of["machine"], of["process"])
-        silent = timedelta(seconds=max(DEAD_S, DEAD_PERIODS * of["period_s"]))
-        is_silent = (of["written_utc"] or of["started_utc"]) < now_utc(connection, -silent)
+    if row["status"] == "running":
+        there = presence(row["machine"], row["process"])
+        silent = timedelta(seconds=max(DEAD_S, DEAD_PERIODS * row["period_s"]))
+        is_silent = (row["written_utc"] or row["started_utc"]) < now_utc(connection, -silent)
         if there is Presence.GONE or (there is Presence.UNKNOWN and is_silent):
-            of["status"] = "died"
-    return tuple(of.values())
+            return "died"
+    return str(row["status"])
 
 
 def set_verdict(store: Store, run_id: int, sentences: Sequence[str]) -> None:
@@ -269,57 +256,48 @@ def latest_run(store: Store, scenario: str | None = None) -> int:
 
 def newest_picture(store: Store, run_id: int | None = None) -> tuple[int, int, float] | None:
     """Run, cycle and time of the newest stored picture (of a run); None where there is none."""
-    c = CYCLE.c
-    which = func.coalesce(run_id, select(func.max(RUN.c.id)).scalar_subquery())
-    query = select(c.run_id, c.number, c.time_s).where(c.run_id == which, c.picture_kept).order_by(c.number.desc()).limit(1)
-    found = _fetch(store, query).rows
-    return (int(found[0][0]), int(found[0][1]), float(found[0][2])) if found else None
+    with reading(store) as connection:
+        number = connection.scalar(select(func.max(RUN.c.id))) if run_id is None else run_id
+        found = None if number is None else newest_cycle(connection, number, CYCLE.c.picture_kept)
+    return None if number is None or found is None else (number, *found)
 
 
 def last_instant(store: Store, run_id: int) -> float | None:
     """Time of the newest stored cycle of a run; None where there is none."""
-    newest = select(CYCLE.c.time_s).where(CYCLE.c.run_id == run_id).order_by(CYCLE.c.number.desc()).limit(1)
     with reading(store) as connection:
-        found = connection.scalar(newest)
-    return None if found is None else float(found)
+        found = newest_cycle(connection, run_id)
+    return None if found is None else found[1]
 
 
-def timings(store: Store, run_id: int) -> Rows:
-    """For each stage, in the order in which they ran: cycles, milliseconds (median, p99, longest, total), share and rows a cycle."""
-    t = STAGE_TIMING.c
-    query = select(t.stage, t.number, t.seconds, t.rows).where(t.run_id == run_id).order_by(t.cycle, t.number)
-    stored = _fetch(store, query).rows
-    by_stage: dict[str, list[tuple[Any, ...]]] = {}
-    for row in stored:
-        by_stage.setdefault(row[0], []).append(row)
-    everything = sum(row[2] for row in stored) or 1.0
-    out = []
-    for stage, rows in sorted(by_stage.items(), key=lambda item: max(row[1] for row in item[1])):
-        ms = np.array([row[2] for row in rows]) * 1e3
-        yielded = [row[3] for row in rows if row[3] is not None]
-        figures = (np.median(ms), np.percentile(ms, 99), ms.max(), ms.sum(), ms.sum() / 1e3 / everything)
-        out.append((stage, len(rows), *(float(x) for x in figures), sum(yielded) / len(yielded) if yielded else None))
-    return Rows(("stage", "cycles", "median_ms", "p99_ms", "longest_ms", "total_ms", "share", "rows"), out)
+def newest_cycle(connection: Connection, run_id: int, *where: ColumnElement[bool]) -> tuple[int, float] | None:
+    """Number and time of the newest stored cycle of a run (of those that meet conditions); None where there is none."""
+    query = select(CYCLE.c.number, CYCLE.c.time_s).where(CYCLE.c.run_id == run_id, *where)
+    found = connection.execute(query.order_by(CYCLE.c.number.desc()).limit(1)).first()
+    return None if found is None else (int(found.number), float(found.time_s))
 
 
-def cycle_at(connection: Connection, store: Store, run_id: int, at_s: float | None, kept: Any = true()) -> int:  # noqa: B008
+def between(from_s: float | None, to_s: float | None) -> list[ColumnElement[bool]]:
+    """That a cycle is between two instants, both included. None: without that end."""
+    return [*([] if from_s is None else [CYCLE.c.time_s >= from_s]), *([] if to_s is None else [CYCLE.c.time_s <= to_s])]
+
+
+def cycle_at(connection: Connection, store: Store, run_id: int, at_s: float | None, *kept: ColumnElement[bool]) -> int:
     """The newest cycle (of those that are kept) up to an instant; -1 where no instant is asked and there is none.
 
     Raises: StoreError where there is no such run, or nothing is stored so early.
     """
     run_exists(connection, store, run_id)
-    before = true() if at_s is None else CYCLE.c.time_s <= at_s
-    upto = select(CYCLE.c.number).where(CYCLE.c.run_id == run_id, kept, before)
+    upto = select(CYCLE.c.number).where(CYCLE.c.run_id == run_id, *kept, *between(None, at_s))
     cycle = connection.scalar(upto.order_by(CYCLE.c.time_s.desc()).limit(1))
     if cycle is None and at_s is not None:
-        first_s = connection.scalar(select(func.min(CYCLE.c.time_s)).where(CYCLE.c.run_id == run_id, kept))
-        has = "it has no cycle yet" if first_s is None else f"its first kept cycle is at {_text_utc(first_s)}"
-        raise NotThere(f"{store.where}: run {run_id} holds nothing up to {_text_utc(at_s)}, {has}")
+
+        def text_utc(time_s: float) -> str:
+            return datetime.fromtimestamp(time_s, UTC).isoformat().replace("+00:00", "Z")
+
+        first_s = connection.scalar(select(func.min(CYCLE.c.time_s)).where(CYCLE.c.run_id == run_id, *kept))
+        has = "it has no cycle yet" if first_s is None else f"its first kept cycle is at {text_utc(first_s)}"
+        raise NotThere(f"{store.where}: run {run_id} holds nothing up to {text_utc(at_s)}, {has}")
     return -1 if cycle is None else int(cycle)
-
-
-def _text_utc(time_s: float) -> str:
-    return datetime.fromtimestamp(time_s, UTC).isoformat().replace("+00:00", "Z")
 
 
 def run_exists(connection: Connection, store: Store, run_id: int) -> None:
@@ -340,71 +318,53 @@ def _fetch(store: Store, query: Executable) -> Rows:
         return fetch_rows(connection, query)
 
 
-def sensor_rows(run_id: int, sensors: Sensors) -> list[dict[str, Any]]:
-    """One row a radar, AIS receiver and sonar. `number` is the index that its reports carry."""
-    return [
-        {"run_id": run_id, "kind": kind, "number": k, **row}
-        for kind, rows in (
-            ("radar", _radars(sensors.radars, sensors.region_names)),
-            ("ais", [_common(sensors.stations, k) for k in range(len(sensors.stations))]),
-            ("bearing", _sonars(sensors.sonars)),
-        )
-        for k, row in enumerate(rows)
-    ]
-
-
-def track_source_rows(run_id: int, sources: TrackSources) -> list[dict[str, Any]]:
-    """One row a track source. `number` is the index that its reports carry."""
-    sites = [[value if np.isfinite(value) else None for value in site] for site in sources.site_deg.tolist()]
-    return [
-        {"run_id": run_id, "number": k, "name": str(name), "latitude_deg": latitude, "longitude_deg": longitude}
-        for k, (name, (latitude, longitude)) in enumerate(zip(sources.name, sites, strict=True))
-    ]
-
-
-def source_rows(run_id: int, sensors: Sensors) -> list[dict[str, Any]]:
-    """One row for each source of tracks. `number` is the source that tracks carry."""
+def _sensor_rows(sensors: Sensors) -> list[tuple[Table, list[dict[str, object]]]]:
+    """The rows of sensors and sources, a table each, without their run. `number` is the index that reports or tracks carry."""
+    radars, sonars = sensors.radars, sensors.sonars
+    of_radars = {
+        "period_s": radars.period_s,
+        "range_sigma_m": radars.range_sigma_m,
+        "azimuth_sigma_deg": np.degrees(radars.azimuth_sigma_rad),
+    }
+    of_sonars = {
+        "bearing_sigma_deg": np.degrees(sonars.bearing_sigma_rad),
+        "interval_s": sonars.interval_s,
+        "arc_from_deg": sonars.arc_from_deg,
+        "arc_to_deg": sonars.arc_to_deg,
+    }
+    described = _described("radar", radars, of_radars, [sensors.region_names[region] for region in radars.region])
+    described += _described("ais", sensors.stations, {}) + _described("bearing", sonars, of_sonars)
     kinds = [SourceKind(kind).name.lower() for kind in sensors.source_kinds.tolist()]
     named = enumerate(zip(sensors.source_names, kinds, strict=True))
-    return [{"run_id": run_id, "number": k, "name": name, "kind": kind} for k, (name, kind) in named]
-
-
-def _common(of: Radars | Stations | Sonars, k: int) -> dict[str, Any]:
-    return {
-        "name": str(of.name[k]),
-        "latitude_deg": float(of.site_deg[k, 0]),
-        "longitude_deg": float(of.site_deg[k, 1]),
-        "range_m": float(of.range_m[k]),
-        "region": None,
-        "spec": {},
-    }
-
-
-def _radars(radars: Radars, regions: tuple[str, ...]) -> list[dict[str, Any]]:
+    tracks = sensors.track_sources
+    sites = [[value if np.isfinite(value) else None for value in site] for site in tracks.site_deg.tolist()]
     return [
-        {
-            **_common(radars, k),
-            "region": regions[radars.region[k]],
-            "spec": {
-                "period_s": float(radars.period_s[k]),
-                "range_sigma_m": float(radars.range_sigma_m[k]),
-                "azimuth_sigma_deg": float(np.degrees(radars.azimuth_sigma_rad[k])),
-            },
-        }
-        for k in range(len(radars))
+        (SENSOR, described),
+        (SOURCE, [{"number": k, "name": name, "kind": kind} for k, (name, kind) in named]),
+        (
+            TRACK_SOURCE,
+            [
+                {"number": k, "name": str(name), "latitude_deg": latitude, "longitude_deg": longitude}
+                for k, (name, (latitude, longitude)) in enumerate(zip(tracks.name, sites, strict=True))
+            ],
+        ),
     ]
 
 
-def _sonars(sonars: Sonars) -> list[dict[str, Any]]:
+def _described(
+    kind: str, of: Radars | Stations | Sonars, spec: Mapping[str, Floats], regions: Sequence[str] | None = None
+) -> list[dict[str, object]]:
+    """Rows of table `sensor`. Args: spec: values of each sensor by name; regions: of each."""
     return [
         {
-            **_common(sonars, k),
-            "spec": {
-                "bearing_sigma_deg": float(np.degrees(sonars.bearing_sigma_rad[k])),
-                "interval_s": float(sonars.interval_s[k]),
-                "arc_from_deg": float(sonars.arc_from_deg[k]),
-                "arc_to_deg": float(sonars.arc_to_deg[k]),
-            },
+            "kind": kind,
+            "number": k,
+            "name": str(of.name[k]),
+            "latitude_deg": float(of.site_deg[k, 0]),
+            "longitude_deg": float(of.site_deg[k, 1]),
+            "range_m": float(of.range_m[k]),
+            "region": None if regions is None else regions[k],
+            "spec": {name: float(values[k]) for name, values in spec.items()},
         }
-        for k in range(len(sonars))
+        for k in range(len(of))
     ]

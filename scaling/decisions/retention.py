@@ -27,7 +27,7 @@ import store_world as world
 from coastwatch import store as kept
 from coastwatch.operators.cli.arguments import count
 from coastwatch.scenario import StoreSettings
-from coastwatch.store import Store, write_cycle
+from coastwatch.store import CycleRecord, Store, write_cycle
 from coastwatch.store.schema.database import reading
 
 module = import_module("coastwatch.store.write.write_cycle")
@@ -38,9 +38,9 @@ EVERY_POINT = {"history_max_s": 0.0}
 
 def write(store: Store, number: int, keep: StoreSettings) -> tuple[float, float]:
     """Write a cycle. Returns: milliseconds until it is there, and of the deletion of old rows."""
-    cycle, reports = world.cycle_of(number, VESSELS), world.reports_of(number, VESSELS)
+    record = CycleRecord(number, world.cycle_of(number, VESSELS), world.reports_of(number, VESSELS), world.SECONDS)
     begun_s = time.perf_counter()
-    write_cycle(store, 1, number, cycle, reports, world.SECONDS, keep)
+    write_cycle(store, 1, record, keep)
     ended_s, deleted_s = time.perf_counter(), sum(DELETED_S)
     DELETED_S.clear()
     return 1e3 * (ended_s - begun_s - deleted_s), 1e3 * deleted_s

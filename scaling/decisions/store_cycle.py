@@ -106,7 +106,7 @@ def measure(url: str, vessels: int, length: int, keep: StoreSettings) -> None:
         wall, processor = [], []
         for number, cycle in enumerate(cycles(length, vessels)):
             begun, used = time.perf_counter(), time.process_time()
-            kept.write_cycle(store, run, number, cycle, said, world.SECONDS, keep)
+            kept.write_cycle(store, run, kept.CycleRecord(number, cycle, said, world.SECONDS), keep)
             wall.append(time.perf_counter() - begun)
             processor.append(time.process_time() - used)
         with reading(store) as connection:

@@ -7,9 +7,9 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from coastwatch.errors import StoreError
 from coastwatch.operators.cli.arguments import pair, whole
 from coastwatch.scenario import ScenarioError
-from coastwatch.store import StoreError
 
 FAILED, INTERRUPTED = 1, 130  # exit codes, the same as those of `coastwatch`; argparse uses 2
 

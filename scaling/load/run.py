@@ -136,7 +136,8 @@ class RunDatabase:
         self, number: int, cycle: Cycle, reports: Reports, stages_s: Mapping[str, float], blob: bytes | None = None
     ) -> store.Written:
         """Write one cycle; returns the number of rows and a warning. Args: stages_s: wall time of each stage; blob: a checkpoint."""
-        return store.write_cycle(self._store, self._run_id, number, cycle, reports, stages_s, self._scenario.store, blob)
+        record = store.CycleRecord(number, cycle, reports, stages_s, blob)
+        return store.write_cycle(self._store, self._run_id, record, self._scenario.store)
 
 
 def run_cycles(load: Load) -> Iterator[CycleResult]:

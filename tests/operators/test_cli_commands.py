@@ -16,6 +16,7 @@ from run_world import FinishedRun, Start
 
 from coastwatch import store
 from coastwatch.batches import Flag
+from coastwatch.errors import StoreError
 from coastwatch.operators import presentation, verdict
 from coastwatch.operators.cli import main
 from coastwatch.server.feeds import live_input
@@ -386,5 +387,5 @@ def cycles_in(url: str) -> int:
     try:
         with presentation.opened(url) as found:
             return int(store.runs(found).column("cycles_stored")[0])
-    except (store.StoreError, IndexError):
+    except (StoreError, IndexError):
         return 0

@@ -14,6 +14,7 @@ from server_world import Served, wait_for
 from test_feeds import SENSORS
 
 from coastwatch.batches import AisStatics, RadarReports, TrackSources
+from coastwatch.errors import StoreError
 from coastwatch.formats import decoding
 from coastwatch.formats.decoding import Counts, Waiting
 from coastwatch.formats.intake.faults import Tally
@@ -32,7 +33,6 @@ from coastwatch.server.live_picture import Statics, merge_statics, without_absen
 from coastwatch.server.regions.client import Connection, parsed_region
 from coastwatch.server.timing import Stopwatch
 from coastwatch.server.troubles import Trouble
-from coastwatch.store import StoreError
 
 NOW_S = 1.79e9
 DEFECT = "ZeroDivisionError: a defect"

@@ -15,6 +15,7 @@ import pytest
 from server_world import events, listening, wait_for
 
 from coastwatch import store
+from coastwatch.errors import StoreError
 from coastwatch.operators.api.service import Service
 from coastwatch.operators.typed import utc
 from coastwatch.scenario import load_scenario
@@ -120,7 +121,7 @@ def test_a_log_that_a_reader_holds_is_said_and_a_run_that_is_deleted_begins_anew
             wait_for(lambda: not any(trouble.kind == "log" for trouble in run.troubles()), 60.0)
             first = service.run_id()
             assert store.run(opened, first)["settings"]["store"]["history_hours"] == 168.0, "a live run keeps a week"
-            with pytest.raises(store.StoreError, match="is being written"):
+            with pytest.raises(StoreError, match="is being written"):
                 store.delete_run(opened, first)
             with writing(opened) as connection:  # as another machine would see it
                 connection.exec_driver_sql("UPDATE run SET status = 'finished'")

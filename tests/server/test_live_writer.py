@@ -16,6 +16,7 @@ from server_world import wait_for
 
 from coastwatch import store
 from coastwatch.batches import AisStatics, EventChanges, Flag
+from coastwatch.errors import StoreError
 from coastwatch.operators.api import service as api_service
 from coastwatch.operators.api.service import Service
 from coastwatch.scenario import StoreSettings, load_scenario
@@ -24,7 +25,7 @@ from coastwatch.server.alarm_book import AlarmBook
 from coastwatch.server.live import LiveRun, NotRunning, Paced
 from coastwatch.server.live_writer import LiveWriter, NotYetStored
 from coastwatch.server.timing import Stopwatch
-from coastwatch.store import CycleRecord, Store, StoreError, Written
+from coastwatch.store import CycleRecord, Store, Written
 from coastwatch.store.schema.migrate import check
 
 RETRY_S = (0.01,)
@@ -56,7 +57,7 @@ class Database:
         self.attempts.append(one.number)
         if self.away is not None:
             raise self.away
-        return one.write(self.store, self.run_id, KEEP)
+        return store.write_cycle(self.store, self.run_id, one, KEEP)
 
     def rows(self, query: str) -> list[tuple[object, ...]]:
         with store.schema.database.reading(self.store) as connection:

@@ -13,11 +13,12 @@ from sqlalchemy import event
 
 from coastwatch import store
 from coastwatch.centre import Cycle
+from coastwatch.errors import StoreError
 from coastwatch.operators import presentation
 from coastwatch.operators.cli import main
 from coastwatch.scenario import Scenario, load_scenario
 from coastwatch.server.run import run_scenario
-from coastwatch.store import Rows, Store, StoreError
+from coastwatch.store import Rows, Store
 from coastwatch.store.schema.migrate import check
 
 PAGES = 66  # of 16 kB: room for a few cycles and the checkpoint

@@ -10,9 +10,10 @@ import store_world as world
 from sqlalchemy import text
 
 from coastwatch import store as kept
+from coastwatch.errors import StoreError
 from coastwatch.operators.cli import main
 from coastwatch.scenario import StoreSettings
-from coastwatch.store import Store, StoreError
+from coastwatch.store import Store
 from coastwatch.store.schema.database import reading, writing
 from coastwatch.store.schema.migrate import check
 

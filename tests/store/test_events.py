@@ -17,6 +17,7 @@ from sqlalchemy import text
 from coastwatch import store as kept
 from coastwatch.alarms import EventMemory
 from coastwatch.batches import AlarmKind, Flag, Picture, VesselAlarms
+from coastwatch.errors import StoreError
 from coastwatch.scenario import StoreSettings
 from coastwatch.store import Store
 from coastwatch.store.schema.database import reading
@@ -280,10 +281,10 @@ def test_a_cycle_that_was_written_although_the_answer_was_lost_is_written_again(
         def lost(store: Store) -> Iterator[Any]:
             with true(store) as connection:
                 yield connection
-            raise kept.StoreError("the connection was lost")
+            raise StoreError("the connection was lost")
 
         monkeypatch.setattr(write_cycle.database, "writing", lost)
-        with pytest.raises(kept.StoreError):
+        with pytest.raises(StoreError):
             past_world.write(store, run, [made[2]], 2, KEEP)
         monkeypatch.setattr(write_cycle.database, "writing", true)
         past_world.write(store, run, made[2:], 2, KEEP)

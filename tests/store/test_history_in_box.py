@@ -13,6 +13,7 @@ from past_world import BOXES, KEEP
 from sqlalchemy import text
 
 from coastwatch import store as kept
+from coastwatch.errors import StoreError
 from coastwatch.geodesy import difference_m
 from coastwatch.store import Store
 from coastwatch.store.bbox import inside, widened
@@ -82,7 +83,7 @@ def test_traffic_is_what_pictures_show(url: str) -> None:
                     _seen_in(found, kept.picture(store, run, world.instant_s(number)), bbox, world.instant_s(number))
                 assert all(_was_in(dict(zip(found.columns, row, strict=True)), bbox, span) for row in found.rows)
         assert len(kept.traffic(store, run, BOXES[-1], world.START_S, world.instant_s(CYCLES))) == 0
-        with pytest.raises(kept.StoreError, match="holds nothing up to then"):
+        with pytest.raises(StoreError, match="holds nothing up to then"):
             kept.traffic(store, run, BOXES[0], 0.0, world.START_S - 100.0)
 
 

@@ -13,7 +13,7 @@ import store_world as world
 from sqlalchemy import BigInteger, Boolean, Column, Float, LargeBinary, MetaData, Table, Text, select
 
 from coastwatch import store as kept
-from coastwatch.store import StoreError
+from coastwatch.errors import StoreError
 from coastwatch.store import rows as rows_in
 from coastwatch.store.rows import Categorical, NullableId, delete_rows, insert, update_rows
 from coastwatch.store.rows import Column as Cells

@@ -14,13 +14,14 @@ from sqlalchemy import text
 
 from coastwatch import store as kept
 from coastwatch.batches import AisStatics, Flag, Picture, Reports
+from coastwatch.errors import StoreError
 from coastwatch.scenario import StoreSettings
 from coastwatch.scenario.model import LIVE_HOURS
 from coastwatch.store import AlarmKey, Store
 from coastwatch.store.schema.database import reading, writing
 from coastwatch.store.schema.migrate import check
 from coastwatch.store.schema.tables import METADATA
-from coastwatch.store.write import ended_runs, retention, static_names
+from coastwatch.store.write import retention, static_names
 
 HOURS = 10 * world.PERIOD_S / 3600.0  # ten cycles
 KEEP = StoreSettings(
@@ -113,7 +114,7 @@ def test_a_cycle_is_there_although_old_rows_cannot_be_deleted(url: str, monkeypa
         pass_by(store, run, range(3))
 
         def locked(*_: object) -> None:
-            raise kept.StoreError("database is locked")
+            raise StoreError("database is locked")
 
         with monkeypatch.context() as patched:
             patched.setattr(retention, "delete_old", locked)
@@ -191,8 +192,8 @@ def aged(store: Store, run_id: int, when: str) -> None:
 def test_runs_of_a_server_that_ended_long_ago_go_in_parts_and_those_of_others_stay(
     url: str, monkeypatch: pytest.MonkeyPatch, died: bool
 ) -> None:
-    monkeypatch.setattr(ended_runs, "ROWS", 200)
-    monkeypatch.setattr(ended_runs, "CYCLES", 7)
+    monkeypatch.setattr(retention, "ROWS", 200)
+    monkeypatch.setattr(retention, "CYCLES", 7)
     with kept.open_store(url) as store:
         finite, old, waits = world.begin(store), world.begin(store, settings=SETTINGS), world.begin(store, settings=SETTINGS)
         for run in (finite, old, waits):
@@ -208,9 +209,9 @@ def test_runs_of_a_server_that_ended_long_ago_go_in_parts_and_those_of_others_st
         now = world.begin(store, settings=SETTINGS)
         left = []
         for number in range(1000):
-            if number % ended_runs.EVERY == 0:
+            if number % retention.ENDED_EVERY == 0:
                 with writing(store) as connection:
-                    ended_runs.delete_ended(connection, now, KEEP)
+                    retention.delete_ended(connection, now, KEEP)
                 left.append(sum(counts(store, old).values()))
         assert left[-1] == 0
         assert check(url) == []
@@ -229,9 +230,9 @@ def test_the_run_of_a_process_that_is_there_is_never_deleted(url: str) -> None:
         with writing(store) as connection:
             old = "UPDATE run SET written_utc = '2020-01-01T00:00:00Z', started_utc = '2020-01-01T00:00:00Z'"
             connection.execute(text(old))
-            assert ended_runs.delete_ended(connection, waiting + 1, KEEP) == 0
+            assert retention.delete_ended(connection, waiting + 1, KEEP) == 0
         assert kept.run_status(store, waiting) == "running"
-        with pytest.raises(kept.StoreError, match="is being written"):
+        with pytest.raises(StoreError, match="is being written"):
             kept.delete_run(store, waiting)
         assert kept.keep_runs(store, 0) == []
         with writing(store) as connection:  # a number that was given to another process since

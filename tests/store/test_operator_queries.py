@@ -14,6 +14,7 @@ import store_world as world
 
 from coastwatch import store as kept
 from coastwatch.batches import AisAlarms, Associations, Flag, Members, NavStatus, Picture
+from coastwatch.errors import StoreError
 from coastwatch.geodesy import KNOT_M_S, offset_deg
 from coastwatch.store import INSTANTS, Store
 
@@ -317,7 +318,7 @@ def test_every_question_at_an_instant_is_answered_as_it_was_then(store: Store, l
 
 
 def test_a_question_before_the_first_cycle_is_refused(store: Store) -> None:
-    with pytest.raises(kept.StoreError, match="holds nothing up to"):
+    with pytest.raises(StoreError, match="holds nothing up to"):
         kept.operator_query(store, "fastest", {}, world.START_S)
 
 

@@ -11,8 +11,8 @@ import store_world as world
 from sqlalchemy import text
 
 from coastwatch import store as kept
+from coastwatch.errors import StoreError
 from coastwatch.shipped import operator_queries_folder
-from coastwatch.store import StoreError
 from coastwatch.store.read.questions import COMPUTED, limits
 from coastwatch.store.schema.database import writing
 

@@ -18,6 +18,7 @@ from sqlalchemy import Engine, event, text
 
 from coastwatch import store as kept
 from coastwatch.store import Store
+from coastwatch.store.read.questions import Question
 from coastwatch.store.schema.database import reading
 
 CYCLES = 30
@@ -50,7 +51,7 @@ ASKED: dict[str, Callable[[Store, int], Any]] = {
 }
 
 
-def _parameters(question: kept.Question) -> dict[str, Any]:
+def _parameters(question: Question) -> dict[str, Any]:
     known = {"mmsi": 710_000_001, "latitude_deg": -22.9, "longitude_deg": -43.2}
     return {name: known[name] for name, parameter in question.parameters.items() if parameter.default is None}
 

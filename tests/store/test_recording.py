@@ -13,8 +13,9 @@ from sqlalchemy import insert, text
 
 from coastwatch import store as kept
 from coastwatch.batches import Members, Picture
+from coastwatch.errors import StoreError
 from coastwatch.scenario import StoreSettings
-from coastwatch.store import Store, StoreError, recording
+from coastwatch.store import Store, recording
 from coastwatch.store.schema.database import reading, writing
 from coastwatch.store.schema.tables import CYCLE
 
@@ -109,13 +110,15 @@ def test_what_is_discarded_is_gone_and_the_rest_is_whole(url: str) -> None:
     with kept.open_store(url) as store:
         run = world.begin(store)
         record(store, run, made)
-        kept.discard_recording_before(store, run, 27)
+        with writing(store) as connection:
+            recording.delete_recording(connection, run, 27, None)
         found = list(kept.replay(store, run))
         assert [r.cycle for r in found] == list(range(27, CYCLES))
         assert same(found[-1].picture, made[-1][0])
         with pytest.raises(StoreError, match="nothing is recorded up to then"):
             kept.recorded_at(store, run, world.instant_s(3))
-        kept.discard_recording_before(store, run, 1000)
+        with writing(store) as connection:
+            recording.delete_recording(connection, run, 1000, None)
         assert list(kept.replay(store, run)) == []
         assert recorded(store) == []
 

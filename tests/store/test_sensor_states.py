@@ -11,9 +11,9 @@ from sqlalchemy import text
 
 from coastwatch import store as kept
 from coastwatch.batches import RadarReports
+from coastwatch.errors import StoreError
 from coastwatch.operators import presentation
 from coastwatch.scenario import StoreSettings
-from coastwatch.store import StoreError
 from coastwatch.store.schema.database import reading
 
 

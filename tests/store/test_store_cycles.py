@@ -15,7 +15,8 @@ from sqlalchemy import text
 
 from coastwatch import store as kept
 from coastwatch.batches import AisStatics, Picture, Reports
-from coastwatch.store import Rows, StoreError
+from coastwatch.errors import StoreError
+from coastwatch.store import Rows
 from coastwatch.store.rows import source_texts, to_python
 from coastwatch.store.schema.database import reading
 from coastwatch.store.schema.migrate import check

@@ -20,8 +20,8 @@ from sqlalchemy import JSON, Boolean, MetaData, text
 from test_recording import same
 
 from coastwatch import store as kept
+from coastwatch.errors import StoreError
 from coastwatch.shipped import migrations_folder, schema_folder
-from coastwatch.store import StoreError
 from coastwatch.store.bbox import inside
 from coastwatch.store.schema import migrate
 from coastwatch.store.schema.database import connect, reading, revision, writing

@@ -20,7 +20,8 @@ import store_world as world
 from sqlalchemy import event
 
 from coastwatch import store as kept
-from coastwatch.store import Store, StoreError
+from coastwatch.errors import StoreError
+from coastwatch.store import Store
 from coastwatch.store.schema import database
 from coastwatch.store.schema.migrate import check
 

@@ -99,7 +99,8 @@ def write(path: Path) -> str:
         for number in range(CYCLES):
             cycle, reports = cycle_of(number, plan.instant_s(number))
             last = number == CYCLES - 1
-            store.write_cycle(opened, run_id, number, cycle, reports, {"tracks": 0.01}, scenario.store, b"memory", last=last)
+            record = store.CycleRecord(number, cycle, reports, {"tracks": 0.01}, b"memory", last)
+            store.write_cycle(opened, run_id, record, scenario.store)
         store.finish_run(opened, run_id, "finished", {}, ())
     return url
 

@@ -40,7 +40,7 @@ from coastwatch.centre import Cycle
 from coastwatch.geodesy import KNOT_M_S, earth_centred
 from coastwatch.scenario import StoreSettings
 from coastwatch.stage import Plan
-from coastwatch.store import ForCentres, Intake, Store, Written, begin_run, write_cycle
+from coastwatch.store import CycleRecord, ForCentres, Intake, Store, Written, begin_run, write_cycle
 
 START_S = 1_750_000_000.0
 PERIOD_S = 3.0
@@ -231,9 +231,6 @@ def write_and_say(store: Store, run_id: int, number: int, vessels: int = 30, **m
     if not len(cycle.events):
         cycle = with_events(store, run_id, number, cycle, more.get("keep", KEEP).event_gap_s)
     given = {"keep": KEEP, "checkpoint": b"memory %d" % number, "reports": reports_of(number, vessels), "last": False, **more}
-    kept = given["keep"], given["checkpoint"]
-    skipped = {"skipped": given["skipped"]} if "skipped" in given else {}
     used = ForCentres(intake=[Intake("north", "a run of the region", number, number, 0)])
-    return write_cycle(
-        store, run_id, number, cycle, given["reports"], SECONDS, *kept, last=given["last"], for_centres=used, **skipped
-    )
+    record = CycleRecord(number, cycle, given["reports"], SECONDS, given["checkpoint"], given["last"], used)
+    return write_cycle(store, run_id, record, given["keep"], given.get("skipped", ()))

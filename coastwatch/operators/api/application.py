@@ -14,7 +14,7 @@ from pydantic import BaseModel, Field
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.staticfiles import StaticFiles
 
-from coastwatch.errors import InputError
+from coastwatch.errors import InputError, StoreError
 from coastwatch.operators.api import answers, validation, webhooks, zones
 from coastwatch.operators.api.alarm_stream import AlarmStream
 from coastwatch.operators.api.guard import COOKIE, SESSION, Guard, methods_of
@@ -25,7 +25,6 @@ from coastwatch.server.regions.client import PATH
 from coastwatch.server.regions.link import Position
 from coastwatch.server.run import version
 from coastwatch.spelling import printable
-from coastwatch.store import StoreError
 
 WEB = Path(__file__).resolve().parent.parent / "web"
 """Where the build puts the page."""

@@ -9,7 +9,8 @@ from collections.abc import Callable
 
 from starlette.types import Message, Receive, Scope, Send
 
-from coastwatch.store import Change, StoreError
+from coastwatch.errors import StoreError
+from coastwatch.store import Change
 
 LOG = logging.getLogger("coastwatch.serve")
 MOST_BYTES = 2000

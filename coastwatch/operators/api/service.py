@@ -13,6 +13,7 @@ from typing import Any, Protocol, TypeVar
 
 from coastwatch import store
 from coastwatch.batches.kinds import PRIORITIES
+from coastwatch.errors import StoreError
 from coastwatch.operators import presentation
 from coastwatch.operators.api.audit import Audit
 from coastwatch.operators.api.hub import Hub
@@ -26,7 +27,7 @@ from coastwatch.server.live_writer import NotYetStored
 from coastwatch.server.regions.publisher import Publisher
 from coastwatch.server.run import version
 from coastwatch.server.troubles import Trouble
-from coastwatch.store import Acknowledgement, Asked, Beginnings, Rows, Store, StoreError
+from coastwatch.store import Acknowledgement, Asked, Beginnings, Rows, Store
 from coastwatch.store.acknowledgements import SAME_START_S
 
 WAIT_FOR_STORE_S = 1.0

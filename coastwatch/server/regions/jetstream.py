@@ -23,6 +23,7 @@ from nats.js import JetStreamContext
 from nats.js.api import AckPolicy, ConsumerConfig, DeliverPolicy, StreamConfig
 from nats.js.errors import NotFoundError
 
+from coastwatch.errors import StoreError
 from coastwatch.server.link import Link, Reconnecting, reason_of
 from coastwatch.server.regions.client import (
     CLOSE_S,
@@ -37,7 +38,6 @@ from coastwatch.server.regions.client import (
 from coastwatch.server.regions.link import IN_FLIGHT, NOTHING, Position
 from coastwatch.server.regions.message import MessageError, decode
 from coastwatch.server.regions.publisher import Publisher
-from coastwatch.store import StoreError
 
 PART = "Coastwatch-Part"
 """Header of a message: the number of its part from 1 on, and how many parts the cycle has, `2/3`."""

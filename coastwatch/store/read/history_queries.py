@@ -17,12 +17,13 @@ import numpy as np
 from sqlalchemy import Connection, false, func, or_, select, text
 
 from coastwatch.batches import Array, Bools, Floats, Ints
+from coastwatch.errors import StoreError
 from coastwatch.geodesy import scale_m_deg, wrap_deg
 from coastwatch.store.bbox import FASTEST_M_S, Box, widened
 from coastwatch.store.history_rule import rate_deg_s
 from coastwatch.store.rows import Rows, Table, fetch_arrays, is_one_of
 from coastwatch.store.runs import run_exists
-from coastwatch.store.schema.database import Store, StoreError, reading
+from coastwatch.store.schema.database import Store, reading
 from coastwatch.store.schema.tables import CYCLE, HISTORY, IDENTITY, PRESENCE
 
 scipy = lazy_loader.load("scipy")  # few questions need it

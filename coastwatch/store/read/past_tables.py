@@ -20,20 +20,15 @@ from coastwatch.store.schema.tables import (
     CYCLE,
     EVENT_GAP,
     HISTORY,
-    IDENTITY,
-    MEMBER_HISTORY,
-    PRESENCE,
     SENSOR_REGISTRATION,
     SPOT,
     STAGE_TIMING,
+    STAYS,
     VESSEL,
 )
 
 OF_CYCLE = (STAGE_TIMING, HISTORY, ASSOCIATION, BEARING_ASSOCIATION, SPOT, SENSOR_REGISTRATION, EVENT_GAP)
 """Tables whose rows belong to the cycle in their column `cycle`."""
-
-STAYS = (PRESENCE, MEMBER_HISTORY, IDENTITY)
-"""Tables whose rows are from `from_cycle` to `to_cycle`, null while they last."""
 
 MEMBER_VIEW = """
 SELECT run_id, vessel_id, source, track_id FROM {main}member_history

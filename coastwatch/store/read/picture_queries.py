@@ -10,6 +10,7 @@ from sqlalchemy import Connection, Select, and_, func, or_, select, true
 from sqlalchemy import Table as SqlTable
 
 from coastwatch.batches import Array, Floats, Ints
+from coastwatch.errors import StoreError
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.store.bbox import FASTEST_M_S, Box, inside, is_inside, widened
 from coastwatch.store.history_rule import dead_reckon, newest_rows
@@ -17,7 +18,7 @@ from coastwatch.store.read.history_queries import ELLIPSE, MOTION, cycle_times, 
 from coastwatch.store.recording import read_recorded
 from coastwatch.store.rows import Rows, Table, fetch_arrays, fetch_rows, is_one_of, motion, source_texts
 from coastwatch.store.runs import cycle_at, run_exists
-from coastwatch.store.schema.database import NotThere, Store, StoreError, reading
+from coastwatch.store.schema.database import NotThere, Store, reading
 from coastwatch.store.schema.tables import (
     ASSOCIATION,
     BEARING_ASSOCIATION,

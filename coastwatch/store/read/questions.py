@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import Connection, text
 
 from coastwatch.batches import ALARM_KINDS
+from coastwatch.errors import StoreError
 from coastwatch.shipped import operator_queries_folder
 from coastwatch.spelling import did_you_mean
 from coastwatch.store.read.close_pairs import closest_approach, closest_pairs
@@ -24,7 +25,7 @@ from coastwatch.store.read.history_queries import history_of_mmsi
 from coastwatch.store.read.past_tables import as_of
 from coastwatch.store.rows import Rows, fetch_rows
 from coastwatch.store.runs import latest_run, run_exists
-from coastwatch.store.schema.database import Store, StoreError, reading
+from coastwatch.store.schema.database import Store, reading
 
 PARAMETER = re.compile(r"^-- parameter: (?P<name>\w+) = (?P<default>[^,]+), (?P<meaning>.+)$")
 OF_RUN = re.compile(r"(?<![:\w]):run\b")

@@ -11,16 +11,17 @@ import math
 import shutil
 import sqlite3
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any, Self
 
 from sqlalchemy import URL, Connection, Engine, create_engine, event, func, inspect, make_url, select, text
+from sqlalchemy.engine.interfaces import DBAPIConnection
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
 
-from coastwatch.errors import StoreError as StoreError
+from coastwatch.errors import StoreError
 from coastwatch.spelling import did_you_mean
 from coastwatch.store.schema.tables import METADATA, REVISION, REVISION_TABLE
 
@@ -89,9 +90,14 @@ class Store:
     run_states: dict[int, Any] = field(default_factory=dict)  # run -> run_state.RunState
 
     @property
+    def file(self) -> Path | None:
+        """The file of an SQLite database; None: it has none, or is PostgreSQL."""
+        return _file(self.engine.url)
+
+    @property
     def shared(self) -> bool:
         """Whether all threads see one database: each has one of its own where it is in memory."""
-        return not is_sqlite(self.engine.url) or self.engine.url.database not in (None, "", ":memory:")
+        return self.file is not None or not is_sqlite(self.engine.url)
 
     def close(self) -> None:
         """Close the connections. The last one to close an SQLite database copies its write-ahead log into the file."""
@@ -115,13 +121,19 @@ def connect(url: str, wait_s: float, *, may_create: bool, limit: QueryLimit | No
     """An open database, whatever is in it. Args: touch: set up the file of a database that may be made. Raises: StoreError."""
     address = _address(url)
     where = address.database or ":memory:" if is_sqlite(address) else address.render_as_string(hide_password=True)
-    if is_sqlite(address) and address.database not in (None, "", ":memory:"):
-        _check_path(Path(str(address.database)), may_create)
+    if (path := _file(address)) is not None:
+        if path.is_dir():
+            raise StoreError(f"{path}: is a folder, needed a database file")
+        if not path.exists() and not may_create:
+            raise StoreError(f"{path}: there is no such database; `coastwatch run` makes one")
+        if not path.parent.is_dir():
+            raise StoreError(f"{path}: there is no folder {path.parent}")
+    limits = {name: value for name, value in LINK_LIMITS.items() if name not in address.query}
     try:
         engine = create_engine(
             address,
             json_serializer=as_json,
-            connect_args={"timeout": wait_s} if is_sqlite(address) else _link_limits(address),
+            connect_args={"timeout": wait_s} if is_sqlite(address) else limits,
             pool_pre_ping=not is_sqlite(address),
         )
     except (ArgumentError, NoSuchModuleError) as error:
@@ -143,6 +155,11 @@ def is_sqlite(address: URL) -> bool:
     return address.get_backend_name() == "sqlite"
 
 
+def _file(address: URL) -> Path | None:
+    """The file of an SQLite database that is not in memory."""
+    return Path(str(address.database)) if is_sqlite(address) and address.database not in (None, "", ":memory:") else None
+
+
 def _address(url: str) -> URL:
     try:
         address = make_url(url if "://" in url else f"sqlite:///{url}")
@@ -155,27 +172,13 @@ def _address(url: str) -> URL:
     return address
 
 
-def _link_limits(address: URL) -> dict[str, int]:
-    """The limits of a connection to PostgreSQL that its URL does not set."""
-    return {name: value for name, value in LINK_LIMITS.items() if name not in address.query}
-
-
-def _check_path(path: Path, may_create: bool) -> None:
-    if path.is_dir():
-        raise StoreError(f"{path}: is a folder, needed a database file")
-    if not path.exists() and not may_create:
-        raise StoreError(f"{path}: there is no such database; `coastwatch run` makes one")
-    if not path.parent.is_dir():
-        raise StoreError(f"{path}: there is no folder {path.parent}")
-
-
 def _prepare(store: Store) -> None:
     """Settings of every new connection. Transactions begin explicitly: Python's driver would begin them too late."""
     if store.engine.dialect.name == "postgresql":
 
         @event.listens_for(store.engine, "connect")
-        def configure(raw: Any, record: Any) -> None:
-            with raw.cursor() as cursor:
+        def configure(raw: DBAPIConnection, record: object) -> None:
+            with closing(raw.cursor()) as cursor:
                 cursor.execute(f"SET lock_timeout = {max(int(store.wait_s * 1000.0), 1)}")
                 cursor.execute("SET jit = off")  # compiling takes 0.3 s, the query a tenth of that
                 if store.limit is not None:
@@ -186,7 +189,7 @@ def _prepare(store: Store) -> None:
         return
 
     @event.listens_for(store.engine, "connect")
-    def set_pragmas(raw: Any, record: Any) -> None:
+    def set_pragmas(raw: sqlite3.Connection, record: object) -> None:
         raw.isolation_level = None
         # Some builds overwrite deleted rows with zeros: the picture of every cycle would be written twice.
         for pragma in ("synchronous = NORMAL", "foreign_keys = ON", "secure_delete = OFF", f"cache_size = -{CACHE_KIB}"):
@@ -197,18 +200,17 @@ def _prepare(store: Store) -> None:
     def begin(connection: Connection) -> None:
         writes = connection.get_execution_options().get("writes", False)
         connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
-        if store.limit is not None:
-            _limit(connection, None if writes else store.limit)
+        if (limit := store.limit) is not None:
+            raw = sqlite_connection(connection)
+            until = limit.clock() + limit.seconds
+            raw.set_progress_handler(None if writes else lambda: limit.clock() > until, STEPS)
 
 
-def _limit(connection: Connection, limit: QueryLimit | None) -> None:
-    """End what an SQLite connection does from now on when it has taken too long. Args: limit: None: it may take any time."""
-    raw: Any = connection.connection.driver_connection
-    if limit is None:
-        raw.set_progress_handler(None, STEPS)
-    else:
-        clock, until = limit.clock, limit.clock() + limit.seconds
-        raw.set_progress_handler(lambda: clock() > until, STEPS)
+def sqlite_connection(connection: Connection) -> sqlite3.Connection:
+    """The connection of the driver."""
+    raw = connection.connection.driver_connection
+    assert isinstance(raw, sqlite3.Connection)
+    return raw
 
 
 def add_math_functions(raw: sqlite3.Connection) -> None:
@@ -332,9 +334,7 @@ def log_bytes(vessels: int) -> int:
 
 def log_size(store: Store) -> int:
     """Bytes of the write-ahead log of an SQLite database; 0: there is none."""
-    if store.engine.dialect.name != "sqlite" or not store.shared:
-        return 0
-    return _size(Path(f"{store.engine.url.database}-wal"))
+    return 0 if store.file is None else _size(Path(f"{store.file}-wal"))
 
 
 def long_log_warning(store: Store, vessels: int) -> str | None:
@@ -342,14 +342,10 @@ def long_log_warning(store: Store, vessels: int) -> str | None:
 
     Where readers follow each other closely, the log is cut in a moment between two of them.
     """
-    if store.engine.dialect.name != "sqlite" or not store.shared:
-        return None
-    path = Path(f"{store.engine.url.database}-wal")
-    if _size(path) < TOO_LONG * log_bytes(vessels):
+    if log_size(store) < TOO_LONG * log_bytes(vessels):
         return None
     with store.engine.connect() as connection:
-        raw = connection.connection.driver_connection
-        assert raw is not None
+        raw = sqlite_connection(connection)
         raw.execute(f"PRAGMA busy_timeout = {TRUNCATE_WAIT_MS}")
         try:
             held, _, _ = raw.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
@@ -357,8 +353,7 @@ def long_log_warning(store: Store, vessels: int) -> str | None:
             raw.execute(f"PRAGMA busy_timeout = {int(store.wait_s * 1000.0)}")
     if not held:
         return None
-    size_mb = path.stat().st_size / 1e6
-    return f"{path} has grown to {size_mb:.0f} MB: another process reads in one transaction and does not end it"
+    return f"{store.file}-wal has grown to {log_size(store) / 1e6:.0f} MB: another process reads in one transaction and does not end it"
 
 
 def require_room_for_log(store: Store, vessels: int) -> None:
@@ -369,7 +364,8 @@ def require_room_for_log(store: Store, vessels: int) -> None:
     size = log_size(store)
     if size < TOO_LONG * log_bytes(vessels):
         return
-    free = shutil.disk_usage(Path(f"{store.engine.url.database}-wal").parent).free
+    assert store.file is not None
+    free = shutil.disk_usage(store.file.parent).free
     if free < size and (warning := long_log_warning(store, vessels)) is not None:
         raise StoreError(
             f"{warning}; {free / 1e6:.0f} MB are free, needed as much as the log: nothing is written until it ends"
@@ -383,21 +379,18 @@ def now_utc(connection: Connection, later: timedelta = timedelta()) -> str:
     return there.strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
-def as_json(value: Any) -> str:
+def as_json(value: object) -> str:
     """JSON text of plain values; not a number and infinity are null."""
-    return json.dumps(_json_value(value), allow_nan=False, default=_python_value)
+    return json.dumps(_json_value(value), allow_nan=False)
 
 
-def _json_value(value: Any) -> Any:
+def _json_value(value: object) -> object:
+    if hasattr(value, "tolist"):  # an array or a number of numpy
+        value = value.tolist()
     if isinstance(value, float) and not math.isfinite(value):
         return None
     if isinstance(value, dict):
         return {str(k): _json_value(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
         return [_json_value(v) for v in value]
-    return value
-
-
-def _python_value(value: Any) -> Any:
-    """What an array or a number of numpy holds."""
-    return _json_value(value.tolist()) if hasattr(value, "tolist") else str(value)
+    return value if value is None or isinstance(value, str | int | float) else str(value)

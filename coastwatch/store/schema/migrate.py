@@ -13,8 +13,9 @@ from sqlalchemy import Connection, text
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.schema import CreateIndex, CreateTable, ExecutableDDLElement
 
+from coastwatch.errors import StoreError
 from coastwatch.shipped import folder, migrations_folder, schema_folder
-from coastwatch.store.schema.database import WAIT_S, Store, StoreError, connect, other_schema, reading, revision, writing
+from coastwatch.store.schema.database import WAIT_S, Store, connect, other_schema, reading, revision, writing
 from coastwatch.store.schema.tables import METADATA, REVISION, REVISION_TABLE
 
 DIALECTS = {"sqlite": sqlite.dialect, "postgresql": postgresql.dialect}

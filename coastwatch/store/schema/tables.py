@@ -438,6 +438,9 @@ ZONE = Table(
 )
 """Zones that were drawn or sent, beside those of scenario files. A change is a new row, so the rows say who changed what and when."""
 
+STAYS = (PRESENCE, MEMBER_HISTORY, IDENTITY)
+"""Tables with a row a stay, from `from_cycle` to `to_cycle`, null while it lasts."""
+
 OF_NO_RUN = (AUDIT, ZONE)
 """Tables whose rows stay when runs are deleted."""
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from sqlalchemy import Connection, delete, func, select, update
@@ -41,15 +40,20 @@ def write_events(connection: Connection, run_id: int, number: int, changes: Even
     rows = 0
     if len(returned):
         clear_columns(connection, EVENT, _key(returned, timeline), of_run, ("to_cycle", "end_s"))
-        ends_before = timeline.cycle_at(returned.end_s), returned.end_s
-        rows += insert(connection, EVENT_GAP, [run_id, *_key(returned, timeline).values(), number, *ends_before])
-    return rows + (_insert(connection, run_id, changes.begun, timeline) if len(changes.begun) else 0)
-
-
-def _insert(connection: Connection, run_id: int, begun: BegunEvents, timeline: Timeline) -> int:
-    of_event: list[Column] = [run_id, *_key(begun, timeline).values(), None, begun.start_s, None]
-    of_vessel: list[Any] = [*begun.position_deg.T, begun.speed_kn, NullableId(begun.mmsi), begun.evidence.tolist()]
-    return insert(connection, EVENT, [*of_event, *of_vessel, IS_ALARM[begun.kind]])
+        key, last = _key(returned, timeline).values(), timeline.cycle_at(returned.end_s)
+        rows += insert(connection, EVENT_GAP, [run_id, *key, number, last, returned.end_s])
+    if len(changes.begun):
+        begun = changes.begun
+        of_event: list[Column] = [run_id, *_key(begun, timeline).values(), None, begun.start_s, None]
+        of_event += [
+            *begun.position_deg.T,
+            begun.speed_kn,
+            NullableId(begun.mmsi),
+            begun.evidence.tolist(),
+            IS_ALARM[begun.kind],
+        ]
+        rows += insert(connection, EVENT, of_event)
+    return rows
 
 
 def _key(events: EventSpans | BegunEvents, timeline: Timeline) -> Mapping[str, Column]:
@@ -64,7 +68,7 @@ def truncate_events(connection: Connection, run_id: int, number: int) -> None:
     connection.execute(delete(EVENT).where(e.run_id == run_id, e.from_cycle >= number))
     later = update(EVENT).where(e.run_id == run_id, e.to_cycle >= number - 1)
     connection.execute(later.values(to_cycle=None, end_s=None))
-    of_event = g.vessel_id, g.kind, g.subject, g.from_cycle
+    of_event = [g.vessel_id, g.kind, g.subject, g.from_cycle]
     first = select(*of_event, func.min(g.last_cycle), func.min(g.last_s))
     first = first.where(g.run_id == run_id, g.cycle >= number).group_by(*of_event)
     gaps = [row for row in connection.execute(first) if row[4] < number - 1]

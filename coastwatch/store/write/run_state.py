@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from sqlalchemy import Connection, and_, delete, func, insert, select, update
@@ -11,10 +10,10 @@ from sqlalchemy import Connection, and_, delete, func, insert, select, update
 from coastwatch.batches import Ints, RegistrationState
 from coastwatch.store.history_rule import Points, newest_points, no_points, of_newest, rate_deg_s
 from coastwatch.store.rows import fetch_arrays
+from coastwatch.store.runs import newest_cycle
 from coastwatch.store.schema.database import NoSuchRunError
 from coastwatch.store.schema.tables import (
     AIS_FEED,
-    CHECKPOINT,
     CYCLE,
     HISTORY,
     MEMBER,
@@ -26,27 +25,12 @@ from coastwatch.store.schema.tables import (
     SENSOR_REGISTRATION,
     SOURCE,
     STAGE_TIMING,
+    STAYS,
     VESSEL_STATIC,
 )
 from coastwatch.store.write.events import Timeline, truncate_events
 from coastwatch.store.write.static_names import StoredNames
 from coastwatch.store.write.to_rows import LastReport
-
-OF_CYCLE = (
-    "stage_timing",
-    "history",
-    "association",
-    "bearing_association",
-    "spot",
-    "sensor_registration",
-    "recording",
-    "event_gap",
-    "sensor_cover",
-    "standing_echo",
-    "track_journal",
-    "region_intake",
-)
-"""Tables with rows of one cycle each, under column `cycle`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,9 +62,7 @@ def read_run_state(connection: Connection, run_id: int, where: str) -> RunState:
     running = connection.execute(update(RUN).where(RUN.c.id == run_id).values(status="running", finished_utc=None))
     if running.rowcount == 0:
         raise no_such_run(run_id, where)
-    last = select(CYCLE.c.number, CYCLE.c.time_s).where(CYCLE.c.run_id == run_id).order_by(CYCLE.c.number.desc()).limit(1)
-    found = connection.execute(last).first()
-    number, time_s = (-1, -np.inf) if found is None else (found.number, found.time_s)
+    number, time_s = newest_cycle(connection, run_id) or (-1, -np.inf)
     members = select(MEMBER.c.vessel_id, MEMBER.c.source, MEMBER.c.track_id).where(MEMBER.c.run_id == run_id)
     vessels = select(PRESENCE.c.vessel_id).where(PRESENCE.c.run_id == run_id, PRESENCE.c.to_cycle.is_(None))
     statics = select(VESSEL_STATIC.c.mmsi, VESSEL_STATIC.c.updated_s).where(VESSEL_STATIC.c.run_id == run_id)
@@ -90,18 +72,19 @@ def read_run_state(connection: Connection, run_id: int, where: str) -> RunState:
     stations = select(func.count()).where(SENSOR.c.run_id == run_id, SENSOR.c.kind == "ais")
     feeds = select(func.count()).where(AIS_FEED.c.run_id == run_id)
     last_report, states = _registration(connection, run_id)
-    first_history, first_details = _first_kept(connection, run_id)
+    first_history = select(func.min(CYCLE.c.number)).where(CYCLE.c.run_id == run_id, CYCLE.c.history_from.is_not(None))
+    first_details = select(func.min(STAGE_TIMING.c.cycle)).where(STAGE_TIMING.c.run_id == run_id)
     return RunState(
         cycle=number,
         time_s=time_s,
-        members=_table(connection, members.order_by(MEMBER.c.vessel_id, MEMBER.c.source, MEMBER.c.track_id)),
-        vessels=_table(connection, vessels.order_by(PRESENCE.c.vessel_id)),
+        members=np.stack(fetch_arrays(connection, members.order_by(MEMBER.c.vessel_id, MEMBER.c.source, MEMBER.c.track_id)), 1),
+        vessels=np.stack(fetch_arrays(connection, vessels.order_by(PRESENCE.c.vessel_id)), 1),
         points=_points(connection, run_id, number),
         names=StoredNames(*fetch_arrays(connection, statics.order_by(VESSEL_STATIC.c.mmsi))),
         last_report=last_report,
         radar_states=states,
-        first_history=first_history,
-        first_details=first_details,
+        first_history=connection.scalar(first_history) or 0,
+        first_details=connection.scalar(first_details) or 0,
         timeline=Timeline(*connection.execute(select(RUN.c.start_s, RUN.c.period_s).where(RUN.c.id == run_id)).one()),
         stations=connection.scalar(stations) or 0,
         feeds=connection.scalar(feeds) or 0,
@@ -115,12 +98,11 @@ def truncate_run(connection: Connection, run_id: int, number: int) -> None:
 
     The tables of the current picture are left to the cycle that is about to be written, in the same transaction.
     """
-    tables = METADATA.tables
     truncate_events(connection, run_id, number)
-    for name in OF_CYCLE:
-        table = tables[name]
-        connection.execute(delete(table).where(table.c.run_id == run_id, table.c.cycle >= number))
-    for stay in (tables["presence"], tables["member_history"], tables["identity"]):
+    for table in METADATA.tables.values():
+        if "cycle" in table.c:
+            connection.execute(delete(table).where(table.c.run_id == run_id, table.c.cycle >= number))
+    for stay in STAYS:
         of_run = stay.c.run_id == run_id
         connection.execute(delete(stay).where(of_run, stay.c.from_cycle >= number))
         connection.execute(update(stay).where(of_run, stay.c.to_cycle >= number - 1).values(to_cycle=None))
@@ -128,17 +110,12 @@ def truncate_run(connection: Connection, run_id: int, number: int) -> None:
     old = select(MEMBER_HISTORY.c.run_id, MEMBER_HISTORY.c.vessel_id, MEMBER_HISTORY.c.source, MEMBER_HISTORY.c.track_id)
     old = old.where(MEMBER_HISTORY.c.run_id == run_id, MEMBER_HISTORY.c.to_cycle.is_(None))
     connection.execute(insert(MEMBER).from_select(["run_id", "vessel_id", "source", "track_id"], old))
-    connection.execute(delete(CHECKPOINT).where(CHECKPOINT.c.run_id == run_id, CHECKPOINT.c.cycle >= number))
     connection.execute(delete(CYCLE).where(CYCLE.c.run_id == run_id, CYCLE.c.number >= number))
 
 
 def no_such_run(run_id: int, where: str) -> NoSuchRunError:
     """The error for a run that does not exist."""
     return NoSuchRunError(f"{where}: there is no run {run_id}; another process may have restarted it")
-
-
-def _table(connection: Connection, query: Any) -> Ints:
-    return np.stack(fetch_arrays(connection, query), 1)
 
 
 def _registration(connection: Connection, run_id: int) -> tuple[LastReport, tuple[int, ...]]:
@@ -151,14 +128,6 @@ def _registration(connection: Connection, run_id: int) -> tuple[LastReport, tupl
     return {(row[0], row[1]): row[2] for row in connection.execute(newest) if row[2] is not None}, states
 
 
-def _first_kept(connection: Connection, run_id: int) -> tuple[int, int]:
-    """The first cycles of which the history, and the details, are kept."""
-    number, timed = func.min(CYCLE.c.number), STAGE_TIMING.c
-    history = connection.scalar(select(number).where(CYCLE.c.run_id == run_id, CYCLE.c.history_from.is_not(None)))
-    details = connection.scalar(select(func.min(timed.cycle)).where(timed.run_id == run_id))
-    return int(history or 0), int(details or 0)
-
-
 def _points(connection: Connection, run_id: int, number: int) -> Points:
     """The newest point of each vessel of a cycle."""
     first = connection.scalar(select(CYCLE.c.history_from).where(CYCLE.c.run_id == run_id, CYCLE.c.number == number))
@@ -166,9 +135,8 @@ def _points(connection: Connection, run_id: int, number: int) -> Points:
         return no_points()
     newest, h = newest_points(run_id, first, number), HISTORY.c
     then = and_(CYCLE.c.run_id == run_id, CYCLE.c.number == h.cycle)
-    ids = (h.vessel_id, h.cycle, h.mmsi, h.flags, h.previous_cycle)
-    motion = (h.sog_kn, h.cog_deg, h.major_m, h.minor_m, h.orientation_deg)
-    query = select(*ids, CYCLE.c.time_s, h.latitude_deg, h.longitude_deg, *motion, h.updated_s, h.nav_status)
+    query = select(h.vessel_id, h.cycle, h.mmsi, h.flags, h.previous_cycle, CYCLE.c.time_s, h.latitude_deg, h.longitude_deg)
+    query = query.add_columns(h.sog_kn, h.cog_deg, h.major_m, h.minor_m, h.orientation_deg, h.updated_s, h.nav_status)
     query = query.select_from(newest).join(HISTORY, of_newest(run_id, newest)).join(CYCLE, then).order_by(h.vessel_id)
     vessel, cycle, mmsi, flags, previous, time_s, latitude, longitude, *moved, updated, status = fetch_arrays(connection, query)
     position = np.stack([latitude, longitude], 1)

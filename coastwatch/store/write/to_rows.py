@@ -11,8 +11,6 @@ from coastwatch.batches import (
     AisAlarms,
     AisStatics,
     Array,
-    BearingAssociations,
-    BearingTracks,
     Bools,
     Floats,
     Ints,
@@ -129,8 +127,9 @@ def bearing_association_rows(run_id: int, number: int, cycle: Cycle) -> list[Col
     return [run_id, number, vessel[order], tracks.source[row], tracks.track_id[row], found.statistic[order], bearing]
 
 
-def bearing_track_rows(run_id: int, tracks: BearingTracks, found: BearingAssociations, picture: Picture) -> list[Column]:
+def bearing_track_rows(run_id: int, cycle: Cycle) -> list[Column]:
     """Columns of table `bearing_track`."""
+    tracks, found, picture = cycle.bearing_tracks, cycle.bearing_associations, cycle.picture
     vessel = np.full(len(tracks), -1, np.int64)
     vessel[found.bearing_row] = picture.vessel_id[found.vessel_row]
     where = (np.degrees(tracks.bearing_rad) % 360.0, np.degrees(tracks.rate_rad_s), *tracks.site_deg.T)

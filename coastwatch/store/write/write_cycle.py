@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -13,12 +13,13 @@ from sqlalchemy import Connection, Table, delete, select, update
 from sqlalchemy import insert as insert_one
 
 from coastwatch.batches import AisStatics, EventChanges, Floats, Ints, Picture, Reports
+from coastwatch.errors import StoreError
 from coastwatch.store import history_rule
 from coastwatch.store.journal import NOTHING_PASSED, ForCentres, compressed, write_for_centres
-from coastwatch.store.recording import record
+from coastwatch.store.recording import record as write_recording
 from coastwatch.store.rows import Column, delete_rows, insert, source_texts, update_rows
 from coastwatch.store.schema import database
-from coastwatch.store.schema.database import Store, StoreError
+from coastwatch.store.schema.database import Store
 from coastwatch.store.schema.tables import (
     ASSOCIATION,
     BEARING_ASSOCIATION,
@@ -38,7 +39,7 @@ from coastwatch.store.schema.tables import (
     STANDING_ECHO,
     VESSEL,
 )
-from coastwatch.store.write import ended_runs, events, retention, to_rows
+from coastwatch.store.write import events, retention, to_rows
 from coastwatch.store.write.run_state import RunState, no_such_run, read_run_state, truncate_run
 from coastwatch.store.write.static_names import delete_names, write_names
 
@@ -74,98 +75,132 @@ class SkippedCycle:
 
 @dataclass(frozen=True)
 class CycleRecord:
-    """A cycle to be stored: the arguments of `write_cycle`."""
+    """A cycle to be stored."""
 
-    number: int
+    number: int  # from 0
     cycle: Cycle
     reports: Reports
-    seconds: Mapping[str, float]
-    checkpoint: bytes | None = None
-    last: bool = False
+    seconds: Mapping[str, float]  # of each stage, in order
+    checkpoint: bytes | None = None  # the memory after this cycle, if one is to be kept
+    last: bool = False  # the run ends here, so its picture is written whatever the settings say
     for_centres: ForCentres = NOTHING_PASSED
     merged: tuple[SkippedCycle, ...] = ()  # the cycles before it whose reports are in it
 
     def skipped(self) -> SkippedCycle:
         """What is kept of it where its picture cannot be stored."""
-        counts, heard = cycle_counts(self.cycle, self.reports), to_rows.last_reports({}, self.reports)
-        kept = self.cycle.events, self.reports.statics, heard, self.for_centres
-        return SkippedCycle(self.number, self.cycle.time_s, "not_stored", counts, *kept)
-
-    def write(self, store: Store, run_id: int, keep: StoreSettings, skipped: Sequence[SkippedCycle] = ()) -> Written:
-        """As `write_cycle`. Args: skipped: cycles before those that are merged in this one."""
-        given = self.number, self.cycle, self.reports, self.seconds, keep, self.checkpoint
-        every = (*skipped, *self.merged)
-        return write_cycle(store, run_id, *given, last=self.last, for_centres=self.for_centres, skipped=every)
+        return SkippedCycle(
+            self.number,
+            self.cycle.time_s,
+            "not_stored",
+            cycle_counts(self.cycle, self.reports),
+            self.cycle.events,
+            self.reports.statics,
+            to_rows.last_reports({}, self.reports),
+            self.for_centres,
+        )
 
 
 def write_cycle(
-    store: Store,
-    run_id: int,
-    number: int,
-    cycle: Cycle,
-    reports: Reports,
-    seconds: Mapping[str, float],
-    keep: StoreSettings,
-    checkpoint: bytes | None = None,
-    *,
-    last: bool = False,
-    for_centres: ForCentres = NOTHING_PASSED,
-    skipped: Sequence[SkippedCycle] = (),
+    store: Store, run_id: int, record: CycleRecord, keep: StoreSettings, skipped: Sequence[SkippedCycle] = ()
 ) -> Written:
     """Write all results of one cycle in one transaction: after a SIGKILL the cycle is there whole or not at all. Old rows go in another.
 
     The cycle becomes the newest of its run: where the database already holds it or later ones (a run that goes on from an older
     checkpoint), those are replaced in the same transaction.
 
-    Args: number: of the cycle, from 0; seconds: of each stage, in order; keep: which tables get rows, and how often; checkpoint: the
-    memory after this cycle, if one is to be kept; last: the run ends here, so its picture is written whatever `keep` says;
-    for_centres: what passes between centres; skipped: the cycles between the newest one of the run and this one, all of them.
+    Args: keep: which tables get rows, and how often; skipped: the cycles between the newest one of the run and this one, but those
+    that are merged in it.
     Returns: rows written, and a warning for the operator.
     Raises: StoreError where the run is absent, a cycle is left out, the database is locked or the disk is full.
     """
-    picture, members = _by_vessel(cycle.picture), to_rows.membership(cycle)
+    number, picture, members = record.number, record.cycle.picture, to_rows.membership(record.cycle)
+    if not (np.diff(picture.vessel_id) > 0).all():
+        picture = picture.take(np.argsort(picture.vessel_id, kind="stable"))
+    skipped = (*skipped, *record.merged)
     database.require_room_for_log(store, len(picture))
-    with _forgotten_where_it_fails(store, run_id), database.writing(store) as connection:
-        database.size_for(connection, len(picture))
-        before, truncated = _state_before(connection, store, run_id, skipped[0].number if skipped else number)
-        for one in skipped:
-            before = _write_skipped(connection, run_id, before, one, keep)
-        if number != before.cycle + len(skipped) + 1:
-            raise StoreError(f"{store.where}: run {run_id}: got cycle {number}, needed {before.cycle + len(skipped) + 1}")
-        bound = history_rule.Bound(keep.history_error_m, keep.history_max_s)
-        points, added = history_rule.extend(before.points, bound, number, cycle.time_s, before.time_s, picture)
-        picture_due = last or truncated or _picture_due(before, cycle, keep)
-        _insert_cycle(connection, run_id, number, cycle, reports, keep, picture_due, added)
-        timings = to_rows.timing_rows(run_id, number, cycle, reports, seconds, before.source_kinds)
-        insert(connection, STAGE_TIMING, timings)
-        rows = write_history(connection, run_id, before.cycle, number, added)
-        if picture_due:
-            intervals = to_rows.ais_intervals(picture, cycle.members, cycle.alarms)
-            sources = source_texts(picture.vessel_id, members, before.source_names)
-            rows += _replace(connection, VESSEL, run_id, to_rows.vessel_rows(run_id, picture, sources, intervals))
-            bearings = cycle.bearing_tracks, cycle.bearing_associations, cycle.picture
-            rows += _replace(connection, BEARING_TRACK, run_id, to_rows.bearing_track_rows(run_id, *bearings))
-        rows += _write_stays(connection, run_id, number, before, members, picture)
-        rows += events.write_events(connection, run_id, number, cycle.events, before.timeline)
-        rows += _write_details(connection, run_id, number, cycle, members, keep)
-        names = write_names(connection, run_id, before.names, reports.statics)
-        last_report = to_rows.last_reports(before.last_report, reports)
-        radar_states = tuple(cycle.corrections.state.tolist())
-        if number % keep.registration_every and radar_states == before.radar_states and not cycle.corrections.jumped.any():
-            radar_states = before.radar_states
-        else:
-            counts = before.stations, before.feeds
-            of_sensors = to_rows.registration_rows(run_id, number, cycle, last_report, *counts)
-            insert(connection, SENSOR_REGISTRATION, of_sensors)
-        if last or _is_due(before, cycle, keep.cover_every_s):
-            _replace(connection, SENSOR_COVER, run_id, to_rows.cover_rows(run_id, number, cycle.radar_cover))
-            _replace(connection, STANDING_ECHO, run_id, to_rows.standing_echo_rows(run_id, number, cycle.standing_echoes))
-        if keep.recording:
-            record(connection, run_id, number, picture, cycle.members)
-        write_for_centres(connection, run_id, number, cycle.time_s, for_centres, _kept_messages(keep, before.timeline.period_s))
-        if checkpoint is not None:
-            _write_checkpoint(connection, run_id, number, checkpoint)
-    store.run_states[run_id] = replace(
+    try:
+        with database.writing(store) as connection:
+            database.size_for(connection, len(picture))
+            before, truncated = _state_before(connection, store, run_id, skipped[0].number if skipped else number)
+            for one in skipped:
+                before = _write_skipped(connection, run_id, before, one, keep)
+            if number != before.cycle + len(skipped) + 1:
+                raise StoreError(f"{store.where}: run {run_id}: got cycle {number}, needed {before.cycle + len(skipped) + 1}")
+            after, rows = _write(connection, run_id, before, record, picture, members, keep, truncated)
+    except BaseException:  # the database may have the cycle although its answer was lost
+        store.run_states.pop(run_id, None)
+        raise
+    store.run_states[run_id] = after
+    if retention.is_limited(keep):
+        with suppress(StoreError):  # the next cycle tries again
+            _delete_old(store, run_id, keep, rows, picture)
+    return Written(rows, database.long_log_warning(store, len(picture)), database.log_size(store))
+
+
+def _write(
+    connection: Connection,
+    run_id: int,
+    before: RunState,
+    record: CycleRecord,
+    picture: Picture,
+    members: Ints,
+    keep: StoreSettings,
+    truncated: bool,
+) -> tuple[RunState, int]:
+    """Write a cycle behind the newest one. Returns: the state after it, and rows.
+
+    Args: picture: sorted by vessel; members: from `to_rows.membership`; truncated: later cycles were deleted.
+    """
+    number, cycle, reports = record.number, record.cycle, record.reports
+    bound = history_rule.Bound(keep.history_error_m, keep.history_max_s)
+    points, added = history_rule.extend(before.points, bound, number, cycle.time_s, before.time_s, picture)
+    is_small = len(cycle.tracks) + len(cycle.bearing_tracks) <= keep.picture_large
+    picture_due = record.last or truncated or is_small or _is_due(before, cycle, keep.picture_every_s)
+    of_cycle = {
+        "run_id": run_id,
+        "number": number,
+        "time_s": cycle.time_s,
+        **cycle_counts(cycle, reports),
+        "picture_kept": picture_due,
+        "history_from": added.first_cycle,
+        "history_points": added.points,
+        "associations_kept": number % keep.associations_every == 0,
+        "recorded": keep.recording,
+    }
+    connection.execute(insert_one(CYCLE), [of_cycle])
+    timings = to_rows.timing_rows(run_id, number, cycle, reports, record.seconds, before.source_kinds)
+    insert(connection, STAGE_TIMING, timings)
+    rows = write_history(connection, run_id, before.cycle, number, added)
+    if picture_due:
+        intervals = to_rows.ais_intervals(picture, cycle.members, cycle.alarms)
+        sources = source_texts(picture.vessel_id, members, before.source_names)
+        rows += _replace(connection, VESSEL, run_id, to_rows.vessel_rows(run_id, picture, sources, intervals))
+        rows += _replace(connection, BEARING_TRACK, run_id, to_rows.bearing_track_rows(run_id, cycle))
+    rows += _write_stays(connection, run_id, number, before, members, picture)
+    rows += events.write_events(connection, run_id, number, cycle.events, before.timeline)
+    if number % keep.spots_every == 0:
+        rows += insert(connection, SPOT, to_rows.spot_rows(run_id, number, cycle.spots))
+    if number % keep.associations_every == 0:
+        rows += insert(connection, ASSOCIATION, to_rows.association_rows(run_id, number, cycle, members))
+        rows += insert(connection, BEARING_ASSOCIATION, to_rows.bearing_association_rows(run_id, number, cycle))
+    names = write_names(connection, run_id, before.names, reports.statics)
+    last_report = to_rows.last_reports(before.last_report, reports)
+    radar_states = tuple(cycle.corrections.state.tolist())
+    if number % keep.registration_every and radar_states == before.radar_states and not cycle.corrections.jumped.any():
+        radar_states = before.radar_states
+    else:
+        of_sensors = to_rows.registration_rows(run_id, number, cycle, last_report, before.stations, before.feeds)
+        insert(connection, SENSOR_REGISTRATION, of_sensors)
+    if record.last or _is_due(before, cycle, keep.cover_every_s):
+        _replace(connection, SENSOR_COVER, run_id, to_rows.cover_rows(run_id, number, cycle.radar_cover))
+        _replace(connection, STANDING_ECHO, run_id, to_rows.standing_echo_rows(run_id, number, cycle.standing_echoes))
+    if keep.recording:
+        write_recording(connection, run_id, number, picture, cycle.members)
+    kept_messages = _kept_messages(keep, before.timeline.period_s)
+    write_for_centres(connection, run_id, number, cycle.time_s, record.for_centres, kept_messages)
+    if record.checkpoint is not None:
+        _write_checkpoint(connection, run_id, number, record.checkpoint)
+    after = replace(
         before,
         cycle=number,
         time_s=cycle.time_s,
@@ -176,20 +211,7 @@ def write_cycle(
         last_report=last_report,
         radar_states=radar_states,
     )
-    if retention.is_limited(keep):
-        with suppress(StoreError):  # the next cycle tries again
-            _delete_old(store, run_id, keep, rows, picture)
-    return Written(rows, database.long_log_warning(store, len(picture)), database.log_size(store))
-
-
-@contextmanager
-def _forgotten_where_it_fails(store: Store, run_id: int) -> Iterator[None]:
-    """Forget the state of a run where a transaction fails: the database may have it although its answer was lost."""
-    try:
-        yield
-    except BaseException:
-        store.run_states.pop(run_id, None)
-        raise
+    return after, rows
 
 
 def _delete_old(store: Store, run_id: int, keep: StoreSettings, rows: int, picture: Picture) -> None:
@@ -201,8 +223,8 @@ def _delete_old(store: Store, run_id: int, keep: StoreSettings, rows: int, pictu
     with database.writing(store) as connection:
         kept, period_s, names = (state.first_history, state.first_details), state.timeline.period_s, state.names
         kept = retention.delete_old(connection, run_id, state.cycle, period_s, keep, kept, rows)
-        if state.cycle % ended_runs.EVERY == 0:
-            ended_runs.delete_ended(connection, run_id, keep)
+        if state.cycle % retention.ENDED_EVERY == 0:
+            retention.delete_ended(connection, run_id, keep)
         if (kept_s := retention.longest_kept_s(keep)) is not None:
             names = delete_names(connection, run_id, names, state.time_s - kept_s, picture.mmsi)
     store.run_states[run_id] = replace(state, names=names, first_history=kept[0], first_details=kept[1])
@@ -230,11 +252,6 @@ def _kept_messages(keep: StoreSettings, period_s: float) -> int:
     return max(math.ceil(keep.journal_minutes * 60.0 / period_s), 1)
 
 
-def _by_vessel(picture: Picture) -> Picture:
-    """The picture sorted by vessel."""
-    return picture if (np.diff(picture.vessel_id) > 0).all() else picture.take(np.argsort(picture.vessel_id, kind="stable"))
-
-
 def _state_before(connection: Connection, store: Store, run_id: int, number: int) -> tuple[RunState, bool]:
     """The state after the cycle before this one, and whether later cycles were deleted to get there."""
     written = update(RUN).where(RUN.c.id == run_id).values(written_utc=database.now_utc(connection))
@@ -249,41 +266,11 @@ def _state_before(connection: Connection, store: Store, run_id: int, number: int
     return read_run_state(connection, run_id, store.where), True
 
 
-def _picture_due(before: RunState, cycle: Cycle, keep: StoreSettings) -> bool:
-    """Whether the current picture is written: in every cycle while it is small, else in the first one of each interval."""
-    small = len(cycle.tracks) + len(cycle.bearing_tracks) <= keep.picture_large or keep.picture_every_s == 0.0
-    return small or _is_due(before, cycle, keep.picture_every_s)
-
-
 def _is_due(before: RunState, cycle: Cycle, every_s: float) -> bool:
     """Whether a new interval has begun since the cycle before."""
     if every_s == 0.0 or not math.isfinite(before.time_s):
         return True
     return math.floor(cycle.time_s / every_s) > math.floor(before.time_s / every_s)
-
-
-def _insert_cycle(
-    connection: Connection,
-    run_id: int,
-    number: int,
-    cycle: Cycle,
-    reports: Reports,
-    keep: StoreSettings,
-    picture_due: bool,
-    added: history_rule.Added,
-) -> None:
-    row = {
-        "run_id": run_id,
-        "number": number,
-        "time_s": cycle.time_s,
-        **cycle_counts(cycle, reports),
-        "picture_kept": picture_due,
-        "history_from": added.first_cycle,
-        "history_points": added.points,
-        "associations_kept": number % keep.associations_every == 0,
-        "recorded": keep.recording,
-    }
-    connection.execute(insert_one(CYCLE), [row])
 
 
 def cycle_counts(cycle: Cycle, reports: Reports) -> dict[str, int]:
@@ -327,17 +314,6 @@ def _write_stays(connection: Connection, run_id: int, number: int, before: RunSt
     update_rows(connection, PRESENCE, {"vessel_id": left[:, 0]}, lasting, {"to_cycle": before.cycle})
     since_s: Floats = picture.since_s[np.searchsorted(picture.vessel_id, came[:, 0])]
     return rows + insert(connection, PRESENCE, [run_id, came[:, 0], number, None, since_s])
-
-
-def _write_details(connection: Connection, run_id: int, number: int, cycle: Cycle, members: Ints, keep: StoreSettings) -> int:
-    """Spots and associations, in the cycles in which they are kept."""
-    rows = 0
-    if number % keep.spots_every == 0:
-        rows += insert(connection, SPOT, to_rows.spot_rows(run_id, number, cycle.spots))
-    if number % keep.associations_every == 0:
-        rows += insert(connection, ASSOCIATION, to_rows.association_rows(run_id, number, cycle, members))
-        rows += insert(connection, BEARING_ASSOCIATION, to_rows.bearing_association_rows(run_id, number, cycle))
-    return rows
 
 
 def write_checkpoint(store: Store, run_id: int, number: int, memory: bytes) -> Written:
