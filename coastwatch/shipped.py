@@ -1,8 +1,11 @@
-"""Finds the files that are shipped beside the code, `db/` and `scenarios/`, in a checkout or in an installed wheel."""
+"""Where files are: those shipped beside the code, `db/` and `scenarios/`, in a checkout or a wheel, and the database of a command."""
 
 from __future__ import annotations
 
 from pathlib import Path
+
+DEFAULT_DB = "sqlite:///coastwatch.db"
+"""The database where a command names none, in the working directory."""
 
 PACKAGE = Path(__file__).resolve().parent
 

@@ -193,19 +193,22 @@ def main_columns(rows: Rows) -> Rows:
     return Rows(tuple(rows.columns[k] for k in keep), [tuple(row[k] for k in keep) for row in rows.rows])
 
 
+TABLES = ("history", "events", "members", "associations", "bearing_associations")
+"""Of a vessel, in this order."""
+
+
 def vessel(found: Store, run_row: Mapping[str, Any], vessel_id: int) -> Vessel:
     """Details and tables of one vessel. Args: run_row: as of `run`. Raises: StoreError if the run never had it."""
     track = store.track(found, run_row["id"], vessel_id)
-    details, stays = track.pop("vessel"), track.pop("stays")
-    row = in_operator_units(Rows(tuple(details), [tuple(details.values())]))
+    row = in_operator_units(Rows(tuple(track.vessel), [tuple(track.vessel.values())]))
     names = {number: name for number, name, _ in store.sources(found, run_row["id"]).rows}
-    tables = {key.replace("_", " "): in_operator_units(_with_names(rows, names)) for key, rows in track.items()}
+    tables = {key.replace("_", " "): in_operator_units(_with_names(getattr(track, key), names)) for key in TABLES}
     methods = {key: run_row["settings"].get(key, {}).get("method") for key in ("associations", "bearing_associations")}
     return Vessel(
         {"run": run_row["id"], **dict(zip(row.columns, row.rows[0], strict=True))},
         tables,
         {key.replace("_", " "): STATISTICS[method] for key, method in methods.items() if method in STATISTICS},
-        tuple((first, LAST if last is None else last) for first, last, _ in stays.rows),
+        tuple((first, LAST if last is None else last) for first, last, _ in track.stays.rows),
     )
 
 

@@ -18,9 +18,9 @@ from coastwatch.alarms import Zone
 from coastwatch.errors import InputError
 from coastwatch.scenario import Scenario
 from coastwatch.scenario.refusing import refusals
+from coastwatch.shipped import DEFAULT_DB
 from coastwatch.stage import Settings
 
-DEFAULT_DB = "sqlite:///coastwatch.db"
 LATENESS_S = {"all": 2.0, "region": 2.0, "centre": 5.0}
 """A centre waits for its regions, which wait for their radars."""
 

@@ -367,7 +367,9 @@ class LiveRun:
         return store.ForCentres(message, self._source.intake())
 
     @contextmanager
-    def writer(self, run_id: int, watch: Stopwatch, write: Callable[[CycleRecord], Written]) -> Iterator[LiveWriter]:
+    def writer(
+        self, run_id: int, watch: Stopwatch, write: Callable[[CycleRecord], Written], idle: Callable[[], None]
+    ) -> Iterator[LiveWriter]:
         """As `run.Live.writer`."""
 
         def announce(record: CycleRecord) -> None:
@@ -375,7 +377,7 @@ class LiveRun:
                 self._publisher.written(run_id, record.number, record.for_centres.message)
 
         with self._next_writer:
-            made = LiveWriter(watch, write, announce, catches_up=lambda: self._catches_up, before=self._writer)
+            made = LiveWriter(watch, write, announce, catches_up=lambda: self._catches_up, before=self._writer, idle=idle)
             self._writer = made
         with made:
             yield made

@@ -41,6 +41,9 @@ MOST_LATER, MOST_ATTEMPTS = 10_000, 5
 ROOM, ROOM_S = 20, 1.0
 """A run that catches up waits while more cycles than this wait, unless the one in writing takes longer than this."""
 
+IDLE_S = 30.0
+"""A writer without cycles notes that the run is there after so long: else readers on other machines would take it to have died."""
+
 RETRY_S = (0.5, 1.0, 2.0, 4.0, 8.0, 15.0)
 CLOSE_S = 20.0
 """How long the end of a run tries to write what waits."""
@@ -102,16 +105,19 @@ class LiveWriter:
         retry_s: Sequence[float] = RETRY_S,
         catches_up: Callable[[], bool] = lambda: False,
         before: LiveWriter | None = None,
+        idle: Callable[[], None] = lambda: None,
     ) -> None:
         """Args:
         write: may raise StoreError. announce: called once for each record, when it is written or the database is away.
         catches_up: whether the run computes cycles faster than time passes. It may wait then, so that none is skipped.
         before: the writer of the attempt before. Its counts go on here. Changes that wait in it are written after the first record.
+        idle: called each IDLE_S without a record; may raise StoreError.
         """
         was: WriterState = WriterState() if before is None else before.state
         self.state: WriterState = WriterState(not_stored=was.not_stored, failures=was.failures, forgotten=was.forgotten)
         self.lost: NoSuchRunError | None = None  # the run was deleted: nothing can be written of it any more
         self._watch, self._write, self._announce, self._retry_s = watch, write, announce, tuple(retry_s)
+        self._idle = idle
         self._catches_up, self._writing_since_s = catches_up, time.monotonic()
         self._waiting: deque[_Waiting] = deque()
         self._carried: tuple[SkippedCycle, ...] = ()  # from before the records that wait
@@ -220,8 +226,10 @@ class LiveWriter:
             try:
                 if (due := self._due()) is not None:
                     self._do_later(due)
-                else:
+                elif self._waiting:
                     self._write_first()
+                else:
+                    self._idle()
                 with self._changed:
                     self.state.error = self.state.since_s = None
                     self._failed_in_a_row = 0
@@ -248,12 +256,15 @@ class LiveWriter:
         self._failed(str(error))
 
     def _has_work(self) -> bool:
-        """Wait for work. Returns: False: all is done, and the writer is to close."""
+        """Wait for work, IDLE_S at most. Returns: False: all is done, and the writer is to close."""
+        until_s = time.monotonic() + IDLE_S
         with self._changed:
             while not self._waiting and self._due() is None:
                 if self._close_by_s is not None:
                     return False
-                self._changed.wait()
+                if (left_s := until_s - time.monotonic()) <= 0.0:
+                    break
+                self._changed.wait(left_s)
             return True
 
     def _due(self) -> _Later | None:

@@ -80,9 +80,9 @@ class Live(Protocol):
         ...
 
     def writer(
-        self, run_id: int, watch: Stopwatch, write: Callable[[CycleRecord], Written]
+        self, run_id: int, watch: Stopwatch, write: Callable[[CycleRecord], Written], idle: Callable[[], None]
     ) -> AbstractContextManager[CycleWriter]:
-        """What takes the cycles to be stored."""
+        """What takes the cycles to be stored. Args: idle: notes that the run is there, while it has no cycle."""
         ...
 
 
@@ -412,7 +412,7 @@ def _cycle_writer(live: Live | None, opened: Any, scenario: Scenario, run_id: in
         return store.write_cycle(opened, run_id, record, scenario.store)
 
     if live is not None:
-        with live.writer(run_id, watch, write) as writer:
+        with live.writer(run_id, watch, write, partial(store.note_running, opened, run_id)) as writer:
             yield writer
         return
     with Writer[Written](watch, scenario.store.overlap and opened.shared, BEHIND) as jobs:

@@ -66,6 +66,7 @@ from coastwatch.store.write.write_cycle import CycleRecord as CycleRecord
 from coastwatch.store.write.write_cycle import SkippedCycle as SkippedCycle
 from coastwatch.store.write.write_cycle import Written as Written
 from coastwatch.store.write.write_cycle import cycle_counts as cycle_counts
+from coastwatch.store.write.write_cycle import note_running as note_running
 from coastwatch.store.write.write_cycle import write_checkpoint as write_checkpoint
 from coastwatch.store.write.write_cycle import write_cycle as write_cycle
 from coastwatch.store.zones import StoredZone as StoredZone

@@ -43,12 +43,17 @@ class Beginnings(NamedTuple):
 
 def acknowledge(store: Store, run_id: int, alarm: AlarmKey, by: Acknowledgement) -> bool:
     """Acknowledge an alarm, if nobody has. Returns: whether it is stored. Raises: StoreError."""
-    e = EVENT.c
-    starts = e.start_s.between(alarm.start_s - SAME_START_S, alarm.start_s + SAME_START_S)
-    of = e.run_id == run_id, e.vessel_id == alarm.vessel_id, e.kind == alarm.kind, e.subject == alarm.subject, starts
+    of = and_(EVENT.c.run_id == run_id, is_alarm(alarm))
     with writing(store) as connection:
         _acknowledge(connection, of, by)
-        return connection.scalar(select(e.from_cycle).where(*of)) is not None
+        return connection.scalar(select(EVENT.c.from_cycle).where(of)) is not None
+
+
+def is_alarm(key: AlarmKey) -> ColumnElement[bool]:
+    """That an event is this alarm of its run."""
+    e = EVENT.c
+    starts = e.start_s.between(key.start_s - SAME_START_S, key.start_s + SAME_START_S)
+    return and_(e.vessel_id == key.vessel_id, e.kind == key.kind, e.subject == key.subject, starts)
 
 
 def acknowledge_all(store: Store, run_id: int, alarms: Beginnings, by: Acknowledgement) -> int:
@@ -59,13 +64,13 @@ def acknowledge_all(store: Store, run_id: int, alarms: Beginnings, by: Acknowled
     if alarms.subject is not None:
         of.append(e.subject == alarms.subject)
     with writing(store) as connection:
-        return _acknowledge(connection, of, by)
+        return _acknowledge(connection, and_(*of), by)
 
 
-def _acknowledge(connection: Connection, of: Sequence[ColumnElement[bool]], by: Acknowledgement) -> int:
+def _acknowledge(connection: Connection, of: ColumnElement[bool], by: Acknowledgement) -> int:
     """Acknowledge the alarms of a condition that nobody has. Returns: how many."""
     e = EVENT.c
-    waits = and_(*of, text("event.unacknowledged"))
+    waits = and_(of, text("event.unacknowledged"))
     said = [literal(value) for value in (by.at_s, by.name, by.note, by.who)]
     keys = "run_id", "vessel_id", "kind", "subject", "from_cycle"
     has_one = exists().where(*(ACKNOWLEDGEMENT.c[name] == EVENT.c[name] for name in keys))  # of an alarm that was found again

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from sqlalchemy import and_, or_
+from sqlalchemy import ColumnElement, and_, or_
 
 from coastwatch.batches import Bools, Floats
 from coastwatch.geodesy import scale_m_deg, wrap_deg
@@ -36,7 +34,7 @@ def widened(bbox: Box, by_m: float) -> Box:
     return south, float(wrap_deg(west - aside)), north, float(wrap_deg(east + aside))
 
 
-def is_inside(latitude_deg: Any, longitude_deg: Any, bbox: Box) -> Any:
+def is_inside(latitude_deg: ColumnElement[float], longitude_deg: ColumnElement[float], bbox: Box) -> ColumnElement[bool]:
     """That a row lies in a box. Args: latitude_deg, longitude_deg: columns."""
     south, west, north, east = bbox
     after, before = longitude_deg >= west, longitude_deg <= east

@@ -13,10 +13,10 @@ So the history has exactly the vessels of every cycle, and no position is furthe
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from sqlalchemy import Subquery, and_, false, func, select
+from sqlalchemy import ColumnElement, Subquery, and_, false, func, select
 
 from coastwatch.batches import Bools, Floats, Ints, Picture
 from coastwatch.geodesy import KNOT_M_S, difference_m, scale_m_deg, wrap_deg
@@ -182,7 +182,7 @@ def newest_points(run_id: int, first: int, cycle: int) -> Subquery:
     )
 
 
-def of_newest(run_id: int, newest: Subquery) -> Any:
+def of_newest(run_id: int, newest: Subquery) -> ColumnElement[bool]:
     """Joins the rows of `history` to `newest_points`: of vessels that have not left."""
     same = and_(HISTORY.c.cycle == newest.c.cycle, HISTORY.c.vessel_id == newest.c.vessel_id)
     return and_(HISTORY.c.run_id == run_id, same, HISTORY.c.closing == false())

@@ -13,12 +13,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from sqlalchemy import (
     Boolean,
+    ColumnElement,
     Connection,
+    Delete,
     Executable,
     Float,
     Integer,
     LargeBinary,
+    SelectBase,
     String,
+    Update,
     bindparam,
     delete,
     func,
@@ -93,11 +97,12 @@ def fetch_rows(connection: Connection, query: Executable) -> Rows:
     return Rows(tuple(result.keys()), [tuple(row) for row in result.all()])
 
 
-def fetch_arrays(connection: Connection, query: Any) -> list[Array]:
+def fetch_arrays(connection: Connection, query: Executable) -> list[Array]:
     """The answer to a query as one array a column: float64 (NULL: NaN), objects (texts), else int64 (NULL: -1).
 
     Args: query: a `select`, or a `text` with the types of its columns.
     """
+    assert isinstance(query, SelectBase)
     types = [column.type for column in query.selected_columns]
     parts = [[_array((), kind) for kind in types]]
     for rows in connection.execute(query).partitions(FETCH_ROWS):
@@ -105,7 +110,7 @@ def fetch_arrays(connection: Connection, query: Any) -> list[Array]:
     return [np.concatenate(column) for column in zip(*parts, strict=True)]
 
 
-def is_one_of(connection: Connection, column: Any, numbers: Ints) -> Any:
+def is_one_of(connection: Connection, column: ColumnElement[int], numbers: Ints) -> ColumnElement[bool]:
     """That a column has one of these numbers, of which there may be many: SQLite takes them as one JSON parameter."""
     if connection.dialect.name == "sqlite":
         listed = func.json_each(json.dumps(numbers.tolist())).table_valued("value")
@@ -113,7 +118,7 @@ def is_one_of(connection: Connection, column: Any, numbers: Ints) -> Any:
     return column.in_(bindparam("numbers", numbers.tolist(), expanding=True, literal_execute=True, unique=True))
 
 
-def _array(values: tuple[Any, ...], kind: Any) -> Array:
+def _array(values: Sequence[object], kind: object) -> Array:
     if isinstance(kind, Float):
         return np.array(values, float)  # None becomes NaN
     if isinstance(kind, String):
@@ -121,7 +126,7 @@ def _array(values: tuple[Any, ...], kind: Any) -> Array:
     return np.array([-1 if value is None else value for value in values], np.int64)
 
 
-def _python_values(values: Array) -> list[Any]:
+def _python_values(values: Array) -> list[object]:
     if values.dtype.kind == "i":
         return [None if value == -1 else value for value in values.tolist()]
     if values.dtype.kind == "f":
@@ -152,7 +157,8 @@ Column = Array | NullableId | Categorical | list[Any] | int | float | str | None
 
 def row_count(columns: Sequence[Column]) -> int:
     """How many rows the columns have; at least one column must have a value for each row."""
-    return next(len(_values(column)) for column in columns if not isinstance(column, int | float | str | None))
+    long = (column for column in columns if not isinstance(column, int | float | str | None))
+    return next(len(column if isinstance(column, np.ndarray | list) else column[0]) for column in long)
 
 
 def take(column: Column, rows: slice | Array) -> Column:
@@ -168,14 +174,14 @@ def take(column: Column, rows: slice | Array) -> Column:
     return column
 
 
-def to_python(column: Column, count: int) -> Sequence[Any]:
+def to_python(column: Column, count: int) -> Sequence[object]:
     """A column as Python's values. Args: count: of rows."""
     if isinstance(column, NullableId):
         return [None if x < 0 else x for x in column.values.tolist()]
     if isinstance(column, Categorical):
         return [None if code < 0 else column.texts[code] for code in column.codes.tolist()]
     if isinstance(column, np.ndarray):
-        values: list[Any] = column.tolist()
+        values: list[object] = column.tolist()
         has_nan = column.dtype.kind == "f" and np.isnan(column).any()
         return [None if x != x else x for x in values] if has_nan else values
     return column if isinstance(column, list) else [column] * count
@@ -231,7 +237,7 @@ def clear_columns(
 
 def _by_keys(
     connection: Connection,
-    statement: Any,
+    statement: Update | Delete,
     table: SqlTable,
     keys: Mapping[str, Column],
     where: Mapping[str, int | None],
@@ -246,14 +252,10 @@ def _by_keys(
         connection.execute(statement.where(*alike), [dict(zip(columns, row, strict=True)) for row in rows])
 
 
-def _rows(columns: Sequence[Column], low: int, count: int) -> list[tuple[Any, ...]]:
+def _rows(columns: Sequence[Column], low: int, count: int) -> list[tuple[object, ...]]:
     """At most BATCH_ROWS rows as tuples."""
     high = min(low + BATCH_ROWS, count)
     return list(zip(*(to_python(take(column, slice(low, high)), high - low) for column in columns), strict=True))
-
-
-def _values(column: Array | NullableId | Categorical | list[Any]) -> Array | list[Any]:
-    return column if isinstance(column, np.ndarray | list) else column[0]
 
 
 def _postgresql_type(kind: object) -> str:

@@ -39,7 +39,7 @@ MOST_NAMED = 10
 """Runs that a refusal names."""
 
 DEAD_S, DEAD_PERIODS = 60.0, 20.0
-"""A run of a process that cannot be asked, of another machine, is no longer there when it has written no cycle for so long."""
+"""A run of a process that cannot be asked, of another machine, is no longer there when it has written nothing for so long."""
 
 
 def begin_run(
@@ -220,7 +220,7 @@ def _status(connection: Connection, row: RowMapping) -> str:
     """The status of a row of `run`; `died` where it is `running` and its process is gone.
 
     A process of this machine is asked: a live run may wait for its feeds for hours. One of another machine is taken to be gone once
-    it has written nothing for DEAD_S, or DEAD_PERIODS if longer.
+    it has written nothing for DEAD_S, or DEAD_PERIODS if longer. A live run that waits for input notes that it is there.
     """
     if row["status"] == "running":
         there = presence(row["machine"], row["process"])

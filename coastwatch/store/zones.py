@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from sqlalchemy import Connection, Select, and_, func, insert, select, text
+from sqlalchemy import Connection, and_, func, insert, select, text
 
 from coastwatch.store.rows import Rows, fetch_rows
 from coastwatch.store.schema.database import Store, reading, writing
@@ -38,7 +38,7 @@ def zone_version(store: Store, scenario: str) -> int:
         return int(connection.scalar(select(func.sum(last.c.version))) or 0)
 
 
-def add_zone(store: Store, scenario: str, definition: Mapping[str, Any], *, at_s: float, who: str) -> StoredZone | None:
+def add_zone(store: Store, scenario: str, definition: Mapping[str, object], *, at_s: float, who: str) -> StoredZone | None:
     """Store a new zone. Returns: it; None where another one has its name. Raises: StoreError."""
     with writing(store) as connection:
         _wait_for_others(connection)
@@ -51,7 +51,7 @@ def add_zone(store: Store, scenario: str, definition: Mapping[str, Any], *, at_s
 
 
 def change_zone(
-    store: Store, scenario: str, number: int, definition: Mapping[str, Any] | None, *, at_s: float, who: str
+    store: Store, scenario: str, number: int, definition: Mapping[str, object] | None, *, at_s: float, who: str
 ) -> StoredZone | str | None:
     """Replace a zone, or delete it. Returns: it as it is or was; the name where another one has it; None where there is no such zone.
 
@@ -84,18 +84,14 @@ def _wait_for_others(connection: Connection) -> None:
         connection.execute(text("LOCK TABLE zone IN SHARE ROW EXCLUSIVE MODE"))
 
 
-def _newest(scenario: str) -> Select[Any]:
+def _zones(connection: Connection, scenario: str) -> tuple[StoredZone, ...]:
     last = select(Z.number, func.max(Z.version).label("version")).where(Z.scenario == scenario).group_by(Z.number).subquery()
     same = and_(Z.number == last.c.number, Z.version == last.c.version)
-    return select(Z.number, Z.version, Z.definition).join(last, same).order_by(Z.number)
-
-
-def _zones(connection: Connection, scenario: str) -> tuple[StoredZone, ...]:
-    rows = connection.execute(_newest(scenario)).all()
+    rows = connection.execute(select(Z.number, Z.version, Z.definition).join(last, same).order_by(Z.number)).all()
     return tuple(StoredZone(row.number, row.version, row.definition) for row in rows if row.definition is not None)
 
 
-def _named(connection: Connection, scenario: str, name: str) -> int | None:
+def _named(connection: Connection, scenario: str, name: object) -> int | None:
     """The number of the zone with a name."""
     return next((zone.number for zone in _zones(connection, scenario) if zone.definition["name"] == name), None)
 
@@ -105,7 +101,7 @@ def _write(
     scenario: str,
     number: int,
     version: int,
-    definition: Mapping[str, Any] | None,
+    definition: Mapping[str, object] | None,
     at_s: float,
     who: str,
 ) -> None:

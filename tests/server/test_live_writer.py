@@ -96,6 +96,27 @@ def test_a_database_that_is_away_for_a_while_gets_every_cycle(database: Database
     assert check(str(database.store.engine.url)) == []
 
 
+def test_a_run_that_waits_for_input_is_noted_as_there(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live_writer, "IDLE_S", 0.01)
+    with store.schema.database.writing(database.store) as connection:
+        connection.exec_driver_sql("UPDATE run SET written_utc = '2020-01-01T00:00:00Z'")
+
+    def idle() -> None:
+        if database.away is not None:
+            raise database.away
+        store.note_running(database.store, database.run_id)
+
+    with LiveWriter(Stopwatch(), database.write, lambda _: None, RETRY_S, idle=idle) as writer:
+        wait_for(lambda: database.rows("SELECT written_utc FROM run") > [("2021",)])
+        database.away = StoreError("database is locked")
+        wait_for(lambda: writer.state.failures > 1)
+        database.away = None
+        wait_for(lambda: writer.state.error is None)
+        writer.put(record(0, {}))
+        wait_for(lambda: writer.is_idle)
+    assert database.rows("SELECT number FROM cycle") == [(0,)]
+
+
 def test_of_too_many_cycles_the_newest_picture_and_every_event_name_and_change_are_stored(
     database: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -10,8 +10,9 @@ from coastwatch.alarms import numbered
 from coastwatch.errors import AddressError, InputError
 from coastwatch.operators.cli.parser import make_parser
 from coastwatch.scenario import load_scenario
-from coastwatch.server.deployment import DEFAULT_DB, Deployment, deployment, with_zones
+from coastwatch.server.deployment import Deployment, deployment, with_zones
 from coastwatch.server.regions.client import check_files, parsed_region
+from coastwatch.shipped import DEFAULT_DB
 
 WHOLE = """
 [server]

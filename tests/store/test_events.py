@@ -131,7 +131,7 @@ def test_a_vessel_has_its_events(url: str) -> None:
         past_world.write(store, run, made, keep=KEEP)
         events, gaps = oracle(made, GAP_S)
         vessel = gaps[0][0]
-        found = kept.track(store, run, vessel)["events"]
+        found = kept.track(store, run, vessel).events
         rows = [dict(zip(found.columns, row, strict=True)) for row in found.rows]
         assert sorted((row["kind"], row["start_s"], row["end_s"]) for row in rows) == sorted(
             ((e[1], e[4], e[5]) for e in events if e[0] == vessel), key=lambda e: e[:2]
@@ -210,7 +210,7 @@ def test_alarms_of_several_zones_and_pairs_are_events_also_after_kills_and_going
             )
             for text in said
         )
-        with_it = kept.track(store, run, 6)["events"]
+        with_it = kept.track(store, run, 6).events
         assert {row[0] for row in with_it.rows} > {"close_approach", "lost", "dark"}
     assert check(url) == []
 

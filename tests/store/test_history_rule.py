@@ -215,12 +215,12 @@ def test_a_vessel_that_has_left_is_where_it_was_last(url: str) -> None:
         gone = kept.track(store, run, 22)
         there = world.picture_of(10, 30)
         row = there.vessel_id.tolist().index(22)
-        assert not gone["vessel"]["in_picture"]
-        place = np.array([[gone["vessel"]["latitude_deg"], gone["vessel"]["longitude_deg"]]])
+        assert not gone.vessel["in_picture"]
+        place = np.array([[gone.vessel["latitude_deg"], gone.vessel["longitude_deg"]]])
         assert np.hypot(*difference_m(place, there.position_deg[row : row + 1])[0]) <= StoreSettings().history_error_m
-        assert gone["vessel"]["time_s"] == world.instant_s(10)
-        assert gone["history"].column("cycle")[0] == 1
-        assert max(gone["history"].column("cycle")) <= 10
+        assert gone.vessel["time_s"] == world.instant_s(10)
+        assert gone.history.column("cycle")[0] == 1
+        assert max(gone.history.column("cycle")) <= 10
         lost = kept.operator_query(store, "lost_vessels")
         at = lost.column("vessel_id").index(22)
         assert (lost.column("latitude_deg")[at], lost.column("longitude_deg")[at]) == tuple(place[0])

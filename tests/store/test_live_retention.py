@@ -103,7 +103,7 @@ def test_every_table_of_a_run_with_a_retention_stops_growing(url: str) -> None:
         assert scalar(store, "SELECT count(*) FROM vessel_static WHERE mmsi = 700000001") == 1
         seen = kept.picture(store, run, world.instant_s(73))
         assert sorted(seen.column("vessel_id")) == passing(73).vessel_id.tolist()
-        assert len(kept.track(store, run, 1)["members"].rows) > 0, "its stay began in a cycle that is gone"
+        assert len(kept.track(store, run, 1).members.rows) > 0, "its stay began in a cycle that is gone"
         assert len(kept.traffic(store, run, (-25.0, -45.0, -20.0, -40.0), world.START_S, world.instant_s(200)).rows) > 0
     assert check(url) == []
 

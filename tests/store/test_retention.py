@@ -61,7 +61,7 @@ def test_what_is_too_old_is_gone_and_the_rest_is_whole(url: str) -> None:
             assert (np.hypot(*difference_m(place, truth.position_deg).T) <= KEEP.history_error_m).all()
         with pytest.raises(StoreError, match="its first kept cycle is at"):
             kept.picture(store, 1, world.instant_s(first - 1))
-        assert len(kept.track(store, 1, 5)["history"].rows) > 0
+        assert len(kept.track(store, 1, 5).history.rows) > 0
     assert check(url) == []
 
 

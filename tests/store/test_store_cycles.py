@@ -106,25 +106,25 @@ def test_one_vessel_through_time(url: str) -> None:
             world.write(store, run, number)
         found = kept.track(store, run, 8)
         there = [number for number in range(12) if number != 3]
-        assert found["history"].column("cycle") == there
-        assert found["history"].column("time_s") == [world.instant_s(number) for number in there]
-        assert found["stays"].rows == [(0, 2, world.START_S), (4, None, world.START_S)]
-        members = [row[:5] for row in found["members"].rows]
+        assert found.history.column("cycle") == there
+        assert found.history.column("time_s") == [world.instant_s(number) for number in there]
+        assert found.stays.rows == [(0, 2, world.START_S), (4, None, world.START_S)]
+        members = [row[:5] for row in found.members.rows]
         assert members == [
             ("guanabara", "radar", 1008, 0, 2),
             ("ais", "ais", 5_000_000_008, 0, 2),
             ("guanabara", "radar", 1008, 4, None),
             ("ais", "ais", 5_000_000_008, 4, None),
         ]
-        assert found["associations"].column("cycle") == there
-        assert set(found["associations"].column("second_track")) == {5_000_000_008}
-        assert found["vessel"]["in_picture"]
-        assert found["vessel"]["mmsi"] == 710_000_007
-        assert kept.track(store, run, 1)["bearing_associations"].column("bearing_deg")[0] == pytest.approx(270.0)
+        assert found.associations.column("cycle") == there
+        assert set(found.associations.column("second_track")) == {5_000_000_008}
+        assert found.vessel["in_picture"]
+        assert found.vessel["mmsi"] == 710_000_007
+        assert kept.track(store, run, 1).bearing_associations.column("bearing_deg")[0] == pytest.approx(270.0)
         gone = kept.track(store, run, 11 * 2)  # away in cycle 0 and 11
-        assert not gone["vessel"]["in_picture"]
-        assert gone["vessel"]["sources"] == "guanabara,ais"
-        assert gone["history"].column("cycle") == list(range(1, 11))
+        assert not gone.vessel["in_picture"]
+        assert gone.vessel["sources"] == "guanabara,ais"
+        assert gone.history.column("cycle") == list(range(1, 11))
         with pytest.raises(StoreError, match="never had a vessel 99"):
             kept.track(store, run, 99)
 
@@ -136,7 +136,7 @@ def test_cycles_without_vessels(url: str) -> None:
             world.write(store, run, number, vessels)
         assert kept.picture(store, run).column("vessel_id") == [1]
         assert kept.picture(store, run, world.instant_s(3)).rows == []
-        assert kept.track(store, run, 3)["stays"].rows == [(1, 1, world.START_S)]
+        assert kept.track(store, run, 3).stays.rows == [(1, 1, world.START_S)]
     assert check(url) == []
 
 

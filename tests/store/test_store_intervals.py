@@ -57,7 +57,7 @@ def test_a_large_picture_is_written_at_an_interval(url: str) -> None:
             written = connection.execute(text("SELECT number FROM cycle WHERE picture_kept ORDER BY number")).scalars().all()
         assert written == [*first_of_interval, 8]
         come = kept.track(store, run, 11)  # away in cycle 0
-        assert come["vessel"]["in_picture"]
+        assert come.vessel["in_picture"]
 
 
 def test_after_a_restart_the_picture_is_not_of_a_cycle_to_come(url: str) -> None:

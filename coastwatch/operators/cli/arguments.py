@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from coastwatch.operators.typed import box, utc
+from coastwatch.shipped import DEFAULT_DB
 
 MOST_WORKERS = 4096
-DEFAULT_DB = "sqlite:///coastwatch.db"
 RADAR = ("name", "latitude_deg", "longitude_deg", "range_nm", "rpm", "range_noise_m", "azimuth_noise_deg")
 STATION = ("name", "latitude_deg", "longitude_deg", "range_nm")
 SONAR = ("name", "latitude_deg", "longitude_deg", "range_nm", "bearing_noise_deg")

@@ -6,14 +6,29 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
-from sqlalchemy import CompoundSelect, Connection, Select, and_, case, func, literal_column, or_, select, text, true, union
+from sqlalchemy import (
+    ColumnElement,
+    Connection,
+    Select,
+    SelectBase,
+    Table,
+    and_,
+    case,
+    func,
+    literal_column,
+    or_,
+    select,
+    text,
+    union,
+)
 
 from coastwatch.batches import ALARM_KINDS
 from coastwatch.batches.kinds import PRIORITIES, SUSPICION
-from coastwatch.store.acknowledgements import SAME_START_S, AlarmKey
+from coastwatch.store.acknowledgements import AlarmKey, is_alarm
 from coastwatch.store.rows import Rows, fetch_rows
+from coastwatch.store.runs import newest_cycle
 from coastwatch.store.schema.database import Store, reading
-from coastwatch.store.schema.tables import ACKNOWLEDGEMENT, CYCLE, EVENT, EVENT_GAP, RUN, VESSEL_STATIC
+from coastwatch.store.schema.tables import ACKNOWLEDGEMENT, EVENT, EVENT_GAP, RUN, VESSEL_STATIC
 
 E, A = EVENT.c, ACKNOWLEDGEMENT.c
 KEY = ("run_id", "vessel_id", "kind", "subject", "from_cycle")
@@ -48,7 +63,7 @@ class Cursor(NamedTuple):
 
 def alarms(store: Store, run_id: int, asked: Asked) -> tuple[Rows, int]:
     """Some alarms of a run, and how many there are. Raises: StoreError."""
-    found = _in_keys(_select(), union(*_waiting(run_id))) if asked.state == "waiting" else _select()
+    found = _select(_waiting(run_id) if asked.state == "waiting" else ())
     found = found.where(E.run_id == run_id, *_conditions(asked))
     with reading(store) as connection:
         total = connection.scalar(select(func.count()).select_from(found.order_by(None).subquery())) or 0
@@ -64,8 +79,8 @@ def changed_alarms(store: Store, run_id: int, since: Cursor | None, most: int) -
     with reading(store) as connection:
         now = _cursor(connection, run_id)
         if since is None:
-            return _lasting_and_waiting(connection, run_id, [_lasting(run_id)], E.to_cycle.is_not(None), most), now
-        changed = _in_keys(_select(), union(*_changed(run_id, since, now))).where(E.kind.in_(ALARM_KINDS))
+            return _lasting_and_waiting(connection, run_id, _waiting(run_id)[:1], E.to_cycle.is_not(None), most), now
+        changed = _select(_changed(run_id, since, now)).where(E.kind.in_(ALARM_KINDS))
         return fetch_rows(connection, changed.order_by(E.start_s)), now
 
 
@@ -74,7 +89,7 @@ def alarms_before(store: Store, run_id: int, time_s: float, most: int) -> Rows:
 
     Args: most: of those that had ended, the most urgent. Raises: StoreError.
     """
-    lasted = [_lasting(run_id), _keys(E, E.run_id == run_id, E.end_s >= time_s, E.to_cycle.is_not(None))]
+    lasted = [*_waiting(run_id)[:1], _keys(EVENT, run_id, and_(E.end_s >= time_s, E.to_cycle.is_not(None)))]
     with reading(store) as connection:
         return _lasting_and_waiting(connection, run_id, lasted, E.end_s < time_s, most, E.start_s <= time_s)
 
@@ -82,70 +97,53 @@ def alarms_before(store: Store, run_id: int, time_s: float, most: int) -> Rows:
 def _lasting_and_waiting(
     connection: Connection,
     run_id: int,
-    lasting: Sequence[Select[Any]],
-    ended: Any,
+    lasting: Sequence[SelectBase],
+    ended: ColumnElement[bool],
     most: int,
-    began: Any = true(),  # noqa: B008
+    *began: ColumnElement[bool],
 ) -> Rows:
     """All alarms that last, then the most urgent of those that have ended and wait for acknowledgement.
 
     Args: lasting: keys of those that last; ended, began: conditions on the others, and on both.
     """
-    alarm = E.kind.in_(ALARM_KINDS), began
-    columns, rows = fetch_rows(connection, _in_keys(_select(), union(*lasting)).where(*alarm).order_by(*_ORDER))
-    waiting = _in_keys(_select(), union(_unacknowledged(run_id))).where(*alarm, ended).order_by(*_ORDER).limit(most)
+    alarm = and_(E.kind.in_(ALARM_KINDS), *began)
+    columns, rows = fetch_rows(connection, _select(lasting).where(alarm).order_by(*_ORDER))
+    waiting = _select(_waiting(run_id)[1:]).where(alarm, ended).order_by(*_ORDER).limit(most)
     return Rows(columns, rows + fetch_rows(connection, waiting).rows)
 
 
 def _cursor(connection: Connection, run_id: int) -> Cursor:
-    c = CYCLE.c
-    newest = select(c.number, c.time_s).where(c.run_id == run_id).order_by(c.number.desc()).limit(1)
-    number, time_s = connection.execute(newest).first() or (-1, -1.0)
+    number, time_s = newest_cycle(connection, run_id) or (-1, -1.0)
     process = connection.scalar(select(RUN.c.process).where(RUN.c.id == run_id))
     acknowledged_s = connection.scalar(select(func.max(A.acknowledged_s)).where(A.run_id == run_id))
     newest_ones = select(func.count()).where(A.run_id == run_id, A.acknowledged_s == acknowledged_s)
     return Cursor(process, number, time_s, acknowledged_s or 0.0, int(connection.scalar(newest_ones) or 0))
 
 
-def _changed(run_id: int, since: Cursor, now: Cursor) -> list[Select[Any]]:
+def _changed(run_id: int, since: Cursor, now: Cursor) -> list[SelectBase]:
     """The keys of what has changed between two cursors, each part by an index."""
-    g = EVENT_GAP.c
     out = [
-        _keys(E, E.run_id == run_id, E.start_s > since.time_s),
-        _keys(E, E.run_id == run_id, E.to_cycle >= since.cycle),
-        _keys(g, g.run_id == run_id, g.cycle > since.cycle),
+        _keys(EVENT, run_id, E.start_s > since.time_s),
+        _keys(EVENT, run_id, E.to_cycle >= since.cycle),
+        _keys(EVENT_GAP, run_id, EVENT_GAP.c.cycle > since.cycle),
     ]
     # Acknowledgements of one instant may have been written after the last look: if there are new ones, those of its instant come again.
     if (since.acknowledged_s, since.acknowledged) != (now.acknowledged_s, now.acknowledged):
-        out.append(_keys(A, A.run_id == run_id, A.acknowledged_s >= since.acknowledged_s))
+        out.append(_keys(ACKNOWLEDGEMENT, run_id, A.acknowledged_s >= since.acknowledged_s))
     return out
 
 
-def _waiting(run_id: int) -> list[Select[Any]]:
-    """The keys of what lasts or nobody has acknowledged, each part by an index."""
-    return [_lasting(run_id), _unacknowledged(run_id)]
+def _waiting(run_id: int) -> list[SelectBase]:
+    """The keys of what lasts, and of what nobody has acknowledged, each part by an index."""
+    return [_keys(EVENT, run_id, E.to_cycle.is_(None)), _keys(EVENT, run_id, UNACKNOWLEDGED)]
 
 
-def _lasting(run_id: int) -> Select[Any]:
-    return _keys(E, E.run_id == run_id, E.to_cycle.is_(None))
+def _keys(table: Table, run_id: int, where: ColumnElement[bool]) -> SelectBase:
+    return select(*(table.c[name] for name in KEY)).where(table.c.run_id == run_id, where)
 
 
-def _unacknowledged(run_id: int) -> Select[Any]:
-    return _keys(E, E.run_id == run_id, UNACKNOWLEDGED)
-
-
-def _keys(of: Any, *where: Any) -> Select[Any]:
-    return select(*(of[name] for name in KEY)).where(*where)
-
-
-def _in_keys(query: Select[Any], keys: CompoundSelect[Any]) -> Select[Any]:
-    """The events of these keys."""
-    found = keys.subquery()
-    return query.join(found, and_(*(E[name] == found.c[name] for name in KEY)))
-
-
-def _conditions(asked: Asked) -> list[Any]:
-    out: list[Any] = []
+def _conditions(asked: Asked) -> list[ColumnElement[bool]]:
+    out: list[ColumnElement[bool]] = []
     if asked.state != "unacknowledged" or tuple(asked.kinds) != tuple(ALARM_KINDS):  # what waits is an alarm
         out.append(E.kind.in_(asked.kinds))
     if asked.state == "lasting":
@@ -157,22 +155,25 @@ def _conditions(asked: Asked) -> list[Any]:
     if asked.to_s is not None:
         out.append(E.start_s <= asked.to_s)
     if asked.key is not None:
-        vessel_id, kind, subject, start_s = asked.key
-        out += [E.vessel_id == vessel_id, E.kind == kind, E.subject == subject]
-        out.append(E.start_s.between(start_s - SAME_START_S, start_s + SAME_START_S))
+        out.append(is_alarm(asked.key))
     return out
 
 
-def _select() -> Select[Any]:
-    """Columns of an alarm: what it is, from when until when, its vessel at its start, and who acknowledged it."""
+def _select(parts: Sequence[SelectBase] = ()) -> Select[*tuple[Any, ...]]:
+    """Columns of an alarm: what it is, from when until when, its vessel at its start, and who acknowledged it.
+
+    Args: parts: keys of the alarms that are wanted; none: of every one.
+    """
     g, s = EVENT_GAP.c, VESSEL_STATIC.c
     gaps = select(func.count()).select_from(EVENT_GAP).where(*(E[name] == g[name] for name in KEY)).scalar_subquery()
-    of_event = E.vessel_id, E.kind, E.subject, E.start_s, E.end_s, gaps.label("gaps"), E.mmsi, s.name
-    of_vessel = E.latitude_deg, E.longitude_deg, E.sog_kn, E.evidence
-    by = A.acknowledged_by, A.acknowledged_s, A.note
+    query = select(E.vessel_id, E.kind, E.subject, E.start_s, E.end_s, gaps.label("gaps"), E.mmsi, s.name, E.latitude_deg)
+    query = query.add_columns(E.longitude_deg, E.sog_kn, E.evidence, A.acknowledged_by, A.acknowledged_s, A.note)
     joined = EVENT.outerjoin(VESSEL_STATIC, and_(s.run_id == E.run_id, s.mmsi == E.mmsi))
-    joined = joined.outerjoin(ACKNOWLEDGEMENT, and_(*(E[name] == A[name] for name in KEY)))
-    return select(*of_event, *of_vessel, *by).select_from(joined)
+    query = query.select_from(joined.outerjoin(ACKNOWLEDGEMENT, and_(*(E[name] == A[name] for name in KEY))))
+    if not parts:
+        return query
+    found = union(*parts).subquery()
+    return query.join(found, and_(*(E[name] == found.c[name] for name in KEY)))
 
 
 _PRIORITY = case(

@@ -6,7 +6,7 @@ Distances are of a sphere of 60 nautical miles a degree, as in every question of
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import lazy_loader
 import numpy as np
@@ -38,15 +38,15 @@ class Vessels(NamedTuple):
         return Vessels._make(column[rows] for column in self)
 
 
-def closest_pairs(connection: Connection, values: Mapping[str, Any]) -> Rows:
-    """The answer to question `closest_pairs`. Args: values: its parameters, `run` too."""
-    within_m, least_kn = float(values["within_m"]), values["min_sog_kn"]
-    found = _current_vessels(connection, values["run"])
+def closest_pairs(connection: Connection, run_id: int, values: Mapping[str, float | str]) -> Rows:
+    """The answer to question `closest_pairs`. Args: values: its parameters."""
+    within_m, least_kn = float(values["within_m"]), float(values["min_sog_kn"])
+    found = _current_vessels(connection, run_id)
     found = found._replace(sog_kn=np.nan_to_num(found.sog_kn))
     first, second = _pairs_within(found, within_m)
     distance_m = np.hypot(*_offset_m(first, second).T)
     near = (distance_m <= within_m) & ((first.sog_kn >= least_kn) | (second.sog_kn >= least_kn))
-    rows = _least(near, distance_m, first, second, values["count"])
+    rows = _least(near, distance_m, first, second, int(values["count"]))
     first, second = first.take(rows), second.take(rows)
     named = {
         "first_id": first.vessel_id,
@@ -58,11 +58,12 @@ def closest_pairs(connection: Connection, values: Mapping[str, Any]) -> Rows:
     return _rows(named, first, second)
 
 
-def closest_approach(connection: Connection, values: Mapping[str, Any]) -> Rows:
-    """The answer to question `closest_approach`. Args: values: its parameters, `run` too."""
-    found = _current_vessels(connection, values["run"])
+def closest_approach(connection: Connection, run_id: int, values: Mapping[str, float | str]) -> Rows:
+    """The answer to question `closest_approach`. Args: values: its parameters."""
+    found = _current_vessels(connection, run_id)
     found = found.take(np.flatnonzero(~np.isnan(found.sog_kn)))
-    search_m, within_m, horizon_s = values["search_nm"] * NAUTICAL_MILE_M, float(values["within_m"]), values["minutes"] * 60.0
+    search_m, within_m = float(values["search_nm"]) * NAUTICAL_MILE_M, float(values["within_m"])
+    horizon_s = float(values["minutes"]) * 60.0
     farthest_m = within_m + 2.0 * horizon_s * float(np.hypot(*found.velocity_m_s.T).max(initial=0.0))
     first, second = _pairs_within(found, min(search_m, farthest_m))
     apart, velocity = _offset_m(first, second), second.velocity_m_s - first.velocity_m_s
@@ -71,7 +72,7 @@ def closest_approach(connection: Connection, values: Mapping[str, Any]) -> Rows:
     passing_m = np.hypot(*(apart + velocity * after_s[:, None]).T)
     distance_m = np.hypot(*apart.T)
     chosen = (distance_m <= search_m) & (square > 0.01) & (after_s >= 0.0) & (after_s <= horizon_s) & (passing_m <= within_m)
-    rows = _least(chosen, after_s, first, second, values["count"])
+    rows = _least(chosen, after_s, first, second, int(values["count"]))
     first, second = first.take(rows), second.take(rows)
     named = {
         "first_id": first.vessel_id,

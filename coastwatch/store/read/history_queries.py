@@ -10,11 +10,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import lazy_loader
 import numpy as np
-from sqlalchemy import Connection, false, func, or_, select, text
+from sqlalchemy import ColumnElement, Connection, false, func, or_, select, text
 
 from coastwatch.batches import Array, Bools, Floats, Ints
 from coastwatch.errors import StoreError
@@ -22,7 +22,7 @@ from coastwatch.geodesy import scale_m_deg, wrap_deg
 from coastwatch.store.bbox import FASTEST_M_S, Box, widened
 from coastwatch.store.history_rule import rate_deg_s
 from coastwatch.store.rows import Rows, Table, fetch_arrays, is_one_of
-from coastwatch.store.runs import run_exists
+from coastwatch.store.runs import between, run_exists
 from coastwatch.store.schema.database import Store, reading
 from coastwatch.store.schema.tables import CYCLE, HISTORY, IDENTITY, PRESENCE
 
@@ -66,20 +66,13 @@ def history(
     """Every point between two instants, both included, of all vessels or of one: cycle, time_s, vessel_id, position, motion,
     ellipse, updated_s, mmsi, nav_status, flags. Between two points a vessel keeps the course and speed of the first.
     """
-    span = [CYCLE.c.run_id == run_id]
-    span += [] if from_s is None else [CYCLE.c.time_s >= from_s]
-    span += [] if to_s is None else [CYCLE.c.time_s <= to_s]
+    span = select(func.min(CYCLE.c.number), func.max(CYCLE.c.number)).where(CYCLE.c.run_id == run_id, *between(from_s, to_s))
     with reading(store) as connection:
-        first, last = connection.execute(select(func.min(CYCLE.c.number), func.max(CYCLE.c.number)).where(*span)).one()
+        first, last = connection.execute(span).one()
         if first is None or vessel_id is None:
-            return points_between(connection, run_id, *((0, -1) if first is None else (first, last)))
+            return _points(connection, run_id, false() if first is None else HISTORY.c.cycle.between(first, last))
         found = points_of(connection, run_id, vessel_id, int(first))
     return found.take((found.array("cycle") >= first) & (found.array("cycle") <= last))
-
-
-def points_between(connection: Connection, run_id: int, first: int, last: int) -> Table:
-    """The points of a range of cycles, by cycle and vessel; no closing ones."""
-    return _points(connection, run_id, HISTORY.c.cycle.between(first, last))
 
 
 def points_of(connection: Connection, run_id: int, vessel_id: int, first: int = 0) -> Table:
@@ -88,8 +81,10 @@ def points_of(connection: Connection, run_id: int, vessel_id: int, first: int = 
     stays = select(PRESENCE.c.to_cycle).where(here, PRESENCE.c.vessel_id == vessel_id, since)
     ends = list(connection.scalars(stays))
     starts = [to + 1 for to in ends if to is not None]
-    if None in ends:
-        starts += _last_cycles(connection, run_id)
+    if None in ends:  # it is there now: its newest point is in one of the cycles that the newest one names
+        kept = select(CYCLE.c.number, CYCLE.c.history_from).where(CYCLE.c.run_id == run_id, CYCLE.c.history_from.is_not(None))
+        if (last := connection.execute(kept.order_by(CYCLE.c.number.desc()).limit(1)).first()) is not None:
+            starts += range(last.history_from, last.number + 1)
     cycles = np.zeros(0, np.int64)
     if starts:
         sql = text(CHAIN.format(starts=", ".join(f"({cycle})" for cycle in starts)))
@@ -104,17 +99,16 @@ def points_in_box(
     """The points of a range of cycles in a box, closing ones included, in no order. Args: names: of columns of `history`."""
     south, west, north, east = bbox
     sql = IN_BOX.format(columns=", ".join(f"h.{name}" for name in names), and_or="AND" if west <= east else "OR")
-    span = {"run": run_id, "first": first, "last": last}
     query = text(sql).columns(*(HISTORY.c[name] for name in names))
-    query = query.bindparams(**span, south=south, west=west, north=north, east=east)
+    query = query.bindparams(run=run_id, first=first, last=last, south=south, west=west, north=north, east=east)
     return dict(zip(names, fetch_arrays(connection, query), strict=True))
 
 
-def history_of_mmsi(connection: Connection, values: Mapping[str, Any]) -> Rows:
-    """The answer to question `history_of_mmsi`. Args: values: its parameters, `run` too."""
-    run_id, mmsi, i = values["run"], int(values["mmsi"]), IDENTITY.c
+def history_of_mmsi(connection: Connection, run_id: int, values: Mapping[str, float | str]) -> Rows:
+    """The answer to question `history_of_mmsi`. Args: values: its parameters."""
+    mmsi, i = int(values["mmsi"]), IDENTITY.c
     latest = connection.scalar(select(func.max(CYCLE.c.time_s)).where(CYCLE.c.run_id == run_id))
-    from_s = 0.0 if latest is None else latest - values["minutes"] * 60.0
+    from_s = 0.0 if latest is None else latest - float(values["minutes"]) * 60.0
     first = connection.scalar(select(func.min(CYCLE.c.number)).where(CYCLE.c.run_id == run_id, CYCLE.c.time_s >= from_s))
     if first is None:
         return Rows(OF_MMSI, [])
@@ -217,7 +211,7 @@ def encounters(
     return Rows(tuple(named), Table(tuple(named), tuple(named.values())).rows)
 
 
-def _points(connection: Connection, run_id: int, *where: Any) -> Table:
+def _points(connection: Connection, run_id: int, *where: ColumnElement[bool]) -> Table:
     """Points by cycle and vessel, without closing ones."""
     names = [name for name in COLUMNS if name != "time_s"]
     query = select(*(HISTORY.c[name] for name in names)).where(HISTORY.c.run_id == run_id, *where)
@@ -235,13 +229,6 @@ def cycle_times(connection: Connection, run_id: int, first: int, last: int) -> t
     query = select(CYCLE.c.number, CYCLE.c.time_s).where(CYCLE.c.run_id == run_id, CYCLE.c.number.between(first, last))
     number, time_s = fetch_arrays(connection, query.order_by(CYCLE.c.number))
     return number, time_s
-
-
-def _last_cycles(connection: Connection, run_id: int) -> list[int]:
-    """The cycles in which a vessel that is there now has its newest point."""
-    kept = select(CYCLE.c.number, CYCLE.c.history_from).where(CYCLE.c.run_id == run_id, CYCLE.c.history_from.is_not(None))
-    last = connection.execute(kept.order_by(CYCLE.c.number.desc()).limit(1)).first()
-    return [] if last is None else list(range(last.history_from, last.number + 1))
 
 
 def _legs(connection: Connection, store: Store, run_id: int, bbox: Box, from_s: float, to_s: float) -> Legs:

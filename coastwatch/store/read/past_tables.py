@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from sqlalchemy import Connection, Table, or_, text
+from sqlalchemy import Connection, or_, text
 
 from coastwatch.store.read.picture_queries import picture_of_cycle
 from coastwatch.store.rows import Column, NullableId, insert
@@ -29,6 +29,8 @@ from coastwatch.store.schema.tables import (
 
 OF_CYCLE = (STAGE_TIMING, HISTORY, ASSOCIATION, BEARING_ASSOCIATION, SPOT, SENSOR_REGISTRATION, EVENT_GAP)
 """Tables whose rows belong to the cycle in their column `cycle`."""
+
+OF_RUN = "run_id = {run}"
 
 MEMBER_VIEW = """
 SELECT run_id, vessel_id, source, track_id FROM {main}member_history
@@ -82,8 +84,7 @@ def _hide_later_rows(connection: Connection, run_id: int, cycle: int) -> None:
     main = "main." if connection.dialect.name == "sqlite" else ""  # a view of SQLite would name itself
     picture = picture_of_cycle(connection, run_id, cycle, None)
     connection.execute(text(f"CREATE TEMPORARY TABLE vessel AS SELECT * FROM {main}vessel WHERE run_id < 0"))
-    names = [column.name for column in VESSEL.columns if column.name in picture.columns]
-    values: dict[str, Column] = {name: picture.array(name) for name in names}
+    values: dict[str, Column] = {name: picture.array(name) for name in picture.columns if name in VESSEL.c}
     values |= {name: NullableId(picture.array(name)) for name in ("mmsi", "nav_status")}
     values |= {"sources": [name or "" for name in picture.column("sources")]}
     insert(connection, VESSEL, [run_id if c.name == "run_id" else values.get(c.name) for c in VESSEL.columns])
@@ -92,20 +93,12 @@ def _hide_later_rows(connection: Connection, run_id: int, cycle: int) -> None:
         "member": MEMBER_VIEW,
         "bearing_track": BEARING_TRACK_VIEW,
     }  # they read the tables that follow
-    views |= {table.name: _until(table, f"cycle <= {cycle}") for table in OF_CYCLE}
-    views |= {table.name: _stays_until(table, cycle) for table in STAYS}
-    views["cycle"] = _until(CYCLE, f"number <= {cycle}")
+    views |= {table.name: f"SELECT * FROM {{main}}{table.name} WHERE {OF_RUN} AND cycle <= {{cycle}}" for table in OF_CYCLE}
+    ended = "CASE WHEN to_cycle < {cycle} THEN to_cycle END AS to_cycle"  # a stay that had not ended is without an end
+    for table in STAYS:
+        columns = ", ".join(ended if name == "to_cycle" else name for name in table.c.keys())  # noqa: SIM118
+        views[table.name] = f"SELECT {columns} FROM {{main}}{table.name} WHERE {OF_RUN} AND from_cycle <= {{cycle}}"
+    views["cycle"] = f"SELECT * FROM {{main}}cycle WHERE {OF_RUN} AND number <= {{cycle}}"
     for name, sql in views.items():
         view = sql.format(main=main, run=int(run_id), cycle=int(cycle))
         connection.execute(text(f"CREATE TEMPORARY VIEW {name} AS {view}"))
-
-
-def _until(table: Table, condition: str) -> str:
-    return f"SELECT * FROM {{main}}{table.name} WHERE run_id = {{run}} AND {condition}"
-
-
-def _stays_until(table: Table, cycle: int) -> str:
-    """The stays that had begun; one that had not ended is without an end."""
-    lasts = f"CASE WHEN to_cycle < {cycle} THEN to_cycle END AS to_cycle"
-    columns = ", ".join(lasts if column.name == "to_cycle" else column.name for column in table.columns)
-    return f"SELECT {columns} FROM {{main}}{table.name} WHERE run_id = {{run}} AND from_cycle <= {cycle}"

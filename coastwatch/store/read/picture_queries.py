@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from sqlalchemy import Connection, Select, and_, func, or_, select, true
+from sqlalchemy import ColumnElement, Connection, Executable, and_, func, or_, select
 from sqlalchemy import Table as SqlTable
 
 from coastwatch.batches import Array, Floats, Ints
@@ -56,7 +56,20 @@ COLUMNS = (
 FEW = 1000
 """Up to this many vessels are looked up one by one; for more, whole tables of the run are read."""
 
+LAST_AIS = ("last_ais_mmsi", "last_ais_name", "last_ais_until_s")
 Columns = dict[str, Array]
+
+
+class VesselTrack(NamedTuple):
+    """One vessel through time, the oldest first."""
+
+    vessel: dict[str, Any]  # its newest row, whether that is of now (`in_picture`), and its last AIS
+    history: Table  # its points
+    events: Rows
+    members: Rows
+    stays: Rows
+    associations: Rows
+    bearing_associations: Rows
 
 
 def picture(
@@ -75,64 +88,53 @@ def picture(
     with reading(store) as connection:
         run_exists(connection, store, run_id)
         if at_s is None:
-            here = true() if bbox is None else is_inside(VESSEL.c.latitude_deg, VESSEL.c.longitude_deg, bbox)
-            return _picture_now(connection, run_id, here, columns)
+            here = [] if bbox is None else [is_inside(VESSEL.c.latitude_deg, VESSEL.c.longitude_deg, bbox)]
+            return _picture_now(connection, run_id, columns, *here)
         kept = or_(CYCLE.c.history_from.is_not(None), CYCLE.c.recorded)
         cycle = cycle_at(connection, store, run_id, at_s, kept)
         return picture_of_cycle(connection, run_id, cycle, bbox, columns)
 
 
-def _known_as(connection: Connection, run_id: int, mmsi: int) -> str:
-    """Which vessels a number that is no vessel's may mean: those that had it as MMSI."""
-    i = IDENTITY.c
-    had = select(i.vessel_id).where(i.run_id == run_id, i.mmsi == mmsi).distinct().order_by(i.vessel_id)
-    vessels = [str(vessel) for vessel in connection.scalars(had)]
-    if not vessels:
-        return "`coastwatch picture` lists their ids"
-    return f"it is the MMSI of vessel {', '.join(vessels)}: `coastwatch track {vessels[-1]}`"
-
-
-def track(store: Store, run_id: int, vessel_id: int) -> dict[str, Any]:
-    """One vessel: `vessel` (its newest row as a dict, and its last AIS), Table `history` (its points), and Rows `events`, `members`,
-    `stays`, `associations`, `bearing_associations`, oldest first.
-
-    Raises: StoreError where the run never had such a vessel.
-    """
+def track(store: Store, run_id: int, vessel_id: int) -> VesselTrack:
+    """One vessel of a run. Raises: StoreError where the run never had it."""
     stays = select(PRESENCE.c.from_cycle, PRESENCE.c.to_cycle, PRESENCE.c.since_s)
     stays = stays.where(PRESENCE.c.run_id == run_id, PRESENCE.c.vessel_id == vessel_id).order_by(PRESENCE.c.from_cycle)
     with reading(store) as connection:
         there = fetch_rows(connection, stays)
         if not there.rows:
             run_exists(connection, store, run_id)
-            raise NotThere(
-                f"{store.where}: run {run_id} never had a vessel {vessel_id}; {_known_as(connection, run_id, vessel_id)}"
-            )
+            i = IDENTITY.c
+            had = select(i.vessel_id).where(i.run_id == run_id, i.mmsi == vessel_id).distinct().order_by(i.vessel_id)
+            vessels = [str(vessel) for vessel in connection.scalars(had)]
+            known = f"it is the MMSI of vessel {', '.join(vessels)}: `coastwatch track {vessels[-1]}`" if vessels else ""
+            known = known or "`coastwatch picture` lists their ids"
+            raise NotThere(f"{store.where}: run {run_id} never had a vessel {vessel_id}; {known}")
         history, members = points_of(connection, run_id, vessel_id), fetch_rows(connection, _members(run_id, vessel_id))
         newest = _newest_row(connection, run_id, vessel_id, there)
-        return {
-            "vessel": newest | _last_ais(connection, run_id, history, members, is_here=newest["in_picture"]),
-            "history": history,
-            "events": fetch_rows(connection, _events(run_id, vessel_id)),
-            "members": members,
-            "stays": there,
-            "associations": fetch_rows(connection, _rows_of_vessel(ASSOCIATION, run_id, vessel_id)),
-            "bearing_associations": fetch_rows(connection, _rows_of_vessel(BEARING_ASSOCIATION, run_id, vessel_id)),
-        }
+        return VesselTrack(
+            newest | _last_ais(connection, run_id, history, members, is_here=bool(newest["in_picture"])),
+            history,
+            fetch_rows(connection, _events(run_id, vessel_id)),
+            members,
+            there,
+            fetch_rows(connection, _rows_of_vessel(ASSOCIATION, run_id, vessel_id)),
+            fetch_rows(connection, _rows_of_vessel(BEARING_ASSOCIATION, run_id, vessel_id)),
+        )
 
 
 def bearing_tracks(store: Store, run_id: int) -> Rows:
     """The bearing tracks of now with the sensor they are of and the vessel they were given to."""
     b = BEARING_TRACK.c
-    columns = (b.track_id, SOURCE.c.name.label("source"), b.bearing_deg, b.rate_deg_s, b.latitude_deg, b.longitude_deg)
     same = and_(SOURCE.c.run_id == b.run_id, SOURCE.c.number == b.source)
-    query = select(*columns, b.vessel_id, b.updated_s).join(SOURCE, same).where(b.run_id == run_id)
+    query = select(b.track_id, SOURCE.c.name.label("source"), b.bearing_deg, b.rate_deg_s, b.latitude_deg, b.longitude_deg)
+    query = query.add_columns(b.vessel_id, b.updated_s).join(SOURCE, same).where(b.run_id == run_id)
     with reading(store) as connection:
         return fetch_rows(connection, query.order_by(b.source, b.track_id))
 
 
-def _picture_now(connection: Connection, run_id: int, where: Any, wanted: Sequence[str] = COLUMNS) -> Table:
+def _picture_now(connection: Connection, run_id: int, wanted: Sequence[str], *where: ColumnElement[bool]) -> Table:
     names = [name for name in COLUMNS if name not in STATIC and (name in wanted or name in ("vessel_id", "mmsi"))]
-    query = select(*(VESSEL.c[name] for name in names)).where(VESSEL.c.run_id == run_id, where)
+    query = select(*(VESSEL.c[name] for name in names)).where(VESSEL.c.run_id == run_id, *where)
     found = dict(zip(names, fetch_arrays(connection, query.order_by(VESSEL.c.vessel_id)), strict=True))
     return _with_details(connection, run_id, None, found, wanted)
 
@@ -154,14 +156,17 @@ def picture_of_cycle(
     )
     time_s, first, recorded = connection.execute(then).one()
     if recorded and vessel_id is None:
-        return _with_details(connection, run_id, cycle, _from_recording(connection, run_id, cycle, bbox), wanted)
+        picture, _ = read_recorded(connection, run_id, cycle, bbox)
+        names = ["vessel_id", "mmsi", "nav_status", "flags", "time_s", "since_s", "updated_s", "existence"]
+        moved = motion(picture.velocity_m_s, picture.covariance)
+        found = dict(zip((*MOTION, *ELLIPSE), (*picture.position_deg.T, *moved.T), strict=True))
+        return _with_details(connection, run_id, cycle, found | {name: getattr(picture, name) for name in names}, wanted)
     assert first is not None
     number, at_s = cycle_times(connection, run_id, first, cycle)
     names = ["vessel_id", "cycle", *MOTION, "closing", "mmsi"]
     names += [name for name in ("nav_status", "flags", "updated_s", *ELLIPSE) if name in wanted]
-    found = None if bbox is None else _newest_in_box(connection, run_id, number, at_s, bbox, names)
-    if found is None:
-        found = _newest_points(connection, run_id, number, names, vessel_id)
+    near = None if bbox is None else _newest_in_box(connection, run_id, number, at_s, bbox, names)
+    found = _newest_points(connection, run_id, number, names, vessel_id) if near is None else near
     now = dead_reckon(_position(found), found["sog_kn"], found["cog_deg"], time_s - at_s[found["cycle"] - first])
     found |= {"latitude_deg": now[:, 0], "longitude_deg": now[:, 1], "time_s": np.full(len(now), time_s)}
     if bbox is not None:
@@ -182,7 +187,7 @@ def _from_recording(connection: Connection, run_id: int, cycle: int, bbox: Box |
 
 def _newest_points(connection: Connection, run_id: int, number: Ints, names: Sequence[str], vessel_id: int | None) -> Columns:
     """The newest point in some cycles of each vessel that is there in the last of them, by vessel."""
-    cycles: Any = HISTORY.c.cycle.between(int(number[0]), int(number[-1]))
+    cycles: ColumnElement[bool] = HISTORY.c.cycle.between(int(number[0]), int(number[-1]))
     if vessel_id is not None:  # the key is sought in each cycle; a range of cycles would be read from end to end
         cycles = and_(is_one_of(connection, HISTORY.c.cycle, number), HISTORY.c.vessel_id == vessel_id)
     query = select(*(HISTORY.c[name] for name in names)).where(HISTORY.c.run_id == run_id, cycles)
@@ -237,9 +242,7 @@ def _with_details(connection: Connection, run_id: int, cycle: int | None, found:
 
 def _statics_of(connection: Connection, run_id: int, mmsi: Ints) -> Columns:
     """Name, call sign, type and size for each MMSI of a row, -1 for none. Args: (V,)."""
-    s = VESSEL_STATIC.c
-    query = select(s.mmsi, *(s[name] for name in STATIC)).where(s.run_id == run_id)
-    known, *found = _select_by_key(connection, query, s.mmsi, mmsi)
+    known, *found = _of_keys(connection, VESSEL_STATIC, run_id, ("mmsi", *STATIC), mmsi)
     order = np.argsort(known, kind="stable")
     row = find(known[order], mmsi)
     absent = {"O": None, "i": -1, "f": np.nan}
@@ -260,9 +263,7 @@ def newest_statics(store: Store, run_id: int, most: int) -> Table:
 
 def _since_of(connection: Connection, run_id: int, cycle: int, vessel_id: Ints) -> Floats:
     """When the stay of each vessel began that had this cycle in it, by its own account. Args: (V,) sorted."""
-    p = PRESENCE.c
-    query = select(p.vessel_id, p.since_s).where(p.run_id == run_id, _includes_cycle(p, cycle))
-    known, since = _select_by_key(connection, query, p.vessel_id, vessel_id)
+    known, since = _of_keys(connection, PRESENCE, run_id, ("vessel_id", "since_s"), vessel_id, _includes_cycle(PRESENCE, cycle))
     out = np.full(len(vessel_id), np.nan)
     row = find(vessel_id, known)
     out[row[row >= 0]] = since[row >= 0]
@@ -271,9 +272,8 @@ def _since_of(connection: Connection, run_id: int, cycle: int, vessel_id: Ints) 
 
 def _sources_of(connection: Connection, run_id: int, cycle: int, vessel_id: Ints) -> Array:
     """Names of the sources that each vessel had in a cycle, "guanabara,ais". Args: (V,) sorted."""
-    m = MEMBER_HISTORY.c
-    query = select(m.vessel_id, m.source, m.track_id).where(m.run_id == run_id, _includes_cycle(m, cycle))
-    members = np.stack(_select_by_key(connection, query, m.vessel_id, vessel_id), 1)
+    columns, then = ("vessel_id", "source", "track_id"), _includes_cycle(MEMBER_HISTORY, cycle)
+    members = np.stack(_of_keys(connection, MEMBER_HISTORY, run_id, columns, vessel_id, then), 1)
     names = {
         row.number: row.name
         for row in connection.execute(select(SOURCE.c.number, SOURCE.c.name).where(SOURCE.c.run_id == run_id))
@@ -283,20 +283,25 @@ def _sources_of(connection: Connection, run_id: int, cycle: int, vessel_id: Ints
     return np.array([text or None for text in found.texts], object)[found.codes]
 
 
-def _includes_cycle(stay: Any, cycle: int) -> Any:
+def _includes_cycle(stays: SqlTable, cycle: int) -> ColumnElement[bool]:
     """That a stay has a cycle in it. The sum keeps SQLite from an index by cycles, most of which are before this one.
 
-    Args: stay: columns of `presence` or `member_history`.
+    Args: stays: table `presence` or `member_history`.
     """
-    return and_(stay.from_cycle + 0 <= cycle, or_(stay.to_cycle.is_(None), stay.to_cycle >= cycle))
+    first, last = stays.c.from_cycle, stays.c.to_cycle
+    return and_(first + 0 <= cycle, or_(last.is_(None), last >= cycle))
 
 
-def _select_by_key(connection: Connection, query: Select[*tuple[Any, ...]], key: Any, wanted: Ints) -> list[Array]:
-    """The rows of these keys, or, where they are many, of all keys."""
-    return fetch_arrays(connection, query.where(is_one_of(connection, key, wanted)) if len(wanted) <= FEW else query)
+def _of_keys(
+    connection: Connection, table: SqlTable, run_id: int, names: Sequence[str], keys: Ints, *where: ColumnElement[bool]
+) -> list[Array]:
+    """The columns of these names of the rows of some keys, which are in the first; where they are many, of all keys."""
+    columns = [table.c[name] for name in names]
+    few = [is_one_of(connection, columns[0], keys)] if len(keys) <= FEW else []
+    return fetch_arrays(connection, select(*columns).where(table.c.run_id == run_id, *where, *few))
 
 
-def _events(run_id: int, vessel_id: int) -> Select[*tuple[Any, ...]]:
+def _events(run_id: int, vessel_id: int) -> Executable:
     """The events of a vessel, and of others with it; `gaps`: how often each ended and returned."""
     e, g = EVENT.c, EVENT_GAP.c
     same = [getattr(g, name) == getattr(e, name) for name in ("run_id", "vessel_id", "kind", "subject", "from_cycle")]
@@ -306,12 +311,12 @@ def _events(run_id: int, vessel_id: int) -> Select[*tuple[Any, ...]]:
     return query.where(e.run_id == run_id, or_(e.vessel_id == vessel_id, with_it)).order_by(e.start_s, e.kind)
 
 
-def _members(run_id: int, vessel_id: int) -> Select[*tuple[Any, ...]]:
+def _members(run_id: int, vessel_id: int) -> Executable:
     m, first, last = MEMBER_HISTORY.c, CYCLE.alias("first"), CYCLE.alias("last")
-    columns = (SOURCE.c.name.label("source"), SOURCE.c.kind, m.track_id, m.from_cycle, m.to_cycle)
     planned_s = RUN.c.start_s + RUN.c.period_s * (m.from_cycle + 1)  # where the row of the cycle is deleted
     from_s = func.coalesce(first.c.time_s, planned_s).label("from_s")
-    query = select(*columns, from_s, last.c.time_s.label("to_s")).select_from(MEMBER_HISTORY)
+    query = select(SOURCE.c.name.label("source"), SOURCE.c.kind, m.track_id, m.from_cycle, m.to_cycle, from_s)
+    query = query.add_columns(last.c.time_s.label("to_s")).select_from(MEMBER_HISTORY)
     query = query.join(RUN, RUN.c.id == m.run_id)
     query = query.join(SOURCE, and_(SOURCE.c.run_id == m.run_id, SOURCE.c.number == m.source))
     query = query.outerjoin(first, and_(first.c.run_id == m.run_id, first.c.number == m.from_cycle))
@@ -319,7 +324,7 @@ def _members(run_id: int, vessel_id: int) -> Select[*tuple[Any, ...]]:
     return query.where(m.run_id == run_id, m.vessel_id == vessel_id).order_by(m.from_cycle, m.source, m.track_id)
 
 
-def _rows_of_vessel(table: SqlTable, run_id: int, vessel_id: int) -> Select[*tuple[Any, ...]]:
+def _rows_of_vessel(table: SqlTable, run_id: int, vessel_id: int) -> Executable:
     """The rows of one vessel by seeking the key (run, cycle, vessel) in each cycle of its stays.
 
     The cycles are an IN list and not a join, which SQLite's planner now and then turns into a scan of the large table.
@@ -332,15 +337,14 @@ def _rows_of_vessel(table: SqlTable, run_id: int, vessel_id: int) -> Select[*tup
     query = select(here.cycle, then.c.time_s, *columns).join(
         then, and_(then.c.run_id == here.run_id, then.c.number == here.cycle)
     )
-    key = (here.run_id == run_id, here.cycle.in_(there), here.vessel_id == vessel_id)
-    return query.where(*key).order_by(here.cycle)
+    return query.where(here.run_id == run_id, here.cycle.in_(there), here.vessel_id == vessel_id).order_by(here.cycle)
 
 
-def _newest_row(connection: Connection, run_id: int, vessel_id: int, stays: Rows) -> dict[str, Any]:
+def _newest_row(connection: Connection, run_id: int, vessel_id: int, stays: Rows) -> dict[str, object]:
     """The row of the current picture, or for a vessel that has left it that of the last cycle in which it was there."""
     _, to_cycle, since_s = stays.rows[-1]
     if to_cycle is None:
-        now = _picture_now(connection, run_id, VESSEL.c.vessel_id == vessel_id)
+        now = _picture_now(connection, run_id, COLUMNS, VESSEL.c.vessel_id == vessel_id)
         if len(now):
             return {**dict(zip(now.columns, now.rows[0], strict=True)), "in_picture": True}
     last = select(func.max(CYCLE.c.number)).where(CYCLE.c.run_id == run_id, CYCLE.c.history_from.is_not(None))
@@ -350,15 +354,12 @@ def _newest_row(connection: Connection, run_id: int, vessel_id: int, stays: Rows
     return {**found, "in_picture": to_cycle is None}
 
 
-LAST_AIS = ("last_ais_mmsi", "last_ais_name", "last_ais_until_s")
-
-
-def _last_ais(connection: Connection, run_id: int, history: Table, members: Rows, *, is_here: bool) -> dict[str, Any]:
+def _last_ais(connection: Connection, run_id: int, history: Table, members: Rows, *, is_here: bool) -> dict[str, object]:
     """MMSI, name and last instant of the AIS that a vessel without AIS had last; all None where it has AIS, or never had any.
 
     Args: history: its points; members: as of `_members`.
     """
-    none: dict[str, Any] = dict.fromkeys(LAST_AIS)
+    none: dict[str, object] = dict.fromkeys(LAST_AIS)
     stays = [dict(zip(members.columns, row, strict=True)) for row in members.rows]
     ends = [(np.inf if stay["to_cycle"] is None else stay["to_cycle"], stay["to_s"]) for stay in stays if stay["kind"] == "ais"]
     last_cycle, until_s = max(ends, key=lambda end: end[0], default=(-np.inf, None))

@@ -12,7 +12,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from sqlalchemy import Connection, text
 
@@ -42,7 +42,7 @@ LIMITS: dict[str, tuple[float, float]] = {
 }
 """Lowest and highest value, by name or by unit."""
 
-COMPUTED: dict[str, Callable[[Connection, Mapping[str, Any]], Rows]] = {
+COMPUTED: dict[str, Callable[[Connection, int, Mapping[str, Value]], Rows]] = {
     "closest_approach": closest_approach,
     "closest_pairs": closest_pairs,
     "history_of_mmsi": history_of_mmsi,
@@ -86,7 +86,9 @@ def operator_queries() -> dict[str, Question]:
     return {path.stem: _read(path) for path in sorted(operator_queries_folder().glob("*.sql"))}
 
 
-def operator_query(store: Store, name: str, parameters: Mapping[str, Any] | None = None, at_s: float | None = None) -> Rows:
+def operator_query(
+    store: Store, name: str, parameters: Mapping[str, Value | None] | None = None, at_s: float | None = None
+) -> Rows:
     """The answer to one question; the database is only read.
 
     Args: parameters: by name, as numbers or as text; what is not given has its default. `run`: the number of a run; at_s: answer as
@@ -109,15 +111,14 @@ def operator_query(store: Store, name: str, parameters: Mapping[str, Any] | None
         with reading(store) as connection:
             return _fetched(connection, question.sql, values)
     run = latest_run(store) if run_id is None else int(_value(name, "run", run_id, 1))
-    values["run"] = run
     with reading(store) if at_s is None else as_of(store, run, at_s) as connection:
         run_exists(connection, store, run)
         if name in COMPUTED:
-            return COMPUTED[name](connection, values)
-        return _fetched(connection, question.sql, values)
+            return COMPUTED[name](connection, run, values)
+        return _fetched(connection, question.sql, values | {"run": run})
 
 
-def _fetched(connection: Connection, sql: str, values: Mapping[str, Any]) -> Rows:
+def _fetched(connection: Connection, sql: str, values: Mapping[str, Value]) -> Rows:
     """The rows of a question in SQL, which cannot write."""
     if connection.dialect.name != "sqlite":
         return fetch_rows(connection, text(sql).bindparams(**values))
@@ -136,18 +137,16 @@ def limits(key: str) -> tuple[float, float]:
 def _read(path: Path) -> Question:
     lines = path.read_text("utf-8").splitlines()
     comments = [line for line in lines if line.startswith("--")]
-    found = [match for match in map(PARAMETER.match, comments) if match]
+    found = [(match["name"], match["default"].strip(), match["meaning"]) for match in map(PARAMETER.match, comments) if match]
     said = [line[2:].strip() for line in comments[1:] if not PARAMETER.match(line)]
     return Question(
         title=comments[0][2:].strip(),
-        parameters={m["name"]: Parameter(_default(m["default"].strip()), m["meaning"]) for m in found},
+        parameters={
+            name: Parameter(None if default == "required" else _number(default), meaning) for name, default, meaning in found
+        },
         explanation=" ".join(said),
         sql="\n".join(line.split("--")[0] for line in lines),
     )
-
-
-def _default(written: str) -> Value | None:
-    return None if written == "required" else _number(written)
 
 
 def _number(written: str) -> Value:
@@ -159,7 +158,7 @@ def _number(written: str) -> Value:
     return written
 
 
-def _value(question: str, key: str, given: Any, default: Value | None) -> Value:
+def _value(question: str, key: str, given: Value | None, default: Value | None) -> Value:
     """What was given as the kind of number that the default is; the default where nothing was given."""
     if given is None:
         if default is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from sqlalchemy import and_, func, literal, null, select
+from sqlalchemy import ColumnElement, and_, func, literal, null, select
 
 from coastwatch.batches import COVER_AZIMUTHS, COVER_RANGES, RadarCover
 from coastwatch.store.rows import Rows, fetch_rows
@@ -66,32 +66,32 @@ def sensor_states(store: Store, run_id: int, at_s: float | None = None) -> Rows:
 
 def radar_covers(store: Store, run_id: int) -> tuple[list[str], RadarCover]:
     """Names of the radars with a learnt cover, and the newest cover of each."""
-    c, same = (
-        SENSOR_COVER.c,
-        and_(SENSOR.c.run_id == run_id, SENSOR.c.kind == "radar", SENSOR.c.number == SENSOR_COVER.c.number),
-    )
-    values = c.latitude_deg, c.longitude_deg, c.range_m, c.turns
-    grids = c.ais_detection, c.ais_looks, c.track_detection, c.track_looks, c.false_plots_per_km2
-    query = select(SENSOR.c.name, *values, *grids).select_from(SENSOR_COVER.join(SENSOR, same)).where(c.run_id == run_id)
+    c, same = SENSOR_COVER.c, _is_radar(run_id, SENSOR_COVER.c.number)
+    query = select(SENSOR.c.name, SENSOR_COVER).select_from(SENSOR_COVER.join(SENSOR, same)).where(c.run_id == run_id)
     with reading(store) as connection:
-        found = connection.execute(query.order_by(c.number)).all()
-    numbers = np.array([row[1:5] for row in found], np.float64).reshape(-1, 4)
-    read = [[np.frombuffer(row[5 + k], "<f4") for row in found] for k in range(len(grids))]
+        found = connection.execute(query.order_by(c.number)).mappings().all()
+    names = ("ais_detection", "ais_looks", "track_detection", "track_looks", "false_plots_per_km2")
+    read = [[np.frombuffer(row[name], "<f4") for row in found] for name in names]
     seen, looks, tracks, track_looks, per_km2 = (
         np.array(each, np.float64).reshape(-1, COVER_AZIMUTHS, COVER_RANGES) for each in read
     )
-    range_m, site_deg, turns = numbers[:, 2].copy(), numbers[:, :2].copy(), numbers[:, 3].copy()
-    cover = RadarCover(range_m, site_deg, turns, seen, looks, tracks, track_looks, 1e-6 * per_km2)
-    return [row.name for row in found], cover
+    range_m, turns = (np.array([row[name] for row in found], np.float64) for name in ("range_m", "turns"))
+    sites = [(row["latitude_deg"], row["longitude_deg"]) for row in found]
+    site_deg = np.array(sites, np.float64).reshape(-1, 2)
+    return [row["name"] for row in found], RadarCover(
+        range_m, site_deg, turns, seen, looks, tracks, track_looks, 1e-6 * per_km2
+    )
 
 
 def standing_echoes(store: Store, run_id: int) -> Rows:
     """The newest echoes that the clutter maps of radars hide, by radar and place; `name` is of the radar."""
-    e, same = (
-        STANDING_ECHO.c,
-        and_(SENSOR.c.run_id == run_id, SENSOR.c.kind == "radar", SENSOR.c.number == STANDING_ECHO.c.radar),
-    )
-    values = e.latitude_deg, e.longitude_deg, e.extent_m, e.plots_per_turn, e.turns
-    query = select(SENSOR.c.name, *values).select_from(STANDING_ECHO.join(SENSOR, same)).where(e.run_id == run_id)
+    e, same = STANDING_ECHO.c, _is_radar(run_id, STANDING_ECHO.c.radar)
+    query = select(SENSOR.c.name, e.latitude_deg, e.longitude_deg, e.extent_m, e.plots_per_turn, e.turns)
+    query = query.select_from(STANDING_ECHO.join(SENSOR, same)).where(e.run_id == run_id)
     with reading(store) as connection:
         return fetch_rows(connection, query.order_by(e.radar, e.latitude_deg, e.longitude_deg))
+
+
+def _is_radar(run_id: int, number: ColumnElement[int]) -> ColumnElement[bool]:
+    """That a sensor is the radar of this number."""
+    return and_(SENSOR.c.run_id == run_id, SENSOR.c.kind == "radar", SENSOR.c.number == number)

@@ -9,13 +9,14 @@ by vessel would be written in random places: `previous_cycle` links the points o
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeVar
 
 from sqlalchemy import (
     JSON,
     BigInteger,
     Boolean,
     Column,
+    ColumnElement,
     Float,
     ForeignKey,
     Index,
@@ -28,6 +29,10 @@ from sqlalchemy import (
     false,
     text,
 )
+from sqlalchemy.types import TypeEngine
+
+T = TypeVar("T")
+Kind = TypeEngine[T] | type[TypeEngine[T]]
 
 REVISION = "0023"
 """The migration at which the database equals the tables below; a test compares it with db/migrations."""
@@ -48,22 +53,22 @@ IN_KEY_ORDER: dict[str, Any] = {"sqlite_with_rowid": False}
 """WITHOUT ROWID: rows are stored in the B-tree of the primary key. One tree is written, and neighbours in key are so on disk."""
 
 
-def of_run() -> Column[Any]:
+def of_run() -> Column[int]:
     """The column that names the run a row belongs to, first in the primary key."""
     return Column("run_id", WHOLE, ForeignKey("run.id"), primary_key=True)
 
 
-def keys(*names: str, kind: Any = WHOLE) -> list[Column[Any]]:
+def keys(*names: str) -> list[Column[int]]:
     """Further columns of the primary key."""
-    return [Column(name, kind, primary_key=True, autoincrement=False) for name in names]
+    return [Column(name, WHOLE, primary_key=True, autoincrement=False) for name in names]
 
 
-def required(kind: Any, *names: str, **options: Any) -> list[Column[Any]]:
+def required(kind: Kind[T], *names: str, server_default: ColumnElement[bool] | None = None) -> list[Column[T]]:
     """Columns of one type that have a value in every row."""
-    return [Column(name, kind, nullable=False, **options) for name in names]
+    return [Column(name, kind, nullable=False, server_default=server_default) for name in names]
 
 
-def nullable(kind: Any, *names: str) -> list[Column[Any]]:
+def nullable(kind: Kind[T], *names: str) -> list[Column[T]]:
     """Columns of one type that may be null."""
     return [Column(name, kind) for name in names]
 
@@ -84,7 +89,7 @@ RUN = Table(
     *required(Text, "command"),
     *required(String(32), "started_utc"),
     *nullable(String(32), "finished_utc"),
-    *nullable(String(32), "written_utc"),  # when the newest cycle was written
+    *nullable(String(32), "written_utc"),  # when the process that writes it last wrote: a cycle, or that it waits for one
     *nullable(Text, "machine"),  # where the process that writes it runs
     *nullable(WHOLE, "process"),  # its number there
     *required(WORD, "status"),  # running, finished, interrupted, failed
@@ -104,7 +109,7 @@ SENSOR = Table(
     "sensor",
     METADATA,
     of_run(),
-    *keys("kind", kind=WORD),  # radar, ais, bearing
+    Column("kind", WORD, primary_key=True),  # radar, ais, bearing
     *keys("number"),  # within its kind
     *required(Text, "name"),
     *required(REAL, "latitude_deg", "longitude_deg", "range_m"),
@@ -300,7 +305,7 @@ SENSOR_REGISTRATION = Table(
     METADATA,
     of_run(),
     *keys("cycle"),
-    *keys("kind", kind=WORD),  # radar, ais, bearing, feed, tracks
+    Column("kind", WORD, primary_key=True),  # radar, ais, bearing, feed, tracks
     *keys("number"),  # within its kind
     *nullable(REAL, "heard_s"),  # newest arrival; of AIS that of any receiver, reports do not say which it was
     *nullable(WORD, "state"),  # of radars: unknown, acquiring, probable, found, settled, doubtful
@@ -361,7 +366,7 @@ EVENT = Table(
     METADATA,
     of_run(),
     *keys("vessel_id"),
-    *keys("kind", kind=FLAG),  # name of batches.Flag or batches.AlarmKind in lower case
+    Column("kind", FLAG, primary_key=True),  # name of batches.Flag or batches.AlarmKind in lower case
     *keys("subject"),  # number of the zone, or id of the other vessel; 0: none
     *keys("from_cycle"),
     *nullable(WHOLE, "to_cycle"),
@@ -386,7 +391,7 @@ EVENT_GAP = Table(
     METADATA,
     of_run(),
     *keys("vessel_id"),
-    *keys("kind", kind=FLAG),
+    Column("kind", FLAG, primary_key=True),
     *keys("subject", "from_cycle", "cycle"),  # of the event; in which the flag returned
     *required(WHOLE, "last_cycle"),  # with the flag before the gap
     *required(REAL, "last_s"),
@@ -400,7 +405,7 @@ ACKNOWLEDGEMENT = Table(
     METADATA,
     of_run(),
     *keys("vessel_id"),
-    *keys("kind", kind=FLAG),
+    Column("kind", FLAG, primary_key=True),
     *keys("subject", "from_cycle"),  # of the event
     *required(REAL, "acknowledged_s"),
     *required(Text, "acknowledged_by"),  # the name that a person gave

@@ -56,7 +56,10 @@ OF_RUNS = ("history", "details", "events", "recording")
 KINDS = (*OF_RUNS, "audit")
 """What `prune` can delete; audit: who changed what."""
 
-NOT_KEPT: dict[str, dict[Column[Any], object]] = {"history": {CYCLE.c.history_from: None}, "details": {CYCLE.c.associations_kept: False}}
+NOT_KEPT: dict[str, dict[Column[Any], object]] = {
+    "history": {CYCLE.c.history_from: None},
+    "details": {CYCLE.c.associations_kept: False},
+}
 """How a row of `cycle` says that a kind is no longer kept of it."""
 
 ROWS = 10_000

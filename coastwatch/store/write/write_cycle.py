@@ -254,9 +254,7 @@ def _kept_messages(keep: StoreSettings, period_s: float) -> int:
 
 def _state_before(connection: Connection, store: Store, run_id: int, number: int) -> tuple[RunState, bool]:
     """The state after the cycle before this one, and whether later cycles were deleted to get there."""
-    written = update(RUN).where(RUN.c.id == run_id).values(written_utc=database.now_utc(connection))
-    if connection.execute(written).rowcount == 0:
-        raise no_such_run(run_id, store.where)
+    _note_running(connection, store, run_id)
     before = store.run_states.get(run_id) or read_run_state(connection, run_id, store.where)
     if number > before.cycle + 1:
         raise StoreError(f"{store.where}: run {run_id}: got cycle {number}, needed {before.cycle + 1}")
@@ -264,6 +262,18 @@ def _state_before(connection: Connection, store: Store, run_id: int, number: int
         return before, False
     truncate_run(connection, run_id, number)
     return read_run_state(connection, run_id, store.where), True
+
+
+def note_running(store: Store, run_id: int) -> None:
+    """Note that a run is still there, although it writes no cycle. Raises: StoreError."""
+    with database.writing(store) as connection:
+        _note_running(connection, store, run_id)
+
+
+def _note_running(connection: Connection, store: Store, run_id: int) -> None:
+    written = update(RUN).where(RUN.c.id == run_id).values(written_utc=database.now_utc(connection))
+    if connection.execute(written).rowcount == 0:
+        raise no_such_run(run_id, store.where)
 
 
 def _is_due(before: RunState, cycle: Cycle, every_s: float) -> bool:
