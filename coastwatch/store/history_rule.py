@@ -16,13 +16,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from sqlalchemy import ColumnElement, Subquery, and_, false, func, select
 
 from coastwatch.batches import Bools, Floats, Ints, Picture
 from coastwatch.geodesy import KNOT_M_S, difference_m, scale_m_deg, wrap_deg
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.store.rows import Column, NullableId, motion, take
-from coastwatch.store.schema.tables import HISTORY
 
 ROUNDING_M = 1e-6
 """Subtracted from the bound, for the rounding of speed, course, sine and cosine."""
@@ -99,7 +97,10 @@ def extend(before: Points, bound: Bound, number: int, time_s: float, before_s: f
         rate_deg_s(position, moved[:, 0], moved[:, 1]),
         picture.nav_status[at],
     )
-    after = _merge(before, row, written, fresh)
+    source = np.where(
+        written, len(before.vessel_id) + np.cumsum(written) - 1, row
+    )  # the fresh point of each vessel, or its last one
+    after = Points._make(np.concatenate(pair)[source] for pair in zip(before, fresh, strict=True))
     first = int(after.cycle.min(initial=number))
     return after, _rows(before, fresh, row[at], before.take(~stayed), before_s, first)
 
@@ -116,12 +117,6 @@ def _needs_point(before: Points, row: Ints, bound: Bound, picture: Picture, time
     same = (p.mmsi == picture.mmsi[known]) & (p.flags == picture.flags[known]) & (p.nav_status == picture.nav_status[known])
     out[known] = ~(same & (off_m <= bound.error_m - ROUNDING_M)) | (passed_s >= bound.max_s * share)
     return out
-
-
-def _merge(before: Points, row: Ints, written: Bools, fresh: Points) -> Points:
-    """The fresh point of each vessel, or the one it had. Args: row: (V,) its row among those before."""
-    source = np.where(written, len(before.vessel_id) + np.cumsum(written) - 1, row)
-    return Points._make(np.concatenate(pair)[source] for pair in zip(before, fresh, strict=True))
 
 
 def _rows(before: Points, fresh: Points, row: Ints, left: Points, before_s: float, first: int) -> Added:
@@ -172,17 +167,3 @@ def newest_rows(vessel_id: Ints, cycle: Ints, closing: Bools) -> Ints:
     last = np.append(np.diff(vessel_id[order]) != 0, True)[: len(order)]
     rows: Ints = order[last]
     return rows[~closing[rows]]
-
-
-def newest_points(run_id: int, first: int, cycle: int) -> Subquery:
-    """Vessel and cycle of the newest point of each vessel in a range of cycles, closing ones included."""
-    here = select(HISTORY.c.vessel_id, func.max(HISTORY.c.cycle).label("cycle"))
-    return (
-        here.where(HISTORY.c.run_id == run_id, HISTORY.c.cycle.between(first, cycle)).group_by(HISTORY.c.vessel_id).subquery()
-    )
-
-
-def of_newest(run_id: int, newest: Subquery) -> ColumnElement[bool]:
-    """Joins the rows of `history` to `newest_points`: of vessels that have not left."""
-    same = and_(HISTORY.c.cycle == newest.c.cycle, HISTORY.c.vessel_id == newest.c.vessel_id)
-    return and_(HISTORY.c.run_id == run_id, same, HISTORY.c.closing == false())

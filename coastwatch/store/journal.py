@@ -67,8 +67,8 @@ def write_for_centres(
     if for_centres.message is not None:
         message = compressed(for_centres.message)
         connection.execute(insert(TRACK_JOURNAL), [{"run_id": run_id, "cycle": number, "time_s": time_s, "message": message}])
-        old = TRACK_JOURNAL.c.run_id == run_id, TRACK_JOURNAL.c.cycle <= number - keep
-        connection.execute(delete(TRACK_JOURNAL).where(*old))
+        old = delete(TRACK_JOURNAL).where(TRACK_JOURNAL.c.run_id == run_id, TRACK_JOURNAL.c.cycle <= number - keep)
+        connection.execute(old)
     if for_centres.intake:
         rows = [{"run_id": run_id, "cycle": number, "number": k, **one._asdict()} for k, one in enumerate(for_centres.intake)]
         connection.execute(insert(REGION_INTAKE), rows)

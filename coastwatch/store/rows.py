@@ -64,6 +64,11 @@ class Table:
     columns: tuple[str, ...]
     arrays: tuple[Array, ...]
 
+    @classmethod
+    def of(cls, named: Mapping[str, Array]) -> Table:
+        """The table of named columns, in their order."""
+        return cls(tuple(named), tuple(named.values()))
+
     def __len__(self) -> int:
         return len(self.arrays[0])
 

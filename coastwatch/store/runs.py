@@ -144,15 +144,14 @@ def discard_runs(store: Store, scenario: str, seed: int | None = None) -> list[i
     with reading(store) as connection:
         found = connection.execute(which.where(r.status == "running")).all()
     mine = this_process()
-    live = [
-        row.id for row in found if (row.machine, row.process) != mine and presence(row.machine, row.process) is Presence.HERE
-    ]
+    others = [row for row in found if (row.machine, row.process) != mine]
+    live = [row.id for row in others if presence(row.machine, row.process) is Presence.HERE]
     return _delete(store, which.with_only_columns(r.id).where(r.id.not_in(live)))
 
 
 def delete_run(store: Store, run_id: int) -> None:
     """Delete one run with everything it stored. Raises: StoreError where there is none, or it is being written."""
-    if run(store, run_id)["status"] == "running":
+    if run_status(store, run_id) == "running":
         raise StoreError(f"{store.where}: run {run_id} is being written: got delete, needed a run that has ended")
     _delete(store, select(RUN.c.id).where(RUN.c.id == run_id))
 

@@ -125,4 +125,4 @@ def _least(chosen: Bools, by: Floats, first: Vessels, second: Vessels, count: in
 def _rows(named: Mapping[str, Array], first: Vessels, second: Vessels) -> Rows:
     position = dict(zip(("latitude_deg", "longitude_deg"), first.position_deg.T, strict=True))
     every = {**named, "first_mmsi": first.mmsi, "second_mmsi": second.mmsi, **position}
-    return Rows(tuple(every), Table(tuple(every), tuple(every.values())).rows)
+    return Rows(tuple(every), Table.of(every).rows)

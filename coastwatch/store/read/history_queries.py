@@ -151,17 +151,18 @@ def traffic(store: Store, run_id: int, bbox: Box, from_s: float, to_s: float) ->
         legs = _legs(connection, store, run_id, bbox, from_s, to_s)
     entered_s, left_s = _time_in_box(legs, bbox, from_s, to_s)
     legs = legs.take(entered_s <= left_s)
-    named = {
-        "vessel_id": legs.vessel_id,
-        "cycle": legs.cycle,
-        "time_s": legs.from_s,
-        "to_s": legs.to_s,
-        "latitude_deg": legs.position_deg[:, 0],
-        "longitude_deg": legs.position_deg[:, 1],
-        "sog_kn": legs.sog_kn,
-        "cog_deg": legs.cog_deg,
-    }
-    return Table(tuple(named), tuple(named.values()))
+    return Table.of(
+        {
+            "vessel_id": legs.vessel_id,
+            "cycle": legs.cycle,
+            "time_s": legs.from_s,
+            "to_s": legs.to_s,
+            "latitude_deg": legs.position_deg[:, 0],
+            "longitude_deg": legs.position_deg[:, 1],
+            "sog_kn": legs.sog_kn,
+            "cog_deg": legs.cog_deg,
+        }
+    )
 
 
 def encounters(
@@ -208,7 +209,7 @@ def encounters(
         "first_mmsi": first.mmsi,
         "second_mmsi": second.mmsi,
     }
-    return Rows(tuple(named), Table(tuple(named), tuple(named.values())).rows)
+    return Rows(tuple(named), Table.of(named).rows)
 
 
 def _points(connection: Connection, run_id: int, *where: ColumnElement[bool]) -> Table:

@@ -237,7 +237,7 @@ def _with_details(connection: Connection, run_id: int, cycle: int | None, found:
         found = found | {"since_s": _since_of(connection, run_id, cycle, found["vessel_id"])}
     if cycle is not None and "sources" in wanted:
         found = found | {"sources": _sources_of(connection, run_id, cycle, found["vessel_id"])}
-    return Table(tuple(wanted), tuple(found[name] for name in wanted))
+    return Table.of({name: found[name] for name in wanted})
 
 
 def _statics_of(connection: Connection, run_id: int, mmsi: Ints) -> Columns:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from alembic import command
 from alembic.autogenerate import compare_metadata
@@ -78,15 +78,27 @@ def check(url: str, *, wait_s: float = WAIT_S) -> list[str]:
 
 def problems(connection: Connection) -> list[str]:
     """What is wrong with a database that is open and of this version, one sentence each."""
-    return [*differences(connection), *_check_sqlite(connection), *_check_cycles(connection)]
+    out = differences(connection)
+    if connection.dialect.name == "sqlite":
+        said = [row[0] for row in connection.execute(text("PRAGMA integrity_check"))]
+        out += [f"integrity: {line}" for line in said if line != "ok"]
+        missing = connection.execute(text("PRAGMA foreign_key_check"))
+        out += [f"foreign key: a row of {row[0]} names a missing {row[2]}" for row in missing]
+        mode = connection.execute(text("PRAGMA journal_mode")).scalar_one()
+        out += [] if mode in ("wal", "memory") else [f"journal_mode: got {mode}, needed wal"]
+    for part in (folder("db") / "check.sql").read_text("utf-8").split("\n\n")[1:]:  # below the sentence that should hold
+        sentence, _, sql = part.partition("\n")
+        runs = sorted({str(row[0]) for row in connection.execute(text(sql))})
+        if runs:
+            out.append(f"whole cycles: not so in run {', '.join(runs)}: {sentence.removeprefix('-- ')}")
+    return out
 
 
 def differences(connection: Connection) -> list[str]:
     """How the tables of a database differ from `tables.py`."""
-    ours = set(METADATA.tables)
 
-    def of_ours(name: str | None, kind: str, parents: Any) -> bool:
-        return kind != "table" or name in ours
+    def of_ours(name: str | None, kind: str, parents: object) -> bool:
+        return kind != "table" or name in METADATA.tables
 
     options = {"compare_type": True, "version_table": REVISION_TABLE, "include_name": of_ours}
     context = MigrationContext.configure(connection, opts=options)
@@ -98,30 +110,6 @@ def differences(connection: Connection) -> list[str]:
             wanted = table.dialect_options["sqlite"]["with_rowid"] is False
             if in_key_order.get(name, wanted) is not wanted:
                 out.append(f"schema: table {name}: got WITHOUT ROWID {in_key_order[name]}, needed {wanted}")
-    return out
-
-
-def _check_sqlite(connection: Connection) -> list[str]:
-    if connection.dialect.name != "sqlite":
-        return []
-    said = [row[0] for row in connection.execute(text("PRAGMA integrity_check"))]
-    out = [f"integrity: {line}" for line in said if line != "ok"]
-    out += [
-        f"foreign key: a row of {row[0]} names a missing {row[2]}"
-        for row in connection.execute(text("PRAGMA foreign_key_check"))
-    ]
-    mode = connection.execute(text("PRAGMA journal_mode")).scalar_one()
-    return out if mode in ("wal", "memory") else [*out, f"journal_mode: got {mode}, needed wal"]
-
-
-def _check_cycles(connection: Connection) -> list[str]:
-    """The findings of db/check.sql: queries that end with a semicolon, each below the sentence that should hold."""
-    out = []
-    for part in (folder("db") / "check.sql").read_text("utf-8").split("\n\n")[1:]:
-        sentence, _, sql = part.partition("\n")
-        runs = sorted({str(row[0]) for row in connection.execute(text(sql))})
-        if runs:
-            out.append(f"whole cycles: not so in run {', '.join(runs)}: {sentence.removeprefix('-- ')}")
     return out
 
 

@@ -9,7 +9,7 @@ by vessel would be written in random places: `previous_cycle` links the points o
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from sqlalchemy import (
     JSON,
@@ -29,6 +29,7 @@ from sqlalchemy import (
     false,
     text,
 )
+from sqlalchemy.schema import SchemaItem
 from sqlalchemy.types import TypeEngine
 
 T = TypeVar("T")
@@ -49,13 +50,15 @@ WHOLE = BigInteger().with_variant(Integer, "sqlite")
 REAL, BYTES = Float(53), LargeBinary()
 WORD, FLAG = String(16), String(32)
 
-IN_KEY_ORDER: dict[str, Any] = {"sqlite_with_rowid": False}
-"""WITHOUT ROWID: rows are stored in the B-tree of the primary key. One tree is written, and neighbours in key are so on disk."""
 
+def of_run(name: str, *columns: SchemaItem, in_key_order: bool = True) -> Table:
+    """A table whose rows belong to a run: column `run_id` is first in its primary key.
 
-def of_run() -> Column[int]:
-    """The column that names the run a row belongs to, first in the primary key."""
-    return Column("run_id", WHOLE, ForeignKey("run.id"), primary_key=True)
+    Args: in_key_order: SQLite stores the rows in the tree of the key (WITHOUT ROWID): one tree is written, and neighbours in key are
+    so on disk. It keeps long rows better apart from the tree.
+    """
+    run_id = Column("run_id", WHOLE, ForeignKey("run.id"), primary_key=True)
+    return Table(name, METADATA, run_id, *columns, sqlite_with_rowid=not in_key_order)
 
 
 def keys(*names: str) -> list[Column[int]]:
@@ -105,39 +108,35 @@ RUN = Table(
 )
 """One run of a scenario. Ids are never used twice."""
 
-SENSOR = Table(
+SENSOR = of_run(
     "sensor",
-    METADATA,
-    of_run(),
     Column("kind", WORD, primary_key=True),  # radar, ais, bearing
     *keys("number"),  # within its kind
     *required(Text, "name"),
     *required(REAL, "latitude_deg", "longitude_deg", "range_m"),
     *nullable(Text, "region"),
     *required(JSON, "spec"),
+    in_key_order=False,
 )
 """A radar, AIS receiver or sonar by its specification."""
 
-AIS_FEED = Table("ais_feed", METADATA, of_run(), *keys("number"), *required(Text, "name"))
+AIS_FEED = of_run("ais_feed", *keys("number"), *required(Text, "name"), in_key_order=False)
 """A feed of AIS: a file. Its reports carry its number."""
 
-TRACK_SOURCE = Table(
+TRACK_SOURCE = of_run(
     "track_source",
-    METADATA,
-    of_run(),
     *keys("number"),
     *required(Text, "name"),
     *nullable(REAL, "latitude_deg", "longitude_deg"),  # of its radar; null: not known
+    in_key_order=False,
 )
 """A system that sends finished tracks."""
 
-SOURCE = Table("source", METADATA, of_run(), *keys("number"), *required(Text, "name"), *required(WORD, "kind"))
+SOURCE = of_run("source", *keys("number"), *required(Text, "name"), *required(WORD, "kind"), in_key_order=False)
 """A source of tracks: a region of radars, AIS, or one sonar."""
 
-CYCLE = Table(
+CYCLE = of_run(
     "cycle",
-    METADATA,
-    of_run(),
     *keys("number"),
     *required(REAL, "time_s"),
     *required(WHOLE, "vessels", "tracks", "pairs", "bearing_pairs", "reports"),
@@ -149,18 +148,16 @@ CYCLE = Table(
     *required(Boolean, "recorded", server_default=false()),  # table `recording` has the whole picture
     *nullable(WORD, "skipped"),  # merged: computed with the next one; not_stored: the database was away; null: neither
     Index("cycle_time", "run_id", "time_s"),
+    in_key_order=False,
 )
 """One row a cycle, written in the same transaction as everything else of the cycle."""
 
-STAGE_TIMING = Table(
+STAGE_TIMING = of_run(
     "stage_timing",
-    METADATA,
-    of_run(),
     *keys("cycle", "number"),
     *required(Text, "stage"),
     *required(REAL, "seconds"),
     *nullable(WHOLE, "rows"),
-    **IN_KEY_ORDER,
 )
 """How long a stage took in a cycle, in the order in which stages ran."""
 
@@ -180,44 +177,36 @@ VESSEL = Table(
     *nullable(WHOLE, "nav_status"),  # batches.NavStatus; null: none was sent
     *nullable(REAL, "interval_s"),  # expected between its AIS reports, by class, status and speed, or learnt; null: no AIS now
     *nullable(REAL, "existence"),  # probability that it exists; null: no tracker estimates it
-    **IN_KEY_ORDER,
+    sqlite_with_rowid=False,
 )
 """The current picture: each vessel once. All rows are written again each time, with the row of `cycle` that names the run:
 a foreign key of their own would double the time that PostgreSQL takes.
 """
 
-MEMBER = Table("member", METADATA, of_run(), *keys("vessel_id", "source", "track_id"), **IN_KEY_ORDER)
+MEMBER = of_run("member", *keys("vessel_id", "source", "track_id"))
 """Which tracks are in which vessel now."""
 
-MEMBER_HISTORY = Table(
+MEMBER_HISTORY = of_run(
     "member_history",
-    METADATA,
-    of_run(),
     *keys("vessel_id", "source", "track_id", "from_cycle"),
     *nullable(WHOLE, "to_cycle"),
     Index("member_history_from", "run_id", "from_cycle"),
     index_of_ended("member_history_to"),
-    **IN_KEY_ORDER,
 )
 """Which tracks were in which vessel, one row a stay. to_cycle is the last cycle of the stay, null while it lasts."""
 
-PRESENCE = Table(
+PRESENCE = of_run(
     "presence",
-    METADATA,
-    of_run(),
     *keys("vessel_id", "from_cycle"),
     *nullable(WHOLE, "to_cycle"),
     *required(REAL, "since_s"),  # when the vessel was first seen, by its own account
     Index("presence_from", "run_id", "from_cycle"),
     index_of_ended("presence_to"),
-    **IN_KEY_ORDER,
 )
 """When a vessel was in the picture. to_cycle is the last cycle of it, null while it is there."""
 
-HISTORY = Table(
+HISTORY = of_run(
     "history",
-    METADATA,
-    of_run(),
     *keys("cycle", "vessel_id"),
     *required(REAL, "latitude_deg", "longitude_deg"),
     *nullable(REAL, "sog_kn", "cog_deg", "major_m", "minor_m", "orientation_deg"),
@@ -228,7 +217,6 @@ HISTORY = Table(
     *required(Boolean, "closing", server_default=false()),
     *nullable(WHOLE, "nav_status"),
     Index("history_box", "run_id", "cycle", "latitude_deg", "longitude_deg"),
-    **IN_KEY_ORDER,
 )
 """Points from which the past is dead-reckoned: a vessel is where the velocity of its newest point takes it (history_rule.py).
 
@@ -236,74 +224,57 @@ The first point of a stay is in the stay's first cycle. The cycle after its last
 dead-reckoned from the point before. It belongs to no picture.
 """
 
-ASSOCIATION = Table(
+ASSOCIATION = of_run(
     "association",
-    METADATA,
-    of_run(),
     *keys("cycle", "vessel_id"),  # vessel -1: the tracks are not in the picture
     *keys("first_source", "first_track", "second_source", "second_track"),
     *nullable(REAL, "statistic"),
-    **IN_KEY_ORDER,
 )
 """Two tracks that a cycle took for one vessel, with the statistic of the method that decided."""
 
-BEARING_ASSOCIATION = Table(
+BEARING_ASSOCIATION = of_run(
     "bearing_association",
-    METADATA,
-    of_run(),
     *keys("cycle", "vessel_id", "source", "bearing_track"),
     *nullable(REAL, "statistic"),
     *required(REAL, "bearing_deg"),
-    **IN_KEY_ORDER,
 )
 """A bearing track that a cycle took for a vessel."""
 
-BEARING_TRACK = Table(
+BEARING_TRACK = of_run(
     "bearing_track",
-    METADATA,
-    of_run(),
     *keys("source", "track_id"),
     *required(REAL, "bearing_deg"),
     *nullable(REAL, "rate_deg_s"),
     *required(REAL, "latitude_deg", "longitude_deg"),  # of the sensor
     *nullable(WHOLE, "vessel_id"),
     *required(REAL, "updated_s"),
-    **IN_KEY_ORDER,
 )
 """The bearing tracks of now."""
 
-SPOT = Table(
+SPOT = of_run(
     "spot",
-    METADATA,
-    of_run(),
     *keys("cycle", "spot"),
     *required(REAL, "latitude_deg", "longitude_deg"),
     *required(WHOLE, "members", "halo"),
-    **IN_KEY_ORDER,
 )
 """The groups into which a cycle cut its tracks."""
 
-VESSEL_STATIC = Table(
+VESSEL_STATIC = of_run(
     "vessel_static",
-    METADATA,
-    of_run(),
     *keys("mmsi"),
     *nullable(String(20), "name"),
     *nullable(String(7), "call_sign"),
     *nullable(WHOLE, "ship_type"),
     *nullable(REAL, "length_m", "beam_m"),
     *required(REAL, "updated_s"),
-    **IN_KEY_ORDER,
 )
 """The newest name, type and size that came with an MMSI."""
 
-CHECKPOINT = Table("checkpoint", METADATA, of_run(), *keys("piece"), *required(WHOLE, "cycle"), *required(BYTES, "memory"))
+CHECKPOINT = of_run("checkpoint", *keys("piece"), *required(WHOLE, "cycle"), *required(BYTES, "memory"), in_key_order=False)
 """The memory of the chain after a cycle: the newest only, in pieces, since no database takes more than a gigabyte in one."""
 
-SENSOR_REGISTRATION = Table(
+SENSOR_REGISTRATION = of_run(
     "sensor_registration",
-    METADATA,
-    of_run(),
     *keys("cycle"),
     Column("kind", WORD, primary_key=True),  # radar, ais, bearing, feed, tracks
     *keys("number"),  # within its kind
@@ -322,49 +293,37 @@ SENSOR_REGISTRATION = Table(
     *nullable(WHOLE, "states", "dropped"),  # of track sources, since the start of the run: received, and not used
     *nullable(WHOLE, "tracks"),  # of track sources, alive now
     *nullable(REAL, "position_sigma_m", "velocity_sigma_m_s"),  # of track sources, per axis, of tracks without covariance
-    **IN_KEY_ORDER,
 )
 """What is known of a sensor after a cycle. Biases are of what it measures, to be subtracted; a lag is how late its stamps are."""
 
-SENSOR_COVER = Table(
+SENSOR_COVER = of_run(
     "sensor_cover",
-    METADATA,
-    of_run(),
     *keys("number"),  # of the radar
     *required(WHOLE, "cycle"),
     *nullable(REAL, "latitude_deg", "longitude_deg"),  # of the antenna; null before its first plot
     *required(REAL, "range_m", "turns"),
     *required(BYTES, "ais_detection", "ais_looks", "track_detection", "track_looks", "false_plots_per_km2"),
-    **IN_KEY_ORDER,
 )
 """The newest learnt cover of each radar. A value has 72 sectors of 5 deg, clockwise from north, by 16 rings: little-endian float32."""
 
-STANDING_ECHO = Table(
+STANDING_ECHO = of_run(
     "standing_echo",
-    METADATA,
-    of_run(),
     *keys("number"),
     *required(WHOLE, "radar", "cycle"),
     *required(REAL, "latitude_deg", "longitude_deg", "extent_m", "plots_per_turn", "turns"),
-    **IN_KEY_ORDER,
 )
 """The newest echoes that a clutter map hides from the tracker: quays, piles, moored boats. `number` is within the run."""
 
-IDENTITY = Table(
+IDENTITY = of_run(
     "identity",
-    METADATA,
-    of_run(),
     *keys("mmsi", "vessel_id", "from_cycle"),
     *nullable(WHOLE, "to_cycle"),
     index_of_ended("identity_to"),
-    **IN_KEY_ORDER,
 )
 """Which vessel had which MMSI, one row a stay. to_cycle is the last cycle of the stay, null while it lasts."""
 
-EVENT = Table(
+EVENT = of_run(
     "event",
-    METADATA,
-    of_run(),
     *keys("vessel_id"),
     Column("kind", FLAG, primary_key=True),  # name of batches.Flag or batches.AlarmKind in lower case
     *keys("subject"),  # number of the zone, or id of the other vessel; 0: none
@@ -380,30 +339,24 @@ EVENT = Table(
     Index("event_start", "run_id", "start_s"),
     Index("event_to", "run_id", "to_cycle"),
     Index("event_unacknowledged", "run_id", "start_s", sqlite_where=text("unacknowledged")),
-    **IN_KEY_ORDER,
 )
 """When a vessel had a flag or an alarm. to_cycle and end_s are the last cycle with it, null while it lasts. One that returns within
 `store.event_gap_s` goes on with the event before.
 """
 
-EVENT_GAP = Table(
+EVENT_GAP = of_run(
     "event_gap",
-    METADATA,
-    of_run(),
     *keys("vessel_id"),
     Column("kind", FLAG, primary_key=True),
     *keys("subject", "from_cycle", "cycle"),  # of the event; in which the flag returned
     *required(WHOLE, "last_cycle"),  # with the flag before the gap
     *required(REAL, "last_s"),
     Index("event_gap_cycle", "run_id", "cycle"),
-    **IN_KEY_ORDER,
 )
 """In which cycle a flag returned to an event that had ended."""
 
-ACKNOWLEDGEMENT = Table(
+ACKNOWLEDGEMENT = of_run(
     "acknowledgement",
-    METADATA,
-    of_run(),
     *keys("vessel_id"),
     Column("kind", FLAG, primary_key=True),
     *keys("subject", "from_cycle"),  # of the event
@@ -411,7 +364,6 @@ ACKNOWLEDGEMENT = Table(
     *required(Text, "acknowledged_by"),  # the name that a person gave
     *required(Text, "note", "who"),  # who: the name of the token that was used
     Index("acknowledgement_time", "run_id", "acknowledged_s"),
-    **IN_KEY_ORDER,
 )
 """Who acknowledged which event, the first time. An event that returned within `store.event_gap_s` stays acknowledged."""
 
@@ -439,7 +391,7 @@ ZONE = Table(
     *required(REAL, "changed_s"),
     *required(Text, "changed_by"),  # the name of the token that was used
     Index("zone_scenario", "scenario", "number", "version"),
-    **IN_KEY_ORDER,
+    sqlite_with_rowid=False,
 )
 """Zones that were drawn or sent, beside those of scenario files. A change is a new row, so the rows say who changed what and when."""
 
@@ -449,37 +401,32 @@ STAYS = (PRESENCE, MEMBER_HISTORY, IDENTITY)
 OF_NO_RUN = (AUDIT, ZONE)
 """Tables whose rows stay when runs are deleted."""
 
-RECORDING = Table(  # not in key order: SQLite keeps long rows better apart from the tree of keys
+RECORDING = of_run(  # not in key order: SQLite keeps long rows better apart from the tree of keys
     "recording",
-    METADATA,
-    of_run(),
     *keys("cycle"),
     *required(WHOLE, "vessels", "members"),
     *required(BYTES, "vessel_id", "time_s", "position_deg", "velocity_m_s", "covariance", "since_s", "updated_s"),
     *required(BYTES, "mmsi", "flags", "origin", "member_vessel_id", "member_track_id", "member_source"),
     *nullable(BYTES, "nav_status", "existence"),  # null: of a version that did not have it
+    in_key_order=False,
 )
 """The whole picture of a cycle with its members: one compressed value for each column (recording.py)."""
 
-TRACK_JOURNAL = Table(  # not in key order, as `recording`
+TRACK_JOURNAL = of_run(  # not in key order, as `recording`
     "track_journal",
-    METADATA,
-    of_run(),
     *keys("cycle"),
     *required(REAL, "time_s"),
     *required(BYTES, "message"),  # server/regions/message.py, compressed with zstd
+    in_key_order=False,
 )
 """The tracks of a regional centre after a cycle, for high-level centres that have fallen behind: the newest cycles only."""
 
-REGION_INTAKE = Table(
+REGION_INTAKE = of_run(
     "region_intake",
-    METADATA,
-    of_run(),
     *keys("cycle", "number"),
     *required(Text, "region"),  # name of its track source
     *required(String(64), "region_run"),  # number of the run in the region's database, and when it began
     *required(WHOLE, "first_seq", "last_seq"),  # cycles of the region that were used in this one, an unbroken range
     *required(WHOLE, "late"),  # of them: came after their cycle, left out
-    **IN_KEY_ORDER,
 )
 """Which cycles of its regions a cycle of a high-level centre has used, written in its transaction."""

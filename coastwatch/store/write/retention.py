@@ -22,7 +22,7 @@ from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
-from sqlalchemy import Column, Connection, Table, delete, exists, func, select, text, tuple_, update
+from sqlalchemy import Column, Connection, Table, and_, delete, exists, func, select, text, tuple_, update
 
 from coastwatch.store.processes import Presence, presence
 from coastwatch.store.recording import delete_recording
@@ -145,8 +145,8 @@ def _delete_before(connection: Connection, run_id: int, kind: str, low: int, fir
     if first <= 0:
         return 0
     if kind in NOT_KEPT and first > low:
-        here = CYCLE.c.run_id == run_id, CYCLE.c.number >= low, CYCLE.c.number < first
-        connection.execute(update(CYCLE).where(*here).values(NOT_KEPT[kind]))
+        gone = update(CYCLE).where(CYCLE.c.run_id == run_id, CYCLE.c.number >= low, CYCLE.c.number < first)
+        connection.execute(gone.values(NOT_KEPT[kind]))
     if kind == "details":
         return sum(delete_some(connection, TABLES[name], run_id, ("cycle",), first, most) for name in DETAILS)
     if kind == "events":
@@ -164,10 +164,10 @@ def delete_some(connection: Connection, table: Table, run_id: int, key: tuple[st
     Returns: rows deleted.
     """
     columns = [table.c[name] for name in key]
-    old = (table.c.run_id == run_id, columns[0] < below)
-    last = connection.execute(select(*columns).where(*old).order_by(*columns).offset(most - 1).limit(1)).first()
+    old = and_(table.c.run_id == run_id, columns[0] < below)
+    last = connection.execute(select(*columns).where(old).order_by(*columns).offset(most - 1).limit(1)).first()
     if last is None:
-        return connection.execute(delete(table).where(*old)).rowcount
+        return connection.execute(delete(table).where(old)).rowcount
     rows = connection.execute(delete(table).where(table.c.run_id == run_id, columns[0] < last[0])).rowcount
     upto = [column <= value for column, value in zip(columns[1:], last[1:], strict=True)]
     return rows + connection.execute(delete(table).where(table.c.run_id == run_id, columns[0] == last[0], *upto)).rowcount
@@ -240,8 +240,8 @@ def _delete_ended_history(connection: Connection, run_id: int) -> int:
     low = connection.scalar(select(func.min(CYCLE.c.number)).where(CYCLE.c.run_id == run_id)) or 0
     high = low + CYCLES
     connection.execute(delete(CHECKPOINT).where(CHECKPOINT.c.run_id == run_id))
-    here = CYCLE.c.run_id == run_id, CYCLE.c.number >= low, CYCLE.c.number < high
-    connection.execute(update(CYCLE).where(*here).values(NOT_KEPT["history"] | NOT_KEPT["details"]))
+    gone = update(CYCLE).where(CYCLE.c.run_id == run_id, CYCLE.c.number >= low, CYCLE.c.number < high)
+    connection.execute(gone.values(NOT_KEPT["history"] | NOT_KEPT["details"]))
     rows = [delete_some(connection, HISTORY, run_id, ("cycle", "vessel_id"), high, ROWS)]
     rows += [delete_some(connection, TABLES[name], run_id, ("cycle",), high, ROWS) for name in (*DETAILS, "track_journal")]
     rows += [delete_some(connection, table, run_id, ("to_cycle",), high, ROWS) for table in STAYS]

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from sqlalchemy import Connection, and_, delete, func, insert, select, update
+from sqlalchemy import Connection, and_, delete, false, func, insert, select, update
 
 from coastwatch.batches import Ints, RegistrationState
-from coastwatch.store.history_rule import Points, newest_points, no_points, of_newest, rate_deg_s
+from coastwatch.store.history_rule import Points, no_points, rate_deg_s
 from coastwatch.store.rows import fetch_arrays
 from coastwatch.store.runs import newest_cycle
 from coastwatch.store.schema.database import NoSuchRunError
@@ -133,11 +133,14 @@ def _points(connection: Connection, run_id: int, number: int) -> Points:
     first = connection.scalar(select(CYCLE.c.history_from).where(CYCLE.c.run_id == run_id, CYCLE.c.number == number))
     if first is None:
         return no_points()
-    newest, h = newest_points(run_id, first, number), HISTORY.c
+    h = HISTORY.c
+    here = select(h.vessel_id, func.max(h.cycle).label("cycle")).where(h.run_id == run_id, h.cycle.between(first, number))
+    newest = here.group_by(h.vessel_id).subquery()
+    is_newest = and_(h.run_id == run_id, h.cycle == newest.c.cycle, h.vessel_id == newest.c.vessel_id, h.closing == false())
     then = and_(CYCLE.c.run_id == run_id, CYCLE.c.number == h.cycle)
     query = select(h.vessel_id, h.cycle, h.mmsi, h.flags, h.previous_cycle, CYCLE.c.time_s, h.latitude_deg, h.longitude_deg)
     query = query.add_columns(h.sog_kn, h.cog_deg, h.major_m, h.minor_m, h.orientation_deg, h.updated_s, h.nav_status)
-    query = query.select_from(newest).join(HISTORY, of_newest(run_id, newest)).join(CYCLE, then).order_by(h.vessel_id)
+    query = query.select_from(newest).join(HISTORY, is_newest).join(CYCLE, then).order_by(h.vessel_id)
     vessel, cycle, mmsi, flags, previous, time_s, latitude, longitude, *moved, updated, status = fetch_arrays(connection, query)
     position = np.stack([latitude, longitude], 1)
     rate = rate_deg_s(position, moved[0], moved[1])
