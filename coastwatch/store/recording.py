@@ -101,8 +101,8 @@ def replay(
     """
     with reading(store) as connection:
         run_exists(connection, store, run_id)
-    where = CYCLE.c.run_id == run_id, CYCLE.c.recorded.is_(True), *between(from_s, to_s)
-    following = select(CYCLE.c.number, CYCLE.c.time_s).where(*where).order_by(CYCLE.c.number).limit(1)
+    following = select(CYCLE.c.number, CYCLE.c.time_s).where(CYCLE.c.run_id == run_id, CYCLE.c.recorded.is_(True))
+    following = following.where(*between(from_s, to_s)).order_by(CYCLE.c.number).limit(1)
     last = -1
     while True:
         with reading(store) as connection:
