@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.kernels.filters import motion_models
+from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.filters.imm import (
     combine_filters,
     estimate_filters,
@@ -19,7 +20,7 @@ from coastwatch.kernels.filters.imm import (
     update_filters,
 )
 from coastwatch.kernels.filters.motion_models import SPEEDING, STRAIGHT, TURNING
-from coastwatch.kernels.tracks.columns import Estimates, PlotColumns
+from coastwatch.kernels.tracks.columns import PlotColumns
 
 ROUNDING = 1e-9  # relative to the largest element of its kind
 KIND, NOISE, MEAN, SIGMA, DRIFT, PRIOR = range(6)  # columns of a model of the oracle

@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.kernels.filters import motion_models
+from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.filters.imm import combine_filters
-from coastwatch.kernels.tracks.columns import Estimates, ExistenceColumns, PlotColumns, RadarColumns
+from coastwatch.kernels.tracks.columns import ExistenceColumns, PlotColumns, RadarColumns
 from coastwatch.kernels.tracks.existence import ExistenceChain, after, count_missed_looks, missed, predict_existence
 from coastwatch.kernels.tracks.joint_update import Hypotheses, predict_to_plots, update_by_shares
 

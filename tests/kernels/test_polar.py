@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from coastwatch.geodesy import from_plane, offset_deg, to_plane, turn
-from coastwatch.kernels.geometry.polar import polar_to_plane
 from coastwatch.kernels.geometry.radar_plane import to_region
+from tests.oracles.polar_textbook import polar_to_plane
 
 DRAWS = 200_000
 POSITION_M = 1e-6  # rounding of Earth-centred coordinates, twice

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from coastwatch.geodesy import from_plane, turn
-from coastwatch.kernels.geometry.polar import polar_to_plane
 from coastwatch.kernels.tracks import report
 from coastwatch.kernels.tracks.columns import RadarColumns
+from tests.oracles.polar_textbook import polar_to_plane
 
 ROUNDING_DEG = 1e-11  # 1 micrometre
 ROUNDING_M2 = 1e-6  # differences of squares of distances of 1e4 m

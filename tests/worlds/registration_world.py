@@ -25,8 +25,8 @@ from coastwatch.batches import (
     Tracks,
 )
 from coastwatch.geodesy import from_plane, to_plane
-from coastwatch.kernels.geometry.polar import polar_to_plane
 from coastwatch.registration import RegistrationInput
+from tests.oracles.polar_textbook import polar_to_plane
 
 CENTRE = np.array([-23.0, -43.2])
 START_S = 1_750_000_000.0

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from coastwatch.kernels.tracks.columns import Estimates, PlotColumns
+from coastwatch.kernels.filters.gaussian import Estimates
+from coastwatch.kernels.tracks.columns import PlotColumns
 
 SIZE = 800.0  # m, of the square
 

@@ -1,11 +1,25 @@
-"""Distances and gates of Gaussians. Vectorised numpy."""
+"""Gaussians: the combined estimates of filters, distances and gates. Vectorised numpy."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+
+
+class Estimates(NamedTuple):
+    """The combined estimate of each filter: the moments over its models, at the time of its newest plot.
+
+    Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 11.6.6, step 5.
+    """
+
+    time: Floats  # (S,) of the newest plot
+    mean: Floats  # (S, 4) east, north, east rate, north rate
+    covariance: Floats  # (S, 4, 4)
+    noise: Floats  # (S,) density of white acceleration, averaged over the models by their probabilities, m2/s3
 
 
 def squared_distance(difference: Floats, covariance: Floats) -> Floats:

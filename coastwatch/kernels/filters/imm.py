@@ -26,9 +26,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coastwatch.kernels.filters import kalman, motion_models
+from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.filters.kalman import EAST_RATE, LOG_TWO_PI, MANOEUVRE, NORTH_RATE, SIZE
 from coastwatch.kernels.jit import jit
-from coastwatch.kernels.tracks.columns import Estimates
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

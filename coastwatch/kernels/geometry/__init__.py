@@ -8,7 +8,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "centroids",
         "ellipsoid",
         "grid",
-        "polar",
         "radar_plane",
         "sensor_coverage",
     ],

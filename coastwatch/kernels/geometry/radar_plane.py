@@ -1,7 +1,7 @@
 """Range and azimuth of radars to the planes of their regions, with covariance, in one pass.
 
-The compiled twin of `polar.polar_to_plane` with the way over latitude and longitude (`geodesy.from_plane`, `geodesy.to_plane`,
-`geodesy.turn`). All that depends on the antenna's position alone is computed when that position changes.
+The compiled twin of `oracles.polar_textbook` of the tests, with the way over latitude and longitude (`geodesy.from_plane`,
+`geodesy.to_plane`, `geodesy.turn`). All that depends on the antenna's position alone is computed when that position changes.
 """
 
 import math

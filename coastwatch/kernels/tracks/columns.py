@@ -17,18 +17,6 @@ SINGLE, TENTATIVE, CONFIRMED = 0, 1, 2  # status of a track; SINGLE: it has one 
 NAMES = 4  # ids of which a track keeps the probability
 
 
-class Estimates(NamedTuple):
-    """The combined estimate of each filter: the moments over its models, at the time of its newest plot.
-
-    Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 11.6.6, step 5.
-    """
-
-    time: Floats  # (S,) of the newest plot
-    mean: Floats  # (S, 4) east, north, east rate, north rate
-    covariance: Floats  # (S, 4, 4)
-    noise: Floats  # (S,) density of white acceleration, averaged over the models by their probabilities, m2/s3
-
-
 class TrackLife(NamedTuple):
     """The status of each track and the plots behind it."""
 

@@ -1,6 +1,7 @@
 """What a region reports of its tracks and plots, in latitude and longitude. Scalar code, compiled by numba.
 
-The compiled twin of `geodesy.from_plane`, `geodesy.turn` and `geometry.polar`: sines and cosines are of the geometry, not of angles.
+The compiled twin of `geodesy.from_plane`, `geodesy.turn` and `oracles.polar_textbook` of the tests: sines and cosines are of the
+geometry, not of angles.
 """
 
 import math
@@ -84,7 +85,7 @@ def geodetic_tracks(mean, covariance, latitude, longitude):  # type: ignore[no-u
 def plot_covariances(position, radars, range_sigma, azimuth_sigma):  # type: ignore[no-untyped-def]
     """Covariance of one plot at each position, by the most accurate radar that covers it, else by the most accurate. (N, 2, 2)
 
-    As `geometry.polar.polar_to_plane` has it. Args: position: (N, 2); radars: RadarColumns; range_sigma, azimuth_sigma: (R,).
+    As `oracles.polar_textbook` of the tests has it. Args: position: (N, 2); radars: RadarColumns; range_sigma, azimuth_sigma: (R,).
     """
     out, short = np.zeros((len(position), 2, 2)), np.exp(-0.5 * azimuth_sigma**2)
     loss, shorter = 1.0 / short**2 - 2.0, short**4

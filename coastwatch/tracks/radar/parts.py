@@ -8,7 +8,8 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from coastwatch.batches import Floats, Ints, Sensors
-from coastwatch.kernels.tracks.columns import Candidates, Estimates, PlotColumns
+from coastwatch.kernels.filters.gaussian import Estimates
+from coastwatch.kernels.tracks.columns import Candidates, PlotColumns
 from coastwatch.kernels.tracks.joint_update import Hypotheses
 from coastwatch.tracks.radar.clutter import ClutterSettings
 from coastwatch.tracks.radar.life import ExistenceManagement, TrackManagement

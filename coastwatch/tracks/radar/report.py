@@ -8,7 +8,8 @@ import numpy as np
 
 from coastwatch import kernels
 from coastwatch.batches import ID_STRIDE, Floats, Ints, Measurements, Plots, Sensors, Tracks
-from coastwatch.kernels.tracks.columns import Estimates, RadarColumns
+from coastwatch.kernels.filters.gaussian import Estimates
+from coastwatch.kernels.tracks.columns import RadarColumns
 
 
 class Reported(NamedTuple):

@@ -10,8 +10,9 @@ import numpy as np
 
 from coastwatch.batches import Batch, Bools, Floats, Ints, Radars
 from coastwatch.batches.struct import Struct, column
+from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks import columns
-from coastwatch.kernels.tracks.columns import NAMES, Estimates, ExistenceColumns, PlotColumns, TrackLife, VesselIds
+from coastwatch.kernels.tracks.columns import NAMES, ExistenceColumns, PlotColumns, TrackLife, VesselIds
 from coastwatch.tracks.radar.clutter import ClutterMap, ClutterSettings, empty_map, false_plots_per_m2, has_moved, learn
 from coastwatch.tracks.radar.motion import Filters
 

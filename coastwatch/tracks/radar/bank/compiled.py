@@ -11,7 +11,8 @@ import numpy as np
 from coastwatch import kernels
 from coastwatch.batches import Floats, Ints
 from coastwatch.geodesy import KNOT_M_S
-from coastwatch.kernels.tracks.columns import Candidates, Estimates, PlotColumns
+from coastwatch.kernels.filters.gaussian import Estimates
+from coastwatch.kernels.tracks.columns import Candidates, PlotColumns
 from coastwatch.kernels.tracks.joint_update import Hypotheses
 from coastwatch.tracks.radar.motion import Filters, Prior
 from coastwatch.tracks.radar.table import Table

@@ -11,7 +11,8 @@ from filterpy.kalman import IMMEstimator, KalmanFilter
 
 from coastwatch import kernels
 from coastwatch.batches import Floats, Ints
-from coastwatch.kernels.tracks.columns import Estimates, PlotColumns
+from coastwatch.kernels.filters.gaussian import Estimates
+from coastwatch.kernels.tracks.columns import PlotColumns
 from coastwatch.tracks.radar.bank.compiled import CompiledBank
 from coastwatch.tracks.radar.motion import Filters, Prior
 from coastwatch.tracks.radar.table import Table

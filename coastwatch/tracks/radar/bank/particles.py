@@ -19,7 +19,8 @@ import numpy as np
 
 from coastwatch import kernels
 from coastwatch.batches import Floats, Ints
-from coastwatch.kernels.tracks.columns import Candidates, Estimates, PlotColumns
+from coastwatch.kernels.filters.gaussian import Estimates
+from coastwatch.kernels.tracks.columns import Candidates, PlotColumns
 from coastwatch.kernels.tracks.joint_update import LEAST, Hypotheses
 from coastwatch.tracks.radar.bank.compiled import CompiledBank, by_track
 from coastwatch.tracks.radar.motion import Filters, Prior

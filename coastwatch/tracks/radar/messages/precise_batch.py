@@ -8,7 +8,7 @@ import numpy as np
 
 from coastwatch import kernels
 from coastwatch.batches import Messages
-from coastwatch.kernels.tracks.columns import Estimates
+from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.tracks.radar.bank.compiled import CompiledBank, by_track
 from coastwatch.tracks.radar.messages.settings import MessageSettings
 from coastwatch.tracks.radar.messages.weighing import (
