@@ -40,16 +40,7 @@ from coastwatch.batches.sensors import (
     Stations,
     TrackSources,
 )
-from coastwatch.batches.struct import (
-    Array,
-    Batch,
-    Bools,
-    Floats,
-    Ints,
-    Rows,
-    Struct,
-    column,
-)
+from coastwatch.batches.struct import Batch, Struct, column
 from coastwatch.batches.yields import (
     COVER_AZIMUTHS,
     COVER_RANGES,
@@ -80,6 +71,7 @@ from coastwatch.batches.yields import (
     cover_cell,
     joint_keys,
 )
+from coastwatch.kernels.arrays import Array, Bools, Floats, Ints, Rows
 
 __all__ = [
     "ALARM_KINDS",

@@ -6,7 +6,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from coastwatch.batches.struct import Bools, Ints
+from coastwatch.kernels.arrays import Bools, Ints
 
 FIRST_MID, LAST_MID = 201, 775
 LARGEST_MMSI = 2**30 - 1

@@ -6,8 +6,6 @@ from enum import IntEnum
 
 import numpy as np
 
-from coastwatch.batches.struct import Ints
-
 
 class VesselClass(IntEnum):
     """Class of a vessel; -1 in a batch is unknown."""
@@ -24,18 +22,14 @@ class VesselClass(IntEnum):
 CLASSES = len(VesselClass)
 
 
-def _of_types() -> Ints:
-    """VesselClass of each ITU-R M.1371-5 ship type 0 to 99 (table 53), -1 where the type is of no class."""
-    out = np.full(100, -1, np.int64)
-    out[70:80], out[80:90], out[60:70], out[40:50] = (
-        VesselClass.CARGO,
-        VesselClass.TANKER,
-        VesselClass.PASSENGER,
-        VesselClass.PASSENGER,  # high speed craft
-    )
-    out[30], out[[35, 55]], out[[36, 37]] = VesselClass.FISHING, VesselClass.MILITARY, VesselClass.PLEASURE
-    out[[31, 32, 33, 34, 50, 51, 52, 53, 54]] = VesselClass.SERVICE
-    return out
+CLASS_OF_TYPE = np.full(100, -1, np.int64)
+"""VesselClass of each ITU-R M.1371-5 ship type 0 to 99 (table 53), -1 where the type is of no class."""
 
-
-CLASS_OF_TYPE = _of_types()
+CLASS_OF_TYPE[70:80], CLASS_OF_TYPE[80:90] = VesselClass.CARGO, VesselClass.TANKER
+CLASS_OF_TYPE[40:50] = CLASS_OF_TYPE[60:70] = VesselClass.PASSENGER  # from 40: high speed craft
+CLASS_OF_TYPE[30], CLASS_OF_TYPE[[35, 55]], CLASS_OF_TYPE[[36, 37]] = (
+    VesselClass.FISHING,
+    VesselClass.MILITARY,
+    VesselClass.PLEASURE,
+)
+CLASS_OF_TYPE[[31, 32, 33, 34, 50, 51, 52, 53, 54]] = VesselClass.SERVICE

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coastwatch.batches.struct import Array, Batch, Floats, Ints, column
+from coastwatch.batches.struct import Batch, column
+from coastwatch.kernels.arrays import Array, Floats, Ints
 
 
 @dataclass(frozen=True, eq=False)

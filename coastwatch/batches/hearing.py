@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coastwatch.batches.struct import Batch, Bools, Floats, column
+from coastwatch.batches.struct import Batch, column
+from coastwatch.kernels.arrays import Bools, Floats
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from coastwatch.batches.reports import AisReports, BearingReports, RadarReports, Reports, TrackReports
-from coastwatch.batches.struct import Batch, Bools, Floats
+from coastwatch.batches.struct import Batch
+from coastwatch.kernels.arrays import Bools, Floats
 
 HIGHEST_LATITUDE_DEG = 85.0
 MOST_RANGE_M = 500_000.0

@@ -12,13 +12,13 @@ from typing import Any, get_args, get_type_hints
 
 import numpy as np
 
-from coastwatch.batches.struct import Array
+from coastwatch.kernels.arrays import Array
 
 Classes = frozenset[type]
 """Dataclasses and named tuples that a tree may name. No other class is made."""
 
 
-def classes_in(*kinds: Any) -> Classes:
+def classes_in(*kinds: object) -> Classes:
     """The dataclasses and named tuples that values of these types may hold: of fields and of items, however deep."""
     found: set[type] = set()
     rest = list(kinds)
@@ -35,13 +35,13 @@ class TreeError(ValueError):
     """A tree from which no value can be made, with the reason."""
 
 
-def to_tree(value: Any, classes: Classes) -> tuple[Any, list[Array]]:
+def to_tree(value: object, classes: Classes) -> tuple[object, list[Array]]:
     """The value as JSON, with each array replaced by its number in the list. Raises: TypeError: it is not plain data of these classes."""
     arrays: list[Array] = []
     return _to_tree(value, arrays, classes), arrays
 
 
-def from_tree(tree: Any, arrays: Sequence[Array], classes: Classes) -> Any:
+def from_tree(tree: object, arrays: Sequence[Array], classes: Classes) -> Any:
     """The value of which `to_tree` made this tree, with these arrays. Only these classes are called.
 
     Raises: TreeError: the tree names a class or a field that does not exist, or the arrays hold a row number that is out of range.
@@ -65,11 +65,16 @@ def from_tree(tree: Any, arrays: Sequence[Array], classes: Classes) -> Any:
                 raise TreeError(f"it names the class {name}, which is not one of this version's")
             if tuple(given) != _fields_of(made):
                 raise TreeError(f"{name}: got the fields {', '.join(given)}, needed {', '.join(_fields_of(made))}")
-            return _checked(made(**{field: from_tree(item, arrays, classes) for field, item in given.items()}))
+            value = made(**{field: from_tree(item, arrays, classes) for field, item in given.items()})
+            try:
+                getattr(value, "check_rows", lambda: None)()  # kernels take row numbers on trust
+            except ValueError as error:
+                raise TreeError(f"it is damaged: {error}") from error
+            return value
     raise TreeError(f"it has a part of unknown kind: {', '.join(map(str, tree))}")
 
 
-def _to_tree(value: Any, arrays: list[Array], classes: Classes) -> Any:
+def _to_tree(value: Any, arrays: list[Array], classes: Classes) -> object:
     """As `to_tree`. Args: arrays: the arrays of the value are appended to it."""
     kind = type(value)
     if value is None or kind in (bool, int, float, str):
@@ -91,17 +96,6 @@ def _to_tree(value: Any, arrays: list[Array], classes: Classes) -> Any:
         "class": _name(kind),
         "fields": {field: _to_tree(getattr(value, field), arrays, classes) for field in _fields_of(kind)},
     }
-
-
-def _checked(value: Any) -> Any:
-    """A value whose row numbers are in range: kernels take them on trust. Raises: TreeError that names the field."""
-    check = getattr(value, "check_rows", None)
-    if check is not None:
-        try:
-            check()
-        except ValueError as error:
-            raise TreeError(f"it is damaged: {error}") from error
-    return value
 
 
 def _fields_of(kind: type) -> tuple[str, ...]:

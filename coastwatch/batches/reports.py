@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from coastwatch.batches.struct import Array, Batch, Bools, Floats, Ints, Struct, column, optional_column
+from coastwatch.batches.struct import Batch, Struct, column, column_or_none, optional_column
+from coastwatch.kernels.arrays import Array, Bools, Floats, Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,12 +100,9 @@ class Reports:
 
     def between(self, after_s: float, until_s: float) -> Reports:
         """The reports with after_s < received_s <= until_s; each part must be sorted by received_s."""
-        return Reports(*(self._cut(getattr(self, f.name), after_s, until_s) for f in fields(self)))
-
-    @staticmethod
-    def _cut(part: Any, after_s: float, until_s: float) -> Any:
-        lo, hi = np.searchsorted(part.received_s, [after_s, until_s], side="right")
-        return part.take(slice(lo, hi))
+        parts = [getattr(self, f.name) for f in fields(self)]
+        ends = (np.searchsorted(part.received_s, [after_s, until_s], side="right") for part in parts)
+        return Reports(*(part.take(slice(*rows)) for part, rows in zip(parts, ends, strict=True)))
 
     def __len__(self) -> int:
         return sum(len(getattr(self, f.name)) for f in fields(self))
@@ -117,16 +115,15 @@ class Reports:
     @classmethod
     def merged(cls, parts: Sequence[Reports]) -> Reports:
         """The reports of all parts, each kind in order of arrival; equal times in order of the parts."""
-        names = [f.name for f in fields(cls)]
-        return cls(**{name: _by_arrival([getattr(part, name) for part in parts]) for name in names})
-
-
-def _by_arrival(parts: list[Any]) -> Any:
-    some = [part for part in parts if len(part)]
-    if len(some) < 2:
-        return (some or parts)[0]
-    together = type(parts[0]).join(some)
-    return together.take(np.argsort(together.received_s, kind="stable"))
+        out = {}
+        for name in (f.name for f in fields(cls)):
+            every = [getattr(part, name) for part in parts]
+            some = [part for part in every if len(part)]
+            out[name] = (some or every)[0]
+            if len(some) > 1:
+                together = type(every[0]).join(some)
+                out[name] = together.take(np.argsort(together.received_s, kind="stable"))
+        return cls(**out)
 
 
 EARLIER_S = 3600.0
@@ -181,7 +178,7 @@ class Trajectories(Struct):
     turn_rate_rad_s: Floats = column(np.float64, "V")  # known and constant, 0 for straight motion
     acceleration_m_s2: Floats = column(np.float64, "V", 2)  # known and constant while accelerating
     # Share of the deviation from the mean velocity that a perturbation leaves, 0 to 1; empty: 1, a random walk.
-    kick_keep: Floats = field(default_factory=lambda: np.zeros(0), metadata={"dtype": np.dtype(np.float64), "shape": ("D",)})
+    kick_keep: Floats = column_or_none("D")
 
     def at(self, time_s: float) -> Truth:
         """The vessels present at an instant, interpolated linearly between samples."""

@@ -11,7 +11,7 @@ import numpy as np
 from coastwatch import kernels
 from coastwatch.batches.hearing import Hearing, SensorHearing
 from coastwatch.batches.sensors import Radars, Sensors, Stations
-from coastwatch.batches.struct import Bools, Floats
+from coastwatch.kernels.arrays import Bools, Floats
 
 if TYPE_CHECKING:
     from coastwatch.kernels.geometry.sensor_coverage import Coverage  # numba takes half a second to load
@@ -69,7 +69,7 @@ def _cover(sensors: Sensors, margin: float, kind: str, hearing: Hearing) -> Sens
     heard = hearing.heard & ~hearing.stands
     returned_s = hearing.returned_s[heard]
     if heard.all():
-        return SensorCover(_all(sensors, margin, kind), (), returned_s)
+        return SensorCover(_some(sensors, margin, kind, heard.tobytes()), (), returned_s)
     times = np.unique(hearing.stands_from_s[hearing.stands]).tolist()
     silent = ((from_s, hearing.stands_from_s == from_s) for from_s in times)
     return SensorCover(
@@ -77,10 +77,6 @@ def _cover(sensors: Sensors, margin: float, kind: str, hearing: Hearing) -> Sens
         tuple((from_s, _some(sensors, margin, kind, rows.tobytes())) for from_s, rows in silent),
         returned_s,
     )
-
-
-def _all(sensors: Sensors, margin: float, kind: str) -> Coverage:
-    return _some(sensors, margin, kind, np.ones(len(getattr(sensors, kind)), np.bool_).tobytes())
 
 
 @lru_cache(maxsize=64)

@@ -7,7 +7,8 @@ from enum import IntEnum
 
 import numpy as np
 
-from coastwatch.batches.struct import Array, Batch, Floats, Ints, column
+from coastwatch.batches.struct import Batch, column
+from coastwatch.kernels.arrays import Array, Floats, Ints
 
 ID_STRIDE = 2**40
 """A track id is the number of its source times this, plus a number of its own that is never reused."""

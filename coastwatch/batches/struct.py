@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, is_dataclass
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike
 
+from coastwatch.kernels.arrays import Array
 from coastwatch.kernels.tables.row_numbers import require_rows
 
-Array = NDArray[Any]
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
-Rows = NDArray[np.int32]
-"""Numbers of rows and groups within a cycle, in half the memory of Ints."""
 
-
-def column(dtype: Any, *shape: str | int, rows_of: str | None = None, least: int = 0) -> Any:
+def column(dtype: DTypeLike, *shape: str | int, rows_of: str | None = None, least: int = 0) -> Any:
     """A field that holds an array of this dtype and shape; a letter in the shape is one size throughout the struct.
 
     Args: rows_of: the letter of what it numbers, from `least` on: `check_rows` compares them.
@@ -26,12 +20,17 @@ def column(dtype: Any, *shape: str | int, rows_of: str | None = None, least: int
     return field(metadata={"dtype": np.dtype(dtype), "shape": shape, "rows_of": rows_of, "least": least})
 
 
-def optional_column(*shape: str | int, dtype: Any = np.float64) -> Any:
+def optional_column(*shape: str | int, dtype: DTypeLike = np.float64) -> Any:
     """As `column`, for a value that a batch need not give: then it is NaN, or -1 for a whole number, in every row."""
     return field(
         default_factory=lambda: np.zeros((0, *(0 if isinstance(s, str) else s for s in shape[1:])), dtype),
         metadata={"dtype": np.dtype(dtype), "shape": shape, "optional": True},
     )
+
+
+def column_or_none(letter: str) -> Any:
+    """A column of numbers that is empty, as of no row, where it is not given."""
+    return field(default_factory=lambda: np.zeros(0), metadata={"dtype": np.dtype(np.float64), "shape": (letter,)})
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +42,7 @@ class Struct:
 
     def __post_init__(self) -> None:
         sizes: dict[str, int] = {}
-        for name, dtype, shape in _columns(type(self)):
+        for name, dtype, shape in _layout(type(self)).columns:
             got = getattr(self, name)
             if not isinstance(got, np.ndarray):
                 raise TypeError(f"{type(self).__name__}.{name}: got {type(got).__name__}, needed an array")
@@ -73,36 +72,25 @@ class Struct:
                 require_rows(name, getattr(self, f.name), sizes[f.metadata["rows_of"]], f.metadata["least"])
 
 
-_COLUMNS: dict[type, tuple[tuple[str, np.dtype[Any], tuple[str | int, ...]], ...]] = {}
+class _Layout(NamedTuple):
+    """The fields of a struct: their names, those a batch may leave out, and name, dtype and shape of each array."""
+
+    names: tuple[str, ...]
+    optional: tuple[str, ...]
+    columns: tuple[tuple[str, np.dtype[Any], tuple[str | int, ...]], ...]
 
 
-def _columns(struct: type[Struct]) -> tuple[tuple[str, np.dtype[Any], tuple[str | int, ...]], ...]:
-    """Name, dtype and shape of each field that holds an array; kept for each class, because a cycle checks a hundred arrays."""
-    if struct not in _COLUMNS:
-        _COLUMNS[struct] = tuple(
-            (f.name, f.metadata["dtype"], f.metadata["shape"]) for f in fields(struct) if "shape" in f.metadata
-        )
-    return _COLUMNS[struct]
+_LAYOUTS: dict[type, _Layout] = {}
 
 
-_OPTIONAL: dict[type, tuple[str, ...]] = {}
-
-
-def _optional_columns(struct: type[Struct]) -> tuple[str, ...]:
-    """The fields that a batch may leave out; kept for each class."""
-    if struct not in _OPTIONAL:
-        _OPTIONAL[struct] = tuple(f.name for f in fields(struct) if f.metadata.get("optional"))
-    return _OPTIONAL[struct]
-
-
-_NAMES: dict[type, tuple[str, ...]] = {}
-
-
-def _names(struct: type[Struct]) -> tuple[str, ...]:
-    """The fields in order; kept for each class, because rows are counted and taken hundreds of times a cycle."""
-    if struct not in _NAMES:
-        _NAMES[struct] = tuple(f.name for f in fields(struct))
-    return _NAMES[struct]
+def _layout(struct: type[Struct]) -> _Layout:
+    """The fields of a class; kept, because a cycle checks, counts and takes rows of hundreds of structs."""
+    if struct not in _LAYOUTS:
+        every = fields(struct)
+        columns = tuple((f.name, f.metadata["dtype"], f.metadata["shape"]) for f in every if "shape" in f.metadata)
+        optional = tuple(f.name for f in every if f.metadata.get("optional"))
+        _LAYOUTS[struct] = _Layout(tuple(f.name for f in every), optional, columns)
+    return _LAYOUTS[struct]
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +98,7 @@ class Batch(Struct):
     """A Struct whose every column has the same first axis: rows can be counted, taken and joined."""
 
     def __post_init__(self) -> None:
-        for name in _optional_columns(type(self)):
+        for name in _layout(type(self)).optional:
             given = getattr(self, name)
             if len(given) == 0 and len(self):
                 absent = np.nan if given.dtype.kind == "f" else -1
@@ -118,23 +106,26 @@ class Batch(Struct):
         super().__post_init__()
 
     def __len__(self) -> int:
-        return len(getattr(self, _names(type(self))[0]))
+        return len(getattr(self, _layout(type(self)).names[0]))
 
     def take(self, rows: Array) -> Self:
         """The rows at these indices or under this mask, in that order."""
-        return type(self)(**{name: getattr(self, name)[rows] for name in _names(type(self))})
+        return type(self)(**{name: getattr(self, name)[rows] for name in _layout(type(self)).names})
 
     def without_values(self, *kept: str) -> Self:
         """As many rows, with the values of the columns that are named. The others are NaN or 0 throughout and take no memory."""
-        every = {name: getattr(self, name) for name in _names(type(self))}
-        return type(self)(**{name: array if name in kept else _constant(array) for name, array in every.items()})
+        every = {name: getattr(self, name) for name in _layout(type(self)).names}
+        for name in every.keys() - set(kept):
+            dtype, shape = every[name].dtype, every[name].shape
+            every[name] = np.broadcast_to(np.array(np.nan if dtype.kind == "f" else 0, dtype), shape)
+        return type(self)(**every)
 
     @classmethod
     def join(cls, parts: list[Self]) -> Self:
         """The rows of all parts, one after the other; no part gives an empty batch."""
         if not parts:
             return cls.empty()
-        return cls(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in _names(cls)})
+        return cls(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in _layout(cls).names})
 
     @classmethod
     def empty(cls, **sizes: int) -> Self:
@@ -147,13 +138,7 @@ class Batch(Struct):
         return cls(**made)
 
 
-def _constant(array: Array) -> Array:
-    """An array of this shape and dtype, of NaN or 0, in the memory of one value."""
-    none = np.nan if array.dtype.kind == "f" else 0
-    return np.broadcast_to(np.array(none, array.dtype), array.shape)
-
-
-def size_bytes(value: Any) -> int:
+def size_bytes(value: object) -> int:
     """The bytes of the arrays in a dataclass of batches, those of one constant left out."""
     if isinstance(value, np.ndarray):
         return 0 if 0 in value.strides else int(value.nbytes)

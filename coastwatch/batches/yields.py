@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from coastwatch import kernels
 from coastwatch.batches.classes import CLASSES
-from coastwatch.batches.struct import Array, Batch, Bools, Floats, Ints, Rows, Struct, column, optional_column
+from coastwatch.batches.struct import Batch, Struct, column, column_or_none, optional_column
+from coastwatch.kernels.arrays import Array, Bools, Floats, Ints, Rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,11 +195,6 @@ class FusedTracks(Batch):
     covariance: Floats = column(np.float64, "V", 4, 4)
 
 
-def _not_given(letter: str) -> Any:
-    """A column that is empty where it is not given."""
-    return field(default_factory=lambda: np.zeros(0), metadata={"dtype": np.dtype(np.float64), "shape": (letter,)})
-
-
 @dataclass(frozen=True, eq=False)
 class BearingAssociations(Struct):
     """Which bearing track is which vessel."""
@@ -208,8 +203,8 @@ class BearingAssociations(Struct):
     vessel_row: Ints = column(np.int64, "A")
     statistic: Floats = column(np.float64, "A")
     sensor_bias_rad: Floats = column(np.float64, "K")  # the bearing offset of each bearing source, as calibrated so far
-    probability: Floats = _not_given("P")  # (A,) that a pair is right; of no pair where the method does not know it
-    sensor_bias_sigma_rad: Floats = _not_given("D")  # (K,) of the offsets; of no source where the method does not know it
+    probability: Floats = column_or_none("P")  # (A,) that a pair is right; of no pair where the method does not know it
+    sensor_bias_sigma_rad: Floats = column_or_none("D")  # (K,) of the offsets; of no source where the method does not know it
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,9 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import partial
 from threading import get_native_id, local
-from typing import Any
+from typing import TypeVar
 
+T = TypeVar("T")
 NICE, MOST_NICE = 10, 19  # what is added to the niceness of pool threads, and the most there is
 BLOCKS_A_THREAD = 4  # so that a thread with a dense port does not delay the others
 
@@ -55,7 +56,7 @@ def blocks(count: int, least: int) -> list[tuple[int, int]]:
     return [(count * k // parts, count * (k + 1) // parts) for k in range(parts)]
 
 
-def in_blocks(kernel: Callable[..., Any], count: int, *arguments: Any, least: int = 4096) -> list[Any]:
+def in_blocks(kernel: Callable[..., T], count: int, *arguments: object, least: int = 4096) -> list[T]:
     """kernel(low, high, *arguments) for ranges that cover 0..count, over the available threads, the caller's included.
 
     Args: kernel: compiled with nogil; it writes rows low to high of its output alone. least: rows under which a thread costs more
@@ -65,14 +66,14 @@ def in_blocks(kernel: Callable[..., Any], count: int, *arguments: Any, least: in
     return over_threads([partial(kernel, *part, *arguments) for part in blocks(count, least)])
 
 
-def over_threads(calls: Sequence[Callable[[], Any]]) -> list[Any]:
+def over_threads(calls: Sequence[Callable[[], T]]) -> list[T]:
     """What each call returns, over the available threads, the caller's included. Several calls use one thread each.
 
     Returns: in the order of the calls. Raises: what a call raised.
     """
     if len(calls) < 2 or not _pools or _here.busy:
         return [call() for call in calls]
-    out: list[Any] = [None] * len(calls)
+    out: dict[int, T] = {}
     todo = iter(enumerate(calls))  # shared by the threads: each takes the next call
 
     def work() -> None:
@@ -93,4 +94,4 @@ def over_threads(calls: Sequence[Callable[[], Any]]) -> list[Any]:
     for failure in failures:
         if failure:
             raise failure
-    return out
+    return [out[k] for k in range(len(calls))]

@@ -8,6 +8,7 @@ import numpy as np
 
 from coastwatch.batches import Associations, Bools, Floats, FusedTracks, Ints, SourceKind, Tracks, Truth
 from coastwatch.geodesy import KNOT_M_S, difference_m, wrap_rad
+from coastwatch.kernels.tables.lookup import row_of
 
 COURSE_FROM_KN = 2.0  # slower vessels do not count in the error of the course
 
@@ -55,11 +56,7 @@ def errors(position_deg: Floats, velocity_m_s: Floats, true_position_deg: Floats
 
 def rows_of(vessel: Ints, origin: Ints) -> Ints:
     """The row of each true vessel, -1 if it has none. Args: vessel: (V,) in any order; origin: (N,). Returns: (N,)."""
-    if not len(vessel):
-        return np.full(len(origin), -1)
-    order = np.argsort(vessel, kind="stable")
-    at = np.minimum(np.searchsorted(vessel[order], origin), len(order) - 1)
-    return np.where(vessel[order][at] == origin, order[at], -1)
+    return row_of(vessel, origin)
 
 
 def whole_vessels(tracks: Tracks, associations: Associations, kinds: Ints) -> tuple[Bools, Ints]:

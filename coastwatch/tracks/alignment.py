@@ -27,7 +27,8 @@ class ConstantVelocity(Settings):
         """The same tracks at `time_s`. Args: tracks: (N) each at its own time_s; a covariance of NaN stays NaN."""
         if bool((tracks.time_s == time_s).all()):
             return tracks
-        moved, spread = np.empty_like(tracks.position_deg), np.empty_like(tracks.covariance)
-        given = time_s - tracks.time_s, (tracks.position_deg, tracks.velocity_m_s, tracks.covariance), self.noise_m2_s3
-        in_blocks(kernels.fusion.alignment.advance, len(tracks), *given, moved, spread)
-        return replace(tracks, time_s=np.full(len(tracks), float(time_s)), position_deg=moved, covariance=spread)
+        moved, covariance = np.empty_like(tracks.position_deg), np.empty_like(tracks.covariance)
+        states = tracks.position_deg, tracks.velocity_m_s, tracks.covariance
+        advance, ahead_s = kernels.fusion.alignment.advance, time_s - tracks.time_s
+        in_blocks(advance, len(tracks), ahead_s, states, self.noise_m2_s3, moved, covariance)
+        return replace(tracks, time_s=np.full(len(tracks), float(time_s)), position_deg=moved, covariance=covariance)

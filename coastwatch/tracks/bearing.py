@@ -12,6 +12,7 @@ from pydantic import Field
 from coastwatch import kernels
 from coastwatch.batches import CLASSES, ID_STRIDE, Array, BearingReports, BearingTracks, Bools, Floats, Ints, Sensors
 from coastwatch.geodesy import wrap_deg, wrap_rad
+from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.kernels.tables.row_numbers import require_rows
 from coastwatch.stage import Count, Method, Positive
 from coastwatch.tracks.inputs import BearingInput
@@ -89,12 +90,8 @@ class Windows:
         c = self.column
         wanted = reports.sensor * CONTACTS + reports.contact
         rows = np.flatnonzero(c["contact"] >= 0)
-        key = c["sensor"][rows] * CONTACTS + c["contact"][rows]
-        rows = rows[np.argsort(key, kind="stable")]
-        key = np.sort(key)
-        at = np.minimum(np.searchsorted(key, wanted), len(key) - 1)
-        row = np.where(key[at] == wanted, rows[at], -1) if len(key) else np.full(len(wanted), -1)
-        silent = (row >= 0) & (reports.time_s - c["updated_s"][row] > drop_after_s) if len(key) else np.zeros(len(row), bool)
+        row = np.append(rows, -1)[row_of(c["sensor"][rows] * CONTACTS + c["contact"][rows], wanted)]
+        silent = (row >= 0) & (reports.time_s - np.append(c["updated_s"], np.nan)[row] > drop_after_s)
         silent_rows = np.zeros(len(c["sensor"]), bool)
         silent_rows[row[silent]] = True
         known = (row >= 0) & ~silent
@@ -267,7 +264,10 @@ class BearingWindow(Method):
         Raises: ValueError for a contact number of 2^40 or more, or a sensor that the scenario has not.
         """
         reports, time_s, sensors = given
-        _check(reports, len(sensors.sonars))
+        if len(reports) and not 0 <= reports.sensor.min() <= reports.sensor.max() < len(sensors.sonars):
+            raise ValueError(f"BearingReports.sensor: got {reports.sensor.max()}, needed 0 to {len(sensors.sonars) - 1}")
+        if len(reports) and reports.contact.max() >= CONTACTS:
+            raise ValueError(f"BearingReports.contact: got {reports.contact.max()}, needed less than 2^40")
         if not len(sensors.sonars):
             return memory, BearingTracks.empty(W=self.length)
         first = (sensors.sonar_source(0) + np.arange(len(sensors.sonars))) * ID_STRIDE
@@ -280,9 +280,9 @@ class BearingWindow(Method):
         few = _few(reports)
         left_out, reports = memory.left_out + int((~few).sum()), reports.take(few)
         numbered, own = reports.take(reports.contact >= 0), reports.take(reports.contact < 0)
-        for rows in _rounds(numbered.sensor * CONTACTS + numbered.contact):
+        for rows in _rounds(numbered.sensor * CONTACTS + numbered.contact, np.arange(len(numbered))):
             windows.update_contacts(numbered.take(rows), self.drop_after_s)
-        for rows in _looks(own):
+        for rows in _rounds(own.sensor, own.time_s):  # a look is the reports of one sensor at one time
             self._look(windows, own.take(rows), sensors.sonars.bearing_sigma_rad)
         windows.keep(time_s - windows.column["updated_s"] <= self.drop_after_s)
         after = windows.memory(dropped, left_out)
@@ -374,22 +374,6 @@ class BearingWindow(Method):
         )
 
 
-def _check(reports: BearingReports, sensors: int) -> None:
-    if len(reports) and not 0 <= reports.sensor.min() <= reports.sensor.max() < sensors:
-        raise ValueError(f"BearingReports.sensor: got {reports.sensor.max()}, needed 0 to {sensors - 1}")
-    if len(reports) and reports.contact.max() >= CONTACTS:
-        raise ValueError(f"BearingReports.contact: got {reports.contact.max()}, needed less than 2^40")
-
-
-def _rounds(key: Ints) -> Iterator[Ints]:
-    """First the rows with the first of each key, then those with the second, and so on. Args: key: (M,)."""
-    order = np.argsort(key, kind="stable")
-    rank = np.empty(len(key), np.int64)
-    rank[order] = np.arange(len(key)) - np.searchsorted(key[order], key[order])
-    for r in range(int(rank.max(initial=-1)) + 1):
-        yield np.flatnonzero(rank == r)
-
-
 def _few(reports: BearingReports) -> Bools:
     """Which reports to use, evenly chosen. (M,) Args: reports: sorted by time.
 
@@ -416,11 +400,11 @@ def _few(reports: BearingReports) -> Bools:
     return out
 
 
-def _distinct(key: Ints, time_s: Floats) -> tuple[Ints, Ints]:
-    """The key of each distinct pair of key and time, by key, then time, and which of these each row is. (L,), (M,)"""
-    order = np.lexsort((time_s, key))
-    key, time_s = key[order], time_s[order]
-    new = np.append(True, (key[1:] != key[:-1]) | (time_s[1:] != time_s[:-1]))[: len(key)]
+def _distinct(key: Ints, item: Array) -> tuple[Ints, Ints]:
+    """The key of each distinct pair of key and item, by key, then item, and which of these each row is. (L,), (M,)"""
+    order = np.lexsort((item, key))
+    key, item = key[order], item[order]
+    new = np.append(True, (key[1:] != key[:-1]) | (item[1:] != item[:-1]))[: len(key)]
     at = np.empty(len(key), np.int64)
     at[order] = np.cumsum(new) - 1
     return key[new], at
@@ -461,9 +445,9 @@ def _near_in_bearing(bearing_rad: Floats, half_rad: Floats, sensor: Ints, report
     return track, report
 
 
-def _looks(reports: BearingReports) -> Iterator[Ints]:
-    """Rows of the first look of every sensor, then of the second, and so on. A look is the reports of one sensor at one time."""
-    sensor, of = _distinct(reports.sensor, reports.time_s)
-    rank = (np.arange(len(sensor)) - np.searchsorted(sensor, sensor))[of]
+def _rounds(key: Ints, item: Array) -> Iterator[Ints]:
+    """Rows of the first item of every key, then of the second, and so on. An item is the rows of a key that are alike in it."""
+    distinct, of = _distinct(key, item)
+    rank = (np.arange(len(distinct)) - np.searchsorted(distinct, distinct))[of]
     order = np.argsort(rank, kind="stable")
     yield from np.split(order, np.flatnonzero(np.diff(rank[order])) + 1) if len(order) else ()

@@ -20,8 +20,10 @@ from coastwatch.batches import (
     TrackSources,
     TrackSourceStates,
     column,
+    joint_keys,
 )
 from coastwatch.geodesy import KNOT_M_S, difference_m, earth_centred, offset_deg
+from coastwatch.kernels.tables.lookup import row_of
 from coastwatch.stage import Method, Positive
 from coastwatch.tracks.inputs import ReceivedInput
 
@@ -259,15 +261,8 @@ def _newest(reports: TrackReports) -> TrackReports:
 
 def _row_of(table: ReceivedTable, new: TrackReports) -> Ints:
     """The row of each track in the table, -1 where it has none. (M,)"""
-    out = np.full(len(new), -1, np.int64)
-    for sensor in np.unique(new.sensor):
-        first, end = np.searchsorted(table.sensor, (sensor, sensor + 1)).tolist()
-        if first == end:
-            continue
-        known, mine = table.number[first:end], np.flatnonzero(new.sensor == sensor)
-        at = np.minimum(np.searchsorted(known, new.number[mine]), end - first - 1)
-        out[mine] = np.where(known[at] == new.number[mine], first + at, -1)
-    return out
+    known, wanted = joint_keys((table.sensor, table.number), (new.sensor, new.number))
+    return row_of(known, wanted)
 
 
 def _appended(kept: Floats, sensor: Ints, values: Floats) -> Floats:

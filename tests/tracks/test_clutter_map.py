@@ -12,8 +12,15 @@ from hypothesis import strategies as st
 
 from coastwatch.batches import Radars
 from coastwatch.geodesy import to_plane
-from coastwatch.tracks.radar.clutter import ClutterMap, ClutterSettings, empty_map, false_plots_per_m2, has_moved, learn
-from coastwatch.tracks.radar.standing import standing_echoes
+from coastwatch.tracks.radar.clutter import (
+    ClutterMap,
+    ClutterSettings,
+    empty_map,
+    false_plots_per_m2,
+    has_moved,
+    learn,
+    standing_echoes,
+)
 
 PRIOR_PER_M2 = 1e-6
 ROUNDING = 1e-12  # relative

@@ -6,16 +6,12 @@ A component of very many rows and columns is solved greedily, the greatest gain 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from coastwatch.kernels.arrays import Bools, Floats, Ints
 from coastwatch.kernels.association.connected_components import components
 from coastwatch.kernels.jit import jit
 from coastwatch.kernels.tables.counting_sort import counting_sort
 from coastwatch.kernels.threads import in_blocks
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 LARGEST = 512
 """Rows and columns of the largest component that is solved exactly, or as much work: rows^2 columns, with no more rows than columns."""

@@ -5,14 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from coastwatch.kernels.arrays import Ints, Records
 from coastwatch.kernels.association.crowds import WIDE, Crowds
 from coastwatch.kernels.association.places import TURN, find_runs, reach_of
 from coastwatch.kernels.jit import jit
-
-Ints = NDArray[np.int64]
-Records = NDArray[np.void]
 
 PAIR = np.dtype([("first", np.int32), ("second", np.int32), ("density", np.float64)])
 """Two tracks, the first of the lower source, and the density of other tracks around the first, a square metre."""

@@ -13,14 +13,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from coastwatch.kernels.arrays import Floats, Ints, Records
 from coastwatch.kernels.association.places import TURN, find_runs, reach_of
 from coastwatch.kernels.jit import jit
-
-Ints = NDArray[np.int64]
-Floats = NDArray[np.float64]
-Records = NDArray[np.void]
 
 STEPS = 20
 """Distances below the gate, at most. Of more places within the last one only the first `most` are compared, the own cell first."""

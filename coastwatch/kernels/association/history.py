@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike
 
+from coastwatch.kernels.arrays import Array, Ints, Rows
 from coastwatch.kernels.tables.match_ids import index_of, match_ids
 from coastwatch.kernels.tables.row_numbers import require_rows
-
-Array = NDArray[Any]
-Ints = NDArray[np.int64]
-Rows = NDArray[np.int32]
 
 MARGIN = 8  # one spare slot for so many used ones, so that few cycles have to enlarge the array
 
@@ -37,7 +33,7 @@ class History:
     cycle: int  # number of the newest cycle; -1 before the first
 
     @staticmethod
-    def empty(window: int, dtype: Any = np.float64, columns: tuple[int, ...] = ()) -> History:
+    def empty(window: int, dtype: DTypeLike = np.float64, columns: tuple[int, ...] = ()) -> History:
         """No id yet. Args: window: W; dtype: of a value, records for named fields; columns: () or (C,)."""
         none = np.zeros(0, np.int32)
         return History(np.zeros((0, window, *columns), dtype), np.zeros(0, np.int64), none, none, none, none, -1)

@@ -10,14 +10,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from coastwatch.kernels.arrays import Floats, Ints, Records
 from coastwatch.kernels.geometry.ellipsoid import SEMI_MAJOR, ecef_of_rows
 from coastwatch.kernels.jit import jit
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Records = NDArray[np.void]
 
 BANDS, TURN_BITS, ROW_BITS = 1 << 15, 20, 28
 TURN, ROWS = 1 << TURN_BITS, 1 << ROW_BITS

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from coastwatch.kernels.arrays import Floats
 from coastwatch.kernels.association.pair_score import Rule
 from coastwatch.kernels.geometry.ellipsoid import DEGREE, SEMI_MAJOR, metres_per_degree, wrap_degrees
 from coastwatch.kernels.jit import jit
@@ -21,7 +21,6 @@ LEAST_ERROR = 1e-4  # relative error of a distance within the gate, besides what
 LONGEST_DEGREE = 1.0034 * SEMI_MAJOR * DEGREE  # more than any degree of longitude
 LOG2, LOG_TURN = math.log(2.0), math.log(2.0 * math.pi)
 
-Floats = NDArray[np.float64]
 
 BOUND = np.dtype(
     [

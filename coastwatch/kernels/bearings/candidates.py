@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from coastwatch.geodesy import wrap_deg
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from coastwatch.kernels.arrays import Floats, Ints
 
 SECTORS = 8
 SECTOR_DEG = 360.0 / SECTORS

@@ -9,13 +9,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from coastwatch.kernels.arrays import Ints
 from coastwatch.kernels.bearings.null_hypothesis import LOG_2PI, UnknownVessel, unknown_log_density, wrap_radians
 from coastwatch.kernels.bearings.windows import SAMPLE, relative_position, sample_window
 from coastwatch.kernels.jit import jit
-
-Ints = NDArray[np.int64]
 
 NEAREST = 1.0  # m: a vessel on top of the sensor has no bearing, its uncertainty says so
 

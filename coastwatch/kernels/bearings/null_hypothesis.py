@@ -6,11 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from coastwatch.kernels.arrays import Floats
 from coastwatch.kernels.jit import jit
-
-Floats = NDArray[np.float64]
 
 LOG_2PI = math.log(2.0 * math.pi)
 TURN = 2.0 * math.pi

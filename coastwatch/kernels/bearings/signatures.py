@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from coastwatch.kernels.arrays import Floats, Ints
 
 LEAST = 1e-9  # probability of a report: no sensor is so good that one look rules a class out
 ROUNDING = 1e-6  # that a row of a matrix written by hand may miss 1 by

@@ -6,13 +6,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from coastwatch.kernels.arrays import Floats, Ints
 from coastwatch.kernels.geometry.ellipsoid import ecef_and_axes
 from coastwatch.kernels.jit import jit
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 class BearingWindows(NamedTuple):

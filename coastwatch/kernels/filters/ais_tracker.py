@@ -479,7 +479,8 @@ def _record(track, report, rules):  # type: ignore[no-untyped-def]
         track.sog = track.cog = math.nan
     track.hits += 1
     speed = math.sqrt(mean_of(track, EAST_RATE) ** 2 + mean_of(track, NORTH_RATE) ** 2)
-    fast = speed > rules.slow_speed and not _is_moored(track, speed, rules) and not _is_distress_device(track.mmsi)
+    is_distress_device = track.mmsi // 1_000_000 in (970, 972, 974)  # it sends eight reports in a minute, then none
+    fast = speed > rules.slow_speed and not _is_moored(track, speed, rules) and not is_distress_device
     nominal = (rules.moving_b if report.class_b == 1 else rules.moving_a) if fast else rules.slow
     if track.hits == 1 and track.confirmed == 1:
         nominal = max(nominal, rules.first)
@@ -491,12 +492,6 @@ def _record(track, report, rules):  # type: ignore[no-untyped-def]
 def _is_moored(track, speed, rules):  # type: ignore[no-untyped-def]
     """Whether a vessel says that it is at anchor, moored or aground, and is slow enough for that."""
     return track.status in (AT_ANCHOR, MOORED, AGROUND) and speed <= rules.anchor_speed
-
-
-@jit
-def _is_distress_device(mmsi):  # type: ignore[no-untyped-def]
-    """Whether an MMSI is of a distress transmitter, a man overboard device or an emergency beacon: eight reports a minute, then none."""
-    return mmsi // 1_000_000 in (970, 972, 974)
 
 
 @jit

@@ -37,16 +37,10 @@ def update(first, last, filters, measured, z, noise, begin, models):  # type: ig
             else:
                 imm.moments(state[f], covariance[f], mode_probability[f], mean, spread)
                 imm.bring_forward(local, r, -dt, mean, spread)
-                _turn_velocity(local, -dt * mean[MANOEUVRE])
+                sin, cos = math.sin(-dt * mean[MANOEUVRE]), math.cos(-dt * mean[MANOEUVRE])  # to port
+                local[2], local[3] = cos * local[2] - sin * local[3], sin * local[2] + cos * local[3]
             known = local[:2] if math.isnan(local[2]) else local
             imm.update_with_jumps(state[f], covariance[f], mode_probability[f], models, max(dt, 0.0), known, r, work)
-
-
-@jit
-def _turn_velocity(z, angle):  # type: ignore[no-untyped-def]
-    """Turn the measured velocity to port, rad, in place."""
-    sin, cos = math.sin(angle), math.cos(angle)
-    z[2], z[3] = cos * z[2] - sin * z[3], sin * z[2] + cos * z[3]
 
 
 @jit

@@ -20,19 +20,15 @@ Trans. AES 51(4), 2015 (a component that the other model does not have is drawn 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from coastwatch.kernels.arrays import Bools, Floats, Records
 from coastwatch.kernels.filters import kalman, motion_models
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.filters.kalman import EAST_RATE, LOG_TWO_PI, MANOEUVRE, NORTH_RATE, SIZE
 from coastwatch.kernels.jit import jit
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 FLOOR = 1e-12  # least mode probability, so that a model can recover and nothing is divided by 0
 
@@ -261,7 +257,7 @@ def update_with_jumps(state, covariance, mode_probability, models, dt, z, noise,
 
 @jit
 def predict_filters(
-    state: Floats, covariance: Floats, mode_probability: Floats, dt_s: Floats, renewal_s: float, models: Any
+    state: Floats, covariance: Floats, mode_probability: Floats, dt_s: Floats, renewal_s: float, models: Records
 ) -> tuple[Floats, Floats, Floats]:
     """State (N, J, 5), covariance (N, J, 5, 5) and mode probability (N, J) of filters after dt.
 

@@ -13,10 +13,11 @@ acceleration) and 11.7 (coordinated turn).
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from coastwatch.kernels.arrays import Records
 from coastwatch.kernels.filters import kalman
 from coastwatch.kernels.filters.kalman import EAST, EAST_RATE, MANOEUVRE, NORTH, NORTH_RATE, SIZE
 from coastwatch.kernels.jit import jit
@@ -39,19 +40,12 @@ SMALL_TURN = 0.1  # rad: below it series replace sin(a) / a and the like; their 
 SLOW = 0.5  # m/s: a vessel slower than this has no direction in which to gain speed
 
 
-def table(**columns: Any) -> Any:
+def table(**columns: ArrayLike) -> Records:
     """Models as the filters take them, (J,) MODEL. Args: columns of MODEL, (J,) each or one number for all; the others are zero."""
     out = np.zeros(np.broadcast_shapes(*(np.shape(column) for column in columns.values())), MODEL)
     for name, column in columns.items():
         out[name] = column
     return out
-
-
-@jit
-def _unit(transition):  # type: ignore[no-untyped-def]
-    for a in range(SIZE):
-        for b in range(SIZE):
-            transition[a, b] = 1.0 if a == b else 0.0
 
 
 @jit
@@ -120,7 +114,9 @@ def speed_change(mean, dt, transition):  # type: ignore[no-untyped-def]
 @jit
 def move(model, mean, dt, transition):  # type: ignore[no-untyped-def]
     """Move a mean in place by one MODEL, and write the Jacobian F of that motion, (5, 5)."""
-    _unit(transition)
+    transition[:] = 0.0
+    for a in range(SIZE):
+        transition[a, a] = 1.0
     if model.kind == TURNING:
         coordinated_turn(mean, dt, transition)
     elif model.kind == SPEEDING:

@@ -13,13 +13,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from coastwatch.kernels.arrays import Bools, Floats, Ints
 from coastwatch.kernels.tables.match_ids import index_of
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 
 def predicted(matrix: Floats, dt: Floats, noise: float) -> Floats:

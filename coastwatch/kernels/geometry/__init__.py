@@ -3,12 +3,5 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__,
-    submodules=[
-        "centroids",
-        "ellipsoid",
-        "grid",
-        "radar_plane",
-        "sensor_coverage",
-    ],
+    __name__, submodules=["centroids", "ellipsoid", "grid", "radar_plane", "sensor_coverage"]
 )

@@ -18,13 +18,6 @@ def _distance(a, b):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _grown(array):  # type: ignore[no-untyped-def]
-    out = np.empty(2 * len(array), array.dtype)
-    out[: len(array)] = array
-    return out
-
-
-@jit
 def nearest_centroids(low, high, position, guess, centre, neighbours, margin, spot):  # type: ignore[no-untyped-def]
     """The nearest centroid of points low to high, the lower number of equals, and all others no more than `margin` farther.
 
@@ -58,7 +51,8 @@ def nearest_centroids(low, high, position, guess, centre, neighbours, margin, sp
         for k in range(count):
             if k != best and distance[k] <= distance[best] + margin:
                 if halos == len(halo_spot):
-                    halo_spot, halo_row = _grown(halo_spot), _grown(halo_row)
+                    halo_spot = np.append(halo_spot, np.empty_like(halo_spot))
+                    halo_row = np.append(halo_row, np.empty_like(halo_row))
                 halo_spot[halos], halo_row[halos] = candidate[k], i
                 halos += 1
     return halo_spot[:halos], halo_row[:halos]

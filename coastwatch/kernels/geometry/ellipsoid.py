@@ -9,14 +9,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from coastwatch.geodesy import ECCENTRICITY2, FLATTENING, SEMI_MAJOR_M
+from coastwatch.kernels.arrays import Floats, Ints
 from coastwatch.kernels.jit import jit
 from coastwatch.kernels.threads import in_blocks
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 DEGREE = math.pi / 180.0  # radians
 SEMI_MAJOR = SEMI_MAJOR_M

@@ -12,13 +12,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from coastwatch.kernels.arrays import Floats, Rows
 from coastwatch.kernels.jit import jit
 from coastwatch.kernels.tables.counting_sort import counting_sort
-
-Floats = NDArray[np.float64]
-Rows = NDArray[np.int32]
 
 LAYERS = 3
 MOST_SIDE_M = 1e8
@@ -80,13 +77,6 @@ def build(position, sigma, drift, low, high):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _doubled(values):  # type: ignore[no-untyped-def]
-    out = np.empty(2 * len(values), values.dtype)
-    out[: len(values)] = values
-    return out
-
-
-@jit
 def near(grid, centre, covariance, limit):  # type: ignore[no-untyped-def]
     """For each ellipse the points that may lie in it: all that do, and a few more.
 
@@ -124,7 +114,7 @@ def near(grid, centre, covariance, limit):  # type: ignore[no-untyped-def]
                     e, n = grid.position[k, 0] - east, grid.position[k, 1] - north
                     if abs(n) <= reach_n and abs(e) <= reach_e and abs(e - slope * n) <= half:
                         if count == len(point):
-                            point = _doubled(point)
+                            point = np.append(point, np.empty_like(point))
                         point[count] = grid.point[k]
                         count += 1
     start[len(centre)] = count

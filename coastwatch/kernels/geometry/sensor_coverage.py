@@ -7,11 +7,11 @@ Each cell of one degree lists the sensors that may reach it: a position is compa
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from coastwatch.kernels.arrays import Bools, Floats, Ints, Records
 from coastwatch.kernels.geometry.ellipsoid import (
     DEGREE,
     SEMI_MAJOR,
@@ -23,10 +23,6 @@ from coastwatch.kernels.geometry.ellipsoid import (
 )
 from coastwatch.kernels.jit import jit
 from coastwatch.kernels.threads import in_blocks
-
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 CELLS_PER_DEGREE = 1
 ROWS, COLUMNS = 180 * CELLS_PER_DEGREE, 360 * CELLS_PER_DEGREE
@@ -40,7 +36,7 @@ SITE = np.dtype([(name, np.float64) for name in SITE_NUMBERS.split()])
 class Coverage(NamedTuple):
     """Sensors, and the sensors of each cell: row[start[c]:start[c + 1]] of cell c."""
 
-    site: NDArray[Any]  # (R,) SITE
+    site: Records  # (R,) SITE
     start: Ints  # (ROWS * COLUMNS + 1,)
     row: Ints  # (L,)
 
@@ -109,19 +105,12 @@ def _in_box(site, lat, lon):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _offset(site, x, y, z):  # type: ignore[no-untyped-def]
-    """East, north and up of an ECEF position from a sensor."""
-    dx, dy, dz = x - site.x, y - site.y, z - site.z
-    outward = site.cos_lon * dx + site.sin_lon * dy
-    east, north = site.cos_lon * dy - site.sin_lon * dx, site.cos_lat * dz - site.sin_lat * outward
-    return east, north, site.cos_lat * outward + site.sin_lat * dz
-
-
-@jit
 def _within(site, x, y, z, tolerance):  # type: ignore[no-untyped-def]
     """Whether an ECEF position is within range and so many metres, and its east and north."""
-    east, north, up = _offset(site, x, y, z)
-    most = site.range + tolerance
+    dx, dy, dz, most = x - site.x, y - site.y, z - site.z, site.range + tolerance
+    outward = site.cos_lon * dx + site.sin_lon * dy
+    east, north = site.cos_lon * dy - site.sin_lon * dx, site.cos_lat * dz - site.sin_lat * outward
+    up = site.cos_lat * outward + site.sin_lat * dz
     return up > -SEMI_MAJOR and east * east + north * north <= most * most, east, north
 
 

@@ -2,12 +2,4 @@
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__,
-    submodules=[
-        "counting_sort",
-        "lookup",
-        "match_ids",
-        "row_numbers",
-    ],
-)
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submodules=["counting_sort", "lookup", "match_ids", "row_numbers"])

@@ -1,9 +1,8 @@
-"""Where ids stand among others: how rows of one cycle find theirs of the last."""
+"""Rows of ids among other ids, by bisection: how rows of one cycle find theirs of the last. No numba."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Ints = NDArray[np.int64]
+from coastwatch.kernels.arrays import Ints
 
 
 def find(sorted_ids: Ints, ids: Ints) -> Ints:
@@ -12,3 +11,9 @@ def find(sorted_ids: Ints, ids: Ints) -> Ints:
         return np.full(len(ids), -1, np.int64)
     at = np.minimum(np.searchsorted(sorted_ids, ids), len(sorted_ids) - 1)
     return np.where(sorted_ids[at] == ids, at, -1).astype(np.int64)
+
+
+def row_of(ids: Ints, wanted: Ints) -> Ints:
+    """The row of each wanted id among ids in any order, the first of equal ones; -1 for none. Args: (N,), (M,). Returns: (M,)."""
+    order = np.argsort(ids, kind="stable")
+    return np.append(order, -1)[find(ids[order], wanted)]

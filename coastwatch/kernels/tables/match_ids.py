@@ -11,17 +11,11 @@ GOLDEN = np.uint64(0x9E3779B97F4A7C15)  # 2^64 over the golden ratio (Fibonacci 
 
 
 @jit
-def _hash_table(count):  # type: ignore[no-untyped-def]
-    """An empty table for so many ids, and the shift of `_slot`. A used slot holds the row of an id."""
-    bits = 1
-    while (1 << bits) < 2 * count:
-        bits += 1
-    return np.full(1 << bits, -1, np.int32), np.uint64(64 - bits)
-
-
-@jit
 def _slot(table, shift, ids, wanted):  # type: ignore[no-untyped-def]
-    """The slot of an id, or the free slot where it belongs. Source: D. E. Knuth, The Art of Computer Programming 3, 6.4."""
+    """The slot of an id, or the free slot where it belongs; a used slot holds the row of an id.
+
+    Source: D. E. Knuth, The Art of Computer Programming 3, 6.4.
+    """
     at = np.int64((np.uint64(wanted) * GOLDEN) >> shift)
     while table[at] >= 0 and ids[table[at]] != wanted:
         at = (at + 1) & (len(table) - 1)
@@ -54,7 +48,10 @@ def index_of(ids, wanted):  # type: ignore[no-untyped-def]
     missing = _index_in_order(ids, wanted, out)
     if missing == 0 or len(ids) == 0:
         return out
-    table, shift = _hash_table(missing)
+    bits = 1
+    while (1 << bits) < 2 * missing:
+        bits += 1
+    table, shift = np.full(1 << bits, -1, np.int32), np.uint64(64 - bits)
     for k in range(len(wanted)):
         if out[k] < 0:
             table[_slot(table, shift, wanted, wanted[k])] = k

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from numpy.typing import NDArray
+from coastwatch.kernels.arrays import Ints, Rows
 
 
-def require_rows(name: str, rows: NDArray[Any], count: int, least: int = 0) -> None:
+def require_rows(name: str, rows: Ints | Rows, count: int, least: int = 0) -> None:
     """Raises: ValueError: a row number is not from `least` to count - 1. Args: name: of the field, for the message."""
     low, high = int(rows.min(initial=least)), int(rows.max(initial=least))
     if low < least or (len(rows) and high >= count):

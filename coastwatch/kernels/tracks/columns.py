@@ -7,11 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from coastwatch.kernels.arrays import Floats, Ints
 
 SINGLE, TENTATIVE, CONFIRMED = 0, 1, 2  # status of a track; SINGLE: it has one plot
 NAMES = 4  # ids of which a track keeps the probability

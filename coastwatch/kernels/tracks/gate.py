@@ -16,14 +16,6 @@ LOG_TWO_PI = math.log(2.0 * math.pi)
 
 
 @jit
-def _widest(estimates, n, dt):  # type: ignore[no-untyped-def]
-    """Standard deviation along any axis, at most, of an estimate at any time up to dt from its own, before or after."""
-    p = estimates.covariance[n]
-    sigma = math.sqrt(p[0, 0] + p[1, 1]) + dt * math.sqrt(p[2, 2] + p[3, 3])
-    return math.sqrt(sigma * sigma + estimates.noise[n] * dt * dt * dt / 3.0)
-
-
-@jit
 def _grid_near_plots(estimates, rows, plots, limit):  # type: ignore[no-untyped-def]
     """The grid of the tracks that may have a plot in their gates, and the slots of these tracks."""
     first, last = plots.time.min(), plots.time.max()
@@ -37,7 +29,10 @@ def _grid_near_plots(estimates, rows, plots, limit):  # type: ignore[no-untyped-
         east, north = predicted_position(estimates, n, middle)
         dt = max(abs(last - estimates.time[n]), abs(first - estimates.time[n]))
         speed2 = estimates.mean[n, 2] ** 2 + estimates.mean[n, 3] ** 2
-        sigma[count], drift[count] = _widest(estimates, n, dt), half * math.sqrt(speed2)
+        p = estimates.covariance[n]  # standard deviation along any axis, at most, at any time up to dt from its own
+        widest = math.sqrt(p[0, 0] + p[1, 1]) + dt * math.sqrt(p[2, 2] + p[3, 3])
+        sigma[count] = math.sqrt(widest * widest + estimates.noise[n] * dt * dt * dt / 3.0)
+        drift[count] = half * math.sqrt(speed2)
         reach = math.sqrt(limit) * sigma[count] + drift[count]
         if low[0] - reach <= east <= high[0] + reach and low[1] - reach <= north <= high[1] + reach:
             slot[count], position[count, 0], position[count, 1] = n, east, north

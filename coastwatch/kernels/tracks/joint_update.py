@@ -12,14 +12,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from coastwatch.kernels.arrays import Floats, Ints
 from coastwatch.kernels.filters import imm
 from coastwatch.kernels.filters.kalman import SIZE
 from coastwatch.kernels.jit import jit
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 TWO_PI = 2.0 * math.pi
 LEAST = 1e-200  # of a likelihood: a plot at the edge of a wide gate is impossible for a model that is sure
@@ -34,6 +31,11 @@ class Hypotheses(NamedTuple):
     position: Floats  # (A, 2) of the plot, at the time of the track
     noise: Floats  # (A, 2, 2) its covariance
     likelihood: Floats  # (A, J) of the plot, given the track and the model
+
+    @property
+    def track(self) -> Ints:
+        """Of each pair, as a row of slot. (A,)"""
+        return np.repeat(np.arange(len(self.slot)), np.diff(self.start))
 
 
 @jit

@@ -26,21 +26,15 @@ def assign_plots(pairs, gain, due, status, plots):  # type: ignore[no-untyped-de
     place = np.full(len(status), -1)
     for step in (CONFIRMED, TENTATIVE, SINGLE):
         if step == SINGLE:
-            _hold(pairs, due, status, served, free)
+            for k in range(len(pairs.plot)):  # plots in the gate of a track that still waits for one are not free
+                if status[pairs.track[k]] != SINGLE and due[k] and not served[pairs.track[k]]:
+                    free[pairs.plot[k]] = False
         chosen = _assign_step(pairs, gain, due & free[pairs.plot] & (status[pairs.track] == step), place)
         for a in np.flatnonzero(chosen):
             track[pairs.plot[a]] = pairs.track[a]
             free[pairs.plot[a]] = False
             served[pairs.track[a]] = True
     return track, free
-
-
-@jit
-def _hold(pairs, due, status, served, free):  # type: ignore[no-untyped-def]
-    """Plots in the gate of a track that still waits for a plot are not free."""
-    for a in range(len(pairs.plot)):
-        if status[pairs.track[a]] != SINGLE and due[a] and not served[pairs.track[a]]:
-            free[pairs.plot[a]] = False
 
 
 @jit

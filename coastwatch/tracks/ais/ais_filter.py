@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, Self
+from typing import Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from coastwatch import kernels
-from coastwatch.batches import ID_STRIDE, AisAlarms, AisReports, Bools, Floats, Ints, Measurements, Tracks
+from coastwatch.batches import ID_STRIDE, AisAlarms, AisReports, Floats, Ints, Measurements, Tracks
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.stage import Method, NotNegative, Positive, Settings
 from coastwatch.tracks.ais.out_of_sequence import (
+    SLOTS,
     KernelSettings,
     Memory,
     Rows,
@@ -159,12 +160,8 @@ class AisFilter(Method):
         for name, value in one.items():
             rules[name] = value
         sigmas = self.position_sigma_m, self.unaided_sigma_m, self.position_sigma_m, self.low_accuracy_sigma_m
-        return KernelSettings(rules[0], self._models(), np.square(sigmas) + WIRE_POSITION_M**2 / 12.0, self.time_jitter_s)
-
-    def _models(self) -> Any:
-        """The models as the kernels take them. (J,) MODEL"""
         models, share = kernels.filters.motion_models, np.array([m.share for m in self.models])
-        return models.table(
+        table = models.table(
             kind=[models.TURNING if m.kind == "turning" else models.STRAIGHT for m in self.models],
             noise=[m.noise_m2_s3 for m in self.models],
             manoeuvre_sigma=[m.turn_sigma_rad_s for m in self.models],
@@ -172,6 +169,7 @@ class AisFilter(Method):
             prior_probability=share / share.sum(),
             sojourn=[m.sojourn_s for m in self.models],
         )
+        return KernelSettings(rules[0], table, np.square(sigmas) + WIRE_POSITION_M**2 / 12.0, self.time_jitter_s)
 
 
 def refused(memory: Memory) -> dict[str, int]:
@@ -201,7 +199,11 @@ def report(
         mmsi=known["mmsi"],
         origin=known["origin"],
     )
-    twice = _shares_mmsi(out.mmsi, out.started_s, out.updated_s)
+    mmsi, started, updated, twice = out.mmsi, out.started_s, out.updated_s, np.zeros(len(live), np.bool_)
+    for k in range(1, SLOTS):  # tracks of one MMSI that overlap in time; those before and after a jump do not
+        same = (mmsi[k:] == mmsi[:-k]) & (updated[k:] > started[:-k]) & (updated[:-k] > started[k:])
+        twice[k:] |= same
+        twice[:-k] |= same
     alarms = AisAlarms(
         track_id=out.track_id,
         mmsi=out.mmsi,
@@ -213,17 +215,7 @@ def report(
     return out, alarms
 
 
-def _shares_mmsi(mmsi: Ints, started: Floats, updated: Floats) -> Bools:
-    """Which tracks, sorted by MMSI, overlap in time with another track of their MMSI. The tracks before and after a jump do not."""
-    out = np.zeros(len(mmsi), bool)
-    for k in (1, 2, 3):  # SLOTS less one
-        same = (mmsi[k:] == mmsi[:-k]) & (updated[k:] > started[:-k]) & (updated[:-k] > started[k:])
-        out[k:] |= same
-        out[:-k] |= same
-    return out
-
-
-def measurements_of(fresh: Rows, tracks: Tracks, rules: Any) -> Measurements:
+def measurements_of(fresh: Rows, tracks: Tracks, rules: np.void) -> Measurements:
     """The reports that fit one of these tracks, sorted by track, then time.
 
     Args: fresh: REPORT rows sorted by MMSI, then time; tracks: after these reports, sorted by MMSI, all at one time; rules: of the

@@ -39,19 +39,15 @@ class AisDeadReckoning(Method):
     def step(self, memory: Memory, given: AisInput) -> tuple[Memory, AisOutput]:
         """The memory after a cycle, and tracks with alarms. Raises: ValueError: the time is not after that of the cycle before."""
         time_s = given.time_s
-        tracker = self._tracker()
+        same = {name: getattr(self, name) for name in ("position_sigma_m", "lateness_s", "patience_s", "patience_intervals")}
+        tracker = AisFilter(models=(STEADY,), **same)  # it decides which vessel sent a report
         settings = tracker.kernel_settings()
         memory, live, fresh = tracker.update(memory, given.reports, time_s, settings)
         tracks = memory.now.tracks
         position, velocity = extrapolated(tracks, live, time_s if self.aligned else tracks["updated"][live])
-        estimates = position, velocity, np.full((len(live), 4, 4), np.nan)
-        out, alarms = report(tracks, live, time_s, given.sensors.ais_source, *estimates)
+        unknown = np.full((len(live), 4, 4), np.nan)
+        out, alarms = report(tracks, live, time_s, given.sensors.ais_source, position, velocity, unknown)
         return memory, AisOutput(out, alarms, measurements_of(fresh, out, settings.rules))
-
-    def _tracker(self) -> AisFilter:
-        """The filter that decides which vessel sent a report."""
-        same = {name: getattr(self, name) for name in ("position_sigma_m", "lateness_s", "patience_s", "patience_intervals")}
-        return AisFilter(models=(STEADY,), **same)
 
 
 def extrapolated(tracks: Rows, live: Ints, time_s: float | Floats) -> tuple[Floats, Floats]:

@@ -9,18 +9,21 @@ is bounded by time: twice the lateness and two cycles of reports.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from coastwatch import kernels
 from coastwatch.batches import AisReports, Bools, Floats, Ints
 from coastwatch.batches.ais_codes import LARGEST_MMSI
 from coastwatch.geodesy import KNOT_M_S
+from coastwatch.kernels.arrays import Records
+from coastwatch.kernels.tables.lookup import find
 from coastwatch.tracks.ais.feed_clocks import FeedClocks
 
-Rows = NDArray[np.void]  # structured: coastwatch.kernels.filters.ais_tracker.REPORT or TRACK
+Rows = Records
+"""Of coastwatch.kernels.filters.ais_tracker: REPORT or TRACK."""
+
 NOT_COMPARED = ("jitter", "nn", "en", "ee", "feed", "status")  # of two reports: they order reports that are the same otherwise
 SLOTS = 4  # tracks of one MMSI at most, the one on trial included
 TOP_SOG_KN = 102.2  # ITU-R M.1371: greater values mean "not available", as does a COG of 360
@@ -31,8 +34,8 @@ VERDICTS = ("repeated position", "impossible speed", "crowded", "doubtful veloci
 class KernelSettings(NamedTuple):
     """The settings of a method as the kernel takes them."""
 
-    rules: Any  # coastwatch.kernels.filters.ais_tracker.RULES
-    models: Any  # (J,) coastwatch.kernels.filters.motion_models.MODEL
+    rules: np.void  # coastwatch.kernels.filters.ais_tracker.RULES
+    models: Records  # (J,) coastwatch.kernels.filters.motion_models.MODEL
     position_variance: Floats  # (4,) m2 per axis, by PositionAccuracy + 1
     time_jitter_s: float | None  # of the times of all feeds; None: estimated
 
@@ -85,15 +88,6 @@ def vessels(reports: Rows) -> tuple[Ints, Ints, Ints]:
     mmsi = reports["mmsi"]
     begin = np.flatnonzero(np.append(True, mmsi[1:] != mmsi[:-1])[: len(mmsi)])
     return mmsi[begin], begin, np.append(begin[1:], len(mmsi)).astype(np.int64)
-
-
-def is_in(mmsi: Ints, chosen: Ints) -> Bools:
-    """Which of these numbers are among the chosen, which are sorted."""
-    if not len(chosen):
-        return np.zeros(len(mmsi), bool)
-    at = np.minimum(np.searchsorted(chosen, mmsi), len(chosen) - 1)
-    found: Bools = chosen[at] == mmsi
-    return found
 
 
 def records(reports: AisReports, settings: KernelSettings, jitter_s: Floats) -> Rows:
@@ -170,18 +164,17 @@ def _is_duplicate(memory: Memory, rows: Rows) -> Bools:
     return again
 
 
-def _newest_report_s(tracks: Rows, mmsi: Ints) -> NDArray[np.float64]:
+def _newest_report_s(tracks: Rows, mmsi: Ints) -> Floats:
     """Time of each vessel's newest report, -inf for an unknown vessel."""
-    if not len(tracks):
-        return np.full(len(mmsi), -np.inf)
     known = np.ascontiguousarray(tracks["mmsi"])  # the rows are wide: a search among them misses the cache at every step
-    at = np.minimum(np.searchsorted(known, mmsi), len(tracks) - 1)
-    return np.where(known[at] == mmsi, tracks["received"][at], -np.inf)
+    at, out = find(known, mmsi), np.full(len(mmsi), -np.inf)
+    out[at >= 0] = tracks["received"][at[at >= 0]]
+    return out
 
 
 def _logged(memory: Memory, mmsi: Ints) -> Rows:
     """Reports of these vessels in the log since the old snapshot."""
-    parts = [entry[is_in(entry["mmsi"], mmsi) & (entry["time"] > memory.old.time_s)] for entry in memory.log]
+    parts = [entry[(find(mmsi, entry["mmsi"]) >= 0) & (entry["time"] > memory.old.time_s)] for entry in memory.log]
     return np.concatenate([memory.held[:0], *parts])
 
 
@@ -222,7 +215,7 @@ def track_vessels(tracks: Rows, mmsi: Ints, reports: Rows, settings: KernelSetti
 
 def replace_tracks(tracks: Rows, mmsi: Ints, rows: Rows) -> Rows:
     """Tracks with those of these vessels (sorted) replaced by `rows`, sorted by MMSI."""
-    out = is_in(tracks["mmsi"], mmsi)
+    out = find(mmsi, tracks["mmsi"]) >= 0
     if out.all():
         return rows
     if np.array_equal(tracks["mmsi"][out], rows["mmsi"]):
@@ -249,7 +242,7 @@ def update_tracks(memory: Memory, fresh: Rows, settings: KernelSettings) -> tupl
     """
     mmsi, begin, _ = vessels(fresh)
     late = fresh["time"][begin] <= np.maximum(_newest_report_s(memory.now.tracks, mmsi), memory.recent.time_s)
-    behind = is_in(fresh["mmsi"], mmsi[late])
+    behind = find(mmsi[late], fresh["mmsi"]) >= 0
     rows, outcome = track_vessels(memory.now.tracks, mmsi[~late], fresh[~behind], settings)
     recent, refused = memory.recent, dict(memory.refused)
     _count_verdicts(refused, outcome["verdict"])
@@ -278,7 +271,7 @@ def _replay(
     first = np.unique(fresh["mmsi"][fresh["time"] <= recent.time_s])
     before = play["time"] <= recent.time_s
     if len(first):
-        part = before & is_in(play["mmsi"], first)
+        part = before & (find(first, play["mmsi"]) >= 0)
         rows, outcome = track_vessels(memory.old.tracks, first, play[part], settings)
         _count_verdicts(refused, outcome["verdict"][new[part]])
         recent = replace(recent, tracks=replace_tracks(recent.tracks, first, _with_former_numbers(recent.tracks, rows, first)))

@@ -3,7 +3,9 @@
 A tracker gives the plots of one radar at a time, and the probability of each that it is false: of no confirmed track that moved.
 Call `false_plots_per_m2` before the association of a batch, `learn` after it.
 
-A fixed echo (a quay, a moored boat) becomes clutter within some `prior_turns`. Then its plots begin no track.
+A fixed echo (a quay, a moored boat) becomes clutter within some `prior_turns`. Then its plots begin no track. Cells are squares of the
+region's plane, because quays and moored boats stand there. A map has at most 640 of them along a side: 10 MB.
+Where the map is learnt, the gain of a track that is not confirmed has no term for a miss: if the track is false, nothing was missed.
 """
 
 from __future__ import annotations
@@ -13,14 +15,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import Bools, Floats, Ints, Radars, Rows
+from coastwatch.batches import Bools, Floats, Ints, Radars, Rows, StandingEchoes
 from coastwatch.batches.struct import Struct, column
+from coastwatch.geodesy import from_plane
+from coastwatch.kernels.tracks.clutter import TILES
 from coastwatch.stage import NotNegative, Positive, Settings
 
 LEAST_PLOTS = 0.1  # false plots in a turn, of a cell with a standing echo
 MOST_CELLS = 640  # along a side of the window of a radar: 6 MB
 SIGMAS = 3.0  # of the noise that a displacement must exceed
 PAUSE_TURNS = 3.0  # a radar that was silent for longer has not turned
+TIMES_THE_MEAN = 5.0  # the plots of a cell with a standing echo, over those of all cells in range
+NEIGHBOURS = np.ones((3, 3), np.int64)  # cells that touch, also at a corner, are one echo
 
 
 class ClutterSettings(Settings):
@@ -84,8 +90,8 @@ def empty_map(settings: ClutterSettings, radars: Radars) -> ClutterMap:
     end = np.cumsum(side**2)
     count = int(end[-1]) if len(end) else 0
     zero, nothing = np.zeros(count), np.full(count, -1, np.int32)
-    heard = np.zeros(len(radars)), np.full(len(radars), np.nan)
-    return ClutterMap(cell_m, side, end - side**2, *heard, zero, zero.copy(), nothing)
+    turns, newest_s = np.zeros(len(radars)), np.full(len(radars), np.nan)
+    return ClutterMap(cell_m, side, end - side**2, turns, newest_s, zero, zero.copy(), nothing)
 
 
 def false_plots_per_m2(
@@ -97,10 +103,8 @@ def false_plots_per_m2(
     Args: radar: its number in the map; position_m: (M, 2) in the plane of the region; prior_per_m2: lambda_0.
     """
     prior = float(prior_per_m2), settings.prior_turns
-    turns = float(known.turns[radar])
-    out: Floats = kernels.tracks.clutter.density(
-        known.window(radar), known.cells, position_m, turns, prior, settings.memory_turns
-    )
+    turns, density = float(known.turns[radar]), kernels.tracks.clutter.density
+    out: Floats = density(known.window(radar), known.cells, position_m, turns, prior, settings.memory_turns)
     return out
 
 
@@ -136,3 +140,47 @@ def has_moved(settings: ClutterSettings, from_m: Floats, to_m: Floats, variance_
     """
     apart2 = ((to_m - from_m) ** 2).sum(axis=1)
     return np.asarray(apart2 > np.maximum(settings.moved_m**2, SIGMAS**2 * variance_m2))
+
+
+def standing_echoes(settings: ClutterSettings, known: ClutterMap, radars: Radars, origin_deg: Floats) -> StandingEchoes:
+    """The echoes that have stood for `prior_turns` or more, by radar; none where no map is learnt.
+
+    Args: known: of these radars; origin_deg: (2,) of the plane of their region.
+    """
+    if not len(known.side):
+        return StandingEchoes.empty()
+    enough = np.flatnonzero(known.turns >= settings.prior_turns).tolist()
+    found = [_of_radar(settings, known, radar, float(radars.range_m[radar]), origin_deg) for radar in enough]
+    return StandingEchoes.join(found)
+
+
+def _of_radar(settings: ClutterSettings, known: ClutterMap, radar: int, range_m: float, origin_deg: Floats) -> StandingEchoes:
+    """The standing echoes of one radar: groups of cells in which plots return."""
+    from scipy.ndimage import label, sum_labels  # scipy takes memory of every process, and few runs learn a map
+
+    first, side, cell_m = known.window(radar)
+    window, turns, memory = slice(first, first + side * side), float(known.turns[radar]), settings.memory_turns
+    weight = -memory * np.expm1(-turns / memory)
+    plots = (
+        np.where(known.tile[window] >= 0, known.plots[window] * np.exp(-(turns - known.turn[window]) / memory), 0.0) / weight
+    )
+    mean = plots.sum() * cell_m**2 / (np.pi * range_m**2)
+    slot = np.flatnonzero(plots >= max(LEAST_PLOTS, TIMES_THE_MEAN * mean))
+    if not len(slot):
+        return StandingEchoes.empty()
+    tile = np.stack(np.divmod(known.tile[window][slot].astype(np.int64), TILES), 1)  # east and north
+    cell = np.stack(np.divmod(slot, side), 1) + side * np.where(tile >= TILES // 2, tile - TILES, tile)
+    corner = cell.min(axis=0)
+    grid = np.zeros(cell.max(axis=0) - corner + 1)
+    at = tuple((cell - corner).T)
+    grid[at] = plots[slot]
+    group, count = label(grid > 0.0, NEIGHBOURS)
+    of, numbers = group[at] - 1, np.arange(1, count + 1)
+    per_turn = np.asarray(sum_labels(grid, group, numbers), np.float64)
+    centre = np.stack([np.bincount(of, plots[slot] * axis, count) / per_turn for axis in cell.T], 1) + 0.5
+    low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
+    np.minimum.at(low, of, cell)
+    np.maximum.at(high, of, cell)
+    position_deg = from_plane(cell_m * centre, np.broadcast_to(origin_deg, (count, 2)))
+    extent_m = cell_m * (np.hypot(*(high - low).T) + 1.0)
+    return StandingEchoes(np.full(count, radar), position_deg, extent_m, per_turn, np.full(count, turns))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal, NamedTuple, Protocol, Self
+from typing import Annotated, Literal, NamedTuple, Protocol, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from coastwatch import kernels
 from coastwatch.batches import Floats
+from coastwatch.kernels.arrays import Records
 from coastwatch.stage import NotNegative, Positive, Settings
 
 SUM_TOLERANCE = 1e-9  # of shares: decimal fractions are not exact
@@ -36,7 +37,7 @@ class Prior(Protocol):
         """Mean time until a vessel draws a new motion from the prior; infinite: a Markov chain with a sojourn in each model."""
         ...
 
-    def table(self) -> Any:
+    def table(self) -> Records:
         """The models as the kernels take them. (J,) coastwatch.kernels.filters.motion_models.MODEL"""
         ...
 
@@ -70,10 +71,10 @@ class Motion(Settings):
         """Infinite: these models are a Markov chain."""
         return math.inf
 
-    def table(self) -> Any:
+    def table(self) -> Records:
         """The models as the kernels take them. (3,) MODEL"""
         models = kernels.filters.motion_models
-        return models.table(
+        table: Records = models.table(
             kind=[models.STRAIGHT, models.STRAIGHT, models.TURNING],
             noise=[self.quiet_noise_m2_s3, self.agile_noise_m2_s3, self.turn_noise_m2_s3],
             manoeuvre_sigma=np.radians(self.turn_rate_sigma_deg_s),
@@ -81,6 +82,7 @@ class Motion(Settings):
             prior_probability=self.start_share,
             sojourn=[self.quiet_sojourn_s, self.agile_sojourn_s, self.turn_sojourn_s],
         )
+        return table
 
 
 class Straight(Settings):
@@ -170,11 +172,12 @@ class Manoeuvres(Settings):
             raise ValueError(f"models: got shares with a sum of {total}, needed 1")
         return self
 
-    def table(self) -> Any:
+    def table(self) -> Records:
         """The models as the kernels take them. (J,) MODEL"""
         rows = [model.columns() for model in self.models]
         names = sorted(set().union(*rows))
-        return kernels.filters.motion_models.table(**{name: [row.get(name, 0.0) for row in rows] for name in names})
+        table: Records = kernels.filters.motion_models.table(**{name: [row.get(name, 0.0) for row in rows] for name in names})
+        return table
 
 
 MotionModels = Annotated[Manoeuvres | Motion, Field(discriminator="kind")]

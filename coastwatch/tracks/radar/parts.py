@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from coastwatch.batches import Floats, Ints, Sensors
+from coastwatch.kernels.arrays import Records
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks.columns import Candidates, PlotColumns
 from coastwatch.kernels.tracks.joint_update import Hypotheses
@@ -26,7 +27,7 @@ class FilterBank(Protocol):
         ...
 
     @property
-    def models(self) -> Any:
+    def models(self) -> Records:
         """The models of each filter. (J,) MODEL"""
         ...
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,27 +21,11 @@ class PlotBatch:
     ends_slice: bool  # it is the last batch of its slice of time
 
 
-@dataclass(frozen=True, eq=False)
-class PlotBatches:
-    """The plots of a cycle in the order of their batches."""
-
-    plots: Plots
-    start: list[int]  # first row of each batch, and the end of the last
-    slice_: list[int]  # of each batch
-
-    def __iter__(self) -> Iterator[PlotBatch]:
-        p = self.plots
-        for k, (first, end) in enumerate(zip(self.start[:-1], self.start[1:], strict=True)):
-            ends = k + 1 == len(self.slice_) or self.slice_[k + 1] != self.slice_[k]
-            at = slice(first, end)
-            columns = PlotColumns(p.time_s[at], p.position_m[at], p.covariance[at], p.sensor[at], p.origin[at])
-            yield PlotBatch(first, columns, ends)
-
-
-def cut(plots: Plots, slice_s: float, by_radar: bool) -> PlotBatches:
-    """Batches of plots in one slice of time, each sorted by time. Args: by_radar: a batch for each radar in the slice.
+def cut(plots: Plots, slice_s: float, by_radar: bool) -> tuple[Plots, list[PlotBatch]]:
+    """The plots in the order of their batches, and the batches. A batch is of one slice of time, sorted by time.
 
     Plots of one time are sorted by position, so that the order in which they came is of no matter.
+    Args: by_radar: a batch for each radar in the slice.
     """
     order = np.argsort(plots.time_s, kind="stable")
     if (np.diff(plots.time_s[order]) == 0.0).any():
@@ -54,8 +37,14 @@ def cut(plots: Plots, slice_s: float, by_radar: bool) -> PlotBatches:
         key = number * (int(plots.sensor.max(initial=0)) + 1) + plots.sensor[order]
         by_key = np.argsort(key, kind="stable")
         key, number, order = key[by_key], number[by_key], order[by_key]
-    start = np.flatnonzero(np.diff(key, prepend=-1))
-    return PlotBatches(plots.take(order), [*start.tolist(), len(plots)], number[start].tolist())
+    p, begin = plots.take(order), np.flatnonzero(np.diff(key, prepend=-1))
+    end, ends_slice = np.append(begin[1:], len(p))[: len(begin)], np.diff(number[begin], append=-1) != 0
+    batches = []
+    for first, last, ends in zip(begin.tolist(), end.tolist(), ends_slice.tolist(), strict=True):
+        at = slice(first, last)
+        columns = PlotColumns(p.time_s[at], p.position_m[at], p.covariance[at], p.sensor[at], p.origin[at])
+        batches.append(PlotBatch(first, columns, ends))
+    return p, batches
 
 
 def is_usable(plots: Plots, time_s: float, ahead_s: float) -> Bools:

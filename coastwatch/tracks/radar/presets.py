@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Literal
 
-Part = Mapping[str, Any]
+Part = Mapping[str, object]
 
 TAGS = {"association": "method", "motion": "kind", "messages": "method", "bank": "method"}
 """The setting of each part that says which one it is."""
@@ -71,12 +71,12 @@ ORIGINS = {"estimated": "nearest_neighbour", "known": "known_origin"}
 """The association, by `plot_origin`."""
 
 
-def expanded(data: Mapping[str, Any], upkeep_of: Mapping[str, str]) -> dict[str, Any]:
+def expanded(data: Mapping[str, object], upkeep_of: Mapping[str, str]) -> dict[str, object]:
     """A table `[tracks]` with all parts of its method. Args: upkeep_of: the method of `upkeep` that each association needs.
 
     Raises: ValueError: `plot_origin` has another value than it may have.
     """
-    out: dict[str, Any] = dict(data)
+    out = dict(data)
     name = out.setdefault("method", "table")
     if not isinstance(name, str) or name not in PRESETS:
         return {"method": name}  # it is refused, whatever its settings
@@ -84,13 +84,14 @@ def expanded(data: Mapping[str, Any], upkeep_of: Mapping[str, str]) -> dict[str,
     for key in SHORT.get(name, ()):
         if key in out:
             part, settings = _in_part(key, out.pop(key))
-            if isinstance(out.get(part, {}), Mapping):
-                out[part] = {**settings, **out.get(part, {})}
+            given = out.get(part, {})
+            if isinstance(given, Mapping):
+                out[part] = {**settings, **given}
     for part, tag in TAGS.items():
         named = {tag: DEFAULT[part], **preset.get(part, {})}
         out[part] = _with_tag(out.get(part), tag, named)
     association = out["association"]
-    of = association.get("method") if isinstance(association, Mapping) else association.method
+    of = association.get("method") if isinstance(association, Mapping) else getattr(association, "method", None)
     if isinstance(of, str) and of in upkeep_of:
         out["upkeep"] = _with_tag(out.get("upkeep"), "method", {"method": upkeep_of[of], **preset.get("upkeep", {})})
     return out
@@ -104,14 +105,14 @@ def settings_of(name: str, every: set[str]) -> set[str]:
     return {"method", "motion", "upkeep", "clutter", *messages, *SHORT.get(name, ())}
 
 
-def _with_tag(given: Any, tag: str, named: Part) -> Any:
+def _with_tag(given: object, tag: str, named: Part) -> object:
     """What a scenario gives for a part: as it is, or with the tag, or all that the preset names if nothing is given."""
     if given is None:
         return dict(named)
     return {tag: named[tag], **given} if isinstance(given, Mapping) and tag not in given else given
 
 
-def _in_part(key: str, value: Any) -> tuple[str, Part]:
+def _in_part(key: str, value: object) -> tuple[str, Part]:
     """The part and its setting that a short setting stands for."""
     if key == "plot_origin":
         if value not in ORIGINS:

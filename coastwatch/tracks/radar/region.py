@@ -10,13 +10,13 @@ import numpy as np
 from coastwatch import kernels
 from coastwatch.batches import Bools, Floats, Ints, Measurements, Messages, Plots, Sensors, StandingEchoes, Tracks
 from coastwatch.geodesy import to_plane
-from coastwatch.kernels.tracks.columns import PlotColumns, RadarColumns
+from coastwatch.kernels.tracks.columns import RadarColumns
 from coastwatch.tracks.radar.association import Jipda, JipdaLiteral, KnownOrigin, NearestNeighbour
+from coastwatch.tracks.radar.clutter import standing_echoes
 from coastwatch.tracks.radar.messages import NoMessages, WithMessages, begin_unnamed, in_order
 from coastwatch.tracks.radar.parts import Parts
 from coastwatch.tracks.radar.plot_batches import cut, is_usable
 from coastwatch.tracks.radar.report import Reported, report, report_measurements
-from coastwatch.tracks.radar.standing import standing_echoes
 from coastwatch.tracks.radar.table import RadarMemory, Table
 
 HELD = 0.98  # an id of this probability is reported as that of the vessel; the first message gives `correct_id`, 0.99
@@ -85,11 +85,14 @@ def update_region(
         plots = replace(plots, covariance=plots.covariance + upkeep.echo_sigma_m**2 * np.eye(2))
     ours = np.flatnonzero(sensors.radars.region == region)
     slice_s = min(upkeep.slice_s, 0.5 * float(sensors.radars.period_s[ours].min(initial=np.inf)))
-    batches = cut(plots, slice_s, association.by_radar)
+    plots, batches = cut(plots, slice_s, association.by_radar)
     specified = to_plane(sensors.radars.site_deg[ours], origin_deg)
     taken = np.full(len(plots), -1)
     for batch in batches:
-        _note_newest(memory, batch.columns, batches.plots.site_m[batch.first :])
+        of, site_m = batch.columns.sensor, plots.site_m[batch.first :][: len(batch.columns.sensor)]
+        newest = batch.columns.time >= memory.newest_plot_s[of]  # a late plot does not move the site back
+        memory.site_m[of[newest]] = site_m[newest]
+        np.maximum.at(memory.newest_plot_s, of, batch.columns.time)
         if queue:
             memory = queue.take(parts, memory, float(batch.columns.time[0]))
         before = len(memory.table)
@@ -99,9 +102,8 @@ def update_region(
         got = np.flatnonzero(slot >= 0)
         taken[batch.first + got] = memory.table.track_id[slot[got]]
         if batch.ends_slice:
-            newest = float(batch.columns.time[-1])
             radars = _radars(memory, ours, specified, sensors)
-            memory = upkeep.end_slice(memory, radars, ours, sensors.radars, newest)
+            memory = upkeep.end_slice(memory, radars, ours, sensors.radars, float(batch.columns.time[-1]))
     if queue:
         memory = queue.take(parts, memory, time_s)
     radars = _radars(memory, ours, specified, sensors)
@@ -112,7 +114,7 @@ def update_region(
     now = bank.predict(table.filters, table.estimates, rows, time_s)
     tracks = report(now, _reported(table, rows, upkeep.existence(table, rows, time_s)), radars, time_s, sensors, region)
     standing = standing_echoes(parts.clutter, memory.clutter, sensors.radars, origin_deg)
-    measurements = report_measurements(tracks, taken, batches.plots, sensors, region)
+    measurements = report_measurements(tracks, taken, plots, sensors, region)
     return memory, RegionOutput(tracks, measurements, standing, int((~good).sum()))
 
 
@@ -126,13 +128,6 @@ def _reported(table: Table, rows: Ints, existence: Floats) -> Reported:
         held_mmsi=table.probable_ids(rows, HELD),
         existence=existence,
     )
-
-
-def _note_newest(memory: RadarMemory, batch: PlotColumns, site_m: Floats) -> None:
-    """Write the newest site and time of each radar of a batch into the memory. Args: site_m: (M,) or more, of each plot."""
-    newest = batch.time >= memory.newest_plot_s[batch.sensor]  # a late plot does not move the site back
-    memory.site_m[batch.sensor[newest]] = site_m[: len(batch.sensor)][newest]
-    np.maximum.at(memory.newest_plot_s, batch.sensor, batch.time)
 
 
 def _radars(memory: RadarMemory, ours: Ints, specified_m: Floats, sensors: Sensors) -> RadarColumns:

@@ -28,8 +28,8 @@ def report(now: Estimates, reported: Reported, radars: RadarColumns, time_s: flo
     latitude, longitude = sensors.region_origin_deg[region].tolist()
     position, velocity, turned = kernels.tracks.report.geodetic_tracks(now.mean, now.covariance, latitude, longitude)
     ours = np.flatnonzero(sensors.radars.region == region)
-    sigmas = sensors.radars.range_sigma_m[ours], sensors.radars.azimuth_sigma_rad[ours]
-    one = kernels.tracks.report.plot_covariances(now.mean, radars, *sigmas)
+    range_sigma_m, azimuth_sigma_rad = sensors.radars.range_sigma_m[ours], sensors.radars.azimuth_sigma_rad[ours]
+    one = kernels.tracks.report.plot_covariances(now.mean, radars, range_sigma_m, azimuth_sigma_rad)
     _, one = kernels.tracks.report.geodetic_points(now.mean, one, latitude, longitude)
     count = len(reported.number)
     return Tracks(

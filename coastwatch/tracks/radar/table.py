@@ -111,6 +111,10 @@ class Table(Struct):
         variance = self.began_m2[slots] + self.combined_covariance[slots, 0, 0] + self.combined_covariance[slots, 1, 1]
         self.moved[slots] = has_moved(settings, self.began_m[slots], self.combined_mean[slots, :2], variance)
 
+    def moving(self, slots: Ints) -> Bools:
+        """Which of these tracks are confirmed and have moved; none in slot -1. (N,)"""
+        return (slots >= 0) & self.moved[slots] & (self.status[slots] == Status.CONFIRMED) if len(self.moved) else slots >= 0
+
     def with_room(self, count: int) -> Self:
         """This table with at least so many free slots."""
         missing = count - len(self.free)
@@ -211,5 +215,5 @@ class RadarMemory(Struct):
         """
         if not settings.learnt:
             return self
-        given = int(batch.sensor[0]), batch.time, batch.position, false, period_s
-        return replace(self, clutter=learn(settings, self.clutter, *given))
+        radar = int(batch.sensor[0])
+        return replace(self, clutter=learn(settings, self.clutter, radar, batch.time, batch.position, false, period_s))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Self, get_args
+from typing import Self, get_args
 
 from pydantic import model_validator
 
@@ -44,7 +44,7 @@ class TableTracker(Method):
 
     @model_validator(mode="before")
     @classmethod
-    def _has_the_parts_of_its_method(cls, data: Any) -> Any:
+    def _has_the_parts_of_its_method(cls, data: object) -> object:
         return expanded(data, UPKEEP_OF) if isinstance(data, dict) else data
 
     @model_validator(mode="after")

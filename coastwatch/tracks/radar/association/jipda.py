@@ -7,7 +7,6 @@ Journal of Advances in Information Fusion 17(2), 2022, sections III to V.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -20,7 +19,7 @@ from coastwatch.kernels.tracks.existence import SURELY
 from coastwatch.stage import Settings
 from coastwatch.tracks.radar.life.existence import merge_duplicates
 from coastwatch.tracks.radar.parts import Parts, begin_tracks
-from coastwatch.tracks.radar.table import RadarMemory, Status, Table
+from coastwatch.tracks.radar.table import RadarMemory, Table
 
 LIKELY = 0.5  # a plot is reported as taken by the track that it belongs to with more than this probability
 
@@ -41,7 +40,7 @@ class Jipda(Settings):
 
     def end_cycle(self, parts: Parts, memory: RadarMemory, time_s: float) -> RadarMemory:
         """Merge tracks of one vessel."""
-        return merged(parts, memory, time_s)
+        return merge_duplicates(parts.existence, memory, parts.sensors.radars.period_s, time_s)
 
 
 class JipdaLiteral(Settings):
@@ -57,13 +56,7 @@ class JipdaLiteral(Settings):
 
     def end_cycle(self, parts: Parts, memory: RadarMemory, time_s: float) -> RadarMemory:
         """Merge tracks of one vessel."""
-        return merged(parts, memory, time_s)
-
-
-def merged(parts: Parts, memory: RadarMemory, time_s: float) -> RadarMemory:
-    """This memory with one of several tracks of a vessel."""
-    table = merge_duplicates(parts.existence, memory.table, parts.sensors.radars.period_s, time_s)
-    return replace(memory, table=table)
+        return merge_duplicates(parts.existence, memory, parts.sensors.radars.period_s, time_s)
 
 
 def gated(parts: Parts, table: Table, batch: PlotColumns, widened: float = 1.0) -> Candidates:
@@ -85,9 +78,13 @@ def _weigh(parts: Parts, memory: RadarMemory, batch: PlotColumns, unborn: float,
     detection, period_s = float(every_detection[radar]), float(parts.sensors.radars.period_s[radar])
     false_per_m2 = memory.false_plots_per_m2(clutter, batch, float(every_density[radar]))
     unborn_per_m2 = rules.new_vessels_per_m2 * rules.new_visibility * detection
-    hypotheses = parts.joint.predict_to_plots(table, _due(gated(parts, table, batch), table, batch, period_s), batch)
+    pairs = gated(parts, table, batch)
+    due = (
+        batch.time[pairs.plot] - table.radar_s[pairs.track, radar] > 0.5 * period_s
+    )  # it took no plot of this radar in this look
+    hypotheses = parts.joint.predict_to_plots(table, Candidates(*(column[due] for column in pairs)), batch)
     slot, plot = hypotheses.slot, hypotheses.plot
-    of = np.repeat(np.arange(len(slot)), np.diff(hypotheses.start))  # track of each pair
+    of = hypotheses.track
     kernels.tracks.existence.predict_existence(
         table.existing, slot, table.updated_s[slot], radar, period_s, detection, rules.chain
     )
@@ -108,19 +105,16 @@ def _weigh(parts: Parts, memory: RadarMemory, batch: PlotColumns, unborn: float,
     likely = np.flatnonzero(probability > LIKELY)
     kernels.tracks.track_life.record(table.life, slot[of[likely]], plot[likely], batch)
     table.note_moved(clutter, slot)
-    moving = table.moved[slot] & (table.status[slot] == Status.CONFIRMED)
-    false = np.clip(1.0 - np.bincount(plot, probability * moving[of], len(batch.time)), 0.0, 1.0)
+    false = np.clip(1.0 - np.bincount(plot, probability * table.moving(slot)[of], len(batch.time)), 0.0, 1.0)
     memory = memory.with_clutter(clutter, batch, false, period_s)
     best = np.full(len(batch.time), -1)
     best[plot[likely]] = slot[of[likely]]
-    free = free_of(plot, probability, len(batch.time))
-    return _begin(parts, memory, batch, free * unborn_per_m2 / (false_per_m2 + unborn_per_m2)), best
-
-
-def _due(pairs: Candidates, table: Table, batch: PlotColumns, period_s: float) -> Candidates:
-    """These pairs without tracks that took a plot of this radar in this look."""
-    due = batch.time[pairs.plot] - table.radar_s[pairs.track, batch.sensor[0]] > 0.5 * period_s
-    return pairs if due.all() else Candidates(*(column[due] for column in pairs))
+    existence = free_of(plot, probability, len(batch.time)) * unborn_per_m2 / (false_per_m2 + unborn_per_m2)
+    plots = np.flatnonzero(existence >= rules.begin_existence)
+    if len(plots):
+        memory = begin_tracks(parts.bank, memory, plots, batch)
+        memory.table.existence[memory.table.live[-len(plots) :]] = existence[plots]
+    return memory, best
 
 
 def _free_probability(plot: Ints, probability: Floats, count: int) -> Floats:
@@ -130,13 +124,3 @@ def _free_probability(plot: Ints, probability: Floats, count: int) -> Floats:
 
 def _free_of_gates(plot: Ints, probability: Floats, count: int) -> Floats:
     return np.where(np.bincount(plot, minlength=count) == 0, 1.0, 0.0)
-
-
-def _begin(parts: Parts, memory: RadarMemory, batch: PlotColumns, existence: Floats) -> RadarMemory:
-    """Begin a track at each plot that is probable enough to be a new vessel. Args: existence: (M,)."""
-    plots = np.flatnonzero(existence >= parts.existence.begin_existence)
-    if not len(plots):
-        return memory
-    memory = begin_tracks(parts.bank, memory, plots, batch)
-    memory.table.existence[memory.table.live[-len(plots) :]] = existence[plots]
-    return memory

@@ -33,7 +33,7 @@ class NearestNeighbour(Settings):
         period_s = float(parts.sensors.radars.period_s[batch.sensor[0]])
         density = memory.false_plots_per_m2(clutter, batch, rules.false_plots_per_m2)
         slot, begins = associate(rules, memory.table, batch, period_s, density, clutter.learnt)
-        memory = memory.with_clutter(clutter, batch, _false(memory.table, slot), period_s)
+        memory = memory.with_clutter(clutter, batch, np.where(memory.table.moving(slot), 0.0, 1.0), period_s)
         update_by_single_plots(parts, memory.table, slot, batch)
         if begins.any():
             memory = begin_tracks(parts.bank, memory, np.flatnonzero(begins), batch)
@@ -43,9 +43,7 @@ class NearestNeighbour(Settings):
         """Delete duplicates, and tracks of standing echoes where the density of false plots is learnt."""
         if parts.clutter.learnt:
             memory = replace(memory, table=memory.table.without(_standing_echoes(parts, memory)))
-        given = memory.table, memory.duplicates, parts.sensors.radars.period_s, time_s
-        table, pairs = remove_duplicates(parts.hits, *given)
-        return replace(memory, table=table, duplicates=pairs)
+        return remove_duplicates(parts.hits, memory, parts.sensors.radars.period_s, time_s)
 
 
 def update_by_single_plots(parts: Parts, table: Table, slot: Ints, batch: PlotColumns) -> Ints:
@@ -75,14 +73,6 @@ def _standing_echoes(parts: Parts, memory: RadarMemory) -> Bools:
         returns = false * memory.clutter.cell_m[radar] ** 2 >= LEAST_PLOTS
         out[rows[of]] = returns & (false > own[of])
     return out
-
-
-def _false(table: Table, slot: Ints) -> Floats:
-    """1 for each plot that went to no confirmed track that has moved, else 0. (M,) Args: slot: (M,) -1 for none."""
-    moving = np.zeros(len(slot), np.bool_)
-    taken = np.flatnonzero(slot >= 0)
-    moving[taken] = table.moved[slot[taken]] & (table.status[slot[taken]] == Status.CONFIRMED)
-    return np.where(moving, 0.0, 1.0)
 
 
 def associate(

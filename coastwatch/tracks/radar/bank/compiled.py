@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from coastwatch import kernels
 from coastwatch.batches import Floats, Ints
 from coastwatch.geodesy import KNOT_M_S
+from coastwatch.kernels.arrays import Records
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks.columns import Candidates, PlotColumns
 from coastwatch.kernels.tracks.joint_update import Hypotheses
@@ -26,7 +26,7 @@ class CompiledBank:
     particles: int = 0
 
     @cached_property
-    def models(self) -> Any:
+    def models(self) -> Records:
         """The models as the kernels take them. (J,) MODEL"""
         return self.prior.table()
 
@@ -36,34 +36,34 @@ class CompiledBank:
     def initialise(self, filters: Filters, estimates: Estimates, rows: Ints, plots: Ints, columns: PlotColumns) -> None:
         """Begin filters that are in no table. Args: as of `update`."""
         variance = (self.prior.start_speed_kn * KNOT_M_S) ** 2
-        measured = columns.position[plots], columns.covariance[plots]
-        kernels.filters.imm.initialise_filters(tuple(filters), rows, *measured, variance, self.models)
+        position, noise = columns.position[plots], columns.covariance[plots]
+        kernels.filters.imm.initialise_filters(tuple(filters), rows, position, noise, variance, self.models)
         kernels.filters.imm.combine_filters(tuple(filters), estimates, rows, self.models)
         estimates.time[rows] = columns.time[plots]
 
     def update(self, filters: Filters, estimates: Estimates, rows: Ints, plots: Ints, columns: PlotColumns) -> None:
-        given = tuple(filters), estimates, rows, plots, columns, self.prior.renewal_s, self.models
-        kernels.filters.imm.update_by_plots(*given)
+        update, renewal_s = kernels.filters.imm.update_by_plots, self.prior.renewal_s
+        update(tuple(filters), estimates, rows, plots, columns, renewal_s, self.models)
 
     def predict(self, filters: Filters, estimates: Estimates, rows: Ints, time_s: float) -> Estimates:
-        given = tuple(filters), estimates, rows, float(time_s), self.prior.renewal_s, self.models
-        predicted: Estimates = kernels.filters.imm.predicted_estimates(*given)
+        predict, renewal_s = kernels.filters.imm.predicted_estimates, self.prior.renewal_s
+        predicted: Estimates = predict(tuple(filters), estimates, rows, float(time_s), renewal_s, self.models)
         return predicted
 
     def predict_to_plots(self, table: Table, pairs: Candidates, batch: PlotColumns) -> Hypotheses:
         hypotheses = by_track(pairs, len(self.models))
-        given = hypotheses, batch, self.prior.renewal_s, self.models
-        kernels.tracks.joint_update.predict_to_plots(tuple(table.filters), table.estimates, *given)
+        predict, renewal_s = kernels.tracks.joint_update.predict_to_plots, self.prior.renewal_s
+        predict(tuple(table.filters), table.estimates, hypotheses, batch, renewal_s, self.models)
         return hypotheses
 
     def likelihood(self, table: Table, pairs: Hypotheses) -> Floats:
-        mode = table.mode_probability[np.repeat(pairs.slot, np.diff(pairs.start))]
+        mode = table.mode_probability[pairs.slot[pairs.track]]
         total: Floats = (mode * pairs.likelihood).sum(axis=1)
         return total
 
     def update_by_shares(self, table: Table, pairs: Hypotheses, share: Floats, batch: PlotColumns, least: float) -> None:
-        given = pairs, share, least, self.models
-        kernels.tracks.joint_update.update_by_shares(tuple(table.filters), table.estimates, *given)
+        update = kernels.tracks.joint_update.update_by_shares
+        update(tuple(table.filters), table.estimates, pairs, share, least, self.models)
 
 
 def by_track(pairs: Candidates, models: int) -> Hypotheses:
@@ -71,7 +71,5 @@ def by_track(pairs: Candidates, models: int) -> Hypotheses:
     order = np.argsort(pairs.track, kind="stable")
     track, count = pairs.track[order], len(order)
     first = np.flatnonzero(np.diff(track, prepend=-1))
-    start = np.append(first, count)
-    return Hypotheses(
-        track[first], start, pairs.plot[order], np.empty((count, 2)), np.empty((count, 2, 2)), np.empty((count, models))
-    )
+    start, likelihood = np.append(first, count), np.empty((count, models))
+    return Hypotheses(track[first], start, pairs.plot[order], np.empty((count, 2)), np.empty((count, 2, 2)), likelihood)

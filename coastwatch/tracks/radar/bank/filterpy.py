@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from filterpy.kalman import IMMEstimator, KalmanFilter
 
 from coastwatch import kernels
 from coastwatch.batches import Floats, Ints
+from coastwatch.kernels.arrays import Records
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks.columns import PlotColumns
 from coastwatch.tracks.radar.bank.compiled import CompiledBank
@@ -21,7 +21,7 @@ from coastwatch.tracks.radar.table import Table
 class ModelFilter(KalmanFilter):  # type: ignore[misc]
     """A Kalman filter of filterpy whose prediction is one of our models of motion."""
 
-    def __init__(self, model: Any, state: Floats, covariance: Floats) -> None:
+    def __init__(self, model: np.void, state: Floats, covariance: Floats) -> None:
         super().__init__(dim_x=5, dim_z=2)
         self.model = model
         self.dt_s = 0.0
@@ -29,8 +29,8 @@ class ModelFilter(KalmanFilter):  # type: ignore[misc]
         self.P: Floats = covariance.copy()
         self.H = np.eye(2, 5)
 
-    def predict(self, u: Any = None, B: Any = None, F: Any = None, Q: Any = None) -> None:
-        """The state after dt_s; the arguments are filterpy's and of no use here."""
+    def predict(self, u: None = None) -> None:
+        """The state after dt_s; the argument is filterpy's and of no use here."""
         if self.dt_s > 0.0:
             jacobian, noise = np.eye(5), np.zeros((5, 5))
             kernels.filters.motion_models.move(self.model, self.x, self.dt_s, jacobian)
@@ -46,7 +46,7 @@ class FilterpyBank:
     particles: int = 0
 
     @cached_property
-    def models(self) -> Any:
+    def models(self) -> Records:
         """The models of each filter. (J,) MODEL"""
         return self.prior.table()
 
@@ -81,7 +81,11 @@ class FilterpyBank:
         return IMMEstimator(models, mode_probability.copy(), transition)
 
     def _predicted(self, state: Floats, covariance: Floats, mode_probability: Floats, dt_s: float) -> Filters:
-        imm = self._estimator(state, covariance, mode_probability, _transition(self.models["sojourn"], dt_s))
+        sojourn_s, j = self.models["sojourn"], len(self.models)
+        stay = (1.0 + (j - 1) * np.exp(-dt_s / sojourn_s * j / (j - 1))) / j
+        transition = np.tile(((1.0 - stay) / (j - 1))[:, None], (1, j))  # [i, j]: of model j now, given model i before
+        transition[np.arange(j), np.arange(j)] = stay
+        imm = self._estimator(state, covariance, mode_probability, transition)
         for one in imm.filters:
             one.dt_s = dt_s
         imm.predict()
@@ -96,12 +100,3 @@ class FilterpyBank:
         imm.update(position_m)
         after = np.maximum(imm.mu, kernels.filters.imm.FLOOR)
         return Filters(np.array([f.x for f in imm.filters]), np.array([f.P for f in imm.filters]), after / after.sum())
-
-
-def _transition(sojourn_s: Floats, dt_s: float) -> Floats:
-    """transition[i, j]: the probability of model j now, given model i before. (J, J)"""
-    j = len(sojourn_s)
-    stay = (1.0 + (j - 1) * np.exp(-dt_s / sojourn_s * j / (j - 1))) / j
-    out: Floats = np.tile(((1.0 - stay) / (j - 1))[:, None], (1, j))
-    out[np.arange(j), np.arange(j)] = stay
-    return out

@@ -13,12 +13,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from coastwatch import kernels
 from coastwatch.batches import Floats, Ints
+from coastwatch.kernels.arrays import Records
 from coastwatch.kernels.filters.gaussian import Estimates
 from coastwatch.kernels.tracks.columns import Candidates, PlotColumns
 from coastwatch.kernels.tracks.joint_update import LEAST, Hypotheses
@@ -43,7 +43,7 @@ class ParticleBank:
         return CompiledBank(self.prior)
 
     @property
-    def models(self) -> Any:
+    def models(self) -> Records:
         """The model of each filter. (1,) MODEL"""
         return self._compiled.models
 

@@ -9,13 +9,13 @@ import numpy as np
 from pydantic import Field
 
 from coastwatch import kernels
-from coastwatch.batches import Bools, Floats, Ints, Radars
+from coastwatch.batches import Floats, Ints, Radars
 from coastwatch.geodesy import KNOT_M_S
 from coastwatch.kernels.filters.gaussian import gate
 from coastwatch.kernels.tracks.columns import RadarColumns
 from coastwatch.kernels.tracks.existence import ExistenceChain
 from coastwatch.stage import Count, NotNegative, Positive, Probability, Settings
-from coastwatch.tracks.radar.life.hits import seen_together
+from coastwatch.tracks.radar.life.hits import PlotSettings, seen_together
 from coastwatch.tracks.radar.table import RadarMemory, Status, Table
 
 KNOWN = 0.5  # probability of an id by which two tracks are told apart
@@ -28,7 +28,7 @@ class Detection(Settings):
     false_plots_per_m2: Positive = 1e-6
 
 
-class ExistenceManagement(Settings):
+class ExistenceManagement(PlotSettings):
     """Detection, gates, existence and visibility of tracks. A look is one turn of a radar that covers the track.
 
     A visible vessel becomes invisible after `visible_s` on average, and visible again after `hidden_s`. Only a visible one gives plots.
@@ -43,8 +43,6 @@ class ExistenceManagement(Settings):
     visible_s: Positive = 16.0
     hidden_s: Positive = 3.1
     hides: bool = True  # false: every vessel is visible
-    echo_sigma_m: NotNegative = 0.0  # of the echo's place on a vessel, per axis, on top of the noise of the radar
-    slice_s: Positive = 1.0  # plots are processed in slices of this length, at most half a turn of the fastest radar
     gate_probability: Probability = 0.998  # that a vessel's own plot is inside the gate
     exact_up_to: Annotated[int, Field(ge=1, le=16)] = (
         8  # tracks or plots of a cluster that is solved exactly; larger: sum-product
@@ -55,13 +53,10 @@ class ExistenceManagement(Settings):
     show_existence: NotNegative = 0.5  # a confirmed track is reported while it exists with this probability or more
     delete_existence: Probability = 0.01  # a track that exists with less probability is deleted
     delete_misses: Count = 5  # looks in a row without a plot in the gate
-    look_slack: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.1  # a look is counted as over after 1 + look_slack turns
     coast_s: Positive = 30.0  # longest time without a plot in the gate, also outside the range of every radar
     max_speed_kn: Positive = 60.0  # a faster track is deleted
     merge_probability: Probability = 0.5  # that two tracks of one vessel pass the test for duplicates
     merge_correlation: Annotated[float, Field(ge=0.0, lt=0.5)] = 0.4  # of the errors of two such tracks
-    late_s: Positive = 5.0  # a plot up to this much older than its track is used
-    ahead_s: Positive = 5.0  # a plot stamped more than this after the cycle is dropped
 
     @property
     def chain(self) -> ExistenceChain:
@@ -78,10 +73,15 @@ class ExistenceManagement(Settings):
     def end_slice(self, memory: RadarMemory, radars: RadarColumns, ours: Ints, every: Radars, time_s: float) -> RadarMemory:
         """Count the looks that gave no plot, confirm and delete tracks. Args: as of `TrackManagement.end_slice`."""
         table = memory.table
-        detection, _ = self.by_number(every)
-        looked = radars, ours, detection[ours], self.look_slack, self.chain
-        kernels.tracks.existence.count_missed_looks(table.existing, table.estimates, table.live, *looked)
-        return replace(memory, table=table.without(self._confirm_and_find_lost(table, time_s)))
+        detection, count_missed = self.by_number(every)[0][ours], kernels.tracks.existence.count_missed_looks
+        count_missed(table.existing, table.estimates, table.live, radars, ours, detection, self.look_slack, self.chain)
+        live, now = table.live, self.existence(table, table.live, time_s)
+        table.status[live[now >= self.confirm_existence]] = Status.CONFIRMED
+        speed2 = (table.combined_mean[live, 2:] ** 2).sum(axis=1)
+        lost = (now < self.delete_existence) | (table.misses[live] >= self.delete_misses)
+        lost |= time_s - table.updated_s[live] > self.coast_s
+        lost |= (speed2 > (self.max_speed_kn * KNOT_M_S) ** 2) & (table.status[live] != Status.SINGLE)
+        return replace(memory, table=table.without(lost))
 
     def shown(self, table: Table, time_s: float) -> Ints:
         """Slots of the tracks to report: the confirmed ones that probably still exist."""
@@ -95,30 +95,21 @@ class ExistenceManagement(Settings):
         now: Floats = table.existence[slots] * np.exp(-self.end_per_s * since)
         return now
 
-    def _confirm_and_find_lost(self, table: Table, time_s: float) -> Bools:
-        """Confirm the tracks that exist, in place, and find those to delete. (N,) of the live ones."""
-        live, now = table.live, self.existence(table, table.live, time_s)
-        table.status[live[now >= self.confirm_existence]] = Status.CONFIRMED
-        speed2 = (table.combined_mean[live, 2:] ** 2).sum(axis=1)
-        lost: Bools = (now < self.delete_existence) | (table.misses[live] >= self.delete_misses)
-        lost |= time_s - table.updated_s[live] > self.coast_s
-        lost |= (speed2 > (self.max_speed_kn * KNOT_M_S) ** 2) & (table.status[live] != Status.SINGLE)
-        return lost
 
-
-def merge_duplicates(management: ExistenceManagement, table: Table, period_s: Floats, time_s: float) -> Table:
+def merge_duplicates(management: ExistenceManagement, memory: RadarMemory, period_s: Floats, time_s: float) -> RadarMemory:
     """Delete the younger of two tracks whose difference may be zero.
 
     Two tracks that took a plot each of one radar in one look are two. So are two whose ids are known and differ.
     Args: period_s: (R,) of one turn; time_s: now.
     """
+    table = memory.table
     slots, limit = table.live, gate(management.merge_probability, 4)
     latest_s = float(table.updated_s[slots].max(initial=time_s))  # plots may be stamped a little ahead
-    given = table.estimates, slots, latest_s, limit, management.merge_correlation
-    first, second = kernels.tracks.duplicates.possible_duplicates(*given)
+    possible, correlation = kernels.tracks.duplicates.possible_duplicates, management.merge_correlation
+    first, second = possible(table.estimates, slots, latest_s, limit, correlation)
     alone = ~seen_together(table, slots[first], slots[second], period_s)
     one, other = (table.probable_ids(slots[rows], KNOWN) for rows in (first, second))
     alone &= (one < 0) | (other < 0) | (one == other)
     lost = np.zeros(len(table), np.bool_)
     lost[second[alone]] = True
-    return table.without(lost)
+    return replace(memory, table=table.without(lost))

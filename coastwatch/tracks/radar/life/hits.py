@@ -17,12 +17,20 @@ from coastwatch.stage import Count, NotNegative, Positive, Probability, Settings
 from coastwatch.tracks.radar.table import Duplicates, RadarMemory, Status, Table
 
 
-class TrackManagement(Settings):
+class PlotSettings(Settings):
+    """How plots are taken, and looks counted, however the tracks live."""
+
+    echo_sigma_m: NotNegative = 0.0  # of the echo's place on a vessel, per axis, on top of the noise of the radar
+    slice_s: Positive = 1.0  # plots are processed in slices of this length, at most half a turn of the fastest radar
+    look_slack: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.1  # a look is counted as over after 1 + look_slack turns
+    late_s: Positive = 5.0  # a plot up to this much older than its track is used
+    ahead_s: Positive = 5.0  # a plot stamped more than this after the cycle is dropped
+
+
+class TrackManagement(PlotSettings):
     """Gates, initiation, deletion by hits and misses. A look is one turn of a radar that covers the track."""
 
     method: Literal["hits"] = "hits"
-    echo_sigma_m: NotNegative = 0.0  # of the echo's place on a vessel, per axis, on top of the noise of the radar
-    slice_s: Positive = 1.0  # plots are processed in slices of this length, at most half a turn of the fastest radar
     gate_probability: Probability = 0.999  # that a vessel's own plot is inside the gate
     detection_probability: Probability = 0.9  # of a vessel in one look
     false_plots_per_m2: Positive = 1e-6  # clutter and new vessels, in one look
@@ -31,15 +39,12 @@ class TrackManagement(Settings):
     confirm_looks: Count = 5
     delete_misses: Count = 5  # looks in a row
     misses_per_hit: Positive = 0.5  # a track ends after this many misses for each hit, at most `delete_misses`
-    look_slack: Annotated[float, Field(gt=-0.5, lt=0.5)] = 0.1  # a look is counted as over after 1 + look_slack turns
     own_looks: bool = (
         True  # each radar counts its own looks: a new track those of radars that saw it, others by what they missed
     )
     coast_s: Positive = 30.0  # longest time without a plot, also outside the range of every radar
     merge_probability: Probability = 0.99  # that two tracks of one vessel pass the test for duplicates
     merge_looks: Count = 3  # turns after which the younger of two such tracks is deleted
-    late_s: Positive = 5.0  # a plot up to this much older than its track is used
-    ahead_s: Positive = 5.0  # a plot stamped more than this after the cycle is dropped
 
     @model_validator(mode="after")
     def _hits_fit_into_looks(self) -> Self:
@@ -50,8 +55,15 @@ class TrackManagement(Settings):
     @property
     def rules(self) -> LifeRules:
         """The settings of confirmation and deletion as the kernel takes them."""
-        first = self.confirm_hits, self.confirm_looks, self.delete_misses
-        return LifeRules(*first, self.misses_per_hit, self.look_slack, self.coast_s, self.own_looks)
+        return LifeRules(
+            confirm_hits=self.confirm_hits,
+            confirm_looks=self.confirm_looks,
+            delete_misses=self.delete_misses,
+            misses_per_hit=self.misses_per_hit,
+            look_slack=self.look_slack,
+            coast=self.coast_s,
+            own_looks=self.own_looks,
+        )
 
     def end_slice(self, memory: RadarMemory, radars: RadarColumns, ours: Ints, every: Radars, time_s: float) -> RadarMemory:
         """Confirm tracks with enough hits, and delete those with too many misses.
@@ -59,8 +71,8 @@ class TrackManagement(Settings):
         Args: radars: of the region, as they are now; ours: (R,) their rows of `every`; time_s: of the newest plot, or now.
         """
         table = memory.table
-        given = table.life, table.estimates, table.live, radars, ours, self.rules, time_s
-        lost = kernels.tracks.track_life.confirm_and_find_lost(*given)
+        find_lost = kernels.tracks.track_life.confirm_and_find_lost
+        lost = find_lost(table.life, table.estimates, table.live, radars, ours, self.rules, time_s)
         return replace(memory, table=table.without(lost)) if lost.any() else memory
 
     def shown(self, table: Table, time_s: float) -> Ints:
@@ -73,15 +85,14 @@ class TrackManagement(Settings):
         return np.full(len(slots), np.nan)
 
 
-def remove_duplicates(
-    management: TrackManagement, table: Table, duplicates: Duplicates, period_s: Floats, time_s: float
-) -> tuple[Table, Duplicates]:
-    """Delete the younger of two tracks that have been one vessel for `merge_looks` turns. Returns: the table, pairs still suspected.
+def remove_duplicates(management: TrackManagement, memory: RadarMemory, period_s: Floats, time_s: float) -> RadarMemory:
+    """Delete the younger of two tracks that have been one vessel for `merge_looks` turns, and note the suspected pairs.
 
     Two tracks are suspected while their difference may be zero, by their covariances, and no radar gave both a plot in one look: a
     vessel gives a radar one plot a look.
     Args: period_s: (R,) of one turn; time_s: now.
     """
+    table, duplicates = memory.table, memory.duplicates
     places = np.flatnonzero(table.status[table.live] != Status.SINGLE)
     slots = table.live[places]
     furthest = gate(management.merge_probability, 4)
@@ -90,7 +101,11 @@ def remove_duplicates(
     alone = ~seen_together(table, slots[first], slots[second], period_s)
     first, second = first[alone], second[alone]
     one, other = table.radar_s[slots[first]], table.radar_s[slots[second]]
-    since = _since(duplicates, table.track_id[slots[first]], table.track_id[slots[second]], time_s)
+    ids = table.track_id[slots[first]], table.track_id[slots[second]]
+    before, now = np.rec.fromarrays((duplicates.first, duplicates.second)), np.rec.fromarrays(ids)
+    _, old, new = np.intersect1d(before, now, assume_unique=True, return_indices=True)
+    since = np.full(len(first), time_s)  # a pair that is suspected for the first time
+    since[new] = duplicates.since_s[old]
     turn = np.where(np.isfinite(one) | np.isfinite(other), period_s, 0.0).max(axis=1, initial=0.0)
     same = time_s - since >= management.merge_looks * turn
     lost = np.zeros(len(table), np.bool_)
@@ -98,8 +113,7 @@ def remove_duplicates(
     younger = np.where(status[first] < status[second], first, second)  # or of the lower status
     lost[places[younger[same]]] = True
     kept = ~lost[places[first]] & ~lost[places[second]]
-    pairs = Duplicates(table.track_id[slots[first[kept]]], table.track_id[slots[second[kept]]], since[kept])
-    return table.without(lost), pairs
+    return replace(memory, table=table.without(lost), duplicates=Duplicates(ids[0][kept], ids[1][kept], since[kept]))
 
 
 def seen_together(table: Table, first: Ints, second: Ints, period_s: Floats) -> Bools:
@@ -109,12 +123,3 @@ def seen_together(table: Table, first: Ints, second: Ints, period_s: Floats) -> 
     apart = np.subtract(one, other, where=served, out=np.full(served.shape, np.inf))
     together: Bools = (np.abs(apart) < 0.5 * period_s).any(axis=1)
     return together
-
-
-def _since(duplicates: Duplicates, first: Ints, second: Ints, now_s: float) -> Floats:
-    """Since when each of these pairs is suspected: now, where it was not before."""
-    before, now = (np.rec.fromarrays(ids) for ids in ((duplicates.first, duplicates.second), (first, second)))
-    _, old, new = np.intersect1d(before, now, assume_unique=True, return_indices=True)
-    since: Floats = np.full(len(first), now_s)
-    since[new] = duplicates.since_s[old]
-    return since

@@ -43,7 +43,7 @@ class PreciseBatch(MessageSettings):
         end = np.append(begin[1:], len(messages))
         first = columns_of(messages.take(begin))
         pairs = by_track(near(parts, table, first), len(models))
-        of = np.repeat(pairs.slot, np.diff(pairs.start))
+        of = pairs.slot[pairs.track]
         born = _begun(parts, messages.take(begin), len(models))
         both = Filters(*(np.concatenate([a[of], b]) for a, b in zip(table.filters, born, strict=True)))
         time = np.concatenate([table.updated_s[of], first.time])
@@ -61,9 +61,9 @@ class PreciseBatch(MessageSettings):
         probability, share, new = weigh(parts, self, memory, candidate, messages.mmsi[begin], alone=False)
         mean, spread = kernels.filters.imm.estimate_filters(*(column[many:] for column in both))
         new = first_of_new(parts, self, new, end - begin, mean[:, :2], spread[:, :2, :2])
-        others = tuple(column[kept] for column in both)
-        given = share, parts.existence.least_model_probability, models
-        kernels.tracks.message_clusters.mix_filters(tuple(table.filters), table.estimates, slot, start, others, *given)
+        others, least = tuple(column[kept] for column in both), parts.existence.least_model_probability
+        mix = kernels.tracks.message_clusters.mix_filters
+        mix(tuple(table.filters), table.estimates, slot, start, others, share, least, models)
         last = columns_of(messages.take(end - 1))
         record(parts, memory, candidate, probability, last)
         begun = np.flatnonzero(new >= self.begin_existence)

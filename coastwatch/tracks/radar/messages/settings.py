@@ -61,10 +61,7 @@ def in_order(rules: MessageSettings, parts: Parts, messages: Messages, memory: R
     newest_s = float(memory.table.updated_s[memory.table.live].max(initial=-np.inf))
     order = np.lexsort((messages.position_m[:, 1], messages.position_m[:, 0], messages.mmsi, messages.time_s))
     messages = messages.take(order[messages.time_s[order] >= newest_s - parts.upkeep.late_s])
-    return messages if rules.velocities and not parts.bank.particles else _positions_alone(messages)
-
-
-def _positions_alone(messages: Messages) -> Messages:
-    """These messages without their velocities."""
+    if rules.velocities and not parts.bank.particles:
+        return messages
     unknown = np.full((len(messages), 2), np.nan)
     return replace(messages, velocity_m_s=unknown, velocity_covariance=np.tile(unknown[:, :, None], (1, 1, 2)))

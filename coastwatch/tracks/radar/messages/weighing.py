@@ -63,8 +63,8 @@ def take_at_once(
         updated, likelihood = _updated(parts, table, pairs, messages)
         candidate = Candidate(slot, start, plot, likelihood)
         probability, share, new = weigh(parts, rules, memory, candidate, messages.mmsi, alone=size is None)
-        given = tuple(updated), share, least, parts.bank.models
-        kernels.tracks.message_clusters.mix_filters(tuple(table.filters), table.estimates, slot, start, *given)
+        mix = kernels.tracks.message_clusters.mix_filters
+        mix(tuple(table.filters), table.estimates, slot, start, tuple(updated), share, least, parts.bank.models)
     record(parts, memory, candidate, probability, batch)
     if size is not None:
         new = first_of_new(parts, rules, new, size, batch.position, batch.covariance)
@@ -83,7 +83,7 @@ def _updated(parts: Parts, table: Table, pairs: Hypotheses, messages: Messages) 
     A likelihood with a velocity is relative to the density of such a velocity of a new vessel. So messages with and without a
     velocity are weighed alike. Args: pairs: predicted to their messages.
     """
-    of, (z, noise) = np.repeat(pairs.slot, np.diff(pairs.start)), measurements_of(messages.take(pairs.plot))
+    of, (z, noise) = pairs.slot[pairs.track], measurements_of(messages.take(pairs.plot))
     z[:, :2], noise[:, :2, :2] = pairs.position, pairs.noise
     before = (column[of] for column in table.filters)
     *after, log_likelihood = kernels.filters.imm.update_filters(*before, z, noise, np.isfinite(z[:, 2]))
@@ -181,8 +181,8 @@ def predict(parts: Parts, memory: RadarMemory, slots: Ints, until_s: float) -> N
     """Predict the filters in these slots to a time, in place."""
     table = memory.table
     dt = np.maximum(until_s - table.updated_s[slots], 0.0)
-    given = dt, parts.bank.prior.renewal_s, parts.bank.models
-    after = kernels.filters.imm.predict_filters(*(column[slots] for column in table.filters), *given)
+    before, predict_filters = (column[slots] for column in table.filters), kernels.filters.imm.predict_filters
+    after = predict_filters(*before, dt, parts.bank.prior.renewal_s, parts.bank.models)
     for column, predicted in zip(table.filters, after, strict=True):
         column[slots] = predicted
     table.updated_s[slots] += dt
@@ -225,7 +225,7 @@ def begin_unnamed(rules: MessageSettings, table: Table, slots: Ints) -> None:
 
 def chosen(pairs: Hypotheses, kept: Bools) -> Hypotheses:
     """Some of these pairs. Args: kept: (A,)."""
-    track = np.repeat(np.arange(len(pairs.slot)), np.diff(pairs.start))[kept]
+    track = pairs.track[kept]
     rows, first = np.flatnonzero(kept), np.flatnonzero(np.diff(track, prepend=-1))
     start = np.append(first, len(track))
     plot, position, noise, likelihood = pairs.plot[rows], pairs.position[rows], pairs.noise[rows], pairs.likelihood[rows]
