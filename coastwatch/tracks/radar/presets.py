@@ -10,13 +10,6 @@ Part = Mapping[str, object]
 TAGS = {"association": "method", "motion": "kind", "messages": "method", "bank": "method"}
 """The setting of each part that says which one it is."""
 
-DEFAULT: Mapping[str, str] = {
-    "association": "nearest_neighbour",
-    "motion": "manoeuvres",
-    "messages": "none",
-    "bank": "compiled",
-}
-
 Name = Literal[
     "sided_imm",
     "imm",
@@ -58,7 +51,8 @@ PRESETS: Mapping[str, Mapping[str, Part]] = {
     },
     "table": {},
 }
-"""The parts of each tracker that are not `DEFAULT`. Settings of a part hold where the scenario has no table for this part."""
+"""The parts of each tracker that are not the defaults of `TableTracker`. Settings of a part hold where the scenario has no table for
+this part."""
 
 SHORT: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys(("sided_imm", "imm", "filterpy_imm"), ("plot_origin",)),
@@ -71,8 +65,10 @@ ORIGINS = {"estimated": "nearest_neighbour", "known": "known_origin"}
 """The association, by `plot_origin`."""
 
 
-def expanded(data: Mapping[str, object], upkeep_of: Mapping[str, str]) -> dict[str, object]:
-    """A table `[tracks]` with all parts of its method. Args: upkeep_of: the method of `upkeep` that each association needs.
+def expanded(data: Mapping[str, object], defaults: Mapping[str, str], upkeep_of: Mapping[str, str]) -> dict[str, object]:
+    """A table `[tracks]` with all parts of its method.
+
+    Args: defaults: each part where the preset names none; upkeep_of: the method of `upkeep` that each association needs.
 
     Raises: ValueError: `plot_origin` has another value than it may have.
     """
@@ -88,7 +84,7 @@ def expanded(data: Mapping[str, object], upkeep_of: Mapping[str, str]) -> dict[s
             if isinstance(given, Mapping):
                 out[part] = {**settings, **given}
     for part, tag in TAGS.items():
-        named = {tag: DEFAULT[part], **preset.get(part, {})}
+        named = {tag: defaults[part], **preset.get(part, {})}
         out[part] = _with_tag(out.get(part), tag, named)
     association = out["association"]
     of = association.get("method") if isinstance(association, Mapping) else getattr(association, "method", None)

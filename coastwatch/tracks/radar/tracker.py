@@ -15,7 +15,7 @@ from coastwatch.tracks.radar.life import TrackManagement, Upkeep
 from coastwatch.tracks.radar.messages import MessageUpdate, NoMessages, messages_of
 from coastwatch.tracks.radar.motion import Manoeuvres, MotionModels
 from coastwatch.tracks.radar.parts import Parts
-from coastwatch.tracks.radar.presets import Name, expanded, settings_of
+from coastwatch.tracks.radar.presets import TAGS, Name, expanded, settings_of
 from coastwatch.tracks.radar.region import RegionInput, RegionOutput, update_region
 from coastwatch.tracks.radar.table import RadarMemory
 
@@ -45,7 +45,8 @@ class TableTracker(Method):
     @model_validator(mode="before")
     @classmethod
     def _has_the_parts_of_its_method(cls, data: object) -> object:
-        return expanded(data, UPKEEP_OF) if isinstance(data, dict) else data
+        defaults = {part: getattr(cls.model_fields[part].default, tag) for part, tag in TAGS.items()}
+        return expanded(data, defaults, UPKEEP_OF) if isinstance(data, dict) else data
 
     @model_validator(mode="after")
     def _parts_fit_together(self) -> Self:
