@@ -88,14 +88,10 @@ def close_pairs(
     *new, left_out = _candidates(picture, np.flatnonzero(counts), speed_m_s, limit_m, middle_s, half_s)
     old = find(picture.vessel_id, before.first_id), find(picture.vessel_id, before.second_id)
     there = (old[0] >= 0) & (old[1] >= 0)
-    first, second = (np.concatenate([row[there], found]) for row, found in zip(old, new, strict=True))
+    ends = [np.concatenate([row[there], rows]) for row, rows in zip(old, new, strict=True)]
+    first, second = np.minimum(*ends), np.maximum(*ends)
     both = counts[first] & counts[second] & ~(slow[first] & slow[second])
-    first, second = _once(first[both], second[both], len(picture))
-    pairs, relative_m_s = _closest(picture, first, second)
-    hold = settings.cpa_hold_factor
-    near = (pairs.cpa_m <= hold * limit_m) & (pairs.tcpa_s >= 0.0) & (pairs.tcpa_s <= hold * within_s)
-    near &= relative_m_s >= settings.cpa_relative_kn * KNOT_M_S
-    pairs = pairs.take(near)
+    pairs = _within_limits(settings, picture, first[both], second[both])
     weak = (pairs.cpa_m > limit_m) | (pairs.tcpa_s > within_s)
     urgent = _most_urgent(pairs, weak, MOST_FOLLOWED, len(picture))
     if opened is not None and not urgent.all():
@@ -153,47 +149,43 @@ def _candidates(
     middle_deg = picture.position_deg[rows] + ahead_deg
     of_speed = np.searchsorted(CLASSES_M_S, speed_m_s[rows])
     classes = [np.flatnonzero(of_speed == k) for k in range(len(CLASSES_M_S))]
-    none = np.zeros(0, np.int64)
-    first, second, left_out = [none], [none], 0
+    near, first, second, left_out = kernels.association, [rows[:0]], [rows[:0]], 0
     for b, faster in enumerate(classes):
         for a, slower in enumerate(classes[: b + 1]):
-            if len(faster) and len(slower):
-                reach_m = limit_m + SLACK_M + (CLASSES_M_S[a] + CLASSES_M_S[b]) * half_s
-                *found, more = _pairs_within(middle_deg, slower, faster, reach_m, a == b)
-                first.append(rows[found[0]])
-                second.append(rows[found[1]])
-                left_out += more
+            if not len(faster) or not len(slower):
+                continue
+            reach_m = limit_m + SLACK_M + (CLASSES_M_S[a] + CLASSES_M_S[b]) * half_s
+            members = slower if a == b else np.concatenate([slower, faster])
+            group = np.arange(len(members)) if a == b else np.repeat([0, 1], [len(slower), len(faster)])
+            place = near.places.sorted_places(middle_deg[members], group, np.zeros(len(members), np.int64), reach_m)
+            member = members[place["row"]]
+            crowds = near.crowds.find_crowds(place, member, reach_m, MOST_NEAR)
+            no_halo = np.zeros(len(members) + 1, np.int64), rows[:0]
+            pairs = near.candidate_pairs.candidate_pairs(
+                0, len(members), np.arange(len(members)), place, no_halo, crowds, reach_m
+            )
+            first.append(rows[member][pairs["first"]])
+            second.append(rows[member][pairs["second"]])
+            left_out += crowds.left_out
     return np.concatenate(first), np.concatenate(second), left_out
 
 
-def _pairs_within(position_deg: Floats, some: Ints, others: Ints, reach_m: float, same: bool) -> tuple[Ints, Ints, int]:
-    """Pairs of one of some rows and one of other rows, not farther apart than the reach, and how many are left out, at most.
+def _within_limits(settings: AlarmSettings, picture: Picture, first: Ints, second: Ints) -> Pairs:
+    """The pairs whose closest approach on straight courses lies within the limits, each widened by `cpa_hold_factor`; each once.
 
-    Args: same: both are the same rows.
+    Most pairs fail at their relative velocity or their time already, so the distances of few are computed.
+    Args: first, second: (P,), may repeat.
     """
-    near = kernels.association
-    rows = some if same else np.concatenate([some, others])
-    group = np.arange(len(rows)) if same else np.repeat([0, 1], [len(some), len(others)])
-    place = near.places.sorted_places(position_deg[rows], group, np.zeros(len(rows), np.int64), reach_m)
-    crowds = near.crowds.find_crowds(place, rows[place["row"]], reach_m, MOST_NEAR)
-    no_halo = np.zeros(len(rows) + 1, np.int64), np.zeros(0, np.int64)
-    found = near.candidate_pairs.candidate_pairs(0, len(rows), np.arange(len(rows)), place, no_halo, crowds, reach_m)
-    return rows[place["row"][found["first"]]], rows[place["row"][found["second"]]], crowds.left_out
-
-
-def _once(first: Ints, second: Ints, count: int) -> tuple[Ints, Ints]:
-    """Each pair once, the lower row first, sorted."""
-    code = np.sort(np.minimum(first, second) * count + np.maximum(first, second))
-    code = code[np.append(True, code[1:] != code[:-1])[: len(code)]]
-    low, high = np.divmod(code, max(count, 1))
-    return low, high
-
-
-def _closest(picture: Picture, first: Ints, second: Ints) -> tuple[Pairs, Floats]:
-    """The closest approach of pairs of rows on straight courses, and their relative speeds, m/s."""
-    away = difference_m(picture.position_deg[second], picture.position_deg[first])
     relative = picture.velocity_m_s[second] - picture.velocity_m_s[first]
     speed2 = relative[:, 0] ** 2 + relative[:, 1] ** 2
-    tcpa_s = -(away[:, 0] * relative[:, 0] + away[:, 1] * relative[:, 1]) / np.maximum(speed2, 1e-12)
+    some = np.flatnonzero(np.sqrt(speed2) >= settings.cpa_relative_kn * KNOT_M_S)
+    first, second, relative = first[some], second[some], relative[some]
+    away = difference_m(picture.position_deg[second], picture.position_deg[first])
+    tcpa_s = -(away[:, 0] * relative[:, 0] + away[:, 1] * relative[:, 1]) / np.maximum(speed2[some], 1e-12)
+    soon = np.flatnonzero((tcpa_s >= 0.0) & (tcpa_s <= settings.cpa_hold_factor * settings.tcpa_min * 60.0))
+    first, second, relative, away, tcpa_s = first[soon], second[soon], relative[soon], away[soon], tcpa_s[soon]
     cpa_m = np.hypot(away[:, 0] + relative[:, 0] * tcpa_s, away[:, 1] + relative[:, 1] * tcpa_s)
-    return Pairs(first, second, cpa_m, tcpa_s, np.hypot(away[:, 0], away[:, 1])), np.sqrt(speed2)
+    near = np.flatnonzero(cpa_m <= settings.cpa_hold_factor * settings.cpa_nm * NAUTICAL_MILE_M)
+    _, once = np.unique(first[near] * len(picture) + second[near], return_index=True)
+    near = near[once]
+    return Pairs(first[near], second[near], cpa_m[near], tcpa_s[near], np.hypot(away[near, 0], away[near, 1]))

@@ -10,6 +10,7 @@ from string import Formatter
 
 import numpy as np
 
+from coastwatch import kernels
 from coastwatch.batches import (
     AlarmKind,
     BearingAssociations,
@@ -126,7 +127,8 @@ class EvidenceContext:
             bearings.track_id[found.bearing_row],
         )
         parts = [np.stack(columns, 1) for columns in ((m.vessel_id, m.source, m.track_id), of_bearings)]
-        rows = np.concatenate([part[np.isin(part[:, 0], vessel_id)] for part in parts])
+        wanted = np.unique(vessel_id)
+        rows = np.concatenate([part[find(wanted, part[:, 0]) >= 0] for part in parts])
         return rows[np.lexsort(rows.T[::-1])]
 
 
@@ -282,39 +284,29 @@ def _in_range_of(what: str, names: Sequence[str]) -> str:
 
 def _track_texts(row: Ints, picture: Picture, context: EvidenceContext) -> list[str]:
     """The tracks of each vessel: how fast, how old and how far from the first they are. Args: row: (B,) of the picture."""
-    members, tracks = context.members_of(picture.vessel_id[row], picture), context.tracks
-    low, high = (np.searchsorted(members[:, 0], picture.vessel_id[row], side).tolist() for side in ("left", "right"))
-    age_s = (picture.time_s[row] - picture.updated_s[row]).tolist()
-    there = np.flatnonzero(np.isin(tracks.track_id, members[:, 2]))
-    keys = zip(tracks.source[there].tolist(), tracks.track_id[there].tolist(), strict=True)
-    at = dict(zip(keys, there.tolist(), strict=True))
-    out = []
-    for k in range(len(row)):
-        of_vessel = [(source, track) for _, source, track in members[low[k] : high[k]].tolist()]
-        seen_by = _source_texts(of_vessel, at, context.names, tracks)
-        out.append(f"seen by {', '.join(seen_by)}" if seen_by else f"no track, last report {age_s[k]:.0f} s before")
-    return out
-
-
-def _source_texts(
-    members: Sequence[tuple[int, int]], at: Mapping[tuple[int, int], int], names: Sequence[str], tracks: Tracks
-) -> list[str]:
-    """A text for each track of a vessel, and for each sonar. Args: members: source, track; at: their rows; bearings have none."""
-    rows = [at[member] for member in members if member in at]
-    out = []
-    for source, track in dict.fromkeys(member if member in at else (member[0], -1) for member in members):
-        row = at.get((source, track))
-        text = f"bearings of {names[source]}" if row is None else names[source]
-        if row is not None:
-            speed_kn = float(np.hypot(*tracks.velocity_m_s[row])) / KNOT_M_S
-            about = [f"{speed_kn:.1f} kn"] if np.isfinite(speed_kn) else []
-            about += [f"{tracks.time_s[row] - tracks.updated_s[row]:.0f} s old"]
-            if row != rows[0]:
-                away_m = np.hypot(*difference_m(tracks.position_deg[[row]], tracks.position_deg[rows[:1]])[0])
-                about += [f"{away_m:.0f} m from the first"]
-            text += f" ({', '.join(about)})"
-        out.append(text)
-    return out
+    vessel_id, tracks = picture.vessel_id[row], context.tracks
+    members = context.members_of(vessel_id, picture)
+    at = kernels.tables.match_ids.index_of(tracks.track_id, members[:, 2].copy())
+    at[np.append(tracks.source, -1)[at] != members[:, 1]] = -1  # a bearing, whose id another track may have
+    low, high = (np.searchsorted(members[:, 0], vessel_id, side).tolist() for side in ("left", "right"))
+    is_track = np.flatnonzero(at >= 0)
+    row_of, first = at[is_track], is_track[np.searchsorted(members[is_track, 0], members[is_track, 0])]
+    away_m = np.hypot(*difference_m(tracks.position_deg[row_of], tracks.position_deg[at[first]]).T)
+    speed_kn = np.hypot(*tracks.velocity_m_s[row_of].T) / KNOT_M_S
+    age_s = tracks.time_s[row_of] - tracks.updated_s[row_of]
+    text = [f"bearings of {context.names[source]}" for source in members[:, 1].tolist()]
+    values = zip(is_track.tolist(), first.tolist(), speed_kn.tolist(), age_s.tolist(), away_m.tolist(), strict=True)
+    for k, k_first, speed, age, away in values:
+        about = f"{speed:.1f} kn, {age:.0f} s old" if np.isfinite(speed) else f"{age:.0f} s old"
+        about += "" if k == k_first else f", {away:.0f} m from the first"
+        text[k] = f"{context.names[members[k, 1]]} ({about})"
+    without_s = (picture.time_s[row] - picture.updated_s[row]).tolist()
+    keys = list(zip(at.tolist(), text, strict=True))
+    of_vessel = [[text for _, text in dict.fromkeys(keys[a:b])] for a, b in zip(low, high, strict=True)]
+    return [
+        f"seen by {', '.join(some)}" if some else f"no track, last report {age:.0f} s before"
+        for some, age in zip(of_vessel, without_s, strict=True)
+    ]
 
 
 def _same_mmsi(begins: Beginning) -> list[str]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from coastwatch import kernels
 from coastwatch.alarms.lasting import AlarmSettings
 from coastwatch.batches import Bools, Flag, Floats, Ints, Members, NavStatus, Picture, Sensors, SourceKind
 from coastwatch.geodesy import KNOT_M_S, difference_m, offset_deg
@@ -107,8 +108,7 @@ def look(
     row = Watched(**columns)
     row, dragging, lain_s, away_m = _anchored(settings, row, now, waited_s, time_s)
 
-    moved_on = members_before.vessel_id[np.isin(members_before.track_id, members.track_id)]
-    watched = _with_absent(settings, before, row, picture, moved_on, time_s)
+    watched = _with_absent(settings, before, row, picture, members, members_before, time_s)
     rows = find(watched.vessel_id, now.vessel_id)
     without = np.ones(len(watched.vessel_id), np.bool_)
     without[rows] = False
@@ -149,22 +149,31 @@ def _rows_of(now: Picture, members: Members, sensors: Sensors, time_s: float) ->
 
 
 def _with_absent(
-    settings: AlarmSettings, before: Watched, row: Watched, picture: Picture, moved_on: Ints, time_s: float
+    settings: AlarmSettings,
+    before: Watched,
+    row: Watched,
+    picture: Picture,
+    members: Members,
+    members_before: Members,
+    time_s: float,
 ) -> Watched:
     """The rows of all vessels: those with a track, and of the others those that are not forgotten.
 
     A vessel that left the picture while it had a track is dropped if one of its tracks goes on: that one is in another vessel now. A
     vessel whose tracks have ended is kept. One with AIS alone leaves so: its track is predicted for longer than a vessel without one.
-    Args: moved_on: (K,) vessels of the cycle before of which some track goes on.
+    Args: row: of the vessels with a track; the others as in `look`.
     """
     gone = before.take(find(row.vessel_id, before.vessel_id) < 0)
     here = find(picture.vessel_id, gone.vessel_id) >= 0
     keep_s = max(settings.forget_s, settings.lost_for_s if settings.lost_after_s else 0.0)
-    merged = ~here & gone.tracked & np.isin(gone.vessel_id, moved_on)
+    merged = ~here & gone.tracked
+    of_merged = np.flatnonzero(find(gone.vessel_id[merged], members_before.vessel_id) >= 0)
+    goes_on = kernels.tables.match_ids.index_of(members.track_id, members_before.track_id[of_merged]) >= 0
+    merged &= np.isin(gone.vessel_id, members_before.vessel_id[of_merged[goes_on]])
     kept = ~merged & (time_s - gone.seen_s <= keep_s)
     gone = replace(gone, here=here, tracked=np.zeros(len(here), np.bool_)).take(kept)
-    both = Watched(*(np.concatenate([getattr(row, name), getattr(gone, name)]) for name in vars(row)))
-    return both.take(np.argsort(both.vessel_id, kind="stable"))
+    place = np.searchsorted(row.vessel_id, gone.vessel_id)
+    return Watched(*(np.insert(getattr(row, name), place, getattr(gone, name), axis=0) for name in vars(row)))
 
 
 def _anchored(
@@ -184,7 +193,8 @@ def _anchored(
     new = np.isnan(at_rest_s) & rests
     anchorage[new], at_rest_s[new] = now.position_deg[new], time_s
     lain_s = time_s - at_rest_s
-    away_m = np.hypot(*difference_m(now.position_deg, anchorage).T)
+    away_m, lies = np.full(len(now), np.nan), np.flatnonzero(~np.isnan(at_rest_s))
+    away_m[lies] = np.hypot(*difference_m(now.position_deg[lies], anchorage[lies]).T)
     outside = away_m > settings.swing_m + SIGMAS * _sigma_m(now)
     settling = ~outside & (lain_s > 0.0) & (lain_s < settings.settle_s)
     share = waited_s[settling] / (lain_s[settling] + waited_s[settling])

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from coastwatch import kernels
 from coastwatch.batches import AisAlarms, Flag, Ints, NavStatus, Tracks
 from coastwatch.batches.ais_codes import AIS_SART, EPIRB, MAN_OVERBOARD, is_vessel
-from coastwatch.kernels.tables.lookup import find
 
 
 def nav_statuses(before: Ints, tracks: Tracks, row_of_track: Ints, alarms: AisAlarms) -> Ints:
@@ -14,12 +14,10 @@ def nav_statuses(before: Ints, tracks: Tracks, row_of_track: Ints, alarms: AisAl
 
     Args: before: (R,) -1: none was sent; row_of_track: (N,) of the picture; alarms: with the status of each AIS track.
     """
-    order = np.argsort(alarms.track_id, kind="stable")
     ais = np.flatnonzero(tracks.mmsi >= 0)
-    at = find(alarms.track_id[order], tracks.track_id[ais])
-    out = before.copy()
-    known = at >= 0
-    out[row_of_track[ais[known]]] = alarms.nav_status[order[at[known]]]
+    at = kernels.tables.match_ids.index_of(alarms.track_id, tracks.track_id[ais])
+    out, has_status = before.copy(), at >= 0
+    out[row_of_track[ais[has_status]]] = alarms.nav_status[at[has_status]]
     return out
 
 

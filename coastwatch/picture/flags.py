@@ -24,6 +24,7 @@ from coastwatch import kernels
 from coastwatch.batches import AisDetection, Bools, Flag, Floats, Ints, Picture, Tracks
 from coastwatch.batches.sensor_cover import SensorCover, sensor_covers
 from coastwatch.geodesy import KNOT_M_S, difference_m
+from coastwatch.picture.former_names import AisNow, AisPast, had_ais
 from coastwatch.picture.inputs import PictureInput
 from coastwatch.picture.match import IdentityMatch
 from coastwatch.picture.order import VesselOrder
@@ -68,32 +69,27 @@ def flag(
     match: IdentityMatch,
     order: VesselOrder,
     picture: Picture,
-    row_of_track: Ints,
-    had_ais: Bools,
+    past: AisPast,
+    now: AisNow,
     given: PictureInput,
 ) -> tuple[FlagMemory, Ints]:
     """All flags of each row of the picture, COASTING included.
 
-    Args: row_of_track: (N,) of the picture; had_ais: (R,) under whatever MMSI. Returns: memory, (R,).
+    Args: past: after this cycle. Returns: memory, (R,).
     """
-    tracks, alarms, time_s, sensors = given.tracks, given.alarms, given.time_s, given.sensors
+    tracks, alarms, time_s, sensors, row_of_track = given.tracks, given.alarms, given.time_s, given.sensors, now.row_of_track
     ais_cover, radar_cover = sensor_covers(sensors, settings.cover_margin, given.hearing)
     radars, ais = np.flatnonzero(tracks.source < sensors.ais_source), np.flatnonzero(tracks.source == sensors.ais_source)
     first_radar = np.full(len(picture), -1, np.int64)
     first_radar[row_of_track[radars[::-1]]] = radars[::-1]  # the last one written is the first of its vessel
-    has_radar, has_ais = first_radar >= 0, np.zeros(len(picture), np.bool_)
-    has_ais[row_of_track[ais]] = True
-    heard_s = np.full(len(picture), -np.inf)
-    np.maximum.at(heard_s, row_of_track[ais], tracks.updated_s[ais])
-    known = np.flatnonzero((order.vessel_of_row >= 0) & (order.vessel_of_row < len(memory.ais_heard_s)))
-    ever_heard_s = heard_s.copy()
-    ever_heard_s[known] = np.maximum(heard_s[known], memory.ais_heard_s[order.vessel_of_row[known]])
+    ever_heard_s, before = now.heard_s.copy(), order.vessel_of_row
+    shown_before = np.flatnonzero((before >= 0) & (before < len(memory.ais_heard_s)))
+    ever_heard_s[shown_before] = np.maximum(now.heard_s[shown_before], memory.ais_heard_s[before[shown_before]])
 
     should_see = np.ones(len(picture), np.bool_)
     if given.detection is not None:
         should_see = _should_be_seen(settings, given.detection, tracks.track_id[ais], row_of_track[ais], len(picture))
-    before = order.vessel_of_row
-    no_ais, no_radar = has_radar & ~has_ais, has_ais & ~has_radar
+    no_ais, no_radar = now.has_radar & ~now.has_ais, now.has_ais & ~now.has_radar
     no_ais_since_s = _since(ais_cover, picture, no_ais, no_ais, memory.no_ais_since_s, before, time_s, AIS_RETURNS_S)
     no_radar_since_s = _since(
         radar_cover, picture, no_radar & should_see, no_radar, memory.no_radar_since_s, before, time_s, 0.0
@@ -104,15 +100,16 @@ def flag(
     flags = picture.flags.copy()
     anchor_deg, anchor_since_s, stationary = _stationary(settings, memory, order.vessel_of_row, picture, time_s)
     flags[stationary] |= int(Flag.STATIONARY)
-    never_sent = stationary & (picture.mmsi < 0) & ~had_ais
-    flags[(time_s - no_ais_since_s >= settings.dark_after_s) & ~never_sent] |= int(Flag.DARK)
-    flags[heard_s - no_radar_since_s >= settings.unseen_after_s] |= int(Flag.AIS_WITHOUT_RADAR)
+    dark = np.flatnonzero(time_s - no_ais_since_s >= settings.dark_after_s)
+    never_sent = stationary[dark] & (picture.mmsi[dark] < 0) & ~had_ais(settings, past, picture.vessel_id[dark])
+    flags[dark[~never_sent]] |= int(Flag.DARK)
+    flags[now.heard_s - no_radar_since_s >= settings.unseen_after_s] |= int(Flag.AIS_WITHOUT_RADAR)
     contradicted = _contradicted(settings, pairs, tracks, time_s)
     for track in (pairs.ais[contradicted], pairs.radar[contradicted]):
         flags[row_of_track[track]] |= int(Flag.AIS_CONTRADICTED)
     for alarm, what in ((alarms.twice, Flag.MMSI_TWICE), (alarms.impossible_speed, Flag.IMPOSSIBLE_SPEED)):
-        odd = np.isin(tracks.track_id, alarms.track_id[alarm])
-        flags[row_of_track[odd]] |= int(what)
+        odd = kernels.tables.match_ids.index_of(tracks.track_id, alarms.track_id[alarm])
+        flags[row_of_track[odd[odd >= 0]]] |= int(what)
     return FlagMemory(no_ais_since_s, no_radar_since_s, pairs, anchor_deg, anchor_since_s, ever_heard_s), flags
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from coastwatch.batches import Bools, Flag, Floats, Ints, Picture, Struct, Tracks, column
 from coastwatch.geodesy import difference_m
 from coastwatch.kernels.tables.lookup import find
+from coastwatch.kernels.tables.match_ids import index_of
 from coastwatch.picture.settings import IdentitySettings
 
 
@@ -46,6 +47,7 @@ class AisNow:
 
     mmsi: Ints  # (B,) ascending
     row: Ints  # (B,) of the picture
+    row_of_track: Ints  # (N,) of every track of the cycle
     track_id: Ints  # (B,)
     track_of_row: Ints  # (R,) id of the AIS track that names each row; -1: none
     has_ais: Bools  # (R,)
@@ -62,26 +64,29 @@ class AisNow:
         has_ais[row_of_track[ais]] = True
         has_radar[row_of_track[tracks.source < ais_source]] = True
         np.maximum.at(heard_s, row_of_track[ais], tracks.updated_s[ais])
-        return cls(tracks.mmsi[ais], row_of_track[ais], tracks.track_id[ais], track_of_row, has_ais, has_radar, heard_s)
+        row, track_id = row_of_track[ais], tracks.track_id[ais]
+        return cls(tracks.mmsi[ais], row, row_of_track, track_id, track_of_row, has_ais, has_radar, heard_s)
 
 
 def next_past(before: AisPast, picture: Picture, hidden_id: Ints, now: AisNow, time_s: float) -> AisPast:
     """The newest AIS of every vessel after a cycle. Args: picture: sorted by vessel; hidden_id: (H,) of vessels that may return."""
     rows = np.flatnonzero(now.has_ais)
     vessel_id, mmsi = picture.vessel_id[rows], picture.mmsi[rows]
-    at = find(before.vessel_id, vessel_id)
+    at = index_of(before.vessel_id, vessel_id)
+    had = np.zeros(len(before.vessel_id), np.bool_)
     same = np.flatnonzero(at >= 0)
+    had[at[same]] = True
     same = same[(before.mmsi[at[same]] == mmsi[same]) & np.isinf(before.elsewhere_since_s[at[same]])]
     paired_since_s = np.full(len(rows), float(time_s))
     paired_since_s[same] = np.minimum(before.paired_since_s[at[same]], time_s)
     paired_since_s[~now.has_radar[rows]] = np.inf
 
-    silent = find(vessel_id, before.vessel_id) < 0
-    silent &= (find(picture.vessel_id, before.vessel_id) >= 0) | np.isin(before.vessel_id, hidden_id)
-    old = np.flatnonzero(silent)
+    old = np.flatnonzero(~had)
+    silent_id = before.vessel_id[old]
+    old = old[(find(picture.vessel_id, silent_id) >= 0) | (index_of(hidden_id, silent_id) >= 0)]
     is_live = find(now.mmsi, before.mmsi[old]) >= 0
     elsewhere_since_s = np.where(is_live, np.minimum(before.elsewhere_since_s[old], time_s), before.elsewhere_since_s[old])
-    ended = before.ended[old] | (np.isinf(before.elsewhere_since_s[old]) & ~np.isin(before.track_id[old], now.track_id))
+    ended = before.ended[old] | (np.isinf(before.elsewhere_since_s[old]) & (index_of(now.track_id, before.track_id[old]) < 0))
     columns: tuple[Any, ...] = (
         np.append(vessel_id, before.vessel_id[old]),
         np.append(mmsi, before.mmsi[old]),
@@ -114,13 +119,10 @@ def had_ais(settings: IdentitySettings, past: AisPast, vessel_id: Ints) -> Bools
 def name_flags(settings: IdentitySettings, past: AisPast, picture: Picture, now: AisNow, time_s: float) -> Ints:
     """MMSI_TWICE and AIS_CONTRADICTED, as far as they follow from who had an MMSI before. (R,)"""
     out = np.zeros(len(picture), np.int64)
-    other = np.flatnonzero(now.mmsi[1:] == now.mmsi[:-1])
-    if len(other):
-        first, last = (np.searchsorted(now.mmsi, now.mmsi, side) for side in ("left", "right"))
-        least = np.minimum.reduceat(now.row, np.unique(first))
-        most = np.maximum.reduceat(now.row, np.unique(first))
-        group = np.unique(first, return_inverse=True)[1]
-        out[now.row[(least != most)[group] & (last - first > 1)]] |= int(Flag.MMSI_TWICE)
+    if len(now.mmsi):
+        start = np.flatnonzero(np.append(True, now.mmsi[1:] != now.mmsi[:-1]))
+        in_two = np.minimum.reduceat(now.row, start) != np.maximum.reduceat(now.row, start)
+        out[now.row[np.repeat(in_two, np.diff(np.append(start, len(now.mmsi))))]] |= int(Flag.MMSI_TWICE)
 
     since_s = time_s - past.elsewhere_since_s
     taken = np.flatnonzero(

@@ -10,7 +10,7 @@ from coastwatch.batches import Picture
 from coastwatch.kernels.tables.row_numbers import require_rows
 from coastwatch.picture.ais_states import ais_flags, nav_statuses
 from coastwatch.picture.flags import FlagMemory, flag
-from coastwatch.picture.former_names import AisNow, AisPast, had_ais, name_flags, next_past, outdated
+from coastwatch.picture.former_names import AisNow, AisPast, name_flags, next_past, outdated
 from coastwatch.picture.inputs import PictureInput, PictureOutput
 from coastwatch.picture.match import KnownTracks, match_identities
 from coastwatch.picture.order import members_of, order_vessels, picture_of, tracks_of
@@ -65,8 +65,7 @@ class Identity(IdentitySettings):
         now = AisNow.of(tracks, track_memory.vessel, given.sensors.ais_source, len(picture))
         past = next_past(memory.ais_past, picture, known.hidden.vessel_id, now, time_s)
         picture, known = _without_outdated(picture, known, past, now)
-        had = had_ais(self, past, picture.vessel_id)
-        flag_memory, flags = flag(self, memory.flags, match, order, picture, track_memory.vessel, had, given)
+        flag_memory, flags = flag(self, memory.flags, match, order, picture, past, now, given)
         status = nav_statuses(picture.nav_status, tracks, track_memory.vessel, given.alarms)
         flags |= ais_flags(picture.mmsi, status) | name_flags(self, past, picture, now, time_s)
         existence = existence_of(tracks, track_memory.vessel, len(picture))
