@@ -9,13 +9,13 @@ import numpy as np
 
 from coastwatch.batches import Batch, Bools, Floats, Ints, Sensors, column
 from coastwatch.registration.evidence import Decision, decide, evidence, is_apart, log_evidence_at
-from coastwatch.registration.voters import Grid, Voters, counted
+from coastwatch.registration.reference_cells import Grid, ReferenceCells, counted
 
 SURE_SHARE = 0.99  # of the evidence of all biases, that the window of one that is taken has: rows and convoys repeat themselves
 PROBABLE_ODDS = 1e3
 FIRM_ODDS = 100.0  # with which the candidate moves the centre of the estimate
 CENTRE_GAIN = 0.2  # by which it does, a decision
-WATCH_LEAST_S, WATCH_MOST_S = 30.0, 120.0  # memory of the votes once a bias is found: a step is to be seen soon
+WATCH_LEAST_S, WATCH_MOST_S = 30.0, 120.0  # memory of the evidence once a bias is found: a step is to be seen soon
 WATCH_FACTOR = 3.0  # of the time that acquisition took
 MOST_LOG = 690.0  # a number of more does not fit a double
 
@@ -24,7 +24,7 @@ class Rules(NamedTuple):
     """When a bias is taken; settings of the method."""
 
     decision_s: float  # between two decisions
-    vote_memory_s: float  # time constant of the votes until a bias is found
+    vote_memory_s: float  # time constant of the evidence until a bias is found
     false_alarm: float  # probability of one decision
     least_vessels: int  # compared
     least_voices: int  # that speak for it
@@ -40,47 +40,47 @@ class Acquisition(Batch):
     doubtful: Bools = column(np.bool_, "R")  # another bias is significant, but not by enough
     begun_s: Floats = column(np.float64, "R")  # first decision; infinite: none yet
     decided_s: Floats = column(np.float64, "R")  # last decision
-    watch_s: Floats = column(np.float64, "R")  # time constant of the votes once a bias is found
+    watch_s: Floats = column(np.float64, "R")  # time constant of the evidence once a bias is found
     centre: Floats = column(np.float64, "R", 3)  # azimuth rad, range m, lag s about which the errors are estimated
     azimuth_rad: Floats = column(np.float64, "R")  # candidate; NaN before the first decision
     range_m: Floats = column(np.float64, "R")
     odds: Floats = column(np.float64, "R")  # of the candidate against chance
     found_odds: Floats = column(np.float64, "R")  # the same when it was found
-    voices: Ints = column(np.int64, "R")
+    groups: Ints = column(np.int64, "R")
     rival_share: Floats = column(np.float64, "R")  # of all evidence, that the best other bias has
 
     @classmethod
     def none(cls, radars: int) -> Acquisition:
         """Nothing known of any radar."""
         no, nan, far = np.zeros(radars, np.bool_), np.full(radars, np.nan), np.full(radars, np.inf)
-        centre, voices = np.zeros((radars, 3)), np.zeros(radars, np.int64)
-        return cls(no, no, no, far, -far, nan, centre, nan, nan, nan, nan, voices, nan)
+        centre, groups = np.zeros((radars, 3)), np.zeros(radars, np.int64)
+        return cls(no, no, no, far, -far, nan, centre, nan, nan, nan, nan, groups, nan)
 
 
 def decide_all(
     former: Acquisition,
-    voters: tuple[Voters, ...],
+    reference_cells: tuple[ReferenceCells, ...],
     estimate: Floats,
     compared: Ints,
     time_s: float,
     rules: Rules,
     sensors: Sensors,
-) -> tuple[Acquisition, tuple[Voters, ...]]:
-    """The decisions on all radars that are due, and the voters after them.
+) -> tuple[Acquisition, tuple[ReferenceCells, ...]]:
+    """The decisions on all radars that are due, and the reference cells after them.
 
     Args: estimate: (R, 3) azimuth rad, range m, lag s; compared: (R,) AIS vessels in this cycle.
     """
     new = former.take(np.arange(len(former)))  # a copy
     new.acquired[:] = False
-    after = list(voters)
-    for r, mine in enumerate(voters):
+    after = list(reference_cells)
+    for r, mine in enumerate(reference_cells):
         elapsed_s = time_s - former.decided_s[r]
         if elapsed_s < rules.decision_s or not mine.new_looks.any():
             continue
         memory_s = former.watch_s[r] if former.found[r] else rules.vote_memory_s
         after[r] = counted(mine, float(np.exp(-elapsed_s / memory_s)) if np.isfinite(elapsed_s) else 1.0, rules.grid)
         # The first interval differs from radar to radar, so that later decisions are spread over cycles.
-        new.decided_s[r] = time_s if np.isfinite(elapsed_s) else time_s - rules.decision_s * r / len(voters)
+        new.decided_s[r] = time_s if np.isfinite(elapsed_s) else time_s - rules.decision_s * r / len(reference_cells)
         new.begun_s[r] = min(former.begun_s[r], time_s)
         if len(after[r].counts):
             enough = bool(compared[r] >= rules.least_vessels)
@@ -92,7 +92,7 @@ def decide_all(
 def _decide(
     new: Acquisition,
     r: int,
-    voters: Voters,
+    reference_cells: ReferenceCells,
     applied_rad: float,
     sigma: float,
     enough: bool,
@@ -100,9 +100,9 @@ def _decide(
     rules: Rules,
 ) -> None:
     """Write the decision on radar r. Args: sigma: of its azimuth, rad; enough: whether it was compared with enough vessels."""
-    field = evidence(voters, sigma, rules.grid)
+    field = evidence(reference_cells, sigma, rules.grid)
     best = decide(field, sigma)
-    new.azimuth_rad[r], new.range_m[r], new.voices[r] = best.azimuth_rad, best.range_m, best.voices
+    new.azimuth_rad[r], new.range_m[r], new.groups[r] = best.azimuth_rad, best.range_m, best.groups
     new.odds[r], new.rival_share[r] = np.exp(min(best.log_odds, MOST_LOG)), best.rival_share
     significant = enough and _significant(best, rules)
     apart = is_apart(best.azimuth_rad, applied_rad, sigma, rules.grid.step_rad)
@@ -117,7 +117,7 @@ def _decide(
     elif (
         new.found[r]
         and not apart
-        and best.voices >= rules.least_voices
+        and best.groups >= rules.least_voices
         and best.share >= SURE_SHARE
         and new.odds[r] > FIRM_ODDS
     ):
@@ -126,4 +126,4 @@ def _decide(
 
 def _significant(best: Decision, rules: Rules) -> bool:
     """Whether a bias is no chance, has no rival and is no matter of one or two vessels."""
-    return bool(best.log_odds >= -np.log(rules.false_alarm) and best.share >= SURE_SHARE and best.voices >= rules.least_voices)
+    return bool(best.log_odds >= -np.log(rules.false_alarm) and best.share >= SURE_SHARE and best.groups >= rules.least_voices)

@@ -1,9 +1,9 @@
-"""Acquisition, second part: the evidence for each bias, added up over voters.
+"""Acquisition, second part: the evidence for each bias, added up over reference cells.
 
-Each voter has a likelihood ratio for each bias: that its vessel is seen there, against the background of plots around it. Divided by
-its mean over the biases nearby it is an e-value. It is 1 on average if the plots near a vessel could as well be turned or shifted a
-little, however quays and lanes lie. Products and means of e-values are e-values, and one exceeds
-1 / a by chance with a probability of at most a.
+Each reference cell has a likelihood ratio for each bias: that its vessel is seen there, against the background of plots around it.
+Divided by its mean over the biases nearby it is an e-value. It is 1 on average if the plots near a vessel could as well be turned or
+shifted a little, however quays and lanes lie. Products and means of e-values are e-values, and one exceeds 1 / a by chance with a
+probability of at most a.
 
 Source: V. Vovk, R. Wang, E-values: calibration, combination and applications, Annals of Statistics 49, 2021. The vote of differences is
 after P. V. C. Hough's transform, US patent 3069654.
@@ -17,29 +17,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from coastwatch.batches import Bools, Floats, Ints
-from coastwatch.registration.voters import AROUND, Grid, Voters
+from coastwatch.registration.reference_cells import AROUND, Grid, ReferenceCells
 
 Singles = NDArray[np.float32]
 
 DETECTION = (0.1, 0.3, 0.7)  # probability of detection of a vessel that is seen: tried values, of equal weight
-SEEN_SHARE = (0.05, 0.15, 0.4, 0.8)  # of the voters that are seen at all: tried values, of equal weight
+SEEN_SHARE = (0.05, 0.15, 0.4, 0.8)  # of the reference cells that are seen at all: tried values, of equal weight
 IN_BELL = 0.6  # share of true echoes that the bell counts
 BACKGROUND = 0.05  # hits, added to the mean around a bin
 LARGEST_LOG = 20.0  # of a likelihood ratio
-MOST_UNDER_WAY, MOST_AT_REST = np.log(1000.0), np.log(100.0)  # log evidence of one voice, at most
-SPEAKS = np.log(2.0)  # log evidence with which a voice counts for a bias
+MOST_UNDER_WAY, MOST_AT_REST = np.log(1000.0), np.log(100.0)  # log evidence of one group, at most
+SPEAKS = np.log(2.0)  # log evidence with which a group counts for a bias
 WINDOW_M = 100.0  # half width of a window of bins that are one bias, in range
 WINDOW_SIGMAS, WINDOW_BINS = 3.0, 2.0  # the same in azimuth: of the azimuth noise, and at least so many bins
 APART_SIGMAS = 2.0  # the same between two biases that cannot be one
 BELL_SIGMAS, BELL_M = 1.1, 25.0  # standard deviations of the bell
-BLOCK = 128  # voters at a time: they stay in the processor's cache
+BLOCK = 128  # reference cells at a time: they stay in the processor's cache
 
 
 class Field(NamedTuple):
     """Evidence for each bias that is searched. Bins in range come first, then bins in azimuth."""
 
     log_evidence: Floats  # (D, S)
-    by_voice: Singles  # (V, D, S) of each voice, at the share of seen voters that fits best
+    by_group: Singles  # (V, D, S) of each group, at the share of seen reference cells that fits best
     range_m: Floats  # (D,)
     azimuth_rad: Floats  # (S,)
 
@@ -50,45 +50,45 @@ class Decision(NamedTuple):
     azimuth_rad: float
     range_m: float
     log_odds: float  # of the best bias against chance, averaged over all that are searched
-    voices: int  # that speak for it
+    groups: int  # that speak for it
     share: float  # of the evidence of all biases that is in its window
     rival_share: float  # of the same in the best window beside it
     log_evidence: float  # of its bin
 
 
-def evidence(voters: Voters, azimuth_sigma_rad: float, grid: Grid) -> Field:
-    """The evidence for each bias. Args: voters: counted, sorted by voice."""
+def evidence(reference_cells: ReferenceCells, azimuth_sigma_rad: float, grid: Grid) -> Field:
+    """The evidence for each bias. Args: reference_cells: counted, sorted by group."""
     azimuth = grid.azimuth_rad
     searched = (np.abs(azimuth) <= grid.search_rad + 1e-9).nonzero()[0]
-    heard = np.unique(voters.counts.voter).astype(np.int64)  # without a plot the evidence is 1 everywhere
-    voice, first = np.unique(voters.voice[heard], return_index=True)
-    number = np.repeat(np.arange(len(voice)), np.diff(np.append(first, len(heard))))
-    by_voice = np.zeros((len(SEEN_SHARE), len(voice), len(grid.range_m), len(searched)), np.float32)
+    heard = np.unique(reference_cells.counts.reference_cell).astype(np.int64)  # without a plot the evidence is 1 everywhere
+    group, first = np.unique(reference_cells.group[heard], return_index=True)
+    number = np.repeat(np.arange(len(group)), np.diff(np.append(first, len(heard))))
+    by_group = np.zeros((len(SEEN_SHARE), len(group), len(grid.range_m), len(searched)), np.float32)
     across = _bell(azimuth, float(np.hypot(BELL_SIGMAS * azimuth_sigma_rad, 0.5 * grid.step_rad)))
     along, around = _bell(grid.range_m, BELL_M), _around(azimuth)
     # Vessels in one cell see the same background, so they count as their geometric mean: it is under the mean, which is an e-value
-    # however they depend on each other. A lane that is turned onto another lane is so no more than one witness a cell.
-    _, cell, vessels = np.unique(voters.cell[heard] // 2, return_inverse=True, return_counts=True)
+    # however they depend on each other. A lane that is turned onto another lane so counts no more than one vessel a cell.
+    _, cell, vessels = np.unique(reference_cells.cell[heard] // 2, return_inverse=True, return_counts=True)
     weight = (1.0 / vessels[cell]).astype(np.float32)[:, None, None]
     for low in range(0, len(heard), BLOCK):
         rows = heard[low : low + BLOCK]
-        e = _e_values(voters.histograms(rows, grid), voters.looks[rows], along, across, around, searched)
+        e = _e_values(reference_cells.histograms(rows, grid), reference_cells.looks[rows], along, across, around, searched)
         of = number[low : low + BLOCK]
         starts = np.flatnonzero(np.diff(of, prepend=-1))
         for k, share in enumerate(SEEN_SHARE):
             logs = weight[low : low + BLOCK] * np.log(np.float32(1.0 - share) + np.float32(share) * e)
-            by_voice[k, of[starts]] += np.add.reduceat(logs, starts, axis=0)
-    most: Any = np.where(voice >= 0, np.float32(MOST_UNDER_WAY), np.float32(MOST_AT_REST))
-    by_voice = np.minimum(by_voice, most[:, None, None])
-    total = by_voice.sum(axis=1, dtype=np.float64)
+            by_group[k, of[starts]] += np.add.reduceat(logs, starts, axis=0)
+    most: Any = np.where(group >= 0, np.float32(MOST_UNDER_WAY), np.float32(MOST_AT_REST))
+    by_group = np.minimum(by_group, most[:, None, None])
+    total = by_group.sum(axis=1, dtype=np.float64)
     best = int(total.reshape(len(SEEN_SHARE), -1).max(axis=1).argmax())
     top = total.max(axis=0)
     log_evidence = top + np.log(np.exp(total - top).mean(axis=0))
-    return Field(log_evidence, by_voice[best], grid.range_m, azimuth[searched])
+    return Field(log_evidence, by_group[best], grid.range_m, azimuth[searched])
 
 
 def _e_values(histogram: Singles, looks: Floats, along: Singles, across: Singles, around: Singles, searched: Ints) -> Singles:
-    """The e-value of each voter for each bias that is searched. (N, D, S)"""
+    """The e-value of each reference cell for each bias that is searched. (N, D, S)"""
     n, rows, columns = histogram.shape
     looked = looks.astype(np.float32)[:, None, None]
     count = np.matmul(along, (histogram.reshape(-1, columns) @ across).reshape(n, rows, columns))
@@ -129,7 +129,7 @@ def decide(field: Field, azimuth_sigma_rad: float) -> Decision:
         azimuth_rad=float(mean.sum(axis=0) @ field.azimuth_rad),
         range_m=float(mean.sum(axis=1) @ field.range_m),
         log_odds=float(logs[best] + np.log(inside / logs.size)),
-        voices=int((field.by_voice[:, best[0], best[1]] > SPEAKS).sum()),
+        groups=int((field.by_group[:, best[0], best[1]] > SPEAKS).sum()),
         share=inside / total,
         rival_share=float(other[rival].sum()) / total,
         log_evidence=float(logs[best]),

@@ -26,9 +26,9 @@ from coastwatch.registration.polar import (
     polar_measurements,
     sweeps,
 )
+from coastwatch.registration.reference_cells import AROUND, AT_REST_M_S, Grid, ReferenceCells, Seen, look, squares
 from coastwatch.registration.references import References, draw_references, id_hash
 from coastwatch.registration.residuals import GATE_M, GATE_SIGMAS, EchoShares, forgotten, plot_equations
-from coastwatch.registration.voters import AROUND, AT_REST_M_S, Grid, Seen, Voters, look, squares
 from coastwatch.stage import Count, Method, NotNegative, Positive, Probability
 
 JUMP_SIGMAS = 2.0  # of a plot: a correction that changes by more leaves tracks in the wrong place
@@ -43,7 +43,7 @@ class OnlineMemory:
 
     time_s: float
     references: References  # the vessels that each radar is compared with
-    voters: tuple[Voters, ...]  # of each radar
+    reference_cells: tuple[ReferenceCells, ...]  # of each radar
     acquisition: Acquisition
     shares: EchoShares
     information: Information
@@ -55,9 +55,9 @@ class OnlineMemory:
         """Check the numbers of radars, as after reading a checkpoint. Raises: ValueError that names the field."""
         for part in (self.references, self.shares, self.information, self.waiting):
             require_rows(f"{type(part).__name__}.radar", part.radar, len(self.acquisition))
-        for voters in self.voters:
-            require_rows("Hits.voter", voters.hits.voter, len(voters))
-            require_rows("Counts.voter", voters.counts.voter, len(voters))
+        for reference_cells in self.reference_cells:
+            require_rows("Hits.reference_cell", reference_cells.hits.reference_cell, len(reference_cells))
+            require_rows("Counts.reference_cell", reference_cells.counts.reference_cell, len(reference_cells))
 
 
 class OnlineRegistration(Method):
@@ -100,7 +100,7 @@ class OnlineRegistration(Method):
         return OnlineMemory(
             time_s=-np.inf,
             references=References.empty(),
-            voters=(),
+            reference_cells=(),
             acquisition=Acquisition.none(0),
             shares=EchoShares.empty(),
             information=Information.empty(),
@@ -125,16 +125,18 @@ class OnlineRegistration(Method):
         votes = self._votes(vessels, memory.acquisition.found)
         search = self._search(vessels, votes, memory.estimate, corrections, sensors)
         pairs = pair_with_vessels(measured, swept, vessels, corrections, search, sensors)
-        voice, voters = self._look(memory.voters, vessels, votes, pairs, measured, swept, dt, sensors)
+        group, reference_cells = self._look(memory.reference_cells, vessels, votes, pairs, measured, swept, dt, sensors)
         seen = np.bincount(vessels.radar, minlength=len(sensors.radars))
-        acquisition, voters = decide_all(memory.acquisition, voters, memory.estimate.mean, seen, time_s, self._rules(), sensors)
+        acquisition, reference_cells = decide_all(
+            memory.acquisition, reference_cells, memory.estimate.mean, seen, time_s, self._rules(), sensors
+        )
         acquired, found = acquisition.acquired, acquisition.found & ~acquisition.acquired
         information = memory.information.take(~acquired[memory.information.radar])
         memory_s = np.where(self._drifts(information, acquisition, memory.estimate), self.drift_memory_s, self.memory_s)
         shares = forgotten(memory.shares.take(~acquired[memory.shares.radar]), np.exp(-dt / memory_s))
         pairs = pairs.take(found[pairs.radar])
         shares, equations = plot_equations(
-            given, measured, pairs, vessels.tracks, voice, shares, memory.estimate, self.reference_sigma_m
+            given, measured, pairs, vessels.tracks, group, shares, memory.estimate, self.reference_sigma_m
         )
         waiting = memory.waiting
         if self.use_bearings:
@@ -147,7 +149,7 @@ class OnlineRegistration(Method):
         information = add_equations(information, equations, mean, keep, keep_newest)
         quiet_s = np.where(has_equations | acquired, 0.0, memory.quiet_s + dt)
         estimate = self._solved(information, acquisition.centre, sensors)
-        after = OnlineMemory(time_s, references, voters, acquisition, shares, information, estimate, waiting, quiet_s)
+        after = OnlineMemory(time_s, references, reference_cells, acquisition, shares, information, estimate, waiting, quiet_s)
         return after, self._corrections(after, seen, swept, corrections, dt, sensors)
 
     def _sized(self, memory: OnlineMemory, time_s: float, sensors: Sensors) -> OnlineMemory:
@@ -159,7 +161,7 @@ class OnlineRegistration(Method):
         return OnlineMemory(
             time_s=memory.time_s,
             references=References.empty(),
-            voters=tuple(Voters.none() for _ in range(n)),
+            reference_cells=tuple(ReferenceCells.none() for _ in range(n)),
             acquisition=acquisition,
             shares=EchoShares.empty(),
             information=information,
@@ -209,7 +211,7 @@ class OnlineRegistration(Method):
 
     def _look(
         self,
-        voters: tuple[Voters, ...],
+        reference_cells: tuple[ReferenceCells, ...],
         compared: ComparedVessels,
         votes: Bools,
         pairs: Pairs,
@@ -217,14 +219,14 @@ class OnlineRegistration(Method):
         swept: Sweeps,
         dt: float,
         sensors: Sensors,
-    ) -> tuple[Ints, tuple[Voters, ...]]:
-        """The voice of each vessel (V,), and the voters of each radar after this cycle."""
+    ) -> tuple[Ints, tuple[ReferenceCells, ...]]:
+        """The independent group of each vessel (V,), and the reference cells of each radar after this cycle."""
         radars, vessels, r = sensors.radars, compared.tracks, compared.radar
         at_m = to_plane(vessels.position_deg, swept.site_deg[r])
         square = squares(to_plane(vessels.position_deg, sensors.region_origin_deg[radars.region[r]]))
         at_rest = np.hypot(vessels.velocity_m_s[:, 0], vessels.velocity_m_s[:, 1]) < AT_REST_M_S
         after = []
-        for k, mine in enumerate(voters):
+        for k, mine in enumerate(reference_cells):
             rows = np.flatnonzero((r == k) & votes)
             if not len(rows):
                 after.append(mine)
@@ -290,7 +292,7 @@ class OnlineRegistration(Method):
             candidate_range_m=known.range_m,
             odds=known.odds,
             found_odds=known.found_odds,
-            voices=np.where(np.isfinite(known.azimuth_rad), known.voices, np.nan),
+            voices=np.where(np.isfinite(known.azimuth_rad), known.groups, np.nan),
             rival_share=known.rival_share,
         )
 
@@ -298,7 +300,7 @@ class OnlineRegistration(Method):
         """The state of each radar. Args: share: (R,) deviation of the azimuth bias over the azimuth noise."""
         known, estimate = memory.acquisition, memory.estimate
         compared = (seen > 0) | (known.begun_s < np.inf) | (estimate.plots > 0.0)
-        probable = (known.odds >= PROBABLE_ODDS) & (known.voices >= self.least_voices) & (seen >= self.least_vessels)
+        probable = (known.odds >= PROBABLE_ODDS) & (known.groups >= self.least_voices) & (seen >= self.least_vessels)
         settled = (share <= self.settled_share) & (estimate.references >= self.least_vessels)
         state = np.where(compared, RegistrationState.ACQUIRING, RegistrationState.UNKNOWN)
         state = np.where(probable, RegistrationState.PROBABLE, state)

@@ -96,7 +96,7 @@ class Course:
     right_again_s: float = np.inf  # after the step
     states: list[int] = field(default_factory=list)
     marks: dict[int, tuple[float, ...]] = field(default_factory=dict)  # minute: applied less true errors, and their sigmas
-    voters: int = 0
+    reference_cells: int = 0
     corrections: list[tuple[float, ...]] = field(default_factory=list)
 
 
@@ -183,7 +183,7 @@ def run(case: Case, seed: int, minutes: float | None = None, method: OnlineRegis
         memory, given = chosen.step(memory, RegistrationInput(plots, tracks, alarms, *rest, now, sensors, given))
         for course, errors in zip(courses, case.errors, strict=True):
             _note(course, case, errors, given, now - plan.start_s, plan.period_s)
-            course.voters = max(course.voters, len(memory.voters[course.radar]))
+            course.reference_cells = max(course.reference_cells, len(memory.reference_cells[course.radar]))
     return courses
 
 
@@ -222,7 +222,7 @@ def told(course: Course) -> str:
     again = f", right again after {course.right_again_s:.0f} s" if np.isfinite(course.right_again_s) else ""
     return (
         f"seed {course.seed} radar {course.radar}, {vessels:.0f} vessels, {100 * seen:.0f} % seen, {100 * nobody:.0f} % of nobody: found "
-        f"{found}{again}; wrong for {course.wrong_s:.0f} s; most odds {course.most_odds:.2g}; {course.voters} voters; {marks}"
+        f"{found}{again}; wrong for {course.wrong_s:.0f} s; most odds {course.most_odds:.2g}; {course.reference_cells} cells; {marks}"
     )
 
 
@@ -238,7 +238,7 @@ def summary(courses: list[Course]) -> dict[str, Any]:
         out["wrong_s"] = sum(c.wrong_s for c in courses)
         out["late_wrong_deg"] = max(c.late_wrong_deg for c in courses)
     out["most_odds_unfound"] = max(c.most_odds for c in courses)
-    out["voters"] = max(c.voters for c in courses)
+    out["reference_cells"] = max(c.reference_cells for c in courses)
     if any(np.isfinite(c.right_again_s) for c in courses):
         out["right_again_s"] = sorted(c.right_again_s for c in courses)
     for minute in MARKS_MIN:

@@ -1,4 +1,4 @@
-"""Evidence for a bias: voters, e-values, the decision, and what is shown of it."""
+"""Evidence for a bias: reference cells, e-values, the decision, and what is shown of it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,18 @@ from coastwatch.batches import RegistrationState
 from coastwatch.registration import OnlineRegistration
 from coastwatch.registration.evidence import MOST_AT_REST, MOST_UNDER_WAY, decide, evidence
 from coastwatch.registration.polar import Pairs
-from coastwatch.registration.voters import MOST_VOTERS, SQUARE_M, Counts, Grid, Hits, Seen, Voters, counted, look, squares
+from coastwatch.registration.reference_cells import (
+    MOST_REFERENCE_CELLS,
+    SQUARE_M,
+    Counts,
+    Grid,
+    Hits,
+    ReferenceCells,
+    Seen,
+    counted,
+    look,
+    squares,
+)
 
 GRID = Grid(np.radians(20.0), 150.0, np.radians(0.75))
 SIGMA = np.radians(1.3)
@@ -36,47 +47,47 @@ def pairs_of(vessel, range_m, azimuth_rad):
     )
 
 
-def looked(vessels, pairs, stamp_s, voters=None):
-    voters = Voters.none() if voters is None else voters
-    return look(voters, vessels, pairs, np.asarray(stamp_s, float), 1.0, PERIOD_S, GRID)
+def looked(vessels, pairs, stamp_s, reference_cells=None):
+    reference_cells = ReferenceCells.none() if reference_cells is None else reference_cells
+    return look(reference_cells, vessels, pairs, np.asarray(stamp_s, float), 1.0, PERIOD_S, GRID)
 
 
-def voters_of(histogram, looks, cell, voice):
-    """Voters with these histograms. Args: (N, D, A)"""
+def reference_cells_of(histogram, looks, cell, group):
+    """Reference cells with these histograms. Args: (N, D, A)"""
     n = len(histogram)
-    voter, at = np.nonzero(histogram.reshape(n, -1))
-    counts = Counts(voter.astype(np.int32), at.astype(np.int32), histogram.reshape(n, -1)[voter, at])
-    return Voters(Hits.empty(), counts, np.arange(n), cell, voice, np.full(n, looks), np.zeros(n))
+    reference_cell, at = np.nonzero(histogram.reshape(n, -1))
+    counts = Counts(reference_cell.astype(np.int32), at.astype(np.int32), histogram.reshape(n, -1)[reference_cell, at])
+    return ReferenceCells(Hits.empty(), counts, np.arange(n), cell, group, np.full(n, looks), np.zeros(n))
 
 
-def histograms(voters):
-    return voters.histograms(np.arange(len(voters)), GRID)
+def histograms(reference_cells):
+    return reference_cells.histograms(np.arange(len(reference_cells)), GRID)
 
 
-def random_histograms(rng, voters, turns, echoes):
-    """Voters among plots that have nothing to do with them: clusters at a random angle of each voter."""
+def random_histograms(rng, reference_cells, turns, echoes):
+    """Reference cells among plots that have nothing to do with them: clusters at a random angle of each reference cell."""
     n = len(GRID.azimuth_rad)
-    histogram = rng.poisson(0.01 * turns, (voters, *GRID.shape)).astype(np.float32)
-    for k in range(voters):
+    histogram = rng.poisson(0.01 * turns, (reference_cells, *GRID.shape)).astype(np.float32)
+    for k in range(reference_cells):
         middle = rng.integers(n)
         for _ in range(echoes):  # a quay: many plots at one place
             histogram[k, rng.integers(GRID.shape[0]), np.clip(middle + rng.integers(-2, 3), 0, n - 1)] += rng.binomial(
                 turns, 0.5
             )
-    number = np.arange(voters)
-    return voters_of(histogram, float(turns), 2 * number, number)
+    number = np.arange(reference_cells)
+    return reference_cells_of(histogram, float(turns), 2 * number, number)
 
 
-def test_a_vessel_is_a_new_voter_in_each_cell_and_one_at_rest_speaks_with_its_square():
-    voters = looked(seen([[3000.0, 0.0]]), pairs_of([], [], []), [])
-    voters = looked(seen([[3010.0, 0.0]]), pairs_of([], [], []), [], voters)
-    assert len(voters) == 1, "still in its cell"
-    voters = looked(seen([[3700.0, 0.0]]), pairs_of([], [], []), [], voters)
-    assert len(voters) == 2
-    assert voters.new_looks.tolist() == [2.0, 1.0]
+def test_a_vessel_has_a_new_reference_cell_in_each_cell_and_one_at_rest_counts_with_its_square():
+    reference_cells = looked(seen([[3000.0, 0.0]]), pairs_of([], [], []), [])
+    reference_cells = looked(seen([[3010.0, 0.0]]), pairs_of([], [], []), [], reference_cells)
+    assert len(reference_cells) == 1, "still in its cell"
+    reference_cells = looked(seen([[3700.0, 0.0]]), pairs_of([], [], []), [], reference_cells)
+    assert len(reference_cells) == 2
+    assert reference_cells.new_looks.tolist() == [2.0, 1.0]
     at_rest = looked(seen([[3100.0, 100.0], [3200.0, 200.0], [3100.0, 1100.0]], at_rest=True), pairs_of([], [], []), [])
-    assert at_rest.voice[0] == at_rest.voice[1] != at_rest.voice[2]
-    assert (at_rest.voice < 0).all()
+    assert at_rest.group[0] == at_rest.group[1] != at_rest.group[2]
+    assert (at_rest.group < 0).all()
     assert (squares(np.array([[0.0, 0.0], [SQUARE_M, 0.0], [0.0, -1.0]])) < 0).all()
 
 
@@ -94,69 +105,69 @@ def test_a_bin_has_one_hit_a_turn_whatever_the_order_and_the_cycle():
     assert np.array_equal(histograms(once), histograms(split)), "of one turn that two cycles share"
 
 
-def test_old_votes_count_less_and_voters_are_bounded():
+def test_old_hits_count_less_and_reference_cells_are_bounded():
     vessels = seen([[3000.0, 0.0]])
-    voters = counted(looked(vessels, pairs_of([0], [0.0], [0.0]), [0.1]), 1.0, GRID)
-    half = counted(looked(vessels, pairs_of([], [], []), [], voters), 0.5, GRID)
+    reference_cells = counted(looked(vessels, pairs_of([0], [0.0], [0.0]), [0.1]), 1.0, GRID)
+    half = counted(looked(vessels, pairs_of([], [], []), [], reference_cells), 0.5, GRID)
     assert histograms(half).max() == 0.5
     assert half.looks.tolist() == [1.5]
     assert len(counted(half, 0.1, GRID)) == 0
-    many = Voters.none()
+    many = ReferenceCells.none()
     for k in range(12):
         turned = 0.1 + 0.5 * k
         at = 5000.0 * np.tile([np.sin(turned), np.cos(turned)], (450, 1))
         many = looked(seen(at, first=450 * k), pairs_of([], [], []), [], many)
-    assert len(many) == MOST_VOTERS
-    assert len(counted(many, 1.0, GRID)) < MOST_VOTERS, "room for new ones"
+    assert len(many) == MOST_REFERENCE_CELLS
+    assert len(counted(many, 1.0, GRID)) < MOST_REFERENCE_CELLS, "room for new ones"
 
 
 def test_evidence_without_a_bias_is_one_on_average():
-    """The mean of the e-value over biases is 1 for each voter, and that of their product over many seas is no more than 1."""
+    """The mean of the e-value over biases is 1 for each reference cell, and that of their product over many seas is no more than 1."""
     means = []
     for seed in range(60):
-        voters = random_histograms(np.random.default_rng([seed, 9]), 4, 20, 3)
-        field = evidence(voters, SIGMA, GRID)
+        reference_cells = random_histograms(np.random.default_rng([seed, 9]), 4, 20, 3)
+        field = evidence(reference_cells, SIGMA, GRID)
         means.append(float(np.exp(np.minimum(field.log_evidence, 30.0)).mean()))
     assert np.mean(np.minimum(means, 1e3)) < 3.0
     assert sum(m > 100.0 for m in means) <= 1
 
 
-def test_no_voice_says_more_than_its_share():
+def test_no_group_counts_more_than_its_share():
     histogram = np.zeros((8, *GRID.shape), np.float32)
     histogram[:, 6, 47] = 300.0
-    voice, number = np.repeat([-5, 8], 4), np.arange(8)
-    voters = voters_of(histogram, 400.0, 2 * number, voice)
-    field = evidence(voters, SIGMA, GRID)
-    assert field.by_voice.max(axis=(1, 2)) == pytest.approx([MOST_AT_REST, MOST_UNDER_WAY], rel=1e-5)
+    group, number = np.repeat([-5, 8], 4), np.arange(8)
+    reference_cells = reference_cells_of(histogram, 400.0, 2 * number, group)
+    field = evidence(reference_cells, SIGMA, GRID)
+    assert field.by_group.max(axis=(1, 2)) == pytest.approx([MOST_AT_REST, MOST_UNDER_WAY], rel=1e-5)
 
 
 def test_vessels_in_one_cell_count_as_their_mean():
-    """They see the same background: ten of them in one cell are one witness, each with a tenth."""
+    """They see the same background: ten of them in one cell are one group, each with a tenth."""
     one = random_histograms(np.random.default_rng(4), 1, 20, 3)
     histogram = np.repeat(histograms(one), 10, axis=0)
     number = np.arange(10)
-    ten = voters_of(histogram, 20.0, number * 0, number)
-    assert evidence(ten, SIGMA, GRID).by_voice.sum(axis=0) == pytest.approx(evidence(one, SIGMA, GRID).by_voice[0], abs=1e-4)
-    apart = voters_of(histogram, 20.0, 2 * number, number)
+    ten = reference_cells_of(histogram, 20.0, number * 0, number)
+    assert evidence(ten, SIGMA, GRID).by_group.sum(axis=0) == pytest.approx(evidence(one, SIGMA, GRID).by_group[0], abs=1e-4)
+    apart = reference_cells_of(histogram, 20.0, 2 * number, number)
     assert evidence(apart, SIGMA, GRID).log_evidence.max() > 2.0 * evidence(one, SIGMA, GRID).log_evidence.max()
 
 
-def test_the_decision_names_candidate_odds_voices_and_rival():
+def test_the_decision_names_candidate_odds_groups_and_rival():
     rng, n = np.random.default_rng(3), 12
-    voters = random_histograms(rng, n, 20, 0)
+    reference_cells = random_histograms(rng, n, 20, 0)
     column = int(np.abs(GRID.azimuth_rad - np.radians(6.0)).argmin())
-    histogram, number = histograms(voters), np.arange(n)
+    histogram, number = histograms(reference_cells), np.arange(n)
     histogram[:, 7, column] += 9.0
-    voters = voters_of(histogram, 20.0, 2 * number, number)
-    found = decide(evidence(voters, SIGMA, GRID), SIGMA)
+    reference_cells = reference_cells_of(histogram, 20.0, 2 * number, number)
+    found = decide(evidence(reference_cells, SIGMA, GRID), SIGMA)
     assert np.degrees(found.azimuth_rad) == pytest.approx(6.0, abs=0.5)
     assert found.range_m == pytest.approx(25.0, abs=15.0)
     assert found.log_odds > np.log(1e5)
-    assert found.voices == n
+    assert found.groups == n
     assert found.rival_share < 0.01
     other = int(np.abs(GRID.azimuth_rad + np.radians(9.0)).argmin())
     histogram[:, 7, other] += 9.0
-    twice = decide(evidence(voters_of(histogram, 20.0, 2 * number, number), SIGMA, GRID), SIGMA)
+    twice = decide(evidence(reference_cells_of(histogram, 20.0, 2 * number, number), SIGMA, GRID), SIGMA)
     assert twice.rival_share > 0.1, "two biases with as much evidence"
 
 
@@ -205,9 +216,9 @@ def test_few_of_many_vessels_seen_are_enough_in_minutes():
 
 
 def test_the_memory_keeps_its_size():
-    """A voter that nobody looks at is forgotten, so a radar with passing traffic needs no more and more memory."""
+    """A reference cell that nobody looks at is forgotten, so a radar with passing traffic needs no more and more memory."""
     sea = world.Sea(25, speed_m_s=12.0)
     memory = world.run(OnlineRegistration(), sea, 60)[0]
     later = world.run(OnlineRegistration(), sea, 60, first=60, memory=memory)[0]
-    assert len(later.voters[0]) < 1.5 * len(memory.voters[0])
-    assert sum(array.nbytes for array in vars(later.voters[0].counts).values()) < 2e5, "only bins with plots are kept"
+    assert len(later.reference_cells[0]) < 1.5 * len(memory.reference_cells[0])
+    assert sum(array.nbytes for array in vars(later.reference_cells[0].counts).values()) < 2e5, "only bins with plots are kept"

@@ -1,7 +1,7 @@
-"""Acquisition, first part: what each voter has seen. A voter is an AIS vessel in one polar cell of the radar.
+"""Acquisition, first part: what each reference cell has seen. A reference cell is an AIS vessel in one polar cell of the radar.
 
-A vessel that moves becomes a new voter in every cell: new geometry is new evidence, and standing still is not. A voter keeps a
-histogram of the differences between plots and its vessel.
+A vessel that moves has a new reference cell in every polar cell: new geometry is new evidence, and standing still is not. Each keeps
+a histogram of the differences between plots and its vessel.
 """
 
 from __future__ import annotations
@@ -19,13 +19,11 @@ AROUND = np.radians(12.0)  # the background of a bin is taken from so far to eac
 RANGE_STEP_M = 25.0  # width of a bin in range
 SECTOR, RING_M = np.radians(5.0), 300.0  # size of a polar cell
 RINGS = 4096
-NEAREST_M = 200.0  # nearer vessels are no voters: their bearing changes too fast
+NEAREST_M = 200.0  # nearer vessels are not used: their bearing changes too fast
 AT_REST_M_S = 0.7
-SQUARE_M = (
-    1000.0  # vessels at rest in one square are one voice: a moored row beside a row of piles is one pattern, not ten witnesses
-)
-MOST_VOTERS = 4000  # of a radar
-LEAST_LOOKS = 0.5  # a voter with less left of them is dropped
+SQUARE_M = 1000.0  # vessels at rest in one square are one group: a moored row beside a row of piles is one pattern, not ten
+MOST_REFERENCE_CELLS = 4000  # of a radar
+LEAST_LOOKS = 0.5  # a reference cell with less left of them is dropped
 
 
 @dataclass(frozen=True)
@@ -63,44 +61,44 @@ class Grid:
 
 @dataclass(frozen=True, eq=False)
 class Hits(Batch):
-    """Plots near voters that are not counted yet."""
+    """Plots near reference cells that are not counted yet."""
 
-    voter: Ints = column(np.int64, "H")
+    reference_cell: Ints = column(np.int64, "H")
     bin: Ints = column(np.int64, "H")
     turn: Ints = column(np.int64, "H")  # of the antenna
 
 
 @dataclass(frozen=True, eq=False)
 class Counts(Batch):
-    """The bins of histograms that are not 0, sorted by voter, then bin. One bin in forty is."""
+    """The bins of histograms that are not 0, sorted by reference cell, then bin. One bin in forty is."""
 
-    voter: Rows = column(np.int32, "E")
+    reference_cell: Rows = column(np.int32, "E")
     bin: Rows = column(np.int32, "E")
     turns: NDArray[np.float32] = column(np.float32, "E")  # with a plot in the bin
 
 
 @dataclass(frozen=True, eq=False)
-class Voters(Struct):
-    """The voters of one radar. `counts` has the hits up to the last decision; hits since then are counted at the next."""
+class ReferenceCells(Struct):
+    """The reference cells of one radar. `counts` has the hits up to the last decision; later ones are counted at the next."""
 
     hits: Hits
     counts: Counts
     track_id: Ints = column(np.int64, "N")
     cell: Ints = column(np.int64, "N")
-    voice: Ints = column(np.int64, "N")  # track id of a vessel under way; negative: the square of vessels at rest
+    group: Ints = column(np.int64, "N")  # track id of a vessel under way; negative: the square of vessels at rest
     looks: Floats = column(np.float64, "N")  # turns of the antenna while it was in cover, up to the last decision
     new_looks: Floats = column(np.float64, "N")  # since then
 
     @classmethod
-    def none(cls) -> Voters:
+    def none(cls) -> ReferenceCells:
         zero = np.zeros(0, np.int64)
         return cls(Hits.empty(), Counts.empty(), zero, zero, zero, np.zeros(0), np.zeros(0))
 
-    def histograms(self, voters: Ints, grid: Grid) -> NDArray[np.float32]:
-        """Turns with a plot in each bin, of some voters. (N, D, A) Args: voters: (N,) increasing."""
-        at = find(voters, self.counts.voter.astype(np.int64))
+    def histograms(self, reference_cells: Ints, grid: Grid) -> NDArray[np.float32]:
+        """Turns with a plot in each bin, of some reference cells. (N, D, A) Args: reference_cells: (N,) increasing."""
+        at = find(reference_cells, self.counts.reference_cell.astype(np.int64))
         mine = np.flatnonzero(at >= 0)
-        out = np.zeros((len(voters), grid.shape[0] * grid.shape[1]), np.float32)
+        out = np.zeros((len(reference_cells), grid.shape[0] * grid.shape[1]), np.float32)
         out[at[mine], self.counts.bin[mine]] = self.counts.turns[mine]
         return out.reshape(-1, *grid.shape)
 
@@ -125,79 +123,81 @@ def squares(position_m: Floats) -> Ints:
     return out
 
 
-def look(voters: Voters, seen: Seen, pairs: Pairs, stamp_s: Floats, turns: float, period_s: float, grid: Grid) -> Voters:
-    """The voters after a cycle. The order of pairs has no effect.
+def look(
+    reference_cells: ReferenceCells, seen: Seen, pairs: Pairs, stamp_s: Floats, turns: float, period_s: float, grid: Grid
+) -> ReferenceCells:
+    """The reference cells after a cycle. The order of pairs has no effect.
 
     Args: pairs: of this radar, `vessel` is the row in `seen`; stamp_s: of the plot of each pair; turns: of the antenna, that the cycle
     took; period_s: of a turn.
     """
     far = np.hypot(seen.at_m[:, 0], seen.at_m[:, 1]) > NEAREST_M
-    voter, voters = _voters_of(voters, seen, far)
-    new_looks = voters.new_looks.copy()
-    new_looks[voter[far & (voter >= 0)]] += turns
-    inside = voter[pairs.vessel] >= 0
+    reference_cell, reference_cells = _reference_cells_of(reference_cells, seen, far)
+    new_looks = reference_cells.new_looks.copy()
+    new_looks[reference_cell[far & (reference_cell >= 0)]] += turns
+    inside = reference_cell[pairs.vessel] >= 0
     new = Hits(
-        voter=voter[pairs.vessel[inside]],
+        reference_cell=reference_cell[pairs.vessel[inside]],
         bin=grid.bin_of(pairs.range_m[inside], pairs.azimuth_rad[inside]),
         turn=np.floor(stamp_s[inside] / period_s).astype(np.int64),
     )
-    return replace(voters, new_looks=new_looks, hits=Hits.join([voters.hits, new]))
+    return replace(reference_cells, new_looks=new_looks, hits=Hits.join([reference_cells.hits, new]))
 
 
-def _voters_of(voters: Voters, seen: Seen, far: Bools) -> tuple[Ints, Voters]:
-    """The voter of each vessel (-1 for one that is near), and the voters with those that are new at the end."""
+def _reference_cells_of(reference_cells: ReferenceCells, seen: Seen, far: Bools) -> tuple[Ints, ReferenceCells]:
+    """The reference cell of each vessel (-1 for one that is near), and all of them with the new ones at the end."""
     distance, azimuth = np.hypot(seen.at_m[:, 0], seen.at_m[:, 1]), np.arctan2(seen.at_m[:, 0], seen.at_m[:, 1])
     sector = np.floor(azimuth % (2.0 * np.pi) / SECTOR).astype(np.int64)
     ring = np.minimum((distance / RING_M).astype(np.int64), RINGS - 1)
     cell = (sector * RINGS + ring) * 2 + seen.at_rest
-    voice = np.where(seen.at_rest, seen.square, seen.track_id)
+    group = np.where(seen.at_rest, seen.square, seen.track_id)
     vessels = np.unique(seen.track_id)
-    known, wanted = find(vessels, voters.track_id), find(vessels, seen.track_id)
+    known, wanted = find(vessels, reference_cells.track_id), find(vessels, seen.track_id)
     cells = 2 * RINGS * 128
-    key = np.where(known >= 0, known * cells + voters.cell, -1)
+    key = np.where(known >= 0, known * cells + reference_cells.cell, -1)
     order = np.argsort(key, kind="stable")
     at = find(key[order], wanted * cells + cell)
-    voter = np.where(at >= 0, order[at] if len(order) else -1, -1)
-    fresh = np.flatnonzero((voter < 0) & far)
-    fresh = fresh[np.argsort(seen.track_id[fresh], kind="stable")][: MOST_VOTERS - len(voters)]
-    voter[fresh] = len(voters) + np.arange(len(fresh))
+    reference_cell = np.where(at >= 0, order[at] if len(order) else -1, -1)
+    fresh = np.flatnonzero((reference_cell < 0) & far)
+    fresh = fresh[np.argsort(seen.track_id[fresh], kind="stable")][: MOST_REFERENCE_CELLS - len(reference_cells)]
+    reference_cell[fresh] = len(reference_cells) + np.arange(len(fresh))
     grown = replace(
-        voters,
-        track_id=np.append(voters.track_id, seen.track_id[fresh]),
-        cell=np.append(voters.cell, cell[fresh]),
-        voice=np.append(voters.voice, voice[fresh]),
-        looks=np.append(voters.looks, np.zeros(len(fresh))),
-        new_looks=np.append(voters.new_looks, np.zeros(len(fresh))),
+        reference_cells,
+        track_id=np.append(reference_cells.track_id, seen.track_id[fresh]),
+        cell=np.append(reference_cells.cell, cell[fresh]),
+        group=np.append(reference_cells.group, group[fresh]),
+        looks=np.append(reference_cells.looks, np.zeros(len(fresh))),
+        new_looks=np.append(reference_cells.new_looks, np.zeros(len(fresh))),
     )
-    return np.where(far, voter, -1), grown
+    return np.where(far, reference_cell, -1), grown
 
 
-def counted(voters: Voters, keep: float, grid: Grid) -> Voters:
-    """The voters with their hits in the histograms, sorted by voice, then vessel and cell; those with few looks are dropped.
+def counted(reference_cells: ReferenceCells, keep: float, grid: Grid) -> ReferenceCells:
+    """The reference cells with their hits in the histograms, sorted by group, vessel and cell, without those of few looks.
 
     A bin gets at most one hit a turn. Args: keep: factor of the former looks and hits.
     """
     rows, columns = grid.shape
-    looks = voters.looks * keep + voters.new_looks
+    looks = reference_cells.looks * keep + reference_cells.new_looks
     kept = np.flatnonzero(looks > LEAST_LOOKS)
-    if len(kept) > 0.95 * MOST_VOTERS:  # room for new ones: least looks go first
-        kept = np.sort(kept[np.argsort(-looks[kept], kind="stable")[: int(0.9 * MOST_VOTERS)]])
-    order = kept[np.lexsort((voters.cell[kept], voters.track_id[kept], voters.voice[kept]))]
-    place = np.full(len(voters) + 1, -1, np.int64)
+    if len(kept) > 0.95 * MOST_REFERENCE_CELLS:  # room for new ones: least looks go first
+        kept = np.sort(kept[np.argsort(-looks[kept], kind="stable")[: int(0.9 * MOST_REFERENCE_CELLS)]])
+    order = kept[np.lexsort((reference_cells.cell[kept], reference_cells.track_id[kept], reference_cells.group[kept]))]
+    place = np.full(len(reference_cells) + 1, -1, np.int64)
     place[order] = np.arange(len(order))
-    bins, former = rows * columns, voters.counts
-    mine = place[former.voter] >= 0
-    cell, turns = place[former.voter[mine]] * bins + former.bin[mine], former.turns[mine] * np.float32(keep)
-    hits = voters.hits.take(place[voters.hits.voter] >= 0)
-    new, number = _turns_with_hits(place[hits.voter] * bins + hits.bin, hits.turn)
+    bins, former = rows * columns, reference_cells.counts
+    mine = place[former.reference_cell] >= 0
+    cell, turns = place[former.reference_cell[mine]] * bins + former.bin[mine], former.turns[mine] * np.float32(keep)
+    hits = reference_cells.hits.take(place[reference_cells.hits.reference_cell] >= 0)
+    new, number = _turns_with_hits(place[hits.reference_cell] * bins + hits.bin, hits.turn)
     cell, at = np.unique(np.concatenate([cell, new]), return_inverse=True)
     turns = np.bincount(at, np.concatenate([turns, number]), len(cell)).astype(np.float32)
-    return Voters(
+    return ReferenceCells(
         hits=Hits.empty(),
         counts=Counts((cell // bins).astype(np.int32), (cell % bins).astype(np.int32), turns),
-        track_id=voters.track_id[order],
-        cell=voters.cell[order],
-        voice=voters.voice[order],
+        track_id=reference_cells.track_id[order],
+        cell=reference_cells.cell[order],
+        group=reference_cells.group[order],
         looks=looks[order],
         new_looks=np.zeros(len(order)),
     )
