@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from coastwatch.batches import AlarmKind, Bools, Floats, Ints, joint_keys
+from coastwatch.batches import AlarmKind, Batch, Bools, Floats, Ints, column, joint_keys
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.stage import Method
 
@@ -63,46 +63,32 @@ class AlarmSettings(Method):
 
 
 @dataclass(frozen=True, eq=False)
-class Lasting:
+class Lasting(Batch):
     """Conditions that hold, or held lately. D rows, each key and subject once, sorted by them."""
 
-    key: Ints  # (D,)
-    subject: Ints  # (D,)
-    held_s: Floats  # (D,) how long it has held, without a break while it was not open
-    missed_s: Floats  # (D,) since it held last, but for cycles in which nothing was known of it
-    open: Bools  # (D,)
-    since_s: Floats  # (D,) when it began to hold
-    at_s: Floats  # (D,) the newest cycle
-    mark: Bools  # (D,) as given when it began
-
-    @classmethod
-    def none(cls) -> Lasting:
-        number, time = np.zeros(0, np.int64), np.zeros(0)
-        return cls(number, number, time, time, number > 0, time, time, number > 0)
+    key: Ints = column(np.int64, "D")
+    subject: Ints = column(np.int64, "D")
+    held_s: Floats = column(np.float64, "D")  # how long it has held, without a break while it was not open
+    missed_s: Floats = column(np.float64, "D")  # since it held last, but for cycles in which nothing was known of it
+    open: Bools = column(np.bool_, "D")
+    since_s: Floats = column(np.float64, "D")  # when it began to hold
+    at_s: Floats = column(np.float64, "D")  # the newest cycle
+    mark: Bools = column(np.bool_, "D")  # as given when it began
 
     @property
     def vessel_id(self) -> Ints:
         """(D,)"""
         return self.key // KEYS
 
-    @property
-    def kind(self) -> Ints:
-        """(D,)"""
-        return self.key % KEYS
-
-    def take(self, rows: Ints | Bools) -> Lasting:
-        """Some of them."""
-        return Lasting(*(getattr(self, name)[rows] for name in vars(self)))
-
 
 @dataclass(frozen=True, eq=False)
-class Holding:
+class Holding(Batch):
     """The conditions of one cycle. C rows, each key and subject once, sorted by them."""
 
-    key: Ints  # (C,)
-    subject: Ints  # (C,)
-    strong: Bools  # (C,) it holds; else it keeps an open condition from ending, and no more
-    mark: Bools  # (C,) for those that begin
+    key: Ints = column(np.int64, "C")
+    subject: Ints = column(np.int64, "C")
+    strong: Bools = column(np.bool_, "C")  # it holds; else it keeps an open condition from ending, and no more
+    mark: Bools = column(np.bool_, "C")  # for those that begin
 
 
 def extend(
@@ -135,8 +121,7 @@ def extend(
     missed_s = gone.missed_s + np.where(waits, 0.0, before_s[rest])
     stays = waits | (gone.open & (missed_s < close_s - SLACK_S))
     gone = replace(gone, missed_s=missed_s, at_s=np.full(len(missed_s), float(time_s)))
-    parts = holds, gone.take(stays)
-    both = Lasting(*(np.concatenate([getattr(part, name) for part in parts]) for name in vars(holds)))
+    both = Lasting.join([holds, gone.take(stays)])
     return both.take(np.lexsort((both.subject, both.key))), gone.take(~stays & gone.open)
 
 

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from coastwatch.alarms.close_approach import Approaching, Pairs, close_pairs
-from coastwatch.alarms.inputs import AlarmInput
 from coastwatch.alarms.lasting import KEYS, AlarmSettings, Holding, Lasting, Raised, extend
 from coastwatch.alarms.silent_sensors import sensor_alarms, standing
 from coastwatch.alarms.watched import AIS, RADAR, Seen, Watched, look
-from coastwatch.alarms.zone_alarms import Shape, ZoneMemory, shapes, zone_alarms
+from coastwatch.alarms.zone_alarms import Numbered, Shape, ZoneMemory, shapes, zone_alarms
 from coastwatch.batches import (
     AlarmKind,
     Bools,
     Floats,
     Members,
+    Picture,
     RadarCover,
     SensorHearing,
     Sensors,
@@ -28,6 +29,18 @@ from coastwatch.batches.kinds import KINDS, Subject
 from coastwatch.batches.sensor_cover import sensor_covers
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, offset_deg
 from coastwatch.kernels.tables.lookup import find
+
+
+class AlarmInput(NamedTuple):
+    """The picture of a cycle, and what it is watched for."""
+
+    picture: Picture
+    members: Members
+    time_s: float
+    sensors: Sensors
+    zones: tuple[Numbered, ...] = ()  # with their numbers, each above 0 and once
+    cover: RadarCover | None = None  # of each radar; none, or empty: it sees within its range
+    hearing: SensorHearing | None = None  # which sensors are heard; none: all
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +63,9 @@ class AlarmRules(AlarmSettings):
     """
 
     def init(self) -> AlarmMemory:
-        lasting = Lasting.none(), Lasting.none()
-        return AlarmMemory(Watched.none(), ZoneMemory.none(), Approaching.none(), *lasting, Members.empty())
+        return AlarmMemory(
+            Watched.empty(), ZoneMemory.none(), Approaching.none(), Lasting.empty(), Lasting.empty(), Members.empty()
+        )
 
     def step(self, memory: AlarmMemory, given: AlarmInput) -> tuple[AlarmMemory, VesselAlarms]:
         """The alarms that hold in this cycle."""
@@ -73,7 +87,7 @@ class AlarmRules(AlarmSettings):
         """Close approaches. Within the limits they begin, within the wider ones they last."""
         none = np.zeros(0, np.int64)
         if self.cpa_nm == 0.0:
-            return Approaching.none(), Lasting.none(), Raised.of(AlarmKind.CLOSE_APPROACH, none)
+            return Approaching.none(), Lasting.empty(), Raised.of(AlarmKind.CLOSE_APPROACH, none)
         opened = memory.close.take(memory.close.open)
         followed, pairs = close_pairs(self, memory.approaching, seen.picture, time_s, (opened.vessel_id, opened.subject))
         vessel_id = seen.picture.vessel_id

@@ -8,7 +8,7 @@ import numpy as np
 
 from coastwatch import kernels
 from coastwatch.alarms.lasting import AlarmSettings
-from coastwatch.batches import Bools, Flag, Floats, Ints, Members, NavStatus, Picture, Sensors, SourceKind
+from coastwatch.batches import Batch, Bools, Flag, Floats, Ints, Members, NavStatus, Picture, Sensors, SourceKind, column
 from coastwatch.geodesy import KNOT_M_S, difference_m, offset_deg
 from coastwatch.kernels.tables.lookup import find
 
@@ -22,35 +22,25 @@ SIGMAS = 3.0
 
 
 @dataclass(frozen=True, eq=False)
-class Watched:
+class Watched(Batch):
     """Vessels by id. U rows. While a vessel has no track, its row stays as it was when it had one last."""
 
-    vessel_id: Ints  # (U,) ascending
-    seen_s: Floats  # (U,) last time with a track; later by the time for which its sensors were silent since
-    since_s: Floats  # (U,) first one; later by the same
-    placed_s: Floats  # (U,) last time with a track: when it was at `position_deg`
-    position_deg: Floats  # (U, 2)
-    velocity_m_s: Floats  # (U, 2)
-    mmsi: Ints  # (U,)
-    sources: Ints  # (U,) sum of AIS and RADAR
-    track_source: Ints  # (U,) number of the track source that alone tracked it; -1: another sensor did too
-    here: Bools  # (U,) it is in the picture
-    tracked: Bools  # (U,) it has a track
-    came_s: Floats  # (U,) since when it has been watched without being forgotten
-    way_from_deg: Floats  # (U, 2) where the way begins that is looked at for crossings
-    anchorage_deg: Floats  # (U, 2)
-    at_rest_s: Floats  # (U,) since when it has lain at the anchorage; NaN: it does not
-    outside_s: Floats  # (U,) since when it has been out of the swing circle; NaN: it is inside
-
-    @classmethod
-    def none(cls) -> Watched:
-        number, time, place = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 2))
-        of = number > 0
-        return cls(number, time, time, time, place, place, number, number, number, of, of, time, place, place, time, time)
-
-    def take(self, rows: Ints | Bools) -> Watched:
-        """Some of them."""
-        return Watched(*(getattr(self, name)[rows] for name in vars(self)))
+    vessel_id: Ints = column(np.int64, "U")  # ascending
+    seen_s: Floats = column(np.float64, "U")  # last time with a track; later by the time for which its sensors were silent
+    since_s: Floats = column(np.float64, "U")  # first one; later by the same
+    placed_s: Floats = column(np.float64, "U")  # last time with a track: when it was at `position_deg`
+    position_deg: Floats = column(np.float64, "U", 2)
+    velocity_m_s: Floats = column(np.float64, "U", 2)
+    mmsi: Ints = column(np.int64, "U")
+    sources: Ints = column(np.int64, "U")  # sum of AIS and RADAR
+    track_source: Ints = column(np.int64, "U")  # number of the track source that alone tracked it; -1: another sensor did too
+    here: Bools = column(np.bool_, "U")  # it is in the picture
+    tracked: Bools = column(np.bool_, "U")  # it has a track
+    came_s: Floats = column(np.float64, "U")  # since when it has been watched without being forgotten
+    way_from_deg: Floats = column(np.float64, "U", 2)  # where the way begins that is looked at for crossings
+    anchorage_deg: Floats = column(np.float64, "U", 2)
+    at_rest_s: Floats = column(np.float64, "U")  # since when it has lain at the anchorage; NaN: it does not
+    outside_s: Floats = column(np.float64, "U")  # since when it has been out of the swing circle; NaN: it is inside
 
     @property
     def speed_m_s(self) -> Floats:

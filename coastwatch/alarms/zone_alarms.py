@@ -17,7 +17,7 @@ from pydantic import Field, model_validator
 
 from coastwatch.alarms.lasting import KEYS, AlarmSettings, Holding, Lasting, Raised, extend
 from coastwatch.alarms.watched import Seen
-from coastwatch.batches import AlarmKind, Bools, Floats, Ints, joint_keys
+from coastwatch.batches import AlarmKind, Batch, Bools, Floats, Ints, column, joint_keys
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, earth_centred, wrap_deg
 from coastwatch.kernels.tables.lookup import find
 from coastwatch.spelling import ONE_LINE
@@ -254,18 +254,13 @@ def numbered(zones: Sequence[Zone]) -> tuple[Numbered, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class Moments:
+class Moments(Batch):
     """Alarms of an instant, which last for `moment_s`. Rows sorted by key and subject, each pair once."""
 
-    key: Ints
-    subject: Ints
-    until_s: Floats
-    to_right: Floats
-
-    @classmethod
-    def none(cls) -> Moments:
-        number, time = np.zeros(0, np.int64), np.zeros(0)
-        return cls(number, number, time, time)
+    key: Ints = column(np.int64, "M")
+    subject: Ints = column(np.int64, "M")
+    until_s: Floats = column(np.float64, "M")
+    to_right: Floats = column(np.float64, "M")
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,8 +275,7 @@ class ZoneMemory:
 
     @classmethod
     def none(cls) -> ZoneMemory:
-        number = np.zeros(0, np.int64)
-        return cls(Lasting.none(), Lasting.none(), Moments.none(), number)
+        return cls(Lasting.empty(), Lasting.empty(), Moments.empty(), np.zeros(0, np.int64))
 
 
 def zone_alarms(
@@ -358,15 +352,11 @@ def _inside(
         wrong = within & shape.breaks_speed(speed_m_s[rows], 0.0)
         key = vessel_id[rows] * KEYS + AlarmKind.ZONE_SPEED
         speeds.append(Holding(key[lasts], number[lasts], wrong[lasts], mark[lasts]))
-    return _sorted(inside), _sorted(speeds)
-
-
-def _sorted(parts: Sequence[Holding]) -> Holding:
-    number = np.zeros(0, np.int64)
-    every = [Holding(number, number, number > 0, number > 0), *parts]
-    joined = Holding(*(np.concatenate([getattr(part, name) for part in every]) for name in vars(every[0])))
-    order = np.lexsort((joined.subject, joined.key))
-    return Holding(*(getattr(joined, name)[order] for name in vars(joined)))
+    all_inside, all_speeds = Holding.join(inside), Holding.join(speeds)
+    return (
+        all_inside.take(np.lexsort((all_inside.subject, all_inside.key))),
+        all_speeds.take(np.lexsort((all_speeds.subject, all_speeds.key))),
+    )
 
 
 def _moments(

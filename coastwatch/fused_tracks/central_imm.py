@@ -21,7 +21,6 @@ from coastwatch.batches import (
     VesselBearings,
     column,
 )
-from coastwatch.fused_tracks.bearing_updates import bearing_positions
 from coastwatch.fused_tracks.covariance_intersection import intersect
 from coastwatch.fused_tracks.inputs import FusionInput
 from coastwatch.fused_tracks.vessel_tracks import Estimates, VesselTracks
@@ -33,6 +32,7 @@ Four = tuple[Positive, Positive, Positive, Positive]
 
 MODELS = 4  # steady, changing speed, agile: constant velocity; turning: coordinated turn
 FEW = 512  # fewer filters are not worth a thread
+ALONG_M = 1e5  # standard deviation of a bearing along the line of sight: 1000 times what any vessel is known to
 SEARCH_STEPS = 16  # of the covariance intersection at which a filter begins
 
 
@@ -216,7 +216,7 @@ class CentralImm(Method):
         variance = b.variance + self.bearing_registration * b.bias_variance
         site_m = difference_m(b.site_deg, filters.anchor_deg[filter_of])
         ahead_s = b.time_s - filters.updated_s[filter_of]
-        position, noise, near = bearing_positions(
+        position, noise, near = _bearing_positions(
             before, ahead_s, site_m, b.bearing_rad, variance, self.bearing_floor_m, self.bearing_gate_sigmas
         )
         order = np.flatnonzero(near)
@@ -324,3 +324,35 @@ def plan_filters(
     filter_of[continued] = np.arange(len(continued))
     filter_of[new] = len(continued) + np.arange(len(new))
     return FilterPlan(continued, before[continued], new, filter_of[vessel], track_of_measurement, no_id, no_time)
+
+
+def _bearing_positions(
+    before: tuple[Floats, Floats],
+    ahead_s: Floats,
+    site_m: Floats,
+    bearing_rad: Floats,
+    variance: Floats,
+    floor_m: float,
+    gate_sigmas: float,
+) -> tuple[Floats, Floats, Bools]:
+    """Position (B, 2) and noise (B, 2, 2) as which a filter takes each bearing, and whether the bearing is in the gate (B,).
+
+    The position is where the line of sight is nearest to the predicted vessel, so that the update is the extended Kalman update
+    by the bearing. Vessels predicted on top of the sensor or behind it are not in the gate.
+    Args: before: mean (B, 5) and covariance (B, 5, 5) of the filters; ahead_s: (B,) of the bearings from these; site_m: (B, 2) east,
+    north of the sensor; bearing_rad, variance: (B,); floor_m: standard deviation across the line that is added.
+    Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 10.3.
+    """
+    mean, covariance = before
+    t = ahead_s[:, None]
+    predicted = mean[:, :2] + t * mean[:, 2:4] - site_m
+    along = np.column_stack([np.sin(bearing_rad), np.cos(bearing_rad)])
+    across = np.column_stack([along[:, 1], -along[:, 0]])
+    distance, innovation = (predicted * along).sum(axis=1), (predicted * across).sum(axis=1)
+    to_position = np.concatenate([across, t * across], axis=1)
+    own = np.einsum("bi,bij,bj->b", to_position, covariance[:, :4, :4], to_position)
+    across_variance = distance**2 * variance + floor_m**2
+    near = (innovation**2 <= gate_sigmas**2 * (own + across_variance)) & (distance > gate_sigmas * np.sqrt(own))
+    noise = across_variance[:, None, None] * across[:, :, None] * across[:, None]
+    noise += ALONG_M**2 * along[:, :, None] * along[:, None]
+    return site_m + distance[:, None] * along, noise, near

@@ -11,7 +11,7 @@
 The first three count time with sensors that are heard. Where only silent ones reach, their clocks stand at the last report, and go on
 when a sensor is heard again.
 
-The flags that follow from an MMSI and a navigational status alone are in `ais_states`.
+`ais_flags` has those that follow from an MMSI and a navigational status alone.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from coastwatch import kernels
-from coastwatch.batches import AisDetection, Bools, Flag, Floats, Ints, Picture, Tracks
+from coastwatch.batches import AisAlarms, AisDetection, Bools, Flag, Floats, Ints, NavStatus, Picture, Tracks
+from coastwatch.batches.ais_codes import AIS_SART, EPIRB, MAN_OVERBOARD, is_vessel
 from coastwatch.batches.sensor_cover import SensorCover, sensor_covers
 from coastwatch.geodesy import KNOT_M_S, difference_m
 from coastwatch.picture.former_names import AisNow, AisPast, had_ais
@@ -244,3 +245,33 @@ def _contradicted(settings: IdentitySettings, pairs: TrackPairs, tracks: Tracks,
     apart = difference_m(tracks.position_deg[pairs.ais[late]], tracks.position_deg[pairs.radar[late]])
     is_far = np.linalg.norm(apart, axis=1) >= settings.contradicted_from_m
     return np.asarray(late[is_far])
+
+
+def nav_statuses(before: Ints, tracks: Tracks, row_of_track: Ints, alarms: AisAlarms) -> Ints:
+    """The navigational status of each vessel: of its newest AIS report, or as it was before where it has no AIS now. (R,)
+
+    Args: before: (R,) -1: none was sent; row_of_track: (N,) of the picture; alarms: with the status of each AIS track.
+    """
+    ais = np.flatnonzero(tracks.mmsi >= 0)
+    at = kernels.tables.match_ids.index_of(alarms.track_id, tracks.track_id[ais])
+    out, has_status = before.copy(), at >= 0
+    out[row_of_track[ais[has_status]]] = alarms.nav_status[at[has_status]]
+    return out
+
+
+def ais_flags(mmsi: Ints, nav_status: Ints) -> Ints:
+    """The flags that follow from an MMSI and a navigational status. Args: (R,) -1: none. Returns: (R,)"""
+    device = mmsi // 1_000_000
+    when = {
+        Flag.ODD_MMSI: (mmsi >= 0) & ~is_vessel(mmsi),
+        Flag.AIS_SART: (device == AIS_SART)
+        | ((nav_status == NavStatus.AIS_SART_ACTIVE) & (device != MAN_OVERBOARD) & (device != EPIRB)),
+        Flag.MAN_OVERBOARD: device == MAN_OVERBOARD,
+        Flag.EPIRB: device == EPIRB,
+        Flag.NOT_UNDER_COMMAND: nav_status == NavStatus.NOT_UNDER_COMMAND,
+        Flag.AGROUND: nav_status == NavStatus.AGROUND,
+    }
+    out = np.zeros(len(mmsi), np.int64)
+    for flag, holds in when.items():
+        out[holds] |= int(flag)
+    return out

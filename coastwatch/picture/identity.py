@@ -8,8 +8,7 @@ import numpy as np
 
 from coastwatch.batches import Picture
 from coastwatch.kernels.tables.row_numbers import require_rows
-from coastwatch.picture.ais_states import ais_flags, nav_statuses
-from coastwatch.picture.flags import FlagMemory, flag
+from coastwatch.picture.flags import FlagMemory, ais_flags, flag, nav_statuses
 from coastwatch.picture.former_names import AisNow, AisPast, name_flags, next_past, outdated
 from coastwatch.picture.inputs import PictureInput, PictureOutput
 from coastwatch.picture.match import KnownTracks, match_identities

@@ -22,7 +22,7 @@ def open_times(
     times: list[float], holds: list[bool], open_s: float, close_s: float, frozen: list[bool] | None = None
 ) -> list[float]:
     """The times at which the condition is open."""
-    state, out = Lasting.none(), []
+    state, out = Lasting.empty(), []
     for k, (time_s, now) in enumerate(zip(times, holds, strict=True)):
         waits = np.array([5]) if frozen and frozen[k] else NONE
         state, _ = extend(state, holding(now), waits, open_s, close_s, time_s)
