@@ -7,19 +7,25 @@ import io
 import json
 import math
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import lazy_loader
 
 from coastwatch.errors import InputError
-from coastwatch.operators.columns import digits_of, kind_of, rounded
+from coastwatch.operators.columns import Kind, digits_of, kind_of, rounded
 from coastwatch.spelling import printable
 
+if TYPE_CHECKING:
+    import polars
+
+    from coastwatch import store
+    from coastwatch.operators.presentation import Vessel
+else:
+    polars = lazy_loader.load("polars")  # only Parquet needs it
 gpxpy = lazy_loader.load("gpxpy")  # only GPX needs it
-polars = lazy_loader.load("polars")  # only Parquet needs it
 termcolor = lazy_loader.load("termcolor")  # only a table needs it
 
 LATITUDE, LONGITUDE = "latitude_deg", "longitude_deg"
@@ -42,14 +48,14 @@ class Rows(Protocol):
     def columns(self) -> Sequence[str]: ...
 
     @property
-    def rows(self) -> Sequence[Sequence[Any]]: ...
+    def rows(self) -> Sequence[Sequence[object]]: ...
 
 
 class Plain(NamedTuple):
     """Rows as this module makes them."""
 
     columns: Sequence[str]
-    rows: Sequence[Sequence[Any]]
+    rows: Sequence[Sequence[object]]
 
 
 def write(rows: Rows, form: str, output: str | None, heading: str = "") -> None:
@@ -83,7 +89,7 @@ def write_text(text: str, output: str | None) -> None:
         Path(output).write_text(text, "utf-8")
 
 
-def write_parquet(frame: Any, output: str | None) -> None:
+def write_parquet(frame: polars.DataFrame, output: str | None) -> None:
     """Writes a polars DataFrame. Raises: InputError if there is no path."""
     if output is None:
         raise InputError("Parquet is not text: got no --output, needed --output FILE")
@@ -109,16 +115,15 @@ def as_table(rows: Rows, coloured: bool = False) -> str:
         if coloured and number == 0:
             padded = [termcolor.colored(text, attrs=["bold"]) for text in padded]
         elif coloured and number > 1:
-            said = zip(padded, line, rows.columns, strict=True)
             padded = [
                 termcolor.colored(text, "red") if name in ALARMING and not GOOD.issuperset(words.split()) else text
-                for text, words, name in said
+                for text, words, name in zip(padded, line, rows.columns, strict=True)
             ]
         out.append("  ".join(padded) + "\n")
     return "".join(out)
 
 
-def cell(name: str, value: Any) -> str:
+def cell(name: str, value: object) -> str:
     """A value of a column as text for a terminal: numbers with the decimals of the column, a dash for an absent one."""
     if _absent(value):
         return "-"
@@ -145,9 +150,16 @@ def as_json(rows: Rows) -> str:
     return json.dumps(as_objects(rows), allow_nan=False) + "\n"
 
 
-def as_objects(rows: Rows) -> list[dict[str, Any]]:
+def as_objects(rows: Rows) -> list[dict[str, object]]:
     """One object per row. An absent value is None, flags are a list of words."""
     return [{name: _plain(name, value) for name, value in zip(rows.columns, row, strict=True)} for row in rows.rows]
+
+
+def as_vessel(vessel: Vessel, cut: Callable[[store.Rows], store.Rows] = lambda rows: rows) -> dict[str, object]:
+    """Details, tables and meanings of the statistics of a vessel. Args: cut: leaves out rows of a table."""
+    details = {name: _plain(name, value) for name, value in vessel.details.items()}
+    tables = {key.replace(" ", "_"): as_objects(cut(rows)) for key, rows in vessel.tables.items()}
+    return {**details, **tables, "statistics": {key.replace(" ", "_"): text for key, text in vessel.meanings.items()}}
 
 
 def as_geojson(rows: Rows) -> str:
@@ -164,34 +176,37 @@ def as_geojson(rows: Rows) -> str:
 def as_gpx(rows: Rows) -> str:
     """One waypoint per row that has a position, with the other columns as its description."""
     _needs_position(rows, "GPX")
-    made = gpxpy.gpx.GPX()
-    made.creator = "Coastwatch"
+    document = gpxpy.gpx.GPX()
+    document.creator = "Coastwatch"
     for key, values in zip(_ids(rows), as_objects(rows), strict=True):
         latitude, longitude, when = values.pop(LATITUDE), values.pop(LONGITUDE), values.pop("time_utc", None)
         if latitude is None or longitude is None:
             continue
         name = values.get("name") or values.get("mmsi") or f"vessel {key}"
-        said = ", ".join(f"{column} {_words(value)}" for column, value in values.items() if value not in (None, "", []))
-        point = gpxpy.gpx.GPXWaypoint(latitude, longitude, time=_time(when), name=printable(name), description=printable(said))
-        made.waypoints.append(point)
-    return str(made.to_xml()) + "\n"
+        texts = {column: " ".join(value) if isinstance(value, list) else value for column, value in values.items()}
+        about = ", ".join(f"{column} {text}" for column, text in texts.items() if text not in (None, ""))
+        point = gpxpy.gpx.GPXWaypoint(
+            latitude, longitude, time=_time(when), name=printable(str(name)), description=printable(about)
+        )
+        document.waypoints.append(point)
+    return str(document.to_xml()) + "\n"
 
 
 def as_gpx_track(name: str, paths: Iterable[Rows]) -> str:
     """A track with one segment per path. Args: paths: rows with position and `time_utc`, oldest first."""
-    made, track = gpxpy.gpx.GPX(), gpxpy.gpx.GPXTrack(name=printable(name))
-    made.creator = "Coastwatch"
-    made.tracks.append(track)
+    document, track = gpxpy.gpx.GPX(), gpxpy.gpx.GPXTrack(name=printable(name))
+    document.creator = "Coastwatch"
+    document.tracks.append(track)
     for path in paths:
         values = as_objects(path)
         points = [gpxpy.gpx.GPXTrackPoint(row[LATITUDE], row[LONGITUDE], time=_time(row["time_utc"])) for row in values]
         track.segments.append(gpxpy.gpx.GPXTrackSegment(points))
-    return str(made.to_xml()) + "\n"
+    return str(document.to_xml()) + "\n"
 
 
-def as_frame(rows: Rows) -> Any:
+def as_frame(rows: Rows) -> polars.DataFrame:
     """A polars DataFrame of the rows. The type of a column follows from its name: it is the same if the column has no value."""
-    types = {
+    types: dict[Kind, polars.DataType | type[polars.DataType]] = {
         "text": polars.String,
         "whole": polars.Int64,
         "number": polars.Float64,
@@ -199,15 +214,15 @@ def as_frame(rows: Rows) -> Any:
         "instant": polars.String,
         "flags": polars.List(polars.String),
     }
-    made = []
+    columns = []
     for c, name in enumerate(rows.columns):
         kind = kind_of(name)
         values = [_plain(name, row[c]) for row in rows.rows]
         column = polars.Series(name, values, dtype=types[kind] if kind else None, strict=False)
         if kind == "instant":
             column = column.str.to_datetime(INSTANT, time_unit="us", time_zone="UTC")
-        made.append(column.cast(polars.String) if column.dtype == polars.Null else column)
-    return polars.DataFrame(made)
+        columns.append(column.cast(polars.String) if column.dtype == polars.Null else column)
+    return polars.DataFrame(columns)
 
 
 def as_parquet(rows: Rows) -> bytes:
@@ -228,7 +243,7 @@ def _needs_position(rows: Rows, form: str) -> None:
         raise InputError(f"{form} needs a position: columns {', '.join(rows.columns)} have no {' and no '.join(missing)}")
 
 
-def _ids(rows: Rows) -> list[Any]:
+def _ids(rows: Rows) -> list[object]:
     """A value for each row that no other row has: of a column of KEYS, else its number."""
     for c, name in enumerate(rows.columns):
         values = [row[c] for row in rows.rows] if name in KEYS else []
@@ -237,20 +252,16 @@ def _ids(rows: Rows) -> list[Any]:
     return list(range(1, len(rows.rows) + 1))
 
 
-def _absent(value: Any) -> bool:
+def _absent(value: object) -> bool:
     return value is None or value == "" or (isinstance(value, float) and not math.isfinite(value))
 
 
-def _plain(name: str, value: Any) -> Any:
+def _plain(name: str, value: object) -> object:
     """A value for JSON and Parquet."""
     if kind_of(name) == "flags" and isinstance(value, str):
         return value.split()
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _words(value: Any) -> str:
-    return " ".join(value) if isinstance(value, list) else str(value)
-
-
-def _time(text: str | None) -> datetime | None:
-    return None if text is None else datetime.fromisoformat(text)
+def _time(text: object) -> datetime | None:
+    return None if text is None else datetime.fromisoformat(str(text))

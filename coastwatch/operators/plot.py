@@ -7,6 +7,7 @@ from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PathCollection, PolyCollection
 from matplotlib.figure import Figure
@@ -16,7 +17,7 @@ from matplotlib.path import Path as Outline
 from matplotlib.ticker import FuncFormatter, MultipleLocator
 from matplotlib.transforms import ScaledTranslation
 
-from coastwatch.batches import Array, Bools, Flag, Floats
+from coastwatch.batches import Bools, Flag, Floats
 from coastwatch.geodesy import NAUTICAL_MILE_M, offset_deg, wrap_deg
 from coastwatch.operators import presentation
 from coastwatch.operators.scene import AIS_ONLY, BEARING, COASTING, FUSED, RADAR, RADAR_ONLY, SONAR_ONLY, STATION, Scene, load
@@ -110,24 +111,20 @@ def _land(axes: Axes, scene: Scene) -> None:
     axes.add_collection(land, autolim=False)
 
 
-def _ring(scene: Scene, site_deg: Floats, range_m: float, arc_deg: tuple[float, float]) -> Floats:
-    """Outline of a sector; of a circle without lines to the centre."""
-    first, last = arc_deg
-    span = (last - first) % 360.0 or 360.0
-    angle = np.radians(first + np.linspace(0.0, span, 181))
-    ring = offset_deg(np.asarray(site_deg, float), range_m * np.stack([np.sin(angle), np.cos(angle)], -1))
-    if span < 360.0:
-        ring = np.vstack([site_deg, ring, site_deg])
-    return _flat(scene, ring)
-
-
-def _coverage(axes: Axes, scene: Scene) -> list[Any]:
-    marks, radars = [], 0
+def _coverage(axes: Axes, scene: Scene) -> list[Artist]:
+    marks: list[Artist] = []
+    radars = 0
     for c in scene.coverages:
         colour = {STATION: STATION_COLOUR, BEARING: SONAR_COLOUR}.get(c.kind, RADAR_COLOURS[radars % len(RADAR_COLOURS)])
         radars += c.kind == RADAR
         dash: Any = (0, (6, 4)) if c.kind == STATION else "solid"
-        ring = _ring(scene, c.site_deg, c.range_m, c.arc_deg)
+        first, last = c.arc_deg
+        span = (last - first) % 360.0 or 360.0
+        angle = np.radians(first + np.linspace(0.0, span, 181))
+        outline = offset_deg(np.asarray(c.site_deg, float), c.range_m * np.stack([np.sin(angle), np.cos(angle)], -1))
+        if span < 360.0:  # a sector has lines to its centre
+            outline = np.vstack([c.site_deg, outline, c.site_deg])
+        ring = _flat(scene, outline)
         if c.kind != STATION:
             axes.fill(*ring.T, facecolor=colour, alpha=0.07, linewidth=0, zorder=2)
         axes.plot(*ring.T, color=colour, linewidth=1.6 if c.kind != STATION else 1.0, linestyle=dash, zorder=3)
@@ -135,14 +132,14 @@ def _coverage(axes: Axes, scene: Scene) -> list[Any]:
         shape = {STATION: "v", BEARING: "D"}.get(c.kind, "o")
         axes.plot(*site, marker=shape, color=colour, markersize=7.5, markeredgecolor="white", markeredgewidth=1.0, zorder=9)
         name = printable(c.name).replace("$", r"\$")  # else what is between two is a formula
-        text = f"{name}: {('AIS', 'radar', 'bearings')[(STATION, RADAR, BEARING).index(c.kind)]}, {_short(c.range_m)}"
+        text = f"{name}: {('AIS', 'radar', 'bearings')[(STATION, RADAR, BEARING).index(c.kind)]}, {c.range_m / NAUTICAL_MILE_M:.3g} NM"
         marks.append(
             Line2D([], [], color=colour, linestyle=dash, marker=shape, markeredgecolor="white", markersize=7, label=text)
         )
     return marks
 
 
-def _cells(axes: Axes, scene: Scene) -> list[Any]:
+def _cells(axes: Axes, scene: Scene) -> list[Artist]:
     """Cells of the cover of radars in the colours of COVER_STEPS or CLUTTER_STEPS."""
     if scene.cover is None:
         return []
@@ -157,11 +154,7 @@ def _cells(axes: Axes, scene: Scene) -> list[Any]:
     ]
 
 
-def _short(range_m: float) -> str:
-    return f"{range_m / NAUTICAL_MILE_M:.3g} NM"
-
-
-def _bearings(axes: Axes, scene: Scene) -> list[Any]:
+def _bearings(axes: Axes, scene: Scene) -> list[Artist]:
     if not len(scene.bearing_from_deg):
         return []
     lines = np.stack([_flat(scene, scene.bearing_from_deg), _flat(scene, scene.bearing_to_deg)], 1)
@@ -170,8 +163,8 @@ def _bearings(axes: Axes, scene: Scene) -> list[Any]:
     return [Line2D([], [], color=BOW_TIE_COLOUR, linestyle=(0, (1, 2.2)), label=f"associated bearing ({len(lines)})")]
 
 
-def _trails(axes: Axes, scene: Scene) -> list[Any]:
-    marks = []
+def _trails(axes: Axes, scene: Scene) -> list[Artist]:
+    marks: list[Artist] = []
     if scene.trails_deg:
         trails = [_flat(scene, t) for t in scene.trails_deg]
         axes.add_collection(LineCollection(trails, colors=FAINT, linewidths=0.9, alpha=0.55, zorder=4))
@@ -186,7 +179,7 @@ def _trails(axes: Axes, scene: Scene) -> list[Any]:
     return marks
 
 
-def _ellipses(axes: Axes, scene: Scene) -> list[Any]:
+def _ellipses(axes: Axes, scene: Scene) -> list[Artist]:
     """Ellipses of 2 sigma, enlarged by the factor in the legend. An ellipse that would cover the rest is left out."""
     known = np.flatnonzero(np.isfinite(scene.ellipse).all(-1))
     if not len(known):
@@ -206,7 +199,7 @@ def _ellipses(axes: Axes, scene: Scene) -> list[Any]:
     return [Patch(label=label + (f" ({(~fits).sum()} too large to draw)" if not fits.all() else ""), **style)]
 
 
-def _vessels(axes: Axes, scene: Scene) -> list[Any]:
+def _vessels(axes: Axes, scene: Scene) -> list[Artist]:
     styles: dict[str, tuple[Any, str, str, float]] = {
         AIS_ONLY: ("^", AIS_COLOUR, "#0d5a1e", 34.0),
         RADAR_ONLY: ("s", "white", INK, 26.0),
@@ -214,7 +207,8 @@ def _vessels(axes: Axes, scene: Scene) -> list[Any]:
         SONAR_ONLY: ("D", SONAR_COLOUR, INK, 26.0),
         COASTING: ("X", FAINT, "white", 40.0),
     }
-    xy, marks, inside = _flat(scene, scene.position_deg), [], scene.inside(scene.position_deg)
+    xy, inside = _flat(scene, scene.position_deg), scene.inside(scene.position_deg)
+    marks: list[Artist] = []
     for kind, (marker, face, edge, size) in styles.items():
         rows = scene.kind == kind
         if kind in (SONAR_ONLY, COASTING) and not rows.any():
@@ -228,7 +222,12 @@ def _vessels(axes: Axes, scene: Scene) -> list[Any]:
         (Flag.AIS_CONTRADICTED | Flag.MMSI_TWICE | Flag.IMPOSSIBLE_SPEED, WARNING_COLOUR, "AIS contradicted or impossible"),
     ):
         rows = (scene.flags & int(flags)) != 0
-        marks += _rings(axes, xy[rows], colour, f"{name} ({_count(rows, inside)})")
+        if rows.any():
+            axes.scatter(
+                xy[rows, 0], xy[rows, 1], s=150.0, marker="o", facecolor="none", edgecolor=colour, linewidth=1.7, zorder=8
+            )
+            style = {"markerfacecolor": "none", "markeredgecolor": colour, "markersize": 11, "markeredgewidth": 1.7}
+            marks.append(Line2D([], [], marker="o", label=f"{name} ({_count(rows, inside)})", linestyle="none", **style))
     chosen = xy[np.array(scene.selected, np.int64)]
     axes.scatter(chosen[:, 0], chosen[:, 1], s=260.0, marker="s", facecolor="none", edgecolor=INK, linewidth=1.4, zorder=8)
     return marks
@@ -244,30 +243,8 @@ def _names(axes: Axes, scene: Scene) -> None:
     xy, inside = _flat(scene, scene.position_deg), scene.inside(scene.position_deg)
     for row, name in scene.names:
         if inside[row]:
-            axes.annotate(
-                name,
-                (xy[row, 0], xy[row, 1]),
-                (7.0, 4.0),
-                textcoords="offset points",
-                fontsize=7.5,
-                color=INK,
-                zorder=12,
-                parse_math=False,
-            )
-
-
-def _rings(axes: Axes, xy: Array, colour: str, label: str) -> list[Any]:
-    if not len(xy):
-        return []
-    axes.scatter(xy[:, 0], xy[:, 1], s=150.0, marker="o", facecolor="none", edgecolor=colour, linewidth=1.7, zorder=8)
-    style: dict[str, Any] = {
-        "markerfacecolor": "none",
-        "markeredgecolor": colour,
-        "markersize": 11,
-        "markeredgewidth": 1.7,
-        "linestyle": "none",
-    }
-    return [Line2D([], [], marker="o", label=label, **style)]
+            style: dict[str, Any] = {"textcoords": "offset points", "fontsize": 7.5, "parse_math": False}
+            axes.annotate(name, (xy[row, 0], xy[row, 1]), (7.0, 4.0), color=INK, zorder=12, **style)
 
 
 def _grid(axes: Axes, width_deg: float, height_deg: float) -> None:
@@ -303,7 +280,7 @@ def _scale_bar(axes: Axes, scene: Scene) -> None:
     axes.text(length + 0.01, 0.0, f"{length_nm:g} NM", transform=below, va="center", color=INK)
 
 
-def _titles(axes: Axes, scene: Scene, marks: list[Any]) -> None:
+def _titles(axes: Axes, scene: Scene, marks: list[Artist]) -> None:
     axes.set_title(printable(scene.title), loc="left", parse_math=False, fontsize=14, fontweight="bold", color=INK, pad=22)
     above: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points"}
     axes.annotate(

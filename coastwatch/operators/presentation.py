@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, TypedDict, cast
 
 import numpy as np
 
@@ -76,11 +76,54 @@ NAMED_SOURCES = ("source", "first_source", "second_source")
 Box = tuple[float, float, float, float]
 
 
+class Run(TypedDict):
+    """What operators read of a run of the store."""
+
+    id: int
+    scenario: str
+    title: str
+    seed: int
+    status: str
+    start_s: float
+    period_s: float
+    cycles: int  # ENDLESS or more: of a live run
+    cycles_stored: int
+    settings: dict[str, Any]  # the scenario as a document, maybe of another version
+
+
+class Sensor(TypedDict):
+    """A row of `sensors`."""
+
+    kind: str
+    name: str
+    region: str | None
+    latitude_deg: float | None
+    longitude_deg: float | None
+    range_m: float | None
+    spec: dict[str, float] | None
+    heard_utc: str | None
+    state: str | None
+    time_jitter_s: float | None
+    vessels: int | None
+    compared: int | None
+    odds: float | None  # against chance, of the candidate of a registration
+    candidate_azimuth_deg: float
+    candidate_range_m: float
+    voices: int
+    rival_share: float
+    found_odds: float | None
+    tracks: int  # of a track source, and so are the next four
+    states: int | None
+    dropped: int
+    position_sigma_m: float
+    velocity_sigma_m_s: float
+
+
 @dataclass(frozen=True)
 class Vessel:
     """The details of one vessel, and its tables: tracks, history and others."""
 
-    details: dict[str, Any]
+    details: dict[str, object]
     tables: dict[str, Rows]
     meanings: dict[str, str]  # of the statistics in its tables
     stays: tuple[tuple[int, int], ...]  # first and last cycle of each time in the picture
@@ -94,20 +137,20 @@ class Vessel:
         """The history of each stay that has points, oldest first."""
         rows = self.tables["history"]
         at = rows.columns.index("cycle")
-        found = [[row for row in rows.rows if first <= row[at] <= last] for first, last in self.stays]
-        return [Rows(rows.columns, path) for path in found if path]
+        paths = [[row for row in rows.rows if first <= row[at] <= last] for first, last in self.stays]
+        return [Rows(rows.columns, path) for path in paths if path]
 
 
 @contextmanager
 def opened(url: str, limit: QueryLimit | None = None) -> Iterator[Store]:
     """The database, which must exist. Args: limit: of each read transaction. Raises: StoreError."""
-    with store.open_store(url, create=False, limit=limit) as found:
-        yield found
+    with store.open_store(url, create=False, limit=limit) as database:
+        yield database
 
 
-def run(found: Store, run_id: int | None) -> dict[str, Any]:
+def run(found: Store, run_id: int | None) -> Run:
     """The run with this number, or the latest. Raises: StoreError if there is none."""
-    return store.run(found, store.latest_run(found) if run_id is None else run_id)
+    return cast(Run, store.run(found, store.latest_run(found) if run_id is None else run_id))
 
 
 def runs(found: Store) -> Rows:
@@ -119,38 +162,35 @@ def runs(found: Store) -> Rows:
 
 def runs_table(rows: Rows) -> Rows:
     """The rows of `runs` as a table for a screen, with the main scores."""
-    made = []
+    table = []
     for row in rows.rows:
-        of = dict(zip(rows.columns, row, strict=True))
-        scores = of["scores"] or {}
+        one = dict(zip(rows.columns, row, strict=True))
+        scores, fell = one["scores"] or {}, one["verdict"]
         main = [(scores.get(stage) or {}).get(name) for stage, name in MAIN_SCORES]
-        cycles = _cycles(of)
-        about = (of[name] for name in ("run", "scenario", "seed", "version", "status"))
+        about = (one[name] for name in ("run", "scenario", "seed", "version", "status"))
         figures = [round(value, 4) if isinstance(value, float) else value for value in main]
-        faults = sum(fault["count"] for fault in of["faults"])
-        made.append((*about, cycles, of["started_utc"], faults, *figures, _verdict(of["verdict"])))
+        faults = sum(fault["count"] for fault in one["faults"])
+        verdict = None if fell is None else f"{len(fell)} fell" if fell else "good"
+        cycles = _cycles(one["cycles_stored"], one["cycles"])
+        table.append((*about, cycles, one["started_utc"], faults, *figures, verdict))
     columns = ("run", "scenario", "seed", "version", "status", "cycles", "started_utc", "faults")
-    return Rows((*columns, *(f"{stage}.{name}" for stage, name in MAIN_SCORES), "verdict"), made)
+    return Rows((*columns, *(f"{stage}.{name}" for stage, name in MAIN_SCORES), "verdict"), table)
 
 
-def _verdict(sentences: list[str] | None) -> str | None:
-    return None if sentences is None else f"{len(sentences)} fell" if sentences else "good"
-
-
-def heading(run_row: Mapping[str, Any], rows: Rows) -> str:
+def heading(run_row: Run, rows: Rows) -> str:
     """Which run a picture is of, its instant, and how the run ended. Args: run_row: as of `run`; rows: as of `picture`."""
     newest = max(rows.column("time_utc"), default=utc_text(run_row["start_s"] + run_row["cycles_stored"] * run_row["period_s"]))
-    said = f"run {run_row['id']} of {run_row['scenario']}, seed {run_row['seed']}: {len(rows.rows)} vessels at {newest}"
-    return f"{said}; {ending(run_row)}" if ending(run_row) else said
+    text = f"run {run_row['id']} of {run_row['scenario']}, seed {run_row['seed']}: {len(rows.rows)} vessels at {newest}"
+    return f"{text}; {ending(run_row)}" if ending(run_row) else text
 
 
-def ending(run_row: Mapping[str, Any]) -> str:
+def ending(run_row: Run) -> str:
     """How a run that has not finished ended, such as "the run died after cycle 3 of 9"; empty if it finished."""
     ends = ENDS.get(run_row["status"])
-    return f"{ends} after cycle {_cycles(run_row)}" if ends else ""
+    return f"{ends} after cycle {_cycles(run_row['cycles_stored'], run_row['cycles'])}" if ends else ""
 
 
-def beyond_end(found: Store, run_row: Mapping[str, Any], at_s: float | None) -> str:
+def beyond_end(found: Store, run_row: Run, at_s: float | None) -> str:
     """A sentence if an instant is more than a period after the last cycle of a run; empty if not. Args: run_row: as of `run`."""
     last_s = None if at_s is None else store.last_instant(found, run_row["id"])
     if at_s is None or last_s is None or at_s <= last_s + run_row["period_s"]:
@@ -158,9 +198,9 @@ def beyond_end(found: Store, run_row: Mapping[str, Any], at_s: float | None) -> 
     return f"run {run_row['id']} holds nothing at {utc_text(at_s)}: its last cycle is at {utc_text(last_s)}, and this answer is of then"
 
 
-def _cycles(run_row: Mapping[str, Any]) -> str:
+def _cycles(stored: int, planned: int) -> str:
     """Cycles stored, and of how many; a live run has no end."""
-    return str(run_row["cycles_stored"]) + ("" if run_row["cycles"] >= ENDLESS else f" of {run_row['cycles']}")
+    return f"{stored}" if planned >= ENDLESS else f"{stored} of {planned}"
 
 
 def picture(found: Store, run_id: int, at_s: float | None, bbox: Box | None) -> Rows:
@@ -170,39 +210,45 @@ def picture(found: Store, run_id: int, at_s: float | None, bbox: Box | None) -> 
 
 def traffic(found: Store, run_id: int, bbox: Box, span_s: tuple[float, float]) -> Rows:
     """The vessels in a box between two instants. Raises: InputError, StoreError."""
-    return in_operator_units(store.traffic(found, run_id, bbox, *_span(span_s)))
+    _check_span(*span_s)
+    return in_operator_units(store.traffic(found, run_id, bbox, *span_s))
 
 
-def encounters(found: Store, run_id: int, bbox: Box, span_s: tuple[float, float], limits: Mapping[str, Any]) -> Rows:
-    """Pairs of vessels that came close to each other. Args: limits: as of `store.encounters`. Raises: InputError, StoreError."""
-    for name, value in limits.items():
+def encounters(
+    found: Store, run_id: int, bbox: Box, span_s: tuple[float, float], *, within_m: float, min_sog_kn: float, count: int
+) -> Rows:
+    """Pairs of vessels that came close to each other. Args: as of `store.encounters`. Raises: InputError, StoreError."""
+    for name, value in (("within_m", within_m), ("min_sog_kn", min_sog_kn), ("count", count)):
         if not 0.0 <= value < float("inf"):
             raise InputError(f"{name}: got {value:g}, needed 0 or more")
-    return in_operator_units(store.encounters(found, run_id, bbox, *_span(span_s), **limits))
+    _check_span(*span_s)
+    return in_operator_units(store.encounters(found, run_id, bbox, *span_s, within_m, min_sog_kn, count))
 
 
-def _span(span_s: tuple[float, float]) -> tuple[float, float]:
-    if span_s[0] > span_s[1]:
-        raise InputError(f"--from: got {utc_text(span_s[0])}, needed an instant before --to, {utc_text(span_s[1])}")
-    return span_s
-
-
-def main_columns(rows: Rows) -> Rows:
-    """The columns of MAIN_COLUMNS."""
-    keep = [rows.columns.index(name) for name in MAIN_COLUMNS if name in rows.columns]
-    return Rows(tuple(rows.columns[k] for k in keep), [tuple(row[k] for k in keep) for row in rows.rows])
+def _check_span(from_s: float | None, to_s: float | None) -> None:
+    """Raises: InputError where a span of time ends before it begins."""
+    if from_s is not None and to_s is not None and from_s > to_s:
+        raise InputError(f"--from: got {utc_text(from_s)}, needed an instant before --to, {utc_text(to_s)}")
 
 
 TABLES = ("history", "events", "members", "associations", "bearing_associations")
 """Of a vessel, in this order."""
 
 
-def vessel(found: Store, run_row: Mapping[str, Any], vessel_id: int) -> Vessel:
+def vessel(found: Store, run_row: Run, vessel_id: int) -> Vessel:
     """Details and tables of one vessel. Args: run_row: as of `run`. Raises: StoreError if the run never had it."""
     track = store.track(found, run_row["id"], vessel_id)
     row = in_operator_units(Rows(tuple(track.vessel), [tuple(track.vessel.values())]))
     names = {number: name for number, name, _ in store.sources(found, run_row["id"]).rows}
-    tables = {key.replace("_", " "): in_operator_units(_with_names(getattr(track, key), names)) for key in TABLES}
+    tables = {}
+    for key in TABLES:
+        rows: Rows = getattr(track, key)
+        columns = tuple("track_id" if name == "bearing_track" else name for name in rows.columns)
+        at = {k for k, name in enumerate(columns) if name in NAMED_SOURCES}
+        if at:  # with the names of sources in the place of their numbers
+            values = [tuple(names.get(v, v) if k in at else v for k, v in enumerate(row)) for row in rows.rows]
+            rows = Rows(columns, values)
+        tables[key.replace("_", " ")] = in_operator_units(rows)
     methods = {key: run_row["settings"].get(key, {}).get("method") for key in ("associations", "bearing_associations")}
     return Vessel(
         {"run": run_row["id"], **dict(zip(row.columns, row.rows[0], strict=True))},
@@ -212,38 +258,27 @@ def vessel(found: Store, run_row: Mapping[str, Any], vessel_id: int) -> Vessel:
     )
 
 
-def _with_names(rows: Rows | Table, names: Mapping[int, str]) -> Rows | Table:
-    """The rows with the names of sources in the place of their numbers, and `track_id` for the track of a bearing."""
-    columns = tuple("track_id" if name == "bearing_track" else name for name in rows.columns)
-    at = {k for k, name in enumerate(columns) if name in NAMED_SOURCES}
-    if not at:
-        return rows
-    made = [tuple(names.get(value, value) if k in at else value for k, value in enumerate(row)) for row in rows.rows]
-    return Rows(columns, made)
-
-
-def sensors(found: Store, run_id: int, at_s: float | None) -> Rows:
-    """One row per sensor with all its columns, and its health: heard, silent or never heard."""
-    states = store.sensor_states(found, run_id, at_s)
-    health = [_health(dict(zip(states.columns, row, strict=True))) for row in states.rows]
-    with_health = [(*row, word) for row, word in zip(states.rows, health, strict=True)]
-    return in_operator_units(Rows((*states.columns, "health"), with_health))
-
-
 SILENT_TURNS, SILENT_LEAST_S, SILENT_AIS_S = 3.0, 10.0, 60.0
 """A radar is silent after so many turns without a report, a sonar after so many intervals, at least after 10 s; AIS after 60 s."""
 
 
-def _health(of: Mapping[str, Any]) -> str | None:
-    """Whether a sensor was heard lately, in the cycle that its row is of; None: nothing is expected. Args: of: its row."""
-    if of["kind"] not in ("radar", "ais", "bearing") or of["time_s"] is None:
-        return None
-    if of["heard_s"] is None:
-        return "never heard"
-    spec = of["spec"] or {}
-    expected_s = spec.get("period_s", spec.get("interval_s"))
-    allowed_s = SILENT_AIS_S if expected_s is None else max(SILENT_TURNS * expected_s, SILENT_LEAST_S)
-    return "silent" if of["time_s"] - of["heard_s"] > allowed_s else "heard"
+def sensors(found: Store, run_id: int, at_s: float | None) -> Rows:
+    """One row per sensor with all its columns, and its health: heard, silent or never heard, in the cycle that its row is of."""
+    states = store.sensor_states(found, run_id, at_s)
+    with_health = []
+    for row in states.rows:
+        sensor = dict(zip(states.columns, row, strict=True))
+        health = None
+        if sensor["kind"] in ("radar", "ais", "bearing") and sensor["time_s"] is not None:  # else nothing is expected
+            spec = sensor["spec"] or {}
+            turn_s = spec.get("period_s", spec.get("interval_s"))
+            allowed_s = SILENT_AIS_S if turn_s is None else max(SILENT_TURNS * turn_s, SILENT_LEAST_S)
+            if sensor["heard_s"] is None:
+                health = "never heard"
+            else:
+                health = "silent" if sensor["time_s"] - sensor["heard_s"] > allowed_s else "heard"
+        with_health.append((*row, health))
+    return in_operator_units(Rows((*states.columns, "health"), with_health))
 
 
 COVER_COLUMNS = ("ais_detection", "ais_looks", "track_detection", "track_looks")
@@ -278,17 +313,17 @@ def radar_cover(found: Store, run_id: int, clutter: bool, sectors: int, rings: i
         shown, values = density > 0.0, (density, np.broadcast_to(cover.turns[:, None, None], density.shape))
     else:
         detection = mean(cover.ais_detection, cover.ais_looks), mean(cover.track_detection, cover.track_looks)
-        known = np.where(looks > 0.0, detection[0], np.nan), np.where(track_looks > 0.0, detection[1], np.nan)
-        shown, values = (looks > 0.0) | (track_looks > 0.0), (known[0], looks, known[1], track_looks)
+        of_ais, of_tracks = np.where(looks > 0.0, detection[0], np.nan), np.where(track_looks > 0.0, detection[1], np.nan)
+        shown, values = (looks > 0.0) | (track_looks > 0.0), (of_ais, looks, of_tracks, track_looks)
     radar, sector, ring = np.nonzero(shown)
     width, step = 360.0 / sectors, COVER_RANGES // rings
     borders = sector * width, (sector + 1) * width, edges_nm[radar, ring * step], edges_nm[radar, (ring + 1) * step]
     numbers = np.stack([*borders, *(value[shown] for value in values)], 1)
-    made = [(names[r], *(None if np.isnan(v) else v for v in row)) for r, row in zip(radar, numbers.tolist(), strict=True)]
-    return in_operator_units(Rows(("name", "from_deg", "to_deg", "from_nm", "to_nm", *columns), made))
+    cells = [(names[r], *(None if np.isnan(v) else v for v in row)) for r, row in zip(radar, numbers.tolist(), strict=True)]
+    return in_operator_units(Rows(("name", "from_deg", "to_deg", "from_nm", "to_nm", *columns), cells))
 
 
-def standing_echoes(found: Store, run_row: Mapping[str, Any]) -> Rows:
+def standing_echoes(found: Store, run_row: Run) -> Rows:
     """The echoes that the clutter maps of radars hide, one row each, by radar. Args: run_row: as of `run`.
 
     Raises: InputError: no clutter map is learnt.
@@ -301,27 +336,28 @@ def standing_echoes(found: Store, run_row: Mapping[str, Any]) -> Rows:
     return in_operator_units(store.standing_echoes(found, run_row["id"]))
 
 
-def registration(rows: Rows, settings: Mapping[str, Any]) -> Rows:
-    """The rows of `sensors` as a table for a screen: an error and its standard deviation in one cell, the evidence in another.
-
-    Args: settings: of the run.
-    """
-    false_alarm = settings.get("registration", {}).get("false_alarm")
-    names = ("kind", "name", "region", "latitude_deg", "longitude_deg", "range_nm", "specification", "heard_utc")
-    made = []
+def registration(rows: Rows, run_row: Run) -> Rows:
+    """The rows of `sensors` as a table for a screen: an error and its standard deviation in one cell, the evidence in another."""
+    false_alarm = run_row["settings"].get("registration", {}).get("false_alarm")
+    table = []
     for row in rows.rows:
-        s = dict(zip(rows.columns, row, strict=True))
-        spec = " ".join(f"{key}={round(value, 3):g}" for key, value in (s["spec"] or {}).items())
-        errors = [_with_sigma(s[value], s.get(sigma)) for value, sigma in ERRORS]
-        site = (s["kind"], s["name"], s["region"], s["latitude_deg"], s["longitude_deg"])
-        range_nm = None if s["range_m"] is None else round(s["range_m"] / NAUTICAL_MILE_M, 2)
-        known = spec, s["heard_utc"], s["state"], *errors, s["time_jitter_s"], s["vessels"], _evidence(s, false_alarm)
-        made.append((*site, range_nm, *known))
-    return Rows((*names, "state", *(value for value, _ in ERRORS), "time_jitter_s", "vessels", "evidence"), made)
+        values = dict(zip(rows.columns, row, strict=True))
+        sensor = cast(Sensor, values)
+        spec = " ".join(f"{key}={round(value, 3):g}" for key, value in (sensor["spec"] or {}).items())
+        errors = []
+        for name, sigma in ERRORS:
+            text = None if values[name] is None else f"{rounded(values[name], 3):.3f}"
+            errors.append(text if text is None or values.get(sigma) is None else f"{text} +- {values[sigma]:.3f}")
+        range_nm = None if sensor["range_m"] is None else round(sensor["range_m"] / NAUTICAL_MILE_M, 2)
+        site = (sensor["kind"], sensor["name"], sensor["region"], sensor["latitude_deg"], sensor["longitude_deg"], range_nm)
+        estimate = (sensor["heard_utc"], sensor["state"], *errors, sensor["time_jitter_s"], sensor["vessels"])
+        table.append((*site, spec, *estimate, _evidence(sensor, false_alarm)))
+    names = ("kind", "name", "region", "latitude_deg", "longitude_deg", "range_nm", "specification", "heard_utc", "state")
+    return Rows((*names, *(value for value, _ in ERRORS), "time_jitter_s", "vessels", "evidence"), table)
 
 
-def _evidence(s: Mapping[str, Any], false_alarm: float | None) -> str | None:
-    """What is known of the registration of a radar, or of a track source, in words. Args: s: a row of `sensors`."""
+def _evidence(s: Sensor, false_alarm: float | None) -> str | None:
+    """What is known of the registration of a radar, or of a track source, in words."""
     if s["kind"] == "tracks" and s["states"] is not None:
         sigma = f"{s['position_sigma_m']:.1f} m and {s['velocity_sigma_m_s']:.2f} m/s of those without covariance"
         partners = f"{s['vessels']} differences to AIS" if s["vessels"] else "as set"
@@ -330,33 +366,23 @@ def _evidence(s: Mapping[str, Any], false_alarm: float | None) -> str | None:
         return "no plots" if s["compared"] is None else "no AIS vessel in cover"
     if s["state"] is None or s["odds"] is None:
         return None
-    said = f"{rounded(s['candidate_azimuth_deg'], 1):.1f} deg {rounded(s['candidate_range_m'], 0):.0f} m: {_odds(s['odds'])}"
-    said += f", {s['voices']} voices, rival {100.0 * s['rival_share']:.0f} %"
+    text = f"{rounded(s['candidate_azimuth_deg'], 1):.1f} deg {rounded(s['candidate_range_m'], 0):.0f} m: {_odds(s['odds'])}"
+    text += f", {s['voices']} voices, rival {100.0 * s['rival_share']:.0f} %"
     if s["found_odds"] is not None:
-        return f"{said}, {_odds(s['found_odds'])} when found"
-    return said if false_alarm is None else f"{said}, wants {_odds(1.0 / false_alarm)}"
+        return f"{text}, {_odds(s['found_odds'])} when found"
+    return text if false_alarm is None else f"{text}, wants {_odds(1.0 / false_alarm)}"
 
 
 def _odds(value: float) -> str:
     """Odds as people write them."""
-    return (
-        f"{value:,.0f} to 1"
-        if 1.0 <= value < 1e7
-        else f"{value:.0e} to 1"
-        if value >= 1e7
-        else f"1 to {min(1.0 / max(value, 1e-6), 1e6):,.0f}"
-    )
-
-
-def _with_sigma(value: float | None, sigma: float | None) -> str | None:
-    if value is None:
-        return None
-    return f"{rounded(value, 3):.3f}" + ("" if sigma is None else f" +- {sigma:.3f}")
+    if value < 1.0:
+        return f"1 to {min(1.0 / max(value, 1e-6), 1e6):,.0f}"
+    return f"{value:,.0f} to 1" if value < 1e7 else f"{value:.0e} to 1"
 
 
 def questions() -> Rows:
     """Name, title and parameters of every question."""
-    rows: list[tuple[Any, ...]] = []
+    rows = []
     for name, question in store.operator_queries().items():
         parameters = [
             f"{key}{'' if p.default is None else f'={p.default}'} ({p.meaning})" for key, p in question.parameters.items()
@@ -367,10 +393,10 @@ def questions() -> Rows:
 
 def answer(found: Store, name: str, parameters: Mapping[str, str], at_s: float | None = None) -> Rows:
     """The answer to a question, now or at an instant. Raises: InputError, StoreError."""
-    known = store.operator_queries()
-    if name not in known:
-        raise InputError(f"query: got {name!r}, needed one of {', '.join(known)}{did_you_mean(name, known)}")
-    takes = known[name].parameters
+    queries = store.operator_queries()
+    if name not in queries:
+        raise InputError(f"query: got {name!r}, needed one of {', '.join(queries)}{did_you_mean(name, queries)}")
+    takes = queries[name].parameters
     unknown = [key for key in parameters if key not in (*takes, "run")]
     missing = [key for key, p in takes.items() if p.default is None and key not in parameters]
     if unknown or missing:
@@ -385,10 +411,9 @@ def answer(found: Store, name: str, parameters: Mapping[str, str], at_s: float |
 
 def in_operator_units(rows: Rows | Table) -> Rows:
     """The same rows in the units of an operator. Columns of instants are renamed from `_s` to `_utc`."""
-    makers = [_maker(name) for name in rows.columns]
-    names = tuple(map(name_in_operator_units, rows.columns))
-    made = [tuple(None if v is None else make(v) for v, make in zip(row, makers, strict=True)) for row in rows.rows]
-    return Rows(names, made)
+    conversions = [_conversion(name) for name in rows.columns]
+    values = [tuple(convert(v) for v, convert in zip(row, conversions, strict=True)) for row in rows.rows]
+    return Rows(tuple(map(name_in_operator_units, rows.columns)), values)
 
 
 def name_in_operator_units(name: str) -> str:
@@ -406,15 +431,16 @@ def flag_words(flags: int) -> str:
     return " ".join(str(flag.name).lower() for flag in Flag(flags))
 
 
-def _maker(name: str) -> Callable[[Any], Any]:
+def _conversion(name: str) -> Callable[[object], object]:
+    """What makes the value for an operator of a value of a column. An absent value, and a text, stays as it is."""
     if name in store.INSTANTS:
-        return lambda value: utc_text(float(value))
+        return lambda value: utc_text(float(value)) if isinstance(value, int | float | np.number) else value
     if name == "mmsi" or name.endswith("_mmsi"):
-        return lambda value: f"{int(value):09d}"
+        return lambda value: f"{int(value):09d}" if isinstance(value, int | np.integer) else value
     if name == "nav_status":
         return lambda value: nav_status_text(value) if isinstance(value, int) else value
     if name == "flags":
-        return lambda value: flag_words(int(value)) if isinstance(value, int) else value
+        return lambda value: flag_words(value) if isinstance(value, int) else value
     digits = digits_of(name)
     if name in COURSES:
         return lambda value: rounded(value, digits) % 360.0 if isinstance(value, float) else value

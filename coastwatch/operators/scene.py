@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -14,10 +13,10 @@ from coastwatch.errors import InputError
 from coastwatch.geodesy import KNOT_M_S, NAUTICAL_MILE_M, difference_m, offset_deg, scale_m_deg, wrap_deg
 from coastwatch.operators import coastline
 from coastwatch.operators.coastline import Shore
-from coastwatch.operators.presentation import ending, utc_text
+from coastwatch.operators.presentation import Run, ending, utc_text
 from coastwatch.shipped import scenarios_folder
 from coastwatch.spelling import printable
-from coastwatch.store import Rows, Store
+from coastwatch.store import Rows, Store, Table
 
 RADAR, STATION, BEARING = "radar", "station", "bearing"
 AIS_ONLY, RADAR_ONLY, SONAR_ONLY, FUSED, COASTING = "AIS only", "radar only", "sonar only", "fused", "no sensor now"
@@ -88,7 +87,7 @@ class Scene:
 
 def load(
     found: Store,
-    run: dict[str, Any],
+    run: Run,
     at_s: float | None,
     bbox: tuple[float, float, float, float] | None,
     shore: str | None,
@@ -105,10 +104,11 @@ def load(
     Raises: StoreError, InputError.
     """
     rows = store.picture(found, run["id"], at_s, bbox)
-    table = {name: rows.column(name) for name in rows.columns}
-    position = _numbers(table, "latitude_deg", "longitude_deg")
-    time_s = max(table["time_s"], default=None)
-    bearings = _bearings(found, run["id"], table, position) if at_s is None else np.zeros((2, 0, 2))
+    position, ids = _numbers(rows, "latitude_deg", "longitude_deg"), rows.column("vessel_id")
+    sog_kn, cog_deg = _numbers(rows, "sog_kn", "cog_deg").T
+    east_north = np.stack([np.sin(np.radians(cog_deg)), np.cos(np.radians(cog_deg))], -1)
+    time_s = max(rows.column("time_s"), default=None)
+    bearings = _bearings(found, run["id"], ids, position) if at_s is None else np.zeros((2, 0, 2))
     when = f"{utc_text(round(time_s))[:-5]}Z · " if time_s is not None else ""
     centre_deg, width_nm, height_nm = _frame(run["settings"]["area"], bbox)
     ends = f" · {ending(run)}" if ending(run) else ""
@@ -120,48 +120,39 @@ def load(
         height_nm=height_nm,
         coverages=_coverages(store.sensors(found, run["id"])),
         position_deg=position,
-        velocity_m_s=_velocity(_numbers(table, "sog_kn", "cog_deg")),
-        ellipse=_numbers(table, "major_m", "minor_m", "orientation_deg"),
-        kind=_kinds(table["sources"], store.sources(found, run["id"])),
-        flags=np.array(table["flags"], np.int64),
+        velocity_m_s=np.where(sog_kn[:, None] == 0.0, 0.0, (sog_kn * KNOT_M_S)[:, None] * east_north),
+        ellipse=_numbers(rows, "major_m", "minor_m", "orientation_deg"),
+        kind=_kinds(rows.column("sources"), store.sources(found, run["id"])),
+        flags=np.array(rows.column("flags"), np.int64),
         bearing_from_deg=bearings[0],
         bearing_to_deg=bearings[1],
-        trails_deg=_trails(found, run["id"], table["vessel_id"], position, time_s),
+        trails_deg=_trails(found, run["id"], ids, position, time_s),
         trail_s=TRAIL_S,
         cover=None if cover is None else _cover_cells(found, run["id"], cover == "clutter"),
     )
     land, label = _land(run["scenario"], shore, scene)
-    selected = _rows_of(vessels, table["vessel_id"])
-    return replace(scene, land=land, land_label=label, selected=selected, names=_names(scene, table, names, selected))
-
-
-def _rows_of(vessels: Sequence[int], known: list[int]) -> tuple[int, ...]:
-    absent = [str(vessel) for vessel in vessels if vessel not in known]
+    absent = [str(vessel) for vessel in vessels if vessel not in ids]
     if absent:
         raise InputError(
             f"--vessel: got {', '.join(absent)}, needed ids of vessels in this picture; `coastwatch picture` lists them"
         )
-    return tuple(known.index(vessel) for vessel in vessels)
+    selected = tuple(ids.index(vessel) for vessel in vessels)
+    return replace(scene, land=land, land_label=label, selected=selected, names=_names(scene, rows, names, selected))
 
 
-def _names(scene: Scene, table: dict[str, list[Any]], most: int, selected: Sequence[int]) -> tuple[tuple[int, str], ...]:
+def _names(scene: Scene, rows: Table, most: int, selected: Sequence[int]) -> tuple[tuple[int, str], ...]:
     """Row and text of the selected vessels and of the longest ones in the frame: name, MMSI or id."""
-    length = np.array([np.nan if value is None else value for value in table["length_m"]], float)
+    (length,) = _numbers(rows, "length_m").T
     here = np.flatnonzero(scene.inside(scene.position_deg) & ~np.isnan(length))
     longest = here[np.argsort(-length[here], kind="stable")][:most]
-    rows = dict.fromkeys([*selected, *longest.tolist()])
-    mmsi = [None if value is None else f"{value:09d}" for value in table["mmsi"]]
-    return tuple((k, printable(table["name"][k] or mmsi[k] or f"vessel {table['vessel_id'][k]}")) for k in rows)
+    name, vessel_id = rows.column("name"), rows.column("vessel_id")
+    mmsi = [None if value is None else f"{value:09d}" for value in rows.column("mmsi")]
+    named = dict.fromkeys([*selected, *longest.tolist()])
+    return tuple((k, printable(name[k] or mmsi[k] or f"vessel {vessel_id[k]}")) for k in named)
 
 
-def _numbers(table: dict[str, list[Any]], *names: str) -> Floats:
-    return np.array([table[name] for name in names], float).reshape(len(names), -1).T
-
-
-def _velocity(sog_cog: Floats) -> Floats:
-    sog, cog = sog_cog[:, 0] * KNOT_M_S, np.radians(sog_cog[:, 1])
-    still = sog_cog[:, 0] == 0.0
-    return np.where(still[:, None], 0.0, np.stack([sog * np.sin(cog), sog * np.cos(cog)], -1))
+def _numbers(rows: Table, *names: str) -> Floats:
+    return np.array([rows.column(name) for name in names], float).reshape(len(names), -1).T
 
 
 def _frame(area: dict[str, float], bbox: tuple[float, float, float, float] | None) -> tuple[tuple[float, float], float, float]:
@@ -202,32 +193,28 @@ def _cover_cells(found: Store, run_id: int, clutter: bool) -> CoverCells:
 def _kinds(sources: list[str | None], known: Rows) -> Array:
     """Which sensors have a track of each vessel. Args: sources: names with commas between, None or empty if there is none."""
     kind_of = {f",{name},": kind for name, kind in zip(known.column("name"), known.column("kind"), strict=True)}
-    return np.array([_kind({kind for name, kind in kind_of.items() if name in f",{text},"}) for text in sources], "U13")
+    out = []
+    for text in sources:
+        kinds = {kind for name, kind in kind_of.items() if name in f",{text},"}
+        if kinds & {"radar", "ais"}:  # a sonar beside them changes no symbol: its bearing is drawn as a line
+            out.append(FUSED if {"radar", "ais"} <= kinds else AIS_ONLY if "ais" in kinds else RADAR_ONLY)
+        else:
+            out.append(SONAR_ONLY if "bearing" in kinds else COASTING)
+    return np.array(out, "U13")
 
 
-def _kind(sensors: set[str]) -> str:
-    """A sonar beside a radar or AIS changes no symbol: its bearing is drawn as a line."""
-    if {"radar", "ais"} <= sensors:
-        return FUSED
-    if "ais" in sensors:
-        return AIS_ONLY
-    if "radar" in sensors:
-        return RADAR_ONLY
-    return SONAR_ONLY if "bearing" in sensors else COASTING
-
-
-def _bearings(found: Store, run_id: int, table: dict[str, list[Any]], position_deg: Floats) -> Floats:
+def _bearings(found: Store, run_id: int, vessels: list[int], position_deg: Floats) -> Floats:
     """Ends of the lines from a sensor along its bearings, as far as the associated vessel. (2, B, 2)"""
-    row_of = {vessel: k for k, vessel in enumerate(table["vessel_id"])}
+    row_of = {vessel: k for k, vessel in enumerate(vessels)}
     rows = store.bearing_tracks(found, run_id)
     lines = []
     for row in rows.rows:
         track = dict(zip(rows.columns, row, strict=True))
         if track["vessel_id"] in row_of:
             lines.append((row_of[track["vessel_id"]], track["latitude_deg"], track["longitude_deg"], track["bearing_deg"]))
-    made = np.array(lines, float).reshape(-1, 4)
-    site, angle = made[:, 1:3], np.radians(made[:, 3])
-    distance_m = np.hypot(*difference_m(position_deg[made[:, 0].astype(int)], site).T)
+    numbers = np.array(lines, float).reshape(-1, 4)
+    site, angle = numbers[:, 1:3], np.radians(numbers[:, 3])
+    distance_m = np.hypot(*difference_m(position_deg[numbers[:, 0].astype(int)], site).T)
     return np.stack([site, offset_deg(site, distance_m[:, None] * np.stack([np.sin(angle), np.cos(angle)], -1))])
 
 

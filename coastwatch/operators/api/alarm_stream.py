@@ -5,10 +5,13 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import re
 import secrets
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager, suppress
+
+from fastapi.sse import format_sse_event
 
 from coastwatch.operators import export
 from coastwatch.operators.api.service import Service
@@ -19,6 +22,12 @@ SILENCE_S = 15.0
 
 PORTION = 100
 """Alarms that are sent at a time. Then others come first that are more urgent."""
+
+PROCESS = secrets.token_hex(4)
+"""Stands in the id of each event: numbers begin anew with each process, also where the run goes on."""
+
+EVENT_ID = re.compile(rf"(\d{{1,18}})-(\d{{1,18}})-{PROCESS}")
+"""Run, number of the change, process."""
 
 LOG = logging.getLogger("coastwatch.serve")
 STOP_S = 0.5
@@ -42,7 +51,8 @@ class AlarmStream:
         recheck_s.
         """
         book = self._service.book
-        run, at = _position(last)
+        event = EVENT_ID.fullmatch(last)  # else of another process, or there is none
+        run, at = (int(event[1]), int(event[2])) if event else (-1, -1)
         told, waiting, order = f"{run}-{at}", dict[str, Alarm](), list[str]()  # order: the most urgent last
         silent_since_s = looked_s = time.monotonic()
         async with _woken(self._service) as wait:
@@ -81,13 +91,13 @@ class AlarmStream:
         book, run, at = self._service.book, self._service.book.run_id, self._service.book.first - 1
         async with _woken(self._service) as wait:
             while True:
-                found = book.since(run, at)
-                if found is None:
+                changes = book.since(run, at)
+                if changes is None:
                     run, at = book.run_id, book.first - 1
                     continue
-                if found:
-                    at = found[-1].number
-                    yield found
+                if changes:
+                    at = changes[-1].number
+                    yield changes
                 await wait(STOP_S)
 
 
@@ -123,18 +133,5 @@ async def _woken(service: Service) -> AsyncIterator[Callable[[float], Awaitable[
         end()
 
 
-PROCESS = secrets.token_hex(4)
-"""Stands in the id of each event: numbers begin anew with each process, also where the run goes on."""
-
-
-def _position(last: str) -> tuple[int, int]:
-    """Run and number of an event of this process; -1 where there is none."""
-    position, _, process = last.rpartition("-")
-    run, _, number = position.partition("-")
-    known = process == PROCESS and run.isdecimal() and number.isdecimal() and len(last) < 40
-    return (int(run), int(number)) if known else (-1, -1)
-
-
 def _event(name: str, number: str, data: str) -> bytes:
-    shown = f"{number}-{PROCESS}" if number else ""
-    return f"id: {shown}\nevent: {name}\ndata: {data}\n\n".encode()
+    return format_sse_event(event=name, id=f"{number}-{PROCESS}" if number else "", data_str=data)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -14,7 +14,7 @@ from fastapi import APIRouter, Depends, HTTPException, Path, Query, Request, Res
 from pydantic import BaseModel, ConfigDict, Field
 
 from coastwatch import store
-from coastwatch.batches import ALARM_KINDS, COVER_AZIMUTHS, COVER_RANGES, Flag, Ints
+from coastwatch.batches import ALARM_KINDS, COVER_AZIMUTHS, COVER_RANGES, Bools, Flag, Ints
 from coastwatch.batches.kinds import ZONE_KINDS
 from coastwatch.errors import InputError
 from coastwatch.operators import export, presentation
@@ -88,8 +88,8 @@ ROWS: dict[int | str, dict[str, Any]] = {
 
 def service_of(request: Request) -> Service:
     """The service of the application."""
-    found: Service = request.app.state.service
-    return found
+    service: Service = request.app.state.service
+    return service
 
 
 def form_of(request: Request, format: Form | None = None) -> str:  # noqa: A002 (the name of a query parameter)
@@ -116,7 +116,7 @@ def parsed(read: Callable[[str], T], name: str, text: str | None) -> T | None:
 
 
 @router.get("/status")
-def status(request: Request, service: In) -> dict[str, Any]:
+def status(request: Request, service: In) -> dict[str, object]:
     """The run, its newest picture and its age, and the role of who asks."""
     return {**service.status(), "role": request.state.role, "name": request.state.who}
 
@@ -140,20 +140,23 @@ class Chosen(BaseModel):
     limit: Limit = 1000
     offset: Offset = 0
 
-    def rows(self, of: LivePicture) -> Ints:
+    def rows(self, picture: LivePicture) -> Ints:
         """The rows of a picture that are asked for. Raises: HTTPException that names the wrong parameter."""
-        rows = np.arange(len(of)) if self.q is None else of.search(self.q)
+        rows = np.arange(len(picture)) if self.q is None else picture.search(self.q)
         keep = np.ones(len(rows), np.bool_)
         if (area := parsed(box, "bbox", self.bbox)) is not None:
-            keep &= inside(of.positions_deg()[rows], area)
+            keep &= inside(picture.positions_deg()[rows], area)
         if self.flags:
-            keep &= (of.array("flags")[rows] & sum(_known(FLAGS, "flags", self.flags))) != 0
+            unknown = [word for word in _names(self.flags) if word not in FLAGS]
+            if unknown:
+                raise HTTPException(400, f"flags: got {unknown[0]!r}, needed some of {', '.join(FLAGS)}")
+            keep &= (picture.array("flags")[rows] & sum(FLAGS[word] for word in _names(self.flags))) != 0
         if self.sources:
-            keep &= _has_source(of, self.sources)[rows]
+            keep &= _has_source(picture, self.sources)[rows]
         if self.mmsi:
             number = int(self.mmsi) if self.mmsi.isdecimal() and len(self.mmsi) < 12 else -2
-            keep &= of.array("mmsi")[rows] == number
-        speed = np.nan_to_num(of.array("sog_kn")[rows])
+            keep &= picture.array("mmsi")[rows] == number
+        speed = np.nan_to_num(picture.array("sog_kn")[rows])
         keep &= (speed >= self.min_sog) & (speed <= (np.inf if self.max_sog is None else self.max_sog))
         return rows[keep]
 
@@ -167,24 +170,24 @@ def picture(request: Request, service: In, form: As, chosen: Annotated[Chosen, Q
         tag = f'W/"{hashlib.sha256(asked.encode()).hexdigest()[:32]}"'
         if request.headers.get("if-none-match") == tag:
             return Response(status_code=304, headers={"ETag": tag})
-    of = _picture_at(service, parsed(utc, "at", chosen.at))
-    rows = chosen.rows(of)
+    shown = _picture_at(service, parsed(utc, "at", chosen.at))
+    rows = chosen.rows(shown)
     if chosen.sort is not None:
-        rows = rows[order(lambda name: of.column(name, rows), COLUMNS, _names(chosen.sort))]
-    page = rows[chosen.offset : chosen.offset + chosen.limit]
-    found = selected(presentation.in_operator_units(of.rows(page)), (), None, _names(chosen.columns))
-    head = {"run": of.run_id, "cycle": of.cycle, "time_utc": presentation.utc_text(of.time_s), "total": len(rows)}
+        rows = rows[order(lambda name: shown.column(name, rows), COLUMNS, _names(chosen.sort))]
+    page = shown.rows(rows[chosen.offset : chosen.offset + chosen.limit])
+    vessels = selected(presentation.in_operator_units(page), (), None, _names(chosen.columns))
+    head = {"run": shown.run_id, "cycle": shown.cycle, "time_utc": presentation.utc_text(shown.time_s), "total": len(rows)}
     headers = _page(request, len(rows), chosen.offset, chosen.limit) | ({"ETag": tag} if tag else {})
-    return _answer(found, form, "vessels", {**head, "offset": chosen.offset}, headers)
+    return _answer(vessels, form, "vessels", {**head, "offset": chosen.offset}, headers)
 
 
 @router.get("/frame", responses={200: {"content": {"application/octet-stream": {}}}})
 def frame(service: In, bbox: Text = None, at: Text = None) -> Response:
     """The picture as one full binary frame (coastwatch.picture.v1), now or at an instant."""
-    of = _picture_at(service, parsed(utc, "at", at))
+    shown = _picture_at(service, parsed(utc, "at", at))
     if (area := parsed(box, "bbox", bbox)) is not None:
-        of = of.take(np.flatnonzero(inside(of.positions_deg(), area)))
-    return Response(Encoder(0).frame(of).full(), media_type="application/octet-stream")
+        shown = shown.take(np.flatnonzero(inside(shown.positions_deg(), area)))
+    return Response(Encoder(0).frame(shown).full(), media_type="application/octet-stream")
 
 
 @router.get("/vessels")
@@ -192,11 +195,13 @@ def vessels(
     request: Request, service: In, ids: Annotated[str | None, Query(max_length=4000)] = None, q: Text = None
 ) -> Response:
     """Details of some vessels by their ids, or of those that a text finds."""
-    of = service.picture()
+    newest, words = service.picture(), _names(ids)
     if (ids is None) == (q is None):
         raise HTTPException(400, "got both or none of ids and q, needed one of them")
-    rows = of.at(_ids(ids or "")) if q is None else of.search(q)[:MOST_FOUND]
-    body = json.dumps({"vessels": export.as_objects(presentation.in_operator_units(of.rows(rows)))}, allow_nan=False)
+    if len(words) > MOST_IDS or not all(word.isdecimal() and len(word) < 19 for word in words):
+        raise HTTPException(400, f"ids: got {len(words)} words, needed at most {MOST_IDS} whole numbers with commas between")
+    rows = newest.at(np.array([int(word) for word in words], np.int64)) if q is None else newest.search(q)[:MOST_FOUND]
+    body = json.dumps({"vessels": export.as_objects(presentation.in_operator_units(newest.rows(rows)))}, allow_nan=False)
     tag = f'"{hashlib.sha256(body.encode()).hexdigest()[:32]}"'
     if request.headers.get("if-none-match") == tag:
         return Response(status_code=304, headers={"ETag": tag})
@@ -204,17 +209,19 @@ def vessels(
 
 
 @router.get("/vessels/{vessel_id}")
-def vessel(vessel_id: VesselId, service: In) -> dict[str, Any]:
+def vessel(vessel_id: VesselId, service: In) -> dict[str, object]:
     """One vessel with its tracks, events, associations and the newest points of its path."""
-    run_row, found = _vessel(service, vessel_id)
-    lists = {
-        key.replace(" ", "_"): export.as_objects(Rows(rows.columns, _lasting_last(rows)[-NEWEST_POINTS:]))
-        for key, rows in found.tables.items()
-    }
-    (details,) = export.as_objects(Rows(tuple(found.details), [tuple(found.details.values())]))
-    meanings = {key.replace(" ", "_"): meaning for key, meaning in found.meanings.items()}
+    run_row, one = _vessel(service, vessel_id)
+
+    def newest(rows: Rows) -> Rows:
+        kept = rows.rows
+        if "to_utc" in rows.columns:  # what has ended is left out before what lasts
+            at = rows.columns.index("to_utc")
+            kept = sorted(kept, key=lambda row: row[at] is None)
+        return Rows(rows.columns, kept[-NEWEST_POINTS:])
+
     methods = {key: run_row["settings"].get(key) for key in ("associations", "bearing_associations")}
-    return {**details, **lists, "statistics": meanings, "method": methods}
+    return {**export.as_vessel(one, newest), "method": methods}
 
 
 @router.get("/vessels/{vessel_id}/history", responses=ROWS)
@@ -224,8 +231,7 @@ def history(
 ) -> Response:  # fmt: skip
     """The newest points of a vessel's path between two instants, oldest first."""
     from_s, to_s = parsed(utc, "from", start), parsed(utc, "to", end)
-    _, found = _vessel(service, vessel_id)
-    rows = found.tables["history"]
+    rows = _vessel(service, vessel_id)[1].tables["history"]
     when = [utc(text) for text in rows.column("time_utc")]
     kept = [row for row, s in zip(rows.rows, when, strict=True) if (from_s or -np.inf) <= s <= (to_s or np.inf)]
     return _answer(
@@ -256,8 +262,8 @@ def alarms(request: Request, service: In, form: As, chosen: Annotated[ChosenAlar
     if chosen.kind is not None and chosen.kind not in (ALL_KINDS, *ALARM_KINDS):
         raise HTTPException(400, f"kind: got {chosen.kind!r}, needed one of {', '.join((ALL_KINDS, *ALARM_KINDS))}")
     kinds = ALARM_KINDS if chosen.kind in (None, ALL_KINDS) else (str(chosen.kind),)
-    instants = parsed(utc, "from", chosen.start), parsed(utc, "to", chosen.end)
-    rows, total = service.alarms(Asked(chosen.state, kinds, *instants, limit=chosen.limit, offset=chosen.offset))
+    from_s, to_s = parsed(utc, "from", chosen.start), parsed(utc, "to", chosen.end)
+    rows, total = service.alarms(Asked(chosen.state, kinds, from_s, to_s, limit=chosen.limit, offset=chosen.offset))
     headers = _page(request, total, chosen.offset, chosen.limit)
     return _answer(rows, form, "alarms", {"total": total}, headers)
 
@@ -281,25 +287,25 @@ class AcknowledgedTogether(Acknowledged):
 
 
 @router.post("/alarms/acknowledge")
-def acknowledge_together(said: AcknowledgedTogether, request: Request, service: In) -> dict[str, int]:
+def acknowledge_together(which: AcknowledgedTogether, request: Request, service: In) -> dict[str, int]:
     """Acknowledge, with one name and note, every alarm that began between two instants: of a kind, of a zone, or all."""
-    if said.kind is not None and said.kind not in ALARM_KINDS:
-        raise HTTPException(400, f"kind: got {said.kind!r}, needed one of {', '.join(ALARM_KINDS)}")
-    began_s = parsed(utc, "from", said.start) or 0.0, parsed(utc, "to", said.end) or 0.0
-    kinds = [each for each in ALARM_KINDS if said.kind in (None, each) and (said.zone is None or each in ZONE_KINDS)]
-    chosen = Beginnings(kinds, said.zone, *began_s)
-    return {"acknowledged": service.acknowledge_all(chosen, said.name, said.note, request.state.who)}
+    if which.kind is not None and which.kind not in ALARM_KINDS:
+        raise HTTPException(400, f"kind: got {which.kind!r}, needed one of {', '.join(ALARM_KINDS)}")
+    from_s, to_s = parsed(utc, "from", which.start) or 0.0, parsed(utc, "to", which.end) or 0.0
+    kinds = [each for each in ALARM_KINDS if which.kind in (None, each) and (which.zone is None or each in ZONE_KINDS)]
+    chosen = Beginnings(kinds, which.zone, from_s, to_s)
+    return {"acknowledged": service.acknowledge_all(chosen, which.name, which.note, request.state.who)}
 
 
 @router.post("/alarms/{alarm_id}/acknowledge")
 def acknowledge(
-    alarm_id: Annotated[str, Path(max_length=80)], said: Acknowledged, request: Request, service: In
-) -> dict[str, Any]:
+    alarm_id: Annotated[str, Path(max_length=80)], by: Acknowledged, request: Request, service: In
+) -> dict[str, object]:
     """Acknowledge an alarm with a name and a note. The first one counts. Returns: the alarm."""
-    found = service.acknowledge(alarm_id, said.name, said.note, request.state.who)
-    if found is None or not found.rows:
+    rows = service.acknowledge(alarm_id, by.name, by.note, request.state.who)
+    if rows is None or not rows.rows:
         raise HTTPException(404, f"alarm: got {alarm_id!r}, needed an alarm_id of /api/v1/alarms")
-    (alarm,) = export.as_objects(found)
+    (alarm,) = export.as_objects(rows)
     return alarm
 
 
@@ -324,18 +330,18 @@ def sensor_cover(
         raise HTTPException(404, f"sensors: got radar {number}, needed one of {', '.join(map(str, names)) or 'none'}")
     try:
         if grid == "standing":
-            found = presentation.standing_echoes(service.store, service.run_row())
+            cells = presentation.standing_echoes(service.store, service.run_row())
         else:
-            found = presentation.radar_cover(service.store, run_id, grid == "clutter", COVER_AZIMUTHS, COVER_RANGES)
+            cells = presentation.radar_cover(service.store, run_id, grid == "clutter", COVER_AZIMUTHS, COVER_RANGES)
     except InputError as error:
         raise HTTPException(404, str(error)) from error
-    of_radar = Rows(found.columns, [row for row in found.rows if row[0] == names[number]])
+    of_radar = Rows(cells.columns, [row for row in cells.rows if row[0] == names[number]])
     listed = "echoes" if grid == "standing" else "cells"
     return _answer(of_radar, form, listed, {"run": run_id, "radar": names[number], "grid": grid})
 
 
 @router.get("/feeds")
-def feeds(service: In) -> dict[str, Any]:
+def feeds(service: In) -> dict[str, list[dict[str, object]]]:
     """The live feeds with their counters; none where a database is followed."""
     return {"feeds": service.feeds()}
 
@@ -354,7 +360,7 @@ def audit(request: Request, service: In, form: As, limit: Limit = 1000, offset: 
 
 
 @router.get("/cycles")
-def cycles(service: In) -> dict[str, Any]:
+def cycles(service: In) -> dict[str, object]:
     """The span of time of which pictures can be asked for."""
     run_row = service.run_row()
     newest = store.newest_picture(service.store, run_row["id"])
@@ -378,14 +384,6 @@ def coastline(service: In) -> Response:
     return Response(path.read_bytes(), media_type="application/geo+json", headers={"Cache-Control": "max-age=3600"})
 
 
-def _lasting_last(rows: Rows) -> list[tuple[Any, ...]]:
-    """The rows with those that have ended first: they are left out before those that last."""
-    if "to_utc" not in rows.columns:
-        return rows.rows
-    at = rows.columns.index("to_utc")
-    return sorted(rows.rows, key=lambda row: row[at] is None)
-
-
 def _page(request: Request, total: int, offset: int, limit: int) -> dict[str, str]:
     """Headers of a page of rows: how many there are in all, and where the next page is, if there is one."""
     headers = {"X-Total-Count": str(total), "Vary": "Accept"}
@@ -402,13 +400,13 @@ def _picture_at(service: Service, at_s: float | None) -> LivePicture:
     run_id = service.run_id()
     last_s = store.last_instant(service.store, run_id)
     try:
-        found = of_store(service.store, run_id, -1, at_s if last_s is None else min(at_s, last_s), at_s)
+        past = of_store(service.store, run_id, -1, at_s if last_s is None else min(at_s, last_s), at_s)
     except NotThere as error:
         raise HTTPException(404, f"at: {str(error).removeprefix(f'{service.store.where}: ')}") from error
-    return replace(found, time_s=float(found.array("time_s").max())) if len(found) else found
+    return replace(past, time_s=float(past.array("time_s").max())) if len(past) else past
 
 
-def _vessel(service: Service, vessel_id: int) -> tuple[dict[str, Any], presentation.Vessel]:
+def _vessel(service: Service, vessel_id: int) -> tuple[presentation.Run, presentation.Vessel]:
     """The run and one of its vessels. Raises: HTTPException where the run never had it."""
     run_row = service.run_row()
     try:
@@ -417,42 +415,27 @@ def _vessel(service: Service, vessel_id: int) -> tuple[dict[str, Any], presentat
         raise HTTPException(404, f"run {run_row['id']} never had a vessel {vessel_id}") from error
 
 
-def _has_source(of: LivePicture, text: str) -> Any:
+def _has_source(picture: LivePicture, text: str) -> Bools:
     """Which vessels have one of these kinds of sources, or one of these sources. (V,)"""
-    known = {name for texts in of.source_texts for name in texts.split(",")}
-    out = np.zeros(len(of), np.bool_)
+    sources = {name for texts in picture.source_texts for name in texts.split(",")}
+    out = np.zeros(len(picture), np.bool_)
     for word in _names(text):
         if word in KINDS:
-            out |= (of.kind & KINDS[word]) != 0
-        elif word in known:
-            out |= np.array([word in texts.split(",") for texts in of.source_texts], np.bool_)[of.source_codes]
+            out |= (picture.kind & KINDS[word]) != 0
+        elif word in sources:
+            out |= np.array([word in texts.split(",") for texts in picture.source_texts], np.bool_)[picture.source_codes]
         else:
             raise HTTPException(
-                400, f"sources: got {word!r}, needed some of {', '.join([*KINDS, *sorted(known - {''} - set(KINDS))])}"
+                400, f"sources: got {word!r}, needed some of {', '.join([*KINDS, *sorted(sources - {''} - set(KINDS))])}"
             )
     return out
-
-
-def _known(words: dict[str, int], name: str, text: str) -> list[int]:
-    unknown = [word for word in _names(text) if word not in words]
-    if unknown:
-        raise HTTPException(400, f"{name}: got {unknown[0]!r}, needed some of {', '.join(words)}")
-    return [words[word] for word in _names(text)]
 
 
 def _names(text: str | None) -> Sequence[str]:
     return tuple(part.strip() for part in (text or "").split(",") if part.strip())
 
 
-def _ids(text: str) -> Ints:
-    """The ids in a list such as 1,2,3. Raises: HTTPException."""
-    words = _names(text)
-    if len(words) > MOST_IDS or not all(word.isdecimal() and len(word) < 19 for word in words):
-        raise HTTPException(400, f"ids: got {len(words)} words, needed at most {MOST_IDS} whole numbers with commas between")
-    return np.array([int(word) for word in words], np.int64)
-
-
-def _answer(rows: Rows, form: str, name: str, head: dict[str, Any], headers: dict[str, str] | None = None) -> Response:
+def _answer(rows: Rows, form: str, name: str, head: Mapping[str, object], headers: dict[str, str] | None = None) -> Response:
     """The rows in a format; in JSON as the list `name` behind other values."""
     if form == "parquet":
         return Response(export.as_parquet(rows), media_type=TYPES[form], headers=headers)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Annotated
 
-from fastapi import FastAPI, Header, HTTPException, Query, Request, Response, WebSocket
+from fastapi import APIRouter, FastAPI, Header, HTTPException, Query, Request, Response, WebSocket
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import HTMLResponse, JSONResponse, StreamingResponse
+from fastapi.responses import HTMLResponse, JSONResponse
+from fastapi.sse import EventSourceResponse
 from pydantic import BaseModel, Field
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.staticfiles import StaticFiles
@@ -17,6 +18,7 @@ from starlette.staticfiles import StaticFiles
 from coastwatch.errors import InputError, StoreError
 from coastwatch.operators.api import answers, validation, webhooks, zones
 from coastwatch.operators.api.alarm_stream import AlarmStream
+from coastwatch.operators.api.answers import In
 from coastwatch.operators.api.guard import COOKIE, SESSION, Guard, methods_of
 from coastwatch.operators.api.service import NoPictureYet, Service
 from coastwatch.operators.api.track_stream import serve_tracks
@@ -39,6 +41,9 @@ PLAIN_PAGE = """<!doctype html>
 """
 
 
+router = APIRouter(route_class=validation.CheckedRoute)
+
+
 def application(service: Service, guard: Guard, web: Path = WEB) -> FastAPI:
     """The application of a server. Its `state.stopping` says whether the server ends. Args: web: folder of the page."""
 
@@ -55,20 +60,25 @@ def application(service: Service, guard: Guard, web: Path = WEB) -> FastAPI:
             service.asked.remove(guard.troubles)
 
     app = FastAPI(
-        title="Coastwatch", version=version(), lifespan=life, docs_url=None, redoc_url=None, openapi_url="/api/v1/openapi.json"
+        title="Coastwatch",
+        version=version(),
+        lifespan=life,
+        docs_url=None,
+        redoc_url=None,
+        openapi_url="/api/v1/openapi.json",
+        exception_handlers={
+            NoPictureYet: _one_sentence,
+            StoreError: _one_sentence,
+            InputError: _one_sentence,
+            RequestValidationError: validation.refused,
+            404: _wrong_path,
+            405: _wrong_method,
+        },
     )
-    app.router.route_class = validation.CheckedRoute
-    app.state.service = service
+    app.state.service, app.state.guard, app.state.alarms = service, guard, alarms
     app.state.stopping = lambda: False
-    app.include_router(answers.router)
-    app.include_router(zones.router)
-    _add_health(app, service)
-    _add_session(app, guard)
-    _add_stream(app, service)
-    _add_track_stream(app, service)
-    _add_alarm_stream(app, alarms)
-    _add_land(app)
-    _add_refusals(app)
+    for routes in (answers.router, zones.router, router):
+        app.include_router(routes)
     app.add_middleware(GZipMiddleware, minimum_size=2000, compresslevel=1)
     app.add_middleware(guard.middleware, metrics=service.metrics, audit=service.audit)
     if (web / "index.html").is_file():
@@ -78,107 +88,97 @@ def application(service: Service, guard: Guard, web: Path = WEB) -> FastAPI:
     return app
 
 
-def _add_health(app: FastAPI, service: Service) -> None:
-    @app.get("/healthz", include_in_schema=False)
-    def alive() -> dict[str, str]:
-        return {"status": "alive"}
-
-    @app.get("/readyz", include_in_schema=False)
-    def ready() -> JSONResponse:
-        is_ready, said = service.ready()
-        return JSONResponse(said, 200 if is_ready else 503)
-
-    @app.get("/metrics", include_in_schema=False)
-    def metrics() -> Response:
-        return Response(service.metrics.text(), media_type="text/plain; version=0.0.4")
+@router.get("/healthz", include_in_schema=False)
+def alive() -> dict[str, str]:
+    """That the process answers."""
+    return {"status": "alive"}
 
 
-class _Typed(BaseModel):
+@router.get("/readyz", include_in_schema=False)
+def ready(service: In) -> JSONResponse:
+    """Whether there is a picture of now, and why not."""
+    is_ready, state = service.ready()
+    return JSONResponse(state, 200 if is_ready else 503)
+
+
+@router.get("/metrics", include_in_schema=False)
+def metrics(service: In) -> Response:
+    """Counters in the text format of Prometheus."""
+    return Response(service.metrics.text(), media_type="text/plain; version=0.0.4")
+
+
+class TypedToken(BaseModel):
     """A token that a person typed."""
 
     token: Annotated[str, Field(max_length=200)]
 
 
-def _add_session(app: FastAPI, guard: Guard) -> None:
-    @app.post(SESSION, include_in_schema=False)
-    def log_in(typed: _Typed) -> Response:
-        return guard.session(typed.token)
-
-    @app.delete(SESSION, include_in_schema=False)
-    def log_out() -> Response:
-        answer = Response(status_code=204)
-        answer.delete_cookie(COOKIE)
-        return answer
+@router.post(SESSION, include_in_schema=False)
+def log_in(typed: TypedToken, request: Request) -> Response:
+    """A cookie for a token, or 401."""
+    guard: Guard = request.app.state.guard
+    return guard.session(typed.token)
 
 
-def _add_stream(app: FastAPI, service: Service) -> None:
-    @app.websocket("/api/v1/stream")
-    async def stream(
-        socket: WebSocket, run: Annotated[int, Query(ge=0, lt=2**32)] = 0, seq: Annotated[int, Query(ge=0, lt=2**32)] = 0
-    ) -> None:
-        offered = socket.scope.get("subprotocols", [])
-        await socket.accept(subprotocol=PROTOCOL if PROTOCOL in offered else None)
-        await service.hub.serve(socket, run, seq)
+@router.delete(SESSION, include_in_schema=False)
+def log_out() -> Response:
+    """An answer that deletes the cookie."""
+    answer = Response(status_code=204)
+    answer.delete_cookie(COOKIE)
+    return answer
 
 
-def _add_track_stream(app: FastAPI, service: Service) -> None:
-    @app.websocket(PATH)
-    async def stream(
-        socket: WebSocket,
-        run: Annotated[str, Query(max_length=64)] = "",
-        seq: Annotated[int, Query(ge=0, lt=2**62)] = 0,
-        from_s: Annotated[float, Query(allow_inf_nan=False)] = 0.0,
-    ) -> None:
-        await serve_tracks(socket, service.publisher, Position(run, seq), from_s)
+@router.websocket("/api/v1/stream")
+async def stream(
+    socket: WebSocket, run: Annotated[int, Query(ge=0, lt=2**32)] = 0, seq: Annotated[int, Query(ge=0, lt=2**32)] = 0
+) -> None:
+    """Frames of the picture. Args: run, seq: of the last frame that the viewer has."""
+    offered = socket.scope.get("subprotocols", [])
+    await socket.accept(subprotocol=PROTOCOL if PROTOCOL in offered else None)
+    await socket.app.state.service.hub.serve(socket, run, seq)
 
 
-def _add_alarm_stream(app: FastAPI, alarms: AlarmStream) -> None:
-    @app.get("/api/v1/alarms/stream", response_class=StreamingResponse)
-    async def stream(request: Request, last_event_id: Annotated[str, Header(max_length=40)] = "") -> StreamingResponse:
-        """New and changed alarms as server-sent events; `Last-Event-ID` goes on after an event."""
-        headers = {"Cache-Control": "no-store"}
-        state = request.state
-        events = alarms.events(last_event_id, state.allowed, state.recheck_s)
-        return StreamingResponse(events, media_type="text/event-stream", headers=headers)
+@router.websocket(PATH)
+async def track_stream(
+    socket: WebSocket,
+    run: Annotated[str, Query(max_length=64)] = "",
+    seq: Annotated[int, Query(ge=0, lt=2**62)] = 0,
+    from_s: Annotated[float, Query(allow_inf_nan=False)] = 0.0,
+) -> None:
+    """Cycles of tracks of a region. Args: run, seq: of the last cycle that the centre has."""
+    await serve_tracks(socket, socket.app.state.service.publisher, Position(run, seq), from_s)
 
 
-def _add_land(app: FastAPI) -> None:
-    @app.get("/land/{zoom}/{x}/{y}", include_in_schema=False)
-    def land(zoom: int, x: int, y: int) -> Response:
-        """A tile of the land of the map. It needs no token: it is a part of the page."""
-        from coastwatch.operators import land_tiles  # shapely takes a while, and only the map needs it
-
-        if not (0 <= zoom <= land_tiles.MOST_ZOOM and 0 <= x < 2**zoom and 0 <= y < 2**zoom):
-            raise HTTPException(404, f"there is no tile {zoom}/{x}/{y}; zooms are 0 to {land_tiles.MOST_ZOOM}")
-        headers = {"Cache-Control": "max-age=86400"}
-        return Response(land_tiles.tile(zoom, x, y), media_type="application/vnd.mapbox-vector-tile", headers=headers)
+@router.get("/api/v1/alarms/stream", response_class=EventSourceResponse)
+async def alarm_stream(request: Request, last_event_id: Annotated[str, Header(max_length=40)] = "") -> EventSourceResponse:
+    """New and changed alarms as server-sent events; `Last-Event-ID` goes on after an event."""
+    alarms: AlarmStream = request.app.state.alarms
+    events = alarms.events(last_event_id, request.state.allowed, request.state.recheck_s)
+    return EventSourceResponse(events, headers={"Cache-Control": "no-store"})
 
 
-def _add_refusals(app: FastAPI) -> None:
-    """One sentence for every error, as `{"detail": ...}`."""
+@router.get("/land/{zoom}/{x}/{y}", include_in_schema=False)
+def land(zoom: int, x: int, y: int) -> Response:
+    """A tile of the land of the map. It needs no token: it is a part of the page."""
+    from coastwatch.operators import land_tiles  # shapely takes a while, and only the map needs it
 
-    def says(status: int) -> Callable[[Request, Exception], Awaitable[Response]]:
-        async def answer(_: Request, error: Exception) -> Response:
-            said = str(error).removeprefix("--")  # an option of the command line is a parameter here
-            return JSONResponse({"detail": printable(said)}, status)
+    if not (0 <= zoom <= land_tiles.MOST_ZOOM and 0 <= x < 2**zoom and 0 <= y < 2**zoom):
+        raise HTTPException(404, f"there is no tile {zoom}/{x}/{y}; zooms are 0 to {land_tiles.MOST_ZOOM}")
+    headers = {"Cache-Control": "max-age=86400"}
+    return Response(land_tiles.tile(zoom, x, y), media_type="application/vnd.mapbox-vector-tile", headers=headers)
 
-        return answer
 
-    for kind, status in ((NoPictureYet, 503), (StoreError, 503), (InputError, 400)):
-        app.add_exception_handler(kind, says(status))
+async def _one_sentence(_: Request, error: Exception) -> Response:
+    detail = printable(str(error).removeprefix("--"))  # an option of the command line is a parameter here
+    return JSONResponse({"detail": detail}, 400 if isinstance(error, InputError) else 503)
 
-    app.add_exception_handler(RequestValidationError, validation.refused)
 
-    async def wrong_path(request: Request, error: Exception) -> Response:
-        detail = getattr(error, "detail", "")
-        said = f"there is no path {request.url.path}" if detail == "Not Found" else detail
-        return JSONResponse({"detail": printable(said)}, 404)
+async def _wrong_path(request: Request, error: Exception) -> Response:
+    detail = getattr(error, "detail", "")
+    sentence = f"there is no path {request.url.path}" if detail == "Not Found" else detail
+    return JSONResponse({"detail": printable(sentence)}, 404)
 
-    app.add_exception_handler(404, wrong_path)
 
-    async def wrong_method(request: Request, _: Exception) -> Response:
-        known = methods_of(request.scope)
-        said = f"got {request.method}, needed {' or '.join(known)}"
-        return JSONResponse({"detail": said}, 405, {"Allow": ", ".join(known)})
-
-    app.add_exception_handler(405, wrong_method)
+async def _wrong_method(request: Request, _: Exception) -> Response:
+    methods = methods_of(request.scope)
+    return JSONResponse({"detail": f"got {request.method}, needed {' or '.join(methods)}"}, 405, {"Allow": ", ".join(methods)})

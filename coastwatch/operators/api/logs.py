@@ -28,9 +28,9 @@ class _Lines(logging.Formatter):
         fields: Mapping[str, Any] = getattr(record, "fields", {})
         trouble = self.formatException(record.exc_info) if record.exc_info else ""
         if not self.as_json:
-            said = ", ".join(f"{name} {value}" for name, value in fields.items())
+            named = ", ".join(f"{name} {value}" for name, value in fields.items())
             head = "" if record.levelno == logging.INFO else f"{record.levelname.lower()}: "
-            line = f"coastwatch: {head}{record.getMessage()}" + (f" ({said})" if said else "")
+            line = f"coastwatch: {head}{record.getMessage()}" + (f" ({named})" if named else "")
             return f"{line}\n{trouble}" if trouble else line
         when = datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
         row = {"time": when, "level": record.levelname.lower(), "logger": record.name, "message": record.getMessage(), **fields}
@@ -94,24 +94,20 @@ class Watch:
             LOG.log(logging.WARNING if self._began and error else logging.INFO, error or "pictures come")
             self._error, self._began = error, self._began or error is None
         for feed in source.feeds():
-            self._look_at_feed(feed)
+            name, connected, refusal = str(feed["name"]), bool(feed["connected"]), str(feed.get("error") or "")
+            if connected != self._connected.get(name, False):
+                level = logging.INFO if connected else logging.WARNING
+                LOG.log(level, "feed connected" if connected else "feed lost", extra={"fields": {"feed": name}})
+            self._connected[name] = connected
+            if refusal and self._errors.get(name) != refusal:
+                self._errors[name] = refusal
+                LOG.warning(refusal, extra={"fields": {"feed": name}})
         self._look_at_troubles(self._service.troubles())
         counts = source.counts()
         late = counts.get("cycles_late", 0.0)
         if late > self._late:
             LOG.warning("cycles late", extra={"fields": {"cycles_late": late, "late_s": round(counts.get("late_s", 0.0), 2)}})
         self._late = late
-
-    def _look_at_feed(self, feed: Mapping[str, Any]) -> None:
-        name, connected = str(feed["name"]), bool(feed["connected"])
-        if self._connected.get(name) not in (connected, None) or (connected and name not in self._connected):
-            level = logging.INFO if connected else logging.WARNING
-            LOG.log(level, "feed connected" if connected else "feed lost", extra={"fields": {"feed": name}})
-        self._connected[name] = connected
-        error = str(feed.get("error") or "")
-        if error and self._errors.get(name) != error:
-            self._errors[name] = error
-            LOG.warning(error, extra={"fields": {"feed": name}})
 
     def _look_at_troubles(self, troubles: Sequence[Trouble]) -> None:
         now = {(trouble.kind, trouble.name): trouble for trouble in troubles}

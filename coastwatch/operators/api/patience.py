@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 from weakref import WeakValueDictionary
 
 from starlette.types import ASGIApp, Receive, Scope, Send
@@ -33,7 +33,8 @@ MOST_PONGS = 1000
 SLOW, LARGE = "408", "413"
 """Why a connection is closed, as a status of HTTP."""
 
-Client = tuple[str, int]
+Client = tuple[str | int, ...]
+"""Address and port of the other end; empty: a socket of the file system."""
 
 
 class Patience:
@@ -68,11 +69,11 @@ class Patience:
 
         return Watched
 
-    def opened(self, client: Any, connection: _Watched) -> None:
+    def opened(self, client: Client, connection: _Watched) -> None:
         """There is a new connection."""
         self._connections[client] = connection
 
-    def wait_for(self, client: Any, transport: asyncio.Transport) -> None:
+    def wait_for(self, client: Client, transport: asyncio.Transport) -> None:
         """Bytes may come on a connection. If it has no request and does not wait yet, it has so long to send one."""
         if client in self._answered or client in self._waiting:
             return
@@ -81,13 +82,13 @@ class Patience:
         timer = asyncio.get_running_loop().call_later(self._head_s, self._close, client)
         self._waiting[client] = transport, timer
 
-    def forget(self, client: Any) -> None:
+    def forget(self, client: Client) -> None:
         """A connection waits no longer: its request is whole, or it is gone."""
-        found = self._waiting.pop(client, None)
-        if found is not None:
-            found[1].cancel()
+        if client in self._waiting:
+            _, timer = self._waiting.pop(client)
+            timer.cancel()
 
-    def end(self, client: Any, transport: asyncio.Transport, why: str) -> None:
+    def end(self, client: Client, transport: asyncio.Transport, why: str) -> None:
         """Close a connection. Args: why: SLOW or LARGE."""
         self.forget(client)
         if not transport.is_closing():
@@ -97,27 +98,29 @@ class Patience:
     def _close(self, client: Client) -> None:
         self.end(client, self._waiting[client][0], SLOW)
 
-    def _begin_count(self, client: Any) -> None:
-        found = self._connections.get(client)
-        if found is not None:
-            found.taken = 0
+    def _begin_count(self, client: Client) -> None:
+        connection = self._connections.get(client)
+        if connection is not None:
+            connection.taken = 0
 
 
 class _Watched(asyncio.Protocol):
     """The protocol of a connection, which is told all that comes."""
 
-    def __init__(self, inner: Any, patience: Patience) -> None:
+    _client: Client
+    _transport: asyncio.Transport
+
+    def __init__(self, inner: asyncio.Protocol, patience: Patience) -> None:
         self.taken = 0  # bytes since a request or an answer was whole
         self._inner, self._patience = inner, patience
-        self._client: Any = ()
-        self._transport: Any = None
         self._unread: asyncio.TimerHandle | None = None
         self._left = 0  # bytes that waited at the last look
 
-    def connection_made(self, transport: Any) -> None:
-        self._client, self._transport = tuple((transport.get_extra_info("peername") or ())[:2]), transport
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self._client = tuple((transport.get_extra_info("peername") or ())[:2])
+        self._transport = cast(asyncio.Transport, transport)
         self._patience.opened(self._client, self)
-        self._patience.wait_for(self._client, transport)
+        self._patience.wait_for(self._client, self._transport)
         self._inner.connection_made(transport)
 
     def connection_lost(self, exc: Exception | None) -> None:
@@ -137,8 +140,7 @@ class _Watched(asyncio.Protocol):
             self._patience.end(self._client, self._transport, LARGE)
 
     def eof_received(self) -> bool | None:
-        found: bool | None = self._inner.eof_received()
-        return found
+        return self._inner.eof_received()
 
     def pause_writing(self) -> None:
         self._look_soon()

@@ -90,7 +90,7 @@ class Source(Protocol):
         """What is known of the run without the database; None: nothing."""
         ...
 
-    def later(self, job: Callable[[], Any]) -> Future[Any]:
+    def later(self, job: Callable[[], T]) -> Future[T]:
         """Have a change written to the database, in order with the cycles."""
         ...
 
@@ -137,30 +137,29 @@ class Service:
 
     def picture(self) -> LivePicture:
         """The newest picture. Raises: NoPictureYet."""
-        found = self.hub.picture
-        if found is None:
+        if self.hub.picture is None:
             raise NoPictureYet(self.source.error() or "there is no picture yet")
-        return found
+        return self.hub.picture
 
     def version_of_picture(self) -> tuple[int, int, int]:
         """A value that changes with each new picture. Raises: NoPictureYet."""
-        of = self.picture()
-        return self.hub.run, of.run_id, of.cycle
+        picture = self.picture()
+        return self.hub.run, picture.run_id, picture.cycle
 
     def changes(self, limit: int, offset: int) -> tuple[Rows, int]:
         """Who changed what, the newest first, and how many changes there are. Raises: StoreError."""
-        found, total = store.changes(self.store, limit, offset)
-        return presentation.in_operator_units(found), total
+        changes, total = store.changes(self.store, limit, offset)
+        return presentation.in_operator_units(changes), total
 
     def run_id(self) -> int:
         """The run of the newest picture. Raises: NoPictureYet."""
         return self.picture().run_id
 
-    def run_row(self) -> dict[str, Any]:
+    def run_row(self) -> presentation.Run:
         """The row of the run, as it is now. Raises: NoPictureYet, StoreError."""
         return presentation.run(self.store, self.run_id())
 
-    def feeds(self) -> list[dict[str, Any]]:
+    def feeds(self) -> list[dict[str, object]]:
         """The feeds with their counters."""
         return [*self.source.feeds(), *(out.counters() for out in (*self.outs, *self.journals))]
 
@@ -175,10 +174,9 @@ class Service:
         Raises: the error of the job; WrittenLater: the database is away.
         """
         try:
-            done: T = self.source.later(job).result(WAIT_FOR_STORE_S)
+            return self.source.later(job).result(WAIT_FOR_STORE_S)
         except NotDoneYet as error:
             raise WrittenLater("the database is away: the change is written when it is back") from error
-        return done
 
     def alarms(self, asked: Asked) -> tuple[Rows, int]:
         """Some alarms, the most urgent first, then the newest, and how many there are.
@@ -187,8 +185,8 @@ class Service:
         """
         book, times = self.book, (asked.from_s, asked.to_s)
         if asked.state == "all" or times != (None, None) or book.forgotten or book.run_id != self.run_id():
-            found, total = store.alarms(self.store, self.run_id(), asked)
-            return self.rows_of([Alarm(*row) for row in found.rows]), total
+            stored, total = store.alarms(self.store, self.run_id(), asked)
+            return self.rows_of([Alarm(*row) for row in stored.rows]), total
         chosen = Chosen(asked.state == "lasting", asked.state == "unacknowledged", asked.state == "waiting")
         every = [alarm for alarm in book.alarms(chosen) if alarm.kind in asked.kinds]
         return self.rows_of(every[asked.offset : asked.offset + asked.limit]), len(every)
@@ -252,73 +250,68 @@ class Service:
     def troubles(self) -> list[Trouble]:
         """What an operator should know, the serious first."""
         out = [*self.source.troubles(), *(trouble for ask in self.asked for trouble in ask())]
-        of, about = self.hub.picture, self.source.about()
-        if of is not None and self.source.live and about is not None:
+        about = self.source.about()
+        if self.hub.picture is not None and self.source.live and about is not None:
             oldest_s = max(READY_WITHIN_S, READY_WITHIN_PERIODS * about.period_s)
             if (waited_s := self.metrics.waited_s) > oldest_s:
                 out.append(Trouble("picture", "", None, f"no picture has come for {waited_s:.0f} s", True))
         return sorted(out, key=lambda trouble: not trouble.is_serious)
 
-    def ready(self) -> tuple[bool, dict[str, Any]]:
+    def ready(self) -> tuple[bool, dict[str, object]]:
         """Whether there is a picture of now, and why not. A trouble that is not serious is said, and does not count."""
-        of, error, troubles = self.hub.picture, self.source.error(), self.troubles()
+        picture, error, troubles = self.hub.picture, self.source.error(), self.troubles()
         serious = next(
             (f"{trouble.name}: {trouble.text}" if trouble.name else trouble.text for trouble in troubles if trouble.is_serious),
             None,
         )
-        said = error or ("there is no picture yet" if of is None else serious or "ready")
-        run, cycle = (None, None) if of is None else (of.run_id, of.cycle)
-        body = {"status": said, "run": run, "cycle": cycle, "age_s": round(self.metrics.age_s, 3)}
-        return said == "ready", {**body, "troubles": [_shown(trouble) for trouble in troubles]}
+        state = error or ("there is no picture yet" if picture is None else serious or "ready")
+        run, cycle = (None, None) if picture is None else (picture.run_id, picture.cycle)
+        body = {"status": state, "run": run, "cycle": cycle, "age_s": round(self.metrics.age_s, 3)}
+        return state == "ready", {**body, "troubles": [_trouble_row(trouble) for trouble in troubles]}
 
-    def status(self) -> dict[str, Any]:
+    def status(self) -> dict[str, object]:
         """The run, its newest picture and its age, and what is wrong. Raises: NoPictureYet; StoreError of a database that is followed."""
-        of = self.picture()
-        about = self.about()
-        kinds = {str(kind): int((of.kind == kind).sum()) for kind in range(8)}
-        taken = self.source.cycle_s()
+        picture, about, taken, error = self.picture(), self.about(), self.source.cycle_s(), self.source.error()
+        run_status = "running" if error is None else "failed"
+        if not self.source.live:
+            run_status = store.run_status(self.store, picture.run_id)
         return {
-            "run": of.run_id,
+            "run": picture.run_id,
             "scenario": about.scenario,
             "title": about.title,
-            "run_status": self._run_status(of.run_id),
+            "run_status": run_status,
             "version": version(),
             "live": self.source.live,
             "run_id": self.hub.run,
             "seq": self.hub.newest_seq,
-            "cycle": of.cycle,
-            "time_utc": presentation.utc_text(of.time_s),
+            "cycle": picture.cycle,
+            "time_utc": presentation.utc_text(picture.time_s),
             "server_utc": presentation.utc_text(time.time()),
             "age_s": round(self.metrics.age_s, 3),
             "period_s": about.period_s,
             "cycle_ms": None if taken is None else round(taken * 1e3, 1),
-            "vessels": len(of),
-            "by_kind": kinds,
+            "vessels": len(picture),
+            "by_kind": {str(kind): int((picture.kind == kind).sum()) for kind in range(8)},
             "viewers": len(self.hub.viewers),
             "area": about.area,
-            "error": self.source.error(),
+            "error": error,
             "alarms": {"run": self.book.run_id, "change": self.book.number},  # of the newest event of the stream
-            "troubles": [_shown(trouble) for trouble in self.troubles()],
+            "troubles": [_trouble_row(trouble) for trouble in self.troubles()],
             "late": sum(feed.get("late", 0) for feed in self.source.feeds()),
             **{name: round(value, 3) for name, value in self.source.counts().items()},
         }
 
-    def _run_status(self, run_id: int) -> str:
-        if self.source.live:
-            return "running" if self.source.error() is None else "failed"
-        return store.run_status(self.store, run_id)
-
     def about(self) -> RunAbout:
         """What does not change in the run of the newest picture. Raises: NoPictureYet, StoreError."""
-        run_id, known = self.run_id(), self.source.about()
-        if known is not None:
-            return known
+        run_id, about = self.run_id(), self.source.about()
+        if about is not None:
+            return about
         if self._about is None or self._about[0] != run_id:
             row = presentation.run(self.store, run_id)
             self._about = run_id, RunAbout(row["scenario"], row["title"], row["period_s"], row["settings"].get("area"))
         return self._about[1]
 
 
-def _shown(trouble: Trouble) -> dict[str, Any]:
+def _trouble_row(trouble: Trouble) -> dict[str, object]:
     since = None if trouble.since_s is None else presentation.utc_text(trouble.since_s)
     return {"kind": trouble.kind, "name": trouble.name, "since_utc": since, "text": trouble.text, "serious": trouble.is_serious}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Coroutine
+from contextlib import suppress
 from itertools import islice
 from typing import Any, get_type_hints
 
@@ -12,6 +13,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from fastapi.routing import APIRoute
 from pydantic import BaseModel
+from pydantic_core import ErrorDetails
 from starlette.concurrency import run_in_threadpool
 
 from coastwatch.operators.api.bounds import MOST_VALUES, has_too_many_values
@@ -37,52 +39,43 @@ class CheckedRoute(APIRoute):
         if field is None:
             return handle
 
+        def check(body: bytes) -> None:  # as the framework does; what is no JSON is left to it
+            with suppress(ValueError, RecursionError):
+                _, errors = field.validate(json.loads(body), {}, loc=("body",))
+                if errors:
+                    raise RequestValidationError(errors)
+
         async def checked(request: Request) -> Response:
             body = await request.body()
             if has_too_many_values(body):
                 raise HTTPException(413, f"body: got more than {MOST_VALUES} values, needed fewer")
             if len(body) > SMALL_BODY:
-                await run_in_threadpool(_check, field, body)
+                await run_in_threadpool(check, body)
             return await handle(request)
 
         return checked
 
 
-def _check(field: Any, body: bytes) -> None:
-    """Raises: RequestValidationError as the framework does. What is no JSON is left to the framework."""
-    try:
-        given = json.loads(body)
-    except (ValueError, RecursionError):
-        return
-    _, errors = field.validate(given, {}, loc=("body",))
-    if errors:
-        raise RequestValidationError(errors)
-
-
 async def refused(request: Request, error: Exception) -> Response:
     """The answer to parameters or a body that are refused: a sentence for each of the first errors."""
     assert isinstance(error, RequestValidationError)
-    found = error.errors()
+    errors = error.errors()
     hints = get_type_hints(request.scope["endpoint"], include_extras=True)
     models = [model for hint in hints.values() for model in models_of(hint)[0]]
-    said = [_refusal(dict(one), models[0] if models else BaseModel) for one in islice(found, MOST_ERRORS)]
-    if len(found) > MOST_ERRORS:
-        said.append(f"and {len(found) - MOST_ERRORS} more")
-    of_its_type = all(one["type"] == "value_error" for one in found)  # and wrong by its meaning
-    return JSONResponse({"detail": "; ".join(said)}, 400 if of_its_type else 422)
+    texts = [_refusal(one, models[0] if models else BaseModel) for one in islice(errors, MOST_ERRORS)]
+    if len(errors) > MOST_ERRORS:
+        texts.append(f"and {len(errors) - MOST_ERRORS} more")
+    of_its_type = all(one["type"] == "value_error" for one in errors)  # and wrong by its meaning
+    return JSONResponse({"detail": "; ".join(texts)}, 400 if of_its_type else 422)
 
 
-def _refusal(error: dict[str, Any], model: type[BaseModel]) -> str:
+def _refusal(error: ErrorDetails, model: type[BaseModel]) -> str:
     """What an error of a request says: the path of the value in the body, or the name of the parameter, and what was needed."""
     where, *path = error["loc"]
     if error["type"] == "json_invalid":
         return f"body: got no JSON from character {path[0]} on, needed JSON"
     if not path and error["type"] != "value_error":
         path = [where]  # the whole body
-    path = [_short(part) if isinstance(part, str) else part for part in path]
-    found = printable(sentence({**error, "loc": tuple(path)}, model, in_brackets, "key" if where == "body" else "parameter"))
-    return found if len(found) <= LONGEST_SENTENCE else found[: LONGEST_SENTENCE - 3] + "..."
-
-
-def _short(name: str) -> str:
-    return name if len(name) <= 80 else name[:77] + "..."
+    path = [part[:77] + "..." if isinstance(part, str) and len(part) > 80 else part for part in path]
+    text = printable(sentence({**error, "loc": tuple(path)}, model, in_brackets, "key" if where == "body" else "parameter"))
+    return text if len(text) <= LONGEST_SENTENCE else text[: LONGEST_SENTENCE - 3] + "..."

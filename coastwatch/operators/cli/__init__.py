@@ -38,7 +38,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("coastwatch: interrupted", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:
-        _forget_stdout()
+        try:  # Python flushes stdout when it ends, and would print an error
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        except (OSError, ValueError):
+            sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (lives until the process ends)
         return PIPE_CLOSED
     except Exception as error:
         if os.environ.get("COASTWATCH_TRACEBACK") == "1":
@@ -50,62 +53,44 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def parsed(words: Sequence[str]) -> argparse.Namespace:
     """The options of a command line. Raises: InputError."""
-    options, unknown = make_parser(words[0] if words else "").parse_known_args(_joined(words))
+    joined: list[str] = []
+    for word in words:  # argparse would take a negative position or a descending column for an option: "--bbox=-23,..."
+        if joined and re.match(VALUES.get(joined[-1], r"(?!)"), word):
+            joined[-1] += f"={word}"
+        else:
+            joined.append(word)
+    options, unknown = make_parser(words[0] if words else "").parse_known_args(joined)
     if unknown:
-        known = ["--" + name.removesuffix("_s").replace("_", "-") for name in vars(options)]
-        hint = _meant(unknown[0], options) or did_you_mean(unknown[0].partition("=")[0], known)
+        word = unknown[0]
+        if options.command.endswith(" fuse") and not word.startswith("-"):
+            hint = "; a file follows --ais, --plots, --bearings or --tracks"
+        elif word[2:] in FORMATS and hasattr(options, "format"):
+            hint = f"; did you mean '--format {word[2:]}'?"
+        else:
+            names = ["--" + name.removesuffix("_s").replace("_", "-") for name in vars(options)]
+            hint = did_you_mean(word.partition("=")[0], names)
         raise InputError(
             f"{options.command}: got {' '.join(unknown)!r}, which it does not take{hint} (see {options.command} --help)"
         )
     return options
 
 
-def _meant(word: str, options: argparse.Namespace) -> str:
-    """What a word that a command does not take was meant for, where it is plain: a file without its option, a format as an option."""
-    if options.command.endswith(" fuse") and not word.startswith("-"):
-        return "; a file follows --ais, --plots, --bearings or --tracks"
-    return f"; did you mean '--format {word[2:]}'?" if word[2:] in FORMATS and hasattr(options, "format") else ""
-
-
-def _joined(words: Sequence[str]) -> list[str]:
-    """The words with a negative position or a descending column joined to its option, "--bbox=-23,...", "--sort=-sog_kn".
-
-    argparse would take them for options.
-    """
-    out: list[str] = []
-    for word in words:
-        if out and re.match(VALUES.get(out[-1], r"(?!)"), word):
-            out[-1] += f"={word}"
-        else:
-            out.append(word)
-    return out
-
-
-def _forget_stdout() -> None:
-    """Sends stdout nowhere: Python flushes it when it ends, and would print an error if the pipe is closed."""
-    try:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    except (OSError, ValueError):
-        sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (lives until the process ends)
-
-
 def _one_line(error: Exception) -> str:
     if isinstance(error, MemoryError):
         return f"out of memory ({error or 'no size is known'}): needed a smaller scenario or a larger machine"
-    text = _of_file(error) if isinstance(error, OSError) and error.strerror else str(error)
+    text = str(error)
+    if isinstance(error, OSError) and error.strerror:
+        text = error.strerror
+        if error.filename:
+            folder = os.path.dirname(error.filename) or "."
+            absent = "there is no such file" if os.path.isdir(folder) else f"there is no folder {folder}"
+            reasons = {
+                FileNotFoundError: absent,
+                IsADirectoryError: "got a folder, needed a file",
+                PermissionError: "may not be read or written by this user",
+            }
+            text = f"{error.filename}: {reasons.get(type(error), text)}"
     text = "; ".join(printable(line.strip()) for line in text.split("\n") if line.strip())
     if text and isinstance(error, ExplainedError | OSError):
         return text
     return f"{type(error).__name__}: {text or 'no message'} (COASTWATCH_TRACEBACK=1 shows where)"
-
-
-def _of_file(error: OSError) -> str:
-    """What is wrong with a file."""
-    if not error.filename:
-        return str(error.strerror)
-    folder = os.path.dirname(error.filename) or "."
-    if isinstance(error, FileNotFoundError):
-        absent = "there is no such file" if os.path.isdir(folder) else f"there is no folder {folder}"
-        return f"{error.filename}: {absent}"
-    said = {IsADirectoryError: "got a folder, needed a file", PermissionError: "may not be read or written by this user"}
-    return f"{error.filename}: {said.get(type(error), error.strerror)}"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from coastwatch.operators.typed import box, utc
 from coastwatch.shipped import DEFAULT_DB
@@ -17,7 +16,7 @@ NEEDED = {RADAR: 5, STATION: 4, SONAR: 4}
 """How many of the values of a sensor must be given; the others have defaults."""
 
 SCENARIOS, QUESTIONS = "_coastwatch_scenarios", "_coastwatch_questions"
-"""Functions of a shell that complete a name; `completion` defines them."""
+"""Functions of a shell that complete a name; `parser.print_completion` defines them."""
 
 FILES = {"bash": "_shtab_compgen_files", "zsh": "_files", "tcsh": "f"}
 
@@ -179,10 +178,10 @@ def position(text: str) -> tuple[float, float]:
     return latitude, longitude
 
 
-def sensor(names: tuple[str, ...]) -> Callable[[str], dict[str, Any]]:
+def sensor(names: tuple[str, ...]) -> Callable[[str], dict[str, str | float]]:
     """A function from text such as "north,50.7,-1.2,12" to the settings of a sensor. Args: names: RADAR, STATION or SONAR."""
 
-    def read(text: str) -> dict[str, Any]:
+    def read(text: str) -> dict[str, str | float]:
         parts = [part.strip() for part in text.split(",")]
         if not NEEDED[names] <= len(parts) <= len(names):
             raise argparse.ArgumentTypeError(f"got {text!r}, {len(parts)} values, needed {_form(names)}")

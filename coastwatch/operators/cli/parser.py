@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Callable
-from functools import partial
-from typing import Any, Literal, get_args, get_origin
+from typing import Any, Literal, NamedTuple, NoReturn, get_args, get_origin
 
 from coastwatch.errors import InputError
 from coastwatch.operators.cli.arguments import (
@@ -56,7 +55,7 @@ INVALID_CHOICE = re.compile(r"argument ([^:]+): invalid choice: '(.*)' \(choose 
 class _Version(argparse.Action):
     """Reads the version only when it is asked for: to import what reads package metadata takes longer than parsing."""
 
-    def __call__(self, parser: argparse.ArgumentParser, *_: Any, **__: Any) -> None:
+    def __call__(self, parser: argparse.ArgumentParser, *_: object, **__: object) -> None:
         from importlib.metadata import version
 
         print(f"coastwatch {version('coastwatch')}")
@@ -66,11 +65,42 @@ class _Version(argparse.Action):
 class _Parser(argparse.ArgumentParser):
     """A parser that raises InputError instead of printing its usage, so that every error is printed in the same way."""
 
-    def error(self, message: str) -> Any:
-        if found := INVALID_CHOICE.fullmatch(message):
-            known = [word.strip("' ") for word in found[3].split(",")]
-            message = f"{found[1]}: got {found[2]!r}, needed one of {', '.join(known)}{did_you_mean(found[2], known)}"
+    def error(self, message: str) -> NoReturn:
+        if refused := INVALID_CHOICE.fullmatch(message):
+            option, word, choices = refused.groups()
+            known = [choice.strip("' ") for choice in choices.split(",")]
+            message = f"{option}: got {word!r}, needed one of {', '.join(known)}{did_you_mean(word, known)}"
         raise InputError(f"{message.removeprefix('argument ')} (see {self.prog} --help)")
+
+
+AddOptions = Callable[[argparse.ArgumentParser], None]
+
+
+class Command(NamedTuple):
+    """A command: its name, the function that carries it out, its line in `coastwatch --help`, and what adds its options."""
+
+    name: str  # "run", or "db upgrade" of a group
+    act: str
+    summary: str
+    add_options: AddOptions
+
+
+COMMANDS: list[Command] = []
+GROUPS = {
+    "token": ("make tokens", "Tokens of `coastwatch serve --tokens`."),
+    "db": ("upgrade, check, copy or prune a database", "Upgrade, check, copy or prune a database."),
+}
+"""Summary and description of each group of commands."""
+
+
+def _command(name: str, act: str, summary: str) -> Callable[[AddOptions], AddOptions]:
+    """Makes a command of the function that adds its options. The docstring of the function is the text above them."""
+
+    def register(add_options: AddOptions) -> AddOptions:
+        COMMANDS.append(Command(name, act, summary, add_options))
+        return add_options
+
+    return register
 
 
 def make_parser(command: str | None = None) -> argparse.ArgumentParser:
@@ -85,126 +115,97 @@ def make_parser(command: str | None = None) -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version")
-    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for add in (
-        _run,
-        _scenarios,
-        _fuse,
-        partial(_serve, with_options=command in (None, "serve")),
-        _feed,
-        _token,
-        _reproduce,
-        _runs,
-        _picture,
-        _track,
-        _traffic,
-        _encounters,
-        _replay,
-        _sensors,
-        _query,
-        _plot,
-        _db,
-        _completion,
-    ):
-        add(commands)
+    places = {"": parser.add_subparsers(title="commands", metavar="COMMAND", required=True)}
+    for name, act, summary, add_options in COMMANDS:
+        group, _, verb = name.rpartition(" ")
+        if group not in places:
+            summary_of_group, description = GROUPS[group]
+            below = places[""].add_parser(group, help=summary_of_group, description=description)
+            places[group] = below.add_subparsers(title="commands", metavar="COMMAND", required=True)
+        description = " ".join((add_options.__doc__ or "").split())
+        one = places[group].add_parser(verb, help=summary, description=description)
+        one.set_defaults(act=act, command=one.prog)
+        if name != "serve" or command in (None, "serve"):
+            add_options(one)
     return parser
 
 
-def _command(commands: Any, name: str, act: str, summary: str, description: str) -> argparse.ArgumentParser:
-    """A new command. Args: summary: the line in `coastwatch --help`; description: the text above its own options."""
-    made: argparse.ArgumentParser = commands.add_parser(name, help=summary, description=description)
-    made.set_defaults(act=act, command=made.prog)
-    return made
-
-
-def _run(commands: Any) -> None:
-    text = "Run a scenario and store the picture of every cycle. Ctrl-C stops it after the cycle in progress; --resume continues it."
-    run = _command(commands, "run", "runs:run", "run a scenario and store the picture", text)
+@_command("run", "runs:run", "run a scenario and store the picture")
+def run(parser: argparse.ArgumentParser) -> None:
+    """Run a scenario and store the picture of every cycle. Ctrl-C stops it after the cycle in progress; --resume continues it."""
     text = "name (see `coastwatch scenarios`), folder, or .toml file"
-    completed_by(run.add_argument("scenario", metavar="SCENARIO", help=text), SCENARIOS)
-    run.add_argument("--seed", metavar="N", type=seed, help="seed of all randomness (default: the scenario's)")
-    add_set(run, "override a setting, value as in TOML: radars.0.rpm=20, tracks.method=imm; repeatable")
-    add_running(run)
+    completed_by(parser.add_argument("scenario", metavar="SCENARIO", help=text), SCENARIOS)
+    parser.add_argument("--seed", metavar="N", type=seed, help="seed of all randomness (default: the scenario's)")
+    add_set(parser, "override a setting, value as in TOML: radars.0.rpm=20, tracks.method=imm; repeatable")
+    add_running(parser)
     text = "a figure of the scores must be so, e.g. associations.f1>=0.999; repeatable. Exit code 4 and a sentence if it is not"
-    run.add_argument("--require", metavar="FIGURE>=N", action="append", default=[], type=requirement, help=text)
+    parser.add_argument("--require", metavar="FIGURE>=N", action="append", default=[], type=requirement, help=text)
     text = (
         "compare scores with the last good run of this scenario and seed in the database: exit code 4 and a sentence for each figure "
         "that is worse. A run of which a figure fell is not good"
     )
-    run.add_argument("--compare", choices=("last",), help=text)
+    parser.add_argument("--compare", choices=("last",), help=text)
     text = "how much worse a figure may be: shares as they are, errors relative to the last good run (default: 0.002)"
-    run.add_argument("--tolerance", metavar="N", type=float, default=0.002, help=text)
+    parser.add_argument("--tolerance", metavar="N", type=float, default=0.002, help=text)
     text = "then delete all but the newest N runs of this scenario; the last good one stays, for --compare"
-    run.add_argument("--keep", metavar="N", type=count, help=text)
+    parser.add_argument("--keep", metavar="N", type=count, help=text)
     text = "also write the picture of every cycle as CSV: time (Unix s), track_id, north, east (m), vn, ve (m/s), latitude, longitude"
-    run.add_argument("--tracks-csv", metavar="FILE", help=text)
+    parser.add_argument("--tracks-csv", metavar="FILE", help=text)
     text = "the point where north and east are 0 (default: the centre of the scenario's area)"
-    run.add_argument("--tracks-origin", metavar="LAT,LON", type=position, help=text)
+    parser.add_argument("--tracks-origin", metavar="LAT,LON", type=position, help=text)
 
 
-def _scenarios(commands: Any) -> None:
-    text = "List the scenarios that come with Coastwatch."
-    listing = _command(commands, "scenarios", "runs:scenarios", "list the scenarios", text)
-    listing.add_argument("--json", action="store_true", help="print a JSON list of name and title")
+@_command("scenarios", "runs:scenarios", "list the scenarios")
+def scenarios(parser: argparse.ArgumentParser) -> None:
+    """List the scenarios that come with Coastwatch."""
+    parser.add_argument("--json", action="store_true", help="print a JSON list of name and title")
 
 
-def _fuse(commands: Any) -> None:
-    text = (
-        "Fuse recorded files into one stored picture, without a scenario. The format of each file is detected from its content."
-    )
-    fuse = _command(commands, "fuse", "fuse:fuse", "fuse recorded files of your own", text)
+@_command("fuse", "fuse:fuse", "fuse recorded files of your own")
+def fuse(parser: argparse.ArgumentParser) -> None:
+    """Fuse recorded files into one stored picture, without a scenario. The format of each file is detected from its content."""
     text = "AIS: NMEA 0183 lines, CSV or Parquet; several files in order of time"
-    completed_by(fuse.add_argument("--ais", metavar="FILE", nargs="+", default=[], help=text))
+    completed_by(parser.add_argument("--ais", metavar="FILE", nargs="+", default=[], help=text))
     text = "radar plots: CSV or Parquet with time, radar, range and azimuth"
-    completed_by(fuse.add_argument("--plots", metavar="FILE", help=text))
+    completed_by(parser.add_argument("--plots", metavar="FILE", help=text))
     text = "bearings: CSV or Parquet with time, sonar and bearing"
-    completed_by(fuse.add_argument("--bearings", metavar="FILE", help=text))
+    completed_by(parser.add_argument("--bearings", metavar="FILE", help=text))
     text = (
         "finished tracks of other systems, each file a source of its own: CSV or Parquet with time, track, position and velocity, or "
         "NMEA 0183 with TTM or TLL"
     )
-    completed_by(fuse.add_argument("--tracks", metavar="FILE", nargs="+", default=[], help=text))
+    completed_by(parser.add_argument("--tracks", metavar="FILE", nargs="+", default=[], help=text))
     text = "where the radar of TTM sentences stands, if they come without the position of an own ship"
-    fuse.add_argument("--track-site", metavar="LAT,LON", type=position, help=text)
+    parser.add_argument("--track-site", metavar="LAT,LON", type=position, help=text)
     one: dict[str, Any] = {"action": "append", "default": [], "metavar": "SPEC"}
-    fuse.add_argument("--radar", **one, type=sensor(RADAR), help=f"a radar: {written_as(RADAR)}; {MOVES}; repeatable")
+    parser.add_argument("--radar", **one, type=sensor(RADAR), help=f"a radar: {written_as(RADAR)}; {MOVES}; repeatable")
     text = f"an AIS receiver: {written_as(STATION)}; repeatable; the dark flag needs one"
-    fuse.add_argument("--station", **one, type=sensor(STATION), help=text)
-    fuse.add_argument("--sonar", **one, type=sensor(SONAR), help=f"a bearing sensor: {written_as(SONAR)}; repeatable")
+    parser.add_argument("--station", **one, type=sensor(STATION), help=text)
+    parser.add_argument("--sonar", **one, type=sensor(SONAR), help=f"a bearing sensor: {written_as(SONAR)}; repeatable")
     text = (
         "names of your columns: time=when,mmsi=ship,sog=speed. A prefix limits one to a kind of table: ais.time=when, plots.time=t, "
         "bearings.time=t, tracks.track=nr. Usual names need none"
     )
-    fuse.add_argument("--columns", metavar="OURS=YOURS", type=column_names, default={}, help=text)
+    parser.add_argument("--columns", metavar="OURS=YOURS", type=column_names, default={}, help=text)
     text = "seconds of one cycle (default: 3, or 10 of AIS alone, since few vessels report more often)"
-    fuse.add_argument("--period", metavar="S", type=float, help=text)
-    add_set(fuse, "override any setting of a scenario, e.g. tracks.method=imm; repeatable")
-    add_running(fuse)
+    parser.add_argument("--period", metavar="S", type=float, help=text)
+    add_set(parser, "override any setting of a scenario, e.g. tracks.method=imm; repeatable")
+    add_running(parser)
 
 
-def _serve(commands: Any, with_options: bool) -> None:
-    text = (
-        "Serve the picture to browsers and programs: map, API and live stream. With a scenario, run it as time passes and serve each "
-        "picture: a simulation begins now. Without one, follow the run that another process writes to the database. The file of a "
-        "server has these options in its tables [server], [[feeds]] and [[regions]]. Ctrl-C stops it after a whole cycle."
-    )
-    serve = _command(commands, "serve", "serving:serve", "run live and serve the picture over HTTP and WebSocket", text)
-    if with_options:
-        _add_fields(serve)
-
-
-TYPES: dict[str, Callable[[str], Any]] = {"workers": workers, "speed": speed}
-"""Of fields of `Deployment` whose range the command line refuses in one sentence."""
-
-
-def _add_fields(parser: argparse.ArgumentParser) -> None:
-    """Adds an option for each field of `Deployment`. None stands for an option that is not given."""
+@_command("serve", "serving:serve", "run live and serve the picture over HTTP and WebSocket")
+def serve(parser: argparse.ArgumentParser) -> None:
+    """Serve the picture to browsers and programs: map, API and live stream. With a scenario, run it as time passes and serve
+    each picture: a simulation begins now. Without one, follow the run that another process writes to the database. The file of
+    a server has these options in its tables [server], [[feeds]] and [[regions]]. Ctrl-C stops it after a whole cycle.
+    """
     from coastwatch.server.deployment import FROM_FILE_ALONE, Deployment, Option, flag  # other commands do not wait for it
 
+    narrower: dict[str, Callable[[str], object]] = {"workers": workers, "speed": speed}  # ranges refused in one sentence
     for name, field in Deployment.model_fields.items():
         if name in FROM_FILE_ALONE:
             continue
-        option = next((found for found in field.metadata if isinstance(found, Option)), Option())
+        option = next((about for about in field.metadata if isinstance(about, Option)), Option())
         text, metavar, origin = field.description, option.metavar, get_origin(field.annotation)
         if name == "scenario":
             completed_by(parser.add_argument(name, metavar=metavar, nargs="?", help=text), SCENARIOS)
@@ -213,159 +214,149 @@ def _add_fields(parser: argparse.ArgumentParser) -> None:
         elif origin is Literal:
             parser.add_argument(flag(name), dest=name, choices=get_args(field.annotation), help=text)
         elif origin in (tuple, dict):
-            read: Callable[[str], Any] = pair if origin is dict else str
+            read: Callable[[str], object] = pair if origin is dict else str
             parser.add_argument(flag(name), dest=name, metavar=metavar, action="append", type=read, help=text)
         else:
-            of = {field.annotation, *get_args(field.annotation)}
-            read = TYPES.get(name, whole if int in of else float if float in of else str)
+            kinds = {field.annotation, *get_args(field.annotation)}
+            read = narrower.get(name, whole if int in kinds else float if float in kinds else str)
             added = parser.add_argument(flag(name), dest=name, metavar=metavar, type=read, help=text)
             if option.is_file:
                 completed_by(added)
 
 
-def _token(commands: Any) -> None:
-    verbs = commands.add_parser(
-        "token", help="make tokens", description="Tokens of `coastwatch serve --tokens`."
-    ).add_subparsers(title="commands", metavar="COMMAND", required=True)
-    text = (
-        "Make a token of a person or program and print it. The file keeps its hash. A viewer may read; an operator may also "
-        "acknowledge; an admin may do all."
-    )
-    token = _command(verbs, "add", "serving:add_token", "make a token", text)
-    token.add_argument("name", metavar="NAME", help="whose it is; it is named in the audit")
-    token.add_argument("--role", choices=("viewer", "operator", "admin"), default="viewer", help="default: viewer")
-    token.add_argument("--expires", metavar="UTC", type=utc, help="until when it is valid, ISO 8601 (default: for ever)")
-    text = "file of tokens (default: tokens.toml)"
-    completed_by(token.add_argument("--tokens", metavar="FILE", default="tokens.toml", help=text))
-
-
-def _feed(commands: Any) -> None:
-    text = (
-        "Send the reports of a scenario, or the sentences of a recorded file, to live feeds by their times: a load generator, and a "
-        "demo of live feeds. A simulation at speed 1 begins now. It prints how many lines or datagrams it sent."
-    )
-    feed = _command(commands, "feed", "serving:feed", "send a simulation or a recording to live feeds", text)
+@_command("feed", "serving:feed", "send a simulation or a recording to live feeds")
+def feed(parser: argparse.ArgumentParser) -> None:
+    """Send the reports of a scenario, or the sentences of a recorded file, to live feeds by their times: a load generator, and
+    a demo of live feeds. A simulation at speed 1 begins now. It prints how many lines or datagrams it sent.
+    """
     text = "name of a scenario, folder, .toml file, or a file of AIS sentences"
-    completed_by(feed.add_argument("source", metavar="SCENARIO|FILE", help=text))
+    completed_by(parser.add_argument("source", metavar="SCENARIO|FILE", help=text))
     text = "where to, as option --feed of serve: ais+tcp (connect), ais+listen, ais+udp, ais+file, asterix+udp, json+tcp; repeatable"
-    feed.add_argument("--to", metavar="URL", action="append", required=True, help=text)
-    add_set(feed, "override a setting of the scenario; repeatable")
-    feed.add_argument(
+    parser.add_argument("--to", metavar="URL", action="append", required=True, help=text)
+    add_set(parser, "override a setting of the scenario; repeatable")
+    parser.add_argument(
         "--speed", metavar="N", type=speed, default=1.0, help="times as fast as the clock, 0.1 to 100 (default: 1)"
     )
 
 
-def _reproduce(commands: Any) -> None:
-    text = (
-        "Reproduce every published figure of a paper: run its methods as published and ours over seeds 1000, 1001, ..., then write an "
-        "HTML report and a JSON file. Finished runs stay in the output folder: the same command continues after an interruption and "
-        "runs only what is missing."
-    )
-    reproduce = _command(commands, "reproduce", "reproduce:reproduce", "reproduce the published figures of a paper", text)
-    reproduce.add_argument("paper", metavar="PAPER", help="the paper: hem, rangel or sagild")
+@_command("token add", "serving:add_token", "make a token")
+def token_add(parser: argparse.ArgumentParser) -> None:
+    """Make a token of a person or program and print it. The file keeps its hash. A viewer may read; an operator may also
+    acknowledge; an admin may do all.
+    """
+    parser.add_argument("name", metavar="NAME", help="whose it is; it is named in the audit")
+    parser.add_argument("--role", choices=("viewer", "operator", "admin"), default="viewer", help="default: viewer")
+    parser.add_argument("--expires", metavar="UTC", type=utc, help="until when it is valid, ISO 8601 (default: for ever)")
+    text = "file of tokens (default: tokens.toml)"
+    completed_by(parser.add_argument("--tokens", metavar="FILE", default="tokens.toml", help=text))
+
+
+@_command("reproduce", "reproduce:reproduce", "reproduce the published figures of a paper")
+def reproduce(parser: argparse.ArgumentParser) -> None:
+    """Reproduce every published figure of a paper: run its methods as published and ours over seeds 1000, 1001, ..., then write
+    an HTML report and a JSON file. Finished runs stay in the output folder: the same command continues after an interruption
+    and runs only what is missing.
+    """
+    parser.add_argument("paper", metavar="PAPER", help="the paper: hem, rangel or sagild")
     text = "runs of each variant (default: as many as the paper averages)"
-    reproduce.add_argument("--runs", metavar="N", type=count, help=text)
-    reproduce.add_argument("--workers", metavar="N", type=workers, default=1, help="processes that share the runs (default: 1)")
+    parser.add_argument("--runs", metavar="N", type=count, help=text)
+    parser.add_argument("--workers", metavar="N", type=workers, default=1, help="processes that share the runs (default: 1)")
     text = "folder of the report and the finished runs (default: reproduction-PAPER)"
-    reproduce.add_argument("--output", metavar="DIR", help=text)
+    parser.add_argument("--output", metavar="DIR", help=text)
     text = "only these scenarios, e.g. tables-1-2 figure-3 (default: all)"
-    reproduce.add_argument("--only", metavar="NAME", nargs="+", default=[], help=text)
+    parser.add_argument("--only", metavar="NAME", nargs="+", default=[], help=text)
 
 
-def _runs(commands: Any) -> None:
-    text = (
-        "The runs of a database, newest first: scenario, seed, version, cycles, status and main scores. `runs delete ID` deletes one, "
-        "`runs keep N` all but the newest N; a run that is being written stays. Status died: it was not ended, and its "
-        "process is gone, or has written nothing for a minute."
+@_command("runs", "read:runs", "list or delete runs")
+def runs(parser: argparse.ArgumentParser) -> None:
+    """The runs of a database, newest first: scenario, seed, version, cycles, status and main scores. `runs delete ID` deletes
+    one, `runs keep N` all but the newest N; a run that is being written stays. Status died: it was not ended, and its process
+    is gone, or has written nothing for a minute.
+    """
+    parser.add_argument(
+        "action", metavar="delete|keep", nargs="?", choices=("delete", "keep"), help="what to do (default: list)"
     )
-    runs = _command(commands, "runs", "read:runs", "list or delete runs", text)
-    runs.add_argument("action", metavar="delete|keep", nargs="?", choices=("delete", "keep"), help="what to do (default: list)")
-    runs.add_argument("number", metavar="N", nargs="?", type=whole, help="number of the run to delete, or how many to keep")
-    add_db(runs)
-    add_rows(runs, ("table", "csv", "json"))
+    parser.add_argument("number", metavar="N", nargs="?", type=whole, help="number of the run to delete, or how many to keep")
+    add_db(parser)
+    add_rows(parser, ("table", "csv", "json"))
 
 
-def _picture(commands: Any) -> None:
-    text = (
-        "The picture of a run: one row per vessel. Speeds in knots, courses in degrees true, times in UTC, MMSI with nine digits. "
-        "The table has the main columns; the other formats have all."
-    )
-    picture = _command(commands, "picture", "read:picture", "show or export the picture", text)
-    add_db(picture)
-    add_run(picture)
-    add_moment(picture)
-    add_rows(picture)
+@_command("picture", "read:picture", "show or export the picture")
+def picture(parser: argparse.ArgumentParser) -> None:
+    """The picture of a run: one row per vessel. Speeds in knots, courses in degrees true, times in UTC, MMSI with nine digits.
+    The table has the main columns; the other formats have all.
+    """
+    add_db(parser)
+    add_run(parser)
+    add_moment(parser)
+    add_rows(parser)
 
 
-def _track(commands: Any) -> None:
-    text = (
-        "One vessel: its details, its alarms, its tracks, its associations and its history, the newest rows of each. --json prints all "
-        "rows of all; csv, geojson, parquet and gpx have the history, gpx as a track for a chart plotter."
-    )
-    track = _command(commands, "track", "read:track", "show one vessel and its history", text)
-    track.add_argument("vessel", metavar="ID", type=whole, help="vessel id, as in `coastwatch picture` (not the MMSI)")
-    add_db(track)
-    add_run(track)
-    add_format(track)
-    track.add_argument(
+@_command("track", "read:track", "show one vessel and its history")
+def track(parser: argparse.ArgumentParser) -> None:
+    """One vessel: its details, its alarms, its tracks, its associations and its history, the newest rows of each. --json prints
+    all rows of all; csv, geojson, parquet and gpx have the history, gpx as a track for a chart plotter.
+    """
+    parser.add_argument("vessel", metavar="ID", type=whole, help="vessel id, as in `coastwatch picture` (not the MMSI)")
+    add_db(parser)
+    add_run(parser)
+    add_format(parser)
+    parser.add_argument(
         "--limit", metavar="N", type=count, default=20, help="newest rows of each table that are shown (default: 20)"
     )
 
 
-def _traffic(commands: Any) -> None:
-    text = (
-        "The vessels in a box between two instants: points of their paths, by vessel and time. From each point until `to_utc` the "
-        "vessel kept its course and speed, within `store.history_error_m`. Positions to 0.2 m."
-    )
-    traffic = _command(commands, "traffic", "read:traffic", "show the vessels in a box in a time span", text)
-    add_span(traffic)
-    add_rows(traffic)
+@_command("traffic", "read:traffic", "show the vessels in a box in a time span")
+def traffic(parser: argparse.ArgumentParser) -> None:
+    """The vessels in a box between two instants: points of their paths, by vessel and time. From each point until `to_utc` the
+    vessel kept its course and speed, within `store.history_error_m`. Positions to 0.2 m.
+    """
+    add_span(parser)
+    add_rows(parser)
 
 
-def _encounters(commands: Any) -> None:
-    text = "Pairs of vessels that came close to each other in a box between two instants: when and where, the closest first."
-    encounters = _command(commands, "encounters", "read:encounters", "show close encounters in a time span", text)
-    add_span(encounters)
-    encounters.add_argument("--within", metavar="M", type=float, default=500.0, help="largest distance, m (default: 500)")
+@_command("encounters", "read:encounters", "show close encounters in a time span")
+def encounters(parser: argparse.ArgumentParser) -> None:
+    """Pairs of vessels that came close to each other in a box between two instants: when and where, the closest first."""
+    add_span(parser)
+    parser.add_argument("--within", metavar="M", type=float, default=500.0, help="largest distance, m (default: 500)")
     text = "smallest speed of the faster of the two, kn (default: 1)"
-    encounters.add_argument("--min-sog", metavar="KN", type=float, default=1.0, help=text)
-    encounters.add_argument("--count", metavar="N", type=count, default=100, help="largest number of pairs (default: 100)")
-    add_rows(encounters)
+    parser.add_argument("--min-sog", metavar="KN", type=float, default=1.0, help=text)
+    parser.add_argument("--count", metavar="N", type=count, default=100, help="largest number of pairs (default: 100)")
+    add_rows(parser)
 
 
-def _replay(commands: Any) -> None:
-    text = (
-        "Export the pictures of a recorded run (`store.recording`): one row per vessel and cycle, with the columns of `picture` as they "
-        "were computed. Members are the tracks of radars, AIS and received tracks, written source:track. Then come the velocity in "
-        "metres a second east and north, and the covariance of position and velocity in metres and seconds."
-    )
-    replay = _command(commands, "replay", "read:replay", "export recorded pictures", text)
-    add_db(replay)
-    add_run(replay)
+@_command("replay", "read:replay", "export recorded pictures")
+def replay(parser: argparse.ArgumentParser) -> None:
+    """Export the pictures of a recorded run (`store.recording`): one row per vessel and cycle, with the columns of `picture` as
+    they were computed. Members are the tracks of radars, AIS and received tracks, written source:track. Then come the velocity
+    in metres a second east and north, and the covariance of position and velocity in metres and seconds.
+    """
+    add_db(parser)
+    add_run(parser)
     text = "first instant (default: the first recorded cycle)"
-    replay.add_argument("--from", metavar="UTC", type=utc, dest="from_s", help=text)
+    parser.add_argument("--from", metavar="UTC", type=utc, dest="from_s", help=text)
     text = "last instant (default: the last recorded cycle)"
-    replay.add_argument("--to", metavar="UTC", type=utc, dest="to_s", help=text)
-    add_box(replay, "only vessels in this box, degrees; W > E crosses the antimeridian")
-    replay.add_argument("--format", choices=("csv", "parquet"), default="csv", help="default: csv")
-    add_output(replay)
+    parser.add_argument("--to", metavar="UTC", type=utc, dest="to_s", help=text)
+    add_box(parser, "only vessels in this box, degrees; W > E crosses the antimeridian")
+    parser.add_argument("--format", choices=("csv", "parquet"), default="csv", help="default: csv")
+    add_output(parser)
 
 
-def _sensors(commands: Any) -> None:
-    text = (
-        "The sensors of a run: specification, newest report and registration errors. Of a radar: the azimuth bias, range bias and time "
-        "lag that are subtracted from its reports, one standard deviation after +-, and the state of the estimate (unknown, "
-        "acquiring, probable, found, settled, doubtful). Evidence: the bias with the most, its odds against chance, how many voices "
-        "speak for it (vessels under way, and squares of 1 km with vessels at rest) and the best other bias. The estimated lag is "
-        "subtracted only once it is accurate. Of a sonar: its bearing bias. Signs: degrees clockwise, metres too long, seconds too "
-        "late. AIS reports do not name their receiver, so all receivers show the newest."
-    )
-    sensors = _command(commands, "sensors", "read:sensors", "show sensors and their registration", text)
-    add_db(sensors)
-    add_run(sensors)
+@_command("sensors", "read:sensors", "show sensors and their registration")
+def sensors(parser: argparse.ArgumentParser) -> None:
+    """The sensors of a run: specification, newest report and registration errors. Of a radar: the azimuth bias, range bias and
+    time lag that are subtracted from its reports, one standard deviation after +-, and the state of the estimate (unknown,
+    acquiring, probable, found, settled, doubtful). Evidence: the bias with the most, its odds against chance, how many voices
+    speak for it (vessels under way, and squares of 1 km with vessels at rest) and the best other bias. The estimated lag is
+    subtracted only once it is accurate. Of a sonar: its bearing bias. Signs: degrees clockwise, metres too long, seconds too
+    late. AIS reports do not name their receiver, so all receivers show the newest.
+    """
+    add_db(parser)
+    add_run(parser)
     text = "instant, ISO 8601, e.g. 2026-07-01T12:00:00Z (default: the last cycle)"
-    sensors.add_argument("--at", metavar="UTC", type=utc, help=text)
-    grids = sensors.add_mutually_exclusive_group()
+    parser.add_argument("--at", metavar="UTC", type=utc, help=text)
+    grids = parser.add_mutually_exclusive_group()
     text = (
         "the newest learnt cover of each radar instead: in each sector and ring the probability that a vessel with AIS is detected in "
         "a turn, and that a confirmed track gets a plot, with the turns behind them; CSV and JSON have every cell"
@@ -378,87 +369,113 @@ def _sensors(commands: Any) -> None:
         "each gives in a turn (`tracks.clutter.learnt`)"
     )
     grids.add_argument("--standing", action="store_true", help=text)
-    add_rows(sensors, ("table", "csv", "json"))
+    add_rows(parser, ("table", "csv", "json"))
 
 
-def _query(commands: Any) -> None:
-    text = "Answer one of the questions in db/operator. Without a name, list them with their parameters."
-    query = _command(commands, "query", "read:query", "answer a question, or list the questions", text)
+@_command("query", "read:query", "answer a question, or list the questions")
+def query(parser: argparse.ArgumentParser) -> None:
+    """Answer one of the questions in db/operator. Without a name, list them with their parameters."""
     text = "name of the question (default: list all)"
-    completed_by(query.add_argument("name", metavar="NAME", nargs="?", help=text), QUESTIONS)
-    add_db(query)
-    add_run(query)
-    add_set(query, "a parameter of the question, e.g. --set count=20; repeatable")
+    completed_by(parser.add_argument("name", metavar="NAME", nargs="?", help=text), QUESTIONS)
+    add_db(parser)
+    add_run(parser)
+    add_set(parser, "a parameter of the question, e.g. --set count=20; repeatable")
     text = "of questions `alarms` and `audit`: the {}, ISO 8601, e.g. 2026-07-01T12:00:00Z"
-    query.add_argument("--from", metavar="UTC", type=utc, dest="from_s", help=text.format("first instant"))
-    query.add_argument("--to", metavar="UTC", type=utc, dest="to_s", help=text.format("last instant"))
-    query.add_argument("--kind", metavar="KIND", help="of question `alarms`: only these, e.g. dark")
+    parser.add_argument("--from", metavar="UTC", type=utc, dest="from_s", help=text.format("first instant"))
+    parser.add_argument("--to", metavar="UTC", type=utc, dest="to_s", help=text.format("last instant"))
+    parser.add_argument("--kind", metavar="KIND", help="of question `alarms`: only these, e.g. dark")
     text = "answer as of this instant, ISO 8601 (default: the last cycle)"
-    query.add_argument("--at", metavar="UTC", type=utc, help=text)
-    add_rows(query)
+    parser.add_argument("--at", metavar="UTC", type=utc, help=text)
+    add_rows(parser)
 
 
-def _plot(commands: Any) -> None:
-    text = "Draw the picture: coverage, vessels by kind of sensor, bearing lines, uncertainty, trails and the coastline."
-    plot = _command(commands, "plot", "drawing:plot", "draw the picture as a PNG", text)
-    add_db(plot)
-    add_run(plot)
-    add_moment(plot)
-    plot.add_argument("--output", metavar="PNG", default="picture.png", help="file to write (default: picture.png)")
+@_command("plot", "read:plot", "draw the picture as a PNG")
+def plot(parser: argparse.ArgumentParser) -> None:
+    """Draw the picture: coverage, vessels by kind of sensor, bearing lines, uncertainty, trails and the coastline."""
+    add_db(parser)
+    add_run(parser)
+    add_moment(parser)
+    parser.add_argument("--output", metavar="PNG", default="picture.png", help="file to write (default: picture.png)")
     text = (
         "GeoJSON of land or shore lines, or none (default: the scenario's, if it has one, else Natural Earth 1:10m for a frame of 8 NM "
         "or more)"
     )
-    completed_by(plot.add_argument("--coastline", metavar="FILE", help=text))
+    completed_by(parser.add_argument("--coastline", metavar="FILE", help=text))
     text = "how many of the longest vessels in the frame are named (default: 8)"
-    plot.add_argument("--names", metavar="N", type=whole, default=8, help=text)
+    parser.add_argument("--names", metavar="N", type=whole, default=8, help=text)
     text = "colour the cells of each radar by its learnt cover, or by the density of its false plots"
-    plot.add_argument("--cover", choices=("detection", "clutter"), help=text)
+    parser.add_argument("--cover", choices=("detection", "clutter"), help=text)
     text = "a vessel that is marked and named, by its id; repeatable"
-    plot.add_argument("--vessel", metavar="ID", type=whole, action="append", default=[], help=text)
+    parser.add_argument("--vessel", metavar="ID", type=whole, action="append", default=[], help=text)
 
 
-def _db(commands: Any) -> None:
-    text = "Upgrade, check, copy or prune a database."
-    verbs = commands.add_parser("db", help="upgrade, check, copy or prune a database", description=text).add_subparsers(
-        title="commands", metavar="COMMAND", required=True
-    )
-    text = "Create the database, or upgrade an old one to this version's schema. Its content is kept."
-    add_db(_command(verbs, "upgrade", "database:upgrade", "create a database or upgrade it to this version", text))
-    text = "Compare the database with this version's schema. Exit code 0: they agree; 1: one line per difference."
-    add_db(_command(verbs, "check", "database:check", "compare a database with this version's schema", text))
-    text = (
-        "Copy an SQLite database to a new file while others read and write it: the state of one moment, with whole cycles. Into a "
-        "folder, the copy is named after the database and the time. PostgreSQL: pg_dump."
-    )
-    backup = _command(verbs, "backup", "database:backup", "copy a database while it is in use", text)
-    completed_by(backup.add_argument("target", metavar="FILE|FOLDER", help="a new file, or a folder of copies"))
-    add_db(backup)
+@_command("db upgrade", "database:upgrade", "create a database or upgrade it to this version")
+def db_upgrade(parser: argparse.ArgumentParser) -> None:
+    """Create the database, or upgrade an old one to this version's schema. Its content is kept."""
+    add_db(parser)
+
+
+@_command("db check", "database:check", "compare a database with this version's schema")
+def db_check(parser: argparse.ArgumentParser) -> None:
+    """Compare the database with this version's schema. Exit code 0: they agree; 1: one line per difference."""
+    add_db(parser)
+
+
+@_command("db backup", "database:backup", "copy a database while it is in use")
+def db_backup(parser: argparse.ArgumentParser) -> None:
+    """Copy an SQLite database to a new file while others read and write it: the state of one moment, with whole cycles. Into a
+    folder, the copy is named after the database and the time. PostgreSQL: pg_dump.
+    """
+    completed_by(parser.add_argument("target", metavar="FILE|FOLDER", help="a new file, or a folder of copies"))
+    add_db(parser)
     text = "then delete all but the newest N copies of this database in the folder"
-    backup.add_argument("--keep", metavar="N", type=count, help=text)
-    text = "Copy a backup to where there is no database. Then `coastwatch db upgrade` brings an old one to this version."
-    restore = _command(verbs, "restore", "database:restore", "bring a backup back", text)
-    completed_by(restore.add_argument("source", metavar="FILE", help="a file that `db backup` wrote"))
-    add_db(restore)
-    text = (
-        "Delete what is old, also beside a run that goes on: runs that ended so long ago, and of the others history, details "
-        "(associations, spots, timings, registrations), events and recording that are so much older than the newest cycle. The "
-        "current picture stays. An SQLite file does not shrink; backup and restore make a smaller one. Settings `store.history_hours` "
-        "and the like do it in every cycle."
-    )
-    prune = _command(verbs, "prune", "database:prune", "delete what is old", text)
-    add_db(prune)
+    parser.add_argument("--keep", metavar="N", type=count, help=text)
+
+
+@_command("db restore", "database:restore", "bring a backup back")
+def db_restore(parser: argparse.ArgumentParser) -> None:
+    """Copy a backup to where there is no database. Then `coastwatch db upgrade` brings an old one to this version."""
+    completed_by(parser.add_argument("source", metavar="FILE", help="a file that `db backup` wrote"))
+    add_db(parser)
+
+
+@_command("db prune", "database:prune", "delete what is old")
+def db_prune(parser: argparse.ArgumentParser) -> None:
+    """Delete what is old, also beside a run that goes on: runs that ended so long ago, and of the others history, details
+    (associations, spots, timings, registrations), events and recording that are so much older than the newest cycle. The
+    current picture stays. An SQLite file does not shrink; backup and restore make a smaller one. Settings `store.history_hours`
+    and the like do it in every cycle.
+    """
+    add_db(parser)
     text = "how old: a whole number with h, d or w, such as 12h, 30d or 8w"
-    prune.add_argument("--older-than", metavar="AGE", type=age, required=True, help=text)
+    parser.add_argument("--older-than", metavar="AGE", type=age, required=True, help=text)
     text = "only this, of all runs: history, details, events, recording or audit (who changed what); repeatable"
     kinds = ("history", "details", "events", "recording", "audit")
-    prune.add_argument("--only", metavar="KIND", choices=kinds, action="append", default=[], help=text)
+    parser.add_argument("--only", metavar="KIND", choices=kinds, action="append", default=[], help=text)
 
 
-def _completion(commands: Any) -> None:
-    text = (
-        "Print the script with which a shell completes commands, options, scenarios and questions. bash: "
-        'eval "$(coastwatch completion bash)"; zsh: coastwatch completion zsh > FOLDER_OF_FPATH/_coastwatch.'
-    )
-    completion = _command(commands, "completion", "completion:completion", "print a completion script for a shell", text)
-    completion.add_argument("shell", choices=("bash", "zsh", "tcsh"), help="the shell")
+@_command("completion", "parser:print_completion", "print a completion script for a shell")
+def completion(parser: argparse.ArgumentParser) -> None:
+    """Print the script with which a shell completes commands, options, scenarios and questions. bash: eval "$(coastwatch
+    completion bash)"; zsh: coastwatch completion zsh > FOLDER_OF_FPATH/_coastwatch.
+    """
+    parser.add_argument("shell", choices=("bash", "zsh", "tcsh"), help="the shell")
+
+
+def print_completion(options: argparse.Namespace) -> int:
+    """Carries out `completion`."""
+    import shtab
+
+    from coastwatch.shipped import operator_queries_folder, scenarios_folder
+
+    names = {
+        SCENARIOS: sorted(path.parent.name for path in scenarios_folder().glob("*/scenario.toml")),
+        QUESTIONS: sorted(path.stem for path in operator_queries_folder().glob("*.sql")),
+    }
+    words = {function: " ".join(listed) for function, listed in names.items()}
+    preamble = {
+        "bash": "".join(f'{function}() {{ compgen -W "{listed}" -- "$1"; }}\n' for function, listed in words.items()),
+        "zsh": "".join(f"{function}() {{ _values name {listed} }}\n" for function, listed in words.items()),
+    }
+    print(shtab.complete(make_parser(), options.shell, preamble=preamble.get(options.shell, "")))
+    return 0

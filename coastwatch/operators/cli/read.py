@@ -1,12 +1,11 @@
-"""`runs`, `picture`, `track`, `traffic`, `encounters`, `replay`, `sensors` and `query`: read a database, print or export the answer."""
+"""Commands that read a database, from `runs` to `plot`: they print, export or draw the answer."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from coastwatch.batches import COVER_AZIMUTHS, COVER_RANGES
 from coastwatch.errors import InputError
@@ -29,10 +28,10 @@ def picture(options: argparse.Namespace) -> int:
     return 0
 
 
-def warn_beyond_end(store: Store, run: Mapping[str, Any], at_s: float | None) -> None:
+def warn_beyond_end(store: Store, run: presentation.Run, at_s: float | None) -> None:
     """Warns on stderr where an instant is after the end of a run. Args: as of `presentation.beyond_end`."""
-    if said := presentation.beyond_end(store, run, at_s):
-        print(f"coastwatch: warning: --at: {printable(said)}", file=sys.stderr)
+    if warning := presentation.beyond_end(store, run, at_s):
+        print(f"coastwatch: warning: --at: {printable(warning)}", file=sys.stderr)
 
 
 def _write(rows: Rows, options: argparse.Namespace, heading: str = "", columns: Sequence[str] = ()) -> None:
@@ -56,29 +55,22 @@ def runs(options: argparse.Namespace) -> int:
 
 def track(options: argparse.Namespace) -> int:
     with presentation.opened(options.db) as store:
-        found = presentation.vessel(store, presentation.run(store, options.run), options.vessel)
+        vessel = presentation.vessel(store, presentation.run(store, options.run), options.vessel)
     if options.format == "json":
-        lists = {key.replace(" ", "_"): export.as_objects(rows) for key, rows in found.tables.items()}
-        (details,) = export.as_objects(Rows(tuple(found.details), [tuple(found.details.values())]))
-        said = {"statistics": {key.replace(" ", "_"): meaning for key, meaning in found.meanings.items()}}
-        export.write_text(json.dumps({**details, **lists, **said}, allow_nan=False) + "\n", options.output)
+        export.write_text(json.dumps(export.as_vessel(vessel), allow_nan=False) + "\n", options.output)
     elif options.format == "gpx":
-        export.write_text(export.as_gpx_track(found.name, found.paths()), options.output)
+        export.write_text(export.as_gpx_track(vessel.name, vessel.paths()), options.output)
     elif options.format != "table":
-        export.write(found.tables["history"], options.format, options.output)
+        export.write(vessel.tables["history"], options.format, options.output)
     else:
-        export.write_text("".join(_track_text(found, options.limit)), options.output)
+        text = [f"{name.replace('_', ' '):<16} {export.cell(name, value)}\n" for name, value in vessel.details.items()]
+        for title, rows in vessel.tables.items():
+            left_out = f", the newest {options.limit} of {len(rows.rows)}" if len(rows.rows) > options.limit else ""
+            meaning = f" (statistic: {vessel.meanings[title]})" if rows.rows and title in vessel.meanings else ""
+            newest = Rows(rows.columns, rows.rows[-options.limit :])
+            text.append(f"\n{title}{left_out}{meaning}\n{export.as_table(newest)}")
+        export.write_text("".join(text), options.output)
     return 0
-
-
-def _track_text(found: presentation.Vessel, newest: int) -> Iterator[str]:
-    """Details and tables of a vessel for a terminal. Args: newest: rows of each table."""
-    for name, value in found.details.items():
-        yield f"{name.replace('_', ' '):<16} {export.cell(name, value)}\n"
-    for title, rows in found.tables.items():
-        left_out = f", the newest {newest} of {len(rows.rows)}" if len(rows.rows) > newest else ""
-        meaning = f" (statistic: {found.meanings[title]})" if rows.rows and title in found.meanings else ""
-        yield f"\n{title}{left_out}{meaning}\n{export.as_table(Rows(rows.columns, rows.rows[-newest:]))}"
 
 
 def traffic(options: argparse.Namespace) -> int:
@@ -93,15 +85,17 @@ def encounters(options: argparse.Namespace) -> int:
     limits = {"within_m": options.within, "min_sog_kn": options.min_sog, "count": options.count}
     with presentation.opened(options.db) as store:
         run_id = presentation.run(store, options.run)["id"]
-        rows = presentation.encounters(store, run_id, options.bbox, (options.from_s, options.to_s), limits)
+        rows = presentation.encounters(store, run_id, options.bbox, (options.from_s, options.to_s), **limits)
     _write(rows, options)
     return 0
 
 
 def replay(options: argparse.Namespace) -> int:
     with presentation.opened(options.db) as store:
-        run_id, span = presentation.run(store, options.run)["id"], (options.from_s, options.to_s)
-        recorded_frames.write(store, run_id, *span, options.bbox, form=options.format, output=options.output)
+        run_id = presentation.run(store, options.run)["id"]
+        recorded_frames.write(
+            store, run_id, options.from_s, options.to_s, options.bbox, form=options.format, output=options.output
+        )
     return 0
 
 
@@ -121,7 +115,7 @@ def sensors(options: argparse.Namespace) -> int:
             return 0
         rows = presentation.sensors(store, run["id"], options.at)
         warn_beyond_end(store, run, options.at)
-    _write(rows if options.format == "json" else presentation.registration(rows, run["settings"]), options)
+    _write(rows if options.format == "json" else presentation.registration(rows, run), options)
     return 0
 
 
@@ -141,4 +135,17 @@ def query(options: argparse.Namespace) -> int:
         if options.at is not None:
             warn_beyond_end(store, presentation.run(store, int(parameters["run"]) if "run" in parameters else None), options.at)
     _write(rows, options)
+    return 0
+
+
+def plot(options: argparse.Namespace) -> int:
+    from coastwatch.operators import plot, scene  # matplotlib takes a second, and only a plot needs it
+
+    with presentation.opened(options.db) as store:
+        run = presentation.run(store, options.run)
+        warn_beyond_end(store, run, options.at)
+        chosen = {"names": options.names, "vessels": options.vessel, "cover": options.cover}
+        drawn = scene.load(store, run, options.at, options.bbox, options.coastline, **chosen)
+    plot.write(drawn, options.output)
+    print(options.output)
     return 0

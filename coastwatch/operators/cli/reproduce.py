@@ -30,16 +30,11 @@ def reproduce(options: argparse.Namespace) -> int:
         left = len(running.missing(kept, jobs))
         print(f"coastwatch: interrupted with {left} of {len(jobs)} runs to do; the same command continues", file=sys.stderr)
         return INTERRUPTED
-    made = report.made(options.paper, folders, plan, kept, _command(options))
-    for line in report.lines(made):
+    chosen = [f" --runs {options.runs}"] if options.runs else []
+    chosen += [f" --only {' '.join(options.only)}"] if options.only else []
+    figures = report.made(options.paper, folders, plan, kept, f"coastwatch reproduce {options.paper}{''.join(chosen)}")
+    for line in report.lines(figures):
         print(line)
-    print(report.written_page(kept, made))
-    print(report.written_numbers(kept, made))
+    print(report.written_page(kept, figures))
+    print(report.written_numbers(kept, figures))
     return 0
-
-
-def _command(options: argparse.Namespace) -> str:
-    words = ["coastwatch reproduce", options.paper]
-    words += [f"--runs {options.runs}"] if options.runs else []
-    words += [f"--only {' '.join(options.only)}"] if options.only else []
-    return " ".join(words)

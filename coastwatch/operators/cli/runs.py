@@ -5,14 +5,13 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from typing import Any
 
 from coastwatch import store
 from coastwatch.formats.intake.accounts import LOSSES
 from coastwatch.operators import tracks_csv, verdict
 from coastwatch.operators.cli import inputs, progress, summary
-from coastwatch.scenario import load_scenario, scenario_names
-from coastwatch.server.run import run_scenario
+from coastwatch.scenario import Scenario, load_scenario, scenario_names
+from coastwatch.server.run import OnCycle, RunResult, run_scenario
 from coastwatch.spelling import json_value, printable, printable_lines
 
 LOST_RECORDS, FELL, INTERRUPTED = 1, 4, 130
@@ -27,15 +26,15 @@ def run(options: argparse.Namespace) -> int:
         return carry_out(scenario, options, options.seed, add_cycle)
 
 
-def carry_out(scenario: Any, options: argparse.Namespace, seed: int | None, on_cycle: Any = None) -> int:
+def carry_out(scenario: Scenario, options: argparse.Namespace, seed: int | None, on_cycle: OnCycle | None = None) -> int:
     """Runs a scenario with the options of `arguments.add_running` and prints the result. Returns the exit code."""
-    said: list[str] = []  # hours before the result, if files are hours apart
+    printed: list[str] = []  # hours before the result, if files are hours apart
 
     def warn(warnings: list[str]) -> None:
         for warning in warnings:
-            if warning not in said:
+            if warning not in printed:
                 print(f"coastwatch: warning: {printable(warning)}", file=sys.stderr)
-        said.extend(warnings)
+        printed.extend(warnings)
 
     with progress.report_progress() as show:
         result = run_scenario(
@@ -64,32 +63,32 @@ def carry_out(scenario: Any, options: argparse.Namespace, seed: int | None, on_c
     return LOST_RECORDS if has_lost else FELL if has_fallen else 0
 
 
-def fell(result: Any, options: argparse.Namespace) -> bool:
+def fell(result: RunResult, options: argparse.Namespace) -> bool:
     """Whether a figure of a run is not as `--require` and `--compare` want it; prints and stores a sentence for each."""
     required, compare = getattr(options, "require", []), getattr(options, "compare", None)
     if not required and compare is None:
         return False
     scores = json_value(result.scores)
-    said = verdict.below_required(scores, required)
+    sentences = verdict.below_required(scores, required)
     with store.open_store(result.database) as opened:
         if compare is not None:
             good = store.last_good_run(opened, result.scenario, result.seed, int(result.run_id))
             if good is None:
                 print("coastwatch: --compare: there is no earlier good run of this scenario and seed", file=sys.stderr)
             else:
-                said += verdict.worse_than(scores, *good, options.tolerance)
-        store.set_verdict(opened, int(result.run_id), said)
-    for sentence in said:
+                sentences += verdict.worse_than(scores, *good, options.tolerance)
+        store.set_verdict(opened, int(result.run_id), sentences)
+    for sentence in sentences:
         print(f"coastwatch: {printable(sentence)}", file=sys.stderr)
-    return bool(said)
+    return bool(sentences)
 
 
 def scenarios(options: argparse.Namespace) -> int:
-    found = scenario_names()
+    names = scenario_names()
     if options.json:
-        print(json.dumps([{"name": name, "title": title} for name, title in found]))
+        print(json.dumps([{"name": name, "title": title} for name, title in names]))
         return 0
-    width = max((len(name) for name, _ in found), default=0)
-    for name, title in found:
+    width = max((len(name) for name, _ in names), default=0)
+    for name, title in names:
         print(printable(f"{name:<{width}}  {title}".rstrip()))
     return 0

@@ -3,33 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
 
-from coastwatch.operators.cli.inputs import (
-    accounts_as_lines,
-    accounts_as_object,
-    contents_as_lines,
-    contents_as_objects,
-    warnings,
-)
+from coastwatch.operators.cli import inputs
+from coastwatch.scenario import Scenario
+from coastwatch.server.run import RunResult
 from coastwatch.spelling import json_value
 
 PERCENT = ("f1", "precision", "recall", "accuracy", "specificity")
-INPUTS = (
-    ("ais", "AIS table"),
-    ("nmea", "NMEA file"),
-    ("files", "AIS file"),
-    ("plots", "table of plots"),
-    ("bearings", "table of bearings"),
-    ("tracks", "table of tracks"),
-    ("track_sentences", "file of targets"),
-)
+INPUTS = {
+    "ais": ("AIS table", "AIS tables"),
+    "nmea": ("NMEA file", "NMEA files"),
+    "files": ("AIS file", "AIS files"),
+    "plots": ("table of plots", "tables of plots"),
+    "bearings": ("table of bearings", "tables of bearings"),
+    "tracks": ("table of tracks", "tables of tracks"),
+    "track_sentences": ("file of targets", "files of targets"),
+}
+"""What the settings of an input name: one of them, several."""
+
 COUNTS = ("tp", "fn", "fp", "tn")
 
+Scores = Mapping[str, float | int | None]
+"""The figures of a stage: not a number is None."""
 
-def as_object(scenario: Any, result: Any) -> dict[str, Any]:
+
+def as_object(scenario: Scenario, result: RunResult) -> dict[str, object]:
     """The result as plain values for JSON. A number that is not finite becomes null."""
-    plain: dict[str, Any] = json_value(
+    plain: dict[str, object] = json_value(
         {
             "scenario": result.scenario,
             "run_id": result.run_id,
@@ -43,59 +43,61 @@ def as_object(scenario: Any, result: Any) -> dict[str, Any]:
             "scores": result.scores,
             "timings_s": result.timings_s,
             "faults": [{"kind": f.kind, "count": f.count, "where": f.where, "example": f.example} for f in result.faults],
-            "files": contents_as_objects(result.contents),
-            "records": accounts_as_object(result),
-            "warnings": warnings(scenario, result),
+            "files": inputs.contents_as_objects(result.contents),
+            "records": inputs.accounts_as_object(result),
+            "warnings": inputs.warnings(scenario, result),
             "database": result.database,
         }
     )
     return plain
 
 
-def as_text(scenario: Any, result: Any) -> str:
+def as_text(scenario: Scenario, result: RunResult) -> str:
     """The summary of a run in lines."""
+    parts = [
+        (len(scenario.radars), "radar", "radars", f" in {len({r.region for r in scenario.radars})} region(s)"),
+        (len(scenario.stations), "AIS station", "AIS stations", ""),
+        (len(scenario.sonars), "bearing sensor", "bearing sensors", ""),
+        *(
+            (len(files), *names, "")
+            for key, names in INPUTS.items()
+            if isinstance(files := getattr(scenario.input, key, ()), tuple)
+        ),
+    ]
+    sources = ", ".join(f"{n} {several if n > 1 else one}{where}" for n, one, several, where in parts if n)
     lines = [
         f"{scenario.name}: {scenario.title}",
         f"run {result.run_id}: {result.vessels} vessels in the picture after {result.cycles} cycles of {scenario.period_s:g} s, "
         f"computed in {result.elapsed_s:.1f} s",
-        f"sources: {_sources(scenario)}",
-        *contents_as_lines(result.contents),
-        *accounts_as_lines(result),
-        *_scores(json_value(result.scores), _why_unbound(scenario)),
+        f"sources: {sources or 'none'}",
+        *inputs.contents_as_lines(result.contents),
+        *inputs.accounts_as_lines(result),
+        *_scores(scenario, json_value(result.scores)),
         *_timings(json_value(result.timings_s), scenario.period_s),
-        *_faults(result.faults),
-        f"database: {result.database}",
-        *_next(result),
     ]
-    return "\n".join(lines)
+    if result.faults:
+        lines.append("records refused, dropped or not used, and lost workers, by kind, with the first of each")
+    lines += [f"  {f.count:>8} x {f.kind}: {f.where}" + (f": {f.example}" if f.example else "") for f in result.faults]
+    db = f"--db {result.database}"
+    return "\n".join(
+        [
+            *lines,
+            f"database: {result.database}",
+            "next, for instance",
+            f"  coastwatch picture {db}",
+            f"  coastwatch plot {db} --output picture.png",
+            f"  coastwatch query {db}",
+        ]
+    )
 
 
-def _sources(scenario: Any) -> str:
-    parts = [
-        (len(scenario.radars), "radar", f" in {len({r.region for r in scenario.radars})} region(s)"),
-        (len(scenario.stations), "AIS station", ""),
-        (len(scenario.sonars), "bearing sensor", ""),
-        *((len(files), name, "") for key, name in INPUTS if isinstance(files := getattr(scenario.input, key, ()), tuple)),
-    ]
-    return ", ".join(f"{n} {_several(name) if n > 1 else name}{rest}" for n, name, rest in parts if n) or "none"
-
-
-def _several(name: str) -> str:
-    first, of, rest = name.partition(" of ")
-    return f"{first}s{of}{rest}"
-
-
-def _why_unbound(scenario: Any) -> str:
-    """Why vessels have no bound: what in the scenario moves them as no exact filter can follow; empty: nothing does."""
-    lanes, motion = getattr(scenario.input, "lanes", None), getattr(scenario.input, "motion", None)
-    why = ("lanes sway", getattr(lanes, "share", 0.0)), ("vessels brake", getattr(motion, "stopping_share", 0.0))
-    return " and ".join(said for said, share in why if share)
-
-
-def _scores(scores: Mapping[str, Any], why_unbound: str) -> Iterator[str]:
+def _scores(scenario: Scenario, scores: Mapping[str, Scores | float | None]) -> Iterator[str]:
     if not scores:
         yield "scores: none (no truth in this input)"
         return
+    lanes, motion = getattr(scenario.input, "lanes", None), getattr(scenario.input, "motion", None)
+    unbound = ("lanes sway", getattr(lanes, "share", 0.0)), ("vessels brake", getattr(motion, "stopping_share", 0.0))
+    why_unbound = " and ".join(reason for reason, share in unbound if share)  # no exact filter can follow such a vessel
     yield "scores"
     for stage, values in scores.items():
         if isinstance(values, Mapping):
@@ -105,11 +107,11 @@ def _scores(scores: Mapping[str, Any], why_unbound: str) -> Iterator[str]:
             yield f"  {stage:<22} {_figure(stage, values)}"
 
 
-def _shares(values: Mapping[str, Any]) -> Iterator[str]:
+def _shares(values: Scores) -> Iterator[str]:
     """Shares as percentages, then the other figures by name, then the counts of decisions."""
     for key in PERCENT:
-        if values.get(key) is not None:
-            yield f"{'F1' if key == 'f1' else key} {100.0 * values[key]:.3f} %"
+        if (share := values.get(key)) is not None:
+            yield f"{'F1' if key == 'f1' else key} {100.0 * share:.3f} %"
     for key, value in values.items():
         if key not in PERCENT and key not in COUNTS and value is not None and not isinstance(value, Mapping | list):
             yield f"{'MCC' if key == 'mcc' else key.replace('_', ' ')} {_figure(key, value)}"
@@ -118,11 +120,11 @@ def _shares(values: Mapping[str, Any]) -> Iterator[str]:
         yield " ".join(counts)
 
 
-def _fusion_score(values: Mapping[str, Any], why_unbound: str) -> Iterator[str]:
+def _fusion_score(values: Scores, why_unbound: str) -> Iterator[str]:
     """Args: why_unbound: why vessels may have no bound; empty: all have one, or the input has none at all."""
     position, bound = values.get("position_rmse_m"), values.get("bound_position_rmse_m")
     if position is not None:
-        has_bound = values.get("bound_count", 0) / max(values.get("count", 0), 1)
+        has_bound = (values.get("bound_count") or 0) / max(values.get("count") or 0, 1)
         against = f" ({position / bound:.2f} x the bound of {bound:.2f} m)" if bound else ""
         if bound and has_bound < 1.0:
             against = (
@@ -134,19 +136,19 @@ def _fusion_score(values: Mapping[str, Any], why_unbound: str) -> Iterator[str]:
     for key, name, unit in (("course_rmse_deg", "course", "deg"), ("speed_rmse_kn", "speed", "kn")):
         if values.get(key) is not None:
             yield f"{name} {values[key]:.2f} {unit}"
-    alone = [(n, values.get(f"{key}_position_rmse_m")) for key, n in (("radar", "radar"), ("ais", "AIS"))]
-    if any(rmse is not None for _, rmse in alone):
-        yield "alone: " + ", ".join(f"{name} {rmse:.2f} m" for name, rmse in alone if rmse is not None)
+    alone = {name: values.get(f"{key}_position_rmse_m") for key, name in (("radar", "radar"), ("ais", "AIS"))}
+    if any(rmse is not None for rmse in alone.values()):
+        yield "alone: " + ", ".join(f"{name} {rmse:.2f} m" for name, rmse in alone.items() if rmse is not None)
 
 
-def _figure(key: str, value: Any) -> str:
+def _figure(key: str, value: object) -> str:
     if isinstance(value, float):
         share = key.endswith(("_rate", "_share", "recall", "precision", "coverage"))
         return f"{100.0 * value:.2f} %" if share else f"{value:.4g}"
     return str(value)
 
 
-def _timings(timings_s: Mapping[str, Any], period_s: float) -> Iterator[str]:
+def _timings(timings_s: Mapping[str, Mapping[str, float]], period_s: float) -> Iterator[str]:
     if not timings_s:
         return
     yield f"time of a cycle{'':<10} median ms    p99 ms   of all stages   of the {period_s:g} s period"
@@ -155,18 +157,3 @@ def _timings(timings_s: Mapping[str, Any], period_s: float) -> Iterator[str]:
         yield f"  {stage:<22} {1e3 * t['median']:>10.2f} {1e3 * t['p99']:>9.2f} {share:>13.1f} % {of_period:>17.3f} %"
     median = sum(t["median"] for t in timings_s.values())
     yield f"  {'sum of medians':<22} {1e3 * median:>10.2f} {'':>9} {'':>13}   {100.0 * median / period_s:>17.3f} %"
-
-
-def _faults(faults: Any) -> Iterator[str]:
-    if faults:
-        yield "records refused, dropped or not used, and lost workers, by kind, with the first of each"
-        for f in faults:
-            yield f"  {f.count:>8} x {f.kind}: {f.where}" + (f": {f.example}" if f.example else "")
-
-
-def _next(result: Any) -> Iterator[str]:
-    db = f"--db {result.database}"
-    yield "next, for instance"
-    yield f"  coastwatch picture {db}"
-    yield f"  coastwatch plot {db} --output picture.png"
-    yield f"  coastwatch query {db}"
