@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 import shapely
@@ -57,30 +57,29 @@ def natural_earth(south: float, west: float, north: float, east: float) -> tuple
     Args: degrees; west and east are continuous, so that 175 to 185 crosses the antimeridian.
     """
     (low_y, low_x), (high_y, high_x) = (np.array([[south, west], [north, east]]) - OFFSET_DEG) / SCALE_DEG
-    land, found, seams = polygons("fine"), [], []
+    land, cuts, seams = polygons("fine"), [], []
     for turn in range(int(low_x // TURN_STEPS), int(high_x // TURN_STEPS) + 1):
         start = turn * TURN_STEPS
         frame = shapely.box(max(low_x - start, 0.0), low_y, min(high_x - start, float(TURN_STEPS)), high_y)
         cut = shapely.intersection(land[shapely.intersects(land, frame)], frame)
         west_x, _, east_x, _ = shapely.bounds(cut).T
         seams.append(((west_x == 0.0) & (start > low_x)) | ((east_x == TURN_STEPS) & (start + TURN_STEPS < high_x)))
-        found.append(shapely.transform(cut, partial(np.add, [start, 0.0])))
-    every, at_seam = np.concatenate(found), np.concatenate(seams)
+        cuts.append(shapely.transform(cut, partial(np.add, [start, 0.0])))
+    every, at_seam = np.concatenate(cuts), np.concatenate(seams)
     joined = np.concatenate([every[~at_seam], np.array([shapely.union_all(every[at_seam])], object)])
     return tuple(
         Shore(outline, True, tuple(lakes))
-        for outline, *lakes in ([_position_deg(ring) for ring in shapely.get_rings(part)] for part in areas(joined))
+        for outline, *lakes in (
+            [shapely.get_coordinates(ring)[:, ::-1] * SCALE_DEG + OFFSET_DEG for ring in shapely.get_rings(part)]
+            for part in areas(joined)
+        )
     )
-
-
-def _position_deg(ring: Any) -> Floats:
-    return np.asarray(shapely.get_coordinates(ring)[:, ::-1] * SCALE_DEG + OFFSET_DEG)
 
 
 def areas(geometries: Array) -> Array:
     """The polygons in geometries of shapely, without points and lines, as a cut along a shore leaves them."""
-    found = shapely.get_parts(shapely.get_parts(geometries))
-    return np.asarray(found[(shapely.get_type_id(found) == shapely.GeometryType.POLYGON) & ~shapely.is_empty(found)])
+    parts = shapely.get_parts(shapely.get_parts(geometries))
+    return np.asarray(parts[(shapely.get_type_id(parts) == shapely.GeometryType.POLYGON) & ~shapely.is_empty(parts)])
 
 
 def read(path: str | Path) -> tuple[tuple[Shore, ...], str]:
@@ -103,7 +102,17 @@ def read(path: str | Path) -> tuple[tuple[Shore, ...], str]:
     return shores, note
 
 
-def _geometries(document: dict[str, Any]) -> Iterator[dict[str, Any]]:
+class _Document(TypedDict):
+    """GeoJSON: a geometry, a feature or a collection."""
+
+    type: str
+    features: list[_Document]
+    geometry: _Document | None
+    geometries: list[_Document]
+    coordinates: list[Any]  # numbers in lists as deep as the type has them
+
+
+def _geometries(document: _Document) -> Iterator[_Document]:
     if document["type"] == "FeatureCollection":
         for feature in document["features"]:
             yield from _geometries(feature)
@@ -117,7 +126,7 @@ def _geometries(document: dict[str, Any]) -> Iterator[dict[str, Any]]:
         yield document
 
 
-def _shores(geometry: dict[str, Any]) -> list[Shore]:
+def _shores(geometry: _Document) -> list[Shore]:
     kind, points = geometry["type"], geometry["coordinates"]
     rings: dict[str, Callable[[], list[Any]]] = {
         "LineString": lambda: [points],
@@ -125,5 +134,5 @@ def _shores(geometry: dict[str, Any]) -> list[Shore]:
         "Polygon": lambda: points[:1],  # a lake inside land is drawn as land: the picture is of the sea
         "MultiPolygon": lambda: [polygon[0] for polygon in points],
     }
-    found = rings[kind]() if kind in rings else []
-    return [Shore(np.array([[p[1], p[0]] for p in ring], float).reshape(-1, 2), kind.endswith("Polygon")) for ring in found]
+    lines = rings[kind]() if kind in rings else []
+    return [Shore(np.array([[p[1], p[0]] for p in line], float).reshape(-1, 2), kind.endswith("Polygon")) for line in lines]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -11,25 +10,23 @@ from coastwatch.batches import Array, Ints
 from coastwatch.errors import InputError
 from coastwatch.operators import presentation
 from coastwatch.operators.columns import digits_of
-from coastwatch.operators.export import Rows
 from coastwatch.spelling import did_you_mean
-from coastwatch.store import INSTANTS, Table
-from coastwatch.store import Rows as Made
+from coastwatch.store import INSTANTS, Rows, Table
 
 
-def selected(rows: Rows, sort: Sequence[str], limit: int | None, columns: Sequence[str]) -> Made:
+def selected(rows: Rows, sort: Sequence[str], limit: int | None, columns: Sequence[str]) -> Rows:
     """The rows sorted by some columns, the first of them, with these columns.
 
     Args: sort: names of columns, -NAME for descending; absent values come last. columns: none: all.
     Raises: InputError that names an unknown column.
     """
-    names, made = list(rows.columns), list(rows.rows)
+    names, kept = list(rows.columns), list(rows.rows)
     for key in reversed(sort):
         at, down = _at(names, key.removeprefix("-"), "--sort"), key.startswith("-")
-        made.sort(key=lambda row: _order(row[at]), reverse=down)
-        made.sort(key=lambda row: row[at] in (None, ""))
+        kept.sort(key=lambda row: (isinstance(row[at], str), 0 if row[at] is None else row[at]), reverse=down)  # texts apart
+        kept.sort(key=lambda row: row[at] in (None, ""))
     places = [_at(names, name, "--columns") for name in columns] or range(len(names))
-    return Made(tuple(names[k] for k in places), [tuple(row[k] for k in places) for row in made[:limit]])
+    return Rows(tuple(names[k] for k in places), [tuple(row[k] for k in places) for row in kept[:limit]])
 
 
 def order(column: Callable[[str], Array], columns: Sequence[str], sort: Sequence[str]) -> Ints:
@@ -58,8 +55,8 @@ def _ranked(name: str, values: Array) -> tuple[Array, Array]:
     if values.dtype.kind in "iu" and name not in presentation.WORDS:
         return values, values == -1
     if values.dtype.kind in "iu":  # few different ones
-        known, which = np.unique(values, return_inverse=True)
-        words = [row[0] or "" for row in presentation.in_operator_units(Table((name,), (known,))).rows]
+        values, which = np.unique(values, return_inverse=True)
+        words = [row[0] or "" for row in presentation.in_operator_units(Table((name,), (values,))).rows]
         texts = np.array(words, "U")[which]
     else:
         texts = np.where(values == np.array(None), "", values).astype("U")
@@ -70,8 +67,3 @@ def _at(names: Sequence[str], name: str, option: str) -> int:
     if name not in names:
         raise InputError(f"{option}: got {name!r}, needed some of {', '.join(names)}{did_you_mean(name, names)}")
     return names.index(name)
-
-
-def _order(value: Any) -> tuple[bool, Any]:
-    """Sorts texts apart from numbers."""
-    return (isinstance(value, str), 0 if value is None else value)

@@ -9,9 +9,9 @@ import json
 import textwrap
 import tokenize
 import types
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -56,7 +56,14 @@ UNITS = {
 }
 """Unit by the ending of a name; shares and probabilities are 0 to 1, a ratio has no unit."""
 BOUNDS = {"gt": ">", "ge": ">=", "lt": "<", "le": "<=", "min_length": "length >=", "max_length": "length <="}
-NAMES = {float: "number", int: "whole number", str: "text", bool: "true or false", dict: "table", type(None): "nothing"}
+NAMES: dict[object, str] = {
+    float: "number",
+    int: "whole number",
+    str: "text",
+    bool: "true or false",
+    dict: "table",
+    type(None): "nothing",
+}
 
 
 @dataclass(frozen=True)
@@ -119,7 +126,7 @@ def unit_of(key: str) -> str:
     return next((unit for ending, unit in UNITS.items() if key.endswith(ending)), "")
 
 
-def kind_of(annotation: Any, metadata: Any = ()) -> str:
+def kind_of(annotation: object, metadata: Sequence[object] = ()) -> str:
     """The allowed values in words: "number > 0", "text", or a choice of words."""
     origin, parts = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
@@ -134,16 +141,17 @@ def kind_of(annotation: Any, metadata: Any = ()) -> str:
             ("list of " + ", ".join(dict.fromkeys(inner))) if Ellipsis in parts or origin is list else f"[{', '.join(inner)}]"
         )
     else:
-        text = NAMES.get(origin or annotation, str(getattr(annotation, "__name__", annotation))) + _limits(metadata)
+        text = NAMES.get(origin or annotation, "") or str(getattr(annotation, "__name__", annotation))
+        text += _limits(metadata)
     return text.replace("Path", "text (path)").replace("datetime", "instant").replace("AwareDatetime", "instant")
 
 
-def _limits(metadata: Any) -> str:
-    found = []
+def _limits(metadata: Sequence[object]) -> str:
+    limits: list[str] = []
     for item in metadata:
         for constraint in getattr(item, "metadata", [item]):
-            found += [f"{sign} {getattr(constraint, name):g}" for name, sign in BOUNDS.items() if hasattr(constraint, name)]
-    return " " + ", ".join(found) if found else ""
+            limits += [f"{sign} {getattr(constraint, name):g}" for name, sign in BOUNDS.items() if hasattr(constraint, name)]
+    return " " + ", ".join(limits) if limits else ""
 
 
 def _default(field: FieldInfo) -> str:
@@ -160,7 +168,7 @@ def _comments(model: type[BaseModel]) -> dict[str, str]:
 
     `use_attribute_docstrings` of pydantic reads the source when a class is made: a start takes 0.6 s more and loads polars.
     """
-    found: dict[str, str] = {}
+    comments: dict[str, str] = {}
     for cls in reversed([cls for cls in model.__mro__ if issubclass(cls, BaseModel) and cls is not BaseModel]):
         source = textwrap.dedent(inspect.getsource(cls))
         tokens = tokenize.generate_tokens(io.StringIO(source).readline)
@@ -171,5 +179,5 @@ def _comments(model: type[BaseModel]) -> dict[str, str]:
                 lines = range(field.lineno, (field.end_lineno or field.lineno) + 1)
                 comment = " ".join(by_line[k] for k in lines if k in by_line)
                 is_text = isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant)
-                found[field.target.id] = comment or (str(below.value.value) if is_text else "")
-    return found
+                comments[field.target.id] = comment or (str(below.value.value) if is_text else "")
+    return comments

@@ -6,7 +6,7 @@ import argparse
 import operator
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 HOLDS = {">=": operator.ge, "<=": operator.le, ">": operator.gt, "<": operator.lt}
 REQUIREMENT = re.compile(r"\s*([a-z][\w.]*)\s*(>=|<=|>|<)\s*(\S+)\s*")
@@ -38,7 +38,7 @@ def requirement(text: str) -> Requirement:
     return Requirement(found[1], found[2], limit)
 
 
-def below_required(scores: Mapping[str, Any], requirements: Sequence[Requirement]) -> list[str]:
+def below_required(scores: Mapping[str, object], requirements: Sequence[Requirement]) -> list[str]:
     """One sentence for each figure that is not as required. Args: scores: of a run; a figure that is absent does not hold."""
     known, said = dict(figures(scores)), []
     for name, sign, limit in requirements:
@@ -49,7 +49,7 @@ def below_required(scores: Mapping[str, Any], requirements: Sequence[Requirement
     return said
 
 
-def worse_than(scores: Mapping[str, Any], run_id: int, before: Mapping[str, Any], tolerance: float) -> list[str]:
+def worse_than(scores: Mapping[str, object], run_id: int, before: Mapping[str, object], tolerance: float) -> list[str]:
     """One sentence for each figure that is worse than that of an earlier run, or is no longer scored.
 
     Args: before: scores of that run, whose number is run_id; tolerance: of SHARES as it is, of ERRORS as a share of the earlier
@@ -69,7 +69,7 @@ def worse_than(scores: Mapping[str, Any], run_id: int, before: Mapping[str, Any]
     return said
 
 
-def figures(scores: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, float]]:
+def figures(scores: Mapping[str, object], path: str = "") -> Iterator[tuple[str, float]]:
     """Each number of the scores that is finite, with its path."""
     for key, value in scores.items():
         name = f"{path}.{key}" if path else key

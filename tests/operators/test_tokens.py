@@ -136,11 +136,11 @@ def test_a_token_that_is_deleted_from_the_file_is_refused_at_once(tmp_path: Path
     path = tmp_path / "tokens.toml"
     first, second = add(path, "first", "viewer", None), add(path, "second", "viewer", None)
     tokens = Tokens(path)
-    assert tokens.of(first) is not None
+    assert tokens.person(first) is not None
     text = path.read_text("utf-8")
     path.write_text(text[text.index("[[tokens]]", 20) :], "utf-8")
     os.utime(path, (1, 1))
-    assert (tokens.of(first), tokens.of(second).name) == (None, "second")  # type: ignore[union-attr]
+    assert (tokens.person(first), tokens.person(second).name) == (None, "second")  # type: ignore[union-attr]
 
 
 def test_a_typo_in_the_file_keeps_the_tokens_of_before_and_is_a_trouble_until_it_is_mended(

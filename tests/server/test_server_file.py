@@ -43,6 +43,11 @@ def options(path: Path, text: str, *words: str) -> Deployment:
     return of_words(str(path), *words)
 
 
+def test_the_file_that_ops_shows_is_taken(tmp_path: Path) -> None:
+    found = options(tmp_path / "watch.toml", (Path(__file__).parents[2] / "ops" / "watch.toml").read_text("utf-8"))
+    assert (found.role, len(found.feed), len(found.region), len(found.webhooks), len(found.zones)) == ("centre", 1, 1, 1, 1)
+
+
 def test_a_file_takes_the_place_of_options(tmp_path: Path) -> None:
     found = options(tmp_path / "watch.toml", WHOLE)
     assert (found.scenario, found.db, found.role) == ("guanabara", str(tmp_path / "watch.db"), "centre")

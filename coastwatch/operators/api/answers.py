@@ -117,7 +117,7 @@ def parsed(read: Callable[[str], T], name: str, text: str | None) -> T | None:
 
 @router.get("/status")
 def status(request: Request, service: In) -> dict[str, object]:
-    """The run, its newest picture and its age, and the role of who asks."""
+    """The run, its newest picture and its age, counts, troubles, and the role of who asks. `run_status` `died`: its process is gone."""
     return {**service.status(), "role": request.state.role, "name": request.state.who}
 
 
@@ -194,7 +194,7 @@ def frame(service: In, bbox: Text = None, at: Text = None) -> Response:
 def vessels(
     request: Request, service: In, ids: Annotated[str | None, Query(max_length=4000)] = None, q: Text = None
 ) -> Response:
-    """Details of some vessels by their ids, or of those that a text finds."""
+    """Details of up to 200 vessels by their ids, or of up to 50 that a text finds."""
     newest, words = service.picture(), _names(ids)
     if (ids is None) == (q is None):
         raise HTTPException(400, "got both or none of ids and q, needed one of them")
@@ -301,7 +301,7 @@ def acknowledge_together(which: AcknowledgedTogether, request: Request, service:
 def acknowledge(
     alarm_id: Annotated[str, Path(max_length=80)], by: Acknowledged, request: Request, service: In
 ) -> dict[str, object]:
-    """Acknowledge an alarm with a name and a note. The first one counts. Returns: the alarm."""
+    """Acknowledge an alarm with a name and a note. The first one counts, and its row is the audit. Returns: the alarm."""
     rows = service.acknowledge(alarm_id, by.name, by.note, request.state.who)
     if rows is None or not rows.rows:
         raise HTTPException(404, f"alarm: got {alarm_id!r}, needed an alarm_id of /api/v1/alarms")
@@ -311,7 +311,7 @@ def acknowledge(
 
 @router.get("/sensors", responses=ROWS)
 def sensors(service: In, form: As) -> Response:
-    """The sensors with their health, their registration and when they were heard last."""
+    """The sensors with their registration and `health`: heard, silent (after 3 turns, or 60 s of AIS) or never heard."""
     return _answer(presentation.sensors(service.store, service.run_id(), None), form, "sensors", {})
 
 

@@ -151,7 +151,7 @@ async def track_stream(
 
 @router.get("/api/v1/alarms/stream", response_class=EventSourceResponse)
 async def alarm_stream(request: Request, last_event_id: Annotated[str, Header(max_length=40)] = "") -> EventSourceResponse:
-    """New and changed alarms as server-sent events; `Last-Event-ID` goes on after an event."""
+    """Server-sent events: `alarm` is a new or changed row; `run`: forget the rows before. `Last-Event-ID` goes on after an event."""
     alarms: AlarmStream = request.app.state.alarms
     events = alarms.events(last_event_id, request.state.allowed, request.state.recheck_s)
     return EventSourceResponse(events, headers={"Cache-Control": "no-store"})

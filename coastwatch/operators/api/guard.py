@@ -15,14 +15,14 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from http.cookies import CookieError, SimpleCookie
-from ipaddress import IPv4Address, ip_address
-from typing import Any
+from ipaddress import IPv6Address, ip_address
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Match, Mount
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.websockets import WebSocket
 
 from coastwatch.operators.api.audit import Audit
 from coastwatch.operators.api.bounds import LARGEST_BODY, too_large
@@ -84,10 +84,6 @@ def room(files: int) -> int:
     return min(MOST_OPEN, files // 2)
 
 
-def _files() -> int:
-    return resource.getrlimit(resource.RLIMIT_NOFILE)[0]
-
-
 @dataclass(frozen=True)
 class Guard:
     """Without tokens and proxy only these hosts are answered, and everybody on this machine is an admin. Loopback is not private: any
@@ -101,10 +97,12 @@ class Guard:
     recheck_s: float = RECHECK_S
     limits: Callable[[], Limits] = Limits
     file_limits: Callable[[], Limits] = partial(Limits, FILES_A_SECOND, FILES_AT_ONCE)
-    most_open: int = field(default_factory=lambda: room(_files()))  # sockets and streams of alarms in all
+    most_open: int = field(
+        default_factory=lambda: room(resource.getrlimit(resource.RLIMIT_NOFILE)[0])
+    )  # sockets and streams of alarms in all
 
     @property
-    def middleware(self) -> Any:
+    def middleware(self) -> partial[_Middleware]:
         """The ASGI middleware."""
         return partial(_Middleware, guard=self)
 
@@ -131,29 +129,26 @@ class Guard:
         """Who asks; None: nobody that is known. Args: client: address of the other end of the connection."""
         if self.is_open:
             return HERE
-        found = self.proxy.person(client, headers) if self.proxy else None
-        return found or self._of_token(headers)
-
-    def _of_token(self, headers: Headers) -> Person | None:
-        """Who has the token of a request: in `Authorization`, the cookie, or the subprotocols of a socket."""
-        scheme, _, given = headers.get("authorization", "").partition(" ")
+        if self.proxy is not None and (person := self.proxy.person(client, headers)) is not None:
+            return person
+        if self.tokens is None:
+            return None
+        scheme, _, token = headers.get("authorization", "").partition(" ")
         if scheme.lower() == "bearer":
-            return self._person(given.strip())
-        offered = [part.strip() for part in headers.get("sec-websocket-protocol", "").split(",")]
-        bearer = next((part.removeprefix(BEARER) for part in offered if part.startswith(BEARER)), None)
-        return self._person(_cookie(headers) if bearer is None else bearer)
+            token = token.strip()
+        else:
+            offered = [part.strip() for part in headers.get("sec-websocket-protocol", "").split(",")]
+            bearers = [part.removeprefix(BEARER) for part in offered if part.startswith(BEARER)]
+            token = bearers[0] if bearers else _cookie(headers)
+        return self.tokens.person(token)
 
-    def _person(self, given: str) -> Person | None:
-        found = None if self.tokens is None else self.tokens.of(given)
-        return None if found is None else Person(found.name, found.role)
-
-    def session(self, given: str) -> Response:
+    def session(self, token: str) -> Response:
         """The answer to a token that was typed into the page: a cookie, or 401."""
-        found = self.tokens.of(given) if self.tokens is not None else None
-        if found is None:
+        person = None if self.tokens is None else self.tokens.person(token)
+        if person is None:
             return JSONResponse({"detail": "the token is not valid"}, 401)
-        answer = JSONResponse({"name": found.name, "role": found.role})
-        answer.set_cookie(COOKIE, given, httponly=True, samesite="strict", secure=self.secure, path="/")
+        answer = JSONResponse({"name": person.name, "role": person.role})
+        answer.set_cookie(COOKIE, token, httponly=True, samesite="strict", secure=self.secure, path="/")
         return answer
 
 
@@ -166,14 +161,13 @@ class _Middleware:
         self._open: dict[str, Counter[str]] = {"sockets": Counter(), "streams of alarms": Counter()}  # of each name
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] not in ("http", "websocket"):
-            await self._app(scope, receive, send)
-        elif scope["type"] == "websocket":
+        if scope["type"] == "websocket":
             await self._socket(scope, receive, send)
-        else:
-            await self._request(scope, receive, self._with_headers(scope, send))
-
-    async def _request(self, scope: Scope, receive: Receive, send: Send) -> None:
+            return
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        send = self._with_headers(scope, send)
         refused = self._refused(scope)
         if refused is not None:
             await refused(scope, receive, send)
@@ -196,22 +190,22 @@ class _Middleware:
         retry = {"Retry-After": str(RETRY_AFTER_S)}
         if not self._guard.is_open and self._open[what][name] >= most:
             return JSONResponse({"detail": f"{what}: {name} has {most} open, needed at most {most}: close one"}, 429, retry)
-        if sum(of.total() for of in self._open.values()) >= self._guard.most_open:
-            said = f"{what}: the server has {self._guard.most_open} sockets and streams open, which is all it takes"
-            return JSONResponse({"detail": said}, 503, retry)
+        if sum(count.total() for count in self._open.values()) >= self._guard.most_open:
+            full = f"{what}: the server has {self._guard.most_open} sockets and streams open, which is all it takes"
+            return JSONResponse({"detail": full}, 503, retry)
         return None
 
     @contextmanager
     def _counted(self, what: str, name: str) -> Iterator[None]:
         """Count a socket or stream while it is open."""
-        of = self._open[what]
-        of[name] += 1
+        count = self._open[what]
+        count[name] += 1
         try:
             yield
         finally:
-            of[name] -= 1
-            if not of[name]:
-                del of[name]
+            count[name] -= 1
+            if not count[name]:
+                del count[name]
 
     def _refused(self, scope: Scope) -> Response | None:
         """The answer to a request that is refused; None: it goes on, with its role and name in `scope["state"]`."""
@@ -230,9 +224,14 @@ class _Middleware:
         if wait is not None:
             return wait
         if person is None and needed is not None:
-            return JSONResponse({"detail": self._unknown()}, 401, {"WWW-Authenticate": "Bearer"})
-        if person is not None and needed is not None and not person.may(needed) and not _is_undeclared(scope):
-            return JSONResponse({"detail": f"needs the role {needed}, has {person.role}"}, 403)
+            detail = "a token is needed"
+            if self._guard.proxy is not None:
+                detail = "a user in the group coastwatch-viewer, coastwatch-operator or coastwatch-admin is needed, or a token"
+            return JSONResponse({"detail": detail}, 401, {"WWW-Authenticate": "Bearer"})
+        if person is not None and needed is not None and not person.may(needed):
+            methods = methods_of(scope)
+            if not methods or method in methods:  # else the application answers 405 to anybody
+                return JSONResponse({"detail": f"needs the role {needed}, has {person.role}"}, 403)
         person = person or Person("", "viewer")
         allowed = partial(self._is_allowed, client, headers, needed)
         scope.setdefault("state", {}).update(
@@ -242,8 +241,13 @@ class _Middleware:
 
     def _too_many(self, client: str, person: Person | None, limits: Limits) -> Response | None:
         """The answer to one request too many: of whoever is known, or of an address that offers no token or a wrong one."""
-        who = ("address", _network(client)) if person is None else ("name", person.name)
-        wait_s = 0.0 if self._guard.is_open else limits.wait_s(*who)
+        who = f"address {client}" if person is None else f"name {person.name}"
+        if person is None:
+            with suppress(ValueError):  # a socket of the file system has no address
+                address = ip_address(client)
+                if isinstance(address, IPv6Address):  # one client has every address of a network of 64 bits
+                    who = f"address {address.ipv4_mapped or int(address) >> 64}"
+        wait_s = 0.0 if self._guard.is_open else limits.wait_s(who)
         return JSONResponse({"detail": "too many requests"}, 429, {"Retry-After": str(math.ceil(wait_s))}) if wait_s else None
 
     def _is_allowed(self, client: str, headers: Headers, needed: str | None) -> bool:
@@ -255,16 +259,11 @@ class _Middleware:
             return False
         return needed is None or (person is not None and person.may(needed))
 
-    def _unknown(self) -> str:
-        if self._guard.proxy is None:
-            return "a token is needed"
-        return "a user in the group coastwatch-viewer, coastwatch-operator or coastwatch-admin is needed, or a token"
-
     async def _socket(self, scope: Scope, receive: Receive, send: Send) -> None:
-        headers, client = Headers(scope=scope), _client(scope)
+        headers, client, socket = Headers(scope=scope), _client(scope), WebSocket(scope, receive, send)
         large = too_large(scope)
         if large is not None:
-            await _denied(JSONResponse({"detail": large.detail}, large.status), scope, receive, send)
+            await _deny(socket, JSONResponse({"detail": large.detail}, large.status))
             return
         if self._guard.refusal("GET", headers, True) is not None:
             await send({"type": "websocket.close", "code": 4403, "reason": ""})  # before accept: HTTP 403
@@ -273,7 +272,7 @@ class _Middleware:
         wait = self._too_many(client, person, self._limits)
         if wait is not None:
             self._warn_of_socket(scope, 429)
-            await _denied(wait, scope, receive, send)
+            await _deny(socket, wait)
             return
         code = TOKEN_NEEDED if person is None else 0
         if person is not None and self._no_room("sockets", person.name, MOST_SOCKETS) is not None:
@@ -281,14 +280,17 @@ class _Middleware:
         if person is None or code:
             if not _is_before_sign_in(scope):
                 self._warn_of_socket(scope, code)
-            await _closed(scope, receive, send, code)
+            offered = scope.get("subprotocols", [])  # closed before it is accepted, the page could not read the code
+            await socket.accept(subprotocol=PROTOCOL if PROTOCOL in offered else None)
+            await socket.close(code)
             return
         with self._counted("sockets", person.name):
             if self._guard.is_open:
                 await self._app(scope, receive, send)
                 return
             allowed = partial(self._is_allowed, client, headers, "viewer")
-            await _while_allowed(self._app, (scope, receive, send), allowed, self._guard.recheck_s)
+            every_s = self._guard.recheck_s
+            await _while_allowed(self._app, scope, receive, send, allowed=allowed, every_s=every_s)
 
     def _warn_of_socket(self, scope: Scope, code: int) -> None:
         about = {"path": scope["path"][:200], "code": code, "client": _client(scope)}
@@ -316,12 +318,6 @@ def _is_before_sign_in(scope: Scope) -> bool:
     return scope["path"] != SESSION and not offers and not _cookie(headers)
 
 
-def _is_undeclared(scope: Scope) -> bool:
-    """Whether there is a route for the path, and none for the path and method: the application answers 405 to anybody."""
-    known = methods_of(scope)
-    return bool(known) and scope["method"] not in known
-
-
 def methods_of(scope: Scope) -> list[str]:
     """The methods that routes take for the path of a request; the files of the page do not count."""
     routes = [route for route in scope["app"].routes if not isinstance(route, Mount)]
@@ -337,9 +333,10 @@ def _needed(path: str, method: str) -> str | None:
     return "admin" if path.startswith(FOR_ADMINS) else "viewer"
 
 
-async def _while_allowed(app: ASGIApp, of: tuple[Scope, Receive, Send], allowed: Callable[[], bool], every_s: float) -> None:
+async def _while_allowed(
+    app: ASGIApp, scope: Scope, receive: Receive, send: Send, *, allowed: Callable[[], bool], every_s: float
+) -> None:
     """Run the application of a socket. Once it is not allowed any more, close it with TOKEN_NEEDED."""
-    scope, receive, send = of
     refused = asyncio.Event()
 
     async def look() -> None:
@@ -370,20 +367,12 @@ async def _while_allowed(app: ASGIApp, of: tuple[Scope, Receive, Send], allowed:
         looking.cancel()
 
 
-async def _closed(scope: Scope, receive: Receive, send: Send, code: int) -> None:
-    """Accept a socket and close it: closed before, the page could not read the code."""
-    await receive()
-    protocol = PROTOCOL if PROTOCOL in scope.get("subprotocols", []) else None
-    await send({"type": "websocket.accept", "subprotocol": protocol, "headers": []})
-    await send({"type": "websocket.close", "code": code, "reason": ""})
-
-
-async def _denied(answer: Response, scope: Scope, receive: Receive, send: Send) -> None:
+async def _deny(socket: WebSocket, answer: Response) -> None:
     """Refuse a socket with an answer of HTTP, before it is accepted."""
-    if "websocket.http.response" not in scope.get("extensions", {}):
-        await send({"type": "websocket.close", "code": TOO_MANY_SOCKETS, "reason": ""})
-        return
-    await answer(scope, receive, send)
+    if "websocket.http.response" in socket.scope.get("extensions", {}):
+        await socket.send_denial_response(answer)
+    else:
+        await socket.close(TOO_MANY_SOCKETS)
 
 
 def _limited(receive: Receive, send: Send) -> tuple[Receive, Send]:
@@ -394,10 +383,10 @@ def _limited(receive: Receive, send: Send) -> tuple[Receive, Send]:
     taken, whole, begun = 0, False, False
     until_s = asyncio.get_running_loop().time() + BODY_S
 
-    def refusal(status: int, said: str) -> Message:
+    def refusal(status: int, detail: str) -> Message:
         if begun:
             return {"type": "http.disconnect"}
-        raise HTTPException(status, said, {"Connection": "close"})
+        raise HTTPException(status, detail, {"Connection": "close"})
 
     async def receiving() -> Message:
         nonlocal taken, whole
@@ -425,23 +414,12 @@ def _client(scope: Scope) -> str:
     return str((scope.get("client") or ("unknown",))[0])
 
 
-def _network(client: str) -> str:
-    """The address of a client; of IPv6 its network of 64 bits, of which one client has every address."""
-    try:
-        address = ip_address(client)
-    except ValueError:  # a socket of the file system has no address
-        return client
-    if isinstance(address, IPv4Address):
-        return client
-    return str(address.ipv4_mapped or int(address) >> 64)
-
-
 def _cookie(headers: Headers) -> str:
     try:
-        found = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
+        cookies = SimpleCookie(headers.get("cookie", ""))
     except CookieError:
         return ""
-    return "" if found is None else found.value
+    return cookies[COOKIE].value if COOKIE in cookies else ""
 
 
 def _name(host: str) -> str:

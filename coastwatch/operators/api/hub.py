@@ -70,13 +70,16 @@ class Viewer:
     def message(self, frames: deque[Frame]) -> bytes:
         """The message that brings it to the newest frame; it is marked as sent."""
         frame = frames[-1]
-        known = next((f for f in frames if f.seq == self.seq), None) if self.run == frame.run and self.seq else None
+        last = next((f for f in frames if f.seq == self.seq), None) if self.run == frame.run and self.seq else None
         if self.subset is None:
-            data = frame.full() if known is None else _delta(frame, known, frames)
+            base = 0 if last is None else last.seq
+            if last is not None and base not in frame.messages:  # made once for all viewers that have the same frame
+                frame.messages[base] = frame.delta(base, last.ids, frame.ids, since(frames, base))
+            data = frame.messages[base] if last is not None else frame.full()
         else:
             now = self.subset.ids(frame)
-            before = np.zeros(0, np.uint32) if known is None or self.ids is None else self.ids
-            base = 0 if known is None or self.ids is None else self.seq
+            before = np.zeros(0, np.uint32) if last is None or self.ids is None else self.ids
+            base = 0 if last is None or self.ids is None else self.seq
             data = frame.delta(base, before, now, since(frames, self.seq))
             self.ids = now
         self.run, self.seq = frame.run, frame.seq
@@ -84,18 +87,11 @@ class Viewer:
 
     def ask(self, text: str) -> None:
         """Take the vessels that a message of the viewer asks for. Raises: ValueError."""
-        given = json.loads(text)
-        self.subset = Subset.model_validate(given) if given != {} else None
+        wish = json.loads(text)
+        self.subset = Subset.model_validate(wish) if wish != {} else None
         self.run = self.seq = 0
         self.ids = None
         self.wake.set()
-
-
-def _delta(frame: Frame, known: Frame, frames: deque[Frame]) -> bytes:
-    """The delta from an earlier frame, made once for all viewers that have that one."""
-    if known.seq not in frame.made:
-        frame.made[known.seq] = frame.delta(known.seq, known.ids, frame.ids, since(frames, known.seq))
-    return frame.made[known.seq]
 
 
 class Hub:

@@ -1,7 +1,7 @@
 """Connections that send no whole request, send without end, or do not read: they are closed, as uvicorn waits for them for ever.
 
 The protocol of uvicorn is wrapped, not changed: asyncio tells the wrapper what comes, and the application that a request is whole. It is
-the one of h11, which bounds heads and trailers; that of httptools keeps all that comes. README.md has the limits in a table.
+the one of h11, which bounds heads and trailers; that of httptools keeps all that comes. INTERFACE.md has the limits in a table.
 """
 
 from __future__ import annotations

@@ -31,22 +31,19 @@ class TrustedProxy:
 
         Args: client: address of the other end of the connection.
         """
-        if not self._has(client):
+        try:
+            address = ip_address(client)
+        except ValueError:  # a socket of the file system has no address
+            return None
+        addresses = (address, getattr(address, "ipv4_mapped", None) or address)
+        if not any(one in network for network in self.networks for one in addresses):
             return None
         users, groups = headers.getlist(USER), headers.getlist(GROUPS)
         if len(users) != 1 or len(groups) != 1 or not users[0].strip():
             return None
-        of = {group.strip() for group in groups[0].split(",")}
-        roles = [role for role in ROLES if GROUP + role in of]
+        names = {group.strip() for group in groups[0].split(",")}
+        roles = [role for role in ROLES if GROUP + role in names]
         return Person(users[0].strip()[:LONGEST_NAME], roles[-1]) if roles else None
-
-    def _has(self, client: str) -> bool:
-        try:
-            address = ip_address(client)
-        except ValueError:  # a socket of the file system has no address
-            return False
-        mapped = getattr(address, "ipv4_mapped", None)
-        return any(known in network for network in self.networks for known in (address, mapped) if known is not None)
 
 
 def trusted(texts: Sequence[str]) -> TrustedProxy:

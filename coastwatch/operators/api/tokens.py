@@ -78,12 +78,12 @@ class Tokens:
         if not self._tokens:
             raise InputError(f"{path}: got no token, needed at least one; `coastwatch token add NAME` makes one")
 
-    def of(self, given: str) -> Token | None:
-        """The valid token with this text."""
+    def person(self, text: str) -> Person | None:
+        """Who has the token with this text, if it is valid."""
         self._reload()
-        digest = _digest(given)
-        found = [token for token in self._tokens if hmac.compare_digest(token.sha256, digest)]
-        return found[0] if found and found[0].is_valid() else None
+        digest = _digest(text)
+        tokens = [token for token in self._tokens if hmac.compare_digest(token.sha256, digest)]
+        return Person(tokens[0].name, tokens[0].role) if tokens and tokens[0].is_valid() else None
 
     def troubles(self) -> list[Trouble]:
         """What is wrong with the file now."""
@@ -99,15 +99,15 @@ class Tokens:
             self._tokens = read(self._path)
         except (OSError, InputError) as error:
             stamp = None if isinstance(error, OSError) else stamp
-            said = error.strerror if isinstance(error, OSError) else str(error).removeprefix(f"{self._path}: ")
-            self._note(f"the tokens of before hold: {said}")
+            reason = error.strerror if isinstance(error, OSError) else str(error).removeprefix(f"{self._path}: ")
+            self._note(f"the tokens of before hold: {reason}")
         else:
             self._note("" if self._tokens else "there is no token in it, so nobody may ask")
         self._read_at = stamp
 
-    def _note(self, said: str) -> None:
+    def _note(self, trouble: str) -> None:
         since_s = time.time() if self._wrong is None else self._wrong[0]
-        self._wrong = (since_s, said) if said else None
+        self._wrong = (since_s, trouble) if trouble else None
 
 
 def _stamp(path: Path) -> tuple[int, ...] | None:
@@ -121,34 +121,30 @@ def read(path: Path) -> tuple[Token, ...]:
     try:
         return _File.model_validate(tomllib.loads(path.read_text("utf-8"))).tokens
     except (tomllib.TOMLDecodeError, ValidationError, UnicodeDecodeError, RecursionError) as error:
-        said = "; ".join(_refusals(error)) if isinstance(error, ValidationError) else error
+        refusal = str(error)
+        if isinstance(error, ValidationError):  # a value is not repeated: it may be a token
+            shown = [one if one["loc"][-1] in ("role", "expires_utc") else {**one, "input": "..."} for one in error.errors()]
+            refusal = "; ".join(sentence(one, _File) for one in shown)
         raise InputError(
-            f"{path}: {said}; needed [[tokens]] with name, role and sha256, as `coastwatch token add` writes it"
+            f"{path}: {refusal}; needed [[tokens]] with name, role and sha256, as `coastwatch token add` writes it"
         ) from error
-
-
-def _refusals(error: ValidationError) -> list[str]:
-    """A sentence for each error. A value is not repeated: it may be a token."""
-    found = [dict(one) if one["loc"][-1] in ("role", "expires_utc") else {**one, "input": "..."} for one in error.errors()]
-    return [sentence(one, _File) for one in found]
 
 
 def add(path: Path, name: str, role: str, expires_s: float | None) -> str:
     """Add a token to a file that only its owner may read. Returns: the token, which is not kept. Raises: InputError, OSError."""
-    known = read(path) if path.exists() else ()
-    if any(token.name == name for token in known):
+    if path.exists() and any(token.name == name for token in read(path)):
         raise InputError(f"{path}: got the name {name!r} again, needed a new one; delete its [[tokens]] to replace it")
-    given = secrets.token_urlsafe(TOKEN_BYTES)
-    rows = ["", "[[tokens]]", f"name = {json.dumps(name)}", f'role = "{role}"', f'sha256 = "{_digest(given)}"']
+    text = secrets.token_urlsafe(TOKEN_BYTES)
+    rows = ["", "[[tokens]]", f"name = {json.dumps(name)}", f'role = "{role}"', f'sha256 = "{_digest(text)}"']
     if expires_s is not None:
         rows.append(f"expires_utc = {datetime.fromtimestamp(expires_s, UTC).isoformat()}")
     with os.fdopen(os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600), "a", encoding="utf-8") as file:
         file.write("\n".join([*rows, ""]))
-    return given
+    return text
 
 
-def _digest(given: str) -> str:
-    return hashlib.sha256(given.encode("utf-8", "replace")).hexdigest()
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode("utf-8", "replace")).hexdigest()
 
 
 @dataclass
@@ -162,9 +158,9 @@ class Limits:
 
     def __init__(self, a_second: float = A_SECOND, at_once: float = AT_ONCE) -> None:
         self._a_second, self._at_once = a_second, at_once
-        self._buckets: dict[tuple[str, ...], _Bucket] = {}
+        self._buckets: dict[str, _Bucket] = {}
 
-    def wait_s(self, *who: str) -> float:
+    def wait_s(self, who: str) -> float:
         """Take one request. Returns: seconds until the next one is allowed, 0: it is allowed now."""
         now_s = time.monotonic()
         bucket = self._buckets.setdefault(who, _Bucket(self._at_once, now_s))

@@ -87,7 +87,7 @@ class _Sender:
                     self._woken.clear()
                     await self._woken.wait()
                 message = heapq.heappop(self._waiting)
-                again_after_s = await self._try(message)
+                again_after_s = await self._send(message)
                 if again_after_s is not None:
                     heapq.heappush(self._waiting, message._replace(attempts=message.attempts + 1))
                     await asyncio.sleep(again_after_s)
@@ -99,22 +99,18 @@ class _Sender:
 
     async def _deliver(self, message: _Message) -> None:
         """Send one message until it is taken or refused for good."""
-        while (again_after_s := await self._try(message)) is not None:
+        while (again_after_s := await self._send(message)) is not None:
             message = message._replace(attempts=message.attempts + 1)
             await asyncio.sleep(again_after_s)
 
-    async def _try(self, message: _Message) -> float | None:
-        """As `_send`. An error of one message ends no other."""
+    async def _send(self, message: _Message) -> float | None:
+        """Send a message. Returns: seconds until it is to be sent again; None: it was taken, or refused for good."""
         try:
-            return await self._send(self._client, message)
-        except Exception:
+            status = await self._post(self._client, message)
+        except Exception:  # an error of one message ends no other
             LOG.exception("a message cannot be sent to a web hook", extra={"fields": {"webhook": self.hook.name}})
             self._count["failed"].inc()
             return None
-
-    async def _send(self, client: httpx.AsyncClient, message: _Message) -> float | None:
-        """Send a message. Returns: seconds until it is to be sent again; None: it was taken, or refused for good."""
-        status = await self._post(client, message)
         if 200 <= status < 300:
             self._count["sent"].inc()
             return None

@@ -1,7 +1,7 @@
 """The picture as binary frames, `coastwatch.picture.v1`: full frames, and deltas of what a viewer cannot foretell.
 
 Every viewer moves vessels on from the last frame that had them, at constant speed and course (`ahead`). A delta has only the vessels
-that are elsewhere by then. README.md has the layout of a frame.
+that are elsewhere by then. INTERFACE.md has the layout of a frame.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ LONGEST_S = 120.0
 """Every vessel is sent again after this time."""
 
 A_DEGREE_M = 111_120.0
-SIN, COS = (of(np.arange(65536) * (2.0 * np.pi / 65536.0)) for of in (np.sin, np.cos))
+SIN, COS = (f(np.arange(65536) * (2.0 * np.pi / 65536.0)) for f in (np.sin, np.cos))
 """Of every course that the wire can hold."""
 
 RING = 40
@@ -77,13 +77,13 @@ class Frame:
     sent_s: Floats  # (S,) when
     position_deg: Floats  # (2, S) latitude and longitude where viewers have them at the time of the frame
     touched: Ints  # slots that changed, came or left with this frame
-    made: dict[int, bytes] = field(default_factory=dict)  # messages by base
+    messages: dict[int, bytes] = field(default_factory=dict)  # by base
 
     def full(self) -> bytes:
         """The message with every vessel."""
-        if 0 not in self.made:
-            self.made[0] = _message(self, FULL, 0, self._at_time(slice(None)), self.ids)
-        return self.made[0]
+        if 0 not in self.messages:
+            self.messages[0] = _message(self, FULL, 0, self._at_time(slice(None)), self.ids)
+        return self.messages[0]
 
     def delta(self, base: int, before: Array, now: Array, touched: Ints) -> bytes:
         """The message that brings a viewer from an earlier frame to this one.
@@ -103,12 +103,11 @@ class Frame:
 
     def heartbeat(self) -> bytes:
         """The message that says that there is no newer frame."""
-        counts = (len(self.ids), 0, 0, 0, self.run, HEADER.size)
-        return HEADER.pack(MAGIC, VERSION, HEARTBEAT, 0, self.seq, self.seq, self.time_s, *counts)
+        return _header(self, HEARTBEAT, self.seq, (), 0)
 
     def past(self) -> Frame:
         """What is needed of it once there is a newer one: its ids, and which slots changed."""
-        return replace(self, vessels={}, sent_s=self.sent_s[:0], position_deg=self.position_deg[:, :0], made={})
+        return replace(self, vessels={}, sent_s=self.sent_s[:0], position_deg=self.position_deg[:, :0], messages={})
 
     def _at_time(self, slots: Ints | slice) -> Vessels:
         """These vessels, moved on to the time of the frame. Those of this frame are where they were measured."""
@@ -132,7 +131,14 @@ class Encoder:
         """The next frame."""
         none = np.zeros(0)
         last = self._last or Frame(
-            self._run, 0, picture.time_s, np.zeros(0, np.uint32), _no_vessels(), none, none.reshape(2, 0), _NONE
+            self._run,
+            0,
+            picture.time_s,
+            np.zeros(0, np.uint32),
+            {name: np.zeros(0, kind) for name, kind in COLUMNS.items()},
+            none,
+            none.reshape(2, 0),
+            _NONE,
         )
         came, left = self._place(picture.array("vessel_id"))
         slots = self._slot
@@ -266,9 +272,14 @@ def _message(frame: Frame, kind: int, base: int, vessels: Vessels, ids: Array, *
         data = np.ascontiguousarray(vessels[name]).tobytes()
         parts.append(data + b"\0" * (-len(data) % 4))
     body = b"".join(parts)
-    counts = [len(part) for part in lists] or [0, 0, 0]
-    header = frame.seq, base, frame.time_s, len(ids), *counts, frame.run, HEADER.size + len(body)
-    return HEADER.pack(MAGIC, VERSION, kind, 0, *header) + body
+    return _header(frame, kind, base, lists, len(body)) + body
+
+
+def _header(frame: Frame, kind: int, base: int, lists: Sequence[Array], size: int) -> bytes:
+    """The header of a message. Args: lists: as of `_message`; size: of the body."""
+    changed, removed, born = map(len, lists or ((), (), ()))
+    slots, whole = len(frame.ids), HEADER.size + size
+    return HEADER.pack(MAGIC, VERSION, kind, 0, frame.seq, base, frame.time_s, slots, changed, removed, born, frame.run, whole)
 
 
 def _longer(array: Array, size: int) -> Array:
@@ -276,10 +287,6 @@ def _longer(array: Array, size: int) -> Array:
     out = np.zeros(size, array.dtype)
     out[: len(array)] = array
     return out
-
-
-def _no_vessels() -> Vessels:
-    return {name: np.zeros(0, kind) for name, kind in COLUMNS.items()}
 
 
 _NONE = np.zeros(0, np.int64)

@@ -47,7 +47,7 @@ def changes(service: In) -> dict[str, list[dict[str, object]]]:
 
 @router.post("/zones", status_code=201, responses=CONFLICT)
 def add(zone: Zone, request: Request, service: In) -> dict[str, object]:
-    """Add a zone. A live run of the scenario watches it from its next cycle on. Returns: its feature, with its number."""
+    """Add a zone, as `[[zones]]` of a scenario file. A live run watches it from its next cycle on. Returns: its feature."""
     run_row = service.run_row()
     if len(store.zones(service.store, run_row["scenario"])) >= MOST_ZONES:
         raise HTTPException(409, f"zones: there are {MOST_ZONES}, needed fewer: delete one first")
